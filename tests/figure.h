@@ -2,10 +2,12 @@
 /*
  * Figures of the docs that a test measures. docs/figures.csv has what the docs may say; figure_hold
  * fails when a test finds something else, so that a figure cannot go stale. `./dev figures` writes
- * the table and the docs anew. Include after cmocka.h.
+ * the table and the docs anew.
  */
 #ifndef TESTS_FIGURE_H
 #define TESTS_FIGURE_H
+
+#include "tests/test.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -4,15 +4,9 @@
  * random states, on the robots of config/ and on their parts, as the benchmark computes them. The
  * paper found an average relative difference of 1.9e-13.
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "app/bench/engines.h"
 #include "tests/unit/model/random_robot.h"
+#include "tests/test.h"
 
 #include <math.h>
 #include <unistd.h>
@@ -86,27 +80,24 @@ static void compare_all(const char *path, size_t njoint)
     peers_close(&library);
 }
 
-static void coman_moves_as_in_every_peer(void **state)
+TEST(coman_moves_as_in_every_peer)
 {
-    (void)state;
     compare_all(HIL_SOURCE_DIR "/config/robots/coman.yaml", 0);
 }
 
-static void a_leg_of_coman_moves_as_in_every_peer(void **state)
+TEST(a_leg_of_coman_moves_as_in_every_peer)
 {
-    (void)state;
     compare_all(HIL_SOURCE_DIR "/config/robots/coman.yaml", 6);
 }
 
-static void walkman_moves_as_in_every_peer(void **state)
+TEST(walkman_moves_as_in_every_peer)
 {
-    (void)state;
     compare_all(HIL_SOURCE_DIR "/config/robots/walkman.yaml", 0);
 }
 
 /* Any tree: fixed and floating bases, sliding joints, branches. The numeric implementation only:
  * the generator's code is compared with it elsewhere, and each tree would have to be compiled. */
-static void random_trees_move_as_in_every_peer(void **state)
+TEST(random_trees_move_as_in_every_peer)
 {
     enum { TREES = 60 };
     struct peers_library library;
@@ -118,7 +109,6 @@ static void random_trees_move_as_in_every_peer(void **state)
     void *engine;
     struct error error;
 
-    (void)state;
     for (int n = 0; n < TREES; n++) {
         assert_int_equal(random_tree_make(&seed, &tree, &error), ERROR_NONE);
         for (size_t j = 0; j < tree.robot.njoint; j++) {
@@ -145,7 +135,7 @@ static void random_trees_move_as_in_every_peer(void **state)
     peers_close(&library);
 }
 
-static void a_wrong_robot_is_noticed(void **state)
+TEST(a_wrong_robot_is_noticed)
 {
     struct peers_library library;
     const struct peers *peers = open_peers(&library);
@@ -154,7 +144,6 @@ static void a_wrong_robot_is_noticed(void **state)
     struct arena arena;
     struct error error;
 
-    (void)state;
     assert_int_equal(arena_init(&arena, 1 << 24, &error), ERROR_NONE);
     if (robot_load(HIL_SOURCE_DIR "/config/robots/coman.yaml", NULL, &arena, &robot, &error) ||
         bench_part(robot, robot->njoint, &arena, &other, &error)) {
@@ -176,7 +165,7 @@ static void a_wrong_robot_is_noticed(void **state)
 }
 
 /* ODE's pendulum starts where ours does and falls as gravity has it. */
-static void the_chain_of_bodies_starts_in_line(void **state)
+TEST(the_chain_of_bodies_starts_in_line)
 {
     static const struct peer_chain chain = {.count = 2,
                                             .gravity = 1.0,
@@ -190,7 +179,6 @@ static void the_chain_of_bodies_starts_in_line(void **state)
     char message[512];
     struct error error;
 
-    (void)state;
     if (peers_open(MODULE, &library, &error)) {
         fail_msg("%s", error.text);
     }
@@ -217,12 +205,11 @@ static void the_chain_of_bodies_starts_in_line(void **state)
     peers_close(&library);
 }
 
-static void a_missing_module_is_reported(void **state)
+TEST(a_missing_module_is_reported)
 {
     struct peers_library library;
     struct error error;
 
-    (void)state;
     assert_int_equal(peers_open("/nonexistent/libhil-peers.so", &library, &error),
                      ERROR_UNSUPPORTED);
     assert_null(library.peers);
@@ -230,19 +217,4 @@ static void a_missing_module_is_reported(void **state)
     assert_int_equal(peers_open("libm.so.6", &library, &error), ERROR_UNSUPPORTED);
     assert_null(library.handle);
     peers_close(&library);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(coman_moves_as_in_every_peer),
-        cmocka_unit_test(a_leg_of_coman_moves_as_in_every_peer),
-        cmocka_unit_test(walkman_moves_as_in_every_peer),
-        cmocka_unit_test(random_trees_move_as_in_every_peer),
-        cmocka_unit_test(a_wrong_robot_is_noticed),
-        cmocka_unit_test(the_chain_of_bodies_starts_in_line),
-        cmocka_unit_test(a_missing_module_is_reported),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

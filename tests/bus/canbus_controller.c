@@ -10,17 +10,11 @@
  * on the other controller at once, whose buffer holds five frames. So bursts are counted where they
  * leave: a second port on the same interface hears what its controller has sent.
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "canbus/interface.h"
 
 #include "base/count.h"
 #include "sim/interfaces.h"
+#include "tests/test.h"
 
 #include <libsocketcan.h>
 #include <sched.h>
@@ -82,7 +76,7 @@ static bool here(void)
     return getenv("HIL_QEMU") != NULL;
 }
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     static struct bench bench;
     struct socketcan_config config = {.interface = "can0", .controller = &bench.box};
@@ -93,7 +87,7 @@ static int set_up(void **state)
         return 0;
     }
     memset(&bench, 0, sizeof bench);
-    *state = &bench;
+    *test_state = &bench;
     assert_true(run("ip link set can0 txqueuelen 1000 && ip link set can1 txqueuelen 1000"));
     configure("can0", usual);
     configure("can1", usual);
@@ -106,9 +100,9 @@ static int set_up(void **state)
     return 0;
 }
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     if (here()) {
         bench->a->ops->close(bench->a);
@@ -165,12 +159,12 @@ static bool comes_to(struct can_port *port, enum can_port_state state)
 
 /* ---- settings ---- */
 
-static void tells_controllers_from_virtual_interfaces(void **state)
+TEST_WITH(tells_controllers_from_virtual_interfaces, set_up, tear_down)
 {
     struct link_info info;
     struct error error;
 
-    need_controllers(state);
+    need_controllers(test_state);
     assert_true(run("ip link add vcan0 type vcan && ip link set vcan0 up"));
     info = query("can0");
     assert_int_equal(interface_kind(&info), INTERFACE_CONTROLLER);
@@ -196,7 +190,7 @@ static void ask_ip(char *text, size_t size)
     pclose(ip);
 }
 
-static void reads_what_libsocketcan_and_ip_read(void **state)
+TEST_WITH(reads_what_libsocketcan_and_ip_read, set_up, tear_down)
 {
     struct can_bittiming timing;
     struct can_berr_counter errors;
@@ -206,7 +200,7 @@ static void reads_what_libsocketcan_and_ip_read(void **state)
     uint32_t restart_ms;
     int can_state;
 
-    need_controllers(state);
+    need_controllers(test_state);
     configure("can0", (struct interface_settings){500000, 0.8, 100});
     info = query("can0");
     assert_true(info.up);
@@ -238,7 +232,7 @@ static void reads_what_libsocketcan_and_ip_read(void **state)
     assert_says(text, part);
 }
 
-static void refuses_settings_and_goes_on_with_those_it_had(void **state)
+TEST_WITH(refuses_settings_and_goes_on_with_those_it_had, set_up, tear_down)
 {
     static const struct interface_settings wrong[] = {
         {.bitrate = 0},
@@ -251,7 +245,7 @@ static void refuses_settings_and_goes_on_with_those_it_had(void **state)
     struct link_info before, after;
     struct error error;
 
-    need_controllers(state);
+    need_controllers(test_state);
     configure("can0", (struct interface_settings){250000, 0.875, 50});
     before = query("can0");
     for (size_t i = 0; i < ARRAY_COUNT(wrong); i++) {
@@ -266,13 +260,13 @@ static void refuses_settings_and_goes_on_with_those_it_had(void **state)
     }
 }
 
-static void says_which_right_is_missing(void **state)
+TEST_WITH(says_which_right_is_missing, set_up, tear_down)
 {
     struct error error;
     int status;
     pid_t child;
 
-    need_controllers(state);
+    need_controllers(test_state);
     child = fork();
     if (child == 0) {
         const bool refused =
@@ -286,12 +280,12 @@ static void says_which_right_is_missing(void **state)
     assert_int_equal(status, 0);
 }
 
-static void starts_stops_and_restarts_only_from_bus_off(void **state)
+TEST_WITH(starts_stops_and_restarts_only_from_bus_off, set_up, tear_down)
 {
     struct link_info info;
     struct error error;
 
-    need_controllers(state);
+    need_controllers(test_state);
     must(interface_stop("can0", &error), &error);
     info = query("can0");
     assert_false(info.up);
@@ -308,9 +302,9 @@ static void starts_stops_and_restarts_only_from_bus_off(void **state)
 
 /* ---- frames ---- */
 
-static void carries_batches_both_ways_in_order(void **state)
+TEST_WITH(carries_batches_both_ways_in_order, set_up, tear_down)
 {
-    struct bench *bench = need_controllers(state);
+    struct bench *bench = need_controllers(test_state);
     struct bus_frame sent[200], got[MANY];
 
     for (uint32_t i = 0; i < 200; i++) {
@@ -343,9 +337,9 @@ static void carries_batches_both_ways_in_order(void **state)
     }
 }
 
-static void a_burst_into_a_short_queue_is_late_but_whole(void **state)
+TEST_WITH(a_burst_into_a_short_queue_is_late_but_whole, set_up, tear_down)
 {
-    struct bench *bench = need_controllers(state);
+    struct bench *bench = need_controllers(test_state);
     struct bus_frame sent[100], got[MANY];
 
     assert_true(run("ip link set can0 txqueuelen 10"));
@@ -367,10 +361,10 @@ static void a_burst_into_a_short_queue_is_late_but_whole(void **state)
     assert_int_equal(bench->a->state, CAN_PORT_UP);
 }
 
-static void of_periodic_frames_the_newest_waits_and_all_others_are_counted(void **state)
+TEST_WITH(of_periodic_frames_the_newest_waits_and_all_others_are_counted, set_up, tear_down)
 {
     enum { IDS = 40, CYCLES = 30 };
-    struct bench *bench = need_controllers(state);
+    struct bench *bench = need_controllers(test_state);
     const struct can_counters *counters = &bench->a->counters;
     uint32_t last[IDS] = {0}, seen = 0;
     struct bus_frame cycle[IDS], got[MANY];
@@ -403,9 +397,9 @@ static void of_periodic_frames_the_newest_waits_and_all_others_are_counted(void 
     assert_true(counters->tx_dropped > 0);
 }
 
-static void backs_off_from_a_queue_that_does_not_empty_and_comes_back(void **state)
+TEST_WITH(backs_off_from_a_queue_that_does_not_empty_and_comes_back, set_up, tear_down)
 {
-    struct bench *bench = need_controllers(state);
+    struct bench *bench = need_controllers(test_state);
     struct bus_frame frame[8], got[MANY];
     uint64_t attempts;
     uint32_t number = 0;
@@ -448,9 +442,9 @@ static void backs_off_from_a_queue_that_does_not_empty_and_comes_back(void **sta
 
 /* ---- interfaces that come and go ---- */
 
-static void comes_back_when_its_interface_was_down(void **state)
+TEST_WITH(comes_back_when_its_interface_was_down, set_up, tear_down)
 {
-    struct bench *bench = need_controllers(state);
+    struct bench *bench = need_controllers(test_state);
     struct bus_frame frame = numbered(0x123, 7), got[MANY];
     struct link_info info;
 
@@ -500,9 +494,9 @@ static void look(struct watched *w, const char *event)
     }
 }
 
-static void a_changed_bit_rate_is_refused_before_and_restored_during_the_run(void **state)
+TEST_WITH(a_changed_bit_rate_is_refused_before_and_restored_during_the_run, set_up, tear_down)
 {
-    struct bench *bench = need_controllers(state);
+    struct bench *bench = need_controllers(test_state);
     struct bus_frame frame = numbered(0x123, 7), got[MANY];
     struct link_info info;
     struct watched w;
@@ -526,9 +520,9 @@ static void a_changed_bit_rate_is_refused_before_and_restored_during_the_run(voi
     assert_int_equal(pump(bench->a, bench->b, got, 1), 1);
 }
 
-static void what_was_removed_and_created_anew_is_set_and_used_again(void **state)
+TEST_WITH(what_was_removed_and_created_anew_is_set_and_used_again, set_up, tear_down)
 {
-    struct bench *bench = need_controllers(state);
+    struct bench *bench = need_controllers(test_state);
     struct bus_frame frame = numbered(0x123, 7), got[MANY];
     struct link_info before = query("can0"), after;
     struct watched w;
@@ -552,9 +546,9 @@ static void what_was_removed_and_created_anew_is_set_and_used_again(void **state
     assert_int_equal(bench->a->counters.down_events, 1);
 }
 
-static void a_port_follows_what_is_asked_of_the_controller(void **state)
+TEST_WITH(a_port_follows_what_is_asked_of_the_controller, set_up, tear_down)
 {
-    struct bench *bench = need_controllers(state);
+    struct bench *bench = need_controllers(test_state);
     char text[320];
     struct watched w;
 
@@ -569,30 +563,11 @@ static void a_port_follows_what_is_asked_of_the_controller(void **state)
     assert_says(text, "error active, 1000000 bit/s, sample point 0.750");
 }
 
-int main(void)
+FIXTURE(take_the_processor)
 {
     const struct sched_param priority = {.sched_priority = 80};
 
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
-    const struct CMUnitTest tests[] = {
-        TEST(tells_controllers_from_virtual_interfaces),
-        TEST(reads_what_libsocketcan_and_ip_read),
-        TEST(refuses_settings_and_goes_on_with_those_it_had),
-        TEST(says_which_right_is_missing),
-        TEST(starts_stops_and_restarts_only_from_bus_off),
-        TEST(carries_batches_both_ways_in_order),
-        TEST(a_burst_into_a_short_queue_is_late_but_whole),
-        TEST(of_periodic_frames_the_newest_waits_and_all_others_are_counted),
-        TEST(backs_off_from_a_queue_that_does_not_empty_and_comes_back),
-        TEST(comes_back_when_its_interface_was_down),
-        TEST(a_changed_bit_rate_is_refused_before_and_restored_during_the_run),
-        TEST(what_was_removed_and_created_anew_is_set_and_used_again),
-        TEST(a_port_follows_what_is_asked_of_the_controller),
-    };
-
-    if (here() && sched_setscheduler(0, SCHED_FIFO, &priority)) {
-        perror("sched_setscheduler");
-        return 1;
-    }
-    return cmocka_run_group_tests_name("canbus/controller", tests, NULL, NULL);
+    return here() ? sched_setscheduler(0, SCHED_FIFO, &priority) : 0;
 }
+
+TEST_GROUP(take_the_processor, NULL)

@@ -4,14 +4,8 @@
  * remove. Runs in user-mode Linux (uml/run.sh), or anywhere as root on a kernel with vcan;
  * elsewhere all but the error messages is skipped.
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "canbus/port.h"
+#include "tests/test.h"
 
 #include <linux/can/error.h>
 #include <poll.h>
@@ -48,13 +42,13 @@ static struct can_port *open_port(struct bench *bench, struct socketcan_config c
     return port;
 }
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     static struct bench bench;
     struct error error;
 
     memset(&bench, 0, sizeof bench);
-    *state = &bench;
+    *test_state = &bench;
     if (arena_init(&bench.arena, 4 << 20, &error)) {
         return -1;
     }
@@ -66,9 +60,9 @@ static int set_up(void **state)
     return 0;
 }
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     if (bench->a) {
         bench->a->ops->close(bench->a);
@@ -161,7 +155,7 @@ static int64_t monotonic_ns(void)
     return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
 }
 
-static void says_that_the_kernel_has_no_can(void **state)
+TEST_WITH(says_that_the_kernel_has_no_can, set_up, tear_down)
 {
     struct error error;
 
@@ -169,22 +163,22 @@ static void says_that_the_kernel_has_no_can(void **state)
         print_message("SKIP: this kernel has CAN\n");
         skip();
     }
-    assert_int_equal(try_open(*state, "can0", false, &error), ERROR_UNSUPPORTED);
+    assert_int_equal(try_open(*test_state, "can0", false, &error), ERROR_UNSUPPORTED);
     assert_says(&error, "this kernel has no CAN");
 }
 
-static void refuses_names_that_no_interface_can_have(void **state)
+TEST_WITH(refuses_names_that_no_interface_can_have, set_up, tear_down)
 {
     struct error error;
 
-    assert_int_equal(try_open(*state, "", false, &error), ERROR_INPUT);
-    assert_int_equal(try_open(*state, "sixteen-letters!", false, &error), ERROR_INPUT);
+    assert_int_equal(try_open(*test_state, "", false, &error), ERROR_INPUT);
+    assert_int_equal(try_open(*test_state, "sixteen-letters!", false, &error), ERROR_INPUT);
     assert_says(&error, "has 16 characters, expected 1 to 15");
 }
 
-static void each_way_to_fail_has_its_own_message(void **state)
+TEST_WITH(each_way_to_fail_has_its_own_message, set_up, tear_down)
 {
-    struct bench *bench = need_vcan(state);
+    struct bench *bench = need_vcan(test_state);
     struct error error;
 
     assert_int_equal(try_open(bench, "no-such-one", false, &error), ERROR_INPUT);
@@ -202,9 +196,9 @@ static void each_way_to_fail_has_its_own_message(void **state)
     assert_int_equal(try_open(bench, VCAN, false, &error), ERROR_NONE);
 }
 
-static void carries_batches_both_ways_in_order(void **state)
+TEST_WITH(carries_batches_both_ways_in_order, set_up, tear_down)
 {
-    struct bench *bench = need_vcan(state);
+    struct bench *bench = need_vcan(test_state);
     struct bus_frame sent[200], got[MANY];
     const int64_t before = monotonic_ns();
 
@@ -231,9 +225,9 @@ static void carries_batches_both_ways_in_order(void **state)
     }
 }
 
-static void carries_every_kind_of_frame_unchanged(void **state)
+TEST_WITH(carries_every_kind_of_frame_unchanged, set_up, tear_down)
 {
-    struct bench *bench = need_vcan(state);
+    struct bench *bench = need_vcan(test_state);
     struct bus_frame sent[] = {
         {.id = 0x123},
         {.id = 0x7FF, .flags = FRAME_REMOTE, .len = 5},
@@ -257,7 +251,7 @@ static void carries_every_kind_of_frame_unchanged(void **state)
     assert_frame(&got[6], &sent[7]);
 }
 
-static void filters_pass_what_matches_and_own_frames_come_when_asked_for(void **state)
+TEST_WITH(filters_pass_what_matches_and_own_frames_come_when_asked_for, set_up, tear_down)
 {
     static const struct frame_filter filter[] = {
         {.id = 0x123, .mask = 0x7FF},
@@ -273,7 +267,7 @@ static void filters_pass_what_matches_and_own_frames_come_when_asked_for(void **
         {.id = 0x0ABD0011, .flags = FRAME_EXTENDED},
         {.id = CAN_ERR_ACK, .flags = FRAME_ERROR, .len = 8},
     };
-    struct bench *bench = need_vcan(state);
+    struct bench *bench = need_vcan(test_state);
     struct can_port *picky = open_port(
         bench, (struct socketcan_config){.filter = filter, .nfilter = 3, .receive_own = true});
     struct bus_frame got[MANY];
@@ -290,7 +284,7 @@ static void filters_pass_what_matches_and_own_frames_come_when_asked_for(void **
     picky->ops->close(picky);
 }
 
-static void follows_the_states_of_injected_error_frames(void **state)
+TEST_WITH(follows_the_states_of_injected_error_frames, set_up, tear_down)
 {
     static const struct {
         uint32_t id;
@@ -302,7 +296,7 @@ static void follows_the_states_of_injected_error_frames(void **state)
         {CAN_ERR_BUSOFF, 0, CAN_PORT_BUS_OFF},
         {CAN_ERR_RESTARTED, 0, CAN_PORT_UP},
     };
-    struct bench *bench = need_vcan(state);
+    struct bench *bench = need_vcan(test_state);
     struct bus_frame got[MANY];
 
     for (size_t i = 0; i < 4; i++) {
@@ -317,9 +311,9 @@ static void follows_the_states_of_injected_error_frames(void **state)
     assert_int_equal(bench->b->counters.error_frames, 4);
 }
 
-static void counts_what_the_kernel_drops_when_a_receive_buffer_runs_over(void **state)
+TEST_WITH(counts_what_the_kernel_drops_when_a_receive_buffer_runs_over, set_up, tear_down)
 {
-    struct bench *bench = need_vcan(state);
+    struct bench *bench = need_vcan(test_state);
     struct can_port *small = open_port(bench, (struct socketcan_config){.receive_buffer_bytes = 1});
     const struct bus_frame frame = numbered(0x100, 0);
     struct bus_frame got[MANY];
@@ -345,9 +339,9 @@ static void counts_what_the_kernel_drops_when_a_receive_buffer_runs_over(void **
     small->ops->close(small);
 }
 
-static void what_a_flood_has_lost_is_known_when_the_rest_was_received(void **state)
+TEST_WITH(what_a_flood_has_lost_is_known_when_the_rest_was_received, set_up, tear_down)
 {
-    struct bench *bench = need_vcan(state);
+    struct bench *bench = need_vcan(test_state);
     const struct bus_frame frame = numbered(0x100, 0);
     struct can_port *port =
         open_port(bench, (struct socketcan_config){.receive_buffer_bytes = 256 << 10});
@@ -380,9 +374,9 @@ static bool comes_to(struct can_port *port, enum can_port_state state)
     return port->state == state;
 }
 
-static void comes_back_when_its_interface_was_down(void **state)
+TEST_WITH(comes_back_when_its_interface_was_down, set_up, tear_down)
 {
-    struct bench *bench = need_vcan(state);
+    struct bench *bench = need_vcan(test_state);
     struct bus_frame frame = numbered(0x123, 7), got[MANY];
 
     assert_true(run("ip link set " VCAN " down"));
@@ -402,10 +396,10 @@ static void comes_back_when_its_interface_was_down(void **state)
     assert_int_equal(bench->b->counters.down_events, 1);
 }
 
-static void comes_back_with_its_filters_when_its_interface_was_created_anew(void **state)
+TEST_WITH(comes_back_with_its_filters_when_its_interface_was_created_anew, set_up, tear_down)
 {
     static const struct frame_filter filter = {.id = 0x123, .mask = 0x7FF};
-    struct bench *bench = need_vcan(state);
+    struct bench *bench = need_vcan(test_state);
     struct can_port *picky =
         open_port(bench, (struct socketcan_config){.filter = &filter, .nfilter = 1});
     struct bus_frame frame = numbered(0x123, 7), other = numbered(0x124, 8), got[MANY];
@@ -433,9 +427,9 @@ static void comes_back_with_its_filters_when_its_interface_was_created_anew(void
     picky->ops->close(picky);
 }
 
-static void a_sought_port_comes_back_when_it_was_sought_and_not_before(void **state)
+TEST_WITH(a_sought_port_comes_back_when_it_was_sought_and_not_before, set_up, tear_down)
 {
-    struct bench *bench = need_vcan(state);
+    struct bench *bench = need_vcan(test_state);
     struct can_port *port = open_port(bench, (struct socketcan_config){.sought = true});
     struct bus_frame frame = numbered(0x123, 7), got[MANY];
 
@@ -474,10 +468,10 @@ static void set_time_of_day(int64_t by_s)
     assert_int_equal(clock_settime(CLOCK_REALTIME, &now), 0);
 }
 
-static void the_time_of_day_may_be_set_while_frames_wait(void **state)
+TEST_WITH(the_time_of_day_may_be_set_while_frames_wait, set_up, tear_down)
 {
     static const int64_t jump_s[] = {3600, -7200, 3600};
-    struct bench *bench = need_vcan(state);
+    struct bench *bench = need_vcan(test_state);
     struct bus_frame frame = numbered(0x123, 7), got[MANY];
     int64_t last = monotonic_ns();
 
@@ -499,9 +493,9 @@ static void the_time_of_day_may_be_set_while_frames_wait(void **state)
     }
 }
 
-static void descriptor_is_readable_while_frames_wait(void **state)
+TEST_WITH(descriptor_is_readable_while_frames_wait, set_up, tear_down)
 {
-    struct bench *bench = need_vcan(state);
+    struct bench *bench = need_vcan(test_state);
     struct pollfd wait = {.fd = bench->b->ops->descriptor(bench->b), .events = POLLIN};
     struct bus_frame frame = numbered(1, 1), got[MANY];
 
@@ -510,27 +504,4 @@ static void descriptor_is_readable_while_frames_wait(void **state)
     assert_int_equal(poll(&wait, 1, 5000), 1);
     assert_int_equal(collect(bench->b, got, 1), 1);
     assert_int_equal(poll(&wait, 1, 0), 0);
-}
-
-int main(void)
-{
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
-    const struct CMUnitTest tests[] = {
-        TEST(says_that_the_kernel_has_no_can),
-        TEST(refuses_names_that_no_interface_can_have),
-        TEST(each_way_to_fail_has_its_own_message),
-        TEST(carries_batches_both_ways_in_order),
-        TEST(carries_every_kind_of_frame_unchanged),
-        TEST(filters_pass_what_matches_and_own_frames_come_when_asked_for),
-        TEST(follows_the_states_of_injected_error_frames),
-        TEST(counts_what_the_kernel_drops_when_a_receive_buffer_runs_over),
-        TEST(what_a_flood_has_lost_is_known_when_the_rest_was_received),
-        TEST(comes_back_when_its_interface_was_down),
-        TEST(comes_back_with_its_filters_when_its_interface_was_created_anew),
-        TEST(a_sought_port_comes_back_when_it_was_sought_and_not_before),
-        TEST(the_time_of_day_may_be_set_while_frames_wait),
-        TEST(descriptor_is_readable_while_frames_wait),
-    };
-
-    return cmocka_run_group_tests_name("canbus/socketcan", tests, NULL, NULL);
 }

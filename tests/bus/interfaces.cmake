@@ -4,7 +4,7 @@
 set(bus ${CMAKE_CURRENT_SOURCE_DIR}/bus)
 add_executable(test_canbus_controller ${bus}/canbus_controller.c
                                       ${CMAKE_SOURCE_DIR}/sim/interfaces.c)
-target_link_libraries(test_canbus_controller PRIVATE canbus PkgConfig::CMOCKA PkgConfig::SOCKETCAN)
+target_link_libraries(test_canbus_controller PRIVATE test_main canbus PkgConfig::SOCKETCAN)
 if(NOT HIL_SANITIZE)
     hil_script_test(canbus_qemu LABELS bus TIMEOUT 110
         COMMAND bash ${bus}/qemu/run.sh -t 300 $<TARGET_FILE:test_canbus_controller>

@@ -4,23 +4,18 @@
  * that has the area of a CPU with AMX and insists on the whole of it, and against this machine's.
  */
 #include "bus/uml/ptrace_xsave.h"
+#include "tests/test.h"
 
 #include <elf.h>
 #include <errno.h>
 #include <pthread.h>
-#include <setjmp.h>
 #include <signal.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
 #include <sys/ptrace.h>
 #include <sys/uio.h>
 #include <sys/wait.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 enum { AMX_AREA = 11008, GUEST_AREA = 2696, TRACEE = 4711 };
 
@@ -122,9 +117,8 @@ static bool all(const unsigned char *bytes, size_t size, unsigned char value)
 #define BIT(n) (UINT64_C(1) << (n))
 
 /* A kernel whose tracee has 0x11 everywhere and tiles in use. */
-static int boot(void **state)
+FIXTURE(boot)
 {
-    (void)state;
     kernel = (struct kernel){.size = AMX_AREA};
     memset(kernel.area, 0x11, sizeof kernel.area);
     memset(kernel.area + XSAVE_LEGACY, 0, XSAVE_HEADER);
@@ -146,22 +140,20 @@ static long guest_set(struct iovec *state)
     return xsave_ptrace(&amx_host, PTRACE_SETREGSET, TRACEE, (void *)NT_X86_XSTATE, state);
 }
 
-static void kernel_itself_refuses_a_short_set(void **unused)
+TEST_WITH(kernel_itself_refuses_a_short_set, boot, NULL)
 {
     unsigned char bytes[GUEST_AREA];
     struct iovec state = guest_state(bytes, sizeof bytes, BIT(0));
 
-    (void)unused;
     assert_int_equal(kernel_ptrace(PTRACE_SETREGSET, TRACEE, (void *)NT_X86_XSTATE, &state), -1);
     assert_int_equal(errno, EFAULT);
 }
 
-static void short_set_becomes_one_of_the_whole_area(void **unused)
+TEST_WITH(short_set_becomes_one_of_the_whole_area, boot, NULL)
 {
     unsigned char bytes[GUEST_AREA];
     struct iovec state = guest_state(bytes, sizeof bytes, BIT(0) | BIT(1) | BIT(AVX) | BIT(PKRU));
 
-    (void)unused;
     assert_int_equal(guest_set(&state), 0);
     assert_int_equal(kernel.calls, 2);
     assert_int_equal(((struct iovec *)kernel.data)->iov_len, AMX_AREA);
@@ -175,12 +167,11 @@ static void short_set_becomes_one_of_the_whole_area(void **unused)
     assert_int_equal(state.iov_len, GUEST_AREA);
 }
 
-static void components_beyond_the_buffer_stay_in_use_or_initial(void **unused)
+TEST_WITH(components_beyond_the_buffer_stay_in_use_or_initial, boot, NULL)
 {
     unsigned char bytes[GUEST_AREA];
     struct iovec state = guest_state(bytes, sizeof bytes, BIT(1));
 
-    (void)unused;
     /* AVX goes back to its initial state as the guest says, the tiles stay configured */
     assert_int_equal(guest_set(&state), 0);
     assert_int_equal(get_bits(kernel.area), BIT(1) | BIT(TILE_CONFIG));
@@ -190,35 +181,32 @@ static void components_beyond_the_buffer_stay_in_use_or_initial(void **unused)
     assert_int_equal(get_bits(kernel.area), BIT(0) | BIT(TILE_CONFIG));
 }
 
-static void header_is_otherwise_the_guests(void **unused)
+TEST_WITH(header_is_otherwise_the_guests, boot, NULL)
 {
     unsigned char bytes[GUEST_AREA];
     struct iovec state = guest_state(bytes, sizeof bytes, BIT(0));
 
-    (void)unused;
     bytes[XSAVE_LEGACY + 8] = 1; /* XCOMP_BV, which the kernel checks */
     assert_int_equal(guest_set(&state), 0);
     assert_int_equal(kernel.area[XSAVE_LEGACY + 8], 1);
 }
 
-static void half_a_component_is_left_alone(void **unused)
+TEST_WITH(half_a_component_is_left_alone, boot, NULL)
 {
     unsigned char bytes[2784]; /* ends in the middle of the tile configuration */
     struct iovec state = guest_state(bytes, sizeof bytes, BIT(0));
 
-    (void)unused;
     assert_int_equal(guest_set(&state), 0);
     assert_true(all(kernel.area + 2752, AMX_AREA - 2752, 0x11));
     assert_int_equal(get_bits(kernel.area), BIT(0) | BIT(TILE_CONFIG));
 }
 
-static void all_other_calls_are_passed_on(void **unused)
+TEST_WITH(all_other_calls_are_passed_on, boot, NULL)
 {
     static const int request[] = {PTRACE_PEEKUSER, PTRACE_GETREGSET, PTRACE_SETREGSET, PTRACE_CONT};
     unsigned char bytes[AMX_AREA];
     struct iovec state = guest_state(bytes, GUEST_AREA, BIT(0));
 
-    (void)unused;
     for (size_t n = 0; n < sizeof request / sizeof *request; n++) {
         kernel.calls = 0;
         assert_int_equal(xsave_ptrace(&amx_host, request[n], TRACEE, (void *)NT_PRSTATUS, &state),
@@ -244,24 +232,22 @@ static void all_other_calls_are_passed_on(void **unused)
     assert_ptr_equal(kernel.data, &state);
 }
 
-static void area_that_is_too_large_is_passed_on(void **unused)
+TEST_WITH(area_that_is_too_large_is_passed_on, boot, NULL)
 {
     unsigned char bytes[GUEST_AREA];
     struct iovec state = guest_state(bytes, sizeof bytes, BIT(0));
 
-    (void)unused;
     kernel.size = XSAVE_AREA_MAX + 8;
     assert_int_equal(guest_set(&state), -1);
     assert_int_equal(errno, EFAULT);
     assert_ptr_equal(kernel.data, &state);
 }
 
-static void errors_are_the_kernels(void **unused)
+TEST_WITH(errors_are_the_kernels, boot, NULL)
 {
     unsigned char bytes[GUEST_AREA];
     struct iovec state = guest_state(bytes, sizeof bytes, BIT(0));
 
-    (void)unused;
     kernel.set_errno = EINVAL;
     assert_int_equal(guest_set(&state), -1);
     assert_int_equal(errno, EINVAL);
@@ -273,12 +259,11 @@ static void errors_are_the_kernels(void **unused)
     assert_ptr_equal(kernel.data, &state);
 }
 
-static void buffers_are_given_back(void **unused)
+TEST_WITH(buffers_are_given_back, boot, NULL)
 {
     unsigned char bytes[GUEST_AREA];
     struct iovec state = guest_state(bytes, sizeof bytes, BIT(0));
 
-    (void)unused;
     for (int n = 0; n < 1000; n++) {
         kernel.get_errno = n % 3 == 1 ? ESRCH : 0;
         kernel.set_errno = n % 3 == 2 ? EINVAL : 0;
@@ -298,12 +283,11 @@ static void interrupting_set(void)
     assert_true(all(kernel.area, XSAVE_LEGACY, 0x77));
 }
 
-static void set_may_be_interrupted_by_another(void **unused)
+TEST_WITH(set_may_be_interrupted_by_another, boot, NULL)
 {
     unsigned char bytes[GUEST_AREA];
     struct iovec state = guest_state(bytes, sizeof bytes, BIT(0));
 
-    (void)unused;
     kernel.interrupt = interrupting_set;
     assert_int_equal(guest_set(&state), 0);
     assert_true(all(kernel.area, XSAVE_LEGACY, 0xEE));
@@ -326,12 +310,11 @@ static void *set_often(void *wrong)
     return NULL;
 }
 
-static void threads_do_not_mix_their_states(void **unused)
+TEST(threads_do_not_mix_their_states)
 {
     pthread_t thread[4];
     int wrong[4] = {0};
 
-    (void)unused;
     for (size_t n = 0; n < 4; n++) {
         assert_int_equal(pthread_create(&thread[n], NULL, set_often, &wrong[n]), 0);
     }
@@ -359,7 +342,7 @@ static long whole_set(int request, pid_t pid, unsigned char *bytes, size_t *size
 
 /* A child that stands still, with 0x11 in the low and the high halves of its vector registers;
  * then only the low halves are set, by a buffer that has room for no more. */
-static void this_kernel_takes_the_widened_set(void **unused)
+TEST(this_kernel_takes_the_widened_set)
 {
     struct xsave_host machine = {.ptrace = machine_ptrace};
     const struct xsave_component *avx = &machine.component[AVX];
@@ -370,7 +353,6 @@ static void this_kernel_takes_the_widened_set(void **unused)
     bool low, high;
     pid_t child;
 
-    (void)unused;
     xsave_read_layout(machine.component);
     if (avx->size == 0) {
         skip(); /* no AVX: the area has no more than the guest's buffer */
@@ -407,24 +389,4 @@ static void this_kernel_takes_the_widened_set(void **unused)
     assert_int_equal(wide_set, 0);
     assert_true(low);
     assert_true(high);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup(kernel_itself_refuses_a_short_set, boot),
-        cmocka_unit_test_setup(short_set_becomes_one_of_the_whole_area, boot),
-        cmocka_unit_test_setup(components_beyond_the_buffer_stay_in_use_or_initial, boot),
-        cmocka_unit_test_setup(header_is_otherwise_the_guests, boot),
-        cmocka_unit_test_setup(half_a_component_is_left_alone, boot),
-        cmocka_unit_test_setup(all_other_calls_are_passed_on, boot),
-        cmocka_unit_test_setup(area_that_is_too_large_is_passed_on, boot),
-        cmocka_unit_test_setup(errors_are_the_kernels, boot),
-        cmocka_unit_test_setup(buffers_are_given_back, boot),
-        cmocka_unit_test_setup(set_may_be_interrupted_by_another, boot),
-        cmocka_unit_test(threads_do_not_mix_their_states),
-        cmocka_unit_test(this_kernel_takes_the_widened_set),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -7,15 +7,10 @@
 #include "model/integrator.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/coman_drive.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 /* A drive with a link of pure inertia behind it, or with the rotor or the link held fast. */
 struct bench {
@@ -74,14 +69,13 @@ static void bench_run(struct bench *bench, double seconds, double h, double *y)
     }
 }
 
-static void locked_rotor_current_rises_as_the_exponential(void **state)
+TEST(locked_rotor_current_rises_as_the_exponential)
 {
     struct bench bench = {
         .sea = coman_drive, .rotor_locked = true, .bridge_on = true, .volts = 12.0};
     const double h = 1e-5, final = 12.0 / 0.664, rate = 0.664 / 0.32e-3;
     double y[STATES] = {0}, worst = 0.0;
 
-    (void)state;
     for (int k = 0; k < 500; k++) {
         bench_step(&bench, k, h, y);
         worst = fmax(worst, fabs(y[CURRENT] - final * (1.0 - exp(-rate * (k + 1) * h))));
@@ -91,13 +85,12 @@ static void locked_rotor_current_rises_as_the_exponential(void **state)
     assert_near(coman_drive.Kt * y[CURRENT], coman_drive.Kt * final, 1e-3 * coman_drive.Kt * final);
 }
 
-static void locked_link_feels_the_stall_torque(void **state)
+TEST(locked_link_feels_the_stall_torque)
 {
     struct bench bench = {.sea = coman_drive, .bridge_on = true, .volts = 8.0};
     double y[STATES] = {0};
     struct sea_state s;
 
-    (void)state;
     bench_run(&bench, 3.0, 1e-4, y);
     s = drive_state(y);
     assert_near(sea_torque(&coman_drive, &s, 0.0, 0.0), 4.1 * 8.0 / 0.664, 1e-9);
@@ -105,13 +98,12 @@ static void locked_link_feels_the_stall_torque(void **state)
 }
 
 /* Dm w = Kt I and V = R I + Kw w give w = Kt V / (R Dm + Kt Kw). */
-static void unloaded_rotor_reaches_the_no_load_speed(void **state)
+TEST(unloaded_rotor_reaches_the_no_load_speed)
 {
     struct bench bench = {.sea = coman_drive, .bridge_on = true, .volts = 24.0};
     double y[STATES] = {0};
     const double expected = 4.1 * 24.0 / (0.664 * 0.19958 + 4.1 * 4.1);
 
-    (void)state;
     bench.sea.Ks = 0.0;
     bench.sea.Ds = 0.0;
     bench_run(&bench, 1.0, 1e-4, y);
@@ -169,9 +161,8 @@ static void check_two_mass_resonance(double Ds)
     assert_near(ratio, zeta, 1e-7);
 }
 
-static void rotor_and_link_ring_at_the_two_mass_resonance(void **state)
+TEST(rotor_and_link_ring_at_the_two_mass_resonance)
 {
-    (void)state;
     check_two_mass_resonance(0.0);
     check_two_mass_resonance(0.198);
     check_two_mass_resonance(2.0);
@@ -179,7 +170,7 @@ static void rotor_and_link_ring_at_the_two_mass_resonance(void **state)
 
 /* Winding shorted at speed w0: I'' ... two exponentials with the roots of
  * s^2 + (R/L + Dm/J) s + (R Dm + Kt Kw)/(L J) = 0. */
-static void shorted_winding_brakes_the_rotor(void **state)
+TEST(shorted_winding_brakes_the_rotor)
 {
     struct bench bench = {.sea = coman_drive, .bridge_on = true, .volts = 0.0};
     const double w0 = 5.0, h = 1e-5;
@@ -191,7 +182,6 @@ static void shorted_winding_brakes_the_rotor(void **state)
     const double A = (slope0 - fast * w0) / (slow - fast), B = w0 - A;
     double y[STATES] = {[QMD] = w0}, worst = 0.0, before = 0.0;
 
-    (void)state;
     bench.sea.Ks = 0.0;
     bench.sea.Ds = 0.0;
     for (int k = 0; k < 3000; k++) {
@@ -226,26 +216,11 @@ static double energy_gap(double h, double Kw)
     return fabs(y[ELECTRICAL] - stored - y[JOULE] - y[FRICTION] - y[DAMPING]) / y[ELECTRICAL];
 }
 
-static void electrical_energy_is_stored_or_turned_to_heat(void **state)
+TEST(electrical_energy_is_stored_or_turned_to_heat)
 {
-    (void)state;
     print_message("# relative gap of the balance: %.2e at 1e-4 s, %.2e at 1e-5 s\n",
                   energy_gap(1e-4, 4.1), energy_gap(1e-5, 4.1));
     assert_true(energy_gap(1e-4, 4.1) < 1e-6);
     assert_true(energy_gap(1e-5, 4.1) < 1e-10);
     assert_true(energy_gap(1e-5, 3.6) < 1e-10);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(locked_rotor_current_rises_as_the_exponential),
-        cmocka_unit_test(locked_link_feels_the_stall_torque),
-        cmocka_unit_test(unloaded_rotor_reaches_the_no_load_speed),
-        cmocka_unit_test(rotor_and_link_ring_at_the_two_mass_resonance),
-        cmocka_unit_test(shorted_winding_brakes_the_rotor),
-        cmocka_unit_test(electrical_energy_is_stored_or_turned_to_heat),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -6,14 +6,9 @@
 #include "base/vec3.h"
 #include "model/plant.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-
-#include <cmocka.h>
-
 #include "tests/physics/near.h"
 #include "tests/physics/toy.h"
+#include "tests/test.h"
 
 /* Two links on a fixed base: about y, then about z at 0.3 m; the sensor is in the second joint. */
 struct arm {
@@ -59,13 +54,12 @@ static void arm_init(struct arm *arm, bool bending)
 
 /* Held level, straight: the moments are those of the weights. Across y are x and -z, across z x
  * and y. */
-static void weight_bends_what_is_held(void **state)
+TEST(weight_bends_what_is_held)
 {
     static const double level[2] = {0.0, 0.0};
     struct arm arm;
     const struct motor_sense *motor;
 
-    (void)state;
     arm_init(&arm, true);
     assert_int_equal(plant_reset(arm.plant, NULL, NULL, level), ERROR_NONE);
     plant_clamp(arm.plant, true);
@@ -86,14 +80,13 @@ static void weight_bends_what_is_held(void **state)
 }
 
 /* Thrown: at each moment the joint bears what a sensor in it feels, with the other sign. */
-static void joint_bears_what_a_sensor_in_it_feels(void **state)
+TEST(joint_bears_what_a_sensor_in_it_feels)
 {
     static const double start[2] = {0.4, -0.7};
     struct arm arm;
     double *rates, most = 0.0;
     size_t count;
 
-    (void)state;
     arm_init(&arm, true);
     assert_int_equal(plant_reset(arm.plant, NULL, NULL, start), ERROR_NONE);
     rates = plant_state(arm.plant, &count) + 2;
@@ -111,14 +104,4 @@ static void joint_bears_what_a_sensor_in_it_feels(void **state)
     }
     assert_true(most > 1.0);
     arena_fini(&arm.arena);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(weight_bends_what_is_held),
-        cmocka_unit_test(joint_bears_what_a_sensor_in_it_feels),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -5,13 +5,6 @@
  * time it was made for. The references are the closed solutions of the paper's equations (2) to
  * (4).
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "base/count.h"
 #include "boards/board.h"
 #include "boards/cia402/protocol.h"
@@ -20,6 +13,7 @@
 #include "boards/foc/protocol.h"
 #include "boards/protocol_list.h"
 #include "tests/physics/plant_rig.h"
+#include "tests/test.h"
 
 #include <math.h>
 #include <string.h>
@@ -203,9 +197,8 @@ static void command(struct bench *bench, bool current, double value)
 }
 
 /* A motor without its spring runs at V Kt / (R Dm + Kt Kw). */
-static void a_voltage_gives_the_motor_s_speed(void **state)
+TEST(a_voltage_gives_the_motor_s_speed)
 {
-    (void)state;
     for (size_t p = 0; p < ARRAY_COUNT(spoken); p++) {
         struct bench bench;
         double speed;
@@ -226,9 +219,8 @@ static void a_voltage_gives_the_motor_s_speed(void **state)
 }
 
 /* Against a clamped link the spring comes to rest at N Kt I. */
-static void a_current_gives_the_torque(void **state)
+TEST(a_current_gives_the_torque)
 {
-    (void)state;
     for (size_t p = 1; p < ARRAY_COUNT(spoken); p++) { /* all but icub */
         struct bench bench;
         double torque = 0.0, current = 0.0;
@@ -248,11 +240,10 @@ static void a_current_gives_the_torque(void **state)
 }
 
 /* The error of a step halves every millisecond, and the speed does not disturb it any more. */
-static void the_compact_current_loop_arrives_within_milliseconds(void **state)
+TEST(the_compact_current_loop_arrives_within_milliseconds)
 {
     struct bench bench;
 
-    (void)state;
     start(&bench, &protocol_compact);
     plant_command(bench.rig.plant)->motor[HIP].condition = DRIVE_JAM;
     enable(&bench, true);
@@ -276,11 +267,10 @@ static void the_compact_current_loop_arrives_within_milliseconds(void **state)
 }
 
 /* With the gains that boards/foc/control.h gives, a step of a held motor halves its error, too. */
-static void the_foc_current_loop_is_as_stable_as_its_gains_say(void **state)
+TEST(the_foc_current_loop_is_as_stable_as_its_gains_say)
 {
     struct bench bench;
 
-    (void)state;
     start(&bench, &protocol_foc);
     plant_command(bench.rig.plant)->motor[HIP].condition = DRIVE_JAM;
     enable(&bench, true);
@@ -292,16 +282,4 @@ static void the_foc_current_loop_is_as_stable_as_its_gains_say(void **state)
         fail_unless_close(hip(&bench)->current_a, 4.0 * (1.0 - pow(0.5, t)), 0.1);
     }
     stop(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_voltage_gives_the_motor_s_speed),
-        cmocka_unit_test(a_current_gives_the_torque),
-        cmocka_unit_test(the_compact_current_loop_arrives_within_milliseconds),
-        cmocka_unit_test(the_foc_current_loop_is_as_stable_as_its_gains_say),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

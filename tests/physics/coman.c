@@ -3,16 +3,11 @@
 #include "model/plant.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "model/spatial.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 enum { BODIES = 32, COORDINATES = 64 };
 
@@ -73,12 +68,11 @@ static double coman_random(struct coman *coman)
     return (double)(int64_t)coman->random / 9223372036854775808.0;
 }
 
-static void coman_has_the_papers_structure(void **state)
+TEST(coman_has_the_papers_structure)
 {
     static struct coman coman;
     size_t count;
 
-    (void)state;
     coman_init(&coman, true);
     assert_int_equal(coman.robot->nbody, 24);
     assert_int_equal(coman.robot->nv, 29);
@@ -89,13 +83,12 @@ static void coman_has_the_papers_structure(void **state)
 }
 
 /* Springs relaxed, nothing touched: the whole falls as one. */
-static void free_fall_moves_no_joint(void **state)
+TEST(free_fall_moves_no_joint)
 {
     static struct coman coman;
     double tau[BODIES] = {0}, vdot[COORDINATES], before[3], after[3], momentum[3], R[9], a[3];
     const double *g;
 
-    (void)state;
     coman_init(&coman, true);
     g = coman.robot->gravity;
     coman.dynamics.ops->forward(&coman.dynamics, coman.state, coman.state + coman.robot->nq, tau,
@@ -174,14 +167,13 @@ static void momenta(struct coman *coman, double centre[3], double linear[3], dou
 
 /* No gravity, all drives at random: what the robot does to itself changes no momentum, and the
  * account of its energy closes. */
-static void random_voltages_change_no_momentum(void **state)
+TEST(random_voltages_change_no_momentum)
 {
     static struct coman coman;
     double c[3], linear0[3], angular0[3], linear[3], angular[3], centre[3], momentum[3];
     double size, spin;
     struct plant_command *command;
 
-    (void)state;
     coman_init(&coman, false);
     for (size_t i = 0; i < 6; i++) {
         coman.state[coman.robot->nq + i] = 0.4 + 0.2 * (double)i;
@@ -211,14 +203,13 @@ static void random_voltages_change_no_momentum(void **state)
 }
 
 /* Falling with its drives at work, 0.5 s at the paper's step. */
-static void energy_of_the_falling_robot_balances(void **state)
+TEST(energy_of_the_falling_robot_balances)
 {
     static struct coman coman;
     struct plant_command *command;
     struct plant_energy energy;
     double turnover;
 
-    (void)state;
     coman_init(&coman, true);
     assert_int_equal(plant_restart_energy(coman.plant), ERROR_NONE);
     command = plant_command(coman.plant);
@@ -238,16 +229,4 @@ static void energy_of_the_falling_robot_balances(void **state)
     assert_true(turnover > 1.0);
     assert_true(fabs(energy.balance) <= 1e-6 * turnover);
     coman_fini(&coman);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(coman_has_the_papers_structure),
-        cmocka_unit_test(free_fall_moves_no_joint),
-        cmocka_unit_test(random_voltages_change_no_momentum),
-        cmocka_unit_test(energy_of_the_falling_robot_balances),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

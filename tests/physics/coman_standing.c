@@ -5,20 +5,15 @@
  * step is short enough for the contact's friction.
  */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/near.h"
 #include "tests/physics/standing.h"
+#include "tests/test.h"
 
 static const char *const sensor_names[STANDING_FEET] = {"r_leg_ft", "l_leg_ft"};
 
-static void ground_carries_the_weight_of_the_standing_robot(void **state)
+TEST(ground_carries_the_weight_of_the_standing_robot)
 {
     const struct standing_choice choice = {
         .integrator = PLANT_RK4, .substep_ns = 250000, .transition_velocity_m_s = 0.1};
@@ -28,7 +23,6 @@ static void ground_carries_the_weight_of_the_standing_robot(void **state)
     struct plant_energy energy;
     double weight, carried = 0.0, felt = 0.0, expected, centre[3], momentum[3], start[3];
 
-    (void)state;
     standing_init(&standing, &choice);
     plant_center_of_mass(standing.plant, start, momentum);
     standing_hold(&standing, 800);
@@ -58,13 +52,4 @@ static void ground_carries_the_weight_of_the_standing_robot(void **state)
     assert_near(centre[2], start[2], 0.01);
     assert_near(energy.balance, 0.0, 1e-3); /* a step too long for the friction loses joules */
     standing_fini(&standing);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(ground_carries_the_weight_of_the_standing_robot),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -5,18 +5,13 @@
  * and the peak of an impact is seen, though it falls between two ticks.
  */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "sim/simulator.h"
 #include "tests/physics/near.h"
 #include "tests/physics/rig_scene.h"
+#include "tests/test.h"
 
 enum { MS = 1000000, PATCHES = 256, BODIES = 64, FALLS = 12, FALL_MS = 1200 };
 
@@ -87,7 +82,7 @@ static void watch_walk(void *context, int64_t now_ns)
     look_at_patches(simulator_plant(w->simulator), &w->rig.contact, &w->seen);
 }
 
-static void a_walk_is_within_the_cone(void **state)
+TEST(a_walk_is_within_the_cone)
 {
     static struct walk w;
     struct simulator_observer observer = {&w, watch_walk};
@@ -106,7 +101,6 @@ static void a_walk_is_within_the_cone(void **state)
     struct error error;
     char notice[256];
 
-    (void)state;
     assert_int_equal(arena_init(&arena, (size_t)1 << 28, &error), ERROR_NONE);
     assert_int_equal(
         rig_load(HIL_SOURCE_DIR "/config/rigs/coman-compact-imu.yaml", &arena, &rig, &error),
@@ -189,14 +183,13 @@ static void fall(int number, struct seen *seen, double off[2])
     }
 }
 
-static void falls_are_within_the_cone(void **state)
+TEST(falls_are_within_the_cone)
 {
     const struct rig_scene_choice choice = {
         .file = "coman.yaml", .integrator = PLANT_IMPLICIT, .substep_ns = MS};
     struct seen seen = {0};
     double off[2] = {0.0, 0.0}, received;
 
-    (void)state;
     rig_scene_init(&scene, &choice);
     for (int number = 0; number < FALLS; number++) {
         fall(number, &seen, off);
@@ -247,26 +240,14 @@ static double drop_peak(enum plant_integrator integrator, int64_t substep_ns, do
     return peak;
 }
 
-static void the_peak_of_an_impact_is_seen(void **state)
+TEST(the_peak_of_an_impact_is_seen)
 {
     double ticks, exact_ticks;
     const double exact = drop_peak(PLANT_DOPRI5, MS / 50, &exact_ticks);
     const double peak = drop_peak(PLANT_IMPLICIT, MS, &ticks);
 
-    (void)state;
     print_message("# drop: peak %.0f N, exact %.0f N; at ticks %.0f N, exact %.0f N\n", peak, exact,
                   ticks, exact_ticks);
     assert_near(peak / exact, 1.0, 0.02);
     assert_true(peak > 1.1 * ticks);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(falls_are_within_the_cone),
-        cmocka_unit_test(the_peak_of_an_impact_is_seen),
-        cmocka_unit_test(a_walk_is_within_the_cone),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -6,17 +6,13 @@
 #include "contact/contact.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-#include <cmocka.h>
 
 #include "tests/physics/contact_fixture.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 /* Two of these: layers of 2 mm with k = 5e7 Pa/m, then 3e8 Pa/m more. */
 static const struct contact_material backed = {1e5, 1e-3, 0, 0, 0, 0, 6e8};
@@ -70,9 +66,8 @@ static void place_turned(struct body_motion *motion, double angle, double z)
 
 /* ---- closed forms ---- */
 
-static void a_flat_side_pushes_by_two_straight_lines(void **state)
+TEST(a_flat_side_pushes_by_two_straight_lines)
 {
-    (void)state;
     for (int which = BOX_HALF_SPACE; which <= BOX_BOX; which++) {
         for (int law = 0; law < 2; law++) {
             struct scene scene;
@@ -101,14 +96,13 @@ static void a_flat_side_pushes_by_two_straight_lines(void **state)
 }
 
 /* A box on its corner: a pyramid below the plane, and a smaller one below the layers. */
-static void a_corner_pushes_with_two_pyramids(void **state)
+TEST(a_corner_pushes_with_two_pyramids)
 {
     const double angle = acos(1 / sqrt(3)), axis[3] = {-sqrt(0.5), sqrt(0.5), 0}, x = 5e-3;
     struct scene scene;
     struct body_motion motion;
     struct contact_wrench wrench;
 
-    (void)state;
     scene_init(&scene, 1);
     scene_add(&scene, -1, CONTACT_HALF_SPACE, &backed);
     scene_add_box(&scene, 0, 0.05, 0.05, 0.05, 3, &backed);
@@ -120,7 +114,7 @@ static void a_corner_pushes_with_two_pyramids(void **state)
                 1e-9 * wrench.force[2]);
 }
 
-static void a_capsule_on_end_pushes_with_two_caps(void **state)
+TEST(a_capsule_on_end_pushes_with_two_caps)
 {
     const double x = 5e-3, beyond = x - layers, R = 0.06;
     struct scene scene;
@@ -130,21 +124,19 @@ static void a_capsule_on_end_pushes_with_two_caps(void **state)
     double expected =
         fixture_pi * (k * x * x * (R - x / 3) + more * square(beyond) * (R - beyond / 3));
 
-    (void)state;
     scene_place(&motion, 0, 0, top - x);
     fixture_evaluate(fixture_native(&scene), &motion, &wrench);
     assert_near(wrench.force[2], expected, 1e-9 * expected);
 }
 
 /* Two spheres without an axis, by the law of contact.h. */
-static void capsules_push_with_two_laws_of_ends(void **state)
+TEST(capsules_push_with_two_laws_of_ends)
 {
     const double x = 3e-3;
     struct scene scene;
     struct body_motion motion[2];
     struct contact_wrench wrench[2];
 
-    (void)state;
     scene_init(&scene, 2);
     for (int i = 0; i < 2; i++) {
         scene_add(&scene, i, CONTACT_CAPSULE, &backed)->radius_m = 0.05;
@@ -161,9 +153,8 @@ static void capsules_push_with_two_laws_of_ends(void **state)
 /* ---- energy ---- */
 
 /* What is stored is the work of pressing: leaning bodies, and past the layers. */
-static void what_is_stored_is_the_work_of_pressing(void **state)
+TEST(what_is_stored_is_the_work_of_pressing)
 {
-    (void)state;
     for (int which = 0; which < FOOT_TERRAIN; which++) {
         const int steps = 4000;
         struct scene scene;
@@ -192,11 +183,10 @@ static void what_is_stored_is_the_work_of_pressing(void **state)
 }
 
 /* A closed path through the layers and back: what goes in comes out. */
-static void no_closed_path_gains_energy(void **state)
+TEST(no_closed_path_gains_energy)
 {
     const int scenes[] = {BOX_BOX, CAPSULE_HALF_SPACE, FOOT_TERRAIN};
 
-    (void)state;
     for (int n = 0; n < 3; n++) {
         const int steps = 1500, which = scenes[n];
         struct scene scene;
@@ -226,11 +216,10 @@ static void no_closed_path_gains_energy(void **state)
 
 /* ---- before the layers end ---- */
 
-static void nothing_changes_before_the_layers_end(void **state)
+TEST(nothing_changes_before_the_layers_end)
 {
     struct contact_material endless = backed;
 
-    (void)state;
     endless.backing_pa_per_m = 0;
     for (int which = 0; which < SCENES; which++) {
         struct scene scene;
@@ -267,14 +256,13 @@ static void nothing_changes_before_the_layers_end(void **state)
 }
 
 /* A layer without end on either side makes one of both. */
-static void one_endless_layer_is_endless(void **state)
+TEST(one_endless_layer_is_endless)
 {
     struct contact_material endless = backed;
     struct scene scene;
     struct body_motion motion;
     struct contact_wrench wrench;
 
-    (void)state;
     endless.backing_pa_per_m = 0;
     make_scene(&scene, BOX_HALF_SPACE, &backed);
     scene.surface[1].material = endless;
@@ -283,18 +271,4 @@ static void one_endless_layer_is_endless(void **state)
     assert_near(wrench.force[2], 0.1 * 0.08 * k * 5e-3, 1e-6);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_flat_side_pushes_by_two_straight_lines),
-        cmocka_unit_test(a_corner_pushes_with_two_pyramids),
-        cmocka_unit_test(a_capsule_on_end_pushes_with_two_caps),
-        cmocka_unit_test(capsules_push_with_two_laws_of_ends),
-        cmocka_unit_test(what_is_stored_is_the_work_of_pressing),
-        cmocka_unit_test(no_closed_path_gains_energy),
-        cmocka_unit_test(nothing_changes_before_the_layers_end),
-        cmocka_unit_test(one_endless_layer_is_endless),
-    };
-
-    return cmocka_run_group_tests(tests, fixture_set_up, fixture_tear_down);
-}
+TEST_GROUP(fixture_set_up, fixture_tear_down)

@@ -9,16 +9,12 @@
 #include "contact/contact.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-#include <cmocka.h>
 
 #include "tests/physics/contact_scene.h"
+#include "tests/test.h"
 
 #define BODIES 3
 #define BRISTLES (CONTACT_BRISTLE * SCENE_PAIRS)
@@ -28,15 +24,13 @@ static const struct contact_material plain = {1e6, 1, 0.3, 0.5, 0.4, 0, 0};
 
 static struct arena arena;
 
-static inline int set_up(void **state)
+FIXTURE(set_up)
 {
-    (void)state;
     return arena_init(&arena, (size_t)64 << 20, NULL) ? -1 : 0;
 }
 
-static inline int tear_down(void **state)
+FIXTURE(tear_down)
 {
-    (void)state;
     arena_fini(&arena);
     return 0;
 }

@@ -6,17 +6,13 @@
 #include "contact/contact.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-#include <cmocka.h>
 
 #include "tests/physics/contact_fixture.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 /* Half of it as hard as the two together: k = 5e7 Pa/m. */
 static const struct contact_material hard = {1e6, 1e-2, 0, 0, 0, 0, 0};
@@ -93,7 +89,7 @@ static double depth_below(double radius, double length, double angle, double low
 
 /* ---- on a half-space ---- */
 
-static void lying_and_standing_capsules_push_with_k_times_their_volume_below(void **state)
+TEST(lying_and_standing_capsules_push_with_k_times_their_volume_below)
 {
     const double R = 0.06, L = 0.18, depth[] = {1e-5, 1e-4, 1e-3, 5e-3, 2e-2};
     struct contact_world *world = capsule_on_ground(R, L);
@@ -101,7 +97,6 @@ static void lying_and_standing_capsules_push_with_k_times_their_volume_below(voi
     struct contact_wrench wrench;
     struct contact_patch patch;
 
-    (void)state;
     for (int i = 0; i < 5; i++) {
         double x = depth[i], down = R - x;
         double segment = R * R * acos(down / R) - down * sqrt(R * R - down * down);
@@ -123,13 +118,12 @@ static void lying_and_standing_capsules_push_with_k_times_their_volume_below(voi
     }
 }
 
-static void capsule_at_any_angle_pushes_with_k_times_the_volume_below_at_its_center(void **state)
+TEST(capsule_at_any_angle_pushes_with_k_times_the_volume_below_at_its_center)
 {
     const double R = 0.06, L = 0.18, angle[] = {0, 0.01, 0.03, 0.1, 0.2, 0.4, 0.8, 1.2, 1.57};
     const double step = 2.5e-4;
     struct contact_world *world = capsule_on_ground(R, L);
 
-    (void)state;
     for (int i = 0; i < 9; i++) {
         for (int deep = 0; deep < 2; deep++) {
             double low = R - (deep ? 1e-2 : 2e-3), volume = 0, first = 0, force;
@@ -161,13 +155,12 @@ static void capsule_at_any_angle_pushes_with_k_times_the_volume_below_at_its_cen
 
 /* ---- on each other ---- */
 
-static void crossed_capsules_push_as_paraboloids_do(void **state)
+TEST(crossed_capsules_push_as_paraboloids_do)
 {
     double radius[2] = {0.05, 0.07}, length[2] = {0.3, 0.3};
     struct contact_world *world = two_round(radius, length);
     const double angle[] = {0.4, 0.8, 1.2, fixture_pi / 2}, x = 1e-4;
 
-    (void)state;
     for (int i = 0; i < 4; i++) {
         struct body_motion motion[2];
         struct contact_wrench wrench[2];
@@ -183,7 +176,7 @@ static void crossed_capsules_push_as_paraboloids_do(void **state)
     }
 }
 
-static void parallel_capsules_push_along_a_line(void **state)
+TEST(parallel_capsules_push_along_a_line)
 {
     double radius[2] = {0.05, 0.07}, length[2] = {0.3, 0.3}, both[2] = {0.3, 0.1};
     const double x = 1e-3, round = 0.05 * 0.07 / 0.12;
@@ -192,7 +185,6 @@ static void parallel_capsules_push_along_a_line(void **state)
     double side = stiffness * 4 / 3 * sqrt(2 * round) * pow(x, 1.5);
     double end = stiffness * fixture_pi * round * x * x;
 
-    (void)state;
     scene_place(&motion[0], 0, 0, 0);
     scene_place(&motion[1], 0, radius[0] + radius[1] - x, 0);
     fixture_evaluate(two_round(radius, length), motion, wrench);
@@ -204,7 +196,7 @@ static void parallel_capsules_push_along_a_line(void **state)
     assert_in_range((int)(1e4 * wrench[1].force[1] / (side * 0.1 + end)), 9900, 10700);
 }
 
-static void tips_push_half_as_much_as_spheres_on_each_other(void **state)
+TEST(tips_push_half_as_much_as_spheres_on_each_other)
 {
     double radius[2] = {0.05, 0.07}, length[2] = {0.3, 0.2}, with_sphere[2] = {0.3, -1};
     const double x = 1e-5;
@@ -212,7 +204,6 @@ static void tips_push_half_as_much_as_spheres_on_each_other(void **state)
     struct body_motion motion[2];
     struct contact_wrench wrench[2];
 
-    (void)state;
     scene_place(&motion[0], 0, 0, 0);
     scene_place(&motion[1], 0, 0, 0.15 + 0.05 + 0.07 + 0.1 - x);
     fixture_evaluate(two_round(radius, length), motion, wrench);
@@ -222,14 +213,13 @@ static void tips_push_half_as_much_as_spheres_on_each_other(void **state)
     assert_near(wrench[1].force[2], 0.75 * force, 0.01 * force);
 }
 
-static void capsule_without_length_is_a_sphere_from_every_side(void **state)
+TEST(capsule_without_length_is_a_sphere_from_every_side)
 {
     double radius[2] = {0.05, 0.07}, none[2] = {0, 0.2}, sphere[2] = {-1, 0.2};
     const double way[3][3] = {{0, 1, 0}, {0, 0, 1}, {0, 0.6, 0.8}};
     struct body_motion motion[2];
     struct contact_wrench of_capsule[2], of_sphere[2];
 
-    (void)state;
     for (int i = 0; i < 3; i++) {
         scene_place(&motion[0], 0, 0, 0);
         scene_place(&motion[1], 0, 0.119 * way[i][1], 0.119 * way[i][2] + 0.1);
@@ -242,11 +232,10 @@ static void capsule_without_length_is_a_sphere_from_every_side(void **state)
     }
 }
 
-static void capsules_with_a_slack_push_as_thinner_ones_do(void **state)
+TEST(capsules_with_a_slack_push_as_thinner_ones_do)
 {
     double radius[2] = {0.05, 0.07}, thin[2] = {0.04, 0.06}, length[2] = {0.3, 0.2};
 
-    (void)state;
     for (int i = 0; i < 40; i++) {
         struct scene scene;
         struct body_motion motion[2];
@@ -288,11 +277,10 @@ static double stored(struct contact_world *world, const struct body_motion motio
 }
 
 /* Work around closed loops through poses of two bodies against what is stored on the way. */
-static void what_a_closed_way_gains_is_nothing_against_what_it_stores(void **state)
+TEST(what_a_closed_way_gains_is_nothing_against_what_it_stores)
 {
     const int steps = 2000;
 
-    (void)state;
     for (int kind = 5; kind <= 7; kind++) {
         struct scene scene;
         double height = fixture_two_bodies(&scene, kind), gained = 0, most = 0;
@@ -328,13 +316,12 @@ static void what_a_closed_way_gains_is_nothing_against_what_it_stores(void **sta
 
 /* ---- what is refused ---- */
 
-static void capsules_of_no_size_and_capsules_for_simbody_are_refused(void **state)
+TEST(capsules_of_no_size_and_capsules_for_simbody_are_refused)
 {
     struct scene scene;
     struct contact_world *world;
     struct error error;
 
-    (void)state;
     scene_init(&scene, 1);
     scene_add(&scene, -1, CONTACT_HALF_SPACE, &hard);
     scene_add(&scene, 0, CONTACT_CAPSULE, &hard)->radius_m = 0.1;
@@ -353,19 +340,4 @@ static void capsules_of_no_size_and_capsules_for_simbody_are_refused(void **stat
     assert_non_null(strstr(error.text, "radius_m"));
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(lying_and_standing_capsules_push_with_k_times_their_volume_below),
-        cmocka_unit_test(capsule_at_any_angle_pushes_with_k_times_the_volume_below_at_its_center),
-        cmocka_unit_test(crossed_capsules_push_as_paraboloids_do),
-        cmocka_unit_test(parallel_capsules_push_along_a_line),
-        cmocka_unit_test(tips_push_half_as_much_as_spheres_on_each_other),
-        cmocka_unit_test(capsule_without_length_is_a_sphere_from_every_side),
-        cmocka_unit_test(capsules_with_a_slack_push_as_thinner_ones_do),
-        cmocka_unit_test(what_a_closed_way_gains_is_nothing_against_what_it_stores),
-        cmocka_unit_test(capsules_of_no_size_and_capsules_for_simbody_are_refused),
-    };
-
-    return cmocka_run_group_tests(tests, fixture_set_up, fixture_tear_down);
-}
+TEST_GROUP(fixture_set_up, fixture_tear_down)

@@ -6,18 +6,14 @@
 #include "contact/contact.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-#include <cmocka.h>
 
 #include "contact/native/private.h"
 #include "tests/physics/contact_fixture.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 /* Two surfaces of these have 5e5 Pa/m, and no friction. */
 static const struct contact_material slippery = {1e6, 1, 0, 0, 0, 0, 0};
@@ -165,9 +161,8 @@ static double path_work(struct contact_world *world, const double at[3], int ste
     return sum;
 }
 
-static void no_closed_path_gains_or_loses_energy(void **state)
+TEST(no_closed_path_gains_or_loses_energy)
 {
-    (void)state;
     for (int kind = 0; kind < PAIR_KINDS; kind++) {
         double gain[2], all, at[3];
         struct scene scene;
@@ -186,12 +181,11 @@ static void no_closed_path_gains_or_loses_energy(void **state)
 }
 
 /* Steps of half the length leave a quarter of the sum's error: nothing else is left of it. */
-static void what_is_left_of_a_closed_path_is_the_error_of_the_sum(void **state)
+TEST(what_is_left_of_a_closed_path_is_the_error_of_the_sum)
 {
     struct scene scene;
     double at[3], all, left[3];
 
-    (void)state;
     make_pair(&scene, BOX_OVER_EDGE, 1, at);
     for (int i = 0; i < 3; i++) {
         left[i] = path_work(fixture_native(&scene), at, 250 << (2 * i), &all);
@@ -202,7 +196,7 @@ static void what_is_left_of_a_closed_path_is_the_error_of_the_sum(void **state)
 
 /* ---- pushes ---- */
 
-static void what_lies_on_a_level_table_is_not_pushed_along_it(void **state)
+TEST(what_lies_on_a_level_table_is_not_pushed_along_it)
 {
     uint64_t seed = 5;
     struct scene scene;
@@ -210,7 +204,6 @@ static void what_lies_on_a_level_table_is_not_pushed_along_it(void **state)
     struct contact_wrench wrench;
     double at[3];
 
-    (void)state;
     make_pair(&scene, BOX_ON_TABLE, 1, at);
 
     struct contact_world *world = fixture_native(&scene);
@@ -232,14 +225,13 @@ static double cube_section(double s, double c, double h)
     return h <= c ? 0 : (pow(s - 2 * c, 3) - pow(s - 2 * h, 3)) / 6;
 }
 
-static void a_thick_body_is_held_by_a_plate_until_its_middle_is_through(void **state)
+TEST(a_thick_body_is_held_by_a_plate_until_its_middle_is_through)
 {
     const double s = 0.15, t = 0.02, c = t / 2;
     struct scene scene;
     struct body_motion motion;
     struct contact_wrench wrench;
 
-    (void)state;
     scene_init(&scene, 1);
     scene_add_box(&scene, -1, 0.4, 0.4, t / 2, 1, &slippery)->position[2] = -t / 2;
     scene_add_box(&scene, 0, s / 2, s / 2, s / 2, 7, &slippery);
@@ -278,12 +270,11 @@ static double spheres_force(double radius, double d)
     return stiffness * 2 * fixture_pi * radius * radius * sum * 2 / n;
 }
 
-static void balls_converge_to_the_integral_over_spheres(void **state)
+TEST(balls_converge_to_the_integral_over_spheres)
 {
     /* 92 % of the volume in common, a third, and just touching */
     const double radius = 0.1, apart[3] = {0.0107, 0.1, 0.19};
 
-    (void)state;
     for (int i = 0; i < 3; i++) {
         double off[3];
 
@@ -313,11 +304,10 @@ static void balls_converge_to_the_integral_over_spheres(void **state)
 
 /* However much of two balls is in common, each facet meets some cells only: what is looked at grows
  * as the facets do, not as their square. */
-static void work_grows_as_the_facets_do(void **state)
+TEST(work_grows_as_the_facets_do)
 {
     const double radius = 0.1, apart[2] = {0.0107, 0.05};
 
-    (void)state;
     for (int i = 0; i < 2; i++) {
         double each[3];
 
@@ -348,7 +338,7 @@ static void work_grows_as_the_facets_do(void **state)
 
 /* ---- friction ---- */
 
-static void a_spinning_square_is_braked_by_the_integral_of_its_lever(void **state)
+TEST(a_spinning_square_is_braked_by_the_integral_of_its_lever)
 {
     /* At a pure spin all of it slides: mu times the force times the mean distance of a square's
      * points from its middle */
@@ -358,7 +348,6 @@ static void a_spinning_square_is_braked_by_the_integral_of_its_lever(void **stat
     struct body_motion motion;
     struct contact_wrench wrench;
 
-    (void)state;
     scene_init(&scene, 1);
     scene.config.transition_velocity_m_s = 1e-6;
     scene_add_box(&scene, -1, 0.2, 0.3, 0.02, 1, &rough);
@@ -409,13 +398,12 @@ static const struct mesh *disc_mesh(int corners, double radius)
 /* 2/3 mu F R by the radius of a circle: of n corners' polygon a little less. The mean distance of
  * such a polygon's points from its middle, in closed form over one of its n wedges; the sum's own
  * error is what is off that. */
-static void a_spinning_disc_is_braked_by_two_thirds_of_mu_f_r(void **state)
+TEST(a_spinning_disc_is_braked_by_two_thirds_of_mu_f_r)
 {
     const struct contact_material rough = {1e6, 1, 0, 0.5, 0.5, 0, 0};
     const double radius = 0.05;
     const int corners[] = {12, 24, 48, 96};
 
-    (void)state;
     for (int table = 0; table < 2; table++) {
         for (int i = 0; i < 4; i++) {
             double half = fixture_pi / corners[i], rim = radius * cos(half), mean, off;
@@ -450,11 +438,10 @@ static void a_spinning_disc_is_braked_by_two_thirds_of_mu_f_r(void **state)
 
 /* ---- any pose ---- */
 
-static void any_pose_is_finite_balanced_and_continuous(void **state)
+TEST(any_pose_is_finite_balanced_and_continuous)
 {
     uint64_t seed = 11;
 
-    (void)state;
     for (int kind = 0; kind < PAIR_KINDS; kind++) {
         const double step = 1e-7;
         struct scene scene;
@@ -500,19 +487,4 @@ static void any_pose_is_finite_balanced_and_continuous(void **state)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(no_closed_path_gains_or_loses_energy),
-        cmocka_unit_test(what_is_left_of_a_closed_path_is_the_error_of_the_sum),
-        cmocka_unit_test(what_lies_on_a_level_table_is_not_pushed_along_it),
-        cmocka_unit_test(a_thick_body_is_held_by_a_plate_until_its_middle_is_through),
-        cmocka_unit_test(balls_converge_to_the_integral_over_spheres),
-        cmocka_unit_test(work_grows_as_the_facets_do),
-        cmocka_unit_test(a_spinning_square_is_braked_by_the_integral_of_its_lever),
-        cmocka_unit_test(a_spinning_disc_is_braked_by_two_thirds_of_mu_f_r),
-        cmocka_unit_test(any_pose_is_finite_balanced_and_continuous),
-    };
-
-    return cmocka_run_group_tests_name("contact_fields", tests, fixture_set_up, fixture_tear_down);
-}
+TEST_GROUP(fixture_set_up, fixture_tear_down)

@@ -8,17 +8,17 @@
 
 #include "tests/physics/contact_scene.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 static const double fixture_pi = 3.14159265358979323846;
 
 static struct arena fixture_arena;
 static const struct mesh *fixture_foot;
 
-static inline int fixture_set_up(void **state)
+FIXTURE(fixture_set_up)
 {
     struct error error;
 
-    (void)state;
     if (arena_init(&fixture_arena, (size_t)512 << 20, &error) != ERROR_NONE ||
         mesh_read_obj(HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj", &fixture_arena,
                       &fixture_foot, &error) != ERROR_NONE) {
@@ -28,9 +28,8 @@ static inline int fixture_set_up(void **state)
     return 0;
 }
 
-static inline int fixture_tear_down(void **state)
+FIXTURE(fixture_tear_down)
 {
-    (void)state;
     arena_fini(&fixture_arena);
     return 0;
 }

@@ -69,7 +69,7 @@ static double drift(const struct swing *swing, bool table)
     return vec3_norm(moved);
 }
 
-static void a_block_does_not_walk_when_its_load_swings(void **state)
+TEST(a_block_does_not_walk_when_its_load_swings)
 {
     static const struct swing swings[] = {
         {"0.2 and 0.5 at 5 Hz", {1.1, 0.9}, 0.2, 0.5, 5},
@@ -78,7 +78,6 @@ static void a_block_does_not_walk_when_its_load_swings(void **state)
     };
     double worst = 0;
 
-    (void)state;
     for (size_t i = 0; i < sizeof swings / sizeof swings[0]; i++) {
         for (int table = 0; table < 2; table++) {
             double moved = drift(&swings[i], table);
@@ -251,12 +250,11 @@ static double stay(const struct bodies *rest, double young, double dissipation, 
     return vec3_norm(moved);
 }
 
-static void a_block_at_rest_on_a_slope_has_no_motion_that_grows(void **state)
+TEST(a_block_at_rest_on_a_slope_has_no_motion_that_grows)
 {
     static const double young[] = {1e7, 1e8}, dissipation[] = {0.3, 3, 30};
     double fastest = -1, furthest = 0;
 
-    (void)state;
     for (int y = 0; y < 2; y++) {
         for (int degrees = 15; degrees <= 40; degrees += 5) {
             for (int high = 0; high < 2; high++) {
@@ -287,12 +285,11 @@ static void a_block_at_rest_on_a_slope_has_no_motion_that_grows(void **state)
 }
 
 /* A cube of mu 1.1 at rest for a minute on slopes to 40 degrees, layers that damp little. */
-static void a_block_rests_on_a_slope_for_a_minute(void **state)
+TEST(a_block_rests_on_a_slope_for_a_minute)
 {
     static const int degrees[] = {30, 40};
     double furthest = 0;
 
-    (void)state;
     for (size_t i = 0; i < sizeof degrees / sizeof degrees[0]; i++) {
         struct bodies rest = box_on_slope(1e8, 0.15, degrees[i] * PI / 180), b;
         double moved = stay(&rest, 1e8, 0.3, 0.15, HOLD_S, &b);
@@ -304,13 +301,4 @@ static void a_block_rests_on_a_slope_for_a_minute(void **state)
     assert_true(furthest < 1e-6);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_block_does_not_walk_when_its_load_swings),
-        cmocka_unit_test(a_block_at_rest_on_a_slope_has_no_motion_that_grows),
-        cmocka_unit_test(a_block_rests_on_a_slope_for_a_minute),
-    };
-
-    return cmocka_run_group_tests(tests, set_up, tear_down);
-}
+TEST_GROUP(set_up, tear_down)

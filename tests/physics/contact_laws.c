@@ -4,17 +4,13 @@
  * contact.h has the one that it has. Nothing here is the engine's; docs/contact.md has the table.
  * HIL_CURVES names a folder for the curves that it draws: ratchet.csv and crate.csv.
  */
+#include "tests/test.h"
+
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #define G 9.81
 #define PI 3.14159265358979323846
@@ -341,14 +337,13 @@ static double gain(enum law law)
     return work / most;
 }
 
-static void the_law_of_the_engine_neither_walks_nor_flutters_nor_makes_energy(void **state)
+TEST(the_law_of_the_engine_neither_walks_nor_flutters_nor_makes_energy)
 {
     static const int numbers[LAWS] = {1, 1, ELEMENTS, 1};
     static struct curve ratchet[LAWS], crate[LAWS];
     const char *folder = getenv("HIL_CURVES");
     double walked[LAWS], grows[LAWS], gained[LAWS], swings[LAWS];
 
-    (void)state;
     for (int law = 0; law < LAWS; law++) {
         walked[law] = drift(law, &ratchet[law]);
         swings[law] = swing(law, &crate[law]);
@@ -374,13 +369,4 @@ static void the_law_of_the_engine_neither_walks_nor_flutters_nor_makes_energy(vo
         assert_true(swings[law] < 1);
         assert_true(gained[law] < 1e-3);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_law_of_the_engine_neither_walks_nor_flutters_nor_makes_energy),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -7,6 +7,7 @@
 extern "C" {
 #include "contact/contact.h"
 #include "tests/physics/contact_scene.h"
+#include "tests/test.h"
 }
 
 #include <algorithm>
@@ -21,7 +22,6 @@ extern "C" {
 #include <vector>
 
 extern "C" {
-#include <cmocka.h>
 }
 
 namespace
@@ -164,17 +164,17 @@ void feet(int count)
     arena_fini(&arena);
 }
 
-void evaluations_of_one_foot_give_back_their_memory(void **)
+TEST(evaluations_of_one_foot_give_back_their_memory)
 {
     feet(1);
 }
 
-void evaluations_of_two_feet_give_back_their_memory(void **)
+TEST(evaluations_of_two_feet_give_back_their_memory)
 {
     feet(2);
 }
 
-void evaluations_of_a_box_on_a_table_give_back_their_memory(void **)
+TEST(evaluations_of_a_box_on_a_table_give_back_their_memory)
 {
     scene scene;
     body_motion motion[1];
@@ -189,7 +189,7 @@ void evaluations_of_a_box_on_a_table_give_back_their_memory(void **)
 
 /* Every allocation of an evaluation fails once, in turn; after each the world still gives the same
  * bits. Creating a world is left out: Simbody's own clean-up asserts there. */
-void an_evaluation_without_memory_is_an_error_and_harms_nothing(void **)
+TEST(an_evaluation_without_memory_is_an_error_and_harms_nothing)
 {
     contact_world *world = nullptr;
     struct error error = {};
@@ -233,15 +233,3 @@ void an_evaluation_without_memory_is_an_error_and_harms_nothing(void **)
 }
 
 } // namespace
-
-int main()
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(evaluations_of_one_foot_give_back_their_memory),
-        cmocka_unit_test(evaluations_of_two_feet_give_back_their_memory),
-        cmocka_unit_test(evaluations_of_a_box_on_a_table_give_back_their_memory),
-        cmocka_unit_test(an_evaluation_without_memory_is_an_error_and_harms_nothing),
-    };
-
-    return cmocka_run_group_tests_name("contact_memory", tests, nullptr, nullptr);
-}

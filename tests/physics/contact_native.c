@@ -6,17 +6,13 @@
 #include "contact/contact.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-#include <cmocka.h>
 
 #include "tests/physics/contact_fixture.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 /* Half of it as hard as the two together: k = 5e5 Pa/m. */
 static const struct contact_material hard = {1e6, 1, 0, 0, 0, 0, 0};
@@ -47,12 +43,11 @@ static double cap_volume(double radius, double depth)
 
 /* ---- the normal law ---- */
 
-static void box_on_table_pushes_with_k_a_d_whatever_the_tables_size(void **state)
+TEST(box_on_table_pushes_with_k_a_d_whatever_the_tables_size)
 {
     const double side[] = {0.2, 0.6, 2.4}, angle[] = {0, 0.3, fixture_pi / 4};
     const int cells[] = {1, 7, 20};
 
-    (void)state;
     for (int s = 0; s < 3; s++) {
         for (int c = 0; c < 3; c++) {
             struct scene scene;
@@ -89,12 +84,11 @@ static void box_on_table_pushes_with_k_a_d_whatever_the_tables_size(void **state
  * k times w times its integral over what is on the table, the moment that of its moment. The
  * upright side that is in the table as deep as d is pushed off it, two thirds of d under the top.
  */
-static void box_over_the_edge_pushes_with_what_is_on_the_table(void **state)
+TEST(box_over_the_edge_pushes_with_what_is_on_the_table)
 {
     const double d = 1e-3, w = 0.15, k = 5e5;
     const double on_table[] = {0.14, 0.075, 0.03, 0.006};
 
-    (void)state;
     for (int cells = 1; cells <= 7; cells += 6) {
         struct scene scene;
         struct body_motion motion;
@@ -123,14 +117,13 @@ static void box_over_the_edge_pushes_with_what_is_on_the_table(void **state)
     }
 }
 
-static void box_on_half_space_pushes_with_k_a_d_and_not_with_its_sides(void **state)
+TEST(box_on_half_space_pushes_with_k_a_d_and_not_with_its_sides)
 {
     const double depth[] = {1e-7, 1e-4, 1e-3, 1e-2, 0.05};
     struct scene scene;
     struct body_motion motion;
     struct contact_wrench wrench;
 
-    (void)state;
     scene_init(&scene, 1);
     scene_add(&scene, -1, CONTACT_HALF_SPACE, &hard);
     scene_add_box(&scene, 0, 0.075, 0.075, 0.075, 7, &hard);
@@ -148,7 +141,7 @@ static void box_on_half_space_pushes_with_k_a_d_and_not_with_its_sides(void **st
     }
 }
 
-static void a_tilted_box_meets_half_space_and_table_alike(void **state)
+TEST(a_tilted_box_meets_half_space_and_table_alike)
 {
     /* a wedge: the lower edge of a box that is turned by t about y, d deep: its bottom is b = d/sin
      * t wide under the plane, and the volume between it and the plane, straight above it, is w b^2
@@ -157,7 +150,6 @@ static void a_tilted_box_meets_half_space_and_table_alike(void **state)
     double volume = w * d * d / 2 * (cos(t) / sin(t) + sin(t) / cos(t));
     double force[2], moment[2], lean[2];
 
-    (void)state;
     for (int table = 0; table < 2; table++) {
         struct scene scene;
         struct body_motion motion;
@@ -188,7 +180,7 @@ static void a_tilted_box_meets_half_space_and_table_alike(void **state)
     assert_near(moment[1], moment[0], 1e-12 * fabs(moment[0]));
 }
 
-static void sphere_on_a_box_pushes_with_k_times_the_cap_wherever_it_lands(void **state)
+TEST(sphere_on_a_box_pushes_with_k_times_the_cap_wherever_it_lands)
 {
     /* 441 places over a cell of the box, as others have measured */
     const double depth = 0.5e-3, force = 5e5 * cap_volume(0.02, depth);
@@ -196,7 +188,6 @@ static void sphere_on_a_box_pushes_with_k_times_the_cap_wherever_it_lands(void *
     struct body_motion motion;
     struct contact_wrench wrench;
 
-    (void)state;
     scene_init(&scene, 1);
     scene_add_box(&scene, -1, 0.075, 0.075, 0.075, 7, &hard);
     scene_add(&scene, 0, CONTACT_SPHERE, &hard)->radius_m = 0.02;
@@ -226,7 +217,7 @@ static void dent(double p[3], const double *top)
     }
 }
 
-static void a_sphere_does_not_feel_the_cells_of_a_surface_that_is_almost_flat(void **state)
+TEST(a_sphere_does_not_feel_the_cells_of_a_surface_that_is_almost_flat)
 {
     /* Dents of 2 um in each corner of the cells: no two triangles are in one plane */
     const double top = 0.05, depth = 0.5e-3, expected = 5e5 * cap_volume(0.02, depth);
@@ -235,7 +226,6 @@ static void a_sphere_does_not_feel_the_cells_of_a_surface_that_is_almost_flat(vo
     struct contact_wrench wrench;
     double least = 1e9, most = 0;
 
-    (void)state;
     scene_init(&scene, 1);
     scene_add(&scene, -1, CONTACT_MESH, &hard)->mesh =
         fixture_reshape((const double[3]){0.075, 0.075, top}, 7, dent, &top);
@@ -255,11 +245,10 @@ static void a_sphere_does_not_feel_the_cells_of_a_surface_that_is_almost_flat(vo
     assert_true(most < 1.01 * expected && least > 0.99 * expected);
 }
 
-static void a_refined_ball_on_a_plane_converges_to_k_times_the_cap(void **state)
+TEST(a_refined_ball_on_a_plane_converges_to_k_times_the_cap)
 {
     const double radius = 0.05, depth = 4e-3, expected = 5e5 * cap_volume(radius, depth);
 
-    (void)state;
     for (int table = 0; table < 2; table++) {
         double off[4];
 
@@ -293,12 +282,11 @@ static void a_refined_ball_on_a_plane_converges_to_k_times_the_cap(void **state)
     }
 }
 
-static void a_facet_may_be_cut_into_any_triangles(void **state)
+TEST(a_facet_may_be_cut_into_any_triangles)
 {
     struct contact_wrench wrench[2][3];
     uint64_t seed = 3;
 
-    (void)state;
     for (int fine = 0; fine < 2; fine++) {
         struct scene scene;
 
@@ -369,13 +357,12 @@ static const struct mesh *make_l(double thickness)
     return &mesh;
 }
 
-static void a_corner_that_is_open_holds_a_box_and_a_sphere_only_where_they_touch(void **state)
+TEST(a_corner_that_is_open_holds_a_box_and_a_sphere_only_where_they_touch)
 {
     /* An angle bracket, its inner faces at x = t and z = t */
     const double t = 0.01;
     const struct mesh *l = make_l(t);
 
-    (void)state;
     for (int sphere = 0; sphere < 2; sphere++) {
         struct scene scene;
         struct body_motion motion;
@@ -417,19 +404,4 @@ static void a_corner_that_is_open_holds_a_box_and_a_sphere_only_where_they_touch
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(box_on_table_pushes_with_k_a_d_whatever_the_tables_size),
-        cmocka_unit_test(box_over_the_edge_pushes_with_what_is_on_the_table),
-        cmocka_unit_test(box_on_half_space_pushes_with_k_a_d_and_not_with_its_sides),
-        cmocka_unit_test(a_tilted_box_meets_half_space_and_table_alike),
-        cmocka_unit_test(sphere_on_a_box_pushes_with_k_times_the_cap_wherever_it_lands),
-        cmocka_unit_test(a_sphere_does_not_feel_the_cells_of_a_surface_that_is_almost_flat),
-        cmocka_unit_test(a_refined_ball_on_a_plane_converges_to_k_times_the_cap),
-        cmocka_unit_test(a_facet_may_be_cut_into_any_triangles),
-        cmocka_unit_test(a_corner_that_is_open_holds_a_box_and_a_sphere_only_where_they_touch),
-    };
-
-    return cmocka_run_group_tests_name("contact_native", tests, fixture_set_up, fixture_tear_down);
-}
+TEST_GROUP(fixture_set_up, fixture_tear_down)

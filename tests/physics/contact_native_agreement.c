@@ -7,17 +7,13 @@
 #include "contact/contact.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-#include <cmocka.h>
 
 #include "tests/physics/contact_centroids.h"
 #include "tests/physics/contact_fixture.h"
+#include "tests/test.h"
 
 /* How the two engines are compared: a pose about which the second body wobbles. */
 struct sweep {
@@ -114,11 +110,10 @@ static void compare_speeds(const struct scene *scene, struct sweep sweep)
     }
 }
 
-static void foot_on_half_space(void **state)
+TEST(foot_on_half_space)
 {
     struct scene scene;
 
-    (void)state;
     scene_init(&scene, 2);
     scene_add(&scene, 0, CONTACT_HALF_SPACE, &scene_ground);
     scene_add(&scene, 1, CONTACT_MESH, &scene_foot)->mesh = fixture_foot;
@@ -131,11 +126,10 @@ static void foot_on_half_space(void **state)
                                           .touching = 150});
 }
 
-static void box_on_half_space(void **state)
+TEST(box_on_half_space)
 {
     struct scene scene;
 
-    (void)state;
     scene_init(&scene, 2);
     scene_add_box(&scene, 1, 0.075, 0.075, 0.075, 7, &scene_foot);
     scene_add(&scene, 0, CONTACT_HALF_SPACE, &scene_ground);
@@ -148,11 +142,10 @@ static void box_on_half_space(void **state)
                                           .touching = 150});
 }
 
-static void box_on_table(void **state)
+TEST(box_on_table)
 {
     struct scene scene;
 
-    (void)state;
     scene_init(&scene, 2);
     scene_add_box(&scene, 0, 0.2, 0.3, 0.02, 1, &scene_ground);
     scene_add_box(&scene, 1, 0.075, 0.075, 0.075, 7, &scene_foot);
@@ -165,11 +158,10 @@ static void box_on_table(void **state)
                                           .touching = 70});
 }
 
-static void sphere_on_box(void **state)
+TEST(sphere_on_box)
 {
     struct scene scene;
 
-    (void)state;
     scene_init(&scene, 2);
     scene_add_box(&scene, 0, 0.075, 0.075, 0.075, 7, &scene_ground);
     scene_add(&scene, 1, CONTACT_SPHERE, &scene_foot)->radius_m = 0.02;
@@ -182,11 +174,10 @@ static void sphere_on_box(void **state)
                                           .touching = 100});
 }
 
-static void foot_on_bumpy_terrain(void **state)
+TEST(foot_on_bumpy_terrain)
 {
     struct scene scene;
 
-    (void)state;
     scene_init(&scene, 2);
     scene_add(&scene, 0, CONTACT_MESH, &scene_ground)->mesh = fixture_terrain(12);
     scene_add(&scene, 1, CONTACT_MESH, &scene_foot)->mesh = fixture_foot;
@@ -199,11 +190,10 @@ static void foot_on_bumpy_terrain(void **state)
                                           .touching = 50});
 }
 
-static void spheres_on_each_other_and_on_a_half_space(void **state)
+TEST(spheres_on_each_other_and_on_a_half_space)
 {
     struct scene scene;
 
-    (void)state;
     for (int half_space = 0; half_space < 2; half_space++) {
         scene_init(&scene, 2);
         if (half_space) {
@@ -222,13 +212,12 @@ static void spheres_on_each_other_and_on_a_half_space(void **state)
     }
 }
 
-static void surfaces_sit_anywhere_on_their_bodies(void **state)
+TEST(surfaces_sit_anywhere_on_their_bodies)
 {
     const double yaw[9] = {0, -1, 0, 1, 0, 0, 0, 0, 1};
     struct scene scene;
     struct contact_surface *s;
 
-    (void)state;
     scene_init(&scene, 2);
     s = scene_add_box(&scene, 0, 0.2, 0.3, 0.02, 2, &scene_ground);
     memcpy(s->rotation, yaw, sizeof yaw);
@@ -245,18 +234,4 @@ static void surfaces_sit_anywhere_on_their_bodies(void **state)
                                           .touching = 50});
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(foot_on_half_space),
-        cmocka_unit_test(box_on_half_space),
-        cmocka_unit_test(box_on_table),
-        cmocka_unit_test(sphere_on_box),
-        cmocka_unit_test(foot_on_bumpy_terrain),
-        cmocka_unit_test(spheres_on_each_other_and_on_a_half_space),
-        cmocka_unit_test(surfaces_sit_anywhere_on_their_bodies),
-    };
-
-    return cmocka_run_group_tests_name("contact_native_agreement", tests, fixture_set_up,
-                                       fixture_tear_down);
-}
+TEST_GROUP(fixture_set_up, fixture_tear_down)

@@ -6,25 +6,20 @@
 #include "contact/contact.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-#include <cmocka.h>
 
 #include "tests/physics/contact_bodies.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 #define G 9.81
 
 /* ---- the tests ---- */
 
-static void a_box_at_rest_is_carried_with_its_weight(void **state)
+TEST(a_box_at_rest_is_carried_with_its_weight)
 {
-    (void)state;
     for (int table = 0; table < 2; table++) {
         struct scene scene;
         struct contact_wrench wrench;
@@ -60,9 +55,8 @@ static struct bodies on_a_slope(struct scene *scene, bool table, double slope)
     return b;
 }
 
-static void a_block_below_the_static_cone_creeps_slower_than_the_transition_velocity(void **state)
+TEST(a_block_below_the_static_cone_creeps_slower_than_the_transition_velocity)
 {
-    (void)state;
     for (int table = 0; table < 2; table++) {
         struct scene scene;
         struct bodies b = on_a_slope(&scene, table, 0.9 * 0.5);
@@ -78,9 +72,8 @@ static void a_block_below_the_static_cone_creeps_slower_than_the_transition_velo
     }
 }
 
-static void a_block_above_the_static_cone_slides_as_the_dynamic_one_lets_it(void **state)
+TEST(a_block_above_the_static_cone_slides_as_the_dynamic_one_lets_it)
 {
-    (void)state;
     for (int table = 0; table < 2; table++) {
         struct scene scene;
         struct bodies b = on_a_slope(&scene, table, 1.1 * 0.5);
@@ -112,11 +105,10 @@ static double rebound(double d, double v0)
     return low;
 }
 
-static void a_bouncing_sphere_loses_what_the_dissipation_says(void **state)
+TEST(a_bouncing_sphere_loses_what_the_dissipation_says)
 {
     const double speed[] = {0.05, 0.3, 1};
 
-    (void)state;
     for (int box = 0; box < 2; box++) {
         struct scene scene;
         struct bodies b;
@@ -143,11 +135,10 @@ static void a_bouncing_sphere_loses_what_the_dissipation_says(void **state)
     }
 }
 
-static void colliding_bodies_exchange_momentum_and_lose_none(void **state)
+TEST(colliding_bodies_exchange_momentum_and_lose_none)
 {
     uint64_t seed = 31;
 
-    (void)state;
     for (int n = 0; n < 40; n++) {
         struct scene scene;
         struct bodies b;
@@ -198,13 +189,12 @@ static void colliding_bodies_exchange_momentum_and_lose_none(void **state)
     }
 }
 
-static void a_spinning_box_is_braked_by_torsional_friction(void **state)
+TEST(a_spinning_box_is_braked_by_torsional_friction)
 {
     /* Mean distance of a square's points from its center, side 0.15:
      * side/6 (sqrt 2 + ln(1 + sqrt 2)) */
     const double lever = 0.15 / 6 * (sqrt(2) + log(1 + sqrt(2)));
 
-    (void)state;
     for (int table = 0; table < 2; table++) {
         struct scene scene;
         struct contact_wrench wrench;
@@ -220,13 +210,12 @@ static void a_spinning_box_is_braked_by_torsional_friction(void **state)
     }
 }
 
-static void stacked_boxes_stay(void **state)
+TEST(stacked_boxes_stay)
 {
     struct scene scene;
     struct contact_wrench wrench[BODIES];
     struct bodies b;
 
-    (void)state;
     scene_init(&scene, 3);
     scene_add_box(&scene, -1, 0.5, 0.5, 0.1, 1, &plain)->position[2] = -0.1;
     scene.surface[0].material.young_pa = 1e7;
@@ -256,17 +245,4 @@ static void stacked_boxes_stay(void **state)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_box_at_rest_is_carried_with_its_weight),
-        cmocka_unit_test(a_block_below_the_static_cone_creeps_slower_than_the_transition_velocity),
-        cmocka_unit_test(a_block_above_the_static_cone_slides_as_the_dynamic_one_lets_it),
-        cmocka_unit_test(a_bouncing_sphere_loses_what_the_dissipation_says),
-        cmocka_unit_test(colliding_bodies_exchange_momentum_and_lose_none),
-        cmocka_unit_test(a_spinning_box_is_braked_by_torsional_friction),
-        cmocka_unit_test(stacked_boxes_stay),
-    };
-
-    return cmocka_run_group_tests_name("contact_native_bodies", tests, set_up, tear_down);
-}
+TEST_GROUP(set_up, tear_down)

@@ -7,17 +7,13 @@
 #include "contact/contact.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-#include <cmocka.h>
 
 #include "tests/physics/contact_bodies.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 #define RADIUS 0.05
 #define HALF 0.075 /* of the cubes */
@@ -149,7 +145,7 @@ static struct bodies begin(const struct game *game, const struct contact_materia
 #define CUBE 1.5, 1.5 * 4 * HALF *HALF / 6
 #define BALL 0.2, 0.2 * 0.4 * RADIUS *RADIUS
 
-static void no_impact_gains_energy(void **state)
+TEST(no_impact_gains_energy)
 {
     static const struct game games[] = {
         {"sphere at half-space", sphere_at_half_space, aim_sphere, BALL, 1e-3, 82000},
@@ -160,7 +156,6 @@ static void no_impact_gains_energy(void **state)
     uint64_t seed = 17;
     int throws = 0;
 
-    (void)state;
     for (size_t g = 0; g < sizeof games / sizeof *games; g++) {
         struct bodies b = begin(&games[g], &plain);
         double most = 0, mean = 0;
@@ -179,7 +174,7 @@ static void no_impact_gains_energy(void **state)
     assert_int_equal(throws, 100000);
 }
 
-static void without_loss_an_impact_keeps_its_energy(void **state)
+TEST(without_loss_an_impact_keeps_its_energy)
 {
     static const struct contact_material lossless = {1e6, 1, 0, 0, 0, 0, 0};
     static const struct game games[] = {
@@ -188,7 +183,6 @@ static void without_loss_an_impact_keeps_its_energy(void **state)
     };
     uint64_t seed = 23;
 
-    (void)state;
     for (size_t g = 0; g < sizeof games / sizeof *games; g++) {
         struct bodies b = begin(&games[g], &lossless);
 
@@ -198,12 +192,4 @@ static void without_loss_an_impact_keeps_its_energy(void **state)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(no_impact_gains_energy),
-        cmocka_unit_test(without_loss_an_impact_keeps_its_energy),
-    };
-
-    return cmocka_run_group_tests_name("contact_native_impacts", tests, set_up, tear_down);
-}
+TEST_GROUP(set_up, tear_down)

@@ -6,23 +6,18 @@
 #include "contact/contact.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-#include <cmocka.h>
 
 #include "tests/physics/contact_fixture.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
-static void action_equals_reaction_and_patches_add_up_to_the_wrenches(void **state)
+TEST(action_equals_reaction_and_patches_add_up_to_the_wrenches)
 {
     uint64_t seed = 7;
 
-    (void)state;
     for (int kind = 0; kind < FIXTURE_KINDS; kind++) {
         struct scene scene;
         double height = fixture_two_bodies(&scene, kind);
@@ -68,11 +63,10 @@ static void action_equals_reaction_and_patches_add_up_to_the_wrenches(void **sta
     }
 }
 
-static void moving_the_whole_scene_moves_the_wrenches_with_it(void **state)
+TEST(moving_the_whole_scene_moves_the_wrenches_with_it)
 {
     uint64_t seed = 3;
 
-    (void)state;
     for (int kind = 0; kind < FIXTURE_KINDS; kind++) {
         struct scene scene;
         double height = fixture_two_bodies(&scene, kind);
@@ -97,11 +91,10 @@ static void moving_the_whole_scene_moves_the_wrenches_with_it(void **state)
     }
 }
 
-static void the_same_motion_gives_the_same_bits_whatever_came_before(void **state)
+TEST(the_same_motion_gives_the_same_bits_whatever_came_before)
 {
     uint64_t seed = 5;
 
-    (void)state;
     for (int kind = 0; kind < FIXTURE_KINDS; kind++) {
         struct scene scene;
         double height = fixture_two_bodies(&scene, kind);
@@ -154,11 +147,10 @@ static double largest_jump(struct contact_world *world, const struct body_motion
     return jump;
 }
 
-static void the_wrench_is_continuous_in_the_pose(void **state)
+TEST(the_wrench_is_continuous_in_the_pose)
 {
     uint64_t seed = 29;
 
-    (void)state;
     for (int kind = 0; kind < FIXTURE_KINDS; kind++) {
         struct scene scene;
         double height = fixture_two_bodies(&scene, kind);
@@ -189,11 +181,10 @@ static void the_wrench_is_continuous_in_the_pose(void **state)
     }
 }
 
-static void the_elastic_force_is_the_slope_of_the_stored_energy(void **state)
+TEST(the_elastic_force_is_the_slope_of_the_stored_energy)
 {
     uint64_t seed = 41;
 
-    (void)state;
     for (int kind = 0; kind < 3; kind++) {
         struct scene scene;
         double height = fixture_two_bodies(&scene, kind);
@@ -231,16 +222,4 @@ static void the_elastic_force_is_the_slope_of_the_stored_energy(void **state)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(action_equals_reaction_and_patches_add_up_to_the_wrenches),
-        cmocka_unit_test(moving_the_whole_scene_moves_the_wrenches_with_it),
-        cmocka_unit_test(the_same_motion_gives_the_same_bits_whatever_came_before),
-        cmocka_unit_test(the_wrench_is_continuous_in_the_pose),
-        cmocka_unit_test(the_elastic_force_is_the_slope_of_the_stored_energy),
-    };
-
-    return cmocka_run_group_tests_name("contact_native_invariants", tests, fixture_set_up,
-                                       fixture_tear_down);
-}
+TEST_GROUP(fixture_set_up, fixture_tear_down)

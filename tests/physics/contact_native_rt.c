@@ -5,18 +5,14 @@
  */
 #include "contact/contact.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-#include <cmocka.h>
 
 #include "tests/physics/contact_centroids.h"
 #include "tests/physics/contact_scene.h"
 #include "tests/physics/counting_malloc.h"
+#include "tests/test.h"
 
 /* Every kind of pair at once: ground, foot, box, table, sphere, another sphere. */
 static void everything(struct scene *scene, const struct mesh *foot)
@@ -50,14 +46,13 @@ static const struct mesh *read_foot(struct arena *arena)
     return foot;
 }
 
-static void evaluations_and_tangents_allocate_nothing(void **state)
+TEST(evaluations_and_tangents_allocate_nothing)
 {
     const struct native_kernels *const kernels[3] = {NULL, NULL, &contact_centroids};
     struct arena arena;
     struct scene scene;
     uint64_t seed = 3;
 
-    (void)state;
     assert_int_equal(arena_init(&arena, (size_t)64 << 20, NULL), ERROR_NONE);
     everything(&scene, read_foot(&arena));
 
@@ -97,7 +92,7 @@ static void evaluations_and_tangents_allocate_nothing(void **state)
     arena_fini(&arena);
 }
 
-static void an_invalid_motion_is_an_error(void **state)
+TEST(an_invalid_motion_is_an_error)
 {
     struct arena arena;
     struct scene scene;
@@ -105,7 +100,6 @@ static void an_invalid_motion_is_an_error(void **state)
     struct contact_wrench wrench[4];
     struct contact_world *world;
 
-    (void)state;
     assert_int_equal(arena_init(&arena, (size_t)16 << 20, NULL), ERROR_NONE);
     everything(&scene, read_foot(&arena));
     assert_int_equal(contact_native_create(&scene.config, &arena, &world, NULL), ERROR_NONE);
@@ -121,13 +115,12 @@ static void an_invalid_motion_is_an_error(void **state)
     arena_fini(&arena);
 }
 
-static void an_arena_that_is_too_small_is_an_error(void **state)
+TEST(an_arena_that_is_too_small_is_an_error)
 {
     struct arena meshes;
     struct scene scene;
     bool made = false;
 
-    (void)state;
     assert_int_equal(arena_init(&meshes, (size_t)1 << 20, NULL), ERROR_NONE);
     everything(&scene, read_foot(&meshes));
     for (size_t size = 4096; !made; size += 8192) {
@@ -144,16 +137,4 @@ static void an_arena_that_is_too_small_is_an_error(void **state)
         arena_fini(&arena);
     }
     arena_fini(&meshes);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(counters_see_the_allocator),
-        cmocka_unit_test(evaluations_and_tangents_allocate_nothing),
-        cmocka_unit_test(an_invalid_motion_is_an_error),
-        cmocka_unit_test(an_arena_that_is_too_small_is_an_error),
-    };
-
-    return cmocka_run_group_tests_name("contact_native_rt", tests, NULL, NULL);
 }

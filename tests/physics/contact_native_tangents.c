@@ -7,17 +7,13 @@
 #include "contact/contact.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-#include <cmocka.h>
 
 #include "tests/physics/contact_fixture.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 /* A velocity's or small displacement's six numbers applied to a body about a point. */
 static void disturb(struct body_motion *motion, const double center[3], int axis, double step,
@@ -72,11 +68,10 @@ static double entry(const double S[21], int row, int column)
     return S[r * (13 - r) / 2 + c - r];
 }
 
-static void tangents_are_the_slopes_of_the_wrench_without_friction(void **state)
+TEST(tangents_are_the_slopes_of_the_wrench_without_friction)
 {
     uint64_t seed = 8;
 
-    (void)state;
     for (int kind = 0; kind < 3; kind++) {
         struct scene scene;
         double height = fixture_two_bodies(&scene, kind);
@@ -145,14 +140,13 @@ static void tangents_are_the_slopes_of_the_wrench_without_friction(void **state)
     }
 }
 
-static void tangents_resist_sliding_at_least_as_much_as_friction_does(void **state)
+TEST(tangents_resist_sliding_at_least_as_much_as_friction_does)
 {
     struct scene scene;
     double height = fixture_two_bodies(&scene, 0);
     struct contact_world *world = fixture_native(&scene);
     const double speed[] = {0, 2e-3, 0.01, 0.05, 1};
 
-    (void)state;
     for (int i = 0; i < 5; i++) {
         struct body_motion motion[2];
         struct contact_wrench wrench[2], faster[2];
@@ -206,7 +200,7 @@ static void roughen(double p[3], const double *height)
 /* A plate that is pressed by depth into the ground, or leaves it, at a speed: its springs make
  * k A (1 + c rate) upward, and the tangents follow from the integrals of 1, x^2 and y^2 over the
  * plate, into however many batches its springs go. */
-static void a_plate_has_the_tangents_of_its_area_at_any_speed(void **state)
+TEST(a_plate_has_the_tangents_of_its_area_at_any_speed)
 {
     static const int cells[] = {1, 7, 30}; /* the last one's are no plane: 1800 springs */
     static const double rates[] = {0, 0.1, -0.5, -0.99, -1.01, 5}; /* in 1 / c: 1 + c rate >= 0 */
@@ -214,7 +208,6 @@ static void a_plate_has_the_tangents_of_its_area_at_any_speed(void **state)
     const double k = scene_stiffness(&scene_foot, &scene_ground);
     const double c = scene_dissipation(&scene_foot, &scene_ground);
 
-    (void)state;
     for (size_t n = 0; n < ARRAY_COUNT(cells) * ARRAY_COUNT(rates); n++) {
         double rate = rates[n % ARRAY_COUNT(rates)] / c, pushes = fmax(1 + c * rate, 0);
         struct scene scene;
@@ -256,14 +249,4 @@ static void a_plate_has_the_tangents_of_its_area_at_any_speed(void **state)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(tangents_are_the_slopes_of_the_wrench_without_friction),
-        cmocka_unit_test(a_plate_has_the_tangents_of_its_area_at_any_speed),
-        cmocka_unit_test(tangents_resist_sliding_at_least_as_much_as_friction_does),
-    };
-
-    return cmocka_run_group_tests_name("contact_native_tangents", tests, fixture_set_up,
-                                       fixture_tear_down);
-}
+TEST_GROUP(fixture_set_up, fixture_tear_down)

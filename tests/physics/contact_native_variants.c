@@ -6,14 +6,10 @@
 #include "tests/physics/contact_variants.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
-#include <cmocka.h>
 
 #include "tests/physics/contact_scene.h"
+#include "tests/test.h"
 
 enum { PLAIN, AVX2, AVX512 };
 enum { BODIES = 4, POSES = 400 };
@@ -21,17 +17,15 @@ enum { BODIES = 4, POSES = 400 };
 static struct arena arena;
 static const struct mesh *foot;
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
-    (void)state;
     return arena_init(&arena, (size_t)64 << 20, NULL) != ERROR_NONE ||
            mesh_read_obj(HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj", &arena, &foot,
                          NULL) != ERROR_NONE;
 }
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
-    (void)state;
     arena_fini(&arena);
     return 0;
 }
@@ -117,30 +111,26 @@ static void agrees(size_t number)
     assert_true(touching > POSES / 2);
 }
 
-static void plain_kernels_repeat_themselves(void **state)
+TEST(plain_kernels_repeat_themselves)
 {
-    (void)state;
     agrees(PLAIN);
 }
 
-static void avx2_kernels_have_the_bits_of_plain_ones_and_repeat_themselves(void **state)
+TEST(avx2_kernels_have_the_bits_of_plain_ones_and_repeat_themselves)
 {
-    (void)state;
     agrees(AVX2);
 }
 
-static void avx512_kernels_have_the_bits_of_plain_ones_and_repeat_themselves(void **state)
+TEST(avx512_kernels_have_the_bits_of_plain_ones_and_repeat_themselves)
 {
-    (void)state;
     agrees(AVX512);
 }
 
-static void the_widest_kernels_that_the_machine_runs_are_taken(void **state)
+TEST(the_widest_kernels_that_the_machine_runs_are_taken)
 {
     const struct contact_variant widest = contact_variant_at(instruction_set_of_machine());
     struct error error;
 
-    (void)state;
     assert_true(widest.runs);
     assert_ptr_equal(native_kernels_used(), widest.kernels);
     assert_int_equal(instruction_set_hold("plain", &error), ERROR_NONE);
@@ -151,14 +141,4 @@ static void the_widest_kernels_that_the_machine_runs_are_taken(void **state)
     assert_ptr_equal(native_kernels_used(), widest.kernels);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(plain_kernels_repeat_themselves),
-        cmocka_unit_test(avx2_kernels_have_the_bits_of_plain_ones_and_repeat_themselves),
-        cmocka_unit_test(avx512_kernels_have_the_bits_of_plain_ones_and_repeat_themselves),
-        cmocka_unit_test(the_widest_kernels_that_the_machine_runs_are_taken),
-    };
-
-    return cmocka_run_group_tests(tests, set_up, tear_down);
-}
+TEST_GROUP(set_up, tear_down)

@@ -23,10 +23,10 @@ extern "C" {
 #include <unistd.h>
 
 extern "C" {
-#include <cmocka.h>
 }
 
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 using namespace SimTK;
 
@@ -201,7 +201,7 @@ struct Meshes {
     }
 };
 
-void sphere_on_box_agrees_with_a_plain_simbody_model(void **)
+TEST(sphere_on_box_agrees_with_a_plain_simbody_model)
 {
     Meshes meshes;
     ObjFile large(meshes.large);
@@ -218,7 +218,7 @@ void sphere_on_box_agrees_with_a_plain_simbody_model(void **)
     sweep(scene, reference, 0.118);
 }
 
-void box_on_box_agrees_with_a_plain_simbody_model(void **)
+TEST(box_on_box_agrees_with_a_plain_simbody_model)
 {
     Meshes meshes;
     ObjFile large(meshes.large), small(meshes.small);
@@ -235,7 +235,7 @@ void box_on_box_agrees_with_a_plain_simbody_model(void **)
     sweep(scene, reference, 0.122);
 }
 
-void foot_on_box_agrees_with_a_plain_simbody_model(void **)
+TEST(foot_on_box_agrees_with_a_plain_simbody_model)
 {
     Meshes meshes;
     ObjFile large(meshes.large), foot(meshes.foot);
@@ -253,14 +253,3 @@ void foot_on_box_agrees_with_a_plain_simbody_model(void **)
 }
 
 } // namespace
-
-int main()
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(sphere_on_box_agrees_with_a_plain_simbody_model),
-        cmocka_unit_test(box_on_box_agrees_with_a_plain_simbody_model),
-        cmocka_unit_test(foot_on_box_agrees_with_a_plain_simbody_model),
-    };
-
-    return cmocka_run_group_tests_name("contact_reference", tests, nullptr, nullptr);
-}

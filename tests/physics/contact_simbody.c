@@ -3,17 +3,13 @@
 #include "contact/contact.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-#include <cmocka.h>
 
 #include "tests/physics/contact_fixture.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 /* Of the right foot's outline, by the shoelace formulas, in the ankle frame. */
 static const double sole_area = 0.015662135;
@@ -21,7 +17,7 @@ static const double sole_centroid[2] = {0.03163532671844123, 0.00142623434374262
 
 /* ---- the normal law ---- */
 
-static void box_on_half_space_pushes_with_k_a_d(void **state)
+TEST(box_on_half_space_pushes_with_k_a_d)
 {
     struct scene scene;
     struct body_motion motion;
@@ -30,7 +26,6 @@ static void box_on_half_space_pushes_with_k_a_d(void **state)
     double k = scene_stiffness(&scene_foot, &scene_ground), area = 0.15 * 0.15;
     double depth[] = {1e-7, 1e-4, 1e-3, 6e-3};
 
-    (void)state;
     fixture_box_on_ground(&scene);
 
     struct contact_world *world = fixture_simbody(&scene);
@@ -56,13 +51,12 @@ static void box_on_half_space_pushes_with_k_a_d(void **state)
     world->ops->destroy(world);
 }
 
-static void nothing_pushes_without_overlap(void **state)
+TEST(nothing_pushes_without_overlap)
 {
     struct scene scene;
     struct body_motion motion;
     struct contact_wrench wrench = {{1, 1, 1}, {1, 1, 1}};
 
-    (void)state;
     fixture_box_on_ground(&scene);
 
     struct contact_world *world = fixture_simbody(&scene);
@@ -76,7 +70,7 @@ static void nothing_pushes_without_overlap(void **state)
     world->ops->destroy(world);
 }
 
-static void foot_pushes_with_its_sole_area_at_the_soles_centroid(void **state)
+TEST(foot_pushes_with_its_sole_area_at_the_soles_centroid)
 {
     const double d = 0.0017;
     struct scene scene;
@@ -84,7 +78,6 @@ static void foot_pushes_with_its_sole_area_at_the_soles_centroid(void **state)
     struct contact_wrench wrench;
     double k = scene_stiffness(&scene_foot, &scene_ground), force = k * sole_area * d;
 
-    (void)state;
     fixture_on_ground(&scene, CONTACT_MESH)->mesh = fixture_foot;
 
     struct contact_world *world = fixture_simbody(&scene);
@@ -100,7 +93,7 @@ static void foot_pushes_with_its_sole_area_at_the_soles_centroid(void **state)
     world->ops->destroy(world);
 }
 
-static void tilted_foot_pushes_with_its_mean_depth(void **state)
+TEST(tilted_foot_pushes_with_its_mean_depth)
 {
     const double tilt = 0.02, d = 0.004;
     struct scene scene;
@@ -111,7 +104,6 @@ static void tilted_foot_pushes_with_its_mean_depth(void **state)
     /* All of the sole stays below the ground, so the depth is linear over the triangles */
     double force = k * sole_area * (d + s * sole_centroid[0]);
 
-    (void)state;
     fixture_on_ground(&scene, CONTACT_MESH)->mesh = fixture_foot;
 
     struct contact_world *world = fixture_simbody(&scene);
@@ -124,7 +116,7 @@ static void tilted_foot_pushes_with_its_mean_depth(void **state)
     world->ops->destroy(world);
 }
 
-static void sinking_adds_the_dissipation_and_rising_takes_it_away(void **state)
+TEST(sinking_adds_the_dissipation_and_rising_takes_it_away)
 {
     struct scene scene;
     struct body_motion motion;
@@ -134,7 +126,6 @@ static void sinking_adds_the_dissipation_and_rising_takes_it_away(void **state)
     double elastic = scene_stiffness(&scene_foot, &scene_ground) * 0.0225 * d;
     double rate[] = {0.2, -0.2, 3, -3, -1000};
 
-    (void)state;
     fixture_box_on_ground(&scene);
 
     struct contact_world *world = fixture_simbody(&scene);
@@ -153,7 +144,7 @@ static void sinking_adds_the_dissipation_and_rising_takes_it_away(void **state)
     world->ops->destroy(world);
 }
 
-static void sphere_on_half_space_obeys_hertz(void **state)
+TEST(sphere_on_half_space_obeys_hertz)
 {
     const double radius = 0.02, d = 4e-4, rate = 0.5;
     struct scene scene;
@@ -162,7 +153,6 @@ static void sphere_on_half_space_obeys_hertz(void **state)
     struct contact_patch patch;
     double stiff = 1e9;
 
-    (void)state;
     fixture_on_ground(&scene, CONTACT_SPHERE)->radius_m = radius;
     for (int pass = 0; pass < 2; pass++) {
         /* First the law as Simbody combines two materials, then a ground so stiff that it does not
@@ -193,7 +183,7 @@ static void sphere_on_half_space_obeys_hertz(void **state)
     }
 }
 
-static void half_space_is_solid_below_its_own_z_axis(void **state)
+TEST(half_space_is_solid_below_its_own_z_axis)
 {
     struct scene scene;
     struct body_motion motion;
@@ -202,7 +192,6 @@ static void half_space_is_solid_below_its_own_z_axis(void **state)
     const double wall[9] = {0, 0, 1, 1, 0, 0, 0, 1, 0};
     double k = scene_stiffness(&scene_foot, &scene_ground);
 
-    (void)state;
     fixture_box_on_ground(&scene);
     memcpy(scene.surface[0].rotation, wall, sizeof wall);
     scene.surface[0].position[0] = 0.5;
@@ -227,7 +216,7 @@ static double smooth_step(double x)
     return x * x * x * (10 + x * (-15 + 6 * x));
 }
 
-static void friction_follows_the_stribeck_curve_against_the_motion(void **state)
+TEST(friction_follows_the_stribeck_curve_against_the_motion)
 {
     double us = scene_mean(scene_foot.static_friction, scene_ground.static_friction);
     double ud = scene_mean(scene_foot.dynamic_friction, scene_ground.dynamic_friction);
@@ -238,7 +227,6 @@ static void friction_follows_the_stribeck_curve_against_the_motion(void **state)
     struct contact_wrench wrench;
     struct contact_patch patch;
 
-    (void)state;
     fixture_box_on_ground(&scene);
 
     struct contact_world *world = fixture_simbody(&scene);
@@ -271,7 +259,7 @@ static void friction_follows_the_stribeck_curve_against_the_motion(void **state)
     world->ops->destroy(world);
 }
 
-static void friction_peaks_at_the_transition_velocity(void **state)
+TEST(friction_peaks_at_the_transition_velocity)
 {
     double us = scene_mean(scene_foot.static_friction, scene_ground.static_friction);
     double peak = 0, at = 0;
@@ -279,7 +267,6 @@ static void friction_peaks_at_the_transition_velocity(void **state)
     struct body_motion motion;
     struct contact_wrench wrench;
 
-    (void)state;
     fixture_box_on_ground(&scene);
     scene.surface[0].material.viscous_friction = 0;
     scene.config.transition_velocity_m_s = 0.05;
@@ -302,7 +289,7 @@ static void friction_peaks_at_the_transition_velocity(void **state)
     world->ops->destroy(world);
 }
 
-static void a_spinning_box_is_braked_by_torsional_friction(void **state)
+TEST(a_spinning_box_is_braked_by_torsional_friction)
 {
     struct scene scene;
     struct body_motion motion;
@@ -312,7 +299,6 @@ static void a_spinning_box_is_braked_by_torsional_friction(void **state)
      * side/6 (sqrt 2 + ln(1 + sqrt 2)) */
     double lever = 0.15 / 6 * (sqrt(2) + log(1 + sqrt(2)));
 
-    (void)state;
     fixture_box_on_ground(&scene)->cells_per_edge = 60;
     scene.surface[1].material.viscous_friction = 0;
 
@@ -328,7 +314,7 @@ static void a_spinning_box_is_braked_by_torsional_friction(void **state)
 
 /* ---- what is known to be off ---- */
 
-static void whole_triangles_of_a_coarse_table_push_too_hard_as_others_have_measured(void **state)
+TEST(whole_triangles_of_a_coarse_table_push_too_hard_as_others_have_measured)
 {
     /* A 15 cm box of 588 faces, 1 mm deep in a table of 12 faces: k A d is 11.25 N whatever the
      * table's size. The figures are what others have measured with Simbody, in N. */
@@ -337,7 +323,6 @@ static void whole_triangles_of_a_coarse_table_push_too_hard_as_others_have_measu
     } table[] = {{0.2, 15.4, 0.05}, {0.6, 31, 0.5}, {2.4, 461, 0.5}};
     const struct contact_material hard = {1e6, 1, 0, 0, 0, 0, 0};
 
-    (void)state;
     assert_near(scene_stiffness(&hard, &hard) * 0.0225 * 1e-3, 11.25, 1e-12);
     for (size_t i = 0; i < sizeof table / sizeof *table; i++) {
         struct scene scene;
@@ -358,7 +343,7 @@ static void whole_triangles_of_a_coarse_table_push_too_hard_as_others_have_measu
     }
 }
 
-static void upright_faces_below_a_half_space_push_too(void **state)
+TEST(upright_faces_below_a_half_space_push_too)
 {
     struct scene scene;
     struct body_motion motion;
@@ -366,7 +351,6 @@ static void upright_faces_below_a_half_space_push_too(void **state)
     double k = scene_stiffness(&scene_foot, &scene_ground), cell = 0.15 / 7;
     double column = cell * cell / 2 * 28, d = 0.01;
 
-    (void)state;
     fixture_box_on_ground(&scene);
 
     struct contact_world *world = fixture_simbody(&scene);
@@ -380,7 +364,7 @@ static void upright_faces_below_a_half_space_push_too(void **state)
 
 /* ---- a block that falls ---- */
 
-static void a_dropped_block_comes_to_rest_with_its_weight(void **state)
+TEST(a_dropped_block_comes_to_rest_with_its_weight)
 {
     const double mass = 1.5, weight = mass * 9.81, h = 1e-4;
     struct contact_material soft = {2e4, 5e-3, 2, 0.9, 0.6, 0, 0};
@@ -389,7 +373,6 @@ static void a_dropped_block_comes_to_rest_with_its_weight(void **state)
     struct contact_wrench wrench;
     double k, highest = 0;
 
-    (void)state;
     fixture_box_on_ground(&scene);
     scene.surface[0].material = scene.surface[1].material = soft;
     k = scene_stiffness(&soft, &soft);
@@ -417,23 +400,4 @@ static void a_dropped_block_comes_to_rest_with_its_weight(void **state)
     world->ops->destroy(world);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(box_on_half_space_pushes_with_k_a_d),
-        cmocka_unit_test(nothing_pushes_without_overlap),
-        cmocka_unit_test(foot_pushes_with_its_sole_area_at_the_soles_centroid),
-        cmocka_unit_test(tilted_foot_pushes_with_its_mean_depth),
-        cmocka_unit_test(sinking_adds_the_dissipation_and_rising_takes_it_away),
-        cmocka_unit_test(sphere_on_half_space_obeys_hertz),
-        cmocka_unit_test(half_space_is_solid_below_its_own_z_axis),
-        cmocka_unit_test(friction_follows_the_stribeck_curve_against_the_motion),
-        cmocka_unit_test(friction_peaks_at_the_transition_velocity),
-        cmocka_unit_test(a_spinning_box_is_braked_by_torsional_friction),
-        cmocka_unit_test(whole_triangles_of_a_coarse_table_push_too_hard_as_others_have_measured),
-        cmocka_unit_test(upright_faces_below_a_half_space_push_too),
-        cmocka_unit_test(a_dropped_block_comes_to_rest_with_its_weight),
-    };
-
-    return cmocka_run_group_tests_name("contact_simbody", tests, fixture_set_up, fixture_tear_down);
-}
+TEST_GROUP(fixture_set_up, fixture_tear_down)

@@ -6,17 +6,13 @@
 #include "contact/contact.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-#include <cmocka.h>
 
 #include "tests/physics/contact_fixture.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 /* ---- what any contact obeys ---- */
 
@@ -45,12 +41,11 @@ static void two_motions(uint64_t *seed, struct body_motion motion[2])
     }
 }
 
-static void action_equals_reaction_about_any_point(void **state)
+TEST(action_equals_reaction_about_any_point)
 {
     uint64_t seed = 7;
     int touching = 0;
 
-    (void)state;
     for (int sphere = 0; sphere < 2; sphere++) {
         struct scene scene;
         struct body_motion motion[2];
@@ -85,7 +80,7 @@ static void action_equals_reaction_about_any_point(void **state)
     assert_true(touching > 80);
 }
 
-static void patches_add_up_to_the_wrenches(void **state)
+TEST(patches_add_up_to_the_wrenches)
 {
     uint64_t seed = 11;
     struct scene scene;
@@ -93,7 +88,6 @@ static void patches_add_up_to_the_wrenches(void **state)
     struct contact_wrench wrench[2];
     struct contact_patch patch;
 
-    (void)state;
     two_bodies(&scene, false);
 
     struct contact_world *world = fixture_simbody(&scene);
@@ -124,12 +118,11 @@ static void patches_add_up_to_the_wrenches(void **state)
     world->ops->destroy(world);
 }
 
-static void moving_the_whole_scene_moves_the_wrenches_with_it(void **state)
+TEST(moving_the_whole_scene_moves_the_wrenches_with_it)
 {
     uint64_t seed = 3;
     int touching = 0;
 
-    (void)state;
     for (int sphere = 0; sphere < 2; sphere++) {
         struct scene scene;
         struct body_motion motion[2], moved[2];
@@ -159,14 +152,13 @@ static void moving_the_whole_scene_moves_the_wrenches_with_it(void **state)
     assert_true(touching > 80);
 }
 
-static void the_same_motion_gives_the_same_bits_whatever_came_before(void **state)
+TEST(the_same_motion_gives_the_same_bits_whatever_came_before)
 {
     uint64_t seed = 5;
     struct scene scene;
     struct body_motion motion[20][2];
     struct contact_wrench first[20][2], again[2];
 
-    (void)state;
     two_bodies(&scene, false);
 
     struct contact_world *world = fixture_simbody(&scene), *fresh;
@@ -200,12 +192,11 @@ static void the_same_motion_gives_the_same_bits_whatever_came_before(void **stat
 
 /* ---- pairs ---- */
 
-static void only_the_given_pairs_interact_in_every_subset(void **state)
+TEST(only_the_given_pairs_interact_in_every_subset)
 {
     /* Ground, sphere, box, mesh; all of them overlap at the origin */
     static const int all[6][2] = {{0, 1}, {2, 0}, {0, 3}, {1, 2}, {3, 1}, {2, 3}};
 
-    (void)state;
     for (unsigned subset = 0; subset < 64; subset++) {
         struct scene scene;
         struct body_motion motion[3];
@@ -243,14 +234,13 @@ static void only_the_given_pairs_interact_in_every_subset(void **state)
     }
 }
 
-static void patches_writes_no_more_than_asked_and_returns_all(void **state)
+TEST(patches_writes_no_more_than_asked_and_returns_all)
 {
     struct scene scene;
     struct body_motion motion[2];
     struct contact_wrench wrench[2];
     struct contact_patch patch[2];
 
-    (void)state;
     scene_init(&scene, 2);
     scene_add(&scene, -1, CONTACT_HALF_SPACE, &scene_ground);
     for (int b = 0; b < 2; b++) {
@@ -272,13 +262,12 @@ static void patches_writes_no_more_than_asked_and_returns_all(void **state)
     world->ops->destroy(world);
 }
 
-static void a_body_without_surfaces_feels_nothing(void **state)
+TEST(a_body_without_surfaces_feels_nothing)
 {
     struct scene scene;
     struct body_motion motion[2];
     struct contact_wrench wrench[2];
 
-    (void)state;
     fixture_box_on_ground(&scene);
     scene.config.nbody = 2;
 
@@ -292,7 +281,7 @@ static void a_body_without_surfaces_feels_nothing(void **state)
     world->ops->destroy(world);
 }
 
-static void a_surface_may_sit_anywhere_on_its_body(void **state)
+TEST(a_surface_may_sit_anywhere_on_its_body)
 {
     struct scene scene;
     struct body_motion motion;
@@ -300,7 +289,6 @@ static void a_surface_may_sit_anywhere_on_its_body(void **state)
     const double yaw[9] = {0, -1, 0, 1, 0, 0, 0, 0, 1};
     double force = scene_stiffness(&scene_foot, &scene_ground) * 4 * 0.02 * 0.03 * 1e-3;
 
-    (void)state;
     scene_init(&scene, 1);
     scene_add(&scene, -1, CONTACT_HALF_SPACE, &scene_ground);
 
@@ -324,13 +312,12 @@ static void a_surface_may_sit_anywhere_on_its_body(void **state)
 
 /* ---- input that is wrong or empty ---- */
 
-static void an_invalid_motion_is_an_error_and_harms_nothing(void **state)
+TEST(an_invalid_motion_is_an_error_and_harms_nothing)
 {
     struct scene scene;
     struct body_motion motion, broken;
     struct contact_wrench wrench, again;
 
-    (void)state;
     fixture_box_on_ground(&scene);
 
     struct contact_world *world = fixture_simbody(&scene);
@@ -359,11 +346,10 @@ static void an_invalid_motion_is_an_error_and_harms_nothing(void **state)
     world->ops->destroy(world);
 }
 
-static void an_empty_world_evaluates_to_nothing(void **state)
+TEST(an_empty_world_evaluates_to_nothing)
 {
     struct scene scene;
 
-    (void)state;
     scene_init(&scene, 0);
 
     struct contact_world *world = fixture_simbody(&scene);
@@ -374,21 +360,4 @@ static void an_empty_world_evaluates_to_nothing(void **state)
     world->ops->destroy(world);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(action_equals_reaction_about_any_point),
-        cmocka_unit_test(patches_add_up_to_the_wrenches),
-        cmocka_unit_test(moving_the_whole_scene_moves_the_wrenches_with_it),
-        cmocka_unit_test(the_same_motion_gives_the_same_bits_whatever_came_before),
-        cmocka_unit_test(only_the_given_pairs_interact_in_every_subset),
-        cmocka_unit_test(patches_writes_no_more_than_asked_and_returns_all),
-        cmocka_unit_test(a_body_without_surfaces_feels_nothing),
-        cmocka_unit_test(a_surface_may_sit_anywhere_on_its_body),
-        cmocka_unit_test(an_invalid_motion_is_an_error_and_harms_nothing),
-        cmocka_unit_test(an_empty_world_evaluates_to_nothing),
-    };
-
-    return cmocka_run_group_tests_name("contact_simbody_invariants", tests, fixture_set_up,
-                                       fixture_tear_down);
-}
+TEST_GROUP(fixture_set_up, fixture_tear_down)

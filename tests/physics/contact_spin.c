@@ -111,13 +111,12 @@ static void brake_disc(struct contact_world *world, double e, struct contact_wre
     }
 }
 
-static void a_disc_that_slides_and_spins_is_braked_as_contensou_says(void **state)
+TEST(a_disc_that_slides_and_spins_is_braked_as_contensou_says)
 {
     const double slide[] = {0, 1e-4, 1e-3, 0.01, 0.03, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 0.95};
     const char *const name[] = {"regularized", "sticking"};
     const double wedge = 2 * pi / CORNERS, radius = RADIUS * sqrt(sin(wedge) / wedge);
 
-    (void)state;
     for (int law = 0; law < 2; law++) {
         struct contact_world *world =
             make_world(law ? CONTACT_FRICTION_STICKING : CONTACT_FRICTION_REGULARIZED);
@@ -142,11 +141,4 @@ static void a_disc_that_slides_and_spins_is_braked_as_contensou_says(void **stat
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_disc_that_slides_and_spins_is_braked_as_contensou_says),
-    };
-
-    return cmocka_run_group_tests(tests, set_up, tear_down);
-}
+TEST_GROUP(set_up, tear_down)

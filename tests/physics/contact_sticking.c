@@ -128,9 +128,8 @@ static double square(const double y[CONTACT_BRISTLE])
 
 /* ---- at rest ---- */
 
-static void bristles_at_rest_hold_and_do_not_yield(void **state)
+TEST(bristles_at_rest_hold_and_do_not_yield)
 {
-    (void)state;
     for (int kind = 0; kind < KINDS; kind++) {
         struct contact_wrench wrench[BODIES];
         struct body_motion motion[BODIES];
@@ -223,11 +222,10 @@ static double sliding_error(const struct laws *laws, double speed, double direct
 
 /* Where a flat side has a dozen springs one of them may lie where nothing slides, and does so alone
  * what the law of Coulomb has no direction for; so such motions are left to the rough block. */
-static void sliding_is_the_regularized_law_within_one_percent(void **state)
+TEST(sliding_is_the_regularized_law_within_one_percent)
 {
     const double spin[] = {0, 1, -10, 200, -30, 60};
 
-    (void)state;
     for (int kind = 0; kind < KINDS; kind++) {
         struct laws laws;
         double worst = 0;
@@ -312,12 +310,11 @@ static double friction_power(enum kind kind, struct contact_world *world,
 
 /* Whatever normal forces, patches and normals do: friction never gives more than it has taken, at
  * any time. */
-static void friction_makes_no_energy_while_loads_change(void **state)
+TEST(friction_makes_no_energy_while_loads_change)
 {
     const struct contact_material slick = {1e6, 1, 0.3, 0, 0, 0, 0};
     uint64_t seed = 5;
 
-    (void)state;
     for (int kind = 0; kind < KINDS; kind++) {
         struct contact_world *world, *frictionless;
         struct scene scene;
@@ -367,12 +364,11 @@ static void friction_makes_no_energy_while_loads_change(void **state)
 }
 
 /* At any bristles and any motion friction stays below mu f_n. */
-static void friction_stays_within_its_limit(void **state)
+TEST(friction_stays_within_its_limit)
 {
     const struct contact_material slick = {1e6, 1, 0.3, 0, 0, 0, 0};
     uint64_t seed = 11;
 
-    (void)state;
     for (int kind = 0; kind < KINDS; kind++) {
         struct contact_world *world, *frictionless;
         struct scene scene;
@@ -409,9 +405,8 @@ static void friction_stays_within_its_limit(void **state)
 
 /* The bristles some time ahead are where their rates lead to, and the tangents' damping is the
  * slope of the force against the velocity; both as an implicit step needs them. */
-static void bristles_ahead_are_those_that_the_rates_lead_to(void **state)
+TEST(bristles_ahead_are_those_that_the_rates_lead_to)
 {
-    (void)state;
     for (int kind = 0; kind < KINDS; kind++) {
         const double y[CONTACT_BRISTLE] = {1e-6, -7e-7, 0, 5e-7};
         double rate[CONTACT_BRISTLE], soon[CONTACT_BRISTLE], change;
@@ -450,7 +445,7 @@ static void bristles_ahead_are_those_that_the_rates_lead_to(void **state)
     }
 }
 
-static void bristles_that_are_not_numbers_are_refused(void **state)
+TEST(bristles_that_are_not_numbers_are_refused)
 {
     const double y[CONTACT_BRISTLE] = {0, NAN, 0, 0};
     int pair[1] = {0};
@@ -460,7 +455,6 @@ static void bristles_that_are_not_numbers_are_refused(void **state)
     struct contact_world *world;
     struct scene scene;
 
-    (void)state;
     make_scene(ON_GROUND, &rough, CONTACT_FRICTION_STICKING, &scene);
     world = make_world(&scene);
     scene_place(&motion[0], 0, 0, 0);
@@ -486,9 +480,8 @@ static struct bodies cube_on_slope(bool table, double angle)
     return b;
 }
 
-static void a_block_below_the_static_cone_stays(void **state)
+TEST(a_block_below_the_static_cone_stays)
 {
-    (void)state;
     for (int table = 0; table < 2; table++) {
         struct bodies b = cube_on_slope(table, 0.7 * atan(0.5));
         double rest;
@@ -503,9 +496,8 @@ static void a_block_below_the_static_cone_stays(void **state)
     }
 }
 
-static void a_block_above_it_slides_as_dynamic_friction_lets_it(void **state)
+TEST(a_block_above_it_slides_as_dynamic_friction_lets_it)
 {
-    (void)state;
     for (int table = 0; table < 2; table++) {
         const double angle = atan(1.1 * 0.5), expected = G * (sin(angle) - 0.4 * cos(angle));
         struct bodies b = cube_on_slope(table, angle);
@@ -520,13 +512,12 @@ static void a_block_above_it_slides_as_dynamic_friction_lets_it(void **state)
 }
 
 /* The moment that brakes a spin is that of Coulomb's friction, and the spin ends. */
-static void a_spinning_block_stops(void **state)
+TEST(a_spinning_block_stops)
 {
     const double lever = 0.15 / 6 * (sqrt(2) + log(1 + sqrt(2)));
     struct bodies b = cube_on_slope(false, 0);
     double braked = 0.4 * 1.5 * G * lever / b.inertia[0], before;
 
-    (void)state;
     run(&b, 0.2, 2.5e-4);
     b.motion[0].w[2] = 20;
     run(&b, 0.02, 2.5e-4);
@@ -538,19 +529,4 @@ static void a_spinning_block_stops(void **state)
     assert_near(vec3_norm(b.motion[0].v), 0, 1e-9);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(bristles_at_rest_hold_and_do_not_yield),
-        cmocka_unit_test(sliding_is_the_regularized_law_within_one_percent),
-        cmocka_unit_test(friction_makes_no_energy_while_loads_change),
-        cmocka_unit_test(friction_stays_within_its_limit),
-        cmocka_unit_test(bristles_ahead_are_those_that_the_rates_lead_to),
-        cmocka_unit_test(bristles_that_are_not_numbers_are_refused),
-        cmocka_unit_test(a_block_below_the_static_cone_stays),
-        cmocka_unit_test(a_block_above_it_slides_as_dynamic_friction_lets_it),
-        cmocka_unit_test(a_spinning_block_stops),
-    };
-
-    return cmocka_run_group_tests(tests, set_up, tear_down);
-}
+TEST_GROUP(set_up, tear_down)

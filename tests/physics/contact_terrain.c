@@ -52,13 +52,12 @@ static double energy(const struct bodies *b)
     return kinetic(b) + stored(b) + MASS * G * b->motion[0].p[2];
 }
 
-static void a_foot_on_the_bump_comes_to_rest_and_loses_energy_only(void **state)
+TEST_WITH(a_foot_on_the_bump_comes_to_rest_and_loses_energy_only, set_up, tear_down)
 {
     /* At the top, on the way up, on the flank: over three to nine facets each */
     static const double place[][3] = {
         {0.83, 0.03, 0.096}, {0.33, -0.02, 0.062}, {0.8, 0.45, 0.072}};
 
-    (void)state;
     for (size_t i = 0; i < sizeof place / sizeof place[0]; i++) {
         struct contact_wrench wrench;
         struct contact_patch patch;
@@ -91,14 +90,4 @@ static void a_foot_on_the_bump_comes_to_rest_and_loses_energy_only(void **state)
         assert_true(patch.penetration_m < 5e-3);
         assert_true(most < 1e-5);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(a_foot_on_the_bump_comes_to_rest_and_loses_energy_only,
-                                        set_up, tear_down),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

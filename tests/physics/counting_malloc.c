@@ -1,13 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The linker sends every call of the allocator to the counters here. */
 #include "tests/physics/counting_malloc.h"
+#include "tests/test.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdint.h>
 #include <stdlib.h>
-
-#include <cmocka.h>
 
 /* Volatile: compilers assume that an allocator touches nothing else */
 static volatile size_t calls;
@@ -50,12 +46,11 @@ size_t counted_calls(void)
     return calls;
 }
 
-void counters_see_the_allocator(void **state)
+TEST(counters_see_the_allocator)
 {
     size_t before = calls;
     void *volatile memory = malloc(16);
 
-    (void)state;
     memory = realloc(memory, 32);
     free(memory);
     memory = calloc(2, 8);

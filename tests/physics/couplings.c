@@ -8,15 +8,11 @@
 #include "model/settle.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/near.h"
 #include "tests/physics/plant_rig.h"
+#include "tests/test.h"
 
 /* Two bodies on a fixed base, the second on the base or on the first, the second joint a follower
  * of the first. */
@@ -92,7 +88,7 @@ static void wheels_start(struct pair *pair, double q, double error)
 
 /* The error e = q_f - m q_l - o follows e'' = -w^2 e, w^2 = K (1/I_f + m^2/I_l): one swings against
  * the other, and I_l q_l' + m I_f q_f' stays what it was. */
-static void wheels_swing_as_the_closed_form(void **state)
+TEST(wheels_swing_as_the_closed_form)
 {
     const double w = 60.0, e0 = 0.05, q0 = 0.3;
     const double K = w * w / (1.0 / FOLLOWER + TIMES * TIMES / LEADER);
@@ -105,7 +101,6 @@ static void wheels_swing_as_the_closed_form(void **state)
                {PLANT_IMPLICIT, 1000000, 1.2e-2},
                {PLANT_IMPLICIT, 100000, 1.2e-4}};
 
-    (void)state;
     for (size_t i = 0; i < sizeof run / sizeof *run; i++) {
         struct pair pair;
         double worst = 0.0, drift = 0.0;
@@ -131,12 +126,11 @@ static void wheels_swing_as_the_closed_form(void **state)
 }
 
 /* What the spring had is in the damper when all has come to rest. */
-static void damper_takes_what_the_spring_had(void **state)
+TEST(damper_takes_what_the_spring_had)
 {
     const double K = 100.0, e0 = 0.1;
     static const enum plant_integrator all[] = {PLANT_RK4, PLANT_DOPRI5, PLANT_IMPLICIT};
 
-    (void)state;
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         struct plant_energy energy;
         struct pair pair;
@@ -158,13 +152,12 @@ static void damper_takes_what_the_spring_had(void **state)
 
 /* However stiff, at the millisecond of real time: a moment on the leader turns both as one wheel of
  * I_l + m^2 I_f would turn, the follower where the force that turns it bends it to. */
-static void stiff_coupling_is_a_gear(void **state)
+TEST(stiff_coupling_is_a_gear)
 {
     static const double none[3];
     const double moment[3] = {0.0, 0.4, 0.0}, whole = LEADER + TIMES * TIMES * FOLLOWER;
     double worst = 0.0, bent = 0.0;
 
-    (void)state;
     for (double K = 300.0; K <= 1e9; K *= 7.0) {
         const double exact = 0.4 / whole, bend = -TIMES * FOLLOWER * exact / K;
         struct pair pair;
@@ -185,9 +178,8 @@ static void stiff_coupling_is_a_gear(void **state)
 }
 
 /* Thrown off by half a radian a stiff coupling comes to rest in a few steps, and nothing gains. */
-static void stiff_coupling_damps_what_it_cannot_follow(void **state)
+TEST(stiff_coupling_damps_what_it_cannot_follow)
 {
-    (void)state;
     for (double K = 1e3; K <= 1e9; K *= 10.0) {
         for (int damped = 0; damped < 2; damped++) {
             double last = INFINITY;
@@ -214,7 +206,7 @@ static void stiff_coupling_damps_what_it_cannot_follow(void **state)
 
 /* A moment on the leader that presses the follower on its stop: the stop carries moment / |m|, and
  * the coupling is bent by that. */
-static void leader_presses_the_stop_of_its_follower(void **state)
+TEST(leader_presses_the_stop_of_its_follower)
 {
     static const double none[3];
     const double K = 3000.0, moment[3] = {0.0, -1.5, 0.0};
@@ -223,7 +215,6 @@ static void leader_presses_the_stop_of_its_follower(void **state)
     static const enum plant_integrator both[] = {PLANT_DOPRI5, PLANT_IMPLICIT};
     double deepest[2] = {0.0, 0.0}, lost[2];
 
-    (void)state;
     for (int i = 0; i < 2; i++) {
         struct plant_energy energy;
         struct pair pair;
@@ -253,9 +244,8 @@ static void leader_presses_the_stop_of_its_follower(void **state)
 }
 
 /* Driven on by a voltage the leader of a follower at its stop stands, whatever the voltage. */
-static void drive_stalls_at_the_stop_of_its_follower(void **state)
+TEST(drive_stalls_at_the_stop_of_its_follower)
 {
-    (void)state;
     for (double volts = 6.0; volts <= 48.0; volts *= 2.0) {
         const struct robot_sea sea = toy_drive(1000.0);
         const double tau = sea.Kt * volts / sea.R, press = tau / fabs(TIMES);
@@ -352,13 +342,12 @@ static void pendulum_init(struct pair *pair, enum plant_integrator integrator, i
 }
 
 /* A second of it, far from rest: dopri5 at its tolerance, the implicit scheme with order 2. */
-static void pendulum_moves_as_its_own_equations(void **state)
+TEST(pendulum_moves_as_its_own_equations)
 {
     const double start[2] = {1.2, 0.3};
     double y[4] = {start[0], start[1], 0.0, 0.0}, error[3];
     struct pair pair;
 
-    (void)state;
     for (int i = 0; i < 3; i++) {
         static const int64_t step[3] = {1000000, 500000, 250000};
 
@@ -388,7 +377,7 @@ static void pendulum_moves_as_its_own_equations(void **state)
 /* ---- a walker ---- */
 
 /* Half a second of one that falls on its feet, limp. */
-static void walker_with_couplings_keeps_its_energy(void **state)
+TEST(walker_with_couplings_keeps_its_energy)
 {
     const struct {
         enum plant_integrator integrator;
@@ -398,7 +387,6 @@ static void walker_with_couplings_keeps_its_energy(void **state)
         {PLANT_DOPRI5, 1000000, 1e-6}, {PLANT_RK4, 20000, 1e-3}, {PLANT_IMPLICIT, 250000, 1e-2}};
     double last[8] = {0.0};
 
-    (void)state;
     for (size_t i = 0; i < sizeof run / sizeof *run; i++) {
         struct robot_coupling coupling[2];
         struct plant_energy energy;
@@ -430,7 +418,7 @@ static void walker_with_couplings_keeps_its_energy(void **state)
 
 /* An arm held out on its drive, and one that follows it: the drive carries both, the follower sags
  * by what it weighs, and from then on nothing moves. */
-static void settled_follower_sags_by_its_weight(void **state)
+TEST(settled_follower_sags_by_its_weight)
 {
     static const double base[6] = {1.0, 0.0, 0.0, 1.0, 0.0, 1.0}, aside[3] = {0.0, 0.5, 0.0};
     static const double own[6] = {0.01, 0.0, 0.0, 0.02, 0.0, 0.02}, com[3] = {0.2, 0.0, 0.0};
@@ -440,7 +428,6 @@ static void settled_follower_sags_by_its_weight(void **state)
     struct error error;
     double weight, before[2];
 
-    (void)state;
     toy_begin(&pair.toy, false, 1.0, origin, base);
     toy_add(&pair.toy, 0, JOINT_REVOLUTE, pitch, origin, 1.5, com, own);
     toy_add(&pair.toy, 0, JOINT_REVOLUTE, pitch, aside, 1.0, com, own);
@@ -469,7 +456,7 @@ static void settled_follower_sags_by_its_weight(void **state)
 }
 
 /* A robot that floats stands on feet of which one ankle follows the other: settled it stays. */
-static void settled_walker_stands(void **state)
+TEST(settled_walker_stands)
 {
     static const double quaternion[4] = {1.0, 0.0, 0.0, 0.0}, position[3] = {0.0, 0.0, 0.52};
     const double joint[8] = {-0.2, 0.4, -0.2, -0.2, 0.4, -0.2, 0.2, 0.03};
@@ -479,7 +466,6 @@ static void settled_walker_stands(void **state)
     struct error error;
     double before[15], moved = 0.0;
 
-    (void)state;
     plant_rig_coupled_walker(&rig, coupling, PLANT_IMPLICIT, 1000000);
     assert_int_equal(plant_reset(rig.plant, position, quaternion, joint), ERROR_NONE);
     if (plant_settle(rig.plant, &rig.arena, &settled, &error)) {
@@ -502,11 +488,10 @@ static void settled_walker_stands(void **state)
 }
 
 /* Clamped links do not feel their couplings; let go, they do. */
-static void clamp_holds_couplings(void **state)
+TEST(clamp_holds_couplings)
 {
     struct pair pair;
 
-    (void)state;
     wheels_init(&pair, PLANT_IMPLICIT, 1000000, 100.0, 0.1);
     wheels_start(&pair, 0.2, 0.1);
     plant_clamp(pair.plant, true);
@@ -517,23 +502,4 @@ static void clamp_holds_couplings(void **state)
     assert_int_equal(plant_step(pair.plant, 1), ERROR_NONE);
     assert_true(pair.qd[1] < 0.0 && pair.qd[0] < 0.0);
     arena_fini(&pair.arena);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(wheels_swing_as_the_closed_form),
-        cmocka_unit_test(damper_takes_what_the_spring_had),
-        cmocka_unit_test(stiff_coupling_is_a_gear),
-        cmocka_unit_test(stiff_coupling_damps_what_it_cannot_follow),
-        cmocka_unit_test(leader_presses_the_stop_of_its_follower),
-        cmocka_unit_test(drive_stalls_at_the_stop_of_its_follower),
-        cmocka_unit_test(pendulum_moves_as_its_own_equations),
-        cmocka_unit_test(walker_with_couplings_keeps_its_energy),
-        cmocka_unit_test(settled_follower_sags_by_its_weight),
-        cmocka_unit_test(settled_walker_stands),
-        cmocka_unit_test(clamp_holds_couplings),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

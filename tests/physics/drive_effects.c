@@ -6,17 +6,12 @@
  * ms.
  */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
-
-#include <cmocka.h>
 
 #include "model/drives/effects.h"
 #include "tests/physics/near.h"
 #include "tests/physics/toy.h"
+#include "tests/test.h"
 
 enum { MS = 1000000 };
 
@@ -89,13 +84,12 @@ static struct robot_sea free_rotor(void)
 /* ---- friction ---- */
 
 /* J v'= -F: at rest after J v/F, having turned by J v^2/(2 F). */
-static void friction_stops_a_rotor_when_it_should(void **unused)
+TEST(friction_stops_a_rotor_when_it_should)
 {
     const enum plant_integrator integrator[] = {PLANT_IMPLICIT, PLANT_RK4, PLANT_DOPRI5};
     const double F = 3.0, v = 5.0;
     const struct robot_sea sea = free_rotor();
 
-    (void)unused;
     for (int n = 0; n < 3; n++) {
         struct effects_rig rig;
         struct plant_energy energy;
@@ -127,13 +121,12 @@ static void friction_stops_a_rotor_when_it_should(void **unused)
 }
 
 /* Loads below the breakaway torque, also ones that shake, do not move a rotor by a bit. */
-static void friction_holds_a_load_for_ever(void **unused)
+TEST(friction_holds_a_load_for_ever)
 {
     struct robot_sea sea = toy_drive(395.46);
     struct effects_rig rig;
     double place;
 
-    (void)unused;
     effects_rig_begin(&rig, sea,
                       (struct robot_effects){.coulomb = 2.0, .breakaway = 3.0, .stribeck = 0.05});
     effects_rig_start(&rig);
@@ -251,9 +244,8 @@ static const struct {
      3e-4},
 };
 
-static void effects_agree_with_a_fine_integration(void **unused)
+TEST(effects_agree_with_a_fine_integration)
 {
-    (void)unused;
     for (size_t n = 0; n < sizeof blend / sizeof blend[0]; n++) {
         struct robot_sea sea = toy_drive(blend[n].Ks);
         double off = 0.0, way = 0.0, current = 0.0, peak = 0.0, turnover;
@@ -325,7 +317,7 @@ static double move_link(enum plant_integrator integrator, int64_t substep_ns, do
 
 /* All integrators solve the same equations. rk4 and dopri5 place events at the ends of substeps: an
  * error in proportion to those. */
-static void integrators_agree_on_a_link_that_moves(void **unused)
+TEST(integrators_agree_on_a_link_that_moves)
 {
     static double q[2][MOVE_MS], I[2][MOVE_MS];
     const struct {
@@ -336,7 +328,6 @@ static void integrators_agree_on_a_link_that_moves(void **unused)
                {PLANT_IMPLICIT, MS, 3e-3, 6e-3, 2e-3},
                {PLANT_IMPLICIT, MS / 4, 2e-4, 4e-4, 1e-4}};
 
-    (void)unused;
     move_link(PLANT_RK4, 1000, q[0], I[0]);
     for (int n = 0; n < 3; n++) {
         double balance = move_link(run[n].integrator, run[n].substep_ns, q[1], I[1]);
@@ -360,7 +351,7 @@ static void integrators_agree_on_a_link_that_moves(void **unused)
 
 /* A rotor in the play of a gear with elastic flanks and nothing that takes energy: the play at an
  * even speed, then half a swing on the flank, and back. */
-static void backlash_is_crossed_in_its_time(void **unused)
+TEST(backlash_is_crossed_in_its_time)
 {
     struct robot_sea sea = free_rotor();
     const double v = 0.5, play = 0.02;
@@ -369,7 +360,6 @@ static void backlash_is_crossed_in_its_time(void **unused)
     double half, last = 0.0, before = 0.0;
     int crossings = 0;
 
-    (void)unused;
     sea.Ks = 8400.0;
     half = play / v + M_PI * sqrt(sea.J / sea.Ks);
     effects_rig_begin(&rig, sea, (struct robot_effects){.backlash = play});
@@ -399,11 +389,10 @@ static void backlash_is_crossed_in_its_time(void **unused)
 }
 
 /* In the play a link hangs loose: no torque on it at all. */
-static void backlash_leaves_the_link_loose(void **unused)
+TEST(backlash_leaves_the_link_loose)
 {
     struct effects_rig rig;
 
-    (void)unused;
     effects_rig_begin(&rig, toy_drive(395.46), (struct robot_effects){.backlash = 0.02});
     effects_rig_start(&rig);
     plant_clamp(rig.plant, false);
@@ -418,7 +407,7 @@ static void backlash_leaves_the_link_loose(void **unused)
 /* ---- hysteresis ---- */
 
 /* The area of a closed loop of Dahl's law between -A and A. */
-static void hysteresis_loses_the_area_of_its_loop(void **unused)
+TEST(hysteresis_loses_the_area_of_its_loop)
 {
     struct robot_effects effects = {.hysteresis = 8.0, .hysteresis_stiffness = 4000.0};
     struct robot_sea sea = toy_drive(395.46);
@@ -427,7 +416,6 @@ static void hysteresis_loses_the_area_of_its_loop(void **unused)
         2.0 * (2.0 * A * zm - (zm + top) * zm / sigma * -expm1(-2.0 * sigma * A / zm));
     double z = 0.0, lost = 0.0, loss;
 
-    (void)unused;
     sea.effects = &effects;
     for (int cycle = 0; cycle < 40; cycle++) {
         lost = 0.0;
@@ -445,14 +433,13 @@ static void hysteresis_loses_the_area_of_its_loop(void **unused)
 
 /* A rotor that coasts over the poles: J v^2/2 + A/w cos(w qm) stays; and one that rests swings
  * about the nearest place without torque at sqrt(A w/J). */
-static void cogging_takes_and_gives_back(void **unused)
+TEST(cogging_takes_and_gives_back)
 {
     const struct robot_sea sea = free_rotor();
     const double A = 1.0, w = 24.0 * sea.N, start = 0.5 * sea.J * 0.6 * 0.6 + A / w;
     const double swing = sqrt(A * w / sea.J), bottom = M_PI / w;
     struct effects_rig rig;
 
-    (void)unused;
     effects_rig_begin(&rig, sea,
                       (struct robot_effects){.cogging = {{24.0, A, 0.0}}, .ncogging = 1});
     effects_rig_start(&rig);
@@ -473,12 +460,11 @@ static void cogging_takes_and_gives_back(void **unused)
 }
 
 /* A link that is held behind a gear with an error: where the motor is, the spring carries Ks e. */
-static void kinematic_error_bends_the_spring(void **unused)
+TEST(kinematic_error_bends_the_spring)
 {
     struct robot_sea sea = toy_drive(395.46);
     struct effects_rig rig;
 
-    (void)unused;
     effects_rig_begin(&rig, sea, (struct robot_effects){.error = {{2.0, 1e-3, 0.3}}, .nerror = 1});
     effects_rig_start(&rig);
     assert_near(rig.drive[DRIVE_MOTOR_POSITION] +
@@ -495,7 +481,7 @@ static void kinematic_error_bends_the_spring(void **unused)
 
 /* A rotor that is held, bridge off: the diodes drive the current down against the supply, and then
  * there is none. */
-static void freewheeling_current_decays_against_the_supply(void **unused)
+TEST(freewheeling_current_decays_against_the_supply)
 {
     const struct robot_sea sea = free_rotor();
     const double U = 48.0 + 2.0 * 0.7, I0 = 60.0, end = sea.L / sea.R * log1p(I0 * sea.R / U);
@@ -503,7 +489,6 @@ static void freewheeling_current_decays_against_the_supply(void **unused)
     struct plant_energy energy;
     double charge;
 
-    (void)unused;
     effects_rig_begin(&rig, sea, (struct robot_effects){.freewheel = true, .diode = 0.7});
     rig.config.substep_ns = MS / 20;
     effects_rig_start(&rig);
@@ -532,12 +517,11 @@ static void freewheeling_current_decays_against_the_supply(void **unused)
 
 /* Diodes rectify what exceeds the supply: a rotor that is turned too fast is braked down to where
  * its voltage is that of the supply, and coasts there. */
-static void diodes_rectify_what_exceeds_the_supply(void **unused)
+TEST(diodes_rectify_what_exceeds_the_supply)
 {
     const struct robot_sea sea = free_rotor();
     struct effects_rig rig;
 
-    (void)unused;
     effects_rig_begin(&rig, sea, (struct robot_effects){.freewheel = true});
     effects_rig_start(&rig);
     rig.drive[DRIVE_MOTOR_SPEED] = 20.0;
@@ -552,13 +536,12 @@ static void diodes_rectify_what_exceeds_the_supply(void **unused)
 }
 
 /* Dead time takes 2 t f U against the current; a voltage below that moves none. */
-static void dead_time_takes_its_voltage(void **unused)
+TEST(dead_time_takes_its_voltage)
 {
     const struct robot_sea sea = free_rotor();
     struct effects_rig rig;
     const double lost = 2.0 * 1e-6 * 2e4 * 48.0;
 
-    (void)unused;
     effects_rig_begin(&rig, sea, (struct robot_effects){.dead_time = 1e-6, .pwm = 2e4});
     effects_rig_start(&rig);
     rig.motor[0] =
@@ -576,13 +559,12 @@ static void dead_time_takes_its_voltage(void **unused)
 
 /* A held rotor at the end of its current's rise: what the supply gives becomes heat of winding and
  * bridge, by I = V/(R + R_b), the ripple U d (1 - d)/(L f), d = V/U, and t_s f U |I|. */
-static void bridges_lose_what_their_ripple_and_switching_take(void **unused)
+TEST(bridges_lose_what_their_ripple_and_switching_take)
 {
     static const enum plant_integrator integrator[] = {PLANT_IMPLICIT, PLANT_DOPRI5};
     const double V = -12.0, U = 48.0, R_b = 0.1, f = 2e4, t_s = 2e-7;
     struct robot_sea sea = free_rotor();
 
-    (void)unused;
     for (size_t i = 0; i < 2; i++) {
         const double I = V / (sea.R + R_b), peak_to_peak = U * 0.25 * 0.75 / (sea.L * f);
         const double square = I * I + peak_to_peak * peak_to_peak / 12.0;
@@ -612,7 +594,7 @@ static void bridges_lose_what_their_ripple_and_switching_take(void **unused)
 /* ---- temperatures ---- */
 
 /* A constant current into two bodies: the response of the linear system, from its poles. */
-static void windings_warm_up_as_two_bodies(void **unused)
+TEST(windings_warm_up_as_two_bodies)
 {
     const struct robot_thermal thermal = {.winding_k_w = 0.8,
                                           .housing_k_w = 1.5,
@@ -627,7 +609,6 @@ static void windings_warm_up_as_two_bodies(void **unused)
     const double end[2] = {P * 2.3, P * 1.5}; /* above ambient */
     struct effects_rig rig;
 
-    (void)unused;
     effects_rig_begin(&rig, sea, (struct robot_effects){.thermal = thermal});
     effects_rig_start(&rig);
     rig.motor[0] =
@@ -653,7 +634,7 @@ static void windings_warm_up_as_two_bodies(void **unused)
 }
 
 /* At rest in the heat: T = Ta + Rth V^2/R(T), a quadratic; and the torque constant that is left. */
-static void warm_windings_conduct_and_pull_less(void **unused)
+TEST(warm_windings_conduct_and_pull_less)
 {
     const struct robot_thermal thermal = {.winding_k_w = 0.5,
                                           .housing_k_w = 1.0,
@@ -668,7 +649,6 @@ static void warm_windings_conduct_and_pull_less(void **unused)
     const double I = V / (sea.R * (1.0 + 0.00385 * rise));
     struct effects_rig rig;
 
-    (void)unused;
     sea.Ks = 395.46;
     sea.Dm = 50.0;
     effects_rig_begin(&rig, sea, (struct robot_effects){.thermal = thermal});
@@ -680,27 +660,4 @@ static void warm_windings_conduct_and_pull_less(void **unused)
     assert_near(rig.drive[DRIVE_MOTOR_POSITION], sea.Kt * (1.0 - 0.0012 * rise / 1.5) * I / sea.Ks,
                 1e-8);
     arena_fini(&rig.arena);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(friction_stops_a_rotor_when_it_should),
-        cmocka_unit_test(friction_holds_a_load_for_ever),
-        cmocka_unit_test(effects_agree_with_a_fine_integration),
-        cmocka_unit_test(integrators_agree_on_a_link_that_moves),
-        cmocka_unit_test(backlash_is_crossed_in_its_time),
-        cmocka_unit_test(backlash_leaves_the_link_loose),
-        cmocka_unit_test(hysteresis_loses_the_area_of_its_loop),
-        cmocka_unit_test(cogging_takes_and_gives_back),
-        cmocka_unit_test(kinematic_error_bends_the_spring),
-        cmocka_unit_test(freewheeling_current_decays_against_the_supply),
-        cmocka_unit_test(diodes_rectify_what_exceeds_the_supply),
-        cmocka_unit_test(dead_time_takes_its_voltage),
-        cmocka_unit_test(bridges_lose_what_their_ripple_and_switching_take),
-        cmocka_unit_test(windings_warm_up_as_two_bodies),
-        cmocka_unit_test(warm_windings_conduct_and_pull_less),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

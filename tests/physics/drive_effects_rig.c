@@ -4,28 +4,22 @@
  * an account of its energy that closes.
  */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/near.h"
 #include "tests/physics/rig_scene.h"
+#include "tests/test.h"
 
 static struct rig_scene scene;
 static const struct rig_scene_choice real = {
     .file = "coman-drives.yaml", .integrator = PLANT_IMPLICIT, .substep_ns = 1000000};
 
 /* In equilibrium the load on each rotor is less than its gear holds: none moves, by no bit. */
-static void gears_hold_a_robot_that_stands(void **unused)
+TEST(gears_hold_a_robot_that_stands)
 {
     double start[RIG_SCENE_JOINTS];
     const struct motor_sense *motor;
 
-    (void)unused;
     rig_scene_init(&scene, &real);
     rig_scene_settle(&scene);
     motor = plant_sensors(scene.plant)->motor;
@@ -79,24 +73,13 @@ static uint64_t swing_robot(struct plant_energy *energy)
     return hash;
 }
 
-static void a_moving_robot_keeps_its_account(void **unused)
+TEST(a_moving_robot_keeps_its_account)
 {
     struct plant_energy energy;
     uint64_t hash = swing_robot(&energy);
 
-    (void)unused;
     assert_true(energy.gear_friction > 0.1);
     assert_true(energy.gear_hysteresis > 0.0);
     assert_near(energy.balance, 0.0, 1e-3 * energy.joule_heat);
     assert_true(swing_robot(&energy) == hash);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(gears_hold_a_robot_that_stands),
-        cmocka_unit_test(a_moving_robot_keeps_its_account),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,14 +3,8 @@
  * Broken drives and a weak supply against their closed solutions, with each integrator. The links
  * are clamped, so that a drive is alone with its spring, or fall in the air, for the balance.
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "tests/physics/plant_rig.h"
+#include "tests/test.h"
 
 #include <math.h>
 #include <string.h>
@@ -54,9 +48,8 @@ static double tolerance(enum plant_integrator integrator, double loose)
     return integrator == PLANT_IMPLICIT ? loose : integrator == PLANT_RK4 ? 1e-4 : 1e-6;
 }
 
-static void open_phase_carries_no_current_whatever_the_bridge_does(void **unused)
+TEST(open_phase_carries_no_current_whatever_the_bridge_does)
 {
-    (void)unused;
     for (int i = 0; i < INTEGRATORS; i++) {
         struct plant_rig rig;
         struct motor_command *motor = start(&rig, integrators[i]);
@@ -81,9 +74,8 @@ static void open_phase_carries_no_current_whatever_the_bridge_does(void **unused
 }
 
 /* J qm'' = -Dm qm' when the spring is gone and no current flows */
-static void rotor_with_a_broken_spring_coasts_to_rest(void **unused)
+TEST(rotor_with_a_broken_spring_coasts_to_rest)
 {
-    (void)unused;
     for (int i = 0; i < INTEGRATORS; i++) {
         struct plant_rig rig;
         struct motor_command *motor = start(&rig, integrators[i]);
@@ -106,9 +98,8 @@ static void rotor_with_a_broken_spring_coasts_to_rest(void **unused)
 }
 
 /* L I' = -R I - Kw qm', J qm'' = Kt I - Dm qm': two eigenvalues, the slow one is left after L/R */
-static void shorted_winding_brakes_a_loose_rotor(void **unused)
+TEST(shorted_winding_brakes_a_loose_rotor)
 {
-    (void)unused;
     for (int i = 0; i < INTEGRATORS; i++) {
         struct plant_rig rig;
         struct motor_command *motor = start(&rig, integrators[i]);
@@ -133,13 +124,12 @@ static void shorted_winding_brakes_a_loose_rotor(void **unused)
 }
 
 /* Shorted, the bridge may be off or on: the same */
-static void short_does_not_ask_the_bridge(void **unused)
+TEST(short_does_not_ask_the_bridge)
 {
     struct plant_rig rig;
     struct motor_command *motor;
     double speed[2];
 
-    (void)unused;
     for (int on = 0; on < 2; on++) {
         motor = start(&rig, PLANT_RK4);
         motor->bridge_on = true;
@@ -155,9 +145,8 @@ static void short_does_not_ask_the_bridge(void **unused)
 }
 
 /* qm' = 0, so L I' = V - R I */
-static void jammed_rotor_stays_to_the_last_bit_and_draws_the_stall_current(void **unused)
+TEST(jammed_rotor_stays_to_the_last_bit_and_draws_the_stall_current)
 {
-    (void)unused;
     for (int i = 0; i < INTEGRATORS; i++) {
         struct plant_rig rig;
         struct motor_command *motor = start(&rig, integrators[i]);
@@ -188,9 +177,8 @@ static void jammed_rotor_stays_to_the_last_bit_and_draws_the_stall_current(void 
 }
 
 /* 2 rad/s for 20 ms, against a spring that is wound up by a voltage; then as if it was jammed */
-static void led_rotor_goes_its_way_whatever_loads_it(void **unused)
+TEST(led_rotor_goes_its_way_whatever_loads_it)
 {
-    (void)unused;
     for (int i = 0; i < INTEGRATORS; i++) {
         struct plant_rig rig;
         struct motor_command *motor = start(&rig, integrators[i]);
@@ -223,12 +211,11 @@ static void led_rotor_goes_its_way_whatever_loads_it(void **unused)
     }
 }
 
-static void energy_that_breaks_away_counts_as_friction(void **unused)
+TEST(energy_that_breaks_away_counts_as_friction)
 {
     static const unsigned breaks[] = {DRIVE_JAM, DRIVE_SPRING_BREAK, DRIVE_OPEN_PHASE, DRIVE_SHORT,
                                       DRIVE_JAM | DRIVE_SPRING_BREAK};
 
-    (void)unused;
     for (size_t k = 0; k < sizeof breaks / sizeof breaks[0]; k++) {
         struct plant_rig rig;
         struct plant_energy energy;
@@ -254,13 +241,12 @@ static void energy_that_breaks_away_counts_as_friction(void **unused)
     }
 }
 
-static void condition_ends_with_a_reset(void **unused)
+TEST(condition_ends_with_a_reset)
 {
     struct plant_rig rig;
     struct motor_command *motor = start(&rig, PLANT_RK4);
     uint64_t sound;
 
-    (void)unused;
     run(&rig, 5);
     sound = plant_hash(rig.plant);
     motor->condition = DRIVE_JAM | DRIVE_SPRING_BREAK;
@@ -291,14 +277,13 @@ static struct plant *make_weak(struct plant_rig *rig, double ohm)
 }
 
 /* All drives jammed at V: P = sum of V^2/R, and the supply solves U = 48 - r P/U. */
-static void supply_sags_under_the_power_that_the_bridges_take(void **unused)
+TEST(supply_sags_under_the_power_that_the_bridges_take)
 {
     static const double joint[8] = {0}, position[3] = {0}, quaternion[4] = {1.0, 0, 0, 0};
     struct plant_rig rig;
     struct plant *plant;
     double power = 0.0, supply;
 
-    (void)unused;
     plant_rig_walker_with(&rig, false, PLANT_RK4, SUBSTEP_NS, 0.0);
     plant = make_weak(&rig, 0.5);
     assert_int_equal(plant_reset(plant, position, quaternion, joint), ERROR_NONE);
@@ -316,12 +301,11 @@ static void supply_sags_under_the_power_that_the_bridges_take(void **unused)
     plant_rig_fini(&rig);
 }
 
-static void terminal_voltage_is_clipped_to_the_sagging_source(void **unused)
+TEST(terminal_voltage_is_clipped_to_the_sagging_source)
 {
     struct plant_rig rig;
     struct motor_command *motor = start(&rig, PLANT_RK4);
 
-    (void)unused;
     motor->bridge_on = true;
     motor->voltage_v = 40.0;
     plant_command(rig.plant)->supply_sag_v = 30.0;
@@ -335,7 +319,7 @@ static void terminal_voltage_is_clipped_to_the_sagging_source(void **unused)
 }
 
 /* Rotors at 5 rad/s have 20.5 V of back-EMF; bridges that keep 10 V across them feed the source. */
-static void braking_drives_lift_the_supply(void **unused)
+TEST(braking_drives_lift_the_supply)
 {
     static const double joint[8] = {0}, position[3] = {0}, quaternion[4] = {1.0, 0, 0, 0};
     struct plant_rig rig;
@@ -343,7 +327,6 @@ static void braking_drives_lift_the_supply(void **unused)
     double power = 0.0, supply, *state;
     size_t count, drives;
 
-    (void)unused;
     plant_rig_walker_with(&rig, false, PLANT_RK4, SUBSTEP_NS, 0.0);
     plant = make_weak(&rig, 0.5);
     assert_int_equal(plant_reset(plant, position, quaternion, joint), ERROR_NONE);
@@ -373,9 +356,8 @@ static void braking_drives_lift_the_supply(void **unused)
 /* A loose rotor at w0 with V across it: while it slows down to V / Kw it gives back
  * V (integral of I) = V J (w0 - w) / Kt, less what friction takes, Dm V (angle turned) / Kt, and
  * the balance closes. */
-static void a_braking_rotor_gives_energy_back(void **unused)
+TEST(a_braking_rotor_gives_energy_back)
 {
-    (void)unused;
     for (int i = 0; i < INTEGRATORS; i++) {
         struct plant_rig rig;
         struct motor_command *motor = start(&rig, integrators[i]);
@@ -403,24 +385,4 @@ static void a_braking_rotor_gives_energy_back(void **unused)
         assert_true(energy.joule_heat > 1.0 && energy.motor_friction > 0.0);
         plant_rig_fini(&rig);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(open_phase_carries_no_current_whatever_the_bridge_does),
-        cmocka_unit_test(rotor_with_a_broken_spring_coasts_to_rest),
-        cmocka_unit_test(shorted_winding_brakes_a_loose_rotor),
-        cmocka_unit_test(short_does_not_ask_the_bridge),
-        cmocka_unit_test(jammed_rotor_stays_to_the_last_bit_and_draws_the_stall_current),
-        cmocka_unit_test(led_rotor_goes_its_way_whatever_loads_it),
-        cmocka_unit_test(energy_that_breaks_away_counts_as_friction),
-        cmocka_unit_test(condition_ends_with_a_reset),
-        cmocka_unit_test(supply_sags_under_the_power_that_the_bridges_take),
-        cmocka_unit_test(braking_drives_lift_the_supply),
-        cmocka_unit_test(a_braking_rotor_gives_energy_back),
-        cmocka_unit_test(terminal_voltage_is_clipped_to_the_sagging_source),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

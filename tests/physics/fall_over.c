@@ -5,18 +5,13 @@
  * its joints within their stops; what it has stored never grows, and that it fell is told once.
  */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
-
-#include <cmocka.h>
 
 #include "model/stop.h"
 #include "sim/watch.h"
 #include "tests/physics/near.h"
 #include "tests/physics/rig_scene.h"
+#include "tests/test.h"
 
 enum { MS = 1000000, STAND_MS = 300, PUSH_MS = 100, FALL_MS = 3000, REST_MS = 200 };
 
@@ -133,12 +128,11 @@ static struct watch *open_scene(struct rig_scene *scene, const char *file)
 }
 
 /* It stands by its motors, is pushed at the trunk from each side, and its motors go off. */
-static void a_robot_that_is_pushed_over_comes_to_lie(void **state)
+TEST(a_robot_that_is_pushed_over_comes_to_lie)
 {
     static const double way[4][3] = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0.6, -0.8, 0}};
     static const char *const how[4] = {"forward", "backward", "to the left", "to the right"};
 
-    (void)state;
     for (int k = 0; k < 4; k++) {
         static struct rig_scene scene;
         struct watch *watch = open_scene(&scene, "coman.yaml");
@@ -163,11 +157,10 @@ static void a_robot_that_is_pushed_over_comes_to_lie(void **state)
 }
 
 /* Onto the rough slopes of the bump, from 5 cm above it, turned about the vertical. */
-static void a_robot_that_falls_on_a_bump_comes_to_lie_on_it(void **state)
+TEST(a_robot_that_falls_on_a_bump_comes_to_lie_on_it)
 {
     static const double place[2][3] = {{0.8, 0.0, 0.0}, {1.7, -0.4, -1.5}};
 
-    (void)state;
     for (int k = 0; k < 2; k++) {
         static struct rig_scene scene;
         struct watch *watch = open_scene(&scene, "walk-bump-9cm.yaml");
@@ -183,14 +176,4 @@ static void a_robot_that_falls_on_a_bump_comes_to_lie_on_it(void **state)
         assert_lies("on the bump", &tumble);
         rig_scene_fini(&scene);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_robot_that_is_pushed_over_comes_to_lie),
-        cmocka_unit_test(a_robot_that_falls_on_a_bump_comes_to_lie_on_it),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

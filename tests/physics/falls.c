@@ -6,18 +6,13 @@
  * hard falls, an eighth), HIL_FALL the first one.
  */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/near.h"
 #include "tests/physics/rig_scene.h"
 #include "tests/unit/contact/random_number.h"
+#include "tests/test.h"
 
 enum { FALLS = 48, FALL_MS = 2000, REST_MS = 200, PATCHES = 96 };
 
@@ -251,11 +246,10 @@ static struct fall run_falls(const struct rig_scene_choice *choice, const struct
     return worst;
 }
 
-static void coman_comes_to_lie_on_the_ground(void **state)
+TEST(coman_comes_to_lie_on_the_ground)
 {
     struct fall worst = run_falls(&coman, &from_low, 0, from_environment("HIL_FALLS", FALLS));
 
-    (void)state;
     assert_true(worst.lying < 2.5e-3);
     assert_true(worst.deepest < 5e-3);
     assert_true(worst.foot < 5e-3);
@@ -276,29 +270,25 @@ static void coman_falls_hard(const struct rig_scene_choice *choice, double top)
     assert_true(worst.beyond < 1e-3);
 }
 
-static void coman_falls_hard_on_flat_ground(void **state)
+TEST(coman_falls_hard_on_flat_ground)
 {
-    (void)state;
     coman_falls_hard(&coman, 0);
 }
 
-static void coman_falls_hard_on_a_slope(void **state)
+TEST(coman_falls_hard_on_a_slope)
 {
-    (void)state;
     coman_falls_hard(&coman_on_slope, 0);
 }
 
-static void coman_falls_hard_on_a_bump(void **state)
+TEST(coman_falls_hard_on_a_bump)
 {
-    (void)state;
     coman_falls_hard(&coman_on_bump, 0.09);
 }
 
-static void friction_stores_no_more_than_it_takes(void **state)
+TEST(friction_stores_no_more_than_it_takes)
 {
     static struct rig_scene scene;
 
-    (void)state;
     rig_scene_init(&scene, &coman);
     for (size_t i = 0; i < sizeof hard / sizeof hard[0]; i++) {
         struct fall fall = run_fall(&scene, &from_low, 0, hard[i]);
@@ -310,11 +300,10 @@ static void friction_stores_no_more_than_it_takes(void **state)
     rig_scene_fini(&scene);
 }
 
-static void rotors_gain_nothing_at_the_stops_of_their_springs(void **state)
+TEST(rotors_gain_nothing_at_the_stops_of_their_springs)
 {
     static struct rig_scene scene;
 
-    (void)state;
     rig_scene_init(&scene, &walkman);
     for (size_t i = 0; i < sizeof struck / sizeof struck[0]; i++) {
         struct fall fall = run_fall(&scene, &from_low, 0, struck[i]);
@@ -326,11 +315,10 @@ static void rotors_gain_nothing_at_the_stops_of_their_springs(void **state)
     rig_scene_fini(&scene);
 }
 
-static void walkman_comes_to_lie_on_the_ground(void **state)
+TEST(walkman_comes_to_lie_on_the_ground)
 {
     struct fall worst = run_falls(&walkman, &from_low, 0, from_environment("HIL_FALLS", FALLS) / 8);
 
-    (void)state;
     /* Four times COMAN's weight on the same ground; corners of the feet carry up to 250 N */
     assert_true(worst.lying < 2.5e-3);
     assert_true(worst.deepest < 5e-3);
@@ -338,19 +326,4 @@ static void walkman_comes_to_lie_on_the_ground(void **state)
     /* The corner of a foot in the shell of the other ankle */
     assert_true(worst.own < 1e-2);
     assert_true(worst.beyond < 1e-3);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(coman_comes_to_lie_on_the_ground),
-        cmocka_unit_test(coman_falls_hard_on_flat_ground),
-        cmocka_unit_test(coman_falls_hard_on_a_slope),
-        cmocka_unit_test(coman_falls_hard_on_a_bump),
-        cmocka_unit_test(friction_stores_no_more_than_it_takes),
-        cmocka_unit_test(rotors_gain_nothing_at_the_stops_of_their_springs),
-        cmocka_unit_test(walkman_comes_to_lie_on_the_ground),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

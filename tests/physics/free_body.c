@@ -6,16 +6,11 @@
 #include "model/plant.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/free_rig.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 static const double gravity = 9.81;
 
@@ -29,13 +24,12 @@ static void step(struct free_rig *rig, size_t steps)
 
 /* ---- where it is ---- */
 
-static void body_starts_where_it_is_put(void **state)
+TEST(body_starts_where_it_is_put)
 {
     struct free_rig rig;
     const struct body_motion *motion;
     double pose[7], R[9];
 
-    (void)state;
     free_rig_post(&rig, 2, 1000000);
     rig.body[1] = (struct plant_free_body){.name = "other",
                                            .inertia = rig.body[0].inertia,
@@ -63,13 +57,12 @@ static void body_starts_where_it_is_put(void **state)
 
 /* The center of mass is on its parabola, however the body turns: to rounding, since Runge-Kutta
  * integrates polynomials of this degree exactly. */
-static void falls_on_a_parabola(void **state)
+TEST(falls_on_a_parabola)
 {
     const double t = 1.5;
     struct free_rig rig;
     double start[3], v[3];
 
-    (void)state;
     free_rig_post(&rig, 1, 5000000);
     memcpy(rig.body[0].v, (const double[3]){0.7, -0.3, 2.0}, sizeof rig.body[0].v);
     memcpy(rig.body[0].w, (const double[3]){3.0, 5.0, -4.0}, sizeof rig.body[0].w);
@@ -201,11 +194,10 @@ static void tumble(int64_t substep_ns, double error[3])
     free_rig_fini(&rig);
 }
 
-static void tumbles_as_euler_and_jacobi_say(void **state)
+TEST(tumbles_as_euler_and_jacobi_say)
 {
     double coarse[3], fine[3];
 
-    (void)state;
     tumble(1000000, coarse);
     tumble(500000, fine);
     assert_true(fine[0] < 1e-4);
@@ -219,14 +211,13 @@ static void tumbles_as_euler_and_jacobi_say(void **state)
 /* ---- what acts on it ---- */
 
 /* A force at the frame's origin moves the center of mass by F/m and turns the body about it. */
-static void push_moves_and_turns_it(void **state)
+TEST(push_moves_and_turns_it)
 {
     const double force[3] = {3.0, -2.0, 5.0}, moment[3] = {0.02, 0.01, -0.03}, t = 1e-4;
     struct free_rig rig;
     struct plant_energy energy;
     double about[3], rate[3], R[9], local[3], work = 0.0, before[3], expected[3];
 
-    (void)state;
     free_rig_post(&rig, 2, 10000);
     memcpy(rig.body[1].quaternion, (const double[4]){0.9, 0.3, -0.2, 0.1},
            sizeof rig.body[1].quaternion);
@@ -261,13 +252,12 @@ static void push_moves_and_turns_it(void **state)
     free_rig_fini(&rig);
 }
 
-static void rests_on_the_ground_with_its_weight(void **state)
+TEST(rests_on_the_ground_with_its_weight)
 {
     struct free_rig rig;
     const struct contact_wrench *wrench;
     double depth;
 
-    (void)state;
     free_rig_walker_on_ground(&rig, 100000);
     memset(rig.body[0].inertia.com, 0, sizeof rig.body[0].inertia.com);
     memcpy(rig.body[0].position, (const double[3]){1.0, 0.0, 0.075}, sizeof rig.body[0].position);
@@ -283,13 +273,12 @@ static void rests_on_the_ground_with_its_weight(void **state)
     free_rig_fini(&rig);
 }
 
-static void bouncing_body_and_falling_robot_balance_their_energies(void **state)
+TEST(bouncing_body_and_falling_robot_balance_their_energies)
 {
     struct free_rig rig;
     struct plant_energy energy;
     double turnover, top = 0.0;
 
-    (void)state;
     free_rig_walker_on_ground(&rig, 50000);
     rig.body[0].position[2] = 0.4;
     memcpy(rig.body[0].quaternion, (const double[4]){0.9, 0.3, -0.2, 0.1},
@@ -317,12 +306,11 @@ static void bouncing_body_and_falling_robot_balance_their_energies(void **state)
 
 /* What the one gets the other gives: the sum of both linear momenta stays, and forces are equal and
  * opposite to the last bit. */
-static void robot_and_box_exchange_momentum(void **state)
+TEST(robot_and_box_exchange_momentum)
 {
     struct free_rig rig;
     double position[3], robot[3], box[3], start[3], given;
 
-    (void)state;
     free_rig_tied(&rig, 100000);
     memset(rig.toy.robot.gravity, 0, sizeof rig.toy.robot.gravity);
     memcpy(rig.body[0].position, (const double[3]){0.3, -0.1, 0.1}, sizeof rig.body[0].position);
@@ -354,12 +342,11 @@ static void robot_and_box_exchange_momentum(void **state)
 
 /* The mean force of a tick times its length is what the box's momentum has changed by, however much
  * the force changes within; at 5 ms ticks of ten steps. */
-static void mean_force_is_the_momentum_received(void **state)
+TEST(mean_force_is_the_momentum_received)
 {
     struct free_rig rig;
     double changed = 0.0, least = INFINITY;
 
-    (void)state;
     free_rig_tied(&rig, 500000);
     rig.config.integrator = PLANT_IMPLICIT;
     rig.tie.k = 4e4;
@@ -388,12 +375,11 @@ static void mean_force_is_the_momentum_received(void **state)
 }
 
 /* Work that the tie does on the one is taken from the other: nothing is lost but what it damps. */
-static void energy_goes_between_robot_and_box(void **state)
+TEST(energy_goes_between_robot_and_box)
 {
     struct free_rig rig;
     struct plant_energy energy;
 
-    (void)state;
     free_rig_tied(&rig, 50000);
     rig.tie.d = 0.0;
     free_rig_start(&rig);
@@ -408,14 +394,13 @@ static void energy_goes_between_robot_and_box(void **state)
 
 /* The box hangs by its center of mass on a clamped robot: it swings and comes to rest, and the
  * robot does not notice. */
-static void free_bodies_live_on_beside_a_clamped_robot(void **state)
+TEST(free_bodies_live_on_beside_a_clamped_robot)
 {
     struct free_rig rig;
     const struct contact_wrench *wrench;
     double before[64];
     size_t links; /* q and v */
 
-    (void)state;
     free_rig_tied(&rig, 100000);
     rig.tie.d = 12.0;
     memcpy(rig.tie.point[1], rig.body[0].inertia.com, sizeof rig.tie.point[1]);
@@ -439,12 +424,11 @@ static void free_bodies_live_on_beside_a_clamped_robot(void **state)
     free_rig_fini(&rig);
 }
 
-static void robot_moves_alike_with_a_body_that_it_never_meets(void **state)
+TEST(robot_moves_alike_with_a_body_that_it_never_meets)
 {
     struct free_rig with, without;
     double with_momentum[3], with_place[3], momentum[3], place[3];
 
-    (void)state;
     free_rig_walker(&with, 2, 100000);
     free_rig_walker(&without, 0, 100000);
     free_rig_start(&with);
@@ -489,22 +473,20 @@ static uint64_t hash_of_a_run(double nudge)
     return hash;
 }
 
-static void equal_runs_have_equal_hashes(void **state)
+TEST(equal_runs_have_equal_hashes)
 {
     uint64_t hash = hash_of_a_run(0.0);
 
-    (void)state;
     assert_true(hash_of_a_run(0.0) == hash);
     assert_true(hash_of_a_run(1e-12) != hash);
 }
 
 /* The engine fails in the middle of the box's bounce: all is as after the last substep. */
-static void contact_failure_leaves_the_last_good_substep(void **state)
+TEST(contact_failure_leaves_the_last_good_substep)
 {
     struct free_rig rig;
     double good[128];
 
-    (void)state;
     free_rig_walker_on_ground(&rig, 100000);
     rig.body[0].position[2] = 0.07;
     free_rig_start(&rig);
@@ -530,7 +512,7 @@ static void assert_refused(const struct free_rig *rig, const char *words)
     arena_fini(&arena);
 }
 
-static void refuses_bodies_that_cannot_be(void **state)
+TEST(refuses_bodies_that_cannot_be)
 {
     static const double flat[6] = {1e-3, 0.0, 0.0, 0.0, 0.0, 1e-3};
     static const double impossible[6] = {1e-3, 0.0, 0.0, 1e-3, 0.0, 3e-3};
@@ -538,7 +520,6 @@ static void refuses_bodies_that_cannot_be(void **state)
     struct free_rig rig;
     struct plant_free_body *body = &rig.body[0];
 
-    (void)state;
     free_rig_walker_on_ground(&rig, 100000);
     free_rig_start(&rig);
     body->inertia.mass = 0.0;
@@ -572,13 +553,12 @@ static void refuses_bodies_that_cannot_be(void **state)
     free_rig_fini(&rig);
 }
 
-static void reports_every_lack_of_memory(void **state)
+TEST(reports_every_lack_of_memory)
 {
     struct free_rig rig;
     enum error_code code = ERROR_MEMORY;
     int refused = 0;
 
-    (void)state;
     free_rig_walker_on_ground(&rig, 100000);
     free_rig_start(&rig);
     for (size_t room = 0; code != ERROR_NONE; room += 256) {
@@ -597,27 +577,4 @@ static void reports_every_lack_of_memory(void **state)
     }
     assert_true(refused > 40);
     free_rig_fini(&rig);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(body_starts_where_it_is_put),
-        cmocka_unit_test(falls_on_a_parabola),
-        cmocka_unit_test(tumbles_as_euler_and_jacobi_say),
-        cmocka_unit_test(push_moves_and_turns_it),
-        cmocka_unit_test(rests_on_the_ground_with_its_weight),
-        cmocka_unit_test(bouncing_body_and_falling_robot_balance_their_energies),
-        cmocka_unit_test(robot_and_box_exchange_momentum),
-        cmocka_unit_test(mean_force_is_the_momentum_received),
-        cmocka_unit_test(energy_goes_between_robot_and_box),
-        cmocka_unit_test(free_bodies_live_on_beside_a_clamped_robot),
-        cmocka_unit_test(robot_moves_alike_with_a_body_that_it_never_meets),
-        cmocka_unit_test(equal_runs_have_equal_hashes),
-        cmocka_unit_test(contact_failure_leaves_the_last_good_substep),
-        cmocka_unit_test(refuses_bodies_that_cannot_be),
-        cmocka_unit_test(reports_every_lack_of_memory),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

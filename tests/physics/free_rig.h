@@ -6,6 +6,7 @@
 #include "contact/tangent.h"
 #include "model/spatial.h"
 #include "tests/physics/toy.h"
+#include "tests/test.h"
 
 /* A spring and a damper between a point of contact body 0 and a point of contact body 1. */
 struct tie {

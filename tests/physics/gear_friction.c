@@ -5,16 +5,11 @@
  * up, that it rests exactly, and where the energy goes. Integrators agree on a swinging link.
  */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 
 #include "model/drives/effects.h"
 #include "tests/physics/near.h"
 #include "tests/physics/toy.h"
+#include "tests/test.h"
 
 enum { MS = 1000000, AT_DRIVE = 2 };
 
@@ -81,7 +76,7 @@ static struct robot_effects all_terms(void)
                                            .external_quadratic = 0.02}};
 }
 
-static void terms_add_up_as_published(void **unused)
+TEST(terms_add_up_as_published)
 {
     struct robot_effects effects = all_terms();
     struct robot_sea sea = toy_drive(100.0);
@@ -90,7 +85,6 @@ static void terms_add_up_as_published(void **unused)
     } at[] = {{3.0, -2.0, 0.0}, {3.0, -2.0, 0.7}, {1.0, -4.0, -0.2},
               {2.0, 1.0, 0.1},  {0.0, -1.0, 0.0}, {-3.0, 2.5, 3.0}};
 
-    (void)unused;
     sea.effects = &effects;
     for (size_t i = 0; i < sizeof at / sizeof at[0]; i++) {
         const double M = at[i].motor, T = at[i].external;
@@ -112,7 +106,7 @@ static void terms_add_up_as_published(void **unused)
 
 /* The drive and back-drive diagram: forward when M (1 - a) - F > T (1 + b), back when
  * T (1 - b) - F > M (1 + a), with the shares a, b at rest. */
-static void drives_break_away_where_the_diagram_says(void **unused)
+TEST(drives_break_away_where_the_diagram_says)
 {
     const double F = 0.5, a = 0.2, b = 0.1, load[] = {0.0, 1.0, 7.0};
     struct robot_effects effects = {
@@ -120,7 +114,6 @@ static void drives_break_away_where_the_diagram_says(void **unused)
     struct robot_sea sea = toy_drive(100.0);
     const struct effects_bridge bridge = {.conducts = false};
 
-    (void)unused;
     sea.effects = &effects;
     for (size_t i = 0; i < 3; i++) {
         const double T = load[i], forward = (T * (1.0 + b) + F) / (1.0 - a);
@@ -137,7 +130,7 @@ static void drives_break_away_where_the_diagram_says(void **unused)
 }
 
 /* A rotor without a load under a constant current: J v' = M (1 - a) - F. */
-static void share_of_the_motor_slows_its_start(void **unused)
+TEST(share_of_the_motor_slows_its_start)
 {
     struct robot_sea sea = toy_drive(0.0);
     const double F = 1.0, a = 0.25, I = 5.0, M = sea.Kt * I;
@@ -145,7 +138,6 @@ static void share_of_the_motor_slows_its_start(void **unused)
     struct plant_energy energy;
     struct bench b;
 
-    (void)unused;
     sea.Ds = sea.Dm = sea.Kw = 0.0;
     bench_begin(&b, sea, (struct robot_effects){.coulomb = F, .breakaway = F, .load = {.motor = a}},
                 false, PLANT_IMPLICIT, MS);
@@ -165,12 +157,11 @@ static void share_of_the_motor_slows_its_start(void **unused)
 }
 
 /* A load that shakes within what friction carries does not move the rotor by a bit in 10 s. */
-static void friction_by_load_holds_exactly(void **unused)
+TEST(friction_by_load_holds_exactly)
 {
     struct robot_sea sea = toy_drive(100.0);
     struct bench b;
 
-    (void)unused;
     bench_begin(&b, sea, (struct robot_effects){.load = {.motor = 0.5, .external = 0.5}}, false,
                 PLANT_IMPLICIT, MS);
     plant_clamp(b.plant, true);
@@ -186,13 +177,12 @@ static void friction_by_load_holds_exactly(void **unused)
 }
 
 /* A link that swings with its drive, by the default step and by rk4 in steps of 2 us. */
-static void integrators_agree_on_a_swinging_link(void **unused)
+TEST(integrators_agree_on_a_swinging_link)
 {
     const struct robot_sea sea = toy_drive(100.0);
     struct plant_energy energy;
     double q[2][4];
 
-    (void)unused;
     for (int n = 0; n < 2; n++) {
         const size_t per_ms = n == 0 ? 1 : 500;
         struct bench b;
@@ -214,17 +204,4 @@ static void integrators_agree_on_a_swinging_link(void **unused)
     for (int k = 0; k < 4; k++) {
         assert_near(q[0][k], q[1][k], 2e-3 * fabs(q[1][k]) + 1e-4);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(terms_add_up_as_published),
-        cmocka_unit_test(drives_break_away_where_the_diagram_says),
-        cmocka_unit_test(share_of_the_motor_slows_its_start),
-        cmocka_unit_test(friction_by_load_holds_exactly),
-        cmocka_unit_test(integrators_agree_on_a_swinging_link),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

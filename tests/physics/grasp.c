@@ -7,17 +7,13 @@
 #include "rig/rig.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "model/spatial.h"
 #include "tests/figure.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 enum { RIGHT, LEFT, SIDES, PATCHES = 16, SAMPLES = 3600, JOINTS = 32 };
 
@@ -226,14 +222,13 @@ static double mean(const double *first, int count)
     return sum / count;
 }
 
-static void the_box_is_lifted_and_held(void **state)
+TEST(the_box_is_lifted_and_held)
 {
     enum { END = 3500, HOLD = 500 };
     struct scene scene;
     double start, feet, creep;
     int touch = 0;
 
-    (void)state;
     scene_init(&scene, "grasp", PLANT_IMPLICIT, 0, 0.0);
     perform(&scene, END, track);
     while (track[touch].press[RIGHT] == 0.0) {
@@ -268,14 +263,13 @@ static void the_box_is_lifted_and_held(void **state)
 
 /* Friction that sticks holds the box: once the robot has swayed out, 20 s after the lift, it stays
  * where it is between the wrists for a minute. */
-static void the_box_stays_in_the_grip_for_a_minute(void **state)
+TEST(the_box_stays_in_the_grip_for_a_minute)
 {
     enum { CALM = 24000, END = CALM + 60000, EVERY = 10000 };
     struct scene scene;
     struct sample now;
     double held = 0.0, crept = 0.0;
 
-    (void)state;
     scene_init(&scene, "grasp", PLANT_IMPLICIT, 0, 0.0);
     for (int k = 0; k < END; k++) {
         perform_one(&scene, k, &now);
@@ -295,13 +289,12 @@ static void the_box_stays_in_the_grip_for_a_minute(void **state)
     scene_fini(&scene);
 }
 
-static void soft_elbows_give_way_and_press_less(void **state)
+TEST(soft_elbows_give_way_and_press_less)
 {
     enum { END = 2500, BEFORE = 1450 };
     struct scene scene;
     double stiff_yield, soft_yield;
 
-    (void)state;
     scene_init(&scene, "grasp-light", PLANT_IMPLICIT, 0, 0.0);
     perform(&scene, END, track);
     scene_fini(&scene);
@@ -323,12 +316,11 @@ static void soft_elbows_give_way_and_press_less(void **state)
 
 /* The hardest for a step of a millisecond: forearms of next to no inertia between springs and
  * friction. */
-static void any_springs_are_stable_at_a_millisecond(void **state)
+TEST(any_springs_are_stable_at_a_millisecond)
 {
     static const double stiffness[] = {12.0, 8400.0};
     enum { END = 2600 };
 
-    (void)state;
     for (int n = 0; n < 2; n++) {
         struct scene scene;
         double fastest = 0.0, jump = 0.0, total;
@@ -350,12 +342,11 @@ static void any_springs_are_stable_at_a_millisecond(void **state)
     }
 }
 
-static void with_the_base_held_the_box_is_lifted_too(void **state)
+TEST(with_the_base_held_the_box_is_lifted_too)
 {
     enum { END = 2500 };
     struct scene scene;
 
-    (void)state;
     scene_init(&scene, "grasp-locked", PLANT_IMPLICIT, 0, 0.0);
     assert_false(scene.robot->floating);
     assert_int_equal(scene.robot->nq, scene.robot->njoint);
@@ -396,14 +387,13 @@ static void compare(size_t njoint, int from, int to, double *angle, double *wors
     *feet = sqrt(*feet / stood);
 }
 
-static void implicit_converges_to_where_dopri5_is(void **state)
+TEST(implicit_converges_to_where_dopri5_is)
 {
     enum { END = 2600, FROM = 200, STEPS = 4 };
     double angle[STEPS], worst[STEPS], press[STEPS], feet[STEPS];
     struct scene scene;
     size_t njoint;
 
-    (void)state;
     scene_init(&scene, "grasp", PLANT_DOPRI5, 1000000, 0.0);
     perform(&scene, END, track);
     njoint = scene.robot->njoint;
@@ -421,18 +411,4 @@ static void implicit_converges_to_where_dopri5_is(void **state)
     assert_true(worst[0] < 2e-4 && feet[0] < 2e-3 && press[0] < 5e-3);
     /* Bristles yield at a bend of the law, which no step meets exactly: not quite of order two */
     assert_true(worst[STEPS - 1] < 1e-5 && angle[0] / angle[STEPS - 1] > 8.0);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_box_is_lifted_and_held),
-        cmocka_unit_test(the_box_stays_in_the_grip_for_a_minute),
-        cmocka_unit_test(soft_elbows_give_way_and_press_less),
-        cmocka_unit_test(any_springs_are_stable_at_a_millisecond),
-        cmocka_unit_test(with_the_base_held_the_box_is_lifted_too),
-        cmocka_unit_test(implicit_converges_to_where_dopri5_is),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

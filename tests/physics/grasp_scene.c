@@ -7,15 +7,11 @@
 #include "rig/rig.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "model/spatial.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 enum { JOINTS = 32, PAIRS = 5, PAIR_TABLE = 2, PAIR_RIGHT = 3, PAIR_LEFT = 4 };
 
@@ -135,14 +131,13 @@ static double pair_force(struct scene *scene, int pair, int axis)
     return 0.0;
 }
 
-static void box_comes_to_rest_on_the_table_with_its_weight(void **state)
+TEST(box_comes_to_rest_on_the_table_with_its_weight)
 {
     struct scene scene;
     const struct body_motion *box;
     double transient = 0.0, *values;
     size_t count;
 
-    (void)state;
     scene_init(&scene, true);
     assert_int_equal(plant_reset(scene.plant, scene.rig->base_position, scene.rig->base_quaternion,
                                  scene.rig->joint),
@@ -172,12 +167,11 @@ static void box_comes_to_rest_on_the_table_with_its_weight(void **state)
     scene_fini(&scene);
 }
 
-static void reference_poses_touch_and_squeeze_the_box(void **state)
+TEST(reference_poses_touch_and_squeeze_the_box)
 {
     struct scene scene;
     double center[3], right, left, expected;
 
-    (void)state;
     scene_init(&scene, true);
     pose_arms(&scene, touch);
     surface_center(&scene, "right_wrist", center);
@@ -203,12 +197,11 @@ static void reference_poses_touch_and_squeeze_the_box(void **state)
 
 /* Without a table, between clamped wrists: friction carries the box, which creeps (a law without
  * stiction) at a part of the transition velocity. */
-static void grip_of_both_wrists_holds_the_box(void **state)
+TEST(grip_of_both_wrists_holds_the_box)
 {
     struct scene scene;
     const struct body_motion *box;
 
-    (void)state;
     scene_init(&scene, false);
     pose_arms(&scene, squeeze);
     for (int ms = 0; ms < 300; ms++) {
@@ -223,15 +216,4 @@ static void grip_of_both_wrists_holds_the_box(void **state)
     assert_near(plant_contact_wrenches(scene.plant)[4].force[2], weight, 0.01 * weight);
     assert_true(box->v[2] <= 0.0 && box->v[2] > -scene.rig->contact.transition_velocity_m_s);
     scene_fini(&scene);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(box_comes_to_rest_on_the_table_with_its_weight),
-        cmocka_unit_test(reference_poses_touch_and_squeeze_the_box),
-        cmocka_unit_test(grip_of_both_wrists_holds_the_box),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,23 +4,17 @@
  * against closed forms, and the default integrator at its step of 1 ms against dopri5.
  */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/near.h"
 #include "tests/physics/oil_rig.h"
+#include "tests/test.h"
 
 /* The leg's forces are those that are published. */
-static void areas_and_forces_are_those_of_the_leg(void **state)
+TEST(areas_and_forces_are_those_of_the_leg)
 {
     const struct robot_hydraulic c = hyq_cylinder();
 
-    (void)state;
     assert_near(c.A1 * 1e4, 2.0106, 1e-4);
     assert_near(c.A2 * 1e4, 1.2252, 1e-4);
     assert_near(160.0 * BAR * c.A1, 3217.0, 0.5);
@@ -28,14 +22,13 @@ static void areas_and_forces_are_those_of_the_leg(void **state)
 }
 
 /* Behind a piston that is held, p' = beta Q / V, at the valve's full flow. */
-static void a_blocked_piston_is_pressed_at_beta_q_by_v(void **state)
+TEST(a_blocked_piston_is_pressed_at_beta_q_by_v)
 {
     const struct robot_hydraulic c = hyq_cylinder();
     const struct robot_hydraulic_supply s = constant_supply();
     double y[HYDRAULIC_STATE], rate[HYDRAULIC_STATE], lever, V[2], x, p[2];
     struct hydraulic_port port = {.voltage = 10.0, .supply = s.pressure};
 
-    (void)state;
     hydraulic_rest(&c, &s, y);
     y[HYDRAULIC_SPOOL] = 1.0;
     x = hydraulic_length(&c, 0.0, &lever) - c.closed;
@@ -53,11 +46,10 @@ static void a_blocked_piston_is_pressed_at_beta_q_by_v(void **state)
 }
 
 /* A held piston comes to supply and return pressure and stays: no step is too long. */
-static void a_blocked_piston_comes_to_supply_and_return(void **state)
+TEST(a_blocked_piston_comes_to_supply_and_return)
 {
     struct oil_rig rig;
 
-    (void)state;
     oil_rig_begin(&rig, hyq_cylinder(), constant_supply());
     oil_rig_start(&rig, 0.0);
     plant_clamp(rig.plant, true);
@@ -73,7 +65,7 @@ static void a_blocked_piston_comes_to_supply_and_return(void **state)
 }
 
 /* Without load the piston runs out at K sqrt(P A1 / (A1^3 + A2^3)). */
-static void the_speed_without_load_is_the_closed_form(void **state)
+TEST(the_speed_without_load_is_the_closed_form)
 {
     const struct robot_hydraulic c = hyq_cylinder();
     const double P = 160.0 * BAR, cubes = c.A1 * c.A1 * c.A1 + c.A2 * c.A2 * c.A2;
@@ -81,7 +73,6 @@ static void the_speed_without_load_is_the_closed_form(void **state)
     struct oil_rig rig;
     double lever, q, qd;
 
-    (void)state;
     for (int way = 1; way >= -1; way -= 2) {
         /* a valve that opens by a tenth: slow, so that the link's inertia takes nothing */
         oil_rig_begin(&rig, c, constant_supply());
@@ -97,7 +88,7 @@ static void the_speed_without_load_is_the_closed_form(void **state)
 }
 
 /* Behind a closed valve the oil is a spring of beta (A1^2/V1 + A2^2/V2). */
-static void a_closed_valve_makes_a_spring(void **state)
+TEST(a_closed_valve_makes_a_spring)
 {
     const struct robot_hydraulic c = hyq_cylinder();
     struct oil_rig rig;
@@ -105,7 +96,6 @@ static void a_closed_valve_makes_a_spring(void **state)
     int turns = 0;
     struct hydraulic_port port = {.qd = 1e-3, .supply = 160.0 * BAR};
 
-    (void)state;
     x = hydraulic_length(&c, 0.0, &lever) - c.closed;
     stiffness =
         lever * lever * c.beta *
@@ -150,14 +140,13 @@ static void run_voltages(struct oil_rig *rig, double *q, double *p1, size_t per_
     }
 }
 
-static void steps_of_voltage_agree_with_dopri5(void **state)
+TEST(steps_of_voltage_agree_with_dopri5)
 {
     static double q[3][400], p[3][400];
     static const size_t parts[3] = {1, 4, 1};
     double error[2] = {0.0}, pressure[2] = {0.0};
     struct oil_rig rig;
 
-    (void)state;
     for (int run = 0; run < 3; run++) {
         struct plant_energy energy;
 
@@ -193,13 +182,12 @@ static void steps_of_voltage_agree_with_dopri5(void **state)
 
 /* A cylinder on the other side of its joint pulls where the first pushes: a positive voltage turns
  * either joint positively, by the same angle where the areas are equal. */
-static void a_positive_voltage_turns_the_joint_positively(void **state)
+TEST(a_positive_voltage_turns_the_joint_positively)
 {
     struct robot_hydraulic c = hyq_cylinder();
     struct oil_rig rig;
     double q[2];
 
-    (void)state;
     c.A2 = c.A1;
     for (int side = 0; side < 2; side++) {
         c.offset = side ? -0.5 * M_PI : 0.5 * M_PI;
@@ -220,7 +208,7 @@ static void a_positive_voltage_turns_the_joint_positively(void **state)
 
 /* The constant by which position loops foresee a valve's voltage: without load the joint turns by
  * it, slower out than in by the ratio that the areas give. */
-static void the_speed_constant_is_that_of_the_middle(void **state)
+TEST(the_speed_constant_is_that_of_the_middle)
 {
     const struct robot_hydraulic c = hyq_cylinder();
     const struct robot_hydraulic_supply s = constant_supply();
@@ -228,7 +216,6 @@ static void the_speed_constant_is_that_of_the_middle(void **state)
     struct oil_rig rig;
     double mean = 0.0;
 
-    (void)state;
     for (int way = -1; way <= 1; way += 2) {
         oil_rig_begin(&rig, c, s);
         oil_rig_start(&rig, -0.1 * way);
@@ -243,13 +230,12 @@ static void the_speed_constant_is_that_of_the_middle(void **state)
 }
 
 /* Settled pressures carry the load between supply and return, or say that they cannot. */
-static void loads_at_rest_are_carried_between_supply_and_return(void **state)
+TEST(loads_at_rest_are_carried_between_supply_and_return)
 {
     const struct robot_hydraulic c = hyq_cylinder();
     const struct robot_hydraulic_supply s = {.pressure = 160.0 * BAR, .back = 2.0 * BAR};
     double y[HYDRAULIC_STATE] = {0.0, 0.0, 1.0, 2.0}, lever;
 
-    (void)state;
     hydraulic_length(&c, 0.3, &lever);
     for (double force = -1920.0; force < 3190.0; force += 10.0) {
         assert_true(hydraulic_rest_loaded(&c, &s, 0.3, force * lever, y));
@@ -260,21 +246,4 @@ static void loads_at_rest_are_carried_between_supply_and_return(void **state)
     }
     assert_false(hydraulic_rest_loaded(&c, &s, 0.3, 3200.0 * lever, y));
     assert_false(hydraulic_rest_loaded(&c, &s, 0.3, -1930.0 * lever, y));
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(areas_and_forces_are_those_of_the_leg),
-        cmocka_unit_test(a_blocked_piston_is_pressed_at_beta_q_by_v),
-        cmocka_unit_test(a_blocked_piston_comes_to_supply_and_return),
-        cmocka_unit_test(the_speed_without_load_is_the_closed_form),
-        cmocka_unit_test(a_closed_valve_makes_a_spring),
-        cmocka_unit_test(steps_of_voltage_agree_with_dopri5),
-        cmocka_unit_test(a_positive_voltage_turns_the_joint_positively),
-        cmocka_unit_test(the_speed_constant_is_that_of_the_middle),
-        cmocka_unit_test(loads_at_rest_are_carried_between_supply_and_return),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

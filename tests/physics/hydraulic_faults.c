@@ -5,17 +5,12 @@
  * and an empty supply, whose pressure a drop of oil moves, against dopri5.
  */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
-
-#include <cmocka.h>
 
 #include "model/hydraulics/supply.h"
 #include "tests/physics/near.h"
 #include "tests/physics/oil_rig.h"
+#include "tests/test.h"
 
 /* Volume of the gas at a pressure. */
 static double gas_at(const struct robot_hydraulic_supply *s, double pressure)
@@ -25,7 +20,7 @@ static double gas_at(const struct robot_hydraulic_supply *s, double pressure)
 
 /* Without the pump an accumulator that is drawn from evenly falls by p V^1.4, gives up the work of
  * its gas, and is empty when the oil is out. */
-static void an_accumulator_empties_by_its_gas(void **state)
+TEST(an_accumulator_empties_by_its_gas)
 {
     const struct robot_hydraulic_supply s = real_supply();
     const struct hydraulic_supply_condition off = {.pump_loss = 1.0};
@@ -34,7 +29,6 @@ static void an_accumulator_empties_by_its_gas(void **state)
     double p = s.pressure, given = 0.0;
     int ms = 0;
 
-    (void)state;
     while (!hydraulic_supply_is_empty(&s, p)) {
         const double start = p;
 
@@ -63,14 +57,13 @@ static void an_accumulator_empties_by_its_gas(void **state)
 
 /* Past a held piston under full pressure a leak of conductance c takes the gas from V0 to
  * V^2.4 = V0^2.4 + 2.4 c p0 V0^1.4 t. */
-static void a_leak_past_the_piston_empties_the_accumulator(void **state)
+TEST(a_leak_past_the_piston_empties_the_accumulator)
 {
     struct robot_hydraulic_supply s = real_supply();
     const double c = 1e-6 / s.pressure, t = 1.0;
     struct oil_rig rig;
     double V;
 
-    (void)state;
     s.back = 0.0;
     oil_rig_begin(&rig, hyq_cylinder(), s);
     oil_rig_start(&rig, 0.0);
@@ -89,14 +82,13 @@ static void a_leak_past_the_piston_empties_the_accumulator(void **state)
 }
 
 /* Behind a closed valve the chambers of a held piston meet by beta c (1/V1 + 1/V2). */
-static void a_leak_makes_both_chambers_even(void **state)
+TEST(a_leak_makes_both_chambers_even)
 {
     const struct robot_hydraulic cylinder = hyq_cylinder();
     const double c = 1e-13, q = 0.2;
     struct oil_rig rig;
     double lever, x, rate, first;
 
-    (void)state;
     oil_rig_begin(&rig, cylinder, constant_supply());
     oil_rig_start(&rig, q);
     plant_clamp(rig.plant, true);
@@ -113,7 +105,7 @@ static void a_leak_makes_both_chambers_even(void **state)
 }
 
 /* A leak of the supply holds it where it takes all that the pump gives. */
-static void a_leaking_supply_comes_to_what_the_pump_can_hold(void **state)
+TEST(a_leaking_supply_comes_to_what_the_pump_can_hold)
 {
     const struct robot_hydraulic_supply s = real_supply();
     const struct hydraulic_supply_condition above = {.leak = s.pump / (100.0 * BAR)};
@@ -121,7 +113,6 @@ static void a_leaking_supply_comes_to_what_the_pump_can_hold(void **state)
     struct hydraulic_supply_power work = {0};
     double p = s.pressure;
 
-    (void)state;
     for (int ms = 0; ms < 60000; ms++) {
         p = hydraulic_supply_advance(&s, &above, p, p, 0.0, 1e-3, &work);
     }
@@ -140,7 +131,7 @@ static void a_leaking_supply_comes_to_what_the_pump_can_hold(void **state)
 
 /* With the relief valve shut the pump presses the gas, p = p0 (V0 / (V0 - Q t))^1.4, until it
  * stalls at 1.5 times the relief valve's pressure. */
-static void a_relief_valve_that_stays_shut_lets_the_pressure_rise(void **state)
+TEST(a_relief_valve_that_stays_shut_lets_the_pressure_rise)
 {
     const struct robot_hydraulic_supply s = real_supply();
     const struct hydraulic_supply_condition shut = {.relief_shut = true};
@@ -148,7 +139,6 @@ static void a_relief_valve_that_stays_shut_lets_the_pressure_rise(void **state)
     struct hydraulic_supply_power work = {0};
     double p = s.pressure;
 
-    (void)state;
     for (int ms = 0; ms < 500; ms++) {
         p = hydraulic_supply_advance(&s, &shut, p, p, 0.0, 1e-3, &work);
     }
@@ -162,12 +152,11 @@ static void a_relief_valve_that_stays_shut_lets_the_pressure_rise(void **state)
 
 /* A spool stays where it stuck; without current it goes to the middle; one whose middle is off
  * stands as under a voltage. */
-static void valves_stick_shift_and_close(void **state)
+TEST(valves_stick_shift_and_close)
 {
     double q[2];
     struct oil_rig rig;
 
-    (void)state;
     oil_rig_begin(&rig, hyq_cylinder(), constant_supply());
     oil_rig_start(&rig, -0.3);
     rig.motor->voltage_v = 2.0;
@@ -212,14 +201,13 @@ static void run_dry(struct oil_rig *rig, double *q, double *supply, size_t per_m
     }
 }
 
-static void an_empty_supply_agrees_with_dopri5(void **state)
+TEST(an_empty_supply_agrees_with_dopri5)
 {
     static double q[3][500], supply[3][500];
     static const size_t parts[3] = {1, 4, 1};
     double angle[2] = {0.0}, pressure[2] = {0.0};
     struct oil_rig rig;
 
-    (void)state;
     for (int run = 0; run < 3; run++) {
         struct robot_hydraulic_supply s = real_supply();
         struct plant_energy energy;
@@ -265,14 +253,13 @@ static void add_link(struct oil_rig *rig)
 
 /* Of a pump, a line and an accumulator twice as large, two links get what one does of the others,
  * also when nothing is left. */
-static void two_links_on_twice_the_supply_move_as_one(void **state)
+TEST(two_links_on_twice_the_supply_move_as_one)
 {
     enum { SUPPLY_OF_TWO = 4 + 2 * HYDRAULIC_STATE };
     static double q[500], supply[500];
     struct robot_hydraulic_supply s = real_supply();
     struct oil_rig rig;
 
-    (void)state;
     s.accumulator = 2e-5;
     s.line = 2e-6;
     oil_rig_begin(&rig, real_cylinder(), s);
@@ -295,20 +282,4 @@ static void two_links_on_twice_the_supply_move_as_one(void **state)
         assert_near(rig.state[SUPPLY_OF_TWO] / BAR, supply[k] / BAR, 1e-3);
     }
     arena_fini(&rig.arena);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(an_accumulator_empties_by_its_gas),
-        cmocka_unit_test(a_leak_past_the_piston_empties_the_accumulator),
-        cmocka_unit_test(a_leak_makes_both_chambers_even),
-        cmocka_unit_test(a_leaking_supply_comes_to_what_the_pump_can_hold),
-        cmocka_unit_test(a_relief_valve_that_stays_shut_lets_the_pressure_rise),
-        cmocka_unit_test(valves_stick_shift_and_close),
-        cmocka_unit_test(an_empty_supply_agrees_with_dopri5),
-        cmocka_unit_test(two_links_on_twice_the_supply_move_as_one),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -9,19 +9,14 @@
 #include "tasks/trajectory.h"
 
 #include <complex.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 enum { MOST_TICKS = 400000 };
 
@@ -231,12 +226,11 @@ static void judge_sweep(const struct task *task, const struct way *way, double t
 }
 
 /* The spring's resonance is at sqrt(400 / 0.5) = 28.3 rad/s, 4.5 Hz. */
-static void a_sweep_is_the_response_of_the_equations(void **state)
+TEST(a_sweep_is_the_response_of_the_equations)
 {
     static const char *const setting[] = {"sweep.from_hz=1", "sweep.to_hz=12", "sweep.points=9",
                                           "sweep.amplitude_v=3"};
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(ways); i++) {
         struct session s;
         const struct task *task;
@@ -252,14 +246,13 @@ static void a_sweep_is_the_response_of_the_equations(void **state)
 }
 
 /* Half a period of the commands is in it: 1.4 degrees at 8 Hz. */
-static void a_sweep_of_the_reference_is_the_closed_loop(void **state)
+TEST(a_sweep_of_the_reference_is_the_closed_loop)
 {
     static const char *const setting[] = {"sweep.from_hz=1", "sweep.to_hz=8", "sweep.points=6",
                                           "sweep.amplitude_rad=0.03"};
     struct session s;
     const struct task *task;
 
-    (void)state;
     session_load(&s, &ways[2]);
     s.input.joint = "yaw";
     task = session_run(&s, "sweep", setting, ARRAY_COUNT(setting));
@@ -268,13 +261,12 @@ static void a_sweep_of_the_reference_is_the_closed_loop(void **state)
     session_end(&s);
 }
 
-static void a_sweep_says_what_it_cannot_do(void **state)
+TEST(a_sweep_says_what_it_cannot_do)
 {
     static const char *const far[] = {"sweep.amplitude_rad=0.5"};
     static const char *const none[] = {"sweep.amplitude_v=0"};
     struct session s;
 
-    (void)state;
     session_load(&s, &ways[2]);
     s.input.joint = "yaw";
     session_run(&s, "sweep", none, 1);
@@ -345,9 +337,8 @@ static double follow_bound(const struct trajectory *t)
            2 * M_PI / 65536;
 }
 
-static void a_joint_follows_within_the_bound(void **state)
+TEST(a_joint_follows_within_the_bound)
 {
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(ways); i++) {
         const struct follow_error *joint;
         struct session s;
@@ -380,14 +371,13 @@ static void a_joint_follows_within_the_bound(void **state)
     }
 }
 
-static void too_large_an_error_fails(void **state)
+TEST(too_large_an_error_fails)
 {
     static const char *const setting[] = {"follow.tolerance_rad=0.001"};
     struct session s;
     struct error error;
     char path[64];
 
-    (void)state;
     write_swing("swing.csv", "rad", 1);
     strcpy(path, path_of("swing.csv"));
     session_load(&s, &ways[0]);
@@ -401,13 +391,12 @@ static void too_large_an_error_fails(void **state)
 }
 
 /* 48 V carry 12 rad/s. */
-static void a_drive_is_not_asked_for_more_than_it_reaches(void **state)
+TEST(a_drive_is_not_asked_for_more_than_it_reaches)
 {
     struct session s;
     struct error error;
     char path[64];
 
-    (void)state;
     strcpy(path, path_of("fast.csv"));
     session_load(&s, &ways[0]);
     write_text("fast.csv", "time_s,yaw_rad\n0,0\n0.1,1.19\n");
@@ -422,9 +411,8 @@ static void a_drive_is_not_asked_for_more_than_it_reaches(void **state)
     arena_fini(&s.arena);
 }
 
-static int make_folder(void **state)
+FIXTURE(make_folder)
 {
-    (void)state;
     if (!mkdtemp(folder)) {
         return -1;
     }
@@ -432,27 +420,14 @@ static int make_folder(void **state)
     return 0;
 }
 
-static int remove_folder(void **state)
+FIXTURE(remove_folder)
 {
     static const char *const names[] = {"arm.yaml", "arm-robot.yaml", "swing.csv", "fast.csv"};
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(names); i++) {
         unlink(path_of(names[i]));
     }
     return rmdir(folder);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_sweep_is_the_response_of_the_equations),
-        cmocka_unit_test(a_sweep_of_the_reference_is_the_closed_loop),
-        cmocka_unit_test(a_sweep_says_what_it_cannot_do),
-        cmocka_unit_test(a_joint_follows_within_the_bound),
-        cmocka_unit_test(too_large_an_error_fails),
-        cmocka_unit_test(a_drive_is_not_asked_for_more_than_it_reaches),
-    };
-
-    return cmocka_run_group_tests(tests, make_folder, remove_folder);
-}
+TEST_GROUP(make_folder, remove_folder)

@@ -7,17 +7,12 @@
 #include "model/plant.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/free_rig.h"
 #include "tests/physics/near.h"
 #include "tests/physics/plant_rig.h"
+#include "tests/test.h"
 
 enum { MOST_STATES = 128, MS = 1000000 };
 
@@ -72,12 +67,11 @@ static void run_walker(const struct task *task, enum plant_integrator integrator
     plant_rig_fini(&rig);
 }
 
-static void dopri5_is_where_rk4_with_short_steps_is(void **state)
+TEST(dopri5_is_where_rk4_with_short_steps_is)
 {
     const struct task tasks[] = {{false, 0.0, 10.0, 100}, {true, 0.0, 10.0, 100}};
     static double adaptive[MOST_STATES], fixed[MOST_STATES];
 
-    (void)state;
     for (int n = 0; n < 2; n++) {
         run_walker(&tasks[n], PLANT_DOPRI5, MS, adaptive);
         run_walker(&tasks[n], PLANT_RK4, 10000, fixed);
@@ -87,12 +81,11 @@ static void dopri5_is_where_rk4_with_short_steps_is(void **state)
     }
 }
 
-static void it_converges_with_order_two(void **state)
+TEST(it_converges_with_order_two)
 {
     const struct task tasks[] = {{false, 0.0, 10.0, 100}, {true, 0.0, 10.0, 100}};
     static double reference[MOST_STATES], found[MOST_STATES];
 
-    (void)state;
     for (int n = 0; n < 2; n++) {
         double previous = 0.0, slope = 0.0;
 
@@ -111,12 +104,11 @@ static void it_converges_with_order_two(void **state)
     }
 }
 
-static void springs_of_any_stiffness_are_stable_at_a_millisecond(void **state)
+TEST(springs_of_any_stiffness_are_stable_at_a_millisecond)
 {
     const double stiffness[] = {1.2e-3, 0.1, 10.0, 395.46, 8400.0};
     static double reference[MOST_STATES], found[MOST_STATES];
 
-    (void)state;
     for (int n = 0; n < 10; n++) {
         const struct task task = {
             .on_ground = n % 2, .Ks = stiffness[n / 2], .voltage = 5.0, .milliseconds = 300};
@@ -132,13 +124,12 @@ static void springs_of_any_stiffness_are_stable_at_a_millisecond(void **state)
 }
 
 /* Deflected springs swing in free fall, motors off. The joints' and springs' energy fades. */
-static void swinging_in_free_fall_gains_no_energy(void **state)
+TEST(swinging_in_free_fall_gains_no_energy)
 {
     struct plant_rig rig;
     struct plant_energy energy;
     double start, last, gain = 0.0;
 
-    (void)state;
     plant_rig_walker_with(&rig, false, PLANT_IMPLICIT, MS, 0.0);
     plant_rig_reset(&rig, 1.0);
     for (size_t i = 0; i < 7; i++) {
@@ -162,11 +153,10 @@ static void swinging_in_free_fall_gains_no_energy(void **state)
 
 /* A box that tumbles freely for ten seconds at 30 rad/s keeps its energy, and its angular momentum
  * to the order of the step. */
-static void tumbling_keeps_energy_and_momentum(void **state)
+TEST(tumbling_keeps_energy_and_momentum)
 {
     double gain[2], turned[2];
 
-    (void)state;
     for (int n = 0; n < 2; n++) {
         struct free_rig rig;
         struct plant_energy energy;
@@ -212,12 +202,11 @@ static void run_on_sticky_ground(enum plant_integrator integrator, int64_t subst
     plant_rig_fini(&rig);
 }
 
-static void stiff_and_sticky_ground_is_stable_at_a_millisecond(void **state)
+TEST(stiff_and_sticky_ground_is_stable_at_a_millisecond)
 {
     static double found[MOST_STATES], reference[MOST_STATES];
     double error;
 
-    (void)state;
     run_on_sticky_ground(PLANT_IMPLICIT, MS, found);
     run_on_sticky_ground(PLANT_RK4, 5000, reference);
     error = distance(found, reference, 0, JOINTS_END);
@@ -225,11 +214,10 @@ static void stiff_and_sticky_ground_is_stable_at_a_millisecond(void **state)
     assert_true(error < 5e-3);
 }
 
-static void equal_runs_give_equal_bits(void **state)
+TEST(equal_runs_give_equal_bits)
 {
     uint64_t hash[2];
 
-    (void)state;
     for (int n = 0; n < 2; n++) {
         struct free_rig rig;
 
@@ -244,13 +232,12 @@ static void equal_runs_give_equal_bits(void **state)
 }
 
 /* A box falls on stiff ground beside the walker, and rests. */
-static void a_free_box_comes_to_rest_on_the_ground(void **state)
+TEST(a_free_box_comes_to_rest_on_the_ground)
 {
     struct free_rig rig;
     const struct contact_wrench *wrench;
     double weight;
 
-    (void)state;
     free_rig_walker_on_ground(&rig, MS);
     rig.config.integrator = PLANT_IMPLICIT;
     rig.ground.k = 1e5;
@@ -286,11 +273,10 @@ static void start_tied(struct free_rig *rig)
 
 /* Walker and box, tied. What the tie gives to the one it takes from the other, whatever its
  * stiffness: that needs the coupled system to be solved, not only its diagonal blocks. */
-static void a_tie_of_any_stiffness_conserves_momentum(void **state)
+TEST(a_tie_of_any_stiffness_conserves_momentum)
 {
     const double stiffness[] = {400.0, 1e5, 1e8};
 
-    (void)state;
     for (int n = 0; n < 3; n++) {
         struct free_rig rig;
         double center[3], robot[3], box, total, seconds = 0.3, given, length;
@@ -322,12 +308,11 @@ static void a_tie_of_any_stiffness_conserves_momentum(void **state)
     }
 }
 
-static void tied_bodies_converge_with_order_two(void **state)
+TEST(tied_bodies_converge_with_order_two)
 {
     static double reference[MOST_STATES];
     double previous = 0.0, slope = 0.0;
 
-    (void)state;
     for (int64_t h = 0; h == 0 || h >= MS / 32; h = h == 0 ? MS : h / 2) {
         struct free_rig rig;
 
@@ -353,14 +338,13 @@ static void tied_bodies_converge_with_order_two(void **state)
     assert_near(slope, 2.0, 0.05);
 }
 
-static void a_contact_engine_without_tangents_is_refused(void **state)
+TEST(a_contact_engine_without_tangents_is_refused)
 {
     struct free_rig rig;
     struct contact_ops ops;
     struct plant *plant = NULL;
     struct error error = {0};
 
-    (void)state;
     free_rig_tied(&rig, MS);
     ops = *rig.tie.world.ops;
     ops.tangents = NULL;
@@ -377,11 +361,10 @@ static void a_contact_engine_without_tangents_is_refused(void **state)
 }
 
 /* The engine's failure stops the step and leaves the last good state. */
-static void a_failing_contact_engine_stops_the_step(void **state)
+TEST(a_failing_contact_engine_stops_the_step)
 {
     const enum plant_integrator integrators[] = {PLANT_IMPLICIT, PLANT_DOPRI5};
 
-    (void)state;
     for (int n = 0; n < 2; n++) {
         struct plant_rig rig;
         uint64_t hash;
@@ -396,24 +379,4 @@ static void a_failing_contact_engine_stops_the_step(void **state)
         assert_true(plant_hash(rig.plant) == hash);
         plant_rig_fini(&rig);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(dopri5_is_where_rk4_with_short_steps_is),
-        cmocka_unit_test(it_converges_with_order_two),
-        cmocka_unit_test(springs_of_any_stiffness_are_stable_at_a_millisecond),
-        cmocka_unit_test(swinging_in_free_fall_gains_no_energy),
-        cmocka_unit_test(tumbling_keeps_energy_and_momentum),
-        cmocka_unit_test(stiff_and_sticky_ground_is_stable_at_a_millisecond),
-        cmocka_unit_test(equal_runs_give_equal_bits),
-        cmocka_unit_test(a_free_box_comes_to_rest_on_the_ground),
-        cmocka_unit_test(a_tie_of_any_stiffness_conserves_momentum),
-        cmocka_unit_test(tied_bodies_converge_with_order_two),
-        cmocka_unit_test(a_contact_engine_without_tangents_is_refused),
-        cmocka_unit_test(a_failing_contact_engine_stops_the_step),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

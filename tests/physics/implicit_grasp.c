@@ -7,14 +7,10 @@
 #include "rig/rig.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdint.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 enum { JOINTS = 32, SAMPLES = 600, FIRST = 200, ARM = 4 };
 enum { RIGHT_FOOT = 0, LEFT_FOOT = 1 }; /* contact bodies, in the order of the rig's surfaces */
@@ -135,7 +131,7 @@ static void lift(struct scene *scene, int milliseconds, struct track *track)
     }
 }
 
-static void lifting_the_box_it_is_where_rk4_is(void **state)
+TEST(lifting_the_box_it_is_where_rk4_is)
 {
     enum { END = 450 };
     static struct track reference, found;
@@ -143,7 +139,6 @@ static void lifting_the_box_it_is_where_rk4_is(void **state)
     struct scene scene;
     size_t njoint;
 
-    (void)state;
     scene_init(&scene, PLANT_RK4, 100000, 0.0, 0.0);
     lift(&scene, END, &reference);
     scene_fini(&scene);
@@ -174,12 +169,11 @@ static void lifting_the_box_it_is_where_rk4_is(void **state)
 }
 
 /* A soft elbow cannot lift; it and everything else must not upset the step. */
-static void springs_of_any_stiffness_are_stable_in_the_grip(void **state)
+TEST(springs_of_any_stiffness_are_stable_in_the_grip)
 {
     const double stiffness[][2] = {{1.2e-3, 0.0}, {120.0, 0.0}, {8400.0, 8400.0}};
     static struct track found;
 
-    (void)state;
     for (int n = 0; n < 3; n++) {
         double weight, feet, jump = 0.0;
         struct scene scene;
@@ -200,14 +194,4 @@ static void springs_of_any_stiffness_are_stable_in_the_grip(void **state)
         assert_true(n == 0 || found.box[SAMPLES - 1] - found.box[0] > 5e-3);
         scene_fini(&scene);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(lifting_the_box_it_is_where_rk4_is),
-        cmocka_unit_test(springs_of_any_stiffness_are_stable_in_the_grip),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

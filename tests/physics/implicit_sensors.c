@@ -6,16 +6,11 @@
  * relaxed, through the transient and one squat of 10 cm in 2 s.
  */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/near.h"
 #include "tests/physics/rig_squat.h"
+#include "tests/test.h"
 
 enum { BEGIN = 300, SAMPLES = 2300, STEPS = 3, SENSORS = 4, PATCHES = 16 };
 
@@ -127,13 +122,12 @@ static void follow(enum plant_integrator integrator, int64_t substep_ns, struct 
 /* Newton's law: the mean of what the contacts give the robot at the begin and the end of a step is
  * what its momentum has grown by, but for the curvature of the forces in between; what went through
  * a sensor is what its part below got else. */
-static void what_is_sensed_is_what_has_moved_the_robot(void **state)
+TEST(what_is_sensed_is_what_has_moved_the_robot)
 {
     static struct track track;
     const double h = 1e-3;
     double robot = 0.0, sensors = 0.0, patches = 0.0;
 
-    (void)state;
     follow(PLANT_IMPLICIT, 1000000, &track);
     for (int k = BEGIN; k < SAMPLES; k++) {
         const struct sample *now = &track.at[k], *last = &track.at[k - 1];
@@ -201,7 +195,7 @@ static void compare_feet(const struct track *found, const struct track *oracle, 
 }
 
 /* What is left is how far the steps lead from the exact path; it vanishes with them. */
-static void the_feet_feel_what_they_do_with_exact_steps(void **state)
+TEST(the_feet_feel_what_they_do_with_exact_steps)
 {
     /* N, N m, by axis, at a millisecond; 150 N stand on each foot */
     static const double force_bound[3] = {0.2, 0.02, 0.5}, most_bound[3] = {1.0, 0.1, 2.0};
@@ -209,7 +203,6 @@ static void the_feet_feel_what_they_do_with_exact_steps(void **state)
     static struct track oracle, found;
     double last[3] = {INFINITY, INFINITY, INFINITY};
 
-    (void)state;
     follow(PLANT_DOPRI5, 1000000, &oracle);
     for (int n = 0; n < STEPS; n++) {
         print_message("# h = %.2f ms:", 1.0 / (1 << n));
@@ -230,7 +223,7 @@ static void the_feet_feel_what_they_do_with_exact_steps(void **state)
 }
 
 /* What was set, not stepped to, is read as with any integrator: by the laws. */
-static void a_state_that_was_set_is_sensed_by_the_laws(void **state)
+TEST(a_state_that_was_set_is_sensed_by_the_laws)
 {
     struct rig_scene_choice choice = coman_with(PLANT_IMPLICIT, 1000000);
     static struct rig_scene stepped, set;
@@ -238,7 +231,6 @@ static void a_state_that_was_set_is_sensed_by_the_laws(void **state)
     size_t count, same;
     double *from, *to, shear;
 
-    (void)state;
     rig_scene_init(&stepped, &choice);
     choice = coman_with(PLANT_RK4, 100000);
     rig_scene_init(&set, &choice);
@@ -283,13 +275,12 @@ static void a_state_that_was_set_is_sensed_by_the_laws(void **state)
 
 /* Steps look through the whole state only when somebody may have written it; that changes nothing
  * where nobody has. */
-static void a_state_that_was_handed_out_moves_as_another(void **state)
+TEST(a_state_that_was_handed_out_moves_as_another)
 {
     const struct rig_scene_choice choice = coman_with(PLANT_IMPLICIT, 1000000);
     static struct rig_scene own, handed_out;
     size_t count;
 
-    (void)state;
     rig_scene_init(&own, &choice);
     rig_scene_init(&handed_out, &choice);
     assert_non_null(plant_state(handed_out.plant, &count));
@@ -302,16 +293,4 @@ static void a_state_that_was_handed_out_moves_as_another(void **state)
     }
     rig_scene_fini(&own);
     rig_scene_fini(&handed_out);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(what_is_sensed_is_what_has_moved_the_robot),
-        cmocka_unit_test(the_feet_feel_what_they_do_with_exact_steps),
-        cmocka_unit_test(a_state_that_was_set_is_sensed_by_the_laws),
-        cmocka_unit_test(a_state_that_was_handed_out_moves_as_another),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -5,16 +5,11 @@
  * Prints the map of docs/integrator.md.
  */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/free_rig.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 enum { MS = 1000000, MOST = 8 };
 
@@ -91,13 +86,12 @@ static double drive_radius(double link, double rotor)
     return spectral_radius(count, A);
 }
 
-static void a_link_on_its_drive_is_stable(void **state)
+TEST(a_link_on_its_drive_is_stable)
 {
     const double frequency[] = {30.0, 100.0, 300.0, 1e3, 3e3, 1e4, 1e5, 1e6};
 
     double worst = 0.0;
 
-    (void)state;
     print_message(
         "# rotor, rad/s: spectral radius for the link at 30, 100, 300, 1e3, 3e3, 1e4, 1e5, "
         "1e6 rad/s\n");
@@ -115,13 +109,4 @@ static void a_link_on_its_drive_is_stable(void **state)
     /* Without any damping an exact rotor on an unresolved link grows by less than this a step; the
      * springs' own damping is thousands of times as much */
     assert_true(worst <= 1.0 + 1e-6);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_link_on_its_drive_is_stable),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

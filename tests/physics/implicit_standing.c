@@ -4,16 +4,11 @@
  * chatter on friction that is stiffer than its step by far, and bends its knees as rk4 says.
  */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <time.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/near.h"
 #include "tests/physics/standing.h"
+#include "tests/test.h"
 
 #define PI 3.14159265358979323846
 
@@ -24,14 +19,13 @@ static double carried_z(const struct standing *standing)
     return wrench[0].force[2] + wrench[1].force[2];
 }
 
-static void it_stands_on_the_ground_for_two_seconds(void **state)
+TEST(it_stands_on_the_ground_for_two_seconds)
 {
     const struct standing_choice choice = {
         .integrator = PLANT_IMPLICIT, .substep_ns = 1000000, .transition_velocity_m_s = 0.1};
     static struct standing standing;
     double weight, start[3], end[3], momentum[3];
 
-    (void)state;
     standing_init(&standing, &choice);
     plant_center_of_mass(standing.plant, start, momentum);
     standing_hold(&standing, 2000);
@@ -48,11 +42,10 @@ static void it_stands_on_the_ground_for_two_seconds(void **state)
 /* With a transition velocity of 1 cm/s friction is a damper with a time constant of some 20 us on a
  * foot, and with 1 mm/s of 2 us: rk4 would need steps as short. Chatter is force on the feet that
  * changes from step to step. */
-static void friction_does_not_chatter_at_a_millisecond(void **state)
+TEST(friction_does_not_chatter_at_a_millisecond)
 {
     const double transition[] = {0.01, 0.001};
 
-    (void)state;
     for (int n = 0; n < 2; n++) {
         const struct standing_choice choice = {.integrator = PLANT_IMPLICIT,
                                                .substep_ns = 1000000,
@@ -126,14 +119,13 @@ static void bend(const struct standing_choice *choice, struct track *track)
 }
 
 /* The bounds that the real-time plant has to keep: 2e-3 rad of any joint, 2 % of the foot force. */
-static void bending_its_knees_it_is_where_rk4_is(void **state)
+TEST(bending_its_knees_it_is_where_rk4_is)
 {
     static const int64_t substep[] = {1000000, 500000, 250000};
     static struct track reference, found;
     struct standing_choice choice = {
         .integrator = PLANT_RK4, .substep_ns = 125000, .transition_velocity_m_s = 0.1};
 
-    (void)state;
     bend(&choice, &reference);
     choice.integrator = PLANT_IMPLICIT;
     for (int n = 0; n < 3; n++) {
@@ -162,15 +154,4 @@ static void bending_its_knees_it_is_where_rk4_is(void **state)
         assert_true(worst < 2e-3);
         assert_true(sqrt(force / size) < 0.02);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(it_stands_on_the_ground_for_two_seconds),
-        cmocka_unit_test(friction_does_not_chatter_at_a_millisecond),
-        cmocka_unit_test(bending_its_knees_it_is_where_rk4_is),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

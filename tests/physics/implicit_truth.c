@@ -5,18 +5,13 @@
  * and the energy account of each.
  */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
-
-#include <cmocka.h>
 
 #include "tests/figure.h"
 #include "tests/physics/free_rig.h"
 #include "tests/physics/near.h"
 #include "tests/physics/rig_scene.h"
+#include "tests/test.h"
 
 enum { DENSE = 50, MS = 1000000, DROPS = 8 };
 
@@ -86,12 +81,11 @@ static void drop_robot(enum plant_integrator integrator, double more_m, struct d
     rig_scene_fini(&scene);
 }
 
-static void a_drop_peaks_as_it_should(void **state)
+TEST(a_drop_peaks_as_it_should)
 {
     static struct drop oracle, found, other;
     double balance;
 
-    (void)state;
     drop_robot(PLANT_DOPRI5, 0.0, &oracle);
     drop_robot(PLANT_IMPLICIT, 0.0, &found);
     assert_near(found.peak / oracle.peak, 1.0, 0.05);
@@ -150,12 +144,11 @@ static void joint_rig_init(struct joint_rig *rig, double Ks, enum plant_integrat
 }
 
 /* The current of a rotor that is held, after each tick: V/R (1 - exp(-R t/L)). */
-static void the_current_of_a_locked_rotor_is_exact(void **state)
+TEST(the_current_of_a_locked_rotor_is_exact)
 {
     const struct robot_sea sea = toy_drive(395.46);
     struct joint_rig rig;
 
-    (void)state;
     joint_rig_init(&rig, 395.46, PLANT_IMPLICIT);
     plant_command(rig.plant)->motor[0] =
         (struct motor_command){.bridge_on = true, .voltage_v = 48.0, .condition = DRIVE_JAM};
@@ -170,11 +163,10 @@ static void the_current_of_a_locked_rotor_is_exact(void **state)
 }
 
 /* The decay of a drive's spring, motor against a clamped link, is that of its poles. */
-static void a_spring_rings_as_long_as_it_should(void **state)
+TEST(a_spring_rings_as_long_as_it_should)
 {
     const double stiffness[] = {395.46, 8400.0};
 
-    (void)state;
     for (int n = 0; n < 2; n++) {
         const struct robot_sea sea = toy_drive(stiffness[n]);
         const double rate = 0.5 * (sea.Dm + sea.Ds) / sea.J;
@@ -222,13 +214,12 @@ static void run_voltage(enum plant_integrator integrator, double Ks, struct volt
     arena_fini(&rig.arena);
 }
 
-static void a_joint_under_voltage_is_where_dopri5_is(void **state)
+TEST(a_joint_under_voltage_is_where_dopri5_is)
 {
     const double stiffness[] = {395.46, 8400.0};
     static struct voltage_run oracle, found;
     double way = 0.0, worst = 0.0;
 
-    (void)state;
     for (int n = 0; n < 2; n++) {
         double low = 0.0, high = 0.0, off = 0.0, peak = 0.0, current = 0.0, turnover;
 
@@ -291,12 +282,11 @@ static double bounce_box(enum plant_integrator integrator, double k)
     return speed;
 }
 
-static void a_box_bounces_as_it_should(void **state)
+TEST(a_box_bounces_as_it_should)
 {
     const double stiffness[] = {1e4, 1e5, 1e6, 1e7, 1e8};
     double slowest = 1.0, fastest = 0.0;
 
-    (void)state;
     for (int n = 0; n < 5; n++) {
         double exact = bounce_box(PLANT_DOPRI5, stiffness[n]);
         double found = bounce_box(PLANT_IMPLICIT, stiffness[n]);
@@ -352,13 +342,12 @@ static void angular_momentum(double L[3])
 }
 
 /* Limp, at 30 rad/s, for ten seconds: what is lost beyond all that dissipates. */
-static void tumbling_keeps_its_energy(void **state)
+TEST(tumbling_keeps_its_energy)
 {
     struct plant_energy before, after;
     double position[3] = {0.0, 0.0, 1000.0}, L[3], then[3], energy, turned, *rates;
     size_t count;
 
-    (void)state;
     begin_scene(PLANT_IMPLICIT);
     assert_int_equal(
         plant_reset(scene.plant, position, scene.rig->base_quaternion, scene.rig->joint),
@@ -387,18 +376,4 @@ static void tumbling_keeps_its_energy(void **state)
     figure_hold("tumbling_balance_percent", 100.0 * fabs(after.balance / energy));
     figure_hold("tumbling_momentum_percent", 100.0 * turned);
     rig_scene_fini(&scene);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_drop_peaks_as_it_should),
-        cmocka_unit_test(the_current_of_a_locked_rotor_is_exact),
-        cmocka_unit_test(a_spring_rings_as_long_as_it_should),
-        cmocka_unit_test(a_joint_under_voltage_is_where_dopri5_is),
-        cmocka_unit_test(a_box_bounces_as_it_should),
-        cmocka_unit_test(tumbling_keeps_its_energy),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -14,20 +14,15 @@
 #include "base/random.h"
 #include "base/vec3.h"
 #include "model/plant.h"
+#include "tests/test.h"
 
 #include <libxml/parser.h>
 #include <math.h>
 #include <mujoco/mujoco.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 enum { TREES = 40, LINKS_MOST = 25, STATES = 5 };
 
@@ -531,25 +526,22 @@ static struct differences compare_files(const char *path, const struct robot *ro
 
 /* ---- tests ---- */
 
-static int open_big_arena(void **state)
+FIXTURE(open_big_arena)
 {
-    (void)state;
     return arena_init(&arena, (size_t)1 << 30, NULL) == ERROR_NONE ? 0 : -1;
 }
 
-static int close_big_arena(void **state)
+FIXTURE(close_big_arena)
 {
-    (void)state;
     arena_fini(&arena);
     return 0;
 }
 
-static void random_trees_are_those_of_mujoco(void **state)
+TEST_WITH(random_trees_are_those_of_mujoco, open_big_arena, close_big_arena)
 {
     char folder[] = "/tmp/hil-import-mujoco-XXXXXX", path[128], command[160];
     struct differences worst = {0};
 
-    (void)state;
     assert_non_null(mkdtemp(folder));
     snprintf(path, sizeof path, "%s/tree.urdf", folder);
     for (int tree = 0; tree < TREES; tree++) {
@@ -625,7 +617,7 @@ static void write_text(const char *path, const char *text)
     assert_int_equal(fclose(out), 0);
 }
 
-static void bodies_of_mjcf_are_those_of_mujoco(void **state)
+TEST_WITH(bodies_of_mjcf_are_those_of_mujoco, open_big_arena, close_big_arena)
 {
     char folder[] = "/tmp/hil-import-mujoco-XXXXXX", path[128], command[160];
     struct import_request request = {
@@ -639,7 +631,6 @@ static void bodies_of_mjcf_are_those_of_mujoco(void **state)
     struct differences d;
     struct error error;
 
-    (void)state;
     assert_non_null(mkdtemp(folder));
     snprintf(path, sizeof path, "%s/toy.xml", folder);
     write_text(path, toy);
@@ -756,7 +747,7 @@ static void plant_move_hand(const struct robot *robot, enum plant_integrator int
 }
 
 /* Without their drives and stops, from a state in which nothing follows quite. */
-static void couplings_move_joints_as_tendons_of_mujoco_do(void **state)
+TEST_WITH(couplings_move_joints_as_tendons_of_mujoco_do, open_big_arena, close_big_arena)
 {
     static const enum plant_integrator integrator[] = {PLANT_DOPRI5, PLANT_IMPLICIT};
     static const double tolerance[] = {1e-10, 5e-5};
@@ -772,7 +763,6 @@ static void couplings_move_joints_as_tendons_of_mujoco_do(void **state)
     struct robot *robot;
     struct error error;
 
-    (void)state;
     assert_non_null(mkdtemp(folder));
     snprintf(path, sizeof path, "%s/hand.xml", folder);
     write_text(path, hand);
@@ -820,7 +810,7 @@ static const char spring_leg[] =
 
 enum { LEG_JOINTS = 3 };
 
-static void springs_move_joints_as_those_of_mujoco(void **state)
+TEST_WITH(springs_move_joints_as_those_of_mujoco, open_big_arena, close_big_arena)
 {
     static const enum plant_integrator integrator[] = {PLANT_DOPRI5, PLANT_IMPLICIT};
     static const double tolerance[] = {1e-9, 1e-3};
@@ -833,7 +823,6 @@ static void springs_move_joints_as_those_of_mujoco(void **state)
     struct robot *robot;
     struct error error;
 
-    (void)state;
     assert_non_null(mkdtemp(folder));
     snprintf(path, sizeof path, "%s/leg.xml", folder);
     write_text(path, spring_leg);
@@ -920,7 +909,7 @@ static void write_in(const char *folder, const char *name, const char *text)
  * exactmeshinertia version 2.2 multiplies the density not with the volume of a mesh but with that
  * of the box of the same inertia (a tetrahedron weighs 1.4 times what it does), which is not
  * followed: meshes are given their masses then. */
-static void included_files_and_inertias_of_geoms_are_those_of_mujoco(void **state)
+TEST_WITH(included_files_and_inertias_of_geoms_are_those_of_mujoco, open_big_arena, close_big_arena)
 {
     static const char *const how[] = {"", "exactmeshinertia='true'"};
     static const char *const mass[] = {"mass='3'", ""};
@@ -931,7 +920,6 @@ static void included_files_and_inertias_of_geoms_are_those_of_mujoco(void **stat
     struct differences d;
     struct error error;
 
-    (void)state;
     assert_non_null(mkdtemp(folder));
     snprintf(command, sizeof command, "mkdir '%s/parts' '%s/stl'", folder, folder);
     assert_int_equal(system(command), 0);
@@ -989,28 +977,13 @@ static void file_is_that_of_mujoco(void **state)
     }
 }
 
-int main(int argc, char **argv)
+/* A comparison by hand: HIL_MUJOCO_FILE=FILE HIL_MUJOCO_ROBOT=ROBOT test_import_mujoco file_* */
+static void __attribute__((constructor)) register_by_hand(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(random_trees_are_those_of_mujoco, open_big_arena,
-                                        close_big_arena),
-        cmocka_unit_test_setup_teardown(bodies_of_mjcf_are_those_of_mujoco, open_big_arena,
-                                        close_big_arena),
-        cmocka_unit_test_setup_teardown(couplings_move_joints_as_tendons_of_mujoco_do,
-                                        open_big_arena, close_big_arena),
-        cmocka_unit_test_setup_teardown(springs_move_joints_as_those_of_mujoco, open_big_arena,
-                                        close_big_arena),
-        cmocka_unit_test_setup_teardown(included_files_and_inertias_of_geoms_are_those_of_mujoco,
-                                        open_big_arena, close_big_arena),
-    };
-    const struct CMUnitTest by_hand[] = {
-        cmocka_unit_test_setup_teardown(file_is_that_of_mujoco, open_big_arena, close_big_arena),
-    };
-
-    if (argc == 3) {
-        hand_file = argv[1];
-        hand_robot = argv[2];
-        return cmocka_run_group_tests(by_hand, NULL, NULL);
+    hand_file = getenv("HIL_MUJOCO_FILE");
+    hand_robot = getenv("HIL_MUJOCO_ROBOT");
+    if (hand_file && hand_robot) {
+        test_register(__LINE__, (struct CMUnitTest)cmocka_unit_test_setup_teardown(
+                                    file_is_that_of_mujoco, open_big_arena, close_big_arena));
     }
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

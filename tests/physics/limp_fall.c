@@ -6,16 +6,11 @@
 #include "model/stop.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/near.h"
 #include "tests/physics/rig_scene.h"
+#include "tests/test.h"
 
 #define FARTHEST 0.02 /* rad past a limit */
 
@@ -93,21 +88,19 @@ static void assert_falls(const char *file, int falls)
     rig_scene_fini(&scene);
 }
 
-static void coman_stays_at_its_stops(void **state)
+TEST(coman_stays_at_its_stops)
 {
-    (void)state;
     assert_falls("coman.yaml", 12);
 }
 
-static void walkman_stays_at_its_stops(void **state)
+TEST(walkman_stays_at_its_stops)
 {
-    (void)state;
     assert_falls("walkman.yaml", 6);
 }
 
 /* The oracle's fall: the depths are the model's, not the step's, and what stops, springs and
  * contacts lose is all that is lost. */
-static void an_exact_fall_balances(void **state)
+TEST(an_exact_fall_balances)
 {
     const struct rig_scene_choice choice = {
         .file = "coman.yaml", .integrator = PLANT_DOPRI5, .substep_ns = 1000000, .tolerance = 1e-7};
@@ -116,7 +109,6 @@ static void an_exact_fall_balances(void **state)
     struct rig_scene scene;
     double lost;
 
-    (void)state;
     rig_scene_init(&scene, &choice);
     farthest = fall(&scene, 1300, NULL);
     assert_int_equal(plant_energy(scene.plant, &energy), ERROR_NONE);
@@ -128,15 +120,4 @@ static void an_exact_fall_balances(void **state)
     assert_true(energy.stop_loss > 1.0);
     assert_near(energy.balance, 0.0, 1e-4 * lost);
     rig_scene_fini(&scene);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(coman_stays_at_its_stops),
-        cmocka_unit_test(walkman_stays_at_its_stops),
-        cmocka_unit_test(an_exact_fall_balances),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

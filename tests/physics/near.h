@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Comparison of doubles for cmocka 1.1, which only compares floats. Include after cmocka.h. */
+/* Comparison of doubles for cmocka 1.1, which only compares floats. */
 #ifndef TESTS_PHYSICS_NEAR_H
 #define TESTS_PHYSICS_NEAR_H
+
+#include "tests/test.h"
 
 #include <math.h>
 

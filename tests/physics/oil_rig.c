@@ -1,14 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The link behind a cylinder of tests/physics/oil_rig.h. */
 #include "tests/physics/oil_rig.h"
+#include "tests/test.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 
 struct robot_hydraulic hyq_cylinder(void)
 {

@@ -8,14 +8,10 @@
 #include "model/settle.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/near.h"
 #include "tests/physics/plant_rig.h"
+#include "tests/test.h"
 
 /* A body on a fixed base, on a joint with a passive spring. */
 struct sprung {
@@ -64,7 +60,7 @@ static void sprung_init(struct sprung *sprung, enum plant_integrator integrator,
 
 /* x = q - rest follows I x'' = -K x - D x': from x_0 at rest
  * x = x_0 e^(-a t) (cos(w t) + a/w sin(w t)) with a = D/(2 I), w^2 = K/I - a^2. */
-static void wheel_swings_as_the_closed_form(void **state)
+TEST(wheel_swings_as_the_closed_form)
 {
     const struct {
         enum plant_integrator integrator;
@@ -76,7 +72,6 @@ static void wheel_swings_as_the_closed_form(void **state)
                {PLANT_IMPLICIT, 100000, 1.2e-4}};
     const double x0 = 0.05, whole = 60.0;
 
-    (void)state;
     for (int damped = 0; damped < 2; damped++) {
         const double K = whole * whole * INERTIA, D = damped ? 0.1 * whole * INERTIA : 0.0;
         const double a = D / (2.0 * INERTIA), w = sqrt(K / INERTIA - a * a);
@@ -106,12 +101,11 @@ static void wheel_swings_as_the_closed_form(void **state)
 }
 
 /* What the spring had is in the damper when all has come to rest. */
-static void damper_takes_what_the_spring_had(void **state)
+TEST(damper_takes_what_the_spring_had)
 {
     static const enum plant_integrator all[] = {PLANT_RK4, PLANT_DOPRI5, PLANT_IMPLICIT};
     const double K = 100.0, joint = REST + 0.1, stored = 0.5 * K * 0.1 * 0.1;
 
-    (void)state;
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         struct plant_energy energy;
         struct sprung sprung;
@@ -131,7 +125,7 @@ static void damper_takes_what_the_spring_had(void **state)
 }
 
 /* An arm without a drive hangs where K (q - rest) = m g c cos(q), and stays there. */
-static void settled_arm_hangs_on_its_spring(void **state)
+TEST(settled_arm_hangs_on_its_spring)
 {
     const double K = 80.0, start = 0.0, arm = 0.15;
     struct settled settled;
@@ -139,7 +133,6 @@ static void settled_arm_hangs_on_its_spring(void **state)
     struct error error;
     double before;
 
-    (void)state;
     sprung_init(&sprung, PLANT_IMPLICIT, 1000000, arm, (struct robot_passive){K, 1.0, REST},
                 (struct robot_sea){0});
     assert_int_equal(plant_reset(sprung.plant, NULL, NULL, &start), ERROR_NONE);
@@ -156,14 +149,13 @@ static void settled_arm_hangs_on_its_spring(void **state)
 }
 
 /* Beside a drive a spring bears its part of the load; the sensor in the drive sees the rest. */
-static void cable_helps_the_drive(void **state)
+TEST(cable_helps_the_drive)
 {
     const double K = 5.0, start = 0.4, arm = 0.15;
     struct settled settled;
     struct sprung sprung;
     struct error error;
 
-    (void)state;
     sprung_init(&sprung, PLANT_IMPLICIT, 1000000, arm, (struct robot_passive){K, 0.1, REST},
                 toy_drive(400.0));
     assert_int_equal(plant_reset(sprung.plant, NULL, NULL, &start), ERROR_NONE);
@@ -177,16 +169,4 @@ static void cable_helps_the_drive(void **state)
     assert_int_equal(plant_step(sprung.plant, 2000), ERROR_NONE);
     assert_near(sprung.q[0], start, 1e-9);
     arena_fini(&sprung.arena);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(wheel_swings_as_the_closed_form),
-        cmocka_unit_test(damper_takes_what_the_spring_had),
-        cmocka_unit_test(settled_arm_hangs_on_its_spring),
-        cmocka_unit_test(cable_helps_the_drive),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

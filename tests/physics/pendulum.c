@@ -17,15 +17,10 @@
 #include "model/plant.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/near.h"
 #include "tests/physics/toy.h"
+#include "tests/test.h"
 
 static const double pi = 3.14159265358979323846;
 static const double start_speed = 2.1;
@@ -125,25 +120,22 @@ static void check_energy_error(size_t bodies)
     assert_true(fine < 1e-14); /* the paper's is 1e-13 */
 }
 
-static void single_pendulum_keeps_its_energy(void **state)
+TEST(single_pendulum_keeps_its_energy)
 {
-    (void)state;
     check_energy_error(1);
 }
 
-static void double_pendulum_keeps_its_energy(void **state)
+TEST(double_pendulum_keeps_its_energy)
 {
-    (void)state;
     check_energy_error(2);
 }
 
 /* A motion in which the bodies fold: the double pendulum's usual chaos, energy far from zero. */
-static void folding_double_pendulum_keeps_its_energy(void **state)
+TEST(folding_double_pendulum_keeps_its_energy)
 {
     static const double speed[2] = {1.0, -2.0};
     double fine = energy_error(2, 0.6, speed, 100000);
 
-    (void)state;
     print_message("# folding: energy error %.2e at dt 1e-4\n", fine);
     assert_true(fine < 5e-13);
 }
@@ -192,13 +184,12 @@ static double passing_time(double t, double h, const double before[2], const dou
     return t + s * h;
 }
 
-static void synchronous_double_pendulum_has_the_analytic_period(void **state)
+TEST(synchronous_double_pendulum_has_the_analytic_period)
 {
     struct pendulum pendulum;
     double period = analytic_period(), last = 0.0, worst = 0.0, apart = 0.0;
     int turns = 0;
 
-    (void)state;
     assert_near(period_by_quadrature(), period, 1e-14 * period);
     assert_near(period, 3.15, 0.01);
     pendulum_init(&pendulum, 2, 10000000);
@@ -224,16 +215,4 @@ static void synchronous_double_pendulum_has_the_analytic_period(void **state)
     assert_true(worst < 1e-8); /* the paper's curve fluctuates by 5e-9 */
     assert_true(apart < 1e-9);
     pendulum_fini(&pendulum);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(single_pendulum_keeps_its_energy),
-        cmocka_unit_test(double_pendulum_keeps_its_energy),
-        cmocka_unit_test(folding_double_pendulum_keeps_its_energy),
-        cmocka_unit_test(synchronous_double_pendulum_has_the_analytic_period),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,16 +3,11 @@
 #include "model/plant.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/near.h"
 #include "tests/physics/plant_rig.h"
+#include "tests/test.h"
 
 /* Creates with one thing wrong; the message must hold the words. */
 static void assert_refused(const struct plant_config *config, const char *words)
@@ -30,7 +25,7 @@ static void assert_refused(const struct plant_config *config, const char *words)
     arena_fini(&arena);
 }
 
-static void refuses_what_cannot_run(void **state)
+TEST(refuses_what_cannot_run)
 {
     static const int foot = TOY_RIGHT_FOOT, shank = 2, missing = 99, negative = -1;
     struct plant_rig rig, other;
@@ -44,7 +39,6 @@ static void refuses_what_cannot_run(void **state)
                                 .supply_v = 48.0};
     struct plant_config bad;
 
-    (void)state;
     plant_rig_walker(&rig, false, 100000);
     plant_rig_walker(&other, false, 100000);
     bad = good;
@@ -80,7 +74,7 @@ static void refuses_what_cannot_run(void **state)
     plant_rig_fini(&other);
 }
 
-static void without_an_account_only_the_stored_energy_is_told(void **state)
+TEST(without_an_account_only_the_stored_energy_is_told)
 {
     struct plant_rig rig;
     struct plant_config config = {.robot = &rig.toy.robot,
@@ -94,7 +88,6 @@ static void without_an_account_only_the_stored_energy_is_told(void **state)
     double *own;
     size_t count;
 
-    (void)state;
     plant_rig_walker(&rig, false, 100000);
     plant_rig_reset(&rig, 1.0);
     plant_rig_random_voltages(&rig, 20.0);
@@ -112,7 +105,7 @@ static void without_an_account_only_the_stored_energy_is_told(void **state)
     plant_rig_fini(&rig);
 }
 
-static void reports_every_lack_of_memory(void **state)
+TEST(reports_every_lack_of_memory)
 {
     struct plant_rig rig;
     struct plant_config config = {.robot = &rig.toy.robot,
@@ -123,7 +116,6 @@ static void reports_every_lack_of_memory(void **state)
     enum error_code code = ERROR_MEMORY;
     int refused = 0;
 
-    (void)state;
     plant_rig_walker(&rig, false, 100000);
     for (size_t room = 0; code != ERROR_NONE; room += 512) {
         struct arena arena;
@@ -143,13 +135,12 @@ static void reports_every_lack_of_memory(void **state)
     plant_rig_fini(&rig);
 }
 
-static void voltage_is_clipped_to_the_supply(void **state)
+TEST(voltage_is_clipped_to_the_supply)
 {
     struct plant_rig rig;
     struct plant_command *command;
     const struct motor_sense *motor;
 
-    (void)state;
     plant_rig_walker(&rig, false, 100000);
     plant_rig_reset(&rig, 1.0);
     command = plant_command(rig.plant);
@@ -172,12 +163,11 @@ static void voltage_is_clipped_to_the_supply(void **state)
     plant_rig_fini(&rig);
 }
 
-static void joint_without_a_drive_reads_as_its_link(void **state)
+TEST(joint_without_a_drive_reads_as_its_link)
 {
     struct plant_rig rig;
     const struct motor_sense *hand;
 
-    (void)state;
     plant_rig_walker(&rig, false, 100000);
     plant_rig_reset(&rig, 1.0);
     plant_rig_random_voltages(&rig, 20.0);
@@ -193,12 +183,11 @@ static void joint_without_a_drive_reads_as_its_link(void **state)
     plant_rig_fini(&rig);
 }
 
-static void reset_is_at_rest_with_springs_relaxed(void **state)
+TEST(reset_is_at_rest_with_springs_relaxed)
 {
     struct plant_rig rig;
     uint64_t hash;
 
-    (void)state;
     plant_rig_walker(&rig, true, 100000);
     plant_rig_reset(&rig, 0.6);
     hash = plant_hash(rig.plant);
@@ -244,25 +233,23 @@ static uint64_t run_hash(size_t chunk, bool nudge)
     return hash;
 }
 
-static void equal_runs_have_equal_hashes(void **state)
+TEST(equal_runs_have_equal_hashes)
 {
     uint64_t hash = run_hash(10, false);
 
-    (void)state;
     assert_true(run_hash(10, false) == hash);
     assert_true(run_hash(1, false) == hash); /* the ropes' pretensions do not move here */
     assert_true(run_hash(10, true) != hash);
 }
 
 /* Nothing moves, and yet it is later. */
-static void hash_tells_equal_states_at_different_times(void **state)
+TEST(hash_tells_equal_states_at_different_times)
 {
     const double none[3] = {0.0, 0.0, 0.0};
     struct plant_rig rig;
     uint64_t hash;
     double before[128];
 
-    (void)state;
     plant_rig_walker(&rig, false, 100000);
     memset(rig.toy.robot.gravity, 0, sizeof rig.toy.robot.gravity);
     for (size_t j = 0; j < 8; j++) {
@@ -280,13 +267,12 @@ static void hash_tells_equal_states_at_different_times(void **state)
 }
 
 /* Momentum after a fall of 10 ms; before that, with a push that a reset is to end. */
-static void reset_ends_every_push(void **state)
+TEST(reset_ends_every_push)
 {
     const double force[3] = {100.0, 50.0, 25.0}, none[3] = {0.0, 0.0, 0.0};
     struct plant_rig rig;
     double position[3], momentum[3];
 
-    (void)state;
     plant_rig_walker(&rig, false, 100000);
     plant_rig_reset(&rig, 1.0);
     plant_set_push(rig.plant, TOY_ARM, force, force);
@@ -302,7 +288,7 @@ static void reset_ends_every_push(void **state)
 
 /* Of a clamped robot a drive works against its locked link, so the motor ends where the spring's
  * torque is the stall torque: Ks (qm - q) = Kt V / R. */
-static void clamped_links_stay_while_drives_live(void **state)
+TEST(clamped_links_stay_while_drives_live)
 {
     const double V = 0.5;
     struct plant_rig rig;
@@ -310,7 +296,6 @@ static void clamped_links_stay_while_drives_live(void **state)
     const struct robot_sea *sea;
     double q;
 
-    (void)state;
     plant_rig_walker(&rig, true, 100000);
     plant_rig_reset(&rig, 0.55);
     plant_clamp(rig.plant, true);
@@ -335,14 +320,13 @@ static void clamped_links_stay_while_drives_live(void **state)
     plant_rig_fini(&rig);
 }
 
-static void sampling_and_asking_for_energy_change_nothing(void **state)
+TEST(sampling_and_asking_for_energy_change_nothing)
 {
     struct plant_rig rig;
     struct plant_energy energy;
     double position[3], momentum[3];
     uint64_t hash;
 
-    (void)state;
     plant_rig_walker(&rig, true, 100000);
     plant_rig_reset(&rig, 0.52);
     plant_rig_random_voltages(&rig, 20.0);
@@ -355,12 +339,11 @@ static void sampling_and_asking_for_energy_change_nothing(void **state)
     plant_rig_fini(&rig);
 }
 
-static void pretension_moves_evenly_to_the_command(void **state)
+TEST(pretension_moves_evenly_to_the_command)
 {
     struct plant_rig rig;
     const size_t knee = 8 + 7 + 14 + 21; /* after q (7 + 8), v (6 + 8) and seven drives */
 
-    (void)state;
     plant_rig_walker(&rig, false, 100000);
     plant_rig_reset(&rig, 1.0);
     plant_command(rig.plant)->motor[1].pretension_m = 0.01;
@@ -378,12 +361,11 @@ static void pretension_moves_evenly_to_the_command(void **state)
 }
 
 /* The windings' L/R is 0.48 ms: no explicit scheme takes that in steps of 10 ms. */
-static void too_long_a_substep_is_an_error_and_not_a_nan(void **state)
+TEST(too_long_a_substep_is_an_error_and_not_a_nan)
 {
     struct plant_rig rig;
     enum error_code code = ERROR_NONE;
 
-    (void)state;
     plant_rig_walker(&rig, false, 10000000);
     plant_rig_reset(&rig, 1.0);
     plant_rig_random_voltages(&rig, 40.0);
@@ -444,12 +426,11 @@ static void total_momentum(struct plant_rig *rig, double linear[3], double angul
 }
 
 /* No gravity, a thrown and tumbling robot, random voltages: drives and ropes are inner forces. */
-static void drives_change_no_total_momentum(void **state)
+TEST(drives_change_no_total_momentum)
 {
     struct plant_rig rig;
     double linear[3], angular[3], linear0[3], angular0[3], norm;
 
-    (void)state;
     plant_rig_walker(&rig, false, 100000);
     memset(rig.toy.robot.gravity, 0, sizeof rig.toy.robot.gravity);
     plant_rig_reset(&rig, 1.0);
@@ -478,12 +459,11 @@ static void drives_change_no_total_momentum(void **state)
 }
 
 /* The center of mass against the sum over bodies, its momentum against the same. */
-static void centre_of_mass_moves_with_the_total_momentum(void **state)
+TEST(centre_of_mass_moves_with_the_total_momentum)
 {
     struct plant_rig rig;
     double before[3], after[3], momentum[3], linear[3], angular[3];
 
-    (void)state;
     plant_rig_walker(&rig, false, 1000);
     plant_rig_reset(&rig, 1.0);
     for (size_t i = 0; i < rig.toy.robot.nv; i++) {
@@ -504,11 +484,10 @@ static void centre_of_mass_moves_with_the_total_momentum(void **state)
 }
 
 /* A push of F accelerates the center of mass by F / m, wherever it is applied. */
-static void push_accelerates_the_centre_of_mass(void **state)
+TEST(push_accelerates_the_centre_of_mass)
 {
     const double force[3] = {30.0, -20.0, 50.0}, moment[3] = {3.0, 1.0, -2.0};
 
-    (void)state;
     for (int body = 0; body <= TOY_HAND; body++) {
         struct plant_rig rig;
         double before[3], after[3], position[3];
@@ -529,12 +508,11 @@ static void push_accelerates_the_centre_of_mass(void **state)
 }
 
 /* The quaternion stays of unit length over 5 s of tumbling. */
-static void quaternion_keeps_its_length(void **state)
+TEST(quaternion_keeps_its_length)
 {
     struct plant_rig rig;
     double norm;
 
-    (void)state;
     plant_rig_walker(&rig, false, 1000000);
     plant_rig_reset(&rig, 1.0);
     for (size_t i = 3; i < 6; i++) {
@@ -547,29 +525,4 @@ static void quaternion_keeps_its_length(void **state)
         assert_near(norm, 1.0, 1e-15);
     }
     plant_rig_fini(&rig);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(refuses_what_cannot_run),
-        cmocka_unit_test(without_an_account_only_the_stored_energy_is_told),
-        cmocka_unit_test(reports_every_lack_of_memory),
-        cmocka_unit_test(voltage_is_clipped_to_the_supply),
-        cmocka_unit_test(joint_without_a_drive_reads_as_its_link),
-        cmocka_unit_test(reset_is_at_rest_with_springs_relaxed),
-        cmocka_unit_test(equal_runs_have_equal_hashes),
-        cmocka_unit_test(hash_tells_equal_states_at_different_times),
-        cmocka_unit_test(reset_ends_every_push),
-        cmocka_unit_test(clamped_links_stay_while_drives_live),
-        cmocka_unit_test(sampling_and_asking_for_energy_change_nothing),
-        cmocka_unit_test(pretension_moves_evenly_to_the_command),
-        cmocka_unit_test(too_long_a_substep_is_an_error_and_not_a_nan),
-        cmocka_unit_test(drives_change_no_total_momentum),
-        cmocka_unit_test(centre_of_mass_moves_with_the_total_momentum),
-        cmocka_unit_test(push_accelerates_the_centre_of_mass),
-        cmocka_unit_test(quaternion_keeps_its_length),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,21 +3,15 @@
 #include "model/plant.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "tests/physics/plant_rig.h"
+#include "tests/test.h"
 
 /* The engine fails at its n-th evaluation, for every n of two substeps. The first stage of the
  * first substep is not one of them: the sensors have asked for it already. */
-static void contact_failure_leaves_the_last_good_substep(void **state)
+TEST(contact_failure_leaves_the_last_good_substep)
 {
-    (void)state;
     for (size_t n = 1; n <= 7; n++) {
         struct plant_rig rig;
         static double good[128];
@@ -48,13 +42,12 @@ static int64_t scripted_now_ns(void *clock)
 }
 
 /* What is asked twice for one motion is evaluated once; and what was written is seen. */
-static void contact_is_evaluated_once_for_a_motion(void **state)
+TEST(contact_is_evaluated_once_for_a_motion)
 {
     struct plant_rig rig;
     struct contact_wrench first[2];
     size_t before;
 
-    (void)state;
     plant_rig_walker(&rig, true, 100000);
     plant_rig_reset(&rig, 0.45);
     before = rig.ground.evaluations;
@@ -80,7 +73,7 @@ static void contact_is_evaluated_once_for_a_motion(void **state)
     plant_rig_fini(&rig);
 }
 
-static void contact_is_timed_by_the_clock_that_is_given(void **state)
+TEST(contact_is_timed_by_the_clock_that_is_given)
 {
     static const int feet[2] = {TOY_RIGHT_FOOT, TOY_LEFT_FOOT};
     int64_t clock = 0;
@@ -98,7 +91,6 @@ static void contact_is_timed_by_the_clock_that_is_given(void **state)
                                         .now_ns = scripted_now_ns,
                                         .clock = &clock};
 
-    (void)state;
     plant_rig_walker(&rig, true, 100000);
     assert_int_equal(plant_contact_cost(rig.plant)->spent_ns, 0);
     assert_int_equal(plant_create(&config, &rig.arena, &rig.plant, &error), ERROR_NONE);
@@ -114,14 +106,13 @@ static void contact_is_timed_by_the_clock_that_is_given(void **state)
     plant_rig_fini(&rig);
 }
 
-static void contact_failure_reaches_sample_energy_and_reset(void **state)
+TEST(contact_failure_reaches_sample_energy_and_reset)
 {
     const double position[3] = {0.0, 0.0, 1.0}, quaternion[4] = {1.0, 0.0, 0.0, 0.0};
     const double joint[8] = {0.0};
     struct plant_rig rig;
     struct plant_energy energy;
 
-    (void)state;
     plant_rig_walker(&rig, true, 100000);
     plant_rig_reset(&rig, 0.52);
     assert_int_equal(plant_step(rig.plant, 1), ERROR_NONE);
@@ -133,16 +124,4 @@ static void contact_failure_reaches_sample_energy_and_reset(void **state)
     rig.ground.fail_at = rig.ground.evaluations + 1;
     assert_int_equal(plant_reset(rig.plant, position, quaternion, joint), ERROR_SYSTEM);
     plant_rig_fini(&rig);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(contact_failure_leaves_the_last_good_substep),
-        cmocka_unit_test(contact_is_evaluated_once_for_a_motion),
-        cmocka_unit_test(contact_is_timed_by_the_clock_that_is_given),
-        cmocka_unit_test(contact_failure_reaches_sample_energy_and_reset),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,16 +3,11 @@
 #include "model/plant.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/near.h"
 #include "tests/physics/plant_rig.h"
+#include "tests/test.h"
 
 /* All energy that went anywhere: what a balance is to be small against. */
 static double turnover(const struct plant_energy *energy)
@@ -56,12 +51,11 @@ static void run_ticks(struct plant_rig *rig, int ticks, size_t steps)
     }
 }
 
-static void falling_and_swinging_robot_balances(void **state)
+TEST(falling_and_swinging_robot_balances)
 {
     struct plant_rig rig;
     struct plant_energy energy;
 
-    (void)state;
     plant_rig_walker(&rig, false, 100000);
     plant_rig_reset(&rig, 1.0);
     run_ticks(&rig, 1000, 10);
@@ -72,12 +66,11 @@ static void falling_and_swinging_robot_balances(void **state)
     plant_rig_fini(&rig);
 }
 
-static void robot_dropped_on_the_ground_balances(void **state)
+TEST(robot_dropped_on_the_ground_balances)
 {
     struct plant_rig rig;
     struct plant_energy energy;
 
-    (void)state;
     plant_rig_walker(&rig, true, 100000);
     plant_rig_reset(&rig, 0.55);
     run_ticks(&rig, 400, 10);
@@ -89,11 +82,10 @@ static void robot_dropped_on_the_ground_balances(void **state)
 
 /* White noise on the windings (a time constant of 0.48 ms) is the hardest thing to account at a
  * given step; the gap is the integration's and falls with the fourth power of the step. */
-static void gap_of_the_balance_falls_with_the_fourth_power_of_the_step(void **state)
+TEST(gap_of_the_balance_falls_with_the_fourth_power_of_the_step)
 {
     double previous = 0.0;
 
-    (void)state;
     for (int64_t substep_ns = 100000; substep_ns >= 25000; substep_ns /= 2) {
         struct plant_rig rig;
         struct plant_energy energy;
@@ -147,14 +139,13 @@ static struct plant_energy pull_push_and_open(enum plant_integrator integrator, 
 
 /* The energy that goes through the ropes is the same whatever integrates; the implicit one closes
  * the balance with its order, 2. */
-static void pretension_push_and_opening_bridges_balance(void **state)
+TEST(pretension_push_and_opening_bridges_balance)
 {
     struct plant_energy rk4 = pull_push_and_open(PLANT_RK4, 100000);
     struct plant_energy dopri5 = pull_push_and_open(PLANT_DOPRI5, 1000000);
     struct plant_energy coarse = pull_push_and_open(PLANT_IMPLICIT, 500000);
     struct plant_energy fine = pull_push_and_open(PLANT_IMPLICIT, 250000);
 
-    (void)state;
     assert_balanced(&rk4, 1e-6);
     assert_balanced(&dopri5, 1e-9);
     assert_balanced(&coarse, 2e-5);
@@ -163,14 +154,13 @@ static void pretension_push_and_opening_bridges_balance(void **state)
     assert_near(coarse.pretension_work, rk4.pretension_work, 1e-4);
 }
 
-static void opening_bridge_turns_its_magnetic_energy_to_heat(void **state)
+TEST(opening_bridge_turns_its_magnetic_energy_to_heat)
 {
     struct plant_rig rig;
     struct plant_command *command;
     struct plant_energy before, after;
     double magnetic = 0.0;
 
-    (void)state;
     plant_rig_walker(&rig, false, 1);
     command = plant_command(rig.plant);
     plant_rig_reset(&rig, 1.0);
@@ -196,12 +186,11 @@ static void opening_bridge_turns_its_magnetic_energy_to_heat(void **state)
 }
 
 /* With the point springs' potential reported, what contact is said to dissipate only grows. */
-static void contact_dissipation_only_grows(void **state)
+TEST(contact_dissipation_only_grows)
 {
     struct plant_rig rig;
     double last = 0.0;
 
-    (void)state;
     plant_rig_walker(&rig, true, 100000);
     plant_rig_reset(&rig, 0.55);
     for (int k = 0; k < 300; k++) {
@@ -233,12 +222,11 @@ static void smooth_run(int64_t substep_ns, double *state, size_t max)
     plant_rig_fini(&rig);
 }
 
-static void coupled_system_converges_with_order_four(void **state)
+TEST(coupled_system_converges_with_order_four)
 {
     static double reference[128], run[128];
     double previous = 0.0;
 
-    (void)state;
     smooth_run(6250, reference, 128);
     for (int64_t substep_ns = 200000; substep_ns >= 50000; substep_ns /= 2) {
         double worst = 0.0;
@@ -253,19 +241,4 @@ static void coupled_system_converges_with_order_four(void **state)
         }
         previous = worst;
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(falling_and_swinging_robot_balances),
-        cmocka_unit_test(robot_dropped_on_the_ground_balances),
-        cmocka_unit_test(gap_of_the_balance_falls_with_the_fourth_power_of_the_step),
-        cmocka_unit_test(pretension_push_and_opening_bridges_balance),
-        cmocka_unit_test(opening_bridge_turns_its_magnetic_energy_to_heat),
-        cmocka_unit_test(contact_dissipation_only_grows),
-        cmocka_unit_test(coupled_system_converges_with_order_four),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,6 +4,7 @@
 #define TESTS_PHYSICS_PLANT_RIG_H
 
 #include "tests/physics/toy.h"
+#include "tests/test.h"
 
 struct plant_rig {
     struct toy toy;

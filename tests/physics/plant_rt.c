@@ -3,16 +3,11 @@
 #include "model/plant.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/counting_malloc.h"
 #include "tests/physics/free_rig.h"
 #include "tests/physics/plant_rig.h"
+#include "tests/test.h"
 
 static void step_and_sample(enum plant_integrator integrator, bool coupled)
 {
@@ -47,9 +42,8 @@ static void step_and_sample(enum plant_integrator integrator, bool coupled)
     plant_rig_fini(&rig);
 }
 
-static void stepping_and_sampling_allocate_nothing(void **state)
+TEST(stepping_and_sampling_allocate_nothing)
 {
-    (void)state;
     for (int coupled = 0; coupled < 2; coupled++) {
         step_and_sample(PLANT_RK4, coupled);
         step_and_sample(PLANT_IMPLICIT, coupled);
@@ -57,7 +51,7 @@ static void stepping_and_sampling_allocate_nothing(void **state)
     }
 }
 
-static void free_bodies_allocate_nothing(void **state)
+TEST(free_bodies_allocate_nothing)
 {
     const double force[3] = {5.0, 0.0, 0.0}, moment[3] = {0.0, 0.0, 1.0};
     struct free_rig rig;
@@ -67,7 +61,6 @@ static void free_bodies_allocate_nothing(void **state)
     double pose[7];
     size_t before;
 
-    (void)state;
     free_rig_walker_on_ground(&rig, 100000);
     rig.body[0].position[2] = 0.08;
     free_rig_start(&rig);
@@ -85,15 +78,4 @@ static void free_bodies_allocate_nothing(void **state)
     assert_int_equal(counted_calls() - before, 0);
     assert_int_equal(code, ERROR_NONE);
     free_rig_fini(&rig);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(counters_see_the_allocator),
-        cmocka_unit_test(stepping_and_sampling_allocate_nothing),
-        cmocka_unit_test(free_bodies_allocate_nothing),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

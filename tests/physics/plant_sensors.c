@@ -3,17 +3,12 @@
 #include "model/plant.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "model/spatial.h"
 #include "tests/physics/near.h"
 #include "tests/physics/plant_rig.h"
+#include "tests/test.h"
 
 static void assert_vector(const double actual[3], double x, double y, double z, double tolerance)
 {
@@ -79,7 +74,7 @@ static void block_reset(struct block *block, double height)
 /* At rest the sensor carries all but what is below it; the ground carries all. What is above has
  * 9.6 kg with its center of mass where 10 c - 0.4 c_d says, and leans with the block, about y, as
  * the ground's springs give. */
-static void standing_block_reads_the_carried_weight(void **state)
+TEST(standing_block_reads_the_carried_weight)
 {
     static struct block block;
     const struct plant_sensors *sensors;
@@ -88,7 +83,6 @@ static void standing_block_reads_the_carried_weight(void **state)
     double z = (10.0 * 0.3 - 0.4 * 0.02) / 9.6 - 0.05; /* from the sensor */
     double lean;
 
-    (void)state;
     block_init(&block, true);
     block_reset(&block, 0.0);
     assert_int_equal(plant_step(block.plant, 30000), ERROR_NONE);
@@ -109,12 +103,11 @@ static void standing_block_reads_the_carried_weight(void **state)
     arena_fini(&block.arena);
 }
 
-static void falling_block_feels_nothing(void **state)
+TEST(falling_block_feels_nothing)
 {
     static struct block block;
     const struct plant_sensors *sensors;
 
-    (void)state;
     block_init(&block, true);
     block_reset(&block, 10.0);
     assert_int_equal(plant_step(block.plant, 1000), ERROR_NONE);
@@ -129,7 +122,7 @@ static void falling_block_feels_nothing(void **state)
 /* The block is turned by an angle about an axis, and the sensor on it by a right angle about the
  * block's x: its attitude is the product of the two quaternions, and what it sees of gravity and of
  * the Earth's field are these vectors, turned back twice by Rodrigues' formula. */
-static void a_turned_block_reads_its_attitude(void **state)
+TEST(a_turned_block_reads_its_attitude)
 {
     static struct block block;
     const double axis[3] = {0.6, 0.0, 0.8}, x_axis[3] = {1.0, 0.0, 0.0}, angle = 2.5;
@@ -140,7 +133,6 @@ static void a_turned_block_reads_its_attitude(void **state)
     const struct imu_sense *imu;
     double back[9], mount_back[9], of_block[3], of_sensor[3];
 
-    (void)state;
     block_init(&block, true);
     mat3_about_axis(x_axis, 0.5 * M_PI, block.toy.frame[block.toy.robot.imu_frame].rotation);
     assert_int_equal(plant_reset(block.plant, position, turned, joint), ERROR_NONE);
@@ -160,13 +152,12 @@ static void a_turned_block_reads_its_attitude(void **state)
 
 /* Falling and turning at rate w about the vertical through its center of mass (a principal axis):
  * a point at offset r from there is pulled inward by w^2 r, and the mass below pulls outward. */
-static void spinning_block_feels_the_centripetal_acceleration(void **state)
+TEST(spinning_block_feels_the_centripetal_acceleration)
 {
     static struct block block;
     const struct plant_sensors *sensors;
     const double w = 3.0;
 
-    (void)state;
     block_init(&block, true);
     block_reset(&block, 10.0);
     block.state[7 + 5] = w;
@@ -181,12 +172,11 @@ static void spinning_block_feels_the_centripetal_acceleration(void **state)
 }
 
 /* On a fixed base nothing moves: + g along up, and the part below hangs on the sensor. */
-static void hanging_part_pulls_the_sensor_down(void **state)
+TEST(hanging_part_pulls_the_sensor_down)
 {
     static struct block block;
     const struct plant_sensors *sensors;
 
-    (void)state;
     block_init(&block, false);
     block_reset(&block, 0.0);
     sensors = plant_sensors(block.plant);
@@ -197,13 +187,12 @@ static void hanging_part_pulls_the_sensor_down(void **state)
 }
 
 /* A push on the sensor's body counts as acting below the sensor. */
-static void push_on_the_foot_is_felt_in_full(void **state)
+TEST(push_on_the_foot_is_felt_in_full)
 {
     static struct block block;
     const struct plant_sensors *sensors;
     const double force[3] = {7.0, -3.0, 5.0}, moment[3] = {0.3, 0.2, -0.1};
 
-    (void)state;
     block_init(&block, false);
     block_reset(&block, 0.0);
     plant_set_push(block.plant, 0, force, moment);
@@ -278,7 +267,7 @@ static double force_across_the_cut(const struct plant_rig *rig, const double *vd
     return -f[6 + j];
 }
 
-static void foot_sensor_reads_the_force_across_the_cut(void **state)
+TEST(foot_sensor_reads_the_force_across_the_cut)
 {
     static struct plant_rig rig;
     const double force[3] = {20.0, -35.0, 90.0}, moment[3] = {2.0, 1.0, -3.0};
@@ -286,7 +275,6 @@ static void foot_sensor_reads_the_force_across_the_cut(void **state)
     struct wrench ext[TOY_BODIES] = {0};
     double tau[8], vdot[14];
 
-    (void)state;
     plant_rig_walker(&rig, false, 100000);
     plant_rig_reset(&rig, 1.0);
     for (size_t j = 0; j < 8; j++) {
@@ -325,13 +313,12 @@ static void foot_sensor_reads_the_force_across_the_cut(void **state)
 
 /* The inertial sensor's specific force against second differences of its place along the motion,
  * whose own error is about (w h)^2/12 of what the ankle springs (w = 600 rad/s) shake: 3e-4. */
-static void inertial_sensor_agrees_with_the_path_that_it_takes(void **state)
+TEST(inertial_sensor_agrees_with_the_path_that_it_takes)
 {
     static struct plant_rig rig;
     const struct robot_frame *frame;
     double place[3][3], expected[3], R[9], accel[3] = {0}, w[3], wR[3], h = 1e-4;
 
-    (void)state;
     plant_rig_walker(&rig, false, 10000);
     plant_rig_reset(&rig, 1.0);
     for (size_t i = 0; i < 6; i++) {
@@ -363,20 +350,4 @@ static void inertial_sensor_agrees_with_the_path_that_it_takes(void **state)
     mat3_apply(R, accel, w);
     assert_vector(w, expected[0], expected[1], expected[2], 5e-4);
     plant_rig_fini(&rig);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(standing_block_reads_the_carried_weight),
-        cmocka_unit_test(falling_block_feels_nothing),
-        cmocka_unit_test(a_turned_block_reads_its_attitude),
-        cmocka_unit_test(spinning_block_feels_the_centripetal_acceleration),
-        cmocka_unit_test(hanging_part_pulls_the_sensor_down),
-        cmocka_unit_test(push_on_the_foot_is_felt_in_full),
-        cmocka_unit_test(foot_sensor_reads_the_force_across_the_cut),
-        cmocka_unit_test(inertial_sensor_agrees_with_the_path_that_it_takes),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

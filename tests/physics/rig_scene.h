@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The robot and the scene of a rig file on native contact, without boards. Include after cmocka.h;
- * aborts the test on any error. */
+/* The robot and the scene of a rig file on native contact, without boards. Aborts the
+ * test on any error. */
 #ifndef TESTS_PHYSICS_RIG_SCENE_H
 #define TESTS_PHYSICS_RIG_SCENE_H
 
 #include "model/settle.h"
 #include "model/spatial.h"
 #include "rig/rig.h"
+#include "tests/test.h"
 
 #include <string.h>
 

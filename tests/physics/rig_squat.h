@@ -7,6 +7,7 @@
 #define TESTS_PHYSICS_RIG_SQUAT_H
 
 #include "tests/physics/rig_scene.h"
+#include "tests/test.h"
 
 #include <math.h>
 

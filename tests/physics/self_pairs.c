@@ -6,17 +6,12 @@
  * computed as the rig does.
  */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 
-#include <cmocka.h>
-
 #include "tests/physics/rig_scene.h"
 #include "tests/unit/contact/random_number.h"
+#include "tests/test.h"
 
 enum { POSES = 2000, SURFACES = 32, BODIES = 64 };
 
@@ -299,24 +294,12 @@ static void assert_closed(const char *file, const struct left_out *list, size_t 
     rig_scene_fini(&scene);
 }
 
-static void all_pairs_of_coman_that_can_touch_are_watched(void **state)
+TEST(all_pairs_of_coman_that_can_touch_are_watched)
 {
-    (void)state;
     assert_closed("coman.yaml", coman_left, sizeof coman_left / sizeof coman_left[0]);
 }
 
-static void all_pairs_of_walkman_that_can_touch_are_watched(void **state)
+TEST(all_pairs_of_walkman_that_can_touch_are_watched)
 {
-    (void)state;
     assert_closed("walkman.yaml", walkman_left, sizeof walkman_left / sizeof walkman_left[0]);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(all_pairs_of_coman_that_can_touch_are_watched),
-        cmocka_unit_test(all_pairs_of_walkman_that_can_touch_are_watched),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

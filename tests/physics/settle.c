@@ -7,19 +7,14 @@
 #include "model/settle.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "model/spatial.h"
 #include "tests/physics/near.h"
 #include "tests/physics/toy.h"
+#include "tests/test.h"
 
 enum { BLOCKS = 3 };
 
@@ -153,13 +148,12 @@ static void assert_stays(struct yard *yard, double tolerance)
 
 /* ---- statics ---- */
 
-static void block_sinks_into_the_ground_by_its_weight_over_the_stiffness(void **state)
+TEST(block_sinks_into_the_ground_by_its_weight_over_the_stiffness)
 {
     const double depth = mass * gravity / (stiffness * 4.0 * half * half);
     struct yard yard;
     double pose[7];
 
-    (void)state;
     yard_begin(&yard, 1);
     yard_settle_well(&yard);
     plant_free_pose(yard.plant, 0, pose);
@@ -175,13 +169,12 @@ static void block_sinks_into_the_ground_by_its_weight_over_the_stiffness(void **
 
 /* The bed's pressure is linear: its moment about the middle, k theta a^4/12, is the weight's, at
  * the lever c cos theta + h sin theta with the center of mass h above the sole. */
-static void block_with_its_mass_off_the_middle_tilts_as_the_bed_gives_way(void **state)
+TEST(block_with_its_mass_off_the_middle_tilts_as_the_bed_gives_way)
 {
     const double a = 2.0 * half, c = 0.1 * a, weight = mass * gravity;
     struct yard yard;
     double pose[7], R[9], tilt;
 
-    (void)state;
     yard_begin(&yard, 1);
     yard.block[0].inertia.com[0] = c;
     yard_settle_well(&yard);
@@ -197,14 +190,13 @@ static void block_with_its_mass_off_the_middle_tilts_as_the_bed_gives_way(void *
 
 /* As soon as it has lifted an edge the pressure is a triangle below the center of mass: it is
  * 3 (a/2 - c) wide and its peak k depth makes up the weight with that width. */
-static void block_near_tipping_stands_on_a_part_of_its_sole(void **state)
+TEST(block_near_tipping_stands_on_a_part_of_its_sole)
 {
     const double a = 2.0 * half, c = 0.3 * a, weight = mass * gravity;
     const double width = 3.0 * (0.5 * a - c), depth = 2.0 * weight / (stiffness * a * width);
     struct yard yard;
     double pose[7], R[9];
 
-    (void)state;
     yard_begin(&yard, 1);
     yard.block[0].inertia.com[0] = c;
     yard.block[0].inertia.com[2] = -half; /* in the sole: no lever of the tilt */
@@ -215,13 +207,12 @@ static void block_near_tipping_stands_on_a_part_of_its_sole(void **state)
     yard_fini(&yard);
 }
 
-static void block_dropped_from_a_hand_above_and_askew_lands_flat(void **state)
+TEST(block_dropped_from_a_hand_above_and_askew_lands_flat)
 {
     const double depth = mass * gravity / (stiffness * 4.0 * half * half);
     struct yard yard;
     double pose[7];
 
-    (void)state;
     yard_begin(&yard, 1);
     yard.block[0].position[0] = 0.3;
     yard.block[0].position[2] = half + 0.08;
@@ -236,13 +227,12 @@ static void block_dropped_from_a_hand_above_and_askew_lands_flat(void **state)
     yard_fini(&yard);
 }
 
-static void block_that_starts_deep_in_the_ground_rises(void **state)
+TEST(block_that_starts_deep_in_the_ground_rises)
 {
     const double depth = mass * gravity / (stiffness * 4.0 * half * half);
     struct yard yard;
     double pose[7];
 
-    (void)state;
     yard_begin(&yard, 1);
     yard.block[0].position[2] = half - 0.03;
     yard_settle_well(&yard);
@@ -258,11 +248,10 @@ static double pile_depth(double load)
     return half - cbrt(half * half * half - 0.75 * load / stiffness);
 }
 
-static void each_block_of_a_pile_carries_those_above(void **state)
+TEST(each_block_of_a_pile_carries_those_above)
 {
     struct yard yard;
 
-    (void)state;
     yard_begin(&yard, BLOCKS);
     yard_settle_well(&yard);
     for (size_t b = 0; b < BLOCKS; b++) {
@@ -283,14 +272,13 @@ static void each_block_of_a_pile_carries_those_above(void **state)
 }
 
 /* m g r = Ks (qm - q) = Kt I, and V = R I holds it. */
-static void arm_hangs_on_its_spring_and_current(void **state)
+TEST(arm_hangs_on_its_spring_and_current)
 {
     const double torque = -3.0 * gravity * 0.4 * cos(0.3);
     struct yard yard;
     const struct motor_sense *motor;
     const struct robot_sea *sea;
 
-    (void)state;
     yard_begin(&yard, 0);
     yard.joint = 0.3;
     yard_settle_well(&yard);
@@ -308,13 +296,12 @@ static void arm_hangs_on_its_spring_and_current(void **state)
 }
 
 /* The rope takes a part of the torque, the drive the rest. */
-static void parallel_spring_takes_its_share(void **state)
+TEST(parallel_spring_takes_its_share)
 {
     const double torque = -3.0 * gravity * 0.4 * cos(0.3);
     struct yard yard;
     double share;
 
-    (void)state;
     yard_begin(&yard, 0);
     yard.joint = 0.3;
     yard.toy.joint[0].spring = (struct robot_parallel_spring){
@@ -326,12 +313,11 @@ static void parallel_spring_takes_its_share(void **state)
     yard_fini(&yard);
 }
 
-static void thrown_body_is_left_alone(void **state)
+TEST(thrown_body_is_left_alone)
 {
     struct yard yard;
     double pose[7];
 
-    (void)state;
     yard_begin(&yard, 1);
     yard.block[0].position[2] = 2.0;
     yard.block[0].v[0] = 1.0;
@@ -364,11 +350,10 @@ static void yard_slope(struct yard *yard, size_t nblock, double slope)
 
 /* Blocks on a slope of 5 degrees are held from the first step on, without a jerk: what the table
  * gives is their weight, and after a second they are where they were. */
-static void blocks_on_a_slope_settle_with_their_bristles_bent(void **state)
+TEST(blocks_on_a_slope_settle_with_their_bristles_bent)
 {
     const double slope = 5.0 * 3.14159265358979323846 / 180.0;
 
-    (void)state;
     for (size_t nblock = 1; nblock <= BLOCKS; nblock++) {
         struct yard yard;
         double pose[7], jerk = 0.0;
@@ -398,11 +383,10 @@ static void blocks_on_a_slope_settle_with_their_bristles_bent(void **state)
 }
 
 /* A block whose friction is just enough, and one whose friction is not. */
-static void friction_decides_whether_a_block_on_a_slope_settles(void **state)
+TEST(friction_decides_whether_a_block_on_a_slope_settles)
 {
     struct yard yard;
 
-    (void)state;
     yard_slope(&yard, 1, 0.2);
     yard.friction = 1.02 * tan(0.2);
     yard_settle_well(&yard);
@@ -418,13 +402,12 @@ static void friction_decides_whether_a_block_on_a_slope_settles(void **state)
 }
 
 /* However the search ended: the angle of the slope, and that of the cone of friction. */
-static void a_block_that_slides_is_told_its_slope_and_its_friction(void **state)
+TEST(a_block_that_slides_is_told_its_slope_and_its_friction)
 {
     static const double slope[] = {0.1, 0.2, 0.35, 0.5}, part[] = {0.1, 0.5, 0.95};
     char expected[128];
     struct yard yard;
 
-    (void)state;
     for (size_t i = 0; i < sizeof slope / sizeof *slope; i++) {
         for (size_t k = 0; k < sizeof part / sizeof *part; k++) {
             yard_slope(&yard, 1, slope[i]);
@@ -443,14 +426,13 @@ static void a_block_that_slides_is_told_its_slope_and_its_friction(void **state)
 }
 
 /* Between two walls that press it, with nothing under it. */
-static void a_block_between_two_walls_is_held_by_them(void **state)
+TEST(a_block_between_two_walls_is_held_by_them)
 {
     static const double into[2][3] = {{0.0, 1.5707963267948966, 0.0},
                                       {0.0, -1.5707963267948966, 0.0}};
     const double depth = 2e-4; /* 11 N */
     struct yard yard;
 
-    (void)state;
     yard_begin(&yard, 1);
     yard.law = CONTACT_FRICTION_STICKING;
     yard.surface[2] = yard.surface[0];
@@ -488,32 +470,29 @@ static void assert_refused(struct yard *yard, const char *name, const char *reas
     yard_fini(yard);
 }
 
-static void refuses_a_body_that_nothing_supports(void **state)
+TEST(refuses_a_body_that_nothing_supports)
 {
     struct yard yard;
 
-    (void)state;
     yard_begin(&yard, 1);
     yard.block[0].position[2] = 1.0;
     assert_refused(&yard, "block", "not supported");
 }
 
-static void refuses_a_body_that_tips_over(void **state)
+TEST(refuses_a_body_that_tips_over)
 {
     struct yard yard;
 
-    (void)state;
     yard_begin(&yard, 2);
     yard.block[1].position[0] = 1.1 * half; /* over the edge of the one below */
     assert_refused(&yard, "upper block", "tips over");
 }
 
-static void refuses_a_body_that_would_slide(void **state)
+TEST(refuses_a_body_that_would_slide)
 {
     static const double rpy[3] = {0.0, 0.2, 0.0};
     struct yard yard;
 
-    (void)state;
     yard_begin(&yard, 1);
     mat3_from_rpy(rpy, yard.surface[0].rotation);
     assert_refused(&yard, "block", "slide");
@@ -521,71 +500,39 @@ static void refuses_a_body_that_would_slide(void **state)
 
 /* Softer than the weight topples: k a^4/12 < m g h. It stands upright like a pencil, and rounding
  * decides whether it is found upright and about to topple or already tipping over. */
-static void refuses_a_rest_that_is_not_stable(void **state)
+TEST(refuses_a_rest_that_is_not_stable)
 {
     struct yard yard;
 
-    (void)state;
     yard_begin(&yard, 1);
     yard.young_pa = 2.0 * 0.5 * mass * gravity * half * 12.0 / pow(2.0 * half, 4.0) * 1e-3;
     yard.block[0].inertia.com[2] = half;
     assert_refused(&yard, "block", "t"); /* topple, tips */
 }
 
-static void refuses_a_joint_without_a_drive_under_load(void **state)
+TEST(refuses_a_joint_without_a_drive_under_load)
 {
     struct yard yard;
 
-    (void)state;
     yard_begin(&yard, 0);
     yard.toy.joint[0].sea.present = false;
     assert_refused(&yard, "j0", "no drive");
 }
 
-static void refuses_a_load_beyond_the_supply(void **state)
+TEST(refuses_a_load_beyond_the_supply)
 {
     struct yard yard;
 
-    (void)state;
     yard_begin(&yard, 0);
     yard.supply_v = 0.1;
     assert_refused(&yard, "j0", "0.1 V");
 }
 
-static void refuses_a_world_without_gravity(void **state)
+TEST(refuses_a_world_without_gravity)
 {
     struct yard yard;
 
-    (void)state;
     yard_begin(&yard, 1);
     yard.toy.robot.gravity[2] = 0.0;
     assert_refused(&yard, "gravity", "");
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(block_sinks_into_the_ground_by_its_weight_over_the_stiffness),
-        cmocka_unit_test(block_with_its_mass_off_the_middle_tilts_as_the_bed_gives_way),
-        cmocka_unit_test(block_near_tipping_stands_on_a_part_of_its_sole),
-        cmocka_unit_test(block_dropped_from_a_hand_above_and_askew_lands_flat),
-        cmocka_unit_test(block_that_starts_deep_in_the_ground_rises),
-        cmocka_unit_test(each_block_of_a_pile_carries_those_above),
-        cmocka_unit_test(arm_hangs_on_its_spring_and_current),
-        cmocka_unit_test(parallel_spring_takes_its_share),
-        cmocka_unit_test(thrown_body_is_left_alone),
-        cmocka_unit_test(blocks_on_a_slope_settle_with_their_bristles_bent),
-        cmocka_unit_test(friction_decides_whether_a_block_on_a_slope_settles),
-        cmocka_unit_test(a_block_that_slides_is_told_its_slope_and_its_friction),
-        cmocka_unit_test(a_block_between_two_walls_is_held_by_them),
-        cmocka_unit_test(refuses_a_body_that_nothing_supports),
-        cmocka_unit_test(refuses_a_body_that_tips_over),
-        cmocka_unit_test(refuses_a_body_that_would_slide),
-        cmocka_unit_test(refuses_a_rest_that_is_not_stable),
-        cmocka_unit_test(refuses_a_joint_without_a_drive_under_load),
-        cmocka_unit_test(refuses_a_load_beyond_the_supply),
-        cmocka_unit_test(refuses_a_world_without_gravity),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

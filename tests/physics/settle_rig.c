@@ -5,16 +5,11 @@
  * motors are on.
  */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/near.h"
 #include "tests/physics/rig_scene.h"
+#include "tests/test.h"
 
 static const struct rig_scene_choice coman = {
     .file = "coman.yaml", .integrator = PLANT_IMPLICIT, .substep_ns = 1000000};
@@ -43,14 +38,13 @@ static double hold(struct rig_scene *scene, int milliseconds)
     return peak;
 }
 
-static void coman_stands_still_from_the_first_step(void **state)
+TEST(coman_stands_still_from_the_first_step)
 {
     static struct rig_scene scene;
     struct settled settled;
     double before[7], peak, *values;
     size_t count;
 
-    (void)state;
     rig_scene_init(&scene, &coman);
     settled = rig_scene_settle(&scene);
     values = plant_state(scene.plant, &count);
@@ -73,13 +67,12 @@ static void coman_stands_still_from_the_first_step(void **state)
  * same references lead into the same rest. What friction keeps of the landing creeps away
  * slowly. */
 /* With the friction that lets feet creep to where nothing pulls at them sideways. */
-static void a_damped_run_from_the_rigs_start_ends_in_the_same_place(void **state)
+TEST(a_damped_run_from_the_rigs_start_ends_in_the_same_place)
 {
     static struct rig_scene scene;
     double rest[7], feet[2], q[RIG_SCENE_JOINTS], worst = 0.0, *values;
     size_t count;
 
-    (void)state;
     rig_scene_init(&scene, &creeping);
     rig_scene_settle(&scene);
     values = plant_state(scene.plant, &count);
@@ -113,12 +106,11 @@ static void a_damped_run_from_the_rigs_start_ends_in_the_same_place(void **state
 }
 
 /* Without it the robot falls into its springs and layers: the transient that is to be avoided. */
-static void the_rigs_own_start_has_a_transient(void **state)
+TEST(the_rigs_own_start_has_a_transient)
 {
     static struct rig_scene scene;
     double peak;
 
-    (void)state;
     rig_scene_init(&scene, &coman);
     rig_scene_settle(&scene);
     rig_scene_reset(&scene);
@@ -128,12 +120,11 @@ static void the_rigs_own_start_has_a_transient(void **state)
     rig_scene_fini(&scene);
 }
 
-static void the_box_of_the_grasp_rests_on_the_table_at_time_zero(void **state)
+TEST(the_box_of_the_grasp_rests_on_the_table_at_time_zero)
 {
     static struct rig_scene scene;
     double box, peak;
 
-    (void)state;
     rig_scene_init(&scene, &grasp);
     rig_scene_settle(&scene);
     box = rig_scene_wrench(&scene, (int)scene.robot->nbody)->force[2];
@@ -149,11 +140,10 @@ static void the_box_of_the_grasp_rests_on_the_table_at_time_zero(void **state)
 
 /* Motors off of a clamped robot: rotors, springs and contacts stay as they are, to the last bit;
  * once let go with the holding voltages the weight stays on the feet. */
-static void a_jig_keeps_the_springs_loaded_until_it_lets_go(void **state)
+TEST(a_jig_keeps_the_springs_loaded_until_it_lets_go)
 {
     static const enum plant_integrator integrators[] = {PLANT_IMPLICIT, PLANT_RK4};
 
-    (void)state;
     for (int n = 0; n < 2; n++) {
         struct rig_scene_choice choice = coman;
         static struct rig_scene scene;
@@ -192,11 +182,10 @@ static void a_jig_keeps_the_springs_loaded_until_it_lets_go(void **state)
 }
 
 /* A reset robot that is clamped is as ever: motors move behind their springs, feet feel nothing. */
-static void resetting_takes_the_jig_off_the_rotors(void **state)
+TEST(resetting_takes_the_jig_off_the_rotors)
 {
     static struct rig_scene scene;
 
-    (void)state;
     rig_scene_init(&scene, &coman);
     plant_clamp(scene.plant, true);
     rig_scene_settle(&scene);
@@ -212,7 +201,7 @@ static void resetting_takes_the_jig_off_the_rotors(void **state)
 }
 
 /* The paper's Table 2 under bare feet: 1e4 Pa on layers of 1 cm. The robot rocks itself over. */
-static void refuses_feet_too_soft_to_stand_on(void **state)
+TEST(refuses_feet_too_soft_to_stand_on)
 {
     static struct rig_scene scene;
     struct contact_surface surface[64];
@@ -221,7 +210,6 @@ static void refuses_feet_too_soft_to_stand_on(void **state)
     struct settled settled;
     struct error error = {0};
 
-    (void)state;
     rig_scene_init(&scene, &coman);
     contact = scene.rig->contact;
     assert_true(contact.nsurface <= 64);
@@ -247,19 +235,4 @@ static void refuses_feet_too_soft_to_stand_on(void **state)
     assert_non_null(strstr(error.text, scene.robot->name));
     assert_true(strstr(error.text, "topple") || strstr(error.text, "tips over"));
     rig_scene_fini(&scene);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(coman_stands_still_from_the_first_step),
-        cmocka_unit_test(a_damped_run_from_the_rigs_start_ends_in_the_same_place),
-        cmocka_unit_test(the_rigs_own_start_has_a_transient),
-        cmocka_unit_test(the_box_of_the_grasp_rests_on_the_table_at_time_zero),
-        cmocka_unit_test(a_jig_keeps_the_springs_loaded_until_it_lets_go),
-        cmocka_unit_test(resetting_takes_the_jig_off_the_rotors),
-        cmocka_unit_test(refuses_feet_too_soft_to_stand_on),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

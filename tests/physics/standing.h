@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* COMAN on its two foot meshes on Simbody's contact, in its crouch, held by its motors. Include
- * after cmocka.h; aborts the test on any error. */
+ * after tests/test.h; aborts the test on any error. */
 #ifndef TESTS_PHYSICS_STANDING_H
 #define TESTS_PHYSICS_STANDING_H
 
 #include "model/plant.h"
 #include "model/spatial.h"
+#include "tests/test.h"
 
 #include <string.h>
 

@@ -3,17 +3,12 @@
  * Friction that sticks, in a rig as it is: COMAN on a slope for a minute, its motors holding.
  */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
-
-#include <cmocka.h>
 
 #include "tests/figure.h"
 #include "tests/physics/near.h"
 #include "tests/physics/rig_scene.h"
+#include "tests/test.h"
 
 enum { FEET = 2, SECOND = 1000 };
 
@@ -49,13 +44,12 @@ static double creep_in_a_minute(struct rig_scene *scene)
 }
 
 /* Settled, it stands from the first tick on: nothing jerks, nothing creeps. */
-static void coman_settles_on_a_slope_and_stays_for_a_minute(void **state)
+TEST(coman_settles_on_a_slope_and_stays_for_a_minute)
 {
     static struct rig_scene scene;
     struct settled settled;
     double crept, jerk = 0.0, weight;
 
-    (void)state;
     rig_scene_init(&scene, &coman);
     settled = rig_scene_settle(&scene);
     weight = scene.robot->total_mass * vec3_norm(scene.robot->gravity);
@@ -83,12 +77,11 @@ static void coman_settles_on_a_slope_and_stays_for_a_minute(void **state)
 
 /* Put on its feet with relaxed springs it sways, on legs that hardly damp it; once that has faded,
  * after 80 s, it stays. Before, its feet bend the layers that they stand on to and fro. */
-static void coman_that_came_down_on_a_slope_stays_for_a_minute(void **state)
+TEST(coman_that_came_down_on_a_slope_stays_for_a_minute)
 {
     static struct rig_scene scene;
     double crept;
 
-    (void)state;
     rig_scene_init(&scene, &coman);
     for (size_t j = 0; j < scene.robot->njoint; j++) {
         scene.reference[j] = scene.rig->joint[j];
@@ -128,14 +121,13 @@ static void refer_to_a_swaying_squat(struct rig_scene *scene,
 
 /* The loads of both feet swing, well inside of what friction can hold, and their edges lift: they
  * do not walk. Legs that hardly damp it let the start's own sway fade for half a minute. */
-static void coman_that_sways_and_squats_does_not_walk(void **state)
+TEST(coman_that_sways_and_squats_does_not_walk)
 {
     static const struct rig_scene_choice flat = {
         .file = "coman.yaml", .integrator = PLANT_IMPLICIT, .substep_ns = 1000000};
     static struct rig_scene scene;
     double settled[RIG_SCENE_JOINTS], before[FEET][3], after[FEET][3], most = 0.0, worst = 0.0;
 
-    (void)state;
     rig_scene_init(&scene, &flat);
     rig_scene_settle(&scene);
     memcpy(settled, scene.reference, sizeof settled);
@@ -163,15 +155,4 @@ static void coman_that_sways_and_squats_does_not_walk(void **state)
     assert_true(most < 0.3);
     assert_true(worst < 1e-6);
     rig_scene_fini(&scene);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(coman_settles_on_a_slope_and_stays_for_a_minute),
-        cmocka_unit_test(coman_that_came_down_on_a_slope_stays_for_a_minute),
-        cmocka_unit_test(coman_that_sways_and_squats_does_not_walk),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

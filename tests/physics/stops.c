@@ -10,15 +10,11 @@
 #include "model/stop.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/near.h"
 #include "tests/physics/plant_rig.h"
+#include "tests/test.h"
 
 /* A wheel on a fixed base with its range off the middle and all on one side of zero. */
 #define INERTIA 0.08
@@ -138,9 +134,8 @@ static void assert_impact(enum plant_integrator integrator, int64_t substep_ns, 
     arena_fini(&wheel.arena);
 }
 
-static void an_impact_is_that_of_the_closed_form(void **state)
+TEST(an_impact_is_that_of_the_closed_form)
 {
-    (void)state;
     assert_impact(PLANT_DOPRI5, 10000, 1e-5);
     assert_impact(PLANT_RK4, 10000, 2e-3); /* the damper begins within a step */
     assert_impact(PLANT_IMPLICIT, 2000, 2e-2);
@@ -148,12 +143,11 @@ static void an_impact_is_that_of_the_closed_form(void **state)
 
 /* At the millisecond of real time: whatever the speed, no deeper than exactly, no faster back, but
  * for what slow ones do whose strike divides no step. */
-static void long_steps_stay_at_the_stop(void **state)
+TEST(long_steps_stay_at_the_stop)
 {
     double depth[2] = {0.0, 0.0}, restitution[2] = {0.0, 0.0};
     struct wheel wheel;
 
-    (void)state;
     wheel_init(&wheel, PLANT_IMPLICIT, 1000000, (const double[3]){0.0, 0.0, 0.0});
     for (double rate = 0.01; rate < 100.0; rate *= 1.37) {
         for (int side = -1; side <= 1; side += 2) {
@@ -175,9 +169,8 @@ static void long_steps_stay_at_the_stop(void **state)
 }
 
 /* The law by itself: against the depth or nothing, for any rate; never a gain. */
-static void a_stop_never_pulls(void **state)
+TEST(a_stop_never_pulls)
 {
-    (void)state;
     for (double depth = -0.02; depth <= 0.02; depth += 0.0005) {
         for (double rate = -50.0; rate <= 50.0; rate += 0.7) {
             double torque = stop_torque(&wheel_stop, depth, rate);
@@ -196,13 +189,12 @@ static void a_stop_never_pulls(void **state)
 
 /* A pendulum that gravity turns back just before the limit moves as if there were no stop, though
  * its rate at the begin of the step leads past it. */
-static void a_stop_that_would_pull_is_left_out(void **state)
+TEST(a_stop_that_would_pull_is_left_out)
 {
     static const double com[3] = {0.3, 0.0, 0.0}; /* to positive angles is down */
     struct wheel wheel;
     double with, without;
 
-    (void)state;
     wheel_init(&wheel, PLANT_IMPLICIT, 1000000, com);
     wheel_throw(&wheel, LOWER + 1e-6, -0.002);
     assert_int_equal(plant_step(wheel.plant, 1), ERROR_NONE);
@@ -218,13 +210,12 @@ static void a_stop_that_would_pull_is_left_out(void **state)
 
 /* Struck within a step, from rest just before its limit, the wheel is met by the stop in that step:
  * it gets no farther than exactly. */
-static void a_stop_meets_what_is_thrown_within_a_step(void **state)
+TEST(a_stop_meets_what_is_thrown_within_a_step)
 {
     static const enum plant_integrator both[] = {PLANT_DOPRI5, PLANT_IMPLICIT};
     const double force[3] = {0.0}, blow[3] = {0.0, 1200.0, 0.0}, none[3] = {0.0};
     double farthest[2] = {0.0, 0.0};
 
-    (void)state;
     for (int i = 0; i < 2; i++) {
         int64_t substep_ns = both[i] == PLANT_DOPRI5 ? 10000 : 1000000;
         struct wheel wheel;
@@ -247,13 +238,12 @@ static void a_stop_meets_what_is_thrown_within_a_step(void **state)
 }
 
 /* At rest on its stop the pendulum presses it by its weight; settled, it does from the start. */
-static void what_lies_on_a_stop_presses_it_by_its_weight(void **state)
+TEST(what_lies_on_a_stop_presses_it_by_its_weight)
 {
     static const double com[3] = {0.3, 0.0, 0.0};
     static const enum plant_integrator all[] = {PLANT_RK4, PLANT_DOPRI5, PLANT_IMPLICIT};
     double depth = 2.0 * 9.81 * 0.3 * cos(UPPER) / wheel_stop.stiffness;
 
-    (void)state;
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         struct settled settled;
         struct error error;
@@ -275,13 +265,12 @@ static void what_lies_on_a_stop_presses_it_by_its_weight(void **state)
 }
 
 /* Away from a limit, or pulled away from one, nothing holds a joint without a drive. */
-static void what_a_stop_cannot_hold_does_not_settle(void **state)
+TEST(what_a_stop_cannot_hold_does_not_settle)
 {
     static const double com[3] = {0.3, 0.0, 0.0};
     const double start[] = {LOWER, 0.5};
     struct wheel wheel;
 
-    (void)state;
     wheel_init(&wheel, PLANT_RK4, 100000, com);
     for (size_t i = 0; i < sizeof start / sizeof *start; i++) {
         struct settled settled;
@@ -311,7 +300,7 @@ static void narrow_ranges(struct plant_rig *rig)
     }
 }
 
-static void energy_balances_over_stops(void **state)
+TEST(energy_balances_over_stops)
 {
     const struct {
         enum plant_integrator integrator;
@@ -319,7 +308,6 @@ static void energy_balances_over_stops(void **state)
         double tolerance;
     } run[] = {{PLANT_DOPRI5, 1000000, 1e-6}, {PLANT_RK4, 10000, 2e-3}};
 
-    (void)state;
     for (size_t i = 0; i < sizeof run / sizeof *run; i++) {
         struct plant_rig rig;
         struct plant_energy energy;
@@ -360,13 +348,12 @@ static struct motor_sense clamped_motor(struct wheel *wheel)
 }
 
 /* At stall the current is V/R and the spring carries Kt V/R, beyond its room with its stop. */
-static void a_spring_at_its_stop_carries_the_rest(void **state)
+TEST(a_spring_at_its_stop_carries_the_rest)
 {
     static const double nowhere[3] = {0.0, 0.0, 0.0};
     static const enum plant_integrator all[] = {PLANT_RK4, PLANT_DOPRI5, PLANT_IMPLICIT};
     const struct robot_sea sea = roomy_drive();
 
-    (void)state;
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         struct wheel wheel;
 
@@ -393,7 +380,7 @@ static void a_spring_at_its_stop_carries_the_rest(void **state)
 
 /* A rotor that swings against its clamped link, into both stops: the drive's balance, and the same
  * motion with all integrators. */
-static void a_spring_stop_balances(void **state)
+TEST(a_spring_stop_balances)
 {
     static const double nowhere[3] = {0.0, 0.0, 0.0};
     const struct {
@@ -405,7 +392,6 @@ static void a_spring_stop_balances(void **state)
                {PLANT_IMPLICIT, 10000, 2e-2, 2e-2}};
     double reference = 0.0;
 
-    (void)state;
     for (size_t i = 0; i < sizeof run / sizeof *run; i++) {
         double reached[2] = {0.0, 0.0}, turnover;
         struct plant_energy energy;
@@ -436,22 +422,4 @@ static void a_spring_stop_balances(void **state)
         assert_near(reached[1], reference, run[i].angle * reference);
         arena_fini(&wheel.arena);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(an_impact_is_that_of_the_closed_form),
-        cmocka_unit_test(long_steps_stay_at_the_stop),
-        cmocka_unit_test(a_stop_never_pulls),
-        cmocka_unit_test(a_stop_that_would_pull_is_left_out),
-        cmocka_unit_test(a_stop_meets_what_is_thrown_within_a_step),
-        cmocka_unit_test(what_lies_on_a_stop_presses_it_by_its_weight),
-        cmocka_unit_test(what_a_stop_cannot_hold_does_not_settle),
-        cmocka_unit_test(energy_balances_over_stops),
-        cmocka_unit_test(a_spring_at_its_stop_carries_the_rest),
-        cmocka_unit_test(a_spring_stop_balances),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,16 +4,11 @@
  * braked into it.
  */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/near.h"
 #include "tests/physics/toy.h"
+#include "tests/test.h"
 
 enum { MS = 1000000 };
 
@@ -24,12 +19,11 @@ static const struct supply_bus chopper = {
 /* ---- the bus alone ---- */
 
 /* From below the source charges it through its resistance; from above the diode blocks. */
-static void a_source_charges_and_does_not_discharge(void **unused)
+TEST(a_source_charges_and_does_not_discharge)
 {
     double low[SUPPLY_STATE] = {30.0, 0.0}, high[SUPPLY_STATE] = {50.0, 0.0};
     double work[3] = {0.0}, none[3] = {0.0};
 
-    (void)unused;
     for (int k = 1; k <= 10; k++) {
         supply_advance(&capacitor, 48.0, 0.5, 0.0, 1e-3, low, work);
         supply_advance(&capacitor, 48.0, 0.5, 0.0, 1e-3, high, none);
@@ -42,12 +36,11 @@ static void a_source_charges_and_does_not_discharge(void **unused)
 }
 
 /* A battery takes energy back: the bus falls to it as it rises to it. */
-static void a_battery_takes_back_what_a_source_does_not(void **unused)
+TEST(a_battery_takes_back_what_a_source_does_not)
 {
     const struct supply_bus bus = {.capacitance_f = 0.01, .returns = true};
     double state[SUPPLY_STATE] = {50.0, 0.0}, work[3] = {0.0};
 
-    (void)unused;
     for (int k = 1; k <= 10; k++) {
         supply_advance(&bus, 48.0, 0.5, 0.0, 1e-3, state, work);
         assert_near(state[SUPPLY_VOLTAGE], 48.0 + 2.0 * exp(-1e-3 * k / 0.005), 1e-4);
@@ -58,21 +51,19 @@ static void a_battery_takes_back_what_a_source_does_not(void **unused)
 }
 
 /* Energy that comes back stays in C V^2/2 to the last bit but a few. */
-static void energy_that_comes_back_lifts_the_bus(void **unused)
+TEST(energy_that_comes_back_lifts_the_bus)
 {
     double state[SUPPLY_STATE] = {48.0, 0.0}, work[3] = {0.0};
 
-    (void)unused;
     supply_advance(&capacitor, 48.0, 0.5, -3.0, 1e-3, state, work);
     assert_near(state[SUPPLY_VOLTAGE], sqrt(48.0 * 48.0 + 2.0 * 3.0 / 0.01), 1e-12);
 }
 
 /* The chopper burns exponentially, from on down to off, and no further. */
-static void the_chopper_burns_down_to_its_threshold(void **unused)
+TEST(the_chopper_burns_down_to_its_threshold)
 {
     double state[SUPPLY_STATE] = {56.0, 0.0}, work[3] = {0.0};
 
-    (void)unused;
     supply_switch_chopper(&chopper, state);
     assert_true(state[SUPPLY_CHOPPING] == 1.0);
     supply_advance(&chopper, 48.0, 0.5, 0.0, 5e-4, state, work);
@@ -87,11 +78,10 @@ static void the_chopper_burns_down_to_its_threshold(void **unused)
 }
 
 /* More than the source can give: the bus is down, and finite. */
-static void a_bus_that_is_asked_too_much_stays_finite(void **unused)
+TEST(a_bus_that_is_asked_too_much_stays_finite)
 {
     double state[SUPPLY_STATE] = {48.0, 0.0}, work[3] = {0.0};
 
-    (void)unused;
     for (int k = 0; k < 100; k++) {
         supply_advance(&capacitor, 48.0, 5.0, 10.0, 1e-3, state, work);
         assert_true(state[SUPPLY_VOLTAGE] >= SUPPLY_LEAST_V * 0.999);
@@ -160,12 +150,11 @@ static void brake_rotor(enum plant_integrator integrator, const struct supply_bu
     arena_fini(&arena);
 }
 
-static void braking_lifts_the_bus_by_its_energy(void **unused)
+TEST(braking_lifts_the_bus_by_its_energy)
 {
     const double kinetic = 0.5 * 0.1387 * 100.0;
     struct brake_run exact, found;
 
-    (void)unused;
     brake_rotor(PLANT_DOPRI5, &capacitor, &exact);
     brake_rotor(PLANT_IMPLICIT, &capacitor, &found);
     print_message("# bus to %.3f V (dopri5 %.3f), joule %.3f J of %.3f, balance %.1e (%.1e)\n",
@@ -180,12 +169,11 @@ static void braking_lifts_the_bus_by_its_energy(void **unused)
     assert_true(found.most > 58.0);
 }
 
-static void a_chopper_holds_the_bus(void **unused)
+TEST(a_chopper_holds_the_bus)
 {
     const double kinetic = 0.5 * 0.1387 * 100.0;
     struct brake_run exact, found;
 
-    (void)unused;
     brake_rotor(PLANT_DOPRI5, &chopper, &exact);
     brake_rotor(PLANT_IMPLICIT, &chopper, &found);
     print_message("# bus to %.3f V (dopri5 %.3f), chopper %.3f J (%.3f), balance %.1e (%.1e)\n",
@@ -199,7 +187,7 @@ static void a_chopper_holds_the_bus(void **unused)
 
 /* Without a bus a supply of that kind gives all back to its source, and does not rise beyond its
  * resistance: as before. */
-static void a_bus_needs_a_source_with_a_resistance(void **unused)
+TEST(a_bus_needs_a_source_with_a_resistance)
 {
     static struct toy toy;
     struct arena arena;
@@ -213,7 +201,6 @@ static void a_bus_needs_a_source_with_a_resistance(void **unused)
     struct plant *plant;
     struct error error;
 
-    (void)unused;
     toy_walker(&toy);
     assert_int_equal(arena_init(&arena, 1 << 22, &error), ERROR_NONE);
     assert_int_equal(dynamics_generic(&toy.robot, &arena, &dynamics, &error), ERROR_NONE);
@@ -225,20 +212,4 @@ static void a_bus_needs_a_source_with_a_resistance(void **unused)
     config.bus.off_v = 54.0;
     assert_int_equal(plant_create(&config, &arena, &plant, &error), ERROR_NONE);
     arena_fini(&arena);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_source_charges_and_does_not_discharge),
-        cmocka_unit_test(a_battery_takes_back_what_a_source_does_not),
-        cmocka_unit_test(energy_that_comes_back_lifts_the_bus),
-        cmocka_unit_test(the_chopper_burns_down_to_its_threshold),
-        cmocka_unit_test(a_bus_that_is_asked_too_much_stays_finite),
-        cmocka_unit_test(braking_lifts_the_bus_by_its_energy),
-        cmocka_unit_test(a_chopper_holds_the_bus),
-        cmocka_unit_test(a_bus_needs_a_source_with_a_resistance),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,17 +4,12 @@
  * on its ramp friction holds. (A foot on the bump: contact_terrain.c.)
  */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
-
-#include <cmocka.h>
 
 #include "base/vec3.h"
 #include "tests/physics/near.h"
 #include "tests/physics/rig_scene.h"
+#include "tests/test.h"
 
 enum { FEET = 2, SECOND = 1000 };
 
@@ -84,13 +79,12 @@ static double imbalance(const struct rig_scene *scene)
 
 /* The level plate before bump and ramp is the half-space, foot by foot: its depth is exact but near
  * points where sides of more than three directions meet (contact/mesh/field.h). */
-static void level_mesh_carries_as_a_half_space(void **state)
+TEST(level_mesh_carries_as_a_half_space)
 {
     static const char *const files[] = {"walk-flat.yaml", "walk-bump-3cm.yaml",
                                         "walk-bump-9cm.yaml", "walk-slope.yaml"};
     struct foot_load load[4][FEET];
 
-    (void)state;
     for (int r = 0; r < 4; r++) {
         static struct rig_scene scene;
 
@@ -116,14 +110,13 @@ static void level_mesh_carries_as_a_half_space(void **state)
 
 /* Across the middle of the way up: the feet bear the weight, sin 5 degrees of it along the slope,
  * and do not creep. */
-static void friction_holds_on_the_ramp(void **state)
+TEST(friction_holds_on_the_ramp)
 {
     static struct rig_scene scene;
     const double to[3] = {0.5 + 0.57, 0, 0.57 * tan(5 * degree)};
     const double along[3] = {cos(5 * degree), 0, sin(5 * degree)};
     double up[9], left[9], turn[9], before[FEET][3], weight, pull = 0;
 
-    (void)state;
     mat3_about_axis((double[3]){0, 1, 0}, -5 * degree, up);
     mat3_about_axis((double[3]){0, 0, 1}, 90 * degree, left);
     mat3_mul(up, left, turn);
@@ -153,14 +146,4 @@ static void friction_holds_on_the_ramp(void **state)
     }
     assert_near(pull, weight * sin(5 * degree), 1e-6 * weight);
     rig_scene_fini(&scene);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(level_mesh_carries_as_a_half_space),
-        cmocka_unit_test(friction_holds_on_the_ramp),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -7,13 +7,7 @@
 #include "base/count.h"
 #include "base/vec3.h"
 #include "sim/simulator.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "tests/test.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -223,11 +217,10 @@ static void expect_estimate(const struct walk *w)
     assert_true(w->tilt < 0.003);
 }
 
-static void walks_forward_and_stops(void **state)
+TEST(walks_forward_and_stops)
 {
     struct walk w = {"coman-compact-imu", "walk", 16, .steps = 12, .forward_m_s = 0.15};
 
-    (void)state;
     perform(&w);
     expect_upright(&w);
     expect_estimate(&w);
@@ -240,14 +233,13 @@ static void walks_forward_and_stops(void **state)
 
 /* A board whose attitude pitches 2 degrees too little: the forces of the feet tell, with a time
  * constant of 1 / lean_per_s; what is left is what the mean force is off the vertical by. */
-static void finds_the_vertical_by_the_forces_of_the_feet(void **state)
+TEST(finds_the_vertical_by_the_forces_of_the_feet)
 {
     const double wrong = 0.035;
     struct walk believes = {"coman-compact-imu", "walk", 14, .forward_m_s = 0.15,
                             .turned_rad = wrong};
     struct walk finds = believes;
 
-    (void)state;
     perform(&believes);
     assert_true(fabs(fabs(believes.pitch_late) - wrong) < 0.002);
     finds.lean_per_s = 0.4;
@@ -257,12 +249,11 @@ static void finds_the_vertical_by_the_forces_of_the_feet(void **state)
 }
 
 /* At twice the speed and faster, as fast as it is asked to and straight on. */
-static void walks_faster(void **state)
+TEST(walks_faster)
 {
     struct walk twice = {"coman-compact-imu", "walk", 16, .forward_m_s = 0.3};
     struct walk fast = {"walk-flat", "walk", 40, .forward_m_s = 0.36};
 
-    (void)state;
     perform(&twice);
     expect_upright(&twice);
     assert_true(twice.end[0] > 2.8 && twice.end[0] < 3.3 && fabs(twice.end[1]) < 0.1);
@@ -271,23 +262,21 @@ static void walks_faster(void **state)
     assert_true(fast.end[0] > 10 && fabs(fast.end[1]) < 0.1);
 }
 
-static void walks_backward_on_buses_with_flexible_data_rate(void **state)
+TEST(walks_backward_on_buses_with_flexible_data_rate)
 {
     struct walk w = {"coman-fd-imu", "walk", 13, .forward_m_s = -0.12};
 
-    (void)state;
     perform(&w);
     expect_upright(&w);
     expect_estimate(&w);
     assert_true(w.end[0] < -0.6 && w.end[0] > -1.2);
 }
 
-static void walks_sideways_and_turns(void **state)
+TEST(walks_sideways_and_turns)
 {
     struct walk sideways = {"coman-compact-imu", "walk", 13, .left_m_s = 0.05};
     struct walk turn = {"coman-compact-imu", "walk", 13, .turn_rad_s = 0.2};
 
-    (void)state;
     perform(&sideways);
     expect_upright(&sideways);
     assert_true(sideways.end[1] > 0.25 && sideways.end[1] < 0.6);
@@ -297,11 +286,10 @@ static void walks_sideways_and_turns(void **state)
 }
 
 /* iCub sends every 4 ms, 2FOC and CANopen drives every millisecond; voltages every millisecond. */
-static void walks_through_boards_of_every_family(void **state)
+TEST(walks_through_boards_of_every_family)
 {
     static const char *const rigs[] = {"coman-imu", "coman-foc-imu", "coman-cia402-imu"};
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(rigs); i++) {
         struct walk w = {rigs[i], "walk", 13, .forward_m_s = 0.15};
 
@@ -313,7 +301,7 @@ static void walks_through_boards_of_every_family(void **state)
 
 /* 5 degrees up, level, 5 degrees down; a rough bump of 9 cm with side slopes; a mat that yields;
  * hips that bend. Feet that land by time fall at the first edge. */
-static void walks_over_uneven_ground_and_on_hips_that_bend(void **state)
+TEST(walks_over_uneven_ground_and_on_hips_that_bend)
 {
     static const struct {
         const char *rig;
@@ -323,7 +311,6 @@ static void walks_over_uneven_ground_and_on_hips_that_bend(void **state)
                   {"walk-soft", 14, 1.2},
                   {"walk-hips", 14, 1.2}};
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(ground); i++) {
         struct walk w = {ground[i].rig, "walk", ground[i].seconds, .forward_m_s = 0.15};
 
@@ -335,13 +322,12 @@ static void walks_over_uneven_ground_and_on_hips_that_bend(void **state)
 }
 
 /* Four times as heavy and twice as tall, with legs whose joints come in another order. */
-static void walks_as_the_larger_robot(void **state)
+TEST(walks_as_the_larger_robot)
 {
     struct walk w = {"walk-walkman", "walk", 15, .forward_m_s = 0.2};
     struct walk stands = {"walk-walkman", "stand", 7, .push_at_s = 4, .push_n = {300, 0, 0}};
     struct walk steps = {"walk-walkman", "stand", 8, .push_at_s = 3.5, .push_n = {-650, 0, 0}};
 
-    (void)state;
     perform(&w);
     assert_int_equal(w.status.status, TASK_RUNNING);
     assert_true(w.lowest > 0.9 && w.end[0] > 1 && fabs(w.end[1]) < 0.3);
@@ -353,11 +339,10 @@ static void walks_as_the_larger_robot(void **state)
     assert_true(steps.lowest > 0.9 && steps.counted >= 2 && steps.end[0] < -0.1);
 }
 
-static void walks_on_when_it_is_pushed(void **state)
+TEST(walks_on_when_it_is_pushed)
 {
     static const double force[][2] = {{80, 0}, {-80, 0}, {0, 40}, {0, -40}};
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(force); i++) {
         struct walk w = {"coman-compact-imu", "walk", 12, .forward_m_s = 0.15, .push_at_s = 8};
 
@@ -369,11 +354,10 @@ static void walks_on_when_it_is_pushed(void **state)
     }
 }
 
-static void stands_when_it_is_pushed(void **state)
+TEST(stands_when_it_is_pushed)
 {
     static const double force[][2] = {{80, 0}, {-80, 0}, {0, 80}};
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(force); i++) {
         struct walk w = {"coman-compact-imu", "stand", 6, .push_at_s = 3};
 
@@ -389,13 +373,12 @@ static void stands_when_it_is_pushed(void **state)
  * it trips over its own feet is chaotic in the push: 6 of 84 pushes end so (4 of 86 with another
  * law of friction), and up to a quarter with a foot 30 mm or more ahead. With that rate 4 of 19
  * fall once in 25 times. */
-static void steps_when_it_is_pushed_harder(void **state)
+TEST(steps_when_it_is_pushed_harder)
 {
     static const double force[] = {150, 155,  160,  165,  170,  175,  180,  185,  190, 195,
                                    200, -150, -155, -160, -165, -170, -175, -180, -185};
     int fallen = 0, astride = 0;
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(force); i++) {
         struct walk w = {"walk-flat", "stand", 9, .push_at_s = 3};
 
@@ -414,11 +397,10 @@ static void steps_when_it_is_pushed_harder(void **state)
     assert_true(fallen <= 3 && astride <= 4);
 }
 
-static void stands_when_it_is_pushed_hard_to_a_side(void **state)
+TEST(stands_when_it_is_pushed_hard_to_a_side)
 {
     static const double force[][2] = {{0, 160}, {0, -160}, {110, 110}};
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(force); i++) {
         struct walk w = {"walk-flat", "stand", 6, .push_at_s = 3};
 
@@ -430,47 +412,23 @@ static void stands_when_it_is_pushed_hard_to_a_side(void **state)
     }
 }
 
-static void falls_and_says_so_when_it_is_pushed_too_hard(void **state)
+TEST(falls_and_says_so_when_it_is_pushed_too_hard)
 {
     struct walk w = {"coman-compact-imu", "stand", 6, .push_at_s = 3};
 
-    (void)state;
     w.push_n[0] = 400;
     perform(&w);
     assert_true(w.lowest < 0.3);
     assert_int_equal(w.status.status, TASK_FAILED);
 }
 
-static void two_walks_are_the_same_to_the_last_bit(void **state)
+TEST(two_walks_are_the_same_to_the_last_bit)
 {
     struct walk w[2] = {{"coman-compact-imu", "walk", 6, .forward_m_s = 0.15},
                         {"coman-compact-imu", "walk", 6, .forward_m_s = 0.15}};
 
-    (void)state;
     perform(&w[0]);
     perform(&w[1]);
     assert_memory_equal(w[0].end, w[1].end, sizeof w[0].end);
     assert_memory_equal(w[0].before, w[1].before, sizeof w[0].before);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(walks_forward_and_stops),
-        cmocka_unit_test(finds_the_vertical_by_the_forces_of_the_feet),
-        cmocka_unit_test(walks_faster),
-        cmocka_unit_test(walks_backward_on_buses_with_flexible_data_rate),
-        cmocka_unit_test(walks_sideways_and_turns),
-        cmocka_unit_test(walks_through_boards_of_every_family),
-        cmocka_unit_test(walks_over_uneven_ground_and_on_hips_that_bend),
-        cmocka_unit_test(walks_as_the_larger_robot),
-        cmocka_unit_test(walks_on_when_it_is_pushed),
-        cmocka_unit_test(stands_when_it_is_pushed),
-        cmocka_unit_test(steps_when_it_is_pushed_harder),
-        cmocka_unit_test(stands_when_it_is_pushed_hard_to_a_side),
-        cmocka_unit_test(falls_and_says_so_when_it_is_pushed_too_hard),
-        cmocka_unit_test(two_walks_are_the_same_to_the_last_bit),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

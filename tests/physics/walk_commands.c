@@ -6,13 +6,7 @@
 #include "base/count.h"
 #include "rt/requests.h"
 #include "sim/simulator.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "tests/test.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -132,7 +126,7 @@ static const struct order tour[] = {
     {25000, "walk.step_s", 0.75}, {25000, "walk.step_length_m", -0.075},
 };
 
-static void a_walk_does_what_it_is_told(void **state)
+TEST(a_walk_does_what_it_is_told)
 {
     struct lead lead = {.clock = LOOP_CLOCK_LOCKSTEP,
                         .setting = {"walk.on=0", "walk.forward_m_s=0.1"},
@@ -142,7 +136,6 @@ static void a_walk_does_what_it_is_told(void **state)
                         .seconds = 34};
     double along;
 
-    (void)state;
     perform(&lead);
     assert_int_equal(lead.answered, lead.norder);
     for (size_t i = 0; i < lead.norder; i++) {
@@ -169,12 +162,11 @@ static void a_walk_does_what_it_is_told(void **state)
     assert_true(fabs(lead.yaw[6] - 0.8) < 0.15);
 }
 
-static void orders_take_effect_at_the_same_tick_every_time(void **state)
+TEST(orders_take_effect_at_the_same_tick_every_time)
 {
     static const struct order order[] = {{3000, "walk.on", 1}, {5000, "walk.turn_rad_s", 0.2}};
     struct lead lead[3];
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(lead); i++) {
         lead[i] = (struct lead){.clock = LOOP_CLOCK_LOCKSTEP,
                                 .setting = {"walk.on=0"},
@@ -217,7 +209,7 @@ static void note_settings(void *context, int64_t now_ns)
     }
 }
 
-static void settings_are_checked_and_go_back_with_time(void **state)
+TEST(settings_are_checked_and_go_back_with_time)
 {
     struct lead lead = {.clock = LOOP_CLOCK_FREE,
                         .order = back,
@@ -229,7 +221,6 @@ static void settings_are_checked_and_go_back_with_time(void **state)
     struct arena arena;
     struct error error;
 
-    (void)state;
     assert_int_equal(try_to_open(&lead, "walk", &arena, &observer, &error), ERROR_NONE);
     assert_int_equal(simulator_start(lead.simulator, &report, &error), ERROR_NONE);
     simulator_run(lead.simulator);
@@ -244,7 +235,7 @@ static void settings_are_checked_and_go_back_with_time(void **state)
     arena_fini(&arena);
 }
 
-static void wrong_settings_are_refused_by_name(void **state)
+TEST(wrong_settings_are_refused_by_name)
 {
     static const struct {
         const char *task, *setting, *says;
@@ -257,7 +248,6 @@ static void wrong_settings_are_refused_by_name(void **state)
         {"stand", "walk.on=1", "has none"},
     };
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(wrong); i++) {
         struct lead lead = {.clock = LOOP_CLOCK_FREE, .setting = {wrong[i].setting}, .seconds = 1};
         struct arena arena;
@@ -271,16 +261,4 @@ static void wrong_settings_are_refused_by_name(void **state)
         }
         arena_fini(&arena);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_walk_does_what_it_is_told),
-        cmocka_unit_test(orders_take_effect_at_the_same_tick_every_time),
-        cmocka_unit_test(settings_are_checked_and_go_back_with_time),
-        cmocka_unit_test(wrong_settings_are_refused_by_name),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

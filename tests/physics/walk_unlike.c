@@ -5,13 +5,7 @@
  */
 #include "base/count.h"
 #include "sim/simulator.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "tests/test.h"
 
 #include <math.h>
 #include <string.h>
@@ -108,31 +102,17 @@ static void walks(double torso, double spring, bool on)
     arena_fini(&arena);
 }
 
-static void walks_with_a_heavier_torso(void **state)
+TEST(walks_with_a_heavier_torso)
 {
-    (void)state;
     walks(1.1, 1, true);
 }
 
-static void walks_on_softer_springs(void **state)
+TEST(walks_on_softer_springs)
 {
-    (void)state;
     walks(1, 0.8, true);
 }
 
-static void but_not_on_springs_of_a_third(void **state)
+TEST(but_not_on_springs_of_a_third)
 {
-    (void)state;
     walks(1, 0.33, false);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(walks_with_a_heavier_torso),
-        cmocka_unit_test(walks_on_softer_springs),
-        cmocka_unit_test(but_not_on_springs_of_a_third),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -9,16 +9,11 @@
  * accelerations; the rates at a step are central differences of fourth order, exact to 1e-9 or so.
  */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/near.h"
 #include "tests/physics/rig_scene.h"
+#include "tests/test.h"
 
 enum { BODIES = 40, SUBSTEPS = 10, WINDOW = 5, MIDDLE = 2, PATCHES = 64, SENSORS = 8 };
 
@@ -355,21 +350,19 @@ static void squat_briefly(struct run *run, double t)
     bend(run, t, 0.8);
 }
 
-static void power_balances_while_coman_stands_and_squats(void **state)
+TEST(power_balances_while_coman_stands_and_squats)
 {
     static struct run run;
 
-    (void)state;
     run_begin(&run, "coman.yaml", NULL);
     check_energy(&run, squat_briefly, 10000);
     run_end(&run);
 }
 
-static void power_balances_while_a_box_is_lifted(void **state)
+TEST(power_balances_while_a_box_is_lifted)
 {
     static struct run run;
 
-    (void)state;
     run_begin_at_the_box(&run);
     check_energy(&run, take, 5000);
     run_end(&run);
@@ -455,12 +448,11 @@ static void follow_laws(struct run *run, void (*act)(struct run *run, double t),
                   worst->sensor_force, worst->sensor_moment, worst->bends, worst->instants);
 }
 
-static void contact_forces_are_the_rates_of_momentum_while_coman_squats(void **state)
+TEST(contact_forces_are_the_rates_of_momentum_while_coman_squats)
 {
     static struct run run;
     struct violation worst;
 
-    (void)state;
     run_begin(&run, "coman.yaml", NULL);
     follow_laws(&run, squat_briefly, 4000, &worst);
     assert_true(worst.force < 1e-4);
@@ -473,12 +465,11 @@ static void contact_forces_are_the_rates_of_momentum_while_coman_squats(void **s
 /* Where friction begins to yield, or the area that touches begins to drag its anchor along, the
  * force bends: there, and nowhere else, a difference over steps of h is off by a part of the
  * slope's jump times h: 24 mN, and 8.5 mN at half the step. */
-static void contact_forces_are_the_rates_of_momentum_while_a_box_is_lifted(void **state)
+TEST(contact_forces_are_the_rates_of_momentum_while_a_box_is_lifted)
 {
     static struct run run;
     struct violation worst;
 
-    (void)state;
     run_begin_at_the_box(&run);
     follow_laws(&run, take, 4000, &worst);
     assert_true(worst.force < 2e-3);
@@ -492,14 +483,13 @@ static void contact_forces_are_the_rates_of_momentum_while_a_box_is_lifted(void 
 }
 
 /* The box's momentum is what table, wrists and its weight have given it, pair by pair. */
-static void momentum_of_the_box_is_the_sum_of_its_impulses(void **state)
+TEST(momentum_of_the_box_is_the_sum_of_its_impulses)
 {
     static struct run run;
     const struct contact_config *contact;
     double table[3] = {0.0}, wrists[3] = {0.0}, last[2][3] = {{0.0}}, mass, gravity, T = 0.0;
     int box = -1;
 
-    (void)state;
     run_begin_at_the_box(&run);
     contact = &run.scene.rig->contact;
     mass = run.scene.rig->free[0].inertia.mass;
@@ -543,17 +533,4 @@ static void momentum_of_the_box_is_the_sum_of_its_impulses(void **state)
         assert_near(run.window[WINDOW - 1].box.p[x], given, 1e-5);
     }
     run_end(&run);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(power_balances_while_coman_stands_and_squats),
-        cmocka_unit_test(power_balances_while_a_box_is_lifted),
-        cmocka_unit_test(contact_forces_are_the_rates_of_momentum_while_coman_squats),
-        cmocka_unit_test(contact_forces_are_the_rates_of_momentum_while_a_box_is_lifted),
-        cmocka_unit_test(momentum_of_the_box_is_the_sum_of_its_impulses),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

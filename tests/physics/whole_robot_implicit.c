@@ -5,18 +5,13 @@
  * squat of 10 cm in 2 s, twice as fast as the rig's.
  */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <time.h>
-
-#include <cmocka.h>
 
 #include "tests/figure.h"
 #include "tests/physics/near.h"
 #include "tests/physics/rig_squat.h"
+#include "tests/test.h"
 
 enum { BEGIN = 200, SAMPLES = 2300, STEPS = 3 }; /* ms; BEGIN: after the transient */
 
@@ -78,12 +73,11 @@ static void compare(const struct track *found, const struct track *oracle, int f
     *force = sqrt(off / size);
 }
 
-static void squatting_it_is_where_dopri5_is_and_of_second_order(void **state)
+TEST(squatting_it_is_where_dopri5_is_and_of_second_order)
 {
     static struct track oracle, found;
     double knee, last = 0.0;
 
-    (void)state;
     follow(PLANT_DOPRI5, 1000000, &oracle);
     knee = oracle.q[BEGIN + 1000][3] - oracle.q[BEGIN][3];
     print_message("# the oracle bends the knees by %.3f rad and takes %.2f s\n", knee,
@@ -115,13 +109,4 @@ static void squatting_it_is_where_dopri5_is_and_of_second_order(void **state)
         }
         last = joint;
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(squatting_it_is_where_dopri5_is_and_of_second_order),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,14 +4,9 @@
 #include "boards/icub/protocol.h"
 #include "canbus/lockstep.h"
 #include "tests/soak/listener.h"
+#include "tests/test.h"
 
 #include <string.h>
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 enum { BUSES = 2 };
 
@@ -23,7 +18,7 @@ struct bench {
     struct listener listener;
 };
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     static const struct rig_bus names[BUSES] = {{.name = "torso"}, {.name = "arm"}};
     static struct bench bench;
@@ -48,13 +43,13 @@ static int set_up(void **state)
             local_bus_join(bench.bus[b], NULL, 0, &bench.listener.ports.port[b], &error),
             ERROR_NONE);
     }
-    *state = &bench;
+    *test_state = &bench;
     return 0;
 }
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     for (int b = 0; b < BUSES; b++) {
         bench->port[b]->ops->close(bench->port[b]);
@@ -90,9 +85,9 @@ static void answer(struct bench *bench, uint32_t tick, uint16_t flags)
     }
 }
 
-static void right_answers_pass(void **state)
+TEST_WITH(right_answers_pass, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     ask(bench, 0, 1);
     answer(bench, 1, LOCKSTEP_FAULT);
@@ -106,9 +101,9 @@ static void right_answers_pass(void **state)
     assert_int_equal(bench->listener.refused, 1);
 }
 
-static void done_that_nobody_asked_for_is_noticed(void **state)
+TEST_WITH(done_that_nobody_asked_for_is_noticed, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     ask(bench, 0, 1);
     answer(bench, 1, 0);
@@ -117,9 +112,9 @@ static void done_that_nobody_asked_for_is_noticed(void **state)
     assert_non_null(strstr(bench->listener.failure, "no STEP"));
 }
 
-static void done_of_another_tick_is_noticed(void **state)
+TEST_WITH(done_of_another_tick_is_noticed, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     ask(bench, 0, 2);
     answer(bench, 1, 0);
@@ -127,18 +122,18 @@ static void done_of_another_tick_is_noticed(void **state)
     assert_non_null(strstr(bench->listener.failure, "expected tick 2"));
 }
 
-static void refusal_of_a_right_step_is_noticed(void **state)
+TEST_WITH(refusal_of_a_right_step_is_noticed, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     ask(bench, 0, 1);
     answer(bench, 1, LOCKSTEP_MISMATCH);
     assert_false(listener_check(&bench->listener, true));
 }
 
-static void step_without_an_answer_is_noticed(void **state)
+TEST_WITH(step_without_an_answer_is_noticed, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     ask(bench, 0, 1);
     assert_true(listener_check(&bench->listener, false)); /* it may still come */
@@ -146,9 +141,9 @@ static void step_without_an_answer_is_noticed(void **state)
     assert_non_null(strstr(bench->listener.failure, "without an answer"));
 }
 
-static void bus_without_its_done_is_noticed(void **state)
+TEST_WITH(bus_without_its_done_is_noticed, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     ask(bench, 0, 1);
     send(bench, 0, LOCKSTEP_DONE_ID, 1, 0);
@@ -156,9 +151,9 @@ static void bus_without_its_done_is_noticed(void **state)
     assert_non_null(strstr(bench->listener.failure, "bus arm had 0 DONE"));
 }
 
-static void hash_tells_one_bit_of_one_frame(void **state)
+TEST_WITH(hash_tells_one_bit_of_one_frame, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     uint64_t hash[2];
 
     for (unsigned i = 0; i < 2; i++) {
@@ -169,21 +164,4 @@ static void hash_tells_one_bit_of_one_frame(void **state)
     }
     assert_int_not_equal(hash[0], hash[1]);
     assert_int_equal(bench->listener.frames[1], 2);
-}
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(right_answers_pass),
-        TEST(done_that_nobody_asked_for_is_noticed),
-        TEST(done_of_another_tick_is_noticed),
-        TEST(refusal_of_a_right_step_is_noticed),
-        TEST(step_without_an_answer_is_noticed),
-        TEST(bus_without_its_done_is_noticed),
-        TEST(hash_tells_one_bit_of_one_frame),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

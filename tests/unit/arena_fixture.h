@@ -4,19 +4,18 @@
 #define TESTS_UNIT_ARENA_FIXTURE_H
 
 #include "base/arena.h"
+#include "tests/test.h"
 
 static struct arena arena;
 
 /* For cmocka_unit_test_setup_teardown, or for a set-up of the test's own. */
-static inline int open_arena(void **state)
+FIXTURE(open_arena)
 {
-    (void)state;
     return arena_init(&arena, (size_t)64 << 20, NULL) == ERROR_NONE ? 0 : -1;
 }
 
-static inline int close_arena(void **state)
+FIXTURE(close_arena)
 {
-    (void)state;
     arena_fini(&arena);
     return 0;
 }

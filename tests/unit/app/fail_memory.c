@@ -11,19 +11,14 @@
 #include "base/memory_file.h"
 #include "rig/rig.h"
 #include "sim/simulator.h"
+#include "tests/test.h"
 
 #include <dirent.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdatomic.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 enum { SPREAD = 250, CLOSE = 250 };
 
@@ -222,21 +217,18 @@ static void try_all(const char *rig, const char *task)
     rmdir(folder);
 }
 
-static void coman_gives_back_what_it_holds(void **state)
+TEST(coman_gives_back_what_it_holds)
 {
-    (void)state;
     try_all("coman", "squat");
 }
 
-static void grasp_gives_back_what_it_holds(void **state)
+TEST(grasp_gives_back_what_it_holds)
 {
-    (void)state;
     try_all("grasp", "grasp");
 }
 
-static void coman_fd_gives_back_what_it_holds(void **state)
+TEST(coman_fd_gives_back_what_it_holds)
 {
-    (void)state;
     try_all("coman-fd", "squat");
 }
 
@@ -270,27 +262,14 @@ static bool loses_text(size_t n)
     return true;
 }
 
-static void a_text_in_memory_is_whole_or_not_there(void **state)
+TEST(a_text_in_memory_is_whole_or_not_there)
 {
     struct holdings before = holdings();
     size_t n = 1;
 
-    (void)state;
     while (loses_text(n)) {
         n++;
     }
     assert_true(n > 5);
     assert_int_equal(holdings().blocks, before.blocks);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_text_in_memory_is_whole_or_not_there),
-        cmocka_unit_test(coman_gives_back_what_it_holds),
-        cmocka_unit_test(grasp_gives_back_what_it_holds),
-        cmocka_unit_test(coman_fd_gives_back_what_it_holds),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -2,22 +2,17 @@
 /* Arena, errors as values, hash. */
 #include "base/arena.h"
 #include "base/hash.h"
+#include "tests/test.h"
 
 #include <errno.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-#include <cmocka.h>
 
-static void hands_out_zeroed_aligned_memory_that_does_not_overlap(void **state)
+TEST(hands_out_zeroed_aligned_memory_that_does_not_overlap)
 {
     struct arena arena;
     unsigned char *last_end = NULL;
 
-    (void)state;
     assert_int_equal(arena_init(&arena, 1 << 20, NULL), ERROR_NONE);
     for (size_t size = 1; size < 500; size += 7) {
         unsigned char *p = arena_alloc(&arena, size, 1);
@@ -34,11 +29,10 @@ static void hands_out_zeroed_aligned_memory_that_does_not_overlap(void **state)
     arena_fini(&arena);
 }
 
-static void refuses_more_than_its_capacity_and_stays_usable(void **state)
+TEST(refuses_more_than_its_capacity_and_stays_usable)
 {
     struct arena arena;
 
-    (void)state;
     assert_int_equal(arena_init(&arena, 4096, NULL), ERROR_NONE);
     assert_null(arena_alloc(&arena, 4097, 1));
     assert_non_null(arena_alloc(&arena, 4000, 1));
@@ -49,11 +43,10 @@ static void refuses_more_than_its_capacity_and_stays_usable(void **state)
     arena_fini(&arena);
 }
 
-static void refuses_sizes_whose_product_overflows(void **state)
+TEST(refuses_sizes_whose_product_overflows)
 {
     struct arena arena;
 
-    (void)state;
     assert_int_equal(arena_init(&arena, 4096, NULL), ERROR_NONE);
     assert_null(arena_alloc(&arena, SIZE_MAX / 2, 3));
     assert_null(arena_alloc(&arena, SIZE_MAX, SIZE_MAX));
@@ -61,12 +54,11 @@ static void refuses_sizes_whose_product_overflows(void **state)
     arena_fini(&arena);
 }
 
-static void hands_out_nothing_once_it_is_sealed(void **state)
+TEST(hands_out_nothing_once_it_is_sealed)
 {
     struct arena arena;
     char *text;
 
-    (void)state;
     assert_int_equal(arena_init(&arena, 1 << 20, NULL), ERROR_NONE);
     text = arena_strdup(&arena, "kept");
     assert_int_equal(arena_seal(&arena, false, NULL), ERROR_NONE);
@@ -75,22 +67,20 @@ static void hands_out_nothing_once_it_is_sealed(void **state)
     arena_fini(&arena);
 }
 
-static void finishing_twice_does_no_harm(void **state)
+TEST(finishing_twice_does_no_harm)
 {
     struct arena arena;
 
-    (void)state;
     assert_int_equal(arena_init(&arena, 4096, NULL), ERROR_NONE);
     arena_fini(&arena);
     arena_fini(&arena);
 }
 
-static void says_why_memory_could_not_be_reserved(void **state)
+TEST(says_why_memory_could_not_be_reserved)
 {
     struct arena arena;
     struct error error;
 
-    (void)state;
     assert_int_equal(arena_init(&arena, (size_t)1 << 62, &error), ERROR_SYSTEM);
     assert_non_null(strstr(error.text, "4611686018427387904 bytes"));
     assert_non_null(strstr(error.text, strerror(ENOMEM)));
@@ -98,11 +88,10 @@ static void says_why_memory_could_not_be_reserved(void **state)
     arena_fini(&arena);
 }
 
-static void an_error_carries_code_and_text(void **state)
+TEST(an_error_carries_code_and_text)
 {
     struct error error;
 
-    (void)state;
     assert_int_equal(error_set(&error, ERROR_INPUT, "found %d", 7), ERROR_INPUT);
     assert_int_equal(error.code, ERROR_INPUT);
     assert_string_equal(error.text, "found 7");
@@ -112,18 +101,16 @@ static void an_error_carries_code_and_text(void **state)
     assert_string_equal(error.text, "rig r: open x: No such file or directory");
 }
 
-static void an_error_that_nobody_asked_for_is_only_a_code(void **state)
+TEST(an_error_that_nobody_asked_for_is_only_a_code)
 {
-    (void)state;
     assert_int_equal(error_set(NULL, ERROR_MEMORY, "x"), ERROR_MEMORY);
     assert_int_equal(error_set_errno(NULL, ENOENT, "x"), ERROR_SYSTEM);
 }
 
-static void an_error_repeats_no_control_characters(void **state)
+TEST(an_error_repeats_no_control_characters)
 {
     struct error error;
 
-    (void)state;
     error_set(&error, ERROR_INPUT, "found \"%s\"", "a\x1b[2J\n\x7f\xc3\xa4");
     assert_string_equal(error.text, "found \"a?[2J??\xc3\xa4\"");
     error_prefix(&error, "%s", "x\ty");
@@ -132,12 +119,11 @@ static void an_error_repeats_no_control_characters(void **state)
     assert_string_equal(error.text, "open ?: No such file or directory");
 }
 
-static void a_long_error_text_is_cut_and_stays_a_string(void **state)
+TEST(a_long_error_text_is_cut_and_stays_a_string)
 {
     struct error error;
     char text[3000];
 
-    (void)state;
     memset(text, 'y', sizeof text - 1);
     text[sizeof text - 1] = '\0';
     error_set(&error, ERROR_INPUT, "%s", text);
@@ -151,31 +137,11 @@ static void a_long_error_text_is_cut_and_stays_a_string(void **state)
 }
 
 /* Vectors of the FNV authors' reference list (64-bit FNV-1a). */
-static void the_hash_is_fnv_1a(void **state)
+TEST(the_hash_is_fnv_1a)
 {
-    (void)state;
     assert_true(hash_bytes(HASH_START, "", 0) == UINT64_C(0xcbf29ce484222325));
     assert_true(hash_bytes(HASH_START, "a", 1) == UINT64_C(0xaf63dc4c8601ec8c));
     assert_true(hash_bytes(HASH_START, "foobar", 6) == UINT64_C(0x85944171f73967e8));
     assert_true(hash_bytes(hash_bytes(HASH_START, "foo", 3), "bar", 3) ==
                 UINT64_C(0x85944171f73967e8));
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(hands_out_zeroed_aligned_memory_that_does_not_overlap),
-        cmocka_unit_test(refuses_more_than_its_capacity_and_stays_usable),
-        cmocka_unit_test(refuses_sizes_whose_product_overflows),
-        cmocka_unit_test(hands_out_nothing_once_it_is_sealed),
-        cmocka_unit_test(finishing_twice_does_no_harm),
-        cmocka_unit_test(says_why_memory_could_not_be_reserved),
-        cmocka_unit_test(an_error_carries_code_and_text),
-        cmocka_unit_test(an_error_that_nobody_asked_for_is_only_a_code),
-        cmocka_unit_test(an_error_repeats_no_control_characters),
-        cmocka_unit_test(a_long_error_text_is_cut_and_stays_a_string),
-        cmocka_unit_test(the_hash_is_fnv_1a),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

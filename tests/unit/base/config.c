@@ -1,18 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Where a name of a rig, a robot, a scenario or a drive leads, and which there are. */
 #include "base/config.h"
+#include "tests/test.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 static struct config_trees trees;
 static char local[128], installed[128], built[128];
@@ -48,17 +44,15 @@ static bool make_tree(int number, char rigs[128])
     return true;
 }
 
-static int start(void **state)
+FIXTURE(start)
 {
-    (void)state;
     return !make_tree(0, local) || !make_tree(1, installed) || !make_tree(2, built);
 }
 
-static int stop(void **state)
+FIXTURE(stop)
 {
     char command[512];
 
-    (void)state;
     snprintf(command, sizeof command, "rm -rf '%.100s' '%.100s' '%.100s'", trees.folder[0],
              trees.folder[1], trees.folder[2]);
     return system(command);
@@ -74,9 +68,8 @@ static void assert_leads(const char *name, const char *folder, const char *file)
     assert_string_equal(path, expected);
 }
 
-static void a_name_is_looked_for_in_etc_first(void **state)
+TEST_WITH(a_name_is_looked_for_in_etc_first, start, stop)
 {
-    (void)state;
     touch(built, "coman.yaml");
     assert_leads("coman", built, "coman.yaml");
     touch(installed, "coman.yaml");
@@ -85,20 +78,18 @@ static void a_name_is_looked_for_in_etc_first(void **state)
     assert_leads("coman", local, "coman.yaml");
 }
 
-static void a_path_stays_what_it_is_even_when_there_is_nothing(void **state)
+TEST_WITH(a_path_stays_what_it_is_even_when_there_is_nothing, start, stop)
 {
-    (void)state;
     assert_leads("config/rigs/none", "", "config/rigs/none");
     assert_leads("none.yaml", "", "none.yaml");
     assert_leads("./coman", "", "./coman");
 }
 
-static void an_unknown_name_is_refused_with_the_places(void **state)
+TEST_WITH(an_unknown_name_is_refused_with_the_places, start, stop)
 {
     char path[PATH_MAX];
     struct error error;
 
-    (void)state;
     assert_int_equal(config_locate_in(CONFIG_RIG, "nobody", &trees, path, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "nobody.yaml"));
     assert_non_null(strstr(error.text, local));
@@ -106,12 +97,11 @@ static void an_unknown_name_is_refused_with_the_places(void **state)
     assert_int_equal(config_locate_in(CONFIG_RIG, "", &trees, path, &error), ERROR_INPUT);
 }
 
-static void a_misspelled_name_is_refused_with_the_nearest(void **state)
+TEST_WITH(a_misspelled_name_is_refused_with_the_nearest, start, stop)
 {
     char path[PATH_MAX];
     struct error error;
 
-    (void)state;
     touch(local, "coman.yaml");
     touch(built, "walkman.yaml");
     assert_int_equal(config_locate_in(CONFIG_RIG, "walkmna", &trees, path, &error), ERROR_INPUT);
@@ -125,22 +115,20 @@ static void a_misspelled_name_is_refused_with_the_nearest(void **state)
 }
 
 /* coman-hil run coman.yaml where there is no such file */
-static void a_name_with_yaml_behind_it_is_told_from_the_name(void **state)
+TEST_WITH(a_name_with_yaml_behind_it_is_told_from_the_name, start, stop)
 {
     char path[PATH_MAX];
     struct error error;
 
-    (void)state;
     touch(built, "coman.yaml");
     assert_int_equal(config_locate_in(CONFIG_RIG, "coman.yaml", &trees, path, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "or \"coman\" for the rig of that name"));
 }
 
-static void a_folder_of_that_name_is_no_file(void **state)
+TEST_WITH(a_folder_of_that_name_is_no_file, start, stop)
 {
     char folder[160], before[PATH_MAX];
 
-    (void)state;
     touch(installed, "coman.yaml");
     assert_non_null(getcwd(before, sizeof before));
     snprintf(folder, sizeof folder, "%s/coman", local);
@@ -150,14 +138,13 @@ static void a_folder_of_that_name_is_no_file(void **state)
     assert_int_equal(chdir(before), 0);
 }
 
-static void a_list_has_each_name_once_in_order(void **state)
+TEST_WITH(a_list_has_each_name_once_in_order, start, stop)
 {
     static const char *const expected[] = {"arm", "coman", "walkman"};
     struct config_entry *entries;
     struct arena arena;
     size_t count;
 
-    (void)state;
     touch(built, "walkman.yaml");
     touch(built, "coman.yaml");
     touch(local, "coman.yaml");
@@ -176,34 +163,31 @@ static void a_list_has_each_name_once_in_order(void **state)
     arena_fini(&arena);
 }
 
-static void a_path_that_is_too_long_is_refused(void **state)
+TEST_WITH(a_path_that_is_too_long_is_refused, start, stop)
 {
     static char name[2 * PATH_MAX];
     char path[PATH_MAX];
 
-    (void)state;
     memset(name, 'x', sizeof name - 1);
     assert_int_equal(config_locate_in(CONFIG_RIG, name, &trees, path, NULL), ERROR_INPUT);
     name[PATH_MAX - 1] = '\0';
     assert_int_equal(config_locate_in(CONFIG_RIG, name, &trees, path, NULL), ERROR_INPUT);
 }
 
-static void the_program_looks_in_etc(void **state)
+TEST(the_program_looks_in_etc)
 {
     char path[PATH_MAX];
     struct error error;
 
-    (void)state;
     assert_int_equal(config_locate(CONFIG_RIG, "hil-no-such-rig", path, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "/etc/coman-hil/rigs"));
 }
 
 /* By where it stands: also a link to it, and a rig of a folder that a tree is a link to. */
-static void a_file_of_a_tree_is_installed_and_no_other(void **state)
+TEST_WITH(a_file_of_a_tree_is_installed_and_no_other, start, stop)
 {
     char path[PATH_MAX], link[PATH_MAX], through[PATH_MAX];
 
-    (void)state;
     touch(built, "mine.yaml");
     snprintf(path, sizeof path, "%s/mine.yaml", built);
     assert_true(config_is_installed_in(&trees, path));
@@ -223,24 +207,4 @@ static void a_file_of_a_tree_is_installed_and_no_other(void **state)
     assert_false(config_is_installed_in(&trees, "/tmp/mine.yaml"));
     assert_false(config_is_installed_in(&trees, "mine.yaml"));
     assert_false(config_is_installed_in(&(struct config_trees){.folder = {""}}, path));
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(a_name_is_looked_for_in_etc_first, start, stop),
-        cmocka_unit_test_setup_teardown(a_path_stays_what_it_is_even_when_there_is_nothing, start,
-                                        stop),
-        cmocka_unit_test_setup_teardown(an_unknown_name_is_refused_with_the_places, start, stop),
-        cmocka_unit_test_setup_teardown(a_path_that_is_too_long_is_refused, start, stop),
-        cmocka_unit_test_setup_teardown(a_misspelled_name_is_refused_with_the_nearest, start, stop),
-        cmocka_unit_test_setup_teardown(a_name_with_yaml_behind_it_is_told_from_the_name, start,
-                                        stop),
-        cmocka_unit_test_setup_teardown(a_folder_of_that_name_is_no_file, start, stop),
-        cmocka_unit_test_setup_teardown(a_list_has_each_name_once_in_order, start, stop),
-        cmocka_unit_test_setup_teardown(a_file_of_a_tree_is_installed_and_no_other, start, stop),
-        cmocka_unit_test(the_program_looks_in_etc),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

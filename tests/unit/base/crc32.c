@@ -1,30 +1,24 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The checksum against published values, whole and in parts. */
 #include "base/crc32.h"
+#include "tests/test.h"
 
 #include <string.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
 
-static void published_check_values_hold(void **state)
+TEST(published_check_values_hold)
 {
     static const char fox[] = "The quick brown fox jumps over the lazy dog";
 
-    (void)state;
     assert_int_equal(crc32_update(0, "", 0), 0);
     assert_int_equal(crc32_update(0, "123456789", 9), 0xcbf43926);
     assert_int_equal(crc32_update(0, fox, strlen(fox)), 0x414fa339);
 }
 
-static void parts_give_the_same_as_the_whole(void **state)
+TEST(parts_give_the_same_as_the_whole)
 {
     uint8_t data[257];
     uint32_t whole;
 
-    (void)state;
     for (size_t i = 0; i < sizeof data; i++) {
         data[i] = (uint8_t)i;
     }
@@ -33,14 +27,4 @@ static void parts_give_the_same_as_the_whole(void **state)
         assert_int_equal(crc32_update(crc32_update(0, data, cut), data + cut, sizeof data - cut),
                          whole);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(published_check_values_hold),
-        cmocka_unit_test(parts_give_the_same_as_the_whole),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,25 +3,19 @@
 #include "base/csv.h"
 
 #include "base/count.h"
+#include "tests/test.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
-static void rows_are_read_one_by_one(void **state)
+TEST(rows_are_read_one_by_one)
 {
     static const char text[] = "time_s,a b\r\n0,-1.5\r\n1e3,2";
     struct error error;
     struct csv *csv;
     bool end;
 
-    (void)state;
     assert_int_equal(csv_open_memory("x.csv", text, strlen(text), &csv, &error), ERROR_NONE);
     assert_int_equal(csv->ncolumn, 2);
     assert_string_equal(csv->title[1], "a b");
@@ -35,7 +29,7 @@ static void rows_are_read_one_by_one(void **state)
     csv_close(NULL);
 }
 
-static void what_is_wrong_has_a_line(void **state)
+TEST(what_is_wrong_has_a_line)
 {
     static const struct {
         const char *text, *expected;
@@ -48,7 +42,6 @@ static void what_is_wrong_has_a_line(void **state)
     struct error error;
     struct csv *csv;
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(wrong); i++) {
         enum error_code code = ERROR_NONE;
         bool end = false;
@@ -65,13 +58,12 @@ static void what_is_wrong_has_a_line(void **state)
     }
 }
 
-static void limits_and_zero_bytes_are_refused(void **state)
+TEST(limits_and_zero_bytes_are_refused)
 {
     static char text[CSV_LINE_BYTES + 8];
     struct error error;
     struct csv *csv;
 
-    (void)state;
     memset(text, 'a', sizeof text);
     assert_int_equal(csv_open_memory("x.csv", text, sizeof text, &csv, &error), ERROR_INPUT);
     assert_string_equal(error.text, "x.csv:1: found a line of more than 65534 bytes");
@@ -84,15 +76,4 @@ static void limits_and_zero_bytes_are_refused(void **state)
     assert_int_equal(csv_open_memory("x.csv", NULL, 0, &csv, &error), ERROR_NONE);
     assert_true(csv->ncolumn == 1 && csv->title[0][0] == '\0');
     csv_close(csv);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(rows_are_read_one_by_one),
-        cmocka_unit_test(what_is_wrong_has_a_line),
-        cmocka_unit_test(limits_and_zero_bytes_are_refused),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,51 +3,42 @@
 #include "base/error.h"
 
 #include "base/count.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
+#include "tests/test.h"
 
 #include <errno.h>
 #include <string.h>
 
-static void a_failing_path_returns_the_code_that_it_sets(void **state)
+TEST(a_failing_path_returns_the_code_that_it_sets)
 {
     struct error error;
 
-    (void)state;
     assert_int_equal(error_set(&error, ERROR_INPUT, "found %d, expected %s", 3, "four"),
                      ERROR_INPUT);
     assert_int_equal(error.code, ERROR_INPUT);
     assert_string_equal(error.text, "found 3, expected four");
 }
 
-static void nobody_has_to_want_the_message(void **state)
+TEST(nobody_has_to_want_the_message)
 {
-    (void)state;
     assert_int_equal(error_set(NULL, ERROR_MEMORY, "no memory"), ERROR_MEMORY);
     assert_int_equal(error_set_errno(NULL, EIO, "cannot write"), ERROR_SYSTEM);
     assert_int_equal(error_set_file(NULL, ENOENT, "x", "cannot be read"), ERROR_INPUT);
     assert_int_equal(error_prefix(NULL, "file"), ERROR_INPUT);
 }
 
-static void a_refused_call_says_why(void **state)
+TEST(a_refused_call_says_why)
 {
     struct error error;
 
-    (void)state;
     assert_int_equal(error_set_errno(&error, EACCES, "cannot open %s", "can0"), ERROR_SYSTEM);
     assert_string_equal(error.text, "cannot open can0: Permission denied");
 }
 
-static void a_wrong_file_name_is_the_persons_error_and_a_broken_disk_the_systems(void **state)
+TEST(a_wrong_file_name_is_the_persons_error_and_a_broken_disk_the_systems)
 {
     static const int wrong_name[] = {ENOENT, ENOTDIR, EISDIR, EACCES, ENAMETOOLONG, ELOOP};
     struct error error;
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(wrong_name); i++) {
         assert_int_equal(error_set_file(&error, wrong_name[i], "rig.yaml", "cannot be read"),
                          ERROR_INPUT);
@@ -56,21 +47,19 @@ static void a_wrong_file_name_is_the_persons_error_and_a_broken_disk_the_systems
     assert_string_equal(error.text, "rig.yaml: cannot be read: Input/output error");
 }
 
-static void a_prefix_keeps_code_and_text(void **state)
+TEST(a_prefix_keeps_code_and_text)
 {
     struct error error;
 
-    (void)state;
     error_set(&error, ERROR_UNSUPPORTED, "no CAN");
     assert_int_equal(error_prefix(&error, "bus %d", 2), ERROR_UNSUPPORTED);
     assert_string_equal(error.text, "bus 2: no CAN");
 }
 
-static void control_characters_of_the_input_reach_no_terminal(void **state)
+TEST(control_characters_of_the_input_reach_no_terminal)
 {
     struct error error;
 
-    (void)state;
     error_set(&error, ERROR_INPUT, "found \"%s\"", "a\n\x1b[2J\x7f");
     assert_string_equal(error.text, "found \"a??[2J?\"");
     error_set_errno(&error, EIO, "%s", "a\tb");
@@ -80,12 +69,11 @@ static void control_characters_of_the_input_reach_no_terminal(void **state)
     assert_string_equal(error.text, "?: x");
 }
 
-static void long_messages_are_cut_at_the_end(void **state)
+TEST(long_messages_are_cut_at_the_end)
 {
     struct error error;
     char text[2000];
 
-    (void)state;
     memset(text, 'x', sizeof text - 1);
     text[sizeof text - 1] = '\0';
     error_set(&error, ERROR_INPUT, "%s", text);
@@ -94,19 +82,4 @@ static void long_messages_are_cut_at_the_end(void **state)
     assert_true(strlen(error.text) < sizeof error.text);
     error_set_errno(&error, EIO, "%s", text);
     assert_int_equal(strlen(error.text), sizeof error.text - 1);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_failing_path_returns_the_code_that_it_sets),
-        cmocka_unit_test(nobody_has_to_want_the_message),
-        cmocka_unit_test(a_refused_call_says_why),
-        cmocka_unit_test(a_wrong_file_name_is_the_persons_error_and_a_broken_disk_the_systems),
-        cmocka_unit_test(a_prefix_keeps_code_and_text),
-        cmocka_unit_test(control_characters_of_the_input_reach_no_terminal),
-        cmocka_unit_test(long_messages_are_cut_at_the_end),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

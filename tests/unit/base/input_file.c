@@ -3,25 +3,19 @@
 #include "base/input_file.h"
 
 #include "base/whole_file.h"
+#include "tests/test.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 static char folder[] = "/tmp/input-file-XXXXXX";
 static char path[64], other[64];
 
-static int make_folder(void **state)
+FIXTURE(make_folder)
 {
-    (void)state;
     if (!mkdtemp(folder)) {
         return -1;
     }
@@ -30,17 +24,15 @@ static int make_folder(void **state)
     return 0;
 }
 
-static int empty_folder(void **state)
+FIXTURE(empty_folder)
 {
-    (void)state;
     unlink(path);
     unlink(other);
     return 0;
 }
 
-static int remove_folder(void **state)
+FIXTURE(remove_folder)
 {
-    (void)state;
     return rmdir(folder);
 }
 
@@ -79,12 +71,11 @@ static void assert_refused(const char *name, const char *why)
 }
 
 /* The time limit of the test is the assertion that none of them waits. */
-static void what_is_no_regular_file_is_refused_at_once(void **state)
+TEST_WITH(what_is_no_regular_file_is_refused_at_once, NULL, empty_folder)
 {
     struct sockaddr_un address = {.sun_family = AF_UNIX};
     int listener = socket(AF_UNIX, SOCK_STREAM, 0);
 
-    (void)state;
     assert_int_equal(mkfifo(path, 0600), 0);
     memcpy(address.sun_path, other, sizeof other);
     assert_int_equal(bind(listener, (struct sockaddr *)&address, sizeof address), 0);
@@ -96,13 +87,12 @@ static void what_is_no_regular_file_is_refused_at_once(void **state)
     close(listener);
 }
 
-static void a_file_is_read_up_to_its_limit(void **state)
+TEST_WITH(a_file_is_read_up_to_its_limit, NULL, empty_folder)
 {
     struct error error;
     size_t size;
     char *text;
 
-    (void)state;
     put(path, "four");
     assert_int_equal(input_file_load(path, 4, &text, &size, &error), ERROR_NONE);
     assert_int_equal(size, 4);
@@ -122,12 +112,11 @@ static enum error_code write_to(const char *name, struct error *error)
     return code ? code : whole_file_close(&file, ERROR_NONE, error);
 }
 
-static void an_input_is_no_output_by_any_name(void **state)
+TEST_WITH(an_input_is_no_output_by_any_name, NULL, empty_folder)
 {
     struct error error;
     int fd;
 
-    (void)state;
     put(path, "input");
     read_it(path);
     read_it(path);
@@ -145,11 +134,10 @@ static void an_input_is_no_output_by_any_name(void **state)
 }
 
 /* As an import does, which checks what it has made. */
-static void what_was_written_and_read_back_may_be_written_again(void **state)
+TEST_WITH(what_was_written_and_read_back_may_be_written_again, NULL, empty_folder)
 {
     struct error error;
 
-    (void)state;
     for (int i = 0; i < 3; i++) {
         assert_int_equal(write_to(path, &error), ERROR_NONE);
         read_it(path);
@@ -157,12 +145,11 @@ static void what_was_written_and_read_back_may_be_written_again(void **state)
 }
 
 /* File systems give the inode of a file that was removed to the next one. */
-static void a_file_in_the_place_of_an_input_that_is_gone_is_none(void **state)
+TEST_WITH(a_file_in_the_place_of_an_input_that_is_gone_is_none, NULL, empty_folder)
 {
     struct error error;
     struct stat there;
 
-    (void)state;
     put(path, "input");
     read_it(path);
     assert_int_equal(rename(path, other), 0);
@@ -170,17 +157,4 @@ static void a_file_in_the_place_of_an_input_that_is_gone_is_none(void **state)
     assert_int_equal(input_file_check_output(other, &there, &error), ERROR_NONE);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_teardown(what_is_no_regular_file_is_refused_at_once, empty_folder),
-        cmocka_unit_test_teardown(a_file_is_read_up_to_its_limit, empty_folder),
-        cmocka_unit_test_teardown(an_input_is_no_output_by_any_name, empty_folder),
-        cmocka_unit_test_teardown(what_was_written_and_read_back_may_be_written_again,
-                                  empty_folder),
-        cmocka_unit_test_teardown(a_file_in_the_place_of_an_input_that_is_gone_is_none,
-                                  empty_folder),
-    };
-
-    return cmocka_run_group_tests(tests, make_folder, remove_folder);
-}
+TEST_GROUP(make_folder, remove_folder)

@@ -1,15 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the machine has is run, a narrower set when the process is held to it. */
 #include "base/instruction_set.h"
+#include "tests/test.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-#include <cmocka.h>
 
 #if defined(__x86_64__)
 /* Whether Linux names a feature of the processor in a line of flags. */
@@ -21,12 +17,11 @@ static bool kernel_tells(const char *flags, const char *feature)
     return strstr(flags, word) != NULL;
 }
 
-static void the_machine_has_what_the_kernel_says(void **state)
+TEST(the_machine_has_what_the_kernel_says)
 {
     FILE *file = fopen("/proc/cpuinfo", "re");
     char line[8192];
 
-    (void)state;
     assert_non_null(file);
     while (fgets(line, sizeof line, file) && strncmp(line, "flags", 5)) {
     }
@@ -40,17 +35,15 @@ static void the_machine_has_what_the_kernel_says(void **state)
                                                        : INSTRUCTIONS_AVX2);
 }
 #else
-static void the_machine_has_what_the_kernel_says(void **state)
+TEST(the_machine_has_what_the_kernel_says)
 {
-    (void)state;
     assert_int_equal(instruction_set_of_machine(), INSTRUCTIONS_PLAIN);
 }
 #endif
 
 /* Of avx512 there are processors that lack some of what the kernels are compiled for. */
-static void a_set_needs_all_of_its_features(void **state)
+TEST(a_set_needs_all_of_its_features)
 {
-    (void)state;
     for (unsigned features = 0; features < 16; features++) {
         assert_int_equal(instruction_set_with(features), features == 15 ? INSTRUCTIONS_AVX512
                                                          : features & INSTRUCTIONS_HAVE_AVX2
@@ -59,18 +52,16 @@ static void a_set_needs_all_of_its_features(void **state)
     }
 }
 
-static void the_widest_is_used_when_nothing_holds_the_process(void **state)
+TEST(the_widest_is_used_when_nothing_holds_the_process)
 {
-    (void)state;
     assert_int_equal(instruction_set_used(), instruction_set_of_machine());
 }
 
-static void the_process_is_held_to_what_the_machine_has(void **state)
+TEST(the_process_is_held_to_what_the_machine_has)
 {
     const enum instruction_set widest = instruction_set_of_machine();
     struct error error = {0};
 
-    (void)state;
     for (enum instruction_set set = INSTRUCTIONS_PLAIN; set < INSTRUCTION_SETS; set++) {
         const enum instruction_set before = instruction_set_used();
         const enum error_code code = instruction_set_hold(instruction_set_names[set], &error);
@@ -82,24 +73,10 @@ static void the_process_is_held_to_what_the_machine_has(void **state)
     assert_int_equal(instruction_set_used(), INSTRUCTIONS_PLAIN);
 }
 
-static void another_name_is_refused(void **state)
+TEST(another_name_is_refused)
 {
     struct error error = {0};
 
-    (void)state;
     assert_int_equal(instruction_set_hold("sse9", &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "\"sse9\" is none of plain, avx2 and avx512"));
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_machine_has_what_the_kernel_says),
-        cmocka_unit_test(a_set_needs_all_of_its_features),
-        cmocka_unit_test(the_widest_is_used_when_nothing_holds_the_process),
-        cmocka_unit_test(the_process_is_held_to_what_the_machine_has),
-        cmocka_unit_test(another_name_is_refused),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

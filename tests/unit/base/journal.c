@@ -3,17 +3,12 @@
 #include "base/journal.h"
 
 #include "base/count.h"
+#include "tests/test.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <sys/stat.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 /* Device and inode of standard error, the inode off by some */
 static void name_stream(char text[64], unsigned long long off)
@@ -25,11 +20,10 @@ static void name_stream(char text[64], unsigned long long off)
              (unsigned long long)file.st_ino + off);
 }
 
-static void lines_for_the_journal_say_how_grave_they_are(void **state)
+TEST(lines_for_the_journal_say_how_grave_they_are)
 {
     char stream[64];
 
-    (void)state;
     name_stream(stream, 0);
     setenv("JOURNAL_STREAM", stream, 1);
     assert_string_equal(journal_prefix(JOURNAL_ERROR), "<3>");
@@ -38,11 +32,10 @@ static void lines_for_the_journal_say_how_grave_they_are(void **state)
     assert_string_equal(journal_prefix(JOURNAL_INFO), "<6>");
 }
 
-static void lines_for_others_do_not(void **state)
+TEST(lines_for_others_do_not)
 {
     char stream[64];
 
-    (void)state;
     unsetenv("JOURNAL_STREAM");
     assert_string_equal(journal_prefix(JOURNAL_ERROR), "");
     /* Inherited, and standard error has been sent elsewhere */
@@ -51,25 +44,13 @@ static void lines_for_others_do_not(void **state)
     assert_string_equal(journal_prefix(JOURNAL_ERROR), "");
 }
 
-static void refuses_what_is_no_stream(void **state)
+TEST(refuses_what_is_no_stream)
 {
     static const char *const wrong[] = {"", "1", "1:", ":1", "a:b", "1:2x"};
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(wrong); i++) {
         assert_false(journal_stream_is(wrong[i], STDERR_FILENO));
     }
     assert_false(journal_stream_is("1:2", -1));
     assert_false(journal_stream_is(NULL, STDERR_FILENO));
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(lines_for_the_journal_say_how_grave_they_are),
-        cmocka_unit_test(lines_for_others_do_not),
-        cmocka_unit_test(refuses_what_is_no_stream),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

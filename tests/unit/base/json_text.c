@@ -1,17 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Text as strings of JSON. */
 #include "base/json_text.h"
+#include "tests/test.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
 
-static void text_is_quoted_so_that_any_reader_takes_it(void **state)
+TEST(text_is_quoted_so_that_any_reader_takes_it)
 {
     static const struct variant {
         const char *text, *json;
@@ -24,7 +20,6 @@ static void text_is_quoted_so_that_any_reader_takes_it(void **state)
         {"\xff\xc3", "\"\?\?\""},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof variants / sizeof variants[0]; i++) {
         char text[JSON_TEXT_ROOM(64)], *written = NULL;
         size_t size = 0;
@@ -39,22 +34,11 @@ static void text_is_quoted_so_that_any_reader_takes_it(void **state)
     }
 }
 
-static void the_longest_result_fits_into_its_room(void **state)
+TEST(the_longest_result_fits_into_its_room)
 {
     char text[101], json[JSON_TEXT_ROOM(100)];
 
-    (void)state;
     memset(text, 1, 100);
     text[100] = '\0';
     assert_int_equal(json_text_quote(text, json), JSON_TEXT_ROOM(100) - 1);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(text_is_quoted_so_that_any_reader_takes_it),
-        cmocka_unit_test(the_longest_result_fits_into_its_room),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,12 +3,7 @@
 #include "base/markup.h"
 
 #include "base/count.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
+#include "tests/test.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -26,29 +21,26 @@ static void assert_markup(const char *text, unsigned flags, const char *expected
     free(out);
 }
 
-static void characters_of_markup_become_entities(void **state)
+TEST(characters_of_markup_become_entities)
 {
-    (void)state;
     assert_markup("a<b>&\"c'", 0, "a&lt;b&gt;&amp;&quot;c'");
     assert_markup("", 0, "");
     assert_markup(NULL, MARKUP_ASCII | MARKUP_LINE_BREAKS, "");
 }
 
-static void white_space_becomes_a_space_unless_line_breaks_are_kept(void **state)
+TEST(white_space_becomes_a_space_unless_line_breaks_are_kept)
 {
-    (void)state;
     assert_markup("a\nb\tc\rd", 0, "a b c d");
     assert_markup("a\nb\tc\rd", MARKUP_LINE_BREAKS, "a&#10;b c d");
 }
 
-static void control_characters_become_question_marks(void **state)
+TEST(control_characters_become_question_marks)
 {
-    (void)state;
     assert_markup("a\x01\x1b[1m\x7f", 0, "a??[1m?");
     assert_markup("\x08", MARKUP_ASCII, "?");
 }
 
-static void characters_beyond_ascii_pass_unless_ascii_is_wanted(void **state)
+TEST(characters_beyond_ascii_pass_unless_ascii_is_wanted)
 {
     static const char *const valid[] = {
         "\xc2\x80",         /* U+0080, the first of two bytes */
@@ -61,14 +53,13 @@ static void characters_beyond_ascii_pass_unless_ascii_is_wanted(void **state)
         "\xf4\x8f\xbf\xbf", /* U+10FFFF, the last */
     };
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(valid); i++) {
         assert_markup(valid[i], 0, valid[i]);
     }
     assert_markup("5 \xc2\xb5m", MARKUP_ASCII, "5 ??m");
 }
 
-static void bytes_that_are_no_utf8_become_question_marks(void **state)
+TEST(bytes_that_are_no_utf8_become_question_marks)
 {
     static const struct {
         const char *text, *expected;
@@ -88,21 +79,7 @@ static void bytes_that_are_no_utf8_become_question_marks(void **state)
         {"\xff\xfe", "??"},
     };
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         assert_markup(cases[i].text, 0, cases[i].expected);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(characters_of_markup_become_entities),
-        cmocka_unit_test(white_space_becomes_a_space_unless_line_breaks_are_kept),
-        cmocka_unit_test(control_characters_become_question_marks),
-        cmocka_unit_test(characters_beyond_ascii_pass_unless_ascii_is_wanted),
-        cmocka_unit_test(bytes_that_are_no_utf8_become_question_marks),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,23 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A stream into memory is complete, or says that it is not. */
 #include "base/memory_file.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
+#include "tests/test.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-static void what_is_written_stands_in_memory(void **state)
+TEST(what_is_written_stands_in_memory)
 {
     struct memory_file memory;
     struct error error;
     FILE *file = memory_file_open(&memory);
 
-    (void)state;
     assert_non_null(file);
     fprintf(file, "%d and %s", 1, "two");
     assert_int_equal(memory_file_close(file, &memory, "a text", &error), ERROR_NONE);
@@ -26,13 +20,12 @@ static void what_is_written_stands_in_memory(void **state)
     free(memory.text);
 }
 
-static void nothing_written_is_the_empty_text(void **state)
+TEST(nothing_written_is_the_empty_text)
 {
     struct memory_file memory;
     struct error error;
     FILE *file = memory_file_open(&memory);
 
-    (void)state;
     assert_non_null(file);
     assert_int_equal(memory_file_close(file, &memory, "a text", &error), ERROR_NONE);
     assert_int_equal(memory.size, 0);
@@ -40,14 +33,13 @@ static void nothing_written_is_the_empty_text(void **state)
     free(memory.text);
 }
 
-static void the_memory_grows_with_the_text(void **state)
+TEST(the_memory_grows_with_the_text)
 {
     enum { LINES = 20000 };
     struct memory_file memory;
     struct error error;
     FILE *file = memory_file_open(&memory);
 
-    (void)state;
     assert_non_null(file);
     for (int i = 0; i < LINES; i++) {
         fprintf(file, "%06d\n", i);
@@ -63,13 +55,12 @@ static void the_memory_grows_with_the_text(void **state)
     free(memory.text);
 }
 
-static void a_text_that_lost_a_piece_is_an_error(void **state)
+TEST(a_text_that_lost_a_piece_is_an_error)
 {
     struct memory_file memory;
     struct error error;
     FILE *file = memory_file_open(&memory);
 
-    (void)state;
     assert_non_null(file);
     fputs("before", file);
     fflush(file);
@@ -78,16 +69,4 @@ static void a_text_that_lost_a_piece_is_an_error(void **state)
     assert_int_equal(memory_file_close(file, &memory, "the report", &error), ERROR_MEMORY);
     assert_string_equal(error.text, "no memory left for the report");
     assert_null(memory.text);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(what_is_written_stands_in_memory),
-        cmocka_unit_test(nothing_written_is_the_empty_text),
-        cmocka_unit_test(the_memory_grows_with_the_text),
-        cmocka_unit_test(a_text_that_lost_a_piece_is_an_error),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,14 +4,11 @@
 
 #include "base/count.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-#include <cmocka.h>
 
 #include "tests/unit/base/try_command.h"
+#include "tests/test.h"
 
 static const char *file, *other;
 
@@ -31,9 +28,8 @@ static const struct command_spec spec = {
         "seen",
 };
 
-static int reset(void **state)
+FIXTURE(reset)
 {
-    (void)state;
     given = try_defaults;
     file = other = NULL;
     return 0;
@@ -61,9 +57,8 @@ static const char *parse(const char *const *words)
 
 #define PARSE(...) parse((const char *const[]){__VA_ARGS__, NULL})
 
-static void reads_every_type(void **state)
+TEST_WITH(reads_every_type, reset, NULL)
 {
-    (void)state;
     assert_string_equal(PARSE("--quiet", "--record", "out", "--duration", "2.5", "f.yaml",
                               "--count", "0x10", "--clock", "free", "--bus", "a=can0", "--bus",
                               "b=can1", "more"),
@@ -79,18 +74,16 @@ static void reads_every_type(void **state)
     assert_string_equal(other, "more");
 }
 
-static void takes_a_value_behind_an_equals_sign(void **state)
+TEST_WITH(takes_a_value_behind_an_equals_sign, reset, NULL)
 {
-    (void)state;
     assert_string_equal(PARSE("--duration=3", "--record=--odd", "--bus=a=can0", "f"), "");
     assert_true(given.duration == 3.0);
     assert_string_equal(given.directory, "--odd");
     assert_string_equal(given.buses.item[0], "a=can0");
 }
 
-static void an_option_may_have_a_letter_too(void **state)
+TEST_WITH(an_option_may_have_a_letter_too, reset, NULL)
 {
-    (void)state;
     assert_string_equal(PARSE("-r", "out", "f"), "");
     assert_string_equal(given.directory, "out");
     assert_string_equal(PARSE("-r=in", "f"), "");
@@ -102,48 +95,42 @@ static void an_option_may_have_a_letter_too(void **state)
                         "found unknown option -re, expected one that is listed by --help");
 }
 
-static void what_is_not_given_keeps_its_default(void **state)
+TEST_WITH(what_is_not_given_keeps_its_default, reset, NULL)
 {
-    (void)state;
     assert_string_equal(PARSE("f"), "");
     assert_true(given.duration == 10.0);
     assert_int_equal(given.count, 7);
     assert_null(other);
 }
 
-static void negative_numbers_are_values(void **state)
+TEST_WITH(negative_numbers_are_values, reset, NULL)
 {
-    (void)state;
     assert_string_equal(PARSE("--count", "-5", "f"), "");
     assert_int_equal(given.count, -5);
 }
 
-static void two_dashes_end_the_options(void **state)
+TEST_WITH(two_dashes_end_the_options, reset, NULL)
 {
-    (void)state;
     assert_string_equal(PARSE("--", "--quiet", "--help"), "");
     assert_false(given.quiet);
     assert_string_equal(file, "--quiet");
     assert_string_equal(other, "--help");
 }
 
-static void a_lone_dash_is_an_operand(void **state)
+TEST_WITH(a_lone_dash_is_an_operand, reset, NULL)
 {
-    (void)state;
     assert_string_equal(PARSE("-"), "");
     assert_string_equal(file, "-");
 }
 
-static void help_wins_over_what_comes_after_it(void **state)
+TEST_WITH(help_wins_over_what_comes_after_it, reset, NULL)
 {
-    (void)state;
     assert_string_equal(PARSE("--help", "--nonsense"), "help");
     assert_string_equal(PARSE("-h"), "help");
 }
 
-static void names_the_option_and_what_it_expects(void **state)
+TEST_WITH(names_the_option_and_what_it_expects, reset, NULL)
 {
-    (void)state;
     assert_string_equal(
         PARSE("--duration", "abc", "f"),
         "--duration: found \"abc\", expected a number of seconds from 0 to 1000000");
@@ -161,7 +148,7 @@ static void names_the_option_and_what_it_expects(void **state)
     assert_string_equal(PARSE("--bus", "", "f"), "--bus: found \"\", expected NAME=INTERFACE");
 }
 
-static void a_number_above_the_least_is_said_to_be_more(void **state)
+TEST_WITH(a_number_above_the_least_is_said_to_be_more, reset, NULL)
 {
     double length_m = 1.0;
     const struct option_spec length = {"--length",        OPTION_REAL, "M",
@@ -172,7 +159,6 @@ static void a_number_above_the_least_is_said_to_be_more(void **state)
     struct error error;
     bool help;
 
-    (void)state;
     assert_int_equal(options_parse(&one, 3, argv, &help, &error), ERROR_NONE);
     assert_true(length_m == 1e-9);
     argv[2] = (char[]){"0"};
@@ -182,31 +168,27 @@ static void a_number_above_the_least_is_said_to_be_more(void **state)
                         "and at most 2");
 }
 
-static void says_that_a_value_is_missing(void **state)
+TEST_WITH(says_that_a_value_is_missing, reset, NULL)
 {
-    (void)state;
     assert_string_equal(PARSE("f", "--record"), "--record: found nothing, expected DIR");
     assert_string_equal(
         PARSE("--duration", "--quiet", "f"),
         "--duration: found --quiet, expected a number of seconds from 0 to 1000000");
 }
 
-static void refuses_a_value_where_none_belongs(void **state)
+TEST_WITH(refuses_a_value_where_none_belongs, reset, NULL)
 {
-    (void)state;
     assert_string_equal(PARSE("--quiet=yes", "f"), "--quiet: found \"yes\", expected no value");
 }
 
-static void refuses_an_option_that_stands_twice(void **state)
+TEST_WITH(refuses_an_option_that_stands_twice, reset, NULL)
 {
-    (void)state;
     assert_string_equal(PARSE("--count", "1", "--count", "2", "f"),
                         "--count: found it again, expected it once");
 }
 
-static void rejects_unknown_option_and_names_the_nearest(void **state)
+TEST_WITH(rejects_unknown_option_and_names_the_nearest, reset, NULL)
 {
-    (void)state;
     assert_string_equal(PARSE("--duraton", "1", "f"),
                         "found unknown option --duraton, expected --duration or another that is "
                         "listed by --help");
@@ -217,7 +199,7 @@ static void rejects_unknown_option_and_names_the_nearest(void **state)
                         "found unknown option -x, expected one that is listed by --help");
 }
 
-static void the_last_operand_may_stand_more_than_once(void **state)
+TEST_WITH(the_last_operand_may_stand_more_than_once, reset, NULL)
 {
     static const char *files[6];
     static const struct operand_spec several[] = {{"FILE", "files", true, .value = files}};
@@ -228,7 +210,6 @@ static void the_last_operand_may_stand_more_than_once(void **state)
     struct error error;
     bool help;
 
-    (void)state;
     assert_int_equal(options_parse(&many, 5, some, &help, &error), ERROR_NONE);
     assert_string_equal(files[0], "a");
     assert_string_equal(files[1], "b");
@@ -237,20 +218,18 @@ static void the_last_operand_may_stand_more_than_once(void **state)
     assert_int_equal(options_parse(&many, 1, some, &help, &error), ERROR_INPUT);
 }
 
-static void asks_for_the_operands_that_it_needs_and_takes_no_more(void **state)
+TEST_WITH(asks_for_the_operands_that_it_needs_and_takes_no_more, reset, NULL)
 {
-    (void)state;
     assert_string_equal(PARSE("--quiet"), "found no FILE, expected a file");
     assert_string_equal(PARSE(""), "found an empty argument, expected FILE");
     assert_string_equal(PARSE("a", "b", "c"), "found \"c\", expected nothing more");
 }
 
-static void a_list_has_an_end(void **state)
+TEST_WITH(a_list_has_an_end, reset, NULL)
 {
     const char *words[2 * OPTION_LIST_MAX + 4];
     size_t n = 0;
 
-    (void)state;
     for (int i = 0; i <= OPTION_LIST_MAX; i++) {
         words[n++] = "--bus";
         words[n++] = "x=y";
@@ -259,13 +238,12 @@ static void a_list_has_an_end(void **state)
     assert_string_equal(parse(words), "--bus: found it more than 32 times, expected fewer");
 }
 
-static void the_manual_lists_everything_within_eighty_columns(void **state)
+TEST_WITH(the_manual_lists_everything_within_eighty_columns, reset, NULL)
 {
     char *text = NULL;
     size_t size = 0;
     FILE *out = open_memstream(&text, &size);
 
-    (void)state;
     assert_non_null(out);
     options_help(&spec, out);
     assert_int_equal(fclose(out), 0);
@@ -286,40 +264,11 @@ static void the_manual_lists_everything_within_eighty_columns(void **state)
     free(text);
 }
 
-static void exit_statuses_follow_the_error(void **state)
+TEST_WITH(exit_statuses_follow_the_error, reset, NULL)
 {
-    (void)state;
     assert_int_equal(exit_status_of(ERROR_NONE), 0);
     assert_int_equal(exit_status_of(ERROR_INPUT), 2);
     assert_int_equal(exit_status_of(ERROR_SYSTEM), 3);
     assert_int_equal(exit_status_of(ERROR_MEMORY), 3);
     assert_int_equal(exit_status_of(ERROR_UNSUPPORTED), 4);
-}
-
-int main(void)
-{
-#define TEST(name) cmocka_unit_test_setup(name, reset)
-    const struct CMUnitTest tests[] = {
-        TEST(reads_every_type),
-        TEST(takes_a_value_behind_an_equals_sign),
-        TEST(an_option_may_have_a_letter_too),
-        TEST(what_is_not_given_keeps_its_default),
-        TEST(negative_numbers_are_values),
-        TEST(two_dashes_end_the_options),
-        TEST(a_lone_dash_is_an_operand),
-        TEST(help_wins_over_what_comes_after_it),
-        TEST(names_the_option_and_what_it_expects),
-        TEST(a_number_above_the_least_is_said_to_be_more),
-        TEST(says_that_a_value_is_missing),
-        TEST(refuses_a_value_where_none_belongs),
-        TEST(refuses_an_option_that_stands_twice),
-        TEST(rejects_unknown_option_and_names_the_nearest),
-        TEST(asks_for_the_operands_that_it_needs_and_takes_no_more),
-        TEST(the_last_operand_may_stand_more_than_once),
-        TEST(a_list_has_an_end),
-        TEST(the_manual_lists_everything_within_eighty_columns),
-        TEST(exit_statuses_follow_the_error),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,12 +3,7 @@
 #include "base/options.h"
 
 #include "base/count.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
+#include "tests/test.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -48,7 +43,7 @@ static char *page_of(const struct command_spec *spec)
     return text;
 }
 
-static void a_page_has_every_part_of_the_table(void **state)
+TEST(a_page_has_every_part_of_the_table)
 {
     static const char expected[] = "coman-hil-run(1) \"coman-hil " HIL_VERSION "\"\n"
                                    "\n"
@@ -94,30 +89,18 @@ static void a_page_has_every_part_of_the_table(void **state)
                                    "*coman-hil-scenario*(5)\n";
     char *text = page_of(&full);
 
-    (void)state;
     assert_string_equal(text, expected);
     free(text);
 }
 
-static void a_command_of_another_program_has_its_name(void **state)
+TEST(a_command_of_another_program_has_its_name)
 {
     const struct command_spec spec = {
         .name = "paper", .summary = "s", .program = "coman-hil-bench"};
     char *text = page_of(&spec);
 
-    (void)state;
     assert_ptr_equal(strstr(text, "coman-hil-bench-paper(1)"), text);
     assert_non_null(strstr(text, "\n*coman-hil-bench paper*\n"));
     assert_null(strstr(text, "DESCRIPTION"));
     free(text);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_page_has_every_part_of_the_table),
-        cmocka_unit_test(a_command_of_another_program_has_its_name),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

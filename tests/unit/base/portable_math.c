@@ -4,14 +4,10 @@
 
 #include "base/count.h"
 #include "base/random.h"
+#include "tests/test.h"
 
 #include <float.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 #define TURN 6.283185307179586
 
@@ -83,11 +79,10 @@ static double error_in_ulp(double value, long double exact)
     return (double)(fabsl((long double)value - exact) / ldexpl(1.0L, exponent - DBL_MANT_DIG));
 }
 
-static void errors_stay_below_what_the_header_says(void **state)
+TEST(errors_stay_below_what_the_header_says)
 {
     enum { DRAWS = 100000 };
 
-    (void)state;
     for (size_t n = 0; n < ARRAY_COUNT(function); n++) {
         const struct function *of = &function[n];
         struct random_stream stream = random_named(1, of->name);
@@ -105,12 +100,11 @@ static void errors_stay_below_what_the_header_says(void **state)
     }
 }
 
-static void angles_of_points_are_right_in_all_directions(void **state)
+TEST(angles_of_points_are_right_in_all_directions)
 {
     enum { DRAWS = 200000 };
     struct random_stream stream = random_named(1, "atan2");
 
-    (void)state;
     for (int i = 0; i < DRAWS; i++) {
         const double shift = i & 1 ? 40.0 * random_uniform(&stream) : 0.0;
         const double y = ldexp(2.0 * random_uniform(&stream) - 1.0, (int)-shift);
@@ -125,7 +119,7 @@ static void angles_of_points_are_right_in_all_directions(void **state)
 
 /* The doubles that come closest to a multiple of pi/2 (Muller, Elementary Functions, ch. 11), and
  * what stands on both sides of the change of reductions. */
-static void hard_angles_are_reduced_by_enough_digits(void **state)
+TEST(hard_angles_are_reduced_by_enough_digits)
 {
     static const double hard[] = {6381956970095103.0 * 0x1p797,
                                   5319372648326541.0 * 0x1p255,
@@ -135,7 +129,6 @@ static void hard_angles_are_reduced_by_enough_digits(void **state)
                                   1e5,
                                   100000.00000000001};
 
-    (void)state;
     for (size_t n = 0; n < ARRAY_COUNT(hard); n++) {
         assert_true(error_in_ulp(portable_sin(hard[n]), sinl(hard[n])) < 0.9);
         assert_true(error_in_ulp(portable_cos(hard[n]), cosl(hard[n])) < 0.9);
@@ -149,12 +142,11 @@ static bool same_value(double a, double b)
     return (isnan(a) && isnan(b)) || (a == b && signbit(a) == signbit(b));
 }
 
-static void edges_are_as_c_has_them(void **state)
+TEST(edges_are_as_c_has_them)
 {
     static const double edge[] = {0.0,        -0.0, 1.0, -1.0, (double)INFINITY, (double)-INFINITY,
                                   (double)NAN};
 
-    (void)state;
     for (size_t e = 0; e < ARRAY_COUNT(edge); e++) {
         for (size_t n = 0; n < ARRAY_COUNT(function); n++) {
             if (fabs(edge[e]) != 1.0) {
@@ -172,9 +164,8 @@ static void edges_are_as_c_has_them(void **state)
     assert_true(portable_expm1(1000.0) == (double)INFINITY && portable_expm1(-1000.0) == -1.0);
 }
 
-static void powers_are_right_to_a_few_places(void **state)
+TEST(powers_are_right_to_a_few_places)
 {
-    (void)state;
     for (int i = 1; i < 1000; i++) {
         const double x = 0.013 * i, y = 4.0 - 0.0077 * i;
 
@@ -183,13 +174,12 @@ static void powers_are_right_to_a_few_places(void **state)
 }
 
 /* Whatever the machine, its library and the compiler's options, these are the bits. */
-static void bits_are_the_same_everywhere(void **state)
+TEST(bits_are_the_same_everywhere)
 {
     enum { DRAWS = 2000 };
     struct random_stream stream = random_named(7, "bits");
     uint64_t hash = HASH_START;
 
-    (void)state;
     for (size_t n = 0; n < ARRAY_COUNT(function); n++) {
         for (size_t s = 0; s < ARRAY_COUNT(function[n].span); s++) {
             for (int i = 0; i < DRAWS; i++) {
@@ -208,18 +198,4 @@ static void bits_are_the_same_everywhere(void **state)
     if (hash != UINT64_C(0xe3a63dc65d87de2e)) {
         fail_msg("the bits have the hash %016llx", (unsigned long long)hash);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(errors_stay_below_what_the_header_says),
-        cmocka_unit_test(angles_of_points_are_right_in_all_directions),
-        cmocka_unit_test(hard_angles_are_reduced_by_enough_digits),
-        cmocka_unit_test(edges_are_as_c_has_them),
-        cmocka_unit_test(powers_are_right_to_a_few_places),
-        cmocka_unit_test(bits_are_the_same_everywhere),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,30 +1,23 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Random numbers: the published sequence, streams of their own, distributions. */
 #include "base/random.h"
+#include "tests/test.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
-
-static void the_sequence_is_that_of_splitmix64(void **state)
+TEST(the_sequence_is_that_of_splitmix64)
 {
     struct random_stream stream = {0};
 
-    (void)state;
     assert_true(random_bits(&stream) == UINT64_C(0xe220a8397b1dcdaf));
     assert_true(random_bits(&stream) == UINT64_C(0x6e789e6aa1b965f4));
     assert_true(random_bits(&stream) == UINT64_C(0x06c45d188009454f));
 }
 
-static void a_stream_depends_on_seed_and_name_alone(void **state)
+TEST(a_stream_depends_on_seed_and_name_alone)
 {
     struct random_stream a = random_named(7, "encoder"), again = random_named(7, "encoder");
     struct random_stream other_name = random_named(7, "current");
     struct random_stream other_seed = random_named(8, "encoder");
 
-    (void)state;
     for (int i = 0; i < 100; i++) {
         const uint64_t bits = random_bits(&a);
 
@@ -34,13 +27,12 @@ static void a_stream_depends_on_seed_and_name_alone(void **state)
     }
 }
 
-static void uniform_numbers_fill_zero_to_one(void **state)
+TEST(uniform_numbers_fill_zero_to_one)
 {
     enum { DRAWS = 100000 };
     struct random_stream stream = random_named(1, "uniform");
     double sum = 0.0, least = 1.0, most = 0.0;
 
-    (void)state;
     for (int i = 0; i < DRAWS; i++) {
         const double value = random_uniform(&stream);
 
@@ -52,13 +44,12 @@ static void uniform_numbers_fill_zero_to_one(void **state)
     assert_true(fabs(sum / DRAWS - 0.5) < 0.005);
 }
 
-static void gaussian_numbers_have_mean_zero_and_variance_one(void **state)
+TEST(gaussian_numbers_have_mean_zero_and_variance_one)
 {
     enum { DRAWS = 100000 };
     struct random_stream stream = random_named(1, "gaussian");
     double sum = 0.0, squares = 0.0;
 
-    (void)state;
     for (int i = 0; i < DRAWS; i++) {
         const double value = random_gaussian(&stream);
 
@@ -69,7 +60,7 @@ static void gaussian_numbers_have_mean_zero_and_variance_one(void **state)
     assert_true(fabs(squares / DRAWS - 1.0) < 0.03);
 }
 
-static void gaps_fill_their_share_of_time_with_their_mean_length(void **state)
+TEST(gaps_fill_their_share_of_time_with_their_mean_length)
 {
     enum { STEPS = 1000000 };
     const double share = 0.2, dwell = 0.05, step = 0.001;
@@ -77,7 +68,6 @@ static void gaps_fill_their_share_of_time_with_their_mean_length(void **state)
     size_t open = 0, gaps = 0;
     bool gap = false;
 
-    (void)state;
     for (int i = 0; i < STEPS; i++) {
         const bool before = gap;
 
@@ -89,17 +79,4 @@ static void gaps_fill_their_share_of_time_with_their_mean_length(void **state)
     assert_true(fabs((double)open / (double)gaps * step - dwell) < 0.005);
     assert_true(random_gap(&stream, false, 1.0, dwell, step));
     assert_false(random_gap(&stream, false, 0.0, dwell, step));
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_sequence_is_that_of_splitmix64),
-        cmocka_unit_test(a_stream_depends_on_seed_and_name_alone),
-        cmocka_unit_test(uniform_numbers_fill_zero_to_one),
-        cmocka_unit_test(gaussian_numbers_have_mean_zero_and_variance_one),
-        cmocka_unit_test(gaps_fill_their_share_of_time_with_their_mean_length),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,12 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The ring between two threads. */
 #include "base/ring.h"
+#include "tests/test.h"
 
 #include <pthread.h>
 #include <sched.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <cmocka.h>
 
 enum { SLOTS = 8, ITEMS = 200000 };
 
@@ -18,9 +16,8 @@ struct item {
 static struct item slots[SLOTS];
 static struct ring ring;
 
-static int empty_ring(void **state)
+FIXTURE(empty_ring)
 {
-    (void)state;
     ring_init(&ring, slots, sizeof slots[0], SLOTS);
     return 0;
 }
@@ -30,11 +27,10 @@ static struct item make(uint64_t number)
     return (struct item){number, ~number, {number, number, number, number, number}};
 }
 
-static void takes_as_many_items_as_it_has_slots(void **state)
+TEST_WITH(takes_as_many_items_as_it_has_slots, empty_ring, NULL)
 {
     struct item item;
 
-    (void)state;
     for (uint64_t i = 0; i < SLOTS; i++) {
         item = make(i);
         assert_int_equal(ring_count(&ring), i);
@@ -44,11 +40,10 @@ static void takes_as_many_items_as_it_has_slots(void **state)
     assert_int_equal(ring_count(&ring), SLOTS);
 }
 
-static void gives_items_back_in_order_and_then_none(void **state)
+TEST_WITH(gives_items_back_in_order_and_then_none, empty_ring, NULL)
 {
     struct item item;
 
-    (void)state;
     for (uint64_t i = 0; i < 5; i++) {
         item = make(i);
         assert_true(ring_push(&ring, &item));
@@ -60,11 +55,10 @@ static void gives_items_back_in_order_and_then_none(void **state)
     assert_false(ring_pop(&ring, &item));
 }
 
-static void carries_on_when_its_counters_wrap(void **state)
+TEST_WITH(carries_on_when_its_counters_wrap, empty_ring, NULL)
 {
     struct item item;
 
-    (void)state;
     atomic_store(&ring.head, UINT32_MAX - 2);
     atomic_store(&ring.tail, UINT32_MAX - 2);
     for (uint64_t round = 0; round < 3; round++) {
@@ -97,12 +91,11 @@ static void *write_items(void *unused)
     return NULL;
 }
 
-static void passes_every_item_whole_and_in_order_between_two_threads(void **state)
+TEST_WITH(passes_every_item_whole_and_in_order_between_two_threads, empty_ring, NULL)
 {
     pthread_t writer;
     uint64_t wrong = 0;
 
-    (void)state;
     assert_int_equal(pthread_create(&writer, NULL, write_items, NULL), 0);
     for (uint64_t i = 0; i < ITEMS;) {
         struct item item;
@@ -117,17 +110,4 @@ static void passes_every_item_whole_and_in_order_between_two_threads(void **stat
     assert_int_equal(pthread_join(writer, NULL), 0);
     assert_int_equal(wrong, 0);
     assert_int_equal(ring_count(&ring), 0);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup(takes_as_many_items_as_it_has_slots, empty_ring),
-        cmocka_unit_test_setup(gives_items_back_in_order_and_then_none, empty_ring),
-        cmocka_unit_test_setup(carries_on_when_its_counters_wrap, empty_ring),
-        cmocka_unit_test_setup(passes_every_item_whole_and_in_order_between_two_threads,
-                               empty_ring),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

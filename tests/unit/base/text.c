@@ -3,18 +3,14 @@
 #include "base/text.h"
 
 #include "base/count.h"
+#include "tests/test.h"
 
 #include <float.h>
 #include <stdbool.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-#include <cmocka.h>
 
-static void reads_finite_decimal_numbers(void **state)
+TEST(reads_finite_decimal_numbers)
 {
     static const struct {
         const char *text;
@@ -24,7 +20,6 @@ static void reads_finite_decimal_numbers(void **state)
                  {"2.5E-3", 2.5e-3}, {"010", 10.0},    {"-0", -0.0},
                  {"1e-400", 0.0},    {"1e308", 1e308}, {"1.7976931348623157e308", DBL_MAX}};
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         double value = 99.0;
 
@@ -34,14 +29,13 @@ static void reads_finite_decimal_numbers(void **state)
     }
 }
 
-static void refuses_what_is_no_finite_decimal_number(void **state)
+TEST(refuses_what_is_no_finite_decimal_number)
 {
     static const char *const cases[] = {"",      " 1",     "1 ",   "1,5",     "abc",   "1e",
                                         "e5",    "--1",    "0x10", "inf",     "-inf",  "nan",
                                         "1e999", "-1e999", ".",    "+",       "1.2.3", "1\n",
                                         "1e5.5", "1_000",  "1f",   "infinity"};
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         double value = 99.0;
 
@@ -51,7 +45,7 @@ static void refuses_what_is_no_finite_decimal_number(void **state)
     }
 }
 
-static void reads_integers_in_decimal_and_hexadecimal_within_limits(void **state)
+TEST(reads_integers_in_decimal_and_hexadecimal_within_limits)
 {
     static const struct {
         const char *text;
@@ -65,7 +59,6 @@ static void reads_integers_in_decimal_and_hexadecimal_within_limits(void **state
                  {"9223372036854775807", INT64_MAX},
                  {"-9223372036854775808", INT64_MIN}};
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         int64_t value = 99;
 
@@ -75,7 +68,7 @@ static void reads_integers_in_decimal_and_hexadecimal_within_limits(void **state
     }
 }
 
-static void refuses_what_is_no_integer_within_limits(void **state)
+TEST(refuses_what_is_no_integer_within_limits)
 {
     static const char *const cases[] = {"",
                                         " 1",
@@ -94,7 +87,6 @@ static void refuses_what_is_no_integer_within_limits(void **state)
                                         "--1",
                                         "0x-1"};
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         int64_t value = 99;
 
@@ -104,11 +96,10 @@ static void refuses_what_is_no_integer_within_limits(void **state)
     }
 }
 
-static void names_the_nearest_word(void **state)
+TEST(names_the_nearest_word)
 {
     static const char *const words[] = {"mass_kg", "com_m", "inertia_kg_m2", "parent"};
 
-    (void)state;
     assert_string_equal(text_nearest("mas_kg", words, ARRAY_COUNT(words)), "mass_kg");
     assert_string_equal(text_nearest("Mass_Kg", words, ARRAY_COUNT(words)), "mass_kg");
     assert_string_equal(text_nearest("com", words, ARRAY_COUNT(words)), "com_m");
@@ -116,22 +107,20 @@ static void names_the_nearest_word(void **state)
     assert_string_equal(text_nearest("parent", words, ARRAY_COUNT(words)), "parent");
 }
 
-static void two_letters_swapped_are_one_mistake(void **state)
+TEST(two_letters_swapped_are_one_mistake)
 {
     static const char *const words[] = {"--ticks", "--tasks-of", "--task", "--talk"};
 
-    (void)state;
     assert_string_equal(text_nearest("--taks", words, ARRAY_COUNT(words)), "--task");
     assert_string_equal(text_nearest("--tikcs", words, ARRAY_COUNT(words)), "--ticks");
     assert_string_equal(text_nearest("-t-ask", words, ARRAY_COUNT(words)), "--task");
 }
 
-static void names_no_word_when_none_is_near(void **state)
+TEST(names_no_word_when_none_is_near)
 {
     static const char *const words[] = {"mass_kg", "com_m"};
     char longest[200];
 
-    (void)state;
     memset(longest, 'x', sizeof longest - 1);
     longest[sizeof longest - 1] = '\0';
     assert_null(text_nearest("voltage", words, ARRAY_COUNT(words)));
@@ -145,18 +134,17 @@ static void names_no_word_when_none_is_near(void **state)
     assert_null(text_nearest("LK", joints, 3));
 }
 
-static void passes_over_words_that_are_too_long_to_compare(void **state)
+TEST(passes_over_words_that_are_too_long_to_compare)
 {
     char longest[200];
     const char *words[] = {longest, "mass_kg"};
 
-    (void)state;
     memset(longest, 'm', sizeof longest - 1);
     longest[sizeof longest - 1] = '\0';
     assert_string_equal(text_nearest("mass_k", words, ARRAY_COUNT(words)), "mass_kg");
 }
 
-static void a_name_is_safe_in_messages_and_file_names(void **state)
+TEST(a_name_is_safe_in_messages_and_file_names)
 {
     static const char *const good[] = {"can0", "left_leg", "a", "...", "L-1.b"};
     static const char *const bad[] = {
@@ -166,7 +154,6 @@ static void a_name_is_safe_in_messages_and_file_names(void **state)
         "a\n",  "\xc3\xa4",
         "a:b",  "0123456789012345678901234567890123456789012345678901234567890123"};
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(good); i++) {
         if (!text_is_name(good[i])) {
             fail_msg("refused \"%s\"", good[i]);
@@ -179,7 +166,7 @@ static void a_name_is_safe_in_messages_and_file_names(void **state)
     }
 }
 
-static void utf8_characters_have_one_to_four_bytes(void **state)
+TEST(utf8_characters_have_one_to_four_bytes)
 {
     static const struct {
         const char *text;
@@ -199,13 +186,12 @@ static void utf8_characters_have_one_to_four_bytes(void **state)
         {"\xff", 1, 0},
     };
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         assert_int_equal(text_utf8_length(cases[i].text, cases[i].size), cases[i].length);
     }
 }
 
-static void nothing_is_left_that_a_terminal_may_obey(void **state)
+TEST(nothing_is_left_that_a_terminal_may_obey)
 {
     static const struct {
         const char *text, *printable;
@@ -224,7 +210,6 @@ static void nothing_is_left_that_a_terminal_may_obey(void **state)
         {"", ""},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         char text[64];
 
@@ -232,23 +217,4 @@ static void nothing_is_left_that_a_terminal_may_obey(void **state)
         text_make_printable(text);
         assert_string_equal(text, cases[i].printable);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(reads_finite_decimal_numbers),
-        cmocka_unit_test(refuses_what_is_no_finite_decimal_number),
-        cmocka_unit_test(reads_integers_in_decimal_and_hexadecimal_within_limits),
-        cmocka_unit_test(refuses_what_is_no_integer_within_limits),
-        cmocka_unit_test(names_the_nearest_word),
-        cmocka_unit_test(two_letters_swapped_are_one_mistake),
-        cmocka_unit_test(names_no_word_when_none_is_near),
-        cmocka_unit_test(passes_over_words_that_are_too_long_to_compare),
-        cmocka_unit_test(a_name_is_safe_in_messages_and_file_names),
-        cmocka_unit_test(utf8_characters_have_one_to_four_bytes),
-        cmocka_unit_test(nothing_is_left_that_a_terminal_may_obey),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

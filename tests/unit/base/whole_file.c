@@ -2,19 +2,14 @@
 /* Files that are there whole or as they were before. */
 #include "base/input_file.h"
 #include "base/whole_file.h"
+#include "tests/test.h"
 
 #include <dirent.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 static char folder[] = "/tmp/whole-file-XXXXXX";
 static char path[64], other[64];
@@ -33,9 +28,8 @@ static const char *content(const char *name)
     return text;
 }
 
-static int make_folder(void **state)
+FIXTURE(make_folder)
 {
-    (void)state;
     if (!mkdtemp(folder)) {
         return -1;
     }
@@ -45,9 +39,8 @@ static int make_folder(void **state)
 }
 
 /* A folder in which something else is left is not removed, which fails. */
-static int remove_folder(void **state)
+FIXTURE(remove_folder)
 {
-    (void)state;
     unlink(path);
     unlink(other);
     return rmdir(folder);
@@ -77,12 +70,11 @@ static enum error_code write_file(const char *name, const char *text, enum error
     return whole_file_close(&file, code, &error);
 }
 
-static void has_its_name_when_it_is_whole(void **state)
+TEST(has_its_name_when_it_is_whole)
 {
     struct whole_file file;
     struct error error;
 
-    (void)state;
     assert_int_equal(whole_file_open(&file, path, &error), ERROR_NONE);
     fputs("first", file.out);
     assert_null(content(path));
@@ -91,20 +83,18 @@ static void has_its_name_when_it_is_whole(void **state)
     assert_int_equal(count_entries(), 1);
 }
 
-static void leaves_what_was_there_when_writing_fails(void **state)
+TEST(leaves_what_was_there_when_writing_fails)
 {
-    (void)state;
     assert_int_equal(write_file(path, "first", ERROR_NONE), ERROR_NONE);
     assert_int_equal(write_file(path, "second", ERROR_MEMORY), ERROR_MEMORY);
     assert_string_equal(content(path), "first");
     assert_int_equal(count_entries(), 1);
 }
 
-static void replaces_a_link_and_leaves_what_it_points_to(void **state)
+TEST(replaces_a_link_and_leaves_what_it_points_to)
 {
     struct stat there;
 
-    (void)state;
     assert_int_equal(write_file(other, "precious", ERROR_NONE), ERROR_NONE);
     unlink(path);
     assert_int_equal(symlink(other, path), 0);
@@ -116,25 +106,23 @@ static void replaces_a_link_and_leaves_what_it_points_to(void **state)
     assert_int_equal(unlink(other), 0);
 }
 
-static void is_never_writable_by_others(void **state)
+TEST(is_never_writable_by_others)
 {
     mode_t mask = umask(0);
     struct stat there;
 
-    (void)state;
     assert_int_equal(write_file(path, "text", ERROR_NONE), ERROR_NONE);
     umask(mask);
     assert_int_equal(stat(path, &there), 0);
     assert_int_equal(there.st_mode & 0777, 0664);
 }
 
-static void stays_in_the_folder_that_it_was_opened_in(void **state)
+TEST(stays_in_the_folder_that_it_was_opened_in)
 {
     char moved[64];
     struct whole_file file;
     struct error error;
 
-    (void)state;
     snprintf(moved, sizeof moved, "%s-moved", folder);
     assert_int_equal(whole_file_open(&file, path, &error), ERROR_NONE);
     fputs("text", file.out);
@@ -147,13 +135,12 @@ static void stays_in_the_folder_that_it_was_opened_in(void **state)
     assert_int_equal(count_entries(), 1);
 }
 
-static void a_device_behind_the_link_of_another_user_is_not_written(void **state)
+TEST(a_device_behind_the_link_of_another_user_is_not_written)
 {
     enum { NOBODY = 65534 };
     struct whole_file file;
     struct error error;
 
-    (void)state;
     unlink(path);
     assert_int_equal(symlink("/dev/null", path), 0);
     if (geteuid() == 0) {
@@ -164,23 +151,21 @@ static void a_device_behind_the_link_of_another_user_is_not_written(void **state
     assert_int_equal(unlink(path), 0);
 }
 
-static void refuses_a_folder(void **state)
+TEST(refuses_a_folder)
 {
     struct whole_file file;
     struct error error;
 
-    (void)state;
     assert_int_equal(whole_file_open(&file, folder, &error), ERROR_SYSTEM);
     assert_non_null(strstr(error.text, "Is a directory"));
     assert_int_equal(count_entries(), 0);
 }
 
 /* By links of its own: what would be replaced by mistake, as root too, is a link. */
-static void writes_to_a_device_in_place_and_says_that_it_is_full(void **state)
+TEST(writes_to_a_device_in_place_and_says_that_it_is_full)
 {
     struct stat link;
 
-    (void)state;
     unlink(path);
     assert_int_equal(symlink("/dev/null", path), 0);
     assert_int_equal(write_file(path, "text", ERROR_NONE), ERROR_NONE);
@@ -194,12 +179,11 @@ static void writes_to_a_device_in_place_and_says_that_it_is_full(void **state)
     assert_int_equal(count_entries(), 0);
 }
 
-static void names_a_folder_that_is_not_there(void **state)
+TEST(names_a_folder_that_is_not_there)
 {
     struct whole_file file;
     struct error error;
 
-    (void)state;
     assert_int_equal(whole_file_open(&file, "/nowhere/file", &error), ERROR_SYSTEM);
     assert_non_null(strstr(error.text, "/nowhere/file"));
 }
@@ -216,12 +200,11 @@ static void growing_write(const char *name, const char *text)
     close(descriptor);
 }
 
-static void growing_has_its_name_at_once_and_is_not_writable_by_others(void **state)
+TEST(growing_has_its_name_at_once_and_is_not_writable_by_others)
 {
     mode_t mask = umask(0);
     struct stat there;
 
-    (void)state;
     growing_write(path, "first");
     umask(mask);
     assert_string_equal(content(path), "first");
@@ -230,12 +213,11 @@ static void growing_has_its_name_at_once_and_is_not_writable_by_others(void **st
     assert_int_equal(unlink(path), 0);
 }
 
-static void growing_may_be_written_anew_after_it_was_read_back(void **state)
+TEST(growing_may_be_written_anew_after_it_was_read_back)
 {
     struct error error;
     FILE *file;
 
-    (void)state;
     growing_write(path, "first");
     assert_int_equal(input_file_stream(path, &file, &error), ERROR_NONE);
     fclose(file);
@@ -245,9 +227,8 @@ static void growing_may_be_written_anew_after_it_was_read_back(void **state)
 }
 
 /* Else whoever has made the file, or has another name of it, would have a part in the new one. */
-static void growing_is_another_file_than_the_one_that_was_there(void **state)
+TEST(growing_is_another_file_than_the_one_that_was_there)
 {
-    (void)state;
     assert_int_equal(write_file(other, "precious", ERROR_NONE), ERROR_NONE);
     assert_int_equal(link(other, path), 0);
     growing_write(path, "text");
@@ -257,12 +238,11 @@ static void growing_is_another_file_than_the_one_that_was_there(void **state)
     assert_int_equal(unlink(path), 0);
 }
 
-static void growing_refuses_links_to_files(void **state)
+TEST(growing_refuses_links_to_files)
 {
     struct error error;
     int descriptor;
 
-    (void)state;
     assert_int_equal(write_file(other, "precious", ERROR_NONE), ERROR_NONE);
     assert_int_equal(symlink(other, path), 0);
     assert_int_equal(growing_file_open(path, &descriptor, &error), ERROR_INPUT);
@@ -274,24 +254,22 @@ static void growing_refuses_links_to_files(void **state)
     assert_int_equal(count_entries(), 0);
 }
 
-static void growing_into_a_pipe_that_nobody_reads_is_an_error(void **state)
+TEST(growing_into_a_pipe_that_nobody_reads_is_an_error)
 {
     struct error error;
     int descriptor;
 
-    (void)state;
     assert_int_equal(mkfifo(path, 0600), 0);
     assert_int_equal(growing_file_open(path, &descriptor, &error), ERROR_SYSTEM);
     assert_non_null(strstr(error.text, "a pipe that nobody reads"));
     assert_int_equal(unlink(path), 0);
 }
 
-static void whole_into_a_pipe_that_nobody_reads_is_an_error_and_never_a_wait(void **state)
+TEST(whole_into_a_pipe_that_nobody_reads_is_an_error_and_never_a_wait)
 {
     struct whole_file file;
     struct error error;
 
-    (void)state;
     assert_int_equal(mkfifo(path, 0600), 0);
     assert_int_equal(whole_file_open(&file, path, &error), ERROR_SYSTEM);
     assert_non_null(strstr(error.text, "a pipe that nobody reads"));
@@ -299,11 +277,10 @@ static void whole_into_a_pipe_that_nobody_reads_is_an_error_and_never_a_wait(voi
     assert_int_equal(unlink(path), 0);
 }
 
-static void a_probe_leaves_everything_as_it_is(void **state)
+TEST(a_probe_leaves_everything_as_it_is)
 {
     struct error error;
 
-    (void)state;
     assert_int_equal(whole_file_probe(path, &error), ERROR_NONE);
     assert_int_equal(count_entries(), 0);
     assert_int_equal(whole_file_probe("/nowhere/file", &error), ERROR_SYSTEM);
@@ -313,14 +290,13 @@ static void a_probe_leaves_everything_as_it_is(void **state)
 /* ---- folders ---- */
 
 /* Below the folder that was given no link is followed, by which it is itself reached. */
-static void links_below_the_folder_given_are_not_followed(void **state)
+TEST(links_below_the_folder_given_are_not_followed)
 {
     char given[64], below[80], link[96];
     struct whole_file file;
     struct error error;
     int descriptor;
 
-    (void)state;
     snprintf(given, sizeof given, "%s/given", folder);
     snprintf(below, sizeof below, "%s/below", given);
     snprintf(link, sizeof link, "%s/link", below);
@@ -351,7 +327,7 @@ static void links_below_the_folder_given_are_not_followed(void **state)
     assert_int_equal(unlink(given), 0);
 }
 
-static void folders_are_made_and_others_cannot_write_into_them(void **state)
+TEST(folders_are_made_and_others_cannot_write_into_them)
 {
     mode_t mask = umask(0);
     char deep[96];
@@ -359,7 +335,6 @@ static void folders_are_made_and_others_cannot_write_into_them(void **state)
     struct stat there;
     bool made;
 
-    (void)state;
     snprintf(deep, sizeof deep, "%s/a/b//c", folder);
     assert_int_equal(folder_make(deep, &made, &error), ERROR_SYSTEM);
     assert_int_equal(folder_make_all(deep, &error), ERROR_NONE);
@@ -379,12 +354,11 @@ static void folders_are_made_and_others_cannot_write_into_them(void **state)
     assert_int_equal(folder_make_all("", &error), ERROR_INPUT);
 }
 
-static void a_folder_behind_the_link_of_another_user_is_not_taken(void **state)
+TEST(a_folder_behind_the_link_of_another_user_is_not_taken)
 {
     enum { NOBODY = 65534 };
     struct error error;
 
-    (void)state;
     assert_int_equal(symlink("/", path), 0);
     assert_int_equal(folder_make(path, NULL, &error), ERROR_NONE);
     if (geteuid() == 0) {
@@ -396,29 +370,4 @@ static void a_folder_behind_the_link_of_another_user_is_not_taken(void **state)
     assert_int_equal(unlink(path), 0);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(has_its_name_when_it_is_whole),
-        cmocka_unit_test(leaves_what_was_there_when_writing_fails),
-        cmocka_unit_test(replaces_a_link_and_leaves_what_it_points_to),
-        cmocka_unit_test(is_never_writable_by_others),
-        cmocka_unit_test(stays_in_the_folder_that_it_was_opened_in),
-        cmocka_unit_test(a_device_behind_the_link_of_another_user_is_not_written),
-        cmocka_unit_test(refuses_a_folder),
-        cmocka_unit_test(writes_to_a_device_in_place_and_says_that_it_is_full),
-        cmocka_unit_test(names_a_folder_that_is_not_there),
-        cmocka_unit_test(growing_has_its_name_at_once_and_is_not_writable_by_others),
-        cmocka_unit_test(growing_may_be_written_anew_after_it_was_read_back),
-        cmocka_unit_test(growing_is_another_file_than_the_one_that_was_there),
-        cmocka_unit_test(growing_refuses_links_to_files),
-        cmocka_unit_test(growing_into_a_pipe_that_nobody_reads_is_an_error),
-        cmocka_unit_test(whole_into_a_pipe_that_nobody_reads_is_an_error_and_never_a_wait),
-        cmocka_unit_test(a_probe_leaves_everything_as_it_is),
-        cmocka_unit_test(links_below_the_folder_given_are_not_followed),
-        cmocka_unit_test(folders_are_made_and_others_cannot_write_into_them),
-        cmocka_unit_test(a_folder_behind_the_link_of_another_user_is_not_taken),
-    };
-
-    return cmocka_run_group_tests(tests, make_folder, remove_folder);
-}
+TEST_GROUP(make_folder, remove_folder)

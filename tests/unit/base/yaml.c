@@ -9,11 +9,10 @@
 
 /* ---- what is read ---- */
 
-static void reads_every_type_into_the_struct(void **state)
+TEST_WITH(reads_every_type_into_the_struct, open_arena, close_arena)
 {
     struct car car = read_car(full);
 
-    (void)state;
     assert_true(car.mass_kg == 99.5);
     assert_true(car.electric);
     assert_int_equal(car.doors, 5);
@@ -40,11 +39,10 @@ static void reads_every_type_into_the_struct(void **state)
     assert_true(car.prices[1].value == 9000.5);
 }
 
-static void marks_say_where_values_stand(void **state)
+TEST_WITH(marks_say_where_values_stand, open_arena, close_arena)
 {
     struct car car = read_car(full);
 
-    (void)state;
     assert_string_equal(car.mark.file, "f.yaml");
     assert_int_equal(car.mark.line, 2);
     assert_int_equal(car.mark.column, 1);
@@ -58,20 +56,18 @@ static void marks_say_where_values_stand(void **state)
     assert_int_equal(car.prices[1].mark.column, 22);
 }
 
-static void columns_count_characters_not_bytes(void **state)
+TEST_WITH(columns_count_characters_not_bytes, open_arena, close_arena)
 {
     struct car car = read_car("{plate: \"\xc3\xa4\xe2\x82\xac\", mass_kg: 1, doors: 2}");
 
-    (void)state;
     assert_string_equal(car.plate, "\xc3\xa4\xe2\x82\xac");
     assert_int_equal(car.doors_mark.column, 34);
 }
 
-static void what_is_left_out_keeps_its_default_and_gets_its_parents_mark(void **state)
+TEST_WITH(what_is_left_out_keeps_its_default_and_gets_its_parents_mark, open_arena, close_arena)
 {
     struct car car = read_car("\nmass_kg: 1\nwheels: [{radius_m: 1}]\n");
 
-    (void)state;
     assert_int_equal(car.doors, 4);
     assert_int_equal(car.color, 1);
     assert_false(car.electric_given);
@@ -83,40 +79,35 @@ static void what_is_left_out_keeps_its_default_and_gets_its_parents_mark(void **
     assert_int_equal(car.nowner, 0);
 }
 
-static void a_key_that_is_given_is_known_to_be(void **state)
+TEST_WITH(a_key_that_is_given_is_known_to_be, open_arena, close_arena)
 {
-    (void)state;
     assert_true(read_car("{mass_kg: 1, electric: false}").electric_given);
 }
 
-static void empty_lists_and_mappings_are_taken(void **state)
+TEST_WITH(empty_lists_and_mappings_are_taken, open_arena, close_arena)
 {
     struct car car = read_car("{mass_kg: 1, gears: [], wheels: [], spares: {}, prices: {}}");
 
-    (void)state;
     assert_int_equal(car.ngear + car.nwheel + car.nspare + car.nprice, 0);
 }
 
-static void a_byte_order_mark_and_document_markers_are_taken(void **state)
+TEST_WITH(a_byte_order_mark_and_document_markers_are_taken, open_arena, close_arena)
 {
     struct car car = read_car("\xef\xbb\xbf%YAML 1.1\n---\nmass_kg: 1\ndoors: 2\n...\n");
 
-    (void)state;
     assert_int_equal(car.doors, 2);
     assert_int_equal(car.doors_mark.line, 4);
 }
 
-static void json_is_taken(void **state)
+TEST_WITH(json_is_taken, open_arena, close_arena)
 {
     struct car car = read_car("{\"mass_kg\": 1, \"color\": \"green\"}");
 
-    (void)state;
     assert_int_equal(car.color, 2);
 }
 
-static void an_enum_word_may_look_like_a_boolean(void **state)
+TEST_WITH(an_enum_word_may_look_like_a_boolean, open_arena, close_arena)
 {
-    (void)state;
     assert_int_equal(read_car("{mass_kg: 1, color: on}").color, 3);
 }
 
@@ -143,12 +134,12 @@ static void file_refused_with(const char *path, const char *message)
     assert_string_equal(error.text, expected);
 }
 
-static int make_directory(void **state)
+FIXTURE(make_directory)
 {
-    return open_arena(state) || !mkdtemp(directory) ? -1 : 0;
+    return open_arena(test_state) || !mkdtemp(directory) ? -1 : 0;
 }
 
-static int remove_directory(void **state)
+FIXTURE(remove_directory)
 {
     static const char *const names[] = {"car.yaml", "pipe", "secret.yaml", "loop.yaml"};
 
@@ -157,16 +148,15 @@ static int remove_directory(void **state)
     }
     rmdir(directory);
     strcpy(directory + strlen(directory) - 6, "XXXXXX");
-    return close_arena(state);
+    return close_arena(test_state);
 }
 
-static void reads_a_file_and_names_it_in_marks(void **state)
+TEST_WITH(reads_a_file_and_names_it_in_marks, make_directory, remove_directory)
 {
     FILE *file = fopen(file_path("car.yaml"), "w");
     struct error error = {0};
     struct car car;
 
-    (void)state;
     assert_non_null(file);
     assert_true(fputs(full, file) >= 0 && fclose(file) == 0);
     assert_int_equal(yaml_read_file(file_path("car.yaml"), &car_schema, &arena, &car, &error),
@@ -175,9 +165,8 @@ static void reads_a_file_and_names_it_in_marks(void **state)
     assert_int_equal(car.nwheel, 2);
 }
 
-static void says_why_a_file_cannot_be_read(void **state)
+TEST_WITH(says_why_a_file_cannot_be_read, make_directory, remove_directory)
 {
-    (void)state;
     file_refused_with(file_path("none.yaml"), "cannot be read: No such file or directory");
     file_refused_with(directory, "found a directory, expected a file");
     file_refused_with("/dev/null", "found no regular file, expected a file");
@@ -186,7 +175,7 @@ static void says_why_a_file_cannot_be_read(void **state)
 }
 
 /* As a list of files wants it, which shows what each says of itself. */
-static void one_key_is_read_whatever_else_is_in_the_file(void **state)
+TEST_WITH(one_key_is_read_whatever_else_is_in_the_file, make_directory, remove_directory)
 {
     static const struct {
         const char *text, *found; /* NULL = none */
@@ -202,7 +191,6 @@ static void one_key_is_read_whatever_else_is_in_the_file(void **state)
     struct error error = {0};
     const char *text;
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         FILE *file = fopen(file_path("car.yaml"), "w");
 
@@ -222,20 +210,18 @@ static void one_key_is_read_whatever_else_is_in_the_file(void **state)
     assert_null(text);
 }
 
-static void a_pipe_is_refused_at_once(void **state)
+TEST_WITH(a_pipe_is_refused_at_once, make_directory, remove_directory)
 {
-    (void)state;
     assert_int_equal(mkfifo(file_path("pipe"), 0600), 0);
     file_refused_with(file_path("pipe"), "found no regular file, expected a file");
 }
 
-static void says_that_a_file_may_not_be_read(void **state)
+TEST_WITH(says_that_a_file_may_not_be_read, make_directory, remove_directory)
 {
     enum { NOBODY = 65534 };
     FILE *file = fopen(file_path("secret.yaml"), "w");
     uid_t me = geteuid();
 
-    (void)state;
     assert_non_null(file);
     assert_int_equal(fclose(file), 0);
     assert_int_equal(chmod(file_path("secret.yaml"), 0), 0);
@@ -248,7 +234,7 @@ static void says_that_a_file_may_not_be_read(void **state)
     assert_int_equal(seteuid(me), 0);
 }
 
-static void paths_are_relative_to_the_file_and_stay_in_the_tree(void **state)
+TEST_WITH(paths_are_relative_to_the_file_and_stay_in_the_tree, open_arena, close_arena)
 {
     static const struct {
         const char *file, *reference, *path; /* NULL = refused */
@@ -273,7 +259,6 @@ static void paths_are_relative_to_the_file_and_stay_in_the_tree(void **state)
         {"config/rigs/a.yaml", "", NULL},
     };
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         struct yaml_mark mark = {cases[i].file, 7, 3};
         struct error error = {0};
@@ -288,29 +273,4 @@ static void paths_are_relative_to_the_file_and_stay_in_the_tree(void **state)
             assert_non_null(strstr(error.text, "config/rigs/a.yaml:7:3: found "));
         }
     }
-}
-
-int main(void)
-{
-#define TEST(name) cmocka_unit_test_setup_teardown(name, open_arena, close_arena)
-#define FILE_TEST(name) cmocka_unit_test_setup_teardown(name, make_directory, remove_directory)
-    const struct CMUnitTest tests[] = {
-        TEST(reads_every_type_into_the_struct),
-        TEST(marks_say_where_values_stand),
-        TEST(columns_count_characters_not_bytes),
-        TEST(what_is_left_out_keeps_its_default_and_gets_its_parents_mark),
-        TEST(a_key_that_is_given_is_known_to_be),
-        TEST(empty_lists_and_mappings_are_taken),
-        TEST(a_byte_order_mark_and_document_markers_are_taken),
-        TEST(json_is_taken),
-        TEST(an_enum_word_may_look_like_a_boolean),
-        FILE_TEST(reads_a_file_and_names_it_in_marks),
-        FILE_TEST(says_why_a_file_cannot_be_read),
-        FILE_TEST(one_key_is_read_whatever_else_is_in_the_file),
-        FILE_TEST(a_pipe_is_refused_at_once),
-        FILE_TEST(says_that_a_file_may_not_be_read),
-        TEST(paths_are_relative_to_the_file_and_stay_in_the_tree),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

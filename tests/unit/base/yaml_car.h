@@ -10,15 +10,10 @@
 
 #include <float.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "tests/unit/arena_fixture.h"
+#include "tests/test.h"
 
 /* ---- a schema with everything in it ---- */
 

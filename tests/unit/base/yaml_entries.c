@@ -3,15 +3,9 @@
  * Lists whose entries may stand in a mapping: both forms read alike, and a file that extends
  * another changes entries by name, adds some behind them, or replaces the list.
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "base/count.h"
 #include "base/yaml.h"
+#include "tests/test.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -87,18 +81,16 @@ static struct arena arena;
 static struct train train;
 static struct error error;
 
-static int open_folder(void **state)
+FIXTURE(open_folder)
 {
-    (void)state;
     strcpy(folder, "/tmp/hil-entries-XXXXXX");
     return !mkdtemp(folder) || arena_init(&arena, 1 << 20, &error);
 }
 
-static int close_folder(void **state)
+FIXTURE(close_folder)
 {
     char command[96];
 
-    (void)state;
     arena_fini(&arena);
     snprintf(command, sizeof command, "rm -r '%s'", folder);
     return system(command);
@@ -146,19 +138,17 @@ static void assert_extended(const char *base, const char *text, const char *expe
     assert_train(expected);
 }
 
-static void lists_and_mappings_read_alike(void **state)
+TEST_WITH(lists_and_mappings_read_alike, open_folder, close_folder)
 {
-    (void)state;
     assert_extended("", LISTS, "front 1: 1a 2b; rear 2: 3c");
     assert_extended("", MAPS, "front 1: 1a 2b; rear 2: 3c");
     assert_extended(LISTS, "extends: base.yaml\n", "front 1: 1a 2b; rear 2: 3c");
 }
 
-static void a_mapping_changes_entries_and_adds_some(void **state)
+TEST_WITH(a_mapping_changes_entries_and_adds_some, open_folder, close_folder)
 {
     static const char *const bases[] = {LISTS, MAPS};
 
-    (void)state;
     for (size_t n = 0; n < ARRAY_COUNT(bases); n++) {
         assert_extended(bases[n], "extends: base.yaml\naxles: {rear: {load: 5}}\n",
                         "front 1: 1a 2b; rear 5: 3c");
@@ -169,9 +159,8 @@ static void a_mapping_changes_entries_and_adds_some(void **state)
     }
 }
 
-static void a_list_replaces_all(void **state)
+TEST_WITH(a_list_replaces_all, open_folder, close_folder)
 {
-    (void)state;
     assert_extended(MAPS, "extends: base.yaml\naxles: [{name: front, load: 3, wheels: []}]\n",
                     "front 3:");
     assert_extended(LISTS,
@@ -187,9 +176,8 @@ static void assert_refused(const char *text, const char *what)
     }
 }
 
-static void what_is_no_entry_is_refused_at_its_place(void **state)
+TEST_WITH(what_is_no_entry_is_refused_at_its_place, open_folder, close_folder)
 {
-    (void)state;
     assert_refused("axles: {front: 3}\n", "train.yaml:1:16: found 3, expected a mapping");
     assert_refused("extends: base.yaml\naxles: {front: 3}\n",
                    "train.yaml:2:16: found 3, expected a mapping");
@@ -198,17 +186,4 @@ static void what_is_no_entry_is_refused_at_its_place(void **state)
     assert_refused("axles: {front: {load: 1, wheels: {x: {tire: a}}}}\n", "train.yaml:1:35: found");
     assert_refused("axles: {front: {load: 1, wheels: {32: {tire: a}}}}\n", "31");
     assert_refused("axles: 3\n", "expected a list of mappings");
-}
-
-int main(void)
-{
-#define TEST(function) cmocka_unit_test_setup_teardown(function, open_folder, close_folder)
-    const struct CMUnitTest tests[] = {
-        TEST(lists_and_mappings_read_alike),
-        TEST(a_mapping_changes_entries_and_adds_some),
-        TEST(a_list_replaces_all),
-        TEST(what_is_no_entry_is_refused_at_its_place),
-    };
-
-    return cmocka_run_group_tests_name("yaml_entries", tests, NULL, NULL);
 }

@@ -5,9 +5,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-static void rejects_unknown_key_and_names_the_nearest(void **state)
+TEST_WITH(rejects_unknown_key_and_names_the_nearest, open_arena, close_arena)
 {
-    (void)state;
     refused_with("mass_kg: 1\ndors: 3\n",
                  "f.yaml:2:1: found unknown key \"dors\" in a car, expected \"doors\"");
     refused_with("{mass_kg: 1, wheels: [{radius: 1}]}",
@@ -23,9 +22,8 @@ static void rejects_unknown_key_and_names_the_nearest(void **state)
         "prices");
 }
 
-static void rejects_missing_keys_with_the_place_of_the_mapping(void **state)
+TEST_WITH(rejects_missing_keys_with_the_place_of_the_mapping, open_arena, close_arena)
 {
-    (void)state;
     refused_with("doors: 1\n", "f.yaml:1:1: found a car without key \"mass_kg\", expected it");
     refused_with("mass_kg: 1\nwheels:\n  - spokes: 3\n",
                  "f.yaml:3:5: found a wheel without key \"radius_m\", expected it");
@@ -33,16 +31,15 @@ static void rejects_missing_keys_with_the_place_of_the_mapping(void **state)
                  "f.yaml:2:9: found an engine without key \"power_w\", expected it");
 }
 
-static void rejects_a_key_that_stands_twice(void **state)
+TEST_WITH(rejects_a_key_that_stands_twice, open_arena, close_arena)
 {
-    (void)state;
     refused_with("mass_kg: 1\ndoors: 2\nmass_kg: 3\n",
                  "f.yaml:3:1: found key \"mass_kg\" again, expected it once (it stands in line 1)");
     refused_with("{mass_kg: 1, prices: {a: 1, b: 2, a: 1}}",
                  "f.yaml:1:35: found key \"a\" again, expected it once (it stands in line 1)");
 }
 
-static void rejects_wrong_types(void **state)
+TEST_WITH(rejects_wrong_types, open_arena, close_arena)
 {
     static const struct {
         const char *key_and_value, *message;
@@ -103,16 +100,14 @@ static void rejects_wrong_types(void **state)
     };
     char text[256];
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         snprintf(text, sizeof text, "{%s}", cases[i].key_and_value);
         refused_with(text, cases[i].message);
     }
 }
 
-static void rejects_values_out_of_range(void **state)
+TEST_WITH(rejects_values_out_of_range, open_arena, close_arena)
 {
-    (void)state;
     refused_with("mass_kg: -1", "f.yaml:1:10: found -1, expected a number from 0 to 100");
     refused_with("mass_kg: 100.001", "f.yaml:1:10: found 100.001, expected a number from 0 to 100");
     refused_with("doors: 10", "f.yaml:1:8: found 10, expected an integer from 0 to 9");
@@ -125,17 +120,15 @@ static void rejects_values_out_of_range(void **state)
                  "f.yaml:1:8: found \"waytoolong\", expected a text of 2 to 8 bytes");
 }
 
-static void takes_values_on_the_edge_of_their_range(void **state)
+TEST_WITH(takes_values_on_the_edge_of_their_range, open_arena, close_arena)
 {
-    (void)state;
     assert_true(read_car("mass_kg: 0").mass_kg == 0.0);
     assert_true(read_car("mass_kg: 100").mass_kg == 100.0);
     assert_int_equal(read_car("{mass_kg: 0, doors: 9}").doors, 9);
 }
 
-static void rejects_what_a_configuration_does_not_need(void **state)
+TEST_WITH(rejects_what_a_configuration_does_not_need, open_arena, close_arena)
 {
-    (void)state;
     refused_with("mass_kg: &a 1",
                  "f.yaml:1:10: found anchor \"&a\", expected a value without anchor");
     refused_with("engine: &e {power_w: 1}",
@@ -154,9 +147,8 @@ static void rejects_what_a_configuration_does_not_need(void **state)
     refused_with("\"\": 1\n", "f.yaml:1:1: found quoted text \"\", expected the name of a key");
 }
 
-static void rejects_documents_that_are_no_mapping(void **state)
+TEST_WITH(rejects_documents_that_are_no_mapping, open_arena, close_arena)
 {
-    (void)state;
     refused_with("", "f.yaml:1:1: found an empty file, expected a mapping");
     refused_with("# nothing\n", "f.yaml:2:1: found an empty file, expected a mapping");
     refused_with("---\n", "f.yaml:2:1: found nothing, expected a mapping (a car)");
@@ -164,9 +156,8 @@ static void rejects_documents_that_are_no_mapping(void **state)
     refused_with("hello", "f.yaml:1:1: found \"hello\", expected a mapping (a car)");
 }
 
-static void rejects_malformed_yaml_with_the_parsers_reason(void **state)
+TEST_WITH(rejects_malformed_yaml_with_the_parsers_reason, open_arena, close_arena)
 {
-    (void)state;
     refused_with("mass_kg: [1, 2\n",
                  "f.yaml:2:1: found malformed YAML (while parsing a flow sequence: did not find "
                  "expected ',' or ']'), expected a well-formed document");
@@ -179,7 +170,7 @@ static void rejects_malformed_yaml_with_the_parsers_reason(void **state)
         "expected a well-formed document");
 }
 
-static void rejects_bytes_that_are_no_text(void **state)
+TEST_WITH(rejects_bytes_that_are_no_text, open_arena, close_arena)
 {
     static const struct {
         const char *text;
@@ -198,7 +189,6 @@ static void rejects_bytes_that_are_no_text(void **state)
         {"plate: \"a\\0b\"", 13, "f.yaml:1:8: found a zero byte in a text, expected none"},
     };
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         struct error error = {0};
         struct car car;
@@ -208,18 +198,16 @@ static void rejects_bytes_that_are_no_text(void **state)
     }
 }
 
-static void escapes_cannot_break_a_message_into_lines(void **state)
+TEST_WITH(escapes_cannot_break_a_message_into_lines, open_arena, close_arena)
 {
-    (void)state;
     refused_with("color: \"a\\nb\\x1b\"",
                  "f.yaml:1:8: found quoted text \"a?b?\", expected red, green or on");
 }
 
-static void a_long_value_is_cut_between_characters_in_messages(void **state)
+TEST_WITH(a_long_value_is_cut_between_characters_in_messages, open_arena, close_arena)
 {
     char text[1200] = "color: ";
 
-    (void)state;
     for (int i = 0; i < 500; i++) {
         strcat(text, "\xc3\xa4");
     }
@@ -245,14 +233,13 @@ static char *repeat(const char *head, const char *unit, size_t count, const char
     return text;
 }
 
-static void rejects_documents_without_bounds(void **state)
+TEST_WITH(rejects_documents_without_bounds, open_arena, close_arena)
 {
     char *deep = repeat("gears: ", "[", 100000, "");
     char *many = repeat("gears: [", "1,", 300000, "1]");
     char *keys, *large = repeat("", "#234567\n", 600000, "mass_kg: 1\n");
     size_t used = 0;
 
-    (void)state;
     refused_with(deep, "f.yaml:1:24: found values nested deeper than 16, expected fewer levels");
     refused_with(many, "f.yaml:1:400003: found more than 200000 values, expected fewer");
     refused_with(large, "f.yaml: found more than 4194304 bytes, expected at most that");
@@ -268,7 +255,7 @@ static void rejects_documents_without_bounds(void **state)
     free(keys);
 }
 
-static void reports_an_arena_that_is_full(void **state)
+TEST_WITH(reports_an_arena_that_is_full, open_arena, close_arena)
 {
     struct error error;
     struct arena small;
@@ -276,7 +263,6 @@ static void reports_an_arena_that_is_full(void **state)
     enum error_code code;
     struct car car;
 
-    (void)state;
     do {
         capacity += 64;
         assert_int_equal(arena_init(&small, capacity, &error), ERROR_NONE);
@@ -285,27 +271,4 @@ static void reports_an_arena_that_is_full(void **state)
         arena_fini(&small);
     } while (code);
     assert_true(capacity > 1000);
-}
-
-int main(void)
-{
-#define TEST(name) cmocka_unit_test_setup_teardown(name, open_arena, close_arena)
-    const struct CMUnitTest tests[] = {
-        TEST(rejects_unknown_key_and_names_the_nearest),
-        TEST(rejects_missing_keys_with_the_place_of_the_mapping),
-        TEST(rejects_a_key_that_stands_twice),
-        TEST(rejects_wrong_types),
-        TEST(rejects_values_out_of_range),
-        TEST(takes_values_on_the_edge_of_their_range),
-        TEST(rejects_what_a_configuration_does_not_need),
-        TEST(rejects_documents_that_are_no_mapping),
-        TEST(rejects_malformed_yaml_with_the_parsers_reason),
-        TEST(rejects_bytes_that_are_no_text),
-        TEST(escapes_cannot_break_a_message_into_lines),
-        TEST(a_long_value_is_cut_between_characters_in_messages),
-        TEST(rejects_documents_without_bounds),
-        TEST(reports_an_arena_that_is_full),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -59,11 +59,30 @@ static bool store_has(const char *text)
     return found;
 }
 
-static void file_is_parsed_once_and_read_alike(void **state)
+static char folder[32];
+
+FIXTURE(open_folder)
+{
+    strcpy(folder, "/tmp/hil-store-XXXXXX");
+    return mkdtemp(folder) && !chdir(folder) ? open_arena(test_state) : -1;
+}
+
+FIXTURE(close_folder)
+{
+    static const char *const name[] = {"base.yaml", "heavy.yaml", "light.yaml",
+                                       "part.yaml", "other.yaml", "bad.yaml"};
+
+    for (size_t i = 0; i < ARRAY_COUNT(name); i++) {
+        unlink(name[i]);
+    }
+    close_arena(test_state);
+    return chdir("/") || rmdir(folder) ? -1 : 0;
+}
+
+TEST_WITH(file_is_parsed_once_and_read_alike, open_folder, close_folder)
 {
     static const char base[] = "format_version: 1\nweight: 3.5\n";
 
-    (void)state;
     write_file("base.yaml", base);
     write_file("heavy.yaml", "extends: base.yaml\nweight: 7\n");
     write_file("light.yaml", "extends: base.yaml\n");
@@ -82,9 +101,8 @@ static void file_is_parsed_once_and_read_alike(void **state)
     assert_true(weight_in("light.yaml", 1) == 3.5);
 }
 
-static void changed_file_is_read_anew(void **state)
+TEST_WITH(changed_file_is_read_anew, open_folder, close_folder)
 {
-    (void)state;
     assert_int_equal(yaml_store_open(NULL), ERROR_NONE);
     write_file("part.yaml", "weight: 1\n");
     assert_true(weight_in("part.yaml", 1) == 1);
@@ -97,12 +115,11 @@ static void changed_file_is_read_anew(void **state)
     yaml_store_close();
 }
 
-static void fault_is_told_each_time(void **state)
+TEST_WITH(fault_is_told_each_time, open_folder, close_folder)
 {
     struct part part;
     struct error error;
 
-    (void)state;
     assert_int_equal(yaml_store_open(NULL), ERROR_NONE);
     write_file("bad.yaml", "weight: 1\nweigth: 2\n");
     for (int again = 0; again < 2; again++) {
@@ -115,35 +132,3 @@ static void fault_is_told_each_time(void **state)
 }
 
 /* ---- a folder for the files ---- */
-
-static char folder[32];
-
-static int open_folder(void **state)
-{
-    strcpy(folder, "/tmp/hil-store-XXXXXX");
-    return mkdtemp(folder) && !chdir(folder) ? open_arena(state) : -1;
-}
-
-static int close_folder(void **state)
-{
-    static const char *const name[] = {"base.yaml", "heavy.yaml", "light.yaml",
-                                       "part.yaml", "other.yaml", "bad.yaml"};
-
-    for (size_t i = 0; i < ARRAY_COUNT(name); i++) {
-        unlink(name[i]);
-    }
-    close_arena(state);
-    return chdir("/") || rmdir(folder) ? -1 : 0;
-}
-
-int main(void)
-{
-#define TEST(function) cmocka_unit_test_setup_teardown(function, open_folder, close_folder)
-    const struct CMUnitTest tests[] = {
-        TEST(file_is_parsed_once_and_read_alike),
-        TEST(changed_file_is_read_anew),
-        TEST(fault_is_told_each_time),
-    };
-
-    return cmocka_run_group_tests_name("yaml_store", tests, NULL, NULL);
-}

@@ -9,15 +9,9 @@
 #ifndef TESTS_UNIT_BOARDS_BOARD_BENCH_H
 #define TESTS_UNIT_BOARDS_BOARD_BENCH_H
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "boards/board.h"
 #include "boards/icub/protocol.h"
+#include "tests/test.h"
 
 #include <math.h>
 #include <stdio.h>

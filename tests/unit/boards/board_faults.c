@@ -30,7 +30,7 @@ static uint64_t run_hash(const char *line, bool others_only)
     return hash;
 }
 
-static void armed_fault_that_does_not_begin_changes_no_frame(void **state)
+TEST(armed_fault_that_does_not_begin_changes_no_frame)
 {
     static const char *const lines[] = {
         "board leg1 off manual",          "board leg1 stuck manual",
@@ -39,13 +39,12 @@ static void armed_fault_that_does_not_begin_changes_no_frame(void **state)
         "board leg1 hung manual"};
     uint64_t sound = run_hash(NULL, false);
 
-    (void)state;
     for (size_t i = 0; i < sizeof lines / sizeof lines[0]; i++) {
         assert_true(run_hash(lines[i], false) == sound);
     }
 }
 
-static void fault_shows_on_its_board_only_and_repeats_with_the_seed(void **state)
+TEST(fault_shows_on_its_board_only_and_repeats_with_the_seed)
 {
     static const char *const lines[] = {"board leg1 off 0.05..",
                                         "board leg1 stuck 0.05..",
@@ -56,7 +55,6 @@ static void fault_shows_on_its_board_only_and_repeats_with_the_seed(void **state
                                         "board leg1 hung watchdog=0.03 0.05.."};
     uint64_t sound = run_hash(NULL, false), others = run_hash(NULL, true);
 
-    (void)state;
     for (size_t i = 0; i < sizeof lines / sizeof lines[0]; i++) {
         uint64_t hash = run_hash(lines[i], false);
 
@@ -66,13 +64,12 @@ static void fault_shows_on_its_board_only_and_repeats_with_the_seed(void **state
     }
 }
 
-static void board_without_power_is_silent_deaf_and_limp_and_boots_anew(void **state)
+TEST(board_without_power_is_silent_deaf_and_limp_and_boots_anew)
 {
     static struct fault_bench bench;
     uint64_t foreign;
     struct boards_counters counters;
 
-    (void)state;
     begin(&bench, "board leg/1 off 0.02..0.04");
     bench.base.board[0].boot_ns = 0;
     enable(&bench);
@@ -101,12 +98,11 @@ static void board_without_power_is_silent_deaf_and_limp_and_boots_anew(void **st
     end(&bench);
 }
 
-static void board_that_boots_is_away_for_its_boot_time(void **state)
+TEST(board_that_boots_is_away_for_its_boot_time)
 {
     static struct fault_bench bench;
     int64_t first = 0;
 
-    (void)state;
     bench_configure(&bench.base);
     begin(&bench, "board leg1 off 0.02..0.03");
     bench_stop(&bench.base);
@@ -123,12 +119,11 @@ static void board_that_boots_is_away_for_its_boot_time(void **state)
 }
 
 /* +333 counts of 1333 in open loop; then the firmware stands still, the timer does not. */
-static void hung_board_keeps_its_share_of_the_supply_until_the_watchdog_resets_it(void **state)
+TEST(hung_board_keeps_its_share_of_the_supply_until_the_watchdog_resets_it)
 {
     static struct fault_bench bench;
     double sampled_v = SUPPLY_V;
 
-    (void)state;
     begin(&bench, "board leg1 hung watchdog=0.03 0.02..0.021");
     enable(&bench);
     while (bench.ms < 20) {
@@ -157,13 +152,12 @@ static void hung_board_keeps_its_share_of_the_supply_until_the_watchdog_resets_i
     end(&bench);
 }
 
-static void hung_board_boots_for_its_boot_time_and_hangs_once(void **state)
+TEST(hung_board_boots_for_its_boot_time_and_hangs_once)
 {
     static struct fault_bench bench;
     int64_t first = 0;
     size_t sent = 0;
 
-    (void)state;
     begin(&bench, "board leg1 hung watchdog=0.02 0.05..");
     bench_stop(&bench.base);
     bench.base.board[0].boot_ns = 30 * MS;
@@ -180,11 +174,10 @@ static void hung_board_boots_for_its_boot_time_and_hangs_once(void **state)
     end(&bench);
 }
 
-static void emergency_stop_opens_the_bridges_of_a_hung_board(void **state)
+TEST(emergency_stop_opens_the_bridges_of_a_hung_board)
 {
     static struct fault_bench bench;
 
-    (void)state;
     begin(&bench, "board leg1 hung watchdog=1 0.02..");
     enable(&bench);
     while (bench.ms < 30) {
@@ -201,11 +194,10 @@ static void emergency_stop_opens_the_bridges_of_a_hung_board(void **state)
 }
 
 /* Board leg2 has one axis; the joints of leg1 are none of its business. */
-static void hung_board_leaves_the_bridges_of_others_alone(void **state)
+TEST(hung_board_leaves_the_bridges_of_others_alone)
 {
     static struct fault_bench bench;
 
-    (void)state;
     begin(&bench, "board leg2 hung watchdog=1 0.02..");
     enable(&bench);
     while (bench.ms < 30) {
@@ -217,14 +209,13 @@ static void hung_board_leaves_the_bridges_of_others_alone(void **state)
     end(&bench);
 }
 
-static void power_cut_ends_a_hang(void **state)
+TEST(power_cut_ends_a_hang)
 {
     static struct fault_bench bench;
     struct board_event event;
     struct fault fault[2];
     int restarts = 0;
 
-    (void)state;
     begin(&bench, "board leg1 hung watchdog=10 0.02..");
     bench_stop(&bench.base);
     fault[0] = *faults_at(bench.faults, 0);
@@ -255,12 +246,11 @@ static void power_cut_ends_a_hang(void **state)
 }
 
 /* A field that the firmware turns stands still: the motor brakes. */
-static void hung_2foc_brakes(void **state)
+TEST(hung_2foc_brakes)
 {
     static const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_foc}};
     static struct fault_bench bench;
 
-    (void)state;
     begin(&bench, "board leg1 hung watchdog=0.03 0.02..");
     bench_stop(&bench.base);
     bench.base.config.bus = buses;
@@ -290,7 +280,7 @@ static void joint_restarted(void *context, int joint)
 }
 
 /* What the motor board 1 tells of its rotor, in ticks, before and after it was without power. */
-static void counter_of_an_incremental_encoder_starts_anew_with_the_power(void **state)
+TEST(counter_of_an_incremental_encoder_starts_anew_with_the_power)
 {
     static struct fault_bench bench;
     struct sensor_joint joint[BENCH_JOINTS] = {{.name = "hip", .incremental = true}};
@@ -302,7 +292,6 @@ static void counter_of_an_incremental_encoder_starts_anew_with_the_power(void **
     struct error error;
     int32_t seen[3] = {0};
 
-    (void)state;
     for (int j = 1; j < BENCH_JOINTS; j++) {
         joint[j].name = "other";
         true_sense[j].qm = 0.25;
@@ -345,11 +334,10 @@ static void counter_of_an_incremental_encoder_starts_anew_with_the_power(void **
     end(&bench);
 }
 
-static void replies_that_wait_are_lost_with_the_power(void **state)
+TEST(replies_that_wait_are_lost_with_the_power)
 {
     static struct fault_bench bench;
 
-    (void)state;
     begin(&bench, "board leg1 off 0.001..0.002");
     tick(&bench);
     bench_send(&bench.base, 0, 0x001, "07"); /* control mode, please */
@@ -364,7 +352,7 @@ static void replies_that_wait_are_lost_with_the_power(void **state)
 }
 
 /* An encoder mounted 0.1 rad off: command 0x04 with what it reads at zero takes it out. */
-static void calibration_takes_out_the_offset_of_an_encoder(void **state)
+TEST(calibration_takes_out_the_offset_of_an_encoder)
 {
     static struct fault_bench bench;
     struct sensor_joint joint[BENCH_JOINTS] = {{.name = "hip", .link_encoder = {.offset = 0.1}}};
@@ -375,7 +363,6 @@ static void calibration_takes_out_the_offset_of_an_encoder(void **state)
     struct error error;
     int32_t seen[2] = {0};
 
-    (void)state;
     for (int j = 1; j < BENCH_JOINTS; j++) {
         joint[j].name = "other";
     }
@@ -396,25 +383,4 @@ static void calibration_takes_out_the_offset_of_an_encoder(void **state)
     assert_int_equal(seen[0], 0.1 * TICKS_PER_RAD);
     assert_int_equal(seen[1], 0);
     end(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(armed_fault_that_does_not_begin_changes_no_frame),
-        cmocka_unit_test(fault_shows_on_its_board_only_and_repeats_with_the_seed),
-        cmocka_unit_test(board_without_power_is_silent_deaf_and_limp_and_boots_anew),
-        cmocka_unit_test(board_that_boots_is_away_for_its_boot_time),
-        cmocka_unit_test(hung_board_keeps_its_share_of_the_supply_until_the_watchdog_resets_it),
-        cmocka_unit_test(hung_board_boots_for_its_boot_time_and_hangs_once),
-        cmocka_unit_test(emergency_stop_opens_the_bridges_of_a_hung_board),
-        cmocka_unit_test(hung_board_leaves_the_bridges_of_others_alone),
-        cmocka_unit_test(power_cut_ends_a_hang),
-        cmocka_unit_test(hung_2foc_brakes),
-        cmocka_unit_test(counter_of_an_incremental_encoder_starts_anew_with_the_power),
-        cmocka_unit_test(replies_that_wait_are_lost_with_the_power),
-        cmocka_unit_test(calibration_takes_out_the_offset_of_an_encoder),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

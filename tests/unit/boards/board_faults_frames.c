@@ -2,13 +2,12 @@
 /* Faults of boards in the frames that they send. */
 #include "tests/unit/boards/fault_bench.h"
 
-static void stuck_board_repeats_its_last_position_at_its_rate(void **state)
+TEST(stuck_board_repeats_its_last_position_at_its_rate)
 {
     static struct fault_bench bench;
     int32_t last = 0;
     size_t sent = 0;
 
-    (void)state;
     begin(&bench, "board leg1 stuck 0.05..0.1");
     while (bench.ms < 50) {
         tick(&bench);
@@ -31,12 +30,11 @@ static void stuck_board_repeats_its_last_position_at_its_rate(void **state)
     end(&bench);
 }
 
-static void garbage_keeps_identifiers_and_lengths(void **state)
+TEST(garbage_keeps_identifiers_and_lengths)
 {
     static struct fault_bench bench;
     int different = 0, sent = 0;
 
-    (void)state;
     begin(&bench, "board leg1 garbage");
     while (bench.ms < 100) {
         const struct bus_frame *frame;
@@ -54,12 +52,11 @@ static void garbage_keeps_identifiers_and_lengths(void **state)
     end(&bench);
 }
 
-static void slow_board_sends_one_frame_of_n(void **state)
+TEST(slow_board_sends_one_frame_of_n)
 {
     static struct fault_bench bench;
     size_t sent = 0;
 
-    (void)state;
     begin(&bench, "board leg1 slow 5");
     while (bench.ms < 200) {
         tick(&bench);
@@ -69,13 +66,12 @@ static void slow_board_sends_one_frame_of_n(void **state)
     end(&bench);
 }
 
-static void delayed_board_sends_what_was_true_before(void **state)
+TEST(delayed_board_sends_what_was_true_before)
 {
     static struct fault_bench bench, sound;
     int32_t history[RUN_MS];
     int compared = 0;
 
-    (void)state;
     begin(&bench, "board leg1 delayed 0.008");
     begin(&sound, NULL);
     for (int i = 0; i < RUN_MS; i++) {
@@ -95,13 +91,12 @@ static void delayed_board_sends_what_was_true_before(void **state)
     end(&sound);
 }
 
-static void intermittent_board_is_gone_for_its_share_but_keeps_running(void **state)
+TEST(intermittent_board_is_gone_for_its_share_but_keeps_running)
 {
     static struct fault_bench bench;
     size_t sent = 0;
     const int ticks = 20000;
 
-    (void)state;
     begin(&bench, "board leg1 intermittent 0.25 dwell=0.01");
     while (bench.ms < ticks) {
         bench.base.sense[0].q = 0.0;
@@ -114,11 +109,10 @@ static void intermittent_board_is_gone_for_its_share_but_keeps_running(void **st
     end(&bench);
 }
 
-static void neighbors_hear_the_faulty_torque_of_a_strain_board(void **state)
+TEST(neighbors_hear_the_faulty_torque_of_a_strain_board)
 {
     static struct fault_bench bench;
 
-    (void)state;
     begin(&bench, "board torques off 0.05..");
     bench_send(&bench.base, 0, 0x001, "34 0C 00 00 00 00 00 00");
     bench_send(&bench.base, 0, 0x001, "09 03"); /* torque mode lives on the source */
@@ -131,18 +125,4 @@ static void neighbors_hear_the_faulty_torque_of_a_strain_board(void **state)
     }
     assert_false(bench.base.motor[0].bridge_on); /* silent for 200 ms: watchdog */
     end(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(stuck_board_repeats_its_last_position_at_its_rate),
-        cmocka_unit_test(garbage_keeps_identifiers_and_lengths),
-        cmocka_unit_test(slow_board_sends_one_frame_of_n),
-        cmocka_unit_test(delayed_board_sends_what_was_true_before),
-        cmocka_unit_test(intermittent_board_is_gone_for_its_share_but_keeps_running),
-        cmocka_unit_test(neighbors_hear_the_faulty_torque_of_a_strain_board),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

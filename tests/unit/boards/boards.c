@@ -17,12 +17,11 @@ static int node_of(unsigned address)
     }
 }
 
-static void every_frame_bears_the_number_of_its_board_on_its_bus(void **state)
+TEST(every_frame_bears_the_number_of_its_board_on_its_bus)
 {
     size_t seen[4] = {0};
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     /* telemetry of the motor boards, then of the others, which send what the host starts */
     bench_send(&bench, 0, 0x001, "49 7F 00 00 00");
@@ -45,11 +44,10 @@ static void every_frame_bears_the_number_of_its_board_on_its_bus(void **state)
     bench_stop(&bench);
 }
 
-static void nodes_are_counted_anew_on_each_bus_and_stay_when_the_address_changes(void **state)
+TEST(nodes_are_counted_anew_on_each_bus_and_stay_when_the_address_changes)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 1, 0x70f, "FF");
     bench_tick(&bench);
@@ -65,12 +63,11 @@ static void nodes_are_counted_anew_on_each_bus_and_stay_when_the_address_changes
     bench_stop(&bench);
 }
 
-static void frames_show_what_was_sampled_whatever_the_sensors_do_afterwards(void **state)
+TEST(frames_show_what_was_sampled_whatever_the_sensors_do_afterwards)
 {
     struct board_bench bench;
     const struct bus_frame *frame;
 
-    (void)state;
     bench_configure(&bench);
     bench.board[0].transmit_at_start = true;
     bench_start(&bench);
@@ -86,12 +83,11 @@ static void frames_show_what_was_sampled_whatever_the_sensors_do_afterwards(void
 }
 
 /* A frame at the beginning of a tick, a fault that is seen in it. */
-static void events_bear_the_time_of_their_phase(void **state)
+TEST(events_bear_the_time_of_their_phase)
 {
     struct board_event event;
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_ticks(&bench, 5);
     bench_send(&bench, 0, 0x001, "6B");
@@ -106,11 +102,10 @@ static void events_bear_the_time_of_their_phase(void **state)
     bench_stop(&bench);
 }
 
-static void a_board_boots_by_the_time_of_its_caller(void **state)
+TEST(a_board_boots_by_the_time_of_its_caller)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_configure(&bench);
     bench.board[0].transmit_at_start = true;
     bench.board[0].boot_ns = 10000000;
@@ -122,17 +117,4 @@ static void a_board_boots_by_the_time_of_its_caller(void **state)
     boards_sample(bench.boards, 10000000, &bench.sensors);
     assert_true(boards_transmit(bench.boards, 10000000, 0, bench.frame[0], BENCH_FRAMES) > 0);
     bench_stop(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_frame_bears_the_number_of_its_board_on_its_bus),
-        cmocka_unit_test(frames_show_what_was_sampled_whatever_the_sensors_do_afterwards),
-        cmocka_unit_test(events_bear_the_time_of_their_phase),
-        cmocka_unit_test(a_board_boots_by_the_time_of_its_caller),
-        cmocka_unit_test(nodes_are_counted_anew_on_each_bus_and_stay_when_the_address_changes),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

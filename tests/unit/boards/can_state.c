@@ -22,11 +22,10 @@ static void set(struct board_bench *bench, unsigned tec, unsigned rec, bool bus_
     boards_set_can_state(bench->boards, 0, &can);
 }
 
-static void status_tells_a_new_state_once_and_at_once(void **state)
+TEST(status_tells_a_new_state_once_and_at_once)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     set(&bench, 95, 95, false); /* nothing to tell before its time */
     assert_null(bench_next_status(&bench));
@@ -44,7 +43,7 @@ static void status_tells_a_new_state_once_and_at_once(void **state)
 }
 
 /* Hosts add up bytes 6 and 7 as signed numbers; what they get is the counter. */
-static void error_bytes_add_up_to_the_counters(void **state)
+TEST(error_bytes_add_up_to_the_counters)
 {
     static const struct {
         unsigned tec, rec;
@@ -52,7 +51,6 @@ static void error_bytes_add_up_to_the_counters(void **state)
     struct board_bench bench;
     int tec = 0, rec = 0;
 
-    (void)state;
     start(&bench);
     for (size_t i = 0; i < sizeof steps / sizeof *steps; i++) {
         const struct bus_frame *frame;
@@ -71,11 +69,10 @@ static void error_bytes_add_up_to_the_counters(void **state)
     bench_stop(&bench);
 }
 
-static void bus_off_is_told_when_the_board_is_back(void **state)
+TEST(bus_off_is_told_when_the_board_is_back)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     set(&bench, 256, 0, true);
     bench_send(&bench, 0, 0x001, "89 50");
@@ -96,13 +93,12 @@ static uint32_t foc_faults(struct board_bench *bench)
     return get_u32_le(bench_find(bench, 0, 0x113)->data + 4);
 }
 
-static void a_2foc_tells_states_in_its_fault_bits_and_remembers_them(void **state)
+TEST(a_2foc_tells_states_in_its_fault_bits_and_remembers_them)
 {
     static const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_foc}};
     struct board_bench bench;
     uint32_t was;
 
-    (void)state;
     bench_configure(&bench);
     bench.config.bus = buses;
     bench.config.nboard = 1;
@@ -187,14 +183,13 @@ static void pass(struct line *line)
     set(&line->bench, stats.tec, stats.rec, stats.state == WIRE_BUS_OFF);
 }
 
-static void a_burst_of_errors_shows_in_status_until_the_counter_is_down(void **state)
+TEST(a_burst_of_errors_shows_in_status_until_the_counter_is_down)
 {
     const struct wire_fault burst = {
         .kind = WIRE_FAULT_CORRUPT, .node = 0, .probability = 1.0, .count = 20};
     static struct line line;
     struct wire_node_stats stats;
 
-    (void)state;
     begin(&line);
     assert_true(wire_inject(line.wire, &burst) >= 0);
     for (int ms = 0; ms < 20; ms++) {
@@ -218,13 +213,12 @@ static void a_burst_of_errors_shows_in_status_until_the_counter_is_down(void **s
     end(&line);
 }
 
-static void a_board_that_was_bus_off_says_so_after_its_recovery(void **state)
+TEST(a_board_that_was_bus_off_says_so_after_its_recovery)
 {
     static struct line line;
     struct wire_node_stats stats;
     unsigned before;
 
-    (void)state;
     begin(&line);
     pass(&line);
     wire_force_bus_off(line.wire, 0);
@@ -244,18 +238,4 @@ static void a_board_that_was_bus_off_says_so_after_its_recovery(void **state)
     assert_true(line.status_seen > before);
     assert_int_equal(line.can_status, 0);
     end(&line);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(status_tells_a_new_state_once_and_at_once),
-        cmocka_unit_test(error_bytes_add_up_to_the_counters),
-        cmocka_unit_test(bus_off_is_told_when_the_board_is_back),
-        cmocka_unit_test(a_2foc_tells_states_in_its_fault_bits_and_remembers_them),
-        cmocka_unit_test(a_burst_of_errors_shows_in_status_until_the_counter_is_down),
-        cmocka_unit_test(a_board_that_was_bus_off_says_so_after_its_recovery),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -5,13 +5,12 @@
 #include <pthread.h>
 #include <stdatomic.h>
 
-static void events_read_as_sentences(void **state)
+TEST(events_read_as_sentences)
 {
     char text[256];
     struct board_event event;
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_ticks(&bench, 1500);
     bench_send(&bench, 0, 0x001, "89 50");
@@ -36,7 +35,7 @@ static void events_read_as_sentences(void **state)
     bench_stop(&bench);
 }
 
-static void every_kind_of_event_has_its_sentence(void **state)
+TEST(every_kind_of_event_has_its_sentence)
 {
     static const struct {
         struct board_event event;
@@ -75,7 +74,6 @@ static void every_kind_of_event_has_its_sentence(void **state)
     char text[256];
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const char *what;
@@ -90,13 +88,12 @@ static void every_kind_of_event_has_its_sentence(void **state)
     bench_stop(&bench);
 }
 
-static void events_that_nobody_reads_are_counted_as_lost(void **state)
+TEST(events_that_nobody_reads_are_counted_as_lost)
 {
     struct board_event event;
     struct board_bench bench;
     int read = 0;
 
-    (void)state;
     bench_open(&bench);
     for (int i = 0; i < 3000; i++) {
         bench_send(&bench, 0, 0x001, "6B");
@@ -137,14 +134,13 @@ static void *read_events(void *argument)
     return NULL;
 }
 
-static void another_thread_reads_events_while_the_loop_runs(void **state)
+TEST(another_thread_reads_events_while_the_loop_runs)
 {
     static const uint8_t unknown[] = {0x00, 0x01, 0x02, 0x35, 0x36, 0x38, 0x3b, 0x6b, 0x7b, 0x7f};
     struct reader reader = {.in_order = true};
     pthread_t thread;
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     reader.boards = bench.boards;
     assert_int_equal(pthread_create(&thread, NULL, read_events, &reader), 0);
@@ -159,16 +155,4 @@ static void another_thread_reads_events_while_the_loop_runs(void **state)
     assert_true(reader.in_order);
     assert_int_equal(reader.read + bench_counters(&bench).events_lost, 10000);
     bench_stop(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(events_read_as_sentences),
-        cmocka_unit_test(every_kind_of_event_has_its_sentence),
-        cmocka_unit_test(events_that_nobody_reads_are_counted_as_lost),
-        cmocka_unit_test(another_thread_reads_events_while_the_loop_runs),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

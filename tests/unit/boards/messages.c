@@ -54,12 +54,11 @@ static void configure_inertial(struct board_bench *bench, const struct boards_bu
         .name = "pelvis", .kind = BOARD_INERTIAL, .address = 9, .transmit_at_start = true};
 }
 
-static void everything_sent_is_in_the_list(void **state)
+TEST(everything_sent_is_in_the_list)
 {
     const struct boards_bus_config *const variants[] = {icub, foc, compact, fd};
     static struct list list;
 
-    (void)state;
     for (int run = 0; run < 8; run++) {
         struct board_bench bench;
         size_t seen = 0;
@@ -101,12 +100,11 @@ static void everything_sent_is_in_the_list(void **state)
     }
 }
 
-static void no_two_messages_look_the_same(void **state)
+TEST(no_two_messages_look_the_same)
 {
     const struct boards_bus_config *const variants[] = {icub, foc, compact, fd};
     static struct list list;
 
-    (void)state;
     for (int v = 0; v < 8; v++) {
         struct board_bench bench;
 
@@ -133,7 +131,7 @@ static void no_two_messages_look_the_same(void **state)
 }
 
 /* 8n + 47 + floor((34 + 8n - 1) / 4) bits a frame of n bytes, with its cycle. */
-static void cycle_times_give_the_loads_of_the_plans(void **state)
+TEST(cycle_times_give_the_loads_of_the_plans)
 {
     /* half a leg with F/T at 1 kHz: compact 3 axes, 3 * 135 + 2 * 115 + 115 a ms and STATE; foc
      * with STATUS each 10 ms 81.0 %, each millisecond 117.5 % */
@@ -144,7 +142,6 @@ static void cycle_times_give_the_loads_of_the_plans(void **state)
     } plans[] = {{compact, 0, 75.0 + 4 * 0.27}, {foc, 0, 117.5}, {foc, 10000000, 81.05}};
     static struct list list;
 
-    (void)state;
     for (int p = 0; p < 3; p++) {
         struct board_bench bench;
         double bits = 0.0;
@@ -175,15 +172,4 @@ static void cycle_times_give_the_loads_of_the_plans(void **state)
         }
         assert_near(bits / 1e4, plans[p].percent, 0.01);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(everything_sent_is_in_the_list),
-        cmocka_unit_test(no_two_messages_look_the_same),
-        cmocka_unit_test(cycle_times_give_the_loads_of_the_plans),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

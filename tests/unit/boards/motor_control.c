@@ -8,11 +8,10 @@
 
 /* ---- arithmetic ---- */
 
-static void quantization_rounds_and_ends_at_32_bits(void **state)
+TEST(quantization_rounds_and_ends_at_32_bits)
 {
     int32_t count = 7;
 
-    (void)state;
     assert_true(control_quantize(2.49, &count));
     assert_int_equal(count, 2);
     assert_true(control_quantize(-2.51, &count));
@@ -26,23 +25,21 @@ static void quantization_rounds_and_ends_at_32_bits(void **state)
     assert_int_equal(count, INT32_MIN);
 }
 
-static void shifts_go_toward_zero(void **state)
+TEST(shifts_go_toward_zero)
 {
-    (void)state;
     assert_int_equal(control_shift_right(-7, 1), -3);
     assert_int_equal(control_shift_right(7, 1), 3);
     assert_int_equal(control_shift_right(7, -5), 7);
     assert_int_equal(control_shift_right(INT64_C(1) << 40, 99), 1 << 10);
 }
 
-static void a_pid_is_its_three_parts(void **state)
+TEST(a_pid_is_its_three_parts)
 {
     const struct pid_gains p = {.kp = 10, .shift = 3, .integral_limit = INT16_MAX};
     const struct pid_gains d = {.kd = 40, .shift = 2, .integral_limit = INT16_MAX};
     const struct pid_gains i = {.ki = 3, .shift = 1, .integral_limit = 50};
     struct pid pid;
 
-    (void)state;
     pid_reset(&pid);
     assert_int_equal(pid_step(&pid, &p, 100), 125);
     assert_int_equal(pid_step(&pid, &p, -101), -126);          /* -1010/8 toward zero */
@@ -65,13 +62,12 @@ static void a_pid_is_its_three_parts(void **state)
     assert_int_equal(pid_step(&pid, &i, 4), -44);
 }
 
-static void a_trajectory_has_the_shape_of_minimum_jerk(void **state)
+TEST(a_trajectory_has_the_shape_of_minimum_jerk)
 {
     struct trajectory trajectory;
     int64_t sum = 0;
     int steps = 0;
 
-    (void)state;
     trajectory_stop(&trajectory, 1000);
     trajectory_start(&trajectory, 21000, 2000); /* T = 100 * 20000 / 2000 = 1000 ms */
     while (trajectory.running) {
@@ -86,12 +82,11 @@ static void a_trajectory_has_the_shape_of_minimum_jerk(void **state)
     assert_int_equal(trajectory_step(&trajectory), 0);
 }
 
-static void a_new_target_on_the_way_keeps_the_speed(void **state)
+TEST(a_new_target_on_the_way_keeps_the_speed)
 {
     struct trajectory trajectory;
     int32_t before, after = 0;
 
-    (void)state;
     trajectory_stop(&trajectory, 0);
     trajectory_start(&trajectory, 100000, 10000);
     for (int i = 0; i < 500; i++) {
@@ -109,11 +104,10 @@ static void a_new_target_on_the_way_keeps_the_speed(void **state)
     assert_false(trajectory.running);
 }
 
-static void absurd_moves_end_at_their_target(void **state)
+TEST(absurd_moves_end_at_their_target)
 {
     struct trajectory trajectory;
 
-    (void)state;
     trajectory_stop(&trajectory, INT32_MIN);
     trajectory_start(&trajectory, INT32_MAX, INT16_MAX);
     for (int i = 0; i < 1000; i++) {
@@ -128,11 +122,10 @@ static void absurd_moves_end_at_their_target(void **state)
     assert_false(trajectory.running);
 }
 
-static void the_estimator_is_exact_for_constant_acceleration(void **state)
+TEST(the_estimator_is_exact_for_constant_acceleration)
 {
     struct speed_estimator estimator;
 
-    (void)state;
     estimator_reset(&estimator, 0);
     for (int t = 1; t <= 200; t++) {
         estimator_push(&estimator, 3 * t * t); /* 6 ticks/ms^2 */
@@ -189,11 +182,10 @@ static void start(struct board_bench *bench)
     bench_send(bench, 0, 0x001, "52 E8 00 01 00 00 00 0A"); /* kp 232, ki 1 over 1024: 20 rad/s */
 }
 
-static void without_gains_a_position_mode_has_no_voltage(void **state)
+TEST(without_gains_a_position_mode_has_no_voltage)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_tick(&bench);
     bench_send(&bench, 0, 0x001, "09 01");
@@ -205,11 +197,10 @@ static void without_gains_a_position_mode_has_no_voltage(void **state)
     bench_stop(&bench);
 }
 
-static void position_mode_moves_to_its_target_and_stays(void **state)
+TEST(position_mode_moves_to_its_target_and_stays)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     bench_send(&bench, 0, 0x001, "09 01");
     bench_send(&bench, 0, 0x001, "1B 10 27 00 00 E8 03"); /* 10000 ticks at 1000/100 ms: 1 s */
@@ -226,11 +217,10 @@ static void position_mode_moves_to_its_target_and_stays(void **state)
     bench_stop(&bench);
 }
 
-static void direct_mode_jumps_and_only_there(void **state)
+TEST(direct_mode_jumps_and_only_there)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     bench_send(&bench, 0, 0x001, "09 01");
     bench_send(&bench, 0, 0x001, "3E E8 03 00 00");
@@ -243,12 +233,11 @@ static void direct_mode_jumps_and_only_there(void **state)
     bench_stop(&bench);
 }
 
-static void velocity_mode_keeps_the_commanded_speed(void **state)
+TEST(velocity_mode_keeps_the_commanded_speed)
 {
     struct board_bench bench;
     double before;
 
-    (void)state;
     start(&bench);
     bench_send(&bench, 0, 0x001, "1C 50 00 01 00"); /* not in this mode */
     bench_ask(&bench, "18", "18 00 00");
@@ -270,11 +259,10 @@ static void velocity_mode_keeps_the_commanded_speed(void **state)
     bench_stop(&bench);
 }
 
-static void velocity_stops_at_the_joint_limit(void **state)
+TEST(velocity_stops_at_the_joint_limit)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     bench_send(&bench, 0, 0x001, "42 E8 03 00 00"); /* 1000 ticks */
     bench_send(&bench, 0, 0x001, "09 02");
@@ -286,11 +274,10 @@ static void velocity_stops_at_the_joint_limit(void **state)
     bench_stop(&bench);
 }
 
-static void mixed_mode_adds_move_and_velocity(void **state)
+TEST(mixed_mode_adds_move_and_velocity)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     bench_send(&bench, 0, 0x001, "09 07");
     bench_send(&bench, 0, 0x001, "1B E8 03 00 00 E8 03"); /* 1000 ticks in 100 ms */
@@ -300,11 +287,10 @@ static void mixed_mode_adds_move_and_velocity(void **state)
     bench_stop(&bench);
 }
 
-static void current_mode_reaches_its_milliamperes(void **state)
+TEST(current_mode_reaches_its_milliamperes)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     bench_send(&bench, 0, 0x001, "65 02 00 04 00 00 00 0A"); /* kp 2/1024, ki 4/1024 PWM/mA */
     bench_send(&bench, 0, 0x001, "09 06");
@@ -317,11 +303,10 @@ static void current_mode_reaches_its_milliamperes(void **state)
     bench_stop(&bench);
 }
 
-static void torque_mode_reaches_its_counts(void **state)
+TEST(torque_mode_reaches_its_counts)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     bench_send(&bench, 0, 0x001, "4E 00 00 02 00 00 00 0A");
     bench_send(&bench, 0, 0x001, "09 03");
@@ -335,11 +320,10 @@ static void torque_mode_reaches_its_counts(void **state)
 }
 
 /* A held shaft off its reference feels stiffness * error, for the torque loop follows. */
-static void impedance_is_a_spring_around_the_reference(void **state)
+TEST(impedance_is_a_spring_around_the_reference)
 {
     static const char *const modes[] = {"09 04", "09 05", "09 01"};
 
-    (void)state;
     for (int m = 0; m < 3; m++) {
         struct board_bench bench;
 
@@ -359,11 +343,10 @@ static void impedance_is_a_spring_around_the_reference(void **state)
     }
 }
 
-static void limits_of_the_pid_cut_its_output(void **state)
+TEST(limits_of_the_pid_cut_its_output)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     bench_send(&bench, 0, 0x001, "2A C8 00"); /* 200 */
     bench_send(&bench, 0, 0x001, "09 08");
@@ -376,11 +359,10 @@ static void limits_of_the_pid_cut_its_output(void **state)
     bench_stop(&bench);
 }
 
-static void offset_and_stiction_add_to_the_position_loop(void **state)
+TEST(offset_and_stiction_add_to_the_position_loop)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_tick(&bench);
     bench_send(&bench, 0, 0x001, "26 0A 00");       /* offset 10 */
@@ -397,30 +379,4 @@ static void offset_and_stiction_add_to_the_position_loop(void **state)
     bench_tick(&bench);
     assert_near(bench.motor[0].voltage_v, -20.0 / 1333.0 * SUPPLY_V, 1e-12);
     bench_stop(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(quantization_rounds_and_ends_at_32_bits),
-        cmocka_unit_test(shifts_go_toward_zero),
-        cmocka_unit_test(a_pid_is_its_three_parts),
-        cmocka_unit_test(a_trajectory_has_the_shape_of_minimum_jerk),
-        cmocka_unit_test(a_new_target_on_the_way_keeps_the_speed),
-        cmocka_unit_test(absurd_moves_end_at_their_target),
-        cmocka_unit_test(the_estimator_is_exact_for_constant_acceleration),
-        cmocka_unit_test(without_gains_a_position_mode_has_no_voltage),
-        cmocka_unit_test(position_mode_moves_to_its_target_and_stays),
-        cmocka_unit_test(direct_mode_jumps_and_only_there),
-        cmocka_unit_test(velocity_mode_keeps_the_commanded_speed),
-        cmocka_unit_test(velocity_stops_at_the_joint_limit),
-        cmocka_unit_test(mixed_mode_adds_move_and_velocity),
-        cmocka_unit_test(current_mode_reaches_its_milliamperes),
-        cmocka_unit_test(torque_mode_reaches_its_counts),
-        cmocka_unit_test(impedance_is_a_spring_around_the_reference),
-        cmocka_unit_test(limits_of_the_pid_cut_its_output),
-        cmocka_unit_test(offset_and_stiction_add_to_the_position_loop),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -7,11 +7,10 @@
 #include "boards/described/protocol.h"
 #include "tests/unit/boards/board_bench.h"
 
-static void each_is_found_by_its_name(void **state)
+TEST(each_is_found_by_its_name)
 {
     size_t count = 0;
 
-    (void)state;
     for (const struct protocol *p; (p = protocol_at(count)); count++) {
         assert_ptr_equal(protocol_find(p->name), p);
         assert_string_equal(protocol_words[count].word, p->name);
@@ -24,11 +23,10 @@ static void each_is_found_by_its_name(void **state)
     assert_ptr_equal(protocol_find("compact"), &protocol_compact);
 }
 
-static void each_has_what_everyone_asks_for(void **state)
+TEST(each_has_what_everyone_asks_for)
 {
     const struct protocol *p;
 
-    (void)state;
     for (size_t i = 0; (p = protocol_at(i)); i++) {
         assert_true(p->make_bus && p->make_board && p->visit_broadcasts && p->visit_board);
         assert_true(p->mode_name && p->fault_names && p->timeout_text && p->limit_text);
@@ -51,11 +49,10 @@ static void each_has_what_everyone_asks_for(void **state)
     }
 }
 
-static void capabilities_are_listed_in_words(void **state)
+TEST(capabilities_are_listed_in_words)
 {
     char text[80], brief[8];
 
-    (void)state;
     assert_string_equal(protocols_list(offsetof(struct protocol, external), text, sizeof text),
                         "icub, compact or foc");
     assert_string_equal(protocols_list(offsetof(struct protocol, padded), text, sizeof text),
@@ -66,9 +63,8 @@ static void capabilities_are_listed_in_words(void **state)
                         "icub, c");
 }
 
-static void a_mode_that_a_board_reports_has_a_name(void **state)
+TEST(a_mode_that_a_board_reports_has_a_name)
 {
-    (void)state;
     assert_string_equal(protocol_compact.mode_name(7), "fault");
     assert_string_equal(protocol_compact.mode_name(3), "unknown");
     assert_string_equal(protocol_icub.mode_name(0x50), "voltage");
@@ -95,25 +91,11 @@ static void refuses(const struct protocol *protocol, uint8_t address, const char
     arena_fini(&bench.arena);
 }
 
-static void addresses_and_boards_are_those_of_the_protocol(void **state)
+TEST(addresses_and_boards_are_those_of_the_protocol)
 {
-    (void)state;
     refuses(&protocol_icub, 15, "the address must be 1 to 14 on a bus that speaks icub");
     refuses(&protocol_foc, 5, "the address must be 1 to 4 on a bus that speaks foc");
     refuses(&protocol_compact, 32, "the address must be 1 to 31 on a bus that speaks compact");
     refuses(&protocol_cia402, 3, "a bus that speaks cia402 has no torque boards");
     refuses(&protocol_described, 3, "a described bus without its protocol");
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(each_is_found_by_its_name),
-        cmocka_unit_test(each_has_what_everyone_asks_for),
-        cmocka_unit_test(capabilities_are_listed_in_words),
-        cmocka_unit_test(a_mode_that_a_board_reports_has_a_name),
-        cmocka_unit_test(addresses_and_boards_are_those_of_the_protocol),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

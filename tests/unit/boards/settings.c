@@ -34,12 +34,11 @@ static bool set(struct board_bench *bench, size_t board, size_t axis, const char
     return boards_set(bench->boards, board, axis, find(bench, board, axis, name, &setting), value);
 }
 
-static void icub_boards_have_what_the_host_sets(void **state)
+TEST(icub_boards_have_what_the_host_sets)
 {
     struct board_bench bench;
     uint64_t changes;
 
-    (void)state;
     bench_open(&bench);
     changes = boards_settings_changes(bench.boards);
     bench_send(&bench, 0, 0x001, "D2 10 00 20 00 30 00 04"); /* SET_POSITION_PID, axis 1 */
@@ -59,12 +58,11 @@ static void icub_boards_have_what_the_host_sets(void **state)
     bench_stop(&bench);
 }
 
-static void voltages_are_no_settings(void **state)
+TEST(voltages_are_no_settings)
 {
     struct board_bench bench;
     uint64_t changes;
 
-    (void)state;
     bench_open(&bench);
     changes = boards_settings_changes(bench.boards);
     for (int i = 0; i < 10; i++) {
@@ -75,11 +73,10 @@ static void voltages_are_no_settings(void **state)
     bench_stop(&bench);
 }
 
-static void spare_axes_and_sensors_have_none(void **state)
+TEST(spare_axes_and_sensors_have_none)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     assert_true(boards_settings(bench.boards, 0, 0) > 10);
     assert_int_equal(boards_settings(bench.boards, 1, 1), 0);
@@ -88,13 +85,12 @@ static void spare_axes_and_sensors_have_none(void **state)
     bench_stop(&bench);
 }
 
-static void foc_gains_are_the_same_however_they_were_set(void **state)
+TEST(foc_gains_are_the_same_however_they_were_set)
 {
     static const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_foc},
                                                                 {.protocol = &protocol_icub}};
     struct board_bench bench;
 
-    (void)state;
     bench_configure(&bench);
     bench.board[0] = bench_motor("hip", 0, 1, 0, -1);
     bench.board[1] = bench_motor("knee", 0, 3, 1, -1);
@@ -120,14 +116,13 @@ static void foc_gains_are_the_same_however_they_were_set(void **state)
     bench_stop(&bench);
 }
 
-static void compact_settings_may_change_while_the_axis_runs(void **state)
+TEST(compact_settings_may_change_while_the_axis_runs)
 {
     static const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_compact},
                                                                 {.protocol = &protocol_compact}};
     struct board_setting setting;
     struct board_bench bench;
 
-    (void)state;
     bench_configure(&bench);
     bench.board[0] = bench_motor("leg 1", 0, 4, 0, 1);
     bench.board[1] = bench_motor("arm", 1, 7, 3, 4);
@@ -146,17 +141,4 @@ static void compact_settings_may_change_while_the_axis_runs(void **state)
     assert_string_equal(setting.unit, "mA");
     assert_false(set(&bench, 0, 1, "current_limit", 12001.0));
     bench_stop(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(icub_boards_have_what_the_host_sets),
-        cmocka_unit_test(voltages_are_no_settings),
-        cmocka_unit_test(spare_axes_and_sensors_have_none),
-        cmocka_unit_test(foc_gains_are_the_same_however_they_were_set),
-        cmocka_unit_test(compact_settings_may_change_while_the_axis_runs),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

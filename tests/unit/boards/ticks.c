@@ -86,14 +86,13 @@ static void expect_periodic(struct board_bench *bench, const struct periodic *fr
     bench_stop(bench);
 }
 
-static void telemetry_keeps_its_period_whatever_the_tick(void **state)
+TEST(telemetry_keeps_its_period_whatever_the_tick)
 {
     static const struct periodic strain[] = {{0, 0x3ca, 4, 4}, {0, 0x3da, 5, 5}};
     static const struct periodic temperature[] = {{0, 0x11c, 200, 200}};
     static const struct periodic compact[] = {
         {0, 0x100, 3, 3}, {0, 0x101, 3, 3}, {0, 0x200, 50, 1}, {0, 0x201, 50, 2}};
 
-    (void)state;
     for (size_t t = 0; t < ARRAY_COUNT(ticks_ns); t++) {
         struct board_bench bench;
 
@@ -128,9 +127,8 @@ static double ms_to_trip(struct board_bench *bench, double current_a, uint32_t i
 }
 
 /* 1.05 times the limit heats by 0.1025 a ms of 10; 12 A of nominal 4 and peak 8 last 3.84 s. */
-static void an_over_current_trips_at_its_time_whatever_the_tick(void **state)
+TEST(an_over_current_trips_at_its_time_whatever_the_tick)
 {
-    (void)state;
     for (size_t t = 0; t < ARRAY_COUNT(ticks_ns); t++) {
         const double tick_ms = (double)ticks_ns[t] / (double)MS;
         struct board_bench bench;
@@ -166,9 +164,8 @@ static double steps_since(const struct board_bench *bench, int64_t from_ns)
     return (double)(bench->now_ns / MS - from_ns / MS);
 }
 
-static void integrals_grow_with_time_whatever_the_tick(void **state)
+TEST(integrals_grow_with_time_whatever_the_tick)
 {
-    (void)state;
     for (size_t t = 0; t < ARRAY_COUNT(ticks_ns); t++) {
         struct board_bench bench;
         int64_t from_ns;
@@ -208,9 +205,8 @@ static void integrals_grow_with_time_whatever_the_tick(void **state)
 }
 
 /* A set-point lives for 20 ms, or 50, and is gone in the tick that ends later. */
-static void commands_time_out_in_ms_whatever_the_tick(void **state)
+TEST(commands_time_out_in_ms_whatever_the_tick)
 {
-    (void)state;
     for (size_t t = 0; t < ARRAY_COUNT(ticks_ns); t++) {
         for (int foc = 0; foc < 2; foc++) {
             const int64_t lives_ns = (foc ? 50 : 20) * MS;
@@ -233,16 +229,4 @@ static void commands_time_out_in_ms_whatever_the_tick(void **state)
             bench_stop(&bench);
         }
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(telemetry_keeps_its_period_whatever_the_tick),
-        cmocka_unit_test(an_over_current_trips_at_its_time_whatever_the_tick),
-        cmocka_unit_test(integrals_grow_with_time_whatever_the_tick),
-        cmocka_unit_test(commands_time_out_in_ms_whatever_the_tick),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -29,11 +29,10 @@ static void delay_record(const char *fault, size_t ticks, double voltage[TICKS])
     end(&bench);
 }
 
-static void voltages_arrive_so_many_ticks_later(void **state)
+TEST(voltages_arrive_so_many_ticks_later)
 {
     static const char *const fault[] = {NULL, "board leg1 hung watchdog=1 0.02..0.021"};
 
-    (void)state;
     for (size_t f = 0; f < 2; f++) {
         double now[TICKS], late[TICKS];
 
@@ -47,11 +46,10 @@ static void voltages_arrive_so_many_ticks_later(void **state)
 }
 
 /* Bridges open at once, and a board in another's place is left alone. */
-static void bridges_open_at_once_and_external_boards_are_left_alone(void **state)
+TEST(bridges_open_at_once_and_external_boards_are_left_alone)
 {
     static struct fault_bench bench;
 
-    (void)state;
     delay_begin(&bench, NULL, DELAY);
     bench_send(&bench.base, 0, 0x001, "72 4D 01");
     for (int k = 0; k < 10; k++) {
@@ -75,28 +73,16 @@ static void bridges_open_at_once_and_external_boards_are_left_alone(void **state
     end(&bench);
 }
 
-static void more_than_a_thousand_ticks_are_refused(void **state)
+TEST(more_than_a_thousand_ticks_are_refused)
 {
     struct board_bench bench;
     struct arena arena;
     struct error error;
 
-    (void)state;
     bench_configure(&bench);
     bench.config.voltage_delay_ticks = 1001;
     assert_int_equal(arena_init(&arena, 1u << 20, &error), ERROR_NONE);
     assert_int_equal(boards_create(&bench.config, &arena, &bench.boards, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "1001 ticks late"));
     arena_fini(&arena);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(voltages_arrive_so_many_ticks_later),
-        cmocka_unit_test(bridges_open_at_once_and_external_boards_are_left_alone),
-        cmocka_unit_test(more_than_a_thousand_ticks_are_refused),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

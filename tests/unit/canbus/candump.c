@@ -1,16 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Candump logs: exact text, strict reading, round trips, and log2asc of can-utils as second
  * reader. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "canbus/candump.h"
 
 #include "base/count.h"
+#include "tests/test.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -66,7 +60,7 @@ static void assert_frames_equal(const struct bus_frame *a, const struct bus_fram
     assert_memory_equal(a->data, b->data, sizeof a->data);
 }
 
-static void writes_lines_exactly_as_candump_does(void **state)
+TEST(writes_lines_exactly_as_candump_does)
 {
     static const struct {
         struct bus_frame frame;
@@ -91,7 +85,6 @@ static void writes_lines_exactly_as_candump_does(void **state)
     };
     char line[CANDUMP_LINE_MAX];
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         size_t size = candump_format(&cases[i].frame, "can0", line);
 
@@ -107,7 +100,7 @@ static void writes_lines_exactly_as_candump_does(void **state)
                      19 + 1 + 15 + 1 + 8 + 3 + 128 + 1);
 }
 
-static void reads_what_candump_and_its_relatives_write(void **state)
+TEST(reads_what_candump_and_its_relatives_write)
 {
     static const struct {
         const char *line, *bus;
@@ -152,7 +145,6 @@ static void reads_what_candump_and_its_relatives_write(void **state)
          {.id = 0x40, .flags = FRAME_ERROR, .len = 1, .data = {1}}},
     };
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         struct bus_frame frame;
         struct error error;
@@ -166,7 +158,7 @@ static void reads_what_candump_and_its_relatives_write(void **state)
     }
 }
 
-static void refuses_malformed_lines_and_names_the_column(void **state)
+TEST(refuses_malformed_lines_and_names_the_column)
 {
     static const struct {
         const char *line;
@@ -215,7 +207,6 @@ static void refuses_malformed_lines_and_names_the_column(void **state)
         {"(1.000000) can0 20000004##0", 26},
     };
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         struct bus_frame frame;
         struct error error;
@@ -233,9 +224,8 @@ static void refuses_malformed_lines_and_names_the_column(void **state)
     }
 }
 
-static void reads_back_every_random_frame_that_it_has_written(void **state)
+TEST(reads_back_every_random_frame_that_it_has_written)
 {
-    (void)state;
     random_state = 1;
     for (int i = 0; i < 100000; i++) {
         const struct bus_frame frame = random_frame();
@@ -266,7 +256,7 @@ static void write_file(char path[32], const char *text, size_t size)
     close(descriptor);
 }
 
-static void reads_a_log_to_its_end(void **state)
+TEST(reads_a_log_to_its_end)
 {
     static const char text[] = "(0000000001.000000) can0 123#11\n(0000000002.000000) can1 124#22";
     struct candump_reader reader;
@@ -275,7 +265,6 @@ static void reads_a_log_to_its_end(void **state)
     char path[32], bus[16];
     bool end;
 
-    (void)state;
     write_file(path, text, sizeof text - 1);
     assert_int_equal(candump_open(&reader, path, &error), ERROR_NONE);
     assert_int_equal(candump_next(&reader, &frame, bus, &end, &error), ERROR_NONE);
@@ -292,7 +281,7 @@ static void reads_a_log_to_its_end(void **state)
     unlink(path);
 }
 
-static void names_file_line_and_column_of_a_fault(void **state)
+TEST(names_file_line_and_column_of_a_fault)
 {
     static const struct {
         const char *text;
@@ -316,7 +305,6 @@ static void names_file_line_and_column_of_a_fault(void **state)
     struct error error;
     bool end;
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         write_file(path, cases[i].text, cases[i].size);
         assert_int_equal(candump_open(&reader, path, &error), ERROR_NONE);
@@ -339,12 +327,11 @@ static void names_file_line_and_column_of_a_fault(void **state)
     free(lengthy);
 }
 
-static void reports_files_that_it_cannot_read(void **state)
+TEST(reports_files_that_it_cannot_read)
 {
     struct candump_reader reader;
     struct error error;
 
-    (void)state;
     assert_int_equal(candump_open(&reader, "/no/such/log", &error), ERROR_INPUT);
     assert_string_equal(error.text, "/no/such/log: cannot be read: No such file or directory");
     assert_int_equal(candump_open(&reader, "/tmp", &error), ERROR_INPUT);
@@ -393,7 +380,7 @@ static void squeeze_blanks(char *text)
     *to = '\0';
 }
 
-static void log2asc_reads_the_same_frames_in_our_logs(void **state)
+TEST(log2asc_reads_the_same_frames_in_our_logs)
 {
     enum { FRAMES = 2000 };
     struct bus_frame *frames = calloc(FRAMES, sizeof *frames);
@@ -401,7 +388,6 @@ static void log2asc_reads_the_same_frames_in_our_logs(void **state)
     FILE *log, *asc;
     int seen = 0;
 
-    (void)state;
     if (system("command -v log2asc >/dev/null 2>&1") != 0) {
         print_message("SKIP: log2asc of can-utils is not installed\n");
         free(frames);
@@ -437,20 +423,4 @@ static void log2asc_reads_the_same_frames_in_our_logs(void **state)
     assert_int_equal(seen, FRAMES);
     unlink(path);
     free(frames);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(writes_lines_exactly_as_candump_does),
-        cmocka_unit_test(reads_what_candump_and_its_relatives_write),
-        cmocka_unit_test(refuses_malformed_lines_and_names_the_column),
-        cmocka_unit_test(reads_back_every_random_frame_that_it_has_written),
-        cmocka_unit_test(reads_a_log_to_its_end),
-        cmocka_unit_test(names_file_line_and_column_of_a_fault),
-        cmocka_unit_test(reports_files_that_it_cannot_read),
-        cmocka_unit_test(log2asc_reads_the_same_frames_in_our_logs),
-    };
-
-    return cmocka_run_group_tests_name("canbus/candump", tests, NULL, NULL);
 }

@@ -1,14 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A DBC database is checked as it grows, and written line by line. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "base/count.h"
 #include "canbus/dbc.h"
+#include "tests/test.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -21,7 +15,7 @@ struct bench {
     struct error error;
 };
 
-static int start(void **state)
+FIXTURE(start)
 {
     struct bench *b = calloc(1, sizeof *b);
     const struct dbc_message message = {.name = "TELEMETRY", .id = 0x123, .length = 8, .sender = 1};
@@ -33,13 +27,13 @@ static int start(void **state)
     assert_int_equal(dbc_add_node(b->dbc, "host", &b->error), ERROR_NONE);
     assert_int_equal(dbc_add_node(b->dbc, "board", &b->error), ERROR_NONE);
     assert_int_equal(dbc_add_message(b->dbc, &message, &b->message, &b->error), ERROR_NONE);
-    *state = b;
+    *test_state = b;
     return 0;
 }
 
-static int stop(void **state)
+FIXTURE(stop)
 {
-    struct bench *b = *state;
+    struct bench *b = *test_state;
 
     arena_fini(&b->arena);
     free(b);
@@ -63,7 +57,7 @@ static enum error_code add(struct bench *b, struct dbc_signal signal)
     return dbc_add_signal(b->dbc, b->message, &signal, &added, &b->error);
 }
 
-static void names_are_identifiers_of_32_letters_that_mean_nothing_else(void **state)
+TEST(names_are_identifiers_of_32_letters_that_mean_nothing_else)
 {
     static const char *const good[] = {"a", "_9", "SET_OPEN_LOOP_pwm_0",
                                        "abcdefghijklmnopqrstuvwxyz_78901"};
@@ -72,7 +66,6 @@ static void names_are_identifiers_of_32_letters_that_mean_nothing_else(void **st
         "BO_", "SG_",    "CM_", "\xe9", "Vector__XXX",
         "BU_", "VERSION"};
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(good); i++) {
         assert_true(dbc_is_name(good[i]));
     }
@@ -81,9 +74,9 @@ static void names_are_identifiers_of_32_letters_that_mean_nothing_else(void **st
     }
 }
 
-static void signals_stay_within_the_frame_and_off_each_other(void **state)
+TEST_WITH(signals_stay_within_the_frame_and_off_each_other, start, stop)
 {
-    struct bench *b = *state;
+    struct bench *b = *test_state;
     struct dbc_signal big = plain("big", 23, 16); /* bytes 2 and 3 */
 
     big.big_endian = true;
@@ -103,9 +96,9 @@ static void signals_stay_within_the_frame_and_off_each_other(void **state)
     assert_int_equal(b->message->nsignal, 3);
 }
 
-static void multiplexed_signals_share_bits_only_with_other_selectors(void **state)
+TEST_WITH(multiplexed_signals_share_bits_only_with_other_selectors, start, stop)
 {
-    struct bench *b = *state;
+    struct bench *b = *test_state;
     struct dbc_signal selector = plain("command", 0, 8), a = plain("a", 8, 16),
                       c = plain("c", 8, 16), d = plain("d", 16, 8), late = plain("late", 32, 8);
 
@@ -125,9 +118,9 @@ static void multiplexed_signals_share_bits_only_with_other_selectors(void **stat
     assert_int_equal(add(b, c), ERROR_INPUT); /* more than 8 bits hold */
 }
 
-static void numbers_are_finite_and_values_fit(void **state)
+TEST_WITH(numbers_are_finite_and_values_fit, start, stop)
 {
-    struct bench *b = *state;
+    struct bench *b = *test_state;
     struct dbc_signal s = plain("s", 0, 8), *added;
 
     s.scale = 0.0;
@@ -148,9 +141,9 @@ static void numbers_are_finite_and_values_fit(void **state)
     assert_int_equal(dbc_add_value(b->dbc, added, 1, "quo\"te", &b->error), ERROR_INPUT);
 }
 
-static void messages_have_their_own_name_identifier_and_a_legal_length(void **state)
+TEST_WITH(messages_have_their_own_name_identifier_and_a_legal_length, start, stop)
 {
-    struct bench *b = *state;
+    struct bench *b = *test_state;
     struct dbc_message m = {.name = "TELEMETRY", .id = 1}, *added;
 
     assert_int_equal(dbc_add_message(b->dbc, &m, &added, &b->error), ERROR_INPUT);
@@ -174,12 +167,11 @@ static void messages_have_their_own_name_identifier_and_a_legal_length(void **st
 
 /* The usual picture of a Motorola signal: start is the most significant bit, going down each
  * byte */
-static void big_endian_bits_walk_down_each_byte(void **state)
+TEST(big_endian_bits_walk_down_each_byte)
 {
     static const unsigned positions[12] = {20, 21, 22, 23, 8, 9, 10, 11, 12, 13, 14, 15};
     struct dbc_signal s = plain("s", 15, 12);
 
-    (void)state;
     s.big_endian = true;
     for (unsigned k = 0; k < 12; k++) {
         assert_int_equal(dbc_bit(&s, k), positions[k]);
@@ -239,7 +231,7 @@ static void fill(struct bench *b)
     b->dbc->data_bitrate = 8000000;
 }
 
-static void a_database_is_written_line_by_line(void **state)
+TEST_WITH(a_database_is_written_line_by_line, start, stop)
 {
     /* What stands before the nodes and between comments and values is the same in every file */
     static const char messages[] = "BU_: host board\n"
@@ -267,7 +259,7 @@ static void a_database_is_written_line_by_line(void **state)
                               "BA_ \"VFrameFormat\" BO_ 2047 14;\n"
                               "VAL_ 291 value -5 \"minus five\" 7 \"\" ;\n"
                               "SIG_VALTYPE_ 2047 real : 1;\n";
-    struct bench *b = *state;
+    struct bench *b = *test_state;
     const char *at;
     size_t size;
     char *text;
@@ -286,9 +278,9 @@ static void a_database_is_written_line_by_line(void **state)
     free(text);
 }
 
-static void a_file_that_cannot_be_written_is_an_error(void **state)
+TEST_WITH(a_file_that_cannot_be_written_is_an_error, start, stop)
 {
-    struct bench *b = *state;
+    struct bench *b = *test_state;
     FILE *full = fopen("/dev/full", "w");
 
     fill(b);
@@ -317,9 +309,9 @@ static enum error_code build_small(struct arena *arena, struct error *error)
     return code ? code : dbc_set_comment(dbc, &s->comment, "a comment", error);
 }
 
-static void memory_that_runs_out_is_an_error(void **state)
+TEST_WITH(memory_that_runs_out_is_an_error, start, stop)
 {
-    struct bench *b = *state;
+    struct bench *b = *test_state;
     enum error_code code = ERROR_MEMORY;
     size_t blocks;
 
@@ -339,9 +331,9 @@ static void memory_that_runs_out_is_an_error(void **state)
 
 /* Values are as the text format defines them; bits of other messages and multiplexors are not
  * read. */
-static void signals_are_read_from_frames(void **state)
+TEST_WITH(signals_are_read_from_frames, start, stop)
 {
-    struct bench *b = *state;
+    struct bench *b = *test_state;
     struct dbc_signal by = plain("by", 0, 8), big = plain("big", 15, 12);
     struct dbc_signal low = plain("low", 20, 12), real = plain("real", 32, 32);
     struct bus_frame frame = {
@@ -377,24 +369,4 @@ static void signals_are_read_from_frames(void **state)
     assert_null(dbc_find_frame(b->dbc, &frame));
     frame = (struct bus_frame){.id = 0x124};
     assert_null(dbc_find_frame(b->dbc, &frame));
-}
-
-int main(void)
-{
-#define WITH_BENCH(test) cmocka_unit_test_setup_teardown(test, start, stop)
-    const struct CMUnitTest tests[] = {
-        WITH_BENCH(signals_are_read_from_frames),
-        cmocka_unit_test(names_are_identifiers_of_32_letters_that_mean_nothing_else),
-        WITH_BENCH(signals_stay_within_the_frame_and_off_each_other),
-        WITH_BENCH(multiplexed_signals_share_bits_only_with_other_selectors),
-        WITH_BENCH(numbers_are_finite_and_values_fit),
-        WITH_BENCH(messages_have_their_own_name_identifier_and_a_legal_length),
-        cmocka_unit_test(big_endian_bits_walk_down_each_byte),
-        WITH_BENCH(a_database_is_written_line_by_line),
-        WITH_BENCH(a_file_that_cannot_be_written_is_an_error),
-        WITH_BENCH(memory_that_runs_out_is_an_error),
-    };
-#undef WITH_BENCH
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,16 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A bad bus between two nodes of a local one: each rule does what it says while it is active and
  * nothing before, beside and after. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "canbus/fault_port.h"
 
 #include "base/count.h"
+#include "tests/test.h"
 
 #include <math.h>
 #include <string.h>
@@ -26,7 +20,7 @@ struct bench {
     struct bus_frame frame[8192];
 };
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     static struct bench bench;
     const struct local_bus_config config = {.name = "limb", .max_nodes = 2, .inbox = INBOX};
@@ -37,13 +31,13 @@ static int set_up(void **state)
     assert_int_equal(local_bus_create(&config, &bench.arena, &bench.bus, &error), ERROR_NONE);
     assert_int_equal(local_bus_join(bench.bus, NULL, 0, &bench.near, &error), ERROR_NONE);
     assert_int_equal(local_bus_join(bench.bus, NULL, 0, &bench.far, &error), ERROR_NONE);
-    *state = &bench;
+    *test_state = &bench;
     return 0;
 }
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     bench->near->ops->close(bench->near);
     bench->far->ops->close(bench->far);
@@ -97,9 +91,9 @@ static void assert_all(const struct bench *bench, size_t found, size_t count)
     }
 }
 
-static void rule_that_is_not_active_changes_nothing(void **state)
+TEST_WITH(rule_that_is_not_active_changes_nothing, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     spoil(bench, (struct fault_port_rule){FAULT_PORT_LOSS, .probability = 1.0, .id = -1}, 1);
     send(bench->far, 0x101, 0, 1000);
@@ -111,9 +105,9 @@ static void rule_that_is_not_active_changes_nothing(void **state)
     assert_int_equal(bench->near->state, CAN_PORT_UP);
 }
 
-static void lost_frames_are_the_share_asked_for_in_both_directions(void **state)
+TEST_WITH(lost_frames_are_the_share_asked_for_in_both_directions, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const double n = 8000, p = 0.1, bound = 5.0 * sqrt(n * p * (1.0 - p));
 
     bench->active = true;
@@ -125,9 +119,9 @@ static void lost_frames_are_the_share_asked_for_in_both_directions(void **state)
     assert_int_equal(bench->near->counters.rx_dropped, 0); /* no news of the port */
 }
 
-static void losses_repeat_with_the_seed(void **state)
+TEST_WITH(losses_repeat_with_the_seed, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     uint64_t hash[3] = {0};
 
     bench->active = true;
@@ -148,9 +142,9 @@ static void losses_repeat_with_the_seed(void **state)
     assert_true(hash[0] != hash[2]);
 }
 
-static void corrupted_frames_differ_in_one_bit_of_their_data(void **state)
+TEST_WITH(corrupted_frames_differ_in_one_bit_of_their_data, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     bench->active = true;
     spoil(bench, (struct fault_port_rule){FAULT_PORT_CORRUPTION, .probability = 1.0, .id = -1}, 1);
@@ -163,9 +157,9 @@ static void corrupted_frames_differ_in_one_bit_of_their_data(void **state)
     }
 }
 
-static void frames_without_data_cannot_be_corrupted(void **state)
+TEST_WITH(frames_without_data_cannot_be_corrupted, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct bus_frame frame = frame_make(0x101, 0, NULL);
 
     bench->active = true;
@@ -175,9 +169,9 @@ static void frames_without_data_cannot_be_corrupted(void **state)
     assert_int_equal(bench->frame[0].len, 0);
 }
 
-static void duplicates_follow_their_frame_also_through_small_batches(void **state)
+TEST_WITH(duplicates_follow_their_frame_also_through_small_batches, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     size_t count = 0, got;
 
     bench->active = true;
@@ -195,9 +189,9 @@ static void duplicates_follow_their_frame_also_through_small_batches(void **stat
     assert_int_equal(receive(bench, bench->far), 198);
 }
 
-static void late_frames_come_after_their_delay_and_in_order(void **state)
+TEST_WITH(late_frames_come_after_their_delay_and_in_order, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     bench->active = true;
     spoil(bench, (struct fault_port_rule){FAULT_PORT_LATE, .delay_ns = 3 * MS, .id = -1}, 1);
@@ -219,9 +213,9 @@ static void late_frames_come_after_their_delay_and_in_order(void **state)
     assert_int_equal(receive(bench, bench->near), 3);
 }
 
-static void more_late_frames_than_can_wait_are_counted_as_dropped(void **state)
+TEST_WITH(more_late_frames_than_can_wait_are_counted_as_dropped, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     bench->active = true;
     spoil(bench, (struct fault_port_rule){FAULT_PORT_LATE, .delay_ns = MS, .id = -1}, 1);
@@ -230,9 +224,9 @@ static void more_late_frames_than_can_wait_are_counted_as_dropped(void **state)
     assert_int_equal(bench->near->counters.rx_dropped, 10);
 }
 
-static void bus_off_carries_nothing_and_says_so(void **state)
+TEST_WITH(bus_off_carries_nothing_and_says_so, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct bus_frame frame = frame_make(0x101, 0, NULL);
 
     bench->active = true;
@@ -249,9 +243,9 @@ static void bus_off_carries_nothing_and_says_so(void **state)
     assert_int_equal(bench->near->state, CAN_PORT_UP);
 }
 
-static void lockstep_frames_pass_unless_a_rule_names_them(void **state)
+TEST_WITH(lockstep_frames_pass_unless_a_rule_names_them, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     bench->active = true;
     spoil(bench, (struct fault_port_rule){FAULT_PORT_LOSS, .probability = 1.0, .id = -1}, 1);
@@ -266,9 +260,9 @@ static void lockstep_frames_pass_unless_a_rule_names_them(void **state)
     assert_int_equal(bench->frame[0].id, DONE_ID);
 }
 
-static void lockstep_frames_pass_even_when_the_bus_is_off(void **state)
+TEST_WITH(lockstep_frames_pass_even_when_the_bus_is_off, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct bus_frame frames[2] = {frame_make(0x101, 0, NULL), frame_make(DONE_ID, 0, NULL)};
 
     bench->active = true;
@@ -283,9 +277,9 @@ static void lockstep_frames_pass_even_when_the_bus_is_off(void **state)
     assert_int_equal(bench->frame[0].id, DONE_ID);
 }
 
-static void rule_with_an_id_leaves_the_others_alone(void **state)
+TEST_WITH(rule_with_an_id_leaves_the_others_alone, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     bench->active = true;
     spoil(bench, (struct fault_port_rule){FAULT_PORT_LOSS, .probability = 1.0, .id = 0x102}, 1);
@@ -310,12 +304,12 @@ static void spoil_by(struct bench *bench, struct fault_port_rule *rule, size_t c
     assert_int_equal(fault_port_create(&config, &bench->arena, &bench->near, &error), ERROR_NONE);
 }
 
-static void each_rule_acts_on_the_frames_of_its_id(void **state)
+TEST_WITH(each_rule_acts_on_the_frames_of_its_id, set_up, tear_down)
 {
     struct fault_port_rule rule[] = {{FAULT_PORT_LOSS, .probability = 1.0, .id = 0},
                                      {FAULT_PORT_DUPLICATE, .probability = 1.0, .id = 0x101},
                                      {FAULT_PORT_LOSS, .probability = 1.0, .id = 0x102}};
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     spoil_by(bench, rule, ARRAY_COUNT(rule));
     for (uint32_t id = 0; id <= 3; id++) {
@@ -330,11 +324,11 @@ static void each_rule_acts_on_the_frames_of_its_id(void **state)
     }
 }
 
-static void delays_of_two_rules_add_up(void **state)
+TEST_WITH(delays_of_two_rules_add_up, set_up, tear_down)
 {
     struct fault_port_rule rule[] = {{FAULT_PORT_LATE, .delay_ns = MS, .id = -1},
                                      {FAULT_PORT_LATE, .delay_ns = 2 * MS, .id = -1}};
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     spoil_by(bench, rule, ARRAY_COUNT(rule));
     send(bench->far, 0x101, 0, 1);
@@ -346,11 +340,11 @@ static void delays_of_two_rules_add_up(void **state)
     assert_int_equal(receive(bench, bench->near), 1);
 }
 
-static void any_rule_may_switch_the_bus_off(void **state)
+TEST_WITH(any_rule_may_switch_the_bus_off, set_up, tear_down)
 {
     struct fault_port_rule rule[] = {{FAULT_PORT_LOSS, .probability = 0.0, .id = -1},
                                      {FAULT_PORT_BUS_OFF, .id = -1}};
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     spoil_by(bench, rule, ARRAY_COUNT(rule));
     send(bench->far, 0x101, 0, 5);
@@ -358,40 +352,14 @@ static void any_rule_may_switch_the_bus_off(void **state)
     assert_int_equal(bench->near->state, CAN_PORT_BUS_OFF);
 }
 
-static void without_rules_it_is_a_port(void **state)
+TEST_WITH(without_rules_it_is_a_port, set_up, tear_down)
 {
     struct fault_port_rule none;
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     spoil_by(bench, &none, 0);
     send(bench->far, 0x101, 0, 100);
     assert_all(bench, receive(bench, bench->near), 100);
     send(bench->near, 0x101, 0, 100);
     assert_all(bench, receive(bench, bench->far), 100);
-}
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(rule_that_is_not_active_changes_nothing),
-        TEST(lost_frames_are_the_share_asked_for_in_both_directions),
-        TEST(losses_repeat_with_the_seed),
-        TEST(corrupted_frames_differ_in_one_bit_of_their_data),
-        TEST(frames_without_data_cannot_be_corrupted),
-        TEST(duplicates_follow_their_frame_also_through_small_batches),
-        TEST(late_frames_come_after_their_delay_and_in_order),
-        TEST(more_late_frames_than_can_wait_are_counted_as_dropped),
-        TEST(bus_off_carries_nothing_and_says_so),
-        TEST(lockstep_frames_pass_unless_a_rule_names_them),
-        TEST(lockstep_frames_pass_even_when_the_bus_is_off),
-        TEST(rule_with_an_id_leaves_the_others_alone),
-        TEST(each_rule_acts_on_the_frames_of_its_id),
-        TEST(delays_of_two_rules_add_up),
-        TEST(any_rule_may_switch_the_bus_off),
-        TEST(without_rules_it_is_a_port),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,17 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Legal and illegal frames, and their length on the wire. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "canbus/frame.h"
 
 #include "base/count.h"
+#include "tests/test.h"
 
-static void accepts_legal_frames_only(void **state)
+TEST(accepts_legal_frames_only)
 {
     static const struct {
         uint32_t id;
@@ -42,7 +36,6 @@ static void accepts_legal_frames_only(void **state)
         {0x123, 1 << 7, 8, false},
     };
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         struct bus_frame frame = {.id = cases[i].id, .flags = cases[i].flags, .len = cases[i].len};
 
@@ -52,11 +45,10 @@ static void accepts_legal_frames_only(void **state)
     }
 }
 
-static void accepts_exactly_the_lengths_of_fd(void **state)
+TEST(accepts_exactly_the_lengths_of_fd)
 {
     unsigned legal = 0;
 
-    (void)state;
     for (unsigned len = 0; len < 256; len++) {
         struct bus_frame frame = {.id = 1, .flags = FRAME_FD, .len = (uint8_t)len};
 
@@ -65,12 +57,11 @@ static void accepts_exactly_the_lengths_of_fd(void **state)
     assert_int_equal(legal, 16); /* one for each value of the 4-bit length code */
 }
 
-static void makes_a_classic_frame_with_zeroes_behind_its_data(void **state)
+TEST(makes_a_classic_frame_with_zeroes_behind_its_data)
 {
     const uint8_t data[] = {0xFF, 4, 5};
     struct bus_frame frame = frame_make(0x70F, 2, data);
 
-    (void)state;
     assert_int_equal(frame.id, 0x70F);
     assert_int_equal(frame.flags, 0);
     assert_int_equal(frame.len, 2);
@@ -84,7 +75,7 @@ static void makes_a_classic_frame_with_zeroes_behind_its_data(void **state)
 }
 
 /* The fields of the format, bit by bit, from ISO 11898-1. */
-static void counts_the_bits_of_a_frame_field_by_field(void **state)
+TEST(counts_the_bits_of_a_frame_field_by_field)
 {
     /* SOF, identifier, RTR, IDE, r0, DLC, CRC, CRC delimiter, ACK, ACK delimiter, EOF,
      * interframe */
@@ -96,7 +87,6 @@ static void counts_the_bits_of_a_frame_field_by_field(void **state)
     const unsigned fd17 = 1 + 11 + 1 + 1 + 1 + 1 + 1 + 1 + 4 + 4 + 17 + 6 + 1 + 1 + 1 + 7 + 3;
     const unsigned fd21 = fd17 - 17 - 6 + 21 + 7;
 
-    (void)state;
     for (unsigned n = 0; n <= 8; n++) {
         struct bus_frame frame = {.id = 1, .len = (uint8_t)n};
 
@@ -114,7 +104,7 @@ static void counts_the_bits_of_a_frame_field_by_field(void **state)
                      fd17 + 64 + 19);
 }
 
-static void counts_the_fast_bits_of_a_frame_field_by_field(void **state)
+TEST(counts_the_fast_bits_of_a_frame_field_by_field)
 {
     /* ESI, DLC, data, stuff count, CRC with a fixed stuff bit before it and after every four bits
      * of stuff count and CRC, CRC delimiter */
@@ -122,7 +112,6 @@ static void counts_the_fast_bits_of_a_frame_field_by_field(void **state)
     const uint32_t fd21 = 1 + 4 + 4 + 21 + 1 + (4 + 21) / 4 + 1;
     struct bus_frame frame = {.flags = FRAME_FD | FRAME_BRS};
 
-    (void)state;
     for (uint8_t n = 0; n <= 16; n = (uint8_t)(n < 8 ? n + 1 : n + 4)) {
         frame.len = n;
         assert_int_equal(frame_fast_bits(&frame), fd17 + 8u * n);
@@ -136,23 +125,21 @@ static void counts_the_fast_bits_of_a_frame_field_by_field(void **state)
     assert_int_equal(frame_fast_bits(&(struct bus_frame){.len = 8}), 0);
 }
 
-static void rounds_up_to_the_lengths_of_fd(void **state)
+TEST(rounds_up_to_the_lengths_of_fd)
 {
     static const uint8_t length[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64};
     size_t k = 0;
 
-    (void)state;
     for (unsigned n = 0; n <= 64; n++) {
         k += length[k] < n;
         assert_int_equal(frame_fd_length(n), length[k]);
     }
 }
 
-static void puts_and_gets_in_the_byte_order_of_its_name(void **state)
+TEST(puts_and_gets_in_the_byte_order_of_its_name)
 {
     uint8_t bytes[4];
 
-    (void)state;
     put_u32_le(bytes, 0x89ABCDEF);
     assert_memory_equal(bytes, "\xEF\xCD\xAB\x89", 4);
     assert_int_equal(get_u32_le(bytes), 0x89ABCDEF);
@@ -162,19 +149,4 @@ static void puts_and_gets_in_the_byte_order_of_its_name(void **state)
     assert_int_equal(get_u16_be(bytes), 0x8001);
     put_u16_le(bytes, 0x8001);
     assert_int_equal(get_i16_le(bytes), -32767);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(accepts_legal_frames_only),
-        cmocka_unit_test(accepts_exactly_the_lengths_of_fd),
-        cmocka_unit_test(makes_a_classic_frame_with_zeroes_behind_its_data),
-        cmocka_unit_test(counts_the_bits_of_a_frame_field_by_field),
-        cmocka_unit_test(counts_the_fast_bits_of_a_frame_field_by_field),
-        cmocka_unit_test(rounds_up_to_the_lengths_of_fd),
-        cmocka_unit_test(puts_and_gets_in_the_byte_order_of_its_name),
-    };
-
-    return cmocka_run_group_tests_name("canbus/frame", tests, NULL, NULL);
 }

@@ -2,23 +2,18 @@
 /* The gateway with clients on real sockets of the loopback interface, in front of a port that the
  * test holds in its hands. */
 #include "canbus/gateway.h"
+#include "tests/test.h"
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <poll.h>
 #include <pthread.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 enum { QUEUE = 4096, PATIENCE_MS = 10000 };
 
@@ -101,7 +96,7 @@ struct fixture {
     struct gateway *gateway;
 };
 
-static int start(void **state)
+FIXTURE(start)
 {
     static struct fixture f;
     static struct gateway_bus bus[2];
@@ -117,14 +112,14 @@ static int start(void **state)
     bus[0].name = "torso";
     bus[0].alias = "can0";
     bus[1].name = "left_leg";
-    *state = &f;
+    *test_state = &f;
     return arena_init(&f.arena, (size_t)64 << 20, NULL) ||
            gateway_start(&config, &f.arena, &f.gateway, NULL);
 }
 
-static int stop(void **state)
+FIXTURE(stop)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
 
     gateway_stop(f->gateway);
     close(f->hand[0].event);
@@ -200,9 +195,9 @@ static void wait_for_frames(struct hand_port *hand, size_t count)
     assert_int_equal(sent_to_bus(hand), count);
 }
 
-static void frames_go_both_ways(void **state)
+TEST_WITH(frames_go_both_ways, start, stop)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct bus_frame frame = frame_make(0x70f, 1, (const uint8_t[]){0xff});
     int client = join_raw(f, "torso");
 
@@ -217,9 +212,9 @@ static void frames_go_both_ways(void **state)
     close(client);
 }
 
-static void a_bus_has_two_names_and_clients_hear_each_other(void **state)
+TEST_WITH(a_bus_has_two_names_and_clients_hear_each_other, start, stop)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     int first = join_raw(f, "torso"), second = join_raw(f, "can0"), other = join_raw(f, "left_leg");
 
     say(first, "< send 123 2 1 2 >");
@@ -232,9 +227,9 @@ static void a_bus_has_two_names_and_clients_hear_each_other(void **state)
     close(other);
 }
 
-static void commands_may_come_in_pieces_and_in_heaps(void **state)
+TEST_WITH(commands_may_come_in_pieces_and_in_heaps, start, stop)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     int client = join_raw(f, "torso");
     const char *text = "< send 1 0 >< send 2 1 aa >\n junk < send 3 0 >";
 
@@ -247,9 +242,9 @@ static void commands_may_come_in_pieces_and_in_heaps(void **state)
     close(client);
 }
 
-static void wrong_commands_are_answered_and_too_many_end_it(void **state)
+TEST_WITH(wrong_commands_are_answered_and_too_many_end_it, start, stop)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     int client = join(f);
 
     hears(client, "< hi >");
@@ -277,9 +272,9 @@ static void wrong_commands_are_answered_and_too_many_end_it(void **state)
     assert_int_equal(sent_to_bus(&f->hand[0]), 0);
 }
 
-static void a_command_without_an_end_is_cut_off(void **state)
+TEST_WITH(a_command_without_an_end_is_cut_off, start, stop)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     char text[1024];
     int client = join(f), good = join_raw(f, "torso");
 
@@ -294,9 +289,9 @@ static void a_command_without_an_end_is_cut_off(void **state)
     close(good);
 }
 
-static void a_slow_client_is_cut_off_and_the_others_do_not_notice(void **state)
+TEST_WITH(a_slow_client_is_cut_off_and_the_others_do_not_notice, start, stop)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     int slow = join_raw(f, "left_leg"), good = join_raw(f, "torso");
     struct bus_frame frame = {.id = 0x7ff, .flags = FRAME_FD, .len = 64};
     struct gateway_counters counters;
@@ -328,9 +323,9 @@ static void a_slow_client_is_cut_off_and_the_others_do_not_notice(void **state)
     close(good);
 }
 
-static void more_clients_than_places_are_refused(void **state)
+TEST_WITH(more_clients_than_places_are_refused, start, stop)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     int client[GATEWAY_CLIENTS], extra;
 
     for (int i = 0; i < GATEWAY_CLIENTS; i++) {
@@ -363,9 +358,9 @@ static void more_clients_than_places_are_refused(void **state)
     }
 }
 
-static void who_opens_no_bus_yields_its_place(void **state)
+TEST_WITH(who_opens_no_bus_yields_its_place, start, stop)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     int silent[GATEWAY_CLIENTS], good;
 
     for (int i = 0; i < GATEWAY_CLIENTS; i++) {
@@ -384,9 +379,9 @@ static void who_opens_no_bus_yields_its_place(void **state)
     }
 }
 
-static void who_opens_no_bus_is_disconnected_in_the_end(void **state)
+TEST_WITH(who_opens_no_bus_is_disconnected_in_the_end, start, stop)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     int silent = join(f), good = join_raw(f, "torso");
     struct gateway_counters counters;
 
@@ -404,9 +399,9 @@ static void who_opens_no_bus_is_disconnected_in_the_end(void **state)
     close(good);
 }
 
-static void what_has_no_time_is_as_new_as_the_newest(void **state)
+TEST_WITH(what_has_no_time_is_as_new_as_the_newest, start, stop)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct bus_frame frame = frame_make(0x111, 0, NULL), other = frame_make(0x222, 0, NULL);
     int first = join_raw(f, "torso"), second = join_raw(f, "torso");
 
@@ -420,9 +415,9 @@ static void what_has_no_time_is_as_new_as_the_newest(void **state)
     close(second);
 }
 
-static void one_connection_has_every_bus(void **state)
+TEST_WITH(one_connection_has_every_bus, start, stop)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct bus_frame frame = frame_make(0x111, 1, (const uint8_t[]){7});
     int all = join_raw(f, "all"), leg = join_raw(f, "left_leg");
 
@@ -454,9 +449,9 @@ static void one_connection_has_every_bus(void **state)
 }
 
 /* So that a real-time loop, which sends on the bus, need not signal. */
-static void a_port_may_be_looked_at_by_time(void **state)
+TEST_WITH(a_port_may_be_looked_at_by_time, start, stop)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     const struct gateway_bus bus = {.name = "torso", .port = &f->hand[0].port};
     const struct gateway_config config = {.nbus = 1, .bus = &bus, .by_time = true};
     struct bus_frame frame = frame_make(0x111, 0, NULL);
@@ -472,10 +467,10 @@ static void a_port_may_be_looked_at_by_time(void **state)
     close(client);
 }
 
-static void a_frame_that_the_bus_does_not_take_is_told_and_no_junk(void **state)
+TEST_WITH(a_frame_that_the_bus_does_not_take_is_told_and_no_junk, start, stop)
 {
     enum { TOO_MANY = 4 * GATEWAY_JUNK_MAX };
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct gateway_counters counters;
     int client = join_raw(f, "torso");
 
@@ -498,9 +493,9 @@ static void a_frame_that_the_bus_does_not_take_is_told_and_no_junk(void **state)
     close(client);
 }
 
-static void a_step_is_passed_on_and_refused_without_the_lockstep_clock(void **state)
+TEST_WITH(a_step_is_passed_on_and_refused_without_the_lockstep_clock, start, stop)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     const struct gateway_bus bus = {.name = "torso", .port = &f->hand[0].port};
     const struct gateway_config config = {
         .nbus = 1, .bus = &bus, .lockstep = {.step_id = 0x6f0, .done_id = 0x6ff}};
@@ -515,9 +510,9 @@ static void a_step_is_passed_on_and_refused_without_the_lockstep_clock(void **st
     close(client);
 }
 
-static void hostile_bytes_do_no_harm(void **state)
+TEST_WITH(hostile_bytes_do_no_harm, start, stop)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     unsigned seed = 7;
     int good = join_raw(f, "torso");
 
@@ -538,9 +533,9 @@ static void hostile_bytes_do_no_harm(void **state)
     close(good);
 }
 
-static void refuses_hosts_and_ports_that_cannot_be_had(void **state)
+TEST_WITH(refuses_hosts_and_ports_that_cannot_be_had, start, stop)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct gateway *second = NULL;
     struct gateway_config config = {.host = "localhost"};
     struct error error;
@@ -554,29 +549,4 @@ static void refuses_hosts_and_ports_that_cannot_be_had(void **state)
     assert_int_equal(gateway_start(&config, &f->arena, &second, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "all"));
     assert_null(second);
-}
-
-int main(void)
-{
-#define GATEWAY_TEST(name) cmocka_unit_test_setup_teardown(name, start, stop)
-    const struct CMUnitTest tests[] = {
-        GATEWAY_TEST(frames_go_both_ways),
-        GATEWAY_TEST(a_bus_has_two_names_and_clients_hear_each_other),
-        GATEWAY_TEST(commands_may_come_in_pieces_and_in_heaps),
-        GATEWAY_TEST(wrong_commands_are_answered_and_too_many_end_it),
-        GATEWAY_TEST(a_command_without_an_end_is_cut_off),
-        GATEWAY_TEST(a_slow_client_is_cut_off_and_the_others_do_not_notice),
-        GATEWAY_TEST(more_clients_than_places_are_refused),
-        GATEWAY_TEST(who_opens_no_bus_yields_its_place),
-        GATEWAY_TEST(who_opens_no_bus_is_disconnected_in_the_end),
-        GATEWAY_TEST(what_has_no_time_is_as_new_as_the_newest),
-        GATEWAY_TEST(one_connection_has_every_bus),
-        GATEWAY_TEST(a_port_may_be_looked_at_by_time),
-        GATEWAY_TEST(a_frame_that_the_bus_does_not_take_is_told_and_no_junk),
-        GATEWAY_TEST(a_step_is_passed_on_and_refused_without_the_lockstep_clock),
-        GATEWAY_TEST(hostile_bytes_do_no_harm),
-        GATEWAY_TEST(refuses_hosts_and_ports_that_cannot_be_had),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

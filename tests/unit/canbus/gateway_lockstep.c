@@ -3,23 +3,18 @@
  * machine on the other side that runs STEPs as the loop does. */
 #include "canbus/gateway.h"
 #include "canbus/lockstep.h"
+#include "tests/test.h"
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <poll.h>
 #include <pthread.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdatomic.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <time.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 enum { BUSES = 5, STEP_BUS = 2, PATIENCE_MS = 20000 };
 enum { COMMAND_ID = 0x101, TELEMETRY_ID = 0x201, STALL = 0xee };
@@ -118,7 +113,7 @@ static size_t stall_and_send(struct can_port *port, const struct bus_frame *fram
     return send_at_once(port, frames, count);
 }
 
-static int start(void **state)
+FIXTURE(start)
 {
     static struct fixture f;
     struct gateway_bus bus[BUSES];
@@ -129,7 +124,7 @@ static int start(void **state)
     };
 
     memset(&f, 0, sizeof f);
-    *state = &f;
+    *test_state = &f;
     if (arena_init(&f.arena, (size_t)128 << 20, NULL)) {
         return -1;
     }
@@ -151,9 +146,9 @@ static int start(void **state)
            pthread_create(&f.thread, NULL, machine_main, &f);
 }
 
-static int stop(void **state)
+FIXTURE(stop)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
 
     gateway_stop(f->gateway);
     atomic_store(&f->stop, true);
@@ -270,10 +265,10 @@ static int64_t now_ms(void)
 
 /* While the gateway is busy, twice a command on each of five connections, of which Nagle's
  * algorithm keeps the second back, then STEP: all of them take part in it, each time. */
-static void every_command_before_a_step_takes_part_in_it(void **state)
+TEST_WITH(every_command_before_a_step_takes_part_in_it, start, stop)
 {
     enum { REPEATS = 100, STEPS = 5 };
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct client client[BUSES];
     uint64_t first = 0;
     size_t dones = 0;
@@ -301,10 +296,10 @@ static void every_command_before_a_step_takes_part_in_it(void **state)
 }
 
 /* One connection gives the same, and hears one DONE a STEP, after all that came with it. */
-static void one_connection_has_an_order(void **state)
+TEST_WITH(one_connection_has_an_order, start, stop)
 {
     enum { STEPS = 100, FLOOD = 7 };
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct client client;
 
     f->flood = FLOOD;
@@ -322,10 +317,10 @@ static void one_connection_has_an_order(void **state)
 }
 
 /* A STEP and what follows it in one breath: what follows belongs to the next, on every bus. */
-static void nothing_overtakes_a_step_that_runs(void **state)
+TEST_WITH(nothing_overtakes_a_step_that_runs, start, stop)
 {
     enum { STEPS = 10 };
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct client client;
     uint64_t one_by_one = 0;
 
@@ -371,10 +366,10 @@ static void client_read_a_little(struct client *client, size_t frames)
 }
 
 /* The STEPs wait for who reads slowly, only when it has to, so that it loses nothing. */
-static void a_step_waits_for_a_slow_client(void **state)
+TEST_WITH(a_step_waits_for_a_slow_client, start, stop)
 {
     enum { STEPS = 200, FLOOD = 1000 };
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct gateway_counters counters;
     struct client client, slow;
 
@@ -403,10 +398,10 @@ static void a_step_waits_for_a_slow_client(void **state)
 }
 
 /* Who does not read at all holds a STEP up once, then it is disconnected. */
-static void a_step_does_not_wait_for_ever(void **state)
+TEST_WITH(a_step_does_not_wait_for_ever, start, stop)
 {
     enum { STEPS = 200, FLOOD = 1000 };
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct gateway_counters counters;
     struct client client, slow;
 
@@ -424,10 +419,10 @@ static void a_step_does_not_wait_for_ever(void **state)
 }
 
 /* One wake-up for the STEP and one for its DONE; others only by time. */
-static void a_step_costs_two_wakeups(void **state)
+TEST_WITH(a_step_costs_two_wakeups, start, stop)
 {
     enum { STEPS = 1000, RESERVE = 100 };
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct gateway_counters counters;
     struct client client;
     int64_t begin_ms;
@@ -446,10 +441,10 @@ static void a_step_costs_two_wakeups(void **state)
 }
 
 /* A command and a STEP by a client that waits for acknowledgements: a delayed one takes 40 ms. */
-static void every_command_is_acknowledged_at_once(void **state)
+TEST_WITH(every_command_is_acknowledged_at_once, start, stop)
 {
     enum { STEPS = 100, DELAYED_MS = 35 };
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct client client;
     int delayed = 0;
 
@@ -467,9 +462,9 @@ static void every_command_is_acknowledged_at_once(void **state)
 }
 
 /* A STEP whose DONE never comes does not lock the client out. */
-static void a_lost_step_may_be_sent_again(void **state)
+TEST_WITH(a_lost_step_may_be_sent_again, start, stop)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct client client;
 
     atomic_store(&f->stop, true);
@@ -483,21 +478,4 @@ static void a_lost_step_may_be_sent_again(void **state)
     client_step(&client, "right_leg");
     await_done(&client, 2);
     close(client.socket);
-}
-
-int main(void)
-{
-#define GATEWAY_TEST(name) cmocka_unit_test_setup_teardown(name, start, stop)
-    const struct CMUnitTest tests[] = {
-        GATEWAY_TEST(every_command_before_a_step_takes_part_in_it),
-        GATEWAY_TEST(one_connection_has_an_order),
-        GATEWAY_TEST(nothing_overtakes_a_step_that_runs),
-        GATEWAY_TEST(a_step_waits_for_a_slow_client),
-        GATEWAY_TEST(a_step_does_not_wait_for_ever),
-        GATEWAY_TEST(a_step_costs_two_wakeups),
-        GATEWAY_TEST(every_command_is_acknowledged_at_once),
-        GATEWAY_TEST(a_lost_step_may_be_sent_again),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

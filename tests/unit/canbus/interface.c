@@ -3,12 +3,7 @@
 #include "canbus/interface.h"
 
 #include "base/count.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
+#include "tests/test.h"
 
 #include <net/if_arp.h>
 #include <string.h>
@@ -21,7 +16,7 @@ static struct link_info described(uint16_t type, const char *kind)
     return info;
 }
 
-static void kinds_tell_who_can_be_set(void **state)
+TEST(kinds_tell_who_can_be_set)
 {
     static const struct {
         uint16_t type;
@@ -34,7 +29,6 @@ static void kinds_tell_who_can_be_set(void **state)
         {ARPHRD_CAN, "", INTERFACE_OTHER},
     };
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         const struct link_info info = described(cases[i].type, cases[i].kind);
 
@@ -42,9 +36,8 @@ static void kinds_tell_who_can_be_set(void **state)
     }
 }
 
-static void bit_rates_fit_within_half_a_percent(void **state)
+TEST(bit_rates_fit_within_half_a_percent)
 {
-    (void)state;
     assert_true(interface_bitrate_fits(1000000, 1000000));
     assert_true(interface_bitrate_fits(995000, 1000000));
     assert_true(interface_bitrate_fits(1005000, 1000000));
@@ -53,13 +46,12 @@ static void bit_rates_fit_within_half_a_percent(void **state)
     assert_false(interface_bitrate_fits(0, 1000000));
 }
 
-static void a_controller_is_set_when_rate_sample_point_and_restart_are(void **state)
+TEST(a_controller_is_set_when_rate_sample_point_and_restart_are)
 {
     struct interface_settings settings = {
         .bitrate = 500000, .sample_point = 0.75, .restart_ms = 100};
     struct link_info info = described(ARPHRD_CAN, "can");
 
-    (void)state;
     info.controller.timing.bitrate = 500000;
     info.controller.timing.sample_point = 750;
     info.controller.restart_ms = 100;
@@ -80,7 +72,7 @@ static void a_controller_is_set_when_rate_sample_point_and_restart_are(void **st
     assert_false(interface_is_set(&info, &settings));
 }
 
-static void a_port_has_the_state_of_a_controller_that_runs(void **state)
+TEST(a_port_has_the_state_of_a_controller_that_runs)
 {
     static const enum can_port_state expected[] = {
         [CAN_STATE_ERROR_ACTIVE] = CAN_PORT_UP,
@@ -91,7 +83,6 @@ static void a_port_has_the_state_of_a_controller_that_runs(void **state)
     struct link_info info = described(ARPHRD_CAN, "can");
     enum can_port_state port;
 
-    (void)state;
     info.up = true;
     for (size_t i = 0; i < ARRAY_COUNT(expected); i++) {
         info.controller.state = (enum can_state)i;
@@ -107,7 +98,7 @@ static void a_port_has_the_state_of_a_controller_that_runs(void **state)
     assert_false(interface_port_state(&info, &port));
 }
 
-static void settings_out_of_range_are_refused_before_anything_is_asked(void **state)
+TEST(settings_out_of_range_are_refused_before_anything_is_asked)
 {
     static const struct interface_settings wrong[] = {
         {.bitrate = 0},
@@ -119,22 +110,8 @@ static void settings_out_of_range_are_refused_before_anything_is_asked(void **st
     };
     struct error error;
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(wrong); i++) {
         assert_int_equal(interface_kernel.configure(NULL, "can99", &wrong[i], &error), ERROR_INPUT);
         assert_non_null(strstr(error.text, "interface can99: "));
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(kinds_tell_who_can_be_set),
-        cmocka_unit_test(bit_rates_fit_within_half_a_percent),
-        cmocka_unit_test(a_controller_is_set_when_rate_sample_point_and_restart_are),
-        cmocka_unit_test(a_port_has_the_state_of_a_controller_that_runs),
-        cmocka_unit_test(settings_out_of_range_are_refused_before_anything_is_asked),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,12 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Answers of the kernel about an interface, right and wrong. */
 #include "canbus/link.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
+#include "tests/test.h"
 
 #include <errno.h>
 #include <linux/netlink.h>
@@ -81,13 +76,12 @@ static void put_controller(struct answer *answer, const char *kind)
     end_nested(answer, info);
 }
 
-static void an_interface_has_what_its_answer_says(void **state)
+TEST(an_interface_has_what_its_answer_says)
 {
     const uint32_t mtu = 72, tx_queue = 10;
     struct answer answer;
     struct link_info info;
 
-    (void)state;
     begin(&answer, IFF_UP);
     put(&answer, IFLA_MTU, &mtu, sizeof mtu);
     put(&answer, IFLA_TXQLEN, &tx_queue, sizeof tx_queue);
@@ -108,12 +102,11 @@ static void an_interface_has_what_its_answer_says(void **state)
     assert_int_equal(info.controller.stats.bus_off, 2);
 }
 
-static void what_an_answer_leaves_out_is_zero(void **state)
+TEST(what_an_answer_leaves_out_is_zero)
 {
     struct answer answer;
     struct link_info info;
 
-    (void)state;
     begin(&answer, 0);
     assert_int_equal(link_parse(answer.bytes, answer.size, &info), 0);
     assert_false(info.up);
@@ -122,12 +115,11 @@ static void what_an_answer_leaves_out_is_zero(void **state)
     assert_false(info.controller.counts);
 }
 
-static void only_controllers_have_the_attributes_of_one(void **state)
+TEST(only_controllers_have_the_attributes_of_one)
 {
     struct answer answer;
     struct link_info info;
 
-    (void)state;
     begin(&answer, IFF_UP);
     put_controller(&answer, "vcan");
     assert_int_equal(link_parse(answer.bytes, answer.size, &info), 0);
@@ -136,14 +128,13 @@ static void only_controllers_have_the_attributes_of_one(void **state)
     assert_int_equal(info.controller.stats.bus_off, 0);
 }
 
-static void long_kinds_and_unknown_states_stay_in_bounds(void **state)
+TEST(long_kinds_and_unknown_states_stay_in_bounds)
 {
     const uint32_t unknown = 99;
     struct answer answer;
     struct link_info info;
     size_t nested, data;
 
-    (void)state;
     begin(&answer, IFF_UP);
     put_controller(&answer, "a kind of more than sixteen letters");
     assert_int_equal(link_parse(answer.bytes, answer.size, &info), 0);
@@ -162,13 +153,12 @@ static void long_kinds_and_unknown_states_stay_in_bounds(void **state)
     assert_int_equal(info.controller.restart_ms, 0);
 }
 
-static void an_error_of_the_kernel_is_its_number(void **state)
+TEST(an_error_of_the_kernel_is_its_number)
 {
     const struct nlmsgerr refused = {.error = -ENODEV}, nonsense = {.error = 1};
     struct answer answer;
     struct link_info info;
 
-    (void)state;
     begin(&answer, 0);
     header_of(&answer)->nlmsg_type = NLMSG_ERROR;
     header_of(&answer)->nlmsg_len = NLMSG_LENGTH(sizeof refused);
@@ -180,12 +170,11 @@ static void an_error_of_the_kernel_is_its_number(void **state)
     assert_int_equal(link_parse(answer.bytes, sizeof answer.bytes, &info), EPROTO);
 }
 
-static void answers_of_another_length_or_type_are_refused(void **state)
+TEST(answers_of_another_length_or_type_are_refused)
 {
     struct answer answer;
     struct link_info info;
 
-    (void)state;
     begin(&answer, IFF_UP);
     for (size_t size = 0; size < answer.size; size++) {
         assert_int_equal(link_parse(answer.bytes, size, &info), EPROTO);
@@ -195,18 +184,4 @@ static void answers_of_another_length_or_type_are_refused(void **state)
     begin(&answer, IFF_UP);
     header_of(&answer)->nlmsg_type = RTM_DELLINK;
     assert_int_equal(link_parse(answer.bytes, answer.size, &info), EPROTO);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(an_interface_has_what_its_answer_says),
-        cmocka_unit_test(what_an_answer_leaves_out_is_zero),
-        cmocka_unit_test(only_controllers_have_the_attributes_of_one),
-        cmocka_unit_test(long_kinds_and_unknown_states_stay_in_bounds),
-        cmocka_unit_test(an_error_of_the_kernel_is_its_number),
-        cmocka_unit_test(answers_of_another_length_or_type_are_refused),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,15 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The bus in the process: order, filters, overflow, descriptors, and two threads at once. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "canbus/port.h"
 
 #include "base/count.h"
+#include "tests/test.h"
 
 #include <linux/can/error.h>
 #include <poll.h>
@@ -43,7 +37,7 @@ static enum error_code create(const char *name, size_t max_nodes, size_t inbox, 
     return local_bus_create(&config, arena, bus, error);
 }
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     static struct bench bench;
     struct error error;
@@ -52,13 +46,13 @@ static int set_up(void **state)
     assert_int_equal(arena_init(&bench.arena, 64 << 20, &error), ERROR_NONE);
     assert_int_equal(create("limb", NODES, INBOX, false, &bench.arena, &bench.bus, &error),
                      ERROR_NONE);
-    *state = &bench;
+    *test_state = &bench;
     return 0;
 }
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     local_bus_destroy(bench->bus);
     arena_fini(&bench->arena);
@@ -87,9 +81,9 @@ static bool readable(int descriptor)
     return poll(&poll_for, 1, 0) == 1;
 }
 
-static void gives_a_frame_to_every_other_node_with_all_its_fields(void **state)
+TEST_WITH(gives_a_frame_to_every_other_node_with_all_its_fields, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct bus_frame sent = {.id = 0x1ABCDEF0, .flags = FRAME_EXTENDED, .len = 3, .time_ns = 42};
     struct bus_frame got[4];
 
@@ -116,9 +110,9 @@ static void gives_a_frame_to_every_other_node_with_all_its_fields(void **state)
 }
 
 /* Three nodes send in an order of their own; the fourth reads in odd portions. */
-static void keeps_the_order_of_the_bus_over_many_senders(void **state)
+TEST_WITH(keeps_the_order_of_the_bus_over_many_senders, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct bus_frame got[INBOX];
     uint32_t sent = 0, seen = 0, random = 12345;
 
@@ -146,9 +140,9 @@ static void keeps_the_order_of_the_bus_over_many_senders(void **state)
     assert_int_equal(bench->node[3]->counters.rx_dropped, 0);
 }
 
-static void drops_the_newest_when_an_inbox_is_full_and_counts_them(void **state)
+TEST_WITH(drops_the_newest_when_an_inbox_is_full_and_counts_them, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct bus_frame got[2 * INBOX];
 
     join_all(bench);
@@ -175,7 +169,7 @@ static void drops_the_newest_when_an_inbox_is_full_and_counts_them(void **state)
     assert_int_equal(bench->node[2]->counters.rx_dropped, 10);
 }
 
-static void passes_what_a_filter_matches_and_every_error_frame(void **state)
+TEST_WITH(passes_what_a_filter_matches_and_every_error_frame, set_up, tear_down)
 {
     static const struct {
         uint32_t id;
@@ -199,7 +193,7 @@ static void passes_what_a_filter_matches_and_every_error_frame(void **state)
         {.id = 0x7AA, .mask = 0x700},
         {.id = 0x0ABC0000, .mask = 0x1FFFFF00, .extended = true},
     };
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct can_port *sender = join(bench->bus), *picky;
     struct bus_frame got[2];
     struct error error;
@@ -217,9 +211,9 @@ static void passes_what_a_filter_matches_and_every_error_frame(void **state)
     assert_int_equal(picky->counters.rx_dropped, 0);
 }
 
-static void refuses_invalid_frames_alone_and_counts_them(void **state)
+TEST_WITH(refuses_invalid_frames_alone_and_counts_them, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct bus_frame frames[4] = {
         {.id = 0x123, .len = 8},
         {.id = 0x800, .len = 8},
@@ -237,9 +231,9 @@ static void refuses_invalid_frames_alone_and_counts_them(void **state)
     assert_int_equal(got[1].id, 0x124);
 }
 
-static void carries_fd_frames_on_an_fd_bus(void **state)
+TEST_WITH(carries_fd_frames_on_an_fd_bus, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct bus_frame sent = {.id = 0x123, .flags = FRAME_FD | FRAME_BRS, .len = 64}, got[2];
     struct can_port *a, *b;
     struct local_bus *bus;
@@ -257,7 +251,7 @@ static void carries_fd_frames_on_an_fd_bus(void **state)
     local_bus_destroy(bus);
 }
 
-static void follows_the_controller_states_that_error_frames_report(void **state)
+TEST_WITH(follows_the_controller_states_that_error_frames_report, set_up, tear_down)
 {
     static const struct {
         struct bus_frame frame;
@@ -272,7 +266,7 @@ static void follows_the_controller_states_that_error_frames_report(void **state)
         {{.id = CAN_ERR_CRTL, .data[1] = CAN_ERR_CRTL_RX_WARNING}, CAN_PORT_WARNING},
         {{.id = CAN_ERR_CRTL, .data[1] = CAN_ERR_CRTL_ACTIVE}, CAN_PORT_UP},
     };
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct bus_frame frame, got[2];
 
     join_all(bench);
@@ -297,9 +291,9 @@ static void follows_the_controller_states_that_error_frames_report(void **state)
     assert_int_equal(bench->node[1]->state, CAN_PORT_UP);
 }
 
-static void descriptor_is_readable_exactly_while_frames_wait(void **state)
+TEST_WITH(descriptor_is_readable_exactly_while_frames_wait, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct bus_frame frame = numbered(1, 1), got[8];
     int descriptor;
 
@@ -325,9 +319,9 @@ static void descriptor_is_readable_exactly_while_frames_wait(void **state)
     }
 }
 
-static void closed_node_receives_no_more_and_disturbs_nobody(void **state)
+TEST_WITH(closed_node_receives_no_more_and_disturbs_nobody, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct bus_frame frame = numbered(1, 1), got[8];
 
     join_all(bench);
@@ -340,10 +334,10 @@ static void closed_node_receives_no_more_and_disturbs_nobody(void **state)
     assert_int_equal(bench->node[1]->counters.rx_dropped, 0);
 }
 
-static void refuses_impossible_sizes_with_a_message(void **state)
+TEST_WITH(refuses_impossible_sizes_with_a_message, set_up, tear_down)
 {
     struct frame_filter filters[LOCAL_BUS_FILTERS_MAX + 1] = {{0}};
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct can_port *port;
     struct local_bus *bus;
     struct arena small;
@@ -421,9 +415,9 @@ static void *exchange(void *context)
     return NULL;
 }
 
-static void three_threads_exchange_everything_in_order(void **state)
+TEST_WITH(three_threads_exchange_everything_in_order, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct stream stream[3];
     pthread_t thread[3];
 
@@ -464,9 +458,9 @@ static void *flood(void *context)
 }
 
 /* A writer that never waits: what arrives is in order, and what does not is counted. */
-static void accounts_for_every_frame_of_a_flood(void **state)
+TEST_WITH(accounts_for_every_frame_of_a_flood, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct flood work = {.port = join(bench->bus), .count = 200000};
     struct can_port *reader = join(bench->bus);
     struct bus_frame got[INBOX];
@@ -488,25 +482,4 @@ static void accounts_for_every_frame_of_a_flood(void **state)
     pthread_join(thread, NULL);
     assert_int_equal(can_receive(reader, got, INBOX), 0);
     assert_int_equal(reader->counters.rx_frames + reader->counters.rx_dropped, work.count);
-}
-
-int main(void)
-{
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
-    const struct CMUnitTest tests[] = {
-        TEST(gives_a_frame_to_every_other_node_with_all_its_fields),
-        TEST(keeps_the_order_of_the_bus_over_many_senders),
-        TEST(drops_the_newest_when_an_inbox_is_full_and_counts_them),
-        TEST(passes_what_a_filter_matches_and_every_error_frame),
-        TEST(refuses_invalid_frames_alone_and_counts_them),
-        TEST(carries_fd_frames_on_an_fd_bus),
-        TEST(follows_the_controller_states_that_error_frames_report),
-        TEST(descriptor_is_readable_exactly_while_frames_wait),
-        TEST(closed_node_receives_no_more_and_disturbs_nobody),
-        TEST(refuses_impossible_sizes_with_a_message),
-        TEST(three_threads_exchange_everything_in_order),
-        TEST(accounts_for_every_frame_of_a_flood),
-    };
-
-    return cmocka_run_group_tests_name("canbus/local", tests, NULL, NULL);
 }

@@ -8,16 +8,11 @@
 
 #include <string.h>
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "tests/unit/arena_fixture.h"
 #include "tests/unit/canbus/numbered_frames.h"
+#include "tests/test.h"
 
-static void frames_between_own_nodes_go_back_and_others_stay(void **state)
+TEST_WITH(frames_between_own_nodes_go_back_and_others_stay, open_arena, close_arena)
 {
     const struct local_bus_config config = {.name = "bus", .max_nodes = 3, .inbox = 16};
     struct can_port *own[2], *other;
@@ -25,7 +20,6 @@ static void frames_between_own_nodes_go_back_and_others_stay(void **state)
     struct error error;
     void *memory;
 
-    (void)state;
     assert_int_equal(local_bus_create(&config, &arena, &bus, &error), ERROR_NONE);
     assert_int_equal(local_bus_join(bus, NULL, 0, &own[0], &error), ERROR_NONE);
     assert_int_equal(local_bus_join(bus, NULL, 0, &own[1], &error), ERROR_NONE);
@@ -53,7 +47,7 @@ static void frames_between_own_nodes_go_back_and_others_stay(void **state)
     local_bus_destroy(bus);
 }
 
-static void more_frames_than_a_copy_holds_are_refused(void **state)
+TEST_WITH(more_frames_than_a_copy_holds_are_refused, open_arena, close_arena)
 {
     const struct local_bus_config config = {.name = "bus", .max_nodes = 2, .inbox = 4096};
     struct can_port *own[2];
@@ -62,7 +56,6 @@ static void more_frames_than_a_copy_holds_are_refused(void **state)
     struct error error;
     void *memory;
 
-    (void)state;
     assert_int_equal(local_bus_create(&config, &arena, &bus, &error), ERROR_NONE);
     assert_int_equal(local_bus_join(bus, NULL, 0, &own[0], &error), ERROR_NONE);
     assert_int_equal(local_bus_join(bus, NULL, 0, &own[1], &error), ERROR_NONE);
@@ -173,12 +166,11 @@ static void restore(const struct bench *bench, const struct moment *moment)
     local_bus_restore(bench->bus, 2, moment->of_bus);
 }
 
-static void a_frame_that_waits_for_the_wire_goes_over_it_again(void **state)
+TEST_WITH(a_frame_that_waits_for_the_wire_goes_over_it_again, open_arena, close_arena)
 {
     struct bench bench = open_wire();
     struct moment moment;
 
-    (void)state;
     send_numbered(bench.host, 1);
     moment = save(&bench); /* before the wire has seen that anybody is there */
     for (int i = 0; i < 3; i++) {
@@ -189,13 +181,12 @@ static void a_frame_that_waits_for_the_wire_goes_over_it_again(void **state)
     local_bus_destroy(bench.bus);
 }
 
-static void who_has_left_after_going_back_acknowledges_nothing(void **state)
+TEST_WITH(who_has_left_after_going_back_acknowledges_nothing, open_arena, close_arena)
 {
     struct bench bench = open_wire();
     struct wire_node_stats stats;
     struct moment moment;
 
-    (void)state;
     local_bus_advance(bench.bus, MS);
     moment = save(&bench);
     local_bus_advance(bench.bus, 2 * MS);
@@ -222,12 +213,11 @@ static void overflow(const struct bench *bench, int64_t until_ns)
     take_numbers(bench->other);
 }
 
-static void what_the_wire_drops_is_counted_again_after_going_back(void **state)
+TEST_WITH(what_the_wire_drops_is_counted_again_after_going_back, open_arena, close_arena)
 {
     struct bench bench = open_wire();
     struct moment moment, later;
 
-    (void)state;
     overflow(&bench, 10 * MS);
     moment = save(&bench);
     for (unsigned times = 1; times < 4; times++) {
@@ -247,13 +237,12 @@ static void what_the_wire_drops_is_counted_again_after_going_back(void **state)
     local_bus_destroy(bench.bus);
 }
 
-static void states_of_controllers_go_back_and_those_of_others_stay(void **state)
+TEST_WITH(states_of_controllers_go_back_and_those_of_others_stay, open_arena, close_arena)
 {
     struct bench bench = open_wire();
     struct wire *wire = local_bus_wire(bench.bus);
     struct moment up, half;
 
-    (void)state;
     local_bus_advance(bench.bus, MS);
     up = save(&bench);
 
@@ -295,24 +284,4 @@ static void states_of_controllers_go_back_and_those_of_others_stay(void **state)
         assert_int_equal(bench.boards->state, CAN_PORT_BUS_OFF);
     }
     local_bus_destroy(bench.bus);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(frames_between_own_nodes_go_back_and_others_stay,
-                                        open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(more_frames_than_a_copy_holds_are_refused, open_arena,
-                                        close_arena),
-        cmocka_unit_test_setup_teardown(a_frame_that_waits_for_the_wire_goes_over_it_again,
-                                        open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(who_has_left_after_going_back_acknowledges_nothing,
-                                        open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(what_the_wire_drops_is_counted_again_after_going_back,
-                                        open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(states_of_controllers_go_back_and_those_of_others_stay,
-                                        open_arena, close_arena),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

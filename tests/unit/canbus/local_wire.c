@@ -45,29 +45,26 @@ static void open_bus(size_t queue)
     local_bus_advance(bus, MS);
 }
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     struct error error;
 
-    (void)state;
     return (int)arena_init(&arena, (size_t)64 << 20, &error);
 }
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
-    (void)state;
     local_bus_destroy(bus);
     bus = NULL;
     arena_fini(&arena);
     return 0;
 }
 
-static void a_frame_arrives_when_its_bits_have(void **state)
+TEST_WITH(a_frame_arrives_when_its_bits_have, set_up, tear_down)
 {
     struct bus_frame frame = bench_frame(0x123, 8);
     int64_t length = bench_duration(&frame, 1000000, 0);
 
-    (void)state;
     open_bus(0);
     frame.node = 2;
     assert_int_equal(can_send(boards, &frame, 1), 1);
@@ -81,9 +78,8 @@ static void a_frame_arrives_when_its_bits_have(void **state)
 }
 
 /* What both sides send at one time competes, whoever called first. */
-static void the_lowest_identifier_of_both_sides_goes_first(void **state)
+TEST_WITH(the_lowest_identifier_of_both_sides_goes_first, set_up, tear_down)
 {
-    (void)state;
     open_bus(0);
     for (uint32_t i = 0; i < 4; i++) {
         struct bus_frame of_board = bench_frame(0x301 + 2 * i, 8);
@@ -103,11 +99,10 @@ static void the_lowest_identifier_of_both_sides_goes_first(void **state)
     }
 }
 
-static void lockstep_frames_take_no_time_and_keep_their_place(void **state)
+TEST_WITH(lockstep_frames_take_no_time_and_keep_their_place, set_up, tear_down)
 {
     struct bus_frame frame = bench_frame(0x123, 8), step = bench_frame(STEP, 6);
 
-    (void)state;
     open_bus(0);
     can_send(host, &frame, 1);
     can_send(host, &step, 1);
@@ -121,9 +116,8 @@ static void lockstep_frames_take_no_time_and_keep_their_place(void **state)
     assert_int_equal(got[1].id, DONE);
 }
 
-static void drops_of_a_controller_reach_the_counters_of_its_port(void **state)
+TEST_WITH(drops_of_a_controller_reach_the_counters_of_its_port, set_up, tear_down)
 {
-    (void)state;
     open_bus(4);
     for (uint32_t i = 0; i < 10; i++) {
         struct bus_frame frame = bench_frame(0x100 + i, 8);
@@ -141,13 +135,12 @@ static void drops_of_a_controller_reach_the_counters_of_its_port(void **state)
 }
 
 /* As SocketCAN would: error frames tell the program of its controller's state. */
-static void a_port_hears_of_the_state_of_its_controller(void **state)
+TEST_WITH(a_port_hears_of_the_state_of_its_controller, set_up, tear_down)
 {
     struct bus_frame frame = bench_frame(0x123, 8);
     struct wire *wire;
     int fault;
 
-    (void)state;
     open_bus(0);
     wire = local_bus_wire(bus);
     fault = wire_inject(
@@ -176,7 +169,7 @@ static void a_port_hears_of_the_state_of_its_controller(void **state)
 
 /* Errors hit the node that sends: a stranger with the identifier of board 2 makes that board error
  * passive, and no other. */
-static void a_fault_of_one_board_leaves_the_others_alone(void **state)
+TEST_WITH(a_fault_of_one_board_leaves_the_others_alone, set_up, tear_down)
 {
     const struct wire_fault stranger = {.kind = WIRE_FAULT_COLLISION,
                                         .node = WIRE_ANY,
@@ -187,7 +180,6 @@ static void a_fault_of_one_board_leaves_the_others_alone(void **state)
     struct wire_node_stats stats;
     size_t count = 0, of_victim = 0;
 
-    (void)state;
     open_bus(0);
     assert_true(wire_inject(local_bus_wire(bus), &stranger) >= 0);
     for (int tick = 0; tick < 10; tick++) {
@@ -214,12 +206,11 @@ static void a_fault_of_one_board_leaves_the_others_alone(void **state)
 
 /* A STEP of several ticks: nobody receives between them, and every frame has the time of its
  * tick. */
-static void frames_of_several_ticks_wait_in_their_order(void **state)
+TEST_WITH(frames_of_several_ticks_wait_in_their_order, set_up, tear_down)
 {
     struct bus_frame frame = bench_frame(0x123, 1), done = bench_frame(DONE, 6);
     int64_t length;
 
-    (void)state;
     open_bus(0);
     for (int tick = 1; tick <= 20; tick++) {
         frame.data[0] = (uint8_t)tick;
@@ -237,12 +228,11 @@ static void frames_of_several_ticks_wait_in_their_order(void **state)
     assert_int_equal(got[20].id, DONE);
 }
 
-static void a_port_that_closes_no_longer_acknowledges(void **state)
+TEST_WITH(a_port_that_closes_no_longer_acknowledges, set_up, tear_down)
 {
     struct bus_frame frame = bench_frame(0x123, 8);
     struct wire_node_stats stats;
 
-    (void)state;
     open_bus(0);
     boards->ops->close(boards);
     can_send(host, &frame, 1);
@@ -252,12 +242,11 @@ static void a_port_that_closes_no_longer_acknowledges(void **state)
     assert_int_equal(stats.state, WIRE_ERROR_PASSIVE);
 }
 
-static void controllers_are_given_out_once(void **state)
+TEST_WITH(controllers_are_given_out_once, set_up, tear_down)
 {
     struct can_port *port;
     struct error error;
 
-    (void)state;
     open_bus(0);
     assert_int_equal(local_bus_join_nodes(bus, 2, NULL, 0, &port, &error), ERROR_MEMORY);
     assert_non_null(strstr(error.text, "2 controllers wanted, 1 of 6 are left"));
@@ -287,14 +276,13 @@ static void *stream(void *context)
     return NULL;
 }
 
-static void threads_may_send_while_time_moves(void **state)
+TEST_WITH(threads_may_send_while_time_moves, set_up, tear_down)
 {
     struct can_port *other;
     pthread_t thread[2];
     size_t received = 0;
     int64_t last = 0;
 
-    (void)state;
     open_bus(4096);
     other = join(1);
     assert_int_equal(pthread_create(&thread[0], NULL, stream, host), 0);
@@ -315,23 +303,4 @@ static void threads_may_send_while_time_moves(void **state)
     pthread_join(thread[0], NULL);
     pthread_join(thread[1], NULL);
     assert_int_equal(received, 2 * STREAM);
-}
-
-int main(void)
-{
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
-    const struct CMUnitTest tests[] = {
-        TEST(a_frame_arrives_when_its_bits_have),
-        TEST(the_lowest_identifier_of_both_sides_goes_first),
-        TEST(lockstep_frames_take_no_time_and_keep_their_place),
-        TEST(drops_of_a_controller_reach_the_counters_of_its_port),
-        TEST(a_port_hears_of_the_state_of_its_controller),
-        TEST(a_fault_of_one_board_leaves_the_others_alone),
-        TEST(frames_of_several_ticks_wait_in_their_order),
-        TEST(a_port_that_closes_no_longer_acknowledges),
-        TEST(controllers_are_given_out_once),
-        TEST(threads_may_send_while_time_moves),
-    };
-
-    return cmocka_run_group_tests_name("canbus/local_wire", tests, NULL, NULL);
 }

@@ -3,12 +3,7 @@
 #include "canbus/lockstep.h"
 
 #include "base/count.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
+#include "tests/test.h"
 
 #define MS INT64_C(1000000)
 
@@ -52,11 +47,10 @@ static void assert_done(struct lockstep *lockstep, uint16_t more, uint32_t tick,
 
 /* ---- STEP ---- */
 
-static void a_step_that_expects_the_tick_runs(void **state)
+TEST(a_step_that_expects_the_tick_runs)
 {
     struct lockstep lockstep = started();
 
-    (void)state;
     assert_int_equal(receive(&lockstep, step(0, 3)), LOCKSTEP_RUN);
     assert_int_equal(lockstep.ticks, 3);
     assert_false(lockstep_advance(&lockstep, 0));
@@ -68,22 +62,20 @@ static void a_step_that_expects_the_tick_runs(void **state)
     assert_int_equal(lockstep.counters.steps, 2);
 }
 
-static void zero_ticks_are_one(void **state)
+TEST(zero_ticks_are_one)
 {
     struct lockstep lockstep = started();
 
-    (void)state;
     assert_int_equal(receive(&lockstep, step(0, 0)), LOCKSTEP_RUN);
     assert_true(lockstep_advance(&lockstep, 0));
     assert_int_equal(lockstep.tick, 1);
 }
 
-static void a_step_takes_up_to_65535_ticks(void **state)
+TEST(a_step_takes_up_to_65535_ticks)
 {
     struct lockstep lockstep = started();
     uint32_t run = 1;
 
-    (void)state;
     assert_int_equal(receive(&lockstep, step(0, UINT16_MAX)), LOCKSTEP_RUN);
     while (!lockstep_advance(&lockstep, 0)) {
         run++;
@@ -91,11 +83,10 @@ static void a_step_takes_up_to_65535_ticks(void **state)
     assert_int_equal(run, UINT16_MAX);
 }
 
-static void a_step_that_expects_another_tick_is_refused_and_told_the_true_one(void **state)
+TEST(a_step_that_expects_another_tick_is_refused_and_told_the_true_one)
 {
     struct lockstep lockstep = started();
 
-    (void)state;
     assert_int_equal(receive(&lockstep, step(0, 2)), LOCKSTEP_RUN);
     lockstep_advance(&lockstep, 0);
     lockstep_advance(&lockstep, 0);
@@ -110,11 +101,10 @@ static void a_step_that_expects_another_tick_is_refused_and_told_the_true_one(vo
     assert_int_equal(receive(&lockstep, step(2, 1)), LOCKSTEP_RUN);
 }
 
-static void the_count_of_ticks_wraps_around(void **state)
+TEST(the_count_of_ticks_wraps_around)
 {
     struct lockstep lockstep = started();
 
-    (void)state;
     lockstep.tick = UINT32_MAX;
     assert_int_equal(receive(&lockstep, step(UINT32_MAX, 1)), LOCKSTEP_RUN);
     assert_true(lockstep_advance(&lockstep, 0));
@@ -122,14 +112,13 @@ static void the_count_of_ticks_wraps_around(void **state)
     assert_int_equal(receive(&lockstep, step(0, 1)), LOCKSTEP_RUN);
 }
 
-static void a_step_of_another_form_is_malformed(void **state)
+TEST(a_step_of_another_form_is_malformed)
 {
     static const struct {
         uint8_t flags, len;
     } forms[] = {{0, 0}, {0, 5}, {0, 7}, {0, 8}, {FRAME_REMOTE, 6}, {FRAME_FD, 12}};
     struct lockstep lockstep = started();
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(forms); i++) {
         struct bus_frame frame = step(0, 1);
 
@@ -143,12 +132,11 @@ static void a_step_of_another_form_is_malformed(void **state)
     assert_int_equal(lockstep.tick, 0);
 }
 
-static void frames_of_other_identifiers_are_no_step(void **state)
+TEST(frames_of_other_identifiers_are_no_step)
 {
     struct lockstep lockstep = started();
     struct bus_frame frame = step(0, 1);
 
-    (void)state;
     frame.id = OTHER_ID;
     assert_int_equal(receive(&lockstep, frame), LOCKSTEP_OTHER);
     frame.id = DONE_ID;
@@ -165,11 +153,10 @@ static void frames_of_other_identifiers_are_no_step(void **state)
 
 /* ---- DONE ---- */
 
-static void done_carries_the_flags_of_all_ticks_since_the_last_one(void **state)
+TEST(done_carries_the_flags_of_all_ticks_since_the_last_one)
 {
     struct lockstep lockstep = started();
 
-    (void)state;
     assert_int_equal(receive(&lockstep, step(0, 3)), LOCKSTEP_RUN);
     lockstep_advance(&lockstep, LOCKSTEP_OVERRUN);
     lockstep_advance(&lockstep, 0);
@@ -182,11 +169,10 @@ static void done_carries_the_flags_of_all_ticks_since_the_last_one(void **state)
     assert_done(&lockstep, 0, 4, 0);
 }
 
-static void gathered_flags_are_told_once(void **state)
+TEST(gathered_flags_are_told_once)
 {
     struct lockstep lockstep = started();
 
-    (void)state;
     assert_int_equal(receive(&lockstep, step(0, 2)), LOCKSTEP_RUN);
     lockstep_advance(&lockstep, LOCKSTEP_FAULT);
     assert_done(&lockstep, LOCKSTEP_STOPPING, 1, LOCKSTEP_FAULT | LOCKSTEP_STOPPING);
@@ -195,7 +181,7 @@ static void gathered_flags_are_told_once(void **state)
 
 /* ---- silence ---- */
 
-static void a_silence_is_reported_at_growing_intervals_up_to_a_minute(void **state)
+TEST(a_silence_is_reported_at_growing_intervals_up_to_a_minute)
 {
     /* After the start of the wait, in ms: intervals of 100, 200, 400 ... 51,200, then 60,000 */
     static const int64_t reports[] = {100,   300,   700,   1500,   3100,   6300,
@@ -204,7 +190,6 @@ static void a_silence_is_reported_at_growing_intervals_up_to_a_minute(void **sta
     const int64_t begin = 5000 * MS;
     size_t next = 0;
 
-    (void)state;
     lockstep_wait_begin(&lockstep, begin);
     for (int64_t ms = 0; ms <= 222300; ms += 50) {
         int64_t silent_ns = -1;
@@ -220,12 +205,11 @@ static void a_silence_is_reported_at_growing_intervals_up_to_a_minute(void **sta
     assert_int_equal(lockstep.counters.silences, 1);
 }
 
-static void a_check_that_comes_late_reports_once(void **state)
+TEST(a_check_that_comes_late_reports_once)
 {
     struct lockstep lockstep = started();
     int64_t silent_ns;
 
-    (void)state;
     lockstep_wait_begin(&lockstep, 0);
     assert_true(lockstep_wait_check(&lockstep, 5000 * MS, &silent_ns));
     assert_true(silent_ns == 5000 * MS);
@@ -233,12 +217,11 @@ static void a_check_that_comes_late_reports_once(void **state)
     assert_true(lockstep_wait_check(&lockstep, 5200 * MS, &silent_ns));
 }
 
-static void the_end_of_a_silence_is_told_if_it_was_reported(void **state)
+TEST(the_end_of_a_silence_is_told_if_it_was_reported)
 {
     struct lockstep lockstep = started();
     int64_t silent_ns;
 
-    (void)state;
     lockstep_wait_begin(&lockstep, 0);
     assert_false(lockstep_wait_check(&lockstep, 99 * MS, &silent_ns));
     assert_false(lockstep_wait_end(&lockstep, 99 * MS, &silent_ns));
@@ -252,24 +235,4 @@ static void the_end_of_a_silence_is_told_if_it_was_reported(void **state)
     assert_false(lockstep_wait_check(&lockstep, 2099 * MS, &silent_ns));
     assert_true(lockstep_wait_check(&lockstep, 2100 * MS, &silent_ns));
     assert_int_equal(lockstep.counters.silences, 2);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_step_that_expects_the_tick_runs),
-        cmocka_unit_test(zero_ticks_are_one),
-        cmocka_unit_test(a_step_takes_up_to_65535_ticks),
-        cmocka_unit_test(a_step_that_expects_another_tick_is_refused_and_told_the_true_one),
-        cmocka_unit_test(the_count_of_ticks_wraps_around),
-        cmocka_unit_test(a_step_of_another_form_is_malformed),
-        cmocka_unit_test(frames_of_other_identifiers_are_no_step),
-        cmocka_unit_test(done_carries_the_flags_of_all_ticks_since_the_last_one),
-        cmocka_unit_test(gathered_flags_are_told_once),
-        cmocka_unit_test(a_silence_is_reported_at_growing_intervals_up_to_a_minute),
-        cmocka_unit_test(a_check_that_comes_late_reports_once),
-        cmocka_unit_test(the_end_of_a_silence_is_told_if_it_was_reported),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

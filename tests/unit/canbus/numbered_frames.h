@@ -4,13 +4,7 @@
 #define TESTS_UNIT_CANBUS_NUMBERED_FRAMES_H
 
 #include "canbus/port.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "tests/test.h"
 
 static inline void send_numbered(struct can_port *port, uint32_t id)
 {

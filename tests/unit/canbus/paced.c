@@ -70,12 +70,11 @@ static struct can_port *open_paced(size_t queue)
     return port;
 }
 
-static void paced_frames_leave_when_a_wire_would_have_delivered_them(void **state)
+TEST_WITH(paced_frames_leave_when_a_wire_would_have_delivered_them, open_arena, close_arena)
 {
     struct can_port *port = open_paced(64);
     struct bus_frame frames[20];
 
-    (void)state;
     for (size_t i = 0; i < 20; i++) {
         frames[i] = bench_frame(0x200 - (uint32_t)i, 8);
         frames[i].node = i % 2;
@@ -102,13 +101,12 @@ static void paced_frames_leave_when_a_wire_would_have_delivered_them(void **stat
     assert_true(script.closed);
 }
 
-static void what_comes_in_takes_its_share_of_the_paced_bus(void **state)
+TEST_WITH(what_comes_in_takes_its_share_of_the_paced_bus, open_arena, close_arena)
 {
     struct can_port *port = open_paced(64);
     struct bus_frame mine = bench_frame(0x700, 8);
     struct wire_stats stats;
 
-    (void)state;
     for (uint32_t i = 0; i < 30; i++) {
         script.waiting[i] = bench_frame(0x100 + i, 8);
     }
@@ -125,12 +123,11 @@ static void what_comes_in_takes_its_share_of_the_paced_bus(void **state)
     assert_true(stats.load_mean > 0.5);
 }
 
-static void paced_ports_drop_what_the_wire_cannot_hold_and_pass_lockstep(void **state)
+TEST_WITH(paced_ports_drop_what_the_wire_cannot_hold_and_pass_lockstep, open_arena, close_arena)
 {
     struct can_port *port = open_paced(4);
     struct bus_frame frame = bench_frame(0x123, 8), done = bench_frame(DONE, 6);
 
-    (void)state;
     for (int i = 0; i < 10; i++) {
         assert_int_equal(can_send(port, &frame, 1), i < 4);
     }
@@ -143,16 +140,4 @@ static void paced_ports_drop_what_the_wire_cannot_hold_and_pass_lockstep(void **
     paced_port_advance(port, MS);
     assert_int_equal(port->state, CAN_PORT_DOWN);
     assert_int_equal(port->counters.tx_frames, 5);
-}
-
-int main(void)
-{
-#define TEST(name) cmocka_unit_test_setup_teardown(name, open_arena, close_arena)
-    const struct CMUnitTest tests[] = {
-        TEST(paced_frames_leave_when_a_wire_would_have_delivered_them),
-        TEST(what_comes_in_takes_its_share_of_the_paced_bus),
-        TEST(paced_ports_drop_what_the_wire_cannot_hold_and_pass_lockstep),
-    };
-
-    return cmocka_run_group_tests_name("canbus/paced", tests, NULL, NULL);
 }

@@ -3,12 +3,7 @@
 #include "canbus/port_private.h"
 
 #include "base/count.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
+#include "tests/test.h"
 
 #include <linux/can/error.h>
 
@@ -17,7 +12,7 @@ static struct bus_frame error_frame(uint32_t class, uint8_t controller)
     return (struct bus_frame){.id = class, .flags = FRAME_ERROR, .len = 8, .data = {0, controller}};
 }
 
-static void error_frames_move_the_state(void **state)
+TEST(error_frames_move_the_state)
 {
     static const struct {
         enum can_port_state before;
@@ -40,7 +35,6 @@ static void error_frames_move_the_state(void **state)
         {CAN_PORT_GONE, CAN_ERR_BUSOFF, 0, CAN_PORT_GONE},
     };
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         const struct bus_frame frame = error_frame(cases[i].class, cases[i].controller);
         struct can_port port = {.state = cases[i].before};
@@ -55,24 +49,22 @@ static void error_frames_move_the_state(void **state)
     }
 }
 
-static void a_short_error_frame_says_nothing_of_the_controller(void **state)
+TEST(a_short_error_frame_says_nothing_of_the_controller)
 {
     struct bus_frame frame = error_frame(CAN_ERR_CRTL, CAN_ERR_CRTL_TX_PASSIVE);
     struct can_port port = {.state = CAN_PORT_UP};
 
-    (void)state;
     frame.len = 1;
     port_count_received(&port, &frame);
     assert_int_equal(port.state, CAN_PORT_UP);
 }
 
-static void frames_are_counted_with_their_bits(void **state)
+TEST(frames_are_counted_with_their_bits)
 {
     const struct bus_frame classic = frame_make(1, 8, (const uint8_t[8]){0});
     const struct bus_frame fast = {.id = 1, .flags = FRAME_FD | FRAME_BRS, .len = 16};
     struct can_port port = {.state = CAN_PORT_UP};
 
-    (void)state;
     port_count_received(&port, &classic);
     port_count_sent(&port, &classic);
     port_count_sent(&port, &fast);
@@ -83,23 +75,21 @@ static void frames_are_counted_with_their_bits(void **state)
     assert_int_equal(port.counters.fast_bits, frame_fast_bits(&fast));
 }
 
-static void a_received_frame_proves_that_bus_off_is_over(void **state)
+TEST(a_received_frame_proves_that_bus_off_is_over)
 {
     const struct bus_frame frame = frame_make(1, 0, NULL);
     struct can_port port = {.state = CAN_PORT_BUS_OFF};
 
-    (void)state;
     port_count_received(&port, &frame);
     assert_int_equal(port.state, CAN_PORT_UP);
 }
 
-static void fd_frames_are_sent_where_the_bus_has_them(void **state)
+TEST(fd_frames_are_sent_where_the_bus_has_them)
 {
     const struct bus_frame fd = {.id = 1, .flags = FRAME_FD, .len = 12};
     struct bus_frame frame = frame_make(1, 0, NULL);
     struct can_port port = {.fd = false};
 
-    (void)state;
     assert_true(port_may_send(&port, &frame));
     assert_false(port_may_send(&port, &fd));
     port.fd = true;
@@ -108,12 +98,11 @@ static void fd_frames_are_sent_where_the_bus_has_them(void **state)
     assert_false(port_may_send(&port, &frame));
 }
 
-static void every_post_differs_from_the_one_before_and_from_none(void **state)
+TEST(every_post_differs_from_the_one_before_and_from_none)
 {
     struct can_state_box box = {0};
     uint32_t last = 0;
 
-    (void)state;
     for (int i = 0; i < 1000; i++) {
         const uint32_t post = (can_state_post(&box, CAN_PORT_WARNING), box.post);
 
@@ -126,18 +115,4 @@ static void every_post_differs_from_the_one_before_and_from_none(void **state)
     box.post = UINT32_C(0x7fffff) << 8 | UINT32_C(1) << 31;
     can_state_post(&box, CAN_PORT_UP);
     assert_true(box.post != 0);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(error_frames_move_the_state),
-        cmocka_unit_test(a_short_error_frame_says_nothing_of_the_controller),
-        cmocka_unit_test(frames_are_counted_with_their_bits),
-        cmocka_unit_test(a_received_frame_proves_that_bus_off_is_over),
-        cmocka_unit_test(fd_frames_are_sent_where_the_bus_has_them),
-        cmocka_unit_test(every_post_differs_from_the_one_before_and_from_none),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

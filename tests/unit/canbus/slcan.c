@@ -1,13 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The text of slcan: commands and frames as Lawicel's manual has them, FD frames as CANable's. */
 #include "canbus/slcan.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "tests/test.h"
 
 #include <string.h>
 
@@ -19,7 +13,7 @@ static struct slcan_request parse(const char *text)
     return request;
 }
 
-static void frames_are_read_and_written(void **state)
+TEST(frames_are_read_and_written)
 {
     static const struct {
         const char *text;
@@ -39,7 +33,6 @@ static void frames_are_read_and_written(void **state)
          {.id = 0x100, .flags = FRAME_FD | FRAME_BRS | FRAME_EXTENDED, .len = 1, .data = {0xaa}}},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         struct slcan_request request = parse(rows[i].text);
         char text[SLCAN_TEXT_MAX];
@@ -54,19 +47,18 @@ static void frames_are_read_and_written(void **state)
     }
 }
 
-static void a_time_stamp_is_milliseconds_of_a_minute(void **state)
+TEST(a_time_stamp_is_milliseconds_of_a_minute)
 {
     struct bus_frame frame = {.id = 0x1, .len = 1, .data = {0xab}, .time_ns = 61234567890};
     char text[SLCAN_TEXT_MAX];
 
-    (void)state;
     slcan_format(&frame, true, text);
     assert_string_equal(text, "t0011AB04D2\r"); /* 1234 ms */
     frame.flags = FRAME_ERROR;
     assert_int_equal(slcan_format(&frame, true, text), 0);
 }
 
-static void settings_are_read(void **state)
+TEST(settings_are_read)
 {
     static const struct {
         const char *text;
@@ -95,7 +87,6 @@ static void settings_are_read(void **state)
         "r100211",  "d100G",      "b100900",   "\xff",
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         struct slcan_request request = parse(rows[i].text);
 
@@ -109,15 +100,4 @@ static void settings_are_read(void **state)
             fail_msg("%s is taken", wrong[i]);
         }
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(frames_are_read_and_written),
-        cmocka_unit_test(a_time_stamp_is_milliseconds_of_a_minute),
-        cmocka_unit_test(settings_are_read),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -7,13 +7,8 @@
 
 #include <string.h>
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "base/count.h"
+#include "tests/test.h"
 
 enum { TAKEN_MAX = 1024, SOCKET = 77 };
 
@@ -84,9 +79,8 @@ int __wrap_clock_gettime(clockid_t clock, struct timespec *now)
 
 static struct socketcan can;
 
-static int open_port(void **state)
+FIXTURE(open_port)
 {
-    (void)state;
     memset(&fake, 0, sizeof fake);
     fake.now_ns = 1000 * MS;
     fake.full = ENOBUFS;
@@ -126,11 +120,10 @@ static void expect_taken(size_t at, uint32_t id, uint8_t number)
 
 /* ---- what waits ---- */
 
-static void a_burst_is_late_but_whole_and_in_order(void **state)
+TEST_WITH(a_burst_is_late_but_whole_and_in_order, open_port, NULL)
 {
     const struct can_counters *counters = &can.port.counters;
 
-    (void)state;
     fake.room = 10;
     assert_int_equal(send_cycle(100, 1), 100);
     assert_int_equal(counters->tx_frames, 10);
@@ -157,11 +150,10 @@ static void a_burst_is_late_but_whole_and_in_order(void **state)
     assert_int_equal(can.nheld, 0);
 }
 
-static void of_an_identifier_the_newest_waits_in_the_place_of_the_oldest(void **state)
+TEST_WITH(of_an_identifier_the_newest_waits_in_the_place_of_the_oldest, open_port, NULL)
 {
     const struct can_counters *counters = &can.port.counters;
 
-    (void)state;
     for (uint8_t cycle = 1; cycle <= 5; cycle++) {
         assert_int_equal(send_cycle(3, cycle), 3);
         fake.now_ns += MS;
@@ -179,11 +171,10 @@ static void of_an_identifier_the_newest_waits_in_the_place_of_the_oldest(void **
 }
 
 /* An identifier of 29 bits, a remote frame and one of 11 bits are three; FD is the same. */
-static void identifiers_differ_by_their_format(void **state)
+TEST_WITH(identifiers_differ_by_their_format, open_port, NULL)
 {
     struct bus_frame frame[4];
 
-    (void)state;
     for (int i = 0; i < 4; i++) {
         frame[i] = numbered(0x123, (uint8_t)i);
     }
@@ -202,9 +193,8 @@ static void identifiers_differ_by_their_format(void **state)
     assert_int_equal(fake.frame[2].can_id, 0x123 | CAN_RTR_FLAG);
 }
 
-static void there_is_room_for_so_many_identifiers(void **state)
+TEST_WITH(there_is_room_for_so_many_identifiers, open_port, NULL)
 {
-    (void)state;
     assert_int_equal(send_cycle(SOCKETCAN_HELD_MAX + 7, 1), SOCKETCAN_HELD_MAX);
     assert_int_equal(can.nheld, SOCKETCAN_HELD_MAX);
     assert_int_equal(can.port.counters.tx_dropped, 7);
@@ -214,9 +204,8 @@ static void there_is_room_for_so_many_identifiers(void **state)
     expect_taken(SOCKETCAN_HELD_MAX - 1, 0x100 + SOCKETCAN_HELD_MAX - 1, 1);
 }
 
-static void a_full_socket_is_a_full_queue(void **state)
+TEST_WITH(a_full_socket_is_a_full_queue, open_port, NULL)
 {
-    (void)state;
     fake.full = EAGAIN;
     assert_int_equal(send_cycle(5, 1), 5);
     assert_int_equal(can.nheld, 5);
@@ -237,12 +226,11 @@ static int64_t next_attempt(void)
     return fake.now_ns;
 }
 
-static void attempts_become_rarer_up_to_one_a_second(void **state)
+TEST_WITH(attempts_become_rarer_up_to_one_a_second, open_port, NULL)
 {
     static const int expected_ms[] = {10, 20, 40, 80, 160, 320, 640, 1000, 1000, 1000};
     int64_t begin_ns = fake.now_ns, last_ns;
 
-    (void)state;
     assert_int_equal(send_cycle(1, 1), 1);
     fake.now_ns = begin_ns + SOCKETCAN_STUCK_NS - 1;
     assert_int_equal(send_cycle(1, 1), 1);
@@ -275,9 +263,8 @@ static void attempts_become_rarer_up_to_one_a_second(void **state)
     assert_int_equal(next_attempt() - last_ns, 10 * MS);
 }
 
-static void a_bus_that_is_off_stays_so(void **state)
+TEST_WITH(a_bus_that_is_off_stays_so, open_port, NULL)
 {
-    (void)state;
     can.port.state = CAN_PORT_BUS_OFF;
     send_cycle(1, 1);
     fake.now_ns += SOCKETCAN_STUCK_NS;
@@ -290,11 +277,10 @@ static void a_bus_that_is_off_stays_so(void **state)
 
 /* ---- frames and interfaces that fail ---- */
 
-static void what_the_device_cannot_carry_is_left_out(void **state)
+TEST_WITH(what_the_device_cannot_carry_is_left_out, open_port, NULL)
 {
     const struct can_counters *counters = &can.port.counters;
 
-    (void)state;
     fake.room = 1000;
     fake.refuse = 0x102;
     assert_int_equal(send_cycle(200, 1), 199);
@@ -308,11 +294,10 @@ static void what_the_device_cannot_carry_is_left_out(void **state)
     assert_int_equal(can.nheld, 0);
 }
 
-static void fd_frames_stay_where_there_is_no_fd(void **state)
+TEST_WITH(fd_frames_stay_where_there_is_no_fd, open_port, NULL)
 {
     struct bus_frame frame[3] = {numbered(1, 1), numbered(2, 2), numbered(3, 3)};
 
-    (void)state;
     frame[1].flags = FRAME_FD;
     fake.room = 1000;
     assert_int_equal(can_send(&can.port, frame, 3), 2);
@@ -327,7 +312,7 @@ static void fd_frames_stay_where_there_is_no_fd(void **state)
     assert_int_equal(can.port.counters.tx_dropped, 2);
 }
 
-static void what_waits_goes_with_its_interface(void **state)
+TEST_WITH(what_waits_goes_with_its_interface, open_port, NULL)
 {
     static const struct {
         int code;
@@ -335,7 +320,7 @@ static void what_waits_goes_with_its_interface(void **state)
     } table[] = {{ENETDOWN, CAN_PORT_DOWN}, {ENODEV, CAN_PORT_GONE}, {ENXIO, CAN_PORT_GONE}};
 
     for (size_t i = 0; i < ARRAY_COUNT(table); i++) {
-        open_port(state);
+        open_port(test_state);
         assert_int_equal(send_cycle(5, 1), 5);
         fake.full = table[i].code;
         assert_int_equal(send_cycle(3, 2), 0);
@@ -363,12 +348,11 @@ static enum can_port_state state_after(struct can_state_box *box, enum can_port_
 
 /* A port that is stuck stays so whatever the controller says, but bus-off, which is why; one that
  * is not follows the controller, also back from bus-off. */
-static void a_stuck_port_believes_bus_off_alone(void **state)
+TEST_WITH(a_stuck_port_believes_bus_off_alone, open_port, NULL)
 {
     struct can_state_box box = {0};
     int64_t begin_ns = fake.now_ns;
 
-    (void)state;
     can.controller = &box;
     assert_int_equal(state_after(&box, CAN_PORT_PASSIVE), CAN_PORT_PASSIVE);
     assert_int_equal(state_after(&box, CAN_PORT_UP), CAN_PORT_UP);
@@ -382,35 +366,12 @@ static void a_stuck_port_believes_bus_off_alone(void **state)
     assert_int_equal(state_after(&box, CAN_PORT_UP), CAN_PORT_UP);
 }
 
-static void another_failure_drops_the_frames_and_no_more(void **state)
+TEST_WITH(another_failure_drops_the_frames_and_no_more, open_port, NULL)
 {
-    (void)state;
     fake.room = 2;
     fake.full = EPERM;
     assert_int_equal(send_cycle(5, 1), 2);
     assert_int_equal(can.port.counters.tx_dropped, 3);
     assert_int_equal(can.nheld, 0);
     assert_int_equal(can.port.state, CAN_PORT_UP);
-}
-
-#define TEST(name) cmocka_unit_test_setup(name, open_port)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(a_burst_is_late_but_whole_and_in_order),
-        TEST(of_an_identifier_the_newest_waits_in_the_place_of_the_oldest),
-        TEST(identifiers_differ_by_their_format),
-        TEST(there_is_room_for_so_many_identifiers),
-        TEST(a_full_socket_is_a_full_queue),
-        TEST(attempts_become_rarer_up_to_one_a_second),
-        TEST(a_bus_that_is_off_stays_so),
-        TEST(what_the_device_cannot_carry_is_left_out),
-        TEST(fd_frames_stay_where_there_is_no_fd),
-        TEST(what_waits_goes_with_its_interface),
-        TEST(a_stuck_port_believes_bus_off_alone),
-        TEST(another_failure_drops_the_frames_and_no_more),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

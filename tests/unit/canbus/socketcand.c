@@ -3,15 +3,11 @@
 #include "canbus/socketcand.h"
 
 #include "base/count.h"
+#include "tests/test.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 static struct socketcand_request parse(const char *text)
 {
@@ -21,9 +17,8 @@ static struct socketcand_request parse(const char *text)
     return request;
 }
 
-static void understands_the_commands(void **state)
+TEST(understands_the_commands)
 {
-    (void)state;
     assert_int_equal(parse("< open can0 >").command, SOCKETCAND_OPEN);
     assert_string_equal(parse("< open can0 >").bus, "can0");
     assert_int_equal(parse("<open left_leg>").command, SOCKETCAND_OPEN);
@@ -34,11 +29,10 @@ static void understands_the_commands(void **state)
     assert_int_equal(parse("< statistics 1000 >").command, SOCKETCAND_OTHER);
 }
 
-static void understands_frames_as_the_protocol_shows_them(void **state)
+TEST(understands_frames_as_the_protocol_shows_them)
 {
     struct socketcand_request request = parse("< send 123 0 >");
 
-    (void)state;
     assert_int_equal(request.command, SOCKETCAND_SEND);
     assert_int_equal(request.frame.id, 0x123);
     assert_int_equal(request.frame.flags, 0);
@@ -63,15 +57,14 @@ static void understands_frames_as_the_protocol_shows_them(void **state)
     assert_int_equal(request.frame.data[11], 0x0b);
 }
 
-static void tells_short_identifiers_of_29_bits_by_their_digits(void **state)
+TEST(tells_short_identifiers_of_29_bits_by_their_digits)
 {
-    (void)state;
     assert_int_equal(parse("< send 00000123 0 >").frame.flags, FRAME_EXTENDED);
     assert_int_equal(parse("< send 800 0 >").frame.flags, FRAME_EXTENDED);
     assert_int_equal(parse("< send 7FF 0 >").frame.flags, 0);
 }
 
-static void refuses_wrong_arguments(void **state)
+TEST(refuses_wrong_arguments)
 {
     static const char *const wrong[] = {
         "< send 123 9 0 1 2 3 4 5 6 7 8 >",
@@ -96,7 +89,6 @@ static void refuses_wrong_arguments(void **state)
         "< echo 1 >",
     };
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(wrong); i++) {
         if (parse(wrong[i]).command != SOCKETCAND_MALFORMED) {
             fail_msg("\"%s\" was not refused", wrong[i]);
@@ -104,12 +96,11 @@ static void refuses_wrong_arguments(void **state)
     }
 }
 
-static void calls_unknown_what_is_no_command(void **state)
+TEST(calls_unknown_what_is_no_command)
 {
     static const char *const unknown[] = {"",    "<",         ">",          "<>",
                                           "< >", "< hello >", "send 123 0", "< SEND 123 0 >"};
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(unknown); i++) {
         if (parse(unknown[i]).command != SOCKETCAND_UNKNOWN) {
             fail_msg("\"%s\" was not called unknown", unknown[i]);
@@ -117,12 +108,11 @@ static void calls_unknown_what_is_no_command(void **state)
     }
 }
 
-static void survives_bytes_of_every_kind(void **state)
+TEST(survives_bytes_of_every_kind)
 {
     static const char alphabet[] = "< >0189afAFsendrtopmw\n\t\0\xff";
     unsigned seed = 1;
 
-    (void)state;
     for (int round = 0; round < 200000; round++) {
         char text[SOCKETCAND_TEXT_MAX];
         size_t size = (size_t)rand_r(&seed) % sizeof text;
@@ -142,7 +132,7 @@ static void survives_bytes_of_every_kind(void **state)
     }
 }
 
-static void a_frame_may_name_its_bus(void **state)
+TEST(a_frame_may_name_its_bus)
 {
     static const char *const named[] = {"< send 123 2 1 ff left_leg >", "< send 123 0 left_leg >",
                                         "< sendrtr 123 0 left_leg >",
@@ -151,7 +141,6 @@ static void a_frame_may_name_its_bus(void **state)
         "< send 123 2 1 ff left_leg 1 >", "< send 123 2 1 left_leg >",
         "< send 123 0 seventeen_letters >", "< sendrtr 123 left_leg >", "< sendrtr 123 >"};
 
-    (void)state;
     assert_string_equal(parse("< send 123 2 1 ff >").bus, "");
     for (size_t i = 0; i < sizeof named / sizeof named[0]; i++) {
         assert_int_equal(parse(named[i]).command, SOCKETCAND_SEND);
@@ -162,12 +151,11 @@ static void a_frame_may_name_its_bus(void **state)
     }
 }
 
-static void writes_frames_as_clients_read_them(void **state)
+TEST(writes_frames_as_clients_read_them)
 {
     char text[SOCKETCAND_TEXT_MAX];
     struct bus_frame frame = frame_make(0x123, 4, (const uint8_t[]){0x11, 0x22, 0x33, 0x44});
 
-    (void)state;
     frame.time_ns = INT64_C(23424242123);
     assert_int_equal(socketcand_format(&frame, NULL, text),
                      strlen("\n< frame 123 23.424242 11223344 >"));
@@ -190,18 +178,17 @@ static void writes_frames_as_clients_read_them(void **state)
     assert_memory_equal(text, "\n< fdframe 123 03 23.424242 112233AF", 35);
 }
 
-static void writes_nothing_for_error_frames(void **state)
+TEST(writes_nothing_for_error_frames)
 {
     char text[SOCKETCAND_TEXT_MAX];
     struct bus_frame frame = {.id = 4, .flags = FRAME_ERROR, .len = 8};
 
-    (void)state;
     assert_int_equal(socketcand_format(&frame, NULL, text), 0);
     frame = (struct bus_frame){.id = 0x800};
     assert_int_equal(socketcand_format(&frame, NULL, text), 0);
 }
 
-static void the_longest_frame_has_room(void **state)
+TEST(the_longest_frame_has_room)
 {
     char text[SOCKETCAND_TEXT_MAX];
     struct bus_frame frame = {.id = 0x1fffffff,
@@ -209,25 +196,6 @@ static void the_longest_frame_has_room(void **state)
                               .len = 64,
                               .time_ns = INT64_MAX};
 
-    (void)state;
     assert_in_range(socketcand_format(&frame, "sixteen_letters_", text), 1,
                     SOCKETCAND_TEXT_MAX - 1);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(understands_the_commands),
-        cmocka_unit_test(understands_frames_as_the_protocol_shows_them),
-        cmocka_unit_test(tells_short_identifiers_of_29_bits_by_their_digits),
-        cmocka_unit_test(refuses_wrong_arguments),
-        cmocka_unit_test(calls_unknown_what_is_no_command),
-        cmocka_unit_test(survives_bytes_of_every_kind),
-        cmocka_unit_test(a_frame_may_name_its_bus),
-        cmocka_unit_test(writes_frames_as_clients_read_them),
-        cmocka_unit_test(writes_nothing_for_error_frames),
-        cmocka_unit_test(the_longest_frame_has_room),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,12 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The client for controllers against a gateway of the test's own, which says what a script says. */
 #include "client/coman_hil_client.h"
+#include "tests/test.h"
 
 #include <math.h>
 #include <netinet/in.h>
 #include <pthread.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,8 +13,6 @@
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 enum { TEXT_MAX = 1 << 19, SHORT_MS = 2000, LONG_MS = 20000 };
 
@@ -209,9 +206,8 @@ static void write_table(const char *name, const char *text)
     fclose(file);
 }
 
-static int make_folder(void **state)
+FIXTURE(make_folder)
 {
-    (void)state;
     strcpy(folder, "/tmp/hil-client-XXXXXX");
     assert_non_null(mkdtemp(folder));
     write_table("r-arm.dbc", arm);
@@ -219,12 +215,11 @@ static int make_folder(void **state)
     return 0;
 }
 
-static int remove_folder(void **state)
+FIXTURE(remove_folder)
 {
     static const char *const names[] = {"r-arm.dbc", "r-leg.dbc", "ready"};
     char path[128];
 
-    (void)state;
     for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
         snprintf(path, sizeof path, "%s/%s", folder, names[i]);
         unlink(path);
@@ -257,7 +252,7 @@ static void close_client(struct hil_client *client)
 
 /* ---- tests ---- */
 
-static void a_controller_in_lockstep_says_what_the_firmware_understands(void **state)
+TEST_WITH(a_controller_in_lockstep_says_what_the_firmware_understands, make_folder, remove_folder)
 {
     static const char *const answers[] = {
         "\n< frame 6FF 0.002000 020000000000 arm >",
@@ -275,7 +270,6 @@ static void a_controller_in_lockstep_says_what_the_firmware_understands(void **s
     struct hil_client client;
     int joint, before;
 
-    (void)state;
     open_client(&client, answers, true, LONG_MS);
     before = allocations;
     joint = hil_client_find_joint(&client, "L-Elb");
@@ -315,7 +309,7 @@ static void a_controller_in_lockstep_says_what_the_firmware_understands(void **s
                            "< send 001 3 f2 4d 01 arm >< send 6F0 6 11 00 00 00 04 00 arm >"));
 }
 
-static void a_step_joins_a_run_on_its_way_and_sees_that_others_move_it(void **state)
+TEST_WITH(a_step_joins_a_run_on_its_way_and_sees_that_others_move_it, make_folder, remove_folder)
 {
     static const char *const answers[] = {
         "< frame 6FF 0.1 640000000400 arm >",
@@ -326,7 +320,6 @@ static void a_step_joins_a_run_on_its_way_and_sees_that_others_move_it(void **st
         NULL};
     struct hil_client client;
 
-    (void)state;
     open_client(&client, answers, true, LONG_MS);
     assert_int_equal(hil_client_step(&client, 1), HIL_CLIENT_OK);
     assert_int_equal(client.tick, 0x65);
@@ -338,7 +331,7 @@ static void a_step_joins_a_run_on_its_way_and_sees_that_others_move_it(void **st
     close_client(&client);
 }
 
-static void silence_refusals_and_noise_are_errors(void **state)
+TEST_WITH(silence_refusals_and_noise_are_errors, make_folder, remove_folder)
 {
     static const struct {
         const char *answer[3];
@@ -362,7 +355,6 @@ static void silence_refusals_and_noise_are_errors(void **state)
         {{NULL}, HIL_CLIENT_CONNECTION, "closed"},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         struct hil_client client;
 
@@ -373,7 +365,7 @@ static void silence_refusals_and_noise_are_errors(void **state)
     }
 }
 
-static void without_lockstep_it_writes_and_receives(void **state)
+TEST_WITH(without_lockstep_it_writes_and_receives, make_folder, remove_folder)
 {
     static const char *const answers[] = {
         "\n< fdframe 120 1 2.500000 "
@@ -385,7 +377,6 @@ static void without_lockstep_it_writes_and_receives(void **state)
     struct hil_client client;
     int joint;
 
-    (void)state;
     open_client(&client, answers, false, LONG_MS);
     joint = hil_client_find_joint(&client, "Knee");
     assert_int_equal(hil_client_receive(&client, 0), HIL_CLIENT_OK);
@@ -414,12 +405,11 @@ static void without_lockstep_it_writes_and_receives(void **state)
     assert_non_null(strstr(gateway.heard, "< send 041 8 00 00 b8 0b 00 00 00 00 leg >"));
 }
 
-static void a_run_that_sends_nothing_is_said_to_be_paused_or_in_lockstep(void **state)
+TEST_WITH(a_run_that_sends_nothing_is_said_to_be_paused_or_in_lockstep, make_folder, remove_folder)
 {
     static const char *const answers[] = {NULL, "open"};
     struct hil_client client;
 
-    (void)state;
     open_client(&client, answers, false, LONG_MS);
     assert_int_equal(hil_client_enable(&client, NULL, 0, HIL_CLIENT_CURRENT), HIL_CLIENT_BOARD);
     assert_string_equal(client.message,
@@ -428,14 +418,13 @@ static void a_run_that_sends_nothing_is_said_to_be_paused_or_in_lockstep(void **
     close_client(&client);
 }
 
-static void messages_by_name_are_encoded_as_the_tables_say(void **state)
+TEST_WITH(messages_by_name_are_encoded_as_the_tables_say, make_folder, remove_folder)
 {
     static const char *const answers[] = {NULL, "open"};
     const struct hil_client_value gain = {"SET_GAIN_value", -2.0}, ask = {"command", 72.0},
                                   wrong = {"none", 1.0}, far = {"SET_OPEN_LOOP_pwm_1", 1e9};
     struct hil_client client;
 
-    (void)state;
     open_client(&client, answers, false, LONG_MS);
     assert_int_equal(hil_client_send(&client, "arm", "b_COMMAND", &gain, 1), HIL_CLIENT_OK);
     assert_int_equal(hil_client_send(&client, "arm", "b_COMMAND", &ask, 1), HIL_CLIENT_OK);
@@ -454,7 +443,7 @@ static void messages_by_name_are_encoded_as_the_tables_say(void **state)
                                           "< send 001 1 48 arm >< send 001 3 f2 ff 7f arm >"));
 }
 
-static void wrong_tables_are_named_with_file_and_line(void **state)
+TEST_WITH(wrong_tables_are_named_with_file_and_line, make_folder, remove_folder)
 {
     static const struct {
         const char *text, *message;
@@ -474,7 +463,6 @@ static void wrong_tables_are_named_with_file_and_line(void **state)
     struct hil_client client;
     char text[1024];
 
-    (void)state;
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         snprintf(text, sizeof text, "%sCM_ \"Rig r, bus leg on can1: protocol compact\";\n",
                  rows[i].text);
@@ -516,14 +504,14 @@ static void *start_late(void *path)
     return serve(NULL);
 }
 
-static void the_file_of_a_killed_run_is_passed_over_and_another_clock_refused(void **state)
+TEST_WITH(the_file_of_a_killed_run_is_passed_over_and_another_clock_refused, make_folder,
+          remove_folder)
 {
     static const char *const answers[] = {NULL, "open"};
     char ready[128];
     struct hil_client_options options = {.tables = folder, .ready = ready, .timeout_ms = LONG_MS};
     struct hil_client client;
 
-    (void)state;
     snprintf(ready, sizeof ready, "%s/ready", folder);
     for (int i = 0; i < 2; i++) {
         options.lockstep = i == 1;
@@ -559,7 +547,7 @@ static enum hil_client_code open_with_hashes(struct hil_client *client, const ch
     return code;
 }
 
-static void tables_older_than_the_rig_of_the_run_are_refused(void **state)
+TEST_WITH(tables_older_than_the_rig_of_the_run_are_refused, make_folder, remove_folder)
 {
     /* FNV-1a of 64 bits, worked out apart from the client */
     static const char title[] = "CM_ \"Rig r, bus arm on can0: protocol icub, supply 48 V.\";\n";
@@ -567,7 +555,6 @@ static void tables_older_than_the_rig_of_the_run_are_refused(void **state)
     char line[512], expected[256];
     struct hil_client client;
 
-    (void)state;
     write_table("r-arm.dbc", title);
     snprintf(line, sizeof line, "%s/r-leg.dbc", folder);
     assert_int_equal(unlink(line), 0);
@@ -590,14 +577,14 @@ static void tables_older_than_the_rig_of_the_run_are_refused(void **state)
     assert_int_equal(open_with_hashes(&client, line), HIL_CLIENT_TABLES);
 }
 
-static void a_gateway_that_is_not_there_is_waited_for_no_longer_than_asked(void **state)
+TEST_WITH(a_gateway_that_is_not_there_is_waited_for_no_longer_than_asked, make_folder,
+          remove_folder)
 {
     char ready[128];
     struct hil_client_options options = {.tables = folder, .ready = ready, .timeout_ms = 50};
     struct hil_client client;
     FILE *file;
 
-    (void)state;
     snprintf(ready, sizeof ready, "%s/ready", folder);
     assert_int_equal(hil_client_open(&client, &options), HIL_CLIENT_TIMEOUT);
     assert_non_null(strstr(client.message, "is not there after 50 ms"));
@@ -618,23 +605,4 @@ static void a_gateway_that_is_not_there_is_waited_for_no_longer_than_asked(void 
     assert_int_equal(hil_client_open(&client, &options), HIL_CLIENT_CONNECTION);
     options.host = "robot.example";
     assert_int_equal(hil_client_open(&client, &options), HIL_CLIENT_INPUT);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-#define TEST(name) cmocka_unit_test_setup_teardown(name, make_folder, remove_folder)
-        TEST(a_controller_in_lockstep_says_what_the_firmware_understands),
-        TEST(a_step_joins_a_run_on_its_way_and_sees_that_others_move_it),
-        TEST(silence_refusals_and_noise_are_errors),
-        TEST(without_lockstep_it_writes_and_receives),
-        TEST(a_run_that_sends_nothing_is_said_to_be_paused_or_in_lockstep),
-        TEST(messages_by_name_are_encoded_as_the_tables_say),
-        TEST(wrong_tables_are_named_with_file_and_line),
-        TEST(the_file_of_a_killed_run_is_passed_over_and_another_clock_refused),
-        TEST(tables_older_than_the_rig_of_the_run_are_refused),
-        TEST(a_gateway_that_is_not_there_is_waited_for_no_longer_than_asked),
-    };
-
-    return cmocka_run_group_tests_name("client", tests, NULL, NULL);
 }

@@ -3,14 +3,10 @@
 #include "contact/broad_phase.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 #include "tests/unit/contact/random_number.h"
+#include "tests/test.h"
 
 enum { SURFACES = 29, PAIRS = SURFACES * (SURFACES - 1) / 2 };
 
@@ -93,20 +89,18 @@ static void walk(int body)
     arena_fini(&arena);
 }
 
-static void finds_the_pairs_whose_balls_meet_and_no_others(void **state)
+TEST(finds_the_pairs_whose_balls_meet_and_no_others)
 {
-    (void)state;
     walk(-1);
 }
 
-static void half_spaces_that_move_are_found_too(void **state)
+TEST(half_spaces_that_move_are_found_too)
 {
-    (void)state;
     walk(0);
 }
 
 /* A long capsule that turns about its center comes near another with its end alone. */
-static void a_capsule_that_turns_is_found(void **state)
+TEST(a_capsule_that_turns_is_found)
 {
     struct arena arena;
     struct error error;
@@ -114,7 +108,6 @@ static void a_capsule_that_turns_is_found(void **state)
     uint64_t near[1];
     int met = 0;
 
-    (void)state;
     for (int i = 0; i < 2; i++) {
         surface[i] = (struct contact_surface){.shape = CONTACT_CAPSULE};
     }
@@ -139,14 +132,13 @@ static void a_capsule_that_turns_is_found(void **state)
     arena_fini(&arena);
 }
 
-static void long_capsules_side_by_side_are_apart_though_their_balls_meet(void **state)
+TEST(long_capsules_side_by_side_are_apart_though_their_balls_meet)
 {
     struct arena arena;
     struct error error;
     struct broad_phase broad;
     uint64_t near[(PAIRS + 63) / 64];
 
-    (void)state;
     for (int i = 0; i < 2; i++) {
         surface[i].shape = CONTACT_CAPSULE;
     }
@@ -168,14 +160,13 @@ static void long_capsules_side_by_side_are_apart_though_their_balls_meet(void **
     arena_fini(&arena);
 }
 
-static void a_pair_with_a_slack_is_near_when_it_overlaps_by_more(void **state)
+TEST(a_pair_with_a_slack_is_near_when_it_overlaps_by_more)
 {
     struct arena arena;
     struct error error;
     struct broad_phase broad;
     uint64_t near[(PAIRS + 63) / 64];
 
-    (void)state;
     for (int i = 0; i < 2; i++) {
         surface[i].shape = CONTACT_CAPSULE;
     }
@@ -198,29 +189,14 @@ static void a_pair_with_a_slack_is_near_when_it_overlaps_by_more(void **state)
     arena_fini(&arena);
 }
 
-static void without_memory_it_is_not_made(void **state)
+TEST(without_memory_it_is_not_made)
 {
     struct arena arena;
     struct error error;
     struct broad_phase broad;
 
-    (void)state;
     make_pairs(-1);
     assert_int_equal(arena_init(&arena, 4096, &error), ERROR_NONE);
     assert_int_equal(broad_phase_make(&config, &arena, &broad, &error), ERROR_MEMORY);
     arena_fini(&arena);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(finds_the_pairs_whose_balls_meet_and_no_others),
-        cmocka_unit_test(half_spaces_that_move_are_found_too),
-        cmocka_unit_test(a_capsule_that_turns_is_found),
-        cmocka_unit_test(long_capsules_side_by_side_are_apart_though_their_balls_meet),
-        cmocka_unit_test(a_pair_with_a_slack_is_near_when_it_overlaps_by_more),
-        cmocka_unit_test(without_memory_it_is_not_made),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

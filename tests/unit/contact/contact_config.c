@@ -3,14 +3,10 @@
 #include "contact/contact.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-#include <cmocka.h>
 
 #include "tests/physics/contact_fixture.h"
+#include "tests/test.h"
 
 /* By the check, with a message that says what was found and what was expected, and by the
  * engines. */
@@ -29,13 +25,12 @@ static void check_refused(const struct scene *scene, int row, const char *messag
     assert_null(world);
 }
 
-static void wrong_configurations_are_refused_with_the_reason(void **state)
+TEST(wrong_configurations_are_refused_with_the_reason)
 {
     static const struct mesh nothing = {.name = "nothing"};
     struct scene good, bad;
     int row = 0;
 
-    (void)state;
     scene_init(&good, 2);
     scene_add(&good, -1, CONTACT_HALF_SPACE, &scene_ground);
     scene_add(&good, 0, CONTACT_SPHERE, &scene_foot)->radius_m = 0.1;
@@ -124,7 +119,7 @@ static bool is_taken(const struct body_motion *motion)
     return taken;
 }
 
-static void motions_are_rotations_of_finite_numbers(void **state)
+TEST(motions_are_rotations_of_finite_numbers)
 {
     static const struct {
         double factor[3];
@@ -140,7 +135,6 @@ static void motions_are_rotations_of_finite_numbers(void **state)
     static const double bad[] = {NAN, INFINITY, -1.1e9};
     const struct body_motion good = turned_motion(row[0].factor);
 
-    (void)state;
     for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
         const struct body_motion motion = turned_motion(row[i].factor);
 
@@ -170,12 +164,4 @@ static void motions_are_rotations_of_finite_numbers(void **state)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(wrong_configurations_are_refused_with_the_reason),
-        cmocka_unit_test(motions_are_rotations_of_finite_numbers),
-    };
-
-    return cmocka_run_group_tests_name("contact_config", tests, fixture_set_up, fixture_tear_down);
-}
+TEST_GROUP(fixture_set_up, fixture_tear_down)

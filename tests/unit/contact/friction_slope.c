@@ -3,21 +3,15 @@
 #include "contact/friction_slope.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
-static void friction_is_bounded_by_its_steepest_slope_and_its_secant(void **state)
+TEST(friction_is_bounded_by_its_steepest_slope_and_its_secant)
 {
     const double us = 1.1, v_t = 0.01, fn = 30.0;
     double last = 0.0, slope = 0.0;
 
-    (void)state;
     /* contact.h's law while it sticks */
     for (int k = 1; k <= 1000; k++) {
         double u = 1e-3 * k, force = fn * us * u * u * u * (10.0 - u * (15.0 - 6.0 * u));
@@ -32,13 +26,4 @@ static void friction_is_bounded_by_its_steepest_slope_and_its_secant(void **stat
     assert_near(contact_friction_damping(us, 0.0, v_t, fn, 0.5 * v_t) / slope, 1.0, 1e-5);
     /* And while it slides */
     assert_true(contact_friction_damping(us, 0.5, v_t, fn, 0.2) >= fn * (us / 0.2 + 0.5));
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(friction_is_bounded_by_its_steepest_slope_and_its_secant),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

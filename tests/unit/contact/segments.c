@@ -3,15 +3,10 @@
 #include "contact/segments.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/near.h"
 #include "tests/unit/contact/random_number.h"
+#include "tests/test.h"
 
 enum { PLACES = 200 };
 
@@ -51,12 +46,11 @@ static void assert_least(const struct segment *p, const struct segment *q)
     assert_near(distance, sqrt(segments_distance2(q, p)), 1e-12);
 }
 
-static void no_two_places_are_nearer(void **state)
+TEST(no_two_places_are_nearer)
 {
     uint64_t seed = 5;
     struct segment p, q;
 
-    (void)state;
     for (int i = 0; i < 300; i++) {
         piece_at_random(&seed, 1, &p);
         piece_at_random(&seed, 1, &q);
@@ -76,13 +70,4 @@ static void no_two_places_are_nearer(void **state)
         piece_at_random(&seed, 0, &p);
         assert_least(&p, &q);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(no_two_places_are_nearer),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -6,16 +6,11 @@
 #include "contact/tangent.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/contact_scene.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 enum { ELEMENTS = 5 };
 
@@ -59,14 +54,13 @@ static void resist(const struct contact_element *element, const double center[3]
     }
 }
 
-static void elements_add_up_to_what_they_resist_with(void **state)
+TEST(elements_add_up_to_what_they_resist_with)
 {
     struct contact_element element[ELEMENTS];
     struct contact_tangent tangent = {.center = {0.1, -0.2, 0.3}};
     uint64_t seed = 5;
     double K[6][6], D[6][6];
 
-    (void)state;
     for (int e = 0; e < ELEMENTS; e++) {
         double length;
 
@@ -116,7 +110,7 @@ static void differ(struct contact_world *world, struct body_motion *motion, doub
 }
 
 /* A box flat on a half-space that moves down, and slides slower than the transition velocity. */
-static void simbody_says_how_a_flat_box_resists(void **state)
+TEST(simbody_says_how_a_flat_box_resists)
 {
     struct scene scene;
     struct contact_world *world;
@@ -126,7 +120,6 @@ static void simbody_says_how_a_flat_box_resists(void **state)
     struct error error;
     double change[6], K[6][6], D[6][6];
 
-    (void)state;
     scene_init(&scene, 1);
     scene_add(&scene, -1, CONTACT_HALF_SPACE, &scene_ground);
     scene_add_box(&scene, 0, 0.1, 0.06, 0.05, 6, &scene_foot);
@@ -155,7 +148,7 @@ static void simbody_says_how_a_flat_box_resists(void **state)
 }
 
 /* A sphere on a half-space: Hertz. */
-static void simbody_says_how_a_sphere_resists(void **state)
+TEST(simbody_says_how_a_sphere_resists)
 {
     struct scene scene;
     struct contact_world *world;
@@ -165,7 +158,6 @@ static void simbody_says_how_a_sphere_resists(void **state)
     struct error error;
     double change[6], K[6][6], D[6][6];
 
-    (void)state;
     scene_init(&scene, 1);
     scene_add(&scene, -1, CONTACT_HALF_SPACE, &scene_ground);
     scene_add(&scene, 0, CONTACT_SPHERE, &scene_foot)->radius_m = 0.05;
@@ -182,15 +174,4 @@ static void simbody_says_how_a_sphere_resists(void **state)
     differ(world, &motion, &motion.v[2], 1e-4, change);
     assert_near(D[2][2] / -change[2], 1.0, 1e-4);
     world->ops->destroy(world);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(elements_add_up_to_what_they_resist_with),
-        cmocka_unit_test(simbody_says_how_a_flat_box_resists),
-        cmocka_unit_test(simbody_says_how_a_sphere_resists),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

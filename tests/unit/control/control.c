@@ -37,11 +37,10 @@ static void stop_and_close(void)
     assert_int_equal(bench.end, LOOP_END_STOPPED);
 }
 
-static void hello_says_who_it_is(void **state)
+TEST(hello_says_who_it_is)
 {
     json_t *answer;
 
-    (void)state;
     bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE});
     answer = ask("{\"cmd\":\"hello\",\"id\":\"first\"}");
     assert_string_equal(string_of(answer, "id"), "first");
@@ -66,11 +65,10 @@ static void assert_counts(const json_t *object, const char *const *names, int64_
 #define NAMES(...) ((const char *const[]){__VA_ARGS__, NULL})
 
 /* a board that nobody plays is silent from the first tick on, and was never heard */
-static void status_tells_of_external_boards(void **state)
+TEST(status_tells_of_external_boards)
 {
     json_t *answer, *board;
 
-    (void)state;
     bench_open(&bench, &(struct bench_options){.rig = "coman-rest-bus", .clock = LOOP_CLOCK_FREE});
     answer = ask("{\"cmd\":\"status\"}");
     assert_int_equal(json_array_size(json_object_get(answer, "external")), 0);
@@ -88,13 +86,12 @@ static void status_tells_of_external_boards(void **state)
 }
 
 /* A board that has sent before the first tick is heard at its beginning, 0 s. */
-static void status_tells_when_an_external_board_was_heard(void **state)
+TEST(status_tells_when_an_external_board_was_heard)
 {
     const struct bus_frame feedback = {.id = 0x100 | 2 << 4 | FOC_FEEDBACK, .len = 8};
     json_t *answer, *external;
     size_t bus = 0;
 
-    (void)state;
     bench_open(&bench, &(struct bench_options){
                            .rig = "coman-rest-bus", .clock = LOOP_CLOCK_FREE, .guest = true});
     while (strcmp(bench.rig->bus[bus].name, "left_hip") != 0) {
@@ -113,11 +110,10 @@ static void status_tells_when_an_external_board_was_heard(void **state)
     stop_and_close();
 }
 
-static void status_is_that_of_the_tick(void **state)
+TEST(status_is_that_of_the_tick)
 {
     json_t *answer;
 
-    (void)state;
     bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE, .task = "squat"});
     bench_do(&bench, "{\"cmd\":\"step\",\"count\":250}");
     answer = ask("{\"cmd\":\"status\",\"id\":3}");
@@ -138,12 +134,11 @@ static void status_is_that_of_the_tick(void **state)
 }
 
 /* A run of its own, on which nobody but this client acts. */
-static void status_says_what_is_simulated_and_that_nothing_is_lost(void **state)
+TEST(status_says_what_is_simulated_and_that_nothing_is_lost)
 {
     json_t *answer, *buses;
     char hash[20];
 
-    (void)state;
     bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE, .task = "squat"});
     bench_do(&bench, "{\"cmd\":\"step\",\"count\":100}");
     json_decref(ask("{\"cmd\":\"status\"}"));
@@ -190,11 +185,10 @@ static void status_says_what_is_simulated_and_that_nothing_is_lost(void **state)
     stop_and_close();
 }
 
-static void statistics_count_every_tick(void **state)
+TEST(statistics_count_every_tick)
 {
     json_t *answer, *phases;
 
-    (void)state;
     bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE});
     bench_do(&bench, "{\"cmd\":\"step\",\"count\":400}");
     answer = ask("{\"cmd\":\"statistics\"}");
@@ -236,11 +230,10 @@ static void statistics_count_every_tick(void **state)
     stop_and_close();
 }
 
-static void lists_have_patterns(void **state)
+TEST(lists_have_patterns)
 {
     json_t *answer, *list;
 
-    (void)state;
     bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE});
     answer = ask("{\"cmd\":\"list\",\"what\":\"signals\",\"match\":\"q_?Knee*\"}");
     list = json_object_get(answer, "signals");
@@ -261,11 +254,10 @@ static void lists_have_patterns(void **state)
     stop_and_close();
 }
 
-static void tunables_are_set_and_read_back(void **state)
+TEST(tunables_are_set_and_read_back)
 {
     json_t *answer;
 
-    (void)state;
     bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE});
     bench_do(&bench, "{\"cmd\":\"set\",\"name\":\"joint.LKneeSag.position_kp\",\"value\":123}");
     answer = ask("{\"cmd\":\"get\",\"name\":\"joint.LKneeSag.position_kp\"}");
@@ -282,12 +274,11 @@ static void tunables_are_set_and_read_back(void **state)
     stop_and_close();
 }
 
-static void faults_are_switched_and_seen(void **state)
+TEST(faults_are_switched_and_seen)
 {
     static const char *const lines[] = {"silent: board left_leg/1 off manual"};
     json_t *answer, *list;
 
-    (void)state;
     bench_open(&bench,
                &(struct bench_options){.clock = LOOP_CLOCK_FREE, .fault = lines, .nfault = 1});
     bench_do(&bench, "{\"cmd\":\"step\"}");
@@ -310,12 +301,11 @@ static void faults_are_switched_and_seen(void **state)
     stop_and_close();
 }
 
-static void going_back_repeats_what_followed(void **state)
+TEST(going_back_repeats_what_followed)
 {
     uint64_t there, pushed;
     json_t *answer, *list;
 
-    (void)state;
     bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE, .task = "squat"});
     bench_do(&bench, "{\"cmd\":\"step\",\"count\":500}");
     assert_refused("{\"cmd\":\"restore\",\"slot\":2}", "empty", "no checkpoint");
@@ -353,11 +343,10 @@ static json_t *hear_row(void)
     return line;
 }
 
-static void rows_come_at_every_multiple_of_the_period(void **state)
+TEST(rows_come_at_every_multiple_of_the_period)
 {
     json_t *answer, *row;
 
-    (void)state;
     bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE, .task = "squat"});
     bench_do(&bench, "{\"cmd\":\"step\",\"count\":3}");
     answer = ask("{\"cmd\":\"subscribe\",\"signals\":[\"q_LKneeSag_rad\",\"rx_*_frames\","
@@ -391,12 +380,11 @@ static void rows_come_at_every_multiple_of_the_period(void **state)
     stop_and_close();
 }
 
-static void waiting_ends_at_its_tick_and_answers_keep_their_order(void **state)
+TEST(waiting_ends_at_its_tick_and_answers_keep_their_order)
 {
     struct bench_client *other = test_malloc(sizeof *other);
     json_t *answer;
 
-    (void)state;
     bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE});
     client_open(other, bench.path);
     assert_true(client_say(other, "{\"cmd\":\"wait\",\"time_s\":0.05,\"id\":1}\n"
@@ -416,12 +404,11 @@ static void waiting_ends_at_its_tick_and_answers_keep_their_order(void **state)
     stop_and_close();
 }
 
-static void a_pause_from_another_connection_cuts_a_step(void **state)
+TEST(a_pause_from_another_connection_cuts_a_step)
 {
     struct bench_client *other = test_malloc(sizeof *other);
     json_t *answer;
 
-    (void)state;
     bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE});
     client_open(other, bench.path);
     assert_true(client_say(other, "{\"cmd\":\"step\",\"count\":1000000000}\n"));
@@ -437,12 +424,11 @@ static void a_pause_from_another_connection_cuts_a_step(void **state)
     stop_and_close();
 }
 
-static void what_still_waits_at_the_end_is_told(void **state)
+TEST(what_still_waits_at_the_end_is_told)
 {
     struct bench_client *other = test_malloc(sizeof *other);
     json_t *answer;
 
-    (void)state;
     bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE});
     client_open(other, bench.path);
     assert_true(client_say(other, "{\"cmd\":\"hello\"}\n{\"cmd\":\"wait\",\"tick\":1000000}\n"));
@@ -458,26 +444,4 @@ static void what_still_waits_at_the_end_is_told(void **state)
     assert_null(client_hear(other));
     client_close(other);
     test_free(other);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(hello_says_who_it_is),
-        cmocka_unit_test(status_is_that_of_the_tick),
-        cmocka_unit_test(status_tells_of_external_boards),
-        cmocka_unit_test(status_tells_when_an_external_board_was_heard),
-        cmocka_unit_test(status_says_what_is_simulated_and_that_nothing_is_lost),
-        cmocka_unit_test(statistics_count_every_tick),
-        cmocka_unit_test(lists_have_patterns),
-        cmocka_unit_test(tunables_are_set_and_read_back),
-        cmocka_unit_test(faults_are_switched_and_seen),
-        cmocka_unit_test(going_back_repeats_what_followed),
-        cmocka_unit_test(rows_come_at_every_multiple_of_the_period),
-        cmocka_unit_test(waiting_ends_at_its_tick_and_answers_keep_their_order),
-        cmocka_unit_test(a_pause_from_another_connection_cuts_a_step),
-        cmocka_unit_test(what_still_waits_at_the_end_is_told),
-    };
-
-    return cmocka_run_group_tests_name("unit/control", tests, NULL, NULL);
 }

@@ -10,6 +10,7 @@
 
 #include "control/control.h"
 #include "control/socket.h"
+#include "tests/test.h"
 
 #include <errno.h>
 #include <jansson.h>
@@ -20,11 +21,6 @@
 #include <string.h>
 #include <sys/socket.h>
 #include <unistd.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 enum { BENCH_LINE = CONTROL_OUTBOX, BENCH_PATIENCE_MS = 20000 };
 

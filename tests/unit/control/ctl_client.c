@@ -1,19 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "control/ctl_client.h"
+#include "tests/test.h"
 
 /* A server that refuses a client and closes at once has said why, though nothing can be sent. */
-static void the_reason_of_a_refusal_is_read_though_nothing_can_be_sent(void **state)
+TEST(the_reason_of_a_refusal_is_read_though_nothing_can_be_sent)
 {
     static const char refusal[] = "{\"ok\":false,\"error\":\"too many clients\"}\n";
     static struct ctl_client client;
@@ -23,7 +18,6 @@ static void the_reason_of_a_refusal_is_read_though_nothing_can_be_sent(void **st
     char *line;
     int pair[2];
 
-    (void)state;
     assert_int_equal(socketpair(AF_UNIX, SOCK_STREAM, 0, pair), 0);
     client.socket = pair[0];
     client.interrupted = &interrupted;
@@ -35,13 +29,4 @@ static void the_reason_of_a_refusal_is_read_though_nothing_can_be_sent(void **st
     assert_int_equal(ctl_read_line(&client, &line, &error), CTL_END);
     ctl_close(&client);
     json_decref(request);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_reason_of_a_refusal_is_read_though_nothing_can_be_sent),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

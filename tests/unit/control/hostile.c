@@ -67,11 +67,10 @@ static void assert_logged(const char *words)
     assert_true(found);
 }
 
-static void a_wrong_line_is_told_and_the_next_is_served(void **state)
+TEST(a_wrong_line_is_told_and_the_next_is_served)
 {
     json_t *answer;
 
-    (void)state;
     open_bench(0);
     assert_true(
         client_say(&hostile, "{\"cmd\":\"hello\"}\n\n{\"cmd\": helo}\n{\"cmd\":\"hello\"}\n"));
@@ -87,14 +86,13 @@ static void a_wrong_line_is_told_and_the_next_is_served(void **state)
     assert_int_equal(bench.counters.cut_junk, 0);
 }
 
-static void garbage_is_cut_off(void **state)
+TEST(garbage_is_cut_off)
 {
     unsigned char junk[8192];
     uint64_t random = 1;
     int lines = 0;
     json_t *answer;
 
-    (void)state;
     open_bench(0);
     for (size_t i = 0; i < sizeof junk; i++) {
         junk[i] = i % 100 == 99 ? '\n' : (unsigned char)random_below(&random, 256);
@@ -112,11 +110,10 @@ static void garbage_is_cut_off(void **state)
     assert_int_equal(bench.counters.cut_junk, 1);
 }
 
-static void an_endless_line_is_cut_off(void **state)
+TEST(an_endless_line_is_cut_off)
 {
     static char flood[CONTROL_LINE];
 
-    (void)state;
     open_bench(0);
     memset(flood, 'x', sizeof flood);
     for (int i = 0; i < CONTROL_JUNK_MAX && client_send(&hostile, flood, sizeof flood); i++) {
@@ -127,12 +124,11 @@ static void an_endless_line_is_cut_off(void **state)
     assert_int_equal(bench.counters.cut_junk, 1);
 }
 
-static void a_line_that_is_too_long_is_passed_over(void **state)
+TEST(a_line_that_is_too_long_is_passed_over)
 {
     static char flood[CONTROL_LINE + 5000];
     json_t *answer;
 
-    (void)state;
     open_bench(0);
     memset(flood, 'x', sizeof flood);
     flood[sizeof flood - 1] = '\n';
@@ -146,12 +142,11 @@ static void a_line_that_is_too_long_is_passed_over(void **state)
     close_bench();
 }
 
-static void deep_nesting_is_refused(void **state)
+TEST(deep_nesting_is_refused)
 {
     static char deep[CONTROL_LINE - 1];
     json_t *answer;
 
-    (void)state;
     open_bench(0);
     memset(deep, '[', sizeof deep);
     deep[sizeof deep - 1] = '\n';
@@ -163,12 +158,11 @@ static void deep_nesting_is_refused(void **state)
     close_bench();
 }
 
-static void single_bytes_make_a_request(void **state)
+TEST(single_bytes_make_a_request)
 {
     const char text[] = "{\"id\":\"slow\",\"cmd\":\"hello\"}\n";
     json_t *answer;
 
-    (void)state;
     open_bench(0);
     for (size_t i = 0; i < sizeof text - 1; i++) {
         assert_true(client_send(&hostile, text + i, 1));
@@ -181,9 +175,8 @@ static void single_bytes_make_a_request(void **state)
     close_bench();
 }
 
-static void half_a_line_and_silence_is_cut_off(void **state)
+TEST(half_a_line_and_silence_is_cut_off)
 {
-    (void)state;
     open_bench(BENCH_QUICK);
     assert_true(client_say(&hostile, "{\"cmd\":\"hel"));
     assert_told("input", "found half a line and then nothing");
@@ -193,11 +186,10 @@ static void half_a_line_and_silence_is_cut_off(void **state)
     assert_int_equal(bench.counters.cut_silent, 1);
 }
 
-static void silence_alone_is_allowed(void **state)
+TEST(silence_alone_is_allowed)
 {
     json_t *answer;
 
-    (void)state;
     open_bench(CLOCK_MS);
     usleep(50000);
     answer = client_ask(&hostile, "{\"cmd\":\"hello\"}");
@@ -208,12 +200,11 @@ static void silence_alone_is_allowed(void **state)
 }
 
 /* asks and asks, and never reads: its requests stay in its own queue until it is cut off */
-static void a_flood_that_is_not_read_is_cut_off(void **state)
+TEST(a_flood_that_is_not_read_is_cut_off)
 {
     const char text[] = "{\"cmd\":\"list\",\"what\":\"signals\"}\n";
     bool refused = false;
 
-    (void)state;
     open_bench(BENCH_QUICK);
     assert_int_equal(fcntl(hostile.socket, F_SETFL, O_NONBLOCK), 0);
     for (int i = 0; i < 100000 && !refused; i++) {
@@ -230,12 +221,11 @@ static void a_flood_that_is_not_read_is_cut_off(void **state)
     assert_int_equal(bench.counters.cut_slow, 1);
 }
 
-static void a_flood_that_is_read_is_served_whole(void **state)
+TEST(a_flood_that_is_read_is_served_whole)
 {
     enum { REQUESTS = 3000 };
     json_t *answer;
 
-    (void)state;
     open_bench(0);
     for (int i = 0; i < REQUESTS; i += 100) {
         for (int k = i; k < i + 100; k++) {
@@ -255,13 +245,12 @@ static void a_flood_that_is_read_is_served_whole(void **state)
 }
 
 /* rows are left out and counted, the loop waits for nobody */
-static void rows_that_are_not_taken_are_counted(void **state)
+TEST(rows_that_are_not_taken_are_counted)
 {
     enum { TICKS = 3000 };
     int64_t rows = 0, missed = 0, last = 0;
     json_t *line;
 
-    (void)state;
     open_bench(0);
     line = client_ask(&hostile, "{\"cmd\":\"subscribe\",\"signals\":[\"*\"],\"period_ms\":1}");
     assert_true(is_ok(line));
@@ -296,12 +285,11 @@ static void rows_that_are_not_taken_are_counted(void **state)
     assert_true(bench.counters.missed_rows > 0);
 }
 
-static void one_too_many_is_turned_away(void **state)
+TEST(one_too_many_is_turned_away)
 {
     static struct bench_client more[CONTROL_CLIENTS];
     json_t *answer;
 
-    (void)state;
     open_bench(0);
     /* two are there */
     for (int i = 0; i < CONTROL_CLIENTS - 2; i++) {
@@ -333,11 +321,10 @@ static void one_too_many_is_turned_away(void **state)
     assert_true(bench.counters.refused >= 1);
 }
 
-static void half_closed_connections_get_their_answers(void **state)
+TEST(half_closed_connections_get_their_answers)
 {
     json_t *answer;
 
-    (void)state;
     open_bench(0);
     /* the last line needs no end */
     assert_true(client_say(&hostile, "{\"cmd\":\"hello\",\"id\":1}\n{\"cmd\":\"hello\",\"id\":2}"));
@@ -352,7 +339,7 @@ static void half_closed_connections_get_their_answers(void **state)
     close_bench();
 }
 
-static void those_who_leave_in_the_middle_are_forgotten(void **state)
+TEST(those_who_leave_in_the_middle_are_forgotten)
 {
     static const char *const parting[] = {
         "{\"cmd\":\"sta",
@@ -361,7 +348,6 @@ static void those_who_leave_in_the_middle_are_forgotten(void **state)
         "{\"cmd\":\"list\",\"what\":\"tunables\"}\n{\"cmd\":\"list\",\"what\":\"tunables\"}\n",
     };
 
-    (void)state;
     open_bench(0);
     for (int i = 0; i < 100; i++) {
         client_close(&hostile);
@@ -459,14 +445,13 @@ static uint64_t quiet_hash(enum loop_clock clock)
     return bench.hash;
 }
 
-static void a_storm_of_clients_changes_nothing(void **state)
+TEST(a_storm_of_clients_changes_nothing)
 {
     enum { ATTACKERS = 12 };
     static struct attacker attacker[ATTACKERS];
     uint64_t expected = quiet_hash(LOOP_CLOCK_FREE);
     atomic_bool stop = false;
 
-    (void)state;
     bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE,
                                                .task = "squat",
                                                .ticks = STORM_TICKS,
@@ -530,39 +515,12 @@ static void watch_run(enum loop_clock clock)
     assert_true(bench.hash == expected);
 }
 
-static void a_run_that_is_watched_is_the_same_run(void **state)
+TEST(a_run_that_is_watched_is_the_same_run)
 {
-    (void)state;
     watch_run(LOOP_CLOCK_FREE);
 }
 
-static void in_lockstep_too(void **state)
+TEST(in_lockstep_too)
 {
-    (void)state;
     watch_run(LOOP_CLOCK_LOCKSTEP);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_wrong_line_is_told_and_the_next_is_served),
-        cmocka_unit_test(garbage_is_cut_off),
-        cmocka_unit_test(an_endless_line_is_cut_off),
-        cmocka_unit_test(a_line_that_is_too_long_is_passed_over),
-        cmocka_unit_test(deep_nesting_is_refused),
-        cmocka_unit_test(single_bytes_make_a_request),
-        cmocka_unit_test(half_a_line_and_silence_is_cut_off),
-        cmocka_unit_test(silence_alone_is_allowed),
-        cmocka_unit_test(a_flood_that_is_not_read_is_cut_off),
-        cmocka_unit_test(a_flood_that_is_read_is_served_whole),
-        cmocka_unit_test(rows_that_are_not_taken_are_counted),
-        cmocka_unit_test(one_too_many_is_turned_away),
-        cmocka_unit_test(half_closed_connections_get_their_answers),
-        cmocka_unit_test(those_who_leave_in_the_middle_are_forgotten),
-        cmocka_unit_test(a_storm_of_clients_changes_nothing),
-        cmocka_unit_test(a_run_that_is_watched_is_the_same_run),
-        cmocka_unit_test(in_lockstep_too),
-    };
-
-    return cmocka_run_group_tests_name("unit/control_hostile", tests, NULL, NULL);
 }

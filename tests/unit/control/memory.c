@@ -73,9 +73,8 @@ static void fail_each_allocation_of(const char *request)
     bench_do(&bench, "{\"cmd\":\"hello\"}");
 }
 
-static void every_failed_allocation_is_told(void **state)
+TEST(every_failed_allocation_is_told)
 {
-    (void)state;
     client_thread = pthread_self();
     atomic_store(&until_failure, -1);
     json_set_alloc_funcs(allocate, free);
@@ -96,13 +95,4 @@ static void every_failed_allocation_is_told(void **state)
     bench_do(&bench, "{\"cmd\":\"stop\"}");
     bench_close(&bench);
     json_set_alloc_funcs(malloc, free);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_failed_allocation_is_told),
-    };
-
-    return cmocka_run_group_tests_name("unit/control_memory", tests, NULL, NULL);
 }

@@ -1,13 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Requests of the control socket from text: what each command takes, how what is wrong is told. */
 #include "control/parse.h"
+#include "tests/test.h"
 
 #include <string.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 static struct control_request request;
 static struct error error;
@@ -27,16 +23,14 @@ static void assert_refused(const char *text, const char *words)
     }
 }
 
-static int clear(void **state)
+FIXTURE(clear)
 {
-    (void)state;
     control_request_clear(&request);
     return 0;
 }
 
-static void reads_every_key(void **state)
+TEST(reads_every_key)
 {
-    (void)state;
     assert_int_equal(parse("{\"id\":7,\"cmd\":\"set\",\"name\":\"supply_v\",\"value\":40.5}"), 0);
     assert_int_equal(request.command, CONTROL_SET);
     assert_string_equal(request.name, "supply_v");
@@ -61,9 +55,8 @@ static void reads_every_key(void **state)
     assert_true(request.wait_time && request.time_s == 2.0);
 }
 
-static void what_is_optional_has_a_default(void **state)
+TEST(what_is_optional_has_a_default)
 {
-    (void)state;
     assert_int_equal(parse("{\"cmd\":\"step\"}"), 0);
     assert_int_equal(request.count, 1);
     assert_int_equal(parse("{\"cmd\":\"checkpoint\"}"), 0);
@@ -73,9 +66,8 @@ static void what_is_optional_has_a_default(void **state)
     assert_int_equal(json_array_size(request.signals), 1);
 }
 
-static void syntax_errors_have_line_column_and_byte(void **state)
+TEST(syntax_errors_have_line_column_and_byte)
 {
-    (void)state;
     assert_refused("{\"cmd\": status}", "line 12, column 14 (byte 14): found invalid token near "
                                         "'status'");
     assert_refused("", "line 12, column 0 (byte 0): found '[' or '{' expected near end of file");
@@ -89,18 +81,16 @@ static void syntax_errors_have_line_column_and_byte(void **state)
     assert_refused("[1]", "line 12: found an array, expected a JSON object");
 }
 
-static void nesting_beyond_all_bounds_is_refused(void **state)
+TEST(nesting_beyond_all_bounds_is_refused)
 {
     static char deep[60000];
 
-    (void)state;
     memset(deep, '[', sizeof deep - 1);
     assert_refused(deep, "maximum parsing depth reached");
 }
 
-static void rejects_unknown_words_and_names_the_nearest(void **state)
+TEST(rejects_unknown_words_and_names_the_nearest)
 {
-    (void)state;
     assert_refused("{\"cmd\":\"stauts\"}", "found unknown command \"stauts\", expected \"status\"");
     assert_refused("{\"cmd\":\"fly\"}", "expected one that list commands has");
     assert_refused("{\"cmd\":\"push\",\"body\":\"a\",\"force\":[0,0,0]}",
@@ -112,9 +102,8 @@ static void rejects_unknown_words_and_names_the_nearest(void **state)
     assert_refused("{\"cmd\":\"set\",\"name\":\"a\"}", "set: found no key \"value\", expected one");
 }
 
-static void rejects_wrong_types_and_values_out_of_range(void **state)
+TEST(rejects_wrong_types_and_values_out_of_range)
 {
-    (void)state;
     assert_refused("{\"cmd\":5}", "key \"cmd\": found a number, expected a string");
     assert_refused("{\"cmd\":\"status\",\"id\":{}}", "key \"id\": found an object");
     assert_refused("{\"cmd\":\"set\",\"name\":\"a\",\"value\":\"40\"}",
@@ -144,11 +133,10 @@ static void rejects_wrong_types_and_values_out_of_range(void **state)
     assert_refused("{\"cmd\":\"wait\",\"tick\":1,\"time_s\":1}", "wait: found both");
 }
 
-static void an_id_is_kept_with_a_refusal(void **state)
+TEST(an_id_is_kept_with_a_refusal)
 {
     char text[600];
 
-    (void)state;
     assert_refused("{\"id\":\"a7\",\"cmd\":\"nothing\"}", "found unknown command");
     assert_string_equal(json_string_value(request.id), "a7");
     snprintf(text, sizeof text, "{\"cmd\":\"status\",\"id\":\"%0300d\"}", 0);
@@ -157,13 +145,12 @@ static void an_id_is_kept_with_a_refusal(void **state)
 }
 
 /* what a stranger writes must not make lines of its own in a log */
-static void messages_are_one_printable_line(void **state)
+TEST(messages_are_one_printable_line)
 {
-    (void)state;
     assert_refused("{\"cmd\":\"a\\n<3>all is well\\u001b[2J\"}", "a?<3>all is well?[2J");
 }
 
-static void patterns_have_stars_and_question_marks(void **state)
+TEST(patterns_have_stars_and_question_marks)
 {
     static const struct {
         const char *pattern, *name;
@@ -184,18 +171,16 @@ static void patterns_have_stars_and_question_marks(void **state)
         {"[a]", "a", false},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         assert_int_equal(control_matches(cases[i].pattern, cases[i].name), cases[i].matches);
     }
 }
 
 /* many stars against a name that almost matches: a naive matcher would take 10^30 steps */
-static void hostile_patterns_take_no_time(void **state)
+TEST(hostile_patterns_take_no_time)
 {
     char pattern[128] = "", name[4096];
 
-    (void)state;
     for (int i = 0; i < 30; i++) {
         strcat(pattern, "*a");
     }
@@ -205,11 +190,10 @@ static void hostile_patterns_take_no_time(void **state)
     assert_false(control_matches(pattern, name));
 }
 
-static void texts_that_are_no_utf8_are_mended(void **state)
+TEST(texts_that_are_no_utf8_are_mended)
 {
     json_t *text = control_text("caf\xc3");
 
-    (void)state;
     assert_string_equal(json_string_value(text), "caf?");
     json_decref(text);
     text = control_text("caf\xc3\xa9");
@@ -217,21 +201,4 @@ static void texts_that_are_no_utf8_are_mended(void **state)
     json_decref(text);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(reads_every_key),
-        cmocka_unit_test(what_is_optional_has_a_default),
-        cmocka_unit_test(syntax_errors_have_line_column_and_byte),
-        cmocka_unit_test(nesting_beyond_all_bounds_is_refused),
-        cmocka_unit_test(rejects_unknown_words_and_names_the_nearest),
-        cmocka_unit_test(rejects_wrong_types_and_values_out_of_range),
-        cmocka_unit_test(an_id_is_kept_with_a_refusal),
-        cmocka_unit_test(messages_are_one_printable_line),
-        cmocka_unit_test(patterns_have_stars_and_question_marks),
-        cmocka_unit_test(hostile_patterns_take_no_time),
-        cmocka_unit_test(texts_that_are_no_utf8_are_mended),
-    };
-
-    return cmocka_run_group_tests_name("unit/control_parse", tests, NULL, clear);
-}
+TEST_GROUP(NULL, clear)

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The place of the control socket: who may use it, whose it is, what is replaced and what never. */
 #include "control/socket.h"
+#include "tests/test.h"
 
 #include <errno.h>
 #include <stdbool.h>
@@ -12,28 +13,21 @@
 #include <sys/un.h>
 #include <sys/wait.h>
 #include <unistd.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 static char folder[] = "/tmp/coman-hil-control-XXXXXX";
 static char path[64];
 static struct error error;
 
-static int make_folder(void **state)
+FIXTURE(make_folder)
 {
-    (void)state;
     unsetenv("RUNTIME_DIRECTORY");
     unsetenv("XDG_RUNTIME_DIR");
     snprintf(path, sizeof path, "%s/control", mkdtemp(folder));
     return 0;
 }
 
-static int remove_folder(void **state)
+FIXTURE(remove_folder)
 {
-    (void)state;
     unlink(path);
     return rmdir(folder);
 }
@@ -54,13 +48,12 @@ static void leave_stale(void)
     close(dead);
 }
 
-static void is_its_owners_alone_whatever_the_mask(void **state)
+TEST(is_its_owners_alone_whatever_the_mask)
 {
     mode_t mask = umask(0);
     struct control_socket socket;
     struct stat found;
 
-    (void)state;
     open_path(&socket);
     umask(mask);
     assert_int_equal(stat(path, &found), 0);
@@ -71,12 +64,11 @@ static void is_its_owners_alone_whatever_the_mask(void **state)
     control_socket_close(&socket);
 }
 
-static void a_stale_socket_is_replaced(void **state)
+TEST(a_stale_socket_is_replaced)
 {
     struct control_socket socket;
     int client;
 
-    (void)state;
     leave_stale();
     assert_int_equal(control_socket_connect(path, &client, &error), ERROR_SYSTEM);
     open_path(&socket);
@@ -85,12 +77,11 @@ static void a_stale_socket_is_replaced(void **state)
     control_socket_close(&socket);
 }
 
-static void a_living_one_is_not(void **state)
+TEST(a_living_one_is_not)
 {
     struct control_socket first, second;
     int client;
 
-    (void)state;
     open_path(&first);
     assert_int_equal(control_socket_open(path, &second, &error), ERROR_SYSTEM);
     assert_non_null(strstr(error.text, "a running process listens at"));
@@ -100,12 +91,11 @@ static void a_living_one_is_not(void **state)
     control_socket_close(&first);
 }
 
-static void other_files_are_left_alone(void **state)
+TEST(other_files_are_left_alone)
 {
     struct control_socket socket;
     FILE *file = fopen(path, "w");
 
-    (void)state;
     fclose(file);
     assert_int_equal(control_socket_open(path, &socket, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "that is no socket"));
@@ -117,11 +107,10 @@ static void other_files_are_left_alone(void **state)
     assert_int_equal(unlink(path), 0);
 }
 
-static void only_ones_own_is_removed_at_the_end(void **state)
+TEST(only_ones_own_is_removed_at_the_end)
 {
     struct control_socket first, second;
 
-    (void)state;
     open_path(&first);
     assert_int_equal(unlink(path), 0);
     open_path(&second);
@@ -131,12 +120,11 @@ static void only_ones_own_is_removed_at_the_end(void **state)
     assert_int_equal(access(path, F_OK), -1);
 }
 
-static void rejects_paths_that_cannot_be(void **state)
+TEST(rejects_paths_that_cannot_be)
 {
     struct control_socket socket;
     char text[200];
 
-    (void)state;
     memset(text, 'a', sizeof text);
     text[0] = '/';
     text[108] = '\0';
@@ -148,14 +136,13 @@ static void rejects_paths_that_cannot_be(void **state)
     assert_non_null(strstr(error.text, "/nowhere/at/all"));
 }
 
-static void the_peer_is_known(void **state)
+TEST(the_peer_is_known)
 {
     struct control_socket socket;
     int client, served;
     pid_t pid;
     uid_t uid;
 
-    (void)state;
     open_path(&socket);
     assert_int_equal(control_socket_connect(path, &client, &error), ERROR_NONE);
     served = accept(socket.descriptor, NULL, NULL);
@@ -169,7 +156,7 @@ static void the_peer_is_known(void **state)
 }
 
 /* with another user's eyes: a child that gives its rights away */
-static void strangers_are_told_from_the_owner(void **state)
+TEST(strangers_are_told_from_the_owner)
 {
     struct control_socket socket;
     int client, served, pipes[2];
@@ -177,7 +164,6 @@ static void strangers_are_told_from_the_owner(void **state)
     pid_t pid, child;
     uid_t uid;
 
-    (void)state;
     if (geteuid() != 0) {
         print_message("SKIP: needs root to become somebody else\n");
         skip();
@@ -207,12 +193,11 @@ static void strangers_are_told_from_the_owner(void **state)
     control_socket_close(&socket);
 }
 
-static void runs_of_one_rig_get_places_of_their_own(void **state)
+TEST(runs_of_one_rig_get_places_of_their_own)
 {
     struct control_socket first, second;
     char found[CONTROL_FOUND_MAX][CONTROL_PATH_SIZE], place[128];
 
-    (void)state;
     setenv("XDG_RUNTIME_DIR", folder, 1);
     assert_int_equal(control_socket_open_default("coman", &first, &error), ERROR_NONE);
     assert_int_equal(control_socket_open_default("coman", &second, &error), ERROR_NONE);
@@ -290,12 +275,11 @@ static bool nothing_is_found(void)
     return true;
 }
 
-static void both_ends_agree_without_a_runtime_directory(void **state)
+TEST(both_ends_agree_without_a_runtime_directory)
 {
     struct control_socket trap;
     char place[128];
 
-    (void)state;
     if (geteuid() != 0) {
         print_message("SKIP: needs root to become somebody else\n");
         skip();
@@ -337,12 +321,11 @@ static void both_ends_agree_without_a_runtime_directory(void **state)
     assert_int_equal(unlink(fallback), 0);
 }
 
-static void a_service_has_its_own_place(void **state)
+TEST(a_service_has_its_own_place)
 {
     struct control_socket socket;
     char list[128];
 
-    (void)state;
     snprintf(list, sizeof list, "%s:/somewhere/else", folder);
     setenv("RUNTIME_DIRECTORY", list, 1);
     assert_int_equal(control_socket_open_default("coman", &socket, &error), ERROR_NONE);
@@ -351,21 +334,4 @@ static void a_service_has_its_own_place(void **state)
     unsetenv("RUNTIME_DIRECTORY");
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(is_its_owners_alone_whatever_the_mask),
-        cmocka_unit_test(a_stale_socket_is_replaced),
-        cmocka_unit_test(a_living_one_is_not),
-        cmocka_unit_test(other_files_are_left_alone),
-        cmocka_unit_test(only_ones_own_is_removed_at_the_end),
-        cmocka_unit_test(rejects_paths_that_cannot_be),
-        cmocka_unit_test(the_peer_is_known),
-        cmocka_unit_test(strangers_are_told_from_the_owner),
-        cmocka_unit_test(runs_of_one_rig_get_places_of_their_own),
-        cmocka_unit_test(both_ends_agree_without_a_runtime_directory),
-        cmocka_unit_test(a_service_has_its_own_place),
-    };
-
-    return cmocka_run_group_tests_name("unit/control_socket", tests, make_folder, remove_folder);
-}
+TEST_GROUP(make_folder, remove_folder)

@@ -10,7 +10,7 @@ struct bench {
     struct faults *faults;
 };
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     static struct bench bench;
     const struct fault fault[] = {parse("motor LKneeSag jam 2..2.5"),
@@ -20,13 +20,13 @@ static int set_up(void **state)
 
     assert_int_equal(arena_init(&bench.arena, 1 << 20, &error), ERROR_NONE);
     assert_int_equal(faults_create(fault, 3, 7, &bench.arena, &bench.faults, &error), ERROR_NONE);
-    *state = &bench;
+    *test_state = &bench;
     return 0;
 }
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
-    arena_fini(&((struct bench *)*state)->arena);
+    arena_fini(&((struct bench *)*test_state)->arena);
     return 0;
 }
 
@@ -35,9 +35,9 @@ static bool is_active(const struct bench *bench, size_t i)
     return faults_at(bench->faults, i)->active;
 }
 
-static void window_holds_from_its_begin_to_before_its_end(void **state)
+TEST_WITH(window_holds_from_its_begin_to_before_its_end, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_false(is_active(bench, 2)); /* not before the first step */
     faults_step(bench->faults, 0);
@@ -54,9 +54,9 @@ static void window_holds_from_its_begin_to_before_its_end(void **state)
     assert_false(is_active(bench, 0));
 }
 
-static void hand_overrules_the_clock(void **state)
+TEST_WITH(hand_overrules_the_clock, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     int lossy = faults_find(bench->faults, "lossy");
 
     assert_int_equal(lossy, 1);
@@ -75,9 +75,9 @@ static void hand_overrules_the_clock(void **state)
     assert_false(faults_set(bench->faults, 2 * SECOND, 3, true));
 }
 
-static void each_change_is_one_event(void **state)
+TEST_WITH(each_change_is_one_event, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct fault_event event;
     char text[256];
 
@@ -98,9 +98,9 @@ static void each_change_is_one_event(void **state)
     assert_false(faults_next_event(bench->faults, &event));
 }
 
-static void a_run_may_have_no_faults(void **state)
+TEST_WITH(a_run_may_have_no_faults, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct fault_event event;
     struct faults *faults;
     struct error error;
@@ -113,9 +113,9 @@ static void a_run_may_have_no_faults(void **state)
 }
 
 /* A name of one letter counts, and so does the number of another fault. */
-static void refuses_the_number_of_another_fault_as_a_name(void **state)
+TEST_WITH(refuses_the_number_of_another_fault_as_a_name, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const struct fault fault[] = {parse("a: motor LKneeSag jam"), parse("3: motor LHipSag jam"),
                                   parse("motor LHipSag jam")};
     struct faults *faults;
@@ -127,29 +127,13 @@ static void refuses_the_number_of_another_fault_as_a_name(void **state)
     assert_non_null(strstr(error.text, "name 3 again"));
 }
 
-static void refuses_one_name_twice(void **state)
+TEST_WITH(refuses_one_name_twice, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const struct fault fault[] = {parse("a: motor LKneeSag jam"), parse("a: motor LHipSag jam")};
     struct faults *faults;
     struct error error;
 
     assert_int_equal(faults_create(fault, 2, 7, &bench->arena, &faults, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "name a again"));
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(window_holds_from_its_begin_to_before_its_end, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(hand_overrules_the_clock, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(each_change_is_one_event, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_run_may_have_no_faults, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(refuses_the_number_of_another_fault_as_a_name, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(refuses_one_name_twice, set_up, tear_down),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,14 +3,8 @@
 #ifndef TESTS_UNIT_FAULTS_LINES_H
 #define TESTS_UNIT_FAULTS_LINES_H
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "tests/unit/faults/names.h"
+#include "tests/test.h"
 
 #define SECOND INT64_C(1000000000)
 

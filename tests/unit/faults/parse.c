@@ -15,11 +15,10 @@ static void assert_refused(const char *text, enum error_code code, const char *m
     }
 }
 
-static void reads_what_is_broken_how_and_when(void **unused)
+TEST(reads_what_is_broken_how_and_when)
 {
     struct fault fault = parse("motor LKneeSag jam 2.0..2.5");
 
-    (void)unused;
     assert_int_equal(fault.target, FAULT_MOTOR);
     assert_int_equal(fault.kind, FAULT_JAM);
     assert_int_equal(fault.index, 1);
@@ -29,11 +28,10 @@ static void reads_what_is_broken_how_and_when(void **unused)
     assert_string_equal(fault.name, "");
 }
 
-static void window_may_be_open_missing_or_manual(void **unused)
+TEST(window_may_be_open_missing_or_manual)
 {
     struct fault fault = parse("motor LHipSag short 0.25..");
 
-    (void)unused;
     assert_int_equal(fault.from_ns, SECOND / 4);
     assert_int_equal(fault.to_ns, INT64_MAX);
     fault = parse("motor LHipSag open_phase");
@@ -44,11 +42,10 @@ static void window_may_be_open_missing_or_manual(void **unused)
     assert_string_equal(fault.name, "knee");
 }
 
-static void sensors_are_numbered_through(void **unused)
+TEST(sensors_are_numbered_through)
 {
     struct fault fault = parse("sensor LKneeSag.motor_encoder stuck 3..");
 
-    (void)unused;
     assert_int_equal(fault.index, SENSOR_JOINT_CHANNELS + SENSOR_MOTOR_ENCODER);
     assert_int_equal(fault.channels, 1);
     fault = parse("sensor hand.link_encoder off");
@@ -69,23 +66,21 @@ static void sensors_are_numbered_through(void **unused)
     assert_int_equal(fault.channels, 13);
 }
 
-static void boards_have_a_name_or_an_address(void **unused)
+TEST(boards_have_a_name_or_an_address)
 {
-    (void)unused;
     assert_int_equal(parse("board left_leg/0x01 off").index, 0);
     assert_int_equal(parse("board left_leg/1 off 1..1.2").index, 0);
     assert_int_equal(parse("board left_leg/13 stuck").index, 1);
     assert_int_equal(parse("board ankle garbage").index, 1);
 }
 
-static void a_board_may_have_the_address_0(void **unused)
+TEST(a_board_may_have_the_address_0)
 {
     static const int addresses[] = {0, 255};
     struct fault_names others = names;
     struct fault fault;
     struct error error;
 
-    (void)unused;
     others.board_address = addresses;
     assert_int_equal(fault_parse("board left_leg/0 off", &others, &fault, &error), ERROR_NONE);
     assert_int_equal(fault.index, 0);
@@ -95,11 +90,10 @@ static void a_board_may_have_the_address_0(void **unused)
     assert_int_equal(fault_parse("board torso/0 off", &others, &fault, &error), ERROR_INPUT);
 }
 
-static void parameters_have_keys_defaults_and_a_first(void **unused)
+TEST(parameters_have_keys_defaults_and_a_first)
 {
     struct fault fault = parse("sensor LKneeSag.torque wrong gain=1.1 offset=-0.5 1..2");
 
-    (void)unused;
     assert_true(fault.value[0] == 1.1 && fault.value[1] == -0.5);
     fault = parse("sensor LKneeSag.torque wrong offset=2");
     assert_true(fault.value[0] == 1.0 && fault.value[1] == 2.0);
@@ -132,9 +126,8 @@ static void parameters_have_keys_defaults_and_a_first(void **unused)
     assert_true(fault.value[0] == 1.0);
 }
 
-static void refuses_what_it_does_not_know_and_names_the_nearest(void **unused)
+TEST(refuses_what_it_does_not_know_and_names_the_nearest)
 {
-    (void)unused;
     assert_refused("", ERROR_INPUT, "expected sensor, board, motor, bus, supply, valve or");
     assert_refused("engine LKneeSag jam", ERROR_INPUT, "found \"engine\"");
     assert_refused("motor LKneeSga jam", ERROR_INPUT, "\"LKneeSag\"");
@@ -150,7 +143,7 @@ static void refuses_what_it_does_not_know_and_names_the_nearest(void **unused)
 }
 
 /* Up to twenty names are listed where none is near. */
-static void a_short_list_of_names_is_told_in_full(void **unused)
+TEST(a_short_list_of_names_is_told_in_full)
 {
     static const char *const twenty_one[] = {"b00", "b01", "b02", "b03", "b04", "b05", "b06",
                                              "b07", "b08", "b09", "b10", "b11", "b12", "b13",
@@ -159,7 +152,6 @@ static void a_short_list_of_names_is_told_in_full(void **unused)
     struct fault fault;
     struct error error;
 
-    (void)unused;
     many.bus = twenty_one;
     for (many.nbus = 1; many.nbus <= 21; many.nbus++) {
         char last[32];
@@ -172,9 +164,8 @@ static void a_short_list_of_names_is_told_in_full(void **unused)
     }
 }
 
-static void refuses_wrong_numbers_and_windows(void **unused)
+TEST(refuses_wrong_numbers_and_windows)
 {
-    (void)unused;
     assert_refused("bus left_leg loss", ERROR_INPUT, "expected p");
     assert_refused("bus left_leg loss 1.5", ERROR_INPUT, "p=0 to 1");
     assert_refused("bus left_leg loss nan", ERROR_INPUT, "p=0 to 1");
@@ -196,9 +187,8 @@ static void refuses_wrong_numbers_and_windows(void **unused)
     assert_refused("sensor imu.gyro_x slow 0", ERROR_INPUT, "period=");
 }
 
-static void refuses_what_is_unsupported_there(void **unused)
+TEST(refuses_what_is_unsupported_there)
 {
-    (void)unused;
     assert_refused("motor hand jam", ERROR_UNSUPPORTED, "no drive");
     assert_refused("motor lf_kfe jam", ERROR_UNSUPPORTED, "expected \"valve lf_kfe\"");
     assert_refused("valve LHipSag off", ERROR_UNSUPPORTED, "expected \"motor LHipSag\"");
@@ -212,25 +202,23 @@ static void refuses_what_is_unsupported_there(void **unused)
 }
 
 /* A pressure that is constant by definition, or of a robot without oil, cannot be lost. */
-static void a_supply_without_accumulator_cannot_break(void **unused)
+TEST(a_supply_without_accumulator_cannot_break)
 {
     struct fault_names constant = names;
     struct fault fault;
     struct error error;
 
-    (void)unused;
     constant.oil_store = false;
     assert_int_equal(fault_parse("hydraulic_supply leak 1e-5", &constant, &fault, &error),
                      ERROR_UNSUPPORTED);
     assert_non_null(strstr(error.text, "with an accumulator"));
 }
 
-static void any_text_is_refused_or_read_and_nothing_else(void **unused)
+TEST(any_text_is_refused_or_read_and_nothing_else)
 {
     static const char alphabet[] = "sensor motor LKneeSag. jam 0.1..2=:/ left_leg\t\x01\xff bus id";
     uint32_t random = 1;
 
-    (void)unused;
     for (int i = 0; i < 20000; i++) {
         char text[FAULT_TEXT_SIZE + 40];
         struct fault fault;
@@ -247,37 +235,15 @@ static void any_text_is_refused_or_read_and_nothing_else(void **unused)
     }
 }
 
-static void help_lists_every_kind_once(void **unused)
+TEST(help_lists_every_kind_once)
 {
     char text[200];
     size_t count = faults_help(0, NULL, 0);
 
-    (void)unused;
     assert_true(count > 20);
     for (size_t i = 0; i < count; i++) {
         faults_help(i, text, sizeof text);
         assert_non_null(strstr(text, " ... "));
         assert_non_null(strchr(text, ':'));
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(reads_what_is_broken_how_and_when),
-        cmocka_unit_test(window_may_be_open_missing_or_manual),
-        cmocka_unit_test(sensors_are_numbered_through),
-        cmocka_unit_test(boards_have_a_name_or_an_address),
-        cmocka_unit_test(a_board_may_have_the_address_0),
-        cmocka_unit_test(parameters_have_keys_defaults_and_a_first),
-        cmocka_unit_test(refuses_what_it_does_not_know_and_names_the_nearest),
-        cmocka_unit_test(a_short_list_of_names_is_told_in_full),
-        cmocka_unit_test(refuses_wrong_numbers_and_windows),
-        cmocka_unit_test(refuses_what_is_unsupported_there),
-        cmocka_unit_test(a_supply_without_accumulator_cannot_break),
-        cmocka_unit_test(any_text_is_refused_or_read_and_nothing_else),
-        cmocka_unit_test(help_lists_every_kind_once),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -5,14 +5,8 @@
 
 #include "model/robot.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "tests/unit/arena_fixture.h"
+#include "tests/test.h"
 
 #define COMAN HIL_SOURCE_DIR "/config/robots/coman.yaml"
 

@@ -3,15 +3,10 @@
 #include "model/coupling.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 enum { JOINTS = 6, COUPLINGS = 3 };
 
@@ -23,13 +18,12 @@ static struct robot_coupling couplings[COUPLINGS] = {
 static const struct robot robot = {
     .njoint = JOINTS, .nq = JOINTS, .nv = JOINTS, .coupling = couplings, .ncoupling = COUPLINGS};
 
-static void force_presses_follower_back_and_leader_on(void **state)
+TEST(force_presses_follower_back_and_leader_on)
 {
     const struct robot_coupling *c = &couplings[0];
     const double q[JOINTS] = {0.2, 0.1}, qd[JOINTS] = {1.0, 0.5};
     double torque[JOINTS] = {0.0}, force;
 
-    (void)state;
     assert_near(coupling_error(c, q), 0.1 + 0.4 - 0.1, 1e-15);
     assert_near(coupling_rate(c, qd), 2.5, 1e-15);
     force = coupling_force(c, 0.4, 2.5);
@@ -44,11 +38,10 @@ static void force_presses_follower_back_and_leader_on(void **state)
     assert_near(coupling_energy(c, 0.4), 4.0, 1e-12);
 }
 
-static void aligned_followers_have_no_error(void **state)
+TEST(aligned_followers_have_no_error)
 {
     double q[JOINTS] = {0.3, 9.0, 9.0, 0.7, 9.0, -0.2};
 
-    (void)state;
     coupling_align(&robot, q);
     for (int i = 0; i < COUPLINGS; i++) {
         assert_near(coupling_error(&couplings[i], q), 0.0, 1e-15);
@@ -109,11 +102,10 @@ static void fill_mass(double A[JOINTS][JOINTS])
 }
 
 /* (M + sum c w w^T) a = b - sum w s0 in one piece, and by the forces of the couplings. */
-static void forces_solve_the_whole_system(void **state)
+TEST(forces_solve_the_whole_system)
 {
     const double b[JOINTS] = {1.0, -2.0, 0.5, 3.0, -1.0, 0.7}, pull[COUPLINGS] = {0.3, -4.0, 1.0};
 
-    (void)state;
     for (double stiff = 1e-3; stiff <= 1e9; stiff *= 1e3) {
         double column[COUPLINGS * JOINTS], factor[COUPLINGS * COUPLINGS], A[JOINTS][JOINTS];
         double compliance[COUPLINGS], c[COUPLINGS], force[COUPLINGS], a[JOINTS], exact[JOINTS];
@@ -163,13 +155,12 @@ static void forces_solve_the_whole_system(void **state)
 }
 
 /* Without compliance followers accelerate as their leaders say, to rounding. */
-static void rigid_couplings_hold_followers(void **state)
+TEST(rigid_couplings_hold_followers)
 {
     double column[COUPLINGS * JOINTS], factor[COUPLINGS * COUPLINGS], A[JOINTS][JOINTS];
     double force[COUPLINGS], a[JOINTS] = {1.0, -2.0, 0.5, 3.0, -1.0, 0.7};
     const double none[COUPLINGS] = {0.0};
 
-    (void)state;
     for (int i = 0; i < COUPLINGS; i++) {
         memset(column + JOINTS * i, 0, JOINTS * sizeof *column);
         coupling_press(&couplings[i], -1.0, column + JOINTS * i);
@@ -181,16 +172,4 @@ static void rigid_couplings_hold_followers(void **state)
     for (int i = 0; i < COUPLINGS; i++) {
         assert_near(coupling_rate(&couplings[i], a), 0.0, 1e-14);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(force_presses_follower_back_and_leader_on),
-        cmocka_unit_test(aligned_followers_have_no_error),
-        cmocka_unit_test(forces_solve_the_whole_system),
-        cmocka_unit_test(rigid_couplings_hold_followers),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,17 +3,11 @@
  * The numeric dynamics against what is known without another program: closed forms, the balance of
  * momentum and energy, the robot's own mirror image, and its two directions against each other.
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "model/dynamics.h"
 #include "model/spatial.h"
 #include "tests/unit/model/coman.h"
 #include "tests/unit/model/random_robot.h"
+#include "tests/test.h"
 
 #include <stdio.h>
 
@@ -92,14 +86,13 @@ static void chain_add(struct chain *chain, enum joint_type type, const double ax
     robot->njoint++;
 }
 
-static void a_pendulum_falls_as_its_equation_says(void **state)
+TEST_WITH(a_pendulum_falls_as_its_equation_says, open_arena, close_arena)
 {
     const double m = 1.3, l = 0.7, Iyy = 0.05, g = 9.81, at_base[3] = {0.1, 0.2, 0.3};
     const struct robot_inertia bob = {m, {0.0, 0.0, -l}, {0.06, 0.0, 0.0, Iyy, 0.0, 0.03}};
     struct chain chain = {0};
     struct dynamics d;
 
-    (void)state;
     chain_add(&chain, JOINT_REVOLUTE, turn_y, at_base, &bob);
     finish(&chain.robot);
     make(&chain.robot, &d);
@@ -114,7 +107,7 @@ static void a_pendulum_falls_as_its_equation_says(void **state)
     }
 }
 
-static void a_double_pendulum_falls_as_its_equations_say(void **state)
+TEST_WITH(a_double_pendulum_falls_as_its_equations_say, open_arena, close_arena)
 {
     const double m1 = 1.0, m2 = 2.0, l1 = 1.0, l2 = 0.6, g = 9.81, none[3] = {0.0, 0.0, 0.0};
     const double elbow[3] = {0.0, 0.0, -l1};
@@ -124,7 +117,6 @@ static void a_double_pendulum_falls_as_its_equations_say(void **state)
     struct dynamics d;
     uint64_t seed = 1;
 
-    (void)state;
     chain_add(&chain, JOINT_REVOLUTE, turn_y, none, &upper);
     chain_add(&chain, JOINT_REVOLUTE, turn_y, elbow, &lower);
     finish(&chain.robot);
@@ -147,7 +139,7 @@ static void a_double_pendulum_falls_as_its_equations_say(void **state)
     }
 }
 
-static void a_slider_drops_along_its_axis(void **state)
+TEST_WITH(a_slider_drops_along_its_axis, open_arena, close_arena)
 {
     const double axis[3] = {0.6, 0.0, -0.8}, none[3] = {0.0, 0.0, 0.0};
     const struct robot_inertia block = {2.5, {0.3, -0.1, 0.2}, {0.1, 0.0, 0.0, 0.1, 0.0, 0.1}};
@@ -157,7 +149,6 @@ static void a_slider_drops_along_its_axis(void **state)
     struct chain chain = {0};
     struct dynamics d;
 
-    (void)state;
     chain_add(&chain, JOINT_PRISMATIC, axis, none, &block);
     finish(&chain.robot);
     make(&chain.robot, &d);
@@ -173,7 +164,7 @@ static void a_slider_drops_along_its_axis(void **state)
     }
 }
 
-static void a_free_body_turns_as_euler_says(void **state)
+TEST_WITH(a_free_body_turns_as_euler_says, open_arena, close_arena)
 {
     struct robot_body body = {.name = "body", .parent = -1};
     struct robot robot = {.name = "free body",
@@ -188,7 +179,6 @@ static void a_free_body_turns_as_euler_says(void **state)
     uint64_t seed = 3;
     double vdot[6];
 
-    (void)state;
     body.inertia = (struct robot_inertia){m, {0}, {I[0], 0.0, 0.0, I[1], 0.0, I[2]}};
     finish(&robot);
     make(&robot, &d);
@@ -213,12 +203,11 @@ static void a_free_body_turns_as_euler_says(void **state)
 
 /* ---- any tree ---- */
 
-static void inverse_gives_back_the_forces_of_forward(void **state)
+TEST_WITH(inverse_gives_back_the_forces_of_forward, open_arena, close_arena)
 {
     uint64_t seed = 11;
     double worst = 0.0;
 
-    (void)state;
     for (int n = 0; n < TREES; n++) {
         static struct random_tree tree;
         struct random_state s;
@@ -316,13 +305,12 @@ static void advance(const struct robot *robot, const struct random_state *s, con
     }
 }
 
-static void momentum_and_energy_change_by_what_acts_from_outside(void **state)
+TEST_WITH(momentum_and_energy_change_by_what_acts_from_outside, open_arena, close_arena)
 {
     const double h = 1e-6;
     double worst_momentum = 0.0, worst_power = 0.0;
     uint64_t seed = 12;
 
-    (void)state;
     for (int n = 0; n < TREES; n++) {
         static struct random_tree tree;
         struct random_state s, before, after;
@@ -361,13 +349,12 @@ static void momentum_and_energy_change_by_what_acts_from_outside(void **state)
     assert_true(worst_power <= 1e-6);
 }
 
-static void accelerations_of_bodies_are_the_change_of_their_velocities(void **state)
+TEST_WITH(accelerations_of_bodies_are_the_change_of_their_velocities, open_arena, close_arena)
 {
     const double h = 1e-6;
     double worst = 0.0;
     uint64_t seed = 13;
 
-    (void)state;
     for (int n = 0; n < TREES; n++) {
         static struct random_tree tree;
         struct random_state s, before, after;
@@ -489,13 +476,12 @@ static double mirror_difference(const struct robot *robot, uint64_t *seed)
     return relative(image, vdot, robot->nv, 1.0);
 }
 
-static void coman_in_a_mirror_accelerates_as_its_mirror_image(void **state)
+TEST_WITH(coman_in_a_mirror_accelerates_as_its_mirror_image, open_arena, close_arena)
 {
     const struct robot *coman = load_coman(NULL), *symmetric = symmetric_coman(coman);
     double worst = 0.0, real = 0.0;
     uint64_t seed = 14;
 
-    (void)state;
     for (int n = 0; n < 50; n++) {
         worst = fmax(worst, mirror_difference(symmetric, &seed));
         real = fmax(real, mirror_difference(coman, &seed));
@@ -505,11 +491,10 @@ static void coman_in_a_mirror_accelerates_as_its_mirror_image(void **state)
     assert_true(worst <= 1e-11);
 }
 
-static void the_limbs_of_coman_are_mirror_images_and_its_trunk_is_not(void **state)
+TEST_WITH(the_limbs_of_coman_are_mirror_images_and_its_trunk_is_not, open_arena, close_arena)
 {
     const struct robot *coman = load_coman(NULL);
 
-    (void)state;
     for (size_t b = 0; b < coman->nbody; b++) {
         size_t other = b == 0 ? 0 : 1 + other_side(coman, b - 1);
         const struct robot_inertia *x = &coman->body[b].inertia, *y = &coman->body[other].inertia;
@@ -530,13 +515,12 @@ static void the_limbs_of_coman_are_mirror_images_and_its_trunk_is_not(void **sta
     }
 }
 
-static void the_same_state_gives_the_same_bits(void **state)
+TEST_WITH(the_same_state_gives_the_same_bits, open_arena, close_arena)
 {
     const struct robot *coman = load_coman(NULL);
     struct dynamics one, two;
     uint64_t seed = 15;
 
-    (void)state;
     make(coman, &one);
     make(coman, &two);
     assert_int_equal(arena_seal(&arena, false, NULL), ERROR_NONE);
@@ -553,24 +537,4 @@ static void the_same_state_gives_the_same_bits(void **state)
         assert_memory_equal(first, again, coman->nv * sizeof *first);
         assert_memory_equal(first, other, coman->nv * sizeof *first);
     }
-}
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, open_arena, close_arena)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(a_pendulum_falls_as_its_equation_says),
-        TEST(a_double_pendulum_falls_as_its_equations_say),
-        TEST(a_slider_drops_along_its_axis),
-        TEST(a_free_body_turns_as_euler_says),
-        TEST(inverse_gives_back_the_forces_of_forward),
-        TEST(momentum_and_energy_change_by_what_acts_from_outside),
-        TEST(accelerations_of_bodies_are_the_change_of_their_velocities),
-        TEST(coman_in_a_mirror_accelerates_as_its_mirror_image),
-        TEST(the_limbs_of_coman_are_mirror_images_and_its_trunk_is_not),
-        TEST(the_same_state_gives_the_same_bits),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -12,12 +12,12 @@
 #include <vector>
 
 extern "C" {
-#include <cmocka.h>
 
 #include "tests/unit/model/random_robot.h"
 }
 
 #include "tests/unit/model/simbody_tree.h"
+#include "tests/test.h"
 
 using namespace SimTK;
 using simbody_tree::put;
@@ -227,7 +227,7 @@ Differences compare(Oracle &oracle, const struct dynamics &d, const struct rando
     return difference;
 }
 
-void random_trees_move_as_in_simbody(void **)
+TEST(random_trees_move_as_in_simbody)
 {
     struct arena arena;
     struct error error;
@@ -251,7 +251,7 @@ void random_trees_move_as_in_simbody(void **)
     worst.check(tolerance);
 }
 
-void coman_moves_as_in_simbody(void **)
+TEST(coman_moves_as_in_simbody)
 {
     struct arena arena;
     struct error error;
@@ -283,13 +283,3 @@ void coman_moves_as_in_simbody(void **)
 }
 
 } // namespace
-
-int main()
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(random_trees_move_as_in_simbody),
-        cmocka_unit_test(coman_moves_as_in_simbody),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
-}

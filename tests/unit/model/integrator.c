@@ -3,14 +3,9 @@
 #include "model/integrator.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 /* y0' = y0 cos t (solution exp(sin t)); y1' = -y1^2 (solution 1/(1 + t)); y2, y3: an oscillator. */
 static void mixed_problem(void *context, double t, const double *y, double *dydt)
@@ -39,11 +34,10 @@ static double mixed_error(int steps)
     return worst;
 }
 
-static void rk4_converges_with_order_four(void **state)
+TEST(rk4_converges_with_order_four)
 {
     double previous = mixed_error(20);
 
-    (void)state;
     for (int steps = 40; steps <= 640; steps *= 2) {
         double error = mixed_error(steps), slope = log2(previous / error);
 
@@ -61,12 +55,11 @@ static void cubic_slope(void *context, double t, const double *y, double *dydt)
 }
 
 /* On y' = f(t) the scheme is Simpson's rule, which is exact for cubics. */
-static void rk4_integrates_cubics_exactly(void **state)
+TEST(rk4_integrates_cubics_exactly)
 {
     double y = 0.25, lost = 0.0, scratch[5];
     const double t = 0.3, h = 1.7, u = t + h;
 
-    (void)state;
     integrator_rk4(cubic_slope, NULL, t, h, 1, &y, &lost, scratch);
     assert_near(
         y, 0.25 + (u * u * u * u - u * u * u + u * u - u) - (t * t * t * t - t * t * t + t * t - t),
@@ -82,11 +75,10 @@ static void record_time(void *context, double t, const double *y, double *dydt)
     dydt[0] = 0.0;
 }
 
-static void rk4_evaluates_at_both_ends_and_twice_in_the_middle(void **state)
+TEST(rk4_evaluates_at_both_ends_and_twice_in_the_middle)
 {
     double times[4], *next = times, y = 0.0, lost = 0.0, scratch[5];
 
-    (void)state;
     integrator_rk4(record_time, &next, 3.0, 0.5, 1, &y, &lost, scratch);
     assert_ptr_equal(next, times + 4);
     assert_near(times[0], 3.0, 0.0);
@@ -95,13 +87,12 @@ static void rk4_evaluates_at_both_ends_and_twice_in_the_middle(void **state)
     assert_near(times[3], 3.5, 0.0);
 }
 
-static void rk4_stays_within_its_scratch(void **state)
+TEST(rk4_stays_within_its_scratch)
 {
     enum { ROOM = 64 };
     double y[4] = {1.0, 1.0, 0.0, 1.0}, lost[4] = {0.0}, scratch[ROOM];
     size_t need = integrator_rk4_scratch(4);
 
-    (void)state;
     assert_true(need < ROOM);
     for (size_t i = 0; i < ROOM; i++) {
         scratch[i] = 12345.0;
@@ -120,12 +111,11 @@ static void even_slope(void *context, double t, const double *y, double *dydt)
 }
 
 /* Each step cuts up to half a unit in the last place off, which a plain sum adds up. */
-static void rk4_does_not_add_up_its_roundings(void **state)
+TEST(rk4_does_not_add_up_its_roundings)
 {
     const double h = 1e-9;
     double slope = 1.0 / 3.0, y = 1.0, lost = 0.0, plain = 1.0, scratch[5];
 
-    (void)state;
     for (int k = 0; k < 1000000; k++) {
         integrator_rk4(even_slope, &slope, k * h, h, 1, &y, &lost, scratch);
         plain += h * slope;
@@ -134,17 +124,4 @@ static void rk4_does_not_add_up_its_roundings(void **state)
                   plain - (1.0 + 1e-3 / 3.0));
     assert_near(y, 1.0 + 1e-3 / 3.0, 3e-16);
     assert_true(fabs(plain - (1.0 + 1e-3 / 3.0)) > 1e-12);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(rk4_converges_with_order_four),
-        cmocka_unit_test(rk4_integrates_cubics_exactly),
-        cmocka_unit_test(rk4_evaluates_at_both_ends_and_twice_in_the_middle),
-        cmocka_unit_test(rk4_stays_within_its_scratch),
-        cmocka_unit_test(rk4_does_not_add_up_its_roundings),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

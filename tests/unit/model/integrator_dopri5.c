@@ -3,14 +3,9 @@
 #include "model/integrator.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 enum { ROOM = 64 };
 
@@ -41,11 +36,10 @@ static double mixed_error(struct integrator_dopri5 *control, int calls)
     return worst;
 }
 
-static void error_follows_the_tolerance(void **state)
+TEST(error_follows_the_tolerance)
 {
     size_t previous = 0;
 
-    (void)state;
     for (double tolerance = 1e-4; tolerance > 1e-12; tolerance /= 100.0) {
         struct integrator_dopri5 control = {.rtol = tolerance, .atol = tolerance, .tries = 1000};
         double error = mixed_error(&control, 1);
@@ -59,35 +53,32 @@ static void error_follows_the_tolerance(void **state)
 }
 
 /* The cost grows as tolerance^(-1/5): a hundredth of it costs 100^(1/5) = 2.5 times as much. */
-static void work_grows_as_the_order_says(void **state)
+TEST(work_grows_as_the_order_says)
 {
     struct integrator_dopri5 coarse = {.rtol = 1e-8, .atol = 1e-8, .tries = 10000};
     struct integrator_dopri5 fine = {.rtol = 1e-12, .atol = 1e-12, .tries = 10000};
     double ratio;
 
-    (void)state;
     mixed_error(&coarse, 1);
     mixed_error(&fine, 1);
     ratio = (double)fine.evaluations / (double)coarse.evaluations;
     assert_near(log(ratio) / log(1e4), 0.2, 0.03);
 }
 
-static void short_calls_remember_the_length_of_the_step(void **state)
+TEST(short_calls_remember_the_length_of_the_step)
 {
     struct integrator_dopri5 control = {.rtol = 1e-6, .atol = 1e-6, .tries = 1000};
 
-    (void)state;
     assert_true(mixed_error(&control, 1000) < 1e-5);
     /* One step each, but for the first calls, which find out */
     assert_true(control.evaluations < 1000 * 7 + 100);
 }
 
-static void gives_up_after_its_tries(void **state)
+TEST(gives_up_after_its_tries)
 {
     struct integrator_dopri5 control = {.rtol = 1e-12, .atol = 1e-12, .tries = 3};
     double y[4] = {1.0, 1.0, 0.0, 1.0}, scratch[ROOM];
 
-    (void)state;
     assert_false(integrator_dopri5(mixed_problem, NULL, 0.0, 2.0, 4, y, &control, scratch));
     assert_int_equal(control.evaluations, 1 + 3 * 6);
 }
@@ -108,12 +99,11 @@ static void not_a_number(void *context, double t, const double *y, double *dydt)
     dydt[0] = (double)NAN;
 }
 
-static void ends_where_the_solution_ends(void **state)
+TEST(ends_where_the_solution_ends)
 {
     struct integrator_dopri5 control = {.rtol = 1e-8, .atol = 1e-8, .tries = 100000};
     double y = 1.0, scratch[ROOM];
 
-    (void)state;
     assert_false(integrator_dopri5(blow_up, NULL, 0.0, 2.0, 1, &y, &control, scratch));
     control = (struct integrator_dopri5){.rtol = 1e-8, .atol = 1e-8, .tries = 100000};
     y = 1.0;
@@ -121,13 +111,12 @@ static void ends_where_the_solution_ends(void **state)
     assert_near(y, 1.0, 0.0);
 }
 
-static void stays_within_its_scratch(void **state)
+TEST(stays_within_its_scratch)
 {
     struct integrator_dopri5 control = {.rtol = 1e-6, .atol = 1e-6, .tries = 1000};
     double y[4] = {1.0, 1.0, 0.0, 1.0}, scratch[ROOM];
     size_t need = integrator_dopri5_scratch(4);
 
-    (void)state;
     assert_true(need < ROOM);
     for (size_t i = 0; i < ROOM; i++) {
         scratch[i] = 12345.0;
@@ -136,18 +125,4 @@ static void stays_within_its_scratch(void **state)
     for (size_t i = need; i < ROOM; i++) {
         assert_near(scratch[i], 12345.0, 0.0);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(error_follows_the_tolerance),
-        cmocka_unit_test(work_grows_as_the_order_says),
-        cmocka_unit_test(short_calls_remember_the_length_of_the_step),
-        cmocka_unit_test(gives_up_after_its_tries),
-        cmocka_unit_test(ends_where_the_solution_ends),
-        cmocka_unit_test(stays_within_its_scratch),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -67,9 +67,8 @@ static void check_joints(const struct published_joint *joint, size_t count)
     }
 }
 
-static void coman_is_as_published(void **state)
+TEST_WITH(coman_is_as_published, open_arena, close_arena)
 {
-    (void)state;
     robot = load_coman(NULL);
     assert_true(robot->floating);
     assert_int_equal(robot->nbody, 24);
@@ -93,11 +92,10 @@ static void coman_is_as_published(void **state)
     }
 }
 
-static void walkman_is_as_published(void **state)
+TEST_WITH(walkman_is_as_published, open_arena, close_arena)
 {
     struct error error;
 
-    (void)state;
     if (robot_load(HIL_SOURCE_DIR "/config/robots/walkman.yaml", NULL, &arena, &robot, &error)) {
         fail_msg("%s", error.text);
     }
@@ -146,11 +144,10 @@ static double capsule_without_image(const struct robot_capsule *left)
 
 /* The capsules are not published. COMAN's meshes, which they are laid about, differ by a
  * millimeter from left to right. */
-static void left_capsules_mirror_right_ones(void **state)
+TEST_WITH(left_capsules_mirror_right_ones, open_arena, close_arena)
 {
     static const char *const files[] = {COMAN, HIL_SOURCE_DIR "/config/robots/walkman.yaml"};
 
-    (void)state;
     for (size_t f = 0; f < 2; f++) {
         struct error error;
         size_t left = 0;
@@ -170,11 +167,10 @@ static void left_capsules_mirror_right_ones(void **state)
 
 /* The room of a spring is not published: as the files say, it carries the limit of its joint and a
  * tenth more, to the digits that are written. */
-static void springs_carry_a_tenth_more_than_their_joints(void **state)
+TEST_WITH(springs_carry_a_tenth_more_than_their_joints, open_arena, close_arena)
 {
     static const char *const files[] = {COMAN, HIL_SOURCE_DIR "/config/robots/walkman.yaml"};
 
-    (void)state;
     for (size_t f = 0; f < 2; f++) {
         struct error error;
 
@@ -226,7 +222,7 @@ static void check_mirrored_distal(const char *sensor, double mass, const double 
 /* Of a leg the part of the foot below the sensor, body RFoot of walkman_robotran_edu_2017's .mbs,
  * in the sensor's frame there; of an arm the URDF's link RSoftHandLink, whose frame is 0.0565 above
  * the sensor. */
-static void walkman_sensors_carry_what_is_published(void **state)
+TEST_WITH(walkman_sensors_carry_what_is_published, open_arena, close_arena)
 {
     static const double foot_com[3] = {-3.027e-05, -0.00732204, -0.02652797};
     static const double foot_I[6] = {0.00404802, 4.015e-05, 4.5e-06,
@@ -236,7 +232,6 @@ static void walkman_sensors_carry_what_is_published(void **state)
                                      0.000683333333333, 0.0, 0.000533333333333};
     struct error error;
 
-    (void)state;
     if (robot_load(HIL_SOURCE_DIR "/config/robots/walkman.yaml", NULL, &arena, &robot, &error)) {
         fail_msg("%s", error.text);
     }
@@ -249,7 +244,7 @@ static void walkman_sensors_carry_what_is_published(void **state)
 /* Forearm, wrist (two bodies) and hand of coman_urdf/urdf/parts/{forearms,soft_hand}.urdf.xacro,
  * one below the other on the sensor's axis: mass, where its center is below the sensor, Ixx = Iyy
  * and Izz about it. */
-static void coman_s_sensors_carry_forearm_wrist_and_hand(void **state)
+TEST_WITH(coman_s_sensors_carry_forearm_wrist_and_hand, open_arena, close_arena)
 {
     static const struct {
         double mass, below, Ixx, Izz;
@@ -262,7 +257,6 @@ static void coman_s_sensors_carry_forearm_wrist_and_hand(void **state)
     double mass = 0.0, com[3] = {0.0}, I[6] = {0.0};
     struct error error;
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(part); i++) {
         mass += part[i].mass;
         com[2] -= part[i].mass * part[i].below;
@@ -287,7 +281,7 @@ static void coman_s_sensors_carry_forearm_wrist_and_hand(void **state)
 /* Roll and pitch of COMAN's waist meet 0.04749999 below the yaw (coman_urdf/urdf/parts/
  * torso.urdf.xacro). The capsule about them lies across, holds that point well inside, the centers
  * of mass of both bodies between, and is no thicker than the trunk, which it joins. */
-static void the_waist_s_capsule_is_where_its_axes_meet(void **state)
+TEST_WITH(the_waist_s_capsule_is_where_its_axes_meet, open_arena, close_arena)
 {
     static const double meet = -0.04749999;
     static const double centers[2][3] = {{0.00042999707, -0.0097650317, 0.033011157},   /* DWL */
@@ -296,7 +290,6 @@ static void the_waist_s_capsule_is_where_its_axes_meet(void **state)
     struct error error;
     double reach;
 
-    (void)state;
     assert_int_equal(robot_load(COMAN, NULL, &arena, &robot, &error), ERROR_NONE);
     for (size_t c = 0; c < robot->ncapsule; c++) {
         capsule = strcmp(robot->capsule[c].name, "waist_joint") ? capsule : &robot->capsule[c];
@@ -318,23 +311,4 @@ static void the_waist_s_capsule_is_where_its_axes_meet(void **state)
     assert_true(fabs(reach - 0.0741) < 1e-3 && reach < trunk->radius); /* assumed: the housings */
     assert_true(capsule->position[2] + capsule->radius >
                 trunk->position[2] - trunk->radius - 0.5 * trunk->length);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(coman_is_as_published, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(walkman_is_as_published, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(left_capsules_mirror_right_ones, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(springs_carry_a_tenth_more_than_their_joints, open_arena,
-                                        close_arena),
-        cmocka_unit_test_setup_teardown(walkman_sensors_carry_what_is_published, open_arena,
-                                        close_arena),
-        cmocka_unit_test_setup_teardown(coman_s_sensors_carry_forearm_wrist_and_hand, open_arena,
-                                        close_arena),
-        cmocka_unit_test_setup_teardown(the_waist_s_capsule_is_where_its_axes_meet, open_arena,
-                                        close_arena),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,16 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* WALK-MAN's file: structure, masses, geometry and drives against what is published. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "model/dynamics.h"
 #include "model/robot.h"
 #include "model/spatial.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -21,11 +15,10 @@ static struct arena arena;
 static const struct robot *robot;
 static struct dynamics dynamics;
 
-static int load(void **state)
+FIXTURE(load)
 {
     struct error error;
 
-    (void)state;
     if (arena_init(&arena, 1 << 24, &error) ||
         robot_load(HIL_SOURCE_DIR "/config/robots/walkman.yaml", NULL, &arena, &robot, &error) ||
         dynamics_generic(robot, &arena, &dynamics, &error)) {
@@ -35,9 +28,8 @@ static int load(void **state)
     return 0;
 }
 
-static int unload(void **state)
+FIXTURE(unload)
 {
-    (void)state;
     arena_fini(&arena);
     return 0;
 }
@@ -63,7 +55,7 @@ static void place(const char *pose_name, const char *frame_name, double p[3], do
     mat3_mul(motion[frame->body].R, frame->rotation, R);
 }
 
-static void walkman_is_coman_with_a_head(void **state)
+TEST(walkman_is_coman_with_a_head)
 {
     static const char *const order[] = {"RHipLat", "RHipYaw", "RHipSag",  "RKneeSag", "RAnkSag",
                                         "RAnkLat", "LHipLat", "LHipYaw",  "LHipSag",  "LKneeSag",
@@ -71,7 +63,6 @@ static void walkman_is_coman_with_a_head(void **state)
                                         "RShSag",  "RShLat",  "RShYaw",   "RElbj",    "LShSag",
                                         "LShLat",  "LShYaw",  "LElbj",    "NeckYawj"};
 
-    (void)state;
     assert_string_equal(robot->name, "WALK-MAN");
     assert_true(robot->floating);
     assert_int_equal(robot->nbody, 25);
@@ -86,15 +77,14 @@ static void walkman_is_coman_with_a_head(void **state)
 }
 
 /* 115.9623395 kg of moving bodies and 5.2353626 of what is fixed to them. */
-static void nothing_of_its_mass_is_lost(void **state)
+TEST(nothing_of_its_mass_is_lost)
 {
-    (void)state;
     assert_near(robot->total_mass, 121.1977021, 1e-7);
 }
 
 /* The sum over the elbow's five parts and the hand by hand, for one component: the first moment
  * about the elbow along z. */
-static void what_hangs_on_the_elbow_is_added_exactly(void **state)
+TEST(what_hangs_on_the_elbow_is_added_exactly)
 {
     const double forearm = -0.1955, hand = -0.1955 - 0.092, support = -0.1955 - 0.0505;
     const double moment = 0.86765385 * -0.043820396 + 2.2127686 * (forearm + 0.044717986) +
@@ -103,18 +93,16 @@ static void what_hangs_on_the_elbow_is_added_exactly(void **state)
                           0.5 * (hand - 0.15361558);
     const struct robot_inertia *elbow = &robot->body[robot_find_body(robot, "RElb")].inertia;
 
-    (void)state;
     assert_near(elbow->mass, 0.86765385 + 2.2127686 + 1.2838072 + 1.3789343 + 0.42801447 + 0.5,
                 1e-14);
     assert_near(elbow->mass * elbow->com[2], moment, 1e-14);
 }
 
-static void left_mirrors_right(void **state)
+TEST(left_mirrors_right)
 {
     static const double sign[6] = {1.0, -1.0, 1.0, 1.0, -1.0, 1.0};
     int pairs = 0;
 
-    (void)state;
     for (size_t b = 1; b < robot->nbody; b++) {
         const struct robot_body *right = &robot->body[b], *left;
         const struct robot_joint *rj = &robot->joint[b - 1], *lj;
@@ -149,23 +137,21 @@ static void left_mirrors_right(void **state)
 
 /* Published: the waist at 1.011324 m over the simulator's contact plane, 0.130 m below the
  * ankles. */
-static void homing_has_the_published_height(void **state)
+TEST(homing_has_the_published_height)
 {
     double p[3], R[9];
 
-    (void)state;
     place("homing", "r_ankle", p, R);
     assert_near(robot->pose[robot_find_pose(robot, "homing")].base_position[2] - p[2] + 0.130,
                 1.011324, 5e-7);
 }
 
-static void soles_stand_flat_on_the_ground_in_every_pose(void **state)
+TEST(soles_stand_flat_on_the_ground_in_every_pose)
 {
     static const char *const poses[] = {"zero", "homing", "squat_top", "squat_bottom"};
     static const char *const soles[] = {"r_sole", "l_sole"};
     double p[3], R[9];
 
-    (void)state;
     assert_int_equal(robot->npose, 4);
     for (size_t i = 0; i < 4; i++) {
         for (size_t k = 0; k < 2; k++) {
@@ -177,13 +163,12 @@ static void soles_stand_flat_on_the_ground_in_every_pose(void **state)
 }
 
 /* Section 7 of the paper: 30 cm down. */
-static void the_squat_moves_the_waist_straight_down(void **state)
+TEST(the_squat_moves_the_waist_straight_down)
 {
     double top[3], bottom[3], R[9];
     const struct robot_pose *pose = robot->pose;
     int high = robot_find_pose(robot, "squat_top"), low = robot_find_pose(robot, "squat_bottom");
 
-    (void)state;
     assert_near(pose[high].base_position[2] - pose[low].base_position[2], 0.3, 1e-14);
     place("squat_top", "r_ankle", top, R);
     place("squat_bottom", "r_ankle", bottom, R);
@@ -197,7 +182,7 @@ static void the_squat_moves_the_waist_straight_down(void **state)
 
 /* The back-EMF terms that the source has in its damping, by class; SMALL's and MEDIUM's also hold
  * the friction. */
-static void drives_have_the_published_damping(void **state)
+TEST(drives_have_the_published_damping)
 {
     static const struct {
         const char *joint;
@@ -209,7 +194,6 @@ static void drives_have_the_published_damping(void **state)
                  {"NeckYawj", 25.52, 0.0, 500.0},
                  {"RKneeSag", 31.178, 0.8, 10000.0}};
 
-    (void)state;
     for (size_t i = 0; i < sizeof drive / sizeof drive[0]; i++) {
         const struct robot_sea *sea = &robot->joint[robot_find_joint(robot, drive[i].joint)].sea;
 
@@ -220,18 +204,4 @@ static void drives_have_the_published_damping(void **state)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(walkman_is_coman_with_a_head),
-        cmocka_unit_test(nothing_of_its_mass_is_lost),
-        cmocka_unit_test(what_hangs_on_the_elbow_is_added_exactly),
-        cmocka_unit_test(left_mirrors_right),
-        cmocka_unit_test(homing_has_the_published_height),
-        cmocka_unit_test(soles_stand_flat_on_the_ground_in_every_pose),
-        cmocka_unit_test(the_squat_moves_the_waist_straight_down),
-        cmocka_unit_test(drives_have_the_published_damping),
-    };
-
-    return cmocka_run_group_tests(tests, load, unload);
-}
+TEST_GROUP(load, unload)

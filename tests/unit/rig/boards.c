@@ -4,17 +4,13 @@
 #include "rig/rig.h"
 
 #include "tests/unit/rig/rig_bench.h"
+#include "tests/test.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-
-#include <cmocka.h>
 
 /* ---- what a bus speaks ---- */
 
-static void a_bus_says_how_its_real_interface_is_set(void **state)
+TEST_WITH(a_bus_says_how_its_real_interface_is_set, open_rig_tree, close_rig_tree)
 {
     const struct rig *rig =
         load_buses("  - {name: left, interface: can0, configure: true, sample_point: 0.8,\n"
@@ -22,7 +18,6 @@ static void a_bus_says_how_its_real_interface_is_set(void **state)
                    "  - {name: right, interface: can1,\n"
                    "     boards: [{kind: motor, address: 5, axes: [knee]}]}\n");
 
-    (void)state;
     assert_true(rig->bus[0].configure);
     assert_true(rig->bus[0].sample_point == 0.8);
     assert_int_equal(rig->bus[0].restart_ms, 100);
@@ -54,11 +49,10 @@ static const char *write_switches(const char *switches)
     return switches;
 }
 
-static void switches_stand_on_joints(void **state)
+TEST_WITH(switches_stand_on_joints, open_rig_tree, close_rig_tree)
 {
     const struct board_switches *knee;
 
-    (void)state;
     write_switches(
         "    knee: {negative_limit_rad: -1, positive_limit_rad: 0.5, home_rad: [0, 0.1],\n"
         "           index_pulse: true}\n");
@@ -77,14 +71,13 @@ static void switches_stand_on_joints(void **state)
                        "28:10: found unknown joint \"kne\", expected \"knee\"");
 }
 
-static void a_bus_may_take_padded_frames(void **state)
+TEST_WITH(a_bus_may_take_padded_frames, open_rig_tree, close_rig_tree)
 {
     const struct rig *rig = load_buses("  - {name: left, interface: can0, padded_frames: true,\n"
                                        "     boards: [{kind: motor, address: 4, axes: [hip]}]}\n"
                                        "  - {name: right, interface: can1,\n"
                                        "     boards: [{kind: motor, address: 5, axes: [knee]}]}\n");
 
-    (void)state;
     assert_true(rig->boards.bus[0].padded);
     assert_false(rig->boards.bus[1].padded);
     assert_buses_refused(
@@ -94,7 +87,7 @@ static void a_bus_may_take_padded_frames(void **state)
         "only");
 }
 
-static void each_bus_speaks_its_own_personality(void **state)
+TEST_WITH(each_bus_speaks_its_own_personality, open_rig_tree, close_rig_tree)
 {
     const struct rig *rig =
         load_buses("  - {name: left, interface: can0, personality: foc,\n"
@@ -103,7 +96,6 @@ static void each_bus_speaks_its_own_personality(void **state)
                    "     bitrate: 500000, data_bitrate: 2000000,\n"
                    "     boards: [{kind: motor, address: 31, axes: [knee]}]}\n");
 
-    (void)state;
     assert_ptr_equal(rig->bus[0].protocol, &protocol_foc);
     assert_ptr_equal(rig->boards.bus[0].protocol, &protocol_foc);
     assert_string_equal(rig->host_bus[0].protocol, "foc");
@@ -115,7 +107,7 @@ static void each_bus_speaks_its_own_personality(void **state)
     assert_int_equal(rig->bus[1].data_bitrate, 2000000);
 }
 
-static void the_controller_is_told_the_drives_of_foc_axes(void **state)
+TEST_WITH(the_controller_is_told_the_drives_of_foc_axes, open_rig_tree, close_rig_tree)
 {
     const struct rig *rig =
         load_buses("  - {name: left, interface: can0, personality: foc, boards: [\n"
@@ -124,7 +116,6 @@ static void the_controller_is_told_the_drives_of_foc_axes(void **state)
                    "     {kind: torque, address: 12, joints: [spare, hip], period_s: 0.008}]}\n");
     const struct host_drive *drive = &rig->axis[0].drive;
 
-    (void)state;
     assert_true(drive->gear == 100 && drive->spring_nm_rad == 400);
     assert_true(drive->winding_ohm == 0.6 && drive->winding_h == 0.0003);
     assert_true(drive->current_limit_a == 7 && rig->axis[1].drive.current_limit_a == 12);
@@ -133,11 +124,10 @@ static void the_controller_is_told_the_drives_of_foc_axes(void **state)
     assert_int_equal(rig->axis[1].torque_period_ns, 0);
 }
 
-static void a_personality_has_its_own_addresses_axes_and_boards(void **state)
+TEST_WITH(a_personality_has_its_own_addresses_axes_and_boards, open_rig_tree, close_rig_tree)
 {
     char message[160];
 
-    (void)state;
     assert_buses_refused("  - {name: left, interface: can0, personality: foc,\n"
                          "     boards: [{kind: motor, address: 5, axes: [hip]}]}\n",
                          "29:38: found address 5, expected 1 to 4 with personality foc");
@@ -164,12 +154,11 @@ static void a_personality_has_its_own_addresses_axes_and_boards(void **state)
 }
 
 /* Each limit of a protocol has its place in the file. */
-static void what_a_protocol_cannot_do_is_refused_with_its_place(void **state)
+TEST_WITH(what_a_protocol_cannot_do_is_refused_with_its_place, open_rig_tree, close_rig_tree)
 {
     const struct protocol *protocol;
     char buses[160], message[160];
 
-    (void)state;
     for (size_t i = 0; (protocol = protocol_at(i)); i++) {
         snprintf(buses, sizeof buses, "  - {name: left, interface: can0, personality: %s%s,\n%s",
                  protocol->name, protocol->canfd_only ? ", fd: true, data_bitrate: 5000000" : "",
@@ -194,7 +183,7 @@ static void what_a_protocol_cannot_do_is_refused_with_its_place(void **state)
 }
 
 /* TPDO 4, SDO, and what is free */
-static void lockstep_ids_keep_clear_of_cia402_nodes(void **state)
+TEST_WITH(lockstep_ids_keep_clear_of_cia402_nodes, open_rig_tree, close_rig_tree)
 {
     static const char buses[] = "  - {name: left, interface: can0, personality: cia402,\n"
                                 "     boards: [{kind: motor, address: 1, axes: [hip, knee]}]}\n";
@@ -202,7 +191,6 @@ static void lockstep_ids_keep_clear_of_cia402_nodes(void **state)
     static const char *const free_ids[] = {"0x5a0", "0x620", "0x6c0"};
     char lockstep[32], message[160];
 
-    (void)state;
     for (int i = 0; i < 5; i++) {
         snprintf(lockstep, sizeof lockstep, "step_id: %s", taken[i]);
         snprintf(message, sizeof message,
@@ -219,11 +207,10 @@ static void lockstep_ids_keep_clear_of_cia402_nodes(void **state)
     }
 }
 
-static void fd_belongs_to_some_protocols_and_has_a_data_bitrate(void **state)
+TEST_WITH(fd_belongs_to_some_protocols_and_has_a_data_bitrate, open_rig_tree, close_rig_tree)
 {
     char list[80], message[160];
 
-    (void)state;
     snprintf(message, sizeof message,
              "28:39: found fd on bus \"left\", expected it with personality %s only",
              protocols_list(offsetof(struct protocol, canfd), list, sizeof list));
@@ -282,7 +269,7 @@ static void check_loads(const char *file, int64_t command_period_ns,
 
 /* The reference is the table "COMAN by limb" of the protocol study: iCub BLL, 4 ms telemetry, 1 kHz
  * voltage commands, F/T and joint torques at 5 ms, 1 Mbit/s. */
-static void icub_loads_are_those_of_the_protocol_study(void **state)
+TEST_WITH(icub_loads_are_those_of_the_protocol_study, open_rig_tree, close_rig_tree)
 {
     static const struct expected_load loads[] = {{"torso", 57.14},
                                                  {"left_leg", 100.69},
@@ -290,13 +277,12 @@ static void icub_loads_are_those_of_the_protocol_study(void **state)
                                                  {"left_arm", 70.20},
                                                  {"right_arm", 70.20}};
 
-    (void)state;
     CHECK_LOADS("coman.yaml", loads);
 }
 
 /* The study's 94.5 % for three axes, 67.5 % for two and 23 % for F/T at 1 kHz; torques every 10 ms
  * add 2.3 %, and ADDITIONAL_STATUS (95 bits every 100 + 100 a ms) 0.08 or 0.10 %. */
-static void foc_loads_are_those_of_the_protocol_study(void **state)
+TEST_WITH(foc_loads_are_those_of_the_protocol_study, open_rig_tree, close_rig_tree)
 {
     static const struct expected_load loads[] = {
         {"torso", 96.90},        {"left_hip", 96.90},       {"left_shank", 96.90},
@@ -305,14 +291,13 @@ static void foc_loads_are_those_of_the_protocol_study(void **state)
         {"feet", 46.00},
     };
 
-    (void)state;
     CHECK_LOADS("coman-foc.yaml", loads);
 }
 
 /* The study's 54.0, 77.0, 40.5 and 63.5 % have a set-point frame of 8 bytes; three axes need 6 and
  * two need 4 of them (115 and 95 bits for 135). STATE adds 135 bits every 50 ms for each axis and
  * F/T board. */
-static void compact_loads_are_those_of_the_protocol_study(void **state)
+TEST_WITH(compact_loads_are_those_of_the_protocol_study, open_rig_tree, close_rig_tree)
 {
     static const struct expected_load loads[] = {
         {"torso", 54.0 - 2.0 + 0.81},         {"left_hip", 54.0 - 2.0 + 0.81},
@@ -322,14 +307,13 @@ static void compact_loads_are_those_of_the_protocol_study(void **state)
         {"right_forearm", 63.5 - 4.0 + 0.81},
     };
 
-    (void)state;
     CHECK_LOADS("coman-compact.yaml", loads);
 }
 
 /* Frames of 0, 1, 6 and 8 bytes are 55, 65, 115 and 135 bits at the most: with every SYNC 8 bytes
  * an axis and twice 6 a force-torque node, the SYNC and 2 bytes an axis of each drive; every 100 ms
  * the statuswords, 2 bytes an axis, and the heartbeat of each node. */
-static void cia402_loads_are_those_of_counted_bits(void **state)
+TEST_WITH(cia402_loads_are_those_of_counted_bits, open_rig_tree, close_rig_tree)
 {
     const double three = 3 * 13.5 + 11.5 + 5.5 + 0.115 + 0.065, ft = 2 * 11.5 + 0.065;
     const double four = 4 * 13.5 + 13.5 + 5.5 + 0.135 + 0.065;
@@ -339,7 +323,6 @@ static void cia402_loads_are_those_of_counted_bits(void **state)
         {"right_arm", four},  {"wrists", 5.5 + 2 * ft},
     };
 
-    (void)state;
     CHECK_LOADS("coman-cia402.yaml", loads);
 }
 
@@ -347,7 +330,7 @@ static void cia402_loads_are_those_of_counted_bits(void **state)
  * ODrive's 135 bits of each command, and every 2, 10, 100 and 100 ms from each drive; of
  * RobStride's 160 bits of each command and as many of its answer, with identifiers of 29 bits,
  * every 2 ms. */
-static void described_loads_are_those_of_counted_bits(void **state)
+TEST_WITH(described_loads_are_those_of_counted_bits, open_rig_tree, close_rig_tree)
 {
     const double cheetah = 13.5 + 11.5, odrive = 13.5 + 13.5 / 2 + 2 * 1.35 + 4 * 0.135;
     const double robstride = (16.0 + 16.0) / 2;
@@ -374,7 +357,6 @@ static void described_loads_are_those_of_counted_bits(void **state)
         {"right_forearm", 2 * robstride}, {"sensors", 4 * (11.5 + 0.27)},
     };
 
-    (void)state;
     CHECK_LOADS("coman-mini-cheetah.yaml", of_cheetah);
     CHECK_LOADS("coman-odrive.yaml", of_odrive);
     CHECK_LOADS("coman-robstride.yaml", of_robstride);
@@ -382,7 +364,7 @@ static void described_loads_are_those_of_counted_bits(void **state)
 
 /* A file that describes a protocol is needed, is looked for beside the rig, and says which boards
  * there may be. */
-static void a_described_bus_has_its_protocol(void **state)
+TEST_WITH(a_described_bus_has_its_protocol, open_rig_tree, close_rig_tree)
 {
     static const char protocol[] =
         "name: own\naddress_max: 4\nstates: [{name: idle, law: \"off\"}]\n"
@@ -393,7 +375,6 @@ static void a_described_bus_has_its_protocol(void **state)
     const struct rig *rig;
     char path[128];
 
-    (void)state;
     assert_int_equal(write_file("config/rigs/own.yaml", protocol, sizeof protocol - 1), 0);
     rig =
         load_buses("  - {name: left, interface: can0, personality: described, protocol: own.yaml,\n"
@@ -456,7 +437,7 @@ static void a_described_bus_has_its_protocol(void **state)
     assert_int_equal(unlink(path), 0);
 }
 
-static void a_bus_with_described_fd_frames_is_one_of_can_fd(void **state)
+TEST_WITH(a_bus_with_described_fd_frames_is_one_of_can_fd, open_rig_tree, close_rig_tree)
 {
     static const char protocol[] = "name: long\nstates: [{name: idle, law: \"off\"}]\nframes:\n"
                                    "  - {name: A, from: board, id: 0x100, by: address, fd: true, "
@@ -465,7 +446,6 @@ static void a_bus_with_described_fd_frames_is_one_of_can_fd(void **state)
     double telemetry, command;
     char path[128];
 
-    (void)state;
     assert_int_equal(write_file("config/rigs/long.yaml", protocol, sizeof protocol - 1), 0);
     assert_buses_refused(
         "  - {name: left, interface: can0, personality: described, protocol: long.yaml,\n"
@@ -491,19 +471,18 @@ static void a_bus_with_described_fd_frames_is_one_of_can_fd(void **state)
 /* The study's worst-case times at 1/8 Mbit/s: 48 bytes 98.9 us, 64 bytes 118.9, 12 bytes 53.2, 8
  * bytes 48.2; from 24 bytes (68.9 us) on a byte is 1.25 us, so that the set-points of 13 axes in 32
  * bytes take 78.9 and those of 10 axes in 20 bytes 63.9. */
-static void fd_loads_are_those_of_the_protocol_study(void **state)
+TEST_WITH(fd_loads_are_those_of_the_protocol_study, open_rig_tree, close_rig_tree)
 {
     const double left = 3 * 98.9 + 118.9 + 2 * 53.2 + 78.9 + 15 * 48.2 / 50;
     const double right = 2 * 98.9 + 118.9 + 2 * 53.2 + 63.9 + 12 * 48.2 / 50;
     const struct expected_load loads[] = {{"left", left / 10}, {"right", right / 10}};
 
-    (void)state;
     CHECK_LOADS("coman-fd.yaml", loads);
 }
 
 /* Three frames of 8 bytes (135 bits at the most) every 5 ms; of 6, 6 and 8 bytes every 2 ms, with 6
  * and 8 more every 50 ms; one of 32 bytes a millisecond, and of 8 every 50 ms (times as above). */
-static void inertial_boards_load_their_buses(void **state)
+TEST_WITH(inertial_boards_load_their_buses, open_rig_tree, close_rig_tree)
 {
     static const struct {
         const char *with, *without, *bus;
@@ -515,7 +494,6 @@ static void inertial_boards_load_their_buses(void **state)
         {"coman-fd-imu", "coman-fd", "left", 78.9 / 10 + 48.2 / 50 / 10},
     };
 
-    (void)state;
     for (int i = 0; i < 3; i++) {
         double percent[2];
 
@@ -538,9 +516,8 @@ static void inertial_boards_load_their_buses(void **state)
     }
 }
 
-static void one_inertial_board_where_the_robot_has_the_sensor(void **state)
+TEST_WITH(one_inertial_board_where_the_robot_has_the_sensor, open_rig_tree, close_rig_tree)
 {
-    (void)state;
     assert_buses_refused(
         "  - {name: left, interface: can0, boards: [{kind: inertial, address: 9}]}\n",
         "28:44: found an inertial board, expected none: the robot has no imu");
@@ -551,12 +528,12 @@ static void one_inertial_board_where_the_robot_has_the_sensor(void **state)
 
 /* ---- rigs that extend others ---- */
 
-static void a_plan_shares_all_but_the_buses_with_the_rig_that_it_extends(void **state)
+TEST_WITH(a_plan_shares_all_but_the_buses_with_the_rig_that_it_extends, open_rig_tree,
+          close_rig_tree)
 {
     const struct rig *base = load_rig(HIL_SOURCE_DIR "/config/rigs/coman.yaml");
     const struct rig *plan = load_rig(HIL_SOURCE_DIR "/config/rigs/coman-fd.yaml");
 
-    (void)state;
     assert_string_equal(plan->name, "coman-fd");
     assert_string_equal(plan->robot->file, base->robot->file);
     assert_int_equal(plan->contact.nsurface, base->contact.nsurface);
@@ -569,34 +546,4 @@ static void a_plan_shares_all_but_the_buses_with_the_rig_that_it_extends(void **
     assert_int_equal(plan->squat.cycles, base->squat.cycles);
     assert_int_equal(plan->lockstep.bus, rig_find_bus(plan, "left"));
     assert_int_equal(plan->lockstep.step_id, base->lockstep.step_id);
-}
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, open_rig_tree, close_rig_tree)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(a_bus_says_how_its_real_interface_is_set),
-        TEST(switches_stand_on_joints),
-        TEST(a_bus_may_take_padded_frames),
-        TEST(each_bus_speaks_its_own_personality),
-        TEST(the_controller_is_told_the_drives_of_foc_axes),
-        TEST(a_personality_has_its_own_addresses_axes_and_boards),
-        TEST(what_a_protocol_cannot_do_is_refused_with_its_place),
-        TEST(lockstep_ids_keep_clear_of_cia402_nodes),
-        TEST(fd_belongs_to_some_protocols_and_has_a_data_bitrate),
-        TEST(icub_loads_are_those_of_the_protocol_study),
-        TEST(foc_loads_are_those_of_the_protocol_study),
-        TEST(compact_loads_are_those_of_the_protocol_study),
-        TEST(cia402_loads_are_those_of_counted_bits),
-        TEST(described_loads_are_those_of_counted_bits),
-        TEST(a_described_bus_has_its_protocol),
-        TEST(a_bus_with_described_fd_frames_is_one_of_can_fd),
-        TEST(fd_loads_are_those_of_the_protocol_study),
-        TEST(inertial_boards_load_their_buses),
-        TEST(one_inertial_board_where_the_robot_has_the_sensor),
-        TEST(a_plan_shares_all_but_the_buses_with_the_rig_that_it_extends),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

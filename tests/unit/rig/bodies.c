@@ -3,12 +3,9 @@
 #include "rig/rig.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 #include "tests/unit/rig/rig_bench.h"
+#include "tests/test.h"
 
 /* The toy rig with these bodies, which begin in line 12, and one surface and pair the more. */
 static void write_rig(const char *bodies, const char *surface, const char *pair)
@@ -37,12 +34,11 @@ static void refused(const char *keys, const char *message)
 
 /* ---- good bodies ---- */
 
-static void weighs_boxes_balls_and_tensors(void **state)
+TEST(weighs_boxes_balls_and_tensors)
 {
     const struct rig *rig;
     const struct robot_inertia *inertia;
 
-    (void)state;
     write_rig("    - {name: box, mass_kg: 1.5, box_m: [0.1, 0.2, 0.3], com_m: [0, 0, 0.01]}\n"
               "    - {name: ball2, mass_kg: 2, sphere_radius_m: 0.1}\n"
               "    - {name: stone, mass_kg: 3, inertia_kg_m2: [1, 0.1, 0.2, 1.5, 0.3, 2]}\n",
@@ -64,11 +60,10 @@ static void weighs_boxes_balls_and_tensors(void **state)
     assert_true(rig->free[2].inertia.I[4] == 0.3 && rig->free[2].inertia.I[5] == 2.0);
 }
 
-static void puts_bodies_where_they_start(void **state)
+TEST(puts_bodies_where_they_start)
 {
     const struct plant_free_body *body;
 
-    (void)state;
     write_rig(
         "    - {name: box, mass_kg: 1, box_m: [1, 1, 1], xyz_m: [1, 2, 3],\n"
         "       rpy_rad: [0, 0, 1.5707963267948966], velocity_m_s: [4, 5, 6], rate_rad_s: [7, "
@@ -83,11 +78,10 @@ static void puts_bodies_where_they_start(void **state)
 }
 
 /* Contact motions are counted in the order in which surfaces first name their bodies. */
-static void surfaces_ride_on_free_bodies(void **state)
+TEST(surfaces_ride_on_free_bodies)
 {
     const struct rig *rig;
 
-    (void)state;
     write_rig("    - {name: unused, mass_kg: 1, box_m: [1, 1, 1]}\n"
               "    - {name: box, mass_kg: 1, box_m: [1, 1, 1]}\n",
               "    - {name: lid, body: box, shape: sphere, radius_m: 0.1, material: rubber}\n"
@@ -106,12 +100,11 @@ static void surfaces_ride_on_free_bodies(void **state)
 
 /* A static body is a place in the world: 0.1 m along x of one that is turned by 90 degrees about z
  * is 0.1 m along the world's y. */
-static void surfaces_of_static_bodies_belong_to_the_world(void **state)
+TEST(surfaces_of_static_bodies_belong_to_the_world)
 {
     const struct contact_surface *top;
     const struct rig *rig;
 
-    (void)state;
     write_rig(
         "    - {name: table, static: true, xyz_m: [1, 2, 3],\n"
         "       rpy_rad: [0, 0, 1.5707963267948966]}\n",
@@ -130,11 +123,10 @@ static void surfaces_of_static_bodies_belong_to_the_world(void **state)
 }
 
 /* Two bodies of the robot against each other, with two surfaces on one of them. */
-static void a_robot_can_touch_itself(void **state)
+TEST(a_robot_can_touch_itself)
 {
     const struct rig *rig;
 
-    (void)state;
     write_rig("    []\n",
               "    - {name: knob, body: tail, shape: sphere, radius_m: 0.1, material: rubber}\n",
               "    - between: [knob, wedge]\n");
@@ -144,12 +136,11 @@ static void a_robot_can_touch_itself(void **state)
     assert_int_equal(rig->contact.surface[0].body, rig->contact.surface[3].body);
 }
 
-static void without_an_engine_bodies_stay_and_nothing_touches(void **state)
+TEST(without_an_engine_bodies_stay_and_nothing_touches)
 {
     static char text[sizeof toy_rig + 64];
     const struct rig *rig;
 
-    (void)state;
     strcpy(text, toy_rig);
     assert_true(replace(text, sizeof text, "  engine: simbody\n",
                         "  engine: none\n  bodies: [{name: a, mass_kg: 1, box_m: [1, 1, 1]}]\n"));
@@ -159,12 +150,11 @@ static void without_an_engine_bodies_stay_and_nothing_touches(void **state)
     assert_int_equal(rig->contact.nbody + rig->contact.nsurface + rig->contact.npair, 0);
 }
 
-static void the_rig_of_the_paper_s_grasp_is_its_scene(void **state)
+TEST(the_rig_of_the_paper_s_grasp_is_its_scene)
 {
     const struct rig *rig = NULL;
     struct error error = {0};
 
-    (void)state;
     if (rig_load(HIL_SOURCE_DIR "/config/rigs/grasp-paper.yaml", &arena, &rig, &error)) {
         fail_msg("%s", error.text);
     }
@@ -179,7 +169,7 @@ static void the_rig_of_the_paper_s_grasp_is_its_scene(void **state)
 
 /* Friction that creeps, as fast as it always did: what is compared with the paper must not move
  * with the default of other rigs. */
-static void rigs_of_the_paper_s_experiments_keep_its_friction(void **state)
+TEST(rigs_of_the_paper_s_experiments_keep_its_friction)
 {
     static const struct {
         const char *name;
@@ -189,7 +179,6 @@ static void rigs_of_the_paper_s_experiments_keep_its_friction(void **state)
         {"grasp-light", 0.002}, {"grasp-soft", 0.002},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof rigs / sizeof rigs[0]; i++) {
         const struct rig *rig = NULL;
         struct error error = {0};
@@ -206,11 +195,10 @@ static void rigs_of_the_paper_s_experiments_keep_its_friction(void **state)
 }
 
 /* Friction sticks where a rig says nothing. */
-static void friction_of_other_rigs_sticks(void **state)
+TEST(friction_of_other_rigs_sticks)
 {
     static const char *const names[] = {"coman", "grasp", "walkman"};
 
-    (void)state;
     for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
         const struct rig *rig = NULL;
         struct error error = {0};
@@ -226,9 +214,8 @@ static void friction_of_other_rigs_sticks(void **state)
 
 /* ---- bad ones ---- */
 
-static void rejects_names_that_mean_something_else(void **state)
+TEST(rejects_names_that_mean_something_else)
 {
-    (void)state;
     refused("name: tail, static: true",
             "12:14: found body \"tail\", which the robot has too, expected a name of its own");
     refused("name: world, static: true",
@@ -241,9 +228,8 @@ static void rejects_names_that_mean_something_else(void **state)
     refused("static: true", "12:7: found a body of the scene without key \"name\", expected it");
 }
 
-static void rejects_keys_of_the_other_kind(void **state)
+TEST(rejects_keys_of_the_other_kind)
 {
-    (void)state;
     refused("name: a, static: true, mass_kg: 1",
             "12:7: found key \"mass_kg\" in a static body, expected none there");
     refused("name: a, static: true, rate_rad_s: [0, 0, 1]",
@@ -258,9 +244,8 @@ static void rejects_keys_of_the_other_kind(void **state)
             "expected exactly one");
 }
 
-static void rejects_masses_and_inertias_of_no_body(void **state)
+TEST(rejects_masses_and_inertias_of_no_body)
 {
-    (void)state;
     refused("name: a, mass_kg: 0, box_m: [1, 1, 1]",
             "12:26: found 0, expected a number above 0, at most 1000000");
     refused("name: a, mass_kg: 1, box_m: [1, 0, 1]",
@@ -279,9 +264,8 @@ static void rejects_masses_and_inertias_of_no_body(void **state)
             "zero");
 }
 
-static void names_the_nearest_body(void **state)
+TEST(names_the_nearest_body)
 {
-    (void)state;
     write_rig("    - {name: table, static: true}\n",
               "    - {name: top, body: tablee, shape: sphere, radius_m: 0.1, material: rubber}\n",
               "");
@@ -293,23 +277,4 @@ static void names_the_nearest_body(void **state)
                        "23:16: found two surfaces of one body, expected surfaces of two bodies");
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(weighs_boxes_balls_and_tensors),
-        cmocka_unit_test(puts_bodies_where_they_start),
-        cmocka_unit_test(surfaces_ride_on_free_bodies),
-        cmocka_unit_test(surfaces_of_static_bodies_belong_to_the_world),
-        cmocka_unit_test(a_robot_can_touch_itself),
-        cmocka_unit_test(without_an_engine_bodies_stay_and_nothing_touches),
-        cmocka_unit_test(the_rig_of_the_paper_s_grasp_is_its_scene),
-        cmocka_unit_test(rigs_of_the_paper_s_experiments_keep_its_friction),
-        cmocka_unit_test(friction_of_other_rigs_sticks),
-        cmocka_unit_test(rejects_names_that_mean_something_else),
-        cmocka_unit_test(rejects_keys_of_the_other_kind),
-        cmocka_unit_test(rejects_masses_and_inertias_of_no_body),
-        cmocka_unit_test(names_the_nearest_body),
-    };
-
-    return cmocka_run_group_tests(tests, open_rig_tree, close_rig_tree);
-}
+TEST_GROUP(open_rig_tree, close_rig_tree)

@@ -4,35 +4,28 @@
 #include "rig/rig.h"
 
 #include "tests/unit/rig/rig_bench.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-
-#include <cmocka.h>
+#include "tests/test.h"
 
 static const struct rig_wire *wire_of(const char *line)
 {
     return &load_toy_rig_with(line)->wire;
 }
 
-static void without_it_frames_take_no_time_and_overload_is_warned_of(void **state)
+TEST_WITH(without_it_frames_take_no_time_and_overload_is_warned_of, open_rig_tree, close_rig_tree)
 {
     const struct rig_wire *wire = wire_of("");
 
-    (void)state;
     assert_false(wire->timed || wire->paced || wire->fifo);
     assert_int_equal(wire->queue, 256);
     assert_int_equal(wire->restart_ns, 100000000);
     assert_int_equal(wire->budget, RIG_BUDGET_WARN);
 }
 
-static void every_key_is_taken(void **state)
+TEST_WITH(every_key_is_taken, open_rig_tree, close_rig_tree)
 {
     const struct rig_wire *wire = wire_of("wire: {mode: wire, pace: wire, order: fifo, queue: 8, "
                                           "restart_s: 0.25, budget: refuse}");
 
-    (void)state;
     assert_true(wire->timed && wire->paced && wire->fifo);
     assert_int_equal(wire->queue, 8);
     assert_int_equal(wire->restart_ns, 250000000);
@@ -41,7 +34,7 @@ static void every_key_is_taken(void **state)
     assert_false(wire_of("wire: {mode: wire}")->paced);
 }
 
-static void what_is_wrong_is_said_with_its_place(void **state)
+TEST_WITH(what_is_wrong_is_said_with_its_place, open_rig_tree, close_rig_tree)
 {
     static const struct {
         const char *line;
@@ -61,7 +54,6 @@ static void what_is_wrong_is_said_with_its_place(void **state)
     };
     int line = 1;
 
-    (void)state;
     for (const char *at = toy_rig; (at = strchr(at, '\n')); at++) {
         line++;
     }
@@ -81,14 +73,13 @@ static void what_is_wrong_is_said_with_its_place(void **state)
 }
 
 /* A bus that is too slow: what is said, and what would help. */
-static void an_overloaded_bus_is_told_with_advice(void **state)
+TEST_WITH(an_overloaded_bus_is_told_with_advice, open_rig_tree, close_rig_tree)
 {
     const struct rig *rig = load_toy_rig_with("");
     struct rig changed;
     struct rig_bus bus;
     char text[384], slow[384];
 
-    (void)state;
     assert_false(rig_bus_over_budget(rig, 0, text, sizeof text));
     changed = *rig;
     bus = rig->bus[0];
@@ -99,18 +90,4 @@ static void an_overloaded_bus_is_told_with_advice(void **state)
     assert_non_null(strstr(slow, "would be loaded to"));
     assert_non_null(strstr(slow, "split it over"));
     assert_non_null(strstr(slow, "or run it at"));
-}
-
-#define WIRE_TEST(f) cmocka_unit_test_setup_teardown(f, open_rig_tree, close_rig_tree)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        WIRE_TEST(without_it_frames_take_no_time_and_overload_is_warned_of),
-        WIRE_TEST(every_key_is_taken),
-        WIRE_TEST(what_is_wrong_is_said_with_its_place),
-        WIRE_TEST(an_overloaded_bus_is_told_with_advice),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -13,13 +13,13 @@ enum { LEFT_LEG = 1, HOST = 0, SIMULATOR = 1, FIRST_BOARD = 2 };
 static const struct rig *rig;
 static struct dbc *dbc;
 
-static int load(void **state)
+FIXTURE(load)
 {
     char path[512];
     struct error error;
 
     snprintf(path, sizeof path, "%s/config/rigs/coman.yaml", HIL_SOURCE_DIR);
-    return open_arena(state) || rig_load(path, &arena, &rig, &error) ||
+    return open_arena(test_state) || rig_load(path, &arena, &rig, &error) ||
            rig_dbc(rig, LEFT_LEG, &arena, &dbc, &error);
 }
 
@@ -61,12 +61,11 @@ static int node_of(unsigned address)
 }
 
 /* Identifiers of class 0, 2 and 7 end with the address that they are for, 0xf for all. */
-static void whom_an_identifier_names_receives_it(void **state)
+TEST_WITH(whom_an_identifier_names_receives_it, load, close_arena)
 {
     const uint64_t boards = ((UINT64_C(1) << dbc->nnode) - 1) & ~UINT64_C(3);
     size_t to_one = 0, to_all = 0, to_host = 0;
 
-    (void)state;
     for (const struct dbc_message *message = dbc->message; message; message = message->next) {
         const unsigned class = message->id >> 8, to = message->id & 0xf;
 
@@ -87,7 +86,7 @@ static void whom_an_identifier_names_receives_it(void **state)
 
 /* A signal of COMAN's knee: ticks of a joint's encoder of 4096 a turn, and of the motor's behind a
  * gear of 100. */
-static void ticks_are_told_in_radians_of_the_joint(void **state)
+TEST_WITH(ticks_are_told_in_radians_of_the_joint, load, close_arena)
 {
     static const struct {
         uint32_t id;
@@ -98,7 +97,6 @@ static void ticks_are_told_in_radians_of_the_joint(void **state)
                  {0x12a, "LKneeSag_position", 32, 32, 2.0 * M_PI / 409600.0},
                  {0x128, "LKneeSag_position_error", 16, 16, 2.0 * M_PI / 4096.0}};
 
-    (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const struct dbc_signal *signal = signal_of(cases[i].id, cases[i].name);
         const double half = ldexp(1.0, (int)cases[i].bits - 1), scale = cases[i].scale;
@@ -117,11 +115,10 @@ static void ticks_are_told_in_radians_of_the_joint(void **state)
 }
 
 /* Of 65536 counts the middle one is 0; the ankle's sensor takes 2000 N, a joint's 55 Nm. */
-static void channels_have_the_names_of_what_they_measure(void **state)
+TEST_WITH(channels_have_the_names_of_what_they_measure, load, close_arena)
 {
     static const char *const forces[] = {"fx", "fy", "fz"}, *const moments[] = {"mx", "my", "mz"};
 
-    (void)state;
     for (int i = 0; i < 3; i++) {
         const struct dbc_signal *force = signal_of(0x3da, forces[i]);
         const struct dbc_signal *moment = signal_of(0x3db, moments[i]);
@@ -141,12 +138,11 @@ static void channels_have_the_names_of_what_they_measure(void **state)
 }
 
 /* Byte 0 of a command selects what follows; SET_CONTROL_MODE's is 9 of 3 bytes. */
-static void commands_are_selected_by_their_first_byte(void **state)
+TEST_WITH(commands_are_selected_by_their_first_byte, load, close_arena)
 {
     const struct dbc_message *command = message_of(0x001);
     size_t selected = 0;
 
-    (void)state;
     assert_non_null(command->multiplexor);
     assert_int_equal(command->multiplexor->role, DBC_MULTIPLEXOR);
     for (const struct dbc_signal *signal = command->signal; signal; signal = signal->next) {
@@ -157,18 +153,4 @@ static void commands_are_selected_by_their_first_byte(void **state)
         }
     }
     assert_true(selected > 20);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(whom_an_identifier_names_receives_it, load, close_arena),
-        cmocka_unit_test_setup_teardown(ticks_are_told_in_radians_of_the_joint, load, close_arena),
-        cmocka_unit_test_setup_teardown(channels_have_the_names_of_what_they_measure, load,
-                                        close_arena),
-        cmocka_unit_test_setup_teardown(commands_are_selected_by_their_first_byte, load,
-                                        close_arena),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -27,7 +27,7 @@ static const char apart_by_address[] =
     "  - {name: B, from: board, id: 0x11, by: address, period_s: 0.01}\n";
 
 /* Boards 1 and 3 do not meet. */
-static void boards_of_a_bus_do_not_share_identifiers(void **state)
+TEST_WITH(boards_of_a_bus_do_not_share_identifiers, open_rig_tree, close_rig_tree)
 {
     static const char buses[] =
         "  - {name: left, interface: can0, personality: described, protocol: two.yaml,\n"
@@ -35,7 +35,6 @@ static void boards_of_a_bus_do_not_share_identifiers(void **state)
         "     {kind: motor, address: %d, axes: [knee]}]}\n";
     char text[512];
 
-    (void)state;
     write_protocol(apart_by_address);
     snprintf(text, sizeof text, buses, 3);
     assert_int_equal(load_buses(text)->boards.nboard, 2);
@@ -47,9 +46,8 @@ static void boards_of_a_bus_do_not_share_identifiers(void **state)
     remove_protocol();
 }
 
-static void boards_of_a_second_bus_are_shown_at_their_place(void **state)
+TEST_WITH(boards_of_a_second_bus_are_shown_at_their_place, open_rig_tree, close_rig_tree)
 {
-    (void)state;
     write_protocol(apart_by_address);
     assert_buses_refused(
         "  - {name: left, interface: can0, boards: [\n"
@@ -65,7 +63,7 @@ static void boards_of_a_second_bus_are_shown_at_their_place(void **state)
 
 /* A motor board and a force-torque one send frames of one identifier: whoever hears one knows its
  * sender only if both frames have an address in their data. */
-static void one_identifier_does_for_boards_whose_data_has_the_address(void **state)
+TEST_WITH(one_identifier_does_for_boards_whose_data_has_the_address, open_rig_tree, close_rig_tree)
 {
     static const char protocol[] =
         "name: two\nstates: [{name: idle, law: \"off\"}]\nframes:\n"
@@ -81,7 +79,6 @@ static void one_identifier_does_for_boards_whose_data_has_the_address(void **sta
         "     boards: [{kind: motor, address: 5, axes: [knee]}]}\n";
     char text[640];
 
-    (void)state;
     for (int has = 0; has < 4; has++) {
         snprintf(text, sizeof text, protocol, has & 1 ? ", source: address" : "",
                  has & 2 ? ", source: address" : "");
@@ -96,17 +93,4 @@ static void one_identifier_does_for_boards_whose_data_has_the_address(void **sta
         }
     }
     remove_protocol();
-}
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, open_rig_tree, close_rig_tree)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(boards_of_a_bus_do_not_share_identifiers),
-        TEST(boards_of_a_second_bus_are_shown_at_their_place),
-        TEST(one_identifier_does_for_boards_whose_data_has_the_address),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -41,11 +41,10 @@ static const struct board_config *load_shin(const char *personality, const char 
     return &rig->boards.board[rig->bus[1].first_board];
 }
 
-static void a_board_may_be_external(void **state)
+TEST_WITH(a_board_may_be_external, open_rig_tree, close_rig_tree)
 {
     const struct board_config *shin = load_shin("", "");
 
-    (void)state;
     assert_false(shin->external || shin->external_torque);
     shin = load_shin("", "external: true,");
     assert_true(shin->external && !shin->external_torque);
@@ -58,9 +57,8 @@ static void a_board_may_be_external(void **state)
     assert_true(shin->external && !shin->external_torque);
 }
 
-static void what_only_external_boards_have_is_refused_of_others(void **state)
+TEST_WITH(what_only_external_boards_have_is_refused_of_others, open_rig_tree, close_rig_tree)
 {
-    (void)state;
     refused("", "external_timeout_s: 0.1,",
             "36:30: found external_timeout_s without external: true, expected both or none");
     refused("", "external: false, external_timeout_s: 0.1,",
@@ -72,11 +70,10 @@ static void what_only_external_boards_have_is_refused_of_others(void **state)
             "34:36: found \"force\", expected position or torque");
 }
 
-static void boards_that_cannot_be_read_are_refused(void **state)
+TEST_WITH(boards_that_cannot_be_read_are_refused, open_rig_tree, close_rig_tree)
 {
     char text[sizeof toy_rig + 512];
 
-    (void)state;
     refused("cia402", "external: true,",
             "34:12: found external: true with personality cia402, expected it with icub, "
             "compact or foc only");
@@ -99,11 +96,10 @@ static void boards_that_cannot_be_read_are_refused(void **state)
                              "motor board: no joint follows a sensor");
 }
 
-static void a_joint_without_rotor_or_spring_cannot_follow(void **state)
+TEST_WITH(a_joint_without_rotor_or_spring_cannot_follow, open_rig_tree, close_rig_tree)
 {
     char robot[sizeof toy_robot + 64], copy[512];
 
-    (void)state;
     snprintf(copy, sizeof copy, "cp '%s/tests/old/robots/oil.yaml' '%s/config/robots/toy.yaml'",
              HIL_SOURCE_DIR, tree);
     assert_int_equal(system(copy), 0);
@@ -131,7 +127,7 @@ static void a_joint_without_rotor_or_spring_cannot_follow(void **state)
 
 /* ---- faults ---- */
 
-static void what_a_real_board_does_nobody_disturbs(void **state)
+TEST_WITH(what_a_real_board_does_nobody_disturbs, open_rig_tree, close_rig_tree)
 {
     static const char *const fault[] = {"board shin off", "motor knee jam"};
     const bool wire[2] = {false, false};
@@ -139,7 +135,6 @@ static void what_a_real_board_does_nobody_disturbs(void **state)
     struct faults *faults;
     struct error error;
 
-    (void)state;
     write_shin("", "external: true,");
     rig = load_rig(rig_path);
     assert_int_equal(rig_faults_create(rig, fault, 1, 1, wire, &arena, &faults, &error),
@@ -149,19 +144,4 @@ static void what_a_real_board_does_nobody_disturbs(void **state)
                         "external, expected one of the simulator's own");
     assert_int_equal(rig_faults_create(rig, fault + 1, 1, 1, wire, &arena, &faults, &error),
                      ERROR_NONE);
-}
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, open_rig_tree, close_rig_tree)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(a_board_may_be_external),
-        TEST(what_only_external_boards_have_is_refused_of_others),
-        TEST(boards_that_cannot_be_read_are_refused),
-        TEST(a_joint_without_rotor_or_spring_cannot_follow),
-        TEST(what_a_real_board_does_nobody_disturbs),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -310,31 +310,17 @@ static const struct limit robot_limits[] = {
     {"variants[].ft_sensors[].distal.mass_kg", 0, 1e6},
 };
 
-static void limits_of_rig_files(void **state)
+TEST_WITH(limits_of_rig_files, open_arena, close_arena)
 {
-    (void)state;
     check_schema(&rig_file_schema, rig_limits, ARRAY_COUNT(rig_limits));
 }
 
-static void limits_of_robot_files(void **state)
+TEST_WITH(limits_of_robot_files, open_arena, close_arena)
 {
-    (void)state;
     check_schema(&robot_file_schema, robot_limits, ARRAY_COUNT(robot_limits));
 }
 
-static void limits_of_drive_files(void **state)
+TEST_WITH(limits_of_drive_files, open_arena, close_arena)
 {
-    (void)state;
     check_schema(&drive_file_schema, drive_limits, ARRAY_COUNT(drive_limits));
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(limits_of_drive_files, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(limits_of_rig_files, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(limits_of_robot_files, open_arena, close_arena),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,12 +4,9 @@
 #include "rt/recording/recorder.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 #include "tests/unit/rig/rig_bench.h"
+#include "tests/test.h"
 
 static const struct rig *load_toy(void)
 {
@@ -34,11 +31,10 @@ static void refused_with(const char *from, const char *to, const char *message)
     assert_rig_refused(to, message);
 }
 
-static void motor_boards_may_be_strict_and_keep_firmware(void **state)
+TEST_WITH(motor_boards_may_be_strict_and_keep_firmware, open_rig_tree, close_rig_tree)
 {
     const struct rig *rig = load_toy();
 
-    (void)state;
     assert_false(rig->boards.board[0].strict || rig->boards.board[0].require_calibration);
     write_toy_with("  current_limit_a: 12\n", "  current_limit_a: 12\n  strict: true\n");
     rig = load_rig(rig_path);
@@ -59,11 +55,10 @@ static void motor_boards_may_be_strict_and_keep_firmware(void **state)
 
 /* ---- good rigs ---- */
 
-static void reads_time_pose_and_settings(void **state)
+TEST_WITH(reads_time_pose_and_settings, open_rig_tree, close_rig_tree)
 {
     const struct rig *rig = load_toy();
 
-    (void)state;
     assert_string_equal(rig->name, "toy");
     assert_string_equal(rig->file, rig_path);
     assert_int_equal(rig->clock, LOOP_CLOCK_FREE);
@@ -90,12 +85,11 @@ static void reads_time_pose_and_settings(void **state)
     assert_int_equal(rig->squat.cycles, 5);
 }
 
-static void places_surfaces_on_bodies_frames_and_the_world(void **state)
+TEST_WITH(places_surfaces_on_bodies_frames_and_the_world, open_rig_tree, close_rig_tree)
 {
     const struct rig *rig = load_toy();
     const struct contact_surface *ball;
 
-    (void)state;
     assert_int_equal(rig->contact.nsurface, 4);
     assert_int_equal(rig->contact.nbody, 2);
     assert_int_equal(rig->contact_body[0], robot_find_body(rig->robot, "lower"));
@@ -118,9 +112,8 @@ static void places_surfaces_on_bodies_frames_and_the_world(void **state)
     assert_true(ball->material.viscous_friction == 0.5);
 }
 
-static void meshes_interact_by_the_law_that_the_rig_names(void **state)
+TEST_WITH(meshes_interact_by_the_law_that_the_rig_names, open_rig_tree, close_rig_tree)
 {
-    (void)state;
     assert_int_equal(load_toy()->contact.mesh_law, CONTACT_PRESSURE_FIELD);
     write_toy_with("  materials:", "  mesh_law: elastic_foundation\n  materials:");
     assert_int_equal(load_rig(rig_path)->contact.mesh_law, CONTACT_ELASTIC_FOUNDATION);
@@ -128,12 +121,11 @@ static void meshes_interact_by_the_law_that_the_rig_names(void **state)
                  "11:13: found \"springs\", expected pressure_field or elastic_foundation");
 }
 
-static void hands_every_board_what_it_needs(void **state)
+TEST_WITH(hands_every_board_what_it_needs, open_rig_tree, close_rig_tree)
 {
     const struct rig *rig = load_toy();
     const struct board_config *board = rig->boards.board;
 
-    (void)state;
     assert_int_equal(rig->boards.nboard, 4);
     assert_int_equal(rig->boards.nbus, 2);
     assert_int_equal(rig->boards.njoint, 3);
@@ -160,12 +152,11 @@ static void hands_every_board_what_it_needs(void **state)
     assert_int_equal(board[3].bus, 1);
 }
 
-static void the_rig_can_put_joints_and_base_elsewhere_than_the_pose(void **state)
+TEST_WITH(the_rig_can_put_joints_and_base_elsewhere_than_the_pose, open_rig_tree, close_rig_tree)
 {
     char robot[sizeof toy_robot + 128];
     const struct rig *rig;
 
-    (void)state;
     strcpy(robot, toy_robot);
     assert_true(replace(robot, sizeof robot, "type: fixed", "type: floating"));
     assert_true(replace(robot, sizeof robot, "straight: {}", "straight: {base_xyz_m: [0, 0, 0]}"));
@@ -182,9 +173,8 @@ static void the_rig_can_put_joints_and_base_elsewhere_than_the_pose(void **state
     assert_true(fabs(rig->base_quaternion[2]) < 1e-15 && fabs(rig->base_quaternion[3]) < 1e-15);
 }
 
-static void rejects_joints_of_the_start_beyond_their_limits(void **state)
+TEST_WITH(rejects_joints_of_the_start_beyond_their_limits, open_rig_tree, close_rig_tree)
 {
-    (void)state;
     refused_with(
         "{pose: bent}", "{pose: bent, joints_rad: {knee: 3.5}}",
         "7:36: found joint \"knee\" at 3.5 rad, expected a revolute joint within its limits, "
@@ -193,11 +183,10 @@ static void rejects_joints_of_the_start_beyond_their_limits(void **state)
                  "7:36: found unknown joint \"kne\", expected \"knee\"");
 }
 
-static void tells_a_controller_where_everything_is(void **state)
+TEST_WITH(tells_a_controller_where_everything_is, open_rig_tree, close_rig_tree)
 {
     const struct rig *rig = load_toy();
 
-    (void)state;
     assert_int_equal(rig->naxis, 2);
     assert_string_equal(rig->axis[0].joint, "hip");
     assert_int_equal(rig->axis[0].bus, 0);
@@ -218,11 +207,10 @@ static void tells_a_controller_where_everything_is(void **state)
 #define SERVO_END "kw_v_s_per_rad: 4, command_period_s: 0.004}"
 #define SERVO_OTHERS(list) "kw_v_s_per_rad: 4, command_period_s: 0.004, others: [" list "]}"
 
-static void gains_of_some_joints_differ(void **state)
+TEST_WITH(gains_of_some_joints_differ, open_rig_tree, close_rig_tree)
 {
     const struct servo_gains *gains;
 
-    (void)state;
     write_toy_with(SERVO_END, SERVO_OTHERS("{joints: [knee], kp_v_per_rad: 30, kd_v_s_per_rad: 2, "
                                            "limit_v: 24}"));
     gains = load_rig(rig_path)->servo.gains;
@@ -233,9 +221,8 @@ static void gains_of_some_joints_differ(void **state)
     assert_true(gains[1].limit_v == 24);
 }
 
-static void gains_of_other_joints_are_refused(void **state)
+TEST_WITH(gains_of_other_joints_are_refused, open_rig_tree, close_rig_tree)
 {
-    (void)state;
     refused_with(SERVO_END, SERVO_OTHERS("{joints: [knea], kp_v_per_rad: 30}"),
                  "43:112: found unknown driven joint \"knea\", expected \"knee\"");
     refused_with(SERVO_END,
@@ -243,12 +230,11 @@ static void gains_of_other_joints_are_refused(void **state)
                  "43:154: found joint \"knee\" again, expected it once (line 43)");
 }
 
-static void the_coman_rig_reaches_every_joint_and_both_ankles(void **state)
+TEST_WITH(the_coman_rig_reaches_every_joint_and_both_ankles, open_rig_tree, close_rig_tree)
 {
     const struct rig *rig = load_rig(HIL_SOURCE_DIR "/config/rigs/coman.yaml");
     double weight = 0.0;
 
-    (void)state;
     assert_int_equal(rig->robot->nv, 29);
     assert_int_equal(rig->naxis, 23);
     assert_int_equal(rig->nft, 4);
@@ -267,11 +253,10 @@ static void the_coman_rig_reaches_every_joint_and_both_ankles(void **state)
 /* ---- bad rigs ---- */
 
 /* What a rig that says nothing gets: the integrator of second order, one step a tick. */
-static void steps_are_ticks_of_the_implicit_integrator_by_default(void **state)
+TEST_WITH(steps_are_ticks_of_the_implicit_integrator_by_default, open_rig_tree, close_rig_tree)
 {
     const struct rig *rig;
 
-    (void)state;
     write_toy_with("substep_s: 0.0005\n", "");
     rig = load_rig(rig_path);
     assert_int_equal(rig->substep_ns, rig->tick_ns);
@@ -279,9 +264,8 @@ static void steps_are_ticks_of_the_implicit_integrator_by_default(void **state)
     assert_int_equal(rig->integrator, PLANT_IMPLICIT);
 }
 
-static void rejects_ticks_that_substeps_do_not_fill(void **state)
+TEST_WITH(rejects_ticks_that_substeps_do_not_fill, open_rig_tree, close_rig_tree)
 {
-    (void)state;
     refused_with("substep_s: 0.0005", "substep_s: 0.0003",
                  "5:12: found a substep of 0.0003 s, expected one that divides the tick of "
                  "0.002 s exactly");
@@ -296,9 +280,8 @@ static void rejects_ticks_that_substeps_do_not_fill(void **state)
                  "nanoseconds");
 }
 
-static void rejects_names_that_nothing_has(void **state)
+TEST_WITH(rejects_names_that_nothing_has, open_rig_tree, close_rig_tree)
 {
-    (void)state;
     refused_with("pose: bent", "pose: bend",
                  "7:17: found unknown pose \"bend\", expected \"bent\"");
     refused_with("body: tail", "body: tial",
@@ -323,9 +306,8 @@ static void rejects_names_that_nothing_has(void **state)
                  "39:17: found unknown bus \"rigth\", expected \"right\"");
 }
 
-static void rejects_files_out_of_the_tree_or_missing(void **state)
+TEST_WITH(rejects_files_out_of_the_tree_or_missing, open_rig_tree, close_rig_tree)
 {
-    (void)state;
     refused_with("file: ../robots/toy.yaml", "file: ../../robots/toy.yaml",
                  "2:15: found path \"../../robots/toy.yaml\", which leaves the configuration "
                  "tree, expected one at or below \"..\"");
@@ -334,9 +316,8 @@ static void rejects_files_out_of_the_tree_or_missing(void **state)
                  "file");
 }
 
-static void rejects_keys_that_belong_to_another_shape(void **state)
+TEST_WITH(rejects_keys_that_belong_to_another_shape, open_rig_tree, close_rig_tree)
 {
-    (void)state;
     refused_with("shape: half_space", "shape: half_space, radius_m: 1",
                  "15:7: found key \"radius_m\" in a half space, expected none there");
     refused_with("radius_m: 0.02", "cells: 3",
@@ -351,9 +332,8 @@ static void rejects_keys_that_belong_to_another_shape(void **state)
                  "15:7: found both a body and a frame, expected one of \"body\" and \"frame\"");
 }
 
-static void rejects_pairs_that_cannot_touch(void **state)
+TEST_WITH(rejects_pairs_that_cannot_touch, open_rig_tree, close_rig_tree)
 {
-    (void)state;
     refused_with("[ground, ball]", "[ground]",
                  "20:16: found 1 surfaces, expected two: [one, other]");
     refused_with("[ground, ball]", "[wedge, ball]",
@@ -362,17 +342,15 @@ static void rejects_pairs_that_cannot_touch(void **state)
                  "21:7: found the pair of line 20 again, expected it once");
 }
 
-static void rejects_materials_that_stick_less_than_they_slide(void **state)
+TEST_WITH(rejects_materials_that_stick_less_than_they_slide, open_rig_tree, close_rig_tree)
 {
-    (void)state;
     refused_with("static_friction: 1.1", "static_friction: 0.8",
                  "12:13: found static_friction 0.8 below dynamic_friction 0.9, expected at "
                  "least as much");
 }
 
-static void rejects_names_given_twice(void **state)
+TEST_WITH(rejects_names_given_twice, open_rig_tree, close_rig_tree)
 {
-    (void)state;
     refused_with("name: ball", "name: ground",
                  "16:14: found surface \"ground\" again, expected a name of its own");
     refused_with("name: right", "name: left",
@@ -383,9 +361,8 @@ static void rejects_names_given_twice(void **state)
                  "\"left\" has it)");
 }
 
-static void rejects_names_that_cannot_be_file_names(void **state)
+TEST_WITH(rejects_names_that_cannot_be_file_names, open_rig_tree, close_rig_tree)
 {
-    (void)state;
     refused_with("name: toy", "name: a/toy",
                  "1:1: found rig \"a/toy\", expected letters, digits and _ - . only");
     refused_with("name: shin", "name: my shin",
@@ -398,9 +375,8 @@ static void rejects_names_that_cannot_be_file_names(void **state)
                  "29:16: found \"a_name_that_is_too_long\", expected a text of 1 to 15 bytes");
 }
 
-static void rejects_an_address_twice_on_a_bus(void **state)
+TEST_WITH(rejects_an_address_twice_on_a_bus, open_rig_tree, close_rig_tree)
 {
-    (void)state;
     refused_with("address: 0x0c", "address: 1",
                  "32:33: found address 0x01 again on bus \"left\", expected another (line 31 "
                  "has it)");
@@ -410,9 +386,8 @@ static void rejects_an_address_twice_on_a_bus(void **state)
                  "32:33: found 32, expected an integer from 1 to 31");
 }
 
-static void rejects_a_joint_driven_twice_or_not_at_all(void **state)
+TEST_WITH(rejects_a_joint_driven_twice_or_not_at_all, open_rig_tree, close_rig_tree)
 {
-    (void)state;
     refused_with("axes: [knee]", "axes: [hip]",
                  "36:54: found joint \"hip\" again, expected it on one axis (board in line "
                  "31)");
@@ -426,11 +401,10 @@ static void rejects_a_joint_driven_twice_or_not_at_all(void **state)
                  "without");
 }
 
-static void takes_a_joint_that_is_said_to_be_undriven(void **state)
+TEST_WITH(takes_a_joint_that_is_said_to_be_undriven, open_rig_tree, close_rig_tree)
 {
     char text[sizeof toy_rig + 64];
 
-    (void)state;
     strcpy(text, toy_rig);
     assert_true(replace(text, sizeof text, "axes: [knee]", "axes: [spare]"));
     assert_true(replace(text, sizeof text, "buses:\n", "undriven: [knee]\nbuses:\n"));
@@ -438,9 +412,8 @@ static void takes_a_joint_that_is_said_to_be_undriven(void **state)
     assert_int_equal(load_rig(rig_path)->naxis, 1);
 }
 
-static void rejects_torques_that_no_host_would_hear(void **state)
+TEST_WITH(rejects_torques_that_no_host_would_hear, open_rig_tree, close_rig_tree)
 {
-    (void)state;
     refused_with("[spare, spare, hip]", "[knee]",
                  "32:47: found joint \"knee\", which is driven from bus \"right\", expected "
                  "joints of this bus");
@@ -451,9 +424,8 @@ static void rejects_torques_that_no_host_would_hear(void **state)
                  "32:47: found 7 joints, expected 1 to 6");
 }
 
-static void rejects_keys_that_belong_to_another_board(void **state)
+TEST_WITH(rejects_keys_that_belong_to_another_board, open_rig_tree, close_rig_tree)
 {
-    (void)state;
     refused_with("axes: [knee]", "axes: [knee], period_s: 0.01",
                  "36:9: found key \"period_s\" in a motor board, expected none there");
     refused_with("sensor: foot_ft, ", "",
@@ -463,9 +435,8 @@ static void rejects_keys_that_belong_to_another_board(void **state)
     refused_with("axes: [knee]", "axes: []", "36:53: found 0 axes, expected 1 to 2");
 }
 
-static void rejects_what_the_boards_cannot_tell_a_host(void **state)
+TEST_WITH(rejects_what_the_boards_cannot_tell_a_host, open_rig_tree, close_rig_tree)
 {
-    (void)state;
     refused_with("[1000, 1000, 2000]", "[1000, 1000.5, 2000]",
                  "37:66: found full scale 1000.5, expected an integer: boards report it as "
                  "one");
@@ -476,9 +447,8 @@ static void rejects_what_the_boards_cannot_tell_a_host(void **state)
                  "32:78: found a period of 0.0045 s, expected whole milliseconds");
 }
 
-static void rejects_lockstep_ids_that_boards_use(void **state)
+TEST_WITH(rejects_lockstep_ids_that_boards_use, open_rig_tree, close_rig_tree)
 {
-    (void)state;
     refused_with("step_id: 0x5f0", "step_id: 0x123",
                  "39:33: found id 0x123, which belongs to the boards, expected one from 0x400 "
                  "to 0x6ff");
@@ -489,39 +459,35 @@ static void rejects_lockstep_ids_that_boards_use(void **state)
                  "39:11: found the id of the STEP frame, expected another for DONE");
 }
 
-static void rejects_a_base_position_twice_or_of_a_fixed_base(void **state)
+TEST_WITH(rejects_a_base_position_twice_or_of_a_fixed_base, open_rig_tree, close_rig_tree)
 {
-    (void)state;
     refused_with("{pose: bent}", "{pose: bent, base_height_m: 1, base_xyz_m: [0, 0, 1]}",
                  "7:10: found base_xyz_m and base_height_m, expected one of them");
     refused_with("{pose: bent}", "{pose: bent, base_height_m: 1}",
                  "7:10: found a place of the base, expected none for a robot with a fixed base");
 }
 
-static void rejects_a_command_period_off_the_ticks(void **state)
+TEST_WITH(rejects_a_command_period_off_the_ticks, open_rig_tree, close_rig_tree)
 {
-    (void)state;
     refused_with("command_period_s: 0.004", "command_period_s: 0.003",
                  "43:86: found a command period of 0.003 s, expected a multiple of the tick "
                  "of 0.002 s");
 }
 
-static void rejects_a_rig_without_buses(void **state)
+TEST_WITH(rejects_a_rig_without_buses, open_rig_tree, close_rig_tree)
 {
     const char *from = strstr(toy_rig, "buses:\n"), *to = strstr(toy_rig, "lockstep:");
     char text[2048];
 
-    (void)state;
     snprintf(text, sizeof text, "%.*s", (int)(to - from), from);
     refused_with(text, "buses: []\n", "1:1: found no buses, expected at least one");
 }
 
-static void reports_an_arena_that_is_full(void **state)
+TEST_WITH(reports_an_arena_that_is_full, open_rig_tree, close_rig_tree)
 {
     size_t capacity = 4096;
     enum error_code code;
 
-    (void)state;
     load_toy();
     do {
         const struct rig *rig = NULL;
@@ -534,44 +500,4 @@ static void reports_an_arena_that_is_full(void **state)
         arena_fini(&small);
         capacity += 256;
     } while (code);
-}
-
-int main(void)
-{
-#define TEST(name) cmocka_unit_test_setup_teardown(name, open_rig_tree, close_rig_tree)
-    const struct CMUnitTest tests[] = {
-        TEST(motor_boards_may_be_strict_and_keep_firmware),
-        TEST(reads_time_pose_and_settings),
-        TEST(places_surfaces_on_bodies_frames_and_the_world),
-        TEST(meshes_interact_by_the_law_that_the_rig_names),
-        TEST(hands_every_board_what_it_needs),
-        TEST(the_rig_can_put_joints_and_base_elsewhere_than_the_pose),
-        TEST(rejects_joints_of_the_start_beyond_their_limits),
-        TEST(tells_a_controller_where_everything_is),
-        TEST(gains_of_some_joints_differ),
-        TEST(gains_of_other_joints_are_refused),
-        TEST(the_coman_rig_reaches_every_joint_and_both_ankles),
-        TEST(steps_are_ticks_of_the_implicit_integrator_by_default),
-        TEST(rejects_ticks_that_substeps_do_not_fill),
-        TEST(rejects_names_that_nothing_has),
-        TEST(rejects_files_out_of_the_tree_or_missing),
-        TEST(rejects_keys_that_belong_to_another_shape),
-        TEST(rejects_pairs_that_cannot_touch),
-        TEST(rejects_materials_that_stick_less_than_they_slide),
-        TEST(rejects_names_given_twice),
-        TEST(rejects_names_that_cannot_be_file_names),
-        TEST(rejects_an_address_twice_on_a_bus),
-        TEST(rejects_a_joint_driven_twice_or_not_at_all),
-        TEST(takes_a_joint_that_is_said_to_be_undriven),
-        TEST(rejects_torques_that_no_host_would_hear),
-        TEST(rejects_keys_that_belong_to_another_board),
-        TEST(rejects_what_the_boards_cannot_tell_a_host),
-        TEST(rejects_lockstep_ids_that_boards_use),
-        TEST(rejects_a_base_position_twice_or_of_a_fixed_base),
-        TEST(rejects_a_command_period_off_the_ticks),
-        TEST(rejects_a_rig_without_buses),
-        TEST(reports_an_arena_that_is_full),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

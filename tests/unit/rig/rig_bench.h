@@ -6,25 +6,19 @@
 
 #include "rig/rig.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "tests/unit/arena_fixture.h"
 #include "tests/unit/rig/rig_files.h"
+#include "tests/test.h"
 
-static inline int open_rig_tree(void **state)
+FIXTURE(open_rig_tree)
 {
-    return open_arena(state) || make_tree() ? -1 : 0;
+    return open_arena(test_state) || make_tree() ? -1 : 0;
 }
 
-static inline int close_rig_tree(void **state)
+FIXTURE(close_rig_tree)
 {
     remove_tree();
-    return close_arena(state);
+    return close_arena(test_state);
 }
 
 static inline void write_rig_file(const char *text)

@@ -4,22 +4,18 @@
 
 #include <math.h>
 #include <string.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 #include "base/vec3.h"
 #include "model/dynamics.h"
 #include "tests/physics/near.h"
 #include "tests/unit/rig/rig_files.h"
+#include "tests/test.h"
 
 static struct arena arena;
 static char extended[64]; /* the rig that extends the toy */
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
-    (void)state;
     if (arena_init(&arena, (size_t)256 << 20, NULL) || make_tree() ||
         write_file("config/rigs/toy.yaml", toy_rig, sizeof toy_rig - 1)) {
         return -1;
@@ -28,9 +24,8 @@ static int set_up(void **state)
     return 0;
 }
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
-    (void)state;
     unlink(extended);
     remove_tree();
     arena_fini(&arena);
@@ -67,11 +62,10 @@ static void refused(const char *text, const char *expected)
 
 /* ---- extends ---- */
 
-static void takes_what_it_does_not_give_from_the_other_file(void **state)
+TEST(takes_what_it_does_not_give_from_the_other_file)
 {
     const struct rig *rig = load("extends: toy.yaml\nname: more\n");
 
-    (void)state;
     assert_string_equal(rig->name, "more");
     assert_string_equal(rig->robot->name, "toy");
     assert_int_equal(rig->tick_ns, 2000000);
@@ -79,7 +73,7 @@ static void takes_what_it_does_not_give_from_the_other_file(void **state)
     assert_true(rig->contact.transition_velocity_m_s == 0.02);
 }
 
-static void merges_mappings_and_replaces_lists(void **state)
+TEST(merges_mappings_and_replaces_lists)
 {
     const struct rig *rig = load("extends: toy.yaml\n"
                                  "scene:\n"
@@ -87,7 +81,6 @@ static void merges_mappings_and_replaces_lists(void **state)
                                  "  pairs:\n"
                                  "    - between: [ground, ball]\n");
 
-    (void)state;
     assert_int_equal(rig->contact.npair, 1);
     assert_int_equal(rig->contact.nsurface, 4);
     assert_true(rig->contact.surface[0].material.young_pa == 2e5);
@@ -95,9 +88,8 @@ static void merges_mappings_and_replaces_lists(void **state)
     assert_true(rig->contact.transition_velocity_m_s == 0.02);
 }
 
-static void names_the_file_in_which_a_value_stands(void **state)
+TEST(names_the_file_in_which_a_value_stands)
 {
-    (void)state;
     refused("extends: toy.yaml\nscene: {pairs: [{between: [ground, bal]}]}\n", "more.yaml:2:");
     refused("extends: toy.yaml\nname: more\ninitial: {pose: crooked}\n", "more.yaml:3:");
     refused("extends: toy.yaml\nsubstep_s: 0.003\n", "more.yaml:2:");
@@ -108,9 +100,8 @@ static void names_the_file_in_which_a_value_stands(void **state)
     refused("extends: toy.yaml\nrobot: {file: none.yaml}\n", "none.yaml: cannot be read");
 }
 
-static void refuses_files_that_cannot_be_extended(void **state)
+TEST(refuses_files_that_cannot_be_extended)
 {
-    (void)state;
     refused("extends: missing.yaml\n", "more.yaml:1:10: ");
     refused("extends: ../../../etc/passwd\n", "leaves the configuration tree");
     refused("extends: [toy.yaml]\n", "found a list, expected the file that this one extends");
@@ -144,9 +135,8 @@ static void remove_chain(int length)
     }
 }
 
-static void follows_a_long_chain_but_no_circle(void **state)
+TEST(follows_a_long_chain_but_no_circle)
 {
-    (void)state;
     write_chain(20, "toy.yaml");
     assert_string_equal(load("extends: chain1.yaml\n")->robot->name, "toy");
     write_chain(20, "chain7.yaml");
@@ -159,12 +149,11 @@ static void follows_a_long_chain_but_no_circle(void **state)
 
 /* ---- springs ---- */
 
-static void replaces_springs_by_name(void **state)
+TEST(replaces_springs_by_name)
 {
     const struct rig *rig =
         load("extends: toy.yaml\nrobot: {springs: {knee: {Ks_nm_rad: 1.5, Ds_nm_s_rad: 0.25}}}\n");
 
-    (void)state;
     assert_true(rig->robot->joint[0].sea.Ks == 400.0);
     assert_true(rig->robot->joint[1].sea.Ks == 1.5);
     assert_true(rig->robot->joint[1].sea.Ds == 0.25);
@@ -172,7 +161,7 @@ static void replaces_springs_by_name(void **state)
 }
 
 /* A point at the center of mass: the mass is more, the inertia about it the same. */
-static void adds_masses_to_bodies(void **state)
+TEST(adds_masses_to_bodies)
 {
     const struct rig *plain = load("extends: toy.yaml\n");
     const struct robot_body *body = plain->robot->body;
@@ -181,7 +170,6 @@ static void adds_masses_to_bodies(void **state)
     char text[200];
     const struct rig *rig;
 
-    (void)state;
     snprintf(text, sizeof text, "extends: toy.yaml\nrobot: {added_mass_kg: {%s: 1.5}}\n",
              body[0].name);
     rig = load(text);
@@ -201,7 +189,7 @@ static void moments_about_origin(const struct robot_inertia *inertia, double mom
 }
 
 /* What is added to a body hangs below its sensor: mass, first and second moments add up. */
-static void masses_hang_below_force_torque_sensors(void **state)
+TEST(masses_hang_below_force_torque_sensors)
 {
     static const char heavy[] = "{name: foot_ft, frame: sole, distal: {mass_kg: 2, com_m: [0.1, "
                                 "0.2, -0.3], inertia_kg_m2: [0.02, 0.001, 0, 0.03, 0, 0.025]}}";
@@ -212,7 +200,6 @@ static void masses_hang_below_force_torque_sensors(void **state)
     struct robot_inertia before;
     double old[3], new[3];
 
-    (void)state;
     ft = load("extends: toy.yaml\nrobot: {added_mass_kg: {lower: 1.5}}\n")->robot->ft;
     assert_true(ft[0].distal.mass == 1.5 && ft[1].distal.mass == 0.0);
     for (int i = 0; i < 3; i++) {
@@ -242,11 +229,10 @@ static void masses_hang_below_force_torque_sensors(void **state)
 
 /* A tool takes the place of what the robot file hangs there; the dynamics stay those of the
  * file. */
-static void tools_hang_below_force_torque_sensors(void **state)
+TEST(tools_hang_below_force_torque_sensors)
 {
     const struct robot *plain = load("extends: toy.yaml\n")->robot, *robot;
 
-    (void)state;
     robot = load("extends: toy.yaml\n"
                  "sensors:\n"
                  "  every_ft: {tool: {mass_kg: 2, com_m: [0.1, 0, 0]}}\n"
@@ -272,9 +258,8 @@ static void tools_hang_below_force_torque_sensors(void **state)
             "\"foot_ft\"");
 }
 
-static void refuses_springs_of_joints_that_have_none(void **state)
+TEST(refuses_springs_of_joints_that_have_none)
 {
-    (void)state;
     refused("extends: toy.yaml\nrobot: {springs: {kne: {Ks_nm_rad: 1, Ds_nm_s_rad: 1}}}\n",
             "found unknown joint \"kne\", expected \"knee\"");
     refused("extends: toy.yaml\nrobot: {springs: {wag: {Ks_nm_rad: 1, Ds_nm_s_rad: 1}}}\n",
@@ -298,7 +283,7 @@ static struct dynamics dynamics_of(const struct robot *robot)
 
 /* The same bodies are in the same places, and the joints accelerate as on a base that is too heavy
  * to be moved. */
-static void a_held_base_is_one_of_infinite_mass(void **state)
+TEST(a_held_base_is_one_of_infinite_mass)
 {
     static const double p[3] = {0.3, -0.2, 0.9}, quaternion[4] = {0.8, 0.4, -0.4, 0.2};
     double q[SPEEDS] = {0}, v[SPEEDS] = {0}, tau[SPEEDS] = {0}, free_a[SPEEDS], held_a[SPEEDS];
@@ -309,7 +294,6 @@ static void a_held_base_is_one_of_infinite_mass(void **state)
     struct dynamics a, b;
     struct error error = {0};
 
-    (void)state;
     if (robot_load(HIL_SOURCE_DIR "/config/robots/coman.yaml", "forearms", &arena, &robot,
                    &error) ||
         robot_copy(robot, &arena, &heavy, &error) || robot_copy(robot, &arena, &held, &error)) {
@@ -348,14 +332,13 @@ static void a_held_base_is_one_of_infinite_mass(void **state)
     }
 }
 
-static void surfaces_and_frames_of_a_held_base_stay_where_they_were(void **state)
+TEST(surfaces_and_frames_of_a_held_base_stay_where_they_were)
 {
     const struct robot *robot;
     struct robot *held;
     struct error error = {0};
     int frame;
 
-    (void)state;
     assert_int_equal(
         robot_load(HIL_SOURCE_DIR "/config/robots/coman.yaml", NULL, &arena, &robot, &error),
         ERROR_NONE);
@@ -377,32 +360,12 @@ static void surfaces_and_frames_of_a_held_base_stay_where_they_were(void **state
     assert_true(robot->floating); /* the original is as it was */
 }
 
-static void a_base_that_is_fixed_already_stays_so(void **state)
+TEST(a_base_that_is_fixed_already_stays_so)
 {
     const struct rig *rig = load("extends: toy.yaml\nrobot: {fixed_base: true}\n");
 
-    (void)state;
     assert_false(rig->robot->floating);
     assert_int_equal(rig->robot->nq, 3);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(takes_what_it_does_not_give_from_the_other_file),
-        cmocka_unit_test(merges_mappings_and_replaces_lists),
-        cmocka_unit_test(names_the_file_in_which_a_value_stands),
-        cmocka_unit_test(refuses_files_that_cannot_be_extended),
-        cmocka_unit_test(follows_a_long_chain_but_no_circle),
-        cmocka_unit_test(replaces_springs_by_name),
-        cmocka_unit_test(adds_masses_to_bodies),
-        cmocka_unit_test(masses_hang_below_force_torque_sensors),
-        cmocka_unit_test(tools_hang_below_force_torque_sensors),
-        cmocka_unit_test(refuses_springs_of_joints_that_have_none),
-        cmocka_unit_test(a_held_base_is_one_of_infinite_mass),
-        cmocka_unit_test(surfaces_and_frames_of_a_held_base_stay_where_they_were),
-        cmocka_unit_test(a_base_that_is_fixed_already_stays_so),
-    };
-
-    return cmocka_run_group_tests(tests, set_up, tear_down);
-}
+TEST_GROUP(set_up, tear_down)

@@ -3,12 +3,9 @@
 #include "rig/rig.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 #include "tests/unit/rig/rig_bench.h"
+#include "tests/test.h"
 
 /* Of the arms that can swing about the trunk the right one can reach the other. */
 static const char capsules[] =
@@ -66,12 +63,11 @@ static const struct rig_left_pair *left_out(const struct rig *rig, const char *a
     return NULL;
 }
 
-static void capsules_touch_the_world_and_each_other_but_not_across_a_joint(void **state)
+TEST(capsules_touch_the_world_and_each_other_but_not_across_a_joint)
 {
     const struct rig *rig;
     const struct contact_surface *tip;
 
-    (void)state;
     write_rig_and_robot("{material: rubber}", "native");
     rig = load_rig(rig_path);
     assert_int_equal(rig->contact.nsurface, 8);
@@ -99,12 +95,11 @@ static void capsules_touch_the_world_and_each_other_but_not_across_a_joint(void 
     assert_null(left_out(rig, "tip", "thigh"));
 }
 
-static void capsules_that_overlap_in_one_of_the_poses_have_a_slack(void **state)
+TEST(capsules_that_overlap_in_one_of_the_poses_have_a_slack)
 {
     static char robot[sizeof toy_robot + 2048];
     const struct rig *rig;
 
-    (void)state;
     /* Straight down the shin's axis is 0.1 m from the chest: 20 mm less than their radii; bent it
      * is farther off */
     write_rig_and_robot("{material: rubber}", "native");
@@ -124,11 +119,10 @@ static void capsules_that_overlap_in_one_of_the_poses_have_a_slack(void **state)
     }
 }
 
-static void pairs_that_overlap_in_every_pose_are_left_out(void **state)
+TEST(pairs_that_overlap_in_every_pose_are_left_out)
 {
     const struct rig *rig;
 
-    (void)state;
     /* The block is 0.1 m deep about the tail's origin, in front of which the thigh hangs */
     write_rig_and_robot("{material: rubber}", "native");
     rig = load_rig(rig_path);
@@ -137,11 +131,10 @@ static void pairs_that_overlap_in_every_pose_are_left_out(void **state)
     assert_true(has_pair(rig, "block", "ball")); /* the file says so */
 }
 
-static void self_collision_and_single_pairs_can_be_left_out(void **state)
+TEST(self_collision_and_single_pairs_can_be_left_out)
 {
     const struct rig *rig;
 
-    (void)state;
     write_rig_and_robot("{material: rubber, self_collision: false}", "native");
     rig = load_rig(rig_path);
     assert_true(has_pair(rig, "ground", "shin"));
@@ -159,11 +152,10 @@ static void self_collision_and_single_pairs_can_be_left_out(void **state)
     assert_true(has_pair(rig, "chest", "shin"));
 }
 
-static void without_the_key_nothing_changes(void **state)
+TEST(without_the_key_nothing_changes)
 {
     const struct rig *rig;
 
-    (void)state;
     write_rig_and_robot("{material: rubber}", "native");
     write_rig_file(toy_rig);
     rig = load_rig(rig_path);
@@ -171,9 +163,8 @@ static void without_the_key_nothing_changes(void **state)
     assert_int_equal(rig->contact.npair, 2);
 }
 
-static void what_cannot_be_is_refused_with_its_place(void **state)
+TEST(what_cannot_be_is_refused_with_its_place)
 {
-    (void)state;
     write_rig_and_robot("{material: rubber}", "simbody");
     assert_rig_refused("simbody", "19:19: found robot_surfaces with engine simbody, which has no "
                                   "capsules; expected engine native");
@@ -187,16 +178,4 @@ static void what_cannot_be_is_refused_with_its_place(void **state)
         "{}", "19:19: found the surfaces of the robot without key \"material\", expected it");
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(capsules_touch_the_world_and_each_other_but_not_across_a_joint),
-        cmocka_unit_test(capsules_that_overlap_in_one_of_the_poses_have_a_slack),
-        cmocka_unit_test(pairs_that_overlap_in_every_pose_are_left_out),
-        cmocka_unit_test(self_collision_and_single_pairs_can_be_left_out),
-        cmocka_unit_test(without_the_key_nothing_changes),
-        cmocka_unit_test(what_cannot_be_is_refused_with_its_place),
-    };
-
-    return cmocka_run_group_tests(tests, open_rig_tree, close_rig_tree);
-}
+TEST_GROUP(open_rig_tree, close_rig_tree)

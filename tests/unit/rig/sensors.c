@@ -4,13 +4,9 @@
 #include "rig/faults.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 
 #include "tests/unit/rig/rig_bench.h"
+#include "tests/test.h"
 
 static void refused(const char *lines, const char *message)
 {
@@ -23,12 +19,11 @@ static void refused(const char *lines, const char *message)
     }
 }
 
-static void without_the_sections_all_is_ideal(void **state)
+TEST(without_the_sections_all_is_ideal)
 {
     static const struct sensor_error none;
     const struct rig *rig = load_toy_rig_with("");
 
-    (void)state;
     assert_int_equal(rig->nfault, 0);
     assert_int_equal(rig->seed, 0);
     assert_true(rig->supply_ohm == 0.0);
@@ -40,7 +35,7 @@ static void without_the_sections_all_is_ideal(void **state)
     assert_memory_equal(&rig->sensing.imu.gyro, &none, sizeof none);
 }
 
-static void what_a_joint_gives_replaces_the_channel_of_all(void **state)
+TEST(what_a_joint_gives_replaces_the_channel_of_all)
 {
     const struct rig *rig =
         load_toy_rig_with("seed: 9\n"
@@ -58,7 +53,6 @@ static void what_a_joint_gives_replaces_the_channel_of_all(void **state)
                           "        orientation: {latency_s: 0.004}}\n");
     const struct sensor_joint *hip = &rig->sensing.joint[0], *knee = &rig->sensing.joint[1];
 
-    (void)state;
     assert_int_equal(rig->sensing.seed, 9);
     assert_true(rig->supply_ohm == 0.1);
     assert_true(hip->torque.noise_rms == 0.05 && hip->torque.latency_ns == 1000000);
@@ -77,7 +71,7 @@ static void what_a_joint_gives_replaces_the_channel_of_all(void **state)
 
 /* Each key of the dynamics reaches its sensor; boards' clocks are numbered and named as the boards
  * are. */
-static void dynamics_of_sensors_have_keys_of_their_own(void **state)
+TEST(dynamics_of_sensors_have_keys_of_their_own)
 {
     const struct rig *rig = load_toy_rig_with(
         "sensors:\n"
@@ -99,7 +93,6 @@ static void dynamics_of_sensors_have_keys_of_their_own(void **state)
     const struct sensing_config *s = &rig->sensing;
     const struct sensor_error *torque = &s->joint[0].torque;
 
-    (void)state;
     assert_true(torque->bandwidth_hz == 200.0 && torque->hysteresis == 0.005);
     assert_true(torque->offset_per_k == 0.02 && torque->gain_per_k == 1e-4);
     assert_true(torque->instability_rms == 0.1 && torque->instability_s == 30.0);
@@ -125,12 +118,11 @@ static void dynamics_of_sensors_have_keys_of_their_own(void **state)
     }
 }
 
-static void a_supply_has_the_bus_that_is_given(void **state)
+TEST(a_supply_has_the_bus_that_is_given)
 {
     const struct rig *rig = load_toy_rig_with("supply_ohm: 0.1\nsupply_capacitance_f: 0.02\n"
                                               "brake_chopper: {on_v: 60, off_v: 55, ohm: 3}\n");
 
-    (void)state;
     assert_true(rig->supply_bus.capacitance_f == 0.02);
     assert_true(rig->supply_bus.on_v == 60.0 && rig->supply_bus.off_v == 55.0 &&
                 rig->supply_bus.brake_ohm == 3.0);
@@ -147,9 +139,8 @@ static void a_supply_has_the_bus_that_is_given(void **state)
             "off_v");
 }
 
-static void refuses_wrong_sensors(void **state)
+TEST(refuses_wrong_sensors)
 {
-    (void)state;
     refused("sensors: {joints: {kne: {}}}\n", "\"knee\"");
     refused("sensors: {fts: {fot_ft: {}}}\n", "\"foot_ft\"");
     refused("sensors: {every_joint: {torque_nm: {noise: 1}}}\n", "noise_rms");
@@ -166,7 +157,7 @@ static void refuses_wrong_sensors(void **state)
     refused("sensors: {clocks: {drift_ppm: 50}}\n", "period_s");
 }
 
-static void faults_are_lines_in_their_order(void **state)
+TEST(faults_are_lines_in_their_order)
 {
     const struct rig *rig =
         load_toy_rig_with("faults: [\"motor knee jam 1..2\", \"late: bus right late 0.01\"]\n");
@@ -175,7 +166,6 @@ static void faults_are_lines_in_their_order(void **state)
     struct faults *faults;
     struct error error;
 
-    (void)state;
     assert_int_equal(rig_faults_create(rig, extra, 2, rig->seed, wire, &arena, &faults, &error),
                      ERROR_NONE);
     assert_int_equal(faults_count(faults), 4);
@@ -185,7 +175,7 @@ static void faults_are_lines_in_their_order(void **state)
     assert_int_equal(faults_at(faults, 3)->index, 1);
 }
 
-static void refuses_wrong_faults_with_their_place(void **state)
+TEST(refuses_wrong_faults_with_their_place)
 {
     const struct rig *rig = load_toy_rig_with("");
     const char *extra[] = {"motor wag jam"};
@@ -193,7 +183,6 @@ static void refuses_wrong_faults_with_their_place(void **state)
     struct faults *faults;
     struct error error;
 
-    (void)state;
     refused("faults: [\"motor knee jam\", \"motor nee jam\"]\n", ":28: fault \"motor nee jam\"");
     refused("faults: [\"a: motor knee jam\", \"a: motor hip jam\"]\n", "name a again");
     assert_int_equal(rig_faults_create(rig, extra, 1, 0, wire, &arena, &faults, &error),
@@ -201,17 +190,4 @@ static void refuses_wrong_faults_with_their_place(void **state)
     assert_non_null(strstr(error.text, "--fault: "));
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(without_the_sections_all_is_ideal),
-        cmocka_unit_test(what_a_joint_gives_replaces_the_channel_of_all),
-        cmocka_unit_test(dynamics_of_sensors_have_keys_of_their_own),
-        cmocka_unit_test(a_supply_has_the_bus_that_is_given),
-        cmocka_unit_test(refuses_wrong_sensors),
-        cmocka_unit_test(faults_are_lines_in_their_order),
-        cmocka_unit_test(refuses_wrong_faults_with_their_place),
-    };
-
-    return cmocka_run_group_tests(tests, open_rig_tree, close_rig_tree);
-}
+TEST_GROUP(open_rig_tree, close_rig_tree)

@@ -9,17 +9,12 @@
 
 #include "base/count.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "tests/physics/near.h"
 #include "tests/unit/arena_fixture.h"
+#include "tests/test.h"
 
 enum { LINE = 256, LINES = 160 };
 
@@ -353,27 +348,23 @@ static const char *const grasp[] = {
     "settle 0.5 s, hold 1 s, press 4 N, carry 12 N",
 };
 
-static void coman_has_its_numbers(void **state)
+TEST_WITH(coman_has_its_numbers, open_arena, close_arena)
 {
-    (void)state;
     check_rig("coman", coman, ARRAY_COUNT(coman));
 }
 
-static void hyq_has_its_numbers(void **state)
+TEST_WITH(hyq_has_its_numbers, open_arena, close_arena)
 {
-    (void)state;
     check_rig("hyq", hyq, ARRAY_COUNT(hyq));
 }
 
-static void walkman_has_its_numbers(void **state)
+TEST_WITH(walkman_has_its_numbers, open_arena, close_arena)
 {
-    (void)state;
     check_rig("walkman", walkman, ARRAY_COUNT(walkman));
 }
 
-static void grasp_has_its_numbers(void **state)
+TEST_WITH(grasp_has_its_numbers, open_arena, close_arena)
 {
-    (void)state;
     check_rig("grasp", grasp, ARRAY_COUNT(grasp));
     assert_int_equal(rig->nfree, 1);
     assert_true(rig->free[0].inertia.mass == 1.5);
@@ -388,7 +379,7 @@ static void grasp_has_its_numbers(void **state)
 
 /* The ground of each, and how it differs from coman-fd-imu: in its name and its ground. */
 /* The benches of measured drives: their boards' limits follow the supply of the rig. */
-static void pendulums_have_their_supplies(void **state)
+TEST_WITH(pendulums_have_their_supplies, open_arena, close_arena)
 {
     static const struct {
         const char *name;
@@ -396,7 +387,6 @@ static void pendulums_have_their_supplies(void **state)
     } benches[] = {{"xl330-pendulum", 7.4, 3.7, 9.25, 4.0, 2.0},
                    {"ak80-6-pendulum", 24.0, 12.0, 30.0, 40.0, 24.0}};
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(benches); i++) {
         tell_rig(benches[i].name);
         assert_int_equal(rig->naxis, 1);
@@ -411,7 +401,7 @@ static void pendulums_have_their_supplies(void **state)
     }
 }
 
-static void walk_rigs_are_one_robot_on_several_grounds(void **state)
+TEST_WITH(walk_rigs_are_one_robot_on_several_grounds, open_arena, close_arena)
 {
     static const struct {
         const char *name, *line;
@@ -428,7 +418,6 @@ static void walk_rigs_are_one_robot_on_several_grounds(void **state)
     const char *expected[LINES];
     size_t count;
 
-    (void)state;
     tell_rig("coman-fd-imu");
     count = lines;
     memcpy(base, line, sizeof base);
@@ -452,9 +441,8 @@ static void walk_rigs_are_one_robot_on_several_grounds(void **state)
 
 /* WALK-MAN squats and walks on the same drives: what they need of volts is the same, but not how
  * stiff the loops are. */
-static void walkman_walks_with_the_drives_that_it_squats_with(void **state)
+TEST_WITH(walkman_walks_with_the_drives_that_it_squats_with, open_arena, close_arena)
 {
-    (void)state;
     tell_rig("walk-walkman");
     assert_int_equal(rig->naxis, 24);
     assert_true(rig->imu.present && rig->walk);
@@ -487,12 +475,11 @@ static bool coman_has_line(const char *text, bool tail)
 }
 
 /* COMAN with other drives, sensors, starts and one more board has the same boards. */
-static void other_rigs_of_coman_have_its_boards(void **state)
+TEST_WITH(other_rigs_of_coman_have_its_boards, open_arena, close_arena)
 {
     static const char *const names[] = {"coman-bench",   "coman-drives",   "coman-imu",
                                         "coman-sensors", "coman-standing", "coman-strict"};
 
-    (void)state;
     for (size_t n = 0; n < ARRAY_COUNT(names); n++) {
         size_t same = 0;
 
@@ -515,12 +502,11 @@ static void other_rigs_of_coman_have_its_boards(void **state)
 }
 
 /* With other protocols the boards are others, their force-torque sensors and currents are not. */
-static void rigs_of_other_protocols_have_its_sensors(void **state)
+TEST_WITH(rigs_of_other_protocols_have_its_sensors, open_arena, close_arena)
 {
     static const char *const names[] = {"coman-compact", "coman-compact-imu", "coman-fd",
                                         "coman-fd-imu", "coman-foc"};
 
-    (void)state;
     for (size_t n = 0; n < ARRAY_COUNT(names); n++) {
         size_t sensors = 0, axes = 0;
 
@@ -544,25 +530,4 @@ static void rigs_of_other_protocols_have_its_sensors(void **state)
         assert_int_equal(sensors, 4);
         assert_int_equal(axes, 23);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(coman_has_its_numbers, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(hyq_has_its_numbers, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(walkman_has_its_numbers, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(pendulums_have_their_supplies, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(walkman_walks_with_the_drives_that_it_squats_with,
-                                        open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(grasp_has_its_numbers, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(walk_rigs_are_one_robot_on_several_grounds, open_arena,
-                                        close_arena),
-        cmocka_unit_test_setup_teardown(other_rigs_of_coman_have_its_boards, open_arena,
-                                        close_arena),
-        cmocka_unit_test_setup_teardown(rigs_of_other_protocols_have_its_sensors, open_arena,
-                                        close_arena),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Percentiles of the log-linear histogram against those of the sorted samples. */
 #include "rt/histogram.h"
+#include "tests/test.h"
 
 #include <math.h>
 #include <pthread.h>
@@ -8,11 +9,6 @@
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 enum { SAMPLES = 20001 };
 
@@ -68,11 +64,10 @@ static void check_against_sorted(int64_t *sample, size_t count)
     test_free(histogram);
 }
 
-static void percentiles_are_within_a_64th_above_the_sorted_samples(void **state)
+TEST(percentiles_are_within_a_64th_above_the_sorted_samples)
 {
     int64_t *sample = test_calloc(SAMPLES, sizeof *sample);
 
-    (void)state;
     for (int kind = 0; kind < 4; kind++) {
         for (size_t i = 0; i < SAMPLES; i++) {
             double u = uniform();
@@ -90,9 +85,8 @@ static void percentiles_are_within_a_64th_above_the_sorted_samples(void **state)
     test_free(sample);
 }
 
-static void every_edge_of_a_bucket_is_within_the_error(void **state)
+TEST(every_edge_of_a_bucket_is_within_the_error)
 {
-    (void)state;
     for (int64_t power = 1; power < INT64_C(1) << 37; power *= 2) {
         for (int64_t offset = -1; offset <= 1; offset++) {
             int64_t sample[2] = {power + offset, INT64_C(1) << 37};
@@ -102,11 +96,10 @@ static void every_edge_of_a_bucket_is_within_the_error(void **state)
     }
 }
 
-static void edge_is_the_greatest_value_of_its_bucket(void **state)
+TEST(edge_is_the_greatest_value_of_its_bucket)
 {
     struct histogram *histogram = test_calloc(1, sizeof *histogram);
 
-    (void)state;
     for (unsigned i = 0; i < HISTOGRAM_BUCKETS - 1; i++) {
         histogram_add(histogram, histogram_edge(i));
         assert_int_equal(histogram->bucket[i], 1);
@@ -117,21 +110,19 @@ static void edge_is_the_greatest_value_of_its_bucket(void **state)
     test_free(histogram);
 }
 
-static void an_empty_histogram_has_zero_percentiles(void **state)
+TEST(an_empty_histogram_has_zero_percentiles)
 {
     struct histogram *histogram = test_calloc(1, sizeof *histogram);
 
-    (void)state;
     assert_int_equal(histogram_percentile(histogram, 0.5), 0);
     assert_int_equal(histogram_percentile(histogram, 1.0), 0);
     test_free(histogram);
 }
 
-static void negative_and_enormous_values_are_taken_in(void **state)
+TEST(negative_and_enormous_values_are_taken_in)
 {
     struct histogram *histogram = test_calloc(1, sizeof *histogram);
 
-    (void)state;
     histogram_add(histogram, -5);
     histogram_add(histogram, INT64_MAX);
     assert_int_equal(histogram->min, 0);
@@ -156,7 +147,7 @@ static void *write_samples(void *context)
     return NULL;
 }
 
-static void a_copy_beside_the_writer_agrees_with_itself(void **state)
+TEST(a_copy_beside_the_writer_agrees_with_itself)
 {
     struct writer *writer = test_calloc(1, sizeof *writer);
     struct histogram *copy = test_calloc(1, sizeof *copy);
@@ -164,7 +155,6 @@ static void a_copy_beside_the_writer_agrees_with_itself(void **state)
     pthread_t thread;
     bool ended;
 
-    (void)state;
     assert_int_equal(pthread_create(&thread, NULL, write_samples, writer), 0);
     do {
         ended = atomic_load(&writer->ended);
@@ -183,18 +173,4 @@ static void a_copy_beside_the_writer_agrees_with_itself(void **state)
     assert_memory_equal(copy, &writer->histogram, sizeof *copy);
     test_free(copy);
     test_free(writer);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(percentiles_are_within_a_64th_above_the_sorted_samples),
-        cmocka_unit_test(every_edge_of_a_bucket_is_within_the_error),
-        cmocka_unit_test(edge_is_the_greatest_value_of_its_bucket),
-        cmocka_unit_test(an_empty_histogram_has_zero_percentiles),
-        cmocka_unit_test(negative_and_enormous_values_are_taken_in),
-        cmocka_unit_test(a_copy_beside_the_writer_agrees_with_itself),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -7,11 +7,10 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-static void the_grid_does_not_drift(void **state)
+TEST(the_grid_does_not_drift)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_REAL, 3000);
 
-    (void)state;
     bench->wake_late = 37123;
     bench->work[PHASE_PLANT] = 613007;
     assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
@@ -25,12 +24,11 @@ static void the_grid_does_not_drift(void **state)
     bench_destroy(bench);
 }
 
-static void a_tick_has_its_order(void **state)
+TEST(a_tick_has_its_order)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_FREE, 2);
     struct bus_frame frame = frame_make(0x123, 1, (const uint8_t[]){7});
 
-    (void)state;
     bench->config.machine.controller = bench_controller;
     can_send(bench->host[0], &frame, 1);
     assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
@@ -40,11 +38,10 @@ static void a_tick_has_its_order(void **state)
     bench_destroy(bench);
 }
 
-static void what_is_due_begins_before_the_wait_of_each_tick(void **state)
+TEST(what_is_due_begins_before_the_wait_of_each_tick)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_REAL, 10);
 
-    (void)state;
     bench_run(bench);
     assert_int_equal(bench->begins, 10);
     assert_int_equal(bench->begun_ns, 9 * TICK);
@@ -52,11 +49,10 @@ static void what_is_due_begins_before_the_wait_of_each_tick(void **state)
     bench_destroy(bench);
 }
 
-static void a_machine_may_leave_everything_out(void **state)
+TEST(a_machine_may_leave_everything_out)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_REAL, 10);
 
-    (void)state;
     bench->config.machine = (struct loop_machine){0};
     bench->config.tick_ns = 0;
     assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
@@ -92,18 +88,16 @@ static uint64_t frames_recorded(enum loop_recording recording)
     return counters.frames;
 }
 
-static void who_records_frames_is_a_setting(void **state)
+TEST(who_records_frames_is_a_setting)
 {
-    (void)state;
     assert_int_equal(frames_recorded(LOOP_RECORD_ALL), 3 * 2 * BENCH_BUSES + 1);
     assert_int_equal(frames_recorded(LOOP_RECORD_UNCARRIED), 0);
 }
 
-static void buses_are_drained_in_their_order(void **state)
+TEST(buses_are_drained_in_their_order)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_FREE, 1);
 
-    (void)state;
     for (size_t i = 0; i < 600; i++) {
         struct bus_frame frame = frame_make((uint32_t)i, 0, NULL);
 
@@ -118,12 +112,11 @@ static void buses_are_drained_in_their_order(void **state)
     bench_destroy(bench);
 }
 
-static void what_is_sent_arrives_at_the_host(void **state)
+TEST(what_is_sent_arrives_at_the_host)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_FREE, 3);
     struct bus_frame frames[16];
 
-    (void)state;
     bench_run(bench);
     for (size_t b = 0; b < BENCH_BUSES; b++) {
         assert_int_equal(can_receive(bench->host[b], frames, 16), 6);
@@ -140,11 +133,10 @@ static void stop_at_ten(struct bench *bench)
     }
 }
 
-static void a_stop_ends_after_the_tick_with_motors_off(void **state)
+TEST(a_stop_ends_after_the_tick_with_motors_off)
 {
     static const enum loop_clock clocks[] = {LOOP_CLOCK_REAL, LOOP_CLOCK_FREE};
 
-    (void)state;
     for (size_t i = 0; i < 2; i++) {
         struct bench *bench = bench_create(clocks[i], 0);
 
@@ -157,11 +149,10 @@ static void a_stop_ends_after_the_tick_with_motors_off(void **state)
     }
 }
 
-static void a_finished_controller_gets_its_last_tick(void **state)
+TEST(a_finished_controller_gets_its_last_tick)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_FREE, 0);
 
-    (void)state;
     bench->config.machine.controller = bench_controller;
     bench->controller_ticks = 5;
     assert_int_equal(bench_run(bench), LOOP_END_CONTROLLER);
@@ -174,11 +165,10 @@ static void break_at_four(struct bench *bench)
     bench->broken = bench->tick == 4;
 }
 
-static void a_failing_model_ends_the_run(void **state)
+TEST(a_failing_model_ends_the_run)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_REAL, 0);
 
-    (void)state;
     bench->on_tick = break_at_four;
     assert_int_equal(bench_run(bench), LOOP_END_MODEL);
     assert_int_equal(loop_stats(bench->loop)->ticks, 5);
@@ -197,12 +187,11 @@ static void bus_goes_and_loses(struct bench *bench)
     }
 }
 
-static void a_bus_that_goes_is_an_event_and_the_loop_goes_on(void **state)
+TEST(a_bus_that_goes_is_an_event_and_the_loop_goes_on)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_FREE, 10);
     struct loop_event event;
 
-    (void)state;
     bench->on_tick = bus_goes_and_loses;
     assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
     assert_true(loop_next_event(bench->loop, &event));
@@ -217,13 +206,12 @@ static void a_bus_that_goes_is_an_event_and_the_loop_goes_on(void **state)
     bench_destroy(bench);
 }
 
-static void events_that_find_the_ring_full_are_counted(void **state)
+TEST(events_that_find_the_ring_full_are_counted)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_REAL, 3000);
     struct loop_event event;
     uint64_t lost;
 
-    (void)state;
     bench->work[PHASE_PLANT] = 2 * TICK;
     bench_run(bench);
     lost = loop_stats(bench->loop)->events_lost;
@@ -232,12 +220,11 @@ static void events_that_find_the_ring_full_are_counted(void **state)
     bench_destroy(bench);
 }
 
-static void phases_are_timed(void **state)
+TEST(phases_are_timed)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_FREE, 100);
     const struct loop_stats *stats;
 
-    (void)state;
     for (int p = PHASE_BOARDS; p < PHASE_COUNT; p++) {
         bench->work[p] = 1000 * p;
     }
@@ -250,25 +237,4 @@ static void phases_are_timed(void **state)
     assert_int_equal(stats->work.sum, 100000 * (2 + 3 + 4 + 5 + 6));
     assert_int_equal(stats->end_ns - stats->start_ns, stats->work.sum);
     bench_destroy(bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_grid_does_not_drift),
-        cmocka_unit_test(a_tick_has_its_order),
-        cmocka_unit_test(what_is_due_begins_before_the_wait_of_each_tick),
-        cmocka_unit_test(a_machine_may_leave_everything_out),
-        cmocka_unit_test(who_records_frames_is_a_setting),
-        cmocka_unit_test(buses_are_drained_in_their_order),
-        cmocka_unit_test(what_is_sent_arrives_at_the_host),
-        cmocka_unit_test(a_stop_ends_after_the_tick_with_motors_off),
-        cmocka_unit_test(a_finished_controller_gets_its_last_tick),
-        cmocka_unit_test(a_failing_model_ends_the_run),
-        cmocka_unit_test(a_bus_that_goes_is_an_event_and_the_loop_goes_on),
-        cmocka_unit_test(events_that_find_the_ring_full_are_counted),
-        cmocka_unit_test(phases_are_timed),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

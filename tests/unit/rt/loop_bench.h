@@ -6,13 +6,9 @@
 
 #include "boards/icub/protocol.h"
 #include "rt/loop.h"
+#include "tests/test.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-#include <cmocka.h>
 
 #define TICK CLOCK_MS
 #define START (INT64_C(5000) * CLOCK_SECOND + 123457)

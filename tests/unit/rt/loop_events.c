@@ -5,14 +5,10 @@
 
 #include "rt/request_machine.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-#include <cmocka.h>
 
 #include "tests/unit/arena_fixture.h"
+#include "tests/test.h"
 
 static struct can_port left = {.bus = "left"}, right = {.bus = "right"};
 static struct can_port *ports[] = {&left, &right};
@@ -29,7 +25,7 @@ static double get(void *context, size_t index)
     return (double)index;
 }
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     static const struct tunable tunable[] = {{"gain", "", 0.0, 10.0, true},
                                              {"supply_v", "V", -5.0, 5.0, false}};
@@ -39,14 +35,14 @@ static int set_up(void **state)
 
     memset(&loop, 0, sizeof loop);
     loop.config.port = ports;
-    return open_arena(state) ||
+    return open_arena(test_state) ||
            requests_create(&machine, &arena, &loop.config.requests, NULL) != ERROR_NONE;
 }
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
     requests_destroy(loop.config.requests);
-    return close_arena(state);
+    return close_arena(test_state);
 }
 
 static void assert_text(enum loop_event_kind kind, int bus, int64_t a, int64_t b,
@@ -61,9 +57,8 @@ static void assert_text(enum loop_event_kind kind, int bus, int64_t a, int64_t b
     assert_string_equal(text, expected);
 }
 
-static void deadlines_are_told_in_ms_and_s(void **state)
+TEST_WITH(deadlines_are_told_in_ms_and_s, set_up, tear_down)
 {
-    (void)state;
     assert_text(LOOP_EVENT_OVERRUN, -1, PHASE_PLANT, 1234567, "overrun by 1.235 ms in phase plant");
     assert_text(LOOP_EVENT_OVERRUN, -1, PHASE_PUBLISH, 250000,
                 "overrun by 0.250 ms in phase publish");
@@ -71,9 +66,8 @@ static void deadlines_are_told_in_ms_and_s(void **state)
                 "2.5 s behind: counted as a pause, goes on at the next deadline");
 }
 
-static void buses_are_told_by_name(void **state)
+TEST_WITH(buses_are_told_by_name, set_up, tear_down)
 {
-    (void)state;
     assert_text(LOOP_EVENT_FRAMES_LOST, -1, 3, 4, "lost 3 frames on receiving and 4 on sending");
     assert_text(LOOP_EVENT_SILENT, 0, 1500000000, 0,
                 "no STEP frame on left for 1.5 s: still waiting for the controller");
@@ -84,12 +78,11 @@ static void buses_are_told_by_name(void **state)
                 "malformed STEP on right: length 5, expected 6");
 }
 
-static void requests_are_told_as_control(void **state)
+TEST_WITH(requests_are_told_as_control, set_up, tear_down)
 {
     double value = 2.5;
     int64_t bits;
 
-    (void)state;
     memcpy(&bits, &value, sizeof bits);
     assert_text(LOOP_EVENT_PAUSED, -1, 12, 0, "control: paused at tick 12");
     assert_text(LOOP_EVENT_RESUMED, -1, 13, 0, "control: resumed at tick 13");
@@ -104,17 +97,4 @@ static void requests_are_told_as_control(void **state)
     assert_text(LOOP_EVENT_SET, -1, 1, bits, "control: supply_v is 2.5 V");
     assert_text(LOOP_EVENT_SET, -1, 0, bits, "control: gain is 2.5");
     assert_text((enum loop_event_kind)99, -1, 0, 0, "event 99");
-}
-
-#define TEST(function) cmocka_unit_test_setup_teardown(function, set_up, tear_down)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(deadlines_are_told_in_ms_and_s),
-        TEST(buses_are_told_by_name),
-        TEST(requests_are_told_as_control),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

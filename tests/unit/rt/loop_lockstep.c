@@ -57,11 +57,10 @@ static void stop_now(struct bench *bench)
     loop_stop(bench->loop);
 }
 
-static void a_step_runs_a_tick_and_is_answered_on_every_bus_after_its_frames(void **state)
+TEST(a_step_runs_a_tick_and_is_answered_on_every_bus_after_its_frames)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
 
-    (void)state;
     send_step(bench, 0, 1);
     bench->on_wait = stop_now;
     assert_int_equal(bench_run(bench), LOOP_END_STOPPED);
@@ -100,12 +99,11 @@ static size_t note_and_send(struct can_port *port, const struct bus_frame *frame
     return sent.send(port, frames, count);
 }
 
-static void done_of_the_bus_of_the_step_is_the_last_frame_and_all_have_the_time(void **state)
+TEST(done_of_the_bus_of_the_step_is_the_last_frame_and_all_have_the_time)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
     struct can_port_ops ops = *bench->port[0]->ops;
 
-    (void)state;
     memset(&sent, 0, sizeof sent);
     sent.send = ops.send;
     sent.port = bench->port;
@@ -131,14 +129,13 @@ static void done_of_the_bus_of_the_step_is_the_last_frame_and_all_have_the_time(
     bench_destroy(bench);
 }
 
-static void zero_ticks_mean_one_and_several_are_answered_once(void **state)
+TEST(zero_ticks_mean_one_and_several_are_answered_once)
 {
     static const struct {
         uint16_t count;
         uint32_t ticks;
     } cases[] = {{0, 1}, {1, 1}, {2, 2}, {7, 7}, {1000, 1000}, {65535, 65535}};
 
-    (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
         struct done_list list;
@@ -155,12 +152,11 @@ static void zero_ticks_mean_one_and_several_are_answered_once(void **state)
     }
 }
 
-static void a_step_of_another_tick_is_refused_with_the_true_one(void **state)
+TEST(a_step_of_another_tick_is_refused_with_the_true_one)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
     struct loop_event event;
 
-    (void)state;
     send_step(bench, 0, 3);
     send_step(bench, 2, 1);
     send_step(bench, 4, 1);
@@ -186,13 +182,12 @@ static void a_step_of_another_tick_is_refused_with_the_true_one(void **state)
     bench_destroy(bench);
 }
 
-static void malformed_steps_are_counted_and_not_answered(void **state)
+TEST(malformed_steps_are_counted_and_not_answered)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
     struct bus_frame frame = step_frame(0, 1);
     struct loop_event event;
 
-    (void)state;
     for (uint8_t len = 0; len <= 8; len++) {
         frame.len = len;
         if (len != LOCKSTEP_LENGTH) {
@@ -218,13 +213,12 @@ static void malformed_steps_are_counted_and_not_answered(void **state)
     bench_destroy(bench);
 }
 
-static void frames_before_the_step_belong_to_it_and_frames_after_it_to_the_next(void **state)
+TEST(frames_before_the_step_belong_to_it_and_frames_after_it_to_the_next)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
     static const uint32_t ids[] = {0x10, 0x20, 0x21, 0x30, 0x22, 0x23};
     static const uint64_t ticks[] = {0, 0, 0, 0, 2, 2};
 
-    (void)state;
     send_frame(bench, STEP_BUS, 0x20);
     send_frame(bench, 2, 0x30);
     send_frame(bench, 0, 0x10);
@@ -245,11 +239,10 @@ static void frames_before_the_step_belong_to_it_and_frames_after_it_to_the_next(
     bench_destroy(bench);
 }
 
-static void talk_without_a_step_goes_to_the_boards_and_is_not_lost(void **state)
+TEST(talk_without_a_step_goes_to_the_boards_and_is_not_lost)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
 
-    (void)state;
     for (uint32_t i = 0; i < 3000; i++) {
         send_frame(bench, STEP_BUS, i % 0x600);
     }
@@ -273,13 +266,12 @@ static void come_back_after_ten_seconds(struct bench *bench)
     }
 }
 
-static void a_silent_partner_is_reported_at_growing_distances_and_waited_for(void **state)
+TEST(a_silent_partner_is_reported_at_growing_distances_and_waited_for)
 {
     static const int64_t reports[] = {1, 3, 7};
     struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
     struct loop_event event;
 
-    (void)state;
     bench->on_wait = come_back_after_ten_seconds;
     assert_int_equal(bench_run(bench), LOOP_END_STOPPED);
     for (size_t i = 0; i < 3; i++) {
@@ -311,11 +303,10 @@ static void forgetful_host(struct bench *bench)
     send_step(bench, tick, 1);
 }
 
-static void the_host_may_start_again(void **state)
+TEST(the_host_may_start_again)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
 
-    (void)state;
     bench->on_wait = forgetful_host;
     bench_run(bench);
     assert_int_equal(loop_stats(bench->loop)->ticks, 8);
@@ -334,11 +325,10 @@ static void older_host(struct bench *bench)
     }
 }
 
-static void the_simulator_may_start_again(void **state)
+TEST(the_simulator_may_start_again)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
 
-    (void)state;
     bench->on_wait = older_host;
     bench_run(bench);
     assert_int_equal(loop_stats(bench->loop)->ticks, 3);
@@ -354,12 +344,11 @@ static void lose_in_the_second_tick(struct bench *bench)
     }
 }
 
-static void flags_tell_of_lost_frames_and_faults(void **state)
+TEST(flags_tell_of_lost_frames_and_faults)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
     struct done_list list;
 
-    (void)state;
     for (uint32_t tick = 0; tick < 6; tick++) {
         send_step(bench, tick, 1);
     }
@@ -374,12 +363,11 @@ static void flags_tell_of_lost_frames_and_faults(void **state)
     bench_destroy(bench);
 }
 
-static void flags_of_the_ticks_of_one_step_are_gathered(void **state)
+TEST(flags_of_the_ticks_of_one_step_are_gathered)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
     struct done_list list;
 
-    (void)state;
     send_step(bench, 0, 6);
     bench->on_tick = lose_in_the_second_tick;
     bench->on_wait = stop_now;
@@ -391,12 +379,11 @@ static void flags_of_the_ticks_of_one_step_are_gathered(void **state)
     bench_destroy(bench);
 }
 
-static void the_length_of_the_run_ends_it_within_a_step(void **state)
+TEST(the_length_of_the_run_ends_it_within_a_step)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 4);
     struct done_list list;
 
-    (void)state;
     send_step(bench, 0, 100);
     assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
     list = read_done(bench, 1);
@@ -416,37 +403,14 @@ static bool stepping_controller(void *context, int64_t time_ns)
     return bench_controller(context, time_ns);
 }
 
-static void an_inline_controller_steps_without_waiting(void **state)
+TEST(an_inline_controller_steps_without_waiting)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
 
-    (void)state;
     bench->config.machine.controller = stepping_controller;
     bench->controller_ticks = 50;
     assert_int_equal(bench_run(bench), LOOP_END_CONTROLLER);
     assert_int_equal(loop_stats(bench->loop)->ticks, 50);
     assert_int_equal(bench->waits, 0);
     bench_destroy(bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_step_runs_a_tick_and_is_answered_on_every_bus_after_its_frames),
-        cmocka_unit_test(done_of_the_bus_of_the_step_is_the_last_frame_and_all_have_the_time),
-        cmocka_unit_test(zero_ticks_mean_one_and_several_are_answered_once),
-        cmocka_unit_test(a_step_of_another_tick_is_refused_with_the_true_one),
-        cmocka_unit_test(malformed_steps_are_counted_and_not_answered),
-        cmocka_unit_test(frames_before_the_step_belong_to_it_and_frames_after_it_to_the_next),
-        cmocka_unit_test(talk_without_a_step_goes_to_the_boards_and_is_not_lost),
-        cmocka_unit_test(a_silent_partner_is_reported_at_growing_distances_and_waited_for),
-        cmocka_unit_test(the_host_may_start_again),
-        cmocka_unit_test(the_simulator_may_start_again),
-        cmocka_unit_test(flags_tell_of_lost_frames_and_faults),
-        cmocka_unit_test(flags_of_the_ticks_of_one_step_are_gathered),
-        cmocka_unit_test(the_length_of_the_run_ends_it_within_a_step),
-        cmocka_unit_test(an_inline_controller_steps_without_waiting),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -5,13 +5,12 @@
 
 /* ---- standing still ---- */
 
-static void a_pause_in_real_time_costs_no_deadline(void **state)
+TEST(a_pause_in_real_time_costs_no_deadline)
 {
     struct bench *bench = requested_create(LOOP_CLOCK_REAL, 100);
     struct loop_event event;
     const struct loop_stats *stats;
 
-    (void)state;
     sb.paused_at = 40;
     sb.waits_left = 50; /* of 100 ms each: far beyond LOOP_PAUSE_NS */
     sb.on_paused = go_on;
@@ -28,12 +27,11 @@ static void a_pause_in_real_time_costs_no_deadline(void **state)
     requested_destroy(bench);
 }
 
-static void the_grid_begins_anew_at_resume(void **state)
+TEST(the_grid_begins_anew_at_resume)
 {
     struct bench *bench = requested_create(LOOP_CLOCK_REAL, 20);
     int64_t first;
 
-    (void)state;
     sb.paused_at = 10;
     sb.waits_left = 3;
     sb.on_paused = go_on;
@@ -54,11 +52,10 @@ static void stop_it(struct request_bench *unused)
     loop_stop(sb.bench->loop);
 }
 
-static void a_loop_that_stands_still_can_be_ended(void **state)
+TEST(a_loop_that_stands_still_can_be_ended)
 {
     static const enum loop_clock clocks[] = {LOOP_CLOCK_REAL, LOOP_CLOCK_LOCKSTEP, LOOP_CLOCK_FREE};
 
-    (void)state;
     for (int i = 0; i < 3; i++) {
         struct bench *bench = requested_create(clocks[i], 0);
 
@@ -79,12 +76,11 @@ static void ask_two_and_stop(struct request_bench *unused)
     ask(REQUEST_SPEED, 0, 0, 1.0);
 }
 
-static void what_waits_at_the_end_is_answered(void **state)
+TEST(what_waits_at_the_end_is_answered)
 {
     struct bench *bench = requested_create(LOOP_CLOCK_FREE, 0);
     struct loop_request late = {.kind = REQUEST_PAUSE};
 
-    (void)state;
     sb.each_tick = NULL;
     ask(REQUEST_PAUSE, 0, 0, 0.0);
     sb.waits_left = 0;
@@ -110,11 +106,10 @@ static void step_5_then_go_on(struct request_bench *unused)
     }
 }
 
-static void steps_end_where_they_should(void **state)
+TEST(steps_end_where_they_should)
 {
     static const enum loop_clock clocks[] = {LOOP_CLOCK_REAL, LOOP_CLOCK_FREE};
 
-    (void)state;
     for (int i = 0; i < 2; i++) {
         struct bench *bench = requested_create(clocks[i], 30);
 
@@ -153,11 +148,10 @@ static void step_100_then_stop(struct request_bench *unused)
     }
 }
 
-static void a_step_under_way_refuses_others_and_is_cut_by_a_pause(void **state)
+TEST(a_step_under_way_refuses_others_and_is_cut_by_a_pause)
 {
     struct bench *bench = requested_create(LOOP_CLOCK_FREE, 0);
 
-    (void)state;
     sb.paused_at = 10;
     sb.each_tick = ask_while_it_steps;
     sb.on_paused = step_100_then_stop;
@@ -173,22 +167,20 @@ static void a_step_under_way_refuses_others_and_is_cut_by_a_pause(void **state)
     requested_destroy(bench);
 }
 
-static void a_step_of_nothing_is_refused(void **state)
+TEST(a_step_of_nothing_is_refused)
 {
     struct bench *bench = requested_create(LOOP_CLOCK_FREE, 3);
 
-    (void)state;
     ask(REQUEST_STEP, 0, 0, 0.0);
     bench_run(bench);
     answer(1, REQUEST_RANGE);
     requested_destroy(bench);
 }
 
-static void a_step_ends_with_the_run(void **state)
+TEST(a_step_ends_with_the_run)
 {
     struct bench *bench = requested_create(LOOP_CLOCK_FREE, 3);
 
-    (void)state;
     ask(REQUEST_STEP, 0, 7, 0.0);
     assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
     assert_int_equal(answer(1, REQUEST_CUT).tick, 3);
@@ -222,14 +214,13 @@ static void step_4_then_stop(struct request_bench *unused)
     }
 }
 
-static void a_step_plays_the_part_of_a_step_frame(void **state)
+TEST(a_step_plays_the_part_of_a_step_frame)
 {
     struct bench *bench = requested_create(LOOP_CLOCK_LOCKSTEP, 0);
     uint8_t data[8] = {1, 2, 3};
     struct bus_frame command = frame_make(0x123, 8, data);
     uint32_t tick;
 
-    (void)state;
     ask(REQUEST_PAUSE, 0, 0, 0.0);
     /* On the STEP's bus: what comes before a STEP belongs to the step, the STEP waits */
     can_send(bench->host[1], &command, 1);
@@ -263,12 +254,11 @@ static void send_step_and_go_on(struct request_bench *unused)
     }
 }
 
-static void a_pause_interrupts_a_step_frame_and_its_rest_follows(void **state)
+TEST(a_pause_interrupts_a_step_frame_and_its_rest_follows)
 {
     struct bench *bench = requested_create(LOOP_CLOCK_LOCKSTEP, 10);
     uint32_t tick;
 
-    (void)state;
     send_step(bench, 0, 10);
     sb.paused_at = 3;
     sb.on_paused = send_step_and_go_on;
@@ -304,14 +294,13 @@ static void keep_at_3(struct request_bench *unused)
 
 /* What the STEP's bus has held back since before the checkpoint, a command and the next STEP, is
  * there again after the way back: the command belongs to tick 10, both times. */
-static void a_way_back_into_a_step_frame_runs_its_rest(void **state)
+TEST(a_way_back_into_a_step_frame_runs_its_rest)
 {
     static const struct {
         double back_at;
         size_t commands, dones;
     } table[] = {{7, 1, 2}, {10, 1, 3}, {12, 2, 4}};
 
-    (void)state;
     for (size_t i = 0; i < sizeof table / sizeof table[0]; i++) {
         struct bench *bench = requested_create(LOOP_CLOCK_LOCKSTEP, 15);
         struct bus_frame command = frame_make(0x123, 0, NULL);
@@ -355,12 +344,11 @@ static void step_6_then_look(struct request_bench *unused)
 }
 
 /* A requested step runs once: after the way back into it the next STEP frame is waited for. */
-static void a_way_back_into_a_requested_step_waits_for_a_step(void **state)
+TEST(a_way_back_into_a_requested_step_waits_for_a_step)
 {
     struct bench *bench = requested_create(LOOP_CLOCK_LOCKSTEP, 0);
     uint32_t tick;
 
-    (void)state;
     ask(REQUEST_PAUSE, 0, 0, 0.0);
     sb.value = 100;
     sb.each_tick = keep_at_3;
@@ -382,12 +370,11 @@ static void steps_wait_while_it_stands_still(struct request_bench *unused)
     ask(REQUEST_RESUME, 0, 0, 0.0);
 }
 
-static void step_frames_wait_during_a_pause(void **state)
+TEST(step_frames_wait_during_a_pause)
 {
     struct bench *bench = requested_create(LOOP_CLOCK_LOCKSTEP, 2);
     struct loop_event event;
 
-    (void)state;
     ask(REQUEST_PAUSE, 0, 0, 0.0);
     send_step(bench, 0, 2);
     sb.waits_left = 40; /* four seconds: no silence is counted for them */
@@ -398,37 +385,14 @@ static void step_frames_wait_during_a_pause(void **state)
     requested_destroy(bench);
 }
 
-static void requests_do_not_begin_the_silence_anew(void **state)
+TEST(requests_do_not_begin_the_silence_anew)
 {
     struct bench *bench = requested_create(LOOP_CLOCK_LOCKSTEP, 0);
     struct loop_event event;
 
-    (void)state;
     bench->on_wait = ask_often_and_stop;
     bench_run(bench);
     /* Nine seconds: told after one, three and seven */
     assert_int_equal(bench_events(bench, LOOP_EVENT_SILENT, &event), 3);
     requested_destroy(bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_pause_in_real_time_costs_no_deadline),
-        cmocka_unit_test(the_grid_begins_anew_at_resume),
-        cmocka_unit_test(a_loop_that_stands_still_can_be_ended),
-        cmocka_unit_test(what_waits_at_the_end_is_answered),
-        cmocka_unit_test(steps_end_where_they_should),
-        cmocka_unit_test(a_step_under_way_refuses_others_and_is_cut_by_a_pause),
-        cmocka_unit_test(a_step_of_nothing_is_refused),
-        cmocka_unit_test(a_step_ends_with_the_run),
-        cmocka_unit_test(a_step_plays_the_part_of_a_step_frame),
-        cmocka_unit_test(a_pause_interrupts_a_step_frame_and_its_rest_follows),
-        cmocka_unit_test(a_way_back_into_a_step_frame_runs_its_rest),
-        cmocka_unit_test(a_way_back_into_a_requested_step_waits_for_a_step),
-        cmocka_unit_test(step_frames_wait_during_a_pause),
-        cmocka_unit_test(requests_do_not_begin_the_silence_anew),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

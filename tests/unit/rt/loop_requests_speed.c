@@ -14,11 +14,10 @@ static void speed_at_10(struct request_bench *unused)
     }
 }
 
-static void speed_scales_the_grid_and_what_an_overrun_is(void **state)
+TEST(speed_scales_the_grid_and_what_an_overrun_is)
 {
     struct bench *bench = requested_create(LOOP_CLOCK_REAL, 30);
 
-    (void)state;
     sb.value = 0.25; /* 4 ms a tick */
     sb.each_tick = speed_at_10;
     bench->slow_tick = 20;
@@ -39,11 +38,10 @@ static void speed_scales_the_grid_and_what_an_overrun_is(void **state)
     requested_destroy(bench);
 }
 
-static void real_time_without_a_pace_waits_for_nothing(void **state)
+TEST(real_time_without_a_pace_waits_for_nothing)
 {
     struct bench *bench = requested_create(LOOP_CLOCK_REAL, 1000);
 
-    (void)state;
     sb.value = 0.0;
     sb.each_tick = speed_at_10;
     bench_run(bench);
@@ -54,11 +52,10 @@ static void real_time_without_a_pace_waits_for_nothing(void **state)
     requested_destroy(bench);
 }
 
-static void free_run_can_be_paced_and_counts_nothing(void **state)
+TEST(free_run_can_be_paced_and_counts_nothing)
 {
     struct bench *bench = requested_create(LOOP_CLOCK_FREE, 50);
 
-    (void)state;
     sb.value = 2.0; /* 0.5 ms a tick */
     sb.each_tick = speed_at_10;
     bench->slow_tick = 30;
@@ -73,11 +70,10 @@ static void free_run_can_be_paced_and_counts_nothing(void **state)
     requested_destroy(bench);
 }
 
-static void a_slow_loop_hears_requests_between_its_ticks(void **state)
+TEST(a_slow_loop_hears_requests_between_its_ticks)
 {
     struct bench *bench = requested_create(LOOP_CLOCK_REAL, 0);
 
-    (void)state;
     ask(REQUEST_SPEED, 0, 0, 0.001); /* a tick a second */
     sb.bench->on_wait = ask_often_and_stop;
     bench_run(bench);
@@ -88,12 +84,11 @@ static void a_slow_loop_hears_requests_between_its_ticks(void **state)
     requested_destroy(bench);
 }
 
-static void speeds_out_of_range_are_refused(void **state)
+TEST(speeds_out_of_range_are_refused)
 {
     static const double bad[] = {-1.0, 0.0009, 1001.0, NAN, INFINITY};
     struct bench *bench = requested_create(LOOP_CLOCK_REAL, 5);
 
-    (void)state;
     for (uint64_t i = 0; i < 5; i++) {
         ask(REQUEST_SPEED, 0, 0, bad[i]);
     }
@@ -126,11 +121,10 @@ static void back_at_20(struct request_bench *unused)
     }
 }
 
-static void time_goes_back_and_the_run_ends_at_its_length(void **state)
+TEST(time_goes_back_and_the_run_ends_at_its_length)
 {
     static const enum loop_clock clocks[] = {LOOP_CLOCK_REAL, LOOP_CLOCK_FREE};
 
-    (void)state;
     for (int i = 0; i < 2; i++) {
         struct bench *bench = requested_create(clocks[i], 40);
         struct loop_event event;
@@ -155,11 +149,10 @@ static void ask_in_vain(struct request_bench *unused)
     ask(REQUEST_RESTORE, 1, 0, 0.0);
 }
 
-static void a_refused_way_back_moves_no_deadline(void **state)
+TEST(a_refused_way_back_moves_no_deadline)
 {
     struct bench *bench = requested_create(LOOP_CLOCK_REAL, 20);
 
-    (void)state;
     sb.each_tick = ask_in_vain;
     bench_run(bench);
     assert_int_equal(bench->sleeps, 19);
@@ -169,12 +162,11 @@ static void a_refused_way_back_moves_no_deadline(void **state)
     requested_destroy(bench);
 }
 
-static void slots_are_checked(void **state)
+TEST(slots_are_checked)
 {
     struct bench *bench = requested_create(LOOP_CLOCK_FREE, 5);
     uint64_t t;
 
-    (void)state;
     ask(REQUEST_CHECKPOINT, 0, 0, 0.0);
     ask(REQUEST_CHECKPOINT, CHECKPOINT_SLOTS, 0, 0.0);
     ask(REQUEST_RESTORE, CHECKPOINT_SLOTS, 0, 0.0);
@@ -189,11 +181,10 @@ static void slots_are_checked(void **state)
     requested_destroy(bench);
 }
 
-static void tunables_are_checked_and_seen(void **state)
+TEST(tunables_are_checked_and_seen)
 {
     struct bench *bench = requested_create(LOOP_CLOCK_FREE, 5);
 
-    (void)state;
     assert_int_equal(requests_find(sb.requests, "supply_v"), 1);
     assert_int_equal(requests_find(sb.requests, "supply"), -1);
     ask(REQUEST_SET, 0, 0, 11.0);
@@ -216,14 +207,13 @@ static void tunables_are_checked_and_seen(void **state)
     requested_destroy(bench);
 }
 
-static void an_asker_who_never_listens_only_stops_being_heard(void **state)
+TEST(an_asker_who_never_listens_only_stops_being_heard)
 {
     struct bench *bench = requested_create(LOOP_CLOCK_FREE, 100);
     struct loop_request request = {.kind = REQUEST_FAULT, .index = 1, .on = true};
     struct request_answer got;
     size_t asked = 0, answered = 0;
 
-    (void)state;
     while (requests_ask(sb.requests, &request)) {
         asked++;
     }
@@ -234,22 +224,4 @@ static void an_asker_who_never_listens_only_stops_being_heard(void **state)
     }
     assert_int_equal(answered, asked);
     requested_destroy(bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(speed_scales_the_grid_and_what_an_overrun_is),
-        cmocka_unit_test(real_time_without_a_pace_waits_for_nothing),
-        cmocka_unit_test(free_run_can_be_paced_and_counts_nothing),
-        cmocka_unit_test(a_slow_loop_hears_requests_between_its_ticks),
-        cmocka_unit_test(speeds_out_of_range_are_refused),
-        cmocka_unit_test(time_goes_back_and_the_run_ends_at_its_length),
-        cmocka_unit_test(a_refused_way_back_moves_no_deadline),
-        cmocka_unit_test(slots_are_checked),
-        cmocka_unit_test(tunables_are_checked_and_seen),
-        cmocka_unit_test(an_asker_who_never_listens_only_stops_being_heard),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

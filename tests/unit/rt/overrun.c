@@ -8,11 +8,10 @@
 
 /* ---- overruns and pauses ---- */
 
-static void an_end_at_the_deadline_is_in_time(void **state)
+TEST(an_end_at_the_deadline_is_in_time)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_REAL, 100);
 
-    (void)state;
     bench->work[PHASE_PLANT] = TICK;
     bench_run(bench);
     assert_int_equal(loop_stats(bench->loop)->overrun_total, 0);
@@ -21,13 +20,12 @@ static void an_end_at_the_deadline_is_in_time(void **state)
     bench_destroy(bench);
 }
 
-static void skip_drops_the_missed_deadlines_and_stays_on_the_grid(void **state)
+TEST(skip_drops_the_missed_deadlines_and_stays_on_the_grid)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_REAL, 10);
     const struct loop_stats *stats;
     struct loop_event event;
 
-    (void)state;
     /* Tick 3 ends at 5.6 T: the deadlines 4 T and 5 T are lost, tick 4 runs at 6 T */
     bench->slow_tick = 3;
     bench->slow_phase = PHASE_PLANT;
@@ -47,12 +45,11 @@ static void skip_drops_the_missed_deadlines_and_stays_on_the_grid(void **state)
     bench_destroy(bench);
 }
 
-static void slip_runs_late_ticks_until_the_grid_is_caught_up(void **state)
+TEST(slip_runs_late_ticks_until_the_grid_is_caught_up)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_REAL, 20);
     const struct loop_stats *stats;
 
-    (void)state;
     /* Work 0.4 T; tick 3 ends at 6.9 T, tick 4 at 7.3, 5 at 7.7, 6 at 8.1, 7 at 8.5, 8 at 8.9 T */
     bench->config.overrun = LOOP_OVERRUN_SLIP;
     bench->work[PHASE_PLANT] = 4 * TICK / 10;
@@ -70,11 +67,10 @@ static void slip_runs_late_ticks_until_the_grid_is_caught_up(void **state)
     bench_destroy(bench);
 }
 
-static void slip_charges_every_tick_that_is_itself_too_long(void **state)
+TEST(slip_charges_every_tick_that_is_itself_too_long)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_REAL, 50);
 
-    (void)state;
     bench->config.overrun = LOOP_OVERRUN_SLIP;
     bench->work[PHASE_BOARDS] = 11 * TICK / 10;
     bench_run(bench);
@@ -84,11 +80,10 @@ static void slip_charges_every_tick_that_is_itself_too_long(void **state)
     bench_destroy(bench);
 }
 
-static void stop_ends_the_run_at_the_nth_overrun(void **state)
+TEST(stop_ends_the_run_at_the_nth_overrun)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_REAL, 50);
 
-    (void)state;
     bench->config.overrun = LOOP_OVERRUN_STOP;
     bench->config.stop_after = 4;
     bench->work[PHASE_PLANT] = 2 * TICK;
@@ -99,9 +94,8 @@ static void stop_ends_the_run_at_the_nth_overrun(void **state)
     bench_destroy(bench);
 }
 
-static void an_overrun_is_charged_to_the_phase_that_caused_it(void **state)
+TEST(an_overrun_is_charged_to_the_phase_that_caused_it)
 {
-    (void)state;
     for (int p = PHASE_WAIT; p < PHASE_COUNT; p++) {
         struct bench *bench = bench_create(LOOP_CLOCK_REAL, 10);
 
@@ -127,12 +121,11 @@ static void an_overrun_is_charged_to_the_phase_that_caused_it(void **state)
     }
 }
 
-static void a_pause_skips_deadlines_and_is_no_overrun(void **state)
+TEST(a_pause_skips_deadlines_and_is_no_overrun)
 {
     static const enum loop_overrun policies[] = {LOOP_OVERRUN_SKIP, LOOP_OVERRUN_SLIP,
                                                  LOOP_OVERRUN_STOP};
 
-    (void)state;
     for (size_t i = 0; i < 3; i++) {
         struct bench *bench = bench_create(LOOP_CLOCK_REAL, 20);
         const struct loop_stats *stats;
@@ -152,12 +145,11 @@ static void a_pause_skips_deadlines_and_is_no_overrun(void **state)
     }
 }
 
-static void a_pause_inside_a_tick_is_no_overrun_either(void **state)
+TEST(a_pause_inside_a_tick_is_no_overrun_either)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_REAL, 20);
     struct loop_event event;
 
-    (void)state;
     bench->config.overrun = LOOP_OVERRUN_SLIP;
     bench->slow_tick = 7;
     bench->slow_phase = PHASE_PLANT;
@@ -170,11 +162,10 @@ static void a_pause_inside_a_tick_is_no_overrun_either(void **state)
     bench_destroy(bench);
 }
 
-static void a_second_behind_is_still_caught_up(void **state)
+TEST(a_second_behind_is_still_caught_up)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_REAL, 1200);
 
-    (void)state;
     bench->config.overrun = LOOP_OVERRUN_SLIP;
     bench->slow_tick = 0;
     bench->slow_phase = PHASE_PLANT;
@@ -244,13 +235,12 @@ static void assert_accounts_balance(const struct bench *bench, enum loop_overrun
     }
 }
 
-static void the_accounts_balance_whatever_the_machine_does(void **state)
+TEST(the_accounts_balance_whatever_the_machine_does)
 {
     static const enum loop_overrun policies[] = {LOOP_OVERRUN_SKIP, LOOP_OVERRUN_SLIP,
                                                  LOOP_OVERRUN_STOP};
     uint64_t overruns = 0, pauses = 0, lost = 0, late = 0;
 
-    (void)state;
     for (uint64_t seed = 0; seed < 60; seed++) {
         struct bench *bench = bench_create(LOOP_CLOCK_REAL, 2000);
         enum loop_overrun policy = policies[seed % 3];
@@ -273,13 +263,12 @@ static void the_accounts_balance_whatever_the_machine_does(void **state)
     assert_true(overruns > 1000 && pauses > 100 && lost > 1000 && late > 1000);
 }
 
-static void an_hour_ahead_is_one_pause_and_no_burst(void **state)
+TEST(an_hour_ahead_is_one_pause_and_no_burst)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_REAL, 10);
     const struct loop_stats *stats;
     struct loop_event event;
 
-    (void)state;
     bench->config.overrun = LOOP_OVERRUN_SLIP;
     bench->late_sleep = 2;
     bench->late_by = 3600 * CLOCK_SECOND + TICK / 4;
@@ -297,11 +286,10 @@ static void an_hour_ahead_is_one_pause_and_no_burst(void **state)
     bench_destroy(bench);
 }
 
-static void a_sleep_that_ends_too_early_is_slept_to_its_end(void **state)
+TEST(a_sleep_that_ends_too_early_is_slept_to_its_end)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_REAL, 10);
 
-    (void)state;
     /* A signal, or a clock that stands still */
     bench->late_sleep = 4;
     bench->late_by = -TICK / 2;
@@ -369,11 +357,10 @@ static void break_the_dam(struct bench *bench, struct flood *flood)
     bench->port[1] = &flood->port;
 }
 
-static void a_flooded_bus_costs_a_bounded_time(void **state)
+TEST(a_flooded_bus_costs_a_bounded_time)
 {
     static const enum loop_clock clocks[] = {LOOP_CLOCK_REAL, LOOP_CLOCK_FREE};
 
-    (void)state;
     for (size_t c = 0; c < 2; c++) {
         struct bench *bench = bench_create(clocks[c], 3);
         struct bus_frame frame = frame_make(0x123, 0, NULL);
@@ -399,13 +386,12 @@ static void stop_at_the_fifth_look(struct bench *bench)
     }
 }
 
-static void a_flood_without_a_step_does_not_stall_the_loop(void **state)
+TEST(a_flood_without_a_step_does_not_stall_the_loop)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
     struct flood flood;
     uint64_t beat;
 
-    (void)state;
     break_the_dam(bench, &flood);
     bench->on_wait = stop_at_the_fifth_look;
     assert_int_equal(bench_run(bench), LOOP_END_STOPPED);
@@ -417,39 +403,15 @@ static void a_flood_without_a_step_does_not_stall_the_loop(void **state)
     bench_destroy(bench);
 }
 
-static void a_step_is_found_in_a_flood(void **state)
+TEST(a_step_is_found_in_a_flood)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 1);
     struct flood flood;
 
-    (void)state;
     break_the_dam(bench, &flood);
     flood.step_at = 3 * LOOP_RECEIVE_MAX + 7;
     assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
     assert_int_equal(loop_stats(bench->loop)->lockstep.steps, 1);
     assert_int_equal(bench->received_count, flood.step_at - 1);
     bench_destroy(bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(an_end_at_the_deadline_is_in_time),
-        cmocka_unit_test(skip_drops_the_missed_deadlines_and_stays_on_the_grid),
-        cmocka_unit_test(slip_runs_late_ticks_until_the_grid_is_caught_up),
-        cmocka_unit_test(slip_charges_every_tick_that_is_itself_too_long),
-        cmocka_unit_test(stop_ends_the_run_at_the_nth_overrun),
-        cmocka_unit_test(an_overrun_is_charged_to_the_phase_that_caused_it),
-        cmocka_unit_test(a_pause_skips_deadlines_and_is_no_overrun),
-        cmocka_unit_test(a_pause_inside_a_tick_is_no_overrun_either),
-        cmocka_unit_test(a_second_behind_is_still_caught_up),
-        cmocka_unit_test(the_accounts_balance_whatever_the_machine_does),
-        cmocka_unit_test(an_hour_ahead_is_one_pause_and_no_burst),
-        cmocka_unit_test(a_sleep_that_ends_too_early_is_slept_to_its_end),
-        cmocka_unit_test(a_flooded_bus_costs_a_bounded_time),
-        cmocka_unit_test(a_flood_without_a_step_does_not_stall_the_loop),
-        cmocka_unit_test(a_step_is_found_in_a_flood),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,13 +4,8 @@
 
 #include <string.h>
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "tests/unit/arena_fixture.h"
+#include "tests/test.h"
 
 struct scripted {
     struct clock clock;
@@ -48,12 +43,11 @@ static struct clock *paced(struct scripted *scripted)
     return pace_clock(scripted->pace);
 }
 
-static void a_clock_follows_its_pace(void **state)
+TEST_WITH(a_clock_follows_its_pace, open_arena, close_arena)
 {
     struct scripted scripted;
     struct clock *clock = paced(&scripted);
 
-    (void)state;
     assert_int_equal(clock_now(clock), 7000000000);
     scripted.now += 1000;
     assert_int_equal(clock_now(clock), 7000001000);
@@ -68,13 +62,12 @@ static void a_clock_follows_its_pace(void **state)
     assert_int_equal(clock_now(clock), 7000010000);
 }
 
-static void a_sleeper_wakes_at_its_own_deadline(void **state)
+TEST_WITH(a_sleeper_wakes_at_its_own_deadline, open_arena, close_arena)
 {
     static const double rates[] = {0.01, 0.5, 1.0, 3.0, 1000.0};
     struct scripted scripted;
     struct clock *clock = paced(&scripted);
 
-    (void)state;
     for (int i = 0; i < 5; i++) {
         int64_t begin = scripted.now, deadline;
 
@@ -87,29 +80,15 @@ static void a_sleeper_wakes_at_its_own_deadline(void **state)
     }
 }
 
-static void a_sleeper_sleeps_on_while_the_clock_stands(void **state)
+TEST_WITH(a_sleeper_sleeps_on_while_the_clock_stands, open_arena, close_arena)
 {
     struct scripted scripted;
     struct clock *clock = paced(&scripted);
 
-    (void)state;
     pace_set(scripted.pace, 0.0);
     scripted.rate = 2.0;
     scripted.change_at = 100; /* of 5 ms each */
     clock_sleep_until(clock, clock_now(clock) + CLOCK_MS);
     assert_true(scripted.now - 7000000000 > 500 * CLOCK_MS);
     assert_true(scripted.now - 7000000000 < 502 * CLOCK_MS);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(a_clock_follows_its_pace, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(a_sleeper_wakes_at_its_own_deadline, open_arena,
-                                        close_arena),
-        cmocka_unit_test_setup_teardown(a_sleeper_sleeps_on_while_the_clock_stands, open_arena,
-                                        close_arena),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -2,6 +2,7 @@
 /* Asking for real-time service: what is not given is said once, with what would help, and nothing
  * is asked for that was not wanted. In children of their own, for the effects last. */
 #include "rt/realtime.h"
+#include "tests/test.h"
 
 #include <sched.h>
 #include <stdio.h>
@@ -9,12 +10,6 @@
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 enum { NOBODY = 65534 };
 
@@ -48,9 +43,8 @@ static bool nothing(void)
            sched_getscheduler(0) == SCHED_OTHER;
 }
 
-static void nothing_wanted_is_nothing_done(void **state)
+TEST(nothing_wanted_is_nothing_done)
 {
-    (void)state;
     assert_true(in_child(nothing));
 }
 
@@ -71,9 +65,8 @@ static bool forbidden(void)
            strstr(report.warning[2], "rtprio 80") && sched_getscheduler(0) == SCHED_OTHER;
 }
 
-static void each_refusal_is_one_warning_that_says_what_helps(void **state)
+TEST(each_refusal_is_one_warning_that_says_what_helps)
 {
-    (void)state;
     if (getuid() != 0) {
         print_message("SKIP: needs root to give up its rights\n");
         skip();
@@ -96,11 +89,10 @@ static bool pinned(void)
            CPU_COUNT(&set) == 1 && CPU_ISSET(0, &set);
 }
 
-static void a_processor_of_its_own_is_taken(void **state)
+TEST(a_processor_of_its_own_is_taken)
 {
     cpu_set_t set;
 
-    (void)state;
     if (sched_getaffinity(0, sizeof set, &set) || !CPU_ISSET(0, &set)) {
         print_message("SKIP: this process may not run on processor 0\n");
         skip();
@@ -142,24 +134,11 @@ static bool as_the_kernel_says(void)
            report.locked == (locked_kb() > 0) && !report.pinned && report.count == refused;
 }
 
-static void the_report_says_what_the_kernel_says(void **state)
+TEST(the_report_says_what_the_kernel_says)
 {
-    (void)state;
     if (SANITIZED) {
         print_message("SKIP: the sanitizers answer mlockall themselves\n");
         skip();
     }
     assert_true(in_child(as_the_kernel_says));
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(nothing_wanted_is_nothing_done),
-        cmocka_unit_test(each_refusal_is_one_warning_that_says_what_helps),
-        cmocka_unit_test(a_processor_of_its_own_is_taken),
-        cmocka_unit_test(the_report_says_what_the_kernel_says),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -6,6 +6,7 @@
 
 #include "rt/request_machine.h"
 #include "tests/unit/rt/loop_bench.h"
+#include "tests/test.h"
 
 /* The machine behind the requests, and a script of what is asked when. */
 struct request_bench {

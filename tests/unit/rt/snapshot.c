@@ -1,14 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The sequence lock: what a reader gets is always one whole value, however the writer runs on. */
 #include "rt/snapshot.h"
+#include "tests/test.h"
 
 #include <pthread.h>
 #include <stdbool.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 enum { WORDS = 200, VALUES = 200000, READERS = 2 };
 
@@ -52,7 +48,7 @@ static void *read_all(void *context)
     return NULL;
 }
 
-static void readers_get_whole_values_while_the_writer_runs(void **state)
+TEST(readers_get_whole_values_while_the_writer_runs)
 {
     struct reader reader[READERS] = {0};
     struct snapshot *snapshot;
@@ -60,7 +56,6 @@ static void readers_get_whole_values_while_the_writer_runs(void **state)
     struct error error;
     struct value value;
 
-    (void)state;
     assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
     assert_int_equal(snapshot_create(sizeof value, &arena, &snapshot, &error), ERROR_NONE);
     for (int i = 0; i < READERS; i++) {
@@ -80,28 +75,26 @@ static void readers_get_whole_values_while_the_writer_runs(void **state)
     arena_fini(&arena);
 }
 
-static void nothing_is_read_before_the_first_write(void **state)
+TEST(nothing_is_read_before_the_first_write)
 {
     struct snapshot *snapshot;
     struct arena arena;
     struct error error;
     struct value value;
 
-    (void)state;
     assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
     assert_int_equal(snapshot_create(sizeof value, &arena, &snapshot, &error), ERROR_NONE);
     assert_int_equal(snapshot_read(snapshot, &value), 0);
     arena_fini(&arena);
 }
 
-static void gaps_stay_zero(void **state)
+TEST(gaps_stay_zero)
 {
     uint64_t value[8], found[8];
     struct snapshot *snapshot;
     struct arena arena;
     struct error error;
 
-    (void)state;
     assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
     assert_int_equal(snapshot_create(sizeof value, &arena, &snapshot, &error), ERROR_NONE);
     snapshot_leave_out(snapshot, 16, 32);
@@ -117,26 +110,13 @@ static void gaps_stay_zero(void **state)
     arena_fini(&arena);
 }
 
-static void no_memory_is_an_error(void **state)
+TEST(no_memory_is_an_error)
 {
     struct snapshot *snapshot;
     struct arena arena;
     struct error error;
 
-    (void)state;
     assert_int_equal(arena_init(&arena, 4096, &error), ERROR_NONE);
     assert_int_equal(snapshot_create(1 << 20, &arena, &snapshot, &error), ERROR_MEMORY);
     arena_fini(&arena);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(readers_get_whole_values_while_the_writer_runs),
-        cmocka_unit_test(nothing_is_read_before_the_first_write),
-        cmocka_unit_test(gaps_stay_zero),
-        cmocka_unit_test(no_memory_is_an_error),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

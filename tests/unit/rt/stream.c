@@ -1,34 +1,28 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Rows of signals between two threads: at the ticks that were asked for, none lost in silence. */
 #include "rt/stream.h"
+#include "tests/test.h"
 
 #include <pthread.h>
 #include <sched.h>
 #include <stdatomic.h>
 #include <stdbool.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 enum { SIGNALS = 5, ROWS = 8, TICKS = 200000 };
 
 static struct arena arena;
 static struct stream *stream;
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     struct error error;
 
-    (void)state;
     return arena_init(&arena, 1 << 20, &error) ||
            stream_create(SIGNALS, ROWS, &arena, &stream, &error);
 }
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
-    (void)state;
     arena_fini(&arena);
     return 0;
 }
@@ -47,18 +41,16 @@ static void run(uint64_t from, uint64_t to)
     }
 }
 
-static void nobody_asks_nothing_comes(void **state)
+TEST_WITH(nobody_asks_nothing_comes, set_up, tear_down)
 {
-    (void)state;
     run(0, 100);
     assert_null(stream_front(stream));
 }
 
-static void rows_come_at_multiples_of_the_period(void **state)
+TEST_WITH(rows_come_at_multiples_of_the_period, set_up, tear_down)
 {
     const struct stream_row *row;
 
-    (void)state;
     stream_want(stream, 10);
     run(1, 31);
     for (uint64_t tick = 10; tick <= 30; tick += 10) {
@@ -73,9 +65,8 @@ static void rows_come_at_multiples_of_the_period(void **state)
     assert_null(stream_front(stream));
 }
 
-static void rows_that_find_no_room_are_counted(void **state)
+TEST_WITH(rows_that_find_no_room_are_counted, set_up, tear_down)
 {
-    (void)state;
     stream_want(stream, 1);
     run(0, ROWS + 3);
     for (int i = 0; i < ROWS; i++) {
@@ -97,13 +88,12 @@ static void *write_rows(void *context)
     return NULL;
 }
 
-static void a_reader_beside_the_writer_gets_whole_rows(void **state)
+TEST_WITH(a_reader_beside_the_writer_gets_whole_rows, set_up, tear_down)
 {
     uint64_t last = 0, lost = 0, rows = 0, wrong = 0;
     atomic_bool written = false;
     pthread_t writer;
 
-    (void)state;
     stream_want(stream, 1);
     assert_int_equal(pthread_create(&writer, NULL, write_rows, &written), 0);
     for (;;) {
@@ -132,25 +122,10 @@ static void a_reader_beside_the_writer_gets_whole_rows(void **state)
     assert_int_equal(rows + lost, last);
 }
 
-static void no_memory_is_an_error(void **state)
+TEST_WITH(no_memory_is_an_error, set_up, tear_down)
 {
     struct stream *none;
     struct error error;
 
-    (void)state;
     assert_int_equal(stream_create(1 << 20, ROWS, &arena, &none, &error), ERROR_MEMORY);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(nobody_asks_nothing_comes, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(rows_come_at_multiples_of_the_period, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(rows_that_find_no_room_are_counted, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_reader_beside_the_writer_gets_whole_rows, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(no_memory_is_an_error, set_up, tear_down),
-    };
-
-    return cmocka_run_group_tests_name("unit/stream", tests, NULL, NULL);
 }

@@ -2,14 +2,10 @@
 /* Opening a rig's buses: what --bus may say, and local buses that carry frames both ways. */
 #include "sim/buses.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-#include <cmocka.h>
 
 #include "tests/unit/arena_fixture.h"
+#include "tests/test.h"
 
 static const struct rig_bus rig_buses[] = {
     {.name = "torso", .interface = "can0", .bitrate = 1000000},
@@ -18,7 +14,7 @@ static const struct rig_bus rig_buses[] = {
 
 static const struct rig rig = {.file = "rig.yaml", .nbus = 2, .bus = rig_buses};
 
-static void wrong_overrides_are_refused_with_what_was_expected(void **state)
+TEST_WITH(wrong_overrides_are_refused_with_what_was_expected, open_arena, close_arena)
 {
     static const struct {
         const char *item[2], *message;
@@ -33,7 +29,6 @@ static void wrong_overrides_are_refused_with_what_was_expected(void **state)
         {{"torso=can5", "left_leg=can5"}, "both on interface can5"},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         struct error error = {0};
         struct buses buses;
@@ -46,7 +41,7 @@ static void wrong_overrides_are_refused_with_what_was_expected(void **state)
     }
 }
 
-static void local_buses_bear_the_interface_names_and_carry_frames(void **state)
+TEST_WITH(local_buses_bear_the_interface_names_and_carry_frames, open_arena, close_arena)
 {
     const char *item[] = {"left_leg=vcan7"};
     struct bus_ports simulator, task;
@@ -55,7 +50,6 @@ static void local_buses_bear_the_interface_names_and_carry_frames(void **state)
     struct error error;
     char notice[256];
 
-    (void)state;
     assert_int_equal(
         buses_open(&rig, TRANSPORT_LOCAL, item, 1, 1, true, &arena, &buses, notice, &error),
         ERROR_NONE);
@@ -76,7 +70,7 @@ static void local_buses_bear_the_interface_names_and_carry_frames(void **state)
 
 /* What one side sends needs its time on the wire; the boards' side stands for as many controllers
  * as there are boards. */
-static void timed_local_buses_deliver_when_they_are_advanced(void **state)
+TEST_WITH(timed_local_buses_deliver_when_they_are_advanced, open_arena, close_arena)
 {
     static const struct rig_bus timed_buses[] = {
         {.name = "arm", .interface = "can0", .bitrate = 1000000, .nboard = 3}};
@@ -91,7 +85,6 @@ static void timed_local_buses_deliver_when_they_are_advanced(void **state)
     struct error error;
     char notice[256];
 
-    (void)state;
     assert_int_equal(
         buses_open(&timed, TRANSPORT_LOCAL, NULL, 0, 1, true, &arena, &buses, notice, &error),
         ERROR_NONE);
@@ -110,13 +103,12 @@ static void timed_local_buses_deliver_when_they_are_advanced(void **state)
     buses_close(&buses);
 }
 
-static void without_can_auto_is_local_and_says_so(void **state)
+TEST_WITH(without_can_auto_is_local_and_says_so, open_arena, close_arena)
 {
     struct buses buses;
     struct error error;
     char notice[256];
 
-    (void)state;
     assert_int_equal(
         buses_open(&rig, TRANSPORT_AUTO, NULL, 0, 1, true, &arena, &buses, notice, &error),
         ERROR_NONE);
@@ -125,7 +117,7 @@ static void without_can_auto_is_local_and_says_so(void **state)
     buses_close(&buses);
 }
 
-static void a_named_interface_is_never_replaced_by_a_local_bus(void **state)
+TEST_WITH(a_named_interface_is_never_replaced_by_a_local_bus, open_arena, close_arena)
 {
     const char *item[] = {"torso=no-such-if"};
     struct bus_ports ports;
@@ -133,7 +125,6 @@ static void a_named_interface_is_never_replaced_by_a_local_bus(void **state)
     struct error error;
     char notice[256];
 
-    (void)state;
     assert_int_equal(
         buses_open(&rig, TRANSPORT_AUTO, item, 1, 1, true, &arena, &buses, notice, &error),
         ERROR_NONE);
@@ -144,13 +135,12 @@ static void a_named_interface_is_never_replaced_by_a_local_bus(void **state)
 }
 
 /* One simulator after the other on an interface is as usual; a second one beside it is told. */
-static void a_second_simulator_on_an_interface_is_told(void **state)
+TEST(a_second_simulator_on_an_interface_is_told)
 {
     struct buses first = {.rig = &rig, .interface = {"claim-a", "claim-b"}};
     struct buses second = {.rig = &rig, .interface = {"claim-b", "claim-c"}};
     char notice[256];
 
-    (void)state;
     for (int i = 0; i < 2; i++) {
         buses_claim(&first, notice);
         assert_string_equal(notice, "");
@@ -160,20 +150,4 @@ static void a_second_simulator_on_an_interface_is_told(void **state)
         buses_close(&second);
         buses_close(&first);
     }
-}
-
-#define BUSES_TEST(f) cmocka_unit_test_setup_teardown(f, open_arena, close_arena)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        BUSES_TEST(wrong_overrides_are_refused_with_what_was_expected),
-        BUSES_TEST(local_buses_bear_the_interface_names_and_carry_frames),
-        BUSES_TEST(timed_local_buses_deliver_when_they_are_advanced),
-        BUSES_TEST(without_can_auto_is_local_and_says_so),
-        BUSES_TEST(a_named_interface_is_never_replaced_by_a_local_bus),
-        cmocka_unit_test(a_second_simulator_on_an_interface_is_told),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -8,16 +8,11 @@
 
 #include <string.h>
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "tests/unit/arena_fixture.h"
 #include "tests/unit/canbus/numbered_frames.h"
+#include "tests/test.h"
 
-static void copies_come_back_around_their_holes(void **state)
+TEST_WITH(copies_come_back_around_their_holes, open_arena, close_arena)
 {
     unsigned char memory[256], other[13];
     const struct span moving[] = {{memory, sizeof memory}, {other, sizeof other}};
@@ -26,7 +21,6 @@ static void copies_come_back_around_their_holes(void **state)
     struct checkpoint *checkpoint;
     struct error error;
 
-    (void)state;
     assert_int_equal(checkpoint_create(moving, 2, hole, 5, 2, &arena, &checkpoint, &error),
                      ERROR_NONE);
     assert_int_equal(checkpoint_size(checkpoint), 256 + 13 - 7 - 3 - 6 - 1);
@@ -51,21 +45,20 @@ static void copies_come_back_around_their_holes(void **state)
     assert_int_equal(other[12], 2);
 }
 
-static void no_memory_for_copies_is_an_error(void **state)
+TEST_WITH(no_memory_for_copies_is_an_error, open_arena, close_arena)
 {
     unsigned char memory[64];
     const struct span moving = {memory, sizeof memory};
     struct checkpoint *checkpoint;
     struct error error;
 
-    (void)state;
     assert_int_equal(
         checkpoint_create(&moving, 1, NULL, 0, (size_t)1 << 40, &arena, &checkpoint, &error),
         ERROR_MEMORY);
 }
 
 /* A frame is on the wire, another waits in its queue, when time goes back. */
-static void a_wire_goes_back_with_its_bus(void **state)
+TEST_WITH(a_wire_goes_back_with_its_bus, open_arena, close_arena)
 {
     const struct local_bus_config config = {
         .name = "bus", .max_nodes = 2, .inbox = 16, .mode = LOCAL_BUS_WIRE};
@@ -76,7 +69,6 @@ static void a_wire_goes_back_with_its_bus(void **state)
     struct span moving;
     void *memory;
 
-    (void)state;
     assert_int_equal(local_bus_create(&config, &arena, &bus, &error), ERROR_NONE);
     assert_int_equal(local_bus_join(bus, NULL, 0, &own[0], &error), ERROR_NONE);
     assert_int_equal(local_bus_join(bus, NULL, 0, &own[1], &error), ERROR_NONE);
@@ -107,12 +99,11 @@ static void a_wire_goes_back_with_its_bus(void **state)
 
 /* A client that has left meanwhile is not there again: nobody acknowledges what is sent. One that
  * was not there yet is. */
-static void who_is_on_a_wire_does_not_go_back(void **state)
+TEST_WITH(who_is_on_a_wire_does_not_go_back, open_arena, close_arena)
 {
     const struct local_bus_config config = {
         .name = "bus", .max_nodes = 2, .inbox = 16, .mode = LOCAL_BUS_WIRE};
 
-    (void)state;
     for (int stays = 0; stays < 2; stays++) {
         struct can_port *own, *client;
         struct local_bus *bus;
@@ -157,17 +148,4 @@ static void who_is_on_a_wire_does_not_go_back(void **state)
         own->ops->close(own);
         local_bus_destroy(bus);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(copies_come_back_around_their_holes, open_arena,
-                                        close_arena),
-        cmocka_unit_test_setup_teardown(no_memory_for_copies_is_an_error, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(a_wire_goes_back_with_its_bus, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(who_is_on_a_wire_does_not_go_back, open_arena, close_arena),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

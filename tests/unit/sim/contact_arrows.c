@@ -4,15 +4,10 @@
 #include "sim/contact_arrows.h"
 
 #include "base/vec3.h"
+#include "tests/test.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 enum { POINTS = 4 };
 
@@ -81,12 +76,11 @@ static void assert_near(const double x[3], const double y[3])
     }
 }
 
-static void the_center_of_pressure_is_the_mean_of_what_presses(void **state)
+TEST(the_center_of_pressure_is_the_mean_of_what_presses)
 {
     static const double normals[2][3] = {{0.0, 0.0, 1.0}, {0.6, 0.0, 0.8}};
     struct contact_arrow arrow[CONTACT_ARROWS];
 
-    (void)state;
     for (int i = 0; i < 2; i++) {
         struct contact_arrows contacts = contacts_on(normals[i]);
         struct row row;
@@ -103,7 +97,7 @@ static void the_center_of_pressure_is_the_mean_of_what_presses(void **state)
 }
 
 /* A force through a point that is the nearest of its axis to the body: found again. */
-static void away_from_the_ground_it_is_on_the_axis(void **state)
+TEST(away_from_the_ground_it_is_on_the_axis)
 {
     struct contact_arrows contacts = contacts_on((const double[3]){0.0, 0.0, 1.0});
     const double force[3] = {30.0, 40.0, 0.0}, arm[3] = {0.08, -0.06, 0.1};
@@ -111,7 +105,6 @@ static void away_from_the_ground_it_is_on_the_axis(void **state)
     struct row row = {.pose = {[RECORDER_POSE + 2] = 1.0}};
     double at[3];
 
-    (void)state;
     memcpy(row.value + 2, force, sizeof force);
     vec3_cross(arm, force, row.value + 5);
     assert_int_equal(contact_arrows_find(&contacts, row.value, row.pose, arrow), 1);
@@ -119,13 +112,12 @@ static void away_from_the_ground_it_is_on_the_axis(void **state)
     assert_near(arrow[0].at, at);
 }
 
-static void odd_wrenches_show_nothing_or_at_the_body(void **state)
+TEST(odd_wrenches_show_nothing_or_at_the_body)
 {
     struct contact_arrows contacts = contacts_on((const double[3]){0.0, 0.0, 1.0});
     struct contact_arrow arrow[CONTACT_ARROWS];
     struct row row = {.pose = {[RECORDER_POSE + 2] = 1.0}};
 
-    (void)state;
     assert_int_equal(contact_arrows_find(&contacts, row.value, row.pose, arrow), 0);
     row.value[2] = NAN;
     assert_int_equal(contact_arrows_find(&contacts, row.value, row.pose, arrow), 0);
@@ -145,7 +137,7 @@ static void odd_wrenches_show_nothing_or_at_the_body(void **state)
     assert_true(arrow[0].length_m < 1.0);
 }
 
-static void the_longest_numbers_fit(void **state)
+TEST(the_longest_numbers_fit)
 {
     static char text[CONTACT_ARROW_SIZE + 1];
     const struct contact_arrow arrow = {
@@ -155,18 +147,5 @@ static void the_longest_numbers_fit(void **state)
     };
     char *end = contact_arrows_print_pressures(&arrow, 1, contact_arrows_print(&arrow, 1, text));
 
-    (void)state;
     assert_true(end < text + CONTACT_ARROW_SIZE);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_center_of_pressure_is_the_mean_of_what_presses),
-        cmocka_unit_test(away_from_the_ground_it_is_on_the_axis),
-        cmocka_unit_test(odd_wrenches_show_nothing_or_at_the_body),
-        cmocka_unit_test(the_longest_numbers_fit),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

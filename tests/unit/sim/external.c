@@ -107,16 +107,14 @@ static void check_followed(const char *rig, struct script script, double lag)
     assert_int_equal(bench.heard, 2);
 }
 
-static void a_rotor_follows_a_foc_board(void **state)
+TEST(a_rotor_follows_a_foc_board)
 {
-    (void)state;
     check_followed("coman-foc-leg",
                    (struct script){.tell = tell_swing, .write = bench_angle, .period_ms = 1}, 0.0);
 }
 
-static void a_rotor_follows_a_compact_board(void **state)
+TEST(a_rotor_follows_a_compact_board)
 {
-    (void)state;
     check_followed("coman-compact",
                    (struct script){.tell = tell_swing, .write = bench_angle, .period_ms = 1}, 0.0);
 }
@@ -126,9 +124,8 @@ static void a_rotor_follows_a_compact_board(void **state)
  * (e + d), is 0.463 d, and with the new frame 1.463 d. */
 static const double MOST_WAY = 0.2 * M_PI * 4e-3; /* of the swing in 4 ms */
 
-static void a_rotor_glides_between_the_frames_of_an_icub_board(void **state)
+TEST(a_rotor_glides_between_the_frames_of_an_icub_board)
 {
-    (void)state;
     check_followed("coman",
                    (struct script){.tell = tell_swing, .write = bench_angle, .period_ms = 4},
                    1.463 * MOST_WAY);
@@ -145,22 +142,20 @@ static struct bus_frame write_link_angle(const struct bench *bench, double rad)
     return frame;
 }
 
-static void without_a_motor_angle_the_link_s_is_followed(void **state)
+TEST(without_a_motor_angle_the_link_s_is_followed)
 {
-    (void)state;
     check_followed("coman",
                    (struct script){.tell = tell_swing, .write = write_link_angle, .period_ms = 4},
                    1.463 * (MOST_WAY + 2 * M_PI / 4096));
 }
 
-static void a_leap_is_bounded(void **state)
+TEST(a_leap_is_bounded)
 {
     struct script script = {.tell = tell_far, .write = bench_angle, .period_ms = 1};
     static struct bench bench;
     const struct robot_sea *sea = &bench.sea;
     double upper;
 
-    (void)state;
     script_run("coman-compact", &bench, &script);
     upper = bench.external->axis[0].upper_rad;
     print_message("# leaps: %.3f rad/s of %.3f, ends at %.6f of %.6f rad\n", script.fastest,
@@ -219,12 +214,11 @@ static void pull_step(struct bench *bench, int64_t ms)
     }
 }
 
-static void a_spring_exerts_the_torque_that_is_told(void **state)
+TEST(a_spring_exerts_the_torque_that_is_told)
 {
     struct pull pull = {.worst = 0.0, .bound = INFINITY};
     static struct bench bench;
 
-    (void)state;
     bench = (struct bench){
         .rig = "coman-compact", .step = pull_step, .ticks = TICKS, .torque = true, .test = &pull};
     bench_run(&bench);
@@ -256,13 +250,12 @@ static void pull_beyond_step(struct bench *bench, int64_t ms)
     }
 }
 
-static void a_torque_is_bounded_by_that_of_the_drive_at_stall(void **state)
+TEST(a_torque_is_bounded_by_that_of_the_drive_at_stall)
 {
     static struct bench bench;
     struct pull pull = {.bound = 0.0};
     double most;
 
-    (void)state;
     bench = (struct bench){
         .rig = "coman-fd", .step = pull_beyond_step, .ticks = TICKS, .torque = true, .test = &pull};
     bench_run(&bench);
@@ -270,19 +263,4 @@ static void a_torque_is_bounded_by_that_of_the_drive_at_stall(void **state)
     print_message("# spring: %.4f rad, %.4f at stall, %.4f as told\n", pull.largest, most,
                   sea_deflection(&bench.sea, 0x7fffff * COMPACT_TORQUE_FD_NM));
     assert_true(pull.largest > 0.1 && pull.largest <= most + pull.bound);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_rotor_follows_a_foc_board),
-        cmocka_unit_test(a_rotor_follows_a_compact_board),
-        cmocka_unit_test(a_rotor_glides_between_the_frames_of_an_icub_board),
-        cmocka_unit_test(without_a_motor_angle_the_link_s_is_followed),
-        cmocka_unit_test(a_leap_is_bounded),
-        cmocka_unit_test(a_spring_exerts_the_torque_that_is_told),
-        cmocka_unit_test(a_torque_is_bounded_by_that_of_the_drive_at_stall),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

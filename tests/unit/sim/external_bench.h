@@ -14,12 +14,7 @@
 #include "boards/protocol_list.h"
 #include "canbus/frame.h"
 #include "model/drives/actuator.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
+#include "tests/test.h"
 
 #include <math.h>
 #include <stdio.h>

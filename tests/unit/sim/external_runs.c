@@ -70,11 +70,10 @@ static void instead_step(struct bench *bench, int64_t ms)
     }
 }
 
-static int record_once(void **state)
+FIXTURE(record_once)
 {
     static struct bench bench;
 
-    (void)state;
     bench = (struct bench){.rig = "coman-compact",
                            .step = real_step,
                            .stands = true,
@@ -87,13 +86,12 @@ static int record_once(void **state)
 
 /* What was told before tick t the rotor is at after it: to half a count of the board's encoder
  * and of its frames. */
-static void a_board_may_be_replaced_by_a_real_one(void **state)
+TEST(a_board_may_be_replaced_by_a_real_one)
 {
     static struct bench bench;
     double bound, worst = 0.0, moved = 0.0, sunk = 0.0;
     int compared = 0;
 
-    (void)state;
     bench = (struct bench){.rig = "coman-compact",
                            .step = instead_step,
                            .stands = true,
@@ -117,12 +115,11 @@ static void a_board_may_be_replaced_by_a_real_one(void **state)
     assert_int_equal(bench.heard, 1);
 }
 
-static void a_recording_brings_its_frames_back(void **state)
+TEST(a_recording_brings_its_frames_back)
 {
     static struct bench bench, played;
     char folder[] = "/tmp/hil-external-XXXXXX", command[64];
 
-    (void)state;
     assert_non_null(mkdtemp(folder));
     bench = (struct bench){.rig = "coman-compact",
                            .step = instead_step,
@@ -175,12 +172,11 @@ static void witness_step(struct bench *bench, int64_t ms)
     }
 }
 
-static void it_goes_the_same_way_from_a_checkpoint(void **state)
+TEST(it_goes_the_same_way_from_a_checkpoint)
 {
     static struct bench bench;
     static struct witness w;
 
-    (void)state;
     bench = (struct bench){.rig = "coman-compact",
                            .step = witness_step,
                            .stands = true,
@@ -196,13 +192,4 @@ static void it_goes_the_same_way_from_a_checkpoint(void **state)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_board_may_be_replaced_by_a_real_one),
-        cmocka_unit_test(a_recording_brings_its_frames_back),
-        cmocka_unit_test(it_goes_the_same_way_from_a_checkpoint),
-    };
-
-    return cmocka_run_group_tests(tests, record_once, NULL);
-}
+TEST_GROUP(record_once, NULL)

@@ -8,12 +8,7 @@
 
 #include "base/vec3.h"
 #include "canbus/frame.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
+#include "tests/test.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -137,12 +132,11 @@ static void listen(struct listener *l, bool ground, enum rig_hold hold, uint64_t
 
 /* The sensor's z is the pelvis's x: with the file's angles its axes x, y, z are the pelvis's y, z,
  * x. A pelvis that leans by a about y sees up as (-sin a, 0, cos a). */
-static void held_it_reads_gravity(void **state)
+TEST(held_it_reads_gravity)
 {
     static struct listener l;
     double lean, s, c;
 
-    (void)state;
     listen(&l, true, RIG_HOLD_ENABLED, 3000);
     lean = l.lean;
     s = sin(lean);
@@ -164,11 +158,10 @@ static void held_it_reads_gravity(void **state)
     assert_int_equal(l.count[15], 599);
 }
 
-static void in_free_fall_it_reads_nothing(void **state)
+TEST(in_free_fall_it_reads_nothing)
 {
     static struct listener l;
 
-    (void)state;
     listen(&l, false, RIG_HOLD_NONE, 300);
     assert_true(vec3_norm(l.value[0]) == 0.0);
     assert_true(vec3_norm(l.value[2]) == 0.0);
@@ -178,11 +171,10 @@ static void in_free_fall_it_reads_nothing(void **state)
     }
 }
 
-static void a_robot_that_topples_is_followed_to_half_a_count(void **state)
+TEST(a_robot_that_topples_is_followed_to_half_a_count)
 {
     static struct listener l;
 
-    (void)state;
     listen(&l, true, RIG_HOLD_NONE, 1500);
     print_message("# up to %.2f rad/s, at the end leaning %.2f rad; off by up to %.3f %.3f %.3f "
                   "%.3f counts\n",
@@ -192,15 +184,4 @@ static void a_robot_that_topples_is_followed_to_half_a_count(void **state)
         assert_true(l.count[sensor] >= 299);
         assert_true(l.worst[sensor] <= 0.5 + 1e-9);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(held_it_reads_gravity),
-        cmocka_unit_test(in_free_fall_it_reads_nothing),
-        cmocka_unit_test(a_robot_that_topples_is_followed_to_half_a_count),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,14 +3,8 @@
  * The supervision of real CAN interfaces, on a controller that the test makes up: what virtual
  * interfaces and QEMU's controllers never do, bus-off above all, happens here, in virtual time.
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "sim/interfaces.h"
+#include "tests/test.h"
 
 #include <net/if_arp.h>
 #include <stdio.h>
@@ -72,7 +66,7 @@ static enum error_code restart(void *context, const char *name, struct error *er
     return ERROR_NONE;
 }
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     static struct bench bench;
 
@@ -89,7 +83,7 @@ static int set_up(void **state)
     bench.rig = (struct rig){.nbus = 1, .bus = &bench.bus};
     bench.ops = (struct interface_ops){query, configure, restart, &bench};
     interfaces_init(&bench.interfaces, &bench.rig, &bench.name, &bench.box, &bench.ops);
-    *state = &bench;
+    *test_state = &bench;
     return 0;
 }
 
@@ -123,9 +117,9 @@ static void look(struct bench *bench, const char *event)
     assert_says(text, event);
 }
 
-static void takes_an_interface_as_it_is_when_the_bit_rate_fits(void **state)
+TEST_WITH(takes_an_interface_as_it_is_when_the_bit_rate_fits, set_up, NULL)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct error error;
 
     bench->link.controller.timing.bitrate = 1004000; /* as near as some clocks come */
@@ -133,9 +127,9 @@ static void takes_an_interface_as_it_is_when_the_bit_rate_fits(void **state)
     assert_int_equal(bench->configured, 0);
 }
 
-static void refuses_another_bit_rate_and_says_how_to_set_it(void **state)
+TEST_WITH(refuses_another_bit_rate_and_says_how_to_set_it, set_up, NULL)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct error error;
 
     bench->link.controller.timing.bitrate = 500000;
@@ -145,9 +139,9 @@ static void refuses_another_bit_rate_and_says_how_to_set_it(void **state)
     assert_int_equal(bench->configured, 0);
 }
 
-static void refuses_another_data_bit_rate_even_where_it_may_configure(void **state)
+TEST_WITH(refuses_another_data_bit_rate_even_where_it_may_configure, set_up, NULL)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct error error;
 
     bench->bus.fd = bench->bus.configure = true;
@@ -158,9 +152,9 @@ static void refuses_another_data_bit_rate_even_where_it_may_configure(void **sta
     assert_int_equal(prepare(bench, &error), ERROR_NONE);
 }
 
-static void configures_what_differs_and_leaves_alone_what_does_not(void **state)
+TEST_WITH(configures_what_differs_and_leaves_alone_what_does_not, set_up, NULL)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct error error;
 
     bench->bus.configure = true;
@@ -179,9 +173,9 @@ static void configures_what_differs_and_leaves_alone_what_does_not(void **state)
     assert_int_equal(prepare(bench, &error), ERROR_SYSTEM);
 }
 
-static void leaves_virtual_and_missing_interfaces_alone(void **state)
+TEST_WITH(leaves_virtual_and_missing_interfaces_alone, set_up, NULL)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct error error;
 
     bench->bus.configure = true;
@@ -195,7 +189,7 @@ static void leaves_virtual_and_missing_interfaces_alone(void **state)
     assert_int_equal(bench->box.post, 0);
 }
 
-static void looks_once_a_second_and_posts_every_state(void **state)
+TEST_WITH(looks_once_a_second_and_posts_every_state, set_up, NULL)
 {
     static const struct {
         enum can_state state;
@@ -206,7 +200,7 @@ static void looks_once_a_second_and_posts_every_state(void **state)
         {CAN_STATE_ERROR_PASSIVE, CAN_PORT_PASSIVE},
         {CAN_STATE_ERROR_PASSIVE, CAN_PORT_PASSIVE}, /* told again: a port may have missed it */
     };
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     uint32_t last = 0;
 
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
@@ -223,9 +217,9 @@ static void looks_once_a_second_and_posts_every_state(void **state)
     assert_int_equal(bench->box.post, last);
 }
 
-static void reports_bus_off_once_and_restarts_nothing_that_it_may_not_set(void **state)
+TEST_WITH(reports_bus_off_once_and_restarts_nothing_that_it_may_not_set, set_up, NULL)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     bench->link.controller.state = CAN_STATE_BUS_OFF;
     look(bench, "is in bus-off until it is restarted");
@@ -240,9 +234,9 @@ static void reports_bus_off_once_and_restarts_nothing_that_it_may_not_set(void *
     assert_int_equal(bench->restarted, 0);
 }
 
-static void restarts_at_most_ten_times_in_a_minute(void **state)
+TEST_WITH(restarts_at_most_ten_times_in_a_minute, set_up, NULL)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     int64_t first;
 
     bench->bus.configure = true;
@@ -262,9 +256,9 @@ static void restarts_at_most_ten_times_in_a_minute(void **state)
     assert_int_equal(bench->restarted, INTERFACES_RESTARTS + 1);
 }
 
-static void restores_the_bit_rate_of_what_was_changed_or_created_anew(void **state)
+TEST_WITH(restores_the_bit_rate_of_what_was_changed_or_created_anew, set_up, NULL)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     bench->bus.configure = true;
     look(bench, "");
@@ -290,9 +284,9 @@ static void restores_the_bit_rate_of_what_was_changed_or_created_anew(void **sta
     assert_int_equal(bench->configured, 3);
 }
 
-static void reports_a_changed_bit_rate_once_where_it_may_not_set_it(void **state)
+TEST_WITH(reports_a_changed_bit_rate_once_where_it_may_not_set_it, set_up, NULL)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     look(bench, "");
     bench->link.controller.timing.bitrate = 250000;
@@ -305,9 +299,9 @@ static void reports_a_changed_bit_rate_once_where_it_may_not_set_it(void **state
     assert_int_equal(bench->configured, 0);
 }
 
-static void describes_a_controller(void **state)
+TEST_WITH(describes_a_controller, set_up, NULL)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     char text[320];
 
     bench->link.controller.errors = (struct can_berr_counter){.txerr = 128, .rxerr = 7};
@@ -317,24 +311,4 @@ static void describes_a_controller(void **state)
     assert_says(text, "error passive, 1000000 bit/s, sample point 0.750, TEC 128, REC 7");
     assert_says(text, "bus-off 3");
     assert_false(interfaces_describe(&bench->interfaces, 1, text, sizeof text));
-}
-
-int main(void)
-{
-#define TEST(name) cmocka_unit_test_setup(name, set_up)
-    const struct CMUnitTest tests[] = {
-        TEST(takes_an_interface_as_it_is_when_the_bit_rate_fits),
-        TEST(refuses_another_bit_rate_and_says_how_to_set_it),
-        TEST(refuses_another_data_bit_rate_even_where_it_may_configure),
-        TEST(configures_what_differs_and_leaves_alone_what_does_not),
-        TEST(leaves_virtual_and_missing_interfaces_alone),
-        TEST(looks_once_a_second_and_posts_every_state),
-        TEST(reports_bus_off_once_and_restarts_nothing_that_it_may_not_set),
-        TEST(restarts_at_most_ten_times_in_a_minute),
-        TEST(restores_the_bit_rate_of_what_was_changed_or_created_anew),
-        TEST(reports_a_changed_bit_rate_once_where_it_may_not_set_it),
-        TEST(describes_a_controller),
-    };
-
-    return cmocka_run_group_tests_name("sim/interfaces", tests, NULL, NULL);
 }

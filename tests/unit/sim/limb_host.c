@@ -5,16 +5,11 @@
  */
 #include "base/count.h"
 #include "sim/simulator.h"
+#include "tests/test.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 enum { LEFT_LEG = 1, FRAMES = 8 };
 
@@ -128,11 +123,10 @@ static struct limb_host host_of_voltage(const char *rig, enum rig_hold hold)
                               .nframe = 5};
 }
 
-static void a_trip_against_the_clamp_is_explained(void **state)
+TEST(a_trip_against_the_clamp_is_explained)
 {
     struct limb_host host = host_of_voltage("coman", RIG_HOLD_ENABLED);
 
-    (void)state;
     run_limb(&host);
     assert_int_equal(host.counters.trips, 1);
     assert_true(host.q_max == host.q_min);
@@ -143,11 +137,10 @@ static void a_trip_against_the_clamp_is_explained(void **state)
                            "coman-bench"));
 }
 
-static void on_the_bench_a_limb_moves(void **state)
+TEST(on_the_bench_a_limb_moves)
 {
     static const char *const rigs[] = {"coman-bench", "coman-strict"};
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(rigs); i++) {
         struct limb_host host = host_of_voltage(rigs[i], RIG_HOLD_NONE);
 
@@ -161,7 +154,7 @@ static void on_the_bench_a_limb_moves(void **state)
 }
 
 /* The frames of the README: a lenient board moves, a strict one says what it wants first. */
-static void a_motor_is_switched_on_by_hand_where_boards_are_lenient(void **state)
+TEST(a_motor_is_switched_on_by_hand_where_boards_are_lenient)
 {
     struct limb_host host = {.rig = "coman-bench",
                              .hold = RIG_HOLD_NONE,
@@ -170,7 +163,6 @@ static void a_motor_is_switched_on_by_hand_where_boards_are_lenient(void **state
                                        {.id = 0x001, .len = 3, .data = {0x72, 0x4d, 0x01}}},
                              .nframe = 2};
 
-    (void)state;
     run_limb(&host);
     assert_int_equal(host.counters.trips, 0);
     assert_true(host.q_max > 0.1);
@@ -196,35 +188,20 @@ static struct limb_host host_of_position(uint8_t kp_low, uint8_t kp_high, uint8_
         .nframe = 5};
 }
 
-static void the_gains_of_the_guide_bring_the_hip_where_it_is_told(void **state)
+TEST(the_gains_of_the_guide_bring_the_hip_where_it_is_told)
 {
     struct limb_host host = host_of_position(0x58, 0x02, 0); /* kp 600, kd 1000, ki 0, shift 8 */
 
-    (void)state;
     run_limb(&host);
     assert_int_equal(host.counters.trips, 0);
     assert_true(fabs(host.q + 20.0 * DEGREE) < 2.0 * DEGREE);
     assert_true(host.q_max - host.q_min < TICK); /* at rest, as far as its encoder can tell */
 }
 
-static void greater_gains_make_it_oscillate(void **state)
+TEST(greater_gains_make_it_oscillate)
 {
     struct limb_host host = host_of_position(0x20, 0x03, 3); /* kp 800, ki 3 */
 
-    (void)state;
     run_limb(&host);
     assert_true(host.q_max - host.q_min > 3.0 * TICK);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_trip_against_the_clamp_is_explained),
-        cmocka_unit_test(on_the_bench_a_limb_moves),
-        cmocka_unit_test(a_motor_is_switched_on_by_hand_where_boards_are_lenient),
-        cmocka_unit_test(the_gains_of_the_guide_bring_the_hip_where_it_is_told),
-        cmocka_unit_test(greater_gains_make_it_oscillate),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

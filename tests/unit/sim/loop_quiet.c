@@ -5,6 +5,7 @@
  * The contact engine is left out, for Simbody allocates by nature.
  */
 #include "sim/simulator.h"
+#include "tests/test.h"
 
 #include <dirent.h>
 #include <stdio.h>
@@ -12,26 +13,19 @@
 #include <string.h>
 #include <unistd.h>
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #define RIG HIL_SOURCE_DIR "/config/rigs/coman.yaml"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 
-static void a_tick_does_not_allocate(void **state)
+TEST(a_tick_does_not_allocate)
 {
-    (void)state;
     print_message("SKIP: the sanitizers have an allocator of their own\n");
     skip();
 }
 
-static void a_request_does_not_allocate(void **state)
+TEST(a_request_does_not_allocate)
 {
-    a_tick_does_not_allocate(state);
+    a_tick_does_not_allocate(test_state);
 }
 
 #else
@@ -166,33 +160,21 @@ static size_t allocations_of(enum loop_clock clock, const char *directory, bool 
     return found;
 }
 
-static void a_tick_does_not_allocate(void **state)
+TEST(a_tick_does_not_allocate)
 {
     char directory[] = "/tmp/loop-quiet-XXXXXX";
 
-    (void)state;
     assert_non_null(mkdtemp(directory));
     assert_int_equal(allocations_of(LOOP_CLOCK_FREE, directory, false), 0);
     assert_int_equal(allocations_of(LOOP_CLOCK_LOCKSTEP, directory, false), 0);
     remove_directory(directory);
 }
 
-static void a_request_does_not_allocate(void **state)
+TEST(a_request_does_not_allocate)
 {
-    (void)state;
     assert_int_equal(allocations_of(LOOP_CLOCK_FREE, NULL, true), 0);
     assert_int_equal(allocations_of(LOOP_CLOCK_LOCKSTEP, NULL, true), 0);
     assert_true(answers > 400);
 }
 
 #endif
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_tick_does_not_allocate),
-        cmocka_unit_test(a_request_does_not_allocate),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
-}

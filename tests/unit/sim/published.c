@@ -6,12 +6,7 @@
 #include "sim/simulator_private.h"
 
 #include "base/count.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
+#include "tests/test.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -32,7 +27,7 @@ struct bench {
 
 /* COMAN, held, and three bodies that fall without touching anything: the second turns about its x,
  * the third keeps an attitude of its own. */
-static int open_bench(void **state)
+FIXTURE(open_bench)
 {
     static const char *const names[BODIES] = {"ball", "crate", "plank"};
     static struct bench bench;
@@ -75,13 +70,13 @@ static int open_bench(void **state)
         fail_msg("%s", error.text);
     }
     assert_int_equal(simulator_run(bench.simulator), LOOP_END_LENGTH);
-    *state = &bench;
+    *test_state = &bench;
     return 0;
 }
 
-static int close_bench(void **state)
+FIXTURE(close_bench)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     simulator_destroy(bench->simulator);
     arena_fini(&bench->arena);
@@ -118,10 +113,10 @@ static void body_pose(const struct plant_free_body *body, double t, double pose[
     pose[6] = q[3];
 }
 
-static void rows_have_every_body_in_its_columns(void **state)
+TEST_WITH(rows_have_every_body_in_its_columns, open_bench, close_bench)
 {
     static const char *const columns[7] = {"_x_m", "_y_m", "_z_m", "_qw", "_qx", "_qy", "_qz"};
-    const struct bench *bench = *state;
+    const struct bench *bench = *test_state;
     struct stream *stream = simulator_stream(bench->simulator);
     const struct stream_row *row;
     int rows = 0;
@@ -148,11 +143,11 @@ static void rows_have_every_body_in_its_columns(void **state)
     assert_int_equal(rows, TICKS);
 }
 
-static void rows_have_joints_base_and_buses_in_their_columns(void **state)
+TEST_WITH(rows_have_joints_base_and_buses_in_their_columns, open_bench, close_bench)
 {
     static const char *const base[7] = {"base_x_m", "base_y_m", "base_z_m", "base_qw",
                                         "base_qx",  "base_qy",  "base_qz"};
-    const struct bench *bench = *state;
+    const struct bench *bench = *test_state;
     const struct plant_sensors *sensors = plant_sensors(simulator_plant(bench->simulator));
     const struct stream_row *row = NULL;
     struct simulator_status status;
@@ -190,9 +185,9 @@ static void rows_have_joints_base_and_buses_in_their_columns(void **state)
 }
 
 /* Every counter has a value of its own, so that none can stand for another. */
-static void the_status_has_every_counter_in_its_field(void **state)
+TEST_WITH(the_status_has_every_counter_in_its_field, open_bench, close_bench)
 {
-    const struct bench *bench = *state;
+    const struct bench *bench = *test_state;
     const struct loop_stats *ran = simulator_stats(bench->simulator);
     struct simulator_status status;
     struct loop_stats stats = *ran;
@@ -233,9 +228,9 @@ static void the_status_has_every_counter_in_its_field(void **state)
 }
 
 /* The same of what comes from elsewhere: buses, contact, clamp, faults, free bodies. */
-static void the_status_has_the_buses_and_bodies_in_their_places(void **state)
+TEST_WITH(the_status_has_the_buses_and_bodies_in_their_places, open_bench, close_bench)
 {
-    const struct bench *bench = *state;
+    const struct bench *bench = *test_state;
     const struct loop_stats *stats = simulator_stats(bench->simulator);
     struct simulator_status status;
 
@@ -266,18 +261,4 @@ static void the_status_has_the_buses_and_bodies_in_their_places(void **state)
             assert_true(fabs(status.free[i][k] - pose[k]) < 1e-4);
         }
     }
-}
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, open_bench, close_bench)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(rows_have_every_body_in_its_columns),
-        TEST(rows_have_joints_base_and_buses_in_their_columns),
-        TEST(the_status_has_every_counter_in_its_field),
-        TEST(the_status_has_the_buses_and_bodies_in_their_places),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,16 +3,10 @@
  * The choice among a built-in module, one that was made beforehand and the numeric algorithms: what
  * is taken and said, and in which folders modules are looked for.
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "sim/robot_dynamics.h"
 #include "tests/unit/model/coman.h"
 #include "tests/unit/model/symbolic/evaluate.h"
+#include "tests/test.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -25,22 +19,22 @@ static struct symbolic_library library;
 static struct dynamics d;
 static struct error notice, error;
 
-static int open_cache(void **state)
+FIXTURE(open_cache)
 {
     strcpy(cache, "/tmp/hil-dynamics-XXXXXX");
-    if (open_arena(state) || !mkdtemp(cache) || setenv("XDG_CACHE_HOME", cache, 1) ||
+    if (open_arena(test_state) || !mkdtemp(cache) || setenv("XDG_CACHE_HOME", cache, 1) ||
         pendulum_make(&tree, &error)) {
         return 1;
     }
     return !robot_dynamics_folder(folder, sizeof folder);
 }
 
-static int close_cache(void **state)
+FIXTURE(close_cache)
 {
     char command[96];
 
     symbolic_close(&library);
-    close_arena(state);
+    close_arena(test_state);
     snprintf(command, sizeof command, "rm -r '%s'", cache);
     return system(command);
 }
@@ -74,31 +68,28 @@ static const struct robot *heavier(const struct robot *robot)
     return heavy;
 }
 
-static void a_built_in_module_comes_first(void **state)
+TEST_WITH(a_built_in_module_comes_first, open_cache, close_cache)
 {
     const struct robot *coman = load_coman(NULL);
 
-    (void)state;
     assert_taken(coman, "generated", "built-in generated dynamics (");
     assert_null(library.handle);
     assert_taken(heavier(coman), "generated", "built-in generated dynamics with masses as inputs");
     assert_null(library.handle);
 }
 
-static void without_a_module_they_are_numeric(void **state)
+TEST_WITH(without_a_module_they_are_numeric, open_cache, close_cache)
 {
-    (void)state;
     assert_taken(&tree.robot, "generic", "there is no module of");
     assert_null(library.handle);
     assert_int_equal(access(folder, F_OK), -1);
 }
 
-static void a_module_made_beforehand_serves_other_masses_too(void **state)
+TEST_WITH(a_module_made_beforehand_serves_other_masses_too, open_cache, close_cache)
 {
     struct symbolic_options quick = robot_dynamics_module;
     double q = 0.3, v = 0.5, tau = 0.1, light, heavy;
 
-    (void)state;
     if (system("cc --version >/dev/null 2>&1") != 0) {
         print_message("SKIP: no C compiler (cc)\n");
         skip();
@@ -122,11 +113,10 @@ static void a_module_made_beforehand_serves_other_masses_too(void **state)
     assert_taken(&tree.robot, "generic", "others may write there");
 }
 
-static void the_folder_is_the_users(void **state)
+TEST_WITH(the_folder_is_the_users, open_cache, close_cache)
 {
     char found[96], expected[96];
 
-    (void)state;
     snprintf(expected, sizeof expected, "%s/coman-hil", cache);
     assert_true(robot_dynamics_folder(found, sizeof found));
     assert_string_equal(found, expected);
@@ -140,12 +130,11 @@ static void the_folder_is_the_users(void **state)
     assert_int_equal(robot_dynamics_folder(found, sizeof found), geteuid() == 0);
 }
 
-static void a_rig_that_wants_numbers_gets_them_and_another_the_command(void **state)
+TEST_WITH(a_rig_that_wants_numbers_gets_them_and_another_the_command, open_cache, close_cache)
 {
     struct rig rig = {
         .file = "rigs/mine.yaml", .robot = &tree.robot, .dynamics = RIG_DYNAMICS_GENERIC};
 
-    (void)state;
     assert_int_equal(robot_dynamics_create(&rig, &arena, &d, &library, &notice, &error),
                      ERROR_NONE);
     assert_string_equal(notice.text, "numeric dynamics, as the rig says");
@@ -154,18 +143,4 @@ static void a_rig_that_wants_numbers_gets_them_and_another_the_command(void **st
                      ERROR_NONE);
     assert_string_equal(d.ops->name, "generic");
     assert_non_null(strstr(notice.text, "; coman-hil generate --module rigs/mine.yaml makes one"));
-}
-
-int main(void)
-{
-#define TEST(function) cmocka_unit_test_setup_teardown(function, open_cache, close_cache)
-    const struct CMUnitTest tests[] = {
-        TEST(a_built_in_module_comes_first),
-        TEST(without_a_module_they_are_numeric),
-        TEST(a_module_made_beforehand_serves_other_masses_too),
-        TEST(the_folder_is_the_users),
-        TEST(a_rig_that_wants_numbers_gets_them_and_another_the_command),
-    };
-
-    return cmocka_run_group_tests_name("sim_robot_dynamics", tests, NULL, NULL);
 }

@@ -67,7 +67,7 @@ static void note_all(struct play *p, int64_t tick)
     }
 }
 
-static void a_run_without_requests_is_the_same_bit_for_bit(void **state)
+TEST(a_run_without_requests_is_the_same_bit_for_bit)
 {
     enum { TICKS = 250 };
     static const struct scene scenes[] = {
@@ -80,7 +80,6 @@ static void a_run_without_requests_is_the_same_bit_for_bit(void **state)
     };
     static struct pass plain[TICKS];
 
-    (void)state;
     for (size_t i = 0; i < sizeof scenes / sizeof scenes[0]; i++) {
         perform(&scenes[i], TICKS, false, note_all);
         memcpy(plain, play.w.first, sizeof plain);
@@ -122,12 +121,11 @@ static void push_two(struct play *p, int64_t tick)
     }
 }
 
-static void pushes_give_their_momentum_and_end_in_virtual_time(void **state)
+TEST(pushes_give_their_momentum_and_end_in_virtual_time)
 {
     const struct scene scene = {
         .rig = "coman", .clock = LOOP_CLOCK_FREE, .no_contact = true, .falls = true};
 
-    (void)state;
     perform(&scene, 60, true, push_two);
     expect(0, REQUEST_OK);
     expect(1, REQUEST_OK);
@@ -176,22 +174,20 @@ static void push_as_a_hand_does(struct play *p, int64_t tick)
     }
 }
 
-static void a_push_that_goes_on_is_told_once_and_at_its_end(void **state)
+TEST(a_push_that_goes_on_is_told_once_and_at_its_end)
 {
     const struct scene scene = {
         .rig = "coman", .clock = LOOP_CLOCK_FREE, .no_contact = true, .falls = true};
 
-    (void)state;
     perform(&scene, 62, true, push_as_a_hand_does);
     assert_int_equal(play.count, 11102);
 }
 
-static void the_log_tells_how_hard_a_push_is(void **state)
+TEST(the_log_tells_how_hard_a_push_is)
 {
     const struct scene scene = {
         .rig = "coman", .clock = LOOP_CLOCK_FREE, .no_contact = true, .falls = true};
 
-    (void)state;
     perform(&scene, 10, true, push_askew); /* 3, 4 and 12 N are 13 N */
     assert_int_equal(play.count, 1);
 }
@@ -215,14 +211,13 @@ static void sag(struct play *p, int64_t tick)
     }
 }
 
-static void a_fault_counts_for_the_tick_that_comes(void **state)
+TEST(a_fault_counts_for_the_tick_that_comes)
 {
     const struct scene scene = {.rig = "coman",
                                 .clock = LOOP_CLOCK_FREE,
                                 .no_contact = true,
                                 .fault = {"supply sag 10 manual"}};
 
-    (void)state;
     perform(&scene, 20, true, sag);
     expect(0, REQUEST_OK);
     expect(1, REQUEST_OK);
@@ -340,12 +335,11 @@ static void tune(struct play *p, int64_t tick)
     (void)tick;
 }
 
-static void host_and_requests_see_the_same_parameters(void **state)
+TEST(host_and_requests_see_the_same_parameters)
 {
     const struct scene scene = {
         .rig = "coman-sensors", .clock = LOOP_CLOCK_FREE, .no_contact = true};
 
-    (void)state;
     perform(&scene, 20, true, tune);
     expect(0, REQUEST_OK);
     expect(1, REQUEST_OK);
@@ -384,12 +378,11 @@ static void tighten(struct play *p, int64_t tick)
     }
 }
 
-static void a_winch_takes_its_time(void **state)
+TEST(a_winch_takes_its_time)
 {
     const struct scene scene = {
         .rig = "coman", .clock = LOOP_CLOCK_FREE, .no_contact = true, .springs = true};
 
-    (void)state;
     perform(&scene, 401, true, tighten);
     expect(0, REQUEST_OK);
     assert_true(fabs(play.number[0] - 0.1 * 0.100) < 1e-9); /* ticks 10 to 109 */
@@ -429,7 +422,7 @@ static void try_all(struct play *p, int64_t tick)
     p->count++;
 }
 
-static void every_tunable_takes_what_its_range_says(void **state)
+TEST(every_tunable_takes_what_its_range_says)
 {
     static const struct scene scenes[] = {
         {.rig = "coman", .clock = LOOP_CLOCK_FREE, .no_contact = true},
@@ -438,7 +431,6 @@ static void every_tunable_takes_what_its_range_says(void **state)
         {.rig = "walkman", .clock = LOOP_CLOCK_FREE, .no_contact = true},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof scenes / sizeof scenes[0]; i++) {
         perform(&scenes[i], 2200, true, try_all);
         assert_true(play.count > 100);
@@ -457,13 +449,12 @@ static void go_back_early(struct play *p, int64_t tick)
     }
 }
 
-static void there_is_no_way_back_while_it_is_recorded(void **state)
+TEST(there_is_no_way_back_while_it_is_recorded)
 {
     char directory[] = "/tmp/requests-XXXXXX", file[64];
     const struct scene scene = {
         .rig = "coman", .clock = LOOP_CLOCK_FREE, .no_contact = true, .record = directory};
 
-    (void)state;
     assert_non_null(mkdtemp(directory));
     perform(&scene, 10, true, go_back_early);
     expect(0, REQUEST_OK);
@@ -477,7 +468,7 @@ static void there_is_no_way_back_while_it_is_recorded(void **state)
 }
 
 /* A task in a thread of its own: it has its own past, and needs a pace. */
-static void a_task_beside_the_loop_cannot_go_back(void **state)
+TEST(a_task_beside_the_loop_cannot_go_back)
 {
     const struct scene scene = {
         .rig = "coman", .task = "squat", .clock = LOOP_CLOCK_REAL, .no_contact = true};
@@ -489,7 +480,6 @@ static void a_task_beside_the_loop_cannot_go_back(void **state)
     struct arena arena;
     struct rig rig;
 
-    (void)state;
     open_scene(&scene, &w, &arena, &rig, NULL, 5, true);
     for (int i = 0; i < 4; i++) {
         ask(&w, kinds[i], 1);
@@ -504,22 +494,4 @@ static void a_task_beside_the_loop_cannot_go_back(void **state)
     }
     assert_int_equal(simulator_checkpoint_size(w.simulator), 0);
     close_scene(&w, &arena);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_run_without_requests_is_the_same_bit_for_bit),
-        cmocka_unit_test(pushes_give_their_momentum_and_end_in_virtual_time),
-        cmocka_unit_test(a_push_that_goes_on_is_told_once_and_at_its_end),
-        cmocka_unit_test(the_log_tells_how_hard_a_push_is),
-        cmocka_unit_test(a_fault_counts_for_the_tick_that_comes),
-        cmocka_unit_test(host_and_requests_see_the_same_parameters),
-        cmocka_unit_test(a_winch_takes_its_time),
-        cmocka_unit_test(every_tunable_takes_what_its_range_says),
-        cmocka_unit_test(there_is_no_way_back_while_it_is_recorded),
-        cmocka_unit_test(a_task_beside_the_loop_cannot_go_back),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -106,25 +106,23 @@ static void repeats(const struct scene *scene)
     close_scene(&w, &arena);
 }
 
-static void repeats_a_squat_on_ideal_buses(void **state)
+TEST(repeats_a_squat_on_ideal_buses)
 {
     const struct scene scene = {
         .rig = "coman", .task = "squat", .clock = LOOP_CLOCK_FREE, .at = 300, .span = 400};
 
-    (void)state;
     repeats(&scene);
 }
 
-static void repeats_a_squat_in_lockstep(void **state)
+TEST(repeats_a_squat_in_lockstep)
 {
     const struct scene scene = {
         .rig = "coman", .task = "squat", .clock = LOOP_CLOCK_LOCKSTEP, .at = 251, .span = 300};
 
-    (void)state;
     repeats(&scene);
 }
 
-static void repeats_a_squat_with_numeric_dynamics(void **state)
+TEST(repeats_a_squat_with_numeric_dynamics)
 {
     const struct scene scene = {.rig = "coman",
                                 .task = "squat",
@@ -133,14 +131,13 @@ static void repeats_a_squat_with_numeric_dynamics(void **state)
                                 .at = 300,
                                 .span = 100};
 
-    (void)state;
     repeats(&scene);
 }
 
 /* Play, hysteresis, heat, friction that rests, the supply and its chopper all have states, and the
  * flags and orders among them: while the robot comes to stand and squats, and while the supply sags
  * and comes back. */
-static void repeats_drives_with_all_that_is_real_in_them(void **state)
+TEST(repeats_drives_with_all_that_is_real_in_them)
 {
     const struct scene scenes[] = {
         {.rig = "coman-drives",
@@ -157,12 +154,11 @@ static void repeats_drives_with_all_that_is_real_in_them(void **state)
          .span = 300},
     };
 
-    (void)state;
     repeats(&scenes[0]);
     repeats(&scenes[1]);
 }
 
-static void repeats_noise_and_faults_on_wires(void **state)
+TEST(repeats_noise_and_faults_on_wires)
 {
     const struct scene scene = {
         .rig = "coman-sensors",
@@ -177,29 +173,26 @@ static void repeats_noise_and_faults_on_wires(void **state)
         .span = 400,
     };
 
-    (void)state;
     repeats(&scene);
 }
 
-static void repeats_a_grasp_with_free_bodies(void **state)
+TEST(repeats_a_grasp_with_free_bodies)
 {
     const struct scene scene = {
         .rig = "grasp", .task = "grasp", .clock = LOOP_CLOCK_FREE, .at = 300, .span = 60};
 
-    (void)state;
     repeats(&scene);
 }
 
-static void a_reset_in_a_grasp_begins_it_again(void **state)
+TEST(a_reset_in_a_grasp_begins_it_again)
 {
     const struct scene scene = {
         .rig = "grasp", .task = "grasp", .clock = LOOP_CLOCK_FREE, .at = 0, .span = 250};
 
-    (void)state;
     repeats(&scene);
 }
 
-static void a_reset_begins_noise_and_faults_again(void **state)
+TEST(a_reset_begins_noise_and_faults_again)
 {
     const struct scene scene = {
         .rig = "coman-sensors",
@@ -212,13 +205,12 @@ static void a_reset_begins_noise_and_faults_again(void **state)
         .span = 200,
     };
 
-    (void)state;
     repeats(&scene);
 }
 
 /* Another thread reads what has happened, perhaps only after the run went back: two events of the
  * first pass, and the same of the second. */
-static void events_from_before_going_back_are_still_told(void **state)
+TEST(events_from_before_going_back_are_still_told)
 {
     static const char *const told[] = {
         "0.020000 s: fault 1 begins: supply sag 10 0.02..0.04",
@@ -238,7 +230,6 @@ static void events_from_before_going_back_are_still_told(void **state)
     uint64_t key;
     int count = 0;
 
-    (void)state;
     open_scene(&scene, &w, &arena, &rig, &observer, scene.at + scene.span + 2, true);
     simulator_run(w.simulator);
     assert_int_equal(w.goes, 1);
@@ -251,34 +242,31 @@ static void events_from_before_going_back_are_still_told(void **state)
     close_scene(&w, &arena);
 }
 
-static void repeats_the_compact_boards(void **state)
+TEST(repeats_the_compact_boards)
 {
     const struct scene scene = {
         .rig = "coman-compact", .task = "squat", .clock = LOOP_CLOCK_FREE, .at = 300, .span = 200};
 
-    (void)state;
     repeats(&scene);
 }
 
-static void repeats_the_cia402_boards(void **state)
+TEST(repeats_the_cia402_boards)
 {
     const struct scene scene = {
         .rig = "coman-cia402", .task = "squat", .clock = LOOP_CLOCK_FREE, .at = 60, .span = 200};
 
-    (void)state;
     repeats(&scene);
 }
 
-static void repeats_the_foc_boards(void **state)
+TEST(repeats_the_foc_boards)
 {
     const struct scene scene = {
         .rig = "coman-foc", .task = "squat", .clock = LOOP_CLOCK_FREE, .at = 300, .span = 200};
 
-    (void)state;
     repeats(&scene);
 }
 
-static void repeats_fd_frames(void **state)
+TEST(repeats_fd_frames)
 {
     const struct scene scene = {.rig = "coman-fd",
                                 .task = "squat",
@@ -287,11 +275,10 @@ static void repeats_fd_frames(void **state)
                                 .at = 300,
                                 .span = 200};
 
-    (void)state;
     repeats(&scene);
 }
 
-static void repeats_on_the_other_contact_engine(void **state)
+TEST(repeats_on_the_other_contact_engine)
 {
     const struct scene scene = {.rig = "coman",
                                 .task = "squat",
@@ -300,7 +287,6 @@ static void repeats_on_the_other_contact_engine(void **state)
                                 .at = 40,
                                 .span = 40};
 
-    (void)state;
     repeats(&scene);
 }
 
@@ -343,7 +329,7 @@ static void measure(void *context, int64_t time_ns)
     stopwatch->begin_ns = wall_ns();
 }
 
-static void prints_what_a_checkpoint_costs(void **state)
+TEST(prints_what_a_checkpoint_costs)
 {
     static const struct scene scenes[] = {
         {.rig = "coman", .task = "squat", .clock = LOOP_CLOCK_FREE},
@@ -351,7 +337,6 @@ static void prints_what_a_checkpoint_costs(void **state)
         {.rig = "grasp", .task = "grasp", .clock = LOOP_CLOCK_FREE},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof scenes / sizeof scenes[0]; i++) {
         static struct stopwatch stopwatch;
         const struct simulator_observer observer = {&stopwatch, measure};
@@ -368,27 +353,4 @@ static void prints_what_a_checkpoint_costs(void **state)
                       (double)(stopwatch.spent_ns[2] - stopwatch.spent_ns[0]) * 1e-3 / COPIES);
         close_scene(&stopwatch.w, &arena);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(repeats_a_squat_on_ideal_buses),
-        cmocka_unit_test(repeats_a_squat_in_lockstep),
-        cmocka_unit_test(repeats_a_squat_with_numeric_dynamics),
-        cmocka_unit_test(repeats_drives_with_all_that_is_real_in_them),
-        cmocka_unit_test(repeats_noise_and_faults_on_wires),
-        cmocka_unit_test(repeats_a_grasp_with_free_bodies),
-        cmocka_unit_test(a_reset_in_a_grasp_begins_it_again),
-        cmocka_unit_test(a_reset_begins_noise_and_faults_again),
-        cmocka_unit_test(events_from_before_going_back_are_still_told),
-        cmocka_unit_test(repeats_the_compact_boards),
-        cmocka_unit_test(repeats_the_cia402_boards),
-        cmocka_unit_test(repeats_the_foc_boards),
-        cmocka_unit_test(repeats_fd_frames),
-        cmocka_unit_test(repeats_on_the_other_contact_engine),
-        cmocka_unit_test(prints_what_a_checkpoint_costs),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

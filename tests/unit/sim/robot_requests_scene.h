@@ -7,15 +7,10 @@
 #include "base/hash.h"
 #include "sim/simulator.h"
 #include "rt/requests.h"
+#include "tests/test.h"
 
 #include <stdio.h>
 #include <string.h>
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 enum { TICKS_MAX = 4000, FAULTS = 8 };
 

@@ -7,18 +7,13 @@
 #include "base/random.h"
 #include "sim/simulator.h"
 #include "rt/requests.h"
+#include "tests/test.h"
 
 #include <pthread.h>
 #include <sched.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <string.h>
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 enum { ROUNDS = 120, KINDS = REQUEST_SET + 1 };
 
@@ -225,24 +220,12 @@ static void hammer(bool timed)
     arena_fini(&arena);
 }
 
-static void every_request_from_another_thread_on_ideal_buses(void **state)
+TEST(every_request_from_another_thread_on_ideal_buses)
 {
-    (void)state;
     hammer(false);
 }
 
-static void every_request_from_another_thread_on_wires(void **state)
+TEST(every_request_from_another_thread_on_wires)
 {
-    (void)state;
     hammer(true);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_request_from_another_thread_on_ideal_buses),
-        cmocka_unit_test(every_request_from_another_thread_on_wires),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

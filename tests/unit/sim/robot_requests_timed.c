@@ -147,14 +147,13 @@ static void disturb_pushes(struct witness *w, int64_t tick)
     }
 }
 
-static void a_push_ends_when_it_would_have(void **state)
+TEST(a_push_ends_when_it_would_have)
 {
     const struct activity activity = {
         .scene = {.rig = "coman", .clock = LOOP_CLOCK_FREE, .no_contact = true, .falls = true},
         .begin = begin_pushes,
         .disturb = disturb_pushes};
 
-    (void)state;
     goes_on_as_if_nothing_had_been(&activity);
 }
 
@@ -173,14 +172,13 @@ static void disturb_by_pushes_that_last(struct witness *w, int64_t tick)
     }
 }
 
-static void a_push_of_undone_time_is_undone(void **state)
+TEST(a_push_of_undone_time_is_undone)
 {
     const struct activity activity = {
         .scene = {.rig = "coman", .clock = LOOP_CLOCK_FREE, .no_contact = true, .falls = true},
         .begin = begin_nothing,
         .disturb = disturb_by_pushes_that_last};
 
-    (void)state;
     goes_on_as_if_nothing_had_been(&activity);
 }
 
@@ -222,7 +220,7 @@ static void stop_winches(struct witness *w, int64_t tick)
     }
 }
 
-static void a_winch_goes_on_to_where_it_was_told(void **state)
+TEST(a_winch_goes_on_to_where_it_was_told)
 {
     struct activity activity = {.scene = {.rig = "coman",
                                           .clock = LOOP_CLOCK_FREE,
@@ -232,7 +230,6 @@ static void a_winch_goes_on_to_where_it_was_told(void **state)
                                 .begin = begin_winches,
                                 .disturb = disturb_winches};
 
-    (void)state;
     goes_on_as_if_nothing_had_been(&activity);
     activity.disturb = stop_winches;
     goes_on_as_if_nothing_had_been(&activity);
@@ -268,7 +265,7 @@ static void disturb_faults(struct witness *w, int64_t tick)
 }
 
 /* Windows that end before, among and after the ticks that are undone, and begin there. */
-static void faults_are_where_they_were(void **state)
+TEST(faults_are_where_they_were)
 {
     const struct activity activity = {
         .scene = {.rig = "coman-sensors",
@@ -286,18 +283,5 @@ static void faults_are_where_they_were(void **state)
         .begin = begin_faults,
         .disturb = disturb_faults};
 
-    (void)state;
     goes_on_as_if_nothing_had_been(&activity);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_push_ends_when_it_would_have),
-        cmocka_unit_test(a_push_of_undone_time_is_undone),
-        cmocka_unit_test(a_winch_goes_on_to_where_it_was_told),
-        cmocka_unit_test(faults_are_where_they_were),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

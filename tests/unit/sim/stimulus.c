@@ -5,14 +5,12 @@
  * written by the protocols' pages.
  */
 #include "sim/stimulus.h"
+#include "tests/test.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <cmocka.h>
 
 static struct arena arena;
 static struct error error;
@@ -22,9 +20,8 @@ static struct stimulus stimulus;
 
 /* ---- the log and its reading ---- */
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
-    (void)state;
     if (arena_init(&arena, (size_t)256 << 20, &error) || !mkdtemp(folder)) {
         return -1;
     }
@@ -32,9 +29,8 @@ static int set_up(void **state)
     return 0;
 }
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
-    (void)state;
     unlink(path);
     rmdir(folder);
     strcpy(folder + strlen(folder) - 6, "XXXXXX");
@@ -89,9 +85,8 @@ static void assert_played(size_t bus, size_t index, uint32_t id, int64_t time_ns
 /* can0 is the torso, with motor boards 1 and 2, can1 the left leg: what the host sends to them
  * (0x001, 0x002) is played on the bus that the interface, or the bus itself, names; what boards
  * send (0x11a, 0x12a) is not, nor are errors, nor STEP and DONE (0x6f0, 0x6ff). */
-static void frames_of_a_controller_are_played(void **state)
+TEST_WITH(frames_of_a_controller_are_played, set_up, tear_down)
 {
-    (void)state;
     load("coman", false,
          "(0.001000) can0 001#07\n(0.002000) can0 11A#0102030405060708\n"
          "(0.003000) can1 002#08\n(0.003500) can0 6F0#01000000\n(0.004000) torso 002#09\n"
@@ -112,9 +107,8 @@ static void frames_of_a_controller_are_played(void **state)
     assert_int_equal(stimulus.end_ns, 6000000); /* of a board's frame */
 }
 
-static void steps_are_played_to_a_clock_that_waits_for_them(void **state)
+TEST_WITH(steps_are_played_to_a_clock_that_waits_for_them, set_up, tear_down)
 {
-    (void)state;
     load("coman", true,
          "(0.001000) can0 6F0#01000000\n(0.001000) can1 6F0#01000000\n"
          "(0.002000) can0 6FF#01000000\n");
@@ -126,9 +120,8 @@ static void steps_are_played_to_a_clock_that_waits_for_them(void **state)
             "was recorded in real time");
 }
 
-static void a_log_of_the_wall_clock_begins_with_the_run(void **state)
+TEST_WITH(a_log_of_the_wall_clock_begins_with_the_run, set_up, tear_down)
 {
-    (void)state;
     load("coman", false,
          "(1700000000.250000) can0 11A#0102030405060708\n(1700000000.750000) can0 001#07\n");
     assert_int_equal(stimulus.start_ns, INT64_C(1700000000250000000));
@@ -140,9 +133,8 @@ static void a_log_of_the_wall_clock_begins_with_the_run(void **state)
 }
 
 /* The boards of the left hip are real: what they send is played, what the shank does is not. */
-static void frames_of_external_boards_are_played(void **state)
+TEST_WITH(frames_of_external_boards_are_played, set_up, tear_down)
 {
-    (void)state;
     load("coman-rest-bus", false,
          "(0.001000) left_hip 110#0000000000000000\n(0.002000) left_hip 130#0000000000000000\n"
          "(0.003000) left_shank 110#0000000000000000\n(0.004000) left_hip 001#0000\n");
@@ -155,9 +147,8 @@ static void frames_of_external_boards_are_played(void **state)
 
 /* A RobStride motor answers with type 2, whatever is in the bits of its state; the host commands
  * with type 1, in whose identifier is a torque. */
-static void identifiers_of_29_bits_are_told_apart(void **state)
+TEST_WITH(identifiers_of_29_bits_are_told_apart, set_up, tear_down)
 {
-    (void)state;
     load("coman-robstride", false,
          "(0.001000) can0 018001FD#00\n(0.002000) can0 020001FD#0000000000000000\n"
          "(0.003000) can0 028F01FD#0000000000000000\n(0.004000) can0 0300FD01#0000000000000000\n");
@@ -166,18 +157,16 @@ static void identifiers_of_29_bits_are_told_apart(void **state)
     assert_played(0, 1, 0x0300fd01, 4000000);
 }
 
-static void a_folder_has_its_log(void **state)
+TEST_WITH(a_folder_has_its_log, set_up, tear_down)
 {
-    (void)state;
     assert_int_equal(load_from(folder, "coman", false, "(0.001000) can0 001#07\n"), ERROR_NONE);
     assert_int_equal(stimulus.count[0], 1);
 }
 
 /* ---- what is refused ---- */
 
-static void a_log_that_cannot_be_played_is_refused(void **state)
+TEST_WITH(a_log_that_cannot_be_played_is_refused, set_up, tear_down)
 {
-    (void)state;
     refused(false, "(0.001000) can0 001#07\n(0.002000) vcan7 001#07\n",
             "2: found a frame on vcan7, expected an interface or a bus of " HIL_SOURCE_DIR
             "/config/rigs/coman.yaml; --bus NAME=vcan7 says which it is");
@@ -189,21 +178,4 @@ static void a_log_that_cannot_be_played_is_refused(void **state)
             "s");
     refused(false, "(0.001000) can0 11A#00\n", " found no frame of a controller, expected some");
     assert_int_equal(load_from("/nowhere", "coman", false, ""), ERROR_INPUT);
-}
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(frames_of_a_controller_are_played),
-        TEST(steps_are_played_to_a_clock_that_waits_for_them),
-        TEST(a_log_of_the_wall_clock_begins_with_the_run),
-        TEST(frames_of_external_boards_are_played),
-        TEST(identifiers_of_29_bits_are_told_apart),
-        TEST(a_folder_has_its_log),
-        TEST(a_log_that_cannot_be_played_is_refused),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -85,9 +85,8 @@ static void expect_failure(int64_t soon, const char *reason)
 }
 
 /* Forward it lands on its hands; otherwise its waist fights the push first. */
-static void a_squat_notices_a_fall(void **state)
+TEST(a_squat_notices_a_fall)
 {
-    (void)state;
     squat_with(6000, 200, 0, 300);
     expect_failure(1000, "the robot fell: the feet carry");
     squat_with(6000, -200, 0, 300);
@@ -97,9 +96,8 @@ static void a_squat_notices_a_fall(void **state)
 }
 
 /* It lies there when it is to be weighed, at 2 s. */
-static void a_squat_notices_a_fall_before_it_begins(void **state)
+TEST(a_squat_notices_a_fall_before_it_begins)
 {
-    (void)state;
     squat_with(600, 140, 0, 300);
     expect_failure(2000, "the robot fell: the feet carry");
 }
@@ -117,11 +115,10 @@ static void grasp_with(int64_t at, double x, double y, int64_t ticks)
     perform(&scene, 5000);
 }
 
-static void a_grasp_notices_a_lost_grip(void **state)
+TEST(a_grasp_notices_a_lost_grip)
 {
     const char *worst;
 
-    (void)state;
     grasp_with(0, 0, 0, 0);
     assert_int_equal(trouble.task.status, TASK_DONE);
     worst = strstr(trouble.task.message, "worst motor error ");
@@ -131,15 +128,4 @@ static void a_grasp_notices_a_lost_grip(void **state)
     expect_failure(200, "the grip is lost: the wrists press with");
     grasp_with(2200, 100, 0, 200); /* pulled out forward while it is lifted */
     expect_failure(400, "the grip is lost: the wrists press with");
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_squat_notices_a_fall),
-        cmocka_unit_test(a_squat_notices_a_fall_before_it_begins),
-        cmocka_unit_test(a_grasp_notices_a_lost_grip),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

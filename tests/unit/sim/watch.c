@@ -5,15 +5,10 @@
 #include "model/spatial.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "tests/physics/toy.h"
+#include "tests/test.h"
 
 #define MS INT64_C(1000000)
 
@@ -169,11 +164,10 @@ static void assert_told(struct bench *bench, const char *text)
 
 /* ---- joints ---- */
 
-static void a_joint_past_its_limit_is_told_once_with_its_greatest_depth(void **state)
+TEST(a_joint_past_its_limit_is_told_once_with_its_greatest_depth)
 {
     struct bench bench;
 
-    (void)state;
     bench_init(&bench, true);
     bench.toy.joint[LEFT_KNEE].lower = -0.1;
     bench.toy.joint[LEFT_KNEE].upper = 0.5;
@@ -205,11 +199,10 @@ static void a_joint_past_its_limit_is_told_once_with_its_greatest_depth(void **s
     arena_fini(&bench.arena);
 }
 
-static void a_joint_that_goes_on_is_told_after_a_while(void **state)
+TEST(a_joint_that_goes_on_is_told_after_a_while)
 {
     struct bench bench;
 
-    (void)state;
     bench_init(&bench, false);
     bench.toy.joint[WRIST].lower = -0.02;
     for (int k = 1; k <= 30; k++) {
@@ -222,11 +215,10 @@ static void a_joint_that_goes_on_is_told_after_a_while(void **state)
 
 /* ---- springs ---- */
 
-static void a_spring_at_its_stop_is_told_once(void **state)
+TEST(a_spring_at_its_stop_is_told_once)
 {
     struct bench bench;
 
-    (void)state;
     bench_init(&bench, true);
     for (int k = 0; k < 10; k++) {
         wind(&bench, RIGHT_KNEE, k & 1 ? -0.13 : -0.15); /* less than a tenth off the stop */
@@ -251,11 +243,10 @@ static void a_spring_at_its_stop_is_told_once(void **state)
 
 /* ---- falls ---- */
 
-static void a_robot_on_its_feet_has_not_fallen(void **state)
+TEST(a_robot_on_its_feet_has_not_fallen)
 {
     struct bench bench;
 
-    (void)state;
     bench_init(&bench, true);
     stay(&bench, 500);
     tilt(&bench, 1.0);
@@ -271,11 +262,10 @@ static void a_robot_on_its_feet_has_not_fallen(void **state)
     arena_fini(&bench.arena);
 }
 
-static void a_fall_is_told_by_contact(void **state)
+TEST(a_fall_is_told_by_contact)
 {
     struct bench bench;
 
-    (void)state;
     bench_init(&bench, true);
     stay(&bench, 200);
     bench.state[2] = ON_KNEES;
@@ -296,11 +286,10 @@ static void a_fall_is_told_by_contact(void **state)
     arena_fini(&bench.arena);
 }
 
-static void who_kneels_at_the_start_has_not_fallen(void **state)
+TEST(who_kneels_at_the_start_has_not_fallen)
 {
     struct bench bench;
 
-    (void)state;
     bench_init(&bench, true);
     bench.state[2] = ON_KNEES;
     stay(&bench, 500);
@@ -308,11 +297,10 @@ static void who_kneels_at_the_start_has_not_fallen(void **state)
     arena_fini(&bench.arena);
 }
 
-static void a_fall_is_told_by_tilt_and_by_height(void **state)
+TEST(a_fall_is_told_by_tilt_and_by_height)
 {
     struct bench bench;
 
-    (void)state;
     bench_init(&bench, true);
     stay(&bench, 10);
     bench.state[2] = 3.0;
@@ -335,11 +323,10 @@ static void a_fall_is_told_by_tilt_and_by_height(void **state)
 }
 
 /* Clamped it may hang any way, and stands that way from there on. */
-static void a_clamped_robot_does_not_fall(void **state)
+TEST(a_clamped_robot_does_not_fall)
 {
     struct bench bench;
 
-    (void)state;
     bench_init(&bench, true);
     plant_clamp(bench.plant, true);
     bench.state[2] = 3.0;
@@ -352,20 +339,4 @@ static void a_clamped_robot_does_not_fall(void **state)
     stay(&bench, 100);
     assert_told(&bench, "0.200000 s: fell: base base tilted by 63 degrees");
     arena_fini(&bench.arena);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_joint_past_its_limit_is_told_once_with_its_greatest_depth),
-        cmocka_unit_test(a_joint_that_goes_on_is_told_after_a_while),
-        cmocka_unit_test(a_spring_at_its_stop_is_told_once),
-        cmocka_unit_test(a_robot_on_its_feet_has_not_fallen),
-        cmocka_unit_test(a_fall_is_told_by_contact),
-        cmocka_unit_test(who_kneels_at_the_start_has_not_fallen),
-        cmocka_unit_test(a_fall_is_told_by_tilt_and_by_height),
-        cmocka_unit_test(a_clamped_robot_does_not_fall),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

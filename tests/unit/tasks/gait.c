@@ -6,13 +6,7 @@
 #include "tasks/gait.h"
 
 #include "base/count.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "tests/test.h"
 
 #include <math.h>
 #include <string.h>
@@ -34,12 +28,11 @@ static struct dcm_plan plan_of_two_steps(void)
     return plan;
 }
 
-static void the_planned_dcm_obeys_its_equation_and_comes_to_rest(void **state)
+TEST(the_planned_dcm_obeys_its_equation_and_comes_to_rest)
 {
     struct dcm_plan plan = plan_of_two_steps();
     double zmp[2], dcm[2], end[2];
 
-    (void)state;
     while (plan.nline > 0) {
         enum { STEPS = 20000 };
         double dt = plan.line[0].duration_s / STEPS, xi[2];
@@ -62,24 +55,22 @@ static void the_planned_dcm_obeys_its_equation_and_comes_to_rest(void **state)
     assert_true(fabs(end[0] - 0.1) < 1e-15 && fabs(end[1]) < 1e-15);
 }
 
-static void a_plan_begins_at_the_dcm_that_there_is(void **state)
+TEST(a_plan_begins_at_the_dcm_that_there_is)
 {
     struct dcm_plan plan = plan_of_two_steps();
     const double there[2] = {-0.01, 0.02};
     double zmp[2], dcm[2], end[2];
 
-    (void)state;
     dcm_begin_at(&plan, there);
     dcm_evaluate(&plan, 0, zmp, dcm, end);
     assert_true(fabs(dcm[0] - there[0]) < 1e-15 && fabs(dcm[1] - there[1]) < 1e-15);
 }
 
-static void the_dcm_diverges_from_a_zero_moment_point_at_rest(void **state)
+TEST(the_dcm_diverges_from_a_zero_moment_point_at_rest)
 {
     const double zmp[2] = {0.1, 0}, dcm[2] = {0.11, -0.01};
     double after[2];
 
-    (void)state;
     dcm_advance(omega, 0.5, zmp, dcm, after);
     assert_true(fabs(after[0] - (0.1 + 0.01 * exp(2.4))) < 1e-15);
     assert_true(fabs(after[1] + 0.01 * exp(2.4)) < 1e-15);
@@ -178,7 +169,7 @@ static void ideal_walk(struct ideal *ideal, const struct gait_command *command, 
     }
 }
 
-static void a_walk_starts_keeps_its_speed_and_stops_side_by_side(void **state)
+TEST(a_walk_starts_keeps_its_speed_and_stops_side_by_side)
 {
     const struct gait_command walk = {.step = true, .forward_m_s = 0.2}, stand = {0};
     const double off[2] = {0};
@@ -187,7 +178,6 @@ static void a_walk_starts_keeps_its_speed_and_stops_side_by_side(void **state)
     double from, began;
     unsigned steps;
 
-    (void)state;
     ideal_start(&ideal);
     now = &ideal.gait.now;
     ideal_walk(&ideal, &stand, 1, off);
@@ -214,14 +204,13 @@ static void a_walk_starts_keeps_its_speed_and_stops_side_by_side(void **state)
     assert_true(fabs(now->com[0] - now->foot[0].p[0] - 0.025) < 1e-3);
 }
 
-static void a_turn_keeps_the_feet_beside_each_other(void **state)
+TEST(a_turn_keeps_the_feet_beside_each_other)
 {
     const struct gait_command turn = {.step = true, .turn_rad_s = 0.3};
     const double off[2] = {0};
     const struct gait_foothold *foot;
     struct ideal ideal;
 
-    (void)state;
     ideal_start(&ideal);
     ideal_walk(&ideal, &turn, 25, off);
     foot = ideal.gait.now.foot;
@@ -232,14 +221,13 @@ static void a_turn_keeps_the_feet_beside_each_other(void **state)
 
 /* Swing and transfer keep their ratio, the speed stays, and the planned DCM does not jump: by less
  * than 3 mm in the tick of the change, where the plan's own way in a tick is less than 0.4 mm. */
-static void a_step_takes_the_time_that_is_asked_for(void **state)
+TEST(a_step_takes_the_time_that_is_asked_for)
 {
     struct gait_command walk = {.step = true, .forward_m_s = 0.2, .step_s = 0.75};
     static const double step_s[] = {0.5, 0.9, 0.75};
     const double off[2] = {0};
     struct ideal ideal;
 
-    (void)state;
     ideal_start(&ideal);
     ideal_walk(&ideal, &walk, 5, off);
     assert_true(ideal.gait.config.swing_s == config.swing_s);
@@ -262,13 +250,12 @@ static void a_step_takes_the_time_that_is_asked_for(void **state)
 }
 
 /* An error that the ankles can take out moves no foothold, a greater one does, within reach. */
-static void a_foothold_follows_a_great_error_of_the_dcm(void **state)
+TEST(a_foothold_follows_a_great_error_of_the_dcm)
 {
     const struct gait_command walk = {.step = true};
     const double none[2] = {0}, small[2] = {0.02, 0}, great[2] = {0.06, 0}, huge[2] = {0.5, 0};
     struct ideal ideal;
 
-    (void)state;
     ideal_start(&ideal);
     ideal_walk(&ideal, &walk, 0.9, none);
     assert_int_equal(ideal.gait.now.phase, GAIT_SWING);
@@ -281,7 +268,7 @@ static void a_foothold_follows_a_great_error_of_the_dcm(void **state)
 }
 
 /* On a step up the foot stays where it met the ground, while the plan keeps its time. */
-static void a_foot_that_meets_the_ground_early_stays_there(void **state)
+TEST(a_foot_that_meets_the_ground_early_stays_there)
 {
     const struct gait_command walk = {.step = true, .forward_m_s = 0.1};
     const double off[2] = {0};
@@ -289,7 +276,6 @@ static void a_foot_that_meets_the_ground_early_stays_there(void **state)
     const struct gait_reference *now = &ideal.gait.now;
     double at[3];
 
-    (void)state;
     ideal_start(&ideal);
     ideal.rise_m = 0.02;
     ideal_walk(&ideal, &walk, 0.8 + 0.35, off);
@@ -310,7 +296,7 @@ static void a_foot_that_meets_the_ground_early_stays_there(void **state)
 }
 
 /* On a step down the foot is lowered, while the plan waits; not for ever. */
-static void a_foot_that_misses_the_ground_is_lowered(void **state)
+TEST(a_foot_that_misses_the_ground_is_lowered)
 {
     const struct gait_command walk = {.step = true};
     const double off[2] = {0};
@@ -318,7 +304,6 @@ static void a_foot_that_misses_the_ground_is_lowered(void **state)
     const struct gait_reference *now = &ideal.gait.now;
     double dcm[2];
 
-    (void)state;
     ideal_start(&ideal);
     ideal.rise_m = -0.02;
     ideal_walk(&ideal, &walk, 0.8 + 0.6 + 0.001, off);
@@ -340,14 +325,13 @@ static void a_foot_that_misses_the_ground_is_lowered(void **state)
 }
 
 /* A slope is felt by the soles and expected under the next foothold. */
-static void footholds_are_expected_in_the_plane_of_the_standing_sole(void **state)
+TEST(footholds_are_expected_in_the_plane_of_the_standing_sole)
 {
     const struct gait_command walk = {.step = true, .forward_m_s = 0.2};
     const double off[2] = {0};
     struct ideal ideal;
     const struct gait_reference *now = &ideal.gait.now;
 
-    (void)state;
     ideal_start(&ideal);
     ideal.pitch = -0.1; /* uphill */
     ideal_walk(&ideal, &walk, 0.8 + 4 * 0.75 + 0.3, off);
@@ -363,7 +347,7 @@ struct push {
     int stance;    /* of the step; -1: none */
 };
 
-static void a_robot_that_stands_steps_when_its_soles_reach_no_further(void **state)
+TEST(a_robot_that_stands_steps_when_its_soles_reach_no_further)
 {
     /* The center of pressure goes from -0.05 to 0.12 m, and 0.1075 m to each side */
     static const struct push push[] = {
@@ -377,7 +361,6 @@ static void a_robot_that_stands_steps_when_its_soles_reach_no_further(void **sta
     };
     const struct gait_command stand = {0};
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(push); i++) {
         struct ideal ideal;
         const struct gait_reference *now = &ideal.gait.now;
@@ -396,7 +379,7 @@ static void a_robot_that_stands_steps_when_its_soles_reach_no_further(void **sta
 
 /* The DCM falls away from a center of pressure at the toes; the foot comes down where it then is,
  * the other one follows, and both stand side by side. */
-static void a_catching_step_goes_where_the_dcm_will_be(void **state)
+TEST(a_catching_step_goes_where_the_dcm_will_be)
 {
     const struct gait_command stand = {0};
     const double none[2] = {0};
@@ -404,7 +387,6 @@ static void a_catching_step_goes_where_the_dcm_will_be(void **state)
     const struct gait_reference *now = &ideal.gait.now;
     double dcm[2] = {0.15, 0.02}, share = 0.5, at;
 
-    (void)state;
     ideal_start(&ideal);
     for (int i = 0; i < 600 && (i == 0 || ideal.gait.catches); i++) {
         struct gait_measured measured = ideal_measure(&ideal, none);
@@ -433,38 +415,16 @@ static void a_catching_step_goes_where_the_dcm_will_be(void **state)
                 1e-9);
 }
 
-static void a_robot_that_is_not_to_step_stands(void **state)
+TEST(a_robot_that_is_not_to_step_stands)
 {
     const struct gait_command stand = {0};
     const double far[2] = {0.2, 0};
     struct gait_config still = config;
     struct ideal ideal;
 
-    (void)state;
     ideal_start(&ideal);
     still.catch_swing_s = 0;
     ideal.gait.config = still;
     ideal_walk(&ideal, &stand, 1, far);
     assert_int_equal(ideal.gait.now.phase, GAIT_STAND);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_planned_dcm_obeys_its_equation_and_comes_to_rest),
-        cmocka_unit_test(a_plan_begins_at_the_dcm_that_there_is),
-        cmocka_unit_test(the_dcm_diverges_from_a_zero_moment_point_at_rest),
-        cmocka_unit_test(a_walk_starts_keeps_its_speed_and_stops_side_by_side),
-        cmocka_unit_test(a_turn_keeps_the_feet_beside_each_other),
-        cmocka_unit_test(a_step_takes_the_time_that_is_asked_for),
-        cmocka_unit_test(a_foothold_follows_a_great_error_of_the_dcm),
-        cmocka_unit_test(a_foot_that_meets_the_ground_early_stays_there),
-        cmocka_unit_test(a_foot_that_misses_the_ground_is_lowered),
-        cmocka_unit_test(footholds_are_expected_in_the_plane_of_the_standing_sole),
-        cmocka_unit_test(a_robot_that_stands_steps_when_its_soles_reach_no_further),
-        cmocka_unit_test(a_catching_step_goes_where_the_dcm_will_be),
-        cmocka_unit_test(a_robot_that_is_not_to_step_stands),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

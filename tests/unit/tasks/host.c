@@ -40,7 +40,7 @@ static void play(struct bench *bench, int bus, const struct bus_frame *frame)
     }
 }
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     static struct bench bench;
     static struct host_axis axis[2];
@@ -72,13 +72,13 @@ static int set_up(void **state)
     }
     bench.play[0] = play;
     bench_open(&bench, &config);
-    *state = &bench;
+    *test_state = &bench;
     return 0;
 }
 
-static void start_up_discovers_configures_and_enables(void **state)
+TEST_WITH(start_up_discovers_configures_and_enables, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
     assert_int_equal(host_round_trip_ns(bench->host), bench->config.period_ns);
@@ -97,9 +97,9 @@ static void start_up_discovers_configures_and_enables(void **state)
 }
 
 /* Boards hear the bus once in five periods, a request goes out in the first of them */
-static void the_round_trip_is_the_shortest_to_an_answer(void **state)
+TEST_WITH(the_round_trip_is_the_shortest_to_an_answer, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     enum host_phase phase = HOST_DISCOVERING;
 
     host_receive(bench->host, bench->now_ns);
@@ -117,18 +117,18 @@ static void the_round_trip_is_the_shortest_to_an_answer(void **state)
 }
 
 /* A bootloader that has been asked stays until it is told to go. */
-static void a_board_in_its_bootloader_is_sent_to_its_application(void **state)
+TEST_WITH(a_board_in_its_bootloader_is_sent_to_its_application, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     motor_in_bootloader = true;
     assert_int_equal(start_up(bench, 10000), HOST_READY);
     assert_true(was_sent(bench, 0, 0x702, 1, (const uint8_t[]){0x04}));
 }
 
-static void a_silent_board_is_named(void **state)
+TEST_WITH(a_silent_board_is_named, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     bench->mute = true;
     assert_int_equal(start_up(bench, 10000), HOST_FAILED);
@@ -136,14 +136,14 @@ static void a_silent_board_is_named(void **state)
     assert_true(host_lost(bench->host));
 }
 
-static void a_lost_frame_does_not_stop_the_start_up(void **state)
+TEST_WITH(a_lost_frame_does_not_stop_the_start_up, set_up, bench_tear_down)
 {
-    check_start_up_without_each_frame(state, set_up);
+    check_start_up_without_each_frame(test_state, set_up);
 }
 
-static void telemetry_is_scaled_to_si_units(void **state)
+TEST_WITH(telemetry_is_scaled_to_si_units, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const struct host_force *force;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
@@ -162,9 +162,9 @@ static void telemetry_is_scaled_to_si_units(void **state)
     assert_true(force->torque_nm[0] == -20 && force->torque_nm[2] == 0);
 }
 
-static void a_quarter_of_the_supply_is_333_counts(void **state)
+TEST_WITH(a_quarter_of_the_supply_is_333_counts, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     host_receive(bench->host, 0);
     host_set_voltage(bench->host, 0, 12);
@@ -176,9 +176,9 @@ static void a_quarter_of_the_supply_is_333_counts(void **state)
     assert_true(was_sent(bench, 0, 0x002, 3, (const uint8_t[]){0xf2, 0xcb, 0xfa})); /* -1333 */
 }
 
-static void faults_and_silence_are_reported(void **state)
+TEST_WITH(faults_and_silence_are_reported, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
     assert_true(host_healthy(bench->host));
@@ -189,9 +189,9 @@ static void faults_and_silence_are_reported(void **state)
     assert_true(host_lost(bench->host));
 }
 
-static void an_over_current_fault_fails_the_host(void **state)
+TEST_WITH(an_over_current_fault_fails_the_host, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
     say(bench, 0, 0x123, 8, (const uint8_t[]){0, 0x50, 0x08, 0xa0, 0, 0, 0, 0});
@@ -201,9 +201,9 @@ static void an_over_current_fault_fails_the_host(void **state)
     assert_false(host_lost(bench->host));
 }
 
-static void a_fault_without_a_bit_is_explained(void **state)
+TEST_WITH(a_fault_without_a_bit_is_explained, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
     say(bench, 0, 0x123, 8, (const uint8_t[]){0, 0x50, 0, 0xa0, 0, 0, 0, 0});
@@ -213,9 +213,9 @@ static void a_fault_without_a_bit_is_explained(void **state)
         strstr(host_message(bench->host), "joint knee is in fault 0x00: a strict board"));
 }
 
-static void a_motor_that_goes_off_by_itself_fails_the_host(void **state)
+TEST_WITH(a_motor_that_goes_off_by_itself_fails_the_host, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
     say(bench, 0, 0x123, 8, (const uint8_t[]){0, 0x00, 0, 0x50, 0, 0, 0, 0});
@@ -226,9 +226,9 @@ static void a_motor_that_goes_off_by_itself_fails_the_host(void **state)
     assert_true(host_lost(bench->host));
 }
 
-static void foreign_and_short_frames_change_nothing(void **state)
+TEST_WITH(foreign_and_short_frames_change_nothing, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct bus_frame odd = frame_make(0x121, 8, (const uint8_t[]){1, 2, 3, 4, 5, 6, 7, 8});
     double before;
 
@@ -243,9 +243,9 @@ static void foreign_and_short_frames_change_nothing(void **state)
     assert_true(host_joint(bench->host, 0)->joint_rad == before);
 }
 
-static void servo_drives_towards_the_reference(void **state)
+TEST_WITH(servo_drives_towards_the_reference, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const struct servo_gains gains[] = {
         {.kp_v_per_rad = 100, .ki_v_per_rad_s = 200, .kw_v_s_per_rad = 4},
         {.kp_v_per_rad = 100, .ki_v_per_rad_s = 200, .kw_v_s_per_rad = 4}};
@@ -270,35 +270,4 @@ static void servo_drives_towards_the_reference(void **state)
     assert_memory_equal(bench->seen[0].data, ((const uint8_t[]){0x72, 0x4d, 0x01}), 3);
     assert_memory_equal(bench->seen[2].data, ((const uint8_t[]){0x72, 0x4d, 0x01}), 3);
     assert_memory_equal(bench->seen[1].data, ((const uint8_t[]){0xf2, 0x00, 0x00}), 3);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(start_up_discovers_configures_and_enables, set_up,
-                                        bench_tear_down),
-        cmocka_unit_test_setup_teardown(the_round_trip_is_the_shortest_to_an_answer, set_up,
-                                        bench_tear_down),
-        cmocka_unit_test_setup_teardown(a_lost_frame_does_not_stop_the_start_up, set_up,
-                                        bench_tear_down),
-        cmocka_unit_test_setup_teardown(a_silent_board_is_named, set_up, bench_tear_down),
-        cmocka_unit_test_setup_teardown(a_board_in_its_bootloader_is_sent_to_its_application,
-                                        set_up, bench_tear_down),
-        cmocka_unit_test_setup_teardown(telemetry_is_scaled_to_si_units, set_up, bench_tear_down),
-        cmocka_unit_test_setup_teardown(a_quarter_of_the_supply_is_333_counts, set_up,
-                                        bench_tear_down),
-        cmocka_unit_test_setup_teardown(faults_and_silence_are_reported, set_up, bench_tear_down),
-        cmocka_unit_test_setup_teardown(an_over_current_fault_fails_the_host, set_up,
-                                        bench_tear_down),
-        cmocka_unit_test_setup_teardown(a_fault_without_a_bit_is_explained, set_up,
-                                        bench_tear_down),
-        cmocka_unit_test_setup_teardown(a_motor_that_goes_off_by_itself_fails_the_host, set_up,
-                                        bench_tear_down),
-        cmocka_unit_test_setup_teardown(foreign_and_short_frames_change_nothing, set_up,
-                                        bench_tear_down),
-        cmocka_unit_test_setup_teardown(servo_drives_towards_the_reference, set_up,
-                                        bench_tear_down),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -10,15 +10,11 @@
 #include "tasks/host.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 enum { BENCH_BUSES = 3, BENCH_SEEN = 2048 };
 
@@ -75,9 +71,9 @@ static inline void bench_close(struct bench *bench)
 }
 
 /* For cmocka's tear-down; the state is the bench. */
-static inline int bench_tear_down(void **state)
+FIXTURE(bench_tear_down)
 {
-    bench_close(*state);
+    bench_close(*test_state);
     return 0;
 }
 

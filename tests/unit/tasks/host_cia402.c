@@ -121,7 +121,7 @@ static void play(struct bench *bench, int bus, const struct bus_frame *frame)
     }
 }
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     static struct bench bench;
     static const struct host_axis axis[AXES] = {
@@ -149,13 +149,13 @@ static int set_up(void **state)
     refused = 0;
     bench.play[0] = play;
     bench_open(&bench, &config);
-    *state = &bench;
+    *test_state = &bench;
     return 0;
 }
 
-static void start_up_configures_starts_and_enables(void **state)
+TEST_WITH(start_up_configures_starts_and_enables, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 1000), HOST_READY);
     assert_true(was_sent(bench, 0, NMT, 2, (const uint8_t[]){130, 0}));
@@ -176,14 +176,14 @@ static void start_up_configures_starts_and_enables(void **state)
     assert_true(host_healthy(bench->host));
 }
 
-static void a_lost_frame_does_not_stop_the_start_up(void **state)
+TEST_WITH(a_lost_frame_does_not_stop_the_start_up, set_up, bench_tear_down)
 {
-    check_start_up_without_each_frame(state, set_up);
+    check_start_up_without_each_frame(test_state, set_up);
 }
 
-static void telemetry_is_in_si_units(void **state)
+TEST_WITH(telemetry_is_in_si_units, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const struct host_joint *joint;
     const struct host_force *force;
 
@@ -202,9 +202,9 @@ static void telemetry_is_in_si_units(void **state)
     assert_near(force->torque_nm[2], -1.0, 1e-9);
 }
 
-static void voltages_go_out_by_node_with_a_sync(void **state)
+TEST_WITH(voltages_go_out_by_node_with_a_sync, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 1000), HOST_READY);
     host_set_voltage(bench->host, 0, 5.0);
@@ -219,9 +219,9 @@ static void voltages_go_out_by_node_with_a_sync(void **state)
     assert_int_equal(bench->seen[2].len, 0);
 }
 
-static void a_fault_is_named_with_its_cause(void **state)
+TEST_WITH(a_fault_is_named_with_its_cause, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 1000), HOST_READY);
     nodes[0].status[1] = 0x08;
@@ -234,9 +234,9 @@ static void a_fault_is_named_with_its_cause(void **state)
     assert_false(host_lost(bench->host));
 }
 
-static void a_node_that_boots_is_lost(void **state)
+TEST_WITH(a_node_that_boots_is_lost, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 1000), HOST_READY);
     say(bench, 0, HEARTBEAT + 5, 1, (const uint8_t[]){0});
@@ -247,32 +247,32 @@ static void a_node_that_boots_is_lost(void **state)
     assert_true(host_lost(bench->host));
 }
 
-static void what_contradicts_the_rig_ends_the_start_up(void **state)
+TEST_WITH(what_contradicts_the_rig_ends_the_start_up, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     device_type = 0x00020191;
     assert_int_equal(start_up(bench, 100), HOST_FAILED);
     assert_non_null(strstr(host_message(bench->host), "board 1 on can0 is of another kind"));
     bench_close(bench);
 
-    set_up(state);
-    bench = *state;
+    set_up(test_state);
+    bench = *test_state;
     refused = 0x1a40;
     assert_int_equal(start_up(bench, 100), HOST_FAILED);
     assert_non_null(strstr(host_message(bench->host), "board 1 on can0 refuses"));
     bench_close(bench);
 
-    set_up(state);
-    bench = *state;
+    set_up(test_state);
+    bench = *test_state;
     bench->mute = true;
     assert_int_equal(start_up(bench, 9000), HOST_FAILED);
     assert_non_null(strstr(host_message(bench->host), "board 5 on can0 does not answer"));
 }
 
-static void a_motor_is_switched_off_and_on(void **state)
+TEST_WITH(a_motor_is_switched_off_and_on, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 1000), HOST_READY);
     host_set_motor(bench->host, 0, false);
@@ -287,22 +287,4 @@ static void a_motor_is_switched_off_and_on(void **state)
         one_period(bench);
     }
     assert_int_equal(host_joint(bench->host, 0)->motor, HOST_MOTOR_ON);
-}
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, bench_tear_down)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(start_up_configures_starts_and_enables),
-        TEST(a_lost_frame_does_not_stop_the_start_up),
-        TEST(telemetry_is_in_si_units),
-        TEST(voltages_go_out_by_node_with_a_sync),
-        TEST(a_fault_is_named_with_its_cause),
-        TEST(a_node_that_boots_is_lost),
-        TEST(what_contradicts_the_rig_ends_the_start_up),
-        TEST(a_motor_is_switched_off_and_on),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -88,7 +88,7 @@ static void play_fd(struct bench *bench, int bus, const struct bus_frame *frame)
     }
 }
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     static struct bench bench;
     static char names[AXES][16];
@@ -128,13 +128,13 @@ static int set_up(void **state)
     bench.play[CLASSIC] = play_classic;
     bench.play[FD] = play_fd;
     bench_open(&bench, &config);
-    *state = &bench;
+    *test_state = &bench;
     return 0;
 }
 
-static void start_up_discovers_configures_and_enables(void **state)
+TEST_WITH(start_up_discovers_configures_and_enables, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     int off;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
@@ -150,14 +150,14 @@ static void start_up_discovers_configures_and_enables(void **state)
     assert_int_equal(count_sent(bench, MODE), 4);
 }
 
-static void a_lost_frame_does_not_stop_the_start_up(void **state)
+TEST_WITH(a_lost_frame_does_not_stop_the_start_up, set_up, bench_tear_down)
 {
-    check_start_up_without_each_frame(state, set_up);
+    check_start_up_without_each_frame(test_state, set_up);
 }
 
-static void set_points_go_out_by_slot_in_groups_of_four(void **state)
+TEST_WITH(set_points_go_out_by_slot_in_groups_of_four, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
     for (size_t k = 0; k < 5; k++) {
@@ -172,9 +172,9 @@ static void set_points_go_out_by_slot_in_groups_of_four(void **state)
     assert_int_equal(bench->nseen, 3);
 }
 
-static void an_fd_bus_takes_all_set_points_in_one_frame(void **state)
+TEST_WITH(an_fd_bus_takes_all_set_points_in_one_frame, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     uint8_t expected[12] = {0};
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
@@ -191,9 +191,9 @@ static void an_fd_bus_takes_all_set_points_in_one_frame(void **state)
     assert_int_equal(bench->nseen, 3);
 }
 
-static void the_last_set_points_are_repeated_every_period(void **state)
+TEST_WITH(the_last_set_points_are_repeated_every_period, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
     host_set_voltage(bench->host, 0, 2);
@@ -207,9 +207,9 @@ static void the_last_set_points_are_repeated_every_period(void **state)
     }
 }
 
-static void classic_telemetry_is_unpacked(void **state)
+TEST_WITH(classic_telemetry_is_unpacked, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const struct host_joint *joint = host_joint(bench->host, 4);
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
@@ -225,9 +225,9 @@ static void classic_telemetry_is_unpacked(void **state)
     assert_near(joint->torque_nm, -65.536, 1e-12);
 }
 
-static void fd_telemetry_is_unpacked(void **state)
+TEST_WITH(fd_telemetry_is_unpacked, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
     for (size_t k = 5; k < AXES; k++) {
@@ -240,9 +240,9 @@ static void fd_telemetry_is_unpacked(void **state)
     }
 }
 
-static void forces_are_scaled_on_both_kinds_of_bus(void **state)
+TEST_WITH(forces_are_scaled_on_both_kinds_of_bus, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const struct host_force *foot = host_force(bench->host, 0), *hand = host_force(bench->host, 1);
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
@@ -267,9 +267,9 @@ static void forces_are_scaled_on_both_kinds_of_bus(void **state)
     assert_false(hand->overflow);
 }
 
-static void faults_are_named(void **state)
+TEST_WITH(faults_are_named, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
     assert_true(host_healthy(bench->host));
@@ -280,9 +280,9 @@ static void faults_are_named(void **state)
                         "joint j1 is in fault 0x44: over-current, temperature");
 }
 
-static void a_warning_is_no_fault(void **state)
+TEST_WITH(a_warning_is_no_fault, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
     say(bench, CLASSIC, STATE | 1, 8, (const uint8_t[]){0x51, 0x80, 0, 0x80, 0xbb, 25, 0, 0});
@@ -291,9 +291,9 @@ static void a_warning_is_no_fault(void **state)
     assert_int_equal(host_joint(bench->host, 1)->fault, 0x80);
 }
 
-static void a_board_that_restarted_fails_the_host(void **state)
+TEST_WITH(a_board_that_restarted_fails_the_host, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
     say(bench, CLASSIC, IDENTITY | 7, 8, identity_of_7);
@@ -303,16 +303,16 @@ static void a_board_that_restarted_fails_the_host(void **state)
     assert_string_equal(host_message(bench->host), "joint j3 has switched its motor off");
 }
 
-static void a_silent_board_is_named(void **state)
+TEST_WITH(a_silent_board_is_named, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     bench->mute = true;
     assert_int_equal(start_up(bench, 10000), HOST_FAILED);
     assert_string_equal(host_message(bench->host), "board 31 on can0 does not answer discovery");
 }
 
-static void boards_that_are_not_as_the_rig_has_them_are_named(void **state)
+TEST_WITH(boards_that_are_not_as_the_rig_has_them_are_named, set_up, bench_tear_down)
 {
     static const struct {
         int byte;
@@ -328,29 +328,29 @@ static void boards_that_are_not_as_the_rig_has_them_are_named(void **state)
 
     for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
         uint8_t before = identity_of_7[wrong[i].byte];
-        struct bench *bench = *state;
+        struct bench *bench = *test_state;
 
         identity_of_7[wrong[i].byte] = wrong[i].value;
         assert_int_equal(start_up(bench, 100), HOST_FAILED);
         assert_string_equal(host_message(bench->host), wrong[i].message);
         identity_of_7[wrong[i].byte] = before;
-        bench_tear_down(state);
-        set_up(state);
+        bench_tear_down(test_state);
+        set_up(test_state);
     }
 }
 
-static void a_refused_request_is_named(void **state)
+TEST_WITH(a_refused_request_is_named, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     result = 3;
     assert_int_equal(start_up(bench, 100), HOST_FAILED);
     assert_string_equal(host_message(bench->host), "board 3 on can0 refuses a start-up request");
 }
 
-static void stopping_switches_all_off_with_one_frame(void **state)
+TEST_WITH(stopping_switches_all_off_with_one_frame, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
     for (size_t i = 0; i < AXES; i++) {
@@ -362,29 +362,4 @@ static void stopping_switches_all_off_with_one_frame(void **state)
     assert_true(was_sent(bench, CLASSIC, MODE, 5, (const uint8_t[]){0, 0x1f, 0, 0, 0}));
     assert_true(was_sent(bench, FD, MODE, 5, (const uint8_t[]){0, 0x1f, 0, 0, 0}));
     assert_true(was_sent(bench, CLASSIC, COMMAND, 8, (const uint8_t[8]){0}));
-}
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, bench_tear_down)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(start_up_discovers_configures_and_enables),
-        TEST(a_lost_frame_does_not_stop_the_start_up),
-        TEST(set_points_go_out_by_slot_in_groups_of_four),
-        TEST(an_fd_bus_takes_all_set_points_in_one_frame),
-        TEST(the_last_set_points_are_repeated_every_period),
-        TEST(classic_telemetry_is_unpacked),
-        TEST(fd_telemetry_is_unpacked),
-        TEST(forces_are_scaled_on_both_kinds_of_bus),
-        TEST(faults_are_named),
-        TEST(a_warning_is_no_fault),
-        TEST(a_board_that_restarted_fails_the_host),
-        TEST(a_silent_board_is_named),
-        TEST(boards_that_are_not_as_the_rig_has_them_are_named),
-        TEST(a_refused_request_is_named),
-        TEST(stopping_switches_all_off_with_one_frame),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

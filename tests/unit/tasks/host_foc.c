@@ -72,15 +72,15 @@ static struct bench *open_bench(int64_t period_ns)
     return &bench;
 }
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
-    *state = open_bench(1000000);
+    *test_state = open_bench(1000000);
     return 0;
 }
 
-static void start_up_discovers_configures_and_enables(void **state)
+TEST_WITH(start_up_discovers_configures_and_enables, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
     assert_true(was_sent(bench, 0, 0x70f, 1, (const uint8_t[]){0xff}));
@@ -106,14 +106,14 @@ static void start_up_discovers_configures_and_enables(void **state)
     assert_true(was_sent(bench, 0, 0x20c, 2, (const uint8_t[]){0x07, 0}));
 }
 
-static void a_lost_frame_does_not_stop_the_start_up(void **state)
+TEST_WITH(a_lost_frame_does_not_stop_the_start_up, set_up, bench_tear_down)
 {
-    check_start_up_without_each_frame(state, set_up);
+    check_start_up_without_each_frame(test_state, set_up);
 }
 
-static void no_target_goes_out_before_the_motors_are_switched_on(void **state)
+TEST_WITH(no_target_goes_out_before_the_motors_are_switched_on, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     int on;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
@@ -124,9 +124,9 @@ static void no_target_goes_out_before_the_motors_are_switched_on(void **state)
     assert_true(was_sent(bench, 0, 0x10f, 8, (const uint8_t[8]){0}));
 }
 
-static void half_of_the_supply_is_16000_counts(void **state)
+TEST_WITH(half_of_the_supply_is_16000_counts, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
     host_set_voltage(bench->host, 0, 24);
@@ -141,9 +141,9 @@ static void half_of_the_supply_is_16000_counts(void **state)
                          (const uint8_t[]){0x80, 0x3e, 0x00, 0x83, 0x00, 0x7d, 0xff, 0xff}));
 }
 
-static void the_last_targets_are_repeated_every_millisecond(void **state)
+TEST_WITH(the_last_targets_are_repeated_every_millisecond, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
     host_set_voltage(bench->host, 0, 24);
@@ -157,11 +157,11 @@ static void the_last_targets_are_repeated_every_millisecond(void **state)
     }
 }
 
-static void half_a_millisecond_of_period_sends_every_other_time(void **state)
+TEST_WITH(half_a_millisecond_of_period_sends_every_other_time, NULL, bench_tear_down)
 {
     struct bench *bench = open_bench(500000);
 
-    *state = bench;
+    *test_state = bench;
     assert_int_equal(start_up(bench, 100), HOST_READY);
     bench->nseen = 0;
     for (int i = 0; i < 20; i++) {
@@ -170,9 +170,9 @@ static void half_a_millisecond_of_period_sends_every_other_time(void **state)
     assert_int_equal(count_sent(bench, 0x10f), 10);
 }
 
-static void rotor_angles_pass_the_gear_and_the_spring_tells_the_link(void **state)
+TEST_WITH(rotor_angles_pass_the_gear_and_the_spring_tells_the_link, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const struct host_joint *roll;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
@@ -189,9 +189,9 @@ static void rotor_angles_pass_the_gear_and_the_spring_tells_the_link(void **stat
     assert_near(host_joint(bench->host, 0)->joint_rad, 1, 1e-6);
 }
 
-static void an_expired_set_point_is_named(void **state)
+TEST_WITH(an_expired_set_point_is_named, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
     assert_true(host_healthy(bench->host));
@@ -203,18 +203,18 @@ static void an_expired_set_point_is_named(void **state)
                         "joint yaw is in fault 0x4010: over-current, set-point expired");
 }
 
-static void a_motor_that_stays_off_is_named(void **state)
+TEST_WITH(a_motor_that_stays_off_is_named, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     bench->mute = true;
     assert_int_equal(start_up(bench, 3000), HOST_FAILED);
     assert_string_equal(host_message(bench->host), "joint pitch does not switch its motor on");
 }
 
-static void stopping_sends_force_idle_and_targets_of_zero(void **state)
+TEST_WITH(stopping_sends_force_idle_and_targets_of_zero, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
     host_set_voltage(bench->host, 2, 24);
@@ -229,9 +229,9 @@ static void stopping_sends_force_idle_and_targets_of_zero(void **state)
     assert_true(was_sent(bench, 0, 0x10f, 8, (const uint8_t[8]){0}));
 }
 
-static void frames_of_wrong_length_and_from_nobody_change_nothing(void **state)
+TEST_WITH(frames_of_wrong_length_and_from_nobody_change_nothing, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     static const uint8_t data[8] = {9, 9, 9, 9, 9, 9, 9, 9};
     double before;
 
@@ -247,14 +247,14 @@ static void frames_of_wrong_length_and_from_nobody_change_nothing(void **state)
     assert_true(host_healthy(bench->host));
 }
 
-static void five_motors_on_a_bus_are_refused(void **state)
+TEST_WITH(five_motors_on_a_bus_are_refused, set_up, bench_tear_down)
 {
     static const struct host_bus bus[] = {{.protocol = "foc"}};
     static const struct host_axis axis[] = {{.joint = "fifth",
                                              .address = 5,
                                              .drive = {.gear = 100, .spring_nm_rad = 200},
                                              .torque_address = -1}};
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct host_config config = bench->config;
     struct error error;
     struct host *host;
@@ -264,27 +264,4 @@ static void five_motors_on_a_bus_are_refused(void **state)
     config.naxis = 1;
     assert_int_equal(host_create(&config, &bench->arena, &host, &error), ERROR_INPUT);
     assert_string_equal(error.text, "host: no address 5 on bus 0");
-}
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, bench_tear_down)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(start_up_discovers_configures_and_enables),
-        TEST(a_lost_frame_does_not_stop_the_start_up),
-        TEST(no_target_goes_out_before_the_motors_are_switched_on),
-        TEST(half_of_the_supply_is_16000_counts),
-        TEST(the_last_targets_are_repeated_every_millisecond),
-        cmocka_unit_test_teardown(half_a_millisecond_of_period_sends_every_other_time,
-                                  bench_tear_down),
-        TEST(rotor_angles_pass_the_gear_and_the_spring_tells_the_link),
-        TEST(an_expired_set_point_is_named),
-        TEST(a_motor_that_stays_off_is_named),
-        TEST(stopping_sends_force_idle_and_targets_of_zero),
-        TEST(frames_of_wrong_length_and_from_nobody_change_nothing),
-        TEST(five_motors_on_a_bus_are_refused),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -66,12 +66,11 @@ static void assert_motion(const struct host_motion *motion, double tolerance)
     }
 }
 
-static void icub_board_is_configured_and_heard(void **state)
+TEST(icub_board_is_configured_and_heard)
 {
     struct bench *bench = open_host("icub", false);
     const struct host_motion *motion = host_motion(bench->host);
 
-    (void)state;
     assert_int_equal(start_up(bench, 100), HOST_READY);
     assert_true(was_sent(bench, 0, 0x209, 8, (const uint8_t[]){0x34, 0x15, 0, 1, 0, 0, 0, 0}));
     assert_true(was_sent(bench, 0, 0x209, 2, (const uint8_t[]){0x35, 5}));
@@ -93,13 +92,12 @@ static void icub_board_is_configured_and_heard(void **state)
     bench_close(bench);
 }
 
-static void compact_boards_are_heard(void **state)
+TEST(compact_boards_are_heard)
 {
     /* 5 mm/s2, mrad/s, 2^-14 */
     static const uint8_t all[32] = {200,  0,    0x70, 0xfe, 0xaa, 0x07, 0, 0, 0x0c, 0xfe,
                                     0xe8, 0x03, 0x6d, 0x37, 0,    0,    0, 0, 0,    0x20};
 
-    (void)state;
     for (int fd = 0; fd < 2; fd++) {
         struct bench *bench = open_host("compact", fd);
 
@@ -118,11 +116,10 @@ static void compact_boards_are_heard(void **state)
     }
 }
 
-static void another_kind_of_board_there_ends_the_start_up(void **state)
+TEST(another_kind_of_board_there_ends_the_start_up)
 {
     struct bench *bench = open_host("compact", false);
 
-    (void)state;
     bench->mute = true;
     assert_int_equal(start_up(bench, 100), HOST_FAILED);
     assert_string_equal(host_message(bench->host), "board 9 on can0 is of another kind");
@@ -143,7 +140,7 @@ static void say_motion(struct bench *bench, int periods, bool rate, bool quatern
     }
 }
 
-static void a_board_that_falls_silent_is_noticed_by_who_needs_it(void **state)
+TEST(a_board_that_falls_silent_is_noticed_by_who_needs_it)
 {
     static const struct {
         bool rate, quaternion;
@@ -152,7 +149,6 @@ static void a_board_that_falls_silent_is_noticed_by_who_needs_it(void **state)
                 {false, true, "board 9 on can0 sends no angular rate"},
                 {true, false, "board 9 on can0 sends no attitude"}};
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(part); i++) {
         for (int watched = 0; watched < 2; watched++) {
             struct bench *bench = open_host("icub", false);
@@ -176,12 +172,11 @@ static void a_board_that_falls_silent_is_noticed_by_who_needs_it(void **state)
 }
 
 /* One that never says anything; ten of its periods are longer than 100 ms. */
-static void a_board_that_is_never_heard_has_ten_periods(void **state)
+TEST(a_board_that_is_never_heard_has_ten_periods)
 {
     struct bench *bench = open_host_every("icub", false, 20000000);
     int waited = 0;
 
-    (void)state;
     assert_int_equal(start_up(bench, 100), HOST_READY);
     host_watch_motion(bench->host);
     while (host_healthy(bench->host) && waited < 1000) {
@@ -191,17 +186,4 @@ static void a_board_that_is_never_heard_has_ten_periods(void **state)
     assert_true(waited > 190 && waited <= 201);
     assert_string_equal(host_message(bench->host), "board 9 on can0 sends no angular rate");
     bench_close(bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(icub_board_is_configured_and_heard),
-        cmocka_unit_test(compact_boards_are_heard),
-        cmocka_unit_test(a_board_that_falls_silent_is_noticed_by_who_needs_it),
-        cmocka_unit_test(a_board_that_is_never_heard_has_ten_periods),
-        cmocka_unit_test(another_kind_of_board_there_ends_the_start_up),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

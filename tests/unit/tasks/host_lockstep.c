@@ -6,7 +6,7 @@
 
 enum { STEP = 0x6f0, DONE = 0x6ff, REFUSED = 1 << 2 };
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     static struct bench bench;
     struct host_config config = {.nbus = 2,
@@ -18,7 +18,7 @@ static int set_up(void **state)
 
     memset(&bench, 0, sizeof bench);
     bench_open(&bench, &config);
-    *state = &bench;
+    *test_state = &bench;
     return 0;
 }
 
@@ -55,9 +55,9 @@ static void meet(struct bench *bench, uint32_t tick)
     assert_int_equal(take_step(bench), tick);
 }
 
-static void a_tick_is_over_when_every_bus_says_so(void **state)
+TEST_WITH(a_tick_is_over_when_every_bus_says_so, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     meet(bench, 1000);
     assert_false(host_receive(bench->host, 0));
@@ -68,9 +68,9 @@ static void a_tick_is_over_when_every_bus_says_so(void **state)
     assert_int_equal(host_time_ns(bench->host), 1001 * MS);
 }
 
-static void a_step_that_is_sent_again_is_the_same(void **state)
+TEST_WITH(a_step_that_is_sent_again_is_the_same, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     meet(bench, 1000);
     say_done(bench, 0, 1001, 0); /* the other one is late, or lost */
@@ -81,9 +81,9 @@ static void a_step_that_is_sent_again_is_the_same(void **state)
     assert_int_equal(take_step(bench), 1000);
 }
 
-static void the_refusal_of_a_copy_stands_for_a_lost_done(void **state)
+TEST_WITH(the_refusal_of_a_copy_stands_for_a_lost_done, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     meet(bench, 1000);
     say_done(bench, 0, 1001, 0);
@@ -94,9 +94,9 @@ static void the_refusal_of_a_copy_stands_for_a_lost_done(void **state)
     assert_int_equal(host_time_ns(bench->host), 1001 * MS);
 }
 
-static void the_refusal_of_an_earlier_copy_changes_nothing(void **state)
+TEST_WITH(the_refusal_of_an_earlier_copy_changes_nothing, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     meet(bench, 1000);
     say_done(bench, 0, 1001, 0);
@@ -113,9 +113,9 @@ static void the_refusal_of_an_earlier_copy_changes_nothing(void **state)
     assert_int_equal(host_time_ns(bench->host), 1002 * MS);
 }
 
-static void a_simulator_that_was_restarted_is_noticed(void **state)
+TEST_WITH(a_simulator_that_was_restarted_is_noticed, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     meet(bench, 1000);
     say_done(bench, 0, 990, REFUSED); /* it went back a little: follow it */
@@ -126,22 +126,4 @@ static void a_simulator_that_was_restarted_is_noticed(void **state)
     assert_true(host_receive(bench->host, 0));
     assert_true(host_lost(bench->host));
     assert_string_equal(host_message(bench->host), "the simulator was restarted: it is at tick 0");
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(a_tick_is_over_when_every_bus_says_so, set_up,
-                                        bench_tear_down),
-        cmocka_unit_test_setup_teardown(a_step_that_is_sent_again_is_the_same, set_up,
-                                        bench_tear_down),
-        cmocka_unit_test_setup_teardown(the_refusal_of_a_copy_stands_for_a_lost_done, set_up,
-                                        bench_tear_down),
-        cmocka_unit_test_setup_teardown(the_refusal_of_an_earlier_copy_changes_nothing, set_up,
-                                        bench_tear_down),
-        cmocka_unit_test_setup_teardown(a_simulator_that_was_restarted_is_noticed, set_up,
-                                        bench_tear_down),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -45,7 +45,7 @@ static void play_compact(struct bench *bench, int bus, const struct bus_frame *f
     }
 }
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     static struct bench bench;
     static const char *const joint[] = {"one", "two", "three"};
@@ -75,13 +75,13 @@ static int set_up(void **state)
     bench.play[FOC] = play_foc;
     bench.play[COMPACT] = play_compact;
     bench_open(&bench, &config);
-    *state = &bench;
+    *test_state = &bench;
     return 0;
 }
 
-static void each_bus_is_spoken_to_in_its_own_way(void **state)
+TEST_WITH(each_bus_is_spoken_to_in_its_own_way, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
     assert_true(host_healthy(bench->host));
@@ -125,9 +125,9 @@ static void expect_own_frames(const struct bench *bench)
 }
 
 /* Random frames, then true ones, which count as if nothing had been. */
-static void no_frame_can_harm_the_host(void **state)
+TEST_WITH(no_frame_can_harm_the_host, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     uint64_t random = 88172645463325252u;
 
     for (int i = 0; i < 300000; i++) {
@@ -182,7 +182,7 @@ static void no_frame_can_harm_the_host(void **state)
 }
 
 /* What boards speak has a host, but nothing else has. */
-static void a_bus_whose_protocol_has_no_host_is_refused(void **state)
+TEST(a_bus_whose_protocol_has_no_host_is_refused)
 {
     static struct described_protocol described;
     const struct protocol *protocol;
@@ -193,7 +193,6 @@ static void a_bus_whose_protocol_has_no_host_is_refused(void **state)
     struct host *host;
     struct error error;
 
-    (void)state;
     assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
     for (size_t i = 0; (protocol = protocol_at(i)); i++) {
         bus.protocol = protocol->name;
@@ -205,16 +204,4 @@ static void a_bus_whose_protocol_has_no_host_is_refused(void **state)
     assert_int_equal(host_create(&config, &arena, &host, &error), ERROR_INPUT);
     assert_string_equal(error.text, "host: bus 0 speaks nobody, which no host knows");
     arena_fini(&arena);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(each_bus_is_spoken_to_in_its_own_way, set_up,
-                                        bench_tear_down),
-        cmocka_unit_test(a_bus_whose_protocol_has_no_host_is_refused),
-        cmocka_unit_test_setup_teardown(no_frame_can_harm_the_host, set_up, bench_tear_down),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -56,7 +56,7 @@ static void play(struct bench *bench, int bus, const struct bus_frame *frame)
     }
 }
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     static struct bench bench;
     static struct host_axis axis[AXES];
@@ -79,13 +79,13 @@ static int set_up(void **state)
     }
     bench.play[0] = play;
     bench_open(&bench, &config);
-    *state = &bench;
+    *test_state = &bench;
     return 0;
 }
 
-static void start_up_finds_stops_and_enables(void **state)
+TEST_WITH(start_up_finds_stops_and_enables, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const uint8_t question[] = {QUESTION}, stop[12] = {1, 0, 0, QUESTION, 0x50};
     assert_int_equal(start_up(bench, 100), HOST_READY);
     for (uint32_t a = 1; a <= FAR; a += FAR - 1) {
@@ -97,14 +97,14 @@ static void start_up_finds_stops_and_enables(void **state)
     assert_true(host_healthy(bench->host));
 }
 
-static void a_lost_frame_does_not_stop_the_start_up(void **state)
+TEST_WITH(a_lost_frame_does_not_stop_the_start_up, set_up, bench_tear_down)
 {
-    check_start_up_without_each_frame(state, set_up);
+    check_start_up_without_each_frame(test_state, set_up);
 }
 
-static void a_voltage_is_a_torque(void **state)
+TEST_WITH(a_voltage_is_a_torque, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const struct bus_frame *frame;
     float torque;
 
@@ -120,9 +120,9 @@ static void a_voltage_is_a_torque(void **state)
     assert_near(torque, 6 / 0.5 * 4, 1e-4); /* 0.5 Ohm, 4 N m/A */
 }
 
-static void replies_are_angles_current_and_torque(void **state)
+TEST_WITH(replies_are_angles_current_and_torque, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const struct host_joint *hip = host_joint(bench->host, 0), *knee = host_joint(bench->host, 1);
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
@@ -134,9 +134,9 @@ static void replies_are_angles_current_and_torque(void **state)
     assert_true(hip->torque_told && hip->torque_time_ns == bench->now_ns);
 }
 
-static void a_fault_and_the_watchdog_are_told(void **state)
+TEST_WITH(a_fault_and_the_watchdog_are_told, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
     mode[1] = 1;
@@ -144,7 +144,7 @@ static void a_fault_and_the_watchdog_are_told(void **state)
     one_period(bench);
     assert_false(host_healthy(bench->host));
     assert_string_equal(host_message(bench->host), "joint knee is in fault 0x04: over-voltage");
-    assert_int_equal(set_up(state), 0);
+    assert_int_equal(set_up(test_state), 0);
     assert_int_equal(start_up(bench, 100), HOST_READY);
     mode[0] = 11;
     one_period(bench);
@@ -153,9 +153,9 @@ static void a_fault_and_the_watchdog_are_told(void **state)
                         "joint hip is in fault 0x80000000: watchdog time-out");
 }
 
-static void a_silent_controller_is_missed(void **state)
+TEST_WITH(a_silent_controller_is_missed, set_up, bench_tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     bench->mute = true;
     assert_int_equal(start_up(bench, 9000), HOST_FAILED);
@@ -164,12 +164,12 @@ static void a_silent_controller_is_missed(void **state)
 }
 
 /* Frames that are cut off, of others, or that say nothing of use. */
-static void odd_frames_change_nothing(void **state)
+TEST_WITH(odd_frames_change_nothing, set_up, bench_tear_down)
 {
     static const uint8_t odd[][8] = {
         {0x2f, 0x01, 1, 2, 3},    {0x2c, 0xff, 0xff, 0xff},       {0x23, 0x0d, 1, 2},
         {0x24, 0x80, 0x80, 0x80}, {0x2d, 0x01, 0, 0, 0xc0, 0x7f}, {0x31, 0x01, 0x01}};
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct host_joint before;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
@@ -183,21 +183,4 @@ static void odd_frames_change_nothing(void **state)
     }
     host_receive(bench->host, bench->now_ns);
     assert_memory_equal(host_joint(bench->host, 0), &before, sizeof before);
-}
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, bench_tear_down)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(start_up_finds_stops_and_enables),
-        TEST(a_lost_frame_does_not_stop_the_start_up),
-        TEST(a_voltage_is_a_torque),
-        TEST(replies_are_angles_current_and_torque),
-        TEST(a_fault_and_the_watchdog_are_told),
-        TEST(a_silent_controller_is_missed),
-        TEST(odd_frames_change_nothing),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

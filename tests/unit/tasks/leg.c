@@ -8,13 +8,7 @@
 
 #include "base/vec3.h"
 #include "rig/rig.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "tests/test.h"
 
 #include <math.h>
 #include <string.h>
@@ -36,7 +30,7 @@ static double draw(struct bench *b, double low, double high)
     return low + (high - low) * (double)(b->random >> 11) / 9007199254740992.0;
 }
 
-static int setup(void **state)
+FIXTURE(setup)
 {
     static struct bench bench;
     struct error error;
@@ -50,13 +44,13 @@ static int setup(void **state)
         print_error("%s\n", error.text);
         return -1;
     }
-    *state = &bench;
+    *test_state = &bench;
     return 0;
 }
 
-static int teardown(void **state)
+FIXTURE(teardown)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     arena_fini(&bench->arena);
     return 0;
@@ -95,9 +89,9 @@ static double far_apart(const double *x, const double *y, int count)
     return worst;
 }
 
-static void links_and_center_of_mass_are_those_of_the_model(void **state)
+TEST(links_and_center_of_mass_are_those_of_the_model)
 {
-    struct bench *b = *state;
+    struct bench *b = *test_state;
     const struct robot *robot = b->rig->robot;
 
     for (int n = 0; n < POSES; n++) {
@@ -118,9 +112,9 @@ static void links_and_center_of_mass_are_those_of_the_model(void **state)
     }
 }
 
-static void inverse_kinematics_give_the_angles_back(void **state)
+TEST(inverse_kinematics_give_the_angles_back)
 {
-    struct bench *b = *state;
+    struct bench *b = *test_state;
     double worst = 0;
 
     for (int side = 0; side < BODY_SIDES; side++) {
@@ -153,9 +147,9 @@ static void inverse_kinematics_give_the_angles_back(void **state)
 
 /* WALK-MAN's: roll first, with the other hip axes away from it. Where the sole is turned by more
  * than pi/2, or the hip is below the ankle as the foot sees it, other angles give the same pose. */
-static void a_leg_that_rolls_first_gives_its_angles_back_too(void **state)
+TEST(a_leg_that_rolls_first_gives_its_angles_back_too)
 {
-    struct bench *b = *state;
+    struct bench *b = *test_state;
     double worst = 0;
     int judged = 0;
 
@@ -189,9 +183,9 @@ static void a_leg_that_rolls_first_gives_its_angles_back_too(void **state)
     assert_true(judged > POSES && worst < 1e-11);
 }
 
-static void a_foot_out_of_reach_is_pointed_at(void **state)
+TEST(a_foot_out_of_reach_is_pointed_at)
 {
-    struct bench *b = *state;
+    struct bench *b = *test_state;
     struct body_pose foot = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
     const struct body_pose *got;
     struct leg_geometry leg;
@@ -214,9 +208,9 @@ static void a_foot_out_of_reach_is_pointed_at(void **state)
     assert_true(far_apart(got->R, foot.R, 9) < 1e-12);
 }
 
-static void a_leg_with_other_axes_is_refused(void **state)
+TEST(a_leg_with_other_axes_is_refused)
 {
-    struct bench *b = *state;
+    struct bench *b = *test_state;
     struct body_link link[LINKS];
     struct body_model model = b->rig->body;
     struct leg_geometry leg;
@@ -256,11 +250,11 @@ static double leg_work(struct bench *b, const int link[LEG_JOINTS], int j, const
 }
 
 /* Virtual work: the torque that holds is minus the derivative of the work. */
-static void static_torques_hold_weight_and_force(void **state)
+TEST(static_torques_hold_weight_and_force)
 {
     static const double force[3] = {20, -30, 280}, down[3] = {0, 0, -1};
     const double turn = 1e-5;
-    struct bench *b = *state;
+    struct bench *b = *test_state;
     struct leg_geometry leg;
     struct error error;
     int link[LEG_JOINTS];
@@ -281,16 +275,4 @@ static void static_torques_hold_weight_and_force(void **state)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(links_and_center_of_mass_are_those_of_the_model),
-        cmocka_unit_test(inverse_kinematics_give_the_angles_back),
-        cmocka_unit_test(a_leg_that_rolls_first_gives_its_angles_back_too),
-        cmocka_unit_test(a_foot_out_of_reach_is_pointed_at),
-        cmocka_unit_test(a_leg_with_other_axes_is_refused),
-        cmocka_unit_test(static_torques_hold_weight_and_force),
-    };
-
-    return cmocka_run_group_tests(tests, setup, teardown);
-}
+TEST_GROUP(setup, teardown)

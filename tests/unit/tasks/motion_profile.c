@@ -1,14 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Bounds, arrival and length of a reference's motion. */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 
 #include "tasks/motion_profile.h"
+#include "tests/test.h"
 
 #define RATE 0.5
 #define ACCELERATION 2.0
@@ -34,30 +29,27 @@ static int move_to(struct motion_profile *profile, double goal, int most)
 }
 
 /* A trapezoid of rate takes distance / rate + rate / acceleration. */
-static void takes_as_long_as_a_trapezoid(void **state)
+TEST(takes_as_long_as_a_trapezoid)
 {
     struct motion_profile profile = {0.2, 0};
     int steps = move_to(&profile, 1.2, 10000);
 
-    (void)state;
     assert_true(profile.angle_rad == 1.2);
     assert_true(fabs(steps * DT - (1.0 / RATE + RATE / ACCELERATION)) < 0.01);
 }
 
 /* A short way is a triangle: 2 sqrt(distance / acceleration). */
-static void short_ways_never_reach_the_rate(void **state)
+TEST(short_ways_never_reach_the_rate)
 {
     struct motion_profile profile = {0, 0};
     int steps = move_to(&profile, -0.02, 10000);
 
-    (void)state;
     assert_true(profile.angle_rad == -0.02);
     assert_true(fabs(steps * DT - 2 * sqrt(0.02 / ACCELERATION)) < 0.01);
 }
 
-static void never_overshoots(void **state)
+TEST(never_overshoots)
 {
-    (void)state;
     for (double goal = 1e-7; goal < 2; goal *= 1.37) {
         struct motion_profile profile = {0, 0};
 
@@ -69,25 +61,12 @@ static void never_overshoots(void **state)
     }
 }
 
-static void turns_round_when_the_goal_does(void **state)
+TEST(turns_round_when_the_goal_does)
 {
     struct motion_profile profile = {0, 0};
 
-    (void)state;
     assert_int_equal(move_to(&profile, 1, 700), 700);
     assert_true(profile.rate_rad_s > 0.49);
     assert_true(move_to(&profile, -1, 10000) < 10000);
     assert_true(profile.angle_rad == -1);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(takes_as_long_as_a_trapezoid),
-        cmocka_unit_test(short_ways_never_reach_the_rate),
-        cmocka_unit_test(never_overshoots),
-        cmocka_unit_test(turns_round_when_the_goal_does),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,16 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The settings of the task pose, and the references that it gives the servo; without boards. */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "tasks/task.h"
 #include "tasks/task_private.h"
+#include "tests/test.h"
 
 enum { AXES = 2 };
 
@@ -37,7 +32,7 @@ static struct local_bus *bus;
 static struct can_port *port;
 static struct task *task;
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     const struct local_bus_config local = {.name = "can0", .max_nodes = 2, .inbox = 64};
     struct task_config config = {
@@ -52,7 +47,6 @@ static int set_up(void **state)
     };
     struct error error;
 
-    (void)state;
     assert_int_equal(arena_init(&arena, 8u << 20, &error), ERROR_NONE);
     assert_int_equal(local_bus_create(&local, &arena, &bus, &error), ERROR_NONE);
     assert_int_equal(local_bus_join(bus, NULL, 0, &port, &error), ERROR_NONE);
@@ -62,9 +56,8 @@ static int set_up(void **state)
     return 0;
 }
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
-    (void)state;
     port->ops->close(port);
     local_bus_destroy(bus);
     arena_fini(&arena);
@@ -87,11 +80,10 @@ static void run_steps(int from_ms, int to_ms, double rate)
     }
 }
 
-static void has_a_setting_a_joint_within_its_limits(void **state)
+TEST_WITH(has_a_setting_a_joint_within_its_limits, set_up, tear_down)
 {
     const struct task_setting *setting;
 
-    (void)state;
     assert_int_equal(task_settings(task, &setting), 1 + AXES);
     assert_string_equal(setting[0].name, "pose.rate_rad_s");
     assert_string_equal(setting[1].name, "pose.Knee_rad");
@@ -103,17 +95,15 @@ static void has_a_setting_a_joint_within_its_limits(void **state)
     assert_true(task_is_endless(task));
 }
 
-static void goes_to_the_initial_pose_and_stays(void **state)
+TEST_WITH(goes_to_the_initial_pose_and_stays, set_up, tear_down)
 {
-    (void)state;
     task->ops->start(task);
     run_steps(0, 3000, 0.5);
     assert_true(servo_wanted(task->servo, 0) == 0.5 && servo_wanted(task->servo, 1) == 0.3);
 }
 
-static void moves_smoothly_to_what_is_set(void **state)
+TEST_WITH(moves_smoothly_to_what_is_set, set_up, tear_down)
 {
-    (void)state;
     task->ops->start(task);
     run_steps(0, 3000, 0.5);
     assert_true(task_set(task, 1, 1.5));
@@ -124,27 +114,14 @@ static void moves_smoothly_to_what_is_set(void **state)
     assert_true(servo_wanted(task->servo, 0) == 1.5 && servo_wanted(task->servo, 1) == 0.3);
 }
 
-static void does_not_jump_after_a_pause(void **state)
+TEST_WITH(does_not_jump_after_a_pause, set_up, tear_down)
 {
     double before;
 
-    (void)state;
     task->ops->start(task);
     run_steps(0, 1000, 0.5);
     before = servo_wanted(task->servo, 0);
     assert_true(task_set(task, 1, -0.1));
     assert_int_equal(task->ops->step(task, 60), TASK_RUNNING);
     assert_true(fabs(servo_wanted(task->servo, 0) - before) <= 0.5 * 0.1 + 1e-12);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(has_a_setting_a_joint_within_its_limits, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(goes_to_the_initial_pose_and_stays, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(moves_smoothly_to_what_is_set, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(does_not_jump_after_a_pause, set_up, tear_down),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

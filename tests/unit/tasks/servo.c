@@ -1,15 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The servo's voltages, axis by axis, on a host that the test plays. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "tasks/servo.h"
 
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 enum { AXES = 2 };
 
@@ -54,11 +48,10 @@ static struct host host;
 static struct servo_gains gains[AXES];
 static struct servo *servo;
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     const struct servo_config config = {.gains = gains, .command_period_ns = 2000000};
 
-    (void)state;
     host = (struct host){.config = {.naxis = AXES, .axis = axes, .supply_v = 80}};
     for (int i = 0; i < AXES; i++) {
         gains[i] = (struct servo_gains){.kp_v_per_rad = 100};
@@ -71,9 +64,8 @@ static int set_up(void **state)
     return 0;
 }
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
-    (void)state;
     arena_fini(&arena);
     return 0;
 }
@@ -88,9 +80,8 @@ static void pass(int ms, double motor0, double motor1)
     servo_update(servo);
 }
 
-static void each_axis_has_its_own_gains(void **state)
+TEST_WITH(each_axis_has_its_own_gains, set_up, tear_down)
 {
-    (void)state;
     gains[1] = (struct servo_gains){.kp_v_per_rad = 300, .kw_v_s_per_rad = 5};
     servo_set(servo, 0, 0.1, 2);
     servo_set(servo, 1, 0.1, 2);
@@ -99,9 +90,8 @@ static void each_axis_has_its_own_gains(void **state)
     assert_near(host.volts[1], 300 * 0.1 + 5 * 2, 1e-12);
 }
 
-static void a_drive_is_kept_to_its_limit_below_the_supply(void **state)
+TEST_WITH(a_drive_is_kept_to_its_limit_below_the_supply, set_up, tear_down)
 {
-    (void)state;
     gains[1].limit_v = 40;
     servo_set(servo, 0, 2, 0);
     servo_set(servo, 1, -2, 0);
@@ -110,9 +100,8 @@ static void a_drive_is_kept_to_its_limit_below_the_supply(void **state)
     assert_near(host.volts[1], -40, 0);
 }
 
-static void an_integral_does_not_wind_up_at_the_limit(void **state)
+TEST_WITH(an_integral_does_not_wind_up_at_the_limit, set_up, tear_down)
 {
-    (void)state;
     gains[0] = (struct servo_gains){.kp_v_per_rad = 100, .ki_v_per_rad_s = 100, .limit_v = 40};
     servo_set(servo, 0, 1, 0);
     for (int i = 0; i < 1000; i++) {
@@ -123,9 +112,8 @@ static void an_integral_does_not_wind_up_at_the_limit(void **state)
     assert_near(host.volts[0], 0, 1e-12);
 }
 
-static void the_rate_is_damped_to_the_references_rate(void **state)
+TEST_WITH(the_rate_is_damped_to_the_references_rate, set_up, tear_down)
 {
-    (void)state;
     gains[0] = (struct servo_gains){.kd_v_s_per_rad = 20};
     servo_set(servo, 0, 0, 0.5);
     pass(4, 0.004, 0);
@@ -136,9 +124,8 @@ static void the_rate_is_damped_to_the_references_rate(void **state)
     assert_near(host.volts[0], 20 * (0.5 - 1.0), 1e-12);
 }
 
-static void an_excitation_is_added_to_the_voltage(void **state)
+TEST_WITH(an_excitation_is_added_to_the_voltage, set_up, tear_down)
 {
-    (void)state;
     servo_set(servo, 0, 0.1, 0);
     servo_set(servo, 1, 0.1, 0);
     servo_excite(servo, 0, 3);
@@ -154,9 +141,8 @@ static void an_excitation_is_added_to_the_voltage(void **state)
 }
 
 /* At 1 rad/s the back-EMF is 4 V; 5 Nm of load are 10 V above or below it. */
-static void a_torque_is_kept_to_its_limit_above_the_back_emf(void **state)
+TEST_WITH(a_torque_is_kept_to_its_limit_above_the_back_emf, set_up, tear_down)
 {
-    (void)state;
     gains[0] = (struct servo_gains){
         .kp_v_per_rad = 100, .kw_v_s_per_rad = 4, .load_v_per_nm = 2, .torque_limit_nm = 5};
     servo_set(servo, 0, 0.5, 0);
@@ -177,9 +163,8 @@ static void a_torque_is_kept_to_its_limit_above_the_back_emf(void **state)
 }
 
 /* one came late, the next on time, a millisecond after it */
-static void messages_in_quick_succession_make_no_spike_in_the_rate(void **state)
+TEST_WITH(messages_in_quick_succession_make_no_spike_in_the_rate, set_up, tear_down)
 {
-    (void)state;
     gains[0] = (struct servo_gains){.kd_v_s_per_rad = 20};
     pass(6, 0.006, 0);
     pass(1, 0.008, 0);
@@ -188,9 +173,8 @@ static void messages_in_quick_succession_make_no_spike_in_the_rate(void **state)
 }
 
 /* It comes back from the limit at once, and the integral goes on from what it was before it. */
-static void a_voltage_at_its_limit_unwinds_when_the_error_turns(void **state)
+TEST_WITH(a_voltage_at_its_limit_unwinds_when_the_error_turns, set_up, tear_down)
 {
-    (void)state;
     gains[0] = (struct servo_gains){.kp_v_per_rad = 100, .ki_v_per_rad_s = 100, .limit_v = 40};
     servo_set(servo, 0, 0.2, 0);
     for (int i = 0; i < 50; i++) { /* 20 V, and 2 V of integral in 100 ms */
@@ -219,12 +203,11 @@ static void a_voltage_at_its_limit_unwinds_when_the_error_turns(void **state)
 
 /* The trim follows the link's angle but for one tick of its encoder: ten ticks and one half are
  * nine and a half, less than one is nothing. */
-static void the_trim_has_a_dead_zone_of_one_tick(void **state)
+TEST_WITH(the_trim_has_a_dead_zone_of_one_tick, set_up, tear_down)
 {
     const double tick = 1 / axes[0].joint_ticks_per_rad;
     static const double ticks[] = {10.5, -10.5, 1.0, -1.0, 0.75, -0.75, 0, 1.25, -1.25};
 
-    (void)state;
     for (size_t i = 0; i < sizeof ticks / sizeof *ticks; i++) {
         double beyond = fmax(fabs(ticks[i]) - 1, 0), trim;
 
@@ -248,9 +231,8 @@ static void the_trim_has_a_dead_zone_of_one_tick(void **state)
 }
 
 /* Without a trim the motor's angle itself is kept; the load at the start goes on being carried. */
-static void a_start_keeps_what_it_finds(void **state)
+TEST_WITH(a_start_keeps_what_it_finds, set_up, tear_down)
 {
-    (void)state;
     gains[0] = (struct servo_gains){.kp_v_per_rad = 100, .load_v_per_nm = 0.5};
     gains[1] = (struct servo_gains){.kp_v_per_rad = 100, .load_v_per_nm = 0.25};
     host.joint[0] = (struct host_joint){.joint_rad = 0.1, .motor_rad = 0.3, .torque_nm = -8};
@@ -263,9 +245,8 @@ static void a_start_keeps_what_it_finds(void **state)
 }
 
 /* Not before the command's period, and the first at once. */
-static void commands_keep_their_period(void **state)
+TEST_WITH(commands_keep_their_period, set_up, tear_down)
 {
-    (void)state;
     servo_set(servo, 0, 0.1, 0);
     host.now_ns += 1999999;
     servo_update(servo);
@@ -273,29 +254,4 @@ static void commands_keep_their_period(void **state)
     host.now_ns += 1;
     servo_update(servo);
     assert_near(host.volts[0], 10, 1e-12);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(each_axis_has_its_own_gains, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_drive_is_kept_to_its_limit_below_the_supply, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(an_integral_does_not_wind_up_at_the_limit, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(a_voltage_at_its_limit_unwinds_when_the_error_turns, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(the_trim_has_a_dead_zone_of_one_tick, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_start_keeps_what_it_finds, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(commands_keep_their_period, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(an_excitation_is_added_to_the_voltage, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_torque_is_kept_to_its_limit_above_the_back_emf, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(the_rate_is_damped_to_the_references_rate, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(messages_in_quick_succession_make_no_spike_in_the_rate,
-                                        set_up, tear_down),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

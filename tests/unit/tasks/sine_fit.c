@@ -1,14 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The fit finds the sine that samples were made of. */
 #include "tasks/sine_fit.h"
+#include "tests/test.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 
 enum { SAMPLES = 400 };
 
@@ -17,13 +12,12 @@ static double place(int i)
     return 2.0 * i / (SAMPLES - 1) - 1;
 }
 
-static void a_sine_on_an_offset_and_a_drift_is_found(void **state)
+TEST(a_sine_on_an_offset_and_a_drift_is_found)
 {
     struct sine_fit fit;
     struct sine sine;
 
     /* At uneven times, of two and a half periods */
-    (void)state;
     sine_fit_start(&fit);
     for (int i = 0; i < SAMPLES; i++) {
         double u = place(i) + 0.001 * (i % 3), p = 2.5 * M_PI * (u + 1);
@@ -36,13 +30,12 @@ static void a_sine_on_an_offset_and_a_drift_is_found(void **state)
 }
 
 /* A staircase has the sine that its steps are the means of. */
-static void a_held_signal_is_what_it_was_held_from(void **state)
+TEST(a_held_signal_is_what_it_was_held_from)
 {
     double width = 2 * M_PI / 40;
     struct sine_fit fit;
     struct sine sine;
 
-    (void)state;
     sine_fit_start(&fit);
     for (int i = 0; i < SAMPLES; i++) {
         double p = width * (i + 0.5);
@@ -54,13 +47,12 @@ static void a_held_signal_is_what_it_was_held_from(void **state)
     assert_true(fabs(sine.cosine) < 1e-9 && fabs(sine.sine - 2) < 1e-9);
 }
 
-static void coherence_is_the_part_that_is_the_sine(void **state)
+TEST(coherence_is_the_part_that_is_the_sine)
 {
     struct sine_fit fit;
     struct sine sine;
 
     /* As much variance of another frequency, over whole periods of both */
-    (void)state;
     sine_fit_start(&fit);
     for (int i = 0; i < SAMPLES; i++) {
         double p = 2 * M_PI * 10 * i / SAMPLES;
@@ -71,12 +63,11 @@ static void coherence_is_the_part_that_is_the_sine(void **state)
     assert_true(fabs(sine.coherence - 0.5) < 0.01);
 }
 
-static void samples_that_do_not_tell_are_refused(void **state)
+TEST(samples_that_do_not_tell_are_refused)
 {
     struct sine_fit fit;
     struct sine sine;
 
-    (void)state;
     sine_fit_start(&fit);
     assert_false(sine_fit_solve(&fit, &sine));
     for (int i = 0; i < SAMPLES; i++) {
@@ -92,16 +83,4 @@ static void samples_that_do_not_tell_are_refused(void **state)
     }
     assert_true(sine_fit_solve(&fit, &sine));
     assert_true(sine.coherence == 0 && sine.sine == 0);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_sine_on_an_offset_and_a_drift_is_found),
-        cmocka_unit_test(a_held_signal_is_what_it_was_held_from),
-        cmocka_unit_test(coherence_is_the_part_that_is_the_sine),
-        cmocka_unit_test(samples_that_do_not_tell_are_refused),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

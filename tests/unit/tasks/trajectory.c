@@ -5,16 +5,11 @@
 #include "base/count.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "tests/unit/arena_fixture.h"
+#include "tests/test.h"
 
 static const struct trajectory_limit limits[] = {{"hip", -1, 2, 10}, {"knee", 0, 4, 0}};
 
@@ -25,14 +20,13 @@ static enum error_code read_text(const char *text, enum trajectory_interpolation
                                   ARRAY_COUNT(limits), &arena, t, error);
 }
 
-static void between_rows_it_is_linear_or_cubic(void **state)
+TEST(between_rows_it_is_linear_or_cubic)
 {
     static const char text[] = "time_s,knee_deg,hip_rad\n5,0,0\n6,90,1\n8,180,1\n";
     const struct trajectory *t;
     struct error error;
     double angle, rate;
 
-    (void)state;
     assert_int_equal(read_text(text, TRAJECTORY_LINEAR, &t, &error), ERROR_NONE);
     assert_true(t->njoint == 2 && t->joint[0] == 1 && t->joint[1] == 0);
     assert_true(trajectory_length_s(t) == 3);
@@ -57,14 +51,13 @@ static void between_rows_it_is_linear_or_cubic(void **state)
 }
 
 /* Rates are the derivative of angles, angles stay between the rows. */
-static void a_cubic_is_smooth_and_never_leaves_the_rows(void **state)
+TEST(a_cubic_is_smooth_and_never_leaves_the_rows)
 {
     static const char text[] = "time_s,hip_rad\n0,0\n0.3,0.9\n0.4,1\n1,1.0\n1.2,0.2\n2,0.1\n";
     const struct trajectory *t;
     struct error error;
     double angle, rate, before, after, unused;
 
-    (void)state;
     assert_int_equal(read_text(text, TRAJECTORY_CUBIC, &t, &error), ERROR_NONE);
     for (double time = 0.001; time < 1.999; time += 0.001) {
         trajectory_at(t, 0, time, &angle, &rate);
@@ -78,14 +71,13 @@ static void a_cubic_is_smooth_and_never_leaves_the_rows(void **state)
     }
 }
 
-static void the_peak_between_rows_counts(void **state)
+TEST(the_peak_between_rows_counts)
 {
     /* From rest to rest: 1.5 times the mean of 7 rad/s */
     static const char text[] = "time_s,hip_rad\n0,0\n0.1,0.7\n";
     const struct trajectory *t;
     struct error error;
 
-    (void)state;
     assert_int_equal(read_text(text, TRAJECTORY_LINEAR, &t, &error), ERROR_NONE);
     assert_int_equal(read_text(text, TRAJECTORY_CUBIC, &t, &error), ERROR_INPUT);
     assert_string_equal(error.text,
@@ -93,7 +85,7 @@ static void the_peak_between_rows_counts(void **state)
                         "before, expected at most 10 rad/s, what the drive reaches");
 }
 
-static void what_is_wrong_is_said_with_its_place(void **state)
+TEST(what_is_wrong_is_said_with_its_place)
 {
     static const struct {
         const char *text, *expected;
@@ -126,7 +118,6 @@ static void what_is_wrong_is_said_with_its_place(void **state)
     const struct trajectory *t;
     struct error error;
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(wrong); i++) {
         assert_int_equal(read_text(wrong[i].text, TRAJECTORY_CUBIC, &t, &error), ERROR_INPUT);
         if (strncmp(error.text, wrong[i].expected, strlen(wrong[i].expected)) != 0) {
@@ -142,14 +133,4 @@ static void what_is_wrong_is_said_with_its_place(void **state)
     assert_string_equal(error.text, "walk.csv:3: found a zero byte, expected text");
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(between_rows_it_is_linear_or_cubic),
-        cmocka_unit_test(a_cubic_is_smooth_and_never_leaves_the_rows),
-        cmocka_unit_test(the_peak_between_rows_counts),
-        cmocka_unit_test(what_is_wrong_is_said_with_its_place),
-    };
-
-    return cmocka_run_group_tests(tests, open_arena, close_arena);
-}
+TEST_GROUP(open_arena, close_arena)

@@ -3,17 +3,13 @@
  * detail, WALK-MAN's by what differs). */
 #include "contact/mesh/mesh.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-#include <cmocka.h>
 
 #include "tests/unit/arena_fixture.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 #define SOLE_Z (-0.0932)
 
@@ -87,12 +83,11 @@ static bool in_sole(const struct mesh *mesh, size_t f)
     return true;
 }
 
-static void generator_writes_the_committed_files_byte_for_byte(void **state)
+TEST(generator_writes_the_committed_files_byte_for_byte)
 {
     static const char *const foot[][2] = {
         {"coman", "right"}, {"coman", "left"}, {"walkman", "right"}, {"walkman", "left"}};
 
-    (void)state;
     for (size_t s = 0; s < sizeof foot / sizeof foot[0]; s++) {
         char command[1024], path[512], made[4096], kept[4096];
         FILE *generator, *file;
@@ -115,12 +110,11 @@ static void generator_writes_the_committed_files_byte_for_byte(void **state)
     }
 }
 
-static void generator_refuses_other_words_with_exit_code_2(void **state)
+TEST(generator_refuses_other_words_with_exit_code_2)
 {
     char command[1024];
     FILE *generator;
 
-    (void)state;
     snprintf(command, sizeof command, "'%s' coman both 2>&1", FOOT_MESH);
     generator = popen(command, "r");
     assert_non_null(generator);
@@ -130,21 +124,19 @@ static void generator_refuses_other_words_with_exit_code_2(void **state)
     assert_int_equal(pclose(generator), 2 << 8);
 }
 
-static void a_foot_has_504_faces_and_is_closed(void **state)
+TEST(a_foot_has_504_faces_and_is_closed)
 {
-    (void)state;
     /* The reader has refused whatever is not closed, manifold and outward */
     assert_int_equal(read_foot("right")->nface, 504);
     assert_int_equal(read_foot("left")->nface, 504);
 }
 
-static void sole_tiles_the_published_outline(void **state)
+TEST(sole_tiles_the_published_outline)
 {
     const struct mesh *foot = read_foot("right");
     double area = 0, largest = 0, worst = 1, sum = 0, quality;
     int faces = 0;
 
-    (void)state;
     for (size_t f = 0; f < foot->nface; f++) {
         if (in_sole(foot, f)) {
             double down = -flat_area(foot, f, &quality);
@@ -164,12 +156,11 @@ static void sole_tiles_the_published_outline(void **state)
     assert_true(sum / faces > 0.75);
 }
 
-static void sole_centroids_integrate_pressure_as_the_outline_does(void **state)
+TEST(sole_centroids_integrate_pressure_as_the_outline_does)
 {
     const struct mesh *foot = read_foot("right");
     double moment[2] = {0, 0}, exact[2] = {0, 0}, quality;
 
-    (void)state;
     for (int i = 0; i < 21; i++) {
         const double *a = outline[i], *b = outline[(i + 1) % 21];
         double part = (a[0] * b[1] - b[0] * a[1]) / 6;
@@ -191,11 +182,10 @@ static void sole_centroids_integrate_pressure_as_the_outline_does(void **state)
     assert_near(moment[1], exact[1], 1e-17);
 }
 
-static void only_the_sole_is_within_a_centimeter_of_the_floor(void **state)
+TEST(only_the_sole_is_within_a_centimeter_of_the_floor)
 {
     const struct mesh *foot = read_foot("right");
 
-    (void)state;
     for (size_t f = 0; f < foot->nface; f++) {
         double z = 0;
 
@@ -206,11 +196,10 @@ static void only_the_sole_is_within_a_centimeter_of_the_floor(void **state)
     }
 }
 
-static void the_left_foot_mirrors_the_right_one(void **state)
+TEST(the_left_foot_mirrors_the_right_one)
 {
     const struct mesh *right = read_foot("right"), *left = read_foot("left");
 
-    (void)state;
     assert_int_equal(left->nvertex, right->nvertex);
     for (size_t v = 0; v < right->nvertex; v++) {
         assert_true(left->vertex[v][0] == right->vertex[v][0]);
@@ -225,24 +214,22 @@ static void the_left_foot_mirrors_the_right_one(void **state)
     assert_near(mesh_volume(left), mesh_volume(right), 1e-18);
 }
 
-static void volume_is_that_of_the_two_frustums(void **state)
+TEST(volume_is_that_of_the_two_frustums)
 {
     /* The outline's area A at the sole, 0.81 A halfway, 0.64 A at the top, 0.0316 m apart:
      * h/3 (A1 + A2 + sqrt(A1 A2)) for each, to the micrometer that vertices are rounded to */
     double a = outline_area(), h = 0.0316;
     double expected = h / 3 * a * ((1 + 0.81 + 0.9) + (0.81 + 0.64 + 0.72));
 
-    (void)state;
     assert_near(mesh_volume(read_foot("right")), expected, 1e-4 * expected);
 }
 
 /* 0.306 m by 0.16 m, from 0.111 m behind the ankle and 0.09 m outward of it, 0.1435 m below */
-static void the_sole_of_walkman_is_its_rectangle(void **state)
+TEST(the_sole_of_walkman_is_its_rectangle)
 {
     const struct mesh *foot = read_mesh("walkman-foot-right");
     double area = 0, moment[2] = {0, 0}, quality;
 
-    (void)state;
     assert_int_equal(foot->nface, 504);
     for (size_t f = 0; f < foot->nface; f++) {
         const int *face = foot->face[f];
@@ -269,19 +256,4 @@ static void the_sole_of_walkman_is_its_rectangle(void **state)
     assert_near(moment[1], 0.306 * 0.16 * -0.01, 1e-16);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(generator_writes_the_committed_files_byte_for_byte),
-        cmocka_unit_test(generator_refuses_other_words_with_exit_code_2),
-        cmocka_unit_test(a_foot_has_504_faces_and_is_closed),
-        cmocka_unit_test(sole_tiles_the_published_outline),
-        cmocka_unit_test(sole_centroids_integrate_pressure_as_the_outline_does),
-        cmocka_unit_test(only_the_sole_is_within_a_centimeter_of_the_floor),
-        cmocka_unit_test(the_left_foot_mirrors_the_right_one),
-        cmocka_unit_test(volume_is_that_of_the_two_frustums),
-        cmocka_unit_test(the_sole_of_walkman_is_its_rectangle),
-    };
-
-    return cmocka_run_group_tests_name("tools_foot_mesh", tests, open_arena, close_arena);
-}
+TEST_GROUP(open_arena, close_arena)

@@ -2,16 +2,12 @@
 /* Meshes written as OBJ text. */
 #include "tools/mesh_write.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
-#include <cmocka.h>
 
 #include "tests/unit/arena_fixture.h"
+#include "tests/test.h"
 
-static void what_is_written_reads_back_bit_by_bit(void **state)
+TEST(what_is_written_reads_back_bit_by_bit)
 {
     const double half[3] = {0.1 / 3, 1e-6, 123.45678901234567};
     const struct mesh *box, *back = NULL;
@@ -19,7 +15,6 @@ static void what_is_written_reads_back_bit_by_bit(void **state)
     size_t size = 0;
     FILE *file = open_memstream(&text, &size);
 
-    (void)state;
     assert_non_null(file);
     assert_int_equal(mesh_box(half, 1, &arena, &box, NULL), ERROR_NONE);
     assert_int_equal(mesh_write_obj(box, file, NULL), ERROR_NONE);
@@ -32,13 +27,12 @@ static void what_is_written_reads_back_bit_by_bit(void **state)
     free(text);
 }
 
-static void writing_to_a_full_device_is_an_error(void **state)
+TEST(writing_to_a_full_device_is_an_error)
 {
     const struct mesh *box;
     FILE *full = fopen("/dev/full", "w");
     struct error error;
 
-    (void)state;
     if (!full) {
         print_message("SKIP: there is no /dev/full\n");
         skip();
@@ -48,12 +42,4 @@ static void writing_to_a_full_device_is_an_error(void **state)
     fclose(full);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(what_is_written_reads_back_bit_by_bit),
-        cmocka_unit_test(writing_to_a_full_device_is_an_error),
-    };
-
-    return cmocka_run_group_tests_name("tools_mesh_write", tests, open_arena, close_arena);
-}
+TEST_GROUP(open_arena, close_arena)

@@ -3,18 +3,14 @@
 #include "contact/mesh/mesh.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <cmocka.h>
 
 #include "base/vec3.h"
 #include "tests/physics/near.h"
 #include "tests/unit/arena_fixture.h"
+#include "tests/test.h"
 
 enum { TEXT = 1 << 20 };
 
@@ -106,11 +102,10 @@ static const struct {
     {"ramp-5deg", "ramp --height 0.1 --length 3 --slope 5"},
 };
 
-static void generator_writes_the_committed_files_byte_for_byte(void **state)
+TEST(generator_writes_the_committed_files_byte_for_byte)
 {
     static char file[TEXT];
 
-    (void)state;
     for (size_t i = 0; i < sizeof kept / sizeof kept[0]; i++) {
         char path[512];
         size_t size = 0, length;
@@ -131,11 +126,10 @@ static void generator_writes_the_committed_files_byte_for_byte(void **state)
 
 /* As steep as the ground of the paper's authors, or less: half of it up to 5 degrees, 90 % up to
  * 12.5. And few triangles, by which a tick costs. */
-static void facets_of_the_bumps_are_like_those_of_the_papers_authors(void **state)
+TEST(facets_of_the_bumps_are_like_those_of_the_papers_authors)
 {
     const struct mesh *low = make(kept[0].arguments), *high = make(kept[1].arguments);
 
-    (void)state;
     assert_near(share_up_to(low, 1.6, 0.88, 4.2), 0.5, 0.02);
     assert_near(share_up_to(high, 1.6, 0.88, 5.9), 0.5, 0.02);
     assert_true(share_up_to(low, 1.6, 0.88, 12.5) > 0.9);
@@ -146,13 +140,12 @@ static void facets_of_the_bumps_are_like_those_of_the_papers_authors(void **stat
 /* ---- the shapes ---- */
 
 /* H (1 - s^2)^2 (1 - t^2)^2 at all points of the grid; its side slope where it is steepest */
-static void a_smooth_bump_is_its_polynomial(void **state)
+TEST(a_smooth_bump_is_its_polynomial)
 {
     const double half = 8 / (3 * sqrt(3)) * 0.09 / tan(9 / degrees);
     const struct mesh *bump = make("bump --height 0.09 --length 1.6 --side-slope 9 --cell 0.05");
     double steepest = 0, last = 0;
 
-    (void)state;
     assert_near(highest(bump), 0.09, 1e-9);
     for (size_t v = 0; v < bump->nvertex; v++) {
         const double *p = bump->vertex[v];
@@ -173,12 +166,11 @@ static void a_smooth_bump_is_its_polynomial(void **state)
     assert_near(atan(steepest) * degrees, 9, 1e-3);
 }
 
-static void a_ramp_rises_and_falls_by_its_slope(void **state)
+TEST(a_ramp_rises_and_falls_by_its_slope)
 {
     const struct mesh *ramp = make("ramp --height 0.1 --length 3 --slope 5");
     const double run = 0.1 / tan(5 / degrees);
 
-    (void)state;
     assert_near(highest(ramp), 0.1, 0);
     for (size_t f = 0; f < ramp->nface; f++) {
         double n[3], x = face_middle(ramp, f, 0);
@@ -195,12 +187,11 @@ static void a_ramp_rises_and_falls_by_its_slope(void **state)
 }
 
 /* Three up and three down with a top of one tread: five treads of 0.4 m, 2 cm a step */
-static void steps_have_treads_of_one_length_and_one_rise(void **state)
+TEST(steps_have_treads_of_one_length_and_one_rise)
 {
     const struct mesh *steps = make("steps --height 0.06 --length 2 --count 3");
     double tread[4] = {0};
 
-    (void)state;
     for (size_t f = 0; f < steps->nface; f++) {
         double n[3], z = face_middle(steps, f, 2), x = face_middle(steps, f, 0);
 
@@ -218,11 +209,10 @@ static void steps_have_treads_of_one_length_and_one_rise(void **state)
     assert_near(tread[3], 0.4 - 2 * 0.005, 1e-9);
 }
 
-static void waves_are_as_many_as_asked_for(void **state)
+TEST(waves_are_as_many_as_asked_for)
 {
     const struct mesh *waves = make("waves --height 0.03 --length 2 --count 4 --cell 0.05");
 
-    (void)state;
     for (size_t v = 0; v < waves->nvertex; v++) {
         const double *p = waves->vertex[v];
 
@@ -236,12 +226,11 @@ static void waves_are_as_many_as_asked_for(void **state)
 
 /* ---- chance, and what is refused ---- */
 
-static void a_seed_makes_one_ground_and_another_one_another(void **state)
+TEST(a_seed_makes_one_ground_and_another_one_another)
 {
     char arguments[64];
     double height[3][8] = {{0}};
 
-    (void)state;
     for (int i = 0; i < 3; i++) {
         const struct mesh *mesh;
 
@@ -256,7 +245,7 @@ static void a_seed_makes_one_ground_and_another_one_another(void **state)
     assert_memory_not_equal(height[0], height[2], sizeof height[0]);
 }
 
-static void numbers_that_make_no_ground_are_refused_with_their_option(void **state)
+TEST(numbers_that_make_no_ground_are_refused_with_their_option)
 {
     static const char *const wrong[][2] = {
         {"hill", "usage"},
@@ -270,7 +259,6 @@ static void numbers_that_make_no_ground_are_refused_with_their_option(void **sta
         {"waves --cell 0.005", "--cell"},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
         size_t size = 0;
         int status = 0;
@@ -283,18 +271,4 @@ static void numbers_that_make_no_ground_are_refused_with_their_option(void **sta
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(generator_writes_the_committed_files_byte_for_byte),
-        cmocka_unit_test(facets_of_the_bumps_are_like_those_of_the_papers_authors),
-        cmocka_unit_test(a_smooth_bump_is_its_polynomial),
-        cmocka_unit_test(a_ramp_rises_and_falls_by_its_slope),
-        cmocka_unit_test(steps_have_treads_of_one_length_and_one_rise),
-        cmocka_unit_test(waves_are_as_many_as_asked_for),
-        cmocka_unit_test(a_seed_makes_one_ground_and_another_one_another),
-        cmocka_unit_test(numbers_that_make_no_ground_are_refused_with_their_option),
-    };
-
-    return cmocka_run_group_tests_name("tools_terrain_mesh", tests, open_arena, close_arena);
-}
+TEST_GROUP(open_arena, close_arena)

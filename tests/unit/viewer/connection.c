@@ -4,13 +4,11 @@
 #include "viewer/private.h"
 
 #include "rt/clock.h"
+#include "tests/test.h"
 
 #include <stdlib.h>
 #include <sys/socket.h>
 #include <unistd.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <cmocka.h>
 
 #define PATIENCE_NS (10 * CLOCK_SECOND)
 
@@ -19,12 +17,11 @@ static struct viewer_client *client;
 static int far_end;
 
 /* A client with a token on a socket that holds little. */
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     const int small = 4096;
     int pair[2];
 
-    (void)state;
     viewer = calloc(1, sizeof *viewer);
     if (!viewer || socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0, pair)) {
         return -1;
@@ -43,9 +40,8 @@ static int set_up(void **state)
     return client->outbox ? 0 : -1;
 }
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
-    (void)state;
     free(client->outbox);
     if (client->socket >= 0) {
         close(client->socket);
@@ -71,9 +67,8 @@ static void pass_time(int64_t time_ns)
     client_check(viewer, client);
 }
 
-static void who_takes_nothing_for_ten_seconds_is_cut_and_counted(void **state)
+TEST_WITH(who_takes_nothing_for_ten_seconds_is_cut_and_counted, set_up, tear_down)
 {
-    (void)state;
     fill_socket();
     pass_time(PATIENCE_NS);
     assert_true(client->socket >= 0);
@@ -84,11 +79,10 @@ static void who_takes_nothing_for_ten_seconds_is_cut_and_counted(void **state)
     assert_int_equal(viewer->counters.cut_silent + viewer->counters.cut_junk, 0);
 }
 
-static void who_takes_a_little_now_and_then_stays(void **state)
+TEST_WITH(who_takes_a_little_now_and_then_stays, set_up, tear_down)
 {
     static uint8_t some[8192];
 
-    (void)state;
     fill_socket();
     for (int i = 0; i < 5; i++) {
         pass_time(PATIENCE_NS - CLOCK_SECOND);
@@ -101,9 +95,8 @@ static void who_takes_a_little_now_and_then_stays(void **state)
     assert_int_equal(viewer->counters.cut_slow, 1);
 }
 
-static void who_is_sent_nothing_may_be_quiet(void **state)
+TEST_WITH(who_is_sent_nothing_may_be_quiet, set_up, tear_down)
 {
-    (void)state;
     pass_time(100 * PATIENCE_NS);
     assert_true(client->socket >= 0);
     fill_socket(); /* the time before counts for nothing */
@@ -111,9 +104,8 @@ static void who_is_sent_nothing_may_be_quiet(void **state)
     assert_true(client->socket >= 0);
 }
 
-static void who_gives_no_token_is_cut_as_silent(void **state)
+TEST_WITH(who_gives_no_token_is_cut_as_silent, set_up, tear_down)
 {
-    (void)state;
     client->right = RIGHT_NONE;
     pass_time(PATIENCE_NS);
     assert_true(client->socket >= 0);
@@ -121,17 +113,4 @@ static void who_gives_no_token_is_cut_as_silent(void **state)
     assert_int_equal(client->socket, -1);
     assert_int_equal(viewer->counters.cut_silent, 1);
     assert_int_equal(viewer->counters.cut_slow, 0);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(who_takes_nothing_for_ten_seconds_is_cut_and_counted,
-                                        set_up, tear_down),
-        cmocka_unit_test_setup_teardown(who_takes_a_little_now_and_then_stays, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(who_is_sent_nothing_may_be_quiet, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(who_gives_no_token_is_cut_as_silent, set_up, tear_down),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

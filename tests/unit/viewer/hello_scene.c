@@ -4,12 +4,10 @@
  * each kind of surface and of visual. A client draws from nothing else.
  */
 #include "viewer/private.h"
+#include "tests/test.h"
 
 #include <math.h>
 #include <stdlib.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <cmocka.h>
 
 enum { TRUNK, LEG, BALL };
 
@@ -102,16 +100,14 @@ static struct rig rig = {.robot = &robot,
 static struct viewer viewer = {.rig = &rig};
 static json_t *scene;
 
-static int describe(void **state)
+FIXTURE(describe)
 {
-    (void)state;
     scene = hello_scene(&viewer);
     return scene ? 0 : -1;
 }
 
-static int forget(void **state)
+FIXTURE(forget)
 {
-    (void)state;
     json_decref(scene);
     return 0;
 }
@@ -136,9 +132,8 @@ static void assert_part(const char *key, const char *expected)
     free(text);
 }
 
-static void bodies_are_the_robots_then_the_free_ones(void **state)
+TEST_WITH(bodies_are_the_robots_then_the_free_ones, describe, forget)
 {
-    (void)state;
     assert_part("bodies", "[{\"name\": \"trunk\", \"parent\": -1, \"mass_kg\": 2,"
                           " \"com_m\": [0.5, 0.25, 0.125], \"inertia_kg_m2\": [1, 2, 3, 4, 5, 6]},"
                           "{\"name\": \"leg\", \"parent\": 0, \"mass_kg\": 1.5,"
@@ -148,18 +143,16 @@ static void bodies_are_the_robots_then_the_free_ones(void **state)
 }
 
 /* A limit that there is not is null. */
-static void a_joint_moves_the_body_after_it(void **state)
+TEST_WITH(a_joint_moves_the_body_after_it, describe, forget)
 {
-    (void)state;
     assert_part("joints", "[{\"name\": \"hip\", \"body\": 1, \"type\": \"prismatic\","
                           " \"axis\": [0, 0, 1], \"lower\": -1, \"upper\": null,"
                           " \"torque_limit_nm\": 30}]");
 }
 
 /* The leg's capsule is a surface, so it is shown once; the trunk's is none. */
-static void shapes_are_the_surfaces_and_the_capsules_that_are_none(void **state)
+TEST_WITH(shapes_are_the_surfaces_and_the_capsules_that_are_none, describe, forget)
 {
-    (void)state;
     assert_part("shapes",
                 "[{\"name\": \"ground\", \"body\": -1, \"shape\": \"half_space\","
                 " \"position_m\": [0, 0, -1], \"quaternion\": [1, 0, 0, 0], \"radius_m\": 0,"
@@ -192,9 +185,8 @@ static void assert_visual(size_t index, const char *key, const char *expected)
 }
 
 /* Two visuals of one file have one address; of a file that cannot be had the reason is told. */
-static void visuals_have_their_measures_or_their_file(void **state)
+TEST_WITH(visuals_have_their_measures_or_their_file, describe, forget)
 {
-    (void)state;
     assert_visual(0, "shape", "\"box\"");
     assert_visual(0, "half_extent_m", "[0.5,0.25,2.0]");
     assert_visual(0, "color", "[1.0,0.5,0.25,0.75]");
@@ -212,27 +204,11 @@ static void visuals_have_their_measures_or_their_file(void **state)
     assert_visual(5, "missing", "\"no such file\"");
 }
 
-static void the_rest_is_about_the_whole_robot(void **state)
+TEST_WITH(the_rest_is_about_the_whole_robot, describe, forget)
 {
-    (void)state;
     assert_part("gravity_m_s2", "[0, 0, -9.75]");
     assert_true(json_is_true(json_object_get(scene, "floating")));
     assert_true(json_number_value(json_object_get(scene, "robot_mass_kg")) == 3.5);
     assert_part("contacts",
                 "[{\"name\": \"leg\", \"body\": 1}, {\"name\": \"ball\", \"body\": 2}]");
-}
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, describe, forget)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(bodies_are_the_robots_then_the_free_ones),
-        TEST(a_joint_moves_the_body_after_it),
-        TEST(shapes_are_the_surfaces_and_the_capsules_that_are_none),
-        TEST(visuals_have_their_measures_or_their_file),
-        TEST(the_rest_is_about_the_whole_robot),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

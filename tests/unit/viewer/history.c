@@ -2,12 +2,10 @@
 /* The history of signals against what a plain table would have, also when time goes back and when
  * there is more than its memory holds. */
 #include "viewer/history.h"
+#include "tests/test.h"
 
 #include <math.h>
 #include <string.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <cmocka.h>
 
 enum { SIGNALS = 5, CONSTANT = 4 };
 
@@ -44,18 +42,16 @@ static struct history *make_history(size_t columns)
     return history;
 }
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
-    (void)state;
     arena_fini(&arena);
     return 0;
 }
 
-static void every_row_is_kept(void **state)
+TEST_WITH(every_row_is_kept, NULL, tear_down)
 {
     struct history *history = make_history(1000);
 
-    (void)state;
     assert_int_equal(history_end(history), history_begin(history));
     assert_int_equal(history_find(history, 0), 0);
     put_rows(history, 1, 5000, 0);
@@ -74,13 +70,12 @@ static void every_row_is_kept(void **state)
     assert_int_equal(history_find(history, 5001 * STEP_NS), 5000);
 }
 
-static void time_that_goes_back_removes_what_it_undoes(void **state)
+TEST_WITH(time_that_goes_back_removes_what_it_undoes, NULL, tear_down)
 {
     static const int64_t back[] = {4990, 4000, 2049, 2048, 1};
     struct history *history = make_history(1000);
     int64_t last = 5000;
 
-    (void)state;
     put_rows(history, 1, last, 0);
     for (int life = 0; life < 5; life++) {
         put_rows(history, back[life], 700, life + 1);
@@ -96,13 +91,12 @@ static void time_that_goes_back_removes_what_it_undoes(void **state)
     }
 }
 
-static void chosen_signals_reach_back_the_longest(void **state)
+TEST_WITH(chosen_signals_reach_back_the_longest, NULL, tear_down)
 {
     enum { COLUMNS = 40, LONG = 100 * HISTORY_ROWS };
     struct history *history = make_history(COLUMNS);
     uint64_t begin;
 
-    (void)state;
     history_choose(history, 2);
     put_rows(history, 1, LONG, 0);
     begin = history_begin(history);
@@ -116,12 +110,11 @@ static void chosen_signals_reach_back_the_longest(void **state)
     assert_true(history_value(history, LONG - 1, 1) == value_of(1, LONG, 0));
 }
 
-static void blocks_are_bounded(void **state)
+TEST_WITH(blocks_are_bounded, NULL, tear_down)
 {
     const int64_t count = (int64_t)(HISTORY_BLOCKS + 3) * HISTORY_ROWS + 5;
     struct history *history = make_history(10);
 
-    (void)state;
     for (int64_t tick = 1; tick <= count; tick++) {
         history_put(history, tick, (double[SIGNALS]){1.0, 2.0, 3.0, 4.0, 5.0});
     }
@@ -130,14 +123,13 @@ static void blocks_are_bounded(void **state)
     assert_true(history_value(history, history_begin(history), 3) == 4.0F);
 }
 
-static void the_last_choices_count(void **state)
+TEST_WITH(the_last_choices_count, NULL, tear_down)
 {
     enum { COLUMNS = 24, LONG = 60 * HISTORY_ROWS };
     struct history *history;
     struct arena other;
     double value[HISTORY_CHOSEN + 1];
 
-    (void)state;
     assert_int_equal(arena_init(&other, (size_t)64 << 20, &error), ERROR_NONE);
     assert_int_equal(history_create(HISTORY_CHOSEN + 1, COLUMNS, &other, &history, &error), 0);
     for (size_t s = 0; s <= HISTORY_CHOSEN; s++) {
@@ -154,17 +146,4 @@ static void the_last_choices_count(void **state)
     arena_fini(&other);
     assert_int_equal(arena_init(&arena, 4096, &error), ERROR_NONE);
     assert_int_equal(history_create(SIGNALS, 10, &arena, &history, &error), ERROR_MEMORY);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_teardown(every_row_is_kept, tear_down),
-        cmocka_unit_test_teardown(time_that_goes_back_removes_what_it_undoes, tear_down),
-        cmocka_unit_test_teardown(chosen_signals_reach_back_the_longest, tear_down),
-        cmocka_unit_test_teardown(blocks_are_bounded, tear_down),
-        cmocka_unit_test_teardown(the_last_choices_count, tear_down),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

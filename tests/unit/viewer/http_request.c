@@ -2,14 +2,10 @@
 /* Requests of HTTP: what a browser sends is understood, anything else has its status; and who may
  * ask at which address. */
 #include "viewer/http_request.h"
+#include "tests/test.h"
 
 #include <stdio.h>
 #include <string.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 static struct http_request request;
 static size_t used;
@@ -19,7 +15,7 @@ static int parse(const char *text)
     return http_request_parse(text, strlen(text), &request, &used);
 }
 
-static void reads_what_a_browser_sends(void **state)
+TEST(reads_what_a_browser_sends)
 {
     static const char text[] = "GET /socket?x=1 HTTP/1.1\r\nHost: 127.0.0.1:8080\r\n"
                                "Connection: keep-alive, Upgrade\r\nUPGRADE: websocket\r\n"
@@ -27,7 +23,6 @@ static void reads_what_a_browser_sends(void **state)
                                "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
                                "Authorization: Bearer abc\r\n\r\nmore";
 
-    (void)state;
     for (size_t size = 0; size < strlen(text) - 4; size++) {
         assert_int_equal(http_request_parse(text, size, &request, &used), 0);
     }
@@ -40,9 +35,8 @@ static void reads_what_a_browser_sends(void **state)
     assert_true(request.upgrade);
 }
 
-static void an_upgrade_needs_all_its_headers(void **state)
+TEST(an_upgrade_needs_all_its_headers)
 {
-    (void)state;
     assert_int_equal(parse("GET / HTTP/1.1\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
                            "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: short\r\n\r\n"),
                      200);
@@ -54,7 +48,7 @@ static void an_upgrade_needs_all_its_headers(void **state)
     assert_false(request.upgrade);
 }
 
-static void other_requests_have_their_status(void **state)
+TEST(other_requests_have_their_status)
 {
     static char big[REQUEST_SIZE_MAX + 200];
     static const struct {
@@ -74,7 +68,6 @@ static void other_requests_have_their_status(void **state)
         {"\r\n\r\n", 400},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         assert_int_equal(parse(cases[i].text), cases[i].status);
     }
@@ -96,11 +89,10 @@ static bool is_ours(const struct http_bound *bound, const char *host, const char
     return http_request_is_ours(&request, bound);
 }
 
-static void only_its_own_pages_may_ask_a_server_of_this_machine(void **state)
+TEST(only_its_own_pages_may_ask_a_server_of_this_machine)
 {
     const struct http_bound bound = {"127.0.0.1", 8080, .loopback = true};
 
-    (void)state;
     assert_true(is_ours(&bound, "127.0.0.1:8080", ""));
     assert_true(is_ours(&bound, "localhost:8080", "http://localhost:8080"));
     assert_true(is_ours(&bound, "127.0.0.1:8080", "http://127.0.0.1:8080"));
@@ -117,11 +109,10 @@ static void only_its_own_pages_may_ask_a_server_of_this_machine(void **state)
     assert_false(is_ours(&bound, "127.0.0.1.evil.example:8080", ""));
 }
 
-static void at_all_addresses_only_numbers_are_trusted(void **state)
+TEST(at_all_addresses_only_numbers_are_trusted)
 {
     const struct http_bound all = {"0.0.0.0", 80, .any = true}, six = {"::1", 9, .loopback = true};
 
-    (void)state;
     assert_true(is_ours(&all, "192.0.2.1", "http://192.0.2.1"));
     assert_true(is_ours(&all, "localhost", ""));
     assert_false(is_ours(&all, "robot.example", "http://robot.example"));
@@ -129,17 +120,4 @@ static void at_all_addresses_only_numbers_are_trusted(void **state)
     assert_true(is_ours(&six, "[0:0::1]:9", ""));
     assert_false(is_ours(&six, "[::2]:9", ""));
     assert_false(is_ours(&six, "::1:9", ""));
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(reads_what_a_browser_sends),
-        cmocka_unit_test(an_upgrade_needs_all_its_headers),
-        cmocka_unit_test(other_requests_have_their_status),
-        cmocka_unit_test(only_its_own_pages_may_ask_a_server_of_this_machine),
-        cmocka_unit_test(at_all_addresses_only_numbers_are_trusted),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -2,13 +2,9 @@
 /* Messages of the page's clients: which are understood, and what may be asked without the right to
  * control. */
 #include "viewer/message.h"
+#include "tests/test.h"
 
 #include <string.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 static struct viewer_message message;
 static struct error error;
@@ -19,16 +15,14 @@ static enum error_code parse(const char *text)
     return viewer_message_parse(text, strlen(text), &message, &error);
 }
 
-static int clear(void **state)
+FIXTURE(clear)
 {
-    (void)state;
     viewer_message_clear(&message);
     return 0;
 }
 
-static void a_watch_has_a_rate_and_signals(void **state)
+TEST_WITH(a_watch_has_a_rate_and_signals, NULL, clear)
 {
-    (void)state;
     assert_int_equal(parse("{\"id\":3,\"cmd\":\"watch\",\"rate_hz\":30,\"trace\":true,"
                            "\"signals\":[\"q_*\"]}"),
                      0);
@@ -45,9 +39,8 @@ static void a_watch_has_a_rate_and_signals(void **state)
     assert_int_equal(parse("{\"cmd\":\"watch\",\"rate_hz\":1,\"treace\":true}"), ERROR_INPUT);
 }
 
-static void a_frame_is_one_that_a_bus_can_carry(void **state)
+TEST_WITH(a_frame_is_one_that_a_bus_can_carry, NULL, clear)
 {
-    (void)state;
     assert_int_equal(parse("{\"cmd\":\"send\",\"bus\":\"torso\",\"frame_id\":257,"
                            "\"data\":\"0a FF 00\"}"),
                      0);
@@ -76,7 +69,7 @@ static void a_frame_is_one_that_a_bus_can_carry(void **state)
     assert_int_equal(parse("{\"cmd\":\"send\",\"frame_id\":1,\"data\":\"\"}"), ERROR_INPUT);
 }
 
-static void only_questions_are_harmless(void **state)
+TEST_WITH(only_questions_are_harmless, NULL, clear)
 {
     static const char *const harmless[] = {
         "{\"cmd\":\"status\"}", "{\"cmd\":\"hello\"}", "{\"cmd\":\"statistics\"}",
@@ -92,7 +85,6 @@ static void only_questions_are_harmless(void **state)
         "{\"cmd\":\"wait\",\"tick\":1}",
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof harmless / sizeof harmless[0]; i++) {
         assert_int_equal(parse(harmless[i]), 0);
         assert_int_equal(message.command, VIEWER_CONTROL);
@@ -105,9 +97,8 @@ static void only_questions_are_harmless(void **state)
     }
 }
 
-static void a_message_is_one_line_and_one_request(void **state)
+TEST_WITH(a_message_is_one_line_and_one_request, NULL, clear)
 {
-    (void)state;
     /* A second line would be a second request at the control socket */
     assert_int_equal(parse("{\"cmd\":\"status\"}\n{\"cmd\":\"stop\"}"), ERROR_INPUT);
     assert_int_equal(parse("{\"cmd\":\r\"status\"}"), ERROR_INPUT);
@@ -117,16 +108,4 @@ static void a_message_is_one_line_and_one_request(void **state)
     assert_int_equal(parse("{\"cmd\":\"enter\"}"), ERROR_INPUT);
     assert_int_equal(parse("{\"cmd\":\"enter\",\"token\":\"x\"}"), 0);
     assert_int_equal(message.command, VIEWER_ENTER);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_teardown(a_watch_has_a_rate_and_signals, clear),
-        cmocka_unit_test_teardown(a_frame_is_one_that_a_bus_can_carry, clear),
-        cmocka_unit_test_teardown(only_questions_are_harmless, clear),
-        cmocka_unit_test_teardown(a_message_is_one_line_and_one_request, clear),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,32 +1,28 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Files of a recording as they are found by time, also when they are cut, odd or wrong. */
 #include "viewer/recorded.h"
+#include "tests/test.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <cmocka.h>
 
 static char path[] = "/tmp/recorded-XXXXXX";
 static struct arena arena;
 static struct error error;
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     int descriptor = mkstemp(path);
 
-    (void)state;
     close(descriptor);
     return descriptor < 0 || arena_init(&arena, (size_t)16 << 20, &error) ? -1 : 0;
 }
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
-    (void)state;
     arena_fini(&arena);
     return unlink(path);
 }
@@ -40,12 +36,11 @@ static void write_file(const char *text)
     fclose(out);
 }
 
-static void rows_are_found_by_time(void **state)
+TEST(rows_are_found_by_time)
 {
     struct recorded_table table;
     double value[3];
 
-    (void)state;
     write_file("time_s,a,b\n0.01,1,2\n0.02,3,-4e-3\n0.02,5,6\n0.04,7,8\n0.05,9");
     assert_int_equal(recorded_table_open(path, &arena, &table, &error), 0);
     assert_int_equal(table.ncolumn, 2);
@@ -62,12 +57,11 @@ static void rows_are_found_by_time(void **state)
     recorded_table_close(&table);
 }
 
-static void odd_cells_are_no_numbers(void **state)
+TEST(odd_cells_are_no_numbers)
 {
     struct recorded_table table;
     double value[3];
 
-    (void)state;
     write_file("time_s,a,b,c\n1,,x,\n2,5\n3\n4,1 2,0x10,3z\n5,6,7,8,9\n");
     assert_int_equal(recorded_table_open(path, &arena, &table, &error), 0);
     for (size_t row = 0; row < 4; row++) {
@@ -80,13 +74,12 @@ static void odd_cells_are_no_numbers(void **state)
     recorded_table_close(&table);
 }
 
-static void columns_that_are_not_wanted_are_left_alone(void **state)
+TEST(columns_that_are_not_wanted_are_left_alone)
 {
     static const bool wanted[] = {false, true, false, true};
     struct recorded_table table;
     double value[] = {-1, -1, -1, -1};
 
-    (void)state;
     write_file("time_s,a,b,c,d\n1,5,6,7,8\n2,x,9\n");
     assert_int_equal(recorded_table_open(path, &arena, &table, &error), 0);
     recorded_table_read(&table, 0, 4, wanted, value);
@@ -96,7 +89,7 @@ static void columns_that_are_not_wanted_are_left_alone(void **state)
     recorded_table_close(&table);
 }
 
-static void what_is_no_table_is_refused(void **state)
+TEST(what_is_no_table_is_refused)
 {
     static const char *const texts[] = {
         "",
@@ -111,7 +104,6 @@ static void what_is_no_table_is_refused(void **state)
     };
     struct recorded_table table;
 
-    (void)state;
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
         write_file(texts[i]);
         assert_int_equal(recorded_table_open(path, &arena, &table, &error), ERROR_INPUT);
@@ -122,7 +114,7 @@ static void what_is_no_table_is_refused(void **state)
     assert_int_equal(recorded_table_open("/tmp", &arena, &table, &error), ERROR_INPUT);
 }
 
-static void frames_are_found_and_counted(void **state)
+TEST(frames_are_found_and_counted)
 {
     static const char *const bus[] = {"can0", "can1"};
     struct recorded_traffic traffic[2];
@@ -130,7 +122,6 @@ static void frames_are_found_and_counted(void **state)
     struct bus_frame frame;
     size_t at, which;
 
-    (void)state;
     write_file("(0.000000) can0 001#01\n(0.050000) can1 002#0102\n(0.120000) vcan7 003#\n"
                "(0.200000) can0 004#FF\n(0.300000) can1 005#\n(0.350000) can0 0");
     assert_int_equal(recorded_log_open(path, bus, 2, &log, &error), 0);
@@ -162,15 +153,4 @@ static void frames_are_found_and_counted(void **state)
     recorded_log_close(&log);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(rows_are_found_by_time),
-        cmocka_unit_test(odd_cells_are_no_numbers),
-        cmocka_unit_test(columns_that_are_not_wanted_are_left_alone),
-        cmocka_unit_test(what_is_no_table_is_refused),
-        cmocka_unit_test(frames_are_found_and_counted),
-    };
-
-    return cmocka_run_group_tests(tests, set_up, tear_down);
-}
+TEST_GROUP(set_up, tear_down)

@@ -8,15 +8,13 @@
 #include "base/count.h"
 #include "rt/clock.h"
 #include "rt/histogram.h"
+#include "tests/test.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <unistd.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <cmocka.h>
 
 enum {
     TICKS = 400,
@@ -57,7 +55,7 @@ static uint8_t *state; /* the last one that came */
 
 /* ---- the run, and a client ---- */
 
-static int open_run(void **unused)
+FIXTURE(open_run)
 {
     static const char *const fault[] = {"supply sag 1 manual", "motor LElbj jam 0.1..",
                                         "supply sag 2 manual"};
@@ -67,7 +65,6 @@ static int open_run(void **unused)
     struct error error;
     char notice[256];
 
-    (void)unused;
     if (arena_init(&arena, (size_t)1 << 30, &error) ||
         rig_load(HIL_SOURCE_DIR "/config/rigs/coman.yaml", &arena, &loaded, &error)) {
         return -1;
@@ -93,21 +90,19 @@ static int open_run(void **unused)
     return 0;
 }
 
-static int close_run(void **unused)
+FIXTURE(close_run)
 {
-    (void)unused;
     simulator_destroy(simulator);
     arena_fini(&arena);
     return 0;
 }
 
 /* A viewer of the run, whose rows and boards are the test's, and a client that watches. */
-static int open_client(void **unused)
+FIXTURE(open_client)
 {
     struct error error;
     int pair[2];
 
-    (void)unused;
     viewer = calloc(1, sizeof *viewer);
     state = calloc(1, LARGEST);
     board = calloc(rig.boards.nboard, sizeof *board);
@@ -143,9 +138,8 @@ static int open_client(void **unused)
     return 0;
 }
 
-static int close_client(void **unused)
+FIXTURE(close_client)
 {
-    (void)unused;
     close(client->socket);
     close(far_end);
     free(client->outbox);
@@ -217,11 +211,10 @@ static bool hear_state(int64_t later_ns)
 
 /* ---- */
 
-static void the_header_is_that_of_the_last_tick(void **unused)
+TEST_WITH(the_header_is_that_of_the_last_tick, open_client, close_client)
 {
     const struct loop_stats *stats = simulator_stats(simulator);
 
-    (void)unused;
     client->watch.skipped = 5;
     assert_true(hear_state(0));
     assert_int_equal(u16_at(2), 2); /* the base is held, nothing else */
@@ -243,11 +236,10 @@ static void the_header_is_that_of_the_last_tick(void **unused)
 }
 
 /* A body's origin is that of the joint which moves it, so as far from its parent's as at rest. */
-static void bodies_hang_together_by_their_joints(void **unused)
+TEST_WITH(bodies_hang_together_by_their_joints, open_client, close_client)
 {
     const struct robot *robot = rig.robot;
 
-    (void)unused;
     for (size_t k = 0; k < POSE; k++) {
         row[CRATE + k] = 10.0 + (double)k;
     }
@@ -276,12 +268,11 @@ static void bodies_hang_together_by_their_joints(void **unused)
 }
 
 /* A joint whose torque is no signal has none. */
-static void joints_have_their_angle_and_their_torque(void **unused)
+TEST_WITH(joints_have_their_angle_and_their_torque, open_client, close_client)
 {
     const struct plant_sensors *sensors = plant_sensors(simulator_plant(simulator));
     bool found = false;
 
-    (void)unused;
     row[KNEE] = -12.5;
     assert_true(hear_state(0));
     for (size_t j = 0; j < rig.robot->njoint; j++) {
@@ -295,11 +286,10 @@ static void joints_have_their_angle_and_their_torque(void **unused)
     assert_true(found);
 }
 
-static void contacts_are_those_that_touch(void **unused)
+TEST_WITH(contacts_are_those_that_touch, open_client, close_client)
 {
     size_t at;
 
-    (void)unused;
     for (size_t k = 0; k < TWISTS; k++) {
         row[LEFT + k] = 100.0 + (double)k;
     }
@@ -315,11 +305,10 @@ static void contacts_are_those_that_touch(void **unused)
     }
 }
 
-static void buses_have_their_counts_and_their_load(void **unused)
+TEST_WITH(buses_have_their_counts_and_their_load, open_client, close_client)
 {
     struct simulator_status status;
 
-    (void)unused;
     assert_true(simulator_read(simulator, &status));
     assert_true(hear_state(0));
     for (size_t b = 0; b < rig.nbus; b++) {
@@ -337,11 +326,10 @@ static void buses_have_their_counts_and_their_load(void **unused)
     }
 }
 
-static void ticks_have_their_mean_their_percentile_and_their_greatest(void **unused)
+TEST_WITH(ticks_have_their_mean_their_percentile_and_their_greatest, open_client, close_client)
 {
     const struct histogram *work = &simulator_stats(simulator)->work;
 
-    (void)unused;
     assert_int_equal(work->count, TICKS);
     assert_true(work->max > 0);
     assert_true(hear_state(0));
@@ -352,12 +340,11 @@ static void ticks_have_their_mean_their_percentile_and_their_greatest(void **unu
 
 /* Loads are those of a quarter of a second of wall time or more: what has just been measured
  * stays. */
-static void loads_are_measured_four_times_a_second(void **unused)
+TEST_WITH(loads_are_measured_four_times_a_second, open_client, close_client)
 {
     double load;
     size_t at;
 
-    (void)unused;
     client->watch.period_ns = 1;
     assert_true(hear_state(0));
     at = part_at(OF_BUSES) + 16;
@@ -370,7 +357,7 @@ static void loads_are_measured_four_times_a_second(void **unused)
     assert_f32(at, 2.0 * load);
 }
 
-static void boards_tell_how_they_are(void **unused)
+TEST_WITH(boards_tell_how_they_are, open_client, close_client)
 {
     static const struct {
         struct board_state is;
@@ -385,7 +372,6 @@ static void boards_tell_how_they_are(void **unused)
         {{.heard_ns = 400 * CLOCK_MS}, 0, 0.0},
     };
 
-    (void)unused;
     assert_true(rig.boards.nboard >= ARRAY_COUNT(told));
     for (size_t i = 0; i < ARRAY_COUNT(told); i++) {
         board[i] = told[i].is;
@@ -406,16 +392,14 @@ static void boards_tell_how_they_are(void **unused)
     }
 }
 
-static void active_faults_have_their_bit(void **unused)
+TEST_WITH(active_faults_have_their_bit, open_client, close_client)
 {
-    (void)unused;
     assert_true(hear_state(0));
     assert_int_equal(get_u32_le(state + part_at(OF_FAULTS)), 2);
 }
 
-static void chosen_signals_come_in_their_order(void **unused)
+TEST_WITH(chosen_signals_come_in_their_order, open_client, close_client)
 {
-    (void)unused;
     row[RIGHT] = 0.25;
     row[CRATE] = -3.0;
     client->watch.nsignal = 2;
@@ -427,9 +411,8 @@ static void chosen_signals_come_in_their_order(void **unused)
     assert_f32(part_at(OF_SIGNALS) + 4, 0.25);
 }
 
-static void states_come_at_the_rate_that_was_asked_for(void **unused)
+TEST_WITH(states_come_at_the_rate_that_was_asked_for, open_client, close_client)
 {
-    (void)unused;
     assert_true(hear_state(0));
     assert_false(hear_state(100 * CLOCK_MS - 1));
     assert_true(hear_state(1));
@@ -440,9 +423,8 @@ static void states_come_at_the_rate_that_was_asked_for(void **unused)
 
 /* Who watches after nobody did waits for a view of now, but not for ever: a run that stands still
  * has no other than the one before. */
-static void an_old_view_is_shown_when_no_other_comes(void **unused)
+TEST_WITH(an_old_view_is_shown_when_no_other_comes, open_client, close_client)
 {
-    (void)unused;
     viewer->awaited = true;
     viewer->views_before = simulator_view_read(simulator, &viewer->view);
     viewer->awaited_till_ns = viewer->now_ns + 200 * CLOCK_MS;
@@ -453,24 +435,4 @@ static void an_old_view_is_shown_when_no_other_comes(void **unused)
     assert_true(hear_state(100 * CLOCK_MS));
 }
 
-#define TEST(name) cmocka_unit_test_setup_teardown(name, open_client, close_client)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(the_header_is_that_of_the_last_tick),
-        TEST(bodies_hang_together_by_their_joints),
-        TEST(joints_have_their_angle_and_their_torque),
-        TEST(contacts_are_those_that_touch),
-        TEST(buses_have_their_counts_and_their_load),
-        TEST(ticks_have_their_mean_their_percentile_and_their_greatest),
-        TEST(loads_are_measured_four_times_a_second),
-        TEST(boards_tell_how_they_are),
-        TEST(active_faults_have_their_bit),
-        TEST(chosen_signals_come_in_their_order),
-        TEST(states_come_at_the_rate_that_was_asked_for),
-        TEST(an_old_view_is_shown_when_no_other_comes),
-    };
-
-    return cmocka_run_group_tests(tests, open_run, close_run);
-}
+TEST_GROUP(open_run, close_run)

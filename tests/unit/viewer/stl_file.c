@@ -1,18 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Files of visuals: what is a binary STL is passed on as it is, all else is refused in words. */
 #include "viewer/private.h"
+#include "tests/test.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 enum { VISUALS = 3 };
 
@@ -24,9 +19,8 @@ static struct viewer_file file[VISUALS];
 static struct viewer *viewer;
 static struct error error;
 
-static int open_viewer(void **state)
+FIXTURE(open_viewer)
 {
-    (void)state;
     strcpy(folder + sizeof folder - 7, "XXXXXX");
     memset(file, 0, sizeof file);
     viewer = calloc(1, sizeof *viewer);
@@ -39,9 +33,8 @@ static int open_viewer(void **state)
     return 0;
 }
 
-static int close_viewer(void **state)
+FIXTURE(close_viewer)
 {
-    (void)state;
     for (int i = 0; i < VISUALS; i++) {
         free((void *)(uintptr_t)file[i].data);
     }
@@ -67,11 +60,10 @@ static void write_stl(uint32_t faces, size_t size)
     assert_int_equal(fclose(out), 0);
 }
 
-static void a_sound_file_is_passed_on_byte_for_byte(void **state)
+TEST_WITH(a_sound_file_is_passed_on_byte_for_byte, open_viewer, close_viewer)
 {
     const struct viewer_file *got;
 
-    (void)state;
     write_stl(2, 184);
     assert_int_equal(viewer_check_visual(viewer->rig->robot->visual, &error), ERROR_NONE);
     got = viewer_visual_file(viewer, 0, &error);
@@ -86,14 +78,13 @@ static void a_sound_file_is_passed_on_byte_for_byte(void **state)
     assert_null(viewer_visual_file(viewer, 1, &error)); /* no mesh */
 }
 
-static void what_is_no_stl_is_refused_by_name(void **state)
+TEST_WITH(what_is_no_stl_is_refused_by_name, open_viewer, close_viewer)
 {
     static const struct {
         uint32_t faces;
         size_t size;
     } cases[] = {{2, 183}, {2, 185}, {0, 0}, {0, 83}, {UINT32_MAX, 184}, {0x33333333, 134}};
 
-    (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         write_stl(cases[i].faces, cases[i].size);
         assert_null(viewer_visual_file(viewer, 0, &error));
@@ -113,9 +104,8 @@ static void what_is_no_stl_is_refused_by_name(void **state)
     assert_non_null(strstr(error.text, "no regular file"));
 }
 
-static void all_visuals_together_are_bounded(void **state)
+TEST_WITH(all_visuals_together_are_bounded, open_viewer, close_viewer)
 {
-    (void)state;
     write_stl(2, 184);
     viewer->visual_bytes = VIEWER_VISUAL_BYTES - 183;
     assert_null(viewer_visual_file(viewer, 0, &error));
@@ -124,26 +114,11 @@ static void all_visuals_together_are_bounded(void **state)
     assert_non_null(viewer_visual_file(viewer, 0, &error));
 }
 
-static void the_same_file_is_asked_for_once(void **state)
+TEST_WITH(the_same_file_is_asked_for_once, open_viewer, close_viewer)
 {
-    (void)state;
     visual[2].file = "other.stl";
     assert_int_equal(viewer_visual_source(&robot, 2), 2);
     visual[2].file = path;
     assert_int_equal(viewer_visual_source(&robot, 2), 0);
     visual[2].file = NULL;
-}
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, open_viewer, close_viewer)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(a_sound_file_is_passed_on_byte_for_byte),
-        TEST(what_is_no_stl_is_refused_by_name),
-        TEST(all_visuals_together_are_bounded),
-        TEST(the_same_file_is_asked_for_once),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,13 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The port that tells when frames passed the kernel, on a port that the test plays. */
 #include "app/bench/latency_tap.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "tests/test.h"
 
 struct played_port {
     struct can_port port;
@@ -83,7 +77,7 @@ static void put(struct bench *bench, uint32_t id, uint8_t value)
     assert_int_equal(can_send(&bench->tap->port, &frame, 1), 1);
 }
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     static struct bench bench;
     struct error error;
@@ -91,21 +85,21 @@ static int set_up(void **state)
     bench = (struct bench){.played.port = {.ops = &played_ops, .bus = "can0"}};
     assert_int_equal(arena_init(&bench.arena, 1 << 20, &error), ERROR_NONE);
     assert_int_equal(latency_tap_create(&bench.played.port, &bench.arena, &bench.tap, &error), 0);
-    *state = &bench;
+    *test_state = &bench;
     return 0;
 }
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     arena_fini(&bench->arena);
     return 0;
 }
 
-static void the_first_frame_after_the_mark_counts(void **state)
+TEST_WITH(the_first_frame_after_the_mark_counts, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct bus_frame frame;
 
     put(bench, 0x10, 1);
@@ -123,9 +117,9 @@ static void the_first_frame_after_the_mark_counts(void **state)
     assert_int_equal(take(bench, &frame), 0);
 }
 
-static void frames_are_handed_on_one_a_call(void **state)
+TEST_WITH(frames_are_handed_on_one_a_call, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct bus_frame frame[8];
 
     for (uint8_t i = 0; i < 3; i++) {
@@ -141,9 +135,9 @@ static void frames_are_handed_on_one_a_call(void **state)
 }
 
 /* Another node may send the same identifier with other data, and our bytes a second time. */
-static void what_others_send_is_handed_on(void **state)
+TEST_WITH(what_others_send_is_handed_on, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct bus_frame frame;
 
     put(bench, 0x11, 2);
@@ -158,9 +152,9 @@ static void what_others_send_is_handed_on(void **state)
     assert_int_equal(take(bench, &frame), 0);
 }
 
-static void frames_that_never_come_back_make_room(void **state)
+TEST_WITH(frames_that_never_come_back_make_room, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct bus_frame frame;
 
     for (int i = 0; i < 3 * LATENCY_TAP_SENT; i++) {
@@ -173,9 +167,9 @@ static void frames_that_never_come_back_make_room(void **state)
     assert_int_equal(bench->tap->sent_ns, 2000);
 }
 
-static void the_rest_is_that_of_the_port_behind(void **state)
+TEST_WITH(the_rest_is_that_of_the_port_behind, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct bus_frame frame;
 
     bench->played.port.state = CAN_PORT_WARNING;
@@ -186,17 +180,4 @@ static void the_rest_is_that_of_the_port_behind(void **state)
     assert_int_equal(bench->tap->port.ops->descriptor(&bench->tap->port), 42);
     bench->tap->port.ops->close(&bench->tap->port);
     assert_true(bench->played.closed);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(the_first_frame_after_the_mark_counts, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(frames_are_handed_on_one_a_call, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(what_others_send_is_handed_on, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(frames_that_never_come_back_make_room, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(the_rest_is_that_of_the_port_behind, set_up, tear_down),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,14 +3,8 @@
  * Where the numbers of the paper's Table 1 and Fig. 3 come from: plain Runge-Kutta methods on the
  * pendulums' equation in closed form. The orders are checked by their convergence.
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "app/bench/pendulum.h"
+#include "tests/test.h"
 
 #include <math.h>
 
@@ -25,9 +19,8 @@ static void assert_converges(enum pendulum_order order, double expected)
     }
 }
 
-static void methods_have_their_orders(void **state)
+TEST(methods_have_their_orders)
 {
-    (void)state;
     assert_converges(PENDULUM_RK3, 3.0);
     assert_converges(PENDULUM_RK4, 4.0);
 }
@@ -38,9 +31,8 @@ static void assert_digits(double value, double printed)
     assert_true(fabs(value / printed - 1.0) < 0.03);
 }
 
-static void the_papers_3e_8_is_that_of_a_third_order_method(void **state)
+TEST(the_papers_3e_8_is_that_of_a_third_order_method)
 {
-    (void)state;
     assert_digits(pendulum_plain_energy(1, PENDULUM_RK3, 1e-2), 2.0e-8);
     assert_digits(pendulum_plain_energy(2, PENDULUM_RK3, 1e-2), 3.5e-8);
     assert_true(pendulum_plain_energy(1, PENDULUM_RK4, 1e-2) < 1.5e-11);
@@ -48,9 +40,8 @@ static void the_papers_3e_8_is_that_of_a_third_order_method(void **state)
 }
 
 /* Rounding that adds up over 1e5 steps: of this size, its digits are the machine's. */
-static void the_papers_1e_13_is_rounding_without_compensation(void **state)
+TEST(the_papers_1e_13_is_rounding_without_compensation)
 {
-    (void)state;
     for (size_t bodies = 1; bodies <= 2; bodies++) {
         double error = pendulum_plain_energy(bodies, PENDULUM_RK4, 1e-4);
 
@@ -59,20 +50,7 @@ static void the_papers_1e_13_is_rounding_without_compensation(void **state)
     }
 }
 
-static void the_papers_5e_9_is_a_linear_interpolation(void **state)
+TEST(the_papers_5e_9_is_a_linear_interpolation)
 {
-    (void)state;
     assert_digits(pendulum_linear_period_error(), 6.0e-9);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(methods_have_their_orders),
-        cmocka_unit_test(the_papers_3e_8_is_that_of_a_third_order_method),
-        cmocka_unit_test(the_papers_1e_13_is_rounding_without_compensation),
-        cmocka_unit_test(the_papers_5e_9_is_a_linear_interpolation),
-    };
-
-    return cmocka_run_group_tests_name("bench_pendulum_plain", tests, NULL, NULL);
 }

@@ -1,25 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What follows from the cost of cases, by numbers that can be computed in the head. */
 #include "app/bench/throughput.h"
+#include "tests/test.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 static struct throughput all;
 
 /* Three rounds of 2 s: starts of 0.1 s, cases of 0.6, 0.5, 1.1 s, ten in a range 0.5 s. */
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     static const double whole[] = {0.6, 0.5, 1.1};
 
-    (void)state;
     all = (struct throughput){.rounds = 3, .nrig = 1, .seconds = 2.0, .mujoco = "9.9"};
     all.rig[0] = (struct throughput_rig){.rig = "a\"b", .task = "hold", .tick_s = 0.001};
     for (int i = 0; i < 3; i++) {
@@ -38,11 +32,10 @@ static void assert_near(double value, double wanted)
     assert_true(fabs(value - wanted) <= 1e-9 * wanted);
 }
 
-static void figures_follow_from_costs(void **state)
+TEST_WITH(figures_follow_from_costs, set_up, NULL)
 {
     struct throughput_figures figures;
 
-    (void)state;
     throughput_derive(&all, &all.rig[0], &figures);
     assert_near(figures.rate.median, 14400.0); /* 3600 2/0.5 */
     assert_near(figures.rate.low, 7200.0);
@@ -61,11 +54,10 @@ static void figures_follow_from_costs(void **state)
     assert_near(figures.tick_instructions.median, 2000.0); /* 4e6 in 2000 ticks */
 }
 
-static void a_case_cheaper_than_its_start_has_no_rate(void **state)
+TEST_WITH(a_case_cheaper_than_its_start_has_no_rate, set_up, NULL)
 {
     struct throughput_figures figures;
 
-    (void)state;
     all.rig[0].sample[1].whole.cpu_s = 0.1;
     throughput_derive(&all, &all.rig[0], &figures);
     assert_true(isnan(figures.rate.median) && isnan(figures.rate.low));
@@ -73,13 +65,12 @@ static void a_case_cheaper_than_its_start_has_no_rate(void **state)
     assert_false(isnan(figures.whole_ms.median));
 }
 
-static void json_has_null_where_nothing_was_counted(void **state)
+TEST_WITH(json_has_null_where_nothing_was_counted, set_up, NULL)
 {
     char *text = NULL;
     size_t size;
     FILE *out = open_memstream(&text, &size);
 
-    (void)state;
     assert_non_null(out);
     all.rig[0].sample[2].start.instructions = NAN;
     all.rig[0].sample[0].way_s[WAY_BODIES_EULER] = NAN;
@@ -95,13 +86,12 @@ static void json_has_null_where_nothing_was_counted(void **state)
     free(text);
 }
 
-static void tables_have_a_dash_there(void **state)
+TEST_WITH(tables_have_a_dash_there, set_up, NULL)
 {
     char *text = NULL;
     size_t size;
     FILE *out = open_memstream(&text, &size);
 
-    (void)state;
     assert_non_null(out);
     all.mujoco = NULL;
     all.rig[0].sample[0].way_s[WAY_BODIES_EULER] = NAN;
@@ -111,16 +101,4 @@ static void tables_have_a_dash_there(void **state)
     assert_non_null(strstr(text, "no MuJoCo was found"));
     assert_null(strstr(text, "nan"));
     free(text);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup(figures_follow_from_costs, set_up),
-        cmocka_unit_test_setup(a_case_cheaper_than_its_start_has_no_rate, set_up),
-        cmocka_unit_test_setup(json_has_null_where_nothing_was_counted, set_up),
-        cmocka_unit_test_setup(tables_have_a_dash_there, set_up),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,15 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil accel: each test runs the command in a child with text on its standard input. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "model/dynamics.h"
 #include "app/cli/commands.h"
 #include "tests/unit/model/random_robot.h"
+#include "tests/test.h"
 
 #include <errno.h>
 #include <poll.h>
@@ -146,7 +140,7 @@ static char *line_with(char *text, size_t from, size_t count, const char *other)
 
 /* ---- tests ---- */
 
-static void prints_what_the_dynamics_compute_to_the_last_bit(void **state)
+TEST(prints_what_the_dynamics_compute_to_the_last_bit)
 {
     static char text[NUMBERS * 32 + 64];
     const struct robot *robot;
@@ -157,7 +151,6 @@ static void prints_what_the_dynamics_compute_to_the_last_bit(void **state)
     double vdot[29];
     char *at = text + sprintf(text, "# a comment\n\n   \t\n  # another\n");
 
-    (void)state;
     assert_int_equal(arena_init(&arena, 1 << 24, NULL), ERROR_NONE);
     assert_int_equal(robot_load(COMAN, NULL, &arena, &robot, NULL), ERROR_NONE);
     assert_int_equal(dynamics_generic(robot, &arena, &d, NULL), ERROR_NONE);
@@ -182,12 +175,11 @@ static void prints_what_the_dynamics_compute_to_the_last_bit(void **state)
     arena_fini(&arena);
 }
 
-static void answers_each_line_before_the_next_one_is_written(void **state)
+TEST(answers_each_line_before_the_next_one_is_written)
 {
     static char text[1024];
     struct child child;
 
-    (void)state;
     line_with(text, 99, 0, "");
     start(&child, NULL);
     for (int i = 0; i < 3; i++) {
@@ -200,19 +192,17 @@ static void answers_each_line_before_the_next_one_is_written(void **state)
     assert_string_equal(out, "");
 }
 
-static void says_nothing_about_nothing(void **state)
+TEST(says_nothing_about_nothing)
 {
-    (void)state;
     assert_int_equal(run("", 0, NULL), 0);
     assert_int_equal(run("\n\n#", 3, NULL), 0);
     assert_string_equal(out, "");
 }
 
-static void lists_the_numbers_of_a_line(void **state)
+TEST(lists_the_numbers_of_a_line)
 {
     size_t lines = 0;
 
-    (void)state;
     assert_int_equal(run("", 0, "--list"), 0);
     for (const char *at = out; *at; at++) {
         lines += *at == '\n';
@@ -225,11 +215,10 @@ static void lists_the_numbers_of_a_line(void **state)
     assert_non_null(strstr(out, "LElbj rate (rad/s)\nRHipSag torque (N m)\n"));
 }
 
-static void refuses_lines_of_another_length(void **state)
+TEST(refuses_lines_of_another_length)
 {
     static char text[1024];
 
-    (void)state;
     assert_refused("1 2 3\n", "stdin:1:6: found the end of the line after 3 numbers, expected 82, "
                               "next base quaternion w (1)");
     assert_refused("# c\n1", "stdin:2:2: found the end of the line after 1 number, expected 82");
@@ -237,13 +226,12 @@ static void refuses_lines_of_another_length(void **state)
     assert_refused(text, ": found one more number, expected the end of the line after 82");
 }
 
-static void refuses_what_is_not_a_finite_number(void **state)
+TEST(refuses_what_is_not_a_finite_number)
 {
     static const char *const bad[] = {"nan", "inf", "-inf", "1e999", "0x10",
                                       "1,5", "--1", "#",    "1e"};
     static char text[1024], message[128];
 
-    (void)state;
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         line_with(text, 7, 1, bad[i]);
         snprintf(message, sizeof message,
@@ -253,11 +241,10 @@ static void refuses_what_is_not_a_finite_number(void **state)
     }
 }
 
-static void takes_a_quaternion_of_nearly_unit_length_only(void **state)
+TEST(takes_a_quaternion_of_nearly_unit_length_only)
 {
     static char text[1024], exact[OUTPUT_SIZE];
 
-    (void)state;
     assert_refused(line_with(text, 3, 4, "1.002 0 0 0"),
                    "stdin:1:7: found a quaternion of length 1.002, expected 1 within 0.001");
     assert_refused(line_with(text, 3, 4, "0 0 0 0"), "found a quaternion of length 0");
@@ -274,12 +261,11 @@ static void takes_a_quaternion_of_nearly_unit_length_only(void **state)
     }
 }
 
-static void survives_lines_and_words_of_any_length(void **state)
+TEST(survives_lines_and_words_of_any_length)
 {
     enum { LONG = 3 << 20 };
     static char text[LONG];
 
-    (void)state;
     memset(text, '7', sizeof text);
     assert_int_equal(run(text, sizeof text, NULL), 2);
     assert_non_null(strstr(err, "stdin:1:1: found \"7777"));
@@ -296,28 +282,17 @@ static void survives_lines_and_words_of_any_length(void **state)
     assert_non_null(strstr(err, "found \"????"));
 }
 
-static void refuses_states_whose_accelerations_overflow(void **state)
+TEST(refuses_states_whose_accelerations_overflow)
 {
     static char text[1024];
 
-    (void)state;
     assert_refused(line_with(text, 40, 1, "1e200"), "stdin:1:1: found numbers so large");
 }
 
-int main(void)
+FIXTURE(ignore_broken_pipes)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(prints_what_the_dynamics_compute_to_the_last_bit),
-        cmocka_unit_test(answers_each_line_before_the_next_one_is_written),
-        cmocka_unit_test(says_nothing_about_nothing),
-        cmocka_unit_test(lists_the_numbers_of_a_line),
-        cmocka_unit_test(refuses_lines_of_another_length),
-        cmocka_unit_test(refuses_what_is_not_a_finite_number),
-        cmocka_unit_test(takes_a_quaternion_of_nearly_unit_length_only),
-        cmocka_unit_test(survives_lines_and_words_of_any_length),
-        cmocka_unit_test(refuses_states_whose_accelerations_overflow),
-    };
-
     signal(SIGPIPE, SIG_IGN);
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return 0;
 }
+
+TEST_GROUP(ignore_broken_pipes, NULL)

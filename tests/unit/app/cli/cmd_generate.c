@@ -1,15 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil generate: the file that it writes, and its exit statuses. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "model/symbolic/symbolic.h"
 #include "app/cli/commands.h"
 #include "base/options.h"
+#include "tests/test.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -20,18 +14,16 @@
 
 static char folder[64];
 
-static int open_folder(void **state)
+FIXTURE(open_folder)
 {
-    (void)state;
     strcpy(folder, "/tmp/hil-generate-XXXXXX");
     return !mkdtemp(folder);
 }
 
-static int close_folder(void **state)
+FIXTURE(close_folder)
 {
     char command[128];
 
-    (void)state;
     snprintf(command, sizeof command, "rm -r '%s'", folder);
     return system(command);
 }
@@ -63,7 +55,7 @@ static int run(const char *robot, const char *directory, const char *lanes)
     return WEXITSTATUS(status);
 }
 
-static void it_writes_what_the_library_generates(void **state)
+TEST_WITH(it_writes_what_the_library_generates, open_folder, close_folder)
 {
     const struct symbolic_options options = {.lanes = 2};
     static char found[4 << 20], expected[4 << 20];
@@ -73,7 +65,6 @@ static void it_writes_what_the_library_generates(void **state)
     char path[128];
     FILE *file;
 
-    (void)state;
     assert_int_equal(run(COMAN, folder, "2"), STATUS_OK);
     snprintf(path, sizeof path, "%s/coman_dynamics.c", folder);
     file = fopen(path, "r");
@@ -91,34 +82,18 @@ static void it_writes_what_the_library_generates(void **state)
     assert_string_equal(found, expected);
 }
 
-static void wrong_arguments_and_files_have_their_exit_statuses(void **state)
+TEST_WITH(wrong_arguments_and_files_have_their_exit_statuses, open_folder, close_folder)
 {
-    (void)state;
     assert_int_equal(run("/nowhere/robot.yaml", folder, "4"), STATUS_INPUT);
     assert_int_equal(run(COMAN, folder, "3"), STATUS_INPUT);
     assert_int_equal(run(COMAN, "/nowhere/at/all", "4"), STATUS_SYSTEM);
 }
 
-static void a_failed_run_leaves_nothing_behind(void **state)
+TEST_WITH(a_failed_run_leaves_nothing_behind, open_folder, close_folder)
 {
     char command[128];
 
-    (void)state;
     assert_int_equal(run("/nowhere/robot.yaml", folder, "4"), STATUS_INPUT);
     snprintf(command, sizeof command, "test -z \"$(ls -A '%s')\"", folder);
     assert_int_equal(system(command), 0);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(it_writes_what_the_library_generates, open_folder,
-                                        close_folder),
-        cmocka_unit_test_setup_teardown(wrong_arguments_and_files_have_their_exit_statuses,
-                                        open_folder, close_folder),
-        cmocka_unit_test_setup_teardown(a_failed_run_leaves_nothing_behind, open_folder,
-                                        close_folder),
-    };
-
-    return cmocka_run_group_tests_name("symbolic_generate", tests, NULL, NULL);
 }

@@ -1,17 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the doctor says of machines that the test makes up: trees of the files it reads. */
 #include "app/cli/doctor/doctor.h"
+#include "tests/test.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 struct machine {
     char root[64];
@@ -78,7 +74,7 @@ static void put_good_machine(const struct machine *m)
     put(m, "/sys/class/net/can0/tx_queue_len", "1000\n");
 }
 
-static int start(void **state)
+FIXTURE(start)
 {
     struct machine *m = calloc(1, sizeof *m);
 
@@ -91,13 +87,13 @@ static int start(void **state)
     m->rig.realtime = (struct rig_realtime){.priority = 80, .cpu = 3, .lock_memory = true};
     m->rig.servo.command_period_ns = 1000000;
     put_good_machine(m);
-    *state = m;
+    *test_state = m;
     return 0;
 }
 
-static int stop(void **state)
+FIXTURE(stop)
 {
-    struct machine *m = *state;
+    struct machine *m = *test_state;
     char command[128];
 
     snprintf(command, sizeof command, "rm -rf '%s'", m->root);
@@ -148,9 +144,9 @@ static void assert_only(struct machine *m, const char *subject, enum doctor_verd
     assert_true(seen);
 }
 
-static void finds_nothing_on_a_good_machine(void **state)
+TEST_WITH(finds_nothing_on_a_good_machine, start, stop)
 {
-    struct machine *m = *state;
+    struct machine *m = *test_state;
 
     assert_int_equal(examine(m), DOCTOR_OK);
     assert_int_equal(m->count, 14);
@@ -159,9 +155,9 @@ static void finds_nothing_on_a_good_machine(void **state)
     }
 }
 
-static void finds_the_module_of_a_contact_engine(void **state)
+TEST_WITH(finds_the_module_of_a_contact_engine, start, stop)
 {
-    struct machine *m = *state;
+    struct machine *m = *test_state;
 
     m->rig.contact_engine = RIG_CONTACT_SIMBODY;
     assert_int_equal(examine(m), DOCTOR_OK);
@@ -175,18 +171,18 @@ static void finds_the_module_of_a_contact_engine(void **state)
     fail();
 }
 
-static void sees_a_kernel_that_is_not_for_real_time(void **state)
+TEST_WITH(sees_a_kernel_that_is_not_for_real_time, start, stop)
 {
-    struct machine *m = *state;
+    struct machine *m = *test_state;
 
     put(m, "/proc/sys/kernel/version", "#1 SMP PREEMPT_DYNAMIC Debian\n");
     put(m, "/sys/kernel/realtime", "0\n");
     assert_only(m, "kernel", DOCTOR_WARN, "PREEMPT_DYNAMIC");
 }
 
-static void sees_a_virtual_machine_in_a_long_list_of_flags(void **state)
+TEST_WITH(sees_a_virtual_machine_in_a_long_list_of_flags, start, stop)
 {
-    struct machine *m = *state;
+    struct machine *m = *test_state;
     char text[3000] = "flags : ";
 
     while (strlen(text) < 2500) {
@@ -197,23 +193,23 @@ static void sees_a_virtual_machine_in_a_long_list_of_flags(void **state)
     assert_only(m, "machine", DOCTOR_WARN, "virtual");
 }
 
-static void sees_a_slow_clock(void **state)
+TEST_WITH(sees_a_slow_clock, start, stop)
 {
-    put(*state, "/sys/devices/system/clocksource/clocksource0/current_clocksource", "hpet\n");
-    assert_only(*state, "clock source", DOCTOR_WARN, "hpet");
+    put(*test_state, "/sys/devices/system/clocksource/clocksource0/current_clocksource", "hpet\n");
+    assert_only(*test_state, "clock source", DOCTOR_WARN, "hpet");
 }
 
-static void sees_throttling(void **state)
+TEST_WITH(sees_throttling, start, stop)
 {
-    put(*state, "/proc/sys/kernel/sched_rt_runtime_us", "500000\n");
-    assert_only(*state, "RT throttling", DOCTOR_WARN, "50 %");
-    put(*state, "/proc/sys/kernel/sched_rt_runtime_us", "-1\n");
-    assert_int_equal(examine(*state), DOCTOR_OK);
+    put(*test_state, "/proc/sys/kernel/sched_rt_runtime_us", "500000\n");
+    assert_only(*test_state, "RT throttling", DOCTOR_WARN, "50 %");
+    put(*test_state, "/proc/sys/kernel/sched_rt_runtime_us", "-1\n");
+    assert_int_equal(examine(*test_state), DOCTOR_OK);
 }
 
-static void sees_missing_rights_but_not_with_the_capabilities(void **state)
+TEST_WITH(sees_missing_rights_but_not_with_the_capabilities, start, stop)
 {
-    struct machine *m = *state;
+    struct machine *m = *test_state;
     const char *limits =
         "Max locked memory         65536                65536                bytes\n"
         "Max realtime priority     0                    0\n";
@@ -228,9 +224,9 @@ static void sees_missing_rights_but_not_with_the_capabilities(void **state)
     assert_int_equal(examine(m), DOCTOR_OK);
 }
 
-static void judges_the_processor(void **state)
+TEST_WITH(judges_the_processor, start, stop)
 {
-    struct machine *m = *state;
+    struct machine *m = *test_state;
 
     put(m, "/sys/devices/system/cpu/isolated", "\n");
     put(m, "/proc/self/status", "CapEff:\t0\nCpus_allowed_list:\t0-3\n");
@@ -243,22 +239,22 @@ static void judges_the_processor(void **state)
     assert_only(m, "processor", DOCTOR_WARN, "names none");
 }
 
-static void sees_interrupts_on_the_loops_processor(void **state)
+TEST_WITH(sees_interrupts_on_the_loops_processor, start, stop)
 {
-    put(*state, "/proc/irq/25/effective_affinity_list", "2-3\n");
-    put(*state, "/proc/irq/26/effective_affinity_list", "3\n");
-    assert_only(*state, "interrupts", DOCTOR_WARN, "2 come to processor 3");
+    put(*test_state, "/proc/irq/25/effective_affinity_list", "2-3\n");
+    put(*test_state, "/proc/irq/26/effective_affinity_list", "3\n");
+    assert_only(*test_state, "interrupts", DOCTOR_WARN, "2 come to processor 3");
 }
 
-static void sees_power_saving(void **state)
+TEST_WITH(sees_power_saving, start, stop)
 {
-    put(*state, "/sys/devices/system/cpu/cpu3/cpufreq/scaling_governor", "powersave\n");
-    assert_only(*state, "frequency", DOCTOR_WARN, "powersave");
+    put(*test_state, "/sys/devices/system/cpu/cpu3/cpufreq/scaling_governor", "powersave\n");
+    assert_only(*test_state, "frequency", DOCTOR_WARN, "powersave");
 }
 
-static void sees_slow_idle_states_that_are_enabled(void **state)
+TEST_WITH(sees_slow_idle_states_that_are_enabled, start, stop)
 {
-    struct machine *m = *state;
+    struct machine *m = *test_state;
 
     put(m, "/sys/devices/system/cpu/cpu3/cpuidle/state1/latency", "133\n");
     put(m, "/sys/devices/system/cpu/cpu3/cpuidle/state1/name", "C6\n");
@@ -272,9 +268,9 @@ static void sees_slow_idle_states_that_are_enabled(void **state)
     assert_int_equal(examine(m), DOCTOR_OK);
 }
 
-static void sees_a_small_receive_buffer_but_not_with_the_capability(void **state)
+TEST_WITH(sees_a_small_receive_buffer_but_not_with_the_capability, start, stop)
 {
-    struct machine *m = *state;
+    struct machine *m = *test_state;
 
     put(m, "/proc/sys/net/core/rmem_max", "212992\n");
     assert_only(m, "receive buffer", DOCTOR_WARN, "about 554 frames");
@@ -282,9 +278,9 @@ static void sees_a_small_receive_buffer_but_not_with_the_capability(void **state
     assert_int_equal(examine(m), DOCTOR_OK);
 }
 
-static void judges_interfaces(void **state)
+TEST_WITH(judges_interfaces, start, stop)
 {
-    struct machine *m = *state;
+    struct machine *m = *test_state;
 
     put(m, "/sys/class/net/can0/tx_queue_len", "10\n");
     assert_only(m, "interface", DOCTOR_WARN, "queues 10 frames");
@@ -300,9 +296,9 @@ static void judges_interfaces(void **state)
     assert_only(m, "CAN", DOCTOR_WARN, "no CAN");
 }
 
-static void judges_controllers(void **state)
+TEST_WITH(judges_controllers, start, stop)
 {
-    struct machine *m = *state;
+    struct machine *m = *test_state;
 
     m->link = (struct link_info){.up = true, .type = 280, .kind = "can"};
     m->link.controller.timing.bitrate = 500000;
@@ -358,9 +354,9 @@ static void assert_fix(const struct machine *m, const char *subject, const char 
     fail_msg("nothing on %s", subject);
 }
 
-static void knows_a_raspberry_pi(void **state)
+TEST_WITH(knows_a_raspberry_pi, start, stop)
 {
-    struct machine *m = *state;
+    struct machine *m = *test_state;
 
     put_raspberry_pi(m);
     assert_int_equal(examine(m), DOCTOR_OK);
@@ -386,9 +382,9 @@ static void knows_a_raspberry_pi(void **state)
     assert_only(m, "frequency", DOCTOR_WARN, "ondemand");
 }
 
-static void sees_what_slows_an_arm_processor(void **state)
+TEST_WITH(sees_what_slows_an_arm_processor, start, stop)
 {
-    struct machine *m = *state;
+    struct machine *m = *test_state;
 
     put_raspberry_pi(m);
     put(m, "/sys/class/hwmon/hwmon2/in0_lcrit_alarm", "1\n");
@@ -402,9 +398,9 @@ static void sees_what_slows_an_arm_processor(void **state)
     assert_fix(m, "clock source", "arch_sys_counter");
 }
 
-static void sees_a_virtual_machine_on_arm(void **state)
+TEST_WITH(sees_a_virtual_machine_on_arm, start, stop)
 {
-    struct machine *m = *state;
+    struct machine *m = *test_state;
 
     put_raspberry_pi(m);
     put(m, "/proc/device-tree/compatible", "linux,dummy-virt");
@@ -417,17 +413,16 @@ static void sees_a_virtual_machine_on_arm(void **state)
     assert_only(m, "machine", DOCTOR_WARN, "virtual");
 }
 
-static void lives_in_an_empty_machine(void **state)
+TEST_WITH(lives_in_an_empty_machine, start, stop)
 {
-    struct machine *m = *state;
+    struct machine *m = *test_state;
 
     snprintf(m->root, sizeof m->root, "/tmp/hil-doctor-none");
     assert_int_equal(examine(m), DOCTOR_FAIL); /* processor 3 of one */
 }
 
-static void reads_lists_of_processors(void **state)
+TEST(reads_lists_of_processors)
 {
-    (void)state;
     assert_true(doctor_list_has("0-3,6", 0));
     assert_true(doctor_list_has("0-3,6", 6));
     assert_false(doctor_list_has("0-3,6", 5));
@@ -436,32 +431,4 @@ static void reads_lists_of_processors(void **state)
     assert_false(doctor_list_has("(null)", 0));
     assert_false(doctor_list_has("-3", 3));
     assert_false(doctor_list_has("1-", 0));
-}
-
-int main(void)
-{
-#define MACHINE_TEST(name) cmocka_unit_test_setup_teardown(name, start, stop)
-    const struct CMUnitTest tests[] = {
-        MACHINE_TEST(finds_nothing_on_a_good_machine),
-        MACHINE_TEST(finds_the_module_of_a_contact_engine),
-        MACHINE_TEST(sees_a_kernel_that_is_not_for_real_time),
-        MACHINE_TEST(sees_a_virtual_machine_in_a_long_list_of_flags),
-        MACHINE_TEST(sees_a_slow_clock),
-        MACHINE_TEST(sees_throttling),
-        MACHINE_TEST(sees_missing_rights_but_not_with_the_capabilities),
-        MACHINE_TEST(judges_the_processor),
-        MACHINE_TEST(sees_interrupts_on_the_loops_processor),
-        MACHINE_TEST(sees_power_saving),
-        MACHINE_TEST(sees_slow_idle_states_that_are_enabled),
-        MACHINE_TEST(sees_a_small_receive_buffer_but_not_with_the_capability),
-        MACHINE_TEST(judges_interfaces),
-        MACHINE_TEST(judges_controllers),
-        MACHINE_TEST(knows_a_raspberry_pi),
-        MACHINE_TEST(sees_what_slows_an_arm_processor),
-        MACHINE_TEST(sees_a_virtual_machine_on_arm),
-        MACHINE_TEST(lives_in_an_empty_machine),
-        cmocka_unit_test(reads_lists_of_processors),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,14 +3,10 @@
 #include "app/cli/doctor/doctor.h"
 
 #include "boards/foc/protocol.h"
+#include "tests/test.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 enum { BOARDS = 3 };
 
@@ -48,14 +44,14 @@ static void lab_sleep_until(struct clock *clock, int64_t deadline_ns)
 
 static const struct clock_ops lab_clock = {.now = lab_now, .sleep_until = lab_sleep_until};
 
-static int open_lab(void **state)
+FIXTURE(open_lab)
 {
     static struct lab lab;
     const struct local_bus_config bus = {.name = "can0", .max_nodes = 2, .inbox = 256};
     struct error error;
 
     lab = (struct lab){.clock = {&lab_clock}, .now_ns = 5 * CLOCK_SECOND};
-    *state = &lab;
+    *test_state = &lab;
     if (arena_init(&lab.arena, (size_t)64 << 20, &error) ||
         rig_load(HIL_SOURCE_DIR "/config/rigs/coman-rest-bus.yaml", &lab.arena, &lab.rig, &error) ||
         local_bus_create(&bus, &lab.arena, &lab.bus, &error) ||
@@ -66,9 +62,9 @@ static int open_lab(void **state)
     return 0;
 }
 
-static int close_lab(void **state)
+FIXTURE(close_lab)
 {
-    struct lab *lab = *state;
+    struct lab *lab = *test_state;
 
     local_bus_destroy(lab->bus);
     arena_fini(&lab->arena);
@@ -96,10 +92,10 @@ static size_t examine(struct lab *lab, double listen_s, const struct doctor_find
     return count;
 }
 
-static void says_which_board_is_silent_and_when_it_was_heard(void **state)
+TEST_WITH(says_which_board_is_silent_and_when_it_was_heard, open_lab, close_lab)
 {
     const struct doctor_finding *found[DOCTOR_FINDINGS_MAX];
-    struct lab *lab = *state;
+    struct lab *lab = *test_state;
     struct bus_frame frame;
 
     lab->until_ns[0] = INT64_MAX;
@@ -118,10 +114,10 @@ static void says_which_board_is_silent_and_when_it_was_heard(void **state)
     assert_int_equal(can_receive(lab->real, &frame, 1), 0);
 }
 
-static void says_nothing_where_it_does_not_listen(void **state)
+TEST_WITH(says_nothing_where_it_does_not_listen, open_lab, close_lab)
 {
     const struct doctor_finding *found[DOCTOR_FINDINGS_MAX];
-    struct lab *lab = *state;
+    struct lab *lab = *test_state;
     int64_t start;
 
     assert_int_equal(examine(lab, 0.0, found), 0);
@@ -135,15 +131,4 @@ static void says_nothing_where_it_does_not_listen(void **state)
     start = lab->now_ns;
     assert_int_equal(examine(lab, 1.0, found), 0);
     assert_true(lab->now_ns == start);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(says_which_board_is_silent_and_when_it_was_heard, open_lab,
-                                        close_lab),
-        cmocka_unit_test_setup_teardown(says_nothing_where_it_does_not_listen, open_lab, close_lab),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -2,13 +2,9 @@
 /* Rate limiting of log lines, on a scripted clock. */
 #include "rt/clock.h"
 #include "app/cli/eventlog.h"
+#include "tests/test.h"
 
 #include <string.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 /* what is printed goes into text */
 struct bench {
@@ -34,11 +30,10 @@ static size_t lines(struct bench *bench)
     return count;
 }
 
-static void a_flood_is_summed_up_in_one_line(void **state)
+TEST(a_flood_is_summed_up_in_one_line)
 {
     static struct bench bench;
 
-    (void)state;
     bench_init(&bench);
     for (int i = 0; i < 137; i++) {
         eventlog_put(&bench.log, i * CLOCK_MS, 42, i == 136 ? "bus lost" : "bus found");
@@ -51,11 +46,10 @@ static void a_flood_is_summed_up_in_one_line(void **state)
     fclose(bench.log.out);
 }
 
-static void other_keys_are_not_held_back(void **state)
+TEST(other_keys_are_not_held_back)
 {
     static struct bench bench;
 
-    (void)state;
     bench_init(&bench);
     for (int i = 0; i < 100; i++) {
         eventlog_put(&bench.log, 0, 1, "loud");
@@ -65,12 +59,11 @@ static void other_keys_are_not_held_back(void **state)
     fclose(bench.log.out);
 }
 
-static void nothing_is_lost_when_keys_share_a_place(void **state)
+TEST(nothing_is_lost_when_keys_share_a_place)
 {
     static struct bench bench;
     unsigned long long told = 0;
 
-    (void)state;
     bench_init(&bench);
     for (int i = 0; i < 20; i++) {
         for (uint64_t key = 0; key < 300; key++) {
@@ -96,11 +89,10 @@ static const char *grave(uint64_t key)
     return key == 7 ? "<4>" : "";
 }
 
-static void a_flood_under_many_keys_is_held_back_too(void **state)
+TEST(a_flood_under_many_keys_is_held_back_too)
 {
     static struct bench bench;
 
-    (void)state;
     bench_init(&bench);
     for (int64_t ms = 0; ms < 10000; ms++) {
         for (uint64_t key = 0; key < 300; key++) {
@@ -116,11 +108,10 @@ static void a_flood_under_many_keys_is_held_back_too(void **state)
     fclose(bench.log.out);
 }
 
-static void a_prefix_stands_before_lines_and_sums(void **state)
+TEST(a_prefix_stands_before_lines_and_sums)
 {
     static struct bench bench;
 
-    (void)state;
     bench_init(&bench);
     bench.log.prefix = grave;
     eventlog_put(&bench.log, 0, 1, "light");
@@ -134,11 +125,10 @@ static void a_prefix_stands_before_lines_and_sums(void **state)
     fclose(bench.log.out);
 }
 
-static void one_held_line_is_printed_as_it_is(void **state)
+TEST(one_held_line_is_printed_as_it_is)
 {
     static struct bench bench;
 
-    (void)state;
     bench_init(&bench);
     for (int i = 0; i <= EVENTLOG_BURST; i++) {
         eventlog_put(&bench.log, 0, 1, "line");
@@ -149,11 +139,10 @@ static void one_held_line_is_printed_as_it_is(void **state)
     fclose(bench.log.out);
 }
 
-static void a_quiet_second_ends_the_flood(void **state)
+TEST(a_quiet_second_ends_the_flood)
 {
     static struct bench bench;
 
-    (void)state;
     bench_init(&bench);
     for (int i = 0; i < 3; i++) {
         eventlog_put(&bench.log, 0, 1, "a");
@@ -166,12 +155,11 @@ static void a_quiet_second_ends_the_flood(void **state)
     fclose(bench.log.out);
 }
 
-static void a_lasting_flood_is_told_of_ever_more_rarely(void **state)
+TEST(a_lasting_flood_is_told_of_ever_more_rarely)
 {
     static struct bench bench;
     size_t at_ten_minutes;
 
-    (void)state;
     bench_init(&bench);
     /* 1000 a second for ten minutes, flushed as the monitor does */
     for (int64_t ms = 0; ms < 600000; ms++) {
@@ -185,20 +173,4 @@ static void a_lasting_flood_is_told_of_ever_more_rarely(void **state)
     assert_int_equal(at_ten_minutes, EVENTLOG_BURST + 6 + 8);
     assert_int_equal(bench.log.printed + bench.log.held, 600000);
     fclose(bench.log.out);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_flood_is_summed_up_in_one_line),
-        cmocka_unit_test(other_keys_are_not_held_back),
-        cmocka_unit_test(nothing_is_lost_when_keys_share_a_place),
-        cmocka_unit_test(a_flood_under_many_keys_is_held_back_too),
-        cmocka_unit_test(a_prefix_stands_before_lines_and_sums),
-        cmocka_unit_test(one_held_line_is_printed_as_it_is),
-        cmocka_unit_test(a_quiet_second_ends_the_flood),
-        cmocka_unit_test(a_lasting_flood_is_told_of_ever_more_rarely),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

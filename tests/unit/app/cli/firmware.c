@@ -1,18 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A download into the bootloader of a board of a running simulator ends up in a file. */
 #include "app/cli/firmware.h"
+#include "tests/test.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 enum { LEFT_LEG = 1, IMAGE = 2 * 65536 * 2 };
 
@@ -97,7 +92,7 @@ static enum error_code download_into(const char *folder, struct error *error)
     return code;
 }
 
-static void what_was_downloaded_is_in_a_file(void **state)
+TEST(what_was_downloaded_is_in_a_file)
 {
     static unsigned char expected[IMAGE], found[IMAGE + 1];
     char folder[] = "/tmp/hil-firmware-XXXXXX", path[256], command[300];
@@ -105,7 +100,6 @@ static void what_was_downloaded_is_in_a_file(void **state)
     struct stat there;
     FILE *file;
 
-    (void)state;
     memset(expected, 0xff, sizeof expected);
     memcpy(expected + 2 * 0x84, (const unsigned char[]){0x11, 0x22, 0x33, 0x44, 0x55, 0x66}, 6);
     memcpy(expected + 2 * (0x10000 + 0x2000), (const unsigned char[]){0xab, 0xcd}, 2);
@@ -129,13 +123,4 @@ static void what_was_downloaded_is_in_a_file(void **state)
     assert_int_equal(there.st_size, IMAGE);
     assert_int_equal(unlink(path), 0);
     assert_int_equal(rmdir(folder), 0);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(what_was_downloaded_is_in_a_file),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,24 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The file of --ready: whole, its owner's, read by a shell to the very bytes, gone at the end. */
 #include "app/cli/ready.h"
+#include "tests/test.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 static char folder[64], path[96];
 
-static int begin(void **state)
+FIXTURE(begin)
 {
-    (void)state;
     strcpy(folder, "/tmp/hil-ready-XXXXXX");
     if (!mkdtemp(folder)) {
         return -1;
@@ -27,9 +21,8 @@ static int begin(void **state)
     return 0;
 }
 
-static int end(void **state)
+FIXTURE(end)
 {
-    (void)state;
     unlink(path);
     return rmdir(folder); /* fails when something else was left there */
 }
@@ -50,7 +43,7 @@ static void assert_shell_reads(const char *name, const char *expected)
     assert_string_equal(text, expected);
 }
 
-static void a_shell_reads_what_was_written(void **state)
+TEST_WITH(a_shell_reads_what_was_written, begin, end)
 {
     static const char strange[] = "/tmp/it's $HOME `id` \"a\\b\"\n;#&/control";
     const struct ready ready = {.clock = "lockstep",
@@ -64,7 +57,6 @@ static void a_shell_reads_what_was_written(void **state)
     struct stat info;
     char pid[16];
 
-    (void)state;
     assert_int_equal(ready_write(path, &ready, &error), ERROR_NONE);
     assert_int_equal(stat(path, &info), 0);
     assert_int_equal(info.st_mode & 07777, 0600);
@@ -79,11 +71,10 @@ static void a_shell_reads_what_was_written(void **state)
     assert_shell_reads("page_view", "none");
 }
 
-static void what_a_run_has_not_has_no_line(void **state)
+TEST_WITH(what_a_run_has_not_has_no_line, begin, end)
 {
     struct error error;
 
-    (void)state;
     assert_int_equal(ready_write(path, &(struct ready){.page_view = "a"}, &error), ERROR_NONE);
     assert_shell_reads("page_view", "a");
     assert_shell_reads("clock", "none");
@@ -93,11 +84,10 @@ static void what_a_run_has_not_has_no_line(void **state)
     assert_shell_reads("tables", "none");
 }
 
-static void it_is_gone_before_the_start_and_after_the_end(void **state)
+TEST_WITH(it_is_gone_before_the_start_and_after_the_end, begin, end)
 {
     struct error error;
 
-    (void)state;
     assert_int_equal(ready_begin(path, &error), ERROR_NONE); /* none is there */
     for (int i = 0; i < 2; i++) {
         assert_int_equal(ready_write(path, &(struct ready){.control = "x"}, &error), ERROR_NONE);
@@ -111,23 +101,21 @@ static void it_is_gone_before_the_start_and_after_the_end(void **state)
     }
 }
 
-static void what_is_no_file_of_ours_stays(void **state)
+TEST_WITH(what_is_no_file_of_ours_stays, begin, end)
 {
     struct error error;
 
-    (void)state;
     assert_int_equal(mkfifo(path, 0600), 0);
     assert_int_equal(ready_begin(path, &error), ERROR_NONE);
     ready_end(path);
     assert_int_equal(access(path, F_OK), 0);
 }
 
-static void a_file_of_somebody_else_stays(void **state)
+TEST_WITH(a_file_of_somebody_else_stays, begin, end)
 {
     FILE *file = fopen(path, "w");
     struct error error;
 
-    (void)state;
     assert_non_null(file);
     fputs("name: my rig\n", file);
     fclose(file);
@@ -141,40 +129,21 @@ static void a_file_of_somebody_else_stays(void **state)
     assert_int_equal(access(path, F_OK), -1);
 }
 
-static void a_place_that_cannot_be_written_is_an_error(void **state)
+TEST_WITH(a_place_that_cannot_be_written_is_an_error, begin, end)
 {
     struct error error;
     char nowhere[128];
 
-    (void)state;
     snprintf(nowhere, sizeof nowhere, "%s/none/ready", folder);
     assert_int_equal(ready_write(nowhere, &(struct ready){.control = "x"}, &error), ERROR_SYSTEM);
     assert_non_null(strstr(error.text, nowhere));
 }
 
-static void nothing_happens_without_a_path(void **state)
+TEST_WITH(nothing_happens_without_a_path, begin, end)
 {
     struct error error;
 
-    (void)state;
     assert_int_equal(ready_begin(NULL, &error), ERROR_NONE);
     assert_int_equal(ready_write(NULL, &(struct ready){.control = "x"}, &error), ERROR_NONE);
     ready_end(NULL);
-}
-
-#define TEST(function) cmocka_unit_test_setup_teardown(function, begin, end)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(a_shell_reads_what_was_written),
-        TEST(what_a_run_has_not_has_no_line),
-        TEST(it_is_gone_before_the_start_and_after_the_end),
-        TEST(what_is_no_file_of_ours_stays),
-        TEST(a_file_of_somebody_else_stays),
-        TEST(a_place_that_cannot_be_written_is_an_error),
-        TEST(nothing_happens_without_a_path),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

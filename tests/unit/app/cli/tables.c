@@ -3,28 +3,23 @@
 #include "app/cli/tables.h"
 
 #include <inttypes.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "rig/dbc.h"
+#include "tests/test.h"
 
 static struct arena arena;
 
-static int begin(void **state)
+FIXTURE(begin)
 {
     struct error error;
 
-    (void)state;
     return arena_init(&arena, (size_t)1 << 30, &error) ? -1 : 0;
 }
 
-static int end(void **state)
+FIXTURE(end)
 {
-    (void)state;
     arena_fini(&arena);
     return 0;
 }
@@ -60,14 +55,13 @@ static void append_expected(const struct rig *rig, size_t bus, char *text, size_
              hash);
 }
 
-static void each_bus_has_the_hash_of_its_file(void **state)
+TEST_WITH(each_bus_has_the_hash_of_its_file, begin, end)
 {
     const struct rig *rig = load(HIL_SOURCE_DIR "/config/rigs/coman.yaml");
     char expected[2048] = "";
     const char *hashes, *again;
     struct error error;
 
-    (void)state;
     for (size_t i = 0; i < rig->nbus; i++) {
         append_expected(rig, i, expected, sizeof expected);
     }
@@ -84,14 +78,13 @@ static void each_bus_has_the_hash_of_its_file(void **state)
     assert_string_not_equal(again, hashes);
 }
 
-static void a_bus_that_no_file_can_hold_is_left_out(void **state)
+TEST_WITH(a_bus_that_no_file_can_hold_is_left_out, begin, end)
 {
     struct rig changed = *load(HIL_SOURCE_DIR "/config/rigs/coman.yaml");
     struct rig_bus bus[RIG_BUSES_MAX];
     const char *hashes;
     struct error error;
 
-    (void)state;
     memcpy(bus, changed.bus, changed.nbus * sizeof *bus);
     bus[1].interface = "can\"1"; /* no text of a DBC has a quote */
     changed.bus = bus;
@@ -101,26 +94,14 @@ static void a_bus_that_no_file_can_hold_is_left_out(void **state)
     assert_non_null(strstr(hashes, bus[2].name));
 }
 
-static void no_memory_is_an_error(void **state)
+TEST_WITH(no_memory_is_an_error, begin, end)
 {
     const struct rig *rig = load(HIL_SOURCE_DIR "/config/rigs/coman.yaml");
     const char *hashes;
     struct arena small;
     struct error error;
 
-    (void)state;
     assert_int_equal(arena_init(&small, 16, &error), ERROR_NONE);
     assert_int_equal(tables_hash(rig, &small, &hashes, &error), ERROR_MEMORY);
     arena_fini(&small);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(each_bus_has_the_hash_of_its_file, begin, end),
-        cmocka_unit_test_setup_teardown(a_bus_that_no_file_can_hold_is_left_out, begin, end),
-        cmocka_unit_test_setup_teardown(no_memory_is_an_error, begin, end),
-    };
-
-    return cmocka_run_group_tests_name("tables", tests, NULL, NULL);
 }

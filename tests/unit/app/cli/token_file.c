@@ -1,15 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The file of a page's tokens: what is written is read again, and nothing else is believed. */
 #include "app/cli/token_file.h"
+#include "tests/test.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <cmocka.h>
 
 #define LOOK "0123456789abcdef0123456789abcdef"
 #define CONTROL "fedcba9876543210fedcba9876543210"
@@ -18,9 +16,8 @@ static char folder[] = "/tmp/token-file-XXXXXX";
 static char path[128];
 static struct error error;
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
-    (void)state;
     if (!mkdtemp(folder)) {
         return -1;
     }
@@ -28,11 +25,10 @@ static int set_up(void **state)
     return 0;
 }
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
     char other[160];
 
-    (void)state;
     unlink(path);
     snprintf(other, sizeof other, "%s.link", path);
     unlink(other);
@@ -43,12 +39,11 @@ static int tear_down(void **state)
     return rmdir(folder);
 }
 
-static void what_is_written_is_read_again(void **state)
+TEST(what_is_written_is_read_again)
 {
     struct page_tokens tokens = {{LOOK, CONTROL}, 8080}, found;
     struct stat status;
 
-    (void)state;
     assert_int_equal(token_file_read(path, &found, &error), ERROR_NONE);
     assert_int_equal(found.port, 0);
     for (int i = 0; i < 2; i++) {
@@ -63,12 +58,11 @@ static void what_is_written_is_read_again(void **state)
     assert_int_equal(status.st_mode & 0777, 0600);
 }
 
-static void a_file_of_others_is_refused(void **state)
+TEST(a_file_of_others_is_refused)
 {
     struct page_tokens found;
     char link[160];
 
-    (void)state;
     chmod(path, 0640);
     assert_int_equal(token_file_read(path, &found, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "0600"));
@@ -80,7 +74,7 @@ static void a_file_of_others_is_refused(void **state)
     assert_int_equal(found.port, 0);
 }
 
-static void other_content_is_refused(void **state)
+TEST(other_content_is_refused)
 {
     static const char *const texts[] = {
         "",
@@ -94,7 +88,6 @@ static void other_content_is_refused(void **state)
     };
     struct page_tokens found;
 
-    (void)state;
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
         FILE *out = fopen(path, "w");
 
@@ -106,11 +99,10 @@ static void other_content_is_refused(void **state)
     }
 }
 
-static void each_directory_has_its_own(void **state)
+TEST(each_directory_has_its_own)
 {
     char here[512], there[512];
 
-    (void)state;
     setenv("XDG_STATE_HOME", "/somewhere", 1);
     assert_true(token_file_default(here, sizeof here));
     assert_int_equal(strncmp(here, "/somewhere/coman-hil/pages/", 27), 0);
@@ -125,14 +117,4 @@ static void each_directory_has_its_own(void **state)
     assert_false(token_file_default(here, sizeof here));
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(what_is_written_is_read_again),
-        cmocka_unit_test(a_file_of_others_is_refused),
-        cmocka_unit_test(other_content_is_refused),
-        cmocka_unit_test(each_directory_has_its_own),
-    };
-
-    return cmocka_run_group_tests(tests, set_up, tear_down);
-}
+TEST_GROUP(set_up, tear_down)

@@ -5,19 +5,14 @@
  * to be known so well. What is wrong with benches and recordings is refused with its place.
  */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "app/identify/identify.h"
 #include "base/random.h"
 #include "tests/physics/near.h"
 #include "tests/unit/arena_fixture.h"
+#include "tests/test.h"
 
 #define RIG HIL_SOURCE_DIR "/config/rigs/xl330-pendulum.yaml"
 #define BENCH HIL_SOURCE_DIR "/config/validation/xl330.yaml"
@@ -75,7 +70,7 @@ static void make_recording(struct trial_robot *trial)
     }
 }
 
-static void known_numbers_come_back(void **unused)
+TEST(known_numbers_come_back)
 {
     int parameter[FREE];
     struct fit_problem problem;
@@ -83,7 +78,6 @@ static void known_numbers_come_back(void **unused)
     struct trial_robot made;
     size_t known = 0;
 
-    (void)unused;
     assert_int_equal(identify_open_own(RIG, "pivot", &arena, &bench, &error), ERROR_NONE);
     bench.trial.effects.thermal = (struct robot_thermal){0};
     for (size_t i = 0; i < FREE; i++) {
@@ -118,7 +112,7 @@ static void known_numbers_come_back(void **unused)
 }
 
 /* A number that the recording does not depend on is said not to be told. */
-static void what_the_recording_does_not_tell_is_said(void **unused)
+TEST(what_the_recording_does_not_tell_is_said)
 {
     static const char *const free[] = {"R_ohm", "L_h"}, *const swapped[] = {"R_omh"};
     struct fit_problem problem = {.rig = bench.rig,
@@ -129,7 +123,6 @@ static void what_the_recording_does_not_tell_is_said(void **unused)
                                   .steps = 10};
     static struct fit_result result;
 
-    (void)unused;
     assert_int_equal(fit_prepare(&bench.bench, swapped, 1, &problem, &error), ERROR_INPUT);
     assert_string_equal(error.text, "found \"R_omh\", expected \"R_ohm\"");
     assert_int_equal(fit_prepare(&bench.bench, free, 2, &problem, &error), ERROR_NONE);
@@ -156,9 +149,8 @@ static void refuses(const char *text, const char *expected)
 
 #define HEAD "name: a\nsource: b\nlicense: c\nrig: r.yaml\n"
 
-static void wrong_benches_are_refused_with_their_place(void **unused)
+TEST(wrong_benches_are_refused_with_their_place)
 {
-    (void)unused;
     refuses(HEAD "columns: {time: t, position: q}\n",
             "identify-bench.yaml:5:10: found none or several");
     refuses(HEAD "columns: {time: t, position: q, goal: g}\n", "without key \"law\"");
@@ -173,9 +165,8 @@ static void wrong_benches_are_refused_with_their_place(void **unused)
 #define POINT(keys)                                                                                \
     "name: a\nsource: b\nlicense: c\ndrive: d\npoints:\n  - {what: x, value: 1, " keys "}\n"
 
-static void wrong_points_are_refused_with_their_place(void **unused)
+TEST(wrong_points_are_refused_with_their_place)
 {
-    (void)unused;
     refuses(POINT("current_a: 1, load_nm: 0, find: speed_rad_s"),
             "identify-bench.yaml:6:5: found keys that do not tell one steady state");
     refuses(POINT("voltage_v: 1, current_a: 1, find: load_nm"), "one steady state");
@@ -186,12 +177,11 @@ static void wrong_points_are_refused_with_their_place(void **unused)
 }
 
 /* A servo of R = 9.2308 ohm and NKt = 2.6154 N m/A without friction of its gear, but viscous. */
-static void points_follow_from_two_of_their_quantities(void **unused)
+TEST(points_follow_from_two_of_their_quantities)
 {
     static struct validation validation;
     const char *path = HIL_SOURCE_DIR "/config/validation/robotis-xh430.yaml";
 
-    (void)unused;
     if (validation_run(path, &arena, &validation, &error)) {
         fail_msg("%s", error.text);
     }
@@ -218,9 +208,8 @@ static void refuses_rows(const char *text, const char *expected)
     remove(path);
 }
 
-static void wrong_recordings_are_refused_with_their_line(void **unused)
+TEST(wrong_recordings_are_refused_with_their_line)
 {
-    (void)unused;
     assert_int_equal(identify_open(BENCH, &arena, &bench, &error), ERROR_NONE);
     refuses_rows("time_s,x\n", "no \"kp\" with a number");
     refuses_rows("# kp 100, so\ntime_s,position_rad\n0,1\n", "no column \"goal_rad\"");
@@ -241,41 +230,25 @@ static void wrong_recordings_are_refused_with_their_line(void **unused)
 }
 
 /* The bench that ships, by the drive that ships. */
-static void the_measured_servo_is_within_its_limit(void **unused)
+TEST(the_measured_servo_is_within_its_limit)
 {
     static struct validation validation;
 
-    (void)unused;
     assert_int_equal(validation_run(BENCH, &arena, &validation, &error), ERROR_NONE);
     assert_int_equal(validation.bench.nrecording, 8);
     assert_true(validation.passed);
     print_message("xl330: %.4f rad of what no identification has seen\n", validation.mean);
 }
 
-static int begin(void **unused)
+FIXTURE(begin)
 {
-    (void)unused;
     return arena_init(&arena, (size_t)1 << 30, &error);
 }
 
-static int end(void **unused)
+FIXTURE(end)
 {
-    (void)unused;
     arena_fini(&arena);
     return 0;
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(known_numbers_come_back),
-        cmocka_unit_test(what_the_recording_does_not_tell_is_said),
-        cmocka_unit_test(wrong_benches_are_refused_with_their_place),
-        cmocka_unit_test(wrong_points_are_refused_with_their_place),
-        cmocka_unit_test(points_follow_from_two_of_their_quantities),
-        cmocka_unit_test(wrong_recordings_are_refused_with_their_line),
-        cmocka_unit_test(the_measured_servo_is_within_its_limit),
-    };
-
-    return cmocka_run_group_tests(tests, begin, end);
-}
+TEST_GROUP(begin, end)

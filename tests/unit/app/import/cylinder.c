@@ -7,16 +7,11 @@
 #include "model/hydraulics/hydraulic.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "tests/unit/arena_fixture.h"
+#include "tests/test.h"
 
 #define HYQ HIL_SOURCE_DIR "/config/drives/hyq.yaml"
 
@@ -67,9 +62,8 @@ static double lever_at(const struct robot_hydraulic *c, double q)
     return (length_at(c, q + 1e-6) - length_at(c, q - 1e-6)) / 2e-6;
 }
 
-static void the_stroke_covers_the_range_with_room_at_both_ends(void **state)
+TEST_WITH(the_stroke_covers_the_range_with_room_at_both_ends, open_arena, close_arena)
 {
-    (void)state;
     for (double width = 0.05; width < 2.55; width += 0.125) {
         for (double lower = -4.0; lower < 2.0; lower += 0.7) {
             const struct robot_joint *joint = import_joint(lower, lower + width);
@@ -101,11 +95,10 @@ static void the_stroke_covers_the_range_with_room_at_both_ends(void **state)
 }
 
 /* HyQ's own triangles: 45 mm for 120 degrees with 77.94 mm of the stroke, and the way they push. */
-static void the_triangles_are_like_those_of_hyq(void **state)
+TEST_WITH(the_triangles_are_like_those_of_hyq, open_arena, close_arena)
 {
     const struct robot *hyq;
 
-    (void)state;
     if (robot_load(HIL_SOURCE_DIR "/config/robots/hyq.yaml", NULL, &arena, &hyq, &error)) {
         fail_msg("%s", error.text);
     }
@@ -122,9 +115,8 @@ static void the_triangles_are_like_those_of_hyq(void **state)
     }
 }
 
-static void a_range_that_is_too_wide_is_refused_at_its_place(void **state)
+TEST_WITH(a_range_that_is_too_wide_is_refused_at_its_place, open_arena, close_arena)
 {
-    (void)state;
     assert_int_equal(import_pendulum("revolute", -1.5, 1.5), ERROR_INPUT);
     assert_non_null(strstr(error.text,
                            "x.urdf:2: found joint \"j\", which turns by 3 rad, with the "
@@ -135,12 +127,11 @@ static void a_range_that_is_too_wide_is_refused_at_its_place(void **state)
 }
 
 /* One cylinder: 80 mm of 2.0106 and 1.2252 cm2. */
-static void the_supply_is_of_the_size_of_the_cylinders(void **state)
+TEST_WITH(the_supply_is_of_the_size_of_the_cylinders, open_arena, close_arena)
 {
     const struct robot_hydraulic_supply *s;
     double area[2] = {0.25 * pi * 0.016 * 0.016, 0.25 * pi * (0.016 * 0.016 - 0.010 * 0.010)};
 
-    (void)state;
     import_joint(-1.0, 1.0);
     s = &made.robot->hydraulic_supply;
     assert_true(s->pressure == 1.6e7 && s->relief == 1.6e7);
@@ -152,11 +143,10 @@ static void the_supply_is_of_the_size_of_the_cylinders(void **state)
                      0.080 * area[0]) < 1e-12);
 }
 
-static void the_report_tells_what_was_assumed(void **state)
+TEST_WITH(the_report_tells_what_was_assumed, open_arena, close_arena)
 {
     bool drive = false, supply = false;
 
-    (void)state;
     import_joint(0.3, 2.3);
     for (size_t i = 0; i < notes.count; i++) {
         const struct import_note *note = &notes.note[i];
@@ -171,7 +161,7 @@ static void the_report_tells_what_was_assumed(void **state)
 }
 
 /* kp is the velocity gain times kw, a fifth of the frequency on the oil at most; 16/s at most. */
-static void gains_follow_the_frequency_on_the_oil(void **state)
+TEST_WITH(gains_follow_the_frequency_on_the_oil, open_arena, close_arena)
 {
     const struct robot_joint *joint = import_joint(-1.0, 1.0);
     const struct robot_hydraulic *c = &joint->hydraulic;
@@ -181,27 +171,10 @@ static void gains_follow_the_frequency_on_the_oil(void **state)
     struct import_gains slow = import_cylinder_gains(made.robot, 0, 0.0, oil / 900.0);
     struct import_gains fast = import_cylinder_gains(made.robot, 0, 0.0, oil / 1e6);
 
-    (void)state;
     assert_true(fabs(slow.kp_v_per_rad / slow.kw_v_s_per_rad - 6.0) < 1e-3);
     assert_true(fabs(slow.ki_v_per_rad_s / slow.kp_v_per_rad - 1.2) < 1e-3);
     assert_true(fabs(fast.kp_v_per_rad / fast.kw_v_s_per_rad - 16.0) < 1e-9);
     assert_true(slow.kd_v_s_per_rad == 0.0 && slow.load_v_per_nm == 0.0);
     assert_true(slow.kw_v_s_per_rad ==
                 hydraulic_speed_constant(c, &made.robot->hydraulic_supply, -1.0, 1.0));
-}
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, open_arena, close_arena)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(the_stroke_covers_the_range_with_room_at_both_ends),
-        TEST(the_triangles_are_like_those_of_hyq),
-        TEST(a_range_that_is_too_wide_is_refused_at_its_place),
-        TEST(the_supply_is_of_the_size_of_the_cylinders),
-        TEST(the_report_tells_what_was_assumed),
-        TEST(gains_follow_the_frequency_on_the_oil),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

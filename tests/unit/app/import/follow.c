@@ -6,20 +6,15 @@
 #include "app/import/trial.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/near.h"
 #include "tests/unit/app/import/text.h"
+#include "tests/test.h"
 
-static int open_coupled(void **state)
+FIXTURE(open_coupled)
 {
-    int failed = open_default(state);
+    int failed = open_default(test_state);
 
     options.mimic = IMPORT_MIMIC_COUPLE;
     return failed;
@@ -34,11 +29,10 @@ static int open_coupled(void **state)
     ROBOT(LINK("base") ROD("a") ROD("b") JOINT("j", "revolute", "base", "a", LIMIT)                \
               JOINT("m", follower, "base", "b", LIMIT "<mimic joint='j' " mimic "/>"))
 
-static void follower_is_coupled_and_has_no_drive(void **state)
+TEST_WITH(follower_is_coupled_and_has_no_drive, open_coupled, close_arena)
 {
     const struct robot_coupling *c;
 
-    (void)state;
     import_good(PAIR("revolute", "multiplier='2' offset='0.25'"));
     assert_int_equal(made.robot->njoint, 2);
     assert_int_equal(made.robot->ncoupling, 1);
@@ -61,9 +55,8 @@ static void follower_is_coupled_and_has_no_drive(void **state)
               "1e+05 N m/rad and 200 N m s/rad"));
 }
 
-static void light_follower_is_coupled_as_stiffly_as_its_leader_is_strong(void **state)
+TEST_WITH(light_follower_is_coupled_as_stiffly_as_its_leader_is_strong, open_coupled, close_arena)
 {
-    (void)state;
     import_good(ROBOT(LINK("base") ROD(
         "a") "<link name='b'><inertial><mass value='0.001'/><inertia ixx='1e-6' "
              "iyy='1e-6' izz='1e-6' ixy='0' ixz='0' iyz='0'/></inertial></link>\n" JOINT(
@@ -75,9 +68,8 @@ static void light_follower_is_coupled_as_stiffly_as_its_leader_is_strong(void **
 }
 
 /* a = 2 b - 0.1, b = -3 c + 0.2: a = -6 c + 0.3, whatever the order in the file. */
-static void chain_is_led_by_its_first_joint(void **state)
+TEST_WITH(chain_is_led_by_its_first_joint, open_coupled, close_arena)
 {
-    (void)state;
     import_good(ROBOT(
         LINK("base") LINK("x") LINK("y") LINK("z") JOINT(
             "a", "continuous", "base", "x", "<mimic joint='b' multiplier='2' offset='-0.1'/>")
@@ -92,9 +84,8 @@ static void chain_is_led_by_its_first_joint(void **state)
     assert_near(made.rest[1], 0.2, 1e-15);
 }
 
-static void circles_are_refused(void **state)
+TEST_WITH(circles_are_refused, open_coupled, close_arena)
 {
-    (void)state;
     for (options.mimic = IMPORT_MIMIC_REFUSE; options.mimic <= IMPORT_MIMIC_COUPLE;
          options.mimic++) {
         import_bad(ROBOT(LINK("base") LINK("a")
@@ -107,9 +98,8 @@ static void circles_are_refused(void **state)
     }
 }
 
-static void numbers_that_no_coupling_has_are_refused(void **state)
+TEST_WITH(numbers_that_no_coupling_has_are_refused, open_coupled, close_arena)
 {
-    (void)state;
     import_good(PAIR("revolute", "multiplier='0' offset='0.5'"));
     assert_int_equal(made.robot->njoint, 1);
     assert_int_equal(made.robot->ncoupling, 0);
@@ -127,9 +117,8 @@ static void numbers_that_no_coupling_has_are_refused(void **state)
 }
 
 /* The leader rests, and stands in poses, where the follower can be too. */
-static void leader_rests_where_its_follower_can_follow(void **state)
+TEST_WITH(leader_rests_where_its_follower_can_follow, open_coupled, close_arena)
 {
-    (void)state;
     import_good(PAIR("revolute", "multiplier='2' offset='-1.4'"));
     assert_true(made.rest[0] >= 0.2);
     assert_near(made.rest[1], 2.0 * made.rest[0] - 1.4, 1e-15);
@@ -139,11 +128,10 @@ static void leader_rests_where_its_follower_can_follow(void **state)
     assert_near(made.robot->joint[0].lower, -1.0, 0.0); /* its own range is what it was */
 }
 
-static void follower_of_a_fixed_joint_is_fixed(void **state)
+TEST_WITH(follower_of_a_fixed_joint_is_fixed, open_coupled, close_arena)
 {
     static const char *const lock[] = {"j"};
 
-    (void)state;
     options.lock = lock;
     options.nlock = 1;
     import_good(ROBOT(
@@ -156,9 +144,8 @@ static void follower_of_a_fixed_joint_is_fixed(void **state)
 }
 
 /* What slides has no drive, but may follow what has one. */
-static void slide_follows_a_joint_that_turns(void **state)
+TEST_WITH(slide_follows_a_joint_that_turns, open_coupled, close_arena)
 {
-    (void)state;
     import_good(PAIR("prismatic", "multiplier='0.01'"));
     assert_int_equal(made.robot->njoint, 2);
     assert_int_equal(made.robot->joint[1].type, JOINT_PRISMATIC);
@@ -181,13 +168,12 @@ static void slide_follows_a_joint_that_turns(void **state)
     assert_near(made.robot->coupling[0].stiffness, 1e6, 1e-6);
 }
 
-static void couplings_are_as_many_as_a_robot_has(void **state)
+TEST_WITH(couplings_are_as_many_as_a_robot_has, open_coupled, close_arena)
 {
     char text[16384];
     size_t used = (size_t)snprintf(text, sizeof text, "<robot name='r'>\n%s%s%s", LINK("base"),
                                    LINK("a"), JOINT("j", "revolute", "base", "a", LIMIT));
 
-    (void)state;
     for (int i = 0; i <= ROBOT_COUPLINGS_MAX; i++) {
         used += (size_t)snprintf(text + used, sizeof text - used,
                                  "<link name='l%d'><inertial><mass value='1'/>" INERTIA
@@ -210,12 +196,11 @@ static void couplings_are_as_many_as_a_robot_has(void **state)
 
 /* Two rods on one axis, one following the other, are as one rod of both: the leader's drive and the
  * gains of its loop are those of the one. */
-static void leader_carries_what_two_joints_weigh(void **state)
+TEST_WITH(leader_carries_what_two_joints_weigh, open_coupled, close_arena)
 {
     struct import_gains gains[2][2] = {{{0}}};
     double strength[2];
 
-    (void)state;
     for (int i = 0; i < 2; i++) {
         import_good(i ? ROBOT(LINK("base") ROD("a") ROD("b")
                                   JOINT("j", "revolute", "base", "a", "<axis xyz='0 1 0'/>" WEAK)
@@ -239,12 +224,11 @@ static void leader_carries_what_two_joints_weigh(void **state)
 }
 
 /* The inertia of what follows counts by the square of the multiplier, held or not. */
-static void trial_shows_what_follows(void **state)
+TEST_WITH(trial_shows_what_follows, open_coupled, close_arena)
 {
     struct import_trial trial;
     double rotor;
 
-    (void)state;
     import_good(
         ROBOT(LINK("base") LINK("a") LINK("b") JOINT("j", "revolute", "base", "a", LIMIT)
                   JOINT("m", "revolute", "base", "b", LIMIT "<mimic joint='j' multiplier='-3'/>")));
@@ -256,12 +240,11 @@ static void trial_shows_what_follows(void **state)
     assert_near(import_trial_inertia(&trial, 1), 0.1 + (0.1 + rotor) / 9.0, 1e-12);
 }
 
-static void drives_of_the_catalogue_are_for_leaders(void **state)
+TEST_WITH(drives_of_the_catalogue_are_for_leaders, open_coupled, close_arena)
 {
     static const char *all[] = {HIL_SOURCE_DIR "/config/drives/cubemars-ak80-6.yaml"};
     static const char *one[] = {"m=" HIL_SOURCE_DIR "/config/drives/cubemars-ak80-6.yaml"};
 
-    (void)state;
     options.drive = all;
     options.ndrive = 1;
     import_good(PAIR("revolute", "multiplier='1'"));
@@ -281,11 +264,10 @@ static void drives_of_the_catalogue_are_for_leaders(void **state)
          "<joint name='k' axis='1 0 0'/></body>\n",                                                \
          "<actuator>" actuator "</actuator>\n<equality>" equality "</equality>\n")
 
-static void equality_couples_joints(void **state)
+TEST_WITH(equality_couples_joints, open_coupled, close_arena)
 {
     const struct robot_coupling *c;
 
-    (void)state;
     import_good(TWO("", "<joint joint1='k' joint2='j' polycoef='0.1 2 0 0 0'/>"));
     c = &made.robot->coupling[0];
     assert_int_equal(made.robot->ncoupling, 1);
@@ -302,11 +284,10 @@ static void equality_couples_joints(void **state)
 }
 
 /* k = 0.1 + 2 j, read the other way where k has the actuator: j = 0.5 k - 0.05. */
-static void joint_with_the_actuator_leads(void **state)
+TEST_WITH(joint_with_the_actuator_leads, open_coupled, close_arena)
 {
     const struct robot_coupling *c;
 
-    (void)state;
     import_good(TWO("<motor joint='k' ctrlrange='-20 20'/>",
                     "<joint joint1='k' joint2='j' polycoef='0.1 2 0 0 0'/>"));
     c = &made.robot->coupling[0];
@@ -319,9 +300,8 @@ static void joint_with_the_actuator_leads(void **state)
     assert_string_equal(made.robot->joint[made.robot->coupling[0].leader].name, "j");
 }
 
-static void equalities_that_are_no_coupling(void **state)
+TEST_WITH(equalities_that_are_no_coupling, open_coupled, close_arena)
 {
-    (void)state;
     import_bad(TWO("", "<joint joint1='k' joint2='j' polycoef='0 1 0.5 0 0'/>"),
                "x.urdf:7: ", "by a polynomial, expected a straight line");
     import_bad(TWO("", "<joint joint1='k' joint2='x'/>"),
@@ -343,9 +323,8 @@ static void equalities_that_are_no_coupling(void **state)
 }
 
 /* A keyframe that puts a follower elsewhere is not obeyed there, and says so. */
-static void poses_follow(void **state)
+TEST_WITH(poses_follow, open_coupled, close_arena)
 {
-    (void)state;
     import_good(MJCF("",
                      "<joint name='j'/>\n<body name='b'><inertial mass='1' pos='0 0 0' "
                      "diaginertia='1 1 1'/><joint name='k' axis='1 0 0'/></body>\n",
@@ -359,30 +338,4 @@ static void poses_follow(void **state)
     assert_true(noted(IMPORT_CHANGED, 7,
                       "pose \"far\": joint \"k\" is at 0.7, where \"j\" leads it, not at -1"));
     assert_false(noted(IMPORT_CHANGED, 7, "pose \"up\""));
-}
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, open_coupled, close_arena)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(follower_is_coupled_and_has_no_drive),
-        TEST(light_follower_is_coupled_as_stiffly_as_its_leader_is_strong),
-        TEST(chain_is_led_by_its_first_joint),
-        TEST(circles_are_refused),
-        TEST(numbers_that_no_coupling_has_are_refused),
-        TEST(leader_rests_where_its_follower_can_follow),
-        TEST(follower_of_a_fixed_joint_is_fixed),
-        TEST(slide_follows_a_joint_that_turns),
-        TEST(couplings_are_as_many_as_a_robot_has),
-        TEST(leader_carries_what_two_joints_weigh),
-        TEST(trial_shows_what_follows),
-        TEST(drives_of_the_catalogue_are_for_leaders),
-        TEST(equality_couples_joints),
-        TEST(joint_with_the_actuator_leads),
-        TEST(equalities_that_are_no_coupling),
-        TEST(poses_follow),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

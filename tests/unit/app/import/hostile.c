@@ -8,17 +8,12 @@
  */
 #include "app/import/import.h"
 #include "app/import/urdf.h"
+#include "tests/test.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
-
-#include <cmocka.h>
 
 enum { SIZE = 10 << 20, SHARE = 4, TRIES = 3 };
 
@@ -298,9 +293,8 @@ static void check_growth(const char *name, enum reader reader, const char *words
     }
 }
 
-static void work_grows_with_the_size_of_the_file(void **state)
+TEST(work_grows_with_the_size_of_the_file)
 {
-    (void)state;
     failures = 0;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         size_t size[2];
@@ -314,12 +308,11 @@ static void work_grows_with_the_size_of_the_file(void **state)
     assert_int_equal(failures, 0);
 }
 
-static void scene_of_many_long_geometries_is_refused(void **state)
+TEST(scene_of_many_long_geometries_is_refused)
 {
     size_t size[2];
     char *file[2] = {make_instances(SIZE / SHARE, &size[0]), make_instances(SIZE, &size[1])};
 
-    (void)state;
     failures = 0;
     check_growth("a long geometry in many places", READ_COLLADA, "too often", file, size);
     free(file[0]);
@@ -340,12 +333,11 @@ static char *make_binary(size_t size, size_t *used)
     return file;
 }
 
-static void binary_faces_without_area_go(void **state)
+TEST(binary_faces_without_area_go)
 {
     size_t size[2];
     char *file[2] = {make_binary(SIZE / SHARE, &size[0]), make_binary(SIZE, &size[1])};
 
-    (void)state;
     failures = 0;
     check_growth("faces of a binary STL", READ_STL, NULL, file, size);
     free(file[0]);
@@ -354,13 +346,12 @@ static void binary_faces_without_area_go(void **state)
 }
 
 /* Sensors on a chain of fixed joints: each bears all links below it. */
-static void sensors_on_a_long_chain_are_summed_in_one_walk_each(void **state)
+TEST(sensors_on_a_long_chain_are_summed_in_one_walk_each)
 {
     static const int links[2] = {1000, 4000};
     size_t size[2];
     char *file[2];
 
-    (void)state;
     for (int i = 0; i < 2; i++) {
         struct text text;
 
@@ -394,16 +385,4 @@ static void sensors_on_a_long_chain_are_summed_in_one_walk_each(void **state)
     }
     free(file[0]);
     free(file[1]);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(work_grows_with_the_size_of_the_file),
-        cmocka_unit_test(scene_of_many_long_geometries_is_refused),
-        cmocka_unit_test(binary_faces_without_area_go),
-        cmocka_unit_test(sensors_on_a_long_chain_are_summed_in_one_walk_each),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

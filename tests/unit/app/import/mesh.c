@@ -4,20 +4,15 @@
 #include "contact/mesh/mesh.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "tests/physics/near.h"
 #include "tests/unit/arena_fixture.h"
+#include "tests/test.h"
 
 static const double one[3] = {1, 1, 1};
 
@@ -74,12 +69,11 @@ static double mesh_signed_volume(void)
     return mesh_volume(&surface);
 }
 
-static void binary_stl_joins_its_corners(void **state)
+TEST_WITH(binary_stl_joins_its_corners, open_arena, close_arena)
 {
     unsigned char bytes[512];
     size_t size = make_binary_stl(bytes);
 
-    (void)state;
     assert_int_equal(
         import_parse_mesh("x.STL", (const char *)bytes, size, one, &arena, &mesh, &error),
         ERROR_NONE);
@@ -88,13 +82,12 @@ static void binary_stl_joins_its_corners(void **state)
     assert_near(mesh_signed_volume(), 1.0 / 6.0, 1e-15);
 }
 
-static void scales_measure_and_mirror(void **state)
+TEST_WITH(scales_measure_and_mirror, open_arena, close_arena)
 {
     static const double millimeters[3] = {0.001, 0.001, 0.001}, mirrored[3] = {1, -2, 1};
     unsigned char bytes[512];
     size_t size = make_binary_stl(bytes);
 
-    (void)state;
     assert_int_equal(
         import_parse_mesh("x.stl", (const char *)bytes, size, millimeters, &arena, &mesh, &error),
         ERROR_NONE);
@@ -105,14 +98,13 @@ static void scales_measure_and_mirror(void **state)
     assert_near(mesh_signed_volume(), 2.0 / 6.0, 1e-15);
 }
 
-static void text_stl_and_obj_are_the_same(void **state)
+TEST_WITH(text_stl_and_obj_are_the_same, open_arena, close_arena)
 {
     char text[4096] = "solid x\n";
     static const char obj[] =
         "# a comment\nmtllib x.mtl\no it\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
         "vn 0 0 1\nf 1//1 3//1 2//1\nf 1/1/1 2/1/1 4/1/1\nf -4 -1 -2\nf 2 3 4\n";
 
-    (void)state;
     for (int f = 0; f < 4; f++) {
         strcat(text, "facet normal 0 0 0\r\n outer loop\r\n");
         for (int c = 0; c < 3; c++) {
@@ -158,13 +150,12 @@ static void write_text(const char *folder, const char *name, const char *text)
 }
 
 /* Faces before the first usemtl, and of a material that is not there, have no color. */
-static void an_obj_has_the_colors_of_its_materials(void **state)
+TEST_WITH(an_obj_has_the_colors_of_its_materials, open_arena, close_arena)
 {
     static const char obj[] = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\n"
                               "usemtl red\nf 1 2 4\nusemtl sky\nf 1 4 3\nusemtl none\nf 2 3 4\n";
     char folder[] = "/tmp/import-mesh-XXXXXX", path[64];
 
-    (void)state;
     assert_non_null(mkdtemp(folder));
     write_text(folder, "b.obj", obj);
     write_text(folder, "m.mtl",
@@ -194,9 +185,8 @@ static void an_obj_has_the_colors_of_its_materials(void **state)
 }
 
 /* More colors than there is room for become the nearest ones. */
-static void colors_are_bounded(void **state)
+TEST_WITH(colors_are_bounded, open_arena, close_arena)
 {
-    (void)state;
     mesh = (struct import_mesh){0};
     for (int i = 0; i <= 200; i++) {
         const double color[4] = {i * 5e-3, 0.0, 0.0, 1.0};
@@ -210,14 +200,13 @@ static void colors_are_bounded(void **state)
 }
 
 /* What is written for one tint is read back as its faces, and no others. */
-static void faces_of_a_tint_are_written_as_stl(void **state)
+TEST_WITH(faces_of_a_tint_are_written_as_stl, open_arena, close_arena)
 {
     unsigned char bytes[512];
     size_t size = make_binary_stl(bytes);
     char path[] = "/tmp/import-tint-XXXXXX.stl";
     int fd = mkstemps(path, 4);
 
-    (void)state;
     assert_true(fd >= 0);
     close(fd);
     assert_int_equal(
@@ -271,9 +260,8 @@ static void expect_dae(const char *text, size_t faces, double volume)
     assert_near(mesh_signed_volume(), volume, 1e-15 + 1e-12 * volume);
 }
 
-static void collada_scenes_are_put_together(void **state)
+TEST_WITH(collada_scenes_are_put_together, open_arena, close_arena)
 {
-    (void)state;
     /* Centimeters; a node that scales and mirrors, within one that turns and moves */
     expect_dae(DAE_BEGIN DAE_TRIANGLES DAE_MIDDLE "<node>" DAE_SHOW "</node>" DAE_END, 4,
                1e-6 / 6.0);
@@ -304,7 +292,7 @@ static void collada_scenes_are_put_together(void **state)
     "<triangles material='" symbol "' count='1'>" DAE_INPUTS "<p>" corners "</p></triangles>"
 
 /* By symbol, binding, material, effect and shader; each link that leads nowhere is no color. */
-static void collada_faces_have_the_colors_that_are_bound(void **state)
+TEST_WITH(collada_faces_have_the_colors_that_are_bound, open_arena, close_arena)
 {
     static const char text[] = DAE_BEGIN DAE_FACE("a", "0 0 0 2 0 1") DAE_FACE("b", "0 0 0 1 0 3")
         DAE_FACE("c", "0 0 0 3 0 2")
@@ -369,7 +357,6 @@ static void collada_faces_have_the_colors_that_are_bound(void **state)
                                                                         "translate>" DAE_SHOW
                                                                         "</node>" DAE_END;
 
-    (void)state;
     if (parse_dae(text)) {
         fail_msg("%s", error.text);
     }
@@ -382,9 +369,8 @@ static void collada_faces_have_the_colors_that_are_bound(void **state)
     assert_non_null(strstr(mesh.remark, "texture"));
 }
 
-static void collada_faces_of_every_kind_are_read(void **state)
+TEST_WITH(collada_faces_of_every_kind_are_read, open_arena, close_arena)
 {
-    (void)state;
     expect_dae(DAE_BEGIN
                "<polylist count='4'>" DAE_INPUTS
                "<vcount>3 3 3 3</vcount><p>0 0 0 2 0 1 0 0 0 1 0 3 0 0 0 3 0 2 0 1 0 2 0 3"
@@ -405,7 +391,7 @@ static void collada_faces_of_every_kind_are_read(void **state)
                4, 1e-6 / 6.0);
 }
 
-static void wrong_collada_is_refused(void **state)
+TEST_WITH(wrong_collada_is_refused, open_arena, close_arena)
 {
     static const struct {
         const char *text, *words;
@@ -448,7 +434,6 @@ static void wrong_collada_is_refused(void **state)
          "semantic VERTEX"},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         if (parse_dae(cases[i].text) != ERROR_INPUT || !strstr(error.text, cases[i].words)) {
             fail_msg("case %zu: %s", i, error.text);
@@ -457,12 +442,11 @@ static void wrong_collada_is_refused(void **state)
 }
 
 /* A node that is in the next one twice, and so on: 2^40 of them. */
-static void collada_scenes_that_explode_are_refused(void **state)
+TEST_WITH(collada_scenes_that_explode_are_refused, open_arena, close_arena)
 {
     static char text[16384];
     int used = snprintf(text, sizeof text, "<COLLADA><library_nodes><node id='n0'/>");
 
-    (void)state;
     for (int i = 1; i <= 40; i++) {
         used +=
             snprintf(text + used, sizeof text - (size_t)used,
@@ -476,7 +460,7 @@ static void collada_scenes_that_explode_are_refused(void **state)
     assert_non_null(strstr(error.text, "too often"));
 }
 
-static void wrong_meshes_are_refused(void **state)
+TEST_WITH(wrong_meshes_are_refused, open_arena, close_arena)
 {
     static const struct {
         const char *name, *text, *words;
@@ -494,7 +478,6 @@ static void wrong_meshes_are_refused(void **state)
         {"x", "", "expected stl, obj or dae"},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         if (import_parse_mesh(cases[i].name, cases[i].text, strlen(cases[i].text), one, &arena,
                               &mesh, &error) != ERROR_INPUT ||
@@ -505,12 +488,11 @@ static void wrong_meshes_are_refused(void **state)
 }
 
 /* A count of faces that the file does not have makes it no binary STL. */
-static void binary_stl_with_a_false_count_is_refused(void **state)
+TEST_WITH(binary_stl_with_a_false_count_is_refused, open_arena, close_arena)
 {
     unsigned char bytes[512];
     size_t size = make_binary_stl(bytes);
 
-    (void)state;
     put_word(bytes + 80, 0xffffffff);
     assert_int_equal(
         import_parse_mesh("x.stl", (const char *)bytes, size, one, &arena, &mesh, &error),
@@ -568,14 +550,13 @@ static void check_outside(const char *root, const char *file, const char *mesh_f
     assert_non_null(strstr(error.text, "found no file"));
 }
 
-static void packages_are_found_where_they_may_be(void **state)
+TEST_WITH(packages_are_found_where_they_may_be, open_arena, close_arena)
 {
     char root[] = "/tmp/hil-import-mesh-XXXXXX", file[128], mesh_file[128], other[128];
     static const char *const made[] = {"/pkg", "/pkg/urdf", "/pkg/meshes", "/else"};
     char path[128];
     FILE *out;
 
-    (void)state;
     assert_non_null(mkdtemp(root));
     for (size_t i = 0; i < sizeof made / sizeof *made; i++) {
         snprintf(path, sizeof path, "%s%s", root, made[i]);
@@ -603,14 +584,13 @@ static void packages_are_found_where_they_may_be(void **state)
     assert_int_equal(system(path), 0);
 }
 
-static void files_are_read_and_what_is_no_file_is_refused(void **state)
+TEST_WITH(files_are_read_and_what_is_no_file_is_refused, open_arena, close_arena)
 {
     char folder[] = "/tmp/import-mesh-XXXXXX", path[64];
     unsigned char bytes[512];
     size_t size = make_binary_stl(bytes);
     FILE *file;
 
-    (void)state;
     assert_non_null(mkdtemp(folder));
     snprintf(path, sizeof path, "%s/body.stl", folder);
     file = fopen(path, "wb");
@@ -628,29 +608,4 @@ static void files_are_read_and_what_is_no_file_is_refused(void **state)
     assert_int_equal(import_read_mesh(folder, one, &arena, &mesh, &error), ERROR_INPUT);
     assert_int_not_equal(import_read_mesh(path, one, &arena, &mesh, &error), ERROR_NONE);
     assert_int_equal(rmdir(folder), 0);
-}
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, open_arena, close_arena)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(binary_stl_joins_its_corners),
-        TEST(scales_measure_and_mirror),
-        TEST(text_stl_and_obj_are_the_same),
-        TEST(an_obj_has_the_colors_of_its_materials),
-        TEST(colors_are_bounded),
-        TEST(faces_of_a_tint_are_written_as_stl),
-        TEST(collada_faces_have_the_colors_that_are_bound),
-        TEST(wrong_meshes_are_refused),
-        TEST(collada_scenes_are_put_together),
-        TEST(collada_faces_of_every_kind_are_read),
-        TEST(wrong_collada_is_refused),
-        TEST(collada_scenes_that_explode_are_refused),
-        TEST(binary_stl_with_a_false_count_is_refused),
-        TEST(packages_are_found_where_they_may_be),
-        TEST(files_are_read_and_what_is_no_file_is_refused),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -2,19 +2,14 @@
 /* MJCF in several files: where they are looked for, what comes of them, and what is refused. */
 #include "app/import/mjcf.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "tests/unit/arena_fixture.h"
+#include "tests/test.h"
 
 #define INERTIAL "<inertial mass='1' pos='0 0 0' diaginertia='1 1 1'/>"
 
@@ -24,13 +19,13 @@ static struct import_model model;
 static struct import_notes notes;
 static struct error error;
 
-static int open_folder(void **state)
+FIXTURE(open_folder)
 {
     char path[64];
 
     strcpy(folder + sizeof folder - 7, "XXXXXX");
     packages = (struct import_packages){0};
-    if (open_arena(state) || !mkdtemp(folder)) {
+    if (open_arena(test_state) || !mkdtemp(folder)) {
         return -1;
     }
     snprintf(path, sizeof path, "%s/model", folder);
@@ -41,12 +36,12 @@ static int open_folder(void **state)
     return mkdir(path, 0700);
 }
 
-static int remove_folder(void **state)
+FIXTURE(remove_folder)
 {
     char command[96];
 
     snprintf(command, sizeof command, "rm -r '%s'", folder);
-    return close_arena(state) || system(command);
+    return close_arena(test_state) || system(command);
 }
 
 static void put(const char *name, const char *text)
@@ -89,9 +84,8 @@ static void read_bad(const char *place, const char *words)
     }
 }
 
-static void includes_come_in_where_they_stand(void **state)
+TEST_WITH(includes_come_in_where_they_stand, open_folder, remove_folder)
 {
-    (void)state;
     put("model/main.xml",
         "<mujoco><include file='parts/common.xml'/>\n<worldbody><body name='a'>" INERTIAL
         "<joint name='j'/>\n<include file='parts/leg.xml'/></body>"
@@ -119,9 +113,8 @@ static void includes_come_in_where_they_stand(void **state)
     assert_int_equal(model.joint[2].line, 3);
 }
 
-static void what_is_wrong_in_an_included_file_is_told_with_its_place(void **state)
+TEST_WITH(what_is_wrong_in_an_included_file_is_told_with_its_place, open_folder, remove_folder)
 {
-    (void)state;
     put("model/main.xml", "<mujoco><worldbody>\n<include file='parts/leg.xml'/></worldbody>"
                           "</mujoco>");
     put("model/parts/leg.xml", "<mujoco>\n\n\n<body name='leg'><joint axis='0 0 0'/></body>"
@@ -135,11 +128,10 @@ static void what_is_wrong_in_an_included_file_is_told_with_its_place(void **stat
     read_bad("/main.xml:2: ", "attribute \"file\"");
 }
 
-static void circles_and_repetitions_are_refused(void **state)
+TEST_WITH(circles_and_repetitions_are_refused, open_folder, remove_folder)
 {
     char name[64], text[128];
 
-    (void)state;
     put("model/main.xml", "<mujoco>\n<include file='parts/a.xml'/></mujoco>");
     put("model/parts/a.xml", "<mujoco>\n\n<include file='../main.xml'/></mujoco>");
     read_bad("/parts/a.xml:3: ", "was read before");
@@ -157,13 +149,12 @@ static void circles_and_repetitions_are_refused(void **state)
     read_bad("/parts/c15.xml:1: ", "more than 16 deep");
 }
 
-static void files_outside_the_folder_are_read_for_those_who_trust(void **state)
+TEST_WITH(files_outside_the_folder_are_read_for_those_who_trust, open_folder, remove_folder)
 {
     static const char *const outside[] = {"../secret.xml", "parts/../../secret.xml", "/etc/passwd",
                                           "link.xml", "../none.xml"};
     char link[96], text[128];
 
-    (void)state;
     put("secret.xml", "<mujoco><worldbody><body name='s'>" INERTIAL "<joint/></body></worldbody>"
                       "</mujoco>");
     snprintf(link, sizeof link, "%s/model/link.xml", folder);
@@ -177,18 +168,4 @@ static void files_outside_the_folder_are_read_for_those_who_trust(void **state)
     packages.trust = true;
     read_good();
     assert_string_equal(model.link[1].name, "s");
-}
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, open_folder, remove_folder)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(includes_come_in_where_they_stand),
-        TEST(what_is_wrong_in_an_included_file_is_told_with_its_place),
-        TEST(circles_and_repetitions_are_refused),
-        TEST(files_outside_the_folder_are_read_for_those_who_trust),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

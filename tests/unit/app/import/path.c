@@ -1,18 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A name in a robot file leads to files of its folder, and to no other. */
 #include "app/import/path.h"
+#include "tests/test.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 static char made[] = "/tmp/hil-import-path-XXXXXX", folder[PATH_MAX], inside[PATH_MAX + 8];
 
@@ -27,11 +22,10 @@ static void put(const char *name)
 }
 
 /* secret, in/here, in/a/b/deep, in/link -> ../secret, in/pipe; made anew for each test. */
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     char path[PATH_MAX + 64];
 
-    (void)state;
     strcpy(made + sizeof made - 7, "XXXXXX");
     if (!mkdtemp(made) || !realpath(made, folder)) {
         return -1;
@@ -54,11 +48,10 @@ static int set_up(void **state)
     return mkfifo(path, 0600);
 }
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
     char command[PATH_MAX + 16];
 
-    (void)state;
     snprintf(command, sizeof command, "rm -r '%s'", folder);
     return system(command);
 }
@@ -70,14 +63,13 @@ static enum import_path resolve(const char *name, bool trust)
     return import_resolve_path(inside, inside, name, trust, path);
 }
 
-static void names_of_the_folder_are_found(void **state)
+TEST_WITH(names_of_the_folder_are_found, set_up, tear_down)
 {
     static const char *const names[] = {
         "here",      "./here",         "a/b/deep",     "a/../here",
         "a//b/deep", "a/b/../../here", "./a/./b/deep", "a/b/../../a/../here"};
     char absolute[PATH_MAX + 64], path[PATH_MAX];
 
-    (void)state;
     for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
         if (resolve(names[i], false) != IMPORT_PATH_FOUND) {
             fail_msg("%s was not found", names[i]);
@@ -89,7 +81,7 @@ static void names_of_the_folder_are_found(void **state)
 }
 
 /* Also where it comes back, where it is not there, and where it is only a prefix of the folder. */
-static void names_that_lead_out_are_refused(void **state)
+TEST_WITH(names_that_lead_out_are_refused, set_up, tear_down)
 {
     static const char *const names[] = {"../secret",
                                         "../none",
@@ -104,7 +96,6 @@ static void names_that_lead_out_are_refused(void **state)
                                         "link"};
     char absolute[PATH_MAX + 64];
 
-    (void)state;
     for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
         if (resolve(names[i], false) != IMPORT_PATH_OUTSIDE) {
             fail_msg("%s was not refused", names[i]);
@@ -116,19 +107,17 @@ static void names_that_lead_out_are_refused(void **state)
     assert_int_equal(resolve(absolute, false), IMPORT_PATH_OUTSIDE);
 }
 
-static void whoever_is_trusted_may_lead_out(void **state)
+TEST_WITH(whoever_is_trusted_may_lead_out, set_up, tear_down)
 {
-    (void)state;
     assert_int_equal(resolve("../secret", true), IMPORT_PATH_FOUND);
     assert_int_equal(resolve("link", true), IMPORT_PATH_FOUND);
     assert_int_equal(resolve("../none", true), IMPORT_PATH_MISSING);
 }
 
-static void only_regular_files_are_found(void **state)
+TEST_WITH(only_regular_files_are_found, set_up, tear_down)
 {
     char longest[PATH_MAX + 8];
 
-    (void)state;
     assert_int_equal(resolve("none", false), IMPORT_PATH_MISSING);
     assert_int_equal(resolve("a", false), IMPORT_PATH_MISSING);
     assert_int_equal(resolve("pipe", false), IMPORT_PATH_MISSING);
@@ -141,28 +130,14 @@ static void only_regular_files_are_found(void **state)
     assert_int_equal(resolve(longest, false), IMPORT_PATH_MISSING);
 }
 
-static void a_file_has_the_folder_without_its_name(void **state)
+TEST_WITH(a_file_has_the_folder_without_its_name, set_up, tear_down)
 {
     char path[PATH_MAX + 64], found[PATH_MAX];
 
-    (void)state;
     snprintf(path, sizeof path, "%s/a/../a/b/deep", inside);
     assert_true(import_find_folder(path, found));
     snprintf(path, sizeof path, "%s/a/b", inside);
     assert_string_equal(found, path);
     snprintf(path, sizeof path, "%s/none", inside);
     assert_false(import_find_folder(path, found));
-}
-
-#define TEST(function) cmocka_unit_test_setup_teardown(function, set_up, tear_down)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(names_of_the_folder_are_found),          TEST(names_that_lead_out_are_refused),
-        TEST(whoever_is_trusted_may_lead_out),        TEST(only_regular_files_are_found),
-        TEST(a_file_has_the_folder_without_its_name),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -6,26 +6,20 @@
 #include "base/count.h"
 #include "boards/protocol_list.h"
 #include "rig/rig.h"
+#include "tests/test.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 static struct arena arena;
 static char folder[] = "/tmp/hil-import-run-XXXXXX";
 static char file[64];
 
-static int open_folder(void **state)
+FIXTURE(open_folder)
 {
-    (void)state;
     strcpy(folder + sizeof folder - 7, "XXXXXX");
     if (!mkdtemp(folder) || arena_init(&arena, (size_t)512 << 20, NULL)) {
         return -1;
@@ -34,11 +28,10 @@ static int open_folder(void **state)
     return 0;
 }
 
-static int remove_folder(void **state)
+FIXTURE(remove_folder)
 {
     char command[96];
 
-    (void)state;
     arena_fini(&arena);
     snprintf(command, sizeof command, "rm -r '%s'", folder);
     return system(command);
@@ -86,7 +79,7 @@ static void import_limbs(struct import_boards boards, struct import_result *resu
     }
 }
 
-static void no_bus_is_loaded_beyond_the_share(void **state)
+TEST_WITH(no_bus_is_loaded_beyond_the_share, open_folder, remove_folder)
 {
     static const struct {
         int limbs, joints;
@@ -96,7 +89,6 @@ static void no_bus_is_loaded_beyond_the_share(void **state)
                                                    {&protocol_compact, false},
                                                    {&protocol_compact, true}};
 
-    (void)state;
     for (size_t i = 0; i < sizeof robots / sizeof *robots; i++) {
         write_limbs(robots[i].limbs, robots[i].joints);
         for (size_t p = 0; p < ARRAY_COUNT(benches); p++) {
@@ -112,14 +104,13 @@ static void no_bus_is_loaded_beyond_the_share(void **state)
     }
 }
 
-static void too_many_joints_name_the_way_out(void **state)
+TEST_WITH(too_many_joints_name_the_way_out, open_folder, remove_folder)
 {
     const struct import_request request = {
         .file = file, .folder = folder, .boards = {&protocol_foc, false}};
     struct import_result result;
     struct error error;
 
-    (void)state;
     write_limbs(11, 6);
     assert_int_equal(import_run(&request, &arena, &result, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "--personality compact-fd"));
@@ -128,7 +119,7 @@ static void too_many_joints_name_the_way_out(void **state)
 }
 
 /* What was edited after the first import is there after the second. */
-static void a_second_import_asks_before_it_writes_over_the_first(void **state)
+TEST_WITH(a_second_import_asks_before_it_writes_over_the_first, open_folder, remove_folder)
 {
     struct import_request request = {
         .file = file, .folder = folder, .boards = {&protocol_icub, false}};
@@ -137,7 +128,6 @@ static void a_second_import_asks_before_it_writes_over_the_first(void **state)
     char line[64] = "";
     FILE *edited;
 
-    (void)state;
     write_limbs(1, 3);
     assert_int_equal(import_run(&request, &arena, &first, &error), ERROR_NONE);
     assert_non_null(edited = fopen(first.rig, "w"));
@@ -161,14 +151,13 @@ static void a_second_import_asks_before_it_writes_over_the_first(void **state)
     assert_int_equal(access(again.rig, F_OK), 0);
 }
 
-static void same_file_gives_the_same_bytes(void **state)
+TEST_WITH(same_file_gives_the_same_bytes, open_folder, remove_folder)
 {
     struct import_result result;
     char first[65536], second[65536];
     size_t size[2];
     FILE *in;
 
-    (void)state;
     write_limbs(2, 3);
     for (int i = 0; i < 2; i++) {
         import_limbs((struct import_boards){&protocol_icub, false}, &result);
@@ -181,7 +170,7 @@ static void same_file_gives_the_same_bytes(void **state)
 }
 
 /* The corners are as far from the axis as the cylinder is wide: it is as long as the box. */
-static void a_box_gets_the_capsule_that_holds_it(void **state)
+TEST_WITH(a_box_gets_the_capsule_that_holds_it, open_folder, remove_folder)
 {
     static const char text[] =
         "<robot name='r'><link name='base'>%1$s</link><link name='box'>%1$s<collision><origin "
@@ -195,7 +184,6 @@ static void a_box_gets_the_capsule_that_holds_it(void **state)
     struct import_result result;
     FILE *out = fopen(file, "w");
 
-    (void)state;
     assert_non_null(out);
     fprintf(out, text, inertial);
     assert_int_equal(fclose(out), 0);
@@ -248,7 +236,7 @@ static unsigned count_by(const char *command)
 
 /* A link on a fixed joint brings its shape along; the same mesh is written once; materials count by
  * name from wherever they are; what is missing or damaged is named; nothing of it moves a body. */
-static void visuals_come_with_their_places_and_colors(void **state)
+TEST_WITH(visuals_come_with_their_places_and_colors, open_folder, remove_folder)
 {
     static const char begin[] = "<robot name='r'><link name='base'>" VISUAL_INERTIAL;
     static const char looks[] =
@@ -272,7 +260,6 @@ static void visuals_come_with_their_places_and_colors(void **state)
     struct import_result plain, result;
     const struct robot_visual *visual;
 
-    (void)state;
     write_file("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     write_file("bad.obj", "v 0 0 0\nv 1 zero 0\n");
     snprintf(text, sizeof text, "%s%s%s", begin, middle, end);
@@ -310,12 +297,11 @@ static void visuals_come_with_their_places_and_colors(void **state)
 }
 
 /* Groups from 3 on are hidden, what touches may be seen, a material's color is that of the geom. */
-static void geoms_of_mjcf_are_seen_as_in_its_viewer(void **state)
+TEST_WITH(geoms_of_mjcf_are_seen_as_in_its_viewer, open_folder, remove_folder)
 {
     struct import_result result;
     const struct robot_visual *visual;
 
-    (void)state;
     write_file("a.obj", "mtllib a.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     write_file("a.mtl", "newmtl m\nKd 0 0 1\n");
     write_file(
@@ -341,7 +327,7 @@ static void geoms_of_mjcf_are_seen_as_in_its_viewer(void **state)
 
 /* A biped of 40 kg whose center is 0.85 m above its ankles, which alone show little inertia: they
  * are stiff enough to keep it from tipping over them, and other joints are as before. */
-static void ankles_hold_up_what_stands_on_them(void **state)
+TEST_WITH(ankles_hold_up_what_stands_on_them, open_folder, remove_folder)
 {
     static const char text[] =
         "<mujoco model='biped'><compiler angle='radian'/><worldbody>"
@@ -368,7 +354,6 @@ static void ankles_hold_up_what_stands_on_them(void **state)
     struct error error;
     FILE *out;
 
-    (void)state;
     snprintf(file, sizeof file, "%s/biped.xml", folder);
     out = fopen(file, "w");
     assert_non_null(out);
@@ -390,22 +375,4 @@ static void ankles_hold_up_what_stands_on_them(void **state)
             assert_true(stiffness < 900.0 * 0.11);
         }
     }
-}
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, open_folder, remove_folder)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(no_bus_is_loaded_beyond_the_share),
-        TEST(too_many_joints_name_the_way_out),
-        TEST(same_file_gives_the_same_bytes),
-        TEST(a_box_gets_the_capsule_that_holds_it),
-        TEST(ankles_hold_up_what_stands_on_them),
-        TEST(a_second_import_asks_before_it_writes_over_the_first),
-        TEST(visuals_come_with_their_places_and_colors),
-        TEST(geoms_of_mjcf_are_seen_as_in_its_viewer),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "tests/unit/arena_fixture.h"
+#include "tests/test.h"
 
 #define INERTIA "<inertia ixx='0.1' iyy='0.1' izz='0.1' ixy='0' ixz='0' iyz='0'/>"
 #define LINK(name)                                                                                 \
@@ -68,10 +69,10 @@ static inline bool noted(enum import_fate fate, int line, const char *words)
 }
 
 /* With the options as they are by default. */
-static inline int open_default(void **state)
+FIXTURE(open_default)
 {
     options = (struct import_options){0};
-    return open_arena(state);
+    return open_arena(test_state);
 }
 
 #endif

@@ -3,27 +3,21 @@
 #include "app/import/urdf.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "tests/physics/near.h"
 #include "tests/unit/app/import/text.h"
+#include "tests/test.h"
 
 /* ---- what is merged ---- */
 
 /* A rod of 2 kg along x, turned by a right angle about z and put 1 m ahead, on one of 1 kg: by hand
  * the common center is at 2/3 m, and Izz = 0.1 + 0.3 + 1 (2/3)^2 + 2 (1/3)^2. */
-static void fixed_links_merge_with_turned_inertias(void **state)
+TEST_WITH(fixed_links_merge_with_turned_inertias, open_default, close_arena)
 {
     const struct robot_inertia *sum;
 
-    (void)state;
     import_good(ROBOT(LINK("base") LINK(
         "a") "<link name='rod'><inertial><mass value='2'/><inertia ixx='0.01' iyy='0.2' izz='0.3' "
              "ixy='0' "
@@ -42,9 +36,8 @@ static void fixed_links_merge_with_turned_inertias(void **state)
     assert_true(robot_find_frame(made.robot, "rod") >= 0);
 }
 
-static void joint_origins_pass_through_fixed_links(void **state)
+TEST_WITH(joint_origins_pass_through_fixed_links, open_default, close_arena)
 {
-    (void)state;
     import_good(ROBOT(LINK("base") HOLLOW("flange") LINK("a") JOINT(
         "f", "fixed", "base", "flange", "<origin xyz='0 0 1' rpy='0 0 1.5707963267948966'/>")
                           JOINT("j", "revolute", "flange", "a",
@@ -57,9 +50,8 @@ static void joint_origins_pass_through_fixed_links(void **state)
     assert_near(made.robot->joint[0].axis[2], 1.0, 0.0);
 }
 
-static void joint_behind_which_nothing_weighs_is_fixed(void **state)
+TEST_WITH(joint_behind_which_nothing_weighs_is_fixed, open_default, close_arena)
 {
-    (void)state;
     import_good(ROBOT(LINK("base") LINK("a") HOLLOW("wheel") HOLLOW("cap") JOINT(
         "j", "revolute", "base", "a", LIMIT) JOINT("spin", "continuous", "a", "wheel", "")
                           JOINT("f", "fixed", "wheel", "cap", "")));
@@ -67,9 +59,8 @@ static void joint_behind_which_nothing_weighs_is_fixed(void **state)
     assert_true(noted(IMPORT_CHANGED, 7, "nothing that it moves has mass"));
 }
 
-static void body_between_joints_may_have_no_mass(void **state)
+TEST_WITH(body_between_joints_may_have_no_mass, open_default, close_arena)
 {
-    (void)state;
     import_good(ROBOT(LINK("base") HOLLOW("cross") LINK("a")
                           JOINT("x", "revolute", "base", "cross", LIMIT)
                               JOINT("y", "revolute", "cross", "a", "<axis xyz='0 1 0'/>" LIMIT)));
@@ -79,9 +70,8 @@ static void body_between_joints_may_have_no_mass(void **state)
 
 /* ---- joints ---- */
 
-static void equal_limits_fix_a_joint_where_they_are(void **state)
+TEST_WITH(equal_limits_fix_a_joint_where_they_are, open_default, close_arena)
 {
-    (void)state;
     import_good(
         ROBOT(LINK("base") LINK("a") LINK("b") JOINT("j", "revolute", "base", "a", LIMIT) JOINT(
             "k", "revolute", "a", "b",
@@ -92,18 +82,16 @@ static void equal_limits_fix_a_joint_where_they_are(void **state)
     assert_true(noted(IMPORT_CHANGED, 6, "fixed at 0.5 rad"));
 }
 
-static void continuous_joint_has_turns_and_no_stops(void **state)
+TEST_WITH(continuous_joint_has_turns_and_no_stops, open_default, close_arena)
 {
-    (void)state;
     import_good(ROBOT(LINK("base") LINK("a") JOINT("j", "continuous", "base", "a", "")));
     assert_near(made.robot->joint[0].upper, 100.0 * M_PI, 1e-12);
     assert_near(made.robot->joint[0].stop.stiffness, 0.0, 0.0);
 }
 
 /* As some files of robots have it that turn freely: -1 throughout, or the limits the wrong way. */
-static void limits_that_mean_none_are_none(void **state)
+TEST_WITH(limits_that_mean_none_are_none, open_default, close_arena)
 {
-    (void)state;
     import_good(ROBOT(LINK("base") LINK("a") LINK("b") JOINT(
         "j", "revolute", "base", "a", "<limit lower='-1' upper='-1' effort='-1' velocity='-1'/>")
                           JOINT("k", "revolute", "a", "b",
@@ -121,7 +109,7 @@ static void limits_that_mean_none_are_none(void **state)
 }
 
 /* MJCF's springs are passive; without an actuator, where others have one, they are all there is. */
-static void springs_are_passive(void **state)
+TEST_WITH(springs_are_passive, open_default, close_arena)
 {
     const char *const two =
         "<joint name='j' stiffness='30' springref='20' ref='5' damping='2' range='-40 40'/>"
@@ -129,7 +117,6 @@ static void springs_are_passive(void **state)
         "<joint name='k' stiffness='4' damping='0.5' range='-40 40'/></body>";
     char text[2048];
 
-    (void)state;
     for (int actuated = 0; actuated < 2; actuated++) {
         snprintf(text, sizeof text, MJCF("", "%s", "%s"), two,
                  actuated ? "<actuator><motor joint='k' ctrlrange='-1 1'/></actuator>" : "");
@@ -146,21 +133,19 @@ static void springs_are_passive(void **state)
 }
 
 /* MuJoCo takes a range whose ends are the same, or the wrong way, for none. */
-static void mjcf_range_without_width_is_none(void **state)
+TEST_WITH(mjcf_range_without_width_is_none, open_default, close_arena)
 {
-    (void)state;
     import_good(MJCF("", "<joint name='j' range='0 0'/>", ""));
     assert_near(made.robot->joint[0].upper, 100.0 * M_PI, 1e-12);
     import_good(MJCF("", "<joint name='j' range='-10 20'/>", ""));
     assert_near(made.robot->joint[0].upper, 20.0 * M_PI / 180.0, 1e-15);
 }
 
-static void joints_beyond_a_bench_are_refused_with_the_first(void **state)
+TEST_WITH(joints_beyond_a_bench_are_refused_with_the_first, open_default, close_arena)
 {
     static char text[1 << 16];
     size_t used = 0;
 
-    (void)state;
     used += (size_t)snprintf(text, sizeof text, "<robot name='r'>\n" LINK("l0"));
     for (int j = 1; j <= 129; j++) {
         used += (size_t)snprintf(text + used, sizeof text - used,
@@ -178,12 +163,11 @@ static void joints_beyond_a_bench_are_refused_with_the_first(void **state)
     assert_int_equal(made.robot->njoint, 128);
 }
 
-static void sliding_joint_is_fixed_unless_it_may_slide(void **state)
+TEST_WITH(sliding_joint_is_fixed_unless_it_may_slide, open_default, close_arena)
 {
     const char *text = ROBOT(LINK("base") LINK("a") LINK("b") JOINT(
         "j", "revolute", "base", "a", LIMIT) JOINT("s", "prismatic", "a", "b", LIMIT));
 
-    (void)state;
     import_good(text);
     assert_int_equal(made.robot->njoint, 1);
     assert_true(noted(IMPORT_CHANGED, 6, "--prismatic free"));
@@ -194,13 +178,12 @@ static void sliding_joint_is_fixed_unless_it_may_slide(void **state)
     assert_false(made.robot->joint[1].sea.present);
 }
 
-static void joint_that_follows_is_refused_locked_or_free(void **state)
+TEST_WITH(joint_that_follows_is_refused_locked_or_free, open_default, close_arena)
 {
     const char *text =
         ROBOT(LINK("base") LINK("a") LINK("b") JOINT("j", "revolute", "base", "a", LIMIT) JOINT(
             "m", "revolute", "base", "b", LIMIT "<mimic joint='j' multiplier='2' offset='0.25'/>"));
 
-    (void)state;
     import_bad(text, "x.urdf:6: ", "--mimic lock");
     options.mimic = IMPORT_MIMIC_LOCK;
     import_good(text);
@@ -214,11 +197,10 @@ static void joint_that_follows_is_refused_locked_or_free(void **state)
                "x.urdf:4: ", "\"none\"");
 }
 
-static void joint_follows_one_that_is_fixed_exactly(void **state)
+TEST_WITH(joint_follows_one_that_is_fixed_exactly, open_default, close_arena)
 {
     static const char *const lock[] = {"j"};
 
-    (void)state;
     options.lock = lock;
     options.nlock = 1;
     import_good(ROBOT(
@@ -230,9 +212,8 @@ static void joint_follows_one_that_is_fixed_exactly(void **state)
     assert_true(noted(IMPORT_CHANGED, 8, "fixed at 1.1 rad"));
 }
 
-static void limits_that_exclude_zero_move_the_rest(void **state)
+TEST_WITH(limits_that_exclude_zero_move_the_rest, open_default, close_arena)
 {
-    (void)state;
     import_good(ROBOT(LINK("base") LINK("a") JOINT(
         "j", "revolute", "base", "a", "<limit lower='-3' upper='-1' effort='9' velocity='3'/>")));
     assert_near(made.rest[0], -1.1, 1e-15);
@@ -240,7 +221,7 @@ static void limits_that_exclude_zero_move_the_rest(void **state)
     assert_true(noted(IMPORT_CHANGED, 4, "exclude 0"));
 }
 
-static void impossible_joints_are_refused(void **state)
+TEST_WITH(impossible_joints_are_refused, open_default, close_arena)
 {
     static const struct {
         const char *text, *place, *words;
@@ -279,7 +260,6 @@ static void impossible_joints_are_refused(void **state)
          "x.urdf:4: ", "found an inertia of 4e+09 kg m2 of link \"a\""},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         import_bad(cases[i].text, cases[i].place, cases[i].words);
     }
@@ -287,9 +267,8 @@ static void impossible_joints_are_refused(void **state)
 
 /* ---- trees ---- */
 
-static void what_is_no_tree_is_refused(void **state)
+TEST_WITH(what_is_no_tree_is_refused, open_default, close_arena)
 {
-    (void)state;
     import_bad(ROBOT(LINK("base") LINK("a") LINK("b") JOINT("j", "revolute", "base", "a", LIMIT)
                          JOINT("k", "revolute", "base", "b", LIMIT)
                              JOINT("l", "fixed", "a", "b", "")),
@@ -305,9 +284,8 @@ static void what_is_no_tree_is_refused(void **state)
     import_bad("<robot name='r'/>", "x.urdf:1: ", "0 links");
 }
 
-static void names_stand_once(void **state)
+TEST_WITH(names_stand_once, open_default, close_arena)
 {
-    (void)state;
     import_bad(ROBOT(LINK("base") LINK("a") LINK("a")),
                "x.urdf:4: ", "again, expected it once (line 3)");
     import_bad(ROBOT(LINK("base") LINK("a") LINK("b") JOINT("j", "revolute", "base", "a", LIMIT)
@@ -315,9 +293,8 @@ static void names_stand_once(void **state)
                "x.urdf:6: ", "again, expected it once (line 5)");
 }
 
-static void names_that_robot_files_refuse_are_changed(void **state)
+TEST_WITH(names_that_robot_files_refuse_are_changed, open_default, close_arena)
 {
-    (void)state;
     import_good(
         ROBOT(LINK("base") LINK("left/arm 1") JOINT("j", "revolute", "base", "left/arm 1", LIMIT)));
     assert_string_equal(made.robot->body[1].name, "left_arm_1");
@@ -326,7 +303,7 @@ static void names_that_robot_files_refuse_are_changed(void **state)
                "x.urdf:4: ", "spare");
 }
 
-static void bases_are_guessed_and_said(void **state)
+TEST_WITH(bases_are_guessed_and_said, open_default, close_arena)
 {
     const char *arm = ROBOT(LINK("base") LINK("a") JOINT("j", "revolute", "base", "a", LIMIT));
     const char *legs = ROBOT(
@@ -334,7 +311,6 @@ static void bases_are_guessed_and_said(void **state)
             JOINT("j", "revolute", "base", "a", LIMIT) JOINT("k", "revolute", "a", "b", LIMIT)
                 JOINT("l", "revolute", "base", "c", LIMIT) JOINT("m", "revolute", "c", "d", LIMIT));
 
-    (void)state;
     import_good(arm);
     assert_false(made.robot->floating);
     assert_true(noted(IMPORT_ASSUMED, 2, "--base says otherwise"));
@@ -345,9 +321,8 @@ static void bases_are_guessed_and_said(void **state)
     assert_false(made.robot->floating);
 }
 
-static void world_that_is_not_in_the_file_stands_still(void **state)
+TEST_WITH(world_that_is_not_in_the_file_stands_still, open_default, close_arena)
 {
-    (void)state;
     import_good(ROBOT(LINK("base") LINK("a") JOINT("w", "fixed", "world", "base", "")
                           JOINT("j", "revolute", "base", "a", LIMIT)));
     assert_false(made.robot->floating);
@@ -357,9 +332,8 @@ static void world_that_is_not_in_the_file_stands_still(void **state)
 }
 
 /* Points at which a foot is touched. */
-static void sphere_without_radius_is_a_point(void **state)
+TEST_WITH(sphere_without_radius_is_a_point, open_default, close_arena)
 {
-    (void)state;
     import_good(ROBOT(LINK("base") "<link name='a'><inertial><mass value='1'/>" INERTIA
                                    "</inertial><collision><geometry><sphere radius='0'/>"
                                    "</geometry></collision></link>\n" JOINT("j", "revolute", "base",
@@ -372,9 +346,8 @@ static void sphere_without_radius_is_a_point(void **state)
                "x.urdf:2: ", "found radius -1 m, expected more than 0");
 }
 
-static void floating_joint_makes_its_child_the_base(void **state)
+TEST_WITH(floating_joint_makes_its_child_the_base, open_default, close_arena)
 {
-    (void)state;
     import_good(ROBOT(HOLLOW("world") LINK("pelvis") LINK("a")
                           JOINT("free", "floating", "world", "pelvis", "<origin xyz='0 0 1'/>")
                               JOINT("j", "revolute", "pelvis", "a", LIMIT)));
@@ -399,11 +372,10 @@ static void floating_joint_makes_its_child_the_base(void **state)
     "<link name='a'>\n<inertial><mass value='1'/><inertia ixx='0.1' iyy='0.2' izz='0.5' ixy='0' "  \
     "ixz='0' iyz='0'/></inertial></link>\n"
 
-static void inertia_that_no_body_has_is_refused_or_repaired(void **state)
+TEST_WITH(inertia_that_no_body_has_is_refused_or_repaired, open_default, close_arena)
 {
     const char *text = ROBOT(LINK("base") THIN JOINT("j", "revolute", "base", "a", LIMIT));
 
-    (void)state;
     import_bad(text, "x.urdf:4: ", "--repair-inertia");
     options.repair_inertia = true;
     import_good(text);
@@ -414,12 +386,11 @@ static void inertia_that_no_body_has_is_refused_or_repaired(void **state)
 }
 
 /* Turned by 0.3 rad about z and repaired, it is the repaired one turned. */
-static void repair_keeps_the_axes(void **state)
+TEST_WITH(repair_keeps_the_axes, open_default, close_arena)
 {
     const double *I;
     double c = cos(0.3), s = sin(0.3);
 
-    (void)state;
     options.repair_inertia = true;
     import_good(ROBOT(
         LINK("base") "<link name='a'><inertial><origin rpy='0 0 0.3'/><mass value='1'/><inertia "
@@ -434,9 +405,8 @@ static void repair_keeps_the_axes(void **state)
 
 /* ---- hostile files ---- */
 
-static void document_types_and_entities_are_refused(void **state)
+TEST_WITH(document_types_and_entities_are_refused, open_default, close_arena)
 {
-    (void)state;
     import_bad("<?xml version='1.0'?>\n<!DOCTYPE robot [<!ENTITY a 'x'>]>\n<robot name='&a;'/>",
                "x.urdf:2: ", "DOCTYPE");
     import_bad("<!DOCTYPE robot SYSTEM 'http://127.0.0.1/x.dtd'>\n<robot name='r'/>",
@@ -446,9 +416,8 @@ static void document_types_and_entities_are_refused(void **state)
     import_bad("", "x.urdf:1: ", "no well-formed XML");
 }
 
-static void xacro_is_sent_back(void **state)
+TEST_WITH(xacro_is_sent_back, open_default, close_arena)
 {
-    (void)state;
     import_bad("<robot name='r' xmlns:xacro='http://www.ros.org/wiki/xacro'>\n<xacro:include "
                "filename='a'/></robot>",
                "x.urdf:2: ", "run `xacro FILE >robot.urdf`");
@@ -456,12 +425,11 @@ static void xacro_is_sent_back(void **state)
                "x.urdf:2: ", "run `xacro FILE >robot.urdf`");
 }
 
-static void numbers_are_read_strictly(void **state)
+TEST_WITH(numbers_are_read_strictly, open_default, close_arena)
 {
     static const char *const wrong[] = {"nan", "inf", "0x10", "", "1 2", "1,5", "1e999", "one"};
     char text[512];
 
-    (void)state;
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
         snprintf(text, sizeof text,
                  "<robot name='r'>\n<link name='a'><inertial>\n<mass value='%s'/>" INERTIA
@@ -477,11 +445,10 @@ static void numbers_are_read_strictly(void **state)
 
 /* ---- sensors and poses ---- */
 
-static void force_sensor_bears_what_is_below_it(void **state)
+TEST_WITH(force_sensor_bears_what_is_below_it, open_default, close_arena)
 {
     const struct robot_ft_sensor *ft;
 
-    (void)state;
     import_good(
         ROBOT(LINK("base") LINK("arm") LINK("hand") JOINT("j", "revolute", "base", "arm", LIMIT)
                   JOINT("wrist", "fixed", "arm", "hand",
@@ -505,7 +472,7 @@ static void force_sensor_bears_what_is_below_it(void **state)
     assert_true(noted(IMPORT_DROPPED, 10, "type \"camera\""));
 }
 
-static void poses_come_from_the_second_file(void **state)
+TEST_WITH(poses_come_from_the_second_file, open_default, close_arena)
 {
     static const char srdf[] =
         "<robot name='r'>\n<virtual_joint name='v' type='floating' parent_frame='w' "
@@ -514,7 +481,6 @@ static void poses_come_from_the_second_file(void **state)
     const char *text = ROBOT(LINK("base") LINK("a") JOINT("j", "revolute", "base", "a", LIMIT));
     struct xml_file file;
 
-    (void)state;
     import_good(text);
     assert_int_equal(xml_text_open(&file, "x.srdf", srdf, strlen(srdf), &error), ERROR_NONE);
     assert_int_equal(srdf_read(&file, &arena, &model, &notes, &error), ERROR_NONE);
@@ -529,7 +495,7 @@ static void poses_come_from_the_second_file(void **state)
 
 /* ---- MJCF ---- */
 
-static void mjcf_that_is_no_plain_tree_is_refused(void **state)
+TEST_WITH(mjcf_that_is_no_plain_tree_is_refused, open_default, close_arena)
 {
     static const struct {
         const char *text, *place, *words;
@@ -556,19 +522,17 @@ static void mjcf_that_is_no_plain_tree_is_refused(void **state)
         {"<mujoco><worldbody/></mujoco>", "x.urdf:1: ", "0 bodies"},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         import_bad(cases[i].text, cases[i].place, cases[i].words);
     }
 }
 
-static void mjcf_joints_may_follow_each_other(void **state)
+TEST_WITH(mjcf_joints_may_follow_each_other, open_default, close_arena)
 {
     const char *text = MJCF("", "<joint name='j'/><joint name='k' axis='1 0 0'/>",
                             "<equality><joint joint1='k' joint2='j' polycoef='0.1 2 0 0 0'/>"
                             "</equality>");
 
-    (void)state;
     import_bad(text, "x.urdf:4: ", "\"k\" that follows \"j\"");
     options.mimic = IMPORT_MIMIC_LOCK;
     import_good(text);
@@ -578,11 +542,10 @@ static void mjcf_joints_may_follow_each_other(void **state)
 
 /* ---- drives ---- */
 
-static void drives_follow_effort_and_velocity(void **state)
+TEST_WITH(drives_follow_effort_and_velocity, open_default, close_arena)
 {
     const struct robot_sea *sea;
 
-    (void)state;
     import_good(ROBOT(
         LINK("base") "<link name='a'><inertial><origin xyz='0.2 0 0'/><mass value='1'/>" INERTIA
                      "</inertial></link>\n" JOINT(
@@ -598,9 +561,8 @@ static void drives_follow_effort_and_velocity(void **state)
     assert_near(sea->Ks, 1000.0, 1e-9);
 }
 
-static void placeholders_are_no_strength(void **state)
+TEST_WITH(placeholders_are_no_strength, open_default, close_arena)
 {
-    (void)state;
     import_good(ROBOT(
         LINK("base") "<link name='a'><inertial><origin xyz='0.2 0 0'/><mass value='1'/>" INERTIA
                      "</inertial></link>\n" JOINT("j", "revolute", "base", "a",
@@ -609,47 +571,4 @@ static void placeholders_are_no_strength(void **state)
     assert_near(made.robot->joint[0].torque_limit, 3.0 * 9.81 * 0.2, 1e-9);
     assert_true(noted(IMPORT_ASSUMED, 4, "effort 1000 is a placeholder"));
     assert_true(noted(IMPORT_ASSUMED, 4, "velocity 1000 is a placeholder"));
-}
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, open_default, close_arena)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(fixed_links_merge_with_turned_inertias),
-        TEST(joint_origins_pass_through_fixed_links),
-        TEST(joint_behind_which_nothing_weighs_is_fixed),
-        TEST(body_between_joints_may_have_no_mass),
-        TEST(equal_limits_fix_a_joint_where_they_are),
-        TEST(continuous_joint_has_turns_and_no_stops),
-        TEST(limits_that_mean_none_are_none),
-        TEST(mjcf_range_without_width_is_none),
-        TEST(springs_are_passive),
-        TEST(joints_beyond_a_bench_are_refused_with_the_first),
-        TEST(sliding_joint_is_fixed_unless_it_may_slide),
-        TEST(joint_that_follows_is_refused_locked_or_free),
-        TEST(joint_follows_one_that_is_fixed_exactly),
-        TEST(limits_that_exclude_zero_move_the_rest),
-        TEST(impossible_joints_are_refused),
-        TEST(what_is_no_tree_is_refused),
-        TEST(names_stand_once),
-        TEST(names_that_robot_files_refuse_are_changed),
-        TEST(bases_are_guessed_and_said),
-        TEST(world_that_is_not_in_the_file_stands_still),
-        TEST(sphere_without_radius_is_a_point),
-        TEST(floating_joint_makes_its_child_the_base),
-        TEST(inertia_that_no_body_has_is_refused_or_repaired),
-        TEST(repair_keeps_the_axes),
-        TEST(document_types_and_entities_are_refused),
-        TEST(xacro_is_sent_back),
-        TEST(numbers_are_read_strictly),
-        TEST(force_sensor_bears_what_is_below_it),
-        TEST(poses_come_from_the_second_file),
-        TEST(mjcf_that_is_no_plain_tree_is_refused),
-        TEST(mjcf_joints_may_follow_each_other),
-        TEST(drives_follow_effort_and_velocity),
-        TEST(placeholders_are_no_strength),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,14 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Reports: escaping, CSV quoting, findings, errors; signals read back from a recording's CSV. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "app/report/report.h"
 #include "app/report/signals.h"
+#include "tests/test.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -46,25 +40,23 @@ static const char *read_file(const char *name)
     return text;
 }
 
-static int make_folder(void **state)
+FIXTURE(make_folder)
 {
-    (void)state;
     return mkdtemp(folder) ? 0 : -1;
 }
 
-static int remove_folder(void **state)
+FIXTURE(remove_folder)
 {
     static const char *const names[] = {"index.html", "compared.csv", "t.csv",
                                         "f.csv",      "f-1.svg",      "signals.csv"};
 
-    (void)state;
     for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
         unlink(path_of(names[i]));
     }
     return rmdir(folder);
 }
 
-static void a_report_escapes_text_and_quotes_cells(void **state)
+TEST(a_report_escapes_text_and_quotes_cells)
 {
     const double x[] = {0.0, 1.0}, y[] = {2.0, 3.0};
     const struct svg_series series = {.name = "a, b", .x = x, .y = y, .count = 2};
@@ -72,7 +64,6 @@ static void a_report_escapes_text_and_quotes_cells(void **state)
     static struct report report;
     struct error error;
 
-    (void)state;
     assert_int_equal(report_open(&report, folder, "a <title>", &error), ERROR_NONE);
     report_section(&report, "one", "First: & more");
     report_table(&report, "t", "", "a|b");
@@ -93,13 +84,12 @@ static void a_report_escapes_text_and_quotes_cells(void **state)
     assert_non_null(strstr(read_file("f-1.svg"), "</svg>"));
 }
 
-static void the_first_error_comes_back_when_it_closes(void **state)
+TEST(the_first_error_comes_back_when_it_closes)
 {
     static struct report report;
     struct svg_plot empty = {.title = "no series"};
     struct error error;
 
-    (void)state;
     assert_int_equal(report_open(&report, folder, "title", &error), ERROR_NONE);
     report_section(&report, "one", "One");
     report_figure(&report, "f", "", &empty, 1);
@@ -108,13 +98,12 @@ static void the_first_error_comes_back_when_it_closes(void **state)
     assert_int_equal(report_open(&report, "/dev/null/x", "title", &error), ERROR_SYSTEM);
 }
 
-static void signals_are_read_by_title_within_a_time(void **state)
+TEST(signals_are_read_by_title_within_a_time)
 {
     static const char *const titles[] = {"b", "a"};
     struct signals signals;
     struct error error;
 
-    (void)state;
     write_file("signals.csv", "time_s,a,b\n0,1,2\n1,3,4\n2,5,6\n");
     assert_int_equal(
         signals_read(path_of("signals.csv"), titles, 2, 0.5, INFINITY, &signals, &error),
@@ -126,7 +115,7 @@ static void signals_are_read_by_title_within_a_time(void **state)
     signals_free(&signals);
 }
 
-static void wrong_signals_are_refused_with_their_place(void **state)
+TEST(wrong_signals_are_refused_with_their_place)
 {
     static const struct {
         const char *text, *expected;
@@ -141,7 +130,6 @@ static void wrong_signals_are_refused_with_their_place(void **state)
     struct signals signals;
     struct error error;
 
-    (void)state;
     for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
         write_file("signals.csv", wrong[i].text);
         assert_int_equal(
@@ -155,14 +143,4 @@ static void wrong_signals_are_refused_with_their_place(void **state)
     signals_free(&signals);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_report_escapes_text_and_quotes_cells),
-        cmocka_unit_test(the_first_error_comes_back_when_it_closes),
-        cmocka_unit_test(signals_are_read_by_title_within_a_time),
-        cmocka_unit_test(wrong_signals_are_refused_with_their_place),
-    };
-
-    return cmocka_run_group_tests(tests, make_folder, remove_folder);
-}
+TEST_GROUP(make_folder, remove_folder)

@@ -1,13 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Plots: well-formed, escaped, the same bytes each time, points where they belong. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "app/report/svg.h"
+#include "tests/test.h"
 
 #include <ctype.h>
 #include <math.h>
@@ -83,7 +77,7 @@ static struct svg_plot plot_of(const struct svg_series *series, size_t count)
                              .nseries = count};
 }
 
-static void a_plot_is_well_formed_and_the_same_each_time(void **state)
+TEST(a_plot_is_well_formed_and_the_same_each_time)
 {
     const struct svg_series series[] = {
         {.name = "line", .x = x4, .y = y4, .count = 4},
@@ -94,7 +88,6 @@ static void a_plot_is_well_formed_and_the_same_each_time(void **state)
     const struct svg_plot plot = plot_of(series, 4);
     char *first = draw(&plot), *second = draw(&plot);
 
-    (void)state;
     assert_well_formed(first);
     assert_string_equal(first, second);
     for (size_t i = 0; i < 4; i++) {
@@ -106,13 +99,12 @@ static void a_plot_is_well_formed_and_the_same_each_time(void **state)
     free(second);
 }
 
-static void text_that_xml_keeps_to_itself_is_escaped(void **state)
+TEST(text_that_xml_keeps_to_itself_is_escaped)
 {
     const struct svg_series series[] = {{.name = "a<b & \"c\">\001", .x = x4, .y = y4, .count = 4}};
     struct svg_plot plot = plot_of(series, 1);
     char *text;
 
-    (void)state;
     plot.title = "</svg>";
     text = draw(&plot);
     assert_well_formed(text);
@@ -123,14 +115,13 @@ static void text_that_xml_keeps_to_itself_is_escaped(void **state)
 
 /* With fixed axes the corners of the range are the corners of the drawing area: 92 px from the left
  * and 24 from the right, 54 from the top (one row of legend) and 56 from the bottom. */
-static void points_lie_where_the_axes_say(void **state)
+TEST(points_lie_where_the_axes_say)
 {
     static const double x[] = {0.0, 10.0, 5.0}, y[] = {-1.0, 1.0, 0.0};
     const struct svg_series series[] = {{.name = "s", .x = x, .y = y, .count = 3}};
     struct svg_plot plot = plot_of(series, 1);
     char *text;
 
-    (void)state;
     plot.x = (struct svg_axis){.label = "x", .fixed = true, .min = 0.0, .max = 10.0};
     plot.y = (struct svg_axis){.label = "y", .fixed = true, .min = -1.0, .max = 1.0};
     text = draw(&plot);
@@ -138,13 +129,12 @@ static void points_lie_where_the_axes_say(void **state)
     free(text);
 }
 
-static void ticks_stand_at_round_numbers(void **state)
+TEST(ticks_stand_at_round_numbers)
 {
     const struct svg_series series[] = {{.name = "s", .x = x4, .y = y4, .count = 4}};
     struct svg_plot plot = plot_of(series, 1);
     char *text;
 
-    (void)state;
     plot.x = (struct svg_axis){.fixed = true, .min = 0.0, .max = 0.3};
     plot.y = (struct svg_axis){.fixed = true, .min = -30.0, .max = 30.0};
     text = draw(&plot);
@@ -159,14 +149,13 @@ static void ticks_stand_at_round_numbers(void **state)
     free(text);
 }
 
-static void logarithmic_axes_count_decades(void **state)
+TEST(logarithmic_axes_count_decades)
 {
     static const double x[] = {1e-6, 1e-4, 1e-2}, y[] = {3e-14, 2e-5, 4.0};
     const struct svg_series series[] = {{.name = "s", .x = x, .y = y, .count = 3}};
     struct svg_plot plot = plot_of(series, 1);
     char *text;
 
-    (void)state;
     plot.x.logarithmic = plot.y.logarithmic = true;
     text = draw(&plot);
     assert_well_formed(text);
@@ -178,7 +167,7 @@ static void logarithmic_axes_count_decades(void **state)
     free(text);
 }
 
-static void what_cannot_be_drawn_breaks_the_line(void **state)
+TEST(what_cannot_be_drawn_breaks_the_line)
 {
     static const double x[] = {0.0, 1.0, 2.0, 3.0, 4.0};
     static const double y[] = {0.0, 1.0, NAN, INFINITY, 2.0};
@@ -187,7 +176,6 @@ static void what_cannot_be_drawn_breaks_the_line(void **state)
     char *text = draw(&plot), *line = strstr(text, "class=\"line\"");
     size_t moves = 0, lines = 0;
 
-    (void)state;
     assert_well_formed(text);
     assert_null(strstr(text, "nan"));
     assert_null(strstr(text, "inf"));
@@ -201,7 +189,7 @@ static void what_cannot_be_drawn_breaks_the_line(void **state)
     free(text);
 }
 
-static void one_point_and_one_value_can_be_drawn(void **state)
+TEST(one_point_and_one_value_can_be_drawn)
 {
     static const double x[] = {5.0}, y[] = {0.0};
     const struct svg_series series[] = {
@@ -209,20 +197,18 @@ static void one_point_and_one_value_can_be_drawn(void **state)
     const struct svg_plot plot = plot_of(series, 1);
     char *text = draw(&plot);
 
-    (void)state;
     assert_well_formed(text);
     assert_non_null(strstr(text, "<circle cx=\"394.00\" cy=\"224.00\""));
     assert_null(strstr(text, "nan"));
     free(text);
 }
 
-static void a_long_legend_takes_more_rows(void **state)
+TEST(a_long_legend_takes_more_rows)
 {
     struct svg_series series[SVG_SERIES_MAX];
     const struct svg_plot plot = plot_of(series, SVG_SERIES_MAX);
     char *text;
 
-    (void)state;
     for (size_t i = 0; i < SVG_SERIES_MAX; i++) {
         series[i] = (struct svg_series){
             .name = "a name of thirty-one characters", .x = x4, .y = y4, .count = 4};
@@ -235,14 +221,13 @@ static void a_long_legend_takes_more_rows(void **state)
     free(text);
 }
 
-static void a_plot_without_points_is_refused(void **state)
+TEST(a_plot_without_points_is_refused)
 {
     static const double x[] = {1.0, -1.0}, y[] = {NAN, 1.0};
     const struct svg_series series[] = {{.name = "s", .x = x, .y = y, .count = 2}};
     struct svg_plot plot = plot_of(series, 1);
     struct error error;
 
-    (void)state;
     plot.x.logarithmic = true;
     assert_int_equal(svg_write(&plot, stdout, &error), ERROR_INPUT);
     plot.nseries = 0;
@@ -251,33 +236,14 @@ static void a_plot_without_points_is_refused(void **state)
     assert_int_equal(svg_write(&plot, stdout, &error), ERROR_INPUT);
 }
 
-static void a_full_disk_is_reported(void **state)
+TEST(a_full_disk_is_reported)
 {
     const struct svg_series series[] = {{.name = "s", .x = x4, .y = y4, .count = 4}};
     const struct svg_plot plot = plot_of(series, 1);
     FILE *out = fopen("/dev/full", "w");
     struct error error;
 
-    (void)state;
     assert_non_null(out);
     assert_int_equal(svg_write(&plot, out, &error), ERROR_SYSTEM);
     fclose(out);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_plot_is_well_formed_and_the_same_each_time),
-        cmocka_unit_test(text_that_xml_keeps_to_itself_is_escaped),
-        cmocka_unit_test(points_lie_where_the_axes_say),
-        cmocka_unit_test(ticks_stand_at_round_numbers),
-        cmocka_unit_test(logarithmic_axes_count_decades),
-        cmocka_unit_test(what_cannot_be_drawn_breaks_the_line),
-        cmocka_unit_test(one_point_and_one_value_can_be_drawn),
-        cmocka_unit_test(a_long_legend_takes_more_rows),
-        cmocka_unit_test(a_plot_without_points_is_refused),
-        cmocka_unit_test(a_full_disk_is_reported),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

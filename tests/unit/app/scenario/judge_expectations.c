@@ -2,15 +2,10 @@
 /* Windows, counts and periods of frames and log lines, and bands of a signal, tick by tick with a
  * clock in hand. */
 #include "app/scenario/private.h"
+#include "tests/test.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include <math.h>
 
@@ -119,9 +114,8 @@ static const struct scenario_verdict *run_signal(double usual, int odd, double o
     return &outcome.verdict[0];
 }
 
-static void what_an_early_end_left_open_is_not_judged(void **state)
+TEST(what_an_early_end_left_open_is_not_judged)
 {
-    (void)state;
     expect("event: boom, never: true");
     run_until(5, (const int[]){3, 0}, -1);
     assert_true(missed);
@@ -137,7 +131,7 @@ static void what_an_early_end_left_open_is_not_judged(void **state)
     assert_non_null(strstr(outcome.verdict[0].text, "not judged"));
 }
 
-static void judges_frames_and_events(void **state)
+TEST(judges_frames_and_events)
 {
     static const struct {
         const char *expectation;
@@ -171,7 +165,6 @@ static void judges_frames_and_events(void **state)
         {"frame: {bus: b, id: 0x10}, period_s: [0.0, 0.2]", {10, 10}, -1, true, 100},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof table / sizeof table[0]; i++) {
         const struct scenario_verdict *verdict;
 
@@ -185,7 +178,7 @@ static void judges_frames_and_events(void **state)
     arena_fini(&arena);
 }
 
-static void judges_values_against_their_band(void **state)
+TEST(judges_values_against_their_band)
 {
     const double nan = (double)NAN, inf = (double)INFINITY;
     const struct {
@@ -219,7 +212,6 @@ static void judges_values_against_their_band(void **state)
         {"signal: s, reaches: [2, 3], within_s: 0.04", 0.0, 2.5, true, 40},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof table / sizeof table[0]; i++) {
         const struct scenario_verdict *verdict;
 
@@ -234,7 +226,7 @@ static void judges_values_against_their_band(void **state)
 }
 
 /* Nobody knows what would have been seen in the rest. */
-static void a_run_that_ends_early_meets_only_what_was_decided(void **state)
+TEST(a_run_that_ends_early_meets_only_what_was_decided)
 {
     static const struct {
         const char *expectation;
@@ -256,7 +248,6 @@ static void a_run_that_ends_early_meets_only_what_was_decided(void **state)
         {"signal: s, reaches: [-1, 1]", {0}, 10, true},
     };
 
-    (void)state;
     signal_value = 0.0;
     for (size_t i = 0; i < sizeof table / sizeof table[0]; i++) {
         const struct scenario_verdict *verdict;
@@ -268,16 +259,4 @@ static void a_run_that_ends_early_meets_only_what_was_decided(void **state)
         assert_int_equal(verdict->text[0] == '\0', verdict->met);
     }
     arena_fini(&arena);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(judges_frames_and_events),
-        cmocka_unit_test(judges_values_against_their_band),
-        cmocka_unit_test(a_run_that_ends_early_meets_only_what_was_decided),
-        cmocka_unit_test(what_an_early_end_left_open_is_not_judged),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -47,9 +47,8 @@ static const struct limit scenario_limits[] = {
     {"mutations[].without", 1, 63},
 };
 
-static void limits_of_scenario_files(void **state)
+TEST_WITH(limits_of_scenario_files, open_arena, close_arena)
 {
-    (void)state;
     check_schema(&scenario_file_schema, scenario_limits, ARRAY_COUNT(scenario_limits));
 }
 
@@ -82,7 +81,7 @@ static bool file_is_taken(const char *before, const char *form, int many, const 
 
 #define EXPECTED "expectations:\n  - {name: e, event: e}\n"
 
-static void limits_of_how_many(void **state)
+TEST_WITH(limits_of_how_many, open_arena, close_arena)
 {
     static const struct {
         const char *before, *form, *after;
@@ -103,20 +102,9 @@ static void limits_of_how_many(void **state)
         {"expectations:\n  - {name: e, frame: {bus: b, id: 1, data: \"", "x0", "\"}}\n", 64},
     };
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(lists); i++) {
         assert_true(file_is_taken(lists[i].before, lists[i].form, lists[i].most, lists[i].after));
         assert_false(
             file_is_taken(lists[i].before, lists[i].form, lists[i].most + 1, lists[i].after));
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(limits_of_scenario_files, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(limits_of_how_many, open_arena, close_arena),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,18 +4,13 @@
 #include "app/scenario/jobs.h"
 #include "app/scenario/private.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "tests/unit/arena_fixture.h"
+#include "tests/test.h"
 
 #define FILE_NAME "config/scenarios/x.yaml"
 
@@ -48,11 +43,10 @@ static enum error_code read_with(const char *more)
 
 /* ---- what is read ---- */
 
-static void reads_a_whole_scenario(void **state)
+TEST_WITH(reads_a_whole_scenario, open_arena, close_arena)
 {
     const struct scenario_expectation *expectation;
 
-    (void)state;
     assert_int_equal(
         read_text(
             "name: whole\ndescription: all of it\nrig: ../rigs/coman.yaml\nclock: free\n"
@@ -85,7 +79,7 @@ static void reads_a_whole_scenario(void **state)
     assert_int_equal(cases->expectation[1].band[1], 0);
 }
 
-static void a_pattern_matches_by_bits(void **state)
+TEST_WITH(a_pattern_matches_by_bits, open_arena, close_arena)
 {
     static const struct {
         uint32_t id;
@@ -102,7 +96,6 @@ static void a_pattern_matches_by_bits(void **state)
         {0x110, FRAME_ERROR, 2, {0x01, 0x20}, false},
     };
 
-    (void)state;
     assert_int_equal(
         read_text("name: x\ndescription: d\nrig: r.yaml\nduration_s: 1\nexpectations:\n"
                   "  - {name: f, frame: {bus: b, id: 0x110, id_mask: 0x7f0, data: x1 2x}}\n"),
@@ -117,9 +110,8 @@ static void a_pattern_matches_by_bits(void **state)
     }
 }
 
-static void words_are_parameters_too(void **state)
+TEST_WITH(words_are_parameters_too, open_arena, close_arena)
 {
-    (void)state;
     assert_int_equal(read_with("parameters:\n  task: {words: [squat, walk]}\n"
                                "faults: [\"bus ${task} loss 1\"]\n"),
                      ERROR_NONE);
@@ -132,9 +124,8 @@ static void words_are_parameters_too(void **state)
 }
 
 /* The rig is read as a file that extends it, whose lines are those of the scenario. */
-static void changes_are_a_file_that_extends_the_rig(void **state)
+TEST_WITH(changes_are_a_file_that_extends_the_rig, open_arena, close_arena)
 {
-    (void)state;
     assert_int_equal(read_with("parameters:\n  v: {values: [40]}\n"
                                "changes:\n  # less\n  supply_v: ${v}\n"),
                      ERROR_NONE);
@@ -149,12 +140,11 @@ static void changes_are_a_file_that_extends_the_rig(void **state)
     assert_non_null(strstr(error.text, ":6:1: found no changes"));
 }
 
-static void parameters_make_every_combination(void **state)
+TEST_WITH(parameters_make_every_combination, open_arena, close_arena)
 {
     static const char *const values[] = {"volts=1.5, seed=1", "volts=1.5, seed=2",
                                          "volts=-2, seed=1", "volts=-2, seed=2"};
 
-    (void)state;
     assert_int_equal(read_with("parameters:\n  volts: {values: [1.5, -2]}\n\n  # seeds\n"
                                "  seed: {values: [1, 2]}\nseed: ${seed}\nstimuli:\n"
                                "  - {voltage: {joint: LElbj, volts: ${volts}}}\n"),
@@ -169,7 +159,7 @@ static void parameters_make_every_combination(void **state)
 
 /* ---- what is refused ---- */
 
-static void refuses_with_place_and_reason(void **state)
+TEST_WITH(refuses_with_place_and_reason, open_arena, close_arena)
 {
     static const struct {
         const char *more, *says;
@@ -203,7 +193,6 @@ static void refuses_with_place_and_reason(void **state)
         {"parameters:\n  a b: {values: [1]}\n", "expected a plain name"},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
         print_message("# %s", wrong[i].more);
         assert_int_equal(read_with(wrong[i].more), ERROR_INPUT);
@@ -212,7 +201,7 @@ static void refuses_with_place_and_reason(void **state)
     }
 }
 
-static void refuses_expectations_of_no_form(void **state)
+TEST_WITH(refuses_expectations_of_no_form, open_arena, close_arena)
 {
     static const char *const wrong[] = {
         "{name: a}",
@@ -231,7 +220,6 @@ static void refuses_expectations_of_no_form(void **state)
     };
     char text[1024];
 
-    (void)state;
     for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
         snprintf(text, sizeof text, "%sexpectations:\n  - %s\n", head, wrong[i]);
         assert_int_equal(read_text(text), ERROR_INPUT);
@@ -239,11 +227,10 @@ static void refuses_expectations_of_no_form(void **state)
     }
 }
 
-static void bounds_the_number_of_combinations(void **state)
+TEST_WITH(bounds_the_number_of_combinations, open_arena, close_arena)
 {
     char text[8192] = "parameters:\n";
 
-    (void)state;
     for (int p = 0; p < 3; p++) {
         size_t used = strlen(text);
 
@@ -258,7 +245,7 @@ static void bounds_the_number_of_combinations(void **state)
 }
 
 /* A good file with bytes changed, lost and doubled is read or refused with words. */
-static void survives_damaged_files(void **state)
+TEST_WITH(survives_damaged_files, open_arena, close_arena)
 {
     static const char good[] =
         "name: x\ndescription: d\nrig: ../rigs/coman.yaml\nhost: enabled\nduration_s: 1.0\n"
@@ -271,7 +258,6 @@ static void survives_damaged_files(void **state)
     struct random_stream random = random_named(20260101, "damage");
     size_t refused = 0;
 
-    (void)state;
     for (int round = 0; round < 1500; round++) {
         char text[2 * sizeof good];
         size_t size = sizeof good - 1;
@@ -307,13 +293,12 @@ static void survives_damaged_files(void **state)
 
 /* ---- verdicts ---- */
 
-static void a_mutation_has_to_make_its_expectations_fail(void **state)
+TEST_WITH(a_mutation_has_to_make_its_expectations_fail, open_arena, close_arena)
 {
     static struct scenario_job jobs[2];
     static struct scenario_result result;
     const char *missed;
 
-    (void)state;
     assert_int_equal(
         read_text("name: x\ndescription: d\nrig: r.yaml\nduration_s: 1\nexpectations:\n"
                   "  - {name: one, event: a}\n  - {name: two, event: b}\n"
@@ -354,24 +339,4 @@ static void a_mutation_has_to_make_its_expectations_fail(void **state)
     jobs[1].outcome.ran = false;
     scenario_judge(&jobs[1], &result);
     assert_int_equal(result.status, SCENARIO_BROKEN);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(reads_a_whole_scenario, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(a_pattern_matches_by_bits, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(words_are_parameters_too, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(changes_are_a_file_that_extends_the_rig, open_arena,
-                                        close_arena),
-        cmocka_unit_test_setup_teardown(parameters_make_every_combination, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(refuses_with_place_and_reason, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(refuses_expectations_of_no_form, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(bounds_the_number_of_combinations, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(survives_damaged_files, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(a_mutation_has_to_make_its_expectations_fail, open_arena,
-                                        close_arena),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -8,26 +8,20 @@
 
 #include "base/count.h"
 #include "canbus/wire/wire.h"
+#include "tests/test.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 enum { LEFT_LEG = 1 };
 
 static struct arena arena;
 static const struct rig *coman;
 
-static int load_coman(void **state)
+FIXTURE(load_coman)
 {
     struct error error;
 
-    (void)state;
     assert_int_equal(arena_init(&arena, (size_t)1 << 30, &error), ERROR_NONE);
     if (rig_load(HIL_SOURCE_DIR "/config/rigs/coman.yaml", &arena, &coman, &error)) {
         fail_msg("%s", error.text);
@@ -35,9 +29,8 @@ static int load_coman(void **state)
     return 0;
 }
 
-static int close_arena(void **state)
+FIXTURE(close_arena)
 {
-    (void)state;
     arena_fini(&arena);
     return 0;
 }
@@ -46,7 +39,7 @@ static int close_arena(void **state)
 
 static const struct yaml_mark mark = {"x.yaml", 3, 7};
 
-static void unknown_names_are_answered_with_the_nearest(void **state)
+TEST_WITH(unknown_names_are_answered_with_the_nearest, load_coman, close_arena)
 {
     static const struct {
         const char *name, *says;
@@ -64,7 +57,6 @@ static void unknown_names_are_answered_with_the_nearest(void **state)
         {"", "expected one that is listed by test --help"},
     };
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(table); i++) {
         struct scenario_signal signal;
         struct error error;
@@ -78,13 +70,12 @@ static void unknown_names_are_answered_with_the_nearest(void **state)
 }
 
 /* Fewer and more joints than there is room for names, none among them. */
-static void any_number_of_joints_can_be_searched(void **state)
+TEST_WITH(any_number_of_joints_can_be_searched, load_coman, close_arena)
 {
     static const size_t counts[] = {0, 1, 127, 128, 129, 300};
     static struct robot_joint joint[300];
     static char name[300][8];
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(joint); i++) {
         snprintf(name[i], sizeof name[i], "j%zu", i);
         joint[i].name = name[i];
@@ -150,7 +141,7 @@ static void watcher_step(void *context, int64_t now_ns)
     watcher->differed = watcher->differed || value != (double)largest;
 }
 
-static void the_error_counter_of_a_bus_is_the_largest_of_its_boards(void **state)
+TEST_WITH(the_error_counter_of_a_bus_is_the_largest_of_its_boards, load_coman, close_arena)
 {
     static struct watcher watcher;
     const struct simulator_observer observer = {&watcher, watcher_step};
@@ -166,7 +157,6 @@ static void the_error_counter_of_a_bus_is_the_largest_of_its_boards(void **state
     struct error error;
     char notice[256];
 
-    (void)state;
     rig.wire.timed = true;
     config.rig = &rig;
     watcher.view.rig = &rig;
@@ -190,7 +180,7 @@ static void the_error_counter_of_a_bus_is_the_largest_of_its_boards(void **state
 /* ---- stimuli ---- */
 
 /* Three requests to a board of the third bus are three answers there and none elsewhere. */
-static void copies_of_a_frame_reach_their_bus(void **state)
+TEST_WITH(copies_of_a_frame_reach_their_bus, load_coman, close_arena)
 {
     static const char text[] =
         "name: copies\ndescription: d\nrig: coman.yaml\n"
@@ -213,7 +203,6 @@ static void copies_of_a_frame_reach_their_bus(void **state)
     struct error error;
     size_t count;
 
-    (void)state;
     if (scenario_read_text(HIL_SOURCE_DIR "/config/rigs/x.yaml", text, sizeof text - 1, &arena,
                            &cases, &count, &error)) {
         fail_msg("%s", error.text);
@@ -227,19 +216,4 @@ static void copies_of_a_frame_reach_their_bus(void **state)
             fail_msg("%s: %s", cases->expectation[i].name, outcome.verdict[i].text);
         }
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(unknown_names_are_answered_with_the_nearest, load_coman,
-                                        close_arena),
-        cmocka_unit_test_setup_teardown(any_number_of_joints_can_be_searched, load_coman,
-                                        close_arena),
-        cmocka_unit_test_setup_teardown(the_error_counter_of_a_bus_is_the_largest_of_its_boards,
-                                        load_coman, close_arena),
-        cmocka_unit_test_setup_teardown(copies_of_a_frame_reach_their_bus, load_coman, close_arena),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

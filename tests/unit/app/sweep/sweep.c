@@ -50,9 +50,8 @@ static double drawn(size_t parameter, size_t sample)
 /* ---- what is drawn ---- */
 
 /* Against erf of libm. */
-static void quantiles_of_the_normal_distribution(void **state)
+TEST(quantiles_of_the_normal_distribution)
 {
-    (void)state;
     for (double p = 1e-6; p < 1.0; p += 0.0099) {
         double x = sweep_normal_quantile(p);
 
@@ -61,12 +60,11 @@ static void quantiles_of_the_normal_distribution(void **state)
 }
 
 /* One sample in each of n equally likely strata, of both distributions. */
-static void latin_hypercube_has_one_sample_a_stratum(void **state)
+TEST_WITH(latin_hypercube_has_one_sample_a_stratum, open_arena, close_arena)
 {
     enum { COUNT = 200 };
     bool taken[2][COUNT] = {{false}};
 
-    (void)state;
     assert_int_equal(read_sweep("samples: 200\nseed: 7\nparameters:\n"
                                 "  a: {uniform: [-1, 3]}\n  b: {normal: [2, 0.5]}\n"),
                      ERROR_NONE);
@@ -82,11 +80,10 @@ static void latin_hypercube_has_one_sample_a_stratum(void **state)
     }
 }
 
-static void a_parameter_more_leaves_the_others_as_they_were(void **state)
+TEST_WITH(a_parameter_more_leaves_the_others_as_they_were, open_arena, close_arena)
 {
     double before[20];
 
-    (void)state;
     assert_int_equal(read_sweep("samples: 20\nparameters:\n  b: {uniform: [0, 1]}\n"), ERROR_NONE);
     for (size_t i = 0; i < 20; i++) {
         before[i] = drawn(0, i);
@@ -99,9 +96,8 @@ static void a_parameter_more_leaves_the_others_as_they_were(void **state)
     }
 }
 
-static void a_normal_distribution_ends_at_its_limits(void **state)
+TEST_WITH(a_normal_distribution_ends_at_its_limits, open_arena, close_arena)
 {
-    (void)state;
     assert_int_equal(read_sweep("samples: 300\nsampling: random\nparameters:\n"
                                 "  a: {normal: [0, 1], limits: [0.5, 0.75]}\n"),
                      ERROR_NONE);
@@ -110,12 +106,11 @@ static void a_normal_distribution_ends_at_its_limits(void **state)
     }
 }
 
-static void the_last_of_grid_and_words_varies_fastest(void **state)
+TEST_WITH(the_last_of_grid_and_words_varies_fastest, open_arena, close_arena)
 {
     static const char *const expected[][2] = {{"1", "x"}, {"1", "y"}, {"2.5", "x"}, {"2.5", "y"}};
     struct scenario_value value[2];
 
-    (void)state;
     assert_int_equal(read_sweep("parameters:\n  a: {grid: [1, 2.5]}\n  b: {words: [x, y]}\n"),
                      ERROR_NONE);
     assert_int_equal(sweep.combinations, 4);
@@ -128,9 +123,8 @@ static void the_last_of_grid_and_words_varies_fastest(void **state)
 
 /* ---- what is refused ---- */
 
-static void refuses_what_makes_no_sense(void **state)
+TEST_WITH(refuses_what_makes_no_sense, open_arena, close_arena)
 {
-    (void)state;
     refused("parameters:\n  a: {uniform: [2, 1]}\n", ":4:6: found uniform [2, 1], expected the");
     refused("parameters:\n  a: {normal: [0, 0]}\n", "found a standard deviation of 0");
     refused("parameters:\n  a: {normal: [0, 1], limits: [7, 9]}\n", "found limits [7, 9]");
@@ -153,9 +147,8 @@ static const struct limit sweep_limits[] = {
     {"parameters[].limits", -1e10, 1e10},
 };
 
-static void limits_of_sweep_files(void **state)
+TEST_WITH(limits_of_sweep_files, open_arena, close_arena)
 {
-    (void)state;
     check_schema(&sweep_file_schema, sweep_limits, ARRAY_COUNT(sweep_limits));
 }
 
@@ -163,12 +156,11 @@ static void limits_of_sweep_files(void **state)
 
 /* Newcombe (1998), table I: 81 of 263, 15 of 148, 0 of 20, 1 of 29. */
 /* A case is another with another text, rig, seed or program. */
-static void a_case_is_what_its_hash_is_made_of(void **state)
+TEST(a_case_is_what_its_hash_is_made_of)
 {
     const struct scenario scenario = {.text_hash = 1}, other = {.text_hash = 2};
     char hash[6][PLAN_HASH];
 
-    (void)state;
     plan_hash_case(&scenario, 1, 1, NULL, hash[0]);
     plan_hash_case(&other, 1, 1, NULL, hash[1]);
     plan_hash_case(&scenario, 2, 1, NULL, hash[2]);
@@ -183,7 +175,7 @@ static void a_case_is_what_its_hash_is_made_of(void **state)
     }
 }
 
-static void wilson_intervals_are_those_of_the_literature(void **state)
+TEST(wilson_intervals_are_those_of_the_literature)
 {
     static const struct {
         size_t passed, count;
@@ -193,32 +185,10 @@ static void wilson_intervals_are_those_of_the_literature(void **state)
                  {0, 20, 0.0, 0.1611},
                  {1, 29, 0.0061, 0.1718}};
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(known); i++) {
         double low, high;
 
         plan_wilson_interval(known[i].passed, known[i].count, &low, &high);
         assert_true(fabs(low - known[i].low) < 6e-5 && fabs(high - known[i].high) < 6e-5);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(quantiles_of_the_normal_distribution),
-        cmocka_unit_test_setup_teardown(latin_hypercube_has_one_sample_a_stratum, open_arena,
-                                        close_arena),
-        cmocka_unit_test_setup_teardown(a_parameter_more_leaves_the_others_as_they_were, open_arena,
-                                        close_arena),
-        cmocka_unit_test_setup_teardown(a_normal_distribution_ends_at_its_limits, open_arena,
-                                        close_arena),
-        cmocka_unit_test_setup_teardown(the_last_of_grid_and_words_varies_fastest, open_arena,
-                                        close_arena),
-        cmocka_unit_test_setup_teardown(refuses_what_makes_no_sense, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(limits_of_sweep_files, open_arena, close_arena),
-        cmocka_unit_test(a_case_is_what_its_hash_is_made_of),
-        cmocka_unit_test(wilson_intervals_are_those_of_the_literature),
-    };
-
-    return cmocka_run_group_tests_name("sweep", tests, NULL, NULL);
 }

@@ -21,11 +21,10 @@ static void say(struct board_bench *bench, const char *request)
 /* ---- exchanges ---- */
 
 /* 31C3 is the checksum that the standard gives for these nine bytes. */
-static void blocks_carry_the_check_value_of_the_standard(void **state)
+TEST(blocks_carry_the_check_value_of_the_standard)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
 
     /* down: 7 and 2 bytes, n = 5 */
@@ -67,11 +66,10 @@ static void blocks_carry_the_check_value_of_the_standard(void **state)
 }
 
 /* Up to the client's threshold the answer is that of an upload without blocks. */
-static void few_bytes_go_without_blocks(void **state)
+TEST(few_bytes_go_without_blocks)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     sdo(&bench, 4, "A4 08 10 00 7F 0F 00 00", "41 08 10 00 0F 00 00 00");
     sdo(&bench, 4, "60 00 00 00 00 00 00 00", "00 63 6F 6D 61 6E 2D 68");
@@ -83,11 +81,10 @@ static void few_bytes_go_without_blocks(void **state)
 }
 
 /* What a gap leaves out comes again, from either side. */
-static void a_block_goes_on_after_the_last_that_was_taken(void **state)
+TEST(a_block_goes_on_after_the_last_that_was_taken)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
 
     /* the second of three is lost; the third, being the last, has the block acknowledged */
@@ -160,13 +157,12 @@ static const struct refusal {
       "A2 01 7F 00 00 00 00 00", "D9 00 00 00 00 00 00 00", "80 29 10 01 31 00 09 06"}},
 };
 
-static void every_refusal_of_blocks_has_its_abort_code(void **state)
+TEST(every_refusal_of_blocks_has_its_abort_code)
 {
     const size_t count = sizeof refusals / sizeof *refusals;
     struct boards_counters counters;
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     for (size_t i = 0; i < count; i++) {
         for (int line = 0; line < 8 && refusals[i].line[line]; line += 2) {
@@ -182,12 +178,11 @@ static void every_refusal_of_blocks_has_its_abort_code(void **state)
 }
 
 /* 147 segments are more than a domain has; whether they were too many is seen at the end. */
-static void what_no_size_announced_is_held_within_the_object(void **state)
+TEST(what_no_size_announced_is_held_within_the_object)
 {
     for (unsigned segments = 147; segments <= 148; segments++) {
         struct board_bench bench;
 
-        (void)state;
         start(&bench);
         sdo(&bench, 4, "C0 01 20 00 00 00 00 00", "A4 01 20 00 7F 00 00 00");
         for (unsigned i = 1; i <= segments; i++) {
@@ -211,11 +206,10 @@ static void what_no_size_announced_is_held_within_the_object(void **state)
 
 /* ---- ends ---- */
 
-static void an_abort_or_a_new_request_ends_a_block_transfer(void **state)
+TEST(an_abort_or_a_new_request_ends_a_block_transfer)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     sdo(&bench, 4, DOWN);
     say(&bench, "01 31 32 33 34 35 36 37");
@@ -237,14 +231,13 @@ static void an_abort_or_a_new_request_ends_a_block_transfer(void **state)
     bench_stop(&bench);
 }
 
-static void a_silent_client_has_its_block_transfer_aborted_after_a_second(void **state)
+TEST(a_silent_client_has_its_block_transfer_aborted_after_a_second)
 {
     static const char *const starts[][2] = {{DOWN}, {UP}};
 
     for (int i = 0; i < 2; i++) {
         struct board_bench bench;
 
-        (void)state;
         start(&bench);
         sdo(&bench, 4, starts[i][0], starts[i][1]);
         for (int ms = 0; ms < 999; ms++) {
@@ -259,11 +252,10 @@ static void a_silent_client_has_its_block_transfer_aborted_after_a_second(void *
 }
 
 /* A stopped node has no SDO. */
-static void a_stopped_node_sends_no_segments(void **state)
+TEST(a_stopped_node_sends_no_segments)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     sdo(&bench, 4, "A4 08 10 00 7F 00 00 00", "C6 08 10 00 0F 00 00 00");
     sdo(&bench, 4, FIRST);
@@ -298,12 +290,11 @@ static void return_to_moment(struct board_bench *bench, struct kept *kept)
 }
 
 /* Whatever came of the transfer meanwhile, from the checkpoint on it ends as it would have. */
-static void a_block_transfer_goes_on_from_a_checkpoint(void **state)
+TEST(a_block_transfer_goes_on_from_a_checkpoint)
 {
     struct board_bench bench;
     struct kept kept;
 
-    (void)state;
     start(&bench);
 
     /* down, after the first of two segments: the other way it is aborted, and another text comes */
@@ -471,14 +462,13 @@ static void line_upload(struct line *line, const uint8_t *data, unsigned size)
     assert_int_equal(bench_sent(&line->bench, 0, REPLY), 0);
 }
 
-static void random_blocks_on_a_lossy_line_arrive(void **state)
+TEST(random_blocks_on_a_lossy_line_arrive)
 {
     const char *wanted = getenv("CIA402_BLOCKS");
     long blocks = wanted ? atol(wanted) : 300;
     uint8_t data[1024];
     struct line line;
 
-    (void)state;
     start(&line.bench);
     line.random = random_named(1, "cia402 blocks");
     for (long i = 0; i < blocks; i++) {
@@ -498,11 +488,10 @@ static void random_blocks_on_a_lossy_line_arrive(void **state)
 }
 
 /* What was stored is there after a reset, what was not is not. */
-static void a_domain_is_kept_when_it_was_stored(void **state)
+TEST(a_domain_is_kept_when_it_was_stored)
 {
     struct line line = {.loss = 0};
 
-    (void)state;
     start(&line.bench);
     line.random = random_named(1, "cia402 domain");
     line_download(&line, (const uint8_t *)"recipe of the day", 17);
@@ -512,25 +501,4 @@ static void a_domain_is_kept_when_it_was_stored(void **state)
     bench_ticks(&line.bench, 3);
     line_upload(&line, (const uint8_t *)"recipe of the day", 17);
     bench_stop(&line.bench);
-}
-
-#define TEST(name) cmocka_unit_test(name)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(blocks_carry_the_check_value_of_the_standard),
-        TEST(few_bytes_go_without_blocks),
-        TEST(a_block_goes_on_after_the_last_that_was_taken),
-        TEST(every_refusal_of_blocks_has_its_abort_code),
-        TEST(what_no_size_announced_is_held_within_the_object),
-        TEST(an_abort_or_a_new_request_ends_a_block_transfer),
-        TEST(a_silent_client_has_its_block_transfer_aborted_after_a_second),
-        TEST(a_stopped_node_sends_no_segments),
-        TEST(a_block_transfer_goes_on_from_a_checkpoint),
-        TEST(random_blocks_on_a_lossy_line_arrive),
-        TEST(a_domain_is_kept_when_it_was_stored),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

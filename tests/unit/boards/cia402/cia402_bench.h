@@ -6,6 +6,7 @@
 #include "boards/cia402/protocol.h"
 #include "boards/protocol_list.h"
 #include "tests/unit/boards/board_bench.h"
+#include "tests/test.h"
 
 static const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_cia402},
                                                             {.protocol = &protocol_cia402}};

@@ -5,6 +5,7 @@
 #define TESTS_UNIT_BOARDS_CIA402_CIA402_MOTOR_H
 
 #include "tests/unit/boards/cia402/cia402_bench.h"
+#include "tests/test.h"
 
 #define R_OHM 0.664
 #define KW 4.1

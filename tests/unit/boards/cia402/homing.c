@@ -49,7 +49,7 @@ static unsigned home(struct motor *motor, int method)
     return (unsigned)get(motor, 0x6041) & 0x3400;
 }
 
-static void every_method_finds_its_place(void **state)
+TEST(every_method_finds_its_place)
 {
     enum { LEFT = 1, ON = 2, RIGHT = 4, ANY = 7 };
     static const double starts[] = {-0.5, 0.3, 0.7};
@@ -74,7 +74,6 @@ static void every_method_finds_its_place(void **state)
         {33, LEFT, -8 * PITCH_RAD},       {34, LEFT, -7 * PITCH_RAD},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         for (int from = 0; from < 3; from++) {
             struct motor motor;
@@ -97,11 +96,10 @@ static void every_method_finds_its_place(void **state)
     }
 }
 
-static void a_search_into_a_limit_switch_is_an_error(void **state)
+TEST(a_search_into_a_limit_switch_is_an_error)
 {
     struct motor motor;
 
-    (void)state;
     open_motor(&motor, 0.7);
     assert_int_equal(home(&motor, 19), 0x2400);
     assert_near(motor.velocity, 0.0, 0.05);
@@ -110,12 +108,11 @@ static void a_search_into_a_limit_switch_is_an_error(void **state)
     bench_stop(&motor.bench);
 }
 
-static void homing_stops_when_it_is_no_longer_asked_for(void **state)
+TEST(homing_stops_when_it_is_no_longer_asked_for)
 {
     struct motor motor;
     double before;
 
-    (void)state;
     open_motor(&motor, -0.5);
     put(&motor, 0x6098, 0, 1, 17);
     put(&motor, 0x6040, 0, 2, START);
@@ -140,7 +137,7 @@ static void homing_stops_when_it_is_no_longer_asked_for(void **state)
     bench_stop(&motor.bench);
 }
 
-static void inputs_and_methods_are_those_of_the_switches(void **state)
+TEST(inputs_and_methods_are_those_of_the_switches)
 {
     static const struct {
         double angle;
@@ -151,7 +148,6 @@ static void inputs_and_methods_are_those_of_the_switches(void **state)
     struct board_bench bench;
     struct motor motor;
 
-    (void)state;
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         open_motor(&motor, rows[i].angle);
         assert_int_equal(get(&motor, 0x60fd), rows[i].inputs);
@@ -172,16 +168,4 @@ static void inputs_and_methods_are_those_of_the_switches(void **state)
     assert_int_equal(READ(0x60e3, 3) & 0xff, 0);
     assert_int_equal(sdo_write(&bench, 0, 4, 0x6098, 0, 1, 33), 0x06090030);
     bench_stop(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_method_finds_its_place),
-        cmocka_unit_test(a_search_into_a_limit_switch_is_an_error),
-        cmocka_unit_test(homing_stops_when_it_is_no_longer_asked_for),
-        cmocka_unit_test(inputs_and_methods_are_those_of_the_switches),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -58,11 +58,10 @@ static uint32_t device_type(struct board_bench *bench, unsigned node)
 
 /* ---- states ---- */
 
-static void requests_are_obeyed_in_the_state_of_configuration_only(void **state)
+TEST(requests_are_obeyed_in_the_state_of_configuration_only)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     say_unanswered(&bench, "5E 00 00 00 00 00 00 00");
     say_unanswered(&bench, "11 07 00 00 00 00 00 00");
@@ -88,12 +87,11 @@ static void requests_are_obeyed_in_the_state_of_configuration_only(void **state)
     bench_stop(&bench);
 }
 
-static void an_address_is_taken_whole_and_in_order(void **state)
+TEST(an_address_is_taken_whole_and_in_order)
 {
     uint32_t wrong[4];
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     for (int part = 0; part < 4; part++) {
         memcpy(wrong, address_4, sizeof wrong);
@@ -108,11 +106,10 @@ static void an_address_is_taken_whole_and_in_order(void **state)
     bench_stop(&bench);
 }
 
-static void what_is_no_request_is_counted(void **state)
+TEST(what_is_no_request_is_counted)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     say_unanswered(&bench, "04 01");
     assert_int_equal(bench_counters(&bench).malformed, 1);
@@ -123,11 +120,10 @@ static void what_is_no_request_is_counted(void **state)
 
 /* ---- settings ---- */
 
-static void a_node_id_takes_effect_with_a_reset_of_communication(void **state)
+TEST(a_node_id_takes_effect_with_a_reset_of_communication)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     WRITE(0x1801, 1, 4, 0x80000000 | 0x2a0); /* one that does not contain the Node-ID */
     WRITE(0x1010, 1, 4, 0x65766173);
@@ -162,11 +158,10 @@ static void a_node_id_takes_effect_with_a_reset_of_communication(void **state)
     bench_stop(&bench);
 }
 
-static void a_stored_node_id_is_that_of_the_next_power_up(void **state)
+TEST(a_stored_node_id_is_that_of_the_next_power_up)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     assert_true(select_node(&bench, address_4));
     ask(&bench, "11 07 00 00 00 00 00 00", "11 00 00 00 00 00 00 00");
@@ -178,11 +173,10 @@ static void a_stored_node_id_is_that_of_the_next_power_up(void **state)
     bench_stop(&bench);
 }
 
-static void other_bit_rates_are_refused(void **state)
+TEST(other_bit_rates_are_refused)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     assert_true(select_node(&bench, address_4));
     ask(&bench, "13 00 00 00 00 00 00 00", "13 01 00 00 00 00 00 00");
@@ -203,11 +197,10 @@ static void unname(struct board_bench *bench, const uint32_t address[4], unsigne
     bench_tick(bench);
 }
 
-static void a_node_without_a_node_id_does_nothing_but_lss(void **state)
+TEST(a_node_without_a_node_id_does_nothing_but_lss)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     WRITE(0x1017, 0, 2, 10);
     unname(&bench, address_4, 4);
@@ -232,11 +225,10 @@ static void a_node_without_a_node_id_does_nothing_but_lss(void **state)
 
 /* Two nodes change places, which needs a third Node-ID; an address that was taken meanwhile leaves
  * its old owner without one. */
-static void a_node_id_belongs_to_one_node(void **state)
+TEST(a_node_id_belongs_to_one_node)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     assert_true(select_node(&bench, address_4));
     ask(&bench, "11 05 00 00 00 00 00 00", "11 00 00 00 00 00 00 00");
@@ -297,12 +289,11 @@ static bool find_node(struct board_bench *bench, uint32_t address[4])
     return true;
 }
 
-static void a_master_finds_every_node_without_a_node_id(void **state)
+TEST(a_master_finds_every_node_without_a_node_id)
 {
     struct board_bench bench;
     uint32_t found[4];
 
-    (void)state;
     start(&bench);
     assert_false(find_node(&bench, found)); /* all have one */
     unname(&bench, address_20, 20);
@@ -322,11 +313,10 @@ static void a_master_finds_every_node_without_a_node_id(void **state)
     bench_stop(&bench);
 }
 
-static void a_scan_out_of_order_finds_nothing(void **state)
+TEST(a_scan_out_of_order_finds_nothing)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     unname(&bench, address_4, 4);
     assert_true(scan(&bench, 0, 0x80, 0, 0));
@@ -338,24 +328,4 @@ static void a_scan_out_of_order_finds_nothing(void **state)
     assert_true(scan(&bench, address_4[1], 0, 1, 2));
     say_unanswered(&bench, "5E 00 00 00 00 00 00 00");
     bench_stop(&bench);
-}
-
-#define TEST(name) cmocka_unit_test(name)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(requests_are_obeyed_in_the_state_of_configuration_only),
-        TEST(an_address_is_taken_whole_and_in_order),
-        TEST(what_is_no_request_is_counted),
-        TEST(a_node_id_takes_effect_with_a_reset_of_communication),
-        TEST(a_stored_node_id_is_that_of_the_next_power_up),
-        TEST(other_bit_rates_are_refused),
-        TEST(a_node_without_a_node_id_does_nothing_but_lss),
-        TEST(a_node_id_belongs_to_one_node),
-        TEST(a_master_finds_every_node_without_a_node_id),
-        TEST(a_scan_out_of_order_finds_nothing),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -17,13 +17,12 @@ static int ticks_until(struct motor *motor, unsigned bit, int most)
 /* ---- profile position ---- */
 
 /* d = 1 rad, v = 1 rad/s, a = 10 rad/s2: v/a + d/v = 1.1 s */
-static void a_profile_takes_the_time_of_its_trapezoid(void **state)
+TEST(a_profile_takes_the_time_of_its_trapezoid)
 {
     struct motor motor;
     double most = 0.0;
     int reached;
 
-    (void)state;
     enable(&motor, 1);
     put(&motor, 0x607a, 0, 4, 100000);
     put(&motor, 0x6040, 0, 2, 0x1f);
@@ -44,13 +43,12 @@ static void a_profile_takes_the_time_of_its_trapezoid(void **state)
     bench_stop(&motor.bench);
 }
 
-static void a_second_set_point_waits_or_is_taken_at_once(void **state)
+TEST(a_second_set_point_waits_or_is_taken_at_once)
 {
     for (int at_once = 0; at_once < 2; at_once++) {
         struct motor motor;
         int first = 0;
 
-        (void)state;
         enable(&motor, 1);
         put(&motor, 0x607a, 0, 4, 50000);
         put(&motor, 0x6040, 0, 2, 0x1f);
@@ -70,11 +68,10 @@ static void a_second_set_point_waits_or_is_taken_at_once(void **state)
     }
 }
 
-static void relative_goals_halt_and_limits(void **state)
+TEST(relative_goals_halt_and_limits)
 {
     struct motor motor;
 
-    (void)state;
     enable(&motor, 1);
     for (int i = 0; i < 2; i++) {
         put(&motor, 0x607a, 0, 4, 30000);
@@ -107,11 +104,10 @@ static void relative_goals_halt_and_limits(void **state)
     bench_stop(&motor.bench);
 }
 
-static void a_following_error_is_a_fault(void **state)
+TEST(a_following_error_is_a_fault)
 {
     struct motor motor;
 
-    (void)state;
     enable(&motor, 1);
     put(&motor, 0x6065, 0, 4, 5000);
     put(&motor, 0x6066, 0, 2, 20);
@@ -126,11 +122,10 @@ static void a_following_error_is_a_fault(void **state)
 
 /* ---- velocity ---- */
 
-static void profile_velocity_ramps_and_carries_a_load(void **state)
+TEST(profile_velocity_ramps_and_carries_a_load)
 {
     struct motor motor;
 
-    (void)state;
     enable(&motor, 3);
     put(&motor, 0x6083, 0, 4, 500000);
     put(&motor, 0x60ff, 0, 4, 200000); /* 2 rad/s at 5 rad/s2: 0.4 s */
@@ -150,11 +145,10 @@ static void profile_velocity_ramps_and_carries_a_load(void **state)
     bench_stop(&motor.bench);
 }
 
-static void cyclic_velocity_follows_at_once_with_its_offset(void **state)
+TEST(cyclic_velocity_follows_at_once_with_its_offset)
 {
     struct motor motor;
 
-    (void)state;
     enable(&motor, 9);
     put(&motor, 0x60b1, 0, 4, 10000);
     for (int i = 0; i < 4; i++) {
@@ -172,11 +166,10 @@ static void cyclic_velocity_follows_at_once_with_its_offset(void **state)
 }
 
 /* A motor's own greatest speed bounds as the profile's does: 6080h is in revolutions a minute. */
-static void the_motor_s_speed_bounds_a_velocity(void **state)
+TEST(the_motor_s_speed_bounds_a_velocity)
 {
     struct motor motor;
 
-    (void)state;
     enable(&motor, 9);
     put(&motor, 0x6080, 0, 4, 3); /* no gear on this bench: 0.314 rad/s */
     for (int i = 0; i < 10; i++) {
@@ -190,12 +183,11 @@ static void the_motor_s_speed_bounds_a_velocity(void **state)
 
 /* ---- cyclic position ---- */
 
-static void cyclic_position_follows_a_sine(void **state)
+TEST(cyclic_position_follows_a_sine)
 {
     struct motor motor;
     double worst = 0.0;
 
-    (void)state;
     enable(&motor, 8);
     put(&motor, 0x60c2, 1, 1, 2); /* a set-point every 2 ms */
     for (int t = 0; t < 1000; t++) {
@@ -210,12 +202,11 @@ static void cyclic_position_follows_a_sine(void **state)
 }
 
 /* What sways on the motor at 1 Hz must lose work to it, or it grows; a load is taken over */
-static void a_held_position_damps_what_sways(void **state)
+TEST(a_held_position_damps_what_sways)
 {
     struct motor motor;
     double taken_j = 0.0;
 
-    (void)state;
     enable(&motor, 8);
     for (int t = 0; t < 10000; t++) {
         motor.load_nm = 10.0 * sin(2.0 * M_PI * t * 1e-3);
@@ -231,11 +222,10 @@ static void a_held_position_damps_what_sways(void **state)
     bench_stop(&motor.bench);
 }
 
-static void a_stale_cyclic_position_is_approached_slowly(void **state)
+TEST(a_stale_cyclic_position_is_approached_slowly)
 {
     struct motor motor;
 
-    (void)state;
     enable(&motor, 8);
     put(&motor, 0x607f, 0, 4, 50000); /* 0.5 rad/s */
     put(&motor, 0x607a, 0, 4, 100000);
@@ -248,12 +238,11 @@ static void a_stale_cyclic_position_is_approached_slowly(void **state)
 
 /* ---- torque and voltage ---- */
 
-static void torque_follows_its_slope_and_the_cyclic_one_at_once(void **state)
+TEST(torque_follows_its_slope_and_the_cyclic_one_at_once)
 {
     for (int mode = 4; mode <= 10; mode += 6) {
         struct motor motor;
 
-        (void)state;
         enable(&motor, mode);
         motor.jammed = true;
         put(&motor, 0x6087, 0, 4, 5000); /* 500 % a second */
@@ -282,11 +271,10 @@ static void torque_follows_its_slope_and_the_cyclic_one_at_once(void **state)
     }
 }
 
-static void voltage_mode_is_the_bridge_and_leads_back_beyond_limits(void **state)
+TEST(voltage_mode_is_the_bridge_and_leads_back_beyond_limits)
 {
     struct motor motor;
 
-    (void)state;
     enable(&motor, -1);
     put(&motor, 0x4000, 0, 2, 2500); /* 5 V */
     assert_near(motor.bench.motor[0].voltage_v, 5.0, 1e-12);
@@ -305,12 +293,11 @@ static void voltage_mode_is_the_bridge_and_leads_back_beyond_limits(void **state
 
 /* ---- homing ---- */
 
-static void homing_takes_the_present_position(void **state)
+TEST(homing_takes_the_present_position)
 {
     for (int method = 35; method <= 37; method += 2) {
         struct motor motor;
 
-        (void)state;
         enable(&motor, 1);
         put(&motor, 0x607a, 0, 4, 70000);
         put(&motor, 0x6040, 0, 2, 0x1f);
@@ -329,11 +316,10 @@ static void homing_takes_the_present_position(void **state)
     }
 }
 
-static void homing_without_a_method_is_an_error(void **state)
+TEST(homing_without_a_method_is_an_error)
 {
     struct motor motor;
 
-    (void)state;
     enable(&motor, 6);
     put(&motor, 0x6098, 0, 1, 0);
     put(&motor, 0x6040, 0, 2, 0x1f);
@@ -341,12 +327,11 @@ static void homing_without_a_method_is_an_error(void **state)
     bench_stop(&motor.bench);
 }
 
-static void a_mode_change_while_enabled_does_not_jump(void **state)
+TEST(a_mode_change_while_enabled_does_not_jump)
 {
     static const int modes[] = {1, 8, 9, 10, 4, 3, 6, 0, 1};
     struct motor motor;
 
-    (void)state;
     enable(&motor, 1);
     put(&motor, 0x607a, 0, 4, 20000);
     put(&motor, 0x6040, 0, 2, 0x1f);
@@ -359,29 +344,4 @@ static void a_mode_change_while_enabled_does_not_jump(void **state)
         assert_near(motor.angle, 0.2, 3e-3);
     }
     bench_stop(&motor.bench);
-}
-
-#define TEST(name) cmocka_unit_test(name)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(a_profile_takes_the_time_of_its_trapezoid),
-        TEST(a_second_set_point_waits_or_is_taken_at_once),
-        TEST(relative_goals_halt_and_limits),
-        TEST(a_following_error_is_a_fault),
-        TEST(profile_velocity_ramps_and_carries_a_load),
-        TEST(cyclic_velocity_follows_at_once_with_its_offset),
-        TEST(the_motor_s_speed_bounds_a_velocity),
-        TEST(cyclic_position_follows_a_sine),
-        TEST(a_held_position_damps_what_sways),
-        TEST(a_stale_cyclic_position_is_approached_slowly),
-        TEST(torque_follows_its_slope_and_the_cyclic_one_at_once),
-        TEST(voltage_mode_is_the_bridge_and_leads_back_beyond_limits),
-        TEST(homing_takes_the_present_position),
-        TEST(homing_without_a_method_is_an_error),
-        TEST(a_mode_change_while_enabled_does_not_jump),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -9,11 +9,10 @@ static void guard(struct board_bench *bench, unsigned node)
     boards_receive(bench->boards, bench->now_ns, 0, &frame);
 }
 
-static void a_node_boots_into_pre_operational(void **state)
+TEST(a_node_boots_into_pre_operational)
 {
     struct board_bench bench;
 
-    (void)state;
     configure(&bench);
     bench.board[1].boot_ns = 3000000;
     bench.board[3].transmit_at_start = true;
@@ -36,7 +35,7 @@ static void a_node_boots_into_pre_operational(void **state)
 }
 
 /* Which services a node has in which state (CiA 301, 7.3.2.2.5): PDO, SDO, NMT. */
-static void states_have_their_services(void **state)
+TEST(states_have_their_services)
 {
     static const struct {
         unsigned command, state;
@@ -46,7 +45,6 @@ static void states_have_their_services(void **state)
                 {CIA402_NMT_STOP, 4, false, false}, {CIA402_NMT_PRE_OPERATIONAL, 127, false, true}};
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         char hex[8];
@@ -64,12 +62,11 @@ static void states_have_their_services(void **state)
     bench_stop(&bench);
 }
 
-static void a_heartbeat_comes_every_period(void **state)
+TEST(a_heartbeat_comes_every_period)
 {
     struct board_bench bench;
     int beats = 0;
 
-    (void)state;
     start(&bench);
     WRITE(0x1017, 0, 2, 10);
     for (int t = 1; t <= 100; t++) {
@@ -116,11 +113,10 @@ static int ticks_until_emergency(struct board_bench *bench, const char *hex)
     return 0;
 }
 
-static void a_lost_heartbeat_stops_the_axis(void **state)
+TEST(a_lost_heartbeat_stops_the_axis)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     WRITE(0x1016, 1, 4, 0x00640014); /* node 100, 20 ms */
     operate(&bench);
@@ -155,11 +151,10 @@ static void a_lost_heartbeat_stops_the_axis(void **state)
     bench_stop(&bench);
 }
 
-static void lost_guarding_is_reported_and_the_node_leaves_operation(void **state)
+TEST(lost_guarding_is_reported_and_the_node_leaves_operation)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     WRITE(0x100c, 0, 2, 10);
     WRITE(0x100d, 0, 1, 3);
@@ -180,14 +175,13 @@ static void lost_guarding_is_reported_and_the_node_leaves_operation(void **state
 }
 
 /* What 0x1029 and 0x6007 make of a lost connection. */
-static void error_behavior_and_option_code_are_obeyed(void **state)
+TEST(error_behavior_and_option_code_are_obeyed)
 {
     static const struct {
         unsigned behavior, option, nmt, status;
     } rows[] = {{0, 0, 127, 0x27}, {1, 0, 5, 0x27}, {2, 0, 4, 0x27},
                 {1, 1, 5, 0x08},   {1, 2, 5, 0x40}, {1, 3, 5, 0x40}};
 
-    (void)state;
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         struct board_bench bench;
         const struct bus_frame *frame;
@@ -214,11 +208,10 @@ static void error_behavior_and_option_code_are_obeyed(void **state)
     }
 }
 
-static void parameters_survive_a_reset_when_stored(void **state)
+TEST(parameters_survive_a_reset_when_stored)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     WRITE(0x1017, 0, 2, 500);
     WRITE(0x6081, 0, 4, 12345);
@@ -250,12 +243,11 @@ static void parameters_survive_a_reset_when_stored(void **state)
     bench_stop(&bench);
 }
 
-static void wrong_commands_are_counted(void **state)
+TEST(wrong_commands_are_counted)
 {
     struct boards_counters counters;
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     nmt(&bench, 3, 4);
     bench_send(&bench, 0, 0x000, "01");
@@ -268,22 +260,4 @@ static void wrong_commands_are_counted(void **state)
     assert_int_equal(counters.malformed, 1);
     assert_int_equal(counters.foreign, 4);
     bench_stop(&bench);
-}
-
-#define TEST(name) cmocka_unit_test(name)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(a_node_boots_into_pre_operational),
-        TEST(states_have_their_services),
-        TEST(a_heartbeat_comes_every_period),
-        TEST(a_lost_heartbeat_stops_the_axis),
-        TEST(lost_guarding_is_reported_and_the_node_leaves_operation),
-        TEST(error_behavior_and_option_code_are_obeyed),
-        TEST(parameters_survive_a_reset_when_stored),
-        TEST(wrong_commands_are_counted),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -35,13 +35,12 @@ static void sync(struct board_bench *bench)
 
 /* ---- mapping ---- */
 
-static void the_factory_mapping_is_that_of_the_profile(void **state)
+TEST(the_factory_mapping_is_that_of_the_profile)
 {
     static const uint32_t second[2][4] = {{0, 0x60600008, 0x607a0020, 0x60ff0020},
                                           {0, 0x60610008, 0x60640020, 0x606c0020}};
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     for (unsigned send = 0; send < 2; send++) {
         for (unsigned n = 0; n < 4; n++) {
@@ -62,11 +61,10 @@ static void the_factory_mapping_is_that_of_the_profile(void **state)
     bench_stop(&bench);
 }
 
-static void mapping_rules_are_enforced(void **state)
+TEST(mapping_rules_are_enforced)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     WRITE(0x1a01, 0, 1, 0);
 
@@ -108,11 +106,10 @@ static void mapping_rules_are_enforced(void **state)
     bench_stop(&bench);
 }
 
-static void a_dummy_is_skipped_and_bytes_are_little_endian(void **state)
+TEST(a_dummy_is_skipped_and_bytes_are_little_endian)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     MAP(0x1401, 0x304, 255, 0x00060010, 0x60ff0020, 0x00020008, 0x60600008);
     nmt(&bench, CIA402_NMT_START, 4);
@@ -129,12 +126,11 @@ static void a_dummy_is_skipped_and_bytes_are_little_endian(void **state)
 
 /* ---- transmission ---- */
 
-static void synchronous_types_count_syncs(void **state)
+TEST(synchronous_types_count_syncs)
 {
     static const int types[] = {1, 2, 5, 240};
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     nmt(&bench, CIA402_NMT_START, 4);
     for (int i = 0; i < 4; i++) {
@@ -154,11 +150,10 @@ static void synchronous_types_count_syncs(void **state)
     bench_stop(&bench);
 }
 
-static void type_0_answers_a_sync_after_a_change(void **state)
+TEST(type_0_answers_a_sync_after_a_change)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     nmt(&bench, CIA402_NMT_START, 4);
     MAP(0x1801, 0x284, 0, 0x40030020);
@@ -179,12 +174,11 @@ static void type_0_answers_a_sync_after_a_change(void **state)
     bench_stop(&bench);
 }
 
-static void type_255_tells_changes_within_inhibit_and_event_times(void **state)
+TEST(type_255_tells_changes_within_inhibit_and_event_times)
 {
     struct board_bench bench;
     int sent = 0;
 
-    (void)state;
     start(&bench);
     WRITE(0x1801, 3, 2, 50); /* 5 ms */
     WRITE(0x1801, 5, 2, 20); /* 20 ms */
@@ -215,11 +209,10 @@ static void type_255_tells_changes_within_inhibit_and_event_times(void **state)
     bench_stop(&bench);
 }
 
-static void values_beyond_their_type_saturate(void **state)
+TEST(values_beyond_their_type_saturate)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     MAP(0x1801, 0x284, 1, 0x40040010, 0x40070010, 0x40050010);
     nmt(&bench, CIA402_NMT_START, 4);
@@ -230,11 +223,10 @@ static void values_beyond_their_type_saturate(void **state)
     bench_stop(&bench);
 }
 
-static void sensors_send_their_wrench_with_every_sync(void **state)
+TEST(sensors_send_their_wrench_with_every_sync)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     nmt(&bench, CIA402_NMT_START, 0);
     bench.ft = (struct ft_sense){.force_n = {12.34, -5.0, 1e6},
@@ -258,13 +250,12 @@ static void sensors_send_their_wrench_with_every_sync(void **state)
     bench_stop(&bench);
 }
 
-static void the_inertial_node_sends_what_it_measures(void **state)
+TEST(the_inertial_node_sends_what_it_measures)
 {
     const struct bus_frame start_all = {.id = 0, .len = 2, .data = {1, 0}};
     const struct bus_frame tick = {.id = CIA402_SYNC};
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     boards_receive(bench.boards, bench.now_ns, 1, &start_all);
     bench.sensors.imu = (struct imu_sense){.gyro_rad_s = {0.1, -0.2, 0.3},
@@ -283,11 +274,10 @@ static void the_inertial_node_sends_what_it_measures(void **state)
 
 /* ---- reception ---- */
 
-static void synchronous_rpdos_wait_for_the_next_sync(void **state)
+TEST(synchronous_rpdos_wait_for_the_next_sync)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     MAP(0x1401, 0x304, 1, 0x60ff0020);
     nmt(&bench, CIA402_NMT_START, 4);
@@ -302,11 +292,10 @@ static void synchronous_rpdos_wait_for_the_next_sync(void **state)
     bench_stop(&bench);
 }
 
-static void an_rpdo_of_another_length_raises_an_emergency(void **state)
+TEST(an_rpdo_of_another_length_raises_an_emergency)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     MAP(0x1401, 0x304, 255, 0x60ff0020);
     nmt(&bench, CIA402_NMT_START, 4);
@@ -329,12 +318,11 @@ static void an_rpdo_of_another_length_raises_an_emergency(void **state)
     bench_stop(&bench);
 }
 
-static void a_frame_that_one_of_its_nodes_refuses_is_told_of_that_one(void **state)
+TEST(a_frame_that_one_of_its_nodes_refuses_is_told_of_that_one)
 {
     struct board_bench bench;
     struct board_event event;
 
-    (void)state;
     start(&bench);
     /* Node 4 takes four bytes of 0x304, node 20 the two of its control word */
     MAP(0x1401, 0x304, 255, 0x60ff0020);
@@ -355,7 +343,7 @@ static void a_frame_that_one_of_its_nodes_refuses_is_told_of_that_one(void **sta
 
 /* ---- emergencies ---- */
 
-static void every_fault_has_its_emergency(void **state)
+TEST(every_fault_has_its_emergency)
 {
     static const struct {
         const char *frame;
@@ -369,7 +357,6 @@ static void every_fault_has_its_emergency(void **state)
                 {"02 FF 81 00 00 20 00 00", 48.0, 0, 0, 0, 0, 0, 7.9e6},
                 {"03 FF 81 00 00 40 00 00", 48.0, 0, 0, 0, 0, 0, 2.01e7}};
 
-    (void)state;
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         struct board_bench bench;
         struct motor_sense healthy;
@@ -420,11 +407,10 @@ static void request(struct board_bench *bench, uint32_t id)
 }
 
 /* Bit 30 of the COB-ID says that remote frames are not answered. */
-static void a_tpdo_is_sent_when_it_is_asked_for(void **state)
+TEST(a_tpdo_is_sent_when_it_is_asked_for)
 {
     static const unsigned types[] = {0, 20, 254, 255};
 
-    (void)state;
     for (size_t i = 0; i < sizeof types / sizeof *types; i++) {
         struct board_bench bench;
 
@@ -449,12 +435,11 @@ static void a_tpdo_is_sent_when_it_is_asked_for(void **state)
     }
 }
 
-static void emergencies_keep_their_inhibit_time(void **state)
+TEST(emergencies_keep_their_inhibit_time)
 {
     struct board_bench bench;
     int last = -1000, sent = 0;
 
-    (void)state;
     start(&bench);
     WRITE(0x1015, 0, 2, 100); /* 10 ms */
     MAP(0x1401, 0x304, 255, 0x60ff0020);
@@ -493,29 +478,4 @@ static void emergencies_keep_their_inhibit_time(void **state)
     bench_ticks(&bench, 1);
     assert_int_equal(bench_sent(&bench, 0, 0x084), 0);
     bench_stop(&bench);
-}
-
-#define TEST(name) cmocka_unit_test(name)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(the_factory_mapping_is_that_of_the_profile),
-        TEST(mapping_rules_are_enforced),
-        TEST(a_dummy_is_skipped_and_bytes_are_little_endian),
-        TEST(synchronous_types_count_syncs),
-        TEST(type_0_answers_a_sync_after_a_change),
-        TEST(type_255_tells_changes_within_inhibit_and_event_times),
-        TEST(values_beyond_their_type_saturate),
-        TEST(sensors_send_their_wrench_with_every_sync),
-        TEST(the_inertial_node_sends_what_it_measures),
-        TEST(synchronous_rpdos_wait_for_the_next_sync),
-        TEST(an_rpdo_of_another_length_raises_an_emergency),
-        TEST(a_frame_that_one_of_its_nodes_refuses_is_told_of_that_one),
-        TEST(every_fault_has_its_emergency),
-        TEST(a_tpdo_is_sent_when_it_is_asked_for),
-        TEST(emergencies_keep_their_inhibit_time),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -10,11 +10,10 @@
 
 /* ---- exchanges ---- */
 
-static void expedited_transfers_read_and_write(void **state)
+TEST(expedited_transfers_read_and_write)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
 
     /* 4, 2 and 1 bytes up: n = 0, 2, 3 */
@@ -42,11 +41,10 @@ static void expedited_transfers_read_and_write(void **state)
     bench_stop(&bench);
 }
 
-static void segments_carry_what_is_longer(void **state)
+TEST(segments_carry_what_is_longer)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
 
     /* "coman-hil drive" is 15 bytes: 7, 7 and 1 with n = 6, c = 1; t alternates from 0 */
@@ -79,11 +77,10 @@ static void segments_carry_what_is_longer(void **state)
     bench_stop(&bench);
 }
 
-static void an_abort_or_a_new_request_ends_a_transfer(void **state)
+TEST(an_abort_or_a_new_request_ends_a_transfer)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     sdo(&bench, 4, "40 08 10 00 00 00 00 00", "41 08 10 00 0F 00 00 00");
     bench_send(&bench, 0, 0x604, "80 08 10 00 00 00 04 05");
@@ -141,13 +138,12 @@ static const struct refusal {
     {"state: an object of a mapping in use", "23 01 1A 01 20 00 64 60", "80 01 1A 01 22 00 00 08"},
 };
 
-static void every_refusal_has_its_abort_code(void **state)
+TEST(every_refusal_has_its_abort_code)
 {
     struct boards_counters counters;
     struct board_bench bench;
     const size_t count = sizeof refusals / sizeof *refusals;
 
-    (void)state;
     start(&bench);
     for (size_t i = 0; i < count; i++) {
         sdo(&bench, 4, refusals[i].request, refusals[i].answer);
@@ -157,11 +153,10 @@ static void every_refusal_has_its_abort_code(void **state)
     bench_stop(&bench);
 }
 
-static void segments_out_of_order_are_aborted(void **state)
+TEST(segments_out_of_order_are_aborted)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
 
     /* the toggle bit, up and down */
@@ -192,11 +187,10 @@ static void segments_out_of_order_are_aborted(void **state)
     bench_stop(&bench);
 }
 
-static void a_request_of_another_length_is_counted_and_not_answered(void **state)
+TEST(a_request_of_another_length_is_counted_and_not_answered)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     bench_send(&bench, 0, 0x604, "40 00 10 00 00 00 00");
     bench_tick(&bench);
@@ -205,11 +199,10 @@ static void a_request_of_another_length_is_counted_and_not_answered(void **state
     bench_stop(&bench);
 }
 
-static void gains_change_only_while_the_bridge_is_open(void **state)
+TEST(gains_change_only_while_the_bridge_is_open)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     WRITE(0x4014, 1, 4, 100);
     WRITE(0x6060, 0, 1, 0xff);
@@ -380,7 +373,7 @@ static void exchange_process_data(struct board_bench *bench, struct random_strea
                                                                           : deflection * 20);
 }
 
-static void random_exchanges_agree_with_a_simple_model(void **state)
+TEST(random_exchanges_agree_with_a_simple_model)
 {
     const char *wanted = getenv("CIA402_EXCHANGES");
     long exchanges = wanted ? atol(wanted) : 1000000;
@@ -388,7 +381,6 @@ static void random_exchanges_agree_with_a_simple_model(void **state)
     int64_t value[2][VARIABLES];
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     map_process_data(&bench);
     for (int i = 0; i < VARIABLES; i++) {
@@ -402,22 +394,4 @@ static void random_exchanges_agree_with_a_simple_model(void **state)
         }
     }
     bench_stop(&bench);
-}
-
-#define TEST(name) cmocka_unit_test(name)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(expedited_transfers_read_and_write),
-        TEST(segments_carry_what_is_longer),
-        TEST(an_abort_or_a_new_request_ends_a_transfer),
-        TEST(every_refusal_has_its_abort_code),
-        TEST(segments_out_of_order_are_aborted),
-        TEST(a_request_of_another_length_is_counted_and_not_answered),
-        TEST(gains_change_only_while_the_bridge_is_open),
-        TEST(random_exchanges_agree_with_a_simple_model),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

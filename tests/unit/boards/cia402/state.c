@@ -97,9 +97,8 @@ static void bring_to(struct board_bench *bench, enum cia402_state state)
     assert_true(is_in(bench, state));
 }
 
-static void every_command_in_every_state_makes_its_transition(void **state)
+TEST(every_command_in_every_state_makes_its_transition)
 {
-    (void)state;
     for (size_t i = 0; i < sizeof table / sizeof *table; i++) {
         for (int w = 0; w < WORDS; w++) {
             const int number = table[i].transition[w];
@@ -130,12 +129,11 @@ static void every_command_in_every_state_makes_its_transition(void **state)
     report("fault reaction active", "any controlword", 0, "not applicable in voltage mode");
 }
 
-static void a_drive_starts_not_ready_and_then_disabled(void **state)
+TEST(a_drive_starts_not_ready_and_then_disabled)
 {
     struct board_event event;
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     assert_true(bench_event(&bench, BOARD_EVENT_MODE, &event));
     assert_int_equal(event.a, CIA402_NOT_READY); /* 0 and 1 */
@@ -145,11 +143,10 @@ static void a_drive_starts_not_ready_and_then_disabled(void **state)
 }
 
 /* Bit 4 voltage enabled, 9 remote */
-static void the_statusword_tells_supply_and_remote(void **state)
+TEST(the_statusword_tells_supply_and_remote)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     assert_int_equal(sdo_read(&bench, 0, 4, 0x6041, 0) & 0x0290, 0x0210);
     bench.sensors.supply_v = 10.0;
@@ -158,11 +155,10 @@ static void the_statusword_tells_supply_and_remote(void **state)
     bench_stop(&bench);
 }
 
-static void a_fault_reset_needs_an_edge_and_the_cause_gone(void **state)
+TEST(a_fault_reset_needs_an_edge_and_the_cause_gone)
 {
     struct board_bench bench;
 
-    (void)state;
     bring_to(&bench, CIA402_OPERATION_ENABLED);
     bench.sensors.supply_v = 10.0;
     bench_ticks(&bench, 3);
@@ -195,7 +191,7 @@ static void turn(struct board_bench *bench, double rad_s, int ticks)
 }
 
 /* Until the rotor stands the axis is in a state, whatever the option code leads to then. */
-static void ramps_end_when_the_axis_stands(void **state)
+TEST(ramps_end_when_the_axis_stands)
 {
     static const struct {
         const char *what;
@@ -215,7 +211,6 @@ static void ramps_end_when_the_axis_stands(void **state)
         {"disable operation 1", 0x605c, 1, 0x07, CIA402_OPERATION_ENABLED, CIA402_SWITCHED_ON},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         struct board_bench bench;
 
@@ -238,11 +233,10 @@ static void ramps_end_when_the_axis_stands(void **state)
 }
 
 /* As a host does that sends it every period: an axis that does not stop is given up all the same */
-static void a_controlword_that_is_repeated_does_not_restart_the_ramp(void **state)
+TEST(a_controlword_that_is_repeated_does_not_restart_the_ramp)
 {
     struct board_bench bench;
 
-    (void)state;
     bring_to(&bench, CIA402_OPERATION_ENABLED);
     assert_int_equal(sdo_write(&bench, 0, 4, 0x605b, 0, 2, 1), 0);
     nmt(&bench, CIA402_NMT_START, 4);
@@ -269,11 +263,10 @@ static void a_controlword_that_is_repeated_does_not_restart_the_ramp(void **stat
     bench_stop(&bench);
 }
 
-static void an_enable_during_the_ramp_out_of_operation_cancels_it(void **state)
+TEST(an_enable_during_the_ramp_out_of_operation_cancels_it)
 {
     struct board_bench bench;
 
-    (void)state;
     bring_to(&bench, CIA402_OPERATION_ENABLED);
     turn(&bench, 2.0, 20);
     control(&bench, 0x07);
@@ -284,11 +277,10 @@ static void an_enable_during_the_ramp_out_of_operation_cancels_it(void **state)
     bench_stop(&bench);
 }
 
-static void a_quick_stop_that_leads_out_is_not_resumed(void **state)
+TEST(a_quick_stop_that_leads_out_is_not_resumed)
 {
     struct board_bench bench;
 
-    (void)state;
     bring_to(&bench, CIA402_OPERATION_ENABLED);
     assert_int_equal(sdo_write(&bench, 0, 4, 0x605a, 0, 2, 2), 0);
     turn(&bench, 2.0, 20);
@@ -302,11 +294,10 @@ static void a_quick_stop_that_leads_out_is_not_resumed(void **state)
 }
 
 /* NMT stop is a lost connection; 0x6007 = 3 asks for the quick stop that is under way. */
-static void a_lost_connection_does_not_disturb_a_quick_stop(void **state)
+TEST(a_lost_connection_does_not_disturb_a_quick_stop)
 {
     struct board_bench bench;
 
-    (void)state;
     bring_to(&bench, CIA402_QUICK_STOP_ACTIVE);
     assert_int_equal(sdo_write(&bench, 0, 4, 0x6007, 0, 2, 3), 0);
     nmt(&bench, CIA402_NMT_STOP, 4);
@@ -317,9 +308,8 @@ static void a_lost_connection_does_not_disturb_a_quick_stop(void **state)
 }
 
 /* A fault with which the axis can still be driven: too hot */
-static void a_fault_reaction_stops_as_its_option_code_says(void **state)
+TEST(a_fault_reaction_stops_as_its_option_code_says)
 {
-    (void)state;
     for (unsigned option = 0; option <= 2; option++) {
         struct board_bench bench;
 
@@ -343,11 +333,10 @@ static void a_fault_reaction_stops_as_its_option_code_says(void **state)
     }
 }
 
-static void an_axis_that_does_not_stop_is_given_up_after_two_seconds(void **state)
+TEST(an_axis_that_does_not_stop_is_given_up_after_two_seconds)
 {
     struct board_bench bench;
 
-    (void)state;
     bring_to(&bench, CIA402_OPERATION_ENABLED);
     turn(&bench, 0.5, 20);
     bench.sense[0].winding_c = 200.0;
@@ -358,11 +347,10 @@ static void an_axis_that_does_not_stop_is_given_up_after_two_seconds(void **stat
     bench_stop(&bench);
 }
 
-static void axes_of_a_node_are_on_their_own(void **state)
+TEST(axes_of_a_node_are_on_their_own)
 {
     struct board_bench bench;
 
-    (void)state;
     bring_to(&bench, CIA402_OPERATION_ENABLED);
     assert_int_equal(sdo_read(&bench, 0, 4, 0x6841, 0) & 0x6f, 0x40);
     bench.sense[1].winding_c = 200.0;
@@ -373,26 +361,4 @@ static void axes_of_a_node_are_on_their_own(void **state)
     boards_shut_down(bench.boards, bench.now_ns, &bench.command);
     assert_false(bench.motor[0].bridge_on);
     bench_stop(&bench);
-}
-
-#define TEST(name) cmocka_unit_test(name)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(every_command_in_every_state_makes_its_transition),
-        TEST(a_drive_starts_not_ready_and_then_disabled),
-        TEST(the_statusword_tells_supply_and_remote),
-        TEST(a_fault_reset_needs_an_edge_and_the_cause_gone),
-        TEST(ramps_end_when_the_axis_stands),
-        TEST(a_controlword_that_is_repeated_does_not_restart_the_ramp),
-        TEST(an_enable_during_the_ramp_out_of_operation_cancels_it),
-        TEST(a_quick_stop_that_leads_out_is_not_resumed),
-        TEST(a_lost_connection_does_not_disturb_a_quick_stop),
-        TEST(a_fault_reaction_stops_as_its_option_code_says),
-        TEST(an_axis_that_does_not_stop_is_given_up_after_two_seconds),
-        TEST(axes_of_a_node_are_on_their_own),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

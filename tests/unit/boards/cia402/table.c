@@ -9,9 +9,8 @@
 #include "boards/cia402/frames.h"
 #include "boards/cia402/table.h"
 
-static void rows_are_in_order_and_have_initial_values_in_range(void **state)
+TEST(rows_are_in_order_and_have_initial_values_in_range)
 {
-    (void)state;
     for (size_t i = 0; i < cia402_object_count; i++) {
         const struct cia402_object *object = &cia402_objects[i];
 
@@ -39,9 +38,8 @@ static void rows_are_in_order_and_have_initial_values_in_range(void **state)
 }
 
 /* The fields that the DBC has are the mapped objects, in size, unit and scale. */
-static void frames_have_the_objects_that_are_mapped(void **state)
+TEST(frames_have_the_objects_that_are_mapped)
 {
-    (void)state;
     for (int kind = CIA402_KIND_DRIVE; kind <= CIA402_KIND_INERTIAL; kind++) {
         struct cia402_plan plan;
 
@@ -193,9 +191,8 @@ static void compare_object(struct board_bench *bench, int board, const char *tex
     }
 }
 
-static void a_node_answers_what_its_eds_file_says(void **state)
+TEST(a_node_answers_what_its_eds_file_says)
 {
-    (void)state;
     for (int board = 0; board < BENCH_BOARDS; board++) {
         struct board_bench bench;
         unsigned objects = 0, listed = 0;
@@ -239,12 +236,11 @@ static void a_node_answers_what_its_eds_file_says(void **state)
 
 /* Pressures in 10 mbar, the opening in thousandths; torque modes are no modes of a valve, and its
  * torque is the cylinder's. */
-static void a_valve_tells_its_pressures_and_has_no_torque_modes(void **state)
+TEST(a_valve_tells_its_pressures_and_has_no_torque_modes)
 {
     struct board_bench bench;
     const uint32_t torque_modes = 1u << 3 | 1u << 9;
 
-    (void)state;
     configure(&bench);
     bench.board[0].axis[0] = bench_axis(0);
     bench.board[0].axis[0].valve = true;
@@ -269,18 +265,4 @@ static void a_valve_tells_its_pressures_and_has_no_torque_modes(void **state)
     assert_int_equal(READ(0x6d02, 0) & torque_modes, torque_modes);
     assert_int_equal(sdo_write(&bench, 0, 4, 0x6860, 0, 1, 4), 0);
     bench_stop(&bench);
-}
-
-#define TEST(name) cmocka_unit_test(name)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(rows_are_in_order_and_have_initial_values_in_range),
-        TEST(frames_have_the_objects_that_are_mapped),
-        TEST(a_node_answers_what_its_eds_file_says),
-        TEST(a_valve_tells_its_pressures_and_has_no_torque_modes),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

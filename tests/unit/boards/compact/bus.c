@@ -3,9 +3,8 @@
 #include "tests/unit/boards/compact/compact_bench.h"
 #include "boards/protocol_list.h"
 
-static void identifiers_are_apart_and_ordered_by_urgency(void **state)
+TEST(identifiers_are_apart_and_ordered_by_urgency)
 {
-    (void)state;
     assert_int_equal(compact_id(COMPACT_MODE, 0), 0x020);
     assert_int_equal(compact_id(COMPACT_COMMAND, 7), 0x047);
     assert_int_equal(compact_id(COMPACT_TELEMETRY, 31), 0x11f);
@@ -26,25 +25,23 @@ static void identifiers_are_apart_and_ordered_by_urgency(void **state)
     assert_null(compact_message(0x37)); /* where the lockstep frames are */
 }
 
-static void an_fd_frame_on_a_classic_bus_is_foreign(void **state)
+TEST(an_fd_frame_on_a_classic_bus_is_foreign)
 {
     struct bus_frame frame = {.id = 0x020, .flags = FRAME_FD, .len = 5, .data = {1, 1}};
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     boards_receive(bench.boards, bench.now_ns, 0, &frame);
     assert_int_equal(bench_counters(&bench).foreign, 1);
     bench_stop(&bench);
 }
 
-static void a_classic_half_leg_fits_1_mbit_at_1_khz(void **state)
+TEST(a_classic_half_leg_fits_1_mbit_at_1_khz)
 {
     /* worst-case bits of a classic frame of n bytes: 8n + 47 + floor((34 + 8n - 1) / 4) */
     struct board_bench bench;
     double bits = 0.0;
 
-    (void)state;
     start(&bench);
     for (int t = 0; t < 1000; t++) {
         bench_tick(&bench);
@@ -61,7 +58,7 @@ static void a_classic_half_leg_fits_1_mbit_at_1_khz(void **state)
     bench_stop(&bench);
 }
 
-static void a_wrong_configuration_is_refused(void **state)
+TEST(a_wrong_configuration_is_refused)
 {
     static const struct {
         const char *text;
@@ -76,7 +73,6 @@ static void a_wrong_configuration_is_refused(void **state)
     static const struct boards_bus_config foc[BENCH_BUSES] = {{.protocol = &protocol_foc},
                                                               {.protocol = &protocol_compact}};
 
-    (void)state;
     for (int i = 0; i < 6; i++) {
         struct boards *boards;
         struct error error;
@@ -110,7 +106,7 @@ static void a_wrong_configuration_is_refused(void **state)
     }
 }
 
-static void events_have_the_names_of_this_protocol(void **state)
+TEST(events_have_the_names_of_this_protocol)
 {
     static const struct {
         struct board_event event;
@@ -131,24 +127,10 @@ static void events_have_the_names_of_this_protocol(void **state)
     char text[256];
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         board_event_format(bench.boards, &cases[i].event, text, sizeof text);
         assert_string_equal(strstr(text, "): ") + 3, cases[i].text);
     }
     bench_stop(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(identifiers_are_apart_and_ordered_by_urgency),
-        cmocka_unit_test(an_fd_frame_on_a_classic_bus_is_foreign),
-        cmocka_unit_test(a_classic_half_leg_fits_1_mbit_at_1_khz),
-        cmocka_unit_test(a_wrong_configuration_is_refused),
-        cmocka_unit_test(events_have_the_names_of_this_protocol),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

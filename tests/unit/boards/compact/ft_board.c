@@ -2,11 +2,10 @@
 /* Force-torque boards of the compact protocol. */
 #include "tests/unit/boards/compact/compact_bench.h"
 
-static void force_and_moment_are_cut_at_the_full_scale(void **state)
+TEST(force_and_moment_are_cut_at_the_full_scale)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     bench.ft = (struct ft_sense){.force_n = {12.34, -100.0, 9999.0},
                                  .torque_nm = {1.0, -50.0, 0.002},
@@ -28,13 +27,4 @@ static void force_and_moment_are_cut_at_the_full_scale(void **state)
     bench_ticks(&bench, 2);
     assert_int_equal(get_i16_le(bench_find(&bench, 0, 0x15f)->data + 4), 10);
     bench_stop(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(force_and_moment_are_cut_at_the_full_scale),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

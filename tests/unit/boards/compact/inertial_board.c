@@ -21,11 +21,10 @@ static void start_inertial(struct board_bench *bench, int bus)
     bench_start(bench);
 }
 
-static void classic_frames_bear_acceleration_rate_and_orientation(void **state)
+TEST(classic_frames_bear_acceleration_rate_and_orientation)
 {
     struct board_bench bench;
 
-    (void)state;
     start_inertial(&bench, 0);
     bench_tick(&bench);
     bench_expect(&bench, 0, 0x1a9, "C8 00 70 FE AA 07"); /* 200, -400, 1962 of 5 mm/s2 */
@@ -40,14 +39,13 @@ static void classic_frames_bear_acceleration_rate_and_orientation(void **state)
     bench_stop(&bench);
 }
 
-static void one_fd_frame_bears_all(void **state)
+TEST(one_fd_frame_bears_all)
 {
     static const int16_t expected[16] = {200, -400, 1962, 0,    -500, 32767, 14189, 0,
                                          0,   8192, 114,  -197, -411, 0,     0,     10472};
     struct board_bench bench;
     const struct bus_frame *frame;
 
-    (void)state;
     start_inertial(&bench, 1);
     bench_tick(&bench);
     frame = bench_find(&bench, 1, 0x249);
@@ -60,11 +58,10 @@ static void one_fd_frame_bears_all(void **state)
     bench_stop(&bench);
 }
 
-static void a_lost_orientation_is_a_fault_and_zero(void **state)
+TEST(a_lost_orientation_is_a_fault_and_zero)
 {
     struct board_bench bench;
 
-    (void)state;
     start_inertial(&bench, 0);
     bench.sensors.imu.gyro_rad_s[2] = 0.0;
     bench_ticks(&bench, 60);
@@ -78,12 +75,11 @@ static void a_lost_orientation_is_a_fault_and_zero(void **state)
     bench_stop(&bench);
 }
 
-static void its_period_is_set_and_it_says_what_it_is(void **state)
+TEST(its_period_is_set_and_it_says_what_it_is)
 {
     struct board_bench bench;
     size_t sent = 0;
 
-    (void)state;
     start_inertial(&bench, 0);
     bench_send(&bench, 0, compact_id(COMPACT_DISCOVER, 0), "");
     bench_tick(&bench);
@@ -96,16 +92,4 @@ static void its_period_is_set_and_it_says_what_it_is(void **state)
     }
     assert_int_equal(sent, 10);
     bench_stop(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(classic_frames_bear_acceleration_rate_and_orientation),
-        cmocka_unit_test(one_fd_frame_bears_all),
-        cmocka_unit_test(a_lost_orientation_is_a_fault_and_zero),
-        cmocka_unit_test(its_period_is_set_and_it_says_what_it_is),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

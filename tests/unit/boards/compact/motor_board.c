@@ -2,13 +2,12 @@
 /* Motor boards of the compact protocol: telemetry, modes, faults, state. */
 #include "tests/unit/boards/compact/compact_bench.h"
 
-static void telemetry_carries_position_deflection_current_and_torque(void **state)
+TEST(telemetry_carries_position_deflection_current_and_torque)
 {
     const struct field *fields = compact_message(COMPACT_TELEMETRY)->fields;
     struct board_bench bench;
     int64_t v[FIELDS_MAX];
 
-    (void)state;
     start(&bench);
     bench.sense[1] =
         (struct motor_sense){.q = -1.25, .qm = -1.2, .current_a = -3.21, .torque_nm = 19.77};
@@ -35,13 +34,12 @@ static void telemetry_carries_position_deflection_current_and_torque(void **stat
     bench_stop(&bench);
 }
 
-static void telemetry_reads_bit_for_bit_as_documented(void **state)
+TEST(telemetry_reads_bit_for_bit_as_documented)
 {
     struct board_bench bench;
     uint64_t bits = 0;
     const struct bus_frame *frame;
 
-    (void)state;
     configure(&bench);
     bench.board[0].axis[0].joint_ticks_per_rad = bench.board[0].axis[0].motor_ticks_per_rad = 1e5;
     bench_start(&bench);
@@ -60,14 +58,13 @@ static void telemetry_reads_bit_for_bit_as_documented(void **state)
     bench_stop(&bench);
 }
 
-static void an_fd_frame_carries_all_axes_of_a_board(void **state)
+TEST(an_fd_frame_carries_all_axes_of_a_board)
 {
     const struct field *fields = compact_message(COMPACT_TELEMETRY_FD)->fields;
     const struct bus_frame *frame;
     struct board_bench bench;
     int64_t v[FIELDS_MAX];
 
-    (void)state;
     start(&bench);
     for (int t = 0; t < 40; t++) {
         bench.sense[4] = (struct motor_sense){
@@ -101,11 +98,10 @@ static void an_fd_frame_carries_all_axes_of_a_board(void **state)
     bench_stop(&bench);
 }
 
-static void the_mode_frame_reaches_the_slots_that_it_names(void **state)
+TEST(the_mode_frame_reaches_the_slots_that_it_names)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     bench_send(&bench, 0, 0x020, "01 05 00 00 00"); /* voltage, slots 0 and 2 */
     bench_tick(&bench);
@@ -129,11 +125,10 @@ static void the_mode_frame_reaches_the_slots_that_it_names(void **state)
     bench_stop(&bench);
 }
 
-static void voltages_are_2_mv_a_count_and_short_frames_leave_slots_alone(void **state)
+TEST(voltages_are_2_mv_a_count_and_short_frames_leave_slots_alone)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     bench_send(&bench, 0, 0x020, "01 07 00 00 00");
     bench_send(&bench, 0, 0x040, "E8 03 18 FC FF 7F 00 00"); /* 1000, -1000, 32767, no slot */
@@ -159,13 +154,12 @@ static void voltages_are_2_mv_a_count_and_short_frames_leave_slots_alone(void **
     bench_stop(&bench);
 }
 
-static void a_stale_command_becomes_0_volts_and_is_told(void **state)
+TEST(a_stale_command_becomes_0_volts_and_is_told)
 {
     struct board_event event;
     struct board_bench bench;
     char text[256];
 
-    (void)state;
     configure(&bench);
     bench.board[0].command_timeout_ns = 20000000;
     bench_start(&bench);
@@ -189,14 +183,13 @@ static void a_stale_command_becomes_0_volts_and_is_told(void **state)
     bench_stop(&bench);
 }
 
-static void faults_open_the_bridge_until_the_host_says_off(void **state)
+TEST(faults_open_the_bridge_until_the_host_says_off)
 {
     static const unsigned bits[] = {COMPACT_FAULT_UNDER_VOLTAGE, COMPACT_FAULT_OVER_VOLTAGE,
                                     COMPACT_FAULT_OVER_CURRENT,  COMPACT_FAULT_MOTOR_ENCODER,
                                     COMPACT_FAULT_LINK_ENCODER,  COMPACT_FAULT_TORQUE_SENSOR,
                                     COMPACT_FAULT_TEMPERATURE};
 
-    (void)state;
     for (size_t f = 0; f < sizeof bits / sizeof *bits; f++) {
         struct board_bench bench;
 
@@ -231,11 +224,10 @@ static void faults_open_the_bridge_until_the_host_says_off(void **state)
     }
 }
 
-static void beyond_a_limit_only_the_way_back_is_obeyed(void **state)
+TEST(beyond_a_limit_only_the_way_back_is_obeyed)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     bench.sense[0].q = 2.6; /* upper limit 2.5 */
     bench_tick(&bench);
@@ -250,12 +242,11 @@ static void beyond_a_limit_only_the_way_back_is_obeyed(void **state)
     bench_stop(&bench);
 }
 
-static void state_comes_every_50_ms_and_says_how_many_commands_came(void **state)
+TEST(state_comes_every_50_ms_and_says_how_many_commands_came)
 {
     struct board_bench bench;
     size_t sent = 0;
 
-    (void)state;
     start(&bench);
     bench.sense[0].winding_c = 41.0;
     for (int t = 0; t < 500; t++) {
@@ -276,11 +267,10 @@ static void state_comes_every_50_ms_and_says_how_many_commands_came(void **state
 
 /* A servo valve has no current: the voltage moves it, and the mode that would control one is
  * malformed and changes nothing, also where it is asked of several axes. */
-static void a_valve_has_no_current_mode(void **state)
+TEST(a_valve_has_no_current_mode)
 {
     struct board_bench bench;
 
-    (void)state;
     configure(&bench);
     bench.board[0].axis[0].valve = true;
     bench_start(&bench);
@@ -296,22 +286,4 @@ static void a_valve_has_no_current_mode(void **state)
     assert_true(bench.motor[0].bridge_on);
     assert_near(bench.motor[0].voltage_v, 2.0, 1e-12);
     bench_stop(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(telemetry_carries_position_deflection_current_and_torque),
-        cmocka_unit_test(telemetry_reads_bit_for_bit_as_documented),
-        cmocka_unit_test(an_fd_frame_carries_all_axes_of_a_board),
-        cmocka_unit_test(the_mode_frame_reaches_the_slots_that_it_names),
-        cmocka_unit_test(voltages_are_2_mv_a_count_and_short_frames_leave_slots_alone),
-        cmocka_unit_test(a_stale_command_becomes_0_volts_and_is_told),
-        cmocka_unit_test(faults_open_the_bridge_until_the_host_says_off),
-        cmocka_unit_test(beyond_a_limit_only_the_way_back_is_obeyed),
-        cmocka_unit_test(state_comes_every_50_ms_and_says_how_many_commands_came),
-        cmocka_unit_test(a_valve_has_no_current_mode),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -73,9 +73,8 @@ static void expect_fault(struct board_bench *bench, int axis, uint32_t fault)
 /* ---- the heat of an over-current ---- */
 
 /* Twice the limit heats by 3 a ms of 10, no current cools by 1, never below zero. */
-static void heat_cools_as_it_came(void **state)
+TEST(heat_cools_as_it_came)
 {
-    (void)state;
     for (int axis = 0; axis < AXES; axis++) {
         for (int rest = 0; rest < 12; rest++) {
             int left = rest < 9 ? 9 - rest : 0;
@@ -94,9 +93,8 @@ static void heat_cools_as_it_came(void **state)
     }
 }
 
-static void an_axis_that_was_off_begins_cold(void **state)
+TEST(an_axis_that_was_off_begins_cold)
 {
-    (void)state;
     for (int axis = 0; axis < AXES; axis++) {
         struct board_bench bench;
 
@@ -119,9 +117,8 @@ static void an_axis_that_was_off_begins_cold(void **state)
 
 /* ---- faults that come twice ---- */
 
-static void an_over_current_trips_again_after_it_was_enabled_again(void **state)
+TEST(an_over_current_trips_again_after_it_was_enabled_again)
 {
-    (void)state;
     for (int axis = 0; axis < AXES; axis++) {
         struct board_event event;
         struct board_bench bench;
@@ -149,14 +146,13 @@ static void an_over_current_trips_again_after_it_was_enabled_again(void **state)
 }
 
 /* Under-voltage, then over-voltage, and so on: told each time, and gone after OFF. */
-static void a_supply_out_of_range_is_told_each_time(void **state)
+TEST(a_supply_out_of_range_is_told_each_time)
 {
     static const double good_v[] = {24.0, 60.0};
     const double bad_v[] = {nextafter(24.0, 0.0), nextafter(60.0, 100.0)};
     struct board_event event;
     struct board_bench bench;
 
-    (void)state;
     start_differently(&bench);
     for (int time = 0; time < 4; time++) {
         bench.sensors.supply_v = bad_v[time % 2];
@@ -184,12 +180,11 @@ static void a_supply_out_of_range_is_told_each_time(void **state)
     bench_stop(&bench);
 }
 
-static void a_stale_command_is_told_each_time(void **state)
+TEST(a_stale_command_is_told_each_time)
 {
     struct board_event event;
     struct board_bench bench;
 
-    (void)state;
     start_differently(&bench);
     for (int time = 1; time <= 3; time++) {
         bench_send(&bench, 0, 0x040, "E8 03"); /* axis 1 hears nothing any more */
@@ -213,12 +208,11 @@ static void a_stale_command_is_told_each_time(void **state)
 }
 
 /* Each axis has its own range, and tells once each time that it leaves it. */
-static void a_limit_is_told_each_time_that_it_is_left(void **state)
+TEST(a_limit_is_told_each_time_that_it_is_left)
 {
     static const char *const drive[AXES][2] = {{"E8 03 00 00", "18 FC 00 00"},
                                                {"00 00 E8 03", "00 00 18 FC"}};
 
-    (void)state;
     for (int axis = 0; axis < AXES; axis++) {
         struct board_event event;
         struct board_bench bench;
@@ -279,11 +273,10 @@ static void expect_current_mode(struct board_bench *bench)
 
 /* What comes while an axis is off adds nothing, and what was before is forgotten, after off, after
  * another mode and after a fault. */
-static void an_axis_that_was_off_begins_with_empty_integrals(void **state)
+TEST(an_axis_that_was_off_begins_with_empty_integrals)
 {
     struct board_bench bench;
 
-    (void)state;
     start_differently(&bench);
     expect_current_mode(&bench);
     bench_send(&bench, 0, 0x020, "00 03 00 00 00");
@@ -303,19 +296,4 @@ static void an_axis_that_was_off_begins_with_empty_integrals(void **state)
     bench_send(&bench, 0, 0x020, "00 03 00 00 00");
     expect_current_mode(&bench);
     bench_stop(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(heat_cools_as_it_came),
-        cmocka_unit_test(an_axis_that_was_off_begins_cold),
-        cmocka_unit_test(an_over_current_trips_again_after_it_was_enabled_again),
-        cmocka_unit_test(a_supply_out_of_range_is_told_each_time),
-        cmocka_unit_test(a_stale_command_is_told_each_time),
-        cmocka_unit_test(a_limit_is_told_each_time_that_it_is_left),
-        cmocka_unit_test(an_axis_that_was_off_begins_with_empty_integrals),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

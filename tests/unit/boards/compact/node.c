@@ -2,11 +2,10 @@
 /* What every node of a compact bus has: identity, parameters, telemetry period, restart. */
 #include "tests/unit/boards/compact/compact_bench.h"
 
-static void discovery_tells_kind_axes_and_first_slot(void **state)
+TEST(discovery_tells_kind_axes_and_first_slot)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     bench_send(&bench, 0, 0x7e0, "");
     bench_tick(&bench);
@@ -18,11 +17,10 @@ static void discovery_tells_kind_axes_and_first_slot(void **state)
     bench_stop(&bench);
 }
 
-static void parameters_are_read_written_and_refused(void **state)
+TEST(parameters_are_read_written_and_refused)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     request(&bench, "00 00", "00 00 02 00 00 00 00");
     request(&bench, "01 00", "01 00 0C 00 00 01 00");
@@ -48,12 +46,11 @@ static void parameters_are_read_written_and_refused(void **state)
     bench_stop(&bench);
 }
 
-static void telemetry_has_the_period_that_the_host_sets(void **state)
+TEST(telemetry_has_the_period_that_the_host_sets)
 {
     struct board_bench bench;
     size_t sent = 0;
 
-    (void)state;
     start(&bench);
     request(&bench, "85 00 04 00 00 00", "85 00 04 00 00 00 00");
     for (int t = 0; t < 100; t++) {
@@ -69,11 +66,10 @@ static void telemetry_has_the_period_that_the_host_sets(void **state)
     bench_stop(&bench);
 }
 
-static void what_is_saved_survives_a_restart(void **state)
+TEST(what_is_saved_survives_a_restart)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     request(&bench, "92 00 88 13 00 00", "92 00 88 13 00 00 00");
     request(&bench, "08 00", "08 00 00 00 00 00 00");
@@ -92,11 +88,10 @@ static void what_is_saved_survives_a_restart(void **state)
     bench_stop(&bench);
 }
 
-static void a_board_that_boots_is_silent(void **state)
+TEST(a_board_that_boots_is_silent)
 {
     struct board_bench bench;
 
-    (void)state;
     configure(&bench);
     bench.board[0].boot_ns = 50000000;
     bench_start(&bench);
@@ -109,17 +104,4 @@ static void a_board_that_boots_is_silent(void **state)
     bench_tick(&bench);
     assert_int_equal(bench_sent(&bench, 0, 0x100), 1);
     bench_stop(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(discovery_tells_kind_axes_and_first_slot),
-        cmocka_unit_test(parameters_are_read_written_and_refused),
-        cmocka_unit_test(telemetry_has_the_period_that_the_host_sets),
-        cmocka_unit_test(what_is_saved_survives_a_restart),
-        cmocka_unit_test(a_board_that_boots_is_silent),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

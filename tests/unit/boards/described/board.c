@@ -118,12 +118,11 @@ static const char robstride[] = HIL_SOURCE_DIR "/config/protocols/robstride.yaml
 
 /* ---- mini cheetah ---- */
 
-static void a_cheetah_drive_answers_the_frames_that_switch_it(void **state)
+TEST(a_cheetah_drive_answers_the_frames_that_switch_it)
 {
     struct described_bench bench;
     struct board_bench *base = &bench.base;
 
-    (void)state;
     open_bench(&bench, cheetah, 0);
     assert_false(base->motor[0].bridge_on);
     bench_send(base, 0, 1, "ff ff ff ff ff ff ff fc");
@@ -145,7 +144,7 @@ static void a_cheetah_drive_answers_the_frames_that_switch_it(void **state)
 }
 
 /* The current loop is at rest just where the current makes the torque of the law. */
-static void a_cheetah_drive_has_the_impedance_of_its_command(void **state)
+TEST(a_cheetah_drive_has_the_impedance_of_its_command)
 {
     /* 0.7 rad, 0 rad/s, 100 Nm/rad, 0 Nm s/rad, 5 Nm in counts 34602, 2048, 819, 0, 2116 */
     static const char command[] = "87 2a 80 03 33 00 08 44";
@@ -153,7 +152,6 @@ static void a_cheetah_drive_has_the_impedance_of_its_command(void **state)
     struct described_bench bench;
     struct board_bench *base = &bench.base;
 
-    (void)state;
     open_bench(&bench, cheetah, 0);
     bench_send(base, 0, 1, "ff ff ff ff ff ff ff fc");
     base->sense[0].current_a = torque / TORQUE_NM_A;
@@ -176,13 +174,12 @@ static void a_cheetah_drive_has_the_impedance_of_its_command(void **state)
 }
 
 /* Counts of the firmware's ranges: 2 A of 4.1 Nm/A in 36 Nm, 24 V in 40. */
-static void the_present_firmware_tells_its_bus_voltage(void **state)
+TEST(the_present_firmware_tells_its_bus_voltage)
 {
     static const char motorcontrol[] = HIL_SOURCE_DIR "/config/protocols/motorcontrol.yaml";
     struct described_bench bench;
     struct board_bench *base = &bench.base;
 
-    (void)state;
     open_bench(&bench, motorcontrol, 0);
     base->sense[0].current_a = 2.0;
     base->sense[0].torque_nm = 3.0; /* what the spring has is not told */
@@ -194,14 +191,13 @@ static void the_present_firmware_tells_its_bus_voltage(void **state)
     close_bench(&bench);
 }
 
-static void a_cheetah_drive_brakes_by_its_damping(void **state)
+TEST(a_cheetah_drive_brakes_by_its_damping)
 {
     /* 0.5 rad, 2048: 0.0073 rad/s, no stiffness, 983: 12.0024 Nm s/rad, 2048: 0.0366 Nm */
     static const char command[] = "85 1e 80 00 00 3d 78 00";
     struct described_bench bench;
     struct board_bench *base = &bench.base;
 
-    (void)state;
     open_bench(&bench, cheetah, 0);
     bench_send(base, 0, 1, "ff ff ff ff ff ff ff fc");
     bench_send(base, 0, 1, command);
@@ -227,11 +223,10 @@ static void a_cheetah_drive_brakes_by_its_damping(void **state)
     close_bench(&bench);
 }
 
-static void a_frame_of_another_length_is_malformed(void **state)
+TEST(a_frame_of_another_length_is_malformed)
 {
     struct described_bench bench;
 
-    (void)state;
     open_bench(&bench, cheetah, 0);
     bench_send(&bench.base, 0, 1, "ff ff ff ff ff ff fc");
     bench_send(&bench.base, 0, 3, "ff ff ff ff ff ff ff fc"); /* no such drive */
@@ -245,12 +240,11 @@ static void a_frame_of_another_length_is_malformed(void **state)
 
 /* ---- ODrive ---- */
 
-static void an_odrive_tells_its_state_when_it_changes(void **state)
+TEST(an_odrive_tells_its_state_when_it_changes)
 {
     struct described_bench bench;
     struct board_bench *base = &bench.base;
 
-    (void)state;
     open_bench(&bench, odrive, 0);
     bench_send(base, 0, 0x02b, "03 00 00 00 01 00 00 00");
     bench_send(base, 0, 0x027, "08 00 00 00");
@@ -274,12 +268,11 @@ static void an_odrive_tells_its_state_when_it_changes(void **state)
 }
 
 /* ESTOP_REQUESTED is bit 25, and stays through every state until CLEAR_ERRORS. */
-static void an_odrive_that_was_stopped_arms_when_errors_are_cleared(void **state)
+TEST(an_odrive_that_was_stopped_arms_when_errors_are_cleared)
 {
     struct described_bench bench;
     struct board_bench *base = &bench.base;
 
-    (void)state;
     open_bench(&bench, odrive, 0);
     bench_send(base, 0, 0x027, "08 00 00 00 00 00 00 00"); /* eight bytes, as official clients */
     bench_tick(base);
@@ -332,13 +325,12 @@ static void ask_odrive(struct board_bench *base, uint32_t id, const char *answer
     bench_expect(base, 0, id, answer);
 }
 
-static void an_odrive_tells_versions_errors_and_powers(void **state)
+TEST(an_odrive_tells_versions_errors_and_powers)
 {
     const struct bus_frame everyone = {.id = 0x7e6, .flags = FRAME_REMOTE};
     struct described_bench bench;
     struct board_bench *base = &bench.base;
 
-    (void)state;
     open_bench(&bench, odrive, 0);
     ask_odrive(base, 0x020, "02 04 04 3a 00 06 0a 00");
     ask_odrive(base, 0x023, "00 00 00 00 00 00 00 00");
@@ -363,14 +355,13 @@ static void an_odrive_tells_versions_errors_and_powers(void **state)
     close_bench(&bench);
 }
 
-static void an_odrive_says_by_itself_what_ros_odrive_waits_for(void **state)
+TEST(an_odrive_says_by_itself_what_ros_odrive_waits_for)
 {
     static const uint8_t periodic[] = {0x01, 0x03, 0x09, 0x14, 0x15, 0x17, 0x1c};
     size_t sent[0x20] = {0};
     struct described_bench bench;
     struct board_bench *base = &bench.base;
 
-    (void)state;
     open_bench(&bench, odrive, 0);
     for (int t = 0; t < 200; t++) {
         bench_tick(base);
@@ -389,12 +380,11 @@ static void an_odrive_says_by_itself_what_ros_odrive_waits_for(void **state)
 }
 
 /* Endpoint 384 is pos_gain, 1 vbus_voltage. */
-static void an_odrive_has_endpoints(void **state)
+TEST(an_odrive_has_endpoints)
 {
     struct described_bench bench;
     struct board_bench *base = &bench.base;
 
-    (void)state;
     open_bench(&bench, odrive, 0);
     bench_send(base, 0, 0x024, "00 01 00 00");
     bench_tick(base);
@@ -430,12 +420,11 @@ static void an_odrive_has_endpoints(void **state)
     close_bench(&bench);
 }
 
-static void an_odrive_heeds_limits_and_where_it_is_said_to_be(void **state)
+TEST(an_odrive_heeds_limits_and_where_it_is_said_to_be)
 {
     struct described_bench bench;
     struct board_bench *base = &bench.base;
 
-    (void)state;
     open_bench(&bench, odrive, 0);
     bench_send(base, 0, 0x02f, "00 00 80 3f 00 00 00 3f"); /* 1 turn/s, 0.5 A */
     bench_send(base, 0, 0x031, "00 00 80 3f 00 00 00 00"); /* of trajectories: taken */
@@ -454,13 +443,12 @@ static void an_odrive_heeds_limits_and_where_it_is_said_to_be(void **state)
     close_bench(&bench);
 }
 
-static void an_odrive_answers_remote_frames(void **state)
+TEST(an_odrive_answers_remote_frames)
 {
     struct bus_frame request = {.id = 0x037, .len = 8, .flags = FRAME_REMOTE};
     struct described_bench bench;
     struct board_bench *base = &bench.base;
 
-    (void)state;
     open_bench(&bench, odrive, 0);
     boards_receive(base->boards, base->now_ns, 0, &request);
     bench_tick(base);
@@ -470,12 +458,11 @@ static void an_odrive_answers_remote_frames(void **state)
     close_bench(&bench);
 }
 
-static void an_odrive_holds_its_position_in_counts_of_turns(void **state)
+TEST(an_odrive_holds_its_position_in_counts_of_turns)
 {
     struct described_bench bench;
     struct board_bench *base = &bench.base;
 
-    (void)state;
     open_bench(&bench, odrive, 0);
     bench_send(base, 0, 0x02b, "03 00 00 00 01 00 00 00");
     bench_send(base, 0, 0x027, "08 00 00 00");
@@ -488,12 +475,11 @@ static void an_odrive_holds_its_position_in_counts_of_turns(void **state)
     close_bench(&bench);
 }
 
-static void a_watchdog_disarms_until_errors_are_cleared(void **state)
+TEST(a_watchdog_disarms_until_errors_are_cleared)
 {
     struct described_bench bench;
     struct board_bench *base = &bench.base;
 
-    (void)state;
     open_bench(&bench, odrive, 10000000); /* what the rig says is nothing to the file's 0 */
     bench_send(base, 0, 0x027, "08 00 00 00");
     bench_ticks(base, 20);
@@ -521,12 +507,11 @@ static void a_watchdog_disarms_until_errors_are_cleared(void **state)
     close_bench(&bench);
 }
 
-static void a_fault_opens_the_bridge_and_its_bit_is_told(void **state)
+TEST(a_fault_opens_the_bridge_and_its_bit_is_told)
 {
     struct described_bench bench;
     struct board_bench *base = &bench.base;
 
-    (void)state;
     open_bench(&bench, odrive, 0);
     bench_send(base, 0, 0x027, "08 00 00 00");
     bench_tick(base);
@@ -543,13 +528,12 @@ static void a_fault_opens_the_bridge_and_its_bit_is_told(void **state)
 
 /* ---- servo valves ---- */
 
-static void a_valve_tells_its_pressures_and_takes_speeds_as_voltages(void **state)
+TEST(a_valve_tells_its_pressures_and_takes_speeds_as_voltages)
 {
     static const char valves[] = HIL_SOURCE_DIR "/config/protocols/servo-valve.yaml";
     struct described_bench bench;
     struct board_bench *base = &bench.base;
 
-    (void)state;
     open_bench(&bench, valves, 0);
     bench_stop(base);
     base->board[0].axis[0].valve = true;
@@ -585,7 +569,7 @@ static void a_valve_tells_its_pressures_and_takes_speeds_as_voltages(void **stat
 
 /* A supply below half or above 1.25 times the nominal pressure closes the valves of the axes that
  * have one; each has its bit. */
-static void a_lost_oil_pressure_closes_the_valve(void **state)
+TEST(a_lost_oil_pressure_closes_the_valve)
 {
     static const char valves[] = HIL_SOURCE_DIR "/config/protocols/servo-valve.yaml";
     static const struct {
@@ -595,7 +579,6 @@ static void a_lost_oil_pressure_closes_the_valve(void **state)
     struct described_bench bench;
     struct board_bench *base = &bench.base;
 
-    (void)state;
     open_bench(&bench, valves, 0);
     bench_stop(base);
     base->board[0].axis[0].valve = true;
@@ -636,13 +619,12 @@ static void a_lost_oil_pressure_closes_the_valve(void **state)
     close_bench(&bench);
 }
 
-static void a_valve_refuses_laws_of_current(void **state)
+TEST(a_valve_refuses_laws_of_current)
 {
     static const char compact[] = HIL_SOURCE_DIR "/config/protocols/compact.yaml";
     struct described_bench bench;
     struct board_bench *base = &bench.base;
 
-    (void)state;
     open_bench(&bench, compact, 0);
     bench_stop(base);
     base->board[0].axis[0].valve = true;
@@ -684,12 +666,11 @@ static void expect_as(const struct described_bench *bench, uint32_t id, uint8_t 
 
 /* A stop and its answer as recorded from a drive with the number 10: at 3.8122 rad, 32 degree C and
  * next to no torque; but for its speed, which turned slowly and here stands still. */
-static void a_robstride_drive_answers_as_one_that_was_recorded(void **state)
+TEST(a_robstride_drive_answers_as_one_that_was_recorded)
 {
     struct described_bench bench;
     struct board_bench *base = &bench.base;
 
-    (void)state;
     open_bench(&bench, robstride, 0);
     bench_stop(base);
     base->board[0].address = 10;
@@ -711,7 +692,7 @@ static void a_robstride_drive_answers_as_one_that_was_recorded(void **state)
 
 /* 0.7 rad, 0 rad/s, 100 Nm/rad, 0 Nm s/rad in the data, 5 Nm in the identifier: counts 34593,
  * 32768, 1311, 0 and 34133 of 65535, worked out by the ranges of the manual. */
-static void a_robstride_drive_takes_its_torque_from_the_identifier(void **state)
+TEST(a_robstride_drive_takes_its_torque_from_the_identifier)
 {
     const double pi = 3.14159265358979324;
     const double torque = 1311 * 5000.0 / 65535 * (34593 * 8 * pi / 65535 - 4 * pi - 0.5) +
@@ -719,7 +700,6 @@ static void a_robstride_drive_takes_its_torque_from_the_identifier(void **state)
     struct described_bench bench;
     struct board_bench *base = &bench.base;
 
-    (void)state;
     open_bench(&bench, robstride, 0);
     send_extended(&bench, 0x0300fd01, "00 00 00 00 00 00 00 00");
     base->sense[0].current_a = torque / TORQUE_NM_A;
@@ -746,7 +726,7 @@ static void a_robstride_drive_takes_its_torque_from_the_identifier(void **state)
 
 /* ---- counters and checksums; the bytes by long division of polynomials ---- */
 
-static void a_board_counts_and_signs_its_frames(void **state)
+TEST(a_board_counts_and_signs_its_frames)
 {
     static const char *const told[] = {
         "00 00 50 c3 00 00 00 00 00 00 00 87", "00 01 50 c3 00 00 00 00 00 00 00 7a",
@@ -754,7 +734,6 @@ static void a_board_counts_and_signs_its_frames(void **state)
         "00 00 50 c3 00 00 00 00 00 00 00 87"};
     struct described_bench bench;
 
-    (void)state;
     open_bench(&bench, checked, 0);
     for (size_t i = 0; i < sizeof told / sizeof *told; i++) {
         expect_as(&bench, 0x301, FRAME_FD | FRAME_BRS, told[i]);
@@ -765,13 +744,12 @@ static void a_board_counts_and_signs_its_frames(void **state)
     close_bench(&bench);
 }
 
-static void a_wrong_checksum_or_a_stuck_counter_is_malformed(void **state)
+TEST(a_wrong_checksum_or_a_stuck_counter_is_malformed)
 {
     struct described_bench bench;
     struct board_bench *base = &bench.base;
     struct board_event event;
 
-    (void)state;
     open_bench(&bench, checked, 0);
     bench_send(base, 0, 0x201, "3b 10 f4 01");
     bench_tick(base);
@@ -802,7 +780,7 @@ static void a_wrong_checksum_or_a_stuck_counter_is_malformed(void **state)
 }
 
 /* What is wrong in one part of it, a state or a constant, stops no other drive. */
-static void each_drive_judges_its_part_of_a_frame_for_all(void **state)
+TEST(each_drive_judges_its_part_of_a_frame_for_all)
 {
     static const struct {
         const char *bytes;
@@ -819,7 +797,6 @@ static void each_drive_judges_its_part_of_a_frame_for_all(void **state)
     struct board_bench *base = &bench.base;
     struct board_event event;
 
-    (void)state;
     open_bench(&bench, checked, 0);
     for (size_t i = 0; i < sizeof sent / sizeof *sent; i++) {
         bench_send(base, 0, 0x400, sent[i].bytes);
@@ -836,35 +813,4 @@ static void each_drive_judges_its_part_of_a_frame_for_all(void **state)
         }
     }
     close_bench(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_cheetah_drive_answers_the_frames_that_switch_it),
-        cmocka_unit_test(a_cheetah_drive_has_the_impedance_of_its_command),
-        cmocka_unit_test(the_present_firmware_tells_its_bus_voltage),
-        cmocka_unit_test(a_cheetah_drive_brakes_by_its_damping),
-        cmocka_unit_test(a_frame_of_another_length_is_malformed),
-        cmocka_unit_test(an_odrive_tells_its_state_when_it_changes),
-        cmocka_unit_test(an_odrive_that_was_stopped_arms_when_errors_are_cleared),
-        cmocka_unit_test(an_odrive_tells_versions_errors_and_powers),
-        cmocka_unit_test(an_odrive_says_by_itself_what_ros_odrive_waits_for),
-        cmocka_unit_test(an_odrive_has_endpoints),
-        cmocka_unit_test(an_odrive_heeds_limits_and_where_it_is_said_to_be),
-        cmocka_unit_test(an_odrive_answers_remote_frames),
-        cmocka_unit_test(an_odrive_holds_its_position_in_counts_of_turns),
-        cmocka_unit_test(a_watchdog_disarms_until_errors_are_cleared),
-        cmocka_unit_test(a_fault_opens_the_bridge_and_its_bit_is_told),
-        cmocka_unit_test(a_valve_tells_its_pressures_and_takes_speeds_as_voltages),
-        cmocka_unit_test(a_lost_oil_pressure_closes_the_valve),
-        cmocka_unit_test(a_valve_refuses_laws_of_current),
-        cmocka_unit_test(a_robstride_drive_answers_as_one_that_was_recorded),
-        cmocka_unit_test(a_robstride_drive_takes_its_torque_from_the_identifier),
-        cmocka_unit_test(a_board_counts_and_signs_its_frames),
-        cmocka_unit_test(a_wrong_checksum_or_a_stuck_counter_is_malformed),
-        cmocka_unit_test(each_drive_judges_its_part_of_a_frame_for_all),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

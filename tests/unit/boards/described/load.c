@@ -188,11 +188,10 @@ static const struct {
     {"name: \"a\\\"b\"\nstates: []\nframes: []\n", "toy.yaml:1:1: found the name \"a"},
 };
 
-static void what_is_wrong_is_refused_with_its_place(void **state)
+TEST_WITH(what_is_wrong_is_refused_with_its_place, open_arena, close_arena)
 {
     int failed = 0;
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(wrong); i++) {
         const struct described_protocol *protocol;
         struct error error;
@@ -209,7 +208,7 @@ static void what_is_wrong_is_refused_with_its_place(void **state)
 }
 
 /* Fields of each order, placed by hand. */
-static void fields_lie_where_the_file_says(void **state)
+TEST_WITH(fields_lie_where_the_file_says, open_arena, close_arena)
 {
     static const char text[] = FRAME
         "  - name: A\n    from: host\n    id: 0x100\n    by: address\n    length: 8\n    fields:\n"
@@ -228,7 +227,6 @@ static void fields_lie_where_the_file_says(void **state)
     struct error error;
     unsigned number;
 
-    (void)state;
     if (described_read_text("toy.yaml", text, sizeof text - 1, &arena, &protocol, &error)) {
         fail_msg("%s", error.text);
     }
@@ -270,7 +268,7 @@ static const struct described_protocol *read_protocol(const char *text)
 
 /* Priority, parameter group and source address as J1939 lays them out: PGN 61444 (0xf004) of
  * address 3 with priority 3 is 0x0cf00403, as in SAE J1939-71. */
-static void fields_lie_in_the_identifier(void **state)
+TEST_WITH(fields_lie_in_the_identifier, open_arena, close_arena)
 {
     static const char text[] = FRAME
         "  - name: A\n    from: host\n    id: 0x00f00000\n    by: address\n    extended: true\n"
@@ -283,7 +281,6 @@ static void fields_lie_in_the_identifier(void **state)
     uint8_t data[8] = {0};
     unsigned number;
 
-    (void)state;
     assert_int_equal(frame->flags, FRAME_EXTENDED);
     assert_int_equal(frame->mask, 0x1c000000);
     assert_true(described_number(frame, sent.id, true, &number));
@@ -299,11 +296,10 @@ static void fields_lie_in_the_identifier(void **state)
 }
 
 /* The published check values of the digits 1 to 9. */
-static void checksums_are_those_of_the_standards(void **state)
+TEST(checksums_are_those_of_the_standards)
 {
     static const uint8_t digits[] = "1234567890";
 
-    (void)state;
     assert_int_equal(described_checksum(DESCRIBED_CRC8_SAE_J1850, digits, 9, 9), 0x4b);
     assert_int_equal(described_checksum(DESCRIBED_XOR, digits, 9, 9), 0x31);
 
@@ -312,7 +308,7 @@ static void checksums_are_those_of_the_standards(void **state)
 }
 
 /* A frame of ten bytes and its checksum has the next length of CAN FD. */
-static void a_long_frame_is_one_of_can_fd(void **state)
+TEST_WITH(a_long_frame_is_one_of_can_fd, open_arena, close_arena)
 {
     static const char text[] = FRAME
         "  - name: A\n    from: host\n    id: 1\n    fd: true\n    fields:\n"
@@ -322,7 +318,6 @@ static void a_long_frame_is_one_of_can_fd(void **state)
     struct bus_frame sent = {.id = 1, .flags = FRAME_FD | FRAME_BRS, .len = 12};
     int64_t counts[DESCRIBED_FIELDS_MAX] = {0, 0x01020304, 0x05060708};
 
-    (void)state;
     assert_int_equal(frame->length, 12);
     assert_int_equal(frame->flags, FRAME_FD | FRAME_BRS);
     assert_int_equal(described_encode(frame, 0, counts, sent.data), 1);
@@ -335,7 +330,7 @@ static void a_long_frame_is_one_of_can_fd(void **state)
 
 /* What one board tells apart: frames by constants, the special one first, and by length; a remote
  * frame from the data that answers it; kinds of boards. What depends on addresses is the rig's. */
-static void identifiers_are_shared_where_frames_are_told_apart(void **state)
+TEST_WITH(identifiers_are_shared_where_frames_are_told_apart, open_arena, close_arena)
 {
     static const char *const good[] = {
         FRAME "  - {name: A, from: host, id: 1, payload: \"ff\"}\n"
@@ -352,7 +347,6 @@ static void identifiers_are_shared_where_frames_are_told_apart(void **state)
               "  - {name: B, from: board, id: 1, extended: true}\n",
     };
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(good); i++) {
         read_protocol(good[i]);
     }
@@ -400,26 +394,7 @@ static const struct limit limits[] = {
     {"host.off_state", 1, 31},
 };
 
-static void every_limit_of_a_protocol_file_holds(void **state)
+TEST_WITH(every_limit_of_a_protocol_file_holds, open_arena, close_arena)
 {
-    (void)state;
     check_schema(&described_file_schema, limits, ARRAY_COUNT(limits));
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(what_is_wrong_is_refused_with_its_place, open_arena,
-                                        close_arena),
-        cmocka_unit_test_setup_teardown(fields_lie_where_the_file_says, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(fields_lie_in_the_identifier, open_arena, close_arena),
-        cmocka_unit_test(checksums_are_those_of_the_standards),
-        cmocka_unit_test_setup_teardown(a_long_frame_is_one_of_can_fd, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(identifiers_are_shared_where_frames_are_told_apart,
-                                        open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(every_limit_of_a_protocol_file_holds, open_arena,
-                                        close_arena),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -2,11 +2,10 @@
 /* A bus of 2FOC boards: configuration, targets, answers, modes, limits and faults. */
 #include "tests/unit/boards/foc/foc_bench.h"
 
-static void every_target_is_answered_by_every_board_with_two_frames(void **state)
+TEST(every_target_is_answered_by_every_board_with_two_frames)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     bench_tick(&bench);
     assert_null(bench_find(&bench, 0, 0x110)); /* silence without targets */
@@ -36,11 +35,10 @@ static void every_target_is_answered_by_every_board_with_two_frames(void **state
     bench_stop(&bench);
 }
 
-static void velocity_is_in_icubdeg_a_millisecond(void **state)
+TEST(velocity_is_in_icubdeg_a_millisecond)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     for (int i = 1; i <= 30; i++) {
         bench.sense[0].qm = i * 1e-3 * 2.0; /* 2 rad/s at the link */
@@ -52,12 +50,11 @@ static void velocity_is_in_icubdeg_a_millisecond(void **state)
     bench_stop(&bench);
 }
 
-static void a_board_is_idle_only_when_it_has_everything(void **state)
+TEST(a_board_is_idle_only_when_it_has_everything)
 {
     static const char *const steps[] = {"5B 01 06", "77 01 00 10 00 00 0E",
                                         "48 00 A0 0F 40 1F 20 4E", "65 92 00 E3 00 00 00 0F"};
 
-    (void)state;
     for (int missing = 0; missing < 4; missing++) {
         struct board_bench bench;
 
@@ -83,11 +80,10 @@ static void a_board_is_idle_only_when_it_has_everything(void **state)
     }
 }
 
-static void only_the_very_protocol_is_acknowledged(void **state)
+TEST(only_the_very_protocol_is_acknowledged)
 {
     struct board_bench bench;
 
-    (void)state;
     configure(&bench);
     bench_start(&bench);
     bench_ask(&bench, "5B 01 05", "5B 08 03 06 1F 01 06 00");
@@ -98,11 +94,10 @@ static void only_the_very_protocol_is_acknowledged(void **state)
     bench_stop(&bench);
 }
 
-static void discovery_tells_a_2foc_and_asks_of_more_are_not_answered(void **state)
+TEST(discovery_tells_a_2foc_and_asks_of_more_are_not_answered)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     bench_send(&bench, 0, 0x70f, "FF");
     bench_tick(&bench);
@@ -120,11 +115,10 @@ static void discovery_tells_a_2foc_and_asks_of_more_are_not_answered(void **stat
     bench_stop(&bench);
 }
 
-static void open_loop_is_a_share_of_the_supply_up_to_95_percent(void **state)
+TEST(open_loop_is_a_share_of_the_supply_up_to_95_percent)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     enter(&bench, "09 50");
     target(&bench, "80 3E"); /* 16000: 50 % */
@@ -142,11 +136,10 @@ static void open_loop_is_a_share_of_the_supply_up_to_95_percent(void **state)
     bench_stop(&bench);
 }
 
-static void a_mode_begins_with_set_point_0(void **state)
+TEST(a_mode_begins_with_set_point_0)
 {
     static const char *const modes[] = {"09 50", "09 06", "09 0A", "09 0B", "09 01"};
 
-    (void)state;
     for (int m = 0; m < 5; m++) {
         struct board_bench bench;
 
@@ -161,12 +154,11 @@ static void a_mode_begins_with_set_point_0(void **state)
     }
 }
 
-static void modes_that_a_2foc_has_not_are_refused(void **state)
+TEST(modes_that_a_2foc_has_not_are_refused)
 {
     static const char *const modes[] = {"09 02", "09 03", "09 04", "09 08", "09 60", "09 A0"};
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     for (int m = 0; m < 6; m++) {
         enter(&bench, modes[m]);
@@ -177,13 +169,12 @@ static void modes_that_a_2foc_has_not_are_refused(void **state)
     bench_stop(&bench);
 }
 
-static void a_set_point_expires_after_50_ms(void **state)
+TEST(a_set_point_expires_after_50_ms)
 {
     struct board_event event;
     struct board_bench bench;
     char text[256];
 
-    (void)state;
     start(&bench);
     enter(&bench, "09 50");
     target(&bench, "80 3E");
@@ -212,7 +203,7 @@ static void a_set_point_expires_after_50_ms(void **state)
     bench_stop(&bench);
 }
 
-static void faults_have_their_bits(void **state)
+TEST(faults_have_their_bits)
 {
     static const struct {
         const char *what, *status;
@@ -221,7 +212,6 @@ static void faults_have_their_bits(void **state)
                   {"encoder", "A0 08 00 00 00 00 08 00"},
                   {"I2t", "A0 00 00 00 00 00 40 00"}};
 
-    (void)state;
     for (int f = 0; f < 4; f++) {
         struct board_bench bench;
 
@@ -252,13 +242,12 @@ static void faults_have_their_bits(void **state)
 }
 
 /* v += kp (e - e') + ki / 2 (e + e'), kp 146, ki 227, in 2^-15 thousandths of the supply a mA */
-static void the_current_law_is_the_firmware_s(void **state)
+TEST(the_current_law_is_the_firmware_s)
 {
     struct board_bench bench;
     int64_t v = 0, before = 0;
     int32_t current = 0; /* mA, as the board has sampled it */
 
-    (void)state;
     start(&bench);
     enter(&bench, "09 06");
     for (int t = 0; t < 300; t++) {
@@ -275,12 +264,11 @@ static void the_current_law_is_the_firmware_s(void **state)
     bench_stop(&bench);
 }
 
-static void open_loop_holds_the_current_at_its_peak(void **state)
+TEST(open_loop_holds_the_current_at_its_peak)
 {
     struct board_bench bench;
     double before;
 
-    (void)state;
     start(&bench);
     enter(&bench, "09 50");
     target(&bench, "80 3E");
@@ -299,11 +287,10 @@ static void open_loop_holds_the_current_at_its_peak(void **state)
     bench_stop(&bench);
 }
 
-static void floats_set_the_same_gains_as_integers(void **state)
+TEST(floats_set_the_same_gains_as_integers)
 {
     struct board_bench a, b;
 
-    (void)state;
     start(&a);
     start(&b);
     bench_send(&a, 0, 0x001, "69 00 20 00 10 00 00 0F"); /* kp 0.25, ki 0.125 */
@@ -321,11 +308,10 @@ static void floats_set_the_same_gains_as_integers(void **state)
     bench_stop(&b);
 }
 
-static void position_mode_counts_from_where_it_began(void **state)
+TEST(position_mode_counts_from_where_it_began)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     bench.sense[0].qm = 0.5;
     bench_ticks(&bench, 2);
@@ -338,11 +324,10 @@ static void position_mode_counts_from_where_it_began(void **state)
     bench_stop(&bench);
 }
 
-static void the_index_calibrates_the_encoder(void **state)
+TEST(the_index_calibrates_the_encoder)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     bench_send(&bench, 0, 0x001, "77 09 00 10 00 00 0E");
     target(&bench, "00 00");
@@ -354,12 +339,11 @@ static void the_index_calibrates_the_encoder(void **state)
     bench_stop(&bench);
 }
 
-static void status_can_be_thinned_out(void **state)
+TEST(status_can_be_thinned_out)
 {
     struct board_bench bench;
     size_t sent = 0;
 
-    (void)state;
     configure(&bench);
     bench.board[0].status_period_ns = 10000000;
     bench_start(&bench);
@@ -373,12 +357,11 @@ static void status_can_be_thinned_out(void **state)
     bench_stop(&bench);
 }
 
-static void the_temperature_comes_every_200_ms_of_board_1(void **state)
+TEST(the_temperature_comes_every_200_ms_of_board_1)
 {
     struct board_bench bench;
     size_t one = 0, three = 0;
 
-    (void)state;
     start(&bench);
     bench.sense[0].winding_c = 41.5;
     for (int t = 0; t < 1200; t++) {
@@ -394,7 +377,7 @@ static void the_temperature_comes_every_200_ms_of_board_1(void **state)
     bench_stop(&bench);
 }
 
-static void wrong_lengths_are_refused(void **state)
+TEST(wrong_lengths_are_refused)
 {
     static const char *const frames[] = {"09",
                                          "09 50 00",
@@ -418,7 +401,6 @@ static void wrong_lengths_are_refused(void **state)
                                          "32 00"};
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     for (size_t i = 0; i < sizeof frames / sizeof *frames; i++) {
         struct bus_frame frame = {.id = 0x001};
@@ -435,11 +417,10 @@ static void wrong_lengths_are_refused(void **state)
     bench_stop(&bench);
 }
 
-static void restarting_forgets_the_configuration(void **state)
+TEST(restarting_forgets_the_configuration)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     bench_send(&bench, 0, 0x701, "00");
     target(&bench, "00 00");
@@ -450,11 +431,10 @@ static void restarting_forgets_the_configuration(void **state)
     bench_stop(&bench);
 }
 
-static void another_personality_on_another_bus_is_not_disturbed(void **state)
+TEST(another_personality_on_another_bus_is_not_disturbed)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     bench_send(&bench, 1, 0x10f, "00 10 00 10 00 10 00 10"); /* no such frame among iCub boards */
     assert_int_equal(bench_counters(&bench).foreign, 1);
@@ -467,11 +447,10 @@ static void another_personality_on_another_bus_is_not_disturbed(void **state)
 }
 
 /* Of a servo valve: those modes that end in a voltage. */
-static void a_valve_has_no_modes_of_current(void **state)
+TEST(a_valve_has_no_modes_of_current)
 {
     struct board_bench bench;
 
-    (void)state;
     configure(&bench);
     bench.board[0].axis[0].valve = true;
     bench_start(&bench);
@@ -486,33 +465,4 @@ static void a_valve_has_no_modes_of_current(void **state)
     assert_true(bench.motor[0].bridge_on);
     assert_true(bench_counters(&bench).malformed + bench_counters(&bench).unknown == 2);
     bench_stop(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_target_is_answered_by_every_board_with_two_frames),
-        cmocka_unit_test(velocity_is_in_icubdeg_a_millisecond),
-        cmocka_unit_test(a_board_is_idle_only_when_it_has_everything),
-        cmocka_unit_test(only_the_very_protocol_is_acknowledged),
-        cmocka_unit_test(discovery_tells_a_2foc_and_asks_of_more_are_not_answered),
-        cmocka_unit_test(open_loop_is_a_share_of_the_supply_up_to_95_percent),
-        cmocka_unit_test(a_mode_begins_with_set_point_0),
-        cmocka_unit_test(modes_that_a_2foc_has_not_are_refused),
-        cmocka_unit_test(a_set_point_expires_after_50_ms),
-        cmocka_unit_test(faults_have_their_bits),
-        cmocka_unit_test(the_current_law_is_the_firmware_s),
-        cmocka_unit_test(open_loop_holds_the_current_at_its_peak),
-        cmocka_unit_test(floats_set_the_same_gains_as_integers),
-        cmocka_unit_test(position_mode_counts_from_where_it_began),
-        cmocka_unit_test(the_index_calibrates_the_encoder),
-        cmocka_unit_test(status_can_be_thinned_out),
-        cmocka_unit_test(the_temperature_comes_every_200_ms_of_board_1),
-        cmocka_unit_test(wrong_lengths_are_refused),
-        cmocka_unit_test(restarting_forgets_the_configuration),
-        cmocka_unit_test(another_personality_on_another_bus_is_not_disturbed),
-        cmocka_unit_test(a_valve_has_no_modes_of_current),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

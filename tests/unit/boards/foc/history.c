@@ -71,11 +71,10 @@ static void expect_fault(struct board_bench *bench, int axis, uint32_t fault)
 
 /* The square of the current above the nominal one heats, below it cools, never below zero; the
  * board trips at what the peak current gives in 10.24 s. */
-static void heat_cools_as_it_came(void **state)
+TEST(heat_cools_as_it_came)
 {
     static const int rests[] = {0, 1000, 4000, 7000, 13000};
 
-    (void)state;
     for (int axis = 0; axis < AXES; axis++) {
         const double nominal2 = nominal_a[axis] * nominal_a[axis];
         const double most = (peak_a[axis] * peak_a[axis] - nominal2) * 10240.0;
@@ -101,11 +100,10 @@ static void heat_cools_as_it_came(void **state)
 
 /* As the firmware has it, heat counts in idle and in fault too: who switches on again at once trips
  * at once, who waits has what the waiting gave. */
-static void heat_stays_when_the_axis_is_switched_off(void **state)
+TEST(heat_stays_when_the_axis_is_switched_off)
 {
     struct board_bench bench;
 
-    (void)state;
     start_differently(&bench);
     show_current(&bench, 0, 12.0); /* 128 A^2 above the nominal one */
     assert_near(ticks_to_trip(&bench), 3840.0, 3.0);
@@ -127,9 +125,8 @@ static void heat_stays_when_the_axis_is_switched_off(void **state)
 
 /* ---- faults that come twice ---- */
 
-static void an_over_current_trips_again_after_it_was_enabled_again(void **state)
+TEST(an_over_current_trips_again_after_it_was_enabled_again)
 {
-    (void)state;
     for (int axis = 0; axis < AXES; axis++) {
         struct board_bench bench;
 
@@ -158,12 +155,11 @@ static void an_over_current_trips_again_after_it_was_enabled_again(void **state)
     }
 }
 
-static void an_expired_set_point_is_told_each_time(void **state)
+TEST(an_expired_set_point_is_told_each_time)
 {
     struct board_event event;
     struct board_bench bench;
 
-    (void)state;
     start_differently(&bench);
     for (int time = 1; time <= 3; time++) {
         bench_ticks(&bench, 49);
@@ -187,12 +183,11 @@ static void an_expired_set_point_is_told_each_time(void **state)
 }
 
 /* A second cause while the first is latched is told, too; both are cleared together. */
-static void faults_gather_until_they_are_cleared(void **state)
+TEST(faults_gather_until_they_are_cleared)
 {
     struct board_event event;
     struct board_bench bench;
 
-    (void)state;
     start_differently(&bench);
     bench.sensors.supply_v = nextafter(24.0, 0.0);
     run_targets(&bench, 3);
@@ -219,12 +214,11 @@ static void faults_gather_until_they_are_cleared(void **state)
 
 /* Regeneration lifts the supply: at the limit there is no fault, a little above it both axes have
  * one, which stays when the supply is back until the host clears it. */
-static void an_over_voltage_opens_the_bridges_until_it_is_cleared(void **state)
+TEST(an_over_voltage_opens_the_bridges_until_it_is_cleared)
 {
     struct board_event event;
     struct board_bench bench;
 
-    (void)state;
     start_differently(&bench);
     for (int time = 0; time < 2; time++) {
         bench.sensors.supply_v = 60.0;
@@ -300,9 +294,8 @@ static void expect_off(struct board_bench *bench, const struct law *law)
 
 /* The voltage changes from ms to ms, and again in the same way after the axis was off, entered once
  * more, or in fault: nothing is left of the integral, nothing came to it. */
-static void an_axis_begins_with_empty_integrals(void **state)
+TEST(an_axis_begins_with_empty_integrals)
 {
-    (void)state;
     for (size_t i = 0; i < sizeof laws / sizeof *laws; i++) {
         double first[STEPS][AXES], again[STEPS][AXES];
         struct board_bench bench;
@@ -332,19 +325,4 @@ static void an_axis_begins_with_empty_integrals(void **state)
         assert_memory_equal(again, first, sizeof first);
         bench_stop(&bench);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(heat_cools_as_it_came),
-        cmocka_unit_test(heat_stays_when_the_axis_is_switched_off),
-        cmocka_unit_test(an_over_current_trips_again_after_it_was_enabled_again),
-        cmocka_unit_test(an_expired_set_point_is_told_each_time),
-        cmocka_unit_test(an_over_voltage_opens_the_bridges_until_it_is_cleared),
-        cmocka_unit_test(faults_gather_until_they_are_cleared),
-        cmocka_unit_test(an_axis_begins_with_empty_integrals),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -41,11 +41,10 @@ static struct field_subject subject_of(const struct boards_config *config, int b
 }
 
 /* bus 0: boards 1 (joint 0) and 3 (joint 1); another bus has a board 2. */
-static void a_target_is_of_the_motor_at_its_address(void **state)
+TEST(a_target_is_of_the_motor_at_its_address)
 {
     struct board_bench bench;
 
-    (void)state;
     configure(&bench);
     bench.board[4].address = 2;
     for (int i = 0; i < 4; i++) {
@@ -59,13 +58,12 @@ static void a_target_is_of_the_motor_at_its_address(void **state)
 }
 
 /* 65536 icubdeg are a turn of the rotor, which turns 100 times a turn of the joint. */
-static void angles_of_the_rotor_are_told_as_those_of_the_joint(void **state)
+TEST(angles_of_the_rotor_are_told_as_those_of_the_joint)
 {
     const double icubdeg_rad = 2.0 * M_PI / 65536.0 / 100.0;
     struct field_subject current, velocity, position;
     struct board_bench bench;
 
-    (void)state;
     configure(&bench);
     current = subject_of(&bench.config, 0, "FOC", 1, 0);
     velocity = subject_of(&bench.config, 0, "FOC", 1, 1);
@@ -105,21 +103,19 @@ static bool visit_owner(void *context, const struct message *message)
 }
 
 /* Class 7 is management. */
-static void what_is_no_management_is_about_the_motor(void **state)
+TEST(what_is_no_management_is_about_the_motor)
 {
     struct board_bench bench;
 
-    (void)state;
     configure(&bench);
     boards_messages(&bench.config, 0, visit_owner, &bench.config);
 }
 
 /* Boards 0 and 1 are 2FOC boards, board 3 a force-torque sensor of 1500 N and 40 Nm. */
-static void a_sensor_counts_from_the_middle_of_its_scale(void **state)
+TEST(a_sensor_counts_from_the_middle_of_its_scale)
 {
     struct board_bench bench;
 
-    (void)state;
     configure(&bench);
     for (int i = 0; i < 2; i++) {
         const struct field_subject subject =
@@ -164,12 +160,11 @@ static bool visit_cycle(void *context, const struct message *message)
     return true;
 }
 
-static void messages_have_the_cycles_of_their_boards(void **state)
+TEST(messages_have_the_cycles_of_their_boards)
 {
     struct cycles cycles = {{0}, {0}, {0}, 0};
     struct board_bench bench;
 
-    (void)state;
     configure(&bench);
     bench.board[0].status_period_ns = 10000000;
     boards_messages(&bench.config, 0, visit_cycle, &cycles);
@@ -215,12 +210,11 @@ static int count_of(const struct loads *loads, bool from_host, unsigned length, 
 
 /* Of each motor FOC a millisecond, STATUS as the rig says, ADDITIONAL_STATUS in a cycle by its
  * address; targets a millisecond. */
-static void each_motor_loads_the_bus_with_its_frames(void **state)
+TEST(each_motor_loads_the_bus_with_its_frames)
 {
     struct loads loads = {.count = 0};
     struct board_bench bench;
 
-    (void)state;
     configure(&bench);
     bench.board[0].status_period_ns = 20000000;
     bench.config.nboard = 2;
@@ -251,7 +245,7 @@ static void each_motor_loads_the_bus_with_its_frames(void **state)
 
 /* ---- checks ---- */
 
-static void a_motor_needs_a_gear(void **state)
+TEST(a_motor_needs_a_gear)
 {
     static const struct {
         enum board_kind kind;
@@ -265,7 +259,6 @@ static void a_motor_needs_a_gear(void **state)
         {BOARD_MOTOR, -1, 0.0, ERROR_NONE}, {BOARD_FT, 0, 0.0, ERROR_NONE}};
     struct error error;
 
-    (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         struct board_config board = bench_motor("hip", 0, 1, cases[i].joint, -1);
 
@@ -274,19 +267,4 @@ static void a_motor_needs_a_gear(void **state)
         assert_int_equal(protocol_foc.check_board(&buses[0], &board, &error), cases[i].code);
         assert_true(cases[i].code == ERROR_NONE || strstr(error.text, "board hip: the gear"));
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_target_is_of_the_motor_at_its_address),
-        cmocka_unit_test(angles_of_the_rotor_are_told_as_those_of_the_joint),
-        cmocka_unit_test(what_is_no_management_is_about_the_motor),
-        cmocka_unit_test(a_sensor_counts_from_the_middle_of_its_scale),
-        cmocka_unit_test(messages_have_the_cycles_of_their_boards),
-        cmocka_unit_test(each_motor_loads_the_bus_with_its_frames),
-        cmocka_unit_test(a_motor_needs_a_gear),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

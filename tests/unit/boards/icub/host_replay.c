@@ -392,7 +392,7 @@ static void open_leg(struct replay *replay)
     bench_start(bench);
 }
 
-static void every_answer_to_a_real_host_is_the_protocols(void **state)
+TEST(every_answer_to_a_real_host_is_the_protocols)
 {
     static struct replay replay;
     struct candump_reader reader;
@@ -402,7 +402,6 @@ static void every_answer_to_a_real_host_is_the_protocols(void **state)
     char bus[16];
     bool end = false;
 
-    (void)state;
     open_leg(&replay);
     if (candump_open(&reader, REPLAY_LOG, &error)) {
         fail_msg("%s", error.text);
@@ -436,13 +435,4 @@ static void every_answer_to_a_real_host_is_the_protocols(void **state)
     assert_string_equal(replay.texts, "|CMODE SET:80|PWM ENA:0|PWM DIS:0");
     assert_true(replay.telemetry > 3 * 4 * 10000 / 4);
     bench_stop(&replay.bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_answer_to_a_real_host_is_the_protocols),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

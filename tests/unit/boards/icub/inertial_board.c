@@ -33,7 +33,7 @@ static void config(struct board_bench *bench, const char *hex)
     bench_tick(bench);
 }
 
-static void every_sensor_has_its_frame_in_order(void **state)
+TEST(every_sensor_has_its_frame_in_order)
 {
     static const char *const triple[] = {
         "00 00 64 00 38 FF D5 03", /* 100, -200, 981 cm/s2 */
@@ -46,7 +46,6 @@ static void every_sensor_has_its_frame_in_order(void **state)
     struct board_bench bench;
     size_t sent = 0;
 
-    (void)state;
     start(&bench, false);
     config(&bench, "34 7F 80 01");
     config(&bench, "35 01");
@@ -65,12 +64,11 @@ static void every_sensor_has_its_frame_in_order(void **state)
     bench_stop(&bench);
 }
 
-static void mask_and_period_are_obeyed(void **state)
+TEST(mask_and_period_are_obeyed)
 {
     struct board_bench bench;
     size_t gyro = 0, others = 0;
 
-    (void)state;
     start(&bench, false);
     bench_ticks(&bench, 20);
     assert_int_equal(bench_sent(&bench, 0, TRIPLE), 0);
@@ -94,11 +92,10 @@ static void mask_and_period_are_obeyed(void **state)
     bench_stop(&bench);
 }
 
-static void config_is_told_and_identity_too(void **state)
+TEST(config_is_told_and_identity_too)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench, true);
     bench_ticks(&bench, 5);
     assert_int_equal(bench_sent(&bench, 0, TRIPLE), 2);
@@ -116,11 +113,10 @@ static void config_is_told_and_identity_too(void **state)
     bench_stop(&bench);
 }
 
-static void wrong_commands_are_counted(void **state)
+TEST(wrong_commands_are_counted)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench, true);
     config(&bench, "34 7F 80");
     config(&bench, "35");
@@ -136,11 +132,10 @@ static void wrong_commands_are_counted(void **state)
 }
 
 /* Without fusion, or without a reading, what needs the orientation is 0 and the status says so. */
-static void status_tells_what_is_missing(void **state)
+TEST(status_tells_what_is_missing)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench, false);
     config(&bench, "34 18 80 21");
     config(&bench, "35 01");
@@ -158,11 +153,10 @@ static void status_tells_what_is_missing(void **state)
     bench_stop(&bench);
 }
 
-static void a_restart_forgets_mask_and_period(void **state)
+TEST(a_restart_forgets_mask_and_period)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench, false);
     config(&bench, "34 04 00 01");
     config(&bench, "35 01");
@@ -177,7 +171,7 @@ static void a_restart_forgets_mask_and_period(void **state)
 }
 
 /* Between 50 and 100 ms; before and after a frame of type 3 each millisecond. */
-static void faults_of_boards_act_on_it(void **state)
+TEST(faults_of_boards_act_on_it)
 {
     static const struct {
         const char *line;
@@ -190,7 +184,6 @@ static void faults_of_boards_act_on_it(void **state)
         {"board ankle slow factor=5 0.05..0.1", 10, 50},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         struct fault_bench bench = {0};
         size_t sent[3] = {0};
@@ -219,19 +212,4 @@ static void faults_of_boards_act_on_it(void **state)
         assert_true(!strstr(cases[i].line, "stuck") || first == last);
         end(&bench);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_sensor_has_its_frame_in_order),
-        cmocka_unit_test(mask_and_period_are_obeyed),
-        cmocka_unit_test(config_is_told_and_identity_too),
-        cmocka_unit_test(wrong_commands_are_counted),
-        cmocka_unit_test(status_tells_what_is_missing),
-        cmocka_unit_test(a_restart_forgets_mask_and_period),
-        cmocka_unit_test(faults_of_boards_act_on_it),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

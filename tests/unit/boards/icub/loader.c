@@ -17,11 +17,10 @@ static void loader_ask(struct board_bench *bench, const char *request, const cha
     }
 }
 
-static void start_resets_into_a_bootloader_of_a_dsp(void **state)
+TEST(start_resets_into_a_bootloader_of_a_dsp)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x001, "1E 64 00");
     bench_send(&bench, 0, 0x001, "49 7F 00 00 00");
@@ -47,11 +46,10 @@ static void start_resets_into_a_bootloader_of_a_dsp(void **state)
     bench_stop(&bench);
 }
 
-static void without_a_host_the_application_starts_after_five_seconds(void **state)
+TEST(without_a_host_the_application_starts_after_five_seconds)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     loader_ask(&bench, "00", "00 01");
     bench_ticks(&bench, 4999);
@@ -67,7 +65,7 @@ static void without_a_host_the_application_starts_after_five_seconds(void **stat
 }
 
 /* Discovery, or a START that reaches the bootloader, as loader programs send a second one. */
-static void a_host_that_finds_the_bootloader_keeps_it_there(void **state)
+TEST(a_host_that_finds_the_bootloader_keeps_it_there)
 {
     static const struct {
         uint32_t id;
@@ -75,7 +73,6 @@ static void a_host_that_finds_the_bootloader_keeps_it_there(void **state)
     } hosts[] = {
         {0x701, "FF", "FF 00 02 51"}, {0x70f, "FF", "FF 00 02 51"}, {0x701, "00", "00 01"}};
 
-    (void)state;
     for (size_t i = 0; i < sizeof hosts / sizeof *hosts; i++) {
         for (int from_power_up = 0; from_power_up < 2; from_power_up++) {
             struct board_bench bench;
@@ -112,13 +109,12 @@ static void send_download(struct board_bench *bench)
 }
 
 /* The checksum is that of zlib.crc32 over 84 00 00, the fourteen, 00 20 01, the four. */
-static void a_download_is_kept_and_told(void **state)
+TEST(a_download_is_kept_and_told)
 {
     struct board_firmware firmware;
     struct board_event event;
     struct board_bench bench;
 
-    (void)state;
     bench_configure(&bench);
     bench.board[0].keep_firmware = true;
     bench_start(&bench);
@@ -157,12 +153,11 @@ static void a_download_is_kept_and_told(void **state)
     bench_stop(&bench);
 }
 
-static void what_is_no_download_is_not_acknowledged(void **state)
+TEST(what_is_no_download_is_not_acknowledged)
 {
     struct board_firmware firmware;
     struct board_bench bench;
 
-    (void)state;
     bench_configure(&bench);
     bench.board[0].boot_ns = INT64_C(5000000000);
     bench_start(&bench);
@@ -198,12 +193,11 @@ static void what_is_no_download_is_not_acknowledged(void **state)
 }
 
 /* Loader programs address START to a board, and the lines of the file to everyone. */
-static void a_download_to_everyone_is_for_boards_that_were_started(void **state)
+TEST(a_download_to_everyone_is_for_boards_that_were_started)
 {
     struct board_firmware firmware;
     struct board_bench bench;
 
-    (void)state;
     bench_configure(&bench);
     bench.board[1].boot_ns = INT64_C(5000000000); /* in its bootloader, but not started */
     bench_start(&bench);
@@ -233,11 +227,10 @@ static void a_download_to_everyone_is_for_boards_that_were_started(void **state)
     bench_stop(&bench);
 }
 
-static void other_boards_say_in_the_bootloader_what_they_are(void **state)
+TEST(other_boards_say_in_the_bootloader_what_they_are)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x70d, "00 00"); /* STRAIN: with a byte whether the EEPROM goes too */
     bench_tick(&bench);
@@ -246,19 +239,4 @@ static void other_boards_say_in_the_bootloader_what_they_are(void **state)
     bench_tick(&bench);
     bench_expect(&bench, 0, 0x7d0, "FF 06 03 00");
     bench_stop(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(start_resets_into_a_bootloader_of_a_dsp),
-        cmocka_unit_test(without_a_host_the_application_starts_after_five_seconds),
-        cmocka_unit_test(a_host_that_finds_the_bootloader_keeps_it_there),
-        cmocka_unit_test(a_download_is_kept_and_told),
-        cmocka_unit_test(what_is_no_download_is_not_acknowledged),
-        cmocka_unit_test(a_download_to_everyone_is_for_boards_that_were_started),
-        cmocka_unit_test(other_boards_say_in_the_bootloader_what_they_are),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -5,6 +5,7 @@
 #define TESTS_UNIT_BOARDS_ICUB_MOTOR_BENCH_H
 
 #include "tests/unit/boards/board_bench.h"
+#include "tests/test.h"
 
 #define POLICY_7F "49 7F 00 00 00"
 

@@ -5,11 +5,10 @@
  */
 #include "tests/unit/boards/board_bench.h"
 
-static void discovery_finds_every_board_with_its_type(void **state)
+TEST(discovery_finds_every_board_with_its_type)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x70f, "FF");
     bench_tick(&bench);
@@ -26,11 +25,10 @@ static void discovery_finds_every_board_with_its_type(void **state)
     bench_stop(&bench);
 }
 
-static void firmware_version_has_protocol_and_acknowledge(void **state)
+TEST(firmware_version_has_protocol_and_acknowledge)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_ask(&bench, "5B 01 06", "5B 04 02 51 57 01 06 01");
     bench_ask(&bench, "DB 01 06", "DB 04 02 51 57 01 06 01"); /* the other axis */
@@ -41,12 +39,11 @@ static void firmware_version_has_protocol_and_acknowledge(void **state)
     bench_stop(&bench);
 }
 
-static void additional_information_is_read_and_written_in_eight_parts(void **state)
+TEST(additional_information_is_read_and_written_in_eight_parts)
 {
     static const char *const parts[] = {"0C 00 6C 65 67 20", "0C 01 31 00 00 00"}; /* "leg 1" */
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x701, "0C");
     bench_tick(&bench);
@@ -66,11 +63,10 @@ static void additional_information_is_read_and_written_in_eight_parts(void **sta
     bench_stop(&bench);
 }
 
-static void replies_go_to_whoever_asked(void **state)
+TEST(replies_go_to_whoever_asked)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x052, "33");
     bench_tick(&bench);
@@ -78,11 +74,10 @@ static void replies_go_to_whoever_asked(void **state)
     bench_stop(&bench);
 }
 
-static void replies_keep_the_order_of_requests(void **state)
+TEST(replies_keep_the_order_of_requests)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x002, "33");
     bench_send(&bench, 0, 0x20d, "1B");
@@ -143,12 +138,11 @@ static void with_axis_bit(const char *hex, char *text, size_t size)
     snprintf(text, size, "%02lX%s", strtoul(hex, NULL, 16) | 0x80, hex + 2);
 }
 
-static void every_set_is_given_back_by_its_get_on_either_axis(void **state)
+TEST(every_set_is_given_back_by_its_get_on_either_axis)
 {
     struct board_bench bench;
     char set[64], get[64], reply[64];
 
-    (void)state;
     bench_open(&bench);
     bench_tick(&bench);
     for (size_t i = 0; i < sizeof pairs / sizeof *pairs; i++) {
@@ -165,11 +159,10 @@ static void every_set_is_given_back_by_its_get_on_either_axis(void **state)
     bench_stop(&bench);
 }
 
-static void axes_keep_their_own_values(void **state)
+TEST(axes_keep_their_own_values)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x001, "1E 10 00");
     bench_send(&bench, 0, 0x001, "9E 20 00");
@@ -181,11 +174,10 @@ static void axes_keep_their_own_values(void **state)
     bench_stop(&bench);
 }
 
-static void a_pid_and_its_single_gains_are_the_same_values(void **state)
+TEST(a_pid_and_its_single_gains_are_the_same_values)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x001, "52 64 00 02 00 C8 00 06"); /* kp ki kd shift */
     bench_ask(&bench, "1F", "1F 64 00");
@@ -199,11 +191,10 @@ static void a_pid_and_its_single_gains_are_the_same_values(void **state)
     bench_stop(&bench);
 }
 
-static void state_is_told_when_asked(void **state)
+TEST(state_is_told_when_asked)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_configure(&bench);
     bench.sense[0].q = 1.0; /* 10000 = 0x2710 ticks */
     bench_start(&bench);
@@ -227,11 +218,10 @@ static void state_is_told_when_asked(void **state)
 
 /* Integrators of 1 and 2 counts a count and ms, errors of 10 and -7 counts: each axis tells its
  * own error, reference and output. */
-static void the_state_of_running_axes_is_told(void **state)
+TEST(the_state_of_running_axes_is_told)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x001, "52 00 00 01 00 00 00 00");
     bench_send(&bench, 0, 0x001, "D2 00 00 02 00 00 00 00");
@@ -256,11 +246,10 @@ static void the_state_of_running_axes_is_told(void **state)
     bench_stop(&bench);
 }
 
-static void the_encoder_reads_what_it_is_set_to(void **state)
+TEST(the_encoder_reads_what_it_is_set_to)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_configure(&bench);
     bench.sense[0].q = 1.0;
     bench_start(&bench);
@@ -289,11 +278,10 @@ static void the_encoder_reads_what_it_is_set_to(void **state)
     bench_stop(&bench);
 }
 
-static void flash_keeps_parameters_until_they_are_read(void **state)
+TEST(flash_keeps_parameters_until_they_are_read)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x001, "1E 64 00");
     bench_send(&bench, 0, 0x001, "0A");
@@ -304,12 +292,11 @@ static void flash_keeps_parameters_until_they_are_read(void **state)
     bench_stop(&bench);
 }
 
-static void the_address_moves_and_never_onto_another_board(void **state)
+TEST(the_address_moves_and_never_onto_another_board)
 {
     struct board_event event;
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x001, "32 05");
     assert_true(bench_event(&bench, BOARD_EVENT_ADDRESS, &event));
@@ -336,12 +323,11 @@ static void the_address_moves_and_never_onto_another_board(void **state)
 }
 
 /* A tool that goes by a DBC sends every command with 8 bytes, whatever it pads with. */
-static void padding_is_ignored_where_the_bus_allows_it(void **state)
+TEST(padding_is_ignored_where_the_bus_allows_it)
 {
     static const struct boards_bus_config buses[BENCH_BUSES] = {{.padded = true}};
     struct board_bench bench;
 
-    (void)state;
     bench_configure(&bench);
     bench.config.bus = buses;
     bench_start(&bench);
@@ -370,7 +356,7 @@ static void padding_is_ignored_where_the_bus_allows_it(void **state)
 }
 
 /* Every command of the table with a wrong length; none may have an effect or an answer. */
-static void wrong_lengths_are_ignored_and_counted(void **state)
+TEST(wrong_lengths_are_ignored_and_counted)
 {
     static const struct {
         uint32_t id;
@@ -391,7 +377,6 @@ static void wrong_lengths_are_ignored_and_counted(void **state)
     uint64_t sent = 0;
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     for (size_t i = 0; i < sizeof commands / sizeof *commands; i++) {
         for (uint8_t len = 1; len <= 8; len++) {
@@ -411,7 +396,7 @@ static void wrong_lengths_are_ignored_and_counted(void **state)
     bench_stop(&bench);
 }
 
-static void unwelcome_frames_are_counted_by_what_they_are(void **state)
+TEST(unwelcome_frames_are_counted_by_what_they_are)
 {
     static const struct bus_frame foreign[] = {
         {.id = 0x003, .len = 1, .data = {0x07}},          /* no board 3 */
@@ -433,7 +418,6 @@ static void unwelcome_frames_are_counted_by_what_they_are(void **state)
     struct boards_counters counters;
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     for (size_t i = 0; i < sizeof foreign / sizeof *foreign; i++) {
         boards_receive(bench.boards, bench.now_ns, 0, &foreign[i]);
@@ -460,12 +444,11 @@ static void unwelcome_frames_are_counted_by_what_they_are(void **state)
     bench_stop(&bench);
 }
 
-static void a_full_reply_queue_is_told_in_status_and_overflow(void **state)
+TEST(a_full_reply_queue_is_told_in_status_and_overflow)
 {
     struct board_event event;
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x001, "49 14 00 00 00"); /* STATUS and OVERFLOW */
     for (int i = 0; i < BOARD_REPLIES_MAX + 3; i++) {
@@ -489,7 +472,7 @@ static void a_full_reply_queue_is_told_in_status_and_overflow(void **state)
 }
 
 /* The real host's start-up of one axis and an F/T board, as measured. */
-static void the_hosts_start_up_sequence_is_accepted(void **state)
+TEST(the_hosts_start_up_sequence_is_accepted)
 {
     static const char *const axis[] = {
         "1E 40 1F",
@@ -518,7 +501,6 @@ static void the_hosts_start_up_sequence_is_accepted(void **state)
     char text[64];
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     for (size_t i = 0; i < sizeof axis / sizeof *axis; i++) {
         bench_send(&bench, 0, 0x001, axis[i]);
@@ -554,30 +536,4 @@ static void the_hosts_start_up_sequence_is_accepted(void **state)
     assert_int_equal(bench_counters(&bench).unknown, 0);
     assert_int_equal(bench_counters(&bench).foreign, 0);
     bench_stop(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(discovery_finds_every_board_with_its_type),
-        cmocka_unit_test(firmware_version_has_protocol_and_acknowledge),
-        cmocka_unit_test(additional_information_is_read_and_written_in_eight_parts),
-        cmocka_unit_test(replies_go_to_whoever_asked),
-        cmocka_unit_test(replies_keep_the_order_of_requests),
-        cmocka_unit_test(every_set_is_given_back_by_its_get_on_either_axis),
-        cmocka_unit_test(axes_keep_their_own_values),
-        cmocka_unit_test(a_pid_and_its_single_gains_are_the_same_values),
-        cmocka_unit_test(state_is_told_when_asked),
-        cmocka_unit_test(the_state_of_running_axes_is_told),
-        cmocka_unit_test(the_encoder_reads_what_it_is_set_to),
-        cmocka_unit_test(flash_keeps_parameters_until_they_are_read),
-        cmocka_unit_test(the_address_moves_and_never_onto_another_board),
-        cmocka_unit_test(padding_is_ignored_where_the_bus_allows_it),
-        cmocka_unit_test(wrong_lengths_are_ignored_and_counted),
-        cmocka_unit_test(unwelcome_frames_are_counted_by_what_they_are),
-        cmocka_unit_test(a_full_reply_queue_is_told_in_status_and_overflow),
-        cmocka_unit_test(the_hosts_start_up_sequence_is_accepted),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -47,9 +47,8 @@ static int ticks_to_trip(struct board_bench *bench)
 /* ---- the heat of an over-current ---- */
 
 /* Twice the limit heats by 3 a ms of 10, no current cools by 1, never below zero. */
-static void heat_cools_as_it_came(void **state)
+TEST(heat_cools_as_it_came)
 {
-    (void)state;
     for (int axis = 0; axis < AXES; axis++) {
         for (int rest = 0; rest < 12; rest++) {
             int left = rest < 9 ? 9 - rest : 0;
@@ -68,9 +67,8 @@ static void heat_cools_as_it_came(void **state)
     }
 }
 
-static void an_axis_that_was_off_begins_cold(void **state)
+TEST(an_axis_that_was_off_begins_cold)
 {
-    (void)state;
     for (int axis = 0; axis < AXES; axis++) {
         struct board_bench bench;
 
@@ -93,9 +91,8 @@ static void an_axis_that_was_off_begins_cold(void **state)
 
 /* ---- faults that come twice ---- */
 
-static void an_over_current_trips_again_after_it_was_enabled_again(void **state)
+TEST(an_over_current_trips_again_after_it_was_enabled_again)
 {
-    (void)state;
     for (int axis = 0; axis < AXES; axis++) {
         struct board_event event;
         struct board_bench bench;
@@ -123,14 +120,13 @@ static void an_over_current_trips_again_after_it_was_enabled_again(void **state)
     }
 }
 
-static void a_supply_out_of_range_is_told_each_time(void **state)
+TEST(a_supply_out_of_range_is_told_each_time)
 {
     static const double good_v[] = {24.0, 60.0};
     const double bad_v[] = {nextafter(24.0, 0.0), nextafter(60.0, 100.0)};
     struct board_event event;
     struct board_bench bench;
 
-    (void)state;
     open_with_limits(&bench);
     for (int time = 0; time < 4; time++) {
         bench.sensors.supply_v = bad_v[time % 2];
@@ -158,12 +154,11 @@ static void a_supply_out_of_range_is_told_each_time(void **state)
 }
 
 /* Each axis has its own range, and tells once each time that it is driven out of it. */
-static void a_limit_is_told_each_time_that_it_is_left(void **state)
+TEST(a_limit_is_told_each_time_that_it_is_left)
 {
     static const char *const drive[AXES] = {"72 4D 01", "F2 4D 01"};
     static const double lower[AXES] = {-0.5, -1.25}, upper[AXES] = {0.75, 2.0};
 
-    (void)state;
     for (int axis = 0; axis < AXES; axis++) {
         struct board_event event;
         struct board_bench bench;
@@ -242,9 +237,8 @@ static void expect_pwm(const struct board_bench *bench, int axis, int pwm)
 
 /* Pure integrators, of 1 and 2 counts a count and ms: after n ms with an error e the PWM is n e and
  * 2 n e. What comes while an axis is off adds nothing, and what was before is forgotten. */
-static void an_axis_that_was_off_begins_with_empty_integrals(void **state)
+TEST(an_axis_that_was_off_begins_with_empty_integrals)
 {
-    (void)state;
     for (size_t i = 0; i < sizeof laws / sizeof *laws; i++) {
         struct board_bench bench;
         char text[64];
@@ -283,18 +277,4 @@ static void an_axis_that_was_off_begins_with_empty_integrals(void **state)
         }
         bench_stop(&bench);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(heat_cools_as_it_came),
-        cmocka_unit_test(an_axis_that_was_off_begins_cold),
-        cmocka_unit_test(an_over_current_trips_again_after_it_was_enabled_again),
-        cmocka_unit_test(a_supply_out_of_range_is_told_each_time),
-        cmocka_unit_test(a_limit_is_told_each_time_that_it_is_left),
-        cmocka_unit_test(an_axis_that_was_off_begins_with_empty_integrals),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -2,12 +2,11 @@
 /* From references to the bridge: voltages, limits of the PWM, joints that are not ours. */
 #include "tests/unit/boards/icub/motor_bench.h"
 
-static void voltage_is_the_reference_over_1333_of_the_supply(void **state)
+TEST(voltage_is_the_reference_over_1333_of_the_supply)
 {
     static const int references[] = {0, 1, -1, 333, -333, 1332, 1333, -1333, 1334, 32767, -32768};
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     set_mode(&bench, 0x50);
     for (size_t i = 0; i < sizeof references / sizeof *references; i++) {
@@ -28,11 +27,10 @@ static void voltage_is_the_reference_over_1333_of_the_supply(void **state)
     bench_stop(&bench);
 }
 
-static void the_pwm_limit_cuts_the_voltage(void **state)
+TEST(the_pwm_limit_cuts_the_voltage)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x001, "2F 64 00");
     bench_send(&bench, 0, 0x001, POLICY_7F);
@@ -48,11 +46,10 @@ static void the_pwm_limit_cuts_the_voltage(void **state)
     bench_stop(&bench);
 }
 
-static void joints_without_a_board_are_left_alone(void **state)
+TEST(joints_without_a_board_are_left_alone)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_configure(&bench);
     bench.config.nboard = 4;
     bench.motor[3] =
@@ -70,15 +67,4 @@ static void joints_without_a_board_are_left_alone(void **state)
     assert_false(bench.motor[0].bridge_on);
     assert_true(bench.motor[3].bridge_on);
     bench_stop(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(voltage_is_the_reference_over_1333_of_the_supply),
-        cmocka_unit_test(the_pwm_limit_cuts_the_voltage),
-        cmocka_unit_test(joints_without_a_board_are_left_alone),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

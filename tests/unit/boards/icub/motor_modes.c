@@ -2,9 +2,8 @@
 /* The control modes of iCub motor boards: how an axis comes into each, gently or strictly. */
 #include "tests/unit/boards/icub/motor_bench.h"
 
-static void any_running_mode_is_entered_from_idle_with_the_bridge_on(void **state)
+TEST(any_running_mode_is_entered_from_idle_with_the_bridge_on)
 {
-    (void)state;
     for (size_t i = 0; i < RUNNING; i++) {
         struct board_bench bench;
 
@@ -23,11 +22,10 @@ static void any_running_mode_is_entered_from_idle_with_the_bridge_on(void **stat
     }
 }
 
-static void one_running_mode_follows_another_directly(void **state)
+TEST(one_running_mode_follows_another_directly)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     for (size_t i = 0; i < RUNNING; i++) {
         for (size_t j = 0; j < RUNNING; j++) {
@@ -40,12 +38,11 @@ static void one_running_mode_follows_another_directly(void **state)
     bench_stop(&bench);
 }
 
-static void values_that_are_no_mode_are_refused(void **state)
+TEST(values_that_are_no_mode_are_refused)
 {
     struct board_bench bench;
     unsigned refused = 0;
 
-    (void)state;
     bench_open(&bench);
     for (unsigned mode = 0; mode < 256; mode++) {
         bool known = mode <= 0x09 || mode == 0x50;
@@ -60,11 +57,10 @@ static void values_that_are_no_mode_are_refused(void **state)
     bench_stop(&bench);
 }
 
-static void only_force_idle_leaves_a_fault(void **state)
+TEST(only_force_idle_leaves_a_fault)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     set_mode(&bench, 0x50);
     bench_tick(&bench);
@@ -89,11 +85,10 @@ static void only_force_idle_leaves_a_fault(void **state)
     bench_stop(&bench);
 }
 
-static void a_mode_change_clears_the_voltage_and_holds_the_position(void **state)
+TEST(a_mode_change_clears_the_voltage_and_holds_the_position)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_tick(&bench);
     bench_send(&bench, 0, 0x001, "72 4D 01"); /* kept in any mode ... */
@@ -115,9 +110,8 @@ static void a_mode_change_clears_the_voltage_and_holds_the_position(void **state
     bench_stop(&bench);
 }
 
-static void discovery_stops_motors_when_asked_to(void **state)
+TEST(discovery_stops_motors_when_asked_to)
 {
-    (void)state;
     for (int stops = 0; stops < 2; stops++) {
         struct board_bench bench;
 
@@ -208,11 +202,10 @@ static void expect_texts(struct board_bench *bench, unsigned *number, const char
     assert_string_equal(texts, expected);
 }
 
-static void a_strict_axis_that_is_owed_something_goes_into_fault(void **state)
+TEST(a_strict_axis_that_is_owed_something_goes_into_fault)
 {
     struct board_bench bench;
 
-    (void)state;
     open_strict(&bench, false);
     ask_mode(&bench, "09 50", "07 A0 00", false); /* no protocol */
     ask_mode(&bench, "09 50", "07 A0 00", false);
@@ -237,11 +230,10 @@ static void a_strict_axis_that_is_owed_something_goes_into_fault(void **state)
     bench_stop(&bench);
 }
 
-static void a_strict_axis_may_have_to_be_calibrated_first(void **state)
+TEST(a_strict_axis_may_have_to_be_calibrated_first)
 {
     struct board_bench bench;
 
-    (void)state;
     open_strict(&bench, true);
     bench_send(&bench, 0, 0x001, "04 03 00 00 01 00 00 00"); /* neither protocol nor gains */
     bench_ask(&bench, "07", "07 A0 00");
@@ -260,11 +252,10 @@ static void a_strict_axis_may_have_to_be_calibrated_first(void **state)
     bench_stop(&bench);
 }
 
-static void a_strict_axis_keeps_its_references_in_the_same_mode(void **state)
+TEST(a_strict_axis_keeps_its_references_in_the_same_mode)
 {
     struct board_bench bench;
 
-    (void)state;
     open_strict(&bench, false);
     state_protocol_and_gains(&bench);
     ask_mode(&bench, "09 50", "07 50 00", true);
@@ -282,12 +273,11 @@ static void a_strict_axis_keeps_its_references_in_the_same_mode(void **state)
     bench_stop(&bench);
 }
 
-static void a_strict_board_prints_what_the_firmware_prints(void **state)
+TEST(a_strict_board_prints_what_the_firmware_prints)
 {
     struct board_bench bench;
     unsigned number = 0;
 
-    (void)state;
     open_strict(&bench, true);
     expect_texts(&bench, &number, "09 50", "|can protocol NOT ack");
     expect_texts(&bench, &number, "09 50", "");
@@ -307,11 +297,10 @@ static void a_strict_board_prints_what_the_firmware_prints(void **state)
     bench_stop(&bench);
 }
 
-static void modes_of_the_table_that_no_firmware_has_are_refused(void **state)
+TEST(modes_of_the_table_that_no_firmware_has_are_refused)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     ask_mode(&bench, "09 0A", "07 00 00", false);
     ask_mode(&bench, "09 0B", "07 00 00", false);
@@ -320,11 +309,10 @@ static void modes_of_the_table_that_no_firmware_has_are_refused(void **state)
     bench_stop(&bench);
 }
 
-static void calibration_is_that_of_the_absolute_encoder(void **state)
+TEST(calibration_is_that_of_the_absolute_encoder)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x001, "04 00 00 00 01 00 00 00"); /* hard stops: not on this board */
     assert_int_equal(bench_counters(&bench).malformed, 1);
@@ -336,11 +324,10 @@ static void calibration_is_that_of_the_absolute_encoder(void **state)
 }
 
 /* Of a servo valve: all but the current mode; torque is that of its sensor. */
-static void a_valve_has_no_current_mode(void **state)
+TEST(a_valve_has_no_current_mode)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_configure(&bench);
     bench.board[0].axis[0].valve = true;
     bench_start(&bench);
@@ -354,25 +341,4 @@ static void a_valve_has_no_current_mode(void **state)
     set_mode(&bench, ICUB_MODE_OPEN_LOOP);
     assert_int_equal(mode_of(&bench), ICUB_MODE_OPEN_LOOP);
     bench_stop(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(any_running_mode_is_entered_from_idle_with_the_bridge_on),
-        cmocka_unit_test(one_running_mode_follows_another_directly),
-        cmocka_unit_test(values_that_are_no_mode_are_refused),
-        cmocka_unit_test(only_force_idle_leaves_a_fault),
-        cmocka_unit_test(a_mode_change_clears_the_voltage_and_holds_the_position),
-        cmocka_unit_test(discovery_stops_motors_when_asked_to),
-        cmocka_unit_test(a_strict_axis_that_is_owed_something_goes_into_fault),
-        cmocka_unit_test(a_strict_axis_may_have_to_be_calibrated_first),
-        cmocka_unit_test(a_strict_axis_keeps_its_references_in_the_same_mode),
-        cmocka_unit_test(a_strict_board_prints_what_the_firmware_prints),
-        cmocka_unit_test(modes_of_the_table_that_no_firmware_has_are_refused),
-        cmocka_unit_test(calibration_is_that_of_the_absolute_encoder),
-        cmocka_unit_test(a_valve_has_no_current_mode),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,11 +3,10 @@
  * lengths. */
 #include "tests/unit/boards/icub/motor_bench.h"
 
-static void boards_are_silent_until_the_host_sets_a_policy(void **state)
+TEST(boards_are_silent_until_the_host_sets_a_policy)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     set_mode(&bench, 0x50);
     for (int i = 0; i < 6000; i++) {
@@ -24,12 +23,11 @@ static void boards_are_silent_until_the_host_sets_a_policy(void **state)
     bench_stop(&bench);
 }
 
-static void frames_keep_their_slots_and_the_mask_decides(void **state)
+TEST(frames_keep_their_slots_and_the_mask_decides)
 {
     static const unsigned slot_of[13] = {9, 0, 1, 2, 3, 3, 3, 3, 3, 3, 3, 3, 2};
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     for (unsigned type = 1; type <= 11; type++) {
         unsigned mask = 1u << (type - 1);
@@ -54,12 +52,11 @@ static void frames_keep_their_slots_and_the_mask_decides(void **state)
     bench_stop(&bench);
 }
 
-static void the_default_mask_gives_every_frame_each_4_ms(void **state)
+TEST(the_default_mask_gives_every_frame_each_4_ms)
 {
     struct board_bench bench;
     unsigned sent[16] = {0};
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x001, POLICY_7F);
     for (int i = 0; i < 4000; i++) {
@@ -78,11 +75,10 @@ static void the_default_mask_gives_every_frame_each_4_ms(void **state)
     bench_stop(&bench);
 }
 
-static void status_follows_a_mode_change_in_the_next_slot_2(void **state)
+TEST(status_follows_a_mode_change_in_the_next_slot_2)
 {
     struct board_bench bench;
 
-    (void)state;
     for (int phase = 0; phase < 4; phase++) {
         bench_open(&bench);
         bench_send(&bench, 0, 0x001, "49 04 00 00 00");
@@ -101,13 +97,12 @@ static void status_follows_a_mode_change_in_the_next_slot_2(void **state)
     }
 }
 
-static void status_comes_every_5_s_and_interaction_with_it(void **state)
+TEST(status_comes_every_5_s_and_interaction_with_it)
 {
     int64_t last = 0;
     int count = 0;
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x001, "49 04 00 00 00");
     bench_send(&bench, 0, 0x001, "F4 01"); /* axis 1 compliant */
@@ -128,11 +123,10 @@ static void status_comes_every_5_s_and_interaction_with_it(void **state)
     bench_stop(&bench);
 }
 
-static void positions_are_ticks_of_link_and_rotor(void **state)
+TEST(positions_are_ticks_of_link_and_rotor)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x001, "49 01 02 00 00");
     to_slot_0(&bench);
@@ -147,11 +141,10 @@ static void positions_are_ticks_of_link_and_rotor(void **state)
     bench_stop(&bench);
 }
 
-static void position_error_is_at_most_half_a_tick(void **state)
+TEST(position_error_is_at_most_half_a_tick)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x001, "49 01 00 00 00");
     to_slot_0(&bench);
@@ -171,11 +164,10 @@ static void position_error_is_at_most_half_a_tick(void **state)
     bench_stop(&bench);
 }
 
-static void current_is_milliamperes_and_saturates(void **state)
+TEST(current_is_milliamperes_and_saturates)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x001, "49 08 00 00 00");
     bench.sense[0].current_a = 1.2345; /* 1235 after rounding (1234.5 up) */
@@ -190,11 +182,10 @@ static void current_is_milliamperes_and_saturates(void **state)
 }
 
 /* 2 ticks/ms on link 0, 1/4 tick/ms^2 on link 1, 1 tick/ms^2 on rotor 0, nothing on rotor 1. */
-static void velocities_are_scaled_by_the_estimator_shifts(void **state)
+TEST(velocities_are_scaled_by_the_estimator_shifts)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x001, "49 40 04 00 00"); /* VELOCITY and MOTOR_SPEED */
     bench_send(&bench, 0, 0x001, "0E 03 00 00 00");
@@ -222,11 +213,10 @@ static void velocities_are_scaled_by_the_estimator_shifts(void **state)
 
 /* ---- ticks of other lengths ---- */
 
-static void slots_follow_the_time_whatever_the_tick(void **state)
+TEST(slots_follow_the_time_whatever_the_tick)
 {
     static const int64_t ticks_ns[] = {250000, 500000, 1000000, 2000000, 3000000, 10000000};
 
-    (void)state;
     for (size_t t = 0; t < sizeof ticks_ns / sizeof *ticks_ns; t++) {
         struct board_bench bench;
         int sent = 0;
@@ -245,12 +235,11 @@ static void slots_follow_the_time_whatever_the_tick(void **state)
     }
 }
 
-static void too_little_room_delays_replies_and_loses_telemetry(void **state)
+TEST(too_little_room_delays_replies_and_loses_telemetry)
 {
     struct bus_frame frame[4];
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x001, "49 01 00 00 00");
     for (int i = 0; i < 6; i++) {
@@ -265,23 +254,4 @@ static void too_little_room_delays_replies_and_loses_telemetry(void **state)
     assert_int_equal(boards_transmit(bench.boards, bench.now_ns, 0, frame, 0), 0);
     assert_int_equal(boards_transmit(bench.boards, bench.now_ns, 9, frame, 4), 0);
     bench_stop(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(boards_are_silent_until_the_host_sets_a_policy),
-        cmocka_unit_test(frames_keep_their_slots_and_the_mask_decides),
-        cmocka_unit_test(the_default_mask_gives_every_frame_each_4_ms),
-        cmocka_unit_test(status_follows_a_mode_change_in_the_next_slot_2),
-        cmocka_unit_test(status_comes_every_5_s_and_interaction_with_it),
-        cmocka_unit_test(positions_are_ticks_of_link_and_rotor),
-        cmocka_unit_test(position_error_is_at_most_half_a_tick),
-        cmocka_unit_test(current_is_milliamperes_and_saturates),
-        cmocka_unit_test(velocities_are_scaled_by_the_estimator_shifts),
-        cmocka_unit_test(slots_follow_the_time_whatever_the_tick),
-        cmocka_unit_test(too_little_room_delays_replies_and_loses_telemetry),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -27,11 +27,10 @@ static void count_to_timeout(bool strict, int64_t timeout_ns, int *ticks)
     bench_stop(&bench);
 }
 
-static void a_stale_voltage_becomes_zero_after_our_time_out(void **state)
+TEST(a_stale_voltage_becomes_zero_after_our_time_out)
 {
     int ticks;
 
-    (void)state;
     count_to_timeout(false, 100000000, &ticks);
     assert_int_equal(ticks, 100);
     count_to_timeout(false, 0, &ticks); /* off */
@@ -40,12 +39,11 @@ static void a_stale_voltage_becomes_zero_after_our_time_out(void **state)
     assert_int_equal(ticks, 10000);
 }
 
-static void a_fresh_voltage_resumes_after_the_time_out(void **state)
+TEST(a_fresh_voltage_resumes_after_the_time_out)
 {
     struct board_event event;
     struct board_bench bench;
 
-    (void)state;
     bench_configure(&bench);
     bench.board[0].command_timeout_ns = 50000000;
     bench_start(&bench);
@@ -72,11 +70,10 @@ static void a_fresh_voltage_resumes_after_the_time_out(void **state)
     bench_stop(&bench);
 }
 
-static void a_velocity_without_fresh_commands_becomes_zero(void **state)
+TEST(a_velocity_without_fresh_commands_becomes_zero)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x001, "56 64 00"); /* 100 ms */
     set_mode(&bench, 0x02);
@@ -92,12 +89,11 @@ static void a_velocity_without_fresh_commands_becomes_zero(void **state)
     bench_stop(&bench);
 }
 
-static void a_silent_torque_source_disables_torque_modes(void **state)
+TEST(a_silent_torque_source_disables_torque_modes)
 {
     static const unsigned modes[] = {0x03, 0x04, 0x05};
     struct board_event event;
 
-    (void)state;
     for (size_t i = 0; i < 3; i++) {
         struct board_bench bench;
 
@@ -121,11 +117,10 @@ static void a_silent_torque_source_disables_torque_modes(void **state)
     }
 }
 
-static void torque_of_real_strain_boards_on_the_bus_is_heard(void **state)
+TEST(torque_of_real_strain_boards_on_the_bus_is_heard)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x001, "34 05 04 00 00 00 00 00");
     bench_send(&bench, 0, 0x001, "49 00 01 00 00"); /* DEBUG */
@@ -146,11 +141,10 @@ static int torque_of(struct board_bench *bench)
 }
 
 /* 0x0C is the address of our own pseudo-STRAIN: whoever else sends as it is an impostor. */
-static void strain_frames_with_an_address_of_ours_are_not_believed(void **state)
+TEST(strain_frames_with_an_address_of_ours_are_not_believed)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x001, "34 0C 00 00 00 00 00 00");
     bench_send(&bench, 0, 0x001, "49 00 01 00 00"); /* DEBUG */
@@ -181,13 +175,12 @@ static void strain_frames_with_an_address_of_ours_are_not_believed(void **state)
 
 /* ---- faults ---- */
 
-static void over_current_trips_once_and_is_told_once(void **state)
+TEST(over_current_trips_once_and_is_told_once)
 {
     static const char *const limit[] = {"48 E8 03 00 00", "C8 E8 03 00 00"}; /* 1000 mA */
     static const char *const run[] = {"09 50", "89 50"};
     static const char *const status[] = {"08 A0 00 00 00 00 00 00", "00 00 08 A0 00 00 00 00"};
 
-    (void)state;
     for (int axis = 0; axis < 2; axis++) {
         struct board_event event;
         struct board_bench bench;
@@ -225,11 +218,10 @@ static void over_current_trips_once_and_is_told_once(void **state)
 }
 
 /* The integral of I^2 - limit^2 may reach limit^2 * 10 ms. */
-static void over_current_is_measured_by_its_heat(void **state)
+TEST(over_current_is_measured_by_its_heat)
 {
     static const double ratios[] = {1.05, 1.1, 1.5, 2.0, 3.0, 3.4};
 
-    (void)state;
     for (size_t i = 0; i < sizeof ratios / sizeof *ratios; i++) {
         int expected = (int)floor(10.0 / (ratios[i] * ratios[i] - 1.0)) + 1, ticks = 0;
         struct board_bench bench;
@@ -247,12 +239,11 @@ static void over_current_is_measured_by_its_heat(void **state)
 }
 
 /* COMAN's drive with a quarter of 48 V from standstill: 15 A, above 12 A for 3 ms. */
-static void the_inrush_of_a_voltage_step_does_not_trip(void **state)
+TEST(the_inrush_of_a_voltage_step_does_not_trip)
 {
     static const double inrush_a[] = {14.88, 14.44, 12.17, 10.03, 8.27, 6.85};
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     set_mode(&bench, 0x50);
     bench_send(&bench, 0, 0x001, "72 4D 01");
@@ -265,11 +256,10 @@ static void the_inrush_of_a_voltage_step_does_not_trip(void **state)
     bench_stop(&bench);
 }
 
-static void under_voltage_is_a_fault_as_long_as_it_lasts(void **state)
+TEST(under_voltage_is_a_fault_as_long_as_it_lasts)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x001, "49 04 00 00 00");
     set_mode(&bench, 0x50);
@@ -292,11 +282,10 @@ static void under_voltage_is_a_fault_as_long_as_it_lasts(void **state)
     bench_stop(&bench);
 }
 
-static void a_sensor_without_a_number_is_an_encoder_fault(void **state)
+TEST(a_sensor_without_a_number_is_an_encoder_fault)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_configure(&bench);
     bench.sense[0].q = 0.25;
     bench_start(&bench);
@@ -314,12 +303,11 @@ static void a_sensor_without_a_number_is_an_encoder_fault(void **state)
     bench_stop(&bench);
 }
 
-static void voltage_beyond_a_joint_limit_is_refused_both_ways(void **state)
+TEST(voltage_beyond_a_joint_limit_is_refused_both_ways)
 {
     struct board_event event;
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x001, "49 20 00 00 00"); /* PRINT */
     set_mode(&bench, 0x50);
@@ -353,24 +341,4 @@ static void voltage_beyond_a_joint_limit_is_refused_both_ways(void **state)
     bench_tick(&bench);
     assert_true(bench.motor[0].voltage_v > 11.0);
     bench_stop(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_stale_voltage_becomes_zero_after_our_time_out),
-        cmocka_unit_test(a_fresh_voltage_resumes_after_the_time_out),
-        cmocka_unit_test(a_velocity_without_fresh_commands_becomes_zero),
-        cmocka_unit_test(a_silent_torque_source_disables_torque_modes),
-        cmocka_unit_test(torque_of_real_strain_boards_on_the_bus_is_heard),
-        cmocka_unit_test(strain_frames_with_an_address_of_ours_are_not_believed),
-        cmocka_unit_test(over_current_trips_once_and_is_told_once),
-        cmocka_unit_test(over_current_is_measured_by_its_heat),
-        cmocka_unit_test(the_inrush_of_a_voltage_step_does_not_trip),
-        cmocka_unit_test(under_voltage_is_a_fault_as_long_as_it_lasts),
-        cmocka_unit_test(a_sensor_without_a_number_is_an_encoder_fault),
-        cmocka_unit_test(voltage_beyond_a_joint_limit_is_refused_both_ways),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -22,11 +22,10 @@ static void to_next_frames(struct board_bench *bench)
     fail();
 }
 
-static void strain_boards_are_silent_until_told_to_send(void **state)
+TEST(strain_boards_are_silent_until_told_to_send)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     for (int i = 0; i < 100; i++) {
         bench_tick(&bench);
@@ -43,11 +42,10 @@ static void strain_boards_are_silent_until_told_to_send(void **state)
     bench_stop(&bench);
 }
 
-static void force_and_torque_are_offset_binary_of_the_full_scale(void **state)
+TEST(force_and_torque_are_offset_binary_of_the_full_scale)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x20d, "07 00");
     bench.ft =
@@ -60,11 +58,10 @@ static void force_and_torque_are_offset_binary_of_the_full_scale(void **state)
     bench_stop(&bench);
 }
 
-static void frames_come_at_the_period(void **state)
+TEST(frames_come_at_the_period)
 {
     static const int periods[] = {1, 2, 4, 5, 10, 255};
 
-    (void)state;
     for (size_t p = 0; p < sizeof periods / sizeof *periods; p++) {
         struct board_bench bench;
         char text[16];
@@ -89,12 +86,11 @@ static void frames_come_at_the_period(void **state)
     }
 }
 
-static void frames_that_could_not_be_sent_in_time_are_not_sent_in_a_bunch(void **state)
+TEST(frames_that_could_not_be_sent_in_time_are_not_sent_in_a_bunch)
 {
     struct board_bench bench;
     size_t sent = 0;
 
-    (void)state;
     bench_configure(&bench); /* 5 ms */
     bench_start(&bench);
     bench_send(&bench, 0, 0x20d, "07 00");
@@ -109,18 +105,17 @@ static void frames_that_could_not_be_sent_in_time_are_not_sent_in_a_bunch(void *
     bench_stop(&bench);
 }
 
-static void a_period_of_zero_is_refused(void **state)
+TEST(a_period_of_zero_is_refused)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x20d, "08 00");
     assert_int_equal(bench_counters(&bench).malformed, 1);
     bench_stop(&bench);
 }
 
-static void transmit_modes_choose_what_is_sent(void **state)
+TEST(transmit_modes_choose_what_is_sent)
 {
     static const struct {
         const char *command;
@@ -129,7 +124,6 @@ static void transmit_modes_choose_what_is_sent(void **state)
                  {"07 04", 1, 1}, {"07 02", 0, 0}, {"07 FF", 0, 0}};
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x20d, "08 01");
     bench_send(&bench, 0, 0x20d, "15 02 00 01 00"); /* calibrated fx is 256 counts higher */
@@ -153,11 +147,10 @@ static void transmit_modes_choose_what_is_sent(void **state)
     bench_stop(&bench);
 }
 
-static void saturated_frames_are_longer_and_hold_the_last_good_values(void **state)
+TEST(saturated_frames_are_longer_and_hold_the_last_good_values)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x20d, "07 04");
     bench_send(&bench, 0, 0x20d, "08 01");
@@ -181,7 +174,7 @@ static void saturated_frames_are_longer_and_hold_the_last_good_values(void **sta
 }
 
 /* Raw readings of 1000 and 64000 are the last good ones. */
-static void saturation_begins_below_1000_and_above_64000(void **state)
+TEST(saturation_begins_below_1000_and_above_64000)
 {
     static const struct {
         int raw;
@@ -189,7 +182,6 @@ static void saturation_begins_below_1000_and_above_64000(void **state)
     } cases[] = {{1000, 6}, {999, 7}, {64000, 6}, {64001, 7}, {0, 7}, {65535, 7}};
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x20d, "07 00");
     bench_send(&bench, 0, 0x20d, "08 01");
@@ -209,11 +201,10 @@ static void saturation_begins_below_1000_and_above_64000(void **state)
     bench_stop(&bench);
 }
 
-static void commands_of_the_board_are_answered_big_endian(void **state)
+TEST(commands_of_the_board_are_answered_big_endian)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     ft_ask(&bench, "18 00", "18 00 05 DC");
     ft_ask(&bench, "18 02", "18 02 07 D0");
@@ -258,11 +249,10 @@ static void commands_of_the_board_are_answered_big_endian(void **state)
 }
 
 /* The high half of the byte that selects a channel: hosts of newer boards name set 1. */
-static void a_regulation_set_may_stand_beside_the_channel(void **state)
+TEST(a_regulation_set_may_stand_beside_the_channel)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x20d, "04 12 02 03"); /* DAC */
     ft_ask(&bench, "0B 12", "0B 12 02 03");
@@ -291,11 +281,10 @@ static void a_regulation_set_may_stand_beside_the_channel(void **state)
     bench_stop(&bench);
 }
 
-static void tares_take_the_present_load_away(void **state)
+TEST(tares_take_the_present_load_away)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench.ft.force_n[0] = 750.0; /* 0x4000 counts */
     bench.ft.torque_nm[2] = -10.0;
@@ -322,11 +311,10 @@ static void tares_take_the_present_load_away(void **state)
     bench_stop(&bench);
 }
 
-static void the_matrix_mixes_the_channels(void **state)
+TEST(the_matrix_mixes_the_channels)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench.ft.force_n[0] = 750.0;
     bench_send(&bench, 0, 0x20d, "07 00");
@@ -338,11 +326,10 @@ static void the_matrix_mixes_the_channels(void **state)
     bench_stop(&bench);
 }
 
-static void joint_torques_come_in_pseudo_strain_frames(void **state)
+TEST(joint_torques_come_in_pseudo_strain_frames)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench.sense[0].torque_nm = 27.5;     /* half of 55 */
     bench.sense[1].torque_nm = -13.75;   /* a quarter */
@@ -357,11 +344,10 @@ static void joint_torques_come_in_pseudo_strain_frames(void **state)
     bench_stop(&bench);
 }
 
-static void a_sensor_without_a_number_keeps_its_last(void **state)
+TEST(a_sensor_without_a_number_keeps_its_last)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench.ft.force_n[0] = 750.0;
     bench_send(&bench, 0, 0x20d, "07 00");
@@ -373,11 +359,10 @@ static void a_sensor_without_a_number_keeps_its_last(void **state)
     bench_stop(&bench);
 }
 
-static void settings_survive_a_restart_and_the_tare_does_not(void **state)
+TEST(settings_survive_a_restart_and_the_tare_does_not)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x20d, "19 41 42 43 44 45 46 47");
     bench_send(&bench, 0, 0x20d, "15 02 00 01 00");
@@ -391,27 +376,4 @@ static void settings_survive_a_restart_and_the_tare_does_not(void **state)
     bench_ticks(&bench, 20);
     assert_int_equal(bench.count[0], 0);
     bench_stop(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(strain_boards_are_silent_until_told_to_send),
-        cmocka_unit_test(force_and_torque_are_offset_binary_of_the_full_scale),
-        cmocka_unit_test(frames_come_at_the_period),
-        cmocka_unit_test(frames_that_could_not_be_sent_in_time_are_not_sent_in_a_bunch),
-        cmocka_unit_test(a_period_of_zero_is_refused),
-        cmocka_unit_test(transmit_modes_choose_what_is_sent),
-        cmocka_unit_test(saturated_frames_are_longer_and_hold_the_last_good_values),
-        cmocka_unit_test(saturation_begins_below_1000_and_above_64000),
-        cmocka_unit_test(commands_of_the_board_are_answered_big_endian),
-        cmocka_unit_test(a_regulation_set_may_stand_beside_the_channel),
-        cmocka_unit_test(tares_take_the_present_load_away),
-        cmocka_unit_test(the_matrix_mixes_the_channels),
-        cmocka_unit_test(joint_torques_come_in_pseudo_strain_frames),
-        cmocka_unit_test(a_sensor_without_a_number_keeps_its_last),
-        cmocka_unit_test(settings_survive_a_restart_and_the_tare_does_not),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

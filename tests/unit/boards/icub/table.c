@@ -33,9 +33,8 @@ static void check_command(const struct icub_command *row, unsigned code)
     }
 }
 
-static void lengths_of_commands_are_those_of_their_fields(void **state)
+TEST(lengths_of_commands_are_those_of_their_fields)
 {
-    (void)state;
     for (unsigned code = 0; code < ICUB_MOTOR_COMMANDS; code++) {
         check_command(&icub_motor_commands[code], code);
     }
@@ -51,9 +50,8 @@ static void lengths_of_commands_are_those_of_their_fields(void **state)
     }
 }
 
-static void lengths_of_periodic_frames_are_those_of_their_fields(void **state)
+TEST(lengths_of_periodic_frames_are_those_of_their_fields)
 {
-    (void)state;
     for (int type = 0; type < 16; type++) {
         assert_int_equal(fields_bytes(icub_motor_frames[type].fields),
                          icub_motor_frames[type].length);
@@ -62,9 +60,8 @@ static void lengths_of_periodic_frames_are_those_of_their_fields(void **state)
     }
 }
 
-static void names_are_unique_within_a_class(void **state)
+TEST(names_are_unique_within_a_class)
 {
-    (void)state;
     for (int i = 0; i < ICUB_MOTOR_COMMANDS; i++) {
         for (int j = 0; j < i && icub_motor_commands[i].name; j++) {
             if (icub_motor_commands[j].name) {
@@ -74,7 +71,7 @@ static void names_are_unique_within_a_class(void **state)
     }
 }
 
-static void every_type_survives_the_codec_at_its_ends(void **state)
+TEST(every_type_survives_the_codec_at_its_ends)
 {
     static const struct {
         unsigned type;
@@ -90,7 +87,6 @@ static void every_type_survives_the_codec_at_its_ends(void **state)
         {FIELD_I16_BE, INT16_MIN, INT16_MAX, "80 00", "7F FF"},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof types / sizeof *types; i++) {
         const struct field fields[] = {{.type = types[i].type}, {.type = FIELD_END}};
         const int64_t ends[] = {types[i].min, types[i].max, INT64_MIN, INT64_MAX};
@@ -109,7 +105,7 @@ static void every_type_survives_the_codec_at_its_ends(void **state)
     }
 }
 
-static void decoding_stops_at_the_end_and_checks_ranges(void **state)
+TEST(decoding_stops_at_the_end_and_checks_ranges)
 {
     const struct field fields[] = {{.type = FIELD_U8, .name = "a", .min = 2, .max = 5},
                                    {.type = FIELD_PAD},
@@ -118,7 +114,6 @@ static void decoding_stops_at_the_end_and_checks_ranges(void **state)
     const uint8_t data[] = {3, 99, 0x34, 0x12};
     int64_t values[2] = {-1, -1};
 
-    (void)state;
     assert_true(fields_decode(fields, data, 4, values));
     assert_int_equal(values[0], 3);
     assert_int_equal(values[1], 0x1234);
@@ -145,11 +140,10 @@ static void refuses(struct board_bench *bench, const char *what)
     bench_configure(bench);
 }
 
-static void a_wrong_configuration_is_refused_with_the_board_and_the_reason(void **state)
+TEST(a_wrong_configuration_is_refused_with_the_board_and_the_reason)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_configure(&bench);
     bench.board[1].address = 1;
     refuses(&bench, "board leg 2: its address 1 is that of board leg 1");
@@ -199,14 +193,13 @@ static void a_wrong_configuration_is_refused_with_the_board_and_the_reason(void 
     refuses(&bench, "the tick must be above 0");
 }
 
-static void too_small_an_arena_is_an_error_at_any_size(void **state)
+TEST(too_small_an_arena_is_an_error_at_any_size)
 {
     struct board_bench bench;
     struct boards *boards;
     struct error error;
     size_t size = 4096;
 
-    (void)state;
     bench_configure(&bench);
     for (;; size += 4096) {
         enum error_code code;
@@ -222,11 +215,10 @@ static void too_small_an_arena_is_an_error_at_any_size(void **state)
     assert_true(size > 4096); /* it did fail before */
 }
 
-static void a_rig_without_boards_does_nothing(void **state)
+TEST(a_rig_without_boards_does_nothing)
 {
     struct board_bench bench;
 
-    (void)state;
     bench_configure(&bench);
     bench.config.nboard = 0;
     bench_start(&bench);
@@ -236,20 +228,4 @@ static void a_rig_without_boards_does_nothing(void **state)
     assert_int_equal(bench_counters(&bench).foreign, 1);
     boards_shut_down(bench.boards, bench.now_ns, &bench.command);
     bench_stop(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(lengths_of_commands_are_those_of_their_fields),
-        cmocka_unit_test(lengths_of_periodic_frames_are_those_of_their_fields),
-        cmocka_unit_test(names_are_unique_within_a_class),
-        cmocka_unit_test(every_type_survives_the_codec_at_its_ends),
-        cmocka_unit_test(decoding_stops_at_the_end_and_checks_ranges),
-        cmocka_unit_test(a_wrong_configuration_is_refused_with_the_board_and_the_reason),
-        cmocka_unit_test(too_small_an_arena_is_an_error_at_any_size),
-        cmocka_unit_test(a_rig_without_boards_does_nothing),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -32,19 +32,19 @@ static void configure(struct board_bench *bench)
     bench->sense[0].winding_c = bench->sense[1].winding_c = 20.0;
 }
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     static struct board_bench bench;
 
     configure(&bench);
     bench_start(&bench);
-    *state = &bench;
+    *test_state = &bench;
     return 0;
 }
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
-    bench_stop(*state);
+    bench_stop(*test_state);
     return 0;
 }
 
@@ -116,9 +116,9 @@ static double value_of(struct board_bench *bench, unsigned number)
     return (double)value;
 }
 
-static void the_example_of_the_document(void **state)
+TEST_WITH(the_example_of_the_document, set_up, tear_down)
 {
-    struct board_bench *bench = *state;
+    struct board_bench *bench = *test_state;
 
     bench->sense[0].qm = 0.008003 * 2.0 * M_PI; /* 80 of 0.0001 turn */
     bench->sense[0].current_a = -1.442 / BEMF;  /* -144 of 0.01 N m */
@@ -132,9 +132,9 @@ static void the_example_of_the_document(void **state)
     assert_near(value_of(bench, 0x022), -1.76, 1e-6);
 }
 
-static void a_value_comes_in_each_type_by_its_scale(void **state)
+TEST_WITH(a_value_comes_in_each_type_by_its_scale, set_up, tear_down)
 {
-    struct board_bench *bench = *state;
+    struct board_bench *bench = *test_state;
 
     bench->sense[0].qm = -0.25001 * 2.0 * M_PI;
     bench->sense[0].current_a = 1.2501;
@@ -159,9 +159,9 @@ static void a_value_comes_in_each_type_by_its_scale(void **state)
     ask(bench, "11 01 15 01", "21 01 81 25 01 01 80");
 }
 
-static void what_does_not_exist_is_an_error_in_the_reply(void **state)
+TEST_WITH(what_does_not_exist_is_an_error_in_the_reply, set_up, tear_down)
 {
-    struct board_bench *bench = *state;
+    struct board_bench *bench = *test_state;
 
     ask(bench, "01 08 00 01 0F 00 11 0F", "30 08 01 30 0F 02 21 0F 00 50 50 50");
     ask(bench, "11 0F 11 08 11 0F", "21 0F 00 31 08 01");          /* the rest is not read */
@@ -176,9 +176,9 @@ static void what_does_not_exist_is_an_error_in_the_reply(void **state)
     assert_near(value_of(bench, 0), 0.0, 0.0); /* stopped, as before */
 }
 
-static void a_reply_goes_to_who_asks_in_the_format_of_the_question(void **state)
+TEST_WITH(a_reply_goes_to_who_asks_in_the_format_of_the_question, set_up, tear_down)
 {
-    struct board_bench *bench = *state;
+    struct board_bench *bench = *test_state;
     struct bus_frame frame = {.id = 0x8109, .flags = FRAME_EXTENDED, .len = 2, .data = {0x11, 0}};
 
     say(bench, 0x0001, "11 00");
@@ -204,9 +204,9 @@ static void a_reply_goes_to_who_asks_in_the_format_of_the_question(void **state)
     expect(bench, 0x900, FRAME_FD | FRAME_BRS | FRAME_EXTENDED, "");
 }
 
-static void a_uuid_selects_a_controller(void **state)
+TEST_WITH(a_uuid_selects_a_controller, set_up, tear_down)
 {
-    struct board_bench *bench = *state;
+    struct board_bench *bench = *test_state;
     char masked[64];
     const uint8_t *uuid;
 
@@ -226,9 +226,9 @@ static void a_uuid_selects_a_controller(void **state)
     assert_false(bench->motor[0].bridge_on);
 }
 
-static void a_drive_needs_some_milliseconds_to_begin(void **state)
+TEST_WITH(a_drive_needs_some_milliseconds_to_begin, set_up, tear_down)
 {
-    struct board_bench *bench = *state;
+    struct board_bench *bench = *test_state;
 
     command(bench, "01 00 08 0D 1B 00 00 40 C1"); /* -12 V */
     ask(bench, "11 00", "21 00 03");              /* it calibrates */
@@ -245,9 +245,9 @@ static void a_drive_needs_some_milliseconds_to_begin(void **state)
 }
 
 /* The error of a current falls by half a millisecond; from rest 0.5 R I / (1 - exp(-1 ms R/L)). */
-static void a_torque_is_a_current(void **state)
+TEST_WITH(a_torque_is_a_current, set_up, tear_down)
 {
-    struct board_bench *bench = *state;
+    struct board_bench *bench = *test_state;
     double first = 0.5 * OHM * 3.0 / (1.0 - exp(-1e-3 * OHM / HENRY));
 
     keep(bench, "01 00 0A 0D 20 00 00 C0 7F", 20);
@@ -265,9 +265,9 @@ static void a_torque_is_a_current(void **state)
 }
 
 /* Position errors become torque by kp, and velocities by kd; max torque holds. */
-static void the_position_loop_pulls_back(void **state)
+TEST_WITH(the_position_loop_pulls_back, set_up, tear_down)
 {
-    struct board_bench *bench = *state;
+    struct board_bench *bench = *test_state;
     const double kd = BEMF * BEMF / OHM * 2.0 * M_PI, kp = 40.0 * kd; /* of a turn */
 
     /* at 0, held; then it is 0.01 turn away, at rest again after some time */
@@ -290,9 +290,9 @@ static void the_position_loop_pulls_back(void **state)
     assert_near(value_of(bench, 0x034), -kp * 0.01, 0.05);
 }
 
-static void a_command_is_valid_until_the_watchdog(void **state)
+TEST_WITH(a_command_is_valid_until_the_watchdog, set_up, tear_down)
 {
-    struct board_bench *bench = *state;
+    struct board_bench *bench = *test_state;
     struct board_event event;
 
     keep(bench, "01 00 0A 0D 20 00 00 C0 7F 0D 22 00 00 00 41", 20);
@@ -328,7 +328,7 @@ static void a_command_is_valid_until_the_watchdog(void **state)
     ask(bench, "11 00", "21 00 0A");
 }
 
-static void a_fault_stays_until_a_stop(void **state)
+TEST_WITH(a_fault_stays_until_a_stop, set_up, tear_down)
 {
     static const struct {
         const char *name, *reply;
@@ -338,7 +338,7 @@ static void a_fault_stays_until_a_stop(void **state)
                  {"over-temperature", "21 00 01 21 0F 26", 48.0, 91.0, 0.0, 0.0},
                  {"encoder", "21 00 01 21 0F 23", 48.0, 20.0, (double)NAN, 0.0},
                  {"current sensor", "21 00 01 21 0F 23", 48.0, 20.0, 0.0, (double)INFINITY}};
-    struct board_bench *bench = *state;
+    struct board_bench *bench = *test_state;
     struct board_event event;
 
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
@@ -377,11 +377,11 @@ static void a_fault_stays_until_a_stop(void **state)
 }
 
 /* With an acceleration of 1 turn/s2 a quarter of a turn takes 1 s: half of it up to 0.5 turn/s. */
-static void a_path_keeps_to_its_limits(void **state)
+TEST_WITH(a_path_keeps_to_its_limits, set_up, tear_down)
 {
     static const char quarter[] = "01 00 0A 0D 20 00 00 80 3E 0D 29 00 00 80 3F 02 23 00 00 "
                                   "1E 38 11 0B";
-    struct board_bench *bench = *state;
+    struct board_bench *bench = *test_state;
     double fastest = 0.0, before = 0.0;
     int done = 0;
 
@@ -414,9 +414,9 @@ static void a_path_keeps_to_its_limits(void **state)
     assert_near(value_of(bench, 0x038), 0.125, 1e-6);
 }
 
-static void the_position_can_be_set(void **state)
+TEST_WITH(the_position_can_be_set, set_up, tear_down)
 {
-    struct board_bench *bench = *state;
+    struct board_bench *bench = *test_state;
 
     bench->sense[0].qm = 0.33 * 2.0 * M_PI;
     bench->sense[0].q = -0.25 * 2.0 * M_PI;
@@ -435,7 +435,7 @@ static void the_position_can_be_set(void **state)
     assert_near(value_of(bench, 0x001), 0.3, 1e-6);
 }
 
-static void a_wrong_rig_is_refused(void **state)
+TEST(a_wrong_rig_is_refused)
 {
     static const char *const wrong[] = {"a bus that speaks moteus must be CAN FD",
                                         "a bus that speaks moteus has motor boards only",
@@ -443,7 +443,6 @@ static void a_wrong_rig_is_refused(void **state)
                                         "the address must be 1 to 31 on a bus that speaks moteus"};
     static const struct boards_bus_config classic[BENCH_BUSES] = {{.protocol = &protocol_moteus}};
 
-    (void)state;
     for (int i = 0; i < 5; i++) {
         struct board_bench bench;
         struct boards *boards;
@@ -462,27 +461,4 @@ static void a_wrong_rig_is_refused(void **state)
         }
         arena_fini(&bench.arena);
     }
-}
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(the_example_of_the_document),
-        TEST(a_value_comes_in_each_type_by_its_scale),
-        TEST(what_does_not_exist_is_an_error_in_the_reply),
-        TEST(a_reply_goes_to_who_asks_in_the_format_of_the_question),
-        TEST(a_uuid_selects_a_controller),
-        TEST(a_drive_needs_some_milliseconds_to_begin),
-        TEST(a_torque_is_a_current),
-        TEST(the_position_loop_pulls_back),
-        TEST(a_command_is_valid_until_the_watchdog),
-        TEST(a_fault_stays_until_a_stop),
-        TEST(a_path_keeps_to_its_limits),
-        TEST(the_position_can_be_set),
-        cmocka_unit_test(a_wrong_rig_is_refused),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,16 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Attitude filter of the inertial sensor against closed forms of its errors, and the axes of gyro
  * and accelerometer that are turned. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "tests/unit/boards/sensing/sensing_bench.h"
 
 #include "base/vec3.h"
+#include "tests/test.h"
 
 static const double pi = 3.14159265358979323846, g = 9.81;
 
@@ -37,9 +31,9 @@ static double yaw_of(const double q[4])
     return atan2(2.0 * (q[0] * q[3] + q[1] * q[2]), 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]));
 }
 
-static void at_rest_it_tells_the_attitude(void **state)
+TEST_WITH(at_rest_it_tells_the_attitude, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const double rpy[][3] = {
         {0, 0, 0}, {0.3, -0.4, 2.5}, {1.5707963, 0, 1.5707963}, {3.0, 1.2, -3}};
 
@@ -64,9 +58,9 @@ static void at_rest_it_tells_the_attitude(void **state)
 
 /* Level, accelerated by a along x from the second sample on: it pitches toward
  * -atan(a / g) = p with tan((p - pitch) / 2) = tan(p / 2) exp(-kp t), one step of 1 ms behind. */
-static void steady_acceleration_tilts_it_as_the_closed_form(void **state)
+TEST_WITH(steady_acceleration_tilts_it_as_the_closed_form, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const double R[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, kp = 0.5, a = 3.0, p = -atan(a / g);
 
     bench->config.imu.ahrs = (struct ahrs_config){.on = true, .accel_per_s = kp};
@@ -87,9 +81,9 @@ static void steady_acceleration_tilts_it_as_the_closed_form(void **state)
 
 /* Swaying at 1 Hz, a sine of the acceleration, it errs by atan(A / g) through a low pass of the
  * first order, kp / sqrt(kp^2 + w^2). */
-static void swaying_tilts_it_through_a_low_pass(void **state)
+TEST_WITH(swaying_tilts_it_through_a_low_pass, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const double R[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, kp = 1.0, A = 0.3, w = 2.0 * pi;
     double in_phase = 0.0, quadrature = 0.0;
 
@@ -110,9 +104,9 @@ static void swaying_tilts_it_through_a_low_pass(void **state)
 
 /* A gyro's bias of b tilts it by asin(b / kp), and not at all once it is estimated; the heading by
  * asin(b / km). */
-static void bias_of_the_gyro_tilts_and_turns_it(void **state)
+TEST_WITH(bias_of_the_gyro_tilts_and_turns_it, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const double R[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, b = 0.02;
 
     for (int estimated = 0; estimated < 2; estimated++) {
@@ -137,9 +131,9 @@ static void bias_of_the_gyro_tilts_and_turns_it(void **state)
 
 /* In a field with a dip of d a tilt of e about north, which nothing corrects, is taken for a
  * heading of e tan(d). */
-static void tilt_leaks_into_the_heading_by_the_dip(void **state)
+TEST_WITH(tilt_leaks_into_the_heading_by_the_dip, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const double level[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, e = 0.002;
     double R[9];
 
@@ -157,9 +151,9 @@ static void tilt_leaks_into_the_heading_by_the_dip(void **state)
 
 /* Turning about the vertical by a turn and a half without any correction: the integral of a
  * constant rate is exact. */
-static void integrates_the_rate(void **state)
+TEST_WITH(integrates_the_rate, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const double R[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, rate = 3.0;
 
     bench->config.imu.ahrs = (struct ahrs_config){.on = true};
@@ -178,9 +172,9 @@ static void integrates_the_rate(void **state)
 }
 
 /* Axes that are turned by a small vector r show x - r x x. */
-static void misaligned_axes_are_turned(void **state)
+TEST_WITH(misaligned_axes_are_turned, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const double gyro[3] = {0.004, -0.003, 0.002}, accel[3] = {-0.001, 0.005, 0.003};
     const double rate[3] = {1.0, 2.0, -0.5}, force[3] = {0.4, -0.2, g};
     double shown[3];
@@ -204,9 +198,9 @@ static void misaligned_axes_are_turned(void **state)
     }
 }
 
-static void without_field_and_force_nothing_is_corrected(void **state)
+TEST_WITH(without_field_and_force_nothing_is_corrected, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     bench->config.imu.ahrs = (struct ahrs_config){true, 1.0, 1.0, 0.1};
     bench->truth.imu.quaternion[0] = 1.0;
@@ -218,9 +212,9 @@ static void without_field_and_force_nothing_is_corrected(void **state)
 }
 
 /* What a fault makes of gyro, accelerometer or field is no end of the attitude. */
-static void readings_beyond_all_numbers_are_left_out(void **state)
+TEST_WITH(readings_beyond_all_numbers_are_left_out, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const double R[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
     double *const reading[] = {bench->truth.imu.gyro_rad_s, bench->truth.imu.accel_m_s2,
                                bench->truth.imu.magnetic_t};
@@ -242,9 +236,9 @@ static void readings_beyond_all_numbers_are_left_out(void **state)
     }
 }
 
-static void refuses_impossible_filters(void **state)
+TEST_WITH(refuses_impossible_filters, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct error error;
 
     bench->config.imu.ahrs = (struct ahrs_config){.on = true, .accel_per_s = -1.0};
@@ -254,22 +248,4 @@ static void refuses_impossible_filters(void **state)
     bench->config.imu.gyro_misalignment_rad[1] = (double)NAN;
     assert_int_equal(sensing_create(&bench->config, &bench->arena, &bench->sensing, &error),
                      ERROR_INPUT);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(at_rest_it_tells_the_attitude),
-        TEST(steady_acceleration_tilts_it_as_the_closed_form),
-        TEST(swaying_tilts_it_through_a_low_pass),
-        TEST(bias_of_the_gyro_tilts_and_turns_it),
-        TEST(tilt_leaks_into_the_heading_by_the_dip),
-        TEST(integrates_the_rate),
-        TEST(misaligned_axes_are_turned),
-        TEST(without_field_and_force_nothing_is_corrected),
-        TEST(readings_beyond_all_numbers_are_left_out),
-        TEST(refuses_impossible_filters),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,14 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Dynamic errors of a channel: low pass, hysteresis, instability, temperature, sampling instants,
  * each against its closed form. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "tests/unit/boards/sensing/sensing_bench.h"
+#include "tests/test.h"
 
 static const double pi = 3.14159265358979323846;
 
@@ -36,9 +30,9 @@ static double response(struct bench *bench, double f_hz, double *lag_rad)
 
 /* The bilinear transform maps f to tan(pi f T), the corner to itself: a gain of
  * 1 / sqrt(1 + r^4) and a lag of atan2(sqrt(2) r, 1 - r^2), r = tan(pi f T) / tan(pi fc T). */
-static void low_pass_has_the_response_of_a_butterworth(void **state)
+TEST_WITH(low_pass_has_the_response_of_a_butterworth, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const double frequency[] = {1.0, 20.0, 80.0, 100.0, 250.0, 400.0};
 
     bench->joint[1].torque.bandwidth_hz = 80.0;
@@ -50,9 +44,9 @@ static void low_pass_has_the_response_of_a_butterworth(void **state)
     }
 }
 
-static void low_pass_starts_settled(void **state)
+TEST_WITH(low_pass_starts_settled, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     bench->joint[1].torque.bandwidth_hz = 5.0;
     bench->motor[1].torque_nm = 30.0;
@@ -66,9 +60,9 @@ static void low_pass_starts_settled(void **state)
 /* Six plays of half widths r = F/2, F/4 ... F/64, each of the weight w = h / (2 - 1/32): once
  * around the amplitude A their loops have the area sum 4 w r (A - r), r < A, and in the middle the
  * branches are sum 2 w min(r, A - r) apart. */
-static void hysteresis_encloses_the_area_of_its_plays(void **state)
+TEST_WITH(hysteresis_encloses_the_area_of_its_plays, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const double scale = 80.0, h = 0.01, weight = h / (2.0 - 1.0 / 32.0);
     const double amplitude[] = {80.0, 20.0, 2.0, 1.2};
     const int quarter = 4000;
@@ -109,9 +103,9 @@ static void hysteresis_encloses_the_area_of_its_plays(void **state)
 }
 
 /* Rate-independent, and gone where nothing is hysteretic: below the narrowest play a line. */
-static void small_loops_have_no_hysteresis(void **state)
+TEST_WITH(small_loops_have_no_hysteresis, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const double slope = 1.0 - 6.0 * 0.01 / (2.0 - 1.0 / 32.0);
 
     bench->joint[1].torque = (struct sensor_error){.hysteresis = 0.01, .full_scale = 64.0};
@@ -126,10 +120,10 @@ static void small_loops_have_no_hysteresis(void **state)
 /* A Gauss-Markov process of rms s and correlation time T has the autocovariance
  * s^2 exp(-|t| / T) from the start: over an ensemble, at the first sample and at three lags. The
  * product of two Gaussian numbers of correlation c deviates by sqrt(1 + c^2). */
-static void instability_has_its_rms_and_correlation(void **state)
+TEST_WITH(instability_has_its_rms_and_correlation, set_up, tear_down)
 {
     enum { LAGS = 4 };
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const double s = 2e-3, T = 0.05;
     const int lag[LAGS] = {0, 10, 50, 150}, rounds = 1500;
     double product[LAGS] = {0.0}, n = 0.0;
@@ -165,9 +159,9 @@ static void instability_has_its_rms_and_correlation(void **state)
 }
 
 /* Offset and gain follow rise_k (1 - exp(-t / tau)). */
-static void warming_moves_offset_and_gain(void **state)
+TEST_WITH(warming_moves_offset_and_gain, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     bench->ft[0].force = (struct sensor_error){.offset_per_k = 0.3, .gain_per_k = 1e-3};
     bench->ft[0].warm_up = (struct sensor_warm_up){.rise_k = 12.0, .time_constant_s = 4.0};
@@ -185,9 +179,9 @@ static void warming_moves_offset_and_gain(void **state)
 
 /* Of x = t a board that samples every P shows its last instant: readings are whole multiples of P
  * apart, never newer than now, never older than P, the same on all channels of the board. */
-static void boards_sample_by_clocks_of_their_own(void **state)
+TEST_WITH(boards_sample_by_clocks_of_their_own, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const double ppm = 200.0, rate[] = {1.0, 1.0};
     double period[2] = {0.0}, last[2] = {0.0}, least[2] = {1.0, 1.0}, most[2] = {0.0};
     int samples[2] = {0};
@@ -229,10 +223,10 @@ static void boards_sample_by_clocks_of_their_own(void **state)
 }
 
 /* What is drawn for a clock goes by its name, whatever boards come before it. */
-static void clocks_are_drawn_by_their_names(void **state)
+TEST_WITH(clocks_are_drawn_by_their_names, set_up, tear_down)
 {
     static const char *const names[][2] = {{"left/0x01", "left/0x02"}, {"left/0x02", "right/0x01"}};
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     double shown[2][2];
 
     bench->joint[1].clock = 1;
@@ -254,10 +248,10 @@ static void clocks_are_drawn_by_their_names(void **state)
 }
 
 /* The error of an eccentric ring over a turn is a sine once and one twice a turn, and 0 at 0. */
-static void eccentric_encoder_errs_once_and_twice_a_turn(void **state)
+TEST_WITH(eccentric_encoder_errs_once_and_twice_a_turn, set_up, tear_down)
 {
     enum { TURN = 360, PARTS = 4 };
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     double cosine[PARTS] = {0.0}, sine[PARTS] = {0.0}, square = 0.0, at_zero = 0.0;
 
     bench->joint[0].eccentricity_rad[0] = 0.006;
@@ -287,9 +281,9 @@ static void eccentric_encoder_errs_once_and_twice_a_turn(void **state)
 }
 
 /* A part of each of the moments across the axis, with a sign for each that stays. */
-static void torque_shows_a_part_of_what_bends_its_sensor(void **state)
+TEST_WITH(torque_shows_a_part_of_what_bends_its_sensor, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     double part[2];
 
     bench->joint[0].crosstalk = 0.02;
@@ -312,9 +306,9 @@ static void torque_shows_a_part_of_what_bends_its_sensor(void **state)
     assert_false(sensing_sees_bending(&bench->config));
 }
 
-static void refuses_what_no_channel_can_do(void **state)
+TEST_WITH(refuses_what_no_channel_can_do, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const struct sensor_error wrong[] = {{.bandwidth_hz = 500.0},
                                          {.bandwidth_hz = -1.0},
                                          {.hysteresis = 0.01},
@@ -344,23 +338,4 @@ static void refuses_what_no_channel_can_do(void **state)
     bench->config.clocks.drift_ppm = 1e9;
     assert_int_equal(sensing_create(&bench->config, &bench->arena, &bench->sensing, &error),
                      ERROR_INPUT);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(low_pass_has_the_response_of_a_butterworth),
-        TEST(low_pass_starts_settled),
-        TEST(hysteresis_encloses_the_area_of_its_plays),
-        TEST(small_loops_have_no_hysteresis),
-        TEST(instability_has_its_rms_and_correlation),
-        TEST(warming_moves_offset_and_gain),
-        TEST(boards_sample_by_clocks_of_their_own),
-        TEST(clocks_are_drawn_by_their_names),
-        TEST(eccentric_encoder_errs_once_and_twice_a_turn),
-        TEST(torque_shows_a_part_of_what_bends_its_sensor),
-        TEST(refuses_what_no_channel_can_do),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -34,12 +34,11 @@ static void start(struct board_bench *bench)
     assert_true(bench->motor[0].bridge_on && bench->motor[1].bridge_on);
 }
 
-static void an_axis_above_its_limit_stops_and_says_so_in_status(void **state)
+TEST(an_axis_above_its_limit_stops_and_says_so_in_status)
 {
     struct board_event event;
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     bench.sense[0].winding_c = LIMIT_C; /* not yet above */
     assert_null(bench_next_status(&bench));
@@ -57,11 +56,10 @@ static void an_axis_above_its_limit_stops_and_says_so_in_status(void **state)
     bench_stop(&bench);
 }
 
-static void a_hot_axis_trips_again_until_it_has_cooled(void **state)
+TEST(a_hot_axis_trips_again_until_it_has_cooled)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     bench.sense[0].winding_c = 80.0;
     bench_ticks(&bench, 8);
@@ -77,11 +75,10 @@ static void a_hot_axis_trips_again_until_it_has_cooled(void **state)
     bench_stop(&bench);
 }
 
-static void the_host_reads_and_moves_the_limit(void **state)
+TEST(the_host_reads_and_moves_the_limit)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     bench_ask(&bench, "7A", "7A BC 02"); /* 700: 0.1 degree C a count */
     bench_send(&bench, 0, 0x001, "79 2C 01");
@@ -98,11 +95,10 @@ static void the_host_reads_and_moves_the_limit(void **state)
     bench_stop(&bench);
 }
 
-static void a_thermometer_without_a_number_is_told_and_stops_nothing(void **state)
+TEST(a_thermometer_without_a_number_is_told_and_stops_nothing)
 {
     struct board_bench bench;
 
-    (void)state;
     start(&bench);
     bench.sense[1].winding_c = NAN;
     bench_expect_frame(bench_next_status(&bench), BENCH_STATUS, "00 50 00 50 00 10 00 00");
@@ -112,7 +108,7 @@ static void a_thermometer_without_a_number_is_told_and_stops_nothing(void **stat
 
 /* T(t) = ambient + R I^2 Rth (1 - exp(-t / tau)); from 70.05 C on a reading rounds up to 70.1 C,
  * which is above the limit. */
-static void the_trip_comes_when_the_winding_s_law_says(void **state)
+TEST(the_trip_comes_when_the_winding_s_law_says)
 {
     const struct sensor_thermal thermal = {
         .ambient_c = 25.0, .resistance_ohm = 0.664, .k_per_w = 1.5, .time_constant_s = 0.5};
@@ -129,7 +125,6 @@ static void the_trip_comes_when_the_winding_s_law_says(void **state)
     struct board_bench bench;
     int ms = 0;
 
-    (void)state;
     for (int j = 1; j < BENCH_JOINTS; j++) {
         joint[j].name = "other";
     }
@@ -150,12 +145,11 @@ static void the_trip_comes_when_the_winding_s_law_says(void **state)
 
 /* ---- the other personalities ---- */
 
-static void a_2foc_with_a_thermometer_trips_with_over_heating(void **state)
+TEST(a_2foc_with_a_thermometer_trips_with_over_heating)
 {
     static const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_foc}};
     struct board_bench bench;
 
-    (void)state;
     for (int thermometer = 0; thermometer < 2; thermometer++) {
         configure(&bench);
         bench.config.bus = buses;
@@ -182,12 +176,11 @@ static void a_2foc_with_a_thermometer_trips_with_over_heating(void **state)
     }
 }
 
-static void a_compact_board_tells_whole_degrees_and_trips_at_its_own_limit(void **state)
+TEST(a_compact_board_tells_whole_degrees_and_trips_at_its_own_limit)
 {
     static const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_compact}};
     struct board_bench bench;
 
-    (void)state;
     configure(&bench);
     bench.config.bus = buses;
     bench.config.nboard = 1;
@@ -215,19 +208,4 @@ static void a_compact_board_tells_whole_degrees_and_trips_at_its_own_limit(void 
     bench_ticks(&bench, 2);
     bench_expect(&bench, 0, compact_id(COMPACT_STATE, 1), "07 40 00 80 BB 33 00 00");
     bench_stop(&bench);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(an_axis_above_its_limit_stops_and_says_so_in_status),
-        cmocka_unit_test(a_hot_axis_trips_again_until_it_has_cooled),
-        cmocka_unit_test(the_host_reads_and_moves_the_limit),
-        cmocka_unit_test(a_thermometer_without_a_number_is_told_and_stops_nothing),
-        cmocka_unit_test(the_trip_comes_when_the_winding_s_law_says),
-        cmocka_unit_test(a_2foc_with_a_thermometer_trips_with_over_heating),
-        cmocka_unit_test(a_compact_board_tells_whole_degrees_and_trips_at_its_own_limit),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

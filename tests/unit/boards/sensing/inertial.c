@@ -1,14 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What inertial boards derive, against rotations composed from their three angles. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "base/vec3.h"
 #include "boards/sensing/inertial.h"
+#include "tests/test.h"
 
 #include <math.h>
 
@@ -40,9 +34,8 @@ static void compose(double roll, double pitch, double yaw, double q[4])
     multiply(zy, x, q);
 }
 
-static void angles_of_a_composed_rotation_come_back(void **state)
+TEST(angles_of_a_composed_rotation_come_back)
 {
-    (void)state;
     for (double roll = -3.0; roll < 3.1; roll += 0.75) {
         for (double pitch = -1.5; pitch < 1.6; pitch += 0.5) {
             for (double yaw = -3.0; yaw < 3.1; yaw += 0.75) {
@@ -66,12 +59,11 @@ static void angles_of_a_composed_rotation_come_back(void **state)
     }
 }
 
-static void pitch_of_a_right_angle_gives_angles_that_are_numbers(void **state)
+TEST(pitch_of_a_right_angle_gives_angles_that_are_numbers)
 {
     struct imu_sense sense = {.accel_m_s2 = {-9.81, 0.0, 0.0}};
     struct inertial_values v;
 
-    (void)state;
     compose(0.0, M_PI / 2, 0.0, sense.quaternion);
     inertial_derive(&sense, true, &v);
     assert_close(v.euler_rad[1], M_PI / 2, 1e-7);
@@ -79,11 +71,10 @@ static void pitch_of_a_right_angle_gives_angles_that_are_numbers(void **state)
     assert_close(vec3_norm(v.linear_m_s2), 0.0, 1e-12);
 }
 
-static void without_orientation_all_that_needs_it_is_zero(void **state)
+TEST(without_orientation_all_that_needs_it_is_zero)
 {
     static const double none[][4] = {{0, 0, 0, 0}, {NAN, 0, 0, 1}, {INFINITY, 0, 0, 0}};
 
-    (void)state;
     for (int i = 0; i < 4; i++) {
         struct imu_sense sense = {.accel_m_s2 = {1.0, 2.0, 3.0}, .quaternion = {1.0}};
         struct inertial_values v;
@@ -101,12 +92,11 @@ static void without_orientation_all_that_needs_it_is_zero(void **state)
     }
 }
 
-static void counts_are_cut_at_16_bits(void **state)
+TEST(counts_are_cut_at_16_bits)
 {
     int64_t counts = 7;
     bool bad = false;
 
-    (void)state;
     assert_true(inertial_quantize(9.814, 0.01, &counts, &bad));
     assert_int_equal(counts, 981);
     assert_false(inertial_quantize(-400.0, 0.01, &counts, &bad));
@@ -115,16 +105,4 @@ static void counts_are_cut_at_16_bits(void **state)
     inertial_quantize(NAN, 0.01, &counts, &bad);
     assert_true(bad);
     assert_int_equal(counts, INT16_MIN);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(angles_of_a_composed_rotation_come_back),
-        cmocka_unit_test(pitch_of_a_right_angle_gives_angles_that_are_numbers),
-        cmocka_unit_test(without_orientation_all_that_needs_it_is_zero),
-        cmocka_unit_test(counts_are_cut_at_16_bits),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,14 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Sensors as real ones: each error against its statistics or its closed form, each fault against
  * what it says, and nothing at all where nothing was asked for. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "tests/unit/boards/sensing/sensing_bench.h"
+#include "tests/test.h"
 
 /* Arms the faults of the lines given, up to the NULL. */
 static void arm(struct bench *bench, const char *const *line)
@@ -39,9 +33,9 @@ static void arm(struct bench *bench, const char *const *line)
 
 /* ---- errors ---- */
 
-static void ideal_sensors_hand_on_the_truth_itself(void **state)
+TEST_WITH(ideal_sensors_hand_on_the_truth_itself, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     arm(bench, NULL);
     start(bench);
@@ -49,9 +43,9 @@ static void ideal_sensors_hand_on_the_truth_itself(void **state)
     assert_ptr_equal(bench->measured, &bench->truth);
 }
 
-static void ideal_channels_beside_a_real_one_are_true_to_the_last_bit(void **state)
+TEST_WITH(ideal_channels_beside_a_real_one_are_true_to_the_last_bit, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     bench->joint[0].torque.noise_rms = 0.05;
     start(bench);
@@ -76,10 +70,10 @@ static void ideal_channels_beside_a_real_one_are_true_to_the_last_bit(void **sta
 }
 
 /* Bounds of five standard deviations of each statistic of SAMPLES independent normal numbers. */
-static void noise_is_white_and_gaussian_of_the_size_asked_for(void **state)
+TEST_WITH(noise_is_white_and_gaussian_of_the_size_asked_for, set_up, tear_down)
 {
     static double x[SAMPLES];
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const double sigma = 0.05, n = SAMPLES;
     double sum = 0.0, square = 0.0, fourth = 0.0, lag = 0.0;
     int beyond = 0;
@@ -103,9 +97,9 @@ static void noise_is_white_and_gaussian_of_the_size_asked_for(void **state)
     assert_close(beyond / n, 0.05, 5.0 * sqrt(0.05 * 0.95 / n));
 }
 
-static void noise_depends_on_the_seed_and_on_no_other_channel(void **state)
+TEST_WITH(noise_depends_on_the_seed_and_on_no_other_channel, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     double first[50], second[50], seeded[50];
 
     for (int round = 0; round < 3; round++) {
@@ -129,9 +123,9 @@ static void noise_depends_on_the_seed_and_on_no_other_channel(void **state)
     assert_memory_not_equal(first, seeded, sizeof first);
 }
 
-static void channels_are_independent_of_each_other(void **state)
+TEST_WITH(channels_are_independent_of_each_other, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const double n = SAMPLES;
     double product = 0.0;
 
@@ -145,9 +139,9 @@ static void channels_are_independent_of_each_other(void **state)
 }
 
 /* The peak of the correlation between truth and reading is at the latency. */
-static void latency_is_a_delay_line_also_between_ticks(void **state)
+TEST_WITH(latency_is_a_delay_line_also_between_ticks, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     bench->joint[0].link_encoder.latency_ns = 3 * TICK_NS;
     bench->joint[0].motor_encoder.latency_ns = 5 * TICK_NS / 2;
@@ -165,9 +159,9 @@ static void latency_is_a_delay_line_also_between_ticks(void **state)
     }
 }
 
-static void converter_saturates_and_rounds_to_its_steps(void **state)
+TEST_WITH(converter_saturates_and_rounds_to_its_steps, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     bench->joint[0].current = (struct sensor_error){.full_scale = 20.0, .lsb = 0.01};
     start(bench);
@@ -182,9 +176,9 @@ static void converter_saturates_and_rounds_to_its_steps(void **state)
     assert_true(bench->measured->motor[0].current_a == -20.0);
 }
 
-static void gain_and_offset_come_before_the_converter(void **state)
+TEST_WITH(gain_and_offset_come_before_the_converter, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     bench->ft[0].force = (struct sensor_error){.gain_error = 0.02, .offset = -3.0, .lsb = 1.0};
     start(bench);
@@ -198,9 +192,9 @@ static void gain_and_offset_come_before_the_converter(void **state)
 }
 
 /* A random walk of k per root second has the variance k^2 t; the ramp is exact. */
-static void drift_grows_as_a_random_walk_and_a_ramp(void **state)
+TEST_WITH(drift_grows_as_a_random_walk_and_a_ramp, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const double k = 0.5, seconds = 0.2;
     double square = 0.0;
     int walks = 0;
@@ -230,9 +224,9 @@ static void drift_grows_as_a_random_walk_and_a_ramp(void **state)
 
 /* Turning about one axis at a constant rate through the angle where w changes its sign in the
  * plant's convention: 20.5 ms late is the attitude of 20.5 ms ago, on the arc between two ticks. */
-static void late_orientation_turns_through_the_sign_change(void **state)
+TEST_WITH(late_orientation_turns_through_the_sign_change, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const double rate = 30.0, late_s = 0.0205;
 
     bench->config.imu.orientation.latency_ns = 20500000;
@@ -258,9 +252,9 @@ static void late_orientation_turns_through_the_sign_change(void **state)
 
 /* An error of s / 2 in each component is one of s rad about each axis: the angle between truth and
  * reading is s times the root of a chi-square with three degrees of freedom. */
-static void orientation_noise_is_half_its_angle(void **state)
+TEST_WITH(orientation_noise_is_half_its_angle, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const double s = 0.01;
     double square = 0.0;
 
@@ -282,9 +276,9 @@ static void orientation_noise_is_half_its_angle(void **state)
     assert_close(square / SAMPLES, 3.0, 5.0 * sqrt(6.0 / SAMPLES) + 1e-3);
 }
 
-static void orientation_that_is_off_is_not_known(void **state)
+TEST_WITH(orientation_that_is_off_is_not_known, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     arm(bench, (const char *const[]){"sensor imu off", NULL});
     bench->truth.imu = (struct imu_sense){{1, 1, 1}, {1, 1, 1}, {1, 1, 1}, {1, 0, 0, 0}};
@@ -293,9 +287,9 @@ static void orientation_that_is_off_is_not_known(void **state)
     assert_memory_equal(&bench->measured->imu, &(struct imu_sense){0}, sizeof(struct imu_sense));
 }
 
-static void encoder_that_counts_from_its_start_shows_no_angle_at_first(void **state)
+TEST_WITH(encoder_that_counts_from_its_start_shows_no_angle_at_first, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     bench->joint[0].incremental = true;
     bench->motor[0].qm = 0.7;
@@ -309,9 +303,9 @@ static void encoder_that_counts_from_its_start_shows_no_angle_at_first(void **st
     assert_close(bench->measured->motor[0].qm, 0.2, 1e-15);
 }
 
-static void rate_of_a_real_encoder_is_that_of_its_readings(void **state)
+TEST_WITH(rate_of_a_real_encoder_is_that_of_its_readings, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     bench->joint[0].link_encoder.lsb = 0.01;
     start(bench);
@@ -323,9 +317,9 @@ static void rate_of_a_real_encoder_is_that_of_its_readings(void **state)
 }
 
 /* A drive that warms up in the plant has one temperature: the sensor reads that. */
-static void winding_of_the_plant_is_read_as_it_is(void **state)
+TEST_WITH(winding_of_the_plant_is_read_as_it_is, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     bench->joint[0].temperature.offset = 2.0;
     bench->motor[0].winding_c = 55.0;
@@ -336,9 +330,9 @@ static void winding_of_the_plant_is_read_as_it_is(void **state)
 }
 
 /* T - ambient = R I^2 Rth (1 - exp(-t/tau)) */
-static void winding_heats_with_the_square_of_the_current(void **state)
+TEST_WITH(winding_heats_with_the_square_of_the_current, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     const struct sensor_thermal thermal = {
         .ambient_c = 25.0, .resistance_ohm = 0.664, .k_per_w = 1.5, .time_constant_s = 20.0};
 
@@ -356,9 +350,9 @@ static void winding_heats_with_the_square_of_the_current(void **state)
     assert_true(bench->measured->motor[1].winding_c == 0.0);
 }
 
-static void crosstalk_shows_the_same_part_of_full_scale_on_every_other_channel(void **state)
+TEST_WITH(crosstalk_shows_the_same_part_of_full_scale_on_every_other_channel, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     bench->ft[0].crosstalk = 0.01;
     bench->ft[0].force.full_scale = 2000.0;
@@ -373,9 +367,9 @@ static void crosstalk_shows_the_same_part_of_full_scale_on_every_other_channel(v
     assert_close(fabs(bench->measured->ft[0].force_n[0]), 10.0, 1e-12);
 }
 
-static void refuses_impossible_errors(void **state)
+TEST_WITH(refuses_impossible_errors, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     struct error error;
 
     bench->joint[1].torque.noise_rms = -1.0;
@@ -412,74 +406,74 @@ static void record(struct bench *bench, const char *line, double *torque, int co
     }
 }
 
-static void sensor_that_is_off_reads_zero(void **state)
+TEST_WITH(sensor_that_is_off_reads_zero, set_up, tear_down)
 {
     double torque[30];
 
-    record(*state, "sensor knee.torque off 0.01..0.02", torque, 30);
+    record(*test_state, "sensor knee.torque off 0.01..0.02", torque, 30);
     for (int i = 10; i < 20; i++) {
         assert_true(torque[i] == 0.0);
     }
 }
 
-static void stuck_sensor_keeps_what_it_said_last(void **state)
+TEST_WITH(stuck_sensor_keeps_what_it_said_last, set_up, tear_down)
 {
     double torque[30];
 
-    record(*state, "sensor knee.torque stuck 0.01..0.02", torque, 30);
+    record(*test_state, "sensor knee.torque stuck 0.01..0.02", torque, 30);
     for (int i = 10; i < 20; i++) {
         assert_true(torque[i] == 10.0);
     }
 }
 
-static void garbage_stays_within_its_amplitude_and_repeats_with_the_seed(void **state)
+TEST_WITH(garbage_stays_within_its_amplitude_and_repeats_with_the_seed, set_up, tear_down)
 {
     double torque[30], again[30];
 
-    record(*state, "sensor knee.torque garbage 3 0.01..0.02", torque, 30);
+    record(*test_state, "sensor knee.torque garbage 3 0.01..0.02", torque, 30);
     for (int i = 10; i < 20; i++) {
         assert_true(fabs(torque[i]) <= 3.0 && torque[i] != 1.0 + i);
         assert_true(torque[i] != torque[i - 1]);
     }
-    ((struct bench *)*state)->truth.time_ns = 0;
-    record(*state, "sensor knee.torque garbage 3 0.01..0.02", again, 30);
+    ((struct bench *)*test_state)->truth.time_ns = 0;
+    record(*test_state, "sensor knee.torque garbage 3 0.01..0.02", again, 30);
     assert_memory_equal(torque, again, sizeof torque);
 }
 
-static void wrong_sensor_has_gain_and_offset(void **state)
+TEST_WITH(wrong_sensor_has_gain_and_offset, set_up, tear_down)
 {
     double torque[30];
 
-    record(*state, "sensor knee.torque wrong gain=-2 offset=0.5 0.01..0.02", torque, 30);
+    record(*test_state, "sensor knee.torque wrong gain=-2 offset=0.5 0.01..0.02", torque, 30);
     for (int i = 10; i < 20; i++) {
         assert_true(torque[i] == -2.0 * (1.0 + i) + 0.5);
     }
 }
 
-static void slow_sensor_has_a_new_value_only_every_period(void **state)
+TEST_WITH(slow_sensor_has_a_new_value_only_every_period, set_up, tear_down)
 {
     double torque[30];
 
-    record(*state, "sensor knee.torque slow 0.004 0.01..0.02", torque, 30);
+    record(*test_state, "sensor knee.torque slow 0.004 0.01..0.02", torque, 30);
     for (int i = 10; i < 20; i++) {
         assert_true(torque[i] == 11.0 + 4 * ((i - 10) / 4));
     }
 }
 
-static void delayed_sensor_shows_the_past(void **state)
+TEST_WITH(delayed_sensor_shows_the_past, set_up, tear_down)
 {
     double torque[30];
 
-    record(*state, "sensor knee.torque delayed 0.003 0.01..0.02", torque, 30);
+    record(*test_state, "sensor knee.torque delayed 0.003 0.01..0.02", torque, 30);
     for (int i = 10; i < 20; i++) {
         assert_close(torque[i], 1.0 + i - 3.0, 1e-12);
     }
 }
 
 /* Gaps of a mean length of 20 ms that fill half of the time: about 25 gaps a second. */
-static void intermittent_sensor_is_gone_for_its_share_of_the_time(void **state)
+TEST_WITH(intermittent_sensor_is_gone_for_its_share_of_the_time, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
     int zero = 0, gaps = 0;
     bool was = false;
 
@@ -500,9 +494,9 @@ static void intermittent_sensor_is_gone_for_its_share_of_the_time(void **state)
     assert_close(gaps, 2500.0, 250.0);
 }
 
-static void fault_of_a_whole_sensor_takes_all_its_channels(void **state)
+TEST_WITH(fault_of_a_whole_sensor_takes_all_its_channels, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     arm(bench, (const char *const[]){"sensor foot off", "sensor imu.accel_z wrong offset=1", NULL});
     for (int i = 0; i < 3; i++) {
@@ -520,9 +514,9 @@ static void fault_of_a_whole_sensor_takes_all_its_channels(void **state)
     }
 }
 
-static void faults_on_one_channel_act_in_their_order(void **state)
+TEST_WITH(faults_on_one_channel_act_in_their_order, set_up, tear_down)
 {
-    struct bench *bench = *state;
+    struct bench *bench = *test_state;
 
     arm(bench, (const char *const[]){"sensor knee.torque wrong offset=1",
                                      "sensor knee.torque wrong gain=2", NULL});
@@ -530,39 +524,4 @@ static void faults_on_one_channel_act_in_their_order(void **state)
     bench->motor[1].torque_nm = 3.0;
     tick(bench);
     assert_true(bench->measured->motor[1].torque_nm == 8.0);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(ideal_sensors_hand_on_the_truth_itself),
-        TEST(ideal_channels_beside_a_real_one_are_true_to_the_last_bit),
-        TEST(noise_is_white_and_gaussian_of_the_size_asked_for),
-        TEST(noise_depends_on_the_seed_and_on_no_other_channel),
-        TEST(channels_are_independent_of_each_other),
-        TEST(latency_is_a_delay_line_also_between_ticks),
-        TEST(converter_saturates_and_rounds_to_its_steps),
-        TEST(gain_and_offset_come_before_the_converter),
-        TEST(drift_grows_as_a_random_walk_and_a_ramp),
-        TEST(late_orientation_turns_through_the_sign_change),
-        TEST(orientation_noise_is_half_its_angle),
-        TEST(orientation_that_is_off_is_not_known),
-        TEST(encoder_that_counts_from_its_start_shows_no_angle_at_first),
-        TEST(rate_of_a_real_encoder_is_that_of_its_readings),
-        TEST(winding_of_the_plant_is_read_as_it_is),
-        TEST(winding_heats_with_the_square_of_the_current),
-        TEST(crosstalk_shows_the_same_part_of_full_scale_on_every_other_channel),
-        TEST(refuses_impossible_errors),
-        TEST(sensor_that_is_off_reads_zero),
-        TEST(stuck_sensor_keeps_what_it_said_last),
-        TEST(garbage_stays_within_its_amplitude_and_repeats_with_the_seed),
-        TEST(wrong_sensor_has_gain_and_offset),
-        TEST(slow_sensor_has_a_new_value_only_every_period),
-        TEST(delayed_sensor_shows_the_past),
-        TEST(intermittent_sensor_is_gone_for_its_share_of_the_time),
-        TEST(fault_of_a_whole_sensor_takes_all_its_channels),
-        TEST(faults_on_one_channel_act_in_their_order),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,6 +4,7 @@
 #define TESTS_UNIT_BOARDS_SENSING_SENSING_BENCH_H
 
 #include "boards/sensing/sensing.h"
+#include "tests/test.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -76,7 +77,5 @@ static inline void tick(struct bench *bench)
     bench->measured = sensing_sample(bench->sensing, bench->truth.time_ns, &bench->truth);
     bench->truth.time_ns += TICK_NS;
 }
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
 
 #endif

@@ -1,17 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Frames as bits: against the reference encoder, the published lengths, and known CRCs. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "base/random.h"
 
 #include "base/count.h"
 #include "canbus/wire/bits.h"
 #include "tests/unit/canbus/wire/wire_reference.h"
+#include "tests/test.h"
 
 #include <stdlib.h>
 
@@ -19,9 +13,8 @@ enum { FRAMES = 400000 };
 
 static struct wire_tables tables;
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
-    (void)state;
     wire_tables_make(&tables);
     return 0;
 }
@@ -55,12 +48,11 @@ static struct bus_frame any_frame(struct random_stream *random)
     return frame;
 }
 
-static void lengths_are_those_of_the_reference_encoder(void **state)
+TEST(lengths_are_those_of_the_reference_encoder)
 {
     struct random_stream random = random_named(1, "frames");
     unsigned formats[64] = {0};
 
-    (void)state;
     for (int n = 0; n < FRAMES; n++) {
         struct bus_frame frame = any_frame(&random);
         struct wire_length length = wire_frame_length(&tables, &frame);
@@ -88,11 +80,10 @@ static void lengths_are_those_of_the_reference_encoder(void **state)
     }
 }
 
-static void written_bits_are_those_of_the_reference_encoder(void **state)
+TEST(written_bits_are_those_of_the_reference_encoder)
 {
     struct random_stream random = random_named(2, "frames");
 
-    (void)state;
     for (int n = 0; n < FRAMES / 4; n++) {
         struct bus_frame frame = any_frame(&random);
         struct reference expected;
@@ -117,9 +108,8 @@ static void written_bits_are_those_of_the_reference_encoder(void **state)
 
 /* Davis, Burns, Bril, Lukkien 2007: 55, 65, ... 135 bits with the intermission; 29 bits: 80 + 10
  * n. */
-static void worst_classic_lengths_are_the_published_ones(void **state)
+TEST(worst_classic_lengths_are_the_published_ones)
 {
-    (void)state;
     for (uint8_t n = 0; n <= 8; n++) {
         assert_int_equal(wire_worst_length(0, n).nominal + WIRE_INTERMISSION_BITS, 55 + 10 * n);
         assert_int_equal(wire_worst_length(FRAME_EXTENDED, n).nominal + WIRE_INTERMISSION_BITS,
@@ -129,7 +119,7 @@ static void worst_classic_lengths_are_the_published_ones(void **state)
 }
 
 /* The study's table: nominal 1 Mbit/s, with the intermission, in ns. */
-static void worst_fd_durations_are_the_published_ones(void **state)
+TEST(worst_fd_durations_are_the_published_ones)
 {
     static const struct {
         int data_mbit;
@@ -141,7 +131,6 @@ static void worst_fd_durations_are_the_published_ones(void **state)
         {8, 12, 53250}, {8, 24, 68875},  {8, 48, 98875},  {8, 64, 118875},
     };
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(table); i++) {
         struct wire_length length = wire_worst_length(FRAME_FD | FRAME_BRS, table[i].len);
 
@@ -153,13 +142,12 @@ static void worst_fd_durations_are_the_published_ones(void **state)
 
 /* The bound leaves out that some bits of the header have fixed values and that the CRC is not
  * free. */
-static void the_worst_case_is_nearly_met_by_real_frames(void **state)
+TEST(the_worst_case_is_nearly_met_by_real_frames)
 {
     struct random_stream random = random_named(3, "frames");
     struct bus_frame frame = {.id = 0x078, .len = 8};
     unsigned longest = 0, nominal, data;
 
-    (void)state;
     /* Five equal bits, then again and again four that equal the stuff bit before them, in the
      * header as in the data: 00000 1111 0000, 000 00 1111 0000 1111 ... */
     for (int n = 0; n < 200000; n++) {
@@ -175,11 +163,10 @@ static void the_worst_case_is_nearly_met_by_real_frames(void **state)
 
 /* CRC-15/CAN of "123456789" is 0x059E, CRC-17/CAN-FD 0x04F03, CRC-21/CAN-FD 0x0ED841, the latter
  * two with a start value of 0 (catalogue of parametrised CRC algorithms): the reference itself. */
-static void the_reference_computes_the_catalogued_crcs(void **state)
+TEST(the_reference_computes_the_catalogued_crcs)
 {
     struct reference text = {.count = 0};
 
-    (void)state;
     for (const char *c = "123456789"; *c; c++) {
         reference_number(&text, (uint8_t)*c, 8);
     }
@@ -189,11 +176,10 @@ static void the_reference_computes_the_catalogued_crcs(void **state)
 }
 
 /* The CRC has a distance: one bit of data changes other bits too. */
-static void a_changed_bit_of_data_changes_the_crc(void **state)
+TEST(a_changed_bit_of_data_changes_the_crc)
 {
     struct random_stream random = random_named(4, "frames");
 
-    (void)state;
     for (int n = 0; n < 2000; n++) {
         struct bus_frame frame = any_frame(&random), other;
         struct wire_bits a, b;
@@ -213,7 +199,7 @@ static void a_changed_bit_of_data_changes_the_crc(void **state)
     }
 }
 
-static void priorities_follow_the_arbitration_field(void **state)
+TEST(priorities_follow_the_arbitration_field)
 {
     const struct bus_frame frames[] = {
         {.id = 0x000},
@@ -230,7 +216,6 @@ static void priorities_follow_the_arbitration_field(void **state)
     };
     struct random_stream random = random_named(5, "frames");
 
-    (void)state;
     for (size_t i = 1; i < ARRAY_COUNT(frames); i++) {
         assert_true(wire_priority(&frames[i - 1]) < wire_priority(&frames[i]));
     }
@@ -257,18 +242,4 @@ static void priorities_follow_the_arbitration_field(void **state)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(lengths_are_those_of_the_reference_encoder),
-        cmocka_unit_test(written_bits_are_those_of_the_reference_encoder),
-        cmocka_unit_test(worst_classic_lengths_are_the_published_ones),
-        cmocka_unit_test(worst_fd_durations_are_the_published_ones),
-        cmocka_unit_test(the_worst_case_is_nearly_met_by_real_frames),
-        cmocka_unit_test(the_reference_computes_the_catalogued_crcs),
-        cmocka_unit_test(a_changed_bit_of_data_changes_the_crc),
-        cmocka_unit_test(priorities_follow_the_arbitration_field),
-    };
-
-    return cmocka_run_group_tests_name("canbus/wire_bits", tests, set_up, NULL);
-}
+TEST_GROUP(set_up, NULL)

@@ -478,31 +478,17 @@ static void conformance_run(const char *part, const struct conformance_case *cas
     assert_int_equal(failed, 0);
 }
 
-static void frames_received(void **state)
+TEST(frames_received)
 {
-    (void)state;
     conformance_run("receive", received, sizeof received / sizeof *received);
 }
 
-static void frames_sent(void **state)
+TEST(frames_sent)
 {
-    (void)state;
     conformance_run("send", sent, sizeof sent / sizeof *sent);
 }
 
-static void errors_counters_and_states(void **state)
+TEST(errors_counters_and_states)
 {
-    (void)state;
     conformance_run("errors", errors, sizeof errors / sizeof *errors);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(frames_received),
-        cmocka_unit_test(frames_sent),
-        cmocka_unit_test(errors_counters_and_states),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

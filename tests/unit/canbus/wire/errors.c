@@ -4,9 +4,8 @@
 
 static struct wire_bench bench;
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
-    (void)state;
     bench_close(&bench);
     memset(&bench, 0, sizeof bench);
     return 0;
@@ -31,13 +30,12 @@ static void send(size_t node, uint32_t id)
     assert_true(wire_transmit(bench.wire, node, &frame));
 }
 
-static void a_corrupted_frame_is_signaled_and_sent_again(void **state)
+TEST_WITH(a_corrupted_frame_is_signaled_and_sent_again, NULL, tear_down)
 {
     struct bus_frame frame = bench_frame(0x123, 8);
     int64_t length = bench_duration(&frame, 1000000, 0), again, flag_and_more;
     unsigned shortest = 99, longest = 0;
 
-    (void)state;
     for (uint64_t seed = 0; seed < 300; seed++) {
         const struct wire_log *error, *event;
 
@@ -73,13 +71,12 @@ static void a_corrupted_frame_is_signaled_and_sent_again(void **state)
 }
 
 /* The reference for the length of superposed flags: every node by itself, bit by bit. */
-static void overlapping_flags_last_six_to_twelve_bits(void **state)
+TEST_WITH(overlapping_flags_last_six_to_twelve_bits, NULL, tear_down)
 {
     struct bus_frame frame = {.id = 0x555, .len = 8};
     struct reference bits;
     unsigned seen[16] = {0};
 
-    (void)state;
     memset(frame.data, 0xA3, sizeof frame.data);
     reference_encode(&frame, &bits);
     for (uint64_t seed = 0; seed < 400; seed++) {
@@ -120,12 +117,11 @@ static void overlapping_flags_last_six_to_twelve_bits(void **state)
     memset(&bench, 0, sizeof bench);
 }
 
-static void a_node_alone_gets_passive_but_never_bus_off(void **state)
+TEST_WITH(a_node_alone_gets_passive_but_never_bus_off, NULL, tear_down)
 {
     struct bus_frame frame = bench_frame(0x123, 8);
     int64_t to_ack = bench_duration(&frame, 1000000, 0) - 8 * US, expected = 0;
 
-    (void)state;
     bench_open(&bench, (struct wire_config){.nodes = 1});
     send(0, 0x123);
     wire_advance(bench.wire, 100 * MS);
@@ -145,12 +141,11 @@ static void a_node_alone_gets_passive_but_never_bus_off(void **state)
     assert_int_equal(bench_node(&bench, 0).bus_offs, 0);
 }
 
-static void errors_without_end_lead_to_bus_off_after_32(void **state)
+TEST_WITH(errors_without_end_lead_to_bus_off_after_32, NULL, tear_down)
 {
     int fault;
     const struct wire_log *off;
 
-    (void)state;
     bench_open(&bench, (struct wire_config){.restart_delay_ns = -1});
     fault = inject(WIRE_FAULT_CORRUPT, WIRE_ANY, 0);
     send(0, 0x123);
@@ -180,11 +175,10 @@ static void errors_without_end_lead_to_bus_off_after_32(void **state)
     assert_int_equal(bench_node(&bench, 0).tec, 0);
 }
 
-static void recovery_begins_with_the_recessive_bits_of_the_error_frame(void **state)
+TEST_WITH(recovery_begins_with_the_recessive_bits_of_the_error_frame, NULL, tear_down)
 {
     const struct wire_log *off, *on;
 
-    (void)state;
     bench_open(&bench, (struct wire_config){0});
     inject(WIRE_FAULT_CORRUPT, WIRE_ANY, 32);
     send(0, 0x123);
@@ -198,12 +192,11 @@ static void recovery_begins_with_the_recessive_bits_of_the_error_frame(void **st
 }
 
 /* Back to back, each frame ends with 1 + 7 + 3 recessive bits: one occurrence of eleven. */
-static void on_a_full_bus_recovery_takes_128_frames(void **state)
+TEST_WITH(on_a_full_bus_recovery_takes_128_frames, NULL, tear_down)
 {
     struct bus_frame frame = bench_frame(0x100, 8);
     uint64_t frames;
 
-    (void)state;
     bench_open(&bench, (struct wire_config){.queue = 1024});
     wire_force_bus_off(bench.wire, 2);
     assert_int_equal(bench_node(&bench, 2).state, WIRE_BUS_OFF);
@@ -218,9 +211,8 @@ static void on_a_full_bus_recovery_takes_128_frames(void **state)
     assert_true(frames >= 127 && frames <= 129);
 }
 
-static void restart_waits_for_the_delay(void **state)
+TEST_WITH(restart_waits_for_the_delay, NULL, tear_down)
 {
-    (void)state;
     bench_open(&bench, (struct wire_config){.restart_delay_ns = 100 * MS});
     wire_advance(bench.wire, MS);
     wire_force_bus_off(bench.wire, 1);
@@ -230,9 +222,8 @@ static void restart_waits_for_the_delay(void **state)
     assert_int_equal(bench_node(&bench, 1).state, WIRE_ERROR_ACTIVE);
 }
 
-static void counters_fall_by_one_with_every_good_frame(void **state)
+TEST_WITH(counters_fall_by_one_with_every_good_frame, NULL, tear_down)
 {
-    (void)state;
     bench_open(&bench, (struct wire_config){.queue = 1024});
     inject(WIRE_FAULT_CORRUPT, WIRE_ANY, 20);
     send(0, 0x123);
@@ -253,12 +244,11 @@ static void counters_fall_by_one_with_every_good_frame(void **state)
     assert_int_equal(bench_node(&bench, 1).rec, 0);
 }
 
-static void a_passive_sender_lets_others_go_first(void **state)
+TEST_WITH(a_passive_sender_lets_others_go_first, NULL, tear_down)
 {
     struct bus_frame frame = bench_frame(0x010, 8), low = bench_frame(0x700, 8);
     int64_t length = bench_duration(&frame, 1000000, 0), begin;
 
-    (void)state;
     bench_open(&bench, (struct wire_config){0});
     inject(WIRE_FAULT_CORRUPT, WIRE_ANY, 20);
     send(0, 0x010);
@@ -283,9 +273,8 @@ static void a_passive_sender_lets_others_go_first(void **state)
     assert_true(bench.count > (size_t)begin);
 }
 
-static void a_receiver_that_errs_alone_counts_nine(void **state)
+TEST_WITH(a_receiver_that_errs_alone_counts_nine, NULL, tear_down)
 {
-    (void)state;
     bench_open(&bench, (struct wire_config){0});
     inject(WIRE_FAULT_CORRUPT_AT, 2, 1);
     send(0, 0x123);
@@ -306,9 +295,8 @@ static void a_receiver_that_errs_alone_counts_nine(void **state)
     assert_true(bench_node(&bench, 0).tec_peak < 128);
 }
 
-static void loss_hides_a_frame_from_one_receiver(void **state)
+TEST_WITH(loss_hides_a_frame_from_one_receiver, NULL, tear_down)
 {
-    (void)state;
     bench_open(&bench, (struct wire_config){0});
     inject(WIRE_FAULT_LOSS, 1, 1);
     send(0, 0x123);
@@ -320,9 +308,8 @@ static void loss_hides_a_frame_from_one_receiver(void **state)
     assert_int_equal(bench_node(&bench, 0).confirmed, 2);
 }
 
-static void late_frames_come_late_and_others_overtake_them(void **state)
+TEST_WITH(late_frames_come_late_and_others_overtake_them, NULL, tear_down)
 {
-    (void)state;
     bench_open(&bench, (struct wire_config){0});
     inject(WIRE_FAULT_LATE, WIRE_ANY, 1);
     send(0, 0x123);
@@ -335,12 +322,11 @@ static void late_frames_come_late_and_others_overtake_them(void **state)
                      bench_event(&bench, WIRE_CONFIRM, 0)->event.time_ns + 700 * US);
 }
 
-static void a_duplicate_is_received_twice_and_counts_as_an_error(void **state)
+TEST_WITH(a_duplicate_is_received_twice_and_counts_as_an_error, NULL, tear_down)
 {
     struct bus_frame frame = bench_frame(0x123, 8);
     int64_t length = bench_duration(&frame, 1000000, 0);
 
-    (void)state;
     bench_open(&bench, (struct wire_config){0});
     inject(WIRE_FAULT_DUPLICATE, WIRE_ANY, 1);
     send(0, 0x123);
@@ -354,12 +340,11 @@ static void a_duplicate_is_received_twice_and_counts_as_an_error(void **state)
     assert_int_equal(bench_node(&bench, 1).rec_peak, 0);
 }
 
-static void two_nodes_with_one_identifier_climb_until_one_gives_way(void **state)
+TEST_WITH(two_nodes_with_one_identifier_climb_until_one_gives_way, NULL, tear_down)
 {
     struct bus_frame a = bench_frame(0x123, 8), b = bench_frame(0x123, 8);
     size_t first;
 
-    (void)state;
     b.data[3] = 0xFF;
     bench_open(&bench, (struct wire_config){0});
     wire_transmit(bench.wire, 0, &a);
@@ -376,9 +361,8 @@ static void two_nodes_with_one_identifier_climb_until_one_gives_way(void **state
     assert_int_equal(bench_node(&bench, 2).rec_peak, 16);
 }
 
-static void equal_frames_at_one_moment_are_one_frame(void **state)
+TEST_WITH(equal_frames_at_one_moment_are_one_frame, NULL, tear_down)
 {
-    (void)state;
     bench_open(&bench, (struct wire_config){0});
     send(0, 0x123);
     send(1, 0x123);
@@ -389,11 +373,10 @@ static void equal_frames_at_one_moment_are_one_frame(void **state)
     assert_int_equal(bench_stats(&bench).frames, 1);
 }
 
-static void a_foreign_node_collides_until_it_is_bus_off(void **state)
+TEST_WITH(a_foreign_node_collides_until_it_is_bus_off, NULL, tear_down)
 {
     int fault;
 
-    (void)state;
     bench_open(&bench, (struct wire_config){.restart_delay_ns = -1, .queue = 1024});
     fault = inject(WIRE_FAULT_COLLISION, WIRE_ANY, 0);
     for (int i = 0; i < 600; i++) {
@@ -406,11 +389,10 @@ static void a_foreign_node_collides_until_it_is_bus_off(void **state)
     assert_true(bench_node(&bench, 0).confirmed > 0);
 }
 
-static void a_node_of_another_rate_disturbs_until_it_is_passive(void **state)
+TEST_WITH(a_node_of_another_rate_disturbs_until_it_is_passive, NULL, tear_down)
 {
     const int64_t rates[] = {500000, 250000, 125000};
 
-    (void)state;
     for (size_t i = 0; i < 3; i++) {
         bench_open(&bench, (struct wire_config){.queue = 256});
         wire_set_bitrate(bench.wire, 2, rates[i]);
@@ -437,9 +419,8 @@ static void a_node_of_another_rate_disturbs_until_it_is_passive(void **state)
     memset(&bench, 0, sizeof bench);
 }
 
-static void an_unplugged_node_hears_nothing_and_sends_when_it_is_back(void **state)
+TEST_WITH(an_unplugged_node_hears_nothing_and_sends_when_it_is_back, NULL, tear_down)
 {
-    (void)state;
     bench_open(&bench, (struct wire_config){0});
     wire_connect(bench.wire, 2, false);
     send(0, 0x100);
@@ -455,7 +436,7 @@ static void an_unplugged_node_hears_nothing_and_sends_when_it_is_back(void **sta
     assert_int_equal(bench_node(&bench, 2).state, WIRE_ERROR_WARNING);
 }
 
-static void faults_keep_to_their_window_identifier_and_sender(void **state)
+TEST_WITH(faults_keep_to_their_window_identifier_and_sender, NULL, tear_down)
 {
     const struct wire_fault fault = {.kind = WIRE_FAULT_CORRUPT,
                                      .node = 1,
@@ -466,7 +447,6 @@ static void faults_keep_to_their_window_identifier_and_sender(void **state)
                                      .until_ns = 20 * MS};
     int number;
 
-    (void)state;
     bench_open(&bench, (struct wire_config){.queue = 256, .restart_delay_ns = 0});
     number = wire_inject(bench.wire, &fault);
     for (int64_t tick = 0; tick < 30; tick++) {
@@ -500,14 +480,13 @@ static void faults_keep_to_their_window_identifier_and_sender(void **state)
 }
 
 /* Whatever is done to it, the wire accounts for every frame and time never runs backward. */
-static void nothing_gets_lost_in_a_storm_of_faults(void **state)
+TEST_WITH(nothing_gets_lost_in_a_storm_of_faults, NULL, tear_down)
 {
     struct random_stream random = random_named(11, "storm");
     uint64_t handed = 0;
     struct wire_stats stats;
     uint64_t confirmed = 0, queued = 0;
 
-    (void)state;
     bench_open(&bench, (struct wire_config){.nodes = 8,
                                             .queue = 16,
                                             .fd = true,
@@ -559,33 +538,4 @@ static void nothing_gets_lost_in_a_storm_of_faults(void **state)
     assert_int_equal(
         confirmed + queued + wire_dropped(bench.wire) - stats.dropped[WIRE_DROP_LATE_FULL], handed);
     assert_true(confirmed > 1000 && stats.bus_offs > 10 && stats.errors[WIRE_BIT_ERROR] > 100);
-}
-
-int main(void)
-{
-#define TEST(name) cmocka_unit_test_teardown(name, tear_down)
-    const struct CMUnitTest tests[] = {
-        TEST(a_corrupted_frame_is_signaled_and_sent_again),
-        TEST(overlapping_flags_last_six_to_twelve_bits),
-        TEST(a_node_alone_gets_passive_but_never_bus_off),
-        TEST(errors_without_end_lead_to_bus_off_after_32),
-        TEST(recovery_begins_with_the_recessive_bits_of_the_error_frame),
-        TEST(on_a_full_bus_recovery_takes_128_frames),
-        TEST(restart_waits_for_the_delay),
-        TEST(counters_fall_by_one_with_every_good_frame),
-        TEST(a_passive_sender_lets_others_go_first),
-        TEST(a_receiver_that_errs_alone_counts_nine),
-        TEST(loss_hides_a_frame_from_one_receiver),
-        TEST(late_frames_come_late_and_others_overtake_them),
-        TEST(a_duplicate_is_received_twice_and_counts_as_an_error),
-        TEST(two_nodes_with_one_identifier_climb_until_one_gives_way),
-        TEST(equal_frames_at_one_moment_are_one_frame),
-        TEST(a_foreign_node_collides_until_it_is_bus_off),
-        TEST(a_node_of_another_rate_disturbs_until_it_is_passive),
-        TEST(an_unplugged_node_hears_nothing_and_sends_when_it_is_back),
-        TEST(faults_keep_to_their_window_identifier_and_sender),
-        TEST(nothing_gets_lost_in_a_storm_of_faults),
-    };
-
-    return cmocka_run_group_tests_name("canbus/wire_errors", tests, NULL, NULL);
 }

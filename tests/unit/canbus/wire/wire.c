@@ -9,19 +9,17 @@
 
 static struct wire_bench bench;
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
-    (void)state;
     bench_close(&bench);
     return 0;
 }
 
-static void a_frame_arrives_at_the_end_of_its_eof(void **state)
+TEST_WITH(a_frame_arrives_at_the_end_of_its_eof, NULL, tear_down)
 {
     struct bus_frame frame = bench_frame(0x123, 8);
     const struct wire_log *event;
 
-    (void)state;
     bench_open(&bench, (struct wire_config){0});
     wire_advance(bench.wire, 10 * US);
     assert_true(wire_transmit(bench.wire, 1, &frame));
@@ -39,12 +37,11 @@ static void a_frame_arrives_at_the_end_of_its_eof(void **state)
     assert_int_equal(bench_node(&bench, 1).confirmed, 1);
 }
 
-static void frames_follow_each_other_after_three_bits(void **state)
+TEST_WITH(frames_follow_each_other_after_three_bits, NULL, tear_down)
 {
     struct bus_frame frame = bench_frame(0x123, 8);
     int64_t length = bench_duration(&frame, 500000, 0);
 
-    (void)state;
     bench_open(&bench, (struct wire_config){.bitrate = 500000});
     for (int i = 0; i < 5; i++) {
         wire_transmit(bench.wire, 0, &frame);
@@ -56,12 +53,11 @@ static void frames_follow_each_other_after_three_bits(void **state)
     }
 }
 
-static void fd_frames_go_at_two_rates(void **state)
+TEST_WITH(fd_frames_go_at_two_rates, NULL, tear_down)
 {
     struct bus_frame frame = {
         .id = 0x1ABCDEF0, .flags = FRAME_FD | FRAME_BRS | FRAME_EXTENDED, .len = 64};
 
-    (void)state;
     bench_open(&bench, (struct wire_config){.fd = true, .data_bitrate = 8000000});
     memset(frame.data, 0x0F, sizeof frame.data);
     wire_transmit(bench.wire, 0, &frame);
@@ -72,13 +68,12 @@ static void fd_frames_go_at_two_rates(void **state)
 
 /* Frames without a gap at rates that do not divide 1 GHz end where all their bits end, the last of
  * thousands too, to the nearest nanosecond at each of the two rates. */
-static void no_rounding_adds_up_over_frames_that_follow_each_other(void **state)
+TEST_WITH(no_rounding_adds_up_over_frames_that_follow_each_other, NULL, tear_down)
 {
     static const struct {
         int64_t bitrate, data_bitrate;
     } rates[] = {{83333, 0}, {33333, 0}, {666666, 0}, {800000, 0}, {666666, 1333333}, {95238, 0}};
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(rates); i++) {
         struct random_stream random = random_named(17, "rates");
         const int64_t rate = rates[i].bitrate, fast = rates[i].data_bitrate;
@@ -116,7 +111,7 @@ static void no_rounding_adds_up_over_frames_that_follow_each_other(void **state)
     memset(&bench, 0, sizeof bench);
 }
 
-static void arbitration_is_by_the_bits_of_the_identifier(void **state)
+TEST_WITH(arbitration_is_by_the_bits_of_the_identifier, NULL, tear_down)
 {
     const struct bus_frame frames[] = {
         {.id = 0x124},
@@ -127,7 +122,6 @@ static void arbitration_is_by_the_bits_of_the_identifier(void **state)
     };
     const uint32_t order[] = {0x122, 0x123, 0x123, 0x123u << 18, 0x124};
 
-    (void)state;
     bench_open(&bench, (struct wire_config){.nodes = 5});
     for (size_t i = 0; i < 5; i++) {
         wire_transmit(bench.wire, i, &frames[i]);
@@ -141,9 +135,8 @@ static void arbitration_is_by_the_bits_of_the_identifier(void **state)
     assert_int_equal(bench_node(&bench, 0).arbitration_lost, 4);
 }
 
-static void a_fifo_lets_urgent_frames_wait_and_mailboxes_do_not(void **state)
+TEST_WITH(a_fifo_lets_urgent_frames_wait_and_mailboxes_do_not, NULL, tear_down)
 {
-    (void)state;
     for (int fifo = 0; fifo < 2; fifo++) {
         struct bus_frame late = bench_frame(0x700, 8), urgent = bench_frame(0x001, 0);
         struct bus_frame other = bench_frame(0x300, 4);
@@ -160,9 +153,8 @@ static void a_fifo_lets_urgent_frames_wait_and_mailboxes_do_not(void **state)
     memset(&bench, 0, sizeof bench);
 }
 
-static void full_queues_drop_the_newest_and_say_so(void **state)
+TEST_WITH(full_queues_drop_the_newest_and_say_so, NULL, tear_down)
 {
-    (void)state;
     bench_open(&bench, (struct wire_config){.queue = 4});
     for (uint32_t i = 0; i < 7; i++) {
         struct bus_frame frame = bench_frame(0x100, 8);
@@ -234,14 +226,13 @@ static int brute_next(const struct brute *frames, int64_t free_ns, int64_t *star
     return best;
 }
 
-static void everything_happens_as_in_a_brute_force_simulation(void **state)
+TEST_WITH(everything_happens_as_in_a_brute_force_simulation, NULL, tear_down)
 {
     struct brute *frames = test_calloc(BRUTE_FRAMES, sizeof *frames);
     struct random_stream random = random_named(7, "brute");
     int64_t time = 0, free_ns = 0, start_ns;
     size_t sent = 0;
 
-    (void)state;
     bench_open(&bench, (struct wire_config){.nodes = BRUTE_NODES, .queue = 4096});
     for (int i = 0; i < BRUTE_FRAMES; i++) {
         struct brute *b = &frames[i];
@@ -317,7 +308,7 @@ static int64_t response_bound(const struct stream *streams, int of)
     return delay + own;
 }
 
-static void latencies_stay_within_the_response_time_analysis(void **state)
+TEST_WITH(latencies_stay_within_the_response_time_analysis, NULL, tear_down)
 {
     const struct stream streams[STREAMS] = {
         {0x010, 3, 1 * MS}, {0x020, 3, 1 * MS}, {0x0F0, 8, 2 * MS}, {0x100, 8, 2 * MS},
@@ -326,7 +317,6 @@ static void latencies_stay_within_the_response_time_analysis(void **state)
     struct wire_latency latency[STREAMS];
     int64_t worst_of_lowest = 0, bound;
 
-    (void)state;
     for (int round = 0; round < 20; round++) {
         int64_t due[STREAMS];
 
@@ -379,13 +369,12 @@ static void latencies_stay_within_the_response_time_analysis(void **state)
 
 /* ---- load ---- */
 
-static void load_is_the_time_of_the_bits_and_the_intermission(void **state)
+TEST_WITH(load_is_the_time_of_the_bits_and_the_intermission, NULL, tear_down)
 {
     struct bus_frame frame = bench_frame(0x123, 8);
     int64_t busy = bench_duration(&frame, 1000000, 0) + 3 * US;
     struct wire_stats stats;
 
-    (void)state;
     bench_open(&bench, (struct wire_config){.window_ns = 10 * MS});
     /* 40 ms with 5 frames a millisecond, 40 ms with none */
     for (int64_t tick = 0; tick < 80; tick++) {
@@ -408,12 +397,11 @@ static void load_is_the_time_of_the_bits_and_the_intermission(void **state)
     assert_true(stats.load_now == 0.0);
 }
 
-static void an_overloaded_bus_is_full_and_its_queue_says_so(void **state)
+TEST_WITH(an_overloaded_bus_is_full_and_its_queue_says_so, NULL, tear_down)
 {
     struct bus_frame frame = bench_frame(0x123, 8);
     struct wire_stats stats;
 
-    (void)state;
     bench_open(&bench, (struct wire_config){.queue = 32});
     for (int64_t tick = 0; tick < 1000; tick++) {
         wire_advance(bench.wire, tick * MS);
@@ -429,12 +417,11 @@ static void an_overloaded_bus_is_full_and_its_queue_says_so(void **state)
     assert_int_equal(stats.frames + stats.dropped[WIRE_DROP_QUEUE_FULL] + stats.queued, 12000);
 }
 
-static void equal_calls_give_equal_events_however_time_is_cut(void **state)
+TEST_WITH(equal_calls_give_equal_events_however_time_is_cut, NULL, tear_down)
 {
     struct wire_log *first = test_calloc(4096, sizeof *first);
     size_t count = 0;
 
-    (void)state;
     for (int round = 0; round < 2; round++) {
         struct random_stream random = random_named(9, "cut");
 
@@ -473,13 +460,12 @@ static void equal_calls_give_equal_events_however_time_is_cut(void **state)
     memset(&bench, 0, sizeof bench);
 }
 
-static void identifiers_beyond_the_table_share_an_entry(void **state)
+TEST_WITH(identifiers_beyond_the_table_share_an_entry, NULL, tear_down)
 {
     struct wire_latency *latency = test_calloc(4096, sizeof *latency);
     uint64_t frames = 0, others = 0;
     size_t count;
 
-    (void)state;
     bench_open(&bench, (struct wire_config){0});
     for (uint32_t i = 0; i < 3000; i++) {
         struct bus_frame frame = {.id = i * 7919, .flags = FRAME_EXTENDED};
@@ -498,7 +484,7 @@ static void identifiers_beyond_the_table_share_an_entry(void **state)
     test_free(latency);
 }
 
-static void impossible_configurations_are_refused_with_a_reason(void **state)
+TEST(impossible_configurations_are_refused_with_a_reason)
 {
     static const struct {
         struct wire_config config;
@@ -515,7 +501,6 @@ static void impossible_configurations_are_refused_with_a_reason(void **state)
     struct error error;
     struct wire *wire;
 
-    (void)state;
     assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         assert_int_equal(wire_create(&cases[i].config, &arena, &wire, &error), ERROR_INPUT);
@@ -530,27 +515,4 @@ static void impossible_configurations_are_refused_with_a_reason(void **state)
         assert_int_equal(wire_create(&config, &arena, &wire, &error), ERROR_MEMORY);
         arena_fini(&arena);
     }
-}
-
-int main(void)
-{
-#define TEST(name) cmocka_unit_test_teardown(name, tear_down)
-    const struct CMUnitTest tests[] = {
-        TEST(a_frame_arrives_at_the_end_of_its_eof),
-        TEST(frames_follow_each_other_after_three_bits),
-        TEST(fd_frames_go_at_two_rates),
-        TEST(no_rounding_adds_up_over_frames_that_follow_each_other),
-        TEST(arbitration_is_by_the_bits_of_the_identifier),
-        TEST(a_fifo_lets_urgent_frames_wait_and_mailboxes_do_not),
-        TEST(full_queues_drop_the_newest_and_say_so),
-        TEST(everything_happens_as_in_a_brute_force_simulation),
-        TEST(latencies_stay_within_the_response_time_analysis),
-        TEST(load_is_the_time_of_the_bits_and_the_intermission),
-        TEST(an_overloaded_bus_is_full_and_its_queue_says_so),
-        TEST(equal_calls_give_equal_events_however_time_is_cut),
-        TEST(identifiers_beyond_the_table_share_an_entry),
-        cmocka_unit_test(impossible_configurations_are_refused_with_a_reason),
-    };
-
-    return cmocka_run_group_tests_name("canbus/wire", tests, NULL, NULL);
 }

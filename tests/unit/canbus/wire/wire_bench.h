@@ -3,18 +3,12 @@
 #ifndef TESTS_UNIT_CANBUS_WIRE_WIRE_BENCH_H
 #define TESTS_UNIT_CANBUS_WIRE_WIRE_BENCH_H
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "base/random.h"
 #include "canbus/port.h"
 #include "canbus/wire/wire.h"
 #include "canbus/wire/bits.h"
 #include "tests/unit/canbus/wire/wire_reference.h"
+#include "tests/test.h"
 
 enum { WIRE_LOG_MAX = 1 << 17 };
 

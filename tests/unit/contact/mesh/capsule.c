@@ -3,22 +3,17 @@
 #include "contact/mesh/mesh.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-#include <cmocka.h>
 
 #include "tests/physics/near.h"
 #include "tests/unit/arena_fixture.h"
+#include "tests/test.h"
 
-static void encloses_what_the_capsule_does(void **state)
+TEST(encloses_what_the_capsule_does)
 {
     const double length[] = {0, 1e-6, 0.01, 0.18}, R = 0.06, pi = 3.14159265358979323846;
 
-    (void)state;
     for (int i = 0; i < 4; i++) {
         const struct mesh *mesh;
         struct mesh_finding finding;
@@ -38,39 +33,28 @@ static void encloses_what_the_capsule_does(void **state)
     }
 }
 
-static void refuses_sizes_that_make_none(void **state)
+TEST(refuses_sizes_that_make_none)
 {
     const double size[][2] = {{0, 1},   {-1, 1},       {1, -1}, {NAN, 1},
                               {1, NAN}, {INFINITY, 1}, {1, 1e7}};
     const struct mesh *mesh;
     struct error error;
 
-    (void)state;
     for (size_t i = 0; i < sizeof size / sizeof *size; i++) {
         assert_int_equal(mesh_capsule(size[i][0], size[i][1], &arena, &mesh, &error), ERROR_INPUT);
         assert_non_null(strstr(error.text, "capsule"));
     }
 }
 
-static void reports_an_arena_that_is_used_up(void **state)
+TEST(reports_an_arena_that_is_used_up)
 {
     struct arena small;
     const struct mesh *mesh;
     struct error error;
 
-    (void)state;
     assert_int_equal(arena_init(&small, 4096, &error), ERROR_NONE);
     assert_int_equal(mesh_capsule(1, 1, &small, &mesh, &error), ERROR_MEMORY);
     arena_fini(&small);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(encloses_what_the_capsule_does),
-        cmocka_unit_test(refuses_sizes_that_make_none),
-        cmocka_unit_test(reports_an_arena_that_is_used_up),
-    };
-
-    return cmocka_run_group_tests(tests, open_arena, close_arena);
-}
+TEST_GROUP(open_arena, close_arena)

@@ -2,13 +2,10 @@
 /* Half-edges being sorted, against the order by comparison. */
 #include "contact/mesh/edges.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdint.h>
 #include <stdlib.h>
-#include <cmocka.h>
 
 #include "tests/unit/arena_fixture.h"
+#include "tests/test.h"
 
 /* By low vertex, high vertex, number. */
 static int compare(const struct half_edge *x, const struct half_edge *y)
@@ -40,12 +37,11 @@ static void assert_sorted(const struct mesh *mesh)
     }
 }
 
-static void half_edges_of_boxes_are_sorted(void **state)
+TEST_WITH(half_edges_of_boxes_are_sorted, open_arena, close_arena)
 {
     const double half[3] = {1, 2, 3};
     const struct mesh *mesh;
 
-    (void)state;
     for (int cells = 1; cells < 9; cells++) {
         assert_int_equal(mesh_box(half, cells, &arena, &mesh, NULL), ERROR_NONE);
         assert_sorted(mesh);
@@ -53,12 +49,11 @@ static void half_edges_of_boxes_are_sorted(void **state)
 }
 
 /* Two hubs at the ends of a spindle, whose vertices are numbered first and last, or both first. */
-static void half_edges_around_hubs_are_sorted(void **state)
+TEST_WITH(half_edges_around_hubs_are_sorted, open_arena, close_arena)
 {
     enum { RIM = 200 };
     static const double vertex[RIM + 2][3];
 
-    (void)state;
     for (int last = 0; last < 2; last++) {
         int face[2 * RIM][3];
 
@@ -77,14 +72,4 @@ static void half_edges_around_hubs_are_sorted(void **state)
                                      .vertex = vertex,
                                      .face = (const int(*)[3])face});
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(half_edges_of_boxes_are_sorted, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(half_edges_around_hubs_are_sorted, open_arena, close_arena),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

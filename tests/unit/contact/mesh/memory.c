@@ -1,16 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The OBJ reader when memory runs out: every allocation fails once, in turn. */
 #include "contact/mesh/mesh.h"
+#include "tests/test.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <cmocka.h>
 
 /* The linker sends the library's calls here (--wrap). */
 void *__real_malloc(size_t size);
@@ -42,14 +38,13 @@ void *__wrap_realloc(void *memory, size_t size)
     return fails() ? NULL : __real_realloc(memory, size);
 }
 
-static void every_allocation_that_fails_is_reported_and_nothing_leaks(void **state)
+TEST(every_allocation_that_fails_is_reported_and_nothing_leaks)
 {
     const char *path = HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj";
     struct arena arena;
     enum error_code code = ERROR_MEMORY;
     int failures = 0;
 
-    (void)state;
     assert_int_equal(arena_init(&arena, (size_t)1 << 20, NULL), ERROR_NONE);
     while (code != ERROR_NONE) {
         const struct mesh *mesh = NULL;
@@ -69,13 +64,4 @@ static void every_allocation_that_fails_is_reported_and_nothing_leaks(void **sta
     /* The file; 256 vertices, 256 and 512 faces, each with places; five arrays of the check */
     assert_true(failures >= 1 + 2 + 4 + 5);
     arena_fini(&arena);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_allocation_that_fails_is_reported_and_nothing_leaks),
-    };
-
-    return cmocka_run_group_tests_name("mesh_memory", tests, NULL, NULL);
 }

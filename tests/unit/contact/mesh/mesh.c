@@ -4,16 +4,12 @@
 
 #include <float.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-#include <cmocka.h>
 
 #include "tests/unit/arena_fixture.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 static struct mesh_finding check(const struct mesh *mesh)
 {
@@ -29,20 +25,18 @@ static const int side[4][3] = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
 
 static const struct mesh tetrahedron = {"tetrahedron", 4, 4, corner, side, false};
 
-static void tetrahedron_is_sound_and_has_its_volume_and_area(void **state)
+TEST(tetrahedron_is_sound_and_has_its_volume_and_area)
 {
-    (void)state;
     assert_int_equal(check(&tetrahedron).fault, MESH_SOUND);
     assert_near(mesh_volume(&tetrahedron), 1.0 / 6, 1e-15);
     assert_near(mesh_area(&tetrahedron), 1.5 + sqrt(3) / 2, 1e-15);
 }
 
-static void volume_of_a_mesh_far_from_the_origin_keeps_its_digits(void **state)
+TEST(volume_of_a_mesh_far_from_the_origin_keeps_its_digits)
 {
     double far[4][3];
     struct mesh mesh = tetrahedron;
 
-    (void)state;
     for (int v = 0; v < 4; v++) {
         for (int i = 0; i < 3; i++) {
             far[v][i] = corner[v][i] + 524288;
@@ -52,12 +46,11 @@ static void volume_of_a_mesh_far_from_the_origin_keeps_its_digits(void **state)
     assert_near(mesh_volume(&mesh), 1.0 / 6, 1e-14);
 }
 
-static void box_has_twelve_faces_a_square_cell_and_shares_its_vertices(void **state)
+TEST(box_has_twelve_faces_a_square_cell_and_shares_its_vertices)
 {
     const double half[3] = {0.075, 0.05, 0.02};
     const int cells[] = {1, 2, 3, 7, 32};
 
-    (void)state;
     for (size_t i = 0; i < sizeof cells / sizeof *cells; i++) {
         const struct mesh *box;
         size_t n = (size_t)cells[i];
@@ -76,21 +69,19 @@ static void box_has_twelve_faces_a_square_cell_and_shares_its_vertices(void **st
     }
 }
 
-static void box_of_seven_cells_has_the_588_faces_of_the_paper(void **state)
+TEST(box_of_seven_cells_has_the_588_faces_of_the_paper)
 {
     const struct mesh *box;
 
-    (void)state;
     assert_int_equal(mesh_box((double[3]){0.075, 0.075, 0.075}, 7, &arena, &box, NULL), ERROR_NONE);
     assert_int_equal(box->nface, 588);
 }
 
-static void every_box_face_lies_in_a_side_and_looks_outward(void **state)
+TEST(every_box_face_lies_in_a_side_and_looks_outward)
 {
     const double half[3] = {1, 2, 3};
     const struct mesh *box;
 
-    (void)state;
     assert_int_equal(mesh_box(half, 3, &arena, &box, NULL), ERROR_NONE);
     for (size_t f = 0; f < box->nface; f++) {
         const double *p[3];
@@ -114,7 +105,7 @@ static void every_box_face_lies_in_a_side_and_looks_outward(void **state)
     }
 }
 
-static void box_refuses_sizes_and_cells_that_make_none(void **state)
+TEST(box_refuses_sizes_and_cells_that_make_none)
 {
     const struct {
         double half[3];
@@ -122,7 +113,6 @@ static void box_refuses_sizes_and_cells_that_make_none(void **state)
     } bad[] = {{{0, 1, 1}, 1},   {{1, -1, 1}, 1}, {{1, 1, NAN}, 1},       {{INFINITY, 1, 1}, 1},
                {{1e7, 1, 1}, 1}, {{1, 1, 1}, 0},  {{1, 1, 1}, INT32_MIN}, {{1, 1, 1}, 257}};
 
-    (void)state;
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         const struct mesh *box = NULL;
         struct error error;
@@ -133,20 +123,19 @@ static void box_refuses_sizes_and_cells_that_make_none(void **state)
     }
 }
 
-static void box_reports_an_arena_that_is_used_up(void **state)
+TEST(box_reports_an_arena_that_is_used_up)
 {
     struct arena small;
     const struct mesh *box = NULL;
     struct error error;
 
-    (void)state;
     assert_int_equal(arena_init(&small, 4096, NULL), ERROR_NONE);
     assert_int_equal(mesh_box((double[3]){1, 1, 1}, 64, &small, &box, &error), ERROR_MEMORY);
     assert_null(box);
     arena_fini(&small);
 }
 
-static void names_each_fault_of_a_surface_and_its_first_face(void **state)
+TEST(names_each_fault_of_a_surface_and_its_first_face)
 {
     static const double bad_coordinate[4][3] = {{0, 0, 0}, {1, 0, 0}, {0, NAN, 0}, {0, 0, 1}};
     static const double too_far[4][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1e7}};
@@ -189,7 +178,6 @@ static void names_each_fault_of_a_surface_and_its_first_face(void **state)
         {{"", 4, 4, corner, inward, false}, MESH_INWARD, 0},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
         struct mesh_finding finding = check(&row[i].mesh);
 
@@ -201,7 +189,7 @@ static void names_each_fault_of_a_surface_and_its_first_face(void **state)
     }
 }
 
-static void separate_closed_pieces_are_sound(void **state)
+TEST(separate_closed_pieces_are_sound)
 {
     static const double eight[8][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1},
                                        {5, 0, 0}, {6, 0, 0}, {5, 1, 0}, {5, 0, 1}};
@@ -209,24 +197,8 @@ static void separate_closed_pieces_are_sound(void **state)
                                   {4, 6, 5}, {4, 5, 7}, {4, 7, 6}, {5, 6, 7}};
     const struct mesh mesh = {"two", 8, 8, eight, two, false};
 
-    (void)state;
     assert_int_equal(check(&mesh).fault, MESH_SOUND);
     assert_near(mesh_volume(&mesh), 1.0 / 3, 1e-15);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(tetrahedron_is_sound_and_has_its_volume_and_area),
-        cmocka_unit_test(volume_of_a_mesh_far_from_the_origin_keeps_its_digits),
-        cmocka_unit_test(box_has_twelve_faces_a_square_cell_and_shares_its_vertices),
-        cmocka_unit_test(box_of_seven_cells_has_the_588_faces_of_the_paper),
-        cmocka_unit_test(every_box_face_lies_in_a_side_and_looks_outward),
-        cmocka_unit_test(box_refuses_sizes_and_cells_that_make_none),
-        cmocka_unit_test(box_reports_an_arena_that_is_used_up),
-        cmocka_unit_test(names_each_fault_of_a_surface_and_its_first_face),
-        cmocka_unit_test(separate_closed_pieces_are_sound),
-    };
-
-    return cmocka_run_group_tests_name("mesh", tests, open_arena, close_arena);
-}
+TEST_GROUP(open_arena, close_arena)

@@ -2,20 +2,16 @@
 /* OBJ text in all the forms that are taken, and every way to be refused with its place. */
 #include "contact/mesh/mesh.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
-#include <cmocka.h>
 
 #include "tests/unit/arena_fixture.h"
 #include "tests/physics/near.h"
 #include "tools/mesh_write.h"
+#include "tests/test.h"
 
 #define VERTICES "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
 #define FACES "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -47,7 +43,7 @@ static void refused(const char *text, size_t size, const char *start)
     assert_int_equal(arena.used, used);
 }
 
-static void reads_all_corner_forms_and_passes_over_what_is_not_shape(void **state)
+TEST(reads_all_corner_forms_and_passes_over_what_is_not_shape)
 {
     static const char *const text[] = {
         VERTICES FACES,
@@ -62,7 +58,6 @@ static void reads_all_corner_forms_and_passes_over_what_is_not_shape(void **stat
         "g a\\\nb\n" VERTICES FACES,
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof text / sizeof *text; i++) {
         const struct mesh *mesh = read_text(text[i]);
 
@@ -73,7 +68,7 @@ static void reads_all_corner_forms_and_passes_over_what_is_not_shape(void **stat
     }
 }
 
-static void splits_convex_polygons_into_fans(void **state)
+TEST(splits_convex_polygons_into_fans)
 {
     /* a hexagonal prism: two hexagons of four triangles, six quads of two */
     const struct mesh *mesh =
@@ -82,7 +77,6 @@ static void splits_convex_polygons_into_fans(void **state)
                   "f 6 5 4 3 2 1\nf 7 8 9 10 11 12\nf 1 2 8 7\nf 2 3 9 8\nf 3 4 10 9\n"
                   "f 4 5 11 10\nf 5 6 12 11\nf 6 1 7 12\n");
 
-    (void)state;
     assert_int_equal(mesh->nface, 20);
     assert_int_equal(mesh->face[0][0], 5);
     assert_int_equal(mesh->face[0][1], 4);
@@ -91,7 +85,7 @@ static void splits_convex_polygons_into_fans(void **state)
     assert_near(mesh_volume(mesh), 12, 1e-14);
 }
 
-static void refuses_what_is_not_a_mesh_and_says_where(void **state)
+TEST(refuses_what_is_not_a_mesh_and_says_where)
 {
     static const struct {
         const char *text, *start;
@@ -151,27 +145,24 @@ static void refuses_what_is_not_a_mesh_and_says_where(void **state)
         {"v 0 0 0\rv 1 0 0\r", "a.obj:1:7: found '0?v'"},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
         refused(row[i].text, strlen(row[i].text), row[i].start);
     }
 }
 
-static void a_zero_byte_ends_neither_a_number_nor_the_file(void **state)
+TEST(a_zero_byte_ends_neither_a_number_nor_the_file)
 {
     static const char number[] = "v 0 0 0\0001\n", keyword[] = "v 0 0 0\n\0\n";
 
-    (void)state;
     refused(number, sizeof number - 1, "a.obj:1:7: found '0?1'");
     refused(keyword, sizeof keyword - 1, "a.obj:2:1: found '?'");
 }
 
-static void lines_of_any_length_are_read_and_quoted_short(void **state)
+TEST(lines_of_any_length_are_read_and_quoted_short)
 {
     size_t size = 4 << 20;
     char *text = malloc(size + 1);
 
-    (void)state;
     assert_non_null(text);
 
     /* One long comment before a good mesh */
@@ -196,12 +187,11 @@ static void lines_of_any_length_are_read_and_quoted_short(void **state)
     free(text);
 }
 
-static void too_many_vertices_are_an_error_with_the_limit(void **state)
+TEST(too_many_vertices_are_an_error_with_the_limit)
 {
     size_t lines = MESH_MAX_VERTICES + 1;
     char *text = malloc(8 * lines);
 
-    (void)state;
     assert_non_null(text);
     for (size_t i = 0; i < lines; i++) {
         memcpy(text + 8 * i, "v 0 0 0\n", 8);
@@ -211,13 +201,12 @@ static void too_many_vertices_are_an_error_with_the_limit(void **state)
 }
 
 /* The same triangle again and again, which a check of the surface would find much later. */
-static void too_many_faces_are_refused_while_they_are_counted(void **state)
+TEST(too_many_faces_are_refused_while_they_are_counted)
 {
     static const char corners[] = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
     size_t size = strlen(corners), lines = MESH_MAX_FACES + 1;
     char *text = malloc(size + 8 * lines);
 
-    (void)state;
     assert_non_null(text);
     memcpy(text, corners, size);
     for (size_t i = 0; i < lines; i++) {
@@ -228,12 +217,11 @@ static void too_many_faces_are_refused_while_they_are_counted(void **state)
     free(text);
 }
 
-static void a_file_that_is_none_is_an_error_and_never_a_hang(void **state)
+TEST(a_file_that_is_none_is_an_error_and_never_a_hang)
 {
     char directory[] = "/tmp/mesh_obj_XXXXXX", fifo[64];
     const char *path[] = {"/nonexistent/a.obj", directory, fifo, "/dev/zero"};
 
-    (void)state;
     assert_non_null(mkdtemp(directory));
     snprintf(fifo, sizeof fifo, "%s/fifo", directory);
     assert_int_equal(mkfifo(fifo, 0600), 0);
@@ -249,14 +237,13 @@ static void a_file_that_is_none_is_an_error_and_never_a_hang(void **state)
     rmdir(directory);
 }
 
-static void a_file_over_the_size_limit_is_refused_before_it_is_read(void **state)
+TEST(a_file_over_the_size_limit_is_refused_before_it_is_read)
 {
     char path[] = "/tmp/mesh_obj_XXXXXX";
     int fd = mkstemp(path);
     const struct mesh *mesh = NULL;
     struct error error;
 
-    (void)state;
     assert_true(fd >= 0);
     assert_int_equal(ftruncate(fd, (off_t)MESH_MAX_FILE_BYTES + 1), 0);
     assert_int_equal(mesh_read_obj(path, &arena, &mesh, &error), ERROR_INPUT);
@@ -265,7 +252,7 @@ static void a_file_over_the_size_limit_is_refused_before_it_is_read(void **state
     unlink(path);
 }
 
-static void an_arena_that_is_used_up_is_reported(void **state)
+TEST(an_arena_that_is_used_up_is_reported)
 {
     struct arena small;
     const struct mesh *mesh = NULL;
@@ -274,7 +261,6 @@ static void an_arena_that_is_used_up_is_reported(void **state)
     const struct mesh *box;
     FILE *file = open_memstream(&text, &size);
 
-    (void)state;
     assert_non_null(file);
     assert_int_equal(mesh_box((double[3]){1, 1, 1}, 16, &arena, &box, NULL), ERROR_NONE);
     assert_int_equal(mesh_write_obj(box, file, NULL), ERROR_NONE);
@@ -286,20 +272,4 @@ static void an_arena_that_is_used_up_is_reported(void **state)
     free(text);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(reads_all_corner_forms_and_passes_over_what_is_not_shape),
-        cmocka_unit_test(splits_convex_polygons_into_fans),
-        cmocka_unit_test(refuses_what_is_not_a_mesh_and_says_where),
-        cmocka_unit_test(a_zero_byte_ends_neither_a_number_nor_the_file),
-        cmocka_unit_test(lines_of_any_length_are_read_and_quoted_short),
-        cmocka_unit_test(too_many_vertices_are_an_error_with_the_limit),
-        cmocka_unit_test(too_many_faces_are_refused_while_they_are_counted),
-        cmocka_unit_test(a_file_that_is_none_is_an_error_and_never_a_hang),
-        cmocka_unit_test(a_file_over_the_size_limit_is_refused_before_it_is_read),
-        cmocka_unit_test(an_arena_that_is_used_up_is_reported),
-    };
-
-    return cmocka_run_group_tests_name("mesh_obj", tests, open_arena, close_arena);
-}
+TEST_GROUP(open_arena, close_arena)

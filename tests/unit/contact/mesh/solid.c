@@ -8,15 +8,12 @@
 #include "base/vec3.h"
 
 #include <float.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdint.h>
 #include <string.h>
-#include <cmocka.h>
 
 #include "tests/unit/arena_fixture.h"
 #include "tests/unit/contact/random_number.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 static struct solid make(const struct mesh *mesh)
 {
@@ -134,9 +131,8 @@ static double brute_distance(const struct mesh *mesh, const double p[3])
     return best;
 }
 
-static void a_box_has_six_facets_however_it_is_cut(void **state)
+TEST(a_box_has_six_facets_however_it_is_cut)
 {
-    (void)state;
     for (int cells = 1; cells <= 16; cells *= 2) {
         struct solid solid = make(box(0.1, 0.2, 0.3, cells));
         double area = 0;
@@ -164,12 +160,11 @@ static void a_box_has_six_facets_however_it_is_cut(void **state)
     }
 }
 
-static void the_sole_of_the_foot_is_one_facet(void **state)
+TEST(the_sole_of_the_foot_is_one_facet)
 {
     struct solid solid = make(foot());
     size_t soles = 0;
 
-    (void)state;
     for (size_t i = 0; i < solid.nfacet; i++) {
         const struct facet *f = &solid.facet[i];
 
@@ -181,11 +176,10 @@ static void the_sole_of_the_foot_is_one_facet(void **state)
     assert_int_equal(soles, 1);
 }
 
-static void facets_have_the_area_and_volume_of_the_mesh(void **state)
+TEST(facets_have_the_area_and_volume_of_the_mesh)
 {
     const struct mesh *mesh[] = {box(0.1, 0.2, 0.3, 5), foot(), bowl()};
 
-    (void)state;
     for (int m = 0; m < 3; m++) {
         struct solid solid = make(mesh[m]);
         double area = 0, volume = 0;
@@ -200,14 +194,13 @@ static void facets_have_the_area_and_volume_of_the_mesh(void **state)
     }
 }
 
-static void depth_has_the_distance_of_brute_force_and_the_sign_of_the_solid_angle(void **state)
+TEST(depth_has_the_distance_of_brute_force_and_the_sign_of_the_solid_angle)
 {
     const struct mesh *mesh = bowl();
     struct solid solid = make(mesh);
     uint64_t seed = 11;
     int inside = 0, in_the_bowl = 0;
 
-    (void)state;
     for (int i = 0; i < 4000; i++) {
         double p[3] = {0.11 * random_number(&seed), 0.11 * random_number(&seed),
                        0.06 * random_number(&seed)};
@@ -222,13 +215,12 @@ static void depth_has_the_distance_of_brute_force_and_the_sign_of_the_solid_angl
     assert_true(inside > 500 && in_the_bowl > 200);
 }
 
-static void depth_in_a_convex_solid_is_the_distance(void **state)
+TEST(depth_in_a_convex_solid_is_the_distance)
 {
     const struct mesh *mesh = box(0.1, 0.05, 0.07, 3);
     struct solid solid = make(mesh);
     uint64_t seed = 5;
 
-    (void)state;
     for (int i = 0; i < 2000; i++) {
         double p[3] = {0.12 * random_number(&seed), 0.07 * random_number(&seed),
                        0.09 * random_number(&seed)};
@@ -241,13 +233,12 @@ static void depth_in_a_convex_solid_is_the_distance(void **state)
     }
 }
 
-static void nearest_keeps_to_its_limit(void **state)
+TEST(nearest_keeps_to_its_limit)
 {
     struct solid solid = make(bowl());
     const double p[3] = {0, 0, 0.03};
     struct solid_nearest nearest;
 
-    (void)state;
     assert_true(solid_find_nearest(&solid, p, 1, &nearest));
 
     double d2 = nearest.distance2;
@@ -278,12 +269,11 @@ static struct solid rough(double height)
 
 /* Contact rests on this: under a facet that knows its surroundings the depth of a spring's middle
  * needs no search. */
-static void nothing_under_a_facet_is_nearer_than_its_surroundings_say(void **state)
+TEST(nothing_under_a_facet_is_nearer_than_its_surroundings_say)
 {
     const double height[] = {0.005, 0.02, 0.06};
     uint64_t seed = 5;
 
-    (void)state;
     for (int h = 0; h < 3; h++) {
         struct solid solid = rough(height[h]);
         int known = 0;
@@ -317,29 +307,14 @@ static void nothing_under_a_facet_is_nearer_than_its_surroundings_say(void **sta
     }
 }
 
-static void boxes_and_capsules_are_found_convex(void **state)
+TEST(boxes_and_capsules_are_found_convex)
 {
     const double half[3] = {0.1, 0.2, 0.3};
     const struct mesh *mesh[2];
 
-    (void)state;
     assert_int_equal(mesh_box(half, 4, &arena, &mesh[0], NULL), ERROR_NONE);
     assert_int_equal(mesh_capsule(0.05, 0.2, &arena, &mesh[1], NULL), ERROR_NONE);
     assert_true(make(mesh[0]).convex && make(mesh[1]).convex);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(boxes_and_capsules_are_found_convex),
-        cmocka_unit_test(a_box_has_six_facets_however_it_is_cut),
-        cmocka_unit_test(the_sole_of_the_foot_is_one_facet),
-        cmocka_unit_test(facets_have_the_area_and_volume_of_the_mesh),
-        cmocka_unit_test(depth_has_the_distance_of_brute_force_and_the_sign_of_the_solid_angle),
-        cmocka_unit_test(depth_in_a_convex_solid_is_the_distance),
-        cmocka_unit_test(nearest_keeps_to_its_limit),
-        cmocka_unit_test(nothing_under_a_facet_is_nearer_than_its_surroundings_say),
-    };
-
-    return cmocka_run_group_tests_name("contact_solid", tests, open_arena, close_arena);
-}
+TEST_GROUP(open_arena, close_arena)

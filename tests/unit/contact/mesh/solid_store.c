@@ -4,16 +4,13 @@
 
 #include "contact/contact.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
-#include <cmocka.h>
 
 #include "tests/unit/arena_fixture.h"
+#include "tests/test.h"
 
 static const struct mesh *make_box(double half)
 {
@@ -40,11 +37,10 @@ static const struct field *find_field(const struct solid *solid)
     return field;
 }
 
-static void equal_meshes_share_what_was_made(void **state)
+TEST_WITH(equal_meshes_share_what_was_made, open_arena, close_arena)
 {
     const struct solid *first, *other;
 
-    (void)state;
     assert_int_equal(solid_store_open(NULL), ERROR_NONE);
     first = find(make_box(0.1));
     other = find(make_box(0.2));
@@ -76,14 +72,13 @@ static const struct mesh *read_obj(const char *path)
     return mesh;
 }
 
-static void file_of_the_same_text_is_read_once(void **state)
+TEST_WITH(file_of_the_same_text_is_read_once, open_arena, close_arena)
 {
     char path[] = "/tmp/solid-store-XXXXXX";
     const struct mesh *first;
     struct error error;
     int file = mkstemp(path);
 
-    (void)state;
     assert_true(file >= 0);
     close(file);
     write_obj(path, "1");
@@ -105,12 +100,11 @@ static void file_of_the_same_text_is_read_once(void **state)
     unlink(path);
 }
 
-static void solid_outlives_the_mesh_it_was_made_of(void **state)
+TEST_WITH(solid_outlives_the_mesh_it_was_made_of, open_arena, close_arena)
 {
     const struct mesh *mesh = make_box(0.1), *again = make_box(0.1);
     const struct solid *solid;
 
-    (void)state;
     assert_int_equal(solid_store_open(NULL), ERROR_NONE);
     solid = find(mesh);
     memset((void *)(uintptr_t)mesh->vertex, 0, mesh->nvertex * sizeof *mesh->vertex);
@@ -121,12 +115,11 @@ static void solid_outlives_the_mesh_it_was_made_of(void **state)
     solid_store_close();
 }
 
-static void closed_store_shares_nothing(void **state)
+TEST_WITH(closed_store_shares_nothing, open_arena, close_arena)
 {
     const struct mesh *mesh = make_box(0.1);
     const struct solid *one = find(mesh), *two = find(mesh);
 
-    (void)state;
     assert_ptr_not_equal(one, two);
     assert_ptr_equal(one->vertex, mesh->vertex);
     assert_ptr_not_equal(find_field(one), find_field(one));
@@ -168,12 +161,11 @@ static void find_wrench(struct contact_wrench wrench[2])
     world->ops->destroy(world);
 }
 
-static void last_user_closes_it(void **state)
+TEST_WITH(last_user_closes_it, open_arena, close_arena)
 {
     const struct mesh *mesh = make_box(0.1);
     const struct solid *solid;
 
-    (void)state;
     assert_int_equal(solid_store_open(NULL), ERROR_NONE);
     solid = find(mesh);
     assert_int_equal(solid_store_open(NULL), ERROR_NONE);
@@ -190,12 +182,11 @@ static void last_user_closes_it(void **state)
     solid_store_close();
 }
 
-static void engine_gives_the_same_bits_with_the_store(void **state)
+TEST_WITH(engine_gives_the_same_bits_with_the_store, open_arena, close_arena)
 {
     struct contact_wrench without[2], with[2], again[2];
     size_t made;
 
-    (void)state;
     find_wrench(without);
     assert_int_equal(solid_store_open(NULL), ERROR_NONE);
     find_wrench(with);
@@ -206,21 +197,4 @@ static void engine_gives_the_same_bits_with_the_store(void **state)
     solid_store_close();
     assert_memory_equal(with, without, sizeof with);
     assert_memory_equal(again, without, sizeof again);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(equal_meshes_share_what_was_made, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(file_of_the_same_text_is_read_once, open_arena,
-                                        close_arena),
-        cmocka_unit_test_setup_teardown(solid_outlives_the_mesh_it_was_made_of, open_arena,
-                                        close_arena),
-        cmocka_unit_test_setup_teardown(closed_store_shares_nothing, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(last_user_closes_it, open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(engine_gives_the_same_bits_with_the_store, open_arena,
-                                        close_arena),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

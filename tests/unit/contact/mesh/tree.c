@@ -3,13 +3,10 @@
 #include "contact/mesh/tree.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 #include "tests/unit/arena_fixture.h"
 #include "tests/unit/contact/random_number.h"
+#include "tests/test.h"
 
 enum { COUNT = 500 };
 
@@ -27,13 +24,12 @@ static void make_tree(uint64_t *seed, int leaf)
     assert_int_equal(tree_build(boxes, COUNT, leaf, &arena, &tree, NULL), ERROR_NONE);
 }
 
-static void a_tree_collects_no_more_than_there_is_room_for(void **state)
+TEST(a_tree_collects_no_more_than_there_is_room_for)
 {
     const struct box everything = {{-2, -2, -2}, {2, 2, 2}};
     uint64_t seed = 3;
     int list[20];
 
-    (void)state;
     make_tree(&seed, 2);
     list[13] = -1;
     assert_int_equal(tree_collect(&tree, &everything, list, 13), 13);
@@ -41,11 +37,10 @@ static void a_tree_collects_no_more_than_there_is_room_for(void **state)
     assert_int_equal(tree_collect(&tree, &everything, list, 0), 0);
 }
 
-static void a_tree_collects_what_brute_force_finds(void **state)
+TEST(a_tree_collects_what_brute_force_finds)
 {
     uint64_t seed = 9;
 
-    (void)state;
     make_tree(&seed, 1);
     for (int i = 0; i < 300; i++) {
         unsigned char found[COUNT] = {0};
@@ -68,13 +63,12 @@ static void a_tree_collects_what_brute_force_finds(void **state)
 }
 
 /* What a walk that steps over nodes rests on. */
-static void nodes_are_in_preorder_and_know_how_many_are_below_them(void **state)
+TEST(nodes_are_in_preorder_and_know_how_many_are_below_them)
 {
     const struct box everything = {{-2, -2, -2}, {2, 2, 2}};
     uint64_t seed = 17;
     int items = 0, list[COUNT];
 
-    (void)state;
     make_tree(&seed, 3);
     assert_ptr_equal(tree.node + tree.node->size, tree_end(&tree));
     for (const struct tree_node *node = tree.node; node != tree_end(&tree); node++) {
@@ -100,12 +94,11 @@ static void nodes_are_in_preorder_and_know_how_many_are_below_them(void **state)
     }
 }
 
-static void a_cover_holds_what_is_below_each_node(void **state)
+TEST(a_cover_holds_what_is_below_each_node)
 {
     struct box *cover;
     uint64_t seed = 23;
 
-    (void)state;
     make_tree(&seed, 2);
     cover = arena_alloc(&arena, tree.nnode, sizeof *cover);
     assert_non_null(cover);
@@ -115,14 +108,4 @@ static void a_cover_holds_what_is_below_each_node(void **state)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_tree_collects_what_brute_force_finds),
-        cmocka_unit_test(a_tree_collects_no_more_than_there_is_room_for),
-        cmocka_unit_test(nodes_are_in_preorder_and_know_how_many_are_below_them),
-        cmocka_unit_test(a_cover_holds_what_is_below_each_node),
-    };
-
-    return cmocka_run_group_tests_name("contact_tree", tests, open_arena, close_arena);
-}
+TEST_GROUP(open_arena, close_arena)

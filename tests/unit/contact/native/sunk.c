@@ -6,18 +6,13 @@
 #include "contact/native/sunk.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/vec3.h"
 #include "contact/native/stick.h"
 #include "tests/physics/near.h"
 #include "tests/unit/contact/random_number.h"
+#include "tests/test.h"
 
 enum { CORNERS = 11, CASES = 200 };
 
@@ -206,11 +201,10 @@ static void choose_case(uint64_t *seed, double n[3], struct native_relative *rel
     }
 }
 
-static void a_sunk_facet_is_what_its_springs_add_up_to(void **state)
+TEST(a_sunk_facet_is_what_its_springs_add_up_to)
 {
     uint64_t seed = 36;
 
-    (void)state;
     for (int c = 0; c < CASES; c++) {
         struct native_law law = {.dissipation = 0.2, .share = {0.3, 0.7}};
         struct native_gather gather = {.elastic = 0};
@@ -239,7 +233,7 @@ static void a_sunk_facet_is_what_its_springs_add_up_to(void **state)
     }
 }
 
-static void a_facet_of_which_a_part_leaves_fast_is_left_to_its_springs(void **state)
+TEST(a_facet_of_which_a_part_leaves_fast_is_left_to_its_springs)
 {
     const struct native_law law = {.dissipation = 1, .share = {0.5, 0.5}};
     const struct native_relative relative = {.v = {0, 0, 0.95}, .w = {0, 1, 0}};
@@ -252,7 +246,6 @@ static void a_facet_of_which_a_part_leaves_fast_is_left_to_its_springs(void **st
     struct arena arena;
     uint64_t seed = 7;
 
-    (void)state;
     assert_int_equal(arena_init(&arena, ARENA_BYTES, &(struct error){0}), ERROR_NONE);
     make_prism(&prism, &arena, &seed);
     depth = sunk_find_depth(&prism.solid, prism.sole, n, 0.01, &deepest, &shallowest);
@@ -265,14 +258,4 @@ static void a_facet_of_which_a_part_leaves_fast_is_left_to_its_springs(void **st
                              &(struct native_relative){.v = {0, 0, 1.25}, .w = {0, 1, 0}}, &sum));
     assert_true(sum.normal == 0);
     arena_fini(&arena);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_sunk_facet_is_what_its_springs_add_up_to),
-        cmocka_unit_test(a_facet_of_which_a_part_leaves_fast_is_left_to_its_springs),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,14 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What robot_finish fills in and what it refuses. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "model/robot.h"
 #include "model/spatial.h"
+#include "tests/test.h"
 
 /* A free trunk with an upper and a lower arm, a frame, a sensor and a pose, all of it sound. */
 struct sample {
@@ -82,11 +76,10 @@ static void assert_accepted(struct sample *s)
     }
 }
 
-static void finish_counts_and_adds_up(void **state)
+TEST(finish_counts_and_adds_up)
 {
     struct sample s;
 
-    (void)state;
     fill(&s);
     assert_accepted(&s);
     assert_int_equal(s.robot.nq, 9);
@@ -102,11 +95,10 @@ static void finish_counts_and_adds_up(void **state)
     assert_int_equal(s.robot.nv, 2);
 }
 
-static void names_are_found_or_not(void **state)
+TEST(names_are_found_or_not)
 {
     struct sample s;
 
-    (void)state;
     fill(&s);
     assert_int_equal(robot_find_body(&s.robot, "lower"), 2);
     assert_int_equal(robot_find_body(&s.robot, "hand"), -1);
@@ -124,12 +116,11 @@ static uint64_t hash_of(struct sample *s)
     return s->robot.hash;
 }
 
-static void the_hash_follows_the_equations_of_motion_and_nothing_else(void **state)
+TEST(the_hash_follows_the_equations_of_motion_and_nothing_else)
 {
     struct sample s;
     uint64_t hash;
 
-    (void)state;
     fill(&s);
     hash = hash_of(&s);
 
@@ -161,11 +152,10 @@ static void the_hash_follows_the_equations_of_motion_and_nothing_else(void **sta
     assert_true(hash_of(&s) != hash);
 }
 
-static void refuses_what_is_no_tree(void **state)
+TEST(refuses_what_is_no_tree)
 {
     struct sample s;
 
-    (void)state;
     fill(&s);
     s.robot.njoint = 1;
     assert_refused(&s, "3 bodies and 1 joints");
@@ -179,11 +169,10 @@ static void refuses_what_is_no_tree(void **state)
     assert_refused(&s, "gravity is not finite");
 }
 
-static void refuses_inertias_that_no_body_has(void **state)
+TEST(refuses_inertias_that_no_body_has)
 {
     struct sample s;
 
-    (void)state;
     fill(&s);
     s.body[1].inertia.mass = -1.0;
     assert_refused(&s, "body upper: mass -1 kg is negative");
@@ -204,11 +193,10 @@ static void refuses_inertias_that_no_body_has(void **state)
     assert_accepted(&s);
 }
 
-static void refuses_joints_that_cannot_be(void **state)
+TEST(refuses_joints_that_cannot_be)
 {
     struct sample s;
 
-    (void)state;
     fill(&s);
     s.joint[0].axis[0] = 0.001;
     assert_refused(&s, "joint shoulder: axis [0.001, 1, 0] is not of unit length");
@@ -228,11 +216,10 @@ static void refuses_joints_that_cannot_be(void **state)
     assert_refused(&s, "joint elbow: the parallel spring needs");
 }
 
-static void refuses_frames_sensors_and_poses_that_are_nowhere(void **state)
+TEST(refuses_frames_sensors_and_poses_that_are_nowhere)
 {
     struct sample s;
 
-    (void)state;
     fill(&s);
     s.frame.body = 3;
     assert_refused(&s, "frame hand: expected an existing body");
@@ -260,7 +247,7 @@ static void assert_coupling_refused(struct sample *s, struct robot_coupling one,
     assert_refused(s, why);
 }
 
-static void refuses_couplings_that_cannot_be(void **state)
+TEST(refuses_couplings_that_cannot_be)
 {
     const struct robot_coupling sound = {
         .follower = 1, .leader = 0, .multiplier = 1.0, .stiffness = 10.0};
@@ -269,7 +256,6 @@ static void refuses_couplings_that_cannot_be(void **state)
     struct robot_coupling changed = sound, most[ROBOT_COUPLINGS_MAX + 1];
     struct sample s;
 
-    (void)state;
     fill(&s);
     s.robot.coupling = &changed;
     s.robot.ncoupling = 1;
@@ -303,11 +289,10 @@ static void refuses_couplings_that_cannot_be(void **state)
 static const struct robot_inertia nothing = {0};
 static const struct robot_inertia point_on_axis = {1.0, {0.0, 0.4, 0.0}, {0}};
 
-static void refuses_what_would_make_the_dynamics_singular(void **state)
+TEST(refuses_what_would_make_the_dynamics_singular)
 {
     struct sample s;
 
-    (void)state;
     fill(&s);
     s.body[2].inertia = nothing;
     assert_refused(&s, "joint elbow moves nothing that has inertia about its axis");
@@ -324,11 +309,10 @@ static void refuses_what_would_make_the_dynamics_singular(void **state)
     assert_refused(&s, "the floating base has no inertia of its own");
 }
 
-static void accepts_massless_bodies_that_something_hangs_on(void **state)
+TEST(accepts_massless_bodies_that_something_hangs_on)
 {
     struct sample s;
 
-    (void)state;
     fill(&s);
     s.body[1].inertia = nothing;
     s.joint[1].axis[0] = 1.0;
@@ -340,22 +324,4 @@ static void accepts_massless_bodies_that_something_hangs_on(void **state)
     s.joint[1].type = JOINT_PRISMATIC;
     s.body[2].inertia = point_on_axis;
     assert_accepted(&s);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(finish_counts_and_adds_up),
-        cmocka_unit_test(names_are_found_or_not),
-        cmocka_unit_test(the_hash_follows_the_equations_of_motion_and_nothing_else),
-        cmocka_unit_test(refuses_what_is_no_tree),
-        cmocka_unit_test(refuses_inertias_that_no_body_has),
-        cmocka_unit_test(refuses_joints_that_cannot_be),
-        cmocka_unit_test(refuses_frames_sensors_and_poses_that_are_nowhere),
-        cmocka_unit_test(refuses_couplings_that_cannot_be),
-        cmocka_unit_test(refuses_what_would_make_the_dynamics_singular),
-        cmocka_unit_test(accepts_massless_bodies_that_something_hangs_on),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,18 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Robot files: what COMAN's says, and what is refused, where and why. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "tests/physics/near.h"
 #include "tests/unit/model/coman.h"
 
 #include "model/dynamics.h"
 #include "model/robot.h"
 #include "model/spatial.h"
+#include "tests/test.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -20,11 +14,10 @@
 
 /* ---- COMAN ---- */
 
-static void coman_has_24_bodies_29_freedoms_and_its_mass(void **state)
+TEST_WITH(coman_has_24_bodies_29_freedoms_and_its_mass, open_arena, close_arena)
 {
     const struct robot *robot = load_coman(NULL);
 
-    (void)state;
     assert_string_equal(robot->name, "COMAN");
     assert_int_equal(robot->nbody, 24);
     assert_int_equal(robot->njoint, 23);
@@ -40,12 +33,11 @@ static void coman_has_24_bodies_29_freedoms_and_its_mass(void **state)
     }
 }
 
-static void coman_has_its_drives_and_disabled_parallel_springs(void **state)
+TEST_WITH(coman_has_its_drives_and_disabled_parallel_springs, open_arena, close_arena)
 {
     const struct robot *robot = load_coman(NULL);
     size_t springs = 0;
 
-    (void)state;
     for (size_t j = 0; j < robot->njoint; j++) {
         const struct robot_joint *joint = &robot->joint[j];
 
@@ -86,7 +78,7 @@ static void frame_place(const struct robot_frame *frame, const struct body_motio
     }
 }
 
-static void every_pose_of_coman_stands_flat_on_the_ground(void **state)
+TEST_WITH(every_pose_of_coman_stands_flat_on_the_ground, open_arena, close_arena)
 {
     static const char *const frames[] = {"r_sole", "l_sole", "r_toe", "l_toe"};
     const struct robot *robot = load_coman(NULL);
@@ -94,7 +86,6 @@ static void every_pose_of_coman_stands_flat_on_the_ground(void **state)
     double q[30], v[29] = {0};
     struct dynamics d;
 
-    (void)state;
     assert_int_equal(dynamics_generic(robot, &arena, &d, NULL), ERROR_NONE);
     assert_int_equal(robot->npose, 3);
     assert_true(robot_find_pose(robot, "zero") >= 0);
@@ -118,12 +109,11 @@ static void every_pose_of_coman_stands_flat_on_the_ground(void **state)
     }
 }
 
-static void coman_has_four_sensors_that_nothing_hangs_on(void **state)
+TEST_WITH(coman_has_four_sensors_that_nothing_hangs_on, open_arena, close_arena)
 {
     static const char *const names[] = {"r_leg_ft", "l_leg_ft", "r_arm_ft", "l_arm_ft"};
     const struct robot *robot = load_coman("");
 
-    (void)state;
     assert_int_equal(robot->nft, 4);
     for (size_t s = 0; s < robot->nft; s++) {
         assert_string_equal(robot->ft[s].name, names[s]);
@@ -135,14 +125,13 @@ static void coman_has_four_sensors_that_nothing_hangs_on(void **state)
     assert_false(robot->body[robot_find_body(robot, "RHipMot")].observed);
 }
 
-static void coman_has_capsules_on_its_limbs_and_trunk(void **state)
+TEST_WITH(coman_has_capsules_on_its_limbs_and_trunk, open_arena, close_arena)
 {
     static const char *const on[] = {"Waist",   "DWYTorso", "RThighLowLeg", "LThighLowLeg",
                                      "RLowLeg", "LLowLeg",  "RShy",         "LShy",
                                      "RElb",    "LElb",     "RFoot",        "LFoot"};
     const struct robot *robot = load_coman(""), *forearms = load_coman("forearms");
 
-    (void)state;
     assert_int_equal(robot->ncapsule, 19);
     assert_int_equal(forearms->ncapsule, 19);
     for (size_t i = 0; i < sizeof on / sizeof *on; i++) {
@@ -166,12 +155,11 @@ static void coman_has_capsules_on_its_limbs_and_trunk(void **state)
     }
 }
 
-static void the_forearms_make_it_heavier_and_move_the_wrists(void **state)
+TEST_WITH(the_forearms_make_it_heavier_and_move_the_wrists, open_arena, close_arena)
 {
     const struct robot *plain = load_coman(NULL), *robot = load_coman("forearms");
     int wrist = robot_find_frame(robot, "r_wrist");
 
-    (void)state;
     assert_near(robot->total_mass, 31.4538602, 1e-7);
     assert_int_equal(robot->nbody, 24);
     assert_true(robot->hash != plain->hash);
@@ -183,12 +171,11 @@ static void the_forearms_make_it_heavier_and_move_the_wrists(void **state)
     assert_near(robot->ft[2].distal.mass, 2.181298958 - 0.63306933, 1e-12);
 }
 
-static void an_unknown_variant_is_refused_with_the_nearest(void **state)
+TEST_WITH(an_unknown_variant_is_refused_with_the_nearest, open_arena, close_arena)
 {
     const struct robot *robot;
     struct error error;
 
-    (void)state;
     assert_int_equal(robot_load(COMAN, "forearm", &arena, &robot, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "coman.yaml: found unknown variant \"forearm\", expected "
                                        "\"forearms\""));
@@ -258,13 +245,12 @@ static enum error_code load_changed(const char *part, const char *other, const c
 }
 
 /* Angles of a base are those of a frame: Rz(yaw) Ry(pitch) Rx(roll). */
-static void the_base_of_a_pose_is_turned_as_a_frame_is(void **state)
+TEST_WITH(the_base_of_a_pose_is_turned_as_a_frame_is, open_arena, close_arena)
 {
     const struct robot *robot, *framed;
     struct error error;
     double R[9];
 
-    (void)state;
     assert_int_equal(load_changed("base_xyz_m: [0, 0, 1]",
                                   "base_xyz_m: [0, 0, 1], base_rpy_rad: [0.3, -0.5, 0.8]", NULL,
                                   &robot, &error),
@@ -283,12 +269,11 @@ static void the_base_of_a_pose_is_turned_as_a_frame_is(void **state)
     assert_near(R[3], sin(0.8) * cos(0.5), 1e-15);
 }
 
-static void a_sound_file_becomes_a_robot(void **state)
+TEST_WITH(a_sound_file_becomes_a_robot, open_arena, close_arena)
 {
     const struct robot *robot;
     struct error error;
 
-    (void)state;
     if (load_changed("", "", "heavy", &robot, &error)) {
         fail_msg("%s", error.text);
     }
@@ -309,14 +294,13 @@ static void a_sound_file_becomes_a_robot(void **state)
 }
 
 /* A robot has looks, whose paths are those of the folder, and is the same without. */
-static void visuals_are_read_and_change_no_dynamics(void **state)
+TEST_WITH(visuals_are_read_and_change_no_dynamics, open_arena, close_arena)
 {
     const struct robot *plain, *robot;
     struct robot *held;
     struct error error;
     double up[4] = {1, 0, 0, 0};
 
-    (void)state;
     assert_int_equal(load_changed("", "", NULL, &plain, &error), ERROR_NONE);
     if (load_changed("ft_sensors:",
                      "visuals:\n"
@@ -344,7 +328,7 @@ static void visuals_are_read_and_change_no_dynamics(void **state)
     assert_near(robot->visual[0].position[2], 3.0, 0.0);
 }
 
-static void wrong_visuals_are_refused(void **state)
+TEST_WITH(wrong_visuals_are_refused, open_arena, close_arena)
 {
     static const struct {
         const char *visual, *expected;
@@ -361,7 +345,6 @@ static void wrong_visuals_are_refused(void **state)
         {"shape: cone, radius_m: 1", "found \"cone\""},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const struct robot *robot;
         struct error error;
@@ -411,7 +394,7 @@ static enum error_code load_coupled(const char *couplings, const char *pose,
 }
 
 /* Followers stand where their leaders lead them, named by the pose or not. */
-static void couplings_are_read_and_poses_follow_them(void **state)
+TEST_WITH(couplings_are_read_and_poses_follow_them, open_arena, close_arena)
 {
     static const char couplings[] =
         "  - {follower: slide, leader: shoulder, multiplier: 0.2, offset_m: 0.1,\n"
@@ -420,7 +403,6 @@ static void couplings_are_read_and_poses_follow_them(void **state)
     const struct robot *robot;
     struct error error;
 
-    (void)state;
     if (load_coupled(couplings, "joints_rad: {shoulder: 0.5, bend: 0.3}", &robot, &error)) {
         fail_msg("%s", error.text);
     }
@@ -446,7 +428,7 @@ static void couplings_are_read_and_poses_follow_them(void **state)
     assert_near(robot->pose[0].joint[3], -0.1, 0.0);
 }
 
-static void wrong_couplings_are_refused(void **state)
+TEST_WITH(wrong_couplings_are_refused, open_arena, close_arena)
 {
     static const struct {
         const char *couplings, *pose, *place, *expected;
@@ -494,7 +476,6 @@ static void wrong_couplings_are_refused(void **state)
          ":40:9: ", "with joint \"pinch\" at 1.5, where \"bend\" leads it, expected -1 to 1"},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const struct robot *robot;
         struct error error;
@@ -519,7 +500,7 @@ static void assert_stop(const struct robot_stop *stop, double stiffness, double 
 
 /* What a file leaves out follows from the torque and force limits, and a joint goes before the
  * robot. */
-static void limits_have_stops(void **state)
+TEST_WITH(limits_have_stops, open_arena, close_arena)
 {
     static const struct {
         const char *part, *other;
@@ -539,7 +520,6 @@ static void limits_have_stops(void **state)
          {8.0, 0.0}},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const struct robot *robot;
         struct error error;
@@ -553,7 +533,7 @@ static void limits_have_stops(void **state)
 }
 
 /* A spring has a stop where the file gives its room. */
-static void springs_with_room_have_stops(void **state)
+TEST_WITH(springs_with_room_have_stops, open_arena, close_arena)
 {
     static const struct {
         const char *other;
@@ -565,7 +545,6 @@ static void springs_with_room_have_stops(void **state)
         {"L_h: 0.0003, deflection_rad: 0.2, stop_Ds_nm_s_rad: 1.5", 0.2, 6000.0, 1.5},
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const struct robot *robot;
         struct error error;
@@ -578,11 +557,10 @@ static void springs_with_room_have_stops(void **state)
     }
 }
 
-static void coman_has_stops(void **state)
+TEST_WITH(coman_has_stops, open_arena, close_arena)
 {
     const struct robot *robot = load_coman(NULL);
 
-    (void)state;
     for (size_t j = 0; j < robot->njoint; j++) {
         const struct robot_sea *sea = &robot->joint[j].sea;
 
@@ -597,13 +575,12 @@ static void coman_has_stops(void **state)
 }
 
 /* Off unless given; a joint's numbers go before the robot's. */
-static void drives_have_the_effects_that_are_given(void **state)
+TEST_WITH(drives_have_the_effects_that_are_given, open_arena, close_arena)
 {
     const struct robot_effects *effects;
     const struct robot *robot;
     struct error error;
 
-    (void)state;
     assert_int_equal(load_changed("L_h: 0.0003", "L_h: 0.0003", NULL, &robot, &error), ERROR_NONE);
     assert_null(robot->joint[0].sea.effects);
     if (load_changed("L_h: 0.0003",
@@ -635,11 +612,10 @@ static void drives_have_the_effects_that_are_given(void **state)
 }
 
 /* A variant's drive goes before the robot's own: all of COMAN's drives, and none without it. */
-static void a_variant_gives_all_drives_its_effects(void **state)
+TEST_WITH(a_variant_gives_all_drives_its_effects, open_arena, close_arena)
 {
     const struct robot *robot = load_coman("real_drives");
 
-    (void)state;
     for (size_t j = 0; j < robot->njoint; j++) {
         assert_non_null(robot->joint[j].sea.effects);
         assert_near(robot->joint[j].sea.J, 0.1387, 0.0);
@@ -653,12 +629,11 @@ static void a_variant_gives_all_drives_its_effects(void **state)
 }
 
 /* A joint's own spring, else for what turns and is driven the robot's, else none. */
-static void passive_springs_are_the_joints_or_the_robots(void **state)
+TEST_WITH(passive_springs_are_the_joints_or_the_robots, open_arena, close_arena)
 {
     const struct robot *robot;
     struct error error;
 
-    (void)state;
     assert_int_equal(load_changed("force_n: 20}",
                                   "force_n: 20}\n    passive: {stiffness_n_m: 30, rest_m: 0.2}",
                                   NULL, &robot, &error),
@@ -678,12 +653,11 @@ static void passive_springs_are_the_joints_or_the_robots(void **state)
 
 /* A variant may put bodies and joints between those of the robot: COMAN's hips, which weigh as much
  * as before and stand in the same place. */
-static void a_variant_adds_joints_where_they_belong(void **state)
+TEST_WITH(a_variant_adds_joints_where_they_belong, open_arena, close_arena)
 {
     const struct robot *robot = load_coman(NULL), *bends = load_coman("flexible_hips");
     double first[3] = {0}, second[3] = {0}, inertia[2] = {0.0, 0.0};
 
-    (void)state;
     assert_int_equal(bends->njoint, robot->njoint + 2);
     assert_near(bends->total_mass, robot->total_mass, 1e-9);
     for (size_t j = 0; j < robot->njoint; j++) {
@@ -715,12 +689,11 @@ static void a_variant_adds_joints_where_they_belong(void **state)
     assert_near(inertia[0], inertia[1], 1e-11);
 }
 
-static void a_fixed_base_needs_no_place(void **state)
+TEST_WITH(a_fixed_base_needs_no_place, open_arena, close_arena)
 {
     const struct robot *robot;
     struct error error;
 
-    (void)state;
     assert_int_equal(load_changed("floating", "fixed", NULL, &robot, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, ":32:9: found pose \"home\" with a base, expected none"));
 }
@@ -833,9 +806,8 @@ static const struct fault {
      "found body \"leg\" that no joint moves"},
 };
 
-static void refuses_a_faulty_file_with_place_and_reason(void **state)
+TEST_WITH(refuses_a_faulty_file_with_place_and_reason, open_arena, close_arena)
 {
-    (void)state;
     for (size_t i = 0; i < sizeof faults / sizeof *faults; i++) {
         const struct fault *fault = &faults[i];
         const struct robot *robot = NULL;
@@ -858,9 +830,8 @@ static void refuses_a_faulty_file_with_place_and_reason(void **state)
 }
 
 /* Cut anywhere, the file is refused or, at the end of a line, sometimes still a robot. */
-static void a_truncated_file_never_crashes(void **state)
+TEST_WITH(a_truncated_file_never_crashes, open_arena, close_arena)
 {
-    (void)state;
     for (size_t length = 0; length < sizeof sound - 1; length += 7) {
         const struct robot *robot = NULL;
         struct error error;
@@ -871,37 +842,4 @@ static void a_truncated_file_never_crashes(void **state)
             assert_non_null(robot);
         }
     }
-}
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, open_arena, close_arena)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(coman_has_24_bodies_29_freedoms_and_its_mass),
-        TEST(coman_has_its_drives_and_disabled_parallel_springs),
-        TEST(every_pose_of_coman_stands_flat_on_the_ground),
-        TEST(coman_has_four_sensors_that_nothing_hangs_on),
-        TEST(coman_has_capsules_on_its_limbs_and_trunk),
-        TEST(the_forearms_make_it_heavier_and_move_the_wrists),
-        TEST(an_unknown_variant_is_refused_with_the_nearest),
-        TEST(a_sound_file_becomes_a_robot),
-        TEST(visuals_are_read_and_change_no_dynamics),
-        TEST(wrong_visuals_are_refused),
-        TEST(couplings_are_read_and_poses_follow_them),
-        TEST(wrong_couplings_are_refused),
-        TEST(limits_have_stops),
-        TEST(springs_with_room_have_stops),
-        TEST(coman_has_stops),
-        TEST(drives_have_the_effects_that_are_given),
-        TEST(a_variant_gives_all_drives_its_effects),
-        TEST(passive_springs_are_the_joints_or_the_robots),
-        TEST(a_variant_adds_joints_where_they_belong),
-        TEST(a_fixed_base_needs_no_place),
-        TEST(the_base_of_a_pose_is_turned_as_a_frame_is),
-        TEST(refuses_a_faulty_file_with_place_and_reason),
-        TEST(a_truncated_file_never_crashes),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

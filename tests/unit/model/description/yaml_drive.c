@@ -6,18 +6,14 @@
 #include <dirent.h>
 #include <limits.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "tests/unit/arena_fixture.h"
+#include "tests/test.h"
 
 static char folder[] = "/tmp/hil-drives-XXXXXX";
 
@@ -33,11 +29,10 @@ static void write_file(const char *name, const char *text)
     assert_int_equal(fclose(file), 0);
 }
 
-static int make_folder(void **state)
+FIXTURE(make_folder)
 {
     char path[PATH_MAX];
 
-    (void)state;
     if (!mkdtemp(folder)) {
         return -1;
     }
@@ -49,11 +44,10 @@ static int make_folder(void **state)
     return mkdir(path, 0755);
 }
 
-static int remove_folder(void **state)
+FIXTURE(remove_folder)
 {
     char command[128];
 
-    (void)state;
     snprintf(command, sizeof command, "rm -rf '%s'", folder);
     return system(command);
 }
@@ -107,14 +101,13 @@ static void load_sound_arm(const char *all, const char *own, const struct robot 
 
 /* Of each drive: torque at stall and speed without load at its voltage are those that are
  * published, or more where a board or a gear is what limits them. */
-static void shipped_drives_reach_their_ratings(void **state)
+TEST_WITH(shipped_drives_reach_their_ratings, open_arena, close_arena)
 {
     static const char path[] = HIL_SOURCE_DIR "/config/drives";
     DIR *directory = opendir(path);
     struct dirent *entry;
     size_t count = 0, cylinders = 0;
 
-    (void)state;
     assert_non_null(directory);
     while ((entry = readdir(directory))) {
         const struct robot_drive *drive;
@@ -148,11 +141,10 @@ static void shipped_drives_reach_their_ratings(void **state)
     assert_true(count >= 15 && cylinders >= 3);
 }
 
-static void a_joint_takes_a_drive_by_its_name(void **state)
+TEST_WITH(a_joint_takes_a_drive_by_its_name, open_arena, close_arena)
 {
     const struct robot *robot;
 
-    (void)state;
     write_file("drives/mine.yaml", MINE);
     load_sound_arm("", "mine", &robot);
     assert_true(robot->joint[0].sea.present);
@@ -168,11 +160,10 @@ static void a_joint_takes_a_drive_by_its_name(void **state)
 }
 
 /* The joint's keys, its catalogue, the robot's keys, the robot's catalogue: in this order. */
-static void what_stands_beside_the_name_goes_before_the_catalogue(void **state)
+TEST_WITH(what_stands_beside_the_name_goes_before_the_catalogue, open_arena, close_arena)
 {
     const struct robot *robot;
 
-    (void)state;
     write_file("drives/mine.yaml", MINE);
     write_file("drives/other.yaml", "name: other\ndescription: half a drive\n"
                                     "drive: {J_kg_m2: 0.7, Ks_nm_rad: 100, R_ohm: 5}\n");
@@ -193,12 +184,11 @@ static void what_stands_beside_the_name_goes_before_the_catalogue(void **state)
 }
 
 /* The joint's keys, its catalogue, the robot's keys: the triangle is in any but the catalogue. */
-static void a_joint_takes_a_hydraulic_drive(void **state)
+TEST_WITH(a_joint_takes_a_hydraulic_drive, open_arena, close_arena)
 {
     const struct robot *robot;
     const struct robot_hydraulic *c;
 
-    (void)state;
     write_file("drives/oil.yaml", OIL);
     write_file("drives/mine.yaml", MINE);
     load_sound_arm(SUPPLY, "{file: oil, stroke_m: 0.11, " TRIANGLE "}", &robot);
@@ -217,7 +207,7 @@ static void a_joint_takes_a_hydraulic_drive(void **state)
     assert_true(!robot->joint[0].hydraulic.present && robot->joint[0].sea.J == 0.5);
 }
 
-static void kinds_of_drives_are_not_mixed(void **state)
+TEST_WITH(kinds_of_drives_are_not_mixed, open_arena, close_arena)
 {
     static const struct {
         const char *all, *own, *file, *text;
@@ -248,7 +238,6 @@ static void kinds_of_drives_are_not_mixed(void **state)
          "oil.yaml:4:23: found key \"N\" of an electric drive beside key \"bore_m\""},
     };
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(fault); i++) {
         const struct robot *robot;
         struct error error;
@@ -261,14 +250,13 @@ static void kinds_of_drives_are_not_mixed(void **state)
     }
 }
 
-static void a_variant_keeps_the_kind_of_the_drive(void **state)
+TEST_WITH(a_variant_keeps_the_kind_of_the_drive, open_arena, close_arena)
 {
     static const char changed[] = "drive: mine\nvariants: {wet: {drive: {bore_m: 0.02}}}\n";
     char path[PATH_MAX];
     const struct robot *robot;
     struct error error;
 
-    (void)state;
     write_file("drives/mine.yaml", MINE);
     load_sound_arm(changed, "{}", &robot);
     snprintf(path, sizeof path, "%s/robots/arm.yaml", folder);
@@ -278,14 +266,13 @@ static void a_variant_keeps_the_kind_of_the_drive(void **state)
 }
 
 /* What a program that only names a drive needs of its file. */
-static void a_drive_is_described_with_its_kind(void **state)
+TEST_WITH(a_drive_is_described_with_its_kind, open_arena, close_arena)
 {
     char path[PATH_MAX];
     struct error error;
     const char *text;
     bool hydraulic;
 
-    (void)state;
     snprintf(path, sizeof path, "%s/drives/oil.yaml", folder);
     write_file("drives/oil.yaml", OIL);
     assert_int_equal(robot_describe_drive(path, &arena, &text, &hydraulic, &error), ERROR_NONE);
@@ -296,7 +283,7 @@ static void a_drive_is_described_with_its_kind(void **state)
     assert_false(hydraulic);
 }
 
-static void a_faulty_reference_is_refused_at_its_place(void **state)
+TEST_WITH(a_faulty_reference_is_refused_at_its_place, open_arena, close_arena)
 {
     static const struct {
         const char *own, *file, *text;
@@ -316,7 +303,6 @@ static void a_faulty_reference_is_refused_at_its_place(void **state)
          "it here, in the file of the drive, or in the robot's own drive"},
     };
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(fault); i++) {
         const struct robot *robot;
         struct error error;
@@ -329,20 +315,4 @@ static void a_faulty_reference_is_refused_at_its_place(void **state)
     }
 }
 
-#define TEST(name) cmocka_unit_test_setup_teardown(name, open_arena, close_arena)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(shipped_drives_reach_their_ratings),
-        TEST(a_joint_takes_a_drive_by_its_name),
-        TEST(what_stands_beside_the_name_goes_before_the_catalogue),
-        TEST(a_joint_takes_a_hydraulic_drive),
-        TEST(kinds_of_drives_are_not_mixed),
-        TEST(a_variant_keeps_the_kind_of_the_drive),
-        TEST(a_drive_is_described_with_its_kind),
-        TEST(a_faulty_reference_is_refused_at_its_place),
-    };
-
-    return cmocka_run_group_tests(tests, make_folder, remove_folder);
-}
+TEST_GROUP(make_folder, remove_folder)

@@ -4,30 +4,25 @@
 #include "model/hydraulics/hydraulic.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "tests/unit/arena_fixture.h"
+#include "tests/test.h"
 
 #define LEG HIL_SOURCE_DIR "/config/robots/hyq-leg.yaml"
 
 /* The same as it was written before the catalogue had hydraulic drives. */
 #define OLD_LEG HIL_SOURCE_DIR "/tests/old/robots/oil.yaml"
 
-static void the_leg_has_its_cylinders(void **state)
+TEST_WITH(the_leg_has_its_cylinders, open_arena, close_arena)
 {
     const struct robot *robot;
     struct error error;
     double lever[2];
 
-    (void)state;
     if (robot_load(LEG, NULL, &arena, &robot, &error)) {
         fail_msg("%s", error.text);
     }
@@ -49,12 +44,11 @@ static void the_leg_has_its_cylinders(void **state)
 }
 
 /* To the last bit: the catalogue has the numbers that the file had. */
-static void the_leg_takes_its_cylinders_from_the_catalogue(void **state)
+TEST_WITH(the_leg_takes_its_cylinders_from_the_catalogue, open_arena, close_arena)
 {
     const struct robot *robot, *old;
     struct error error;
 
-    (void)state;
     if (robot_load(LEG, NULL, &arena, &robot, &error) ||
         robot_load(OLD_LEG, NULL, &arena, &old, &error)) {
         fail_msg("%s", error.text);
@@ -66,7 +60,7 @@ static void the_leg_takes_its_cylinders_from_the_catalogue(void **state)
 }
 
 /* The leg with one part of its text replaced is refused so. */
-static void a_faulty_cylinder_is_refused_at_its_place(void **state)
+TEST_WITH(a_faulty_cylinder_is_refused_at_its_place, open_arena, close_arena)
 {
     static const struct {
         const char *part, *other, *text;
@@ -90,7 +84,6 @@ static void a_faulty_cylinder_is_refused_at_its_place(void **state)
     FILE *leg = fopen(OLD_LEG, "re");
     size_t size;
 
-    (void)state;
     assert_non_null(leg);
     size = fread(text, 1, sizeof text - 1, leg);
     fclose(leg);
@@ -115,17 +108,4 @@ static void a_faulty_cylinder_is_refused_at_its_place(void **state)
             fail_msg("%s\n  is not %s", error.text, fault[i].text);
         }
     }
-}
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, open_arena, close_arena)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(the_leg_has_its_cylinders),
-        TEST(the_leg_takes_its_cylinders_from_the_catalogue),
-        TEST(a_faulty_cylinder_is_refused_at_its_place),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

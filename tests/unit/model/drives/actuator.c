@@ -3,15 +3,10 @@
 #include "model/drives/actuator.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/coman_drive.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 static const struct robot_parallel_spring rope = {
     .present = true,
@@ -22,33 +17,30 @@ static const struct robot_parallel_spring rope = {
     .s = 1.0,
 };
 
-static void motor_ahead_of_the_link_pulls_it_forward(void **state)
+TEST(motor_ahead_of_the_link_pulls_it_forward)
 {
     struct sea_state ahead = {.qm = 0.3, .qmd = 0.0, .I = 0.0};
     struct sea_state faster = {.qm = 0.1, .qmd = 2.0, .I = 0.0};
 
-    (void)state;
     assert_near(sea_torque(&coman_drive, &ahead, 0.1, 0.0), 395.46 * 0.2, 1e-12);
     assert_near(sea_torque(&coman_drive, &faster, 0.1, 0.5), 0.198 * 1.5, 1e-12);
 }
 
-static void derivative_follows_equations_2_and_4(void **state)
+TEST(derivative_follows_equations_2_and_4)
 {
     struct sea_state s = {.qm = 0.2, .qmd = -1.5, .I = 3.0}, d;
     double tau = 395.46 * (0.2 - 0.15) + 0.198 * (-1.5 - 0.4);
 
-    (void)state;
     sea_derivative(&coman_drive, &s, 0.15, 0.4, 12.0, true, &d);
     assert_near(d.qm, -1.5, 0.0);
     assert_near(0.1387 * d.qmd + 0.19958 * s.qmd + tau, 4.1 * s.I, 1e-12);
     assert_near(0.32e-3 * d.I + 0.664 * s.I + 4.1 * s.qmd, 12.0, 1e-12);
 }
 
-static void open_bridge_changes_no_current(void **state)
+TEST(open_bridge_changes_no_current)
 {
     struct sea_state s = {.qm = 0.2, .qmd = -1.5, .I = 0.0}, d;
 
-    (void)state;
     sea_derivative(&coman_drive, &s, 0.15, 0.4, 12.0, false, &d);
     assert_near(d.I, 0.0, 0.0);
     assert_near(d.qm, -1.5, 0.0);
@@ -74,19 +66,17 @@ static void check_power_balance(const struct robot_sea *sea)
                 power.joule + power.friction + power.spring_damping + stored + link, 1e-6);
 }
 
-static void powers_balance_at_any_state(void **state)
+TEST(powers_balance_at_any_state)
 {
     struct robot_sea mismatched = coman_drive;
 
-    (void)state;
     check_power_balance(&coman_drive);
     mismatched.Kw = 3.7;
     check_power_balance(&mismatched);
 }
 
-static void slack_rope_exerts_nothing(void **state)
+TEST(slack_rope_exerts_nothing)
 {
-    (void)state;
     /* x = p - r q > 0, and the limit x = 0 which the paper counts as slack, at any speed */
     assert_near(parallel_spring_torque(&rope, 0.01, 0.0, 0.1, 5.0), 0.0, 0.0);
     assert_near(parallel_spring_torque(&rope, 0.0, -1.0, 0.0, 5.0), 0.0, 0.0);
@@ -94,21 +84,19 @@ static void slack_rope_exerts_nothing(void **state)
     assert_near(parallel_spring_damping(&rope, 0.01, 0.0, 0.1, 5.0), 0.0, 0.0);
 }
 
-static void taut_rope_pulls_the_joint_back(void **state)
+TEST(taut_rope_pulls_the_joint_back)
 {
     /* x = 0.01 - 0.05 * 0.9 = -0.035 m, x' = 0.02 - 0.05 * 2 = -0.08 m/s */
     double expected = 0.05 * (2000.0 * -0.035 + 0.1 * -0.08);
 
-    (void)state;
     assert_near(parallel_spring_torque(&rope, 0.01, 0.02, 0.9, 2.0), expected, 1e-12);
     assert_true(expected < 0.0);
 }
 
-static void sense_mirrors_the_spring(void **state)
+TEST(sense_mirrors_the_spring)
 {
     struct robot_parallel_spring mirrored = rope;
 
-    (void)state;
     mirrored.s = -1.0;
     for (int i = -4; i <= 4; i++) {
         double q = 0.3 * i, qd = 1.0 - 0.4 * i;
@@ -118,12 +106,11 @@ static void sense_mirrors_the_spring(void **state)
     }
 }
 
-static void rope_torque_is_the_slope_of_its_energy(void **state)
+TEST(rope_torque_is_the_slope_of_its_energy)
 {
     struct robot_parallel_spring undamped = rope;
     const double h = 1e-5;
 
-    (void)state;
     undamped.d_p = 0.0;
     for (int i = 0; i < 2; i++) {
         double q = i ? -0.7 : 0.7;
@@ -138,7 +125,7 @@ static void rope_torque_is_the_slope_of_its_energy(void **state)
 }
 
 /* What the winch of the pretension puts in goes to the joint, into the spring and into heat. */
-static void rope_powers_balance(void **state)
+TEST(rope_powers_balance)
 {
     const double p = 0.01, pd = 0.03, q = 0.8, qd = -1.7, h = 1e-6;
     double winch = parallel_spring_force(&rope, p, pd, q, qd) * pd;
@@ -147,23 +134,5 @@ static void rope_powers_balance(void **state)
                      parallel_spring_energy(&rope, p - h * pd, q - h * qd)) /
                     (2.0 * h);
 
-    (void)state;
     assert_near(winch, joint + stored + parallel_spring_damping(&rope, p, pd, q, qd), 1e-8);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(motor_ahead_of_the_link_pulls_it_forward),
-        cmocka_unit_test(derivative_follows_equations_2_and_4),
-        cmocka_unit_test(open_bridge_changes_no_current),
-        cmocka_unit_test(powers_balance_at_any_state),
-        cmocka_unit_test(slack_rope_exerts_nothing),
-        cmocka_unit_test(taut_rope_pulls_the_joint_back),
-        cmocka_unit_test(sense_mirrors_the_spring),
-        cmocka_unit_test(rope_torque_is_the_slope_of_its_energy),
-        cmocka_unit_test(rope_powers_balance),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -8,16 +8,11 @@
 #include "model/stop.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "tests/physics/near.h"
 #include "tests/physics/toy.h"
+#include "tests/test.h"
 
 enum { N = 4 }; /* qm, qm', I and a constant 1 */
 
@@ -76,11 +71,10 @@ static struct sea_state exact_drive(const struct robot_sea *sea, double V, doubl
 }
 
 /* Over any time, stiff or soft: the state is that of the exponential, in one flow and in many. */
-static void a_flow_is_the_exponential(void **state)
+TEST(a_flow_is_the_exponential)
 {
     const double stiffness[] = {1.2e-3, 120.0, 395.46, 8400.0, 1e7};
 
-    (void)state;
     for (size_t s = 0; s < sizeof stiffness / sizeof stiffness[0]; s++) {
         const struct robot_sea sea = toy_drive(stiffness[s]);
         const struct sea_state exact = exact_drive(&sea, 5.0, 0.02);
@@ -125,13 +119,12 @@ static struct sea_state integrated_drive(const struct robot_sea *sea, struct sea
 }
 
 /* From any state, with a joint that moves, the bridge on and off; Kw unlike Kt. */
-static void a_flow_follows_a_joint_that_moves(void **state)
+TEST(a_flow_follows_a_joint_that_moves)
 {
     const struct sea_state begin = {0.3, -1.2, 2.5};
     const double q = 0.1, qd = 0.7, V = -3.0, t = 1e-3;
     struct robot_sea sea = toy_drive(395.46);
 
-    (void)state;
     sea.Kw = 3.7;
     for (int on = 0; on < 2; on++) {
         struct sea_state exact = integrated_drive(&sea, begin, q, qd, V, on, t), end;
@@ -147,11 +140,10 @@ static void a_flow_follows_a_joint_that_moves(void **state)
 }
 
 /* However stiff and however long the flow, it goes to the equilibrium and stays there. */
-static void a_flow_of_any_length_ends_in_equilibrium(void **state)
+TEST(a_flow_of_any_length_ends_in_equilibrium)
 {
     const double stiffness[] = {1.0, 120.0, 395.46, 8400.0, 1e7};
 
-    (void)state;
     for (size_t s = 0; s < sizeof stiffness / sizeof stiffness[0]; s++) {
         const struct robot_sea sea = toy_drive(stiffness[s]);
         const double V = 5.0, torque = sea.Kt * V / sea.R;
@@ -166,13 +158,12 @@ static void a_flow_of_any_length_ends_in_equilibrium(void **state)
 }
 
 /* A rotor of an inertia beyond measure, at rest, keeps its place to the last bit. */
-static void a_held_rotor_stays_where_it_is(void **state)
+TEST(a_held_rotor_stays_where_it_is)
 {
     struct robot_sea sea = toy_drive(395.46);
     struct sea_state drive = {0.3, 0.0, 0.0};
     struct drive_flow flow;
 
-    (void)state;
     sea.J = 1e30;
     drive_flow_make(&sea, true, 1e-3, &flow);
     for (int k = 0; k < 1000; k++) {
@@ -183,11 +174,10 @@ static void a_held_rotor_stays_where_it_is(void **state)
 }
 
 /* The linear law around any deflection and rate is the torque there. */
-static void the_spring_law_is_its_torque(void **state)
+TEST(the_spring_law_is_its_torque)
 {
     struct robot_sea sea = toy_drive(120.0);
 
-    (void)state;
     sea.deflection = 0.2;
     sea.stop = (struct robot_stop){.stiffness = 8000.0, .damping = 40.0};
     for (double twist = -0.3; twist < 0.3; twist += 0.013) {
@@ -205,12 +195,11 @@ static void the_spring_law_is_its_torque(void **state)
 }
 
 /* A stop's step is its law at the end, where it presses; left, or without need, it is nothing. */
-static void a_stop_is_taken_at_the_end_of_the_step(void **state)
+TEST(a_stop_is_taken_at_the_end_of_the_step)
 {
     const struct robot_stop stop = {.stiffness = 1e5, .damping = 100.0};
     const double lower = -0.3, upper = 0.9, h = 1e-3;
 
-    (void)state;
     for (int side = -1; side <= 1; side += 2) {
         double limit = side > 0 ? upper : lower;
 
@@ -247,12 +236,11 @@ static void a_stop_is_taken_at_the_end_of_the_step(void **state)
 }
 
 /* A stop that has pushed in an earlier stage may take that much back in this one, and no more. */
-static void a_stop_takes_back_no_more_than_it_has_pushed(void **state)
+TEST(a_stop_takes_back_no_more_than_it_has_pushed)
 {
     const struct robot_stop stop = {.stiffness = 1e5, .damping = 100.0};
     const double lower = -0.3, upper = 0.9, h = 1e-3;
 
-    (void)state;
     for (int side = -1; side <= 1; side += 2) {
         const double limit = side > 0 ? upper : lower, earlier = -50.0 * side;
 
@@ -273,34 +261,17 @@ static void a_stop_takes_back_no_more_than_it_has_pushed(void **state)
     }
 }
 
-static void a_parallel_spring_is_taken_at_the_end_of_the_step(void **state)
+TEST(a_parallel_spring_is_taken_at_the_end_of_the_step)
 {
     const struct robot_parallel_spring spring = {
         .present = true, .enabled = true, .k_p = 2000.0, .d_p = 10.0, .r = 0.05, .s = -1.0};
     const double p = -0.01, pd = 0.02, q = -0.1, qd = 0.4, h = 1e-3, qdd = -80.0;
     double qd_end = qd + h * qdd, torque, extra;
 
-    (void)state;
     parallel_spring_step(&spring, p, pd, q, qd, h, &torque, &extra);
     assert_near(torque - extra * qdd,
                 parallel_spring_torque(&spring, p + h * pd, pd, q + h * qd_end, qd_end), 1e-12);
     parallel_spring_step(&spring, 0.1, pd, q, qd, h, &torque, &extra);
     assert_near(torque, 0.0, 0.0);
     assert_near(extra, 0.0, 0.0);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_flow_is_the_exponential),
-        cmocka_unit_test(a_flow_follows_a_joint_that_moves),
-        cmocka_unit_test(a_flow_of_any_length_ends_in_equilibrium),
-        cmocka_unit_test(a_held_rotor_stays_where_it_is),
-        cmocka_unit_test(the_spring_law_is_its_torque),
-        cmocka_unit_test(a_stop_is_taken_at_the_end_of_the_step),
-        cmocka_unit_test(a_stop_takes_back_no_more_than_it_has_pushed),
-        cmocka_unit_test(a_parallel_spring_is_taken_at_the_end_of_the_step),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

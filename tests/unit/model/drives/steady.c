@@ -4,15 +4,10 @@
  * torques that the gear carries, F = c + k (motor + load); a gear that locks itself; no effects.
  */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 
 #include "model/drives/steady.h"
 #include "tests/physics/near.h"
+#include "tests/test.h"
 
 static const double c = 0.2, k = 0.1, Dm = 0.05, Kt = 0.5, Kw = 0.6, R = 2.0;
 
@@ -21,9 +16,8 @@ static const struct robot_effects effects = {
 static const struct robot_sea sea = {
     .present = true, .Dm = 0.05, .Kt = 0.5, .Kw = 0.6, .R = 2.0, .effects = &effects};
 
-static void loads_and_motors_are_as_written_out(void **unused)
+TEST(loads_and_motors_are_as_written_out)
 {
-    (void)unused;
     for (double speed = 0.0; speed < 3.0; speed += 1.5) {
         const double loss = c + Dm * speed, motor = 5.0, load = 3.0;
 
@@ -38,49 +32,34 @@ static void loads_and_motors_are_as_written_out(void **unused)
     }
 }
 
-static void a_voltage_turns_a_load_at_one_speed(void **unused)
+TEST(a_voltage_turns_a_load_at_one_speed)
 {
     /* Kt (V - Kw w) / R (1 - k) = c + Dm w + (1 + k) load */
     const double voltage = 12.0, load = 1.0, part = Kt / R * (1.0 - k);
     const double speed = (part * voltage - c - (1.0 + k) * load) / (part * Kw + Dm);
 
-    (void)unused;
     assert_near(steady_speed(&sea, voltage, load), speed, 1e-12);
     assert_true(isnan(steady_speed(&sea, voltage, 3.0)));
 }
 
-static void what_does_not_move_is_no_number(void **unused)
+TEST(what_does_not_move_is_no_number)
 {
     struct robot_effects locked = effects;
     struct robot_sea worm = sea;
 
-    (void)unused;
     assert_true(isnan(steady_load(&sea, 0.1, 0.0, 1))); /* less than c */
     locked.load.external = 1.2;
     worm.effects = &locked;
     assert_true(isnan(steady_load(&worm, 1.0, 0.0, -1)));
 }
 
-static void a_drive_without_effects_has_viscous_losses_alone(void **unused)
+TEST(a_drive_without_effects_has_viscous_losses_alone)
 {
     struct robot_sea plain = sea;
 
-    (void)unused;
     plain.effects = NULL;
     assert_near(steady_load(&plain, 5.0, 2.0, 1), 4.9, 1e-12);
     assert_near(steady_load(&plain, 5.0, 40.0, 1), 3.0, 1e-12);
     assert_true(isnan(steady_load(&plain, 1.9, 40.0, 1))); /* less than Dm w = 2 */
     assert_near(steady_speed(&plain, 12.0, 0.0), 3.0 / (0.15 + Dm), 1e-12);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(loads_and_motors_are_as_written_out),
-        cmocka_unit_test(a_voltage_turns_a_load_at_one_speed),
-        cmocka_unit_test(what_does_not_move_is_no_number),
-        cmocka_unit_test(a_drive_without_effects_has_viscous_losses_alone),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -7,18 +7,13 @@
 #include "model/dynamics.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "model/spatial.h"
 #include "model/symbolic/builtin.h"
 #include "model/symbolic/symbolic.h"
 #include "tests/unit/model/random_robot.h"
+#include "tests/test.h"
 
 enum { BODIES = RANDOM_JOINTS + 1, COORDINATES = RANDOM_JOINTS + 6, CASES = 100 };
 
@@ -90,12 +85,11 @@ static double residual(const struct dynamics *d, const struct random_state *x, c
     return worst / size;
 }
 
-static void the_equation_with_added_inertia_holds(void **state)
+TEST(the_equation_with_added_inertia_holds)
 {
     uint64_t seed = 7;
     double worst = 0.0;
 
-    (void)state;
     for (int n = 0; n < CASES; n++) {
         static struct random_tree tree;
         struct added_inertia added[BODIES];
@@ -124,11 +118,10 @@ static void the_equation_with_added_inertia_holds(void **state)
     assert_true(worst < 1e-10);
 }
 
-static void without_added_inertia_it_is_forward_dynamics(void **state)
+TEST(without_added_inertia_it_is_forward_dynamics)
 {
     uint64_t seed = 8;
 
-    (void)state;
     for (int n = 0; n < CASES; n++) {
         static struct random_tree tree;
         static const struct added_inertia none[BODIES];
@@ -155,7 +148,7 @@ static void without_added_inertia_it_is_forward_dynamics(void **state)
     }
 }
 
-static void the_generated_code_of_coman_agrees(void **state)
+TEST(the_generated_code_of_coman_agrees)
 {
     const struct robot *robot;
     const struct dynamics_module *module;
@@ -166,7 +159,6 @@ static void the_generated_code_of_coman_agrees(void **state)
     struct arena arena;
     struct error error;
 
-    (void)state;
     assert_int_equal(arena_init(&arena, 1 << 22, &error), ERROR_NONE);
     assert_int_equal(
         robot_load(HIL_SOURCE_DIR "/config/robots/coman.yaml", NULL, &arena, &robot, &error),
@@ -198,15 +190,4 @@ static void the_generated_code_of_coman_agrees(void **state)
     print_message("largest relative difference to the generic code: %.1e\n", worst);
     assert_true(worst < 1e-10);
     arena_fini(&arena);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_equation_with_added_inertia_holds),
-        cmocka_unit_test(without_added_inertia_it_is_forward_dynamics),
-        cmocka_unit_test(the_generated_code_of_coman_agrees),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

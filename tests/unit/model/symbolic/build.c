@@ -3,16 +3,10 @@
  * Modules that are compiled and found again: what happens when their files are damaged, when others
  * may write where they are, and when the compiler fails.
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "base/instruction_set.h"
 #include "model/symbolic/symbolic.h"
 #include "tests/unit/model/symbolic/evaluate.h"
+#include "tests/test.h"
 
 #include <dirent.h>
 #include <fcntl.h>
@@ -28,20 +22,18 @@ static struct random_tree tree;
 static struct symbolic_library library;
 static struct error error;
 
-static int open_folder(void **state)
+FIXTURE(open_folder)
 {
-    (void)state;
     strcpy(folder, "/tmp/hil-cache-XXXXXX");
     strcpy(tools, "/tmp/hil-tools-XXXXXX");
     snprintf(path_before, sizeof path_before, "%s", getenv("PATH"));
     return !mkdtemp(folder) || !mkdtemp(tools) || pendulum_make(&tree, &error);
 }
 
-static int close_folder(void **state)
+FIXTURE(close_folder)
 {
     char command[160];
 
-    (void)state;
     symbolic_close(&library);
     setenv("PATH", path_before, 1);
     snprintf(command, sizeof command, "rm -r '%s' '%s'", folder, tools);
@@ -115,9 +107,8 @@ static void assert_found(void)
     use_and_close();
 }
 
-static void what_was_built_is_found(void **state)
+TEST_WITH(what_was_built_is_found, open_folder, close_folder)
 {
-    (void)state;
     assert_int_equal(symbolic_find(&tree.robot, &options, folder, &library, &error),
                      ERROR_UNSUPPORTED);
     assert_non_null(strstr(error.text, "there is no module"));
@@ -146,12 +137,11 @@ static void assert_damaged(const char *what)
     }
 }
 
-static void a_damaged_module_is_never_loaded(void **state)
+TEST_WITH(a_damaged_module_is_never_loaded, open_folder, close_folder)
 {
     char path[384];
     struct stat status;
 
-    (void)state;
     skip_without_compiler();
     build();
     assert_int_equal(list_folder(path), 1);
@@ -184,9 +174,8 @@ static void a_damaged_module_is_never_loaded(void **state)
     assert_int_equal(list_folder(path), 1);
 }
 
-static void a_folder_that_others_may_write_to_is_refused(void **state)
+TEST_WITH(a_folder_that_others_may_write_to_is_refused, open_folder, close_folder)
 {
-    (void)state;
     assert_int_equal(chmod(folder, 0777), 0);
     assert_int_equal(symbolic_build(&tree.robot, &options, folder, &library, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "others may write"));
@@ -197,9 +186,8 @@ static void a_folder_that_others_may_write_to_is_refused(void **state)
 
 /* ---- the compiler ---- */
 
-static void without_a_compiler_the_build_says_so(void **state)
+TEST_WITH(without_a_compiler_the_build_says_so, open_folder, close_folder)
 {
-    (void)state;
     setenv("PATH", folder, 1);
     assert_int_equal(symbolic_build(&tree.robot, &options, folder, &library, &error),
                      ERROR_UNSUPPORTED);
@@ -223,24 +211,9 @@ static void assert_nothing_is_left(const char *script, const char *cause)
 /* The file that is being made is what stands behind -o. */
 #define HALF "for word; do [ \"$last\" = -o ] && echo half >\"$word\"; last=$word; done; "
 
-static void a_compiler_that_fails_leaves_nothing(void **state)
+TEST_WITH(a_compiler_that_fails_leaves_nothing, open_folder, close_folder)
 {
-    (void)state;
     assert_nothing_is_left("exit 3", "failed with status 3");
     assert_nothing_is_left(HALF "exit 3", "failed with status 3");
     assert_nothing_is_left(HALF "kill -KILL $$", "killed by signal 9");
-}
-
-int main(void)
-{
-#define TEST(function) cmocka_unit_test_setup_teardown(function, open_folder, close_folder)
-    const struct CMUnitTest tests[] = {
-        TEST(what_was_built_is_found),
-        TEST(a_damaged_module_is_never_loaded),
-        TEST(a_folder_that_others_may_write_to_is_refused),
-        TEST(without_a_compiler_the_build_says_so),
-        TEST(a_compiler_that_fails_leaves_nothing),
-    };
-
-    return cmocka_run_group_tests_name("symbolic_build", tests, NULL, NULL);
 }

@@ -3,16 +3,10 @@
  * Built-in modules: with masses as inputs they are the numeric algorithms of the robot at hand, in
  * every variant; which of them a robot gets.
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "model/symbolic/builtin.h"
 #include "tests/unit/model/coman.h"
 #include "tests/unit/model/symbolic/evaluate.h"
+#include "tests/test.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -178,42 +172,37 @@ static void compare_with_masses(const char *file)
     }
 }
 
-static void coman_with_other_masses_is_the_numeric_algorithms(void **state)
+TEST_WITH(coman_with_other_masses_is_the_numeric_algorithms, open_arena, close_arena)
 {
-    (void)state;
     compare_with_masses(COMAN);
 }
 
-static void walkman_with_other_masses_is_the_numeric_algorithms(void **state)
+TEST_WITH(walkman_with_other_masses_is_the_numeric_algorithms, open_arena, close_arena)
 {
-    (void)state;
     compare_with_masses(HIL_SOURCE_DIR "/config/robots/walkman.yaml");
 }
 
-static void hyq_with_other_masses_is_the_numeric_algorithms(void **state)
+TEST_WITH(hyq_with_other_masses_is_the_numeric_algorithms, open_arena, close_arena)
 {
-    (void)state;
     compare_with_masses(HIL_SOURCE_DIR "/config/robots/hyq.yaml");
 }
 
 /* COMAN with forearms is COMAN with other masses. */
-static void a_module_with_inputs_serves_the_variants_of_a_robot(void **state)
+TEST_WITH(a_module_with_inputs_serves_the_variants_of_a_robot, open_arena, close_arena)
 {
     const struct robot *forearms = load_coman("forearms");
     uint64_t seed = 89;
 
-    (void)state;
     assert_int_equal(forearms->massless_hash, load_coman(NULL)->massless_hash);
     assert_non_null(symbolic_builtin(with_masses(forearms, &seed)));
 }
 
-static void a_module_made_from_the_robot_comes_first(void **state)
+TEST_WITH(a_module_made_from_the_robot_comes_first, open_arena, close_arena)
 {
     const struct robot *coman = load_coman(NULL);
     const struct dynamics_module *module = symbolic_builtin(coman);
     uint64_t seed = 97;
 
-    (void)state;
     assert_non_null(module);
     assert_int_equal(module->ninertia, 0);
     assert_int_equal(module->robot_hash, coman->hash);
@@ -221,7 +210,7 @@ static void a_module_made_from_the_robot_comes_first(void **state)
     assert_null(symbolic_builtin_exact(with_masses(coman, &seed)));
 }
 
-static void a_robot_with_another_geometry_gets_none(void **state)
+TEST_WITH(a_robot_with_another_geometry_gets_none, open_arena, close_arena)
 {
     const struct robot *coman = load_coman(NULL);
     uint64_t seed = 101;
@@ -230,7 +219,6 @@ static void a_robot_with_another_geometry_gets_none(void **state)
     struct dynamics d;
     struct error error;
 
-    (void)state;
     longer->joint[3].origin[2] += 1e-9;
     assert_int_equal(robot_finish(longer, &error), ERROR_NONE);
     assert_true(longer->massless_hash != coman->massless_hash);
@@ -240,7 +228,7 @@ static void a_robot_with_another_geometry_gets_none(void **state)
     assert_non_null(strstr(error.text, "not only with other masses"));
 }
 
-static void a_module_whose_frames_are_others_is_refused(void **state)
+TEST_WITH(a_module_whose_frames_are_others_is_refused, open_arena, close_arena)
 {
     uint64_t seed = 103;
     const struct robot *heavier = with_masses(load_coman(NULL), &seed);
@@ -248,13 +236,12 @@ static void a_module_whose_frames_are_others_is_refused(void **state)
     struct dynamics d;
     struct error error;
 
-    (void)state;
     module.tree_hash ^= 1;
     assert_int_equal(dynamics_generated(heavier, &module, &arena, &d, &error), ERROR_UNSUPPORTED);
     assert_non_null(strstr(error.text, "other working frames"));
 }
 
-static void no_memory_is_said_only_of_memory(void **state)
+TEST_WITH(no_memory_is_said_only_of_memory, open_arena, close_arena)
 {
     uint64_t seed = 113;
     const struct robot *heavier = with_masses(load_coman(NULL), &seed);
@@ -262,7 +249,6 @@ static void no_memory_is_said_only_of_memory(void **state)
     struct arena small;
     struct dynamics d;
 
-    (void)state;
     assert_int_equal(arena_init(&small, 64, &error), ERROR_NONE);
     while (arena_alloc(&small, 1, 64)) {
     }
@@ -273,7 +259,7 @@ static void no_memory_is_said_only_of_memory(void **state)
 }
 
 /* A fixed base with a slide among its joints, compiled here with masses as inputs. */
-static void a_fixed_base_with_a_slide_takes_masses_as_inputs(void **state)
+TEST_WITH(a_fixed_base_with_a_slide_takes_masses_as_inputs, open_arena, close_arena)
 {
     const struct symbolic_options options = {
         .lanes = 4, .fast_compile = true, .inertia_inputs = true};
@@ -286,7 +272,6 @@ static void a_fixed_base_with_a_slide_takes_masses_as_inputs(void **state)
     bool slides;
     int tries = 0;
 
-    (void)state;
     if (system("cc --version >/dev/null 2>&1") != 0) {
         print_message("SKIP: no C compiler (cc)\n");
         skip();
@@ -309,22 +294,4 @@ static void a_fixed_base_with_a_slide_takes_masses_as_inputs(void **state)
     symbolic_close(&library);
     snprintf(command, sizeof command, "rm -r '%s'", folder);
     assert_int_equal(system(command), 0);
-}
-
-int main(void)
-{
-#define TEST(function) cmocka_unit_test_setup_teardown(function, open_arena, close_arena)
-    const struct CMUnitTest tests[] = {
-        TEST(coman_with_other_masses_is_the_numeric_algorithms),
-        TEST(walkman_with_other_masses_is_the_numeric_algorithms),
-        TEST(hyq_with_other_masses_is_the_numeric_algorithms),
-        TEST(a_module_with_inputs_serves_the_variants_of_a_robot),
-        TEST(a_module_made_from_the_robot_comes_first),
-        TEST(a_robot_with_another_geometry_gets_none),
-        TEST(a_module_whose_frames_are_others_is_refused),
-        TEST(no_memory_is_said_only_of_memory),
-        TEST(a_fixed_base_with_a_slide_takes_masses_as_inputs),
-    };
-
-    return cmocka_run_group_tests_name("symbolic_builtin", tests, NULL, NULL);
 }

@@ -3,16 +3,10 @@
  * Robots of many joints: what the compiler gets is bounded, function by function, and what comes
  * out of it are the numeric algorithm's equations.
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "model/symbolic/symbolic.h"
 #include "tests/unit/arena_fixture.h"
 #include "tests/unit/model/random_robot.h"
+#include "tests/test.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -75,13 +69,12 @@ static size_t longest_function(const char *text)
 
 /* What a compiler needs grows faster than a function: none is long, and all of them together grow
  * hardly faster than the robot. */
-static void functions_stay_short_however_many_joints_there_are(void **state)
+TEST(functions_stay_short_however_many_joints_there_are)
 {
     const struct symbolic_options options = {.lanes = 4};
     static struct chain chain;
     size_t size[2], longest;
 
-    (void)state;
     for (int n = 0; n < 2; n++) {
         struct symbolic_report report;
         struct error error;
@@ -142,7 +135,7 @@ static double worst_difference(const double *found, const double *expected, size
     return worst / size;
 }
 
-static void the_compiled_equations_are_the_numeric_ones(void **state)
+TEST_WITH(the_compiled_equations_are_the_numeric_ones, open_arena, close_arena)
 {
     const struct symbolic_options options = {.lanes = 4};
     static struct chain chain;
@@ -154,7 +147,6 @@ static void the_compiled_equations_are_the_numeric_ones(void **state)
     struct error error;
     uint64_t seed = 11;
 
-    (void)state;
     if (system("cc --version >/dev/null 2>&1") != 0) {
         print_message("SKIP: no C compiler (cc)\n");
         skip();
@@ -184,15 +176,4 @@ static void the_compiled_equations_are_the_numeric_ones(void **state)
     symbolic_close(&library);
     snprintf(command, sizeof command, "rm -r '%s'", folder);
     assert_int_equal(system(command), 0);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(functions_stay_short_however_many_joints_there_are),
-        cmocka_unit_test_setup_teardown(the_compiled_equations_are_the_numeric_ones, open_arena,
-                                        close_arena),
-    };
-
-    return cmocka_run_group_tests_name("symbolic_large", tests, NULL, NULL);
 }

@@ -3,15 +3,9 @@
  * The generator when memory runs out: the n-th allocation fails, for every n, and each time the
  * answer is an error and nothing is lost. Linked with --wrap for calloc and realloc.
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "model/symbolic/symbolic.h"
 #include "tests/unit/model/symbolic/evaluate.h"
+#include "tests/test.h"
 
 #include <stdlib.h>
 
@@ -47,7 +41,7 @@ void __wrap_free(void *memory)
     __real_free(memory);
 }
 
-static void every_failed_allocation_is_an_error_and_loses_nothing(void **state)
+TEST(every_failed_allocation_is_an_error_and_loses_nothing)
 {
     const struct symbolic_options options = {.lanes = 4};
     static char text[8 << 20];
@@ -57,7 +51,6 @@ static void every_failed_allocation_is_an_error_and_loses_nothing(void **state)
     long n = 0;
     enum error_code code;
 
-    (void)state;
     assert_int_equal(limbed_tree_make(&seed, &tree, &error), ERROR_NONE);
     do {
         FILE *file = fmemopen(text, sizeof text, "w");
@@ -74,13 +67,4 @@ static void every_failed_allocation_is_an_error_and_loses_nothing(void **state)
     print_message("# %ld allocations\n", n - 1);
     assert_int_equal(code, ERROR_NONE);
     assert_true(n > 20);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_failed_allocation_is_an_error_and_loses_nothing),
-    };
-
-    return cmocka_run_group_tests_name("symbolic_memory", tests, NULL, NULL);
 }

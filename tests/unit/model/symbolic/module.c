@@ -3,19 +3,13 @@
  * Generated code, compiled: the built-in module of COMAN and modules compiled here are the numeric
  * algorithms in every variant that this CPU runs; refusing of modules.
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "base/count.h"
 #include "base/instruction_set.h"
 #include "model/symbolic/builtin.h"
 #include "model/symbolic/symbolic.h"
 #include "tests/unit/model/coman.h"
 #include "tests/unit/model/symbolic/evaluate.h"
+#include "tests/test.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -27,17 +21,17 @@ enum { BODIES = RANDOM_JOINTS + 1, VELOCITIES = RANDOM_JOINTS + 6, POSE = 40 * B
 
 static char folder[64];
 
-static int open_folder(void **state)
+FIXTURE(open_folder)
 {
     strcpy(folder, "/tmp/hil-symbolic-XXXXXX");
-    return open_arena(state) || !mkdtemp(folder);
+    return open_arena(test_state) || !mkdtemp(folder);
 }
 
-static int close_folder(void **state)
+FIXTURE(close_folder)
 {
     char command[128];
 
-    close_arena(state);
+    close_arena(test_state);
     snprintf(command, sizeof command, "rm -r '%s'", folder);
     return system(command);
 }
@@ -234,12 +228,11 @@ static void assert_same_bits(const struct robot *robot, const struct dynamics_mo
     }
 }
 
-static void built_in_modules_have_the_same_bits_in_every_variant(void **state)
+TEST_WITH(built_in_modules_have_the_same_bits_in_every_variant, open_folder, close_folder)
 {
     static const char *const robots[] = {COMAN, HIL_SOURCE_DIR "/config/robots/walkman.yaml"};
     struct error error;
 
-    (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(robots); i++) {
         const struct dynamics_module *module;
         const struct robot *robot;
@@ -253,21 +246,18 @@ static void built_in_modules_have_the_same_bits_in_every_variant(void **state)
     }
 }
 
-static void coman_is_the_same_in_the_plain_variant(void **state)
+TEST_WITH(coman_is_the_same_in_the_plain_variant, open_folder, close_folder)
 {
-    (void)state;
     compare_variant("plain");
 }
 
-static void coman_is_the_same_in_the_avx2_variant(void **state)
+TEST_WITH(coman_is_the_same_in_the_avx2_variant, open_folder, close_folder)
 {
-    (void)state;
     compare_variant("avx2");
 }
 
-static void coman_is_the_same_in_the_avx512_variant(void **state)
+TEST_WITH(coman_is_the_same_in_the_avx512_variant, open_folder, close_folder)
 {
-    (void)state;
     compare_variant("avx512");
 }
 
@@ -280,12 +270,11 @@ static double ulps(double value, long double exact)
                     (long double)(nextafter(fabs(near), 2.0) - fabs(near)));
 }
 
-static void sine_and_cosine_are_right_to_the_last_place(void **state)
+TEST_WITH(sine_and_cosine_are_right_to_the_last_place, open_folder, close_folder)
 {
     const struct robot *robot = load_coman(NULL);
     _Alignas(64) double x[8], sine[8], cosine[8];
 
-    (void)state;
     for (const struct dynamics_module *module = symbolic_builtin(robot); module;
          module = module->plainer) {
         double worst = 0.0;
@@ -312,13 +301,12 @@ static void sine_and_cosine_are_right_to_the_last_place(void **state)
     }
 }
 
-static void far_angles_infinities_and_nan_are_those_of_libm(void **state)
+TEST_WITH(far_angles_infinities_and_nan_are_those_of_libm, open_folder, close_folder)
 {
     const struct robot *robot = load_coman(NULL);
     _Alignas(64) const double x[8] = {0.0, 1e22, -1e9, INFINITY, -INFINITY, NAN, 1.0, 2e5};
     _Alignas(64) double sine[8], cosine[8];
 
-    (void)state;
     for (const struct dynamics_module *module = symbolic_builtin(robot); module;
          module = module->plainer) {
         module->sincos(x, sine, cosine);
@@ -370,12 +358,11 @@ static double far_difference(const struct robot *robot, const struct dynamics_mo
 
 /* COMAN's working frames have offsets of 20 degrees between them and the joints' own zeros: were
  * they added to the angles, the sums would be rounded to the last place of 3e7 rad, 4e-9. */
-static void joints_that_turn_for_ever_keep_their_accuracy(void **state)
+TEST_WITH(joints_that_turn_for_ever_keep_their_accuracy, open_folder, close_folder)
 {
     static const double size[] = {3.0, 3e5, 3e7, 1e12, 1e15};
     const struct robot *robot = load_coman(NULL);
 
-    (void)state;
     for (const struct dynamics_module *module = symbolic_builtin(robot); module;
          module = module->plainer) {
         for (size_t n = 0; n < sizeof size / sizeof size[0]; n++) {
@@ -396,13 +383,12 @@ static void need_compiler(void)
     }
 }
 
-static void small_trees_compiled_here_have_the_same_equations(void **state)
+TEST_WITH(small_trees_compiled_here_have_the_same_equations, open_folder, close_folder)
 {
     uint64_t seed = 51;
     struct random_tree tree;
     struct error error;
 
-    (void)state;
     need_compiler();
     int made = 0;
     for (int tries = 0; made < 3 && tries < 1000; tries++) {
@@ -426,7 +412,7 @@ static void small_trees_compiled_here_have_the_same_equations(void **state)
 }
 
 /* Functions beyond some thousand operations are cut into pieces: a chain that is long enough. */
-static void long_functions_compute_the_same_in_pieces(void **state)
+TEST_WITH(long_functions_compute_the_same_in_pieces, open_folder, close_folder)
 {
     const struct symbolic_options options = {.lanes = 4, .fast_compile = true};
     static struct random_tree tree;
@@ -437,7 +423,6 @@ static void long_functions_compute_the_same_in_pieces(void **state)
     uint64_t seed = 57;
     FILE *nowhere = fopen("/dev/null", "w");
 
-    (void)state;
     need_compiler();
     *robot = (struct robot){.name = "chain",
                             .floating = true,
@@ -502,13 +487,12 @@ static void assert_clean(const struct robot *robot)
     assert_int_equal(system(command), 0);
 }
 
-static void generated_code_compiles_without_warnings(void **state)
+TEST_WITH(generated_code_compiles_without_warnings, open_folder, close_folder)
 {
     uint64_t seed = 61;
     struct random_tree tree;
     struct error error;
 
-    (void)state;
     need_compiler();
     make_pendulum(&tree);
     assert_clean(&tree.robot);
@@ -524,47 +508,16 @@ static void generated_code_compiles_without_warnings(void **state)
     assert_clean(&tree.robot);
 }
 
-static void a_module_of_another_robot_is_refused(void **state)
+TEST_WITH(a_module_of_another_robot_is_refused, open_folder, close_folder)
 {
     const struct robot *coman = load_coman(NULL);
     struct random_tree tree;
     struct dynamics d;
     struct error error;
 
-    (void)state;
     make_pendulum(&tree);
     assert_int_equal(dynamics_generated(&tree.robot, symbolic_builtin(coman), &arena, &d, &error),
                      ERROR_UNSUPPORTED);
     assert_non_null(strstr(error.text, "another robot"));
     assert_null(symbolic_builtin(&tree.robot));
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(coman_is_the_same_in_the_plain_variant, open_folder,
-                                        close_folder),
-        cmocka_unit_test_setup_teardown(coman_is_the_same_in_the_avx2_variant, open_folder,
-                                        close_folder),
-        cmocka_unit_test_setup_teardown(built_in_modules_have_the_same_bits_in_every_variant,
-                                        open_folder, close_folder),
-        cmocka_unit_test_setup_teardown(coman_is_the_same_in_the_avx512_variant, open_folder,
-                                        close_folder),
-        cmocka_unit_test_setup_teardown(sine_and_cosine_are_right_to_the_last_place, open_folder,
-                                        close_folder),
-        cmocka_unit_test_setup_teardown(joints_that_turn_for_ever_keep_their_accuracy, open_folder,
-                                        close_folder),
-        cmocka_unit_test_setup_teardown(far_angles_infinities_and_nan_are_those_of_libm,
-                                        open_folder, close_folder),
-        cmocka_unit_test_setup_teardown(small_trees_compiled_here_have_the_same_equations,
-                                        open_folder, close_folder),
-        cmocka_unit_test_setup_teardown(long_functions_compute_the_same_in_pieces, open_folder,
-                                        close_folder),
-        cmocka_unit_test_setup_teardown(generated_code_compiles_without_warnings, open_folder,
-                                        close_folder),
-        cmocka_unit_test_setup_teardown(a_module_of_another_robot_is_refused, open_folder,
-                                        close_folder),
-    };
-
-    return cmocka_run_group_tests_name("symbolic_module", tests, NULL, NULL);
 }

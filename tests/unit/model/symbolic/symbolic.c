@@ -3,17 +3,11 @@
  * The generator's equations, interpreted: what is derived for a tree, in any number of lanes, is
  * what the numeric algorithms compute, and simplification does what it says.
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "model/spatial.h"
 #include "model/symbolic/symbolic.h"
 #include "tests/unit/model/coman.h"
 #include "tests/unit/model/symbolic/evaluate.h"
+#include "tests/test.h"
 
 #include <stdlib.h>
 
@@ -26,11 +20,10 @@ static expr input(struct graph *graph, int index)
     return graph_input(graph, DERIVE_Q, 1, &index);
 }
 
-static void constants_are_folded_and_zeros_and_ones_vanish(void **state)
+TEST(constants_are_folded_and_zeros_and_ones_vanish)
 {
     struct graph g;
 
-    (void)state;
     graph_init(&g);
     expr x = input(&g, 0), one = graph_const(&g, 1.0), two = graph_const(&g, 2.0);
 
@@ -50,11 +43,10 @@ static void constants_are_folded_and_zeros_and_ones_vanish(void **state)
     graph_fini(&g);
 }
 
-static void equal_expressions_are_one_node_whatever_their_order_and_sign(void **state)
+TEST(equal_expressions_are_one_node_whatever_their_order_and_sign)
 {
     struct graph g;
 
-    (void)state;
     graph_init(&g);
     expr x = input(&g, 0), y = input(&g, 1);
     size_t count;
@@ -72,11 +64,10 @@ static void equal_expressions_are_one_node_whatever_their_order_and_sign(void **
     graph_fini(&g);
 }
 
-static void sine_squared_and_cosine_squared_are_one(void **state)
+TEST(sine_squared_and_cosine_squared_are_one)
 {
     struct graph g;
 
-    (void)state;
     graph_init(&g);
     expr s = graph_sin(&g, input(&g, 0)), c = graph_cos(&g, input(&g, 0));
     expr other = graph_cos(&g, input(&g, 1)), one = graph_const(&g, 1.0);
@@ -87,11 +78,10 @@ static void sine_squared_and_cosine_squared_are_one(void **state)
     graph_fini(&g);
 }
 
-static void packing_and_taking_lanes_undo_each_other(void **state)
+TEST(packing_and_taking_lanes_undo_each_other)
 {
     struct graph g;
 
-    (void)state;
     graph_init(&g);
     const int index[2] = {3, 5};
     expr x = graph_sin(&g, graph_input(&g, DERIVE_Q, 2, index));
@@ -222,14 +212,13 @@ static void compare(const struct subject *s, const struct random_state *x)
     }
 }
 
-static void random_trees_have_the_numeric_algorithms_equations(void **state)
+TEST_WITH(random_trees_have_the_numeric_algorithms_equations, open_arena, close_arena)
 {
     struct random_tree tree;
     struct random_state x;
     struct error error;
     uint64_t seed = 20140001;
 
-    (void)state;
     for (int t = 0; t < TREES; t++) {
         struct subject s;
 
@@ -243,7 +232,7 @@ static void random_trees_have_the_numeric_algorithms_equations(void **state)
     }
 }
 
-static void like_limbs_in_lanes_have_the_same_equations(void **state)
+TEST_WITH(like_limbs_in_lanes_have_the_same_equations, open_arena, close_arena)
 {
     struct random_tree tree;
     struct random_state x;
@@ -251,7 +240,6 @@ static void like_limbs_in_lanes_have_the_same_equations(void **state)
     uint64_t seed = 20140002;
     size_t bodies = 0, groups = 0;
 
-    (void)state;
     for (int t = 0; t < TREES; t++) {
         struct subject s;
 
@@ -379,7 +367,7 @@ static void random_matrix(uint64_t *seed, double size, double *upper)
     }
 }
 
-static void added_inertias_act_on_the_rates_of_the_velocities(void **state)
+TEST_WITH(added_inertias_act_on_the_rates_of_the_velocities, open_arena, close_arena)
 {
     static double extra[RANDOM_JOINTS], added[21 * BODIES];
     double expected[VELOCITIES], found[VELOCITIES];
@@ -388,7 +376,6 @@ static void added_inertias_act_on_the_rates_of_the_velocities(void **state)
     struct error error;
     uint64_t seed = 20140003;
 
-    (void)state;
     for (int t = 0; t < TREES; t++) {
         struct subject s;
 
@@ -410,7 +397,7 @@ static void added_inertias_act_on_the_rates_of_the_velocities(void **state)
     }
 }
 
-static void without_added_inertias_implicit_is_forward(void **state)
+TEST_WITH(without_added_inertias_implicit_is_forward, open_arena, close_arena)
 {
     static const double none[21 * BODIES];
     const struct robot *robot;
@@ -420,7 +407,6 @@ static void without_added_inertias_implicit_is_forward(void **state)
     uint64_t seed = 20140004;
     double expected[VELOCITIES], found[VELOCITIES];
 
-    (void)state;
     if (robot_load(COMAN, NULL, &arena, &robot, &error)) {
         fail_msg("%s", error.text);
     }
@@ -452,13 +438,12 @@ static char *text_of(const struct robot *robot, int lanes, size_t *size,
     return text;
 }
 
-static void the_same_robot_gives_the_same_bytes(void **state)
+TEST_WITH(the_same_robot_gives_the_same_bytes, open_arena, close_arena)
 {
     const struct robot *robot;
     struct error error;
     size_t first_size, second_size;
 
-    (void)state;
     assert_int_equal(robot_load(COMAN, NULL, &arena, &robot, &error), ERROR_NONE);
     char *first = text_of(robot, 4, &first_size, NULL);
     char *second = text_of(robot, 4, &second_size, NULL);
@@ -468,14 +453,13 @@ static void the_same_robot_gives_the_same_bytes(void **state)
     free(second);
 }
 
-static void coman_stays_within_its_budget_of_operations(void **state)
+TEST_WITH(coman_stays_within_its_budget_of_operations, open_arena, close_arena)
 {
     const struct robot *robot;
     struct symbolic_report report;
     struct error error;
     size_t size;
 
-    (void)state;
     assert_int_equal(robot_load(COMAN, NULL, &arena, &robot, &error), ERROR_NONE);
     for (int lanes = 1; lanes <= 4; lanes *= 2) {
         free(text_of(robot, lanes, &size, &report));
@@ -546,14 +530,13 @@ static void compare_forward(uint64_t *seed, const struct robot *robot)
     subject_close(&s);
 }
 
-static void operations_grow_linearly_with_the_chain(void **state)
+TEST_WITH(operations_grow_linearly_with_the_chain, open_arena, close_arena)
 {
     static struct robot_body body[LONGEST + 1];
     static struct robot_joint joint[LONGEST];
     size_t operations[3];
     uint64_t seed = 7;
 
-    (void)state;
     for (int n = 0; n < 3; n++) {
         struct robot robot = {.name = "chain",
                               .floating = true,
@@ -571,30 +554,4 @@ static void operations_grow_linearly_with_the_chain(void **state)
         compare_forward(&seed, &robot);
     }
     assert_int_equal(operations[2] - operations[1], 2 * (operations[1] - operations[0]));
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(constants_are_folded_and_zeros_and_ones_vanish),
-        cmocka_unit_test(equal_expressions_are_one_node_whatever_their_order_and_sign),
-        cmocka_unit_test(sine_squared_and_cosine_squared_are_one),
-        cmocka_unit_test(packing_and_taking_lanes_undo_each_other),
-        cmocka_unit_test_setup_teardown(random_trees_have_the_numeric_algorithms_equations,
-                                        open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(like_limbs_in_lanes_have_the_same_equations, open_arena,
-                                        close_arena),
-        cmocka_unit_test_setup_teardown(added_inertias_act_on_the_rates_of_the_velocities,
-                                        open_arena, close_arena),
-        cmocka_unit_test_setup_teardown(without_added_inertias_implicit_is_forward, open_arena,
-                                        close_arena),
-        cmocka_unit_test_setup_teardown(the_same_robot_gives_the_same_bytes, open_arena,
-                                        close_arena),
-        cmocka_unit_test_setup_teardown(coman_stays_within_its_budget_of_operations, open_arena,
-                                        close_arena),
-        cmocka_unit_test_setup_teardown(operations_grow_linearly_with_the_chain, open_arena,
-                                        close_arena),
-    };
-
-    return cmocka_run_group_tests_name("symbolic", tests, NULL, NULL);
 }

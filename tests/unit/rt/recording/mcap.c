@@ -2,18 +2,13 @@
 /* MCAP files read back by a reader of the specification's words (mcap.dev/spec), with checksums
  * computed bit by bit: what was written, where the indexes say it is. */
 #include "rt/recording/mcap.h"
+#include "tests/test.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <zstd.h>
-
-#include <cmocka.h>
 
 enum { LONGEST = 4096, CHANNELS = 2 };
 
@@ -212,12 +207,11 @@ static struct found read_file(const struct file *file)
 
 /* ---- tests ---- */
 
-static void messages_are_where_the_indexes_say(void **state)
+TEST(messages_are_where_the_indexes_say)
 {
     struct file file;
     struct found found;
 
-    (void)state;
     file_open(&file);
     for (uint32_t i = 0; i < 10; i++) {
         file_write(&file, 1 + i % CHANNELS, i, 16 + i);
@@ -235,13 +229,12 @@ static void messages_are_where_the_indexes_say(void **state)
 
 /* A chunk ends when it has MCAP_CHUNK bytes, when it is flushed, and with the file; one that is
  * empty is none. */
-static void chunks_end_when_they_are_full(void **state)
+TEST(chunks_end_when_they_are_full)
 {
     const uint32_t record = 31 + LONGEST, count = 3 * ((MCAP_CHUNK + record - 1) / record);
     struct file file;
     struct found found;
 
-    (void)state;
     file_open(&file);
     for (uint32_t i = 0; i < count; i++) {
         file_write(&file, 1, i, LONGEST);
@@ -258,13 +251,12 @@ static void chunks_end_when_they_are_full(void **state)
 }
 
 /* Many small messages fill a chunk's index before its bytes. */
-static void chunks_end_when_their_index_is_full(void **state)
+TEST(chunks_end_when_their_index_is_full)
 {
     const uint32_t count = 33000;
     struct file file;
     struct found found;
 
-    (void)state;
     file_open(&file);
     for (uint32_t i = 0; i < count; i++) {
         file_write(&file, 1, i, 16);
@@ -277,12 +269,11 @@ static void chunks_end_when_their_index_is_full(void **state)
     file_close(&file);
 }
 
-static void a_file_without_its_end_has_its_whole_chunks(void **state)
+TEST(a_file_without_its_end_has_its_whole_chunks)
 {
     struct file file;
     struct found found;
 
-    (void)state;
     file_open(&file);
     file_write(&file, 1, 0, 16);
     mcap_flush(file.mcap);
@@ -294,29 +285,15 @@ static void a_file_without_its_end_has_its_whole_chunks(void **state)
     file_close(&file);
 }
 
-static void an_empty_file_is_whole(void **state)
+TEST(an_empty_file_is_whole)
 {
     struct file file;
     struct found found;
 
-    (void)state;
     file_open(&file);
     mcap_finish(file.mcap);
     found = read_file(&file);
     assert_true(found.ended);
     assert_int_equal(found.chunks, 0);
     file_close(&file);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(messages_are_where_the_indexes_say),
-        cmocka_unit_test(chunks_end_when_they_are_full),
-        cmocka_unit_test(chunks_end_when_their_index_is_full),
-        cmocka_unit_test(a_file_without_its_end_has_its_whole_chunks),
-        cmocka_unit_test(an_empty_file_is_whole),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,6 +4,7 @@
 #include "rt/recording/recorder.h"
 
 #include "canbus/candump.h"
+#include "tests/test.h"
 
 #include <dirent.h>
 #include <fcntl.h>
@@ -14,11 +15,6 @@
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 struct fixture {
     char directory[64];
@@ -29,7 +25,7 @@ struct fixture {
 static const char *const buses[] = {"can0", "can1"};
 static const char *const signals[] = {"q_rad", "torque_nm"};
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     struct fixture *f = test_calloc(1, sizeof *f);
     struct error error;
@@ -45,13 +41,13 @@ static int set_up(void **state)
         .nsignal = 2,
         .signal = signals,
     };
-    *state = f;
+    *test_state = f;
     return 0;
 }
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     DIR *stream = opendir(f->directory);
     const struct dirent *entry;
 
@@ -114,9 +110,9 @@ static uint64_t lines_in(const struct fixture *f, const char *name)
     return count;
 }
 
-static void every_frame_is_in_the_log_in_order(void **state)
+TEST_WITH(every_frame_is_in_the_log_in_order, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct recorder_counters counters;
     struct candump_reader reader;
     struct recorder *recorder;
@@ -147,9 +143,9 @@ static void every_frame_is_in_the_log_in_order(void **state)
     candump_close(&reader);
 }
 
-static void rows_have_titles_and_a_time_in_seconds(void **state)
+TEST_WITH(rows_have_titles_and_a_time_in_seconds, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct recorder *recorder = open_recorder(f);
     struct recorder_counters counters;
     struct error error;
@@ -171,9 +167,9 @@ static void rows_have_titles_and_a_time_in_seconds(void **state)
     fclose(csv);
 }
 
-static void a_full_ring_drops_and_counts_when_the_loop_may_not_wait(void **state)
+TEST_WITH(a_full_ring_drops_and_counts_when_the_loop_may_not_wait, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct recorder_counters counters;
     struct recorder *recorder;
     struct error error;
@@ -190,9 +186,9 @@ static void a_full_ring_drops_and_counts_when_the_loop_may_not_wait(void **state
     assert_true(counters.frames_dropped > 0);
 }
 
-static void a_full_disk_is_reported_once_and_the_loop_goes_on(void **state)
+TEST_WITH(a_full_disk_is_reported_once_and_the_loop_goes_on, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct recorder_counters counters;
     struct recorder *recorder;
     struct error error;
@@ -236,9 +232,9 @@ static bool comes_to_say(struct recorder *recorder, const char *part)
     return false;
 }
 
-static void the_failure_is_told_once(void **state)
+TEST_WITH(the_failure_is_told_once, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct recorder_counters counters;
     struct recorder *recorder;
     struct error error = {0};
@@ -254,9 +250,9 @@ static void the_failure_is_told_once(void **state)
     assert_int_equal(recorder_close(recorder, &counters, &error), ERROR_SYSTEM);
 }
 
-static void a_file_that_may_not_grow_ends_with_a_whole_line(void **state)
+TEST_WITH(a_file_that_may_not_grow_ends_with_a_whole_line, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct recorder_counters counters;
     struct rlimit before, tight = {.rlim_cur = 123457};
     struct recorder *recorder;
@@ -282,9 +278,9 @@ static void a_file_that_may_not_grow_ends_with_a_whole_line(void **state)
     assert_int_equal(counters.rows_unwritten, 0);
 }
 
-static void what_is_recorded_is_on_the_disk_soon(void **state)
+TEST_WITH(what_is_recorded_is_on_the_disk_soon, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct recorder *recorder = open_recorder(f);
     struct recorder_counters counters;
     struct error error;
@@ -299,9 +295,9 @@ static void what_is_recorded_is_on_the_disk_soon(void **state)
     assert_int_equal(recorder_close(recorder, &counters, &error), ERROR_NONE);
 }
 
-static void a_removed_file_is_noticed_and_given_up(void **state)
+TEST_WITH(a_removed_file_is_noticed_and_given_up, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct recorder *recorder = open_recorder(f);
     struct recorder_counters counters;
     struct error error;
@@ -319,9 +315,9 @@ static void a_removed_file_is_noticed_and_given_up(void **state)
     assert_int_equal(lines_in(f, "signals.csv"), 2);
 }
 
-static void a_file_removed_at_the_last_moment_is_noticed_too(void **state)
+TEST_WITH(a_file_removed_at_the_last_moment_is_noticed_too, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct recorder *recorder = open_recorder(f);
     struct recorder_counters counters;
     struct error error;
@@ -333,9 +329,9 @@ static void a_file_removed_at_the_last_moment_is_noticed_too(void **state)
     assert_int_equal(counters.rows_unwritten, 1);
 }
 
-static void a_renamed_file_is_noticed_and_goes_on(void **state)
+TEST_WITH(a_renamed_file_is_noticed_and_goes_on, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct recorder *recorder = open_recorder(f);
     struct recorder_counters counters;
     struct error error;
@@ -380,9 +376,9 @@ static uint64_t lines_waiting(int descriptor)
     return count;
 }
 
-static void a_pipe_that_nobody_reads_is_refused(void **state)
+TEST_WITH(a_pipe_that_nobody_reads_is_refused, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct recorder *recorder;
     struct error error;
 
@@ -392,9 +388,9 @@ static void a_pipe_that_nobody_reads_is_refused(void **state)
     assert_non_null(strstr(error.text, "nobody reads"));
 }
 
-static void in_real_time_a_disk_that_hangs_costs_frames_and_no_time(void **state)
+TEST_WITH(in_real_time_a_disk_that_hangs_costs_frames_and_no_time, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct recorder_counters counters;
     struct recorder *recorder;
     struct error error;
@@ -416,9 +412,9 @@ static void in_real_time_a_disk_that_hangs_costs_frames_and_no_time(void **state
     close(pipe);
 }
 
-static void in_virtual_time_a_disk_that_hangs_is_given_up(void **state)
+TEST_WITH(in_virtual_time_a_disk_that_hangs_is_given_up, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct recorder_counters counters;
     struct recorder *recorder;
     struct error error;
@@ -461,9 +457,9 @@ static void *read_slowly(void *context)
     return NULL;
 }
 
-static void in_virtual_time_a_slow_disk_is_waited_for(void **state)
+TEST_WITH(in_virtual_time_a_slow_disk_is_waited_for, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct recorder_counters counters;
     struct slow_reader reader = {0};
     struct recorder *recorder;
@@ -483,9 +479,9 @@ static void in_virtual_time_a_slow_disk_is_waited_for(void **state)
     close(reader.pipe);
 }
 
-static void a_reader_that_goes_away_is_an_error_and_no_signal(void **state)
+TEST_WITH(a_reader_that_goes_away_is_an_error_and_no_signal, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct recorder_counters counters;
     struct recorder *recorder;
     struct error error;
@@ -502,9 +498,9 @@ static void a_reader_that_goes_away_is_an_error_and_no_signal(void **state)
     assert_true(counters.frames_unwritten > 0);
 }
 
-static void a_directory_that_holds_something_is_refused(void **state)
+TEST_WITH(a_directory_that_holds_something_is_refused, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct recorder_counters counters;
     struct recorder *recorder;
     struct error error;
@@ -520,9 +516,9 @@ static void a_directory_that_holds_something_is_refused(void **state)
 }
 
 /* Its logs are overwritten, so it describes nothing any more. */
-static void the_summary_of_an_earlier_recording_goes_with_it(void **state)
+TEST_WITH(the_summary_of_an_earlier_recording_goes_with_it, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct recorder_counters counters;
     struct recorder *recorder;
     struct error error;
@@ -535,9 +531,9 @@ static void the_summary_of_an_earlier_recording_goes_with_it(void **state)
 }
 
 /* /dev/full above: a link to a device overwrites nothing. */
-static void links_to_files_are_not_followed(void **state)
+TEST_WITH(links_to_files_are_not_followed, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     char precious[400], line[16] = "";
     struct recorder *recorder;
     struct error error;
@@ -562,9 +558,9 @@ static void links_to_files_are_not_followed(void **state)
     assert_string_equal(line, "kept");
 }
 
-static void impossible_directories_are_errors(void **state)
+TEST_WITH(impossible_directories_are_errors, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct recorder *recorder;
     struct error error;
     char path[400];
@@ -578,9 +574,9 @@ static void impossible_directories_are_errors(void **state)
     assert_non_null(strstr(error.text, "Not a directory"));
 }
 
-static void a_directory_is_made(void **state)
+TEST_WITH(a_directory_is_made, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     struct recorder_counters counters;
     struct recorder *recorder;
     struct error error;
@@ -589,34 +585,4 @@ static void a_directory_is_made(void **state)
     recorder = open_recorder(f);
     assert_int_equal(recorder_close(recorder, &counters, &error), ERROR_NONE);
     assert_int_equal(access(path_in(f, "candump.log"), F_OK), 0);
-}
-
-#define RECORDER_TEST(f) cmocka_unit_test_setup_teardown(f, set_up, tear_down)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        RECORDER_TEST(every_frame_is_in_the_log_in_order),
-        RECORDER_TEST(rows_have_titles_and_a_time_in_seconds),
-        RECORDER_TEST(a_full_ring_drops_and_counts_when_the_loop_may_not_wait),
-        RECORDER_TEST(a_full_disk_is_reported_once_and_the_loop_goes_on),
-        RECORDER_TEST(the_failure_is_told_once),
-        RECORDER_TEST(a_file_that_may_not_grow_ends_with_a_whole_line),
-        RECORDER_TEST(what_is_recorded_is_on_the_disk_soon),
-        RECORDER_TEST(a_removed_file_is_noticed_and_given_up),
-        RECORDER_TEST(a_file_removed_at_the_last_moment_is_noticed_too),
-        RECORDER_TEST(a_renamed_file_is_noticed_and_goes_on),
-        RECORDER_TEST(a_pipe_that_nobody_reads_is_refused),
-        RECORDER_TEST(in_real_time_a_disk_that_hangs_costs_frames_and_no_time),
-        RECORDER_TEST(in_virtual_time_a_disk_that_hangs_is_given_up),
-        RECORDER_TEST(in_virtual_time_a_slow_disk_is_waited_for),
-        RECORDER_TEST(a_reader_that_goes_away_is_an_error_and_no_signal),
-        RECORDER_TEST(a_directory_that_holds_something_is_refused),
-        RECORDER_TEST(the_summary_of_an_earlier_recording_goes_with_it),
-        RECORDER_TEST(links_to_files_are_not_followed),
-        RECORDER_TEST(impossible_directories_are_errors),
-        RECORDER_TEST(a_directory_is_made),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

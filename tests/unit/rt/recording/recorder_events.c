@@ -2,17 +2,13 @@
 /* What the recorder keeps beside frames and signals: events in the order of time, poses; the end of
  * an MCAP file. */
 #include "rt/recording/recorder.h"
+#include "tests/test.h"
 
 #include <dirent.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 enum { TEXT = 1 << 20 };
 
@@ -25,7 +21,7 @@ struct fixture {
     char text[TEXT]; /* of the file read last */
 };
 
-static int set_up(void **state)
+FIXTURE(set_up)
 {
     static const char *const buses[] = {"can0"}, *const signals[] = {"q_rad"};
     static const char *const bodies[] = {"base", "link"};
@@ -43,13 +39,13 @@ static int set_up(void **state)
                                          .signal = signals,
                                          .nbody = 2,
                                          .body = bodies};
-    *state = f;
+    *test_state = f;
     return 0;
 }
 
-static int tear_down(void **state)
+FIXTURE(tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     DIR *stream = opendir(f->directory);
     const struct dirent *entry;
 
@@ -93,9 +89,9 @@ static const char *read_file(struct fixture *f, const char *name)
     return f->text;
 }
 
-static void events_are_lines_in_the_order_of_their_times(void **state)
+TEST_WITH(events_are_lines_in_the_order_of_their_times, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
 
     begin(f);
     recorder_event(f->recorder, 3000000000, 0, JOURNAL_WARNING, "third");
@@ -113,9 +109,9 @@ static void events_are_lines_in_the_order_of_their_times(void **state)
 }
 
 /* More than are held back for order, and than the ring takes */
-static void a_flood_of_events_is_written_whole(void **state)
+TEST_WITH(a_flood_of_events_is_written_whole, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     const char *at;
     char line[80];
 
@@ -135,9 +131,9 @@ static void a_flood_of_events_is_written_whole(void **state)
     assert_int_equal(*at, '\0');
 }
 
-static void a_long_text_is_cut(void **state)
+TEST_WITH(a_long_text_is_cut, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     char text[1000];
 
     memset(text, 'x', sizeof text);
@@ -149,9 +145,9 @@ static void a_long_text_is_cut(void **state)
                      strlen("0.000000 info \n") + RECORDER_EVENT_TEXT - 1);
 }
 
-static void an_event_is_on_the_disk_soon(void **state)
+TEST_WITH(an_event_is_on_the_disk_soon, set_up, tear_down)
 {
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
 
     begin(f);
     recorder_event(f->recorder, 0, 0, JOURNAL_INFO, "now");
@@ -162,11 +158,11 @@ static void an_event_is_on_the_disk_soon(void **state)
     end(f);
 }
 
-static void poses_have_a_file_of_their_own(void **state)
+TEST_WITH(poses_have_a_file_of_their_own, set_up, tear_down)
 {
     static const double row[1 + 2 * RECORDER_POSE] = {0.25, 1.0, 2.0,  3.0, 1.0, 0.0, 0.0, 0.0,
                                                       -1.0, 0.5, -0.5, 0.6, 0.8, 0.0, 0.0};
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
 
     begin(f);
     recorder_row(f->recorder, 10000000, row);
@@ -180,11 +176,11 @@ static void poses_have_a_file_of_their_own(void **state)
 
 /* By the specification of MCAP the magic bytes stand at both ends, and before those at the end a
  * footer: opcode 2, with 20 bytes of content. */
-static void an_mcap_file_that_is_closed_has_its_end(void **state)
+TEST_WITH(an_mcap_file_that_is_closed_has_its_end, set_up, tear_down)
 {
     enum { MAGIC = 8, FOOTER = 1 + 8 + 20 };
     static const char magic[MAGIC + 1] = "\x89MCAP0\r\n";
-    struct fixture *f = *state;
+    struct fixture *f = *test_state;
     char path[400];
     FILE *file;
     size_t size;
@@ -202,20 +198,4 @@ static void an_mcap_file_that_is_closed_has_its_end(void **state)
     assert_memory_equal(f->text, magic, MAGIC);
     assert_memory_equal(f->text + size - MAGIC, magic, MAGIC);
     assert_memory_equal(f->text + size - MAGIC - FOOTER, "\x02\x14\0\0\0\0\0\0\0", 9);
-}
-
-#define RECORDER_TEST(f) cmocka_unit_test_setup_teardown(f, set_up, tear_down)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        RECORDER_TEST(events_are_lines_in_the_order_of_their_times),
-        RECORDER_TEST(a_flood_of_events_is_written_whole),
-        RECORDER_TEST(a_long_text_is_cut),
-        RECORDER_TEST(an_event_is_on_the_disk_soon),
-        RECORDER_TEST(poses_have_a_file_of_their_own),
-        RECORDER_TEST(an_mcap_file_that_is_closed_has_its_end),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,0 +1,48 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Tests that register themselves, on top of cmocka. A test program is one source with
+ *
+ *     TEST(adds_two_numbers) { assert_int_equal(add(1, 2), 3); }
+ *
+ * for each test. tests/test.c has `main`, which runs the tests in the order of the source.
+ * `test_PROGRAM PATTERN` runs the tests whose name matches; * stands for any text.
+ *
+ * TEST_WITH names a set-up and a tear-down of one test (NULL: none), TEST_GROUP those of the whole
+ * program, at most once. Both are functions made with FIXTURE, which return 0 on success.
+ */
+#ifndef TESTS_TEST_H
+#define TESTS_TEST_H
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+#include <cmocka.h>
+
+/* Adds a test; the tests run in the order of their lines */
+void test_register(int line, struct CMUnitTest test);
+void test_register_group(CMFixtureFunction set_up, CMFixtureFunction tear_down);
+#ifdef __cplusplus
+}
+#endif
+
+#define TEST(name) TEST_WITH(name, NULL, NULL)
+#define TEST_WITH(name, set_up, tear_down)                                                         \
+    static void name(void **test_state);                                                           \
+    static void __attribute__((constructor)) register_##name(void)                                 \
+    {                                                                                              \
+        test_register(__LINE__, (struct CMUnitTest){#name, name, set_up, tear_down, NULL});        \
+    }                                                                                              \
+    static void name(void **test_state __attribute__((unused)))
+#define FIXTURE(name) static inline int name(void **test_state __attribute__((unused)))
+#define TEST_GROUP(set_up, tear_down)                                                              \
+    static void __attribute__((constructor)) register_group(void)                                  \
+    {                                                                                              \
+        test_register_group(set_up, tear_down);                                                    \
+    }
+
+#endif
