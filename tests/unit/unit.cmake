@@ -7,7 +7,7 @@ hil_script_test(portable_rule LABELS unit
     COMMAND /usr/bin/python3 ${CMAKE_CURRENT_LIST_DIR}/portable_rule.py ${decides})
 hil_script_test(clang_reads LABELS unit TIMEOUT 180
     COMMAND /usr/bin/python3 ${CMAKE_CURRENT_LIST_DIR}/clang_reads.py)
-foreach(name comment_names dependency_rule figures icub_examples source_style)
+foreach(name comment_names dependency_rule figures icub_examples line_budget source_style)
     hil_script_test(${name} LABELS unit
         COMMAND /usr/bin/python3 ${CMAKE_CURRENT_LIST_DIR}/${name}.py)
 endforeach()
