@@ -4,8 +4,6 @@
  * have no more than the legacy state and the header, less than the area of any CPU with AVX. So a
  * machine without AMX shows what linux.uml does on one with AMX.
  */
-#include "bus/uml/ptrace_xsave.h"
-
 #include <dlfcn.h>
 #include <elf.h>
 #include <stdarg.h>
@@ -35,7 +33,7 @@ long ptrace(enum __ptrace_request request, ...)
     if ((request == PTRACE_GETREGSET || request == PTRACE_SETREGSET) &&
         (uintptr_t)addr == NT_X86_XSTATE) {
         narrow = *(struct iovec *)data;
-        narrow.iov_len = XSAVE_LEGACY + XSAVE_HEADER;
+        narrow.iov_len = 512 + 64; /* the x87 and SSE state, and the header */
         data = &narrow;
     }
     return next_ptrace((int)request, pid, addr, data);

@@ -15,7 +15,7 @@
 # set) and /tmp, which is its own.
 #
 # On a CPU whose XSAVE area is larger than the buffer of linux.uml (2,696 bytes; with AMX it is
-# 11,008) the guest's ptrace is that of ptrace_xsave.h; HIL_UML_XSAVE=always or never, for tests,
+# 11,008) the guest's ptrace is that of preload_xsave.c; HIL_UML_XSAVE=always or never, for tests,
 # says when. HIL_UML_PRELOAD, for tests too, is a library to preload before it,
 # HIL_UML_ENVIRONMENT a variable NAME=VALUE for the guest's processes.
 set -u
