@@ -24,6 +24,3 @@ hil_script_test(soak_realtime COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/soak/real
 hil_script_test(soak_walk_sweep COMMAND /usr/bin/python3
                 ${CMAKE_CURRENT_SOURCE_DIR}/soak/walk_sweep.py $<TARGET_FILE:coman-hil> 2
                 LABELS soak TIMEOUT 120)
-hil_test(soak_listener SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/soak/listener_test.c
-                               ${CMAKE_CURRENT_SOURCE_DIR}/soak/listener.c
-         LIBS sim LABELS soak)
