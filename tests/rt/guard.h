@@ -13,7 +13,7 @@
  *   against
  *                     a table of what is allowed in which phase and on which kind of descriptor,
  *                     and is counted.
- *   guard_faults.c    counts page faults, and knows where they were.
+ *   guard_faults.c    counts page faults.
  *   guard.c           keeps the state, reports.
  *
  * Environment: RT_GUARD_LOG, a file for the message or the table (standard error when unset);

@@ -21,8 +21,6 @@
 enum { TICKS = 20, BAD_TICK = 7, PAGE = 4096 };
 
 static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
-static pthread_rwlock_t rwlock = PTHREAD_RWLOCK_INITIALIZER;
-static pthread_cond_t condition = PTHREAD_COND_INITIALIZER;
 static void *volatile kept; /* so that the compiler leaves allocations alone */
 static volatile unsigned char *fresh;
 static char text[32];
@@ -36,19 +34,6 @@ static void do_malloc(void)
 static void do_free(void)
 {
     free(kept);
-}
-
-static void do_realloc(void)
-{
-    kept = realloc(kept, 4096);
-}
-
-static void do_posix_memalign(void)
-{
-    void *memory = NULL;
-
-    (void)!posix_memalign(&memory, 64, 64);
-    kept = memory;
 }
 
 /* The C library allocates for so many digits */
@@ -65,27 +50,6 @@ static void do_mutex(void)
     pthread_mutex_unlock(&mutex);
 }
 
-static void do_rwlock(void)
-{
-    pthread_rwlock_rdlock(&rwlock);
-    pthread_rwlock_unlock(&rwlock);
-}
-
-static void do_signal(void)
-{
-    pthread_cond_signal(&condition);
-}
-
-static void do_printf(void)
-{
-    printf("%d\n", text[0]);
-}
-
-static void do_fputs(void)
-{
-    fputs("a line\n", stderr);
-}
-
 static void do_open(void)
 {
     close(open("/dev/null", O_RDONLY | O_CLOEXEC));
@@ -97,22 +61,12 @@ static void do_write(void)
     (void)!write(STDOUT_FILENO, "a line\n", 7);
 }
 
-static void do_sleep(void)
-{
-    clock_nanosleep(CLOCK_MONOTONIC, 0, &(struct timespec){.tv_nsec = 1000}, NULL);
-}
-
 /* No function of any library */
 static void do_instruction(void)
 {
     long number = SYS_getppid;
 
     __asm__ volatile("syscall" : "+a"(number) : : "rcx", "r11", "memory");
-}
-
-static void do_mmap(void)
-{
-    kept = mmap(NULL, PAGE, PROT_READ, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
 }
 
 static void do_fault(void)
@@ -129,13 +83,9 @@ static const struct way {
     void (*act)(void);
 } ways[] = {
     {"malloc", do_malloc},   {"free", do_free},
-    {"realloc", do_realloc}, {"posix_memalign", do_posix_memalign},
     {"digits", do_digits},   {"mutex", do_mutex},
-    {"rwlock", do_rwlock},   {"signal", do_signal},
-    {"printf", do_printf},   {"fputs", do_fputs},
     {"open", do_open},       {"write", do_write},
-    {"sleep", do_sleep},     {"instruction", do_instruction},
-    {"mmap", do_mmap},       {"fault", do_fault},
+    {"fault", do_fault},     {"instruction", do_instruction},
     {"nothing", do_nothing}, {"bystander", do_nothing},
 };
 
