@@ -7,19 +7,21 @@
 
 Lengths are in meters. The same arguments give the same file on every machine, to the micrometer.
 
-foot-mesh: the collision mesh of a foot in the ankle frame (origin on its axes, x forward, y left, z
-up). The sole is the robot's published outline, flat. The top is assumed: flat, the outline at 4/5 of
-its size. The sole is a set of rings: the outline, cut into 42 pieces of nearly equal length, then
-copies scaled toward its centroid with fewer and fewer points, stitched into triangles. Springs sit at
-triangle centroids, so many small triangles of like size integrate the pressure well. The triangles
-tile the outline. The wall has two rows, so that the centroids of the lower one lie a centimeter above
-the sole: the wall stays out of a contact that is less deep. 504 triangles, as in the paper (Table 2).
+foot-mesh: the collision mesh of a foot in the ankle frame (origin on its axes, x forward, y left,
+z up). The sole is the robot's published outline, flat. The top is assumed: flat, the outline at
+4/5 of its size. The sole is a set of rings: the outline, cut into 42 pieces of nearly equal
+length, then copies scaled toward its centroid with fewer and fewer points, stitched into
+triangles. Springs sit at triangle centroids, so many small triangles of like size integrate the
+pressure well. The triangles tile the outline. The wall has two rows, so that the centroids of the
+lower one lie a centimeter above the sole: the wall stays out of a contact that is less deep. 504
+triangles, as in the paper (Table 2).
 
-terrain-mesh: ground that is not flat: a shape in the middle of a level plate (z = 0) that leads to it
-and away from it; x forward, 0 where the shape begins, y left, 0 in its middle, z up. The surface is
-the top of a closed solid. The plate is thick, so that contact, which takes the depth under the nearest
-side, finds the top. The top is a grid of lines along x and y; each rectangle is two triangles. Where
-the top is level the lines are far apart, because a tick costs by the triangles under a foot.
+terrain-mesh: ground that is not flat: a shape in the middle of a level plate (z = 0) that leads
+to it and away from it; x forward, 0 where the shape begins, y left, 0 in its middle, z up. The
+surface is the top of a closed solid. The plate is thick, so that contact, which takes the depth
+under the nearest side, finds the top. The top is a grid of lines along x and y; each rectangle is
+two triangles. Where the top is level the lines are far apart, because a tick costs by the
+triangles under a foot.
 
 Shapes, of height H and length L, s from -1 to 1 along x and t along y:
 
@@ -29,8 +31,9 @@ Shapes, of height H and length L, s from -1 to 1 along x and t along y:
     steps  --count up and down again, all treads of one length; risers lean by 5 mm
     waves  --count of H (1 - cos)/2
 
---rough lifts the points of the grid by R u^2, u uniform in [0, 1): few high points among many low ones
-make a few steep facets among many flat ones. Then all heights are scaled for the highest to be H.
+--rough lifts the points of the grid by R u^2, u uniform in [0, 1): few high points among many low
+ones make a few steep facets among many flat ones. Then all heights are scaled for the highest to
+be H.
 """
 import argparse
 import math
@@ -96,7 +99,7 @@ class Foot(Mesh):
         self.fill(top, TOP_SCALE, [24], top_z, True)
 
     def cut(self, outline):
-        """Cuts the outline into RIM pieces: each new point goes to the edge with the longest ones."""
+        """Cuts the outline into RIM pieces: each new point goes to the edge with the longest."""
         edges = list(zip(outline, outline[1:] + outline[:1]))
         length = [math.sqrt((b[0] - a[0]) * (b[0] - a[0]) + (b[1] - a[1]) * (b[1] - a[1]))
                   for a, b in edges]

@@ -1,246 +1,486 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Derives figures from measured cases, and writes them as tables and as JSON. */
-#include "app/bench/throughput.h"
-
+/*
+ * coman-hil-bench throughput: how many simulated seconds a sweep gets out of a processor in an
+ * hour, by rig. Cases run by coman-hil test as in a sweep; beside them the robot without its bench.
+ * coman-hil-bench ticks: the CPU time of each tick of a rig, by percentiles.
+ */
+#include "app/bench/benchmarks.h"
+#include "app/bench/output.h"
+#include "app/bench/robot_alone.h"
 #include "app/bench/timing.h"
+#include "base/count.h"
 #include "base/json_text.h"
+#include "base/options.h"
+#include "base/whole_file.h"
+#include "manual/throughput.h"
+#include "manual/ticks.h"
+#include "rt/histogram.h"
+#include "sim/simulator.h"
 
+#include <errno.h>
+#include <fcntl.h>
+#include <ftw.h>
+#include <limits.h>
 #include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
-static const double HOUR_S = 3600.0;
+#define ARENA_BYTES ((size_t)512 << 20) /* address space */
 
-/* Names of the rates in the JSON, by way. */
-static const char *const way_names[THROUGHPUT_WAYS] = {
-    [WAY_BODIES] = "bodies_s_per_core_hour",
-    [WAY_BODIES_EULER] = "mujoco_s_per_core_hour",
-    [WAY_BODIES_IMPLICIT] = "mujoco_implicit_s_per_core_hour",
-    [WAY_STANDING] = "standing_s_per_core_hour",
-    [WAY_STANDING_EULER] = "mujoco_standing_s_per_core_hour",
+/* Simulated time of bench ticks that is not counted, s: caches warm up; a limp robot falls. */
+#define WARM_UP_S 0.1
+#define FALL_S 3.0
+
+enum {
+    RIGS_MAX = 32,
+    ROUNDS_MAX = 99,
+    RANGE = 10, /* cases of the range whose start is measured */
+    READINGS = 10001,
+    FORMAT_VERSION = 2,
 };
 
-/* Returns median and ends of count values, at least 1, which it sorts; NAN when one of them is. */
-static struct throughput_spread throughput_spread(double *value, size_t count)
-{
-    for (size_t i = 0; i < count; i++) {
-        if (isnan(value[i])) {
-            return (struct throughput_spread){NAN, NAN, NAN};
-        }
-    }
-    bench_sort(value, count);
-    return (struct throughput_spread){bench_median(value, count), value[0], value[count - 1]};
-}
-
-/* A figure that is derived from a round. */
-enum throughput_figure {
+/* What is measured in a round. */
+enum figure {
     FIGURE_RATE,
-    FIGURE_HOURLY,
+    FIGURE_ALONE,
+    FIGURE_HOURLY = FIGURE_ALONE + ALONE_WAYS,
     FIGURE_START_MS,
     FIGURE_RANGE_MS,
     FIGURE_WHOLE_MS,
     FIGURE_START_MB,
     FIGURE_WHOLE_MB,
-    FIGURE_START_INSTRUCTIONS,
-    FIGURE_TICK_INSTRUCTIONS,
-    FIGURE_WAY, /* and the others behind it */
+    FIGURES
 };
 
-/* Derives a figure from a round; seconds is the simulated time of a case. NAN where the ticks cost
- * nothing, by noise. */
-static double throughput_figure(const struct throughput_sample *sample, double seconds,
-                                double tick_s, unsigned figure)
-{
-    /* Ticks alone: a whole case less one of a single tick */
-    double ticks_s = sample->whole.cpu_s - sample->start.cpu_s;
-    double range_s = sample->range.cpu_s / THROUGHPUT_RANGE;
+/* Names of the figures in the JSON. */
+static const char *const figure_names[FIGURES] = {
+    [FIGURE_RATE] = "simulated_s_per_core_hour",
+    [FIGURE_ALONE + ALONE_BODIES] = "bodies_s_per_core_hour",
+    [FIGURE_ALONE + ALONE_BODIES_IMPLICIT] = "mujoco_implicit_s_per_core_hour",
+    [FIGURE_ALONE + ALONE_BODIES_EULER] = "mujoco_s_per_core_hour",
+    [FIGURE_ALONE + ALONE_STANDING] = "standing_s_per_core_hour",
+    [FIGURE_ALONE + ALONE_STANDING_EULER] = "mujoco_standing_s_per_core_hour",
+    [FIGURE_HOURLY] = "cases_per_core_hour",
+    [FIGURE_START_MS] = "start_ms",
+    [FIGURE_RANGE_MS] = "start_in_range_ms",
+    [FIGURE_WHOLE_MS] = "case_ms",
+    [FIGURE_START_MB] = "start_mb",
+    [FIGURE_WHOLE_MB] = "case_mb",
+};
 
-    ticks_s = ticks_s > 0.0 ? ticks_s : (double)NAN;
-    switch (figure) {
-    case FIGURE_RATE:
-        return HOUR_S * seconds / ticks_s;
-    case FIGURE_HOURLY:
-        return HOUR_S / (range_s + ticks_s);
-    case FIGURE_START_MS:
-        return 1e3 * sample->start.cpu_s;
-    case FIGURE_RANGE_MS:
-        return 1e3 * range_s;
-    case FIGURE_WHOLE_MS:
-        return 1e3 * sample->whole.cpu_s;
-    case FIGURE_START_MB:
-        return sample->start.resident_mb;
-    case FIGURE_WHOLE_MB:
-        return sample->whole.resident_mb;
-    case FIGURE_START_INSTRUCTIONS:
-        return sample->start.instructions;
-    case FIGURE_TICK_INSTRUCTIONS:
-        return (sample->whole.instructions - sample->start.instructions) * tick_s / seconds;
-    default:
-        return HOUR_S * seconds / sample->way_s[figure - FIGURE_WAY];
+/* A rig under measurement. */
+struct measured_rig {
+    const char *rig, *task;
+    char file[PATH_MAX]; /* rig from the root; empty for the name of a rig */
+    size_t nbus, nboard, naxis, nv;
+    double tick_s, step_s;
+    double figure[FIGURES][ROUNDS_MAX]; /* NAN = none */
+};
+
+/* The command lines, and the measurement. */
+struct throughput {
+    const char *task, *peers, *file;
+    const char **rig;
+    int64_t rounds;
+    double seconds; /* simulated time of a case, or of a rig whose ticks are timed */
+    bool limp;
+    struct peers_library library;
+    const struct peer_dynamics *mujoco; /* NULL = not found */
+    size_t nmeasured;
+    struct measured_rig measured[RIGS_MAX];
+};
+
+/* The shipped rigs' tasks, and which benchmark measures them by default. */
+static const struct shipped_rig {
+    const char *rig, *task;
+    bool throughput, ticks;
+} shipped[] = {
+    {"coman", "squat", true, true},         {"coman-fast", "squat", false, true},
+    {"walk-flat", "walk", true, true},      {"walk-fast", "walk", false, true},
+    {"walk-walkman", "walk", true, false},  {"grasp", "grasp", true, false},
+    {"coman-cia402", "squat", true, false}, {"coman-compact", "squat", true, false},
+    {"coman-foc", "squat", true, false},    {"hyq", "hold", true, false},
+};
+
+/* Chooses the rigs: those of the command line, or shipped ones. The task is that of the command
+ * line, else that of the list, else NULL. */
+static enum error_code choose_rigs(struct throughput *t, bool ticks, struct error *error)
+{
+    const size_t count = t->rig[0] ? SIZE_MAX : ARRAY_COUNT(shipped);
+
+    for (size_t i = 0; i < count && (!t->rig[0] || t->rig[i]); i++) {
+        struct measured_rig *rig = &t->measured[t->nmeasured];
+
+        if (!t->rig[0] && !(ticks ? shipped[i].ticks : shipped[i].throughput)) {
+            continue;
+        }
+        if (t->nmeasured == RIGS_MAX) {
+            return error_set(error, ERROR_INPUT, "found more rigs than %d", RIGS_MAX);
+        }
+        t->nmeasured++;
+        rig->rig = t->rig[0] ? t->rig[i] : shipped[i].rig;
+        rig->task = t->task;
+        for (size_t k = 0; !rig->task && k < ARRAY_COUNT(shipped); k++) {
+            rig->task = strcmp(rig->rig, shipped[k].rig) == 0 ? shipped[k].task : NULL;
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* Reads the command line of one of the two benchmarks and runs it. */
+static int run_benchmark(struct command_spec *spec, int argc, char **argv, struct throughput *t,
+                         enum error_code (*measure)(struct throughput *, struct error *))
+{
+    struct operand_spec operand = {"RIG", "rigs' files or names; without them the list below",
+                                   .noun = "rigs"};
+    struct error error;
+    enum error_code code;
+    int status;
+
+    spec->program = "coman-hil-bench";
+    spec->operand = &operand;
+    spec->noperand = 1;
+    spec->many = true;
+    t->rig = calloc((size_t)argc + 1, sizeof *t->rig);
+    if (!t->rig) {
+        code = error_set(&error, ERROR_MEMORY, "no memory left for the command line");
+        return options_end(spec, code, &error);
+    }
+    operand.value = t->rig;
+    if (options_read(spec, argc, argv, &status)) {
+        code = measure(t, &error);
+        status = options_end(spec, code, &error);
+    }
+    free(t->rig);
+    return status;
+}
+
+/* ---- cases ---- */
+
+/* What a process and those that it waited for have cost. */
+struct cost {
+    double cpu_s, resident_mb;
+};
+
+/* Runs coman-hil test with its arguments in folder, waits for it, and measures its cost. A case
+ * that does not pass is an error: a robot that falls costs something else. */
+static enum error_code run_test(const char *program, const char *folder, const char *rig,
+                                const char *const argument[4], struct cost *cost,
+                                struct error *error)
+{
+    char path[PATH_MAX + 64], line[256] = "";
+    struct rusage used;
+    int status = 0, said;
+    pid_t child;
+    FILE *file;
+
+    fflush(NULL);
+    child = fork();
+    if (child == 0) {
+        if (!chdir(folder) &&
+            (said = open("said", O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600)) >= 0 &&
+            dup2(said, STDOUT_FILENO) >= 0 && dup2(said, STDERR_FILENO) >= 0) {
+            execl(program, "coman-hil", "test", argument[0], argument[1], argument[2], argument[3],
+                  (char *)NULL);
+        }
+        _exit(127);
+    }
+    if (child < 0 || wait4(child, &status, 0, &used) < 0 ||
+        (WIFEXITED(status) && WEXITSTATUS(status) == 127)) {
+        return error_set(error, ERROR_SYSTEM, "cannot run %s", program);
+    }
+    *cost = (struct cost){(double)(used.ru_utime.tv_sec + used.ru_stime.tv_sec) +
+                              1e-6 * (double)(used.ru_utime.tv_usec + used.ru_stime.tv_usec),
+                          1024e-6 * (double)used.ru_maxrss};
+    snprintf(path, sizeof path, "%s/said", folder);
+    file = fopen(path, "r");
+    if (file) {
+        line[fread(line, 1, sizeof line - 1, file)] = '\0';
+        fclose(file);
+    }
+    line[strcspn(line, "\n")] = '\0';
+    return status || strstr(line, " failed") || strstr(line, " broken")
+               ? error_set(error, ERROR_INPUT, "%s: %s", rig, line)
+               : ERROR_NONE;
+}
+
+/* Writes a rig's name as a scenario in folder may state it. A file has to be below that folder, and
+ * may name others beside its own: so the tree that it is in is linked there. */
+static void put_rig_name(const struct measured_rig *rig, const char *folder, FILE *scenario)
+{
+    char tree[PATH_MAX], link[PATH_MAX + 64], name[PATH_MAX];
+    size_t end = strlen(rig->file);
+
+    if (!rig->file[0]) {
+        json_text_put(rig->rig, scenario);
+        return;
+    }
+
+    /* The tree is what stands before the file's folder */
+    for (int part = 0; part < 2; part++) {
+        while (end > 0 && rig->file[--end] != '/') {
+        }
+    }
+    snprintf(tree, sizeof tree, "%.*s/", (int)end, rig->file);
+    snprintf(link, sizeof link, "%s/tree", folder);
+    snprintf(name, sizeof name, "tree%.4000s", rig->file + end);
+    (void)!symlink(tree, link);
+    json_text_put(name, scenario);
+}
+
+/* Opens a file in a folder for writing; NULL when it cannot. */
+static FILE *create_file(const char *folder, const char *name)
+{
+    char path[PATH_MAX + 64];
+
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    return fopen(path, "w");
+}
+
+/* Writes a scenario, and a sweep over it: first RANGE cases of one tick, then whole ones. */
+static enum error_code write_sweep(const struct throughput *t, const struct measured_rig *rig,
+                                   const char *folder, struct error *error)
+{
+    FILE *scenario = create_file(folder, "case.yaml"), *sweep = create_file(folder, "sweep.yaml");
+    int failed = !scenario || !sweep;
+
+    if (scenario) {
+        fputs("name: throughput\ndescription: A rig with its task.\nrig: ", scenario);
+        put_rig_name(rig, folder, scenario);
+        fprintf(scenario,
+                "\ntask: %s\nduration_s: ${duration_s}\nparameters:\n"
+                "  duration_s: {values: [1]}\n  number: {values: [0]}\nexpectations:\n"
+                "  - {name: the task goes on, signal: task.status, between: [0, 1]}\n",
+                rig->task);
+        failed |= fclose(scenario);
+    }
+
+    /* A number that changes nothing makes the samples of each duration */
+    if (sweep) {
+        fprintf(sweep,
+                "name: throughput\nscenarios: [case.yaml]\nsamples: %d\nparameters:\n"
+                "  duration_s: {grid: [%.9g, %.9g]}\n  number: {uniform: [0, 1]}\n",
+                RANGE, rig->tick_s, t->seconds);
+        failed |= fclose(sweep);
+    }
+    return failed ? error_set(error, ERROR_SYSTEM, "%s: cannot be written", folder) : ERROR_NONE;
+}
+
+/* Removes the results, so that the cases run again. */
+static void forget_results(const char *folder)
+{
+    char path[PATH_MAX + 64];
+
+    for (int number = 1; number <= RANGE + 1; number++) {
+        snprintf(path, sizeof path, "%s/cases.results/%d.json", folder, number);
+        unlink(path);
     }
 }
 
-/* Returns the spread of a figure over all rounds. */
-static struct throughput_spread throughput_of_rounds(const struct throughput *all,
-                                                     const struct throughput_rig *rig,
-                                                     unsigned figure)
+/* Measures a round of a rig in a folder, which holds nothing but what its earlier rounds
+ * left. */
+static enum error_code measure_round(struct throughput *t, struct measured_rig *rig, size_t round,
+                                     const char *program, const char *folder, struct error *error)
 {
-    double value[THROUGHPUT_ROUNDS];
+    /* The first cases are those of one tick; the next one is the first whole case */
+    static const char *const plan[4] = {"--plan", "sweep.yaml", "--output", "cases"};
+    static const char *const one[4] = {"--case=1", "cases"};
+    static const char *const many[4] = {"--case=1-10", "cases", "--jobs=1"};
+    static const char *const full[4] = {"--case=11", "cases"};
+    struct cost planning, start, range, whole;
+    double value[FIGURES], ticks_s;
+    enum error_code code;
 
-    for (size_t round = 0; round < all->rounds; round++) {
-        value[round] = throughput_figure(&rig->sample[round], all->seconds, rig->tick_s, figure);
+    forget_results(folder);
+    if ((code = write_sweep(t, rig, folder, error)) ||
+        (code = run_test(program, folder, rig->rig, plan, &planning, error)) ||
+        (code = run_test(program, folder, rig->rig, one, &start, error))) {
+        return code;
     }
-    return throughput_spread(value, all->rounds);
+
+    /* The first case ran alone; in the range it has to run again */
+    forget_results(folder);
+    if ((code = run_test(program, folder, rig->rig, many, &range, error)) ||
+        (code = run_test(program, folder, rig->rig, full, &whole, error))) {
+        return code;
+    }
+
+    /* Ticks alone: a whole case less one of a single tick; none by noise is no figure */
+    ticks_s = whole.cpu_s > start.cpu_s ? whole.cpu_s - start.cpu_s : (double)NAN;
+    value[FIGURE_RATE] = 3600.0 * t->seconds / ticks_s;
+    value[FIGURE_HOURLY] = 3600.0 / (range.cpu_s / RANGE + ticks_s);
+    value[FIGURE_START_MS] = 1e3 * start.cpu_s;
+    value[FIGURE_RANGE_MS] = 1e3 * range.cpu_s / RANGE;
+    value[FIGURE_WHOLE_MS] = 1e3 * whole.cpu_s;
+    value[FIGURE_START_MB] = start.resident_mb;
+    value[FIGURE_WHOLE_MB] = whole.resident_mb;
+    for (int way = 0; way < ALONE_WAYS; way++) {
+        double cpu_s;
+
+        code = alone_measure(rig->rig, (enum alone_way)way, t->mujoco, t->seconds, &cpu_s, error);
+        if (code) {
+            return code;
+        }
+        value[FIGURE_ALONE + way] = 3600.0 * t->seconds / cpu_s;
+    }
+    for (size_t i = 0; i < FIGURES; i++) {
+        rig->figure[i][round] = value[i];
+    }
+    return ERROR_NONE;
 }
 
-void throughput_derive(const struct throughput *all, const struct throughput_rig *rig,
-                       struct throughput_figures *figures)
+/* Removes an entry of a folder; called by nftw from the bottom up. */
+static int remove_entry(const char *path, const struct stat *status, int kind, struct FTW *where)
 {
-    *figures = (struct throughput_figures){
-        .rate = throughput_of_rounds(all, rig, FIGURE_RATE),
-        .hourly = throughput_of_rounds(all, rig, FIGURE_HOURLY),
-        .start_ms = throughput_of_rounds(all, rig, FIGURE_START_MS),
-        .range_ms = throughput_of_rounds(all, rig, FIGURE_RANGE_MS),
-        .whole_ms = throughput_of_rounds(all, rig, FIGURE_WHOLE_MS),
-        .start_mb = throughput_of_rounds(all, rig, FIGURE_START_MB),
-        .whole_mb = throughput_of_rounds(all, rig, FIGURE_WHOLE_MB),
-        .start_instructions = throughput_of_rounds(all, rig, FIGURE_START_INSTRUCTIONS),
-        .tick_instructions = throughput_of_rounds(all, rig, FIGURE_TICK_INSTRUCTIONS),
-    };
-    for (unsigned way = 0; way < THROUGHPUT_WAYS; way++) {
-        figures->way[way] = throughput_of_rounds(all, rig, FIGURE_WAY + way);
+    (void)status;
+    (void)kind;
+    (void)where;
+    return remove(path);
+}
+
+/* Runs all rounds, the rigs in turn, each in a folder of its own below a scratch folder. */
+static enum error_code run_rounds(struct throughput *t, struct error *error)
+{
+    static const char end[] = "-bench";
+    const char *parent = getenv("TMPDIR");
+    const size_t all = (size_t)t->rounds * t->nmeasured;
+    char program[PATH_MAX], scratch[PATH_MAX], folder[PATH_MAX + 32];
+    ssize_t length = readlink("/proc/self/exe", program, sizeof program - 1);
+    enum error_code code = ERROR_NONE;
+
+    /* coman-hil stands beside this program: its name without "-bench" */
+    program[length > (ssize_t)strlen(end) ? length - (ssize_t)strlen(end) : 0] = '\0';
+    if (access(program, X_OK)) {
+        return error_set_file(error, errno, program, "cannot be run");
     }
+    snprintf(scratch, sizeof scratch, "%.4000s/coman-hil-XXXXXX", parent ? parent : "/tmp");
+    if (!mkdtemp(scratch)) {
+        return error_set_file(error, errno, scratch, "cannot be made");
+    }
+    for (size_t n = 0; !code && n < all; n++) {
+        snprintf(folder, sizeof folder, "%s/%zu", scratch, n % t->nmeasured);
+        code = mkdir(folder, 0700) && errno != EEXIST
+                   ? error_set_file(error, errno, folder, "cannot be made")
+                   : measure_round(t, &t->measured[n % t->nmeasured], n / t->nmeasured, program,
+                                   folder, error);
+        bench_progress("throughput", n + 1, all);
+    }
+    nftw(scratch, remove_entry, 8, FTW_DEPTH | FTW_PHYS);
+    return code;
 }
 
 /* ---- tables ---- */
 
-/* Prints a spread as "12345 (12000 .. 13000)", or "-". */
-static void throughput_put_spread(const struct throughput_spread *spread, FILE *out)
+/* Returns the median of a figure over the rounds, and its ends; NAN when a round has none. */
+static double find_median(const struct throughput *t, const struct measured_rig *rig,
+                          unsigned figure, double *low, double *high)
 {
+    double value[ROUNDS_MAX];
+    const size_t count = (size_t)t->rounds;
+
+    for (size_t i = 0; i < count; i++) {
+        value[i] = rig->figure[figure][i];
+        if (!isfinite(value[i])) {
+            return NAN;
+        }
+    }
+    bench_sort(value, count);
+    *low = value[0];
+    *high = value[count - 1];
+    return bench_median(value, count);
+}
+
+/* Prints a figure as "12345 (12000 .. 13000)", or its median with so many digits; "-" for none. */
+static void print_figure(const struct throughput *t, const struct measured_rig *rig,
+                         unsigned figure, int digits)
+{
+    double low, high;
+    const double median = find_median(t, rig, figure, &low, &high);
     char text[64] = "-";
 
-    if (isfinite(spread->median)) {
-        snprintf(text, sizeof text, "%.0f (%.0f .. %.0f)", spread->median, spread->low,
-                 spread->high);
+    if (isfinite(median) && digits < 0) {
+        snprintf(text, sizeof text, "%.0f (%.0f .. %.0f)", median, low, high);
+    } else if (isfinite(median)) {
+        snprintf(text, sizeof text, "%.*f", digits, median);
     }
-    fprintf(out, " %26s", text);
+    printf(" %*s", digits < 0 ? 26 : 9, text);
 }
 
-/* Prints a scaled number with so many digits, or "-". */
-static void throughput_put_number(double value, double scale, int digits, FILE *out)
+/* Prints rows of what the robot alone makes, each with the ratio of ours to MuJoCo's default. */
+static void print_alone(const struct throughput *t, unsigned first, unsigned last)
 {
-    if (isfinite(value)) {
-        fprintf(out, " %9.*f", digits, scale * value);
-    } else {
-        fprintf(out, " %9s", "-");
-    }
-}
+    double low, high;
 
-/* Prints what the robot alone makes, each time with the ratio to MuJoCo's default. */
-static void throughput_print_ways(const struct throughput *all, FILE *out)
-{
-    struct throughput_figures figures;
+    for (size_t i = 0; i < t->nmeasured; i++) {
+        const struct measured_rig *rig = &t->measured[i];
+        const double ratio =
+            find_median(t, rig, first, &low, &high) / find_median(t, rig, last, &low, &high);
 
-    fprintf(out, "\n%-21s %26s %26s %26s %9s\n", "bodies alone", "ours, implicit",
-            "MuJoCo, implicit", "MuJoCo, Euler", "ratio");
-    for (size_t i = 0; i < all->nrig; i++) {
-        throughput_derive(all, &all->rig[i], &figures);
-        fprintf(out, "%-21s", all->rig[i].rig);
-        throughput_put_spread(&figures.way[WAY_BODIES], out);
-        throughput_put_spread(&figures.way[WAY_BODIES_IMPLICIT], out);
-        throughput_put_spread(&figures.way[WAY_BODIES_EULER], out);
-        throughput_put_number(figures.way[WAY_BODIES].median / figures.way[WAY_BODIES_EULER].median,
-                              1.0, 2, out);
-        fputc('\n', out);
-    }
-    fprintf(out, "\n%-21s %26s %26s %9s\n", "standing on its feet", "ours, implicit",
-            "MuJoCo, Euler", "ratio");
-    for (size_t i = 0; i < all->nrig; i++) {
-        throughput_derive(all, &all->rig[i], &figures);
-        fprintf(out, "%-21s", all->rig[i].rig);
-        throughput_put_spread(&figures.way[WAY_STANDING], out);
-        throughput_put_spread(&figures.way[WAY_STANDING_EULER], out);
-        throughput_put_number(
-            figures.way[WAY_STANDING].median / figures.way[WAY_STANDING_EULER].median, 1.0, 2, out);
-        fputc('\n', out);
+        printf("%-21s", rig->rig);
+        for (unsigned figure = first; figure <= last; figure++) {
+            print_figure(t, rig, figure, -1);
+        }
+        printf(isfinite(ratio) ? " %9.2f\n" : "         -\n", ratio);
     }
 }
 
-void throughput_print(const struct throughput *all, FILE *out)
+static void print_tables(const struct throughput *t)
 {
-    struct throughput_figures figures;
+    printf("cases of %g s; CPU time, median of %d rounds (least .. most)\n\n", t->seconds,
+           (int)t->rounds);
+    printf("%-20s %-6s %5s %5s %26s\n", "simulated s/core-hour", "task", "buses", "axes",
+           "with boards and task");
+    for (size_t i = 0; i < t->nmeasured; i++) {
+        const struct measured_rig *rig = &t->measured[i];
 
-    fprintf(out, "cases of %g s; CPU time, median of %zu rounds (least .. most)\n\n", all->seconds,
-            all->rounds);
-    fprintf(out, "%-20s %-6s %5s %5s %26s\n", "simulated s/core-hour", "task", "buses", "axes",
-            "with boards and task");
-
-    /* First what a processor simulates in an hour, all of it, then the bodies alone */
-    for (size_t i = 0; i < all->nrig; i++) {
-        const struct throughput_rig *rig = &all->rig[i];
-
-        throughput_derive(all, rig, &figures);
-        fprintf(out, "%-21s %-6s %5zu %5zu", rig->rig, rig->task, rig->nbus, rig->naxis);
-        throughput_put_spread(&figures.rate, out);
-        fputc('\n', out);
+        printf("%-21s %-6s %5zu %5zu", rig->rig, rig->task, rig->nbus, rig->naxis);
+        print_figure(t, rig, FIGURE_RATE, -1);
+        putchar('\n');
     }
-    throughput_print_ways(all, out);
-
-    /* Then what a case costs in its parts */
-    fprintf(out, "\n%-21s %9s %9s %9s %9s %9s %9s %9s\n", "a case", "start ms", "in range",
-            "whole ms", "MB", "an hour", "start M", "tick k");
-    for (size_t i = 0; i < all->nrig; i++) {
-        throughput_derive(all, &all->rig[i], &figures);
-        fprintf(out, "%-21s", all->rig[i].rig);
-        throughput_put_number(figures.start_ms.median, 1.0, 1, out);
-        throughput_put_number(figures.range_ms.median, 1.0, 1, out);
-        throughput_put_number(figures.whole_ms.median, 1.0, 1, out);
-        throughput_put_number(figures.whole_mb.median, 1.0, 1, out);
-        throughput_put_number(figures.hourly.median, 1.0, 0, out);
-        throughput_put_number(figures.start_instructions.median, 1e-6, 1, out);
-        throughput_put_number(figures.tick_instructions.median, 1e-3, 1, out);
-        fputc('\n', out);
+    printf("\n%-21s %26s %26s %26s %9s\n", "bodies alone", "ours, implicit", "MuJoCo, implicit",
+           "MuJoCo, Euler", "ratio");
+    print_alone(t, FIGURE_ALONE + ALONE_BODIES, FIGURE_ALONE + ALONE_BODIES_EULER);
+    printf("\n%-21s %26s %26s %9s\n", "standing on its feet", "ours, implicit", "MuJoCo, Euler",
+           "ratio");
+    print_alone(t, FIGURE_ALONE + ALONE_STANDING, FIGURE_ALONE + ALONE_STANDING_EULER);
+    printf("\n%-21s %9s %9s %9s %9s %9s\n", "a case", "an hour", "start ms", "in range", "whole ms",
+           "MB");
+    for (size_t i = 0; i < t->nmeasured; i++) {
+        printf("%-21s", t->measured[i].rig);
+        print_figure(t, &t->measured[i], FIGURE_HOURLY, 0);
+        print_figure(t, &t->measured[i], FIGURE_START_MS, 1);
+        print_figure(t, &t->measured[i], FIGURE_RANGE_MS, 1);
+        print_figure(t, &t->measured[i], FIGURE_WHOLE_MS, 1);
+        print_figure(t, &t->measured[i], FIGURE_WHOLE_MB, 1);
+        putchar('\n');
     }
-    fprintf(out, "an hour: whole cases in a range, on one processor; M, k: millions and thousands "
-                 "of instructions\n");
-    fprintf(out,
-            all->mujoco ? "bodies alone: at the rig's step, without contact, joint limits, drives, "
-                          "boards or controller; standing: the same on the ground, with springs in "
-                          "the joints; MuJoCo %s; ratio of ours to its default, Euler\n"
-                        : "no MuJoCo was found\n",
-            all->mujoco);
+    printf("an hour: whole cases in a range, on one processor\n");
+    printf(t->mujoco ? "bodies alone: at the rig's step, without contact, joint limits, drives, "
+                       "boards or controller; standing: the same on the ground, with springs in "
+                       "the joints; MuJoCo %s; ratio of ours to its default, Euler\n"
+                     : "no MuJoCo was found\n",
+           t->mujoco ? t->mujoco->version : "");
 }
 
-/* ---- JSON ---- */
-
-/* Writes a spread as a member of a JSON object, null where there is none. */
-static void throughput_put_json(const char *name, const struct throughput_spread *spread, FILE *out)
+static void write_json(const struct throughput *t, FILE *out)
 {
-    fprintf(out, ",\n     \"%s\": ", name);
-    if (isfinite(spread->median)) {
-        fprintf(out, "{\"median\": %.9g, \"low\": %.9g, \"high\": %.9g}", spread->median,
-                spread->low, spread->high);
-    } else {
-        fputs("null", out);
-    }
-}
-
-void throughput_write_json(const struct throughput *all, FILE *out)
-{
-    /* How it was measured, then an object for each rig */
-    fprintf(out, "{\"format_version\": %d, \"version\": ", THROUGHPUT_FORMAT_VERSION);
+    fprintf(out, "{\"format_version\": %d, \"version\": ", FORMAT_VERSION);
     json_text_put(HIL_VERSION, out);
-    fprintf(out, ", \"case_s\": %.9g, \"rounds\": %zu, \"range\": %d, \"mujoco\": ", all->seconds,
-            all->rounds, THROUGHPUT_RANGE);
-    if (all->mujoco) {
-        json_text_put(all->mujoco, out);
+    fprintf(out, ", \"case_s\": %.9g, \"rounds\": %d, \"range\": %d, \"mujoco\": ", t->seconds,
+            (int)t->rounds, RANGE);
+    if (t->mujoco) {
+        json_text_put(t->mujoco->version, out);
     } else {
         fputs("null", out);
     }
     fputs(",\n \"rigs\": [", out);
-    for (size_t i = 0; i < all->nrig; i++) {
-        const struct throughput_rig *rig = &all->rig[i];
-        struct throughput_figures figures;
+    for (size_t i = 0; i < t->nmeasured; i++) {
+        const struct measured_rig *rig = &t->measured[i];
 
-        throughput_derive(all, rig, &figures);
         fprintf(out, "%s\n    {\"rig\": ", i ? "," : "");
         json_text_put(rig->rig, out);
         fputs(", \"task\": ", out);
@@ -248,19 +488,227 @@ void throughput_write_json(const struct throughput *all, FILE *out)
         fprintf(out, ", \"buses\": %zu, \"boards\": %zu, \"axes\": %zu, \"freedoms\": %zu",
                 rig->nbus, rig->nboard, rig->naxis, rig->nv);
         fprintf(out, ", \"tick_s\": %.9g, \"step_s\": %.9g", rig->tick_s, rig->step_s);
-        throughput_put_json("simulated_s_per_core_hour", &figures.rate, out);
-        for (int way = 0; way < THROUGHPUT_WAYS; way++) {
-            throughput_put_json(way_names[way], &figures.way[way], out);
+        for (unsigned figure = 0; figure < FIGURES; figure++) {
+            double low, high;
+            const double median = find_median(t, rig, figure, &low, &high);
+
+            fprintf(out, ",\n     \"%s\": ", figure_names[figure]);
+            if (isfinite(median)) {
+                fprintf(out, "{\"median\": %.9g, \"low\": %.9g, \"high\": %.9g}", median, low,
+                        high);
+            } else {
+                fputs("null", out);
+            }
         }
-        throughput_put_json("cases_per_core_hour", &figures.hourly, out);
-        throughput_put_json("start_ms", &figures.start_ms, out);
-        throughput_put_json("start_in_range_ms", &figures.range_ms, out);
-        throughput_put_json("case_ms", &figures.whole_ms, out);
-        throughput_put_json("start_mb", &figures.start_mb, out);
-        throughput_put_json("case_mb", &figures.whole_mb, out);
-        throughput_put_json("start_instructions", &figures.start_instructions, out);
-        throughput_put_json("tick_instructions", &figures.tick_instructions, out);
         fputc('}', out);
     }
     fputs("\n]}\n", out);
+}
+
+/* Fills in what the rigs' files say, and the tasks that are NULL. */
+static enum error_code read_rigs(struct throughput *t, struct error *error)
+{
+    enum error_code code = ERROR_NONE;
+
+    for (size_t i = 0; !code && i < t->nmeasured; i++) {
+        struct measured_rig *measured = &t->measured[i];
+        const struct rig *rig;
+        struct arena arena = {0};
+
+        if (!(code = arena_init(&arena, ARENA_BYTES, error)) &&
+            !(code = rig_load(measured->rig, &arena, &rig, error))) {
+            if (!measured->task) {
+                measured->task = rig->walk ? "walk" : rig->grasp.nphase ? "grasp" : "hold";
+            }
+            if (!realpath(measured->rig, measured->file)) {
+                measured->file[0] = '\0';
+            }
+            measured->nbus = rig->nbus;
+            measured->nboard = rig->boards.nboard;
+            measured->naxis = rig->naxis;
+            measured->nv = rig->robot->nv;
+            measured->tick_s = 1e-9 * (double)rig->tick_ns;
+            measured->step_s = 1e-9 * (double)rig->substep_ns;
+        }
+        arena_fini(&arena);
+    }
+    return code;
+}
+
+static enum error_code measure_throughput(struct throughput *t, struct error *error)
+{
+    struct whole_file file;
+    enum error_code code;
+
+    if ((code = choose_rigs(t, false, error)) || (code = read_rigs(t, error)) ||
+        (code = bench_peers(t->peers, "MuJoCo is left out", &t->library, error))) {
+        return code;
+    }
+    t->mujoco = alone_find_mujoco(t->library.peers);
+    if (!(code = run_rounds(t, error))) {
+        print_tables(t);
+        if (t->file && !(code = whole_file_open(&file, t->file, error))) {
+            write_json(t, file.out);
+            code = whole_file_close(&file, ERROR_NONE, error);
+        }
+    }
+    peers_close(&t->library);
+    return code;
+}
+
+int bench_throughput(int argc, char **argv)
+{
+    static struct throughput t = {.rounds = 5, .seconds = 3.0};
+    static const struct option_spec options[] = {
+        {"--rounds", OPTION_INT, "N", "measurements of each, 5 by default", .value = &t.rounds,
+         .min = 1, .max = ROUNDS_MAX},
+        {"--seconds", OPTION_REAL, "S", "simulated time of a case, 3 by default",
+         .value = &t.seconds, .min = 0.1, .max = 1000.0, .unit = "seconds"},
+        {"--task", OPTION_STRING, "TASK",
+         "of all rigs; by default that of the list below, else what the rig's file is for",
+         .value = &t.task},
+        BENCH_PEERS_OPTION(&t.peers),
+        {"--output", OPTION_STRING, "FILE", "write all figures into this file, as JSON",
+         .value = &t.file, .letter = "-o"},
+    };
+    struct command_spec spec = {
+        .name = "throughput",
+        .summary = "Simulated seconds that a sweep gets out of a processor in an hour.",
+        .option = options,
+        .noption = ARRAY_COUNT(options),
+        .manual = MANUAL_THROUGHPUT,
+    };
+
+    return run_benchmark(&spec, argc, argv, &t, measure_throughput);
+}
+
+/* ---- ticks ---- */
+
+/* Ticks under the clock. */
+struct ticks_timer {
+    double begun_s;   /* CPU time at which the present tick began; less than 0 = none */
+    double reading_s; /* what reading the clock takes of it */
+    int64_t from_ns;  /* virtual time from which they count */
+    struct histogram histogram;
+};
+
+/* Ends the tick before and begins the next; the observer's callback. */
+static void time_tick(void *context, int64_t now_ns)
+{
+    struct ticks_timer *timer = context;
+    const double now_s = bench_cpu_s();
+
+    if (timer->begun_s >= 0.0 && now_ns > timer->from_ns) {
+        histogram_add(&timer->histogram,
+                      llround(1e9 * (now_s - timer->begun_s - timer->reading_s)));
+    }
+    timer->begun_s = now_s;
+}
+
+/* Returns the median time of reading the clock of CPU time, s. */
+static double time_reading(void)
+{
+    double reading[READINGS];
+
+    for (size_t i = 0; i < READINGS; i++) {
+        const double begun_s = bench_cpu_s();
+
+        reading[i] = bench_cpu_s() - begun_s;
+    }
+    return bench_median(reading, READINGS);
+}
+
+/* Runs a rig for seconds beyond what is not counted, and prints its row. */
+static enum error_code time_rig(const struct throughput *t, const struct measured_rig *measured,
+                                struct arena *arena, struct ticks_timer *timer, struct error *error)
+{
+    const double skipped_s = t->limp ? FALL_S : WARM_UP_S;
+    const struct simulator_observer observer = {.context = timer, .step = time_tick};
+    struct simulator_config config = {
+        .clock = LOOP_CLOCK_FREE,
+        .transport = TRANSPORT_LOCAL,
+        .task = t->limp ? NULL : measured->task,
+        .observer = &observer,
+    };
+    const struct histogram *times = &timer->histogram;
+    struct realtime_report report;
+    struct simulator *simulator;
+    const struct rig *rig;
+    double tick_us, mean_us;
+    char notice[256];
+    enum error_code code = rig_load(measured->rig, arena, &rig, error);
+
+    if (code) {
+        return code;
+    }
+    tick_us = 1e-3 * (double)rig->tick_ns;
+    config.rig = rig;
+    config.hold = t->limp ? RIG_HOLD_NONE : rig->hold;
+    config.settle = rig->settle;
+    config.ticks = (uint64_t)ceil(1e6 * (skipped_s + t->seconds) / tick_us);
+    memset(timer, 0, sizeof *timer);
+    timer->begun_s = -1.0;
+    timer->reading_s = time_reading();
+    timer->from_ns = llround(1e9 * skipped_s);
+    if ((code = simulator_create(&config, arena, &simulator, notice, error))) {
+        return code;
+    }
+    code = simulator_start(simulator, &report, error);
+    if (!code && simulator_run(simulator) == LOOP_END_MODEL) {
+        code = error_set(error, ERROR_UNSUPPORTED, "%s: %s", measured->rig,
+                         simulator_failure(simulator));
+    }
+    simulator_destroy(simulator);
+    if (code) {
+        return code;
+    }
+    mean_us = 1e-3 * (double)times->sum / (double)times->count;
+    printf("%-16s %-8s %8.0f %8.1f %8.1f %8.1f %8.1f %8.1f %9.1f\n", measured->rig,
+           t->limp          ? "limp"
+           : measured->task ? measured->task
+                            : "-",
+           tick_us, mean_us, 1e-3 * (double)histogram_percentile(times, 0.5),
+           1e-3 * (double)histogram_percentile(times, 0.99),
+           1e-3 * (double)histogram_percentile(times, 0.999), 1e-3 * (double)times->max,
+           tick_us / mean_us);
+    return ERROR_NONE;
+}
+
+static enum error_code measure_ticks(struct throughput *t, struct error *error)
+{
+    static struct ticks_timer timer;
+    enum error_code code = choose_rigs(t, true, error);
+
+    printf("%-16s %-8s %8s %8s %8s %8s %8s %8s %9s\n", "CPU time, us", "task", "tick", "mean",
+           "p50", "p99", "p99.9", "max", "tick/mean");
+    for (size_t i = 0; !code && i < t->nmeasured; i++) {
+        struct arena arena = {0};
+
+        (void)((code = arena_init(&arena, ARENA_BYTES, error)) ||
+               (code = time_rig(t, &t->measured[i], &arena, &timer, error)));
+        arena_fini(&arena);
+    }
+    return code;
+}
+
+int bench_ticks(int argc, char **argv)
+{
+    static struct throughput t = {.seconds = 10.0};
+    static const struct option_spec options[] = {
+        {"--task", OPTION_STRING, "TASK",
+         "of all rigs; by default that of the list below, else none", .value = &t.task},
+        {"--seconds", OPTION_REAL, "S", "simulated time of each, 10 by default",
+         .value = &t.seconds, .min = 0.1, .max = 1e5, .unit = "seconds"},
+        {"--limp", OPTION_FLAG, NULL, "let the robot fall and time it on the ground",
+         .value = &t.limp},
+    };
+    struct command_spec spec = {
+        .name = "ticks",
+        .summary = "CPU time of each tick of a rig.",
+        .option = options,
+        .noption = ARRAY_COUNT(options),
+        .manual = MANUAL_TICKS,
+    };
+
+    return run_benchmark(&spec, argc, argv, &t, measure_ticks);
 }

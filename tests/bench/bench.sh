@@ -72,7 +72,7 @@ python3 - throughput.json <<'END' || problem="$problem; figures"
 import json, sys
 file = json.load(open(sys.argv[1]))
 (rig,) = file["rigs"]
-assert (file["format_version"], file["rounds"], file["case_s"]) == (1, 1, 4)
+assert (file["format_version"], file["rounds"], file["case_s"]) == (2, 1, 4)
 assert (rig["rig"], rig["task"], rig["buses"], rig["axes"]) == ("hyq-leg", "hold", 1, 2)
 for name in "simulated_s_per_core_hour", "cases_per_core_hour", "case_mb", "start_in_range_ms":
     assert rig[name]["median"] > 0, name

@@ -1,0 +1,216 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Strips a rig's robot of all but bodies and joints, and times it. */
+#include "app/bench/robot_alone.h"
+
+#include "app/bench/timing.h"
+#include "base/vec3.h"
+#include "contact/contact.h"
+#include "model/plant.h"
+#include "rig/rig.h"
+#include "sim/robot_dynamics.h"
+
+#include <math.h>
+#include <string.h>
+
+#define ARENA_BYTES ((size_t)512 << 20) /* address space */
+
+enum { WARM_UP_STEPS = 100 }; /* steps that fill the caches before the time counts */
+
+/* Springs in the joints of a robot that stands, N m/rad: so many times its weight by the height of
+ * its base that an ankle carries what is above it. And how long they take to return, s: so damped
+ * they are stable in MuJoCo too, which takes springs explicitly and dampers implicitly. */
+static const double STANDING_STIFFNESS = 10.0, STANDING_RETURN_S = 0.1;
+
+/* How far the base of one that stands may move, m. */
+static const double STANDING_NEAR_M = 0.05;
+
+/* A robot of which nothing is left but bodies and joints. Where it stands: springs in the joints,
+ * and the pairs of its feet with the ground; none for a robot that cannot stand. */
+struct alone {
+    const struct rig *rig;
+    struct robot *robot;
+    struct contact_config contact;
+    bool standing;
+};
+
+/* Keeps the pairs of a robot's surfaces with level ground. */
+static enum error_code alone_keep_feet(struct alone *alone, struct arena *arena,
+                                       struct error *error)
+{
+    const struct contact_config *all = &alone->rig->contact;
+    struct contact_pair *pair = arena_alloc(arena, all->npair + 1, sizeof *pair);
+
+    if (!pair) {
+        return error_set(error, ERROR_MEMORY, "no memory for the feet");
+    }
+    alone->contact = *all;
+    alone->contact.pair = pair;
+    alone->contact.npair = 0;
+    for (size_t i = 0; i < all->npair; i++) {
+        const struct contact_surface *a = &all->surface[all->pair[i].a];
+        const struct contact_surface *b = &all->surface[all->pair[i].b];
+
+        if ((a->shape == CONTACT_HALF_SPACE && b->body >= 0) ||
+            (b->shape == CONTACT_HALF_SPACE && a->body >= 0)) {
+            pair[alone->contact.npair++] = all->pair[i];
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* Loads the rig and makes such a robot. */
+static enum error_code alone_strip(struct alone *alone, const char *rig, struct arena *arena,
+                                   struct error *error)
+{
+    enum error_code code;
+    double stiffness = 0.0;
+
+    if ((code = rig_load(rig, arena, &alone->rig, error)) ||
+        (code = robot_copy(alone->rig->robot, arena, &alone->robot, error))) {
+        return code;
+    }
+    for (size_t b = 0; b < alone->robot->nbody; b++) {
+        stiffness += STANDING_STIFFNESS * alone->robot->body[b].inertia.mass *
+                     vec3_norm(alone->robot->gravity) * fabs(alone->rig->base_position[2]);
+    }
+    for (size_t j = 0; j < alone->robot->njoint; j++) {
+        struct robot_joint *joint = &alone->robot->joint[j];
+
+        joint->sea = (struct robot_sea){0};
+        joint->hydraulic = (struct robot_hydraulic){0};
+        joint->spring = (struct robot_parallel_spring){0};
+        joint->passive = (struct robot_passive){0};
+        joint->stop = (struct robot_stop){0};
+        if (alone->standing) {
+            joint->passive = (struct robot_passive){stiffness, STANDING_RETURN_S * stiffness,
+                                                    alone->rig->joint[j]};
+        }
+    }
+    alone->robot->ncoupling = 0;
+    alone->robot->hydraulic_supply = (struct robot_hydraulic_supply){0};
+    return alone->standing && alone->robot->floating && !alone->rig->nfree
+               ? alone_keep_feet(alone, arena, error)
+               : ERROR_NONE;
+}
+
+/* Times our plant. */
+static enum error_code alone_time_ours(const struct alone *alone, struct arena *arena,
+                                       double seconds, double *cpu_s, struct error *error)
+{
+    const struct rig *rig = alone->rig;
+    struct symbolic_library library;
+    struct dynamics *dynamics = arena_alloc(arena, 1, sizeof *dynamics);
+    struct plant_config config = {.robot = alone->robot,
+                                  .dynamics = dynamics,
+                                  .integrator = PLANT_IMPLICIT,
+                                  .substep_ns = rig->substep_ns,
+                                  .supply_v = rig->supply_v,
+                                  .contact_body = rig->contact_body,
+                                  .ncontact = alone->contact.npair ? rig->contact.nbody : 0};
+    struct plant *plant;
+    struct error notice;
+    enum error_code code;
+    const double *position;
+    double begun_s;
+    size_t count;
+
+    if (!dynamics) {
+        return error_set(error, ERROR_MEMORY, "no memory for the dynamics");
+    }
+    if ((code = robot_dynamics_fastest(alone->robot, arena, dynamics, &library, &notice, error)) ||
+        (alone->contact.npair &&
+         (code = contact_native_create(&alone->contact, arena, &config.contact, error))) ||
+        (code = plant_create(&config, arena, &plant, error))) {
+        return code;
+    }
+    if (plant_reset(plant, rig->base_position, rig->base_quaternion, rig->joint)) {
+        return error_set(error, ERROR_UNSUPPORTED, "%s: no start", rig->file);
+    }
+
+    /* Fill the caches, begin again, and time the steps that count */
+    plant_step(plant, WARM_UP_STEPS);
+    plant_reset(plant, rig->base_position, rig->base_quaternion, rig->joint);
+    begun_s = bench_cpu_s();
+    if (!plant_step(plant, (size_t)llround(seconds * 1e9 / (double)rig->substep_ns))) {
+        *cpu_s = bench_cpu_s() - begun_s;
+    }
+    position = plant_values(plant, &count) + BASE_Q_POSITION;
+    for (int k = 0; alone->standing && k < 3; k++) {
+        if (!(fabs(position[k] - rig->base_position[k]) < STANDING_NEAR_M)) {
+            *cpu_s = NAN;
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* Times MuJoCo. */
+static enum error_code alone_time_mujoco(const struct alone *alone,
+                                         const struct peer_dynamics *mujoco, bool implicit,
+                                         struct arena *arena, double seconds, double *cpu_s,
+                                         struct error *error)
+{
+    const struct rig *rig = alone->rig;
+    const double dt = 1e-9 * (double)rig->substep_ns;
+    double *q = arena_alloc(arena, rig->robot->nq, sizeof *q);
+    double *v = arena_alloc(arena, rig->robot->nv, sizeof *v);
+    double *tau = arena_alloc(arena, rig->robot->nv, sizeof *tau);
+    char message[256] = "no memory";
+    double begun_s;
+    void *engine = NULL;
+
+    if (q && v && tau) {
+        engine = alone->standing
+                     ? mujoco->create_standing(alone->robot, &alone->contact, rig->contact_body,
+                                               message, sizeof message)
+                     : mujoco->create(alone->robot, message, sizeof message);
+    }
+    if (!engine) {
+        return error_set(error, ERROR_UNSUPPORTED, "MuJoCo: %s: %s", rig->file, message);
+    }
+
+    /* Set the pose, step some times to fill the caches, then time the steps that count */
+    if (rig->robot->floating) {
+        memcpy(q + BASE_Q_POSITION, rig->base_position, sizeof rig->base_position);
+        memcpy(q + BASE_Q_QUATERNION, rig->base_quaternion, sizeof rig->base_quaternion);
+    }
+    memcpy(q + rig->robot->nq - rig->robot->njoint, rig->joint, rig->robot->njoint * sizeof *q);
+    mujoco->put(engine, 0, q, v, tau);
+    mujoco->step(engine, 0, implicit, dt, WARM_UP_STEPS);
+    begun_s = bench_cpu_s();
+    if (mujoco->step(engine, 0, implicit, dt, (size_t)llround(seconds / dt))) {
+        *cpu_s = bench_cpu_s() - begun_s;
+    }
+    mujoco->destroy(engine);
+    return ERROR_NONE;
+}
+
+const struct peer_dynamics *alone_find_mujoco(const struct peers *peers)
+{
+    for (size_t i = 0; peers && i < peers->ndynamics; i++) {
+        if (peers->dynamics[i].step) {
+            return &peers->dynamics[i];
+        }
+    }
+    return NULL;
+}
+
+enum error_code alone_measure(const char *rig, enum alone_way way,
+                              const struct peer_dynamics *mujoco, double seconds, double *cpu_s,
+                              struct error *error)
+{
+    const bool ours = way == ALONE_BODIES || way == ALONE_STANDING;
+    struct alone alone = {.standing = way == ALONE_STANDING || way == ALONE_STANDING_EULER};
+    struct arena arena = {0};
+    enum error_code code;
+
+    *cpu_s = NAN;
+    (void)((code = arena_init(&arena, ARENA_BYTES, error)) ||
+           (code = alone_strip(&alone, rig, &arena, error)));
+    if (!code && (ours || mujoco) && (!alone.standing || alone.contact.npair)) {
+        code = ours ? alone_time_ours(&alone, &arena, seconds, cpu_s, error)
+                    : alone_time_mujoco(&alone, mujoco, way == ALONE_BODIES_IMPLICIT, &arena,
+                                        seconds, cpu_s, error);
+    }
+    arena_fini(&arena);
+    return code;
+}
