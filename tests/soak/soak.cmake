@@ -9,7 +9,7 @@ target_link_libraries(soak_lockstep PRIVATE hil_flags sim)
 target_compile_definitions(soak_lockstep PRIVATE HIL_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
 
 add_executable(soak_realtime ${CMAKE_CURRENT_SOURCE_DIR}/soak/realtime.c)
-target_link_libraries(soak_realtime PRIVATE hil_flags sim report)
+target_link_libraries(soak_realtime PRIVATE hil_flags sim)
 target_compile_definitions(soak_realtime PRIVATE HIL_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
 
 set(soak_seconds 120)
