@@ -3,7 +3,7 @@
 #include "app/cli/commands.h"
 
 #include "app/cli/topics.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/instruction_set.h"
 #include "base/options.h"
 #include "base/program.h"

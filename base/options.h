@@ -23,7 +23,7 @@
 #define BASE_OPTIONS_H
 
 #include "base/error.h"
-#include "base/word.h"
+#include "base/enum_names.h"
 
 #include <stdbool.h>
 #include <stddef.h>

@@ -2,7 +2,7 @@
 /* Reads numbers strictly, checks UTF-8, and finds the nearest word. */
 #include "base/text.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 #include <ctype.h>
 #include <errno.h>

@@ -10,7 +10,7 @@
 
 #include "base/arena.h"
 #include "base/error.h"
-#include "base/word.h"
+#include "base/enum_names.h"
 
 #include <stdbool.h>
 #include <stddef.h>

@@ -11,7 +11,7 @@
 #ifndef BOARDS_BOARD_PRIVATE_H
 #define BOARDS_BOARD_PRIVATE_H
 
-#include "base/container_of.h"
+#include "base/array.h"
 #include "base/ring.h"
 #include "boards/board.h"
 #include "faults/faults.h"

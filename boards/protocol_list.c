@@ -2,7 +2,7 @@
 /* Lists the protocols: boards/CMakeLists.txt makes the list of the folders that are modules. */
 #include "boards/protocol_list.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 #include <string.h>
 

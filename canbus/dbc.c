@@ -2,7 +2,7 @@
 /* Builds a DBC database in memory and checks every entry against the limits of the format. */
 #include "canbus/dbc.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "canbus/dbc_private.h"
 #include "canbus/frame.h"
 

@@ -3,7 +3,7 @@
  * and keeps the frames that they delay. */
 #include "canbus/fault_port.h"
 
-#include "base/container_of.h"
+#include "base/array.h"
 #include "base/random.h"
 
 #include <stdio.h>

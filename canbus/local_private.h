@@ -7,7 +7,7 @@
 #ifndef CANBUS_LOCAL_PRIVATE_H
 #define CANBUS_LOCAL_PRIVATE_H
 
-#include "base/container_of.h"
+#include "base/array.h"
 #include "base/ring.h"
 #include "canbus/port_private.h"
 #include "canbus/wire/wire.h"

@@ -2,7 +2,7 @@
 /* Puts a wire in virtual time in front of a port that has none of its own. */
 #include "canbus/paced.h"
 
-#include "base/container_of.h"
+#include "base/array.h"
 #include "canbus/port_private.h"
 
 enum { BATCH = 64 };

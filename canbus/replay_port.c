@@ -2,7 +2,7 @@
 /* Plays recorded frames in front of those that a port receives. */
 #include "canbus/replay_port.h"
 
-#include "base/container_of.h"
+#include "base/array.h"
 #include "canbus/port_private.h"
 
 struct replay_port {

@@ -2,7 +2,7 @@
 /* Reads and writes the text of the slcan (Lawicel) protocol; see the header. */
 #include "canbus/slcan.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 #include <string.h>
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Opening a raw SocketCAN socket, with a message of its own for each way to fail. */
-#include "base/count.h"
+#include "base/array.h"
 #include "canbus/socketcan_private.h"
 
 #include <errno.h>

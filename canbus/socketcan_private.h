@@ -4,7 +4,7 @@
 #ifndef CANBUS_SOCKETCAN_PRIVATE_H
 #define CANBUS_SOCKETCAN_PRIVATE_H
 
-#include "base/container_of.h"
+#include "base/array.h"
 #include "canbus/link.h"
 #include "canbus/port_private.h"
 

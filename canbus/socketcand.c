@@ -2,7 +2,7 @@
 /* Parses socketcand commands into words and requests, and formats frames. */
 #include "canbus/socketcand.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 #include <ctype.h>
 #include <stdio.h>

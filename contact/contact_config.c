@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Checks of a configuration and of motions that every contact engine requires. */
-#include "base/count.h"
+#include "base/array.h"
 #include "contact/contact.h"
 
 #include <math.h>

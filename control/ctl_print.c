@@ -3,7 +3,7 @@
  * of another version. */
 #include "control/ctl_print.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/text.h"
 
 #include <math.h>

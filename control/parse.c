@@ -2,7 +2,7 @@
 /* Parses requests of the control socket; a table lists the fields of each command. */
 #include "control/parse.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/text.h"
 #include "rt/requests.h"
 

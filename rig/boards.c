@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Builds the buses of a rig and the boards on them. */
 #include "base/config.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/text.h"
 #include "boards/described/protocol.h"
 #include "boards/protocol_list.h"

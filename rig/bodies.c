@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Builds the bodies of a rig's scene, free and static, and the list of places that surfaces may
  * be fixed to. */
-#include "base/count.h"
+#include "base/array.h"
 #include "model/spatial.h"
 #include "rig/builder_private.h"
 

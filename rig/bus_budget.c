@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Finds buses whose periodic traffic exceeds their bit rate, and what would make it fit. */
-#include "base/count.h"
+#include "base/array.h"
 #include "rig/rig.h"
 
 #include <stdio.h>

@@ -2,7 +2,7 @@
 /* Writes a rig's messages as a DBC database: its nodes and messages. */
 #include "rig/dbc.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "boards/described/protocol.h"
 #include "rig/dbc_private.h"
 

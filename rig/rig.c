@@ -6,7 +6,7 @@
  */
 #include "rig/rig.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/hash.h"
 #include "base/text.h"
 #include "boards/protocol_list.h"

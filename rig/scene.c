@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Builds the scene of a rig: surfaces, their materials and meshes, and the pairs that may touch. */
-#include "base/count.h"
+#include "base/array.h"
 #include "contact/mesh/solid_store.h"
 #include "model/spatial.h"
 #include "rig/builder_private.h"

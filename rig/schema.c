@@ -3,7 +3,7 @@
  * the section `sensors` are in sensors.c. */
 #include "rig/schema.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "boards/protocol_list.h"
 #include "canbus/lockstep.h"
 #include "base/config.h"

@@ -2,7 +2,7 @@
 /* The keys of the section `walk` of a rig's tasks: one for each number of struct walk_config. */
 #include "rig/schema.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 #include <float.h>
 

@@ -2,7 +2,7 @@
 /* Reads the section `sensors` of a rig: its schema, and the errors of the boards' sensors. */
 #include "rig/sensors.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "boards/protocol.h"
 #include "rig/builder_private.h"
 

@@ -6,7 +6,7 @@
 #ifndef RT_TIMING_H
 #define RT_TIMING_H
 
-#include "base/word.h"
+#include "base/enum_names.h"
 
 #include <stdint.h>
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Creates the parts of a simulator from its configuration, each from those before it. */
-#include "base/count.h"
+#include "base/array.h"
 #include "base/ring.h"
 #include "canbus/replay_port.h"
 #include "rig/faults.h"

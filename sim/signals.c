@@ -2,7 +2,7 @@
 /* Lists the signals of a run and gathers their values, for signals.csv and for subscribers. */
 #include "sim/simulator_private.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -2,7 +2,7 @@
 /* The host's core: map of boards, time and lockstep, received frames and sent commands. */
 #include "tasks/host_private.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "canbus/lockstep.h"
 
 #include <stdio.h>

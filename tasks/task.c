@@ -2,7 +2,7 @@
 /* What all tasks share: start-up of the boards, poses, health, settings, stopping. */
 #include "tasks/task_private.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/text.h"
 
 #include <math.h>

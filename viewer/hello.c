@@ -4,7 +4,7 @@
 #include "viewer/private.h"
 
 #include "control/parse.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "boards/protocol.h"
 
 #include <math.h>

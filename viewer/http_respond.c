@@ -2,7 +2,7 @@
 /* Answers HTTP requests: the page, meshes, the database of messages, a WebSocket. */
 #include "viewer/private.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/text.h"
 
 #include <stdio.h>

@@ -2,7 +2,7 @@
 /* Parses messages of clients: JSON, checked key by key. */
 #include "viewer/message.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "viewer/viewer.h"
 
 #include <ctype.h>

@@ -10,7 +10,7 @@
 #include "app/bench/contact_scenes.h"
 #include "app/bench/output.h"
 #include "app/bench/timing.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/options.h"
 #include "contact/contact.h"
 #include "manual/contact.h"

@@ -2,7 +2,7 @@
 /* Makes the contact scenes that are measured. */
 #include "app/bench/contact_scenes.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 #include <math.h>
 #include <string.h>

@@ -11,7 +11,7 @@
 #include "app/bench/timing.h"
 #include "app/report/report_file.h"
 #include "app/report/svg.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/options.h"
 #include "manual/dynamics.h"
 #include "manual/peers.h"

@@ -5,7 +5,7 @@
 #include "app/bench/benchmarks.h"
 #include "app/bench/output.h"
 #include "app/report/report_file.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/options.h"
 #include "manual/latency.h"
 #include "rig/rig.h"

@@ -2,7 +2,7 @@
 /* coman-hil-bench: lists the benchmarks and runs one. */
 #include "app/bench/benchmarks.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/program.h"
 
 static const struct program_command benchmarks[] = {

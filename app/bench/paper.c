@@ -6,7 +6,7 @@
 #include "app/bench/benchmarks.h"
 #include "app/bench/output.h"
 #include "app/bench/pendulum.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/options.h"
 #include "manual/paper.h"
 #include "manual/peers.h"

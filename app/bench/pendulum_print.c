@@ -7,7 +7,7 @@
 #include "app/bench/pendulum.h"
 #include "app/report/report_file.h"
 #include "app/report/svg.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/options.h"
 #include "manual/peers.h"
 #include "manual/pendulum.h"

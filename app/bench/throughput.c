@@ -8,7 +8,7 @@
 #include "app/bench/output.h"
 #include "app/bench/robot_alone.h"
 #include "app/bench/timing.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/json_text.h"
 #include "base/options.h"
 #include "base/whole_file.h"

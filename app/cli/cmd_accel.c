@@ -7,7 +7,7 @@
 
 #include "app/cli/rig_command.h"
 #include "base/arena.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/options.h"
 #include "base/text.h"
 #include "manual/accel.h"

@@ -2,7 +2,7 @@
 /* coman-hil bench: runs the program of the benchmarks, which lies beside this one. */
 #include "app/cli/commands.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/options.h"
 #include "manual/bench.h"
 

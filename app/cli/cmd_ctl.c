@@ -6,7 +6,7 @@
 #include "app/cli/ctl_udp.h"
 #include "control/ctl_client.h"
 #include "control/ctl_print.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/options.h"
 #include "base/text.h"
 #include "manual/ctl.h"

@@ -4,7 +4,7 @@
 
 #include "app/cli/rig_command.h"
 #include "app/cli/tables.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/options.h"
 #include "base/whole_file.h"
 #include "manual/dbc.h"

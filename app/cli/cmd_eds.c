@@ -3,7 +3,7 @@
 #include "app/cli/commands.h"
 
 #include "app/cli/rig_command.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/options.h"
 #include "base/whole_file.h"
 #include "boards/protocol_list.h"

@@ -5,7 +5,7 @@
 #include "app/cli/rig_command.h"
 #include "app/identify/identify.h"
 #include "base/config.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/options.h"
 #include "base/whole_file.h"
 #include "manual/identify.h"

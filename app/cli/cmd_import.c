@@ -5,7 +5,7 @@
 #include "app/cli/rig_command.h"
 #include "app/import/import.h"
 #include "app/import/write.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/options.h"
 #include "boards/protocol_list.h"
 #include "manual/import.h"

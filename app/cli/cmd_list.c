@@ -5,7 +5,7 @@
 #include "app/cli/list_rig.h"
 #include "app/scenario/scenario.h"
 #include "base/arena.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/options.h"
 #include "base/yaml.h"
 #include "manual/list.h"

@@ -5,7 +5,7 @@
 #include "app/report/png.h"
 #include "app/report/signals.h"
 #include "app/report/svg.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/options.h"
 #include "base/whole_file.h"
 #include "manual/plot.h"

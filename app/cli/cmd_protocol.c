@@ -5,7 +5,7 @@
 #include "app/cli/protocol_page.h"
 #include "base/arena.h"
 #include "base/config.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/options.h"
 #include "base/text.h"
 #include "boards/described/protocol.h"

@@ -5,7 +5,7 @@
 
 #include "app/cli/replay_page.h"
 #include "app/cli/rig_command.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/options.h"
 #include "base/text.h"
 #include "canbus/candump.h"

@@ -4,7 +4,7 @@
 
 #include "app/cli/rig_command.h"
 #include "app/cli/task_input.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/options.h"
 #include "manual/task.h"
 #include "sim/buses.h"

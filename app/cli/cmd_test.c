@@ -6,7 +6,7 @@
 #include "app/cli/manual.h"
 #include "app/scenario/jobs.h"
 #include "app/scenario/scenario.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/options.h"
 #include "base/whole_file.h"
 #include "manual/test.h"

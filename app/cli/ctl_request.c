@@ -4,7 +4,7 @@
 #include "app/cli/ctl_request.h"
 
 #include "control/ctl_print.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/text.h"
 
 #include <string.h>

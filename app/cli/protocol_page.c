@@ -2,7 +2,7 @@
 /* Prints pages on what the boards speak. */
 #include "app/cli/protocol_page.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/options.h"
 #include "boards/described/protocol.h"
 #include "boards/protocol_list.h"

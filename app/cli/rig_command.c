@@ -2,7 +2,7 @@
 /* Does what the commands that take a rig or a robot have in common. */
 #include "app/cli/rig_command.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/journal.h"
 #include "base/options.h"
 #include "base/config.h"

@@ -4,7 +4,7 @@
 
 #include "app/cli/manual.h"
 #include "base/config.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/text.h"
 #include "manual/run.h"
 

@@ -2,7 +2,7 @@
 /* Reads benches and their recordings. */
 #include "app/identify/bench.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/crc32.h"
 #include "base/csv.h"
 #include "base/input_file.h"

@@ -10,7 +10,7 @@
 #include "app/identify/parameters.h"
 #include "base/arena.h"
 #include "base/error.h"
-#include "base/word.h"
+#include "base/enum_names.h"
 #include "base/yaml.h"
 
 /* Titles of a recording's columns; NULL = there is none. One of goal, voltage and torque is

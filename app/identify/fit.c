@@ -6,9 +6,9 @@
  */
 #include "app/identify/fit.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/text.h"
-#include "base/word.h"
+#include "base/enum_names.h"
 
 #include <cminpack.h>
 #include <math.h>

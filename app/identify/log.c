@@ -2,7 +2,7 @@
 /* Turns the frames of a log into the rows of a recording. */
 #include "app/identify/log.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/input_file.h"
 #include "canbus/candump.h"
 #include "rig/dbc.h"

@@ -4,7 +4,7 @@
 
 #include "app/identify/points.h"
 #include "app/report/report.h"
-#include "base/word.h"
+#include "base/enum_names.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -2,7 +2,7 @@
 /* The table of numbers that an identification may change. */
 #include "app/identify/parameters.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 #include <math.h>
 #include <string.h>

@@ -2,7 +2,7 @@
 /* Computes steady states from what is known of them, and draws drive/back-drive diagrams. */
 #include "app/identify/points.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "model/drives/steady.h"
 
 #include <math.h>

@@ -2,7 +2,7 @@
 /* Positions and faces of a COLLADA geometry. */
 #include "app/import/collada_private.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/text.h"
 
 #include <stdio.h>

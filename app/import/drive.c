@@ -7,7 +7,7 @@
 #include "app/import/shapes.h"
 #include "app/import/stiffness.h"
 #include "app/import/trial.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/vec3.h"
 #include "model/dynamics.h"
 

@@ -9,7 +9,7 @@
 #include "app/import/urdf.h"
 #include "app/import/visuals.h"
 #include "app/import/write.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/whole_file.h"
 #include "rig/rig.h"
 

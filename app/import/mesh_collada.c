@@ -7,7 +7,7 @@
  */
 #include "app/import/collada_private.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -2,7 +2,7 @@
 /* Reads MJCF: settings, and the tree of bodies with their joints. */
 #include "app/import/mjcf_private.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/vec3.h"
 
 #include <math.h>

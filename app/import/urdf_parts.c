@@ -2,7 +2,7 @@
 /* Reads URDF links, joints and sensors. */
 #include "app/import/urdf_private.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/vec3.h"
 
 #include <math.h>

@@ -2,7 +2,7 @@
 /* Writes the robot file of an import, and the report. */
 #include "app/import/write.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/input_file.h"
 #include "base/whole_file.h"
 #include "model/passive.h"

@@ -3,7 +3,7 @@
 #include "app/scenario/private.h"
 
 #include "base/config.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/hash.h"
 #include "base/input_file.h"
 #include "base/text.h"

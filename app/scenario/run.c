@@ -3,7 +3,7 @@
 #include "app/scenario/private.h"
 
 #include "app/scenario/program.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/json_text.h"
 #include "contact/mesh/solid_store.h"
 #include "sim/summary.h"

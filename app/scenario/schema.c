@@ -2,7 +2,7 @@
 /* Declares the keys of a scenario file. */
 #include "app/scenario/private.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 #include <float.h>
 

@@ -2,7 +2,7 @@
 /* Finds and reads the signals of a scenario. */
 #include "app/scenario/private.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/portable_math.h"
 #include "base/text.h"
 #include "canbus/wire/wire.h"

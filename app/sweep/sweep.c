@@ -2,7 +2,7 @@
 /* Reads sweeps and draws their samples. */
 #include "app/sweep/sweep.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/portable_math.h"
 #include "base/random.h"
 #include "base/text.h"

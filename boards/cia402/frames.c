@@ -2,7 +2,7 @@
 /* The frames of a cia402 bus; see the header. */
 #include "boards/cia402/frames.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "boards/board_private.h"
 
 #include <string.h>

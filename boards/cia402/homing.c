@@ -11,7 +11,7 @@
  */
 #include "boards/cia402/private.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 #include <math.h>
 #include <stdlib.h>

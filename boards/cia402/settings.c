@@ -3,7 +3,7 @@
  * dictionary. */
 #include "boards/cia402/private.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 static const struct {
     const char *name, *unit;

@@ -2,7 +2,7 @@
 /* The rows of the object dictionary, by index. */
 #include "boards/cia402/private.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 /* clang-format off */
 #define NODE(field) offsetof(struct cia402_node, field)

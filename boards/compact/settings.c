@@ -2,7 +2,7 @@
 /* The parameters of a compact motor board: over the bus, and as settings beside it. */
 #include "boards/compact/private.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 enum { GAIN_MAX = 1000000000 };
 

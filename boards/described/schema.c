@@ -2,7 +2,7 @@
 /* The keys of a protocol file: names, types, ranges and defaults, in tables for base/yaml.h. */
 #include "boards/described/schema.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "boards/described/protocol.h"
 
 #include <float.h>

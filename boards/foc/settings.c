@@ -2,7 +2,7 @@
 /* The settings of a 2FOC board: gains of its laws as floats, limits of the current. */
 #include "boards/foc/private.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 #include <float.h>
 

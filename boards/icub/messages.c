@@ -2,7 +2,7 @@
 /* The messages of iCub buses; see the header. */
 #include "boards/icub/messages.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "boards/icub/board.h"
 
 #include <stdio.h>

@@ -2,7 +2,7 @@
 /* The settings of an iCub motor board's axes: what commands of class 0 set, with their ranges. */
 #include "boards/icub/motor_private.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 /* One value of the command that sets it. */
 static const struct {

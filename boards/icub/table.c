@@ -6,7 +6,7 @@
  */
 #include "boards/icub/table.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 /* clang-format off */
 #define FIELDS(...) (const struct field[]){__VA_ARGS__, {.type = FIELD_END}}

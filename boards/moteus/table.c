@@ -2,7 +2,7 @@
 /* The rows of the moteus registers, and how their values are written. */
 #include "boards/moteus/table.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "canbus/frame.h"
 
 #include <math.h>

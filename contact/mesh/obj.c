@@ -3,7 +3,7 @@
  * Reads Wavefront OBJ text into a checked triangle mesh: bytes of a file, statements, surface. The
  * text is walked in place (obj_text.c): no line buffer to overflow, no limit to a line.
  */
-#include "base/count.h"
+#include "base/array.h"
 #include "base/input_file.h"
 #include "contact/mesh/obj_private.h"
 

@@ -4,7 +4,7 @@
 #include "contact/mesh/edges.h"
 #include "contact/mesh/solid_private.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/vec3.h"
 
 #include <math.h>

@@ -2,7 +2,7 @@
 /* Finds and loads the module with the contact engine "simbody". */
 #include "contact/simbody/module.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 #include <dlfcn.h>
 #include <limits.h>

@@ -5,7 +5,7 @@
  */
 #include "model/robot.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/hash.h"
 #include "base/portable_math.h"
 #include "model/drives/effects.h"

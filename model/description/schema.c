@@ -5,7 +5,7 @@
  */
 #include "model/description/yaml.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 #include <float.h>
 #include <stddef.h>

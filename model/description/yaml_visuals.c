@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Builds the visuals: what the bodies of a robot file look like. */
-#include "base/count.h"
+#include "base/array.h"
 #include "base/vec3.h"
 #include "model/description/yaml.h"
 

@@ -3,7 +3,7 @@
  * folder. */
 #include "model/symbolic/symbolic.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/instruction_set.h"
 #include "model/symbolic/seal.h"
 

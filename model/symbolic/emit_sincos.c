@@ -2,7 +2,7 @@
 /* The fixed text of every generated file: vector types, sine and cosine. */
 #include "model/symbolic/emit.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 /*
  * Sine and cosine of 8 lanes. Reduction by n pi/2 after Cody and Waite with pi/2 in 33 + 33 + 53

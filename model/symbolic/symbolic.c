@@ -2,7 +2,7 @@
 /* The generator: robot -> tree -> expressions -> one C file. */
 #include "model/symbolic/symbolic.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/instruction_set.h"
 #include "model/symbolic/emit.h"
 

@@ -2,7 +2,7 @@
 /* Chooses working frames and lumps mass properties. */
 #include "model/symbolic/tree.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/hash.h"
 #include "base/portable_math.h"
 #include "model/spatial.h"

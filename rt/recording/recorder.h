@@ -36,7 +36,7 @@
 
 #include "base/arena.h"
 #include "base/journal.h"
-#include "base/word.h"
+#include "base/enum_names.h"
 #include "canbus/frame.h"
 
 #include <stdbool.h>

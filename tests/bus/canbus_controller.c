@@ -12,7 +12,7 @@
  */
 #include "canbus/interface.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "sim/interfaces.h"
 #include "tests/test.h"
 

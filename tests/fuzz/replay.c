@@ -10,7 +10,7 @@
  */
 #include "tests/fuzz/fuzz.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 #include <dirent.h>
 #include <fcntl.h>

@@ -5,7 +5,7 @@
  */
 #include "base/text.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 #include "canbus/lockstep.h"
 #include "base/markup.h"

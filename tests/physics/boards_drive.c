@@ -5,7 +5,7 @@
  * time it was made for. The references are the closed solutions of the paper's equations (2) to
  * (4).
  */
-#include "base/count.h"
+#include "base/array.h"
 #include "boards/board.h"
 #include "boards/cia402/protocol.h"
 #include "boards/compact/protocol.h"

@@ -3,7 +3,7 @@
  * The native engine's tangents: without friction the slopes of the wrench, with friction no less
  * than what it resists.
  */
-#include "base/count.h"
+#include "base/array.h"
 #include "contact/contact.h"
 
 #include <math.h>

@@ -4,7 +4,7 @@
  * frequency response of the paper's equations (2) to (4), written out here; what follow reports is
  * within a bound that follows from the same equations.
  */
-#include "base/count.h"
+#include "base/array.h"
 #include "sim/simulator.h"
 #include "tasks/trajectory.h"
 

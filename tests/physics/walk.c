@@ -4,7 +4,7 @@
  * and stopping against where the plant's pelvis is; pushes that it must withstand, and one that it
  * cannot; what it estimates against the truth.
  */
-#include "base/count.h"
+#include "base/array.h"
 #include "base/vec3.h"
 #include "sim/simulator.h"
 #include "tests/test.h"

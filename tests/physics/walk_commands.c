@@ -3,7 +3,7 @@
  * A walk is led while it goes: start, speed, heading, time and length of a step, stop and start
  * again, through the requests that the control socket makes, against where the plant's pelvis is.
  */
-#include "base/count.h"
+#include "base/array.h"
 #include "rt/requests.h"
 #include "sim/simulator.h"
 #include "tests/test.h"

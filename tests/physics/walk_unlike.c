@@ -3,7 +3,7 @@
  * COMAN walks though it is not what its controller takes it for: a heavier torso, softer springs.
  * The plant's robot is changed, the task keeps its own model of it.
  */
-#include "base/count.h"
+#include "base/array.h"
 #include "sim/simulator.h"
 #include "tests/test.h"
 

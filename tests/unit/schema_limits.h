@@ -8,7 +8,7 @@
 #ifndef TESTS_UNIT_SCHEMA_LIMITS_H
 #define TESTS_UNIT_SCHEMA_LIMITS_H
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/yaml.h"
 
 #include <float.h>

@@ -4,7 +4,7 @@
 
 #include "app/cli/doctor/doctor.h"
 #include "app/cli/rig_command.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "base/options.h"
 #include "manual/doctor.h"
 #include "rt/clock.h"

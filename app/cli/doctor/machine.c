@@ -2,7 +2,7 @@
 /* Examines a machine: one function for each finding, which reads what it judges. */
 #include "app/cli/doctor/private.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 #include <ctype.h>
 #include <dirent.h>

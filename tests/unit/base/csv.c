@@ -2,7 +2,7 @@
 /* Tables of numbers: rows as they are, and the line of what is wrong. */
 #include "base/csv.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "tests/test.h"
 
 #include <stdio.h>

@@ -2,7 +2,7 @@
 /* Errors as values: codes, messages, and what a message may hold. */
 #include "base/error.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "tests/test.h"
 
 #include <errno.h>

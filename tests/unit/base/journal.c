@@ -2,7 +2,7 @@
 /* When lines get a priority for the journal. */
 #include "base/journal.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "tests/test.h"
 
 #include <stdio.h>

@@ -2,7 +2,7 @@
 /* Text inside markup: entities, white space, control characters, encodings. */
 #include "base/markup.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "tests/test.h"
 
 #include <stdlib.h>

@@ -2,7 +2,7 @@
 /* Command lines through the table of options. */
 #include "base/options.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -2,7 +2,7 @@
 /* Manual pages made from the table of a command. */
 #include "base/options.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "tests/test.h"
 
 #include <stdlib.h>

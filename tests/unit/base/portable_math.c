@@ -2,7 +2,7 @@
 /* Elementary functions against long double, at the edges as C has them, and their very bits. */
 #include "base/portable_math.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "base/random.h"
 #include "tests/test.h"
 

@@ -2,7 +2,7 @@
 /* Numbers and names as people write them, right and wrong. */
 #include "base/text.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "tests/test.h"
 
 #include <float.h>

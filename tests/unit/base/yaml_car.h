@@ -6,7 +6,7 @@
 
 #include "base/yaml.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 #include <float.h>
 #include <math.h>

@@ -3,7 +3,7 @@
  * Lists whose entries may stand in a mapping: both forms read alike, and a file that extends
  * another changes entries by name, adds some behind them, or replaces the list.
  */
-#include "base/count.h"
+#include "base/array.h"
 #include "base/yaml.h"
 #include "tests/test.h"
 

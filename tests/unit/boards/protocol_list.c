@@ -3,7 +3,7 @@
  * what it cannot do. */
 #include "boards/protocol_list.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "boards/described/protocol.h"
 #include "tests/unit/boards/board_bench.h"
 

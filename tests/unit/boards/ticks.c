@@ -5,7 +5,7 @@
  * periodically comes at the first tick that it can, heat and integrals take the milliseconds that
  * have passed, nothing drifts.
  */
-#include "base/count.h"
+#include "base/array.h"
 #include "boards/compact/protocol.h"
 #include "boards/foc/protocol.h"
 #include "boards/protocol_list.h"

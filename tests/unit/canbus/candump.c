@@ -3,7 +3,7 @@
  * reader. */
 #include "canbus/candump.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "tests/test.h"
 
 #include <stdlib.h>

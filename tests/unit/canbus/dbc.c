@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A DBC database is checked as it grows, and written line by line. */
-#include "base/count.h"
+#include "base/array.h"
 #include "canbus/dbc.h"
 #include "tests/test.h"
 

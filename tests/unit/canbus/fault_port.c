@@ -3,7 +3,7 @@
  * nothing before, beside and after. */
 #include "canbus/fault_port.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "tests/test.h"
 
 #include <math.h>

@@ -2,7 +2,7 @@
 /* Legal and illegal frames, and their length on the wire. */
 #include "canbus/frame.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "tests/test.h"
 
 TEST(accepts_legal_frames_only)

@@ -2,7 +2,7 @@
 /* Kinds, settings and states of CAN interfaces, as the kernel describes them. */
 #include "canbus/interface.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "tests/test.h"
 
 #include <net/if_arp.h>

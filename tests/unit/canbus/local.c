@@ -2,7 +2,7 @@
 /* The bus in the process: order, filters, overflow, descriptors, and two threads at once. */
 #include "canbus/port.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "tests/test.h"
 
 #include <linux/can/error.h>

@@ -2,7 +2,7 @@
 /* The state machine of lockstep: which STEP runs, what DONE says, when a silence is reported. */
 #include "canbus/lockstep.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "tests/test.h"
 
 #define MS INT64_C(1000000)

@@ -2,7 +2,7 @@
 /* What every port counts, and the state that error frames give it. */
 #include "canbus/port_private.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "tests/test.h"
 
 #include <linux/can/error.h>

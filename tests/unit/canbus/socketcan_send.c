@@ -7,7 +7,7 @@
 
 #include <string.h>
 
-#include "base/count.h"
+#include "base/array.h"
 #include "tests/test.h"
 
 enum { TAKEN_MAX = 1024, SOCKET = 77 };

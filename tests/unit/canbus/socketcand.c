@@ -2,7 +2,7 @@
 /* The words of the socketcand protocol, both ways. */
 #include "canbus/socketcand.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "tests/test.h"
 
 #include <stdio.h>

@@ -2,7 +2,7 @@
 /* Each number of the robot files' bodies and joints against what is published: a digit that slips
  * in a file, an axis that is swapped or a row in the wrong place shows here. */
 #include "tests/unit/model/published.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "tests/unit/model/coman.h"
 
 #include <math.h>

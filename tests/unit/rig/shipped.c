@@ -7,7 +7,7 @@
 #include "boards/protocol.h"
 #include "rig/rig.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 #include <stdio.h>
 #include <string.h>

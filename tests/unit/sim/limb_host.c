@@ -3,7 +3,7 @@
  * A host of one limb drives one motor of COMAN. Against a clamp it trips, and the log says why; on
  * the bench it moves its link, with the gains of docs/icub-software.md to where it is told.
  */
-#include "base/count.h"
+#include "base/array.h"
 #include "sim/simulator.h"
 #include "tests/test.h"
 

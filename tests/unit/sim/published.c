@@ -5,7 +5,7 @@
  */
 #include "sim/simulator_private.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "tests/test.h"
 
 #include <math.h>

@@ -5,7 +5,7 @@
  */
 #include "tasks/gait.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "tests/test.h"
 
 #include <math.h>

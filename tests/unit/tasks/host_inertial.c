@@ -2,7 +2,7 @@
 /* The host and an inertial board, which the test plays: on an iCub bus, and on compact ones. */
 #include "tests/unit/tasks/host_bench.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 enum { ADDRESS = 9 };
 

@@ -2,7 +2,7 @@
 /* Trajectories: what a file may say, and what is between its rows. */
 #include "tasks/trajectory.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 #include <math.h>
 #include <stdio.h>

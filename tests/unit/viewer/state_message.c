@@ -5,7 +5,7 @@
  */
 #include "viewer/private.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "rt/clock.h"
 #include "rt/histogram.h"
 #include "tests/test.h"

@@ -3,7 +3,7 @@
  * whatever the number of joints and what the boards speak. */
 #include "app/import/import.h"
 #include "app/import/write.h"
-#include "base/count.h"
+#include "base/array.h"
 #include "boards/protocol_list.h"
 #include "rig/rig.h"
 #include "tests/test.h"

@@ -6,7 +6,7 @@
  */
 #include "app/scenario/private.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "canbus/wire/wire.h"
 #include "tests/test.h"
 

@@ -2,7 +2,7 @@
 /* Frames as bits: against the reference encoder, the published lengths, and known CRCs. */
 #include "base/random.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "canbus/wire/bits.h"
 #include "tests/unit/canbus/wire/wire_reference.h"
 #include "tests/test.h"

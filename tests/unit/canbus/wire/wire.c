@@ -2,7 +2,7 @@
 /* The wire with healthy nodes: times, arbitration, queues, load, latency. */
 #include "tests/unit/canbus/wire/wire_bench.h"
 
-#include "base/count.h"
+#include "base/array.h"
 
 #include <math.h>
 #include <stdlib.h>

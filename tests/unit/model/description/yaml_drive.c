@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Drives of the catalogue: those that are shipped, and how a robot takes one. */
-#include "base/count.h"
+#include "base/array.h"
 #include "model/robot.h"
 
 #include <dirent.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Hydraulic joints of robot files: the shipped leg, and what is refused. */
-#include "base/count.h"
+#include "base/array.h"
 #include "model/hydraulics/hydraulic.h"
 
 #include <math.h>

@@ -3,7 +3,7 @@
  * Generated code, compiled: the built-in module of COMAN and modules compiled here are the numeric
  * algorithms in every variant that this CPU runs; refusing of modules.
  */
-#include "base/count.h"
+#include "base/array.h"
 #include "base/instruction_set.h"
 #include "model/symbolic/builtin.h"
 #include "model/symbolic/symbolic.h"

@@ -3,8 +3,8 @@
  * The words of an enum: one table for files, command lines and what is printed, beside the enum
  * that it is of. RT-safe.
  */
-#ifndef BASE_WORD_H
-#define BASE_WORD_H
+#ifndef BASE_ENUM_NAMES_H
+#define BASE_ENUM_NAMES_H
 
 #include <stddef.h>
 
