@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tests and controllers in Python against coman-hil, the simulator of the COMAN humanoid.
+"""Tests and controllers in Python against coman-hil, a real-time simulator over SocketCAN.
 
     import coman_hil
 
