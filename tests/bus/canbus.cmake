@@ -7,10 +7,6 @@ hil_test(canbus_socketcan SOURCES ${tests}/bus/canbus_socketcan.c LIBS canbus LA
 add_executable(canbus_tool ${tests}/bus/canbus_tool.c)
 target_link_libraries(canbus_tool PRIVATE canbus)
 
-# A controller that checks every frame of every tick.
-add_executable(lockstep_controller ${tests}/bus/lockstep_controller.c)
-target_link_libraries(lockstep_controller PRIVATE canbus)
-
 # The CANopen nodes, judged by a library that is not ours
 if(NOT HIL_SANITIZE)
     hil_script_test(canopen_client LABELS bus TIMEOUT 180
@@ -26,7 +22,7 @@ if(NOT HIL_SANITIZE)
                 $<TARGET_FILE:canbus_tool>)
     hil_script_test(lockstep_vcan LABELS bus TIMEOUT 150
         COMMAND bash ${tests}/bus/uml/run.sh -t 130 /usr/bin/python3 ${tests}/bus/uml/lockstep.py
-                $<TARGET_FILE:coman-hil> $<TARGET_FILE:lockstep_controller>)
+                $<TARGET_FILE:coman-hil>)
     hil_script_test(clients_simulator LABELS bus TIMEOUT 240
         COMMAND bash ${tests}/bus/uml/run.sh -t 200 /usr/bin/python3 ${tests}/bus/uml/clients.py
                 $<TARGET_FILE:canbus_tool> $<TARGET_FILE:coman-hil>)
