@@ -99,8 +99,8 @@ class Tally:
         print(self.theirs.row("cyclictest"))
         ticks, overruns, by_wait, lost, faults = (self.counts[count] for count in COUNTS)
         print(
-            f"  ratio of p99 {self.ratio():.2f}; {ticks} ticks, {overruns} overruns, {by_wait} of them"
-            f" by a late wake-up, {lost} deadlines dropped, {faults} page faults"
+            f"  ratio of p99 {self.ratio():.2f}; {ticks} ticks, {overruns} overruns, {by_wait} of"
+            f" them by a late wake-up, {lost} deadlines dropped, {faults} page faults"
         )
 
 
@@ -112,7 +112,8 @@ def main():
         for name, tally in tallies.items():
             tally.show(name)
             for half in sorted(tally.ours.bins | tally.theirs.bins):
-                csv.write(f"{name},{half / 2:.1f},{tally.ours.bins[half]},{tally.theirs.bins[half]}\n")
+                counts = tally.ours.bins[half], tally.theirs.bins[half]
+                csv.write(f"{name},{half / 2:.1f},{counts[0]},{counts[1]}\n")
     together, alternating = tallies.values()
     print(
         f"soak: wake-up p99 {together.ours.percentile(0.99):.1f} us, cyclictest's in the same run"
