@@ -270,12 +270,4 @@ bool board_faults_create(struct boards *boards, const struct faults *faults, str
 enum board_health board_faults_control(struct board *board, struct plant_command *command);
 void board_faults_filter(struct board *board, struct frame_sink *sink, size_t from);
 
-/* Voltages on their way to the bridges (voltage_delay.c). Creates what they need, false without
- * memory, not RT-safe; before the boards' control puts back what they set last; after it takes what
- * they set now, and puts in its place what reaches the bridges. */
-bool voltage_delay_create(struct boards *boards, const struct boards_config *config,
-                          struct arena *arena);
-void voltage_delay_begin(struct boards *boards, struct plant_command *command);
-void voltage_delay_end(struct boards *boards, struct plant_command *command);
-
 #endif

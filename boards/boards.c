@@ -1,13 +1,338 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+/* The settings of all axes, whatever the boards speak. */
+#include "boards/board_private.h"
+#include "boards/protocol_list.h"
+
+#include "base/array.h"
+#include "canbus/frame.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+/* Returns a board by its index in the configuration. */
+static const struct board *boards_board_at(const struct boards *boards, size_t board)
+{
+    return boards->board[board];
+}
+
+size_t boards_settings(const struct boards *boards, size_t board, size_t axis)
+{
+    const struct board *of = boards_board_at(boards, board);
+
+    return of->ops->settings && !of->config.external && board_joint(of, axis) >= 0
+               ? of->ops->settings->count
+               : 0;
+}
+
+void boards_setting(const struct boards *boards, size_t board, size_t axis, size_t index,
+                    struct board_setting *setting)
+{
+    const struct board *of = boards_board_at(boards, board);
+
+    of->ops->settings->describe(of, (unsigned)axis, index, setting);
+}
+
+double boards_get(const struct boards *boards, size_t board, size_t axis, size_t index)
+{
+    const struct board *of = boards_board_at(boards, board);
+
+    return of->ops->settings->get(of, (unsigned)axis, index);
+}
+
+bool boards_set(struct boards *boards, size_t board, size_t axis, size_t index, double value)
+{
+    struct board *of = boards->board[board];
+    struct board_setting setting;
+
+    boards_setting(boards, board, axis, index, &setting);
+    if (!(value >= setting.min && value <= setting.max) ||
+        (setting.whole && value != rint(value)) ||
+        !of->ops->settings->set(of, (unsigned)axis, index, value)) {
+        return false;
+    }
+    boards->settings_changes++;
+    return true;
+}
+
+uint64_t boards_settings_changes(const struct boards *boards)
+{
+    return boards->settings_changes;
+}
+
+/* Time between a board's set point and its bridge: voltages reach the drives some ticks after the
+ * boards have computed them. */
+
+/* Rows of voltages by joint, V: the newest is what the boards set last, the row behind it the
+ * oldest, which the bridges have. */
+struct voltage_delay {
+    size_t rows, newest, njoint;
+    double *row;
+};
+
+/* Returns the row that many ticks before the newest. */
+static double *delay_row(const struct voltage_delay *delay, size_t ticks)
+{
+    return &delay->row[(delay->newest + delay->rows - ticks) % delay->rows * delay->njoint];
+}
+
+/* Voltages on their way to the bridges (voltage_delay.c). Creates what they need, false without
+ * memory, not RT-safe; before the boards' control puts back what they set last; after it takes what
+ * they set now, and puts in its place what reaches the bridges. */
+static bool voltage_delay_create(struct boards *boards, const struct boards_config *config,
+                                 struct arena *arena)
+{
+    struct voltage_delay *delay;
+
+    if (config->voltage_delay_ticks == 0) {
+        return true;
+    }
+    boards->delay = delay = arena_alloc(arena, 1, sizeof *delay);
+    if (!delay) {
+        return false;
+    }
+    delay->rows = config->voltage_delay_ticks + 1;
+    delay->njoint = config->njoint;
+    delay->row = arena_alloc(arena, delay->rows * (config->njoint + 1), sizeof *delay->row);
+    return delay->row;
+}
+
+/* Copies the voltages of all joints that our boards drive: from a row, or (back) into it. */
+static void delay_copy(const struct boards *boards, double *row, bool back,
+                       struct plant_command *command)
+{
+    for (size_t i = 0; i < boards->nboard; i++) {
+        const struct board *board = boards->board[i];
+
+        for (size_t axis = 0; axis < BOARD_AXES_MAX && !board->config.external; axis++) {
+            const int joint = board_joint(board, axis);
+
+            if (joint >= 0 && back) {
+                row[joint] = command->motor[joint].voltage_v;
+            } else if (joint >= 0) {
+                command->motor[joint].voltage_v = row[joint];
+            }
+        }
+    }
+}
+
+/* Voltages on their way to the bridges (voltage_delay.c). Creates what they need, false without
+ * memory, not RT-safe; before the boards' control puts back what they set last; after it takes what
+ * they set now, and puts in its place what reaches the bridges. */
+static void voltage_delay_begin(struct boards *boards, struct plant_command *command)
+{
+    if (boards->delay) {
+        delay_copy(boards, delay_row(boards->delay, 0), false, command);
+    }
+}
+
+/* Voltages on their way to the bridges (voltage_delay.c). Creates what they need, false without
+ * memory, not RT-safe; before the boards' control puts back what they set last; after it takes what
+ * they set now, and puts in its place what reaches the bridges. */
+static void voltage_delay_end(struct boards *boards, struct plant_command *command)
+{
+    struct voltage_delay *delay = boards->delay;
+
+    if (delay) {
+        delay->newest = (delay->newest + 1) % delay->rows;
+        delay_copy(boards, delay_row(delay, 0), true, command);
+        delay_copy(boards, delay_row(delay, delay->rows - 1), false, command);
+    }
+}
+
+/* Watches real boards on the same bus: when they were heard, and what the log says of it. */
+
+void boards_external_heard(struct boards *boards, int64_t now_ns, size_t index)
+{
+    struct board *board = boards->board[index];
+
+    boards->event_ns = boards->now_ns = now_ns;
+    board->heard_ns = now_ns;
+    if (!board->present) {
+        board_event(board, BOARD_EVENT_HEARD, 0, 0, 0);
+        board->present = true;
+        board->silence_told = false;
+    }
+}
+
+void boards_external_step(struct boards *boards, int64_t now_ns)
+{
+    for (size_t i = 0; i < boards->nboard; i++) {
+        struct board *board = boards->board[i];
+        int64_t since = board->heard_ns < 0 ? 0 : board->heard_ns;
+
+        if (!board->config.external || board->silence_told ||
+            now_ns - since <= board->config.external_timeout_ns) {
+            continue;
+        }
+        boards->event_ns = now_ns;
+        board_event(board, BOARD_EVENT_SILENT, 0, (uint32_t)((now_ns - since) / MS), 0);
+        board->present = false;
+        board->silence_told = true;
+    }
+}
+
+bool boards_external_present(const struct boards *boards, size_t board)
+{
+    return boards->board[board]->present;
+}
+
+/* Writes events of boards as lines of a log. Not called in the loop. */
+
+/* Writes the names of fault bits, separated by commas. */
+static void event_list_faults(const struct protocol *protocol, uint32_t bits, char *text,
+                              size_t size)
+{
+    const char *const *names = protocol->fault_names;
+    size_t used = 0;
+
+    text[0] = '\0';
+    for (size_t i = 0; names[i]; i++) {
+        if (bits >> i & 1 && used < size) {
+            used += (size_t)snprintf(text + used, size - used, "%s%s", used ? ", " : "", names[i]);
+        }
+    }
+}
+
+/* Writes what an event says, without time and board. */
+static void event_describe(const struct protocol *protocol, const struct board_event *event,
+                           char *text, size_t size)
+{
+    char faults[128];
+    unsigned axis = event->axis;
+    uint32_t a = event->a, b = event->b;
+
+    switch (event->kind) {
+    /* Of an axis */
+    case BOARD_EVENT_MODE:
+        snprintf(text, size, "axis %u from %s to %s%s", axis, protocol->mode_name(a),
+                 protocol->mode_name(b), protocol->modes_are_states ? "" : " mode");
+        return;
+    case BOARD_EVENT_FAULT:
+        event_list_faults(protocol, a, faults, sizeof faults);
+        snprintf(text, size, "axis %u has a fault: %s", axis, faults);
+        return;
+    case BOARD_EVENT_TIMEOUT:
+        snprintf(text, size, "axis %u: the %s%scommand timed out, %s", axis,
+                 protocol->modes_are_states ? "" : protocol->mode_name(a),
+                 protocol->modes_are_states ? "" : " ", protocol->timeout_text);
+        return;
+    case BOARD_EVENT_SOURCE_LOST:
+        snprintf(text, size, "axis %u: torque source %" PRIu32 " timed out, motor switched off",
+                 axis, a);
+        return;
+    case BOARD_EVENT_LIMIT:
+        snprintf(text, size, "axis %u is beyond its position limit at %" PRId32 " %s", axis,
+                 (int32_t)a, protocol->limit_text);
+        return;
+
+    /* Of a frame */
+    case BOARD_EVENT_UNKNOWN:
+        snprintf(text, size, "unknown command 0x%02" PRIx32 " (id 0x%03" PRIx32 ")", b, a);
+        return;
+    case BOARD_EVENT_MALFORMED:
+        snprintf(text, size,
+                 "wrong length or value in command 0x%02" PRIx32 " (id 0x%03" PRIx32 ")", b, a);
+        return;
+
+    /* Of a board */
+    case BOARD_EVENT_ADDRESS:
+        snprintf(text, size, "address changed from %" PRIu32 " to %" PRIu32, a, b);
+        return;
+    case BOARD_EVENT_RESTART:
+        snprintf(text, size, "%s", a ? "bootloader entered" : "application started");
+        return;
+    case BOARD_EVENT_FIRMWARE:
+        snprintf(text, size, "firmware received, %" PRIu32 " bytes, CRC-32 %08" PRIx32, a, b);
+        return;
+    case BOARD_EVENT_OVERFLOW:
+        snprintf(text, size, "frames lost, %" PRIu32 " so far", a);
+        return;
+    case BOARD_EVENT_OVER_HEATED:
+        snprintf(text, size, "axis %u is too hot: %.1f degree C", axis, (int32_t)a * 0.1);
+        return;
+    case BOARD_EVENT_OWED:
+        snprintf(text, size, "axis %u is not switched on: a strict board first wants %s", axis,
+                 a == BOARD_OWED_PROTOCOL ? "GET_FIRMWARE_VERSION with its protocol"
+                 : a == BOARD_OWED_PID    ? "SET_POSITION_PID and SET_POSITION_PID_LIMITS"
+                                          : "a calibration");
+        return;
+    case BOARD_EVENT_SILENT:
+        snprintf(text, size, "external board silent for %" PRIu32 " ms", a);
+        return;
+    case BOARD_EVENT_HEARD:
+        snprintf(text, size, "external board heard");
+        return;
+    }
+    snprintf(text, size, "event %d", (int)event->kind);
+}
+
+void board_event_format(const struct boards *boards, const struct board_event *event, char *text,
+                        size_t size)
+{
+    const struct board *board = boards->board[event->board];
+    char what[192];
+
+    event_describe(board->bus->config.protocol, event, what, sizeof what);
+    snprintf(text, size, "%.6f s: %s (bus %d, address %d): %s", (double)event->time_ns * 1e-9,
+             board->config.name, event->bus, event->address, what);
+}
+
+/* Lists the protocols: boards/CMakeLists.txt makes the list of the folders that are modules. */
+
+#define PROTOCOL_ADDRESS(NAME) &protocol_##NAME,
+static const struct protocol *const protocols[] = {PROTOCOLS(PROTOCOL_ADDRESS)};
+
+/* A member for each, so that its offset is its index. */
+#define PROTOCOL_MEMBER(NAME) char NAME;
+struct protocol_index {
+    PROTOCOLS(PROTOCOL_MEMBER)
+};
+
+#define PROTOCOL_WORD(NAME) {#NAME, (int)offsetof(struct protocol_index, NAME)},
+const struct word protocol_words[] = {PROTOCOLS(PROTOCOL_WORD){NULL, 0}};
+
+const struct protocol *protocol_at(size_t index)
+{
+    return index < ARRAY_COUNT(protocols) ? protocols[index] : NULL;
+}
+
+const struct protocol *protocol_find(const char *name)
+{
+    for (size_t i = 0; i < ARRAY_COUNT(protocols); i++) {
+        if (!strcmp(protocols[i]->name, name)) {
+            return protocols[i];
+        }
+    }
+    return NULL;
+}
+
+const char *protocols_list(size_t capability, char *text, size_t size)
+{
+    const struct protocol *has[ARRAY_COUNT(protocols)];
+    size_t count = 0, used = 0;
+
+    for (size_t i = 0; i < ARRAY_COUNT(protocols); i++) {
+        if (*(const bool *)((const char *)protocols[i] + capability)) {
+            has[count++] = protocols[i];
+        }
+    }
+    text[0] = '\0';
+    for (size_t i = 0; i < count && used < size; i++) {
+        used += (size_t)snprintf(text + used, size - used, "%s%s",
+                                 i == 0           ? ""
+                                 : i == count - 1 ? " or "
+                                                  : ", ",
+                                 has[i]->name);
+    }
+    return text;
+}
+
 /*
  * All boards of a rig: creation, what every board has whatever it speaks (replies, events, its
  * address, its bootloader), and the phases of a tick.
  */
-#include "boards/board_private.h"
-#include "boards/protocol_list.h"
-#include "canbus/frame.h"
-
-#include <string.h>
 
 enum { EVENT_SLOTS = 1024 };
 

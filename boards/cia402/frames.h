@@ -23,13 +23,6 @@ struct cia402_frame {
     bool list;          /* the fields follow each other for all axes of the node */
 };
 
-/* Makes the row-th frame of a board, from 0, or with NULL of the host to all; false when there
- * are no more. */
-bool cia402_frame_row(const struct board_config *board, unsigned row, struct cia402_frame *frame);
-
-void cia402_visit_broadcasts(struct message_walk *walk);
-void cia402_visit_board(struct message_walk *walk, int board, unsigned first_slot);
-
 /* Return the kind of a board, and the fields of a PDO of its plan: those of a mapped object,
  * once where the plan has it for each axis. */
 enum cia402_kind cia402_kind_of(const struct board_config *board);

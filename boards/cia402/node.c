@@ -1,8 +1,961 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Services of every node: power-up, stored parameters, transmission in a tick. */
+/* Emergency messages and the history of errors (CiA 301, 7.2.7 and 7.5.2.2 to 7.5.2.4). */
 #include "boards/cia402/private.h"
 
+#include "canbus/frame.h"
+
 #include <string.h>
+
+#define INHIBIT_UNIT_NS INT64_C(100000)
+
+enum { NODE_ID_MASK = 0x7f };
+
+/* Puts an error first in the history; a code of 0 tells that errors are gone and is not kept. */
+static void cia402_emcy_remember(struct cia402_node *node, unsigned code, unsigned axis)
+{
+    memmove(node->history + 1, node->history, (CIA402_HISTORY - 1) * sizeof *node->history);
+    node->history[0] = (int64_t)axis << 16 | code;
+    node->history_count += node->history_count < CIA402_HISTORY;
+}
+
+/* Queues an emergency message. */
+static void cia402_emcy_queue(struct cia402_node *node, unsigned code, unsigned axis,
+                              uint32_t faults)
+{
+    unsigned at = (node->emergency_first + node->emergencies) % CIA402_EMERGENCIES;
+
+    if (node->emergencies == CIA402_EMERGENCIES) {
+        board_lose(&node->board);
+        return;
+    }
+    node->emergencies++;
+    node->emergency[at] = (struct cia402_emergency){(uint16_t)code, (uint8_t)node->error_register,
+                                                    (uint8_t)axis, faults};
+}
+
+void cia402_emcy_raise(struct cia402_node *node, unsigned code, unsigned error_register,
+                       unsigned axis, uint32_t faults)
+{
+    node->error_register |= error_register | CIA402_REGISTER_GENERIC;
+    cia402_emcy_remember(node, code, axis);
+    cia402_emcy_queue(node, code, axis, faults);
+}
+
+/* Returns whether a node that was heard is silent, or the last frame of some RPDO did not fit. */
+static bool cia402_emcy_is_disturbed(const struct cia402_node *node)
+{
+    bool disturbed = node->guard_lost || node->consumer_lost;
+
+    for (unsigned i = 0; i < cia402_pdos(node); i++) {
+        disturbed = disturbed || node->rx[i].unfit;
+    }
+    return disturbed;
+}
+
+void cia402_emcy_clear(struct cia402_node *node)
+{
+    node->error_register = cia402_emcy_is_disturbed(node)
+                               ? CIA402_REGISTER_GENERIC | CIA402_REGISTER_COMMUNICATION
+                               : 0;
+    cia402_emcy_queue(node, 0, 0, 0);
+}
+
+/* Tells that communication is in order again, when no cause of an error is left. */
+static void cia402_emcy_resolve_communication(struct cia402_node *node)
+{
+    bool latched = false;
+
+    if (!(node->error_register & CIA402_REGISTER_COMMUNICATION) || cia402_emcy_is_disturbed(node)) {
+        return;
+    }
+    node->error_register &= ~(int64_t)CIA402_REGISTER_COMMUNICATION;
+    for (unsigned k = 0; k < node->axes; k++) {
+        latched = latched || node->axis[k].latched;
+    }
+    if (node->error_register == CIA402_REGISTER_GENERIC && !latched) {
+        node->error_register = 0;
+    }
+    cia402_emcy_queue(node, 0, 0, 0);
+}
+
+/* Tells that communication is in order again, when no cause of an error is left. */
+static void cia402_emcy_transmit(struct cia402_node *node, struct frame_sink *sink)
+{
+    const struct cia402_communication *settings = &node->settings;
+    int64_t now_ns = node->board.boards->now_ns;
+
+    /* Emergencies are lost while nothing may be sent, except for the history */
+    if (node->state == CIA402_STOPPED || settings->cob_emcy & CIA402_COB_INVALID) {
+        node->emergencies = 0;
+        return;
+    }
+    while (node->emergencies > 0 &&
+           now_ns - node->emergency_ns >= settings->emcy_inhibit_100us * INHIBIT_UNIT_NS) {
+        const struct cia402_emergency *emergency = &node->emergency[node->emergency_first];
+        uint8_t data[CIA402_EMCY_LENGTH] = {0};
+
+        put_u16_le(data, emergency->code);
+        data[2] = emergency->error_register;
+        data[3] = emergency->axis;
+        put_u32_le(data + 4, emergency->faults);
+        board_send(&node->board, sink, (uint32_t)settings->cob_emcy & CIA402_COB_MASK, sizeof data,
+                   data);
+        node->emergency_ns = now_ns;
+        node->emergency_first = (node->emergency_first + 1) % CIA402_EMERGENCIES;
+        node->emergencies--;
+    }
+}
+
+/* Empties the history: only 0 may be written. */
+enum cia402_abort cia402_emcy_write_history(struct cia402_node *node,
+                                            const struct cia402_entry *entry, int64_t value)
+{
+    (void)entry;
+    if (value != 0) {
+        return CIA402_ABORT_VALUE;
+    }
+    node->history_count = 0;
+    memset(node->history, 0, sizeof node->history);
+    return CIA402_DONE;
+}
+
+/*
+ * Process data objects (CiA 301, 7.2.2): mapping, transmission types, transmission and reception.
+ *
+ * A node answers the SYNC of a tick at the tick's end, with the readings of its sensors then. The
+ * types: 0 with a SYNC when the data have changed, 1 to 240 with every so many SYNCs, 254 and 255
+ * when the data have changed or the event timer has run out, not before the inhibit time is over;
+ * and each at the end of a tick in which a remote frame asked for it, unless bit 30 of its COB-ID
+ * is set. RPDOs of types 0 to 240 wait for the next SYNC, others are applied at once.
+ *
+ * The mapping of a PDO can be changed while bit 31 of its COB-ID is set and, its objects, while
+ * their count is 0.
+ */
+
+enum {
+    SYNCHRONOUS_MAX = 240,
+    MANUFACTURER_EVENT = 254,
+    PDO_BYTES = 8,
+    CODE_TOO_SHORT = 0x8210, /* EMCY */
+    CODE_TOO_LONG = 0x8220,
+    DUMMY_FIRST = CIA402_I8, /* data types that RPDOs map to skip bytes */
+    DUMMY_LAST = CIA402_U32,
+};
+
+/* Returns whether a PDO is valid: bit 31 of its COB-ID is 0. */
+static bool cia402_pdo_is_valid(const struct cia402_pdo *pdo)
+{
+    return !(pdo->cob_id & CIA402_COB_INVALID);
+}
+
+/* Returns whether an object belongs to an RPDO. */
+static bool cia402_entry_is_rpdo(const struct cia402_entry *entry)
+{
+    return entry->object->scope == CIA402_OF_RPDO;
+}
+
+/* Returns the PDO of an object. */
+static struct cia402_pdo *cia402_entry_pdo(struct cia402_node *node,
+                                           const struct cia402_entry *entry)
+{
+    return cia402_entry_is_rpdo(entry) ? &node->settings.rpdo[entry->unit]
+                                       : &node->settings.tpdo[entry->unit];
+}
+
+/* ---- mapping ---- */
+
+/* Finds the object that a mapping object stands for. */
+static enum cia402_abort cia402_pdo_resolve(const struct cia402_node *node, int64_t mapping,
+                                            bool receive, struct cia402_entry *entry)
+{
+    unsigned index = (unsigned)(mapping >> 16), sub = (unsigned)(mapping >> 8 & 0xff);
+    unsigned bits = (unsigned)(mapping & 0xff);
+    unsigned right = receive ? CIA402_MAP_RPDO : CIA402_MAP_TPDO;
+    enum cia402_abort reason;
+
+    if (receive && index >= DUMMY_FIRST && index <= DUMMY_LAST && sub == 0) {
+        *entry = (struct cia402_entry){.type = (enum cia402_type)index};
+    } else {
+        reason = cia402_find(node, index, sub, entry);
+        if (reason) {
+            return reason;
+        }
+        if (!entry->object || !(entry->object->access & right)) {
+            return CIA402_ABORT_NOT_MAPPABLE;
+        }
+    }
+    return bits == cia402_type_bits(entry->type) ? CIA402_DONE : CIA402_ABORT_LENGTH;
+}
+
+/* Prepares a PDO for work by its parameters, which have been checked. */
+static void cia402_pdo_prepare(struct cia402_node *node, const struct cia402_pdo *pdo,
+                               struct cia402_channel *channel, bool receive)
+{
+    memset(channel, 0, sizeof *channel);
+    channel->waits = !receive;
+    for (int i = 0; i < pdo->count; i++) {
+        cia402_pdo_resolve(node, pdo->object[i], receive, &channel->entry[i]);
+        channel->bytes[i] = (uint8_t)(cia402_type_bits(channel->entry[i].type) / 8);
+        channel->length = (uint8_t)(channel->length + channel->bytes[i]);
+    }
+}
+
+/* Prepares the PDO of an object anew. */
+static void cia402_pdo_link_entry(struct cia402_node *node, const struct cia402_entry *entry)
+{
+    bool receive = cia402_entry_is_rpdo(entry);
+
+    cia402_pdo_prepare(node, cia402_entry_pdo(node, entry),
+                       receive ? &node->rx[entry->unit] : &node->tx[entry->unit], receive);
+}
+
+static void cia402_pdo_link(struct cia402_node *node)
+{
+    for (unsigned i = 0; i < cia402_pdos(node); i++) {
+        cia402_pdo_prepare(node, &node->settings.rpdo[i], &node->rx[i], true);
+        cia402_pdo_prepare(node, &node->settings.tpdo[i], &node->tx[i], false);
+    }
+}
+
+static void cia402_pdo_start(struct cia402_node *node)
+{
+    cia402_pdo_link(node);
+    node->syncs = 0;
+}
+
+/* ---- parameters ---- */
+
+enum cia402_abort cia402_pdo_write_cob(struct cia402_node *node, const struct cia402_entry *entry,
+                                       int64_t value)
+{
+    const int64_t known = CIA402_COB_INVALID | CIA402_COB_NO_REMOTE | CIA402_COB_MASK;
+    struct cia402_pdo *pdo = cia402_entry_pdo(node, entry);
+    bool valid = !(value & CIA402_COB_INVALID);
+
+    /* The identifier of a valid PDO cannot change, nor become one that is not for PDOs */
+    if (value & ~known || (valid && cia402_cob_is_restricted((unsigned)value & CIA402_COB_MASK)) ||
+        (valid && cia402_pdo_is_valid(pdo) && (value ^ pdo->cob_id) & CIA402_COB_MASK)) {
+        return CIA402_ABORT_VALUE;
+    }
+    pdo->cob_id = value;
+    cia402_pdo_link_entry(node, entry);
+    return CIA402_DONE;
+}
+
+enum cia402_abort cia402_pdo_write_type(struct cia402_node *node, const struct cia402_entry *entry,
+                                        int64_t value)
+{
+    if (value > SYNCHRONOUS_MAX && value < MANUFACTURER_EVENT) {
+        return CIA402_ABORT_VALUE;
+    }
+    cia402_entry_pdo(node, entry)->type = value;
+    return CIA402_DONE;
+}
+
+enum cia402_abort cia402_pdo_write_inhibit(struct cia402_node *node,
+                                           const struct cia402_entry *entry, int64_t value)
+{
+    struct cia402_pdo *pdo = cia402_entry_pdo(node, entry);
+
+    if (cia402_pdo_is_valid(pdo)) {
+        return CIA402_ABORT_STATE;
+    }
+    pdo->inhibit_100us = value;
+    return CIA402_DONE;
+}
+
+enum cia402_abort cia402_pdo_write_count(struct cia402_node *node, const struct cia402_entry *entry,
+                                         int64_t value)
+{
+    struct cia402_pdo *pdo = cia402_entry_pdo(node, entry);
+    unsigned bits = 0;
+
+    /* Only the mapping of an invalid PDO can change */
+    if (cia402_pdo_is_valid(pdo)) {
+        return CIA402_ABORT_STATE;
+    }
+    if (value > CIA402_MAPPED_MAX) {
+        return CIA402_ABORT_MAPPED_LENGTH;
+    }
+    /* The mapped objects exist, and fit into a frame */
+    for (int i = 0; i < value; i++) {
+        struct cia402_entry mapped;
+        enum cia402_abort reason =
+            cia402_pdo_resolve(node, pdo->object[i], cia402_entry_is_rpdo(entry), &mapped);
+
+        if (reason) {
+            return reason;
+        }
+        bits += cia402_type_bits(mapped.type);
+    }
+    if (bits > 8 * PDO_BYTES) {
+        return CIA402_ABORT_MAPPED_LENGTH;
+    }
+    pdo->count = value;
+    cia402_pdo_link_entry(node, entry);
+    return CIA402_DONE;
+}
+
+enum cia402_abort cia402_pdo_write_object(struct cia402_node *node,
+                                          const struct cia402_entry *entry, int64_t value)
+{
+    struct cia402_pdo *pdo = cia402_entry_pdo(node, entry);
+    struct cia402_entry mapped;
+    enum cia402_abort reason;
+
+    if (cia402_pdo_is_valid(pdo) || pdo->count > 0) {
+        return CIA402_ABORT_STATE;
+    }
+    reason = value == 0 ? CIA402_DONE
+                        : cia402_pdo_resolve(node, value, cia402_entry_is_rpdo(entry), &mapped);
+    if (!reason) {
+        pdo->object[entry->sub - 1] = value;
+    }
+    return reason;
+}
+
+/* ---- the factory's ---- */
+
+/* Sets a PDO of an axis as CiA 402 has it: the first maps the controlword or statusword, the
+ * others another object beside it; those of the first axis have identifiers. */
+static void cia402_pdo_set_drive(struct cia402_node *node, unsigned axis, unsigned number)
+{
+    static const uint32_t second[2][CIA402_AXIS_PDOS] = {{0, 0x60600008, 0x607a0020, 0x60ff0020},
+                                                         {0, 0x60610008, 0x60640020, 0x606c0020}};
+    const uint32_t step = (uint32_t)CIA402_AXIS_STEP << 16;
+    unsigned at = CIA402_AXIS_PDOS * axis + number;
+
+    for (int send = 0; send < 2; send++) {
+        struct cia402_pdo *pdo = send ? &node->settings.tpdo[at] : &node->settings.rpdo[at];
+        uint32_t id = (send ? CIA402_TPDO : CIA402_RPDO) + 0x100 * number + node->board.address;
+
+        *pdo = (struct cia402_pdo){
+            .cob_id = axis == 0 ? id | (number ? CIA402_COB_INVALID : 0) : CIA402_COB_INVALID,
+            .type = 255,
+            .count = second[send][number] ? 2 : 1,
+            .object = {cia402_mapping(send ? CIA402_O_STATUSWORD : CIA402_O_CONTROLWORD, 0, 16) +
+                           axis * step,
+                       second[send][number] ? second[send][number] + axis * step : 0}};
+    }
+}
+
+/* Sets the PDOs of a sensor by the plan of its kind. */
+static void cia402_pdo_set_plan(struct cia402_node *node)
+{
+    struct cia402_plan plan;
+
+    for (unsigned row = 0; cia402_plan_row(node->kind, 0, row, &plan); row++) {
+        struct cia402_pdo *pdo = &node->settings.tpdo[row];
+
+        *pdo = (struct cia402_pdo){
+            .cob_id = plan.cob_id + node->board.address, .type = plan.type, .count = plan.count};
+        for (int i = 0; i < plan.count; i++) {
+            pdo->object[i] = plan.object[i];
+        }
+    }
+}
+
+void cia402_pdo_set_factory(struct cia402_node *node)
+{
+    for (unsigned i = 0; i < CIA402_PDOS; i++) {
+        node->settings.rpdo[i].cob_id = node->settings.tpdo[i].cob_id = CIA402_COB_INVALID;
+    }
+    for (unsigned i = 0; i < CIA402_AXIS_PDOS * node->axes; i++) {
+        cia402_pdo_set_drive(node, i / CIA402_AXIS_PDOS, i % CIA402_AXIS_PDOS);
+    }
+    if (node->sensor) {
+        cia402_pdo_set_plan(node);
+    }
+}
+
+/* ---- reception ---- */
+
+/* Writes the data of an RPDO into the mapped objects. */
+static void cia402_pdo_apply(struct cia402_node *node, const struct cia402_channel *channel)
+{
+    const uint8_t *data = channel->data;
+
+    for (int i = 0; i < CIA402_MAPPED_MAX && channel->bytes[i]; i++) {
+        const struct cia402_entry *entry = &channel->entry[i];
+
+        /* A value out of its range is left out */
+        if (entry->object) {
+            cia402_write(node, entry, cia402_get(entry->type, data));
+        }
+        data += channel->bytes[i];
+    }
+}
+
+static bool cia402_pdo_receive(struct cia402_node *node, const struct bus_frame *frame,
+                               enum board_verdict *verdict)
+{
+    bool found = false;
+
+    for (unsigned i = 0; i < cia402_pdos(node) && node->state == CIA402_OPERATIONAL; i++) {
+        const struct cia402_pdo *pdo = &node->settings.rpdo[i];
+        struct cia402_channel *channel = &node->rx[i];
+
+        if (!cia402_pdo_is_valid(pdo) || (pdo->cob_id & CIA402_COB_MASK) != frame->id) {
+            continue;
+        }
+        /* A frame that is too short is refused, one that is too long reported */
+        found = true;
+        if (frame->len != channel->length) {
+            bool short_of = frame->len < channel->length;
+
+            *verdict = BOARD_MALFORMED;
+            cia402_emcy_raise(node, short_of ? CODE_TOO_SHORT : CODE_TOO_LONG,
+                              CIA402_REGISTER_COMMUNICATION, 0, 0);
+            channel->unfit = true;
+            if (short_of) {
+                continue;
+            }
+        } else if (channel->unfit) {
+            channel->unfit = false;
+            cia402_emcy_resolve_communication(node);
+        }
+        /* The data wait for SYNC, or are applied at once */
+        memcpy(channel->data, frame->data, channel->length);
+        channel->waits = pdo->type <= SYNCHRONOUS_MAX;
+        if (!channel->waits) {
+            cia402_pdo_apply(node, channel);
+        }
+    }
+    return found;
+}
+
+static bool cia402_pdo_request(struct cia402_node *node, unsigned id)
+{
+    bool found = false;
+
+    for (unsigned i = 0; i < cia402_pdos(node) && node->state == CIA402_OPERATIONAL; i++) {
+        const struct cia402_pdo *pdo = &node->settings.tpdo[i];
+
+        if (cia402_pdo_is_valid(pdo) && !(pdo->cob_id & CIA402_COB_NO_REMOTE) &&
+            (pdo->cob_id & CIA402_COB_MASK) == id) {
+            node->tx[i].requested = true;
+            found = true;
+        }
+    }
+    return found;
+}
+
+static void cia402_pdo_sync(struct cia402_node *node)
+{
+    if (node->state != CIA402_OPERATIONAL) {
+        return;
+    }
+    node->syncs++;
+    for (unsigned i = 0; i < cia402_pdos(node); i++) {
+        if (node->rx[i].waits) {
+            node->rx[i].waits = false;
+            cia402_pdo_apply(node, &node->rx[i]);
+        }
+    }
+}
+
+/* ---- transmission ---- */
+
+/* Returns whether a TPDO is due by its transmission type. */
+static bool cia402_pdo_is_due(const struct cia402_node *node, const struct cia402_pdo *pdo,
+                              struct cia402_channel *channel, bool changed)
+{
+    int64_t since_ns = node->board.boards->now_ns - channel->time_ns;
+
+    if (pdo->type == 0) {
+        return node->syncs > 0 && (changed || channel->waits);
+    }
+    if (pdo->type <= SYNCHRONOUS_MAX) {
+        channel->syncs += node->syncs;
+        return channel->syncs >= pdo->type;
+    }
+    return channel->waits || ((changed || (pdo->event_ms > 0 && since_ns >= pdo->event_ms * MS)) &&
+                              since_ns >= pdo->inhibit_100us * INHIBIT_UNIT_NS);
+}
+
+static void cia402_pdo_transmit(struct cia402_node *node, struct frame_sink *sink)
+{
+    for (unsigned i = 0; i < cia402_pdos(node) && node->state == CIA402_OPERATIONAL; i++) {
+        const struct cia402_pdo *pdo = &node->settings.tpdo[i];
+        struct cia402_channel *channel = &node->tx[i];
+        uint8_t data[PDO_BYTES] = {0}, *to = data;
+
+        if (!cia402_pdo_is_valid(pdo) || pdo->count == 0) {
+            continue;
+        }
+        /* Collects the mapped values */
+        for (int k = 0; k < pdo->count; k++) {
+            const struct cia402_entry *entry = &channel->entry[k];
+
+            cia402_put(entry->type, *cia402_field(node, entry), to);
+            to += channel->bytes[k];
+        }
+        /* Sends them when they are due */
+        if (cia402_pdo_is_due(node, pdo, channel, memcmp(data, channel->data, PDO_BYTES) != 0) ||
+            channel->requested) {
+            memcpy(channel->data, data, PDO_BYTES);
+            channel->waits = channel->requested = false;
+            channel->syncs = 0;
+            channel->time_ns = node->board.boards->now_ns;
+            board_send(&node->board, sink, (uint32_t)pdo->cob_id & CIA402_COB_MASK, channel->length,
+                       data);
+        }
+    }
+    node->syncs = 0;
+}
+
+/*
+ * Network management (CiA 301, 7.2.8): states, boot-up, heartbeat, node guarding.
+ *
+ * A node that hears no heartbeat of the producer in 0x1016 for its time, or no guarding for guard
+ * time times life time factor, having heard one before, reports 0x8130, does as 0x1029 says, and
+ * its axes do as 0x6007 says.
+ */
+
+enum {
+    CODE_LIFE_GUARD = 0x8130,
+    TO_PRE_OPERATIONAL = 0, /* 0x1029 */
+    TO_STOPPED = 2,
+};
+
+/* Enters a state of NMT; PDOs start, and axes without commands stop. */
+static void cia402_nmt_enter(struct cia402_node *node, enum cia402_nmt_state state)
+{
+    if (state == node->state) {
+        return;
+    }
+    node->state = state;
+    if (state == CIA402_OPERATIONAL) {
+        cia402_pdo_start(node);
+    }
+    /* An axis that can no longer be commanded loses its connection */
+    for (unsigned k = 0; k < node->axes && state == CIA402_STOPPED; k++) {
+        cia402_axis_lose_connection(node, &node->axis[k]);
+    }
+}
+
+/* Returns whether a Node-ID is free for a node. */
+static bool cia402_lss_id_is_free(const struct cia402_node *node, unsigned id)
+{
+    const struct board *other = node->board.bus->by_address[id];
+
+    return !other || other == &node->board;
+}
+
+/* Takes a node without a Node-ID off the list of its bus. */
+static void cia402_lss_leave_bus(struct cia402_node *node)
+{
+    struct board **place = &node->board.bus->by_address[node->board.address];
+
+    if (*place == &node->board) {
+        *place = NULL;
+    }
+    if (!node->nameless) {
+        board_event(&node->board, BOARD_EVENT_ADDRESS, 0, node->board.address, CIA402_NO_NODE_ID);
+    }
+    node->nameless = true;
+}
+
+/* Puts the new Node-ID into a COB-ID that has the old one. */
+static void cia402_lss_move_cob(int64_t *cob_id, unsigned from, unsigned to)
+{
+    if ((*cob_id & NODE_ID_MASK) == (int64_t)from) {
+        *cob_id = (*cob_id & ~(int64_t)NODE_ID_MASK) | to;
+    }
+}
+
+/* Puts the new Node-ID into the COB-IDs of the settings. */
+static void cia402_lss_move_settings(struct cia402_communication *settings, unsigned from,
+                                     unsigned to)
+{
+    cia402_lss_move_cob(&settings->cob_emcy, from, to);
+    for (unsigned i = 0; i < CIA402_PDOS; i++) {
+        cia402_lss_move_cob(&settings->rpdo[i].cob_id, from, to);
+        cia402_lss_move_cob(&settings->tpdo[i].cob_id, from, to);
+    }
+}
+
+static void cia402_lss_take_id(struct cia402_node *node)
+{
+    /* The configuration ends */
+    unsigned from = node->board.address, to = node->lss.next;
+
+    node->lss.configuring = false;
+    node->lss.selected = node->lss.scanned = 0;
+    /* Without a free Node-ID the node does nothing but LSS */
+    if (to == CIA402_NO_NODE_ID || !cia402_lss_id_is_free(node, to)) {
+        cia402_lss_leave_bus(node);
+        return;
+    }
+    if (to == from && !node->nameless) {
+        return;
+    }
+    /* Moves the node on the bus, and its COB-IDs with it */
+    board_event(&node->board, BOARD_EVENT_ADDRESS, 0, node->nameless ? CIA402_NO_NODE_ID : from,
+                to);
+    if (node->board.bus->by_address[from] == &node->board) {
+        node->board.bus->by_address[from] = NULL;
+    }
+    node->board.bus->by_address[to] = &node->board;
+    node->board.address = (uint8_t)to;
+    node->nameless = false;
+    cia402_lss_move_settings(&node->settings, from, to);
+    cia402_lss_move_settings(&node->saved, from, to);
+    cia402_lss_move_cob(&node->sdo_request, from, to);
+    cia402_lss_move_cob(&node->sdo_reply, from, to);
+}
+
+/* Goes from initialization into PRE-OPERATIONAL, or further where the rig wants it; not without
+ * a Node-ID. */
+static void cia402_node_start_communication(struct cia402_node *node)
+{
+    cia402_lss_take_id(node);
+    node->state = node->nameless                         ? CIA402_BOOT_UP
+                  : node->board.config.transmit_at_start ? CIA402_OPERATIONAL
+                                                         : CIA402_PRE_OPERATIONAL;
+    node->boot_up_due = true;
+    node->guard_toggle = node->guarded = node->guard_lost = false;
+    node->consumes = node->consumer_lost = false;
+    memset(&node->transfer, 0, sizeof node->transfer);
+    cia402_pdo_start(node);
+    cia402_emcy_resolve_communication(node);
+}
+
+static void cia402_node_reset_communication(struct cia402_node *node)
+{
+    node->settings = node->saved;
+    for (unsigned k = 0; k < node->axes; k++) {
+        cia402_axis_lose_connection(node, &node->axis[k]);
+    }
+    cia402_node_start_communication(node);
+}
+
+void cia402_nmt_command(struct cia402_node *node, unsigned command)
+{
+    switch (command) {
+    case CIA402_NMT_START:
+        cia402_nmt_enter(node, CIA402_OPERATIONAL);
+        break;
+    case CIA402_NMT_STOP:
+        cia402_nmt_enter(node, CIA402_STOPPED);
+        break;
+    case CIA402_NMT_PRE_OPERATIONAL:
+        cia402_nmt_enter(node, CIA402_PRE_OPERATIONAL);
+        break;
+    case CIA402_NMT_RESET_NODE:
+        board_enter_bootloader(&node->board, node->board.config.boot_ns);
+        break;
+    default:
+        cia402_node_reset_communication(node);
+        break;
+    }
+}
+
+/* ---- what others expect of the node ---- */
+
+/* Queues a heartbeat with a state. */
+static void cia402_nmt_tell_state(struct cia402_node *node, uint8_t data)
+{
+    board_queue(&node->board, CIA402_HEARTBEAT + node->board.address, 1, &data);
+}
+
+/* Answers node guarding with a bit that alternates; a heartbeat producer does not answer. */
+static void cia402_nmt_guard(struct cia402_node *node)
+{
+    if (node->settings.producer_ms > 0) {
+        return;
+    }
+    cia402_nmt_tell_state(node, (uint8_t)(node->state | (node->guard_toggle ? 0x80 : 0)));
+    node->guard_toggle = !node->guard_toggle;
+    node->guarded = true;
+    node->guard_lost = false;
+    node->guard_ns = node->board.boards->now_ns;
+    cia402_emcy_resolve_communication(node);
+}
+
+static void cia402_nmt_transmit(struct cia402_node *node, struct frame_sink *sink)
+{
+    int64_t now_ns = node->board.boards->now_ns, period_ns = node->settings.producer_ms * MS;
+    uint8_t data = CIA402_BOOT_UP;
+
+    if (node->boot_up_due) {
+        node->boot_up_due = false;
+        node->heartbeat_ns = now_ns + period_ns;
+        board_send(&node->board, sink, CIA402_HEARTBEAT + node->board.address, 1, &data);
+        return;
+    }
+    if (period_ns > 0 && now_ns >= node->heartbeat_ns) {
+        data = (uint8_t)node->state;
+        node->heartbeat_ns += ((now_ns - node->heartbeat_ns) / period_ns + 1) * period_ns;
+        board_send(&node->board, sink, CIA402_HEARTBEAT + node->board.address, 1, &data);
+    }
+}
+
+/* Sets the period of heartbeats; the first comes a period from now. */
+enum cia402_abort cia402_nmt_write_producer(struct cia402_node *node,
+                                            const struct cia402_entry *entry, int64_t value)
+{
+    (void)entry;
+    node->settings.producer_ms = value;
+    node->heartbeat_ns = node->board.boards->now_ns + value * MS;
+    return CIA402_DONE;
+}
+
+/* ---- what the node expects of others ---- */
+
+/* Returns the Node-ID whose heartbeat the node expects. */
+static unsigned cia402_nmt_producer(const struct cia402_node *node)
+{
+    return (unsigned)(node->settings.consumer >> 16);
+}
+
+enum cia402_abort cia402_nmt_write_consumer(struct cia402_node *node,
+                                            const struct cia402_entry *entry, int64_t value)
+{
+    (void)entry;
+    if (value >> 16 > 127) {
+        return CIA402_ABORT_VALUE;
+    }
+    node->settings.consumer = value;
+    node->consumes = node->consumer_lost = false;
+    cia402_emcy_resolve_communication(node);
+    return CIA402_DONE;
+}
+
+static void cia402_nmt_hear(struct cia402_node *node, unsigned producer)
+{
+    if (producer == cia402_nmt_producer(node) && (node->settings.consumer & 0xffff) > 0) {
+        node->consumes = true;
+        node->consumer_lost = false;
+        node->consumer_ns = node->board.boards->now_ns;
+        cia402_emcy_resolve_communication(node);
+    }
+}
+
+/* Reacts to a lost heartbeat or guarding: an emergency, the axes, the state. */
+static void cia402_nmt_lose(struct cia402_node *node)
+{
+    int64_t behavior = node->settings.error_behavior;
+
+    cia402_emcy_raise(node, CODE_LIFE_GUARD, CIA402_REGISTER_COMMUNICATION, 0,
+                      CIA402_FAULT_CONNECTION);
+    for (unsigned k = 0; k < node->axes; k++) {
+        cia402_axis_lose_connection(node, &node->axis[k]);
+    }
+    if (behavior == TO_STOPPED) {
+        cia402_nmt_enter(node, CIA402_STOPPED);
+    } else if (behavior == TO_PRE_OPERATIONAL && node->state == CIA402_OPERATIONAL) {
+        cia402_nmt_enter(node, CIA402_PRE_OPERATIONAL);
+    }
+}
+
+static void cia402_nmt_watch(struct cia402_node *node)
+{
+    const struct cia402_communication *settings = &node->settings;
+    int64_t now_ns = node->board.boards->now_ns;
+    int64_t life_ns = settings->guard_ms * settings->life_factor * MS;
+    int64_t heartbeat_ns = (settings->consumer & 0xffff) * MS;
+
+    if (node->consumes && !node->consumer_lost && now_ns - node->consumer_ns > heartbeat_ns) {
+        node->consumer_lost = true;
+        cia402_nmt_lose(node);
+    }
+    if (node->guarded && !node->guard_lost && life_ns > 0 && now_ns - node->guard_ns > life_ns) {
+        node->guard_lost = true;
+        cia402_nmt_lose(node);
+    }
+}
+
+/*
+ * Layer setting services of a node as the slave (CiA 305): switching of its state, all nodes or the
+ * one with an address (0x1018), inquiries, Node-ID, storing, and fastscan. The bit rate is the
+ * bus's and no other is taken.
+ *
+ * A Node-ID takes effect with the next reset of communication, or, of a node that had none, when
+ * the master ends the configuration; without storing the next power-up brings the old one back.
+ * COB-IDs that contain the old Node-ID follow. A node without one (255) does nothing but LSS; it
+ * stays so, too, where another node of the bus has the one that it should take.
+ */
+
+enum {
+    STATE_WAITING = 0,
+    STATE_CONFIGURATION = 1,
+    ADDRESS_PARTS = 4,
+    SCAN_BITS = 32,
+    SCAN_RESET = 0x80, /* in place of a bit: every node without a Node-ID answers */
+    ERROR_NOT_SUPPORTED = 1,
+    ERROR_NODE_ID = 1, /* out of range */
+    ERROR_SPECIFIC = 255,
+    ERROR_NODE_ID_TAKEN = 1, /* of ERROR_SPECIFIC; ours */
+};
+
+/* Queues an answer with a number. */
+static void cia402_lss_answer(struct cia402_node *node, unsigned command, uint32_t value)
+{
+    uint8_t data[CIA402_LSS_LENGTH] = {(uint8_t)command};
+
+    put_u32_le(data + 1, value);
+    board_queue(&node->board, CIA402_LSS_REPLY, sizeof data, data);
+}
+
+/* ---- the Node-ID ---- */
+
+static void cia402_lss_power_up(struct cia402_node *node, bool first)
+{
+    if (first) {
+        node->lss.stored = node->board.address;
+    }
+    node->lss.next = node->lss.stored;
+}
+
+/* Sets the next Node-ID. Returns the error, 0 for none. */
+static unsigned cia402_lss_set_id(struct cia402_node *node, unsigned id)
+{
+    if ((id == 0 || id > CIA402_NODE_MAX) && id != CIA402_NO_NODE_ID) {
+        return ERROR_NODE_ID;
+    }
+    if (id != CIA402_NO_NODE_ID && !cia402_lss_id_is_free(node, id)) {
+        return ERROR_SPECIFIC | ERROR_NODE_ID_TAKEN << 8;
+    }
+    node->lss.next = (uint8_t)id;
+    return 0;
+}
+
+/* ---- states ---- */
+
+/* Switches the state of all nodes; a new Node-ID takes effect where there was none. */
+static void cia402_lss_switch(struct cia402_node *node, const uint8_t *data)
+{
+    bool was_configuring = node->lss.configuring;
+
+    if (data[1] > STATE_CONFIGURATION) {
+        return;
+    }
+    node->lss.configuring = data[1] == STATE_CONFIGURATION;
+    node->lss.selected = 0;
+    if (was_configuring && data[1] == STATE_WAITING && node->nameless &&
+        node->lss.next != CIA402_NO_NODE_ID) {
+        cia402_node_reset_communication(node);
+    }
+}
+
+/* Returns a part of the address of a node. */
+static uint32_t cia402_lss_part(const struct cia402_node *node, unsigned part)
+{
+    return (uint32_t)node->identity[part];
+}
+
+/* Compares a part of the address; the four parts come one after the other. */
+static void cia402_lss_select(struct cia402_node *node, const uint8_t *data)
+{
+    unsigned part = data[0] - CIA402_LSS_SELECT_VENDOR;
+    bool fits = (part == 0 || part == node->lss.selected) &&
+                get_u32_le(data + 1) == cia402_lss_part(node, part);
+
+    node->lss.selected = (uint8_t)(fits ? part + 1 : 0);
+    if (node->lss.selected == ADDRESS_PARTS) {
+        node->lss.selected = 0;
+        node->lss.configuring = true;
+        cia402_lss_answer(node, CIA402_LSS_SELECTED, 0);
+    }
+}
+
+/* Compares bits of a part of the address: the master finds it bit by bit, from the highest, by
+ * the answers. */
+static void cia402_lss_scan(struct cia402_node *node, const uint8_t *data)
+{
+    struct cia402_lss_slave *lss = &node->lss;
+    unsigned bit = data[5], part = data[6], next = data[7];
+
+    if (!node->nameless || lss->next != CIA402_NO_NODE_ID || part >= ADDRESS_PARTS ||
+        next >= ADDRESS_PARTS || (bit >= SCAN_BITS && bit != SCAN_RESET)) {
+        return;
+    }
+    if (bit == SCAN_RESET) {
+        lss->scanned = 0;
+    } else if (lss->scanned != part ||
+               get_u32_le(data + 1) >> bit != cia402_lss_part(node, part) >> bit) {
+        return;
+    } else {
+        lss->scanned = (uint8_t)next;
+        lss->configuring = bit == 0 && next < part; /* the last bit of the last part */
+    }
+    cia402_lss_answer(node, CIA402_LSS_IDENTIFIED, 0);
+}
+
+/* ---- requests ---- */
+
+/* Obeys requests that only a node in state LSS configuration obeys; false: no such request. */
+static bool cia402_lss_configure(struct cia402_node *node, const uint8_t *data)
+{
+    bool acts = node->lss.configuring;
+    unsigned command = data[0], error = 0;
+
+    switch (command) {
+    case CIA402_LSS_SET_NODE_ID:
+        error = acts ? cia402_lss_set_id(node, data[1]) : 0;
+        break;
+    case CIA402_LSS_SET_BIT_TIMING:
+        error = ERROR_NOT_SUPPORTED;
+        break;
+    case CIA402_LSS_STORE:
+        node->lss.stored = acts ? node->lss.next : node->lss.stored;
+        break;
+    case CIA402_LSS_ACTIVATE_BIT_TIMING:
+        return true; /* has no answer, and there is none to activate */
+    default:
+        return false;
+    }
+    if (acts) {
+        cia402_lss_answer(node, command, error);
+    }
+    return true;
+}
+
+/* Answers an inquiry: a part of the address, or the Node-ID. */
+static void cia402_lss_tell(struct cia402_node *node, unsigned command)
+{
+    uint32_t value = command == CIA402_LSS_INQUIRE_NODE_ID
+                         ? (node->nameless ? CIA402_NO_NODE_ID : node->board.address)
+                         : cia402_lss_part(node, command - CIA402_LSS_INQUIRE_VENDOR);
+
+    cia402_lss_answer(node, command, value);
+}
+
+/* Obeys a request of 8 bytes; false: no such request. The next Node-ID becomes that of
+ * the node at a reset of its communication. */
+static bool cia402_lss_receive(struct cia402_node *node, const uint8_t *data)
+{
+    /* Requests to all nodes: switching, selection and fastscan */
+    bool configuring = node->lss.configuring;
+
+    if (data[0] == CIA402_LSS_SWITCH_GLOBAL) {
+        cia402_lss_switch(node, data);
+        return true;
+    }
+    if (data[0] >= CIA402_LSS_SELECT_VENDOR && data[0] <= CIA402_LSS_SELECT_SERIAL) {
+        if (!configuring) {
+            cia402_lss_select(node, data);
+        }
+        return true;
+    }
+    if (data[0] == CIA402_LSS_FASTSCAN) {
+        if (!configuring) {
+            cia402_lss_scan(node, data);
+        }
+        return true;
+    }
+    /* Requests to the selected node */
+    if (data[0] >= CIA402_LSS_INQUIRE_VENDOR && data[0] <= CIA402_LSS_INQUIRE_NODE_ID) {
+        if (configuring) {
+            cia402_lss_tell(node, data[0]);
+        }
+        return true;
+    }
+    return cia402_lss_configure(node, data);
+}
+
+/* Services of every node: power-up, stored parameters, transmission in a tick. */
 
 /* "save" and "load", little-endian, as CiA 301 wants them */
 enum { SIGNATURE_SAVE = 0x65766173, SIGNATURE_LOAD = 0x64616f6c };
@@ -35,22 +988,6 @@ static void cia402_node_load(struct cia402_node *node)
     }
 }
 
-/* Goes from initialization into PRE-OPERATIONAL, or further where the rig wants it; not without
- * a Node-ID. */
-static void cia402_node_start_communication(struct cia402_node *node)
-{
-    cia402_lss_take_id(node);
-    node->state = node->nameless                         ? CIA402_BOOT_UP
-                  : node->board.config.transmit_at_start ? CIA402_OPERATIONAL
-                                                         : CIA402_PRE_OPERATIONAL;
-    node->boot_up_due = true;
-    node->guard_toggle = node->guarded = node->guard_lost = false;
-    node->consumes = node->consumer_lost = false;
-    memset(&node->transfer, 0, sizeof node->transfer);
-    cia402_pdo_start(node);
-    cia402_emcy_resolve_communication(node);
-}
-
 bool cia402_node_power_up(struct cia402_node *node)
 {
     bool first = !node->powered;
@@ -67,15 +1004,6 @@ bool cia402_node_power_up(struct cia402_node *node)
     node->emergencies = 0;
     cia402_node_start_communication(node);
     return first;
-}
-
-void cia402_node_reset_communication(struct cia402_node *node)
-{
-    node->settings = node->saved;
-    for (unsigned k = 0; k < node->axes; k++) {
-        cia402_axis_lose_connection(node, &node->axis[k]);
-    }
-    cia402_node_start_communication(node);
 }
 
 enum cia402_abort cia402_node_write_store(struct cia402_node *node,
@@ -126,4 +1054,247 @@ void cia402_node_transmit(struct board *board, struct ms_span span, struct frame
         cia402_pdo_transmit(node, sink);
     }
     board->lost_in_status = board->lost_in_overflow = false;
+}
+
+/* Buses that speak CANopen: finds the nodes that a frame is for. */
+
+enum { NODES = CIA402_NODE_MAX + 1 };
+
+_Static_assert((int)NODES == (int)BOARD_ADDRESSES, "a node is an address of its bus");
+
+/* Returns the node with a Node-ID that hears; NULL: none. */
+static struct cia402_node *cia402_bus_node(const struct board_bus *bus, unsigned id)
+{
+    struct board *board = id > 0 && id < NODES ? bus->by_address[id] : NULL;
+
+    return board && !board_is_deaf(board) ? cia402_node_of(board) : NULL;
+}
+
+/* Returns whether a number is a command of NMT. */
+static bool cia402_bus_is_command(unsigned command)
+{
+    return command == CIA402_NMT_START || command == CIA402_NMT_STOP ||
+           command == CIA402_NMT_PRE_OPERATIONAL || command == CIA402_NMT_RESET_NODE ||
+           command == CIA402_NMT_RESET_COMMUNICATION;
+}
+
+/* Obeys a command of NMT, for one node or for all. */
+static void cia402_bus_receive_nmt(struct boards *boards, struct board_bus *bus,
+                                   const struct bus_frame *frame)
+{
+    enum board_verdict verdict = frame->len != CIA402_NMT_LENGTH          ? BOARD_MALFORMED
+                                 : !cia402_bus_is_command(frame->data[0]) ? BOARD_UNKNOWN
+                                                                          : BOARD_OBEYED;
+    struct board *listener = NULL;
+
+    for (unsigned id = 1; id < NODES; id++) {
+        struct cia402_node *node = cia402_bus_node(bus, id);
+
+        if (node &&
+            (frame->len < CIA402_NMT_LENGTH || frame->data[1] == 0 || frame->data[1] == id)) {
+            listener = &node->board;
+            if (verdict == BOARD_OBEYED) {
+                cia402_nmt_command(node, frame->data[0]);
+            }
+        }
+    }
+    boards_count_frame(boards, listener, verdict, frame);
+}
+
+/* Passes a request to the SDO server of a node and counts the frame by its answer. */
+static void cia402_bus_receive_sdo(struct boards *boards, struct cia402_node *node,
+                                   const struct bus_frame *frame)
+{
+    enum board_verdict verdict = BOARD_MALFORMED;
+
+    if (frame->len == CIA402_SDO_LENGTH) {
+        enum cia402_abort reason = cia402_sdo_receive(node, frame->data);
+
+        verdict = reason == CIA402_DONE ? BOARD_OBEYED
+                  : reason == CIA402_ABORT_NO_OBJECT || reason == CIA402_ABORT_NO_SUB_INDEX ||
+                          reason == CIA402_ABORT_COMMAND
+                      ? BOARD_UNKNOWN
+                      : BOARD_MALFORMED;
+    }
+    boards_count_frame(boards, &node->board, verdict, frame);
+}
+
+/* Passes a request of LSS to all nodes, those without a Node-ID too. */
+static void cia402_bus_receive_lss(struct boards *boards, struct board_bus *bus,
+                                   const struct bus_frame *frame)
+{
+    enum board_verdict verdict = BOARD_MALFORMED;
+    struct board *listener = NULL;
+
+    for (size_t i = 0; i < boards->nboard; i++) {
+        struct board *board = boards->board[i];
+
+        if (board->bus != bus || board_is_deaf(board)) {
+            continue;
+        }
+        listener = board;
+        if (frame->len == CIA402_LSS_LENGTH) {
+            bool known = cia402_lss_receive(cia402_node_of(board), frame->data);
+
+            verdict = known ? BOARD_OBEYED : BOARD_UNKNOWN;
+        }
+    }
+    boards_count_frame(boards, listener, verdict, frame);
+}
+
+/* Passes a heartbeat or a boot-up of another node to the nodes that expect it. */
+static bool cia402_bus_hear(struct boards *boards, struct board_bus *bus,
+                            const struct bus_frame *frame)
+{
+    struct board *listener = NULL;
+
+    for (unsigned id = 1; id < NODES; id++) {
+        struct cia402_node *node = cia402_bus_node(bus, id);
+
+        if (node && (node->settings.consumer >> 16) == (frame->id & NODE_ID_MASK)) {
+            listener = &node->board;
+            cia402_nmt_hear(node, frame->id & NODE_ID_MASK);
+        }
+    }
+    if (listener) {
+        boards_count_frame(boards, listener, BOARD_OBEYED, frame);
+    }
+    return listener;
+}
+
+/* Passes SYNC and process data to all nodes, any of which may want them. The frame counts for the
+ * last node that takes it, or for the first that refuses it. */
+static bool cia402_bus_receive_process(struct boards *boards, struct board_bus *bus,
+                                       const struct bus_frame *frame)
+{
+    enum board_verdict verdict = BOARD_OBEYED;
+    struct board *listener = NULL;
+
+    for (unsigned id = 1; id < NODES; id++) {
+        struct cia402_node *node = cia402_bus_node(bus, id);
+        enum board_verdict own = BOARD_OBEYED;
+
+        if (!node || node->state == CIA402_STOPPED) {
+            continue;
+        }
+        if (node->settings.cob_sync == (int64_t)frame->id) {
+            own = frame->len > 1 ? BOARD_MALFORMED : own;
+            if (frame->len <= 1) {
+                cia402_pdo_sync(node);
+            }
+        } else if (!cia402_pdo_receive(node, frame, &own)) {
+            continue;
+        }
+        if (verdict == BOARD_OBEYED) {
+            listener = &node->board;
+            verdict = own;
+        }
+    }
+    if (listener) {
+        boards_count_frame(boards, listener, verdict, frame);
+    }
+    return listener;
+}
+
+/* Passes a remote frame for a TPDO to all nodes. */
+static bool cia402_bus_request(struct boards *boards, struct board_bus *bus,
+                               const struct bus_frame *frame)
+{
+    struct board *listener = NULL;
+
+    for (unsigned id = 1; id < NODES; id++) {
+        struct cia402_node *node = cia402_bus_node(bus, id);
+
+        if (node && cia402_pdo_request(node, frame->id)) {
+            listener = &node->board;
+        }
+    }
+    if (listener) {
+        boards_count_frame(boards, listener, BOARD_OBEYED, frame);
+    }
+    return listener;
+}
+
+/* Answers a remote frame: node guarding, or a request of a TPDO. */
+static bool cia402_bus_receive_remote(struct boards *boards, struct board_bus *bus,
+                                      const struct bus_frame *frame)
+{
+    struct cia402_node *node = cia402_bus_node(bus, frame->id & NODE_ID_MASK);
+
+    if ((frame->id & ~(unsigned)NODE_ID_MASK) != CIA402_HEARTBEAT) {
+        return cia402_bus_request(boards, bus, frame);
+    }
+    if (!node) {
+        return false;
+    }
+    cia402_nmt_guard(node);
+    boards_count_frame(boards, &node->board, BOARD_OBEYED, frame);
+    return true;
+}
+
+/* Passes a frame on by its identifier. Returns false when no node knows it. */
+static bool cia402_bus_dispatch(struct boards *boards, struct board_bus *bus,
+                                const struct bus_frame *frame)
+{
+    unsigned id = frame->id & NODE_ID_MASK;
+    struct cia402_node *node = cia402_bus_node(bus, id);
+
+    if (frame->flags & FRAME_REMOTE) {
+        return cia402_bus_receive_remote(boards, bus, frame);
+    }
+    if (frame->id == CIA402_LSS_REQUEST) {
+        cia402_bus_receive_lss(boards, bus, frame);
+        return true;
+    }
+    switch (frame->id & ~(unsigned)NODE_ID_MASK) {
+    case CIA402_NMT:
+        if (id == 0) {
+            cia402_bus_receive_nmt(boards, bus, frame);
+            return true;
+        }
+        return false;
+    case CIA402_SDO_REQUEST:
+        if (node && node->state != CIA402_STOPPED) {
+            cia402_bus_receive_sdo(boards, node, frame);
+            return true;
+        }
+        return false;
+    case CIA402_HEARTBEAT:
+        return cia402_bus_hear(boards, bus, frame);
+    default:
+        return cia402_bus_receive_process(boards, bus, frame);
+    }
+}
+
+/* Receives a frame of the bus (struct protocol). */
+static void cia402_bus_receive(struct boards *boards, struct board_bus *bus,
+                               const struct bus_frame *frame)
+{
+    if (!cia402_bus_dispatch(boards, bus, frame)) {
+        boards->counters.foreign++;
+    }
+}
+
+/* Adds a board to the bus, which needs nothing for it (struct protocol). */
+static void cia402_bus_add_board(struct board_bus *bus, struct board *board)
+{
+    (void)bus;
+    (void)board;
+}
+
+static const struct board_bus_ops cia402_bus_ops = {
+    .remote = true,
+    .add_board = cia402_bus_add_board,
+    .receive = cia402_bus_receive,
+};
+
+struct board_bus *cia402_bus_create(struct arena *arena)
+{
+    struct board_bus *bus = arena_alloc(arena, 1, sizeof *bus);
+
+    if (!bus) {
+        return NULL;
+    }
+    bus->ops = &cia402_bus_ops;
+    return bus;
 }

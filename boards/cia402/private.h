@@ -152,7 +152,7 @@ static inline int64_t cia402_counts(double value, double worth)
     return count;
 }
 
-/* ---- objects (object.c) ---- */
+/* ---- objects ---- */
 
 /* Finds an object by index and sub-index. */
 enum cia402_abort cia402_find(const struct cia402_node *node, unsigned index, unsigned sub,
@@ -165,8 +165,7 @@ struct cia402_domain *cia402_domain(const struct cia402_node *node,
                                     const struct cia402_entry *entry);
 
 int64_t cia402_value(const struct cia402_node *node, const struct cia402_entry *entry);
-enum cia402_abort cia402_write(struct cia402_node *node, const struct cia402_entry *entry,
-                               int64_t value);
+cia402_write_fn cia402_write;
 
 /* Returns whether an identifier is one of CiA 301's table "restricted CAN-IDs", not for PDOs,
  * SYNC and EMCY. */
@@ -185,87 +184,25 @@ void cia402_set_factory(struct cia402_node *node);
 /* Obeys a request of 8 bytes (sdo.c); returns why it was refused. */
 enum cia402_abort cia402_sdo_receive(struct cia402_node *node, const uint8_t *data);
 
-/* Shared by sdo.c and sdo_block.c: an answer; the end of a transfer with a reason, which is
- * returned; a new transfer for the object of a request; the data of its object, and their upload
- * without blocks; whether data of a size may be written, and the writing. */
-void cia402_sdo_answer(struct cia402_node *node, const uint8_t *data);
-enum cia402_abort cia402_sdo_abort_transfer(struct cia402_node *node, enum cia402_abort reason);
-enum cia402_abort cia402_sdo_find(struct cia402_node *node, const uint8_t *request);
-enum cia402_abort cia402_sdo_load(struct cia402_node *node);
-enum cia402_abort cia402_sdo_upload_loaded(struct cia402_node *node, const uint8_t *request);
-bool cia402_sdo_is_writable(const struct cia402_entry *entry);
-enum cia402_abort cia402_sdo_check_size(const struct cia402_entry *entry, uint32_t size);
-enum cia402_abort cia402_sdo_store(struct cia402_node *node, const struct cia402_entry *entry,
-                                   const uint8_t *data, uint32_t size);
-
-/* Block transfers (sdo_block.c): requests. While takes_all is true every request that is no
+/* Block transfers: requests. While takes_all is true every request that is no
  * abort belongs to the download. Work of a tick: segments of an upload, and the time-out. */
-bool cia402_block_takes_all(const struct cia402_node *node);
-enum cia402_abort cia402_block_receive_download(struct cia402_node *node, const uint8_t *request);
-enum cia402_abort cia402_block_receive_upload(struct cia402_node *node, const uint8_t *request);
 void cia402_block_step(struct cia402_node *node, struct ms_span span);
 
-/* Obeys a request of 8 bytes (lss.c); false: no such request. The next Node-ID becomes that of
- * the node at a reset of its communication. */
-bool cia402_lss_receive(struct cia402_node *node, const uint8_t *data);
-void cia402_lss_power_up(struct cia402_node *node, bool first);
-void cia402_lss_take_id(struct cia402_node *node);
-
-/* Process data (pdo.c): writes to a mapping, then what is called when frames come or are due. */
-enum cia402_abort cia402_pdo_write_cob(struct cia402_node *node, const struct cia402_entry *entry,
-                                       int64_t value);
-enum cia402_abort cia402_pdo_write_type(struct cia402_node *node, const struct cia402_entry *entry,
-                                        int64_t value);
-enum cia402_abort cia402_pdo_write_inhibit(struct cia402_node *node,
-                                           const struct cia402_entry *entry, int64_t value);
-enum cia402_abort cia402_pdo_write_count(struct cia402_node *node, const struct cia402_entry *entry,
-                                         int64_t value);
-enum cia402_abort cia402_pdo_write_object(struct cia402_node *node,
-                                          const struct cia402_entry *entry, int64_t value);
+/* Process data: writes to a mapping, then what is called when frames come or are due. */
 void cia402_pdo_set_factory(struct cia402_node *node);
-void cia402_pdo_link(struct cia402_node *node); /* all of them, as the settings say */
-void cia402_pdo_start(struct cia402_node *node);
-bool cia402_pdo_receive(struct cia402_node *node, const struct bus_frame *frame,
-                        enum board_verdict *verdict);
-bool cia402_pdo_request(struct cia402_node *node, unsigned id); /* by a remote frame */
-void cia402_pdo_sync(struct cia402_node *node);
-void cia402_pdo_transmit(struct cia402_node *node, struct frame_sink *sink);
 
 /* nmt.c */
 void cia402_nmt_command(struct cia402_node *node, unsigned command);
-void cia402_nmt_guard(struct cia402_node *node);
-void cia402_nmt_hear(struct cia402_node *node, unsigned producer);
-void cia402_nmt_watch(struct cia402_node *node); /* once a tick: lost heartbeats */
-void cia402_nmt_transmit(struct cia402_node *node, struct frame_sink *sink);
-enum cia402_abort cia402_nmt_write_producer(struct cia402_node *node,
-                                            const struct cia402_entry *entry, int64_t value);
-enum cia402_abort cia402_nmt_write_consumer(struct cia402_node *node,
-                                            const struct cia402_entry *entry, int64_t value);
 
-/* emcy.c */
+/* Emergencies */
 void cia402_emcy_raise(struct cia402_node *node, unsigned code, unsigned error_register,
                        unsigned axis, uint32_t faults);
 void cia402_emcy_clear(struct cia402_node *node); /* error reset, when nothing is left */
 
-/* Tells that communication is in order again, when no cause of an error is left. */
-void cia402_emcy_resolve_communication(struct cia402_node *node);
-void cia402_emcy_transmit(struct cia402_node *node, struct frame_sink *sink);
-enum cia402_abort cia402_emcy_write_history(struct cia402_node *node,
-                                            const struct cia402_entry *entry, int64_t value);
-enum cia402_abort cia402_write_cob(struct cia402_node *node, const struct cia402_entry *entry,
-                                   int64_t value);
-enum cia402_abort cia402_write_emcy_cob(struct cia402_node *node, const struct cia402_entry *entry,
-                                        int64_t value);
-
 /* node.c */
-bool cia402_node_power_up(struct cia402_node *node); /* true: the first time */
-void cia402_node_reset_communication(struct cia402_node *node);
+bool cia402_node_power_up(struct cia402_node *node);                  /* true: the first time */
 void cia402_node_step(struct cia402_node *node, struct ms_span span); /* once a tick */
 void cia402_node_transmit(struct board *board, struct ms_span span, struct frame_sink *sink);
-enum cia402_abort cia402_node_write_store(struct cia402_node *node,
-                                          const struct cia402_entry *entry, int64_t value);
-enum cia402_abort cia402_node_write_restore(struct cia402_node *node,
-                                            const struct cia402_entry *entry, int64_t value);
 
 /* ---- drives ---- */
 
@@ -288,7 +225,7 @@ struct cia402_axis_settings {
     int64_t mode;
 };
 
-/* Part of a homing procedure that is under way (homing.c). */
+/* Part of a homing procedure that is under way. */
 enum cia402_homing_part {
     CIA402_HOMING_RESTS,
     CIA402_HOMING_SEARCH,
@@ -379,18 +316,12 @@ static inline bool cia402_axis_is_on(const struct cia402_axis *axis)
            axis->state == CIA402_FAULT_REACTION_ACTIVE;
 }
 
-/* Sets the settings that the configuration of a board gives (motor_board.c). */
+/* Sets the settings that the configuration of a board gives. */
 void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_config *config,
                              const struct board_config *board);
 
-/* The state machine (state.c). Faults with which the bridge must open at once are not drivable. */
-void cia402_axis_enter(struct cia402_node *node, struct cia402_axis *axis, enum cia402_state state);
-void cia402_axis_step_state(struct cia402_node *node, struct cia402_axis *axis);
-void cia402_axis_react(struct cia402_node *node, struct cia402_axis *axis, bool drivable);
+/* The state machine. Faults with which the bridge must open at once are not drivable. */
 void cia402_axis_lose_connection(struct cia402_node *node, struct cia402_axis *axis);
-void cia402_axis_update_status(struct cia402_axis *axis);
-enum cia402_abort cia402_axis_write_controlword(struct cia402_node *node,
-                                                const struct cia402_entry *entry, int64_t value);
 
 /* Modes and loops (modes.c): a millisecond of an enabled axis -> its voltage. */
 void cia402_axis_step(struct cia402_axis *axis, const struct board_axis_config *config,
@@ -404,38 +335,23 @@ void cia402_axis_take_set_point(struct cia402_axis *axis, int64_t before);
 bool cia402_axis_has_stopped(const struct cia402_axis *axis);
 bool cia402_axis_controls_position(const struct cia402_axis *axis);
 unsigned cia402_axis_mode_status(const struct cia402_axis *axis);
-enum cia402_abort cia402_axis_write_mode(struct cia402_node *node, const struct cia402_entry *entry,
-                                         int64_t value);
-enum cia402_abort cia402_axis_write_target(struct cia402_node *node,
-                                           const struct cia402_entry *entry, int64_t value);
-enum cia402_abort cia402_axis_write_option(struct cia402_node *node,
-                                           const struct cia402_entry *entry, int64_t value);
-enum cia402_abort cia402_axis_write_homing(struct cia402_node *node,
-                                           const struct cia402_entry *entry, int64_t value);
-enum cia402_abort cia402_axis_write_when_off(struct cia402_node *node,
-                                             const struct cia402_entry *entry, int64_t value);
-enum cia402_abort cia402_axis_write_profile_type(struct cia402_node *node,
-                                                 const struct cia402_entry *entry, int64_t value);
-enum cia402_abort cia402_axis_write_range(struct cia402_node *node,
-                                          const struct cia402_entry *entry, int64_t value);
-enum cia402_abort cia402_axis_write_limit(struct cia402_node *node,
-                                          const struct cia402_entry *entry, int64_t value);
 
-/* Homing (homing.c): lists the methods that switches allow, reads the switches; begins and ends
+/* Homing: lists the methods that switches allow, reads the switches; begins and ends
  * a procedure, and runs a millisecond of it. */
 void cia402_homing_list(struct cia402_axis *axis, const struct board_switches *switches);
 void cia402_homing_sample(struct cia402_axis *axis, const struct board_switches *switches);
-void cia402_homing_start(struct cia402_axis *axis);
-void cia402_homing_interrupt(struct cia402_axis *axis);
-void cia402_homing_step(struct cia402_axis *axis);
 
-/* Runs one step of dt s of a trapezoidal profile towards a goal (profile.c). */
-void cia402_profile_move(struct cia402_profile *profile, double goal, double speed,
-                         double acceleration, double deceleration, double dt);
-void cia402_profile_accelerate(struct cia402_profile *profile, double velocity, double acceleration,
-                               double deceleration, double dt);
+/* What writes the objects of the table that are not simply stored. */
+cia402_write_fn cia402_write_cob, cia402_write_emcy_cob, cia402_emcy_write_history,
+    cia402_node_write_store, cia402_node_write_restore, cia402_nmt_write_producer,
+    cia402_nmt_write_consumer, cia402_pdo_write_cob, cia402_pdo_write_type,
+    cia402_pdo_write_inhibit, cia402_pdo_write_count, cia402_pdo_write_object,
+    cia402_axis_write_controlword, cia402_axis_write_mode, cia402_axis_write_target,
+    cia402_axis_write_option, cia402_axis_write_homing, cia402_axis_write_when_off,
+    cia402_axis_write_profile_type, cia402_axis_write_range, cia402_axis_write_limit,
+    cia402_sensor_write_tare;
 
-/* Settings that can be changed beside the bus (settings.c). */
+/* Settings that can be changed beside the bus. */
 extern const struct board_settings cia402_settings;
 
 /* ---- sensors ---- */
@@ -447,8 +363,5 @@ struct cia402_sensor {
     int64_t counts[CIA402_SENSOR_CHANNELS]; /* as measured */
     bool started;
 };
-
-enum cia402_abort cia402_sensor_write_tare(struct cia402_node *node,
-                                           const struct cia402_entry *entry, int64_t value);
 
 #endif

@@ -1,13 +1,226 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The CANopen drives, cia402, as a module. */
-#include "boards/cia402/protocol.h"
-
+/* The frames of a cia402 bus; see the header. */
 #include "boards/cia402/board.h"
 #include "boards/cia402/eds.h"
 #include "boards/cia402/frames.h"
 #include "boards/cia402/object_list.h"
+#include "boards/cia402/protocol.h"
+
+#include "base/array.h"
+#include "boards/board_private.h"
 #include "boards/protocol_list.h"
 #include "manual/protocol_cia402.h"
+
+#include <string.h>
+
+enum { AXIS_STEP = 0x100 }; /* of the identifiers of PDOs of one axis */
+
+/* clang-format off */
+#define FIELDS(...) (const struct field[]){__VA_ARGS__, {.type = FIELD_END}}
+#define VALUE(kind, label, of, by) {.type = kind, .name = label, .unit = of, .scale = by}
+#define NUMBER(kind, label) {.type = kind, .name = label}
+#define NAMED(kind, label, list) {.type = kind, .name = label, .values = list}
+
+static const struct field_value nmt_commands[] = {
+    {CIA402_NMT_START, "start"}, {CIA402_NMT_STOP, "stop"},
+    {CIA402_NMT_PRE_OPERATIONAL, "pre_operational"}, {CIA402_NMT_RESET_NODE, "reset_node"},
+    {CIA402_NMT_RESET_COMMUNICATION, "reset_communication"}, {0, NULL}};
+static const struct field_value nmt_states[] = {
+    {CIA402_BOOT_UP, "boot_up"}, {CIA402_STOPPED, "stopped"}, {CIA402_OPERATIONAL, "operational"},
+    {CIA402_PRE_OPERATIONAL, "pre_operational"}, {0, NULL}};
+static const struct field sdo[] = {
+    NUMBER(FIELD_U8, "specifier"), NUMBER(FIELD_U16, "index"), NUMBER(FIELD_U8, "sub_index"),
+    NUMBER(FIELD_U32, "data"), {.type = FIELD_END}};
+
+/* Fields of the PDOs, by the name of the plan's row; each is a mapped object of the dictionary */
+static const struct {
+    const char *name;
+    const struct field *fields;
+} plans[] = {
+    {"TELEMETRY", FIELDS(VALUE(FIELD_I32, "motor_encoder", "rad", CIA402_POSITION_RAD),
+                         VALUE(FIELD_I16, "deflection", "rad", CIA402_POSITION_RAD),
+                         VALUE(FIELD_I16, "spring_torque", "Nm", CIA402_SPRING_NM))},
+    {"STATUS", FIELDS(NUMBER(FIELD_U16, "statusword"))},
+    {"VOLTAGE", FIELDS(VALUE(FIELD_I16, "target_voltage", "V", CIA402_VOLTAGE_V))},
+    {"CONTROL", FIELDS(NUMBER(FIELD_U16, "controlword"))},
+    {"FORCE", FIELDS(VALUE(FIELD_I16, "fx", "N", CIA402_FORCE_N),
+                     VALUE(FIELD_I16, "fy", "N", CIA402_FORCE_N),
+                     VALUE(FIELD_I16, "fz", "N", CIA402_FORCE_N))},
+    {"MOMENT", FIELDS(VALUE(FIELD_I16, "mx", "Nm", CIA402_MOMENT_NM),
+                      VALUE(FIELD_I16, "my", "Nm", CIA402_MOMENT_NM),
+                      VALUE(FIELD_I16, "mz", "Nm", CIA402_MOMENT_NM))},
+    {"ACCELERATION", FIELDS(VALUE(FIELD_I16, "ax", "m/s2", CIA402_ACCELERATION_M_S2),
+                            VALUE(FIELD_I16, "ay", "m/s2", CIA402_ACCELERATION_M_S2),
+                            VALUE(FIELD_I16, "az", "m/s2", CIA402_ACCELERATION_M_S2))},
+    {"RATE", FIELDS(VALUE(FIELD_I16, "wx", "rad/s", CIA402_RATE_RAD_S),
+                    VALUE(FIELD_I16, "wy", "rad/s", CIA402_RATE_RAD_S),
+                    VALUE(FIELD_I16, "wz", "rad/s", CIA402_RATE_RAD_S))},
+    {"ORIENTATION", FIELDS(VALUE(FIELD_I16, "qw", NULL, CIA402_QUATERNION),
+                           VALUE(FIELD_I16, "qx", NULL, CIA402_QUATERNION),
+                           VALUE(FIELD_I16, "qy", NULL, CIA402_QUATERNION),
+                           VALUE(FIELD_I16, "qz", NULL, CIA402_QUATERNION))},
+    {"MAGNETIC", FIELDS(VALUE(FIELD_I16, "bx", "uT", CIA402_MAGNETIC_UT),
+                        VALUE(FIELD_I16, "by", "uT", CIA402_MAGNETIC_UT),
+                        VALUE(FIELD_I16, "bz", "uT", CIA402_MAGNETIC_UT))},
+};
+
+/* What every node has */
+static const struct service {
+    const char *name;
+    uint16_t cob_id;
+    bool from_host;
+    uint8_t length;
+    uint8_t cycle_ms; /* as our host sets it up; 0: on demand */
+    const struct field *fields;
+    const char *answer; /* name of what answers; NULL: nothing */
+} services[] = {
+    {"EMCY", CIA402_EMCY, false, CIA402_EMCY_LENGTH, 0,
+     FIELDS(NUMBER(FIELD_U16, "code"), NUMBER(FIELD_U8, "error_register"),
+            NUMBER(FIELD_U8, "axis"), NUMBER(FIELD_U32, "faults")), NULL},
+    {"SDO_REQUEST", CIA402_SDO_REQUEST, true, CIA402_SDO_LENGTH, 0, sdo, "SDO_REPLY"},
+    {"SDO_REPLY", CIA402_SDO_REPLY, false, CIA402_SDO_LENGTH, 0, sdo, NULL},
+    {"HEARTBEAT", CIA402_HEARTBEAT, false, 1, CIA402_HEARTBEAT_MS,
+     FIELDS({.type = 7, .name = "state", .values = nmt_states}, {.type = 1, .name = "toggle"}),
+     NULL},
+}, broadcasts[] = {
+    {"NMT", CIA402_NMT, true, CIA402_NMT_LENGTH, 0,
+     FIELDS(NAMED(FIELD_U8, "command", nmt_commands), NUMBER(FIELD_U8, "node")), NULL},
+    {"SYNC", CIA402_SYNC, true, 0, 1, NULL, NULL},
+};
+/* clang-format on */
+
+enum cia402_kind cia402_kind_of(const struct board_config *board)
+{
+    return board->kind == BOARD_MOTOR      ? CIA402_KIND_DRIVE
+           : board->kind == BOARD_INERTIAL ? CIA402_KIND_INERTIAL
+                                           : CIA402_KIND_FT;
+}
+
+const struct field *cia402_plan_fields(const struct cia402_plan *plan)
+{
+    for (size_t i = 0; i < ARRAY_COUNT(plans); i++) {
+        if (!strcmp(plans[i].name, plan->name)) {
+            return plans[i].fields;
+        }
+    }
+    return NULL;
+}
+
+/* Makes the frame of a service of a node. */
+static struct cia402_frame cia402_make_service(const struct service *service, unsigned node)
+{
+    return (struct cia402_frame){
+        .name = service->name,
+        .id = service->cob_id + node,
+        .from_host = service->from_host,
+        .length = service->length,
+        .cycle_ns = service->cycle_ms * (uint32_t)MS,
+        .fields = service->fields,
+        .answer = service->answer,
+        .repeats = 1,
+        .axis = -1,
+    };
+}
+
+/* Makes the frame of a PDO, which comes with every SYNC: once a tick or as often as the rig
+ * says; so do the voltages. */
+static struct cia402_frame cia402_make_pdo(const struct board_config *board,
+                                           const struct cia402_plan *plan)
+{
+    const struct field *fields = cia402_plan_fields(plan);
+    int64_t period_ns = board->period_ns > 0 ? board->period_ns : MS;
+
+    return (struct cia402_frame){
+        .name = plan->name,
+        .id = plan->cob_id + board->address,
+        .from_host = plan->receive,
+        .length = plan->length,
+        .cycle_ns = (uint32_t)(plan->event_ms      ? plan->event_ms * MS
+                               : plan->type <= 240 ? plan->type * period_ns
+                               : plan->number == 0 ? MS
+                                                   : 0),
+        .fields = fields,
+        .repeats = (uint8_t)(plan->length / fields_bytes(fields)),
+        .axis = plan->axis < CIA402_BOARD_AXES ? plan->axis : -1,
+        .list = board->kind == BOARD_MOTOR && plan->axis >= CIA402_BOARD_AXES &&
+                fields_count(fields) == 1,
+    };
+}
+
+/* Makes the row-th frame of a board, from 0, or with NULL of the host to all; false when there
+ * are no more. */
+static bool cia402_frame_row(const struct board_config *board, unsigned row,
+                             struct cia402_frame *frame)
+{
+    struct cia402_plan plan;
+    unsigned rows = 0;
+
+    if (!board) {
+        if (row < ARRAY_COUNT(broadcasts)) {
+            *frame = cia402_make_service(&broadcasts[row], 0);
+        }
+        return row < ARRAY_COUNT(broadcasts);
+    }
+    if (cia402_plan_row(cia402_kind_of(board), board_config_axes(board), row, &plan)) {
+        *frame = cia402_make_pdo(board, &plan);
+        return true;
+    }
+    while (cia402_plan_row(cia402_kind_of(board), board_config_axes(board), rows, &plan)) {
+        rows++;
+    }
+    if (row - rows < ARRAY_COUNT(services)) {
+        *frame = cia402_make_service(&services[row - rows], board->address);
+    }
+    return row - rows < ARRAY_COUNT(services);
+}
+
+/* Visits the messages of a board; without one, those of the host to all boards. */
+static void cia402_visit(struct message_walk *walk, int index, unsigned first_slot)
+{
+    const struct board_config *board =
+        index == MESSAGE_NO_BOARD ? NULL : &walk->config->board[index];
+    struct cia402_frame frame;
+
+    for (unsigned row = 0; cia402_frame_row(board, row, &frame); row++) {
+        /* Identifiers are split into a base and what the node and the axis add */
+        unsigned number = board ? board->address : 0, axis = frame.axis < 0 ? 0 : frame.axis;
+        const struct message message = {
+            .name = frame.name,
+            .id = frame.id,
+            .base = frame.id - number - AXIS_STEP * axis,
+            .step = board ? 1 : 0,
+            .axis_step = frame.axis < 0 ? 0 : AXIS_STEP,
+            .number = number,
+            .counts = MESSAGE_OF_NODE,
+            .sender = frame.from_host ? MESSAGE_NO_BOARD : index,
+            .receiver = frame.from_host ? index : MESSAGE_NO_BOARD,
+            .from_host = frame.from_host,
+            .length = frame.length,
+            .code = MESSAGE_NO_CODE,
+            .answer = frame.answer,
+            .section = frame.from_host ? MESSAGE_FROM_HOST : MESSAGE_FROM_BOARDS,
+            .cycle_ns = frame.cycle_ns,
+            .fields = frame.fields,
+            .repeats = frame.repeats,
+            .slot = frame.axis >= 0 || frame.list ? (int)(first_slot + axis) : -1,
+            .list = frame.list,
+        };
+
+        message_visit(walk, &message);
+    }
+}
+
+static void cia402_visit_broadcasts(struct message_walk *walk)
+{
+    cia402_visit(walk, MESSAGE_NO_BOARD, 0);
+}
+
+static void cia402_visit_board(struct message_walk *walk, int board, unsigned first_slot)
+{
+    cia402_visit(walk, board, first_slot);
+}
+
+/* The CANopen drives, cia402, as a module. */
 
 /* Creates a board by its kind (struct protocol). */
 static struct board *cia402_make_board(const struct board_config *config, struct arena *arena)

@@ -1,19 +1,53 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The rows of the object dictionary, by index. */
+#include "boards/cia402/eds.h"
+#include "boards/cia402/frames.h"
+#include "boards/cia402/object_list.h"
 #include "boards/cia402/private.h"
+#include "boards/cia402/table.h"
 
 #include "base/array.h"
+#include "base/options.h"
+#include "canbus/frame.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
 
 /* clang-format off */
-#define NODE(field) offsetof(struct cia402_node, field)
-#define SETTING(field) offsetof(struct cia402_node, settings.field)
-#define PDO(field) offsetof(struct cia402_pdo, field)
-#define AXIS(field) offsetof(struct cia402_axis, field)
-#define OPTION(field) offsetof(struct cia402_axis, settings.field)
-#define SENSOR(field) offsetof(struct cia402_sensor, field)
+#define NODE(field, ...) {CIA402_OF_NODE, offsetof(struct cia402_node, field), __VA_ARGS__}
+#define SETTING(field, ...) NODE(settings.field, __VA_ARGS__)
+#define RPDO(field, ...) {CIA402_OF_RPDO, offsetof(struct cia402_pdo, field), __VA_ARGS__}
+#define TPDO(field, ...) {CIA402_OF_TPDO, offsetof(struct cia402_pdo, field), __VA_ARGS__}
+#define AXIS(field, ...) {CIA402_OF_AXIS, offsetof(struct cia402_axis, field), __VA_ARGS__}
+#define OPTION(field, ...) AXIS(settings.field, __VA_ARGS__)
+#define SENSOR(field, ...) {CIA402_OF_SENSOR, offsetof(struct cia402_sensor, field), __VA_ARGS__}
 
-#define RO_MAP (CIA402_RO | CIA402_MAP_TPDO)
-#define RW_MAP (CIA402_RW | CIA402_MAP_RPDO)
+/* Sub-index 0 alone; another one; so many from 1 on */
+#define ONE 0, 1
+#define SUB(sub) sub, 1
+#define SUBS(count) 1, count
+
+/* How it is accessed, and the function that writes it, where it is not simply stored */
+#define CONST CIA402_CONST, NULL
+#define RO CIA402_RO, NULL
+#define RO_NODE CIA402_RO | CIA402_PLUS_NODE, NULL
+#define RO_MAP CIA402_RO | CIA402_MAP_TPDO, NULL
+#define RW CIA402_RW, NULL
+#define RW_MAP CIA402_RW | CIA402_MAP_RPDO, NULL
+#define RW_BY(write) CIA402_RW, cia402_##write
+#define RW_MAP_BY(write) CIA402_RW | CIA402_MAP_RPDO, cia402_##write
+#define RW_NODE_BY(write) CIA402_RW | CIA402_PLUS_NODE, cia402_##write
+#define I8 CIA402_I8
+#define I16 CIA402_I16
+#define I32 CIA402_I32
+#define U8 CIA402_U8
+#define U16 CIA402_U16
+#define U32 CIA402_U32
+#define TEXT CIA402_TEXT
+#define DOMAIN CIA402_DOMAIN
+#define IN(min, max) min, max
+#define UNIT(unit, scale) unit, scale
 #define RAD "rad", CIA402_POSITION_RAD
 #define RAD_S "rad/s", CIA402_POSITION_RAD
 #define RAD_S2 "rad/s2", CIA402_POSITION_RAD
@@ -30,237 +64,172 @@ enum {
 
 const struct cia402_object cia402_objects[] = {
     /* Communication, CiA 301 */
-    {0x1000, 0, 1, CIA402_OF_NODE, CIA402_U32, CIA402_RO, "Device type", NO_UNIT, 0, ANY,
-     NODE(device_type), NULL},
-    {0x1001, 0, 1, CIA402_OF_NODE, CIA402_U8, RO_MAP, "Error register", NO_UNIT, 0, ANY,
-     NODE(error_register), NULL},
-    {0x1003, 0, 1, CIA402_OF_NODE, CIA402_U8, CIA402_RW, "Number of errors", NO_UNIT, 0, ANY,
-     NODE(history_count), cia402_emcy_write_history},
-    {0x1003, 1, CIA402_HISTORY, CIA402_OF_NODE, CIA402_U32, CIA402_RO, "Pre-defined error field",
-     NO_UNIT, 0, ANY, NODE(history), NULL},
-    {0x1005, 0, 1, CIA402_OF_NODE, CIA402_U32, CIA402_RW, "COB-ID SYNC message", NO_UNIT,
-     CIA402_SYNC, ANY, SETTING(cob_sync), cia402_write_cob},
-    {0x1008, 0, 1, CIA402_OF_NODE, CIA402_TEXT, CIA402_CONST, "Manufacturer device name", NO_UNIT,
-     0, ANY, NODE(device), NULL},
-    {0x1009, 0, 1, CIA402_OF_NODE, CIA402_TEXT, CIA402_CONST, "Manufacturer hardware version",
-     NO_UNIT, 0, ANY, NODE(hardware), NULL},
-    {0x100a, 0, 1, CIA402_OF_NODE, CIA402_TEXT, CIA402_CONST, "Manufacturer software version",
-     NO_UNIT, 0, ANY, NODE(software), NULL},
-    {0x100c, 0, 1, CIA402_OF_NODE, CIA402_U16, CIA402_RW, "Guard time", MILLIS, 0, ANY,
-     SETTING(guard_ms), NULL},
-    {0x100d, 0, 1, CIA402_OF_NODE, CIA402_U8, CIA402_RW, "Life time factor", NO_UNIT, 0, ANY,
-     SETTING(life_factor), NULL},
-    {0x1010, 1, 1, CIA402_OF_NODE, CIA402_U32, CIA402_RW, "Store all parameters", NO_UNIT, 1, ANY,
-     NODE(storage), cia402_node_write_store},
-    {0x1011, 1, 1, CIA402_OF_NODE, CIA402_U32, CIA402_RW, "Restore all default parameters",
-     NO_UNIT, 1, ANY, NODE(storage), cia402_node_write_restore},
-    {0x1014, 0, 1, CIA402_OF_NODE, CIA402_U32, CIA402_RW | CIA402_PLUS_NODE, "COB-ID EMCY",
-     NO_UNIT, CIA402_EMCY, ANY, SETTING(cob_emcy), cia402_write_emcy_cob},
-    {0x1015, 0, 1, CIA402_OF_NODE, CIA402_U16, CIA402_RW, "Inhibit time EMCY", "s", 1e-4, 0, ANY,
-     SETTING(emcy_inhibit_100us), NULL},
-    {0x1016, 1, 1, CIA402_OF_NODE, CIA402_U32, CIA402_RW, "Consumer heartbeat time", NO_UNIT, 0,
-     ANY, SETTING(consumer), cia402_nmt_write_consumer},
-    {0x1017, 0, 1, CIA402_OF_NODE, CIA402_U16, CIA402_RW, "Producer heartbeat time", MILLIS, 0,
-     ANY, SETTING(producer_ms), cia402_nmt_write_producer},
-    {0x1018, 1, 4, CIA402_OF_NODE, CIA402_U32, CIA402_RO, "Identity", NO_UNIT, 0, ANY,
-     NODE(identity), NULL},
-    {0x1029, 1, 1, CIA402_OF_NODE, CIA402_U8, CIA402_RW, "Communication error behavior", NO_UNIT,
-     0, 0, 2, SETTING(error_behavior), NULL},
-    {0x1200, 1, 1, CIA402_OF_NODE, CIA402_U32, CIA402_RO | CIA402_PLUS_NODE,
-     "COB-ID SDO client to server", NO_UNIT, CIA402_SDO_REQUEST, ANY, NODE(sdo_request), NULL},
-    {0x1200, 2, 1, CIA402_OF_NODE, CIA402_U32, CIA402_RO | CIA402_PLUS_NODE,
-     "COB-ID SDO server to client", NO_UNIT, CIA402_SDO_REPLY, ANY, NODE(sdo_reply), NULL},
-    {0x1400, 1, 1, CIA402_OF_RPDO, CIA402_U32, CIA402_RW, "RPDO COB-ID", NO_UNIT, 0, ANY,
-     PDO(cob_id), cia402_pdo_write_cob},
-    {0x1400, 2, 1, CIA402_OF_RPDO, CIA402_U8, CIA402_RW, "RPDO transmission type", NO_UNIT, 255,
-     ANY, PDO(type), cia402_pdo_write_type},
-    {0x1600, 0, 1, CIA402_OF_RPDO, CIA402_U8, CIA402_RW, "RPDO mapped objects", NO_UNIT, 0, ANY,
-     PDO(count), cia402_pdo_write_count},
-    {0x1600, 1, CIA402_MAPPED_MAX, CIA402_OF_RPDO, CIA402_U32, CIA402_RW, "RPDO mapping", NO_UNIT,
-     0, ANY, PDO(object), cia402_pdo_write_object},
-    {0x1800, 1, 1, CIA402_OF_TPDO, CIA402_U32, CIA402_RW, "TPDO COB-ID", NO_UNIT, 0, ANY,
-     PDO(cob_id), cia402_pdo_write_cob},
-    {0x1800, 2, 1, CIA402_OF_TPDO, CIA402_U8, CIA402_RW, "TPDO transmission type", NO_UNIT, 255,
-     ANY, PDO(type), cia402_pdo_write_type},
-    {0x1800, 3, 1, CIA402_OF_TPDO, CIA402_U16, CIA402_RW, "TPDO inhibit time", "s", 1e-4, 0, ANY,
-     PDO(inhibit_100us), cia402_pdo_write_inhibit},
-    {0x1800, 5, 1, CIA402_OF_TPDO, CIA402_U16, CIA402_RW, "TPDO event timer", MILLIS, 0, ANY,
-     PDO(event_ms), NULL},
-    {0x1a00, 0, 1, CIA402_OF_TPDO, CIA402_U8, CIA402_RW, "TPDO mapped objects", NO_UNIT, 0, ANY,
-     PDO(count), cia402_pdo_write_count},
-    {0x1a00, 1, CIA402_MAPPED_MAX, CIA402_OF_TPDO, CIA402_U32, CIA402_RW, "TPDO mapping", NO_UNIT,
-     0, ANY, PDO(object), cia402_pdo_write_object},
+    NODE(device_type, 0x1000, ONE, U32, RO, "Device type", NO_UNIT, 0, ANY),
+    NODE(error_register, 0x1001, ONE, U8, RO_MAP, "Error register", NO_UNIT, 0, ANY),
+    NODE(history_count, 0x1003, ONE, U8, RW_BY(emcy_write_history), "Number of errors", NO_UNIT, 0,
+        ANY),
+    NODE(history, 0x1003, SUBS(CIA402_HISTORY), U32, RO, "Pre-defined error field", NO_UNIT, 0,
+        ANY),
+    SETTING(cob_sync, 0x1005, ONE, U32, RW_BY(write_cob), "COB-ID SYNC message", NO_UNIT,
+        CIA402_SYNC, ANY),
+    NODE(device, 0x1008, ONE, TEXT, CONST, "Manufacturer device name", NO_UNIT, 0, ANY),
+    NODE(hardware, 0x1009, ONE, TEXT, CONST, "Manufacturer hardware version", NO_UNIT, 0, ANY),
+    NODE(software, 0x100a, ONE, TEXT, CONST, "Manufacturer software version", NO_UNIT, 0, ANY),
+    SETTING(guard_ms, 0x100c, ONE, U16, RW, "Guard time", MILLIS, 0, ANY),
+    SETTING(life_factor, 0x100d, ONE, U8, RW, "Life time factor", NO_UNIT, 0, ANY),
+    NODE(storage, 0x1010, SUB(1), U32, RW_BY(node_write_store), "Store all parameters", NO_UNIT, 1,
+        ANY),
+    NODE(storage, 0x1011, SUB(1), U32, RW_BY(node_write_restore), "Restore all default parameters",
+        NO_UNIT, 1, ANY),
+    SETTING(cob_emcy, 0x1014, ONE, U32, RW_NODE_BY(write_emcy_cob), "COB-ID EMCY", NO_UNIT,
+        CIA402_EMCY, ANY),
+    SETTING(emcy_inhibit_100us, 0x1015, ONE, U16, RW, "Inhibit time EMCY", UNIT("s", 1e-4), 0, ANY),
+    SETTING(consumer, 0x1016, SUB(1), U32, RW_BY(nmt_write_consumer), "Consumer heartbeat time",
+        NO_UNIT, 0, ANY),
+    SETTING(producer_ms, 0x1017, ONE, U16, RW_BY(nmt_write_producer), "Producer heartbeat time",
+        MILLIS, 0, ANY),
+    NODE(identity, 0x1018, SUBS(4), U32, RO, "Identity", NO_UNIT, 0, ANY),
+    SETTING(error_behavior, 0x1029, SUB(1), U8, RW, "Communication error behavior", NO_UNIT, 0,
+        IN(0, 2)),
+    NODE(sdo_request, 0x1200, SUB(1), U32, RO_NODE, "COB-ID SDO client to server", NO_UNIT,
+        CIA402_SDO_REQUEST, ANY),
+    NODE(sdo_reply, 0x1200, SUB(2), U32, RO_NODE, "COB-ID SDO server to client", NO_UNIT,
+        CIA402_SDO_REPLY, ANY),
+    RPDO(cob_id, 0x1400, SUB(1), U32, RW_BY(pdo_write_cob), "RPDO COB-ID", NO_UNIT, 0, ANY),
+    RPDO(type, 0x1400, SUB(2), U8, RW_BY(pdo_write_type), "RPDO transmission type", NO_UNIT, 255,
+        ANY),
+    RPDO(count, 0x1600, ONE, U8, RW_BY(pdo_write_count), "RPDO mapped objects", NO_UNIT, 0, ANY),
+    RPDO(object, 0x1600, SUBS(CIA402_MAPPED_MAX), U32, RW_BY(pdo_write_object), "RPDO mapping",
+        NO_UNIT, 0, ANY),
+    TPDO(cob_id, 0x1800, SUB(1), U32, RW_BY(pdo_write_cob), "TPDO COB-ID", NO_UNIT, 0, ANY),
+    TPDO(type, 0x1800, SUB(2), U8, RW_BY(pdo_write_type), "TPDO transmission type", NO_UNIT, 255,
+        ANY),
+    TPDO(inhibit_100us, 0x1800, SUB(3), U16, RW_BY(pdo_write_inhibit), "TPDO inhibit time",
+        UNIT("s", 1e-4), 0, ANY),
+    TPDO(event_ms, 0x1800, SUB(5), U16, RW, "TPDO event timer", MILLIS, 0, ANY),
+    TPDO(count, 0x1a00, ONE, U8, RW_BY(pdo_write_count), "TPDO mapped objects", NO_UNIT, 0, ANY),
+    TPDO(object, 0x1a00, SUBS(CIA402_MAPPED_MAX), U32, RW_BY(pdo_write_object), "TPDO mapping",
+        NO_UNIT, 0, ANY),
 
     /* Ours */
-    {0x2000, 0, 1, CIA402_OF_NODE, CIA402_TEXT, CIA402_RW, "User text", NO_UNIT, 0, ANY,
-     NODE(note), NULL},
-    {0x2001, 0, 1, CIA402_OF_NODE, CIA402_DOMAIN, CIA402_RW, "User data", NO_UNIT, 0, ANY,
-     NODE(data), NULL},
-    {0x2100, 0, 1, CIA402_OF_SENSOR, CIA402_U16, RO_MAP, "Saturated channels", NO_UNIT, 0, ANY,
-     SENSOR(saturated), NULL},
-    {0x2101, 0, 1, CIA402_OF_SENSOR, CIA402_U32, RO_MAP, "Faults", NO_UNIT, 0, ANY,
-     SENSOR(faults), NULL},
-    {0x2102, 1, CIA402_SENSOR_CHANNELS, CIA402_OF_SENSOR, CIA402_I16, CIA402_RW, "Tare", NO_UNIT,
-     0, ANY, SENSOR(tare), cia402_sensor_write_tare},
-    {0x4000, 0, 1, CIA402_OF_AXIS, CIA402_I16, RW_MAP, "Target voltage", VOLTS, 0, ANY,
-     AXIS(target_voltage), cia402_axis_write_target},
-    {0x4001, 0, 1, CIA402_OF_AXIS, CIA402_I16, RO_MAP, "Voltage actual value", VOLTS, 0, ANY,
-     AXIS(voltage), NULL},
-    {0x4002, 0, 1, CIA402_OF_AXIS, CIA402_I32, RO_MAP, "Link encoder", RAD, 0, ANY,
-     AXIS(link_encoder), NULL},
-    {0x4003, 0, 1, CIA402_OF_AXIS, CIA402_I32, RO_MAP, "Motor encoder", RAD, 0, ANY,
-     AXIS(motor_encoder), NULL},
-    {0x4004, 0, 1, CIA402_OF_AXIS, CIA402_I16, RO_MAP, "Spring deflection", RAD, 0, ANY,
-     AXIS(deflection), NULL},
-    {0x4005, 0, 1, CIA402_OF_AXIS, CIA402_I16, RO_MAP, "Spring torque", "Nm", CIA402_SPRING_NM, 0,
-     ANY, AXIS(spring_torque), NULL},
-    {0x4006, 0, 1, CIA402_OF_AXIS, CIA402_I16, RO_MAP, "Winding temperature", "degC", 1.0, 0, ANY,
-     AXIS(temperature_c), NULL},
-    {0x4007, 0, 1, CIA402_OF_AXIS, CIA402_I16, RO_MAP, "Winding current", "A", 1e-3, 0, ANY,
-     AXIS(current_ma), NULL},
-    {0x4008, 1, 2, CIA402_OF_AXIS, CIA402_U16, RO_MAP, "Chamber pressure", "bar",
-     CIA402_PRESSURE_BAR, 0, ANY, AXIS(pressure), NULL},
-    {0x4009, 0, 1, CIA402_OF_AXIS, CIA402_I16, RO_MAP, "Valve opening", PER_MILLE, 0, ANY,
-     AXIS(valve_opening), NULL},
-    {0x4010, 0, 1, CIA402_OF_AXIS, CIA402_U32, RO_MAP, "Faults", NO_UNIT, 0, ANY, AXIS(faults),
-     NULL},
-    {0x4011, 0, 1, CIA402_OF_AXIS, CIA402_U16, CIA402_RW, "Command time-out", MILLIS, 0, ANY,
-     OPTION(timeout_ms), NULL},
-    {0x4012, 0, 1, CIA402_OF_AXIS, CIA402_U32, CIA402_RW, "Current limit", "A", 1e-3, 1, 1,
-     INT32_MAX, OPTION(current_limit_ma), cia402_axis_write_limit},
-    {0x4013, 0, 1, CIA402_OF_AXIS, CIA402_I16, CIA402_RW, "Temperature limit", "degC", 1.0, 125, 1,
-     125, OPTION(temperature_limit_c), cia402_axis_write_limit},
-    {0x4014, 1, 3, CIA402_OF_AXIS, CIA402_I32, CIA402_RW, "Current loop gain", NO_UNIT, 0, 0,
-     GAIN_MAX, OPTION(current_gain), cia402_axis_write_when_off},
-    {0x4015, 1, 3, CIA402_OF_AXIS, CIA402_I32, CIA402_RW, "Velocity loop gain", NO_UNIT, 0, 0,
-     GAIN_MAX, OPTION(velocity_gain), cia402_axis_write_when_off},
-    {0x4016, 0, 1, CIA402_OF_AXIS, CIA402_I32, CIA402_RW, "Position loop gain", "1/s", 0.1, 400, 0,
-     GAIN_MAX, OPTION(position_gain), cia402_axis_write_when_off},
+    NODE(note, 0x2000, ONE, TEXT, RW, "User text", NO_UNIT, 0, ANY),
+    NODE(data, 0x2001, ONE, DOMAIN, RW, "User data", NO_UNIT, 0, ANY),
+    SENSOR(saturated, 0x2100, ONE, U16, RO_MAP, "Saturated channels", NO_UNIT, 0, ANY),
+    SENSOR(faults, 0x2101, ONE, U32, RO_MAP, "Faults", NO_UNIT, 0, ANY),
+    SENSOR(tare, 0x2102, SUBS(CIA402_SENSOR_CHANNELS), I16, RW_BY(sensor_write_tare), "Tare",
+        NO_UNIT, 0, ANY),
+    AXIS(target_voltage, 0x4000, ONE, I16, RW_MAP_BY(axis_write_target), "Target voltage", VOLTS,
+        0, ANY),
+    AXIS(voltage, 0x4001, ONE, I16, RO_MAP, "Voltage actual value", VOLTS, 0, ANY),
+    AXIS(link_encoder, 0x4002, ONE, I32, RO_MAP, "Link encoder", RAD, 0, ANY),
+    AXIS(motor_encoder, 0x4003, ONE, I32, RO_MAP, "Motor encoder", RAD, 0, ANY),
+    AXIS(deflection, 0x4004, ONE, I16, RO_MAP, "Spring deflection", RAD, 0, ANY),
+    AXIS(spring_torque, 0x4005, ONE, I16, RO_MAP, "Spring torque", UNIT("Nm", CIA402_SPRING_NM), 0,
+        ANY),
+    AXIS(temperature_c, 0x4006, ONE, I16, RO_MAP, "Winding temperature", UNIT("degC", 1.0), 0, ANY),
+    AXIS(current_ma, 0x4007, ONE, I16, RO_MAP, "Winding current", UNIT("A", 1e-3), 0, ANY),
+    AXIS(pressure, 0x4008, SUBS(2), U16, RO_MAP, "Chamber pressure", UNIT("bar",
+        CIA402_PRESSURE_BAR), 0, ANY),
+    AXIS(valve_opening, 0x4009, ONE, I16, RO_MAP, "Valve opening", PER_MILLE, 0, ANY),
+    AXIS(faults, 0x4010, ONE, U32, RO_MAP, "Faults", NO_UNIT, 0, ANY),
+    OPTION(timeout_ms, 0x4011, ONE, U16, RW, "Command time-out", MILLIS, 0, ANY),
+    OPTION(current_limit_ma, 0x4012, ONE, U32, RW_BY(axis_write_limit), "Current limit", UNIT("A",
+        1e-3), 1, IN(1, INT32_MAX)),
+    OPTION(temperature_limit_c, 0x4013, ONE, I16, RW_BY(axis_write_limit), "Temperature limit",
+        UNIT("degC", 1.0), 125, IN(1, 125)),
+    OPTION(current_gain, 0x4014, SUBS(3), I32, RW_BY(axis_write_when_off), "Current loop gain",
+        NO_UNIT, 0, IN(0, GAIN_MAX)),
+    OPTION(velocity_gain, 0x4015, SUBS(3), I32, RW_BY(axis_write_when_off), "Velocity loop gain",
+        NO_UNIT, 0, IN(0, GAIN_MAX)),
+    OPTION(position_gain, 0x4016, ONE, I32, RW_BY(axis_write_when_off), "Position loop gain",
+        UNIT("1/s", 0.1), 400, IN(0, GAIN_MAX)),
 
     /* Drives, CiA 402 */
-    {0x6007, 0, 1, CIA402_OF_AXIS, CIA402_I16, CIA402_RW, "Abort connection option code", NO_UNIT,
-     1, 0, 3, OPTION(abort_option), NULL},
-    {0x603f, 0, 1, CIA402_OF_AXIS, CIA402_U16, RO_MAP, "Error code", NO_UNIT, 0, ANY,
-     AXIS(error_code), NULL},
-    {0x6040, 0, 1, CIA402_OF_AXIS, CIA402_U16, RW_MAP, "Controlword", NO_UNIT, 0, ANY,
-     AXIS(controlword), cia402_axis_write_controlword},
-    {0x6041, 0, 1, CIA402_OF_AXIS, CIA402_U16, RO_MAP, "Statusword", NO_UNIT, 0, ANY,
-     AXIS(statusword), NULL},
-    {0x605a, 0, 1, CIA402_OF_AXIS, CIA402_I16, CIA402_RW, "Quick stop option code", NO_UNIT, 2, 0,
-     7, OPTION(quick_stop_option), cia402_axis_write_option},
-    {0x605b, 0, 1, CIA402_OF_AXIS, CIA402_I16, CIA402_RW, "Shutdown option code", NO_UNIT, 0, 0, 1,
-     OPTION(shutdown_option), NULL},
-    {0x605c, 0, 1, CIA402_OF_AXIS, CIA402_I16, CIA402_RW, "Disable operation option code", NO_UNIT,
-     1, 0, 1, OPTION(disable_option), NULL},
-    {0x605d, 0, 1, CIA402_OF_AXIS, CIA402_I16, CIA402_RW, "Halt option code", NO_UNIT, 1, 1, 2,
-     OPTION(halt_option), NULL},
-    {0x605e, 0, 1, CIA402_OF_AXIS, CIA402_I16, CIA402_RW, "Fault reaction option code", NO_UNIT, 2,
-     0, 2, OPTION(fault_option), NULL},
-    {0x6060, 0, 1, CIA402_OF_AXIS, CIA402_I8, RW_MAP, "Modes of operation", NO_UNIT, 0, ANY,
-     OPTION(mode), cia402_axis_write_mode},
-    {0x6061, 0, 1, CIA402_OF_AXIS, CIA402_I8, RO_MAP, "Modes of operation display", NO_UNIT, 0,
-     ANY, AXIS(mode_display), NULL},
-    {0x6062, 0, 1, CIA402_OF_AXIS, CIA402_I32, RO_MAP, "Position demand value", RAD, 0, ANY,
-     AXIS(position_demand), NULL},
-    {0x6064, 0, 1, CIA402_OF_AXIS, CIA402_I32, RO_MAP, "Position actual value", RAD, 0, ANY,
-     AXIS(position), NULL},
-    {0x6065, 0, 1, CIA402_OF_AXIS, CIA402_U32, CIA402_RW, "Following error window", RAD,
-     UINT32_MAX, ANY, OPTION(following_window), NULL},
-    {0x6066, 0, 1, CIA402_OF_AXIS, CIA402_U16, CIA402_RW, "Following error time out", MILLIS, 0,
-     ANY, OPTION(following_timeout_ms), NULL},
-    {0x6067, 0, 1, CIA402_OF_AXIS, CIA402_U32, CIA402_RW, "Position window", RAD, 1000, ANY,
-     OPTION(position_window), NULL},
-    {0x6068, 0, 1, CIA402_OF_AXIS, CIA402_U16, CIA402_RW, "Position window time", MILLIS, 0, ANY,
-     OPTION(position_window_ms), NULL},
-    {0x606b, 0, 1, CIA402_OF_AXIS, CIA402_I32, RO_MAP, "Velocity demand value", RAD_S, 0, ANY,
-     AXIS(velocity_demand), NULL},
-    {0x606c, 0, 1, CIA402_OF_AXIS, CIA402_I32, RO_MAP, "Velocity actual value", RAD_S, 0, ANY,
-     AXIS(velocity), NULL},
-    {0x606d, 0, 1, CIA402_OF_AXIS, CIA402_U16, CIA402_RW, "Velocity window", RAD_S, 5000, ANY,
-     OPTION(velocity_window), NULL},
-    {0x606e, 0, 1, CIA402_OF_AXIS, CIA402_U16, CIA402_RW, "Velocity window time", MILLIS, 0, ANY,
-     OPTION(velocity_window_ms), NULL},
-    {0x606f, 0, 1, CIA402_OF_AXIS, CIA402_U16, CIA402_RW, "Velocity threshold", RAD_S, 5000, ANY,
-     OPTION(velocity_threshold), NULL},
-    {0x6070, 0, 1, CIA402_OF_AXIS, CIA402_U16, CIA402_RW, "Velocity threshold time", MILLIS, 0,
-     ANY, OPTION(velocity_threshold_ms), NULL},
-    {0x6071, 0, 1, CIA402_OF_AXIS, CIA402_I16, RW_MAP, "Target torque", PER_MILLE, 0, ANY,
-     AXIS(target_torque), cia402_axis_write_target},
-    {0x6072, 0, 1, CIA402_OF_AXIS, CIA402_U16, RW_MAP, "Max torque", PER_MILLE, 1000, ANY,
-     OPTION(max_torque), NULL},
-    {0x6073, 0, 1, CIA402_OF_AXIS, CIA402_U16, CIA402_RW, "Max current", PER_MILLE, 1000, ANY,
-     OPTION(max_current), NULL},
-    {0x6074, 0, 1, CIA402_OF_AXIS, CIA402_I16, RO_MAP, "Torque demand", PER_MILLE, 0, ANY,
-     AXIS(torque_demand), NULL},
-    {0x6075, 0, 1, CIA402_OF_AXIS, CIA402_U32, CIA402_RO, "Motor rated current", "A", 1e-3, 0, ANY,
-     AXIS(rated_current_ma), NULL},
-    {0x6076, 0, 1, CIA402_OF_AXIS, CIA402_U32, CIA402_RO, "Motor rated torque", "Nm", 1e-3, 0, ANY,
-     AXIS(rated_torque_mnm), NULL},
-    {0x6077, 0, 1, CIA402_OF_AXIS, CIA402_I16, RO_MAP, "Torque actual value", PER_MILLE, 0, ANY,
-     AXIS(torque), NULL},
-    {0x6078, 0, 1, CIA402_OF_AXIS, CIA402_I16, RO_MAP, "Current actual value", PER_MILLE, 0, ANY,
-     AXIS(current), NULL},
-    {0x6079, 0, 1, CIA402_OF_AXIS, CIA402_U32, RO_MAP, "DC link circuit voltage", "V", 1e-3, 0,
-     ANY, AXIS(supply_mv), NULL},
-    {0x607a, 0, 1, CIA402_OF_AXIS, CIA402_I32, RW_MAP, "Target position", RAD, 0, ANY,
-     AXIS(target_position), cia402_axis_write_target},
-    {0x607b, 1, 1, CIA402_OF_AXIS, CIA402_I32, CIA402_RW, "Min position range limit", RAD,
-     INT32_MIN, ANY, OPTION(position_range[0]), cia402_axis_write_range},
-    {0x607b, 2, 1, CIA402_OF_AXIS, CIA402_I32, CIA402_RW, "Max position range limit", RAD,
-     INT32_MAX, ANY, OPTION(position_range[1]), cia402_axis_write_range},
-    {0x607c, 0, 1, CIA402_OF_AXIS, CIA402_I32, CIA402_RW, "Home offset", RAD, 0, ANY,
-     OPTION(home_offset), NULL},
-    {0x607d, 1, 2, CIA402_OF_AXIS, CIA402_I32, CIA402_RW, "Software position limit", RAD, 0, ANY,
-     OPTION(position_limit), NULL},
-    {0x607f, 0, 1, CIA402_OF_AXIS, CIA402_U32, CIA402_RW, "Max profile velocity", RAD_S, 1000000,
-     ANY, OPTION(max_profile_velocity), NULL},
-    {0x6080, 0, 1, CIA402_OF_AXIS, CIA402_U32, CIA402_RW, "Max motor speed", "rpm", 1.0,
-     100000, ANY, OPTION(max_motor_rpm), NULL},
-    {0x6081, 0, 1, CIA402_OF_AXIS, CIA402_U32, RW_MAP, "Profile velocity", RAD_S, 100000, ANY,
-     OPTION(profile_velocity), NULL},
-    {0x6083, 0, 1, CIA402_OF_AXIS, CIA402_U32, RW_MAP, "Profile acceleration", RAD_S2, 1000000, 1,
-     UINT32_MAX, OPTION(profile_acceleration), NULL},
-    {0x6084, 0, 1, CIA402_OF_AXIS, CIA402_U32, RW_MAP, "Profile deceleration", RAD_S2, 1000000, 1,
-     UINT32_MAX, OPTION(profile_deceleration), NULL},
-    {0x6085, 0, 1, CIA402_OF_AXIS, CIA402_U32, RW_MAP, "Quick stop deceleration", RAD_S2, 5000000,
-     1, UINT32_MAX, OPTION(quick_stop_deceleration), NULL},
-    {0x6086, 0, 1, CIA402_OF_AXIS, CIA402_I16, RW_MAP, "Motion profile type", NO_UNIT, 0, ANY,
-     OPTION(motion_profile_type), cia402_axis_write_profile_type},
-    {0x6087, 0, 1, CIA402_OF_AXIS, CIA402_U32, RW_MAP, "Torque slope", PER_MILLE, 1000000, 1,
-     UINT32_MAX, OPTION(torque_slope), NULL},
-    {0x6088, 0, 1, CIA402_OF_AXIS, CIA402_I16, RW_MAP, "Torque profile type", NO_UNIT, 0, ANY,
-     OPTION(torque_profile_type), cia402_axis_write_profile_type},
-    {0x6098, 0, 1, CIA402_OF_AXIS, CIA402_I8, CIA402_RW, "Homing method", NO_UNIT, 37, ANY,
-     OPTION(homing_method), cia402_axis_write_homing},
-    {0x6099, 1, 2, CIA402_OF_AXIS, CIA402_U32, CIA402_RW, "Homing speed", RAD_S, 10000, ANY,
-     OPTION(homing_speed), NULL},
-    {0x609a, 0, 1, CIA402_OF_AXIS, CIA402_U32, CIA402_RW, "Homing acceleration", RAD_S2, 100000,
-     ANY, OPTION(homing_acceleration), NULL},
-    {0x60b1, 0, 1, CIA402_OF_AXIS, CIA402_I32, RW_MAP, "Velocity offset", RAD_S, 0, ANY,
-     AXIS(velocity_offset), NULL},
-    {0x60b2, 0, 1, CIA402_OF_AXIS, CIA402_I16, RW_MAP, "Torque offset", PER_MILLE, 0, ANY,
-     AXIS(torque_offset), NULL},
-    {0x60c2, 1, 1, CIA402_OF_AXIS, CIA402_U8, CIA402_RW, "Interpolation time period value",
-     MILLIS, 1, 1, 255, OPTION(interpolation_ms), NULL},
-    {0x60c2, 2, 1, CIA402_OF_AXIS, CIA402_I8, CIA402_RW, "Interpolation time index", NO_UNIT, -3,
-     -3, -3, OPTION(interpolation_exponent), NULL},
-    {0x60e3, 1, CIA402_HOMING_METHODS, CIA402_OF_AXIS, CIA402_I8, CIA402_RO,
-     "Supported homing method", NO_UNIT, 0, ANY, AXIS(homing_methods), NULL},
-    {0x60f4, 0, 1, CIA402_OF_AXIS, CIA402_I32, RO_MAP, "Following error actual value", RAD, 0, ANY,
-     AXIS(following_error), NULL},
-    {0x60fd, 0, 1, CIA402_OF_AXIS, CIA402_U32, RO_MAP, "Digital inputs", NO_UNIT, 0, ANY,
-     AXIS(digital_inputs), NULL},
-    {0x60ff, 0, 1, CIA402_OF_AXIS, CIA402_I32, RW_MAP, "Target velocity", RAD_S, 0, ANY,
-     AXIS(target_velocity), cia402_axis_write_target},
-    {0x6502, 0, 1, CIA402_OF_AXIS, CIA402_U32, CIA402_RO, "Supported drive modes", NO_UNIT, MODES,
-     ANY, AXIS(supported_modes), NULL},
+    OPTION(abort_option, 0x6007, ONE, I16, RW, "Abort connection option code", NO_UNIT, 1, IN(0,
+        3)),
+    AXIS(error_code, 0x603f, ONE, U16, RO_MAP, "Error code", NO_UNIT, 0, ANY),
+    AXIS(controlword, 0x6040, ONE, U16, RW_MAP_BY(axis_write_controlword), "Controlword", NO_UNIT,
+        0, ANY),
+    AXIS(statusword, 0x6041, ONE, U16, RO_MAP, "Statusword", NO_UNIT, 0, ANY),
+    OPTION(quick_stop_option, 0x605a, ONE, I16, RW_BY(axis_write_option), "Quick stop option code",
+        NO_UNIT, 2, IN(0, 7)),
+    OPTION(shutdown_option, 0x605b, ONE, I16, RW, "Shutdown option code", NO_UNIT, 0, IN(0, 1)),
+    OPTION(disable_option, 0x605c, ONE, I16, RW, "Disable operation option code", NO_UNIT, 1, IN(0,
+        1)),
+    OPTION(halt_option, 0x605d, ONE, I16, RW, "Halt option code", NO_UNIT, 1, IN(1, 2)),
+    OPTION(fault_option, 0x605e, ONE, I16, RW, "Fault reaction option code", NO_UNIT, 2, IN(0, 2)),
+    OPTION(mode, 0x6060, ONE, I8, RW_MAP_BY(axis_write_mode), "Modes of operation", NO_UNIT, 0,
+        ANY),
+    AXIS(mode_display, 0x6061, ONE, I8, RO_MAP, "Modes of operation display", NO_UNIT, 0, ANY),
+    AXIS(position_demand, 0x6062, ONE, I32, RO_MAP, "Position demand value", RAD, 0, ANY),
+    AXIS(position, 0x6064, ONE, I32, RO_MAP, "Position actual value", RAD, 0, ANY),
+    OPTION(following_window, 0x6065, ONE, U32, RW, "Following error window", RAD, UINT32_MAX, ANY),
+    OPTION(following_timeout_ms, 0x6066, ONE, U16, RW, "Following error time out", MILLIS, 0, ANY),
+    OPTION(position_window, 0x6067, ONE, U32, RW, "Position window", RAD, 1000, ANY),
+    OPTION(position_window_ms, 0x6068, ONE, U16, RW, "Position window time", MILLIS, 0, ANY),
+    AXIS(velocity_demand, 0x606b, ONE, I32, RO_MAP, "Velocity demand value", RAD_S, 0, ANY),
+    AXIS(velocity, 0x606c, ONE, I32, RO_MAP, "Velocity actual value", RAD_S, 0, ANY),
+    OPTION(velocity_window, 0x606d, ONE, U16, RW, "Velocity window", RAD_S, 5000, ANY),
+    OPTION(velocity_window_ms, 0x606e, ONE, U16, RW, "Velocity window time", MILLIS, 0, ANY),
+    OPTION(velocity_threshold, 0x606f, ONE, U16, RW, "Velocity threshold", RAD_S, 5000, ANY),
+    OPTION(velocity_threshold_ms, 0x6070, ONE, U16, RW, "Velocity threshold time", MILLIS, 0, ANY),
+    AXIS(target_torque, 0x6071, ONE, I16, RW_MAP_BY(axis_write_target), "Target torque", PER_MILLE,
+        0, ANY),
+    OPTION(max_torque, 0x6072, ONE, U16, RW_MAP, "Max torque", PER_MILLE, 1000, ANY),
+    OPTION(max_current, 0x6073, ONE, U16, RW, "Max current", PER_MILLE, 1000, ANY),
+    AXIS(torque_demand, 0x6074, ONE, I16, RO_MAP, "Torque demand", PER_MILLE, 0, ANY),
+    AXIS(rated_current_ma, 0x6075, ONE, U32, RO, "Motor rated current", UNIT("A", 1e-3), 0, ANY),
+    AXIS(rated_torque_mnm, 0x6076, ONE, U32, RO, "Motor rated torque", UNIT("Nm", 1e-3), 0, ANY),
+    AXIS(torque, 0x6077, ONE, I16, RO_MAP, "Torque actual value", PER_MILLE, 0, ANY),
+    AXIS(current, 0x6078, ONE, I16, RO_MAP, "Current actual value", PER_MILLE, 0, ANY),
+    AXIS(supply_mv, 0x6079, ONE, U32, RO_MAP, "DC link circuit voltage", UNIT("V", 1e-3), 0, ANY),
+    AXIS(target_position, 0x607a, ONE, I32, RW_MAP_BY(axis_write_target), "Target position", RAD,
+        0, ANY),
+    OPTION(position_range[0], 0x607b, SUB(1), I32, RW_BY(axis_write_range),
+        "Min position range limit", RAD, INT32_MIN, ANY),
+    OPTION(position_range[1], 0x607b, SUB(2), I32, RW_BY(axis_write_range),
+        "Max position range limit", RAD, INT32_MAX, ANY),
+    OPTION(home_offset, 0x607c, ONE, I32, RW, "Home offset", RAD, 0, ANY),
+    OPTION(position_limit, 0x607d, SUBS(2), I32, RW, "Software position limit", RAD, 0, ANY),
+    OPTION(max_profile_velocity, 0x607f, ONE, U32, RW, "Max profile velocity", RAD_S, 1000000, ANY),
+    OPTION(max_motor_rpm, 0x6080, ONE, U32, RW, "Max motor speed", UNIT("rpm", 1.0), 100000, ANY),
+    OPTION(profile_velocity, 0x6081, ONE, U32, RW_MAP, "Profile velocity", RAD_S, 100000, ANY),
+    OPTION(profile_acceleration, 0x6083, ONE, U32, RW_MAP, "Profile acceleration", RAD_S2, 1000000,
+        IN(1, UINT32_MAX)),
+    OPTION(profile_deceleration, 0x6084, ONE, U32, RW_MAP, "Profile deceleration", RAD_S2, 1000000,
+        IN(1, UINT32_MAX)),
+    OPTION(quick_stop_deceleration, 0x6085, ONE, U32, RW_MAP, "Quick stop deceleration", RAD_S2,
+        5000000, IN(1, UINT32_MAX)),
+    OPTION(motion_profile_type, 0x6086, ONE, I16, RW_MAP_BY(axis_write_profile_type),
+        "Motion profile type", NO_UNIT, 0, ANY),
+    OPTION(torque_slope, 0x6087, ONE, U32, RW_MAP, "Torque slope", PER_MILLE, 1000000, IN(1,
+        UINT32_MAX)),
+    OPTION(torque_profile_type, 0x6088, ONE, I16, RW_MAP_BY(axis_write_profile_type),
+        "Torque profile type", NO_UNIT, 0, ANY),
+    OPTION(homing_method, 0x6098, ONE, I8, RW_BY(axis_write_homing), "Homing method", NO_UNIT, 37,
+        ANY),
+    OPTION(homing_speed, 0x6099, SUBS(2), U32, RW, "Homing speed", RAD_S, 10000, ANY),
+    OPTION(homing_acceleration, 0x609a, ONE, U32, RW, "Homing acceleration", RAD_S2, 100000, ANY),
+    AXIS(velocity_offset, 0x60b1, ONE, I32, RW_MAP, "Velocity offset", RAD_S, 0, ANY),
+    AXIS(torque_offset, 0x60b2, ONE, I16, RW_MAP, "Torque offset", PER_MILLE, 0, ANY),
+    OPTION(interpolation_ms, 0x60c2, SUB(1), U8, RW, "Interpolation time period value", MILLIS, 1,
+        IN(1, 255)),
+    OPTION(interpolation_exponent, 0x60c2, SUB(2), I8, RW, "Interpolation time index", NO_UNIT, -3,
+        IN(-3, -3)),
+    AXIS(homing_methods, 0x60e3, SUBS(CIA402_HOMING_METHODS), I8, RO, "Supported homing method",
+        NO_UNIT, 0, ANY),
+    AXIS(following_error, 0x60f4, ONE, I32, RO_MAP, "Following error actual value", RAD, 0, ANY),
+    AXIS(digital_inputs, 0x60fd, ONE, U32, RO_MAP, "Digital inputs", NO_UNIT, 0, ANY),
+    AXIS(target_velocity, 0x60ff, ONE, I32, RW_MAP_BY(axis_write_target), "Target velocity", RAD_S,
+        0, ANY),
+    AXIS(supported_modes, 0x6502, ONE, U32, RO, "Supported drive modes", NO_UNIT, MODES, ANY),
 
-    {0x67ff, 0, 1, CIA402_OF_AXIS, CIA402_U32, CIA402_RO, "Single device type", NO_UNIT,
-     CIA402_DEVICE_DRIVE, ANY, AXIS(device_type), NULL},
+    AXIS(device_type, 0x67ff, ONE, U32, RO, "Single device type", NO_UNIT, CIA402_DEVICE_DRIVE,
+        ANY),
 
     /* Measuring devices, as CiA 404 has it */
-    {0x7130, 1, CIA402_SENSOR_CHANNELS, CIA402_OF_SENSOR, CIA402_I16, RO_MAP,
-     "Analog input process value", NO_UNIT, 0, ANY, SENSOR(value), NULL},
+    SENSOR(value, 0x7130, SUBS(CIA402_SENSOR_CHANNELS), I16, RO_MAP, "Analog input process value",
+        NO_UNIT, 0, ANY),
 };
 /* clang-format on */
 
@@ -330,4 +299,605 @@ const struct cia402_object *cia402_object_at(unsigned index, unsigned sub)
         return NULL;
     }
     return &cia402_objects[low];
+}
+
+/* Finds, reads and writes objects of a node's dictionary. */
+
+enum { PDO_MASK = 0x1ff, FIRST_PDO = 0x1400, LAST_PDO = 0x1bff, FIRST_OF_AXES = 0x4000 };
+
+/* ---- which object ---- */
+
+/* Splits an index into that of axis 0 or of the first PDO, and the number of the axis or PDO (as
+ * a place in the node's arrays); false: the node has none such. */
+static bool cia402_split_index(const struct cia402_node *node, unsigned *index, unsigned *unit)
+{
+    *unit = 0;
+    if (*index >= FIRST_PDO && *index <= LAST_PDO) {
+        unsigned number = *index & PDO_MASK, of_axis = number % CIA402_PDO_STEP;
+
+        *index &= ~(unsigned)PDO_MASK;
+        *unit = number / CIA402_PDO_STEP * CIA402_AXIS_PDOS + of_axis;
+        return of_axis < CIA402_AXIS_PDOS && *unit < cia402_pdos(node);
+    }
+    if (*index >= FIRST_OF_AXES && node->axes > 0) {
+        unsigned first = *index < 0x6000 ? 0x4000 : 0x6000;
+
+        *unit = (*index - first) / CIA402_AXIS_STEP;
+        *index = first + (*index - first) % CIA402_AXIS_STEP;
+        return *unit < node->axes;
+    }
+    return true;
+}
+
+/* Returns the end of the sub-indices of a row that a node has. */
+static unsigned cia402_row_end(const struct cia402_node *node, const struct cia402_object *object)
+{
+    unsigned count = object->count;
+
+    if (object->scope == CIA402_OF_SENSOR && object->count > 1) {
+        count = (unsigned)node->sensor->channels;
+    }
+    return object->sub + count;
+}
+
+/* Returns whether a node has the objects of a row's scope. */
+static bool cia402_node_has(const struct cia402_node *node, const struct cia402_object *object)
+{
+    return object->scope == CIA402_OF_AXIS     ? node->axes > 0
+           : object->scope == CIA402_OF_SENSOR ? node->sensor != NULL
+                                               : true;
+}
+
+/* Returns the highest sub-index of an index; 0: there is no such index. */
+static unsigned cia402_highest_sub(const struct cia402_node *node, unsigned index)
+{
+    unsigned highest = 0;
+
+    for (size_t i = 0; i < cia402_object_count; i++) {
+        const struct cia402_object *object = &cia402_objects[i];
+
+        if (object->index == index && cia402_node_has(node, object)) {
+            highest = cia402_row_end(node, object) - 1;
+        }
+    }
+    return highest;
+}
+
+/* Returns whether an index exists, with sub-index 0 only or more. */
+static bool cia402_has_index(const struct cia402_node *node, unsigned index)
+{
+    const struct cia402_object *object = cia402_object_at(index, 0);
+
+    return (object && cia402_node_has(node, object)) || cia402_highest_sub(node, index) > 0;
+}
+
+enum cia402_abort cia402_find(const struct cia402_node *node, unsigned index, unsigned sub,
+                              struct cia402_entry *entry)
+{
+    const struct cia402_object *object;
+    unsigned unit;
+
+    if (!cia402_split_index(node, &index, &unit)) {
+        return CIA402_ABORT_NO_OBJECT;
+    }
+    object = cia402_object_at(index, sub);
+    if (object && cia402_node_has(node, object) && sub < cia402_row_end(node, object)) {
+        *entry = (struct cia402_entry){object, (uint8_t)sub, (uint8_t)unit, 0, object->type};
+        return CIA402_DONE;
+    }
+    if (!cia402_has_index(node, index)) {
+        return CIA402_ABORT_NO_OBJECT;
+    }
+
+    /* Sub-index 0 of an array or a record counts the others */
+    if (sub == 0) {
+        *entry = (struct cia402_entry){.value = cia402_highest_sub(node, index), .type = CIA402_U8};
+        return CIA402_DONE;
+    }
+    return CIA402_ABORT_NO_SUB_INDEX;
+}
+
+/* ---- its value ---- */
+
+/* Returns the place of an object's value, of sub-index 0 of its row. */
+static void *cia402_place(const struct cia402_node *node, const struct cia402_entry *entry)
+{
+    const struct cia402_object *object = entry->object;
+    struct cia402_node *own = cia402_node_of(&node->board);
+    char *base = (char *)own;
+
+    switch (object->scope) {
+    case CIA402_OF_AXIS:
+        base = (char *)&node->axis[entry->unit];
+        break;
+    case CIA402_OF_RPDO:
+        base = (char *)&own->settings.rpdo[entry->unit];
+        break;
+    case CIA402_OF_TPDO:
+        base = (char *)&own->settings.tpdo[entry->unit];
+        break;
+    case CIA402_OF_SENSOR:
+        base = (char *)node->sensor;
+        break;
+    default:
+        break;
+    }
+    return base + object->offset;
+}
+
+int64_t *cia402_field(const struct cia402_node *node, const struct cia402_entry *entry)
+{
+    return (int64_t *)cia402_place(node, entry) + (entry->sub - entry->object->sub);
+}
+
+char *cia402_text(const struct cia402_node *node, const struct cia402_entry *entry)
+{
+    return cia402_place(node, entry);
+}
+
+struct cia402_domain *cia402_domain(const struct cia402_node *node,
+                                    const struct cia402_entry *entry)
+{
+    return cia402_place(node, entry);
+}
+
+int64_t cia402_value(const struct cia402_node *node, const struct cia402_entry *entry)
+{
+    return entry->object ? *cia402_field(node, entry) : entry->value;
+}
+
+enum cia402_abort cia402_write(struct cia402_node *node, const struct cia402_entry *entry,
+                               int64_t value)
+{
+    const struct cia402_object *object = entry->object;
+
+    if (!object || (object->access & CIA402_ACCESS_MASK) < CIA402_RW) {
+        return CIA402_ABORT_READ_ONLY;
+    }
+    if (value > cia402_highest(object)) {
+        return CIA402_ABORT_TOO_HIGH;
+    }
+    if (value < cia402_lowest(object)) {
+        return CIA402_ABORT_TOO_LOW;
+    }
+    if (object->write) {
+        return object->write(node, entry, value);
+    }
+    *cia402_field(node, entry) = value;
+    return CIA402_DONE;
+}
+
+bool cia402_cob_is_restricted(unsigned id)
+{
+    return id < 0x080 || (id > 0x100 && id <= 0x180) || (id > 0x580 && id < 0x600) ||
+           (id > 0x600 && id < 0x680) || id >= 0x6e0;
+}
+
+enum cia402_abort cia402_write_cob(struct cia402_node *node, const struct cia402_entry *entry,
+                                   int64_t value)
+{
+    /* No generator of SYNC, no extended identifiers */
+    if (value & ~(int64_t)(CIA402_COB_INVALID | CIA402_COB_MASK) ||
+        cia402_cob_is_restricted((unsigned)value & CIA402_COB_MASK)) {
+        return CIA402_ABORT_VALUE;
+    }
+    *cia402_field(node, entry) = value;
+    return CIA402_DONE;
+}
+
+/* Writes the COB-ID of EMCY; that of a valid object cannot change (CiA 301, 7.5.2.17). */
+enum cia402_abort cia402_write_emcy_cob(struct cia402_node *node, const struct cia402_entry *entry,
+                                        int64_t value)
+{
+    int64_t now = *cia402_field(node, entry);
+
+    if (!((now | value) & CIA402_COB_INVALID) && (now ^ value) & CIA402_COB_MASK) {
+        return CIA402_ABORT_VALUE;
+    }
+    return cia402_write_cob(node, entry, value);
+}
+
+/* ---- bytes ---- */
+
+int64_t cia402_get(enum cia402_type type, const uint8_t *data)
+{
+    switch (type) {
+    case CIA402_I8:
+        return (int8_t)data[0];
+    case CIA402_U8:
+        return data[0];
+    case CIA402_I16:
+        return get_i16_le(data);
+    case CIA402_U16:
+        return get_u16_le(data);
+    case CIA402_I32:
+        return get_i32_le(data);
+    default:
+        return get_u32_le(data);
+    }
+}
+
+/* Writes a value in little-endian bytes, held within the type: a measured value may exceed it. */
+void cia402_put(enum cia402_type type, int64_t value, uint8_t *data)
+{
+    const struct cia402_object bounds = {.type = type};
+
+    value = control_clamp(value, cia402_lowest(&bounds), cia402_highest(&bounds));
+    for (unsigned i = 0; i < cia402_type_bits(type) / 8; i++) {
+        data[i] = (uint8_t)((uint64_t)value >> 8 * i);
+    }
+}
+
+/* ---- the factory's values ---- */
+
+/* Sets the initial values of a row, for an axis or a PDO. */
+static void cia402_set_initial(struct cia402_node *node, const struct cia402_object *object,
+                               unsigned unit)
+{
+    for (unsigned sub = object->sub; sub < cia402_row_end(node, object); sub++) {
+        const struct cia402_entry entry = {object, (uint8_t)sub, (uint8_t)unit, 0, object->type};
+        int64_t plus = object->access & CIA402_PLUS_NODE ? node->board.address : 0;
+
+        if (object->type == CIA402_TEXT) {
+            memset(cia402_text(node, &entry), 0, CIA402_TEXT_MAX + 1);
+        } else if (object->type == CIA402_DOMAIN) {
+            memset(cia402_domain(node, &entry), 0, sizeof(struct cia402_domain));
+        } else {
+            *cia402_field(node, &entry) = object->initial + plus;
+        }
+    }
+}
+
+/* Sets the identity of a node: vendor, product, revision and serial number. */
+static void cia402_set_identity(struct cia402_node *node)
+{
+    static const char *const kinds[] = {"drive", "force-torque sensor", "inertial sensor"};
+    const struct board_identity *identity = &node->board.ops->identity;
+
+    node->device_type = node->axes > 1    ? CIA402_DEVICE_DRIVES
+                        : node->axes == 1 ? CIA402_DEVICE_DRIVE
+                                          : CIA402_DEVICE_SENSOR;
+    node->identity[1] = 0x48494c00 + node->kind; /* vendor 0: none */
+    node->identity[2] = identity->major << 16 | identity->minor;
+    node->identity[3] = (int64_t)(node->board.config.bus & 0xff) << 8 | node->board.config.address;
+    snprintf(node->device, sizeof node->device, "coman-hil %s", kinds[node->kind]);
+    snprintf(node->hardware, sizeof node->hardware, "simulated");
+    snprintf(node->software, sizeof node->software, "%d.%d.%d", identity->major, identity->minor,
+             identity->build);
+}
+
+void cia402_set_factory(struct cia402_node *node)
+{
+    /* Initial values of the table */
+    for (size_t i = 0; i < cia402_object_count; i++) {
+        const struct cia402_object *object = &cia402_objects[i];
+        unsigned units = object->scope == CIA402_OF_AXIS ? node->axes
+                         : object->scope == CIA402_OF_RPDO || object->scope == CIA402_OF_TPDO
+                             ? CIA402_PDOS
+                             : cia402_node_has(node, object);
+
+        for (unsigned unit = 0; unit < units; unit++) {
+            cia402_set_initial(node, object, unit);
+        }
+    }
+    /* Values of the board's configuration */
+    for (unsigned k = 0; k < node->axes; k++) {
+        cia402_axis_set_factory(&node->axis[k], &node->board.config.axis[k], &node->board.config);
+    }
+    if (node->sensor) {
+        node->sensor->channels = node->kind == CIA402_KIND_FT ? 6 : CIA402_SENSOR_CHANNELS;
+    }
+    cia402_set_identity(node);
+    cia402_pdo_set_factory(node);
+}
+
+/* Prints the rows of boards/cia402/table.h. */
+
+/* Returns the word for a type. */
+static const char *object_type_name(enum cia402_type type)
+{
+    static const char *const names[] = {
+        [CIA402_I8] = "i8",     [CIA402_I16] = "i16",      [CIA402_I32] = "i32",
+        [CIA402_U8] = "u8",     [CIA402_U16] = "u16",      [CIA402_U32] = "u32",
+        [CIA402_TEXT] = "text", [CIA402_DOMAIN] = "domain"};
+
+    return names[type];
+}
+
+/* Prints a row as an item of a list. */
+static void object_print_row(const struct cia402_object *object, FILE *out)
+{
+    static const char *const access[] = {
+        [CIA402_CONST] = "const", [CIA402_RO] = "ro", [CIA402_RW] = "rw", [CIA402_WO] = "wo"};
+    unsigned last = object->sub + object->count - 1u;
+    char subs[16] = "", measure[48] = "", range[64] = "", initial[32] = "", line[256];
+
+    if (last > 0) {
+        snprintf(subs, sizeof subs, object->count > 1 ? ":%u-%u" : ":%u", object->sub, last);
+    }
+    if (object->unit) {
+        snprintf(measure, sizeof measure, ", in %g %s", object->scale, object->unit);
+    }
+    if (object->min || object->max) {
+        snprintf(range, sizeof range, ", %" PRId64 " to %" PRId64, object->min, object->max);
+    }
+    if (object->initial) {
+        snprintf(initial, sizeof initial, ", at first %" PRId64 "%s", object->initial,
+                 object->access & CIA402_PLUS_NODE ? " + n" : "");
+    }
+    snprintf(line, sizeof line, "- 0x%04x%s `%s`: %s, %s%s%s%s%s%s", object->index, subs,
+             object->name, object_type_name(object->type),
+             access[object->access & CIA402_ACCESS_MASK],
+             object->access & CIA402_MAP_TPDO ? ", TPDO" : "",
+             object->access & CIA402_MAP_RPDO ? ", RPDO" : "", measure, range, initial);
+    options_wrap(line, 0, 2, out);
+}
+
+void cia402_print_objects(FILE *out)
+{
+    fputs("\n## Objects\n\n", out);
+    options_wrap("Of axis 0, of the first RPDO and of the first TPDO; the others follow as above. "
+                 "Sub-index 0 of an object with sub-indices is how many there are. Values at first "
+                 "are those of the factory where the rig says nothing: limits and gains come from "
+                 "the drive, COB-IDs and mappings from the factory mapping.",
+                 0, 0, out);
+    putc('\n', out);
+    for (size_t i = 0; i < cia402_object_count; i++) {
+        object_print_row(&cia402_objects[i], out);
+    }
+}
+
+/* Writes an electronic data sheet; see the header. */
+
+enum {
+    FIRST_INDEX = 0x1000,
+    LAST_INDEX = 0x9fff,
+    SUBS_MAX = 40, /* more than any object has */
+    OBJECT_VARIABLE = 7,
+    OBJECT_ARRAY = 8,
+    OBJECT_RECORD = 9,
+};
+
+/* Sections of the list of objects. */
+enum section { MANDATORY, OPTIONAL, MANUFACTURER };
+
+/* Returns the section of an index: three objects are mandatory, 0x2000 to 0x5fff ours. */
+static enum section eds_section_of(unsigned index)
+{
+    return index == 0x1000 || index == 0x1001 || index == 0x1018 ? MANDATORY
+           : index >= 0x2000 && index < 0x6000                   ? MANUFACTURER
+                                                                 : OPTIONAL;
+}
+
+/* Finds an object; returns whether the node has it. */
+static bool eds_has(const struct cia402_node *node, unsigned index, unsigned sub,
+                    struct cia402_entry *entry)
+{
+    return cia402_find(node, index, sub, entry) == CIA402_DONE;
+}
+
+/* ---- values ---- */
+
+/* Writes a number under a key: of signed types in decimal, else in hexadecimal. */
+static void eds_put_number(const char *key, enum cia402_type type, int64_t value, FILE *out)
+{
+    if (type == CIA402_I8 || type == CIA402_I16 || type == CIA402_I32) {
+        fprintf(out, "%s=%" PRId64 "\n", key, value);
+    } else {
+        fprintf(out, "%s=0x%" PRIX64 "\n", key, (uint64_t)value);
+    }
+}
+
+/* Returns whether a value is a COB-ID that follows the Node-ID. */
+static bool eds_is_of_node(const struct cia402_entry *entry, int64_t value)
+{
+    const struct cia402_object *object = entry->object;
+
+    return object->access & CIA402_PLUS_NODE ||
+           ((object->scope == CIA402_OF_RPDO || object->scope == CIA402_OF_TPDO) &&
+            object->type == CIA402_U32 && object->sub == 1 && object->count == 1 &&
+            value & CIA402_COB_MASK);
+}
+
+/* Writes the default value of an object, as it is now. */
+static void eds_put_default(const struct cia402_node *node, const struct cia402_entry *entry,
+                            FILE *out)
+{
+    int64_t value;
+
+    if (entry->type == CIA402_TEXT) {
+        fprintf(out, "DefaultValue=%s\n", cia402_text(node, entry));
+        return;
+    }
+    if (entry->type == CIA402_DOMAIN) {
+        return; /* has none */
+    }
+    value = cia402_value(node, entry);
+    if (entry->object && eds_is_of_node(entry, value)) {
+        fprintf(out, "DefaultValue=$NODEID+0x%" PRIX64 "\n",
+                (uint64_t)(value - node->board.address));
+        return;
+    }
+    eds_put_number("DefaultValue", entry->type, value, out);
+}
+
+/* Returns the word for the access to an object. */
+static const char *eds_access(const struct cia402_object *object)
+{
+    if (!object) {
+        return "const";
+    }
+    switch (object->access & CIA402_ACCESS_MASK) {
+    case CIA402_CONST:
+        return "const";
+    case CIA402_RO:
+        return "ro";
+    case CIA402_WO:
+        return "wo";
+    default:
+        return object->access & CIA402_MAP_RPDO ? "rww" : "rw";
+    }
+}
+
+/* ---- objects ---- */
+
+/* Writes the keys of a variable, or of a sub-index. */
+static void eds_put_variable(const struct cia402_node *node, const struct cia402_entry *entry,
+                             FILE *out)
+{
+    const struct cia402_object *object = entry->object;
+    bool bounded = object && (object->min || object->max);
+
+    fprintf(out, "ObjectType=0x%X\nDataType=0x%04X\nAccessType=%s\n", OBJECT_VARIABLE, entry->type,
+            eds_access(object));
+    if (bounded) {
+        eds_put_number("LowLimit", entry->type, object->min, out);
+        eds_put_number("HighLimit", entry->type, object->max, out);
+    }
+    eds_put_default(node, entry, out);
+    fprintf(out, "PDOMapping=%d\n\n",
+            object && object->access & (CIA402_MAP_TPDO | CIA402_MAP_RPDO) ? 1 : 0);
+}
+
+/* Returns the name of an object: where it has sub-indices, that of the first. */
+static const char *eds_object_name(const struct cia402_node *node, unsigned index)
+{
+    struct cia402_entry entry;
+
+    for (unsigned sub = 0; sub < SUBS_MAX; sub++) {
+        if (eds_has(node, index, sub, &entry) && entry.object) {
+            return entry.object->name;
+        }
+    }
+    return "";
+}
+
+/* Writes the section of a sub-index. */
+static void eds_put_sub(const struct cia402_node *node, unsigned index, unsigned sub,
+                        const struct cia402_entry *entry, FILE *out)
+{
+    fprintf(out, "[%Xsub%X]\n", index, sub);
+    if (!entry->object) {
+        fputs("ParameterName=Highest sub-index supported\n", out);
+    } else if (entry->object->count > 1) {
+        fprintf(out, "ParameterName=%s %u\n", entry->object->name, sub);
+    } else {
+        fprintf(out, "ParameterName=%s\n", entry->object->name);
+    }
+    eds_put_variable(node, entry, out);
+}
+
+/* Writes the sections of an index, if the node has it. */
+static void eds_put_object(const struct cia402_node *node, unsigned index, FILE *out)
+{
+    struct cia402_entry entry;
+    unsigned subs = 0;
+
+    for (unsigned sub = 0; sub < SUBS_MAX; sub++) {
+        subs += eds_has(node, index, sub, &entry);
+    }
+    if (!eds_has(node, index, 0, &entry)) {
+        return;
+    }
+    fprintf(out, "[%X]\nParameterName=%s\n", index, eds_object_name(node, index));
+    if (subs == 1) {
+        eds_put_variable(node, &entry, out);
+        return;
+    }
+
+    /* Communication parameters and the identity are records, whatever types they have */
+    fprintf(out, "ObjectType=0x%X\nSubNumber=%u\n\n",
+            index == 0x1018 || index == 0x1200 || (index >= 0x1400 && index < 0x1c00) ||
+                    index % CIA402_AXIS_STEP == 0x60c2 % CIA402_AXIS_STEP
+                ? OBJECT_RECORD
+                : OBJECT_ARRAY,
+            subs);
+    for (unsigned sub = 0; sub < SUBS_MAX; sub++) {
+        if (eds_has(node, index, sub, &entry)) {
+            eds_put_sub(node, index, sub, &entry, out);
+        }
+    }
+}
+
+/* ---- the file ---- */
+
+/* Writes a section of the list of objects: their number and their indices. */
+static void eds_put_list(const struct cia402_node *node, const char *name, enum section section,
+                         FILE *out)
+{
+    struct cia402_entry entry;
+    unsigned count = 0;
+
+    for (unsigned index = FIRST_INDEX; index <= LAST_INDEX; index++) {
+        count += eds_section_of(index) == section && eds_has(node, index, 0, &entry);
+    }
+    fprintf(out, "[%s]\nSupportedObjects=%u\n", name, count);
+    count = 0;
+    for (unsigned index = FIRST_INDEX; index <= LAST_INDEX; index++) {
+        if (eds_section_of(index) == section && eds_has(node, index, 0, &entry)) {
+            fprintf(out, "%u=0x%04X\n", ++count, index);
+        }
+    }
+    putc('\n', out);
+}
+
+/* Writes the sections before the objects: file, device, dummies and comments. */
+static void eds_put_head(const struct cia402_node *node, const char *name, FILE *out)
+{
+    static const int rates[] = {10, 20, 50, 125, 250, 500, 800, 1000};
+
+    fprintf(out,
+            "[FileInfo]\nFileName=%s\nFileVersion=1\nFileRevision=0\nEDSVersion=4.0\n"
+            "Description=%s, %u axes\nCreationTime=12:00AM\nCreationDate=01-01-2026\n"
+            "CreatedBy=coman-hil\nModificationTime=12:00AM\nModificationDate=01-01-2026\n"
+            "ModifiedBy=coman-hil\n\n",
+            name, node->device, node->axes);
+    fprintf(out,
+            "[DeviceInfo]\nVendorName=coman-hil\nVendorNumber=0x%" PRIX64
+            "\nProductName=%s\nProductNumber=0x%" PRIX64 "\nRevisionNumber=0x%" PRIX64
+            "\nOrderCode=%s\n",
+            node->identity[0], node->device, node->identity[1], node->identity[2],
+            node->board.config.name);
+    for (size_t i = 0; i < sizeof rates / sizeof *rates; i++) {
+        fprintf(out, "BaudRate_%d=1\n", rates[i]);
+    }
+    fprintf(out,
+            "SimpleBootUpMaster=0\nSimpleBootUpSlave=1\nGranularity=8\n"
+            "DynamicChannelsSupported=0\nGroupMessaging=0\nNrOfRXPDO=%u\nNrOfTXPDO=%u\n"
+            "LSS_Supported=1\n\n[DummyUsage]\nDummy0001=0\n",
+            cia402_pdos(node), cia402_pdos(node));
+    for (int type = CIA402_I8; type <= CIA402_U32; type++) {
+        fprintf(out, "Dummy%04X=1\n", type);
+    }
+    fputs("\n[Comments]\nLines=1\nLine1=Positions in 10 urad of the joint, voltages in 2 mV.\n\n",
+          out);
+}
+
+enum error_code cia402_eds_write(const struct board_config *board, const char *name,
+                                 struct arena *arena, FILE *out, struct error *error)
+{
+    enum cia402_kind kind = cia402_kind_of(board);
+    struct board *made = kind == CIA402_KIND_DRIVE ? cia402_motor_create(arena)
+                         : kind == CIA402_KIND_FT  ? cia402_ft_create(arena)
+                                                   : cia402_inertial_create(arena);
+    struct cia402_node *node;
+
+    if (!made) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the EDS file");
+    }
+
+    /* A node as it comes from the factory, on no bus */
+    node = cia402_node_of(made);
+    made->config = *board;
+    made->address = board->address;
+    node->axes = board_config_axes(board);
+    cia402_set_factory(node);
+    eds_put_head(node, name, out);
+    eds_put_list(node, "MandatoryObjects", MANDATORY, out);
+    eds_put_list(node, "OptionalObjects", OPTIONAL, out);
+    eds_put_list(node, "ManufacturerObjects", MANUFACTURER, out);
+    for (unsigned index = FIRST_INDEX; index <= LAST_INDEX; index++) {
+        eds_put_object(node, index, out);
+    }
+    return ERROR_NONE;
 }

@@ -47,22 +47,24 @@ enum cia402_access {
 struct cia402_node;
 struct cia402_entry;
 
+/* Writes a value within the range of its object. */
+typedef enum cia402_abort cia402_write_fn(struct cia402_node *node,
+                                          const struct cia402_entry *entry, int64_t value);
+
 struct cia402_object {
+    enum cia402_scope scope;
+    size_t offset; /* of the int64_t, of the text, or of the struct cia402_domain, in what scope
+                    * says; the next sub-index is the next int64_t */
     uint16_t index;
     uint8_t sub, count; /* sub-indices from sub on */
-    enum cia402_scope scope;
     enum cia402_type type;
-    unsigned access; /* enum cia402_access and its flags */
+    unsigned access;        /* enum cia402_access and its flags */
+    cia402_write_fn *write; /* NULL: a value within the range goes into the field */
     const char *name;
     const char *unit; /* of a value times scale; NULL: a bare number */
     double scale;     /* 0: 1 */
     int64_t initial;  /* at the first power-up, where the board's configuration says nothing */
     int64_t min, max; /* both 0: whatever the type holds */
-    size_t offset;    /* of the int64_t, of the text, or of the struct cia402_domain, in what scope
-                       * says; the next sub-index is the next int64_t */
-    /* Writes a value within the range; NULL: into the field. */
-    enum cia402_abort (*write)(struct cia402_node *node, const struct cia402_entry *entry,
-                               int64_t value);
 };
 
 /* An object of a node: a row, which sub-index, and which axis or PDO. */

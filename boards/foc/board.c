@@ -1,17 +1,234 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/*
- * A 2FOC board: one motor, one answer to each DESIRED_TARGETS. Its modes, gates and faults are
- * those of the firmware, its control laws those of boards/foc/control.h.
- */
+/* The control laws of a 2FOC board; see the header for what each computes. */
+#include "boards/foc/control.h"
 #include "boards/foc/private.h"
-#include "boards/motor_control.h"
 
+#include "base/array.h"
+#include "boards/motor_control.h"
 #include "canbus/frame.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
-void foc_board_forget_references(struct foc_board *foc)
+/* Sets the integer gains of a law; half of ki is used. */
+static void foc_law_set_mantissas(struct foc_law *law, int64_t kp, int64_t ki, int64_t shift)
+{
+    law->kp = kp;
+    law->ki = ki / 2;
+    law->shift = shift;
+}
+
+/* Sets the integer gains as they are on the bus; half of ki is used. */
+static void foc_law_set(struct foc_law *law, int64_t kp, int64_t ki, int64_t shift)
+{
+    foc_law_set_mantissas(law, kp, ki, shift);
+    law->gain[FOC_LAW_KP] = ldexp((double)kp, -(int)shift);
+    law->gain[FOC_LAW_KI] = ldexp((double)ki, -(int)shift);
+}
+
+/* Sets one gain (enum foc_law_gain) from a float; false when there is no such gain or it is too
+ * large. Both become mantissas of 15 bits with one common shift, as large as they allow. */
+static bool foc_law_set_gain(struct foc_law *law, unsigned which, double value)
+{
+    double gain[FOC_LAW_GAINS] = {law->gain[FOC_LAW_KP], law->gain[FOC_LAW_KI]};
+    int exponent = 0;
+
+    if (which >= FOC_LAW_GAINS || !isfinite(value) || fabs(value) >= 32768.0) {
+        return false;
+    }
+    gain[which] = value;
+    while (fmax(gain[FOC_LAW_KP], gain[FOC_LAW_KI]) >= ldexp(1.0, exponent)) {
+        exponent++;
+    }
+    law->gain[which] = value;
+    foc_law_set_mantissas(law, (int64_t)ldexp(gain[FOC_LAW_KP], 15 - exponent),
+                          (int64_t)ldexp(gain[FOC_LAW_KI], 15 - exponent), 15 - exponent);
+    return true;
+}
+
+static void foc_law_reset(struct foc_law *law)
+{
+    law->v = law->error = 0;
+}
+
+/* One millisecond; returns Vq. */
+static int64_t foc_law_step(struct foc_law *law, int64_t error)
+{
+    int64_t most = (int64_t)FOC_VQ_MAX << law->shift;
+
+    error = control_clamp(error, INT16_MIN, INT16_MAX);
+    law->v += (error - law->error) * law->kp + (error + law->error) * law->ki;
+    law->v = control_clamp(law->v, -most, most);
+    law->error = error;
+    return law->v >> law->shift;
+}
+
+/* Returns the Vq to apply instead of vq; gains are those of the current law. */
+static int64_t foc_limiter_step(struct foc_limiter *limiter, const struct foc_law *law, int64_t vq,
+                                int64_t current_ma, int64_t peak_ma)
+{
+    int64_t error, most = (int64_t)(2 * FOC_VQ_MAX) << law->shift;
+
+    if (current_ma > peak_ma) {
+        limiter->side = 1;
+    } else if (current_ma < -peak_ma) {
+        limiter->side = -1;
+    }
+    if (!limiter->side) {
+        return vq;
+    }
+    error = control_clamp(limiter->side * peak_ma - current_ma, INT16_MIN, INT16_MAX);
+    limiter->v += (error - limiter->error) * law->kp + (error + limiter->error) * law->ki;
+    limiter->v = control_clamp(limiter->v, -most, most);
+    limiter->error = error;
+    if (limiter->side * limiter->v >= 0) {
+        *limiter = (struct foc_limiter){0};
+    }
+    return vq + (limiter->v >> law->shift);
+}
+
+static void foc_position_reset(struct foc_position_law *law)
+{
+    law->integral = law->error = 0.0;
+}
+
+/* Returns a value within +-limit. */
+static double foc_clamp(double value, double limit)
+{
+    return fmax(fmin(value, limit), -limit);
+}
+
+/* One millisecond; returns Vq. */
+static int64_t foc_position_step(struct foc_position_law *law, double error)
+{
+    const float *gain = law->gain;
+    double limit =
+        gain[FOC_PID_OUTPUT_LIMIT] > 0.0f ? (double)gain[FOC_PID_OUTPUT_LIMIT] : FOC_PWM_MAX;
+    double integral_limit =
+        gain[FOC_PID_INTEGRAL_LIMIT] > 0.0f ? (double)gain[FOC_PID_INTEGRAL_LIMIT] : limit;
+    double out;
+    int32_t vq = 0;
+
+    law->integral = foc_clamp(law->integral + (double)gain[FOC_PID_KI] * error, integral_limit);
+    out = (double)gain[FOC_PID_KP] * error + law->integral +
+          (double)gain[FOC_PID_KD] * (error - law->error);
+    law->error = error;
+    control_quantize(foc_clamp(out, limit) / (1 << FOC_VQ_SHIFT), &vq);
+    return vq;
+}
+
+/* The settings of a 2FOC board: gains of its laws as floats, limits of the current. */
+
+enum kind { LAW_CURRENT, LAW_SPEED, LAW_POSITION, NOMINAL_CURRENT, PEAK_CURRENT };
+
+enum { LIMIT_MAX_MA = 32767 };
+
+#define LAW_MAX 32767.0 /* foc_law_set_gain */
+
+static const struct {
+    const char *name;
+    enum kind kind;
+    unsigned which; /* gain of a law */
+} rows[] = {
+    {"current_kp", LAW_CURRENT, FOC_LAW_KP},
+    {"current_ki", LAW_CURRENT, FOC_LAW_KI},
+    {"speed_kp", LAW_SPEED, FOC_LAW_KP},
+    {"speed_ki", LAW_SPEED, FOC_LAW_KI},
+    {"position_kp", LAW_POSITION, FOC_PID_KP},
+    {"position_ki", LAW_POSITION, FOC_PID_KI},
+    {"position_kd", LAW_POSITION, FOC_PID_KD},
+    {"position_integral_limit", LAW_POSITION, FOC_PID_INTEGRAL_LIMIT},
+    {"position_limit", LAW_POSITION, FOC_PID_OUTPUT_LIMIT},
+    {"current_limit", NOMINAL_CURRENT, 0},
+    {"current_peak", PEAK_CURRENT, 0},
+};
+
+/* Describes a setting: name, unit, range (struct board_settings). */
+static void foc_setting_describe(const struct board *board, unsigned axis, size_t index,
+                                 struct board_setting *setting)
+{
+    enum kind kind = rows[index].kind;
+    bool is_limit = kind == NOMINAL_CURRENT || kind == PEAK_CURRENT;
+    double most = is_limit ? LIMIT_MAX_MA : kind == LAW_POSITION ? (double)FLT_MAX : LAW_MAX;
+
+    (void)board;
+    (void)axis;
+    *setting = (struct board_setting){
+        .name = rows[index].name,
+        .unit = is_limit ? "mA" : "",
+        .min = is_limit ? 0.0 : -most,
+        .max = most,
+        .whole = is_limit,
+    };
+}
+
+/* Returns the value of a setting (struct board_settings). */
+static double foc_setting_get(const struct board *board, unsigned axis, size_t index)
+{
+    const struct foc_board *foc = foc_board_of(board);
+
+    (void)axis;
+    switch (rows[index].kind) {
+    case LAW_CURRENT:
+        return foc->current.gain[rows[index].which];
+    case LAW_SPEED:
+        return foc->speed.gain[rows[index].which];
+    case LAW_POSITION:
+        return (double)foc->position_law.gain[rows[index].which];
+    case NOMINAL_CURRENT:
+        return (double)foc->nominal_ma;
+    case PEAK_CURRENT:
+        return (double)foc->peak_ma;
+    }
+    return 0.0;
+}
+
+/* Writes a setting (struct board_settings). */
+static bool foc_setting_set(struct board *board, unsigned axis, size_t index, double value)
+{
+    struct foc_board *foc = foc_board_of(board);
+
+    (void)axis;
+    switch (rows[index].kind) {
+    case LAW_CURRENT:
+        return foc_law_set_gain(&foc->current, rows[index].which, value);
+    case LAW_SPEED:
+        return foc_law_set_gain(&foc->speed, rows[index].which, value);
+    case LAW_POSITION:
+        foc->position_law.gain[rows[index].which] = (float)value;
+        return true;
+    case NOMINAL_CURRENT:
+        foc->nominal_ma = (int64_t)value;
+        return true;
+    case PEAK_CURRENT:
+        foc->peak_ma = (int64_t)value;
+        return true;
+    }
+    return false;
+}
+
+const struct board_settings foc_settings = {
+    .count = ARRAY_COUNT(rows),
+    .describe = foc_setting_describe,
+    .get = foc_setting_get,
+    .set = foc_setting_set,
+};
+
+/* Obeys each command of class 0 and DESIRED_TARGETS on a 2FOC board. */
+
+enum { TOLERANCE = 36 }; /* tolerance of the encoder, 0.1 deg */
+
+/* Returns whether a mode drives the motor. */
+static bool foc_is_control_mode(int64_t mode)
+{
+    return mode == ICUB_MODE_CURRENT || mode == ICUB_MODE_SPEED_VOLTAGE ||
+           mode == ICUB_MODE_SPEED_CURRENT || mode == ICUB_MODE_OPEN_LOOP ||
+           mode == ICUB_MODE_POSITION;
+}
+
+/* Reset the references; the second enters a mode, or the present one again. */
+static void foc_board_forget_references(struct foc_board *foc)
 {
     foc->target = foc->speed_ma = 0;
     foc->vq = 0;
@@ -22,7 +239,8 @@ void foc_board_forget_references(struct foc_board *foc)
     foc->start = foc->position;
 }
 
-void foc_board_set_mode(struct board *board, uint8_t mode)
+/* Reset the references; the second enters a mode, or the present one again. */
+static void foc_board_set_mode(struct board *board, uint8_t mode)
 {
     struct foc_board *foc = foc_board_of(board);
 
@@ -33,6 +251,292 @@ void foc_board_set_mode(struct board *board, uint8_t mode)
     foc_board_forget_references(foc);
     foc->target_ns = board->boards->now_ns;
 }
+
+/* Obeys SET_CONTROL_MODE. Returns false when there is no such mode. */
+static bool foc_board_command_mode(struct board *board, int64_t mode)
+{
+    struct foc_board *foc = foc_board_of(board);
+    bool stop = mode == ICUB_MODE_IDLE || mode == ICUB_MODE_FORCE_IDLE;
+
+    bool current = mode == ICUB_MODE_CURRENT || mode == ICUB_MODE_SPEED_CURRENT;
+
+    if (!stop && (!foc_is_control_mode(mode) || (current && board->config.axis[0].valve))) {
+        return false;
+    }
+    /* Not configured: ignored; in fault: only FORCE_IDLE, which clears it */
+    if (foc->mode == ICUB_MODE_NOT_CONFIGURED) {
+        return true;
+    }
+    if (foc->mode == ICUB_MODE_HARDWARE_FAULT) {
+        if (mode == ICUB_MODE_FORCE_IDLE) {
+            foc->faults = 0;
+            foc->encoder = 0;
+            foc_board_set_mode(board, ICUB_MODE_IDLE);
+        }
+        return true;
+    }
+    foc_board_set_mode(board, stop ? ICUB_MODE_IDLE : (uint8_t)mode);
+    return true;
+}
+
+/* Returns a little-endian float32. */
+static float foc_get_float(const uint8_t *data)
+{
+    uint32_t bits = get_u32_le(data);
+    float value;
+
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
+/* Obeys SET_CURRENT_PID or SET_VELOCITY_PID: one gain as a float, or all as integers. */
+static bool foc_board_command_law(struct foc_board *foc, const struct bus_frame *frame,
+                                  const int64_t *request)
+{
+    bool current = frame->data[0] == FOC_SET_CURRENT_PID;
+    struct foc_law *law = current ? &foc->current : &foc->speed;
+
+    if (frame->len == 6) {
+        if (!foc_law_set_gain(law, frame->data[1] - 1u, (double)foc_get_float(frame->data + 2))) {
+            return false;
+        }
+    } else if (frame->len == 8) {
+        foc_law_set(law, request[0], request[1], request[3]);
+    } else {
+        return false;
+    }
+    foc->current_set = foc->current_set || current;
+    return true;
+}
+
+/* Obeys SET_PID: one parameter of a loop as a float. */
+static bool foc_board_command_pid(struct foc_board *foc, const struct bus_frame *frame,
+                                  const int64_t *request)
+{
+    float value = foc_get_float(frame->data + 4);
+    unsigned which = (unsigned)request[1];
+
+    if (which < FOC_PID_KP || which > FOC_PID_STICTION_DOWN || !isfinite(value)) {
+        return false;
+    }
+    switch (request[0]) {
+    case FOC_LOOP_POSITION:
+        foc->position_law.gain[which] = value;
+        return true;
+    case FOC_LOOP_CURRENT:
+        /* The other parameters have no use in a PI law with fixed limits */
+        foc->current_set = true;
+        return which > FOC_PID_KI ||
+               foc_law_set_gain(&foc->current, which - FOC_PID_KP, (double)value);
+    case FOC_LOOP_VELOCITY:
+        return which > FOC_PID_KI ||
+               foc_law_set_gain(&foc->speed, which - FOC_PID_KP, (double)value);
+    default:
+        return false;
+    }
+}
+
+/* Obeys SET_CURRENT_LIMIT: nominal, peak and overload, or the peak alone. */
+static bool foc_board_command_limit(struct foc_board *foc, const struct bus_frame *frame,
+                                    const int64_t *request)
+{
+    if (frame->len == 5) {
+        foc->peak_ma = get_i16_le(frame->data + 1);
+        foc->nominal_ma = foc->peak_ma / 2;
+        foc->overload_ma = 20000;
+    } else if (frame->len == 8) {
+        foc->nominal_ma = request[0];
+        foc->peak_ma = request[1];
+        foc->overload_ma = request[2];
+    } else {
+        return false;
+    }
+    return true;
+}
+
+/* Obeys SET_MOTOR_CONFIG: which sensors the motor has, resolution, poles. */
+static void foc_board_configure_motor(struct foc_board *foc, const struct bus_frame *frame,
+                                      const int64_t *request)
+{
+    foc->flags = (uint8_t)request[0];
+    foc->resolution = request[1];
+    foc->index_offset = request[2];
+    foc->poles = request[3];
+    foc->tolerance = frame->len == 8 ? request[4] : TOLERANCE;
+    foc->motor_set = true;
+    foc->encoder &= (uint8_t)~FOC_QE_NOT_CALIBRATED;
+    /* With Hall sensors there is no index; with an index the encoder waits for its pulse */
+    if (foc->flags & FOC_HAS_HALL) {
+        foc->flags &= (uint8_t) ~(FOC_HAS_INDEX | FOC_HAS_TEMPERATURE);
+    }
+    if (foc->flags & FOC_HAS_QE && foc->flags & FOC_HAS_INDEX) {
+        foc->encoder |= FOC_QE_NOT_CALIBRATED;
+    }
+}
+
+/* Obeys a command that configures. Returns false when it is refused. */
+static bool foc_board_configure(struct foc_board *foc, const struct bus_frame *frame,
+                                const int64_t *request)
+{
+    switch (frame->data[0]) {
+    case FOC_SET_CURRENT_PID:
+    case FOC_SET_VELOCITY_PID:
+        return foc_board_command_law(foc, frame, request);
+    case FOC_SET_PID:
+        return foc_board_command_pid(foc, frame, request);
+    case FOC_SET_CURRENT_LIMIT:
+        return foc_board_command_limit(foc, frame, request);
+    case FOC_SET_MOTOR_CONFIG:
+        foc_board_configure_motor(foc, frame, request);
+        return true;
+    case FOC_SET_TEMPERATURE_LIMIT:
+        foc->temperature_limit = request[0];
+        return true;
+    case FOC_SET_MOTOR_PARAMETER:
+        if (request[0] < FOC_MOTOR_BEMF || request[0] > FOC_MOTOR_MAX_VELOCITY) {
+            return false;
+        }
+        foc->motor_parameter[request[0]] = foc_get_float(frame->data + 2);
+        return true;
+    case ICUB_SET_I2T: /* the limits of the current set it here */
+        return true;
+    default:
+        return false;
+    }
+}
+
+/* Takes a target in the units of the mode, within its limits. */
+static void foc_board_set_target(struct foc_board *foc, int64_t target)
+{
+    switch (foc->mode) {
+    case ICUB_MODE_OPEN_LOOP:
+        foc->target = control_clamp(target, -FOC_PWM_MAX, FOC_PWM_MAX);
+        break;
+    case ICUB_MODE_CURRENT:
+        foc->target = control_clamp(target, -foc->peak_ma, foc->peak_ma);
+        break;
+    case ICUB_MODE_IDLE:
+        foc_board_forget_references(foc);
+        break;
+    default:
+        foc->target = target;
+        break;
+    }
+}
+
+/* Answers a command that asks; returns false when it is not one of them. */
+static bool foc_board_answer(struct board *board, unsigned code, const int64_t *request,
+                             int64_t *reply)
+{
+    struct foc_board *foc = foc_board_of(board);
+    uint32_t bits;
+
+    switch (code) {
+    case FOC_GET_FIRMWARE_VERSION:
+        foc->compatible = request[0] == ICUB_PROTOCOL_MAJOR && request[1] == ICUB_PROTOCOL_MINOR;
+        icub_board_report_firmware(board, ICUB_PROTOCOL_MAJOR, ICUB_PROTOCOL_MINOR, foc->compatible,
+                                   reply);
+        return true;
+    case ICUB_GET_CONTROL_MODE:
+        reply[0] = foc->mode;
+        return true;
+    case ICUB_GET_BOARD_ID:
+        reply[0] = board->address;
+        return true;
+    case FOC_GET_MOTOR_PARAMETER:
+        if (request[0] < FOC_MOTOR_BEMF || request[0] > FOC_MOTOR_MAX_VELOCITY) {
+            return false;
+        }
+        memcpy(&bits, &foc->motor_parameter[request[0]], sizeof bits);
+        reply[0] = request[0];
+        reply[1] = bits;
+        return true;
+    default:
+        return false;
+    }
+}
+
+/* Enters idle when all that configures has come. */
+static void foc_board_idle_when_configured(struct board *board)
+{
+    struct foc_board *foc = foc_board_of(board);
+
+    if (foc->mode == ICUB_MODE_NOT_CONFIGURED && foc->compatible && foc->motor_set &&
+        foc->current_set && foc->peak_ma != 0) {
+        foc_board_set_mode(board, ICUB_MODE_IDLE);
+        foc->answers += foc->answers < FOC_ANSWERS_MAX; /* reports it unasked, once */
+    }
+}
+
+/* Obeys a command, takes DESIRED_TARGETS; see struct icub_board_ops. */
+static bool foc_board_command(struct icub_board *icub, const struct bus_frame *frame,
+                              const int64_t *request, int64_t *reply, bool *answer)
+{
+    struct board *board = &icub->board;
+    struct foc_board *foc = foc_board_of(board);
+    unsigned code = frame->data[0];
+    bool obeyed;
+
+    /* What is answered in any mode */
+    (void)answer;
+    if (foc_board_answer(board, code, request, reply)) {
+        foc_board_idle_when_configured(board);
+        return true;
+    }
+
+    /* What changes the board or its axis */
+    if (code == ICUB_SET_BOARD_ID) {
+        return !foc_runs(foc->mode) && board_set_address(board, (uint8_t)request[0]);
+    }
+    if (!foc->compatible) {
+        return false; /* a host must state its protocol first */
+    }
+
+    switch (code) {
+    case FOC_SET_CONTROL_MODE:
+        return foc_board_command_mode(board, request[0]);
+    case ICUB_SET_OPEN_LOOP: /* targets as DESIRED_TARGETS brings them, in their mode only */
+        obeyed = foc->mode == ICUB_MODE_OPEN_LOOP;
+        break;
+    case ICUB_SET_DESIRED_VELOCITY:
+        obeyed = foc->mode == ICUB_MODE_SPEED_VOLTAGE || foc->mode == ICUB_MODE_SPEED_CURRENT;
+        break;
+    default:
+        obeyed = foc_board_configure(foc, frame, request);
+        board->boards->settings_changes++;
+        foc_board_idle_when_configured(board);
+        return obeyed;
+    }
+    if (obeyed) {
+        foc_board_set_target(foc, request[0]);
+    }
+    return obeyed;
+}
+
+/* Obeys DESIRED_TARGETS. Any such frame feeds the watchdog; one too short for this board's
+ * target gets no answer. */
+static bool foc_board_targets(struct icub_board *icub, const struct bus_frame *frame)
+{
+    struct board *board = &icub->board;
+    struct foc_board *foc = foc_board_of(board);
+
+    foc->target_ns = board->boards->now_ns;
+    if (frame->len < 2 * board->address) {
+        return false;
+    }
+    foc_board_set_target(foc, get_i16_le(frame->data + 2 * (board->address - 1)));
+    if (foc->answers == FOC_ANSWERS_MAX) {
+        board_lose(board);
+    } else {
+        foc->answers++;
+    }
+    return true;
+}
+
+/*
+ * A 2FOC board: one motor, one answer to each DESIRED_TARGETS. Its modes, gates and faults are
+ * those of the firmware, its control laws those of boards/foc/control.h.
+ */
 
 /* Latches faults, with an event for new ones, and enters hardware fault. */
 static void foc_board_raise_faults(struct board *board, uint32_t faults)

@@ -31,18 +31,6 @@ struct foc_law {
     int64_t v, error;
 };
 
-/* Sets the integer gains as they are on the bus; half of ki is used. */
-void foc_law_set(struct foc_law *law, int64_t kp, int64_t ki, int64_t shift);
-
-/* Sets one gain (enum foc_law_gain) from a float; false when there is no such gain or it is too
- * large. Both become mantissas of 15 bits with one common shift, as large as they allow. */
-bool foc_law_set_gain(struct foc_law *law, unsigned which, double value);
-
-void foc_law_reset(struct foc_law *law);
-
-/* One millisecond; returns Vq. */
-int64_t foc_law_step(struct foc_law *law, int64_t error);
-
 /* The current limiter of the modes that end in a voltage: it adds what holds the current at its
  * peak. */
 struct foc_limiter {
@@ -50,19 +38,10 @@ struct foc_limiter {
     int64_t v, error;
 };
 
-/* Returns the Vq to apply instead of vq; gains are those of the current law. */
-int64_t foc_limiter_step(struct foc_limiter *limiter, const struct foc_law *law, int64_t vq,
-                         int64_t current_ma, int64_t peak_ma);
-
 /* A PID on floats: output +-32000. An output or integral limit of 0 counts as full scale. */
 struct foc_position_law {
     float gain[FOC_PID_STICTION_DOWN + 1]; /* by enum foc_pid_parameter */
     double integral, error;
 };
-
-void foc_position_reset(struct foc_position_law *law);
-
-/* One millisecond; returns Vq. */
-int64_t foc_position_step(struct foc_position_law *law, double error);
 
 #endif

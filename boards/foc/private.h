@@ -57,16 +57,7 @@ static inline bool foc_runs(uint8_t mode)
            mode != ICUB_MODE_NOT_CONFIGURED;
 }
 
-/* Reset the references; the second enters a mode, or the present one again. */
-void foc_board_forget_references(struct foc_board *foc);
-void foc_board_set_mode(struct board *board, uint8_t mode);
-
-/* Obeys a command, takes DESIRED_TARGETS (commands.c); see struct icub_board_ops. */
-bool foc_board_command(struct icub_board *icub, const struct bus_frame *frame,
-                       const int64_t *request, int64_t *reply, bool *answer);
-bool foc_board_targets(struct icub_board *icub, const struct bus_frame *frame);
-
-/* Settings that may be changed beside the bus (settings.c). */
+/* Settings that may be changed beside the bus. */
 extern const struct board_settings foc_settings;
 
 #endif

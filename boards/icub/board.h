@@ -75,12 +75,6 @@ struct board *inertial_board_create(struct arena *arena);
 void icub_bus_hear_strain(struct board_bus *bus, uint8_t address, enum icub_analog_type type,
                           const uint8_t *data, int64_t time_ns);
 
-/* Returns whether the bootloader runs and has had the START of a download since it was entered. */
-bool icub_board_is_downloading(const struct icub_board *board);
-
-/* Receives a command of class 0, 2 or 7 that is addressed to the board. */
-enum board_verdict icub_board_receive(struct icub_board *board, const struct bus_frame *frame);
-
 /* Queues the eight frames of additional information in the class of id; sets a part of it. */
 void icub_board_queue_info(struct icub_board *board, uint32_t id);
 void icub_board_set_info(struct icub_board *board, const int64_t *part);

@@ -37,16 +37,6 @@ struct icub_loader {
     uint16_t *image; /* ICUB_MEMORIES times ICUB_MEMORY_WORDS words; NULL = not kept */
 };
 
-/* START: a new download. The image becomes empty (all ones, as erased flash is). */
-void icub_loader_start(struct icub_loader *loader);
-
-/* ADDRESS: a line of length bytes follows, at an address of a memory (0 program, 1 data). */
-void icub_loader_open_line(struct icub_loader *loader, uint8_t length, uint16_t address,
-                           uint8_t memory);
-
 enum icub_line { ICUB_LINE_REFUSED, ICUB_LINE_GROWS, ICUB_LINE_COMPLETE };
-
-/* DATA: more bytes of the line. */
-enum icub_line icub_loader_put(struct icub_loader *loader, const uint8_t *data, size_t size);
 
 #endif

@@ -1,4 +1,552 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+/* The settings of an iCub motor board's axes: what commands of class 0 set, with their ranges. */
+#include "boards/icub/motor_private.h"
+
+#include "base/array.h"
+#include "canbus/frame.h"
+
+#include <math.h>
+#include <string.h>
+
+/* One value of the command that sets it. */
+static const struct {
+    const char *name;
+    uint8_t code;
+    uint8_t field;
+} rows[] = {
+    {"position_kp", ICUB_SET_P_GAIN, 0},
+    {"position_ki", ICUB_SET_I_GAIN, 0},
+    {"position_kd", ICUB_SET_D_GAIN, 0},
+    {"position_shift", ICUB_SET_SCALE, 0},
+    {"position_offset", ICUB_SET_OFFSET, 0},
+    {"position_limit", ICUB_SET_OUTPUT_LIMIT, 0},
+    {"position_integral_limit", ICUB_SET_I_LIMIT, 0},
+    {"torque_kp", ICUB_SET_TORQUE_PID, 0},
+    {"torque_ki", ICUB_SET_TORQUE_PID, 1},
+    {"torque_kd", ICUB_SET_TORQUE_PID, 2},
+    {"torque_shift", ICUB_SET_TORQUE_PID, 3},
+    {"torque_offset", ICUB_SET_TORQUE_PID_LIMITS, 0},
+    {"torque_limit", ICUB_SET_TORQUE_PID_LIMITS, 1},
+    {"torque_integral_limit", ICUB_SET_TORQUE_PID_LIMITS, 2},
+    {"current_kp", ICUB_SET_CURRENT_PID, 0},
+    {"current_ki", ICUB_SET_CURRENT_PID, 1},
+    {"current_kd", ICUB_SET_CURRENT_PID, 2},
+    {"current_shift", ICUB_SET_CURRENT_PID, 3},
+    {"stiffness", ICUB_SET_IMPEDANCE, 0},
+    {"damping", ICUB_SET_IMPEDANCE, 1},
+    {"pwm_limit", ICUB_SET_PWM_LIMIT, 0},
+    {"current_limit", ICUB_SET_CURRENT_LIMIT, 0},
+    {"max_velocity", ICUB_SET_MAX_VELOCITY, 0},
+};
+
+/* Returns the field of the command that sets a setting. */
+static const struct field *motor_setting_field(size_t index)
+{
+    return &icub_motor_commands[rows[index].code].request[rows[index].field];
+}
+
+/* Returns the parameter of a setting. */
+static unsigned motor_setting_parameter(size_t index)
+{
+    return (unsigned)icub_motor_commands[rows[index].code].parameter + rows[index].field;
+}
+
+/* Describes a setting: name, unit, range (struct board_settings). */
+static void motor_setting_describe(const struct board *board, unsigned axis, size_t index,
+                                   struct board_setting *setting)
+{
+    const struct field *field = motor_setting_field(index);
+    bool bounded = field->min != 0 || field->max != 0;
+
+    (void)board;
+    (void)axis;
+    *setting = (struct board_setting){
+        .name = rows[index].name,
+        .unit = field->unit ? field->unit : "",
+        .min = (double)(bounded ? field->min : field_lowest(field)),
+        .max = (double)(bounded ? field->max : field_highest(field)),
+        .whole = true,
+    };
+}
+
+/* Returns the value of a setting (struct board_settings). */
+static double motor_setting_get(const struct board *board, unsigned axis, size_t index)
+{
+    return (double)motor_board_of(board)->axis[axis].parameter[motor_setting_parameter(index)];
+}
+
+/* Writes a setting (struct board_settings). */
+static bool motor_setting_set(struct board *board, unsigned axis, size_t index, double value)
+{
+    motor_board_of(board)->axis[axis].parameter[motor_setting_parameter(index)] = (int64_t)value;
+    if (rows[index].code == ICUB_SET_I_GAIN) {
+        motor_board_of(board)->axis[axis].position_pid.integral = 0; /* as the command */
+    }
+    return true;
+}
+
+const struct board_settings motor_settings = {
+    .count = ARRAY_COUNT(rows),
+    .describe = motor_setting_describe,
+    .get = motor_setting_get,
+    .set = motor_setting_set,
+};
+
+/* Sends the periodic frames of a motor board in their slots. */
+
+/* Returns whether the policy asks for a type of frame. */
+static bool motor_board_broadcasts(const struct motor_board *motor, enum icub_motor_type type)
+{
+    return motor->policy >> (type - 1) & 1;
+}
+
+/* Builds a frame from its row and sends it. */
+static void motor_board_send_frame(struct board *board, struct frame_sink *sink,
+                                   enum icub_motor_type type, const int64_t *values)
+{
+    const struct icub_frame_type *row = &icub_motor_frames[type];
+    uint8_t data[8];
+
+    fields_encode(row->fields, values, data);
+    board_send(board, sink, icub_id(ICUB_PERIODIC_MOTOR, board->address, type), row->length, data);
+}
+
+/* Sends a frame of up to four values if the policy asks for it. */
+static void motor_board_send_if_wanted(struct board *board, struct frame_sink *sink,
+                                       enum icub_motor_type type, int64_t v0, int64_t v1,
+                                       int64_t v2, int64_t v3)
+{
+    if (motor_board_broadcasts(motor_board_of(board), type)) {
+        motor_board_send_frame(board, sink, type, (const int64_t[]){v0, v1, v2, v3});
+    }
+}
+
+/* Returns an error counter as STATUS has it: its change since the last one, as far as a byte
+ * goes. */
+static int64_t can_counter_change(unsigned counter, int *reported)
+{
+    int64_t change = control_clamp((int64_t)counter - *reported, INT8_MIN, INT8_MAX);
+
+    *reported += (int)change;
+    return change & 0xff;
+}
+
+/* Sends STATUS and forgets what is reported once. */
+static void motor_board_send_status(struct board *board, struct frame_sink *sink)
+{
+    struct motor_board *motor = motor_board_of(board);
+    struct motor_axis *a = &motor->axis[0], *b = &motor->axis[1];
+
+    motor_board_send_frame(
+        board, sink, ICUB_STATUS,
+        (const int64_t[]){a->faults | a->faults_once, a->mode, b->faults | b->faults_once, b->mode,
+                          motor->can | motor_board_can_status(board) |
+                              (board->lost_in_status ? ICUB_CAN_TX_OVERFLOW : 0),
+                          a->heat | b->heat << 1,
+                          can_counter_change(board->can.tec, &motor->reported_tec),
+                          can_counter_change(board->can.rec, &motor->reported_rec)});
+    a->faults_once = b->faults_once = 0;
+    motor->can = 0;
+    motor->can_reported = motor_board_can_status(board);
+    motor->status_due = board->lost_in_status = false;
+}
+
+/* Sends STATUS and ADDITIONAL_STATUS when they are due: periodically, on changes, while a fault
+ * lasts. */
+static void motor_board_transmit_status(struct board *board, struct frame_sink *sink,
+                                        int64_t now_ms)
+{
+    struct motor_board *motor = motor_board_of(board);
+    struct motor_axis *a = &motor->axis[0], *b = &motor->axis[1];
+    bool periodic = now_ms - motor->status_ms >= ICUB_STATUS_PERIOD_MS;
+    uint8_t lasting = (a->faults | b->faults) &
+                      (ICUB_FAULT_UNDER_VOLTAGE | ICUB_FAULT_OVER_VOLTAGE | ICUB_FAULT_EXTERNAL);
+    bool now = motor->status_due || periodic || lasting || board->lost_in_status;
+
+    if (!motor_board_broadcasts(motor, ICUB_STATUS) || board->can.bus_off) {
+        return; /* in bus-off it would be lost */
+    }
+    if (now) {
+        motor_board_send_status(board, sink);
+        motor->status_ms = periodic ? now_ms : motor->status_ms;
+    }
+    if (now || motor->additional_due) {
+        motor_board_send_frame(board, sink, ICUB_ADDITIONAL_STATUS,
+                               (const int64_t[]){a->parameter[ICUB_P_INTERACTION] |
+                                                 b->parameter[ICUB_P_INTERACTION] << 4});
+        motor->additional_due = false;
+    }
+}
+
+/* Sends speeds and accelerations of the joints. */
+static void motor_board_send_joint_speeds(struct board *board, struct frame_sink *sink)
+{
+    const struct motor_axis *a = &motor_board_of(board)->axis[0],
+                            *b = &motor_board_of(board)->axis[1];
+    const int64_t *p = a->parameter, *q = b->parameter;
+
+    motor_board_send_if_wanted(
+        board, sink, ICUB_VELOCITY, estimator_speed(&a->joint.speed, p[ICUB_P_JOINT_SPEED_SHIFT]),
+        estimator_speed(&b->joint.speed, q[ICUB_P_JOINT_SPEED_SHIFT]),
+        estimator_acceleration(&a->joint.speed,
+                               p[ICUB_P_JOINT_SPEED_SHIFT] + p[ICUB_P_JOINT_ACCELERATION_SHIFT]),
+        estimator_acceleration(&b->joint.speed,
+                               q[ICUB_P_JOINT_SPEED_SHIFT] + q[ICUB_P_JOINT_ACCELERATION_SHIFT]));
+}
+
+/* Sends speeds and accelerations of the motors. */
+static void motor_board_send_motor_speeds(struct board *board, struct frame_sink *sink)
+{
+    const struct motor_axis *a = &motor_board_of(board)->axis[0],
+                            *b = &motor_board_of(board)->axis[1];
+    const int64_t *p = a->parameter, *q = b->parameter;
+
+    motor_board_send_if_wanted(
+        board, sink, ICUB_MOTOR_SPEED,
+        estimator_speed(&a->motor.speed, p[ICUB_P_MOTOR_SPEED_SHIFT]),
+        estimator_speed(&b->motor.speed, q[ICUB_P_MOTOR_SPEED_SHIFT]),
+        estimator_acceleration(&a->motor.speed,
+                               p[ICUB_P_MOTOR_SPEED_SHIFT] + p[ICUB_P_MOTOR_ACCELERATION_SHIFT]),
+        estimator_acceleration(&b->motor.speed,
+                               q[ICUB_P_MOTOR_SPEED_SHIFT] + q[ICUB_P_MOTOR_ACCELERATION_SHIFT]));
+}
+
+/* Sends the frames of slot 3, as far as the policy asks for them. */
+static void motor_board_transmit_slot_3(struct board *board, struct frame_sink *sink)
+{
+    const struct motor_axis *a = &motor_board_of(board)->axis[0],
+                            *b = &motor_board_of(board)->axis[1];
+
+    motor_board_send_if_wanted(board, sink, ICUB_CURRENT, motor_axis_current_ma(a),
+                               motor_axis_current_ma(b), 0, 0);
+    if (board->lost_in_overflow && motor_board_broadcasts(motor_board_of(board), ICUB_OVERFLOW)) {
+        board->lost_in_overflow = false;
+        motor_board_send_frame(board, sink, ICUB_OVERFLOW, NULL);
+    }
+    motor_board_send_joint_speeds(board, sink);
+    motor_board_send_if_wanted(board, sink, ICUB_PID_ERROR, a->position_pid.error,
+                               b->position_pid.error, a->torque_pid.error, b->torque_pid.error);
+    motor_board_send_if_wanted(board, sink, ICUB_DEBUG, a->torque, b->torque, a->torque_reference,
+                               b->torque_reference);
+    motor_board_send_if_wanted(board, sink, ICUB_MOTOR_POSITION, a->motor.raw, b->motor.raw, 0, 0);
+    motor_board_send_motor_speeds(board, sink);
+}
+
+/* Sends the periodic frames (motor_telemetry.c). */
+static void motor_board_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
+{
+    const struct motor_axis *a = &motor_board_of(board)->axis[0],
+                            *b = &motor_board_of(board)->axis[1];
+    unsigned slots = 0;
+
+    /* A tick may complete several slots, or none */
+    for (int64_t ms = span.from; ms < span.to && ms < span.from + ICUB_SLOTS; ms++) {
+        slots |= 1u << ms % ICUB_SLOTS;
+    }
+
+    if (slots & 1u << 0) {
+        motor_board_send_if_wanted(board, sink, ICUB_POSITION, motor_axis_position(a),
+                                   motor_axis_position(b), 0, 0);
+    }
+    if (slots & 1u << 1) {
+        motor_board_send_if_wanted(board, sink, ICUB_PID_VALUE, a->output, b->output, a->pwm,
+                                   b->pwm);
+    }
+    if (slots & 1u << 2) {
+        motor_board_transmit_status(board, sink, span.to);
+    }
+    if (slots & 1u << 3) {
+        motor_board_transmit_slot_3(board, sink);
+    }
+}
+
+/* Obeys each command of class 0 on a motor board. */
+
+enum { CALIBRATION_MS = 100 }; /* duration of CALIBRATE_ENCODER */
+
+/* Returns a position within the limits, ticks. */
+static int64_t motor_axis_clamp_position(const struct motor_axis *axis, int64_t position)
+{
+    const int64_t *p = axis->parameter;
+
+    return position < p[ICUB_P_MIN_POSITION]   ? p[ICUB_P_MIN_POSITION]
+           : position > p[ICUB_P_MAX_POSITION] ? p[ICUB_P_MAX_POSITION]
+                                               : position;
+}
+
+/* Starts a trajectory to a target, in modes that have a generator. */
+static void motor_axis_start_move(struct motor_axis *axis, int64_t target, int64_t speed)
+{
+    if (!motor_axis_moves(axis)) {
+        return;
+    }
+    target = motor_axis_clamp_position(axis, target);
+    axis->parameter[ICUB_P_DESIRED_POSITION] = target;
+    axis->trajectory.position = axis->desired;
+    trajectory_start(&axis->trajectory, (int32_t)target, speed);
+}
+
+/* Takes a velocity reference, in modes that have one. */
+static void motor_axis_start_velocity(struct board *board, struct motor_axis *axis,
+                                      const int64_t *request)
+{
+    if (motor_axis_has_velocity(axis)) {
+        axis->parameter[ICUB_P_DESIRED_VELOCITY] = request[0];
+        axis->parameter[ICUB_P_DESIRED_ACCELERATION] = request[1];
+        axis->velocity_ns = board->boards->now_ns;
+    }
+}
+
+/* Stops the motion where the axis is. */
+static void motor_axis_stop_move(struct motor_axis *axis)
+{
+    if (motor_axis_moves(axis) || motor_axis_has_velocity(axis)) {
+        axis->parameter[ICUB_P_DESIRED_VELOCITY] = 0;
+        axis->desired_velocity = axis->velocity_rest = 0;
+        motor_axis_hold_position(axis);
+    }
+}
+
+/* Makes the present position read value; references keep their distance to it. */
+static void motor_axis_set_encoder(struct motor_axis *axis, int64_t value)
+{
+    int64_t change = value - motor_axis_position(axis);
+
+    axis->offset = (int32_t)control_clamp(axis->offset + change, INT32_MIN, INT32_MAX);
+    axis->desired = (int32_t)control_clamp(axis->desired + change, INT32_MIN, INT32_MAX);
+    axis->parameter[ICUB_P_DESIRED_POSITION] = axis->desired;
+    trajectory_stop(&axis->trajectory, axis->desired);
+}
+
+/* Obeys CALIBRATE_ENCODER. Returns false when the type is another than absolute. */
+static bool motor_axis_calibrate(struct board *board, struct motor_axis *axis,
+                                 const int64_t *request)
+{
+    if (request[0] != ICUB_CALIBRATE_ABSOLUTE) {
+        return false;
+    }
+    if (request[2] == 0) {
+        motor_board_print(board, "invalid calib p2");
+        motor_axis_set_mode(board, axis, ICUB_MODE_HARDWARE_FAULT);
+    } else if (axis->mode != ICUB_MODE_HARDWARE_FAULT &&
+               motor_axis_is_owed_nothing(board, axis, true)) {
+        motor_axis_set_mode(board, axis, ICUB_MODE_CALIBRATION);
+        axis->calibration_zero = (int32_t)request[3];
+        axis->calibrated_ns = board->boards->now_ns + (int64_t)CALIBRATION_MS * MS;
+    }
+    return true;
+}
+
+/* Returns the parameters of the position PID that a command sets, as bits of motor_axis's pids. */
+static uint8_t motor_axis_pid_bits(unsigned code)
+{
+    switch (code) {
+    case ICUB_SET_P_GAIN:
+        return PID_HAS_P;
+    case ICUB_SET_D_GAIN:
+        return PID_HAS_D;
+    case ICUB_SET_I_GAIN:
+        return PID_HAS_I;
+    case ICUB_SET_I_LIMIT:
+        return PID_HAS_INTEGRAL_LIMIT;
+    case ICUB_SET_OFFSET:
+        return PID_HAS_OFFSET;
+    case ICUB_SET_SCALE:
+        return PID_HAS_SCALE;
+    case ICUB_SET_OUTPUT_LIMIT:
+        return PID_HAS_LIMIT;
+    case ICUB_SET_POSITION_PID:
+        return PID_HAS_P | PID_HAS_D | PID_HAS_I | PID_HAS_SCALE;
+    case ICUB_SET_POSITION_PID_LIMITS:
+        return PID_HAS_INTEGRAL_LIMIT | PID_HAS_OFFSET | PID_HAS_LIMIT;
+    default:
+        return 0;
+    }
+}
+
+/* Does what follows from a parameter's new value, beyond storing it. */
+static void motor_axis_parameter_changed(struct board *board, struct motor_axis *axis,
+                                         unsigned code)
+{
+    int64_t now = board->boards->now_ns;
+
+    axis->pids |= motor_axis_pid_bits(code);
+    switch (code) {
+    case ICUB_SET_OPEN_LOOP:
+        axis->voltage_ns = now;
+        break;
+    case ICUB_SET_I_GAIN:
+        axis->position_pid.integral = 0;
+        break;
+    case ICUB_SET_TORQUE_SOURCE:
+        axis->source_ns = now;
+        break;
+    case ICUB_SET_INTERACTION_MODE:
+        motor_board_of(board)->additional_due = true;
+        break;
+    default:
+        break;
+    }
+}
+
+/* Answers commands that ask for the state of an axis; returns false when it is not one of them. */
+static bool motor_axis_answer(const struct board *board, const struct motor_axis *axis,
+                              unsigned code, int64_t *reply)
+{
+    const int64_t *p = axis->parameter;
+
+    switch (code) {
+    /* Mode and motion */
+    case ICUB_GET_CONTROL_MODE:
+        reply[0] = axis->mode;
+        return true;
+    case ICUB_MOTION_DONE:
+        reply[0] = !axis->trajectory.running && axis->mode != ICUB_MODE_CALIBRATION;
+        return true;
+    case ICUB_GET_ENCODER_POSITION:
+        reply[0] = motor_axis_position(axis);
+        reply[1] = estimator_speed(&axis->joint.speed, p[ICUB_P_JOINT_SPEED_SHIFT]);
+        return true;
+    case ICUB_GET_ENCODER_VELOCITY:
+        reply[0] = estimator_speed(&axis->joint.speed, p[ICUB_P_JOINT_SPEED_SHIFT]);
+        return true;
+
+    /* The control law */
+    case ICUB_GET_PID_ERROR:
+        reply[0] = axis->position_pid.error;
+        return true;
+    case ICUB_GET_PID_OUTPUT:
+        reply[0] = axis->output;
+        return true;
+    case ICUB_GET_POSITION_REFERENCE:
+        reply[0] = axis->desired;
+        return true;
+    case ICUB_GET_VELOCITY_REFERENCE:
+        reply[0] = axis->desired_velocity;
+        return true;
+
+    /* The board */
+    case ICUB_GET_ERROR_STATUS:
+        reply[0] = axis->faults | axis->faults_once;
+        return true;
+    case ICUB_GET_BOARD_ID:
+        reply[0] = board->address;
+        return true;
+    default:
+        return false;
+    }
+}
+
+/* Obeys commands that make an axis do something; returns false when it is not one of them, or
+ * refused. */
+static bool motor_axis_act(struct board *board, struct motor_axis *axis, unsigned code,
+                           const int64_t *request)
+{
+    switch (code) {
+    /* Mode and calibration */
+    case ICUB_CALIBRATE_ENCODER:
+        return motor_axis_calibrate(board, axis, request);
+    case ICUB_SET_CONTROL_MODE:
+        return motor_axis_command_mode(board, axis, request[0]);
+
+    /* What survives a power cycle */
+    case ICUB_WRITE_FLASH:
+        memcpy(axis->saved, axis->parameter, sizeof axis->saved);
+        return true;
+    case ICUB_READ_FLASH:
+        memcpy(axis->parameter, axis->saved, sizeof axis->saved);
+        board->boards->settings_changes++;
+        return true;
+
+    /* References */
+    case ICUB_POSITION_MOVE:
+        motor_axis_start_move(axis, request[0], request[1]);
+        return true;
+    case ICUB_VELOCITY_MOVE:
+        motor_axis_start_velocity(board, axis, request);
+        return true;
+    case ICUB_SET_ENCODER_POSITION:
+        motor_axis_set_encoder(axis, request[0]);
+        return true;
+    case ICUB_SET_DESIRED_TORQUE:
+        axis->parameter[ICUB_P_DESIRED_TORQUE] = control_clamp(request[0], INT16_MIN, INT16_MAX);
+        axis->torque_ns = board->boards->now_ns;
+        return true;
+    case ICUB_STOP_TRAJECTORY:
+        motor_axis_stop_move(axis);
+        return true;
+    case ICUB_SET_COMMAND_POSITION:
+        if (axis->mode == ICUB_MODE_DIRECT) {
+            axis->desired = (int32_t)motor_axis_clamp_position(axis, request[0]);
+        }
+        return true;
+    case ICUB_TOGGLE_VERBOSE: /* of the serial port, which is not here */
+        return true;
+    default:
+        return false;
+    }
+}
+
+/* Obeys commands that are for the board, whatever their axis bit. */
+static bool motor_board_obey(struct motor_board *motor, const struct bus_frame *frame,
+                             unsigned code, const int64_t *request, int64_t *reply, bool *answer)
+{
+    struct icub_board *icub = &motor->icub;
+    struct board *board = &icub->board;
+
+    switch (code) {
+    case ICUB_GET_INFO:
+        icub_board_queue_info(icub, icub_id(ICUB_POLLING_MOTOR, board->address, frame->id >> 4));
+        *answer = false;
+        return true;
+    case ICUB_SET_INFO:
+        icub_board_set_info(icub, request);
+        return true;
+    case ICUB_SET_BOARD_ID:
+        return board_set_address(board, (uint8_t)request[0]);
+    case ICUB_SET_BROADCAST_POLICY:
+        motor->policy = (uint32_t)request[0];
+        return true;
+    case ICUB_GET_FIRMWARE_VERSION:
+        motor->protocol_ack =
+            request[0] == ICUB_PROTOCOL_MAJOR && request[1] <= ICUB_PROTOCOL_MINOR;
+        icub_board_report_firmware(board, ICUB_PROTOCOL_MAJOR, ICUB_PROTOCOL_MINOR,
+                                   motor->protocol_ack, reply);
+        return true;
+    default:
+        return false;
+    }
+}
+
+/* Obeys a command (motor_commands.c); see struct icub_board_ops. */
+static bool motor_board_command(struct icub_board *icub, const struct bus_frame *frame,
+                                const int64_t *request, int64_t *reply, bool *answer)
+{
+    struct board *board = &icub->board;
+    struct motor_board *motor = motor_board_of(board);
+    unsigned code = frame->data[0] & ~(unsigned)ICUB_AXIS_BIT;
+    struct motor_axis *axis = &motor->axis[frame->data[0] & ICUB_AXIS_BIT ? 1 : 0];
+    const struct icub_command *row = &icub_motor_commands[code];
+    int64_t *parameter = &axis->parameter[row->parameter];
+
+    switch (row->kind) {
+    case ICUB_SET:
+        memcpy(parameter, request, fields_count(row->request) * sizeof *parameter);
+        motor_axis_parameter_changed(board, axis, code);
+        board->boards->settings_changes += row->parameter < ICUB_P_SAVED;
+        return true;
+    case ICUB_GET:
+        memcpy(reply, parameter, fields_count(row->reply) * sizeof *parameter);
+        return true;
+    case ICUB_DO:
+    case ICUB_NO_COMMAND:
+        break;
+    }
+    return motor_board_obey(motor, frame, code, request, reply, answer) ||
+           motor_axis_answer(board, axis, code, reply) ||
+           motor_axis_act(board, axis, code, request);
+}
+
 /*
  * A motor board (BLL): two axes on one address. Obeys the commands of class 0, keeps the rules of
  * the control modes, watches faults and time-outs, closes its loops every millisecond, and sends
@@ -45,10 +593,6 @@
  * 4 ms, at 3.4 times a single sample; the inrush of a voltage step, over within a few milliseconds,
  * passes.
  */
-#include "boards/icub/motor_private.h"
-
-#include <math.h>
-#include <string.h>
 
 enum { POLICY_AT_START = 0x7f }; /* what a host usually asks for */
 

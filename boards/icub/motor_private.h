@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The state of a BLL motor board (motor_board.c), shared by its parts. Units are the protocol's.
+/* The state of a BLL motor board, shared by its parts. Units are the protocol's.
  * RT-safe. */
 #ifndef BOARDS_ICUB_MOTOR_PRIVATE_H
 #define BOARDS_ICUB_MOTOR_PRIVATE_H
@@ -126,13 +126,8 @@ void motor_axis_reset_references(struct board *board, struct motor_axis *axis);
 /* Return whether the mode has a trajectory generator, a velocity reference, an impedance law. */
 bool motor_axis_moves(const struct motor_axis *axis);
 bool motor_axis_has_velocity(const struct motor_axis *axis);
-bool motor_axis_is_impedance(const struct motor_axis *axis);
 
-/* Obeys a command (motor_commands.c); see struct icub_board_ops. */
-bool motor_board_command(struct icub_board *icub, const struct bus_frame *frame,
-                         const int64_t *request, int64_t *reply, bool *answer);
-
-/* Settings that may be changed beside the bus (motor_settings.c). */
+/* Settings that may be changed beside the bus. */
 extern const struct board_settings motor_settings;
 
 /* Watches faults, limits and time-outs in a tick (motor_watch.c). */
@@ -143,8 +138,5 @@ uint8_t motor_board_can_status(const struct board *board);
 
 /* Runs one millisecond of an axis's control law (motor_laws.c). */
 void motor_axis_step(const struct board *board, struct motor_axis *axis);
-
-/* Sends the periodic frames (motor_telemetry.c). */
-void motor_board_transmit(struct board *board, struct ms_span span, struct frame_sink *sink);
 
 #endif

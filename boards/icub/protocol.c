@@ -1,11 +1,334 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The protocol of the BLL boards, icub, as a module. */
+/* The messages of iCub buses; see the header. */
 #include "boards/icub/board.h"
 #include "boards/icub/messages.h"
+
+#include "base/array.h"
 #include "boards/protocol_list.h"
 #include "manual/protocol_icub.h"
 
+#include <stdio.h>
 #include <string.h>
+
+enum {
+    SECTION_MOTOR_COMMANDS = ICUB_SECTION_TELEMETRY + 1,
+    SECTION_STRAIN_TELEMETRY,
+    SECTION_STRAIN_COMMANDS,
+    SECTION_INERTIAL_TELEMETRY,
+    SECTION_INERTIAL_COMMANDS,
+    SECTION_MANAGEMENT,
+};
+
+const char *const icub_sections[] = {
+    [ICUB_SECTION_TELEMETRY] = "Targets and telemetry of motor boards",
+    [SECTION_MOTOR_COMMANDS] = "Commands of motor boards",
+    [SECTION_STRAIN_TELEMETRY] = "Telemetry of STRAIN boards",
+    [SECTION_STRAIN_COMMANDS] = "Commands of STRAIN boards",
+    [SECTION_INERTIAL_TELEMETRY] = "Telemetry of inertial boards",
+    [SECTION_INERTIAL_COMMANDS] = "Commands of inertial boards",
+    [SECTION_MANAGEMENT] = "Management of all boards",
+    NULL,
+};
+
+/* ---- commands ---- */
+
+/* Returns the section of the page that a command belongs to. */
+static uint8_t command_section(enum icub_class cls, const struct board_config *board)
+{
+    return cls == ICUB_MANAGEMENT          ? SECTION_MANAGEMENT
+           : board->kind == BOARD_MOTOR    ? SECTION_MOTOR_COMMANDS
+           : board->kind == BOARD_INERTIAL ? SECTION_INERTIAL_COMMANDS
+                                           : SECTION_STRAIN_COMMANDS;
+}
+
+/* Visits a command and its answer. */
+static void visit_command(struct message_walk *walk, int index, enum icub_class cls, unsigned code,
+                          const struct icub_command *row, bool axis_bit)
+{
+    const struct board_config *board = &walk->config->board[index];
+    struct message message = {
+        .name = row->name,
+        .id = icub_id(cls, ICUB_HOST, board->address),
+        .base = icub_id(cls, ICUB_HOST, 0),
+        .step = 1,
+        .number = board->address,
+        .sender = MESSAGE_NO_BOARD,
+        .receiver = index,
+        .from_host = true,
+        .length = row->request_max,
+        .shortest = row->request_min,
+        .code = (int)code,
+        .axis_bit = axis_bit,
+        .family = cls == ICUB_MANAGEMENT ? "MANAGEMENT" : "COMMAND",
+        .section = command_section(cls, board),
+        .fields = row->request,
+        .first_byte = 1,
+        .repeats = 1,
+        .slot = -1,
+    };
+
+    /* The request; the answer is the same with sender and receiver exchanged */
+    message_visit(walk, &message);
+    if (row->reply_length) {
+        message.id = icub_id(cls, board->address, ICUB_HOST);
+        message.base = icub_id(cls, 0, ICUB_HOST);
+        message.step = icub_id(cls, 1, ICUB_HOST) - message.base;
+        message.sender = index;
+        message.receiver = MESSAGE_NO_BOARD;
+        message.from_host = false;
+        message.length = row->reply_length;
+        message.shortest = 0;
+        message.family = cls == ICUB_MANAGEMENT ? "MANAGEMENT_REPLY" : "REPLY";
+        message.fields = row->reply;
+        message_visit(walk, &message);
+    }
+}
+
+/* Visits the commands of a class. */
+static void visit_commands(struct message_walk *walk, int board, enum icub_class cls,
+                           const struct icub_command *rows, unsigned count, bool axis_bit)
+{
+    for (unsigned code = 0; code < count; code++) {
+        if (rows[code].kind) {
+            visit_command(walk, board, cls, code, &rows[code], axis_bit);
+        }
+    }
+}
+
+/* Visits the commands of class 7 but discovery. */
+static void visit_management(struct message_walk *walk, int board)
+{
+    for (unsigned code = 0; code < 256; code++) {
+        const struct icub_command *row = icub_management_command((uint8_t)code);
+
+        if (row && code != ICUB_DISCOVER) {
+            visit_command(walk, board, ICUB_MANAGEMENT, code, row, false);
+        }
+    }
+}
+
+/* ---- discovery: a question to everyone, an answer of each ---- */
+
+void icub_visit_discovery(struct message_walk *walk)
+{
+    const struct icub_command *row = icub_management_command(ICUB_DISCOVER);
+    const uint32_t id = icub_id(ICUB_MANAGEMENT, ICUB_HOST, ICUB_EVERYONE);
+    const struct message discover = {
+        .name = row->name,
+        .id = id,
+        .base = id,
+        .sender = MESSAGE_NO_BOARD,
+        .receiver = MESSAGE_NO_BOARD,
+        .from_host = true,
+        .length = row->request_max,
+        .code = ICUB_DISCOVER,
+        .family = "MANAGEMENT",
+        .section = SECTION_MANAGEMENT,
+        .first_byte = 1,
+        .repeats = 1,
+        .slot = -1,
+    };
+
+    message_visit(walk, &discover);
+}
+
+/* Visits a board's answer to discovery. */
+static void visit_discovery_reply(struct message_walk *walk, int index)
+{
+    const struct icub_command *row = icub_management_command(ICUB_DISCOVER);
+    const unsigned address = walk->config->board[index].address;
+    const struct message reply = {
+        .name = row->name,
+        .id = icub_id(ICUB_MANAGEMENT, address, ICUB_HOST),
+        .base = icub_id(ICUB_MANAGEMENT, 0, ICUB_HOST),
+        .step = icub_id(ICUB_MANAGEMENT, 1, ICUB_HOST) - icub_id(ICUB_MANAGEMENT, 0, ICUB_HOST),
+        .number = address,
+        .sender = index,
+        .receiver = MESSAGE_NO_BOARD,
+        .length = row->reply_length,
+        .code = ICUB_DISCOVER,
+        .family = "MANAGEMENT_REPLY",
+        .section = SECTION_MANAGEMENT,
+        .fields = row->reply,
+        .first_byte = 1,
+        .repeats = 1,
+        .slot = -1,
+    };
+
+    message_visit(walk, &reply);
+}
+
+/* ---- periodic frames ---- */
+
+/* Returns the cycle of a frame of a sensor board, 0 where it has none. */
+static uint32_t sensor_cycle_ns(const struct board_config *board, unsigned type)
+{
+    int64_t period_ns = board->period_ns > 0 ? board->period_ns : MS;
+
+    return board->kind == BOARD_INERTIAL || type == ICUB_FORCE || type == ICUB_TORQUE
+               ? (uint32_t)period_ns
+               : 0;
+}
+
+/* Visits the periodic frames of a board. */
+static void visit_frames(struct message_walk *walk, int index, const struct icub_dialect *dialect)
+{
+    const struct board_config *board = &walk->config->board[index];
+    bool motor = board->kind == BOARD_MOTOR, inertial = board->kind == BOARD_INERTIAL;
+    enum icub_class cls = motor      ? ICUB_PERIODIC_MOTOR
+                          : inertial ? ICUB_PERIODIC_INERTIAL
+                                     : ICUB_PERIODIC_ANALOG;
+    const struct icub_frame_type *rows = motor      ? dialect->frames
+                                         : inertial ? icub_inertial_frames
+                                                    : icub_analog_frames;
+
+    /* A frame for each type that the board's table has */
+    for (unsigned type = 0; type < 16; type++) {
+        struct message message = {
+            .name = rows[type].name,
+            .id = icub_id(cls, board->address, type),
+            .base = icub_id(cls, 0, type),
+            .step = icub_id(cls, 1, type) - icub_id(cls, 0, type),
+            .number = board->address,
+            .sender = index,
+            .receiver = MESSAGE_NO_BOARD,
+            .length = rows[type].length,
+            .code = MESSAGE_NO_CODE,
+            .section = motor      ? ICUB_SECTION_TELEMETRY
+                       : inertial ? SECTION_INERTIAL_TELEMETRY
+                                  : SECTION_STRAIN_TELEMETRY,
+            .cycle_varies = motor && (int)type == dialect->spread_frame,
+            .cycle_ns = motor ? dialect->cycle_ns(board, type) : sensor_cycle_ns(board, type),
+            .fields = rows[type].fields,
+            .repeats = 1,
+            .slot = -1,
+        };
+
+        if (message.name && !(motor && (int)type == dialect->host_frame)) {
+            message_visit(walk, &message);
+        }
+    }
+}
+
+void icub_visit_messages(struct message_walk *walk, int board, const struct icub_dialect *dialect)
+{
+    enum board_kind kind = walk->config->board[board].kind;
+
+    visit_discovery_reply(walk, board);
+    visit_frames(walk, board, dialect);
+    if (kind == BOARD_MOTOR) {
+        visit_commands(walk, board, ICUB_POLLING_MOTOR, dialect->commands, ICUB_MOTOR_COMMANDS,
+                       dialect->axis_bit);
+    } else {
+        visit_commands(walk, board, ICUB_POLLING_ANALOG,
+                       kind == BOARD_INERTIAL ? icub_inertial_commands : icub_strain_commands,
+                       ICUB_STRAIN_COMMANDS, false);
+    }
+    visit_management(walk, board);
+}
+
+/* ---- fields ---- */
+
+const struct board_config *icub_message_board(const struct boards_config *config,
+                                              const struct message *message)
+{
+    int board = message->from_host ? message->receiver : message->sender;
+
+    return board == MESSAGE_NO_BOARD ? NULL : &config->board[board];
+}
+
+void icub_describe_channel(const struct boards_config *config, const struct message_field *field,
+                           struct field_subject *subject)
+{
+    const struct board_config *board = icub_message_board(config, field->message);
+    unsigned type = field->message->id & 0xf;
+
+    if (!board || board->kind == BOARD_MOTOR || field->message->id >> 8 != ICUB_PERIODIC_ANALOG ||
+        (type != ICUB_FORCE && type != ICUB_TORQUE)) {
+        return;
+    }
+
+    /* Calibrated frames: offset binary over the full scale */
+    subject->channel = field->index + (type == ICUB_TORQUE ? 3 : 0);
+    if (board->full_scale[subject->channel] > 0.0) {
+        subject->scale = board->full_scale[subject->channel] / ICUB_STRAIN_ZERO;
+        subject->offset = -board->full_scale[subject->channel];
+        subject->unit = board->kind == BOARD_FT && subject->channel < 3 ? "N" : "Nm";
+    }
+}
+
+/* ---- load ---- */
+
+/* STRAIN: forces and torques; inertial: what the host asks for, acceleration, rate, quaternion. */
+void icub_visit_sensor_load(struct load_walk *walk, const struct board_config *board)
+{
+    bool inertial = board->kind == BOARD_INERTIAL;
+
+    for (int i = 0; i < (inertial ? 3 : 2); i++) {
+        load_visit(walk, inertial ? ICUB_INERTIAL_LENGTH : ICUB_STRAIN_LENGTH,
+                   load_period_s(walk, board->period_ns));
+    }
+}
+
+/* ---- identifiers, words, boards ---- */
+
+bool icub_claims_id(const struct boards_bus_config *bus, uint32_t id, char *text, size_t size)
+{
+    unsigned cls = id >> 8;
+
+    (void)bus;
+    snprintf(text, size, "the boards, expected one from 0x400 to 0x6ff");
+    return cls == ICUB_POLLING_MOTOR || cls == ICUB_PERIODIC_MOTOR || cls == ICUB_POLLING_ANALOG ||
+           cls == ICUB_PERIODIC_ANALOG || cls == ICUB_MANAGEMENT;
+}
+
+const char *icub_mode_name(uint32_t mode)
+{
+    static const struct {
+        uint32_t mode;
+        const char *name;
+    } names[] = {
+        {ICUB_MODE_IDLE, "idle"},
+        {ICUB_MODE_POSITION, "position"},
+        {ICUB_MODE_VELOCITY, "velocity"},
+        {ICUB_MODE_TORQUE, "torque"},
+        {ICUB_MODE_IMPEDANCE_POSITION, "impedance position"},
+        {ICUB_MODE_IMPEDANCE_VELOCITY, "impedance velocity"},
+        {ICUB_MODE_CURRENT, "current"},
+        {ICUB_MODE_MIXED, "mixed"},
+        {ICUB_MODE_DIRECT, "direct position"},
+        {ICUB_MODE_SPEED_VOLTAGE, "speed (voltage)"},
+        {ICUB_MODE_SPEED_CURRENT, "speed (current)"},
+        {ICUB_MODE_NOT_CONFIGURED, "not configured"},
+        {ICUB_MODE_OPEN_LOOP, "voltage"},
+        {ICUB_MODE_CALIBRATION, "calibration"},
+        {ICUB_MODE_HARDWARE_FAULT, "hardware fault"},
+    };
+
+    for (size_t i = 0; i < ARRAY_COUNT(names); i++) {
+        if (names[i].mode == mode) {
+            return names[i].name;
+        }
+    }
+    return "unknown";
+}
+
+struct board *icub_make_sensor(const struct board_config *config, struct arena *arena)
+{
+    return config->kind == BOARD_INERTIAL ? inertial_board_create(arena)
+                                          : strain_board_create(config->kind, arena);
+}
+
+bool icub_firmware(const struct board *board, struct board_firmware *firmware)
+{
+    const struct icub_loader *loader = &icub_board_of(board)->loader;
+
+    *firmware = (struct board_firmware){loader->lines, loader->bytes, loader->crc, loader->image,
+                                        (size_t)ICUB_MEMORIES * ICUB_MEMORY_WORDS};
+    return loader->lines > 0;
+}
+
+/* The protocol of the BLL boards, icub, as a module. */
 
 /* ---- boards ---- */
 

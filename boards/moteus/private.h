@@ -51,16 +51,4 @@ static inline enum moteus_mode moteus_mode(const struct moteus_board *moteus)
     return (enum moteus_mode)moteus->value[MOTEUS_R_MODE];
 }
 
-/* Obeys a frame for the board, queues the reply and returns what became of it (server.c). */
-enum board_verdict moteus_board_serve(struct board *board, const struct bus_frame *frame);
-
-/* Puts the command that a frame has brought in force; carries out a register that acts, with the
- * value written (motor_board.c). */
-void moteus_board_command(struct board *board);
-void moteus_board_act(struct board *board, uint32_t number, double value);
-
-/* Moves the control position a millisecond on (path.c). Limits that are NaN do not exist. */
-void moteus_path_step(struct moteus_path *path, double target_velocity, double velocity_limit,
-                      double acceleration_limit);
-
 #endif

@@ -91,33 +91,9 @@ struct sensing {
     bool started;
 };
 
-/* ---- the chain (channel.c); RT-safe ---- */
+/* ---- the chain; RT-safe ---- */
 
-/* Returns what x was delay_ns ago, linear between two ticks. The newest entry of the line is
- * line[at]; the line reaches at least that far back. */
-double sensing_read_delay_line(const double *line, size_t length, size_t at, int64_t delay_ns,
-                               int64_t tick_ns);
-
-/* Moves all that a channel remembers of its input, whose zero has moved. */
-void sensing_shift_channel(struct channel *channel, double shift);
-
-/* Returns the sensor's reading of x, in the order that boards/sensing/sensing.h gives. */
-double sensing_measure_channel(const struct sensing *sensing, struct channel *channel, double x);
-
-/* ---- creation (create_channel.c); not RT-safe ---- */
-
-/* Creates channel `index`, with random streams that bear its name: they depend on the seed and
- * nothing else. ERROR_INPUT on an impossible error, ERROR_MEMORY. */
-enum error_code sensing_make_channel(struct sensing *sensing, size_t index, const char *name,
-                                     const char *what, const struct sensor_error *from,
-                                     struct sensor_device *device, struct arena *arena,
-                                     struct error *error);
-
-/* Returns the number of samples that a delay needs: the newest and those up to one beyond it. */
-size_t sensing_delay_line_length(int64_t delay_ns, int64_t tick_ns);
-
-/* Checks whether a number is finite and not negative. */
-bool sensing_is_not_negative(double value);
+/* ---- creation; not RT-safe ---- */
 
 /* ---- the number of a channel (faults/faults.h) ---- */
 

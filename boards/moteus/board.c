@@ -1,15 +1,83 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
+ * The path of the control position: at once to the command without limits, else with speed and
+ * acceleration limited, so that it arrives with the commanded velocity. A commanded position moves
+ * with the commanded velocity.
+ */
+#include "boards/moteus/private.h"
+
+#include "boards/motor_control.h"
+#include "canbus/frame.h"
+
+#include <math.h>
+#include <string.h>
+
+#define STEP_S 1e-3
+
+/* Returns a value within +-limit; NaN does not limit. */
+static double path_clamp(double value, double limit)
+{
+    return fmax(fmin(value, limit), -limit);
+}
+
+/* Returns the speed towards the target at the end of a step from which the limit still allows to
+ * arrive with it: the way of the step and the one to stop, v^2 / 2a, are the distance. */
+static double path_speed(double distance, double speed, double acceleration)
+{
+    double half = acceleration * STEP_S / 2.0;
+    double square = half * half + 2.0 * (acceleration * distance - half * speed);
+
+    return isnan(acceleration) ? distance / STEP_S : fmax(sqrt(fmax(square, 0.0)) - half, 0.0);
+}
+
+/* Moves the control position a millisecond on. Limits that are NaN do not exist. */
+static void moteus_path_step(struct moteus_path *path, double target_velocity,
+                             double velocity_limit, double acceleration_limit)
+{
+    double change = acceleration_limit * STEP_S, wanted = target_velocity, before = path->velocity;
+
+    /* Without limits the command is the path */
+    if (isnan(velocity_limit) && isnan(acceleration_limit)) {
+        path->position = isnan(path->target) ? path->position : path->target;
+        path->target = NAN;
+        path->velocity = target_velocity;
+        path->position += target_velocity * STEP_S;
+        path->done = true;
+        return;
+    }
+
+    /* The speed that leads to the target, or that is wanted, as far as the limits allow it */
+    if (!isnan(path->target)) {
+        double distance = path->target - path->position;
+
+        double speed = (before - target_velocity) * (distance < 0.0 ? -1.0 : 1.0);
+
+        wanted += copysign(path_speed(fabs(distance), speed, acceleration_limit), distance);
+        path->target += target_velocity * STEP_S;
+    }
+    wanted = path_clamp(wanted, velocity_limit);
+    path->velocity = isnan(change) ? wanted : before + path_clamp(wanted - before, change);
+    path->position += (isnan(change) ? path->velocity : (before + path->velocity) / 2.0) * STEP_S;
+
+    /* Arrived: at the speed, and where a position is wanted there */
+    change = isnan(change) ? 0.0 : change;
+    path->done = fabs(path->velocity - target_velocity) <= change + 1e-9;
+    if (!isnan(path->target)) {
+        path->done = path->done && fabs(path->target - path->position) <= change * STEP_S + 1e-9;
+        if (path->done) {
+            path->position = path->target;
+            path->velocity = path_clamp(target_velocity, velocity_limit);
+            path->target = NAN;
+        }
+    }
+}
+
+/*
  * A moteus: one motor, which does nothing until it is asked to. Modes, faults and the watchdog are
  * those of firmware 1.1.0; the loops have a step a millisecond instead of one in 1/30 ms, and the
  * current loop is that of boards/motor_control.h. Gains of the position loop are what its owner has
  * configured for the motor: damping as strong as that of its back-EMF, 40/s from position to speed.
  */
-#include "boards/moteus/private.h"
-#include "boards/motor_control.h"
-
-#include <math.h>
-#include <string.h>
 
 #define TURN (2.0 * M_PI)
 #define STEP_S 1e-3
@@ -108,7 +176,9 @@ static void moteus_apply_defaults(struct moteus_board *moteus)
     }
 }
 
-void moteus_board_command(struct board *board)
+/* Puts the command that a frame has brought in force; carries out a register that acts, with the
+ * value written. */
+static void moteus_board_command(struct board *board)
 {
     struct moteus_board *moteus = moteus_board_of(board);
     enum moteus_mode mode = (enum moteus_mode)moteus->commanded_mode;
@@ -128,7 +198,9 @@ void moteus_board_command(struct board *board)
     }
 }
 
-void moteus_board_act(struct board *board, uint32_t number, double value)
+/* Puts the command that a frame has brought in force; carries out a register that acts, with the
+ * value written. */
+static void moteus_board_act(struct board *board, uint32_t number, double value)
 {
     struct moteus_board *moteus = moteus_board_of(board);
     double shown = moteus->motor - moteus->zero, gear = board->config.axis[0].gear;
@@ -500,4 +572,289 @@ struct board *moteus_board_create(struct arena *arena)
     }
     moteus->board.ops = &moteus_ops;
     return &moteus->board;
+}
+
+/*
+ * Serves the subframes of a frame, one after the other: writes and reads of registers. What cannot
+ * be read any further ends the frame; what it has written by then counts.
+ */
+
+/* A frame under way and the reply to it. */
+struct moteus_exchange {
+    struct board *board;
+    const struct bus_frame *frame;
+    unsigned at;            /* the next byte of the frame */
+    bool commands, discard; /* a mode was written; the UUID is another one's */
+    enum board_verdict verdict;
+    bool replies; /* a reply is wanted */
+    uint8_t reply[MOTEUS_DATA_MAX];
+    unsigned used;
+};
+
+/* Reads a varuint; false: the frame ends before. */
+static bool moteus_read_varuint(struct moteus_exchange *x, uint32_t *value)
+{
+    *value = 0;
+    for (unsigned shift = 0; shift < 35 && x->at < x->frame->len; shift += 7) {
+        uint8_t byte = x->frame->data[x->at++];
+
+        *value |= (uint32_t)(byte & 0x7f) << shift;
+        if (!(byte & 0x80)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Appends a varuint to the reply; false: there is no room. */
+static bool moteus_write_varuint(struct moteus_exchange *x, uint32_t value)
+{
+    for (; x->used < MOTEUS_DATA_MAX; value >>= 7) {
+        x->reply[x->used++] = (uint8_t)((value & 0x7f) | (value > 0x7f ? 0x80 : 0));
+        if (value <= 0x7f) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Notes that a part of the frame was not obeyed, the first reason counts. */
+static void moteus_reject(struct moteus_exchange *x, enum board_verdict verdict)
+{
+    x->verdict = x->verdict == BOARD_OBEYED ? verdict : x->verdict;
+}
+
+/* Appends an error to the reply. */
+static void moteus_write_error(struct moteus_exchange *x, enum moteus_subframe subframe,
+                               uint32_t number, enum moteus_reason reason)
+{
+    unsigned used = x->used;
+
+    moteus_reject(x, reason == MOTEUS_UNKNOWN_REGISTER ? BOARD_UNKNOWN : BOARD_MALFORMED);
+    if (!moteus_write_varuint(x, subframe) || !moteus_write_varuint(x, number) ||
+        !moteus_write_varuint(x, reason)) {
+        x->used = used;
+    }
+}
+
+/* Returns whether a mode can be commanded. Those that set single phases have none here, and there
+ * is no winding whose inductance could be measured. */
+static bool moteus_has_mode(double mode)
+{
+    return mode >= 0.0 && mode < MOTEUS_MODES &&
+           !(mode >= MOTEUS_PWM && mode <= MOTEUS_VOLTAGE_FOC) && mode != MOTEUS_MEASURE_INDUCTANCE;
+}
+
+/* Begins a command with a mode: all that belongs to it has its default. The mode itself goes to the
+ * command alone, for the register shows the present one. */
+static void moteus_begin_command(struct moteus_board *moteus, double mode)
+{
+    for (size_t i = 0; i < moteus_row_count; i++) {
+        const struct moteus_row *row = &moteus_rows[i];
+
+        if (row->commanded && row->number != MOTEUS_R_MODE) {
+            moteus->value[row->number] = row->initial;
+        }
+    }
+    moteus->value[MOTEUS_R_TORQUE_FEEDFORWARD] = 0.0;
+    moteus->commanded_mode = mode;
+}
+
+/* Writes a register; the frame goes on whatever the reason is. */
+static enum moteus_reason moteus_write_register(struct moteus_exchange *x, uint32_t number,
+                                                enum moteus_type type, const uint8_t *data)
+{
+    struct moteus_board *moteus = moteus_board_of(x->board);
+    const struct moteus_row *row = moteus_find_row(number);
+    double value;
+
+    if (!row) {
+        return MOTEUS_UNKNOWN_REGISTER;
+    }
+    if (row->access == MOTEUS_R) {
+        return MOTEUS_READ_ONLY;
+    }
+    value = moteus_get(row->quantity, type, data);
+    if (number == MOTEUS_R_MODE) {
+        if (!moteus_has_mode(trunc(value))) {
+            return MOTEUS_UNKNOWN_REGISTER;
+        }
+        moteus_begin_command(moteus, trunc(value));
+        x->commands = true;
+    } else if (number >= MOTEUS_R_UUID_MASK && number < MOTEUS_R_UUID_MASK_CAPABLE) {
+        x->discard =
+            value !=
+            (double)(int32_t)(uint32_t)moteus->value[MOTEUS_R_UUID + number - MOTEUS_R_UUID_MASK];
+    } else if (row->access == MOTEUS_W) {
+        moteus_board_act(x->board, number, value);
+    } else {
+        moteus->value[row->same_as ? row->same_as : number] = value;
+    }
+    return MOTEUS_OK;
+}
+
+/* Serves a write; false: the frame ends in it, or the rest is for another controller. */
+static bool moteus_serve_write(struct moteus_exchange *x, enum moteus_type type, uint32_t count,
+                               uint32_t first)
+{
+    unsigned bytes = moteus_bytes(type);
+
+    for (uint32_t i = 0; i < count && !x->discard; i++) {
+        enum moteus_reason reason;
+
+        if (x->at + bytes > x->frame->len) {
+            return false;
+        }
+        reason = moteus_write_register(x, first + i, type, x->frame->data + x->at);
+        if (reason != MOTEUS_OK) {
+            moteus_write_error(x, MOTEUS_WRITE_ERROR, first + i, reason);
+        }
+        x->at += bytes;
+    }
+    return !x->discard;
+}
+
+/* Appends the value of a register; false: there is none, or it does not come in that type. */
+static bool moteus_reply_register(struct moteus_exchange *x, uint32_t number, enum moteus_type type)
+{
+    const struct moteus_board *moteus = moteus_board_of(x->board);
+    const struct moteus_row *row = moteus_find_row(number);
+
+    if (!row || row->access == MOTEUS_W ||
+        !moteus_put(row->quantity, type, moteus->value[row->same_as ? row->same_as : number],
+                    x->reply + x->used)) {
+        return false;
+    }
+    x->used += moteus_bytes(type);
+    return true;
+}
+
+/* Serves a read; false: an error, which ends the frame. */
+static bool moteus_serve_read(struct moteus_exchange *x, uint8_t subframe, uint32_t count,
+                              uint32_t first)
+{
+    enum moteus_type type = (enum moteus_type)(subframe & 0xc);
+    unsigned used = x->used;
+    bool room = moteus_write_varuint(x, MOTEUS_REPLY | (subframe & 0xf)) &&
+                (subframe & 3 || moteus_write_varuint(x, count)) && moteus_write_varuint(x, first);
+
+    for (uint32_t i = 0; room && i < count; i++) {
+        room = x->used + moteus_bytes(type) <= MOTEUS_DATA_MAX;
+        if (room && !moteus_reply_register(x, first + i, type)) {
+            x->used = used;
+            moteus_write_error(x, MOTEUS_READ_ERROR, first + i, MOTEUS_UNKNOWN_REGISTER);
+            return false;
+        }
+    }
+    x->used = room ? x->used : used;
+    return room;
+}
+
+/* Serves the next subframe; false: the frame cannot be read any further. */
+static bool moteus_serve_subframe(struct moteus_exchange *x)
+{
+    uint32_t subframe, count, first = 0;
+
+    if (!moteus_read_varuint(x, &subframe) ||
+        (subframe >= MOTEUS_REPLY && subframe != MOTEUS_NOP)) {
+        moteus_reject(x, BOARD_UNKNOWN);
+        return false;
+    }
+    if (subframe == MOTEUS_NOP) {
+        return true;
+    }
+    count = subframe & 3;
+    if ((count || moteus_read_varuint(x, &count)) && moteus_read_varuint(x, &first)) {
+        if (subframe < MOTEUS_READ) {
+            if (moteus_serve_write(x, (enum moteus_type)(subframe & 0xc), count, first)) {
+                return true;
+            }
+        } else if (!x->replies || moteus_serve_read(x, (uint8_t)subframe, count, first)) {
+            return true;
+        }
+    }
+    if (!x->discard) {
+        moteus_reject(x, BOARD_MALFORMED);
+    }
+    return false;
+}
+
+/* Queues the reply in the format of the request, which becomes CAN FD where it must. */
+static void moteus_queue_reply(struct moteus_exchange *x)
+{
+    uint32_t id = moteus_id(x->board->address, x->frame->id >> 8 & 0x7f);
+    uint8_t flags = x->frame->flags & (FRAME_FD | FRAME_BRS);
+    uint8_t length = frame_fd_length(x->used);
+
+    memset(x->reply + x->used, MOTEUS_NOP, length - x->used);
+    board_queue_as(
+        x->board, id,
+        (uint8_t)(flags | (length > 8 ? FRAME_FD : 0) | (id > 0x7ff ? FRAME_EXTENDED : 0)), length,
+        x->reply);
+}
+
+/* Obeys a frame for the board, queues the reply and returns what became of it. */
+static enum board_verdict moteus_board_serve(struct board *board, const struct bus_frame *frame)
+{
+    struct moteus_exchange x = {.board = board,
+                                .frame = frame,
+                                .verdict = BOARD_OBEYED,
+                                .replies = frame->id & MOTEUS_WANTS_REPLY};
+
+    while (x.at < frame->len && moteus_serve_subframe(&x)) {
+    }
+    if (x.commands && !x.discard) {
+        moteus_board_command(board);
+    }
+    if (x.replies && !x.discard) {
+        moteus_queue_reply(&x);
+    }
+    return x.verdict;
+}
+
+/* A bus of moteus controllers: finds those that a frame is for. */
+
+/* Obeys a frame for one controller, or for all of them (struct board_bus_ops). */
+static void moteus_bus_receive(struct boards *boards, struct board_bus *bus,
+                               const struct bus_frame *frame)
+{
+    unsigned destination = frame->id & 0xff;
+    bool all = destination == MOTEUS_BROADCAST;
+    enum board_verdict verdict = BOARD_OBEYED;
+    struct board *listener = NULL;
+
+    /* Above the two bytes of addresses stands a prefix, which is 0 here */
+    for (unsigned address = 1; address < BOARD_ADDRESSES && frame->id <= 0xffff; address++) {
+        struct board *board = bus->by_address[address];
+
+        if (board && (all || address == destination) && !board_is_deaf(board)) {
+            listener = board;
+            board_hear(board);
+            verdict = moteus_board_serve(board, frame);
+        }
+    }
+    boards_count_frame(boards, listener, verdict, frame);
+}
+
+/* Takes a board as it is: an address is all that it needs (struct board_bus_ops). */
+static void moteus_bus_add_board(struct board_bus *bus, struct board *board)
+{
+    (void)bus;
+    (void)board;
+}
+
+static const struct board_bus_ops moteus_bus_ops = {
+    .add_board = moteus_bus_add_board,
+    .extended = true,
+    .receive = moteus_bus_receive,
+};
+
+struct board_bus *moteus_bus_create(struct arena *arena)
+{
+    struct board_bus *bus = arena_alloc(arena, 1, sizeof *bus);
+
+    if (bus) {
+        bus->ops = &moteus_bus_ops;
+    }
+    return bus;
 }

@@ -1,0 +1,563 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The control laws of a motor board, from references to PWM (boards/icub/motor_board.c says
+ * which). */
+#include "boards/icub/motor_private.h"
+
+#include <stdio.h>
+
+/* Returns a PWM value within a limit and the full scale. */
+static int64_t pwm_clamp(int64_t value, int64_t limit)
+{
+    int64_t most = control_clamp(limit, 0, ICUB_PWM_FULL_SCALE);
+
+    return control_clamp(value, -most, most);
+}
+
+/* Returns by how many ticks the velocity reference moves in this millisecond. */
+static int64_t motor_axis_velocity_step(struct motor_axis *axis)
+{
+    const int64_t *p = axis->parameter;
+    int64_t most = p[ICUB_P_MAX_VELOCITY] > 0 ? p[ICUB_P_MAX_VELOCITY] : 0;
+    int64_t acceleration = p[ICUB_P_DESIRED_ACCELERATION];
+    int64_t target = control_clamp(p[ICUB_P_DESIRED_VELOCITY], -most, most);
+    int64_t change = target - axis->desired_velocity;
+    int64_t step;
+
+    if (acceleration > 0) {
+        change = control_clamp(change, -acceleration, acceleration);
+    }
+    axis->desired_velocity += change;
+    axis->velocity_rest += axis->desired_velocity;
+    step = control_shift_right(axis->velocity_rest, p[ICUB_P_VELOCITY_SHIFT]);
+    axis->velocity_rest -= step * (INT64_C(1) << p[ICUB_P_VELOCITY_SHIFT]);
+    return step;
+}
+
+/* Advances the position reference; it never moves (further) out of the limits. */
+static void motor_axis_advance_reference(struct motor_axis *axis)
+{
+    int64_t *p = axis->parameter;
+    int64_t step = motor_axis_moves(axis) ? trajectory_step(&axis->trajectory) : 0;
+    int64_t desired;
+
+    if (motor_axis_has_velocity(axis)) {
+        step += motor_axis_velocity_step(axis);
+    }
+    desired = axis->desired + step;
+    if (step > 0 && desired > p[ICUB_P_MAX_POSITION]) {
+        desired = axis->desired > p[ICUB_P_MAX_POSITION] ? axis->desired : p[ICUB_P_MAX_POSITION];
+        p[ICUB_P_DESIRED_VELOCITY] = 0;
+    } else if (step < 0 && desired < p[ICUB_P_MIN_POSITION]) {
+        desired = axis->desired < p[ICUB_P_MIN_POSITION] ? axis->desired : p[ICUB_P_MIN_POSITION];
+        p[ICUB_P_DESIRED_VELOCITY] = 0;
+    }
+    axis->desired = (int32_t)control_clamp(desired, INT32_MIN, INT32_MAX);
+}
+
+/* Returns the PWM of the position PID with offset and, during a move, stiction. */
+static int64_t motor_axis_position_law(struct motor_axis *axis)
+{
+    const int64_t *p = axis->parameter;
+    const struct pid_gains gains = {p[ICUB_P_POSITION_KP], p[ICUB_P_POSITION_KI],
+                                    p[ICUB_P_POSITION_KD], p[ICUB_P_POSITION_SHIFT],
+                                    p[ICUB_P_POSITION_INTEGRAL_LIMIT]};
+    int64_t pwm =
+        pid_step(&axis->position_pid, &gains, (int64_t)axis->desired - motor_axis_position(axis));
+
+    pwm += p[ICUB_P_POSITION_OFFSET];
+    if (axis->trajectory.running && axis->trajectory.target != axis->trajectory.start) {
+        pwm += axis->trajectory.target > axis->trajectory.start ? p[ICUB_P_POSITION_STICTION_UP]
+                                                                : p[ICUB_P_POSITION_STICTION_DOWN];
+    }
+    return pwm_clamp(pwm, p[ICUB_P_POSITION_LIMIT]);
+}
+
+/* Returns the PWM of the torque PID with offset. */
+static int64_t motor_axis_torque_law(struct motor_axis *axis)
+{
+    const int64_t *p = axis->parameter;
+    const struct pid_gains gains = {p[ICUB_P_TORQUE_KP], p[ICUB_P_TORQUE_KI], p[ICUB_P_TORQUE_KD],
+                                    p[ICUB_P_TORQUE_SHIFT], p[ICUB_P_TORQUE_INTEGRAL_LIMIT]};
+    int64_t pwm = pid_step(&axis->torque_pid, &gains, axis->torque_reference - axis->torque);
+
+    return pwm_clamp(pwm + p[ICUB_P_TORQUE_OFFSET], p[ICUB_P_TORQUE_LIMIT]);
+}
+
+/* Returns the PWM of the current PID. */
+static int64_t motor_axis_current_law(struct motor_axis *axis)
+{
+    const int64_t *p = axis->parameter;
+    const struct pid_gains gains = {p[ICUB_P_CURRENT_KP], p[ICUB_P_CURRENT_KI],
+                                    p[ICUB_P_CURRENT_KD], p[ICUB_P_CURRENT_SHIFT], INT16_MAX};
+
+    return pid_step(&axis->current_pid, &gains,
+                    p[ICUB_P_DESIRED_TORQUE] - motor_axis_current_ma(axis));
+}
+
+/* Returns the PWM of the impedance: a torque reference by stiffness and damping, then the torque
+ * law. */
+static int64_t motor_axis_impedance_law(struct motor_axis *axis)
+{
+    const int64_t *p = axis->parameter;
+    const struct pid_gains gains = {.kp = p[ICUB_P_STIFFNESS], .kd = p[ICUB_P_DAMPING]};
+
+    axis->torque_reference =
+        pid_step(&axis->impedance, &gains, (int64_t)axis->desired - motor_axis_position(axis)) +
+        p[ICUB_P_IMPEDANCE_OFFSET];
+    return motor_axis_torque_law(axis);
+}
+
+/* Returns the torque, in counts, of the axis's source: a STRAIN board on the bus or its own
+ * sensor. */
+static int64_t motor_axis_measured_torque(const struct board *board, const struct motor_axis *axis)
+{
+    const struct board_axis_config *config = motor_axis_config(board, axis);
+    int64_t address = axis->parameter[ICUB_P_TORQUE_SOURCE];
+    int32_t counts = 0;
+
+    if (address != 0) {
+        return icub_bus_of(board->bus)
+            ->source[address]
+            .value[axis->parameter[ICUB_P_TORQUE_CHANNEL]];
+    }
+    if (config->torque_full_scale_nm > 0.0) {
+        control_quantize(axis->torque_nm / config->torque_full_scale_nm * ICUB_STRAIN_ZERO,
+                         &counts);
+    }
+    return control_clamp(counts, INT16_MIN, INT16_MAX);
+}
+
+static bool motor_axis_is_impedance(const struct motor_axis *axis)
+{
+    if (axis->mode == ICUB_MODE_IMPEDANCE_POSITION || axis->mode == ICUB_MODE_IMPEDANCE_VELOCITY) {
+        return true;
+    }
+    return axis->parameter[ICUB_P_INTERACTION] == ICUB_COMPLIANT &&
+           (motor_axis_moves(axis) || motor_axis_has_velocity(axis) ||
+            axis->mode == ICUB_MODE_DIRECT);
+}
+
+/* Runs one millisecond: torque feedback, then the law of the mode, then the limits of the PWM. */
+void motor_axis_step(const struct board *board, struct motor_axis *axis)
+{
+    const int64_t *p = axis->parameter;
+
+    axis->torque = motor_axis_measured_torque(board, axis);
+
+    /* The law of the mode */
+    switch (axis->mode) {
+    case ICUB_MODE_OPEN_LOOP:
+        axis->output = p[ICUB_P_OPEN_LOOP];
+        break;
+    case ICUB_MODE_CURRENT:
+        axis->output = motor_axis_current_law(axis);
+        break;
+    case ICUB_MODE_TORQUE:
+        axis->torque_reference = p[ICUB_P_DESIRED_TORQUE];
+        axis->output = motor_axis_torque_law(axis);
+        break;
+    case ICUB_MODE_IDLE:
+    case ICUB_MODE_HARDWARE_FAULT:
+    case ICUB_MODE_CALIBRATION:
+        axis->output = 0;
+        break;
+    default: /* the position-like modes */
+        motor_axis_advance_reference(axis);
+        axis->output = motor_axis_is_impedance(axis) ? motor_axis_impedance_law(axis)
+                                                     : motor_axis_position_law(axis);
+        break;
+    }
+
+    /* What the bridge can do, then what the host allows */
+    axis->output = pwm_clamp(axis->output, ICUB_PWM_FULL_SCALE);
+    axis->pwm = pwm_clamp(axis->output, p[ICUB_P_PWM_LIMIT]);
+}
+
+/* The control modes of a motor board: how an axis enters each, leniently or strictly. */
+
+void motor_axis_hold_position(struct motor_axis *axis)
+{
+    axis->desired = motor_axis_position(axis);
+    axis->parameter[ICUB_P_DESIRED_POSITION] = axis->desired;
+    trajectory_stop(&axis->trajectory, axis->desired);
+}
+
+void motor_axis_reset_references(struct board *board, struct motor_axis *axis)
+{
+    int64_t now = board->boards->now_ns;
+
+    motor_axis_hold_position(axis);
+    axis->desired_velocity = axis->velocity_rest = 0;
+    pid_reset(&axis->position_pid);
+    pid_reset(&axis->torque_pid);
+    pid_reset(&axis->current_pid);
+    pid_reset(&axis->impedance);
+    axis->parameter[ICUB_P_DESIRED_VELOCITY] = 0;
+    axis->parameter[ICUB_P_DESIRED_TORQUE] = 0;
+    axis->parameter[ICUB_P_OPEN_LOOP] = 0;
+    axis->torque_reference = axis->output = axis->pwm = 0;
+    axis->voltage_ns = axis->torque_ns = axis->velocity_ns = now;
+    axis->limit_reported = false;
+}
+
+void motor_axis_set_mode(struct board *board, struct motor_axis *axis, uint8_t mode)
+{
+    if (mode != axis->mode) {
+        board_event(board, BOARD_EVENT_MODE, motor_axis_index(board, axis), axis->mode, mode);
+        axis->mode = mode;
+        motor_board_of(board)->status_due = true;
+    }
+    motor_axis_reset_references(board, axis);
+}
+
+/* Returns whether a mode drives the motor. */
+static bool motor_is_control_mode(int64_t mode)
+{
+    switch (mode) {
+    case ICUB_MODE_POSITION:
+    case ICUB_MODE_VELOCITY:
+    case ICUB_MODE_TORQUE:
+    case ICUB_MODE_IMPEDANCE_POSITION:
+    case ICUB_MODE_IMPEDANCE_VELOCITY:
+    case ICUB_MODE_CURRENT:
+    case ICUB_MODE_MIXED:
+    case ICUB_MODE_DIRECT:
+    case ICUB_MODE_OPEN_LOOP:
+        return true;
+    default:
+        return false;
+    }
+}
+
+/* Writes a text and a number to the host's log. */
+static void motor_board_print_number(struct board *board, const char *text, unsigned number)
+{
+    char line[32];
+
+    snprintf(line, sizeof line, "%s%u", text, number);
+    motor_board_print(board, line);
+}
+
+/* Switches the mode of a strict axis; the present one again changes nothing, its references
+ * neither. */
+static void motor_axis_switch_strictly(struct board *board, struct motor_axis *axis, int64_t mode)
+{
+    bool known = mode == ICUB_MODE_IDLE || mode == ICUB_MODE_HARDWARE_FAULT ||
+                 (motor_is_control_mode(mode) && mode != ICUB_MODE_CURRENT);
+
+    if (mode == axis->mode) {
+        return;
+    }
+    motor_board_print_number(board,
+                             "CMODE SET:", known ? (unsigned)mode : (unsigned)ICUB_MODE_UNKNOWN);
+    if (!known) {
+        motor_board_print(board, "UNKNOWN CONTROLMODE PID");
+    }
+    motor_axis_set_mode(board, axis, known ? (uint8_t)mode : ICUB_MODE_HARDWARE_FAULT);
+}
+
+bool motor_axis_is_owed_nothing(struct board *board, struct motor_axis *axis, bool calibrated)
+{
+    unsigned index = motor_axis_index(board, axis);
+    enum board_owed owed;
+
+    if (!board->config.strict) {
+        return true;
+    }
+    if (!motor_board_of(board)->protocol_ack) {
+        motor_board_print(board, "can protocol NOT ack");
+        owed = BOARD_OWED_PROTOCOL;
+    } else if (axis->pids != PID_HAS_ALL) {
+        motor_board_print_number(board, "PID IS NOT SET ", index);
+        owed = BOARD_OWED_PID;
+    } else if (board->config.require_calibration && !calibrated) {
+        motor_board_print_number(board, "calib failed ", index);
+        owed = BOARD_OWED_CALIBRATION;
+    } else {
+        return true;
+    }
+    board_event(board, BOARD_EVENT_OWED, index, owed, 0);
+    motor_axis_set_mode(board, axis, ICUB_MODE_HARDWARE_FAULT);
+    return false;
+}
+
+/* Obeys SET_CONTROL_MODE as the firmware does, oddities included. */
+static void motor_axis_command_mode_strictly(struct board *board, struct motor_axis *axis,
+                                             int64_t mode)
+{
+    bool stop = mode == ICUB_MODE_IDLE || mode == ICUB_MODE_FORCE_IDLE;
+
+    if (axis->mode == ICUB_MODE_HARDWARE_FAULT) {
+        if (mode == ICUB_MODE_FORCE_IDLE) {
+            motor_axis_switch_strictly(board, axis, ICUB_MODE_IDLE);
+        }
+    } else if (axis->mode == ICUB_MODE_IDLE) {
+        if (!stop && motor_axis_is_owed_nothing(board, axis, axis->calibrated)) {
+            motor_axis_switch_strictly(board, axis, mode);
+            motor_board_print_number(board, "PWM ENA:", motor_axis_index(board, axis));
+        }
+    } else if (stop) {
+        motor_board_print_number(board, "PWM DIS:", motor_axis_index(board, axis));
+        motor_axis_set_mode(board, axis, ICUB_MODE_IDLE);
+    } else {
+        motor_axis_switch_strictly(board, axis, mode);
+    }
+}
+
+bool motor_axis_command_mode(struct board *board, struct motor_axis *axis, int64_t mode)
+{
+    bool stop = mode == ICUB_MODE_IDLE || mode == ICUB_MODE_FORCE_IDLE;
+
+    if (board->config.strict) {
+        motor_axis_command_mode_strictly(board, axis, mode);
+        return true;
+    }
+    if (!stop && (!motor_is_control_mode(mode) ||
+                  (mode == ICUB_MODE_CURRENT && motor_axis_config(board, axis)->valve))) {
+        return false;
+    }
+    /* From idle into a mode; out of a fault by FORCE_IDLE only; else from mode to mode */
+    if (axis->mode == ICUB_MODE_IDLE) {
+        if (!stop) {
+            motor_axis_set_mode(board, axis, (uint8_t)mode);
+        }
+    } else if (axis->mode == ICUB_MODE_HARDWARE_FAULT) {
+        if (mode == ICUB_MODE_FORCE_IDLE) {
+            motor_axis_set_mode(board, axis, ICUB_MODE_IDLE);
+        }
+    } else {
+        motor_axis_set_mode(board, axis, stop ? ICUB_MODE_IDLE : (uint8_t)mode);
+    }
+    return true;
+}
+
+bool motor_axis_moves(const struct motor_axis *axis)
+{
+    return axis->mode == ICUB_MODE_POSITION || axis->mode == ICUB_MODE_IMPEDANCE_POSITION ||
+           axis->mode == ICUB_MODE_MIXED;
+}
+
+bool motor_axis_has_velocity(const struct motor_axis *axis)
+{
+    return axis->mode == ICUB_MODE_VELOCITY || axis->mode == ICUB_MODE_IMPEDANCE_VELOCITY ||
+           axis->mode == ICUB_MODE_MIXED;
+}
+
+/* Watches faults of a motor board's hardware, its limits and its time-outs. */
+
+enum { OVERLOAD_MS = 10 }; /* budget of over-current, see motor_board.c */
+
+/* Updates the I2t overload of an axis; returns whether it trips. */
+static bool motor_axis_is_over_current(const struct board *board, struct motor_axis *axis)
+{
+    double limit = (double)axis->parameter[ICUB_P_CURRENT_LIMIT] * 1e-3;
+    double tick_ms = (double)board->boards->tick_ns / MS;
+
+    if (!motor_runs(axis->mode)) {
+        axis->overload = 0.0;
+        return false;
+    }
+    if (limit == 0.0) {
+        return axis->current_a != 0.0;
+    }
+    if (axis->overload == 0.0 && axis->current_a * axis->current_a <= limit * limit) {
+        return false; /* which is the rule */
+    }
+    axis->overload += (axis->current_a * axis->current_a / (limit * limit) - 1.0) * tick_ms;
+    axis->overload = axis->overload > 0.0 ? axis->overload : 0.0;
+    return axis->overload > OVERLOAD_MS;
+}
+
+/* Returns the faults of the supply, which all axes of a board have together. */
+static uint8_t motor_board_supply_faults(const struct board *board)
+{
+    double supply_v = motor_board_of(board)->supply_v;
+
+    return (board_is_under_voltage(board, supply_v) ? ICUB_FAULT_UNDER_VOLTAGE : 0) |
+           (board_is_over_voltage(board, supply_v) ? ICUB_FAULT_OVER_VOLTAGE : 0);
+}
+
+/* Checks encoders and current, given the faults of the supply; a fault stops a running axis. */
+static void motor_axis_watch_faults(struct board *board, struct motor_axis *axis, uint8_t supply)
+{
+    uint8_t faults = (uint8_t)(supply | (axis->sensors_bad ? ICUB_FAULT_ABSOLUTE_ENCODER : 0));
+    uint8_t risen = faults & (uint8_t)~axis->faults;
+    bool over_current = motor_axis_is_over_current(board, axis);
+
+    axis->faults = faults;
+    /* Over-current is reported once, the others as long as they last */
+    if (over_current) {
+        axis->faults_once |= ICUB_FAULT_OVER_CURRENT;
+        risen |= ICUB_FAULT_OVER_CURRENT;
+        board->boards->counters.trips++;
+        motor_board_print(board, "OVERCURRENT");
+    }
+    if (risen) {
+        board_event(board, BOARD_EVENT_FAULT, motor_axis_index(board, axis), risen, 0);
+        motor_board_of(board)->status_due = true;
+    }
+    if (motor_runs(axis->mode) && (faults || over_current)) {
+        motor_axis_set_mode(board, axis, ICUB_MODE_HARDWARE_FAULT);
+    }
+}
+
+/* Checks the winding's temperature; above its limit a running axis stops. */
+static void motor_axis_watch_temperature(struct board *board, struct motor_axis *axis)
+{
+    int64_t limit = axis->parameter[ICUB_P_TEMPERATURE_LIMIT];
+    bool hot = !axis->thermometer_bad && limit > 0 && axis->temperature > limit;
+    uint8_t before = axis->heat;
+
+    axis->heat = (uint8_t)((hot ? ICUB_BOARD_OVER_TEMPERATURE_0 : 0) |
+                           (axis->thermometer_bad ? ICUB_BOARD_TEMPERATURE_ERROR_0 : 0));
+    if (axis->heat != before) {
+        motor_board_of(board)->status_due = true;
+    }
+    if (hot && !(before & ICUB_BOARD_OVER_TEMPERATURE_0)) {
+        board->boards->counters.trips++;
+        board_event(board, BOARD_EVENT_OVER_HEATED, motor_axis_index(board, axis),
+                    (uint32_t)axis->temperature, 0);
+        motor_board_print(board, "OVERHEATING");
+    }
+    if (hot && motor_runs(axis->mode)) {
+        motor_axis_set_mode(board, axis, ICUB_MODE_HARDWARE_FAULT);
+    }
+}
+
+/* Returns the state of the CAN controller, as STATUS byte 4 has it. */
+uint8_t motor_board_can_status(const struct board *board)
+{
+    const struct board_can_state *can = &board->can;
+
+    return (uint8_t)((can->bus_off ? ICUB_CAN_BUS_OFF : 0) |
+                     (can->tec >= BOARD_CAN_PASSIVE ? ICUB_CAN_TX_ERROR : 0) |
+                     (can->rec >= BOARD_CAN_PASSIVE ? ICUB_CAN_RX_ERROR : 0) |
+                     (can->rec >= BOARD_CAN_WARNING ? ICUB_CAN_RX_WARNING : 0));
+}
+
+/* Notes new states of the CAN controller for the next STATUS. */
+static void motor_board_watch_can(struct board *board)
+{
+    struct motor_board *motor = motor_board_of(board);
+    uint8_t now = motor_board_can_status(board);
+
+    if (now & (uint8_t)~motor->can_reported) {
+        motor->status_due = true;
+    }
+    motor->can_reported &= now;
+    motor->can |= now & (uint8_t)~motor->can_reported;
+}
+
+/* Sets a reference to 0 that was not refreshed, with an event. */
+static void motor_axis_reference_timed_out(struct board *board, struct motor_axis *axis,
+                                           enum icub_parameter reference)
+{
+    axis->parameter[reference] = 0;
+    board->boards->counters.timeouts++;
+    board_event(board, BOARD_EVENT_TIMEOUT, motor_axis_index(board, axis), axis->mode, 0);
+}
+
+/* Checks the command time-out of this simulator, a safety that the firmware (a strict board)
+ * lacks. */
+static void motor_axis_watch_references(struct board *board, struct motor_axis *axis)
+{
+    bool voltage = axis->mode == ICUB_MODE_OPEN_LOOP;
+    bool torque = axis->mode == ICUB_MODE_TORQUE || axis->mode == ICUB_MODE_CURRENT;
+    enum icub_parameter reference = voltage ? ICUB_P_OPEN_LOOP : ICUB_P_DESIRED_TORQUE;
+    int64_t age = board->boards->now_ns - (voltage ? axis->voltage_ns : axis->torque_ns);
+
+    if ((voltage || torque) && !board->config.strict && board->config.command_timeout_ns > 0 &&
+        age > board->config.command_timeout_ns && axis->parameter[reference] != 0) {
+        motor_axis_reference_timed_out(board, axis, reference);
+        motor_board_print(board, "REFERENCE TIMEOUT");
+    }
+}
+
+/* Checks the time-out of the velocity reference, as the firmware has it. */
+static void motor_axis_watch_velocity(struct board *board, struct motor_axis *axis)
+{
+    int64_t age = board->boards->now_ns - axis->velocity_ns;
+
+    if (motor_axis_has_velocity(axis) && axis->parameter[ICUB_P_DESIRED_VELOCITY] != 0 &&
+        age > axis->parameter[ICUB_P_VELOCITY_TIMEOUT] * MS) {
+        motor_axis_reference_timed_out(board, axis, ICUB_P_DESIRED_VELOCITY);
+        motor_board_print(board, "VELOCITY TIMEOUT");
+    }
+}
+
+/* Returns whether the torque source of an axis has been heard lately. */
+static bool motor_axis_source_is_alive(const struct board *board, const struct motor_axis *axis)
+{
+    int64_t address = axis->parameter[ICUB_P_TORQUE_SOURCE];
+    const struct torque_source *source = &icub_bus_of(board->bus)->source[address];
+    int64_t since = axis->source_ns;
+
+    if (address == 0) {
+        return motor_axis_config(board, axis)->torque_full_scale_nm > 0.0;
+    }
+    if (source->heard && source->time_ns > since) {
+        since = source->time_ns;
+    }
+    return board->boards->now_ns - since <= (int64_t)ICUB_STRAIN_SAFE_MS * MS;
+}
+
+/* Switches an axis off whose torque loop has lost its source. */
+static void motor_axis_watch_source(struct board *board, struct motor_axis *axis)
+{
+    if ((axis->mode == ICUB_MODE_TORQUE || motor_axis_is_impedance(axis)) &&
+        !motor_axis_source_is_alive(board, axis)) {
+        board->boards->counters.timeouts++;
+        board_event(board, BOARD_EVENT_SOURCE_LOST, motor_axis_index(board, axis),
+                    (uint32_t)axis->parameter[ICUB_P_TORQUE_SOURCE], 0);
+        motor_board_print(board, "STRAIN WATCHDOG");
+        motor_axis_set_mode(board, axis, ICUB_MODE_IDLE);
+    }
+}
+
+/* Refuses any voltage beyond a limit, even one that would lead back, as the firmware does. */
+static void motor_axis_watch_limits(struct board *board, struct motor_axis *axis)
+{
+    int32_t position = motor_axis_position(axis);
+    bool beyond = position < axis->parameter[ICUB_P_MIN_POSITION] ||
+                  position > axis->parameter[ICUB_P_MAX_POSITION];
+
+    if (!beyond) {
+        axis->limit_reported = false;
+    } else if (axis->mode == ICUB_MODE_OPEN_LOOP && axis->parameter[ICUB_P_OPEN_LOOP] != 0) {
+        axis->parameter[ICUB_P_OPEN_LOOP] = 0;
+        if (!axis->limit_reported) {
+            axis->limit_reported = true;
+            board_event(board, BOARD_EVENT_LIMIT, motor_axis_index(board, axis), (uint32_t)position,
+                        0);
+            motor_board_print(board, "OUT OF LIMITS");
+        }
+    }
+}
+
+/* Ends a calibration when its time is over: the offset makes the position that was named zero. */
+static void motor_axis_watch_calibration(struct board *board, struct motor_axis *axis)
+{
+    if (axis->mode == ICUB_MODE_CALIBRATION && board->boards->now_ns >= axis->calibrated_ns) {
+        axis->offset = -axis->calibration_zero;
+        axis->calibrated = true;
+        motor_axis_set_mode(board, axis, ICUB_MODE_IDLE);
+    }
+}
+
+void motor_board_watch(struct board *board)
+{
+    const uint8_t supply = motor_board_supply_faults(board);
+
+    motor_board_watch_can(board);
+    for (int i = 0; i < MOTOR_AXES; i++) {
+        struct motor_axis *axis = &motor_board_of(board)->axis[i];
+
+        motor_axis_watch_faults(board, axis, supply);
+        motor_axis_watch_temperature(board, axis);
+        motor_axis_watch_calibration(board, axis);
+        motor_axis_watch_source(board, axis);
+        motor_axis_watch_references(board, axis);
+        motor_axis_watch_velocity(board, axis);
+        motor_axis_watch_limits(board, axis);
+    }
+}
