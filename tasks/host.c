@@ -112,6 +112,9 @@ static enum error_code host_map_axis(struct host *host, size_t index, struct err
         return error_set(error, ERROR_INPUT, "host: joint %s shares its axis", axis->joint);
     }
     node->axis[axis->axis] = (int)index;
+    if (host->line[axis->bus].slots < HOST_SLOTS) {
+        host->line[axis->bus].slot[host->line[axis->bus].slots++] = (int)index;
+    }
     if (ops->rotor_only &&
         !(axis->drive.gear > 0 && (axis->drive.spring_nm_rad > 0 || axis->drive.valve))) {
         return error_set(error, ERROR_INPUT, "host: joint %s has no gear or no spring",
@@ -342,15 +345,7 @@ int64_t host_time_ns(const struct host *host)
 
 void host_begin_listening(struct host *host)
 {
-    /* Boards have the slots that they would name in answer to discovery: in the rig's order */
     for (size_t b = 0; b < host->config.nbus; b++) {
-        unsigned slot = 0;
-
-        for (size_t i = 0; i < host->config.naxis && slot < HOST_SLOTS; i++) {
-            if (host->config.axis[i].bus == (int)b) {
-                host->line[b].slot[slot++] = (int)i;
-            }
-        }
         for (unsigned a = 0; a < HOST_ADDRESSES; a++) {
             host->line[b].node[a].found = true;
         }

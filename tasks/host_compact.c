@@ -132,7 +132,7 @@ static void host_compact_read_identity(struct host *host, size_t bus, struct hos
 
     /* Set-points go by slot from now on */
     for (unsigned k = 0; k < HOST_AXES; k++) {
-        if (motor && node->axis[k] >= 0 && (k >= axes || line->slot[first + k] >= 0)) {
+        if (motor && node->axis[k] >= 0 && (k >= axes || line->slot[first + k] != node->axis[k])) {
             host_fail_node(host, bus, frame->id & 0x1f, "has other axes");
             return;
         }

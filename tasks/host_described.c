@@ -6,13 +6,32 @@
  * the back-EMF, its torque, and of an impedance what kp and kd, which the file gives, leave of that
  * torque at the reference.
  */
-#include "tasks/host_described.h"
+#include "tasks/host_private.h"
+
+#include "boards/described/protocol.h"
 
 #include <math.h>
 #include <string.h>
 
 _Static_assert((int)DESCRIBED_FRAMES_MAX <= HOST_ROWS && (int)DESCRIBED_SLOTS <= HOST_SLOTS,
                "counters of every row and number");
+
+/* Returns the protocol of a bus. */
+static const struct described_protocol *described_line_protocol(const struct host *host, size_t bus)
+{
+    return host->config.bus[bus].described;
+}
+
+/* Returns the kind of a board (enum described_kind); 0: none that such a protocol has. */
+static unsigned described_node_kind(const struct host_node *node)
+{
+    return node->kind == HOST_MOTOR_BOARD      ? DESCRIBED_MOTOR
+           : node->kind == HOST_FT_BOARD       ? DESCRIBED_FT
+           : node->kind == HOST_INERTIAL_BOARD ? DESCRIBED_INERTIAL
+                                               : 0;
+}
+
+/* ---- what is sent ---- */
 
 /* A frame to be filled, and what its fields may need. */
 struct described_letter {
@@ -68,30 +87,13 @@ static double described_wanted_nm(const struct host *host, size_t axis,
            kd * (described_wanted_rad_s(host, axis) - host->want[axis].motor_rad_s);
 }
 
-/* Returns the law in which the host drives: that of its state, or the one that a frame selects. */
-static enum described_law described_host_law(const struct described_protocol *protocol)
-{
-    enum described_law law = protocol->state[protocol->host.on_state].law;
-
-    for (size_t i = 0; i < protocol->host.on.count && law == DESCRIBED_SELECTED; i++) {
-        const struct described_frame *row = &protocol->frame[protocol->host.on.frame[i]];
-        int field = described_find_field(row, DESCRIBED_LAW);
-        int found = field < 0 ? -1
-                              : described_find_state(protocol->law, protocol->nlaw,
-                                                     llround(row->field[field].host), true);
-
-        law = found < 0 ? law : protocol->law[found].law;
-    }
-    return law;
-}
-
 /* Returns a set-point in SI units; the file's value (otherwise) where the task has none. Drives
  * that close a loop of speed or position make the torque themselves. */
 static double described_target(const struct host *host, const struct described_protocol *protocol,
                                size_t axis, const struct described_frame *row,
                                enum described_meaning meaning, double otherwise)
 {
-    enum described_law law = described_host_law(protocol);
+    enum described_law law = protocol->host.law;
 
     switch (meaning) {
     case DESCRIBED_TO_VOLTAGE:
@@ -116,7 +118,7 @@ static double described_target(const struct host *host, const struct described_p
 /* Returns the set-point of the state that the host commands, in counts of its field. */
 static int64_t described_set_point(const struct host *host, size_t axis,
                                    const struct described_protocol *protocol,
-                                   const struct described_frame *row, const struct field *layout,
+                                   const struct described_frame *row,
                                    const struct described_field *field)
 {
     static const enum described_meaning of_law[] = {
@@ -126,11 +128,12 @@ static int64_t described_set_point(const struct host *host, size_t axis,
         [DESCRIBED_FAULT] = DESCRIBED_NOTHING,        [DESCRIBED_SELECTED] = DESCRIBED_NOTHING,
     };
     const struct described_state *state = &protocol->state[protocol->host.on_state];
-    const struct described_field scaled = {.scale = state->set_point_scale};
+    struct described_field scaled = *field;
 
+    scaled.scale = state->set_point_scale;
+    scaled.offset = 0.0;
     return described_count(
-        layout, &scaled,
-        described_target(host, protocol, axis, row, of_law[state->law], field->host));
+        &scaled, described_target(host, protocol, axis, row, of_law[state->law], field->host));
 }
 
 /* Returns the value of the i-th field of a frame to be sent, in counts. */
@@ -139,7 +142,6 @@ static int64_t described_letter_count(const struct host *host,
                                       const struct described_letter *letter, size_t i)
 {
     const struct described_field *field = &letter->row->field[i];
-    const struct field *layout = described_layout(letter->row, i);
     /* Whose axis: the one the frame is about, or the field's own in a frame about a whole board */
     int axis =
         letter->row->of_one || !letter->node ? letter->axis : letter->node->axis[field->axis];
@@ -158,25 +160,22 @@ static int64_t described_letter_count(const struct host *host,
         return protocol->state[letter->state].value;
     /* Physical values, with the field's scale */
     case DESCRIBED_TELEMETRY_PERIOD:
-        return described_count(layout, field, (double)letter->period_ns * 1e-9);
+        return described_count(field, (double)letter->period_ns * 1e-9);
     case DESCRIBED_SET_POINT:
-        return axis < 0
-                   ? 0
-                   : described_set_point(host, (size_t)axis, protocol, letter->row, layout, field);
+        return axis < 0 ? 0 : described_set_point(host, (size_t)axis, protocol, letter->row, field);
     case DESCRIBED_TO_VOLTAGE:
     case DESCRIBED_TO_DUTY:
     case DESCRIBED_TO_CURRENT:
     case DESCRIBED_TO_TORQUE:
     case DESCRIBED_TO_VELOCITY:
     case DESCRIBED_TO_POSITION:
-        return described_count(layout, field,
-                               axis < 0
-                                   ? field->host
-                                   : described_target(host, protocol, (size_t)axis, letter->row,
-                                                      field->meaning, field->host));
+        return described_count(field, axis < 0 ? field->host
+                                               : described_target(host, protocol, (size_t)axis,
+                                                                  letter->row, field->meaning,
+                                                                  field->host));
     /* Anything else is what the file says */
     default:
-        return described_count(layout, field, field->host);
+        return described_count(field, field->host);
     }
 }
 
@@ -184,7 +183,7 @@ static int64_t described_letter_count(const struct host *host,
  * identifier. */
 static uint32_t described_fill(const struct host *host, size_t bus,
                                const struct described_letter *letter, unsigned number,
-                               uint8_t *data)
+                               unsigned part, uint8_t *data)
 {
     const struct described_protocol *protocol = described_line_protocol(host, bus);
     const struct described_frame *row = letter->row;
@@ -194,11 +193,10 @@ static uint32_t described_fill(const struct host *host, size_t bus,
         values[i] = described_letter_count(host, protocol, letter, i);
     }
     if (row->counter >= 0) {
-        values[row->counter] =
-            described_wrap(described_layout(row, (size_t)row->counter),
-                           host->line[bus].sent[row - protocol->frame][number]++);
+        values[row->counter] = described_wrap(
+            &row->field[row->counter], host->line[bus].sent[row - protocol->frame][number]++);
     }
-    return described_encode(row, number, values, data);
+    return described_encode(row, number, part, values, data);
 }
 
 /* Makes a frame; remote frames have no data. */
@@ -210,7 +208,7 @@ static struct bus_frame described_write(const struct host *host, size_t bus,
                               .len = letter->row->length};
 
     if (!letter->row->remote) {
-        frame.id = described_fill(host, bus, letter, number, frame.data);
+        frame.id = described_fill(host, bus, letter, number, 0, frame.data);
     }
     return frame;
 }
@@ -240,18 +238,11 @@ static void described_send_to_boards(struct host *host, size_t bus,
     }
 }
 
-/* Numbers the axes of a bus in the order of the rig and queues what asks who is there. */
+/* Queues what asks who is there. */
 static void host_described_discover(struct host *host, size_t bus)
 {
     const struct described_protocol *protocol = described_line_protocol(host, bus);
-    struct host_line *line = &host->line[bus];
-    unsigned slot = 0;
 
-    for (size_t i = 0; i < host->config.naxis && slot < HOST_SLOTS; i++) {
-        if (host->config.axis[i].bus == (int)bus) {
-            line->slot[slot++] = (int)i;
-        }
-    }
     for (size_t i = 0; i < protocol->host.discover.count; i++) {
         described_send_to_boards(host, bus, &protocol->frame[protocol->host.discover.frame[i]]);
     }
@@ -284,18 +275,18 @@ static bool host_described_request(const struct host *host, size_t bus, unsigned
     return false;
 }
 
-/* Notes that a motor is switched; its frames are queued at the end of the period. */
+/* Notes the slot of a motor that is switched; its frames are queued at the end of the period. */
 static void host_described_set_motor(struct host *host, size_t axis, bool on)
 {
-    host->want[axis].on = on;
-    host->want[axis].switch_on = on;
-    host->want[axis].switch_off = !on;
-}
+    struct host_line *line = &host->line[host->config.axis[axis].bus];
 
-/* Returns whether an axis was switched on (or off) in this period. */
-static bool described_is_switched(const struct host *host, int axis, bool on)
-{
-    return axis >= 0 && (on ? host->want[axis].switch_on : host->want[axis].switch_off);
+    host->want[axis].on = on;
+    for (unsigned slot = 0; slot < line->slots; slot++) {
+        if (line->slot[slot] == (int)axis) {
+            *(on ? &line->slots_on : &line->slots_off) |= UINT32_C(1) << slot;
+            *(on ? &line->slots_off : &line->slots_on) &= ~(UINT32_C(1) << slot);
+        }
+    }
 }
 
 /* Queues a frame about one axis, or about its board, which gets it with its first axis. */
@@ -322,22 +313,17 @@ static void described_send_to_axis(struct host *host, size_t bus, const struct d
     host_queue(host, bus, &frame);
 }
 
-/* Queues what switches motors in this period: one frame where a field selects axes, else one for
- * each. */
-static void described_send_switches(struct host *host, size_t bus, bool on)
+/* Queues what switches motors, a set of slots, on or off, and empties the set: one frame where a
+ * field selects axes, else one for each. */
+static void described_send_switches(struct host *host, size_t bus, bool on, uint32_t *slots)
 {
     const struct described_protocol *protocol = described_line_protocol(host, bus);
     const struct described_list *list = on ? &protocol->host.on : &protocol->host.off;
-    const struct host_line *line = &host->line[bus];
     int state = on ? protocol->host.on_state : protocol->host.off_state;
-    uint32_t slots = 0;
 
-    for (unsigned slot = 0; slot < HOST_SLOTS; slot++) {
-        slots |= (uint32_t)described_is_switched(host, line->slot[slot], on) << slot;
-    }
-    for (size_t i = 0; i < list->count && slots; i++) {
+    for (size_t i = 0; i < list->count && *slots; i++) {
         const struct described_letter letter = {
-            .row = &protocol->frame[list->frame[i]], .axis = -1, .state = state, .slots = slots};
+            .row = &protocol->frame[list->frame[i]], .axis = -1, .state = state, .slots = *slots};
 
         if (described_find_field(letter.row, DESCRIBED_SLOTS_MASK) >= 0) {
             struct bus_frame frame = described_write(host, bus, &letter, 0);
@@ -345,12 +331,13 @@ static void described_send_switches(struct host *host, size_t bus, bool on)
             host_queue(host, bus, &frame);
             continue;
         }
-        for (unsigned slot = 0; slot < HOST_SLOTS; slot++) {
-            if (slots >> slot & 1) {
+        for (unsigned slot = 0; slot < host->line[bus].slots; slot++) {
+            if (*slots >> slot & 1) {
                 described_send_to_axis(host, bus, letter.row, slot, state);
             }
         }
     }
+    *slots = 0;
 }
 
 /* Queues the set-points of a group of axes in one frame, as far as there are axes. */
@@ -361,14 +348,12 @@ static void described_send_group(struct host *host, size_t bus, const struct des
     struct bus_frame frame = {.id = described_id(row, first / row->repeats), .flags = row->flags};
     unsigned bytes = 0;
 
-    for (unsigned k = 0; k < row->repeats && first + k < HOST_SLOTS; k++) {
+    for (unsigned k = 0; k < row->repeats && first + k < host->line[bus].slots; k++) {
         const struct described_letter letter = {
             .row = row, .axis = host->line[bus].slot[first + k], .state = protocol->host.on_state};
 
-        if (letter.axis >= 0) {
-            described_fill(host, bus, &letter, first / row->repeats, frame.data + k * row->length);
-            bytes = (k + 1) * row->length;
-        }
+        described_fill(host, bus, &letter, first / row->repeats, k, frame.data);
+        bytes = (k + 1) * row->length;
     }
     frame.len = row->flags & FRAME_FD ? frame_fd_length(bytes) : (uint8_t)bytes;
     if (frame.len > 0) {
@@ -380,28 +365,286 @@ static void described_send_group(struct host *host, size_t bus, const struct des
 static void host_described_end_period(struct host *host, size_t bus)
 {
     const struct described_protocol *protocol = described_line_protocol(host, bus);
-    const struct host_line *line = &host->line[bus];
+    struct host_line *line = &host->line[bus];
 
-    described_send_switches(host, bus, false);
-    described_send_switches(host, bus, true);
-    /* Each switch is sent once */
-    for (unsigned slot = 0; slot < HOST_SLOTS; slot++) {
-        if (line->slot[slot] >= 0) {
-            host->want[line->slot[slot]].switch_on = host->want[line->slot[slot]].switch_off =
-                false;
-        }
-    }
+    described_send_switches(host, bus, false, &line->slots_off);
+    described_send_switches(host, bus, true, &line->slots_on);
+
     /* Set-points, by group or by axis as the file says */
     for (size_t i = 0; i < protocol->host.command.count && line->driving; i++) {
         const struct described_frame *row = &protocol->frame[protocol->host.command.frame[i]];
 
-        for (unsigned slot = 0; slot < HOST_SLOTS;
+        for (unsigned slot = 0; slot < line->slots;
              slot += row->by == DESCRIBED_BY_GROUP ? row->repeats : 1) {
             if (row->by == DESCRIBED_BY_GROUP) {
                 described_send_group(host, bus, row, slot);
-            } else if (line->slot[slot] >= 0) {
+            } else {
                 described_send_to_axis(host, bus, row, slot, protocol->host.on_state);
             }
+        }
+    }
+}
+
+/* ---- what arrives ---- */
+
+/* A frame from a board: its row in the description, its board and axis, its fields. */
+struct described_news {
+    const struct described_frame *row;
+    struct host_node *node;
+    int axis; /* axis of the board, 0 to HOST_AXES - 1 */
+    int64_t values[DESCRIBED_FIELDS_MAX];
+};
+
+/* Finds the board and axis that a frame is from, by the number in its identifier or by a field.
+ * Returns false when they are none of ours. */
+static bool described_find_node(const struct host *host, struct host_line *line, unsigned number,
+                                struct described_news *news)
+{
+    int field;
+
+    news->axis = 0;
+    /* The identifier tells the address, or the axis of the bus; otherwise a field does */
+    switch (news->row->by) {
+    case DESCRIBED_BY_ADDRESS:
+        news->node = &line->node[number];
+        break;
+    case DESCRIBED_BY_SLOT:
+        if (line->slot[number] < 0) {
+            return false;
+        }
+        news->node = &line->node[host->config.axis[line->slot[number]].address];
+        news->axis = host->config.axis[line->slot[number]].axis;
+        break;
+    default:
+        field = described_find_field(news->row, DESCRIBED_ADDRESS);
+        if (field < 0 || news->values[field] < 1 || news->values[field] >= HOST_ADDRESSES) {
+            return false;
+        }
+        news->node = &line->node[news->values[field]];
+        break;
+    }
+    /* A field may say which axis of the board it is */
+    field = described_find_field(news->row, DESCRIBED_AXIS);
+    if (field >= 0) {
+        news->axis = news->values[field] < HOST_AXES ? (int)news->values[field] : 0;
+    }
+    return described_node_kind(news->node) & news->row->of;
+}
+
+/* Finds the row of the description that a frame matches, with its board. Returns false when
+ * there is none. */
+static bool host_described_identify(const struct host *host, struct host_line *line, size_t bus,
+                                    const struct bus_frame *frame, struct described_news *news)
+{
+    const struct described_protocol *protocol = described_line_protocol(host, bus);
+
+    for (uint64_t rows = described_rows(protocol, frame, false); rows; rows &= rows - 1) {
+        unsigned number;
+
+        news->row = &protocol->frame[__builtin_ctzll(rows)];
+        if (described_number(news->row, frame->id, frame->flags & FRAME_EXTENDED, &number) &&
+            described_match_frame(news->row, frame, news->values) == DESCRIBED_IS &&
+            described_find_node(host, line, number, news)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Returns whether a frame answers one of a list, as sent to boards of that kind. */
+static bool described_is_answer(const struct described_protocol *protocol,
+                                const struct described_list *list, unsigned kind,
+                                const struct described_frame *row)
+{
+    for (size_t i = 0; i < list->count; i++) {
+        int reply = protocol->frame[list->frame[i]].reply[kind >> 1];
+
+        if (reply >= 0 && &protocol->frame[reply] == row) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Translates a state of the protocol into the state of a motor. */
+static void described_read_state(const struct described_protocol *protocol,
+                                 struct host_joint *joint, int64_t value)
+{
+    int state = described_find_state(protocol->state, protocol->nstate, value, false);
+    enum described_law law = state < 0 ? DESCRIBED_SELECTED : protocol->state[state].law;
+
+    joint->motor = law == DESCRIBED_OFF               ? HOST_MOTOR_OFF
+                   : law == DESCRIBED_FAULT           ? HOST_MOTOR_FAULT
+                   : state == protocol->host.on_state ? HOST_MOTOR_ON
+                                                      : HOST_MOTOR_OTHER;
+}
+
+/* Sets a motor to fault that is off and tells of a fault, where the protocol has no state of its
+ * own for that. */
+static void described_judge_fault(const struct described_protocol *protocol,
+                                  struct host_joint *joint)
+{
+    if (joint->motor == HOST_MOTOR_OFF && protocol->fault_state == protocol->off_state &&
+        joint->fault & DESCRIBED_FATAL) {
+        joint->motor = HOST_MOTOR_FAULT;
+    }
+}
+
+/* Takes the rotor's angle. Computes the link's from the torque of the spring and the rate by
+ * difference where no frame tells them. */
+static void described_read_position(struct host *host, const struct described_protocol *protocol,
+                                    size_t axis, double rad, bool tells_speed)
+{
+    struct host_joint *joint = &host->joint[axis];
+    const struct host_drive *drive = &host->config.axis[axis].drive;
+    double span_s = (double)(host->now_ns - joint->motor_time_ns) * 1e-9;
+
+    if (!tells_speed && joint->motor_time_ns >= 0 && span_s > 0.0) {
+        host->want[axis].motor_rad_s = (rad - joint->motor_rad) / span_s;
+    }
+    joint->motor_rad = rad;
+    joint->motor_time_ns = host->now_ns;
+    if (!protocol->tells[DESCRIBED_LINK_POSITION] && !protocol->tells[DESCRIBED_DEFLECTION]) {
+        joint->joint_rad =
+            rad - (drive->spring_nm_rad > 0.0 ? joint->torque_nm / drive->spring_nm_rad : 0.0);
+        joint->joint_time_ns = host->now_ns;
+    }
+    if (!protocol->tells[DESCRIBED_STATE]) {
+        joint->motor = host->want[axis].on ? HOST_MOTOR_ON : HOST_MOTOR_OFF;
+    }
+}
+
+/* Takes one field of a frame from a motor board. */
+static void described_read_motor_field(struct host *host, const struct described_protocol *protocol,
+                                       const struct described_news *news, size_t field)
+{
+    const struct described_field *of = &news->row->field[field];
+    unsigned k = (unsigned)news->axis + of->axis;
+    struct host_joint *joint = k < HOST_AXES ? host_node_joint(host, news->node, (int)k) : NULL;
+    double value = described_value(of, news->values[field]);
+    int motor;
+
+    if (!joint) {
+        return;
+    }
+    /* Angles: of the rotor, of the link, or the deflection between them */
+    switch (of->meaning) {
+    case DESCRIBED_MOTOR_POSITION:
+        described_read_position(host, protocol, (size_t)news->node->axis[k], value,
+                                protocol->tells[DESCRIBED_MOTOR_VELOCITY]);
+        break;
+    case DESCRIBED_LINK_POSITION:
+        joint->joint_rad = value;
+        joint->joint_time_ns = host->now_ns;
+        if (!protocol->tells[DESCRIBED_MOTOR_POSITION]) {
+            described_read_position(host, protocol, (size_t)news->node->axis[k], value,
+                                    protocol->tells[DESCRIBED_MOTOR_VELOCITY]);
+        }
+        break;
+    case DESCRIBED_DEFLECTION:
+        motor = described_find_field(news->row, DESCRIBED_MOTOR_POSITION);
+        joint->joint_rad =
+            described_value(&news->row->field[motor], news->values[motor] - news->values[field]);
+        joint->joint_time_ns = host->now_ns;
+        break;
+    /* Rate, current and torque */
+    case DESCRIBED_MOTOR_VELOCITY:
+        host->want[news->node->axis[k]].motor_rad_s = value;
+        break;
+    case DESCRIBED_AXIS_CURRENT:
+        joint->current_a = value;
+        break;
+    case DESCRIBED_AXIS_TORQUE:
+    case DESCRIBED_DRIVE_TORQUE:
+        joint->torque_nm = value;
+        joint->torque_time_ns = host->now_ns;
+        break;
+    /* States and faults, which depend on each other */
+    case DESCRIBED_STATE:
+        described_read_state(protocol, joint, news->values[field]);
+        described_judge_fault(protocol, joint);
+        break;
+    case DESCRIBED_FAULTS:
+        joint->fault = described_known_faults(protocol, news->values[field]);
+        described_judge_fault(protocol, joint);
+        break;
+    default:
+        break;
+    }
+}
+
+/* Takes one field of a frame from a force-torque board: a channel, N or N m, or its overflow. */
+static void described_read_force(struct host *host, const struct described_news *news, size_t field)
+{
+    struct host_force *force = &host->force[news->node->ft];
+    const struct described_field *of = &news->row->field[field];
+    double value = described_value(of, news->values[field]);
+    int channel = (int)of->meaning - DESCRIBED_FT_CHANNEL;
+
+    if (of->meaning == DESCRIBED_SATURATED) {
+        force->overflow = news->values[field] != 0;
+    } else if (channel >= 0 && channel < 3) {
+        force->force_n[channel] = value;
+        force->force_time_ns = host->now_ns;
+    } else if (channel >= 3 && channel < HOST_CHANNELS) {
+        force->torque_nm[channel - 3] = value;
+        force->torque_time_ns = host->now_ns;
+    }
+}
+
+/* Takes one field of a frame from an inertial board. */
+static void described_read_motion(struct host *host, const struct described_news *news,
+                                  size_t field)
+{
+    const struct described_field *of = &news->row->field[field];
+    double value = described_value(of, news->values[field]);
+    struct host_motion *motion = &host->motion;
+
+    if (of->meaning >= DESCRIBED_ACCELERATION && of->meaning < DESCRIBED_RATE) {
+        motion->acceleration_m_s2[of->meaning - DESCRIBED_ACCELERATION] = value;
+        motion->acceleration_time_ns = host->now_ns;
+    } else if (of->meaning >= DESCRIBED_RATE && of->meaning < DESCRIBED_QUATERNION) {
+        motion->rate_rad_s[of->meaning - DESCRIBED_RATE] = value;
+        motion->rate_time_ns = host->now_ns;
+    } else if (of->meaning >= DESCRIBED_QUATERNION && of->meaning < DESCRIBED_MAGNETIC) {
+        motion->quaternion[of->meaning - DESCRIBED_QUATERNION] = value;
+        motion->quaternion_time_ns = host->now_ns;
+    }
+}
+
+/* Reads a frame that has arrived (struct host_ops). */
+static void host_described_read(struct host *host, size_t bus, const struct bus_frame *frame)
+{
+    const struct described_protocol *protocol = described_line_protocol(host, bus);
+    struct host_line *line = &host->line[bus];
+    struct described_news news;
+
+    if (!host_described_identify(host, line, bus, frame, &news)) {
+        return;
+    }
+
+    /* The start-up */
+    if (protocol->host.discover.count == 0 ||
+        described_is_answer(protocol, &protocol->host.discover, described_node_kind(news.node),
+                            news.row)) {
+        news.node->found = true;
+    }
+    if (news.node->answered < news.node->requested &&
+        described_is_answer(protocol, &protocol->host.configure, described_node_kind(news.node),
+                            news.row)) {
+        news.node->answered = news.node->requested;
+    }
+
+    /* What it tells */
+    for (size_t i = 0; i < news.row->nread; i++) {
+        size_t field = news.row->read[i];
+
+        if (news.node->kind == HOST_MOTOR_BOARD) {
+            described_read_motor_field(host, protocol, &news, field);
+        } else if (news.node->kind == HOST_FT_BOARD) {
+            described_read_force(host, &news, field);
+        } else {
+            described_read_motion(host, &news, field);
         }
     }
 }

@@ -50,11 +50,11 @@ struct host_node {
     int64_t control_due_ns; /* time to repeat controlwords that have not been obeyed */
 };
 
-/* described: the reference of an axis, its switches and measured rate. */
+/* described, moteus: the reference of an axis, its switch and measured rate. */
 struct host_want {
-    double rad, rad_s;              /* reference; that of the motor until there is one */
-    bool referred;                  /* there is one */
-    bool on, switch_on, switch_off; /* switched in this period */
+    double rad, rad_s;   /* reference; that of the motor until there is one */
+    bool referred;       /* there is one */
+    bool on, switch_off; /* switch_off: in this period */
     double motor_rad_s;
 };
 
@@ -63,9 +63,10 @@ struct host_line {
     struct host_node node[HOST_ADDRESSES];
     struct bus_frame queue[HOST_QUEUE];
     size_t queued;
-    bool done;                    /* DONE of the present tick has come (lockstep) */
-    bool driving;                 /* motors were switched on: set-points go out every period */
-    int slot[HOST_SLOTS];         /* set-points by slot: host axis, -1 = none */
+    bool done;            /* DONE of the present tick has come (lockstep) */
+    bool driving;         /* motors were switched on: set-points go out every period */
+    int slot[HOST_SLOTS]; /* its axes, in the order of the rig: host axis, -1 = none */
+    unsigned slots;
     uint32_t slots_on, slots_off; /* switched in this period */
     uint32_t (*sent)[HOST_SLOTS]; /* described: frames with a counter, by row and number */
     int64_t targets_due_ns;       /* foc, cia402: of the next set-points */

@@ -38,34 +38,31 @@ static bool described_values_exist(const struct described_protocol *protocol,
                                    const struct described_arrival *a)
 {
     /* States, laws and parameters must be in their lists, a period in its range */
-    for (size_t i = 0; i < a->row->nfield; i++) {
+    for (size_t i = 0; i < a->row->nfield && a->row->checked; i++) {
         const struct described_field *field = &a->row->field[i];
+        bool exists = true;
         double value;
 
         switch (field->meaning) {
         case DESCRIBED_STATE:
-            if (described_find_state(protocol->state, protocol->nstate, a->values[i], true) < 0) {
-                return false;
-            }
+            exists =
+                described_find_state(protocol->state, protocol->nstate, a->values[i], true) >= 0;
             break;
         case DESCRIBED_LAW:
-            if (described_find_state(protocol->law, protocol->nlaw, a->values[i], true) < 0) {
-                return false;
-            }
+            exists = described_find_state(protocol->law, protocol->nlaw, a->values[i], true) >= 0;
             break;
         case DESCRIBED_PARAMETER:
-            if (!described_parameter_exists(protocol, a->row, a->values[i])) {
-                return false;
-            }
+            exists = described_parameter_exists(protocol, a->row, a->values[i]);
             break;
         case DESCRIBED_TELEMETRY_PERIOD:
-            value = described_value(described_layout(a->row, i), field, a->values[i]);
-            if (!(value >= 0.0 && value <= DESCRIBED_PERIOD_MAX_MS * 1e-3)) {
-                return false;
-            }
+            value = described_value(field, a->values[i]);
+            exists = value >= 0.0 && value <= DESCRIBED_PERIOD_MAX_MS * 1e-3;
             break;
         default:
             break;
+        }
+        if (!exists) {
+            return false;
         }
     }
     return true;
@@ -79,13 +76,13 @@ static bool described_identify(const struct described_protocol *protocol,
     bool empty = !remote && a->frame->len == 0;
 
     a->row = NULL;
-    for (size_t i = 0; i < protocol->nframe; i++) {
-        const struct described_frame *row = &protocol->frame[i];
+    /* Rows from the host with this identifier, in the order of the file */
+    for (uint64_t rows = described_rows(protocol, a->frame, true); rows; rows &= rows - 1) {
+        const struct described_frame *row = &protocol->frame[__builtin_ctzll(rows)];
         enum described_match match;
         unsigned number;
 
-        /* Rows from the host with this identifier, in the order of the file */
-        if (!row->from_host || (row->remote != remote && !(row->or_empty && empty)) ||
+        if ((row->remote != remote && !(row->or_empty && empty)) ||
             !described_number(row, a->frame->id, extended, &number)) {
             continue;
         }
@@ -108,35 +105,31 @@ static bool described_identify(const struct described_protocol *protocol,
     return a->row;
 }
 
-/* Returns whether the fields of the frame select an axis. */
-static bool described_is_selected(const struct described_arrival *a, const struct board *board,
-                                  unsigned axis)
+/* Returns whether a frame has a field of a meaning with another value. */
+static bool described_differs(const struct described_arrival *a, enum described_meaning meaning,
+                              int64_t value)
 {
-    unsigned slot = described_node_of(board)->first_slot + axis;
+    int field = described_find_field(a->row, meaning);
 
-    for (size_t i = 0; i < a->row->nfield && a->verdict != BOARD_MALFORMED; i++) {
-        switch (a->row->field[i].meaning) {
-        case DESCRIBED_SLOTS_MASK:
-            if (described_node_of(board)->axes == 0 || slot >= DESCRIBED_SLOTS ||
-                !(a->values[i] >> slot & 1)) {
-                return false;
-            }
-            break;
-        case DESCRIBED_ADDRESS:
-            if (a->values[i] != board->address) {
-                return false;
-            }
-            break;
-        case DESCRIBED_AXIS:
-            if (a->values[i] != axis) {
-                return false;
-            }
-            break;
-        default:
-            break;
-        }
+    return field >= 0 && a->values[field] != value;
+}
+
+/* Returns whether the fields of the frame select an axis. */
+static bool described_is_selected(const struct described_arrival *a,
+                                  const struct described_node *node, unsigned axis)
+{
+    int slots = described_find_field(a->row, DESCRIBED_SLOTS_MASK);
+    unsigned slot = node->first_slot + axis;
+
+    if (a->verdict == BOARD_MALFORMED) {
+        return true;
     }
-    return true;
+    if (slots >= 0 &&
+        (node->axes == 0 || slot >= DESCRIBED_SLOTS || !(a->values[slots] >> slot & 1))) {
+        return false;
+    }
+    return !described_differs(a, DESCRIBED_ADDRESS, node->board.address) &&
+           !described_differs(a, DESCRIBED_AXIS, axis);
 }
 
 /* Returns whether the counter of a frame repeats that of the frame before. Frames that were lost
@@ -154,61 +147,55 @@ static bool described_is_stuck(struct described_bus *bus, const struct described
 }
 
 /* Sets the telemetry period that the frame carries, if any. */
-static void described_obey_period(struct board *board, const struct described_arrival *a)
+static void described_obey_period(struct described_node *node, const struct described_arrival *a)
 {
     int field = described_find_field(a->row, DESCRIBED_TELEMETRY_PERIOD);
     int32_t period_ms = 0;
 
     if (field >= 0) {
-        control_quantize(described_value(described_layout(a->row, (size_t)field),
-                                         &a->row->field[field], a->values[field]) *
-                             1e3,
+        control_quantize(described_value(&a->row->field[field], a->values[field]) * 1e3,
                          &period_ms);
-        described_node_set_period(described_node_of(board), period_ms);
+        described_node_set_period(node, period_ms);
     }
 }
 
 /* Obeys a frame for axes of a board from first on; sensors have none and listen as one. */
-static void described_board_receive(struct board *board, unsigned first, unsigned count,
+static void described_board_receive(struct described_node *node, unsigned first, unsigned count,
                                     struct described_arrival *a)
 {
-    struct described_node *node = described_node_of(board);
+    int reply = a->row->reply[described_kind_index(node->kind)];
     bool replied = false, obeyed = false;
 
-    if (!(a->row->of & node->ops->kind)) {
+    if (!(a->row->of & node->kind)) {
         return;
     }
     /* Axes that the frame selects obey it */
     for (unsigned axis = first; axis < first + count; axis++) {
-        bool each;
-
-        if (!described_is_selected(a, board, axis)) {
+        if (!described_is_selected(a, node, axis)) {
             continue;
         }
-        a->listener = board;
-        board_hear(board);
+        a->listener = &node->board;
+        board_hear(&node->board);
         if (a->verdict != BOARD_OBEYED) {
             continue;
         }
         if (!obeyed) {
-            described_obey_period(board, a);
+            described_obey_period(node, a);
             obeyed = true;
         }
         if (axis < node->axes) {
-            a->refused = !described_axis_obey(board, axis, a->row, a->values) || a->refused;
+            a->refused = !described_axis_obey(node, axis, a->row, a->values) || a->refused;
         }
 
         /* An answer by slot comes of each axis, others once a board */
-        each = a->row->reply[node->ops->kind >> 1] >= 0 &&
-               node->protocol->frame[a->row->reply[node->ops->kind >> 1]].by == DESCRIBED_BY_SLOT;
-        if (!replied || each) {
+        if (reply >= 0 && (!replied || node->protocol->frame[reply].by == DESCRIBED_BY_SLOT)) {
             described_node_reply(node, axis, a->row, a->values);
             replied = true;
         }
     }
     /* A restart follows once all axes have obeyed */
     if (obeyed && a->row->restart) {
-        board_enter_bootloader(board, board->config.boot_ns);
+        board_enter_bootloader(&node->board, node->board.config.boot_ns);
     }
 }
 
@@ -218,7 +205,7 @@ static void described_read_part(const struct described_protocol *protocol,
 {
     const struct described_frame *row = a->row;
 
-    fields_decode(row->layout, a->frame->data + part * row->length, row->length, a->values);
+    described_decode(row, a->frame, part, a->values);
     a->verdict = !described_has_constants(row, a->values) ? BOARD_UNKNOWN
                  : !described_values_exist(protocol, a)   ? BOARD_MALFORMED
                                                           : BOARD_OBEYED;
@@ -239,15 +226,15 @@ static void described_bus_receive_group(struct described_bus *bus, struct descri
     /* Bytes behind the last repetition are padding of CAN FD */
     count = count < row->repeats ? count : row->repeats;
     for (unsigned k = 0; k < count && first + k < bus->slots; k++) {
-        struct board *board = &bus->slot[first + k].motor->node.board;
+        struct described_node *node = bus->slot[first + k].node;
 
-        if (board_is_deaf(board)) {
+        if (board_is_deaf(&node->board)) {
             continue;
         }
         if (whole == BOARD_OBEYED) {
             described_read_part(bus_protocol(bus), a, k);
         }
-        described_board_receive(board, bus->slot[first + k].axis, 1, a);
+        described_board_receive(node, bus->slot[first + k].axis, 1, a);
         if (a->verdict != BOARD_OBEYED) {
             verdict = a->verdict;
             wrong = a->listener;
@@ -256,7 +243,7 @@ static void described_bus_receive_group(struct described_bus *bus, struct descri
     a->verdict = verdict;
     a->listener = wrong ? wrong : a->listener;
     if (count == 0 && first < bus->slots) {
-        a->listener = &bus->slot[first].motor->node.board;
+        a->listener = &bus->slot[first].node->board;
     }
 }
 
@@ -268,9 +255,9 @@ static void described_bus_receive_all(struct described_bus *bus, struct describe
         bool meant = a->row->by == DESCRIBED_BY_NONE || a->number == address;
 
         if (board && meant && !board_is_deaf(board)) {
-            unsigned axes = described_node_of(board)->axes;
+            struct described_node *node = described_node_of(board);
 
-            described_board_receive(board, 0, axes ? axes : 1, a);
+            described_board_receive(node, 0, node->axes ? node->axes : 1, a);
         }
     }
 }
@@ -292,9 +279,10 @@ static void described_bus_receive(struct boards *boards, struct board_bus *of,
     if (a.row->by == DESCRIBED_BY_GROUP) {
         described_bus_receive_group(bus, &a);
     } else if (a.row->by == DESCRIBED_BY_SLOT) {
-        if (a.number < bus->slots && !board_is_deaf(&bus->slot[a.number].motor->node.board)) {
-            described_board_receive(&bus->slot[a.number].motor->node.board,
-                                    bus->slot[a.number].axis, 1, &a);
+        const struct described_slot *slot = &bus->slot[a.number];
+
+        if (a.number < bus->slots && !board_is_deaf(&slot->node->board)) {
+            described_board_receive(slot->node, slot->axis, 1, &a);
         }
     } else {
         described_bus_receive_all(bus, &a);
@@ -328,7 +316,7 @@ static void described_bus_add_board(struct board_bus *bus, struct board *board)
 
     for (unsigned i = 0; i < board_config_axes(&board->config); i++) {
         described->slot[described->slots++] =
-            (struct described_slot){.motor = described_motor_of(board), .axis = i};
+            (struct described_slot){.node = described_node_of(board), .axis = i};
     }
 }
 

@@ -5,6 +5,7 @@
 #include "boards/motor_control.h"
 #include "canbus/frame.h"
 
+#include <endian.h>
 #include <math.h>
 #include <string.h>
 
@@ -101,13 +102,12 @@ int64_t described_fault_bits(const struct described_protocol *protocol, uint32_t
     return bits;
 }
 
-int64_t described_count(const struct field *layout, const struct described_field *field,
-                        double value)
+int64_t described_count(const struct described_field *field, double value)
 {
     double scaled = (value - field->offset) / field->scale;
     int32_t count = 0;
 
-    if (layout->type & FIELD_FLOAT) {
+    if (field->real) {
         float real = isfinite(scaled) ? (float)scaled : 0.0f;
         uint32_t bits;
 
@@ -118,15 +118,14 @@ int64_t described_count(const struct field *layout, const struct described_field
         return (int64_t)(scaled + 0.5); /* for 32 bits without a sign */
     }
     control_quantize(scaled, &count);
-    return control_clamp(count, field_lowest(layout), field_highest(layout));
+    return control_clamp(count, field->low, field->high);
 }
 
-double described_value(const struct field *layout, const struct described_field *field,
-                       int64_t count)
+double described_value(const struct described_field *field, int64_t count)
 {
     double scaled = (double)count;
 
-    if (layout->type & FIELD_FLOAT) {
+    if (field->real) {
         uint32_t bits = (uint32_t)count;
         float real;
 
@@ -167,13 +166,6 @@ bool described_number(const struct described_frame *frame, uint32_t id, bool ext
            (frame->by != DESCRIBED_BY_ADDRESS || *number > 0);
 }
 
-int64_t described_wrap(const struct field *layout, uint32_t count)
-{
-    unsigned bits = layout->type & FIELD_BITS_MASK;
-
-    return bits < 32 ? count & ((UINT32_C(1) << bits) - 1) : count;
-}
-
 /* ---- checksums ---- */
 
 const char *described_checksum_name(enum described_checksum checksum)
@@ -207,22 +199,87 @@ uint8_t described_checksum(enum described_checksum checksum, const uint8_t *data
     return crc ? sum ^ 0xff : sum;
 }
 
-uint32_t described_encode(const struct described_frame *frame, unsigned number,
+/* ---- fields ---- */
+
+enum { WINDOW = 8 }; /* bytes that are read and written at once: a field is within them */
+
+/* Where a field lies in the window that holds it. */
+struct described_window {
+    unsigned first; /* byte */
+    unsigned shift;
+    uint64_t bits; /* of the window, as they are now */
+};
+
+/* Returns the window of a field that is `after` bits further than the layout says. */
+static inline struct described_window described_open(const struct described_field *field,
+                                                     unsigned after, const uint8_t *data)
+{
+    unsigned bit = field->bit + after, most = DESCRIBED_LENGTH_MAX - WINDOW;
+    struct described_window window = {.first = bit / 8 < most ? bit / 8 : most};
+
+    memcpy(&window.bits, data + window.first, WINDOW);
+    window.bits = field->big_endian ? be64toh(window.bits) : le64toh(window.bits);
+    window.shift = bit - 8 * window.first;
+    if (field->big_endian) {
+        window.shift = 8 * WINDOW - window.shift - field->bits;
+    }
+    return window;
+}
+
+/* Returns the count whose lowest bits a field holds. */
+static inline int64_t described_extend(const struct described_field *field, uint64_t bits)
+{
+    uint64_t sign = (uint64_t)-field->low; /* 0 without a sign */
+
+    bits &= (UINT64_C(1) << field->bits) - 1;
+    return (int64_t)((bits ^ sign) - sign);
+}
+
+uint32_t described_encode(const struct described_frame *frame, unsigned number, unsigned part,
                           const int64_t *counts, uint8_t *data)
 {
     uint32_t id = described_id(frame, number);
-    uint8_t bits[4] = {0};
 
-    fields_encode(frame->layout, counts, data);
+    for (size_t i = 0; i < frame->nfield; i++) {
+        const struct described_field *field = &frame->field[i];
+        uint64_t bits = (uint64_t)control_clamp(counts[i], field->low, field->high) &
+                        ((UINT64_C(1) << field->bits) - 1);
+
+        if (field->in_id) {
+            id |= (uint32_t)bits << field->bit;
+        } else {
+            struct described_window window = described_open(field, 8 * part * frame->length, data);
+
+            window.bits |= bits << window.shift;
+            window.bits = field->big_endian ? htobe64(window.bits) : htole64(window.bits);
+            memcpy(data + window.first, &window.bits, WINDOW);
+        }
+    }
     if (frame->checksum) {
         data[frame->checksum_byte] =
             described_checksum(frame->checksum, data, frame->length, frame->checksum_byte);
     }
-    if (frame->id_layout) {
-        fields_encode(frame->id_layout, counts + frame->ndata, bits);
-        id |= get_u32_le(bits);
-    }
     return id;
+}
+
+void described_decode(const struct described_frame *frame, const struct bus_frame *sent,
+                      unsigned part, int64_t *counts)
+{
+    unsigned after = 8 * part * frame->length;
+
+    for (size_t i = 0; i < frame->nfield; i++) {
+        const struct described_field *field = &frame->field[i];
+
+        if (field->in_id) {
+            counts[i] = described_extend(field, sent->id >> field->bit);
+        } else if (after + field->bit + field->bits > 8u * sent->len) {
+            counts[i] = 0;
+        } else {
+            struct described_window window = described_open(field, after, sent->data);
+
+            counts[i] = described_extend(field, window.bits >> window.shift);
+        }
+    }
 }
 
 /* ---- which frame it is ---- */
@@ -258,8 +315,6 @@ bool described_has_constants(const struct described_frame *frame, const int64_t 
 enum described_match described_match_frame(const struct described_frame *frame,
                                            const struct bus_frame *sent, int64_t *values)
 {
-    uint8_t bits[4];
-
     /* A remote frame has a length without data */
     if (frame->remote) {
         return DESCRIBED_IS;
@@ -267,11 +322,7 @@ enum described_match described_match_frame(const struct described_frame *frame,
     if ((frame->flags ^ sent->flags) & FRAME_FD || !described_has_length(frame, sent->len)) {
         return DESCRIBED_BAD_LENGTH;
     }
-    fields_decode(frame->layout, sent->data, sent->len, values);
-    if (frame->id_layout) {
-        put_u32_le(bits, sent->id);
-        fields_decode(frame->id_layout, bits, sizeof bits, values + frame->ndata);
-    }
+    described_decode(frame, sent, 0, values);
     if (!described_has_constants(frame, values)) {
         return DESCRIBED_BAD_CONSTANT;
     }
@@ -287,18 +338,19 @@ enum described_match described_match_frame(const struct described_frame *frame,
 static void described_find_constants(const struct described_frame *frame, uint8_t *mask,
                                      uint8_t *value)
 {
+    struct described_frame constants = *frame;
     int64_t bits[DESCRIBED_FIELDS_MAX] = {0}, counts[DESCRIBED_FIELDS_MAX] = {0};
 
     for (size_t i = 0; i < frame->ndata; i++) {
-        const struct field *layout = described_layout(frame, i);
-
         if (frame->field[i].meaning == DESCRIBED_CONSTANT) {
-            bits[i] = layout->type & FIELD_SIGNED ? -1 : field_highest(layout);
+            bits[i] = frame->field[i].low < 0 ? -1 : frame->field[i].high;
             counts[i] = frame->field[i].constant;
         }
     }
-    fields_encode(frame->layout, bits, mask);
-    fields_encode(frame->layout, counts, value);
+    constants.nfield = frame->ndata;
+    constants.checksum = DESCRIBED_NO_CHECKSUM;
+    described_encode(&constants, 0, 0, bits, mask);
+    described_encode(&constants, 0, 0, counts, value);
 }
 
 /* Returns whether a frame without data is both a request and another frame from the host. */
@@ -355,14 +407,4 @@ described_find_parameter(const struct described_protocol *protocol, int64_t numb
         }
     }
     return NULL;
-}
-
-int described_find_field(const struct described_frame *frame, enum described_meaning meaning)
-{
-    for (size_t i = 0; i < frame->nfield; i++) {
-        if (frame->field[i].meaning == meaning) {
-            return (int)i;
-        }
-    }
-    return -1;
 }

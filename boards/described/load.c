@@ -339,6 +339,10 @@ static enum error_code described_build_frame(struct described_loader *l,
         enum described_meaning meaning = made->field[i].meaning;
 
         made->commands = made->commands || described_is_set_point(meaning);
+        made->configures = made->configures || described_is_setting(meaning) ||
+                           meaning == DESCRIBED_PARAMETER || meaning == DESCRIBED_PRESENT_POSITION;
+        made->checked = made->checked || meaning == DESCRIBED_STATE || meaning == DESCRIBED_LAW ||
+                        meaning == DESCRIBED_PARAMETER || meaning == DESCRIBED_TELEMETRY_PERIOD;
         made->of_one = made->of_one || meaning == DESCRIBED_AXIS ||
                        meaning == DESCRIBED_SLOTS_MASK || made->by >= DESCRIBED_BY_SLOT;
         if (made->from_host) {
@@ -525,6 +529,23 @@ static enum error_code described_check_commands(const struct described_loader *l
     return ERROR_NONE;
 }
 
+/* Returns the law of the host's state, with the law that its frames of switching on select. */
+static enum described_law described_host_law(const struct described_protocol *made)
+{
+    enum described_law law = made->state[made->host.on_state].law;
+
+    for (size_t i = 0; i < made->host.on.count && law == DESCRIBED_SELECTED; i++) {
+        const struct described_frame *row = &made->frame[made->host.on.frame[i]];
+        int field = described_find_field(row, DESCRIBED_LAW);
+        int found = field < 0 ? -1
+                              : described_find_state(made->law, made->nlaw,
+                                                     llround(row->field[field].host), true);
+
+        law = found < 0 ? law : made->law[found].law;
+    }
+    return law;
+}
+
 /* Builds the lists of the host's steps and finds the states that it commands. */
 static enum error_code described_build_host(struct described_loader *l)
 {
@@ -553,10 +574,55 @@ static enum error_code described_build_host(struct described_loader *l)
     if (!code && raw->off_state) {
         code = described_find_name(l, &raw->off_state_mark, raw->off_state, &made->host.off_state);
     }
+    made->host.law = described_host_law(made);
     return code;
 }
 
 /* ---- all ---- */
+
+/* Returns whether a host reads a field: torques and rates first, from which it computes angles. */
+static bool described_is_read(enum described_meaning meaning, bool first)
+{
+    bool is_first = meaning == DESCRIBED_AXIS_TORQUE || meaning == DESCRIBED_DRIVE_TORQUE ||
+                    meaning == DESCRIBED_MOTOR_VELOCITY;
+
+    return meaning == DESCRIBED_STATE || meaning >= DESCRIBED_MOTOR_POSITION ? is_first == first
+                                                                             : false;
+}
+
+/* Lists what the loop looks up: the frames of an identifier, those that boards of a kind send, the
+ * fields that a host reads. */
+static void described_index(struct described_protocol *made)
+{
+    for (size_t i = 0; i < made->nframe; i++) {
+        struct described_frame *frame = &made->frame[i];
+        uint64_t bit = UINT64_C(1) << i;
+        unsigned number;
+
+        for (uint32_t id = 0; id <= DESCRIBED_STANDARD_ID_MAX; id++) {
+            made->rows[id] |= described_number(frame, id, false, &number) ? bit : 0;
+        }
+        made->extended_rows |= frame->flags & FRAME_EXTENDED ? bit : 0;
+        made->host_rows |= frame->from_host ? bit : 0;
+        for (unsigned k = 0; k < 3 && !frame->from_host; k++) {
+            struct described_schedule *telemetry = &made->telemetry[k], *other = &made->other[k];
+
+            if (frame->of >> k & 1 && frame->telemetry) {
+                telemetry->frame[telemetry->count++] = (uint8_t)i;
+            }
+            if (frame->of >> k & 1 && (frame->on_change || frame->period_ns > 0)) {
+                other->frame[other->count++] = (uint8_t)i;
+            }
+        }
+        for (int pass = 0; pass < 2; pass++) {
+            for (size_t k = 0; k < frame->nfield; k++) {
+                if (described_is_read(frame->field[k].meaning, pass == 0)) {
+                    frame->read[frame->nread++] = (uint8_t)k;
+                }
+            }
+        }
+    }
+}
 
 /* Builds the whole table, in the order in which its parts need each other. */
 static enum error_code described_build(struct described_loader *l)
@@ -589,7 +655,11 @@ static enum error_code described_build(struct described_loader *l)
     code = code ? code : described_check_ids(l);
     code = code ? code : described_check_values(l, DESCRIBED_STATE, raw->state, raw->nstate);
     code = code ? code : described_check_values(l, DESCRIBED_LAW, raw->law, raw->nlaw);
-    return code ? code : described_build_host(l);
+    code = code ? code : described_build_host(l);
+    if (!code) {
+        described_index(l->made);
+    }
+    return code;
 }
 
 /* Compiles a file that was read into a table in the arena. */

@@ -9,6 +9,19 @@
 
 enum { GAP_BITS = 32, GAPS_MAX = 8 * DESCRIBED_LENGTH_MAX / GAP_BITS }; /* pieces of padding */
 
+/* Notes where a field lies, and the counts that it holds. */
+static void described_place(struct described_field *made, const struct field *layout, unsigned bit,
+                            bool in_id)
+{
+    made->bit = (uint16_t)bit;
+    made->bits = (uint8_t)(layout->type & FIELD_BITS_MASK);
+    made->in_id = in_id;
+    made->big_endian = layout->type & FIELD_BIG_ENDIAN;
+    made->real = layout->type & FIELD_FLOAT;
+    made->low = field_lowest(layout);
+    made->high = field_highest(layout);
+}
+
 /* Returns whether a meaning is a count without a unit. */
 static bool described_is_integer(enum described_meaning meaning)
 {
@@ -63,7 +76,6 @@ static enum error_code described_check_deflection(struct described_loader *l,
 /* Sets the scale of a field; from a range so that its ends are the least and the greatest count. */
 static enum error_code described_measure_field(struct described_loader *l,
                                                const struct raw_described_field *raw,
-                                               const struct field *layout,
                                                struct described_field *made)
 {
     made->scale = raw->scale;
@@ -72,7 +84,7 @@ static enum error_code described_measure_field(struct described_loader *l,
     made->axis = (uint8_t)raw->axis;
     /* A range spans all counts */
     if (raw->range_given) {
-        double low = (double)field_lowest(layout), high = (double)field_highest(layout);
+        double low = (double)made->low, high = (double)made->high;
 
         if (raw->scale_given || raw->offset_given || raw->type == RAW_DESCRIBED_FLOAT ||
             !(raw->range[0] < raw->range[1])) {
@@ -103,7 +115,6 @@ static enum error_code described_measure_field(struct described_loader *l,
 /* Finds the meaning of a field: one of source (boards), target (host), value, counter, checksum. */
 static enum error_code described_mean_field(struct described_loader *l, bool from_host,
                                             const struct raw_described_field *raw,
-                                            const struct field *layout,
                                             struct described_field *made)
 {
     if (raw->source_given + raw->target_given + raw->value_given + raw->counter +
@@ -119,7 +130,7 @@ static enum error_code described_mean_field(struct described_loader *l, bool fro
     if (raw->value_given) {
         made->meaning = DESCRIBED_CONSTANT;
         made->constant = raw->value;
-        if (raw->value < field_lowest(layout) || raw->value > field_highest(layout)) {
+        if (raw->value < made->low || raw->value > made->high) {
             return yaml_error(l->error, &raw->value_mark,
                               "found value %lld, expected one that %d bits hold",
                               (long long)raw->value, (int)raw->bits);
@@ -132,7 +143,7 @@ static enum error_code described_mean_field(struct described_loader *l, bool fro
                                                                      : DESCRIBED_NOTHING);
         made->constant = -1; /* of an echo: not yet known */
     }
-    return described_measure_field(l, raw, layout, made);
+    return described_measure_field(l, raw, made);
 }
 
 /* Returns whether a DBC file can hold a text in quotes. */
@@ -317,7 +328,8 @@ static enum error_code described_add_field(struct described_loader *l,
                    (raw->type == RAW_DESCRIBED_FLOAT ? FIELD_FLOAT : 0u) |
                    (plan->big ? FIELD_BIG_ENDIAN : 0u);
     code = described_check_word(l, &raw->mark, raw->name);
-    code = code ? code : described_mean_field(l, frame->from == 1, raw, &layout, &made);
+    described_place(&made, &layout, plan->bit, plan->other);
+    code = code ? code : described_mean_field(l, frame->from == 1, raw, &made);
     code = code ? code : described_name_values(l, raw, &layout);
     if (!code && !layout.values &&
         (made.meaning == DESCRIBED_STATE || made.meaning == DESCRIBED_LAW)) {
@@ -367,8 +379,10 @@ static enum error_code described_add_payload(struct described_loader *l,
         only[0] = (struct field_value){byte, "always"};
         plan->layout[plan->nlayout].type = FIELD_U8;
         plan->layout[plan->nlayout++].values = only;
-        plan->field[plan->nfield++] =
+        plan->field[plan->nfield] =
             (struct described_field){.meaning = DESCRIBED_CONSTANT, .constant = byte, .scale = 1.0};
+        described_place(&plan->field[plan->nfield++], &plan->layout[plan->nlayout - 1], plan->bit,
+                        false);
         plan->bit += 8;
         text += used;
         text += strspn(text, " ");
@@ -449,6 +463,11 @@ static enum error_code described_find_checks(struct described_loader *l,
     unsigned bit = 0;
     size_t i = 0;
 
+    /* The first field of each meaning */
+    memset(made->first, -1, sizeof made->first);
+    for (size_t k = made->nfield; k-- > 0;) {
+        made->first[made->field[k].meaning] = (int8_t)k;
+    }
     made->counter = described_find_field(made, DESCRIBED_COUNTER);
     /* The checksum is a byte of the data */
     for (const struct field *layout = made->layout; i < made->ndata; layout++) {
@@ -617,12 +636,13 @@ enum error_code described_lay_out_parameter(struct described_loader *l,
                           "found a target, a counter, a checksum, at_bit, order: big or a float of "
                           "other than 32 bits in a parameter, expected a source or a value");
     }
-    made->layout = (struct field){.type = (unsigned)raw->bits |
-                                          (raw->type == RAW_DESCRIBED_SIGNED  ? FIELD_SIGNED
-                                           : raw->type == RAW_DESCRIBED_FLOAT ? FIELD_FLOAT
-                                                                              : 0u),
-                                  .name = raw->name};
-    code = code ? code : described_mean_field(l, false, raw, &made->layout, &made->field);
+    described_place(&made->field,
+                    &(struct field){.type = (unsigned)raw->bits |
+                                            (raw->type == RAW_DESCRIBED_SIGNED  ? FIELD_SIGNED
+                                             : raw->type == RAW_DESCRIBED_FLOAT ? FIELD_FLOAT
+                                                                                : 0u)},
+                    0, false);
+    code = code ? code : described_mean_field(l, false, raw, &made->field);
     meaning = made->field.meaning;
     if (!code && (meaning == DESCRIBED_ECHO || meaning == DESCRIBED_PARAMETER_VALUE)) {
         return yaml_error(l->error, &raw->source_mark,

@@ -4,6 +4,16 @@
  * open the bridge, and a time-out of commands. A fatal fault leads to the state with law fault
  * until a state with law off is commanded. Beyond a position limit only set-points of the open laws
  * (voltage, current, torque) that lead back are obeyed; the others keep their target within.
+ *
+ * The laws have a step a millisecond, each made of the one below it:
+ *
+ *   position   v* = position_per_s (p* - p) + velocity target
+ *   velocity   torque* = velocity_nm_s_rad (v* - v) + integral + torque target
+ *   impedance  torque* = kp (p* - p) + kd (v* - v) + torque target
+ *   torque     current* = torque* / torque constant
+ *   current    PI loop with the back-EMF (boards/motor_control.h), within the current limit
+ *
+ * A servo valve is a source of speed: velocity* times its constant is the voltage.
  */
 #include "boards/described/private.h"
 
@@ -12,30 +22,38 @@
 
 #define TEMPERATURE_MAX_C 125.0 /* limit where the rig gives none */
 
+/* Returns the number of an axis on its board. */
+static unsigned axis_index(const struct described_node *node, const struct described_axis *axis)
+{
+    return (unsigned)(axis - node->axis);
+}
+
+/* Returns the configuration of an axis. */
+static const struct board_axis_config *axis_config(const struct described_node *node,
+                                                   const struct described_axis *axis)
+{
+    return &node->board.config.axis[axis_index(node, axis)];
+}
+
+/* Returns a setting of an axis. */
+static double axis_setting(const struct described_axis *axis, enum described_meaning setting)
+{
+    return axis->setting[setting - DESCRIBED_SETTING];
+}
+
+/* Returns a target of an axis. */
+static double axis_target(const struct described_axis *axis, enum described_meaning meaning)
+{
+    return axis->target[meaning - DESCRIBED_SET_POINT];
+}
+
 /* ---- states ---- */
 
-enum described_law described_axis_law(const struct described_protocol *protocol,
-                                      const struct described_axis *axis)
-{
-    return described_state_law(protocol, axis->state, axis->law);
-}
-
-/* Returns the law in force of an axis. */
-static enum described_law axis_law(const struct board *board, const struct described_axis *axis)
-{
-    return described_axis_law(described_node_of(board)->protocol, axis);
-}
-
-/* Returns whether the bridge of an axis is on. */
-static bool described_axis_runs(const struct board *board, const struct described_axis *axis)
-{
-    return described_law_drives(axis_law(board, axis));
-}
-
-void described_axis_forget(const struct board *board, struct described_axis *axis)
+/* Forgets set-points, integrals and overload. */
+static void axis_forget(const struct described_node *node, struct described_axis *axis)
 {
     memset(axis->target, 0, sizeof axis->target);
-    axis->command_ns = board->boards->now_ns;
+    axis->command_ns = node->board.boards->now_ns;
     axis->integral_v = axis->integral_nm = axis->voltage_v = 0.0;
     axis->overload_ms = 0.0;
 
@@ -43,143 +61,97 @@ void described_axis_forget(const struct board *board, struct described_axis *axi
     axis->target[DESCRIBED_TO_POSITION - DESCRIBED_SET_POINT] = axis->motor_rad - axis->zero_rad;
 }
 
-/* Enters a state; another one forgets set-points and loops. */
-static void described_axis_set_state(struct board *board, struct described_axis *axis, int state)
+/* Enters a state with a law that the host has selected; another state, or another law in force,
+ * forgets set-points and loops. */
+static void axis_enter(struct described_node *node, struct described_axis *axis, int state, int law)
 {
-    enum described_law before = axis_law(board, axis);
+    enum described_law before = axis->active;
+    bool changed = state != axis->state;
 
-    if (state != axis->state) {
-        axis->state = state;
-        board_event(board, BOARD_EVENT_MODE, described_axis_index(board, axis), before,
-                    axis_law(board, axis));
-        described_axis_forget(board, axis);
+    axis->state = state;
+    axis->law = law;
+    axis->active = described_state_law(node->protocol, state, law);
+    if (changed || axis->active != before) {
+        board_event(&node->board, BOARD_EVENT_MODE, axis_index(node, axis), before, axis->active);
+        axis_forget(node, axis);
     }
 }
 
 /* Enters a state that a host commands: off clears a fault where no frame exists for that;
  * nothing else leads out of it. */
-static void described_axis_command_state(struct board *board, struct described_axis *axis,
-                                         int state)
+static void axis_command_state(struct described_node *node, struct described_axis *axis, int state)
 {
-    const struct described_protocol *protocol = described_node_of(board)->protocol;
+    bool off = node->protocol->state[state].law == DESCRIBED_OFF;
 
-    if (protocol->state[state].law == DESCRIBED_OFF) {
-        axis->latched = protocol->clears ? axis->latched : 0;
-        described_axis_set_state(board, axis, state);
-    } else if (axis->latched == 0) {
-        described_axis_set_state(board, axis, state);
+    if (off && !node->protocol->clears) {
+        axis->latched = 0;
     }
-}
-
-/* Selects the law of the states whose law a host selects. */
-static void described_axis_select_law(struct board *board, struct described_axis *axis, int law)
-{
-    enum described_law before = axis_law(board, axis);
-
-    if (law != axis->law) {
-        axis->law = law;
-        if (axis_law(board, axis) != before) {
-            board_event(board, BOARD_EVENT_MODE, described_axis_index(board, axis), before,
-                        axis_law(board, axis));
-            described_axis_forget(board, axis);
-        }
+    if (off || axis->latched == 0) {
+        axis_enter(node, axis, state, axis->law);
     }
 }
 
 /* ---- commands ---- */
 
 /* Sets a target from a field of a frame. */
-static void described_axis_set_target(struct board *board, struct described_axis *axis,
-                                      const struct described_frame *frame, size_t field,
-                                      int64_t count)
+static void axis_set_target(const struct described_node *node, struct described_axis *axis,
+                            const struct described_field *field, int64_t count)
 {
-    const struct described_protocol *protocol = described_node_of(board)->protocol;
-    const struct described_state *state = &protocol->state[axis->state];
-    enum described_meaning meaning = frame->field[field].meaning;
-    double value = described_value(described_layout(frame, field), &frame->field[field], count);
+    static const enum described_meaning of_law[] = {
+        [DESCRIBED_VOLTAGE] = DESCRIBED_TO_VOLTAGE,   [DESCRIBED_CURRENT] = DESCRIBED_TO_CURRENT,
+        [DESCRIBED_TORQUE] = DESCRIBED_TO_TORQUE,     [DESCRIBED_VELOCITY] = DESCRIBED_TO_VELOCITY,
+        [DESCRIBED_POSITION] = DESCRIBED_TO_POSITION, [DESCRIBED_IMPEDANCE] = DESCRIBED_TO_POSITION,
+    };
+    const struct described_state *state = &node->protocol->state[axis->state];
 
     /* A set-point is of the law in force */
-    if (meaning == DESCRIBED_SET_POINT) {
-        static const enum described_meaning of_law[] = {
-            [DESCRIBED_VOLTAGE] = DESCRIBED_TO_VOLTAGE,
-            [DESCRIBED_CURRENT] = DESCRIBED_TO_CURRENT,
-            [DESCRIBED_TORQUE] = DESCRIBED_TO_TORQUE,
-            [DESCRIBED_VELOCITY] = DESCRIBED_TO_VELOCITY,
-            [DESCRIBED_POSITION] = DESCRIBED_TO_POSITION,
-            [DESCRIBED_IMPEDANCE] = DESCRIBED_TO_POSITION,
-        };
-
-        state = state->law == DESCRIBED_SELECTED ? &protocol->law[axis->law] : state;
-        meaning = of_law[state->law];
-        value = (double)count * state->set_point_scale;
+    if (field->meaning == DESCRIBED_SET_POINT) {
+        state = state->law == DESCRIBED_SELECTED ? &node->protocol->law[axis->law] : state;
+        axis->target[of_law[state->law] - DESCRIBED_SET_POINT] =
+            (double)count * state->set_point_scale;
+    } else {
+        axis->target[field->meaning - DESCRIBED_SET_POINT] = described_value(field, count);
     }
-    axis->target[meaning - DESCRIBED_SET_POINT] = value;
 }
 
-/* Returns whether the axis has the state or law that a frame commands. */
-static bool described_axis_has_law(const struct board *board, unsigned index,
-                                   const struct described_frame *frame, const int64_t *values)
+/* Returns the state or law of the list that a field of a frame names; otherwise without one. */
+static int frame_names(const struct described_frame *frame, enum described_meaning meaning,
+                       const struct described_state *list, size_t count, const int64_t *values,
+                       int otherwise)
 {
-    const struct described_protocol *protocol = described_node_of(board)->protocol;
-    int law = described_motor_of(board)->axis[index].law, state = frame->enter;
-    bool suits = true;
+    int field = described_find_field(frame, meaning);
 
-    /* A motor has all laws, a valve none that controls a current */
-    if (!board->config.axis[index].valve) {
-        return true;
-    }
-    for (size_t i = 0; i < frame->nfield; i++) {
-        if (frame->field[i].meaning == DESCRIBED_LAW) {
-            law = described_find_state(protocol->law, protocol->nlaw, values[i], true);
-            suits = described_law_suits_valve(protocol->law[law].law);
-        } else if (frame->field[i].meaning == DESCRIBED_STATE) {
-            state = described_find_state(protocol->state, protocol->nstate, values[i], true);
-        }
-    }
-    if (state >= 0) {
-        suits = suits && described_law_suits_valve(described_state_law(protocol, state, law));
-    }
-    return suits;
+    return field < 0 ? otherwise : described_find_state(list, count, values[field], true);
 }
 
 /* Latches the fault of an emergency stop, whether the axis runs or not. */
-static void described_axis_stop(struct board *board, struct described_axis *axis)
+static void axis_stop(struct described_node *node, struct described_axis *axis)
 {
     const uint32_t stopped = UINT32_C(1) << DESCRIBED_STOPPED;
 
     if (!(axis->latched & stopped)) {
-        board_event(board, BOARD_EVENT_FAULT, described_axis_index(board, axis), stopped, 0);
+        board_event(&node->board, BOARD_EVENT_FAULT, axis_index(node, axis), stopped, 0);
     }
     axis->latched |= stopped;
     axis->faults |= stopped;
-    described_axis_set_state(board, axis, described_node_of(board)->protocol->fault_state);
-}
-
-/* Forgets the faults that are over, and leaves their state. */
-static void described_axis_clear_faults(struct board *board, struct described_axis *axis)
-{
-    axis->faults &= ~axis->latched;
-    axis->latched = 0;
-    if (axis_law(board, axis) == DESCRIBED_FAULT) {
-        described_axis_set_state(board, axis, described_node_of(board)->protocol->off_state);
-    }
+    axis_enter(node, axis, node->protocol->fault_state, axis->law);
 }
 
 /* Sets a setting, which is not negative; a value that is no number changes nothing. */
-static void described_axis_set(struct described_axis *axis, const struct field *layout,
-                               const struct described_field *field, int64_t count)
+static void axis_set(struct described_axis *axis, const struct described_field *field,
+                     int64_t count)
 {
     const int64_t infinity = INT64_C(0x7f800000); /* the exponent of a float that is no number */
 
-    if (!(layout->type & FIELD_FLOAT) || (count & infinity) != infinity) {
+    if (!field->real || (count & infinity) != infinity) {
         axis->setting[field->meaning - DESCRIBED_SETTING] =
-            fmax(described_value(layout, field, count), 0.0);
+            fmax(described_value(field, count), 0.0);
     }
 }
 
 /* Sets settings, parameters and the reading of the position; the axis keeps its state. */
-static void described_axis_configure(struct board *board, struct described_axis *axis,
-                                     const struct described_frame *frame, const int64_t *values)
+static void axis_configure(struct described_node *node, struct described_axis *axis,
+                           const struct described_frame *frame, const int64_t *values)
 {
     int parameter = described_find_field(frame, DESCRIBED_PARAMETER);
     int written = described_find_field(frame, DESCRIBED_PARAMETER_VALUE);
@@ -189,71 +161,77 @@ static void described_axis_configure(struct board *board, struct described_axis 
         const struct described_field *field = &frame->field[i];
 
         if (described_is_setting(field->meaning)) {
-            described_axis_set(axis, described_layout(frame, i), field, values[i]);
+            axis_set(axis, field, values[i]);
         } else if (field->meaning == DESCRIBED_PRESENT_POSITION) {
-            axis->zero_rad =
-                axis->motor_rad - described_value(described_layout(frame, i), field, values[i]);
-            described_axis_forget(board, axis);
+            axis->zero_rad = axis->motor_rad - described_value(field, values[i]);
+            axis_forget(node, axis);
         }
     }
 
     /* A parameter that is named by its number */
     if (parameter >= 0 && written >= 0) {
-        const struct described_parameter *of =
-            described_find_parameter(described_node_of(board)->protocol, values[parameter]);
-
-        described_axis_set(axis, &of->layout, &of->field, values[written]);
+        axis_set(axis, &described_find_parameter(node->protocol, values[parameter])->field,
+                 values[written]);
     }
 }
 
-bool described_axis_obey(struct board *board, unsigned index, const struct described_frame *frame,
-                         const int64_t *values)
+bool described_axis_obey(struct described_node *node, unsigned index,
+                         const struct described_frame *frame, const int64_t *values)
 {
-    const struct described_protocol *protocol = described_node_of(board)->protocol;
-    struct described_axis *axis = &described_motor_of(board)->axis[index];
+    const struct described_protocol *protocol = node->protocol;
+    struct described_axis *axis = &node->axis[index];
+    int law = frame_names(frame, DESCRIBED_LAW, protocol->law, protocol->nlaw, values, -1);
+    int state = frame_names(frame, DESCRIBED_STATE, protocol->state, protocol->nstate, values, -1);
 
-    if (!described_axis_has_law(board, index, frame, values)) {
-        return false;
+    /* A motor has all laws, a valve none that controls a current */
+    if (node->board.config.axis[index].valve) {
+        int wanted = frame->enter >= 0 && state < 0 ? frame->enter : state;
+
+        if ((law >= 0 && !described_law_suits_valve(protocol->law[law].law)) ||
+            (wanted >= 0 && !described_law_suits_valve(described_state_law(
+                                protocol, wanted, law >= 0 ? law : axis->law)))) {
+            return false;
+        }
     }
 
     /* Faults, the law and the state first: they forget the targets of before */
     if (frame->clear) {
-        described_axis_clear_faults(board, axis);
-    }
-    for (size_t i = 0; i < frame->nfield; i++) {
-        if (frame->field[i].meaning == DESCRIBED_LAW) {
-            described_axis_select_law(
-                board, axis, described_find_state(protocol->law, protocol->nlaw, values[i], true));
+        axis->faults &= ~axis->latched;
+        axis->latched = 0;
+        if (axis->active == DESCRIBED_FAULT) {
+            axis_enter(node, axis, protocol->off_state, axis->law);
         }
     }
-    for (size_t i = 0; i < frame->nfield; i++) {
-        if (frame->field[i].meaning == DESCRIBED_STATE) {
-            described_axis_command_state(
-                board, axis,
-                described_find_state(protocol->state, protocol->nstate, values[i], true));
-        }
+    if (law >= 0) {
+        axis_enter(node, axis, axis->state, law);
+    }
+    if (state >= 0) {
+        axis_command_state(node, axis, state);
     }
     if (frame->enter >= 0) {
-        described_axis_command_state(board, axis, frame->enter);
+        axis_command_state(node, axis, frame->enter);
     }
     if (frame->stop) {
-        described_axis_stop(board, axis);
+        axis_stop(node, axis);
     }
-    described_axis_configure(board, axis, frame, values);
+    if (frame->configures) {
+        axis_configure(node, axis, frame, values);
+    }
     if (frame->zero) {
         axis->zero_rad = axis->motor_rad;
-        described_axis_forget(board, axis);
+        axis_forget(node, axis);
     }
     if (!frame->commands) {
         return true;
     }
     axis->commands++;
-    axis->command_ns = board->boards->now_ns;
-    for (size_t i = 0; i < frame->nfield && described_axis_runs(board, axis); i++) {
-        if (frame->field[i].meaning >= DESCRIBED_SET_POINT &&
-            frame->field[i].meaning <= DESCRIBED_TO_KD &&
-            (frame->of_one || frame->field[i].axis == index)) {
-            described_axis_set_target(board, axis, frame, i, values[i]);
+    axis->command_ns = node->board.boards->now_ns;
+    for (size_t i = 0; i < frame->nfield && described_axis_runs(axis); i++) {
+        const struct described_field *field = &frame->field[i];
+
+        if (field->meaning >= DESCRIBED_SET_POINT && field->meaning <= DESCRIBED_TO_KD &&
+            (frame->of_one || field->axis == index)) {
+            axis_set_target(node, axis, field, values[i]);
         }
     }
     return true;
@@ -262,8 +240,8 @@ bool described_axis_obey(struct board *board, unsigned index, const struct descr
 /* ---- power-up ---- */
 
 /* Resets the settings to those of the file; limits stay those of the rig. */
-static void described_axis_reset_settings(const struct described_protocol *protocol,
-                                          struct described_axis *axis)
+static void axis_reset_settings(const struct described_protocol *protocol,
+                                struct described_axis *axis)
 {
     const double setting[] = {
         [DESCRIBED_VELOCITY_LIMIT - DESCRIBED_SETTING] = HUGE_VAL,
@@ -280,37 +258,37 @@ static void described_axis_reset_settings(const struct described_protocol *proto
 /* Powers up a motor board (struct board_ops). */
 static void described_motor_power_up(struct board *board)
 {
-    struct described_motor *motor = described_motor_of(board);
-    bool first = described_node_power_up(&motor->node);
+    struct described_node *node = described_node_of(board);
+    bool first = described_node_power_up(node);
 
-    for (unsigned i = 0; i < motor->node.axes; i++) {
+    for (unsigned i = 0; i < node->axes; i++) {
         const struct board_axis_config *config = &board->config.axis[i];
-        struct described_axis *axis = &motor->axis[i];
+        struct described_axis *axis = &node->axis[i];
 
         if (config->winding_ohm > 0.0) {
             current_loop_tune(config->winding_ohm, config->winding_h, &axis->kp_v_a,
                               &axis->ki_v_as);
         }
-        axis->state = motor->node.protocol->off_state;
+        axis->state = node->protocol->off_state;
         axis->law = 0;
+        axis->active = DESCRIBED_OFF;
         axis->latched = axis->faults = 0;
         axis->commands = 0;
         axis->velocity_rad_s = axis->zero_rad = 0.0;
-        described_axis_reset_settings(motor->node.protocol, axis);
-        described_axis_forget(board, axis);
+        axis_reset_settings(node->protocol, axis);
+        axis_forget(node, axis);
     }
-    motor->started = false;
+    node->started = false;
     if (!first) {
-        described_node_announce(&motor->node);
+        described_node_announce(node);
     }
 }
 
 /* ---- sensors ---- */
 
 /* Reads the sensors of an axis. ms: time since the last sample. */
-static void described_axis_sample(struct described_axis *axis,
-                                  const struct board_axis_config *config,
-                                  const struct motor_sense *sense, int64_t ms)
+static void axis_sample(struct described_axis *axis, const struct board_axis_config *config,
+                        const struct motor_sense *sense, int64_t ms)
 {
     int32_t motor, link;
 
@@ -346,97 +324,93 @@ static void described_axis_sample(struct described_axis *axis,
 /* Reads the sensors of all axes (struct board_ops). */
 static void described_motor_sample(struct board *board, const struct plant_sensors *sensors)
 {
-    struct described_motor *motor = described_motor_of(board);
+    struct described_node *node = described_node_of(board);
     int64_t now_ms = board->boards->now_ns / MS;
 
-    motor->node.supply_v = board_supply_v(sensors);
-    motor->node.oil_pa = board_oil_pa(sensors);
-    for (unsigned i = 0; i < motor->node.axes; i++) {
+    node->supply_v = board_supply_v(sensors);
+    node->oil_pa = board_oil_pa(sensors);
+    for (unsigned i = 0; i < node->axes; i++) {
         const struct board_axis_config *config = &board->config.axis[i];
 
-        described_axis_sample(&motor->axis[i], config, &sensors->motor[config->joint],
-                              motor->started ? now_ms - motor->sampled_ms : 0);
-        if (!motor->started) {
-            motor->axis[i].before_rad = motor->axis[i].motor_rad;
+        axis_sample(&node->axis[i], config, &sensors->motor[config->joint],
+                    node->started ? now_ms - node->sampled_ms : 0);
+        if (!node->started) {
+            node->axis[i].before_rad = node->axis[i].motor_rad;
         }
     }
-    motor->started = true;
-    motor->sampled_ms = now_ms;
+    node->started = true;
+    node->sampled_ms = now_ms;
 }
 
 /* ---- faults ---- */
 
 /* Returns whether the I2t law sees an overload of an axis that runs. */
-static bool described_axis_is_over_current(const struct board *board, struct described_axis *axis)
+static bool axis_is_over_current(const struct described_node *node, struct described_axis *axis)
 {
-    const struct board_axis_config *config = &board->config.axis[described_axis_index(board, axis)];
-
-    if (!described_axis_runs(board, axis)) {
+    if (!described_axis_runs(axis)) {
         axis->overload_ms = 0.0;
         return false;
     }
-    return overload_step(&axis->overload_ms, axis->current_a, config->current_limit_a,
-                         (double)board->boards->tick_ns / MS);
+    return overload_step(&axis->overload_ms, axis->current_a,
+                         axis_config(node, axis)->current_limit_a,
+                         (double)node->board.boards->tick_ns / MS);
 }
 
 /* Returns whether commands of an axis have not come for the time-out. */
-static bool described_axis_is_stale(const struct board *board, const struct described_axis *axis)
+static bool axis_is_stale(const struct described_node *node, const struct described_axis *axis)
 {
-    int64_t own_ns = described_node_of(board)->protocol->command_timeout_ns;
-    int64_t timeout_ns = own_ns != 0 ? own_ns : board->config.command_timeout_ns;
+    int64_t own_ns = node->protocol->command_timeout_ns;
+    int64_t timeout_ns = own_ns != 0 ? own_ns : node->board.config.command_timeout_ns;
 
-    return described_axis_runs(board, axis) && timeout_ns > 0 &&
-           board->boards->now_ns - axis->command_ns > timeout_ns;
+    return described_axis_runs(axis) && timeout_ns > 0 &&
+           node->board.boards->now_ns - axis->command_ns > timeout_ns;
 }
 
 /* Returns the bit of a fault if it is present. */
 static uint32_t fault_if(bool present, enum described_fault fault)
 {
-    return present ? UINT32_C(1) << fault : 0;
+    return (uint32_t)present << fault;
 }
 
 /* Returns the faults that an axis has now. */
-static uint32_t described_axis_present_faults(const struct board *board,
-                                              struct described_axis *axis)
+static uint32_t axis_present_faults(const struct described_node *node, struct described_axis *axis)
 {
-    const unsigned index = described_axis_index(board, axis);
+    const unsigned index = axis_index(node, axis);
+    const struct board *board = &node->board;
     const struct board_axis_config *config = &board->config.axis[index];
-    double supply_v = described_node_of(board)->supply_v;
-    double oil_pa = described_node_of(board)->oil_pa;
     double hottest_c =
         config->temperature_limit_c > 0.0 ? config->temperature_limit_c : TEMPERATURE_MAX_C;
 
-    return fault_if(board_is_under_voltage(board, supply_v), DESCRIBED_UNDER_VOLTAGE) |
-           fault_if(board_is_over_voltage(board, supply_v), DESCRIBED_OVER_VOLTAGE) |
-           fault_if(described_axis_is_over_current(board, axis), DESCRIBED_OVER_CURRENT) |
+    return fault_if(board_is_under_voltage(board, node->supply_v), DESCRIBED_UNDER_VOLTAGE) |
+           fault_if(board_is_over_voltage(board, node->supply_v), DESCRIBED_OVER_VOLTAGE) |
+           fault_if(axis_is_over_current(node, axis), DESCRIBED_OVER_CURRENT) |
            fault_if(axis->bad_motor, DESCRIBED_MOTOR_ENCODER) |
            fault_if(axis->bad_link, DESCRIBED_LINK_ENCODER) |
            fault_if(axis->bad_torque, DESCRIBED_TORQUE_SENSOR) |
            fault_if(axis->temperature_c > hottest_c, DESCRIBED_OVER_TEMPERATURE) |
-           fault_if(board_is_under_pressure(board, index, oil_pa), DESCRIBED_UNDER_PRESSURE) |
-           fault_if(board_is_over_pressure(board, index, oil_pa), DESCRIBED_OVER_PRESSURE) |
-           fault_if(described_axis_is_stale(board, axis), DESCRIBED_STALE) |
+           fault_if(board_is_under_pressure(board, index, node->oil_pa), DESCRIBED_UNDER_PRESSURE) |
+           fault_if(board_is_over_pressure(board, index, node->oil_pa), DESCRIBED_OVER_PRESSURE) |
+           fault_if(axis_is_stale(node, axis), DESCRIBED_STALE) |
            fault_if(axis->link_rad < config->lower_rad || axis->link_rad > config->upper_rad,
                     DESCRIBED_LIMIT) |
            fault_if(board->lost_in_status, DESCRIBED_OVERFLOW);
 }
 
 /* Reacts to a time-out of commands: enters the protocol's state, or forgets the set-points. */
-static void described_axis_expire(struct board *board, struct described_axis *axis)
+static void axis_expire(struct described_node *node, struct described_axis *axis)
 {
-    int state = described_node_of(board)->protocol->timeout_state;
+    int state = node->protocol->timeout_state;
     int64_t command_ns = axis->command_ns;
 
-    board->boards->counters.timeouts++;
-    board_event(board, BOARD_EVENT_TIMEOUT, described_axis_index(board, axis),
-                axis_law(board, axis), 0);
+    node->board.boards->counters.timeouts++;
+    board_event(&node->board, BOARD_EVENT_TIMEOUT, axis_index(node, axis), axis->active, 0);
     if (state >= 0) {
         axis->latched |= UINT32_C(1) << DESCRIBED_STALE;
-        described_axis_set_state(board, axis, state);
+        axis_enter(node, axis, state, axis->law);
     } else {
         double voltage_v = axis->voltage_v, overload_ms = axis->overload_ms;
 
-        described_axis_forget(board, axis);
+        axis_forget(node, axis);
         axis->command_ns = command_ns;
         axis->voltage_v = voltage_v;
         axis->overload_ms = overload_ms;
@@ -444,46 +418,135 @@ static void described_axis_expire(struct board *board, struct described_axis *ax
 }
 
 /* Finds the faults of an axis and reacts to new ones: events, counters, the fault state. */
-static void described_axis_watch_faults(struct board *board, struct described_axis *axis)
+static void axis_watch_faults(struct described_node *node, struct described_axis *axis)
 {
-    const struct described_protocol *protocol = described_node_of(board)->protocol;
-    uint32_t faults = described_axis_present_faults(board, axis);
-    uint32_t risen = faults & ~axis->faults, fatal = faults & DESCRIBED_FATAL;
-    unsigned index = described_axis_index(board, axis);
-    struct boards_counters *counters = &board->boards->counters;
+    struct boards_counters *counters = &node->board.boards->counters;
+    uint32_t faults = axis_present_faults(node, axis), risen = faults & ~axis->faults;
+    unsigned index = axis_index(node, axis);
 
     if (risen >> DESCRIBED_STALE & 1) {
-        described_axis_expire(board, axis);
+        axis_expire(node, axis);
     }
-    if (risen >> DESCRIBED_LIMIT & 1 && described_axis_runs(board, axis)) {
+    if (risen >> DESCRIBED_LIMIT & 1 && described_axis_runs(axis)) {
         int32_t ticks = 0;
 
-        control_quantize(axis->link_rad * board->config.axis[index].joint_ticks_per_rad, &ticks);
-        board_event(board, BOARD_EVENT_LIMIT, index, (uint32_t)ticks, 0);
+        control_quantize(axis->link_rad * axis_config(node, axis)->joint_ticks_per_rad, &ticks);
+        board_event(&node->board, BOARD_EVENT_LIMIT, index, (uint32_t)ticks, 0);
     }
     if (risen & DESCRIBED_FATAL) {
-        board_event(board, BOARD_EVENT_FAULT, index, risen & DESCRIBED_FATAL, 0);
+        board_event(&node->board, BOARD_EVENT_FAULT, index, risen & DESCRIBED_FATAL, 0);
     }
     counters->trips += faults >> DESCRIBED_OVER_CURRENT & 1;
     counters->trips += risen >> DESCRIBED_OVER_TEMPERATURE & 1;
-    if (fatal && described_axis_runs(board, axis)) {
-        axis->latched |= fatal;
-        described_axis_set_state(board, axis, protocol->fault_state);
+    if (faults & DESCRIBED_FATAL && described_axis_runs(axis)) {
+        axis->latched |= faults & DESCRIBED_FATAL;
+        axis_enter(node, axis, node->protocol->fault_state, axis->law);
     }
     axis->faults = faults | axis->latched;
+}
+
+/* ---- laws ---- */
+
+double described_axis_current_limit(const struct described_node *node, unsigned axis)
+{
+    return fmin(node->board.config.axis[axis].current_limit_a,
+                axis_setting(&node->axis[axis], DESCRIBED_CURRENT_LIMIT));
+}
+
+/* Returns the voltage of the current loop, its target within the current limit. */
+static double axis_current_law(const struct described_node *node, struct described_axis *axis,
+                               double wanted_a)
+{
+    double limit = described_axis_current_limit(node, axis_index(node, axis));
+
+    axis->wanted_a = fmax(fmin(wanted_a, limit), -limit);
+    return current_loop_step(&axis->integral_v, axis->kp_v_a, axis->ki_v_as,
+                             axis->wanted_a - axis->current_a, node->supply_v) +
+           axis_config(node, axis)->bemf_v_s_rad * axis->velocity_rad_s;
+}
+
+/* Returns the voltage of the current loop for a torque. */
+static double axis_torque_law(const struct described_node *node, struct described_axis *axis,
+                              double torque_nm)
+{
+    double constant = axis_config(node, axis)->torque_nm_a;
+
+    return axis_current_law(node, axis, constant > 0.0 ? torque_nm / constant : 0.0);
+}
+
+/* Returns the voltage of the velocity loop; that of a valve is proportional to the speed. */
+static double axis_velocity_law(const struct described_node *node, struct described_axis *axis,
+                                double wanted_rad_s)
+{
+    const struct board_axis_config *config = axis_config(node, axis);
+    double limit = axis_setting(axis, DESCRIBED_VELOCITY_LIMIT);
+    double most = config->torque_nm_a * config->current_limit_a, error;
+
+    wanted_rad_s = fmax(fmin(wanted_rad_s, limit), -limit);
+    error = wanted_rad_s - axis->velocity_rad_s;
+
+    if (config->valve) {
+        return config->bemf_v_s_rad * wanted_rad_s;
+    }
+    axis->integral_nm += axis_setting(axis, DESCRIBED_INTEGRAL_GAIN) * error * 1e-3;
+    axis->integral_nm = fmax(fmin(axis->integral_nm, most), -most);
+    return axis_torque_law(node, axis,
+                           axis_setting(axis, DESCRIBED_VELOCITY_GAIN) * error + axis->integral_nm +
+                               axis_target(axis, DESCRIBED_TO_TORQUE));
+}
+
+/* Returns the distance from the motor to the wanted position, which is kept within the joint's
+ * limits. */
+static double axis_position_error(const struct described_node *node,
+                                  const struct described_axis *axis)
+{
+    const struct board_axis_config *config = axis_config(node, axis);
+    double wanted = axis_target(axis, DESCRIBED_TO_POSITION) + axis->zero_rad;
+
+    return fmax(fmin(wanted, config->upper_rad), config->lower_rad) - axis->motor_rad;
+}
+
+/* Returns the voltage of the law in force. */
+static double axis_law_voltage(const struct described_node *node, struct described_axis *axis)
+{
+    switch (axis->active) {
+    case DESCRIBED_VOLTAGE:
+        return axis_target(axis, DESCRIBED_TO_VOLTAGE) +
+               axis_target(axis, DESCRIBED_TO_DUTY) * node->supply_v;
+    case DESCRIBED_CURRENT:
+        return axis_current_law(node, axis, axis_target(axis, DESCRIBED_TO_CURRENT));
+    case DESCRIBED_TORQUE:
+        return axis_torque_law(node, axis, axis_target(axis, DESCRIBED_TO_TORQUE));
+    case DESCRIBED_VELOCITY:
+        return axis_velocity_law(node, axis, axis_target(axis, DESCRIBED_TO_VELOCITY));
+    case DESCRIBED_POSITION:
+        return axis_velocity_law(node, axis,
+                                 axis_setting(axis, DESCRIBED_POSITION_GAIN) *
+                                         axis_position_error(node, axis) +
+                                     axis_target(axis, DESCRIBED_TO_VELOCITY));
+    case DESCRIBED_IMPEDANCE:
+        return axis_torque_law(
+            node, axis,
+            axis_target(axis, DESCRIBED_TO_KP) * axis_position_error(node, axis) +
+                axis_target(axis, DESCRIBED_TO_KD) *
+                    (axis_target(axis, DESCRIBED_TO_VELOCITY) - axis->velocity_rad_s) +
+                axis_target(axis, DESCRIBED_TO_TORQUE));
+    default:
+        return 0.0;
+    }
 }
 
 /* ---- control ---- */
 
 /* Stops set-points of open laws that lead further beyond a limit. */
-static void described_axis_heed_limits(const struct board *board, struct described_axis *axis)
+static void axis_heed_limits(const struct described_node *node, struct described_axis *axis)
 {
     static const enum described_meaning open[] = {DESCRIBED_TO_VOLTAGE, DESCRIBED_TO_DUTY,
                                                   DESCRIBED_TO_CURRENT, DESCRIBED_TO_TORQUE};
-    const struct board_axis_config *config = &board->config.axis[described_axis_index(board, axis)];
+    const struct board_axis_config *config = axis_config(node, axis);
     bool above = axis->link_rad > config->upper_rad, below = axis->link_rad < config->lower_rad;
 
-    if (axis_law(board, axis) > DESCRIBED_TORQUE) {
+    if (axis->active > DESCRIBED_TORQUE || !(above || below)) {
         return;
     }
     for (size_t i = 0; i < sizeof open / sizeof *open; i++) {
@@ -496,13 +559,14 @@ static void described_axis_heed_limits(const struct board *board, struct describ
 }
 
 /* Writes voltages and switches of the bridges into the command of the plant. */
-static void described_motor_drive_bridges(const struct board *board, struct plant_command *command)
+static void described_motor_drive_bridges(const struct described_node *node,
+                                          struct plant_command *command)
 {
-    for (unsigned i = 0; i < described_node_of(board)->axes; i++) {
-        const struct described_axis *axis = &described_motor_of(board)->axis[i];
-        struct motor_command *motor = &command->motor[board->config.axis[i].joint];
+    for (unsigned i = 0; i < node->axes; i++) {
+        const struct described_axis *axis = &node->axis[i];
+        struct motor_command *motor = &command->motor[node->board.config.axis[i].joint];
 
-        motor->bridge_on = described_axis_runs(board, axis);
+        motor->bridge_on = described_axis_runs(axis);
         motor->voltage_v = motor->bridge_on ? axis->voltage_v : 0.0;
     }
 }
@@ -511,36 +575,44 @@ static void described_motor_drive_bridges(const struct board *board, struct plan
 static void described_motor_control(struct board *board, struct ms_span span,
                                     struct plant_command *command)
 {
-    struct described_motor *motor = described_motor_of(board);
+    struct described_node *node = described_node_of(board);
 
-    for (unsigned i = 0; i < motor->node.axes; i++) {
-        described_axis_watch_faults(board, &motor->axis[i]);
-        described_axis_heed_limits(board, &motor->axis[i]);
+    for (unsigned i = 0; i < node->axes; i++) {
+        struct described_axis *axis = &node->axis[i];
+
+        axis_watch_faults(node, axis);
+        axis_heed_limits(node, axis);
         for (int64_t ms = span.from; ms < span.to; ms++) {
-            described_axis_step(board, &motor->axis[i]);
+            double v;
+
+            axis->wanted_a = 0.0;
+            v = axis_law_voltage(node, axis);
+            axis->voltage_v = fmax(fmin(v, node->supply_v), -node->supply_v);
         }
     }
-    described_motor_drive_bridges(board, command);
+    described_motor_drive_bridges(node, command);
 }
 
 /* Opens the bridges of a motor board (struct board_ops). */
 static void described_motor_shut_down(struct board *board, struct plant_command *command)
 {
-    for (unsigned i = 0; i < described_node_of(board)->axes; i++) {
-        struct described_axis *axis = &described_motor_of(board)->axis[i];
+    struct described_node *node = described_node_of(board);
 
-        if (described_axis_runs(board, axis)) {
-            described_axis_set_state(board, axis, described_node_of(board)->protocol->off_state);
+    for (unsigned i = 0; i < node->axes; i++) {
+        if (described_axis_runs(&node->axis[i])) {
+            axis_enter(node, &node->axis[i], node->protocol->off_state, node->axis[i].law);
         }
     }
-    described_motor_drive_bridges(board, command);
+    described_motor_drive_bridges(node, command);
 }
 
 /* Returns whether some axis has latched a fault (struct board_ops). */
 static bool described_motor_is_faulty(const struct board *board)
 {
-    for (unsigned i = 0; i < described_node_of(board)->axes; i++) {
-        if (described_motor_of(board)->axis[i].latched) {
+    const struct described_node *node = described_node_of(board);
+
+    for (unsigned i = 0; i < node->axes; i++) {
+        if (node->axis[i].latched) {
             return true;
         }
     }
@@ -550,132 +622,9 @@ static bool described_motor_is_faulty(const struct board *board)
 /* Returns the law in force of an axis, or that of faults (struct board_ops). */
 static uint8_t described_motor_mode(const struct board *board, unsigned axis)
 {
-    const struct described_axis *of = &described_motor_of(board)->axis[axis];
+    const struct described_axis *of = &described_node_of(board)->axis[axis];
 
-    return (uint8_t)(of->latched ? DESCRIBED_FAULT : axis_law(board, of));
-}
-
-/* ---- what its frames tell ---- */
-
-/* Computes targets, powers and settings of an axis; false: the meaning is another. */
-static bool described_axis_power(const struct board *board, const struct described_axis *axis,
-                                 enum described_meaning meaning, double *value)
-{
-    const struct board_axis_config *config = &board->config.axis[described_axis_index(board, axis)];
-    double supply_v = described_node_of(board)->supply_v;
-    double bridge_v = described_axis_runs(board, axis) ? axis->voltage_v : 0.0;
-
-    switch (meaning) {
-    /* Aims */
-    case DESCRIBED_AXIS_VOLTAGE:
-        *value = axis->voltage_v;
-        return true;
-    case DESCRIBED_CURRENT_TARGET:
-        *value = axis->wanted_a;
-        return true;
-    case DESCRIBED_TORQUE_TARGET:
-        *value = axis->wanted_a * config->torque_nm_a;
-        return true;
-
-    /* Powers */
-    case DESCRIBED_ELECTRICAL_POWER:
-        *value = bridge_v * axis->current_a;
-        return true;
-    case DESCRIBED_MECHANICAL_POWER:
-        *value = axis->current_a * config->torque_nm_a * axis->velocity_rad_s;
-        return true;
-    case DESCRIBED_SUPPLY_CURRENT:
-        *value = supply_v > 0.0 ? bridge_v * axis->current_a / supply_v : 0.0;
-        return true;
-
-    /* Settings */
-    case DESCRIBED_CURRENT_LIMIT:
-        *value =
-            fmin(config->current_limit_a, described_axis_setting(axis, DESCRIBED_CURRENT_LIMIT));
-        return true;
-    default:
-        *value = described_is_setting(meaning) ? described_axis_setting(axis, meaning) : 0.0;
-        return described_is_setting(meaning);
-    }
-}
-
-/* Computes what a field of an axis carries (struct described_node_ops). */
-static bool described_motor_source(const struct described_node *node, unsigned index,
-                                   const struct described_field *field, double *value,
-                                   int64_t *count)
-{
-    const struct board *board = &node->board;
-    const struct described_axis *axis = &described_motor_of(board)->axis[index];
-    int32_t motor = 0, link = 0;
-
-    if (described_axis_power(board, axis, field->meaning, value)) {
-        return false;
-    }
-    switch (field->meaning) {
-    /* Sensors */
-    case DESCRIBED_MOTOR_POSITION:
-        *value = axis->motor_rad - axis->zero_rad;
-        return false;
-    case DESCRIBED_LINK_POSITION:
-        *value = axis->link_rad - axis->zero_rad;
-        return false;
-    case DESCRIBED_DEFLECTION:
-        /* of counts, so that a host's difference is the link's count exactly */
-        control_quantize(axis->motor_rad / field->scale, &motor);
-        control_quantize(axis->link_rad / field->scale, &link);
-        *count = (int64_t)motor - link;
-        return true;
-    case DESCRIBED_MOTOR_VELOCITY:
-        *value = axis->velocity_rad_s;
-        return false;
-    case DESCRIBED_AXIS_CURRENT:
-        *value = axis->current_a;
-        return false;
-    case DESCRIBED_AXIS_TORQUE:
-        *value = axis->torque_nm;
-        return false;
-    case DESCRIBED_DRIVE_TORQUE:
-        *value = axis->current_a * board->config.axis[index].torque_nm_a;
-        return false;
-    case DESCRIBED_AXIS_DUTY:
-        *value = node->supply_v > 0.0 ? axis->voltage_v / node->supply_v : 0.0;
-        return false;
-    case DESCRIBED_PISTON_PRESSURE:
-    case DESCRIBED_ROD_PRESSURE:
-        *value = axis->pressure_bar[field->meaning - DESCRIBED_PISTON_PRESSURE];
-        return false;
-    case DESCRIBED_VALVE_OPENING:
-        *value = axis->valve_opening;
-        return false;
-    case DESCRIBED_TEMPERATURE:
-        *value = axis->temperature_c;
-        return false;
-    /* State */
-    case DESCRIBED_LAW:
-        *count = node->protocol->nlaw ? node->protocol->law[axis->law].value : 0;
-        return true;
-    case DESCRIBED_COMMANDS:
-        *count = axis->commands;
-        return true;
-    case DESCRIBED_LATCHED_FAULTS:
-        *count = described_fault_bits(node->protocol, axis->latched);
-        return true;
-    default:
-        *count = 0;
-        return true;
-    }
-}
-
-/* Returns the faults of an axis (struct described_node_ops). */
-static uint32_t described_motor_faults(const struct described_node *node, unsigned axis)
-{
-    return described_motor_of(&node->board)->axis[axis].faults;
-}
-
-/* Returns the state of an axis (struct described_node_ops). */
-static int described_motor_state(const struct described_node *node, unsigned axis)
-{
-    return described_motor_of(&node->board)->axis[axis].state;
+    return (uint8_t)(of->latched ? DESCRIBED_FAULT : of->active);
 }
 
 static const struct board_ops described_motor_ops = {
@@ -690,21 +639,7 @@ static const struct board_ops described_motor_ops = {
     .mode = described_motor_mode,
 };
 
-static const struct described_node_ops described_motor_node_ops = {
-    .kind = DESCRIBED_MOTOR,
-    .source = described_motor_source,
-    .faults = described_motor_faults,
-    .state = described_motor_state,
-};
-
 struct board *described_motor_create(struct arena *arena)
 {
-    struct described_motor *motor = arena_alloc(arena, 1, sizeof *motor);
-
-    if (!motor) {
-        return NULL;
-    }
-    motor->node.board.ops = &described_motor_ops;
-    motor->node.ops = &described_motor_node_ops;
-    return &motor->node.board;
+    return described_node_create(arena, &described_motor_ops, DESCRIBED_MOTOR);
 }

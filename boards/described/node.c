@@ -15,10 +15,22 @@ static void described_node_find_slot(struct described_node *node)
     const struct described_bus *bus = described_bus_of(node->board.bus);
     unsigned slot = 0;
 
-    while (slot < bus->slots && &bus->slot[slot].motor->node != node) {
+    while (slot < bus->slots && bus->slot[slot].node != node) {
         slot++;
     }
     node->first_slot = slot < bus->slots ? slot : 0;
+}
+
+struct board *described_node_create(struct arena *arena, const struct board_ops *ops, unsigned kind)
+{
+    struct described_node *node = arena_alloc(arena, 1, sizeof *node);
+
+    if (!node) {
+        return NULL;
+    }
+    node->board.ops = ops;
+    node->kind = kind;
+    return &node->board;
 }
 
 bool described_node_power_up(struct described_node *node)
@@ -34,6 +46,8 @@ bool described_node_power_up(struct described_node *node)
     node->started_ns = node->board.boards->now_ns;
     node->sequence = 0;
     for (unsigned axis = 0; axis < DESCRIBED_AXES; axis++) {
+        node->axis[axis].state = node->protocol->off_state;
+        node->axis[axis].faults = 0;
         for (size_t i = 0; i < DESCRIBED_FRAMES_MAX; i++) {
             node->report[axis][i] = (struct described_report){.state = node->protocol->off_state};
         }
@@ -66,24 +80,163 @@ static bool described_node_due(struct described_node *node)
 
 /* ---- frames ---- */
 
-/* Returns the faults of an axis or a sensor. */
-static uint32_t described_node_faults(const struct described_node *node, unsigned axis)
-{
-    return node->ops->faults(node, axis);
-}
-
-/* Returns the value of a field of a request. */
-static int64_t described_echo(const struct described_frame *request, const int64_t *values,
-                              int64_t field)
-{
-    return request && field >= 0 && (size_t)field < request->nfield ? values[field] : 0;
-}
-
-static int64_t described_node_count(const struct described_node *node, unsigned axis,
-                                    const struct field *layout, const struct described_field *field,
-                                    const struct described_frame *request, const int64_t *values);
-
 /* Returns the bits of the parameter that a request asks for. */
+static int64_t described_node_parameter(const struct described_node *node, unsigned axis,
+                                        const struct described_frame *request,
+                                        const int64_t *values);
+
+/* Returns the count of a field that an axis of a motor board has. */
+static int64_t described_axis_count(const struct described_node *node, unsigned index,
+                                    const struct described_field *field)
+{
+    const struct board_axis_config *config = &node->board.config.axis[index];
+    const struct described_axis *axis = &node->axis[index];
+    double bridge_v = described_axis_runs(axis) ? axis->voltage_v : 0.0, value;
+    int32_t motor = 0, link = 0;
+
+    switch (field->meaning) {
+    /* Sensors */
+    case DESCRIBED_MOTOR_POSITION:
+        value = axis->motor_rad - axis->zero_rad;
+        break;
+    case DESCRIBED_LINK_POSITION:
+        value = axis->link_rad - axis->zero_rad;
+        break;
+    case DESCRIBED_DEFLECTION:
+        /* of counts, so that a host's difference is the link's count exactly */
+        control_quantize(axis->motor_rad / field->scale, &motor);
+        control_quantize(axis->link_rad / field->scale, &link);
+        return (int64_t)motor - link;
+    case DESCRIBED_MOTOR_VELOCITY:
+        value = axis->velocity_rad_s;
+        break;
+    case DESCRIBED_AXIS_CURRENT:
+        value = axis->current_a;
+        break;
+    case DESCRIBED_AXIS_TORQUE:
+        value = axis->torque_nm;
+        break;
+    case DESCRIBED_DRIVE_TORQUE:
+        value = axis->current_a * config->torque_nm_a;
+        break;
+    case DESCRIBED_PISTON_PRESSURE:
+    case DESCRIBED_ROD_PRESSURE:
+        value = axis->pressure_bar[field->meaning - DESCRIBED_PISTON_PRESSURE];
+        break;
+    case DESCRIBED_VALVE_OPENING:
+        value = axis->valve_opening;
+        break;
+    case DESCRIBED_TEMPERATURE:
+        value = axis->temperature_c;
+        break;
+    /* Aims and powers */
+    case DESCRIBED_AXIS_VOLTAGE:
+        value = axis->voltage_v;
+        break;
+    case DESCRIBED_AXIS_DUTY:
+        value = node->supply_v > 0.0 ? axis->voltage_v / node->supply_v : 0.0;
+        break;
+    case DESCRIBED_CURRENT_TARGET:
+        value = axis->wanted_a;
+        break;
+    case DESCRIBED_TORQUE_TARGET:
+        value = axis->wanted_a * config->torque_nm_a;
+        break;
+    case DESCRIBED_ELECTRICAL_POWER:
+        value = bridge_v * axis->current_a;
+        break;
+    case DESCRIBED_MECHANICAL_POWER:
+        value = axis->current_a * config->torque_nm_a * axis->velocity_rad_s;
+        break;
+    case DESCRIBED_SUPPLY_CURRENT:
+        value = node->supply_v > 0.0 ? bridge_v * axis->current_a / node->supply_v : 0.0;
+        break;
+    /* Settings and state */
+    case DESCRIBED_CURRENT_LIMIT:
+        value = described_axis_current_limit(node, index);
+        break;
+    case DESCRIBED_VELOCITY_LIMIT:
+    case DESCRIBED_POSITION_GAIN:
+    case DESCRIBED_VELOCITY_GAIN:
+    case DESCRIBED_INTEGRAL_GAIN:
+        value = axis->setting[field->meaning - DESCRIBED_SETTING];
+        break;
+    case DESCRIBED_LAW:
+        return node->protocol->nlaw ? node->protocol->law[axis->law].value : 0;
+    case DESCRIBED_COMMANDS:
+        return described_wrap(field, axis->commands);
+    case DESCRIBED_LATCHED_FAULTS:
+        return described_fault_bits(node->protocol, axis->latched);
+    default:
+        return 0;
+    }
+    return described_count(field, value);
+}
+
+/* Returns the count of a field of a frame about an axis; request: the frame that it answers, if
+ * any. */
+static int64_t described_node_count(const struct described_node *node, unsigned index,
+                                    const struct described_field *field,
+                                    const struct described_frame *request, const int64_t *values)
+{
+    const struct described_protocol *protocol = node->protocol;
+    const struct described_axis *axis = &node->axis[index];
+    double value;
+
+    switch (field->meaning) {
+    case DESCRIBED_NOTHING:
+        return 0;
+    case DESCRIBED_CONSTANT:
+        return field->constant;
+    case DESCRIBED_ECHO:
+        return request && field->constant >= 0 && (size_t)field->constant < request->nfield
+                   ? values[field->constant]
+                   : 0;
+    case DESCRIBED_ADDRESS:
+        return node->board.address;
+    case DESCRIBED_AXIS:
+        return index;
+    case DESCRIBED_SLOT:
+        return node->first_slot + index;
+    case DESCRIBED_FIRST_SLOT:
+        return node->first_slot;
+    case DESCRIBED_AXES_COUNT:
+        return node->axes;
+    case DESCRIBED_STATE:
+        return protocol->state[axis->state].value;
+    case DESCRIBED_RESULT:
+        return protocol->state[axis->state].result;
+    case DESCRIBED_PARAMETER_VALUE:
+        return described_node_parameter(node, index, request, values);
+    case DESCRIBED_SERIAL:
+        return (uint32_t)hash_bytes(HASH_START, node->board.config.name,
+                                    strlen(node->board.config.name));
+    case DESCRIBED_FAULTS:
+        return described_fault_bits(protocol, axis->faults);
+    case DESCRIBED_FAULTY:
+        return (axis->faults & DESCRIBED_FATAL) != 0;
+    case DESCRIBED_SEQUENCE:
+        return described_wrap(field, node->sequence);
+    case DESCRIBED_SUPPLY:
+        return described_count(field, node->supply_v);
+    case DESCRIBED_UPTIME:
+        value = (double)(node->board.boards->now_ns - node->started_ns) * 1e-9;
+        return described_count(field, value);
+    case DESCRIBED_TELEMETRY_PERIOD:
+        return described_count(field, (double)node->telemetry_ms * 1e-3);
+    default:
+        break;
+    }
+    /* Fields of this kind of node: a motor board has no channels, a sensor no axis */
+    if (node->kind == DESCRIBED_MOTOR) {
+        return described_axis_count(node, index, field);
+    }
+    if (field->meaning >= DESCRIBED_CHANNEL) {
+        return described_count(field, node->channel[field->meaning - DESCRIBED_CHANNEL]);
+    }
+    return field->meaning == DESCRIBED_SATURATED ? node->saturated : 0;
+}
+
 static int64_t described_node_parameter(const struct described_node *node, unsigned axis,
                                         const struct described_frame *request,
                                         const int64_t *values)
@@ -92,91 +245,8 @@ static int64_t described_node_parameter(const struct described_node *node, unsig
     const struct described_parameter *parameter =
         number < 0 ? NULL : described_find_parameter(node->protocol, values[number]);
 
-    return parameter ? described_node_count(node, axis, &parameter->layout, &parameter->field, NULL,
-                                            NULL) &
-                           UINT32_MAX
+    return parameter ? described_node_count(node, axis, &parameter->field, NULL, NULL) & UINT32_MAX
                      : 0;
-}
-
-/* Returns the count of a field of a frame about an axis; request: the frame that it answers, if
- * any. */
-static int64_t described_node_count(const struct described_node *node, unsigned axis,
-                                    const struct field *layout, const struct described_field *field,
-                                    const struct described_frame *request, const int64_t *values)
-{
-    const struct described_protocol *protocol = node->protocol;
-    double value = 0.0;
-    int64_t count = 0;
-
-    /* Fields that every kind of node has */
-    switch (field->meaning) {
-    case DESCRIBED_NOTHING:
-        return 0;
-    case DESCRIBED_CONSTANT:
-        return field->constant;
-    case DESCRIBED_ECHO:
-        return described_echo(request, values, field->constant);
-    case DESCRIBED_ADDRESS:
-        return node->board.address;
-    case DESCRIBED_AXIS:
-        return axis;
-    case DESCRIBED_SLOT:
-        return node->first_slot + axis;
-    case DESCRIBED_FIRST_SLOT:
-        return node->first_slot;
-    case DESCRIBED_AXES_COUNT:
-        return node->axes;
-    case DESCRIBED_STATE:
-        return protocol->state[node->ops->state(node, axis)].value;
-    case DESCRIBED_RESULT:
-        return protocol->state[node->ops->state(node, axis)].result;
-    case DESCRIBED_PARAMETER_VALUE:
-        return described_node_parameter(node, axis, request, values);
-    case DESCRIBED_SERIAL:
-        return (uint32_t)hash_bytes(HASH_START, node->board.config.name,
-                                    strlen(node->board.config.name));
-    case DESCRIBED_FAULTS:
-        return described_fault_bits(protocol, described_node_faults(node, axis));
-    case DESCRIBED_FAULTY:
-        return (described_node_faults(node, axis) & DESCRIBED_FATAL) != 0;
-    case DESCRIBED_SEQUENCE:
-        return described_wrap(layout, node->sequence);
-    case DESCRIBED_SUPPLY:
-        return described_count(layout, field, node->supply_v);
-    case DESCRIBED_UPTIME:
-        return described_count(layout, field,
-                               (double)(node->board.boards->now_ns - node->started_ns) * 1e-9);
-    case DESCRIBED_TELEMETRY_PERIOD:
-        return described_count(layout, field, (double)node->telemetry_ms * 1e-3);
-    default:
-        break;
-    }
-    /* Fields of this kind of node */
-    if (!node->ops->source(node, axis, field, &value, &count)) {
-        return described_count(layout, field, value);
-    }
-    return field->meaning == DESCRIBED_COMMANDS ? described_wrap(layout, (uint32_t)count) : count;
-}
-
-/* Fills the counts of the fields of one layout, which begin at the index first. */
-static void described_node_count_fields(const struct described_node *node, unsigned axis,
-                                        const struct described_frame *frame,
-                                        const struct field *layout, size_t first, size_t end,
-                                        const struct described_frame *request,
-                                        const int64_t *values, int64_t *counts)
-{
-    /* A frame that tells of several axes says with each field which */
-    for (size_t i = first; i < end; layout++) {
-        if (!(layout->type & FIELD_PADDING)) {
-            unsigned of = axis + frame->field[i].axis;
-
-            counts[i] =
-                of < node->axes || of == 0
-                    ? described_node_count(node, of, layout, &frame->field[i], request, values)
-                    : 0;
-            i++;
-        }
-    }
 }
 
 /* Writes a frame about an axis, as an answer if there is a request; returns the identifier. */
@@ -190,16 +260,20 @@ static uint32_t described_node_fill(struct described_node *node, unsigned axis, 
                                                         : 0;
     int64_t counts[DESCRIBED_FIELDS_MAX];
 
-    described_node_count_fields(node, axis, frame, frame->layout, 0, frame->ndata, request, values,
-                                counts);
-    described_node_count_fields(node, axis, frame, frame->id_layout, frame->ndata, frame->nfield,
-                                request, values, counts);
+    /* A frame that tells of several axes says with each field which */
+    for (size_t i = 0; i < frame->nfield; i++) {
+        unsigned of = axis + frame->field[i].axis;
+
+        counts[i] = of < node->axes || of == 0
+                        ? described_node_count(node, of, &frame->field[i], request, values)
+                        : 0;
+    }
     if (frame->counter >= 0) {
         counts[frame->counter] =
-            described_wrap(described_layout(frame, (size_t)frame->counter),
+            described_wrap(&frame->field[frame->counter],
                            node->report[frame->by == DESCRIBED_BY_SLOT ? axis : 0][index].sent++);
     }
-    return described_encode(frame, number, counts, data);
+    return described_encode(frame, number, 0, counts, data);
 }
 
 /* Queues a frame as an answer. */
@@ -207,21 +281,19 @@ static void described_node_queue(struct described_node *node, unsigned axis, siz
                                  const struct described_frame *request, const int64_t *values)
 {
     const struct described_frame *frame = &node->protocol->frame[index];
-    uint8_t data[DESCRIBED_LENGTH_MAX];
-    uint32_t id;
+    uint8_t data[DESCRIBED_LENGTH_MAX] = {0};
+    uint32_t id = described_node_fill(node, axis, index, request, values, data);
 
-    memset(data, 0, frame->length);
-    id = described_node_fill(node, axis, index, request, values, data);
     board_queue_as(&node->board, id, frame->flags, frame->length, data);
 }
 
 void described_node_reply(struct described_node *node, unsigned axis,
                           const struct described_frame *request, const int64_t *values)
 {
-    unsigned kind = node->ops->kind >> 1; /* 0, 1, 2 */
+    int reply = request->reply[described_kind_index(node->kind)];
 
-    if (request->reply[kind] >= 0) {
-        described_node_queue(node, axis, (size_t)request->reply[kind], request, values);
+    if (reply >= 0) {
+        described_node_queue(node, axis, (size_t)reply, request, values);
     }
 }
 
@@ -231,7 +303,7 @@ void described_node_announce(struct described_node *node)
         const struct described_frame *frame = &node->protocol->frame[i];
         unsigned count = frame->by == DESCRIBED_BY_SLOT ? node->axes : 1;
 
-        for (unsigned axis = 0; frame->on_restart && frame->of & node->ops->kind && axis < count;
+        for (unsigned axis = 0; frame->on_restart && frame->of & node->kind && axis < count;
              axis++) {
             described_node_queue(node, axis, i, NULL, NULL);
         }
@@ -254,86 +326,71 @@ static void described_node_send(struct described_node *node, unsigned axis, size
 {
     const struct described_frame *frame = &node->protocol->frame[index];
     struct described_report *report = &node->report[axis][index];
-    uint8_t data[DESCRIBED_LENGTH_MAX];
+    uint8_t data[DESCRIBED_LENGTH_MAX] = {0};
     uint32_t id;
 
-    report->state = node->ops->state(node, axis);
-    report->faults = described_node_faults(node, axis);
-    memset(data, 0, frame->length);
+    report->state = node->axis[axis].state;
+    report->faults = node->axis[axis].faults;
     id = described_node_fill(node, axis, index, NULL, NULL, data);
     board_send_as(&node->board, sink, id, frame->flags, frame->length, data);
 }
 
-/* Returns whether state or faults have changed since a frame last told them. */
-static bool described_node_has_changed(const struct described_node *node, unsigned axis,
-                                       size_t index)
+/* Returns whether a frame that is no telemetry is due: by its period, or by a change of state or
+ * faults since it last told them. */
+static bool described_frame_due(const struct described_node *node, unsigned axis, size_t index,
+                                struct ms_span span)
 {
+    const struct described_frame *frame = &node->protocol->frame[index];
     const struct described_report *report = &node->report[axis][index];
+    int64_t number = frame->by == DESCRIBED_BY_SLOT ? node->first_slot + axis : node->board.address;
 
-    return report->state != node->ops->state(node, axis) ||
-           report->faults != described_node_faults(node, axis);
-}
-
-/* Sends the telemetry, or all other frames that are due. */
-static void described_node_send_due(struct described_node *node, struct ms_span span,
-                                    bool telemetry, struct frame_sink *sink)
-{
-    for (size_t i = 0; i < node->protocol->nframe; i++) {
-        const struct described_frame *frame = &node->protocol->frame[i];
-        unsigned count = frame->by == DESCRIBED_BY_SLOT ? node->axes : 1;
-
-        if (frame->from_host || !(frame->of & node->ops->kind) || frame->telemetry != telemetry) {
-            continue;
-        }
-        /* Frames by slot come once an axis, each at its own time */
-        for (unsigned axis = 0; axis < count; axis++) {
-            int64_t number =
-                frame->by == DESCRIBED_BY_SLOT ? node->first_slot + axis : node->board.address;
-            bool due = telemetry ||
-                       (frame->period_ns > 0 && described_grid_due(span, frame->period_ns / MS,
-                                                                   number * frame->spread_ms)) ||
-                       (frame->on_change && described_node_has_changed(node, axis, i));
-
-            if (due) {
-                described_node_send(node, axis, i, sink);
-            }
-        }
+    if (frame->telemetry) {
+        return false;
     }
-}
-
-/* Returns whether frames that tell changes have told of lost frames, for each axis. */
-static bool described_node_has_told_overflow(const struct described_node *node)
-{
-    bool told = false;
-
-    for (size_t i = 0; i < node->protocol->nframe; i++) {
-        const struct described_frame *frame = &node->protocol->frame[i];
-        unsigned count = frame->by == DESCRIBED_BY_SLOT ? node->axes : 1;
-
-        if (!frame->on_change || !(frame->of & node->ops->kind)) {
-            continue;
-        }
-        for (unsigned axis = 0; axis < count; axis++) {
-            told = node->report[axis][i].faults >> DESCRIBED_OVERFLOW & 1;
-            if (!told) {
-                return false;
-            }
-        }
-    }
-    return told;
+    return (frame->period_ns > 0 &&
+            described_grid_due(span, frame->period_ns / MS, number * frame->spread_ms)) ||
+           (frame->on_change &&
+            (report->state != node->axis[axis].state || report->faults != node->axis[axis].faults));
 }
 
 void described_node_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
 {
     struct described_node *node = described_node_of(board);
-    bool lost = board->lost_in_status;
+    const struct described_protocol *protocol = node->protocol;
+    const struct described_schedule *telemetry =
+        &protocol->telemetry[described_kind_index(node->kind)];
+    const struct described_schedule *other = &protocol->other[described_kind_index(node->kind)];
+    bool lost = board->lost_in_status, told = false;
 
+    /* Frames by slot come once an axis, each at its own time */
     if (described_node_due(node)) {
-        described_node_send_due(node, span, true, sink);
+        for (size_t i = 0; i < telemetry->count; i++) {
+            size_t index = telemetry->frame[i];
+            unsigned count = protocol->frame[index].by == DESCRIBED_BY_SLOT ? node->axes : 1;
+
+            for (unsigned axis = 0; axis < count; axis++) {
+                described_node_send(node, axis, index, sink);
+            }
+        }
         node->sequence++;
     }
-    described_node_send_due(node, span, false, sink);
-    if (lost && described_node_has_told_overflow(node)) {
+    for (size_t i = 0; i < other->count; i++) {
+        size_t index = other->frame[i];
+        const struct described_frame *frame = &protocol->frame[index];
+        unsigned count = frame->by == DESCRIBED_BY_SLOT ? node->axes : 1;
+
+        for (unsigned axis = 0; axis < count; axis++) {
+            if (described_frame_due(node, axis, index, span)) {
+                described_node_send(node, axis, index, sink);
+            }
+            if (frame->on_change) {
+                told = node->report[axis][index].faults >> DESCRIBED_OVERFLOW & 1;
+                lost = lost && told;
+            }
+        }
+    }
+    /* Lost frames are forgotten when every frame that tells changes has told of them */
+    if (lost && told) {
         board->lost_in_status = board->lost_in_overflow = false;
     }
 }

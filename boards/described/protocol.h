@@ -189,10 +189,15 @@ enum described_checksum {
 
 struct described_field {
     enum described_meaning meaning;
+    /* Place: the first bit of the data, or of the identifier, and how many there are */
+    uint16_t bit;
+    uint8_t bits;
+    bool in_id, big_endian, real; /* real: the bits of a float */
+    uint8_t axis;                 /* of the board, where a frame tells of several */
+    int64_t low, high;            /* counts that it holds */
     int64_t constant; /* count of DESCRIBED_CONSTANT; field of the request of DESCRIBED_ECHO */
     double scale, offset;
-    double host;  /* what our host sends where it has nothing better */
-    uint8_t axis; /* of the board, where a frame tells of several */
+    double host; /* what our host sends where it has nothing better */
 };
 
 struct described_frame {
@@ -212,7 +217,13 @@ struct described_frame {
     const struct field *layout;    /* of the data; with gaps as padding, ends with FIELD_END */
     const struct field *id_layout; /* of the identifier, from bit 0 on, 32 bits; NULL: no fields */
     struct described_field *field; /* those of layout, then of id_layout, without padding */
-    int counter;                   /* index of the field that counts frames; -1: none */
+    int8_t first[DESCRIBED_MEANINGS];   /* the first field of each meaning; -1: none */
+    uint8_t read[DESCRIBED_FIELDS_MAX]; /* fields that a host reads, in the order in which it does:
+                                         * torques and rates before the angles made of them */
+    uint8_t nread;
+    int counter;     /* index of the field that counts frames; -1: none */
+    bool configures; /* sets settings, parameters or the position */
+    bool checked;    /* names states, laws, parameters or a period */
     enum described_checksum checksum;
     uint8_t checksum_byte; /* where it is in the data */
 
@@ -245,13 +256,18 @@ struct described_state {
 /* Parameter that a host reads, or writes where it is a setting, by a number. */
 struct described_parameter {
     uint32_t number;
-    struct field layout;
     struct described_field field;
 };
 
 struct described_list {
     size_t count;
     uint8_t frame[DESCRIBED_LIST_MAX];
+};
+
+/* Frames that boards of a kind send by themselves, in the order of the file. */
+struct described_schedule {
+    size_t count;
+    uint8_t frame[DESCRIBED_FRAMES_MAX];
 };
 
 struct described_protocol {
@@ -273,9 +289,14 @@ struct described_protocol {
     size_t nparameter;
     struct described_parameter parameter[DESCRIBED_PARAMETERS_MAX];
 
+    /* Frames, a bit each: of an identifier of 11 bits, of all with 29, and those from the host */
+    uint64_t rows[DESCRIBED_STANDARD_ID_MAX + 1], extended_rows, host_rows;
+    struct described_schedule telemetry[3], other[3]; /* by kind of board */
+
     struct {
         struct described_list discover, configure, on, off, command;
         int on_state, off_state;
+        enum described_law law; /* of on_state, with the law that it selects */
     } host;
 };
 
@@ -306,13 +327,24 @@ int64_t described_fault_bits(const struct described_protocol *protocol, uint32_t
 
 /* Returns the count of a field for a value, within the field; of a float its bits. A value that
  * is no number gives 0. */
-int64_t described_count(const struct field *layout, const struct described_field *field,
-                        double value);
-double described_value(const struct field *layout, const struct described_field *field,
-                       int64_t count);
+int64_t described_count(const struct described_field *field, double value);
+double described_value(const struct described_field *field, int64_t count);
 
-/* Returns the layout of a field, padding not counted. */
+/* Returns the bits of a count that a field holds: it wraps where others saturate. */
+static inline int64_t described_wrap(const struct described_field *field, uint32_t count)
+{
+    return count & ((INT64_C(1) << field->bits) - 1);
+}
+
+/* Returns the name, type and unit of a field, padding not counted. */
 const struct field *described_layout(const struct described_frame *frame, size_t field);
+
+/* Returns the index of a field with a meaning; -1 = none. */
+static inline int described_find_field(const struct described_frame *frame,
+                                       enum described_meaning meaning)
+{
+    return frame->first[meaning];
+}
 
 /* Returns the identifier of a frame with a number; bits of fields in it are 0. */
 static inline uint32_t described_id(const struct described_frame *frame, unsigned number)
@@ -320,14 +352,30 @@ static inline uint32_t described_id(const struct described_frame *frame, unsigne
     return frame->base + frame->step * number;
 }
 
+/* Returns the frames from the host, or from boards, that an identifier may be of, a bit each:
+ * described_number tells which it is. */
+static inline uint64_t described_rows(const struct described_protocol *protocol,
+                                      const struct bus_frame *frame, bool from_host)
+{
+    uint64_t rows = frame->flags & FRAME_EXTENDED
+                        ? protocol->extended_rows
+                        : protocol->rows[frame->id & DESCRIBED_STANDARD_ID_MAX];
+
+    return rows & (from_host ? protocol->host_rows : ~protocol->host_rows);
+}
+
 /* Returns whether an identifier, of 29 bits when extended, belongs to a frame, and its number. */
 bool described_number(const struct described_frame *frame, uint32_t id, bool extended,
                       unsigned *number);
 
-/* Writes the counts of all fields into data, which is zero before, closes it with the checksum and
- * returns the identifier. */
-uint32_t described_encode(const struct described_frame *frame, unsigned number,
+/* Writes the counts of all fields into data, which holds DESCRIBED_LENGTH_MAX and is zero before,
+ * as its repetition part, closes it with the checksum and returns the identifier. */
+uint32_t described_encode(const struct described_frame *frame, unsigned number, unsigned part,
                           const int64_t *counts, uint8_t *data);
+
+/* Reads the counts of all fields of the repetition part; fields beyond the frame's end are 0. */
+void described_decode(const struct described_frame *frame, const struct bus_frame *sent,
+                      unsigned part, int64_t *counts);
 
 /* Returns a checksum of length bytes, the one at the index skip left out. */
 uint8_t described_checksum(enum described_checksum checksum, const uint8_t *data, size_t length,
@@ -335,9 +383,6 @@ uint8_t described_checksum(enum described_checksum checksum, const uint8_t *data
 
 /* Returns the name of a checksum in DBC and pages; "" = none. */
 const char *described_checksum_name(enum described_checksum checksum);
-
-/* Returns the bits of a count that a field holds: it wraps where others saturate. */
-int64_t described_wrap(const struct field *layout, uint32_t count);
 
 /* Returns whether a receiver tells frames of two rows of one protocol with one identifier apart:
  * by direction and remote flag, by length, or because not all of b match the constants of a,
@@ -374,8 +419,5 @@ static inline bool described_is_setting(enum described_meaning meaning)
 {
     return meaning >= DESCRIBED_SETTING && meaning < DESCRIBED_SETTINGS_END;
 }
-
-/* Returns the index of a field with a meaning; -1 = none. */
-int described_find_field(const struct described_frame *frame, enum described_meaning meaning);
 
 #endif

@@ -41,12 +41,12 @@ static void check_fields(const struct described_frame *frame)
 
         counts[i] = field->meaning == DESCRIBED_CONSTANT
                         ? field->constant
-                        : described_count(layout, field, field->scale * 3.0 + field->offset);
+                        : described_count(field, field->scale * 3.0 + field->offset);
         fuzz_require(layout->type & FIELD_FLOAT ||
                          (counts[i] >= field_lowest(layout) && counts[i] <= field_highest(layout)),
                      "count %lld of %s", (long long)counts[i], layout->name);
     }
-    sent.id = described_encode(frame, frame->most, counts, sent.data);
+    sent.id = described_encode(frame, frame->most, 0, counts, sent.data);
     fuzz_require(described_number(frame, sent.id, frame->flags & FRAME_EXTENDED, &number) &&
                      number == frame->most,
                  "%s has another number", frame->name);
@@ -154,18 +154,13 @@ static void receive(struct described_run *run, struct fuzz_bytes *bytes)
     frame.len = row->flags & FRAME_FD ? frame_fd_length(row->length * row->repeats)
                                       : (uint8_t)(row->length * row->repeats);
     fuzz_copy(bytes, frame.data, frame.len);
-    fields_decode(row->layout, frame.data, row->length, counts);
-    if (row->id_layout) {
-        uint8_t bits[4];
-
-        put_u32_le(bits, frame.id);
-        fields_decode(row->id_layout, bits, sizeof bits, counts + row->ndata);
-    }
+    described_decode(row, &frame, 0, counts);
     for (size_t i = 0; i < row->nfield; i++) {
         counts[i] =
             row->field[i].meaning == DESCRIBED_CONSTANT ? row->field[i].constant : counts[i];
     }
-    frame.id = described_encode(row, how & 3, counts, frame.data);
+    memset(frame.data, 0, row->length);
+    frame.id = described_encode(row, how & 3, 0, counts, frame.data);
     frame.data[how >> 2 & 7] ^= how >> 5 == 7 ? 1 << (how & 7) : 0;
     boards_receive(run->base.boards, run->base.now_ns, 0, &frame);
 }
