@@ -6,14 +6,16 @@
 if(NOT CMAKE_SCRIPT_MODE_FILE)
     set(manual_script ${CMAKE_CURRENT_LIST_FILE})
 
-    # embed_manuals(TARGET FOLDER): the headers of all texts in a folder of the present directory
+    # embed_manuals(TARGET FOLDER [RAW]): the headers of all texts in a folder of the present
+    # directory; RAW: every line stays as it is
     function(embed_manuals target folder)
         file(GLOB texts CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${folder}/*.txt)
         foreach(text ${texts})
             get_filename_component(name ${text} NAME_WE)
             set(header ${CMAKE_BINARY_DIR}/generated/manual/${name}.h)
             add_custom_command(OUTPUT ${header} DEPENDS ${text} ${manual_script} VERBATIM
-                COMMAND ${CMAKE_COMMAND} -D TEXT=${text} -D HEADER=${header} -P ${manual_script})
+                COMMAND ${CMAKE_COMMAND} -D TEXT=${text} -D HEADER=${header} -D RAW=${ARGV2}
+                        -P ${manual_script})
             target_sources(${target} PRIVATE ${header})
         endforeach()
     endfunction()
@@ -27,7 +29,9 @@ string(TOUPPER ${name} symbol)
 
 # Lines of a paragraph become one; the end of the file is no line
 string(REGEX REPLACE "\n+$" "" text "${text}")
-string(REGEX REPLACE "([^\n])\n([^\n ])" "\\1 \\2" text "${text}")
+if(NOT RAW)
+    string(REGEX REPLACE "([^\n])\n([^\n ])" "\\1 \\2" text "${text}")
+endif()
 
 # A literal a line
 string(REPLACE "\\" "\\\\" text "${text}")

@@ -1,27 +1,32 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Completion of command lines in bash, zsh and fish: scripts that are made from the tables of
- * commands and options, so that they know every one of them. Names of rigs and the like are asked
- * from the program when they are needed ("PROGRAM list NOUN [RIG] --names", with the rig that
- * stands on the line for what a rig has: joints, faults). Not RT-safe.
+ * Completion of command lines in bash, zsh and fish: the scripts of base/completion/, with a table
+ * of all commands and options. The scripts ask the program for the names of rigs and the like
+ * ("PROGRAM list NOUN [RIG] --names", with the rig that stands on the line for what a rig has:
+ * joints, faults). Not RT-safe.
+ *
+ * A row of the table is a line of parts divided by semicolons:
+ *
+ *     COMMAND;command;;;;;;;SUMMARY
+ *     COMMAND;option;--NAME;-LETTER;KIND;VALUES;ARGUMENT;*, if it may be repeated;HELP
+ *     COMMAND;operand;NAME;;KIND;VALUES;"optional" or nothing;its number, or * from there on;
+ *
+ * KIND of a value: flag (none), words (one of VALUES), noun (names of VALUES), files, folders, or
+ * none of these.
  */
 #ifndef BASE_COMPLETION_H
 #define BASE_COMPLETION_H
 
+#include <stdbool.h>
 #include <stdio.h>
 
 struct command_spec;
 struct program;
 
-enum completion_shell { COMPLETION_BASH, COMPLETION_ZSH, COMPLETION_FISH, COMPLETION_SHELLS };
+/* Prints the script of a program on standard output; false = there is none for that shell. */
+bool completion_print(const struct program *program, const char *shell);
 
-/* "bash", "zsh" or "fish". */
-extern const char *const completion_shell_names[COMPLETION_SHELLS];
-
-/* Prints the script of a program on standard output. */
-void completion_print(const struct program *program, enum completion_shell shell);
-
-/* Writes the part of one command, which options_read prints for --help=bash, =zsh and =fish. */
-void options_completion(const struct command_spec *spec, enum completion_shell shell, FILE *out);
+/* Writes the rows of a command, which options_read prints for --help=table. */
+void completion_put_rows(const struct command_spec *spec, FILE *out);
 
 #endif

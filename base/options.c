@@ -329,35 +329,13 @@ void options_help(const struct command_spec *spec, FILE *out)
 
 /* ---- exit ---- */
 
-/* Prints what other programs ask for (the source of a manual page, parts of completion scripts);
- * false = the word asks for none of it. */
-static bool options_print_as(const struct command_spec *spec, const char *word)
-{
-    static const char option[] = "--help=";
-    const char *form = word + sizeof option - 1;
-
-    if (strncmp(word, option, sizeof option - 1) != 0) {
-        return false;
-    }
-    if (!strcmp(form, "scdoc")) {
-        options_page(spec, stdout);
-        return true;
-    }
-    for (int shell = 0; shell < COMPLETION_SHELLS; shell++) {
-        if (!strcmp(form, completion_shell_names[shell])) {
-            options_completion(spec, (enum completion_shell)shell, stdout);
-            return true;
-        }
-    }
-    return false;
-}
-
 bool options_read(const struct command_spec *spec, int argc, char **argv, int *status)
 {
     struct error error;
     bool help;
 
-    if (argc == 2 && options_print_as(spec, argv[1])) {
+    if (argc == 2 && (!strcmp(argv[1], "--help=scdoc") || !strcmp(argv[1], "--help=table"))) {
+        (strstr(argv[1], "scdoc") ? options_page : completion_put_rows)(spec, stdout);
         *status = STATUS_OK;
         return false;
     }

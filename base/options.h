@@ -106,8 +106,8 @@ void options_help(const struct command_spec *spec, FILE *out);
 void options_page(const struct command_spec *spec, FILE *out);
 
 /* options_parse for the main of a command. False when the command must return *status at once,
- * because the manual was printed (by --help, or for other programs by --help=scdoc, =bash, =zsh
- * or =fish alone) or the error was reported on stderr. */
+ * because the manual was printed (by --help, or for other programs by --help=scdoc or =table
+ * alone) or the error was reported on stderr. */
 bool options_read(const struct command_spec *spec, int argc, char **argv, int *status);
 
 /* Returns the exit status of a command that ended with an error. */

@@ -2,6 +2,7 @@
 /* Runs programs of several commands. */
 #include "base/program.h"
 
+#include "base/completion.h"
 #include "base/options.h"
 #include "base/text.h"
 
@@ -41,35 +42,6 @@ void program_print_version(const struct program *program)
     printf("%s %s\n", program->name, HIL_VERSION);
 }
 
-void program_print_completions(const struct program *program, enum completion_shell shell)
-{
-    char option[32];
-
-    snprintf(option, sizeof option, "--help=%s", completion_shell_names[shell]);
-    for (size_t i = 0; i < program->ncommand; i++) {
-        char name[64];
-
-        snprintf(name, sizeof name, "%s", program->command[i].name);
-        program->command[i].run(2, (char *[]){name, option, NULL});
-    }
-}
-
-/* Prints the script that --completion=SHELL asks for; false = the word is something else. */
-static bool program_complete(const struct program *program, const char *word)
-{
-    static const char option[] = "--completion=";
-    size_t length = sizeof option - 1;
-
-    for (int shell = 0; shell < COMPLETION_SHELLS; shell++) {
-        if (!strncmp(word, option, length) &&
-            !strcmp(word + length, completion_shell_names[shell])) {
-            completion_print(program, (enum completion_shell)shell);
-            return true;
-        }
-    }
-    return false;
-}
-
 int program_refuse(const struct program *program, const char *name, const char *const *more,
                    size_t nmore)
 {
@@ -102,7 +74,7 @@ int program_main(const struct program *program, int argc, char **argv)
         program_print_version(program);
         return options_flush_output(STATUS_OK);
     }
-    if (program_complete(program, argv[1])) {
+    if (!strncmp(argv[1], "--completion=", 13) && completion_print(program, argv[1] + 13)) {
         return options_flush_output(STATUS_OK);
     }
     help = !strcmp(argv[1], "--help") || !strcmp(argv[1], "-h");

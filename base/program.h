@@ -6,8 +6,6 @@
 #ifndef BASE_PROGRAM_H
 #define BASE_PROGRAM_H
 
-#include "base/completion.h"
-
 #include <stddef.h>
 #include <stdio.h>
 
@@ -31,9 +29,6 @@ struct program {
  * --completion=bash or =zsh the script by which that shell completes command lines. Returns the
  * exit status. */
 int program_main(const struct program *program, int argc, char **argv);
-
-/* Prints what each command contributes to a completion script. */
-void program_print_completions(const struct program *program, enum completion_shell shell);
 
 void program_print_usage(const struct program *program, FILE *out);
 void program_print_version(const struct program *program);

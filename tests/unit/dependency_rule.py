@@ -20,7 +20,7 @@ ROOT = pathlib.Path(os.environ.get("HIL_SOURCE_DIR") or pathlib.Path(__file__).p
 BELOW_SIM = (r"(base|canbus|contact|model|model/\w+|faults|boards|boards/\w+|tasks|rt|rig)/[^/]*"
              r"|canbus/wire/[^/]*|contact/mesh/[^/]*|rt/recording/[^/]*")
 RULES = {
-    "base": r"base/[^/]*",
+    "base": r"(base|manual)/[^/]*",
     "client": r"coman_hil_client\.h",
     "canbus": r"(base|canbus|canbus/wire)/[^/]*",
     "contact": r"(base|contact|contact/mesh|contact/native)/[^/]*",

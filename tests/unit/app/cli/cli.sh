@@ -67,8 +67,8 @@ says err 'none: cannot be read: No such'
 conclude dbc_and_eds_make_their_folder_and_replay_misses_its_own
 
 # In each of these: the names of commands that take a rig by its name
-for name in $("$program" --completion=bash | awk '/^    [a-z]+\)$/ {sub(/\)/, ""); name = $1}
-    /operands=\(/ && /noun rigs/ {print name}' | sort -u); do
+for name in $("$program" --completion=bash |
+    awk -F';' '$2 == "operand" && $6 == "rigs" {print $1}' | sort -u); do
     "$program" list --help | tr '\n' ' ' | sed 's/  */ /g' |
         grep -q "rigs ([^)]*\b$name\b" || problem="$problem; no $name in list --help"
 done

@@ -48,12 +48,13 @@ zsh_expected() {
         tr -d '[]' <<<"$operand"
     done
 }
-# the same as its script says it: 'NAME=[TEXT]:ARGUMENT:...' and 'NUMBER:NAME:...'
+# the same as its script says it to _arguments: NAME=[TEXT]:ARGUMENT:... and NUMBER:NAME:...
 zsh_found() {
-    sed -n "/^    $1)\$/,/^ *;;/p" "$work/_coman-hil" |
-        sed -E 's/\\\[/\x01/g; s/\\\]/\x02/g; s/\\:/\x03/g' |
-        sed -nE "s/^ +'\*?(-[a-z-]+)=?\[[^]]*\](:([^:']*).*)?'.*/\1 \3/p
-                 s/^ +'([0-9]+|\*)(:?):([^:]*):.*/\1\2 \3/p" | tr '\1\2\3' '[]:'
+    zsh -fc "_arguments() { print -rl -- \$@ }
+        words=(coman-hil $1 '') CURRENT=3; source $work/_coman-hil" |
+        sed -E 's/\\\[/\x01/g; s/\\\]/\x02/g; s/\\:/\x03/g' | grep -v '^--help' |
+        sed -nE "s/^\*?(-[a-z-]+)=?\[[^]]*\](:([^:']*).*)?$/\1 \3/p
+                 s/^([0-9]+|\*)(:?):([^:]*):.*/\1\2 \3/p" | tr '\1\2\3' '[]:'
 }
 
 echo 1..31
@@ -123,22 +124,22 @@ offer "$program" run coman --fault "'"
 result $? "all faults of the rig"
 
 "$program" --completion=zsh >"$work/_coman-hil"
-wrong=0
-for command in $commands; do
-    zsh_expected "$command" | sort >"$work/expected"
-    zsh_found "$command" | sort | diff "$work/expected" - >"$work/out" || {
-        wrong=1
-        break
-    }
-done
-result $wrong "zsh is told the arguments and operands that --help names, of every command"
-
 if command -v zsh >/dev/null; then
+    wrong=0
+    for command in $commands; do
+        zsh_expected "$command" | sort >"$work/expected"
+        zsh_found "$command" | sort | diff "$work/expected" - >"$work/out" || {
+            wrong=1
+            break
+        }
+    done
+    result $wrong "zsh is told the arguments and operands that --help names, of every command"
     zsh -n "$work/_coman-hil" >"$work/out" 2>&1 &&
         "$bench" --completion=zsh >"$work/_coman-hil-bench" &&
         zsh -n "$work/_coman-hil-bench" >"$work/out" 2>&1
     result $? "zsh understands its scripts"
 else
+    skip "zsh is told what --help names" "zsh is not installed"
     skip "zsh understands its scripts" "zsh is not installed"
 fi
 
