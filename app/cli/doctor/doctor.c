@@ -1,61 +1,102 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Collects the findings of doctor, and reads the files that they come from. */
-#include "app/cli/doctor/private.h"
+/* Examines a machine for a rig: a function for each subject, which reads what it judges. */
+#include "app/cli/doctor/doctor.h"
+
+#include "base/count.h"
+#include "sim/external.h"
 
 #include <ctype.h>
+#include <dirent.h>
+#include <inttypes.h>
+#include <limits.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-void doctor_add_finding(struct doctor *d, enum doctor_verdict verdict, const char *subject,
-                        const char *fix, const char *format, ...)
+enum {
+    TEXT = 4096,        /* the flags of a processor are that long */
+    CAP_NET_ADMIN = 12, /* capabilities, as in linux/capability.h */
+    CAP_IPC_LOCK = 14,
+    CAP_SYS_NICE = 23,
+    ARPHRD_CAN = 280,   /* type of a CAN interface in sysfs, as in linux/if_arp.h */
+    SLOW_STATE_US = 50, /* time to leave an idle state above which a wake-up can cost a tick */
+    SHORT_QUEUE = 100,  /* frames below which a controller may lose a tick's batch */
+    RECEIVE_WANTED = 4 << 20, /* receive buffer that a run asks for, bytes, */
+    RECEIVE_FRAME = 384,      /* and what a frame takes of it with the kernel's own account */
+    RECEIVE_BATCH = 64,       /* frames that are read from a bus at a time */
+    PROCESSORS_MAX = 64,
+    SENSORS_MAX = 32,
+};
+
+/* An examination under way. */
+struct doctor {
+    const struct doctor_config *config;
+    const struct rig *rig;
+    int cpu; /* the loop's processor, less than 0 = none */
+    const char *subject;
+    struct doctor_finding *findings;
+    size_t count, max;
+};
+
+/* ---- findings ---- */
+
+static void doctor_add(struct doctor *d, enum doctor_verdict verdict, const char *fix,
+                       const char *format, va_list args)
 {
-    struct doctor_finding *finding;
+    struct doctor_finding *finding = &d->findings[d->count];
+
+    if (d->count < d->max) {
+        d->count++;
+        finding->verdict = verdict;
+        finding->subject = d->subject;
+        snprintf(finding->fix, sizeof finding->fix, "%s", fix);
+        vsnprintf(finding->found, sizeof finding->found, format, args);
+    }
+}
+
+/* Adds a finding that is as it should be. */
+static void __attribute__((format(printf, 2, 3)))
+doctor_praise(struct doctor *d, const char *format, ...)
+{
     va_list args;
 
-    if (d->count == d->max) {
-        return;
-    }
-    finding = &d->findings[d->count++];
-    finding->verdict = verdict;
-    finding->subject = subject;
-    snprintf(finding->fix, sizeof finding->fix, "%s", fix);
     va_start(args, format);
-    vsnprintf(finding->found, sizeof finding->found, format, args);
+    doctor_add(d, DOCTOR_OK, "", format, args);
     va_end(args);
 }
 
-bool doctor_read_line(const struct doctor *d, char *text, size_t size, const char *format, ...)
+/* Adds a finding with which a run may miss deadlines. */
+static void __attribute__((format(printf, 3, 4)))
+doctor_warn(struct doctor *d, const char *fix, const char *format, ...)
 {
-    char path[DOCTOR_PATH], name[DOCTOR_PATH];
     va_list args;
-    FILE *file;
-    bool good;
 
     va_start(args, format);
-    vsnprintf(name, sizeof name, format, args);
+    doctor_add(d, DOCTOR_WARN, fix, format, args);
     va_end(args);
-    if ((size_t)snprintf(path, sizeof path, "%s%s", d->config->root, name) >= sizeof path) {
-        return false;
-    }
-    file = fopen(path, "re");
-    if (!file) {
-        return false;
-    }
-    good = fgets(text, (int)size, file) != NULL;
-    fclose(file);
-    if (good) {
-        text[strcspn(text, "\n")] = '\0';
-    }
-    return good;
 }
 
-bool doctor_read_entry(const struct doctor *d, const char *name, const char *key, char *text,
-                       size_t size)
+/* Adds a finding with which the rig cannot run. */
+static void __attribute__((format(printf, 3, 4)))
+doctor_refuse(struct doctor *d, const char *fix, const char *format, ...)
 {
-    char path[DOCTOR_PATH], line[8192]; /* the flags of a processor are that long */
+    va_list args;
+
+    va_start(args, format);
+    doctor_add(d, DOCTOR_FAIL, fix, format, args);
+    va_end(args);
+}
+
+/* ---- files below the root ---- */
+
+/* Reads the first line of a file that begins with key, what stands behind it; without such a line
+ * text stays as it is. */
+static bool doctor_read_entry(const struct doctor *d, const char *name, const char *key,
+                              char text[TEXT])
+{
+    char path[TEXT], line[2 * TEXT];
     bool found = false;
     FILE *file;
 
@@ -67,8 +108,8 @@ bool doctor_read_entry(const struct doctor *d, const char *name, const char *key
     if (found) {
         const char *value = line + strlen(key);
 
-        value += strspn(value, " \t:");
-        snprintf(text, size, "%.*s", (int)strcspn(value, "\n"), value);
+        value += *key ? strspn(value, " \t:") : 0;
+        snprintf(text, TEXT, "%.*s", (int)strcspn(value, "\n"), value);
     }
     if (file) {
         fclose(file);
@@ -76,30 +117,34 @@ bool doctor_read_entry(const struct doctor *d, const char *name, const char *key
     return found;
 }
 
-bool doctor_may_write(const struct doctor *d, const char *name)
+/* Reads the first line of a file. */
+static bool __attribute__((format(printf, 3, 4)))
+doctor_read_line(const struct doctor *d, char text[TEXT], const char *format, ...)
 {
-    char path[DOCTOR_PATH];
+    char name[256];
+    va_list args;
 
-    return (size_t)snprintf(path, sizeof path, "%s%s", d->config->root, name) < sizeof path &&
-           access(path, W_OK) == 0;
+    va_start(args, format);
+    vsnprintf(name, sizeof name, format, args);
+    va_end(args);
+    return doctor_read_entry(d, name, "", text);
 }
 
-bool doctor_has_capability(const struct doctor *d, int capability)
+static bool doctor_has_capability(const struct doctor *d, int capability)
 {
-    char text[DOCTOR_TEXT];
+    char text[TEXT] = "0";
 
-    return doctor_read_entry(d, "/proc/self/status", "CapEff", text, sizeof text) &&
-           (strtoull(text, NULL, 16) >> capability & 1) != 0;
+    doctor_read_entry(d, "/proc/self/status", "CapEff", text);
+    return (strtoull(text, NULL, 16) >> capability & 1) != 0;
 }
 
-long long doctor_limit_of(const struct doctor *d, const char *row)
+/* Returns the soft limit of a row of /proc/self/limits; LLONG_MAX = unlimited, -2 = unknown. */
+static long long doctor_find_limit(const struct doctor *d, const char *row)
 {
-    char text[DOCTOR_TEXT];
+    char text[TEXT] = "-2";
 
-    if (!doctor_read_entry(d, "/proc/self/limits", row, text, sizeof text)) {
-        return -2;
-    }
-    return strncmp(text, "unlimited", 9) == 0 ? -1 : strtoll(text, NULL, 10);
+    doctor_read_entry(d, "/proc/self/limits", row, text);
+    return strncmp(text, "unlimited", 9) == 0 ? LLONG_MAX : strtoll(text, NULL, 10);
 }
 
 bool doctor_list_has(const char *list, int cpu)
@@ -119,33 +164,607 @@ bool doctor_list_has(const char *list, int cpu)
     return false;
 }
 
-/* Examines whether the contact engine of the rig is there: one of them is a module. */
-static void doctor_examine_engine(struct doctor *d)
+/* Checks whether the machine whose files these are has ARM processors. */
+static bool doctor_is_arm(const struct doctor *d)
 {
-    char path[DOCTOR_PATH];
+    char text[TEXT];
 
-    if (d->config->rig->contact_engine != RIG_CONTACT_SIMBODY) {
+    return doctor_read_entry(d, "/proc/cpuinfo", "CPU implementer", text);
+}
+
+static bool doctor_is_raspberry_pi(const struct doctor *d)
+{
+    char text[TEXT];
+
+    return doctor_read_entry(d, "/proc/device-tree/model", "Raspberry Pi", text);
+}
+
+/* Returns where the kernel's parameters are written. */
+static const char *doctor_find_command_line(const struct doctor *d)
+{
+    return doctor_is_raspberry_pi(d) ? "/boot/firmware/cmdline.txt" : "the kernel's command line";
+}
+
+/* ---- the kernel ---- */
+
+static void examine_kernel(struct doctor *d)
+{
+    char version[TEXT] = "", release[TEXT] = "unknown", realtime[TEXT] = "";
+
+    doctor_read_line(d, version, "/proc/sys/kernel/version");
+    doctor_read_line(d, release, "/proc/sys/kernel/osrelease");
+    doctor_read_line(d, realtime, "/sys/kernel/realtime");
+    if (strcmp(realtime, "1") == 0 || strstr(version, "PREEMPT_RT")) {
+        doctor_praise(d, "%.80s, fully preemptible (PREEMPT_RT)", release);
+    } else {
+        doctor_warn(d,
+                    doctor_is_raspberry_pi(d)
+                        ? "apt install linux-image-rpi-v8-rt; add kernel=kernel8_rt.img to "
+                          "/boot/firmware/config.txt; reboot"
+                    : doctor_is_arm(d) ? "apt install linux-image-rt-arm64 && reboot"
+                                       : "apt install linux-image-rt-amd64 && reboot",
+                    "%.80s is %s: wake-ups may be late by milliseconds", release,
+                    strstr(version, "PREEMPT_DYNAMIC") ? "PREEMPT_DYNAMIC"
+                    : strstr(version, "PREEMPT")       ? "PREEMPT"
+                                                       : "not preemptible");
+    }
+}
+
+static void examine_virtual_machine(struct doctor *d)
+{
+    char text[TEXT] = "", vendor[TEXT] = "";
+    bool is_virtual =
+        doctor_read_entry(d, "/proc/cpuinfo", "flags", text) && strstr(text, " hypervisor") != NULL;
+
+    /* ARM has no processor flag for it: a hypervisor says so in the device tree, or has a board of
+     * its own */
+    if (doctor_is_arm(d)) {
+        doctor_read_line(d, vendor, "/sys/class/dmi/id/sys_vendor");
+        is_virtual = doctor_read_line(d, text, "/proc/device-tree/hypervisor/compatible") ||
+                     doctor_read_line(d, text, "/sys/hypervisor/type") ||
+                     (doctor_read_line(d, text, "/proc/device-tree/compatible") &&
+                      strcmp(text, "linux,dummy-virt") == 0) ||
+                     strcmp(vendor, "QEMU") == 0 || strcmp(vendor, "Amazon EC2") == 0;
+    }
+    if (is_virtual) {
+        doctor_warn(
+            d, "",
+            "virtual: its host may take the processor away at any time; use it for lockstep");
+    } else {
+        doctor_praise(d, "no hypervisor seen");
+    }
+}
+
+/* Examines whether the time is read without a system call. */
+static void examine_clock_source(struct doctor *d)
+{
+    static const char *const fast[] = {"tsc", "arch_sys_counter", "kvm-clock", "riscv_clocksource"};
+    static const char file[] = "/sys/devices/system/clocksource/clocksource0/current_clocksource";
+    char text[TEXT] = "unknown", fix[160];
+
+    doctor_read_line(d, text, "%s", file);
+    for (size_t i = 0; i < ARRAY_COUNT(fast); i++) {
+        if (strcmp(text, fast[i]) == 0) {
+            doctor_praise(d, "%.60s, read without a system call", text);
+            return;
+        }
+    }
+    snprintf(fix, sizeof fix, "echo %s > %s", doctor_is_arm(d) ? "arch_sys_counter" : "tsc", file);
+    doctor_warn(d, fix, "%.60s: reading the time is slow, and the loop reads it eight times a tick",
+                text);
+}
+
+/* Examines RT throttling, which stops real-time threads after a share of each period. */
+static void examine_throttling(struct doctor *d)
+{
+    char runtime[TEXT] = "-1", period[TEXT] = "";
+    double share;
+
+    doctor_read_line(d, runtime, "/proc/sys/kernel/sched_rt_runtime_us");
+    if (!doctor_read_line(d, period, "/proc/sys/kernel/sched_rt_period_us")) {
+        doctor_praise(d, "the kernel has none");
+        return;
+    }
+    share = 100.0 * strtod(runtime, NULL) / strtod(period, NULL);
+    if (share < 0.0) {
+        doctor_praise(d, "off");
+    } else if (share >= 90.0) {
+        doctor_praise(d, "after %.0f %% of a second: the loop stays below", share);
+    } else {
+        doctor_warn(d, "sysctl kernel.sched_rt_runtime_us=950000",
+                    "stops real-time threads after %.0f %% of a period", share);
+    }
+}
+
+/* ---- rights ---- */
+
+static void examine_priority_right(struct doctor *d)
+{
+    int wanted = d->rig->realtime.priority;
+    long long limit = doctor_find_limit(d, "Max realtime priority");
+    char fix[160];
+
+    if (wanted == 0) {
+        doctor_praise(d, "the rig asks for none");
+    } else if (doctor_has_capability(d, CAP_SYS_NICE) || limit >= wanted) {
+        doctor_praise(d, "%d is allowed", wanted);
+    } else {
+        snprintf(fix, sizeof fix,
+                 "echo \"$USER - rtprio %d\" | sudo tee /etc/security/limits.d/coman-hil.conf, and "
+                 "log in again",
+                 wanted);
+        doctor_warn(d, fix,
+                    "the rig asks for %d, the limit is %lld: the loop runs as a normal thread",
+                    wanted, limit);
+    }
+}
+
+static void examine_memory_right(struct doctor *d)
+{
+    long long limit = doctor_find_limit(d, "Max locked memory");
+
+    if (!d->rig->realtime.lock_memory) {
+        doctor_praise(d, "the rig asks for none");
+    } else if (doctor_has_capability(d, CAP_IPC_LOCK) || limit == LLONG_MAX) {
+        doctor_praise(d, "allowed without limit");
+    } else {
+        doctor_warn(d,
+                    "echo \"$USER - memlock unlimited\" | sudo tee -a "
+                    "/etc/security/limits.d/coman-hil.conf, and log in again",
+                    "at most %lld kB: pages may be swapped out", limit / 1024);
+    }
+}
+
+/* ---- processors ---- */
+
+/* Examines the loop's processor: named, online, allowed, and isolated from other processes. */
+static void examine_processor(struct doctor *d)
+{
+    char online[TEXT] = "0", isolated[TEXT] = "", allowed[TEXT] = "", fix[160];
+
+    doctor_read_line(d, online, "/sys/devices/system/cpu/online");
+    doctor_read_line(d, isolated, "/sys/devices/system/cpu/isolated");
+    doctor_read_entry(d, "/proc/self/status", "Cpus_allowed_list", allowed);
+    snprintf(fix, sizeof fix, "add isolcpus=%d nohz_full=%d rcu_nocbs=%d to %s", d->cpu, d->cpu,
+             d->cpu, doctor_find_command_line(d));
+    if (d->cpu < 0) {
+        doctor_warn(d, "isolate one and name it in the rig: realtime: {cpu: N}",
+                    "the rig names none: the loop shares %.60s with everything else", online);
+    } else if (!doctor_list_has(online, d->cpu)) {
+        doctor_refuse(d, "name one of them in the rig: realtime: {cpu: N}",
+                      "the rig names number %d, there are %.60s", d->cpu, online);
+    } else if (allowed[0] && !doctor_list_has(allowed, d->cpu) &&
+               !doctor_list_has(isolated, d->cpu)) {
+        doctor_refuse(d, "run it outside of the taskset or cpuset",
+                      "the rig names number %d, this process may use %.60s", d->cpu, allowed);
+    } else if (!doctor_list_has(isolated, d->cpu)) {
+        doctor_warn(d, fix, "number %d is not isolated from other processes", d->cpu);
+    } else {
+        doctor_praise(d, "number %d, isolated", d->cpu);
+    }
+}
+
+/* Examines how many interrupts may come to the loop's processor. */
+static void examine_interrupts(struct doctor *d)
+{
+    char text[TEXT], fix[160];
+    struct dirent *entry;
+    DIR *directory;
+    int count = 0;
+
+    if (d->cpu < 0) {
+        return;
+    }
+    snprintf(text, sizeof text, "%s/proc/irq", d->config->root);
+    directory = opendir(text);
+    while (directory && (entry = readdir(directory)) != NULL) {
+        count +=
+            doctor_read_line(d, text, "/proc/irq/%.20s/effective_affinity_list", entry->d_name) &&
+            doctor_list_has(text, d->cpu);
+    }
+    if (directory) {
+        closedir(directory);
+    }
+    snprintf(fix, sizeof fix,
+             "systemctl disable --now irqbalance; add irqaffinity= with the other processors to %s",
+             doctor_find_command_line(d));
+    if (count > 0) {
+        doctor_warn(d, fix, "%d come to processor %d", count, d->cpu);
+    } else {
+        doctor_praise(d, "none come to processor %d", d->cpu);
+    }
+}
+
+/* Examines the frequency governor of the loop's processor. */
+static void examine_governor(struct doctor *d)
+{
+    char text[TEXT];
+
+    if (!doctor_read_line(d, text, "/sys/devices/system/cpu/cpu%d/cpufreq/scaling_governor",
+                          d->cpu < 0 ? 0 : d->cpu)) {
+        doctor_praise(d, "not scaled by this kernel");
+    } else if (strcmp(text, "performance") == 0) {
+        doctor_praise(d, "governor performance");
+    } else {
+        doctor_warn(d, "cpupower frequency-set -g performance",
+                    "governor %.60s: a tick after an idle period runs slowly", text);
+    }
+}
+
+/* Examines the slowest idle state that may be entered; a run holds /dev/cpu_dma_latency open to
+ * forbid it, when it may write there. */
+static void examine_idle_states(struct doctor *d)
+{
+    static const char states[] = "/sys/devices/system/cpu/cpu%d/cpuidle/state%d/%s";
+    const int cpu = d->cpu < 0 ? 0 : d->cpu;
+    char text[TEXT], name[TEXT] = "none";
+    long worst = 0;
+
+    for (int i = 0; doctor_read_line(d, text, states, cpu, i, "latency"); i++) {
+        const long latency = strtol(text, NULL, 10);
+        const bool disabled =
+            doctor_read_line(d, text, states, cpu, i, "disable") && strcmp(text, "0") != 0;
+
+        if (!disabled && latency > worst) {
+            worst = latency;
+            doctor_read_line(d, name, states, cpu, i, "name");
+        }
+    }
+    snprintf(text, sizeof text, "%.60s/dev/cpu_dma_latency", d->config->root);
+    if (worst <= SLOW_STATE_US) {
+        doctor_praise(d, "slowest %.60s, %ld us to leave", name, worst);
+    } else if (access(text, W_OK) == 0) {
+        doctor_praise(d, "slowest %.60s, %ld us to leave: a run in real time prevents it", name,
+                      worst);
+    } else {
+        doctor_warn(d,
+                    "groupadd -r realtime; usermod -aG realtime $USER; cp "
+                    "/usr/share/doc/coman-hil/examples/80-coman-hil-can.rules /etc/udev/rules.d/; "
+                    "udevadm trigger",
+                    "%.60s takes %ld us to leave, and /dev/cpu_dma_latency cannot be written", name,
+                    worst);
+    }
+}
+
+/* Examines whether the loop's processor is a fast one, on ARM chips with processors of several
+ * speeds: the kernel gives the relative capacity of each. */
+static void examine_capacity(struct doctor *d)
+{
+    long own = 0, best = 0;
+    int fastest = -1;
+    char text[TEXT], fix[160];
+
+    for (int i = 0; i < PROCESSORS_MAX && doctor_is_arm(d); i++) {
+        if (doctor_read_line(d, text, "/sys/devices/system/cpu/cpu%d/cpu_capacity", i)) {
+            const long capacity = strtol(text, NULL, 10);
+
+            own = i == d->cpu ? capacity : own;
+            fastest = capacity > best ? i : fastest;
+            best = capacity > best ? capacity : best;
+        }
+    }
+    snprintf(fix, sizeof fix, "name a fast one in the rig: realtime: {cpu: %d}", fastest);
+    if (own > 0 && own < best) {
+        doctor_warn(d, fix, "number %d has %.0f %% of the speed of number %d", d->cpu,
+                    100.0 * (double)own / (double)best, fastest);
+    } else if (own > 0) {
+        doctor_praise(d, "none is faster than number %d", d->cpu);
+    }
+}
+
+/* Examines the supply of a Raspberry Pi, which lowers its clock when the voltage sags; the alarm
+ * stays until it is read. */
+static void examine_supply(struct doctor *d)
+{
+    char text[TEXT];
+
+    for (int i = 0; i < SENSORS_MAX && doctor_is_arm(d); i++) {
+        if (!doctor_read_line(d, text, "/sys/class/hwmon/hwmon%d/name", i) ||
+            strcmp(text, "rpi_volt") != 0 ||
+            !doctor_read_line(d, text, "/sys/class/hwmon/hwmon%d/in0_lcrit_alarm", i)) {
+            continue;
+        }
+        if (strcmp(text, "0") == 0) {
+            doctor_praise(d, "voltage is high enough");
+        } else {
+            doctor_warn(d, "use a supply and a cable for what the board and its hats draw",
+                        "under-voltage: the firmware lowers the clock of the processors");
+        }
+        return;
+    }
+}
+
+/* Examines whether the contact engine of the rig is there: one of them is a module. */
+static void examine_engine(struct doctor *d)
+{
+    char path[512];
+
+    if (d->rig->contact_engine != RIG_CONTACT_SIMBODY) {
         return;
     }
     if (contact_simbody_find(path, sizeof path)) {
-        doctor_add_finding(d, DOCTOR_OK, "contact engine", "", "simbody: %.160s", path);
+        doctor_praise(d, "simbody: %.160s", path);
     } else {
-        doctor_add_finding(d, DOCTOR_FAIL, "contact engine",
-                           "scene engine native, or a build with HIL_SIMBODY=ON",
-                           "the rig's engine simbody is not installed: no %.110s", path);
+        doctor_refuse(d, "scene engine native, or a build with HIL_SIMBODY=ON",
+                      "the rig's engine simbody is not installed: no %.110s", path);
     }
 }
+
+/* ---- buses ---- */
+
+/* Checks whether the buses are outside of the process and the kernel has CAN: it registers the
+ * protocol family once the module has been loaded. */
+static bool doctor_has_can(const struct doctor *d)
+{
+    char text[TEXT];
+
+    return !d->config->local && (doctor_read_entry(d, "/proc/net/protocols", "CAN_RAW", text) ||
+                                 doctor_read_line(d, text, "/proc/net/can/version"));
+}
+
+static void examine_can(struct doctor *d)
+{
+    if (doctor_has_can(d)) {
+        doctor_praise(d, "the kernel has raw CAN sockets");
+    } else if (!d->config->local) {
+        doctor_warn(d, "modprobe can-raw vcan",
+                    "the kernel has no CAN now: buses stay inside the process");
+    }
+}
+
+/* Examines the room for frames while the loop is delayed: without CAP_NET_ADMIN a socket's buffer
+ * is at most as large as the kernel allows every process. */
+static void examine_receive_buffer(struct doctor *d)
+{
+    char text[TEXT];
+    long long most;
+
+    if (!doctor_has_can(d) || doctor_has_capability(d, CAP_NET_ADMIN) ||
+        !doctor_read_line(d, text, "/proc/sys/net/core/rmem_max")) {
+        return;
+    }
+    most = strtoll(text, NULL, 10);
+    if (most < RECEIVE_WANTED) {
+        doctor_warn(d, "sysctl -w net.core.rmem_max=4194304",
+                    "%lld bytes, about %lld frames, wait for the loop at most; more are lost, and "
+                    "counted",
+                    most, most / RECEIVE_FRAME);
+    } else {
+        doctor_praise(d, "%lld bytes of frames may wait for the loop", most);
+    }
+}
+
+/* Examines the interface of a bus: that it is there, is CAN, is up, and has a long enough queue. */
+static void examine_interface(struct doctor *d, const struct rig_bus *bus)
+{
+    const char *name = bus->interface;
+    char type[TEXT], flags[TEXT] = "0", queue[TEXT] = "0", fix[192];
+    bool up, is_virtual = doctor_read_line(d, type, "/sys/devices/virtual/net/%s/type", name);
+
+    if (!doctor_read_line(d, type, "/sys/class/net/%s/type", name)) {
+        snprintf(fix, sizeof fix, "ip link add dev %s type vcan && ip link set up %s", name, name);
+        doctor_refuse(d, fix, "%s of bus %s: there is no such interface", name, bus->name);
+        return;
+    }
+
+    /* Judge its state in the order in which it would stop a run */
+    doctor_read_line(d, flags, "/sys/class/net/%s/flags", name);
+    doctor_read_line(d, queue, "/sys/class/net/%s/tx_queue_len", name);
+    up = (strtoul(flags, NULL, 16) & 1) != 0;
+    if (strtol(type, NULL, 10) != ARPHRD_CAN) {
+        doctor_refuse(d, "name another one: run --bus NAME=INTERFACE",
+                      "%s of bus %s is no CAN interface", name, bus->name);
+    } else if (!up && !is_virtual && bus->configure && doctor_has_capability(d, CAP_NET_ADMIN)) {
+        doctor_praise(d, "%s of bus %s is down: a run sets it to %" PRId64 " bit/s and starts it",
+                      name, bus->name, bus->bitrate);
+    } else if (!up) {
+        snprintf(fix, sizeof fix, "ip link set up %s", name);
+        if (!is_virtual) {
+            snprintf(fix, sizeof fix,
+                     "ip link set %s up type can bitrate %" PRId64 " restart-ms 100", name,
+                     bus->bitrate);
+        }
+        doctor_refuse(d, fix, "%s of bus %s is down", name, bus->name);
+    } else if (!is_virtual && strtol(queue, NULL, 10) < SHORT_QUEUE) {
+        snprintf(fix, sizeof fix, "ip link set %s txqueuelen 1000", name);
+        doctor_warn(d, fix, "%s of bus %s queues %.20s frames only: a tick's batch may be lost",
+                    name, bus->name, queue);
+    } else {
+        doctor_praise(d, "%s of bus %s is up%s", name, bus->name, is_virtual ? ", virtual" : "");
+    }
+}
+
+/* Judges a CAN controller that runs at another bit rate than the rig says. */
+static void judge_bitrate(struct doctor *d, const struct rig_bus *bus, uint32_t actual)
+{
+    char fix[192];
+
+    /* A run that configures the interface mends it, if it has the right to */
+    snprintf(fix, sizeof fix,
+             "ip link set %s down && ip link set %s type can bitrate %" PRId64
+             " && ip link set %s up, or configure: true in the rig",
+             bus->interface, bus->interface, bus->bitrate, bus->interface);
+    if (!bus->configure) {
+        doctor_refuse(d, fix, "%s of bus %s runs at %u bit/s, the rig says %" PRId64,
+                      bus->interface, bus->name, actual, bus->bitrate);
+    } else if (!doctor_has_capability(d, CAP_NET_ADMIN)) {
+        doctor_refuse(d, "run it with CAP_NET_ADMIN",
+                      "%s of bus %s is to be set to %" PRId64
+                      " bit/s, which this process may not do",
+                      bus->interface, bus->name, bus->bitrate);
+    } else {
+        doctor_praise(d, "%s of bus %s runs at %u bit/s: a run sets it to %" PRId64, bus->interface,
+                      bus->name, actual, bus->bitrate);
+    }
+}
+
+/* Examines the state of a CAN controller that is up, which only netlink tells. */
+static void examine_controller(struct doctor *d, const struct rig_bus *bus)
+{
+    const struct interface_ops *ops = d->config->interfaces;
+    const char *name = bus->interface;
+    const struct link_controller *c;
+    struct link_info info;
+    char fix[192];
+
+    if (!ops || ops->query(ops->context, name, &info, NULL) || !info.up ||
+        interface_kind(&info) != INTERFACE_CONTROLLER) {
+        return;
+    }
+    c = &info.controller;
+    if (!interface_bitrate_fits(c->timing.bitrate, bus->bitrate)) {
+        judge_bitrate(d, bus, c->timing.bitrate);
+    } else if (c->state == CAN_STATE_BUS_OFF) {
+        snprintf(fix, sizeof fix, "check cable and terminators; ip link set %s type can restart",
+                 name);
+        doctor_refuse(d, fix, "%s of bus %s is in bus-off", name, bus->name);
+    } else if (c->state != CAN_STATE_ERROR_ACTIVE) {
+        doctor_warn(d,
+                    "check cable, terminators, and that another node is on with the same bit rate",
+                    "%s of bus %s is %s (TEC %u, REC %u)", name, bus->name,
+                    interface_state_name(c->state), c->errors.txerr, c->errors.rxerr);
+    } else if (!c->restart_ms && !bus->configure) {
+        snprintf(fix, sizeof fix, "ip link set %s down; ip link set %s up type can restart-ms 100",
+                 name, name);
+        doctor_warn(d, fix, "%s of bus %s stays in bus-off once it is there: it has no restart-ms",
+                    name, bus->name);
+    } else {
+        doctor_praise(d, "%s of bus %s is error active at %u bit/s", name, bus->name,
+                      c->timing.bitrate);
+    }
+}
+
+static void examine_interfaces(struct doctor *d)
+{
+    for (size_t b = 0; doctor_has_can(d) && b < d->rig->nbus; b++) {
+        d->subject = "interface";
+        examine_interface(d, &d->rig->bus[b]);
+        d->subject = "controller";
+        examine_controller(d, &d->rig->bus[b]);
+    }
+}
+
+/* Examines whether each bus carries its worst-case load, telemetry and commands together. */
+static void examine_loads(struct doctor *d)
+{
+    for (size_t b = 0; b < d->rig->nbus; b++) {
+        static const char found[] = "%s needs %.0f %% of its wire in the worst case";
+        double telemetry, commands, percent;
+
+        rig_bus_load(d->rig, b, d->rig->servo.command_period_ns, &telemetry, &commands);
+        percent = 100.0 * (telemetry + commands) / (double)d->rig->bus[b].bitrate;
+        if (percent > 100.0) {
+            doctor_warn(d, "coman-hil check tells which split or rate fits", found,
+                        d->rig->bus[b].name, percent);
+        } else {
+            doctor_praise(d, found, d->rig->bus[b].name, percent);
+        }
+    }
+}
+
+/* ---- external boards ---- */
+
+/* Judges a board by when it was last heard: never, longer ago than its time-out, or in time. */
+static void judge_board(struct doctor *d, const struct board_config *board, int64_t heard_ns,
+                        int64_t now_ns)
+{
+    static const char fix[] = "switch it on, check cable and address; one that sends when it is "
+                              "told to needs its controller";
+    const char *interface = d->rig->bus[board->bus].interface;
+    const double age_ms = 1e-6 * (double)(now_ns - heard_ns);
+
+    if (heard_ns < 0) {
+        doctor_warn(d, fix, "board %s on %s is silent: not heard in %.3g s", board->name, interface,
+                    1e-9 * (double)d->config->listen_ns);
+    } else if (now_ns - heard_ns > board->external_timeout_ns) {
+        doctor_warn(d, fix,
+                    "board %s on %s is silent: last heard %.0f ms ago, its time-out is %.0f ms",
+                    board->name, interface, age_ms, 1e-6 * (double)board->external_timeout_ns);
+    } else {
+        doctor_praise(d, "board %s on %s is heard, %.0f ms ago", board->name, interface, age_ms);
+    }
+}
+
+/* Listens for the external boards of the rig. */
+static void examine_external(struct doctor *d)
+{
+    const struct doctor_config *config = d->config;
+    struct external *external = NULL;
+    struct bus_frame frames[RECEIVE_BATCH];
+    struct error error;
+    int64_t start, now;
+
+    if (!config->port || config->listen_ns <= 0) {
+        return;
+    }
+    if (external_create(d->rig, NULL, NULL, config->arena, &external, &error)) {
+        doctor_warn(d, "", "cannot listen: %s", error.text);
+    }
+    if (!external) {
+        return;
+    }
+
+    /* Time counts from 0, as in the loop; frames beyond a batch wait for the next reading */
+    start = now = clock_now(config->clock);
+    while (now - start < config->listen_ns) {
+        clock_sleep_until(config->clock, now + CLOCK_MS);
+        now = clock_now(config->clock);
+        for (size_t b = 0; b < d->rig->nbus; b++) {
+            size_t count =
+                config->port[b] ? can_receive(config->port[b], frames, RECEIVE_BATCH) : 0;
+
+            for (size_t i = 0; i < count; i++) {
+                external_receive(external, now - start, b, &frames[i]);
+            }
+        }
+    }
+    for (size_t i = 0; i < d->rig->boards.nboard; i++) {
+        const struct board_config *board = &d->rig->boards.board[i];
+
+        if (board->external && config->port[board->bus]) {
+            judge_board(d, board, external_heard_ns(external, i), now - start);
+        }
+    }
+}
+
+/* ---- all ---- */
 
 size_t doctor_examine(const struct doctor_config *config, struct doctor_finding *findings,
                       size_t max)
 {
-    struct doctor d = {.config = config, .findings = findings, .max = max};
+    static const struct {
+        const char *subject;
+        void (*examine)(struct doctor *d);
+    } subjects[] = {
+        {"kernel", examine_kernel},
+        {"machine", examine_virtual_machine},
+        {"clock source", examine_clock_source},
+        {"RT throttling", examine_throttling},
+        {"FIFO priority", examine_priority_right},
+        {"locked memory", examine_memory_right},
+        {"processor", examine_processor},
+        {"interrupts", examine_interrupts},
+        {"frequency", examine_governor},
+        {"idle states", examine_idle_states},
+        {"processor type", examine_capacity},
+        {"supply", examine_supply},
+        {"contact engine", examine_engine},
+        {"CAN", examine_can},
+        {"receive buffer", examine_receive_buffer},
+        {"interface", examine_interfaces},
+        {"bus load", examine_loads},
+        {"external", examine_external},
+    };
+    struct doctor d = {.config = config,
+                       .rig = config->rig,
+                       .cpu = config->rig->realtime.cpu,
+                       .findings = findings,
+                       .max = max};
 
-    doctor_examine_machine(&d);
-    doctor_examine_board(&d);
-    doctor_examine_engine(&d);
-    doctor_examine_buses(&d);
-    doctor_examine_external(&d);
+    for (size_t i = 0; i < ARRAY_COUNT(subjects); i++) {
+        d.subject = subjects[i].subject;
+        subjects[i].examine(&d);
+    }
     return d.count;
 }
 
