@@ -35,10 +35,7 @@ static const double EXCITE_MOST_S = 3600;   /* longest duration */
 /* A copy of the settings at the beginning, since they may change meanwhile. */
 struct excite {
     size_t axis;
-    double *from; /* joint angles at the start */
-    struct task_setting setting[EXCITE_SETTINGS];
-    _Atomic double value[EXCITE_SETTINGS]; /* another thread writes them */
-    size_t nsine;                          /* 0 until the excitation begins */
+    size_t nsine; /* 0 until the excitation begins */
     double amplitude[EXCITE_SINES_MAX], w[EXCITE_SINES_MAX], phase[EXCITE_SINES_MAX];
     double duration_s;
     bool by_angle; /* the reference moves, and not the voltage */
@@ -55,81 +52,34 @@ static const char *const excite_setting_name[EXCITE_SETTINGS + 1] = {
     [EXCITE_DURATION] = "excite.duration_s",
 };
 
-/* Makes the settings with their ranges and defaults: amplitudes by the supply, frequencies by the
- * commands' rate. */
-static void excite_make_settings(struct excite *excite, const struct task_config *config)
-{
-    const double period_s =
-        1e-9 * fmax((double)config->servo.command_period_ns, (double)config->host.period_ns);
-    const double most_hz = EXCITE_NYQUIST / period_s;
-    const char *const *name = excite_setting_name;
-    const struct task_setting setting[EXCITE_SETTINGS] = {
-        [EXCITE_AMPLITUDE_V] = {name[EXCITE_AMPLITUDE_V], "V", 0, config->host.supply_v, false},
-        [EXCITE_AMPLITUDE_RAD] = {name[EXCITE_AMPLITUDE_RAD], "rad", 0, EXCITE_MOST_RAD, false},
-        [EXCITE_FROM] = {name[EXCITE_FROM], "Hz", 0.01, most_hz, false},
-        [EXCITE_TO] = {name[EXCITE_TO], "Hz", 0.01, most_hz, false},
-        [EXCITE_SINES] = {name[EXCITE_SINES], "", 1, EXCITE_SINES_MAX, true},
-        [EXCITE_DURATION] = {name[EXCITE_DURATION], "s", 2 * EXCITE_RAMP_S, EXCITE_MOST_S, false},
-    };
-
-    memcpy(excite->setting, setting, sizeof setting);
-    excite->value[EXCITE_AMPLITUDE_V] = config->host.supply_v / 10;
-    excite->value[EXCITE_FROM] = 0.2;
-    excite->value[EXCITE_TO] = fmin(4, most_hz);
-    excite->value[EXCITE_SINES] = 8;
-    excite->value[EXCITE_DURATION] = 10;
-}
-
-static size_t excite_settings(const struct task *task, const struct task_setting **setting)
-{
-    const struct excite *excite = task->state;
-
-    *setting = excite->setting;
-    return EXCITE_SETTINGS;
-}
-
-static void excite_set(struct task *task, size_t index, double value)
-{
-    struct excite *excite = task->state;
-
-    excite->value[index] = value;
-}
-
-static double excite_get(const struct task *task, size_t index)
-{
-    const struct excite *excite = task->state;
-
-    return excite->value[index];
-}
-
 /* ---- the task ---- */
 
-/* Creates the task's state and finds the joint. ERROR_INPUT when it is not named or not there. */
+/* Creates the task's state and finds the joint; amplitudes are bounded by the supply, frequencies
+ * by the commands' rate. ERROR_INPUT when the joint is not named or not there. */
 static enum error_code excite_create(struct task *task, struct arena *arena, struct error *error)
 {
+    const struct task_config *config = &task->config;
+    const double period_s =
+        1e-9 * fmax((double)config->servo.command_period_ns, (double)config->host.period_ns);
+    const double most_hz = EXCITE_NYQUIST / period_s, volts = config->host.supply_v;
+    const char *const *name = excite_setting_name;
+    const struct task_setting setting[EXCITE_SETTINGS] = {
+        [EXCITE_AMPLITUDE_V] = {name[EXCITE_AMPLITUDE_V], "V", 0, volts, false, volts / 10},
+        [EXCITE_AMPLITUDE_RAD] = {name[EXCITE_AMPLITUDE_RAD], "rad", 0, EXCITE_MOST_RAD, false, 0},
+        [EXCITE_FROM] = {name[EXCITE_FROM], "Hz", 0.01, most_hz, false, 0.2},
+        [EXCITE_TO] = {name[EXCITE_TO], "Hz", 0.01, most_hz, false, fmin(4, most_hz)},
+        [EXCITE_SINES] = {name[EXCITE_SINES], "", 1, EXCITE_SINES_MAX, true, 8},
+        [EXCITE_DURATION] = {name[EXCITE_DURATION], "s", 2 * EXCITE_RAMP_S, EXCITE_MOST_S, false,
+                             10},
+    };
     struct excite *excite = arena_alloc(arena, 1, sizeof *excite);
-    double *from = arena_alloc(arena, task->config.host.naxis, sizeof *from);
+    enum error_code code = task_make_settings(task, setting, EXCITE_SETTINGS, arena, error);
 
-    if (!excite || !from) {
+    if (!excite || code) {
         return error_set(error, ERROR_MEMORY, "no memory for the excitation");
     }
-    if (!task->config.input.joint) {
-        return error_set(error, ERROR_INPUT, "excite: found no joint, expected one by --joint");
-    }
-    excite->from = from;
     task->state = excite;
-    excite_make_settings(excite, &task->config);
-    return task_find_axis(task, task->config.input.joint, &excite->axis, error);
-}
-
-static void excite_start(struct task *task)
-{
-    struct excite *excite = task->state;
-
-    for (size_t i = 0; i < task->config.host.naxis; i++) {
-        excite->from[i] = servo_wanted(task->servo, i);
-    }
-    excite->nsine = 0;
+    return task_find_input_axis(task, &excite->axis, error);
 }
 
 /* Makes the sines. Returns false with a message when they are none, or would leave the joint's
@@ -137,9 +87,9 @@ static void excite_start(struct task *task)
 static bool excite_begin(struct task *task)
 {
     struct excite *excite = task->state;
-    const double radians = excite->value[EXCITE_AMPLITUDE_RAD];
-    const double amplitude = radians > 0 ? radians : excite->value[EXCITE_AMPLITUDE_V];
-    const double from = excite->value[EXCITE_FROM], ratio = excite->value[EXCITE_TO] / from;
+    const double radians = task->value[EXCITE_AMPLITUDE_RAD];
+    const double amplitude = radians > 0 ? radians : task->value[EXCITE_AMPLITUDE_V];
+    const double from = task->value[EXCITE_FROM], ratio = task->value[EXCITE_TO] / from;
     double sum = 0;
 
     if (!(amplitude > 0)) {
@@ -151,8 +101,8 @@ static bool excite_begin(struct task *task)
         return false;
     }
     excite->by_angle = radians > 0;
-    excite->duration_s = excite->value[EXCITE_DURATION];
-    excite->nsine = (size_t)excite->value[EXCITE_SINES];
+    excite->duration_s = task->value[EXCITE_DURATION];
+    excite->nsine = (size_t)task->value[EXCITE_SINES];
     for (size_t k = 0; k < excite->nsine; k++) {
         const double last = (double)excite->nsine - 1;
         const double hz = last > 0 ? from * portable_pow(ratio, (double)k / last) : from;
@@ -221,7 +171,7 @@ static enum task_status excite_step(struct task *task, double t_s)
         return TASK_FAILED;
     }
     if (t_s < EXCITE_POSE_S) {
-        task_hold_pose(task, excite->from, EXCITE_POSE_S, t_s);
+        task_move_pose(task, NULL, EXCITE_POSE_S, t_s);
         return TASK_RUNNING;
     }
     if (excite->nsine == 0 && !excite_begin(task)) {
@@ -240,10 +190,6 @@ const struct task_ops task_excite = {
     .name = "excite",
     .summary = "a sum of sines on one joint: a recording to identify its drive from",
     .create = excite_create,
-    .start = excite_start,
     .step = excite_step,
-    .settings = excite_settings,
     .setting_name = excite_setting_name,
-    .set = excite_set,
-    .get = excite_get,
 };

@@ -26,43 +26,21 @@ static const char *const follow_setting_name[FOLLOW_SETTINGS + 1] = {
 };
 
 struct follow {
-    double *from, *first; /* joint angles at the start; in the first row */
+    double *first; /* joint angles in the first row */
     double ramp_s;
-    struct task_setting setting[FOLLOW_SETTINGS];
-    _Atomic double value[FOLLOW_SETTINGS]; /* another thread writes them */
-    int64_t *seen_ns;                      /* by axis: time of the newest angle judged */
-    int *column;                           /* by axis: column of the trajectory, -1 = none */
-    struct follow_error *error;            /* by axis */
-    double *square, *worst; /* by axis: sum of the squared errors, rad^2; largest error, rad */
+    int64_t *seen_ns;           /* by axis: time of the newest angle judged */
+    int *column;                /* by axis: column of the trajectory, -1 = none */
+    struct follow_error *error; /* by axis */
+    double *square, *worst;     /* by axis: sum of the squared errors, rad^2; largest error, rad */
 };
-
-static size_t follow_settings(const struct task *task, const struct task_setting **setting)
-{
-    const struct follow *follow = task->state;
-
-    *setting = follow->setting;
-    return FOLLOW_SETTINGS;
-}
-
-static void follow_set(struct task *task, size_t index, double value)
-{
-    struct follow *follow = task->state;
-
-    follow->value[index] = value;
-}
-
-static double follow_get(const struct task *task, size_t index)
-{
-    const struct follow *follow = task->state;
-
-    return follow->value[index];
-}
 
 /* Creates the task's state, with the trajectory's columns mapped to axes. ERROR_INPUT without a
  * trajectory. */
 static enum error_code follow_create(struct task *task, struct arena *arena, struct error *error)
 {
     const struct trajectory *trajectory = task->config.input.trajectory;
+    const struct task_setting tolerance = {
+        follow_setting_name[FOLLOW_TOLERANCE], "rad", 1e-4, 10, false, FOLLOW_TOLERANCE_RAD};
     const size_t naxis = task->config.host.naxis;
     struct follow *follow = arena_alloc(arena, 1, sizeof *follow);
 
@@ -71,7 +49,6 @@ static enum error_code follow_create(struct task *task, struct arena *arena, str
                          "follow: found no trajectory, expected a file by --trajectory");
     }
     if (follow) {
-        follow->from = arena_alloc(arena, naxis, sizeof *follow->from);
         follow->first = arena_alloc(arena, naxis, sizeof *follow->first);
         follow->seen_ns = arena_alloc(arena, naxis, sizeof *follow->seen_ns);
         follow->column = arena_alloc(arena, naxis, sizeof *follow->column);
@@ -79,14 +56,11 @@ static enum error_code follow_create(struct task *task, struct arena *arena, str
         follow->square = arena_alloc(arena, naxis, sizeof *follow->square);
         follow->worst = arena_alloc(arena, naxis, sizeof *follow->worst);
     }
-    if (!follow || !follow->from || !follow->first || !follow->seen_ns || !follow->column ||
-        !follow->error || !follow->square || !follow->worst) {
+    if (!follow || !follow->first || !follow->seen_ns || !follow->column || !follow->error ||
+        !follow->square || !follow->worst) {
         return error_set(error, ERROR_MEMORY, "no memory to follow a trajectory");
     }
     task->state = follow;
-    follow->setting[FOLLOW_TOLERANCE] =
-        (struct task_setting){follow_setting_name[FOLLOW_TOLERANCE], "rad", 1e-4, 10, false};
-    follow->value[FOLLOW_TOLERANCE] = FOLLOW_TOLERANCE_RAD;
 
     /* Who moves, and from where */
     for (size_t i = 0; i < naxis; i++) {
@@ -99,21 +73,19 @@ static enum error_code follow_create(struct task *task, struct arena *arena, str
         follow->first[trajectory->joint[k]] = trajectory->angle[k];
         follow->error[trajectory->joint[k]].moves = true;
     }
-    return ERROR_NONE;
+    return task_make_settings(task, &tolerance, FOLLOW_SETTINGS, arena, error);
 }
 
-/* Notes where the joints are and how long the ramp into the first row has to be. */
+/* Computes how long the ramp into the first row has to be. */
 static void follow_start(struct task *task)
 {
     struct follow *follow = task->state;
 
     follow->ramp_s = FOLLOW_RAMP_S;
     for (size_t i = 0; i < task->config.host.naxis; i++) {
-        follow->from[i] = servo_wanted(task->servo, i);
-
         /* A joint's rate on a ramp is 1.5 times the mean at most */
-        follow->ramp_s = fmax(follow->ramp_s,
-                              1.5 * fabs(follow->first[i] - follow->from[i]) / FOLLOW_RAMP_RAD_S);
+        follow->ramp_s =
+            fmax(follow->ramp_s, 1.5 * fabs(follow->first[i] - task->from[i]) / FOLLOW_RAMP_RAD_S);
     }
 }
 
@@ -147,10 +119,10 @@ static bool follow_judge(struct task *task, size_t axis, double begin_s)
     follow->seen_ns[axis] = joint->joint_time_ns;
     follow_wanted(task, axis, t_s, &angle, &rate);
     error = joint->joint_rad - angle;
-    if (!(fabs(error) <= follow->value[FOLLOW_TOLERANCE])) {
+    if (!(fabs(error) <= task->value[FOLLOW_TOLERANCE])) {
         snprintf(task->message, sizeof task->message,
                  "joint %s is %.3g rad from its angle after %.2f s, allowed are %.3g rad",
-                 record->joint, error, t_s, follow->value[FOLLOW_TOLERANCE]);
+                 record->joint, error, t_s, task->value[FOLLOW_TOLERANCE]);
         return false;
     }
 
@@ -184,7 +156,7 @@ static enum task_status follow_step(struct task *task, double t_s)
 
     /* Into the first row */
     if (at_s < 0) {
-        task_move_pose(task, follow->from, follow->first, follow->ramp_s, t_s);
+        task_move_pose(task, follow->first, follow->ramp_s, t_s);
         if (task->tells) {
             snprintf(task->message, sizeof task->message, "moving into the first row");
         }
@@ -227,8 +199,5 @@ const struct task_ops task_follow = {
     .create = follow_create,
     .start = follow_start,
     .step = follow_step,
-    .settings = follow_settings,
     .setting_name = follow_setting_name,
-    .set = follow_set,
-    .get = follow_get,
 };

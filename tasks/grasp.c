@@ -31,7 +31,6 @@ static const double LOST_S = 0.05; /* ... or lost when a wrist presses too littl
 
 struct grasp {
     size_t axis[SIDES][GRASP_JOINTS], wrist[SIDES], foot[SIDES];
-    double *from;                         /* joint angles at the start */
     double feet_sum, wrist_sum[SIDES][3]; /* sums of the forces when nothing was held yet */
     size_t weighed;
     size_t phase;       /* phase of the path */
@@ -94,13 +93,12 @@ static enum error_code grasp_check_path(const struct grasp_config *config, struc
 static enum error_code grasp_create(struct task *task, struct arena *arena, struct error *error)
 {
     struct grasp *grasp = arena_alloc(arena, 1, sizeof *grasp);
-    double *from = arena_alloc(arena, task->config.host.naxis, sizeof *from);
     enum error_code code;
 
-    if (!grasp || !from) {
+    if (!grasp) {
         return error_set(error, ERROR_MEMORY, "no memory for the grasp");
     }
-    grasp->from = from;
+    grasp->least_n = HUGE_VAL;
     task->state = grasp;
 
     /* The path must make sense, and the rig must have arms, wrists and feet for it */
@@ -123,16 +121,6 @@ static enum error_code grasp_create(struct task *task, struct arena *arena, stru
         }
     }
     return ERROR_NONE;
-}
-
-static void grasp_start(struct task *task)
-{
-    struct grasp *grasp = task->state;
-
-    for (size_t i = 0; i < task->config.host.naxis; i++) {
-        grasp->from[i] = servo_wanted(task->servo, i);
-    }
-    grasp->least_n = HUGE_VAL;
 }
 
 /* Sets the references of both arms on the piecewise linear path, t seconds after its beginning,
@@ -328,7 +316,7 @@ static enum task_status grasp_step(struct task *task, double t)
     double end = config->phase[config->nphase - 1].until_s;
 
     /* Stand; nothing is held yet, so that what the sensors show is the weight of the robot */
-    task_hold_pose(task, grasp->from, config->settle_s / 2, t);
+    task_move_pose(task, NULL, config->settle_s / 2, t);
     /* Weighed once at least, even when a stall of the computer skips the time for it */
     if (t < config->settle_s || !grasp->weighed) {
         if (t > config->settle_s - WEIGH_S) {
@@ -364,6 +352,5 @@ const struct task_ops task_grasp = {
     .name = "grasp",
     .summary = "both arms press an object between the wrists and lift it; for the grasp rigs",
     .create = grasp_create,
-    .start = grasp_start,
     .step = grasp_step,
 };

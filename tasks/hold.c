@@ -13,51 +13,19 @@ static const double HOLD_RAMP_S = 1.0;   /* duration of the ramp from where the 
                                           * the pose */
 static const double HOLD_SETTLE_S = 1.0; /* wait after the ramp, until deviations count */
 
-struct hold {
-    double *from;  /* joint angles at the start */
-    double *worst; /* by axis: largest deviation, rad */
-};
-
-/* Creates the task's state: where the joints start from and their largest deviations. */
+/* Creates the task's state: the largest deviation of each link from the initial pose, rad. */
 static enum error_code hold_create(struct task *task, struct arena *arena, struct error *error)
 {
-    const size_t naxis = task->config.host.naxis;
-    struct hold *hold = arena_alloc(arena, 1, sizeof *hold);
-    double *from = arena_alloc(arena, naxis, sizeof *from);
-    double *worst = arena_alloc(arena, naxis, sizeof *worst);
-
-    if (!hold || !from || !worst) {
-        return error_set(error, ERROR_MEMORY, "no memory to hold the pose");
-    }
-    hold->from = from;
-    hold->worst = worst;
-    task->state = hold;
-    return ERROR_NONE;
-}
-
-static void hold_start(struct task *task)
-{
-    struct hold *hold = task->state;
-
-    for (size_t i = 0; i < task->config.host.naxis; i++) {
-        hold->from[i] = servo_wanted(task->servo, i);
-    }
-}
-
-/* Returns the error of a joint's link encoder against the initial pose, rad. */
-static double hold_deviation(const struct task *task, size_t axis)
-{
-    return host_joint(task->host, axis)->joint_rad - task->config.initial_rad[axis];
+    task->state = arena_alloc(arena, task->config.host.naxis, sizeof(double));
+    return task->state ? ERROR_NONE : error_set(error, ERROR_MEMORY, "no memory to hold the pose");
 }
 
 /* Writes the message: the time, and the joints with the largest deviations. */
 static void hold_tell(struct task *task, const char *what, double held_s)
 {
-    const struct hold *hold = task->state;
-
     snprintf(task->message, sizeof task->message, "%s for %.1f s, largest deviations:", what,
              held_s);
-    task_tell_worst(task, hold->worst);
+    task_tell_worst(task, task->state);
 }
 
 /* Runs one period: the ramp into the pose, then a check of every joint until duration_s has
@@ -65,10 +33,9 @@ static void hold_tell(struct task *task, const char *what, double held_s)
 static enum task_status hold_step(struct task *task, double t_s)
 {
     const struct hold_config *config = &task->config.hold;
-    struct hold *hold = task->state;
-    double held_s = t_s - HOLD_RAMP_S - HOLD_SETTLE_S;
+    double *worst = task->state, held_s = t_s - HOLD_RAMP_S - HOLD_SETTLE_S;
 
-    task_hold_pose(task, hold->from, HOLD_RAMP_S, t_s);
+    task_move_pose(task, NULL, HOLD_RAMP_S, t_s);
     /* On the ramp, and while it settles, deviations do not count */
     if (held_s < 0) {
         if (task->tells) {
@@ -78,14 +45,13 @@ static enum task_status hold_step(struct task *task, double t_s)
     }
     /* Any joint beyond the tolerance, or without a finite angle, is a failure at once */
     for (size_t i = 0; i < task->config.host.naxis; i++) {
-        double deviation = fabs(hold_deviation(task, i));
+        double deviation = host_joint(task->host, i)->joint_rad - task->config.initial_rad[i];
 
-        hold->worst[i] = fmax(hold->worst[i], deviation);
-        if (!(deviation <= config->tolerance_rad)) {
+        worst[i] = fmax(worst[i], fabs(deviation));
+        if (!(fabs(deviation) <= config->tolerance_rad)) {
             snprintf(task->message, sizeof task->message,
                      "joint %s is %.3g rad from its angle after %.1f s, allowed are %.3g rad",
-                     task->config.host.axis[i].joint, hold_deviation(task, i), held_s,
-                     config->tolerance_rad);
+                     task->config.host.axis[i].joint, deviation, held_s, config->tolerance_rad);
             return TASK_FAILED;
         }
     }
@@ -104,6 +70,5 @@ const struct task_ops task_hold = {
     .name = "hold",
     .summary = "every joint goes to the initial pose and stays there",
     .create = hold_create,
-    .start = hold_start,
     .step = hold_step,
 };

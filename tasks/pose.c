@@ -21,9 +21,6 @@ static const double POSE_LONGEST_STEP_S = 0.1; /* longest step, so that a joint 
                                                 * after a pause */
 
 struct pose {
-    size_t nsetting;
-    struct task_setting *setting;
-    _Atomic double *value;          /* by setting; another thread writes them */
     struct motion_profile *profile; /* by axis */
     double *deviation;              /* by axis: deviation of the link's angle, rad */
     double last_s;
@@ -31,37 +28,18 @@ struct pose {
 
 /* ---- settings ---- */
 
-static size_t pose_settings(const struct task *task, const struct task_setting **setting)
-{
-    const struct pose *pose = task->state;
-
-    *setting = pose->setting;
-    return pose->nsetting;
-}
-
-static void pose_set(struct task *task, size_t index, double value)
-{
-    struct pose *pose = task->state;
-
-    pose->value[index] = value;
-}
-
-static double pose_get(const struct task *task, size_t index)
-{
-    const struct pose *pose = task->state;
-
-    return pose->value[index];
-}
-
 /* Makes the settings: the rate, and for each joint its range, widened to hold its initial angle.
  * Returns false without memory. */
-static bool pose_make_settings(const struct task *task, struct pose *pose, struct arena *arena)
+static bool pose_make_settings(struct task *task, struct arena *arena)
 {
     const struct host_config *host = &task->config.host;
 
-    pose->setting[POSE_RATE] =
-        (struct task_setting){"pose.rate_rad_s", "rad/s", POSE_LEAST_RAD_S, POSE_MOST_RAD_S, false};
-    pose->value[POSE_RATE] = POSE_RATE_RAD_S;
+    if (task_reserve_settings(task, POSE_JOINTS + host->naxis, arena, NULL)) {
+        return false;
+    }
+    task->setting[POSE_RATE] = (struct task_setting){"pose.rate_rad_s", "rad/s", POSE_LEAST_RAD_S,
+                                                     POSE_MOST_RAD_S,   false,   POSE_RATE_RAD_S};
+    task->value[POSE_RATE] = POSE_RATE_RAD_S;
     for (size_t i = 0; i < host->naxis; i++) {
         const struct host_axis *axis = &host->axis[i];
         double initial = task->config.initial_rad[i];
@@ -71,9 +49,10 @@ static bool pose_make_settings(const struct task *task, struct pose *pose, struc
             return false;
         }
         snprintf(name, POSE_NAME_SIZE, "pose.%.80s_rad", axis->joint);
-        pose->setting[POSE_JOINTS + i] = (struct task_setting){
-            name, "rad", fmin(axis->lower_rad, initial), fmax(axis->upper_rad, initial), false};
-        pose->value[POSE_JOINTS + i] = initial;
+        task->setting[POSE_JOINTS + i] = (struct task_setting){
+            name,  "rad",  fmin(axis->lower_rad, initial), fmax(axis->upper_rad, initial),
+            false, initial};
+        task->value[POSE_JOINTS + i] = initial;
     }
     return true;
 }
@@ -87,14 +66,10 @@ static enum error_code pose_create(struct task *task, struct arena *arena, struc
     struct pose *pose = arena_alloc(arena, 1, sizeof *pose);
 
     if (pose) {
-        pose->nsetting = POSE_JOINTS + naxis;
-        pose->setting = arena_alloc(arena, pose->nsetting, sizeof *pose->setting);
-        pose->value = arena_alloc(arena, pose->nsetting, sizeof *pose->value);
         pose->profile = arena_alloc(arena, naxis, sizeof *pose->profile);
         pose->deviation = arena_alloc(arena, naxis, sizeof *pose->deviation);
     }
-    if (!pose || !pose->setting || !pose->value || !pose->profile || !pose->deviation ||
-        !pose_make_settings(task, pose, arena)) {
+    if (!pose || !pose->profile || !pose->deviation || !pose_make_settings(task, arena)) {
         return error_set(error, ERROR_MEMORY, "no memory for the pose");
     }
     task->state = pose;
@@ -107,7 +82,7 @@ static void pose_start(struct task *task)
 
     pose->last_s = 0;
     for (size_t i = 0; i < task->config.host.naxis; i++) {
-        pose->profile[i] = (struct motion_profile){.angle_rad = servo_wanted(task->servo, i)};
+        pose->profile[i] = (struct motion_profile){.angle_rad = task->from[i]};
     }
 }
 
@@ -118,7 +93,7 @@ static void pose_tell(struct task *task)
     size_t moving = 0;
 
     for (size_t i = 0; i < task->config.host.naxis; i++) {
-        moving += pose->profile[i].angle_rad != pose->value[POSE_JOINTS + i];
+        moving += pose->profile[i].angle_rad != task->value[POSE_JOINTS + i];
         pose->deviation[i] =
             fabs(host_joint(task->host, i)->joint_rad - pose->profile[i].angle_rad);
     }
@@ -130,14 +105,14 @@ static void pose_tell(struct task *task)
 static enum task_status pose_step(struct task *task, double t_s)
 {
     struct pose *pose = task->state;
-    double dt_s = fmin(t_s - pose->last_s, POSE_LONGEST_STEP_S), rate = pose->value[POSE_RATE];
+    double dt_s = fmin(t_s - pose->last_s, POSE_LONGEST_STEP_S), rate = task->value[POSE_RATE];
 
     pose->last_s = t_s;
     for (size_t i = 0; i < task->config.host.naxis; i++) {
         struct motion_profile *profile = &pose->profile[i];
 
         if (dt_s > 0) {
-            motion_profile_step(profile, pose->value[POSE_JOINTS + i], rate, rate / POSE_SPEED_UP_S,
+            motion_profile_step(profile, task->value[POSE_JOINTS + i], rate, rate / POSE_SPEED_UP_S,
                                 dt_s);
         }
         servo_set(task->servo, i, profile->angle_rad, profile->rate_rad_s);
@@ -161,7 +136,4 @@ const struct task_ops task_pose = {
     .start = pose_start,
     .step = pose_step,
     .endless = pose_endless,
-    .settings = pose_settings,
-    .set = pose_set,
-    .get = pose_get,
 };

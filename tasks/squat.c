@@ -47,7 +47,6 @@ struct squat {
     struct leg leg[LEGS];
     bool alike; /* the legs have one initial pose */
     size_t foot[LEGS];
-    double *from; /* joint angles at the start */
     double weight_sum;
     size_t weighed;
     double light_since_s; /* when the feet became light; < 0: they carry */
@@ -152,9 +151,8 @@ static enum error_code squat_create(struct task *task, struct arena *arena, stru
 {
     const struct squat_config *config = &task->config.squat;
     struct squat *squat = arena_alloc(arena, 1, sizeof *squat);
-    double *from = arena_alloc(arena, task->config.host.naxis, sizeof *from);
 
-    if (!squat || !from) {
+    if (!squat) {
         return error_set(error, ERROR_MEMORY, "no memory for the squat");
     }
     if (config->thigh_m == 0) {
@@ -165,7 +163,7 @@ static enum error_code squat_create(struct task *task, struct arena *arena, stru
         return error_set(error, ERROR_INPUT,
                          "squat: lengths, period and cycles must be greater than 0");
     }
-    squat->from = from;
+    squat->light_since_s = -1;
     task->state = squat;
     for (int side = 0; side < LEGS; side++) {
         enum error_code code = squat_find_leg(task, side, &squat->leg[side], error);
@@ -181,16 +179,6 @@ static enum error_code squat_create(struct task *task, struct arena *arena, stru
     squat->alike =
         memcmp(squat->leg[0].initial, squat->leg[1].initial, sizeof squat->leg[0].initial) == 0;
     return ERROR_NONE;
-}
-
-static void squat_start(struct task *task)
-{
-    struct squat *squat = task->state;
-
-    for (size_t i = 0; i < task->config.host.naxis; i++) {
-        squat->from[i] = servo_wanted(task->servo, i);
-    }
-    squat->light_since_s = -1;
 }
 
 /* Sets the references of both legs for t seconds after the first cycle began. */
@@ -271,7 +259,7 @@ static enum task_status squat_step(struct task *task, double t)
     double weight = squat->weighed ? squat->weight_sum / (double)squat->weighed : 0, depth;
 
     /* Stand, then weigh the robot */
-    task_hold_pose(task, squat->from, RAMP_S, t);
+    task_move_pose(task, NULL, RAMP_S, t);
     if (t < begin) {
         if (t > begin - WEIGH_S) {
             squat->weight_sum += squat_feet_force(task);
@@ -314,6 +302,5 @@ const struct task_ops task_squat = {
     .name = "squat",
     .summary = "knees bend and the hips sink over flat feet, cycle after cycle",
     .create = squat_create,
-    .start = squat_start,
     .step = squat_step,
 };

@@ -46,9 +46,6 @@ struct sweep_now {
 
 struct sweep {
     size_t axis;
-    double *from; /* joint angles at the start */
-    struct task_setting setting[SWEEP_SETTINGS];
-    _Atomic double value[SWEEP_SETTINGS]; /* another thread writes them */
     struct sweep_now now;
     size_t npoint;
     struct sweep_point point[SWEEP_POINTS_MAX];
@@ -70,93 +67,43 @@ static const char *const sweep_setting_name[SWEEP_SETTINGS + 1] = {
     [SWEEP_MEASURE_PERIODS] = "sweep.measure_periods",
 };
 
-/* Makes the settings with their ranges and defaults: amplitudes by the supply, frequencies by
- * the commands' rate. */
-static void sweep_make_settings(struct sweep *sweep, const struct task_config *config)
-{
-    double period_s = 1e-9 * (double)(config->servo.command_period_ns > config->host.period_ns
-                                          ? config->servo.command_period_ns
-                                          : config->host.period_ns);
-    double most_hz = SWEEP_NYQUIST / period_s, volts = config->host.supply_v;
-    const struct task_setting setting[SWEEP_SETTINGS] = {
-        [SWEEP_AMPLITUDE_V] = {sweep_setting_name[SWEEP_AMPLITUDE_V], "V", 0, volts, false},
-        [SWEEP_AMPLITUDE_RAD] = {sweep_setting_name[SWEEP_AMPLITUDE_RAD], "rad", 0, 0.5, false},
-        [SWEEP_FROM] = {sweep_setting_name[SWEEP_FROM], "Hz", 0.01, most_hz, false},
-        [SWEEP_TO] = {sweep_setting_name[SWEEP_TO], "Hz", 0.01, most_hz, false},
-        [SWEEP_POINTS] = {sweep_setting_name[SWEEP_POINTS], "", 1, SWEEP_POINTS_MAX, true},
-        [SWEEP_SETTLE_PERIODS] = {sweep_setting_name[SWEEP_SETTLE_PERIODS], "", 0, 1000, true},
-        [SWEEP_SETTLE] = {sweep_setting_name[SWEEP_SETTLE], "s", 0, 60, false},
-        [SWEEP_MEASURE_PERIODS] = {sweep_setting_name[SWEEP_MEASURE_PERIODS], "", 2, 1000, true},
-    };
-
-    memcpy(sweep->setting, setting, sizeof setting);
-    sweep->value[SWEEP_AMPLITUDE_V] = volts / 20;
-    sweep->value[SWEEP_FROM] = 0.5;
-    sweep->value[SWEEP_TO] = fmin(20, most_hz);
-    sweep->value[SWEEP_POINTS] = 20;
-    sweep->value[SWEEP_SETTLE_PERIODS] = 4;
-    sweep->value[SWEEP_SETTLE] = 0.5;
-    sweep->value[SWEEP_MEASURE_PERIODS] = 8;
-}
-
-static size_t sweep_settings(const struct task *task, const struct task_setting **setting)
-{
-    const struct sweep *sweep = task->state;
-
-    *setting = sweep->setting;
-    return SWEEP_SETTINGS;
-}
-
-static void sweep_set(struct task *task, size_t index, double value)
-{
-    struct sweep *sweep = task->state;
-
-    sweep->value[index] = value;
-}
-
-static double sweep_get(const struct task *task, size_t index)
-{
-    const struct sweep *sweep = task->state;
-
-    return sweep->value[index];
-}
-
 /* ---- the task ---- */
 
-/* Creates the task's state and finds the joint. ERROR_INPUT when it is not named or not there. */
+/* Creates the task's state and finds the joint; amplitudes are bounded by the supply, frequencies
+ * by the commands' rate. ERROR_INPUT when the joint is not named or not there. */
 static enum error_code sweep_create(struct task *task, struct arena *arena, struct error *error)
 {
+    const struct task_config *config = &task->config;
+    double period_s =
+        1e-9 * fmax((double)config->servo.command_period_ns, (double)config->host.period_ns);
+    double most_hz = SWEEP_NYQUIST / period_s, volts = config->host.supply_v;
+    const char *const *name = sweep_setting_name;
+    const struct task_setting setting[SWEEP_SETTINGS] = {
+        [SWEEP_AMPLITUDE_V] = {name[SWEEP_AMPLITUDE_V], "V", 0, volts, false, volts / 20},
+        [SWEEP_AMPLITUDE_RAD] = {name[SWEEP_AMPLITUDE_RAD], "rad", 0, 0.5, false, 0},
+        [SWEEP_FROM] = {name[SWEEP_FROM], "Hz", 0.01, most_hz, false, 0.5},
+        [SWEEP_TO] = {name[SWEEP_TO], "Hz", 0.01, most_hz, false, fmin(20, most_hz)},
+        [SWEEP_POINTS] = {name[SWEEP_POINTS], "", 1, SWEEP_POINTS_MAX, true, 20},
+        [SWEEP_SETTLE_PERIODS] = {name[SWEEP_SETTLE_PERIODS], "", 0, 1000, true, 4},
+        [SWEEP_SETTLE] = {name[SWEEP_SETTLE], "s", 0, 60, false, 0.5},
+        [SWEEP_MEASURE_PERIODS] = {name[SWEEP_MEASURE_PERIODS], "", 2, 1000, true, 8},
+    };
     struct sweep *sweep = arena_alloc(arena, 1, sizeof *sweep);
-    double *from = arena_alloc(arena, task->config.host.naxis, sizeof *from);
+    enum error_code code = task_make_settings(task, setting, SWEEP_SETTINGS, arena, error);
 
-    if (!sweep || !from) {
+    if (!sweep || code) {
         return error_set(error, ERROR_MEMORY, "no memory for the sweep");
     }
-    if (!task->config.input.joint) {
-        return error_set(error, ERROR_INPUT, "sweep: found no joint, expected one by --joint");
-    }
-    sweep->from = from;
+    sweep->now.end_s = SWEEP_RAMP_S + SWEEP_STAND_S;
     task->state = sweep;
-    sweep_make_settings(sweep, &task->config);
-    return task_find_axis(task, task->config.input.joint, &sweep->axis, error);
-}
-
-static void sweep_start(struct task *task)
-{
-    struct sweep *sweep = task->state;
-
-    for (size_t i = 0; i < task->config.host.naxis; i++) {
-        sweep->from[i] = servo_wanted(task->servo, i);
-    }
-    sweep->npoint = 0;
-    sweep->now = (struct sweep_now){.end_s = SWEEP_RAMP_S + SWEEP_STAND_S};
+    return task_find_input_axis(task, &sweep->axis, error);
 }
 
 /* Returns the frequency of a point, Hz: points are at equal ratios. */
-static double sweep_frequency(const struct sweep *sweep, size_t point)
+static double sweep_frequency(const struct task *task, size_t point)
 {
-    double from = sweep->value[SWEEP_FROM], to = sweep->value[SWEEP_TO];
-    double last = sweep->value[SWEEP_POINTS] - 1;
+    double from = task->value[SWEEP_FROM], to = task->value[SWEEP_TO];
+    double last = task->value[SWEEP_POINTS] - 1;
 
     return last > 0 ? from * portable_pow(to / from, fmin((double)point / last, 1)) : from;
 }
@@ -171,13 +118,13 @@ static bool sweep_begin_point(struct task *task, double t_s)
     struct sweep_now *now = &sweep->now;
 
     /* Whole periods, so that the excitation never jumps */
-    hz = sweep_frequency(sweep, sweep->npoint);
-    settle = fmax(sweep->value[SWEEP_SETTLE_PERIODS], ceil(sweep->value[SWEEP_SETTLE] * hz));
+    hz = sweep_frequency(task, sweep->npoint);
+    settle = fmax(task->value[SWEEP_SETTLE_PERIODS], ceil(task->value[SWEEP_SETTLE] * hz));
     *now = (struct sweep_now){.hz = hz, .from_s = t_s};
     now->measure_s = t_s + settle / hz;
-    now->end_s = now->measure_s + sweep->value[SWEEP_MEASURE_PERIODS] / hz;
-    now->radians = sweep->value[SWEEP_AMPLITUDE_RAD];
-    now->volts = now->radians > 0 ? 0 : sweep->value[SWEEP_AMPLITUDE_V];
+    now->end_s = now->measure_s + task->value[SWEEP_MEASURE_PERIODS] / hz;
+    now->radians = task->value[SWEEP_AMPLITUDE_RAD];
+    now->volts = now->radians > 0 ? 0 : task->value[SWEEP_AMPLITUDE_V];
     sine_fit_start(&sweep->input);
     for (int k = 0; k < SWEEP_RESPONSES; k++) {
         sine_fit_start(&sweep->output[k]);
@@ -312,7 +259,7 @@ static enum task_status sweep_step(struct task *task, double t_s)
     if (sweep->now.hz > 0) {
         sweep_measure(task, t_s);
     } else {
-        task_hold_pose(task, sweep->from, SWEEP_RAMP_S, t_s);
+        task_move_pose(task, NULL, SWEEP_RAMP_S, t_s);
     }
     sweep->last_s = t_s;
     if (!task_motors_follow(task, &worst)) {
@@ -323,7 +270,7 @@ static enum task_status sweep_step(struct task *task, double t_s)
         if (sweep->now.hz > 0) {
             sweep_end_point(sweep);
         }
-        if (sweep->npoint > 0 && (double)sweep->npoint >= sweep->value[SWEEP_POINTS]) {
+        if (sweep->npoint > 0 && (double)sweep->npoint >= task->value[SWEEP_POINTS]) {
             sweep_tell_end(task);
             return TASK_DONE;
         }
@@ -337,7 +284,7 @@ static enum task_status sweep_step(struct task *task, double t_s)
     }
     if (task->tells && sweep->now.hz > 0) {
         snprintf(task->message, sizeof task->message, "joint %s: frequency %zu of %.0f, %.3g Hz",
-                 task->config.input.joint, sweep->npoint + 1, sweep->value[SWEEP_POINTS],
+                 task->config.input.joint, sweep->npoint + 1, task->value[SWEEP_POINTS],
                  sweep->now.hz);
     } else if (task->tells) {
         snprintf(task->message, sizeof task->message, "moving into the pose");
@@ -360,10 +307,6 @@ const struct task_ops task_sweep = {
     .name = "sweep",
     .summary = "sines on one joint: the frequency response of its drive",
     .create = sweep_create,
-    .start = sweep_start,
     .step = sweep_step,
-    .settings = sweep_settings,
     .setting_name = sweep_setting_name,
-    .set = sweep_set,
-    .get = sweep_get,
 };

@@ -73,6 +73,10 @@ enum error_code task_create(const char *name, const struct task_config *config, 
             name, nearest ? "; did you mean " : "", nearest ? nearest : "");
     }
     task->config = *config;
+    task->from = arena_alloc(arena, config->host.naxis, sizeof *task->from);
+    if (!task->from) {
+        return error_set(error, ERROR_MEMORY, "no memory for the task");
+    }
 
     /* From the bus upward: host, servo loops, behavior */
     code = host_create(&config->host, arena, &task->host, error);
@@ -145,6 +149,15 @@ enum error_code task_find_axis(const struct task *task, const char *joint, size_
     return ERROR_NONE;
 }
 
+enum error_code task_find_input_axis(const struct task *task, size_t *axis, struct error *error)
+{
+    if (!task->config.input.joint) {
+        return error_set(error, ERROR_INPUT, "%s: found no joint, expected one by --joint",
+                         task->ops->name);
+    }
+    return task_find_axis(task, task->config.input.joint, axis, error);
+}
+
 enum error_code task_find_force(const struct task *task, const char *name, size_t *ft,
                                 struct error *error)
 {
@@ -158,22 +171,17 @@ enum error_code task_find_force(const struct task *task, const char *name, size_
                      task->ops->name, name);
 }
 
-void task_move_pose(struct task *task, const double *from, const double *to, double ramp_s,
-                    double t_s)
+void task_move_pose(struct task *task, const double *to, double ramp_s, double t_s)
 {
     double s = fmin(t_s / ramp_s, 1), blend = s * s * (3 - 2 * s);
 
+    to = to ? to : task->config.initial_rad;
     for (size_t i = 0; i < task->config.host.naxis; i++) {
-        double span = to[i] - from[i];
+        double span = to[i] - task->from[i];
 
-        servo_set(task->servo, i, from[i] + blend * span,
+        servo_set(task->servo, i, task->from[i] + blend * span,
                   s < 1 ? 6 * s * (1 - s) * span / ramp_s : 0);
     }
-}
-
-void task_hold_pose(struct task *task, const double *from, double ramp_s, double t_s)
-{
-    task_move_pose(task, from, task->config.initial_rad, ramp_s, t_s);
 }
 
 /* Returns the axis with the largest deviation that is not among the count axes of told; -1 when
@@ -259,7 +267,12 @@ static enum task_status task_start_up(struct task *task)
         task->started = true;
         task->start_ns = host_time_ns(task->host);
         servo_start(task->servo);
-        task->ops->start(task);
+        for (size_t i = 0; i < task->config.host.naxis; i++) {
+            task->from[i] = servo_wanted(task->servo, i);
+        }
+        if (task->ops->start) {
+            task->ops->start(task);
+        }
     }
     return TASK_RUNNING;
 }
@@ -307,30 +320,54 @@ void task_stop(struct task *task)
 
 /* ---- settings ---- */
 
+enum error_code task_reserve_settings(struct task *task, size_t n, struct arena *arena,
+                                      struct error *error)
+{
+    task->nsetting = n;
+    task->setting = arena_alloc(arena, n, sizeof *task->setting);
+    task->value = arena_alloc(arena, n, sizeof *task->value);
+    return task->setting && task->value
+               ? ERROR_NONE
+               : error_set(error, ERROR_MEMORY, "no memory for the task's settings");
+}
+
+enum error_code task_make_settings(struct task *task, const struct task_setting *setting, size_t n,
+                                   struct arena *arena, struct error *error)
+{
+    enum error_code code = task_reserve_settings(task, n, arena, error);
+
+    for (size_t i = 0; i < n && !code; i++) {
+        task->setting[i] = setting[i];
+        task->value[i] = setting[i].initial;
+    }
+    return code;
+}
+
 size_t task_settings(const struct task *task, const struct task_setting **setting)
 {
-    return task->ops->settings ? task->ops->settings(task, setting) : 0;
+    *setting = task->setting;
+    return task->nsetting;
 }
 
 bool task_set(struct task *task, size_t index, double value)
 {
-    const struct task_setting *setting;
+    const struct task_setting *setting = task->setting + index;
 
-    if (index >= task_settings(task, &setting) ||
-        !(value >= setting[index].min && value <= setting[index].max) ||
-        (setting[index].whole && value != rint(value))) {
+    if (index >= task->nsetting || !(value >= setting->min && value <= setting->max) ||
+        (setting->whole && value != rint(value))) {
         return false;
     }
-    task->ops->set(task, index, value);
+    task->value[index] = value;
+    if (task->ops->changed) {
+        task->ops->changed(task, index);
+    }
     atomic_fetch_add(&task->changes, 1);
     return true;
 }
 
 double task_get(const struct task *task, size_t index)
 {
-    const struct task_setting *setting;
-
-    return index < task_settings(task, &setting) ? task->ops->get(task, index) : 0;
+    return index < task->nsetting ? task->value[index] : 0;
 }
 
 uint64_t task_changes(const struct task *task)

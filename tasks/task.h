@@ -303,7 +303,8 @@ void task_stop(struct task *task);
 struct task_setting {
     const char *name, *unit; /* "walk.forward_m_s", "m/s"; "" = a count */
     double min, max;
-    bool whole; /* takes whole numbers only */
+    bool whole;     /* takes whole numbers only */
+    double initial; /* its value until it is changed */
 };
 
 /* Returns the number of a task's settings, and which; the task's. RT-safe. */

@@ -28,12 +28,10 @@ struct task_ops {
     const char *const *signal_name;
     size_t nsignal;
     void (*signals)(const struct task *task, double *value);
-    /* Settings that may change while it runs; NULL: none. Values are checked before. set is
-     * called from another thread than step. */
-    size_t (*settings)(const struct task *task, const struct task_setting **setting);
-    const char *const *setting_name; /* names of all that settings gives, NULL at the end */
-    void (*set)(struct task *task, size_t index, double value);
-    double (*get)(const struct task *task, size_t index);
+    const char *const *setting_name; /* names of its settings, NULL at the end; NULL: none */
+    /* Does what a changed setting asks for beside its value; NULL: nothing. Called from another
+     * thread than step. */
+    void (*changed)(struct task *task, size_t index);
 };
 
 struct task {
@@ -44,6 +42,10 @@ struct task {
     void *state;
     bool started;
     int64_t start_ns;
+    double *from; /* by axis: the joints' angles at the start, rad */
+    size_t nsetting;
+    struct task_setting *setting;
+    _Atomic double *value; /* by setting; another thread writes them */
     unsigned steps;
     _Atomic uint64_t changes; /* number of changes of settings */
     bool tells; /* this step writes the message even if there is only progress to tell */
@@ -53,18 +55,23 @@ struct task {
 extern const struct task_ops task_squat, task_grasp, task_hold, task_stand, task_walk, task_sweep,
     task_follow, task_pose, task_excite;
 
-/* Find the index of a joint's axis or of a force-torque board; the error says which one is
- * missing. */
+/* Find the index of a joint's axis, of that by --joint, or of a force-torque board; the error says
+ * which one is missing. */
 enum error_code task_find_axis(const struct task *task, const char *joint, size_t *axis,
                                struct error *error);
+enum error_code task_find_input_axis(const struct task *task, size_t *axis, struct error *error);
 enum error_code task_find_force(const struct task *task, const char *name, size_t *ft,
                                 struct error *error);
 
-/* Set the references of every joint: it moves smoothly (cubic) from where it was (from, by axis)
- * to an angle (to) within ramp_s, and stays there; task_hold_pose: to the initial pose. */
-void task_move_pose(struct task *task, const double *from, const double *to, double ramp_s,
-                    double t_s);
-void task_hold_pose(struct task *task, const double *from, double ramp_s, double t_s);
+/* Makes room for n settings; task_make_settings fills them, too. ERROR_MEMORY. */
+enum error_code task_reserve_settings(struct task *task, size_t n, struct arena *arena,
+                                      struct error *error);
+enum error_code task_make_settings(struct task *task, const struct task_setting *setting, size_t n,
+                                   struct arena *arena, struct error *error);
+
+/* Sets the references of every joint: it moves smoothly (cubic) from where it was at the start to
+ * an angle (to, by axis; NULL: the initial pose) within ramp_s, and stays there. */
+void task_move_pose(struct task *task, const double *to, double ramp_s, double t_s);
 
 /* Adds the joints with the largest of these deviations (rad, by axis) to the message. */
 void task_tell_worst(struct task *task, const double *worst);

@@ -33,10 +33,9 @@ struct walk {
     struct balance *balance;
     struct gait_command command;
     double last_s;
-    unsigned from_steps; /* steps of the gait when the walk began */
-    struct task_setting setting[WALK_SETTINGS];
-    _Atomic double value[WALK_SETTINGS]; /* another thread writes them */
-    atomic_bool holds_heading;           /* it turns to WALK_HEADING, instead of at a rate */
+    unsigned from_steps;       /* steps of the gait when the walk began */
+    _Atomic double *value;     /* of the settings; another thread writes them */
+    atomic_bool holds_heading; /* it turns to WALK_HEADING, instead of at a rate */
     double kept_rad;  /* heading to keep while the turn rate is 0: that at the begin of the walk
                        * or after the last turn */
     double from_m[2]; /* where its steps begin, as estimated */
@@ -61,66 +60,47 @@ static const char *const walk_setting_name[WALK_SETTINGS + 1] = {
 static struct task_setting walk_rate(const char *name, const char *unit, double least, double most,
                                      double asked)
 {
-    return (struct task_setting){name, unit, fmin(least, asked), fmax(most, asked), false};
+    return (struct task_setting){name, unit, fmin(least, asked), fmax(most, asked), false, asked};
 }
 
 /* Makes the settings with their ranges and the rig's values. */
-static void walk_make_settings(struct walk *walk, const struct walk_config *config)
+static enum error_code walk_make_settings(struct task *task, struct arena *arena,
+                                          struct error *error)
 {
+    const struct walk_config *config = task->config.walk;
     const struct gait_config *gait = &config->balance.gait;
+    const char *const *name = walk_setting_name;
     double step_s = gait->swing_s + gait->transfer_s;
     const struct task_setting setting[WALK_SETTINGS] = {
-        [WALK_ON] = {walk_setting_name[WALK_ON], "", 0, 1, true},
-        [WALK_FORWARD] =
-            walk_rate(walk_setting_name[WALK_FORWARD], "m/s", -gait->reach_back_m / step_s,
-                      gait->reach_ahead_m / step_s, config->forward_m_s),
-        [WALK_LEFT] = walk_rate(walk_setting_name[WALK_LEFT], "m/s", -gait->reach_out_m / step_s,
+        [WALK_ON] = {name[WALK_ON], "", 0, 1, true, 1},
+        [WALK_FORWARD] = walk_rate(name[WALK_FORWARD], "m/s", -gait->reach_back_m / step_s,
+                                   gait->reach_ahead_m / step_s, config->forward_m_s),
+        [WALK_LEFT] = walk_rate(name[WALK_LEFT], "m/s", -gait->reach_out_m / step_s,
                                 gait->reach_out_m / step_s, config->left_m_s),
-        [WALK_TURN] = walk_rate(walk_setting_name[WALK_TURN], "rad/s", -TURN_MOST_RAD_S,
-                                TURN_MOST_RAD_S, config->turn_rad_s),
-        [WALK_HEADING] = {walk_setting_name[WALK_HEADING], "rad", -1e3, 1e3, false},
-        [WALK_STEP_TIME] = {walk_setting_name[WALK_STEP_TIME], "s", step_s / 2, step_s * 2, false},
-        [WALK_STEP_LENGTH] = {walk_setting_name[WALK_STEP_LENGTH], "m", -gait->reach_back_m,
-                              gait->reach_ahead_m, false},
+        [WALK_TURN] = walk_rate(name[WALK_TURN], "rad/s", -TURN_MOST_RAD_S, TURN_MOST_RAD_S,
+                                config->turn_rad_s),
+        [WALK_HEADING] = {name[WALK_HEADING], "rad", -1e3, 1e3, false, 0},
+        [WALK_STEP_TIME] = {name[WALK_STEP_TIME], "s", step_s / 2, step_s * 2, false, step_s},
+        [WALK_STEP_LENGTH] = {name[WALK_STEP_LENGTH], "m", -gait->reach_back_m, gait->reach_ahead_m,
+                              false, config->forward_m_s * step_s},
     };
 
-    memcpy(walk->setting, setting, sizeof setting);
-    walk->value[WALK_ON] = 1;
-    walk->value[WALK_FORWARD] = config->forward_m_s;
-    walk->value[WALK_LEFT] = config->left_m_s;
-    walk->value[WALK_TURN] = config->turn_rad_s;
-    walk->value[WALK_STEP_TIME] = step_s;
+    return task_make_settings(task, setting, WALK_SETTINGS, arena, error);
 }
 
-static size_t walk_settings(const struct task *task, const struct task_setting **setting)
-{
-    const struct walk *walk = task->state;
-
-    *setting = walk->setting;
-    return WALK_SETTINGS;
-}
-
-/* Changes a setting. A step length sets the speed; a heading or a turn rate replaces the other. */
-static void walk_set(struct task *task, size_t index, double value)
+/* A step length sets the speed, and speed and duration the length; a heading or a turn rate
+ * replaces the other. */
+static void walk_changed(struct task *task, size_t index)
 {
     struct walk *walk = task->state;
 
     if (index == WALK_STEP_LENGTH) {
-        walk->value[WALK_FORWARD] = value / walk->value[WALK_STEP_TIME];
-        return;
-    }
-    walk->value[index] = value;
-    if (index == WALK_HEADING || index == WALK_TURN) {
+        walk->value[WALK_FORWARD] = walk->value[WALK_STEP_LENGTH] / walk->value[WALK_STEP_TIME];
+    } else if (index == WALK_FORWARD || index == WALK_STEP_TIME) {
+        walk->value[WALK_STEP_LENGTH] = walk->value[WALK_FORWARD] * walk->value[WALK_STEP_TIME];
+    } else if (index == WALK_HEADING || index == WALK_TURN) {
         walk->holds_heading = index == WALK_HEADING;
     }
-}
-
-static double walk_get(const struct task *task, size_t index)
-{
-    const struct walk *walk = task->state;
-
-    return index == WALK_STEP_LENGTH ? walk->value[WALK_FORWARD] * walk->value[WALK_STEP_TIME]
-                                     : walk->value[index];
 }
 
 /* ---- task ---- */
@@ -129,6 +109,7 @@ static double walk_get(const struct task *task, size_t index)
 static enum error_code walk_create(struct task *task, struct arena *arena, struct error *error)
 {
     struct walk *walk = arena_alloc(arena, 1, sizeof *walk);
+    enum error_code code;
 
     if (!walk) {
         return error_set(error, ERROR_MEMORY, "no memory for the walk");
@@ -138,7 +119,13 @@ static enum error_code walk_create(struct task *task, struct arena *arena, struc
                          task->ops->name);
     }
     task->state = walk;
-    walk_make_settings(walk, task->config.walk);
+    if (task->ops == &task_walk) {
+        code = walk_make_settings(task, arena, error);
+        walk->value = task->value;
+        if (code) {
+            return code;
+        }
+    }
     return balance_create(&task->config.walk->balance, task->config.body, task->config.initial_rad,
                           task->host, task->servo, arena, &walk->balance, error);
 }
@@ -311,8 +298,6 @@ const struct task_ops task_walk = {
     .signal_name = balance_signal_name,
     .nsignal = BALANCE_SIGNALS,
     .signals = walk_signals,
-    .settings = walk_settings,
     .setting_name = walk_setting_name,
-    .set = walk_set,
-    .get = walk_get,
+    .changed = walk_changed,
 };
