@@ -131,12 +131,10 @@ static void put_object(struct control *control, struct control_client *client, c
 static void put_answer(struct control *control, struct control_client *client, const json_t *id,
                        bool ok, json_t *body)
 {
-    json_t *answer = json_object();
-    json_t *repeated = id ? json_deep_copy(id) : json_null();
+    json_t *answer =
+        json_pack("{s:o, s:b}", "id", id ? json_deep_copy(id) : json_null(), "ok", (int)ok);
 
-    /* The id first: an answer takes it over also when there is no body */
-    if (!control_put(answer, "id", repeated) || !body ||
-        !control_put(answer, "ok", json_boolean(ok)) || json_object_update(answer, body)) {
+    if (!body || json_object_update(answer, body)) {
         client_put_text(
             control, client,
             "{\"id\":null,\"ok\":false,\"code\":\"memory\",\"error\":\"no memory for the "
@@ -162,8 +160,8 @@ void control_refuse(struct control *control, struct control_client *client, cons
     json_t *refusal = body ? body : json_object();
 
     control->counters.refused_requests++;
-    if (!control_put(refusal, "code", json_string(code)) ||
-        !control_put(refusal, "error", control_text(text))) {
+    if (json_object_set_new(refusal, "code", json_string(code)) ||
+        json_object_set_new(refusal, "error", control_text(text))) {
         json_decref(refusal);
         refusal = NULL;
     }

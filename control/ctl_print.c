@@ -38,72 +38,28 @@ static bool is_true(const json_t *object, const char *key)
 
 /* ---- what may be printed ---- */
 
-/* Returns a copy of a text without control characters; NULL = no memory. */
-static char *ctl_printable_text(const char *text)
+json_t *ctl_parse_printable(char *line)
 {
-    char *copy = text ? strdup(text) : NULL;
+    json_t *answer;
+    unsigned code;
+    char *text;
 
-    if (copy) {
-        text_make_printable(copy);
-    }
-    return copy;
-}
+    text_make_printable(line);
+    text = strdup(line);
+    /* An escape that stands for a control character becomes a question mark */
+    for (char *at = text; at && (at = strchr(at, '\\')) && at[1]; at += *at == '\\' ? 2 : 1) {
+        const bool coded = sscanf(at, "\\u%4x", &code) == 1 && strlen(at) >= 6;
 
-/* Returns a printable copy of an object, names included; NULL = no memory. */
-static json_t *ctl_printable_object(const json_t *object)
-{
-    json_t *copy = json_object(), *value;
-    const char *name;
+        if (coded ? code < 0x20 || (code >= 0x7f && code < 0xa0) : strchr("bfnr", at[1]) != NULL) {
+            char *rest = at + (coded ? 6 : 2);
 
-    json_object_foreach((json_t *)(uintptr_t)object, name, value)
-    {
-        char *clean = ctl_printable_text(name);
-        int failed = clean ? json_object_set_new(copy, clean, ctl_printable(value)) : -1;
-
-        free(clean);
-        if (failed) {
-            json_decref(copy);
-            return NULL;
+            *at = '?';
+            memmove(at + 1, rest, strlen(rest) + 1);
         }
     }
-    return copy;
-}
-
-/* Returns a printable copy of an array; NULL = no memory. */
-static json_t *ctl_printable_array(const json_t *array)
-{
-    json_t *copy = json_array(), *value;
-    size_t i;
-
-    json_array_foreach(array, i, value)
-    {
-        if (json_array_append_new(copy, ctl_printable(value))) {
-            json_decref(copy);
-            return NULL;
-        }
-    }
-    return copy;
-}
-
-/* The recursion is as deep as the parser allows, 2048. */
-json_t *ctl_printable(const json_t *answer)
-{
-    char *clean;
-    json_t *copy;
-
-    if (json_is_object(answer)) {
-        return ctl_printable_object(answer);
-    }
-    if (json_is_array(answer)) {
-        return ctl_printable_array(answer);
-    }
-    if (!json_is_string(answer)) {
-        return json_copy((json_t *)(uintptr_t)answer);
-    }
-    clean = ctl_printable_text(json_string_value(answer));
-    copy = clean ? json_string(clean) : NULL;
-    free(clean);
-    return copy;
+    answer = text ? json_loads(text, 0, NULL) : NULL;
+    free(text);
+    return answer;
 }
 
 /* ---- the first answer ---- */

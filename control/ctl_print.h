@@ -8,9 +8,10 @@
 #include <stdbool.h>
 #include <stdio.h>
 
-/* Returns a copy of an answer, the caller's, whose names and texts hold nothing that a terminal
- * may obey (text_make_printable): the server need not be ours. NULL = memory is used up. */
-json_t *ctl_printable(const json_t *answer);
+/* Makes a line of the server printable (text_make_printable) and parses it into an answer, the
+ * caller's, whose names and texts hold nothing that a terminal may obey: the server need not be
+ * ours. NULL = it is no JSON, or memory is used up. */
+json_t *ctl_parse_printable(char *line);
 
 void ctl_print_hello(const json_t *answer, FILE *out);
 void ctl_print_status(const json_t *answer, FILE *out);

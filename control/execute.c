@@ -12,81 +12,36 @@ enum { KEY_STOP = 16 }; /* a key of the log */
 
 /* ---- names ---- */
 
-/* A set of names that a request may refer to. */
-struct names {
-    const char *what;
-    size_t count;
-    const char *(*at)(const struct control *control, size_t index);
-};
-
-static const char *tunable_at(const struct control *control, size_t index)
+/* Finds the index of a name in a list; else an error that suggests the nearest name. what: the word
+ * for one entry. */
+static enum error_code find_name(const struct control *control, enum control_list list,
+                                 const char *what, const char *name, size_t *index,
+                                 struct error *error)
 {
-    return requests_tunable(control->config.requests, index)->name;
-}
+    const char *nearest = NULL, *known;
+    size_t count = 0;
 
-static const char *fault_at(const struct control *control, size_t index)
-{
-    return faults_at(simulator_faults(control->config.simulator), index)->name;
-}
-
-/* Returns the name of a body: the robot's first, then free ones. */
-static const char *body_at(const struct control *control, size_t index)
-{
-    const struct rig *rig = control->rig;
-
-    return index < rig->robot->nbody ? rig->robot->body[index].name
-                                     : rig->free[index - rig->robot->nbody].name;
-}
-
-/* Finds the index of a name; else an error that suggests the nearest name. */
-static enum error_code find_name_index(const struct control *control, const struct names *names,
-                                       const char *name, size_t *index, struct error *error)
-{
-    const char *nearest = NULL;
-
-    /* The name, or the one that may have been meant */
-    for (size_t i = 0; i < names->count; i++) {
-        const char *known = names->at(control, i);
-
+    for (; (known = control_list_entry(control, list, count)); count++) {
         if (strcmp(known, name) == 0) {
-            *index = i;
+            *index = count;
             return ERROR_NONE;
         }
-        /* The nearest of two, over and over, is the nearest of all */
+        /* text_nearest is associative, so comparing pairs is enough */
         nearest = text_nearest(name, (const char *[]){nearest ? nearest : known, known}, 2);
     }
-    if (names->count == 0) {
-        return error_set(error, ERROR_INPUT, "found no %s \"%.80s\": this run has none",
-                         names->what, name);
+    if (count == 0) {
+        return error_set(error, ERROR_INPUT, "found no %s \"%.80s\": this run has none", what,
+                         name);
     }
-    return error_set(error, ERROR_INPUT, "found no %s \"%.80s\", expected one of %zu%s%s%s",
-                     names->what, name, names->count, nearest ? "; the nearest is \"" : "",
-                     nearest ? nearest : "", nearest ? "\"" : "");
+    return error_set(error, ERROR_INPUT, "found no %s \"%.80s\", expected one of %zu%s%s%s", what,
+                     name, count, nearest ? "; the nearest is \"" : "", nearest ? nearest : "",
+                     nearest ? "\"" : "");
 }
 
 static enum error_code find_tunable(const struct control *control, const char *name, size_t *index,
                                     struct error *error)
 {
-    const struct names names = {"tunable", requests_tunables(control->config.requests), tunable_at};
-
-    return find_name_index(control, &names, name, index, error);
-}
-
-static enum error_code find_fault(const struct control *control, const char *name, size_t *index,
-                                  struct error *error)
-{
-    const struct names names = {"fault", faults_count(simulator_faults(control->config.simulator)),
-                                fault_at};
-
-    return find_name_index(control, &names, name, index, error);
-}
-
-static enum error_code find_body(const struct control *control, const char *name, size_t *index,
-                                 struct error *error)
-{
-    const struct names names = {"body", control->rig->robot->nbody + control->rig->nfree, body_at};
-
-    return find_name_index(control, &names, name, index, error);
+    return find_name(control, CONTROL_LIST_TUNABLES, "tunable", name, index, error);
 }
 
 /* ---- requests to the loop ---- */
@@ -121,7 +76,7 @@ static enum error_code request_complete_push(const struct control *control,
     memcpy(to->force_n, request->force_n, sizeof to->force_n);
     memcpy(to->moment_nm, request->moment_nm, sizeof to->moment_nm);
     to->duration_ns = (int64_t)llround(request->time_s * 1e9);
-    return find_body(control, request->name, &to->index, error);
+    return find_name(control, CONTROL_LIST_BODIES, "body", request->name, &to->index, error);
 }
 
 /* Makes the loop's request out of a client's; names become indices. */
@@ -160,7 +115,7 @@ static enum error_code make_loop_request(const struct control *control,
     case CONTROL_FAULT:
         to->kind = REQUEST_FAULT;
         to->on = request->on;
-        return find_fault(control, request->name, &to->index, error);
+        return find_name(control, CONTROL_LIST_FAULTS, "fault", request->name, &to->index, error);
     case CONTROL_PUSH:
         to->kind = REQUEST_PUSH;
         return request_complete_push(control, request, to, error);
@@ -177,13 +132,6 @@ static void client_ask_loop(struct control *control, struct control_client *clie
         requests_ask(control->config.requests, &client->loop_request) ? WAITING_LOOP : WAITING_ROOM;
 }
 
-/* Returns a new ticket, by which the loop's answer is recognized. It also tells which checkpoint
- * was written, in case the client has left by then. */
-static uint64_t new_ticket(struct control *control, const struct loop_request *to)
-{
-    return ++control->tickets * CHECKPOINT_SLOTS + (to->kind == REQUEST_CHECKPOINT ? to->index : 0);
-}
-
 /* Begins a request that the loop carries out, or refuses it. */
 static void begin_loop_request(struct control *control, struct control_client *client)
 {
@@ -195,21 +143,16 @@ static void begin_loop_request(struct control *control, struct control_client *c
         control_request_clear(&client->request);
         return;
     }
-    client->loop_request.ticket = new_ticket(control, &client->loop_request);
+    /* The loop's answer is recognized by the ticket, which also tells the checkpoint that was
+     * written, in case the client has left by then */
+    client->loop_request.ticket = ++control->tickets * CHECKPOINT_SLOTS;
+    if (client->loop_request.kind == REQUEST_CHECKPOINT) {
+        client->loop_request.ticket += client->loop_request.index;
+    }
     client_ask_loop(control, client);
 }
 
 /* ---- requests answered at once ---- */
-
-/* Makes the answer to get; NULL with an error if there is no such tunable. */
-static json_t *answer_get(const struct control *control, const struct control_request *request,
-                          struct error *error)
-{
-    size_t index;
-
-    return find_tunable(control, request->name, &index, error) ? NULL
-                                                               : control_tunable(control, index);
-}
 
 /* Ends the run. */
 static json_t *answer_stop(struct control *control, const struct control_client *client)
@@ -226,6 +169,7 @@ static void answer_now(struct control *control, struct control_client *client)
     struct control_request request = client->request;
     struct error error;
     json_t *body = NULL;
+    size_t index;
 
     /* A NULL body without another error means that memory ran out */
     error_set(&error, ERROR_MEMORY, "no memory for the answer");
@@ -243,7 +187,9 @@ static void answer_now(struct control *control, struct control_client *client)
         body = control_list(control, &request);
         break;
     case CONTROL_GET:
-        body = answer_get(control, &request, &error);
+        body = find_tunable(control, request.name, &index, &error)
+                   ? NULL
+                   : control_tunable(control, index);
         break;
     case CONTROL_SUBSCRIBE:
         body = control_subscribe(control, client, &request, &error);
@@ -292,19 +238,6 @@ void control_execute(struct control *control, struct control_client *client)
 
 /* ---- waiting ---- */
 
-/* Makes an answer with tick and time; NULL = no memory. */
-static json_t *answer_moment(uint64_t tick, int64_t time_ns)
-{
-    json_t *body = json_object();
-
-    if (!control_put(body, "tick", control_count(tick)) ||
-        !control_put(body, "time_s", control_number((double)time_ns * 1e-9))) {
-        json_decref(body);
-        return NULL;
-    }
-    return body;
-}
-
 /* Returns the protocol's code for a verdict of the loop. */
 static const char *verdict_code(enum request_verdict verdict)
 {
@@ -347,12 +280,10 @@ static void finish_loop_request(struct control *control, struct control_client *
                                 const struct request_answer *answer)
 {
     struct control_request request = client->request;
-    json_t *body = answer_moment(answer->tick, answer->time_ns);
+    json_t *body =
+        json_pack("{s:I, s:f, s:o}", "tick", (json_int_t)answer->tick, "time_s",
+                  (double)answer->time_ns * 1e-9, "state_hash", control_hash(answer->state_hash));
 
-    if (!control_put(body, "state_hash", control_hash(answer->state_hash))) {
-        json_decref(body);
-        body = NULL;
-    }
     client->request.root = NULL;
     client->waiting = WAITING_NOT;
     if (answer->verdict == REQUEST_OK) {
@@ -387,14 +318,6 @@ static void take_loop_answers(struct control *control)
     }
 }
 
-/* Checks whether the tick or time that a client waits for has been reached. */
-static bool wait_is_over(const struct control_request *request,
-                         const struct simulator_status *status)
-{
-    return request->wait_time ? (double)status->time_ns * 1e-9 >= request->time_s
-                              : status->tick >= (uint64_t)request->count;
-}
-
 /* Answers a client whose tick or time has been reached. */
 static void answer_when_reached(struct control *control, struct control_client *client)
 {
@@ -402,10 +325,13 @@ static void answer_when_reached(struct control *control, struct control_client *
     struct control_request request = client->request;
 
     simulator_read(control->config.simulator, &status);
-    if (wait_is_over(&request, &status)) {
+    if (request.wait_time ? (double)status.time_ns * 1e-9 >= request.time_s
+                          : status.tick >= (uint64_t)request.count) {
         client->request.root = NULL;
         client->waiting = WAITING_NOT;
-        control_answer(control, client, request.id, answer_moment(status.tick, status.time_ns));
+        control_answer(control, client, request.id,
+                       json_pack("{s:I, s:f}", "tick", (json_int_t)status.tick, "time_s",
+                                 (double)status.time_ns * 1e-9));
         control_request_clear(&request);
     }
 }

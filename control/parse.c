@@ -11,6 +11,8 @@
 #include <stdio.h>
 #include <string.h>
 
+enum { KEYS_PER_COMMAND = 8 };
+
 #define OF(member) offsetof(struct control_request, member)
 
 static const char *const command_names[CONTROL_COMMANDS] = {
@@ -53,28 +55,8 @@ const char *control_list_name(enum control_list list)
 
 /* ---- the table ---- */
 
-enum key_type {
-    KEY_TEXT,     /* const char * */
-    KEY_REAL,     /* double */
-    KEY_WHOLE,    /* int64_t */
-    KEY_SWITCH,   /* bool */
-    KEY_VECTOR,   /* double[3] */
-    KEY_LIST,     /* enum control_list */
-    KEY_PATTERNS, /* const json_t * */
-};
-
-struct key {
-    enum control_command command;
-    const char *name;
-    enum key_type type;
-    bool required;
-    size_t offset;
-    double min, max; /* of numbers */
-};
-
 #define ANY 1e300
-
-static const struct key keys[] = {
+static const struct request_key keys[] = {
     {CONTROL_LIST, "what", KEY_LIST, true, OF(list), 0, 0},
     {CONTROL_LIST, "match", KEY_TEXT, false, OF(match), 0, 0},
     {CONTROL_GET, "name", KEY_TEXT, true, OF(name), 0, 0},
@@ -92,36 +74,37 @@ static const struct key keys[] = {
     {CONTROL_RESTORE, "slot", KEY_WHOLE, false, OF(count), 0, CHECKPOINT_SLOTS - 1},
     {CONTROL_WAIT, "tick", KEY_WHOLE, false, OF(count), 0, 9e15},
     {CONTROL_WAIT, "time_s", KEY_REAL, false, OF(time_s), 0, 9e6},
-    {CONTROL_SUBSCRIBE, "signals", KEY_PATTERNS, true, OF(signals), 0, 0},
+    {CONTROL_SUBSCRIBE, "signals", KEY_NAMES, true, OF(signals), 1, CONTROL_PATTERNS_MAX},
     {CONTROL_SUBSCRIBE, "period_ms", KEY_REAL, false, OF(period_ms), 1e-3, 60000},
 };
 
-enum { KEYS_PER_COMMAND = 8 };
+static const struct request_table requests = {command_names, CONTROL_COMMANDS, keys,
+                                              ARRAY_COUNT(keys)};
 
-/* Lists the keys of a command, after id and cmd; returns how many. */
-static size_t request_key_names(enum control_command command, const char *names[KEYS_PER_COMMAND])
+/* Returns the index of a word; count = there is none. */
+static size_t find_word(const char *word, const char *const *words, size_t count)
 {
-    size_t count = 0;
+    size_t at = 0;
 
-    names[count++] = "id";
-    names[count++] = "cmd";
-    for (size_t i = 0; i < ARRAY_COUNT(keys); i++) {
-        if (keys[i].command == command) {
-            names[count++] = keys[i].name;
-        }
+    while (at < count && strcmp(words[at], word) != 0) {
+        at++;
     }
-    return count;
+    return at;
 }
 
-/* Finds a key of a command; NULL = it has none of that name. */
-static const struct key *request_find_key(enum control_command command, const char *name)
+/* Refuses a word that is none of a list, and suggests the nearest. what: what was found. */
+static enum error_code refuse_word(const char *command, const char *what, const char *word,
+                                   const char *const *words, size_t count, struct error *error)
 {
-    for (size_t i = 0; i < ARRAY_COUNT(keys); i++) {
-        if (keys[i].command == command && strcmp(keys[i].name, name) == 0) {
-            return &keys[i];
-        }
+    const char *nearest = text_nearest(word, words, count);
+    char all[256] = "";
+    size_t used = 0;
+
+    for (size_t i = 0; i < count; i++) {
+        used += (size_t)snprintf(all + used, sizeof all - used, "%s%s", i ? ", " : "", words[i]);
     }
-    return NULL;
+    return error_set(error, ERROR_INPUT, "%s: found %s \"%.60s\", expected one of %s%s%s", command,
+                     what, word, all, nearest ? "; the nearest is " : "", nearest ? nearest : "");
 }
 
 /* ---- values ---- */
@@ -138,208 +121,150 @@ static const char *json_type_name(const json_t *value)
     return names[json_typeof(value)];
 }
 
-/* Refuses a value of the wrong type. */
-static enum error_code request_wrong_type(const struct key *key, const json_t *value,
-                                          const char *expected, struct error *error)
+/* Reads a number within the key's range; 7.0 counts as whole. */
+static enum error_code read_number(const char *command, const struct request_key *key,
+                                   const json_t *value, double *to, struct error *error)
 {
-    return error_set(error, ERROR_INPUT, "%s: key \"%s\": found %s, expected %s",
-                     command_names[key->command], key->name, json_type_name(value), expected);
-}
-
-/* Reads a number within the key's range. */
-static enum error_code request_read_real(const struct key *key, const json_t *value, double *to,
-                                         struct error *error)
-{
-    double number = json_number_value(value);
+    const bool whole = key->type == KEY_WHOLE;
+    const double number = json_number_value(value);
 
     if (!json_is_number(value)) {
-        return request_wrong_type(key, value, "a number", error);
+        const char *text = json_string_value(value);
+
+        return error_set(error, ERROR_INPUT, "%s: key \"%s\": found %s%.40s%s, expected a %snumber",
+                         command, key->name, text ? "\"" : "", text ? text : json_type_name(value),
+                         text ? "\"" : "", whole ? "whole " : "");
     }
-    if (!(number >= key->min && number <= key->max)) {
-        return error_set(error, ERROR_INPUT, "%s: key \"%s\": found %g, expected %g to %g",
-                         command_names[key->command], key->name, number, key->min, key->max);
+    if (!(number >= key->min && number <= key->max) || (whole && number != floor(number))) {
+        return error_set(
+            error, ERROR_INPUT, "%s: key \"%s\": found %.15g, expected %s%.15g to %.15g", command,
+            key->name, number, whole ? "a whole number from " : "", key->min, key->max);
     }
     *to = number;
     return ERROR_NONE;
 }
 
-/* Reads a whole number within the key's range; 7.0 counts as one. */
-static enum error_code request_read_whole(const struct key *key, const json_t *value, int64_t *to,
-                                          struct error *error)
+/* Checks that a value is an array of as many elements as the key allows, and all of a type. */
+static enum error_code check_array(const char *command, const struct request_key *key,
+                                   const json_t *value, double least, double most, bool names,
+                                   struct error *error)
 {
-    double number = json_number_value(value);
+    const double count = (double)json_array_size(value);
 
-    if (!json_is_number(value)) {
-        return request_wrong_type(key, value, "a whole number", error);
-    }
-    if (!(number >= key->min && number <= key->max && number == floor(number))) {
+    if (!json_is_array(value) || count < least || count > most) {
         return error_set(error, ERROR_INPUT,
-                         "%s: key \"%s\": found %.15g, expected a whole number from %.15g to %.15g",
-                         command_names[key->command], key->name, number, key->min, key->max);
+                         "%s: key \"%s\": found %s of %g, expected an array of %g to %g %s",
+                         command, key->name, json_type_name(value), count, least, most,
+                         names ? "names" : "numbers");
     }
-    *to = (int64_t)number;
-    return ERROR_NONE;
-}
+    for (size_t i = 0; names && i < json_array_size(value); i++) {
+        const json_t *element = json_array_get(value, i);
 
-/* Reads an array of three numbers. */
-static enum error_code request_read_vector(const struct key *key, const json_t *value, double to[3],
-                                           struct error *error)
-{
-    if (!json_is_array(value)) {
-        return request_wrong_type(key, value, "an array of three numbers", error);
-    }
-    if (json_array_size(value) != 3) {
-        return error_set(error, ERROR_INPUT,
-                         "%s: key \"%s\": found an array of %zu, expected three numbers",
-                         command_names[key->command], key->name, json_array_size(value));
-    }
-    for (size_t i = 0; i < 3; i++) {
-        enum error_code code = request_read_real(key, json_array_get(value, i), &to[i], error);
-
-        if (code) {
-            return code;
+        if (!json_is_string(element)) {
+            return error_set(error, ERROR_INPUT,
+                             "%s: key \"%s\": found %s, expected a name in each place", command,
+                             key->name, json_type_name(element));
         }
     }
     return ERROR_NONE;
 }
 
-/* Reads the name of a list. */
-static enum error_code request_read_list(const struct key *key, const json_t *value,
-                                         enum control_list *to, struct error *error)
+/* Reads the value of a key into its field. */
+static enum error_code read_key(const char *command, const struct request_key *key,
+                                const json_t *value, void *request, struct error *error)
 {
-    const char *text = json_string_value(value), *nearest;
-
-    for (int i = 0; text && i < CONTROL_LISTS; i++) {
-        if (strcmp(list_names[i], text) == 0) {
-            *to = (enum control_list)i;
-            return ERROR_NONE;
-        }
-    }
-    if (!text) {
-        return request_wrong_type(key, value, "a string", error);
-    }
-    nearest = text_nearest(text, list_names, CONTROL_LISTS);
-    return error_set(error, ERROR_INPUT,
-                     "list: key \"what\": found \"%.60s\", expected tunables, faults, bodies, "
-                     "signals, checkpoints or commands%s%s",
-                     text, nearest ? "; the nearest is " : "", nearest ? nearest : "");
-}
-
-/* Reads a non-empty array of names or patterns, which stays the request's. */
-static enum error_code request_read_patterns(const struct key *key, const json_t *value,
-                                             const json_t **to, struct error *error)
-{
-    size_t count = json_array_size(value);
-
-    if (!json_is_array(value)) {
-        return request_wrong_type(key, value, "an array of names", error);
-    }
-    if (count == 0 || count > CONTROL_PATTERNS_MAX) {
-        return error_set(error, ERROR_INPUT,
-                         "%s: key \"%s\": found an array of %zu, expected 1 to %d names",
-                         command_names[key->command], key->name, count, CONTROL_PATTERNS_MAX);
-    }
-    for (size_t i = 0; i < count; i++) {
-        if (!json_is_string(json_array_get(value, i))) {
-            return request_wrong_type(key, json_array_get(value, i), "a name in each place", error);
-        }
-    }
-    *to = value;
-    return ERROR_NONE;
-}
-
-/* Refuses a value that a tunable cannot have, with the tunable's name. */
-static enum error_code request_wrong_setting(const char *tunable, const json_t *value,
-                                             struct error *error)
-{
-    const char *text = json_string_value(value);
-
-    return error_set(error, ERROR_INPUT, "set: %.80s: found %s%.40s%s, expected a number", tunable,
-                     text ? "\"" : "", text ? text : json_type_name(value), text ? "\"" : "");
-}
-
-/* Reads the value of a key into its field of the request. */
-static enum error_code request_read_key(const struct key *key, const json_t *value,
-                                        struct control_request *request, struct error *error)
-{
-    const char *tunable = json_string_value(json_object_get(request->root, "name"));
     void *to = (char *)request + key->offset;
+    const char *text = json_string_value(value);
+    enum error_code code = ERROR_NONE;
+    double number = 0.0;
+    size_t list;
 
     switch (key->type) {
     case KEY_REAL:
-        if (key->command == CONTROL_SET && tunable && !json_is_number(value)) {
-            return request_wrong_setting(tunable, value, error);
-        }
-        return request_read_real(key, value, to, error);
+        return read_number(command, key, value, to, error);
     case KEY_WHOLE:
-        return request_read_whole(key, value, to, error);
+        code = read_number(command, key, value, &number, error);
+        *(int64_t *)to = (int64_t)number;
+        return code;
     case KEY_VECTOR:
-        return request_read_vector(key, value, to, error);
-    case KEY_LIST:
-        return request_read_list(key, value, to, error);
-    case KEY_PATTERNS:
-        return request_read_patterns(key, value, to, error);
+        code = check_array(command, key, value, 3, 3, false, error);
+        for (size_t i = 0; i < 3 && !code; i++) {
+            code = read_number(command, key, json_array_get(value, i), (double *)to + i, error);
+        }
+        return code;
+    case KEY_NAMES:
+        *(const json_t **)to = value;
+        return check_array(command, key, value, key->min, key->max, true, error);
     case KEY_SWITCH:
-        if (!json_is_boolean(value)) {
-            return request_wrong_type(key, value, "true or false", error);
-        }
         *(bool *)to = json_is_true(value);
-        return ERROR_NONE;
+        return json_is_boolean(value)
+                   ? ERROR_NONE
+                   : error_set(error, ERROR_INPUT,
+                               "%s: key \"%s\": found %s, expected true or false", command,
+                               key->name, json_type_name(value));
     case KEY_TEXT:
-        if (!json_is_string(value)) {
-            return request_wrong_type(key, value, "a string", error);
-        }
-        *(const char **)to = json_string_value(value);
+    case KEY_LIST:
+        break;
+    }
+    if (!text) {
+        return error_set(error, ERROR_INPUT, "%s: key \"%s\": found %s, expected a string", command,
+                         key->name, json_type_name(value));
+    }
+    if (key->type == KEY_TEXT) {
+        *(const char **)to = text;
         return ERROR_NONE;
     }
-    return ERROR_NONE;
+    list = find_word(text, list_names, CONTROL_LISTS);
+    *(enum control_list *)to = (enum control_list)list;
+    return list < CONTROL_LISTS
+               ? ERROR_NONE
+               : refuse_word(command, key->name, text, list_names, CONTROL_LISTS, error);
 }
 
 /* ---- a request ---- */
 
-/* Refuses an unknown key, and suggests the nearest. */
-static enum error_code request_unknown_key(enum control_command command, const char *name,
-                                           struct error *error)
+int request_find_command(const struct request_table *table, const json_t *root)
 {
-    const char *names[KEYS_PER_COMMAND], *nearest;
-    size_t count = request_key_names(command, names), used = 0;
-    char all[256] = "";
+    const char *text = json_string_value(json_object_get(root, "cmd"));
+    const size_t at = text ? find_word(text, table->command, table->ncommand) : table->ncommand;
 
-    for (size_t i = 0; i < count; i++) {
-        used += (size_t)snprintf(all + used, sizeof all - used, "%s%s", i ? ", " : "", names[i]);
-    }
-    nearest = text_nearest(name, names, count);
-    return error_set(error, ERROR_INPUT, "%s: found unknown key \"%.60s\", expected one of %s%s%s",
-                     command_names[command], name, all, nearest ? "; the nearest is " : "",
-                     nearest ? nearest : "");
+    return at < table->ncommand ? (int)at : -1;
 }
 
-/* Reads all keys of a request, and checks that required ones are there. */
-static enum error_code request_read_keys(struct control_request *request, struct error *error)
+enum error_code request_read_keys(const struct request_table *table, int command, json_t *root,
+                                  void *request, struct error *error)
 {
-    enum control_command command = request->command;
-    const char *name;
+    const char *known[KEYS_PER_COMMAND] = {"id", "cmd"}, *name;
+    const struct request_key *key[KEYS_PER_COMMAND] = {NULL};
+    size_t count = 2;
     json_t *value;
 
-    json_object_foreach(request->root, name, value)
+    /* The keys of the command */
+    for (size_t i = 0; i < table->nkey; i++) {
+        if (table->key[i].command == command) {
+            key[count] = &table->key[i];
+            known[count++] = table->key[i].name;
+        }
+    }
+    /* What the request has */
+    json_object_foreach(root, name, value)
     {
-        const struct key *key = request_find_key(command, name);
+        const size_t at = find_word(name, known, count);
         enum error_code code = ERROR_NONE;
 
-        if (key) {
-            code = request_read_key(key, value, request, error);
-        } else if (strcmp(name, "id") != 0 && strcmp(name, "cmd") != 0) {
-            code = request_unknown_key(command, name, error);
+        if (at == count) {
+            code = refuse_word(table->command[command], "unknown key", name, known, count, error);
+        } else if (key[at]) {
+            code = read_key(table->command[command], key[at], value, request, error);
         }
         if (code) {
             return code;
         }
     }
-    for (size_t i = 0; i < ARRAY_COUNT(keys); i++) {
-        if (keys[i].command == command && keys[i].required &&
-            !json_object_get(request->root, keys[i].name)) {
+    for (size_t i = 2; i < count; i++) {
+        if (key[i]->required && !json_object_get(root, known[i])) {
             return error_set(error, ERROR_INPUT, "%s: found no key \"%s\", expected one",
-                             command_names[command], keys[i].name);
+                             table->command[command], known[i]);
         }
     }
     return ERROR_NONE;
@@ -366,25 +291,15 @@ static enum error_code request_read_id(struct control_request *request, struct e
     return ERROR_NONE;
 }
 
-/* Reads the command; an unknown one is refused with the nearest. */
-static enum error_code request_read_command(struct control_request *request, struct error *error)
+/* Says why a request has no command; an unknown one is refused with the nearest. */
+static enum error_code request_refuse_command(const json_t *value, struct error *error)
 {
-    const json_t *value = json_object_get(request->root, "cmd");
     const char *text = json_string_value(value), *nearest;
 
-    if (!value) {
-        return error_set(error, ERROR_INPUT,
-                         "found no key \"cmd\", expected one, as in {\"cmd\": \"status\"}");
-    }
     if (!text) {
-        return error_set(error, ERROR_INPUT, "key \"cmd\": found %s, expected a string",
-                         json_type_name(value));
-    }
-    for (int i = 0; i < CONTROL_COMMANDS; i++) {
-        if (strcmp(command_names[i], text) == 0) {
-            request->command = (enum control_command)i;
-            return ERROR_NONE;
-        }
+        return error_set(error, ERROR_INPUT,
+                         "key \"cmd\": found %s, expected a string, as in {\"cmd\": \"status\"}",
+                         value ? json_type_name(value) : "none");
     }
     nearest = text_nearest(text, command_names, CONTROL_COMMANDS);
     return error_set(error, ERROR_INPUT, "found unknown command \"%.60s\", expected %s%s%s", text,
@@ -415,13 +330,14 @@ static enum error_code request_check_rules(struct control_request *request, stru
     return ERROR_NONE;
 }
 
-/* Parses a line as JSON, then id, command and keys, in the order in which errors are reported. */
-static enum error_code read_request(const char *line, size_t size, uint64_t number,
-                                    struct control_request *request, struct error *error)
+enum error_code control_parse(const char *line, size_t size, uint64_t number,
+                              struct control_request *request, struct error *error)
 {
     enum error_code code;
     json_error_t wrong;
+    int command;
 
+    *request = (struct control_request){.count = 1, .period_ms = 10.0};
     request->root = json_loadb(line, size, JSON_REJECT_DUPLICATES, &wrong);
     if (!request->root) {
         /* The library has no text when memory ran out, and in some places a wrong one */
@@ -436,18 +352,21 @@ static enum error_code read_request(const char *line, size_t size, uint64_t numb
         return error_set(error, ERROR_INPUT, "line %" PRIu64 ": found %s, expected a JSON object",
                          number, json_type_name(request->root));
     }
-    if ((code = request_read_id(request, error)) || (code = request_read_command(request, error)) ||
-        (code = request_read_keys(request, error))) {
+    /* In the order in which errors are reported: id, command, keys */
+    code = request_read_id(request, error);
+    if (code) {
         return code;
     }
-    return request_check_rules(request, error);
-}
-
-enum error_code control_parse(const char *line, size_t size, uint64_t number,
-                              struct control_request *request, struct error *error)
-{
-    *request = (struct control_request){.count = 1, .period_ms = 10.0};
-    return read_request(line, size, number, request, error);
+    command = request_find_command(&requests, request->root);
+    if (command < 0) {
+        return request_refuse_command(json_object_get(request->root, "cmd"), error);
+    }
+    request->command = (enum control_command)command;
+    code = request_read_keys(&requests, command, request->root, request, error);
+    if (code && command == CONTROL_SET && request->name) {
+        return error_prefix(error, "%.80s", request->name);
+    }
+    return code ? code : request_check_rules(request, error);
 }
 
 void control_request_clear(struct control_request *request)
@@ -481,6 +400,11 @@ bool control_matches(const char *pattern, const char *name)
         pattern++;
     }
     return *pattern == '\0';
+}
+
+json_t *control_number(double value)
+{
+    return isfinite(value) ? json_real(value) : json_null();
 }
 
 json_t *control_text(const char *text)

@@ -66,6 +66,40 @@ struct control_request {
     double period_ms;
 };
 
+/* What the value of a key is, and what its field in the request is. */
+enum key_type {
+    KEY_TEXT,   /* const char * */
+    KEY_REAL,   /* double */
+    KEY_WHOLE,  /* int64_t */
+    KEY_SWITCH, /* bool */
+    KEY_VECTOR, /* double[3] */
+    KEY_LIST,   /* enum control_list */
+    KEY_NAMES,  /* const json_t *, an array of strings */
+};
+
+struct request_key {
+    int command;
+    const char *name;
+    enum key_type type;
+    bool required;
+    size_t offset;   /* of the field */
+    double min, max; /* of numbers; KEY_NAMES: how many */
+};
+
+/* The commands that one side understands, with their keys; each has "id" and "cmd" too. */
+struct request_table {
+    const char *const *command;
+    size_t ncommand;
+    const struct request_key *key;
+    size_t nkey;
+};
+
+/* Finds the command of a request; -1 = it is none of the table. */
+int request_find_command(const struct request_table *table, const json_t *root);
+/* Reads the keys of a command into the fields of request; what is not given stays. */
+enum error_code request_read_keys(const struct request_table *table, int command, json_t *root,
+                                  void *request, struct error *error);
+
 /* Parses one line (size bytes, without its end). number: the line's, from 1, for messages. On an
  * error, which is one printable line, root and id are set as far as parsing got; the caller must
  * call control_request_clear either way. */
@@ -84,5 +118,6 @@ bool control_matches(const char *pattern, const char *name);
 /* Makes a string for an answer; if text is not UTF-8 (cut in the middle of a character, or
  * arbitrary bytes of a client), every byte that is not ASCII becomes "?". NULL = no memory. */
 json_t *control_text(const char *text);
+json_t *control_number(double value); /* null when it is not finite */
 
 #endif

@@ -138,10 +138,10 @@ json_t *control_statistics(struct control *control);
 json_t *control_list(const struct control *control, const struct control_request *request);
 json_t *control_tunable(const struct control *control, size_t index);
 
-/* Sets a key of a JSON object; frees value when it cannot. */
-bool control_put(json_t *object, const char *key, json_t *value);
-json_t *control_number(double value);
-json_t *control_count(uint64_t value);
+/* Returns the name of an entry of a list; NULL = there is none of that index. */
+const char *control_list_entry(const struct control *control, enum control_list list, size_t index);
+/* Appends a value, which is taken over; without memory the array becomes NULL. */
+void control_append(json_t **array, json_t *value);
 json_t *control_hash(uint64_t hash);
 
 /* ---- rows.c ---- */

@@ -110,21 +110,13 @@ static json_t *subscription_answer(const struct control *control,
                                    const struct control_subscription *to)
 {
     const char *const *name = simulator_signal_names(control->config.simulator);
-    json_t *body = json_object(), *array = json_array();
+    json_t *array = json_array();
 
     for (size_t i = 0; i < to->count; i++) {
-        if (json_array_append_new(array, control_text(name[to->signal[i]]))) {
-            json_decref(array);
-            array = NULL;
-        }
+        control_append(&array, control_text(name[to->signal[i]]));
     }
-    if (!control_put(body, "signals", array) ||
-        !control_put(body, "period_ms",
-                     control_number((double)to->period * (double)control->rig->tick_ns * 1e-6))) {
-        json_decref(body);
-        return NULL;
-    }
-    return body;
+    return json_pack("{s:o, s:f}", "signals", array, "period_ms",
+                     (double)to->period * (double)control->rig->tick_ns * 1e-6);
 }
 
 json_t *control_subscribe(struct control *control, struct control_client *client,
@@ -164,15 +156,10 @@ void control_forget(struct control *control, struct control_client *client)
 
 json_t *control_unsubscribe(struct control *control, struct control_client *client)
 {
-    json_t *body = json_object();
-    bool good = control_put(body, "rows", control_count(client->subscription.rows));
+    json_t *body = json_pack("{s:I, s:I}", "rows", (json_int_t)client->subscription.rows, "missed",
+                             (json_int_t)client->subscription.missed);
 
-    good = control_put(body, "missed", control_count(client->subscription.missed)) && good;
     control_forget(control, client);
-    if (!good) {
-        json_decref(body);
-        return NULL;
-    }
     return body;
 }
 

@@ -37,8 +37,8 @@ static json_t *database_signal(const struct dbc_signal *signal)
                             json_string(signal->type == DBC_SIGNED ? "signed" : "float"));
     }
     if (signal->scale != 1.0 || signal->offset != 0.0) {
-        json_object_set_new(object, "scale", hello_number(signal->scale));
-        json_object_set_new(object, "offset", hello_number(signal->offset));
+        json_object_set_new(object, "scale", control_number(signal->scale));
+        json_object_set_new(object, "offset", control_number(signal->offset));
     }
     if (signal->unit && signal->unit[0]) {
         json_object_set_new(object, "unit", json_string(signal->unit));

@@ -7,22 +7,16 @@
 #include "base/array.h"
 #include "boards/protocol.h"
 
-#include <math.h>
 #include <string.h>
 
 /* ---- pieces; NULL: no memory, which json_pack passes on ---- */
-
-json_t *hello_number(double value)
-{
-    return isfinite(value) ? json_real(value) : json_null();
-}
 
 json_t *hello_numbers(const double *value, size_t count)
 {
     json_t *array = json_array();
 
     for (size_t i = 0; i < count; i++) {
-        json_array_append_new(array, hello_number(value[i]));
+        json_array_append_new(array, control_number(value[i]));
     }
     return array;
 }

@@ -42,9 +42,9 @@ static json_t *scene_joints(const struct rig *rig)
             array, json_pack("{s:o, s:i, s:s, s:o, s:o, s:o, s:o}", "name",
                              control_text(joint->name), "body", (int)j + 1, "type",
                              joint->type == JOINT_REVOLUTE ? "revolute" : "prismatic", "axis",
-                             hello_numbers(joint->axis, 3), "lower", hello_number(joint->lower),
-                             "upper", hello_number(joint->upper), "torque_limit_nm",
-                             hello_number(joint->torque_limit)));
+                             hello_numbers(joint->axis, 3), "lower", control_number(joint->lower),
+                             "upper", control_number(joint->upper), "torque_limit_nm",
+                             control_number(joint->torque_limit)));
     }
     return array;
 }
@@ -78,8 +78,8 @@ static json_t *scene_surface(const struct viewer *viewer, size_t index)
     json_t *object = scene_place(surface->name, body, shapes[surface->shape], surface->position,
                                  surface->rotation);
 
-    json_object_set_new(object, "radius_m", hello_number(surface->radius_m));
-    json_object_set_new(object, "length_m", hello_number(surface->length_m));
+    json_object_set_new(object, "radius_m", control_number(surface->radius_m));
+    json_object_set_new(object, "length_m", control_number(surface->length_m));
     json_object_set_new(object, "half_extent_m", hello_numbers(surface->half_extent_m, 3));
     if (surface->shape == CONTACT_MESH) {
         json_object_set_new(object, "mesh", json_sprintf("/mesh/%zu", index));
@@ -119,8 +119,8 @@ static json_t *scene_shapes(const struct viewer *viewer)
         }
         object = scene_place(capsule->name, capsule->body, "capsule", capsule->position,
                              capsule->rotation);
-        json_object_set_new(object, "radius_m", hello_number(capsule->radius));
-        json_object_set_new(object, "length_m", hello_number(capsule->length));
+        json_object_set_new(object, "radius_m", control_number(capsule->radius));
+        json_object_set_new(object, "length_m", control_number(capsule->length));
         json_array_append_new(array, object);
     }
     return array;
@@ -137,8 +137,8 @@ static json_t *scene_visual(const struct robot *robot, size_t index)
     json_t *object = scene_place(visual->name, visual->body, shapes[visual->shape],
                                  visual->position, visual->rotation);
 
-    json_object_set_new(object, "radius_m", hello_number(visual->radius));
-    json_object_set_new(object, "length_m", hello_number(visual->length));
+    json_object_set_new(object, "radius_m", control_number(visual->radius));
+    json_object_set_new(object, "length_m", control_number(visual->length));
     json_object_set_new(object, "half_extent_m", hello_numbers(visual->half, 3));
     json_object_set_new(object, "color",
                         visual->colored ? hello_numbers(visual->color, 4) : json_null());

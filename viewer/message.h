@@ -32,14 +32,15 @@ struct viewer_message {
                                    * control/parse.h */
     double value;
     int64_t count;
-    double from_s, to_s;   /* of series; the time of seek is from_s */
-    int64_t points;        /* of series: rows at most */
-    const char *token;     /* of enter */
-    bool stay;             /* of enter: goes on when the run has ended */
-    double rate_hz;        /* of watch; 0 = nothing */
-    bool trace, rows;      /* of watch */
-    const json_t *signals; /* of watch and series: an array of strings; NULL = none */
-    const char *bus;       /* of send */
+    double from_s, to_s;    /* of series; the time of seek is from_s */
+    int64_t points;         /* of series: rows at most */
+    const char *token;      /* of enter */
+    bool stay;              /* of enter: goes on when the run has ended */
+    double rate_hz;         /* of watch; 0 = nothing */
+    bool trace, rows;       /* of watch */
+    const json_t *signals;  /* of watch and series: an array of strings; NULL = none */
+    const char *bus, *data; /* of send, whose identifier is count */
+    bool extended, fd, brs;
     struct bus_frame frame;
 };
 

@@ -249,7 +249,6 @@ void control_link_read(struct viewer *viewer, struct viewer_client *client);
 /* Describes what does not change during a run; NULL = no memory. */
 json_t *viewer_hello(const struct viewer *viewer);
 json_t *hello_scene(const struct viewer *viewer);
-json_t *hello_number(double value);
 json_t *hello_numbers(const double *value, size_t count);
 
 /* Describes what the frames of all buses mean; false = no memory. */

@@ -8,7 +8,6 @@
 #include "control/ctl_print.h"
 #include "base/array.h"
 #include "base/options.h"
-#include "base/text.h"
 #include "manual/ctl.h"
 
 #include <stdlib.h>
@@ -41,18 +40,6 @@ static int status_of_refusal(const json_t *answer)
     return STATUS_FAILED;
 }
 
-/* Parses a line of the server into an object that may be printed; NULL when it is none. The caller
- * frees the object; makes the line itself printable too. */
-static json_t *ctl_parse_line(char *line)
-{
-    json_t *parsed = json_loads(line, 0, NULL);
-    json_t *answer = json_is_object(parsed) ? ctl_printable(parsed) : NULL;
-
-    json_decref(parsed);
-    text_make_printable(line);
-    return answer;
-}
-
 /* Receives the answer, an object that the caller frees; NULL, with the exit status, when there is
  * none to print. */
 static json_t *ctl_receive_answer(struct ctl_client *client, bool json, int *status)
@@ -78,13 +65,13 @@ static json_t *ctl_receive_answer(struct ctl_client *client, bool json, int *sta
     case CTL_LINE:
         break;
     }
-    answer = ctl_parse_line(line);
+    answer = ctl_parse_printable(line);
     if (json) {
         puts(line);
     }
 
     /* Hand on only an answer with "ok": true */
-    if (!answer) {
+    if (!json_is_object(answer)) {
         error_set(&error, ERROR_SYSTEM, "%s answers with something other than a JSON object",
                   client->path);
         *status = command_fail("ctl", &error);
@@ -104,7 +91,7 @@ static json_t *ctl_receive_answer(struct ctl_client *client, bool json, int *sta
 static enum error_code ctl_give_row(const struct ctl_options *o, int udp, const json_t *titles,
                                     char *line, int64_t *rows, struct error *error)
 {
-    json_t *row = ctl_parse_line(line);
+    json_t *row = ctl_parse_printable(line);
     enum error_code code = ERROR_NONE;
     json_int_t missed = json_integer_value(json_object_get(row, "missed"));
 

@@ -294,7 +294,7 @@ def command(work):
         wrong = [(run.ctl(*words), status, text) for words, status, text in (
             (("statsu",), 2, '"status"'),
             (("set", "suply_v=40"), 2, '"supply_v"'),
-            (("set", "supply_v=40V"), 2, 'supply_v: found "40V", expected a number'),
+            (("set", "supply_v=40V"), 2, 'found "40V", expected a number'),
             (("get", "suply*"), 2, 'found nothing that "suply*" matches'),
             (("list", "bodies", "Wasit*"), 2, "coman-hil ctl list bodies"),
             (("push", "Waist", "force=1,0,0"), 2, "force_n"),

@@ -98,7 +98,7 @@ TEST(rejects_unknown_words_and_names_the_nearest)
                    "moment_nm, duration_s; the nearest is force_n");
     assert_refused("{\"cmd\":\"status\",\"now\":true}", "expected one of id, cmd");
     assert_refused("{\"cmd\":\"list\",\"what\":\"fault\"}", "the nearest is faults");
-    assert_refused("{\"command\":\"status\"}", "found no key \"cmd\"");
+    assert_refused("{\"command\":\"status\"}", "key \"cmd\": found none");
     assert_refused("{\"cmd\":\"set\",\"name\":\"a\"}", "set: found no key \"value\", expected one");
 }
 
@@ -107,11 +107,11 @@ TEST(rejects_wrong_types_and_values_out_of_range)
     assert_refused("{\"cmd\":5}", "key \"cmd\": found a number, expected a string");
     assert_refused("{\"cmd\":\"status\",\"id\":{}}", "key \"id\": found an object");
     assert_refused("{\"cmd\":\"set\",\"name\":\"a\",\"value\":\"40\"}",
-                   "set: a: found \"40\", expected a number");
+                   "set: key \"value\": found \"40\", expected a number");
     assert_refused("{\"cmd\":\"set\",\"name\":\"a\",\"value\":null}",
-                   "set: a: found null, expected a number");
+                   "set: key \"value\": found null, expected a number");
     assert_refused("{\"cmd\":\"set\",\"value\":\"40\"}",
-                   "set: key \"value\": found a string, expected a number");
+                   "set: key \"value\": found \"40\", expected a number");
     assert_refused("{\"cmd\":\"fault\",\"name\":\"a\",\"on\":1}",
                    "found a number, expected true or "
                    "false");
@@ -123,11 +123,13 @@ TEST(rejects_wrong_types_and_values_out_of_range)
     assert_refused("{\"cmd\":\"speed\",\"factor\":1e-9}", "expected 0 or 0.001 to 1000");
     assert_refused("{\"cmd\":\"speed\",\"factor\":1001}", "expected 0 to 1000");
     assert_refused("{\"cmd\":\"push\",\"body\":\"a\",\"force_n\":[1,2]}",
-                   "found an array of 2, expected three numbers");
-    assert_refused("{\"cmd\":\"push\",\"body\":\"a\",\"force_n\":[1,2,\"3\"]}", "found a string");
-    assert_refused("{\"cmd\":\"push\",\"body\":\"a\",\"force_n\":[1,2,1e7]}", "expected -1e+06 to "
-                                                                              "1e+06");
-    assert_refused("{\"cmd\":\"subscribe\",\"signals\":[]}", "expected 1 to 1024 names");
+                   "found an array of 2, expected an array of 3 to 3 numbers");
+    assert_refused("{\"cmd\":\"push\",\"body\":\"a\",\"force_n\":[1,2,\"3\"]}", "found \"3\"");
+    assert_refused("{\"cmd\":\"push\",\"body\":\"a\",\"force_n\":[1,2,1e7]}",
+                   "expected -1000000 to "
+                   "1000000");
+    assert_refused("{\"cmd\":\"subscribe\",\"signals\":[]}",
+                   "expected an array of 1 to 1024 names");
     assert_refused("{\"cmd\":\"subscribe\",\"signals\":[\"a\",null]}", "found null");
     assert_refused("{\"cmd\":\"wait\"}", "wait: found neither");
     assert_refused("{\"cmd\":\"wait\",\"tick\":1,\"time_s\":1}", "wait: found both");
