@@ -15,16 +15,25 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-/* Where a value stands. file is owned by the arena of the read. */
+struct yaml_key;
+
+/* Where a value stands. file and keys are owned by the arena of the read. */
 struct yaml_mark {
     const char *file;
-    int line, column; /* from 1 */
+    int line, column;            /* from 1 */
+    const struct yaml_key *keys; /* of a mapping that was read; NULL = none */
+};
+
+/* A key of a mapping and where its value stands. */
+struct yaml_key {
+    const char *key; /* NULL ends the keys */
+    struct yaml_mark mark;
 };
 
 enum yaml_type {
     YAML_BOOL,      /* bool */
-    YAML_INT,       /* int64_t */
-    YAML_REAL,      /* double, finite */
+    YAML_INT,       /* int64_t, or int with count sizeof(int) */
+    YAML_REAL,      /* double, finite; or with ns an int64_t of nanoseconds, given in seconds */
     YAML_STRING,    /* const char *, in the arena; min/max bound its length when max > 0 */
     YAML_ENUM,      /* int: the value of one of the words of names */
     YAML_REALS,     /* double[count], exactly count entries */
@@ -57,7 +66,8 @@ struct yaml_field {
     bool required;
     size_t offset;       /* of the value in the struct */
     size_t count_offset; /* of the size_t for lists */
-    size_t count;        /* for YAML_REALS */
+    size_t count;        /* for YAML_REALS, YAML_INT */
+    bool ns;             /* for YAML_REAL */
     double min, max;     /* inclusive range of numbers; both 0 = any; min DBL_MIN = above zero */
     size_t mark_offset;  /* 0 = none, else of a struct yaml_mark set to where the value stands */
     size_t given_offset; /* 0 = none, else of a bool set to true when the key is present */
@@ -67,10 +77,10 @@ struct yaml_field {
                             * that tells them apart; NULL = none */
 };
 
-/* A struct begins with `struct yaml_mark mark` (offset 0), set to where its mapping starts; that is
- * why 0 can mean "none" for mark_offset and given_offset. What is left out (a nested map, a value
- * with a mark_offset) gets its parent's mark, so that every message has a place; a nested map that
- * is left out holds its schema's defaults. */
+/* A struct begins with `struct yaml_mark mark` (offset 0), set to where its mapping starts and with
+ * its keys; that is why 0 can mean "none" for mark_offset and given_offset. What is left out (a
+ * nested map, a value with a mark_offset) gets its parent's place, so that every message has one; a
+ * nested map that is left out holds its schema's defaults. */
 struct yaml_schema {
     const char *what; /* for messages: "a joint" */
     size_t size;      /* of the struct */
@@ -87,12 +97,20 @@ struct yaml_schema {
     /* Of a file: the newest format that this program reads. The file may say its own by the key
      * "format_version" (1 when it does not); a newer one is refused. 0 = files have no version. */
     int format_version;
+    bool unmarked;   /* the struct is another room's and begins without a mark */
     bool extendable; /* of a file: the key "extends" names one that this one extends */
     /* Of an extendable file: the path of one that is extended by a bare name, without slash and
      * dot, from the file from; NULL = there are no such names. */
     enum error_code (*locate)(const char *name, const char *from, struct arena *arena,
                               const char **path, struct error *error);
 };
+
+/* A schema by the array of its rows, with further members behind. */
+#define YAML_SCHEMA(text, type, rows, ...)                                                         \
+    {                                                                                              \
+        .what = text, .size = sizeof(type), .fields = rows,                                        \
+        .field_count = sizeof(rows) / sizeof *(rows), __VA_ARGS__                                  \
+    }
 
 /* Reads the file into *out, which starts as schema->defaults. Strings and lists live in arena.
  *
@@ -124,6 +142,18 @@ enum error_code yaml_read_key(const char *path, const char *key, struct arena *a
 /* Sets "file:line:column: …" for semantic errors found after reading; returns ERROR_INPUT. */
 enum error_code yaml_error(struct error *error, const struct yaml_mark *mark, const char *format,
                            ...) __attribute__((format(printf, 3, 4)));
+
+/* Returns where the value of a key stands, by its path from a mapping ("motors.strict"); for a key
+ * that is left out the place of the mapping that lacks it. */
+const struct yaml_mark *yaml_mark(const struct yaml_mark *mapping, const char *path);
+
+/* Returns whether a mapping that was read has the key of a path. */
+bool yaml_has(const struct yaml_mark *mapping, const char *path);
+
+/* Copies the values that a mapping gives from one struct of a schema to another; lists are
+ * shared. */
+void yaml_override(const struct yaml_schema *schema, const struct yaml_mark *mapping,
+                   const void *from, void *to);
 
 /* Resolves a file reference: relative to the directory of mark->file, no absolute path, and not
  * outside the configuration tree, which is the parent of that directory. The path is in the

@@ -10,6 +10,7 @@
 #include "base/yaml_tree.h"
 
 #include <float.h>
+#include <math.h>
 #include <stdarg.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -125,13 +126,17 @@ static enum error_code yaml_read_int(struct yaml_reader *r, const struct yaml_fi
         yaml_describe_range("an integer", field, expected, sizeof expected);
         return yaml_unexpected(r, node, expected);
     }
-    *(int64_t *)out = value;
+    if (field->count == sizeof(int)) {
+        *(int *)out = (int)value;
+    } else {
+        *(int64_t *)out = value;
+    }
     return ERROR_NONE;
 }
 
 /* Reads a finite number. */
 static enum error_code yaml_read_real(struct yaml_reader *r, const struct yaml_field *field,
-                                      const struct yaml_node *node, void *out)
+                                      struct yaml_node *node, void *out)
 {
     char expected[96];
     double value;
@@ -141,13 +146,17 @@ static enum error_code yaml_read_real(struct yaml_reader *r, const struct yaml_f
         yaml_describe_range("a number", field, expected, sizeof expected);
         return yaml_unexpected(r, node, expected);
     }
-    *(double *)out = value;
+    if (field->ns) {
+        *(int64_t *)out = llround(value * 1e9);
+    } else {
+        *(double *)out = value;
+    }
     return ERROR_NONE;
 }
 
 /* Reads a text into the arena; plain numbers and true or false need quotes. */
 static enum error_code yaml_read_string(struct yaml_reader *r, const struct yaml_field *field,
-                                        const struct yaml_node *node, void *out)
+                                        struct yaml_node *node, void *out)
 {
     const char **string = out;
     char expected[96];
@@ -205,7 +214,7 @@ static enum error_code yaml_read_reals(struct yaml_reader *r, const struct yaml_
         return yaml_error(r->error, &node->mark, "found a list of %zu, expected %s", node->count,
                           expected);
     }
-    for (const struct yaml_node *entry = node->first; entry; entry = entry->next) {
+    for (struct yaml_node *entry = node->first; entry; entry = entry->next) {
         enum error_code code = yaml_read_real(r, field, entry, value++);
 
         if (code) {
@@ -216,10 +225,10 @@ static enum error_code yaml_read_reals(struct yaml_reader *r, const struct yaml_
 }
 
 static enum error_code yaml_read_struct(struct yaml_reader *r, const struct yaml_schema *schema,
-                                        const struct yaml_node *node, void *out);
+                                        struct yaml_node *node, void *out);
 
 static enum error_code yaml_read_real_entry(struct yaml_reader *r, const struct yaml_field *field,
-                                            const struct yaml_node *key, void *out)
+                                            struct yaml_node *key, void *out)
 {
     struct yaml_real_entry *entry = out;
 
@@ -229,7 +238,7 @@ static enum error_code yaml_read_real_entry(struct yaml_reader *r, const struct 
 }
 
 static enum error_code yaml_read_name_entry(struct yaml_reader *r, const struct yaml_field *field,
-                                            const struct yaml_node *node, void *out)
+                                            struct yaml_node *node, void *out)
 {
     struct yaml_name *entry = out;
 
@@ -239,7 +248,7 @@ static enum error_code yaml_read_name_entry(struct yaml_reader *r, const struct 
 
 /* Reads an entry of a mapping as a struct, with the key as its name. */
 static enum error_code yaml_read_dict_entry(struct yaml_reader *r, const struct yaml_field *field,
-                                            const struct yaml_node *key, void *out)
+                                            struct yaml_node *key, void *out)
 {
     const char *name = arena_strdup(r->arena, key->text);
     enum error_code code = yaml_read_struct(r, field->schema, key->next, out);
@@ -249,7 +258,7 @@ static enum error_code yaml_read_dict_entry(struct yaml_reader *r, const struct 
 }
 
 static enum error_code yaml_read_list_entry(struct yaml_reader *r, const struct yaml_field *field,
-                                            const struct yaml_node *node, void *out)
+                                            struct yaml_node *node, void *out)
 {
     return yaml_read_struct(r, field->schema, node, out);
 }
@@ -257,7 +266,7 @@ static enum error_code yaml_read_list_entry(struct yaml_reader *r, const struct 
 /* Reads an entry of a list that is written as a mapping: its key counts as one of the entry's
  * own keys. */
 static enum error_code yaml_read_keyed_entry(struct yaml_reader *r, const struct yaml_field *field,
-                                             const struct yaml_node *key, void *out)
+                                             struct yaml_node *key, void *out)
 {
     struct yaml_node entry = *key->next, value = *key;
     struct yaml_node name = {.mark = key->mark, .text = field->entry_key, .next = &value};
@@ -280,13 +289,13 @@ static enum error_code yaml_read_keyed_entry(struct yaml_reader *r, const struct
 }
 
 typedef enum error_code read_function(struct yaml_reader *r, const struct yaml_field *field,
-                                      const struct yaml_node *node, void *out);
+                                      struct yaml_node *node, void *out);
 
 /* Reads the entries of a list, or the keys of a mapping with their values, into an array in the
  * arena. */
 static enum error_code yaml_read_many(struct yaml_reader *r, const struct yaml_field *field,
-                                      const struct yaml_node *node, size_t size,
-                                      read_function *read, void *out, size_t *count)
+                                      struct yaml_node *node, size_t size, read_function *read,
+                                      void *out, size_t *count)
 {
     unsigned char *array = arena_alloc(r->arena, node->count, size);
     size_t i = 0;
@@ -294,7 +303,7 @@ static enum error_code yaml_read_many(struct yaml_reader *r, const struct yaml_f
     if (!array) {
         return yaml_no_memory(r);
     }
-    for (const struct yaml_node *entry = node->first; entry; i++) {
+    for (struct yaml_node *entry = node->first; entry; i++) {
         enum error_code code = read(r, field, entry, array + i * size);
 
         if (code) {
@@ -309,7 +318,7 @@ static enum error_code yaml_read_many(struct yaml_reader *r, const struct yaml_f
 
 /* Reads a value that becomes an array. */
 static enum error_code yaml_read_array(struct yaml_reader *r, const struct yaml_field *field,
-                                       const struct yaml_node *node, void *out, size_t *count)
+                                       struct yaml_node *node, void *out, size_t *count)
 {
     /* For each type: the node that it needs, how long an entry is and how it is read */
     static const struct {
@@ -340,7 +349,7 @@ static enum error_code yaml_read_array(struct yaml_reader *r, const struct yaml_
 
 /* Reads the value of a field, and notes its place and that it was given. */
 static enum error_code yaml_read_value(struct yaml_reader *r, const struct yaml_field *field,
-                                       const struct yaml_node *node, void *out)
+                                       struct yaml_node *node, void *out)
 {
     void *value = yaml_member(out, field->offset);
 
@@ -397,7 +406,9 @@ static void yaml_set_defaults(const struct yaml_schema *schema, const struct yam
     if (schema->defaults) {
         memcpy(out, schema->defaults, schema->size);
     }
-    *(struct yaml_mark *)out = *mark;
+    if (!schema->unmarked) {
+        *(struct yaml_mark *)out = *mark;
+    }
     for (size_t i = 0; i < schema->field_count; i++) {
         const struct yaml_field *field = &schema->fields[i];
 
@@ -420,10 +431,37 @@ const struct yaml_field *yaml_find_field(const struct yaml_schema *schema, const
     return NULL;
 }
 
+/* Reads the values of a mapping and keeps the places of its keys. */
+static enum error_code yaml_read_keys(struct yaml_reader *r, const struct yaml_schema *schema,
+                                      struct yaml_node *node, void *out)
+{
+    struct yaml_key *at = arena_alloc(r->arena, node->count + 1, sizeof *at);
+
+    if (!at) {
+        return yaml_no_memory(r);
+    }
+    node->mark.keys = at;
+    for (struct yaml_node *key = node->first; key; key = key->next->next) {
+        const struct yaml_field *field = yaml_find_field(schema, key->text);
+        enum error_code code = field ? yaml_read_value(r, field, key->next, out)
+                                     : yaml_reject_unknown_key(r, schema, key);
+
+        if (code) {
+            return code;
+        }
+        *at++ = (struct yaml_key){field->key, key->next->mark};
+    }
+    if (!schema->unmarked) {
+        *(struct yaml_mark *)out = node->mark;
+    }
+    return ERROR_NONE;
+}
+
 /* Reads a mapping into a struct that starts with the schema's defaults. */
 static enum error_code yaml_read_struct(struct yaml_reader *r, const struct yaml_schema *schema,
-                                        const struct yaml_node *node, void *out)
+                                        struct yaml_node *node, void *out)
 {
+    enum error_code code;
     char expected[96];
 
     if (schema->alone && node->kind == YAML_KIND_SCALAR) {
@@ -437,29 +475,74 @@ static enum error_code yaml_read_struct(struct yaml_reader *r, const struct yaml
 
     /* The keys that are there replace the defaults */
     yaml_set_defaults(schema, &node->mark, out);
-    for (const struct yaml_node *key = node->first; key; key = key->next->next) {
-        const struct yaml_field *field = yaml_find_field(schema, key->text);
-        enum error_code code = field ? yaml_read_value(r, field, key->next, out)
-                                     : yaml_reject_unknown_key(r, schema, key);
-
-        if (code) {
-            return code;
-        }
+    code = yaml_read_keys(r, schema, node, out);
+    if (code) {
+        return code;
     }
 
     /* Required keys must be among them */
     for (size_t i = 0; i < schema->field_count; i++) {
-        const struct yaml_node *key = node->first;
-
-        while (key && strcmp(schema->fields[i].key, key->text) != 0) {
-            key = key->next->next;
-        }
-        if (schema->fields[i].required && !key) {
+        if (schema->fields[i].required && !yaml_has(&node->mark, schema->fields[i].key)) {
             return yaml_error(r->error, &node->mark, "found %s without key \"%s\", expected it",
                               schema->what, schema->fields[i].key);
         }
     }
     return ERROR_NONE;
+}
+
+/* ---- after reading ---- */
+
+/* Returns the key of a path; NULL = it is left out. *mark: the mapping that lacks it. */
+static const struct yaml_key *yaml_find_path(const struct yaml_mark **mark, const char *path)
+{
+    const size_t length = strcspn(path, ".");
+
+    for (const struct yaml_key *at = (*mark)->keys; at && at->key; at++) {
+        if (strncmp(at->key, path, length) == 0 && at->key[length] == '\0') {
+            *mark = &at->mark;
+            return path[length] ? yaml_find_path(mark, path + length + 1) : at;
+        }
+    }
+    return NULL;
+}
+
+const struct yaml_mark *yaml_mark(const struct yaml_mark *mapping, const char *path)
+{
+    yaml_find_path(&mapping, path);
+    return mapping;
+}
+
+bool yaml_has(const struct yaml_mark *mapping, const char *path)
+{
+    return yaml_find_path(&mapping, path) != NULL;
+}
+
+void yaml_override(const struct yaml_schema *schema, const struct yaml_mark *mapping,
+                   const void *from, void *to)
+{
+    for (size_t i = 0; i < schema->field_count; i++) {
+        const struct yaml_field *field = &schema->fields[i];
+        const size_t size[] = {
+            [YAML_BOOL] = sizeof(bool),
+            [YAML_INT] = field->count == sizeof(int) ? sizeof(int) : sizeof(int64_t),
+            [YAML_REAL] = sizeof(double),
+            [YAML_STRING] = sizeof(char *),
+            [YAML_ENUM] = sizeof(int),
+            [YAML_REALS] = field->count * sizeof(double),
+            [YAML_MAP] = field->schema ? field->schema->size : 0,
+            [YAML_REAL_LIST... YAML_NAME_LIST] = sizeof(void *),
+            [YAML_LIST... YAML_REAL_DICT] = sizeof(void *),
+        };
+
+        if (yaml_has(mapping, field->key)) {
+            memcpy((char *)to + field->offset, (const char *)from + field->offset,
+                   size[field->type]);
+            if (field->count_offset) {
+                memcpy((char *)to + field->count_offset, (const char *)from + field->count_offset,
+                       sizeof(size_t));
+            }
+        }
+    }
 }
 
 /* ---- entry points ---- */

@@ -98,7 +98,7 @@ enum error_code yaml_unexpected(struct yaml_reader *r, const struct yaml_node *n
 static enum error_code yaml_check_bytes(struct yaml_reader *r, const char *text, size_t size)
 {
     const unsigned char *p = (const unsigned char *)text;
-    struct yaml_mark mark = {r->file, 1, 1};
+    struct yaml_mark mark = {.file = r->file, .line = 1, .column = 1};
 
     for (size_t i = 0; i < size;) {
         size_t n = text_utf8_length(text + i, size - i);
@@ -125,7 +125,8 @@ static enum error_code yaml_check_bytes(struct yaml_reader *r, const char *text,
 /* Converts libyaml's mark, which counts from 0. */
 static struct yaml_mark yaml_mark_at(const struct yaml_reader *r, yaml_mark_t at)
 {
-    return (struct yaml_mark){r->file, (int)at.line + 1, (int)at.column + 1};
+    return (struct yaml_mark){
+        .file = r->file, .line = (int)at.line + 1, .column = (int)at.column + 1};
 }
 
 /* Takes libyaml's next event, or explains why the text is malformed. */

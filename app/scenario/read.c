@@ -231,7 +231,7 @@ static enum error_code unknown_parameter(const char *file, const char *text, siz
                                          struct error *error)
 {
     const char *names[SCENARIO_PARAMETERS_MAX], *nearest;
-    struct yaml_mark mark = {file, 1, 1};
+    struct yaml_mark mark = {.file = file, .line = 1, .column = 1};
 
     for (size_t i = 0; i < at; i++) {
         mark.column = text[i] == '\n' ? 1 : mark.column + 1;
@@ -321,7 +321,7 @@ static enum error_code keep_values(const struct parameters *given, size_t number
 /* Returns the place of a byte in the text, for messages. */
 static struct yaml_mark mark_line(const char *file, const char *text, size_t at)
 {
-    return (struct yaml_mark){file, (int)count_lines(text, at) + 1, 1};
+    return (struct yaml_mark){.file = file, .line = (int)count_lines(text, at) + 1, .column = 1};
 }
 
 /* Takes the block "changes:" out of the document, whose other lines stay where they are, and keeps

@@ -260,7 +260,7 @@ TEST_WITH(paths_are_relative_to_the_file_and_stay_in_the_tree, open_arena, close
     };
 
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
-        struct yaml_mark mark = {cases[i].file, 7, 3};
+        struct yaml_mark mark = {.file = cases[i].file, .line = 7, .column = 3};
         struct error error = {0};
         const char *path = NULL;
         enum error_code code = yaml_resolve_path(&mark, cases[i].reference, &arena, &path, &error);

@@ -37,7 +37,7 @@ FIXTURE(close_arena)
 
 /* ---- names ---- */
 
-static const struct yaml_mark mark = {"x.yaml", 3, 7};
+static const struct yaml_mark mark = {.file = "x.yaml", .line = 3, .column = 7};
 
 TEST_WITH(unknown_names_are_answered_with_the_nearest, load_coman, close_arena)
 {
