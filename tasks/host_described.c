@@ -128,12 +128,9 @@ static int64_t described_set_point(const struct host *host, size_t axis,
         [DESCRIBED_FAULT] = DESCRIBED_NOTHING,        [DESCRIBED_SELECTED] = DESCRIBED_NOTHING,
     };
     const struct described_state *state = &protocol->state[protocol->host.on_state];
-    struct described_field scaled = *field;
+    double target = described_target(host, protocol, axis, row, of_law[state->law], field->host);
 
-    scaled.scale = state->set_point_scale;
-    scaled.offset = 0.0;
-    return described_count(
-        &scaled, described_target(host, protocol, axis, row, of_law[state->law], field->host));
+    return described_round(field, target / state->set_point_scale);
 }
 
 /* Returns the value of the i-th field of a frame to be sent, in counts. */
@@ -187,16 +184,19 @@ static uint32_t described_fill(const struct host *host, size_t bus,
 {
     const struct described_protocol *protocol = described_line_protocol(host, bus);
     const struct described_frame *row = letter->row;
-    int64_t values[DESCRIBED_FIELDS_MAX];
+    uint32_t id = described_id(row, number);
 
     for (size_t i = 0; i < row->nfield; i++) {
-        values[i] = described_letter_count(host, protocol, letter, i);
+        const struct described_field *field = &row->field[i];
+        int64_t count =
+            field->meaning == DESCRIBED_COUNTER
+                ? described_wrap(field, host->line[bus].sent[row - protocol->frame][number]++)
+                : described_letter_count(host, protocol, letter, i);
+
+        described_put(field, count, part * row->length, data, &id);
     }
-    if (row->counter >= 0) {
-        values[row->counter] = described_wrap(
-            &row->field[row->counter], host->line[bus].sent[row - protocol->frame][number]++);
-    }
-    return described_encode(row, number, part, values, data);
+    described_close(row, data);
+    return id;
 }
 
 /* Makes a frame; remote frames have no data. */
@@ -387,20 +387,30 @@ static void host_described_end_period(struct host *host, size_t bus)
 
 /* ---- what arrives ---- */
 
-/* A frame from a board: its row in the description, its board and axis, its fields. */
+/* A frame from a board: its row in the description, its board and axis. */
 struct described_news {
+    const struct bus_frame *frame;
     const struct described_frame *row;
     struct host_node *node;
     int axis; /* axis of the board, 0 to HOST_AXES - 1 */
-    int64_t values[DESCRIBED_FIELDS_MAX];
 };
+
+/* Returns the count of the field with a meaning; otherwise without one. */
+static int64_t described_news_count(const struct described_news *news,
+                                    enum described_meaning meaning, int64_t otherwise)
+{
+    int field = described_find_field(news->row, meaning);
+
+    return field < 0 ? otherwise : described_get(&news->row->field[field], news->frame, 0);
+}
 
 /* Finds the board and axis that a frame is from, by the number in its identifier or by a field.
  * Returns false when they are none of ours. */
 static bool described_find_node(const struct host *host, struct host_line *line, unsigned number,
                                 struct described_news *news)
 {
-    int field;
+    const struct host_axis *axis;
+    int64_t address;
 
     news->axis = 0;
     /* The identifier tells the address, or the axis of the bus; otherwise a field does */
@@ -412,39 +422,42 @@ static bool described_find_node(const struct host *host, struct host_line *line,
         if (line->slot[number] < 0) {
             return false;
         }
-        news->node = &line->node[host->config.axis[line->slot[number]].address];
-        news->axis = host->config.axis[line->slot[number]].axis;
+        axis = &host->config.axis[line->slot[number]];
+        news->node = &line->node[axis->address];
+        news->axis = axis->axis;
         break;
     default:
-        field = described_find_field(news->row, DESCRIBED_ADDRESS);
-        if (field < 0 || news->values[field] < 1 || news->values[field] >= HOST_ADDRESSES) {
+        address = described_news_count(news, DESCRIBED_ADDRESS, 0);
+        if (address < 1 || address >= HOST_ADDRESSES) {
             return false;
         }
-        news->node = &line->node[news->values[field]];
+        news->node = &line->node[address];
         break;
     }
     /* A field may say which axis of the board it is */
-    field = described_find_field(news->row, DESCRIBED_AXIS);
-    if (field >= 0) {
-        news->axis = news->values[field] < HOST_AXES ? (int)news->values[field] : 0;
+    if (described_find_field(news->row, DESCRIBED_AXIS) >= 0) {
+        int64_t of = described_news_count(news, DESCRIBED_AXIS, 0);
+
+        news->axis = of < HOST_AXES ? (int)of : 0;
     }
     return described_node_kind(news->node) & news->row->of;
 }
 
 /* Finds the row of the description that a frame matches, with its board. Returns false when
  * there is none. */
-static bool host_described_identify(const struct host *host, struct host_line *line, size_t bus,
-                                    const struct bus_frame *frame, struct described_news *news)
+static bool host_described_identify(const struct host *host, size_t bus,
+                                    struct described_news *news)
 {
     const struct described_protocol *protocol = described_line_protocol(host, bus);
+    const struct bus_frame *frame = news->frame;
 
     for (uint64_t rows = described_rows(protocol, frame, false); rows; rows &= rows - 1) {
         unsigned number;
 
         news->row = &protocol->frame[__builtin_ctzll(rows)];
         if (described_number(news->row, frame->id, frame->flags & FRAME_EXTENDED, &number) &&
-            described_match_frame(news->row, frame, news->values) == DESCRIBED_IS &&
-            described_find_node(host, line, number, news)) {
+            described_match_frame(news->row, frame) == DESCRIBED_IS &&
+            described_find_node(host, &host->line[bus], number, news)) {
             return true;
         }
     }
@@ -514,42 +527,41 @@ static void described_read_position(struct host *host, const struct described_pr
     }
 }
 
-/* Takes one field of a frame from a motor board. */
+/* Takes one field of a frame from a motor board, by its count. */
 static void described_read_motor_field(struct host *host, const struct described_protocol *protocol,
-                                       const struct described_news *news, size_t field)
+                                       const struct described_news *news,
+                                       const struct described_field *of, int64_t count)
 {
-    const struct described_field *of = &news->row->field[field];
     unsigned k = (unsigned)news->axis + of->axis;
-    struct host_joint *joint = k < HOST_AXES ? host_node_joint(host, news->node, (int)k) : NULL;
-    double value = described_value(of, news->values[field]);
-    int motor;
+    int axis = k < HOST_AXES ? news->node->axis[k] : -1;
+    struct host_joint *joint = &host->joint[axis];
+    double value = described_value(of, count);
+    bool tells_speed = protocol->tells[DESCRIBED_MOTOR_VELOCITY];
 
-    if (!joint) {
+    if (axis < 0) {
         return;
     }
     /* Angles: of the rotor, of the link, or the deflection between them */
     switch (of->meaning) {
     case DESCRIBED_MOTOR_POSITION:
-        described_read_position(host, protocol, (size_t)news->node->axis[k], value,
-                                protocol->tells[DESCRIBED_MOTOR_VELOCITY]);
+        described_read_position(host, protocol, (size_t)axis, value, tells_speed);
         break;
     case DESCRIBED_LINK_POSITION:
         joint->joint_rad = value;
         joint->joint_time_ns = host->now_ns;
         if (!protocol->tells[DESCRIBED_MOTOR_POSITION]) {
-            described_read_position(host, protocol, (size_t)news->node->axis[k], value,
-                                    protocol->tells[DESCRIBED_MOTOR_VELOCITY]);
+            described_read_position(host, protocol, (size_t)axis, value, tells_speed);
         }
         break;
     case DESCRIBED_DEFLECTION:
-        motor = described_find_field(news->row, DESCRIBED_MOTOR_POSITION);
-        joint->joint_rad =
-            described_value(&news->row->field[motor], news->values[motor] - news->values[field]);
+        joint->joint_rad = described_value(
+            &news->row->field[described_find_field(news->row, DESCRIBED_MOTOR_POSITION)],
+            described_news_count(news, DESCRIBED_MOTOR_POSITION, 0) - count);
         joint->joint_time_ns = host->now_ns;
         break;
     /* Rate, current and torque */
     case DESCRIBED_MOTOR_VELOCITY:
-        host->want[news->node->axis[k]].motor_rad_s = value;
+        host->want[axis].motor_rad_s = value;
         break;
     case DESCRIBED_AXIS_CURRENT:
         joint->current_a = value;
@@ -561,11 +573,11 @@ static void described_read_motor_field(struct host *host, const struct described
         break;
     /* States and faults, which depend on each other */
     case DESCRIBED_STATE:
-        described_read_state(protocol, joint, news->values[field]);
+        described_read_state(protocol, joint, count);
         described_judge_fault(protocol, joint);
         break;
     case DESCRIBED_FAULTS:
-        joint->fault = described_known_faults(protocol, news->values[field]);
+        joint->fault = described_known_faults(protocol, count);
         described_judge_fault(protocol, joint);
         break;
     default:
@@ -574,30 +586,28 @@ static void described_read_motor_field(struct host *host, const struct described
 }
 
 /* Takes one field of a frame from a force-torque board: a channel, N or N m, or its overflow. */
-static void described_read_force(struct host *host, const struct described_news *news, size_t field)
+static void described_read_force(struct host *host, const struct described_news *news,
+                                 const struct described_field *of, int64_t count)
 {
     struct host_force *force = &host->force[news->node->ft];
-    const struct described_field *of = &news->row->field[field];
-    double value = described_value(of, news->values[field]);
     int channel = (int)of->meaning - DESCRIBED_FT_CHANNEL;
 
     if (of->meaning == DESCRIBED_SATURATED) {
-        force->overflow = news->values[field] != 0;
+        force->overflow = count != 0;
     } else if (channel >= 0 && channel < 3) {
-        force->force_n[channel] = value;
+        force->force_n[channel] = described_value(of, count);
         force->force_time_ns = host->now_ns;
     } else if (channel >= 3 && channel < HOST_CHANNELS) {
-        force->torque_nm[channel - 3] = value;
+        force->torque_nm[channel - 3] = described_value(of, count);
         force->torque_time_ns = host->now_ns;
     }
 }
 
 /* Takes one field of a frame from an inertial board. */
-static void described_read_motion(struct host *host, const struct described_news *news,
-                                  size_t field)
+static void described_read_motion(struct host *host, const struct described_field *of,
+                                  int64_t count)
 {
-    const struct described_field *of = &news->row->field[field];
-    double value = described_value(of, news->values[field]);
+    double value = described_value(of, count);
     struct host_motion *motion = &host->motion;
 
     if (of->meaning >= DESCRIBED_ACCELERATION && of->meaning < DESCRIBED_RATE) {
@@ -612,39 +622,44 @@ static void described_read_motion(struct host *host, const struct described_news
     }
 }
 
+/* Notes what a frame means for the start-up. */
+static void described_note_answer(const struct described_protocol *protocol,
+                                  const struct described_news *news)
+{
+    struct host_node *node = news->node;
+    unsigned kind = described_node_kind(node);
+
+    if (!node->found &&
+        (protocol->host.discover.count == 0 ||
+         described_is_answer(protocol, &protocol->host.discover, kind, news->row))) {
+        node->found = true;
+    }
+    if (node->answered < node->requested &&
+        described_is_answer(protocol, &protocol->host.configure, kind, news->row)) {
+        node->answered = node->requested;
+    }
+}
+
 /* Reads a frame that has arrived (struct host_ops). */
 static void host_described_read(struct host *host, size_t bus, const struct bus_frame *frame)
 {
     const struct described_protocol *protocol = described_line_protocol(host, bus);
-    struct host_line *line = &host->line[bus];
-    struct described_news news;
+    struct described_news news = {.frame = frame};
 
-    if (!host_described_identify(host, line, bus, frame, &news)) {
+    if (!host_described_identify(host, bus, &news)) {
         return;
     }
-
-    /* The start-up */
-    if (protocol->host.discover.count == 0 ||
-        described_is_answer(protocol, &protocol->host.discover, described_node_kind(news.node),
-                            news.row)) {
-        news.node->found = true;
-    }
-    if (news.node->answered < news.node->requested &&
-        described_is_answer(protocol, &protocol->host.configure, described_node_kind(news.node),
-                            news.row)) {
-        news.node->answered = news.node->requested;
-    }
-
-    /* What it tells */
+    described_note_answer(protocol, &news);
     for (size_t i = 0; i < news.row->nread; i++) {
-        size_t field = news.row->read[i];
+        const struct described_field *field = &news.row->field[news.row->read[i]];
+        int64_t count = described_get(field, frame, 0);
 
         if (news.node->kind == HOST_MOTOR_BOARD) {
-            described_read_motor_field(host, protocol, &news, field);
+            described_read_motor_field(host, protocol, &news, field, count);
         } else if (news.node->kind == HOST_FT_BOARD) {
-            described_read_force(host, &news, field);
+            described_read_force(host, &news, field, count);
         } else {
-            described_read_motion(host, &news, field);
+            described_read_motion(host, field, count);
         }
     }
 }

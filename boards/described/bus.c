@@ -38,7 +38,7 @@ static bool described_values_exist(const struct described_protocol *protocol,
                                    const struct described_arrival *a)
 {
     /* States, laws and parameters must be in their lists, a period in its range */
-    for (size_t i = 0; i < a->row->nfield && a->row->checked; i++) {
+    for (size_t i = 0; i < a->row->nfield; i++) {
         const struct described_field *field = &a->row->field[i];
         bool exists = true;
         double value;
@@ -88,15 +88,20 @@ static bool described_identify(const struct described_protocol *protocol,
         }
         /* The first row that matches in full is the frame's; else the last with the identifier
          * counts */
-        match = described_match_frame(row, a->frame, a->values);
+        match = described_match_frame(row, a->frame);
         a->row = row;
         a->number = number;
         a->verdict = match == DESCRIBED_IS             ? BOARD_OBEYED
                      : match == DESCRIBED_BAD_CONSTANT ? BOARD_UNKNOWN
                                                        : BOARD_MALFORMED;
+        /* The parts of a group are judged one by one */
+        if (!row->remote && match != DESCRIBED_BAD_LENGTH &&
+            (row->by != DESCRIBED_BY_GROUP || match == DESCRIBED_BAD_CONSTANT)) {
+            described_decode(row, a->frame, 0, a->values);
+        }
         if (match == DESCRIBED_IS) {
-            /* The parts of a group are judged one by one */
-            if (row->by != DESCRIBED_BY_GROUP && !described_values_exist(protocol, a)) {
+            if (row->by != DESCRIBED_BY_GROUP && row->checked &&
+                !described_values_exist(protocol, a)) {
                 a->verdict = BOARD_MALFORMED;
             }
             return true;
@@ -206,9 +211,9 @@ static void described_read_part(const struct described_protocol *protocol,
     const struct described_frame *row = a->row;
 
     described_decode(row, a->frame, part, a->values);
-    a->verdict = !described_has_constants(row, a->values) ? BOARD_UNKNOWN
-                 : !described_values_exist(protocol, a)   ? BOARD_MALFORMED
-                                                          : BOARD_OBEYED;
+    a->verdict = !described_has_constants(row, a->frame, part)          ? BOARD_UNKNOWN
+                 : row->checked && !described_values_exist(protocol, a) ? BOARD_MALFORMED
+                                                                        : BOARD_OBEYED;
 }
 
 /* Obeys a frame of a group: one repetition after the other, each for the next slot. A part that is

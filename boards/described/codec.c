@@ -5,7 +5,6 @@
 #include "boards/motor_control.h"
 #include "canbus/frame.h"
 
-#include <endian.h>
 #include <math.h>
 #include <string.h>
 
@@ -104,7 +103,11 @@ int64_t described_fault_bits(const struct described_protocol *protocol, uint32_t
 
 int64_t described_count(const struct described_field *field, double value)
 {
-    double scaled = (value - field->offset) / field->scale;
+    return described_round(field, (value - field->offset) / field->scale);
+}
+
+int64_t described_round(const struct described_field *field, double scaled)
+{
     int32_t count = 0;
 
     if (field->real) {
@@ -121,18 +124,12 @@ int64_t described_count(const struct described_field *field, double value)
     return control_clamp(count, field->low, field->high);
 }
 
-double described_value(const struct described_field *field, int64_t count)
+double described_real(uint32_t bits)
 {
-    double scaled = (double)count;
+    float real;
 
-    if (field->real) {
-        uint32_t bits = (uint32_t)count;
-        float real;
-
-        memcpy(&real, &bits, sizeof real);
-        scaled = isfinite(real) ? (double)real : 0.0;
-    }
-    return scaled * field->scale + field->offset;
+    memcpy(&real, &bits, sizeof real);
+    return isfinite(real) ? (double)real : 0.0;
 }
 
 const struct field *described_layout(const struct described_frame *frame, size_t field)
@@ -145,25 +142,6 @@ const struct field *described_layout(const struct described_frame *frame, size_t
             return layout;
         }
     }
-}
-
-/* ---- identifiers and frames ---- */
-
-bool described_number(const struct described_frame *frame, uint32_t id, bool extended,
-                      unsigned *number)
-{
-    uint32_t fixed = id & ~frame->mask, above = fixed - frame->base;
-
-    *number = 0;
-    if (extended != !!(frame->flags & FRAME_EXTENDED)) {
-        return false;
-    }
-    if (fixed < frame->base || frame->by == DESCRIBED_BY_NONE) {
-        return fixed == frame->base;
-    }
-    *number = above / frame->step;
-    return above % frame->step == 0 && *number <= frame->most &&
-           (frame->by != DESCRIBED_BY_ADDRESS || *number > 0);
 }
 
 /* ---- checksums ---- */
@@ -199,40 +177,12 @@ uint8_t described_checksum(enum described_checksum checksum, const uint8_t *data
     return crc ? sum ^ 0xff : sum;
 }
 
-/* ---- fields ---- */
-
-enum { WINDOW = 8 }; /* bytes that are read and written at once: a field is within them */
-
-/* Where a field lies in the window that holds it. */
-struct described_window {
-    unsigned first; /* byte */
-    unsigned shift;
-    uint64_t bits; /* of the window, as they are now */
-};
-
-/* Returns the window of a field that is `after` bits further than the layout says. */
-static inline struct described_window described_open(const struct described_field *field,
-                                                     unsigned after, const uint8_t *data)
+void described_close(const struct described_frame *frame, uint8_t *data)
 {
-    unsigned bit = field->bit + after, most = DESCRIBED_LENGTH_MAX - WINDOW;
-    struct described_window window = {.first = bit / 8 < most ? bit / 8 : most};
-
-    memcpy(&window.bits, data + window.first, WINDOW);
-    window.bits = field->big_endian ? be64toh(window.bits) : le64toh(window.bits);
-    window.shift = bit - 8 * window.first;
-    if (field->big_endian) {
-        window.shift = 8 * WINDOW - window.shift - field->bits;
+    if (frame->checksum) {
+        data[frame->checksum_byte] =
+            described_checksum(frame->checksum, data, frame->length, frame->checksum_byte);
     }
-    return window;
-}
-
-/* Returns the count whose lowest bits a field holds. */
-static inline int64_t described_extend(const struct described_field *field, uint64_t bits)
-{
-    uint64_t sign = (uint64_t)-field->low; /* 0 without a sign */
-
-    bits &= (UINT64_C(1) << field->bits) - 1;
-    return (int64_t)((bits ^ sign) - sign);
 }
 
 uint32_t described_encode(const struct described_frame *frame, unsigned number, unsigned part,
@@ -241,44 +191,17 @@ uint32_t described_encode(const struct described_frame *frame, unsigned number, 
     uint32_t id = described_id(frame, number);
 
     for (size_t i = 0; i < frame->nfield; i++) {
-        const struct described_field *field = &frame->field[i];
-        uint64_t bits = (uint64_t)control_clamp(counts[i], field->low, field->high) &
-                        ((UINT64_C(1) << field->bits) - 1);
-
-        if (field->in_id) {
-            id |= (uint32_t)bits << field->bit;
-        } else {
-            struct described_window window = described_open(field, 8 * part * frame->length, data);
-
-            window.bits |= bits << window.shift;
-            window.bits = field->big_endian ? htobe64(window.bits) : htole64(window.bits);
-            memcpy(data + window.first, &window.bits, WINDOW);
-        }
+        described_put(&frame->field[i], counts[i], part * frame->length, data, &id);
     }
-    if (frame->checksum) {
-        data[frame->checksum_byte] =
-            described_checksum(frame->checksum, data, frame->length, frame->checksum_byte);
-    }
+    described_close(frame, data);
     return id;
 }
 
 void described_decode(const struct described_frame *frame, const struct bus_frame *sent,
                       unsigned part, int64_t *counts)
 {
-    unsigned after = 8 * part * frame->length;
-
     for (size_t i = 0; i < frame->nfield; i++) {
-        const struct described_field *field = &frame->field[i];
-
-        if (field->in_id) {
-            counts[i] = described_extend(field, sent->id >> field->bit);
-        } else if (after + field->bit + field->bits > 8u * sent->len) {
-            counts[i] = 0;
-        } else {
-            struct described_window window = described_open(field, after, sent->data);
-
-            counts[i] = described_extend(field, window.bits >> window.shift);
-        }
+        counts[i] = described_get(&frame->field[i], sent, part * frame->length);
     }
 }
 
@@ -301,11 +224,14 @@ static bool described_has_length(const struct described_frame *frame, uint8_t le
     return false;
 }
 
-bool described_has_constants(const struct described_frame *frame, const int64_t *values)
+bool described_has_constants(const struct described_frame *frame, const struct bus_frame *sent,
+                             unsigned part)
 {
-    for (size_t i = 0; i < frame->nfield; i++) {
-        if (frame->field[i].meaning == DESCRIBED_CONSTANT &&
-            values[i] != frame->field[i].constant) {
+    for (size_t i = 0; i < frame->nfield && frame->nconstant > 0; i++) {
+        const struct described_field *field = &frame->field[i];
+
+        if (field->meaning == DESCRIBED_CONSTANT &&
+            described_get(field, sent, part * frame->length) != field->constant) {
             return false;
         }
     }
@@ -313,7 +239,7 @@ bool described_has_constants(const struct described_frame *frame, const int64_t 
 }
 
 enum described_match described_match_frame(const struct described_frame *frame,
-                                           const struct bus_frame *sent, int64_t *values)
+                                           const struct bus_frame *sent)
 {
     /* A remote frame has a length without data */
     if (frame->remote) {
@@ -322,8 +248,7 @@ enum described_match described_match_frame(const struct described_frame *frame,
     if ((frame->flags ^ sent->flags) & FRAME_FD || !described_has_length(frame, sent->len)) {
         return DESCRIBED_BAD_LENGTH;
     }
-    described_decode(frame, sent, 0, values);
-    if (!described_has_constants(frame, values)) {
+    if (!described_has_constants(frame, sent, 0)) {
         return DESCRIBED_BAD_CONSTANT;
     }
     if (frame->checksum &&

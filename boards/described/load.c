@@ -335,10 +335,12 @@ static enum error_code described_build_frame(struct described_loader *l,
     }
 
     /* Properties of the row that follow from the meanings of its fields */
+    made->switches = made->clear || made->stop || made->enter >= 0;
     for (size_t i = 0; i < made->nfield && !code; i++) {
         enum described_meaning meaning = made->field[i].meaning;
 
         made->commands = made->commands || described_is_set_point(meaning);
+        made->switches = made->switches || meaning == DESCRIBED_STATE || meaning == DESCRIBED_LAW;
         made->configures = made->configures || described_is_setting(meaning) ||
                            meaning == DESCRIBED_PARAMETER || meaning == DESCRIBED_PRESENT_POSITION;
         made->checked = made->checked || meaning == DESCRIBED_STATE || meaning == DESCRIBED_LAW ||
@@ -586,8 +588,12 @@ static bool described_is_read(enum described_meaning meaning, bool first)
     bool is_first = meaning == DESCRIBED_AXIS_TORQUE || meaning == DESCRIBED_DRIVE_TORQUE ||
                     meaning == DESCRIBED_MOTOR_VELOCITY;
 
-    return meaning == DESCRIBED_STATE || meaning >= DESCRIBED_MOTOR_POSITION ? is_first == first
-                                                                             : false;
+    bool others = meaning == DESCRIBED_STATE || meaning == DESCRIBED_FAULTS ||
+                  meaning == DESCRIBED_MOTOR_POSITION || meaning == DESCRIBED_LINK_POSITION ||
+                  meaning == DESCRIBED_DEFLECTION || meaning == DESCRIBED_AXIS_CURRENT ||
+                  meaning >= DESCRIBED_SATURATED;
+
+    return first ? is_first : others;
 }
 
 /* Lists what the loop looks up: the frames of an identifier, those that boards of a kind send, the

@@ -13,10 +13,19 @@ enum { GAP_BITS = 32, GAPS_MAX = 8 * DESCRIBED_LENGTH_MAX / GAP_BITS }; /* piece
 static void described_place(struct described_field *made, const struct field *layout, unsigned bit,
                             bool in_id)
 {
-    made->bit = (uint16_t)bit;
-    made->bits = (uint8_t)(layout->type & FIELD_BITS_MASK);
+    unsigned bits = layout->type & FIELD_BITS_MASK, most = DESCRIBED_LENGTH_MAX - DESCRIBED_WINDOW;
+
+    /* The window begins with the field's first byte, or ends with the longest frame */
     made->in_id = in_id;
     made->big_endian = layout->type & FIELD_BIG_ENDIAN;
+    made->byte = (uint8_t)(in_id ? 0 : bit / 8 < most ? bit / 8 : most);
+    made->end = (uint8_t)((bit + bits + 7) / 8);
+    made->shift = (uint8_t)(bit - 8 * made->byte);
+    if (made->big_endian) {
+        made->shift = (uint8_t)(8 * DESCRIBED_WINDOW - made->shift - bits);
+    }
+    made->mask = (UINT64_C(1) << bits) - 1;
+    made->sign = layout->type & FIELD_SIGNED ? UINT64_C(1) << (bits - 1) : 0;
     made->real = layout->type & FIELD_FLOAT;
     made->low = field_lowest(layout);
     made->high = field_highest(layout);
@@ -467,6 +476,7 @@ static enum error_code described_find_checks(struct described_loader *l,
     memset(made->first, -1, sizeof made->first);
     for (size_t k = made->nfield; k-- > 0;) {
         made->first[made->field[k].meaning] = (int8_t)k;
+        made->nconstant += made->field[k].meaning == DESCRIBED_CONSTANT;
     }
     made->counter = described_find_field(made, DESCRIBED_COUNTER);
     /* The checksum is a byte of the data */

@@ -175,23 +175,22 @@ static void axis_configure(struct described_node *node, struct described_axis *a
     }
 }
 
-bool described_axis_obey(struct described_node *node, unsigned index,
-                         const struct described_frame *frame, const int64_t *values)
+/* Switches an axis as a frame says. Returns false, and changes nothing, when it asks for a law that
+ * the axis does not have. */
+static bool axis_switch(struct described_node *node, struct described_axis *axis,
+                        const struct described_frame *frame, const int64_t *values)
 {
     const struct described_protocol *protocol = node->protocol;
-    struct described_axis *axis = &node->axis[index];
     int law = frame_names(frame, DESCRIBED_LAW, protocol->law, protocol->nlaw, values, -1);
     int state = frame_names(frame, DESCRIBED_STATE, protocol->state, protocol->nstate, values, -1);
+    int wanted = state < 0 ? frame->enter : state;
 
     /* A motor has all laws, a valve none that controls a current */
-    if (node->board.config.axis[index].valve) {
-        int wanted = frame->enter >= 0 && state < 0 ? frame->enter : state;
-
-        if ((law >= 0 && !described_law_suits_valve(protocol->law[law].law)) ||
-            (wanted >= 0 && !described_law_suits_valve(described_state_law(
-                                protocol, wanted, law >= 0 ? law : axis->law)))) {
-            return false;
-        }
+    if (axis_config(node, axis)->valve &&
+        ((law >= 0 && !described_law_suits_valve(protocol->law[law].law)) ||
+         (wanted >= 0 && !described_law_suits_valve(
+                             described_state_law(protocol, wanted, law >= 0 ? law : axis->law))))) {
+        return false;
     }
 
     /* Faults, the law and the state first: they forget the targets of before */
@@ -213,6 +212,17 @@ bool described_axis_obey(struct described_node *node, unsigned index,
     }
     if (frame->stop) {
         axis_stop(node, axis);
+    }
+    return true;
+}
+
+bool described_axis_obey(struct described_node *node, unsigned index,
+                         const struct described_frame *frame, const int64_t *values)
+{
+    struct described_axis *axis = &node->axis[index];
+
+    if (frame->switches && !axis_switch(node, axis, frame, values)) {
+        return false;
     }
     if (frame->configures) {
         axis_configure(node, axis, frame, values);

@@ -258,22 +258,24 @@ static uint32_t described_node_fill(struct described_node *node, unsigned axis, 
     unsigned number = frame->by == DESCRIBED_BY_ADDRESS ? node->board.address
                       : frame->by == DESCRIBED_BY_SLOT  ? node->first_slot + axis
                                                         : 0;
-    int64_t counts[DESCRIBED_FIELDS_MAX];
+    uint32_t id = described_id(frame, number);
 
-    /* A frame that tells of several axes says with each field which */
     for (size_t i = 0; i < frame->nfield; i++) {
-        unsigned of = axis + frame->field[i].axis;
+        const struct described_field *field = &frame->field[i];
+        unsigned of = axis + field->axis; /* a frame that tells of several says with each which */
+        int64_t count = 0;
 
-        counts[i] = of < node->axes || of == 0
-                        ? described_node_count(node, of, &frame->field[i], request, values)
-                        : 0;
+        if (field->meaning == DESCRIBED_COUNTER) {
+            uint32_t *sent = &node->report[frame->by == DESCRIBED_BY_SLOT ? axis : 0][index].sent;
+
+            count = described_wrap(field, (*sent)++);
+        } else if (of < node->axes || of == 0) {
+            count = described_node_count(node, of, field, request, values);
+        }
+        described_put(field, count, 0, data, &id);
     }
-    if (frame->counter >= 0) {
-        counts[frame->counter] =
-            described_wrap(&frame->field[frame->counter],
-                           node->report[frame->by == DESCRIBED_BY_SLOT ? axis : 0][index].sent++);
-    }
-    return described_encode(frame, number, 0, counts, data);
+    described_close(frame, data);
+    return id;
 }
 
 /* Queues a frame as an answer. */

@@ -17,9 +17,11 @@
 #include "boards/field.h"
 #include "canbus/frame.h"
 
+#include <endian.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 enum {
     DESCRIBED_FRAMES_MAX = 64,
@@ -189,10 +191,11 @@ enum described_checksum {
 
 struct described_field {
     enum described_meaning meaning;
-    /* Place: the first bit of the data, or of the identifier, and how many there are */
-    uint16_t bit;
-    uint8_t bits;
+    /* Place in the data: the first of the eight bytes that it is within, and the bits of those eight
+     * behind it; in_id: the bits of the identifier behind it */
+    uint8_t byte, shift, end;     /* end: the bytes up to its last one */
     bool in_id, big_endian, real; /* real: the bits of a float */
+    uint64_t mask, sign;          /* of its count; sign: the bit that has it, or 0 */
     uint8_t axis;                 /* of the board, where a frame tells of several */
     int64_t low, high;            /* counts that it holds */
     int64_t constant; /* count of DESCRIBED_CONSTANT; field of the request of DESCRIBED_ECHO */
@@ -221,9 +224,11 @@ struct described_frame {
     uint8_t read[DESCRIBED_FIELDS_MAX]; /* fields that a host reads, in the order in which it does:
                                          * torques and rates before the angles made of them */
     uint8_t nread;
-    int counter;     /* index of the field that counts frames; -1: none */
-    bool configures; /* sets settings, parameters or the position */
-    bool checked;    /* names states, laws, parameters or a period */
+    int counter;       /* index of the field that counts frames; -1: none */
+    uint8_t nconstant; /* fields that are constant */
+    bool switches;     /* changes states, laws or faults */
+    bool configures;   /* sets settings, parameters or the position */
+    bool checked;      /* names states, laws, parameters or a period */
     enum described_checksum checksum;
     uint8_t checksum_byte; /* where it is in the data */
 
@@ -328,12 +333,24 @@ int64_t described_fault_bits(const struct described_protocol *protocol, uint32_t
 /* Returns the count of a field for a value, within the field; of a float its bits. A value that
  * is no number gives 0. */
 int64_t described_count(const struct described_field *field, double value);
-double described_value(const struct described_field *field, int64_t count);
+
+/* Does so for a value that is scaled already. */
+int64_t described_round(const struct described_field *field, double scaled);
+
+/* Returns the value of the bits of a float; 0 when they are no number. */
+double described_real(uint32_t bits);
+
+static inline double described_value(const struct described_field *field, int64_t count)
+{
+    double scaled = field->real ? described_real((uint32_t)count) : (double)count;
+
+    return scaled * field->scale + field->offset;
+}
 
 /* Returns the bits of a count that a field holds: it wraps where others saturate. */
 static inline int64_t described_wrap(const struct described_field *field, uint32_t count)
 {
-    return count & ((INT64_C(1) << field->bits) - 1);
+    return (int64_t)(count & field->mask);
 }
 
 /* Returns the name, type and unit of a field, padding not counted. */
@@ -365,8 +382,94 @@ static inline uint64_t described_rows(const struct described_protocol *protocol,
 }
 
 /* Returns whether an identifier, of 29 bits when extended, belongs to a frame, and its number. */
-bool described_number(const struct described_frame *frame, uint32_t id, bool extended,
-                      unsigned *number);
+static inline bool described_number(const struct described_frame *frame, uint32_t id, bool extended,
+                                    unsigned *number)
+{
+    uint32_t fixed = id & ~frame->mask, above = fixed - frame->base;
+
+    *number = 0;
+    if (extended != !!(frame->flags & FRAME_EXTENDED)) {
+        return false;
+    }
+    if (fixed < frame->base || frame->by == DESCRIBED_BY_NONE) {
+        return fixed == frame->base;
+    }
+    *number = above / frame->step;
+    return above % frame->step == 0 && *number <= frame->most &&
+           (frame->by != DESCRIBED_BY_ADDRESS || *number > 0);
+}
+
+/* ---- fields ---- */
+
+enum { DESCRIBED_WINDOW = 8 }; /* bytes that are read and written at once: a field is within them */
+
+/* Returns the first byte of the window of a field that lies `after` bytes behind its place, and in
+ * *shift the bits of the window behind it. */
+static inline unsigned described_window(const struct described_field *field, unsigned after,
+                                        unsigned *shift)
+{
+    unsigned most = DESCRIBED_LENGTH_MAX - DESCRIBED_WINDOW, first = field->byte + after;
+
+    *shift = field->shift;
+    if (first > most) {
+        *shift += field->big_endian ? 8 * (most - first) : 8 * (first - most);
+        first = most;
+    }
+    return first;
+}
+
+/* Returns the window at a byte, in the order of a field. */
+static inline uint64_t described_load_window(const struct described_field *field,
+                                             const uint8_t *byte)
+{
+    uint64_t bits;
+
+    memcpy(&bits, byte, sizeof bits);
+    return field->big_endian ? be64toh(bits) : le64toh(bits);
+}
+
+/* Returns the count of a field of a frame, `after` bytes behind its place; 0 beyond its end. */
+static inline int64_t described_get(const struct described_field *field,
+                                    const struct bus_frame *sent, unsigned after)
+{
+    uint64_t bits;
+    unsigned shift;
+
+    if (field->in_id) {
+        bits = sent->id >> field->shift;
+    } else if (after + field->end > sent->len) {
+        return 0;
+    } else {
+        const uint8_t *byte = sent->data + described_window(field, after, &shift);
+
+        bits = described_load_window(field, byte) >> shift;
+    }
+    return (int64_t)(((bits & field->mask) ^ field->sign) - field->sign);
+}
+
+/* Writes a count, held within the field, into data, which has DESCRIBED_LENGTH_MAX bytes and zeros
+ * in its place, or into the identifier. */
+static inline void described_put(const struct described_field *field, int64_t count, unsigned after,
+                                 uint8_t *data, uint32_t *id)
+{
+    uint64_t bits = (uint64_t)(count < field->low    ? field->low
+                               : count > field->high ? field->high
+                                                     : count) &
+                    field->mask;
+    unsigned shift, first;
+
+    if (field->in_id) {
+        *id |= (uint32_t)bits << field->shift;
+        return;
+    }
+    first = described_window(field, after, &shift);
+    bits = described_load_window(field, data + first) | bits << shift;
+    bits = field->big_endian ? htobe64(bits) : htole64(bits);
+    memcpy(data + first, &bits, sizeof bits);
+}
+
+/* Closes the data of a frame with its checksum, if it has one. */
+void described_close(const struct described_frame *frame, uint8_t *data);
 
 /* Writes the counts of all fields into data, which holds DESCRIBED_LENGTH_MAX and is zero before,
  * as its repetition part, closes it with the checksum and returns the identifier. */
@@ -398,13 +501,13 @@ enum described_match {
     DESCRIBED_IS
 };
 
-/* Returns whether the fields that are constant have their values. */
-bool described_has_constants(const struct described_frame *frame, const int64_t *values);
+/* Returns whether the fields of the repetition part that are constant have their values. */
+bool described_has_constants(const struct described_frame *frame, const struct bus_frame *sent,
+                             unsigned part);
 
-/* Compares all but the fixed part of the identifier; values, which holds DESCRIBED_FIELDS_MAX,
- * receives the counts of the fields, of the first repetition. */
+/* Compares all but the fixed part of the identifier. */
 enum described_match described_match_frame(const struct described_frame *frame,
-                                           const struct bus_frame *sent, int64_t *values);
+                                           const struct bus_frame *sent);
 
 /* Returns the state with a value, one that a host may command when commanded; -1 = none. */
 int described_find_state(const struct described_state *state, size_t count, int64_t value,
