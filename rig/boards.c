@@ -17,7 +17,8 @@
 static const struct protocol *raw_bus_protocol(const struct rig_builder *b,
                                                const struct raw_bus *bus)
 {
-    return protocol_at((size_t)(bus->personality_given ? bus->personality : b->raw->personality));
+    return protocol_at(
+        (size_t)(yaml_has(&bus->mark, "personality") ? bus->personality : b->raw->personality));
 }
 
 /* Refuses a full scale that is not whole. */
@@ -41,54 +42,56 @@ static enum error_code board_check_keys(struct rig_builder *b, const struct raw_
     const unsigned motor = 1 << BOARD_MOTOR, ft = 1 << BOARD_FT, torque = 1 << BOARD_TORQUE;
     const unsigned inertial = 1 << BOARD_INERTIAL;
     const struct rig_key keys[] = {
-        {"axes", raw->axis_given, motor, motor},
-        {"current_limit_a", raw->current_given, motor, 0},
-        {"joints", raw->joint_given, torque, torque},
-        {"sensor", raw->sensor_given, ft, ft},
-        {"full_scale_n", raw->full_scale_n_given, ft, ft},
-        {"full_scale_nm", raw->full_scale_nm_given, ft, ft},
-        {"period_s", raw->period_given, ft | torque | inertial, 0},
+        {"axes", motor, motor},
+        {"current_limit_a", motor, 0},
+        {"joints", torque, torque},
+        {"sensor", ft, ft},
+        {"full_scale_n", ft, ft},
+        {"full_scale_nm", ft, ft},
+        {"period_s", ft | torque | inertial, 0},
     };
 
-    return rig_check_keys(b, &raw->mark, what[raw->kind], raw->kind, keys, ARRAY_COUNT(keys));
+    return rig_check_keys(b, &raw->mark, what[raw->board.kind], raw->board.kind, keys,
+                          ARRAY_COUNT(keys));
 }
 
-/* Reads the period of a STRAIN or inertial board: whole milliseconds, the unit of the command
+/* Checks the period of a STRAIN or inertial board: whole milliseconds, the unit of the command
  * that sets it. */
-static enum error_code board_read_period(struct rig_builder *b, const struct raw_board *raw,
-                                         struct board_config *board)
+static enum error_code board_check_period(struct rig_builder *b, const struct raw_board *raw)
 {
-    if (!rig_whole_ns(raw->period_s, &board->period_ns) || board->period_ns % 1000000 != 0) {
-        return yaml_error(b->error, &raw->period_mark,
-                          "found a period of %.15g s, expected whole milliseconds", raw->period_s);
-    }
-    return ERROR_NONE;
+    const int64_t period_ns = raw->board.period_ns;
+
+    return period_ns % 1000000 == 0
+               ? ERROR_NONE
+               : yaml_error(b->error, yaml_mark(&raw->mark, "period_s"),
+                            "found a period of %.15g s, expected whole milliseconds",
+                            (double)period_ns * 1e-9);
 }
 
 /* Builds a force-torque board: its sensor and full scales. */
 static enum error_code board_build_ft(struct rig_builder *b, const struct raw_board *raw,
                                       struct board_config *board)
 {
-    enum error_code code = rig_find(b, &raw->sensor_mark, "F/T sensor", raw->sensor,
+    enum error_code code = rig_find(b, yaml_mark(&raw->mark, "sensor"), "F/T sensor", raw->sensor,
                                     RIG_NAMES(b->robot->ft, b->robot->nft), &board->ft);
 
     if (code) {
         return code;
     }
     if (b->ft[board->ft]) {
-        return yaml_error(b->error, &raw->sensor_mark,
+        return yaml_error(b->error, yaml_mark(&raw->mark, "sensor"),
                           "found sensor \"%s\" again, expected it on one board (line %d)",
                           raw->sensor, b->ft[board->ft]->mark.line);
     }
     b->ft[board->ft] = raw;
     for (int i = 0; i < 3 && !code; i++) {
-        board->full_scale[i] = raw->full_scale_n[i];
-        board->full_scale[3 + i] = raw->full_scale_nm[i];
-        code = board_check_full_scale(b, &raw->full_scale_n_mark, raw->full_scale_n[i]);
+        code =
+            board_check_full_scale(b, yaml_mark(&raw->mark, "full_scale_n"), board->full_scale[i]);
         code = code ? code
-                    : board_check_full_scale(b, &raw->full_scale_nm_mark, raw->full_scale_nm[i]);
+                    : board_check_full_scale(b, yaml_mark(&raw->mark, "full_scale_nm"),
+                                             board->full_scale[3 + i]);
     }
-    return code ? code : board_read_period(b, raw, board);
+    return code ? code : board_check_period(b, raw);
 }
 
 /* Builds a torque board: the joints of its channels. */
@@ -96,14 +99,14 @@ static enum error_code board_build_torque(struct rig_builder *b, const struct ra
                                           struct board_config *board)
 {
     if (raw->njoint < 1 || raw->njoint > BOARD_CHANNELS) {
-        return yaml_error(b->error, &raw->joint_mark, "found %zu joints, expected 1 to %d",
-                          raw->njoint, BOARD_CHANNELS);
+        return yaml_error(b->error, yaml_mark(&raw->mark, "joints"),
+                          "found %zu joints, expected 1 to %d", raw->njoint, BOARD_CHANNELS);
     }
 
     /* All channels are spare until a joint claims one */
     for (int i = 0; i < BOARD_CHANNELS; i++) {
         board->torque_joint[i] = -1;
-        board->full_scale[i] = b->raw->motors.torque_full_scale_nm;
+        board->full_scale[i] = b->raw->motors.axis.torque_full_scale_nm;
     }
     for (size_t i = 0; i < raw->njoint; i++) {
         const struct yaml_name *name = &raw->joint[i];
@@ -126,12 +129,11 @@ static enum error_code board_build_torque(struct rig_builder *b, const struct ra
         }
         *source = (struct rig_torque){raw, board->bus, (int)i};
     }
-    return board_read_period(b, raw, board);
+    return board_check_period(b, raw);
 }
 
 /* Builds the inertial board, of which a rig has at most one. */
-static enum error_code board_build_inertial(struct rig_builder *b, const struct raw_board *raw,
-                                            struct board_config *board)
+static enum error_code board_build_inertial(struct rig_builder *b, const struct raw_board *raw)
 {
     if (b->robot->imu_frame < 0) {
         return yaml_error(b->error, &raw->mark,
@@ -143,7 +145,7 @@ static enum error_code board_build_inertial(struct rig_builder *b, const struct 
                           b->imu->mark.line);
     }
     b->imu = raw;
-    return board_read_period(b, raw, board);
+    return board_check_period(b, raw);
 }
 
 /* Builds an axis of a motor board, or a spare one. */
@@ -156,11 +158,13 @@ static enum error_code board_build_axis(struct rig_builder *b, const struct raw_
     enum error_code code;
 
     /* Values that all axes have in common, spare ones too */
+    *axis = motors->axis;
+    axis->joint = -1;
     axis->joint_ticks_per_rad = motors->joint_ticks_per_rev / (2.0 * M_PI);
     axis->motor_ticks_per_rad = motors->motor_ticks_per_link_rev / (2.0 * M_PI);
-    axis->current_limit_a = raw->current_given ? raw->current_limit_a : motors->current_limit_a;
-    axis->temperature_limit_c = motors->temperature_limit_c;
-    axis->torque_full_scale_nm = motors->torque_full_scale_nm;
+    if (yaml_has(&raw->mark, "current_limit_a")) {
+        axis->current_limit_a = raw->current_limit_a;
+    }
     if (!strcmp(name->name, "spare")) {
         return ERROR_NONE;
     }
@@ -223,30 +227,28 @@ static enum error_code board_place_switches(struct rig_builder *b, const struct 
                 raw->joint, protocol->name,
                 protocols_list(offsetof(struct protocol, switches), list, sizeof list));
         }
-        if (raw->home_given && !(raw->home_rad[0] < raw->home_rad[1])) {
-            return yaml_error(b->error, &raw->home_mark,
+        if (yaml_has(&raw->mark, "home_rad") &&
+            !(raw->switches.home_rad[0] < raw->switches.home_rad[1])) {
+            return yaml_error(b->error, yaml_mark(&raw->mark, "home_rad"),
                               "found a home switch that is on from %g to %g rad, expected the "
                               "smaller angle first",
-                              raw->home_rad[0], raw->home_rad[1]);
+                              raw->switches.home_rad[0], raw->switches.home_rad[1]);
         }
-        if (raw->negative_given && raw->positive_given &&
-            !(raw->negative_rad < raw->positive_rad)) {
-            return yaml_error(b->error, &raw->negative_mark,
+        if (yaml_has(&raw->mark, "negative_limit_rad") &&
+            yaml_has(&raw->mark, "positive_limit_rad") &&
+            !(raw->switches.negative_rad < raw->switches.positive_rad)) {
+            return yaml_error(b->error, yaml_mark(&raw->mark, "negative_limit_rad"),
                               "found negative_limit_rad %g, expected it below positive_limit_rad, "
                               "%g",
-                              raw->negative_rad, raw->positive_rad);
+                              raw->switches.negative_rad, raw->switches.positive_rad);
         }
 
         /* The index pulse comes once a revolution of the rotor */
-        axis->switches = (struct board_switches){
-            .negative = raw->negative_given,
-            .positive = raw->positive_given,
-            .home = raw->home_given,
-            .negative_rad = raw->negative_rad,
-            .positive_rad = raw->positive_rad,
-            .home_rad = {raw->home_rad[0], raw->home_rad[1]},
-            .index_rad = raw->index_pulse ? 2.0 * M_PI / axis->gear : 0.0,
-        };
+        axis->switches = raw->switches;
+        axis->switches.negative = yaml_has(&raw->mark, "negative_limit_rad");
+        axis->switches.positive = yaml_has(&raw->mark, "positive_limit_rad");
+        axis->switches.home = yaml_has(&raw->mark, "home_rad");
+        axis->switches.index_rad = raw->index_pulse ? 2.0 * M_PI / axis->gear : 0.0;
     }
     return ERROR_NONE;
 }
@@ -273,18 +275,19 @@ static enum error_code board_build_motor(struct rig_builder *b, const struct raw
     const size_t most = protocol->axes_max;
     char list[RIG_LIST];
 
+    board->period_ns = 0; /* motor boards send by other rules */
+
     /* As many axes as the protocol has */
     if (raw->naxis < 1 || raw->naxis > most) {
-        return most == 1
-                   ? yaml_error(b->error, &raw->axis_mark, "found %zu axes, expected 1", raw->naxis)
-                   : yaml_error(b->error, &raw->axis_mark, "found %zu axes, expected 1 to %zu",
-                                raw->naxis, most);
+        return most == 1 ? yaml_error(b->error, yaml_mark(&raw->mark, "axes"),
+                                      "found %zu axes, expected 1", raw->naxis)
+                         : yaml_error(b->error, yaml_mark(&raw->mark, "axes"),
+                                      "found %zu axes, expected 1 to %zu", raw->naxis, most);
     }
     for (size_t i = 0; i < BOARD_AXES_MAX; i++) {
         enum error_code code;
 
         /* Axes beyond the listed ones are spare */
-        board->axis[i].joint = -1;
         code = board_build_axis(b, raw, i < raw->naxis ? &raw->axis[i] : &spare, &board->axis[i]);
         if (!code && board->axis[i].valve && b->bus[board->bus].described) {
             code = board_check_valve(b, b->bus[board->bus].described, &raw->axis[i]);
@@ -311,13 +314,13 @@ static enum error_code board_build_motor(struct rig_builder *b, const struct raw
 }
 
 /* Returns the name of a board: its own, or its bus and address. */
-static const char *board_make_name(struct rig_builder *b, const struct raw_bus *bus,
+static const char *board_make_name(struct rig_builder *b, const struct rig_bus *bus,
                                    const struct raw_board *raw)
 {
     char text[80];
 
-    if (raw->name) {
-        return raw->name;
+    if (raw->board.name) {
+        return raw->board.name;
     }
     snprintf(text, sizeof text, "%.60s/0x%02x", bus->name, (unsigned)raw->address);
     return arena_strdup(b->arena, text);
@@ -327,22 +330,23 @@ static const char *board_make_name(struct rig_builder *b, const struct raw_bus *
 static enum error_code board_check_address(struct rig_builder *b, const struct raw_board *raw,
                                            const struct protocol *protocol)
 {
-    int64_t max = raw->kind == BOARD_MOTOR ? protocol->motor_address_max : protocol->address_max;
+    int64_t max =
+        raw->board.kind == BOARD_MOTOR ? protocol->motor_address_max : protocol->address_max;
 
-    if (raw->kind == BOARD_TORQUE && !protocol->torque_boards) {
+    if (raw->board.kind == BOARD_TORQUE && !protocol->torque_boards) {
         return yaml_error(b->error, &raw->mark,
                           "found a torque board on a bus with personality %s, expected none: its "
                           "motor boards report the torques",
                           protocol->name);
     }
-    if (raw->kind != BOARD_MOTOR && protocol->motors_only) {
+    if (raw->board.kind != BOARD_MOTOR && protocol->motors_only) {
         return yaml_error(b->error, &raw->mark,
                           "found a board of sensors on a bus with personality %s, expected motor "
                           "boards only",
                           protocol->name);
     }
     if (raw->address > max) {
-        return yaml_error(b->error, &raw->address_mark,
+        return yaml_error(b->error, yaml_mark(&raw->mark, "address"),
                           "found address %d, expected 1 to %d with personality %s",
                           (int)raw->address, (int)max, protocol->name);
     }
@@ -360,18 +364,18 @@ static enum error_code board_check_described(struct rig_builder *b, const struct
     bool known = false;
 
     if (raw->address > (int64_t)protocol->address_max) {
-        return yaml_error(b->error, &raw->address_mark,
+        return yaml_error(b->error, yaml_mark(&raw->mark, "address"),
                           "found address %d, expected 1 to %u with protocol %s", (int)raw->address,
                           protocol->address_max, protocol->name);
     }
     if (raw->naxis > protocol->axes) {
-        return yaml_error(b->error, &raw->axis_mark,
+        return yaml_error(b->error, yaml_mark(&raw->mark, "axes"),
                           "found %zu axes, expected at most %u with protocol %s", raw->naxis,
                           protocol->axes, protocol->name);
     }
     for (size_t i = 0; i < protocol->nframe; i++) {
-        known =
-            known || (!protocol->frame[i].from_host && protocol->frame[i].of & kinds[raw->kind]);
+        known = known ||
+                (!protocol->frame[i].from_host && protocol->frame[i].of & kinds[raw->board.kind]);
     }
     return known ? ERROR_NONE
                  : yaml_error(b->error, &raw->mark,
@@ -385,7 +389,7 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
                                        struct board_config *board)
 {
     const struct raw_bus *raw_bus = &b->raw->bus[bus];
-    const struct raw_motors *motors = &b->raw->motors;
+    const struct board_config *motors = &b->raw->motors.board;
     const struct protocol *protocol = raw_bus_protocol(b, raw_bus);
     enum error_code code = board_check_keys(b, raw);
 
@@ -401,40 +405,35 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
     /* One address, one board */
     for (const struct raw_board *other = raw_bus->board; other < raw; other++) {
         if (other->address == raw->address) {
-            return yaml_error(b->error, &raw->address_mark,
+            return yaml_error(b->error, yaml_mark(&raw->mark, "address"),
                               "found address 0x%02x again on bus \"%s\", expected another (line %d "
                               "has it)",
-                              (unsigned)raw->address, raw_bus->name, other->mark.line);
+                              (unsigned)raw->address, raw_bus->bus.name, other->mark.line);
         }
     }
 
     /* Values that all kinds have in common, then those of this kind */
-    *board = (struct board_config){
-        .name = board_make_name(b, raw_bus, raw),
-        .kind = (enum board_kind)raw->kind,
-        .bus = bus,
-        .address = (uint8_t)raw->address,
-        .strict = motors->strict,
-        .require_calibration = motors->require_calibration,
-        .keep_firmware = motors->keep_firmware,
-        .command_timeout_ns = llround(motors->command_timeout_s * 1e9),
-        .status_period_ns = llround(motors->status_period_s * 1e9),
-        .boot_ns = llround(motors->boot_s * 1e9),
-        .under_voltage_v = BOARD_UNDER_VOLTAGE_RATIO * b->rig->supply_v,
-        .over_voltage_v = BOARD_OVER_VOLTAGE_RATIO * b->rig->supply_v,
-        .under_pressure_pa = BOARD_UNDER_PRESSURE_RATIO * b->robot->hydraulic_supply.pressure,
-        .over_pressure_pa = BOARD_OVER_PRESSURE_RATIO * b->robot->hydraulic_supply.pressure,
-        .transmit_at_start = raw->transmit_at_start,
-        .discovery_stops_motors = motors->discovery_stops_motors,
-        .external = raw->external,
-        .external_torque = raw->external_torque != 0,
-        .external_timeout_ns = llround(raw->external_timeout_s * 1e9),
-    };
+    *board = raw->board;
+    board->name = board_make_name(b, &raw_bus->bus, raw);
+    board->bus = bus;
+    board->address = (uint8_t)raw->address;
+    board->strict = motors->strict;
+    board->require_calibration = motors->require_calibration;
+    board->keep_firmware = motors->keep_firmware;
+    board->command_timeout_ns = motors->command_timeout_ns;
+    board->status_period_ns = motors->status_period_ns;
+    board->boot_ns = motors->boot_ns;
+    board->under_voltage_v = BOARD_UNDER_VOLTAGE_RATIO * b->rig->supply_v;
+    board->over_voltage_v = BOARD_OVER_VOLTAGE_RATIO * b->rig->supply_v;
+    board->under_pressure_pa = BOARD_UNDER_PRESSURE_RATIO * b->robot->hydraulic_supply.pressure;
+    board->over_pressure_pa = BOARD_OVER_PRESSURE_RATIO * b->robot->hydraulic_supply.pressure;
+    board->discovery_stops_motors = motors->discovery_stops_motors;
+    board->external_torque = raw->external_torque != 0;
     if (!board->name) {
         return rig_no_memory(b);
     }
-    if (raw->name) {
-        code = rig_check_name(b, &raw->mark, "board", raw->name);
+    if (raw->board.name) {
+        code = rig_check_name(b, &raw->mark, "board", raw->board.name);
     }
     if (code) {
         return code;
@@ -445,73 +444,79 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
     case BOARD_FT:
         return board_build_ft(b, raw, board);
     case BOARD_INERTIAL:
-        return board_build_inertial(b, raw, board);
+        return board_build_inertial(b, raw);
     default:
         return board_build_torque(b, raw, board);
     }
 }
 
 /* Checks the names of a bus, CAN FD, and the settings of its interface. */
-static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus *bus)
+static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus *raw)
 {
-    const struct protocol *protocol = raw_bus_protocol(b, bus);
+    const struct protocol *protocol = raw_bus_protocol(b, raw);
+    const struct rig_bus *bus = &raw->bus;
     enum error_code code;
     char list[RIG_LIST];
 
     /* Name and interface are its own */
-    for (const struct raw_bus *other = b->raw->bus; other < bus; other++) {
-        if (!strcmp(other->name, bus->name)) {
-            return yaml_error(b->error, &bus->name_mark,
+    for (const struct raw_bus *other = b->raw->bus; other < raw; other++) {
+        if (!strcmp(other->bus.name, bus->name)) {
+            return yaml_error(b->error, yaml_mark(&raw->mark, "name"),
                               "found bus \"%s\" again, expected a name of its own (line %d has it)",
                               bus->name, other->mark.line);
         }
-        if (!strcmp(other->interface, bus->interface)) {
-            return yaml_error(b->error, &bus->interface_mark,
+        if (!strcmp(other->bus.interface, bus->interface)) {
+            return yaml_error(b->error, yaml_mark(&raw->mark, "interface"),
                               "found interface \"%s\" again, expected one of its own (bus \"%s\" "
                               "has it)",
-                              bus->interface, other->name);
+                              bus->interface, other->bus.name);
         }
     }
 
     /* CAN FD: with boards that speak it, and with a second bit rate */
     if (bus->fd && !protocol->canfd) {
-        return yaml_error(b->error, &bus->fd_mark,
+        return yaml_error(b->error, yaml_mark(&raw->mark, "fd"),
                           "found fd on bus \"%s\", expected it with personality %s only", bus->name,
                           protocols_list(offsetof(struct protocol, canfd), list, sizeof list));
     }
     if (!bus->fd && protocol->canfd_only) {
-        return yaml_error(b->error, &bus->name_mark,
+        return yaml_error(b->error, yaml_mark(&raw->mark, "name"),
                           "found bus \"%s\" without fd, expected fd: true with personality %s",
                           bus->name, protocol->name);
     }
-    if (bus->fd != bus->data_bitrate_given ||
-        (bus->data_bitrate_given && bus->data_bitrate < bus->bitrate)) {
-        return yaml_error(b->error, &bus->data_bitrate_mark,
+    if (bus->fd != (bus->data_bitrate > 0) || (bus->fd && bus->data_bitrate < bus->bitrate)) {
+        return yaml_error(b->error, yaml_mark(&raw->mark, "data_bitrate"),
                           "found %s on bus \"%s\", expected fd: true and a data_bitrate of at "
                           "least the bitrate together",
-                          !bus->fd                   ? "data_bitrate without fd"
-                          : !bus->data_bitrate_given ? "fd without data_bitrate"
-                                                     : "a data_bitrate below the bitrate",
+                          !bus->fd            ? "data_bitrate without fd"
+                          : bus->data_bitrate ? "a data_bitrate below the bitrate"
+                                              : "fd without data_bitrate",
                           bus->name);
     }
 
     /* A DBC has one length for all commands of an iCub board, but each length of another one */
-    if (bus->padded && !protocol->padded) {
-        return yaml_error(b->error, &bus->padded_mark,
+    if (raw->padded && !protocol->padded) {
+        return yaml_error(b->error, yaml_mark(&raw->mark, "padded_frames"),
                           "found padded_frames on bus \"%s\", expected it with personality %s only",
                           bus->name,
                           protocols_list(offsetof(struct protocol, padded), list, sizeof list));
     }
 
     /* Settings of the interface only where the simulator sets it */
-    if (!bus->configure && (bus->sample_point_given || bus->restart_given)) {
-        return yaml_error(b->error,
-                          bus->sample_point_given ? &bus->sample_point_mark : &bus->restart_mark,
-                          "found %s on bus \"%s\" without configure: true, expected both or none",
-                          bus->sample_point_given ? "sample_point" : "restart_ms", bus->name);
+    for (int i = 0; i < 2 && !bus->configure; i++) {
+        const char *key = i == 0 ? "sample_point" : "restart_ms";
+
+        if (yaml_has(&raw->mark, key)) {
+            return yaml_error(
+                b->error, yaml_mark(&raw->mark, key),
+                "found %s on bus \"%s\" without configure: true, expected both or none", key,
+                bus->name);
+        }
     }
-    code = rig_check_name(b, &bus->name_mark, "bus", bus->name);
-    return code ? code : rig_check_name(b, &bus->interface_mark, "interface", bus->interface);
+    code = rig_check_name(b, yaml_mark(&raw->mark, "name"), "bus", bus->name);
+    return code
+               ? code
+               : rig_check_name(b, yaml_mark(&raw->mark, "interface"), "interface", bus->interface);
 }
 
 /* Finds the file of a protocol: a path from the rig's folder, or a name alone. */
@@ -531,12 +536,12 @@ static enum error_code rig_find_protocol(struct rig_builder *b, const struct yam
 static enum error_code rig_check_format(struct rig_builder *b, const struct raw_bus *raw,
                                         const struct described_protocol *protocol)
 {
-    for (size_t i = 0; i < protocol->nframe && !raw->fd; i++) {
+    for (size_t i = 0; i < protocol->nframe && !raw->bus.fd; i++) {
         if (protocol->frame[i].flags & FRAME_FD) {
             return yaml_error(b->error, &raw->mark,
                               "found bus \"%s\" of classic CAN, expected fd: true and a "
                               "data_bitrate: frame %s of protocol %s is a CAN FD one",
-                              raw->name, protocol->frame[i].name, protocol->name);
+                              raw->bus.name, protocol->frame[i].name, protocol->name);
         }
     }
     for (size_t i = 0; i < protocol->nframe; i++) {
@@ -547,7 +552,7 @@ static enum error_code rig_check_format(struct rig_builder *b, const struct raw_
                 b->error, &raw->mark,
                 "found frame %s of protocol %s every %g s on bus \"%s\", expected the "
                 "tick of %g s or more",
-                frame->name, protocol->name, (double)frame->period_ns * 1e-9, raw->name,
+                frame->name, protocol->name, (double)frame->period_ns * 1e-9, raw->bus.name,
                 (double)b->rig->tick_ns * 1e-9);
         }
     }
@@ -559,7 +564,8 @@ static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw
                                          const struct described_protocol **protocol)
 {
     const char *file = raw->protocol ? raw->protocol : b->raw->protocol, *path;
-    const struct yaml_mark *mark = raw->protocol ? &raw->protocol_mark : &b->raw->protocol_mark;
+    const struct yaml_mark *mark =
+        raw->protocol ? yaml_mark(&raw->mark, "protocol") : yaml_mark(&b->raw->mark, "protocol");
     enum error_code code;
 
     if (!raw_bus_protocol(b, raw)->needs_file) {
@@ -568,9 +574,9 @@ static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw
         return !raw->protocol
                    ? ERROR_NONE
                    : yaml_error(
-                         b->error, &raw->protocol_mark,
+                         b->error, yaml_mark(&raw->mark, "protocol"),
                          "found a protocol on bus \"%s\", expected it with personality %s",
-                         raw->name,
+                         raw->bus.name,
                          protocols_list(offsetof(struct protocol, needs_file), list, sizeof list));
     }
     if (!file) {
@@ -578,7 +584,7 @@ static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw
             b->error, &raw->mark,
             "found personality %s on bus \"%s\" without a protocol, expected the file "
             "that describes it",
-            raw_bus_protocol(b, raw)->name, raw->name);
+            raw_bus_protocol(b, raw)->name, raw->bus.name);
     }
 
     /* Buses with the rig's protocol share one table */
@@ -601,7 +607,7 @@ static enum error_code rig_check_protocol_used(struct rig_builder *b)
 {
     char list[RIG_LIST];
 
-    for (size_t i = 0; i < b->raw->nbus; i++) {
+    for (size_t i = 0; i < b->rig->nbus; i++) {
         const struct raw_bus *bus = &b->raw->bus[i];
 
         if (!bus->protocol && raw_bus_protocol(b, bus)->needs_file) {
@@ -610,25 +616,10 @@ static enum error_code rig_check_protocol_used(struct rig_builder *b)
     }
     return b->raw->protocol
                ? yaml_error(
-                     b->error, &b->raw->protocol_mark,
+                     b->error, yaml_mark(&b->raw->mark, "protocol"),
                      "found a protocol that no bus speaks, expected it with personality %s",
                      protocols_list(offsetof(struct protocol, needs_file), list, sizeof list))
                : ERROR_NONE;
-}
-
-/* Makes the bus of a rig from its section. */
-static struct rig_bus rig_make_bus(const struct rig_builder *b, const struct raw_bus *raw)
-{
-    return (struct rig_bus){.name = raw->name,
-                            .interface = raw->interface,
-                            .bitrate = raw->bitrate,
-                            .fd = raw->fd,
-                            .data_bitrate = raw->data_bitrate,
-                            .configure = raw->configure,
-                            .sample_point = raw->sample_point,
-                            .restart_ms = raw->restart_ms,
-                            .protocol = raw_bus_protocol(b, raw),
-                            .nboard = raw->nboard};
 }
 
 /* Finds how many ticks late voltages are. */
@@ -637,7 +628,7 @@ static enum error_code rig_find_voltage_delay(struct rig_builder *b, size_t *tic
     int64_t delay_ns;
 
     if (!rig_whole_ns(b->raw->voltage_delay_s, &delay_ns) || delay_ns % b->rig->tick_ns != 0) {
-        return yaml_error(b->error, &b->raw->voltage_delay_mark,
+        return yaml_error(b->error, yaml_mark(&b->raw->mark, "voltage_delay_s"),
                           "found a delay of %.15g s, expected whole ticks of %.15g s",
                           b->raw->voltage_delay_s, b->raw->tick_s);
     }
@@ -648,31 +639,31 @@ static enum error_code rig_find_voltage_delay(struct rig_builder *b, size_t *tic
 enum error_code rig_build_boards(struct rig_builder *b)
 {
     const struct raw_rig *raw = b->raw;
-    struct rig_bus *bus = b->bus = arena_alloc(b->arena, raw->nbus, sizeof *bus);
-    struct boards_bus_config *bus_config = arena_alloc(b->arena, raw->nbus, sizeof *bus_config);
-    struct host_bus *host_bus = arena_alloc(b->arena, raw->nbus, sizeof *host_bus);
+    struct rig_bus *bus = b->bus = arena_alloc(b->arena, b->rig->nbus, sizeof *bus);
+    struct boards_bus_config *bus_config = arena_alloc(b->arena, b->rig->nbus, sizeof *bus_config);
+    struct host_bus *host_bus = arena_alloc(b->arena, b->rig->nbus, sizeof *host_bus);
     struct board_config *board;
     size_t count = 0, n = 0;
     enum error_code code;
 
-    code = board_check_full_scale(b, &raw->motors.torque_full_scale_mark,
-                                  raw->motors.torque_full_scale_nm);
+    code = board_check_full_scale(b, yaml_mark(&raw->motors.mark, "torque_full_scale_nm"),
+                                  raw->motors.axis.torque_full_scale_nm);
     if (code) {
         return code;
     }
-    if (raw->motors.require_calibration && !raw->motors.strict) {
-        return yaml_error(b->error, &raw->motors.require_calibration_mark,
+    if (raw->motors.board.require_calibration && !raw->motors.board.strict) {
+        return yaml_error(b->error, yaml_mark(&raw->motors.mark, "require_calibration"),
                           "found require_calibration without strict, expected both or none");
     }
-    if (raw->nbus == 0) {
+    if (b->rig->nbus == 0) {
         return yaml_error(b->error, &raw->mark, "found no buses, expected at least one");
     }
     code = rig_check_protocol_used(b);
     if (code) {
         return code;
     }
-    for (size_t i = 0; i < raw->nbus; i++) {
-        count += raw->bus[i].nboard;
+    for (size_t i = 0; i < b->rig->nbus; i++) {
+        count += raw->bus[i].bus.nboard;
     }
     board = arena_alloc(b->arena, count, sizeof *board);
     if (!bus || !board || !bus_config || !host_bus) {
@@ -680,17 +671,18 @@ enum error_code rig_build_boards(struct rig_builder *b)
     }
 
     /* Each bus as the ports, the boards and the host see it, and its boards */
-    for (size_t i = 0; i < raw->nbus; i++) {
+    for (size_t i = 0; i < b->rig->nbus; i++) {
         const struct raw_bus *from = &raw->bus[i];
 
         code = rig_check_bus(b, from);
-        bus[i] = rig_make_bus(b, from);
+        bus[i] = from->bus;
+        bus[i].protocol = raw_bus_protocol(b, from);
         bus[i].first_board = n;
         code = code ? code : rig_load_protocol(b, from, &bus[i].described);
         bus_config[i] =
             (struct boards_bus_config){bus[i].protocol, bus[i].fd, from->padded, bus[i].described};
         host_bus[i] = (struct host_bus){bus[i].protocol->name, bus[i].fd, bus[i].described};
-        for (size_t k = 0; k < from->nboard && !code; k++) {
+        for (size_t k = 0; k < bus[i].nboard && !code; k++) {
             code = rig_build_board(b, (int)i, &from->board[k], &board[n++]);
         }
         if (code) {
@@ -698,20 +690,19 @@ enum error_code rig_build_boards(struct rig_builder *b)
         }
     }
 
-    b->rig->nbus = raw->nbus;
     b->rig->bus = bus;
     b->rig->host_bus = host_bus;
     b->rig->boards = (struct boards_config){
         .nboard = count,
         .board = board,
-        .nbus = raw->nbus,
+        .nbus = b->rig->nbus,
         .bus = bus_config,
         .njoint = b->robot->njoint,
         .nft = b->robot->nft,
         .tick_ns = b->rig->tick_ns,
     };
     code = rig_find_voltage_delay(b, &b->rig->boards.voltage_delay_ticks);
-    for (size_t i = 0; i < raw->nbus && !code; i++) {
+    for (size_t i = 0; i < b->rig->nbus && !code; i++) {
         code = bus[i].described ? rig_check_described_ids(b, i) : ERROR_NONE;
     }
     return code;

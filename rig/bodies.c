@@ -12,12 +12,12 @@ enum { FREE, STATIC };
 /* Checks the name of a body, unique among all that carries surfaces. */
 static enum error_code scene_check_body_name(struct rig_builder *b, const struct raw_body *raw)
 {
-    enum error_code code = rig_check_name(b, &raw->name_mark, "body", raw->name);
+    enum error_code code = rig_check_name(b, yaml_mark(&raw->mark, "name"), "body", raw->body.name);
 
     for (size_t i = 0; !code && i < b->nplace; i++) {
-        if (!strcmp(b->place[i].name, raw->name)) {
-            code = yaml_error(b->error, &raw->name_mark,
-                              "found body \"%s\"%s, expected a name of its own", raw->name,
+        if (!strcmp(b->place[i].name, raw->body.name)) {
+            code = yaml_error(b->error, yaml_mark(&raw->mark, "name"),
+                              "found body \"%s\"%s, expected a name of its own", raw->body.name,
                               i == 0                 ? ", the name of the static surroundings"
                               : i <= b->robot->nbody ? ", which the robot has too"
                                                      : " again");
@@ -30,15 +30,13 @@ static enum error_code scene_check_body_name(struct rig_builder *b, const struct
 static enum error_code scene_check_body_keys(struct rig_builder *b, const struct raw_body *raw)
 {
     const struct rig_key keys[] = {
-        {"mass_kg", raw->mass_given, 1 << FREE, 1 << FREE},
-        {"com_m", raw->com_given, 1 << FREE, 0},
-        {"inertia_kg_m2", raw->inertia_given, 1 << FREE, 0},
-        {"box_m", raw->box_given, 1 << FREE, 0},
-        {"sphere_radius_m", raw->sphere_given, 1 << FREE, 0},
-        {"velocity_m_s", raw->velocity_given, 1 << FREE, 0},
-        {"rate_rad_s", raw->rate_given, 1 << FREE, 0},
+        {"mass_kg", 1 << FREE, 1 << FREE}, {"com_m", 1 << FREE, 0},
+        {"inertia_kg_m2", 1 << FREE, 0},   {"box_m", 1 << FREE, 0},
+        {"sphere_radius_m", 1 << FREE, 0}, {"velocity_m_s", 1 << FREE, 0},
+        {"rate_rad_s", 1 << FREE, 0},
     };
-    const int inertias = raw->inertia_given + raw->box_given + raw->sphere_given;
+    const int inertias = yaml_has(&raw->mark, "inertia_kg_m2") + yaml_has(&raw->mark, "box_m") +
+                         yaml_has(&raw->mark, "sphere_radius_m");
     enum error_code code =
         rig_check_keys(b, &raw->mark, raw->is_static ? "a static body" : "a free body",
                        raw->is_static ? STATIC : FREE, keys, ARRAY_COUNT(keys));
@@ -52,39 +50,27 @@ static enum error_code scene_check_body_keys(struct rig_builder *b, const struct
     return code;
 }
 
-/* Sets the inertia as given, or that of a box or a ball of uniform density. */
-static void scene_set_inertia(const struct raw_body *raw, struct robot_inertia *inertia)
+/* Builds a free body: its inertia, as given or that of a box or a ball of uniform density, and its
+ * pose. */
+static enum error_code scene_build_free_body(struct rig_builder *b, const struct raw_body *raw,
+                                             struct plant_free_body *body)
 {
-    const double m = raw->mass_kg, r = raw->sphere_radius_m;
+    const double m = raw->body.inertia.mass, r = raw->sphere_radius_m;
     const double x = raw->box_m[0], y = raw->box_m[1], z = raw->box_m[2];
     const double box[6] = {m * (y * y + z * z) / 12.0, 0.0, 0.0,
                            m * (x * x + z * z) / 12.0, 0.0, m * (x * x + y * y) / 12.0};
     const double ball[6] = {0.4 * m * r * r, 0.0, 0.0, 0.4 * m * r * r, 0.0, 0.4 * m * r * r};
-
-    inertia->mass = m;
-    memcpy(inertia->com, raw->com_m, sizeof inertia->com);
-    memcpy(inertia->I,
-           raw->box_given      ? box
-           : raw->sphere_given ? ball
-                               : raw->inertia_kg_m2,
-           sizeof inertia->I);
-}
-
-/* Builds a free body: its inertia, pose and velocity. */
-static enum error_code scene_build_free_body(struct rig_builder *b, const struct raw_body *raw,
-                                             struct plant_free_body *body)
-{
+    const bool given = yaml_has(&raw->mark, "inertia_kg_m2");
     struct error why;
 
-    body->name = raw->name;
-    scene_set_inertia(raw, &body->inertia);
-    memcpy(body->position, raw->xyz_m, sizeof body->position);
+    *body = raw->body;
+    if (!given) {
+        memcpy(body->inertia.I, yaml_has(&raw->mark, "box_m") ? box : ball, sizeof box);
+    }
     rig_quaternion_of_rpy(raw->rpy_rad, body->quaternion);
-    memcpy(body->v, raw->velocity_m_s, sizeof body->v);
-    memcpy(body->w, raw->rate_rad_s, sizeof body->w);
     if (plant_check_free_body(body, &why)) {
-        return yaml_error(b->error, raw->inertia_given ? &raw->inertia_mark : &raw->mass_mark, "%s",
-                          why.text);
+        return yaml_error(b->error, yaml_mark(&raw->mark, given ? "inertia_kg_m2" : "mass_kg"),
+                          "%s", why.text);
     }
     return ERROR_NONE;
 }
@@ -111,13 +97,13 @@ static enum error_code scene_build_body(struct rig_builder *b, const struct raw_
         return code;
     }
     if (raw->is_static) {
-        struct rig_place *place = scene_add_place(b, raw->name, -1);
+        struct rig_place *place = scene_add_place(b, raw->body.name, -1);
 
-        memcpy(place->position, raw->xyz_m, sizeof place->position);
+        memcpy(place->position, raw->body.position, sizeof place->position);
         mat3_from_rpy(raw->rpy_rad, place->rotation);
         return ERROR_NONE;
     }
-    scene_add_place(b, raw->name, (int)(b->robot->nbody + b->rig->nfree));
+    scene_add_place(b, raw->body.name, (int)(b->robot->nbody + b->rig->nfree));
     return scene_build_free_body(b, raw, &free_body[b->rig->nfree++]);
 }
 

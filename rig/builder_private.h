@@ -112,7 +112,6 @@ enum error_code rig_check_name(struct rig_builder *b, const struct yaml_mark *ma
 /* A key that only some kinds allow or require; masks have bit 1 << kind. */
 struct rig_key {
     const char *key;
-    bool given;
     unsigned allowed, required;
 };
 

@@ -6,12 +6,12 @@
 /* Refuses keys that only an external board may have. */
 static enum error_code external_check_keys(struct rig_builder *b, const struct raw_board *raw)
 {
-    if (!raw->external && raw->external_timeout_given) {
-        return yaml_error(b->error, &raw->external_timeout_mark,
+    if (!raw->board.external && yaml_has(&raw->mark, "external_timeout_s")) {
+        return yaml_error(b->error, yaml_mark(&raw->mark, "external_timeout_s"),
                           "found external_timeout_s without external: true, expected both or none");
     }
-    if (!raw->external && raw->external_follows_given) {
-        return yaml_error(b->error, &raw->external_follows_mark,
+    if (!raw->board.external && yaml_has(&raw->mark, "external_follows")) {
+        return yaml_error(b->error, yaml_mark(&raw->mark, "external_follows"),
                           "found external_follows without external: true, expected both or none");
     }
     return ERROR_NONE;
@@ -23,30 +23,30 @@ enum error_code rig_check_external(struct rig_builder *b, const struct raw_board
 {
     char list[RIG_LIST];
 
-    if (!raw->external) {
+    if (!raw->board.external) {
         return external_check_keys(b, raw);
     }
     if (!protocol->external) {
-        return yaml_error(b->error, &raw->external_mark,
+        return yaml_error(b->error, yaml_mark(&raw->mark, "external"),
                           "found external: true with personality %s, expected it with %s only",
                           protocol->name,
                           protocols_list(offsetof(struct protocol, external), list, sizeof list));
     }
-    if (raw->kind != BOARD_MOTOR && raw->kind != BOARD_FT) {
-        return yaml_error(b->error, &raw->external_mark,
+    if (raw->board.kind != BOARD_MOTOR && raw->board.kind != BOARD_FT) {
+        return yaml_error(b->error, yaml_mark(&raw->mark, "external"),
                           "found external: true on a board of another kind, expected it on a motor "
                           "or an F/T board");
     }
 
     /* What its joints follow: only those of motor boards can */
-    if (raw->external_follows_given && raw->kind != BOARD_MOTOR) {
-        return yaml_error(b->error, &raw->external_follows_mark,
+    if (yaml_has(&raw->mark, "external_follows") && raw->board.kind != BOARD_MOTOR) {
+        return yaml_error(b->error, yaml_mark(&raw->mark, "external_follows"),
                           "found external_follows on an F/T board, expected it on a motor board: "
                           "no joint follows a sensor");
     }
     if (raw->external_torque && !protocol->external_torque) {
         return yaml_error(
-            b->error, &raw->external_follows_mark,
+            b->error, yaml_mark(&raw->mark, "external_follows"),
             "found external_follows: torque with personality %s, expected it with %s "
             "only, whose motor boards tell the torque of their joints",
             protocol->name,
@@ -59,7 +59,7 @@ enum error_code rig_check_external_axis(struct rig_builder *b, const struct raw_
                                         const struct yaml_name *name,
                                         const struct robot_joint *joint)
 {
-    if (raw->external && joint->hydraulic.present) {
+    if (raw->board.external && joint->hydraulic.present) {
         return yaml_error(b->error, &name->mark,
                           "found joint \"%s\" with a hydraulic drive on an external board, "
                           "expected one with a motor: there is no rotor that could follow",

@@ -176,16 +176,13 @@ enum error_code rig_check_fault(const struct rig *rig, const struct yaml_name *l
  * every bus may be one. */
 enum error_code rig_build_faults(struct rig_builder *b)
 {
-    bool *wire = arena_alloc(b->arena, b->raw->nbus + 1, sizeof *wire);
+    bool *wire = arena_alloc(b->arena, b->rig->nbus + 1, sizeof *wire);
     struct faults *unused;
 
-    b->rig->seed = (uint64_t)b->raw->seed;
-    b->rig->fault = b->raw->fault;
-    b->rig->nfault = b->raw->nfault;
     if (!wire) {
         return rig_no_memory(b);
     }
-    memset(wire, true, b->raw->nbus * sizeof *wire);
+    memset(wire, true, b->rig->nbus * sizeof *wire);
     if (rig_faults_create(b->rig, NULL, 0, b->rig->seed, wire, b->arena, &unused, b->error)) {
         bool placed = !strncmp(b->error->text, b->raw->mark.file, strlen(b->raw->mark.file));
 

@@ -82,11 +82,13 @@ enum error_code rig_check_keys(struct rig_builder *b, const struct yaml_mark *ma
                                const char *what, int kind, const struct rig_key *keys, size_t count)
 {
     for (size_t i = 0; i < count; i++) {
-        if (keys[i].given && !(keys[i].allowed & 1U << kind)) {
+        const bool given = yaml_has(mark, keys[i].key);
+
+        if (given && !(keys[i].allowed & 1U << kind)) {
             return yaml_error(b->error, mark, "found key \"%s\" in %s, expected none there",
                               keys[i].key, what);
         }
-        if (!keys[i].given && (keys[i].required & 1U << kind)) {
+        if (!given && (keys[i].required & 1U << kind)) {
             return yaml_error(b->error, mark, "found %s without key \"%s\", expected it", what,
                               keys[i].key);
         }
@@ -96,69 +98,59 @@ enum error_code rig_check_keys(struct rig_builder *b, const struct yaml_mark *ma
 
 /* ---- supply ---- */
 
-/* Builds the supply: the source, and the bus behind it. */
-static enum error_code rig_build_supply(struct rig_builder *b)
+/* Checks the bus behind the source. */
+static enum error_code rig_check_supply(struct rig_builder *b)
 {
-    const struct raw_rig *raw = b->raw;
-    const struct raw_chopper *chopper = &raw->chopper;
+    const struct yaml_mark *mark = &b->raw->mark, *chopper = yaml_mark(mark, "brake_chopper");
+    const struct supply_bus *bus = &b->rig->supply_bus;
 
-    b->rig->supply_v = raw->supply_v;
-    b->rig->supply_ohm = raw->supply_ohm;
-    if (raw->supply_capacitance_f > 0.0 && raw->supply_ohm == 0.0) {
-        return yaml_error(b->error, &raw->mark,
+    if (bus->capacitance_f > 0.0 && b->rig->supply_ohm == 0.0) {
+        return yaml_error(b->error, mark,
                           "found supply_capacitance_f without supply_ohm, expected both: the bus "
                           "is charged through a resistance");
     }
-    if (raw->chopper_given && raw->supply_capacitance_f == 0.0) {
-        return yaml_error(b->error, &chopper->mark,
+    if (yaml_has(mark, "brake_chopper") && bus->capacitance_f == 0.0) {
+        return yaml_error(b->error, chopper,
                           "found a brake chopper without supply_capacitance_f, expected both");
     }
-    if (raw->supply_returns && raw->supply_capacitance_f == 0.0) {
-        return yaml_error(b->error, &raw->mark,
+    if (bus->returns && bus->capacitance_f == 0.0) {
+        return yaml_error(b->error, mark,
                           "found supply_returns without supply_capacitance_f, expected both: "
                           "without a bus every source takes energy back");
     }
-    if (raw->chopper_given && !(chopper->on_v > chopper->off_v && chopper->off_v > raw->supply_v)) {
-        return yaml_error(b->error, &chopper->mark,
+    if (yaml_has(mark, "brake_chopper") &&
+        !(bus->on_v > bus->off_v && bus->off_v > b->rig->supply_v)) {
+        return yaml_error(b->error, chopper,
                           "found on_v %g and off_v %g, expected on_v above off_v above supply_v, "
                           "%g",
-                          chopper->on_v, chopper->off_v, raw->supply_v);
+                          bus->on_v, bus->off_v, b->rig->supply_v);
     }
-    b->rig->supply_bus = (struct supply_bus){.capacitance_f = raw->supply_capacitance_f,
-                                             .on_v = chopper->on_v,
-                                             .off_v = chopper->off_v,
-                                             .brake_ohm = chopper->ohm,
-                                             .returns = raw->supply_returns};
     return ERROR_NONE;
 }
 
 /* ---- time ---- */
 
-/* Builds tick, substep, clock, integrator and dynamics. */
+/* Builds tick and substep, and checks the supply. */
 static enum error_code rig_build_time(struct rig_builder *b)
 {
     const struct raw_rig *raw = b->raw;
     struct rig *rig = b->rig;
 
     if (!rig_whole_ns(raw->tick_s, &rig->tick_ns)) {
-        return yaml_error(b->error, &raw->tick_mark,
+        return yaml_error(b->error, yaml_mark(&raw->mark, "tick_s"),
                           "found a tick of %.15g s, expected a whole number of nanoseconds",
                           raw->tick_s);
     }
     rig->substep_ns = rig->tick_ns; /* unless the file has another */
     if (raw->substep_s > 0.0 &&
         (!rig_whole_ns(raw->substep_s, &rig->substep_ns) || rig->tick_ns % rig->substep_ns != 0)) {
-        return yaml_error(b->error, &raw->substep_mark,
+        return yaml_error(b->error, yaml_mark(&raw->mark, "substep_s"),
                           "found a substep of %.15g s, expected one that divides the tick of %.15g "
                           "s exactly",
                           raw->substep_s, raw->tick_s);
     }
     rig->substeps = (size_t)(rig->tick_ns / rig->substep_ns);
-    rig->clock = (enum loop_clock)raw->clock;
-    rig->integrator = (enum plant_integrator)raw->integrator;
-    rig->tolerance = raw->tolerance;
-    rig->dynamics = (enum rig_dynamics)raw->dynamics;
-    return rig_build_supply(b);
+    return rig_check_supply(b);
 }
 
 /* ---- the controller's side ---- */
@@ -182,7 +174,7 @@ static enum error_code rig_build_host_axis(struct rig_builder *b, const struct b
         .torque_address = source->board ? (int)source->board->address : -1,
         .torque_channel = source->board ? source->channel : -1,
         .torque_full_scale_nm = from->torque_full_scale_nm,
-        .torque_period_ns = source->board ? llround(source->board->period_s * 1e9) : 0,
+        .torque_period_ns = source->board ? source->board->board.period_ns : 0,
         .drive =
             {
                 .valve = from->valve,
@@ -191,7 +183,7 @@ static enum error_code rig_build_host_axis(struct rig_builder *b, const struct b
                 .winding_ohm = joint->sea.R,
                 .winding_h = joint->sea.L,
                 .current_limit_a = from->current_limit_a,
-                .poles = (int)b->raw->motors.rotor_poles,
+                .poles = b->raw->motors.rotor_poles,
                 .torque_nm_a = joint->sea.Kt,
                 .bemf_v_s_rad = from->bemf_v_s_rad,
             },
@@ -201,10 +193,10 @@ static enum error_code rig_build_host_axis(struct rig_builder *b, const struct b
 
     /* A torque board on another bus would never be received */
     if (source->board && source->bus != board->bus) {
-        return yaml_error(b->error, &source->board->joint_mark,
+        return yaml_error(b->error, yaml_mark(&source->board->mark, "joints"),
                           "found joint \"%s\", which is driven from bus \"%s\", expected joints of "
                           "this bus",
-                          axis->joint, b->raw->bus[board->bus].name);
+                          axis->joint, b->bus[board->bus].name);
     }
     return ERROR_NONE;
 }
@@ -253,30 +245,6 @@ static enum error_code rig_build_host(struct rig_builder *b)
     return ERROR_NONE;
 }
 
-/* Overrides the gains that a section gives. */
-static void gains_override(struct servo_gains *gains, const struct raw_gains *raw)
-{
-    const struct {
-        bool given;
-        double *to, from;
-    } change[] = {
-        {raw->kp_given, &gains->kp_v_per_rad, raw->kp_v_per_rad},
-        {raw->ki_given, &gains->ki_v_per_rad_s, raw->ki_v_per_rad_s},
-        {raw->kd_given, &gains->kd_v_s_per_rad, raw->kd_v_s_per_rad},
-        {raw->kw_given, &gains->kw_v_s_per_rad, raw->kw_v_s_per_rad},
-        {raw->trim_given, &gains->trim_per_s, raw->trim_per_s},
-        {raw->damping_given, &gains->sway_damping_per_s, raw->sway_damping_per_s},
-        {raw->limit_given, &gains->limit_v, raw->limit_v},
-        {raw->load_given, &gains->load_v_per_nm, raw->load_v_per_nm},
-    };
-
-    for (size_t i = 0; i < ARRAY_COUNT(change); i++) {
-        if (change[i].given) {
-            *change[i].to = change[i].from;
-        }
-    }
-}
-
 /* Overrides the gains of some joints; changed: by axis, where it was overridden before. */
 static enum error_code gains_override_joints(struct rig_builder *b, const struct raw_gains *raw,
                                              struct servo_gains *gains,
@@ -288,6 +256,7 @@ static enum error_code gains_override_joints(struct rig_builder *b, const struct
 
     for (size_t n = 0; n < raw->njoint; n++) {
         const struct yaml_name *name = &raw->joint[n];
+        struct raw_gains merged;
         int axis;
         enum error_code code = rig_find(b, &name->mark, "driven joint", name->name, axes, &axis);
 
@@ -300,7 +269,9 @@ static enum error_code gains_override_joints(struct rig_builder *b, const struct
                               changed[axis]->mark.line);
         }
         changed[axis] = name;
-        gains_override(&gains[axis], raw);
+        merged.gains = gains[axis];
+        yaml_override(&gains_schema, &raw->mark, raw, &merged);
+        gains[axis] = merged.gains;
     }
     return ERROR_NONE;
 }
@@ -320,88 +291,31 @@ enum error_code rig_override_gains(struct rig_builder *b, const struct raw_gains
     return code;
 }
 
-/* Builds the gains of every axis: the common ones, overridden by "others" for some joints. */
-static enum error_code rig_build_gains(struct rig_builder *b)
+/* Builds the command period, and the gains of every axis: the common ones, overridden by "others"
+ * for some joints. */
+static enum error_code rig_build_servo(struct rig_builder *b)
 {
-    const struct raw_servo *raw = &b->raw->tasks.servo;
+    const struct raw_servo *raw = &b->raw->servo;
     struct rig *rig = b->rig;
     struct servo_gains *gains = arena_alloc(b->arena, rig->naxis, sizeof *gains);
 
+    rig->servo.command_period_ns = rig->tick_ns;
+    if (raw->command_period_s > 0 &&
+        (!rig_whole_ns(raw->command_period_s, &rig->servo.command_period_ns) ||
+         rig->servo.command_period_ns % rig->tick_ns != 0)) {
+        return yaml_error(b->error, yaml_mark(&raw->mark, "command_period_s"),
+                          "found a command period of %.15g s, expected a multiple of the tick of "
+                          "%.15g s",
+                          raw->command_period_s, b->raw->tick_s);
+    }
     if (!gains) {
         return rig_no_memory(b);
     }
-
-    /* The common gains, then the exceptions */
     for (size_t i = 0; i < rig->naxis; i++) {
-        gains[i] = (struct servo_gains){
-            .kp_v_per_rad = raw->gains.kp_v_per_rad,
-            .ki_v_per_rad_s = raw->gains.ki_v_per_rad_s,
-            .load_v_per_nm = raw->gains.load_v_per_nm,
-            .kd_v_s_per_rad = raw->gains.kd_v_s_per_rad,
-            .kw_v_s_per_rad = raw->gains.kw_v_s_per_rad,
-            .trim_per_s = raw->gains.trim_per_s,
-            .sway_damping_per_s = raw->gains.sway_damping_per_s,
-            .limit_v = raw->gains.limit_v,
-        };
+        gains[i] = raw->gains;
     }
     rig->servo.gains = gains;
     return rig_override_gains(b, raw->other, raw->nother, gains);
-}
-
-/* Builds the task of grasping: its path and its conditions. */
-static enum error_code rig_build_grasp(struct rig_builder *b)
-{
-    const struct raw_grasp *raw = &b->raw->tasks.grasp;
-    struct grasp_phase *phase = arena_alloc(b->arena, raw->npath, sizeof *phase);
-
-    if (!phase) {
-        return rig_no_memory(b);
-    }
-    for (size_t i = 0; i < raw->npath; i++) {
-        phase[i].name = raw->path[i].name;
-        phase[i].until_s = raw->path[i].until_s;
-        memcpy(phase[i].arm_rad, raw->path[i].arm_rad, sizeof phase[i].arm_rad);
-        phase[i].closed = raw->path[i].closed;
-    }
-    b->rig->grasp = (struct grasp_config){
-        .settle_s = raw->settle_s,
-        .nphase = raw->npath,
-        .phase = phase,
-        .hold_s = raw->hold_s,
-        .least_press_n = raw->least_press_n,
-        .least_carry_n = raw->least_carry_n,
-    };
-    return ERROR_NONE;
-}
-
-/* Builds the tasks of squatting and holding, the command period and the gains. */
-static enum error_code rig_build_tasks(struct rig_builder *b)
-{
-    const struct raw_servo *servo = &b->raw->tasks.servo;
-    const struct raw_squat *squat = &b->raw->tasks.squat;
-    struct rig *rig = b->rig;
-
-    rig->squat = (struct squat_config){
-        .thigh_m = squat->thigh_m,
-        .shank_m = squat->shank_m,
-        .depth_m = squat->depth_m,
-        .period_s = squat->period_s,
-        .cycles = (int)squat->cycles,
-    };
-    rig->hold_task = (struct hold_config){
-        .duration_s = b->raw->tasks.hold.duration_s,
-        .tolerance_rad = b->raw->tasks.hold.tolerance_rad,
-    };
-    rig->servo.command_period_ns = rig->tick_ns;
-    if (servo->command_period_s > 0 &&
-        (!rig_whole_ns(servo->command_period_s, &rig->servo.command_period_ns) ||
-         rig->servo.command_period_ns % rig->tick_ns != 0)) {
-        return yaml_error(b->error, &servo->command_period_mark,
-                          "found a command period of %.15g s, expected a multiple of the tick of "
-                          "%.15g s",
-                          servo->command_period_s, b->raw->tick_s);
-    }
-    return rig_build_gains(b);
 }
 
 /* ---- how it runs ---- */
@@ -427,14 +341,13 @@ static bool rig_find_id_owner(const struct rig *rig, uint32_t id, char *text, si
 }
 
 /* Refuses an identifier of a lockstep frame that a board sends or receives. */
-static enum error_code rig_check_lockstep_id(struct rig_builder *b, const struct yaml_mark *mark,
-                                             int64_t id)
+static enum error_code rig_check_lockstep_id(struct rig_builder *b, const char *key, uint32_t id)
 {
     char owner[160];
 
-    return rig_find_id_owner(b->rig, (uint32_t)id, owner, sizeof owner)
-               ? yaml_error(b->error, mark, "found id 0x%03x, which belongs to %s", (unsigned)id,
-                            owner)
+    return rig_find_id_owner(b->rig, id, owner, sizeof owner)
+               ? yaml_error(b->error, yaml_mark(&b->raw->lockstep.mark, key),
+                            "found id 0x%03x, which belongs to %s", (unsigned)id, owner)
                : ERROR_NONE;
 }
 
@@ -443,84 +356,53 @@ static enum error_code rig_build_lockstep(struct rig_builder *b)
 {
     const struct raw_lockstep *raw = &b->raw->lockstep;
     struct loop_lockstep *lockstep = &b->rig->lockstep;
-    enum error_code code = rig_check_lockstep_id(b, &raw->step_mark, raw->step_id);
+    enum error_code code = rig_check_lockstep_id(b, "step_id", raw->lockstep.step_id);
 
-    code = code ? code : rig_check_lockstep_id(b, &raw->done_mark, raw->done_id);
+    *lockstep = raw->lockstep;
+    code = code ? code : rig_check_lockstep_id(b, "done_id", lockstep->done_id);
     if (!code && raw->bus) {
-        code = rig_find(b, &raw->bus_mark, "bus", raw->bus, RIG_NAMES(b->raw->bus, b->raw->nbus),
-                        &lockstep->bus);
+        code = rig_find(b, yaml_mark(&raw->mark, "bus"), "bus", raw->bus,
+                        RIG_NAMES(b->rig->bus, b->rig->nbus), &lockstep->bus);
     }
-    if (code) {
-        return code;
-    }
-    if (raw->step_id == raw->done_id) {
-        return yaml_error(b->error, &raw->done_mark,
+    if (!code && lockstep->step_id == lockstep->done_id) {
+        code = yaml_error(b->error, yaml_mark(&raw->mark, "done_id"),
                           "found the id of the STEP frame, expected another for DONE");
     }
-    lockstep->step_id = (uint32_t)raw->step_id;
-    lockstep->done_id = (uint32_t)raw->done_id;
-    lockstep->partner_timeout_ns = llround(raw->partner_timeout_s * 1e9);
-    return ERROR_NONE;
-}
-
-/* Builds the time that frames take. */
-static void rig_build_wire(struct rig_builder *b)
-{
-    const struct raw_wire *raw = &b->raw->wire;
-
-    b->rig->wire = (struct rig_wire){
-        .timed = raw->mode,
-        .paced = raw->pace,
-        .fifo = raw->order,
-        .queue = (size_t)raw->queue,
-        .restart_ns = llround(raw->restart_s * 1e9),
-        .budget = (enum rig_budget)raw->budget,
-    };
-}
-
-/* Builds the scheduling, the recording and the page. */
-static void rig_build_realtime(struct rig_builder *b)
-{
-    const struct raw_realtime *raw = &b->raw->realtime;
-
-    b->rig->realtime = (struct rig_realtime){
-        .priority = (int)raw->priority,
-        .cpu = (int)raw->cpu,
-        .lock_memory = raw->lock_memory,
-        .overrun = (enum loop_overrun)raw->overrun,
-        .stop_after = raw->stop_after,
-    };
-    b->rig->record = (struct rig_record){
-        .directory = b->raw->record.directory,
-        .mark = b->raw->record.directory_mark,
-        .format = (unsigned)b->raw->record.format,
-    };
-    b->rig->page = (struct rig_page){b->raw->page.listen, b->raw->page.listen_mark};
+    return code;
 }
 
 /* Builds all parts, in the order in which they need each other. */
 static enum error_code rig_build(struct rig_builder *b)
 {
     static enum error_code (*const step[])(struct rig_builder *) = {
-        rig_build_robot,  rig_build_time,     rig_build_pose,      rig_build_bodies,
-        rig_build_scene,  rig_build_boards,   rig_build_faults,    rig_build_sensors,
-        rig_check_drives, rig_build_host,     rig_build_task_body, rig_build_tasks,
-        rig_build_grasp,  rig_build_lockstep,
+        rig_build_robot,    rig_build_time,   rig_build_pose,      rig_build_bodies,
+        rig_build_scene,    rig_build_boards, rig_build_faults,    rig_build_sensors,
+        rig_check_drives,   rig_build_host,   rig_build_task_body, rig_build_servo,
+        rig_build_lockstep,
     };
-    enum error_code code = rig_check_name(b, &b->raw->mark, "rig", b->raw->name);
+    const struct raw_wire *wire = &b->raw->wire;
+    enum error_code code = rig_check_name(b, &b->raw->mark, "rig", b->rig->name);
 
     for (size_t i = 0; i < ARRAY_COUNT(step) && !code; i++) {
         code = step[i](b);
     }
-    rig_build_wire(b);
-    rig_build_realtime(b);
+    b->rig->wire = (struct rig_wire){
+        .timed = wire->mode,
+        .paced = wire->pace,
+        .fifo = wire->order,
+        .queue = (size_t)wire->queue,
+        .restart_ns = wire->restart_ns,
+        .budget = (enum rig_budget)wire->budget,
+    };
+    b->rig->record.mark = *yaml_mark(&b->raw->mark, "record.directory");
+    b->rig->page.mark = *yaml_mark(&b->raw->mark, "page.listen");
     return code;
 }
 
 /* Returns the hash of the rig's sources: its own files, the robot's, and the meshes. */
 static uint64_t rig_hash_sources(const struct rig_builder *b)
 {
-    uint64_t hash = hash_bytes(b->raw->hash, &b->robot->source_hash, sizeof b->robot->source_hash);
+    uint64_t hash = hash_bytes(b->rig->hash, &b->robot->source_hash, sizeof b->robot->source_hash);
 
     for (size_t s = 0; s < b->rig->contact.nsurface; s++) {
         const struct mesh *mesh = b->rig->contact.surface[s].mesh;
@@ -544,8 +426,8 @@ static enum error_code rig_make(const struct raw_rig *raw, struct arena *arena,
     if (!b.rig) {
         return rig_no_memory(&b);
     }
+    *b.rig = raw->rig;
     b.rig->file = raw->mark.file;
-    b.rig->name = raw->name;
     code = rig_build(&b);
     if (code) {
         return code;
@@ -589,7 +471,7 @@ enum error_code rig_load_text(const char *name, const char *text, size_t size, s
     enum error_code code = yaml_read_text(name, text, size, &rig_file_schema, arena, &raw, error);
 
     if (!code) {
-        raw.hash -= hash_bytes(HASH_START, text, size);
+        raw.rig.hash -= hash_bytes(HASH_START, text, size);
         code = rig_make(&raw, arena, rig, error);
     }
     return rig_name_file(name, code, error);

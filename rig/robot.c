@@ -70,15 +70,13 @@ static void rig_add_point(struct robot_inertia *inertia, double mass, const doub
 
 /* Hangs a tool on a force-torque sensor in the place of what the robot file says. */
 static enum error_code rig_hang_tool(struct rig_builder *b, struct robot_ft_sensor *ft,
-                                     const struct raw_tool *tool)
+                                     const struct raw_ft_sensors *raw)
 {
     struct error why;
 
-    ft->distal.mass = tool->mass_kg;
-    memcpy(ft->distal.com, tool->com_m, sizeof ft->distal.com);
-    memcpy(ft->distal.I, tool->inertia_kg_m2, sizeof ft->distal.I);
+    ft->distal = raw->tool;
     return robot_check_inertia(&ft->distal, &why)
-               ? yaml_error(b->error, &tool->mark, "%s", why.text)
+               ? yaml_error(b->error, yaml_mark(&raw->mark, "tool"), "%s", why.text)
                : ERROR_NONE;
 }
 
@@ -86,13 +84,13 @@ static enum error_code rig_hang_tool(struct rig_builder *b, struct robot_ft_sens
 static enum error_code rig_hang_tools(struct rig_builder *b)
 {
     const struct raw_sensors *raw = &b->raw->sensors;
-    bool given = raw->every_ft.tool_given;
+    bool given = yaml_has(&raw->every_ft.mark, "tool");
     struct robot *robot;
     enum error_code code;
     int index;
 
     for (size_t i = 0; i < raw->nft; i++) {
-        given = given || raw->ft[i].tool_given;
+        given = given || yaml_has(&raw->ft[i].mark, "tool");
     }
     if (!given) {
         return ERROR_NONE;
@@ -100,14 +98,14 @@ static enum error_code rig_hang_tools(struct rig_builder *b)
 
     /* The robot file's own stays as it is */
     code = robot_copy(b->robot, b->arena, &robot, b->error);
-    for (size_t f = 0; raw->every_ft.tool_given && f < b->robot->nft && !code; f++) {
-        code = rig_hang_tool(b, &robot->ft[f], &raw->every_ft.tool);
+    for (size_t f = 0; yaml_has(&raw->every_ft.mark, "tool") && f < b->robot->nft && !code; f++) {
+        code = rig_hang_tool(b, &robot->ft[f], &raw->every_ft);
     }
     for (size_t i = 0; i < raw->nft && !code; i++) {
-        code = rig_find(b, &raw->ft[i].mark, "F/T sensor", raw->ft[i].name,
+        code = rig_find(b, &raw->ft[i].mark, "F/T sensor", raw->ft[i].sensor.name,
                         RIG_NAMES(b->robot->ft, b->robot->nft), &index);
-        if (!code && raw->ft[i].tool_given) {
-            code = rig_hang_tool(b, &robot->ft[index], &raw->ft[i].tool);
+        if (!code && yaml_has(&raw->ft[i].mark, "tool")) {
+            code = rig_hang_tool(b, &robot->ft[index], &raw->ft[i]);
         }
     }
     if (!code) {
@@ -189,7 +187,7 @@ static enum error_code rig_add_masses(struct rig_builder *b)
 static enum error_code rig_find_robot(struct rig_builder *b, const char **path)
 {
     const struct raw_robot *raw = &b->raw->robot;
-    const struct yaml_mark *mark = &raw->file_mark;
+    const struct yaml_mark *mark = yaml_mark(&raw->mark, "file");
 
     if (!*raw->file || strpbrk(raw->file, "/.")) {
         return yaml_resolve_path(mark, raw->file, b->arena, path, b->error);
@@ -202,7 +200,7 @@ static enum error_code rig_find_robot(struct rig_builder *b, const char **path)
 enum error_code rig_build_robot(struct rig_builder *b)
 {
     const struct raw_robot *raw = &b->raw->robot;
-    const struct yaml_mark *mark = &raw->file_mark;
+    const struct yaml_mark *mark = yaml_mark(&raw->mark, "file");
     const char *path;
     enum error_code code = rig_find_robot(b, &path);
 
@@ -332,16 +330,18 @@ enum error_code rig_build_pose(struct rig_builder *b)
     int index;
 
     /* The pose exists, and its base is placed in one way or not at all */
-    code = rig_find(b, &raw->pose_mark, "pose", raw->pose,
+    code = rig_find(b, yaml_mark(&raw->mark, "pose"), "pose", raw->pose,
                     RIG_NAMES(b->robot->pose, b->robot->npose), &index);
     if (code) {
         return code;
     }
-    if (raw->position_given && raw->height_given) {
+    if (yaml_has(&raw->mark, "base_xyz_m") && yaml_has(&raw->mark, "base_height_m")) {
         return yaml_error(b->error, &raw->mark,
                           "found base_xyz_m and base_height_m, expected one of them");
     }
-    if (!b->robot->floating && (raw->position_given || raw->height_given || raw->rpy_given)) {
+    if (!b->robot->floating &&
+        (yaml_has(&raw->mark, "base_xyz_m") || yaml_has(&raw->mark, "base_height_m") ||
+         yaml_has(&raw->mark, "base_rpy_rad"))) {
         return yaml_error(b->error, &raw->mark,
                           "found a place of the base, expected none for a robot with a fixed base");
     }
@@ -351,13 +351,14 @@ enum error_code rig_build_pose(struct rig_builder *b)
     rig->pose = pose->name;
     rig->hold = (enum rig_hold)raw->hold;
     rig->settle = raw->settle;
-    memcpy(rig->base_position, raw->position_given ? raw->base_xyz_m : pose->base_position,
+    memcpy(rig->base_position,
+           yaml_has(&raw->mark, "base_xyz_m") ? raw->base_xyz_m : pose->base_position,
            sizeof rig->base_position);
     memcpy(rig->base_quaternion, pose->base_quaternion, sizeof rig->base_quaternion);
-    if (raw->height_given) {
+    if (yaml_has(&raw->mark, "base_height_m")) {
         rig->base_position[2] = raw->base_height_m;
     }
-    if (raw->rpy_given) {
+    if (yaml_has(&raw->mark, "base_rpy_rad")) {
         rig_quaternion_of_rpy(raw->base_rpy_rad, rig->base_quaternion);
     }
     code = rig_build_joints(b, pose);

@@ -13,7 +13,7 @@ enum error_code rig_add_robot_surfaces(struct rig_builder *b, struct contact_sur
     struct contact_material material;
     enum error_code code;
 
-    code = rig_find_material(b, &raw->material_mark, raw->material, &material);
+    code = rig_find_material(b, yaml_mark(&raw->mark, "material"), raw->material, &material);
     for (size_t c = 0; !code && c < b->robot->ncapsule; c++) {
         const struct robot_capsule *capsule = &b->robot->capsule[c];
         struct contact_surface *s = &surface[contact->nsurface];
@@ -21,7 +21,7 @@ enum error_code rig_add_robot_surfaces(struct rig_builder *b, struct contact_sur
         /* A capsule has a name that no surface of the file has */
         for (size_t i = 0; i < contact->nsurface; i++) {
             if (!strcmp(surface[i].name, capsule->name)) {
-                return yaml_error(b->error, &scene->surface[i].name_mark,
+                return yaml_error(b->error, yaml_mark(&scene->surface[i].mark, "name"),
                                   "found surface \"%s\", expected another name: a capsule of the "
                                   "robot has it",
                                   capsule->name);

@@ -42,20 +42,20 @@ static enum error_code surface_find_place(struct rig_builder *b, const struct ra
     enum error_code code;
     int index;
 
-    if (raw->body_given == raw->frame_given) {
+    if (yaml_has(&raw->mark, "body") == yaml_has(&raw->mark, "frame")) {
         return yaml_error(b->error, &raw->mark, "found %s, expected one of \"body\" and \"frame\"",
-                          raw->body_given ? "both a body and a frame" : "no body");
+                          yaml_has(&raw->mark, "body") ? "both a body and a frame" : "no body");
     }
-    if (raw->body_given) {
-        code =
-            rig_find(b, &raw->body_mark, "body", raw->body, RIG_NAMES(b->place, b->nplace), &index);
+    if (yaml_has(&raw->mark, "body")) {
+        code = rig_find(b, yaml_mark(&raw->mark, "body"), "body", raw->body,
+                        RIG_NAMES(b->place, b->nplace), &index);
         if (code) {
             return code;
         }
         *place = b->place[index];
-        return scene_check_observed(b, &raw->body_mark, place->body);
+        return scene_check_observed(b, yaml_mark(&raw->mark, "body"), place->body);
     }
-    code = rig_find(b, &raw->frame_mark, "frame", raw->frame,
+    code = rig_find(b, yaml_mark(&raw->mark, "frame"), "frame", raw->frame,
                     RIG_NAMES(b->robot->frame, b->robot->nframe), &index);
     if (code) {
         return code;
@@ -94,26 +94,21 @@ static enum error_code surface_set_shape(struct rig_builder *b, const struct raw
 {
     static const char *const what[] = {"a half space", "a sphere", "a box", "a mesh", "a capsule"};
     const struct rig_key keys[] = {
-        {"radius_m", raw->radius_given, 1 << CONTACT_SPHERE | 1 << CONTACT_CAPSULE,
+        {"radius_m", 1 << CONTACT_SPHERE | 1 << CONTACT_CAPSULE,
          1 << CONTACT_SPHERE | 1 << CONTACT_CAPSULE},
-        {"length_m", raw->length_given, 1 << CONTACT_CAPSULE, 1 << CONTACT_CAPSULE},
-        {"half_extents_m", raw->half_extents_given, 1 << CONTACT_BOX, 1 << CONTACT_BOX},
-        {"cells", raw->cells_given, 1 << CONTACT_BOX, 0},
-        {"mesh", raw->mesh_given, 1 << CONTACT_MESH, 1 << CONTACT_MESH},
+        {"length_m", 1 << CONTACT_CAPSULE, 1 << CONTACT_CAPSULE},
+        {"half_extents_m", 1 << CONTACT_BOX, 1 << CONTACT_BOX},
+        {"cells", 1 << CONTACT_BOX, 0},
+        {"mesh", 1 << CONTACT_MESH, 1 << CONTACT_MESH},
     };
     const char *path;
-    enum error_code code =
-        rig_check_keys(b, &raw->mark, what[raw->shape], raw->shape, keys, ARRAY_COUNT(keys));
+    enum error_code code = rig_check_keys(b, &raw->mark, what[raw->surface.shape],
+                                          raw->surface.shape, keys, ARRAY_COUNT(keys));
 
-    surface->shape = (enum contact_shape)raw->shape;
-    surface->radius_m = raw->radius_m;
-    surface->length_m = raw->length_m;
-    memcpy(surface->half_extent_m, raw->half_extents_m, sizeof surface->half_extent_m);
-    surface->cells_per_edge = (int)raw->cells;
-    if (code || raw->shape != CONTACT_MESH) {
+    if (code || raw->surface.shape != CONTACT_MESH) {
         return code;
     }
-    code = yaml_resolve_path(&raw->mesh_mark, raw->mesh, b->arena, &path, b->error);
+    code = yaml_resolve_path(yaml_mark(&raw->mark, "mesh"), raw->mesh, b->arena, &path, b->error);
     return code ? code : solid_store_read_obj(path, b->arena, &surface->mesh, b->error);
 }
 
@@ -131,21 +126,13 @@ enum error_code rig_find_material(struct rig_builder *b, const struct yaml_mark 
         return code;
     }
     m = &scene->material[index];
-    if (m->static_friction < m->dynamic_friction) {
+    if (m->material.static_friction < m->material.dynamic_friction) {
         return yaml_error(b->error, &m->mark,
                           "found static_friction %g below dynamic_friction %g, expected at least "
                           "as much",
-                          m->static_friction, m->dynamic_friction);
+                          m->material.static_friction, m->material.dynamic_friction);
     }
-    *material = (struct contact_material){
-        .young_pa = m->young_pa,
-        .thickness_m = m->thickness_m,
-        .backing_pa_per_m = m->backing_pa_per_m,
-        .dissipation_s_per_m = m->dissipation_s_per_m,
-        .static_friction = m->static_friction,
-        .dynamic_friction = m->dynamic_friction,
-        .viscous_friction = m->viscous_s_per_m,
-    };
+    *material = m->material;
     return ERROR_NONE;
 }
 
@@ -169,26 +156,27 @@ static enum error_code scene_build_surfaces(struct rig_builder *b)
 
         /* A name of its own, then place, shape and material */
         for (size_t k = 0; k < i; k++) {
-            if (!strcmp(scene->surface[k].name, raw->name)) {
-                return yaml_error(b->error, &raw->name_mark,
+            if (!strcmp(scene->surface[k].surface.name, raw->surface.name)) {
+                return yaml_error(b->error, yaml_mark(&raw->mark, "name"),
                                   "found surface \"%s\" again, expected a name of its own",
-                                  raw->name);
+                                  raw->surface.name);
             }
         }
-        surface[i].name = raw->name;
-        code = rig_check_name(b, &raw->name_mark, "surface", raw->name);
+        surface[i] = raw->surface;
+        code = rig_check_name(b, yaml_mark(&raw->mark, "name"), "surface", raw->surface.name);
         code = code ? code : surface_set_place(b, raw, bodies, &surface[i]);
         code = code ? code : surface_set_shape(b, raw, &surface[i]);
-        code = code
-                   ? code
-                   : rig_find_material(b, &raw->material_mark, raw->material, &surface[i].material);
+        code = code ? code
+                    : rig_find_material(b, yaml_mark(&raw->mark, "material"), raw->material,
+                                        &surface[i].material);
         if (code) {
             return code;
         }
     }
     contact->nsurface = scene->nsurface;
     b->rig->contact_body = bodies;
-    return scene->robot_surfaces_given ? rig_add_robot_surfaces(b, surface, bodies) : ERROR_NONE;
+    return yaml_has(&scene->mark, "robot_surfaces") ? rig_add_robot_surfaces(b, surface, bodies)
+                                                    : ERROR_NONE;
 }
 
 enum error_code rig_build_pair(struct rig_builder *b, const struct raw_pair *raw,
@@ -199,7 +187,7 @@ enum error_code rig_build_pair(struct rig_builder *b, const struct raw_pair *raw
     int index[2];
 
     if (raw->nbetween != 2) {
-        return yaml_error(b->error, &raw->between_mark,
+        return yaml_error(b->error, yaml_mark(&raw->mark, "between"),
                           "found %zu surfaces, expected two: [one, other]", raw->nbetween);
     }
     for (int k = 0; k < 2; k++) {
@@ -211,7 +199,7 @@ enum error_code rig_build_pair(struct rig_builder *b, const struct raw_pair *raw
         }
     }
     if (surface[index[0]].body == surface[index[1]].body) {
-        return yaml_error(b->error, &raw->between_mark,
+        return yaml_error(b->error, yaml_mark(&raw->mark, "between"),
                           "found two surfaces of one body, expected surfaces of two bodies");
     }
     *pair = (struct contact_pair){.a = index[0], .b = index[1]};
@@ -224,13 +212,13 @@ static enum error_code scene_set_friction(struct rig_builder *b)
     const struct raw_scene *scene = &b->raw->scene;
     bool sticks = scene->engine != RIG_CONTACT_SIMBODY;
 
-    if (scene->friction_given) {
-        if (scene->friction == CONTACT_FRICTION_STICKING && !sticks) {
-            return yaml_error(b->error, &scene->friction_mark,
+    if (yaml_has(&scene->mark, "friction")) {
+        if (scene->contact.friction == CONTACT_FRICTION_STICKING && !sticks) {
+            return yaml_error(b->error, yaml_mark(&scene->mark, "friction"),
                               "found friction \"sticking\" with engine \"simbody\", expected "
                               "\"regularized\", the only one that it has");
         }
-        sticks = scene->friction == CONTACT_FRICTION_STICKING;
+        sticks = scene->contact.friction == CONTACT_FRICTION_STICKING;
     }
     b->rig->contact.friction = sticks ? CONTACT_FRICTION_STICKING : CONTACT_FRICTION_REGULARIZED;
     return ERROR_NONE;
@@ -281,8 +269,9 @@ enum error_code rig_build_scene(struct rig_builder *b)
     struct contact_pair *pair;
     enum error_code code;
 
-    b->rig->contact_engine = (enum rig_contact_engine)scene->engine;
-    if (scene->robot_surfaces_given && b->rig->contact_engine == RIG_CONTACT_SIMBODY) {
+    *contact = scene->contact;
+    b->rig->contact_engine = scene->engine;
+    if (yaml_has(&scene->mark, "robot_surfaces") && b->rig->contact_engine == RIG_CONTACT_SIMBODY) {
         return yaml_error(b->error, &scene->robot_surfaces.mark,
                           "found robot_surfaces with engine simbody, which has no capsules; "
                           "expected engine native");
@@ -293,11 +282,9 @@ enum error_code rig_build_scene(struct rig_builder *b)
     code = pair ? scene_build_surfaces(b) : rig_no_memory(b);
     code = code ? code : scene_build_pairs(b, pair);
     contact->pair = pair;
-    contact->transition_velocity_m_s = scene->transition_velocity_m_s;
-    contact->mesh_law = (enum contact_mesh_law)scene->mesh_law;
     code = code ? code : scene_set_friction(b);
     code = code ? code : scene_check(b);
-    if (!code && scene->robot_surfaces_given) {
+    if (!code && yaml_has(&scene->mark, "robot_surfaces")) {
         code = rig_add_robot_pairs(b, pair, &contact->npair);
         code = code ? code : scene_check(b);
     }

@@ -12,7 +12,7 @@
 
 #include <float.h>
 
-#define AT(member) offsetof(struct STRUCT, member)
+#define AT(type, member) offsetof(struct type, member)
 
 const struct word rig_integrator_words[] = {
     {"rk4", PLANT_RK4}, {"implicit", PLANT_IMPLICIT}, {"dopri5", PLANT_DOPRI5}, {NULL, 0}};
@@ -64,600 +64,503 @@ static const struct word budget_names[] = {
     {NULL, 0},
 };
 
-#define STRUCT raw_spring
 static const struct yaml_field spring_fields[] = {
-    {"Ks_nm_rad", YAML_REAL, true, AT(Ks_nm_rad), .min = 0.0, .max = 1e9},
-    {"Ds_nm_s_rad", YAML_REAL, true, AT(Ds_nm_s_rad), .min = 0.0, .max = 1e9},
+    {"Ks_nm_rad", YAML_REAL, true, AT(raw_spring, Ks_nm_rad), .min = 0.0, .max = 1e9},
+    {"Ds_nm_s_rad", YAML_REAL, true, AT(raw_spring, Ds_nm_s_rad), .min = 0.0, .max = 1e9},
 };
-#undef STRUCT
-static const struct yaml_schema spring_schema = {
-    .what = "a series spring",
-    .size = sizeof(struct raw_spring),
-    .fields = spring_fields,
-    .field_count = ARRAY_COUNT(spring_fields),
-    .name_offset = offsetof(struct raw_spring, joint),
-};
+static const struct yaml_schema spring_schema = YAML_SCHEMA(
+    "a series spring", struct raw_spring, spring_fields, .name_offset = AT(raw_spring, joint));
 
-#define STRUCT raw_robot
 static const struct yaml_field robot_fields[] = {
-    {"file", YAML_STRING, true, AT(file), .mark_offset = AT(file_mark)},
-    {"variant", YAML_STRING, false, .offset = AT(variant)},
-    {"fixed_base", YAML_BOOL, false, .offset = AT(fixed_base)},
-    {"springs", YAML_DICT, false, AT(spring), AT(nspring), .schema = &spring_schema},
-    {"added_mass_kg", YAML_REAL_DICT, false, AT(mass), AT(nmass), .min = -1e3, .max = 1e3},
+    {"file", YAML_STRING, true, .offset = AT(raw_robot, file)},
+    {"variant", YAML_STRING, false, .offset = AT(raw_robot, variant)},
+    {"fixed_base", YAML_BOOL, false, .offset = AT(raw_robot, fixed_base)},
+    {"springs", YAML_DICT, false, AT(raw_robot, spring), AT(raw_robot, nspring),
+     .schema = &spring_schema},
+    {"added_mass_kg", YAML_REAL_DICT, false, AT(raw_robot, mass), AT(raw_robot, nmass), .min = -1e3,
+     .max = 1e3},
 };
-#undef STRUCT
 static const struct raw_robot robot_defaults = {.variant = ""};
-static const struct yaml_schema robot_schema = {
-    .what = "the robot",
-    .size = sizeof(struct raw_robot),
-    .fields = robot_fields,
-    .field_count = ARRAY_COUNT(robot_fields),
-    .defaults = &robot_defaults,
-};
+static const struct yaml_schema robot_schema =
+    YAML_SCHEMA("the robot", struct raw_robot, robot_fields, .defaults = &robot_defaults);
 
-#define STRUCT raw_initial
 static const struct yaml_field initial_fields[] = {
-    {"pose", YAML_STRING, true, AT(pose), .mark_offset = AT(pose_mark)},
-    {"base_xyz_m", YAML_REALS, false, AT(base_xyz_m), .count = 3, .min = -1e3, .max = 1e3,
-     .given_offset = AT(position_given)},
-    {"base_height_m", YAML_REAL, false, AT(base_height_m), .min = -1e3, .max = 1e3,
-     .given_offset = AT(height_given)},
-    {"base_rpy_rad", YAML_REALS, false, AT(base_rpy_rad), .count = 3, .min = -7.0, .max = 7.0,
-     .given_offset = AT(rpy_given)},
-    {"joints_rad", YAML_REAL_DICT, false, AT(joint), .count_offset = AT(njoint)},
-    {"hold", YAML_ENUM, false, AT(hold), .names = rig_hold_words},
-    {"settle", YAML_BOOL, false, .offset = AT(settle)},
+    {"pose", YAML_STRING, true, .offset = AT(raw_initial, pose)},
+    {"base_xyz_m", YAML_REALS, false, AT(raw_initial, base_xyz_m), .count = 3, .min = -1e3,
+     .max = 1e3},
+    {"base_height_m", YAML_REAL, false, AT(raw_initial, base_height_m), .min = -1e3, .max = 1e3},
+    {"base_rpy_rad", YAML_REALS, false, AT(raw_initial, base_rpy_rad), .count = 3, .min = -7.0,
+     .max = 7.0},
+    {"joints_rad", YAML_REAL_DICT, false, AT(raw_initial, joint),
+     .count_offset = AT(raw_initial, njoint)},
+    {"hold", YAML_ENUM, false, AT(raw_initial, hold), .names = rig_hold_words},
+    {"settle", YAML_BOOL, false, .offset = AT(raw_initial, settle)},
 };
-#undef STRUCT
-static const struct yaml_schema initial_schema = {
-    .what = "the initial state",
-    .size = sizeof(struct raw_initial),
-    .fields = initial_fields,
-    .field_count = ARRAY_COUNT(initial_fields),
-};
+static const struct yaml_schema initial_schema =
+    YAML_SCHEMA("the initial state", struct raw_initial, initial_fields);
 
-#define STRUCT raw_material
 static const struct yaml_field material_fields[] = {
-    {"young_pa", YAML_REAL, true, AT(young_pa), .min = 1.0, .max = 1e12},
-    {"thickness_m", YAML_REAL, true, AT(thickness_m), .min = 1e-6, .max = 1.0},
-    {"backing_pa_per_m", YAML_REAL, false, AT(backing_pa_per_m), .min = 0.0, .max = 1e12},
-    {"dissipation_s_per_m", YAML_REAL, true, AT(dissipation_s_per_m), .min = 0.0, .max = 1e4},
-    {"static_friction", YAML_REAL, true, AT(static_friction), .min = 0.0, .max = 100.0},
-    {"dynamic_friction", YAML_REAL, true, AT(dynamic_friction), .min = 0.0, .max = 100.0},
-    {"viscous_s_per_m", YAML_REAL, true, AT(viscous_s_per_m), .min = 0.0, .max = 100.0},
+    {"young_pa", YAML_REAL, true, AT(raw_material, material.young_pa), .min = 1.0, .max = 1e12},
+    {"thickness_m", YAML_REAL, true, AT(raw_material, material.thickness_m), .min = 1e-6,
+     .max = 1.0},
+    {"backing_pa_per_m", YAML_REAL, false, AT(raw_material, material.backing_pa_per_m), .min = 0.0,
+     .max = 1e12},
+    {"dissipation_s_per_m", YAML_REAL, true, AT(raw_material, material.dissipation_s_per_m),
+     .min = 0.0, .max = 1e4},
+    {"static_friction", YAML_REAL, true, AT(raw_material, material.static_friction), .min = 0.0,
+     .max = 100.0},
+    {"dynamic_friction", YAML_REAL, true, AT(raw_material, material.dynamic_friction), .min = 0.0,
+     .max = 100.0},
+    {"viscous_s_per_m", YAML_REAL, true, AT(raw_material, material.viscous_friction), .min = 0.0,
+     .max = 100.0},
 };
-#undef STRUCT
-static const struct yaml_schema material_schema = {
-    .what = "a material",
-    .size = sizeof(struct raw_material),
-    .fields = material_fields,
-    .field_count = ARRAY_COUNT(material_fields),
-    .name_offset = offsetof(struct raw_material, name),
-};
+static const struct yaml_schema material_schema = YAML_SCHEMA(
+    "a material", struct raw_material, material_fields, .name_offset = AT(raw_material, name));
 
-#define STRUCT raw_surface
 static const struct yaml_field surface_fields[] = {
-    {"name", YAML_STRING, true, AT(name), .min = 1, .max = 63, .mark_offset = AT(name_mark)},
-    {"body", YAML_STRING, false, AT(body), .mark_offset = AT(body_mark),
-     .given_offset = AT(body_given)},
-    {"frame", YAML_STRING, false, AT(frame), .mark_offset = AT(frame_mark),
-     .given_offset = AT(frame_given)},
-    {"shape", YAML_ENUM, true, AT(shape), .names = shape_names},
-    {"xyz_m", YAML_REALS, false, AT(xyz_m), .count = 3, .min = -1e3, .max = 1e3},
-    {"rpy_rad", YAML_REALS, false, AT(rpy_rad), .count = 3, .min = -7.0, .max = 7.0},
-    {"radius_m", YAML_REAL, false, AT(radius_m), .min = 1e-6, .max = 1e3,
-     .given_offset = AT(radius_given)},
-    {"length_m", YAML_REAL, false, AT(length_m), .min = 0.0, .max = 1e3,
-     .given_offset = AT(length_given)},
-    {"half_extents_m", YAML_REALS, false, AT(half_extents_m), .count = 3, .min = 1e-6, .max = 1e3,
-     .given_offset = AT(half_extents_given)},
-    {"cells", YAML_INT, false, AT(cells), .min = 1, .max = 200, .given_offset = AT(cells_given)},
-    {"mesh", YAML_STRING, false, AT(mesh), .mark_offset = AT(mesh_mark),
-     .given_offset = AT(mesh_given)},
-    {"material", YAML_STRING, true, AT(material), .mark_offset = AT(material_mark)},
+    {"name", YAML_STRING, true, AT(raw_surface, surface.name), .min = 1, .max = 63},
+    {"body", YAML_STRING, false, .offset = AT(raw_surface, body)},
+    {"frame", YAML_STRING, false, .offset = AT(raw_surface, frame)},
+    {"shape", YAML_ENUM, true, AT(raw_surface, surface.shape), .names = shape_names},
+    {"xyz_m", YAML_REALS, false, AT(raw_surface, xyz_m), .count = 3, .min = -1e3, .max = 1e3},
+    {"rpy_rad", YAML_REALS, false, AT(raw_surface, rpy_rad), .count = 3, .min = -7.0, .max = 7.0},
+    {"radius_m", YAML_REAL, false, AT(raw_surface, surface.radius_m), .min = 1e-6, .max = 1e3},
+    {"length_m", YAML_REAL, false, AT(raw_surface, surface.length_m), .min = 0.0, .max = 1e3},
+    {"half_extents_m", YAML_REALS, false, AT(raw_surface, surface.half_extent_m), .count = 3,
+     .min = 1e-6, .max = 1e3},
+    {"cells", YAML_INT, false, AT(raw_surface, surface.cells_per_edge), .count = sizeof(int),
+     .min = 1, .max = 200},
+    {"mesh", YAML_STRING, false, .offset = AT(raw_surface, mesh)},
+    {"material", YAML_STRING, true, .offset = AT(raw_surface, material)},
 };
-#undef STRUCT
-static const struct raw_surface surface_defaults = {.cells = 7};
-static const struct yaml_schema surface_schema = {
-    .what = "a surface",
-    .size = sizeof(struct raw_surface),
-    .fields = surface_fields,
-    .field_count = ARRAY_COUNT(surface_fields),
-    .defaults = &surface_defaults,
-};
+static const struct raw_surface surface_defaults = {.surface.cells_per_edge = 7};
+static const struct yaml_schema surface_schema =
+    YAML_SCHEMA("a surface", struct raw_surface, surface_fields, .defaults = &surface_defaults);
 
-#define STRUCT raw_body
 static const struct yaml_field body_fields[] = {
-    {"name", YAML_STRING, true, AT(name), .min = 1, .max = 63, .mark_offset = AT(name_mark)},
-    {"static", YAML_BOOL, false, .offset = AT(is_static)},
-    {"mass_kg", YAML_REAL, false, AT(mass_kg), .min = DBL_MIN, .max = 1e6,
-     .mark_offset = AT(mass_mark), .given_offset = AT(mass_given)},
-    {"com_m", YAML_REALS, false, AT(com_m), .count = 3, .min = -1e3, .max = 1e3,
-     .given_offset = AT(com_given)},
-    {"inertia_kg_m2", YAML_REALS, false, AT(inertia_kg_m2), .count = 6, .min = -1e9, .max = 1e9,
-     .mark_offset = AT(inertia_mark), .given_offset = AT(inertia_given)},
-    {"box_m", YAML_REALS, false, AT(box_m), .count = 3, .min = 1e-6, .max = 1e3,
-     .given_offset = AT(box_given)},
-    {"sphere_radius_m", YAML_REAL, false, AT(sphere_radius_m), .min = 1e-6, .max = 1e3,
-     .given_offset = AT(sphere_given)},
-    {"xyz_m", YAML_REALS, false, AT(xyz_m), .count = 3, .min = -1e3, .max = 1e3},
-    {"rpy_rad", YAML_REALS, false, AT(rpy_rad), .count = 3, .min = -7.0, .max = 7.0},
-    {"velocity_m_s", YAML_REALS, false, AT(velocity_m_s), .count = 3, .min = -1e3, .max = 1e3,
-     .given_offset = AT(velocity_given)},
-    {"rate_rad_s", YAML_REALS, false, AT(rate_rad_s), .count = 3, .min = -1e3, .max = 1e3,
-     .given_offset = AT(rate_given)},
-};
-#undef STRUCT
-static const struct yaml_schema body_schema = {
-    .what = "a body of the scene",
-    .size = sizeof(struct raw_body),
-    .fields = body_fields,
-    .field_count = ARRAY_COUNT(body_fields),
-};
-
-#define STRUCT raw_pair
-static const struct yaml_field pair_fields[] = {
-    {"between", YAML_NAME_LIST, true, AT(between), AT(nbetween), .mark_offset = AT(between_mark)},
-};
-#undef STRUCT
-static const struct yaml_schema pair_schema = {
-    .what = "a pair of surfaces",
-    .size = sizeof(struct raw_pair),
-    .fields = pair_fields,
-    .field_count = ARRAY_COUNT(pair_fields),
-};
-
-#define STRUCT raw_pair
-static const struct yaml_field exclude_fields[] = {
-    {"between", YAML_NAME_LIST, true, AT(between), AT(nbetween), .mark_offset = AT(between_mark)},
-    {"reason", YAML_STRING, false, .offset = AT(reason)},
-};
-#undef STRUCT
-static const struct yaml_schema exclude_schema = {
-    .what = "a pair of surfaces to leave out",
-    .size = sizeof(struct raw_pair),
-    .fields = exclude_fields,
-    .field_count = ARRAY_COUNT(exclude_fields),
-};
-
-#define STRUCT raw_robot_surfaces
-static const struct yaml_field robot_surfaces_fields[] = {
-    {"material", YAML_STRING, true, AT(material), .mark_offset = AT(material_mark)},
-    {"self_collision", YAML_BOOL, false, .offset = AT(self_collision)},
-    {"exclude", YAML_LIST, false, AT(exclude), AT(nexclude), .schema = &exclude_schema},
-};
-#undef STRUCT
-static const struct raw_robot_surfaces robot_surfaces_defaults = {.self_collision = true};
-static const struct yaml_schema robot_surfaces_schema = {
-    .what = "the surfaces of the robot",
-    .size = sizeof(struct raw_robot_surfaces),
-    .fields = robot_surfaces_fields,
-    .field_count = ARRAY_COUNT(robot_surfaces_fields),
-    .defaults = &robot_surfaces_defaults,
-};
-
-#define STRUCT raw_scene
-static const struct yaml_field scene_fields[] = {
-    {"engine", YAML_ENUM, true, AT(engine), .names = rig_engine_words},
-    {"friction", YAML_ENUM, false, AT(friction), .mark_offset = AT(friction_mark),
-     .given_offset = AT(friction_given), .names = friction_names},
-    {"transition_velocity_m_s", YAML_REAL, false, AT(transition_velocity_m_s), .min = 1e-6,
-     .max = 10.0},
-    {"mesh_law", YAML_ENUM, false, AT(mesh_law), .names = mesh_law_names},
-    {"materials", YAML_DICT, false, AT(material), AT(nmaterial), .schema = &material_schema},
-    {"bodies", YAML_LIST, false, AT(body), AT(nbody), .schema = &body_schema},
-    {"surfaces", YAML_LIST, false, AT(surface), AT(nsurface), .schema = &surface_schema},
-    {"pairs", YAML_LIST, false, AT(pair), AT(npair), .schema = &pair_schema},
-    {"robot_surfaces", YAML_MAP, false, AT(robot_surfaces), .schema = &robot_surfaces_schema,
-     .given_offset = AT(robot_surfaces_given)},
-};
-#undef STRUCT
-static const struct raw_scene scene_defaults = {.engine = RIG_CONTACT_NONE,
-                                                .transition_velocity_m_s = 0.01,
-                                                .mesh_law = CONTACT_PRESSURE_FIELD};
-static const struct yaml_schema scene_schema = {
-    .what = "the scene",
-    .size = sizeof(struct raw_scene),
-    .fields = scene_fields,
-    .field_count = ARRAY_COUNT(scene_fields),
-    .defaults = &scene_defaults,
-};
-
-#define STRUCT raw_board
-static const struct yaml_field board_fields[] = {
-    {"name", YAML_STRING, false, AT(name), .min = 1, .max = 63},
-    {"kind", YAML_ENUM, true, AT(kind), .names = kind_names},
-    {"address", YAML_INT, true, AT(address), .min = 1, .max = 31, .mark_offset = AT(address_mark)},
-    {"axes", YAML_NAME_LIST, false, AT(axis), AT(naxis), .mark_offset = AT(axis_mark),
-     .given_offset = AT(axis_given)},
-    {"current_limit_a", YAML_REAL, false, AT(current_limit_a), .min = DBL_MIN, .max = 1e3,
-     .given_offset = AT(current_given)},
-    {"joints", YAML_NAME_LIST, false, AT(joint), AT(njoint), .mark_offset = AT(joint_mark),
-     .given_offset = AT(joint_given)},
-    {"sensor", YAML_STRING, false, AT(sensor), .mark_offset = AT(sensor_mark),
-     .given_offset = AT(sensor_given)},
-    {"full_scale_n", YAML_REALS, false, AT(full_scale_n), .count = 3, .min = 1, .max = 65535,
-     .mark_offset = AT(full_scale_n_mark), .given_offset = AT(full_scale_n_given)},
-    {"full_scale_nm", YAML_REALS, false, AT(full_scale_nm), .count = 3, .min = 1, .max = 65535,
-     .mark_offset = AT(full_scale_nm_mark), .given_offset = AT(full_scale_nm_given)},
-    {"period_s", YAML_REAL, false, AT(period_s), .min = 0.001, .max = 0.255,
-     .mark_offset = AT(period_mark), .given_offset = AT(period_given)},
-    {"transmit_at_start", YAML_BOOL, false, .offset = AT(transmit_at_start)},
-    {"external", YAML_BOOL, false, .offset = AT(external), .mark_offset = AT(external_mark)},
-    {"external_follows", YAML_ENUM, false, AT(external_torque), .names = follows_names,
-     .mark_offset = AT(external_follows_mark), .given_offset = AT(external_follows_given)},
-    {"external_timeout_s", YAML_REAL, false, AT(external_timeout_s), .min = 0.001, .max = 60.0,
-     .mark_offset = AT(external_timeout_mark), .given_offset = AT(external_timeout_given)},
-};
-#undef STRUCT
-static const struct raw_board board_defaults = {.period_s = 0.001, .external_timeout_s = 0.02};
-static const struct yaml_schema board_schema = {
-    .what = "a board",
-    .size = sizeof(struct raw_board),
-    .fields = board_fields,
-    .field_count = ARRAY_COUNT(board_fields),
-    .defaults = &board_defaults,
-};
-
-#define STRUCT raw_bus
-static const struct yaml_field bus_fields[] = {
-    {"name", YAML_STRING, true, AT(name), .min = 1, .max = 63, .mark_offset = AT(name_mark)},
-    {"interface", YAML_STRING, true, AT(interface), .min = 1, .max = 15,
-     .mark_offset = AT(interface_mark)},
-    {"bitrate", YAML_INT, false, AT(bitrate), .min = 10000, .max = 1000000},
-    {"fd", YAML_BOOL, false, .offset = AT(fd), .mark_offset = AT(fd_mark)},
-    {"data_bitrate", YAML_INT, false, AT(data_bitrate), .min = 10000, .max = 8000000,
-     .mark_offset = AT(data_bitrate_mark), .given_offset = AT(data_bitrate_given)},
-    {"personality", YAML_ENUM, false, AT(personality), .names = protocol_words,
-     .given_offset = AT(personality_given)},
-    {"protocol", YAML_STRING, false, AT(protocol), .min = 1, .max = 400,
-     .mark_offset = AT(protocol_mark)},
-    {"padded_frames", YAML_BOOL, false, .offset = AT(padded), .mark_offset = AT(padded_mark)},
-    {"configure", YAML_BOOL, false, .offset = AT(configure)},
-    {"sample_point", YAML_REAL, false, AT(sample_point), .min = 0.5, .max = 0.95,
-     .mark_offset = AT(sample_point_mark), .given_offset = AT(sample_point_given)},
-    {"restart_ms", YAML_INT, false, AT(restart_ms), .min = 0, .max = 60000,
-     .mark_offset = AT(restart_mark), .given_offset = AT(restart_given)},
-    {"boards", YAML_LIST, true, AT(board), AT(nboard), .schema = &board_schema,
-     .entry_key = "address"},
-};
-#undef STRUCT
-static const struct raw_bus bus_defaults = {.bitrate = 1000000};
-static const struct yaml_schema bus_schema = {
-    .what = "a bus",
-    .size = sizeof(struct raw_bus),
-    .fields = bus_fields,
-    .field_count = ARRAY_COUNT(bus_fields),
-    .defaults = &bus_defaults,
-};
-
-#define STRUCT raw_switches
-static const struct yaml_field switches_fields[] = {
-    {"negative_limit_rad", YAML_REAL, false, AT(negative_rad), .min = -1e3, .max = 1e3,
-     .mark_offset = AT(negative_mark), .given_offset = AT(negative_given)},
-    {"positive_limit_rad", YAML_REAL, false, AT(positive_rad), .min = -1e3, .max = 1e3,
-     .given_offset = AT(positive_given)},
-    {"home_rad", YAML_REALS, false, AT(home_rad), .count = 2, .min = -1e3, .max = 1e3,
-     .mark_offset = AT(home_mark), .given_offset = AT(home_given)},
-    {"index_pulse", YAML_BOOL, false, .offset = AT(index_pulse)},
-};
-#undef STRUCT
-static const struct yaml_schema switches_schema = {
-    .what = "the switches of a joint",
-    .size = sizeof(struct raw_switches),
-    .fields = switches_fields,
-    .field_count = ARRAY_COUNT(switches_fields),
-    .name_offset = offsetof(struct raw_switches, joint),
-};
-
-#define STRUCT raw_motors
-static const struct yaml_field motors_fields[] = {
-    {"joint_ticks_per_rev", YAML_REAL, true, AT(joint_ticks_per_rev), .min = 1.0, .max = 1e9},
-    {"motor_ticks_per_link_rev", YAML_REAL, true, AT(motor_ticks_per_link_rev), .min = 1.0,
+    {"name", YAML_STRING, true, AT(raw_body, body.name), .min = 1, .max = 63},
+    {"static", YAML_BOOL, false, .offset = AT(raw_body, is_static)},
+    {"mass_kg", YAML_REAL, false, AT(raw_body, body.inertia.mass), .min = DBL_MIN, .max = 1e6},
+    {"com_m", YAML_REALS, false, AT(raw_body, body.inertia.com), .count = 3, .min = -1e3,
+     .max = 1e3},
+    {"inertia_kg_m2", YAML_REALS, false, AT(raw_body, body.inertia.I), .count = 6, .min = -1e9,
      .max = 1e9},
-    {"torque_full_scale_nm", YAML_REAL, true, AT(torque_full_scale_nm), .min = 1, .max = 65535,
-     .mark_offset = AT(torque_full_scale_mark)},
-    {"current_limit_a", YAML_REAL, true, AT(current_limit_a), .min = DBL_MIN, .max = 1e3},
-    {"temperature_limit_c", YAML_REAL, false, AT(temperature_limit_c), .min = 0.0, .max = 125.0},
-    {"command_timeout_s", YAML_REAL, false, AT(command_timeout_s), .min = 0.0, .max = 60.0},
-    {"rotor_poles", YAML_INT, false, AT(rotor_poles), .min = 2, .max = 126},
-    {"status_period_s", YAML_REAL, false, AT(status_period_s), .min = 0.0, .max = 10.0},
-    {"boot_s", YAML_REAL, false, AT(boot_s), .min = 0.0, .max = 60.0},
-    {"strict", YAML_BOOL, false, .offset = AT(strict)},
-    {"require_calibration", YAML_BOOL, false, .offset = AT(require_calibration),
-     .mark_offset = AT(require_calibration_mark)},
-    {"keep_firmware", YAML_BOOL, false, .offset = AT(keep_firmware)},
-    {"discovery_stops_motors", YAML_BOOL, false, .offset = AT(discovery_stops_motors)},
-    {"switches", YAML_DICT, false, AT(switches), AT(nswitches), .schema = &switches_schema},
+    {"box_m", YAML_REALS, false, AT(raw_body, box_m), .count = 3, .min = 1e-6, .max = 1e3},
+    {"sphere_radius_m", YAML_REAL, false, AT(raw_body, sphere_radius_m), .min = 1e-6, .max = 1e3},
+    {"xyz_m", YAML_REALS, false, AT(raw_body, body.position), .count = 3, .min = -1e3, .max = 1e3},
+    {"rpy_rad", YAML_REALS, false, AT(raw_body, rpy_rad), .count = 3, .min = -7.0, .max = 7.0},
+    {"velocity_m_s", YAML_REALS, false, AT(raw_body, body.v), .count = 3, .min = -1e3, .max = 1e3},
+    {"rate_rad_s", YAML_REALS, false, AT(raw_body, body.w), .count = 3, .min = -1e3, .max = 1e3},
 };
-#undef STRUCT
+static const struct yaml_schema body_schema =
+    YAML_SCHEMA("a body of the scene", struct raw_body, body_fields);
+
+static const struct yaml_field pair_fields[] = {
+    {"between", YAML_NAME_LIST, true, .offset = AT(raw_pair, between),
+     .count_offset = AT(raw_pair, nbetween)},
+};
+static const struct yaml_schema pair_schema =
+    YAML_SCHEMA("a pair of surfaces", struct raw_pair, pair_fields);
+
+static const struct yaml_field exclude_fields[] = {
+    {"between", YAML_NAME_LIST, true, .offset = AT(raw_pair, between),
+     .count_offset = AT(raw_pair, nbetween)},
+    {"reason", YAML_STRING, false, .offset = AT(raw_pair, reason)},
+};
+static const struct yaml_schema exclude_schema =
+    YAML_SCHEMA("a pair of surfaces to leave out", struct raw_pair, exclude_fields);
+
+static const struct yaml_field robot_surfaces_fields[] = {
+    {"material", YAML_STRING, true, .offset = AT(raw_robot_surfaces, material)},
+    {"self_collision", YAML_BOOL, false, .offset = AT(raw_robot_surfaces, self_collision)},
+    {"exclude", YAML_LIST, false, AT(raw_robot_surfaces, exclude), AT(raw_robot_surfaces, nexclude),
+     .schema = &exclude_schema},
+};
+static const struct raw_robot_surfaces robot_surfaces_defaults = {.self_collision = true};
+static const struct yaml_schema robot_surfaces_schema =
+    YAML_SCHEMA("the surfaces of the robot", struct raw_robot_surfaces, robot_surfaces_fields,
+                .defaults = &robot_surfaces_defaults);
+
+static const struct yaml_field scene_fields[] = {
+    {"engine", YAML_ENUM, true, AT(raw_scene, engine), .names = rig_engine_words},
+    {"friction", YAML_ENUM, false, AT(raw_scene, contact.friction), .names = friction_names},
+    {"transition_velocity_m_s", YAML_REAL, false, AT(raw_scene, contact.transition_velocity_m_s),
+     .min = 1e-6, .max = 10.0},
+    {"mesh_law", YAML_ENUM, false, AT(raw_scene, contact.mesh_law), .names = mesh_law_names},
+    {"materials", YAML_DICT, false, AT(raw_scene, material), AT(raw_scene, nmaterial),
+     .schema = &material_schema},
+    {"bodies", YAML_LIST, false, AT(raw_scene, body), AT(raw_scene, nbody), .schema = &body_schema},
+    {"surfaces", YAML_LIST, false, AT(raw_scene, surface), AT(raw_scene, nsurface),
+     .schema = &surface_schema},
+    {"pairs", YAML_LIST, false, AT(raw_scene, pair), AT(raw_scene, npair), .schema = &pair_schema},
+    {"robot_surfaces", YAML_MAP, false, AT(raw_scene, robot_surfaces),
+     .schema = &robot_surfaces_schema},
+};
+static const struct raw_scene scene_defaults = {.engine = RIG_CONTACT_NONE,
+                                                .contact.transition_velocity_m_s = 0.01,
+                                                .contact.mesh_law = CONTACT_PRESSURE_FIELD};
+static const struct yaml_schema scene_schema =
+    YAML_SCHEMA("the scene", struct raw_scene, scene_fields, .defaults = &scene_defaults);
+
+static const struct yaml_field board_fields[] = {
+    {"name", YAML_STRING, false, AT(raw_board, board.name), .min = 1, .max = 63},
+    {"kind", YAML_ENUM, true, AT(raw_board, board.kind), .names = kind_names},
+    {"address", YAML_INT, true, AT(raw_board, address), .min = 1, .max = 31},
+    {"axes", YAML_NAME_LIST, false, .offset = AT(raw_board, axis),
+     .count_offset = AT(raw_board, naxis)},
+    {"current_limit_a", YAML_REAL, false, AT(raw_board, current_limit_a), .min = DBL_MIN,
+     .max = 1e3},
+    {"joints", YAML_NAME_LIST, false, .offset = AT(raw_board, joint),
+     .count_offset = AT(raw_board, njoint)},
+    {"sensor", YAML_STRING, false, .offset = AT(raw_board, sensor)},
+    {"full_scale_n", YAML_REALS, false, AT(raw_board, board.full_scale), .count = 3, .min = 1,
+     .max = 65535},
+    {"full_scale_nm", YAML_REALS, false, AT(raw_board, board.full_scale[3]), .count = 3, .min = 1,
+     .max = 65535},
+    {"period_s", YAML_REAL, false, AT(raw_board, board.period_ns), .ns = true, .min = 0.001,
+     .max = 0.255},
+    {"transmit_at_start", YAML_BOOL, false, .offset = AT(raw_board, board.transmit_at_start)},
+    {"external", YAML_BOOL, false, .offset = AT(raw_board, board.external)},
+    {"external_follows", YAML_ENUM, false, AT(raw_board, external_torque), .names = follows_names},
+    {"external_timeout_s", YAML_REAL, false, AT(raw_board, board.external_timeout_ns), .ns = true,
+     .min = 0.001, .max = 60.0},
+};
+static const struct raw_board board_defaults = {.board.period_ns = 1000000,
+                                                .board.external_timeout_ns = 20000000};
+static const struct yaml_schema board_schema =
+    YAML_SCHEMA("a board", struct raw_board, board_fields, .defaults = &board_defaults);
+
+static const struct yaml_field bus_fields[] = {
+    {"name", YAML_STRING, true, AT(raw_bus, bus.name), .min = 1, .max = 63},
+    {"interface", YAML_STRING, true, AT(raw_bus, bus.interface), .min = 1, .max = 15},
+    {"bitrate", YAML_INT, false, AT(raw_bus, bus.bitrate), .min = 10000, .max = 1000000},
+    {"fd", YAML_BOOL, false, .offset = AT(raw_bus, bus.fd)},
+    {"data_bitrate", YAML_INT, false, AT(raw_bus, bus.data_bitrate), .min = 10000, .max = 8000000},
+    {"personality", YAML_ENUM, false, AT(raw_bus, personality), .names = protocol_words},
+    {"protocol", YAML_STRING, false, AT(raw_bus, protocol), .min = 1, .max = 400},
+    {"padded_frames", YAML_BOOL, false, .offset = AT(raw_bus, padded)},
+    {"configure", YAML_BOOL, false, .offset = AT(raw_bus, bus.configure)},
+    {"sample_point", YAML_REAL, false, AT(raw_bus, bus.sample_point), .min = 0.5, .max = 0.95},
+    {"restart_ms", YAML_INT, false, AT(raw_bus, bus.restart_ms), .min = 0, .max = 60000},
+    {"boards", YAML_LIST, true, AT(raw_bus, board), AT(raw_bus, bus.nboard),
+     .schema = &board_schema, .entry_key = "address"},
+};
+static const struct raw_bus bus_defaults = {.bus.bitrate = 1000000};
+static const struct yaml_schema bus_schema =
+    YAML_SCHEMA("a bus", struct raw_bus, bus_fields, .defaults = &bus_defaults);
+
+static const struct yaml_field switches_fields[] = {
+    {"negative_limit_rad", YAML_REAL, false, AT(raw_switches, switches.negative_rad), .min = -1e3,
+     .max = 1e3},
+    {"positive_limit_rad", YAML_REAL, false, AT(raw_switches, switches.positive_rad), .min = -1e3,
+     .max = 1e3},
+    {"home_rad", YAML_REALS, false, AT(raw_switches, switches.home_rad), .count = 2, .min = -1e3,
+     .max = 1e3},
+    {"index_pulse", YAML_BOOL, false, .offset = AT(raw_switches, index_pulse)},
+};
+static const struct yaml_schema switches_schema =
+    YAML_SCHEMA("the switches of a joint", struct raw_switches, switches_fields,
+                .name_offset = AT(raw_switches, joint));
+
+static const struct yaml_field motors_fields[] = {
+    {"joint_ticks_per_rev", YAML_REAL, true, AT(raw_motors, joint_ticks_per_rev), .min = 1.0,
+     .max = 1e9},
+    {"motor_ticks_per_link_rev", YAML_REAL, true, AT(raw_motors, motor_ticks_per_link_rev),
+     .min = 1.0, .max = 1e9},
+    {"torque_full_scale_nm", YAML_REAL, true, AT(raw_motors, axis.torque_full_scale_nm), .min = 1,
+     .max = 65535},
+    {"current_limit_a", YAML_REAL, true, AT(raw_motors, axis.current_limit_a), .min = DBL_MIN,
+     .max = 1e3},
+    {"temperature_limit_c", YAML_REAL, false, AT(raw_motors, axis.temperature_limit_c), .min = 0.0,
+     .max = 125.0},
+    {"command_timeout_s", YAML_REAL, false, AT(raw_motors, board.command_timeout_ns), .ns = true,
+     .min = 0.0, .max = 60.0},
+    {"rotor_poles", YAML_INT, false, AT(raw_motors, rotor_poles), .count = sizeof(int), .min = 2,
+     .max = 126},
+    {"status_period_s", YAML_REAL, false, AT(raw_motors, board.status_period_ns), .ns = true,
+     .min = 0.0, .max = 10.0},
+    {"boot_s", YAML_REAL, false, AT(raw_motors, board.boot_ns), .ns = true, .min = 0.0,
+     .max = 60.0},
+    {"strict", YAML_BOOL, false, .offset = AT(raw_motors, board.strict)},
+    {"require_calibration", YAML_BOOL, false, .offset = AT(raw_motors, board.require_calibration)},
+    {"keep_firmware", YAML_BOOL, false, .offset = AT(raw_motors, board.keep_firmware)},
+    {"discovery_stops_motors", YAML_BOOL, false,
+     .offset = AT(raw_motors, board.discovery_stops_motors)},
+    {"switches", YAML_DICT, false, AT(raw_motors, switches), AT(raw_motors, nswitches),
+     .schema = &switches_schema},
+};
 static const struct raw_motors motors_defaults = {
-    .rotor_poles = 8, .command_timeout_s = 0.1, .temperature_limit_c = 70.0};
-static const struct yaml_schema motors_schema = {
-    .what = "the motor boards",
-    .size = sizeof(struct raw_motors),
-    .fields = motors_fields,
-    .field_count = ARRAY_COUNT(motors_fields),
-    .defaults = &motors_defaults,
-};
+    .rotor_poles = 8, .board.command_timeout_ns = 100000000, .axis.temperature_limit_c = 70.0};
+static const struct yaml_schema motors_schema =
+    YAML_SCHEMA("the motor boards", struct raw_motors, motors_fields, .defaults = &motors_defaults);
 
-#define STRUCT raw_wire
 static const struct yaml_field wire_fields[] = {
-    {"mode", YAML_ENUM, false, AT(mode), .names = rig_wire_words},
-    {"pace", YAML_ENUM, false, AT(pace), .names = wire_pace_names},
-    {"order", YAML_ENUM, false, AT(order), .names = wire_order_names},
-    {"queue", YAML_INT, false, AT(queue), .min = 1, .max = 4096},
-    {"restart_s", YAML_REAL, false, AT(restart_s), .min = 0.0, .max = 3600.0},
-    {"budget", YAML_ENUM, false, AT(budget), .names = budget_names},
+    {"mode", YAML_ENUM, false, AT(raw_wire, mode), .names = rig_wire_words},
+    {"pace", YAML_ENUM, false, AT(raw_wire, pace), .names = wire_pace_names},
+    {"order", YAML_ENUM, false, AT(raw_wire, order), .names = wire_order_names},
+    {"queue", YAML_INT, false, AT(raw_wire, queue), .min = 1, .max = 4096},
+    {"restart_s", YAML_REAL, false, AT(raw_wire, restart_ns), .ns = true, .min = 0.0,
+     .max = 3600.0},
+    {"budget", YAML_ENUM, false, AT(raw_wire, budget), .names = budget_names},
 };
-#undef STRUCT
-static const struct raw_wire wire_defaults = {.queue = 256, .restart_s = 0.1};
-static const struct yaml_schema wire_schema = {
-    .what = "the wire",
-    .size = sizeof(struct raw_wire),
-    .fields = wire_fields,
-    .field_count = ARRAY_COUNT(wire_fields),
-    .defaults = &wire_defaults,
-};
+static const struct raw_wire wire_defaults = {.queue = 256, .restart_ns = 100000000};
+static const struct yaml_schema wire_schema =
+    YAML_SCHEMA("the wire", struct raw_wire, wire_fields, .defaults = &wire_defaults);
 
-#define STRUCT raw_lockstep
 static const struct yaml_field lockstep_fields[] = {
-    {"bus", YAML_STRING, false, AT(bus), .mark_offset = AT(bus_mark)},
-    {"step_id", YAML_INT, false, AT(step_id), .min = 0, .max = 0x7ff, .mark_offset = AT(step_mark)},
-    {"done_id", YAML_INT, false, AT(done_id), .min = 0, .max = 0x7ff, .mark_offset = AT(done_mark)},
-    {"partner_timeout_s", YAML_REAL, false, AT(partner_timeout_s), .min = 0.01, .max = 3600.0},
+    {"bus", YAML_STRING, false, .offset = AT(raw_lockstep, bus)},
+    {"step_id", YAML_INT, false, AT(raw_lockstep, lockstep.step_id), .count = sizeof(int), .min = 0,
+     .max = 0x7ff},
+    {"done_id", YAML_INT, false, AT(raw_lockstep, lockstep.done_id), .count = sizeof(int), .min = 0,
+     .max = 0x7ff},
+    {"partner_timeout_s", YAML_REAL, false, AT(raw_lockstep, lockstep.partner_timeout_ns),
+     .ns = true, .min = 0.01, .max = 3600.0},
 };
-#undef STRUCT
 static const struct raw_lockstep lockstep_defaults = {
-    .step_id = LOCKSTEP_STEP_ID, .done_id = LOCKSTEP_DONE_ID, .partner_timeout_s = 1.0};
-static const struct yaml_schema lockstep_schema = {
-    .what = "lockstep",
-    .size = sizeof(struct raw_lockstep),
-    .fields = lockstep_fields,
-    .field_count = ARRAY_COUNT(lockstep_fields),
-    .defaults = &lockstep_defaults,
-};
+    .lockstep = {.step_id = LOCKSTEP_STEP_ID,
+                 .done_id = LOCKSTEP_DONE_ID,
+                 .partner_timeout_ns = 1000000000}};
+static const struct yaml_schema lockstep_schema =
+    YAML_SCHEMA("lockstep", struct raw_lockstep, lockstep_fields, .defaults = &lockstep_defaults);
 
-#define STRUCT raw_realtime
 static const struct yaml_field realtime_fields[] = {
-    {"priority", YAML_INT, false, AT(priority), .min = 0, .max = 99},
-    {"cpu", YAML_INT, false, AT(cpu), .min = -1, .max = 1023},
-    {"lock_memory", YAML_BOOL, false, .offset = AT(lock_memory)},
-    {"overrun", YAML_ENUM, false, AT(overrun), .names = loop_overrun_words},
-    {"stop_after", YAML_INT, false, AT(stop_after), .min = 1, .max = 1e9},
+    {"priority", YAML_INT, false, AT(rig_realtime, priority), .count = sizeof(int), .min = 0,
+     .max = 99},
+    {"cpu", YAML_INT, false, AT(rig_realtime, cpu), .count = sizeof(int), .min = -1, .max = 1023},
+    {"lock_memory", YAML_BOOL, false, .offset = AT(rig_realtime, lock_memory)},
+    {"overrun", YAML_ENUM, false, AT(rig_realtime, overrun), .names = loop_overrun_words},
+    {"stop_after", YAML_INT, false, AT(rig_realtime, stop_after), .min = 1, .max = 1e9},
 };
-#undef STRUCT
-static const struct raw_realtime realtime_defaults = {
+static const struct rig_realtime realtime_defaults = {
     .priority = 80, .cpu = -1, .lock_memory = true, .overrun = LOOP_OVERRUN_SKIP, .stop_after = 1};
-static const struct yaml_schema realtime_schema = {
-    .what = "the real-time settings",
-    .size = sizeof(struct raw_realtime),
-    .fields = realtime_fields,
-    .field_count = ARRAY_COUNT(realtime_fields),
-    .defaults = &realtime_defaults,
-};
+static const struct yaml_schema realtime_schema =
+    YAML_SCHEMA("the real-time settings", struct rig_realtime, realtime_fields, .unmarked = true,
+                .defaults = &realtime_defaults);
 
-#define STRUCT raw_record
 static const struct yaml_field record_fields[] = {
-    {"directory", YAML_STRING, false, AT(directory), .min = 1, .max = 4000,
-     .mark_offset = AT(directory_mark)},
-    {"format", YAML_ENUM, false, AT(format), .names = recorder_format_words},
+    {"directory", YAML_STRING, false, AT(rig_record, directory), .min = 1, .max = 4000},
+    {"format", YAML_ENUM, false, AT(rig_record, format), .names = recorder_format_words},
 };
-#undef STRUCT
-static const struct raw_record record_defaults = {.format = RECORDER_CSV};
-static const struct yaml_schema record_schema = {
-    .what = "the record",
-    .size = sizeof(struct raw_record),
-    .fields = record_fields,
-    .field_count = ARRAY_COUNT(record_fields),
-    .defaults = &record_defaults,
-};
+static const struct rig_record record_defaults = {.format = RECORDER_CSV};
+static const struct yaml_schema record_schema = YAML_SCHEMA(
+    "the record", struct rig_record, record_fields, .unmarked = true, .defaults = &record_defaults);
 
-#define STRUCT raw_page
 static const struct yaml_field page_fields[] = {
-    {"listen", YAML_STRING, true, AT(listen), .min = 1, .max = 80, .mark_offset = AT(listen_mark)},
+    {"listen", YAML_STRING, true, AT(rig_page, listen), .min = 1, .max = 80},
 };
-#undef STRUCT
-static const struct yaml_schema page_schema = {
-    .what = "the page",
-    .size = sizeof(struct raw_page),
-    .fields = page_fields,
-    .field_count = ARRAY_COUNT(page_fields),
-};
+static const struct yaml_schema page_schema =
+    YAML_SCHEMA("the page", struct rig_page, page_fields, .unmarked = true);
 
-#define STRUCT raw_gains
 static const struct yaml_field gains_fields[] = {
-    {"joints", YAML_NAME_LIST, true, .offset = AT(joint), .count_offset = AT(njoint)},
-    {"kp_v_per_rad", YAML_REAL, false, AT(kp_v_per_rad), .min = 0.0, .max = 1e6,
-     .given_offset = AT(kp_given)},
-    {"ki_v_per_rad_s", YAML_REAL, false, AT(ki_v_per_rad_s), .min = 0.0, .max = 1e6,
-     .given_offset = AT(ki_given)},
-    {"kd_v_s_per_rad", YAML_REAL, false, AT(kd_v_s_per_rad), .min = 0.0, .max = 1e6,
-     .given_offset = AT(kd_given)},
-    {"kw_v_s_per_rad", YAML_REAL, false, AT(kw_v_s_per_rad), .min = 0.0, .max = 1e6,
-     .given_offset = AT(kw_given)},
-    {"trim_per_s", YAML_REAL, false, AT(trim_per_s), .min = 0.0, .max = 1e3,
-     .given_offset = AT(trim_given)},
-    {"sway_damping_per_s", YAML_REAL, false, AT(sway_damping_per_s), .min = 0.0, .max = 1e3,
-     .given_offset = AT(damping_given)},
-    {"limit_v", YAML_REAL, false, AT(limit_v), .min = DBL_MIN, .max = 1e4,
-     .given_offset = AT(limit_given)},
-    {"load_v_per_nm", YAML_REAL, false, AT(load_v_per_nm), .min = 0.0, .max = 1e4,
-     .given_offset = AT(load_given)},
+    {"joints", YAML_NAME_LIST, true, .offset = AT(raw_gains, joint),
+     .count_offset = AT(raw_gains, njoint)},
+    {"kp_v_per_rad", YAML_REAL, false, AT(raw_gains, gains.kp_v_per_rad), .min = 0.0, .max = 1e6},
+    {"ki_v_per_rad_s", YAML_REAL, false, AT(raw_gains, gains.ki_v_per_rad_s), .min = 0.0,
+     .max = 1e6},
+    {"kd_v_s_per_rad", YAML_REAL, false, AT(raw_gains, gains.kd_v_s_per_rad), .min = 0.0,
+     .max = 1e6},
+    {"kw_v_s_per_rad", YAML_REAL, false, AT(raw_gains, gains.kw_v_s_per_rad), .min = 0.0,
+     .max = 1e6},
+    {"trim_per_s", YAML_REAL, false, AT(raw_gains, gains.trim_per_s), .min = 0.0, .max = 1e3},
+    {"sway_damping_per_s", YAML_REAL, false, AT(raw_gains, gains.sway_damping_per_s), .min = 0.0,
+     .max = 1e3},
+    {"limit_v", YAML_REAL, false, AT(raw_gains, gains.limit_v), .min = DBL_MIN, .max = 1e4},
+    {"load_v_per_nm", YAML_REAL, false, AT(raw_gains, gains.load_v_per_nm), .min = 0.0, .max = 1e4},
 };
-#undef STRUCT
-const struct yaml_schema gains_schema = {
-    .what = "the gains of some joints",
-    .size = sizeof(struct raw_gains),
-    .fields = gains_fields,
-    .field_count = ARRAY_COUNT(gains_fields),
-};
+const struct yaml_schema gains_schema =
+    YAML_SCHEMA("the gains of some joints", struct raw_gains, gains_fields);
 
-#define STRUCT raw_servo
 static const struct yaml_field servo_fields[] = {
-    {"kp_v_per_rad", YAML_REAL, true, AT(gains.kp_v_per_rad), .min = 0.0, .max = 1e6},
-    {"ki_v_per_rad_s", YAML_REAL, true, AT(gains.ki_v_per_rad_s), .min = 0.0, .max = 1e6},
-    {"kd_v_s_per_rad", YAML_REAL, false, AT(gains.kd_v_s_per_rad), .min = 0.0, .max = 1e6},
-    {"kw_v_s_per_rad", YAML_REAL, true, AT(gains.kw_v_s_per_rad), .min = 0.0, .max = 1e6},
-    {"trim_per_s", YAML_REAL, false, AT(gains.trim_per_s), .min = 0.0, .max = 1e3},
-    {"sway_damping_per_s", YAML_REAL, false, AT(gains.sway_damping_per_s), .min = 0.0, .max = 1e3},
-    {"limit_v", YAML_REAL, false, AT(gains.limit_v), .min = DBL_MIN, .max = 1e4},
-    {"load_v_per_nm", YAML_REAL, false, AT(gains.load_v_per_nm), .min = 0.0, .max = 1e4},
-    {"others", YAML_LIST, false, AT(other), AT(nother), .schema = &gains_schema},
-    {"command_period_s", YAML_REAL, true, AT(command_period_s), .min = 1e-5, .max = 1.0,
-     .mark_offset = AT(command_period_mark)},
+    {"kp_v_per_rad", YAML_REAL, true, AT(raw_servo, gains.kp_v_per_rad), .min = 0.0, .max = 1e6},
+    {"ki_v_per_rad_s", YAML_REAL, true, AT(raw_servo, gains.ki_v_per_rad_s), .min = 0.0,
+     .max = 1e6},
+    {"kd_v_s_per_rad", YAML_REAL, false, AT(raw_servo, gains.kd_v_s_per_rad), .min = 0.0,
+     .max = 1e6},
+    {"kw_v_s_per_rad", YAML_REAL, true, AT(raw_servo, gains.kw_v_s_per_rad), .min = 0.0,
+     .max = 1e6},
+    {"trim_per_s", YAML_REAL, false, AT(raw_servo, gains.trim_per_s), .min = 0.0, .max = 1e3},
+    {"sway_damping_per_s", YAML_REAL, false, AT(raw_servo, gains.sway_damping_per_s), .min = 0.0,
+     .max = 1e3},
+    {"limit_v", YAML_REAL, false, AT(raw_servo, gains.limit_v), .min = DBL_MIN, .max = 1e4},
+    {"load_v_per_nm", YAML_REAL, false, AT(raw_servo, gains.load_v_per_nm), .min = 0.0, .max = 1e4},
+    {"others", YAML_LIST, false, AT(raw_servo, other), AT(raw_servo, nother),
+     .schema = &gains_schema},
+    {"command_period_s", YAML_REAL, true, AT(raw_servo, command_period_s), .min = 1e-5, .max = 1.0},
 };
-#undef STRUCT
-static const struct yaml_schema servo_schema = {
-    .what = "the servo",
-    .size = sizeof(struct raw_servo),
-    .fields = servo_fields,
-    .field_count = ARRAY_COUNT(servo_fields),
-};
+static const struct yaml_schema servo_schema =
+    YAML_SCHEMA("the servo", struct raw_servo, servo_fields);
 
-#define STRUCT raw_squat
 static const struct yaml_field squat_fields[] = {
-    {"thigh_m", YAML_REAL, true, AT(thigh_m), .min = 0.01, .max = 10.0},
-    {"shank_m", YAML_REAL, true, AT(shank_m), .min = 0.01, .max = 10.0},
-    {"depth_m", YAML_REAL, true, AT(depth_m), .min = 0.0, .max = 10.0},
-    {"period_s", YAML_REAL, true, AT(period_s), .min = 0.1, .max = 1e3},
-    {"cycles", YAML_INT, true, AT(cycles), .min = 1, .max = 1e6},
+    {"thigh_m", YAML_REAL, true, AT(squat_config, thigh_m), .min = 0.01, .max = 10.0},
+    {"shank_m", YAML_REAL, true, AT(squat_config, shank_m), .min = 0.01, .max = 10.0},
+    {"depth_m", YAML_REAL, true, AT(squat_config, depth_m), .min = 0.0, .max = 10.0},
+    {"period_s", YAML_REAL, true, AT(squat_config, period_s), .min = 0.1, .max = 1e3},
+    {"cycles", YAML_INT, true, AT(squat_config, cycles), .count = sizeof(int), .min = 1,
+     .max = 1e6},
 };
-#undef STRUCT
-static const struct yaml_schema squat_schema = {
-    .what = "the squat",
-    .size = sizeof(struct raw_squat),
-    .fields = squat_fields,
-    .field_count = ARRAY_COUNT(squat_fields),
-};
+static const struct yaml_schema squat_schema =
+    YAML_SCHEMA("the squat", struct squat_config, squat_fields, .unmarked = true);
 
-#define STRUCT raw_phase
 static const struct yaml_field phase_fields[] = {
-    {"name", YAML_STRING, true, AT(name), .min = 1, .max = 31},
-    {"until_s", YAML_REAL, true, AT(until_s), .min = DBL_MIN, .max = 1e3},
-    {"arm_rad", YAML_REALS, true, AT(arm_rad), .count = GRASP_JOINTS, .min = -7.0, .max = 7.0},
-    {"closed", YAML_BOOL, false, .offset = AT(closed)},
+    {"name", YAML_STRING, true, AT(grasp_phase, name), .min = 1, .max = 31},
+    {"until_s", YAML_REAL, true, AT(grasp_phase, until_s), .min = DBL_MIN, .max = 1e3},
+    {"arm_rad", YAML_REALS, true, AT(grasp_phase, arm_rad), .count = GRASP_JOINTS, .min = -7.0,
+     .max = 7.0},
+    {"closed", YAML_BOOL, false, .offset = AT(grasp_phase, closed)},
 };
-#undef STRUCT
-static const struct yaml_schema phase_schema = {
-    .what = "a phase",
-    .size = sizeof(struct raw_phase),
-    .fields = phase_fields,
-    .field_count = ARRAY_COUNT(phase_fields),
-};
+static const struct yaml_schema phase_schema =
+    YAML_SCHEMA("a phase", struct grasp_phase, phase_fields, .unmarked = true);
 
-#define STRUCT raw_grasp
 static const struct yaml_field grasp_fields[] = {
-    {"settle_s", YAML_REAL, true, AT(settle_s), .min = 0.1, .max = 1e3},
-    {"path", YAML_LIST, true, AT(path), AT(npath), .schema = &phase_schema},
-    {"hold_s", YAML_REAL, true, AT(hold_s), .min = 0.0, .max = 1e3},
-    {"least_press_n", YAML_REAL, true, AT(least_press_n), .min = 0.0, .max = 1e6},
-    {"least_carry_n", YAML_REAL, true, AT(least_carry_n), .min = 0.0, .max = 1e6},
+    {"settle_s", YAML_REAL, true, AT(grasp_config, settle_s), .min = 0.1, .max = 1e3},
+    {"path", YAML_LIST, true, AT(grasp_config, phase), AT(grasp_config, nphase),
+     .schema = &phase_schema},
+    {"hold_s", YAML_REAL, true, AT(grasp_config, hold_s), .min = 0.0, .max = 1e3},
+    {"least_press_n", YAML_REAL, true, AT(grasp_config, least_press_n), .min = 0.0, .max = 1e6},
+    {"least_carry_n", YAML_REAL, true, AT(grasp_config, least_carry_n), .min = 0.0, .max = 1e6},
 };
-#undef STRUCT
-static const struct yaml_schema grasp_schema = {
-    .what = "the grasp",
-    .size = sizeof(struct raw_grasp),
-    .fields = grasp_fields,
-    .field_count = ARRAY_COUNT(grasp_fields),
-};
+static const struct yaml_schema grasp_schema =
+    YAML_SCHEMA("the grasp", struct grasp_config, grasp_fields, .unmarked = true);
 
-#define STRUCT raw_hold
 static const struct yaml_field hold_fields[] = {
-    {"duration_s", YAML_REAL, false, AT(duration_s), .min = 0.0, .max = 1e6},
-    {"tolerance_rad", YAML_REAL, false, AT(tolerance_rad), .min = 1e-6, .max = 10.0},
+    {"duration_s", YAML_REAL, false, AT(hold_config, duration_s), .min = 0.0, .max = 1e6},
+    {"tolerance_rad", YAML_REAL, false, AT(hold_config, tolerance_rad), .min = 1e-6, .max = 10.0},
 };
-#undef STRUCT
-static const struct raw_hold hold_defaults = {.duration_s = 10.0, .tolerance_rad = 0.05};
-static const struct yaml_schema hold_schema = {
-    .what = "the hold task",
-    .size = sizeof(struct raw_hold),
-    .fields = hold_fields,
-    .field_count = ARRAY_COUNT(hold_fields),
-    .defaults = &hold_defaults,
+static const struct hold_config hold_defaults = {.duration_s = 10.0, .tolerance_rad = 0.05};
+static const struct yaml_schema hold_schema = YAML_SCHEMA(
+    "the hold task", struct hold_config, hold_fields, .unmarked = true, .defaults = &hold_defaults);
+
+/* A number of the walk: the member of a struct in struct raw_walk that has the key's name. */
+#define WALK(must, of, key, low, high)                                                             \
+    {                                                                                              \
+#key, YAML_REAL, must, AT(raw_walk, of.key), .min = low, .max = high                       \
+    }
+static const struct yaml_field walk_fields[] = {
+    WALK(true, config, begin_s, 0.0, 1e3),
+    {"steps", YAML_INT, true, AT(raw_walk, config.steps), .min = 0, .max = 1e9},
+    WALK(false, config, distance_m, 0.0, 1e6),
+    WALK(true, config, forward_m_s, -2.0, 2.0),
+    WALK(true, config, left_m_s, -2.0, 2.0),
+    WALK(true, config, turn_rad_s, -2.0, 2.0),
+    WALK(true, config.balance.estimate, attitude_per_s, 0.0, 1e3),
+    WALK(false, config.balance.estimate, lean_per_s, 0.0, 1.0),
+    WALK(true, config.balance.estimate, com_per_s, 0.0, 200.0),
+    WALK(false, config.balance.estimate, com_walking_per_s, 0.0, 200.0),
+    WALK(false, config.balance.estimate, com_walking_m_s, 0.0, 2.0),
+    WALK(true, config.balance.estimate, loaded_n, 1.0, 1e4),
+    WALK(true, config.balance.gait, swing_s, 0.05, 10.0),
+    WALK(true, config.balance.gait, transfer_s, 0.01, 10.0),
+    WALK(true, config.balance.gait, start_s, 0.1, 10.0),
+    WALK(true, config.balance.gait, clearance_m, 0.0, 0.5),
+    WALK(true, config.balance.gait, width_m, 0.01, 2.0),
+    WALK(true, config.balance.gait, least_width_m, 0.0, 2.0),
+    WALK(true, config.balance.gait, zmp_ahead_m, -1.0, 1.0),
+    WALK(true, config.balance.gait, zmp_inward_m, -1.0, 1.0),
+    WALK(true, config.balance.gait, reach_ahead_m, 0.0, 2.0),
+    WALK(true, config.balance.gait, reach_back_m, 0.0, 2.0),
+    WALK(true, config.balance.gait, reach_out_m, 0.0, 2.0),
+    WALK(true, config.balance.gait, adjust, 0.0, 1.0),
+    WALK(true, config.balance.gait, ankle_m, 0.0, 1.0),
+    WALK(true, config.balance.gait, lower_m_s, 0.001, 10.0),
+    WALK(true, config.balance.gait, lower_m, 0.0, 1.0),
+    WALK(true, config.balance.gait, press_n, 1.0, 1e4),
+    WALK(true, config.balance.gait, ground_follow, 0.0, 1.0),
+    WALK(true, config.balance.gait, tilt_s, 0.0, 10.0),
+    WALK(true, servo, kp_v_per_rad, 0.0, 1e6),
+    WALK(true, servo, kd_v_s_per_rad, 0.0, 1e6),
+    WALK(true, servo, kw_v_s_per_rad, 0.0, 1e6),
+    WALK(true, servo, load_v_per_nm, 0.0, 1e4),
+    WALK(true, servo, torque_limit_nm, 0.0, 1e4),
+    {"others", YAML_LIST, false, AT(raw_walk, other), AT(raw_walk, nother),
+     .schema = &gains_schema},
+    WALK(true, config.balance, ankle_roll_kp_v_per_rad, 0.0, 1e6),
+    WALK(true, config.balance, pelvis_height_m, 0.01, 10.0),
+    WALK(true, config.balance, lean_rad, -1.0, 1.0),
+    WALK(true, config.balance.gait, sole_front_m, 0.0, 1.0),
+    WALK(true, config.balance.gait, sole_back_m, -1.0, 0.0),
+    WALK(true, config.balance.gait, sole_side_m, 0.0, 1.0),
+    WALK(true, config.balance.gait, sole_margin_m, 0.0, 1.0),
+    WALK(false, config.balance.gait, catch_swing_s, 0.0, 10.0),
+    WALK(false, config.balance.gait, catch_margin_m, -1.0, 1.0),
+    WALK(false, config.balance.gait, catch_reach_m, 0.0, 2.0),
+    WALK(false, config.balance.gait, catch_clearance_m, 0.0, 0.5),
+    WALK(true, config.balance, touch_n, 0.0, 1e4),
+    WALK(true, config.balance, touch_s, 0.0, 1.0),
+    WALK(true, config.balance, flat_n, 1.0, 1e4),
+    WALK(true, config.balance, height_s, 0.0, 10.0),
+    WALK(true, config.balance, dcm_gain, 1.0, 10.0),
+    WALK(true, config.balance, cop_pitch_rad_s_nm, 0.0, 1.0),
+    WALK(true, config.balance, cop_roll_rad_s_nm, 0.0, 1.0),
+    WALK(true, config.balance, land_turn_rad_s_nm, 0.0, 10.0),
+    WALK(true, config.balance, cop_leak_per_s, 0.0, 100.0),
+    WALK(true, config.balance, force_m_s_n, 0.0, 0.1),
+    WALK(true, config.balance, force_leak_per_s, 0.0, 100.0),
+    WALK(true, config.balance, swing_follow, 0.0, 1.0),
+    WALK(true, config.balance, carry_s, 0.0, 1.0),
+    WALK(true, config.balance, swing_torque, 0.0, 4.0),
+    WALK(true, config.balance, ankle_follow, 0.0, 1.0),
 };
 
-#define STRUCT raw_tasks
+static const struct yaml_schema walk_schema = YAML_SCHEMA("the walk", struct raw_walk, walk_fields);
+
 static const struct yaml_field tasks_fields[] = {
-    {"servo", YAML_MAP, false, AT(servo), .schema = &servo_schema},
-    {"squat", YAML_MAP, false, AT(squat), .schema = &squat_schema},
-    {"grasp", YAML_MAP, false, AT(grasp), .schema = &grasp_schema},
-    {"hold", YAML_MAP, false, AT(hold), .schema = &hold_schema},
-    {"walk", YAML_MAP, false, AT(walk), .schema = &task_walk_schema,
-     .given_offset = AT(walk_given)},
+    {"servo", YAML_MAP, false, AT(raw_rig, servo), .schema = &servo_schema},
+    {"squat", YAML_MAP, false, AT(raw_rig, rig.squat), .schema = &squat_schema},
+    {"grasp", YAML_MAP, false, AT(raw_rig, rig.grasp), .schema = &grasp_schema},
+    {"hold", YAML_MAP, false, AT(raw_rig, rig.hold_task), .schema = &hold_schema},
+    {"walk", YAML_MAP, false, AT(raw_rig, walk), .schema = &walk_schema},
 };
-#undef STRUCT
-static const struct yaml_schema tasks_schema = {
-    .what = "the tasks",
-    .size = sizeof(struct raw_tasks),
-    .fields = tasks_fields,
-    .field_count = ARRAY_COUNT(tasks_fields),
-};
+static const struct yaml_schema tasks_schema =
+    YAML_SCHEMA("the tasks", struct raw_rig, tasks_fields, .unmarked = true);
 
-#define STRUCT raw_chopper
 static const struct yaml_field chopper_fields[] = {
-    {"on_v", YAML_REAL, true, AT(on_v), .min = DBL_MIN, .max = 1e4},
-    {"off_v", YAML_REAL, true, AT(off_v), .min = DBL_MIN, .max = 1e4},
-    {"ohm", YAML_REAL, true, AT(ohm), .min = 1e-3, .max = 1e6},
+    {"on_v", YAML_REAL, true, AT(raw_rig, rig.supply_bus.on_v), .min = DBL_MIN, .max = 1e4},
+    {"off_v", YAML_REAL, true, AT(raw_rig, rig.supply_bus.off_v), .min = DBL_MIN, .max = 1e4},
+    {"ohm", YAML_REAL, true, AT(raw_rig, rig.supply_bus.brake_ohm), .min = 1e-3, .max = 1e6},
 };
-#undef STRUCT
-static const struct yaml_schema chopper_schema = {
-    .what = "a brake chopper",
-    .size = sizeof(struct raw_chopper),
-    .fields = chopper_fields,
-    .field_count = ARRAY_COUNT(chopper_fields),
-};
+static const struct yaml_schema chopper_schema =
+    YAML_SCHEMA("a brake chopper", struct raw_rig, chopper_fields, .unmarked = true);
 
-#define STRUCT raw_rig
 static const struct yaml_field rig_fields[] = {
-    {"name", YAML_STRING, true, AT(name), .min = 1, .max = 63},
-    {"description", YAML_STRING, false, AT(description), .min = 1, .max = 400},
-    {"robot", YAML_MAP, true, AT(robot), .schema = &robot_schema},
-    {"clock", YAML_ENUM, false, AT(clock), .names = loop_clock_words},
-    {"tick_s", YAML_REAL, false, AT(tick_s), .min = 1e-5, .max = 0.1, .mark_offset = AT(tick_mark)},
-    {"substep_s", YAML_REAL, false, AT(substep_s), .min = 1e-7, .max = 1.0,
-     .mark_offset = AT(substep_mark)},
-    {"integrator", YAML_ENUM, false, AT(integrator), .names = rig_integrator_words},
-    {"tolerance", YAML_REAL, false, AT(tolerance), .min = 1e-13, .max = 0.1},
-    {"dynamics", YAML_ENUM, false, AT(dynamics), .names = rig_dynamics_words},
-    {"personality", YAML_ENUM, false, AT(personality), .names = protocol_words},
-    {"protocol", YAML_STRING, false, AT(protocol), .min = 1, .max = 400,
-     .mark_offset = AT(protocol_mark)},
-    {"supply_v", YAML_REAL, true, AT(supply_v), .min = DBL_MIN, .max = 1e4},
-    {"initial", YAML_MAP, true, AT(initial), .schema = &initial_schema},
-    {"scene", YAML_MAP, false, AT(scene), .schema = &scene_schema},
-    {"motors", YAML_MAP, true, AT(motors), .schema = &motors_schema},
-    {"buses", YAML_LIST, true, AT(bus), AT(nbus), .schema = &bus_schema, .entry_key = "name"},
-    {"undriven", YAML_NAME_LIST, false, .offset = AT(undriven), .count_offset = AT(nundriven)},
-    {"wire", YAML_MAP, false, AT(wire), .schema = &wire_schema},
-    {"lockstep", YAML_MAP, false, AT(lockstep), .schema = &lockstep_schema},
-    {"realtime", YAML_MAP, false, AT(realtime), .schema = &realtime_schema},
-    {"record", YAML_MAP, false, AT(record), .schema = &record_schema},
-    {"page", YAML_MAP, false, AT(page), .schema = &page_schema},
-    {"tasks", YAML_MAP, false, AT(tasks), .schema = &tasks_schema},
-    {"sensors", YAML_MAP, false, AT(sensors), .schema = &rig_sensors_schema},
-    {"faults", YAML_NAME_LIST, false, .offset = AT(fault), .count_offset = AT(nfault)},
-    {"seed", YAML_INT, false, AT(seed), .min = 0, .max = 9e15},
-    {"voltage_delay_s", YAML_REAL, false, AT(voltage_delay_s), .min = 0.0, .max = 0.1,
-     .mark_offset = AT(voltage_delay_mark)},
-    {"supply_ohm", YAML_REAL, false, AT(supply_ohm), .min = 0.0, .max = 1e3},
-    {"supply_capacitance_f", YAML_REAL, false, AT(supply_capacitance_f), .min = 1e-4, .max = 1e3},
-    {.key = "supply_returns", .type = YAML_BOOL, .offset = AT(supply_returns)},
-    {"brake_chopper", YAML_MAP, false, AT(chopper), .schema = &chopper_schema,
-     .given_offset = AT(chopper_given)},
+    {"name", YAML_STRING, true, AT(raw_rig, rig.name), .min = 1, .max = 63},
+    {"description", YAML_STRING, false, AT(raw_rig, description), .min = 1, .max = 400},
+    {"robot", YAML_MAP, true, AT(raw_rig, robot), .schema = &robot_schema},
+    {"clock", YAML_ENUM, false, AT(raw_rig, rig.clock), .names = loop_clock_words},
+    {"tick_s", YAML_REAL, false, AT(raw_rig, tick_s), .min = 1e-5, .max = 0.1},
+    {"substep_s", YAML_REAL, false, AT(raw_rig, substep_s), .min = 1e-7, .max = 1.0},
+    {"integrator", YAML_ENUM, false, AT(raw_rig, rig.integrator), .names = rig_integrator_words},
+    {"tolerance", YAML_REAL, false, AT(raw_rig, rig.tolerance), .min = 1e-13, .max = 0.1},
+    {"dynamics", YAML_ENUM, false, AT(raw_rig, rig.dynamics), .names = rig_dynamics_words},
+    {"personality", YAML_ENUM, false, AT(raw_rig, personality), .names = protocol_words},
+    {"protocol", YAML_STRING, false, AT(raw_rig, protocol), .min = 1, .max = 400},
+    {"supply_v", YAML_REAL, true, AT(raw_rig, rig.supply_v), .min = DBL_MIN, .max = 1e4},
+    {"initial", YAML_MAP, true, AT(raw_rig, initial), .schema = &initial_schema},
+    {"scene", YAML_MAP, false, AT(raw_rig, scene), .schema = &scene_schema},
+    {"motors", YAML_MAP, true, AT(raw_rig, motors), .schema = &motors_schema},
+    {"buses", YAML_LIST, true, AT(raw_rig, bus), AT(raw_rig, rig.nbus), .schema = &bus_schema,
+     .entry_key = "name"},
+    {"undriven", YAML_NAME_LIST, false, .offset = AT(raw_rig, undriven),
+     .count_offset = AT(raw_rig, nundriven)},
+    {"wire", YAML_MAP, false, AT(raw_rig, wire), .schema = &wire_schema},
+    {"lockstep", YAML_MAP, false, AT(raw_rig, lockstep), .schema = &lockstep_schema},
+    {"realtime", YAML_MAP, false, AT(raw_rig, rig.realtime), .schema = &realtime_schema},
+    {"record", YAML_MAP, false, AT(raw_rig, rig.record), .schema = &record_schema},
+    {"page", YAML_MAP, false, AT(raw_rig, rig.page), .schema = &page_schema},
+    {"tasks", YAML_MAP, false, .schema = &tasks_schema},
+    {"sensors", YAML_MAP, false, AT(raw_rig, sensors), .schema = &rig_sensors_schema},
+    {"faults", YAML_NAME_LIST, false, .offset = AT(raw_rig, rig.fault),
+     .count_offset = AT(raw_rig, rig.nfault)},
+    {"seed", YAML_INT, false, AT(raw_rig, rig.seed), .min = 0, .max = 9e15},
+    {"voltage_delay_s", YAML_REAL, false, AT(raw_rig, voltage_delay_s), .min = 0.0, .max = 0.1},
+    {"supply_ohm", YAML_REAL, false, AT(raw_rig, rig.supply_ohm), .min = 0.0, .max = 1e3},
+    {"supply_capacitance_f", YAML_REAL, false, AT(raw_rig, rig.supply_bus.capacitance_f),
+     .min = 1e-4, .max = 1e3},
+    {"supply_returns", .type = YAML_BOOL, .offset = AT(raw_rig, rig.supply_bus.returns)},
+    {"brake_chopper", YAML_MAP, false, .schema = &chopper_schema},
 };
-#undef STRUCT
 static const struct raw_rig rig_defaults = {
-    .clock = LOOP_CLOCK_REAL, .tick_s = 0.001, .integrator = PLANT_IMPLICIT, .tolerance = 1e-9};
-const struct yaml_schema rig_file_schema = {
-    .what = "the rig",
-    .size = sizeof(struct raw_rig),
-    .fields = rig_fields,
-    .field_count = ARRAY_COUNT(rig_fields),
-    .hash_offset = offsetof(struct raw_rig, hash),
-    .defaults = &rig_defaults,
-    .format_version = 1,
-    .extendable = true,
-    .locate = rig_locate_from,
-};
+    .tick_s = 0.001,
+    .rig = {.clock = LOOP_CLOCK_REAL, .integrator = PLANT_IMPLICIT, .tolerance = 1e-9}};
+const struct yaml_schema rig_file_schema = YAML_SCHEMA(
+    "the rig", struct raw_rig, rig_fields, .hash_offset = AT(raw_rig, rig.hash),
+    .defaults = &rig_defaults, .format_version = 1, .extendable = true, .locate = rig_locate_from);

@@ -52,7 +52,7 @@ static void task_body_link(const struct rig_builder *b, size_t i, struct body_li
 /* Builds the configuration of the walk: the gains of all axes, then the exceptions. */
 static enum error_code task_body_walk(struct rig_builder *b)
 {
-    const struct raw_walk *raw = &b->raw->tasks.walk;
+    const struct raw_walk *raw = &b->raw->walk;
     struct walk_config *walk = arena_alloc(b->arena, 1, sizeof *walk);
     struct servo_gains *gains = arena_alloc(b->arena, b->rig->naxis, sizeof *gains);
 
@@ -96,5 +96,5 @@ enum error_code rig_build_task_body(struct rig_builder *b)
         model->sole[side] = task_body_frame(robot, robot_find_frame(robot, sole[side]));
         model->foot_force[side] = task_body_frame(robot, robot_find_frame(robot, force[side]));
     }
-    return b->raw->tasks.walk_given ? task_body_walk(b) : ERROR_NONE;
+    return yaml_has(&b->raw->mark, "tasks.walk") ? task_body_walk(b) : ERROR_NONE;
 }
