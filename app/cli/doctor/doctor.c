@@ -2,7 +2,7 @@
 /* Examines a machine for a rig: a function for each subject, which reads what it judges. */
 #include "app/cli/doctor/doctor.h"
 
-#include "base/count.h"
+#include "base/array.h"
 #include "sim/external.h"
 
 #include <ctype.h>
