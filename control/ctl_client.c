@@ -3,7 +3,6 @@
 #include "control/ctl_client.h"
 
 #include "control/socket.h"
-#include "rt/clock.h"
 
 #include <errno.h>
 #include <poll.h>
@@ -97,25 +96,13 @@ static char *ctl_take_line(struct ctl_client *client)
 
 /* Waits up to 100 ms for bytes. False = there is nothing to read; *heard is CTL_LINE to go on
  * waiting. */
-static bool wait_readable(struct ctl_client *client, int64_t deadline_ns,
-                          enum ctl_line_status *heard, struct error *error)
+static bool wait_readable(struct ctl_client *client, enum ctl_line_status *heard)
 {
+    enum { SLICE_MS = 100 };
     struct pollfd fd = {.fd = client->socket, .events = POLLIN};
-    int64_t left_ms = 100;
-    int ready;
-
-    if (client->timeout_ns > 0) {
-        left_ms = (deadline_ns - clock_now(clock_monotonic())) / CLOCK_MS;
-        left_ms = left_ms > 100 ? 100 : left_ms;
-    }
-    if (left_ms < 0) {
-        *heard = CTL_FAILED;
-        error_set(error, ERROR_SYSTEM, "%s has not answered in %g s", client->path,
-                  (double)client->timeout_ns * 1e-9);
-        return false;
-    }
     /* Waiting in slices notices a signal that came just before poll */
-    ready = poll(&fd, 1, (int)left_ms);
+    const int ready = poll(&fd, 1, SLICE_MS);
+
     if (*client->interrupted) {
         *heard = CTL_INTERRUPTED;
         return false;
@@ -126,7 +113,6 @@ static bool wait_readable(struct ctl_client *client, int64_t deadline_ns,
 
 enum ctl_line_status ctl_read_line(struct ctl_client *client, char **line, struct error *error)
 {
-    int64_t deadline_ns = clock_now(clock_monotonic()) + client->timeout_ns;
     enum ctl_line_status heard = CTL_LINE;
 
     while (!(*line = ctl_take_line(client))) {
@@ -142,7 +128,7 @@ enum ctl_line_status ctl_read_line(struct ctl_client *client, char **line, struc
         }
 
         /* More bytes, until the deadline or an interrupt */
-        if (!wait_readable(client, deadline_ns, &heard, error)) {
+        if (!wait_readable(client, &heard)) {
             if (heard != CTL_LINE) {
                 return heard;
             }

@@ -15,8 +15,7 @@
 
 struct ctl_client {
     int socket;
-    char path[256];     /* of the socket */
-    int64_t timeout_ns; /* of an answer; 0 = none */
+    char path[256]; /* of the socket */
     volatile sig_atomic_t *interrupted;
     size_t received, read;          /* of inbox: read to received are there */
     char inbox[2 * CONTROL_OUTBOX]; /* no line is longer than an outbox */

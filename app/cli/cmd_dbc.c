@@ -3,7 +3,7 @@
 #include "app/cli/commands.h"
 
 #include "app/cli/rig_command.h"
-#include "app/cli/tables.h"
+#include "app/cli/dbc_hash.h"
 #include "base/array.h"
 #include "base/options.h"
 #include "base/whole_file.h"
@@ -48,7 +48,7 @@ static enum error_code export_bus(const struct rig *rig, size_t bus, const char 
     if (code) {
         return code;
     }
-    code = tables_write(dbc, &text, error);
+    code = dbc_hash_write_text(dbc, &text, error);
     if (!code) {
         code = dbc_put_text(&text, path, error);
     }

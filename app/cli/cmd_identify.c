@@ -14,11 +14,12 @@
 #include <string.h>
 #include <unistd.h>
 
+enum { FIT_STEPS = 40 }; /* most iterations */
+
 struct identify_options {
     const char *rig, *bench, *joint, *free, *output, *report;
     struct option_list recording;
     bool cross;
-    int64_t steps;
 };
 
 /* Overwrites the line of progress, on a terminal. */
@@ -126,7 +127,7 @@ static enum error_code identify_do(const struct identify_options *o, struct aren
                                    .recording = bench.recording,
                                    .nrecording = bench.nrecording,
                                    .robust_rad = bench.bench.robust_rad,
-                                   .steps = (int)o->steps,
+                                   .steps = FIT_STEPS,
                                    .progress = show_progress,
                                    .context = &terminal};
     /* A file that cannot be written is refused before the fit, which may take long */
@@ -151,7 +152,7 @@ static enum error_code identify_do(const struct identify_options *o, struct aren
 
 int cmd_identify(int argc, char **argv)
 {
-    static struct identify_options o = {.steps = 40};
+    static struct identify_options o;
     static const struct option_spec options[] = {
         {"--recording", OPTION_LIST, "FILE",
          "a recording as CSV, of run --record by default; may be given more than once; by default "
@@ -167,8 +168,6 @@ int cmd_identify(int argc, char **argv)
          .value = &o.free},
         {"--cross", OPTION_FLAG, NULL,
          "also fit without each group of recordings, and judge on that group", .value = &o.cross},
-        {"--steps", OPTION_INT, "N", "most iterations of a fit; by default 40", .value = &o.steps,
-         .min = 1, .max = 10000},
         {"--output", OPTION_STRING, "FILE", "drive's file to write", .value = &o.output,
          .letter = "-o"},
         {"--report", OPTION_STRING, "DIR", "folder for a page with plots", .value = &o.report},

@@ -40,7 +40,7 @@ static const struct unit {
 };
 
 struct plot_options {
-    const char *given, *output, *title;
+    const char *given, *output;
     char file[PATH_MAX]; /* path of signals.csv */
     struct option_list names;
     double span[2];
@@ -221,7 +221,6 @@ static enum error_code plot_signals(const struct plot_options *o, const char *co
             .label = !strcmp(signals.first_title, "time_s") ? "time, s" : signals.first_title};
         size_t npanel = plot_arrange(name, &signals, &x, series, panel);
 
-        panel[0].title = o->title;
         code = plot_write(panel, npanel, o->output, error);
     }
     signals_free(&signals);
@@ -270,7 +269,7 @@ static enum error_code plot_find_file(struct plot_options *o, struct error *erro
 
 int cmd_plot(int argc, char **argv)
 {
-    static struct plot_options o = {.title = "", .span = {-1e9, 1e9}};
+    static struct plot_options o = {.span = {-1e9, 1e9}};
     static const struct option_spec options[] = {
         {"--signal", OPTION_LIST, "NAME",
          "a signal by its title in the file, or a pattern such as 'q_*Knee*_rad'; may be given "
@@ -283,7 +282,6 @@ int cmd_plot(int argc, char **argv)
          "output, "
          "unless that is a terminal",
          .value = &o.output, .letter = "-o"},
-        {"--title", OPTION_STRING, "TEXT", "title of the plot", .value = &o.title},
         {"--from", OPTION_REAL, "S", "first second to plot", .value = &o.span[0], .min = -1e9,
          .max = 1e9, .unit = "seconds"},
         {"--to", OPTION_REAL, "S", "last second to plot", .value = &o.span[1], .min = -1e9,

@@ -2,17 +2,394 @@
 /* coman-hil protocol: prints what the boards speak. */
 #include "app/cli/commands.h"
 
-#include "app/cli/protocol_page.h"
 #include "base/arena.h"
-#include "base/config.h"
 #include "base/array.h"
+#include "base/config.h"
 #include "base/options.h"
 #include "base/text.h"
 #include "boards/described/protocol.h"
 #include "boards/protocol_list.h"
 #include "manual/protocol.h"
 
+#include <inttypes.h>
+#include <stdarg.h>
 #include <string.h>
+
+enum { FRAMES_MAX = 512 };
+
+/* A frame of the page. */
+struct protocol_frame {
+    struct message message;
+    bool printed; /* as an answer, or in its section */
+};
+
+/* All frames of a bus, each kind once. */
+struct protocol_frames {
+    const struct protocol *protocol;
+    bool fd; /* all frames are CAN FD frames */
+    size_t count;
+    struct protocol_frame frame[FRAMES_MAX];
+};
+
+/* ---- the frames of a bus with a motor, a force-torque and an inertial board ---- */
+
+/* Checks whether the frames have a message already. */
+static bool protocol_is_known(const struct protocol_frames *frames, const struct message *message)
+{
+    for (size_t i = 0; i < frames->count; i++) {
+        const struct message *other = &frames->frame[i].message;
+
+        if (other->base == message->base && other->step == message->step &&
+            other->code == message->code && !strcmp(other->name, message->name)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Keeps each frame once, whichever board or slot sends it. */
+static bool protocol_keep_message(void *context, const struct message *message)
+{
+    struct protocol_frames *frames = context;
+
+    if (frames->count < FRAMES_MAX && !protocol_is_known(frames, message)) {
+        frames->frame[frames->count++] = (struct protocol_frame){.message = *message};
+    }
+    return true;
+}
+
+/* Collects the frames of a bus with a motor, a force-torque and an inertial board. */
+static void protocol_collect(const struct boards_bus_config *bus, struct protocol_frames *frames)
+{
+    const int axes = bus->described ? (int)bus->described->axes : bus->protocol->axes_max;
+    struct board_config board[] = {
+        {.kind = BOARD_MOTOR, .address = 1},
+        {.kind = BOARD_FT, .address = 3},
+        {.kind = BOARD_INERTIAL, .address = 5},
+    };
+    const struct boards_config config = {
+        .nboard = ARRAY_COUNT(board), .board = board, .nbus = 1, .bus = bus, .tick_ns = 1000000};
+
+    for (int k = 0; k < BOARD_AXES_MAX; k++) {
+        board[0].axis[k].joint = k < axes ? k : -1;
+    }
+    frames->protocol = bus->protocol;
+    frames->fd = bus->fd;
+    frames->count = 0;
+    boards_messages(&config, 0, protocol_keep_message, frames);
+}
+
+/* ---- fields ---- */
+
+/* A line of text, which is wrapped when it is complete. */
+struct protocol_line {
+    size_t used;
+    char text[2048];
+};
+
+static void __attribute__((format(printf, 2, 3)))
+protocol_add_text(struct protocol_line *line, const char *format, ...)
+{
+    size_t room = sizeof line->text - line->used;
+    va_list arguments;
+    int length;
+
+    va_start(arguments, format);
+    length = vsnprintf(line->text + line->used, room, format, arguments);
+    va_end(arguments);
+    line->used += length < 0 ? 0 : (size_t)length < room ? (size_t)length : room - 1;
+}
+
+/* Adds a field's place: bits where it is not made of whole bytes. */
+static void protocol_add_place(struct protocol_line *line, unsigned bit, unsigned bits)
+{
+    if (bits == 1) {
+        protocol_add_text(line, "- bit %u", bit);
+    } else if (bit % 8 || bits % 8) {
+        protocol_add_text(line, "- bits %u-%u", bit, bit + bits - 1);
+    } else if (bits == 8) {
+        protocol_add_text(line, "- byte %u", bit / 8);
+    } else {
+        protocol_add_text(line, "- bytes %u-%u", bit / 8, (bit + bits) / 8 - 1);
+    }
+}
+
+/* Adds the unit and scale, and the range where it is not just that of the type. */
+static void protocol_add_measure(struct protocol_line *line, const struct field *field)
+{
+    double scale = field->scale != 0.0 ? field->scale : 1.0;
+    bool limited = field->min || field->max;
+    const char *unit = field->unit ? field->unit : "";
+
+    if (field->unit && scale == 1.0) {
+        protocol_add_text(line, ", %s", unit);
+    } else if (field->unit) {
+        protocol_add_text(line, ", in %g %s", scale, unit);
+    }
+    if (limited || (scale != 1.0 && !(field->type & FIELD_FLOAT))) {
+        int64_t low = limited ? field->min : field_lowest(field);
+        int64_t high = limited ? field->max : field_highest(field);
+
+        protocol_add_text(line, ", %.10g to %.10g%s%s", scale * (double)low + field->offset,
+                          scale * (double)high + field->offset, *unit ? " " : "", unit);
+    }
+}
+
+/* Adds what makes a field more than a number, as the protocol knows it. */
+static void protocol_add_note(struct protocol_line *line, const struct protocol *protocol,
+                              const struct message *message, size_t index)
+{
+    char note[80] = "";
+
+    if (protocol->note_field) {
+        protocol->note_field(message, index, note, sizeof note);
+    }
+    protocol_add_text(line, "%s%s", *note ? ", " : "", note);
+}
+
+/* Prints a field with its place, type, measure and named values; index counts fields of data and
+ * identifier. */
+static void protocol_put_field(const struct field *field, unsigned bit, bool in_id,
+                               const struct protocol *protocol, const struct message *message,
+                               size_t index, FILE *out)
+{
+    unsigned bits = field->type & FIELD_BITS_MASK;
+    struct protocol_line line = {.used = 0};
+
+    if (in_id) {
+        protocol_add_text(&line, bits == 1 ? "- identifier bit %u" : "- identifier bits %u-%u", bit,
+                          bit + bits - 1);
+    } else {
+        protocol_add_place(&line, bit, bits);
+    }
+    protocol_add_text(&line, " `%s`: %c%u%s", field->name,
+                      field->type & FIELD_FLOAT    ? 'f'
+                      : field->type & FIELD_SIGNED ? 'i'
+                                                   : 'u',
+                      bits, field->type & FIELD_BIG_ENDIAN ? " be" : "");
+    protocol_add_measure(&line, field);
+    protocol_add_note(&line, protocol, message, index);
+    for (const struct field_value *v = field->values; v && v->name; v++) {
+        protocol_add_text(&line, "%s %" PRId64 " = %s", v == field->values ? ";" : ",", v->value,
+                          v->name);
+    }
+    options_wrap(line.text, 0, 2, out);
+}
+
+/* Prints the fields of a list, the first of which is at a bit of data or identifier; returns the
+ * next index. */
+static size_t protocol_put_list(const struct field *fields, unsigned bit, bool in_id,
+                                const struct protocol *protocol, const struct message *message,
+                                size_t index, FILE *out)
+{
+    for (const struct field *field = fields; field && field->type != FIELD_END; field++) {
+        if (!(field->type & FIELD_PADDING)) {
+            protocol_put_field(field, bit, in_id, protocol, message, index++, out);
+        }
+        bit += field->type & FIELD_BITS_MASK;
+    }
+    return index;
+}
+
+/* Prints the fields of a message, in its data and in its identifier. */
+static void protocol_put_fields(const struct protocol *protocol, const struct message *message,
+                                FILE *out)
+{
+    size_t bytes = fields_bytes(message->fields), count;
+
+    if (fields_count(message->fields) == 0 && !message->id_fields) {
+        return;
+    }
+    if (message->repeats > 1) {
+        fprintf(out, "\nFor each of its axes or slots, %zu bytes apart:\n", bytes);
+    }
+    putc('\n', out);
+    count = protocol_put_list(message->fields, 8u * message->first_byte, false, protocol, message,
+                              0, out);
+    protocol_put_list(message->id_fields, 0, true, protocol, message, count, out);
+}
+
+/* ---- frames ---- */
+
+/* Prints how the identifier is made, then length, kind and period of a frame. */
+static void protocol_put_id(const struct protocol_frames *frames, const struct message *message,
+                            FILE *out)
+{
+    /* Letters for what the identifier counts by, as the page explains them. */
+    static const char counts[] = {[MESSAGE_OF_ADDRESS] = 'a',
+                                  [MESSAGE_OF_NODE] = 'n',
+                                  [MESSAGE_OF_SLOT] = 's',
+                                  [MESSAGE_OF_GROUP] = 'g'};
+
+    fprintf(out, "id 0x%0*" PRIx32, message->extended ? 8 : 3, message->base);
+    if (message->step == 1) {
+        fprintf(out, " + %c", counts[message->counts]);
+    } else if (message->step > 1) {
+        fprintf(out, " + 0x%" PRIx32 " %c", message->step, counts[message->counts]);
+    }
+    if (message->axis_step) {
+        fprintf(out, " + 0x%" PRIx32 " k", message->axis_step);
+    }
+    if (message->code != MESSAGE_NO_CODE) {
+        fprintf(out, ", byte 0 = 0x%02x", (unsigned)message->code);
+    }
+    if (message->shortest && message->shortest != message->length) {
+        fprintf(out, ", %u to %u bytes", message->shortest, message->length);
+    } else {
+        fprintf(out, ", %u byte%s", message->length, message->length == 1 ? "" : "s");
+    }
+    if (message->extended) {
+        fputs(", 29-bit identifier", out);
+    }
+    if (message->fd && !frames->fd) {
+        fprintf(out, ", CAN FD%s", message->bit_rate_switch ? " with bit rate switch" : "");
+    }
+    if (message->cycle_ns) {
+        fprintf(out, ", every %g ms%s", message->cycle_ns * 1e-6,
+                message->cycle_varies ? " at address 1" : "");
+    }
+}
+
+/* Returns the frame by which a board answers a command; NULL = none. */
+static struct protocol_frame *protocol_find_answer(struct protocol_frames *frames,
+                                                   const struct message *message)
+{
+    const char *name = message->answer                    ? message->answer
+                       : message->code == MESSAGE_NO_CODE ? NULL
+                                                          : message->name;
+
+    for (size_t i = 0; name && message->from_host && i < frames->count; i++) {
+        const struct message *other = &frames->frame[i].message;
+
+        if (!other->from_host && other->code == message->code && !strcmp(other->name, name)) {
+            return &frames->frame[i];
+        }
+    }
+    return NULL;
+}
+
+/* Prints a frame, and its answer below; fields of an answer that has been printed only if it has a
+ * code. */
+static void protocol_put_frame(struct protocol_frames *frames, struct protocol_frame *frame,
+                               FILE *out)
+{
+    const struct message *message = &frame->message;
+    struct protocol_frame *answer = protocol_find_answer(frames, message);
+
+    fprintf(out, "\n### %s\n\n%s, ", message->name,
+            message->from_host ? "Host to board" : "Board to host");
+    protocol_put_id(frames, message, out);
+    if (!message->from_host && !message->cycle_ns) {
+        fputs(", when there is something to tell", out);
+    }
+    fputs(".\n", out);
+    protocol_put_fields(frames->protocol, message, out);
+    frame->printed = true;
+
+    /* The answer stands with its command, and is not repeated in a section of its own */
+    if (answer) {
+        bool own_code = answer->message.code != MESSAGE_NO_CODE;
+
+        fputs("\nAnswer: ", out);
+        if (strcmp(answer->message.name, message->name) != 0) {
+            fprintf(out, "%s, ", answer->message.name);
+        }
+        protocol_put_id(frames, &answer->message, out);
+        fputs(".\n", out);
+        if (own_code || !answer->printed) {
+            protocol_put_fields(frames->protocol, &answer->message, out);
+        }
+        answer->printed = true;
+    }
+}
+
+/* ---- sections ---- */
+
+/* Prints the frames section by section: the protocol's sections, or by sender. */
+static void protocol_put_sections(struct protocol_frames *frames, FILE *out)
+{
+    static const char *const by_sender[] = {
+        [MESSAGE_FROM_HOST] = "From the host", [MESSAGE_FROM_BOARDS] = "From boards", NULL};
+    const char *const *sections =
+        frames->protocol->sections ? frames->protocol->sections : by_sender;
+
+    for (size_t s = 0; sections[s]; s++) {
+        bool titled = false;
+
+        for (size_t i = 0; i < frames->count; i++) {
+            struct protocol_frame *frame = &frames->frame[i];
+
+            if (frame->printed || frame->message.section != s) {
+                continue;
+            }
+            if (!titled) {
+                fprintf(out, "\n## %s\n", sections[s]);
+                titled = true;
+            }
+            protocol_put_frame(frames, frame, out);
+        }
+    }
+}
+
+/* Prints the frames of a CAN FD bus that a classic bus does not have, or has shorter. */
+static void protocol_put_fd(const struct protocol_frames *classic, FILE *out)
+{
+    static struct protocol_frames frames;
+
+    protocol_collect(&(struct boards_bus_config){.protocol = classic->protocol, .fd = true},
+                     &frames);
+    fprintf(out, "\n## On CAN FD buses\n\n%s\n", classic->protocol->fd_text);
+    for (size_t i = 0; i < frames.count; i++) {
+        if (!protocol_is_known(classic, &frames.frame[i].message)) {
+            protocol_put_frame(&frames, &frames.frame[i], out);
+        }
+    }
+}
+
+/* Prints the fault bits of an axis. */
+static void protocol_put_faults(const struct protocol *protocol, FILE *out)
+{
+    fputs("\n## Faults\n\nThe bits of the fields `fault` and `faults` of an axis:\n\n", out);
+    for (int bit = 0; protocol->fault_names[bit]; bit++) {
+        fprintf(out, "- bit %d: %s\n", bit, protocol->fault_names[bit]);
+    }
+}
+
+static void protocol_page_print(const struct protocol *protocol, FILE *out)
+{
+    static struct protocol_frames frames;
+
+    fprintf(out, "# What `%s` boards speak\n\n", protocol->name);
+    options_wrap(protocol->help, 0, 0, out);
+    protocol_collect(&(struct boards_bus_config){.protocol = protocol}, &frames);
+    protocol_put_sections(&frames, out);
+    if (protocol->fd_text) {
+        protocol_put_fd(&frames, out);
+    }
+    protocol_put_faults(protocol, out);
+    if (protocol->print_appendix) {
+        protocol->print_appendix(out);
+    }
+}
+
+static void protocol_page_print_described(const struct described_protocol *described, FILE *out)
+{
+    const struct boards_bus_config bus = {.protocol = &protocol_described, .described = described};
+    static struct protocol_frames frames;
+
+    fprintf(out, "# What `%s` boards speak\n\n", described->name);
+    options_wrap(described->description, 0, 0, out);
+    protocol_collect(&bus, &frames);
+    protocol_put_sections(&frames, out);
+    if (described->tells[DESCRIBED_FAULTS]) {
+        fputs("\n## Faults\n\nThe bits of its fields of faults:\n\n", out);
+    }
+    for (int i = 0; i < DESCRIBED_FAULT_KINDS; i++) {
+        if (described->fault_bit[i] >= 0 && described->tells[DESCRIBED_FAULTS]) {
+            fprintf(out, "- bit %d: %s\n", described->fault_bit[i], described_fault_names[i]);
+        }
+    }
+}
 
 enum { MEMORY = 8 << 20, NAMES_MAX = 16 };
 

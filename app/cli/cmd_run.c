@@ -9,7 +9,7 @@
 #include "app/cli/recorded_run.h"
 #include "app/cli/rig_command.h"
 #include "app/cli/run_options.h"
-#include "app/cli/tables.h"
+#include "app/cli/dbc_hash.h"
 #include "control/control.h"
 #include "base/journal.h"
 #include "sim/stimulus.h"
@@ -509,7 +509,7 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
         run_options_check_trust(options, rig, &error) || rig_command_budget("run", rig, &error) ||
         run_options_configure(options, rig, &config, &error) ||
         task_input_read(&options->input, options->task, rig, arena, &input, &error) ||
-        (options->ready && tables_hash(rig, arena, &tables, &error))) {
+        (options->ready && dbc_hash_rig(rig, arena, &tables, &error))) {
         return command_fail("run", &error);
     }
     config.task_input = &input;

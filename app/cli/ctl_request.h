@@ -19,7 +19,7 @@ struct ctl_options {
     const char *command, *socket, *udp; /* udp: where rows are sent; NULL = standard output */
     const char **word;                  /* the command's arguments; ends with NULL */
     size_t nword;
-    double timeout_s, period_ms;
+    double period_ms;
     int64_t rows;
     bool json, csv;
 };

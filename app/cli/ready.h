@@ -19,7 +19,7 @@ struct ready {
     const char *control;
     const char *gateway_host; /* NULL = no gateway */
     uint16_t gateway_port;
-    const char *tables; /* tables_hash */
+    const char *tables; /* dbc_hash_rig */
     const char *page, *page_view;
 };
 

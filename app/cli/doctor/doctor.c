@@ -57,8 +57,8 @@ static void doctor_add(struct doctor *d, enum doctor_verdict verdict, const char
 }
 
 /* Adds a finding that is as it should be. */
-static void __attribute__((format(printf, 2, 3)))
-doctor_praise(struct doctor *d, const char *format, ...)
+__attribute__((format(printf, 2, 3))) static void doctor_praise(struct doctor *d,
+                                                                const char *format, ...)
 {
     va_list args;
 
@@ -68,8 +68,8 @@ doctor_praise(struct doctor *d, const char *format, ...)
 }
 
 /* Adds a finding with which a run may miss deadlines. */
-static void __attribute__((format(printf, 3, 4)))
-doctor_warn(struct doctor *d, const char *fix, const char *format, ...)
+__attribute__((format(printf, 3, 4))) static void doctor_warn(struct doctor *d, const char *fix,
+                                                              const char *format, ...)
 {
     va_list args;
 
@@ -79,8 +79,8 @@ doctor_warn(struct doctor *d, const char *fix, const char *format, ...)
 }
 
 /* Adds a finding with which the rig cannot run. */
-static void __attribute__((format(printf, 3, 4)))
-doctor_refuse(struct doctor *d, const char *fix, const char *format, ...)
+__attribute__((format(printf, 3, 4))) static void doctor_refuse(struct doctor *d, const char *fix,
+                                                                const char *format, ...)
 {
     va_list args;
 
@@ -118,7 +118,7 @@ static bool doctor_read_entry(const struct doctor *d, const char *name, const ch
 }
 
 /* Reads the first line of a file. */
-static bool __attribute__((format(printf, 3, 4)))
+__attribute__((format(printf, 3, 4))) static bool
 doctor_read_line(const struct doctor *d, char text[TEXT], const char *format, ...)
 {
     char name[256];

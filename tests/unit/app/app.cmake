@@ -5,7 +5,7 @@ foreach(name control ctl_client hostile memory parse socket)
         TIMEOUT 240)
 endforeach()
 
-foreach(name doctor doctor_external eventlog firmware notify ready tables token_file)
+foreach(name dbc_hash doctor doctor_external eventlog firmware notify ready token_file)
     hil_test(cli_${name} SOURCES unit/app/cli/${name}.c LIBS cli LABELS unit)
 endforeach()
 hil_test(cli_cmd_accel SOURCES unit/app/cli/cmd_accel.c LIBS cli random_robot LABELS unit)

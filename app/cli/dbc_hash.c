@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Writes and hashes the DBC files of a rig in memory. */
-#include "app/cli/tables.h"
+#include "app/cli/dbc_hash.h"
 
 #include "app/cli/rig_command.h"
 #include "base/hash.h"
@@ -12,7 +12,8 @@
 
 enum { DIGITS = 16 }; /* of a hash */
 
-enum error_code tables_write(const struct dbc *dbc, struct memory_file *text, struct error *error)
+enum error_code dbc_hash_write_text(const struct dbc *dbc, struct memory_file *text,
+                                    struct error *error)
 {
     FILE *file = memory_file_open(text);
 
@@ -25,14 +26,14 @@ enum error_code tables_write(const struct dbc *dbc, struct memory_file *text, st
 }
 
 /* Hashes the text of a bus's DBC file. */
-static enum error_code tables_hash_bus(const struct rig *rig, size_t bus, struct arena *scratch,
-                                       uint64_t *hash, struct error *error)
+static enum error_code dbc_hash_bus(const struct rig *rig, size_t bus, struct arena *scratch,
+                                    uint64_t *hash, struct error *error)
 {
     struct memory_file text = {.text = NULL};
     struct dbc *dbc;
     enum error_code code = rig_dbc(rig, bus, scratch, &dbc, error);
 
-    code = code ? code : tables_write(dbc, &text, error);
+    code = code ? code : dbc_hash_write_text(dbc, &text, error);
     if (!code) {
         *hash = hash_bytes(HASH_START, text.text, text.size);
     }
@@ -40,8 +41,8 @@ static enum error_code tables_hash_bus(const struct rig *rig, size_t bus, struct
     return code;
 }
 
-enum error_code tables_hash(const struct rig *rig, struct arena *arena, const char **hashes,
-                            struct error *error)
+enum error_code dbc_hash_rig(const struct rig *rig, struct arena *arena, const char **hashes,
+                             struct error *error)
 {
     size_t size = 1, used = 0;
     struct arena scratch; /* the databases do not stay in memory with what the loop uses */
@@ -59,7 +60,7 @@ enum error_code tables_hash(const struct rig *rig, struct arena *arena, const ch
     for (size_t i = 0; i < rig->nbus && !code; i++) {
         uint64_t hash;
 
-        code = tables_hash_bus(rig, i, &scratch, &hash, error);
+        code = dbc_hash_bus(rig, i, &scratch, &hash, error);
         if (!code) {
             used += (size_t)snprintf(text + used, size - used, "%s%s=%016" PRIx64, used ? " " : "",
                                      rig->bus[i].name, hash);
