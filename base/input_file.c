@@ -2,96 +2,56 @@
 /* Opens regular files for reading, and remembers which. */
 #include "base/input_file.h"
 
+#include "base/array.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <pthread.h>
 #include <stdbool.h>
 #include <stdlib.h>
-#include <string.h>
+#include <time.h>
 #include <unistd.h>
 
-/* A file that was read, or written by this process, and the last name that it was opened by; none
- * when that is too long to be kept. */
-struct input {
+/* The files that this process has read, in a ring. A file that has changed since the first of them
+ * was read is none of them: this process wrote it, or another file has got its inode. */
+static struct {
     dev_t device;
     ino_t inode;
-    bool written;
-    char path[232];
-};
-
-/* The last inputs of this process, in a ring without the heap: what opens a file holds nothing of
- * it when it is closed. Threads may open files too. */
-enum { INPUTS_MAX = 1024 };
-static struct input inputs[INPUTS_MAX];
+} inputs[256];
 static size_t ninput;
-static pthread_mutex_t inputs_lock = PTHREAD_MUTEX_INITIALIZER;
+static struct timespec first_read;
+static pthread_mutex_t inputs_lock = PTHREAD_MUTEX_INITIALIZER; /* threads open files too */
 
-/* Finds a file among the inputs, the newest first; NULL = it is none. */
-static struct input *input_find(const struct stat *status)
+/* Adds a file to the inputs. */
+static void input_remember(const struct stat *status)
 {
-    const size_t kept = ninput < INPUTS_MAX ? ninput : INPUTS_MAX;
-
-    for (size_t i = 1; i <= kept; i++) {
-        struct input *input = &inputs[(ninput - i) % INPUTS_MAX];
-
-        if (input->device == status->st_dev && input->inode == status->st_ino) {
-            return input;
-        }
-    }
-    return NULL;
-}
-
-/* Returns whether the name of an input is still its own: a file that is gone may have left its
- * inode to another one. */
-static bool input_is_there(const struct input *input)
-{
-    struct stat now;
-
-    return !input->path[0] ||
-           (!stat(input->path, &now) && now.st_dev == input->device && now.st_ino == input->inode);
-}
-
-/* Adds a file to the inputs, or gives one its new name. */
-static void input_remember(const char *path, const struct stat *status, bool written)
-{
-    struct input *input;
-
     pthread_mutex_lock(&inputs_lock);
-    input = input_find(status);
-    /* What was written here stays so when it is read back */
-    if (!input || !input->written || !input_is_there(input)) {
-        if (!input) {
-            input = &inputs[ninput++ % INPUTS_MAX];
-        }
-        *input = (struct input){status->st_dev, status->st_ino, written, ""};
-        if (strlen(path) < sizeof input->path) {
-            strcpy(input->path, path);
-        }
+    if (ninput == 0) {
+        clock_gettime(CLOCK_REALTIME_COARSE, &first_read); /* the clock of file systems */
     }
+    inputs[ninput % ARRAY_COUNT(inputs)].device = status->st_dev;
+    inputs[ninput++ % ARRAY_COUNT(inputs)].inode = status->st_ino;
     pthread_mutex_unlock(&inputs_lock);
-}
-
-void input_file_written(const char *path, const struct stat *status)
-{
-    input_remember(path, status, true);
 }
 
 enum error_code input_file_check_output(const char *path, const struct stat *there,
                                         struct error *error)
 {
-    enum error_code code = ERROR_NONE;
-    const struct input *found;
+    const struct timespec *changed = &there->st_ctim;
+    bool found = false;
 
     pthread_mutex_lock(&inputs_lock);
-    found = input_find(there);
-    if (found && !found->written && input_is_there(found)) {
-        code = error_set(error, ERROR_INPUT,
-                         "%.200s: found the file %.200s, which is read here, expected another one "
-                         "to write: an input is not overwritten",
-                         path, found->path[0] ? found->path : path);
+    for (size_t i = 0; i < ninput && i < ARRAY_COUNT(inputs); i++) {
+        found |= inputs[i].device == there->st_dev && inputs[i].inode == there->st_ino;
     }
+    found &= changed->tv_sec < first_read.tv_sec ||
+             (changed->tv_sec == first_read.tv_sec && changed->tv_nsec < first_read.tv_nsec);
     pthread_mutex_unlock(&inputs_lock);
-    return code;
+    return found ? error_set(error, ERROR_INPUT,
+                             "%.200s: found a file, which is read here, expected another one to "
+                             "write: an input is not overwritten",
+                             path)
+                 : ERROR_NONE;
 }
 
 enum error_code input_file_open(const char *path, int *descriptor, size_t *size,
@@ -113,7 +73,7 @@ enum error_code input_file_open(const char *path, int *descriptor, size_t *size,
         code = error_set(error, ERROR_INPUT, "%.200s: found %s, expected a file", path,
                          fd >= 0 && S_ISDIR(status.st_mode) ? "a directory" : "no regular file");
     } else {
-        input_remember(path, &status, false);
+        input_remember(&status);
     }
     if (code) {
         if (fd >= 0) {

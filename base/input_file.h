@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Files that a person names to be read. Only a regular file is taken: a pipe, a device or a socket
- * is refused at once, without a wait for whoever would write into it. The last 1024 that were
- * opened are kept in mind, so that no output replaces them (base/whole_file.h). Not RT-safe.
+ * is refused at once, without a wait for whoever would write into it. No output of the same process
+ * replaces a file that was opened here (base/whole_file.h). Not RT-safe.
  */
 #ifndef BASE_INPUT_FILE_H
 #define BASE_INPUT_FILE_H
@@ -25,9 +25,6 @@ enum error_code input_file_stream(const char *path, FILE **file, struct error *e
  * taken. *text is the caller's to free, NULL after an error, and has a zero byte behind its end. */
 enum error_code input_file_load(const char *path, size_t most, char **text, size_t *size,
                                 struct error *error);
-
-/* Tells of a file that this process has written: it is no input when it is read back. */
-void input_file_written(const char *path, const struct stat *status);
 
 /* Refuses (ERROR_INPUT) what is to be written to `path` when the file there is one that this
  * process has read, by whatever name. */

@@ -224,19 +224,14 @@ enum error_code whole_file_open(struct whole_file *file, const char *path, struc
 enum error_code whole_file_close(struct whole_file *file, enum error_code code, struct error *error)
 {
     bool failed = ferror(file->out) != 0;
-    struct stat status;
 
     failed = fflush(file->out) != 0 || failed;
     /* Data reaches the disk before the name does, or a power cut could leave an empty file */
     failed = failed || (!file->in_place && !code && fsync(fileno(file->out)) != 0);
-    failed = fstat(fileno(file->out), &status) != 0 || failed;
     failed = fclose(file->out) != 0 || failed;
     if (!failed && !code && !file->in_place) {
         failed =
             renameat(file->folder, file->partial, file->folder, whole_file_name(file->path)) != 0;
-        if (!failed) {
-            input_file_written(file->path, &status);
-        }
     }
     if (failed && !code) {
         code = error_set_errno(error, errno, "cannot write %s", file->path);
@@ -293,15 +288,11 @@ enum error_code growing_file_open(const char *path, int *descriptor, struct erro
 {
     struct whole_file file;
     enum error_code code = whole_file_begin(&file, path, error);
-    struct stat made;
-
     if (code) {
         return code;
     }
     *descriptor = file.in_place ? whole_file_open_device(&file) : growing_file_create(&file);
-    if (*descriptor >= 0 && !fstat(*descriptor, &made)) {
-        input_file_written(path, &made);
-    } else if (*descriptor < 0) {
+    if (*descriptor < 0) {
         code = errno == ELOOP
                    ? error_set(error, ERROR_INPUT,
                                "%s: found a symbolic link, expected a file: what it points to is "
