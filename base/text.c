@@ -173,3 +173,16 @@ const char *text_nearest(const char *word, const char *const *words, size_t coun
     }
     return nearest;
 }
+
+const char *text_nearest_first(const char *word, const void *structs, size_t size, size_t count)
+{
+    const char *nearest = NULL;
+
+    /* text_nearest is associative, so comparing pairs is enough */
+    for (size_t i = 0; i < count; i++) {
+        const char *one = *(const char *const *)((const char *)structs + i * size);
+
+        nearest = text_nearest(word, (const char *[]){nearest ? nearest : one, one}, 2);
+    }
+    return nearest;
+}

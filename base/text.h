@@ -34,4 +34,7 @@ void text_make_printable(char *text);
  * entries. */
 const char *text_nearest(const char *word, const char *const *words, size_t count);
 
+/* The same of the words that are the first members of count structs of a size. */
+const char *text_nearest_first(const char *word, const void *structs, size_t size, size_t count);
+
 #endif

@@ -1,8 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Creates the balance controller, ramps the robot into its posture and runs the control periods. */
-#include "tasks/balance_private.h"
+/* The balance controller: distributes the load to the feet, computes the motors' references, ramps
+ * the robot into its posture and runs the control periods. */
+#include "tasks/balance.h"
 
+#include "base/portable_math.h"
 #include "base/vec3.h"
+#include "tasks/leg.h"
 
 #include <math.h>
 #include <string.h>
@@ -14,6 +17,409 @@
 /* Round trip of the buses, a period of the loop included, up to which the gains are those of the
  * configuration */
 #define ROUND_TRIP_NS 2e6
+
+#define FOOT_S 0.15  /* time constant of a foot's target toward where it came down */
+#define STOP_S 0.03  /* the same of its height, shorter: the ground is there */
+#define SWING_S 0.01 /* time constant with which a foot in the air follows the plan */
+#define RATE_S 0.004 /* time constant of the filter of the references' rates */
+#define KNEE_MIN 0.15
+#define KNEE_MAX 1.9
+
+struct balance_leg {
+    int link[LEG_JOINTS], chain[LEG_JOINTS]; /* link by enum leg_joint; links from the pelvis to
+                                              * the foot */
+    size_t axis[LEG_JOINTS];
+    struct leg_geometry geometry;
+    double inertia_kg_m2;      /* inertia of the whole leg about its hip, in the posture */
+    double sole_m[3];          /* origin of the sole in the foot's frame */
+    struct gait_foothold foot; /* target of the sole */
+    double touched_s;          /* how long it has been loaded */
+    double turn[2];            /* compliant tilt of the foot: roll, pitch, rad */
+    double stretch_m;          /* compliant length of the leg */
+    double cop_m[2];           /* wanted center of pressure, in the sole's frame */
+    double carries;
+    double weight; /* wanted share of the weight, 0 to 1 */
+    double torque_nm[LEG_JOINTS];
+    double motor_rad[LEG_JOINTS], rate_rad_s[LEG_JOINTS]; /* motor references */
+};
+
+struct balance {
+    struct balance_config config;
+    const struct body_model *model;
+    struct host *host;
+    struct servo *servo;
+    struct estimator *estimator;
+    struct gait gait;
+    struct balance_leg leg[BODY_SIDES];
+    const double *initial;
+    struct servo_gains *gains; /* by axis */
+    double *angle, *from;      /* by axis: references of the links; where they were at the start */
+    struct body_pose *pose;    /* by link, of angle */
+    double com_height_m, omega;
+    double t_s;
+    bool ready;
+    double zmp[2];      /* wanted */
+    double ground_m;    /* ground height under the pelvis, smoothed */
+    double pelvis_m[3]; /* wanted */
+};
+
+/* ---- the feet ---- */
+
+/* Returns the foothold at which a foot's sole is estimated to be. Its yaw is unwrapped to the
+ * turn of the plan's yaw, rad. */
+static struct gait_foothold balance_foothold(const struct estimate_foot *foot, double plan_yaw)
+{
+    const double *R = foot->sole.R;
+    double turns = round((plan_yaw - foot->yaw_rad) / (2 * M_PI));
+
+    return (struct gait_foothold){
+        .p = {foot->anchor[0], foot->anchor[1], foot->anchor[2]},
+        .yaw = foot->yaw_rad + 2 * M_PI * turns,
+        .roll = portable_atan2(R[7], R[8]),
+        .pitch = portable_asin(fmin(fmax(-R[6], -1), 1)),
+    };
+}
+
+/* Returns whether a sole lies flat on the ground: it is loaded and its center of pressure is
+ * inside its edges. (A sole that stands on an edge has it on that edge.) */
+static bool balance_foot_flat(const struct balance *balance, const struct estimate_foot *foot)
+{
+    const struct balance_config *config = &balance->config;
+
+    return foot->force_n[2] > config->flat_n &&
+           foot->cop_m[0] < config->gait.sole_front_m - config->gait.sole_margin_m &&
+           foot->cop_m[0] > config->gait.sole_back_m + config->gait.sole_margin_m &&
+           fabs(foot->cop_m[1]) < config->gait.sole_side_m - config->gait.sole_margin_m;
+}
+
+/* Fills what the gait measures: footholds, contact, vertical forces, center of mass and DCM. */
+static void balance_measure(struct balance *balance, struct gait_measured *measured, double dt_s)
+{
+    const struct estimate *estimate = estimator_read(balance->estimator);
+
+    for (int i = 0; i < BODY_SIDES; i++) {
+        struct balance_leg *leg = &balance->leg[i];
+        const struct estimate_foot *foot = &estimate->foot[i];
+
+        leg->touched_s = foot->force_n[2] > balance->config.touch_n ? leg->touched_s + dt_s : 0;
+        measured->foot[i] = balance_foothold(foot, balance->gait.now.yaw);
+        measured->touches[i] = leg->touched_s > balance->config.touch_s;
+        measured->force_n[i] = foot->force_n[2];
+        measured->flat[i] = balance_foot_flat(balance, foot);
+    }
+    for (int k = 0; k < 2; k++) {
+        measured->com[k] = estimate->com_m[k];
+        measured->dcm[k] = estimate->com_m[k] + estimate->com_m_s[k] / balance->omega;
+    }
+}
+
+/* Computes the wanted zero-moment point: the plan's, plus proportional feedback on the error of
+ * the divergent component of motion (DCM). */
+static void balance_want_zmp(struct balance *balance)
+{
+    const struct estimate *estimate = estimator_read(balance->estimator);
+    const struct gait_reference *plan = &balance->gait.now;
+
+    for (int k = 0; k < 2; k++) {
+        double dcm = estimate->com_m[k] + estimate->com_m_s[k] / balance->omega;
+        double error = dcm - plan->dcm[k];
+
+        balance->zmp[k] = plan->zmp[k] + balance->config.dcm_gain * error;
+    }
+}
+
+/* Distributes the wanted zero-moment point to the feet: along the line between them by their
+ * shares of the weight, across that line by their centers of pressure. Limits each to its sole. */
+static void balance_share(struct balance *balance)
+{
+    const struct balance_config *config = &balance->config;
+    const struct gait_reference *plan = &balance->gait.now;
+    double at[BODY_SIDES][2], line[2], left = plan->share[BODY_LEFT], rest[2];
+    double side_m = config->gait.sole_side_m - config->gait.sole_margin_m;
+
+    /* The line from the right foot's zero-moment point to the left one's */
+    for (int i = 0; i < BODY_SIDES; i++) {
+        gait_foot_zmp(&balance->gait, i, &plan->foot[i], at[i]);
+    }
+    line[0] = at[BODY_LEFT][0] - at[BODY_RIGHT][0];
+    line[1] = at[BODY_LEFT][1] - at[BODY_RIGHT][1];
+    /* Both feet stand: project the wanted point onto the line */
+    if (plan->phase != GAIT_SWING) {
+        left = ((balance->zmp[0] - at[BODY_RIGHT][0]) * line[0] +
+                (balance->zmp[1] - at[BODY_RIGHT][1]) * line[1]) /
+               (line[0] * line[0] + line[1] * line[1]);
+        left = fmin(fmax(left, 0), 1);
+    }
+    balance->leg[BODY_LEFT].weight = left;
+    balance->leg[BODY_RIGHT].weight = 1 - left;
+    /* What is left after the projection lies across the line: both feet move by it, in their
+     * soles */
+    for (int k = 0; k < 2; k++) {
+        rest[k] = balance->zmp[k] - (at[BODY_RIGHT][k] + left * line[k]);
+    }
+    for (int i = 0; i < BODY_SIDES; i++) {
+        struct balance_leg *leg = &balance->leg[i];
+        double point[2] = {at[i][0] + rest[0], at[i][1] + rest[1]};
+
+        gait_into_foot(&plan->foot[i], point, leg->cop_m);
+        /* Limit the center of pressure to the sole less its margin */
+        leg->cop_m[0] =
+            fmin(fmax(leg->cop_m[0], config->gait.sole_back_m + config->gait.sole_margin_m),
+                 config->gait.sole_front_m - config->gait.sole_margin_m);
+        leg->cop_m[1] = fmin(fmax(leg->cop_m[1], -side_m), side_m);
+    }
+}
+
+/* Makes the feet comply: integrates the errors of their moments into tilts of the soles and the
+ * error of the difference of their forces into leg lengths, both with a leak. */
+static void balance_yield(struct balance *balance, double dt_s)
+{
+    const struct balance_config *config = &balance->config;
+    const struct estimate *estimate = estimator_read(balance->estimator);
+    double weight = balance->model->mass_kg * balance->model->gravity_m_s2;
+    /* Error of the difference of the vertical forces, left minus right, N */
+    double difference =
+        weight * (balance->leg[BODY_LEFT].weight - balance->leg[BODY_RIGHT].weight) -
+        (estimate->foot[BODY_LEFT].force_n[2] - estimate->foot[BODY_RIGHT].force_n[2]);
+
+    for (int i = 0; i < BODY_SIDES; i++) {
+        struct balance_leg *leg = &balance->leg[i];
+        const struct estimate_foot *foot = &estimate->foot[i];
+        double force = foot->loaded ? foot->force_n[2] : 0;
+        double leak = 1 - config->cop_leak_per_s * dt_s;
+        double sign = i == BODY_LEFT ? 1 : -1, light = 1 - leg->carries;
+        double pitch =
+            config->cop_pitch_rad_s_nm * leg->carries + config->land_turn_rad_s_nm * light;
+        double roll = config->cop_roll_rad_s_nm * leg->carries + config->land_turn_rad_s_nm * light;
+
+        /* A foot pressed more at its toes turns up, one pressed more at its left rolls up there */
+        leg->turn[0] = leg->turn[0] * leak + roll * force * (foot->cop_m[1] - leg->cop_m[1]) * dt_s;
+        leg->turn[1] =
+            leg->turn[1] * leak - pitch * force * (foot->cop_m[0] - leg->cop_m[0]) * dt_s;
+        /* Limits of 0.2 rad and 0.03 m keep the legs within reach */
+        for (int k = 0; k < 2; k++) {
+            leg->turn[k] = fmin(fmax(leg->turn[k], -0.2), 0.2);
+        }
+        leg->stretch_m = leg->stretch_m * (1 - config->force_leak_per_s * dt_s);
+        if (balance->gait.now.phase != GAIT_SWING) {
+            leg->stretch_m += sign * config->force_m_s_n * difference * dt_s;
+        }
+        leg->stretch_m = fmin(fmax(leg->stretch_m, -0.03), 0.03);
+    }
+}
+
+/* Moves the target of a foot toward the plan. Where the foot came down apart from it, they are
+ * brought together within FOOT_S, since a jump would press the legs against each other. */
+static void balance_target_foot(struct balance *balance, int side, double dt_s)
+{
+    const struct gait_reference *plan = &balance->gait.now;
+    const struct gait_foothold *to = &plan->foot[side];
+    struct gait_foothold *foot = &balance->leg[side].foot;
+    bool swings = plan->phase == GAIT_SWING && plan->stance != side;
+    bool lands = swings && balance->gait.landed;
+    double share = swings && !lands ? dt_s / SWING_S : dt_s / FOOT_S;
+    double up = swings ? plan->height_m : 0;
+
+    for (int k = 0; k < 2; k++) {
+        foot->p[k] += fmin(share, 1) * (to->p[k] - foot->p[k]);
+    }
+    foot->p[2] += (lands ? dt_s / STOP_S : fmin(share, 1)) * (to->p[2] + up - foot->p[2]);
+    foot->yaw += fmin(share, 1) * (to->yaw - foot->yaw);
+    foot->roll += fmin(share, 1) * (to->roll - foot->roll);
+    foot->pitch += fmin(share, 1) * (to->pitch - foot->pitch);
+}
+
+/* ---- the joints ---- */
+
+/* Computes the joint angles of a leg from the poses of pelvis and sole in the world. Returns
+ * false when the sole is out of reach; the angles are then the nearest. */
+static bool balance_leg_angles(const struct balance_leg *leg, const double pelvis_R[9],
+                               const double pelvis_p[3], const double sole_R[9],
+                               const double sole_p[3], double angle[LEG_JOINTS])
+{
+    struct body_pose foot;
+    double ankle[3], back[9], away[3];
+
+    mat3_apply(sole_R, leg->sole_m, ankle);
+    vec3_sub(sole_p, ankle, ankle);
+    vec3_sub(ankle, pelvis_p, away);
+    mat3_apply_transposed(pelvis_R, away, foot.p);
+    mat3_transpose(pelvis_R, back);
+    mat3_mul(back, sole_R, foot.R);
+    return leg_inverse(&leg->geometry, &foot, KNEE_MIN, KNEE_MAX, angle);
+}
+
+/* Computes the vector from the pelvis to the center of mass in the pose of the references, in a
+ * frame turned by R. */
+static void balance_com_offset(struct balance *balance, const double R[9], double offset[3])
+{
+    double com[3];
+
+    body_place(balance->model, balance->angle, balance->pose);
+    body_center_of_mass(balance->model, balance->pose, com);
+    mat3_apply(R, com, offset);
+}
+
+/* Updates and returns the smoothed load of a foot as a fraction, 0 to 1; 1 means 30 % of the
+ * weight and more. */
+static double balance_carries(struct balance *balance, int side, double dt_s)
+{
+    struct balance_leg *leg = &balance->leg[side];
+    const struct estimate_foot *foot = &estimator_read(balance->estimator)->foot[side];
+    double weight = balance->model->mass_kg * balance->model->gravity_m_s2;
+    double goal = fmin(fmax(foot->force_n[2] / (0.3 * weight), 0), 1);
+
+    leg->carries += (goal - leg->carries) * dt_s / (balance->config.carry_s + dt_s);
+    return leg->carries;
+}
+
+/* Computes the poses of pelvis and feet for this period, then the joint angles of the legs. */
+static void balance_pose_legs(struct balance *balance, double dt_s)
+{
+    const struct balance_config *config = &balance->config;
+    const struct estimate *estimate = estimator_read(balance->estimator);
+    const struct gait_reference *plan = &balance->gait.now;
+    double error[2] = {estimate->roll_rad, estimate->pitch_rad - config->lean_rad};
+    double askew = estimate->yaw_rad - plan->yaw;
+    double upright[9], offset[3], ground = 0;
+    const double rpy[3] = {0, config->lean_rad, plan->yaw};
+
+    /* The pelvis is where the planned center of mass wants it, upright but for the lean */
+    mat3_from_rpy(rpy, upright);
+    balance_com_offset(balance, upright, offset);
+    for (int i = 0; i < BODY_SIDES; i++) {
+        balance_target_foot(balance, i, dt_s);
+        ground += 0.5 * plan->foot[i].p[2];
+    }
+    /* The error of the heading, in -pi to pi */
+    askew -= 2 * M_PI * round(askew / (2 * M_PI));
+    /* The pelvis's height follows the mean height of the planned footholds, smoothed */
+    balance->pelvis_m[0] = plan->com[0] - offset[0];
+    balance->pelvis_m[1] = plan->com[1] - offset[1];
+    balance->ground_m += (ground - balance->ground_m) * dt_s / (config->height_s + dt_s);
+    balance->pelvis_m[2] = balance->ground_m + config->pelvis_height_m;
+
+    for (int i = 0; i < BODY_SIDES; i++) {
+        struct balance_leg *leg = &balance->leg[i];
+        double carries = balance_carries(balance, i, dt_s), R[9], sole_R[9], sole_p[3],
+               angle[LEG_JOINTS];
+        /* A loaded leg takes the pelvis as planned, so that errors of attitude are corrected
+         * through the foot; a leg in the air takes it as measured, so that the foot goes where
+         * the plan says */
+        double led[3] = {(1 - carries) * error[0], config->lean_rad + (1 - carries) * error[1],
+                         plan->yaw + (1 - carries) * askew};
+        double sole[3] = {leg->foot.roll + leg->turn[0], leg->foot.pitch + leg->turn[1],
+                          leg->foot.yaw};
+        double pelvis[3];
+
+        mat3_from_rpy(led, R);
+        /* The sole with its compliance (tilt and leg length) added */
+        mat3_from_rpy(sole, sole_R);
+        memcpy(sole_p, leg->foot.p, sizeof sole_p);
+        sole_p[2] -= leg->stretch_m;
+        memcpy(pelvis, balance->pelvis_m, sizeof pelvis);
+        pelvis[2] += (1 - carries) * config->swing_follow * (estimate->pelvis_m[2] - pelvis[2]);
+        balance_leg_angles(leg, R, pelvis, sole_R, sole_p, angle);
+        for (int j = 0; j < LEG_JOINTS; j++) {
+            balance->angle[leg->axis[j]] = angle[j];
+        }
+    }
+}
+
+/* Computes the static torques of the legs when each foot carries its share of the weight at its
+ * wanted center of pressure, the force pointing along the line to the center of mass. */
+static void balance_load_legs(struct balance *balance)
+{
+    const struct estimate *estimate = estimator_read(balance->estimator);
+    double weight = balance->model->mass_kg * balance->model->gravity_m_s2;
+    double down[3], plumb[3] = {0, 0, -1}, R[9];
+    const double rpy[3] = {0, balance->config.lean_rad, balance->gait.now.yaw};
+
+    mat3_from_rpy(rpy, R);
+    mat3_apply_transposed(R, plumb, down);
+    for (int i = 0; i < BODY_SIDES; i++) {
+        struct balance_leg *leg = &balance->leg[i];
+        struct body_pose sole;
+        double point[3], force[3], world[3], cop[3] = {leg->cop_m[0], leg->cop_m[1], 0};
+
+        /* Point of attack: the wanted center of pressure, in the pelvis's frame */
+        body_place_frame(&balance->model->sole[i], &balance->pose[leg->chain[LEG_JOINTS - 1]],
+                         &sole);
+        mat3_apply(sole.R, cop, point);
+        vec3_add_scaled(point, 1, sole.p, point);
+        /* Force on the foot: its share of the weight, inclined like the pendulum, by 0.2 at most */
+        for (int k = 0; k < 2; k++) {
+            double lean = (estimate->com_m[k] - balance->zmp[k]) / balance->com_height_m;
+
+            world[k] = leg->weight * weight * fmin(fmax(lean, -0.2), 0.2);
+        }
+        world[2] = leg->weight * weight;
+        mat3_apply_transposed(R, world, force);
+        /* Each joint carries what comes after it in the chain */
+        for (int j = 0; j < LEG_JOINTS; j++) {
+            leg->torque_nm[leg->geometry.chain[j]] =
+                body_static_torque(balance->model, balance->pose, leg->chain + j,
+                                   (size_t)(LEG_JOINTS - j), force, point, down);
+        }
+    }
+}
+
+/* Adds the hip torque that accelerates the swinging leg, taken as a rod with its inertia about
+ * the hip. The standing leg's hip gets the reaction, so that the trunk gets none. */
+static void balance_load_swing(struct balance *balance)
+{
+    const struct gait_reference *plan = &balance->gait.now;
+    struct balance_leg *stance = &balance->leg[plan->stance];
+    struct balance_leg *swing = &balance->leg[BODY_SIDES - 1 - plan->stance];
+    double ahead =
+        portable_cos(plan->yaw) * plan->foot_m_s2[0] + portable_sin(plan->yaw) * plan->foot_m_s2[1];
+    double torque = -balance->config.swing_torque * swing->inertia_kg_m2 * ahead /
+                    (swing->geometry.thigh_m + swing->geometry.shank_m);
+
+    swing->torque_nm[LEG_HIP_PITCH] += torque;
+    stance->torque_nm[LEG_HIP_PITCH] -= torque;
+}
+
+/* Sets the references of all motors: the link's angle plus the deflection of the spring under
+ * its load. take: fraction of the load that is compensated; loose: fraction of the way from the
+ * pose at the start, both 0 to 1. */
+static void balance_drive(struct balance *balance, double take, double loose, double dt_s)
+{
+    const struct host_config *host = host_configuration(balance->host);
+
+    /* Joints outside the legs go to their angles without compensation */
+    for (size_t i = 0; i < host->naxis; i++) {
+        servo_set(balance->servo, i,
+                  balance->from[i] + loose * (balance->angle[i] - balance->from[i]), 0);
+    }
+    for (int side = 0; side < BODY_SIDES; side++) {
+        struct balance_leg *leg = &balance->leg[side];
+
+        for (int j = 0; j < LEG_JOINTS; j++) {
+            size_t axis = leg->axis[j];
+            double load = take * leg->torque_nm[j];
+            double link =
+                balance->from[axis] + loose * (balance->angle[axis] - balance->from[axis]);
+            double motor = link + load / host->axis[axis].drive.spring_nm_rad;
+            double rate;
+
+            /* Ankles follow the measured angle in part, so that the sole can lie down on the
+             * ground */
+            if (balance->ready && (j == LEG_ANKLE_ROLL || j == LEG_ANKLE_PITCH)) {
+                double follow = balance->config.ankle_follow * fmin(leg->weight / 0.3, 1);
+
+                motor += follow * (host_joint(balance->host, axis)->joint_rad - link);
+            }
+            /* Feed-forward: the filtered rate of the reference */
+            rate = dt_s > 0 ? (motor - leg->motor_rad[j]) / dt_s : 0;
+
+            leg->rate_rad_s[j] += (rate - leg->rate_rad_s[j]) * dt_s / (RATE_S + dt_s);
+            leg->motor_rad[j] = motor;
+            servo_set(balance->servo, axis, motor, leg->rate_rad_s[j]);
+            servo_set_load(balance->servo, axis, load);
+        }
+    }
+}
 
 /* ---- creation ---- */
 
@@ -253,4 +659,82 @@ const struct estimate *balance_estimate(const struct balance *balance)
 const struct gait *balance_gait(const struct balance *balance)
 {
     return &balance->gait;
+}
+
+/* ---- signals for recordings: what is estimated and planned ---- */
+
+/* The name and value of each. Right foot first, as in enum BODY_RIGHT; tilts of the estimated soles
+ * come out of their rotation matrices. */
+#define SIGNALS                                                                                    \
+    SIGNAL("estimate.roll_rad", e->roll_rad)                                                       \
+    SIGNAL("estimate.pitch_rad", e->pitch_rad)                                                     \
+    SIGNAL("estimate.yaw_rad", e->yaw_rad)                                                         \
+    SIGNAL("estimate.pelvis_x_m", e->pelvis_m[0])                                                  \
+    SIGNAL("estimate.pelvis_y_m", e->pelvis_m[1])                                                  \
+    SIGNAL("estimate.pelvis_z_m", e->pelvis_m[2])                                                  \
+    SIGNAL("estimate.com_x_m", e->com_m[0])                                                        \
+    SIGNAL("estimate.com_y_m", e->com_m[1])                                                        \
+    SIGNAL("estimate.com_z_m", e->com_m[2])                                                        \
+    SIGNAL("estimate.com_vx_m_s", e->com_m_s[0])                                                   \
+    SIGNAL("estimate.com_vy_m_s", e->com_m_s[1])                                                   \
+    SIGNAL("estimate.com_vz_m_s", e->com_m_s[2])                                                   \
+    SIGNAL("estimate.zmp_x_m", e->zmp_m[0])                                                        \
+    SIGNAL("estimate.zmp_y_m", e->zmp_m[1])                                                        \
+    SIGNAL("estimate.right_fz_n", e->foot[0].force_n[2])                                           \
+    SIGNAL("estimate.left_fz_n", e->foot[1].force_n[2])                                            \
+    SIGNAL("estimate.right_cop_x_m", e->foot[0].cop_m[0])                                          \
+    SIGNAL("estimate.right_cop_y_m", e->foot[0].cop_m[1])                                          \
+    SIGNAL("estimate.left_cop_x_m", e->foot[1].cop_m[0])                                           \
+    SIGNAL("estimate.left_cop_y_m", e->foot[1].cop_m[1])                                           \
+    SIGNAL("plan.zmp_x_m", plan->zmp[0])                                                           \
+    SIGNAL("plan.zmp_y_m", plan->zmp[1])                                                           \
+    SIGNAL("plan.dcm_x_m", plan->dcm[0])                                                           \
+    SIGNAL("plan.dcm_y_m", plan->dcm[1])                                                           \
+    SIGNAL("plan.com_x_m", plan->com[0])                                                           \
+    SIGNAL("plan.com_y_m", plan->com[1])                                                           \
+    SIGNAL("wanted.zmp_x_m", balance->zmp[0])                                                      \
+    SIGNAL("wanted.zmp_y_m", balance->zmp[1])                                                      \
+    SIGNAL("wanted.right_cop_x_m", right->cop_m[0])                                                \
+    SIGNAL("wanted.right_cop_y_m", right->cop_m[1])                                                \
+    SIGNAL("wanted.left_cop_x_m", left->cop_m[0])                                                  \
+    SIGNAL("wanted.left_cop_y_m", left->cop_m[1])                                                  \
+    SIGNAL("wanted.left_weight", left->weight)                                                     \
+    SIGNAL("plan.phase", plan->phase)                                                              \
+    SIGNAL("plan.stance", plan->stance)                                                            \
+    SIGNAL("plan.right_z_m",                                                                       \
+           plan->foot[0].p[2] + (plan->stance == BODY_LEFT ? plan->height_m : 0))                  \
+    SIGNAL("plan.left_z_m",                                                                        \
+           plan->foot[1].p[2] + (plan->stance == BODY_RIGHT ? plan->height_m : 0))                 \
+    SIGNAL("plan.next_x_m", balance->gait.next.p[0])                                               \
+    SIGNAL("plan.next_y_m", balance->gait.next.p[1])                                               \
+    SIGNAL("plan.steps", balance->gait.steps)                                                      \
+    SIGNAL("estimate.right_x_m", e->foot[0].sole.p[0])                                             \
+    SIGNAL("estimate.right_y_m", e->foot[0].sole.p[1])                                             \
+    SIGNAL("estimate.left_x_m", e->foot[1].sole.p[0])                                              \
+    SIGNAL("estimate.left_y_m", e->foot[1].sole.p[1])                                              \
+    SIGNAL("estimate.right_z_m", e->foot[0].sole.p[2])                                             \
+    SIGNAL("estimate.left_z_m", e->foot[1].sole.p[2])                                              \
+    SIGNAL("estimate.right_pitch_rad", portable_asin(fmin(fmax(-e->foot[0].sole.R[6], -1), 1)))    \
+    SIGNAL("estimate.left_pitch_rad", portable_asin(fmin(fmax(-e->foot[1].sole.R[6], -1), 1)))     \
+    SIGNAL("estimate.right_roll_rad", portable_atan2(e->foot[0].sole.R[7], e->foot[0].sole.R[8]))  \
+    SIGNAL("estimate.left_roll_rad", portable_atan2(e->foot[1].sole.R[7], e->foot[1].sole.R[8]))   \
+    SIGNAL("plan.right_pitch_rad", plan->foot[0].pitch)                                            \
+    SIGNAL("plan.left_pitch_rad", plan->foot[1].pitch)                                             \
+    SIGNAL("plan.right_roll_rad", plan->foot[0].roll)                                              \
+    SIGNAL("plan.left_roll_rad", plan->foot[1].roll)                                               \
+    SIGNAL("plan.landed", balance->gait.landed)
+
+#define SIGNAL(name, value) name,
+const char *const balance_signal_name[BALANCE_SIGNALS] = {SIGNALS};
+#undef SIGNAL
+
+void balance_signals(const struct balance *balance, double value[BALANCE_SIGNALS])
+{
+    const struct estimate *e = estimator_read(balance->estimator);
+    const struct gait_reference *plan = &balance->gait.now;
+    const struct balance_leg *right = &balance->leg[BODY_RIGHT], *left = &balance->leg[BODY_LEFT];
+#define SIGNAL(name, value) value,
+    const double now[BALANCE_SIGNALS] = {SIGNALS};
+
+    memcpy(value, now, sizeof now);
 }

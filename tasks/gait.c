@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Updates the gait: phases of the steps, footholds and the plan of the zero-moment point and DCM
  * over them. */
-#include "tasks/gait_private.h"
+#include "tasks/gait.h"
 
 #include "base/portable_math.h"
 
@@ -16,19 +16,115 @@ enum { PREVIEW = 3 };
 #define TIME_CHANGE 0.06 /* largest relative change of a step's duration */
 #define EARLIEST 0.5     /* fraction of a swing after which a load means a landing */
 
-int gait_other(int side)
+/* Of the step that catches a standing robot that is pushed */
+#define CATCH_LATE_S 0.1    /* it ends so much later when it has met no ground */
+#define CATCH_LOWER_M_S 0.3 /* speed at which its foot is lowered until then */
+#define CATCH_COM_S 0.05    /* time constant of the planned center of mass */
+#define SETTLE_S 0.1        /* wait after a step: the foot that came down bounces */
+#define LOAD_S 0.05         /* duration in which the standing foot takes over the weight */
+#define FOLLOW_S 0.03       /* time constant with which the foothold follows the DCM */
+#define ACROSS_PART 0.45    /* fraction of the swing in which it does so across ... */
+#define ALONG_PART 0.63     /* ... and along: later the leg's own way moves the DCM */
+#define ON_PART 0.6         /* fraction of the way to the new foot: beyond it the other follows */
+#define ON_TRANSFER_S 0.12
+#define CALM_S 0.3    /* at rest means: it has stood for so long ... */
+#define CALM_M 0.025  /* ... and the DCM is this near to its plan */
+#define BESIDE_M 0.03 /* feet this near to side by side need no further step */
+
+/* ---- the divergent component of motion ---- */
+
+void dcm_add(struct dcm_plan *plan, double duration_s, const double from[2], const double to[2])
+{
+    if (plan->nline < DCM_LINES && duration_s > 0) {
+        plan->line[plan->nline++] =
+            (struct dcm_line){duration_s, {from[0], from[1]}, {to[0], to[1]}};
+    }
+}
+
+/* Computes xi where left_s of a line are left, from xi at the line's end (the equation in the
+ * header). */
+static void dcm_line_back(const struct dcm_line *line, double omega, double left_s,
+                          const double end[2], double dcm[2])
+{
+    double decay = portable_exp(-omega * left_s);
+
+    for (int k = 0; k < 2; k++) {
+        double rate = (line->to[k] - line->from[k]) / line->duration_s;
+        double zmp = line->to[k] - rate * left_s;
+
+        dcm[k] = zmp + rate / omega + decay * (end[k] - line->to[k] - rate / omega);
+    }
+}
+
+/* Computes xi at the end of the first line, backward from the end of the plan, where xi rests. */
+static void dcm_first_end(const struct dcm_plan *plan, double end[2])
+{
+    const struct dcm_line *last = &plan->line[plan->nline - 1];
+
+    end[0] = last->to[0];
+    end[1] = last->to[1];
+    for (size_t i = plan->nline; i-- > 1;) {
+        double begin[2];
+
+        dcm_line_back(&plan->line[i], plan->omega, plan->line[i].duration_s, end, begin);
+        end[0] = begin[0];
+        end[1] = begin[1];
+    }
+}
+
+void dcm_begin_at(struct dcm_plan *plan, const double dcm[2])
+{
+    struct dcm_line *first = &plan->line[0];
+    double lasts = plan->omega * first->duration_s, decay = portable_exp(-lasts), end[2];
+
+    dcm_first_end(plan, end);
+    /* The equation in the header, solved for r0, with r' = (r1 - r0) / T */
+    for (int k = 0; k < 2; k++) {
+        first->from[k] =
+            (dcm[k] - first->to[k] * (1 - decay) / lasts - decay * (end[k] - first->to[k])) /
+            (1 - (1 - decay) / lasts);
+    }
+}
+
+void dcm_evaluate(const struct dcm_plan *plan, double elapsed_s, double zmp[2], double dcm[2],
+                  double dcm_end[2])
+{
+    const struct dcm_line *first = &plan->line[0];
+    double share = fmin(fmax(elapsed_s / first->duration_s, 0), 1), end[2];
+
+    dcm_first_end(plan, end);
+    dcm_line_back(first, plan->omega, (1 - share) * first->duration_s, end, dcm);
+    for (int k = 0; k < 2; k++) {
+        zmp[k] = first->from[k] + share * (first->to[k] - first->from[k]);
+        dcm_end[k] = end[k];
+    }
+}
+
+void dcm_advance(double omega, double duration_s, const double zmp[2], const double dcm[2],
+                 double after[2])
+{
+    double growth = portable_exp(omega * duration_s);
+
+    for (int k = 0; k < 2; k++) {
+        after[k] = zmp[k] + growth * (dcm[k] - zmp[k]);
+    }
+}
+
+/* ---- footholds ---- */
+
+static int gait_other(int side)
 {
     return BODY_SIDES - 1 - side;
 }
 
 /* Returns the sign of the direction away from the other foot, along y: +1 of the left foot, -1
  * of the right one. */
-double gait_outward(int side)
+static double gait_outward(int side)
 {
     return side == BODY_LEFT ? 1 : -1;
 }
 
-void gait_offset(const struct gait_foothold *from, double ahead, double left, double to[2])
+static void gait_offset(const struct gait_foothold *from, double ahead, double left, double to[2])
 {
     to[0] = from->p[0] + portable_cos(from->yaw) * ahead - portable_sin(from->yaw) * left;
     to[1] = from->p[1] + portable_sin(from->yaw) * ahead + portable_cos(from->yaw) * left;
@@ -79,8 +175,8 @@ static void gait_foresee_ground(const struct gait *gait, const struct gait_footh
 
 /* Computes where the foot of that side steps to while the other one stands, from the commanded
  * velocity; close: beside the standing foot. */
-void gait_foothold_of(const struct gait *gait, int side, const struct gait_foothold *stance,
-                      bool close, struct gait_foothold *to)
+static void gait_foothold_of(const struct gait *gait, int side, const struct gait_foothold *stance,
+                             bool close, struct gait_foothold *to)
 {
     const struct gait_config *config = &gait->config;
     double period = config->swing_s + config->transfer_s, out = gait_outward(side);
@@ -117,7 +213,9 @@ void gait_start(struct gait *gait, const struct gait_config *config, double omeg
     memcpy(gait->now.dcm, gait->now.zmp, sizeof gait->now.dcm);
 }
 
-double gait_left_share(const struct gait *gait, const double point[2])
+/* Returns how far a point is on the way from the right foot's planned zero-moment point to the left
+ * one's: 0 to 1 between them. */
+static double gait_left_share(const struct gait *gait, const double point[2])
 {
     double side[BODY_SIDES][2], along[2], square;
 
@@ -198,7 +296,7 @@ static void gait_plan(const struct gait *gait, struct dcm_plan *plan)
 
 /* ---- phases ---- */
 
-void gait_begin(struct gait *gait, enum gait_phase phase, double duration_s)
+static void gait_begin(struct gait *gait, enum gait_phase phase, double duration_s)
 {
     gait->now.phase = phase;
     gait->elapsed_s = 0;
@@ -207,7 +305,7 @@ void gait_begin(struct gait *gait, enum gait_phase phase, double duration_s)
 
 /* Begins the next step, with its transfer: from now on stance carries and the other foot will
  * swing. */
-void gait_begin_step(struct gait *gait, int stance, double transfer_s)
+static void gait_begin_step(struct gait *gait, int stance, double transfer_s)
 {
     int swing = gait_other(stance);
 
@@ -264,7 +362,7 @@ static bool gait_swing_over(const struct gait *gait)
     double late = gait->elapsed_s - gait->duration_s;
 
     if (gait->catches) {
-        return gait->landed || late >= GAIT_CATCH_LATE_S;
+        return gait->landed || late >= CATCH_LATE_S;
     }
     return late >= 0 && (gait->landed || late * gait->config.lower_m_s >= gait->config.lower_m);
 }
@@ -288,7 +386,8 @@ static void gait_feel_ground(struct gait *gait, const struct gait_measured *meas
     }
 }
 
-void gait_begin_at(struct gait *gait, const double dcm[2])
+/* Makes the transfer that has begun start from this DCM. */
+static void gait_begin_at(struct gait *gait, const double dcm[2])
 {
     struct dcm_plan plan;
 
@@ -304,6 +403,161 @@ static void gait_set_out(struct gait *gait, int stance)
     gait_begin_step(gait, stance, gait->config.start_s);
     gait_begin_at(gait, gait->now.dcm);
 }
+
+/* ---- the step that catches a standing robot that is pushed (capture step) ---- */
+
+/* Returns the distance between two points in the plane, m. */
+static double gait_apart(const double a[2], const double b[2])
+{
+    double x = a[0] - b[0], y = a[1] - b[1];
+
+    return sqrt(x * x + y * y);
+}
+
+/* Returns how far (m) the DCM is ahead of or behind where the center of pressure can be,
+ * negative inside: the reach of a sole on the line between the feet, where that line is nearest
+ * to the DCM. Sideways no step helps that does not cross the legs: the foot on that side carries
+ * the weight, and the other one would have to pass it. */
+static double gait_beyond_soles(const struct gait *gait, const double dcm[2])
+{
+    const struct gait_config *config = &gait->config;
+    const struct gait_foothold *foot = gait->now.foot;
+    struct gait_foothold sole = {.yaw = gait->now.yaw};
+    double left = fmin(fmax(gait_left_share(gait, dcm), 0), 1), in[2];
+
+    for (int k = 0; k < 2; k++) {
+        sole.p[k] = foot[BODY_RIGHT].p[k] + left * (foot[BODY_LEFT].p[k] - foot[BODY_RIGHT].p[k]);
+    }
+    gait_into_foot(&sole, dcm, in);
+    return fmax(in[0] - config->sole_front_m, config->sole_back_m - in[0]) + config->sole_margin_m;
+}
+
+/* Returns whether a standing robot has to step. */
+static bool gait_must_catch(const struct gait *gait, const struct gait_measured *measured)
+{
+    enum gait_phase phase = gait->now.phase;
+    bool stands = phase == GAIT_STAND ||
+                  (phase == GAIT_TRANSFER && gait->closing && gait->elapsed_s > SETTLE_S);
+
+    return gait->config.catch_swing_s > 0 && stands &&
+           gait_beyond_soles(gait, measured->dcm) > -gait->config.catch_margin_m;
+}
+
+/* Begins the swing of the foot that is further from the DCM, at once. */
+static void gait_begin_catch(struct gait *gait, const struct gait_measured *measured)
+{
+    struct gait_reference *now = &gait->now;
+    double apart[BODY_SIDES];
+    int swing;
+
+    /* The foot nearer to the DCM stands */
+    for (int i = 0; i < BODY_SIDES; i++) {
+        apart[i] = gait_apart(measured->dcm, now->foot[i].p);
+    }
+    now->stance = apart[BODY_RIGHT] < apart[BODY_LEFT] ? BODY_RIGHT : BODY_LEFT;
+    swing = gait_other(now->stance);
+    /* The swing begins without a transfer: remember the load of the standing foot for its ramp */
+    gait->bore = now->share[now->stance];
+    gait->catches = true;
+    gait->closing = gait->landed = false;
+    gait->apart = true;
+    /* The foothold begins beside the standing foot; gait_place_catch moves it outward */
+    gait->lift = now->foot[swing];
+    gait_foothold_of(gait, swing, &now->foot[now->stance], true, &gait->next);
+    memset(gait->shift, 0, sizeof gait->shift);
+    gait_begin(gait, GAIT_SWING, gait->config.catch_swing_s);
+}
+
+/* Returns the share of the weight on the standing foot while the other one leaves the ground. */
+static double gait_catch_share(const struct gait *gait)
+{
+    return gait->bore + (1 - gait->bore) * fmin(gait->elapsed_s / LOAD_S, 1);
+}
+
+/* Moves the foothold to where the DCM will be when the foot comes down. It moves only ever
+ * further away: a foot that is drawn back throws the robot off, one that steps too far does no
+ * harm. */
+static void gait_place_catch(struct gait *gait, const double after[2], double dt_s)
+{
+    const struct gait_config *config = &gait->config;
+    const struct gait_foothold *at = &gait->now.foot[gait->now.stance];
+    double out = gait_outward(gait_other(gait->now.stance)), reach = config->catch_reach_m;
+    double was[2], to[2], goal[2];
+
+    /* In the heading of the standing foot: limit to its reach, and never closer than before */
+    gait_into_foot(at, gait->next.p, was);
+    gait_into_foot(at, after, to);
+    to[0] = fmin(fmax(to[0] - config->zmp_ahead_m, -reach), reach);
+    to[1] = fmin(fmax(out * to[1], config->least_width_m), config->width_m + config->reach_out_m);
+    to[0] = fabs(to[0]) < fabs(was[0]) ? was[0] : to[0];
+    to[1] = out * fmax(to[1], out * was[1]);
+    if (gait->elapsed_s > ACROSS_PART * gait->duration_s) {
+        to[1] = was[1];
+    }
+    /* Back into the world, smoothed */
+    gait_offset(at, to[0], to[1], goal);
+    for (int k = 0; k < 2; k++) {
+        gait->next.p[k] += (goal[k] - gait->next.p[k]) * fmin(dt_s / FOLLOW_S, 1);
+    }
+}
+
+/* Computes zero-moment point, DCM and foothold of the catching swing. */
+static void gait_plan_catch(struct gait *gait, const struct gait_measured *measured, double dt_s)
+{
+    const struct gait_config *config = &gait->config;
+    struct gait_reference *now = &gait->now;
+    const struct gait_foothold *at = &now->foot[now->stance];
+    double side = config->sole_side_m - config->sole_margin_m, in[2], after[2];
+
+    /* The center of pressure goes as far against the fall as the standing sole reaches */
+    gait_into_foot(at, measured->dcm, in);
+    in[0] = fmin(fmax(in[0], config->sole_back_m + config->sole_margin_m),
+                 config->sole_front_m - config->sole_margin_m);
+    in[1] = fmin(fmax(in[1], -side), side);
+    gait_offset(at, in[0], in[1], now->zmp);
+    /* The plan is the measurement, so that no feedback acts on top of it */
+    memcpy(now->dcm, measured->dcm, sizeof now->dcm);
+
+    dcm_advance(gait->omega, fmax(gait->duration_s - gait->elapsed_s, 0), now->zmp, measured->dcm,
+                after);
+    memcpy(gait->dcm_end, after, sizeof after);
+    if (gait->elapsed_s <= ALONG_PART * gait->duration_s) {
+        gait_place_catch(gait, after, dt_s);
+    }
+}
+
+/* Ends the catching swing: the other foot follows, or both stay where they are. */
+static void gait_end_catch(struct gait *gait, const struct gait_measured *measured)
+{
+    int swing = gait_other(gait->now.stance);
+    double left = gait_left_share(gait, measured->dcm);
+
+    gait->catches = false;
+    /* The DCM has gone on to the new foot: the other one follows with a step; else stay apart */
+    if ((swing == BODY_LEFT ? left : 1 - left) > ON_PART) {
+        gait_begin_step(gait, swing, ON_TRANSFER_S);
+        return;
+    }
+    gait->closing = true;
+    gait_begin(gait, GAIT_TRANSFER, gait->config.start_s);
+    gait_begin_at(gait, measured->dcm);
+}
+
+/* Returns whether the robot has come to rest with its feet apart. */
+static bool gait_rests_apart(const struct gait *gait, const struct gait_measured *measured)
+{
+    const struct gait_reference *now = &gait->now;
+    struct gait_foothold beside;
+
+    if (!gait->apart || now->phase != GAIT_STAND || gait->elapsed_s <= CALM_S ||
+        gait_apart(measured->dcm, now->dcm) >= CALM_M) {
+        return false;
+    }
+    gait_foothold_of(gait, BODY_LEFT, &now->foot[BODY_RIGHT], true, &beside);
+    return gait_apart(beside.p, now->foot[BODY_LEFT].p) > BESIDE_M;
+}
+
+/* ---- from phase to phase ---- */
 
 /* Ends the present phase and begins the next one: stand, transfer, swing, transfer, ..., stand. */
 static void gait_end_phase(struct gait *gait, const struct gait_measured *measured)
@@ -420,7 +674,7 @@ static void gait_swing_foot(struct gait *gait)
     double up = s < 0.5 ? gait_ease(s / 0.45) : 1 - gait_ease((s - 0.5) / 0.5);
     double late = fmax(gait->elapsed_s - gait->duration_s, 0);
     double high = gait->catches ? gait->config.catch_clearance_m : gait->config.clearance_m;
-    double lower = gait->catches ? GAIT_CATCH_LOWER_M_S : gait->config.lower_m_s;
+    double lower = gait->catches ? CATCH_LOWER_M_S : gait->config.lower_m_s;
 
     if (gait->landed) {
         return;
@@ -465,7 +719,7 @@ void gait_update(struct gait *gait, const struct gait_command *command,
 {
     struct gait_reference *now = &gait->now;
     struct dcm_plan plan;
-    double decay = portable_exp(-gait->omega * dt_s), yaw;
+    double decay = portable_exp(-gait->omega * dt_s);
 
     /* Begin to walk; end a phase when its time is over; step at once when the robot falls */
     gait->command = *command;
@@ -512,11 +766,10 @@ void gait_update(struct gait *gait, const struct gait_command *command,
     for (int k = 0; k < 2; k++) {
         now->com[k] = now->dcm[k] + decay * (now->com[k] - now->dcm[k]);
         if (now->phase == GAIT_SWING && gait->catches) {
-            now->com[k] += (measured->com[k] - now->com[k]) * dt_s / GAIT_CATCH_COM_S;
+            now->com[k] += (measured->com[k] - now->com[k]) * dt_s / CATCH_COM_S;
         }
         now->com_m_s[k] = gait->omega * (now->dcm[k] - now->com[k]);
     }
     /* The pelvis heads between the feet */
-    yaw = (now->foot[0].yaw + now->foot[1].yaw) / 2;
-    now->yaw = yaw;
+    now->yaw = (now->foot[0].yaw + now->foot[1].yaw) / 2;
 }

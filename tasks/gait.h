@@ -2,7 +2,7 @@
 /*
  * Plans where and when the feet step and how the center of mass moves over them: footholds from the
  * commanded velocity, the plan of the zero-moment point and of the divergent component of motion
- * over them (tasks/dcm.h), the path of the foot in the air. Knows nothing of motors and forces.
+ * over them (below), the path of the foot in the air. Knows nothing of motors and forces.
  *
  * A robot that stands and is pushed so far that no center of pressure brings it back takes a step
  * in the direction of the fall, and then closes its feet.
@@ -14,7 +14,6 @@
 #define TASKS_GAIT_H
 
 #include "tasks/body_model.h"
-#include "tasks/dcm.h"
 #include "tasks/task.h"
 
 #include <stdbool.h>
@@ -90,5 +89,45 @@ void gait_into_foot(const struct gait_foothold *foot, const double point[2], dou
 /* Computes the zero-moment point that the plan uses for a foot. */
 void gait_foot_zmp(const struct gait *gait, int side, const struct gait_foothold *foot,
                    double zmp[2]);
+
+/* ---- the divergent component of motion ----
+ *
+ * xi = c + c'/omega of the linear inverted pendulum c'' = omega^2 (c - r), and its plan in closed
+ * form (Englsberger, Ott, Albu-Schaeffer: Three-dimensional bipedal walking control based on
+ * divergent component of motion, IEEE Trans. Robotics 31(2), 2015). r, the zero-moment point, moves
+ * along straight lines, one after the other; where the last one ends xi is to come to rest.
+ * Backward through a line that lasts T, from r0 with the rate r' to r1,
+ *
+ *     xi0 = r0 + r'/omega + exp(-omega T) (xi1 - r1 - r'/omega).
+ *
+ * Horizontal components only; m, s. */
+
+enum { DCM_LINES = 16 };
+
+struct dcm_line {
+    double duration_s;
+    double from[2], to[2]; /* zero-moment point at its begin and end, m */
+};
+
+struct dcm_plan {
+    double omega; /* rad/s: sqrt(g / height of the center of mass) */
+    size_t nline;
+    struct dcm_line line[DCM_LINES];
+};
+
+/* Appends a line; drops it when there are DCM_LINES already or it has no duration. */
+void dcm_add(struct dcm_plan *plan, double duration_s, const double from[2], const double to[2]);
+
+/* Computes the zero-moment point and the DCM elapsed_s after the first line's begin, and the DCM
+ * at the first line's end; elapsed_s within the first line. */
+void dcm_evaluate(const struct dcm_plan *plan, double elapsed_s, double zmp[2], double dcm[2],
+                  double dcm_end[2]);
+
+/* Moves the begin of the first line so that the plan has that DCM at its begin. */
+void dcm_begin_at(struct dcm_plan *plan, const double dcm[2]);
+
+/* Computes the DCM after duration_s with the zero-moment point at rest in zmp. */
+void dcm_advance(double omega, double duration_s, const double zmp[2], const double dcm[2],
+                 double after[2]);
 
 #endif

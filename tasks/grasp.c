@@ -21,7 +21,6 @@ static const char *const joint_name[SIDES][GRASP_JOINTS] = {
 };
 static const double mirrored[GRASP_JOINTS] = {1, -1, -1, 1}; /* the left arm's angles */
 static const char *const wrist_name[SIDES] = {"r_arm_ft", "l_arm_ft"};
-static const char *const foot_name[SIDES] = {"r_leg_ft", "l_leg_ft"};
 
 static const double WEIGH_S = 0.2; /* at the end of settling: the time in which the weight is
                                     * measured */
@@ -30,7 +29,7 @@ static const double LIGHT = 0.3;   /* fallen when the feet carry less than this 
 static const double LOST_S = 0.05; /* ... or lost when a wrist presses too little, for so long */
 
 struct grasp {
-    size_t axis[SIDES][GRASP_JOINTS], wrist[SIDES], foot[SIDES];
+    size_t axis[SIDES][GRASP_JOINTS], wrist[SIDES];
     double feet_sum, wrist_sum[SIDES][3]; /* sums of the forces when nothing was held yet */
     size_t weighed;
     size_t phase;       /* phase of the path */
@@ -115,12 +114,8 @@ static enum error_code grasp_create(struct task *task, struct arena *arena, stru
         if (code) {
             return code;
         }
-        code = task_find_force(task, foot_name[side], &grasp->foot[side], error);
-        if (code) {
-            return code;
-        }
     }
-    return ERROR_NONE;
+    return task_find_feet(task, error);
 }
 
 /* Sets the references of both arms on the piecewise linear path, t seconds after its beginning,
@@ -197,15 +192,6 @@ static double grasp_carried_force(const struct task *task)
     return -right[2] - left[2];
 }
 
-/* Returns the vertical force on both feet, N. */
-static double grasp_feet_force(const struct task *task)
-{
-    const struct grasp *grasp = task->state;
-
-    return host_force(task->host, grasp->foot[RIGHT])->force_n[2] +
-           host_force(task->host, grasp->foot[LEFT])->force_n[2];
-}
-
 /* Returns the robot's weight on its feet before the grasp, N; 0 where they hang, as of a robot
  * whose base is held. */
 static double grasp_weight(const struct grasp *grasp)
@@ -226,7 +212,7 @@ static void grasp_weigh(struct task *task)
             grasp->wrist_sum[side][k] += force[k];
         }
     }
-    grasp->feet_sum += grasp_feet_force(task);
+    grasp->feet_sum += task_feet_force(task);
     grasp->weighed++;
 }
 
@@ -239,7 +225,7 @@ static bool grasp_is_healthy(struct task *task, double t)
     bool closed = config->phase[grasp->phase].closed;
     double least = fmin(grasp_press_force(task, RIGHT), grasp_press_force(task, LEFT));
     bool lost = closed && config->least_press_n > 0 && least < config->least_press_n;
-    bool fallen = grasp_weight(grasp) > 0 && grasp_feet_force(task) < LIGHT * grasp_weight(grasp);
+    bool fallen = grasp_weight(grasp) > 0 && task_feet_force(task) < LIGHT * grasp_weight(grasp);
 
     if (!task_motors_follow(task, &grasp->worst_error_rad)) {
         return false;
@@ -253,7 +239,7 @@ static bool grasp_is_healthy(struct task *task, double t)
         grasp->fine_s = t;
     } else if (t - grasp->fine_s > LOST_S && fallen) {
         snprintf(task->message, sizeof task->message,
-                 "the robot fell: the feet carry %.0f N of %.0f N", grasp_feet_force(task),
+                 "the robot fell: the feet carry %.0f N of %.0f N", task_feet_force(task),
                  grasp_weight(grasp));
         return false;
     } else if (t - grasp->fine_s > LOST_S) {
@@ -324,7 +310,7 @@ static enum task_status grasp_step(struct task *task, double t)
         }
         if (task->tells) {
             snprintf(task->message, sizeof task->message, "settling, feet carry %.1f N",
-                     grasp_feet_force(task));
+                     task_feet_force(task));
         }
         return TASK_RUNNING;
     }

@@ -18,7 +18,6 @@ static const char *const joint_name[LEGS][PITCH_JOINTS] = {
     {"RHipSag", "RKneeSag", "RAnkSag"},
     {"LHipSag", "LKneeSag", "LAnkSag"},
 };
-static const char *const foot_name[LEGS] = {"r_leg_ft", "l_leg_ft"};
 
 static const double RAMP_S = 1.0;    /* duration of the ramp from where the joints were to the
                                      * initial pose */
@@ -46,7 +45,6 @@ struct leg_pose {
 struct squat {
     struct leg leg[LEGS];
     bool alike; /* the legs have one initial pose */
-    size_t foot[LEGS];
     double weight_sum;
     size_t weighed;
     double light_since_s; /* when the feet became light; < 0: they carry */
@@ -171,14 +169,10 @@ static enum error_code squat_create(struct task *task, struct arena *arena, stru
         if (code) {
             return code;
         }
-        code = task_find_force(task, foot_name[side], &squat->foot[side], error);
-        if (code) {
-            return code;
-        }
     }
     squat->alike =
         memcmp(squat->leg[0].initial, squat->leg[1].initial, sizeof squat->leg[0].initial) == 0;
-    return ERROR_NONE;
+    return task_find_feet(task, error);
 }
 
 /* Sets the references of both legs for t seconds after the first cycle began. */
@@ -200,15 +194,6 @@ static void squat_bend_legs(struct task *task, double t)
             servo_set(task->servo, leg->axis[j], pose.angle[j], pose.rate[j]);
         }
     }
-}
-
-/* Returns the vertical force on both feet, N. */
-static double squat_feet_force(const struct task *task)
-{
-    const struct squat *squat = task->state;
-
-    return host_force(task->host, squat->foot[0])->force_n[2] +
-           host_force(task->host, squat->foot[1])->force_n[2];
 }
 
 /* Returns how far the hips are below the initial height, m, by the link encoders; the mean of
@@ -238,13 +223,13 @@ static bool squat_is_healthy(struct task *task, double t, double weight)
     if (!task_motors_follow(task, &squat->worst_error_rad)) {
         return false;
     }
-    if (squat_feet_force(task) > LIGHT * weight) {
+    if (task_feet_force(task) > LIGHT * weight) {
         squat->light_since_s = -1;
     } else if (squat->light_since_s < 0) {
         squat->light_since_s = t;
     } else if (t - squat->light_since_s > LIGHT_S) {
         snprintf(task->message, sizeof task->message,
-                 "the robot fell: the feet carry %.0f N of %.0f N", squat_feet_force(task), weight);
+                 "the robot fell: the feet carry %.0f N of %.0f N", task_feet_force(task), weight);
         return false;
     }
     return true;
@@ -262,12 +247,12 @@ static enum task_status squat_step(struct task *task, double t)
     task_move_pose(task, NULL, RAMP_S, t);
     if (t < begin) {
         if (t > begin - WEIGH_S) {
-            squat->weight_sum += squat_feet_force(task);
+            squat->weight_sum += task_feet_force(task);
             squat->weighed++;
         }
         if (task->tells) {
             snprintf(task->message, sizeof task->message, "standing, feet carry %.1f N",
-                     squat_feet_force(task));
+                     task_feet_force(task));
         }
         return TASK_RUNNING;
     }
@@ -285,7 +270,7 @@ static enum task_status squat_step(struct task *task, double t)
 
             snprintf(task->message, sizeof task->message,
                      "cycle %d of %d, %.0f mm down, feet carry %.1f N", cycle + 1, config->cycles,
-                     1e3 * depth, squat_feet_force(task));
+                     1e3 * depth, task_feet_force(task));
         }
         return TASK_RUNNING;
     }
@@ -294,7 +279,7 @@ static enum task_status squat_step(struct task *task, double t)
              "%d cycles done, %.1f mm deep, worst motor error %.1f mrad, feet carry %.1f N "
              "(%.1f N before)",
              config->cycles, 1e3 * squat->deepest_m, 1e3 * squat->worst_error_rad,
-             squat_feet_force(task), weight);
+             task_feet_force(task), weight);
     return TASK_DONE;
 }
 

@@ -64,13 +64,7 @@ enum error_code task_create(const char *name, const struct task_config *config, 
     }
     task->ops = task_find_ops(name);
     if (!task->ops) {
-        const char *nearest = text_nearest(name, names, KNOWN);
-
-        return error_set(
-            error, ERROR_INPUT,
-            "found task \"%s\", expected one of: squat, grasp, hold, stand, walk, sweep, "
-            "follow, pose%s%s",
-            name, nearest ? "; did you mean " : "", nearest ? nearest : "");
+        return error_set(error, ERROR_INPUT, "found unknown task \"%.100s\"", name);
     }
     task->config = *config;
     task->from = arena_alloc(arena, config->host.naxis, sizeof *task->from);
@@ -97,19 +91,6 @@ enum error_code task_create(const char *name, const struct task_config *config, 
 
 /* ---- what tasks share ---- */
 
-/* Returns the joint whose name is nearest to one that is not there; NULL = none is near. */
-static const char *task_nearest_joint(const struct task *task, const char *joint)
-{
-    const char *nearest = NULL;
-
-    for (size_t i = 0; i < task->config.host.naxis; i++) {
-        const char *one = task->config.host.axis[i].joint;
-
-        nearest = text_nearest(joint, (const char *[]){nearest ? nearest : one, one}, 2);
-    }
-    return nearest;
-}
-
 /* Writes the names of the joints, as many as there is room for. */
 static void task_list_joints(const struct task *task, char *list, size_t size)
 {
@@ -135,8 +116,9 @@ enum error_code task_find_axis(const struct task *task, const char *joint, size_
     int index = host_find_axis(task->host, joint);
 
     if (index < 0) {
-        const char *nearest = task_nearest_joint(task, joint);
-
+        const struct host_config *host = &task->config.host;
+        const char *nearest =
+            text_nearest_first(joint, host->axis, sizeof *host->axis, host->naxis);
         char list[320];
 
         task_list_joints(task, list, sizeof list);
@@ -169,6 +151,19 @@ enum error_code task_find_force(const struct task *task, const char *name, size_
     }
     return error_set(error, ERROR_INPUT, "%s: the rig has no force-torque board for %s",
                      task->ops->name, name);
+}
+
+enum error_code task_find_feet(struct task *task, struct error *error)
+{
+    enum error_code code = task_find_force(task, "r_leg_ft", &task->foot[0], error);
+
+    return code ? code : task_find_force(task, "l_leg_ft", &task->foot[1], error);
+}
+
+double task_feet_force(const struct task *task)
+{
+    return host_force(task->host, task->foot[0])->force_n[2] +
+           host_force(task->host, task->foot[1])->force_n[2];
 }
 
 void task_move_pose(struct task *task, const double *to, double ramp_s, double t_s)
@@ -381,14 +376,8 @@ static enum error_code task_refuse_setting(const struct task *task, const char *
 {
     const struct task_setting *setting;
     size_t count = task_settings(task, &setting);
-    const char *nearest = NULL;
+    const char *nearest = text_nearest_first(name, setting, sizeof *setting, count);
 
-    /* The nearest of two, over and over, is the nearest of all */
-    for (size_t i = 0; i < count; i++) {
-        const char *one = setting[i].name;
-
-        nearest = text_nearest(name, (const char *[]){nearest ? nearest : one, one}, 2);
-    }
     return error_set(error, ERROR_INPUT, "found no setting \"%.80s\" of the task %s%s%s%s", name,
                      task->ops->name, count == 0 ? ", which has none" : "",
                      nearest ? "; the nearest is " : "", nearest ? nearest : "");

@@ -42,7 +42,8 @@ struct task {
     void *state;
     bool started;
     int64_t start_ns;
-    double *from; /* by axis: the joints' angles at the start, rad */
+    double *from;   /* by axis: the joints' angles at the start, rad */
+    size_t foot[2]; /* of task_find_feet: their force-torque boards */
     size_t nsetting;
     struct task_setting *setting;
     _Atomic double *value; /* by setting; another thread writes them */
@@ -63,6 +64,10 @@ enum error_code task_find_input_axis(const struct task *task, size_t *axis, stru
 enum error_code task_find_force(const struct task *task, const char *name, size_t *ft,
                                 struct error *error);
 
+/* Finds the force-torque boards of both feet, and returns the vertical force on them, N. */
+enum error_code task_find_feet(struct task *task, struct error *error);
+double task_feet_force(const struct task *task);
+
 /* Makes room for n settings; task_make_settings fills them, too. ERROR_MEMORY. */
 enum error_code task_reserve_settings(struct task *task, size_t n, struct arena *arena,
                                       struct error *error);
@@ -82,5 +87,18 @@ bool task_can_swing(struct task *task, size_t axis, double radians);
 
 /* Checks whether every motor is near its reference; false with a message. Keeps the worst error. */
 bool task_motors_follow(struct task *task, double *worst_error_rad);
+
+/* ---- pose.c ---- */
+
+/* Moves a reference to a goal with bounded rate and acceleration: it speeds up, moves at its
+ * greatest rate, and slows down so that it comes to rest at the goal without overshoot. The goal
+ * may change at any time, also to the other side. rad, s. */
+struct motion_profile {
+    double angle_rad, rate_rad_s; /* the reference */
+};
+
+/* Moves the reference by one step of dt_s > 0. rate_rad_s, acceleration_rad_s2: its bounds, > 0. */
+void motion_profile_step(struct motion_profile *profile, double goal_rad, double rate_rad_s,
+                         double acceleration_rad_s2, double dt_s);
 
 #endif

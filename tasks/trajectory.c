@@ -54,14 +54,9 @@ static size_t trajectory_split_title(const char *title, double *unit)
 static enum error_code trajectory_refuse_joint(const struct reader *reader, size_t column,
                                                const char *name, struct error *error)
 {
-    const char *nearest = NULL;
+    const char *nearest =
+        text_nearest_first(name, reader->limit, sizeof *reader->limit, reader->nlimit);
 
-    /* The nearest of two, over and over, is the nearest of all */
-    for (size_t i = 0; i < reader->nlimit; i++) {
-        const char *one = reader->limit[i].joint;
-
-        nearest = text_nearest(name, (const char *[]){nearest ? nearest : one, one}, 2);
-    }
     return error_set(error, ERROR_INPUT,
                      "%s:1: column %zu: found joint \"%.60s\", which the rig does not drive%s%s",
                      reader->csv->path, column + 1, name, nearest ? "; the nearest is " : "",

@@ -13,7 +13,7 @@
 
 static const double omega = 4.8;
 
-/* ---- tasks/dcm.h ---- */
+/* ---- the divergent component of motion ---- */
 
 static struct dcm_plan plan_of_two_steps(void)
 {

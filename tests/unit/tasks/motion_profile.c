@@ -2,7 +2,7 @@
 /* Bounds, arrival and length of a reference's motion. */
 #include <math.h>
 
-#include "tasks/motion_profile.h"
+#include "tasks/task_private.h"
 #include "tests/test.h"
 
 #define RATE 0.5
