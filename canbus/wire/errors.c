@@ -1,8 +1,342 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Decides what ends a disturbed frame. When a frame starts and something may happen to it, its
- * bits are written out and every error that a node would detect is searched (detection.c); the
- * earliest one ends the frame. */
+/* Decides what ends a disturbed frame. When a frame starts and something may happen to it (an
+ * injected fault, a collision), its bits are written out in wire->bits[0] and every error that a
+ * node would detect is searched, with how long the error flags of all nodes overlap; the earliest
+ * error ends the frame. A position is the index of a bit. */
 #include "canbus/wire/private.h"
+
+/* An error that ends the frame, as the first node detects it. */
+struct wire_detection {
+    int64_t after_ns;   /* from SOF to the first bit of the error flag */
+    unsigned flag_bits; /* of all nodes together */
+    enum wire_error error;
+    uint64_t first; /* receivers that find it before the sender does */
+    bool unacknowledged;
+};
+
+enum {
+    FLAG = WIRE_ERROR_FLAG_BITS,
+    STUFF_ERROR = 6, /* equal bits */
+};
+
+static void wire_keep_earliest(struct wire_detection *kept, const struct wire_detection *other)
+{
+    if (other->after_ns < kept->after_ns) {
+        *kept = *other;
+    }
+}
+
+static int64_t wire_time_of_bits(const struct wire *wire, const struct wire_bits *bits, size_t n)
+{
+    size_t end = n < bits->slow ? n : bits->slow;
+    size_t fast = end > bits->fast ? end - bits->fast : 0;
+
+    return wire_length_ns(
+        (struct wire_length){.nominal = (uint16_t)(n - fast), .data = (uint16_t)fast},
+        wire->config.bitrate, wire->config.data_bitrate);
+}
+
+static bool wire_any_error_active(const struct wire *wire, uint64_t nodes)
+{
+    size_t index;
+
+    WIRE_FOR_EACH(index, nodes)
+    {
+        if (!wire_is_passive(&wire->node[index])) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* ---- overlapping flags ---- */
+
+/* Returns the length of the run of bits equal to `value` that ends at `at`, whose own bit is
+ * read as `seen`; at most 6. */
+static unsigned wire_run_of_bits(const struct wire_bits *bits, size_t at, unsigned seen,
+                                 unsigned value)
+{
+    unsigned length = seen == value;
+
+    while (length && length < STUFF_ERROR && length <= at && bits->bit[at - length] == value) {
+        length++;
+    }
+    return length;
+}
+
+/* Returns the bits of all error flags together when a sender finds an error at a bit and sends
+ * its flag: the others answer once they have read six equal bits, the first of which may belong
+ * to the frame. */
+static unsigned wire_flag_bits_by_sender(const struct wire *wire, const struct wire_bits *bits,
+                                         size_t at, unsigned seen)
+{
+    const bool active = wire_any_error_active(wire, wire->flight.senders);
+    const unsigned run = wire_run_of_bits(bits, at, seen, active ? 0 : 1);
+
+    if (wire_run_of_bits(bits, at, seen, seen) == STUFF_ERROR) {
+        /* A stuff bit was hit: all nodes find the error at once */
+        return FLAG;
+    }
+    /* Without an error active receiver nobody answers; a passive flag ends only after six equal
+     * bits */
+    return active && !wire_any_error_active(wire, wire_listeners(wire)) ? FLAG : 2 * FLAG - run;
+}
+
+/* Returns the bits of all error flags together when a receiver finds an error at a bit: the
+ * sender answers after the first recessive bit that it cannot send, the other receivers after
+ * six dominant ones. Behind the ACK field all answer at once. */
+static unsigned wire_flag_bits_by_receiver(const struct wire_bits *bits, size_t at)
+{
+    unsigned sender = 0, others;
+
+    if (at >= bits->ack) {
+        return FLAG + 1;
+    }
+    while (sender < FLAG && at + 1 + sender < bits->count && !bits->bit[at + 1 + sender]) {
+        sender++;
+    }
+    others = FLAG - wire_run_of_bits(bits, at, bits->bit[at], 0);
+    return FLAG + (sender + 1 > others ? sender + 1 : others);
+}
+
+/* ---- who finds what ---- */
+
+static struct wire_detection wire_detect_by_sender(const struct wire *wire, size_t at,
+                                                   unsigned seen)
+{
+    return (struct wire_detection){
+        .after_ns = wire_time_of_bits(wire, &wire->bits[0], at + 1),
+        .flag_bits = wire_flag_bits_by_sender(wire, &wire->bits[0], at, seen),
+        .error = WIRE_BIT_ERROR,
+    };
+}
+
+/* Describes an error that a receiver finds at a bit: behind the ACK field it is one of form. */
+static struct wire_detection wire_detect_by_receiver(const struct wire *wire, size_t at,
+                                                     size_t receiver)
+{
+    return (struct wire_detection){
+        .after_ns = wire_time_of_bits(wire, &wire->bits[0], at + 1),
+        .flag_bits = wire_flag_bits_by_receiver(&wire->bits[0], at),
+        .error = at >= wire->bits[0].ack ? WIRE_FORM_ERROR : WIRE_BIT_ERROR,
+        .first = WIRE_BIT(receiver),
+    };
+}
+
+static struct wire_detection wire_detect_missing_ack(const struct wire *wire)
+{
+    const struct wire_bits *bits = &wire->bits[0];
+
+    return (struct wire_detection){
+        .after_ns = wire_time_of_bits(wire, bits, bits->ack + 1),
+        .flag_bits = FLAG,
+        .error = WIRE_ACK_ERROR,
+        .unacknowledged = true,
+    };
+}
+
+/* Finds where a receiver that reads one bit wrong notices it: at six equal bits, else by the
+ * CRC, which is judged behind the ACK field. */
+static size_t wire_misread_detected_at(struct wire_bits *bits, size_t wrong)
+{
+    size_t found = bits->ack + 1;
+    unsigned run = 0;
+
+    bits->bit[wrong] ^= 1;
+    for (size_t i = 0; i < bits->crc_end; i++) {
+        run = i && bits->bit[i] == bits->bit[i - 1] ? run + 1 : 1;
+        if (run == STUFF_ERROR && i >= wrong) {
+            found = i;
+            break;
+        }
+    }
+    bits->bit[wrong] ^= 1;
+    return found;
+}
+
+/* Applies a receiver's wrong reading: an error active one destroys the frame, a passive one only
+ * misses it. */
+static void wire_misread_by_receiver(struct wire *wire, size_t receiver, size_t found_at,
+                                     struct wire_detection *kept)
+{
+    if (wire_is_passive(&wire->node[receiver])) {
+        wire->flight.blind |= WIRE_BIT(receiver);
+    } else {
+        struct wire_detection found = wire_detect_by_receiver(wire, found_at, receiver);
+
+        wire_keep_earliest(kept, &found);
+    }
+}
+
+/* ---- hitting frames ---- */
+
+/* Checks whether a fault hits the frame that starts: armed, in its time, its sender and
+ * identifier, and by chance. */
+static bool wire_fault_matches(struct wire *wire, struct wire_armed *armed)
+{
+    const struct wire_fault *fault = &armed->fault;
+    const struct wire_flight *flight = &wire->flight;
+    const struct bus_frame *frame =
+        &wire_flying(wire, (size_t)__builtin_ctzll(flight->senders))->frame;
+
+    if (!armed->armed || (fault->count && armed->hits >= fault->count) ||
+        flight->start_ns < fault->from_ns ||
+        (fault->until_ns && flight->start_ns >= fault->until_ns) ||
+        (fault->node != WIRE_ANY && !(flight->senders & WIRE_BIT(fault->node))) ||
+        ((frame->id ^ fault->id) & fault->id_mask)) {
+        return false;
+    }
+    return fault->probability <= 0.0 || fault->probability >= 1.0 ||
+           random_uniform(&wire->random) < fault->probability;
+}
+
+/* Lets the foreign node (index config.nodes) send the same identifier with other data at the
+ * same time; false = it cannot. */
+static bool wire_add_foreign_sender(struct wire *wire)
+{
+    const size_t index = wire->config.nodes;
+    struct wire_node *foreign = &wire->node[index];
+    struct wire_slot *slot;
+
+    if ((wire->off & WIRE_BIT(index)) || foreign->hold_ns > wire->flight.start_ns ||
+        !foreign->nspare) {
+        return false;
+    }
+    /* Its frame is a copy of the sender's */
+    foreign->flying = foreign->spare[--foreign->nspare];
+    foreign->stats.queued++;
+    wire->stats.queued++;
+    slot = &foreign->slot[foreign->flying];
+    *slot = *wire_flying(wire, (size_t)__builtin_ctzll(wire->flight.senders));
+
+    /* It differs in its data, or in its length where there are none */
+    if (slot->frame.len && !(slot->frame.flags & FRAME_REMOTE)) {
+        for (size_t i = 0; i < slot->frame.len; i++) {
+            slot->frame.data[i] ^= 0xFF;
+        }
+    } else {
+        slot->frame.len = slot->frame.len ? 0 : 1;
+    }
+    if (slot->frame.flags & FRAME_FD) {
+        slot->frame.flags &= (uint8_t)~FRAME_ESI;
+        slot->frame.flags |= wire_is_passive(foreign) ? FRAME_ESI : 0;
+    }
+    wire->flight.senders |= WIRE_BIT(index);
+    return true;
+}
+
+static void wire_apply_collisions(struct wire *wire)
+{
+    for (size_t i = 0; i < WIRE_FAULTS_MAX; i++) {
+        struct wire_armed *armed = &wire->fault[i];
+
+        if (armed->fault.kind == WIRE_FAULT_COLLISION && wire_fault_matches(wire, armed) &&
+            wire_add_foreign_sender(wire)) {
+            armed->hits++;
+            return;
+        }
+    }
+}
+
+/* Returns a random bit between the arbitration field and the CRC delimiter. */
+static size_t wire_random_bit(struct wire *wire)
+{
+    const struct wire_bits *bits = &wire->bits[0];
+
+    return bits->control + random_bits(&wire->random) % (bits->crc_end - bits->control);
+}
+
+/* Returns the receivers that a fault concerns, as a mask. */
+static uint64_t wire_fault_receivers(const struct wire_fault *fault)
+{
+    return fault->receiver == WIRE_ANY ? UINT64_MAX : WIRE_BIT(fault->receiver);
+}
+
+/* Applies a fault to the frame; false = it has nothing to act on. */
+static bool wire_apply_fault(struct wire *wire, const struct wire_fault *fault,
+                             struct wire_detection *kept)
+{
+    struct wire_flight *flight = &wire->flight;
+    struct wire_detection found;
+    size_t at;
+
+    switch (fault->kind) {
+    case WIRE_FAULT_CORRUPT:
+        /* The sender reads back another bit than it sent */
+        at = wire_random_bit(wire);
+        found = wire_detect_by_sender(wire, at, !wire->bits[0].bit[at]);
+        wire_keep_earliest(kept, &found);
+        return true;
+    case WIRE_FAULT_CORRUPT_AT:
+        /* One receiver, if it listens, detects it by stuffing or by the CRC */
+        if (!(wire_listeners(wire) & WIRE_BIT(fault->receiver))) {
+            return false;
+        }
+        wire_misread_by_receiver(wire, (size_t)fault->receiver,
+                                 wire_misread_detected_at(&wire->bits[0], wire_random_bit(wire)),
+                                 kept);
+        return true;
+    case WIRE_FAULT_LOSS:
+        /* The bus carries the frame; which receivers miss it is decided at its end */
+        flight->lost |= wire_fault_receivers(fault);
+        return true;
+    case WIRE_FAULT_LATE:
+        flight->late |= wire_fault_receivers(fault);
+        flight->late_ns = fault->delay_ns;
+        return true;
+    case WIRE_FAULT_DUPLICATE:
+        flight->repeat = true;
+        return true;
+    default:
+        return false;
+    }
+}
+
+static void wire_apply_faults(struct wire *wire, struct wire_detection *kept)
+{
+    for (size_t i = 0; i < WIRE_FAULTS_MAX; i++) {
+        struct wire_armed *armed = &wire->fault[i];
+
+        if (armed->fault.kind != WIRE_FAULT_COLLISION && wire_fault_matches(wire, armed)) {
+            armed->hits += wire_apply_fault(wire, &armed->fault, kept);
+        }
+    }
+}
+
+/* ---- arming ---- */
+
+static bool wire_node_exists(const struct wire *wire, int node, bool any)
+{
+    return (any && node == WIRE_ANY) || (node >= 0 && (size_t)node < wire->config.nodes);
+}
+
+int wire_inject(struct wire *wire, const struct wire_fault *fault)
+{
+    if (!wire_node_exists(wire, fault->node, true) ||
+        !wire_node_exists(wire, fault->receiver, fault->kind != WIRE_FAULT_CORRUPT_AT)) {
+        return -1;
+    }
+    for (int i = 0; i < WIRE_FAULTS_MAX; i++) {
+        if (!wire->fault[i].armed) {
+            wire->fault[i] = (struct wire_armed){.armed = true, .fault = *fault};
+            wire->armed++;
+            return i;
+        }
+    }
+    return -1;
+}
+
+uint64_t wire_fault_hits(const struct wire *wire, int fault)
+{
+    return wire->fault[fault].hits;
+}
+
+uint64_t wire_heal(struct wire *wire, int fault)
+{
+    wire->armed -= wire->fault[fault].armed;
+    wire->fault[fault].armed = false;
+    return wire->fault[fault].hits;
+}
 
 enum {
     COUNT_SENDER = 8,
@@ -81,50 +415,6 @@ static void wire_resolve_collision(struct wire *wire, struct wire_detection *kep
     }
 }
 
-/* ---- bit rates ---- */
-
-/* Applies a sender of another bit rate: error active receivers destroy its frame, passive ones
- * only miss it. */
-static void wire_mismatch_sender(struct wire *wire, size_t sender, struct wire_detection *kept)
-{
-    const uint64_t listeners = wire_listeners(wire);
-    const int64_t bitrate = wire->node[sender].bitrate;
-    struct wire_detection found;
-
-    if (wire_any_error_active(wire, listeners)) {
-        found = (struct wire_detection){
-            .after_ns =
-                wire_bits_ns(wire, wire_foreign_rate_detected_after(wire, &wire->bits[0], bitrate)),
-            .flag_bits = 2 * WIRE_ERROR_FLAG_BITS,
-            .error = WIRE_BIT_ERROR,
-            .first = listeners,
-        };
-    } else {
-        found = wire_detect_missing_ack(wire);
-        found.after_ns = (int64_t)((double)(wire->bits[0].ack + 1) * 1e9 / (double)bitrate);
-        wire->flight.blind |= listeners;
-    }
-    wire_keep_earliest(kept, &found);
-}
-
-/* Applies what nodes of another bit rate do to the frame, as its senders and as its receivers. */
-static void wire_apply_mismatch(struct wire *wire, struct wire_detection *kept)
-{
-    const uint64_t on = wire->mismatched & ~(wire->off | wire->unplugged);
-    size_t index;
-
-    WIRE_FOR_EACH(index, on & wire->flight.senders)
-    {
-        wire_mismatch_sender(wire, index, kept);
-    }
-    WIRE_FOR_EACH(index, on & ~(wire->flight.senders | wire->flight.beaten))
-    {
-        wire_misread_by_receiver(
-            wire, index, wire_mismatch_detected_at(wire, &wire->bits[0], wire->node[index].bitrate),
-            kept);
-    }
-}
-
 /* ---- seams ---- */
 
 void wire_disturb(struct wire *wire)
@@ -138,7 +428,6 @@ void wire_disturb(struct wire *wire)
     }
     wire_resolve_collision(wire, &kept);
     wire_apply_faults(wire, &kept);
-    wire_apply_mismatch(wire, &kept);
     if (!(wire_listeners(wire) & ~flight->blind)) {
         found = wire_detect_missing_ack(wire);
         wire_keep_earliest(&kept, &found);

@@ -36,7 +36,6 @@ struct wire_node {
     uint16_t flying; /* slot of the frame on the wire */
     uint32_t order;
     int64_t hold_ns; /* suspend transmission: may not start before */
-    int64_t bitrate; /* 0 = the bus's */
     int64_t void_ns; /* unplugged: its last attempt ended */
 
     /* bus-off */
@@ -102,8 +101,7 @@ struct wire {
     uint64_t pending; /* has frames waiting */
     uint64_t off;     /* bus-off */
     uint64_t unplugged;
-    uint64_t mismatched; /* of another bit rate */
-    uint64_t counting;   /* TEC or REC is not 0 */
+    uint64_t counting; /* TEC or REC is not 0 */
 
     int64_t idle_ns;       /* the end of the last intermission */
     struct wire_rest rest; /* of idle_ns */
@@ -154,8 +152,7 @@ static inline bool wire_is_passive(const struct wire_node *node)
 /* Returns the nodes that read the frame on the wire and would acknowledge it, as a mask. */
 static inline uint64_t wire_listeners(const struct wire *wire)
 {
-    return wire->all & ~(wire->off | wire->unplugged | wire->mismatched | wire->flight.senders |
-                         wire->flight.beaten);
+    return wire->all & ~(wire->off | wire->unplugged | wire->flight.senders | wire->flight.beaten);
 }
 
 static inline struct wire_slot *wire_flying(const struct wire *wire, size_t node)
@@ -163,7 +160,7 @@ static inline struct wire_slot *wire_flying(const struct wire *wire, size_t node
     return &wire->node[node].slot[wire->node[node].flying];
 }
 
-/* queue.c */
+/* nodes.c */
 void wire_queue_push(const struct wire *wire, struct wire_node *node, uint16_t slot);
 uint16_t wire_queue_pop(const struct wire *wire, struct wire_node *node);
 void wire_count_drop(struct wire *wire, size_t node, enum wire_drop drop);
@@ -178,7 +175,7 @@ static inline void wire_slot_free(struct wire *wire, struct wire_node *node, uin
 /* wire.c */
 void wire_notify(const struct wire *wire, const struct wire_event *event);
 
-/* nodes.c. Changes the error counters and the state that follows from them; bus-off empties the
+/* Changes the error counters and the state that follows from them; bus-off empties the
  * queue. */
 void wire_count_errors(struct wire *wire, size_t node, int64_t time_ns, int tec, int rec);
 
@@ -192,45 +189,6 @@ void wire_count_runs(struct wire *wire, int64_t start_ns);
  * starts; counts the errors of one that has ended so. */
 void wire_disturb(struct wire *wire);
 void wire_finish_error(struct wire *wire);
-
-/* detection.c. An error that ends the frame, as the first node detects it. */
-struct wire_detection {
-    int64_t after_ns;   /* from SOF to the first bit of the error flag */
-    unsigned flag_bits; /* of all nodes together */
-    enum wire_error error;
-    uint64_t first; /* receivers that find it before the sender does */
-    bool unacknowledged;
-};
-
-/* Keeps the earlier of two detections. */
-void wire_keep_earliest(struct wire_detection *kept, const struct wire_detection *other);
-
-/* Returns the duration of the first n bits in ns. */
-int64_t wire_time_of_bits(const struct wire *wire, const struct wire_bits *bits, size_t n);
-bool wire_any_error_active(const struct wire *wire, uint64_t nodes);
-
-/* Describe the error of a sender that reads `seen` at a bit where it sends the other value, or
- * that no node acknowledges. */
-struct wire_detection wire_detect_by_sender(const struct wire *wire, size_t at, unsigned seen);
-struct wire_detection wire_detect_missing_ack(const struct wire *wire);
-
-/* Applies a receiver that detects at a bit that it has read one wrong: an error active one ends
- * the frame, a passive one only misses it. */
-void wire_misread_by_receiver(struct wire *wire, size_t receiver, size_t at,
-                              struct wire_detection *kept);
-
-/* Return the bit at which a receiver detects that it has read bit `wrong` wrong, or that its bit
- * rate differs; and how many bits of the bus pass until receivers detect a sender of another bit
- * rate. */
-size_t wire_misread_detected_at(struct wire_bits *bits, size_t wrong);
-size_t wire_mismatch_detected_at(const struct wire *wire, const struct wire_bits *bits,
-                                 int64_t bitrate);
-int64_t wire_foreign_rate_detected_after(const struct wire *wire, const struct wire_bits *bits,
-                                         int64_t bitrate);
-
-/* faults.c. Adds the foreign sender of a collision; does what the other faults do to the frame. */
-void wire_apply_collisions(struct wire *wire);
-void wire_apply_faults(struct wire *wire, struct wire_detection *kept);
 
 /* stats.c */
 void wire_load_add(struct wire_load *load, int64_t window_ns, int64_t from_ns, int64_t to_ns);

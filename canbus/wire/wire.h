@@ -93,7 +93,7 @@ struct wire_config {
     size_t nodes; /* 1 to WIRE_NODES_MAX */
     size_t queue; /* frames a node holds, 1 to 4096 */
     enum wire_order order;
-    int64_t restart_delay_ns; /* bus-off until the recovery begins; negative: wire_restart only */
+    int64_t restart_delay_ns; /* bus-off until the recovery begins; negative: never */
     int64_t window_ns;        /* of the load now and at its peak; 0 = 100 ms */
     uint64_t seed;            /* of the faults' random numbers */
     /* Called from wire_advance in the order of time; must not call the wire. May be NULL. */
@@ -169,16 +169,8 @@ uint64_t wire_fault_hits(const struct wire *wire, int fault);
  * it sends; connected again it joins after 11 recessive bits. */
 void wire_connect(struct wire *wire, size_t node, bool connected);
 
-/* Sets a node's bit rate: with another than the bus has, it destroys with its error flags the
- * frames of others until it is error passive, and others destroy its frames until it is bus-off or
- * they are error passive themselves. 0 = the bus's. */
-void wire_set_bitrate(struct wire *wire, size_t node, int64_t bitrate);
-
 /* Puts a node into bus-off at once, as after a short circuit. */
 void wire_force_bus_off(struct wire *wire, size_t node);
-
-/* Begins the recovery of a node in bus-off now. No effect in other states. */
-void wire_restart(struct wire *wire, size_t node);
 
 /* ---- statistics ---- */
 

@@ -151,14 +151,8 @@ static void run_bus(struct fuzz_bytes *bytes)
         case 2:
             wire_connect(wire, node, what >> 6 & 1);
             break;
-        case 3:
-            wire_set_bitrate(wire, node, what >> 6 & 1 ? 500000 : 0);
-            break;
         case 4:
             wire_force_bus_off(wire, node);
-            break;
-        case 5:
-            wire_restart(wire, node);
             break;
         case 6:
         case 7:
