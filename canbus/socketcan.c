@@ -1,21 +1,104 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Receives by raw SocketCAN sockets: one recvmmsg and one sendmmsg per tick and bus, all memory
+/* Ports on raw SocketCAN sockets: one recvmmsg and one sendmmsg per tick and bus, all memory
  * preallocated. The socket stays open when its interface goes away; it is bound anew when the
- * interface returns, and keeps its options and drop counter. Sending is in socketcan_send.c. */
-#include "canbus/socketcan_private.h"
+ * interface returns, and keeps its options and drop counter. Of frames that meet a full queue of the
+ * interface the newest of each identifier is held, and sent first when the queue moves again. */
+#include "base/array.h"
+#include "canbus/link.h"
+#include "canbus/port_private.h"
 
 #include <errno.h>
+#include <linux/can.h>
+#include <linux/can/error.h>
+#include <linux/can/raw.h>
 #include <linux/sock_diag.h>
+#include <net/if.h>
 #include <net/if_arp.h>
 #include <stdatomic.h>
+#include <stdio.h>
 #include <string.h>
+#include <sys/socket.h>
+#include <time.h>
 #include <unistd.h>
+
+enum { SOCKETCAN_BATCH = 64 };
+
+/* Room for the ancillary data of one frame: time stamp and drop counter. */
+union ancillary {
+    struct cmsghdr align;
+    char space[CMSG_SPACE(sizeof(struct timespec)) + CMSG_SPACE(sizeof(uint32_t))];
+};
+
+struct socketcan {
+    struct can_port port;
+    int socket;
+    int link; /* descriptor for link_query */
+    bool want_fd;
+    struct can_filter *filter; /* in the kernel's format, to set again on a new interface */
+    size_t nfilter;
+    int64_t last_ns;   /* time of the last frame received */
+    uint32_t overflow; /* drop counter of the kernel, as last seen */
+    bool full_batch;   /* the last read found as much as it could take */
+    int64_t retry_ns;  /* no search for a lost interface before this time, CLOCK_MONOTONIC */
+    struct canfd_frame raw[SOCKETCAN_BATCH];
+    struct iovec vector[SOCKETCAN_BATCH];
+    struct mmsghdr message[SOCKETCAN_BATCH];
+    union ancillary ancillary[SOCKETCAN_BATCH];
+
+    const struct can_state_box *controller;
+    uint32_t post; /* the last post that was read from the box */
+
+    /* Between the port and who seeks its interface */
+    bool sought;
+    atomic_bool lost;         /* the interface is gone and has not been found again */
+    _Atomic uint32_t finding; /* number << 9 | FD possible << 8 | enum can_port_state */
+    uint32_t finding_seen;
+
+    /* The newest frame of each identifier that met a full queue, in the order of arrival */
+    struct bus_frame held[SOCKETCAN_HELD_MAX];
+    size_t nheld;
+    int64_t full_since_ns; /* no frame has left since; 0 = the last attempt met no full queue */
+    int64_t back_off_ns;   /* between attempts; 0 = none */
+    int64_t attempt_ns;    /* no new attempt before this time */
+};
+
+static inline struct socketcan *socketcan_of_port(const struct can_port *port)
+{
+    return container_of(port, struct socketcan, port);
+}
+
+static inline int64_t socketcan_clock_ns(clockid_t clock)
+{
+    struct timespec now;
+
+    clock_gettime(clock, &now);
+    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+}
+
+static inline bool socketcan_is_lost(const struct can_port *port)
+{
+    return port->state == CAN_PORT_DOWN || port->state == CAN_PORT_GONE;
+}
+
+/* Checks whether an errno of a socket means that its interface is down or gone. */
+static inline bool socketcan_error_means_lost(int code)
+{
+    return code == ENETDOWN || code == ENODEV || code == ENXIO;
+}
+
+static void socketcan_note_queue_moving(struct socketcan *can)
+{
+    can->full_since_ns = can->back_off_ns = can->attempt_ns = 0;
+    if (can->port.state == CAN_PORT_STUCK) {
+        can->port.state = CAN_PORT_UP;
+    }
+}
 
 enum { RETRY_NS = 1000000000 };
 
 /* ---- lost and found interfaces ---- */
 
-void socketcan_lose_interface(struct socketcan *can, int code)
+static void socketcan_lose_interface(struct socketcan *can, int code)
 {
     if (!socketcan_is_lost(&can->port)) {
         can->port.counters.down_events++;
@@ -30,7 +113,7 @@ void socketcan_lose_interface(struct socketcan *can, int code)
     socketcan_note_queue_moving(can);
 }
 
-int socketcan_bind(const struct socketcan *can, int index)
+static int socketcan_bind(const struct socketcan *can, int index)
 {
     const struct sockaddr_can address = {.can_family = AF_CAN, .can_ifindex = index};
 
@@ -89,7 +172,7 @@ void socketcan_seek(struct can_port *port)
     atomic_store(&can->finding, number << 9 | (uint32_t)fd << 8 | state);
 }
 
-void socketcan_find_interface(struct socketcan *can)
+static void socketcan_find_interface(struct socketcan *can)
 {
     const uint32_t finding = atomic_load(&can->finding);
     int64_t now;
@@ -113,6 +196,205 @@ void socketcan_find_interface(struct socketcan *can)
     can->retry_ns = now + RETRY_NS;
     state = socketcan_try_bind(can, &fd);
     socketcan_use_interface(can, state, fd);
+}
+
+enum {
+    BACK_OFF_FIRST_NS = 10000000,
+    BACK_OFF_LAST_NS = 1000000000,
+};
+
+/* ---- the interface's queue ---- */
+
+/* Notes that the interface's queue is full, which is nothing unusual; if it stays full, no node
+ * on the bus takes the frames. */
+static void socketcan_note_queue_full(struct socketcan *can)
+{
+    const int64_t now = socketcan_clock_ns(CLOCK_MONOTONIC);
+
+    can->port.counters.tx_queue_full++;
+    if (!can->full_since_ns) {
+        can->full_since_ns = now;
+    }
+
+    /* Full for so long is stuck: attempts become rarer (exponential back-off) */
+    if (now - can->full_since_ns < SOCKETCAN_STUCK_NS) {
+        return;
+    }
+    can->back_off_ns = can->back_off_ns ? 2 * can->back_off_ns : BACK_OFF_FIRST_NS;
+    if (can->back_off_ns > BACK_OFF_LAST_NS) {
+        can->back_off_ns = BACK_OFF_LAST_NS;
+    }
+    can->attempt_ns = now + can->back_off_ns;
+    if (can->port.state != CAN_PORT_BUS_OFF) {
+        can->port.state = CAN_PORT_STUCK;
+    }
+}
+
+/* ---- batches ---- */
+
+/* Converts a frame to the kernel's format; returns its size. Bytes beyond the data are zero, as
+ * peers can see them. */
+static size_t socketcan_encode_frame(const struct bus_frame *frame, struct canfd_frame *raw)
+{
+    memset(raw, 0, sizeof *raw);
+    raw->can_id = frame->id;
+    raw->can_id |= (frame->flags & FRAME_EXTENDED) ? CAN_EFF_FLAG : 0;
+    raw->can_id |= (frame->flags & FRAME_REMOTE) ? CAN_RTR_FLAG : 0;
+    raw->can_id |= (frame->flags & FRAME_ERROR) ? CAN_ERR_FLAG : 0;
+    raw->len = frame->len;
+    raw->flags |= (frame->flags & FRAME_BRS) ? CANFD_BRS : 0;
+    raw->flags |= (frame->flags & FRAME_ESI) ? CANFD_ESI : 0;
+    if (!(frame->flags & FRAME_REMOTE)) {
+        memcpy(raw->data, frame->data, frame->len);
+    }
+    return (frame->flags & FRAME_FD) ? CANFD_MTU : CAN_MTU;
+}
+
+/* Fills the batch with frames up to the first one that the port may not send; returns how many. */
+static size_t socketcan_fill_batch(struct socketcan *can, const struct bus_frame *frames,
+                                   size_t count)
+{
+    size_t size = 0;
+
+    for (; size < count && size < SOCKETCAN_BATCH && port_may_send(&can->port, &frames[size]);
+         size++) {
+        can->vector[size] = (struct iovec){
+            .iov_base = &can->raw[size],
+            .iov_len = socketcan_encode_frame(&frames[size], &can->raw[size]),
+        };
+        can->message[size] = (struct mmsghdr){
+            .msg_hdr = {.msg_iov = &can->vector[size], .msg_iovlen = 1},
+        };
+    }
+    return size;
+}
+
+/* Sends a batch of size frames; returns how many are done with: *taken of them by the kernel,
+ * the others dropped because the device cannot carry them. */
+static size_t socketcan_send_batch(struct socketcan *can, const struct bus_frame *frames,
+                                   size_t size, size_t *taken)
+{
+    size_t slot = 0;
+
+    while (slot < size) {
+        const int sent =
+            sendmmsg(can->socket, &can->message[slot], (unsigned)(size - slot), MSG_DONTWAIT);
+
+        if (sent > 0) {
+            for (int i = 0; i < sent; i++) {
+                port_count_sent(&can->port, &frames[slot++]);
+            }
+            *taken += (size_t)sent;
+            socketcan_note_queue_moving(can);
+            /* || A frame that the device cannot carry is skipped */
+        } else if (errno == EINVAL || errno == EMSGSIZE) {
+            slot++;
+            can->port.counters.tx_dropped++;
+        } else if (errno == ENOBUFS || errno == EAGAIN) {
+            socketcan_note_queue_full(can);
+            break;
+        } else {
+            if (socketcan_error_means_lost(errno)) {
+                socketcan_lose_interface(can, errno);
+            }
+            break;
+        }
+    }
+    return slot;
+}
+
+/* Sends frames until one does not go; returns how many are done with: *taken of them by the kernel,
+ * the others are dropped. */
+static size_t socketcan_transmit(struct socketcan *can, const struct bus_frame *frames,
+                                 size_t count, size_t *taken)
+{
+    size_t at = 0;
+
+    while (at < count) {
+        const size_t size = socketcan_fill_batch(can, frames + at, count - at);
+        const size_t done = socketcan_send_batch(can, frames + at, size, taken);
+
+        at += done;
+        if (done < size) {
+            break;
+        }
+        if (at < count && !port_may_send(&can->port, &frames[at])) {
+            can->port.counters.tx_dropped++;
+            at++;
+        }
+    }
+    return at;
+}
+
+/* ---- held frames ---- */
+
+/* Checks whether two frames have the same identifier and format. */
+static bool socketcan_same_identifier(const struct bus_frame *a, const struct bus_frame *b)
+{
+    return a->id == b->id && !((a->flags ^ b->flags) & (FRAME_EXTENDED | FRAME_REMOTE));
+}
+
+/* Holds a frame that met a full queue, in the place of an older one of its identifier; false =
+ * there was no room and it is dropped. */
+static bool socketcan_hold_frame(struct socketcan *can, const struct bus_frame *frame)
+{
+    struct can_counters *counters = &can->port.counters;
+    size_t i = 0;
+
+    while (i < can->nheld && !socketcan_same_identifier(&can->held[i], frame)) {
+        i++;
+    }
+    if (!port_may_send(&can->port, frame) || i == SOCKETCAN_HELD_MAX) {
+        counters->tx_dropped++;
+        return false;
+    }
+    if (i < can->nheld) {
+        counters->tx_dropped++;
+    } else {
+        can->nheld++;
+    }
+    can->held[i] = *frame;
+    counters->tx_held++;
+    return true;
+}
+
+static bool socketcan_send_held(struct socketcan *can)
+{
+    size_t done, taken = 0;
+
+    if (!can->nheld) {
+        return true;
+    }
+    if (can->attempt_ns && socketcan_clock_ns(CLOCK_MONOTONIC) < can->attempt_ns) {
+        return false;
+    }
+    done = socketcan_transmit(can, can->held, can->nheld, &taken);
+    if (socketcan_is_lost(&can->port)) {
+        return false;
+    }
+    can->nheld -= done;
+    memmove(can->held, can->held + done, can->nheld * sizeof *can->held);
+    return can->nheld == 0;
+}
+
+static size_t socketcan_send(struct can_port *port, const struct bus_frame *frames, size_t count)
+{
+    struct socketcan *can = socketcan_of_port(port);
+    size_t accepted = 0, at = 0;
+
+    if (socketcan_is_lost(port)) {
+        socketcan_find_interface(can);
+    }
+    if (!socketcan_is_lost(port) && socketcan_send_held(can)) {
+        at = socketcan_transmit(can, frames, count, &accepted);
+    }
+
+    /* Frames that found the queue full are held */
+    for (; at < count && can->full_since_ns; at++) {
+        accepted += socketcan_hold_frame(can, &frames[at]);
+    }
+    port->counters.tx_dropped += count - at;
+    return accepted;
 }
 
 /* ---- reception ---- */
@@ -318,10 +600,268 @@ static void socketcan_close(struct can_port *port)
     can->socket = can->link = -1;
 }
 
-const struct can_port_ops socketcan_ops = {
+static const struct can_port_ops socketcan_ops = {
     .name = "socketcan",
     .receive = socketcan_receive,
     .send = socketcan_send,
     .descriptor = socketcan_descriptor,
     .close = socketcan_close,
 };
+
+/* ---- opening, with a message of its own for each way to fail ---- */
+
+enum { RECEIVE_BUFFER_DEFAULT = 4 << 20 };
+
+/* Lists the CAN interfaces that exist, for a message: "can0, can1", or "none". */
+static void socketcan_list_interfaces(int link, char *text, size_t size)
+{
+    struct if_nameindex *all = if_nameindex();
+    size_t used = 0;
+
+    snprintf(text, size, "none");
+    for (const struct if_nameindex *i = all; i && i->if_index && used + IFNAMSIZ + 3 < size; i++) {
+        struct link_info info;
+
+        if (!link_query(link, i->if_name, &info) && info.type == ARPHRD_CAN) {
+            used +=
+                (size_t)snprintf(text + used, size - used, "%s%s", used ? ", " : "", i->if_name);
+        }
+    }
+    if (all) {
+        if_freenameindex(all);
+    }
+}
+
+/* Checks that the interface can be used as the configuration asks. */
+static enum error_code socketcan_check_interface(const struct socketcan *can, const char *name,
+                                                 struct link_info *info, struct error *error)
+{
+    const int failure = link_query(can->link, name, info);
+
+    /* There must be such an interface */
+    if (failure == ENODEV) {
+        char known[200];
+
+        socketcan_list_interfaces(can->link, known, sizeof known);
+        return error_set(error, ERROR_INPUT,
+                         "no interface %s; CAN interfaces here: %s. Create a virtual one with "
+                         "`ip link add dev %s type vcan && ip link set %s up`",
+                         name, known, name, name);
+    }
+    if (failure) {
+        return error_set_errno(error, failure, "cannot ask the kernel about interface %s", name);
+    }
+
+    /* It must be a CAN interface, up, and carry FD where that is wanted */
+    if (info->type != ARPHRD_CAN) {
+        return error_set(error, ERROR_INPUT, "interface %s is not a CAN interface", name);
+    }
+    if (!info->up) {
+        return error_set(error, ERROR_SYSTEM,
+                         "interface %s is down; bring it up with `ip link set %s up` (a real one "
+                         "needs its bit rate first)",
+                         name, name);
+    }
+    if (can->want_fd && info->mtu < CANFD_MTU) {
+        return error_set(error, ERROR_INPUT,
+                         "interface %s does not carry CAN FD (MTU %u, FD needs %d); a virtual one "
+                         "gets it with `ip link set %s mtu %d` while it is down",
+                         name, info->mtu, (int)CANFD_MTU, name, (int)CANFD_MTU);
+    }
+    return ERROR_NONE;
+}
+
+/* Translates the filters into the kernel's form; without any, makes one that everything passes. */
+static enum error_code socketcan_make_filters(struct socketcan *can,
+                                              const struct socketcan_config *config,
+                                              struct arena *arena, struct error *error)
+{
+    const size_t count = config->filter ? config->nfilter : 0;
+
+    if (count > CAN_RAW_FILTER_MAX) {
+        return error_set(error, ERROR_INPUT, "%zu filters on %s, expected at most %d", count,
+                         config->interface, CAN_RAW_FILTER_MAX);
+    }
+    can->nfilter = count ? count : 1;
+    can->filter = arena_alloc(arena, can->nfilter, sizeof *can->filter);
+    if (!can->filter) {
+        return error_set(error, ERROR_MEMORY, "no memory for the filters of %s", config->interface);
+    }
+    for (size_t i = 0; i < count; i++) {
+        const struct frame_filter *from = &config->filter[i];
+
+        can->filter[i].can_id = from->id | (from->extended ? CAN_EFF_FLAG : 0);
+        can->filter[i].can_mask =
+            (from->mask & (from->extended ? CAN_EFF_MASK : CAN_SFF_MASK)) | CAN_EFF_FLAG;
+    }
+    return ERROR_NONE;
+}
+
+/* Enlarges the receive buffer, whose default holds 278 frames; exceeds the system's limit only
+ * when allowed to. Returns 0 or -1 with errno set. */
+static int socketcan_set_receive_buffer(int socket, int bytes)
+{
+    if (!bytes) {
+        bytes = RECEIVE_BUFFER_DEFAULT;
+    }
+    if (!setsockopt(socket, SOL_SOCKET, SO_RCVBUFFORCE, &bytes, sizeof bytes)) {
+        return 0;
+    }
+    return setsockopt(socket, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof bytes);
+}
+
+/* Sets the options of the socket: error frames, FD, own frames, drop counter, time stamps,
+ * buffer. */
+static enum error_code socketcan_set_options(int socket, const struct socketcan_config *config,
+                                             struct error *error)
+{
+    static const can_err_mask_t errors = CAN_ERR_MASK;
+    static const int on = 1;
+    const struct {
+        bool wanted;
+        int level, option;
+        const void *value;
+        socklen_t size;
+        const char *what;
+    } option[] = {
+        {true, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors, "the error filter"},
+        {config->fd, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on, "FD frames"},
+        {config->receive_own, SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &on, sizeof on,
+         "reception of own frames"},
+        {true, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on, "the drop counter"},
+        {true, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on, "time stamps"},
+    };
+
+    for (size_t i = 0; i < ARRAY_COUNT(option); i++) {
+        if (option[i].wanted && setsockopt(socket, option[i].level, option[i].option,
+                                           option[i].value, option[i].size)) {
+            return error_set_errno(error, errno, "cannot set %s of the CAN socket", option[i].what);
+        }
+    }
+    if (socketcan_set_receive_buffer(socket, config->receive_buffer_bytes)) {
+        return error_set_errno(error, errno, "cannot set the receive buffer of the CAN socket");
+    }
+    return ERROR_NONE;
+}
+
+static int socketcan_open_socket(void)
+{
+    return socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW);
+}
+
+/* Explains why no CAN socket could be opened. */
+static enum error_code socketcan_explain_no_socket(int code, struct error *error)
+{
+    switch (code) {
+    case EAFNOSUPPORT:
+    case EPROTONOSUPPORT:
+        return error_set(error, ERROR_UNSUPPORTED,
+                         "this kernel has no CAN: raw CAN sockets are not available; load can and "
+                         "can_raw (`modprobe can-raw`), or keep the buses inside the process: run "
+                         "--transport local, with --task, or --gateway for other programs");
+    case EPERM:
+    case EACCES:
+        return error_set(error, ERROR_SYSTEM,
+                         "no permission to open a CAN socket; a container or service filter "
+                         "forbids address family AF_CAN");
+    default:
+        return error_set_errno(error, code, "cannot open a CAN socket");
+    }
+}
+
+/* Opens the descriptors and binds; what is open when it fails is closed by the caller. */
+static enum error_code socketcan_start(struct socketcan *can, const struct socketcan_config *config,
+                                       struct error *error)
+{
+    struct link_info info;
+    enum error_code code;
+    int failure;
+
+    can->socket = socketcan_open_socket();
+    if (can->socket < 0) {
+        return socketcan_explain_no_socket(errno, error);
+    }
+    can->link = link_open();
+    if (can->link < 0) {
+        return error_set_errno(error, errno, "cannot open a netlink socket");
+    }
+    code = socketcan_check_interface(can, config->interface, &info, error);
+    if (code) {
+        return code;
+    }
+    code = socketcan_set_options(can->socket, config, error);
+    if (code) {
+        return code;
+    }
+    failure = socketcan_bind(can, info.index);
+    return failure ? error_set_errno(error, failure, "cannot bind to %s", config->interface)
+                   : ERROR_NONE;
+}
+
+static void socketcan_close_descriptor(int descriptor)
+{
+    if (descriptor >= 0) {
+        close(descriptor);
+    }
+}
+
+enum error_code socketcan_open(const struct socketcan_config *config, struct arena *arena,
+                               struct can_port **port, struct error *error)
+{
+    const size_t length = strlen(config->interface);
+    struct socketcan *can;
+    struct timespec now;
+    enum error_code code;
+
+    if (!length || length >= IFNAMSIZ) {
+        return error_set(error, ERROR_INPUT,
+                         "interface name \"%.32s\" has %zu characters, expected 1 to %d",
+                         config->interface, length, IFNAMSIZ - 1);
+    }
+    if (config->receive_buffer_bytes < 0) {
+        return error_set(error, ERROR_INPUT, "receive buffer of %d bytes on %s",
+                         config->receive_buffer_bytes, config->interface);
+    }
+
+    /* The port, before anything is open */
+    can = arena_alloc(arena, 1, sizeof *can);
+    if (!can || !(can->port.bus = arena_strdup(arena, config->interface))) {
+        return error_set(error, ERROR_MEMORY, "no memory for the port of %s", config->interface);
+    }
+    can->socket = can->link = -1;
+    can->want_fd = config->fd;
+    can->controller = config->controller;
+    can->sought = config->sought;
+    code = socketcan_make_filters(can, config, arena, error);
+    if (code) {
+        return code;
+    }
+
+    /* The sockets */
+    code = socketcan_start(can, config, error);
+    if (code) {
+        goto fail;
+    }
+
+    /* Frames are given times from now on, never earlier */
+    can->port.ops = &socketcan_ops;
+    can->port.fd = config->fd;
+    can->port.state = CAN_PORT_UP;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    can->last_ns = (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+    *port = &can->port;
+    return ERROR_NONE;
+
+fail:
+    socketcan_close_descriptor(can->socket);
+    socketcan_close_descriptor(can->link);
+    return code;
+}
+
+bool socketcan_available(void)
+{
+    const int descriptor = socketcan_open_socket();
+
+    socketcan_close_descriptor(descriptor);
+    return descriptor >= 0;
+}

@@ -3,7 +3,7 @@
  * Sending to a queue that is full, without a kernel that has CAN: a socket that takes so many
  * frames and then fails on order, and a clock that a test sets.
  */
-#include "canbus/socketcan_private.h"
+#include "canbus/socketcan.c"
 
 #include <string.h>
 
