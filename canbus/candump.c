@@ -18,15 +18,6 @@ enum {
     FD_FLAG_FDF = 4, /* "this is FD", set by kernels from 6.1 on; says nothing new */
 };
 
-/* Writes a number as `digits` hexadecimal digits; returns the place behind them. */
-static char *candump_put_hex(char *at, uint32_t value, int digits)
-{
-    while (digits-- > 0) {
-        *at++ = "0123456789ABCDEF"[value >> 4 * digits & 0xF];
-    }
-    return at;
-}
-
 /* Writes a decimal number with at least `digits` digits, padded with leading zeros. */
 static char *candump_put_decimal(char *at, uint64_t value, int digits)
 {
@@ -51,26 +42,26 @@ static char *candump_put_frame(char *at, const struct bus_frame *frame)
 
     /* The number of digits tells standard (3) from extended identifiers (8) */
     if (frame->flags & FRAME_ERROR) {
-        at = candump_put_hex(at, frame->id | ID_ERROR_FLAG, 8);
+        at = hex_put(at, frame->id | ID_ERROR_FLAG, 8);
     } else {
-        at = candump_put_hex(at, frame->id, (frame->flags & FRAME_EXTENDED) ? 8 : 3);
+        at = hex_put(at, frame->id, (frame->flags & FRAME_EXTENDED) ? 8 : 3);
     }
     *at++ = '#';
     /* A remote frame has no data, only the length it asks for */
     if (frame->flags & FRAME_REMOTE) {
         *at++ = 'R';
-        return len ? candump_put_hex(at, frame->len, 1) : at;
+        return len ? hex_put(at, frame->len, 1) : at;
     }
     /* CAN FD is marked by a second # and a digit of flags */
     if (frame->flags & FRAME_FD) {
         *at++ = '#';
-        at = candump_put_hex(at,
-                             ((frame->flags & FRAME_BRS) ? FD_FLAG_BRS : 0) |
-                                 ((frame->flags & FRAME_ESI) ? FD_FLAG_ESI : 0),
-                             1);
+        at = hex_put(at,
+                     ((frame->flags & FRAME_BRS) ? FD_FLAG_BRS : 0) |
+                         ((frame->flags & FRAME_ESI) ? FD_FLAG_ESI : 0),
+                     1);
     }
     for (size_t i = 0; i < len && i < sizeof frame->data; i++) {
-        at = candump_put_hex(at, frame->data[i], 2);
+        at = hex_put(at, frame->data[i], 2);
     }
     return at;
 }
@@ -141,22 +132,10 @@ static bool candump_is_digit(char c)
     return c >= '0' && c <= '9';
 }
 
-/* Returns the value of a hexadecimal digit, or -1 if it is none. */
-static int candump_hex_value(char c)
-{
-    if (candump_is_digit(c)) {
-        return c - '0';
-    }
-    if (c >= 'A' && c <= 'F') {
-        return c - 'A' + 10;
-    }
-    return c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
-}
-
 /* Returns the value of the next hexadecimal digit without consuming it, or -1. */
 static int candump_next_hex(const struct candump_cursor *cursor)
 {
-    return cursor->at < cursor->size ? candump_hex_value(cursor->text[cursor->at]) : -1;
+    return cursor->at < cursor->size ? hex_value(cursor->text[cursor->at]) : -1;
 }
 
 static void candump_skip_spaces(struct candump_cursor *cursor)

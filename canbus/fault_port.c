@@ -5,6 +5,7 @@
 
 #include "base/array.h"
 #include "base/random.h"
+#include "canbus/port_private.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -36,7 +37,6 @@ struct fault_port_direction {
 
 struct fault_port {
     struct can_port port;
-    struct can_port *inner;
     struct fault_port_config config;
     struct fault_port_direction rx, tx;
     int64_t now_ns;
@@ -167,10 +167,10 @@ static size_t fault_port_release_due(struct fault_port *f, struct fault_port_dir
 /* Copies state and counters of the inner port, and adds what the rules dropped and refused. */
 static void fault_port_copy_state(struct fault_port *f)
 {
-    f->port.counters = f->inner->counters;
+    f->port.counters = f->port.inner->counters;
     f->port.counters.tx_dropped += f->tx.held.dropped + f->refused;
     f->port.counters.rx_dropped += f->rx.held.dropped;
-    f->port.state = fault_port_is_off(f) ? CAN_PORT_BUS_OFF : f->inner->state;
+    f->port.state = fault_port_is_off(f) ? CAN_PORT_BUS_OFF : f->port.inner->state;
 }
 
 /* Receives up to max frames: first the held ones that are due, then those of the inner port
@@ -192,7 +192,7 @@ static size_t fault_port_receive(struct can_port *port, struct bus_frame *frames
         struct bus_frame batch[BATCH], out[2];
         size_t room = max - count;
 
-        got = room ? can_receive(f->inner, batch, room < BATCH ? room : BATCH) : 0;
+        got = room ? can_receive(f->port.inner, batch, room < BATCH ? room : BATCH) : 0;
         for (size_t i = 0; i < got; i++) {
             size_t n = off && !fault_port_exempts(f, &batch[i])
                            ? 0
@@ -211,13 +211,6 @@ static size_t fault_port_receive(struct can_port *port, struct bus_frame *frames
     return count;
 }
 
-/* Sends a batch; returns how many frames the inner port took, which counts the others itself. */
-static size_t fault_port_send_batch(struct fault_port *f, const struct bus_frame *batch,
-                                    size_t count)
-{
-    return count ? can_send(f->inner, batch, count) : 0;
-}
-
 /* Sends frames under the rules, after held ones that are due. Returns how many were accepted. */
 static size_t fault_port_send(struct can_port *port, const struct bus_frame *frames, size_t count)
 {
@@ -229,7 +222,9 @@ static size_t fault_port_send(struct can_port *port, const struct bus_frame *fra
     /* Held frames that are due go first */
     do {
         waiting = off ? 0 : fault_port_release_due(f, &f->tx, batch, BATCH);
-        fault_port_send_batch(f, batch, waiting);
+        if (waiting > 0) {
+            can_send(f->port.inner, batch, waiting);
+        }
     } while (waiting == BATCH);
     /* Then the new ones in batches; each may become two by duplication */
     waiting = 0;
@@ -240,7 +235,7 @@ static size_t fault_port_send(struct can_port *port, const struct bus_frame *fra
             waiting += fault_port_apply_rules(f, &f->tx, &frames[i], batch + waiting);
         }
         if (waiting + 2 > BATCH || i + 1 == count) {
-            refused += waiting - fault_port_send_batch(f, batch, waiting);
+            refused += waiting - (waiting ? can_send(f->port.inner, batch, waiting) : 0);
             waiting = 0;
         }
     }
@@ -251,26 +246,12 @@ static size_t fault_port_send(struct can_port *port, const struct bus_frame *fra
     return refused < count ? count - refused : 0;
 }
 
-static int fault_port_descriptor(const struct can_port *port)
-{
-    const struct fault_port *f = fault_port_of(port);
-
-    return f->inner->ops->descriptor(f->inner);
-}
-
-static void fault_port_close(struct can_port *port)
-{
-    struct fault_port *f = fault_port_of(port);
-
-    f->inner->ops->close(f->inner);
-}
-
 static const struct can_port_ops ops = {
     .name = "fault",
     .receive = fault_port_receive,
     .send = fault_port_send,
-    .descriptor = fault_port_descriptor,
-    .close = fault_port_close,
+    .descriptor = port_inner_descriptor,
+    .close = port_inner_close,
 };
 
 void fault_port_time(struct can_port *port, int64_t time_ns)
@@ -291,7 +272,7 @@ static bool fault_port_create_direction(struct fault_port *f, struct fault_port_
         const struct fault_port_rule *rule = &f->config.rule[i];
         char stream[128];
 
-        snprintf(stream, sizeof stream, "%s %s %s", name, f->inner->bus, rule->stream);
+        snprintf(stream, sizeof stream, "%s %s %s", name, f->port.inner->bus, rule->stream);
         d->rule[i] = (struct fault_port_armed){*rule, random_named(f->config.seed, stream)};
     }
     return d->rule && d->held.frame;
@@ -309,8 +290,8 @@ enum error_code fault_port_create(const struct fault_port_config *config, struct
     memcpy(rules, config->rule, config->nrule * sizeof *rules);
     f->config = *config;
     f->config.rule = rules;
-    f->inner = config->port;
-    f->port = (struct can_port){.ops = &ops, .bus = config->port->bus, .fd = config->port->fd};
+    f->port = (struct can_port){
+        .ops = &ops, .bus = config->port->bus, .fd = config->port->fd, .inner = config->port};
     if (!fault_port_create_direction(f, &f->rx, "rx", arena) ||
         !fault_port_create_direction(f, &f->tx, "tx", arena)) {
         return error_set(error, ERROR_MEMORY, "no memory left for the faults of a bus");

@@ -36,6 +36,10 @@ bool frame_valid(const struct bus_frame *frame)
         FRAME_EXTENDED | FRAME_REMOTE | FRAME_ERROR | FRAME_FD | FRAME_BRS | FRAME_ESI;
     const uint8_t flags = frame->flags;
 
+    /* Most frames are of classic CAN with a standard identifier */
+    if (!flags) {
+        return frame->id <= 0x7FFu && frame->len <= 8;
+    }
     /* Flags: known ones, in combinations that exist */
     if (flags & ~known) {
         return false;

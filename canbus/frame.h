@@ -34,18 +34,6 @@ uint8_t frame_fd_length(unsigned bytes);
  * contradictory flags. */
 bool frame_valid(const struct bus_frame *frame);
 
-/* Checks whether a frame is what most are, a data frame of classic CAN with a standard identifier,
- * and then legal too; and returns the frame_bits of one. */
-static inline bool frame_is_plain(const struct bus_frame *frame)
-{
-    return frame->flags == 0 && frame->id <= 0x7FFu && frame->len <= 8;
-}
-
-static inline uint32_t frame_plain_bits(const struct bus_frame *frame)
-{
-    return 47u + 8u * frame->len;
-}
-
 /* Returns the length of a frame on the wire in bits, with the 3 bits of intermission and without
  * stuff bits: classic 47 + 8 n, with a 29-bit identifier 67 + 8 n (n = 0 for remote frames; ISO
  * 11898-1). FD frames are counted as if every bit went at the nominal rate: 62 + 8 n up to 16
@@ -72,6 +60,24 @@ static inline bool frame_has_standard_id(const struct bus_frame *frame, const ui
         }
     }
     return false;
+}
+
+/* Returns the value of a hexadecimal digit; -1 = it is none. */
+static inline int hex_value(char c)
+{
+    return c >= '0' && c <= '9'   ? c - '0'
+           : c >= 'A' && c <= 'F' ? c - 'A' + 10
+           : c >= 'a' && c <= 'f' ? c - 'a' + 10
+                                  : -1;
+}
+
+/* Writes a number as so many hexadecimal digits; returns the place behind them. */
+static inline char *hex_put(char *at, uint32_t value, int digits)
+{
+    while (digits-- > 0) {
+        *at++ = "0123456789ABCDEF"[value >> 4 * digits & 0xF];
+    }
+    return at;
 }
 
 /* Numbers are read and written byte by byte in a given order; there are no packed structs. */

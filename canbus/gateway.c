@@ -3,9 +3,9 @@
  * clients and ports. */
 #include "canbus/gateway_private.h"
 
-#include <arpa/inet.h>
+#include "base/listen.h"
+
 #include <errno.h>
-#include <netinet/in.h>
 #include <poll.h>
 #include <string.h>
 #include <sys/eventfd.h>
@@ -15,7 +15,6 @@
 enum {
     BATCH = 64,
     TURNS = 256,
-    BACKLOG = 64,
     IDLE_MS = 1000,
     POLL_MS = 1,
     LOOK_MS = 20, /* poll interval when nobody is waiting for frames */
@@ -232,62 +231,6 @@ static void *gateway_run(void *context)
 
 /* ---- start and stop ---- */
 
-/* Parses a numeric IPv4 or IPv6 address; false = it is neither. */
-static bool gateway_parse_host(const char *host, uint16_t port, struct sockaddr_storage *address,
-                               socklen_t *length)
-{
-    struct sockaddr_in *v4 = (struct sockaddr_in *)address;
-    struct sockaddr_in6 *v6 = (struct sockaddr_in6 *)address;
-
-    memset(address, 0, sizeof *address);
-    if (inet_pton(AF_INET, host, &v4->sin_addr) == 1) {
-        v4->sin_family = AF_INET;
-        v4->sin_port = htons(port);
-        *length = sizeof *v4;
-        return true;
-    }
-    if (inet_pton(AF_INET6, host, &v6->sin6_addr) == 1) {
-        v6->sin6_family = AF_INET6;
-        v6->sin6_port = htons(port);
-        *length = sizeof *v6;
-        return true;
-    }
-    return false;
-}
-
-enum error_code gateway_listen_at(const char *host, uint16_t wanted, int *listener, uint16_t *port,
-                                  struct error *error)
-{
-    struct sockaddr_storage address;
-    socklen_t length;
-    int one = 1;
-
-    host = host ? host : "127.0.0.1";
-    if (!gateway_parse_host(host, wanted, &address, &length)) {
-        return error_set(error, ERROR_INPUT,
-                         "gateway: found host \"%.64s\", expected a numeric address, for example "
-                         "127.0.0.1",
-                         host);
-    }
-    /* A listening TCP socket, whose port the system chooses when 0 is wanted */
-    *listener = socket(address.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, IPPROTO_TCP);
-    if (*listener < 0) {
-        return error_set_errno(error, errno, "gateway: cannot open a socket");
-    }
-    setsockopt(*listener, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
-    if (bind(*listener, (const struct sockaddr *)&address, length) || listen(*listener, BACKLOG)) {
-        return error_set_errno(error, errno, "gateway: cannot listen at %.64s port %u", host,
-                               wanted);
-    }
-    length = sizeof address;
-    getsockname(*listener, (struct sockaddr *)&address, &length);
-    /* The port stands at the same place in both families */
-    if (port) {
-        *port = ntohs(((const struct sockaddr_in *)&address)->sin_port);
-    }
-    return ERROR_NONE;
-}
-
 /* Closes all clients, listeners and the stop event. */
 static void gateway_close_all(struct gateway *gateway)
 {
@@ -387,8 +330,10 @@ enum error_code gateway_start(const struct gateway_config *config, struct arena 
         return code;
     }
     if (!config->slcan_only) {
-        code = gateway_listen_at(config->host, config->port, &gateway->listener, &gateway->port,
-                                 error);
+        struct sockaddr_storage bound;
+
+        code = listen_at("gateway", config->host, config->port, &gateway->listener, &bound, error);
+        gateway->port = code ? 0 : listen_port(&bound);
     }
     code = code ? code : gateway_slcan_start(gateway, error);
     if (code) {

@@ -120,12 +120,6 @@ void gateway_execute_inbox(struct gateway *gateway, struct gateway_client *clien
  * to the end and has taken most of what waits for it. */
 void gateway_release_step(struct gateway *gateway);
 
-/* ---- gateway.c ---- */
-
-/* Listens at an address; port receives the port, unless it is NULL. */
-enum error_code gateway_listen_at(const char *host, uint16_t wanted, int *listener, uint16_t *port,
-                                  struct error *error);
-
 /* ---- gateway_slcan.c ---- */
 
 /* Open the terminals and listeners of the slcan channels; close them and remove the links. */

@@ -2,6 +2,7 @@
 /* The gateway's slcan channels: each is a pseudo-terminal or a TCP port in front of one bus. */
 #include "canbus/gateway_private.h"
 
+#include "base/listen.h"
 #include "canbus/slcan.h"
 
 #include <errno.h>
@@ -300,13 +301,14 @@ enum error_code gateway_slcan_start(struct gateway *gateway, struct error *error
     }
     for (size_t i = 0; i < gateway->config.nslcan && !code; i++) {
         const struct gateway_slcan *slcan = &gateway->config.slcan[i];
+        struct sockaddr_storage bound;
 
         if (!gateway_find_bus(gateway, slcan->bus, &gateway->slcan_bus[i])) {
             return gateway_slcan_refuse_bus(gateway, slcan->bus, error);
         }
         code = slcan->path ? gateway_slcan_open_terminal(gateway, i, error)
-                           : gateway_listen_at(slcan->host, slcan->port,
-                                               &gateway->slcan_listener[i], NULL, error);
+                           : listen_at("gateway", slcan->host, slcan->port,
+                                       &gateway->slcan_listener[i], &bound, error);
     }
     return code;
 }

@@ -10,7 +10,6 @@ enum { BATCH = 64 };
 struct paced {
     struct can_port port;
     struct paced_port_config config;
-    struct can_port *inner;
     struct wire *wire;
     uint64_t dropped; /* dropped by the wire, or invalid */
     void (*tap)(void *context, const struct bus_frame *frame);
@@ -27,15 +26,15 @@ static struct paced *paced_of_port(const struct can_port *port)
 /* Copies state and counters of the inner port, and adds what was dropped here. */
 static void paced_copy_state(struct paced *paced)
 {
-    paced->port.state = paced->inner->state;
-    paced->port.counters = paced->inner->counters;
+    paced->port.state = paced->port.inner->state;
+    paced->port.counters = paced->port.inner->counters;
     paced->port.counters.tx_dropped += paced->dropped;
 }
 
 /* Sends the frames that the wire has carried by the inner port. */
 static void paced_send_batch(struct paced *paced)
 {
-    can_send(paced->inner, paced->batch, paced->count);
+    can_send(paced->port.inner, paced->batch, paced->count);
     paced->count = 0;
 }
 
@@ -77,7 +76,7 @@ static size_t paced_send(struct can_port *port, const struct bus_frame *frames, 
         if (!port_may_send(port, &frames[i]) || frames[i].node >= paced->config.nodes) {
             taken = false;
         } else if (paced_bypasses_wire(paced, &frames[i])) {
-            taken = can_send(paced->inner, &frames[i], 1) == 1;
+            taken = can_send(paced->port.inner, &frames[i], 1) == 1;
             accepted += taken;
             continue; /* counted by the inner port, whether sent or dropped */
         } else {
@@ -95,7 +94,7 @@ static size_t paced_send(struct can_port *port, const struct bus_frame *frames, 
 static size_t paced_receive(struct can_port *port, struct bus_frame *frames, size_t max)
 {
     struct paced *paced = paced_of_port(port);
-    size_t count = can_receive(paced->inner, frames, max);
+    size_t count = can_receive(paced->port.inner, frames, max);
 
     for (size_t i = 0; i < count; i++) {
         if (!paced_bypasses_wire(paced, &frames[i])) {
@@ -128,26 +127,12 @@ struct wire *paced_port_wire(const struct can_port *port)
     return paced_of_port(port)->wire;
 }
 
-static int paced_descriptor(const struct can_port *port)
-{
-    const struct can_port *inner = paced_of_port(port)->inner;
-
-    return inner->ops->descriptor(inner);
-}
-
-static void paced_close(struct can_port *port)
-{
-    struct can_port *inner = paced_of_port(port)->inner;
-
-    inner->ops->close(inner);
-}
-
 static const struct can_port_ops paced_ops = {
     .name = "paced",
     .receive = paced_receive,
     .send = paced_send,
-    .descriptor = paced_descriptor,
-    .close = paced_close,
+    .descriptor = port_inner_descriptor,
+    .close = port_inner_close,
 };
 
 enum error_code paced_port_create(const struct paced_port_config *config, struct arena *arena,
@@ -175,9 +160,8 @@ enum error_code paced_port_create(const struct paced_port_config *config, struct
         return error_prefix(error, "bus %s", config->port->bus);
     }
     paced->config = *config;
-    paced->inner = config->port;
-    paced->port =
-        (struct can_port){.ops = &paced_ops, .bus = config->port->bus, .fd = config->port->fd};
+    paced->port = (struct can_port){
+        .ops = &paced_ops, .bus = config->port->bus, .fd = config->port->fd, .inner = config->port};
     paced_copy_state(paced);
     *port = &paced->port;
     return ERROR_NONE;

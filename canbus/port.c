@@ -32,7 +32,7 @@ static enum can_port_state port_state_after_error(enum can_port_state state,
     return state;
 }
 
-void port_count_received_any(struct can_port *port, const struct bus_frame *frame)
+void port_count_received(struct can_port *port, const struct bus_frame *frame)
 {
     if (frame->flags & FRAME_ERROR) {
         port->counters.error_frames++;
@@ -52,16 +52,26 @@ void port_count_received_any(struct can_port *port, const struct bus_frame *fram
     }
 }
 
-void port_count_sent_any(struct can_port *port, const struct bus_frame *frame)
+void port_count_sent(struct can_port *port, const struct bus_frame *frame)
 {
     port->counters.tx_frames++;
     port->counters.tx_bits += frame_bits(frame);
     port->counters.fast_bits += frame_fast_bits(frame);
 }
 
-bool port_may_send_any(const struct can_port *port, const struct bus_frame *frame)
+bool port_may_send(const struct can_port *port, const struct bus_frame *frame)
 {
     return frame_valid(frame) && (port->fd || !(frame->flags & FRAME_FD));
+}
+
+int port_inner_descriptor(const struct can_port *port)
+{
+    return port->inner->ops->descriptor(port->inner);
+}
+
+void port_inner_close(struct can_port *port)
+{
+    port->inner->ops->close(port->inner);
 }
 
 void can_state_post(struct can_state_box *box, enum can_port_state state)

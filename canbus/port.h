@@ -72,8 +72,9 @@ struct can_port_ops {
 /* A back end's private struct begins with this. */
 struct can_port {
     const struct can_port_ops *ops;
-    const char *bus; /* interface or bus name, for messages and logs */
-    bool fd;         /* FD frames may be sent */
+    const char *bus;        /* interface or bus name, for messages and logs */
+    bool fd;                /* FD frames may be sent */
+    struct can_port *inner; /* of a port in front of another; NULL = none */
     enum can_port_state state;
     struct can_counters counters;
 };

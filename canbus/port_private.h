@@ -5,37 +5,17 @@
 
 #include "canbus/port.h"
 
-/* The calls below for frames that are not plain, or a port in bus-off. RT-safe. */
-void port_count_received_any(struct can_port *port, const struct bus_frame *frame);
-void port_count_sent_any(struct can_port *port, const struct bus_frame *frame);
-bool port_may_send_any(const struct can_port *port, const struct bus_frame *frame);
-
 /* Counts a frame that is handed to the user; an error frame moves port->state. RT-safe. */
-static inline void port_count_received(struct can_port *port, const struct bus_frame *frame)
-{
-    if (frame_is_plain(frame) && port->state != CAN_PORT_BUS_OFF) {
-        port->counters.rx_frames++;
-        port->counters.rx_bits += frame_plain_bits(frame);
-    } else {
-        port_count_received_any(port, frame);
-    }
-}
+void port_count_received(struct can_port *port, const struct bus_frame *frame);
 
 /* Counts a frame that the bus has accepted. RT-safe. */
-static inline void port_count_sent(struct can_port *port, const struct bus_frame *frame)
-{
-    if (frame_is_plain(frame)) {
-        port->counters.tx_frames++;
-        port->counters.tx_bits += frame_plain_bits(frame);
-    } else {
-        port_count_sent_any(port, frame);
-    }
-}
+void port_count_sent(struct can_port *port, const struct bus_frame *frame);
+
+/* Descriptor and close of a port in front of another: those of the other one. */
+int port_inner_descriptor(const struct can_port *port);
+void port_inner_close(struct can_port *port);
 
 /* Checks whether a port may send a frame: valid, and FD only where the bus has it. RT-safe. */
-static inline bool port_may_send(const struct can_port *port, const struct bus_frame *frame)
-{
-    return frame_is_plain(frame) || port_may_send_any(port, frame);
-}
+bool port_may_send(const struct can_port *port, const struct bus_frame *frame);
 
 #endif

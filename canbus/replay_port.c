@@ -56,26 +56,12 @@ static size_t replay_port_send(struct can_port *port, const struct bus_frame *fr
     return sent;
 }
 
-static int replay_port_descriptor(const struct can_port *port)
-{
-    const struct can_port *inner = replay_port_of(port)->config.port;
-
-    return inner->ops->descriptor(inner);
-}
-
-static void replay_port_close(struct can_port *port)
-{
-    struct can_port *inner = replay_port_of(port)->config.port;
-
-    inner->ops->close(inner);
-}
-
 static const struct can_port_ops replay_port_ops = {
     .name = "replay",
     .receive = replay_port_receive,
     .send = replay_port_send,
-    .descriptor = replay_port_descriptor,
-    .close = replay_port_close,
+    .descriptor = port_inner_descriptor,
+    .close = port_inner_close,
 };
 
 enum error_code replay_port_create(const struct replay_port_config *config, struct arena *arena,
@@ -87,8 +73,10 @@ enum error_code replay_port_create(const struct replay_port_config *config, stru
         return error_set(error, ERROR_MEMORY, "no memory left for the frames to play");
     }
     made->config = *config;
-    made->port = (struct can_port){
-        .ops = &replay_port_ops, .bus = config->port->bus, .fd = config->port->fd};
+    made->port = (struct can_port){.ops = &replay_port_ops,
+                                   .bus = config->port->bus,
+                                   .fd = config->port->fd,
+                                   .inner = config->port};
     replay_port_copy_state(made);
     *port = &made->port;
     return ERROR_NONE;

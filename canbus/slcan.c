@@ -30,21 +30,12 @@ static const int64_t bit_rates[] = {10000,  20000,  50000,  100000, 125000,
 
 /* ---- reading ---- */
 
-/* Returns the value of a hexadecimal digit, or -1 if it is none. */
-static int slcan_digit(char c)
-{
-    return c >= '0' && c <= '9'   ? c - '0'
-           : c >= 'A' && c <= 'F' ? c - 'A' + 10
-           : c >= 'a' && c <= 'f' ? c - 'a' + 10
-                                  : -1;
-}
-
 /* Reads `count` hexadecimal digits; false = one of them is no digit. */
 static bool slcan_read_digits(const char *text, size_t count, uint32_t *value)
 {
     *value = 0;
     for (size_t i = 0; i < count; i++) {
-        int digit = slcan_digit(text[i]);
+        int digit = hex_value(text[i]);
 
         if (digit < 0) {
             return false;
@@ -87,7 +78,7 @@ static bool slcan_read_frame(const struct slcan_letter *letter, const char *text
  * `most`. */
 static bool slcan_read_setting(const char *text, size_t size, int most, int64_t *value)
 {
-    *value = size == 2 ? slcan_digit(text[1]) : -1;
+    *value = size == 2 ? hex_value(text[1]) : -1;
     return *value >= 0 && *value <= most;
 }
 
@@ -169,16 +160,6 @@ void slcan_parse(const char *text, size_t size, struct slcan_request *request)
 
 /* ---- writing ---- */
 
-/* Writes `count` hexadecimal digits; returns the place behind them. */
-static char *slcan_put_digits(char *to, uint32_t value, size_t count)
-{
-    for (size_t i = count; i > 0; i--) {
-        to[i - 1] = "0123456789ABCDEF"[value & 0xf];
-        value >>= 4;
-    }
-    return to + count;
-}
-
 size_t slcan_format(const struct bus_frame *frame, bool stamped, char text[SLCAN_TEXT_MAX])
 {
     const uint8_t kept = FRAME_EXTENDED | FRAME_REMOTE | FRAME_FD | FRAME_BRS;
@@ -194,16 +175,16 @@ size_t slcan_format(const struct bus_frame *frame, bool stamped, char text[SLCAN
             *to++ = letters[i].letter;
         }
     }
-    to = slcan_put_digits(to, frame->id, frame->flags & FRAME_EXTENDED ? 8 : 3);
+    to = hex_put(to, frame->id, frame->flags & FRAME_EXTENDED ? 8 : 3);
     while (lengths[code] < frame->len) {
         code++;
     }
-    to = slcan_put_digits(to, code, 1);
+    to = hex_put(to, code, 1);
     for (size_t i = 0; i < frame->len && !(frame->flags & FRAME_REMOTE); i++) {
-        to = slcan_put_digits(to, frame->data[i], 2);
+        to = hex_put(to, frame->data[i], 2);
     }
     if (stamped) {
-        to = slcan_put_digits(to, (uint32_t)(frame->time_ns / 1000000 % SLCAN_MINUTE_MS), 4);
+        to = hex_put(to, (uint32_t)(frame->time_ns / 1000000 % SLCAN_MINUTE_MS), 4);
     }
     *to++ = '\r';
     *to = '\0';

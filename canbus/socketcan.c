@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Ports on raw SocketCAN sockets: one recvmmsg and one sendmmsg per tick and bus, all memory
  * preallocated. The socket stays open when its interface goes away; it is bound anew when the
- * interface returns, and keeps its options and drop counter. Of frames that meet a full queue of the
- * interface the newest of each identifier is held, and sent first when the queue moves again. */
+ * interface returns, and keeps its options and drop counter. Of frames that meet a full queue of
+ * the interface the newest of each identifier is held, and sent first when the queue moves
+ * again. */
 #include "base/array.h"
 #include "canbus/link.h"
 #include "canbus/port_private.h"

@@ -54,12 +54,10 @@ static bool socketcand_parse_hex(const char *word, size_t digits, uint32_t *valu
         return false;
     }
     for (size_t i = 0; i < length; i++) {
-        int c = tolower((unsigned char)word[i]);
-
-        if (!isxdigit(c)) {
+        if (hex_value(word[i]) < 0) {
             return false;
         }
-        *value = *value << 4 | (uint32_t)(isdigit(c) ? c - '0' : c - 'a' + 10);
+        *value = *value << 4 | (uint32_t)hex_value(word[i]);
     }
     return true;
 }
@@ -226,19 +224,6 @@ void socketcand_parse(const char *text, size_t size, struct socketcand_request *
     }
 }
 
-/* Writes the data as hexadecimal digits; returns their number. */
-static size_t socketcand_put_data(const struct bus_frame *frame, char *text)
-{
-    static const char digit[] = "0123456789ABCDEF";
-
-    for (size_t i = 0; i < frame->len; i++) {
-        text[2 * i] = digit[frame->data[i] >> 4];
-        text[2 * i + 1] = digit[frame->data[i] & 0xf];
-    }
-    text[2 * frame->len] = '\0';
-    return 2 * (size_t)frame->len;
-}
-
 size_t socketcand_format(const struct bus_frame *frame, const char *bus,
                          char text[SOCKETCAND_TEXT_MAX])
 {
@@ -266,8 +251,9 @@ size_t socketcand_format(const struct bus_frame *frame, const char *bus,
     }
 
     /* Data and bus */
-    if (!(frame->flags & FRAME_REMOTE)) {
-        at += socketcand_put_data(frame, text + at);
+    for (size_t i = 0; i < frame->len && !(frame->flags & FRAME_REMOTE); i++) {
+        hex_put(text + at, frame->data[i], 2);
+        at += 2;
     }
     return at + (size_t)sprintf(text + at, "%s%.*s >", bus ? " " : "", SOCKETCAND_BUS_MAX,
                                 bus ? bus : "");

@@ -5,7 +5,6 @@
 #include "base/array.h"
 #include "viewer/viewer.h"
 
-#include <ctype.h>
 #include <string.h>
 
 #define OF(member) offsetof(struct viewer_message, member)
@@ -42,20 +41,17 @@ static const struct request_table messages = {commands, ARRAY_COUNT(commands), k
  * something else, or more than a frame holds. */
 static bool message_read_bytes(const char *text, struct bus_frame *frame)
 {
-    static const char digits[] = "0123456789abcdef";
-
     for (const char *at = text; *at;) {
-        const char *high = *at == ' ' ? NULL : strchr(digits, tolower((unsigned char)*at));
-        const char *low = high && at[1] ? strchr(digits, tolower((unsigned char)at[1])) : NULL;
+        const int high = hex_value(*at), low = high < 0 ? -1 : hex_value(at[1]);
 
         if (*at == ' ') {
             at++;
             continue;
         }
-        if (!high || !low || frame->len == sizeof frame->data) {
+        if (low < 0 || frame->len == sizeof frame->data) {
             return false;
         }
-        frame->data[frame->len++] = (uint8_t)((high - digits) << 4 | (low - digits));
+        frame->data[frame->len++] = (uint8_t)(high << 4 | low);
         at += 2;
     }
     return true;

@@ -3,9 +3,9 @@
  * and their connections to the control socket. */
 #include "viewer/private.h"
 
+#include "base/listen.h"
 #include "rt/clock.h"
 
-#include <arpa/inet.h>
 #include <errno.h>
 #include <netinet/in.h>
 #include <poll.h>
@@ -21,7 +21,6 @@
 
 enum { POLL_FIXED = 2, POLL_COUNT = POLL_FIXED + 2 * VIEWER_CLIENTS };
 enum {
-    BACKLOG = 64,
     IDLE_MS = 500,
     ROWS_MS = 20, /* a free run fills its stream in 30 ms */
     TRACE_MS = 5,
@@ -248,62 +247,30 @@ static bool viewer_set_tokens(struct viewer *viewer)
     return viewer_make_token(viewer->run);
 }
 
-/* Parses a numeric IPv4 or IPv6 address; false = it is neither. */
-static bool viewer_parse_host(const char *host, uint16_t port, struct sockaddr_storage *address,
-                              struct http_bound *bound)
-{
-    struct sockaddr_in *v4 = (struct sockaddr_in *)address;
-    struct sockaddr_in6 *v6 = (struct sockaddr_in6 *)address;
-
-    memset(address, 0, sizeof *address);
-    snprintf(bound->host, sizeof bound->host, "%s", host);
-    if (inet_pton(AF_INET, host, &v4->sin_addr) == 1) {
-        v4->sin_family = AF_INET;
-        v4->sin_port = htons(port);
-        bound->loopback = ntohl(v4->sin_addr.s_addr) >> 24 == IN_LOOPBACKNET;
-        bound->any = v4->sin_addr.s_addr == htonl(INADDR_ANY);
-        return true;
-    }
-    if (inet_pton(AF_INET6, host, &v6->sin6_addr) == 1) {
-        v6->sin6_family = AF_INET6;
-        v6->sin6_port = htons(port);
-        bound->loopback = IN6_IS_ADDR_LOOPBACK(&v6->sin6_addr);
-        bound->any = IN6_IS_ADDR_UNSPECIFIED(&v6->sin6_addr);
-        return true;
-    }
-    return false;
-}
-
-/* Opens the listening socket. */
+/* Opens the listening socket, and notes how the address can be reached. */
 static enum error_code viewer_listen(struct viewer *viewer, struct error *error)
 {
     const char *host = viewer->config.host ? viewer->config.host : "127.0.0.1";
+    struct http_bound *bound = &viewer->bound;
     struct sockaddr_storage address;
-    socklen_t length = sizeof address;
-    int one = 1;
+    const struct in6_addr *v6 = &((const struct sockaddr_in6 *)&address)->sin6_addr;
+    enum error_code code =
+        listen_at("page", host, viewer->config.port, &viewer->listener, &address, error);
 
-    if (!viewer_parse_host(host, viewer->config.port, &address, &viewer->bound)) {
-        return error_set(error, ERROR_INPUT,
-                         "page: found host \"%.60s\", expected a numeric address, for example "
-                         "127.0.0.1",
-                         host);
+    if (code) {
+        return code;
     }
-    viewer->listener =
-        socket(address.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, IPPROTO_TCP);
-    if (viewer->listener < 0) {
-        return error_set_errno(error, errno, "page: cannot open a socket");
+    snprintf(bound->host, sizeof bound->host, "%s", host);
+    bound->port = listen_port(&address);
+    if (address.ss_family == AF_INET) {
+        const in_addr_t v4 = ntohl(((const struct sockaddr_in *)&address)->sin_addr.s_addr);
+
+        bound->loopback = v4 >> 24 == IN_LOOPBACKNET;
+        bound->any = v4 == INADDR_ANY;
+    } else {
+        bound->loopback = IN6_IS_ADDR_LOOPBACK(v6);
+        bound->any = IN6_IS_ADDR_UNSPECIFIED(v6);
     }
-    setsockopt(viewer->listener, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
-    if (bind(viewer->listener, (const struct sockaddr *)&address,
-             address.ss_family == AF_INET ? sizeof(struct sockaddr_in)
-                                          : sizeof(struct sockaddr_in6)) ||
-        listen(viewer->listener, BACKLOG)) {
-        return error_set_errno(error, errno, "page: cannot listen at %.60s port %u", host,
-                               viewer->config.port);
-    }
-    getsockname(viewer->listener, (struct sockaddr *)&address, &length);
-    /* The port stands at the same place in both families */
-    viewer->bound.port = ntohs(((const struct sockaddr_in *)&address)->sin_port);
     return ERROR_NONE;
 }
 

@@ -79,8 +79,8 @@ bool wire_transmit(struct wire *wire, size_t index, const struct bus_frame *fram
     struct wire_slot *slot;
     uint16_t free_slot;
 
-    if (!frame_is_plain(frame) && (!frame_valid(frame) || (frame->flags & FRAME_ERROR) ||
-                                   ((frame->flags & FRAME_FD) && !wire->config.fd))) {
+    if (!frame_valid(frame) || (frame->flags & FRAME_ERROR) ||
+        ((frame->flags & FRAME_FD) && !wire->config.fd)) {
         wire_count_drop(wire, index, WIRE_DROP_INVALID);
         return false;
     }
