@@ -124,38 +124,41 @@ static void mtl_read(struct mesh_reader *r, const char *text, size_t size)
 
 /* ---- lines of an OBJ ---- */
 
-void mesh_read_library(struct mesh_reader *r)
+/* Reads the materials of an MTL file. */
+static void mesh_read_library(struct mesh_reader *r, const char *file)
 {
     const char *slash = strrchr(r->name, '/');
-    char word[MESH_WORD_MAX], path[PATH_MAX], *text;
+    char path[PATH_MAX], *text;
     struct error why;
     size_t size;
 
-    if (!r->is_file || r->libraries == LIBRARIES_MAX || !mesh_next_word(r, word)) {
+    if (!r->is_file || r->libraries == LIBRARIES_MAX || !*file) {
         return;
     }
-
     r->libraries++;
 
     /* A file beside the OBJ or below its folder, nowhere else */
-    snprintf(path, sizeof path, "%.*s%s", slash ? (int)(slash - r->name) + 1 : 0, r->name, word);
-    if (word[0] == '/' || strstr(word, "..")) {
-        mesh_remark(r, "its materials", word, ": expected a file beside it");
+    snprintf(path, sizeof path, "%.*s%s", slash ? (int)(slash - r->name) + 1 : 0, r->name, file);
+    if (file[0] == '/' || strstr(file, "..")) {
+        mesh_remark(r, "its materials", file, ": expected a file beside it");
     } else if (input_file_load(path, MTL_BYTES_MAX, &text, &size, &why)) {
-        mesh_remark(r, "its materials", word, ", which cannot be read");
+        mesh_remark(r, "its materials", file, ", which cannot be read");
     } else {
         mtl_read(r, text, size);
         free(text);
     }
 }
 
-void mesh_use_material(struct mesh_reader *r)
+int mesh_read_material_line(void *reader, const char *keyword, const char *word, int tint)
 {
-    const struct mesh_material *material = NULL;
-    char word[MESH_WORD_MAX];
+    struct mesh_reader *r = reader;
 
-    if (mesh_next_word(r, word)) {
-        material = mtl_find_material(r, word, false);
+    if (!strcmp(keyword, "mtllib")) {
+        mesh_read_library(r, word);
+    } else if (!strcmp(keyword, "usemtl")) {
+        const struct mesh_material *material = *word ? mtl_find_material(r, word, false) : NULL;
+
+        tint = material ? material->tint : -1;
     }
-    r->tint = material ? material->tint : -1;
+    return tint;
 }

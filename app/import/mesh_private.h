@@ -60,10 +60,9 @@ void mesh_skip_line(struct mesh_reader *r);
  * else of the nearest one. */
 int mesh_find_tint(struct import_mesh *mesh, const double color[4]);
 
-/* Handle the lines `mtllib FILE` and `usemtl NAME` of an OBJ, after the first word. A file or
- * material that is missing is remarked and leaves faces without a color. */
-void mesh_read_library(struct mesh_reader *r);
-void mesh_use_material(struct mesh_reader *r);
+/* Handles the lines `mtllib FILE` and `usemtl NAME` of an OBJ (struct obj_rules); a tag is a color
+ * index. A file or material that is missing is remarked and leaves faces without a color. */
+int mesh_read_material_line(void *reader, const char *keyword, const char *word, int tint);
 
 /* ---- mesh_collada.c ---- */
 

@@ -3,6 +3,7 @@
 #include "app/import/mesh_private.h"
 
 #include "base/text.h"
+#include "contact/mesh/obj.h"
 
 #include <math.h>
 #include <stdint.h>
@@ -10,8 +11,8 @@
 #include <string.h>
 #include <strings.h>
 
-/* A binary STL's header and facet, bytes; corners of a polygon, at most. */
-enum { STL_HEADER = 80, STL_FACE = 50, POLYGON_MAX = 256 };
+/* A binary STL's header and facet, bytes. */
+enum { STL_HEADER = 80, STL_FACE = 50 };
 
 #define COORDINATE_MAX_M 1e6
 
@@ -156,34 +157,20 @@ static enum error_code mesh_read_xyz(struct mesh_reader *r, double xyz[3])
     return ERROR_NONE;
 }
 
-/* Counts the lines that begin with a word; *corners is the number of words after it on all of
- * them. */
-static size_t mesh_count_lines(struct mesh_reader r, const char *first, size_t *corners)
-{
-    char word[MESH_WORD_MAX];
-    size_t count = 0;
-
-    *corners = 0;
-    while (r.at < r.end) {
-        if (mesh_next_word(&r, word) && !strcasecmp(word, first)) {
-            count++;
-            while (mesh_next_word(&r, word)) {
-                ++*corners;
-            }
-        }
-        mesh_skip_line(&r);
-    }
-    return count;
-}
-
 /* Reads an ASCII STL: the corners of a facet are the vertices since the last one. */
 static enum error_code stl_read_text(struct mesh_reader *r)
 {
+    struct mesh_reader counting = *r;
     char word[MESH_WORD_MAX];
-    size_t corners, vertices = mesh_count_lines(*r, "vertex", &corners);
-    enum error_code code = mesh_make_room(r, vertices, vertices / 3);
+    size_t vertices = 0;
+    enum error_code code;
     double xyz[3];
 
+    while (counting.at < counting.end) {
+        vertices += mesh_next_word(&counting, word) && !strcasecmp(word, "vertex");
+        mesh_skip_line(&counting);
+    }
+    code = mesh_make_room(r, vertices, vertices / 3);
     while (!code && r->at < r->end) {
         if (mesh_next_word(r, word) && !strcasecmp(word, "vertex")) {
             code = mesh_read_xyz(r, xyz);
@@ -208,77 +195,26 @@ static enum error_code stl_read_text(struct mesh_reader *r)
 
 /* ---- OBJ ---- */
 
-/* Finds the vertex that a corner (v, v/vt, v//vn, v/vt/vn) names; negative numbers count back
- * from the last vertex. */
-static enum error_code mesh_read_corner(struct mesh_reader *r, char word[MESH_WORD_MAX],
-                                        int *vertex)
-{
-    size_t digits = strcspn(word, "/");
-    int64_t index, count = (int64_t)r->mesh->nvertex;
-
-    word[digits] = '\0';
-    if (!text_to_int(word, -count, count, &index) || index == 0) {
-        text_make_printable(word);
-        return import_error(r->error, r->name, r->line,
-                            "found corner \"%s\" of a face, expected one of the %zu vertices above "
-                            "it",
-                            word, r->mesh->nvertex);
-    }
-    *vertex = (int)(index > 0 ? index - 1 : count + index);
-    return ERROR_NONE;
-}
-
-/* Reads a polygon of an OBJ as a fan of triangles about its first corner. */
-static enum error_code mesh_read_polygon(struct mesh_reader *r)
-{
-    char word[MESH_WORD_MAX];
-    int first = 0, last = 0, next = 0, corners = 0;
-
-    while (mesh_next_word(r, word)) {
-        enum error_code code = mesh_read_corner(r, word, &next);
-
-        if (code) {
-            return code;
-        }
-        if (corners >= 2 && r->mesh->nface < r->capacity) {
-            mesh_add_face(r, first, last, next);
-        }
-        first = corners == 0 ? next : first;
-        last = next;
-        corners++;
-    }
-    if (corners < 3 || corners > POLYGON_MAX) {
-        return import_error(r->error, r->name, r->line,
-                            "found a face of %d corners, expected 3 to %d", corners, POLYGON_MAX);
-    }
-    return ERROR_NONE;
-}
-
-/* Reads all lines of an OBJ, after counting how many vertices and triangles they make. */
+/* Reads an OBJ: whatever adds no shape is passed over, but for its materials. */
 static enum error_code mesh_read_obj_lines(struct mesh_reader *r)
 {
-    char word[MESH_WORD_MAX];
-    size_t corners, faces, ignored;
-    size_t vertices = mesh_count_lines(*r, "v", &ignored);
-    enum error_code code;
-    double xyz[3];
+    const struct obj_rules rules = {.max_vertices = 3 * (size_t)IMPORT_MESH_FACES_MAX,
+                                    .max_faces = IMPORT_MESH_FACES_MAX,
+                                    .handle = mesh_read_material_line,
+                                    .context = r};
+    struct obj_surface s;
+    enum error_code code = obj_read(r->name, r->at, (size_t)(r->end - r->at), &rules, &s, r->error);
 
-    /* A polygon of n corners makes n - 2 triangles; one of fewer than 3 will be refused */
-    faces = mesh_count_lines(*r, "f", &corners);
-    code = mesh_make_room(r, vertices, corners > 2 * faces ? corners - 2 * faces : 0);
-    while (!code && r->at < r->end) {
-        if (mesh_next_word(r, word) && !strcmp(word, "v")) {
-            code = mesh_read_xyz(r, xyz);
-            code = code ? code : mesh_add_vertex(r, xyz);
-        } else if (!strcmp(word, "f")) {
-            code = mesh_read_polygon(r);
-        } else if (!strcmp(word, "mtllib")) {
-            mesh_read_library(r);
-        } else if (!strcmp(word, "usemtl")) {
-            mesh_use_material(r);
-        }
-        mesh_skip_line(r);
+    code = code ? code : mesh_make_room(r, s.nvertex, s.nface);
+    for (size_t v = 0; v < s.nvertex && !code; v++) {
+        r->line = (int)s.vertex_place[v].line;
+        code = mesh_add_vertex(r, s.vertex[v]);
     }
+    for (size_t f = 0; f < s.nface && !code; f++) {
+        r->tint = s.tag[f];
+        mesh_add_face(r, s.face[f][0], s.face[f][1], s.face[f][2]);
+    }
+    obj_free(&s);
     return code;
 }
 

@@ -470,10 +470,10 @@ TEST_WITH(wrong_meshes_are_refused, open_arena, close_arena)
         {"x.stl", "facet\nvertex 0 0 0\nendfacet\n", "x.stl:3: "},
         {"x.stl", "facet\nvertex 0 0 0\n", "within a facet"},
         {"x.stl", "", "no face"},
-        {"x.obj", "v 0 0 0\nf 1 1 2\n", "x.obj:2: "},
+        {"x.obj", "v 0 0 0\nf 1 1 2\n", "x.obj:2:7: "},
         {"x.obj", "v 0 0 0\nf 1 1\n", "2 corners"},
         {"x.obj", "v 0 0 1e9\n", "x.obj:1: "},
-        {"x.obj", "v 0 0 0\nf 0 0 0\n", "corner \"0\""},
+        {"x.obj", "v 0 0 0\nf 0 0 0\n", "found '0', expected a corner"},
         {"x.fbx", "", "assimp export"},
         {"x", "", "expected stl, obj or dae"},
     };

@@ -290,7 +290,7 @@ TEST_WITH(visuals_come_with_their_places_and_colors, open_folder, remove_folder)
     /* Why there is none, with the place */
     assert_null(visual[3].file);
     assert_non_null(strstr(visual[3].missing, "found no file for mesh none.stl"));
-    assert_non_null(strstr(visual[4].missing, "bad.obj:2: found zero"));
+    assert_non_null(strstr(visual[4].missing, "bad.obj:2:5: found 'zero'"));
     assert_int_equal(visual[5].shape, VISUAL_CYLINDER);
     assert_false(visual[5].colored);
     assert_int_equal(count_by("grep -c 'visual mesh of link' r-import.txt"), 2);

@@ -103,7 +103,7 @@ TEST(refuses_what_is_not_a_mesh_and_says_where)
         {"v 0 0 1e999\n", "a.obj:1:7: found '1e999'"},
         {"v 0 0 1e7\n", "a.obj:1:7: found '1e7', expected a coordinate within"},
         {"v 0 0 1,5\n", "a.obj:1:7: found '1,5'"},
-        {"v 0 0 0 2\n", "a.obj:1:9: found weight '2', expected 1"},
+        {"v 0 0 0 2\n", "a.obj:1:9: found '2', expected a weight of 1"},
         {"v 0 0 0 red\n", "a.obj:1:9: found 'red', expected the end of the line"},
         {"v 0 0 0 1 0.5 0.5\n", "a.obj:1:11: found '0.5', expected the end of the line"},
         {VERTICES "f 1 2\n", "a.obj:5:6: found a face of 2 corners"},
