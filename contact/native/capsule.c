@@ -1,12 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Capsules and spheres on each other in the native engine: springs between points of either axis
- * and the nearest point of the other one; penetration is the sum of the radii less their distance.
- * Points within reach of an axis are those inside of a
- * capsule about it, so that they are one piece of a straight line, the ends of which have a closed
- * form. The sum over it is Gauss and Legendre's in a variable that takes the roots of the
- * integrand off its ends.
+ * Capsules and spheres on each other and on half-spaces in the native engine. Sums along an axis
+ * are Gauss and Legendre's in a variable that takes the roots of the integrand off the ends of its
+ * range.
+ *
+ * Between two capsules springs stand between points of either axis and the nearest point of the
+ * other one; the penetration is the sum of the radii less their distance. Points within reach of an
+ * axis are those inside of a capsule about it: one piece of a straight line, whose ends have a
+ * closed form. On a half-space the volume below the plane is cut into slices across the axis: each
+ * is a segment of a disc, also in the half-spheres at the ends.
  */
+#include "base/portable_math.h"
 #include "contact/native/pairs.h"
 #include "base/vec3.h"
 
@@ -14,7 +18,9 @@
 #include <math.h>
 
 #define PI 3.14159265358979323846
-#define PARALLEL 1e-12 /* square of the sine between axes that counts as 0 */
+#define MEAN_LEVER (8.0 / 15) /* mean lever of a paraboloid of pressure, over its radius */
+#define UPRIGHT 1e-6          /* cosine of an axis against a plane that counts as 0 */
+#define PARALLEL 1e-12        /* square of the sine between axes that counts as 0 */
 
 #define PIECES 3         /* of an axis between kinks of the distance */
 #define FOOT_STANDS 1e-9 /* cosine between axes at which the nearest point does not move */
@@ -182,23 +188,22 @@ static void couple_add_axis(struct axis_couple *c, const struct native_law *law,
     }
 }
 
-/* Adds the springs of both axes; the penetration depth counts from a depth of layers (m) on. */
-static void capsules_add_axes(const struct native_capsule *first,
-                              const struct native_capsule *second, double layers,
-                              const struct native_law *law, const struct native_relative *relative,
-                              struct native_batch *b, struct native_sum *sum)
+void native_overlap_capsules(const struct native_overlap *o)
 {
+    const struct native_relative *relative = o->relative;
+    const struct native_capsule *first = &o->capsule[0], *second = &o->capsule[1];
     const double axis[2][3] = {{0, 0, 1}, {relative->R[2], relative->R[5], relative->R[8]}};
     const double half[2] = {first->half, second->half};
 
     /* Each axis in turn is the own one, as the law integrates over both */
+    native_make_room(o, 2 * (PIECES * PIECE_POINTS + 2));
     for (int own = 0; own < 2; own++) {
         struct axis_couple c = {
             .direction = axis[own],
             .other = axis[!own],
             .half = half[own],
             .other_half = half[!own],
-            .reach = first->radius + second->radius - layers,
+            .reach = first->radius + second->radius - o->from,
             .round = first->radius * second->radius / (first->radius + second->radius),
             .is_first = own == 0,
             .radius = first->radius,
@@ -207,24 +212,221 @@ static void capsules_add_axes(const struct native_capsule *first,
         for (int k = 0; k < 3; k++) {
             c.between[k] = own == 0 ? -relative->p[k] : relative->p[k];
         }
-        couple_add_axis(&c, law, b, sum);
+        couple_add_axis(&c, o->law, &o->scratch->batch, o->sum);
     }
 }
 
-void native_capsules(const struct native_capsule *first, const struct native_capsule *second,
-                     const struct native_law *law, const struct native_relative *relative,
-                     struct native_scratch *scratch, struct native_sum *sum)
+/* ---- a capsule on a half-space ---- */
+
+/* A capsule over a plane, in the capsule's frame. */
+struct capsule_over_plane {
+    double radius, half;
+    double stiffness, share; /* of the law; of the depth that the capsule gives */
+    double normal[3];        /* the plane's */
+    double axis[3];          /* downward */
+    double across[3];        /* downward in the slices, unit; zero when the axis stands upright */
+    double sine, cosine;
+    double low; /* height of the lower end of the axis */
+};
+
+/* Computes some unit vector perpendicular to a unit vector. */
+static void find_direction_across(const double n[3], double across[3])
 {
-    struct native_batch *b = &scratch->batch;
+    const int least = fabs(n[0]) < fabs(n[1]) ? (fabs(n[0]) < fabs(n[2]) ? 0 : 2)
+                                              : (fabs(n[1]) < fabs(n[2]) ? 1 : 2);
+    const double axis[3] = {least == 0, least == 1, least == 2};
+    double length;
 
-    native_law_make_room(b, 4 * (PIECES * PIECE_POINTS + 2), law, relative, sum);
-    capsules_add_axes(first, second, 0, law, relative, b, sum);
-    if (native_law_is_backed(law, sum->depth)) {
-        const struct native_law backing = native_law_of_backing(law);
-        const double area = sum->area;
-
-        capsules_add_axes(first, second, law->layers, &backing, relative, b, sum);
-        sum->area = area;
+    vec3_cross(n, axis, across);
+    length = vec3_norm(across);
+    for (int k = 0; k < 3; k++) {
+        across[k] /= length;
     }
-    native_law_sum(&scratch->batch, law, relative, sum);
+}
+
+/* Adds the spring of a slice at a distance `along` (m) from the middle of the axis downward. */
+static void capsule_add_slice(const struct capsule_over_plane *c, double along, double radius,
+                              double thickness, struct native_batch *b, struct native_sum *sum)
+{
+    const double height = c->low + (c->half - along) * c->sine; /* of its center */
+    const bool upright = c->cosine <= UPRIGHT;
+    double down = !upright ? height / c->cosine : height > 0 ? radius : -radius;
+    double chord = 0, area = PI * radius * radius, middle = 0, deep;
+
+    /* A segment of the disc, or all of it; middle: of the segment, from the disc's */
+    if (down >= radius) {
+        return;
+    }
+    if (down > -radius) {
+        chord = sqrt(radius * radius - down * down);
+        area = radius * radius * portable_acos(down / radius) - down * chord;
+        middle = area > DBL_MIN ? chord * chord * chord / (1.5 * area) : down;
+    }
+    deep = 2 * (middle * c->cosine - height); /* mean length of its springs */
+    if (area * thickness <= 0 || deep <= 0) {
+        return;
+    }
+
+    /* From the capsule's side upward by its share, below the plane by the rest */
+    for (int k = 0; k < 3; k++) {
+        b->p[k][b->n] =
+            along * c->axis[k] + middle * c->across[k] + (c->share - 0.5) * deep * c->normal[k];
+        b->d[k][b->n] = c->normal[k];
+    }
+    b->force[b->n] = c->stiffness * area * thickness;
+    b->depth[b->n] = deep;
+    b->rate[b->n] = upright ? 0 : c->stiffness * 2 * chord * thickness / c->cosine;
+    b->n++;
+    sum->area += 2 * chord * thickness;
+}
+
+/* Adds the slices of a half-sphere, by their angle from its equator to where it leaves the plane.
+ * side: 1 for the lower one, -1 for the upper. */
+static void capsule_add_end(const struct capsule_over_plane *c, double side, struct native_batch *b,
+                            struct native_sum *sum)
+{
+    double height = c->low + (side > 0 ? 0 : 2 * c->half * c->sine);
+    double ratio = height / c->radius;
+    double wet = ratio >= 1 ? 0 : ratio <= -1 ? PI : portable_acos(ratio);
+    double last = side * portable_atan2(c->sine, c->cosine) + wet;
+
+    last = last < PI / 2 ? last : PI / 2;
+    if (last <= 0) {
+        return;
+    }
+    for (int i = 0; i < PIECE_POINTS; i++) {
+        double sine, cosine, radius;
+
+        portable_sincos(piece_point[i] * last, &sine, &cosine);
+        radius = c->radius * cosine;
+        capsule_add_slice(c, side * (c->half + c->radius * sine), radius,
+                          piece_weight[i] * last * radius, b, sum);
+    }
+}
+
+/* Adds four springs for a part below the plane that is of one sphere alone, about its middle, so
+ * that friction brakes a capsule that spins. */
+static void capsule_add_cap(const struct capsule_over_plane *c, struct native_batch *b,
+                            struct native_sum *sum)
+{
+    const double k = c->stiffness * PI, R = c->radius;
+    const double x = R - c->low < 2 * R ? R - c->low : 2 * R; /* penetration depth of the sphere */
+    const double force = k * x * x * (R - x / 3), area = x * (2 * R - x);
+    const double deep = 2 * (x * x * x * (R / 3 - x / 12) / (x * x * (R - x / 3)) + R - c->low - x);
+    const double lever = MEAN_LEVER * sqrt(area);
+    double to[2][3], at;
+
+    /* Four places on the circle of the mean lever */
+    find_direction_across(c->normal, to[0]);
+    vec3_cross(c->normal, to[0], to[1]);
+    at = -c->low - (1 - c->share) * deep;
+    for (int i = 0; i < 4; i++) {
+        for (int j = 0; j < 3; j++) {
+            b->p[j][b->n] =
+                c->half * c->axis[j] + at * c->normal[j] + (i < 2 ? lever : -lever) * to[i % 2][j];
+            b->d[j][b->n] = c->normal[j];
+        }
+        b->force[b->n] = force / 4;
+        b->depth[b->n] = deep;
+        b->rate[b->n] = k * area / 4;
+        b->n++;
+    }
+    sum->area += PI * area;
+}
+
+/* Adds the springs of a capsule that reaches below the plane. */
+static void capsule_add_springs(struct capsule_over_plane *c, struct native_batch *b,
+                                struct native_sum *sum)
+{
+    double from, rim = c->radius * c->cosine;
+
+    /* Only the lower end is below the plane */
+    if (c->low >= rim || c->half <= 0) {
+        capsule_add_cap(c, b, sum);
+        return;
+    }
+
+    /* The part of the side below the plane, with the ends that it reaches */
+    for (int k = 0; k < 2 && c->cosine > UPRIGHT; k++) {
+        c->across[k] = -c->normal[k] / c->cosine;
+    }
+    from = c->half - (rim - c->low) / (c->sine + DBL_MIN);
+    from = from > -c->half ? from : -c->half;
+    for (int i = 0; i < PIECE_POINTS; i++) {
+        capsule_add_slice(c, from + piece_point[i] * (c->half - from), c->radius,
+                          piece_weight[i] * (c->half - from), b, sum);
+    }
+    capsule_add_end(c, 1, b, sum);
+    if (from <= -c->half) {
+        capsule_add_end(c, -1, b, sum);
+    }
+}
+
+void native_overlap_capsule_half_space(const struct native_overlap *o)
+{
+    const double *R = o->relative->R;
+    struct capsule_over_plane c = {
+        .radius = o->capsule[0].radius,
+        .half = o->capsule[0].half,
+        .stiffness = o->law->stiffness,
+        .share = o->law->share[0],
+        .normal = {R[2], R[5], R[8]},
+        .axis = {0, 0, R[8] > 0 ? -1 : 1},
+        .sine = fabs(R[8]),
+        .cosine = sqrt(R[2] * R[2] + R[5] * R[5]),
+    };
+
+    /* Height of the lower end of the axis; nothing touches from a radius on */
+    c.low = -vec3_dot(c.normal, o->relative->p) - c.half * c.sine + o->from;
+    if (c.low >= c.radius) {
+        return;
+    }
+    native_make_room(o, 3 * PIECE_POINTS);
+    o->sum->depth = fmax(o->sum->depth, c.radius - c.low);
+    capsule_add_springs(&c, &o->scratch->batch, o->sum);
+}
+
+/* ---- spheres by Hertz's law (contact.h) ---- */
+
+void native_overlap_hertz(const struct native_overlap *o)
+{
+    const double radius[2] = {o->capsule[0].radius, o->capsule[1].radius};
+    const struct native_relative *relative = o->relative;
+    const struct native_law *law = o->law;
+    struct native_batch *b = &o->scratch->batch;
+    double d[3], depth, apart, relative_radius, force;
+
+    /* Normal, penetration depth and relative radius, for a half-space and for a sphere */
+    if (isinf(radius[1])) {
+        for (int k = 0; k < 3; k++) {
+            d[k] = relative->R[3 * k + 2];
+        }
+        depth = radius[0] + vec3_dot(d, relative->p);
+        relative_radius = radius[0];
+    } else {
+        apart = vec3_norm(relative->p);
+        depth = radius[0] + radius[1] - apart;
+        relative_radius = radius[0] * radius[1] / (radius[0] + radius[1]);
+        for (int k = 0; k < 3; k++) {
+            /* Between equal centers there is no direction; any will do */
+            d[k] = apart > DBL_MIN ? -relative->p[k] / apart : k == 2;
+        }
+    }
+    if (depth <= 0) {
+        return;
+    }
+
+    /* One spring, from the first's surface inward by its share of the depth */
+    native_make_room(o, 1);
+    force = 4.0 / 3 * law->hertz * sqrt(relative_radius * depth) * depth;
+    for (int k = 0; k < 3; k++) {
+        b->p[k][b->n] = (law->hertz_share * depth - radius[0]) * d[k];
+        b->d[k][b->n] = d[k];
+    }
+    b->force[b->n] = force;
+    b->rate[b->n] = 1.5 * force / depth;
+    b->depth[b->n] = 0.8 * depth; /* two fifths of force times depth are stored */
+    b->n++;
+    o->sum->area += PI * relative_radius * depth;
+    o->sum->depth = depth;
 }

@@ -1,6 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Computes the springs between two facets. All is done in the plane of the facet with more corners,
+ * Two meshes over their true overlap, by an elastic foundation. Between facets that face each other
+ * springs stand along the mean of their normals, where both facets lie on top of one another: so
+ * the undamped force is the stiffness times the volume between them, however they are cut into
+ * triangles, and it changes continuously with the pose. Facets that stand across each other add
+ * nothing, and those a little off it their share.
+ *
+ * Pairs of facets are found in three steps, each cheaper for every facet than the next: the tree
+ * of the first mesh over the box that both have in common; planes and bounding circles, as many
+ * facets of the second at a time as there are lanes; and the corners of the facet that has fewer of
+ * them.
+ *
+ * The springs between two facets are found in the plane of the facet with more corners,
  * the base, whose outline there is known beforehand: the other one's corners are projected along
  * the springs into that plane, what is not deep is clipped away first as it mostly leaves nothing,
  * and the rest is clipped to the outline.
@@ -10,9 +21,7 @@
  * the other one's corners, and the depth anywhere in the base's plane, follow without a division.
  */
 #include "contact/lanes.h"
-#include "contact/native/facets.h"
 #include "contact/native/flat.h"
-#include "contact/native/polygon.h"
 #include "base/vec3.h"
 
 #include <float.h>
@@ -20,6 +29,32 @@
 #include <stdbool.h>
 #include <stdint.h>
 #include <string.h>
+
+/* Facets this small against the smaller mesh need no more springs than three: a side of four
+ * corners has them no closer to each other. */
+#define FINE 0.25
+
+/* Facets whose normals are this close to being perpendicular to one another do not face each other;
+ * from FACING_FULL on their springs count in full (cosines of the angle between one normal and the
+ * other's opposite). */
+#define FACING_NONE 0.1
+#define FACING_FULL 0.5
+
+/* Two meshes at work, and the numbers that are the same for all their facets. */
+struct facets_between {
+    const struct solid *first, *second;
+    const struct native_overlap *pair;
+    double reach; /* longest spring, m */
+    double fine;  /* m; facets up to this radius have three springs with one of the other mesh */
+};
+
+/* Two facets that face each other: a of the first mesh, b of the second; first's frame. */
+struct facets_couple {
+    const struct facet *a, *b;
+    const double (*ring)[3]; /* the corners of the one that has fewer of them; b's if equal */
+    double normal_b[3], center_b[3];
+    double facing; /* -normal_a . normal_b, over FACING_NONE */
+};
 
 /* The springs between two facets: all along one direction, ending on both. */
 struct bed {
@@ -80,7 +115,7 @@ static bool bed_lay(const struct facets_between *m, const struct facets_couple *
     bed->depth = -2 * inverse * vec3_dot(bed->other_normal, to);
     for (int side = 0; side < 2; side++) {
         if (bed->on_second) {
-            mat3_apply(m->relative->R, bed->base->axis[side], bed->axis[side]);
+            mat3_apply(m->pair->relative->R, bed->base->axis[side], bed->axis[side]);
         } else {
             memcpy(bed->axis[side], bed->base->axis[side], sizeof bed->axis[side]);
         }
@@ -145,8 +180,8 @@ static void bed_add_spring(const struct facets_between *m, const struct bed *bed
 {
     double depth = bed_depth(bed, x, y), p[3];
 
-    bed_place_on_spring(bed, x, y, depth, m->law->share[0], p);
-    batch_add_spring(&m->scratch->batch, p, bed->along, rate, depth);
+    bed_place_on_spring(bed, x, y, depth, m->pair->law->share[0], p);
+    batch_add_spring(&m->pair->scratch->batch, p, bed->along, rate, depth);
 }
 
 /* Adds three springs for all of a polygon. They stand at L times the corners of an equilateral
@@ -161,7 +196,7 @@ static void bed_add_three(const struct facets_between *m, const struct bed *bed,
     double lyy = positive_root(2 * at->yy - ly * ly);
     const double h = 0.86602540378443865; /* sqrt(3)/2 */
 
-    native_law_make_room(&m->scratch->batch, 3, m->law, m->relative, m->sum);
+    native_make_room(m->pair, 3);
     bed_add_spring(m, bed, at->x, at->y + lyy, rate / 3);
     bed_add_spring(m, bed, at->x - h * lx, at->y - h * ly - lyy / 2, rate / 3);
     bed_add_spring(m, bed, at->x + h * lx, at->y + h * ly - lyy / 2, rate / 3);
@@ -177,7 +212,7 @@ static void bed_add_around(const struct facets_between *m, const struct bed *bed
         double vx = g->x[j] - at->x, vy = g->y[j] - at->y;
         double part = rate * (ux * vy - uy * vx) / (3 * at->twice);
 
-        native_law_make_room(&m->scratch->batch, FACET_POINTS, m->law, m->relative, m->sum);
+        native_make_room(m->pair, FACET_POINTS);
         bed_add_spring(m, bed, at->x + (ux + vx) / 6, at->y + (uy + vy) / 6, part);
         bed_add_spring(m, bed, at->x + (4 * ux + vx) / 6, at->y + (4 * uy + vy) / 6, part);
         bed_add_spring(m, bed, at->x + (ux + 4 * vx) / 6, at->y + (uy + 4 * vy) / 6, part);
@@ -213,8 +248,8 @@ static double spring_weight(const struct facets_between *m, const struct facets_
     if (a <= DEPTH_NONE) {
         return 0;
     }
-    vec3_sub(middle, m->relative->p, to);
-    mat3_apply_transposed(m->relative->R, to, there);
+    vec3_sub(middle, m->pair->relative->p, to);
+    mat3_apply_transposed(m->pair->relative->R, to, there);
     b = spring_middle_depth(m->second, c->b, cosine, there, length / 2);
     return native_ramp(a < b ? a : b, DEPTH_NONE, DEPTH_FULL);
 }
@@ -229,7 +264,7 @@ static void bed_add_backing(const struct facets_between *m, const struct bed *be
     struct flat g;
     double side[POLYGON_MAX], rate;
 
-    deeper.depth -= m->law->layers;
+    deeper.depth -= m->pair->law->layers;
     for (int i = 0; i < common->n; i++) {
         side[i] = bed_depth(&deeper, common->x[i], common->y[i]);
     }
@@ -239,13 +274,14 @@ static void bed_add_backing(const struct facets_between *m, const struct bed *be
     }
     flat_find_moments(common, false, &whole);
     flat_find_moments(&g, false, &at);
-    rate = m->law->backing * area / whole.twice;
+    rate = m->pair->law->backing * area / whole.twice;
     if (at.twice > DBL_MIN) {
         bed_add_around(m, &deeper, &g, &at, rate * at.twice);
     }
 }
 
-void facets_add_springs(const struct facets_between *m, const struct facets_couple *c)
+/* Adds the springs between two facets. */
+static void facets_add_springs(const struct facets_between *m, const struct facets_couple *c)
 {
     const bool fine = (c->a->radius < c->b->radius ? c->a : c->b)->radius <= m->fine;
     struct flat g[2];
@@ -279,9 +315,9 @@ void facets_add_springs(const struct facets_between *m, const struct facets_coup
     weight *= c->facing * native_ramp(c->facing, FACING_NONE, FACING_FULL);
     area = weight * bed.cosine * at.twice / 2;
     if (fine) {
-        bed_add_three(m, &bed, &at, m->law->stiffness * area);
+        bed_add_three(m, &bed, &at, m->pair->law->stiffness * area);
     } else {
-        bed_add_around(m, &bed, common, &at, m->law->stiffness * area);
+        bed_add_around(m, &bed, common, &at, m->pair->law->stiffness * area);
     }
 
     /* Deepest corner: what backs the layers, and the patch's depth where the springs count */
@@ -289,13 +325,231 @@ void facets_add_springs(const struct facets_between *m, const struct facets_coup
     for (int i = 0; i < common->n; i++) {
         depth = fmax(depth, bed_depth(&bed, common->x[i], common->y[i]));
     }
-    if (native_law_is_backed(m->law, depth)) {
+    if (m->pair->law->backing > 0 && depth > m->pair->law->layers) {
         bed_add_backing(m, &bed, common, area);
     }
 
-    m->sum->area += area;
+    m->pair->sum->area += area;
     for (int i = 0; i < common->n && weight >= 0.5; i++) {
         depth = bed_depth(&bed, common->x[i], common->y[i]);
-        m->sum->depth = depth > m->sum->depth ? depth : m->sum->depth;
+        m->pair->sum->depth = depth > m->pair->sum->depth ? depth : m->pair->sum->depth;
+    }
+}
+
+/* ---- facets that face each other ---- */
+
+/* Computes the intersection of two boxes; false when it is empty. thin: lowered to its least
+ * extent, m. */
+static bool box_intersect(const struct box *a, const struct box *b, struct box *out, double *thin)
+{
+    for (int k = 0; k < 3; k++) {
+        out->low[k] = a->low[k] > b->low[k] ? a->low[k] : b->low[k];
+        out->high[k] = a->high[k] < b->high[k] ? a->high[k] : b->high[k];
+        if (out->high[k] <= out->low[k]) {
+            return false;
+        }
+        *thin = out->high[k] - out->low[k] < *thin ? out->high[k] - out->low[k] : *thin;
+    }
+    return true;
+}
+
+/* Transforms the facets of the second mesh into the first's frame that are in the box where both
+ * meshes are (here and there: in the frame of the first and of the second) and have some of that
+ * box behind them. Returns their number. */
+static size_t meshes_view_second(const struct facets_between *m, const struct box *here,
+                                 const struct box *there)
+{
+    struct native_view *view = &m->pair->scratch->view;
+    int *list = m->pair->scratch->list[1];
+    size_t n = tree_collect(&m->second->facets, there, list, m->second->nfacet), count = 0;
+
+    for (size_t i = 0; i < n; i++) {
+        const struct facet *f = &m->second->facet[list[i]];
+        double normal[3], center[3];
+
+        /* Is some of the box behind it? */
+        mat3_apply(m->pair->relative->R, f->normal, normal);
+        mat3_apply(m->pair->relative->R, f->center, center);
+        vec3_add_scaled(center, 1, m->pair->relative->p, center);
+        if (box_least(here, normal) >= vec3_dot(normal, center)) {
+            continue;
+        }
+
+        /* Then it is kept, in the first's frame */
+        for (int k = 0; k < 3; k++) {
+            view->normal[k][count] = normal[k];
+            view->center[k][count] = center[k];
+        }
+        view->radius[count] = f->radius;
+        view->ring[count] = -1;
+        list[count++] = list[i];
+    }
+
+    /* Without a normal, the padding faces nothing */
+    for (size_t i = count; i % LANES; i++) {
+        for (int k = 0; k < 3; k++) {
+            view->normal[k][i] = view->center[k][i] = 0;
+        }
+        view->radius[i] = 0;
+    }
+    view->ncorner = 0;
+    return count;
+}
+
+/* Returns the corners of a facet of the second mesh in the first's frame; they are transformed when
+ * they are needed for the first time. */
+static const double (*view_facet_ring(const struct facets_between *m, int i))[3]
+{
+    struct native_view *view = &m->pair->scratch->view;
+    const struct facet *f = &m->second->facet[m->pair->scratch->list[1][i]];
+
+    if (view->ring[i] < 0) {
+        view->ring[i] = view->ncorner;
+        for (int v = 0; v < f->count; v++) {
+            double *corner = view->corner[view->ncorner++];
+
+            mat3_apply(m->pair->relative->R, m->second->ring[f->first + v], corner);
+            vec3_add_scaled(corner, 1, m->pair->relative->p, corner);
+        }
+    }
+    return (const double(*)[3])view->corner + view->ring[i];
+}
+
+/* Finds the facets of the second mesh that face this one of the first, as far as each reaches
+ * behind the other's plane; returns how many. reach: longest spring, m. */
+static size_t view_find_facing(const struct native_view *view, size_t n, const struct facet *a,
+                               double reach, int *found)
+{
+    const double *normal = a->normal, *center = a->center;
+    const lanes zero = {0};
+    size_t count = 0;
+
+    for (size_t at = 0; at < n; at += LANES) {
+        lanes bx = lanes_load(view->normal[0] + at), by = lanes_load(view->normal[1] + at),
+              bz = lanes_load(view->normal[2] + at);
+
+        /* Normals against each other */
+        lanes_mask yes =
+            lanes_less(normal[0] * bx + normal[1] * by + normal[2] * bz, zero - FACING_NONE);
+
+        if (lanes_bits(yes) == 0) {
+            continue;
+        }
+
+        /* Bounding circles near each other and each behind the other's plane */
+        lanes radius = lanes_load(view->radius + at), near = a->radius + radius + reach;
+        lanes x = lanes_load(view->center[0] + at) - center[0],
+              y = lanes_load(view->center[1] + at) - center[1],
+              z = lanes_load(view->center[2] + at) - center[2];
+
+        yes &= lanes_less(normal[0] * x + normal[1] * y + normal[2] * z, radius);
+        yes &= lanes_less(zero - a->radius, bx * x + by * y + bz * z);
+        yes &= lanes_less(x * x + y * y + z * z, near * near);
+        for (uint64_t bits = lanes_bits(yes); bits != 0; bits &= bits - 1) {
+            found[count++] = (int)at + __builtin_ctzll(bits);
+        }
+    }
+    return count;
+}
+
+/* Adds the springs between one facet of the first mesh and the nsecond that are viewed of the
+ * second. */
+static void meshes_add_facet(const struct facets_between *m, const struct facet *a, size_t nsecond)
+{
+    struct native_scratch *scratch = m->pair->scratch;
+    const struct native_view *view = &scratch->view;
+    size_t n = view_find_facing(view, nsecond, a, m->reach, scratch->list[0]);
+
+    for (size_t k = 0; k < n; k++) {
+        int i = scratch->list[0][k];
+        const struct facet *b = &m->second->facet[scratch->list[1][i]];
+        struct facets_couple c = {
+            .a = a,
+            .b = b,
+            .ring = a->count < b->count ? m->first->ring + a->first : view_facet_ring(m, i),
+            .normal_b = {view->normal[0][i], view->normal[1][i], view->normal[2][i]},
+            .center_b = {view->center[0][i], view->center[1][i], view->center[2][i]},
+        };
+
+        c.facing = -vec3_dot(a->normal, c.normal_b);
+        facets_add_springs(m, &c);
+    }
+}
+
+/* Checks whether any facet of the first mesh is in the box where both are and has some of it
+ * behind: when not, there is nothing to view the second's for. */
+static bool meshes_reach_first(const struct solid *first, const struct box *here)
+{
+    const struct tree *tree = &first->facets;
+    const struct tree_node *node = tree->node, *end = tree_end(tree);
+
+    while (node != end) {
+        if (!boxes_meet(&node->box, here)) {
+            node += node->size;
+            continue;
+        }
+        for (int i = 0; i < node->count; i++) {
+            const struct facet *f = &first->facet[tree->item[node->first + i]];
+
+            if (box_least(here, f->normal) < f->offset) {
+                return true;
+            }
+        }
+        ++node;
+    }
+    return false;
+}
+
+void native_overlap_meshes(const struct native_overlap *o)
+{
+    const struct solid *first = o->solid[0], *second = o->solid[1];
+    const struct native_relative *relative = o->relative;
+    struct facets_between m = {first, second, o, 0, 0};
+    double thin = DBL_MAX, back[9], origin[3];
+    struct box moved = box_transform(&second->box, relative->R, relative->p), here, there;
+    const struct tree *tree = &first->facets;
+    const struct tree_node *node = tree->node, *end = tree_end(tree);
+    size_t nsecond;
+
+    /* The box where both meshes are, in the frame of the first (here) and of the second (there) */
+    for (int i = 0; i < 9; i++) {
+        back[i] = relative->R[i % 3 * 3 + i / 3];
+    }
+    mat3_apply(back, relative->p, origin);
+    for (int k = 0; k < 3; k++) {
+        origin[k] = -origin[k];
+    }
+    if (!box_intersect(&first->box, &moved, &here, &thin)) {
+        return;
+    }
+    moved = box_transform(&first->box, back, origin);
+    if (!box_intersect(&second->box, &moved, &there, &thin)) {
+        return;
+    }
+
+    if (!meshes_reach_first(first, &here)) {
+        return;
+    }
+
+    /* A ball in the overlap has no room for a larger diameter than thin */
+    m.reach = thin / DEPTH_NONE;
+    m.fine = FINE * (first->radius < second->radius ? first->radius : second->radius);
+
+    /* Each facet of the first there against those of the second */
+    nsecond = meshes_view_second(&m, &here, &there);
+    while (nsecond > 0 && node != end) {
+        if (!boxes_meet(&node->box, &here)) {
+            node += node->size;
+            continue;
+        }
+        for (int i = 0; i < node->count; i++) {
+            const struct facet *f = &first->facet[tree->item[node->first + i]];
+
+            /* Is some of the box behind it? */
+            if (box_least(&here, f->normal) < f->offset) {
+                meshes_add_facet(&m, f, nsecond);
+            }
+        }
+        ++node;
     }
 }

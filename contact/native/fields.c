@@ -38,10 +38,7 @@ struct visit {
     double spacing;                          /* largest distance between springs, m */
     const struct tree_node *near[NEAR_MOST]; /* leaves of a shell's tree about the visitor */
     int nnear;                               /* NEAR_MOST + 1: there are more */
-    const struct native_law *law;
-    const struct native_relative *relative;
-    struct native_scratch *scratch;
-    struct native_sum *sum;
+    const struct native_overlap *pair;
 };
 
 /* A facet of the visitor, transformed into the carrier's frame. */
@@ -77,7 +74,7 @@ struct visit_group {
 static void visit_add_force(const struct visit *v, const double direction[3], double force,
                             const double lever[3])
 {
-    struct native_sum *sum = v->sum;
+    struct native_sum *sum = v->pair->sum;
     double d[3], at[3], turn[3];
 
     if (!v->turned) {
@@ -88,9 +85,9 @@ static void visit_add_force(const struct visit *v, const double direction[3], do
     }
 
     /* The carrier is the pair's second: the opposite acts on the first, in its frame */
-    mat3_apply(v->relative->R, direction, d);
-    mat3_apply(v->relative->R, lever, at);
-    vec3_add_scaled(at, force, v->relative->p, at);
+    mat3_apply(v->pair->relative->R, direction, d);
+    mat3_apply(v->pair->relative->R, lever, at);
+    vec3_add_scaled(at, force, v->pair->relative->p, at);
     vec3_cross(at, d, turn);
     vec3_add_scaled(sum->force, -force, d, sum->force);
     vec3_add_scaled(sum->moment, -1, turn, sum->moment);
@@ -103,19 +100,19 @@ static void visit_add_springs(const struct visit *v, const struct visit_facet *f
                               const struct visit_depth *depth, double rate, const double *x,
                               const double *y, int count)
 {
-    struct native_batch *batch = &v->scratch->batch;
-    const double share = v->law->share[v->turned ? 0 : 1];
+    struct native_batch *batch = &v->pair->scratch->batch;
+    const double share = v->pair->law->share[v->turned ? 0 : 1];
     const double at = depth->at, sx = depth->slope[0], sy = depth->slope[1];
     const size_t n = batch->n;
     double center[3], axis[2][3], d[3];
 
     /* Plane and gradient in the frame of the pair's first, which the springs push */
     if (v->turned) {
-        mat3_apply(v->relative->R, f->center, center);
-        vec3_add_scaled(center, 1, v->relative->p, center);
-        mat3_apply(v->relative->R, f->axis[0], axis[0]);
-        mat3_apply(v->relative->R, f->axis[1], axis[1]);
-        mat3_apply(v->relative->R, depth->inward, d);
+        mat3_apply(v->pair->relative->R, f->center, center);
+        vec3_add_scaled(center, 1, v->pair->relative->p, center);
+        mat3_apply(v->pair->relative->R, f->axis[0], axis[0]);
+        mat3_apply(v->pair->relative->R, f->axis[1], axis[1]);
+        mat3_apply(v->pair->relative->R, depth->inward, d);
     } else {
         memcpy(center, f->center, sizeof center);
         memcpy(axis, f->axis, sizeof axis);
@@ -156,7 +153,7 @@ static void visit_add_pressure(const struct visit *v, const struct visit_facet *
     double x = mean * m->x + m->xx * depth->slope[0] + m->xy * depth->slope[1];
     double y = mean * m->y + m->xy * depth->slope[0] + m->yy * depth->slope[1];
 
-    if (v->sum->tangent || v->sum->grip) {
+    if (v->pair->sum->tangent || v->pair->sum->grip) {
         return;
     }
     for (int k = 0; k < 3; k++) {
@@ -178,7 +175,7 @@ static void visit_add_triangle(const struct visit *v, const struct visit_facet *
     const int parts = wanted < SPACING_PARTS ? wanted : SPACING_PARTS;
     const double area = (u[0] * w[1] - u[1] * w[0]) / 2;
     const double part = 1.0 / parts,
-                 rate = v->law->stiffness * depth->facing * area / 3 * part * part;
+                 rate = v->pair->law->stiffness * depth->facing * area / 3 * part * part;
     double x[3 * SPACING_PARTS * SPACING_PARTS], y[3 * SPACING_PARTS * SPACING_PARTS];
     int n = 0;
 
@@ -194,7 +191,7 @@ static void visit_add_triangle(const struct visit *v, const struct visit_facet *
             }
         }
     }
-    native_law_make_room(&v->scratch->batch, (size_t)n, v->law, v->relative, v->sum);
+    native_make_room(v->pair, (size_t)n);
     visit_add_springs(v, f, depth, rate, x, y, n);
 }
 
@@ -214,7 +211,7 @@ static void visit_add_fan(const struct visit *v, const struct visit_facet *f,
         visit_add_triangle(v, f, depth, center, u, w);
     }
     visit_add_pressure(v, f, depth, m, depth->inward,
-                       -v->law->stiffness * depth->facing * m->twice / 2);
+                       -v->pair->law->stiffness * depth->facing * m->twice / 2);
 }
 
 /* Adds the moments of a polygon's area and depth to a group, about the group's origin, which is the
@@ -287,7 +284,7 @@ static void group_add_springs(const struct visit *v, const struct visit_facet *f
                               struct visit_group *g)
 {
     const double h = 0.86602540378443865; /* sqrt(3)/2 */
-    const double facing = vec3_norm(g->inward), rate = v->law->stiffness * facing;
+    const double facing = vec3_norm(g->inward), rate = v->pair->law->stiffness * facing;
     struct visit_depth depth;
     struct moments m;
     double lx, ly, lyy;
@@ -308,7 +305,7 @@ static void group_add_springs(const struct visit *v, const struct visit_facet *f
     const double x[3] = {m.x, m.x - h * lx, m.x + h * lx};
     const double y[3] = {m.y + lyy, m.y - h * ly - lyy / 2, m.y + h * ly - lyy / 2};
 
-    native_law_make_room(&v->scratch->batch, 3, v->law, v->relative, v->sum);
+    native_make_room(v->pair, 3);
     visit_add_springs(v, f, &depth, rate / 3, x, y, 3);
     visit_add_pressure(v, f, &depth, &m, depth.inward, -rate);
 }
@@ -418,19 +415,20 @@ static void visit_add_polygon(const struct visit *v, const struct visit_facet *f
 
     /* The elastic force along the visitor's normal; cells that are inside out subtract theirs */
     mean = depth->at + depth->slope[0] * m.x + depth->slope[1] * m.y;
-    visit_add_pressure(v, f, depth, &m, f->normal, depth->sign * v->law->stiffness * m.twice / 2);
-    v->sum->area += DBL_MIN; /* touches, though nothing may press */
+    visit_add_pressure(v, f, depth, &m, f->normal,
+                       depth->sign * v->pair->law->stiffness * m.twice / 2);
+    v->pair->sum->area += DBL_MIN; /* touches, though nothing may press */
     if (depth->sign < 0 || depth->facing <= 0) {
         return;
     }
 
     /* Area in touch, deepest penetration and size of the part that presses */
-    v->sum->area += depth->facing * m.twice / 2;
+    v->pair->sum->area += depth->facing * m.twice / 2;
     for (int i = 0; i < g->n; i++) {
         double deep = depth->at + depth->slope[0] * g->x[i] + depth->slope[1] * g->y[i];
         double x = g->x[i] - m.x, y = g->y[i] - m.y, r2 = x * x + y * y;
 
-        v->sum->depth = deep > v->sum->depth ? deep : v->sum->depth;
+        v->pair->sum->depth = deep > v->pair->sum->depth ? deep : v->pair->sum->depth;
         radius2 = r2 > radius2 ? r2 : radius2;
     }
 
@@ -729,7 +727,7 @@ static void visit_prism(const struct visit *v, const struct visit_facet *f, int 
     double height[6];
     int above = 0;
 
-    v->scratch->visits++;
+    v->pair->scratch->visits++;
     field_find_prism(v->field, cell, &prism);
     for (int i = 0; i < prism.nnode; i++) {
         height[i] = vec3_dot(f->normal, prism.node[i]) - offset;
@@ -947,27 +945,19 @@ static void visit_couple_from(struct visit *v, const struct visit_couple *c, dou
         v->least = least;
         memcpy(v->R, c->back, sizeof v->R);
         memcpy(v->p, c->origin, sizeof v->p);
-        visit_near(v, &moved, c->there, kept.relative->R, kept.relative->p);
+        visit_near(v, &moved, c->there, kept.pair->relative->R, kept.pair->relative->p);
     }
     *v = kept;
 }
 
-void native_overlap_fields(const struct field *first, const struct solid *second,
-                           const struct field *second_field, const struct native_law *law,
-                           const struct native_relative *relative, struct native_scratch *scratch,
-                           struct native_sum *sum)
+void native_overlap_fields(const struct native_overlap *o)
 {
-    const struct solid *a = first->solid, *b = second;
-    struct visit v = {.field = first,
-                      .carrier = a,
-                      .visitor = b,
-                      .law = law,
-                      .relative = relative,
-                      .scratch = scratch,
-                      .sum = sum};
+    const struct native_relative *relative = o->relative;
+    const struct solid *a = o->field[0]->solid, *b = o->solid[1];
+    struct visit v = {.field = o->field[0], .carrier = a, .visitor = b, .pair = o};
     struct box moved, there;
     double back[9], origin[3];
-    const struct visit_couple couple = {first, second_field, &moved, &there, back, origin};
+    const struct visit_couple couple = {o->field[0], o->field[1], &moved, &there, back, origin};
 
     /* Pose of the first in the second's frame, and both boxes; without overlap nothing touches */
     mat3_transpose(relative->R, back);
@@ -986,15 +976,5 @@ void native_overlap_fields(const struct field *first, const struct solid *second
     memcpy(v.R, relative->R, sizeof v.R);
     memcpy(v.p, relative->p, sizeof v.p);
 
-    /* The elastic layers, then what backs them where the penetration is deeper */
-    visit_couple_from(&v, &couple, 0);
-    if (native_law_is_backed(law, sum->depth)) {
-        const struct native_law backing = native_law_of_backing(law);
-        const double area = sum->area;
-
-        v.law = &backing;
-        visit_couple_from(&v, &couple, law->layers);
-        sum->area = area;
-    }
-    native_law_sum(&scratch->batch, law, relative, sum);
+    visit_couple_from(&v, &couple, o->from);
 }

@@ -6,9 +6,13 @@
 #ifndef CONTACT_NATIVE_FLAT_H
 #define CONTACT_NATIVE_FLAT_H
 
-#include "contact/native/polygon.h"
+#include "contact/native/pairs.h"
 
 #include <stdbool.h>
+
+/* Two facets on top of one another, clipped once by the depth, have a corner for each edge and one
+ * more. Rounding may add some where corners are in line; beyond this they are dropped. */
+#define POLYGON_MAX (2 * FACET_MAX_VERTICES + 8)
 
 /* A polygon; counterclockwise seen against the facet's normal where its area or moments are
  * wanted. */

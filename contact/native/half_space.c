@@ -5,7 +5,7 @@
  * volume, however the mesh is cut into triangles.
  */
 #include "contact/native/pairs.h"
-#include "contact/native/polygon.h"
+#include "contact/native/flat.h"
 #include "contact/native/sunk.h"
 #include "base/vec3.h"
 
@@ -14,28 +14,121 @@
 
 #define FACING 0.5 /* cosine; facets that face the plane less have few springs, however large */
 
+enum { DEPTH = 3 }; /* the fourth coordinate of a corner, m */
+
+struct polygon {
+    int n;
+    double p[POLYGON_MAX][4];
+};
+
+/* Clips a polygon to where its depth is not negative. */
+static void polygon_clip_depth(const struct polygon *in, struct polygon *out)
+{
+    out->n = 0;
+    for (int i = 0; i < in->n && out->n + 2 <= POLYGON_MAX; i++) {
+        const double *a = in->p[i], *b = in->p[i + 1 < in->n ? i + 1 : 0];
+
+        if (a[DEPTH] >= 0) {
+            memcpy(out->p[out->n++], a, sizeof in->p[i]);
+        }
+        if ((a[DEPTH] >= 0) != (b[DEPTH] >= 0)) {
+            double t = a[DEPTH] / (a[DEPTH] - b[DEPTH]);
+
+            for (int k = 0; k < 3; k++) {
+                out->p[out->n][k] = a[k] + t * (b[k] - a[k]);
+            }
+            out->p[out->n++][DEPTH] = 0;
+        }
+    }
+}
+
+/* Returns twice the area of a triangle as seen along a normal, m2. */
+static double triangle_twice_area(const double a[3], const double b[3], const double c[3],
+                                  const double normal[3])
+{
+    double ab[3], ac[3], x[3];
+
+    vec3_sub(b, a, ab);
+    vec3_sub(c, a, ac);
+    vec3_cross(ab, ac, x);
+    return vec3_dot(x, normal);
+}
+
+/* Computes twice the area as seen along a normal (returned, m2), and the centroid with its
+ * depth. */
+static double polygon_center(const struct polygon *g, const double normal[3], double center[4])
+{
+    double twice = 0, sum[4] = {0, 0, 0, 0};
+
+    for (int i = 1; i + 1 < g->n; i++) {
+        double part = triangle_twice_area(g->p[0], g->p[i], g->p[i + 1], normal);
+
+        twice += part;
+        for (int k = 0; k < 4; k++) {
+            sum[k] += part * ((g->p[i][k] - g->p[0][k]) + (g->p[i + 1][k] - g->p[0][k]));
+        }
+    }
+    for (int k = 0; k < 4 && twice > DBL_MIN; k++) {
+        center[k] = g->p[0][k] + sum[k] / (3 * twice);
+    }
+    return twice;
+}
+
+/* Adds the springs on a polygon: three in each part (parts: of struct facet) of each triangle
+ * between the center (polygon_center's) and an edge, which integrates force and moment of a linear
+ * depth exactly. pressure is the elastic force per depth and area as seen along the normal, share
+ * how far along d from the polygon a spring acts. */
+static void polygon_add_springs(const struct native_overlap *o, const struct polygon *g,
+                                const double center[4], const double normal[3], const double d[3],
+                                int parts, double pressure, double share)
+{
+    /* In each triangle between the center and an edge, and each of its parts */
+    for (int i = 0; i < g->n; i++) {
+        const double *v[3] = {center, g->p[i], g->p[i + 1 < g->n ? i + 1 : 0]};
+        double twice = triangle_twice_area(v[0], v[1], v[2], normal);
+        double rate = pressure * twice / (2 * FACET_POINTS * parts * parts);
+
+        native_make_room(o, (size_t)(FACET_POINTS * parts * parts));
+        for (int row = 0; row < parts; row++) {
+            for (int at = 0; at < FACET_POINTS * (2 * (parts - row) - 1); at++) {
+                double p[4], a, b;
+
+                triangle_find_point(1.0 / parts, row, at / FACET_POINTS, at % FACET_POINTS, &a, &b);
+                for (int k = 0; k < 4; k++) {
+                    p[k] = v[0][k] + a * (v[1][k] - v[0][k]) + b * (v[2][k] - v[0][k]);
+                }
+                for (int k = 0; k < 3; k++) {
+                    p[k] += share * p[DEPTH] * d[k];
+                }
+                batch_add_spring(&o->scratch->batch, p, d, rate, p[DEPTH]);
+            }
+        }
+        o->sum->depth = v[1][DEPTH] > o->sum->depth ? v[1][DEPTH] : o->sum->depth;
+    }
+}
+
+/* ---- facets below the plane ---- */
+
 /* Adds a facet that is all below the plane: in closed form where that is enough, else a spring at
  * each point of quadrature that it keeps. */
-static void half_space_add_sunk_facet(struct native_scratch *s, const struct solid *solid,
-                                      const struct facet *f, const struct sunk_linear *bed,
-                                      const double n[3], double height, double pressure,
-                                      const struct native_law *law,
-                                      const struct native_relative *relative,
-                                      struct native_sum *sum)
+static void half_space_add_sunk_facet(const struct native_overlap *o, const struct facet *f,
+                                      const struct sunk_linear *bed, const double n[3],
+                                      double height, double pressure)
 {
-    const double share = law->share[0];
+    const struct solid *solid = o->solid[0];
+    const double share = o->law->share[0];
 
-    if (f->moments >= 0 && sum->gather && sum->one_way &&
-        sunk_gather(solid, f, bed, n, pressure, law, relative, sum)) {
-        sum->closed = true;
+    if (f->moments >= 0 && o->sum->gather && o->sum->one_way &&
+        sunk_gather(solid, f, bed, n, pressure, o->law, o->relative, o->sum)) {
+        o->sum->closed = true;
         return;
     }
     for (int done = 0; done < f->npoint;) {
         int room, take = f->npoint - done;
-        struct native_batch *b = &s->batch;
+        struct native_batch *b = &o->scratch->batch;
 
         /* As many at a time as there is room for */
-        native_law_make_room(&s->batch, 8, law, relative, sum);
+        native_make_room(o, 8);
         room = (int)(BATCH_MAX - b->n);
         take = take < room ? take : room;
         for (int i = 0; i < take; i++) {
@@ -60,11 +153,11 @@ static void half_space_add_sunk_facet(struct native_scratch *s, const struct sol
 }
 
 /* Adds a facet's springs. n: the plane's normal; height: n . any of the plane's points, m. */
-static void half_space_add_facet(struct native_scratch *s, const struct solid *solid,
-                                 const struct facet *f, const double n[3], double height,
-                                 const struct native_law *law,
-                                 const struct native_relative *relative, struct native_sum *sum)
+static void half_space_add_facet(const struct native_overlap *o, const struct facet *f,
+                                 const double n[3], double height)
 {
+    const struct solid *solid = o->solid[0];
+    struct native_sum *sum = o->sum;
     double facing = -vec3_dot(f->normal, n);
     double deepest = 0, shallowest = DBL_MAX;
     struct polygon whole, cut, *sunk = &whole;
@@ -80,8 +173,7 @@ static void half_space_add_facet(struct native_scratch *s, const struct solid *s
             sunk_find_depth(solid, f, n, height, &deepest, &shallowest);
 
         if (deepest > 0 && shallowest >= 0) {
-            half_space_add_sunk_facet(s, solid, f, &depth, n, height, law->stiffness * facing, law,
-                                      relative, sum);
+            half_space_add_sunk_facet(o, f, &depth, n, height, o->law->stiffness * facing);
             sum->area += f->area * facing;
             sum->depth = deepest > sum->depth ? deepest : sum->depth;
         }
@@ -112,17 +204,17 @@ static void half_space_add_facet(struct native_scratch *s, const struct solid *s
     }
     twice = polygon_center(sunk, f->normal, center);
     if (twice > DBL_MIN) {
-        polygon_add_springs(s, sunk, center, f->normal, n, facing > FACING ? f->parts : 1,
-                            law->stiffness * facing, law->share[0], law, relative, sum);
+        polygon_add_springs(o, sunk, center, f->normal, n, facing > FACING ? f->parts : 1,
+                            o->law->stiffness * facing, o->law->share[0]);
         sum->area += facing * twice / 2;
     }
 }
 
-/* Adds the springs of all facets that are below the plane and face it. */
-static void half_space_add_bed(struct native_scratch *s, const struct solid *solid,
-                               const double n[3], double height, const struct native_law *law,
-                               const struct native_relative *relative, struct native_sum *sum)
+void native_overlap_half_space(const struct native_overlap *o)
 {
+    const struct solid *solid = o->solid[0];
+    const double n[3] = {o->relative->R[2], o->relative->R[5], o->relative->R[8]};
+    const double height = vec3_dot(n, o->relative->p) - o->from;
     const struct tree *tree = &solid->facets;
     const struct tree_node *node = tree->node, *end = tree_end(tree);
 
@@ -134,29 +226,8 @@ static void half_space_add_bed(struct native_scratch *s, const struct solid *sol
             continue;
         }
         for (int i = 0; i < node->count; i++) {
-            half_space_add_facet(s, solid, &solid->facet[tree->item[node->first + i]], n, height,
-                                 law, relative, sum);
+            half_space_add_facet(o, &solid->facet[tree->item[node->first + i]], n, height);
         }
         ++node;
     }
-}
-
-void native_overlap_half_space(const struct solid *solid, const struct native_law *law,
-                               const struct native_relative *relative,
-                               struct native_scratch *scratch, struct native_sum *sum)
-{
-    const double n[3] = {relative->R[2], relative->R[5], relative->R[8]};
-    const double height = vec3_dot(n, relative->p);
-
-    half_space_add_bed(scratch, solid, n, height, law, relative, sum);
-
-    /* What backs the layers is a lower plane */
-    if (native_law_is_backed(law, sum->depth)) {
-        const struct native_law backing = native_law_of_backing(law);
-        const double area = sum->area;
-
-        half_space_add_bed(scratch, solid, n, height - law->layers, &backing, relative, sum);
-        sum->area = area;
-    }
-    native_law_sum(&scratch->batch, law, relative, sum);
 }

@@ -10,33 +10,11 @@
 #include "contact/broad_phase.h"
 #include "contact/native/pairs.h"
 
-/* Kernels: the engine's operations, functions of contact/native/pairs.h, native_law_sum (sum) and
- * broad_phase_find (find_near). */
+/* Kernels: the engine's operations, native_overlap, native_law_sum and broad_phase_find. */
 struct native_kernels {
     const char *name;
     const struct contact_ops *ops; /* of an engine on them */
-    void (*half_space)(const struct solid *solid, const struct native_law *law,
-                       const struct native_relative *relative, struct native_scratch *scratch,
-                       struct native_sum *sum);
-    void (*sphere)(const struct solid *solid, double radius, const struct native_law *law,
-                   const struct native_relative *relative, struct native_scratch *scratch,
-                   struct native_sum *sum);
-    void (*meshes)(const struct solid *first, const struct solid *second,
-                   const struct native_law *law, const struct native_relative *relative,
-                   struct native_scratch *scratch, struct native_sum *sum);
-    void (*fields)(const struct field *first, const struct solid *second,
-                   const struct field *second_field, const struct native_law *law,
-                   const struct native_relative *relative, struct native_scratch *scratch,
-                   struct native_sum *sum);
-    void (*hertz)(const double radius[2], const struct native_law *law,
-                  const struct native_relative *relative, struct native_scratch *scratch,
-                  struct native_sum *sum);
-    void (*capsule_half_space)(const struct native_capsule *capsule, const struct native_law *law,
-                               const struct native_relative *relative,
-                               struct native_scratch *scratch, struct native_sum *sum);
-    void (*capsules)(const struct native_capsule *first, const struct native_capsule *second,
-                     const struct native_law *law, const struct native_relative *relative,
-                     struct native_scratch *scratch, struct native_sum *sum);
+    void (*overlap)(enum native_pair_kind kind, const struct native_overlap *o);
     void (*sum)(struct native_batch *batch, const struct native_law *law,
                 const struct native_relative *relative, struct native_sum *sum);
     void (*find_near)(struct broad_phase *broad, uint64_t *near);

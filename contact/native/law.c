@@ -9,6 +9,7 @@
 
 #include "contact/lanes.h"
 #include "contact/native/friction.h"
+#include "contact/native/pairs.h"
 #include "contact/native/stick.h"
 #include "contact/native/weigh.h"
 #include "base/vec3.h"
@@ -360,12 +361,46 @@ void native_law_sum(struct native_batch *batch, const struct native_law *law,
     batch->start = batch->n;
 }
 
-void native_law_make_room(struct native_batch *batch, size_t n, const struct native_law *law,
-                          const struct native_relative *relative, struct native_sum *sum)
+void native_make_room(const struct native_overlap *o, size_t n)
 {
+    struct native_batch *batch = &o->scratch->batch;
+
     if (batch->n + n > BATCH_MAX) {
-        native_law_sum(batch, law, relative, sum);
+        native_law_sum(batch, o->law, o->relative, o->sum);
         batch->n = batch->start = 0;
         batch->full = true;
     }
+}
+
+void native_overlap(enum native_pair_kind kind, const struct native_overlap *o)
+{
+    static void (*const narrow_phase[])(const struct native_overlap *o) = {
+        [PAIR_HERTZ_SPHERES] = native_overlap_hertz,
+        [PAIR_HERTZ_HALF_SPACE] = native_overlap_hertz,
+        [PAIR_MESH_HALF_SPACE] = native_overlap_half_space,
+        [PAIR_MESH_SPHERE] = native_overlap_sphere,
+        [PAIR_MESHES] = native_overlap_meshes,
+        [PAIR_FIELDS] = native_overlap_fields,
+        [PAIR_CAPSULE_HALF_SPACE] = native_overlap_capsule_half_space,
+        [PAIR_CAPSULES] = native_overlap_capsules,
+    };
+    const struct native_law *law = o->law;
+    const bool layered = kind != PAIR_HERTZ_SPHERES && kind != PAIR_HERTZ_HALF_SPACE;
+
+    narrow_phase[kind](o);
+
+    /* What backs the layers overlaps by as much less as these are thick; two meshes look at each
+     * facet for it */
+    if (layered && kind != PAIR_MESHES && law->backing > 0 && o->sum->depth > law->layers) {
+        const double area = o->sum->area;
+        struct native_law backing = *law;
+        struct native_overlap deeper = *o;
+
+        backing.stiffness = law->backing;
+        deeper.law = &backing;
+        deeper.from = law->layers;
+        narrow_phase[kind](&deeper);
+        o->sum->area = area;
+    }
+    native_law_sum(&o->scratch->batch, law, o->relative, o->sum);
 }

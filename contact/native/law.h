@@ -75,24 +75,6 @@ struct native_sum {
     struct native_grip *grip;
 };
 
-/* Returns whether a penetration of this depth reaches through the elastic layers to what backs
- * them. */
-static inline bool native_law_is_backed(const struct native_law *law, double depth)
-{
-    return law->backing > 0 && depth > law->layers;
-}
-
-/* Returns the law for the springs of what backs the layers, whose depth counts from the layers' end
- * on. */
-static inline struct native_law native_law_of_backing(const struct native_law *law)
-{
-    struct native_law backing = *law;
-
-    backing.stiffness = law->backing;
-    backing.backing = 0;
-    return backing;
-}
-
 /* Appends a spring at p that pushes the first body along d; there must be room. rate: stiffness of
  * the force with the depth, N/m; depth: penetration, m. */
 static inline void batch_add_spring(struct native_batch *b, const double p[3], const double d[3],
@@ -113,9 +95,5 @@ static inline void batch_add_spring(struct native_batch *b, const double p[3], c
  * on the number of lanes, which is the same for all instruction sets (contact/lanes.h). */
 void native_law_sum(struct native_batch *batch, const struct native_law *law,
                     const struct native_relative *relative, struct native_sum *sum);
-
-/* Makes room for n springs more: where there is none, adds up those that there are first. */
-void native_law_make_room(struct native_batch *batch, size_t n, const struct native_law *law,
-                          const struct native_relative *relative, struct native_sum *sum);
 
 #endif

@@ -177,42 +177,22 @@ void native_pair_find_force(const struct native_engine *e, const struct native_p
 {
     const struct native_surface *a = &e->surface[pair->surface[0]];
     const struct native_surface *b = &e->surface[pair->surface[1]];
-    const double radius[2] = {a->capsule.radius,
-                              b->shape == CONTACT_SPHERE ? b->capsule.radius : HUGE_VAL};
-    const struct native_capsule thin[2] = {
-        {a->capsule.radius - pair->slack / 2, a->capsule.half},
-        {b->capsule.radius - pair->slack / 2, b->capsule.half},
+    const struct native_overlap overlap = {
+        .solid = {a->solid, b->solid},
+        .field = {a->field, b->field},
+        .capsule = {{a->capsule.radius - pair->slack / 2, a->capsule.half},
+                    {b->shape == CONTACT_HALF_SPACE ? HUGE_VAL
+                                                    : b->capsule.radius - pair->slack / 2,
+                     b->capsule.half}},
+        .law = &pair->law,
+        .relative = relative,
+        .scratch = e->scratch,
+        .sum = sum,
     };
-    const struct native_kernels *kernels = pair->kernels;
-    struct native_scratch *s = e->scratch;
 
-    /* Each kind of pair has its own geometry; all end in the same law (law.h) */
-    switch (pair->kind) {
-    case PAIR_HERTZ_SPHERES:
-    case PAIR_HERTZ_HALF_SPACE:
-        kernels->hertz(radius, &pair->law, relative, s, sum);
-        break;
-    case PAIR_MESH_HALF_SPACE:
-        kernels->half_space(a->solid, &pair->law, relative, s, sum);
-        break;
-    case PAIR_MESH_SPHERE:
-        kernels->sphere(a->solid, b->capsule.radius, &pair->law, relative, s, sum);
-        break;
-    case PAIR_MESHES:
-        if (b->shape == CONTACT_CAPSULE && !capsule_may_touch(a->solid, &b->capsule, relative)) {
-            break;
-        }
-        kernels->meshes(a->solid, b->solid, &pair->law, relative, s, sum);
-        break;
-    case PAIR_FIELDS:
-        kernels->fields(a->field, b->solid, b->field, &pair->law, relative, s, sum);
-        break;
-    case PAIR_CAPSULE_HALF_SPACE:
-        kernels->capsule_half_space(&a->capsule, &pair->law, relative, s, sum);
-        break;
-    case PAIR_CAPSULES:
-        kernels->capsules(&thin[0], &thin[1], &pair->law, relative, s, sum);
-        break;
+    if (pair->kind != PAIR_MESHES || b->shape != CONTACT_CAPSULE ||
+        capsule_may_touch(a->solid, &b->capsule, relative)) {
+        pair->kernels->overlap(pair->kind, &overlap);
     }
 }
 
@@ -565,4 +545,19 @@ const struct contact_ops native_ops = {
     .tangents = native_tangents,
     .failure = native_failure,
     .destroy = native_destroy,
+};
+
+#define STRING(x) #x
+#define EXPANDED_STRING(x) STRING(x)
+
+const struct native_kernels native_kernels = {
+#ifdef NATIVE_VARIANT
+    .name = EXPANDED_STRING(NATIVE_VARIANT),
+#else
+    .name = "plain",
+#endif
+    .ops = &native_ops,
+    .overlap = native_overlap,
+    .sum = native_law_sum,
+    .find_near = broad_phase_find,
 };

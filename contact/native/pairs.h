@@ -50,50 +50,67 @@ static inline double native_ramp(double x, double a, double b)
     return t * t * (3 - 2 * t);
 }
 
+/* Kinds of pairs by their shapes. */
+enum native_pair_kind {
+    PAIR_HERTZ_SPHERES,
+    PAIR_HERTZ_HALF_SPACE,
+    PAIR_MESH_HALF_SPACE,
+    PAIR_MESH_SPHERE,
+    PAIR_MESHES,
+    PAIR_FIELDS,
+    PAIR_CAPSULE_HALF_SPACE,
+    PAIR_CAPSULES, /* of which one may be a sphere */
+};
+
+/* Two surfaces that may overlap, and where the springs between them go. Of the shapes a narrow
+ * phase reads those of its kind. */
+struct native_overlap {
+    const struct solid *solid[2];
+    const struct field *field[2];     /* the second's is NULL when it is nowhere so deep */
+    struct native_capsule capsule[2]; /* or sphere; of a half-space the radius is infinite */
+    const struct native_law *law;
+    double from; /* depth from which on the springs count, m */
+    const struct native_relative *relative;
+    struct native_scratch *scratch;
+    struct native_sum *sum;
+};
+
+/* Adds what two surfaces of a kind do to each other to sum: the springs of their layers, and of
+ * what backs them where the penetration is deeper. law.c. */
+void native_overlap(enum native_pair_kind kind, const struct native_overlap *o);
+
+/* Makes room for n springs more: where there is none, adds up those that there are first. */
+void native_make_room(const struct native_overlap *o, size_t n);
+
 /* A mesh on a half-space: its facets are clipped at the plane, and what is below stands on springs
  * along the plane's normal that stand side by side on the plane, as long as the penetration is deep
  * there. A facet that is turned away does nothing. half_space.c. */
-void native_overlap_half_space(const struct solid *solid, const struct native_law *law,
-                               const struct native_relative *relative,
-                               struct native_scratch *scratch, struct native_sum *sum);
+void native_overlap_half_space(const struct native_overlap *o);
 
 /* A mesh and a sphere: over each facet the springs stand along its normal, from the facet to the
  * far side of the sphere. sphere.c. */
-void native_overlap_sphere(const struct solid *solid, double radius, const struct native_law *law,
-                           const struct native_relative *relative, struct native_scratch *scratch,
-                           struct native_sum *sum);
+void native_overlap_sphere(const struct native_overlap *o);
 
 /* Two meshes by the pressure field of the first: the pressure of its depth on the second's facets
  * inside it, and that of the second's field on the first's facets where it is deeper than the
- * first's is anywhere. second_field: NULL when it is nowhere so deep. fields.c. */
-void native_overlap_fields(const struct field *first, const struct solid *second,
-                           const struct field *second_field, const struct native_law *law,
-                           const struct native_relative *relative, struct native_scratch *scratch,
-                           struct native_sum *sum);
+ * first's is anywhere. fields.c. */
+void native_overlap_fields(const struct native_overlap *o);
 
 /* Two meshes by the elastic foundation on both: between each two facets that face each other the
- * springs stand along the mean of their normals, where both facets lie on top of one another.
- * meshes.c. */
-void native_overlap_meshes(const struct solid *first, const struct solid *second,
-                           const struct native_law *law, const struct native_relative *relative,
-                           struct native_scratch *scratch, struct native_sum *sum);
+ * springs stand along the mean of their normals, where both facets lie on top of one another. Adds
+ * the springs of what backs the layers too, facet by facet. facets.c. */
+void native_overlap_meshes(const struct native_overlap *o);
 
-/* Hertz's law for two spheres, or a sphere (first) on a half-space (second; its radius infinite).
- * hertz.c. */
-void native_hertz(const double radius[2], const struct native_law *law,
-                  const struct native_relative *relative, struct native_scratch *scratch,
-                  struct native_sum *sum);
+/* Hertz's law for two spheres, or a sphere (first) on a half-space, which has no layers.
+ * capsule.c. */
+void native_overlap_hertz(const struct native_overlap *o);
 
 /* A capsule on a half-space: slices across the axis, each a segment of a disc below the plane, on
- * springs along the plane's normal. capsule_half_space.c. */
-void native_capsule_half_space(const struct native_capsule *capsule, const struct native_law *law,
-                               const struct native_relative *relative,
-                               struct native_scratch *scratch, struct native_sum *sum);
+ * springs along the plane's normal. capsule.c. */
+void native_overlap_capsule_half_space(const struct native_overlap *o);
 
 /* Two capsules, or a capsule and a sphere: springs along the shortest distance from points of
  * either axis to the nearest point of the other. capsule.c. */
-void native_capsules(const struct native_capsule *first, const struct native_capsule *second,
-                     const struct native_law *law, const struct native_relative *relative,
-                     struct native_scratch *scratch, struct native_sum *sum);
+void native_overlap_capsules(const struct native_overlap *o);
 
 #endif

@@ -29,18 +29,6 @@ struct native_pose {
     double R[9], p[3], w[3], v[3];
 };
 
-/* Kinds of pairs by their shapes: each has a function of contact/native/pairs.h. */
-enum native_pair_kind {
-    PAIR_HERTZ_SPHERES,
-    PAIR_HERTZ_HALF_SPACE,
-    PAIR_MESH_HALF_SPACE,
-    PAIR_MESH_SPHERE,
-    PAIR_MESHES,
-    PAIR_FIELDS,
-    PAIR_CAPSULE_HALF_SPACE,
-    PAIR_CAPSULES, /* of which one may be a sphere */
-};
-
 /* A configured pair, ready to be evaluated. */
 struct native_pair {
     enum native_pair_kind kind;

@@ -238,11 +238,11 @@ static void sphere_add_springs(const struct facet *f, const struct cap *cap, con
 }
 
 /* Adds the springs between a sphere (its center at) and a facet. */
-static void sphere_add_facet(const struct solid *solid, const struct facet *f, const double at[3],
-                             double radius, const struct native_law *law,
-                             const struct native_relative *relative, struct native_batch *batch,
-                             struct native_sum *sum)
+static void sphere_add_facet(const struct native_overlap *o, const struct facet *f,
+                             const double at[3], double radius)
 {
+    const struct solid *solid = o->solid[0];
+    struct native_sum *sum = o->sum;
     struct circle c = {radius, vec3_dot(f->normal, at) - f->offset, radius};
     const double(*E)[3] = f->axis;
     double origin[3], to[3], middle[3], depth, inverse, weight, reach;
@@ -277,48 +277,27 @@ static void sphere_add_facet(const struct solid *solid, const struct facet *f, c
         return;
     }
 
-    native_law_make_room(batch, 4, law, relative, sum);
-    sphere_add_springs(f, &cap, origin, depth, weight, law, batch);
+    native_make_room(o, 4);
+    sphere_add_springs(f, &cap, origin, depth, weight, o->law, &o->scratch->batch);
     sum->area += weight * cap.area;
     depth = c.R - c.h;
     sum->depth = weight >= 0.5 && depth > sum->depth ? depth : sum->depth;
 }
 
-/* Adds the springs of all facets that the sphere reaches. */
-static void sphere_add_bed(const struct solid *solid, double radius, const struct native_law *law,
-                           const struct native_relative *relative, struct native_batch *batch,
-                           struct native_sum *sum)
+void native_overlap_sphere(const struct native_overlap *o)
 {
-    const double *at = relative->p;
-    const struct tree *tree = &solid->facets;
+    const double *at = o->relative->p, radius = o->capsule[1].radius - o->from;
+    const struct tree *tree = &o->solid[0]->facets;
     const struct tree_node *node = tree->node, *end = tree_end(tree);
 
-    while (node != end) {
+    while (node != end && radius > 0) {
         if (box_distance2(&node->box, at) >= radius * radius) {
             node += node->size;
             continue;
         }
         for (int i = 0; i < node->count; i++) {
-            sphere_add_facet(solid, &solid->facet[tree->item[node->first + i]], at, radius, law,
-                             relative, batch, sum);
+            sphere_add_facet(o, &o->solid[0]->facet[tree->item[node->first + i]], at, radius);
         }
         ++node;
     }
-}
-
-void native_overlap_sphere(const struct solid *solid, double radius, const struct native_law *law,
-                           const struct native_relative *relative, struct native_scratch *scratch,
-                           struct native_sum *sum)
-{
-    sphere_add_bed(solid, radius, law, relative, &scratch->batch, sum);
-
-    /* What backs the layers meets a smaller sphere */
-    if (native_law_is_backed(law, sum->depth) && radius > law->layers) {
-        const struct native_law backing = native_law_of_backing(law);
-        const double area = sum->area;
-
-        sphere_add_bed(solid, radius - law->layers, &backing, relative, &scratch->batch, sum);
-        sum->area = area;
-    }
-    native_law_sum(&scratch->batch, law, relative, sum);
 }

@@ -1,18 +1,4 @@
 # SPDX-License-Identifier: Apache-2.0
-# springs at centroids, for each variant of the native engine's kernels
-add_library(contact_centroids STATIC physics/contact_centroids.c)
-target_link_libraries(contact_centroids PUBLIC contact)
-foreach(variant avx2 avx512)
-    if(TARGET contact_${variant})
-        add_library(contact_centroids_${variant} OBJECT physics/contact_centroids.c)
-        target_link_libraries(contact_centroids_${variant} PRIVATE hil_flags)
-        target_compile_definitions(contact_centroids_${variant} PRIVATE NATIVE_VARIANT=${variant})
-        target_compile_options(contact_centroids_${variant}
-                               PRIVATE $<TARGET_PROPERTY:contact_${variant},COMPILE_OPTIONS>)
-        target_sources(contact_centroids PRIVATE $<TARGET_OBJECTS:contact_centroids_${variant}>)
-    endif()
-endforeach()
-
 foreach(name "" _invariants _tangents _bodies _impacts)
     hil_test(contact_native${name} SOURCES physics/contact_native${name}.c
              LIBS contact TIMEOUT 180 LABELS physics)
@@ -21,13 +7,12 @@ hil_test(contact_fields SOURCES physics/contact_fields.c LIBS contact TIMEOUT 18
 hil_test(contact_terrain SOURCES physics/contact_terrain.c LIBS contact LABELS physics)
 hil_test(contact_backing SOURCES physics/contact_backing.c LIBS contact LABELS physics)
 hil_test(contact_capsule SOURCES physics/contact_capsule.c LIBS contact LABELS physics)
-hil_test(contact_laws SOURCES physics/contact_laws.c LIBS m TIMEOUT 120 LABELS physics)
 hil_test(contact_holding SOURCES physics/contact_holding.c LIBS contact TIMEOUT 300 LABELS physics)
 hil_test(contact_spin SOURCES physics/contact_spin.c LIBS contact LABELS physics)
 hil_test(contact_sticking SOURCES physics/contact_sticking.c
          LIBS contact TIMEOUT 300 LABELS physics)
 hil_test(contact_native_agreement SOURCES physics/contact_native_agreement.c
-         LIBS contact_centroids LABELS physics)
+         LIBS contact LABELS physics)
 hil_test(contact_native_variants SOURCES physics/contact_native_variants.c
          LIBS contact LABELS physics)
 
@@ -46,7 +31,7 @@ foreach(test contact_native contact_native_invariants contact_native_tangents co
 endforeach()
 
 hil_test(contact_native_rt SOURCES physics/contact_native_rt.c physics/counting_malloc.c
-         LIBS contact_centroids -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=free
+         LIBS contact -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=free
          LABELS physics)
 
 hil_script_test(contact_native_rig

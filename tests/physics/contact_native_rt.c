@@ -9,7 +9,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "tests/physics/contact_centroids.h"
 #include "tests/physics/contact_scene.h"
 #include "tests/physics/counting_malloc.h"
 #include "tests/test.h"
@@ -48,7 +47,6 @@ static const struct mesh *read_foot(struct arena *arena)
 
 TEST(evaluations_and_tangents_allocate_nothing)
 {
-    const struct native_kernels *const kernels[3] = {NULL, NULL, &contact_centroids};
     struct arena arena;
     struct scene scene;
     uint64_t seed = 3;
@@ -56,13 +54,11 @@ TEST(evaluations_and_tangents_allocate_nothing)
     assert_int_equal(arena_init(&arena, (size_t)64 << 20, NULL), ERROR_NONE);
     everything(&scene, read_foot(&arena));
 
-    struct contact_world *world[3];
+    struct contact_world *world[2];
 
-    for (int e = 0; e < 3; e++) {
+    for (int e = 0; e < 2; e++) {
         scene.config.mesh_law = e > 0 ? CONTACT_ELASTIC_FOUNDATION : CONTACT_PRESSURE_FIELD;
-        assert_int_equal(
-            native_create_with_kernels(&scene.config, kernels[e], &arena, &world[e], NULL),
-            ERROR_NONE);
+        assert_int_equal(contact_native_create(&scene.config, &arena, &world[e], NULL), ERROR_NONE);
     }
     assert_int_equal(arena_seal(&arena, false, NULL), ERROR_NONE);
     for (int i = 0; i < 1000; i++) {
@@ -81,7 +77,7 @@ TEST(evaluations_and_tangents_allocate_nothing)
             motion[b].v[0] = 0.1 * random_number(&seed);
         }
         motion[3].p[0] = 0.03;
-        for (int e = 0; e < 3; e++) {
+        for (int e = 0; e < 2; e++) {
             assert_int_equal(world[e]->ops->evaluate(world[e], motion, NULL, wrench), ERROR_NONE);
             assert_true(world[e]->ops->patches(world[e], patch, 8) >= 1);
             assert_true(world[e]->ops->tangents(world[e], tangent, 8) >= 1);
