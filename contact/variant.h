@@ -16,14 +16,14 @@
 #define NATIVE_NAME(name) NATIVE_EXPAND(name, NATIVE_VARIANT)
 
 #define broad_phase_find NATIVE_NAME(broad_phase_find)
-#define flat_clip NATIVE_NAME(flat_clip)
-#define flat_clip_to_facet NATIVE_NAME(flat_clip_to_facet)
-#define flat_find_moments NATIVE_NAME(flat_find_moments)
-#define flat_of_facet NATIVE_NAME(flat_of_facet)
+#define clip2d_side NATIVE_NAME(clip2d_side)
+#define clip2d_to_facet NATIVE_NAME(clip2d_to_facet)
+#define clip2d_moments NATIVE_NAME(clip2d_moments)
+#define clip2d_outline NATIVE_NAME(clip2d_outline)
 #define native_anchor_drag NATIVE_NAME(native_anchor_drag)
 #define native_anchor_read NATIVE_NAME(native_anchor_read)
 #define native_anchor_write NATIVE_NAME(native_anchor_write)
-#define native_bristle_hold NATIVE_NAME(native_bristle_hold)
+#define friction_sticking_add NATIVE_NAME(friction_sticking_add)
 #define native_bristle_press NATIVE_NAME(native_bristle_press)
 #define native_bristle_relax NATIVE_NAME(native_bristle_relax)
 #define native_bristle_resist NATIVE_NAME(native_bristle_resist)
@@ -47,8 +47,8 @@
 #define solid_depth NATIVE_NAME(solid_depth)
 #define solid_find_nearest NATIVE_NAME(solid_find_nearest)
 #define solid_nearest_of_face NATIVE_NAME(solid_nearest_of_face)
-#define sunk_find_depth NATIVE_NAME(sunk_find_depth)
-#define sunk_gather NATIVE_NAME(sunk_gather)
+#define facet_below_plane_depth NATIVE_NAME(facet_below_plane_depth)
+#define facet_below_plane_gather NATIVE_NAME(facet_below_plane_gather)
 
 #endif
 

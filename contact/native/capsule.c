@@ -11,7 +11,7 @@
  * is a segment of a disc, also in the half-spheres at the ends.
  */
 #include "base/portable_math.h"
-#include "contact/native/pairs.h"
+#include "contact/native/narrow_phase.h"
 #include "base/vec3.h"
 
 #include <float.h>

@@ -4,9 +4,9 @@
  * penetration of the mesh is deep there. Its undamped force is the stiffness times the penetration
  * volume, however the mesh is cut into triangles.
  */
-#include "contact/native/pairs.h"
-#include "contact/native/flat.h"
-#include "contact/native/sunk.h"
+#include "contact/native/narrow_phase.h"
+#include "contact/native/clip2d.h"
+#include "contact/native/facet_below_plane.h"
 #include "base/vec3.h"
 
 #include <float.h>
@@ -111,15 +111,15 @@ static void polygon_add_springs(const struct native_overlap *o, const struct pol
 
 /* Adds a facet that is all below the plane: in closed form where that is enough, else a spring at
  * each point of quadrature that it keeps. */
-static void half_space_add_sunk_facet(const struct native_overlap *o, const struct facet *f,
-                                      const struct sunk_linear *bed, const double n[3],
-                                      double height, double pressure)
+static void half_space_add_facet_below(const struct native_overlap *o, const struct facet *f,
+                                       const struct facet_linear *bed, const double n[3],
+                                       double height, double pressure)
 {
     const struct solid *solid = o->solid[0];
     const double share = o->law->share[0];
 
     if (f->moments >= 0 && o->sum->gather && o->sum->one_way &&
-        sunk_gather(solid, f, bed, n, pressure, o->law, o->relative, o->sum)) {
+        facet_below_plane_gather(solid, f, bed, n, pressure, o->law, o->relative, o->sum)) {
         o->sum->closed = true;
         return;
     }
@@ -169,11 +169,11 @@ static void half_space_add_facet(const struct native_overlap *o, const struct fa
 
     /* One of more than three corners may be all below: the rule of a foot that stands */
     if (f->npoint > 0) {
-        const struct sunk_linear depth =
-            sunk_find_depth(solid, f, n, height, &deepest, &shallowest);
+        const struct facet_linear depth =
+            facet_below_plane_depth(solid, f, n, height, &deepest, &shallowest);
 
         if (deepest > 0 && shallowest >= 0) {
-            half_space_add_sunk_facet(o, f, &depth, n, height, o->law->stiffness * facing);
+            half_space_add_facet_below(o, f, &depth, n, height, o->law->stiffness * facing);
             sum->area += f->area * facing;
             sum->depth = deepest > sum->depth ? deepest : sum->depth;
         }

@@ -3,15 +3,15 @@
  * The contact law of contact.h over the springs of a pair, as many at a time as there are lanes:
  * normal force with dissipation (penalty method), regularized friction, stored and dissipated
  * energy, and the tangents (stiffness and damping matrices) for implicit integration. Sticking
- * friction (stiction) is in stick_law.c and stick_sums.c.
+ * friction (stiction) is in friction_sticking.c and friction_sums.c.
  */
 #include "contact/native/law.h"
 
 #include "contact/lanes.h"
 #include "contact/native/friction.h"
-#include "contact/native/pairs.h"
+#include "contact/native/narrow_phase.h"
 #include "contact/native/stick.h"
-#include "contact/native/weigh.h"
+#include "contact/native/moments_sum.h"
 #include "base/vec3.h"
 
 /* Pads the batch to a full set of lanes with springs that exert no force. */

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Contact engine "native", evaluation: for each pair that the broad phase finds near it computes
- * the relative pose and velocity of its surfaces, lets contact/native/pairs.h find penetration and
- * force, adds sticking friction (stick_law.c), and transforms the wrench to the world frame.
+ * the relative pose and velocity of its surfaces, lets contact/native/narrow_phase.h find penetration and
+ * force, adds sticking friction (friction_sticking.c), and transforms the wrench to the world frame.
  */
 #include "contact/native/private.h"
 #include "base/vec3.h"
@@ -277,8 +277,8 @@ static void pair_evaluate(struct native_engine *e, size_t index, const struct bo
     if (sum.area > 0) {
         e->springs[e->npatch] = (struct native_springs){from, batch->n};
         if (e->grip) {
-            native_bristle_hold(e, index, &relative, e->springs[e->npatch],
-                                batch->full || sum.closed, bristles, &sum);
+            friction_sticking_add(e, index, &relative, e->springs[e->npatch],
+                                  batch->full || sum.closed, bristles, &sum);
             e->springs[e->npatch].to = batch->n; /* or some more, once they are needed */
         }
         pair_add_patch(e, index, &sum, motion, wrench);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Private to the engine "native" (native.c, create.c, stick_law.c): the world that it makes of a
+ * Private to the engine "native" (native.c, create.c, friction_sticking.c): the world that it makes of a
  * configuration, and works in. All memory is the arena's that it was created in. SI units; frames
  * as said. The calls below are RT-safe.
  */
@@ -9,7 +9,7 @@
 
 #include "contact/broad_phase.h"
 #include "contact/contact.h"
-#include "contact/native/kernels.h"
+#include "contact/native/isa_table.h"
 #include "contact/native/stick.h"
 
 /* A surface ready for contact: shape, place on its body, bounding volumes, mesh and field. */
@@ -32,7 +32,7 @@ struct native_pose {
 /* A configured pair, ready to be evaluated. */
 struct native_pair {
     enum native_pair_kind kind;
-    int surface[2]; /* in the order in which contact/native/pairs.h takes them */
+    int surface[2]; /* in the order in which contact/native/narrow_phase.h takes them */
     const struct native_kernels *kernels;
     double slack; /* overlap that does not count, m; of capsules only */
     double sign;  /* of the force on the configured pair's b, from that on the first */
@@ -98,9 +98,9 @@ void native_bristle_press(const struct native_grip *grip, const double center[3]
  * the sums gathered for it, and fills the next patch's grip and the bristles' rates. The pair's
  * springs are in the batch, or lost, because there was no room. bristles: may be NULL (all
  * relaxed). */
-void native_bristle_hold(struct native_engine *e, size_t index,
-                         const struct native_relative *relative, struct native_springs at,
-                         bool lost, struct contact_bristles *bristles, struct native_sum *sum);
+void friction_sticking_add(struct native_engine *e, size_t index,
+                           const struct native_relative *relative, struct native_springs at,
+                           bool lost, struct contact_bristles *bristles, struct native_sum *sum);
 
 /* Computes the rates at which the listed bristles relax without contact; rate must not be NULL. */
 void native_bristle_relax(const struct contact_bristles *bristles);

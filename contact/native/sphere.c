@@ -11,7 +11,7 @@
  * So a whole circle has a closed form and force and moment do not depend on how the plane is cut.
  */
 #include "base/portable_math.h"
-#include "contact/native/pairs.h"
+#include "contact/native/narrow_phase.h"
 #include "base/vec3.h"
 
 #include <float.h>

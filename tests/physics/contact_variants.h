@@ -5,7 +5,7 @@
 #define TESTS_PHYSICS_CONTACT_VARIANTS_H
 
 #include "base/instruction_set.h"
-#include "contact/native/kernels.h"
+#include "contact/native/isa_table.h"
 
 #include <stdbool.h>
 #include <string.h>

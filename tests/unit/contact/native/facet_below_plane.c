@@ -3,7 +3,7 @@
  * The closed forms of a facet below a plane against the springs of contact.h, integrated by a rule
  * that is exact for what they are: seven points in each triangle, of the fifth degree (Radon 1948).
  */
-#include "contact/native/sunk.h"
+#include "contact/native/facet_below_plane.h"
 
 #include <math.h>
 #include <string.h>
@@ -211,7 +211,7 @@ TEST(a_sunk_facet_is_what_its_springs_add_up_to)
         struct native_sum sum = {.gather = &gather, .one_way = true};
         struct springs wanted = {.normal = 0};
         struct native_relative relative;
-        struct sunk_linear depth;
+        struct facet_linear depth;
         double n[3], deepest, shallowest, height = 0.1;
         struct prism prism;
         struct arena arena;
@@ -219,14 +219,15 @@ TEST(a_sunk_facet_is_what_its_springs_add_up_to)
         assert_int_equal(arena_init(&arena, ARENA_BYTES, &(struct error){0}), ERROR_NONE);
         make_prism(&prism, &arena, &seed);
         choose_case(&seed, n, &relative);
-        depth = sunk_find_depth(&prism.solid, prism.sole, n, height, &deepest, &shallowest);
+        depth = facet_below_plane_depth(&prism.solid, prism.sole, n, height, &deepest, &shallowest);
         assert_true(shallowest > 0);
         for (int i = 0; i < CORNERS; i++) {
             const double at = height - vec3_dot(n, prism.vertex[i]);
 
             assert_true(at < deepest + 1e-15 && at > shallowest - 1e-15);
         }
-        assert_true(sunk_gather(&prism.solid, prism.sole, &depth, n, 1e7, &law, &relative, &sum));
+        assert_true(facet_below_plane_gather(&prism.solid, prism.sole, &depth, n, 1e7, &law,
+                                             &relative, &sum));
         add_springs(&prism, n, height, 1e7, &law, &relative, &wanted);
         assert_same_sums(&sum, &wanted);
         arena_fini(&arena);
@@ -241,21 +242,23 @@ TEST(a_facet_of_which_a_part_leaves_fast_is_left_to_its_springs)
     struct native_gather gather = {.elastic = 0};
     struct native_sum sum = {.gather = &gather, .one_way = true};
     double deepest, shallowest;
-    struct sunk_linear depth;
+    struct facet_linear depth;
     struct prism prism;
     struct arena arena;
     uint64_t seed = 7;
 
     assert_int_equal(arena_init(&arena, ARENA_BYTES, &(struct error){0}), ERROR_NONE);
     make_prism(&prism, &arena, &seed);
-    depth = sunk_find_depth(&prism.solid, prism.sole, n, 0.01, &deepest, &shallowest);
+    depth = facet_below_plane_depth(&prism.solid, prism.sole, n, 0.01, &deepest, &shallowest);
 
     /* It parts at 0.95 m/s less x rad/s: from 0.53 to 0.77 m/s, where 1 m/s would be too fast; and
      * 0.3 m/s faster all of it does */
-    assert_true(sunk_gather(&prism.solid, prism.sole, &depth, n, 1e7, &law, &relative, &sum));
+    assert_true(
+        facet_below_plane_gather(&prism.solid, prism.sole, &depth, n, 1e7, &law, &relative, &sum));
     sum.normal = 0;
-    assert_false(sunk_gather(&prism.solid, prism.sole, &depth, n, 1e7, &law,
-                             &(struct native_relative){.v = {0, 0, 1.25}, .w = {0, 1, 0}}, &sum));
+    assert_false(facet_below_plane_gather(
+        &prism.solid, prism.sole, &depth, n, 1e7, &law,
+        &(struct native_relative){.v = {0, 0, 1.25}, .w = {0, 1, 0}}, &sum));
     assert_true(sum.normal == 0);
     arena_fini(&arena);
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Polygons in the plane of a facet: clips them and computes their moments. */
-#include "contact/native/flat.h"
+#include "contact/native/clip2d.h"
 
 #include "contact/lanes.h"
 #include "base/vec3.h"
@@ -9,7 +9,7 @@
 #include <stdint.h>
 
 /* Walks around the polygon once (Sutherland, Hodgman 1974). */
-void flat_clip(const struct flat *in, const double *side, struct flat *out)
+void clip2d_side(const struct polygon2d *in, const double *side, struct polygon2d *out)
 {
     int n = 0;
 
@@ -48,7 +48,7 @@ static void triangle_outline(const struct facet *f, const double (*ring)[3], dou
 
 /* Finds the edges of an outline that some corner of the polygon is outside of; bit i for edge i. */
 static uint64_t outline_find_cutting_edges(const double *x, const double *y, int n,
-                                           const struct flat *g)
+                                           const struct polygon2d *g)
 {
     uint64_t edges = 0;
 
@@ -66,7 +66,7 @@ static uint64_t outline_find_cutting_edges(const double *x, const double *y, int
 }
 
 /* Checks whether a polygon lies inside a circle about the facet's center. */
-static bool flat_is_in_circle(const struct flat *g, double radius)
+static bool flat_is_in_circle(const struct polygon2d *g, double radius)
 {
     for (int i = 0; i < g->n; i++) {
         if (g->x[i] * g->x[i] + g->y[i] * g->y[i] > radius * radius) {
@@ -90,11 +90,11 @@ static void facet_find_outline(const struct solid *solid, const struct facet *f,
     }
 }
 
-const struct flat *flat_clip_to_facet(const struct solid *solid, const struct facet *facet,
-                                      struct flat g[2], int from)
+const struct polygon2d *clip2d_to_facet(const struct solid *solid, const struct facet *facet,
+                                        struct polygon2d g[2], int from)
 {
     _Alignas(64) double triangle[2][FACET_OUTLINE(3)];
-    struct flat *now = &g[from];
+    struct polygon2d *now = &g[from];
     const double *x, *y;
     double side[POLYGON_MAX];
 
@@ -106,20 +106,20 @@ const struct flat *flat_clip_to_facet(const struct solid *solid, const struct fa
     facet_find_outline(solid, facet, triangle, &x, &y);
     for (uint64_t edges = outline_find_cutting_edges(x, y, facet->count, now);
          edges != 0 && now->n >= 3; edges &= edges - 1) {
-        struct flat *next = now == &g[0] ? &g[1] : &g[0];
+        struct polygon2d *next = now == &g[0] ? &g[1] : &g[0];
         int e = __builtin_ctzll(edges);
         double dx = x[e + 1] - x[e], dy = y[e + 1] - y[e];
 
         for (int i = 0; i < now->n; i++) {
             side[i] = dx * (now->y[i] - y[e]) - dy * (now->x[i] - x[e]);
         }
-        flat_clip(now, side, next);
+        clip2d_side(now, side, next);
         now = next;
     }
     return now;
 }
 
-void flat_of_facet(const struct solid *solid, const struct facet *facet, struct flat *out)
+void clip2d_outline(const struct solid *solid, const struct facet *facet, struct polygon2d *out)
 {
     _Alignas(64) double triangle[2][FACET_OUTLINE(3)];
     const double *x, *y;
@@ -133,7 +133,7 @@ void flat_of_facet(const struct solid *solid, const struct facet *facet, struct 
 }
 
 /* Sums over the triangles between the first corner and an edge. */
-void flat_find_moments(const struct flat *g, bool second, struct moments *m)
+void clip2d_moments(const struct polygon2d *g, bool second, struct moments *m)
 {
     double x0 = g->x[0], y0 = g->y[0], ux = g->x[1] - x0, uy = g->y[1] - y0;
 

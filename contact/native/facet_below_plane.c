@@ -6,7 +6,7 @@
  * second degree, and their moments up to the second are sums over struct facet_moments. The four
  * weights are the lanes.
  */
-#include "contact/native/sunk.h"
+#include "contact/native/facet_below_plane.h"
 
 #include "contact/lanes.h"
 #include "contact/native/stick.h"
@@ -20,11 +20,11 @@ enum { WEIGHT_NORMAL, WEIGHT_STIFFNESS, WEIGHT_DAMPING, WEIGHT_AREA };
 /* Rows of struct facet_moments. */
 enum { POWER_1, POWER_X, POWER_Y, POWER_XX, POWER_XY, POWER_YY };
 
-struct sunk_linear sunk_find_depth(const struct solid *solid, const struct facet *facet,
-                                   const double n[3], double height, double *deepest,
-                                   double *shallowest)
+struct facet_linear facet_below_plane_depth(const struct solid *solid, const struct facet *facet,
+                                            const double n[3], double height, double *deepest,
+                                            double *shallowest)
 {
-    const struct sunk_linear depth = {
+    const struct facet_linear depth = {
         height - vec3_dot(n, facet->center),
         {-vec3_dot(n, facet->axis[0]), -vec3_dot(n, facet->axis[1])},
     };
@@ -48,21 +48,21 @@ struct sunk_linear sunk_find_depth(const struct solid *solid, const struct facet
 
 /* Returns how fast the surfaces part at the springs, (v + w x p) . n = v . n + (n x w) . p. The way
  * of a spring along n does not change it. */
-static struct sunk_linear find_leaving(const struct facet *facet, const double n[3],
-                                       const struct native_relative *relative)
+static struct facet_linear find_leaving(const struct facet *facet, const double n[3],
+                                        const struct native_relative *relative)
 {
     double turn[3];
 
     vec3_cross(n, relative->w, turn);
-    return (struct sunk_linear){
+    return (struct facet_linear){
         vec3_dot(relative->v, n) + vec3_dot(turn, facet->center),
         {vec3_dot(turn, facet->axis[0]), vec3_dot(turn, facet->axis[1])},
     };
 }
 
 /* Computes the moments of the weights along the facet's axes, from the products of the powers. */
-static void weigh_facet(const struct facet_moments *moments, const struct sunk_linear *depth,
-                        const struct sunk_linear *share, double k, double c,
+static void weigh_facet(const struct facet_moments *moments, const struct facet_linear *depth,
+                        const struct facet_linear *share, double k, double c,
                         lanes weight[FACET_POWERS])
 {
     const double D = k * depth->center, Dx = k * depth->slope[0], Dy = k * depth->slope[1];
@@ -89,8 +89,8 @@ static void weigh_facet(const struct facet_moments *moments, const struct sunk_l
 
 /* Adds the energies of the springs to sum: stored k D^2 / 2 and dissipated k D c v^2; and their
  * elastic forces. */
-static void add_energies(const struct facet_moments *moments, const struct sunk_linear *depth,
-                         const struct sunk_linear *leaving, double k, double c,
+static void add_energies(const struct facet_moments *moments, const struct facet_linear *depth,
+                         const struct facet_linear *leaving, double k, double c,
                          struct native_sum *sum)
 {
     const double x = leaving->slope[0], y = leaving->slope[1], at = leaving->center;
@@ -154,15 +154,15 @@ static void add_in_space(const lanes weight[FACET_POWERS], const double origin[3
     native_gather_add(&normal, n, sum);
 }
 
-bool sunk_gather(const struct solid *solid, const struct facet *facet,
-                 const struct sunk_linear *depth, const double n[3], double pressure,
-                 const struct native_law *law, const struct native_relative *relative,
-                 struct native_sum *sum)
+bool facet_below_plane_gather(const struct solid *solid, const struct facet *facet,
+                              const struct facet_linear *depth, const double n[3], double pressure,
+                              const struct native_law *law, const struct native_relative *relative,
+                              struct native_sum *sum)
 {
     const struct facet_moments *moments = &solid->moments[facet->moments];
-    const struct sunk_linear leaving = find_leaving(facet, n, relative);
+    const struct facet_linear leaving = find_leaving(facet, n, relative);
     const double c = law->dissipation, *slope = leaving.slope;
-    const struct sunk_linear share = {1 - c * leaving.center, {-c * slope[0], -c * slope[1]}};
+    const struct facet_linear share = {1 - c * leaving.center, {-c * slope[0], -c * slope[1]}};
     const double change =
         facet->radius * sqrt(share.slope[0] * share.slope[0] + share.slope[1] * share.slope[1]);
     lanes weight[FACET_POWERS];

@@ -12,8 +12,8 @@
  * already, is subtracted again.
  */
 #include "contact/lanes.h"
-#include "contact/native/flat.h"
-#include "contact/native/pairs.h"
+#include "contact/native/clip2d.h"
+#include "contact/native/narrow_phase.h"
 #include "base/vec3.h"
 
 #include <float.h>
@@ -198,7 +198,7 @@ static void visit_add_triangle(const struct visit *v, const struct visit_facet *
 /* Adds springs on all of a polygon, over which they integrate force and moment of a linear depth
  * exactly; subtracts their elastic force from the sum. */
 static void visit_add_fan(const struct visit *v, const struct visit_facet *f,
-                          const struct visit_depth *depth, const struct flat *g,
+                          const struct visit_depth *depth, const struct polygon2d *g,
                           const struct moments *m)
 {
     const double center[2] = {m->x, m->y};
@@ -312,27 +312,27 @@ static void group_add_springs(const struct visit *v, const struct visit_facet *f
 
 /* Clips a polygon to between two lines across an axis (0 x, 1 y); returns the clipped one, one of
  * the two in g. */
-static const struct flat *flat_clip_between(const struct flat *in, int axis, double low,
-                                            double high, struct flat g[2])
+static const struct polygon2d *clip2d_between(const struct polygon2d *in, int axis, double low,
+                                              double high, struct polygon2d g[2])
 {
-    const struct flat *now = in;
+    const struct polygon2d *now = in;
     double side[POLYGON_MAX];
 
     for (int end = 0; end < 2; end++) {
         const double *at = axis ? now->y : now->x;
-        struct flat *next = &g[end];
+        struct polygon2d *next = &g[end];
 
         for (int i = 0; i < now->n; i++) {
             side[i] = end ? high - at[i] : at[i] - low;
         }
-        flat_clip(now, side, next);
+        clip2d_side(now, side, next);
         now = next;
     }
     return now;
 }
 
 /* Finds the least and largest coordinate of a polygon along an axis (0 x, 1 y). */
-static void flat_find_reach(const struct flat *g, int axis, double *low, double *high)
+static void flat_find_reach(const struct polygon2d *g, int axis, double *low, double *high)
 {
     const double *at = axis ? g->y : g->x;
 
@@ -356,7 +356,7 @@ static int visit_count_parts(const struct visit *v, double length)
 /* Adds springs on a wide polygon: cuts it into columns and these into rectangles no wider than the
  * spacing, with three springs on each. */
 static void visit_add_grid(const struct visit *v, const struct visit_facet *f,
-                           const struct visit_depth *depth, const struct flat *g)
+                           const struct visit_depth *depth, const struct polygon2d *g)
 {
     double left, right, low, high;
 
@@ -367,16 +367,16 @@ static void visit_add_grid(const struct visit *v, const struct visit_facet *f,
 
     for (int c = 0; c < columns; c++) {
         const double wide = (right - left) / columns;
-        struct flat cut[2][2];
-        const struct flat *column =
-            flat_clip_between(g, 0, left + c * wide, left + (c + 1) * wide, cut[0]);
+        struct polygon2d cut[2][2];
+        const struct polygon2d *column =
+            clip2d_between(g, 0, left + c * wide, left + (c + 1) * wide, cut[0]);
 
         /* In each, rows of equal height along y */
         flat_find_reach(column, 1, &low, &high);
         for (int r = 0, rows = visit_count_parts(v, high - low); column->n >= 3 && r < rows; r++) {
             const double tall = (high - low) / rows;
-            const struct flat *part =
-                flat_clip_between(column, 1, low + r * tall, low + (r + 1) * tall, cut[1]);
+            const struct polygon2d *part =
+                clip2d_between(column, 1, low + r * tall, low + (r + 1) * tall, cut[1]);
             struct visit_group group = {.area = 0};
             struct moments m;
 
@@ -385,7 +385,7 @@ static void visit_add_grid(const struct visit *v, const struct visit_facet *f,
             }
 
             /* A rectangle is a group of one polygon */
-            flat_find_moments(part, true, &m);
+            clip2d_moments(part, true, &m);
             if (m.twice > DBL_MIN) {
                 group_add(&group, depth, &m,
                           depth->at + depth->slope[0] * m.x + depth->slope[1] * m.y);
@@ -398,7 +398,7 @@ static void visit_add_grid(const struct visit *v, const struct visit_facet *f,
 /* Adds force and springs of a polygon of a facet in one cell. A small polygon is added to the group
  * instead, which gets three springs for all its polygons. */
 static void visit_add_polygon(const struct visit *v, const struct visit_facet *f,
-                              const struct visit_depth *depth, const struct flat *g,
+                              const struct visit_depth *depth, const struct polygon2d *g,
                               struct visit_group *group)
 {
     const double wide = v->field->planar ? v->spacing / 2 : v->spacing;
@@ -408,7 +408,7 @@ static void visit_add_polygon(const struct visit *v, const struct visit_facet *f
     if (g->n < 3) {
         return;
     }
-    flat_find_moments(g, true, &m);
+    clip2d_moments(g, true, &m);
     if (!(m.twice > DBL_MIN)) {
         return;
     }
@@ -447,11 +447,11 @@ static void visit_add_polygon(const struct visit *v, const struct visit_facet *f
 /* Clips a polygon to where the linear function at + x X + y Y is not negative; returns the polygon
  * that is left, one of the two. A polygon over which it is 0 all over is left unless it is given
  * away: so of two cells that share it as their wall, one has it. */
-static struct flat *flat_clip_linear(struct flat g[2], struct flat *now, double at, double x,
-                                     double y, bool give_away)
+static struct polygon2d *clip2d_linear(struct polygon2d g[2], struct polygon2d *now, double at,
+                                       double x, double y, bool give_away)
 {
     double side[POLYGON_MAX];
-    struct flat *next = now == &g[0] ? &g[1] : &g[0];
+    struct polygon2d *next = now == &g[0] ? &g[1] : &g[0];
     bool all = true, some = false;
 
     for (int i = 0; i < now->n; i++) {
@@ -466,7 +466,7 @@ static struct flat *flat_clip_linear(struct flat g[2], struct flat *now, double 
     if (all) {
         return now;
     }
-    flat_clip(now, side, next);
+    clip2d_side(now, side, next);
     return next;
 }
 
@@ -488,23 +488,23 @@ static int linear_sign_over(const struct flat_linear *l, double radius)
 /* Clips a facet to where one side of a convex carrier gives the depth: where it is deep and no
  * other side is nearer. depth: linear depth under each of the count sides. Returns the polygon, one
  * of the two in g. */
-static const struct flat *planes_clip_facet(const struct visit *v, const struct visit_facet *f,
-                                            const struct flat_linear *depth, int count, int side,
-                                            struct flat g[2])
+static const struct polygon2d *planes_clip_facet(const struct visit *v, const struct visit_facet *f,
+                                                 const struct flat_linear *depth, int count,
+                                                 int side, struct polygon2d g[2])
 {
     const struct flat_linear *own = &depth[side];
-    struct flat *now = &g[0];
+    struct polygon2d *now = &g[0];
 
-    flat_of_facet(v->visitor, f->f, now);
+    clip2d_outline(v->visitor, f->f, now);
     if (linear_sign_over(own, f->f->radius) == 0) {
-        now = flat_clip_linear(g, now, own->at, own->x, own->y, false);
+        now = clip2d_linear(g, now, own->at, own->x, own->y, false);
     }
     for (int k = 0; k < count && now->n >= 3; k++) {
         const struct flat_linear over = {depth[k].at - own->at, depth[k].x - own->x,
                                          depth[k].y - own->y};
 
         if (k != side && linear_sign_over(&over, f->f->radius) <= 0) {
-            now = flat_clip_linear(g, now, over.at, over.x, over.y, k < side);
+            now = clip2d_linear(g, now, over.at, over.x, over.y, k < side);
         }
     }
     return now;
@@ -538,7 +538,7 @@ static void visit_planes(const struct visit *v, const struct visit_facet *f)
                                          over[nearest].y - over[i].y};
         struct visit_depth depth = {.at = over[i].at, .slope = {over[i].x, over[i].y}, .sign = 1};
         struct visit_group group = {.area = 0};
-        struct flat g[2];
+        struct polygon2d g[2];
 
         /* Skips a side that is farther everywhere than the one nearest at the center */
         if (linear_sign_over(&less, f->f->radius) < 0) {
@@ -560,7 +560,7 @@ static void visit_planes(const struct visit *v, const struct visit_facet *f)
 /* Computes the polygon in which a tetrahedron meets the facet's plane. height: of its nodes over
  * the plane, m. Returns the number of its corners, 0, 3 or 4. */
 static int tetrahedron_cut(const double *const node[4], const double height[4],
-                           const struct visit_facet *f, struct flat *g)
+                           const struct visit_facet *f, struct polygon2d *g)
 {
     int above[4], below[4], nabove = 0, nbelow = 0, n;
     const double radius = f->f->radius;
@@ -668,19 +668,19 @@ static void visit_tetrahedron(const struct visit *v, const struct visit_facet *f
                               struct visit_group *group)
 {
     struct visit_depth depth;
-    struct flat g[2];
-    const struct flat *left;
+    struct polygon2d g[2];
+    const struct polygon2d *left;
 
     if (tetrahedron_cut(node, height, f, &g[0]) == 0) {
         return;
     }
-    left = flat_clip_to_facet(v->visitor, f->f, g, 0);
+    left = clip2d_to_facet(v->visitor, f->f, g, 0);
     if (left->n < 3 || !tetrahedron_find_depth(v, node, sign, f, &depth)) {
         return;
     }
     if (v->least > 0) {
-        left = flat_clip_linear(g, left == &g[0] ? &g[0] : &g[1], depth.at, depth.slope[0],
-                                depth.slope[1], false);
+        left = clip2d_linear(g, left == &g[0] ? &g[0] : &g[1], depth.at, depth.slope[0],
+                             depth.slope[1], false);
     }
     visit_add_polygon(v, f, &depth, left, group);
 }

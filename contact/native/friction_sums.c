@@ -7,7 +7,7 @@
 #include "contact/native/stick.h"
 
 #include "contact/native/friction.h"
-#include "contact/native/weigh.h"
+#include "contact/native/moments_sum.h"
 #include "base/vec3.h"
 
 /* Adds normal force, moment, energies and the sums of struct native_gather over springs that push

@@ -98,8 +98,8 @@ static double moments_find_radius(const struct moments *m, const double c[3], co
 
 /* Computes mean normal, center of pressure and stiffness of a patch (grip), and centroid, normal
  * and RMS radius of the area in touch (touch): the anchor that it would be given now. */
-static void grip_find(const struct springs *s, const struct native_sum *sum,
-                      struct native_grip *grip, struct native_anchor *touch)
+static void patch_find(const struct springs *s, const struct native_sum *sum,
+                       struct native_grip *grip, struct native_anchor *touch)
 {
     const struct native_gather *gather = sum->gather;
     const struct moments *area = &gather->area;
@@ -170,9 +170,9 @@ static void anchor_leave(const struct springs *s, struct native_anchor *anchor)
 /* Places the grip's bristles on the anchor in the state given, dragged along with the area in touch
  * where it is out of its play, or on a new one where there is none. Fills the state that this
  * anchor (kept) and a new one (anew) have. */
-static void grip_stand(const struct springs *s, struct native_anchor touch,
-                       const double given[CONTACT_BRISTLE], struct native_grip *grip,
-                       double kept[CONTACT_BRISTLE], double anew[CONTACT_BRISTLE])
+static void patch_place_bristles(const struct springs *s, struct native_anchor touch,
+                                 const double given[CONTACT_BRISTLE], struct native_grip *grip,
+                                 double kept[CONTACT_BRISTLE], double anew[CONTACT_BRISTLE])
 {
     struct native_anchor anchor;
     double aligned;
@@ -241,7 +241,7 @@ static double bristle_square(const double y[BRISTLE_BENT])
 /* Returns the scale b of contact.h, up to 1, at which the grip's bristles begin to yield; to be
  * called after springs_hold. Newton's method from below on a function that is concave and piecewise
  * linear, so it does not overshoot. */
-static double grip_find_yield(const struct springs *s, const struct native_grip *grip)
+static double patch_find_yield(const struct springs *s, const struct native_grip *grip)
 {
     struct native_grip scaled = *grip;
     double scale = 0, part = 0, slope;
@@ -291,8 +291,8 @@ static double law_find_coefficient(const struct native_law *law, double speed)
  * ellipsoid that stands for the limit surface, all forces and moments with which the patch slides
  * (Howe, Cutkosky, Int. J. Robotics Research 15, 1996). INFINITY for a twist that a point cannot
  * bear. */
-static double grip_find_demand(const struct springs *s, const struct native_grip *grip,
-                               const struct slide *slide, const double e[BRISTLE_BENT])
+static double patch_find_demand(const struct springs *s, const struct native_grip *grip,
+                                const struct slide *slide, const double e[BRISTLE_BENT])
 {
     const double limit =
         grip->reach * law_find_coefficient(&s->pair->law, vec3_norm(slide->velocity));
@@ -314,8 +314,8 @@ static double grip_find_demand(const struct springs *s, const struct native_grip
 /* Adds a share of the friction force and moment of bristles e that hold as a whole: force at the
  * anchor's point c, moment about the twist axis. Returns their power, W, which bends them and is
  * damped by their retardation. */
-static double grip_add_whole(const struct native_grip *grip, const struct slide *slide,
-                             const double e[BRISTLE_BENT], double share, struct native_sum *sum)
+static double patch_add_whole(const struct native_grip *grip, const struct slide *slide,
+                              const double e[BRISTLE_BENT], double share, struct native_sum *sum)
 {
     const double twist = grip->inverse_radius > 0 ? e[BRISTLE_TWIST] / grip->inverse_radius : 0;
     double force[3], turn[3];
@@ -332,8 +332,8 @@ static double grip_add_whole(const struct native_grip *grip, const struct slide 
 
 /* Computes the friction of the grip's bristles and adds it to sum: of the patch as a whole for a
  * demand well inside the friction limit, else of each spring, and blended between them. */
-static void grip_hold(const struct springs *s, const struct slide *slide, struct native_grip *grip,
-                      struct native_sum *sum)
+static void patch_add_friction(const struct springs *s, const struct slide *slide,
+                               struct native_grip *grip, struct native_sum *sum)
 {
     struct native_sum apart = {.one_way = sum->one_way};
     double e[BRISTLE_BENT], demand, power = 0;
@@ -343,11 +343,11 @@ static void grip_hold(const struct springs *s, const struct slide *slide, struct
     }
 
     /* Demand of the bristles with and without their damping, whichever is nearer to the limit */
-    demand =
-        fmax(grip_find_demand(s, grip, slide, e), grip_find_demand(s, grip, slide, grip->bristle));
+    demand = fmax(patch_find_demand(s, grip, slide, e),
+                  patch_find_demand(s, grip, slide, grip->bristle));
     grip->whole = 1 - native_ramp(demand, WHOLE_UNTIL, WHOLE_NEVER);
     if (grip->whole > 0) {
-        power = grip_add_whole(grip, slide, e, grip->whole, sum);
+        power = patch_add_whole(grip, slide, e, grip->whole, sum);
     }
     if (grip->whole < 1) {
         springs_hold(s, grip, &apart);
@@ -364,8 +364,8 @@ static void grip_hold(const struct springs *s, const struct slide *slide, struct
 }
 
 /* Returns whether the grip's bristles bear less friction than they yield at; to be called after
- * grip_hold. */
-static bool grip_is_firm(const struct native_grip *grip)
+ * patch_add_friction. */
+static bool patch_is_firm(const struct native_grip *grip)
 {
     return grip->whole == 1 || grip->held <= YIELD_FROM * grip->most;
 }
@@ -503,14 +503,14 @@ static double hold_now(const struct springs *s, const struct slide *slide,
 
     memcpy(grip->bristle, y, sizeof grip->bristle);
     grip->delay_s = grip->follow_s = DELAY_S;
-    grip_hold(s, slide, grip, sum);
+    patch_add_friction(s, slide, grip, sum);
 
     /* Yield is q of contact.h: beyond the friction limit (q_1), and where more would be stored than
      * friction takes from the motion (q_2) */
     bend_bristles(s->e, s->pair, grip, slide, y, rate);
     gain = vec3_dot(y, rate) + y[BRISTLE_TWIST] * rate[BRISTLE_TWIST];
     if (grip->whole < 1) {
-        yield = (1 - grip_find_yield(s, grip)) / YIELD_S;
+        yield = (1 - patch_find_yield(s, grip)) / YIELD_S;
         yield = square > DBL_MIN ? fmax(yield, (gain - grip->power) / square) : yield;
     }
     for (int k = 0; k < BRISTLE_BENT; k++) {
@@ -542,17 +542,17 @@ static double hold_ahead(const struct springs *s, const struct slide *slide, dou
     grip->follow_s = DELAY_S + h;
     grip->bend_s = h;
     after = bristle_square(grip->bristle);
-    grip_hold(s, slide, grip, &unyielding);
+    patch_add_friction(s, slide, grip, &unyielding);
 
     /* |y|^2 may grow by no more than twice the work of friction */
     most = fmax(0, before + 2 * h * grip->power);
 
-    if (grip->whole == 1 || (grip_is_firm(grip) && after <= most)) {
+    if (grip->whole == 1 || (patch_is_firm(grip) && after <= most)) {
         *sum = unyielding;
     } else {
         /* Scales them back to the friction limit, by an implicit step of the yield q_1, and to the
          * energy that the work of friction allows */
-        scale = (1 + h / YIELD_S * grip_find_yield(s, grip)) / (1 + h / YIELD_S);
+        scale = (1 + h / YIELD_S * patch_find_yield(s, grip)) / (1 + h / YIELD_S);
         scale = after > most ? fmin(scale, sqrt(most / after)) : scale;
         for (int k = 0; k < BRISTLE_BENT; k++) {
             grip->bristle[k] *= scale;
@@ -560,7 +560,7 @@ static double hold_ahead(const struct springs *s, const struct slide *slide, dou
         }
         grip->follow_s = DELAY_S + scale * h;
         grip->bend_s = scale * h;
-        grip_hold(s, slide, grip, sum);
+        patch_add_friction(s, slide, grip, sum);
         after = bristle_square(grip->bristle);
     }
     sum->potential += after / 2;
@@ -582,9 +582,9 @@ static void anchor_follow(const double given[CONTACT_BRISTLE], const double kept
     }
 }
 
-void native_bristle_hold(struct native_engine *e, size_t index,
-                         const struct native_relative *relative, struct native_springs at,
-                         bool lost, struct contact_bristles *bristles, struct native_sum *sum)
+void friction_sticking_add(struct native_engine *e, size_t index,
+                           const struct native_relative *relative, struct native_springs at,
+                           bool lost, struct contact_bristles *bristles, struct native_sum *sum)
 {
     static const double relaxed[CONTACT_BRISTLE];
     const struct native_pair *pair = &e->pair[index];
@@ -610,8 +610,8 @@ void native_bristle_hold(struct native_engine *e, size_t index,
 
     /* Patch, anchor and sliding velocity; bristles turned into the first surface's frame and the
      * patch's plane */
-    grip_find(&springs, sum, grip, &touch);
-    grip_stand(&springs, touch, given, grip, kept, anew);
+    patch_find(&springs, sum, grip, &touch);
+    patch_place_bristles(&springs, touch, given, grip, kept, anew);
     slide_find(&springs, grip, &slide);
     bristle_enter(e, pair, given, start);
     memcpy(y, start, sizeof y);

@@ -6,8 +6,8 @@
  * (contact/native/law.h), and leaves sum alone when nothing overlaps. SI units. RT-safe; nothing is
  * kept from earlier calls; nothing fails.
  */
-#ifndef CONTACT_NATIVE_PAIRS_H
-#define CONTACT_NATIVE_PAIRS_H
+#ifndef CONTACT_NATIVE_NARROW_PHASE_H
+#define CONTACT_NATIVE_NARROW_PHASE_H
 
 #include "contact/native/law.h"
 #include "contact/mesh/field.h"
@@ -93,12 +93,12 @@ void native_overlap_sphere(const struct native_overlap *o);
 
 /* Two meshes by the pressure field of the first: the pressure of its depth on the second's facets
  * inside it, and that of the second's field on the first's facets where it is deeper than the
- * first's is anywhere. fields.c. */
+ * first's is anywhere. pressure_field.c. */
 void native_overlap_fields(const struct native_overlap *o);
 
 /* Two meshes by the elastic foundation on both: between each two facets that face each other the
  * springs stand along the mean of their normals, where both facets lie on top of one another. Adds
- * the springs of what backs the layers too, facet by facet. facets.c. */
+ * the springs of what backs the layers too, facet by facet. elastic_foundation.c. */
 void native_overlap_meshes(const struct native_overlap *o);
 
 /* Hertz's law for two spheres, or a sphere (first) on a half-space, which has no layers.

@@ -21,7 +21,7 @@
  * the other one's corners, and the depth anywhere in the base's plane, follow without a division.
  */
 #include "contact/lanes.h"
-#include "contact/native/flat.h"
+#include "contact/native/clip2d.h"
 #include "base/vec3.h"
 
 #include <float.h>
@@ -41,7 +41,7 @@
 #define FACING_FULL 0.5
 
 /* Two meshes at work, and the numbers that are the same for all their facets. */
-struct facets_between {
+struct foundation_between {
     const struct solid *first, *second;
     const struct native_overlap *pair;
     double reach; /* longest spring, m */
@@ -49,7 +49,7 @@ struct facets_between {
 };
 
 /* Two facets that face each other: a of the first mesh, b of the second; first's frame. */
-struct facets_couple {
+struct foundation_couple {
     const struct facet *a, *b;
     const double (*ring)[3]; /* the corners of the one that has fewer of them; b's if equal */
     double normal_b[3], center_b[3];
@@ -57,7 +57,7 @@ struct facets_couple {
 };
 
 /* The springs between two facets: all along one direction, ending on both. */
-struct bed {
+struct foundation {
     const struct facet *base, *other;
     const double *base_normal, *other_normal, *origin; /* first's frame; the base's center */
     bool on_second;                                    /* the base is the second mesh's facet */
@@ -69,7 +69,7 @@ struct bed {
 
 /* Returns the length of the spring through a place in the base's plane, its penetration depth,
  * m. */
-static double bed_depth(const struct bed *bed, double x, double y)
+static double foundation_depth(const struct foundation *bed, double x, double y)
 {
     return bed->depth + bed->slope[0] * x + bed->slope[1] * y;
 }
@@ -79,8 +79,8 @@ static double bed_depth(const struct bed *bed, double x, double y)
 /* Computes direction and depth of the bed, and projects the other facet's corners along it into the
  * base's plane, in reverse order to have them counterclockwise there. Returns false when no corner
  * is behind that plane. */
-static bool bed_lay(const struct facets_between *m, const struct facets_couple *c, struct bed *bed,
-                    struct flat *flat)
+static bool foundation_find(const struct foundation_between *m, const struct foundation_couple *c,
+                            struct foundation *bed, struct polygon2d *flat)
 {
     double length, inverse, height[FACET_MAX_VERTICES], lean[2], offset, to[3];
     bool behind = false;
@@ -137,20 +137,20 @@ static bool bed_lay(const struct facets_between *m, const struct facets_couple *
 
 /* Clips the polygon g[0] to where it is deep and on the base; returns the clipped one, one of the
  * two. */
-static const struct flat *bed_clip(const struct solid *solid, const struct bed *bed,
-                                   struct flat g[2])
+static const struct polygon2d *foundation_clip(const struct solid *solid,
+                                               const struct foundation *bed, struct polygon2d g[2])
 {
     double side[POLYGON_MAX];
     bool all = true;
 
     for (int i = 0; i < g[0].n; i++) {
-        side[i] = bed_depth(bed, g[0].x[i], g[0].y[i]);
+        side[i] = foundation_depth(bed, g[0].x[i], g[0].y[i]);
         all = all && side[i] >= 0;
     }
     if (!all) {
-        flat_clip(&g[0], side, &g[1]);
+        clip2d_side(&g[0], side, &g[1]);
     }
-    return flat_clip_to_facet(solid, bed->base, g, all ? 0 : 1);
+    return clip2d_to_facet(solid, bed->base, g, all ? 0 : 1);
 }
 
 /* ---- springs ---- */
@@ -163,8 +163,8 @@ static double positive_root(double x)
 
 /* Computes a point of the spring through a place in the base's plane: part 0 is at the first mesh's
  * facet, part 1 at the second's, a depth apart. */
-static void bed_place_on_spring(const struct bed *bed, double x, double y, double depth,
-                                double part, double out[3])
+static void foundation_place_on_spring(const struct foundation *bed, double x, double y,
+                                       double depth, double part, double out[3])
 {
     double step = (bed->on_second ? part - 1 : part) * depth;
 
@@ -175,12 +175,12 @@ static void bed_place_on_spring(const struct bed *bed, double x, double y, doubl
 
 /* Adds the spring through a place in the base's plane, with the force at the point that the law's
  * shares give. */
-static void bed_add_spring(const struct facets_between *m, const struct bed *bed, double x,
-                           double y, double rate)
+static void foundation_add_spring(const struct foundation_between *m, const struct foundation *bed,
+                                  double x, double y, double rate)
 {
-    double depth = bed_depth(bed, x, y), p[3];
+    double depth = foundation_depth(bed, x, y), p[3];
 
-    bed_place_on_spring(bed, x, y, depth, m->pair->law->share[0], p);
+    foundation_place_on_spring(bed, x, y, depth, m->pair->law->share[0], p);
     batch_add_spring(&m->pair->scratch->batch, p, bed->along, rate, depth);
 }
 
@@ -189,22 +189,22 @@ static void bed_add_spring(const struct facets_between *m, const struct bed *bed
  * they have the polygon's moments up to the second, which integrates force and moment of a linear
  * depth exactly. None is off the polygon: the ellipse through them is inside every convex figure
  * (Kannan, Lovasz, Simonovits 1995); in a triangle it touches the middles of the sides. */
-static void bed_add_three(const struct facets_between *m, const struct bed *bed,
-                          const struct moments *at, double rate)
+static void foundation_add_three(const struct foundation_between *m, const struct foundation *bed,
+                                 const struct moments *at, double rate)
 {
     double lx = positive_root(2 * at->xx), ly = lx > 0 ? 2 * at->xy / lx : 0;
     double lyy = positive_root(2 * at->yy - ly * ly);
     const double h = 0.86602540378443865; /* sqrt(3)/2 */
 
     native_make_room(m->pair, 3);
-    bed_add_spring(m, bed, at->x, at->y + lyy, rate / 3);
-    bed_add_spring(m, bed, at->x - h * lx, at->y - h * ly - lyy / 2, rate / 3);
-    bed_add_spring(m, bed, at->x + h * lx, at->y + h * ly - lyy / 2, rate / 3);
+    foundation_add_spring(m, bed, at->x, at->y + lyy, rate / 3);
+    foundation_add_spring(m, bed, at->x - h * lx, at->y - h * ly - lyy / 2, rate / 3);
+    foundation_add_spring(m, bed, at->x + h * lx, at->y + h * ly - lyy / 2, rate / 3);
 }
 
 /* Adds three springs for each triangle between the centroid and an edge. */
-static void bed_add_around(const struct facets_between *m, const struct bed *bed,
-                           const struct flat *g, const struct moments *at, double rate)
+static void foundation_add_around(const struct foundation_between *m, const struct foundation *bed,
+                                  const struct polygon2d *g, const struct moments *at, double rate)
 {
     for (int i = 0; i < g->n; i++) {
         int j = i + 1 < g->n ? i + 1 : 0;
@@ -213,9 +213,9 @@ static void bed_add_around(const struct facets_between *m, const struct bed *bed
         double part = rate * (ux * vy - uy * vx) / (3 * at->twice);
 
         native_make_room(m->pair, FACET_POINTS);
-        bed_add_spring(m, bed, at->x + (ux + vx) / 6, at->y + (uy + vy) / 6, part);
-        bed_add_spring(m, bed, at->x + (4 * ux + vx) / 6, at->y + (4 * uy + vy) / 6, part);
-        bed_add_spring(m, bed, at->x + (ux + 4 * vx) / 6, at->y + (uy + 4 * vy) / 6, part);
+        foundation_add_spring(m, bed, at->x + (ux + vx) / 6, at->y + (uy + vy) / 6, part);
+        foundation_add_spring(m, bed, at->x + (4 * ux + vx) / 6, at->y + (4 * uy + vy) / 6, part);
+        foundation_add_spring(m, bed, at->x + (ux + 4 * vx) / 6, at->y + (uy + 4 * vy) / 6, part);
     }
 }
 
@@ -240,7 +240,7 @@ static double spring_middle_depth(const struct solid *solid, const struct facet 
 
 /* Returns how much a spring counts, 0 to 1, that is this long (m) and has its middle here (first's
  * frame). */
-static double spring_weight(const struct facets_between *m, const struct facets_couple *c,
+static double spring_weight(const struct foundation_between *m, const struct foundation_couple *c,
                             double cosine, const double middle[3], double length)
 {
     double a = spring_middle_depth(m->first, c->a, cosine, middle, length / 2), b, to[3], there[3];
@@ -256,56 +256,57 @@ static double spring_weight(const struct facets_between *m, const struct facets_
 
 /* Adds springs for what backs the layers, where a polygon is deeper than these. area: of the
  * polygon, weighted, m2. */
-static void bed_add_backing(const struct facets_between *m, const struct bed *bed,
-                            const struct flat *common, double area)
+static void foundation_add_backing(const struct foundation_between *m, const struct foundation *bed,
+                                   const struct polygon2d *common, double area)
 {
-    struct bed deeper = *bed;
+    struct foundation deeper = *bed;
     struct moments whole, at;
-    struct flat g;
+    struct polygon2d g;
     double side[POLYGON_MAX], rate;
 
     deeper.depth -= m->pair->law->layers;
     for (int i = 0; i < common->n; i++) {
-        side[i] = bed_depth(&deeper, common->x[i], common->y[i]);
+        side[i] = foundation_depth(&deeper, common->x[i], common->y[i]);
     }
-    flat_clip(common, side, &g);
+    clip2d_side(common, side, &g);
     if (g.n < 3) {
         return;
     }
-    flat_find_moments(common, false, &whole);
-    flat_find_moments(&g, false, &at);
+    clip2d_moments(common, false, &whole);
+    clip2d_moments(&g, false, &at);
     rate = m->pair->law->backing * area / whole.twice;
     if (at.twice > DBL_MIN) {
-        bed_add_around(m, &deeper, &g, &at, rate * at.twice);
+        foundation_add_around(m, &deeper, &g, &at, rate * at.twice);
     }
 }
 
 /* Adds the springs between two facets. */
-static void facets_add_springs(const struct facets_between *m, const struct facets_couple *c)
+static void foundation_add_couple(const struct foundation_between *m,
+                                  const struct foundation_couple *c)
 {
     const bool fine = (c->a->radius < c->b->radius ? c->a : c->b)->radius <= m->fine;
-    struct flat g[2];
-    const struct flat *common;
-    struct bed bed;
+    struct polygon2d g[2];
+    const struct polygon2d *common;
+    struct foundation bed;
     struct moments at;
     double depth, area, weight, middle[3];
 
     /* Where both facets lie on top of one another along the springs */
-    if (!bed_lay(m, c, &bed, &g[0])) {
+    if (!foundation_find(m, c, &bed, &g[0])) {
         return;
     }
-    common = bed_clip(bed.on_second ? m->second : m->first, &bed, g);
+    common = foundation_clip(bed.on_second ? m->second : m->first, &bed, g);
     if (common->n < 3) {
         return;
     }
 
     /* Springs longer than fit in the overlap do not count, nor do those that run along it */
-    flat_find_moments(common, fine, &at);
-    depth = bed_depth(&bed, at.x, at.y);
+    clip2d_moments(common, fine, &at);
+    depth = foundation_depth(&bed, at.x, at.y);
     if (!(at.twice > DBL_MIN) || depth > m->reach) {
         return;
     }
-    bed_place_on_spring(&bed, at.x, at.y, depth, 0.5, middle);
+    foundation_place_on_spring(&bed, at.x, at.y, depth, 0.5, middle);
     weight = spring_weight(m, c, bed.cosine, middle, depth);
     if (weight <= 0) {
         return;
@@ -315,23 +316,23 @@ static void facets_add_springs(const struct facets_between *m, const struct face
     weight *= c->facing * native_ramp(c->facing, FACING_NONE, FACING_FULL);
     area = weight * bed.cosine * at.twice / 2;
     if (fine) {
-        bed_add_three(m, &bed, &at, m->pair->law->stiffness * area);
+        foundation_add_three(m, &bed, &at, m->pair->law->stiffness * area);
     } else {
-        bed_add_around(m, &bed, common, &at, m->pair->law->stiffness * area);
+        foundation_add_around(m, &bed, common, &at, m->pair->law->stiffness * area);
     }
 
     /* Deepest corner: what backs the layers, and the patch's depth where the springs count */
     depth = 0;
     for (int i = 0; i < common->n; i++) {
-        depth = fmax(depth, bed_depth(&bed, common->x[i], common->y[i]));
+        depth = fmax(depth, foundation_depth(&bed, common->x[i], common->y[i]));
     }
     if (m->pair->law->backing > 0 && depth > m->pair->law->layers) {
-        bed_add_backing(m, &bed, common, area);
+        foundation_add_backing(m, &bed, common, area);
     }
 
     m->pair->sum->area += area;
     for (int i = 0; i < common->n && weight >= 0.5; i++) {
-        depth = bed_depth(&bed, common->x[i], common->y[i]);
+        depth = foundation_depth(&bed, common->x[i], common->y[i]);
         m->pair->sum->depth = depth > m->pair->sum->depth ? depth : m->pair->sum->depth;
     }
 }
@@ -356,7 +357,7 @@ static bool box_intersect(const struct box *a, const struct box *b, struct box *
 /* Transforms the facets of the second mesh into the first's frame that are in the box where both
  * meshes are (here and there: in the frame of the first and of the second) and have some of that
  * box behind them. Returns their number. */
-static size_t meshes_view_second(const struct facets_between *m, const struct box *here,
+static size_t meshes_view_second(const struct foundation_between *m, const struct box *here,
                                  const struct box *there)
 {
     struct native_view *view = &m->pair->scratch->view;
@@ -398,7 +399,7 @@ static size_t meshes_view_second(const struct facets_between *m, const struct bo
 
 /* Returns the corners of a facet of the second mesh in the first's frame; they are transformed when
  * they are needed for the first time. */
-static const double (*view_facet_ring(const struct facets_between *m, int i))[3]
+static const double (*view_facet_ring(const struct foundation_between *m, int i))[3]
 {
     struct native_view *view = &m->pair->scratch->view;
     const struct facet *f = &m->second->facet[m->pair->scratch->list[1][i]];
@@ -454,7 +455,8 @@ static size_t view_find_facing(const struct native_view *view, size_t n, const s
 
 /* Adds the springs between one facet of the first mesh and the nsecond that are viewed of the
  * second. */
-static void meshes_add_facet(const struct facets_between *m, const struct facet *a, size_t nsecond)
+static void meshes_add_facet(const struct foundation_between *m, const struct facet *a,
+                             size_t nsecond)
 {
     struct native_scratch *scratch = m->pair->scratch;
     const struct native_view *view = &scratch->view;
@@ -463,7 +465,7 @@ static void meshes_add_facet(const struct facets_between *m, const struct facet 
     for (size_t k = 0; k < n; k++) {
         int i = scratch->list[0][k];
         const struct facet *b = &m->second->facet[scratch->list[1][i]];
-        struct facets_couple c = {
+        struct foundation_couple c = {
             .a = a,
             .b = b,
             .ring = a->count < b->count ? m->first->ring + a->first : view_facet_ring(m, i),
@@ -472,7 +474,7 @@ static void meshes_add_facet(const struct facets_between *m, const struct facet 
         };
 
         c.facing = -vec3_dot(a->normal, c.normal_b);
-        facets_add_springs(m, &c);
+        foundation_add_couple(m, &c);
     }
 }
 
@@ -504,7 +506,7 @@ void native_overlap_meshes(const struct native_overlap *o)
 {
     const struct solid *first = o->solid[0], *second = o->solid[1];
     const struct native_relative *relative = o->relative;
-    struct facets_between m = {first, second, o, 0, 0};
+    struct foundation_between m = {first, second, o, 0, 0};
     double thin = DBL_MAX, back[9], origin[3];
     struct box moved = box_transform(&second->box, relative->R, relative->p), here, there;
     const struct tree *tree = &first->facets;

@@ -3,8 +3,8 @@
  * Sums over springs for contact/native/moments.h, as many springs at a time as there are lanes. SI
  * units. Pure; RT-safe.
  */
-#ifndef CONTACT_NATIVE_WEIGH_H
-#define CONTACT_NATIVE_WEIGH_H
+#ifndef CONTACT_NATIVE_MOMENTS_SUM_H
+#define CONTACT_NATIVE_MOMENTS_SUM_H
 
 #include "contact/lanes.h"
 #include "contact/native/moments.h"

@@ -4,11 +4,11 @@
  * are compiled for (contact/variant.h), and an engine on a table of one's choice. What is in
  * a table is RT-safe.
  */
-#ifndef CONTACT_NATIVE_KERNELS_H
-#define CONTACT_NATIVE_KERNELS_H
+#ifndef CONTACT_NATIVE_ISA_TABLE_H
+#define CONTACT_NATIVE_ISA_TABLE_H
 
 #include "contact/broad_phase.h"
-#include "contact/native/pairs.h"
+#include "contact/native/narrow_phase.h"
 
 /* Kernels: the engine's operations, native_overlap, native_law_sum and broad_phase_find. */
 struct native_kernels {

@@ -3,10 +3,10 @@
  * Flat convex polygons in the plane of a facet (contact/mesh/solid.h), along its axes from its
  * center, for the native engine. Meters. Nothing fails; all is RT-safe.
  */
-#ifndef CONTACT_NATIVE_FLAT_H
-#define CONTACT_NATIVE_FLAT_H
+#ifndef CONTACT_NATIVE_CLIP2D_H
+#define CONTACT_NATIVE_CLIP2D_H
 
-#include "contact/native/pairs.h"
+#include "contact/native/narrow_phase.h"
 
 #include <stdbool.h>
 
@@ -16,7 +16,7 @@
 
 /* A polygon; counterclockwise seen against the facet's normal where its area or moments are
  * wanted. */
-struct flat {
+struct polygon2d {
     int n;
     double x[POLYGON_MAX], y[POLYGON_MAX];
 };
@@ -29,17 +29,17 @@ struct moments {
 
 /* Clips a polygon to where a linear function of the place is not negative; side: its values at the
  * corners. */
-void flat_clip(const struct flat *in, const double *side, struct flat *out);
+void clip2d_side(const struct polygon2d *in, const double *side, struct polygon2d *out);
 
 /* Clips the polygon g[from] to a facet; returns the clipped one, which is one of the two. */
-const struct flat *flat_clip_to_facet(const struct solid *solid, const struct facet *facet,
-                                      struct flat g[2], int from);
+const struct polygon2d *clip2d_to_facet(const struct solid *solid, const struct facet *facet,
+                                        struct polygon2d g[2], int from);
 
 /* Writes the outline of a facet as a polygon. */
-void flat_of_facet(const struct solid *solid, const struct facet *facet, struct flat *out);
+void clip2d_outline(const struct solid *solid, const struct facet *facet, struct polygon2d *out);
 
 /* Computes the moments of a polygon of at least three corners; the second ones only when they are
  * wanted. Only twice is set where there is no area. */
-void flat_find_moments(const struct flat *g, bool second, struct moments *m);
+void clip2d_moments(const struct polygon2d *g, bool second, struct moments *m);
 
 #endif
