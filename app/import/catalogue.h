@@ -8,7 +8,7 @@
 #ifndef APP_IMPORT_CATALOGUE_H
 #define APP_IMPORT_CATALOGUE_H
 
-#include "app/import/reduce.h"
+#include "app/import/tree_simplify.h"
 
 /* Fills drive, drive_file and drive_copy of the robot. Errors name the option, what is not there
  * and what is nearest: a name of the catalogue, a pattern that no joint matches. Memory from

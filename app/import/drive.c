@@ -6,7 +6,7 @@
 #include "app/import/cylinder.h"
 #include "app/import/shapes.h"
 #include "app/import/stiffness.h"
-#include "app/import/trial.h"
+#include "app/import/joint_inertia.h"
 #include "base/array.h"
 #include "base/vec3.h"
 #include "model/dynamics.h"

@@ -22,7 +22,7 @@
 #ifndef APP_IMPORT_DRIVE_H
 #define APP_IMPORT_DRIVE_H
 
-#include "app/import/reduce.h"
+#include "app/import/tree_simplify.h"
 
 /* Fills drives and strengths of all joints of the robot, which is finished (robot_finish). Joints
  * with a drive of the catalogue (catalogue.h) get that, a hydraulic one by cylinder.h. *supply_v

@@ -67,7 +67,7 @@ static enum error_code import_make_robot(const struct import_model *model,
                                          struct import_notes *notes, struct import_robot *robot,
                                          double *supply_v, struct error *error)
 {
-    enum error_code code = import_reduce(model, options, arena, notes, robot, error);
+    enum error_code code = import_simplify_tree(model, options, arena, notes, robot, error);
 
     if (code) {
         return code;

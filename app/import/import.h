@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Turns a foreign robot file into a robot and a bench of ours: what `coman-hil import` does. Reads
- * the file (URDF, with an SRDF for poses, or MJCF), makes a robot of it (reduce.h), assumes drives
- * (drive.h), plans buses (plan.h), writes the files (write.h), and reads them back, so that what
+ * the file (URDF, with an SRDF for poses, or MJCF), makes a robot of it (tree_simplify.h), assumes drives
+ * (drive.h), plans buses (board_layout.h), writes the files (write.h), and reads them back, so that what
  * was written loads. Not RT-safe.
  */
 #ifndef APP_IMPORT_IMPORT_H
 #define APP_IMPORT_IMPORT_H
 
 #include "app/import/mesh.h"
-#include "app/import/plan.h"
-#include "app/import/reduce.h"
+#include "app/import/board_layout.h"
+#include "app/import/tree_simplify.h"
 
 #include <limits.h>
 

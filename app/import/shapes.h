@@ -10,7 +10,7 @@
 #define APP_IMPORT_SHAPES_H
 
 #include "app/import/mesh.h"
-#include "app/import/reduce.h"
+#include "app/import/tree_simplify.h"
 
 /* Refuses collision meshes whose names lead out of the allowed folders (import_check_mesh). */
 enum error_code import_check_shapes(const struct import_robot *from,

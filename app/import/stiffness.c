@@ -2,7 +2,7 @@
 /* Chooses stiffness and damping of couplings; the rules are in stiffness.h. */
 #include "app/import/stiffness.h"
 
-#include "app/import/trial.h"
+#include "app/import/joint_inertia.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -13,7 +13,7 @@
 #ifndef APP_IMPORT_STIFFNESS_H
 #define APP_IMPORT_STIFFNESS_H
 
-#include "app/import/reduce.h"
+#include "app/import/tree_simplify.h"
 
 /* Fills stiffness and damping of the robot's couplings and notes each; torque limits and drives
  * must be known. */

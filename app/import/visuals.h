@@ -9,7 +9,7 @@
 #define APP_IMPORT_VISUALS_H
 
 #include "app/import/mesh.h"
-#include "app/import/reduce.h"
+#include "app/import/tree_simplify.h"
 
 enum { IMPORT_VISUAL_FACES_MAX = 2 << 20 }; /* of all visuals together */
 

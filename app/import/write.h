@@ -9,8 +9,8 @@
 #define APP_IMPORT_WRITE_H
 
 #include "app/import/drive.h"
-#include "app/import/plan.h"
-#include "app/import/reduce.h"
+#include "app/import/board_layout.h"
+#include "app/import/tree_simplify.h"
 
 #include <stdio.h>
 

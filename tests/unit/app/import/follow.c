@@ -3,7 +3,7 @@
  */
 #include "app/import/drive.h"
 #include "app/import/stiffness.h"
-#include "app/import/trial.h"
+#include "app/import/joint_inertia.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Finds the tree of links and which of its joints move. */
-#include "app/import/reduce_private.h"
+#include "app/import/tree_simplify_private.h"
 
 #include "base/vec3.h"
 #include "rig/rig.h"
@@ -11,8 +11,8 @@
 /* ---- the tree ---- */
 
 /* Refuses a link that is the child of two joints. */
-static enum error_code reduce_refuse_loop(struct reducer *r, const struct import_joint *joint,
-                                          const struct import_joint *other)
+static enum error_code simplify_refuse_loop(struct simplifier *r, const struct import_joint *joint,
+                                            const struct import_joint *other)
 {
     return import_error(r->error, joint->file, joint->line,
                         "found link \"%.63s\" as the child of joint \"%.63s\" and of \"%.63s\" "
@@ -22,7 +22,7 @@ static enum error_code reduce_refuse_loop(struct reducer *r, const struct import
 }
 
 /* Finds the joint that each link is the child of; refuses loops. */
-static enum error_code reduce_find_parents(struct reducer *r)
+static enum error_code simplify_find_parents(struct simplifier *r)
 {
     const struct import_model *model = r->model;
 
@@ -34,7 +34,7 @@ static enum error_code reduce_find_parents(struct reducer *r)
         int *above = &r->above[joint->child_link];
 
         if (*above >= 0) {
-            return reduce_refuse_loop(r, joint, &model->joint[*above]);
+            return simplify_refuse_loop(r, joint, &model->joint[*above]);
         }
         *above = (int)j;
     }
@@ -42,7 +42,7 @@ static enum error_code reduce_find_parents(struct reducer *r)
 }
 
 /* Finds the root: the only link that is no joint's child. */
-static enum error_code reduce_find_root(struct reducer *r)
+static enum error_code simplify_find_root(struct simplifier *r)
 {
     const struct import_model *model = r->model;
 
@@ -83,7 +83,7 @@ static bool option_locks_joint(const struct import_options *options, const char 
 
 /* Finds out whether the root is the world: it has no mass and a floating joint hangs on it. Then
  * the base is that joint's child; everything else in that world must not move, and is left out. */
-static enum error_code reduce_enter_world(struct reducer *r)
+static enum error_code simplify_enter_world(struct simplifier *r)
 {
     const struct import_model *model = r->model;
     const struct import_joint *floating = NULL;
@@ -124,14 +124,14 @@ static enum error_code reduce_enter_world(struct reducer *r)
 
 /* Orders links by a walk down the tree: parents before children, children as their joints stand in
  * the file. */
-static enum error_code reduce_order_links(struct reducer *r)
+static enum error_code simplify_order_links(struct simplifier *r)
 {
     const struct import_model *model = r->model;
     int *next = arena_alloc(r->arena, model->nlink + 1, sizeof *next); /* a stack of links */
     size_t depth = 0, count = 0;
 
     if (!next) {
-        return reduce_no_memory(r);
+        return simplify_no_memory(r);
     }
     next[depth++] = r->root;
     while (depth > 0) {
@@ -151,7 +151,7 @@ static enum error_code reduce_order_links(struct reducer *r)
 }
 
 /* Refuses joints that form a circle, which hangs on no root. */
-static enum error_code reduce_check_cycles(struct reducer *r)
+static enum error_code simplify_check_cycles(struct simplifier *r)
 {
     const struct import_model *model = r->model;
 
@@ -172,7 +172,7 @@ static enum error_code reduce_check_cycles(struct reducer *r)
     return ERROR_NONE;
 }
 
-enum error_code reduce_find_tree(struct reducer *r)
+enum error_code simplify_find_tree(struct simplifier *r)
 {
     enum error_code code;
 
@@ -181,18 +181,18 @@ enum error_code reduce_find_tree(struct reducer *r)
     r->at = arena_alloc(r->arena, r->model->njoint + 1, sizeof *r->at);
     r->out->fixed = arena_alloc(r->arena, r->model->njoint + 1, sizeof *r->out->fixed);
     if (!r->above || !r->order || !r->at || !r->out->fixed) {
-        return reduce_no_memory(r);
+        return simplify_no_memory(r);
     }
-    if ((code = reduce_find_parents(r)) || (code = reduce_find_root(r)) ||
-        (code = reduce_check_cycles(r)) || (code = reduce_enter_world(r))) {
+    if ((code = simplify_find_parents(r)) || (code = simplify_find_root(r)) ||
+        (code = simplify_check_cycles(r)) || (code = simplify_enter_world(r))) {
         return code;
     }
-    return reduce_order_links(r);
+    return simplify_order_links(r);
 }
 
 /* ---- which joints move ---- */
 
-void reduce_place_child(const struct import_joint *joint, double q, struct import_place *place)
+void simplify_place_child(const struct import_joint *joint, double q, struct import_place *place)
 {
     double turn[9], slide[3], axis[3], length = vec3_norm(joint->axis);
 
@@ -212,7 +212,7 @@ void reduce_place_child(const struct import_joint *joint, double q, struct impor
     }
 }
 
-void reduce_fix_joint(struct reducer *r, size_t j, double at, const char *why)
+void simplify_fix_joint(struct simplifier *r, size_t j, double at, const char *why)
 {
     const struct import_joint *joint = &r->model->joint[j];
 
@@ -225,7 +225,7 @@ void reduce_fix_joint(struct reducer *r, size_t j, double at, const char *why)
 
 /* Checks the limits of revolute and prismatic joints: missing or reversed ones are refused, equal
  * ones fix the joint. */
-static enum error_code reduce_check_limit(struct reducer *r, size_t j)
+static enum error_code simplify_check_limit(struct simplifier *r, size_t j)
 {
     const struct import_joint *joint = &r->model->joint[j];
 
@@ -248,22 +248,22 @@ static enum error_code reduce_check_limit(struct reducer *r, size_t j)
 
     /* Equal limits leave no motion; limits beside 0 move the rest position */
     if (joint->lower == joint->upper) {
-        reduce_fix_joint(r, j, joint->lower, "both limits are there");
-    } else if ((joint->lower > 0.0 || joint->upper < 0.0) && !reduce_is_coupled(r, j)) {
+        simplify_fix_joint(r, j, joint->lower, "both limits are there");
+    } else if ((joint->lower > 0.0 || joint->upper < 0.0) && !simplify_is_coupled(r, j)) {
         import_note_add(r->notes, IMPORT_CHANGED, joint->file, joint->line,
                         "joint \"%.63s\" rests at %g: its limits %g to %g exclude 0", joint->name,
-                        reduce_rest(r, j), joint->lower, joint->upper);
+                        simplify_rest(r, j), joint->lower, joint->upper);
     }
     return ERROR_NONE;
 }
 
 /* Fixes a prismatic joint, which no drive moves and which would fall to its stop, or lets it slide
  * free by option. */
-static void reduce_fix_slide(struct reducer *r, size_t j)
+static void simplify_fix_slide(struct simplifier *r, size_t j)
 {
     const struct import_joint *joint = &r->model->joint[j];
 
-    if (joint->type != IMPORT_PRISMATIC || r->out->fixed[j] || reduce_is_coupled(r, j)) {
+    if (joint->type != IMPORT_PRISMATIC || r->out->fixed[j] || simplify_is_coupled(r, j)) {
         return;
     }
     if (r->options->free_slides) {
@@ -273,12 +273,12 @@ static void reduce_fix_slide(struct reducer *r, size_t j)
                         joint->name);
         return;
     }
-    reduce_fix_joint(r, j, reduce_rest(r, j),
-                     "it slides, and drives turn; --prismatic free lets it slide without one");
+    simplify_fix_joint(r, j, simplify_rest(r, j),
+                       "it slides, and drives turn; --prismatic free lets it slide without one");
 }
 
 /* Refuses planar joints, and floating ones except the base's. */
-static enum error_code reduce_check_free(struct reducer *r, const struct import_joint *joint)
+static enum error_code simplify_check_free(struct simplifier *r, const struct import_joint *joint)
 {
     if (joint->type == IMPORT_PLANAR) {
         return import_error(r->error, joint->file, joint->line,
@@ -297,13 +297,13 @@ static enum error_code reduce_check_free(struct reducer *r, const struct import_
 }
 
 /* Fixes joints behind which nothing has mass: their motion would have no equation. */
-static enum error_code reduce_fix_massless(struct reducer *r)
+static enum error_code simplify_fix_massless(struct simplifier *r)
 {
     const struct import_model *model = r->model;
     double *mass = arena_alloc(r->arena, model->nlink, sizeof *mass);
 
     if (!mass) {
-        return reduce_no_memory(r);
+        return simplify_no_memory(r);
     }
 
     /* Children first, so that each link's mass is complete when it is added to its parent */
@@ -317,15 +317,15 @@ static enum error_code reduce_fix_massless(struct reducer *r)
         mass[model->joint[above].parent_link] += mass[link];
         if (mass[link] == 0.0 && !r->out->fixed[above] &&
             model->joint[above].type != IMPORT_FIXED) {
-            reduce_fix_joint(r, (size_t)above, reduce_follow(r, (size_t)above),
-                             "nothing that it moves has mass");
+            simplify_fix_joint(r, (size_t)above, simplify_follow(r, (size_t)above),
+                               "nothing that it moves has mass");
         }
     }
     return ERROR_NONE;
 }
 
 /* Fixes the joints that --lock names. */
-static enum error_code reduce_fix_named(struct reducer *r)
+static enum error_code simplify_fix_named(struct simplifier *r)
 {
     const struct import_model *model = r->model;
 
@@ -338,14 +338,14 @@ static enum error_code reduce_fix_named(struct reducer *r)
                              r->options->lock[i], model->file);
         }
         if (!r->out->fixed[j] && model->joint[j].type != IMPORT_FIXED) {
-            reduce_fix_joint(r, (size_t)j, reduce_rest(r, (size_t)j), "--lock says so");
+            simplify_fix_joint(r, (size_t)j, simplify_rest(r, (size_t)j), "--lock says so");
         }
     }
     return ERROR_NONE;
 }
 
 /* Refuses more moving joints than a bench carries. */
-static enum error_code reduce_check_count(struct reducer *r)
+static enum error_code simplify_check_count(struct simplifier *r)
 {
     const struct import_model *model = r->model;
     size_t count = 0;
@@ -365,22 +365,23 @@ static enum error_code reduce_check_count(struct reducer *r)
     return ERROR_NONE;
 }
 
-enum error_code reduce_fix_joints(struct reducer *r)
+enum error_code simplify_fix_joints(struct simplifier *r)
 {
     const struct import_model *model = r->model;
-    enum error_code code = reduce_find_followers(r);
+    enum error_code code = simplify_find_followers(r);
 
     /* Limits and names fix joints first; followers are settled when it is known which leaders
      * move */
     for (size_t j = 0; j < model->njoint && !code; j++) {
-        if ((code = reduce_check_free(r, &model->joint[j])) || (code = reduce_check_limit(r, j))) {
+        if ((code = simplify_check_free(r, &model->joint[j])) ||
+            (code = simplify_check_limit(r, j))) {
             return code;
         }
-        reduce_fix_slide(r, j);
+        simplify_fix_slide(r, j);
     }
-    if (code || (code = reduce_fix_named(r)) || (code = reduce_narrow_leaders(r)) ||
-        (code = reduce_fix_massless(r)) || (code = reduce_settle_followers(r))) {
+    if (code || (code = simplify_fix_named(r)) || (code = simplify_narrow_leaders(r)) ||
+        (code = simplify_fix_massless(r)) || (code = simplify_settle_followers(r))) {
         return code;
     }
-    return reduce_check_count(r);
+    return simplify_check_count(r);
 }

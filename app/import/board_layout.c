@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Plans which joint is on which bus. */
-#include "app/import/plan.h"
+#include "app/import/board_layout.h"
 
 #include "boards/protocol_list.h"
 

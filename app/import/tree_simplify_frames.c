@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Makes frames, sensors and poses of the robot. */
-#include "app/import/reduce_private.h"
+#include "app/import/tree_simplify_private.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -9,9 +9,9 @@
 /* ---- frames ---- */
 
 /* Adds a frame at a place in a body and returns its index; refuses a name that is taken. */
-static enum error_code reduce_add_frame(struct reducer *r, const char *name, const char *file,
-                                        int line, int body, const struct import_place *place,
-                                        int *frame)
+static enum error_code simplify_add_frame(struct simplifier *r, const char *name, const char *file,
+                                          int line, int body, const struct import_place *place,
+                                          int *frame)
 {
     struct robot *robot = r->out->robot;
     struct robot_frame *f = &robot->frame[robot->nframe];
@@ -34,7 +34,7 @@ static enum error_code reduce_add_frame(struct reducer *r, const char *name, con
 }
 
 /* Makes the name of a sensor's frame, NAME-sensor. */
-static const char *frame_choose_name(const struct reducer *r, const char *name)
+static const char *frame_choose_name(const struct simplifier *r, const char *name)
 {
     static const char suffix[] = "-sensor";
     char text[64];
@@ -48,14 +48,14 @@ static const char *frame_choose_name(const struct reducer *r, const char *name)
 /* Sums the inertia below a force-torque sensor within its body, in the body's frame; *ends is false
  * when further bodies hang there, whose forces the model's sensor does not see. One pass down the
  * tree: parents come first. */
-static enum error_code sensor_sum_distal(const struct reducer *r, int top,
+static enum error_code sensor_sum_distal(const struct simplifier *r, int top,
                                          struct robot_inertia *distal, bool *ends)
 {
     const struct import_robot *out = r->out;
     bool *below = arena_alloc(r->arena, r->model->nlink, sizeof *below);
 
     if (!below) {
-        return reduce_no_memory(r);
+        return simplify_no_memory(r);
     }
     *ends = true;
     for (size_t i = 0; i < r->norder; i++) {
@@ -72,7 +72,7 @@ static enum error_code sensor_sum_distal(const struct reducer *r, int top,
 
 /* Adds a force-torque sensor at the child link of its joint; notes and drops one that is not at the
  * end of a limb. */
-static enum error_code reduce_add_ft(struct reducer *r, const struct import_sensor *sensor)
+static enum error_code simplify_add_ft(struct simplifier *r, const struct import_sensor *sensor)
 {
     struct robot *robot = r->out->robot;
     const struct import_joint *joint = &r->model->joint[import_find_joint(r->model, sensor->joint)];
@@ -99,12 +99,12 @@ static enum error_code reduce_add_ft(struct reducer *r, const struct import_sens
     import_place_compose(&r->out->place[joint->child_link], &sensor->place, &place);
     name = frame_choose_name(r, sensor->joint);
     if (!name) {
-        return reduce_no_memory(r);
+        return simplify_no_memory(r);
     }
     if ((code = import_make_name(sensor->file, sensor->joint, sensor->line, "sensor", r->arena,
                                  r->notes, &ft->name, r->error)) ||
-        (code = reduce_add_frame(r, name, sensor->file, sensor->line,
-                                 r->out->body[joint->child_link], &place, &ft->frame))) {
+        (code = simplify_add_frame(r, name, sensor->file, sensor->line,
+                                   r->out->body[joint->child_link], &place, &ft->frame))) {
         return code;
     }
 
@@ -122,7 +122,7 @@ static enum error_code reduce_add_ft(struct reducer *r, const struct import_sens
 }
 
 /* Adds the first inertial sensor; notes and drops further ones. */
-static enum error_code reduce_add_imu(struct reducer *r, const struct import_sensor *sensor)
+static enum error_code simplify_add_imu(struct simplifier *r, const struct import_sensor *sensor)
 {
     struct robot *robot = r->out->robot;
     int link = import_find_link(r->model, sensor->link);
@@ -140,15 +140,15 @@ static enum error_code reduce_add_imu(struct reducer *r, const struct import_sen
     import_place_compose(&r->out->place[link], &sensor->place, &place);
     name = frame_choose_name(r, sensor->name);
     if (!name) {
-        return reduce_no_memory(r);
+        return simplify_no_memory(r);
     }
-    return reduce_add_frame(r, name, sensor->file, sensor->line, r->out->body[link], &place,
-                            &robot->imu_frame);
+    return simplify_add_frame(r, name, sensor->file, sensor->line, r->out->body[link], &place,
+                              &robot->imu_frame);
 }
 
 /* Checks whether an earlier entry is a force-torque sensor in the same joint: some files name one
  * twice. */
-static bool ft_is_known(const struct reducer *r, size_t sensor)
+static bool ft_is_known(const struct simplifier *r, size_t sensor)
 {
     for (size_t i = 0; i < sensor; i++) {
         if (r->model->sensor[i].kind == IMPORT_FT &&
@@ -159,7 +159,7 @@ static bool ft_is_known(const struct reducer *r, size_t sensor)
     return false;
 }
 
-enum error_code reduce_add_frames(struct reducer *r)
+enum error_code simplify_add_frames(struct simplifier *r)
 {
     const struct import_model *model = r->model;
     struct robot *robot = r->out->robot;
@@ -169,16 +169,16 @@ enum error_code reduce_add_frames(struct reducer *r)
     robot->frame = arena_alloc(r->arena, model->nlink + model->nsensor, sizeof *robot->frame);
     robot->ft = arena_alloc(r->arena, model->nsensor + 1, sizeof *robot->ft);
     if (!robot->frame || !robot->ft) {
-        return reduce_no_memory(r);
+        return simplify_no_memory(r);
     }
     for (size_t i = 0; i < r->norder && !code; i++) {
         int link = r->order[i];
 
         /* The first link of a body is the body's own frame; the others become frames */
         if (strcmp(model->link[link].name, robot->body[r->out->body[link]].name) != 0) {
-            code = reduce_add_frame(r, model->link[link].name, model->link[link].file,
-                                    model->link[link].line, r->out->body[link],
-                                    &r->out->place[link], &frame);
+            code = simplify_add_frame(r, model->link[link].name, model->link[link].file,
+                                      model->link[link].line, r->out->body[link],
+                                      &r->out->place[link], &frame);
         }
     }
     for (size_t i = 0; i < model->nsensor && !code; i++) {
@@ -191,9 +191,9 @@ enum error_code reduce_add_frames(struct reducer *r)
             import_note_add(r->notes, IMPORT_DROPPED, sensor->file, sensor->line,
                             "sensor \"%.63s\": it is fixed in the world", sensor->name);
         } else if (sensor->kind == IMPORT_IMU) {
-            code = reduce_add_imu(r, sensor);
+            code = simplify_add_imu(r, sensor);
         } else if (!ft_is_known(r, i)) {
-            code = reduce_add_ft(r, sensor);
+            code = simplify_add_ft(r, sensor);
         }
     }
     return code;
@@ -214,7 +214,7 @@ static const struct import_value *pose_find_value(const struct import_pose *pose
 
 /* Adds a pose of the file; joints that it does not name rest, and all are moved into their
  * limits. */
-static enum error_code reduce_add_pose(struct reducer *r, const struct import_pose *source)
+static enum error_code simplify_add_pose(struct simplifier *r, const struct import_pose *source)
 {
     struct robot *robot = r->out->robot;
     struct robot_pose *pose = &robot->pose[robot->npose];
@@ -222,7 +222,7 @@ static enum error_code reduce_add_pose(struct reducer *r, const struct import_po
     enum error_code code;
 
     if (!position) {
-        return reduce_no_memory(r);
+        return simplify_no_memory(r);
     }
     code = import_make_name(source->file, source->name, source->line, "pose", r->arena, r->notes,
                             &pose->name, r->error);
@@ -251,14 +251,14 @@ static enum error_code reduce_add_pose(struct reducer *r, const struct import_po
                             pose->name, joint->name, position[j], value ? value->value : 0.0);
         }
     }
-    reduce_align_pose(r, source, position);
+    simplify_align_pose(r, source, position);
     pose->base_quaternion[0] = 1.0;
     pose->joint = position;
     robot->npose++;
     return ERROR_NONE;
 }
 
-enum error_code reduce_add_poses(struct reducer *r)
+enum error_code simplify_add_poses(struct simplifier *r)
 {
     const struct import_pose rest = {.name = "rest", .file = r->model->file};
     struct robot *robot = r->out->robot;
@@ -266,11 +266,11 @@ enum error_code reduce_add_poses(struct reducer *r)
 
     robot->pose = arena_alloc(r->arena, r->model->npose + 1, sizeof *robot->pose);
     if (!robot->pose) {
-        return reduce_no_memory(r);
+        return simplify_no_memory(r);
     }
-    code = reduce_add_pose(r, &rest);
+    code = simplify_add_pose(r, &rest);
     for (size_t i = 0; i < r->model->npose && !code; i++) {
-        code = reduce_add_pose(r, &r->model->pose[i]);
+        code = simplify_add_pose(r, &r->model->pose[i]);
     }
     return code;
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Makes the robot's bodies and joints; reduce_tree.c, reduce_mimic.c and reduce_frames.c do the
+/* Makes the robot's bodies and joints; simplify_tree.c, tree_simplify_mimic.c and simplify_frames.c do the
  * steps before and after. */
-#include "app/import/reduce_private.h"
+#include "app/import/tree_simplify_private.h"
 
 #include "base/portable_math.h"
 #include "base/text.h"
@@ -17,7 +17,7 @@
 #define PLACE_MAX_M 1e3
 #define INERTIA_MAX_KG_M2 1e6
 
-enum error_code reduce_no_memory(const struct reducer *r)
+enum error_code simplify_no_memory(const struct simplifier *r)
 {
     return error_set(r->error, ERROR_MEMORY, "%.200s: no memory left for this robot",
                      r->model->file);
@@ -111,8 +111,8 @@ static void moments_repair(double moment[3])
 
 /* Checks a body's inertia; with --repair-inertia makes an impossible one possible, otherwise
  * refuses it. */
-static enum error_code reduce_check_inertia(struct reducer *r, const struct import_link *link,
-                                            struct robot_inertia *inertia)
+static enum error_code simplify_check_inertia(struct simplifier *r, const struct import_link *link,
+                                              struct robot_inertia *inertia)
 {
     double moment[3], V[9], back[9];
     struct error why;
@@ -153,8 +153,9 @@ static enum error_code reduce_check_inertia(struct reducer *r, const struct impo
 
 /* Adds a body for a link that a joint moves, and the joint. parent_place: of the parent link in its
  * body. */
-static enum error_code reduce_add_body(struct reducer *r, int link, const struct import_joint *from,
-                                       int parent, const struct import_place *parent_place)
+static enum error_code simplify_add_body(struct simplifier *r, int link,
+                                         const struct import_joint *from, int parent,
+                                         const struct import_place *parent_place)
 {
     struct robot *robot = r->out->robot;
     const struct import_link *source = &r->model->link[link];
@@ -177,7 +178,7 @@ static enum error_code reduce_add_body(struct reducer *r, int link, const struct
     /* Place the joint in the parent's body, and note where it rests */
     r->out->source[robot->njoint] = from;
     r->out->rest[robot->njoint] =
-        reduce_is_coupled(r, own) ? reduce_follow(r, own) : reduce_rest(r, own);
+        simplify_is_coupled(r, own) ? simplify_follow(r, own) : simplify_rest(r, own);
     import_place_compose(parent_place, &from->place, &place);
     memcpy(joint->origin, place.xyz, sizeof joint->origin);
     memcpy(joint->rotation, place.R, sizeof joint->rotation);
@@ -190,12 +191,12 @@ static enum error_code reduce_add_body(struct reducer *r, int link, const struct
 
     /* A joint without limits gets a range that no run reaches the end of */
     if (!from->has_limit || from->type == IMPORT_CONTINUOUS) {
-        joint->lower = -2.0 * M_PI * REDUCE_TURNS_MAX;
-        joint->upper = 2.0 * M_PI * REDUCE_TURNS_MAX;
+        joint->lower = -2.0 * M_PI * SIMPLIFY_TURNS_MAX;
+        joint->upper = 2.0 * M_PI * SIMPLIFY_TURNS_MAX;
         import_note_add(r->notes, IMPORT_CHANGED, from->file, from->line,
                         "joint \"%.63s\" turns for ever: it has the range of %g turns either way, "
                         "without stops",
-                        from->name, REDUCE_TURNS_MAX);
+                        from->name, SIMPLIFY_TURNS_MAX);
     }
     robot->njoint++;
     return ERROR_NONE;
@@ -203,7 +204,7 @@ static enum error_code reduce_add_body(struct reducer *r, int link, const struct
 
 /* Finds the body of every link and the link's place in it: parents first, so a link on a rigid
  * joint joins the body of its parent. */
-static enum error_code reduce_place_links(struct reducer *r)
+static enum error_code simplify_place_links(struct simplifier *r)
 {
     const struct import_model *model = r->model;
     struct robot *robot = r->out->robot;
@@ -223,8 +224,8 @@ static enum error_code reduce_place_links(struct reducer *r)
             code = import_make_name(model->link[link].file, model->link[link].name,
                                     model->link[link].line, "body", r->arena, r->notes,
                                     &robot->body[0].name, r->error);
-        } else if (reduce_is_rigid(r, (size_t)above)) {
-            reduce_place_child(joint, r->at[above], &place);
+        } else if (simplify_is_rigid(r, (size_t)above)) {
+            simplify_place_child(joint, r->at[above], &place);
             r->out->body[link] = r->out->body[joint->parent_link];
             import_place_compose(&r->out->place[joint->parent_link], &place, &r->out->place[link]);
             if (model->link[link].has_inertia) {
@@ -235,8 +236,8 @@ static enum error_code reduce_place_links(struct reducer *r)
             }
             code = ERROR_NONE;
         } else {
-            code = reduce_add_body(r, link, joint, r->out->body[joint->parent_link],
-                                   &r->out->place[joint->parent_link]);
+            code = simplify_add_body(r, link, joint, r->out->body[joint->parent_link],
+                                     &r->out->place[joint->parent_link]);
         }
         if (code) {
             return code;
@@ -246,7 +247,7 @@ static enum error_code reduce_place_links(struct reducer *r)
 }
 
 /* Sums mass and inertia of the links of each body and checks them. */
-static enum error_code reduce_sum_inertias(struct reducer *r)
+static enum error_code simplify_sum_inertias(struct simplifier *r)
 {
     const struct import_model *model = r->model;
     struct robot *robot = r->out->robot;
@@ -264,10 +265,10 @@ static enum error_code reduce_sum_inertias(struct reducer *r)
         struct robot_inertia *inertia = &robot->body[r->out->body[link]].inertia;
 
         /* The first link of each body stands for it in messages */
-        if (i > 0 && reduce_is_rigid(r, (size_t)r->above[link])) {
+        if (i > 0 && simplify_is_rigid(r, (size_t)r->above[link])) {
             continue;
         }
-        code = reduce_check_inertia(r, source, inertia);
+        code = simplify_check_inertia(r, source, inertia);
         if (code) {
             return code;
         }
@@ -311,7 +312,7 @@ static size_t robot_count_limbs(const struct robot *robot)
 
 /* Chooses whether the base floats: by the option, by a floating joint, by what the SRDF says, by
  * the root's name or missing mass, else by the number of limbs. */
-static void reduce_choose_base(struct reducer *r)
+static void simplify_choose_base(struct simplifier *r)
 {
     const struct import_model *model = r->model;
     const struct import_link *root = &model->link[r->root];
@@ -346,7 +347,7 @@ static void reduce_choose_base(struct reducer *r)
 }
 
 /* Allocates the robot for all joints of the model; links without a body have -1. */
-static enum error_code reduce_make_room(struct reducer *r)
+static enum error_code simplify_make_room(struct simplifier *r)
 {
     struct import_robot *out = r->out;
     size_t bodies = r->model->njoint + 1;
@@ -358,20 +359,20 @@ static enum error_code reduce_make_room(struct reducer *r)
     out->body = arena_alloc(r->arena, r->model->nlink, sizeof *out->body);
     out->place = arena_alloc(r->arena, r->model->nlink, sizeof *out->place);
     if (!out->robot || !out->source || !out->rest || !out->body || !out->place) {
-        return reduce_no_memory(r);
+        return simplify_no_memory(r);
     }
     out->robot->body = arena_alloc(r->arena, bodies, sizeof *out->robot->body);
     out->robot->joint = arena_alloc(r->arena, bodies, sizeof *out->robot->joint);
     for (size_t i = 0; i < r->model->nlink; i++) {
         out->body[i] = -1;
     }
-    return out->robot->body && out->robot->joint ? ERROR_NONE : reduce_no_memory(r);
+    return out->robot->body && out->robot->joint ? ERROR_NONE : simplify_no_memory(r);
 }
 
 /* Refuses a place that robot files do not take, in the line of the foreign file. */
-static enum error_code reduce_check_place(const struct reducer *r, const double xyz[3],
-                                          const char *file, int line, const char *what,
-                                          const char *name)
+static enum error_code simplify_check_place(const struct simplifier *r, const double xyz[3],
+                                            const char *file, int line, const char *what,
+                                            const char *name)
 {
     for (int i = 0; i < 3; i++) {
         if (fabs(xyz[i]) > PLACE_MAX_M) {
@@ -385,27 +386,27 @@ static enum error_code reduce_check_place(const struct reducer *r, const double 
 
 /* Refuses places and inertias beyond the ranges of robot files, so that the error has the place
  * in the file that the user wrote and not in the one that is made of it. */
-static enum error_code reduce_check_ranges(const struct reducer *r)
+static enum error_code simplify_check_ranges(const struct simplifier *r)
 {
     const struct import_model *model = r->model;
     enum error_code code = ERROR_NONE;
 
     for (size_t j = 0; j < model->njoint && !code; j++) {
         code =
-            reduce_check_place(r, model->joint[j].place.xyz, model->joint[j].file,
-                               model->joint[j].line, "the origin of joint", model->joint[j].name);
+            simplify_check_place(r, model->joint[j].place.xyz, model->joint[j].file,
+                                 model->joint[j].line, "the origin of joint", model->joint[j].name);
     }
     for (size_t i = 0; i < model->nsensor && !code; i++) {
-        code =
-            reduce_check_place(r, model->sensor[i].place.xyz, model->sensor[i].file,
-                               model->sensor[i].line, "the place of sensor", model->sensor[i].name);
+        code = simplify_check_place(r, model->sensor[i].place.xyz, model->sensor[i].file,
+                                    model->sensor[i].line, "the place of sensor",
+                                    model->sensor[i].name);
     }
     for (size_t i = 0; i < model->nlink && !code; i++) {
         const struct import_link *link = &model->link[i];
         int line = link->inertia_line ? link->inertia_line : link->line;
 
-        code = reduce_check_place(r, link->inertia.com, link->file, line,
-                                  "the center of mass of link", link->name);
+        code = simplify_check_place(r, link->inertia.com, link->file, line,
+                                    "the center of mass of link", link->name);
         for (int k = 0; k < 6 && !code; k++) {
             if (fabs(link->inertia.I[k]) > INERTIA_MAX_KG_M2) {
                 code = import_error(r->error, link->file, line,
@@ -419,26 +420,26 @@ static enum error_code reduce_check_ranges(const struct reducer *r)
     return code;
 }
 
-enum error_code import_reduce(const struct import_model *model,
-                              const struct import_options *options, struct arena *arena,
-                              struct import_notes *notes, struct import_robot *out,
-                              struct error *error)
+enum error_code import_simplify_tree(const struct import_model *model,
+                                     const struct import_options *options, struct arena *arena,
+                                     struct import_notes *notes, struct import_robot *out,
+                                     struct error *error)
 {
-    struct reducer r = {.model = model,
-                        .options = options,
-                        .arena = arena,
-                        .notes = notes,
-                        .out = out,
-                        .error = error};
+    struct simplifier r = {.model = model,
+                           .options = options,
+                           .arena = arena,
+                           .notes = notes,
+                           .out = out,
+                           .error = error};
     enum error_code code;
 
     *out = (struct import_robot){0};
 
     /* The tree and what moves in it first; inertias need the places of links, the base the
      * inertias */
-    if ((code = reduce_make_room(&r)) || (code = reduce_check_ranges(&r)) ||
-        (code = reduce_find_tree(&r)) || (code = reduce_fix_joints(&r)) ||
-        (code = reduce_place_links(&r)) || (code = reduce_add_couplings(&r))) {
+    if ((code = simplify_make_room(&r)) || (code = simplify_check_ranges(&r)) ||
+        (code = simplify_find_tree(&r)) || (code = simplify_fix_joints(&r)) ||
+        (code = simplify_place_links(&r)) || (code = simplify_add_couplings(&r))) {
         return code;
     }
     out->robot->file = model->file;
@@ -448,10 +449,10 @@ enum error_code import_reduce(const struct import_model *model,
                                  &out->robot->name, error))) {
         return code;
     }
-    if ((code = reduce_sum_inertias(&r))) {
+    if ((code = simplify_sum_inertias(&r))) {
         return code;
     }
-    reduce_choose_base(&r);
-    code = reduce_add_frames(&r);
-    return code ? code : reduce_add_poses(&r);
+    simplify_choose_base(&r);
+    code = simplify_add_frames(&r);
+    return code ? code : simplify_add_poses(&r);
 }

@@ -4,7 +4,7 @@
  * chain is led by its first joint; the joints between enter the multiplier and the offset of the
  * last.
  */
-#include "app/import/reduce_private.h"
+#include "app/import/tree_simplify_private.h"
 
 #include "model/coupling.h"
 
@@ -16,12 +16,12 @@
 #define MULTIPLIER_MOST 1e3
 #define OFFSET_MOST 1e3
 
-bool reduce_is_rigid(const struct reducer *r, size_t j)
+bool simplify_is_rigid(const struct simplifier *r, size_t j)
 {
     return r->out->fixed[j] || r->model->joint[j].type == IMPORT_FIXED;
 }
 
-enum error_code reduce_find_followers(struct reducer *r)
+enum error_code simplify_find_followers(struct simplifier *r)
 {
     const struct import_model *model = r->model;
 
@@ -29,14 +29,14 @@ enum error_code reduce_find_followers(struct reducer *r)
     r->lower = arena_alloc(r->arena, model->njoint + 1, sizeof *r->lower);
     r->upper = arena_alloc(r->arena, model->njoint + 1, sizeof *r->upper);
     if (!r->mimic || !r->lower || !r->upper) {
-        return reduce_no_memory(r);
+        return simplify_no_memory(r);
     }
     for (size_t j = 0; j < model->njoint; j++) {
         const struct import_joint *joint = &model->joint[j];
 
         r->mimic[j] = joint->mimic ? import_find_joint(model, joint->mimic) : -1;
-        r->lower[j] = joint->has_limit ? joint->lower : -2.0 * M_PI * REDUCE_TURNS_MAX;
-        r->upper[j] = joint->has_limit ? joint->upper : 2.0 * M_PI * REDUCE_TURNS_MAX;
+        r->lower[j] = joint->has_limit ? joint->lower : -2.0 * M_PI * SIMPLIFY_TURNS_MAX;
+        r->upper[j] = joint->has_limit ? joint->upper : 2.0 * M_PI * SIMPLIFY_TURNS_MAX;
     }
 
     /* Walk up from each joint: a chain longer than the number of joints is a circle */
@@ -58,7 +58,7 @@ enum error_code reduce_find_followers(struct reducer *r)
 
 /* Finds the leader of joint j: the first joint of the chain above it that follows none or does not
  * move, -1 = none; position = *multiplier times the leader's + *offset. */
-static int find_leader(const struct reducer *r, size_t j, double *multiplier, double *offset)
+static int find_leader(const struct simplifier *r, size_t j, double *multiplier, double *offset)
 {
     int leader = r->mimic[j];
 
@@ -66,7 +66,7 @@ static int find_leader(const struct reducer *r, size_t j, double *multiplier, do
     *offset = r->model->joint[j].offset;
 
     /* The joints between follow too: substitute their equations into j's */
-    while (leader >= 0 && r->mimic[leader] >= 0 && !reduce_is_rigid(r, (size_t)leader)) {
+    while (leader >= 0 && r->mimic[leader] >= 0 && !simplify_is_rigid(r, (size_t)leader)) {
         *offset += *multiplier * r->model->joint[leader].offset;
         *multiplier *= r->model->joint[leader].multiplier;
         leader = r->mimic[leader];
@@ -80,7 +80,7 @@ static int find_leader(const struct reducer *r, size_t j, double *multiplier, do
  * most 0.1 rad or m. */
 #define REST_INSIDE 0.05
 
-double reduce_rest(const struct reducer *r, size_t j)
+double simplify_rest(const struct simplifier *r, size_t j)
 {
     const double lower = r->lower[j], upper = r->upper[j];
     double inside = fmin(REST_INSIDE * (upper - lower), 0.1);
@@ -91,29 +91,29 @@ double reduce_rest(const struct reducer *r, size_t j)
     return lower > 0.0 ? lower + inside : upper - inside;
 }
 
-double reduce_follow(const struct reducer *r, size_t j)
+double simplify_follow(const struct simplifier *r, size_t j)
 {
     const struct import_joint *joint = &r->model->joint[j];
     double multiplier, offset, at;
     int leader = find_leader(r, j, &multiplier, &offset);
 
     if (leader < 0) {
-        return reduce_rest(r, j);
+        return simplify_rest(r, j);
     }
-    at = reduce_is_rigid(r, (size_t)leader) ? r->at[leader] : reduce_rest(r, (size_t)leader);
+    at = simplify_is_rigid(r, (size_t)leader) ? r->at[leader] : simplify_rest(r, (size_t)leader);
     at = multiplier * at + offset;
     return joint->has_limit ? fmin(fmax(at, joint->lower), joint->upper) : at;
 }
 
 /* ---- coupled joints ---- */
 
-bool reduce_is_coupled(const struct reducer *r, size_t j)
+bool simplify_is_coupled(const struct simplifier *r, size_t j)
 {
-    return r->options->mimic == IMPORT_MIMIC_COUPLE && r->mimic[j] >= 0 && !reduce_is_rigid(r, j);
+    return r->options->mimic == IMPORT_MIMIC_COUPLE && r->mimic[j] >= 0 && !simplify_is_rigid(r, j);
 }
 
 /* Refuses couplings that a robot file cannot state: bent ones, and numbers out of its bounds. */
-static enum error_code check_coupling(const struct reducer *r, const struct import_joint *joint,
+static enum error_code check_coupling(const struct simplifier *r, const struct import_joint *joint,
                                       double multiplier, double offset)
 {
     if (joint->bends) {
@@ -137,8 +137,8 @@ static enum error_code check_coupling(const struct reducer *r, const struct impo
 
 /* Narrows a leader's range to where its follower can follow, so that it rests and stands in poses
  * there; refuses ranges that exclude each other. */
-static enum error_code narrow_leader(struct reducer *r, size_t j, size_t leader, double multiplier,
-                                     double offset)
+static enum error_code narrow_leader(struct simplifier *r, size_t j, size_t leader,
+                                     double multiplier, double offset)
 {
     const struct import_joint *joint = &r->model->joint[j];
     /* The follower's limits, as positions of its leader */
@@ -158,7 +158,7 @@ static enum error_code narrow_leader(struct reducer *r, size_t j, size_t leader,
     return ERROR_NONE;
 }
 
-enum error_code reduce_narrow_leaders(struct reducer *r)
+enum error_code simplify_narrow_leaders(struct simplifier *r)
 {
     enum error_code code = ERROR_NONE;
 
@@ -166,11 +166,11 @@ enum error_code reduce_narrow_leaders(struct reducer *r)
         double multiplier, offset;
         int leader;
 
-        if (!reduce_is_coupled(r, j)) {
+        if (!simplify_is_coupled(r, j)) {
             continue;
         }
         leader = find_leader(r, j, &multiplier, &offset);
-        if (!reduce_is_rigid(r, (size_t)leader) && multiplier != 0.0) {
+        if (!simplify_is_rigid(r, (size_t)leader) && multiplier != 0.0) {
             code = check_coupling(r, &r->model->joint[j], multiplier, offset);
             code = code ? code : narrow_leader(r, j, (size_t)leader, multiplier, offset);
         }
@@ -181,7 +181,7 @@ enum error_code reduce_narrow_leaders(struct reducer *r)
 /* ---- what becomes of them ---- */
 
 /* Refuses a follower by default and says which options there are. */
-static enum error_code refuse_follower(const struct reducer *r, const struct import_joint *joint)
+static enum error_code refuse_follower(const struct simplifier *r, const struct import_joint *joint)
 {
     return import_error(r->error, joint->mimic_file, joint->mimic_line,
                         "found joint \"%.63s\" that follows \"%.63s\": give --mimic couple to have "
@@ -192,24 +192,24 @@ static enum error_code refuse_follower(const struct reducer *r, const struct imp
 
 /* Decides what becomes of a follower: fixed with its leader, or by --mimic locked, free or coupled;
  * couplings counts the last. */
-static enum error_code settle_follower(struct reducer *r, size_t j, size_t *couplings)
+static enum error_code settle_follower(struct simplifier *r, size_t j, size_t *couplings)
 {
     const struct import_joint *joint = &r->model->joint[j];
     double multiplier, offset;
     int leader = find_leader(r, j, &multiplier, &offset);
 
     /* A follower of a fixed joint has nothing to follow, whatever --mimic says */
-    if (leader < 0 || reduce_is_rigid(r, j)) {
+    if (leader < 0 || simplify_is_rigid(r, j)) {
         return ERROR_NONE;
     }
-    if (reduce_is_rigid(r, (size_t)leader)) {
-        reduce_fix_joint(r, j, reduce_follow(r, j), "it follows a joint that is fixed");
+    if (simplify_is_rigid(r, (size_t)leader)) {
+        simplify_fix_joint(r, j, simplify_follow(r, j), "it follows a joint that is fixed");
         return ERROR_NONE;
     }
     switch (r->options->mimic) {
     case IMPORT_MIMIC_LOCK:
-        reduce_fix_joint(r, j, reduce_follow(r, j),
-                         "it follows another, and --mimic lock holds it there");
+        simplify_fix_joint(r, j, simplify_follow(r, j),
+                           "it follows another, and --mimic lock holds it there");
         return ERROR_NONE;
     case IMPORT_MIMIC_FREE:
         import_note_add(r->notes, IMPORT_CHANGED, joint->mimic_file, joint->mimic_line,
@@ -219,7 +219,7 @@ static enum error_code settle_follower(struct reducer *r, size_t j, size_t *coup
         return ERROR_NONE;
     case IMPORT_MIMIC_COUPLE:
         if (multiplier == 0.0) {
-            reduce_fix_joint(r, j, reduce_follow(r, j), "it follows another 0 times");
+            simplify_fix_joint(r, j, simplify_follow(r, j), "it follows another 0 times");
         } else if (++*couplings > ROBOT_COUPLINGS_MAX) {
             return import_error(r->error, joint->mimic_file, joint->mimic_line,
                                 "found joint \"%.63s\" that follows, which is one more than the %d "
@@ -232,7 +232,7 @@ static enum error_code settle_follower(struct reducer *r, size_t j, size_t *coup
     }
 }
 
-enum error_code reduce_settle_followers(struct reducer *r)
+enum error_code simplify_settle_followers(struct simplifier *r)
 {
     enum error_code code = ERROR_NONE;
     size_t couplings = 0;
@@ -247,7 +247,7 @@ enum error_code reduce_settle_followers(struct reducer *r)
 
 /* Returns the index of the robot's joint that a joint of the model has become; -1 when it became
  * none. */
-static int find_made(const struct reducer *r, const struct import_joint *joint)
+static int find_made(const struct simplifier *r, const struct import_joint *joint)
 {
     for (size_t j = 0; j < r->out->robot->njoint; j++) {
         if (r->out->source[j] == joint) {
@@ -257,20 +257,20 @@ static int find_made(const struct reducer *r, const struct import_joint *joint)
     return -1;
 }
 
-enum error_code reduce_add_couplings(struct reducer *r)
+enum error_code simplify_add_couplings(struct simplifier *r)
 {
     const struct import_model *model = r->model;
     struct robot *robot = r->out->robot;
 
     robot->coupling = arena_alloc(r->arena, ROBOT_COUPLINGS_MAX, sizeof *robot->coupling);
     if (!robot->coupling) {
-        return reduce_no_memory(r);
+        return simplify_no_memory(r);
     }
     for (size_t j = 0; j < robot->njoint; j++) {
         const size_t own = (size_t)(r->out->source[j] - model->joint);
         struct robot_coupling *coupling = &robot->coupling[robot->ncoupling];
 
-        if (reduce_is_coupled(r, own)) {
+        if (simplify_is_coupled(r, own)) {
             int leader = find_leader(r, own, &coupling->multiplier, &coupling->offset);
 
             coupling->follower = (int)j;
@@ -289,7 +289,8 @@ enum error_code reduce_add_couplings(struct reducer *r)
     return ERROR_NONE;
 }
 
-void reduce_align_pose(const struct reducer *r, const struct import_pose *pose, double *position)
+void simplify_align_pose(const struct simplifier *r, const struct import_pose *pose,
+                         double *position)
 {
     const struct robot *robot = r->out->robot;
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Finds the inertias of joints by trial torques and accelerations. */
-#include "app/import/trial.h"
+#include "app/import/joint_inertia.h"
 
 #include "model/coupling.h"
 

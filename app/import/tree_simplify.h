@@ -5,8 +5,8 @@
  * shall not move are fixed where they rest. Everything that is done is noted; what cannot be done
  * is refused with file:line and a remedy. Memory from the arena. Not RT-safe.
  */
-#ifndef APP_IMPORT_REDUCE_H
-#define APP_IMPORT_REDUCE_H
+#ifndef APP_IMPORT_TREE_SIMPLIFY_H
+#define APP_IMPORT_TREE_SIMPLIFY_H
 
 #include "app/import/model.h"
 
@@ -49,10 +49,10 @@ struct import_robot {
 };
 
 /* Reduces the model to a robot; out keeps pointers into the model. */
-enum error_code import_reduce(const struct import_model *model,
-                              const struct import_options *options, struct arena *arena,
-                              struct import_notes *notes, struct import_robot *out,
-                              struct error *error);
+enum error_code import_simplify_tree(const struct import_model *model,
+                                     const struct import_options *options, struct arena *arena,
+                                     struct import_notes *notes, struct import_robot *out,
+                                     struct error *error);
 
 /* Makes a name that robot files accept: other characters become '_', with a note. Refuses names
  * that are too long or reserved. */

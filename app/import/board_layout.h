@@ -5,8 +5,8 @@
  * than four fifths at the worst, by the table of what each protocol sends (coman-hil check computes
  * it). Not RT-safe.
  */
-#ifndef APP_IMPORT_PLAN_H
-#define APP_IMPORT_PLAN_H
+#ifndef APP_IMPORT_BOARD_LAYOUT_H
+#define APP_IMPORT_BOARD_LAYOUT_H
 
 #include "app/import/model.h"
 #include "boards/protocol.h"

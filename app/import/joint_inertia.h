@@ -4,8 +4,8 @@
  * follow others follow exactly, and count to their leaders. SI units; memory is the caller's
  * arena's. Not RT-safe.
  */
-#ifndef APP_IMPORT_TRIAL_H
-#define APP_IMPORT_TRIAL_H
+#ifndef APP_IMPORT_JOINT_INERTIA_H
+#define APP_IMPORT_JOINT_INERTIA_H
 
 #include "model/dynamics.h"
 
