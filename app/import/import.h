@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Turns a foreign robot file into a robot and a bench of ours: what `coman-hil import` does. Reads
- * the file (URDF, with an SRDF for poses, or MJCF), makes a robot of it (tree_simplify.h), assumes drives
- * (drive.h), plans buses (board_layout.h), writes the files (write.h), and reads them back, so that what
- * was written loads. Not RT-safe.
+ * the file (URDF, with an SRDF for poses, or MJCF), makes a robot of it (tree_simplify.h), assumes
+ * drives (drive.h), plans buses (board_layout.h), writes the files (write.h), and reads them back,
+ * so that what was written loads. Not RT-safe.
  */
 #ifndef APP_IMPORT_IMPORT_H
 #define APP_IMPORT_IMPORT_H

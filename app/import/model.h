@@ -2,9 +2,9 @@
 /*
  * Describes a robot as a foreign file has it, whatever its format: links, joints, geometry, sensors
  * and poses, each with the file and line it stands in, in the file's own order. Nothing is merged
- * or judged yet; app/import/tree_simplify.h makes a robot of it. SI units, angles in rad; places are those
- * of the child in the parent. Memory is the arena's that it was read into; names are the file's.
- * Not RT-safe.
+ * or judged yet; app/import/tree_simplify.h makes a robot of it. SI units, angles in rad; places
+ * are those of the child in the parent. Memory is the arena's that it was read into; names are the
+ * file's. Not RT-safe.
  */
 #ifndef APP_IMPORT_MODEL_H
 #define APP_IMPORT_MODEL_H

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Makes the robot's bodies and joints; simplify_tree.c, tree_simplify_mimic.c and simplify_frames.c do the
- * steps before and after. */
+/* Makes the robot's bodies and joints; tree_simplify_order.c, tree_simplify_mimic.c and
+ * tree_simplify_frames.c do the steps before and after. */
 #include "app/import/tree_simplify_private.h"
 
 #include "base/portable_math.h"

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Contact engine "native", evaluation: for each pair that the broad phase finds near it computes
- * the relative pose and velocity of its surfaces, lets contact/native/narrow_phase.h find penetration and
- * force, adds sticking friction (friction_sticking.c), and transforms the wrench to the world frame.
+ * the relative pose and velocity of its surfaces, lets contact/native/narrow_phase.h find
+ * penetration and force, adds sticking friction (friction_sticking.c), and transforms the wrench to
+ * the world frame.
  */
 #include "contact/native/private.h"
 #include "base/vec3.h"

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Private to the engine "native" (native.c, create.c, friction_sticking.c): the world that it makes of a
- * configuration, and works in. All memory is the arena's that it was created in. SI units; frames
- * as said. The calls below are RT-safe.
+ * Private to the engine "native" (native.c, create.c, friction_sticking.c): the world that it makes
+ * of a configuration, and works in. All memory is the arena's that it was created in. SI units;
+ * frames as said. The calls below are RT-safe.
  */
 #ifndef CONTACT_NATIVE_PRIVATE_H
 #define CONTACT_NATIVE_PRIVATE_H

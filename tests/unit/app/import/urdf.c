@@ -486,7 +486,8 @@ TEST_WITH(poses_come_from_the_second_file, open_default, close_arena)
     assert_int_equal(srdf_read(&file, &arena, &model, &notes, &error), ERROR_NONE);
     xml_file_close(&file);
     assert_true(noted(IMPORT_DROPPED, 5, "no such joint"));
-    assert_int_equal(import_simplify_tree(&model, &options, &arena, &notes, &made, &error), ERROR_NONE);
+    assert_int_equal(import_simplify_tree(&model, &options, &arena, &notes, &made, &error),
+                     ERROR_NONE);
     assert_true(made.robot->floating);
     assert_int_equal(made.robot->npose, 2);
     assert_string_equal(made.robot->pose[1].name, "standing");
