@@ -148,7 +148,7 @@ static enum error_code merge_joints(struct robot_builder *b, const struct varian
     memcpy(merged, file->joint, count * sizeof *merged);
     /* First the replacements, which say where the new ones belong */
     for (size_t i = 0; i < variant->njoint; i++) {
-        int at = find_named_entry(merged, count, sizeof *merged, variant->joint[i].name);
+        int at = find_named_entry(merged, count, sizeof *merged, variant->joint[i].joint.name);
 
         if (at >= 0) {
             merged[at] = variant->joint[i];
@@ -158,7 +158,7 @@ static enum error_code merge_joints(struct robot_builder *b, const struct varian
         const struct joint_yaml *joint = &variant->joint[i];
         size_t at = 0;
 
-        if (find_named_entry(merged, count, sizeof *merged, joint->name) >= 0) {
+        if (find_named_entry(merged, count, sizeof *merged, joint->joint.name) >= 0) {
             continue;
         }
         while (at < count && strcmp(merged[at].parent, joint->child) != 0) {
@@ -195,7 +195,7 @@ static enum error_code apply_variant(struct robot_builder *b, struct variant_yam
     file->frame = frame;
     file->capsule = capsule;
     file->ft = ft;
-    if (variant->has_passive) {
+    if (yaml_has(&variant->mark, "passive")) {
         file->passive = variant->passive;
     }
     return ERROR_NONE;
@@ -247,7 +247,7 @@ enum error_code robot_load(const char *path, const char *variant, struct arena *
     b.robot->name = b.file.name;
     b.robot->file = b.file.mark.file;
     b.robot->source_hash = b.file.hash;
-    b.robot->floating = b.file.base.floating;
+    b.robot->floating = b.file.floating;
     memcpy(b.robot->gravity, b.file.gravity, sizeof b.robot->gravity);
     if ((code = check_all_names(&b)) || (code = robot_take_drive(&b, &b.file.drive)) ||
         (code = choose_variant(&b, variant)) || (code = robot_check_own_drives(&b)) ||

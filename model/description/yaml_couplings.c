@@ -29,20 +29,20 @@ static enum error_code check_chain(struct robot_builder *b, size_t i)
         const int line = b->file.coupling[k].mark.line;
 
         if (before->follower == own->follower) {
-            return yaml_error(b->error, &given->follower_mark,
+            return yaml_error(b->error, yaml_mark(&given->mark, "follower"),
                               "found joint \"%s\" as a follower again, expected one leader (it "
                               "follows \"%s\" in line %d)",
                               given->follower, b->file.coupling[k].leader, line);
         }
         if (before->follower == own->leader) {
-            return yaml_error(b->error, &given->leader_mark,
+            return yaml_error(b->error, yaml_mark(&given->mark, "leader"),
                               "found leader \"%s\", which follows \"%s\" itself (line %d), "
                               "expected a joint that follows none: name \"%s\"",
                               given->leader, b->file.coupling[k].leader, line,
                               b->file.coupling[k].leader);
         }
         if (before->leader == own->follower) {
-            return yaml_error(b->error, &given->follower_mark,
+            return yaml_error(b->error, yaml_mark(&given->mark, "follower"),
                               "found follower \"%s\", which \"%s\" follows (line %d), expected a "
                               "joint that leads none",
                               given->follower, b->file.coupling[k].follower, line);
@@ -58,18 +58,19 @@ static enum error_code build_coupled_joints(struct robot_builder *b, size_t i)
     struct robot_coupling *coupling = &b->robot->coupling[i];
     enum error_code code;
 
-    if ((code =
-             find_coupled_joint(b, given->follower, &given->follower_mark, &coupling->follower)) ||
-        (code = find_coupled_joint(b, given->leader, &given->leader_mark, &coupling->leader))) {
+    if ((code = find_coupled_joint(b, given->follower, yaml_mark(&given->mark, "follower"),
+                                   &coupling->follower)) ||
+        (code = find_coupled_joint(b, given->leader, yaml_mark(&given->mark, "leader"),
+                                   &coupling->leader))) {
         return code;
     }
     if (coupling->follower == coupling->leader) {
-        return yaml_error(b->error, &given->leader_mark,
+        return yaml_error(b->error, yaml_mark(&given->mark, "leader"),
                           "found joint \"%s\" as its own leader, expected another joint",
                           given->leader);
     }
     if (robot_joint_is_driven(&b->robot->joint[coupling->follower])) {
-        return yaml_error(b->error, &given->follower_mark,
+        return yaml_error(b->error, yaml_mark(&given->mark, "follower"),
                           "found follower \"%s\" with a drive of its own, expected none: its "
                           "leader moves it",
                           given->follower);
@@ -77,32 +78,29 @@ static enum error_code build_coupled_joints(struct robot_builder *b, size_t i)
     return check_chain(b, i);
 }
 
-/* Takes the numbers of a coupling, in the units of the follower, which the keys name. */
-static enum error_code build_coupling_numbers(struct robot_builder *b,
+/* Checks the numbers of a coupling, in the units of the follower, which the keys name. */
+static enum error_code check_coupling_numbers(struct robot_builder *b,
                                               const struct coupling_yaml *given,
-                                              struct robot_coupling *coupling)
+                                              const struct robot_coupling *coupling)
 {
+    static const char *const keys[][3] = {{"stiffness_nm_rad", "damping_nm_s_rad", "offset_rad"},
+                                          {"stiffness_n_m", "damping_n_s_m", "offset_m"}};
     const enum joint_type type = b->robot->joint[coupling->follower].type;
-    const bool *own = given->given[type], *other = given->given[1 - type];
-    const double *value = given->value[type];
+    const char *const *key = keys[type];
 
-    if (!own[COUPLING_STIFFNESS] || !own[COUPLING_DAMPING] || other[COUPLING_OFFSET] ||
-        other[COUPLING_STIFFNESS] || other[COUPLING_DAMPING]) {
+    if (robot_count_keys(&given->mark, key, 2) < 2 ||
+        robot_count_keys(&given->mark, keys[1 - type], 3) > 0) {
         return yaml_error(
-            b->error, &given->mark, "found a coupling of %s joint \"%s\", expected the keys %s",
-            type == JOINT_REVOLUTE ? "revolute" : "prismatic", given->follower,
-            type == JOINT_REVOLUTE ? "stiffness_nm_rad, damping_nm_s_rad and, if not 0, offset_rad"
-                                   : "stiffness_n_m, damping_n_s_m and, if not 0, offset_m");
+            b->error, &given->mark,
+            "found a coupling of %s joint \"%s\", expected the keys %s, %s and, if not 0, %s",
+            type == JOINT_REVOLUTE ? "revolute" : "prismatic", given->follower, key[0], key[1],
+            key[2]);
     }
-    if (fabs(given->multiplier) < LEAST_MULTIPLIER) {
-        return yaml_error(b->error, &given->multiplier_mark,
+    if (fabs(coupling->multiplier) < LEAST_MULTIPLIER) {
+        return yaml_error(b->error, yaml_mark(&given->mark, "multiplier"),
                           "found multiplier %g, expected %g or more, positive or negative",
-                          given->multiplier, LEAST_MULTIPLIER);
+                          coupling->multiplier, LEAST_MULTIPLIER);
     }
-    coupling->multiplier = given->multiplier;
-    coupling->offset = value[COUPLING_OFFSET];
-    coupling->stiffness = value[COUPLING_STIFFNESS];
-    coupling->damping = value[COUPLING_DAMPING];
     return ERROR_NONE;
 }
 
@@ -122,8 +120,9 @@ enum error_code robot_build_couplings(struct robot_builder *b)
         return robot_no_memory(b);
     }
     for (size_t i = 0; i < file->ncoupling && !code; i++) {
+        robot->coupling[i] = file->coupling[i].coupling;
         code = build_coupled_joints(b, i);
-        code = code ? code : build_coupling_numbers(b, &file->coupling[i], &robot->coupling[i]);
+        code = code ? code : check_coupling_numbers(b, &file->coupling[i], &robot->coupling[i]);
     }
     robot->ncoupling = file->ncoupling;
     return code;

@@ -1,10 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Builds the drives of a robot file: what the catalogue gives, what the robot and its variant give
- * for all joints, what a joint gives itself, and the drive that comes of it.
+ * for all joints, what a joint gives itself, and the drive that comes of it. The effects beside the
+ * paper's equations are off unless given.
  */
 #include "base/config.h"
+#include "base/array.h"
 #include "model/description/yaml.h"
+#include "model/drives/effects.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -16,37 +19,25 @@
 static const char *const kind_word[] = {
     [DRIVE_ELECTRIC] = "an electric drive", [DRIVE_HYDRAULIC] = "a hydraulic drive"};
 
-/* Returns the first key of that kind, and where it stands; NULL when there is none. */
-static const char *drive_find_key(const struct drive_yaml *drive, enum drive_kind kind,
-                                  const struct yaml_mark **mark)
+/* Returns the first key of that kind that a drive has; NULL when there is none. */
+static const char *drive_find_key(const struct drive_yaml *drive, enum drive_kind kind)
 {
-    for (size_t i = 0; kind == DRIVE_HYDRAULIC && i < HYDRAULIC_PARAMETERS; i++) {
-        if (drive->has_cylinder[i]) {
-            *mark = &drive->cylinder_mark[i];
-            return robot_hydraulic_key((enum hydraulic_parameter)i);
+    size_t count;
+    const struct yaml_field *row = robot_drive_rows(kind, &count);
+
+    for (size_t i = 0; i < count; i++) {
+        if (yaml_has(&drive->mark, row[i].key)) {
+            return row[i].key;
         }
     }
-    for (size_t i = 0; kind == DRIVE_ELECTRIC && i < PARAMETER_COUNT; i++) {
-        if (drive->given[i]) {
-            *mark = &drive->value_mark[i];
-            return robot_drive_key((enum drive_parameter)i);
-        }
-    }
-    *mark = &drive->mark;
-    return kind != DRIVE_ELECTRIC ? NULL
-           : drive->has_freewheel ? "freewheel"
-           : drive->has_error     ? "gear_error"
-           : drive->has_cogging   ? "cogging"
-                                  : NULL;
+    return NULL;
 }
 
 enum drive_kind robot_drive_kind(const struct drive_yaml *drive)
 {
-    const struct yaml_mark *mark;
-
-    return drive_find_key(drive, DRIVE_HYDRAULIC, &mark)  ? DRIVE_HYDRAULIC
-           : drive_find_key(drive, DRIVE_ELECTRIC, &mark) ? DRIVE_ELECTRIC
-                                                          : DRIVE_UNSAID;
+    return drive_find_key(drive, DRIVE_HYDRAULIC)  ? DRIVE_HYDRAULIC
+           : drive_find_key(drive, DRIVE_ELECTRIC) ? DRIVE_ELECTRIC
+                                                   : DRIVE_UNSAID;
 }
 
 /* Refuses a drive that has keys of the other kind than the one that from names. */
@@ -54,11 +45,11 @@ static enum error_code refuse_other_kind(struct robot_builder *b, const struct d
                                          enum drive_kind kind, const char *from)
 {
     const enum drive_kind other = kind == DRIVE_HYDRAULIC ? DRIVE_ELECTRIC : DRIVE_HYDRAULIC;
-    const struct yaml_mark *mark;
-    const char *key = kind == DRIVE_UNSAID ? NULL : drive_find_key(drive, other, &mark);
+    const char *key = kind == DRIVE_UNSAID ? NULL : drive_find_key(drive, other);
 
-    return key ? yaml_error(b->error, mark, "found key \"%s\" of %s beside %s, expected keys of %s",
-                            key, kind_word[other], from, kind_word[kind])
+    return key ? yaml_error(b->error, yaml_mark(&drive->mark, key),
+                            "found key \"%s\" of %s beside %s, expected keys of %s", key,
+                            kind_word[other], from, kind_word[kind])
                : ERROR_NONE;
 }
 
@@ -66,46 +57,49 @@ static enum error_code refuse_other_kind(struct robot_builder *b, const struct d
 static enum error_code refuse_mixed_keys(struct robot_builder *b, const struct drive_yaml *drive)
 {
     const enum drive_kind kind = robot_drive_kind(drive);
-    const struct yaml_mark *mark;
     char from[96];
 
     snprintf(from, sizeof from, "key \"%s\" of %s",
-             kind == DRIVE_UNSAID ? "" : drive_find_key(drive, kind, &mark),
+             kind == DRIVE_UNSAID ? "" : drive_find_key(drive, kind),
              kind == DRIVE_UNSAID ? "" : kind_word[kind]);
     return refuse_other_kind(b, drive, kind, from);
 }
 
 /* ---- merging ---- */
 
-/* Merges change into drive; the numbers of change go first. */
-static void merge_drive(const struct drive_yaml *change, struct drive_yaml *drive)
+/* Merges change into drive; the values and the place of change go first. */
+static enum error_code merge_drive(struct robot_builder *b, const struct drive_yaml *change,
+                                   struct drive_yaml *drive)
 {
-    for (enum drive_parameter i = 0; i < PARAMETER_COUNT; i++) {
-        if (change->given[i]) {
-            drive->value[i] = change->value[i];
-            drive->given[i] = true;
+    const struct yaml_key *const from[] = {change->mark.keys, drive->mark.keys};
+    struct yaml_key *keys, *at;
+    size_t count = 1;
+
+    for (size_t i = 0; i < ARRAY_COUNT(from); i++) {
+        for (const struct yaml_key *key = from[i]; key && key->key; key++) {
+            count++;
         }
     }
-    for (enum hydraulic_parameter i = 0; i < HYDRAULIC_PARAMETERS; i++) {
-        if (change->has_cylinder[i]) {
-            drive->cylinder[i] = change->cylinder[i];
-            drive->has_cylinder[i] = true;
+    keys = at = arena_alloc(b->arena, count, sizeof *keys);
+    if (!keys) {
+        return robot_no_memory(b);
+    }
+    for (size_t i = 0; i < ARRAY_COUNT(from); i++) {
+        for (const struct yaml_key *key = from[i]; key && key->key; key++) {
+            *at++ = *key;
         }
     }
-    if (change->has_freewheel) {
-        drive->freewheel = change->freewheel;
-        drive->has_freewheel = true;
-    }
-    if (change->has_error) {
-        drive->error = change->error;
-        drive->nerror = change->nerror;
-        drive->has_error = true;
-    }
-    if (change->has_cogging) {
-        drive->cogging = change->cogging;
-        drive->ncogging = change->ncogging;
-        drive->has_cogging = true;
-    }
+    yaml_override(&robot_drive_schema, &change->mark, change, drive);
+    drive->mark = change->mark;
+    drive->mark.keys = keys;
+    return ERROR_NONE;
+}
+
+enum error_code robot_merge_own_drive(struct robot_builder *b, const struct drive_yaml *own,
+                                      const struct drive_yaml *given, struct drive_yaml *merged)
+{
+    *merged = *own;
+    return merge_drive(b, given, merged);
 }
 
 enum error_code robot_change_drive(struct robot_builder *b, struct drive_yaml *change)
@@ -116,10 +110,7 @@ enum error_code robot_change_drive(struct robot_builder *b, struct drive_yaml *c
     if (!code) {
         code = refuse_other_kind(b, change, own, "the robot's own drive");
     }
-    if (!code) {
-        merge_drive(change, &b->file.drive);
-    }
-    return code;
+    return code ? code : merge_drive(b, change, &b->file.drive);
 }
 
 enum error_code robot_check_own_drives(struct robot_builder *b)
@@ -139,32 +130,34 @@ enum error_code robot_check_own_drives(struct robot_builder *b)
 /* Checks that a drive of the catalogue has ratings of its kind, and no triangle. */
 static enum error_code check_drive_file(struct robot_builder *b, const struct drive_file_yaml *file)
 {
-    const struct drive_yaml *drive = &file->drive;
-    const bool oil = robot_drive_kind(drive) == DRIVE_HYDRAULIC;
-    enum error_code code = refuse_mixed_keys(b, drive);
+    static const char *const rating[] = {"supply_v", "torque_nm", "peak_torque_nm", "speed_rad_s"};
+    const bool oil = robot_drive_kind(&file->drive) == DRIVE_HYDRAULIC;
+    const char *wrong = oil ? NULL : "pressure_pa";
+    enum error_code code = refuse_mixed_keys(b, &file->drive);
+    size_t count;
+    const struct yaml_field *row = robot_drive_rows(DRIVE_HYDRAULIC, &count);
 
-    for (enum hydraulic_parameter i = HYDRAULIC_BASE; i <= HYDRAULIC_CLOSED && !code; i++) {
-        if (drive->has_cylinder[i]) {
-            code = yaml_error(b->error, &drive->cylinder_mark[i],
+    for (size_t i = 0; i < count && !code; i++) {
+        if (robot_key_is_of_triangle(row[i].key) && yaml_has(&file->drive.mark, row[i].key)) {
+            code = yaml_error(b->error, yaml_mark(&file->drive.mark, row[i].key),
                               "found key \"%s\" in a drive's file, expected it at the joint that "
                               "takes the drive: the triangle is the joint's",
-                              robot_hydraulic_key(i));
+                              row[i].key);
         }
     }
-    for (enum drive_rating i = 0; i < RATING_MASS && !code; i++) {
-        if (file->rating[i] > 0.0 && (i == RATING_PRESSURE) != oil) {
-            code =
-                yaml_error(b->error, &file->rating_mark[i],
-                           "found rating \"%s\" in the file of %s, expected none of %s",
-                           robot_rating_key(i), kind_word[oil ? DRIVE_HYDRAULIC : DRIVE_ELECTRIC],
-                           kind_word[oil ? DRIVE_ELECTRIC : DRIVE_HYDRAULIC]);
-        }
+    for (size_t i = 0; i < ARRAY_COUNT(rating) && oil && !wrong; i++) {
+        wrong = yaml_has(&file->mark, rating[i]) ? rating[i] : NULL;
     }
-    if (!code && oil && !(file->rating[RATING_PRESSURE] > 0.0)) {
+    if (!code && wrong && yaml_has(&file->mark, wrong)) {
+        code = yaml_error(b->error, yaml_mark(&file->mark, wrong),
+                          "found rating \"%s\" in the file of %s, expected none of %s", wrong,
+                          kind_word[oil ? DRIVE_HYDRAULIC : DRIVE_ELECTRIC],
+                          kind_word[oil ? DRIVE_ELECTRIC : DRIVE_HYDRAULIC]);
+    }
+    if (!code && oil && !yaml_has(&file->mark, "pressure_pa")) {
         code = yaml_error(b->error, &file->mark,
-                          "found the file of a hydraulic drive without key \"%s\", expected the "
-                          "pressure that it is made for",
-                          robot_rating_key(RATING_PRESSURE));
+                          "found the file of a hydraulic drive without key \"pressure_pa\", "
+                          "expected the pressure that it is made for");
     }
     return code;
 }
@@ -194,7 +187,7 @@ static enum error_code drive_file_exists(struct robot_builder *b, const char *pa
 static enum error_code find_drive_file(struct robot_builder *b, const struct drive_yaml *drive,
                                        const char **path)
 {
-    const struct yaml_mark *mark = &drive->file_mark;
+    const struct yaml_mark *mark = yaml_mark(&drive->mark, "file");
     enum error_code code;
     char beside[288];
     bool there = false;
@@ -240,7 +233,7 @@ enum error_code robot_take_drive(struct robot_builder *b, struct drive_yaml *dri
     }
     if (!there) {
         return yaml_error(
-            b->error, &drive->file_mark,
+            b->error, yaml_mark(&drive->mark, "file"),
             "found drive \"%.63s\", whose file %.150s cannot be read, expected a file", drive->file,
             path);
     }
@@ -256,12 +249,10 @@ enum error_code robot_take_drive(struct robot_builder *b, struct drive_yaml *dri
 
     /* Numbers beside the name go before those of the file */
     taken = file.drive;
-    taken.mark = drive->mark;
     taken.file = drive->file;
-    taken.file_mark = drive->file_mark;
-    merge_drive(drive, &taken);
+    code = merge_drive(b, drive, &taken);
     *drive = taken;
-    return ERROR_NONE;
+    return code;
 }
 
 /* ---- a joint's drive ---- */
@@ -270,90 +261,195 @@ enum error_code robot_take_drive(struct robot_builder *b, struct drive_yaml *dri
  * alone. */
 #define SPRING_STOP_TIMES 20.0
 
-/* Builds the stop of a drive's spring from the drive's parameters. */
-static enum error_code build_spring_stop(struct robot_builder *b, const struct joint_yaml *given,
-                                         const double value[PARAMETER_COUNT],
-                                         const bool said[PARAMETER_COUNT], struct robot_sea *sea)
-{
-    const struct drive_yaml *own = &given->drive;
+/* Temperature coefficient of copper, 1/K at 25 degree C (IEC 60034-1: 1/(234.5 + 25)); where a
+ * file gives no number. */
+#define COPPER_PER_K 0.00385
 
-    if (!said[PARAMETER_DEFLECTION]) {
-        return own->given[PARAMETER_STOP_KS] || own->given[PARAMETER_STOP_DS]
-                   ? yaml_error(b->error, &own->mark,
-                                "found a stop of the spring of joint \"%s\" without key \"%s\", "
-                                "expected the deflection at which it begins",
-                                given->name, robot_drive_key(PARAMETER_DEFLECTION))
+/* Temperature of the air, where a file does not say. */
+#define AMBIENT_C 25.0
+
+/* Builds the stop of a drive's spring; given: what the joint says itself. */
+static enum error_code build_spring_stop(struct robot_builder *b, const struct joint_yaml *given,
+                                         const struct yaml_mark *drive, struct robot_sea *sea)
+{
+    const struct yaml_mark *own = &given->drive.mark;
+
+    if (!yaml_has(drive, "deflection_rad")) {
+        sea->stop = (struct robot_stop){0};
+        return yaml_has(own, "stop_Ks_nm_rad") || yaml_has(own, "stop_Ds_nm_s_rad")
+                   ? yaml_error(b->error, own,
+                                "found a stop of the spring of joint \"%s\" without key "
+                                "\"deflection_rad\", expected the deflection at which it begins",
+                                given->joint.name)
                    : ERROR_NONE;
     }
-    sea->deflection = value[PARAMETER_DEFLECTION];
-    sea->stop.stiffness =
-        said[PARAMETER_STOP_KS] ? value[PARAMETER_STOP_KS] : SPRING_STOP_TIMES * sea->Ks;
-    sea->stop.damping =
-        said[PARAMETER_STOP_DS] ? value[PARAMETER_STOP_DS] : STOP_RETURNS * sea->stop.stiffness;
+    if (!yaml_has(drive, "stop_Ks_nm_rad")) {
+        sea->stop.stiffness = SPRING_STOP_TIMES * sea->Ks;
+    }
+    if (!yaml_has(drive, "stop_Ds_nm_s_rad")) {
+        sea->stop.damping = STOP_RETURNS * sea->stop.stiffness;
+    }
     return ERROR_NONE;
+}
+
+/* Copies the sines of a list, ROBOT_HARMONICS at most. */
+static enum error_code build_harmonics(struct robot_builder *b, const struct harmonic_yaml *given,
+                                       size_t count, struct robot_harmonic *harmonic, size_t *made)
+{
+    if (count > ROBOT_HARMONICS) {
+        return yaml_error(b->error, &given[ROBOT_HARMONICS].mark,
+                          "found %zu sines, expected no more than %d", count, ROBOT_HARMONICS);
+    }
+    for (size_t i = 0; i < count; i++) {
+        harmonic[i] = given[i].sine;
+    }
+    *made = count;
+    return ERROR_NONE;
+}
+
+/* Refuses keys that mean nothing without another. */
+static enum error_code check_effect_keys(struct robot_builder *b, const struct yaml_mark *drive)
+{
+    static const char *const pair[][2] = {
+        {"breakaway_nm", "coulomb_nm"},
+        {"breakaway_nm", "stribeck_rad_s"},
+        {"stribeck_rad_s", "breakaway_nm"},
+        {"stribeck_exponent", "stribeck_rad_s"},
+        {"load_motor_stribeck", "stribeck_rad_s"},
+        {"load_external_stribeck", "stribeck_rad_s"},
+        {"load_motor_per_nm", "stribeck_rad_s"},
+        {"load_external_per_nm", "stribeck_rad_s"},
+        {"hysteresis_nm", "hysteresis_nm_rad"},
+        {"hysteresis_nm_rad", "hysteresis_nm"},
+        {"winding_k_w", "housing_k_w"},
+        {"housing_k_w", "winding_j_k"},
+        {"winding_j_k", "housing_j_k"},
+        {"housing_j_k", "winding_k_w"},
+        {"ambient_c", "winding_k_w"},
+        {"R_per_k", "winding_k_w"},
+        {"NKt_per_k", "winding_k_w"},
+        {"dead_time_s", "pwm_hz"},
+        {"switching_s", "pwm_hz"},
+    };
+
+    for (size_t i = 0; i < ARRAY_COUNT(pair); i++) {
+        if (yaml_has(drive, pair[i][0]) && !yaml_has(drive, pair[i][1])) {
+            return yaml_error(b->error, drive,
+                              "found a drive with key \"%s\" and without \"%s\", expected both",
+                              pair[i][0], pair[i][1]);
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* Returns whether a drive says anything of effects: by a number behind those of the spring's stop,
+ * or by a sine, or that it freewheels. */
+static bool drive_has_effects(const struct drive_yaml *drive)
+{
+    bool any = drive->effects.freewheel || drive->nerror > 0 || drive->ncogging > 0, effect = false;
+    size_t count;
+    const struct yaml_field *row = robot_drive_rows(DRIVE_ELECTRIC, &count);
+
+    for (size_t i = 0; i < count && row[i].type == YAML_REAL; i++) {
+        effect = effect || strcmp(row[i].key, "coulomb_nm") == 0;
+        any = any || (effect && yaml_has(&drive->mark, row[i].key));
+    }
+    return any;
+}
+
+/* Builds the effects of a drive: NULL if there are none. */
+static enum error_code build_effects(struct robot_builder *b, const struct drive_yaml *drive,
+                                     struct robot_sea *sea)
+{
+    const struct yaml_mark *mark = &drive->mark;
+    struct robot_effects *effects;
+    enum error_code code;
+    struct error why;
+
+    if (!drive_has_effects(drive)) {
+        return ERROR_NONE;
+    }
+    if ((code = check_effect_keys(b, mark))) {
+        return code;
+    }
+
+    /* The effects have memory of their own: without them a drive carries nothing of them */
+    effects = arena_alloc(b->arena, 1, sizeof *effects);
+    if (!effects) {
+        return robot_no_memory(b);
+    }
+    *effects = drive->effects;
+    if (!yaml_has(mark, "breakaway_nm")) {
+        effects->breakaway = effects->coulomb;
+    }
+    if (!yaml_has(mark, "ambient_c")) {
+        effects->thermal.ambient_c = AMBIENT_C;
+    }
+    if (!yaml_has(mark, "R_per_k")) {
+        effects->thermal.R_per_k = COPPER_PER_K;
+    }
+    if ((code =
+             build_harmonics(b, drive->error, drive->nerror, effects->error, &effects->nerror)) ||
+        (code = build_harmonics(b, drive->cogging, drive->ncogging, effects->cogging,
+                                &effects->ncogging))) {
+        return code;
+    }
+    sea->effects = effects;
+    return effects_check(sea, &why) ? yaml_error(b->error, mark, "%s", why.text) : ERROR_NONE;
 }
 
 /* Builds an electric drive: each parameter from the joint's drive, or else from the robot's. */
 static enum error_code build_electric(struct robot_builder *b, const struct joint_yaml *given,
                                       struct robot_sea *sea)
 {
-    double value[PARAMETER_COUNT];
-    bool said[PARAMETER_COUNT];
-    enum error_code code;
+    struct drive_yaml drive;
+    enum error_code code = robot_merge_own_drive(b, &b->file.drive, &given->drive, &drive);
+    size_t count;
+    const struct yaml_field *row = robot_drive_rows(DRIVE_ELECTRIC, &count);
 
+    if (code) {
+        return code;
+    }
     /* Only the parameters before the deflection are required */
-    for (enum drive_parameter i = 0; i < PARAMETER_COUNT; i++) {
-        const struct drive_yaml *from = given->drive.given[i] ? &given->drive : &b->file.drive;
-
-        said[i] = from->given[i];
-        if (!said[i] && i < PARAMETER_DEFLECTION) {
+    for (; strcmp(row->key, "deflection_rad") != 0; row++) {
+        if (!yaml_has(&drive.mark, row->key)) {
             return yaml_error(
                 b->error, &given->drive.mark,
                 "found the drive of joint \"%s\" without key \"%s\", expected it here%s "
                 "or in the robot's own drive",
-                given->name, robot_drive_key(i),
+                given->joint.name, row->key,
                 given->drive.file ? ", in the file of the drive," : "");
         }
-        value[i] = from->value[i];
     }
     /* The paper's constants, then what goes beyond them */
-    *sea = (struct robot_sea){.present = true,
-                              .J = value[PARAMETER_J],
-                              .Dm = value[PARAMETER_DM],
-                              .Ks = value[PARAMETER_KS],
-                              .Ds = value[PARAMETER_DS],
-                              .N = value[PARAMETER_N],
-                              .Kt = value[PARAMETER_KT],
-                              .Kw = value[PARAMETER_KW],
-                              .R = value[PARAMETER_R],
-                              .L = value[PARAMETER_L]};
-    if ((code = build_spring_stop(b, given, value, said, sea))) {
-        return code;
-    }
-    return robot_build_effects(b, &given->drive, sea);
+    *sea = drive.sea;
+    sea->present = true;
+    code = build_spring_stop(b, given, &drive.mark, sea);
+    return code ? code : build_effects(b, &drive, sea);
 }
 
 enum error_code robot_build_drive(struct robot_builder *b, struct joint_yaml *given,
                                   struct robot_joint *joint)
 {
+    const bool hydraulic = yaml_has(&given->mark, "hydraulic");
     enum drive_kind kind;
     enum error_code code;
 
     /* At most one drive, on a joint that turns */
-    if (given->has_drive && given->has_hydraulic) {
+    if (hydraulic && yaml_has(&given->mark, "drive")) {
         return yaml_error(b->error, &given->hydraulic.mark,
                           "found a hydraulic drive on driven joint \"%s\", expected none",
-                          given->name);
+                          given->joint.name);
     }
-    if (given->has_hydraulic) {
+    if (hydraulic) {
         given->drive = given->hydraulic;
-    } else if (!given->has_drive) {
+    } else if (!yaml_has(&given->mark, "drive")) {
         return ERROR_NONE;
     }
-    if (given->type != JOINT_REVOLUTE) {
+    if (joint->type != JOINT_REVOLUTE) {
         return yaml_error(b->error, &given->drive.mark,
                           "found a drive on prismatic joint \"%s\", expected none: drives turn",
-                          given->name);
+                          given->joint.name);
     }
     /* The kind is that of the joint's keys, else of the robot's own drive */
     code = robot_take_drive(b, &given->drive);
@@ -362,7 +458,7 @@ enum error_code robot_build_drive(struct robot_builder *b, struct joint_yaml *gi
     }
     kind = robot_drive_kind(&given->drive);
     if (kind == DRIVE_UNSAID) {
-        kind = given->has_hydraulic ? DRIVE_HYDRAULIC : robot_drive_kind(&b->file.drive);
+        kind = hydraulic ? DRIVE_HYDRAULIC : robot_drive_kind(&b->file.drive);
     }
     return kind == DRIVE_HYDRAULIC ? robot_build_hydraulic(b, given, joint)
                                    : build_electric(b, given, &joint->sea);
@@ -373,7 +469,7 @@ enum error_code robot_build_drive(struct robot_builder *b, struct joint_yaml *gi
 enum error_code robot_load_drive(const char *path, struct arena *arena,
                                  const struct robot_drive **drive, struct error *error)
 {
-    static const struct joint_yaml nothing = {.name = "of this file", .type = JOINT_REVOLUTE};
+    static const struct joint_yaml nothing = {.joint.name = "of this file"};
     struct robot_builder b = {.arena = arena, .error = error};
     struct joint_yaml joint = nothing;
     struct drive_file_yaml file;
@@ -387,15 +483,7 @@ enum error_code robot_load_drive(const char *path, struct arena *arena,
     if (!made) {
         return error_set(error, ERROR_MEMORY, "%.200s: no memory left for this drive", path);
     }
-    *made = (struct robot_drive){.name = file.name,
-                                 .description = file.description,
-                                 .source = file.source,
-                                 .supply_v = file.rating[RATING_SUPPLY],
-                                 .torque = file.rating[RATING_TORQUE],
-                                 .peak_torque = file.rating[RATING_PEAK_TORQUE],
-                                 .speed = file.rating[RATING_SPEED],
-                                 .pressure = file.rating[RATING_PRESSURE],
-                                 .mass = file.rating[RATING_MASS]};
+    *made = file.made;
     joint.drive = file.drive;
     *drive = made;
     return robot_drive_kind(&file.drive) == DRIVE_HYDRAULIC
@@ -411,7 +499,7 @@ enum error_code robot_describe_drive(const char *path, struct arena *arena,
     enum error_code code = read_drive_file(&b, path, &file);
 
     if (!code) {
-        *description = file.description;
+        *description = file.made.description;
         *hydraulic = robot_drive_kind(&file.drive) == DRIVE_HYDRAULIC;
     }
     return code;

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Builds the frames, capsules, sensors and poses of a robot file. */
+/* Builds the frames, capsules, visuals, sensors and poses of a robot file. */
+#include "base/array.h"
 #include "base/portable_math.h"
 #include "base/vec3.h"
 #include "model/coupling.h"
@@ -8,59 +9,129 @@
 #include <math.h>
 #include <string.h>
 
+enum error_code robot_find_key_body(struct robot_builder *b, const struct yaml_mark *entry,
+                                    const char *name, int *body)
+{
+    *body = robot_find_body(b->robot, name);
+    return *body >= 0 ? ERROR_NONE
+                      : robot_unknown_name(b, yaml_mark(entry, "body"), "body", name, b->file.body,
+                                           b->file.nbody, sizeof *b->file.body);
+}
+
 enum error_code robot_build_frames(struct robot_builder *b)
 {
-    const struct robot_yaml *file = &b->file;
     struct robot *robot = b->robot;
+    enum error_code code = ERROR_NONE;
 
-    robot->frame = arena_alloc(b->arena, file->nframe, sizeof *robot->frame);
+    robot->nframe = b->file.nframe;
+    robot->frame = arena_alloc(b->arena, robot->nframe, sizeof *robot->frame);
     if (!robot->frame) {
         return robot_no_memory(b);
     }
-    for (size_t i = 0; i < file->nframe; i++) {
-        const struct frame_yaml *given = &file->frame[i];
-        struct robot_frame *frame = &robot->frame[i];
+    for (size_t i = 0; i < robot->nframe && !code; i++) {
+        const struct frame_yaml *given = &b->file.frame[i];
 
-        frame->name = given->name;
-        frame->body = robot_find_body(robot, given->body);
-        if (frame->body < 0) {
-            return robot_unknown_name(b, &given->body_mark, "body", given->body, file->body,
-                                      file->nbody, sizeof *file->body);
-        }
-        memcpy(frame->position, given->xyz, sizeof frame->position);
-        mat3_from_rpy(given->rpy, frame->rotation);
+        robot->frame[i] = given->frame;
+        code = robot_find_key_body(b, &given->mark, given->body, &robot->frame[i].body);
+        mat3_from_rpy(given->rpy, robot->frame[i].rotation);
     }
-    robot->nframe = file->nframe;
-    return ERROR_NONE;
+    return code;
 }
 
 enum error_code robot_build_capsules(struct robot_builder *b)
 {
-    const struct robot_yaml *file = &b->file;
     struct robot *robot = b->robot;
+    enum error_code code = ERROR_NONE;
 
-    robot->capsule = arena_alloc(b->arena, file->ncapsule, sizeof *robot->capsule);
+    robot->ncapsule = b->file.ncapsule;
+    robot->capsule = arena_alloc(b->arena, robot->ncapsule, sizeof *robot->capsule);
     if (!robot->capsule) {
         return robot_no_memory(b);
     }
-    for (size_t i = 0; i < file->ncapsule; i++) {
-        const struct capsule_yaml *given = &file->capsule[i];
-        struct robot_capsule *capsule = &robot->capsule[i];
+    for (size_t i = 0; i < robot->ncapsule && !code; i++) {
+        const struct capsule_yaml *given = &b->file.capsule[i];
 
-        capsule->name = given->name;
-        capsule->body = robot_find_body(robot, given->body);
-        if (capsule->body < 0) {
-            return robot_unknown_name(b, &given->body_mark, "body", given->body, file->body,
-                                      file->nbody, sizeof *file->body);
-        }
-        memcpy(capsule->position, given->xyz, sizeof capsule->position);
-        mat3_from_rpy(given->rpy, capsule->rotation);
-        capsule->radius = given->radius;
-        capsule->length = given->length;
+        robot->capsule[i] = given->capsule;
+        code = robot_find_key_body(b, &given->mark, given->body, &robot->capsule[i].body);
+        mat3_from_rpy(given->rpy, robot->capsule[i].rotation);
     }
-    robot->ncapsule = file->ncapsule;
+    return code;
+}
+
+/* ---- visuals ---- */
+
+/* Refuses keys that a shape does not have, and a shape without those that it needs. */
+static enum error_code check_visual_keys(struct robot_builder *b, const struct visual_yaml *given)
+{
+    enum {
+        MESH = 1 << VISUAL_MESH,
+        ROUND = 1 << VISUAL_CYLINDER | 1 << VISUAL_CAPSULE,
+    };
+    const struct {
+        const char *key;
+        int needed; /* by these shapes */
+    } keys[] = {
+        {"half_extents_m", 1 << VISUAL_BOX},
+        {"radius_m", 1 << VISUAL_SPHERE | ROUND},
+        {"length_m", ROUND},
+        {given->visual.missing ? "missing" : "file", MESH},
+    };
+
+    if (given->visual.missing && given->file) {
+        return yaml_error(b->error, yaml_mark(&given->mark, "file"),
+                          "found \"file\" beside \"missing\", expected one of them");
+    }
+    for (size_t i = 0; i < ARRAY_COUNT(keys); i++) {
+        bool needed = keys[i].needed & 1 << given->visual.shape;
+
+        if (needed != yaml_has(&given->mark, keys[i].key)) {
+            return yaml_error(b->error, &given->mark, "found a %s %s \"%s\", expected %s",
+                              robot_visual_shapes[given->visual.shape].word,
+                              needed ? "without" : "with", keys[i].key,
+                              needed ? "it" : "none there");
+        }
+    }
     return ERROR_NONE;
 }
+
+/* Builds a visual and finds its body and its mesh file. */
+static enum error_code build_visual(struct robot_builder *b, const struct visual_yaml *given,
+                                    struct robot_visual *visual)
+{
+    enum error_code code = check_visual_keys(b, given);
+
+    *visual = given->visual;
+    code = code ? code : robot_find_key_body(b, &given->mark, given->body, &visual->body);
+    mat3_from_rpy(given->rpy, visual->rotation);
+    visual->colored = yaml_has(&given->mark, "color");
+    return code || !given->file ? code
+                                : yaml_resolve_path(yaml_mark(&given->mark, "file"), given->file,
+                                                    b->arena, &visual->file, b->error);
+}
+
+enum error_code robot_build_visuals(struct robot_builder *b)
+{
+    const struct robot_yaml *file = &b->file;
+    struct robot *robot = b->robot;
+    enum error_code code = ERROR_NONE;
+
+    if (file->nvisual > ROBOT_VISUALS_MAX) {
+        return yaml_error(b->error, &file->visual[ROBOT_VISUALS_MAX].mark,
+                          "found %zu visuals, expected at most %d", file->nvisual,
+                          ROBOT_VISUALS_MAX);
+    }
+    robot->visual = arena_alloc(b->arena, file->nvisual, sizeof *robot->visual);
+    if (!robot->visual) {
+        return robot_no_memory(b);
+    }
+    for (size_t i = 0; i < file->nvisual && !code; i++) {
+        code = build_visual(b, &file->visual[i], &robot->visual[i]);
+    }
+    robot->nvisual = file->nvisual;
+    return code;
+}
+
+/* ---- sensors ---- */
 
 /* Finds the frame of a sensor by name. */
 static enum error_code find_sensor_frame(struct robot_builder *b, const char *name,
@@ -86,22 +157,24 @@ enum error_code robot_build_sensors(struct robot_builder *b)
     }
     for (size_t i = 0; i < file->nft; i++) {
         const struct ft_yaml *given = &file->ft[i];
-        const struct inertia_yaml *distal = &given->distal;
+        struct robot_ft_sensor *sensor = &robot->ft[i];
 
-        robot->ft[i].name = given->name;
-        if ((code = find_sensor_frame(b, given->frame, &given->frame_mark, &robot->ft[i].frame)) ||
-            (code = robot_build_inertia(b, &distal->mark, distal->mass, distal->com, distal->I,
-                                        &robot->ft[i].distal))) {
+        *sensor = given->sensor;
+        if ((code = find_sensor_frame(b, given->frame, yaml_mark(&given->mark, "frame"),
+                                      &sensor->frame)) ||
+            (code = robot_refuse_inertia(b, yaml_mark(&given->mark, "distal"), &sensor->distal))) {
             return code;
         }
     }
     robot->nft = file->nft;
     robot->imu_frame = -1;
-    if (file->has_imu) {
-        return find_sensor_frame(b, file->imu.frame, &file->imu.frame_mark, &robot->imu_frame);
-    }
-    return ERROR_NONE;
+    return file->imu_frame
+               ? find_sensor_frame(b, file->imu_frame, yaml_mark(&file->mark, "imu.frame"),
+                                   &robot->imu_frame)
+               : ERROR_NONE;
 }
+
+/* ---- poses ---- */
 
 /* Takes the positions (rad or m) of the joints of one type, within their limits. */
 static enum error_code build_joint_positions(struct robot_builder *b, enum joint_type type,
@@ -160,7 +233,7 @@ static enum error_code check_unnamed_joints(struct robot_builder *b, const struc
                 b->error, &given->mark,
                 "found pose \"%s\" without joint \"%s\", expected it: its limits %g to "
                 "%g exclude zero",
-                given->name, joint->name, joint->lower, joint->upper);
+                given->pose.name, joint->name, joint->lower, joint->upper);
         }
     }
     return ERROR_NONE;
@@ -197,7 +270,7 @@ static enum error_code align_followers(struct robot_builder *b, const struct pos
             return yaml_error(b->error, &given->mark,
                               "found pose \"%s\" with joint \"%s\" at %g, where \"%s\" leads it, "
                               "expected %g to %g (its limits)",
-                              given->name, joint->name, aligned[j],
+                              given->pose.name, joint->name, aligned[j],
                               robot->joint[robot->coupling[i].leader].name, joint->lower,
                               joint->upper);
         }
@@ -229,15 +302,16 @@ static enum error_code build_pose(struct robot_builder *b, const struct pose_yam
     if (!position) {
         return robot_no_memory(b);
     }
-    if (given->has_xyz != b->robot->floating || (given->has_rpy && !b->robot->floating)) {
-        return yaml_error(b->error, &given->mark, "found pose \"%s\" %s, expected %s", given->name,
+    if (yaml_has(&given->mark, "base_xyz_m") != b->robot->floating ||
+        (yaml_has(&given->mark, "base_rpy_rad") && !b->robot->floating)) {
+        return yaml_error(b->error, &given->mark, "found pose \"%s\" %s, expected %s",
+                          given->pose.name,
                           b->robot->floating ? "without key \"base_xyz_m\"" : "with a base",
                           b->robot->floating ? "it: the base floats" : "none: the base is fixed");
     }
 
     /* The base at the origin where it is not given, the joints at zero */
-    pose->name = given->name;
-    memcpy(pose->base_position, given->base_xyz, sizeof pose->base_position);
+    *pose = given->pose;
     quaternion_from_rpy(given->base_rpy, pose->base_quaternion);
     pose->joint = position;
     if ((code = build_joint_positions(b, JOINT_REVOLUTE, given->joint_rad, given->njoint_rad,

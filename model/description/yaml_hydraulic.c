@@ -4,6 +4,7 @@
 #include "model/description/yaml.h"
 
 #include <math.h>
+#include <string.h>
 
 /* Speed about which friction changes its sign, m/s, where the file does not say. */
 #define FRICTION_SPEED 0.01
@@ -14,52 +15,40 @@
 
 static const double pi = 3.14159265358979323846;
 
-/* Computes areas and constants of a cylinder and its valve out of the numbers of the file. */
-static void fill_cylinder(const double value[HYDRAULIC_PARAMETERS],
-                          const bool said[HYDRAULIC_PARAMETERS], struct robot_hydraulic *cylinder)
+/* The keys of the triangle, which are the joint's. */
+bool robot_key_is_of_triangle(const char *key)
 {
-    const double bore = value[HYDRAULIC_BORE], rod = value[HYDRAULIC_ROD];
+    return strcmp(key, "base_m") == 0 || strcmp(key, "arm_m") == 0 ||
+           strcmp(key, "offset_rad") == 0 || strcmp(key, "closed_m") == 0;
+}
 
-    *cylinder = (struct robot_hydraulic){
-        .present = true,
-        .A1 = 0.25 * pi * bore * bore,
-        .A2 = 0.25 * pi * (bore * bore - rod * rod),
-        .stroke = value[HYDRAULIC_STROKE],
-        .dead = value[HYDRAULIC_DEAD],
-        .base = value[HYDRAULIC_BASE],
-        .arm = value[HYDRAULIC_ARM],
-        .offset = value[HYDRAULIC_OFFSET],
-        .closed = value[HYDRAULIC_CLOSED],
-        .valve_w = 2.0 * pi * value[HYDRAULIC_VALVE_HZ],
-        .valve_damping = value[HYDRAULIC_VALVE_DAMPING],
-        .valve_v = value[HYDRAULIC_VALVE_V],
-        .K = value[HYDRAULIC_VALVE_FLOW] / sqrt(0.5 * value[HYDRAULIC_VALVE_DROP]),
-        .lap = value[HYDRAULIC_LAP],
-        .beta = value[HYDRAULIC_BETA],
-        .leakage = value[HYDRAULIC_LEAKAGE],
-        .viscous = value[HYDRAULIC_VISCOUS],
-        .coulomb = value[HYDRAULIC_COULOMB],
-        .coulomb_speed =
-            said[HYDRAULIC_COULOMB_SPEED] ? value[HYDRAULIC_COULOMB_SPEED] : FRICTION_SPEED,
-    };
+/* Computes areas and constants of a cylinder and its valve out of the numbers of the file. */
+static void fill_cylinder(const struct drive_yaml *drive, struct robot_hydraulic *cylinder)
+{
+    *cylinder = drive->cylinder;
+    cylinder->present = true;
+    cylinder->A1 = 0.25 * pi * drive->bore * drive->bore;
+    cylinder->A2 = 0.25 * pi * (drive->bore * drive->bore - drive->rod * drive->rod);
+    cylinder->valve_w = 2.0 * pi * drive->valve_hz;
+    cylinder->K = drive->valve_flow / sqrt(0.5 * drive->valve_drop);
+    if (!yaml_has(&drive->mark, "coulomb_m_s")) {
+        cylinder->coulomb_speed = FRICTION_SPEED;
+    }
 }
 
 /* Refuses a hydraulic drive whose key is missing: that of a joint by name, or of a file (NULL). */
 static enum error_code refuse_missing_key(struct robot_builder *b, const struct drive_yaml *drive,
-                                          enum hydraulic_parameter key, const char *joint)
+                                          const char *key, const char *joint)
 {
-    const bool triangle = key >= HYDRAULIC_BASE && key <= HYDRAULIC_CLOSED;
-
     return joint ? yaml_error(b->error, &drive->mark,
                               "found the hydraulic drive of joint \"%s\" without key \"%s\", "
                               "expected it here%s or in the robot's own drive",
-                              joint, robot_hydraulic_key(key),
-                              triangle      ? " (the triangle is the joint's)"
-                              : drive->file ? ", in the file of the drive,"
-                                            : "")
+                              joint, key,
+                              robot_key_is_of_triangle(key) ? " (the triangle is the joint's)"
+                              : drive->file                 ? ", in the file of the drive,"
+                                                            : "")
                  : yaml_error(b->error, &drive->mark,
-                              "found a hydraulic drive without key \"%s\", expected it",
-                              robot_hydraulic_key(key));
+                              "found a hydraulic drive without key \"%s\", expected it", key);
 }
 
 /* Builds a cylinder: each parameter from the joint, or else from the robot. Without a joint's
@@ -69,25 +58,23 @@ static enum error_code build_cylinder(struct robot_builder *b, const struct driv
 {
     const struct drive_yaml *own =
         robot_drive_kind(&b->file.drive) == DRIVE_HYDRAULIC ? &b->file.drive : &b->file.hydraulic;
-    double value[HYDRAULIC_PARAMETERS];
-    bool said[HYDRAULIC_PARAMETERS];
+    struct drive_yaml merged;
+    enum error_code code = robot_merge_own_drive(b, own, drive, &merged);
+    size_t count;
+    const struct yaml_field *row = robot_drive_rows(DRIVE_HYDRAULIC, &count);
 
-    for (enum hydraulic_parameter i = 0; i < HYDRAULIC_PARAMETERS; i++) {
-        const struct drive_yaml *from = drive->has_cylinder[i] ? drive : own;
-        const bool triangle = i >= HYDRAULIC_BASE && i <= HYDRAULIC_CLOSED;
-
-        said[i] = from->has_cylinder[i];
-        value[i] = from->cylinder[i];
-        if (!said[i] && i < HYDRAULIC_LAP && (joint || !triangle)) {
-            return refuse_missing_key(b, drive, i, joint);
+    /* Only the keys before the lap are required */
+    for (; !code && strcmp(row->key, "valve_lap") != 0; row++) {
+        if (!yaml_has(&merged.mark, row->key) && (joint || !robot_key_is_of_triangle(row->key))) {
+            return refuse_missing_key(b, drive, row->key, joint);
         }
     }
-    if (value[HYDRAULIC_ROD] >= value[HYDRAULIC_BORE]) {
+    if (!code && merged.rod >= merged.bore) {
         return yaml_error(b->error, &drive->mark,
                           "found a rod as thick as its bore, expected a thinner");
     }
-    fill_cylinder(value, said, cylinder);
-    return ERROR_NONE;
+    fill_cylinder(&merged, cylinder);
+    return code;
 }
 
 enum error_code robot_build_cylinder(struct robot_builder *b, const struct drive_yaml *drive,
@@ -103,49 +90,46 @@ enum error_code robot_build_hydraulic(struct robot_builder *b, const struct join
     enum error_code code;
     struct error why;
 
-    if (!b->file.has_hydraulic_supply) {
+    if (!yaml_has(&b->file.mark, "hydraulic_supply")) {
         return yaml_error(b->error, mark,
                           "found a hydraulic drive of joint \"%s\" in a robot without key "
                           "\"hydraulic_supply\", expected both",
-                          given->name);
+                          given->joint.name);
     }
-    code = build_cylinder(b, &given->drive, given->name, &joint->hydraulic);
+    code = build_cylinder(b, &given->drive, given->joint.name, &joint->hydraulic);
     if (code) {
         return code;
     }
     if (hydraulic_check(&joint->hydraulic, joint->lower, joint->upper, &why)) {
-        return yaml_error(b->error, mark, "%s: %s", given->name, why.text);
+        return yaml_error(b->error, mark, "%s: %s", given->joint.name, why.text);
     }
     return ERROR_NONE;
 }
 
 enum error_code robot_build_hydraulic_supply(struct robot_builder *b)
 {
-    const struct hydraulic_supply_yaml *given = &b->file.hydraulic_supply;
-    const double line = given->has_line ? given->line : LINE_SHARE * given->accumulator;
+    const struct yaml_mark *mark = yaml_mark(&b->file.mark, "hydraulic_supply");
+    struct robot_hydraulic_supply *supply = &b->robot->hydraulic_supply;
 
-    if (!b->file.has_hydraulic_supply) {
+    *supply = b->file.hydraulic_supply;
+    if (!yaml_has(&b->file.mark, "hydraulic_supply")) {
         return ERROR_NONE;
     }
-    if (!(given->pressure > given->back)) {
-        return yaml_error(b->error, &given->mark,
+    if (!(supply->pressure > supply->back)) {
+        return yaml_error(b->error, mark,
                           "found a supply of %g Pa above a return of %g Pa, expected more",
-                          given->pressure, given->back);
+                          supply->pressure, supply->back);
     }
-    if (given->accumulator > 0.0 && !(given->precharge > given->back &&
-                                      given->precharge <= given->pressure && given->relief > 0.0)) {
-        return yaml_error(b->error, &given->mark,
+    if (supply->accumulator > 0.0 &&
+        !(supply->precharge > supply->back && supply->precharge <= supply->pressure &&
+          supply->relief > 0.0)) {
+        return yaml_error(b->error, mark,
                           "found an accumulator of precharge_pa %g and relief_pa %g, expected a "
                           "precharge between return and pressure, and a relief",
-                          given->precharge, given->relief);
+                          supply->precharge, supply->relief);
     }
-    b->robot->hydraulic_supply = (struct robot_hydraulic_supply){.pressure = given->pressure,
-                                                                 .back = given->back,
-                                                                 .pump = given->pump,
-                                                                 .accumulator = given->accumulator,
-                                                                 .precharge = given->precharge,
-                                                                 .line = line,
-                                                                 .relief = given->relief,
-                                                                 .relief_flow = given->relief_flow};
+    if (!yaml_has(&b->file.mark, "hydraulic_supply.line_m3")) {
+        supply->line = LINE_SHARE * supply->accumulator;
+    }
     return ERROR_NONE;
 }

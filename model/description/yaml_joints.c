@@ -11,19 +11,13 @@
  * is normalized. */
 #define AXIS_TOLERANCE 1e-6
 
-enum error_code robot_build_inertia(struct robot_builder *b, const struct yaml_mark *mark,
-                                    double mass, const double com[3], const double I[6],
-                                    struct robot_inertia *inertia)
+enum error_code robot_refuse_inertia(struct robot_builder *b, const struct yaml_mark *mark,
+                                     const struct robot_inertia *inertia)
 {
     struct error why;
 
-    inertia->mass = mass;
-    memcpy(inertia->com, com, sizeof inertia->com);
-    memcpy(inertia->I, I, sizeof inertia->I);
-    if (robot_check_inertia(inertia, &why)) {
-        return yaml_error(b->error, mark, "%s", why.text);
-    }
-    return ERROR_NONE;
+    return robot_check_inertia(inertia, &why) ? yaml_error(b->error, mark, "%s", why.text)
+                                              : ERROR_NONE;
 }
 
 /* Builds a body of the tree from the entry at in the file. */
@@ -32,10 +26,19 @@ static enum error_code build_tree_body(struct robot_builder *b, int at, int pare
 {
     const struct body_yaml *given = &b->file.body[at];
 
-    body->name = given->name;
+    *body = given->body;
     body->parent = parent;
-    return robot_build_inertia(b, &given->inertia_mark, given->mass, given->com, given->I,
-                               &body->inertia);
+    return robot_refuse_inertia(b, yaml_mark(&given->mark, "inertia_kg_m2"), &body->inertia);
+}
+
+size_t robot_count_keys(const struct yaml_mark *mapping, const char *const *keys, size_t count)
+{
+    size_t given = 0;
+
+    for (size_t i = 0; i < count; i++) {
+        given += yaml_has(mapping, keys[i]);
+    }
+    return given;
 }
 
 /* Returns the joint that moves the body of this name, or -1. */
@@ -58,30 +61,30 @@ static enum error_code refuse_parent(struct robot_builder *b, size_t j)
 
     /* No such body, or one that hangs in the air */
     if (find_named_entry(file->body, file->nbody, sizeof *file->body, joint->parent) < 0) {
-        return robot_unknown_name(b, &joint->parent_mark, "body", joint->parent, file->body,
-                                  file->nbody, sizeof *file->body);
+        return robot_unknown_name(b, yaml_mark(&joint->mark, "parent"), "body", joint->parent,
+                                  file->body, file->nbody, sizeof *file->body);
     }
     if (up < 0) {
         return yaml_error(
-            b->error, &joint->parent_mark,
+            b->error, yaml_mark(&joint->mark, "parent"),
             "found parent \"%s\", which no joint moves and which is not the base \"%s\"",
-            joint->parent, file->base.body);
+            joint->parent, file->base);
     }
 
     /* Up from joint to joint: either back here, or the order is wrong */
     for (size_t step = 0; up >= 0 && step < file->njoint; step++) {
         if ((size_t)up == j) {
-            return yaml_error(b->error, &joint->parent_mark,
+            return yaml_error(b->error, yaml_mark(&joint->mark, "parent"),
                               "found a cycle: body \"%s\" hangs on \"%s\", which hangs on it, "
                               "expected a tree",
                               joint->child, joint->parent);
         }
         up = joint_that_moves(file, file->joint[up].parent);
     }
-    return yaml_error(b->error, &joint->parent_mark,
+    return yaml_error(b->error, yaml_mark(&joint->mark, "parent"),
                       "found parent \"%s\" before joint \"%s\" that moves it (line %d), expected "
                       "parents first",
-                      joint->parent, file->joint[joint_that_moves(file, joint->parent)].name,
+                      joint->parent, file->joint[joint_that_moves(file, joint->parent)].joint.name,
                       file->joint[joint_that_moves(file, joint->parent)].mark.line);
 }
 
@@ -94,62 +97,63 @@ static enum error_code check_joint_child(struct robot_builder *b, size_t j, int 
 
     *at = find_named_entry(file->body, file->nbody, sizeof *file->body, joint->child);
     if (*at < 0) {
-        return robot_unknown_name(b, &joint->child_mark, "body", joint->child, file->body,
-                                  file->nbody, sizeof *file->body);
+        return robot_unknown_name(b, yaml_mark(&joint->mark, "child"), "body", joint->child,
+                                  file->body, file->nbody, sizeof *file->body);
     }
-    if (strcmp(joint->child, file->base.body) == 0) {
-        return yaml_error(b->error, &joint->child_mark,
+    if (strcmp(joint->child, file->base) == 0) {
+        return yaml_error(b->error, yaml_mark(&joint->mark, "child"),
                           "found the base \"%s\" as a joint's child, expected a body that hangs on "
                           "another",
                           joint->child);
     }
     if ((size_t)first != j) {
-        return yaml_error(b->error, &joint->child_mark,
+        return yaml_error(b->error, yaml_mark(&joint->mark, "child"),
                           "found body \"%s\" moved by a second joint, expected one (\"%s\" in line "
                           "%d moves it)",
-                          joint->child, file->joint[first].name, file->joint[first].mark.line);
+                          joint->child, file->joint[first].joint.name,
+                          file->joint[first].mark.line);
     }
     return ERROR_NONE;
 }
 
-/* Takes the axis of a joint, normalized. */
+/* Normalizes the axis of a joint. */
 static enum error_code build_joint_axis(struct robot_builder *b, const struct joint_yaml *given,
                                         struct robot_joint *joint)
 {
-    double length = vec3_norm(given->axis);
+    double length = vec3_norm(joint->axis);
 
     if (!(fabs(length - 1.0) <= AXIS_TOLERANCE)) {
-        return yaml_error(b->error, &given->axis_mark,
+        return yaml_error(b->error, yaml_mark(&given->mark, "axis"),
                           "found an axis of length %.9g, expected a unit vector", length);
     }
     for (int m = 0; m < 3; m++) {
-        joint->axis[m] = given->axis[m] / length;
+        joint->axis[m] /= length;
     }
     return ERROR_NONE;
 }
 
-/* Takes the limits of a joint in its units, which the keys name. */
-static enum error_code build_limits(struct robot_builder *b, const struct joint_yaml *given,
-                                    struct robot_joint *joint)
-{
-    const struct limits_yaml *limits = &given->limits;
-    bool revolute = given->type == JOINT_REVOLUTE;
-    const bool *wanted = revolute ? limits->angular : limits->linear;
-    const bool *other = revolute ? limits->linear : limits->angular;
+static const char *const type_word[] = {
+    [JOINT_REVOLUTE] = "revolute", [JOINT_PRISMATIC] = "prismatic"};
 
-    if (!wanted[0] || !wanted[1] || !wanted[2] || other[0] || other[1] || other[2]) {
-        return yaml_error(
-            b->error, &limits->mark, "found limits of %s joint \"%s\", expected the keys %s",
-            revolute ? "revolute" : "prismatic", given->name,
-            revolute ? "lower_rad, upper_rad, torque_nm" : "lower_m, upper_m, force_n");
+/* Checks the limits of a joint, which the keys of its type give. */
+static enum error_code check_limits(struct robot_builder *b, const struct joint_yaml *given)
+{
+    static const char *const keys[][3] = {{"lower_rad", "upper_rad", "torque_nm"},
+                                          {"lower_m", "upper_m", "force_n"}};
+    const struct yaml_mark *mark = yaml_mark(&given->mark, "limits");
+    const struct robot_joint *joint = &given->joint;
+
+    if (robot_count_keys(mark, keys[joint->type], 3) < 3 ||
+        robot_count_keys(mark, keys[1 - joint->type], 3) > 0) {
+        return yaml_error(b->error, mark,
+                          "found limits of %s joint \"%s\", expected the keys %s, %s, %s",
+                          type_word[joint->type], joint->name, keys[joint->type][0],
+                          keys[joint->type][1], keys[joint->type][2]);
     }
-    joint->lower = revolute ? limits->lower_rad : limits->lower_m;
-    joint->upper = revolute ? limits->upper_rad : limits->upper_m;
-    joint->torque_limit = revolute ? limits->torque_nm : limits->force_n;
     if (!(joint->lower < joint->upper)) {
-        return yaml_error(b->error, &limits->mark,
+        return yaml_error(b->error, mark,
                           "found lower limit %g not below upper limit %g of joint \"%s\"",
-                          joint->lower, joint->upper, given->name);
+                          joint->lower, joint->upper, joint->name);
     }
     return ERROR_NONE;
 }
@@ -163,32 +167,29 @@ static enum error_code build_limits(struct robot_builder *b, const struct joint_
 static enum error_code build_stops(struct robot_builder *b, const struct joint_yaml *given,
                                    struct robot_joint *joint)
 {
-    const struct stops_yaml *own = &given->stops, *all = &b->file.stops;
-    double value[STOP_PARAMETERS];
-    bool said[STOP_PARAMETERS];
+    static const char *const keys[][2] = {{"stiffness_nm_rad", "damping_nm_s_rad"},
+                                          {"stiffness_n_m", "damping_n_s_m"}};
+    const struct yaml_mark *own = &given->stops.mark, *all = &b->file.stops.mark;
+    const char *const *key = keys[joint->type];
+    struct stops_yaml stops = b->file.stops;
 
     /* Keys of the other type of joint mean nothing here */
-    for (int i = 0; i < STOP_PARAMETERS; i++) {
-        if (own->given[1 - given->type][i]) {
-            return yaml_error(b->error, &own->mark,
-                              "found stops of %s joint \"%s\", expected the keys %s",
-                              given->type == JOINT_REVOLUTE ? "revolute" : "prismatic", given->name,
-                              given->type == JOINT_REVOLUTE ? "stiffness_nm_rad, damping_nm_s_rad"
-                                                            : "stiffness_n_m, damping_n_s_m");
-        }
-        said[i] = own->given[given->type][i] || all->given[given->type][i];
-        value[i] =
-            own->given[given->type][i] ? own->value[given->type][i] : all->value[given->type][i];
+    if (robot_count_keys(own, keys[1 - joint->type], 2) > 0) {
+        return yaml_error(b->error, own, "found stops of %s joint \"%s\", expected the keys %s, %s",
+                          type_word[joint->type], joint->name, key[0], key[1]);
     }
-    if (own->has_enabled ? !own->enabled : all->has_enabled && !all->enabled) {
+    yaml_override(&robot_stops_schema, own, &given->stops, &stops);
+    if ((yaml_has(own, "enabled") || yaml_has(all, "enabled")) && !stops.enabled) {
         return ERROR_NONE;
     }
-
-    joint->stop.stiffness = said[STOP_STIFFNESS]        ? value[STOP_STIFFNESS]
-                            : joint->torque_limit > 0.0 ? joint->torque_limit / STOP_GIVES
-                                                        : 1.0 / STOP_GIVES;
-    joint->stop.damping =
-        said[STOP_DAMPING] ? value[STOP_DAMPING] : STOP_RETURNS * joint->stop.stiffness;
+    joint->stop = stops.stop[joint->type];
+    if (!yaml_has(own, key[0]) && !yaml_has(all, key[0])) {
+        joint->stop.stiffness =
+            joint->torque_limit > 0.0 ? joint->torque_limit / STOP_GIVES : 1.0 / STOP_GIVES;
+    }
+    if (!yaml_has(own, key[1]) && !yaml_has(all, key[1])) {
+        joint->stop.damping = STOP_RETURNS * joint->stop.stiffness;
+    }
     return ERROR_NONE;
 }
 
@@ -196,53 +197,39 @@ static enum error_code build_stops(struct robot_builder *b, const struct joint_y
 static enum error_code build_spring(struct robot_builder *b, const struct joint_yaml *given,
                                     struct robot_parallel_spring *spring)
 {
-    const struct spring_yaml *from = &given->spring;
+    const struct yaml_mark *mark = yaml_mark(&given->mark, "parallel_spring");
 
-    if (!given->has_spring) {
-        return ERROR_NONE;
-    }
-    if (given->type != JOINT_REVOLUTE) {
-        return yaml_error(b->error, &from->mark,
+    spring->present = yaml_has(&given->mark, "parallel_spring");
+    spring->s = (double)given->spring_sense;
+    if (spring->present && given->joint.type != JOINT_REVOLUTE) {
+        return yaml_error(b->error, mark,
                           "found a parallel spring on prismatic joint \"%s\", expected none: its "
                           "rope runs over a pulley",
-                          given->name);
+                          given->joint.name);
     }
-    if (from->s == 0) {
-        return yaml_error(b->error, &from->s_mark, "found sense 0, expected 1 or -1");
-    }
-    *spring = (struct robot_parallel_spring){.present = true,
-                                             .enabled = from->enabled,
-                                             .k_p = from->k_p,
-                                             .d_p = from->d_p,
-                                             .r = from->r,
-                                             .s = (double)from->s};
-    return ERROR_NONE;
+    return spring->present && given->spring_sense == 0
+               ? yaml_error(b->error, yaml_mark(mark, "sense"), "found sense 0, expected 1 or -1")
+               : ERROR_NONE;
 }
 
 /* Builds the passive spring of a joint: its own, or of a driven one the robot's, if it turns. */
 static enum error_code build_passive(struct robot_builder *b, const struct joint_yaml *given,
                                      struct robot_joint *joint)
 {
-    const bool turns = given->type == JOINT_REVOLUTE;
-    const struct passive_yaml *from = given->has_passive || !turns || !robot_joint_is_driven(joint)
-                                          ? &given->passive
-                                          : &b->file.passive;
-    const double *value = from->value[given->type];
+    static const char *const keys[][3] = {{"stiffness_nm_rad", "damping_nm_s_rad", "rest_rad"},
+                                          {"stiffness_n_m", "damping_n_s_m", "rest_m"}};
+    const bool own = yaml_has(&given->mark, "passive") || joint->type != JOINT_REVOLUTE ||
+                     !robot_joint_is_driven(joint);
+    const struct passive_yaml *from = own ? &given->passive : &b->file.passive;
+    const char *const *key = keys[joint->type];
 
-    /* Keys of the other type of joint mean nothing here */
-    for (int i = 0; i < PASSIVE_PARAMETERS; i++) {
-        if (from->given[1 - given->type][i]) {
-            return yaml_error(b->error, &from->mark,
-                              "found a passive spring of %s joint \"%s\", expected the keys %s",
-                              turns ? "revolute" : "prismatic", given->name,
-                              turns ? "stiffness_nm_rad, damping_nm_s_rad, rest_rad"
-                                    : "stiffness_n_m, damping_n_s_m, rest_m");
-        }
-    }
-    joint->passive = (struct robot_passive){.stiffness = value[PASSIVE_STIFFNESS],
-                                            .damping = value[PASSIVE_DAMPING],
-                                            .rest = value[PASSIVE_REST]};
-    return ERROR_NONE;
+    joint->passive = from->passive;
+    return robot_count_keys(&from->mark, keys[1 - joint->type], 3) > 0
+               ? yaml_error(b->error, &from->mark,
+                            "found a passive spring of %s joint \"%s\", expected the keys %s, %s, "
+                            "%s",
+                            type_word[joint->type], joint->name, key[0], key[1], key[2])
+               : ERROR_NONE;
 }
 
 /* Builds joint j and the body that it moves. */
@@ -265,12 +252,9 @@ static enum error_code build_joint(struct robot_builder *b, size_t j)
     }
 
     /* The joint, then the body that it moves */
-    joint->name = given->name;
-    joint->type = given->type;
-    joint->paper_index = (int)given->paper_index;
-    memcpy(joint->origin, given->origin.xyz, sizeof joint->origin);
-    mat3_from_rpy(given->origin.rpy, joint->rotation);
-    if ((code = build_joint_axis(b, given, joint)) || (code = build_limits(b, given, joint)) ||
+    *joint = given->joint;
+    mat3_from_rpy(given->rpy, joint->rotation);
+    if ((code = build_joint_axis(b, given, joint)) || (code = check_limits(b, given)) ||
         (code = build_stops(b, given, joint)) || (code = robot_build_drive(b, given, joint)) ||
         (code = build_spring(b, given, &joint->spring)) ||
         (code = build_passive(b, given, joint))) {
@@ -285,7 +269,7 @@ enum error_code robot_build_tree(struct robot_builder *b)
     const struct robot_yaml *file = &b->file;
     struct robot *robot = b->robot;
     enum error_code code;
-    int base = find_named_entry(file->body, file->nbody, sizeof *file->body, file->base.body);
+    int base = find_named_entry(file->body, file->nbody, sizeof *file->body, file->base);
 
     robot->body = arena_alloc(b->arena, file->njoint + 1, sizeof *robot->body);
     robot->joint = arena_alloc(b->arena, file->njoint, sizeof *robot->joint);
@@ -293,8 +277,8 @@ enum error_code robot_build_tree(struct robot_builder *b)
         return robot_no_memory(b);
     }
     if (base < 0) {
-        return robot_unknown_name(b, &file->base.body_mark, "body", file->base.body, file->body,
-                                  file->nbody, sizeof *file->body);
+        return robot_unknown_name(b, yaml_mark(&file->mark, "base.body"), "body", file->base,
+                                  file->body, file->nbody, sizeof *file->body);
     }
 
     /* The base, then what each joint moves */
@@ -309,11 +293,11 @@ enum error_code robot_build_tree(struct robot_builder *b)
 
     /* No body is left over */
     for (size_t i = 0; i < file->nbody; i++) {
-        if ((int)i != base && joint_that_moves(file, file->body[i].name) < 0) {
+        if ((int)i != base && joint_that_moves(file, file->body[i].body.name) < 0) {
             return yaml_error(b->error, &file->body[i].mark,
                               "found body \"%s\" that no joint moves, expected it to be a joint's "
                               "child or the base",
-                              file->body[i].name);
+                              file->body[i].body.name);
         }
     }
     robot->njoint = file->njoint;

@@ -215,7 +215,7 @@ TEST_WITH(kinds_of_drives_are_not_mixed, open_arena, close_arena)
         {SUPPLY, "{file: oil, R_ohm: 2}", OIL,
          "arm.yaml:11:32: found key \"R_ohm\" of an electric drive beside drive \"oil\", expected "
          "keys of a hydraulic drive"},
-        {"", "{file: oil, freewheel: true}", OIL, "arm.yaml:10:13: found key \"freewheel\""},
+        {"", "{file: oil, freewheel: true}", OIL, "arm.yaml:10:36: found key \"freewheel\""},
         {"", "{file: oil, bore_m: 0.02}", MINE,
          "arm.yaml:10:33: found key \"bore_m\" of a hydraulic drive beside drive \"oil\""},
         {"", "{bore_m: 0.02, R_ohm: 2}", OIL,
