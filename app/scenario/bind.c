@@ -161,7 +161,7 @@ static enum error_code bind_faults(const struct scenario *scenario, const struct
     for (size_t i = 0; !code && i < scenario->nmutation; i++) {
         const struct scenario_mutation *mutation = &scenario->mutation[i];
 
-        if (mutation->fault_given) {
+        if (mutation->fault) {
             code = rig_check_fault(rig, &(struct yaml_name){mutation->mark, mutation->fault},
                                    &fault, error);
         }
@@ -188,16 +188,16 @@ enum error_code scenario_bind(struct scenario *scenario, const struct rig *rig, 
         struct scenario_expectation *expectation = &scenario->expectation[i];
         struct scenario_signal signal;
 
-        if (expectation->frame_given &&
+        if (expectation->frame.bus &&
             bind_bus(rig, expectation->frame.bus, &expectation->frame.mark,
                      &expectation->frame.bus_index, error)) {
             return ERROR_INPUT;
         }
-        if (expectation->signal_given &&
+        if (expectation->signal &&
             scenario_signal_find(expectation->signal, rig, &expectation->mark, &signal, error)) {
             return ERROR_INPUT;
         }
-        if (expectation->signal_given && signal.host && scenario->host == SCENARIO_HOST_NONE) {
+        if (expectation->signal && signal.host && scenario->host == SCENARIO_HOST_NONE) {
             return yaml_error(error, &expectation->mark,
                               "found signal \"%.80s\", expected host: enabled in the scenario",
                               expectation->signal);

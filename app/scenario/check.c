@@ -2,6 +2,7 @@
 /* Checks a scenario as far as it needs no rig, and derives what follows from its file alone. */
 #include "app/scenario/private.h"
 
+#include "base/array.h"
 #include "base/text.h"
 #include "base/config.h"
 
@@ -147,9 +148,18 @@ static bool takes_time(enum scenario_action action)
 static enum error_code check_stimulus(const struct scenario *scenario,
                                       struct scenario_stimulus *stimulus, struct error *error)
 {
-    int kinds = stimulus->frame_given + stimulus->voltage_given + stimulus->motor_given +
-                stimulus->push_given + stimulus->fault_given + stimulus->silence;
+    const bool does[] = {
+        [SCENARIO_FRAME] = stimulus->frame.bus,     [SCENARIO_VOLTAGE] = stimulus->voltage.joint,
+        [SCENARIO_MOTOR] = stimulus->motor.joint,   [SCENARIO_PUSH] = stimulus->push.body,
+        [SCENARIO_FAULT] = stimulus->fault != NULL, [SCENARIO_SILENCE] = stimulus->silence,
+    };
+    int kinds = 0;
 
+    stimulus->action = SCENARIO_MARK;
+    for (size_t i = 0; i < ARRAY_COUNT(does); i++) {
+        kinds += does[i];
+        stimulus->action = does[i] ? (enum scenario_action)i : stimulus->action;
+    }
     if (kinds > 1 || (kinds == 0 && !stimulus->label)) {
         return yaml_error(
             error, &stimulus->mark,
@@ -159,13 +169,6 @@ static enum error_code check_stimulus(const struct scenario *scenario,
     }
 
     /* Refuse keys that the action does not have */
-    stimulus->action = stimulus->frame_given     ? SCENARIO_FRAME
-                       : stimulus->voltage_given ? SCENARIO_VOLTAGE
-                       : stimulus->motor_given   ? SCENARIO_MOTOR
-                       : stimulus->push_given    ? SCENARIO_PUSH
-                       : stimulus->fault_given   ? SCENARIO_FAULT
-                       : stimulus->silence       ? SCENARIO_SILENCE
-                                                 : SCENARIO_MARK;
     if (stimulus->for_s > 0.0 && !takes_time(stimulus->action)) {
         return yaml_error(error, &stimulus->mark, "found for_s, expected none: this takes no time");
     }
@@ -194,7 +197,7 @@ static enum error_code check_stimulus(const struct scenario *scenario,
             error, &stimulus->mark,
             "found silence in lockstep, expected clock: free: without STEP no tick runs");
     }
-    return stimulus->frame_given ? check_frame(&stimulus->frame, error) : ERROR_NONE;
+    return stimulus->action == SCENARIO_FRAME ? check_frame(&stimulus->frame, error) : ERROR_NONE;
 }
 
 /* Appends the stimuli of clean_up to the others, after the label of that name. */
@@ -295,45 +298,48 @@ static enum error_code wrong_form(const struct scenario_expectation *expectation
 /* Derives what an expectation looks at, its band and its window from the keys that are given. */
 static enum error_code check_form(struct scenario_expectation *e, struct error *error)
 {
-    int how = e->between_given + e->reaches_given + e->count_given + e->period_given + e->never;
-    bool of_signal = e->between_given || e->reaches_given;
+    static const char *const keys[] = {"between", "reaches", "period_s", "count"};
+    static const enum scenario_look looks[] = {SCENARIO_BETWEEN, SCENARIO_REACHES, SCENARIO_PERIOD,
+                                               SCENARIO_SEEN};
+    const double *const bands[] = {e->between, e->reaches, e->period_s, e->count};
+    static const double never[2] = {0.0, 0.0}, once[2] = {1.0, DBL_MAX};
+    const double *band = e->never ? never : once; /* a frame or event must be seen at least once */
+    int how = e->never;
+    bool of_signal;
 
-    if (e->signal_given + e->frame_given + e->event_given != 1 || how > 1 ||
-        e->signal_given != of_signal || (e->relative && !e->signal_given) ||
-        (e->period_given && !e->frame_given)) {
+    /* Derive the look and the band */
+    e->look = SCENARIO_SEEN;
+    for (size_t i = 0; i < ARRAY_COUNT(keys); i++) {
+        if (yaml_has(&e->mark, keys[i])) {
+            e->look = looks[i];
+            band = bands[i];
+            how++;
+        }
+    }
+    memcpy(e->band, band, sizeof e->band);
+    of_signal = e->look == SCENARIO_BETWEEN || e->look == SCENARIO_REACHES;
+    if (!!e->signal + !!e->frame.bus + !!e->event != 1 || how > 1 || !!e->signal != of_signal ||
+        (e->relative && !e->signal) || (e->look == SCENARIO_PERIOD && !e->frame.bus)) {
         return wrong_form(e, error);
     }
-
-    /* Derive the look and the band; a frame or event without more must be seen at least once */
-    e->look = e->between_given   ? SCENARIO_BETWEEN
-              : e->reaches_given ? SCENARIO_REACHES
-              : e->period_given  ? SCENARIO_PERIOD
-                                 : SCENARIO_SEEN;
-    memcpy(e->band,
-           e->between_given   ? e->between
-           : e->reaches_given ? e->reaches
-           : e->period_given  ? e->period_s
-           : e->count_given   ? e->count
-           : e->never         ? (const double[2]){0.0, 0.0}
-                              : (const double[2]){1.0, DBL_MAX},
-           sizeof e->band);
     if (!(e->band[0] <= e->band[1])) {
         return yaml_error(error, &e->mark, "found the band [%g, %g], expected the lower end first",
                           e->band[0], e->band[1]);
     }
 
     /* The window's end, by either key */
-    if (e->to_given && e->within_given) {
-        return yaml_error(error, &e->mark, "found both to_s and within_s, expected one");
-    }
-    if (e->within_given) {
+    e->ends = yaml_has(&e->mark, "to_s");
+    if (yaml_has(&e->mark, "within_s")) {
+        if (e->ends) {
+            return yaml_error(error, &e->mark, "found both to_s and within_s, expected one");
+        }
         e->to_s = e->from_s + e->within_s;
-        e->to_given = true;
+        e->ends = true;
     }
-    if (e->to_given && e->to_s < e->from_s) {
+    if (e->ends && e->to_s < e->from_s) {
         return yaml_error(error, &e->mark, "found to_s %g before from_s %g", e->to_s, e->from_s);
     }
-    return e->frame_given ? check_pattern(&e->frame, error) : ERROR_NONE;
+    return e->frame.bus ? check_pattern(&e->frame, error) : ERROR_NONE;
 }
 
 /* Checks an expectation: its form, that its name is its own, and its label. */
@@ -405,14 +411,14 @@ static enum error_code check_mutations(const struct scenario *scenario, struct e
     for (size_t i = 0; i < scenario->nmutation; i++) {
         const struct scenario_mutation *mutation = &scenario->mutation[i];
 
-        if (mutation->fault_given == mutation->without_given) {
+        if (!mutation->fault == !mutation->without) {
             return yaml_error(error, &mutation->mark,
                               "found mutation \"%.60s\" with %s of fault and without, expected one",
-                              mutation->name, mutation->fault_given ? "both" : "neither");
+                              mutation->name, mutation->fault ? "both" : "neither");
         }
 
         /* The runner's own labels cannot be left out */
-        if (mutation->without_given && find_label(scenario, mutation->without) < SCENARIO_LABELS) {
+        if (mutation->without && find_label(scenario, mutation->without) < SCENARIO_LABELS) {
             const char *nearest = text_nearest(mutation->without, scenario->label + SCENARIO_LABELS,
                                                scenario->nlabel - SCENARIO_LABELS);
 
@@ -433,7 +439,7 @@ static enum error_code check_mutations(const struct scenario *scenario, struct e
 /* Finds the rig: a path relative to the scenario, or the name of an installed rig. */
 static enum error_code find_rig(struct scenario *scenario, struct arena *arena, struct error *error)
 {
-    const struct yaml_mark *mark = &scenario->rig_mark;
+    const struct yaml_mark *mark = yaml_mark(&scenario->mark, "rig");
 
     if (strpbrk(scenario->rig, "/.")) {
         return yaml_resolve_path(mark, scenario->rig, arena, &scenario->rig_path, error);
@@ -455,7 +461,7 @@ enum error_code scenario_check(struct scenario *scenario, struct arena *arena, s
 
     /* One of task, host and program drives the boards; a program does so by STEP */
     if (scenario->task && scenario->host != SCENARIO_HOST_NONE) {
-        return yaml_error(error, &scenario->task_mark,
+        return yaml_error(error, yaml_mark(&scenario->mark, "task"),
                           "found both a task and a host, expected one of them to drive the boards");
     }
     if (scenario->host == SCENARIO_HOST_PROGRAM && scenario->clock != LOOP_CLOCK_LOCKSTEP) {
@@ -464,8 +470,9 @@ enum error_code scenario_check(struct scenario *scenario, struct arena *arena, s
                           "drives the run by STEP");
     }
     if (scenario->task && task_runner_check_name(scenario->task, error)) {
-        return error_prefix(error, "%s:%d:%d", scenario->file, scenario->task_mark.line,
-                            scenario->task_mark.column);
+        return error_prefix(error, "%s:%d:%d", scenario->file,
+                            yaml_mark(&scenario->mark, "task")->line,
+                            yaml_mark(&scenario->mark, "task")->column);
     }
     if ((code = find_rig(scenario, arena, error)) ||
         (code = join_clean_up(scenario, arena, error)) || (code = check_stimuli(scenario, error)) ||

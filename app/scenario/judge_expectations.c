@@ -56,7 +56,7 @@ enum error_code scenario_expectations_create(const struct scenario *scenario, co
         judged->decided_ns = -1;
         judged->trace = arena_alloc(arena, ticks, sizeof *judged->trace);
         good = judged->trace != NULL;
-        if (good && judged->what->signal_given &&
+        if (good && judged->what->signal &&
             scenario_signal_find(judged->what->signal, rig, &judged->what->mark, &judged->signal,
                                  error)) {
             return ERROR_INPUT;
@@ -81,7 +81,7 @@ void scenario_expectations_frame(struct scenario_expectations *expectations, siz
         struct judged *judged = &expectations->judged[i];
         const struct scenario_pattern *pattern = &judged->what->frame;
 
-        judged->fresh += judged->what->frame_given && (size_t)pattern->bus_index == bus &&
+        judged->fresh += judged->what->frame.bus && (size_t)pattern->bus_index == bus &&
                          scenario_pattern_matches(pattern, frame);
     }
 }
@@ -91,7 +91,7 @@ void scenario_expectations_event(struct scenario_expectations *expectations, con
     for (size_t i = 0; i < expectations->count; i++) {
         struct judged *judged = &expectations->judged[i];
 
-        judged->fresh += judged->what->event_given && strstr(text, judged->what->event) != NULL;
+        judged->fresh += judged->what->event && strstr(text, judged->what->event) != NULL;
     }
 }
 
@@ -108,9 +108,9 @@ static void expectation_decide(struct judged *judged, bool met, int64_t time_ns)
 /* Returns what an expectation is about, for messages. */
 static const char *expectation_subject(const struct judged *judged)
 {
-    return judged->what->signal_given  ? judged->what->signal
-           : judged->what->event_given ? judged->what->event
-                                       : "frames";
+    return judged->what->signal  ? judged->what->signal
+           : judged->what->event ? judged->what->event
+                                 : "frames";
 }
 
 /* Fails an expectation whose signal has left its band. */
@@ -240,10 +240,10 @@ static void expectation_step(struct judged *judged, double value,
     int64_t label = clock->label_ns[what->after_index];
 
     /* The window's end comes first: what is seen after it does not count */
-    if (judged->progress == OPEN && what->to_given && time_ns > label + scenario_ns(what->to_s)) {
+    if (judged->progress == OPEN && what->ends && time_ns > label + scenario_ns(what->to_s)) {
         expectation_close_window(judged, label + scenario_ns(what->to_s));
     }
-    if (judged->progress == OPEN && !what->signal_given) {
+    if (judged->progress == OPEN && !what->signal) {
         expectation_judge_matches(judged, time_ns);
     }
 
@@ -253,7 +253,7 @@ static void expectation_step(struct judged *judged, double value,
         judged->open_ns = judged->last_ns = time_ns;
         judged->reference = what->relative ? value : 0.0;
     }
-    if (judged->progress == OPEN && what->signal_given) {
+    if (judged->progress == OPEN && what->signal) {
         expectation_judge_signal(judged, value - judged->reference, time_ns);
     }
     judged->fresh = 0;
@@ -270,14 +270,14 @@ bool scenario_expectations_step(struct scenario_expectations *expectations,
         const struct scenario_signal *signal = &judged->signal;
         double value = 0.0;
 
-        if (judged->what->signal_given) {
+        if (judged->what->signal) {
             value = signal->read(view, signal->a, signal->b);
         }
         expectation_step(judged, value, clock, time_ns);
         missed = missed || (judged->progress == DECIDED && !judged->met);
         if (kept) {
             judged->trace[expectations->nsample] =
-                judged->what->signal_given ? value - judged->reference : (double)judged->count;
+                judged->what->signal ? value - judged->reference : (double)judged->count;
         }
     }
     if (kept) {
@@ -309,7 +309,7 @@ void scenario_expectations_finish(struct scenario_expectations *expectations,
         struct judged *judged = &expectations->judged[i];
         const struct scenario_expectation *what = judged->what;
         int64_t label = clock->label_ns[what->after_index];
-        int64_t until_ns = what->to_given ? label + scenario_ns(what->to_s) : planned_ns;
+        int64_t until_ns = what->ends ? label + scenario_ns(what->to_s) : planned_ns;
 
         /* Without a decision at an early end there is no verdict; windows still open close or ended
          * too early */
@@ -352,7 +352,7 @@ static enum error_code expectation_plot(const struct scenario_expectations *expe
     struct svg_plot plot = {
         .title = judged->what->name,
         .x = {.label = "time (s)"},
-        .y = {.label = judged->what->signal_given ? expectation_subject(judged) : "count"},
+        .y = {.label = judged->what->signal ? expectation_subject(judged) : "count"},
         .series = series,
         .nseries = 1,
         .width = 900,

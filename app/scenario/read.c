@@ -14,7 +14,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#define AT(member) offsetof(struct STRUCT, member)
+#define AT(type, member) offsetof(struct type, member)
 
 enum { EXPANDED_MAX = 1 << 20 }; /* bytes of a scenario file, and of it with its values put in */
 
@@ -27,16 +27,12 @@ struct parameters {
     size_t ngiven;
 };
 
-#define STRUCT parameters
 static const struct yaml_field only_parameters[] = {
-    {"parameters", YAML_DICT, true, .offset = AT(parameter), .count_offset = AT(count),
-     .schema = &scenario_parameter_schema},
+    {"parameters", YAML_DICT, true, .offset = AT(parameters, parameter),
+     .count_offset = AT(parameters, count), .schema = &scenario_parameter_schema},
 };
-#undef STRUCT
-static const struct yaml_schema parameters_schema = {.what = "the parameters",
-                                                     .size = sizeof(struct parameters),
-                                                     .fields = only_parameters,
-                                                     .field_count = ARRAY_COUNT(only_parameters)};
+static const struct yaml_schema parameters_schema =
+    YAML_SCHEMA("the parameters", struct parameters, only_parameters);
 
 /* ---- blocks of a file ---- */
 
@@ -390,7 +386,7 @@ static enum error_code extend_rig(struct scenario *scenario, size_t key_at, stru
         return error_set(error, ERROR_MEMORY, "no memory left for scenario %s", scenario->file);
     }
     if (strpbrk(scenario->rig, "\"\\\n")) {
-        return yaml_error(error, &scenario->rig_mark,
+        return yaml_error(error, yaml_mark(&scenario->mark, "rig"),
                           "found a rig with a quotation mark or backslash in its name, expected "
                           "none with changes");
     }
@@ -404,7 +400,7 @@ static enum error_code extend_rig(struct scenario *scenario, size_t key_at, stru
 enum error_code scenario_load_rig(const struct scenario *scenario, struct arena *arena,
                                   const struct rig **rig, struct error *error)
 {
-    const struct yaml_mark *mark = &scenario->rig_mark;
+    const struct yaml_mark *mark = yaml_mark(&scenario->mark, "rig");
     char found[PATH_MAX];
     enum error_code code = scenario->changes
                                ? rig_load_text(scenario->file, scenario->changes,

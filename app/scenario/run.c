@@ -237,8 +237,8 @@ static enum error_code load_rig(struct run *run, struct arena *arena, struct err
         return code;
     }
     *changed = *rig;
-    changed->wire.timed = scenario->wire_given ? scenario->wire : rig->wire.timed;
-    changed->hold = scenario->hold_given ? (enum rig_hold)scenario->hold : rig->hold;
+    changed->wire.timed = yaml_has(&scenario->mark, "wire") ? scenario->wire : rig->wire.timed;
+    changed->hold = yaml_has(&scenario->mark, "hold") ? (enum rig_hold)scenario->hold : rig->hold;
     changed->settle = scenario->settle || rig->settle;
     run->view.rig = changed;
     run->duration_ns = llround(scenario->duration_s * 1e9);
@@ -280,7 +280,7 @@ static enum error_code create_simulator(struct run *run, const struct scenario_o
         .transport = TRANSPORT_LOCAL,
         .fault = fault,
         .nfault = nfault,
-        .seed_given = options->seed_given || scenario->seed_given,
+        .seed_given = options->seed_given || yaml_has(&scenario->mark, "seed"),
         .seed = options->seed_given ? options->seed : (uint64_t)scenario->seed,
         .ticks = scenario_run_ticks(run),
         .task = scenario->task,

@@ -55,7 +55,6 @@ struct scenario_pattern {
     const char *bus;
     int64_t id, id_mask;
     bool extended;
-    bool data_given;
     const char *data;
     /* derived */
     int bus_index;
@@ -114,7 +113,6 @@ struct scenario_stimulus {
     struct yaml_mark mark;
     const char *label, *after;
     double at_s, for_s, every_s;
-    bool frame_given, voltage_given, motor_given, push_given, fault_given;
     struct scenario_frame frame;
     struct scenario_voltage voltage;
     struct scenario_motor motor;
@@ -139,14 +137,13 @@ struct scenario_expectation {
     struct yaml_mark mark;
     const char *name, *after;
     double from_s, to_s, within_s;
-    const char *signal, *event;
-    bool signal_given, event_given, frame_given;
-    bool between_given, reaches_given, count_given, period_given, to_given, within_given;
+    const char *signal, *event; /* one of these or frame; NULL = not given */
     double between[2], reaches[2], count[2], period_s[2];
     bool relative; /* counts from the signal's value when the window opens */
     bool never;
     struct scenario_pattern frame;
     enum scenario_look look; /* derived */
+    bool ends;               /* at to_s */
     double band[2];
     int after_index;
 };
@@ -155,9 +152,7 @@ struct scenario_expectation {
 struct scenario_mutation {
     struct yaml_mark mark;
     const char *name;
-    bool fault_given;
     const char *fault;
-    bool without_given;
     const char *without; /* label of stimuli that are left out */
     size_t nfail;
     const struct yaml_name *fails; /* names of expectations that must fail; none = any */
@@ -182,16 +177,13 @@ struct scenario {
     struct yaml_mark mark;
     const char *file, *name, *description;
     const char *rig; /* path or name as written */
-    struct yaml_mark rig_mark;
     int clock, hold, wire, host;
-    bool clock_given, hold_given, wire_given, seed_given, task_given;
     bool settle, to_the_end;
     int64_t seed;
     double duration_s, clean_up_s;
     double cpu_limit_s;  /* processor time of the run's process */
     double wall_limit_s; /* wall-clock wait for the next STEP in lockstep */
     const char *task;
-    struct yaml_mark task_mark;
     size_t nfault, nstimulus, ncleanup, nexpectation, nmutation, nparameter;
     struct yaml_name *fault;
     struct scenario_stimulus *stimulus; /* derived: those of clean_up are appended */

@@ -64,7 +64,7 @@ enum error_code scenario_stimuli_create(const struct scenario *scenario, int mut
             good = fault[(*nfault)++] != NULL;
         }
     }
-    if (good && mutation >= 0 && scenario->mutation[mutation].fault_given) {
+    if (good && mutation >= 0 && scenario->mutation[mutation].fault) {
         char line[FAULT_TEXT_SIZE + 64];
 
         snprintf(line, sizeof line, "mutation: %s", scenario->mutation[mutation].fault);

@@ -96,8 +96,8 @@ static enum error_code plan_put_line(struct planner *planner, const struct scena
                                      uint64_t rig_hash)
 {
     size_t number = ++planner->ncase;
-    uint64_t seed =
-        scenario->seed_given ? (uint64_t)scenario->seed : plan_seed(planner->sweep, number);
+    uint64_t seed = yaml_has(&scenario->mark, "seed") ? (uint64_t)scenario->seed
+                                                      : plan_seed(planner->sweep, number);
     char hash[PLAN_HASH], path[PATH_MAX];
     json_t *values = json_object(), *line;
     enum error_code code = plan_relate_path(planner->folder, scenario->file, path, planner->error);

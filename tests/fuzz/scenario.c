@@ -51,7 +51,7 @@ static void check_expectation(const struct scenario *scenario, const struct scen
     fuzz_require(e->after_index >= 0 && (size_t)e->after_index < scenario->nlabel, "after %d",
                  e->after_index);
     fuzz_require(e->band[0] <= e->band[1], "%s: from %g to %g", e->name, e->band[0], e->band[1]);
-    if (e->frame_given) {
+    if (e->frame.bus) {
         /* the pattern itself, its free digits zero, is a frame that matches it */
         fuzz_require(e->frame.len <= 64, "%u bytes", e->frame.len);
         memcpy(frame.data, e->frame.byte, sizeof frame.data);
