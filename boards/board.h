@@ -275,6 +275,7 @@ struct board_setting {
     const char *unit; /* "" = a count */
     double min, max;
     bool whole;
+    double value; /* now */
 };
 size_t boards_settings(const struct boards *boards, size_t board, size_t axis);
 void boards_setting(const struct boards *boards, size_t board, size_t axis, size_t index,

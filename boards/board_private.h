@@ -13,6 +13,7 @@
 
 #include "base/array.h"
 #include "base/ring.h"
+#include "boards/axis.h"
 #include "boards/board.h"
 #include "faults/faults.h"
 #include "boards/protocol.h"
@@ -59,8 +60,10 @@ struct board_ops {
     /* A periodic frame of this board is on the bus, where others hear it. NULL: none listens. */
     void (*sent)(struct board *board, const struct bus_frame *frame);
     void (*shut_down)(struct board *board, struct plant_command *command);
-    bool (*fault)(const struct board *board); /* an axis is in hardware fault; NULL: never */
-    uint8_t (*mode)(const struct board *board, unsigned axis); /* NULL: no axes */
+    size_t axes, axis_size; /* offset of the first axis and size of each (boards/axis.h), where the
+                             * board opens and closes their bridges; 0: none */
+    bool (*fault)(const struct board *board); /* an axis is in hardware fault; NULL: as the axes */
+    uint8_t (*mode)(const struct board *board, unsigned axis); /* NULL: as the axes */
     const struct board_settings *settings;                     /* NULL: none */
 };
 
@@ -69,13 +72,13 @@ struct board_settings {
     size_t count;
     void (*describe)(const struct board *board, unsigned axis, size_t index,
                      struct board_setting *setting);
-    double (*get)(const struct board *board, unsigned axis, size_t index);
+    double (*get)(const struct board *board, unsigned axis, size_t index); /* NULL: setting.value */
     bool (*set)(struct board *board, unsigned axis, size_t index, double value);
 };
 
 /* Functions of a protocol for its buses. */
 struct board_bus_ops {
-    /* A board has got its address; before its power-up. */
+    /* A board has got its address; before its power-up. NULL: nothing to do. */
     void (*add_board)(struct board_bus *bus, struct board *board);
     bool remote;   /* remote frames mean something */
     bool extended; /* so do identifiers of 29 bits */
@@ -136,7 +139,7 @@ struct boards {
      * a board's timers show. They differ in boards_control, which computes what the boards have
      * done by the end of the tick. */
     int64_t event_ns, now_ns;
-    double supply_v; /* as sampled */
+    double supply_v, oil_pa; /* as sampled: numbers, 0 or more */
     uint64_t settings_changes;
     size_t nbus, nboard;
     struct board_bus **bus;
@@ -152,6 +155,17 @@ static inline int board_joint(const struct board *board, size_t axis)
     return board->config.kind == BOARD_MOTOR && axis < board->bus->config.protocol->axes_max
                ? board->config.axis[axis].joint
                : -1;
+}
+
+/* Return the number of axes that a board embeds, spare ones too, and one of them. */
+static inline unsigned board_axes(const struct board *board)
+{
+    return board->ops->axis_size ? board->bus->config.protocol->axes_max : 0;
+}
+
+static inline struct axis *board_axis(const struct board *board, unsigned index)
+{
+    return (struct axis *)((uintptr_t)board + board->ops->axes + index * board->ops->axis_size);
 }
 
 /* Returns the number of axes of a board whose axes end with the first spare one. */
@@ -210,7 +224,13 @@ static inline bool board_is_deaf(const struct board *board)
     return board->in_bootloader || board->away;
 }
 
-/* Checks whether the boards can be made (check.c). Not RT-safe. */
+/* Allocate a board and a bus of a protocol, whose structures begin with them; NULL without memory.
+ * Not RT-safe. */
+struct board *board_create(struct arena *arena, size_t size, const struct board_ops *ops);
+struct board_bus *board_bus_create(struct arena *arena, size_t size,
+                                   const struct board_bus_ops *ops);
+
+/* Checks whether the boards can be made (config_check.c). Not RT-safe. */
 enum error_code boards_check(const struct boards_config *config, struct error *error);
 
 /* Return the configuration of a bus, and the protocol of its boards, with the defaults where

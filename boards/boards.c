@@ -11,15 +11,9 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Returns a board by its index in the configuration. */
-static const struct board *boards_board_at(const struct boards *boards, size_t board)
-{
-    return boards->board[board];
-}
-
 size_t boards_settings(const struct boards *boards, size_t board, size_t axis)
 {
-    const struct board *of = boards_board_at(boards, board);
+    const struct board *of = boards->board[board];
 
     return of->ops->settings && !of->config.external && board_joint(of, axis) >= 0
                ? of->ops->settings->count
@@ -29,16 +23,19 @@ size_t boards_settings(const struct boards *boards, size_t board, size_t axis)
 void boards_setting(const struct boards *boards, size_t board, size_t axis, size_t index,
                     struct board_setting *setting)
 {
-    const struct board *of = boards_board_at(boards, board);
+    const struct board *of = boards->board[board];
 
     of->ops->settings->describe(of, (unsigned)axis, index, setting);
 }
 
 double boards_get(const struct boards *boards, size_t board, size_t axis, size_t index)
 {
-    const struct board *of = boards_board_at(boards, board);
+    const struct board *of = boards->board[board];
+    struct board_setting setting;
 
-    return of->ops->settings->get(of, (unsigned)axis, index);
+    boards_setting(boards, board, axis, index, &setting);
+    return of->ops->settings->get ? of->ops->settings->get(of, (unsigned)axis, index)
+                                  : setting.value;
 }
 
 bool boards_set(struct boards *boards, size_t board, size_t axis, size_t index, double value)
@@ -352,6 +349,36 @@ const struct protocol *boards_protocol(const struct boards_config *config, int b
     return protocol ? protocol : protocol_at(0);
 }
 
+struct board *board_create(struct arena *arena, size_t size, const struct board_ops *ops)
+{
+    struct board *board = arena_alloc(arena, 1, size);
+
+    if (board) {
+        board->ops = ops;
+    }
+    return board;
+}
+
+struct board_bus *board_bus_create(struct arena *arena, size_t size,
+                                   const struct board_bus_ops *ops)
+{
+    struct board_bus *bus = arena_alloc(arena, 1, size);
+
+    if (bus) {
+        bus->ops = ops;
+    }
+    return bus;
+}
+
+/* Powers up a board and its axes. */
+static void board_power_up(struct board *board)
+{
+    board->ops->power_up(board);
+    for (unsigned i = 0; i < board_axes(board); i++) {
+        axis_power_up(board, i);
+    }
+}
+
 /* Creates a board by its protocol and places it on its bus. Returns false without memory. */
 static bool boards_make_board(struct boards *boards, size_t index,
                               const struct board_config *config, struct arena *arena)
@@ -379,9 +406,11 @@ static bool boards_make_board(struct boards *boards, size_t index,
     bus->by_address[board->address] = board;
     bus->capacity += BOARD_REPLIES_MAX;
     bus->transmit_max += BOARD_REPLIES_MAX + board->ops->periodic_max;
-    bus->ops->add_board(bus, board);
+    if (bus->ops->add_board) {
+        bus->ops->add_board(bus, board);
+    }
 
-    board->ops->power_up(board);
+    board_power_up(board);
     board->away = config->external;
     if (config->boot_ns > 0 && !config->external) {
         board->in_bootloader = true;
@@ -567,7 +596,7 @@ void board_leave_bootloader(struct board *board)
 
     board->in_bootloader = false;
     board_event(board, BOARD_EVENT_RESTART, 0, 0, 0);
-    board->ops->power_up(board);
+    board_power_up(board);
     boards->settings_changes++;
     for (size_t i = 0; boards->restarted && i < BOARD_AXES_MAX; i++) {
         if (board_joint(board, i) >= 0) {
@@ -615,11 +644,27 @@ void boards_receive(struct boards *boards, int64_t now_ns, size_t bus,
 
 /* ---- control ---- */
 
+/* Writes the bridges of a board's axes into the command of the plant. */
+static void board_drive_bridges(const struct board *board, struct plant_command *command)
+{
+    for (unsigned i = 0; i < board_axes(board); i++) {
+        const int joint = board_joint(board, i);
+
+        if (joint >= 0) {
+            const struct axis *axis = board_axis(board, i);
+
+            command->motor[joint].bridge_on = axis->on;
+            command->motor[joint].voltage_v = axis->on ? axis->voltage_v : 0.0;
+        }
+    }
+}
+
 /* Opens the bridges of a board of ours. */
 static void board_shut_down(struct board *board, struct plant_command *command)
 {
     if (board->ops->shut_down && !board->config.external) {
         board->ops->shut_down(board, command);
+        board_drive_bridges(board, command);
     }
 }
 
@@ -633,6 +678,7 @@ static void board_control(struct board *board, struct ms_span span, struct plant
         }
     } else if (board->ops->control) {
         board->ops->control(board, span, command);
+        board_drive_bridges(board, command);
     }
 }
 
@@ -666,12 +712,21 @@ void boards_shut_down(struct boards *boards, int64_t now_ns, struct plant_comman
     }
 }
 
+/* Checks whether an axis of a board of ours is in hardware fault. */
+static bool board_is_faulty(const struct board *board)
+{
+    bool faulty = board->ops->fault && board->ops->fault(board);
+
+    for (unsigned i = 0; i < board_axes(board); i++) {
+        faulty = faulty || board_axis(board, i)->faulty;
+    }
+    return faulty && !board->config.external;
+}
+
 bool boards_fault(const struct boards *boards)
 {
     for (size_t i = 0; i < boards->nboard; i++) {
-        const struct board *board = boards->board[i];
-
-        if (board->ops->fault && !board->config.external && board->ops->fault(board)) {
+        if (board_is_faulty(boards->board[i])) {
             return true;
         }
     }
@@ -688,12 +743,11 @@ void boards_state(const struct boards *boards, size_t index, struct board_state 
         .away = board->away && !board->config.external,
         .external = board->config.external,
         .silent = board->config.external && !board->present,
-        .faulty = !board->config.external && board->ops->fault && board->ops->fault(board),
+        .faulty = board_is_faulty(board),
         .heard_ns = board->heard_ns,
     };
-    for (unsigned i = 0; board->ops->mode && i < BOARD_AXES_MAX && board_joint(board, i) >= 0;
-         i++) {
-        state->mode[i] = board->ops->mode(board, i);
+    for (unsigned i = 0; i < BOARD_AXES_MAX && board_joint(board, i) >= 0; i++) {
+        state->mode[i] = board->ops->mode ? board->ops->mode(board, i) : board_axis(board, i)->mode;
         state->naxis++;
     }
 }
@@ -704,8 +758,16 @@ void boards_sample(struct boards *boards, int64_t now_ns, const struct plant_sen
 {
     boards->event_ns = boards->now_ns = now_ns;
     boards->supply_v = board_supply_v(sensors);
+    boards->oil_pa = board_oil_pa(sensors);
     for (size_t i = 0; i < boards->nboard; i++) {
-        boards->board[i]->ops->sample(boards->board[i], sensors);
+        struct board *board = boards->board[i];
+
+        for (unsigned k = 0; k < board_axes(board); k++) {
+            if (board_joint(board, k) >= 0) {
+                axis_read_sensors(board, k, sensors);
+            }
+        }
+        board->ops->sample(board, sensors);
     }
 }
 

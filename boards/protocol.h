@@ -51,7 +51,7 @@ struct protocol {
     bool external_torque; /* and whose motor boards tell the torque of their joints */
     bool needs_file;      /* a file describes it (boards_bus_config.described) */
 
-    /* Both return NULL without memory. The configuration has been checked (boards/check.c) */
+    /* Both return NULL without memory. The configuration was checked (boards/config_check.c). */
     struct board_bus *(*make_bus)(struct arena *arena);
     struct board *(*make_board)(const struct board_config *config, struct arena *arena);
 

@@ -74,12 +74,15 @@ static void cia402_axis_enter(struct cia402_node *node, struct cia402_axis *axis
     }
     board_event(&node->board, BOARD_EVENT_MODE, cia402_axis_number(node, axis), axis->state, state);
     axis->state = state;
+    axis->base.mode = (uint8_t)state;
+    axis->base.on = cia402_axis_is_on(axis);
+    axis->base.faulty = state == CIA402_FAULT || state == CIA402_FAULT_REACTION_ACTIVE;
     if (cia402_axis_is_on(axis) && !was_on) {
         axis->command_ns = node->board.boards->now_ns;
         cia402_axis_stand(axis);
     } else if (was_on && !cia402_axis_is_on(axis)) {
         axis->target_voltage = axis->target_torque = 0;
-        axis->overload_ms = 0.0;
+        axis->base.overload_ms = 0.0;
         cia402_axis_stand(axis);
     }
 }
@@ -335,15 +338,8 @@ static void cia402_setting_describe(const struct board *board, unsigned axis, si
                                       .unit = rows[index].unit,
                                       .min = (double)cia402_lowest(entry.object),
                                       .max = (double)cia402_most(board, axis, entry.object),
-                                      .whole = true};
-}
-
-/* Returns the value of a setting (struct board_settings). */
-static double cia402_setting_get(const struct board *board, unsigned axis, size_t index)
-{
-    const struct cia402_entry entry = cia402_setting_entry(axis, index);
-
-    return (double)cia402_value(cia402_node_of(board), &entry);
+                                      .whole = true,
+                                      .value = (double)cia402_value(cia402_node_of(board), &entry)};
 }
 
 /* Sets a setting (struct board_settings). */
@@ -355,10 +351,9 @@ static bool cia402_setting_set(struct board *board, unsigned axis, size_t index,
     return true;
 }
 
-const struct board_settings cia402_settings = {
+static const struct board_settings cia402_settings = {
     .count = ARRAY_COUNT(rows),
     .describe = cia402_setting_describe,
-    .get = cia402_setting_get,
     .set = cia402_setting_set,
 };
 
@@ -425,7 +420,6 @@ void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_c
     p->timeout_ms = control_clamp(board->command_timeout_ns / MS, 0, UINT16_MAX);
     p->position_gain = config->valve ? VALVE_POSITION_GAIN : POSITION_GAIN;
     /* Switches, gear and rated current */
-    axis->valve = config->valve;
     cia402_homing_list(axis, &config->switches);
     axis->rpm_rad = (config->gear > 0.0 ? config->gear : 1.0) * 60.0 / (2.0 * M_PI);
     axis->rated_current_ma = p->current_limit_ma;
@@ -455,6 +449,7 @@ void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_c
 static void cia402_axis_power_up(struct cia402_axis *axis)
 {
     axis->state = CIA402_NOT_READY;
+    axis->base.mode = CIA402_NOT_READY;
     axis->latched = axis->present = 0;
     axis->faults = axis->error_code = axis->controlword = axis->statusword = 0;
     axis->target_voltage = axis->target_torque = axis->target_velocity = 0;
@@ -463,7 +458,6 @@ static void cia402_axis_power_up(struct cia402_axis *axis)
     axis->mode_display = 0;
     axis->home = 0;
     axis->homed = axis->homing_failed = axis->set_point_taken = axis->limited = false;
-    axis->velocity_rad_s = axis->overload_ms = 0.0;
     cia402_axis_stand(axis);
 }
 
@@ -477,115 +471,58 @@ static void cia402_motor_power_up(struct board *board)
     for (unsigned i = 0; i < motor->node.axes; i++) {
         cia402_axis_power_up(&motor->axis[i]);
     }
-    motor->started = false;
 }
 
 /* ---- sensors ---- */
 
-/* Reads the sensors of an axis; a missing reading leaves the value before. ms: time since the
- * last sample. */
-static void cia402_axis_sample(struct cia402_axis *axis, const struct board_axis_config *config,
-                               const struct motor_sense *sense, int64_t ms)
+/* Writes what was sampled into the objects; a missing reading leaves the value before. */
+static void cia402_axis_publish(struct cia402_axis *axis)
 {
-    int32_t motor, link;
+    const struct axis *base = &axis->base;
+    double rated_a = fmax((double)axis->rated_current_ma, 1.0) * 1e-3;
+    double rated_nm = fmax((double)axis->rated_torque_mnm, 1.0) * 1e-3;
+    int32_t temperature = (int32_t)axis->temperature_c;
 
-    axis->bad_motor = !control_quantize(sense->qm * config->motor_ticks_per_rad, &motor) ||
-                      !isfinite(sense->current_a);
-    axis->bad_link = !control_quantize(sense->q * config->joint_ticks_per_rad, &link);
-    axis->bad_torque = !isfinite(sense->torque_nm);
-    if (!axis->bad_motor) {
-        axis->motor_rad = motor / config->motor_ticks_per_rad;
-        axis->motor_encoder = cia402_counts(axis->motor_rad, CIA402_POSITION_RAD);
-        axis->current_a = sense->current_a;
-    }
-    if (!axis->bad_link) {
-        axis->link_encoder = cia402_counts(link / config->joint_ticks_per_rad, CIA402_POSITION_RAD);
-    }
-    if (!axis->bad_torque) {
-        axis->torque_nm = sense->torque_nm;
-    }
-    control_quantize(sense->winding_c, &axis->temperature);
-    axis->valve_opening = cia402_counts(sense->valve_opening, 1e-3);
+    axis->motor_encoder = cia402_counts(base->motor_rad, CIA402_POSITION_RAD);
+    axis->link_encoder = cia402_counts(base->link_rad, CIA402_POSITION_RAD);
+    axis->deflection = axis->motor_encoder - axis->link_encoder;
+    axis->position = axis->motor_encoder - axis->home;
+    axis->velocity = cia402_counts(base->velocity_rad_s, CIA402_POSITION_RAD);
+    axis->current_ma = cia402_counts(base->current_a, 1e-3);
+    axis->current = cia402_counts(base->current_a / rated_a, 1e-3);
+    axis->torque = base->config->valve ? cia402_counts(base->torque_nm / rated_nm, 1e-3)
+                                       : axis->current; /* in thousandths of the rated one, both */
+    axis->spring_torque = cia402_counts(base->torque_nm, CIA402_SPRING_NM);
+    control_quantize(base->winding_c, &temperature);
+    axis->temperature_c = temperature;
+    axis->supply_mv = cia402_counts(base->supply_v, 1e-3);
+    axis->valve_opening = cia402_counts(base->valve_opening, 1e-3);
     for (int side = 0; side < 2; side++) {
-        int64_t counts = cia402_counts(sense->pressure_pa[side], CIA402_PRESSURE_BAR * 1e5);
+        int64_t counts = cia402_counts(base->pressure_pa[side], CIA402_PRESSURE_BAR * 1e5);
 
         axis->pressure[side] = control_clamp(counts, 0, UINT16_MAX);
     }
-
-    cia402_homing_sample(axis, &config->switches);
-
-    /* The rotor's speed is a running mean */
-    if (ms > 0) {
-        double change = (axis->motor_rad - axis->before_rad) / ((double)ms * 1e-3);
-
-        axis->velocity_rad_s = (axis->velocity_rad_s + change) / 2.0;
-        axis->before_rad = axis->motor_rad;
-    }
 }
 
-/* Writes what was sampled into the objects. */
-static void cia402_axis_publish(struct cia402_axis *axis, double supply_v)
-{
-    double rated_a = fmax((double)axis->rated_current_ma, 1.0) * 1e-3;
-
-    axis->deflection = axis->motor_encoder - axis->link_encoder;
-    axis->position = axis->motor_encoder - axis->home;
-    axis->velocity = cia402_counts(axis->velocity_rad_s, CIA402_POSITION_RAD);
-    axis->current_ma = cia402_counts(axis->current_a, 1e-3);
-    axis->current = cia402_counts(axis->current_a / rated_a, 1e-3);
-    axis->torque = axis->current; /* in thousandths of the rated one, both */
-    if (axis->valve) {
-        double rated_nm = fmax((double)axis->rated_torque_mnm, 1.0) * 1e-3;
-
-        axis->torque = cia402_counts(axis->torque_nm / rated_nm, 1e-3);
-    }
-    axis->spring_torque = cia402_counts(axis->torque_nm, CIA402_SPRING_NM);
-    axis->temperature_c = axis->temperature;
-    axis->supply_mv = cia402_counts(supply_v, 1e-3);
-}
-
-/* Reads the sensors of all axes (struct board_ops). */
+/* Tells what was read of all axes (struct board_ops). */
 static void cia402_motor_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct cia402_motor *motor = cia402_motor_of(board);
-    int64_t now_ms = board->boards->now_ns / MS;
 
-    motor->supply_v = board_supply_v(sensors);
-
-    motor->oil_pa = board_oil_pa(sensors);
+    (void)sensors;
     for (unsigned i = 0; i < motor->node.axes; i++) {
-        const struct board_axis_config *config = &board->config.axis[i];
         struct cia402_axis *axis = &motor->axis[i];
-        int64_t ms = motor->started ? now_ms - motor->sampled_ms : 0;
 
-        cia402_axis_sample(axis, config, &sensors->motor[config->joint], ms);
-        if (!motor->started) {
-            axis->before_rad = axis->motor_rad;
-        }
-        cia402_axis_publish(axis, motor->supply_v);
-        for (int64_t k = 0; k < ms; k++) {
+        cia402_axis_publish(axis);
+        cia402_homing_sample(axis, &axis->base.config->switches);
+        for (int64_t k = 0; k < axis->base.passed_ms; k++) {
             cia402_axis_count_times(axis);
         }
         cia402_axis_update_status(axis);
     }
-    motor->started = true;
-    motor->sampled_ms = now_ms;
 }
 
 /* ---- faults ---- */
-
-/* Returns whether the I2t law sees an overload of an axis that is on. */
-static bool cia402_axis_is_over_current(const struct board *board, struct cia402_axis *axis)
-{
-    double limit_a = (double)axis->settings.current_limit_ma * 1e-3;
-
-    if (!cia402_axis_is_on(axis)) {
-        axis->overload_ms = 0.0;
-        return false;
-    }
-    return overload_step(&axis->overload_ms, axis->current_a, limit_a,
-                         (double)board->boards->tick_ns / MS);
-}
 
 /* Returns whether commands of an axis have not come for the time-out. */
 static bool cia402_axis_is_stale(const struct board *board, const struct cia402_axis *axis)
@@ -597,40 +534,22 @@ static bool cia402_axis_is_stale(const struct board *board, const struct cia402_
            board->boards->now_ns - axis->command_ns > axis->settings.timeout_ms * MS;
 }
 
-/* Returns whether the link is beyond a software limit. */
-static bool cia402_axis_is_beyond_limit(const struct cia402_axis *axis)
-{
-    const int64_t *limit = axis->settings.position_limit;
-    int64_t link = axis->link_encoder - axis->home;
-
-    return limit[0] < limit[1] && (link < limit[0] || link > limit[1]);
-}
-
 /* Returns the faults and warnings that an axis has now. */
 static uint32_t cia402_axis_present_faults(const struct board *board, struct cia402_axis *axis)
 {
-    const struct cia402_motor *motor = cia402_motor_of(board);
-    double supply_v = motor->supply_v;
-    size_t index = (size_t)(axis - motor->axis);
-    bool off_course = axis->following_ms > axis->settings.following_timeout_ms;
-    uint32_t faults = 0;
+    const struct cia402_axis_settings *p = &axis->settings;
+    int64_t link = axis->link_encoder - axis->home, low = p->position_limit[0],
+            high = p->position_limit[1];
+    bool enabled = axis->state == CIA402_OPERATION_ENABLED;
+    bool off_course = axis->following_ms > p->following_timeout_ms;
+    uint32_t faults = axis_find_faults(board, cia402_axis_number(cia402_node_of(board), axis),
+                                       (double)p->current_limit_ma * 1e-3);
 
-    faults |= board_is_under_voltage(board, supply_v) ? CIA402_FAULT_UNDER_VOLTAGE : 0;
-    faults |= board_is_over_voltage(board, supply_v) ? CIA402_FAULT_OVER_VOLTAGE : 0;
-    faults |= cia402_axis_is_over_current(board, axis) ? CIA402_FAULT_OVER_CURRENT : 0;
-    faults |= axis->bad_motor ? CIA402_FAULT_MOTOR_ENCODER : 0;
-    faults |= axis->bad_link ? CIA402_FAULT_LINK_ENCODER : 0;
-    faults |= axis->bad_torque ? CIA402_FAULT_TORQUE_SENSOR : 0;
-    faults |= axis->temperature > axis->settings.temperature_limit_c ? CIA402_FAULT_TEMPERATURE : 0;
+    faults |= axis->temperature_c > p->temperature_limit_c ? CIA402_FAULT_TEMPERATURE : 0;
     faults |=
-        off_course && cia402_axis_controls_position(axis) && axis->state == CIA402_OPERATION_ENABLED
-            ? CIA402_FAULT_FOLLOWING
-            : 0;
+        off_course && cia402_axis_controls_position(axis) && enabled ? CIA402_FAULT_FOLLOWING : 0;
     faults |= cia402_axis_is_stale(board, axis) ? CIA402_FAULT_STALE : 0;
-    faults |=
-        board_is_under_pressure(board, index, motor->oil_pa) ? CIA402_FAULT_UNDER_PRESSURE : 0;
-    faults |= board_is_over_pressure(board, index, motor->oil_pa) ? CIA402_FAULT_OVER_PRESSURE : 0;
-    faults |= cia402_axis_is_beyond_limit(axis) ? CIA402_FAULT_LIMIT : 0;
+    faults |= low < high && (link < low || link > high) ? CIA402_FAULT_LIMIT : 0;
     return faults;
 }
 
@@ -681,26 +600,13 @@ static void cia402_axis_watch_faults(struct cia402_node *node, struct cia402_axi
 
 /* ---- control ---- */
 
-/* Writes voltages and switches of the bridges into the command of the plant. */
-static void cia402_motor_drive_bridges(const struct board *board, struct plant_command *command)
-{
-    const struct cia402_motor *motor = cia402_motor_of(board);
-
-    for (unsigned i = 0; i < motor->node.axes; i++) {
-        const struct cia402_axis *axis = &motor->axis[i];
-        struct motor_command *to = &command->motor[board->config.axis[i].joint];
-
-        to->bridge_on = cia402_axis_is_on(axis);
-        to->voltage_v = to->bridge_on ? axis->voltage_v : 0.0;
-    }
-}
-
 /* Runs a tick of a drive: services, faults, states and loops (struct board_ops). */
 static void cia402_motor_control(struct board *board, struct ms_span span,
                                  struct plant_command *command)
 {
     struct cia402_motor *motor = cia402_motor_of(board);
 
+    (void)command;
     cia402_node_step(&motor->node, span);
     for (unsigned i = 0; i < motor->node.axes; i++) {
         struct cia402_axis *axis = &motor->axis[i];
@@ -708,11 +614,10 @@ static void cia402_motor_control(struct board *board, struct ms_span span,
         cia402_axis_watch_faults(&motor->node, axis);
         cia402_axis_step_state(&motor->node, axis);
         for (int64_t ms = span.from; ms < span.to; ms++) {
-            cia402_axis_step(axis, &board->config.axis[i], motor->supply_v);
+            cia402_axis_step(axis);
         }
-        axis->voltage = cia402_counts(axis->voltage_v, CIA402_VOLTAGE_V);
+        axis->voltage = cia402_counts(axis->base.voltage_v, CIA402_VOLTAGE_V);
     }
-    cia402_motor_drive_bridges(board, command);
 }
 
 /* Opens the bridges of a drive (struct board_ops). */
@@ -720,6 +625,7 @@ static void cia402_motor_shut_down(struct board *board, struct plant_command *co
 {
     struct cia402_motor *motor = cia402_motor_of(board);
 
+    (void)command;
     for (unsigned i = 0; i < motor->node.axes; i++) {
         struct cia402_axis *axis = &motor->axis[i];
 
@@ -727,27 +633,6 @@ static void cia402_motor_shut_down(struct board *board, struct plant_command *co
             cia402_axis_enter(&motor->node, axis, CIA402_SWITCH_ON_DISABLED);
         }
     }
-    cia402_motor_drive_bridges(board, command);
-}
-
-/* Returns whether some axis is in a fault state (struct board_ops). */
-static bool cia402_motor_is_faulty(const struct board *board)
-{
-    const struct cia402_motor *motor = cia402_motor_of(board);
-
-    for (unsigned i = 0; i < motor->node.axes; i++) {
-        if (motor->axis[i].state == CIA402_FAULT ||
-            motor->axis[i].state == CIA402_FAULT_REACTION_ACTIVE) {
-            return true;
-        }
-    }
-    return false;
-}
-
-/* Returns the state of an axis, which takes the place of a mode (struct board_ops). */
-static uint8_t cia402_motor_mode(const struct board *board, unsigned axis)
-{
-    return (uint8_t)cia402_motor_of(board)->axis[axis].state;
 }
 
 static const struct board_ops cia402_motor_ops = {
@@ -758,20 +643,17 @@ static const struct board_ops cia402_motor_ops = {
     .control = cia402_motor_control,
     .transmit = cia402_node_transmit,
     .shut_down = cia402_motor_shut_down,
-    .fault = cia402_motor_is_faulty,
-    .mode = cia402_motor_mode,
+    .axes = offsetof(struct cia402_motor, axis),
+    .axis_size = sizeof(struct cia402_axis),
     .settings = &cia402_settings,
 };
 
 struct board *cia402_motor_create(struct arena *arena)
 {
-    struct cia402_motor *motor = arena_alloc(arena, 1, sizeof *motor);
+    struct board *board = board_create(arena, sizeof(struct cia402_motor), &cia402_motor_ops);
 
-    if (!motor) {
-        return NULL;
+    if (board) {
+        cia402_node_of(board)->axis = cia402_motor_of(board)->axis;
     }
-    motor->node.board.ops = &cia402_motor_ops;
-    motor->node.kind = CIA402_KIND_DRIVE;
-    motor->node.axis = motor->axis;
-    return &motor->node.board;
+    return board;
 }

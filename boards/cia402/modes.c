@@ -172,7 +172,7 @@ static void cia402_homing_take(struct cia402_axis *axis, int64_t encoder)
 /* Returns the number of index pulses so far, from a multiple of their distance on. */
 static double cia402_homing_pulses(const struct cia402_axis *axis)
 {
-    return floor(axis->motor_rad / axis->index_rad);
+    return floor(axis->base.motor_rad / axis->index_rad);
 }
 
 /* ---- the parts ---- */
@@ -344,7 +344,7 @@ enum cia402_abort cia402_axis_write_homing(struct cia402_node *node,
  * more slowly than that is rocked until it falls.
  *
  * The winding's resistance bounds the voltage, so that the current stays within its limit. The
- * current loop of the torque modes is that of boards/motor_control.h.
+ * current loop of the torque modes is that of boards/axis.h.
  */
 
 #define STEP_S 1e-3 /* of the loops */
@@ -361,7 +361,7 @@ void cia402_axis_stand(struct cia402_axis *axis)
     axis->homing = CIA402_HOMING_RESTS;
     axis->interpolation_left_ms = 0;
     axis->torque_reference = 0.0;
-    axis->integral_v = axis->velocity_integral_v = axis->voltage_v = 0.0;
+    axis->integral_v = axis->velocity_integral_v = axis->base.voltage_v = 0.0;
     axis->following_ms = axis->reached_ms = axis->standstill_ms = axis->stop_ms = 0;
 }
 
@@ -380,7 +380,7 @@ void cia402_axis_stop(struct cia402_axis *axis, enum cia402_ramp ramp, enum cia4
         (double)(ramp == CIA402_RAMP_QUICK ? p->quick_stop_deceleration : p->profile_deceleration);
     axis->profile = (struct cia402_profile){
         (double)axis->position,
-        axis->stop_by_current ? 0.0 : axis->velocity_rad_s / CIA402_POSITION_RAD};
+        axis->stop_by_current ? 0.0 : axis->base.velocity_rad_s / CIA402_POSITION_RAD};
 }
 
 bool cia402_axis_has_stopped(const struct cia402_axis *axis)
@@ -477,25 +477,24 @@ void cia402_axis_take_set_point(struct cia402_axis *axis, int64_t before)
 
 /* Returns the voltage of the velocity loop: back-EMF, PI with the integral gain ki (mV/rad) and
  * torque offset, bounded by current and supply. */
-static double cia402_axis_velocity_law(struct cia402_axis *axis,
-                                       const struct board_axis_config *config, double velocity,
-                                       int64_t ki, double supply_v)
+static double cia402_axis_velocity_law(struct cia402_axis *axis, double velocity, int64_t ki)
 {
+    double ohm = axis->base.config->winding_ohm, supply_v = axis->base.supply_v;
     const struct cia402_axis_settings *p = &axis->settings;
-    double kw = (double)p->current_gain[2] * 1e-3, now = axis->velocity_rad_s;
+    double kw = (double)p->current_gain[2] * 1e-3, now = axis->base.velocity_rad_s;
     double error = velocity * CIA402_POSITION_RAD - now;
     double step = (double)ki * 1e-3 * error * STEP_S;
     double rated_a = (double)axis->rated_current_ma * 1e-3, limit_v = supply_v;
-    double offset_v = (double)axis->torque_offset * 1e-3 * rated_a * config->winding_ohm;
+    double offset_v = (double)axis->torque_offset * 1e-3 * rated_a * ohm;
     double v = kw * velocity * CIA402_POSITION_RAD + (double)p->velocity_gain[0] * 1e-3 * error +
                axis->velocity_integral_v + step + offset_v;
     double bound = v;
 
     /* What the current limit leaves, around the voltage at which no current flows */
-    if (config->winding_ohm > 0.0) {
+    if (ohm > 0.0) {
         double most = (double)(p->max_torque < p->max_current ? p->max_torque : p->max_current);
 
-        limit_v = config->winding_ohm * rated_a * most * 1e-3;
+        limit_v = ohm * rated_a * most * 1e-3;
         bound = fmax(fmin(v, kw * now + limit_v), kw * now - limit_v);
     }
     bound = fmax(fmin(bound, supply_v), -supply_v);
@@ -508,28 +507,27 @@ static double cia402_axis_velocity_law(struct cia402_axis *axis,
 }
 
 /* Returns the voltage of the position loop on top of the velocity loop. */
-static double cia402_axis_position_law(struct cia402_axis *axis,
-                                       const struct board_axis_config *config, double supply_v)
+static double cia402_axis_position_law(struct cia402_axis *axis)
 {
     double gain = (double)axis->settings.position_gain * 0.1;
     double error = axis->profile.position - (double)axis->position;
 
     axis->position_demand = cia402_counts(axis->profile.position, 1.0);
-    return cia402_axis_velocity_law(axis, config, axis->profile.velocity + gain * error,
-                                    axis->settings.velocity_gain[2], supply_v);
+    return cia402_axis_velocity_law(axis, axis->profile.velocity + gain * error,
+                                    axis->settings.velocity_gain[2]);
 }
 
 /* Returns the voltage of the current loop for a torque. */
-static double cia402_axis_current_law(struct cia402_axis *axis, double torque, double supply_v)
+static double cia402_axis_current_law(struct cia402_axis *axis, double torque)
 {
     const struct cia402_axis_settings *p = &axis->settings;
     double wanted_a = torque * 1e-3 * (double)axis->rated_current_ma * 1e-3;
 
     axis->torque_demand = cia402_counts(torque, 1.0);
     return current_loop_step(&axis->integral_v, (double)p->current_gain[0] * 1e-3,
-                             (double)p->current_gain[1] * 1e-3, wanted_a - axis->current_a,
-                             supply_v) +
-           (double)p->current_gain[2] * 1e-3 * axis->velocity_rad_s;
+                             (double)p->current_gain[1] * 1e-3, wanted_a - axis->base.current_a,
+                             axis->base.supply_v) +
+           (double)p->current_gain[2] * 1e-3 * axis->base.velocity_rad_s;
 }
 
 /* ---- modes ---- */
@@ -614,8 +612,7 @@ static double cia402_axis_lead_back(struct cia402_axis *axis, double wanted)
 }
 
 /* Runs a step of the mode of operation; returns the voltage. */
-static double cia402_axis_step_mode(struct cia402_axis *axis,
-                                    const struct board_axis_config *config, double supply_v)
+static double cia402_axis_step_mode(struct cia402_axis *axis)
 {
     int64_t ki = axis->settings.velocity_gain[1];
     double velocity;
@@ -624,30 +621,29 @@ static double cia402_axis_step_mode(struct cia402_axis *axis,
     /* By position */
     case CIA402_PROFILE_POSITION:
         cia402_axis_step_profile_position(axis);
-        return cia402_axis_position_law(axis, config, supply_v);
+        return cia402_axis_position_law(axis);
     case CIA402_CYCLIC_POSITION:
         cia402_axis_step_cyclic_position(axis);
-        return cia402_axis_position_law(axis, config, supply_v);
+        return cia402_axis_position_law(axis);
     case CIA402_HOMING:
         cia402_homing_step(axis);
-        return cia402_axis_position_law(axis, config, supply_v);
+        return cia402_axis_position_law(axis);
 
     /* By velocity */
     case CIA402_PROFILE_VELOCITY:
         cia402_axis_step_profile_velocity(axis);
         velocity = cia402_axis_lead_back(axis, axis->profile.velocity);
-        return cia402_axis_velocity_law(axis, config, velocity, ki, supply_v);
+        return cia402_axis_velocity_law(axis, velocity, ki);
     case CIA402_CYCLIC_VELOCITY:
         velocity = (double)(axis->target_velocity + axis->velocity_offset);
         velocity = cia402_axis_lead_back(axis, cia402_axis_bound_velocity(axis, velocity));
-        return cia402_axis_velocity_law(axis, config, velocity, ki, supply_v);
+        return cia402_axis_velocity_law(axis, velocity, ki);
 
     /* By torque or voltage */
     case CIA402_TORQUE:
     case CIA402_CYCLIC_TORQUE:
         cia402_axis_step_torque(axis);
-        return cia402_axis_current_law(axis, cia402_axis_lead_back(axis, axis->torque_reference),
-                                       supply_v);
+        return cia402_axis_current_law(axis, cia402_axis_lead_back(axis, axis->torque_reference));
     case CIA402_VOLTAGE_MODE:
         return cia402_axis_lead_back(axis, (double)axis->target_voltage * CIA402_VOLTAGE_V);
     default:
@@ -671,8 +667,7 @@ static void cia402_axis_choose_mode(struct cia402_axis *axis)
 
 /* Runs a step towards standstill; returns the voltage. Without a ramp the voltage is as high as
  * the current limit allows until the rotor stands, and holds the position there. */
-static double cia402_axis_step_stop(struct cia402_axis *axis,
-                                    const struct board_axis_config *config, double supply_v)
+static double cia402_axis_step_stop(struct cia402_axis *axis)
 {
     axis->stop_ms++;
     if (axis->stop_by_current && llabs(axis->velocity) > axis->settings.velocity_threshold) {
@@ -680,28 +675,27 @@ static double cia402_axis_step_stop(struct cia402_axis *axis,
     }
     cia402_profile_accelerate(&axis->profile, 0.0, axis->stop_deceleration, axis->stop_deceleration,
                               STEP_S);
-    return cia402_axis_position_law(axis, config, supply_v);
+    return cia402_axis_position_law(axis);
 }
 
-void cia402_axis_step(struct cia402_axis *axis, const struct board_axis_config *config,
-                      double supply_v)
+void cia402_axis_step(struct cia402_axis *axis)
 {
     double v = 0.0;
 
     cia402_axis_choose_mode(axis);
     if (!cia402_axis_is_on(axis)) {
-        axis->voltage_v = 0.0;
+        axis->base.voltage_v = 0.0;
         return;
     }
     axis->limited = false;
     axis->torque_demand = axis->velocity_demand = 0;
     axis->position_demand = axis->position;
     if (axis->stopping) {
-        v = cia402_axis_step_stop(axis, config, supply_v);
+        v = cia402_axis_step_stop(axis);
     } else {
-        v = cia402_axis_step_mode(axis, config, supply_v);
+        v = cia402_axis_step_mode(axis);
     }
-    axis->voltage_v = fmax(fmin(v, supply_v), -supply_v);
+    axis->base.voltage_v = fmax(fmin(v, axis->base.supply_v), -axis->base.supply_v);
 }
 
 /* ---- what the statusword says of a mode ---- */

@@ -1275,26 +1275,12 @@ static void cia402_bus_receive(struct boards *boards, struct board_bus *bus,
     }
 }
 
-/* Adds a board to the bus, which needs nothing for it (struct protocol). */
-static void cia402_bus_add_board(struct board_bus *bus, struct board *board)
-{
-    (void)bus;
-    (void)board;
-}
-
 static const struct board_bus_ops cia402_bus_ops = {
     .remote = true,
-    .add_board = cia402_bus_add_board,
     .receive = cia402_bus_receive,
 };
 
 struct board_bus *cia402_bus_create(struct arena *arena)
 {
-    struct board_bus *bus = arena_alloc(arena, 1, sizeof *bus);
-
-    if (!bus) {
-        return NULL;
-    }
-    bus->ops = &cia402_bus_ops;
-    return bus;
+    return board_bus_create(arena, sizeof(struct board_bus), &cia402_bus_ops);
 }

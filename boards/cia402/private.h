@@ -8,9 +8,9 @@
 #define BOARDS_CIA402_PRIVATE_H
 
 #include "boards/board_private.h"
-#include "boards/cia402/board.h"
 #include "boards/cia402/table.h"
-#include "boards/motor_control.h"
+
+#include <stdio.h>
 
 enum {
     CIA402_PDOS = CIA402_AXIS_PDOS * CIA402_BOARD_AXES, /* of each direction */
@@ -241,6 +241,7 @@ struct cia402_profile {
 };
 
 struct cia402_axis {
+    struct axis base; /* mode: its state */
     struct cia402_axis_settings settings, saved;
 
     /* Objects that are no settings */
@@ -279,21 +280,14 @@ struct cia402_axis {
     bool limited;                                             /* a set-point was cut by a limit */
 
     /* Loops and sensors */
-    double integral_v, velocity_integral_v, voltage_v, overload_ms;
-    double motor_rad, before_rad, velocity_rad_s, current_a, torque_nm;
+    double integral_v, velocity_integral_v;
     double rpm_rad; /* a link-side rad/s in rotor revolutions a minute */
-    bool valve;     /* its torque is measured on the cylinder: board_axis_config */
     int64_t home;   /* of the motor encoder where the position is 0 */
-    int32_t temperature;
-    bool bad_motor, bad_link, bad_torque;
 };
 
 struct cia402_motor {
     struct cia402_node node;
     struct cia402_axis axis[CIA402_BOARD_AXES];
-    double supply_v, oil_pa;
-    int64_t sampled_ms;
-    bool started;
 };
 
 /* Returns the drive of a board. */
@@ -324,8 +318,7 @@ void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_c
 void cia402_axis_lose_connection(struct cia402_node *node, struct cia402_axis *axis);
 
 /* Modes and loops (modes.c): a millisecond of an enabled axis -> its voltage. */
-void cia402_axis_step(struct cia402_axis *axis, const struct board_axis_config *config,
-                      double supply_v);
+void cia402_axis_step(struct cia402_axis *axis);
 void cia402_axis_count_times(struct cia402_axis *axis);
 void cia402_axis_stand(struct cia402_axis *axis); /* references to where it is, loops empty */
 /* Braking ramps: of a slow-down, of a quick stop, and none, at the current limit. */
@@ -351,9 +344,6 @@ cia402_write_fn cia402_write_cob, cia402_write_emcy_cob, cia402_emcy_write_histo
     cia402_axis_write_profile_type, cia402_axis_write_range, cia402_axis_write_limit,
     cia402_sensor_write_tare;
 
-/* Settings that can be changed beside the bus. */
-extern const struct board_settings cia402_settings;
-
 /* ---- sensors ---- */
 
 struct cia402_sensor {
@@ -363,5 +353,12 @@ struct cia402_sensor {
     int64_t counts[CIA402_SENSOR_CHANNELS]; /* as measured */
     bool started;
 };
+
+struct board_bus *cia402_bus_create(struct arena *arena);
+struct board *cia402_motor_create(struct arena *arena);
+struct board *cia402_make_board(const struct board_config *config, struct arena *arena);
+
+/* Prints the object dictionary as a section of the page. Not RT-safe. */
+void cia402_print_objects(FILE *out);
 
 #endif

@@ -1,13 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The frames of a cia402 bus; see the header. */
-#include "boards/cia402/board.h"
 #include "boards/cia402/eds.h"
 #include "boards/cia402/frames.h"
-#include "boards/cia402/object_list.h"
-#include "boards/cia402/protocol.h"
+#include "boards/cia402/private.h"
 
 #include "base/array.h"
-#include "boards/board_private.h"
 #include "boards/protocol_list.h"
 #include "manual/protocol_cia402.h"
 
@@ -221,14 +218,6 @@ static void cia402_visit_board(struct message_walk *walk, int board, unsigned fi
 }
 
 /* The CANopen drives, cia402, as a module. */
-
-/* Creates a board by its kind (struct protocol). */
-static struct board *cia402_make_board(const struct board_config *config, struct arena *arena)
-{
-    return config->kind == BOARD_MOTOR      ? cia402_motor_create(arena)
-           : config->kind == BOARD_INERTIAL ? cia402_inertial_create(arena)
-                                            : cia402_ft_create(arena);
-}
 
 /* Returns whether nodes use an identifier that other boards do not: the last TPDO and RPDO, and
  * SDO. */

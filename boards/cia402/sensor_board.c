@@ -3,6 +3,7 @@
  * Nodes of sensors, in the manner of CiA 404: process values of six channels of force and torque,
  * or of the inertial sensor's acceleration, rate, orientation and magnetic field.
  */
+#include "boards/cia402/frames.h"
 #include "boards/cia402/private.h"
 
 #include "boards/sensing/inertial.h"
@@ -143,45 +144,30 @@ static void cia402_sensor_control(struct board *board, struct ms_span span,
     cia402_node_step(cia402_node_of(board), span);
 }
 
-static const struct board_ops cia402_ft_ops = {
-    .identity = {.type = CIA402_KIND_FT, .major = 1, .minor = 0, .build = 1},
-    .periodic_max = FRAMES_MAX,
-    .power_up = cia402_sensor_power_up,
-    .sample = cia402_ft_sample,
-    .control = cia402_sensor_control,
-    .transmit = cia402_node_transmit,
-};
-
-static const struct board_ops cia402_inertial_ops = {
-    .identity = {.type = CIA402_KIND_INERTIAL, .major = 1, .minor = 0, .build = 1},
-    .periodic_max = FRAMES_MAX,
-    .power_up = cia402_sensor_power_up,
-    .sample = cia402_inertial_sample,
-    .control = cia402_sensor_control,
-    .transmit = cia402_node_transmit,
-};
-
-/* Creates a sensor node of a kind. Returns NULL without memory. */
-static struct board *cia402_sensor_create(struct arena *arena, enum cia402_kind kind,
-                                          const struct board_ops *ops)
-{
-    struct cia402_sensor_board *own = arena_alloc(arena, 1, sizeof *own);
-
-    if (!own) {
-        return NULL;
+/* What both kinds have in common */
+#define SENSOR_BOARD(kind, function)                                                               \
+    {                                                                                              \
+        .identity = {.type = kind, .major = 1, .minor = 0, .build = 1},                            \
+        .periodic_max = FRAMES_MAX, .power_up = cia402_sensor_power_up, .sample = function,        \
+        .control = cia402_sensor_control, .transmit = cia402_node_transmit                         \
     }
-    own->node.board.ops = ops;
-    own->node.kind = kind;
-    own->node.sensor = &own->sensor;
-    return &own->node.board;
-}
 
-struct board *cia402_ft_create(struct arena *arena)
+/* Creates a board of a kind that the configuration names. */
+struct board *cia402_make_board(const struct board_config *config, struct arena *arena)
 {
-    return cia402_sensor_create(arena, CIA402_KIND_FT, &cia402_ft_ops);
-}
+    static const struct board_ops ft = SENSOR_BOARD(CIA402_KIND_FT, cia402_ft_sample);
+    static const struct board_ops inertial =
+        SENSOR_BOARD(CIA402_KIND_INERTIAL, cia402_inertial_sample);
+    enum cia402_kind kind = cia402_kind_of(config);
+    struct board *board = kind == CIA402_KIND_DRIVE
+                              ? cia402_motor_create(arena)
+                              : board_create(arena, sizeof(struct cia402_sensor_board),
+                                             kind == CIA402_KIND_FT ? &ft : &inertial);
 
-struct board *cia402_inertial_create(struct arena *arena)
-{
-    return cia402_sensor_create(arena, CIA402_KIND_INERTIAL, &cia402_inertial_ops);
+    if (board) {
+        cia402_node_of(board)->kind = kind;
+        cia402_node_of(board)->sensor =
+            kind == CIA402_KIND_DRIVE ? NULL : &cia402_sensor_of(board)->sensor;
+    }
+    return board;
 }

@@ -2,7 +2,6 @@
 /* The rows of the object dictionary, by index. */
 #include "boards/cia402/eds.h"
 #include "boards/cia402/frames.h"
-#include "boards/cia402/object_list.h"
 #include "boards/cia402/private.h"
 #include "boards/cia402/table.h"
 
@@ -876,10 +875,7 @@ static void eds_put_head(const struct cia402_node *node, const char *name, FILE 
 enum error_code cia402_eds_write(const struct board_config *board, const char *name,
                                  struct arena *arena, FILE *out, struct error *error)
 {
-    enum cia402_kind kind = cia402_kind_of(board);
-    struct board *made = kind == CIA402_KIND_DRIVE ? cia402_motor_create(arena)
-                         : kind == CIA402_KIND_FT  ? cia402_ft_create(arena)
-                                                   : cia402_inertial_create(arena);
+    struct board *made = cia402_make_board(board, arena);
     struct cia402_node *node;
 
     if (!made) {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Creates the buses and boards of the compact protocol. NULL without memory; the configuration has
- * been checked (boards/check.c). Memory is the arena's. Not RT-safe.
+ * been checked (boards/config_check.c). Memory is the arena's. Not RT-safe.
  */
 #ifndef BOARDS_COMPACT_BOARD_H
 #define BOARDS_COMPACT_BOARD_H

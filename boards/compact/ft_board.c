@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A force-torque board of the compact protocol: six channels, each cut at its full scale. */
 #include "boards/compact/private.h"
-#include "boards/motor_control.h"
+#include "boards/axis.h"
 
 #include <math.h>
 #include <string.h>

@@ -2,7 +2,7 @@
 /* The inertial board of the compact protocol: acceleration, rate, orientation and field. */
 #include "boards/compact/private.h"
 #include "boards/sensing/inertial.h"
-#include "boards/motor_control.h"
+#include "boards/axis.h"
 
 #include <math.h>
 

@@ -2,12 +2,12 @@
 /*
  * A motor board of the compact protocol: up to four axes, each with a voltage and a current mode.
  *
- * The current loop has a step a millisecond (boards/motor_control.h), with the back-EMF. That has
+ * The current loop has a step a millisecond (boards/axis.h), with the back-EMF. That has
  * to be fed forward, for a motor with J R / (Kt Kw) of a few milliseconds, as COMAN's, speeds up as
  * fast as the loop itself. Over-current is I2t.
  */
 #include "boards/compact/private.h"
-#include "boards/motor_control.h"
+#include "boards/axis.h"
 
 #include <math.h>
 #include <string.h>

@@ -10,7 +10,7 @@
 #include "boards/board_private.h"
 #include "boards/compact/board.h"
 #include "boards/compact/table.h"
-#include "boards/motor_control.h"
+#include "boards/axis.h"
 
 struct compact_node;
 struct compact_motor;

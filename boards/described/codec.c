@@ -2,7 +2,7 @@
 /* Codec of the frames of a described protocol: identifiers, counts and values; see the header. */
 #include "boards/described/protocol.h"
 
-#include "boards/motor_control.h"
+#include "boards/axis.h"
 #include "canbus/frame.h"
 
 #include <math.h>

@@ -11,7 +11,7 @@
  *   velocity   torque* = velocity_nm_s_rad (v* - v) + integral + torque target
  *   impedance  torque* = kp (p* - p) + kd (v* - v) + torque target
  *   torque     current* = torque* / torque constant
- *   current    PI loop with the back-EMF (boards/motor_control.h), within the current limit
+ *   current    PI loop with the back-EMF (boards/axis.h), within the current limit
  *
  * A servo valve is a source of speed: velocity* times its constant is the voltage.
  */

@@ -10,7 +10,7 @@
 #include "boards/board_private.h"
 #include "boards/described/board.h"
 #include "boards/described/protocol.h"
-#include "boards/motor_control.h"
+#include "boards/axis.h"
 
 struct described_node;
 

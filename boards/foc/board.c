@@ -1,30 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The control laws of a 2FOC board; see the header for what each computes. */
-#include "boards/foc/control.h"
 #include "boards/foc/private.h"
 
 #include "base/array.h"
-#include "boards/motor_control.h"
 #include "canbus/frame.h"
 
 #include <float.h>
 #include <math.h>
 #include <string.h>
 
-/* Sets the integer gains of a law; half of ki is used. */
-static void foc_law_set_mantissas(struct foc_law *law, int64_t kp, int64_t ki, int64_t shift)
+/* Sets the integer gains as they are on the bus; half of ki is used. */
+static void foc_law_set(struct foc_law *law, int64_t kp, int64_t ki, int64_t shift)
 {
     law->kp = kp;
     law->ki = ki / 2;
     law->shift = shift;
-}
-
-/* Sets the integer gains as they are on the bus; half of ki is used. */
-static void foc_law_set(struct foc_law *law, int64_t kp, int64_t ki, int64_t shift)
-{
-    foc_law_set_mantissas(law, kp, ki, shift);
-    law->gain[FOC_LAW_KP] = ldexp((double)kp, -(int)shift);
-    law->gain[FOC_LAW_KI] = ldexp((double)ki, -(int)shift);
 }
 
 /* Sets one gain (enum foc_law_gain) from a float; false when there is no such gain or it is too
@@ -42,79 +32,65 @@ static bool foc_law_set_gain(struct foc_law *law, unsigned which, double value)
         exponent++;
     }
     law->gain[which] = value;
-    foc_law_set_mantissas(law, (int64_t)ldexp(gain[FOC_LAW_KP], 15 - exponent),
-                          (int64_t)ldexp(gain[FOC_LAW_KI], 15 - exponent), 15 - exponent);
+    foc_law_set(law, (int64_t)ldexp(gain[FOC_LAW_KP], 15 - exponent),
+                (int64_t)ldexp(gain[FOC_LAW_KI], 15 - exponent), 15 - exponent);
     return true;
 }
 
-static void foc_law_reset(struct foc_law *law)
+/* Adds a step of a law to a voltage v, which stays within +-most Vq; before: the error of the step
+ * before. Returns Vq. */
+static int64_t foc_law_add(const struct foc_law *law, int64_t *v, int64_t *before, int64_t error,
+                           int64_t most)
 {
-    law->v = law->error = 0;
+    error = control_clamp(error, INT16_MIN, INT16_MAX);
+    *v += (error - *before) * law->kp + (error + *before) * law->ki;
+    *v = control_clamp(*v, -(most << law->shift), most << law->shift);
+    *before = error;
+    return *v >> law->shift;
 }
 
 /* One millisecond; returns Vq. */
 static int64_t foc_law_step(struct foc_law *law, int64_t error)
 {
-    int64_t most = (int64_t)FOC_VQ_MAX << law->shift;
-
-    error = control_clamp(error, INT16_MIN, INT16_MAX);
-    law->v += (error - law->error) * law->kp + (error + law->error) * law->ki;
-    law->v = control_clamp(law->v, -most, most);
-    law->error = error;
-    return law->v >> law->shift;
+    return foc_law_add(law, &law->v, &law->error, error, FOC_VQ_MAX);
 }
 
-/* Returns the Vq to apply instead of vq; gains are those of the current law. */
-static int64_t foc_limiter_step(struct foc_limiter *limiter, const struct foc_law *law, int64_t vq,
-                                int64_t current_ma, int64_t peak_ma)
+/* Returns what the limiter of the current leaves of a voltage, Vq. */
+static int64_t foc_limiter_step(struct foc_board *foc, int64_t vq, int64_t current_ma)
 {
-    int64_t error, most = (int64_t)(2 * FOC_VQ_MAX) << law->shift;
+    struct foc_limiter *limiter = &foc->limiter;
+    int64_t change;
 
-    if (current_ma > peak_ma) {
+    if (current_ma > foc->peak_ma) {
         limiter->side = 1;
-    } else if (current_ma < -peak_ma) {
+    } else if (current_ma < -foc->peak_ma) {
         limiter->side = -1;
     }
     if (!limiter->side) {
         return vq;
     }
-    error = control_clamp(limiter->side * peak_ma - current_ma, INT16_MIN, INT16_MAX);
-    limiter->v += (error - limiter->error) * law->kp + (error + limiter->error) * law->ki;
-    limiter->v = control_clamp(limiter->v, -most, most);
-    limiter->error = error;
+    change = foc_law_add(&foc->current, &limiter->v, &limiter->error,
+                         limiter->side * foc->peak_ma - current_ma, (int64_t)2 * FOC_VQ_MAX);
     if (limiter->side * limiter->v >= 0) {
         *limiter = (struct foc_limiter){0};
+        return vq;
     }
-    return vq + (limiter->v >> law->shift);
-}
-
-static void foc_position_reset(struct foc_position_law *law)
-{
-    law->integral = law->error = 0.0;
-}
-
-/* Returns a value within +-limit. */
-static double foc_clamp(double value, double limit)
-{
-    return fmax(fmin(value, limit), -limit);
+    return vq + change;
 }
 
 /* One millisecond; returns Vq. */
 static int64_t foc_position_step(struct foc_position_law *law, double error)
 {
-    const float *gain = law->gain;
-    double limit =
-        gain[FOC_PID_OUTPUT_LIMIT] > 0.0f ? (double)gain[FOC_PID_OUTPUT_LIMIT] : FOC_PWM_MAX;
-    double integral_limit =
-        gain[FOC_PID_INTEGRAL_LIMIT] > 0.0f ? (double)gain[FOC_PID_INTEGRAL_LIMIT] : limit;
+    const double *gain = law->gain;
+    double limit = gain[FOC_PID_OUTPUT_LIMIT] > 0.0 ? gain[FOC_PID_OUTPUT_LIMIT] : FOC_PWM_MAX;
+    double most = gain[FOC_PID_INTEGRAL_LIMIT] > 0.0 ? gain[FOC_PID_INTEGRAL_LIMIT] : limit;
     double out;
     int32_t vq = 0;
 
-    law->integral = foc_clamp(law->integral + (double)gain[FOC_PID_KI] * error, integral_limit);
-    out = (double)gain[FOC_PID_KP] * error + law->integral +
-          (double)gain[FOC_PID_KD] * (error - law->error);
+    law->integral = fmax(fmin(law->integral + gain[FOC_PID_KI] * error, most), -most);
+    out = gain[FOC_PID_KP] * error + law->integral + gain[FOC_PID_KD] * (error - law->error);
     law->error = error;
-    control_quantize(foc_clamp(out, limit) / (1 << FOC_VQ_SHIFT), &vq);
+    control_quantize(fmax(fmin(out, limit), -limit) / (1 << FOC_VQ_SHIFT), &vq);
     return vq;
 }
 
@@ -144,15 +120,15 @@ static const struct {
     {"current_peak", PEAK_CURRENT, 0},
 };
 
-/* Describes a setting: name, unit, range (struct board_settings). */
+/* Describes a setting: name, unit, range, value (struct board_settings). */
 static void foc_setting_describe(const struct board *board, unsigned axis, size_t index,
                                  struct board_setting *setting)
 {
+    const struct foc_board *foc = foc_board_of(board);
     enum kind kind = rows[index].kind;
     bool is_limit = kind == NOMINAL_CURRENT || kind == PEAK_CURRENT;
     double most = is_limit ? LIMIT_MAX_MA : kind == LAW_POSITION ? (double)FLT_MAX : LAW_MAX;
 
-    (void)board;
     (void)axis;
     *setting = (struct board_setting){
         .name = rows[index].name,
@@ -160,28 +136,12 @@ static void foc_setting_describe(const struct board *board, unsigned axis, size_
         .min = is_limit ? 0.0 : -most,
         .max = most,
         .whole = is_limit,
+        .value = kind == LAW_CURRENT       ? foc->current.gain[rows[index].which]
+                 : kind == LAW_SPEED       ? foc->speed.gain[rows[index].which]
+                 : kind == LAW_POSITION    ? foc->position_law.gain[rows[index].which]
+                 : kind == NOMINAL_CURRENT ? (double)foc->nominal_ma
+                                           : (double)foc->peak_ma,
     };
-}
-
-/* Returns the value of a setting (struct board_settings). */
-static double foc_setting_get(const struct board *board, unsigned axis, size_t index)
-{
-    const struct foc_board *foc = foc_board_of(board);
-
-    (void)axis;
-    switch (rows[index].kind) {
-    case LAW_CURRENT:
-        return foc->current.gain[rows[index].which];
-    case LAW_SPEED:
-        return foc->speed.gain[rows[index].which];
-    case LAW_POSITION:
-        return (double)foc->position_law.gain[rows[index].which];
-    case NOMINAL_CURRENT:
-        return (double)foc->nominal_ma;
-    case PEAK_CURRENT:
-        return (double)foc->peak_ma;
-    }
-    return 0.0;
 }
 
 /* Writes a setting (struct board_settings). */
@@ -196,7 +156,7 @@ static bool foc_setting_set(struct board *board, unsigned axis, size_t index, do
     case LAW_SPEED:
         return foc_law_set_gain(&foc->speed, rows[index].which, value);
     case LAW_POSITION:
-        foc->position_law.gain[rows[index].which] = (float)value;
+        foc->position_law.gain[rows[index].which] = (double)(float)value;
         return true;
     case NOMINAL_CURRENT:
         foc->nominal_ma = (int64_t)value;
@@ -208,10 +168,9 @@ static bool foc_setting_set(struct board *board, unsigned axis, size_t index, do
     return false;
 }
 
-const struct board_settings foc_settings = {
+static const struct board_settings foc_settings = {
     .count = ARRAY_COUNT(rows),
     .describe = foc_setting_describe,
-    .get = foc_setting_get,
     .set = foc_setting_set,
 };
 
@@ -233,9 +192,8 @@ static void foc_board_forget_references(struct foc_board *foc)
     foc->target = foc->speed_ma = 0;
     foc->vq = 0;
     foc->limiter = (struct foc_limiter){0};
-    foc_law_reset(&foc->current);
-    foc_law_reset(&foc->speed);
-    foc_position_reset(&foc->position_law);
+    foc->current.v = foc->current.error = foc->speed.v = foc->speed.error = 0;
+    foc->position_law.integral = foc->position_law.error = 0.0;
     foc->start = foc->position;
 }
 
@@ -244,9 +202,11 @@ static void foc_board_set_mode(struct board *board, uint8_t mode)
 {
     struct foc_board *foc = foc_board_of(board);
 
-    if (mode != foc->mode) {
-        board_event(board, BOARD_EVENT_MODE, 0, foc->mode, mode);
-        foc->mode = mode;
+    if (mode != foc->axis.mode) {
+        board_event(board, BOARD_EVENT_MODE, 0, foc->axis.mode, mode);
+        foc->axis.mode = mode;
+        foc->axis.on = foc_runs(mode);
+        foc->axis.faulty = mode == ICUB_MODE_HARDWARE_FAULT;
     }
     foc_board_forget_references(foc);
     foc->target_ns = board->boards->now_ns;
@@ -257,17 +217,16 @@ static bool foc_board_command_mode(struct board *board, int64_t mode)
 {
     struct foc_board *foc = foc_board_of(board);
     bool stop = mode == ICUB_MODE_IDLE || mode == ICUB_MODE_FORCE_IDLE;
-
     bool current = mode == ICUB_MODE_CURRENT || mode == ICUB_MODE_SPEED_CURRENT;
 
     if (!stop && (!foc_is_control_mode(mode) || (current && board->config.axis[0].valve))) {
         return false;
     }
     /* Not configured: ignored; in fault: only FORCE_IDLE, which clears it */
-    if (foc->mode == ICUB_MODE_NOT_CONFIGURED) {
+    if (foc->axis.mode == ICUB_MODE_NOT_CONFIGURED) {
         return true;
     }
-    if (foc->mode == ICUB_MODE_HARDWARE_FAULT) {
+    if (foc->axis.mode == ICUB_MODE_HARDWARE_FAULT) {
         if (mode == ICUB_MODE_FORCE_IDLE) {
             foc->faults = 0;
             foc->encoder = 0;
@@ -302,6 +261,8 @@ static bool foc_board_command_law(struct foc_board *foc, const struct bus_frame 
         }
     } else if (frame->len == 8) {
         foc_law_set(law, request[0], request[1], request[3]);
+        law->gain[FOC_LAW_KP] = ldexp((double)request[0], -(int)request[3]);
+        law->gain[FOC_LAW_KI] = ldexp((double)request[1], -(int)request[3]);
     } else {
         return false;
     }
@@ -321,7 +282,7 @@ static bool foc_board_command_pid(struct foc_board *foc, const struct bus_frame 
     }
     switch (request[0]) {
     case FOC_LOOP_POSITION:
-        foc->position_law.gain[which] = value;
+        foc->position_law.gain[which] = (double)value;
         return true;
     case FOC_LOOP_CURRENT:
         /* The other parameters have no use in a PI law with fixed limits */
@@ -408,7 +369,7 @@ static bool foc_board_configure(struct foc_board *foc, const struct bus_frame *f
 /* Takes a target in the units of the mode, within its limits. */
 static void foc_board_set_target(struct foc_board *foc, int64_t target)
 {
-    switch (foc->mode) {
+    switch (foc->axis.mode) {
     case ICUB_MODE_OPEN_LOOP:
         foc->target = control_clamp(target, -FOC_PWM_MAX, FOC_PWM_MAX);
         break;
@@ -438,7 +399,7 @@ static bool foc_board_answer(struct board *board, unsigned code, const int64_t *
                                    reply);
         return true;
     case ICUB_GET_CONTROL_MODE:
-        reply[0] = foc->mode;
+        reply[0] = foc->axis.mode;
         return true;
     case ICUB_GET_BOARD_ID:
         reply[0] = board->address;
@@ -461,7 +422,7 @@ static void foc_board_idle_when_configured(struct board *board)
 {
     struct foc_board *foc = foc_board_of(board);
 
-    if (foc->mode == ICUB_MODE_NOT_CONFIGURED && foc->compatible && foc->motor_set &&
+    if (foc->axis.mode == ICUB_MODE_NOT_CONFIGURED && foc->compatible && foc->motor_set &&
         foc->current_set && foc->peak_ma != 0) {
         foc_board_set_mode(board, ICUB_MODE_IDLE);
         foc->answers += foc->answers < FOC_ANSWERS_MAX; /* reports it unasked, once */
@@ -486,7 +447,7 @@ static bool foc_board_command(struct icub_board *icub, const struct bus_frame *f
 
     /* What changes the board or its axis */
     if (code == ICUB_SET_BOARD_ID) {
-        return !foc_runs(foc->mode) && board_set_address(board, (uint8_t)request[0]);
+        return !foc_runs(foc->axis.mode) && board_set_address(board, (uint8_t)request[0]);
     }
     if (!foc->compatible) {
         return false; /* a host must state its protocol first */
@@ -496,10 +457,11 @@ static bool foc_board_command(struct icub_board *icub, const struct bus_frame *f
     case FOC_SET_CONTROL_MODE:
         return foc_board_command_mode(board, request[0]);
     case ICUB_SET_OPEN_LOOP: /* targets as DESIRED_TARGETS brings them, in their mode only */
-        obeyed = foc->mode == ICUB_MODE_OPEN_LOOP;
+        obeyed = foc->axis.mode == ICUB_MODE_OPEN_LOOP;
         break;
     case ICUB_SET_DESIRED_VELOCITY:
-        obeyed = foc->mode == ICUB_MODE_SPEED_VOLTAGE || foc->mode == ICUB_MODE_SPEED_CURRENT;
+        obeyed =
+            foc->axis.mode == ICUB_MODE_SPEED_VOLTAGE || foc->axis.mode == ICUB_MODE_SPEED_CURRENT;
         break;
     default:
         obeyed = foc_board_configure(foc, frame, request);
@@ -535,7 +497,7 @@ static bool foc_board_targets(struct icub_board *icub, const struct bus_frame *f
 
 /*
  * A 2FOC board: one motor, one answer to each DESIRED_TARGETS. Its modes, gates and faults are
- * those of the firmware, its control laws those of boards/foc/control.h.
+ * those of the firmware, its control laws those of boards/foc/private.h.
  */
 
 /* Latches faults, with an event for new ones, and enters hardware fault. */
@@ -548,7 +510,7 @@ static void foc_board_raise_faults(struct board *board, uint32_t faults)
     if (risen) {
         board_event(board, BOARD_EVENT_FAULT, 0, risen, 0);
     }
-    if (foc->mode != ICUB_MODE_HARDWARE_FAULT && foc->mode != ICUB_MODE_NOT_CONFIGURED) {
+    if (foc->axis.mode != ICUB_MODE_HARDWARE_FAULT && foc->axis.mode != ICUB_MODE_NOT_CONFIGURED) {
         foc_board_set_mode(board, ICUB_MODE_HARDWARE_FAULT);
     }
 }
@@ -560,12 +522,10 @@ static void foc_board_power_up(struct board *board)
     int32_t temperature_limit = 0;
     const struct foc_board fresh = {
         .icub = foc->icub,
-        .mode = ICUB_MODE_NOT_CONFIGURED,
+        .axis.mode = ICUB_MODE_NOT_CONFIGURED,
         .speed = {.kp = 0x0c, .ki = 0x08, .shift = 0x0a}, /* the firmware's */
-        .supply_v = foc->supply_v,
         .target_ns = board->boards->now_ns,
         .status_ms = INT64_MIN / 2,
-        .sampled_ms = board->boards->now_ns / MS,
     };
 
     control_quantize(board->config.axis[0].temperature_limit_c / ICUB_TEMPERATURE_C,
@@ -576,38 +536,24 @@ static void foc_board_power_up(struct board *board)
 
 /* ---- sensors ---- */
 
-/* Returns the encoder ticks of a rotor revolution. */
-static double foc_ticks_per_rev(const struct board_axis_config *axis)
-{
-    return axis->motor_ticks_per_rad * 2.0 * M_PI / axis->gear;
-}
-
-/* Takes the sensors. The rotor encoder is quantized and becomes icubdeg; its speed is a running
- * mean over milliseconds. */
+/* Takes the sensors (struct board_ops). The rotor encoder becomes icubdeg; its speed is a running
+ * mean over milliseconds. Without a number the values before stay. */
 static void foc_board_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct foc_board *foc = foc_board_of(board);
-    const struct board_axis_config *axis = &board->config.axis[0];
-    int64_t now_ms = board->boards->now_ns / MS, ms = now_ms - foc->sampled_ms;
-    const struct motor_sense *sense;
-    int32_t raw, position = 0, turn = 0;
+    const struct axis *axis = &foc->axis;
+    const struct board_axis_config *config = axis->config;
+    double ticks_per_rev = config->motor_ticks_per_rad * 2.0 * M_PI / config->gear;
+    int32_t position = 0, turn = 0;
 
-    foc->supply_v = board_supply_v(sensors);
-    if (axis->joint < 0) {
+    (void)sensors;
+    if (config->joint < 0 || axis->bad_motor) {
         return;
     }
-
-    /* Without a number the values before stay */
-    sense = &sensors->motor[axis->joint];
-    foc->sensors_bad = !control_quantize(sense->qm * axis->motor_ticks_per_rad, &raw) ||
-                       !isfinite(sense->current_a);
-    if (foc->sensors_bad) {
-        return;
-    }
-    foc->current_a = sense->current_a;
-    control_quantize(sense->winding_c / ICUB_TEMPERATURE_C, &foc->temperature);
-    control_quantize(floor((double)raw * FOC_ICUBDEG_PER_REV / foc_ticks_per_rev(axis)), &position);
-    control_quantize(floor((double)raw / foc_ticks_per_rev(axis)), &turn);
+    control_quantize(axis->winding_c / ICUB_TEMPERATURE_C, &foc->temperature);
+    control_quantize(floor((double)axis->motor_ticks * FOC_ICUBDEG_PER_REV / ticks_per_rev),
+                     &position);
+    control_quantize(floor((double)axis->motor_ticks / ticks_per_rev), &turn);
 
     /* The encoder is calibrated when its index has gone by, once a revolution */
     if (!foc->started) {
@@ -616,13 +562,11 @@ static void foc_board_sample(struct board *board, const struct plant_sensors *se
     } else if (turn != foc->turn) {
         foc->encoder &= (uint8_t)~FOC_QE_NOT_CALIBRATED;
     }
-
-    if (ms > 0) {
-        int64_t change = ((int64_t)position - foc->position_before) / ms;
+    if (axis->passed_ms > 0) {
+        int64_t change = ((int64_t)position - foc->position_before) / axis->passed_ms;
 
         foc->velocity = (int32_t)control_clamp((foc->velocity + change) / 2, INT32_MIN, INT32_MAX);
         foc->position_before = position;
-        foc->sampled_ms = now_ms;
     }
     foc->position = position;
     foc->turn = turn;
@@ -633,7 +577,7 @@ static int64_t foc_board_current_ma(const struct foc_board *foc)
 {
     int32_t value = 0;
 
-    control_quantize(foc->current_a * 1e3, &value);
+    control_quantize(foc->axis.current_a * 1e3, &value);
     return value;
 }
 
@@ -650,8 +594,8 @@ static void foc_board_watch_i2t(struct board *board)
 
     foc->i2t += (current * current - nominal2) / 1024;
     foc->i2t = foc->i2t > 0 ? foc->i2t : 0;
-    if (foc->mode != ICUB_MODE_NOT_CONFIGURED && !(foc->flags & FOC_HAS_TEMPERATURE) &&
-        foc->i2t > limit && foc->mode != ICUB_MODE_HARDWARE_FAULT) {
+    if (foc->axis.mode != ICUB_MODE_NOT_CONFIGURED && !(foc->flags & FOC_HAS_TEMPERATURE) &&
+        foc->i2t > limit && foc->axis.mode != ICUB_MODE_HARDWARE_FAULT) {
         board->boards->counters.trips++;
         foc_board_raise_faults(board, FOC_FAULT_I2T);
     }
@@ -663,29 +607,29 @@ static void foc_board_watch_faults(struct board *board)
     struct foc_board *foc = foc_board_of(board);
     uint32_t faults = 0;
 
-    if (!foc_runs(foc->mode)) {
+    if (!foc_runs(foc->axis.mode)) {
         return;
     }
 
     /* The host: DESIRED_TARGETS must come */
     if (board->boards->now_ns - foc->target_ns > (int64_t)FOC_TARGET_TIMEOUT_MS * MS) {
         board->boards->counters.timeouts++;
-        board_event(board, BOARD_EVENT_TIMEOUT, 0, foc->mode, 0);
+        board_event(board, BOARD_EVENT_TIMEOUT, 0, foc->axis.mode, 0);
         faults |= FOC_FAULT_SET_POINT_EXPIRED;
     }
 
     /* The hardware: current, supply, encoder, winding */
-    if (foc->overload_ma > 0 && fabs(foc->current_a) * 1e3 > (double)foc->overload_ma) {
+    if (foc->overload_ma > 0 && fabs(foc->axis.current_a) * 1e3 > (double)foc->overload_ma) {
         board->boards->counters.trips++;
         faults |= FOC_FAULT_OVER_CURRENT;
     }
-    if (board_is_under_voltage(board, foc->supply_v)) {
+    if (board_is_under_voltage(board, foc->axis.supply_v)) {
         faults |= FOC_FAULT_UNDER_VOLTAGE;
     }
-    if (board_is_over_voltage(board, foc->supply_v)) {
+    if (board_is_over_voltage(board, foc->axis.supply_v)) {
         faults |= FOC_FAULT_OVER_VOLTAGE;
     }
-    if (foc->sensors_bad) {
+    if (foc->axis.bad_motor) {
         foc->encoder |= FOC_QE_PHASE_BROKEN;
         faults |= FOC_FAULT_ENCODER;
     }
@@ -712,35 +656,31 @@ static int64_t foc_board_speed_law(struct foc_board *foc)
     return foc->speed_ma;
 }
 
-/* Returns what the current limiter leaves of a voltage. */
-static int64_t foc_board_limit_current(struct foc_board *foc, int64_t vq)
-{
-    return foc_limiter_step(&foc->limiter, &foc->current, vq, foc_board_current_ma(foc),
-                            foc->peak_ma);
-}
-
 /* Computes the voltage of this millisecond by the law of the mode. */
 static void foc_board_step_laws(struct foc_board *foc)
 {
-    int64_t vq;
+    int64_t vq, current_ma = foc_board_current_ma(foc);
 
-    switch (foc->mode) {
+    switch (foc->axis.mode) {
     case ICUB_MODE_OPEN_LOOP:
-        vq = foc_board_limit_current(foc, foc->target / (1 << FOC_VQ_SHIFT));
+        vq = foc_limiter_step(foc, foc->target / (1 << FOC_VQ_SHIFT), current_ma);
         break;
     case ICUB_MODE_SPEED_VOLTAGE:
-        vq = foc_board_limit_current(foc, foc_law_step(&foc->speed, foc->target - foc->velocity));
+        vq = foc_limiter_step(foc, foc_law_step(&foc->speed, foc->target - foc->velocity),
+                              current_ma);
         break;
     case ICUB_MODE_POSITION:
-        vq = foc_board_limit_current(
-            foc, foc_position_step(&foc->position_law,
-                                   (double)foc->target - ((double)foc->position - foc->start)));
+        vq = foc_limiter_step(
+            foc,
+            foc_position_step(&foc->position_law,
+                              (double)foc->target - ((double)foc->position - foc->start)),
+            current_ma);
         break;
     case ICUB_MODE_SPEED_CURRENT:
-        vq = foc_law_step(&foc->current, foc_board_speed_law(foc) - foc_board_current_ma(foc));
+        vq = foc_law_step(&foc->current, foc_board_speed_law(foc) - current_ma);
         break;
     case ICUB_MODE_CURRENT:
-        vq = foc_law_step(&foc->current, foc->target - foc_board_current_ma(foc));
+        vq = foc_law_step(&foc->current, foc->target - current_ma);
         break;
     default:
         vq = 0;
@@ -749,51 +689,28 @@ static void foc_board_step_laws(struct foc_board *foc)
     foc->vq = control_clamp(vq, -FOC_VQ_MAX, FOC_VQ_MAX);
 }
 
-/* Writes bridge and voltage into the plant's command. */
-static void foc_board_drive_bridge(const struct board *board, struct plant_command *command)
-{
-    const struct foc_board *foc = foc_board_of(board);
-    int joint = board->config.axis[0].joint;
-
-    if (joint >= 0) {
-        command->motor[joint].bridge_on = foc_runs(foc->mode);
-        command->motor[joint].voltage_v =
-            foc_runs(foc->mode) ? (double)foc->vq * 1e-3 * foc->supply_v : 0.0;
-    }
-}
-
 /* Runs one tick: faults, laws, bridge (struct board_ops). */
 static void foc_board_control(struct board *board, struct ms_span span,
                               struct plant_command *command)
 {
+    struct foc_board *foc = foc_board_of(board);
+
+    (void)command;
     foc_board_watch_faults(board);
     for (int64_t ms = span.from; ms < span.to; ms++) {
         foc_board_watch_i2t(board);
-        foc_board_step_laws(foc_board_of(board));
+        foc_board_step_laws(foc);
     }
-    foc_board_drive_bridge(board, command);
+    foc->axis.voltage_v = (double)foc->vq * 1e-3 * foc->axis.supply_v;
 }
 
 /* Switches the motor off (struct board_ops). */
 static void foc_board_shut_down(struct board *board, struct plant_command *command)
 {
-    if (foc_runs(foc_board_of(board)->mode)) {
+    (void)command;
+    if (foc_runs(foc_board_of(board)->axis.mode)) {
         foc_board_set_mode(board, ICUB_MODE_IDLE);
     }
-    foc_board_drive_bridge(board, command);
-}
-
-/* Returns whether the board is in hardware fault (struct board_ops). */
-static bool foc_board_is_faulty(const struct board *board)
-{
-    return foc_board_of(board)->mode == ICUB_MODE_HARDWARE_FAULT;
-}
-
-/* Returns the mode (struct board_ops). */
-static uint8_t foc_board_mode(const struct board *board, unsigned axis)
-{
-    (void)axis; /* there is one */
-    return foc_board_of(board)->mode;
 }
 
 /* ---- frames ---- */
@@ -852,7 +769,7 @@ static void foc_board_transmit(struct board *board, struct ms_span span, struct 
         if (span.to - foc->status_ms >= period_ms) {
             foc->status_ms = span.to;
             foc_board_send_frame(board, sink, FOC_STATUS,
-                                 (const int64_t[]){foc->mode, foc->encoder,
+                                 (const int64_t[]){foc->axis.mode, foc->encoder,
                                                    foc->vq * (1 << FOC_VQ_SHIFT),
                                                    foc->faults | can});
         }
@@ -863,21 +780,21 @@ static void foc_board_transmit(struct board *board, struct ms_span span, struct 
     }
 }
 
-static const struct board_ops foc_board_ops = {
-    .identity = {.type = FOC_BOARD_2FOC, .major = 3, .minor = 6, .build = 31},
-    .periodic_max = 2 * FOC_ANSWERS_MAX + 1,
-    .turns_field = true,
-    .power_up = foc_board_power_up,
-    .sample = foc_board_sample,
-    .control = foc_board_control,
-    .transmit = foc_board_transmit,
-    .shut_down = foc_board_shut_down,
-    .fault = foc_board_is_faulty,
-    .mode = foc_board_mode,
-    .settings = &foc_settings,
-};
-
 static const struct icub_board_ops foc_icub_ops = {
+    .base =
+        {
+            .identity = {.type = FOC_BOARD_2FOC, .major = 3, .minor = 6, .build = 31},
+            .periodic_max = 2 * FOC_ANSWERS_MAX + 1,
+            .turns_field = true,
+            .power_up = foc_board_power_up,
+            .sample = foc_board_sample,
+            .control = foc_board_control,
+            .transmit = foc_board_transmit,
+            .shut_down = foc_board_shut_down,
+            .axes = offsetof(struct foc_board, axis),
+            .axis_size = sizeof(struct axis),
+            .settings = &foc_settings,
+        },
     .commands = foc_commands,
     .command_count = ICUB_MOTOR_COMMANDS,
     .command_class = ICUB_POLLING_MOTOR,
@@ -889,12 +806,5 @@ static const struct icub_board_ops foc_icub_ops = {
 
 struct board *foc_board_create(struct arena *arena)
 {
-    struct foc_board *foc = arena_alloc(arena, 1, sizeof *foc);
-
-    if (!foc) {
-        return NULL;
-    }
-    foc->icub.board.ops = &foc_board_ops;
-    foc->icub.ops = &foc_icub_ops;
-    return &foc->icub.board;
+    return board_create(arena, sizeof(struct foc_board), &foc_icub_ops.base);
 }

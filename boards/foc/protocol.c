@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The protocol of the 2FOC boards, foc, as a module: what differs from icub. */
-#include "boards/foc/board.h"
-#include "boards/foc/table.h"
-#include "boards/icub/board.h"
+#include "boards/foc/private.h"
 #include "boards/icub/messages.h"
 #include "boards/protocol_list.h"
 #include "manual/protocol_foc.h"

@@ -1,24 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A firmware download, line by line; see the header. */
 #include "boards/icub/board.h"
-#include "boards/icub/loader.h"
 
+#include "base/crc32.h"
 #include "canbus/frame.h"
 
 #include <string.h>
-
-/* Returns the CRC-32 of IEEE 802.3 with more bytes, bit by bit: a line is short. */
-static uint32_t crc32_add(uint32_t crc, const uint8_t *data, size_t size)
-{
-    crc = ~crc;
-    for (size_t i = 0; i < size; i++) {
-        crc ^= data[i];
-        for (int bit = 0; bit < 8; bit++) {
-            crc = crc >> 1 ^ (crc & 1 ? UINT32_C(0xedb88320) : 0);
-        }
-    }
-    return ~crc;
-}
 
 /* START: a new download. The image becomes empty (all ones, as erased flash is). */
 static void icub_loader_start(struct icub_loader *loader)
@@ -51,8 +38,8 @@ static void icub_loader_keep_line(struct icub_loader *loader)
 
     loader->lines++;
     loader->bytes += loader->length;
-    loader->crc = crc32_add(loader->crc, head, sizeof head);
-    loader->crc = crc32_add(loader->crc, loader->line, loader->length);
+    loader->crc = crc32_update(loader->crc, head, sizeof head);
+    loader->crc = crc32_update(loader->crc, loader->line, loader->length);
     for (size_t i = 0; loader->image && i + 1 < loader->length; i += 2) {
         uint16_t at = (uint16_t)(loader->address + i / 2);
 
@@ -120,15 +107,15 @@ static void icub_board_discover(struct icub_board *icub, uint32_t reply_id)
     struct board *board = &icub->board;
     const struct board_identity *identity = &board->ops->identity;
     bool loader = board->in_bootloader;
-    const uint8_t data[] = {ICUB_DISCOVER, loader ? icub->ops->loader_type : identity->type,
+    const uint8_t data[] = {ICUB_DISCOVER, loader ? icub_ops_of(icub)->loader_type : identity->type,
                             identity->major, identity->minor, identity->build};
 
     /* A bootloader has no build number to tell: that is how hosts know it; and it stays */
     board_queue(board, reply_id, loader ? 4 : 5, data);
     if (loader) {
         board->application_ns = INT64_MAX;
-    } else if (icub->ops->discovered) {
-        icub->ops->discovered(icub);
+    } else if (icub_ops_of(icub)->discovered) {
+        icub_ops_of(icub)->discovered(icub);
     }
 }
 
@@ -221,7 +208,7 @@ static bool icub_board_manage(struct icub_board *icub, const struct bus_frame *f
         icub_board_discover(icub, reply_id);
         return true;
     case ICUB_GET_ADDITIONAL_INFO:
-        if (!icub->ops->no_info) {
+        if (!icub_ops_of(icub)->no_info) {
             icub_board_queue_info(icub, reply_id);
         }
         return true;
@@ -252,7 +239,7 @@ static bool icub_board_manage(struct icub_board *icub, const struct bus_frame *f
 static const struct icub_command *icub_board_find_command(const struct icub_board *board,
                                                           enum icub_class cls, uint8_t first)
 {
-    const struct icub_board_ops *ops = board->ops;
+    const struct icub_board_ops *ops = icub_ops_of(board);
     uint8_t code = ops->axis_bit ? first & (uint8_t)~ICUB_AXIS_BIT : first;
 
     if (cls == ICUB_MANAGEMENT) {
@@ -270,7 +257,7 @@ static bool icub_board_obey(struct icub_board *icub, const struct bus_frame *fra
     uint8_t data[8] = {frame->data[0]};
     bool answer = command->reply_length > 0;
 
-    if (!icub->ops->command(icub, frame, request, reply, &answer)) {
+    if (!icub_ops_of(icub)->command(icub, frame, request, reply, &answer)) {
         return false;
     }
     if (answer) {
@@ -352,7 +339,7 @@ static bool icub_board_is_addressed(const struct icub_board *board, const struct
     if (cls == ICUB_MANAGEMENT) {
         return (frame->id & 0xf) != ICUB_EVERYONE || icub_board_takes_broadcast(board, frame);
     }
-    return cls == board->ops->command_class;
+    return cls == icub_ops_of(board)->command_class;
 }
 
 /* Hands a command to the board, or to all boards, that it is addressed to. */
@@ -397,10 +384,10 @@ static void icub_bus_receive_targets(struct boards *boards, struct board_bus *bu
     for (unsigned address = 1; address <= ICUB_ADDRESS_MAX; address++) {
         struct board *board = bus->by_address[address];
 
-        if (board && !board_is_deaf(board) && icub_board_of(board)->ops->targets) {
+        if (board && !board_is_deaf(board) && icub_ops_of(icub_board_of(board))->targets) {
             listener = board;
             board_hear(board);
-            worst = icub_board_of(board)->ops->targets(icub_board_of(board), frame)
+            worst = icub_ops_of(icub_board_of(board))->targets(icub_board_of(board), frame)
                         ? worst
                         : BOARD_MALFORMED;
         }
@@ -475,11 +462,5 @@ static const struct board_bus_ops icub_bus_ops = {
 
 struct board_bus *icub_bus_create(struct arena *arena)
 {
-    struct icub_bus *icub = arena_alloc(arena, 1, sizeof *icub);
-
-    if (!icub) {
-        return NULL;
-    }
-    icub->bus.ops = &icub_bus_ops;
-    return &icub->bus;
+    return board_bus_create(arena, sizeof(struct icub_bus), &icub_bus_ops);
 }

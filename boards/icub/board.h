@@ -8,8 +8,40 @@
 #define BOARDS_ICUB_BOARD_H
 
 #include "boards/board_private.h"
-#include "boards/icub/loader.h"
 #include "boards/icub/table.h"
+
+/*
+ * The bootloader of an iCub board: takes a firmware download, acknowledges it as the real one does,
+ * and keeps what came, so that an update can be rehearsed and compared with its file.
+ *
+ * A download is START, then lines (ADDRESS: how many bytes, where to; DATA: up to seven at a time;
+ * acknowledged once, when the last byte of the line is there), RUN, END. Nothing is acknowledged
+ * before START, nor a line that is incomplete or has more bytes than it announced. END leads back
+ * to the application, which is the one it was before: what is kept is never run.
+ *
+ * Of each complete line, in the order of their coming, the checksum takes address (two bytes, low
+ * one first), memory and data: CRC-32 as of zlib. Bytes that a DSP board takes are also kept in an
+ * image of its two memories, program and data, of 16-bit words, low byte first on the wire. All
+ * RT-safe.
+ */
+enum { ICUB_LINE_MAX = 255, ICUB_MEMORY_WORDS = 1 << 16, ICUB_MEMORIES = 2 };
+
+struct icub_loader {
+    bool downloading; /* START has been obeyed */
+    uint32_t boot;    /* the stay in the bootloader that this belongs to */
+
+    /* The line under way */
+    bool line_open;
+    uint16_t address;
+    uint8_t memory, length, filled;
+    uint8_t line[ICUB_LINE_MAX];
+
+    /* What has come in complete lines since START */
+    uint32_t lines, bytes, crc;
+    uint16_t *image; /* ICUB_MEMORIES times ICUB_MEMORY_WORDS words; NULL = not kept */
+};
+
+enum icub_line { ICUB_LINE_REFUSED, ICUB_LINE_GROWS, ICUB_LINE_COMPLETE };
 
 /* The last frames of a STRAIN board, as motor boards on the bus hear them. */
 struct torque_source {
@@ -29,6 +61,7 @@ struct icub_board;
 
 /* A kind of iCub board beyond what every board has. */
 struct icub_board_ops {
+    struct board_ops base;
     const struct icub_command *commands;
     size_t command_count;
     enum icub_class command_class;
@@ -48,7 +81,6 @@ struct icub_board_ops {
 
 struct icub_board {
     struct board board;
-    const struct icub_board_ops *ops;
     struct icub_loader loader;
     char info[ICUB_INFO_LENGTH];
 };
@@ -62,6 +94,12 @@ static inline struct icub_bus *icub_bus_of(const struct board_bus *bus)
 static inline struct icub_board *icub_board_of(const struct board *board)
 {
     return container_of(board, struct icub_board, board);
+}
+
+/* Returns the functions of the kind of a board. */
+static inline const struct icub_board_ops *icub_ops_of(const struct icub_board *board)
+{
+    return container_of(board->board.ops, struct icub_board_ops, base);
 }
 
 /* NULL without memory; not RT-safe. The configuration has been checked. kind: BOARD_FT,

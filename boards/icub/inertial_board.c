@@ -10,7 +10,7 @@
  */
 #include "boards/icub/board.h"
 #include "boards/sensing/inertial.h"
-#include "boards/motor_control.h"
+#include "boards/axis.h"
 
 #include "canbus/frame.h"
 
@@ -201,15 +201,15 @@ static void inertial_board_transmit(struct board *board, struct ms_span span,
     inertial->sequence++;
 }
 
-static const struct board_ops inertial_board_ops = {
-    .identity = {.type = ICUB_BOARD_RFE, .major = 1, .minor = 0, .build = 1},
-    .periodic_max = 8,
-    .power_up = inertial_board_power_up,
-    .sample = inertial_board_sample,
-    .transmit = inertial_board_transmit,
-};
-
 static const struct icub_board_ops inertial_icub_ops = {
+    .base =
+        {
+            .identity = {.type = ICUB_BOARD_RFE, .major = 1, .minor = 0, .build = 1},
+            .periodic_max = 8,
+            .power_up = inertial_board_power_up,
+            .sample = inertial_board_sample,
+            .transmit = inertial_board_transmit,
+        },
     .commands = icub_inertial_commands,
     .command_count = ICUB_STRAIN_COMMANDS,
     .command_class = ICUB_POLLING_ANALOG,
@@ -219,12 +219,5 @@ static const struct icub_board_ops inertial_icub_ops = {
 
 struct board *inertial_board_create(struct arena *arena)
 {
-    struct inertial_board *inertial = arena_alloc(arena, 1, sizeof *inertial);
-
-    if (!inertial) {
-        return NULL;
-    }
-    inertial->icub.board.ops = &inertial_board_ops;
-    inertial->icub.ops = &inertial_icub_ops;
-    return &inertial->icub.board;
+    return board_create(arena, sizeof(struct inertial_board), &inertial_icub_ops.base);
 }

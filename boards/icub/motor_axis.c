@@ -121,7 +121,7 @@ static int64_t motor_axis_measured_torque(const struct board *board, const struc
             .value[axis->parameter[ICUB_P_TORQUE_CHANNEL]];
     }
     if (config->torque_full_scale_nm > 0.0) {
-        control_quantize(axis->torque_nm / config->torque_full_scale_nm * ICUB_STRAIN_ZERO,
+        control_quantize(axis->base.torque_nm / config->torque_full_scale_nm * ICUB_STRAIN_ZERO,
                          &counts);
     }
     return control_clamp(counts, INT16_MIN, INT16_MAX);
@@ -129,12 +129,13 @@ static int64_t motor_axis_measured_torque(const struct board *board, const struc
 
 static bool motor_axis_is_impedance(const struct motor_axis *axis)
 {
-    if (axis->mode == ICUB_MODE_IMPEDANCE_POSITION || axis->mode == ICUB_MODE_IMPEDANCE_VELOCITY) {
+    if (axis->base.mode == ICUB_MODE_IMPEDANCE_POSITION ||
+        axis->base.mode == ICUB_MODE_IMPEDANCE_VELOCITY) {
         return true;
     }
     return axis->parameter[ICUB_P_INTERACTION] == ICUB_COMPLIANT &&
            (motor_axis_moves(axis) || motor_axis_has_velocity(axis) ||
-            axis->mode == ICUB_MODE_DIRECT);
+            axis->base.mode == ICUB_MODE_DIRECT);
 }
 
 /* Runs one millisecond: torque feedback, then the law of the mode, then the limits of the PWM. */
@@ -145,7 +146,7 @@ void motor_axis_step(const struct board *board, struct motor_axis *axis)
     axis->torque = motor_axis_measured_torque(board, axis);
 
     /* The law of the mode */
-    switch (axis->mode) {
+    switch (axis->base.mode) {
     case ICUB_MODE_OPEN_LOOP:
         axis->output = p[ICUB_P_OPEN_LOOP];
         break;
@@ -202,9 +203,11 @@ void motor_axis_reset_references(struct board *board, struct motor_axis *axis)
 
 void motor_axis_set_mode(struct board *board, struct motor_axis *axis, uint8_t mode)
 {
-    if (mode != axis->mode) {
-        board_event(board, BOARD_EVENT_MODE, motor_axis_index(board, axis), axis->mode, mode);
-        axis->mode = mode;
+    if (mode != axis->base.mode) {
+        board_event(board, BOARD_EVENT_MODE, motor_axis_index(board, axis), axis->base.mode, mode);
+        axis->base.mode = mode;
+        axis->base.on = motor_runs(mode) && mode != ICUB_MODE_CALIBRATION;
+        axis->base.faulty = mode == ICUB_MODE_HARDWARE_FAULT;
         motor_board_of(board)->status_due = true;
     }
     motor_axis_reset_references(board, axis);
@@ -245,7 +248,7 @@ static void motor_axis_switch_strictly(struct board *board, struct motor_axis *a
     bool known = mode == ICUB_MODE_IDLE || mode == ICUB_MODE_HARDWARE_FAULT ||
                  (motor_is_control_mode(mode) && mode != ICUB_MODE_CURRENT);
 
-    if (mode == axis->mode) {
+    if (mode == axis->base.mode) {
         return;
     }
     motor_board_print_number(board,
@@ -287,11 +290,11 @@ static void motor_axis_command_mode_strictly(struct board *board, struct motor_a
 {
     bool stop = mode == ICUB_MODE_IDLE || mode == ICUB_MODE_FORCE_IDLE;
 
-    if (axis->mode == ICUB_MODE_HARDWARE_FAULT) {
+    if (axis->base.mode == ICUB_MODE_HARDWARE_FAULT) {
         if (mode == ICUB_MODE_FORCE_IDLE) {
             motor_axis_switch_strictly(board, axis, ICUB_MODE_IDLE);
         }
-    } else if (axis->mode == ICUB_MODE_IDLE) {
+    } else if (axis->base.mode == ICUB_MODE_IDLE) {
         if (!stop && motor_axis_is_owed_nothing(board, axis, axis->calibrated)) {
             motor_axis_switch_strictly(board, axis, mode);
             motor_board_print_number(board, "PWM ENA:", motor_axis_index(board, axis));
@@ -317,11 +320,11 @@ bool motor_axis_command_mode(struct board *board, struct motor_axis *axis, int64
         return false;
     }
     /* From idle into a mode; out of a fault by FORCE_IDLE only; else from mode to mode */
-    if (axis->mode == ICUB_MODE_IDLE) {
+    if (axis->base.mode == ICUB_MODE_IDLE) {
         if (!stop) {
             motor_axis_set_mode(board, axis, (uint8_t)mode);
         }
-    } else if (axis->mode == ICUB_MODE_HARDWARE_FAULT) {
+    } else if (axis->base.mode == ICUB_MODE_HARDWARE_FAULT) {
         if (mode == ICUB_MODE_FORCE_IDLE) {
             motor_axis_set_mode(board, axis, ICUB_MODE_IDLE);
         }
@@ -333,56 +336,31 @@ bool motor_axis_command_mode(struct board *board, struct motor_axis *axis, int64
 
 bool motor_axis_moves(const struct motor_axis *axis)
 {
-    return axis->mode == ICUB_MODE_POSITION || axis->mode == ICUB_MODE_IMPEDANCE_POSITION ||
-           axis->mode == ICUB_MODE_MIXED;
+    return axis->base.mode == ICUB_MODE_POSITION ||
+           axis->base.mode == ICUB_MODE_IMPEDANCE_POSITION || axis->base.mode == ICUB_MODE_MIXED;
 }
 
 bool motor_axis_has_velocity(const struct motor_axis *axis)
 {
-    return axis->mode == ICUB_MODE_VELOCITY || axis->mode == ICUB_MODE_IMPEDANCE_VELOCITY ||
-           axis->mode == ICUB_MODE_MIXED;
+    return axis->base.mode == ICUB_MODE_VELOCITY ||
+           axis->base.mode == ICUB_MODE_IMPEDANCE_VELOCITY || axis->base.mode == ICUB_MODE_MIXED;
 }
 
 /* Watches faults of a motor board's hardware, its limits and its time-outs. */
 
-enum { OVERLOAD_MS = 10 }; /* budget of over-current, see motor_board.c */
-
-/* Updates the I2t overload of an axis; returns whether it trips. */
-static bool motor_axis_is_over_current(const struct board *board, struct motor_axis *axis)
+/* Checks supply, encoders and current; a fault stops a running axis. */
+static void motor_axis_watch_faults(struct board *board, struct motor_axis *axis)
 {
-    double limit = (double)axis->parameter[ICUB_P_CURRENT_LIMIT] * 1e-3;
-    double tick_ms = (double)board->boards->tick_ns / MS;
-
-    if (!motor_runs(axis->mode)) {
-        axis->overload = 0.0;
-        return false;
-    }
-    if (limit == 0.0) {
-        return axis->current_a != 0.0;
-    }
-    if (axis->overload == 0.0 && axis->current_a * axis->current_a <= limit * limit) {
-        return false; /* which is the rule */
-    }
-    axis->overload += (axis->current_a * axis->current_a / (limit * limit) - 1.0) * tick_ms;
-    axis->overload = axis->overload > 0.0 ? axis->overload : 0.0;
-    return axis->overload > OVERLOAD_MS;
-}
-
-/* Returns the faults of the supply, which all axes of a board have together. */
-static uint8_t motor_board_supply_faults(const struct board *board)
-{
-    double supply_v = motor_board_of(board)->supply_v;
-
-    return (board_is_under_voltage(board, supply_v) ? ICUB_FAULT_UNDER_VOLTAGE : 0) |
-           (board_is_over_voltage(board, supply_v) ? ICUB_FAULT_OVER_VOLTAGE : 0);
-}
-
-/* Checks encoders and current, given the faults of the supply; a fault stops a running axis. */
-static void motor_axis_watch_faults(struct board *board, struct motor_axis *axis, uint8_t supply)
-{
-    uint8_t faults = (uint8_t)(supply | (axis->sensors_bad ? ICUB_FAULT_ABSOLUTE_ENCODER : 0));
+    unsigned index = motor_axis_index(board, axis);
+    double limit_a = (double)axis->parameter[ICUB_P_CURRENT_LIMIT] * 1e-3;
+    uint32_t now = axis_find_faults(board, index, limit_a);
+    bool over_current = now & AXIS_OVER_CURRENT;
+    uint8_t faults = (uint8_t)((now & AXIS_UNDER_VOLTAGE ? ICUB_FAULT_UNDER_VOLTAGE : 0) |
+                               (now & AXIS_OVER_VOLTAGE ? ICUB_FAULT_OVER_VOLTAGE : 0) |
+                               (now & (AXIS_MOTOR_ENCODER | AXIS_LINK_ENCODER | AXIS_TORQUE_SENSOR)
+                                    ? ICUB_FAULT_ABSOLUTE_ENCODER
+                                    : 0));
     uint8_t risen = faults & (uint8_t)~axis->faults;
-    bool over_current = motor_axis_is_over_current(board, axis);
 
     axis->faults = faults;
     /* Over-current is reported once, the others as long as they last */
@@ -393,10 +371,10 @@ static void motor_axis_watch_faults(struct board *board, struct motor_axis *axis
         motor_board_print(board, "OVERCURRENT");
     }
     if (risen) {
-        board_event(board, BOARD_EVENT_FAULT, motor_axis_index(board, axis), risen, 0);
+        board_event(board, BOARD_EVENT_FAULT, index, risen, 0);
         motor_board_of(board)->status_due = true;
     }
-    if (motor_runs(axis->mode) && (faults || over_current)) {
+    if (motor_runs(axis->base.mode) && (faults || over_current)) {
         motor_axis_set_mode(board, axis, ICUB_MODE_HARDWARE_FAULT);
     }
 }
@@ -419,7 +397,7 @@ static void motor_axis_watch_temperature(struct board *board, struct motor_axis 
                     (uint32_t)axis->temperature, 0);
         motor_board_print(board, "OVERHEATING");
     }
-    if (hot && motor_runs(axis->mode)) {
+    if (hot && motor_runs(axis->base.mode)) {
         motor_axis_set_mode(board, axis, ICUB_MODE_HARDWARE_FAULT);
     }
 }
@@ -448,40 +426,36 @@ static void motor_board_watch_can(struct board *board)
     motor->can |= now & (uint8_t)~motor->can_reported;
 }
 
-/* Sets a reference to 0 that was not refreshed, with an event. */
-static void motor_axis_reference_timed_out(struct board *board, struct motor_axis *axis,
-                                           enum icub_parameter reference)
+/* Sets a reference to 0 that was not refreshed in time, and tells it. */
+static void motor_axis_watch_reference(struct board *board, struct motor_axis *axis,
+                                       enum icub_parameter reference, int64_t since_ns,
+                                       int64_t timeout_ns, const char *text)
 {
-    axis->parameter[reference] = 0;
-    board->boards->counters.timeouts++;
-    board_event(board, BOARD_EVENT_TIMEOUT, motor_axis_index(board, axis), axis->mode, 0);
-}
-
-/* Checks the command time-out of this simulator, a safety that the firmware (a strict board)
- * lacks. */
-static void motor_axis_watch_references(struct board *board, struct motor_axis *axis)
-{
-    bool voltage = axis->mode == ICUB_MODE_OPEN_LOOP;
-    bool torque = axis->mode == ICUB_MODE_TORQUE || axis->mode == ICUB_MODE_CURRENT;
-    enum icub_parameter reference = voltage ? ICUB_P_OPEN_LOOP : ICUB_P_DESIRED_TORQUE;
-    int64_t age = board->boards->now_ns - (voltage ? axis->voltage_ns : axis->torque_ns);
-
-    if ((voltage || torque) && !board->config.strict && board->config.command_timeout_ns > 0 &&
-        age > board->config.command_timeout_ns && axis->parameter[reference] != 0) {
-        motor_axis_reference_timed_out(board, axis, reference);
-        motor_board_print(board, "REFERENCE TIMEOUT");
+    if (axis->parameter[reference] != 0 && board->boards->now_ns - since_ns > timeout_ns) {
+        axis->parameter[reference] = 0;
+        board->boards->counters.timeouts++;
+        board_event(board, BOARD_EVENT_TIMEOUT, motor_axis_index(board, axis), axis->base.mode, 0);
+        motor_board_print(board, text);
     }
 }
 
-/* Checks the time-out of the velocity reference, as the firmware has it. */
-static void motor_axis_watch_velocity(struct board *board, struct motor_axis *axis)
+/* Checks the time-out of the velocity reference, as the firmware has it, and the command time-out
+ * of this simulator, a safety that the firmware (a strict board) lacks. */
+static void motor_axis_watch_references(struct board *board, struct motor_axis *axis)
 {
-    int64_t age = board->boards->now_ns - axis->velocity_ns;
+    int64_t timeout_ns = board->config.strict ? 0 : board->config.command_timeout_ns;
 
-    if (motor_axis_has_velocity(axis) && axis->parameter[ICUB_P_DESIRED_VELOCITY] != 0 &&
-        age > axis->parameter[ICUB_P_VELOCITY_TIMEOUT] * MS) {
-        motor_axis_reference_timed_out(board, axis, ICUB_P_DESIRED_VELOCITY);
-        motor_board_print(board, "VELOCITY TIMEOUT");
+    if (timeout_ns > 0 && axis->base.mode == ICUB_MODE_OPEN_LOOP) {
+        motor_axis_watch_reference(board, axis, ICUB_P_OPEN_LOOP, axis->voltage_ns, timeout_ns,
+                                   "REFERENCE TIMEOUT");
+    } else if (timeout_ns > 0 &&
+               (axis->base.mode == ICUB_MODE_TORQUE || axis->base.mode == ICUB_MODE_CURRENT)) {
+        motor_axis_watch_reference(board, axis, ICUB_P_DESIRED_TORQUE, axis->torque_ns, timeout_ns,
+                                   "REFERENCE TIMEOUT");
+    } else if (motor_axis_has_velocity(axis)) {
+        motor_axis_watch_reference(board, axis, ICUB_P_DESIRED_VELOCITY, axis->velocity_ns,
+                                   axis->parameter[ICUB_P_VELOCITY_TIMEOUT] * MS,
+                                   "VELOCITY TIMEOUT");
     }
 }
 
@@ -504,7 +478,7 @@ static bool motor_axis_source_is_alive(const struct board *board, const struct m
 /* Switches an axis off whose torque loop has lost its source. */
 static void motor_axis_watch_source(struct board *board, struct motor_axis *axis)
 {
-    if ((axis->mode == ICUB_MODE_TORQUE || motor_axis_is_impedance(axis)) &&
+    if ((axis->base.mode == ICUB_MODE_TORQUE || motor_axis_is_impedance(axis)) &&
         !motor_axis_source_is_alive(board, axis)) {
         board->boards->counters.timeouts++;
         board_event(board, BOARD_EVENT_SOURCE_LOST, motor_axis_index(board, axis),
@@ -523,7 +497,7 @@ static void motor_axis_watch_limits(struct board *board, struct motor_axis *axis
 
     if (!beyond) {
         axis->limit_reported = false;
-    } else if (axis->mode == ICUB_MODE_OPEN_LOOP && axis->parameter[ICUB_P_OPEN_LOOP] != 0) {
+    } else if (axis->base.mode == ICUB_MODE_OPEN_LOOP && axis->parameter[ICUB_P_OPEN_LOOP] != 0) {
         axis->parameter[ICUB_P_OPEN_LOOP] = 0;
         if (!axis->limit_reported) {
             axis->limit_reported = true;
@@ -537,7 +511,7 @@ static void motor_axis_watch_limits(struct board *board, struct motor_axis *axis
 /* Ends a calibration when its time is over: the offset makes the position that was named zero. */
 static void motor_axis_watch_calibration(struct board *board, struct motor_axis *axis)
 {
-    if (axis->mode == ICUB_MODE_CALIBRATION && board->boards->now_ns >= axis->calibrated_ns) {
+    if (axis->base.mode == ICUB_MODE_CALIBRATION && board->boards->now_ns >= axis->calibrated_ns) {
         axis->offset = -axis->calibration_zero;
         axis->calibrated = true;
         motor_axis_set_mode(board, axis, ICUB_MODE_IDLE);
@@ -546,18 +520,15 @@ static void motor_axis_watch_calibration(struct board *board, struct motor_axis 
 
 void motor_board_watch(struct board *board)
 {
-    const uint8_t supply = motor_board_supply_faults(board);
-
     motor_board_watch_can(board);
     for (int i = 0; i < MOTOR_AXES; i++) {
         struct motor_axis *axis = &motor_board_of(board)->axis[i];
 
-        motor_axis_watch_faults(board, axis, supply);
+        motor_axis_watch_faults(board, axis);
         motor_axis_watch_temperature(board, axis);
         motor_axis_watch_calibration(board, axis);
         motor_axis_watch_source(board, axis);
         motor_axis_watch_references(board, axis);
-        motor_axis_watch_velocity(board, axis);
         motor_axis_watch_limits(board, axis);
     }
 }

@@ -39,56 +39,44 @@ static const struct {
     {"max_velocity", ICUB_SET_MAX_VELOCITY, 0},
 };
 
-/* Returns the field of the command that sets a setting. */
-static const struct field *motor_setting_field(size_t index)
-{
-    return &icub_motor_commands[rows[index].code].request[rows[index].field];
-}
-
 /* Returns the parameter of a setting. */
-static unsigned motor_setting_parameter(size_t index)
+static int64_t *motor_setting_parameter(const struct board *board, unsigned axis, size_t index)
 {
-    return (unsigned)icub_motor_commands[rows[index].code].parameter + rows[index].field;
+    enum icub_parameter parameter = icub_motor_commands[rows[index].code].parameter;
+
+    return &motor_board_of(board)->axis[axis].parameter[parameter + rows[index].field];
 }
 
 /* Describes a setting: name, unit, range (struct board_settings). */
 static void motor_setting_describe(const struct board *board, unsigned axis, size_t index,
                                    struct board_setting *setting)
 {
-    const struct field *field = motor_setting_field(index);
+    const struct field *field = &icub_motor_commands[rows[index].code].request[rows[index].field];
     bool bounded = field->min != 0 || field->max != 0;
 
-    (void)board;
-    (void)axis;
     *setting = (struct board_setting){
         .name = rows[index].name,
         .unit = field->unit ? field->unit : "",
         .min = (double)(bounded ? field->min : field_lowest(field)),
         .max = (double)(bounded ? field->max : field_highest(field)),
         .whole = true,
+        .value = (double)*motor_setting_parameter(board, axis, index),
     };
-}
-
-/* Returns the value of a setting (struct board_settings). */
-static double motor_setting_get(const struct board *board, unsigned axis, size_t index)
-{
-    return (double)motor_board_of(board)->axis[axis].parameter[motor_setting_parameter(index)];
 }
 
 /* Writes a setting (struct board_settings). */
 static bool motor_setting_set(struct board *board, unsigned axis, size_t index, double value)
 {
-    motor_board_of(board)->axis[axis].parameter[motor_setting_parameter(index)] = (int64_t)value;
+    *motor_setting_parameter(board, axis, index) = (int64_t)value;
     if (rows[index].code == ICUB_SET_I_GAIN) {
         motor_board_of(board)->axis[axis].position_pid.integral = 0; /* as the command */
     }
     return true;
 }
 
-const struct board_settings motor_settings = {
+static const struct board_settings motor_settings = {
     .count = ARRAY_COUNT(rows),
     .describe = motor_setting_describe,
-    .get = motor_setting_get,
     .set = motor_setting_set,
 };
 
@@ -139,12 +127,12 @@ static void motor_board_send_status(struct board *board, struct frame_sink *sink
 
     motor_board_send_frame(
         board, sink, ICUB_STATUS,
-        (const int64_t[]){a->faults | a->faults_once, a->mode, b->faults | b->faults_once, b->mode,
-                          motor->can | motor_board_can_status(board) |
-                              (board->lost_in_status ? ICUB_CAN_TX_OVERFLOW : 0),
-                          a->heat | b->heat << 1,
-                          can_counter_change(board->can.tec, &motor->reported_tec),
-                          can_counter_change(board->can.rec, &motor->reported_rec)});
+        (const int64_t[]){
+            a->faults | a->faults_once, a->base.mode, b->faults | b->faults_once, b->base.mode,
+            motor->can | motor_board_can_status(board) |
+                (board->lost_in_status ? ICUB_CAN_TX_OVERFLOW : 0),
+            a->heat | b->heat << 1, can_counter_change(board->can.tec, &motor->reported_tec),
+            can_counter_change(board->can.rec, &motor->reported_rec)});
     a->faults_once = b->faults_once = 0;
     motor->can = 0;
     motor->can_reported = motor_board_can_status(board);
@@ -186,11 +174,11 @@ static void motor_board_send_joint_speeds(struct board *board, struct frame_sink
     const int64_t *p = a->parameter, *q = b->parameter;
 
     motor_board_send_if_wanted(
-        board, sink, ICUB_VELOCITY, estimator_speed(&a->joint.speed, p[ICUB_P_JOINT_SPEED_SHIFT]),
-        estimator_speed(&b->joint.speed, q[ICUB_P_JOINT_SPEED_SHIFT]),
-        estimator_acceleration(&a->joint.speed,
+        board, sink, ICUB_VELOCITY, estimator_speed(&a->joint, p[ICUB_P_JOINT_SPEED_SHIFT]),
+        estimator_speed(&b->joint, q[ICUB_P_JOINT_SPEED_SHIFT]),
+        estimator_acceleration(&a->joint,
                                p[ICUB_P_JOINT_SPEED_SHIFT] + p[ICUB_P_JOINT_ACCELERATION_SHIFT]),
-        estimator_acceleration(&b->joint.speed,
+        estimator_acceleration(&b->joint,
                                q[ICUB_P_JOINT_SPEED_SHIFT] + q[ICUB_P_JOINT_ACCELERATION_SHIFT]));
 }
 
@@ -202,12 +190,11 @@ static void motor_board_send_motor_speeds(struct board *board, struct frame_sink
     const int64_t *p = a->parameter, *q = b->parameter;
 
     motor_board_send_if_wanted(
-        board, sink, ICUB_MOTOR_SPEED,
-        estimator_speed(&a->motor.speed, p[ICUB_P_MOTOR_SPEED_SHIFT]),
-        estimator_speed(&b->motor.speed, q[ICUB_P_MOTOR_SPEED_SHIFT]),
-        estimator_acceleration(&a->motor.speed,
+        board, sink, ICUB_MOTOR_SPEED, estimator_speed(&a->motor, p[ICUB_P_MOTOR_SPEED_SHIFT]),
+        estimator_speed(&b->motor, q[ICUB_P_MOTOR_SPEED_SHIFT]),
+        estimator_acceleration(&a->motor,
                                p[ICUB_P_MOTOR_SPEED_SHIFT] + p[ICUB_P_MOTOR_ACCELERATION_SHIFT]),
-        estimator_acceleration(&b->motor.speed,
+        estimator_acceleration(&b->motor,
                                q[ICUB_P_MOTOR_SPEED_SHIFT] + q[ICUB_P_MOTOR_ACCELERATION_SHIFT]));
 }
 
@@ -228,7 +215,8 @@ static void motor_board_transmit_slot_3(struct board *board, struct frame_sink *
                                b->position_pid.error, a->torque_pid.error, b->torque_pid.error);
     motor_board_send_if_wanted(board, sink, ICUB_DEBUG, a->torque, b->torque, a->torque_reference,
                                b->torque_reference);
-    motor_board_send_if_wanted(board, sink, ICUB_MOTOR_POSITION, a->motor.raw, b->motor.raw, 0, 0);
+    motor_board_send_if_wanted(board, sink, ICUB_MOTOR_POSITION, a->base.motor_ticks,
+                               b->base.motor_ticks, 0, 0);
     motor_board_send_motor_speeds(board, sink);
 }
 
@@ -328,7 +316,7 @@ static bool motor_axis_calibrate(struct board *board, struct motor_axis *axis,
     if (request[2] == 0) {
         motor_board_print(board, "invalid calib p2");
         motor_axis_set_mode(board, axis, ICUB_MODE_HARDWARE_FAULT);
-    } else if (axis->mode != ICUB_MODE_HARDWARE_FAULT &&
+    } else if (axis->base.mode != ICUB_MODE_HARDWARE_FAULT &&
                motor_axis_is_owed_nothing(board, axis, true)) {
         motor_axis_set_mode(board, axis, ICUB_MODE_CALIBRATION);
         axis->calibration_zero = (int32_t)request[3];
@@ -398,17 +386,17 @@ static bool motor_axis_answer(const struct board *board, const struct motor_axis
     switch (code) {
     /* Mode and motion */
     case ICUB_GET_CONTROL_MODE:
-        reply[0] = axis->mode;
+        reply[0] = axis->base.mode;
         return true;
     case ICUB_MOTION_DONE:
-        reply[0] = !axis->trajectory.running && axis->mode != ICUB_MODE_CALIBRATION;
+        reply[0] = !axis->trajectory.running && axis->base.mode != ICUB_MODE_CALIBRATION;
         return true;
     case ICUB_GET_ENCODER_POSITION:
         reply[0] = motor_axis_position(axis);
-        reply[1] = estimator_speed(&axis->joint.speed, p[ICUB_P_JOINT_SPEED_SHIFT]);
+        reply[1] = estimator_speed(&axis->joint, p[ICUB_P_JOINT_SPEED_SHIFT]);
         return true;
     case ICUB_GET_ENCODER_VELOCITY:
-        reply[0] = estimator_speed(&axis->joint.speed, p[ICUB_P_JOINT_SPEED_SHIFT]);
+        reply[0] = estimator_speed(&axis->joint, p[ICUB_P_JOINT_SPEED_SHIFT]);
         return true;
 
     /* The control law */
@@ -476,7 +464,7 @@ static bool motor_axis_act(struct board *board, struct motor_axis *axis, unsigne
         motor_axis_stop_move(axis);
         return true;
     case ICUB_SET_COMMAND_POSITION:
-        if (axis->mode == ICUB_MODE_DIRECT) {
+        if (axis->base.mode == ICUB_MODE_DIRECT) {
             axis->desired = (int32_t)motor_axis_clamp_position(axis, request[0]);
         }
         return true;
@@ -662,7 +650,7 @@ static void motor_board_power_up(struct board *board)
         if (!motor->powered) {
             memcpy(axis->saved, axis->parameter, sizeof axis->saved);
         }
-        axis->mode = ICUB_MODE_IDLE;
+        axis->base.mode = ICUB_MODE_IDLE;
         axis->faults = axis->faults_once = axis->heat = 0;
         axis->pids = 0;
         axis->calibrated = false;
@@ -678,14 +666,57 @@ static void motor_board_power_up(struct board *board)
     motor->status_ms = board->boards->now_ns / MS;
     motor->can = motor->can_reported = 0;
     motor->reported_tec = motor->reported_rec = 0;
-    motor->started = false; /* speed estimation restarts */
 }
 
-/* Switches all axes off. */
-static void motor_board_switch_off(struct board *board)
+/* ---- sensors ---- */
+
+/* Samples both axes (struct board_ops). Speeds are estimated from a sample a millisecond. */
+static void motor_board_sample(struct board *board, const struct plant_sensors *sensors)
 {
+    (void)sensors;
     for (int i = 0; i < MOTOR_AXES; i++) {
-        if (motor_runs(motor_board_of(board)->axis[i].mode)) {
+        struct motor_axis *axis = &motor_board_of(board)->axis[i];
+        double temperature = axis->base.winding_c / ICUB_TEMPERATURE_C;
+
+        axis->thermometer_bad = !control_quantize(temperature, &axis->temperature);
+        /* The first sample after power-up: as if the axis had always been here */
+        if (axis->base.first) {
+            estimator_reset(&axis->joint, axis->base.link_ticks);
+            estimator_reset(&axis->motor, axis->base.motor_ticks);
+            motor_axis_hold_position(axis);
+        }
+        /* In a tick of several milliseconds the sample stands for all of them */
+        for (int64_t ms = 0; ms < axis->base.passed_ms; ms++) {
+            estimator_push(&axis->joint, axis->base.link_ticks);
+            estimator_push(&axis->motor, axis->base.motor_ticks);
+        }
+    }
+}
+
+/* ---- the tick ---- */
+
+/* Runs one tick: faults and time-outs, laws, bridges (struct board_ops). */
+static void motor_board_control(struct board *board, struct ms_span span,
+                                struct plant_command *command)
+{
+    (void)command;
+    motor_board_watch(board);
+    for (int i = 0; i < MOTOR_AXES; i++) {
+        struct motor_axis *axis = &motor_board_of(board)->axis[i];
+
+        for (int64_t ms = span.from; ms < span.to; ms++) {
+            motor_axis_step(board, axis);
+        }
+        axis->base.voltage_v = (double)axis->pwm / ICUB_PWM_FULL_SCALE * axis->base.supply_v;
+    }
+}
+
+/* Switches all axes off (struct board_ops). */
+static void motor_board_shut_down(struct board *board, struct plant_command *command)
+{
+    (void)command;
+    for (int i = 0; i < MOTOR_AXES; i++) {
+        if (motor_runs(motor_board_of(board)->axis[i].base.mode)) {
             motor_axis_set_mode(board, &motor_board_of(board)->axis[i], ICUB_MODE_IDLE);
         }
     }
@@ -697,138 +728,25 @@ static void motor_board_discovered(struct icub_board *icub)
     struct board *board = &icub->board;
 
     if (board->config.discovery_stops_motors) {
-        motor_board_switch_off(board);
+        motor_board_shut_down(board, NULL);
         motor_board_of(board)->policy = 0;
     }
 }
 
-/* ---- sensors ---- */
-
-/* Takes the sensors of an axis; values without a number are a fault and change nothing. */
-static void motor_axis_sample(struct motor_axis *axis, const struct board_axis_config *config,
-                              const struct plant_sensors *sensors)
-{
-    const struct motor_sense *sense;
-    int32_t joint, motor;
-
-    if (config->joint < 0) {
-        return;
-    }
-    sense = &sensors->motor[config->joint];
-    axis->sensors_bad = !control_quantize(sense->q * config->joint_ticks_per_rad, &joint) ||
-                        !control_quantize(sense->qm * config->motor_ticks_per_rad, &motor) ||
-                        !isfinite(sense->current_a) || !isfinite(sense->torque_nm);
-    if (!axis->sensors_bad) {
-        axis->joint.raw = joint;
-        axis->motor.raw = motor;
-        axis->current_a = sense->current_a;
-        axis->torque_nm = sense->torque_nm;
-    }
-    axis->thermometer_bad =
-        !control_quantize(sense->winding_c / ICUB_TEMPERATURE_C, &axis->temperature);
-}
-
-/* Samples both axes (struct board_ops). Encoders are quantized; their speeds are estimated from
- * a sample a millisecond. */
-static void motor_board_sample(struct board *board, const struct plant_sensors *sensors)
-{
-    struct motor_board *motor = motor_board_of(board);
-    int64_t now_ms = board->boards->now_ns / MS;
-
-    motor->supply_v = board_supply_v(sensors);
-    for (int i = 0; i < MOTOR_AXES; i++) {
-        struct motor_axis *axis = &motor->axis[i];
-
-        motor_axis_sample(axis, &board->config.axis[i], sensors);
-
-        /* The first sample after power-up: as if the axis had always been here */
-        if (!motor->started) {
-            estimator_reset(&axis->joint.speed, axis->joint.raw);
-            estimator_reset(&axis->motor.speed, axis->motor.raw);
-            motor_axis_hold_position(axis);
-        }
-
-        /* In a tick of several milliseconds the sample stands for all of them */
-        for (int64_t ms = motor->sampled_ms; ms < now_ms; ms++) {
-            estimator_push(&axis->joint.speed, axis->joint.raw);
-            estimator_push(&axis->motor.speed, axis->motor.raw);
-        }
-    }
-    motor->started = true;
-    motor->sampled_ms = now_ms;
-}
-
-/* ---- the tick ---- */
-
-/* Writes bridge and voltage of an axis into the plant's command. */
-static void motor_axis_drive_bridge(const struct board *board, const struct motor_axis *axis,
-                                    struct plant_command *command)
-{
-    int joint = motor_axis_config(board, axis)->joint;
-    bool on = motor_runs(axis->mode) && axis->mode != ICUB_MODE_CALIBRATION;
-
-    if (joint >= 0) {
-        command->motor[joint].bridge_on = on;
-        command->motor[joint].voltage_v =
-            on ? (double)axis->pwm / ICUB_PWM_FULL_SCALE * motor_board_of(board)->supply_v : 0.0;
-    }
-}
-
-/* Runs one tick: faults and time-outs, laws, bridges (struct board_ops). */
-static void motor_board_control(struct board *board, struct ms_span span,
-                                struct plant_command *command)
-{
-    motor_board_watch(board);
-    for (int i = 0; i < MOTOR_AXES; i++) {
-        struct motor_axis *axis = &motor_board_of(board)->axis[i];
-
-        for (int64_t ms = span.from; ms < span.to; ms++) {
-            motor_axis_step(board, axis);
-        }
-        motor_axis_drive_bridge(board, axis, command);
-    }
-}
-
-/* Returns whether an axis is in hardware fault (struct board_ops). */
-static bool motor_board_is_faulty(const struct board *board)
-{
-    for (int i = 0; i < MOTOR_AXES; i++) {
-        if (motor_board_of(board)->axis[i].mode == ICUB_MODE_HARDWARE_FAULT) {
-            return true;
-        }
-    }
-    return false;
-}
-
-/* Returns the mode of an axis (struct board_ops). */
-static uint8_t motor_board_mode(const struct board *board, unsigned axis)
-{
-    return motor_board_of(board)->axis[axis].mode;
-}
-
-/* Switches all axes off (struct board_ops). */
-static void motor_board_shut_down(struct board *board, struct plant_command *command)
-{
-    motor_board_switch_off(board);
-    for (int i = 0; i < MOTOR_AXES; i++) {
-        motor_axis_drive_bridge(board, &motor_board_of(board)->axis[i], command);
-    }
-}
-
-static const struct board_ops motor_board_ops = {
-    .identity = {.type = ICUB_BOARD_BLL, .major = 2, .minor = 0x51, .build = 87},
-    .periodic_max = 11,
-    .power_up = motor_board_power_up,
-    .sample = motor_board_sample,
-    .control = motor_board_control,
-    .transmit = motor_board_transmit,
-    .shut_down = motor_board_shut_down,
-    .fault = motor_board_is_faulty,
-    .mode = motor_board_mode,
-    .settings = &motor_settings,
-};
-
 static const struct icub_board_ops motor_icub_ops = {
+    .base =
+        {
+            .identity = {.type = ICUB_BOARD_BLL, .major = 2, .minor = 0x51, .build = 87},
+            .periodic_max = 11,
+            .power_up = motor_board_power_up,
+            .sample = motor_board_sample,
+            .control = motor_board_control,
+            .transmit = motor_board_transmit,
+            .shut_down = motor_board_shut_down,
+            .axes = offsetof(struct motor_board, axis),
+            .axis_size = sizeof(struct motor_axis),
+            .settings = &motor_settings,
+        },
     .commands = icub_motor_commands,
     .command_count = ICUB_MOTOR_COMMANDS,
     .command_class = ICUB_POLLING_MOTOR,
@@ -840,12 +758,5 @@ static const struct icub_board_ops motor_icub_ops = {
 
 struct board *motor_board_create(struct arena *arena)
 {
-    struct motor_board *motor = arena_alloc(arena, 1, sizeof *motor);
-
-    if (!motor) {
-        return NULL;
-    }
-    motor->icub.board.ops = &motor_board_ops;
-    motor->icub.ops = &motor_icub_ops;
-    return &motor->icub.board;
+    return board_create(arena, sizeof(struct motor_board), &motor_icub_ops.base);
 }

@@ -5,7 +5,7 @@
 #define BOARDS_ICUB_MOTOR_PRIVATE_H
 
 #include "boards/icub/board.h"
-#include "boards/motor_control.h"
+#include "boards/axis.h"
 
 enum { MOTOR_AXES = 2 };
 
@@ -21,28 +21,20 @@ enum motor_pid_bit {
     PID_HAS_ALL = 0x7f,
 };
 
-struct encoder {
-    int32_t raw; /* ticks */
-    struct speed_estimator speed;
-};
-
 struct motor_axis {
+    struct axis base;
     int64_t parameter[ICUB_P_COUNT];
     int64_t saved[ICUB_P_SAVED]; /* flash */
-    uint8_t mode;
-    uint8_t faults;      /* as long as their cause lasts */
-    uint8_t faults_once; /* until STATUS has reported them */
-    uint8_t pids;        /* enum motor_pid_bit */
-    bool calibrated;     /* since power-up */
-    bool sensors_bad;    /* no number came from the plant */
-    uint8_t heat;        /* ICUB_BOARD_OVER_TEMPERATURE_0 and ..._ERROR_0, of this axis */
-    bool limit_reported; /* a voltage beyond a joint limit has been reported as refused */
-    struct encoder joint, motor;
-    int32_t offset; /* position = raw + offset */
-    double current_a, torque_nm;
+    uint8_t faults;              /* as long as their cause lasts */
+    uint8_t faults_once;         /* until STATUS has reported them */
+    uint8_t pids;                /* enum motor_pid_bit */
+    bool calibrated;             /* since power-up */
+    uint8_t heat;                /* ICUB_BOARD_OVER_TEMPERATURE_0 and ..._ERROR_0, of this axis */
+    bool limit_reported;         /* a voltage beyond a joint limit has been reported as refused */
+    struct speed_estimator joint, motor;
+    int32_t offset;      /* position = ticks + offset */
     int32_t temperature; /* raw */
     bool thermometer_bad;
-    double overload; /* integral of (I / limit)^2 - 1, ms */
 
     int32_t desired;          /* position reference of this millisecond */
     int64_t desired_velocity; /* ramped velocity reference */
@@ -61,15 +53,14 @@ struct motor_axis {
 struct motor_board {
     struct icub_board icub;
     struct motor_axis axis[MOTOR_AXES];
-    double supply_v;
     uint32_t policy;
-    int64_t sampled_ms, status_ms;
+    int64_t status_ms;
     uint8_t text;              /* number of the next PRINT */
     uint8_t can, can_reported; /* bits of STATUS byte 4: not yet reported; as reported last */
     int reported_tec, reported_rec;
     bool status_due, additional_due;
-    bool protocol_ack;     /* the host speaks our protocol */
-    bool powered, started; /* has had its first power-up; its first sample */
+    bool protocol_ack; /* the host speaks our protocol */
+    bool powered;      /* has had its first power-up */
 };
 
 static inline struct motor_board *motor_board_of(const struct board *board)
@@ -90,14 +81,15 @@ static inline const struct board_axis_config *motor_axis_config(const struct boa
 
 static inline int32_t motor_axis_position(const struct motor_axis *axis)
 {
-    return (int32_t)control_clamp((int64_t)axis->joint.raw + axis->offset, INT32_MIN, INT32_MAX);
+    return (int32_t)control_clamp((int64_t)axis->base.link_ticks + axis->offset, INT32_MIN,
+                                  INT32_MAX);
 }
 
 static inline int64_t motor_axis_current_ma(const struct motor_axis *axis)
 {
     int32_t value = 0;
 
-    control_quantize(axis->current_a * 1e3, &value);
+    control_quantize(axis->base.current_a * 1e3, &value);
     return value;
 }
 
@@ -126,9 +118,6 @@ void motor_axis_reset_references(struct board *board, struct motor_axis *axis);
 /* Return whether the mode has a trajectory generator, a velocity reference, an impedance law. */
 bool motor_axis_moves(const struct motor_axis *axis);
 bool motor_axis_has_velocity(const struct motor_axis *axis);
-
-/* Settings that may be changed beside the bus. */
-extern const struct board_settings motor_settings;
 
 /* Watches faults, limits and time-outs in a tick (motor_watch.c). */
 void motor_board_watch(struct board *board);

@@ -12,7 +12,7 @@
  * not.
  */
 #include "boards/icub/board.h"
-#include "boards/motor_control.h"
+#include "boards/axis.h"
 
 #include "canbus/frame.h"
 
@@ -537,31 +537,25 @@ static void strain_board_transmit(struct board *board, struct ms_span span, stru
     }
 }
 
-#define STRAIN_BOARD                                                                               \
-    .identity = {.type = ICUB_BOARD_STRAIN, .major = 3, .minor = 0, .build = 5},                   \
-    .periodic_max = 4, .power_up = strain_board_power_up, .transmit = strain_board_transmit,       \
-    .sent = strain_board_sent
-
-static const struct board_ops ft_board_ops = {STRAIN_BOARD, .sample = strain_board_sample_ft};
-static const struct board_ops torque_board_ops = {STRAIN_BOARD,
-                                                  .sample = strain_board_sample_torque};
-
-static const struct icub_board_ops strain_icub_ops = {
-    .commands = icub_strain_commands,
-    .command_count = ICUB_STRAIN_COMMANDS,
-    .command_class = ICUB_POLLING_ANALOG,
-    .loader_type = ICUB_BOARD_STRAIN,
-    .command = strain_board_command,
-};
+/* What both kinds have in common */
+#define STRAIN_BOARD(function)                                                                     \
+    {                                                                                              \
+        .base = {.identity = {.type = ICUB_BOARD_STRAIN, .major = 3, .minor = 0, .build = 5},      \
+                 .periodic_max = 4,                                                                \
+                 .power_up = strain_board_power_up,                                                \
+                 .sample = function,                                                               \
+                 .transmit = strain_board_transmit,                                                \
+                 .sent = strain_board_sent},                                                       \
+        .commands = icub_strain_commands, .command_count = ICUB_STRAIN_COMMANDS,                   \
+        .command_class = ICUB_POLLING_ANALOG, .loader_type = ICUB_BOARD_STRAIN,                    \
+        .command = strain_board_command                                                            \
+    }
 
 struct board *strain_board_create(enum board_kind kind, struct arena *arena)
 {
-    struct strain_board *strain = arena_alloc(arena, 1, sizeof *strain);
+    static const struct icub_board_ops ft = STRAIN_BOARD(strain_board_sample_ft);
+    static const struct icub_board_ops torque = STRAIN_BOARD(strain_board_sample_torque);
 
-    if (!strain) {
-        return NULL;
-    }
-    strain->icub.board.ops = kind == BOARD_FT ? &ft_board_ops : &torque_board_ops;
-    strain->icub.ops = &strain_icub_ops;
-    return &strain->icub.board;
+    return board_create(arena, sizeof(struct strain_board),
+                        kind == BOARD_FT ? &ft.base : &torque.base);
 }

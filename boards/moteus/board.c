@@ -6,7 +6,7 @@
  */
 #include "boards/moteus/private.h"
 
-#include "boards/motor_control.h"
+#include "boards/axis.h"
 #include "canbus/frame.h"
 
 #include <math.h>
@@ -75,7 +75,7 @@ static void moteus_path_step(struct moteus_path *path, double target_velocity,
 /*
  * A moteus: one motor, which does nothing until it is asked to. Modes, faults and the watchdog are
  * those of firmware 1.1.0; the loops have a step a millisecond instead of one in 1/30 ms, and the
- * current loop is that of boards/motor_control.h. Gains of the position loop are what its owner has
+ * current loop is that of boards/axis.h. Gains of the position loop are what its owner has
  * configured for the motor: damping as strong as that of its back-EMF, 40/s from position to speed.
  */
 
@@ -91,12 +91,6 @@ static const double TIMEOUT_S = 0.1, TIMEOUT_TORQUE_NM = 5.0, ACCELERATION_LIMIT
 
 /* ---- modes ---- */
 
-/* Returns whether a mode drives the motor. */
-static bool moteus_runs(enum moteus_mode mode)
-{
-    return mode >= MOTEUS_PWM && mode < MOTEUS_MODES;
-}
-
 /* Enters a mode with fresh loops; the path begins anew. */
 static void moteus_set_mode(struct board *board, enum moteus_mode mode)
 {
@@ -105,8 +99,10 @@ static void moteus_set_mode(struct board *board, enum moteus_mode mode)
 
     if (mode != before) {
         board_event(board, BOARD_EVENT_MODE, 0, before, mode);
-        moteus->value[MOTEUS_R_MODE] = mode;
-        moteus->integral_v = moteus->voltage_v = 0.0;
+        moteus->value[MOTEUS_R_MODE] = moteus->axis.mode = (uint8_t)mode;
+        moteus->axis.on = mode >= MOTEUS_PWM;
+        moteus->axis.faulty = mode == MOTEUS_FAULT;
+        moteus->integral_v = moteus->axis.voltage_v = 0.0;
         if (mode != MOTEUS_TIMEOUT) {
             moteus->path.position = NAN;
             moteus->path.done = false;
@@ -126,20 +122,12 @@ static void moteus_raise_fault(struct board *board, enum moteus_fault fault)
     }
 }
 
-/* Returns whether the motor is outside the limits of its position. */
-static bool moteus_is_outside(const struct board *board)
-{
-    const struct board_axis_config *axis = &board->config.axis[0];
-    double rad = moteus_board_of(board)->motor * TURN;
-
-    return rad < axis->lower_rad || rad > axis->upper_rad;
-}
-
 /* Goes on towards the wanted mode. Out of a fault and out of a time-out only a stop leads. */
 static void moteus_approach_mode(struct board *board)
 {
     struct moteus_board *moteus = moteus_board_of(board);
     enum moteus_mode mode = moteus_mode(moteus), wanted = (enum moteus_mode)moteus->wanted_mode;
+    double rad = moteus->motor * TURN;
     bool bounded = (wanted == MOTEUS_POSITION || wanted == MOTEUS_STAY_WITHIN) &&
                    moteus->command[MOTEUS_R_IGNORE_BOUNDS] == 0.0;
 
@@ -151,7 +139,8 @@ static void moteus_approach_mode(struct board *board)
         moteus_set_mode(board, MOTEUS_CALIBRATING);
     } else if (mode == MOTEUS_CALIBRATING && --moteus->enabling_ms > 0) {
         return;
-    } else if (bounded && moteus_is_outside(board)) {
+    } else if (bounded &&
+               (rad < board->config.axis[0].lower_rad || rad > board->config.axis[0].upper_rad)) {
         moteus_raise_fault(board, MOTEUS_OUTSIDE_LIMIT);
     } else {
         moteus_set_mode(board, wanted);
@@ -215,12 +204,6 @@ static void moteus_board_act(struct board *board, uint32_t number, double value)
 
 /* ---- power-up ---- */
 
-/* Returns the torque of an ampere: the drive's, else what its back-EMF says. */
-static double moteus_torque_constant(const struct board_axis_config *axis)
-{
-    return axis->torque_nm_a > 0.0 ? axis->torque_nm_a : axis->bemf_v_s_rad;
-}
-
 /* Fills the registers that never change. */
 static void moteus_identify(struct moteus_board *moteus)
 {
@@ -245,8 +228,10 @@ static void moteus_power_up(struct board *board)
 {
     const struct board_axis_config *axis = &board->config.axis[0];
     const struct moteus_board fresh = {.board = *board,
-                                       .torque_nm_a = moteus_torque_constant(axis),
+                                       .torque_nm_a = axis->torque_nm_a > 0.0 ? axis->torque_nm_a
+                                                                              : axis->bemf_v_s_rad,
                                        .timeout_s = NAN,
+                                       .before = NAN,
                                        .path = {.position = NAN, .target = NAN}};
     struct moteus_board *moteus = moteus_board_of(board);
 
@@ -270,60 +255,32 @@ static double moteus_fraction(double turns)
     return turns - floor(turns);
 }
 
-/* Shows what the board measures in its registers. */
-static void moteus_show(struct moteus_board *moteus, const struct motor_sense *sense, double link)
-{
-    double *value = moteus->value;
-
-    value[MOTEUS_R_POSITION] = moteus->motor - moteus->zero;
-    value[MOTEUS_R_VELOCITY] = value[MOTEUS_R_ENCODER_0_VELOCITY] = moteus->velocity;
-    value[MOTEUS_R_TORQUE] = moteus->current_a * moteus->torque_nm_a;
-    value[MOTEUS_R_TORQUE_ERROR] = value[MOTEUS_R_TORQUE] - value[MOTEUS_R_CONTROL_TORQUE];
-    value[MOTEUS_R_Q_CURRENT] = moteus->current_a;
-    value[MOTEUS_R_ABS_POSITION] = value[MOTEUS_R_ENCODER_1_POSITION] = moteus_fraction(link);
-    value[MOTEUS_R_ENCODER_0_POSITION] =
-        moteus_fraction(moteus->motor * moteus->board.config.axis[0].gear);
-    value[MOTEUS_R_POWER] = moteus->current_a * moteus->voltage_v;
-    value[MOTEUS_R_VOLTAGE] = moteus->supply_v;
-    value[MOTEUS_R_TEMPERATURE] = value[MOTEUS_R_MOTOR_TEMPERATURE] = sense->winding_c;
-}
-
-/* Takes the sensors (struct board_ops). A value without a number keeps the one before. */
+/* Shows what the board measures in its registers (struct board_ops). */
 static void moteus_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct moteus_board *moteus = moteus_board_of(board);
-    const struct board_axis_config *axis = &board->config.axis[0];
-    int64_t now_ms = board->boards->now_ns / MS, ms = now_ms - moteus->sampled_ms;
-    const struct motor_sense *sense;
-    int32_t motor, link;
+    const struct axis *axis = &moteus->axis;
+    double *value = moteus->value;
 
-    moteus->supply_v = board_supply_v(sensors);
-    moteus->value[MOTEUS_R_MILLISECONDS] = (double)(uint32_t)now_ms;
-    if (axis->joint < 0) {
+    (void)sensors;
+    value[MOTEUS_R_MILLISECONDS] = (double)(uint32_t)(board->boards->now_ns / MS);
+    if (axis->config->joint < 0 || axis->bad_motor || axis->bad_link) {
         return;
     }
-    sense = &sensors->motor[axis->joint];
-    moteus->sensors_bad = !control_quantize(sense->qm * axis->motor_ticks_per_rad, &motor) ||
-                          !control_quantize(sense->q * axis->joint_ticks_per_rad, &link) ||
-                          !isfinite(sense->current_a);
-    if (moteus->sensors_bad) {
-        return;
-    }
-    moteus->current_a = sense->current_a;
-    moteus->motor = motor / axis->motor_ticks_per_rad / TURN;
-
-    /* The speed is a running mean */
-    if (!moteus->started) {
-        moteus->before = moteus->motor;
-        moteus->started = true;
-    } else if (ms > 0) {
-        double change = (moteus->motor - moteus->before) / ((double)ms * STEP_S);
-
-        moteus->velocity = (moteus->velocity + change) / 2.0;
-        moteus->before = moteus->motor;
-    }
-    moteus->sampled_ms = now_ms;
-    moteus_show(moteus, sense, link / axis->joint_ticks_per_rad / TURN);
+    moteus->motor = axis->motor_rad / TURN;
+    moteus->before = isnan(moteus->before) ? moteus->motor : moteus->before;
+    axis_update_rate(&moteus->velocity, &moteus->before, moteus->motor, axis->passed_ms);
+    value[MOTEUS_R_POSITION] = moteus->motor - moteus->zero;
+    value[MOTEUS_R_VELOCITY] = value[MOTEUS_R_ENCODER_0_VELOCITY] = moteus->velocity;
+    value[MOTEUS_R_TORQUE] = axis->current_a * moteus->torque_nm_a;
+    value[MOTEUS_R_TORQUE_ERROR] = value[MOTEUS_R_TORQUE] - value[MOTEUS_R_CONTROL_TORQUE];
+    value[MOTEUS_R_Q_CURRENT] = axis->current_a;
+    value[MOTEUS_R_ABS_POSITION] = value[MOTEUS_R_ENCODER_1_POSITION] =
+        moteus_fraction(axis->link_rad / TURN);
+    value[MOTEUS_R_ENCODER_0_POSITION] = moteus_fraction(moteus->motor * axis->config->gear);
+    value[MOTEUS_R_POWER] = axis->current_a * axis->voltage_v;
+    value[MOTEUS_R_VOLTAGE] = axis->supply_v;
+    value[MOTEUS_R_TEMPERATURE] = value[MOTEUS_R_MOTOR_TEMPERATURE] = axis->winding_c;
 }
 
 /* ---- faults ---- */
@@ -338,11 +295,11 @@ static void moteus_watch(struct board *board)
     if (mode == MOTEUS_STOPPED || mode == MOTEUS_FAULT) {
         return;
     }
-    if (board_is_over_voltage(board, moteus->supply_v)) {
+    if (board_is_over_voltage(board, moteus->axis.supply_v)) {
         moteus_raise_fault(board, MOTEUS_OVER_VOLTAGE);
-    } else if (moteus->supply_v < SUPPLY_MIN_V) {
+    } else if (moteus->axis.supply_v < SUPPLY_MIN_V) {
         moteus_raise_fault(board, MOTEUS_UNDER_VOLTAGE);
-    } else if (moteus->sensors_bad) {
+    } else if (moteus->axis.bad_motor || moteus->axis.bad_link) {
         moteus_raise_fault(board, MOTEUS_ENCODER);
     } else if (hottest_c > 0.0 && moteus->value[MOTEUS_R_MOTOR_TEMPERATURE] > hottest_c) {
         board->boards->counters.trips++;
@@ -373,12 +330,12 @@ static double moteus_limit(struct moteus_board *moteus, double value, double lim
 /* Returns the voltage of the current loop. */
 static double moteus_current_law(struct moteus_board *moteus, double wanted_a)
 {
-    const struct board_axis_config *axis = &moteus->board.config.axis[0];
+    const struct board_axis_config *axis = moteus->axis.config;
 
     wanted_a = moteus_limit(moteus, isnan(wanted_a) ? 0.0 : wanted_a, axis->current_limit_a,
                             MOTEUS_LIMIT_CURRENT);
     return current_loop_step(&moteus->integral_v, moteus->kp_v_a, moteus->ki_v_as,
-                             wanted_a - moteus->current_a, moteus->supply_v) +
+                             wanted_a - moteus->axis.current_a, moteus->axis.supply_v) +
            axis->bemf_v_s_rad * moteus->velocity * TURN;
 }
 
@@ -410,7 +367,7 @@ static double number_or_0(double value)
  * position. */
 static double moteus_position_law(struct moteus_board *moteus)
 {
-    const struct board_axis_config *axis = &moteus->board.config.axis[0];
+    const struct board_axis_config *axis = moteus->axis.config;
     const double *command = moteus->command;
     const double scale[] = {number_or_0(command[MOTEUS_R_KP_SCALE]),
                             number_or_0(command[MOTEUS_R_KD_SCALE]),
@@ -494,28 +451,17 @@ static void moteus_step(struct board *board)
     if (moteus_mode(moteus) != MOTEUS_FAULT) {
         moteus->value[MOTEUS_R_FAULT] = MOTEUS_NO_FAULT;
     }
-    moteus->voltage_v = fmax(fmin(moteus_law(moteus), moteus->supply_v), -moteus->supply_v);
-}
-
-/* Writes bridge and voltage into the plant's command. */
-static void moteus_drive_bridge(const struct board *board, struct plant_command *command)
-{
-    const struct moteus_board *moteus = moteus_board_of(board);
-    int joint = board->config.axis[0].joint;
-
-    if (joint >= 0) {
-        command->motor[joint].bridge_on = moteus_runs(moteus_mode(moteus));
-        command->motor[joint].voltage_v = command->motor[joint].bridge_on ? moteus->voltage_v : 0.0;
-    }
+    moteus->axis.voltage_v =
+        fmax(fmin(moteus_law(moteus), moteus->axis.supply_v), -moteus->axis.supply_v);
 }
 
 /* Runs one tick (struct board_ops). */
 static void moteus_control(struct board *board, struct ms_span span, struct plant_command *command)
 {
+    (void)command;
     for (int64_t ms = span.from; ms < span.to; ms++) {
         moteus_step(board);
     }
-    moteus_drive_bridge(board, command);
 }
 
 /* Stops the motor (struct board_ops). */
@@ -523,11 +469,11 @@ static void moteus_shut_down(struct board *board, struct plant_command *command)
 {
     struct moteus_board *moteus = moteus_board_of(board);
 
+    (void)command;
     moteus->wanted_mode = MOTEUS_STOPPED;
     if (moteus_mode(moteus) != MOTEUS_FAULT) {
         moteus_set_mode(board, MOTEUS_STOPPED);
     }
-    moteus_drive_bridge(board, command);
 }
 
 /* Sends nothing by itself: every frame is a reply (struct board_ops). */
@@ -538,19 +484,6 @@ static void moteus_transmit(struct board *board, struct ms_span span, struct fra
     board->lost_in_status = board->lost_in_overflow = false;
 }
 
-/* Returns whether the board is in fault (struct board_ops). */
-static bool moteus_is_faulty(const struct board *board)
-{
-    return moteus_mode(moteus_board_of(board)) == MOTEUS_FAULT;
-}
-
-/* Returns the mode (struct board_ops). */
-static uint8_t moteus_board_mode(const struct board *board, unsigned axis)
-{
-    (void)axis; /* there is one */
-    return (uint8_t)moteus_mode(moteus_board_of(board));
-}
-
 static const struct board_ops moteus_ops = {
     .identity = {.type = 2, .major = 1, .minor = 1},
     .turns_field = true,
@@ -559,19 +492,14 @@ static const struct board_ops moteus_ops = {
     .control = moteus_control,
     .transmit = moteus_transmit,
     .shut_down = moteus_shut_down,
-    .fault = moteus_is_faulty,
-    .mode = moteus_board_mode,
+    .axes = offsetof(struct moteus_board, axis),
+    .axis_size = sizeof(struct axis),
 };
 
-struct board *moteus_board_create(struct arena *arena)
+struct board *moteus_make_board(const struct board_config *config, struct arena *arena)
 {
-    struct moteus_board *moteus = arena_alloc(arena, 1, sizeof *moteus);
-
-    if (!moteus) {
-        return NULL;
-    }
-    moteus->board.ops = &moteus_ops;
-    return &moteus->board;
+    (void)config; /* there is one kind */
+    return board_create(arena, sizeof(struct moteus_board), &moteus_ops);
 }
 
 /*
@@ -836,25 +764,12 @@ static void moteus_bus_receive(struct boards *boards, struct board_bus *bus,
     boards_count_frame(boards, listener, verdict, frame);
 }
 
-/* Takes a board as it is: an address is all that it needs (struct board_bus_ops). */
-static void moteus_bus_add_board(struct board_bus *bus, struct board *board)
-{
-    (void)bus;
-    (void)board;
-}
-
 static const struct board_bus_ops moteus_bus_ops = {
-    .add_board = moteus_bus_add_board,
     .extended = true,
     .receive = moteus_bus_receive,
 };
 
 struct board_bus *moteus_bus_create(struct arena *arena)
 {
-    struct board_bus *bus = arena_alloc(arena, 1, sizeof *bus);
-
-    if (bus) {
-        bus->ops = &moteus_bus_ops;
-    }
-    return bus;
+    return board_bus_create(arena, sizeof(struct board_bus), &moteus_bus_ops);
 }

@@ -6,7 +6,6 @@
 
 #include "base/hash.h"
 #include "boards/board_private.h"
-#include "boards/moteus/board.h"
 #include "boards/moteus/table.h"
 
 /* The path from the control position to the commanded one. NaN: no position is commanded, or the
@@ -19,6 +18,7 @@ struct moteus_path {
 
 struct moteus_board {
     struct board board;
+    struct axis axis;
     double value[MOTEUS_REGISTERS]; /* what a register shows, by its number */
     double commanded_mode;          /* what was written into that of the mode */
 
@@ -36,9 +36,7 @@ struct moteus_board {
     double zero; /* motor position that is shown as 0 */
 
     double motor, velocity, before; /* position of the motor, its speed, position a sample ago */
-    double current_a, supply_v, voltage_v, integral_v;
-    bool sensors_bad, started;
-    int64_t sampled_ms;
+    double integral_v;
 };
 
 static inline struct moteus_board *moteus_board_of(const struct board *board)
@@ -50,5 +48,8 @@ static inline enum moteus_mode moteus_mode(const struct moteus_board *moteus)
 {
     return (enum moteus_mode)moteus->value[MOTEUS_R_MODE];
 }
+
+struct board_bus *moteus_bus_create(struct arena *arena);
+struct board *moteus_make_board(const struct board_config *config, struct arena *arena);
 
 #endif

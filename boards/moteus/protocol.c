@@ -2,18 +2,9 @@
 /* The register protocol of moteus controllers as a module. */
 #include "boards/moteus/protocol.h"
 
-#include "boards/board_private.h"
-#include "boards/moteus/board.h"
-#include "boards/moteus/table.h"
+#include "boards/moteus/private.h"
 #include "boards/protocol_list.h"
 #include "manual/protocol_moteus.h"
-
-/* Creates a controller, the only kind of board (struct protocol). */
-static struct board *moteus_make_board(const struct board_config *config, struct arena *arena)
-{
-    (void)config;
-    return moteus_board_create(arena);
-}
 
 /* Checks that what a motor moves is a joint behind a gear (struct protocol). */
 static enum error_code moteus_check_board(const struct boards_bus_config *bus,

@@ -4,7 +4,7 @@
 
 #include "base/portable_math.h"
 #include "base/vec3.h"
-#include "boards/motor_control.h"
+#include "boards/axis.h"
 
 #include <math.h>
 #include <string.h>

@@ -111,7 +111,7 @@ static void stop(struct bench *bench)
     plant_rig_fini(&bench->rig);
 }
 
-/* Gains of the 2FOC's current loop as boards/foc/control.h says, for g = 0.5 and shift 15. */
+/* Gains of the 2FOC's current loop as boards/foc/private.h says, for g = 0.5 and shift 15. */
 static void configure_foc(struct bench *bench, double nominal_a)
 {
     double a = exp(-1e-3 * bench->sea.R / bench->sea.L);
@@ -266,7 +266,7 @@ TEST(the_compact_current_loop_arrives_within_milliseconds)
     stop(&bench);
 }
 
-/* With the gains that boards/foc/control.h gives, a step of a held motor halves its error, too. */
+/* With the gains that boards/foc/private.h gives, a step of a held motor halves its error, too. */
 TEST(the_foc_current_loop_is_as_stable_as_its_gains_say)
 {
     struct bench bench;

@@ -70,7 +70,7 @@ static const char torque_board[] =
 
 /* A 2FOC board has no link encoder: the host takes the spring's deflection by a torque of up to
  * 5 ms ago from the rotor's angle, which is no angle of the link at a resonance. And its voltage
- * has steps of a thousandth of the supply, cut off towards 0 (boards/foc/control.h): a sine loses
+ * has steps of a thousandth of the supply, cut off towards 0 (boards/foc/private.h): a sine loses
  * half a step of either sign, a square wave with the sine 2 / pi step. */
 struct way {
     const char *personality;

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 foreach(name board_faults board_faults_frames boards can_state event_text messages
-        motor_control protocol_list settings ticks voltage_delay)
+        axis protocol_list settings ticks voltage_delay)
     hil_test(boards_${name} SOURCES unit/boards/${name}.c LIBS boards LABELS unit)
 endforeach()
 # sensing/, and each protocol's folder

@@ -3,7 +3,7 @@
  * Control laws of the motor boards: the arithmetic alone against hand calculations, then whole
  * boards on a simple motor (first-order current, inertia, viscous friction) integrated here.
  */
-#include "boards/motor_control.h"
+#include "boards/axis.h"
 #include "tests/unit/boards/board_bench.h"
 
 /* ---- arithmetic ---- */

@@ -1,15 +1,68 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The arithmetic of a motor board's 1 ms loop: PID on integers, trajectory generator, speed
- * estimator, quantization. Pure functions on small structs; nothing here knows frames or modes.
- * Integers as the firmware's, so that gains of real configurations mean the same. RT-safe.
+ * One axis of a motor board, whatever the board speaks: its sensors, the faults of its supply, its
+ * readings and its overload, its bridge; and the arithmetic of a board's 1 ms loop: PID on
+ * integers, trajectory generator, speed estimator, quantization. Nothing here knows frames or
+ * modes. Integers as the firmware's, so that gains of real configurations mean the same. RT-safe.
  */
-#ifndef BOARDS_MOTOR_CONTROL_H
-#define BOARDS_MOTOR_CONTROL_H
+#ifndef BOARDS_AXIS_H
+#define BOARDS_AXIS_H
+
+#include "model/plant_io.h"
 
 #include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
+
+struct board;
+struct board_axis_config;
+
+/* Begins the structure of an axis in each protocol (struct board_ops). */
+struct axis {
+    const struct board_axis_config *config;
+    double supply_v;  /* of the board */
+    uint8_t mode;     /* in the terms of the protocol (struct protocol) */
+    bool on, faulty;  /* the bridge is closed; the axis is in hardware fault */
+    double voltage_v; /* of the closed bridge */
+
+    /* Readings at the last sample; what has no number stays as it was and is bad */
+    int32_t motor_ticks, link_ticks;
+    double motor_rad, link_rad; /* of the ticks */
+    double current_a, torque_nm, winding_c, pressure_pa[2], valve_opening;
+    bool bad_motor, bad_link, bad_torque; /* bad_motor: its encoder or its current */
+    bool started, first; /* sampled since power-up; the last sample was the first since then */
+    int64_t sampled_ms, passed_ms; /* time of the last sample; since the one before, 0: none was */
+    double before_rad, velocity_rad_s; /* of the motor, a running mean */
+    double overload_ms;                /* overload_step */
+};
+
+/* Faults that every board can have. */
+enum axis_fault {
+    AXIS_UNDER_VOLTAGE = 1 << 0,
+    AXIS_OVER_VOLTAGE = 1 << 1,
+    AXIS_OVER_CURRENT = 1 << 2,
+    AXIS_MOTOR_ENCODER = 1 << 3,
+    AXIS_LINK_ENCODER = 1 << 4,
+    AXIS_TORQUE_SENSOR = 1 << 5,
+    AXIS_UNDER_PRESSURE = 1 << 13,
+    AXIS_OVER_PRESSURE = 1 << 14,
+};
+
+/* Begins an axis with an open bridge, after the power-up of its board. */
+void axis_power_up(const struct board *board, unsigned index);
+
+/* Reads the sensors of an axis that has a joint. */
+void axis_read_sensors(const struct board *board, unsigned index, const struct plant_sensors *sensors);
+
+/* Updates a rate, the running mean of the change of a value within ms milliseconds. */
+void axis_update_rate(double *rate, double *before, double now, int64_t ms);
+
+/* Over-current is I2t: integral (I^2 - limit^2) dt = limit^2 * 10 ms. Updates the overload by one
+ * tick, in ms at the limit; returns true when it has tripped. */
+bool overload_step(double *overload_ms, double current_a, double limit_a, double tick_ms);
+
+/* Updates the overload of an axis, once a tick; returns its faults, by enum axis_fault. */
+uint32_t axis_find_faults(const struct board *board, unsigned index, double limit_a);
 
 /* Rounds to the nearest count, held within int32; returns false (*count untouched) when value is
  * not finite. */
@@ -42,15 +95,10 @@ static inline int64_t control_clamp(int64_t value, int64_t min, int64_t max)
  * / R v with a = exp(-1 ms R / L), so that kp = g R a / (1 - a), ki = g R / 1 ms cancel its pole
  * and leave i' = i + g e: the error falls by 1 - g a step. The g that is tuned for is 1/2, which
  * stays stable down to a quarter of the resistance.
- *
- * Over-current is I2t: integral (I^2 - limit^2) dt = limit^2 * 10 ms.
  */
 void current_loop_tune(double ohm, double henry, double *kp_v_a, double *ki_v_as);
 double current_loop_step(double *integral_v, double kp_v_a, double ki_v_as, double error_a,
                          double supply_v);
-
-/* Updates the overload by one tick, in ms at the limit; returns true when it has tripped. */
-bool overload_step(double *overload_ms, double current_a, double limit_a, double tick_ms);
 
 /* Returns value / 2^shift toward zero; a shift outside 0-30 counts as its nearer end. */
 int64_t control_shift_right(int64_t value, int64_t shift);

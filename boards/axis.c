@@ -1,14 +1,110 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Integer control laws of a motor board; see the header for what each computes. */
-#include "boards/motor_control.h"
+/* An axis of a motor board; see the header. */
+#include "boards/axis.h"
 
 #include "base/portable_math.h"
+#include "boards/board_private.h"
 
 #include <math.h>
 #include <string.h>
 
 #define LOOP_GAIN 0.5 /* g of the current loop */
 #define OVERLOAD_MS 10.0
+
+/* ---- the axis ---- */
+
+void axis_update_rate(double *rate, double *before, double now, int64_t ms)
+{
+    if (ms > 0) {
+        *rate = (*rate + (now - *before) / ((double)ms * 1e-3)) / 2.0;
+        *before = now;
+    }
+}
+
+void axis_power_up(const struct board *board, unsigned index)
+{
+    struct axis *axis = board_axis(board, index);
+
+    axis->config = &board->config.axis[index];
+    axis->on = axis->faulty = axis->started = false;
+    axis->velocity_rad_s = axis->overload_ms = axis->voltage_v = 0.0;
+}
+
+void axis_read_sensors(const struct board *board, unsigned index, const struct plant_sensors *sensors)
+{
+    const struct board_axis_config *config = &board->config.axis[index];
+    const struct motor_sense *sense = &sensors->motor[config->joint];
+    struct axis *axis = board_axis(board, index);
+    int64_t now_ms = board->boards->now_ns / MS;
+    int32_t motor, link;
+
+    axis->bad_motor = !control_quantize(sense->qm * config->motor_ticks_per_rad, &motor) ||
+                      !isfinite(sense->current_a);
+    axis->bad_link = !control_quantize(sense->q * config->joint_ticks_per_rad, &link);
+    axis->bad_torque = !isfinite(sense->torque_nm);
+    if (!axis->bad_motor) {
+        axis->motor_ticks = motor;
+        axis->motor_rad = motor / config->motor_ticks_per_rad;
+        axis->current_a = sense->current_a;
+    }
+    if (!axis->bad_link) {
+        axis->link_ticks = link;
+        axis->link_rad = link / config->joint_ticks_per_rad;
+    }
+    if (!axis->bad_torque) {
+        axis->torque_nm = sense->torque_nm;
+    }
+    axis->supply_v = board->boards->supply_v;
+    axis->winding_c = sense->winding_c;
+    axis->pressure_pa[0] = sense->pressure_pa[0];
+    axis->pressure_pa[1] = sense->pressure_pa[1];
+    axis->valve_opening = sense->valve_opening;
+    axis->first = !axis->started;
+    if (axis->first) {
+        axis->before_rad = axis->motor_rad;
+    }
+    axis->passed_ms = axis->first ? 0 : now_ms - axis->sampled_ms;
+    axis->started = true;
+    axis->sampled_ms = now_ms;
+    axis_update_rate(&axis->velocity_rad_s, &axis->before_rad, axis->motor_rad, axis->passed_ms);
+}
+
+bool overload_step(double *overload_ms, double current_a, double limit_a, double tick_ms)
+{
+    *overload_ms += (current_a * current_a / (limit_a * limit_a) - 1.0) * tick_ms;
+    *overload_ms = fmax(*overload_ms, 0.0);
+    return *overload_ms > OVERLOAD_MS;
+}
+
+/* Updates the overload of an axis; returns whether it has tripped. An open bridge has none. */
+static bool axis_is_overloaded(struct axis *axis, double limit_a, double tick_ms)
+{
+    if (!axis->on) {
+        axis->overload_ms = 0.0;
+        return false;
+    }
+    return overload_step(&axis->overload_ms, axis->current_a, limit_a, tick_ms);
+}
+
+uint32_t axis_find_faults(const struct board *board, unsigned index, double limit_a)
+{
+    struct axis *axis = board_axis(board, index);
+    double supply_v = board->boards->supply_v, oil_pa = board->boards->oil_pa;
+    double tick_ms = (double)board->boards->tick_ns / MS;
+    uint32_t faults = 0;
+
+    faults |= board_is_under_voltage(board, supply_v) ? AXIS_UNDER_VOLTAGE : 0;
+    faults |= board_is_over_voltage(board, supply_v) ? AXIS_OVER_VOLTAGE : 0;
+    faults |= axis_is_overloaded(axis, limit_a, tick_ms) ? AXIS_OVER_CURRENT : 0;
+    faults |= axis->bad_motor ? AXIS_MOTOR_ENCODER : 0;
+    faults |= axis->bad_link ? AXIS_LINK_ENCODER : 0;
+    faults |= axis->bad_torque ? AXIS_TORQUE_SENSOR : 0;
+    faults |= board_is_under_pressure(board, index, oil_pa) ? AXIS_UNDER_PRESSURE : 0;
+    faults |= board_is_over_pressure(board, index, oil_pa) ? AXIS_OVER_PRESSURE : 0;
+    return faults;
+}
+
+/* ---- laws ---- */
 
 void current_loop_tune(double ohm, double henry, double *kp_v_a, double *ki_v_as)
 {
@@ -24,13 +120,6 @@ double current_loop_step(double *integral_v, double kp_v_a, double ki_v_as, doub
     *integral_v += ki_v_as * error_a * 1e-3;
     *integral_v = fmax(fmin(*integral_v, supply_v), -supply_v);
     return kp_v_a * error_a + *integral_v;
-}
-
-bool overload_step(double *overload_ms, double current_a, double limit_a, double tick_ms)
-{
-    *overload_ms += (current_a * current_a / (limit_a * limit_a) - 1.0) * tick_ms;
-    *overload_ms = fmax(*overload_ms, 0.0);
-    return *overload_ms > OVERLOAD_MS;
 }
 
 int64_t control_shift_right(int64_t value, int64_t shift)
