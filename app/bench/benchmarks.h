@@ -8,7 +8,6 @@ int bench_contact(int argc, char **argv);
 int bench_dynamics(int argc, char **argv);
 int bench_latency(int argc, char **argv);
 int bench_paper(int argc, char **argv);
-int bench_pendulum(int argc, char **argv);
 int bench_throughput(int argc, char **argv);
 int bench_ticks(int argc, char **argv);
 

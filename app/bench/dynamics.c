@@ -10,7 +10,6 @@
 #include "app/bench/output.h"
 #include "app/bench/timing.h"
 #include "app/report/report_file.h"
-#include "app/report/svg.h"
 #include "base/array.h"
 #include "base/options.h"
 #include "manual/dynamics.h"
@@ -251,41 +250,34 @@ static void write_csv(const struct dynamics_bench *bench, FILE *out)
     }
 }
 
-/* Draws the medians over the sizes, on a logarithmic axis. */
-static enum error_code write_plot(const struct dynamics_bench *bench, FILE *out,
-                                  struct error *error)
+void dynamics_bench_draw(const struct dynamics_bench *bench, struct dynamics_plot *plot)
 {
-    double x[DYNAMICS_SIZES], y[DYNAMICS_ENGINES][DYNAMICS_SIZES];
-    struct svg_series series[DYNAMICS_ENGINES];
-    char title[128];
-    struct svg_plot plot = {.title = title,
-                            .x = {.label = "degrees of freedom"},
-                            .y = {.label = "CPU time of one evaluation, us", .logarithmic = true},
-                            .series = series,
-                            .nseries = bench->nengine};
-
-    snprintf(title, sizeof title, "Generalized accelerations of %s",
+    plot->panel =
+        (struct svg_plot){.title = plot->title,
+                          .x = {.label = "degrees of freedom"},
+                          .y = {.label = "CPU time of one evaluation, us", .logarithmic = true},
+                          .series = plot->series,
+                          .nseries = bench->nengine};
+    snprintf(plot->title, sizeof plot->title, "Generalized accelerations of %s",
              bench->robot[bench->nsize - 1]->name);
-    for (size_t s = 0; s < bench->nsize; s++) {
-        x[s] = (double)bench->robot[s]->nv;
-        for (size_t e = 0; e < bench->nengine; e++) {
-            y[e][s] = bench->cell[e][s].median;
-        }
-    }
     for (size_t e = 0; e < bench->nengine; e++) {
-        series[e] = (struct svg_series){.name = bench->peer[e]->name,
-                                        .x = x,
-                                        .y = y[e],
-                                        .count = bench->nsize,
-                                        .style = SVG_LINE_MARKERS};
+        for (size_t s = 0; s < bench->nsize; s++) {
+            plot->x[s] = (double)bench->robot[s]->nv;
+            plot->y[e][s] = bench->cell[e][s].median;
+        }
+        plot->series[e] = (struct svg_series){.name = bench->peer[e]->name,
+                                              .x = plot->x,
+                                              .y = plot->y[e],
+                                              .count = bench->nsize,
+                                              .style = SVG_LINE_MARKERS};
     }
-    return svg_write(&plot, out, error);
 }
 
 /* Writes dynamics.csv and dynamics.svg into a folder. */
 static enum error_code write_files(const struct dynamics_bench *bench, const char *folder,
                                    struct error *error)
 {
+    struct dynamics_plot plot;
     struct report_file file;
     enum error_code code = report_file_open(&file, folder, "dynamics.csv", error);
 
@@ -297,7 +289,8 @@ static enum error_code write_files(const struct dynamics_bench *bench, const cha
         (code = report_file_open(&file, folder, "dynamics.svg", error))) {
         return code;
     }
-    return report_file_close(&file, write_plot(bench, file.whole.out, error), error);
+    dynamics_bench_draw(bench, &plot);
+    return report_file_close(&file, svg_write(&plot.panel, file.whole.out, error), error);
 }
 
 enum error_code dynamics_bench_run(struct dynamics_bench *bench, const char *file,

@@ -7,6 +7,7 @@
 #define APP_BENCH_DYNAMICS_H
 
 #include "app/bench/peers.h"
+#include "app/report/svg.h"
 
 enum { DYNAMICS_ENGINES = 8, DYNAMICS_SIZES = 4 };
 #define DYNAMICS_ARENA_BYTES ((size_t)256 << 20)
@@ -43,6 +44,17 @@ enum error_code dynamics_bench_run(struct dynamics_bench *bench, const char *fil
 /* Returns the engine that the paper compares with, Simbody; 0, our numeric one, when it is not
  * there. */
 size_t dynamics_bench_reference(const struct dynamics_bench *bench);
+
+/* A plot of the medians over the sizes, which refers to its own numbers. */
+struct dynamics_plot {
+    struct svg_plot panel;
+    struct svg_series series[DYNAMICS_ENGINES];
+    double x[DYNAMICS_SIZES], y[DYNAMICS_ENGINES][DYNAMICS_SIZES];
+    char title[128];
+};
+
+/* Draws it. */
+void dynamics_bench_draw(const struct dynamics_bench *bench, struct dynamics_plot *plot);
 
 /* Destroys the engines. */
 void dynamics_bench_end(struct dynamics_bench *bench);

@@ -13,8 +13,6 @@ static const struct program_command benchmarks[] = {
     {"latency", "from a command on a CAN interface to the frame that answers it", bench_latency},
     {"paper", "a report with every table and figure of the paper that can be reproduced",
      bench_paper},
-    {"pendulum", "pendulums in relative and absolute coordinates, the paper's Table 1 and Fig. 3",
-     bench_pendulum},
     {"throughput", "simulated seconds that a sweep gets out of a processor in an hour",
      bench_throughput},
     {"ticks", "CPU time of each tick, by percentiles: what rate a processor can hold", bench_ticks},

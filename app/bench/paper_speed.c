@@ -136,29 +136,11 @@ static enum error_code measure_settings(struct paper *paper, struct error *error
 /* Draws Fig. 4: a series for each engine. */
 static void put_dynamics_plot(struct report *report, const struct dynamics_bench *bench)
 {
-    double x[DYNAMICS_SIZES], y[DYNAMICS_ENGINES][DYNAMICS_SIZES];
-    struct svg_series series[DYNAMICS_ENGINES];
-    const struct svg_plot panel = {
-        .title = "Generalized accelerations of COMAN",
-        .x = {.label = "degrees of freedom"},
-        .y = {.label = "CPU time of one evaluation, us", .logarithmic = true},
-        .series = series,
-        .nseries = bench->nengine,
-        .width = 640,
-        .height = 420};
+    struct dynamics_plot plot;
 
-    /* A series for each engine */
-    for (size_t e = 0; e < bench->nengine; e++) {
-        for (size_t s = 0; s < bench->nsize; s++) {
-            x[s] = (double)bench->robot[s]->nv;
-            y[e][s] = bench->cell[e][s].median;
-        }
-        series[e] = (struct svg_series){.name = bench->peer[e]->name,
-                                        .x = x,
-                                        .y = y[e],
-                                        .count = bench->nsize,
-                                        .style = SVG_LINE_MARKERS};
-    }
+    dynamics_bench_draw(bench, &plot);
+    plot.panel.width = 640;
+    plot.panel.height = 420;
     report_figure(
         report, "figure-4",
         "Paper: time grows linearly with the degrees of freedom, Robotran's symbolic code with "
@@ -166,7 +148,7 @@ static void put_dynamics_plot(struct report *report, const struct dynamics_bench
         "12, 18, 21 and 29 degrees of freedom, on a logarithmic axis. Other simulators as "
         "installed: Debian builds Simbody with assertions on, without them it is some 1.8 times "
         "as fast.",
-        &panel, 1);
+        &plot.panel, 1);
 }
 
 /* Adds Fig. 4 and the table of all engines with the whole robot. */

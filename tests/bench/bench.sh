@@ -33,19 +33,19 @@ conclude() {
     result $? "$1" "$problem"
 }
 
-echo 1..8
+echo 1..9
 
 run 0 --help
 says out '  dynamics'
-says out '  pendulum'
+says out '  paper'
 conclude help_lists_the_benchmarks
 
 run 2
 says err 'usage: coman-hil-bench'
 conclude no_name_prints_the_usage_as_an_error
 
-run 2 pendulun
-says err 'expected "pendulum"'
+run 2 contcat
+says err 'expected "contact"'
 conclude unknown_name_is_refused_with_the_nearest
 
 run 4 dynamics "$source/config/robots/coman.yaml" --peers "$work/none.so"
@@ -123,31 +123,4 @@ awk -F, 'NR > 1 && !($7 <= 1e-10) { bad = 1 } END { exit bad }' results/dynamics
     problem="$problem; differences beyond 1e-10"
 conclude dynamics_writes_its_table_and_plot
 
-run 0 pendulum --quick --out results --peers "$module"
-for file in table.csv period.csv period.svg height.csv height.svg; do
-    [ -s "results/pendulum-$file" ] || problem="$problem; no pendulum-$file"
-done
-# ours: two systems, two steps; energy errors within the paper's, 3e-8 at 1e-2 and 1e-13 at 1e-4
-awk -F, '$1 == "coman-hil" { n++; if (!($7 <= ($4 == 0.01 ? 3e-8 : 1e-13))) bad = 1 }
-    END { exit bad || n != 4 }' results/pendulum-table.csv || problem="$problem; energy errors"
-# 95 turns in 300 time units, each within 1e-8 of the analytic period
-awk -F, '$1 == "coman-hil" { n++; e = $5 < 0 ? -$5 : $5; if (!(e <= 1e-8)) bad = 1 }
-    END { exit bad || n != 95 }' results/pendulum-period.csv || problem="$problem; periods"
-conclude pendulums_keep_energy_and_period_as_in_the_paper
-
-# the second engine: its errors as the paper saw them, within a factor of three
-if grep -q '^ODE,' results/pendulum-table.csv; then
-    problem=
-    awk -F, '
-        BEGIN {
-            said["1,0.01"] = 2e-3; said["1,0.0001"] = 8e-6
-            said["2,0.01"] = 6e-3; said["2,0.0001"] = 1e-5
-        }
-        $1 == "ODE" { n++; r = $7 / said[$3 "," $4]; if (!(r > 1 / 3 && r < 3)) bad = 1 }
-        END { exit bad || n != 4 }' results/pendulum-table.csv ||
-        problem="errors unlike the paper's"
-    conclude absolute_coordinates_err_as_in_the_paper
-else
-    skip absolute_coordinates_err_as_in_the_paper "ODE was not found when this was built"
-fi
 exit "$failed"

@@ -153,7 +153,8 @@ CASES = [
     Case("test", ["test", os.path.join(SOURCE, "config/scenarios/wrong_length.yaml"), "--jobs", "1",
                   "--junit", "j.xml"], r"$^", status=(1,)),
     Case("test --merge", ["test", "--merge", "../one.xml", "--junit", "j.xml"], r"$^"),
-    Case("bench pendulum", ["pendulum", "--quick"], r"$^", program="coman-hil-bench"),
+    Case("bench ticks", ["ticks", rig("hyq-leg"), "--seconds", "0.1"], r"$^",
+         program="coman-hil-bench"),
     Case("accel", ["accel", COMAN, "--list"]),
     # status 4: without a compiler
     Case("generate a module",

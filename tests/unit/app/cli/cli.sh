@@ -314,11 +314,11 @@ says err 'built-in generated dynamics with masses as inputs'
 conclude added_masses_are_inputs_of_built_in_dynamics_and_it_is_said
 
 run 0 bench
-for subject in contact dynamics paper pendulum; do says out "  $subject "; done
-run 0 bench pendulum --help
-says out 'usage: coman-hil-bench pendulum'
-run 2 bench pendulmu
-says err 'expected "pendulum"'
+for subject in contact dynamics paper throughput; do says out "  $subject "; done
+run 0 bench contact --help
+says out 'usage: coman-hil-bench contact'
+run 2 bench contcat
+says err 'expected "contact"'
 conclude bench_lists_its_subjects_and_runs_them
 
 problem=
