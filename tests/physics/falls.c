@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * COMAN and WALK-MAN without power, dropped in random poses: they come to lie on the ground with no
- * part in it or in another, and what they have stored never grows. HIL_FALLS says how many falls of
+ * part in it or in another, their joints within 0.02 rad of the limits, and what they have stored
+ * never grows. HIL_FALLS says how many falls of
  * COMAN there are (48 unless given, 1,000 at a release; of WALK-MAN, and of each kind of COMAN's
  * hard falls, an eighth), HIL_FALL the first one.
  */
@@ -9,6 +10,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "model/stop.h"
 #include "tests/physics/near.h"
 #include "tests/physics/rig_scene.h"
 #include "tests/unit/contact/random_number.h"
@@ -48,6 +50,7 @@ struct fall {
     double deepest, lying;   /* of any capsule in the ground, at any time and at the end, m */
     double foot;             /* of the feet's meshes, at the end, m */
     double own;              /* of one part of the robot in another, at any time, m */
+    double past;             /* of any joint past its limit, rad */
     double growth;           /* of what is stored, within a millisecond, J */
     double beyond;           /* the same beyond what pressure fields may not have told, J */
     const char *what;        /* was deepest */
@@ -172,6 +175,19 @@ static double note_patches(const struct rig_scene *scene, int ms, struct fall *f
     return stored;
 }
 
+static void note_joints(const struct rig_scene *scene, struct fall *fall)
+{
+    size_t count;
+    const struct robot *robot = scene->robot;
+    const double *q = plant_state(scene->plant, &count) + robot->nq - robot->njoint;
+
+    for (size_t j = 0; j < robot->njoint; j++) {
+        const struct robot_joint *joint = &robot->joint[j];
+
+        fall->past = fmax(fall->past, fabs(stop_depth(joint->lower, joint->upper, q[j])));
+    }
+}
+
 static struct fall run_fall(struct rig_scene *scene, const struct drop *drop, double top,
                             uint64_t seed)
 {
@@ -193,6 +209,7 @@ static struct fall run_fall(struct rig_scene *scene, const struct drop *drop, do
             fail_msg("fall %llu, %d ms: the energy is not finite", (unsigned long long)seed, ms);
         }
         fields = note_patches(scene, ms, &fall);
+        note_joints(scene, &fall);
         if (ms > 0) {
             fall.growth = fmax(fall.growth, energy.stored - before);
             fall.beyond = fmax(fall.beyond, energy.stored - before - fmax(fields, fields_before));
@@ -236,13 +253,15 @@ static struct fall run_falls(const struct rig_scene_choice *choice, const struct
         worst.foot = fmax(worst.foot, fall.foot);
         worst.growth = fmax(worst.growth, fall.growth);
         worst.beyond = fmax(worst.beyond, fall.beyond);
+        worst.past = fmax(worst.past, fall.past);
     }
     print_message("# %lld falls: %.2f mm deep at worst, %.2f mm at rest (corners of the feet %.2f "
                   "mm), %.2f mm in itself, stored grew by %.3g J in a millisecond at most, by %.3g "
-                  "J beyond pressure fields\n",
+                  "J beyond pressure fields, %.4f rad past a limit\n",
                   count, 1e3 * worst.deepest, 1e3 * worst.lying, 1e3 * worst.foot, 1e3 * worst.own,
-                  worst.growth, worst.beyond);
+                  worst.growth, worst.beyond, worst.past);
     rig_scene_fini(&scene);
+    assert_true(worst.past > 0 && worst.past < 0.02);
     return worst;
 }
 

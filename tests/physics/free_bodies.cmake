@@ -1,4 +1,3 @@
 # SPDX-License-Identifier: Apache-2.0
 # Free bodies: in the plant, and in rigs.
 hil_test(free_body SOURCES physics/free_body.c physics/toy.c LIBS model LABELS physics)
-hil_test(grasp_scene SOURCES physics/grasp_scene.c LIBS sim LABELS physics TIMEOUT 120)

@@ -451,53 +451,6 @@ TEST(robot_moves_alike_with_a_body_that_it_never_meets)
 
 /* ---- runs and errors ---- */
 
-static uint64_t hash_of_a_run(double nudge)
-{
-    struct free_rig rig;
-    uint64_t start, hash;
-
-    free_rig_walker_on_ground(&rig, 100000);
-    rig.body[0].position[2] = 0.12;
-    rig.body[0].w[0] = 3.0 + nudge;
-    free_rig_start(&rig);
-    start = plant_hash(rig.plant);
-    step(&rig, 1000);
-    hash = plant_hash(rig.plant);
-    assert_true(hash != start);
-    assert_int_equal(plant_reset(rig.plant, (const double[3]){0.1, -0.2, 0.52},
-                                 (const double[4]){0.99, 0.02, 0.05, -0.1},
-                                 (const double[8]){-0.4, 0.8, -0.4, -0.35, 0.75, -0.4, 0.2, 0.05}),
-                     ERROR_NONE);
-    assert_true(plant_hash(rig.plant) == start); /* the box is back too */
-    free_rig_fini(&rig);
-    return hash;
-}
-
-TEST(equal_runs_have_equal_hashes)
-{
-    uint64_t hash = hash_of_a_run(0.0);
-
-    assert_true(hash_of_a_run(0.0) == hash);
-    assert_true(hash_of_a_run(1e-12) != hash);
-}
-
-/* The engine fails in the middle of the box's bounce: all is as after the last substep. */
-TEST(contact_failure_leaves_the_last_good_substep)
-{
-    struct free_rig rig;
-    double good[128];
-
-    free_rig_walker_on_ground(&rig, 100000);
-    rig.body[0].position[2] = 0.07;
-    free_rig_start(&rig);
-    step(&rig, 10);
-    memcpy(good, rig.state, rig.count * sizeof *good);
-    rig.ground.fail_at = rig.ground.evaluations + 3;
-    assert_int_equal(plant_step(rig.plant, 5), ERROR_SYSTEM);
-    assert_memory_equal(rig.state, good, rig.count * sizeof *good);
-    free_rig_fini(&rig);
-}
-
 static void assert_refused(const struct free_rig *rig, const char *words)
 {
     struct arena arena;

@@ -13,7 +13,5 @@ hil_test(plant_sensors SOURCES physics/plant_sensors.c physics/toy.c LIBS model 
 hil_test(plant_rt SOURCES physics/plant_rt.c physics/counting_malloc.c physics/toy.c LIBS model
          -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=free
          LABELS physics)
-hil_test(coman_motion SOURCES physics/coman.c LIBS model LABELS physics)
-hil_test(coman_standing SOURCES physics/coman_standing.c LIBS model TIMEOUT 120 LABELS physics)
 hil_test(self_pairs SOURCES physics/self_pairs.c LIBS rig TIMEOUT 120 LABELS physics)
 hil_test(falls SOURCES physics/falls.c LIBS rig TIMEOUT 1500 LABELS physics)

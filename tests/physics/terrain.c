@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * COMAN on the ground of the walk-* rigs: where the mesh is level it carries as a half-space does;
- * on its ramp friction holds. (A foot on the bump: contact_terrain.c.)
+ * COMAN on the ground of the walk-* rigs: where the mesh is level it carries as a half-space does.
+ * (A foot on the bump: contact_terrain.c.)
  */
 #include <math.h>
 #include <stdio.h>
@@ -12,8 +12,6 @@
 #include "tests/test.h"
 
 enum { FEET = 2, SECOND = 1000 };
-
-static const double degree = 3.14159265358979323846 / 180.0;
 
 /* What the ground does to a foot: force (N) and center of pressure (m), from all its patches. */
 struct foot_load {
@@ -38,20 +36,6 @@ static void find_load(const struct rig_scene *scene, int foot, struct foot_load 
         memcpy(load->cop, patch[i].center, sizeof load->cop);
         load->depth = patch[i].penetration_m;
     }
-}
-
-/* Puts the robot, as its rig has it, elsewhere: turned about the origin, then moved. */
-static void place(struct rig_scene *scene, const double turn[9], const double to[3])
-{
-    const struct rig *rig = scene->rig;
-    double base[9], turned[9], p[3], quaternion[4];
-
-    mat3_from_quaternion(rig->base_quaternion, base);
-    mat3_mul(turn, base, turned);
-    quaternion_from_mat3(turned, quaternion);
-    mat3_apply(turn, rig->base_position, p);
-    vec3_add_scaled(p, 1, to, p);
-    assert_int_equal(plant_reset(scene->plant, p, quaternion, rig->joint), ERROR_NONE);
 }
 
 static void open_rig(struct rig_scene *scene, const char *file)
@@ -106,44 +90,4 @@ TEST(level_mesh_carries_as_a_half_space)
         }
         rig_scene_fini(&scene);
     }
-}
-
-/* Across the middle of the way up: the feet bear the weight, sin 5 degrees of it along the slope,
- * and do not creep. */
-TEST(friction_holds_on_the_ramp)
-{
-    static struct rig_scene scene;
-    const double to[3] = {0.5 + 0.57, 0, 0.57 * tan(5 * degree)};
-    const double along[3] = {cos(5 * degree), 0, sin(5 * degree)};
-    double up[9], left[9], turn[9], before[FEET][3], weight, pull = 0;
-
-    mat3_about_axis((double[3]){0, 1, 0}, -5 * degree, up);
-    mat3_about_axis((double[3]){0, 0, 1}, 90 * degree, left);
-    mat3_mul(up, left, turn);
-    open_rig(&scene, "walk-slope.yaml");
-    place(&scene, turn, to);
-    rig_scene_settle(&scene);
-    weight = scene.robot->total_mass * vec3_norm(scene.robot->gravity);
-    for (int k = 0; k <= 5 * SECOND; k++) {
-        rig_scene_hold(&scene);
-        assert_true(imbalance(&scene) < 1e-6 * weight);
-        for (int f = 0; f < FEET; f++) {
-            const double *p = plant_motion(scene.plant)[scene.rig->contact_body[f]].p;
-            double moved[3];
-
-            if (k == 0) {
-                memcpy(before[f], p, sizeof before[f]);
-            }
-            vec3_sub(p, before[f], moved);
-            assert_true(vec3_norm(moved) < 1e-9);
-        }
-    }
-    for (int f = 0; f < FEET; f++) {
-        struct foot_load load;
-
-        find_load(&scene, f, &load);
-        pull += vec3_dot(load.force, along);
-    }
-    assert_near(pull, weight * sin(5 * degree), 1e-6 * weight);
-    rig_scene_fini(&scene);
 }

@@ -9,10 +9,7 @@ hil_test(whole_robot SOURCES physics/whole_robot.c LIBS sim TIMEOUT 120 LABELS p
 hil_test(whole_robot_implicit SOURCES physics/whole_robot_implicit.c LIBS sim TIMEOUT 120
          LABELS physics)
 hil_test(implicit_sensors SOURCES physics/implicit_sensors.c LIBS sim TIMEOUT 120 LABELS physics)
-hil_test(limp_fall SOURCES physics/limp_fall.c LIBS sim TIMEOUT 120 LABELS physics)
-hil_test(fall_over SOURCES physics/fall_over.c LIBS sim TIMEOUT 300 LABELS physics)
 hil_test(contact_admissible SOURCES physics/contact_admissible.c LIBS sim TIMEOUT 120
     LABELS physics)
 hil_test(walk SOURCES physics/walk.c LIBS sim TIMEOUT 120 LABELS physics)
 hil_test(walk_commands SOURCES physics/walk_commands.c LIBS sim TIMEOUT 120 LABELS physics)
-hil_test(walk_unlike SOURCES physics/walk_unlike.c LIBS sim TIMEOUT 180 LABELS physics)
