@@ -7,16 +7,8 @@
 #include "model/plant.h"
 
 #include "tests/physics/near.h"
-#include "tests/physics/toy.h"
+#include "tests/physics/toy_plant.h"
 #include "tests/test.h"
-
-/* Two links on a fixed base: about y, then about z at 0.3 m; the sensor is in the second joint. */
-struct arm {
-    struct toy toy;
-    struct arena arena;
-    struct dynamics dynamics;
-    struct plant *plant;
-};
 
 #define UPPER 2.0 /* kg, its center of mass 0.1 m ahead and 0.05 m aside */
 #define LOWER 1.5 /* kg, 0.12 m ahead and 0.04 m down */
@@ -24,32 +16,23 @@ struct arm {
 
 static const double pitch[3] = {0.0, 1.0, 0.0}, yaw[3] = {0.0, 0.0, 1.0};
 
-static void arm_init(struct arm *arm, bool bending)
+static void arm_init(struct toy_plant *arm, bool bending)
 {
     static const double origin[3] = {0.0}, base[6] = {1.0, 0.0, 0.0, 1.0, 0.0, 1.0};
     static const double own[6] = {0.02, 1e-3, -2e-3, 0.03, 5e-4, 0.025};
     static const double upper[3] = {0.1, 0.05, 0.0}, lower[3] = {0.12, 0.0, -0.04};
     const double reach[3] = {REACH, 0.0, 0.0};
-    const struct plant_config config = {.robot = &arm->toy.robot,
-                                        .dynamics = &arm->dynamics,
-                                        .integrator = PLANT_RK4,
-                                        .substep_ns = 1000000,
-                                        .supply_v = 48.0,
-                                        .bending = bending};
     struct robot_ft_sensor *ft = &arm->toy.ft[0];
-    struct error error;
 
+    toy_plant_begin(arm, PLANT_RK4, 1000000);
+    arm->config.bending = bending;
     toy_begin(&arm->toy, false, 1.0, origin, base);
     toy_add(&arm->toy, 0, JOINT_REVOLUTE, pitch, origin, UPPER, upper, own);
     toy_add(&arm->toy, 1, JOINT_REVOLUTE, yaw, reach, LOWER, lower, own);
     arm->toy.robot.nft = 1;
     *ft = (struct robot_ft_sensor){.name = "all", .frame = toy_add_frame(&arm->toy, 2, origin)};
     ft->distal = arm->toy.body[2].inertia;
-    toy_finish(&arm->toy);
-    assert_int_equal(arena_init(&arm->arena, 1 << 20, &error), ERROR_NONE);
-    assert_int_equal(dynamics_generic(&arm->toy.robot, &arm->arena, &arm->dynamics, &error),
-                     ERROR_NONE);
-    assert_int_equal(plant_create(&config, &arm->arena, &arm->plant, &error), ERROR_NONE);
+    toy_plant_open(arm);
 }
 
 /* Held level, straight: the moments are those of the weights. Across y are x and -z, across z x
@@ -57,7 +40,7 @@ static void arm_init(struct arm *arm, bool bending)
 TEST(weight_bends_what_is_held)
 {
     static const double level[2] = {0.0, 0.0};
-    struct arm arm;
+    struct toy_plant arm;
     const struct motor_sense *motor;
 
     arm_init(&arm, true);
@@ -83,13 +66,12 @@ TEST(weight_bends_what_is_held)
 TEST(joint_bears_what_a_sensor_in_it_feels)
 {
     static const double start[2] = {0.4, -0.7};
-    struct arm arm;
+    struct toy_plant arm;
     double *rates, most = 0.0;
-    size_t count;
 
     arm_init(&arm, true);
     assert_int_equal(plant_reset(arm.plant, NULL, NULL, start), ERROR_NONE);
-    rates = plant_state(arm.plant, &count) + 2;
+    rates = arm.state + 2;
     rates[0] = 6.0;
     rates[1] = -9.0;
     for (int k = 0; k < 300; k++) {

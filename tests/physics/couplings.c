@@ -12,15 +12,14 @@
 
 #include "tests/physics/near.h"
 #include "tests/physics/plant_rig.h"
+#include "tests/physics/toy_plant.h"
 #include "tests/test.h"
 
 /* Two bodies on a fixed base, the second on the base or on the first, the second joint a follower
  * of the first. */
 struct pair {
-    struct toy toy;
+    struct toy_plant on;
     struct robot_coupling coupling;
-    struct arena arena;
-    struct dynamics dynamics;
     struct plant *plant;
     double *q, *qd;
 };
@@ -29,25 +28,13 @@ static const double origin[3] = {0.0, 0.0, 0.0}, pitch[3] = {0.0, 1.0, 0.0};
 
 static void pair_finish(struct pair *pair, enum plant_integrator integrator, int64_t substep_ns)
 {
-    const struct plant_config config = {.robot = &pair->toy.robot,
-                                        .dynamics = &pair->dynamics,
-                                        .integrator = integrator,
-                                        .rtol = 1e-11,
-                                        .atol = 1e-12,
-                                        .substep_ns = substep_ns,
-                                        .supply_v = 48.0,
-                                        .account_energy = true};
-    struct error error;
-    size_t count;
-
-    pair->toy.robot.coupling = &pair->coupling;
-    pair->toy.robot.ncoupling = 1;
-    toy_finish(&pair->toy);
-    assert_int_equal(arena_init(&pair->arena, 1 << 20, &error), ERROR_NONE);
-    assert_int_equal(dynamics_generic(&pair->toy.robot, &pair->arena, &pair->dynamics, &error),
-                     ERROR_NONE);
-    assert_int_equal(plant_create(&config, &pair->arena, &pair->plant, &error), ERROR_NONE);
-    pair->q = plant_state(pair->plant, &count);
+    pair->on.config.integrator = integrator;
+    pair->on.config.substep_ns = substep_ns;
+    pair->on.toy.robot.coupling = &pair->coupling;
+    pair->on.toy.robot.ncoupling = 1;
+    toy_plant_open(&pair->on);
+    pair->plant = pair->on.plant;
+    pair->q = pair->on.state;
     pair->qd = pair->q + 2;
 }
 
@@ -66,9 +53,10 @@ static void wheels_init(struct pair *pair, enum plant_integrator integrator, int
     static const double own[6] = {0.05, 0.0, 0.0, LEADER, 0.0, 0.05};
     static const double other[6] = {0.02, 0.0, 0.0, FOLLOWER, 0.0, 0.02};
 
-    toy_begin(&pair->toy, false, 1.0, origin, base);
-    toy_add(&pair->toy, 0, JOINT_REVOLUTE, pitch, origin, 2.0, origin, own);
-    toy_add(&pair->toy, 0, JOINT_REVOLUTE, pitch, aside, 1.0, origin, other);
+    toy_plant_begin(&pair->on, PLANT_RK4, 1);
+    toy_begin(&pair->on.toy, false, 1.0, origin, base);
+    toy_add(&pair->on.toy, 0, JOINT_REVOLUTE, pitch, origin, 2.0, origin, own);
+    toy_add(&pair->on.toy, 0, JOINT_REVOLUTE, pitch, aside, 1.0, origin, other);
     pair->coupling = (struct robot_coupling){.follower = 1,
                                              .leader = 0,
                                              .multiplier = TIMES,
@@ -121,7 +109,7 @@ TEST(wheels_swing_as_the_closed_form)
                       (int)run[i].integrator, (long long)run[i].substep_ns, worst, drift);
         assert_true(worst <= run[i].tolerance);
         assert_true(drift <= 1e-12);
-        arena_fini(&pair.arena);
+        arena_fini(&pair.on.arena);
     }
 }
 
@@ -146,7 +134,7 @@ TEST(damper_takes_what_the_spring_had)
         assert_near(coupling_error(&pair.coupling, pair.q), 0.0, 1e-9);
         assert_near(energy.spring_damping, 0.5 * K * e0 * e0, 1e-4 * K * e0 * e0);
         assert_near(energy.balance, 0.0, 1e-4 * K * e0 * e0);
-        arena_fini(&pair.arena);
+        arena_fini(&pair.on.arena);
     }
 }
 
@@ -169,7 +157,7 @@ TEST(stiff_coupling_is_a_gear)
         worst = fmax(worst, fabs(pair.q[0] - 0.5 * exact) / exact);
         worst = fmax(worst, fabs(pair.qd[0] - exact) / exact);
         bent = fmax(bent, fabs(coupling_error(&pair.coupling, pair.q) - bend));
-        arena_fini(&pair.arena);
+        arena_fini(&pair.on.arena);
     }
     print_message("# 300 to 1e9 N m/rad: the leader is off by %.1e, the follower by %.1e rad\n",
                   worst, bent);
@@ -197,7 +185,7 @@ TEST(stiff_coupling_damps_what_it_cannot_follow)
                 last = energy.stored;
             }
             assert_true(!damped || fabs(coupling_error(&pair.coupling, pair.q)) <= 1e-6);
-            arena_fini(&pair.arena);
+            arena_fini(&pair.on.arena);
         }
     }
 }
@@ -220,9 +208,9 @@ TEST(leader_presses_the_stop_of_its_follower)
         struct pair pair;
 
         wheels_init(&pair, both[i], 1000000, K, 2.0 * sqrt(K * FOLLOWER));
-        pair.toy.joint[1].upper = upper;
-        pair.toy.joint[1].stop = stop;
-        arena_fini(&pair.arena);
+        pair.on.toy.joint[1].upper = upper;
+        pair.on.toy.joint[1].stop = stop;
+        arena_fini(&pair.on.arena);
         pair_finish(&pair, both[i], 1000000);
         wheels_start(&pair, 0.0, 0.0);
         plant_set_push(pair.plant, 1, none, moment);
@@ -238,7 +226,7 @@ TEST(leader_presses_the_stop_of_its_follower)
                       "balance %.1e J\n",
                       (int)both[i], deepest[i], pair.q[1] - upper, lost[i], energy.balance);
         assert_near(energy.balance, 0.0, (both[i] == PLANT_DOPRI5 ? 1e-6 : 5e-2) * lost[i]);
-        arena_fini(&pair.arena);
+        arena_fini(&pair.on.arena);
     }
     assert_true(deepest[1] <= 1.05 * deepest[0] && deepest[1] >= 0.8 * deepest[0]);
 }
@@ -252,10 +240,10 @@ TEST(drive_stalls_at_the_stop_of_its_follower)
         struct pair pair;
 
         wheels_init(&pair, PLANT_IMPLICIT, 1000000, 1e6, 2.0 * sqrt(1e6 * FOLLOWER));
-        pair.toy.joint[0].sea = sea;
-        pair.toy.joint[1].lower = -0.5;
-        pair.toy.joint[1].stop = (struct robot_stop){.stiffness = 1e5, .damping = 100.0};
-        arena_fini(&pair.arena);
+        pair.on.toy.joint[0].sea = sea;
+        pair.on.toy.joint[1].lower = -0.5;
+        pair.on.toy.joint[1].stop = (struct robot_stop){.stiffness = 1e5, .damping = 100.0};
+        arena_fini(&pair.on.arena);
         pair_finish(&pair, PLANT_IMPLICIT, 1000000);
         wheels_start(&pair, 0.0, 0.0);
         plant_command(pair.plant)->motor[0] =
@@ -264,7 +252,7 @@ TEST(drive_stalls_at_the_stop_of_its_follower)
         assert_near(pair.q[1], -0.5 - press / 1e5, 1e-6);
         assert_near(coupling_error(&pair.coupling, pair.q), press / 1e6, 1e-6);
         assert_near(pair.qd[0], 0.0, 1e-6);
-        arena_fini(&pair.arena);
+        arena_fini(&pair.on.arena);
     }
 }
 
@@ -329,9 +317,10 @@ static void pendulum_init(struct pair *pair, enum plant_integrator integrator, i
     static const double upper_com[3] = {0.0, 0.0, -UPPER_COM};
     static const double lower_com[3] = {0.0, 0.0, -LOWER_COM};
 
-    toy_begin(&pair->toy, false, 1.0, origin, base);
-    toy_add(&pair->toy, 0, JOINT_REVOLUTE, pitch, origin, UPPER_MASS, upper_com, upper);
-    toy_add(&pair->toy, 1, JOINT_REVOLUTE, pitch, knee, LOWER_MASS, lower_com, lower);
+    toy_plant_begin(&pair->on, PLANT_RK4, 1);
+    toy_begin(&pair->on.toy, false, 1.0, origin, base);
+    toy_add(&pair->on.toy, 0, JOINT_REVOLUTE, pitch, origin, UPPER_MASS, upper_com, upper);
+    toy_add(&pair->on.toy, 1, JOINT_REVOLUTE, pitch, knee, LOWER_MASS, lower_com, lower);
     pair->coupling = (struct robot_coupling){.follower = 1,
                                              .leader = 0,
                                              .multiplier = 1.5,
@@ -358,7 +347,7 @@ TEST(pendulum_moves_as_its_own_equations)
             pendulum_step(&pair.coupling, 1e-5, y);
         }
         error[i] = fmax(fabs(pair.q[0] - y[0]), fabs(pair.q[1] - y[1]));
-        arena_fini(&pair.arena);
+        arena_fini(&pair.on.arena);
     }
     print_message("# implicit: %.1e, %.1e, %.1e rad off after 1 s in steps of 1, 1/2, 1/4 ms\n",
                   error[0], error[1], error[2]);
@@ -371,7 +360,7 @@ TEST(pendulum_moves_as_its_own_equations)
     for (int i = 0; i < 4; i++) {
         assert_near(pair.q[i], y[i], 1e-9);
     }
-    arena_fini(&pair.arena);
+    arena_fini(&pair.on.arena);
 }
 
 /* ---- a walker ---- */
@@ -428,15 +417,16 @@ TEST(settled_follower_sags_by_its_weight)
     struct error error;
     double weight, before[2];
 
-    toy_begin(&pair.toy, false, 1.0, origin, base);
-    toy_add(&pair.toy, 0, JOINT_REVOLUTE, pitch, origin, 1.5, com, own);
-    toy_add(&pair.toy, 0, JOINT_REVOLUTE, pitch, aside, 1.0, com, own);
-    pair.toy.joint[0].sea = toy_drive(400.0);
+    toy_plant_begin(&pair.on, PLANT_RK4, 1);
+    toy_begin(&pair.on.toy, false, 1.0, origin, base);
+    toy_add(&pair.on.toy, 0, JOINT_REVOLUTE, pitch, origin, 1.5, com, own);
+    toy_add(&pair.on.toy, 0, JOINT_REVOLUTE, pitch, aside, 1.0, com, own);
+    pair.on.toy.joint[0].sea = toy_drive(400.0);
     pair.coupling = (struct robot_coupling){
         .follower = 1, .leader = 0, .multiplier = times, .stiffness = K, .damping = 1.0};
     pair_finish(&pair, PLANT_IMPLICIT, 1000000);
     assert_int_equal(plant_reset(pair.plant, NULL, NULL, start), ERROR_NONE);
-    if (plant_settle(pair.plant, &pair.arena, &settled, &error)) {
+    if (plant_settle(pair.plant, &pair.on.arena, &settled, &error)) {
         fail_msg("%s", error.text);
     }
 
@@ -452,7 +442,7 @@ TEST(settled_follower_sags_by_its_weight)
     assert_int_equal(plant_step(pair.plant, 2000), ERROR_NONE);
     assert_near(pair.q[0], before[0], 1e-9);
     assert_near(pair.q[1], before[1], 1e-9);
-    arena_fini(&pair.arena);
+    arena_fini(&pair.on.arena);
 }
 
 /* A robot that floats stands on feet of which one ankle follows the other: settled it stays. */
@@ -501,5 +491,5 @@ TEST(clamp_holds_couplings)
     plant_clamp(pair.plant, false);
     assert_int_equal(plant_step(pair.plant, 1), ERROR_NONE);
     assert_true(pair.qd[1] < 0.0 && pair.qd[0] < 0.0);
-    arena_fini(&pair.arena);
+    arena_fini(&pair.on.arena);
 }

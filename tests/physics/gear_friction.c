@@ -8,17 +8,15 @@
 
 #include "model/drives/effects.h"
 #include "tests/physics/near.h"
-#include "tests/physics/toy.h"
+#include "tests/physics/toy_plant.h"
 #include "tests/test.h"
 
 enum { MS = 1000000, AT_DRIVE = 2 };
 
 /* A link on a fixed base behind a drive, about an axis across gravity or along it. */
 struct bench {
-    struct toy toy;
+    struct toy_plant on;
     struct robot_effects effects;
-    struct arena arena;
-    struct dynamics dynamics;
     struct plant *plant;
     double *drive, *state;
     struct motor_command *motor;
@@ -30,35 +28,23 @@ static void bench_begin(struct bench *b, struct robot_sea sea, struct robot_effe
     const double none[3] = {0.0, 0.0, 0.0}, com[3] = {level ? 0.1 : 0.0, 0.0, 0.0};
     const double axis[3] = {0.0, level ? 1.0 : 0.0, level ? 0.0 : 1.0};
     const double I[6] = {0.02, 0.0, 0.0, 0.02, 0.0, 0.02};
-    struct plant_config config;
-    struct error error;
-    size_t count;
 
     *b = (struct bench){.effects = effects};
+    toy_plant_begin(&b->on, integrator, substep_ns);
     sea.effects = &b->effects;
-    toy_begin(&b->toy, false, 1.0, none, I);
-    b->toy.joint[toy_add(&b->toy, 0, JOINT_REVOLUTE, axis, none, 2.0, com, I)].sea = sea;
-    toy_finish(&b->toy);
-    config = (struct plant_config){.robot = &b->toy.robot,
-                                   .dynamics = &b->dynamics,
-                                   .integrator = integrator,
-                                   .substep_ns = substep_ns,
-                                   .rtol = 1e-10,
-                                   .atol = 1e-10,
-                                   .supply_v = 48.0,
-                                   .account_energy = true};
-    assert_int_equal(arena_init(&b->arena, 1 << 20, &error), ERROR_NONE);
-    assert_int_equal(dynamics_generic(&b->toy.robot, &b->arena, &b->dynamics, &error), ERROR_NONE);
-    assert_int_equal(plant_create(&config, &b->arena, &b->plant, &error), ERROR_NONE);
-    b->state = plant_state(b->plant, &count);
+    toy_begin(&b->on.toy, false, 1.0, none, I);
+    b->on.toy.joint[toy_add(&b->on.toy, 0, JOINT_REVOLUTE, axis, none, 2.0, com, I)].sea = sea;
+    toy_plant_open(&b->on);
+    b->plant = b->on.plant;
+    b->state = b->on.state;
+    b->motor = b->on.motor;
     b->drive = b->state + AT_DRIVE;
-    b->motor = plant_command(b->plant)->motor;
     assert_int_equal(plant_reset(b->plant, NULL, NULL, (const double[1]){0.0}), ERROR_NONE);
 }
 
 static void bench_end(struct bench *b)
 {
-    arena_fini(&b->arena);
+    arena_fini(&b->on.arena);
 }
 
 /* A gear with all terms of the model m6 of Duclusaud et al. (ICRA 2025). */

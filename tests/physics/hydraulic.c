@@ -48,7 +48,7 @@ TEST(a_blocked_piston_is_pressed_at_beta_q_by_v)
 /* A held piston comes to supply and return pressure and stays: no step is too long. */
 TEST(a_blocked_piston_comes_to_supply_and_return)
 {
-    struct oil_rig rig;
+    struct toy_plant rig;
 
     oil_rig_begin(&rig, hyq_cylinder(), constant_supply());
     oil_rig_start(&rig, 0.0);
@@ -70,7 +70,7 @@ TEST(the_speed_without_load_is_the_closed_form)
     const struct robot_hydraulic c = hyq_cylinder();
     const double P = 160.0 * BAR, cubes = c.A1 * c.A1 * c.A1 + c.A2 * c.A2 * c.A2;
     const double out = c.K * sqrt(P * c.A1 / cubes), in = c.K * sqrt(P * c.A2 / cubes);
-    struct oil_rig rig;
+    struct toy_plant rig;
     double lever, q, qd;
 
     for (int way = 1; way >= -1; way -= 2) {
@@ -91,7 +91,7 @@ TEST(the_speed_without_load_is_the_closed_form)
 TEST(a_closed_valve_makes_a_spring)
 {
     const struct robot_hydraulic c = hyq_cylinder();
-    struct oil_rig rig;
+    struct toy_plant rig;
     double lever, x, stiffness, w, slope, y[HYDRAULIC_STATE], first = 0.0, last = 0.0;
     int turns = 0;
     struct hydraulic_port port = {.qd = 1e-3, .supply = 160.0 * BAR};
@@ -129,7 +129,7 @@ TEST(a_closed_valve_makes_a_spring)
 }
 
 /* What a load of the cylinder does in 0.4 s of steps of voltage. */
-static void run_voltages(struct oil_rig *rig, double *q, double *p1, size_t per_ms)
+static void run_voltages(struct toy_plant *rig, double *q, double *p1, size_t per_ms)
 {
     oil_rig_start(rig, -0.4);
     for (int k = 0; k < 400; k++) {
@@ -145,7 +145,7 @@ TEST(steps_of_voltage_agree_with_dopri5)
     static double q[3][400], p[3][400];
     static const size_t parts[3] = {1, 4, 1};
     double error[2] = {0.0}, pressure[2] = {0.0};
-    struct oil_rig rig;
+    struct toy_plant rig;
 
     for (int run = 0; run < 3; run++) {
         struct plant_energy energy;
@@ -185,7 +185,7 @@ TEST(steps_of_voltage_agree_with_dopri5)
 TEST(a_positive_voltage_turns_the_joint_positively)
 {
     struct robot_hydraulic c = hyq_cylinder();
-    struct oil_rig rig;
+    struct toy_plant rig;
     double q[2];
 
     c.A2 = c.A1;
@@ -213,7 +213,7 @@ TEST(the_speed_constant_is_that_of_the_middle)
     const struct robot_hydraulic c = hyq_cylinder();
     const struct robot_hydraulic_supply s = constant_supply();
     const double constant = hydraulic_speed_constant(&c, &s, -0.85, 0.85);
-    struct oil_rig rig;
+    struct toy_plant rig;
     double mean = 0.0;
 
     for (int way = -1; way <= 1; way += 2) {

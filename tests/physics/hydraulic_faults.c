@@ -61,7 +61,7 @@ TEST(a_leak_past_the_piston_empties_the_accumulator)
 {
     struct robot_hydraulic_supply s = real_supply();
     const double c = 1e-6 / s.pressure, t = 1.0;
-    struct oil_rig rig;
+    struct toy_plant rig;
     double V;
 
     s.back = 0.0;
@@ -86,7 +86,7 @@ TEST(a_leak_makes_both_chambers_even)
 {
     const struct robot_hydraulic cylinder = hyq_cylinder();
     const double c = 1e-13, q = 0.2;
-    struct oil_rig rig;
+    struct toy_plant rig;
     double lever, x, rate, first;
 
     oil_rig_begin(&rig, cylinder, constant_supply());
@@ -155,7 +155,7 @@ TEST(a_relief_valve_that_stays_shut_lets_the_pressure_rise)
 TEST(valves_stick_shift_and_close)
 {
     double q[2];
-    struct oil_rig rig;
+    struct toy_plant rig;
 
     oil_rig_begin(&rig, hyq_cylinder(), constant_supply());
     oil_rig_start(&rig, -0.3);
@@ -188,7 +188,7 @@ TEST(valves_stick_shift_and_close)
 }
 
 /* Speeds and pressures where the pump stops at 50 ms with valves open, until nothing is left. */
-static void run_dry(struct oil_rig *rig, double *q, double *supply, size_t per_ms)
+static void run_dry(struct toy_plant *rig, double *q, double *supply, size_t per_ms)
 {
     oil_rig_start(rig, -0.6);
     for (int k = 0; k < 500; k++) {
@@ -206,7 +206,7 @@ TEST(an_empty_supply_agrees_with_dopri5)
     static double q[3][500], supply[3][500];
     static const size_t parts[3] = {1, 4, 1};
     double angle[2] = {0.0}, pressure[2] = {0.0};
-    struct oil_rig rig;
+    struct toy_plant rig;
 
     for (int run = 0; run < 3; run++) {
         struct robot_hydraulic_supply s = real_supply();
@@ -239,7 +239,7 @@ TEST(an_empty_supply_agrees_with_dopri5)
 }
 
 /* Adds a second link like the first beside it. */
-static void add_link(struct oil_rig *rig)
+static void add_link(struct toy_plant *rig)
 {
     const double none[3] = {0.0, 0.0, 0.0}, z[3] = {0.0, 0.0, 1.0};
     const double I[6] = {0.3, 0.0, 0.0, 0.3, 0.0, 0.3};
@@ -258,7 +258,7 @@ TEST(two_links_on_twice_the_supply_move_as_one)
     enum { SUPPLY_OF_TWO = 4 + 2 * HYDRAULIC_STATE };
     static double q[500], supply[500];
     struct robot_hydraulic_supply s = real_supply();
-    struct oil_rig rig;
+    struct toy_plant rig;
 
     s.accumulator = 2e-5;
     s.line = 2e-6;

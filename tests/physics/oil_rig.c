@@ -24,43 +24,28 @@ struct robot_hydraulic hyq_cylinder(void)
                                     .coulomb_speed = 1e-3};
 }
 
-void oil_rig_begin(struct oil_rig *rig, struct robot_hydraulic cylinder,
+void oil_rig_begin(struct toy_plant *rig, struct robot_hydraulic cylinder,
                    struct robot_hydraulic_supply supply)
 {
     const double none[3] = {0.0, 0.0, 0.0}, z[3] = {0.0, 0.0, 1.0};
     const double I[6] = {0.3, 0.0, 0.0, 0.3, 0.0, 0.3};
     struct robot_joint *joint;
 
-    *rig = (struct oil_rig){0};
+    toy_plant_begin(rig, PLANT_IMPLICIT, MS);
+    rig->config.rtol = rig->config.atol = 1e-10;
     toy_begin(&rig->toy, false, 1.0, none, I);
     joint = &rig->toy.joint[toy_add(&rig->toy, 0, JOINT_REVOLUTE, z, none, 5.0, none, I)];
     joint->hydraulic = cylinder;
     joint->lower = -0.85;
     joint->upper = 0.85;
-    toy_finish(&rig->toy);
     rig->toy.robot.hydraulic_supply = supply;
-    rig->config = (struct plant_config){.robot = &rig->toy.robot,
-                                        .dynamics = &rig->dynamics,
-                                        .integrator = PLANT_IMPLICIT,
-                                        .substep_ns = MS,
-                                        .rtol = 1e-10,
-                                        .atol = 1e-10,
-                                        .supply_v = 48.0,
-                                        .account_energy = true};
 }
 
-void oil_rig_start(struct oil_rig *rig, double q)
+void oil_rig_start(struct toy_plant *rig, double q)
 {
     double angle[TOY_BODIES];
-    struct error error;
-    size_t count;
 
-    assert_int_equal(arena_init(&rig->arena, 1 << 20, &error), ERROR_NONE);
-    assert_int_equal(dynamics_generic(&rig->toy.robot, &rig->arena, &rig->dynamics, &error),
-                     ERROR_NONE);
-    assert_int_equal(plant_create(&rig->config, &rig->arena, &rig->plant, &error), ERROR_NONE);
-    rig->state = plant_state(rig->plant, &count);
-    rig->motor = plant_command(rig->plant)->motor;
+    toy_plant_open(rig);
     for (size_t j = 0; j < rig->toy.robot.njoint; j++) {
         rig->motor[j].bridge_on = true;
         angle[j] = q;
@@ -68,7 +53,7 @@ void oil_rig_start(struct oil_rig *rig, double q)
     assert_int_equal(plant_reset(rig->plant, NULL, NULL, angle), ERROR_NONE);
 }
 
-void step_oil(struct oil_rig *rig, size_t steps)
+void step_oil(struct toy_plant *rig, size_t steps)
 {
     assert_int_equal(plant_step(rig->plant, steps), ERROR_NONE);
 }

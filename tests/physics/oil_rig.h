@@ -4,22 +4,12 @@
 #define TESTS_PHYSICS_OIL_RIG_H
 
 #include "model/hydraulics/hydraulic.h"
-#include "tests/physics/toy.h"
+#include "tests/physics/toy_plant.h"
 
 #define BAR 1e5
 
 enum { MS = 1000000, AT_CYLINDER = 2, AT_P1 = AT_CYLINDER + HYDRAULIC_P1, AT_P2 };
 enum { AT_SUPPLY = AT_CYLINDER + HYDRAULIC_STATE };
-
-struct oil_rig {
-    struct toy toy;
-    struct arena arena;
-    struct dynamics dynamics;
-    struct plant_config config;
-    struct plant *plant;
-    struct motor_command *motor;
-    double *state;
-};
 
 /* A cylinder between pins 0.32 m and 0.045 m from the joint, half out at q = 0, and a valve of
  * 7.5 l/min at 70 bar that opens at 10 V; the real one has lap, leakage and friction. */
@@ -32,10 +22,10 @@ struct robot_hydraulic_supply real_supply(void);
 
 /* Sets up the link, whose numbers may be changed, and others added, until all start from angle q.
  * The owner frees the arena. */
-void oil_rig_begin(struct oil_rig *rig, struct robot_hydraulic cylinder,
+void oil_rig_begin(struct toy_plant *rig, struct robot_hydraulic cylinder,
                    struct robot_hydraulic_supply supply);
-void oil_rig_start(struct oil_rig *rig, double q);
+void oil_rig_start(struct toy_plant *rig, double q);
 
-void step_oil(struct oil_rig *rig, size_t steps);
+void step_oil(struct toy_plant *rig, size_t steps);
 
 #endif

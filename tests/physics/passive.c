@@ -10,17 +10,8 @@
 #include <math.h>
 
 #include "tests/physics/near.h"
-#include "tests/physics/plant_rig.h"
+#include "tests/physics/toy_plant.h"
 #include "tests/test.h"
-
-/* A body on a fixed base, on a joint with a passive spring. */
-struct sprung {
-    struct toy toy;
-    struct arena arena;
-    struct dynamics dynamics;
-    struct plant *plant;
-    double *q;
-};
 
 #define INERTIA 0.08 /* kg m2, about the joint */
 #define REST 0.2     /* rad */
@@ -28,34 +19,20 @@ struct sprung {
 static const double origin[3] = {0.0, 0.0, 0.0}, pitch[3] = {0.0, 1.0, 0.0};
 
 /* Makes the body: its center of mass is `arm` beside the joint, along x. */
-static void sprung_init(struct sprung *sprung, enum plant_integrator integrator, int64_t substep_ns,
-                        double arm, struct robot_passive passive, struct robot_sea drive)
+static void sprung_init(struct toy_plant *sprung, enum plant_integrator integrator,
+                        int64_t substep_ns, double arm, struct robot_passive passive,
+                        struct robot_sea drive)
 {
     static const double base[6] = {1.0, 0.0, 0.0, 1.0, 0.0, 1.0};
     const double own[6] = {0.05, 0.0, 0.0, INERTIA - 2.0 * arm * arm, 0.0, 0.05};
     const double com[3] = {arm, 0.0, 0.0};
-    const struct plant_config config = {.robot = &sprung->toy.robot,
-                                        .dynamics = &sprung->dynamics,
-                                        .integrator = integrator,
-                                        .rtol = 1e-11,
-                                        .atol = 1e-12,
-                                        .substep_ns = substep_ns,
-                                        .supply_v = 48.0,
-                                        .account_energy = true};
-    struct error error;
-    size_t count;
 
+    toy_plant_begin(sprung, integrator, substep_ns);
     toy_begin(&sprung->toy, false, 1.0, origin, base);
     toy_add(&sprung->toy, 0, JOINT_REVOLUTE, pitch, origin, 2.0, com, own);
     sprung->toy.joint[0].passive = passive;
     sprung->toy.joint[0].sea = drive;
-    toy_finish(&sprung->toy);
-    assert_int_equal(arena_init(&sprung->arena, 1 << 20, &error), ERROR_NONE);
-    assert_int_equal(
-        dynamics_generic(&sprung->toy.robot, &sprung->arena, &sprung->dynamics, &error),
-        ERROR_NONE);
-    assert_int_equal(plant_create(&config, &sprung->arena, &sprung->plant, &error), ERROR_NONE);
-    sprung->q = plant_state(sprung->plant, &count);
+    toy_plant_open(sprung);
 }
 
 /* x = q - rest follows I x'' = -K x - D x': from x_0 at rest
@@ -79,7 +56,7 @@ TEST(wheel_swings_as_the_closed_form)
         for (size_t i = 0; i < sizeof run / sizeof *run; i++) {
             const struct robot_passive passive = {.stiffness = K, .damping = D, .rest = REST};
             const double joint = REST + x0;
-            struct sprung sprung;
+            struct toy_plant sprung;
             double worst = 0.0;
 
             sprung_init(&sprung, run[i].integrator, run[i].substep_ns, 0.0, passive,
@@ -90,7 +67,7 @@ TEST(wheel_swings_as_the_closed_form)
                 const double x = x0 * exp(-a * t) * (cos(w * t) + a / w * sin(w * t));
 
                 assert_int_equal(plant_step(sprung.plant, 1), ERROR_NONE);
-                worst = fmax(worst, fabs(sprung.q[0] - REST - x) / x0);
+                worst = fmax(worst, fabs(sprung.state[0] - REST - x) / x0);
             }
             print_message("# integrator %d, %lld ns, D %g: off by %.1e of the amplitude\n",
                           (int)run[i].integrator, (long long)run[i].substep_ns, D, worst);
@@ -108,7 +85,7 @@ TEST(damper_takes_what_the_spring_had)
 
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         struct plant_energy energy;
-        struct sprung sprung;
+        struct toy_plant sprung;
 
         sprung_init(&sprung, all[i], 200000, 0.0, (struct robot_passive){K, 0.5, REST},
                     (struct robot_sea){0});
@@ -117,7 +94,7 @@ TEST(damper_takes_what_the_spring_had)
         assert_near(energy.stored, stored, 1e-12);
         assert_int_equal(plant_step(sprung.plant, 50000), ERROR_NONE);
         assert_int_equal(plant_energy(sprung.plant, &energy), ERROR_NONE);
-        assert_near(sprung.q[0], REST, 1e-9);
+        assert_near(sprung.state[0], REST, 1e-9);
         assert_near(energy.spring_damping, stored, 2e-4 * stored);
         assert_near(energy.balance, 0.0, 2e-4 * stored);
         arena_fini(&sprung.arena);
@@ -129,7 +106,7 @@ TEST(settled_arm_hangs_on_its_spring)
 {
     const double K = 80.0, start = 0.0, arm = 0.15;
     struct settled settled;
-    struct sprung sprung;
+    struct toy_plant sprung;
     struct error error;
     double before;
 
@@ -139,12 +116,13 @@ TEST(settled_arm_hangs_on_its_spring)
     if (plant_settle(sprung.plant, &sprung.arena, &settled, &error)) {
         fail_msg("%s", error.text);
     }
-    assert_near(K * (sprung.q[0] - REST), 2.0 * 9.81 * arm * cos(sprung.q[0]), 1e-8);
+    assert_near(K * (sprung.state[0] - REST), 2.0 * 9.81 * arm * cos(sprung.state[0]), 1e-8);
     assert_int_equal(plant_sample(sprung.plant), ERROR_NONE);
-    assert_near(plant_sensors(sprung.plant)->motor[0].torque_nm, -K * (sprung.q[0] - REST), 1e-12);
-    before = sprung.q[0];
+    assert_near(plant_sensors(sprung.plant)->motor[0].torque_nm, -K * (sprung.state[0] - REST),
+                1e-12);
+    before = sprung.state[0];
     assert_int_equal(plant_step(sprung.plant, 2000), ERROR_NONE);
-    assert_near(sprung.q[0], before, 1e-9);
+    assert_near(sprung.state[0], before, 1e-9);
     arena_fini(&sprung.arena);
 }
 
@@ -153,7 +131,7 @@ TEST(cable_helps_the_drive)
 {
     const double K = 5.0, start = 0.4, arm = 0.15;
     struct settled settled;
-    struct sprung sprung;
+    struct toy_plant sprung;
     struct error error;
 
     sprung_init(&sprung, PLANT_IMPLICIT, 1000000, arm, (struct robot_passive){K, 0.1, REST},
@@ -162,11 +140,11 @@ TEST(cable_helps_the_drive)
     if (plant_settle(sprung.plant, &sprung.arena, &settled, &error)) {
         fail_msg("%s", error.text);
     }
-    assert_near(sprung.q[0], start, 0.0);
+    assert_near(sprung.state[0], start, 0.0);
     assert_int_equal(plant_sample(sprung.plant), ERROR_NONE);
     assert_near(plant_sensors(sprung.plant)->motor[0].torque_nm,
                 K * (start - REST) - 2.0 * 9.81 * arm * cos(start), 1e-9);
     assert_int_equal(plant_step(sprung.plant, 2000), ERROR_NONE);
-    assert_near(sprung.q[0], start, 1e-9);
+    assert_near(sprung.state[0], start, 1e-9);
     arena_fini(&sprung.arena);
 }

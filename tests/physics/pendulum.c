@@ -19,16 +19,14 @@
 #include <math.h>
 
 #include "tests/physics/near.h"
-#include "tests/physics/toy.h"
+#include "tests/physics/toy_plant.h"
 #include "tests/test.h"
 
 static const double pi = 3.14159265358979323846;
 static const double start_speed = 2.1;
 
 struct pendulum {
-    struct toy toy;
-    struct arena arena;
-    struct dynamics dynamics;
+    struct toy_plant on;
     struct plant *plant;
     size_t bodies;
     double *state;
@@ -42,34 +40,25 @@ static void pendulum_init(struct pendulum *pendulum, size_t bodies, int64_t step
     static const double com1[3] = {0.0, 0.0, -1.0}, com2[3] = {0.0, 0.0, -2.5};
     static const double I1[6] = {5.5, 0.0, 0.0, 5.5, 0.0, 5.5};
     static const double I2[6] = {2.0, 0.0, 0.0, 2.0, 0.0, 2.0};
-    struct error error;
-    struct plant_config config = {.robot = &pendulum->toy.robot,
-                                  .dynamics = &pendulum->dynamics,
-                                  .integrator = PLANT_RK4,
-                                  .substep_ns = step_ns,
-                                  .supply_v = 1.0};
-    size_t count;
 
-    toy_begin(&pendulum->toy, false, 0.0, still, none);
-    toy_add(&pendulum->toy, 0, JOINT_REVOLUTE, axis, still, 1.0, com1, I1);
+    toy_plant_begin(&pendulum->on, PLANT_RK4, step_ns);
+    pendulum->on.config.supply_v = 1.0;
+    pendulum->on.config.account_energy = false;
+    toy_begin(&pendulum->on.toy, false, 0.0, still, none);
+    toy_add(&pendulum->on.toy, 0, JOINT_REVOLUTE, axis, still, 1.0, com1, I1);
     if (bodies == 2) {
-        toy_add(&pendulum->toy, 1, JOINT_REVOLUTE, axis, second_axis, 2.0, com2, I2);
+        toy_add(&pendulum->on.toy, 1, JOINT_REVOLUTE, axis, second_axis, 2.0, com2, I2);
     }
-    pendulum->toy.robot.gravity[2] = -1.0;
-    toy_finish(&pendulum->toy);
+    pendulum->on.toy.robot.gravity[2] = -1.0;
+    toy_plant_open(&pendulum->on);
     pendulum->bodies = bodies;
-    assert_int_equal(arena_init(&pendulum->arena, 1 << 20, &error), ERROR_NONE);
-    assert_int_equal(
-        dynamics_generic(&pendulum->toy.robot, &pendulum->arena, &pendulum->dynamics, &error),
-        ERROR_NONE);
-    assert_int_equal(plant_create(&config, &pendulum->arena, &pendulum->plant, &error), ERROR_NONE);
-    pendulum->state = plant_state(pendulum->plant, &count);
-    assert_int_equal(count, 2 * bodies);
+    pendulum->plant = pendulum->on.plant;
+    pendulum->state = pendulum->on.state;
 }
 
 static void pendulum_fini(struct pendulum *pendulum)
 {
-    arena_fini(&pendulum->arena);
+    arena_fini(&pendulum->on.arena);
 }
 
 static double pendulum_energy(struct pendulum *pendulum)

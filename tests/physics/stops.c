@@ -14,6 +14,7 @@
 
 #include "tests/physics/near.h"
 #include "tests/physics/plant_rig.h"
+#include "tests/physics/toy_plant.h"
 #include "tests/test.h"
 
 /* A wheel on a fixed base with its range off the middle and all on one side of zero. */
@@ -22,57 +23,35 @@
 #define UPPER 0.9
 static const struct robot_stop wheel_stop = {.stiffness = 2e4, .damping = 30.0};
 
-struct wheel {
-    struct toy toy;
-    struct arena arena;
-    struct dynamics dynamics;
-    struct plant *plant;
-    double *q, *qd;
-};
-
-static void wheel_init_driven(struct wheel *wheel, enum plant_integrator integrator,
+static void wheel_init_driven(struct toy_plant *wheel, enum plant_integrator integrator,
                               int64_t substep_ns, const double com[3], struct robot_sea sea)
 {
     static const double origin[3] = {0.0, 0.0, 0.0}, axis[3] = {0.0, 1.0, 0.0};
     static const double base[6] = {1.0, 0.0, 0.0, 1.0, 0.0, 1.0};
     static const double own[6] = {0.05, 0.0, 0.0, INERTIA, 0.0, 0.05};
-    const struct plant_config config = {.robot = &wheel->toy.robot,
-                                        .dynamics = &wheel->dynamics,
-                                        .integrator = integrator,
-                                        .rtol = 1e-10,
-                                        .atol = 1e-10,
-                                        .substep_ns = substep_ns,
-                                        .supply_v = 48.0,
-                                        .account_energy = true};
-    struct error error;
-    size_t count;
 
+    toy_plant_begin(wheel, integrator, substep_ns);
+    wheel->config.rtol = wheel->config.atol = 1e-10;
     toy_begin(&wheel->toy, false, 1.0, origin, base);
     toy_add(&wheel->toy, 0, JOINT_REVOLUTE, axis, origin, 2.0, com, own);
     wheel->toy.joint[0].lower = LOWER;
     wheel->toy.joint[0].upper = UPPER;
     wheel->toy.joint[0].stop = wheel_stop;
     wheel->toy.joint[0].sea = sea;
-    toy_finish(&wheel->toy);
-    assert_int_equal(arena_init(&wheel->arena, 1 << 20, &error), ERROR_NONE);
-    assert_int_equal(dynamics_generic(&wheel->toy.robot, &wheel->arena, &wheel->dynamics, &error),
-                     ERROR_NONE);
-    assert_int_equal(plant_create(&config, &wheel->arena, &wheel->plant, &error), ERROR_NONE);
-    wheel->q = plant_state(wheel->plant, &count);
-    wheel->qd = wheel->q + 1;
+    toy_plant_open(wheel);
 }
 
-static void wheel_init(struct wheel *wheel, enum plant_integrator integrator, int64_t substep_ns,
-                       const double com[3])
+static void wheel_init(struct toy_plant *wheel, enum plant_integrator integrator,
+                       int64_t substep_ns, const double com[3])
 {
     wheel_init_driven(wheel, integrator, substep_ns, com, (struct robot_sea){0});
 }
 
 /* Turns at the given rate from the angle q. */
-static void wheel_throw(struct wheel *wheel, double q, double rate)
+static void wheel_throw(struct toy_plant *wheel, double q, double rate)
 {
     assert_int_equal(plant_reset(wheel->plant, NULL, NULL, &q), ERROR_NONE);
-    *wheel->qd = rate;
+    wheel->state[1] = rate;
     assert_int_equal(plant_restart_energy(wheel->plant), ERROR_NONE);
 }
 
@@ -82,19 +61,19 @@ struct impact {
 };
 
 /* From 0.1 rad before a limit, until the wheel is back there; side 1 = the upper one. */
-static struct impact wheel_hit(struct wheel *wheel, int side, double rate)
+static struct impact wheel_hit(struct toy_plant *wheel, int side, double rate)
 {
     double limit = side > 0 ? UPPER : LOWER;
     struct impact impact = {0};
     struct plant_energy energy;
 
     wheel_throw(wheel, limit - 0.1 * side, side * rate);
-    for (int k = 0; k < 1000000 && (k == 0 || side * (*wheel->q - limit) > -0.1); k++) {
+    for (int k = 0; k < 1000000 && (k == 0 || side * (wheel->state[0] - limit) > -0.1); k++) {
         assert_int_equal(plant_step(wheel->plant, 1), ERROR_NONE);
-        impact.depth = fmax(impact.depth, side * (*wheel->q - limit));
+        impact.depth = fmax(impact.depth, side * (wheel->state[0] - limit));
     }
     assert_int_equal(plant_energy(wheel->plant, &energy), ERROR_NONE);
-    impact.restitution = -side * *wheel->qd / rate;
+    impact.restitution = -side * wheel->state[1] / rate;
     impact.balance = energy.balance;
     impact.loss = energy.stop_loss;
     return impact;
@@ -116,7 +95,7 @@ static struct impact exact_impact(double rate)
 
 static void assert_impact(enum plant_integrator integrator, int64_t substep_ns, double tolerance)
 {
-    struct wheel wheel;
+    struct toy_plant wheel;
 
     wheel_init(&wheel, integrator, substep_ns, (const double[3]){0.0, 0.0, 0.0});
     for (int side = -1; side <= 1; side += 2) {
@@ -146,7 +125,7 @@ TEST(an_impact_is_that_of_the_closed_form)
 TEST(long_steps_stay_at_the_stop)
 {
     double depth[2] = {0.0, 0.0}, restitution[2] = {0.0, 0.0};
-    struct wheel wheel;
+    struct toy_plant wheel;
 
     wheel_init(&wheel, PLANT_IMPLICIT, 1000000, (const double[3]){0.0, 0.0, 0.0});
     for (double rate = 0.01; rate < 100.0; rate *= 1.37) {
@@ -192,17 +171,17 @@ TEST(a_stop_never_pulls)
 TEST(a_stop_that_would_pull_is_left_out)
 {
     static const double com[3] = {0.3, 0.0, 0.0}; /* to positive angles is down */
-    struct wheel wheel;
+    struct toy_plant wheel;
     double with, without;
 
     wheel_init(&wheel, PLANT_IMPLICIT, 1000000, com);
     wheel_throw(&wheel, LOWER + 1e-6, -0.002);
     assert_int_equal(plant_step(wheel.plant, 1), ERROR_NONE);
-    with = *wheel.qd;
+    with = wheel.state[1];
     wheel.toy.joint[0].stop = (struct robot_stop){0};
     wheel_throw(&wheel, LOWER + 1e-6, -0.002);
     assert_int_equal(plant_step(wheel.plant, 1), ERROR_NONE);
-    without = *wheel.qd;
+    without = wheel.state[1];
     assert_true(without > 0.01);
     assert_near(with, without, 1e-12);
     arena_fini(&wheel.arena);
@@ -218,14 +197,14 @@ TEST(a_stop_meets_what_is_thrown_within_a_step)
 
     for (int i = 0; i < 2; i++) {
         int64_t substep_ns = both[i] == PLANT_DOPRI5 ? 10000 : 1000000;
-        struct wheel wheel;
+        struct toy_plant wheel;
 
         wheel_init(&wheel, both[i], substep_ns, none);
         wheel_throw(&wheel, UPPER - 1e-4, 0.0);
         plant_set_push(wheel.plant, 1, force, blow);
         for (int64_t t = 0; t < 20000000; t += substep_ns) {
             assert_int_equal(plant_step(wheel.plant, 1), ERROR_NONE);
-            farthest[i] = fmax(farthest[i], *wheel.q - UPPER);
+            farthest[i] = fmax(farthest[i], wheel.state[0] - UPPER);
             if (t + substep_ns == 1000000) {
                 plant_set_push(wheel.plant, 1, force, none);
             }
@@ -247,19 +226,19 @@ TEST(what_lies_on_a_stop_presses_it_by_its_weight)
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         struct settled settled;
         struct error error;
-        struct wheel wheel;
+        struct toy_plant wheel;
 
         wheel_init(&wheel, all[i], 100000, com);
         wheel_throw(&wheel, UPPER, 0.0);
         assert_int_equal(plant_step(wheel.plant, 10000), ERROR_NONE);
-        assert_near(*wheel.q - UPPER, depth, 1e-3 * depth);
+        assert_near(wheel.state[0] - UPPER, depth, 1e-3 * depth);
 
         wheel_throw(&wheel, UPPER, 0.0);
         assert_int_equal(plant_settle(wheel.plant, &wheel.arena, &settled, &error), ERROR_NONE);
-        assert_near(*wheel.q - UPPER, depth, 1e-3 * depth);
-        depth = *wheel.q - UPPER;
+        assert_near(wheel.state[0] - UPPER, depth, 1e-3 * depth);
+        depth = wheel.state[0] - UPPER;
         assert_int_equal(plant_step(wheel.plant, 1000), ERROR_NONE);
-        assert_near(*wheel.q - UPPER, depth, 1e-9 * depth);
+        assert_near(wheel.state[0] - UPPER, depth, 1e-9 * depth);
         arena_fini(&wheel.arena);
     }
 }
@@ -269,7 +248,7 @@ TEST(what_a_stop_cannot_hold_does_not_settle)
 {
     static const double com[3] = {0.3, 0.0, 0.0};
     const double start[] = {LOWER, 0.5};
-    struct wheel wheel;
+    struct toy_plant wheel;
 
     wheel_init(&wheel, PLANT_RK4, 100000, com);
     for (size_t i = 0; i < sizeof start / sizeof *start; i++) {
@@ -279,7 +258,7 @@ TEST(what_a_stop_cannot_hold_does_not_settle)
         wheel_throw(&wheel, start[i], 0.0);
         assert_int_equal(plant_settle(wheel.plant, &wheel.arena, &settled, &error), ERROR_INPUT);
         assert_non_null(strstr(error.text, "joint j0 has no drive"));
-        assert_near(*wheel.q, start[i], 0.0);
+        assert_near(wheel.state[0], start[i], 0.0);
     }
     arena_fini(&wheel.arena);
 }
@@ -341,7 +320,7 @@ static struct robot_sea roomy_drive(void)
     return sea;
 }
 
-static struct motor_sense clamped_motor(struct wheel *wheel)
+static struct motor_sense clamped_motor(struct toy_plant *wheel)
 {
     assert_int_equal(plant_sample(wheel->plant), ERROR_NONE);
     return plant_sensors(wheel->plant)->motor[0];
@@ -355,7 +334,7 @@ TEST(a_spring_at_its_stop_carries_the_rest)
     const struct robot_sea sea = roomy_drive();
 
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
-        struct wheel wheel;
+        struct toy_plant wheel;
 
         wheel_init_driven(&wheel, all[i], 200000, nowhere, sea);
         for (double volts = -16.0; volts <= 16.0; volts += 8.0) {
@@ -395,7 +374,7 @@ TEST(a_spring_stop_balances)
     for (size_t i = 0; i < sizeof run / sizeof *run; i++) {
         double reached[2] = {0.0, 0.0}, turnover;
         struct plant_energy energy;
-        struct wheel wheel;
+        struct toy_plant wheel;
         size_t count;
 
         wheel_init_driven(&wheel, run[i].integrator, run[i].substep_ns, nowhere, roomy_drive());

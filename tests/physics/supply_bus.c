@@ -7,7 +7,7 @@
 #include <stdio.h>
 
 #include "tests/physics/near.h"
-#include "tests/physics/toy.h"
+#include "tests/physics/toy_plant.h"
 #include "tests/test.h"
 
 enum { MS = 1000000 };
@@ -104,50 +104,36 @@ static void brake_rotor(enum plant_integrator integrator, const struct supply_bu
     const double none[3] = {0.0, 0.0, 0.0}, z[3] = {0.0, 0.0, 1.0};
     const double I[6] = {0.02, 0.0, 0.0, 0.02, 0.0, 0.02};
     const bool implicit = integrator == PLANT_IMPLICIT;
-    static struct toy toy;
-    struct arena arena;
-    struct dynamics dynamics;
-    struct plant_config config = {.robot = &toy.robot,
-                                  .dynamics = &dynamics,
-                                  .integrator = integrator,
-                                  .substep_ns = implicit ? MS : MS / 50,
-                                  .rtol = 1e-9,
-                                  .atol = 1e-9,
-                                  .supply_v = 48.0,
-                                  .supply_ohm = 0.1,
-                                  .bus = *bus,
-                                  .account_energy = true};
+    static struct toy_plant p;
     struct robot_sea sea = toy_drive(0.0);
-    struct plant *plant;
-    struct error error;
     double *state;
-    size_t count;
 
-    toy_begin(&toy, false, 1.0, none, I);
+    toy_plant_begin(&p, integrator, implicit ? MS : MS / 50);
+    p.config.rtol = p.config.atol = 1e-9;
+    p.config.supply_ohm = 0.1;
+    p.config.bus = *bus;
+    toy_begin(&p.toy, false, 1.0, none, I);
     sea.Ds = sea.Dm = 0.0;
-    toy.joint[toy_add(&toy, 0, JOINT_REVOLUTE, z, none, 2.0, none, I)].sea = sea;
-    toy_finish(&toy);
-    assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
-    assert_int_equal(dynamics_generic(&toy.robot, &arena, &dynamics, &error), ERROR_NONE);
-    assert_int_equal(plant_create(&config, &arena, &plant, &error), ERROR_NONE);
-    assert_int_equal(plant_reset(plant, NULL, NULL, (const double[1]){0.0}), ERROR_NONE);
-    plant_clamp(plant, true);
-    state = plant_state(plant, &count);
+    p.toy.joint[toy_add(&p.toy, 0, JOINT_REVOLUTE, z, none, 2.0, none, I)].sea = sea;
+    toy_plant_open(&p);
+    assert_int_equal(plant_reset(p.plant, NULL, NULL, (const double[1]){0.0}), ERROR_NONE);
+    plant_clamp(p.plant, true);
+    state = p.state;
     state[2 + DRIVE_MOTOR_SPEED] = 10.0;
-    assert_int_equal(plant_restart_energy(plant), ERROR_NONE);
+    assert_int_equal(plant_restart_energy(p.plant), ERROR_NONE);
     run->most = 0.0;
     for (int k = 0; k < 300; k++) {
         /* held a little below what the rotor makes, which brakes it evenly; then it stands */
         double V = fmax(0.0, 4.1 * state[2 + DRIVE_MOTOR_SPEED] - 5.0);
 
-        plant_command(plant)->motor[0] = (struct motor_command){.bridge_on = true, .voltage_v = V};
-        assert_int_equal(plant_step(plant, implicit ? 1 : 50), ERROR_NONE);
-        assert_int_equal(plant_sample(plant), ERROR_NONE);
-        run->end = plant_sensors(plant)->supply_v;
+        p.motor[0] = (struct motor_command){.bridge_on = true, .voltage_v = V};
+        assert_int_equal(plant_step(p.plant, implicit ? 1 : 50), ERROR_NONE);
+        assert_int_equal(plant_sample(p.plant), ERROR_NONE);
+        run->end = plant_sensors(p.plant)->supply_v;
         run->most = fmax(run->most, run->end);
     }
-    assert_int_equal(plant_energy(plant, &run->energy), ERROR_NONE);
-    arena_fini(&arena);
+    assert_int_equal(plant_energy(p.plant, &run->energy), ERROR_NONE);
+    arena_fini(&p.arena);
 }
 
 TEST(braking_lifts_the_bus_by_its_energy)
