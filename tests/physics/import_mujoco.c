@@ -22,6 +22,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 enum { TREES = 40, LINKS_MOST = 25, STATES = 5 };
@@ -526,45 +527,79 @@ static struct differences compare_files(const char *path, const struct robot *ro
 
 /* ---- tests ---- */
 
-FIXTURE(open_big_arena)
+static char folder[64];
+static const struct import_boards icub = {&protocol_icub, false};
+
+FIXTURE(open_folder)
 {
-    return arena_init(&arena, (size_t)1 << 30, NULL) == ERROR_NONE ? 0 : -1;
+    strcpy(folder, "/tmp/hil-import-mujoco-XXXXXX");
+    return arena_init(&arena, (size_t)1 << 30, NULL) == ERROR_NONE && mkdtemp(folder) ? 0 : -1;
 }
 
-FIXTURE(close_big_arena)
+FIXTURE(close_folder)
 {
+    char command[96];
+
     arena_fini(&arena);
-    return 0;
+    snprintf(command, sizeof command, "rm -r '%s'", folder);
+    return system(command);
 }
 
-TEST_WITH(random_trees_are_those_of_mujoco, open_big_arena, close_big_arena)
+static const char *path_of(const char *name)
 {
-    char folder[] = "/tmp/hil-import-mujoco-XXXXXX", path[128], command[160];
+    static char path[160];
+
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    return path;
+}
+
+static void write_text(const char *name, const char *text)
+{
+    FILE *out = fopen(path_of(name), "w");
+
+    assert_non_null(out);
+    fputs(text, out);
+    assert_int_equal(fclose(out), 0);
+}
+
+/* Returns what becomes of a file of the folder. */
+static struct robot *import_file(const char *name, struct import_options options,
+                                 struct import_boards boards)
+{
+    const struct import_request request = {.file = path_of(name),
+                                           .folder = folder,
+                                           .options = options,
+                                           .boards = boards,
+                                           .force = true};
+    struct import_result result;
+    struct robot *robot;
+    struct error error;
+
+    if (import_run(&request, &arena, &result, &error) ||
+        robot_copy(result.loaded, &arena, &robot, &error)) {
+        fail_msg("%s: %s", name, error.text);
+    }
+    return robot;
+}
+
+TEST_WITH(random_trees_are_those_of_mujoco, open_folder, close_folder)
+{
     struct differences worst = {0};
 
-    assert_non_null(mkdtemp(folder));
-    snprintf(path, sizeof path, "%s/tree.urdf", folder);
     for (int tree = 0; tree < TREES; tree++) {
         bool floats = tree % 2;
-        struct import_request request = {
-            .file = path,
-            .folder = folder,
-            .options = {.base = floats ? IMPORT_BASE_FLOATING : IMPORT_BASE_FIXED,
-                        .free_slides = true},
-            .boards = {&protocol_compact, true},
-            .force = true,
-        };
-        struct import_result result;
+        const struct robot *robot;
         struct differences d;
-        struct error error;
 
         dice = random_named(1000 + (uint64_t)tree, "tree");
-        put_robot(path, 3 + tree % (LINKS_MOST - 3), floats);
-        if (import_run(&request, &arena, &result, &error)) {
-            fail_msg("tree %d: %s", tree, error.text);
-        }
-        assert_true(result.loaded->floating == floats);
-        d = compare_files(path, result.loaded, STATES, false);
+        put_robot(path_of("tree.urdf"), 3 + tree % (LINKS_MOST - 3), floats);
+        robot = import_file(
+            "tree.urdf",
+            (struct import_options){.base = floats ? IMPORT_BASE_FLOATING : IMPORT_BASE_FIXED,
+                                    .free_slides = true},
+            (struct import_boards){&protocol_compact, true});
+        assert_true(robot->floating == floats);
+        d = compare_files(path_of("tree.urdf"), robot, STATES, false);
         worst.mass = fmax(worst.mass, d.mass);
         worst.com = fmax(worst.com, d.com);
         worst.inertia = fmax(worst.inertia, d.inertia);
@@ -576,8 +611,6 @@ TEST_WITH(random_trees_are_those_of_mujoco, open_big_arena, close_big_arena)
     assert_true(worst.com <= 1e-12);
     assert_true(worst.inertia <= 1e-12);
     assert_true(worst.acceleration <= 1e-10);
-    snprintf(command, sizeof command, "rm -r '%s'", folder);
-    assert_int_equal(system(command), 0);
 }
 
 /* Default classes, two joints to a body, anchors, angles in degrees that count from elsewhere, all
@@ -608,41 +641,18 @@ static const char toy[] =
     "forcerange='-30 30'/></actuator>\n"
     "<keyframe><key name='stand' qpos='0 0 1 1 0 0 0 0.1 0.2 -1 0.05'/></keyframe></mujoco>\n";
 
-static void write_text(const char *path, const char *text)
+TEST_WITH(bodies_of_mjcf_are_those_of_mujoco, open_folder, close_folder)
 {
-    FILE *out = fopen(path, "w");
-
-    assert_non_null(out);
-    fputs(text, out);
-    assert_int_equal(fclose(out), 0);
-}
-
-TEST_WITH(bodies_of_mjcf_are_those_of_mujoco, open_big_arena, close_big_arena)
-{
-    char folder[] = "/tmp/hil-import-mujoco-XXXXXX", path[128], command[160];
-    struct import_request request = {
-        .file = path,
-        .folder = folder,
-        .options = {.free_slides = true},
-        .boards = {&protocol_icub, false},
-    };
-    struct import_result result;
     const struct robot *robot;
     struct differences d;
-    struct error error;
 
-    assert_non_null(mkdtemp(folder));
-    snprintf(path, sizeof path, "%s/toy.xml", folder);
-    write_text(path, toy);
-    if (import_run(&request, &arena, &result, &error)) {
-        fail_msg("%s", error.text);
-    }
-    robot = result.loaded;
+    write_text("toy.xml", toy);
+    robot = import_file("toy.xml", (struct import_options){.free_slides = true}, icub);
     assert_true(robot->floating);
     assert_int_equal(robot->njoint, 4);
     assert_true(robot->imu_frame >= 0);
     dice = random_named(1, "toy");
-    d = compare_files(path, robot, 50, false);
+    d = compare_files(path_of("toy.xml"), robot, 50, false);
     print_message("# MJCF: %d bodies, masses %.1e, centers %.1e m, inertias %.1e, accelerations "
                   "%.1e\n",
                   d.bodies, d.mass, d.com, d.inertia, d.acceleration);
@@ -657,8 +667,6 @@ TEST_WITH(bodies_of_mjcf_are_those_of_mujoco, open_big_arena, close_big_arena)
     assert_true(fabs(robot->joint[2].lower - (45.0 - 120.0) * M_PI / 180.0) <= 1e-12);
     assert_int_equal(robot_find_pose(robot, "stand"), 1);
     assert_true(fabs(robot->pose[1].joint[2] - (-1.0 + M_PI / 4.0)) <= 1e-12);
-    snprintf(command, sizeof command, "rm -r '%s'", folder);
-    assert_int_equal(system(command), 0);
 }
 
 /* ---- couplings ---- */
@@ -746,49 +754,44 @@ static void plant_move_hand(const struct robot *robot, enum plant_integrator int
     memcpy(end, state, robot->njoint * sizeof *end);
 }
 
-/* Without their drives and stops, from a state in which nothing follows quite. */
-TEST_WITH(couplings_move_joints_as_tendons_of_mujoco_do, open_big_arena, close_big_arena)
+/* Without its drives and stops the robot moves as MuJoCo's joints do, whose first one counts from
+ * an angle. */
+static void compare_motion(const char *name, struct robot *robot, const double *q, const double *v,
+                           double from, double exactly, double implicitly)
 {
-    static const enum plant_integrator integrator[] = {PLANT_DOPRI5, PLANT_IMPLICIT};
-    static const double tolerance[] = {1e-10, 5e-5};
-    const double q[HAND_JOINTS] = {0.3, 0.4, 0.3802, 0.0401};
-    const double v[HAND_JOINTS] = {1.0, -2.0, -1.41, -0.1};
-    char folder[] = "/tmp/hil-import-mujoco-XXXXXX", path[128], command[160];
-    struct import_request request = {.file = path,
-                                     .folder = folder,
-                                     .boards = {&protocol_icub, false},
-                                     .options = {.mimic = IMPORT_MIMIC_COUPLE}};
-    double exact[HAND_JOINTS], end[HAND_JOINTS];
-    struct import_result result;
-    struct robot *robot;
-    struct error error;
+    double start[HAND_JOINTS], exact[HAND_JOINTS], end[HAND_JOINTS];
 
-    assert_non_null(mkdtemp(folder));
-    snprintf(path, sizeof path, "%s/hand.xml", folder);
-    write_text(path, hand);
-    if (import_run(&request, &arena, &result, &error)) {
-        fail_msg("%s", error.text);
-    }
-    assert_int_equal(robot_copy(result.loaded, &arena, &robot, &error), ERROR_NONE);
-    assert_int_equal(robot->njoint, HAND_JOINTS);
-    assert_int_equal(robot->ncoupling, 2);
     for (size_t j = 0; j < robot->njoint; j++) {
         robot->joint[j].sea.present = false;
         robot->joint[j].stop = (struct robot_stop){0};
+        start[j] = q[j] + (j == 0 ? from : 0.0);
     }
-    mujoco_move_hand(path, robot, q, v, exact);
+    mujoco_move_hand(path_of(name), robot, start, v, exact);
+    exact[0] -= from;
     for (int i = 0; i < 2; i++) {
         double worst = 0.0;
 
-        plant_move_hand(robot, integrator[i], q, v, end);
-        for (int j = 0; j < HAND_JOINTS; j++) {
+        plant_move_hand(robot, i ? PLANT_IMPLICIT : PLANT_DOPRI5, q, v, end);
+        for (size_t j = 0; j < robot->njoint; j++) {
             worst = fmax(worst, fabs(end[j] - exact[j]));
         }
-        print_message("# couplings: %.1e rad or m from MuJoCo after %d ms\n", worst, HAND_MS);
-        assert_true(worst <= tolerance[i]);
+        print_message("# %s: %.1e rad or m from MuJoCo after %d ms\n", name, worst, HAND_MS);
+        assert_true(worst <= (i ? implicitly : exactly));
     }
-    snprintf(command, sizeof command, "rm -r '%s'", folder);
-    assert_int_equal(system(command), 0);
+}
+
+/* From a state in which nothing follows quite. */
+TEST_WITH(couplings_move_joints_as_tendons_of_mujoco_do, open_folder, close_folder)
+{
+    const double q[HAND_JOINTS] = {0.3, 0.4, 0.3802, 0.0401};
+    const double v[HAND_JOINTS] = {1.0, -2.0, -1.41, -0.1};
+    struct robot *robot;
+
+    write_text("hand.xml", hand);
+    robot = import_file("hand.xml", (struct import_options){.mimic = IMPORT_MIMIC_COUPLE}, icub);
+    assert_int_equal(robot->njoint, HAND_JOINTS);
+    assert_int_equal(robot->ncoupling, 2);
+    compare_motion("hand.xml", robot, q, v, 0.0, 1e-10, 5e-5);
 }
 
 /* ---- springs ---- */
@@ -810,50 +813,18 @@ static const char spring_leg[] =
 
 enum { LEG_JOINTS = 3 };
 
-TEST_WITH(springs_move_joints_as_those_of_mujoco, open_big_arena, close_big_arena)
+TEST_WITH(springs_move_joints_as_those_of_mujoco, open_folder, close_folder)
 {
-    static const enum plant_integrator integrator[] = {PLANT_DOPRI5, PLANT_IMPLICIT};
-    static const double tolerance[] = {1e-9, 1e-3};
     const double q[LEG_JOINTS] = {0.3, -0.4, 0.5}, v[LEG_JOINTS] = {1.0, -2.0, 3.0};
-    double from[LEG_JOINTS], exact[LEG_JOINTS], end[LEG_JOINTS];
-    char folder[] = "/tmp/hil-import-mujoco-XXXXXX", path[128], command[160];
-    struct import_request request = {
-        .file = path, .folder = folder, .boards = {&protocol_icub, false}};
-    struct import_result result;
     struct robot *robot;
-    struct error error;
 
-    assert_non_null(mkdtemp(folder));
-    snprintf(path, sizeof path, "%s/leg.xml", folder);
-    write_text(path, spring_leg);
-    if (import_run(&request, &arena, &result, &error)) {
-        fail_msg("%s", error.text);
-    }
-    assert_int_equal(robot_copy(result.loaded, &arena, &robot, &error), ERROR_NONE);
+    write_text("leg.xml", spring_leg);
+    robot = import_file("leg.xml", (struct import_options){0}, icub);
     assert_int_equal(robot->njoint, LEG_JOINTS);
     for (size_t j = 0; j < robot->njoint; j++) {
         assert_int_equal(robot->joint[j].sea.present, j == 2);
-        robot->joint[j].sea.present = false;
-        robot->joint[j].stop = (struct robot_stop){0};
     }
-
-    /* MuJoCo's first joint counts from 10 degrees */
-    memcpy(from, q, sizeof from);
-    from[0] += 10.0 * M_PI / 180.0;
-    mujoco_move_hand(path, robot, from, v, exact);
-    exact[0] -= 10.0 * M_PI / 180.0;
-    for (int i = 0; i < 2; i++) {
-        double worst = 0.0;
-
-        plant_move_hand(robot, integrator[i], q, v, end);
-        for (int j = 0; j < LEG_JOINTS; j++) {
-            worst = fmax(worst, fabs(end[j] - exact[j]));
-        }
-        print_message("# springs: %.1e rad from MuJoCo after %d ms\n", worst, HAND_MS);
-        assert_true(worst <= tolerance[i]);
-    }
-    snprintf(command, sizeof command, "rm -r '%s'", folder);
-    assert_int_equal(system(command), 0);
+    compare_motion("leg.xml", robot, q, v, 10.0 * M_PI / 180.0, 1e-9, 1e-3);
 }
 
 /* ---- included files ---- */
@@ -897,47 +868,32 @@ static const char notched[] =
     "f 1 2 8\nf 1 8 7\nf 2 3 9\nf 2 9 8\nf 3 4 10\nf 3 10 9\nf 4 5 11\nf 4 11 10\n"
     "f 5 6 12\nf 5 12 11\nf 6 1 7\nf 6 7 12\n";
 
-static void write_in(const char *folder, const char *name, const char *text)
-{
-    char path[160];
-
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    write_text(path, text);
-}
-
 /* MuJoCo keeps corners of meshes in single precision, and finds principal axes to 1e-6. Without
  * exactmeshinertia version 2.2 multiplies the density not with the volume of a mesh but with that
  * of the box of the same inertia (a tetrahedron weighs 1.4 times what it does), which is not
  * followed: meshes are given their masses then. */
-TEST_WITH(included_files_and_inertias_of_geoms_are_those_of_mujoco, open_big_arena, close_big_arena)
+TEST_WITH(included_files_and_inertias_of_geoms_are_those_of_mujoco, open_folder, close_folder)
 {
     static const char *const how[] = {"", "exactmeshinertia='true'"};
     static const char *const mass[] = {"mass='3'", ""};
-    char folder[] = "/tmp/hil-import-mujoco-XXXXXX", path[128], text[1024], command[160];
-    struct import_request request = {
-        .file = path, .folder = folder, .boards = {&protocol_icub, false}, .force = true};
-    struct import_result result;
+    const struct robot *robot = NULL;
+    char text[1024];
     struct differences d;
-    struct error error;
 
-    assert_non_null(mkdtemp(folder));
-    snprintf(command, sizeof command, "mkdir '%s/parts' '%s/stl'", folder, folder);
-    assert_int_equal(system(command), 0);
-    snprintf(path, sizeof path, "%s/suite.xml", folder);
-    write_text(path, suite_main);
-    write_in(folder, "parts/shin.xml", suite_shin);
-    write_in(folder, "stl/convex.obj", convex);
-    write_in(folder, "stl/notched.obj", notched);
+    assert_int_equal(mkdir(path_of("parts"), 0700), 0);
+    assert_int_equal(mkdir(path_of("stl"), 0700), 0);
+    write_text("suite.xml", suite_main);
+    write_text("parts/shin.xml", suite_shin);
+    write_text("stl/convex.obj", convex);
+    write_text("stl/notched.obj", notched);
     for (int exact = 0; exact < 2; exact++) {
         snprintf(text, sizeof text, suite_common, how[exact]);
-        write_in(folder, "common.xml", text);
+        write_text("common.xml", text);
         snprintf(text, sizeof text, suite_leg, mass[exact]);
-        write_in(folder, "parts/leg.xml", text);
-        if (import_run(&request, &arena, &result, &error)) {
-            fail_msg("%s", error.text);
-        }
+        write_text("parts/leg.xml", text);
+        robot = import_file("suite.xml", (struct import_options){0}, icub);
         dice = random_named(1, "suite");
-        d = compare_files(path, result.loaded, 50, false);
+        d = compare_files(path_of("suite.xml"), robot, 50, false);
         print_message("# geoms%s: %d bodies, masses %.1e, centers %.1e m, inertias %.1e, "
                       "accelerations %.1e\n",
                       exact ? ", exact" : "", d.bodies, d.mass, d.com, d.inertia, d.acceleration);
@@ -947,10 +903,8 @@ TEST_WITH(included_files_and_inertias_of_geoms_are_those_of_mujoco, open_big_are
     }
 
     /* By hand: the L has 3e-3 m3, and what the torso weighs is its ellipsoid and its box */
-    assert_true(fabs(result.loaded->body[0].inertia.mass -
+    assert_true(fabs(robot->body[0].inertia.mass -
                      (800.0 * 4.0 / 3.0 * M_PI * 0.2 * 0.15 * 0.1 + 700.0 * 8.0 * 0.001)) <= 1e-9);
-    snprintf(command, sizeof command, "rm -r '%s'", folder);
-    assert_int_equal(system(command), 0);
 }
 
 /* ---- by hand ---- */
@@ -984,6 +938,6 @@ static void __attribute__((constructor)) register_by_hand(void)
     hand_robot = getenv("HIL_MUJOCO_ROBOT");
     if (hand_file && hand_robot) {
         test_register(__LINE__, (struct CMUnitTest)cmocka_unit_test_setup_teardown(
-                                    file_is_that_of_mujoco, open_big_arena, close_big_arena));
+                                    file_is_that_of_mujoco, open_folder, close_folder));
     }
 }
