@@ -6,8 +6,6 @@
  */
 #include "tests/unit/sim/robot_requests_scene.h"
 
-#include <time.h>
-
 static void take_answers(struct witness *w, int64_t tick)
 {
     struct request_answer answer;
@@ -106,106 +104,51 @@ static void repeats(const struct scene *scene)
     close_scene(&w, &arena);
 }
 
-TEST(repeats_a_squat_on_ideal_buses)
+/* Rigs of every kind; drives with play, hysteresis, heat, friction that rests, a supply and its
+ * chopper, all of which have states; noise and faults on wires; free bodies; resets. */
+TEST(what_follows_a_checkpoint_follows_it_again)
 {
-    const struct scene scene = {
-        .rig = "coman", .task = "squat", .clock = LOOP_CLOCK_FREE, .at = 300, .span = 400};
-
-    repeats(&scene);
-}
-
-TEST(repeats_a_squat_in_lockstep)
-{
-    const struct scene scene = {
-        .rig = "coman", .task = "squat", .clock = LOOP_CLOCK_LOCKSTEP, .at = 251, .span = 300};
-
-    repeats(&scene);
-}
-
-TEST(repeats_a_squat_with_numeric_dynamics)
-{
-    const struct scene scene = {.rig = "coman",
-                                .task = "squat",
-                                .clock = LOOP_CLOCK_FREE,
-                                .generic = true,
-                                .at = 300,
-                                .span = 100};
-
-    repeats(&scene);
-}
-
-/* Play, hysteresis, heat, friction that rests, the supply and its chopper all have states, and the
- * flags and orders among them: while the robot comes to stand and squats, and while the supply sags
- * and comes back. */
-TEST(repeats_drives_with_all_that_is_real_in_them)
-{
+    const enum loop_clock alone = LOOP_CLOCK_FREE, lockstep = LOOP_CLOCK_LOCKSTEP;
     const struct scene scenes[] = {
+        {.rig = "coman", .task = "squat", .clock = alone, .at = 300, .span = 400},
+        {.rig = "coman", .task = "squat", .clock = lockstep, .at = 251, .span = 300},
+        {.rig = "coman", .task = "squat", .clock = alone, .generic = true, .at = 300, .span = 100},
+        {.rig = "coman", .task = "squat", .clock = alone, .simbody = true, .at = 40, .span = 40},
         {.rig = "coman-drives",
          .task = "squat",
-         .clock = LOOP_CLOCK_FREE,
+         .clock = alone,
          .at = 700,
          .span = 400,
          .fault = {"supply sag 40 0.75..0.8", "motor LKneeSag jam 0.9.."}},
-        {.rig = "coman-drives",
+        {.rig = "coman-drives", .task = "squat", .clock = alone, .generic = true, .span = 300},
+        {.rig = "coman-sensors",
          .task = "squat",
-         .clock = LOOP_CLOCK_FREE,
-         .generic = true,
-         .at = 0,
-         .span = 300},
+         .clock = alone,
+         .timed = true,
+         .fault = {"bus left_leg error_burst 0.02", "bus right_leg duplicate 0.1",
+                   "bus right_arm late 0.0023", "bus left_arm loss 0.05", "sensor imu intermittent",
+                   "bus torso bus_off 0.40..0.65", "motor LElbj jam 0.45..",
+                   "sensor LKneeSag.torque garbage 3"},
+         .at = 300,
+         .span = 400},
+        {.rig = "coman-sensors",
+         .task = "squat",
+         .clock = lockstep,
+         .timed = true,
+         .fault = {"bus left_leg error_burst 0.02 0.1..", "bus right_arm late 0.0023",
+                   "sensor imu intermittent", "sensor LKneeSag.torque garbage 3 0.1..0.15"},
+         .span = 200},
+        {.rig = "grasp", .task = "grasp", .clock = alone, .at = 300, .span = 60},
+        {.rig = "grasp", .task = "grasp", .clock = alone, .span = 250},
+        {.rig = "coman-compact", .task = "squat", .clock = alone, .at = 300, .span = 200},
+        {.rig = "coman-cia402", .task = "squat", .clock = alone, .at = 60, .span = 200},
+        {.rig = "coman-foc", .task = "squat", .clock = alone, .at = 300, .span = 200},
+        {.rig = "coman-fd", .task = "squat", .clock = alone, .timed = true, .at = 300, .span = 200},
     };
 
-    repeats(&scenes[0]);
-    repeats(&scenes[1]);
-}
-
-TEST(repeats_noise_and_faults_on_wires)
-{
-    const struct scene scene = {
-        .rig = "coman-sensors",
-        .task = "squat",
-        .clock = LOOP_CLOCK_FREE,
-        .timed = true,
-        .fault = {"bus left_leg error_burst 0.02", "bus right_leg duplicate 0.1",
-                  "bus right_arm late 0.0023", "bus left_arm loss 0.05", "sensor imu intermittent",
-                  "bus torso bus_off 0.40..0.65", "motor LElbj jam 0.45..",
-                  "sensor LKneeSag.torque garbage 3"},
-        .at = 300,
-        .span = 400,
-    };
-
-    repeats(&scene);
-}
-
-TEST(repeats_a_grasp_with_free_bodies)
-{
-    const struct scene scene = {
-        .rig = "grasp", .task = "grasp", .clock = LOOP_CLOCK_FREE, .at = 300, .span = 60};
-
-    repeats(&scene);
-}
-
-TEST(a_reset_in_a_grasp_begins_it_again)
-{
-    const struct scene scene = {
-        .rig = "grasp", .task = "grasp", .clock = LOOP_CLOCK_FREE, .at = 0, .span = 250};
-
-    repeats(&scene);
-}
-
-TEST(a_reset_begins_noise_and_faults_again)
-{
-    const struct scene scene = {
-        .rig = "coman-sensors",
-        .task = "squat",
-        .clock = LOOP_CLOCK_LOCKSTEP,
-        .timed = true,
-        .fault = {"bus left_leg error_burst 0.02 0.1..", "bus right_arm late 0.0023",
-                  "sensor imu intermittent", "sensor LKneeSag.torque garbage 3 0.1..0.15"},
-        .at = 0,
-        .span = 200,
-    };
-
-    repeats(&scene);
+    for (size_t i = 0; i < sizeof scenes / sizeof scenes[0]; i++) {
+        repeats(&scenes[i]);
+    }
 }
 
 /* Another thread reads what has happened, perhaps only after the run went back: two events of the
@@ -240,117 +183,4 @@ TEST(events_from_before_going_back_are_still_told)
     }
     assert_int_equal(count, 4);
     close_scene(&w, &arena);
-}
-
-TEST(repeats_the_compact_boards)
-{
-    const struct scene scene = {
-        .rig = "coman-compact", .task = "squat", .clock = LOOP_CLOCK_FREE, .at = 300, .span = 200};
-
-    repeats(&scene);
-}
-
-TEST(repeats_the_cia402_boards)
-{
-    const struct scene scene = {
-        .rig = "coman-cia402", .task = "squat", .clock = LOOP_CLOCK_FREE, .at = 60, .span = 200};
-
-    repeats(&scene);
-}
-
-TEST(repeats_the_foc_boards)
-{
-    const struct scene scene = {
-        .rig = "coman-foc", .task = "squat", .clock = LOOP_CLOCK_FREE, .at = 300, .span = 200};
-
-    repeats(&scene);
-}
-
-TEST(repeats_fd_frames)
-{
-    const struct scene scene = {.rig = "coman-fd",
-                                .task = "squat",
-                                .clock = LOOP_CLOCK_FREE,
-                                .timed = true,
-                                .at = 300,
-                                .span = 200};
-
-    repeats(&scene);
-}
-
-TEST(repeats_on_the_other_contact_engine)
-{
-    const struct scene scene = {.rig = "coman",
-                                .task = "squat",
-                                .clock = LOOP_CLOCK_FREE,
-                                .simbody = true,
-                                .at = 40,
-                                .span = 40};
-
-    repeats(&scene);
-}
-
-/* ---- what it costs ---- */
-
-enum { COPIES = 50 };
-
-struct stopwatch {
-    struct witness w;
-    int calls;
-    int64_t begin_ns,
-        spent_ns[3]; /* a tick; one with checkpoints, with restores of another state */
-};
-
-static int64_t wall_ns(void)
-{
-    struct timespec now;
-
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
-}
-
-static void measure(void *context, int64_t time_ns)
-{
-    struct stopwatch *stopwatch = context;
-    int64_t spent = wall_ns() - stopwatch->begin_ns;
-    int call = stopwatch->calls++ - 100;
-    struct request_answer answer;
-
-    (void)time_ns;
-    if (call >= 0 && call < 3) {
-        stopwatch->spent_ns[call] = spent;
-    }
-    while (requests_answer(simulator_requests(stopwatch->w.simulator), &answer)) {
-        assert_int_equal(answer.verdict, REQUEST_OK);
-    }
-    for (int i = 0; i < COPIES && (call == 0 || call == 1); i++) {
-        ask(&stopwatch->w, call == 0 ? REQUEST_CHECKPOINT : REQUEST_RESTORE, 1u - (call & i & 1));
-    }
-    stopwatch->begin_ns = wall_ns();
-}
-
-TEST(prints_what_a_checkpoint_costs)
-{
-    static const struct scene scenes[] = {
-        {.rig = "coman", .task = "squat", .clock = LOOP_CLOCK_FREE},
-        {.rig = "coman", .task = "squat", .clock = LOOP_CLOCK_FREE, .timed = true},
-        {.rig = "grasp", .task = "grasp", .clock = LOOP_CLOCK_FREE},
-    };
-
-    for (size_t i = 0; i < sizeof scenes / sizeof scenes[0]; i++) {
-        static struct stopwatch stopwatch;
-        const struct simulator_observer observer = {&stopwatch, measure};
-        struct arena arena;
-        struct rig rig;
-
-        memset(&stopwatch, 0, sizeof stopwatch);
-        open_scene(&scenes[i], &stopwatch.w, &arena, &rig, &observer, 110, true);
-        simulator_run(stopwatch.w.simulator);
-        print_message("%s%s: %zu bytes, %.0f us to keep, %.0f us to go back\n", scenes[i].rig,
-                      scenes[i].timed ? " on wires" : "",
-                      simulator_checkpoint_size(stopwatch.w.simulator),
-                      (double)(stopwatch.spent_ns[1] - stopwatch.spent_ns[0]) * 1e-3 / COPIES,
-                      (double)(stopwatch.spent_ns[2] - stopwatch.spent_ns[0]) * 1e-3 / COPIES);
-        close_scene(&stopwatch.w, &arena);
-    }
 }
