@@ -224,26 +224,6 @@ TEST(refuses_malformed_lines_and_names_the_column)
     }
 }
 
-TEST(reads_back_every_random_frame_that_it_has_written)
-{
-    random_state = 1;
-    for (int i = 0; i < 100000; i++) {
-        const struct bus_frame frame = random_frame();
-        char line[CANDUMP_LINE_MAX], again[CANDUMP_LINE_MAX], bus[16];
-        struct bus_frame back;
-        struct error error;
-        size_t size = candump_format(&frame, "can17", line);
-
-        if (candump_parse(line, size, &back, bus, &error)) {
-            fail_msg("%s: %s", line, error.text);
-        }
-        assert_string_equal(bus, "can17");
-        assert_frames_equal(&frame, &back);
-        assert_int_equal(candump_format(&back, bus, again), size);
-        assert_string_equal(again, line);
-    }
-}
-
 /* A temporary file with the text; the caller unlinks path. */
 static void write_file(char path[32], const char *text, size_t size)
 {

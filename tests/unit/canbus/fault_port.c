@@ -91,20 +91,6 @@ static void assert_all(const struct bench *bench, size_t found, size_t count)
     }
 }
 
-TEST_WITH(rule_that_is_not_active_changes_nothing, set_up, tear_down)
-{
-    struct bench *bench = *test_state;
-
-    spoil(bench, (struct fault_port_rule){FAULT_PORT_LOSS, .probability = 1.0, .id = -1}, 1);
-    send(bench->far, 0x101, 0, 1000);
-    assert_all(bench, receive(bench, bench->near), 1000);
-    send(bench->near, 0x101, 0, 1000);
-    assert_all(bench, receive(bench, bench->far), 1000);
-    assert_int_equal(bench->near->counters.rx_frames, 1000);
-    assert_int_equal(bench->near->counters.tx_frames, 1000);
-    assert_int_equal(bench->near->state, CAN_PORT_UP);
-}
-
 TEST_WITH(lost_frames_are_the_share_asked_for_in_both_directions, set_up, tear_down)
 {
     struct bench *bench = *test_state;
@@ -117,29 +103,6 @@ TEST_WITH(lost_frames_are_the_share_asked_for_in_both_directions, set_up, tear_d
     send(bench->near, 0x101, 0, 8000);
     assert_true(fabs((double)receive(bench, bench->far) - n * (1.0 - p)) < bound);
     assert_int_equal(bench->near->counters.rx_dropped, 0); /* no news of the port */
-}
-
-TEST_WITH(losses_repeat_with_the_seed, set_up, tear_down)
-{
-    struct bench *bench = *test_state;
-    uint64_t hash[3] = {0};
-
-    bench->active = true;
-    for (int i = 0; i < 3; i++) {
-        struct can_port *plain = bench->near;
-        size_t count;
-
-        spoil(bench, (struct fault_port_rule){FAULT_PORT_LOSS, .probability = 0.5, .id = -1},
-              i == 2 ? 8 : 7);
-        send(bench->far, 0x101, 0, 200);
-        count = receive(bench, bench->near);
-        for (size_t k = 0; k < count; k++) {
-            hash[i] = hash[i] * 31 + number(&bench->frame[k]);
-        }
-        bench->near = plain;
-    }
-    assert_true(hash[0] == hash[1]);
-    assert_true(hash[0] != hash[2]);
 }
 
 TEST_WITH(corrupted_frames_differ_in_one_bit_of_their_data, set_up, tear_down)

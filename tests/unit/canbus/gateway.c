@@ -510,29 +510,6 @@ TEST_WITH(a_step_is_passed_on_and_refused_without_the_lockstep_clock, start, sto
     close(client);
 }
 
-TEST_WITH(hostile_bytes_do_no_harm, start, stop)
-{
-    struct fixture *f = *test_state;
-    unsigned seed = 7;
-    int good = join_raw(f, "torso");
-
-    for (int round = 0; round < 200; round++) {
-        unsigned char text[600];
-        int client = join(f);
-        size_t size = (size_t)rand_r(&seed) % sizeof text;
-
-        for (size_t i = 0; i < size; i++) {
-            text[i] = (unsigned char)("<> open torso send 1\n\r"[rand_r(&seed) % 22] ^
-                                      (rand_r(&seed) % 50 == 0 ? rand_r(&seed) & 0xff : 0));
-        }
-        (void)!send(client, text, size, MSG_NOSIGNAL);
-        close(client);
-    }
-    say(good, "< echo >");
-    hears(good, "< echo >");
-    close(good);
-}
-
 TEST_WITH(refuses_hosts_and_ports_that_cannot_be_had, start, stop)
 {
     struct fixture *f = *test_state;

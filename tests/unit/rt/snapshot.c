@@ -109,14 +109,3 @@ TEST(gaps_stay_zero)
     }
     arena_fini(&arena);
 }
-
-TEST(no_memory_is_an_error)
-{
-    struct snapshot *snapshot;
-    struct arena arena;
-    struct error error;
-
-    assert_int_equal(arena_init(&arena, 4096, &error), ERROR_NONE);
-    assert_int_equal(snapshot_create(1 << 20, &arena, &snapshot, &error), ERROR_MEMORY);
-    arena_fini(&arena);
-}

@@ -121,11 +121,3 @@ TEST_WITH(a_reader_beside_the_writer_gets_whole_rows, set_up, tear_down)
     assert_int_equal(wrong, 0);
     assert_int_equal(rows + lost, last);
 }
-
-TEST_WITH(no_memory_is_an_error, set_up, tear_down)
-{
-    struct stream *none;
-    struct error error;
-
-    assert_int_equal(stream_create(1 << 20, ROWS, &arena, &none, &error), ERROR_MEMORY);
-}
