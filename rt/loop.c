@@ -1,10 +1,100 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Runs the ticks: the phases of a tick in their order, each stamped with the time that it took,
- * and the run around them. */
+ * the wait before them, and the run around them. A machine gets functions that do nothing where it
+ * has none, so that the loop calls every phase without checking for NULL. */
 #include "rt/loop_private.h"
+
 #include "rt/probes.h"
 
 #include <sys/resource.h>
+
+/* ---- a machine that does nothing ---- */
+
+static void idle_receive(void *context, int64_t now_ns, size_t bus, const struct bus_frame *frame)
+{
+    (void)context, (void)now_ns, (void)bus, (void)frame;
+}
+
+static void idle_phase(void *context, int64_t now_ns)
+{
+    (void)context, (void)now_ns;
+}
+
+static bool idle_model(void *context, int64_t now_ns)
+{
+    (void)context, (void)now_ns;
+    return true;
+}
+
+static size_t idle_transmit(void *context, int64_t now_ns, size_t bus, struct bus_frame *frames,
+                            size_t max)
+{
+    (void)context, (void)now_ns, (void)bus, (void)frames, (void)max;
+    return 0;
+}
+
+static bool idle_fault(void *context)
+{
+    (void)context;
+    return false;
+}
+
+static void idle_publish(void *context, int64_t now_ns, const struct loop_stats *stats)
+{
+    (void)context, (void)now_ns, (void)stats;
+}
+
+static void idle_wait(void *context)
+{
+    (void)context;
+}
+
+/* Puts a function that does nothing in the place of each one that the machine lacks. */
+static void complete_machine(struct loop_machine *machine)
+{
+    machine->begin = machine->begin ? machine->begin : idle_phase;
+    machine->receive = machine->receive ? machine->receive : idle_receive;
+    machine->control = machine->control ? machine->control : idle_phase;
+    machine->plant = machine->plant ? machine->plant : idle_model;
+    machine->sample = machine->sample ? machine->sample : idle_model;
+    machine->transmit = machine->transmit ? machine->transmit : idle_transmit;
+    machine->fault = machine->fault ? machine->fault : idle_fault;
+    machine->publish = machine->publish ? machine->publish : idle_publish;
+    machine->idle = machine->idle ? machine->idle : idle_wait;
+    machine->shut_down = machine->shut_down ? machine->shut_down : idle_phase;
+}
+
+/* ---- the configuration ---- */
+
+/* Sets the default identifiers (equal ones mean unset) and the default time-out of lockstep. */
+static void complete_lockstep(struct loop_lockstep *lockstep)
+{
+    if (lockstep->step_id == lockstep->done_id) {
+        lockstep->step_id = LOCKSTEP_STEP_ID;
+        lockstep->done_id = LOCKSTEP_DONE_ID;
+    }
+    if (lockstep->partner_timeout_ns == 0) {
+        lockstep->partner_timeout_ns = CLOCK_SECOND;
+    }
+}
+
+static bool loop_complete_config(struct loop_config *config, struct arena *arena)
+{
+    config->tick_ns = config->tick_ns ? config->tick_ns : CLOCK_MS;
+    config->stop_after = config->stop_after ? config->stop_after : 1;
+    config->time = config->time ? config->time : clock_monotonic();
+    complete_lockstep(&config->lockstep);
+    complete_machine(&config->machine);
+    if (!config->transmit_max) {
+        size_t *most = arena_alloc(arena, config->nbus + 1, sizeof *most);
+
+        for (size_t b = 0; most && b < config->nbus; b++) {
+            most[b] = LOOP_TRANSMIT_DEFAULT;
+        }
+        config->transmit_max = most;
+    }
+    return config->transmit_max != NULL;
+}
 
 /* ---- creation and what others may ask ---- */
 
@@ -94,6 +184,81 @@ bool loop_step_controller(struct loop *loop)
         return false;
     }
     return true;
+}
+
+/* ---- the wait for a tick's deadline, STEP frame (loop_lockstep.c) or nothing ---- */
+
+/* Returns when to look for requests again while the deadline is far off (ns of the clock). */
+static int64_t wait_next_look(const struct loop *loop, int64_t now_ns)
+{
+    int64_t slice = now_ns + WAIT_SLICE_NS, before = loop->deadline_ns - POLL_SLICE_NS;
+
+    return slice < before ? slice : before;
+}
+
+/* Sleeps until the tick's deadline. False = the run ends, or a request has to be carried out
+ * first. */
+static bool wait_for_deadline(struct loop *loop)
+{
+    int64_t now = clock_now(loop->config.time);
+    bool slept = false;
+
+    /* Speed 0: as fast as possible, the deadline is always now */
+    if (loop->period_ns == 0) {
+        loop->deadline_ns = now;
+    }
+
+    for (;;) {
+        if (loop_stop_requested(loop)) {
+            return false;
+        }
+        if (now - loop->deadline_ns > LOOP_PAUSE_NS) {
+            overrun_skip_pause(loop, now);
+        }
+        if (now >= loop->deadline_ns) {
+            break;
+        }
+
+        /* Far from the deadline requests interrupt the sleep; close to it nothing does */
+        if (loop->config.requests && loop->deadline_ns - now > 2 * POLL_SLICE_NS) {
+            loop->config.machine.idle(loop->config.machine.context);
+            loop_requests_sleep(loop, NULL, wait_next_look(loop, now));
+            if (loop_request_waits(loop)) {
+                return false;
+            }
+        } else {
+            clock_sleep_until(loop->config.time, loop->deadline_ns);
+            slept = true;
+        }
+        now = clock_now(loop->config.time);
+    }
+
+    /* From its reference time on the tick is charged for its time; how late the sleep ended is
+     * counted */
+    loop->reference_ns =
+        loop->deadline_ns > loop->last_end_ns ? loop->deadline_ns : loop->last_end_ns;
+    if (slept) {
+        histogram_add(&loop->stats.wakeup, now - loop->deadline_ns);
+    }
+    return true;
+}
+
+static bool loop_wait_by_clock(struct loop *loop)
+{
+    bool go;
+
+    switch (loop->config.clock) {
+    case LOOP_CLOCK_REAL:
+        return wait_for_deadline(loop);
+    case LOOP_CLOCK_LOCKSTEP:
+        return loop_wait_for_step(loop);
+    default:
+        go = loop_is_paced(loop) ? wait_for_deadline(loop) : !loop_stop_requested(loop);
+        if (go) {
+            loop_step_controller(loop);
+        }
+        return go;
+    }
 }
 
 /* ---- frames ---- */

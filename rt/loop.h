@@ -220,4 +220,18 @@ void loop_event_format(const struct loop *loop, const struct loop_event *event, 
 /* Returns the name of a phase: "wait", "receive", ... */
 const char *loop_phase_name(enum loop_phase phase);
 
+/*
+ * What each phase of a tick does and may cost: COMAN's squat on its five buses in wire mode, in
+ * instructions of an x86-64 processor as callgrind counts them, the mean of a tick. At one
+ * instruction in a nanosecond, which every lab PC exceeds, 10,000 are one per cent of the tick of 1
+ * ms. tests/rt/phase_instructions.sh holds the loop to it.
+ */
+struct phase_budget {
+    const char *does;
+    uint32_t instructions;       /* 0 = none: the wait */
+    double typical_us, worst_us; /* in real time on a virtual machine of two cores: median, 99 % */
+};
+
+extern const struct phase_budget phase_budgets[PHASE_COUNT];
+
 #endif

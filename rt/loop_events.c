@@ -1,9 +1,39 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Queues the events of the loop and writes their text for the log. */
+/* What the loop says of itself: words, what its phases do and may cost, and its events, which are
+ * queued and written as text for the log. */
 #include "rt/loop_private.h"
 
 #include <stdio.h>
 #include <string.h>
+
+const struct word loop_clock_words[] = {{"real", LOOP_CLOCK_REAL},
+                                        {"lockstep", LOOP_CLOCK_LOCKSTEP},
+                                        {"free", LOOP_CLOCK_FREE},
+                                        {NULL, 0}};
+const struct word loop_overrun_words[] = {{"skip", LOOP_OVERRUN_SKIP},
+                                          {"slip", LOOP_OVERRUN_SLIP},
+                                          {"stop", LOOP_OVERRUN_STOP},
+                                          {NULL, 0}};
+
+const struct phase_budget phase_budgets[PHASE_COUNT] = {
+    [PHASE_WAIT] = {"sleeps until the deadline (real), until a STEP comes (lockstep) or not at all "
+                    "(free); before that, faults that are due begin and end and requests of "
+                    "another thread are carried out; an inline task takes its step",
+                    0, 0.0, 0.0},
+    [PHASE_RECEIVE] = {"takes all frames from all buses and hands each to its board", 7700, 2.2,
+                       10.1},
+    [PHASE_BOARDS] = {"state machines, time-outs and control loops of the boards: the voltage of "
+                      "each motor",
+                      7900, 1.7, 4.9},
+    [PHASE_PLANT] = {"moves the robot on by a tick: actuators, dynamics, contact", 92000, 19.0,
+                     42.0},
+    [PHASE_SENSORS] = {"samples, delays, quantizes and disturbs what the boards measure", 20000,
+                       2.7, 5.6},
+    [PHASE_TRANSMIT] = {"wires in virtual time move on; boards send what is due", 41000, 13.8,
+                        34.8},
+    [PHASE_PUBLISH] = {"hands state and counters to other threads, a row to the recorder", 1550,
+                       0.8, 3.0},
+};
 
 void loop_emit_event(struct loop *loop, enum loop_event_kind kind, int bus, int64_t a, int64_t b)
 {

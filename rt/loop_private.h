@@ -1,22 +1,21 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the parts of the loop share. loop.c runs the tick, loop_wait.c waits for its time,
- * loop_lockstep.c for its STEP frame, overrun.c keeps the accounts of the real clock,
- * loop_requests.c carries out requests between two ticks, loop_events.c words the log and
- * loop_defaults.c completes a configuration. All of it runs in the loop's thread and is RT-safe
- * unless it says otherwise.
+ * What the parts of the loop share. loop.c runs the tick and waits for its time, loop_lockstep.c
+ * for its STEP frame, overrun.c keeps the accounts of the real clock, loop_requests.c carries
+ * out requests between two ticks, requests.c is their rings, loop_events.c words the log. All of
+ * it runs in the loop's thread and is RT-safe unless it says otherwise.
  */
 #ifndef RT_LOOP_PRIVATE_H
 #define RT_LOOP_PRIVATE_H
 
 #include "base/ring.h"
 #include "rt/loop.h"
-#include "rt/requests_private.h"
+#include "rt/request_machine.h"
 
 #include <stdatomic.h>
 
 /* Keeps a function from being inlined: one place for a probe, a line of its own in a profile,
- * and what the test of the budget (rt/phase_budget.h) counts. */
+ * and what the test of the budget (phase_budgets) counts. */
 #define LOOP_NOINLINE __attribute__((noinline))
 
 enum {
@@ -56,7 +55,7 @@ struct loop_requests {
 };
 
 struct loop {
-    struct loop_config config; /* complete: loop_defaults.c */
+    struct loop_config config; /* complete */
     struct loop_stats stats;
     atomic_bool stop;
     _Atomic uint64_t beat; /* loop_beat */
@@ -92,11 +91,32 @@ struct loop {
     struct loop_requests requests; /* with config.requests */
 };
 
-/* ---- loop_defaults.c ---- */
+/* ---- requests.c: takes requests, answers them and publishes what other threads may read ---- */
 
-/* Puts defaults where the configuration is zero or NULL. Memory from arena; false = it is used
- * up. Not RT-safe. */
-bool loop_complete_config(struct loop_config *config, struct arena *arena);
+const struct request_machine *requests_machine(const struct requests *requests);
+
+/* Takes the next request, if one waits and there is room for its answer; checks whether that is
+ * so. */
+bool requests_next(struct requests *requests, struct loop_request *request);
+bool requests_waits(const struct requests *requests);
+
+/* Answers a request that was taken, with tick and virtual time at which it was carried out. */
+void requests_reply(struct requests *requests, uint64_t ticket, enum request_verdict verdict,
+                    uint64_t tick, int64_t now_ns);
+
+/* Publishes whether the loop is paused and its speed. */
+void requests_publish(struct requests *requests, bool paused, double speed);
+
+/* Publishes the values of the tunables; without `all` only when some may have changed. */
+void requests_publish_values(struct requests *requests, bool all);
+
+/* Takes no more requests: what waits is answered REQUEST_UNAVAILABLE. */
+void requests_close(struct requests *requests, uint64_t tick, int64_t now_ns);
+
+/* Begin and end a sleep until a request comes: between them the returned descriptor becomes
+ * readable when one does. -1 = a request waits already. */
+int requests_sleep_begin(struct requests *requests);
+void requests_sleep_end(struct requests *requests, bool readable);
 
 /* ---- loop_events.c ---- */
 
@@ -123,12 +143,6 @@ void loop_count_lost(const struct loop *loop, uint64_t *rx, uint64_t *tx);
 /* Sends DONE on every bus, on that of the STEP last: it says that all the others are there. */
 void loop_send_done(struct loop *loop, uint16_t flags);
 
-/* ---- loop_wait.c ---- */
-
-/* Waits until the tick may begin by the loop's clock. False when it may not: the run ends, or a
- * request has to be carried out first (loop->end tells). */
-bool loop_wait_by_clock(struct loop *loop);
-
 /* Checks whether the loop runs freely at a given speed, on a grid of deadlines. */
 static inline bool loop_is_paced(const struct loop *loop)
 {
@@ -143,7 +157,8 @@ static inline bool loop_request_waits(const struct loop *loop)
 
 /* ---- loop_lockstep.c ---- */
 
-/* Waits for a STEP that fits; see loop_wait_by_clock. */
+/* Waits for a STEP that fits; false when the tick may not begin: the run ends, or a request
+ * has to be carried out first (loop->end tells). */
 bool loop_wait_for_step(struct loop *loop);
 
 /* Delivers the frames held back that came before the STEP. */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Holds the rings of requests and answers, the state that other threads may read, and the sleep
  * that a request interrupts. */
-#include "rt/requests_private.h"
+#include "rt/loop_private.h"
 
 #include "base/ring.h"
 

@@ -13,7 +13,7 @@
  * the loop's beat goes on. No frame is received or sent; what arrives waits in sockets and inboxes,
  * and is lost and counted where these are full. All time-outs of boards are of virtual time and
  * stand still too. A task in a thread of its own (real clock) pauses and resumes with the loop, at
- * its speed (rt/pace.h); controllers in other processes see a silent bus.
+ * its speed (struct pace); controllers in other processes see a silent bus.
  *
  * Steps. REQUEST_STEP runs its ticks at the present speed, whether the loop was paused or not, then
  * pauses. Until then RESUME, STEP, RESET and RESTORE are REQUEST_BUSY, and a PAUSE ends it

@@ -9,7 +9,7 @@
 #define SIM_PRIVATE_H
 
 #include "model/symbolic/symbolic.h"
-#include "rt/pace.h"
+#include "rt/clock.h"
 #include "sim/external.h"
 #include "sim/fault_injection.h"
 #include "sim/interfaces.h"

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Answers HTTP requests: the page, meshes, the database of messages, a WebSocket. */
+/* Answers HTTP requests: the page (its bundle viewer/page.js.gz as bytes of the program), meshes,
+ * the database of messages, a WebSocket. */
 #include "viewer/private.h"
 
 #include "base/array.h"
@@ -7,6 +8,17 @@
 
 #include <stdio.h>
 #include <string.h>
+
+extern const unsigned char viewer_page_begin[], viewer_page_end[];
+__asm__(".section .rodata\n"
+        ".balign 16\n"
+        ".global viewer_page_begin\n"
+        "viewer_page_begin:\n"
+        ".incbin \"" VIEWER_PAGE "\"\n"
+        ".global viewer_page_end\n"
+        "viewer_page_end:\n"
+        ".byte 0\n"
+        ".previous\n");
 
 /* Headers of every answer: nothing is loaded from other sites, no site frames the page, and no
  * answer is cached, as tokens and bundles change. */

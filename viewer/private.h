@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the parts of the page's server share: server.c has the thread, connection.c the bytes from
- * and to a client, http_respond.c answers requests of HTTP, message.c carries out what a client
- * asks, control_link.c passes the rest on to the control socket; hello.c and its parts describe the
- * scene, state_message.c makes the binary states, trace.c hears the buses. All in the server's
- * thread but for what viewer.h says. Not RT-safe.
+ * What the parts of the page's server share: server.c has the thread, connection.c the bytes
+ * from and to a client, http_respond.c answers requests of HTTP, message.c carries out what a
+ * client asks, or passes it on to the control socket; hello.c describes run and scene,
+ * state_message.c makes the binary states, series.c sends rows, trace.c hears the buses. All in
+ * the server's thread but for what viewer.h says. Not RT-safe.
  */
 #ifndef VIEWER_PRIVATE_H
 #define VIEWER_PRIVATE_H
@@ -20,6 +20,7 @@
 
 #include <jansson.h>
 #include <pthread.h>
+#include <string.h>
 
 enum {
     VIEWER_EVENTS = 256,       /* that a page gets which comes late; a power of two */
@@ -232,24 +233,15 @@ enum viewer_right viewer_token_right(const struct viewer *viewer, const char *to
 void viewer_obey(struct viewer *viewer, struct viewer_client *client, const char *text,
                  size_t size);
 
-/* ---- control_link.c ---- */
-
-/* Connects to the control socket; false when there is none. */
-bool control_link_open(struct viewer *viewer, struct viewer_client *client);
 void control_link_close(struct viewer_client *client);
-
-/* Passes a request on; false when it cannot be taken. */
-bool control_link_send(struct viewer_client *client, const char *text, size_t size);
-
 /* Reads answers of the control socket and passes them to the client. */
 void control_link_read(struct viewer *viewer, struct viewer_client *client);
 
-/* ---- hello.c, hello_scene.c, database.c, mesh.c, stl_file.c ---- */
+/* ---- hello.c, database.c, stl_file.c ---- */
 
 /* Describes what does not change during a run; NULL = no memory. */
 json_t *viewer_hello(const struct viewer *viewer);
 json_t *hello_scene(const struct viewer *viewer);
-json_t *hello_numbers(const double *value, size_t count);
 
 /* Describes what the frames of all buses mean; false = no memory. */
 bool viewer_make_database(struct viewer *viewer);
@@ -336,24 +328,44 @@ void playback_trace(struct viewer *viewer, struct viewer_client *client);
 bool playback_obey(struct viewer *viewer, struct viewer_client *client,
                    const struct viewer_message *message, struct error *error);
 
-/* Signals in some rows of the recording or of the history, and how they are made points. */
-struct series {
-    size_t nsignal;
-    uint16_t column[VIEWER_SIGNALS];
-    uint64_t first, end; /* rows */
-    uint64_t step;       /* rows that two points stand for; 1: each row is a point */
-};
-
-/* Sends a series as one binary message (docs/page.md); false = there is no room for it. */
-bool client_put_series(struct viewer *viewer, struct viewer_client *client,
-                       const struct series *series, uint32_t id, uint64_t lost);
-
 /* Sends the values of signals between two times; false with the reason. */
 bool client_send_series(struct viewer *viewer, struct viewer_client *client,
                         const struct viewer_message *message, struct error *error);
 
-/* ---- page.c: the bundle that viewer/page is made into ---- */
+/* ---- little-endian numbers into a buffer; each returns where the next goes ---- */
 
-extern const unsigned char viewer_page_begin[], viewer_page_end[];
+static inline uint8_t *put_u8(uint8_t *to, uint8_t value)
+{
+    *to = value;
+    return to + 1;
+}
+
+static inline uint8_t *put_u16(uint8_t *to, uint16_t value)
+{
+    put_u16_le(to, value);
+    return to + 2;
+}
+
+static inline uint8_t *put_u32(uint8_t *to, uint32_t value)
+{
+    put_u32_le(to, value);
+    return to + 4;
+}
+
+static inline uint8_t *put_u64(uint8_t *to, uint64_t value)
+{
+    put_u32_le(to, (uint32_t)value);
+    put_u32_le(to + 4, (uint32_t)(value >> 32));
+    return to + 8;
+}
+
+static inline uint8_t *put_f32(uint8_t *to, double value)
+{
+    const float narrow = (float)value;
+    uint32_t bits;
+
+    memcpy(&bits, &narrow, sizeof bits);
+    return put_u32(to, bits);
+}
 
 #endif

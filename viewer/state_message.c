@@ -2,7 +2,6 @@
 /* Makes states: what a client sees of a moment, as bytes. docs/page.md has the table. */
 #include "base/vec3.h"
 #include "rt/clock.h"
-#include "viewer/bytes.h"
 #include "viewer/private.h"
 
 #include <math.h>

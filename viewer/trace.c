@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Traces the frames on the buses: receives them by ports of the viewer's own, and hands them to
  * clients that trace. docs/page.md has the bytes. */
-#include "viewer/bytes.h"
 #include "viewer/private.h"
 
 enum { TRACE_KIND = 2, TRACE_HEADER = 12, TRACE_RECORD = 16, BATCH = 64, TURNS = 256 };

@@ -14,7 +14,7 @@
 #include "manual/rt.h"
 #include "manual/scenario.h"
 #include "manual/signal.h"
-#include "rt/phase_budget.h"
+#include "rt/loop.h"
 
 #include <inttypes.h>
 #include <string.h>

@@ -27,6 +27,11 @@ enum {
 /* A cancelled thread that has not ended after this time hangs in a system call. */
 #define CANCEL_NS (5 * CLOCK_SECOND)
 
+const struct word recorder_format_words[] = {{"csv", RECORDER_CSV},
+                                             {"mcap", RECORDER_MCAP},
+                                             {"both", RECORDER_CSV | RECORDER_MCAP},
+                                             {NULL, 0}};
+
 static int64_t recorder_clock_now(void)
 {
     return clock_now(clock_monotonic());

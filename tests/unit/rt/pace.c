@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A clock at a multiple of another, by a scripted one behind it. */
-#include "rt/pace.h"
+#include "rt/clock.h"
 
 #include <string.h>
 
