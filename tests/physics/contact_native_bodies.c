@@ -189,27 +189,6 @@ TEST(colliding_bodies_exchange_momentum_and_lose_none)
     }
 }
 
-TEST(a_spinning_box_is_braked_by_torsional_friction)
-{
-    /* Mean distance of a square's points from its center, side 0.15:
-     * side/6 (sqrt 2 + ln(1 + sqrt 2)) */
-    const double lever = 0.15 / 6 * (sqrt(2) + log(1 + sqrt(2)));
-
-    for (int table = 0; table < 2; table++) {
-        struct scene scene;
-        struct contact_wrench wrench;
-        struct bodies b;
-
-        cube_on_ground(&scene, table, &plain);
-        b = make(&scene, 1.5);
-        b.motion[0].p[2] = 0.0749;
-        b.motion[0].w[2] = -400; /* all of it slides */
-        b.world->ops->evaluate(b.world, b.motion, NULL, &wrench);
-        assert_near(wrench.moment[2], 0.4 * wrench.force[2] * lever, 1e-3 * wrench.moment[2]);
-        assert_near(hypot(wrench.force[0], wrench.force[1]), 0, 1e-6 * wrench.force[2]);
-    }
-}
-
 TEST(stacked_boxes_stay)
 {
     struct scene scene;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What any contact has to obey, of the native engine: action and reaction, invariance, the same
- * bits, a wrench that is continuous in the pose and conserves the stored energy.
+ * What any contact has to obey, of both engines: action and reaction, invariance, the same bits. Of
+ * the native one also a wrench that is continuous in the pose and conserves the stored energy.
  */
 #include "contact/contact.h"
 
@@ -14,14 +14,24 @@
 #include "tests/physics/near.h"
 #include "tests/test.h"
 
+/* The engine "simbody" has no capsules, which the kinds from 5 on are of, and is slow with meshes. */
+enum { CASES = FIXTURE_KINDS + 3 };
+
+/* Two bodies of a kind on the native engine, or of the first three kinds on the other one. */
+static struct contact_world *make_case(struct scene *scene, int number, double *height)
+{
+    *height = fixture_two_bodies(scene, number % FIXTURE_KINDS);
+    return number < FIXTURE_KINDS ? fixture_native(scene) : fixture_simbody(scene);
+}
+
 TEST(action_equals_reaction_and_patches_add_up_to_the_wrenches)
 {
     uint64_t seed = 7;
 
-    for (int kind = 0; kind < FIXTURE_KINDS; kind++) {
+    for (int number = 0; number < CASES; number++) {
         struct scene scene;
-        double height = fixture_two_bodies(&scene, kind);
-        struct contact_world *world = fixture_native(&scene);
+        double height;
+        struct contact_world *world = make_case(&scene, number, &height);
         bool turned = scene.pair[0].a == 1;
         int touching = 0;
 
@@ -56,10 +66,12 @@ TEST(action_equals_reaction_and_patches_add_up_to_the_wrenches)
                 assert_near(patch.force[axis], wrench[b].force[axis], 1e-14 * size);
                 assert_near(patch.moment[axis] + turn[axis], wrench[b].moment[axis], 1e-14 * size);
             }
-            assert_true(patch.area_m2 > 0 && patch.penetration_m > 0);
+            /* Simbody tells neither */
+            assert_true(number >= FIXTURE_KINDS || (patch.area_m2 > 0 && patch.penetration_m > 0));
             assert_true(patch.potential_j > 0 && patch.dissipation_w > 0);
         }
         assert_true(touching > 25);
+        world->ops->destroy(world);
     }
 }
 
@@ -67,10 +79,10 @@ TEST(moving_the_whole_scene_moves_the_wrenches_with_it)
 {
     uint64_t seed = 3;
 
-    for (int kind = 0; kind < FIXTURE_KINDS; kind++) {
+    for (int number = 0; number < CASES; number++) {
         struct scene scene;
-        double height = fixture_two_bodies(&scene, kind);
-        struct contact_world *world = fixture_native(&scene);
+        double height;
+        struct contact_world *world = make_case(&scene, number, &height);
 
         for (int i = 0; i < 30; i++) {
             struct body_motion motion[2], moved[2];
@@ -88,6 +100,7 @@ TEST(moving_the_whole_scene_moves_the_wrenches_with_it)
             size = vec3_norm(wrench[0].force) + 1e-3;
             fixture_expect_turned(turned, Q, wrench, 1e-9 * size, 1e-10 * size);
         }
+        world->ops->destroy(world);
     }
 }
 
@@ -95,10 +108,11 @@ TEST(the_same_motion_gives_the_same_bits_whatever_came_before)
 {
     uint64_t seed = 5;
 
-    for (int kind = 0; kind < FIXTURE_KINDS; kind++) {
+    for (int number = 0; number < CASES; number++) {
         struct scene scene;
-        double height = fixture_two_bodies(&scene, kind);
-        struct contact_world *world = fixture_native(&scene), *fresh = fixture_native(&scene);
+        double height;
+        struct contact_world *world = make_case(&scene, number, &height);
+        struct contact_world *fresh = make_case(&scene, number, &height);
         struct body_motion motion[20][2];
         struct contact_wrench first[20][2], again[2];
 
@@ -108,7 +122,15 @@ TEST(the_same_motion_gives_the_same_bits_whatever_came_before)
         }
         for (int i = 0; i < 200; i++) {
             int pick = (int)(10 + 9.99 * random_number(&seed));
+            struct body_motion apart[2];
 
+            /* Now and then apart, so that contacts end and begin anew */
+            if (i % 3 == 0) {
+                memcpy(apart, motion[pick], sizeof apart);
+                apart[1].p[2] += 1;
+                fixture_evaluate(world, apart, again);
+                assert_true(number % FIXTURE_KINDS == 0 || vec3_norm(again[0].force) == 0);
+            }
             fixture_evaluate(world, motion[pick], again);
             assert_memory_equal(again, first[pick], sizeof again);
         }
@@ -116,6 +138,8 @@ TEST(the_same_motion_gives_the_same_bits_whatever_came_before)
             fixture_evaluate(fresh, motion[i], again);
             assert_memory_equal(again, first[i], sizeof again);
         }
+        fresh->ops->destroy(fresh);
+        world->ops->destroy(world);
     }
 }
 
