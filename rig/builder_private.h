@@ -64,18 +64,12 @@ enum error_code rig_override_gains(struct rig_builder *b, const struct raw_gains
 /* Builds the body of the robot for tasks, when the axes are known (part of rig_build_host). */
 enum error_code rig_build_task_body(struct rig_builder *b);
 
-/* Parts of rig_build_scene: return the index of a body of the plant among the contact bodies, to
- * which it is added when it is new; find a material, build a pair by their names. */
-int rig_add_contact_body(struct rig_builder *b, int *bodies, int body);
-enum error_code rig_find_material(struct rig_builder *b, const struct yaml_mark *mark,
-                                  const char *name, struct contact_material *material);
+/* Builds a pair of surfaces by their names. */
 enum error_code rig_build_pair(struct rig_builder *b, const struct raw_pair *raw,
                                struct contact_pair *pair);
 
-/* Add the robot's capsules behind the surfaces of the file, and its pairs behind those of the
- * file, npair of them before and after. There is room for all. */
-enum error_code rig_add_robot_surfaces(struct rig_builder *b, struct contact_surface *surface,
-                                       int *bodies);
+/* Adds the robot's pairs behind those of the file, npair of them before and after. There is room
+ * for all. */
 enum error_code rig_add_robot_pairs(struct rig_builder *b, struct contact_pair *pair,
                                     size_t *npair);
 

@@ -1,9 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Worst-case bus load of a rig's boards and controller: every frame as long as bit stuffing can
- * make it. */
+ * make it. Finds buses whose periodic traffic exceeds their bit rate, and what would make it fit. */
+#include "base/array.h"
 #include "boards/messages.h"
 #include "canbus/wire/bits.h"
 #include "rig/rig.h"
+
+#include <stdio.h>
+#include <string.h>
 
 struct load_sum {
     const struct rig_bus *bus;
@@ -40,4 +44,72 @@ void rig_bus_load(const struct rig *rig, size_t bus, int64_t command_period_ns,
     boards_load(&rig->boards, (int)bus, (double)command_period_ns * 1e-9, load_add_frame, &sum);
     *telemetry_bit_s = sum.telemetry_bit_s;
     *command_bit_s = sum.command_bit_s;
+}
+
+/* Returns the worst-case load of a bus in percent, with commands at a period. */
+static double bus_demand(const struct rig *rig, size_t bus, int64_t command_ns)
+{
+    double telemetry, commands;
+
+    rig_bus_load(rig, bus, command_ns, &telemetry, &commands);
+    return 100.0 * (telemetry + commands) / (double)rig->bus[bus].bitrate;
+}
+
+/* Returns the worst-case load at another bit rate; with CAN FD the ratio of the two rates stays. */
+static double bus_demand_at(const struct rig *rig, size_t bus, int64_t bitrate)
+{
+    const struct rig_bus *of = &rig->bus[bus];
+    struct rig changed = *rig;
+    struct rig_bus buses[RIG_BUSES_MAX];
+
+    memcpy(buses, rig->bus, rig->nbus * sizeof *buses);
+    buses[bus].bitrate = bitrate;
+    buses[bus].data_bitrate = of->data_bitrate * bitrate / of->bitrate;
+    changed.bus = buses;
+    return bus_demand(&changed, bus, rig->servo.command_period_ns);
+}
+
+/* Lists remedies: more buses, a longer command period, a higher bit rate. */
+static void bus_advise(const struct rig *rig, size_t bus, double percent, char *text, size_t size)
+{
+    static const int64_t rates[] = {125000, 250000, 500000, 800000, 1000000};
+    const int64_t period = rig->servo.command_period_ns;
+    size_t used;
+    int times = 2;
+
+    snprintf(text, size, "split it over %d buses", (int)(percent / 100.0) + 1);
+    /* The shortest multiple of the period that fits */
+    while (times <= 10 && bus_demand(rig, bus, period * times) > 100.0) {
+        times++;
+    }
+    used = strlen(text);
+    if (times <= 10) {
+        snprintf(text + used, size - used, ", or command every %g ms (%.1f %%)",
+                 (double)(period * times) * 1e-6, bus_demand(rig, bus, period * times));
+    }
+    /* The lowest bit rate that fits */
+    for (size_t i = 0; i < ARRAY_COUNT(rates); i++) {
+        double at = rates[i] > rig->bus[bus].bitrate ? bus_demand_at(rig, bus, rates[i]) : 1e9;
+
+        used = strlen(text);
+        if (at <= 100.0) {
+            snprintf(text + used, size - used, ", or run it at %g kbit/s (%.1f %%)",
+                     (double)rates[i] * 1e-3, at);
+            return;
+        }
+    }
+}
+
+bool rig_bus_over_budget(const struct rig *rig, size_t bus, char *text, size_t size)
+{
+    const double percent = bus_demand(rig, bus, rig->servo.command_period_ns);
+    char advice[256];
+
+    if (percent <= 100.0) {
+        return false;
+    }
+    bus_advise(rig, bus, percent, advice, sizeof advice);
+    snprintf(text, size, "bus %s would be loaded to %.1f %% at the worst: %s", rig->bus[bus].name,
+             percent, advice);
+    return true;
 }

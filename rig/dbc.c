@@ -1,12 +1,344 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Writes a rig's messages as a DBC database: its nodes and messages. */
+/* Writes a rig's messages as a DBC database: names that are unique, legal and short enough, signals
+ * with their units, messages and nodes. */
 #include "rig/dbc.h"
 
 #include "base/array.h"
 #include "boards/described/protocol.h"
-#include "rig/dbc_private.h"
+#include "boards/protocol.h"
 
 #include <string.h>
+
+enum { HOST = 0, SIMULATOR = 1, FIRST_BOARD = 2 }; /* nodes */
+enum { IDS = 0x800, NAME_SIZE = DBC_NAME_MAX + 1 };
+
+struct dbc_exporter {
+    const struct rig *rig;
+    size_t bus;
+    const struct protocol *protocol;
+    struct dbc *dbc;
+    struct error *error;
+    enum error_code code;
+    uint8_t longest[IDS]; /* frame of an identifier */
+    bool constants;       /* in turn now: messages without values */
+};
+
+/* Field that becomes a signal. */
+struct dbc_field {
+    struct message_field of;
+    struct field_subject subject;
+    unsigned bit;          /* where it starts in the frame */
+    const char *joint;     /* that it is about; NULL = none */
+    const char *quantity;  /* of the joint; the field's name but for torque sensors */
+    const char *component; /* of a force-torque sensor: "fx" to "mz"; NULL = none */
+};
+
+/* ---- names ---- */
+
+enum { NODE_LETTERS = 14 };
+
+static const char everyone[] = "ALL"; /* instead of the board, when all are meant */
+
+/* Joins before, so many letters of each of the words, and after; returns false when the name is
+ * too long. */
+static bool dbc_try_name(char name[NAME_SIZE], const char *before, const char *words,
+                         const char *after, int letters)
+{
+    char cut[256];
+    size_t size = 0;
+    int of_word = 0;
+
+    for (; *words && size < sizeof cut - 1; words++) {
+        of_word = *words == '_' ? 0 : of_word + 1;
+        if (of_word <= letters) {
+            cut[size++] = *words;
+        }
+    }
+    cut[size] = '\0';
+    return snprintf(name, NAME_SIZE, "%s%s%s", before, cut, after) < NAME_SIZE;
+}
+
+/* Makes a name with as many letters of each word as fit. */
+static void dbc_fit_name(char name[NAME_SIZE], const char *before, const char *words,
+                         const char *after)
+{
+    int letters = DBC_NAME_MAX;
+
+    while (letters > 0 && !dbc_try_name(name, before, words, after, letters)) {
+        letters--;
+    }
+}
+
+/* Makes a board's name an identifier that no other node has. */
+static void dbc_make_node_name(const struct dbc *dbc, const char *board, char name[NAME_SIZE])
+{
+    char clean[NODE_LETTERS + 2];
+    size_t size = 0;
+
+    /* Only letters, digits and _ are legal */
+    if (*board >= '0' && *board <= '9') {
+        clean[size++] = '_';
+    }
+    for (; *board && size <= NODE_LETTERS; board++) {
+        bool legal = (*board >= 'a' && *board <= 'z') || (*board >= 'A' && *board <= 'Z') ||
+                     (*board >= '0' && *board <= '9');
+
+        clean[size++] = legal ? *board : '_';
+    }
+    clean[size] = '\0';
+    snprintf(name, NAME_SIZE, "%s", clean);
+    /* A number makes it unique */
+    for (unsigned n = 2;
+         !dbc_is_name(name) || !strcmp(name, everyone) || dbc_find_node(dbc, name) != DBC_NO_NODE;
+         n++) {
+        snprintf(name, NAME_SIZE, "%.11s_%u", clean, n);
+    }
+}
+
+/* Returns the board that a message is from or for; NULL = all. */
+static const struct board_config *dbc_message_board(const struct dbc_exporter *e,
+                                                    const struct message *message)
+{
+    int board = message->from_host ? message->receiver : message->sender;
+
+    return board == MESSAGE_NO_BOARD ? NULL : &e->rig->boards.board[board];
+}
+
+/* Returns the node of a board, by its index in the rig. */
+static int dbc_board_node(const struct dbc_exporter *e, int board)
+{
+    int node = FIRST_BOARD;
+
+    for (int i = 0; i < board; i++) {
+        node += e->rig->boards.board[i].bus == (int)e->bus;
+    }
+    return node;
+}
+
+/* Returns the node of a board; without one, the word for all. */
+static const char *dbc_board_name(const struct dbc_exporter *e, const struct board_config *board)
+{
+    return board ? e->dbc->node[dbc_board_node(e, (int)(board - e->rig->boards.board))].name
+                 : everyone;
+}
+
+/* Makes the name of a message: its board, its words, its number. */
+static void dbc_make_message_name(const struct dbc_exporter *e, const struct message *message,
+                                  char name[NAME_SIZE])
+{
+    const struct board_config *board = dbc_message_board(e, message);
+    char before[NAME_SIZE + 1], after[16] = "";
+
+    snprintf(before, sizeof before, "%.*s_", DBC_NAME_MAX, dbc_board_name(e, board));
+    if (message->code != MESSAGE_NO_CODE) {
+        dbc_fit_name(name, before, message->family, after);
+        return;
+    }
+    if (message->list && !board) {
+        snprintf(after, sizeof after, "_%u", message->number);
+    } else if (message->slot >= 0 && !message->list && board) {
+        unsigned first = boards_first_slot(&e->rig->boards, (int)(board - e->rig->boards.board));
+
+        snprintf(after, sizeof after, "_%u", (unsigned)message->slot - first);
+    }
+    dbc_fit_name(name, before, message->name, after);
+}
+
+/* Makes the name JOINT_QUANTITY. The digit that ends a field's name, as in position0 or target1,
+ * is the axis of the board or the bus; it is left out, for the joint is clearer. */
+static void dbc_make_joint_name(const struct dbc_field *p, char name[NAME_SIZE])
+{
+    char words[256];
+    size_t size = 0;
+
+    if (p->joint[0] >= '0' && p->joint[0] <= '9') {
+        words[size++] = '_';
+    }
+    for (const char *c = p->joint; *c && size < sizeof words / 2; c++) {
+        bool legal =
+            (*c >= 'a' && *c <= 'z') || (*c >= 'A' && *c <= 'Z') || (*c >= '0' && *c <= '9');
+
+        words[size++] = legal ? *c : '_';
+    }
+    size += (size_t)snprintf(words + size, sizeof words - size, "_%s", p->quantity);
+    size = size < sizeof words ? size : sizeof words - 1;
+    while (words[size - 1] >= '0' && words[size - 1] <= '9') {
+        words[--size] = '\0';
+    }
+    dbc_fit_name(name, "", words, "");
+}
+
+/* Makes a name as the boards' tables have it. */
+static void dbc_make_table_name(const struct dbc_exporter *e, const struct dbc_field *p,
+                                char name[NAME_SIZE])
+{
+    const struct message *message = p->of.message;
+    char after[64] = "";
+
+    if (p->of.code != MESSAGE_NO_CODE) {
+        snprintf(after, sizeof after, "_%s", p->of.field->name);
+        if (message->axis_bit) {
+            snprintf(after + strlen(after), sizeof after - strlen(after), "_%d",
+                     p->of.code >= MESSAGE_AXIS_BIT);
+        }
+        dbc_fit_name(name, "", message->name, after);
+        return;
+    }
+    if (message->list) {
+        bool all = !dbc_message_board(e, message);
+
+        snprintf(after, sizeof after, "_%d", p->of.repeat + (all ? message->slot : 0));
+    }
+    dbc_fit_name(name, "", p->of.field->name, after);
+}
+
+/* Makes a name that no other signal of to has: JOINT_QUANTITY for values of a joint that a board
+ * sends and for targets of all boards in one frame, the component of a force-torque sensor, else
+ * as in the boards' tables. */
+static void dbc_make_signal_name(const struct dbc_exporter *e, const struct dbc_message *to,
+                                 const struct dbc_field *p, char name[NAME_SIZE])
+{
+    char made[NAME_SIZE];
+
+    bool to_one = p->of.message->from_host && dbc_message_board(e, p->of.message);
+
+    if (p->of.code != MESSAGE_NO_CODE || to_one || (!p->joint && !p->component)) {
+        dbc_make_table_name(e, p, name);
+        return;
+    }
+    if (p->component) {
+        snprintf(name, NAME_SIZE, "%s", p->component);
+    } else {
+        dbc_make_joint_name(p, name);
+    }
+
+    /* Long names that became equal get a number */
+    snprintf(made, sizeof made, "%s", name);
+    for (unsigned n = 2; dbc_find_signal(to, name); n++) {
+        snprintf(name, NAME_SIZE, "%.*s_%u", DBC_NAME_MAX - 5, made, n % 1000);
+    }
+}
+
+/* ---- signals ---- */
+
+/* Finds the joint or the component of a force-torque sensor that a field is about. */
+static void dbc_find_subject(const struct dbc_exporter *e, struct dbc_field *p)
+{
+    static const char *const components[] = {"fx", "fy", "fz", "mx", "my", "mz"};
+    const struct field_subject *subject = &p->subject;
+    const struct board_config *board = dbc_message_board(e, p->of.message);
+    int joint;
+
+    boards_describe_field(&e->rig->boards, (int)e->bus, &p->of, &p->subject);
+    joint = subject->axis ? subject->axis->joint : -1;
+    p->quantity = p->of.field->name;
+    if (subject->channel >= 0 && board->kind == BOARD_TORQUE) {
+        joint = board->torque_joint[subject->channel];
+        p->quantity = "torque";
+    }
+    p->joint = joint >= 0 ? e->rig->robot->joint[joint].name : NULL;
+    p->component =
+        subject->channel >= 0 && board->kind == BOARD_FT ? components[subject->channel] : NULL;
+}
+
+/* Comments a signal with the joint or the force-torque sensor that it is about. */
+static void dbc_comment_signal(struct dbc_exporter *e, const struct dbc_field *p,
+                               struct dbc_signal *signal)
+{
+    const struct board_config *board = dbc_message_board(e, p->of.message);
+
+    if (p->joint) {
+        e->code = dbc_set_comment(e->dbc, &signal->comment, p->joint, e->error);
+    } else if (p->component) {
+        e->code =
+            dbc_set_comment(e->dbc, &signal->comment, e->rig->robot->ft[board->ft].name, e->error);
+    }
+}
+
+/* Returns the nodes that a message is for, as a bit set. */
+static uint64_t dbc_message_receivers(const struct dbc_exporter *e, const struct message *message)
+{
+    uint64_t nodes = 0;
+
+    if (!message->from_host) {
+        return UINT64_C(1) << HOST;
+    }
+    if (message->receiver != MESSAGE_NO_BOARD) {
+        return UINT64_C(1) << dbc_board_node(e, message->receiver);
+    }
+    for (size_t i = FIRST_BOARD; i < e->dbc->nnode; i++) {
+        nodes |= UINT64_C(1) << i;
+    }
+    return nodes;
+}
+
+/* Adds a field as a signal, with its range, named values and comment. */
+static void dbc_export_signal(struct dbc_exporter *e, struct dbc_message *to,
+                              const struct dbc_field *p)
+{
+    const struct field *field = p->of.field;
+    bool limited = field->min || field->max, big = field->type & FIELD_BIG_ENDIAN;
+    const struct field_subject *measure = &p->subject;
+    char name[NAME_SIZE];
+    struct dbc_signal *added,
+        signal = {
+            .name = name,
+            .role = p->of.code == MESSAGE_NO_CODE ? DBC_PLAIN : DBC_MULTIPLEXED,
+            .selector = p->of.code == MESSAGE_NO_CODE ? 0 : (uint32_t)p->of.code,
+            .start = (uint16_t)(big ? p->bit ^ 7 : p->bit),
+            .bits = (uint8_t)(field->type & FIELD_BITS_MASK),
+            .big_endian = big,
+            .type = field->type & FIELD_FLOAT    ? DBC_FLOAT
+                    : field->type & FIELD_SIGNED ? DBC_SIGNED
+                                                 : DBC_UNSIGNED,
+            .scale = measure->scale,
+            .offset = measure->offset,
+            .unit = measure->unit,
+            .receivers = dbc_message_receivers(e, p->of.message),
+            .frame_length = p->of.message->length == to->length ? 0 : p->of.message->length,
+        };
+
+    /* The range in the signal's unit; a float has none */
+    if (signal.type != DBC_FLOAT) {
+        double low = (double)(limited ? field->min : field_lowest(field));
+        double high = (double)(limited ? field->max : field_highest(field));
+
+        signal.min = low * measure->scale + measure->offset;
+        signal.max = high * measure->scale + measure->offset;
+    }
+
+    dbc_make_signal_name(e, to, p, name);
+    e->code = dbc_add_signal(e->dbc, to, &signal, &added, e->error);
+    for (const struct field_value *v = field->values; !e->code && v && v->name; v++) {
+        e->code = dbc_add_value(e->dbc, added, v->value, v->name, e->error);
+    }
+    if (!e->code) {
+        dbc_comment_signal(e, p, added);
+    }
+}
+
+/* Writes the fields of a message as signals; command: the value of byte 0 that selects them, or
+ * MESSAGE_NO_CODE. */
+static void dbc_export_fields(struct dbc_exporter *e, struct dbc_message *to,
+                              const struct message *message, int command)
+{
+    struct dbc_field p = {.of = {.message = message, .code = command},
+                          .bit = 8u * message->first_byte};
+
+    for (p.of.repeat = 0; p.of.repeat < message->repeats; p.of.repeat++) {
+        const struct field *field = message->fields;
+
+        for (; !e->code && field && field->type != FIELD_END; field++) {
+            if (!(field->type & FIELD_PADDING)) {
+                p.of.field = field;
+                dbc_find_subject(e, &p);
+                dbc_export_signal(e, to, &p);
+                p.of.index++;
+            }
+            p.bit += field->type & FIELD_BITS_MASK;
+        }
+    }
+}
 
 /* ---- messages ---- */
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Reads the faults of a rig file and of the command line; names are those of the rig. */
-#include "rig/faults.h"
+#include "rig/rig.h"
 
 #include "rig/builder_private.h"
 

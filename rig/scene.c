@@ -7,7 +7,9 @@
 
 #include <string.h>
 
-int rig_add_contact_body(struct rig_builder *b, int *bodies, int body)
+/* Returns the index of a body of the plant among the contact bodies, to which it is added when it
+ * is new. */
+static int scene_add_contact_body(struct rig_builder *b, int *bodies, int body)
 {
     size_t i = 0;
 
@@ -78,7 +80,7 @@ static enum error_code surface_set_place(struct rig_builder *b, const struct raw
     if (code) {
         return code;
     }
-    surface->body = place.body < 0 ? -1 : rig_add_contact_body(b, bodies, place.body);
+    surface->body = place.body < 0 ? -1 : scene_add_contact_body(b, bodies, place.body);
     mat3_apply(place.rotation, raw->xyz_m, offset);
     for (int i = 0; i < 3; i++) {
         surface->position[i] = place.position[i] + offset[i];
@@ -112,8 +114,9 @@ static enum error_code surface_set_shape(struct rig_builder *b, const struct raw
     return code ? code : solid_store_read_obj(path, b->arena, &surface->mesh, b->error);
 }
 
-enum error_code rig_find_material(struct rig_builder *b, const struct yaml_mark *mark,
-                                  const char *name, struct contact_material *material)
+/* Finds a material by its name. */
+static enum error_code scene_find_material(struct rig_builder *b, const struct yaml_mark *mark,
+                                           const char *name, struct contact_material *material)
 {
     const struct raw_scene *scene = &b->raw->scene;
     const struct raw_material *m;
@@ -134,6 +137,46 @@ enum error_code rig_find_material(struct rig_builder *b, const struct yaml_mark 
     }
     *material = m->material;
     return ERROR_NONE;
+}
+
+/* Adds the robot's capsules behind the surfaces of the file; there is room for all. */
+static enum error_code scene_add_capsules(struct rig_builder *b, struct contact_surface *surface,
+                                          int *bodies)
+{
+    const struct raw_scene *scene = &b->raw->scene;
+    const struct raw_robot_surfaces *raw = &scene->robot_surfaces;
+    struct contact_config *contact = &b->rig->contact;
+    struct contact_material material;
+    enum error_code code;
+
+    code = scene_find_material(b, yaml_mark(&raw->mark, "material"), raw->material, &material);
+    for (size_t c = 0; !code && c < b->robot->ncapsule; c++) {
+        const struct robot_capsule *capsule = &b->robot->capsule[c];
+        struct contact_surface *s = &surface[contact->nsurface];
+
+        /* A capsule has a name that no surface of the file has */
+        for (size_t i = 0; i < contact->nsurface; i++) {
+            if (!strcmp(surface[i].name, capsule->name)) {
+                return yaml_error(b->error, yaml_mark(&scene->surface[i].mark, "name"),
+                                  "found surface \"%s\", expected another name: a capsule of the "
+                                  "robot has it",
+                                  capsule->name);
+            }
+        }
+        /* It moves with its body */
+        *s = (struct contact_surface){
+            .name = capsule->name,
+            .body = scene_add_contact_body(b, bodies, capsule->body),
+            .shape = CONTACT_CAPSULE,
+            .radius_m = capsule->radius,
+            .length_m = capsule->length,
+            .material = material,
+        };
+        memcpy(s->position, capsule->position, sizeof s->position);
+        memcpy(s->rotation, capsule->rotation, sizeof s->rotation);
+        contact->nsurface++;
+    }
+    return code;
 }
 
 /* Builds the surfaces of the file, then those of the robot. */
@@ -167,15 +210,15 @@ static enum error_code scene_build_surfaces(struct rig_builder *b)
         code = code ? code : surface_set_place(b, raw, bodies, &surface[i]);
         code = code ? code : surface_set_shape(b, raw, &surface[i]);
         code = code ? code
-                    : rig_find_material(b, yaml_mark(&raw->mark, "material"), raw->material,
-                                        &surface[i].material);
+                    : scene_find_material(b, yaml_mark(&raw->mark, "material"), raw->material,
+                                          &surface[i].material);
         if (code) {
             return code;
         }
     }
     contact->nsurface = scene->nsurface;
     b->rig->contact_body = bodies;
-    return yaml_has(&scene->mark, "robot_surfaces") ? rig_add_robot_surfaces(b, surface, bodies)
+    return yaml_has(&scene->mark, "robot_surfaces") ? scene_add_capsules(b, surface, bodies)
                                                     : ERROR_NONE;
 }
 

@@ -3,7 +3,7 @@
 #include "base/array.h"
 #include "base/ring.h"
 #include "canbus/replay_port.h"
-#include "rig/faults.h"
+#include "rig/rig.h"
 #include "sim/robot_dynamics.h"
 #include "sim/simulator_private.h"
 

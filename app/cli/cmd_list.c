@@ -11,7 +11,7 @@
 #include "base/yaml.h"
 #include "manual/list.h"
 #include "model/robot.h"
-#include "rig/faults.h"
+#include "rig/rig.h"
 #include "tasks/task.h"
 
 #include <stdio.h>

@@ -3,7 +3,7 @@
 #include "app/scenario/private.h"
 
 #include "base/text.h"
-#include "rig/faults.h"
+#include "rig/rig.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -8,7 +8,6 @@
 #include "rig/rig.h"
 
 #include "rig/dbc.h"
-#include "rig/faults.h"
 #include "tests/fuzz/fuzz.h"
 #include "tests/unit/rig/rig_files.h"
 

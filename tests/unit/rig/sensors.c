@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The sections `sensors`, `faults` and `seed` of a rig: what becomes of them, and where they are
  * wrong. */
-#include "rig/faults.h"
+#include "rig/rig.h"
 
 #include <math.h>
 
