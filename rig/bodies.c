@@ -32,40 +32,37 @@ static enum error_code scene_check_body_keys(struct rig_builder *b, const struct
     const struct rig_key keys[] = {
         {"mass_kg", 1 << FREE, 1 << FREE}, {"com_m", 1 << FREE, 0},
         {"inertia_kg_m2", 1 << FREE, 0},   {"box_m", 1 << FREE, 0},
-        {"sphere_radius_m", 1 << FREE, 0}, {"velocity_m_s", 1 << FREE, 0},
-        {"rate_rad_s", 1 << FREE, 0},
+        {"velocity_m_s", 1 << FREE, 0},    {"rate_rad_s", 1 << FREE, 0},
     };
-    const int inertias = yaml_has(&raw->mark, "inertia_kg_m2") + yaml_has(&raw->mark, "box_m") +
-                         yaml_has(&raw->mark, "sphere_radius_m");
+    const bool inertia = yaml_has(&raw->mark, "inertia_kg_m2");
     enum error_code code =
         rig_check_keys(b, &raw->mark, raw->is_static ? "a static body" : "a free body",
                        raw->is_static ? STATIC : FREE, keys, ARRAY_COUNT(keys));
 
-    if (!code && !raw->is_static && inertias != 1) {
+    if (!code && !raw->is_static && inertia == yaml_has(&raw->mark, "box_m")) {
         code = yaml_error(b->error, &raw->mark,
-                          "found %d of the keys \"inertia_kg_m2\", \"box_m\" and "
-                          "\"sphere_radius_m\", expected exactly one",
-                          inertias);
+                          "found %s of the keys \"inertia_kg_m2\" and \"box_m\", expected exactly "
+                          "one",
+                          inertia ? "both" : "neither");
     }
     return code;
 }
 
-/* Builds a free body: its inertia, as given or that of a box or a ball of uniform density, and its
+/* Builds a free body: its inertia, as given or that of a box of uniform density, and its
  * pose. */
 static enum error_code scene_build_free_body(struct rig_builder *b, const struct raw_body *raw,
                                              struct plant_free_body *body)
 {
-    const double m = raw->body.inertia.mass, r = raw->sphere_radius_m;
+    const double m = raw->body.inertia.mass;
     const double x = raw->box_m[0], y = raw->box_m[1], z = raw->box_m[2];
     const double box[6] = {m * (y * y + z * z) / 12.0, 0.0, 0.0,
                            m * (x * x + z * z) / 12.0, 0.0, m * (x * x + y * y) / 12.0};
-    const double ball[6] = {0.4 * m * r * r, 0.0, 0.0, 0.4 * m * r * r, 0.0, 0.4 * m * r * r};
     const bool given = yaml_has(&raw->mark, "inertia_kg_m2");
     struct error why;
 
     *body = raw->body;
     if (!given) {
-        memcpy(body->inertia.I, yaml_has(&raw->mark, "box_m") ? box : ball, sizeof box);
+        memcpy(body->inertia.I, box, sizeof box);
     }
     rig_quaternion_of_rpy(raw->rpy_rad, body->quaternion);
     if (plant_check_free_body(body, &why)) {

@@ -386,14 +386,7 @@ static enum error_code rig_build(struct rig_builder *b)
     for (size_t i = 0; i < ARRAY_COUNT(step) && !code; i++) {
         code = step[i](b);
     }
-    b->rig->wire = (struct rig_wire){
-        .timed = wire->mode,
-        .paced = wire->pace,
-        .fifo = wire->order,
-        .queue = (size_t)wire->queue,
-        .restart_ns = wire->restart_ns,
-        .budget = (enum rig_budget)wire->budget,
-    };
+    b->rig->wire = (struct rig_wire){.timed = wire->mode, .paced = wire->pace, .fifo = wire->order};
     b->rig->record.mark = *yaml_mark(&b->raw->mark, "record.directory");
     b->rig->page.mark = *yaml_mark(&b->raw->mark, "page.listen");
     return code;

@@ -62,17 +62,11 @@ struct rig_bus {
     size_t naxis;                               /* joints driven from this bus */
 };
 
-/* Reaction of check and run to a bus whose periodic traffic cannot fit. */
-enum rig_budget { RIG_BUDGET_WARN, RIG_BUDGET_REFUSE, RIG_BUDGET_IGNORE };
-
 /* Time that frames take. */
 struct rig_wire {
-    bool timed;   /* local buses: over a wire in virtual time (canbus/wire/wire.h), not at once */
-    bool paced;   /* SocketCAN: the boards' frames leave when such a wire would have carried them */
-    bool fifo;    /* controllers send in order, not the most urgent frame first */
-    size_t queue; /* frames that a controller holds */
-    int64_t restart_ns; /* from bus-off to the begin of the recovery */
-    enum rig_budget budget;
+    bool timed; /* local buses: over a wire in virtual time (canbus/wire/wire.h), not at once */
+    bool paced; /* SocketCAN: the boards' frames leave when such a wire would have carried them */
+    bool fifo;  /* controllers send in order, not the most urgent frame first */
 };
 
 struct rig_realtime {
@@ -80,7 +74,6 @@ struct rig_realtime {
     int cpu;      /* to be pinned to; -1 = any */
     bool lock_memory;
     enum loop_overrun overrun;
-    int64_t stop_after; /* overruns until LOOP_OVERRUN_STOP ends the run */
 };
 
 struct rig_record {

@@ -57,12 +57,6 @@ static const struct word follows_names[] = {{"position", 0}, {"torque", 1}, {NUL
 
 static const struct word wire_pace_names[] = {{"none", 0}, {"wire", 1}, {NULL, 0}};
 static const struct word wire_order_names[] = {{"priority", 0}, {"fifo", 1}, {NULL, 0}};
-static const struct word budget_names[] = {
-    {"warn", RIG_BUDGET_WARN},
-    {"refuse", RIG_BUDGET_REFUSE},
-    {"ignore", RIG_BUDGET_IGNORE},
-    {NULL, 0},
-};
 
 static const struct yaml_field spring_fields[] = {
     {"Ks_nm_rad", YAML_REAL, true, AT(raw_spring, Ks_nm_rad), .min = 0.0, .max = 1e9},
@@ -146,7 +140,6 @@ static const struct yaml_field body_fields[] = {
     {"inertia_kg_m2", YAML_REALS, false, AT(raw_body, body.inertia.I), .count = 6, .min = -1e9,
      .max = 1e9},
     {"box_m", YAML_REALS, false, AT(raw_body, box_m), .count = 3, .min = 1e-6, .max = 1e3},
-    {"sphere_radius_m", YAML_REAL, false, AT(raw_body, sphere_radius_m), .min = 1e-6, .max = 1e3},
     {"xyz_m", YAML_REALS, false, AT(raw_body, body.position), .count = 3, .min = -1e3, .max = 1e3},
     {"rpy_rad", YAML_REALS, false, AT(raw_body, rpy_rad), .count = 3, .min = -7.0, .max = 7.0},
     {"velocity_m_s", YAML_REALS, false, AT(raw_body, body.v), .count = 3, .min = -1e3, .max = 1e3},
@@ -298,14 +291,8 @@ static const struct yaml_field wire_fields[] = {
     {"mode", YAML_ENUM, false, AT(raw_wire, mode), .names = rig_wire_words},
     {"pace", YAML_ENUM, false, AT(raw_wire, pace), .names = wire_pace_names},
     {"order", YAML_ENUM, false, AT(raw_wire, order), .names = wire_order_names},
-    {"queue", YAML_INT, false, AT(raw_wire, queue), .min = 1, .max = 4096},
-    {"restart_s", YAML_REAL, false, AT(raw_wire, restart_ns), .ns = true, .min = 0.0,
-     .max = 3600.0},
-    {"budget", YAML_ENUM, false, AT(raw_wire, budget), .names = budget_names},
 };
-static const struct raw_wire wire_defaults = {.queue = 256, .restart_ns = 100000000};
-static const struct yaml_schema wire_schema =
-    YAML_SCHEMA("the wire", struct raw_wire, wire_fields, .defaults = &wire_defaults);
+static const struct yaml_schema wire_schema = YAML_SCHEMA("the wire", struct raw_wire, wire_fields);
 
 static const struct yaml_field lockstep_fields[] = {
     {"bus", YAML_STRING, false, .offset = AT(raw_lockstep, bus)},
@@ -329,10 +316,9 @@ static const struct yaml_field realtime_fields[] = {
     {"cpu", YAML_INT, false, AT(rig_realtime, cpu), .count = sizeof(int), .min = -1, .max = 1023},
     {"lock_memory", YAML_BOOL, false, .offset = AT(rig_realtime, lock_memory)},
     {"overrun", YAML_ENUM, false, AT(rig_realtime, overrun), .names = loop_overrun_words},
-    {"stop_after", YAML_INT, false, AT(rig_realtime, stop_after), .min = 1, .max = 1e9},
 };
 static const struct rig_realtime realtime_defaults = {
-    .priority = 80, .cpu = -1, .lock_memory = true, .overrun = LOOP_OVERRUN_SKIP, .stop_after = 1};
+    .priority = 80, .cpu = -1, .lock_memory = true, .overrun = LOOP_OVERRUN_SKIP};
 static const struct yaml_schema realtime_schema =
     YAML_SCHEMA("the real-time settings", struct rig_realtime, realtime_fields, .unmarked = true,
                 .defaults = &realtime_defaults);

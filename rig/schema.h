@@ -53,7 +53,7 @@ struct raw_surface {
 struct raw_body {
     struct yaml_mark mark;
     bool is_static;
-    double box_m[3], sphere_radius_m, rpy_rad[3];
+    double box_m[3], rpy_rad[3];
     struct plant_free_body body;
 };
 
@@ -131,8 +131,7 @@ struct raw_motors {
 
 struct raw_wire {
     struct yaml_mark mark;
-    int mode, pace, order, budget;
-    int64_t queue, restart_ns;
+    int mode, pace, order;
 };
 
 struct raw_lockstep {

@@ -440,7 +440,6 @@ static enum error_code simulator_create_loop(struct simulator *simulator, struct
         .clock = config->clock,
         .tick_ns = config->rig->tick_ns,
         .overrun = config->overrun,
-        .stop_after = config->stop_after,
         .lockstep = config->rig->lockstep,
         .ticks = config->ticks,
         .nbus = config->rig->nbus,

@@ -19,7 +19,9 @@ enum {
      * simulator's own thread reads in the same tick, which then stays in the processor's cache */
     LOCAL_INBOX = 4096,
     LOCAL_INBOX_INLINE = 1024,
-    INTERFACE_MAX = 15, /* IFNAMSIZ less the zero */
+    INTERFACE_MAX = 15,          /* IFNAMSIZ less the zero */
+    WIRE_QUEUE = 256,            /* frames that a CAN controller holds */
+    WIRE_RESTART_NS = 100000000, /* from bus-off to the begin of the recovery */
     SEEK_NS = 1000000000,
 };
 
@@ -113,9 +115,9 @@ static enum error_code buses_create_local(struct buses *buses, size_t guests, bo
             .bitrate = bus->bitrate,
             .data_bitrate = bus->data_bitrate,
             .wire_nodes = bus_count_controllers(bus) + guests,
-            .queue = rig->wire.queue,
+            .queue = WIRE_QUEUE,
             .fifo = rig->wire.fifo,
-            .restart_delay_ns = rig->wire.restart_ns,
+            .restart_delay_ns = WIRE_RESTART_NS,
             .seed = b,
             .bypass_id = {rig->lockstep.step_id, rig->lockstep.done_id},
             .nbypass = 2,
@@ -232,7 +234,7 @@ static enum error_code bus_add_pacing(struct buses *buses, size_t b, struct aren
         .bitrate = rig->bus[b].bitrate,
         .data_bitrate = rig->bus[b].data_bitrate,
         .nodes = bus_count_controllers(&rig->bus[b]),
-        .queue = rig->wire.queue,
+        .queue = WIRE_QUEUE,
         .fifo = rig->wire.fifo,
         .bypass_id = {rig->lockstep.step_id, rig->lockstep.done_id},
         .nbypass = 2,

@@ -44,7 +44,6 @@ struct simulator_config {
     bool settle; /* start in static equilibrium (plant_settle) */
     bool energy; /* keep its account (plant_energy) */
     enum loop_overrun overrun;
-    int64_t stop_after; /* overruns, for LOOP_OVERRUN_STOP */
     enum bus_transport transport;
     const char *const *interface; /* "NAME=INTERFACE", as of --bus */
     size_t ninterface;

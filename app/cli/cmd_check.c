@@ -340,7 +340,8 @@ static int check_print_rig(void *context, const struct rig *rig, struct arena *a
     check_print_scene(rig);
     check_print_sensors(rig);
     check_print_buses(rig);
-    return rig_command_budget("check", rig, &error) ? command_fail("check", &error) : STATUS_OK;
+    rig_command_warn_load("check", rig);
+    return STATUS_OK;
 }
 
 static enum error_code check_print_robot_file(const void *variant, const struct robot *robot,

@@ -505,8 +505,9 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
         changed.wire.timed = changed.wire.paced = options->wire;
         rig = &changed;
     }
+    rig_command_warn_load("run", rig);
     if (run_read_gateway(options, host, &slcan, &gateway, &joined, &error) ||
-        run_options_check_trust(options, rig, &error) || rig_command_budget("run", rig, &error) ||
+        run_options_check_trust(options, rig, &error) ||
         run_options_configure(options, rig, &config, &error) ||
         task_input_read(&options->input, options->task, rig, arena, &input, &error) ||
         (options->ready && dbc_hash_rig(rig, arena, &tables, &error))) {

@@ -57,21 +57,16 @@ int robot_command(const char *name, const char *path, const char *variant, const
     return code ? command_fail(name, &error) : STATUS_OK;
 }
 
-enum error_code rig_command_budget(const char *name, const struct rig *rig, struct error *error)
+void rig_command_warn_load(const char *name, const struct rig *rig)
 {
     char text[384];
 
-    for (size_t b = 0; b < rig->nbus && rig->wire.budget != RIG_BUDGET_IGNORE; b++) {
-        if (!rig_bus_over_budget(rig, b, text, sizeof text)) {
-            continue;
+    for (size_t b = 0; b < rig->nbus; b++) {
+        if (rig_bus_over_budget(rig, b, text, sizeof text)) {
+            fprintf(stderr, "%scoman-hil %s: warning: %s\n", journal_prefix(JOURNAL_WARNING), name,
+                    text);
         }
-        if (rig->wire.budget == RIG_BUDGET_REFUSE) {
-            return error_set(error, ERROR_INPUT, "%s: %s", rig->file, text);
-        }
-        fprintf(stderr, "%scoman-hil %s: warning: %s\n", journal_prefix(JOURNAL_WARNING), name,
-                text);
     }
-    return ERROR_NONE;
 }
 
 /* Function that a signal calls; NULL while it changes. */

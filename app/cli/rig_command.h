@@ -24,9 +24,8 @@ int robot_command(const char *name, const char *path, const char *variant, const
                   enum error_code (*body)(const void *options, const struct robot *robot,
                                           struct arena *arena, struct error *error));
 
-/* Reports periodic traffic that does not fit on its bus, as the rig says: by an error, or by a
- * warning on stderr. */
-enum error_code rig_command_budget(const char *name, const struct rig *rig, struct error *error);
+/* Warns on stderr of periodic traffic that does not fit on its bus. */
+void rig_command_warn_load(const char *name, const struct rig *rig);
 
 /* Sets what a stop from outside calls. The first SIGINT or SIGTERM calls stop(context), which must
  * be async-signal-safe; a second one within half a second is taken for its twin, a later one kills.

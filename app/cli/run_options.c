@@ -360,7 +360,6 @@ enum error_code run_options_configure(const struct run_options *given, const str
         .settle = given->settle || rig->settle,
         .energy = given->energy,
         .overrun = given->overrun < 0 ? rig->realtime.overrun : (enum loop_overrun)given->overrun,
-        .stop_after = rig->realtime.stop_after,
         .transport = (enum bus_transport)given->transport,
         .interface = given->bus.item,
         .ninterface = given->bus.count,

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The wire section of rigs: how long frames take, and what to do about buses that cannot carry
- * their traffic. */
+/* The wire section of rigs: how long frames take, and buses that cannot carry their traffic. */
 #include "rig/rig.h"
 
 #include "tests/unit/rig/rig_bench.h"
@@ -11,26 +10,18 @@ static const struct rig_wire *wire_of(const char *line)
     return &load_toy_rig_with(line)->wire;
 }
 
-TEST_WITH(without_it_frames_take_no_time_and_overload_is_warned_of, open_rig_tree, close_rig_tree)
+TEST_WITH(without_it_frames_take_no_time, open_rig_tree, close_rig_tree)
 {
     const struct rig_wire *wire = wire_of("");
 
     assert_false(wire->timed || wire->paced || wire->fifo);
-    assert_int_equal(wire->queue, 256);
-    assert_int_equal(wire->restart_ns, 100000000);
-    assert_int_equal(wire->budget, RIG_BUDGET_WARN);
 }
 
 TEST_WITH(every_key_is_taken, open_rig_tree, close_rig_tree)
 {
-    const struct rig_wire *wire = wire_of("wire: {mode: wire, pace: wire, order: fifo, queue: 8, "
-                                          "restart_s: 0.25, budget: refuse}");
+    const struct rig_wire *wire = wire_of("wire: {mode: wire, pace: wire, order: fifo}");
 
     assert_true(wire->timed && wire->paced && wire->fifo);
-    assert_int_equal(wire->queue, 8);
-    assert_int_equal(wire->restart_ns, 250000000);
-    assert_int_equal(wire->budget, RIG_BUDGET_REFUSE);
-    assert_int_equal(wire_of("wire: {budget: ignore}")->budget, RIG_BUDGET_IGNORE);
     assert_false(wire_of("wire: {mode: wire}")->paced);
 }
 
@@ -44,12 +35,7 @@ TEST_WITH(what_is_wrong_is_said_with_its_place, open_rig_tree, close_rig_tree)
         {"wire: {mode: exact}", 14, "\"exact\"", "ideal or wire"},
         {"wire: {pace: 1}", 14, "1", "none or wire"},
         {"wire: {order: lifo}", 15, "\"lifo\"", "priority or fifo"},
-        {"wire: {queue: 0}", 15, "0", "1"},
-        {"wire: {queue: 4097}", 15, "4097", "4096"},
-        {"wire: {queue: 1.5}", 15, "1.5", "integer"},
-        {"wire: {restart_s: -1}", 19, "-1", "0"},
-        {"wire: {budget: strict}", 16, "\"strict\"", "warn"},
-        {"wire: {que: 4}", 8, "que", "queue"},
+        {"wire: {queue: 4}", 8, "unknown key \"queue\"", "mode, pace or order"},
         {"wire: wire", 7, "wire", "map"},
     };
     int line = 1;

@@ -76,7 +76,6 @@ TEST_WITH(reads_time_pose_and_settings, open_rig_tree, close_rig_tree)
     assert_int_equal(rig->realtime.cpu, 1);
     assert_false(rig->realtime.lock_memory);
     assert_int_equal(rig->realtime.overrun, LOOP_OVERRUN_STOP);
-    assert_int_equal(rig->realtime.stop_after, 3);
     assert_string_equal(rig->record.directory, "out");
     assert_int_equal(rig->record.format, RECORDER_CSV | RECORDER_MCAP);
     assert_string_equal(rig->page.listen, "8080");

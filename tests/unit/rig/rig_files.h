@@ -91,7 +91,7 @@ static const char toy_rig[] =
     "      - {kind: ft, address: 0x0d, sensor: foot_ft, full_scale_n: [1000, 1000, 2000],\n"
     "         full_scale_nm: [40, 40, 30], transmit_at_start: true}\n"
     "lockstep: {bus: right, step_id: 0x5f0, partner_timeout_s: 2.5}\n"
-    "realtime: {priority: 0, cpu: 1, lock_memory: false, overrun: stop, stop_after: 3}\n"
+    "realtime: {priority: 0, cpu: 1, lock_memory: false, overrun: stop}\n"
     "record: {directory: out, format: both}\n"
     "tasks:\n"
     "  servo: {kp_v_per_rad: 10, ki_v_per_rad_s: 20, kw_v_s_per_rad: 4, command_period_s: 0.004}\n"
