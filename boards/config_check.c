@@ -250,7 +250,7 @@ static enum error_code check_bus_config(const struct boards_config *config, int 
         return error_set(error, ERROR_INPUT, "boards: a bus that speaks %s must be CAN FD",
                          protocol->name);
     }
-    if (protocol->needs_file && !bus->described) {
+    if ((protocol->needs_file || protocol->text) && !bus->described) {
         return error_set(error, ERROR_INPUT, "boards: a %s bus without its protocol",
                          protocol->name);
     }

@@ -49,7 +49,10 @@ struct protocol {
     bool external;        /* a host reads its frames without having configured the boards, so that
                            * real ones can stand on the bus */
     bool external_torque; /* and whose motor boards tell the torque of their joints */
-    bool needs_file;      /* a file describes it (boards_bus_config.described) */
+    bool needs_file;      /* a file that the rig names describes it (boards_bus_config.described) */
+
+    /* The text of the files that describe it, on classic CAN and on CAN FD; NULL: none */
+    const char *text, *text_fd;
 
     /* Both return NULL without memory. The configuration was checked (boards/config_check.c). */
     struct board_bus *(*make_bus)(struct arena *arena);

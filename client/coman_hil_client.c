@@ -1542,7 +1542,7 @@ static enum hil_client_code client_configure(struct hil_client *client, int stag
             const struct hil_client_value values[] = {
                 {"parameter", client_number(core, parameter, "telemetry_period")},
                 {"write", 1.0},
-                {"value", 1.0}};
+                {"value", 1e-3}};
 
             code = client_send_values(client, message, 0, values, 3);
         }

@@ -559,42 +559,57 @@ static enum error_code rig_check_format(struct rig_builder *b, const struct raw_
     return ERROR_NONE;
 }
 
-/* Loads the protocol of a described bus: its own, or the rig's. */
+/* Returns what describes the protocol of a bus: the text of its personality, or the name of its own
+ * file or the rig's; NULL: nothing. */
+static const char *rig_protocol_source(const struct rig_builder *b, const struct raw_bus *raw)
+{
+    const struct protocol *protocol = raw_bus_protocol(b, raw);
+
+    return !protocol->needs_file ? raw->bus.fd ? protocol->text_fd : protocol->text
+           : raw->protocol       ? raw->protocol
+                                 : b->raw->protocol;
+}
+
+/* Loads the protocol of a described bus. */
 static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw_bus *raw,
                                          const struct described_protocol **protocol)
 {
-    const char *file = raw->protocol ? raw->protocol : b->raw->protocol, *path;
+    const struct protocol *of = raw_bus_protocol(b, raw);
+    const char *source = rig_protocol_source(b, raw), *path;
     const struct yaml_mark *mark =
         raw->protocol ? yaml_mark(&raw->mark, "protocol") : yaml_mark(&b->raw->mark, "protocol");
     enum error_code code;
 
-    if (!raw_bus_protocol(b, raw)->needs_file) {
+    if (raw->protocol && !of->needs_file) {
         char list[RIG_LIST];
 
-        return !raw->protocol
-                   ? ERROR_NONE
-                   : yaml_error(
-                         b->error, yaml_mark(&raw->mark, "protocol"),
-                         "found a protocol on bus \"%s\", expected it with personality %s",
-                         raw->bus.name,
-                         protocols_list(offsetof(struct protocol, needs_file), list, sizeof list));
+        return yaml_error(b->error, yaml_mark(&raw->mark, "protocol"),
+                          "found a protocol on bus \"%s\", expected it with personality %s",
+                          raw->bus.name,
+                          protocols_list(offsetof(struct protocol, needs_file), list, sizeof list));
     }
-    if (!file) {
-        return yaml_error(
-            b->error, &raw->mark,
-            "found personality %s on bus \"%s\" without a protocol, expected the file "
-            "that describes it",
-            raw_bus_protocol(b, raw)->name, raw->bus.name);
+    if (!source) {
+        return of->needs_file
+                   ? yaml_error(
+                         b->error, &raw->mark,
+                         "found personality %s on bus \"%s\" without a protocol, expected the file "
+                         "that describes it",
+                         of->name, raw->bus.name)
+                   : ERROR_NONE;
     }
 
-    /* Buses with the rig's protocol share one table */
+    /* Buses with one source share one table */
     for (const struct raw_bus *other = b->raw->bus; other < raw && !raw->protocol; other++) {
-        if (!other->protocol && raw_bus_protocol(b, other)->needs_file) {
+        if (rig_protocol_source(b, other) == source) {
             *protocol = b->bus[other - b->raw->bus].described;
             return rig_check_format(b, raw, *protocol);
         }
     }
-    code = rig_find_protocol(b, mark, file, &path);
+    if (!of->needs_file) {
+        code = described_read_text(of->name, source, strlen(source), b->arena, protocol, b->error);
+        return code ? code : rig_check_format(b, raw, *protocol);
+    }
+    code = rig_find_protocol(b, mark, source, &path);
     if (!code && (code = described_load(path, b->arena, protocol, b->error)) &&
         access(path, R_OK)) {
         error_prefix(b->error, "%s:%d:%d", mark->file, mark->line, mark->column);

@@ -570,7 +570,7 @@ static void dbc_describe_bus(struct dbc_exporter *e)
     const struct rig_bus *bus = &e->rig->bus[e->bus];
     char text[DBC_TEXT_MAX + 1], name[40] = "";
 
-    if (bus->described) {
+    if (bus->protocol->needs_file) {
         snprintf(name, sizeof name, " (%s)", bus->described->name);
     }
     e->dbc->fd = bus->fd;

@@ -130,7 +130,7 @@ static int64_t described_set_point(const struct host *host, size_t axis,
     const struct described_state *state = &protocol->state[protocol->host.on_state];
     double target = described_target(host, protocol, axis, row, of_law[state->law], field->host);
 
-    return described_round(field, target / state->set_point_scale);
+    return llrint(target / state->set_point_scale);
 }
 
 /* Returns the value of the i-th field of a frame to be sent, in counts. */
@@ -346,16 +346,16 @@ static void described_send_group(struct host *host, size_t bus, const struct des
 {
     const struct described_protocol *protocol = described_line_protocol(host, bus);
     struct bus_frame frame = {.id = described_id(row, first / row->repeats), .flags = row->flags};
-    unsigned bytes = 0;
+    unsigned parts = 0;
 
     for (unsigned k = 0; k < row->repeats && first + k < host->line[bus].slots; k++) {
         const struct described_letter letter = {
             .row = row, .axis = host->line[bus].slot[first + k], .state = protocol->host.on_state};
 
         described_fill(host, bus, &letter, first / row->repeats, k, frame.data);
-        bytes = (k + 1) * row->length;
+        parts = k + 1;
     }
-    frame.len = row->flags & FRAME_FD ? frame_fd_length(bytes) : (uint8_t)bytes;
+    frame.len = described_length(row, parts);
     if (frame.len > 0) {
         host_queue(host, bus, &frame);
     }
@@ -392,7 +392,8 @@ struct described_news {
     const struct bus_frame *frame;
     const struct described_frame *row;
     struct host_node *node;
-    int axis; /* axis of the board, 0 to HOST_AXES - 1 */
+    int axis;      /* axis of the board, 0 to HOST_AXES - 1 */
+    unsigned part; /* repetition of its fields */
 };
 
 /* Returns the count of the field with a meaning; otherwise without one. */
@@ -401,7 +402,9 @@ static int64_t described_news_count(const struct described_news *news,
 {
     int field = described_find_field(news->row, meaning);
 
-    return field < 0 ? otherwise : described_get(&news->row->field[field], news->frame, 0);
+    return field < 0 ? otherwise
+                     : described_get(&news->row->field[field], news->frame,
+                                     news->part * news->row->length);
 }
 
 /* Finds the board and axis that a frame is from, by the number in its identifier or by a field.
@@ -640,6 +643,24 @@ static void described_note_answer(const struct described_protocol *protocol,
     }
 }
 
+/* Takes the fields of a repetition. */
+static void described_read_fields(struct host *host, const struct described_protocol *protocol,
+                                  const struct described_news *news)
+{
+    for (size_t i = 0; i < news->row->nread; i++) {
+        const struct described_field *field = &news->row->field[news->row->read[i]];
+        int64_t count = described_get(field, news->frame, news->part * news->row->length);
+
+        if (news->node->kind == HOST_MOTOR_BOARD) {
+            described_read_motor_field(host, protocol, news, field, count);
+        } else if (news->node->kind == HOST_FT_BOARD) {
+            described_read_force(host, news, field, count);
+        } else {
+            described_read_motion(host, field, count);
+        }
+    }
+}
+
 /* Reads a frame that has arrived (struct host_ops). */
 static void host_described_read(struct host *host, size_t bus, const struct bus_frame *frame)
 {
@@ -650,30 +671,20 @@ static void host_described_read(struct host *host, size_t bus, const struct bus_
         return;
     }
     described_note_answer(protocol, &news);
-    for (size_t i = 0; i < news.row->nread; i++) {
-        const struct described_field *field = &news.row->field[news.row->read[i]];
-        int64_t count = described_get(field, frame, 0);
-
-        if (news.node->kind == HOST_MOTOR_BOARD) {
-            described_read_motor_field(host, protocol, &news, field, count);
-        } else if (news.node->kind == HOST_FT_BOARD) {
-            described_read_force(host, &news, field, count);
-        } else {
-            described_read_motion(host, field, count);
-        }
-    }
+    /* A frame that repeats its fields does so for the axes of the board in turn */
+    do {
+        described_read_fields(host, protocol, &news);
+        news.part++;
+        news.axis++;
+    } while (news.part < news.row->repeats && (news.part + 1) * news.row->length <= frame->len);
 }
 
-const struct host_ops host_described = {
-    .name = "described",
-    .motor_address_max = DESCRIBED_ADDRESS_MAX,
-    .address_max = DESCRIBED_ADDRESS_MAX,
-    .axes = DESCRIBED_AXES,
-    .extended = true,
-    .discover = host_described_discover,
-    .request = host_described_request,
-    .read = host_described_read,
-    .set_motor = host_described_set_motor,
-    .end_period = host_described_end_period,
-    .fault_name = described_fault_names,
-};
+#define HOST_DESCRIBED                                                                             \
+    .motor_address_max = DESCRIBED_ADDRESS_MAX, .address_max = DESCRIBED_ADDRESS_MAX,              \
+    .axes = DESCRIBED_AXES, .extended = true, .discover = host_described_discover,                 \
+    .request = host_described_request, .read = host_described_read,                                \
+    .set_motor = host_described_set_motor, .end_period = host_described_end_period,                \
+    .fault_name = described_fault_names
+
+const struct host_ops host_described = {.name = "described", HOST_DESCRIBED};
+const struct host_ops host_compact = {.name = "compact", HOST_DESCRIBED};

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The host's side of the inertial board, in the icub, compact and cia402 protocols. */
+/* The host's side of the inertial board, in the icub and cia402 protocols. */
 #include "tasks/host_private.h"
 
 #include "boards/cia402/protocol.h"
-#include "boards/compact/protocol.h"
 #include "boards/icub/protocol.h"
 
 #include <math.h>
@@ -68,41 +67,6 @@ bool host_inertial_request(const struct host_node *node, unsigned address, int n
     }
     request->frame = frame_make(icub_id(ICUB_POLLING_ANALOG, ICUB_HOST, address), len, data);
     return number <= 2;
-}
-
-/* ---- compact ---- */
-
-void host_inertial_read_compact(struct host *host, const struct bus_frame *frame)
-{
-    static const struct {
-        enum compact_function function;
-        uint8_t length;
-        int acceleration, rate, orientation; /* offsets in the frame, -1: not in it */
-    } layout[] = {
-        {COMPACT_ACCELERATION, COMPACT_ACCELERATION_LENGTH, 0, -1, -1},
-        {COMPACT_RATE, COMPACT_ACCELERATION_LENGTH, -1, 0, -1},
-        {COMPACT_ORIENTATION, COMPACT_ORIENTATION_LENGTH, -1, -1, 0},
-        {COMPACT_INERTIAL_FD, COMPACT_INERTIAL_FD_LENGTH, 0, 6, 12},
-    };
-    struct host_motion *motion = &host->motion;
-
-    for (size_t i = 0; i < sizeof layout / sizeof *layout; i++) {
-        if (frame->id >> 5 != layout[i].function || frame->len != layout[i].length) {
-            continue;
-        }
-        if (layout[i].acceleration >= 0) {
-            host_motion_take(host, motion->acceleration_m_s2, &motion->acceleration_time_ns,
-                             frame->data + layout[i].acceleration, 3, COMPACT_ACCELERATION_M_S2);
-        }
-        if (layout[i].rate >= 0) {
-            host_motion_take(host, motion->rate_rad_s, &motion->rate_time_ns,
-                             frame->data + layout[i].rate, 3, COMPACT_RATE_RAD_S);
-        }
-        if (layout[i].orientation >= 0) {
-            host_motion_take(host, motion->quaternion, &motion->quaternion_time_ns,
-                             frame->data + layout[i].orientation, 4, COMPACT_QUATERNION);
-        }
-    }
 }
 
 /* ---- cia402 ---- */

@@ -160,12 +160,11 @@ void host_strain_read(struct host *host, struct host_node *node, const struct bu
 bool host_strain_request(const struct host_node *node, unsigned address, int number,
                          struct host_request *request);
 
-/* The inertial board on iCub buses, the frames of compact ones, and the TPDOs, by number from 0, of
- * cia402 ones (host_inertial.c). */
+/* The inertial board on iCub buses, and the TPDOs, by number from 0, of cia402 ones
+ * (host_inertial.c). */
 void host_inertial_read(struct host *host, struct host_node *node, const struct bus_frame *frame);
 bool host_inertial_request(const struct host_node *node, unsigned address, int number,
                            struct host_request *request);
-void host_inertial_read_compact(struct host *host, const struct bus_frame *frame);
 void host_inertial_read_cia402(struct host *host, unsigned number, const struct bus_frame *frame);
 
 #endif

@@ -410,7 +410,7 @@ static enum error_code print_described(const char *name, struct error *error)
     return code;
 }
 
-/* Lists the protocols that need no file in names, NULL at the end, and in help; returns their
+/* Lists the protocols that no file describes in names, NULL at the end, and in help; returns their
  * number. */
 static size_t list_names(const char *names[NAMES_MAX + 1], char *help, size_t size)
 {
@@ -418,7 +418,7 @@ static size_t list_names(const char *names[NAMES_MAX + 1], char *help, size_t si
     size_t count = 0, used = 0;
 
     for (size_t i = 0; count < NAMES_MAX && (protocol = protocol_at(i)); i++) {
-        if (!protocol->needs_file) {
+        if (protocol->help) {
             names[count++] = protocol->name;
             used += used < size ? (size_t)snprintf(help + used, size - used, "%s, ", protocol->name)
                                 : 0;
@@ -460,7 +460,7 @@ int cmd_protocol(int argc, char **argv)
     /* A protocol in C, or else one that a file describes, unless the name is nearly one of the
      * first */
     protocol = protocol_find(name);
-    if (protocol && !protocol->needs_file) {
+    if (protocol && protocol->help) {
         protocol_page_print(protocol, stdout);
         return STATUS_OK;
     }

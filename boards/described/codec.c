@@ -103,11 +103,7 @@ int64_t described_fault_bits(const struct described_protocol *protocol, uint32_t
 
 int64_t described_count(const struct described_field *field, double value)
 {
-    return described_round(field, (value - field->offset) / field->scale);
-}
-
-int64_t described_round(const struct described_field *field, double scaled)
-{
+    double scaled = (value - field->offset) / field->scale;
     int32_t count = 0;
 
     if (field->real) {
@@ -215,9 +211,7 @@ static bool described_has_length(const struct described_frame *frame, uint8_t le
         return len >= frame->shortest && len <= frame->longest;
     }
     for (unsigned count = 1; count <= frame->repeats; count++) {
-        unsigned bytes = count * frame->length;
-
-        if (len == (frame->flags & FRAME_FD ? frame_fd_length(bytes) : bytes)) {
+        if (len == described_length(frame, count)) {
             return true;
         }
     }

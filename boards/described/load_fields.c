@@ -406,7 +406,7 @@ static enum error_code described_measure_length(struct described_loader *l,
 {
     int64_t most = raw->fd ? DESCRIBED_LENGTH_MAX : DESCRIBED_CLASSIC_MAX;
     unsigned least = (bits + 7) / 8;
-    bool group = raw->by == DESCRIBED_BY_GROUP;
+    bool group = raw->by == DESCRIBED_BY_GROUP, repeats = group || raw->repeat > 1;
 
     /* A given length holds the fields and exists */
     if (raw->length_given && raw->length < (int64_t)least) {
@@ -419,23 +419,28 @@ static enum error_code described_measure_length(struct described_loader *l,
                           "found length %d, expected at most 8, or fd: true for up to 64",
                           (int)raw->length);
     }
-    if (raw->length_given && raw->fd && !group &&
+    if (raw->length_given && raw->fd && !repeats &&
         frame_fd_length((unsigned)raw->length) != raw->length) {
         return yaml_error(l->error, &raw->length_mark,
                           "found length %d, expected one of CAN FD: 0 to 8, 12, 16, 20, 24, 32, 48 "
                           "or 64",
                           (int)raw->length);
     }
-    /* Repetitions fit into a frame of a group */
-    made->length = raw->length_given   ? (uint8_t)raw->length
-                   : raw->fd && !group ? frame_fd_length(least)
-                                       : (uint8_t)least;
-    if (raw->repeat * made->length > most || (raw->repeat > 1) != group ||
-        (group && (raw->from == 0 || made->length == 0))) {
-        return yaml_error(l->error, &raw->repeat_mark,
-                          "found repeat %d, expected it of a frame from the host with by: group, "
-                          "%d bytes in all",
-                          (int)raw->repeat, (int)most);
+    made->length = raw->length_given     ? (uint8_t)raw->length
+                   : raw->fd && !repeats ? frame_fd_length(least)
+                                         : (uint8_t)least;
+    /* A frame repeats its fields for the slots of a group, or for the axes of a board */
+    if (raw->repeat * made->length > most || (repeats && made->length == 0) ||
+        (raw->from == 1
+             ? (raw->repeat > 1) != group
+             : group || (repeats && (raw->by != DESCRIBED_BY_ADDRESS ||
+                                     made->of != DESCRIBED_MOTOR || raw->repeat < l->raw->axes)))) {
+        return yaml_error(
+            l->error, &raw->repeat_mark,
+            "found repeat %d, expected it of a frame from the host with by: group, or "
+            "from motor boards with by: address as many as the board has axes, %d "
+            "bytes in all",
+            (int)raw->repeat, (int)most);
     }
     return ERROR_NONE;
 }

@@ -67,12 +67,10 @@ static const char *frame_answer(const struct described_protocol *protocol,
 /* Returns the bytes of a message: as many as a board takes, where fields carry anything. */
 static uint8_t frame_message_length(const struct described_frame *frame, unsigned repeats)
 {
-    if (frame->flags & FRAME_FD) {
-        return frame_fd_length(frame->length * repeats);
+    if (frame->flags & FRAME_FD || repeats > 1) {
+        return described_length(frame, repeats);
     }
-    return repeats > 1         ? (uint8_t)(frame->length * repeats)
-           : frame->length > 0 ? frame->longest
-                               : 0;
+    return frame->length > 0 ? frame->longest : 0;
 }
 
 /* Visits a frame with its number; of a group with the slots that there are. */
@@ -114,7 +112,7 @@ static void visit_frame(struct message_walk *walk, size_t index, int board, unsi
         .id_fields = frame->id_layout,
         .repeats = (uint8_t)repeats,
         .slot = slot,
-        .list = frame->by == DESCRIBED_BY_GROUP,
+        .list = frame->repeats > 1,
     };
 
     message_visit(walk, &message);
@@ -144,8 +142,10 @@ void described_visit_board(struct message_walk *walk, int index, unsigned first_
             visit_frame(walk, i, index, first_slot + k, 1, (int)(first_slot + k));
         }
         if (frame->by != DESCRIBED_BY_SLOT) {
-            visit_frame(walk, i, index, by_address ? board->address : 0, 1,
-                        of_one_axis ? (int)first_slot : -1);
+            bool list = frame->repeats > 1;
+
+            visit_frame(walk, i, index, by_address ? board->address : 0, list ? axes : 1,
+                        of_one_axis || list ? (int)first_slot : -1);
         }
     }
 }

@@ -80,6 +80,12 @@ static bool described_node_due(struct described_node *node)
 
 /* ---- frames ---- */
 
+/* A frame to be sent. */
+struct described_out {
+    uint32_t id;
+    uint8_t length, data[DESCRIBED_LENGTH_MAX];
+};
+
 /* Returns the bits of the parameter that a request asks for. */
 static int64_t described_node_parameter(const struct described_node *node, unsigned axis,
                                         const struct described_frame *request,
@@ -249,44 +255,48 @@ static int64_t described_node_parameter(const struct described_node *node, unsig
                      : 0;
 }
 
-/* Writes a frame about an axis, as an answer if there is a request; returns the identifier. */
-static uint32_t described_node_fill(struct described_node *node, unsigned axis, size_t index,
-                                    const struct described_frame *request, const int64_t *values,
-                                    uint8_t *data)
+/* Writes a frame about an axis, or about all axes in turn where it repeats its fields, as an answer
+ * if there is a request. */
+static void described_node_fill(struct described_node *node, unsigned axis, size_t index,
+                                const struct described_frame *request, const int64_t *values,
+                                struct described_out *out)
 {
     const struct described_frame *frame = &node->protocol->frame[index];
+    unsigned parts = frame->repeats > 1 ? node->axes : 1;
     unsigned number = frame->by == DESCRIBED_BY_ADDRESS ? node->board.address
                       : frame->by == DESCRIBED_BY_SLOT  ? node->first_slot + axis
                                                         : 0;
-    uint32_t id = described_id(frame, number);
 
-    for (size_t i = 0; i < frame->nfield; i++) {
-        const struct described_field *field = &frame->field[i];
-        unsigned of = axis + field->axis; /* a frame that tells of several says with each which */
-        int64_t count = 0;
+    *out = (struct described_out){.id = described_id(frame, number),
+                                  .length = described_length(frame, parts)};
+    for (unsigned part = 0; part < parts; part++) {
+        for (size_t i = 0; i < frame->nfield; i++) {
+            const struct described_field *field = &frame->field[i];
+            unsigned of = axis + part + field->axis; /* a field may be of another axis */
+            int64_t count = 0;
 
-        if (field->meaning == DESCRIBED_COUNTER) {
-            uint32_t *sent = &node->report[frame->by == DESCRIBED_BY_SLOT ? axis : 0][index].sent;
+            if (field->meaning == DESCRIBED_COUNTER) {
+                uint32_t *sent =
+                    &node->report[frame->by == DESCRIBED_BY_SLOT ? axis : 0][index].sent;
 
-            count = described_wrap(field, (*sent)++);
-        } else if (of < node->axes || of == 0) {
-            count = described_node_count(node, of, field, request, values);
+                count = described_wrap(field, (*sent)++);
+            } else if (of < node->axes || of == 0) {
+                count = described_node_count(node, of, field, request, values);
+            }
+            described_put(field, count, part * frame->length, out->data, &out->id);
         }
-        described_put(field, count, 0, data, &id);
     }
-    described_close(frame, data);
-    return id;
+    described_close(frame, out->data);
 }
 
 /* Queues a frame as an answer. */
 static void described_node_queue(struct described_node *node, unsigned axis, size_t index,
                                  const struct described_frame *request, const int64_t *values)
 {
-    const struct described_frame *frame = &node->protocol->frame[index];
-    uint8_t data[DESCRIBED_LENGTH_MAX] = {0};
-    uint32_t id = described_node_fill(node, axis, index, request, values, data);
+    struct described_out out;
 
-    board_queue_as(&node->board, id, frame->flags, frame->length, data);
+    described_node_fill(node, axis, index, request, values, &out);
+    board_queue_as(&node->board, out.id, node->protocol->frame[index].flags, out.length, out.data);
 }
 
 void described_node_reply(struct described_node *node, unsigned axis,
@@ -326,15 +336,14 @@ static bool described_grid_due(struct ms_span span, int64_t period_ms, int64_t a
 static void described_node_send(struct described_node *node, unsigned axis, size_t index,
                                 struct frame_sink *sink)
 {
-    const struct described_frame *frame = &node->protocol->frame[index];
     struct described_report *report = &node->report[axis][index];
-    uint8_t data[DESCRIBED_LENGTH_MAX] = {0};
-    uint32_t id;
+    struct described_out out;
 
     report->state = node->axis[axis].state;
     report->faults = node->axis[axis].faults;
-    id = described_node_fill(node, axis, index, NULL, NULL, data);
-    board_send_as(&node->board, sink, id, frame->flags, frame->length, data);
+    described_node_fill(node, axis, index, NULL, NULL, &out);
+    board_send_as(&node->board, sink, out.id, node->protocol->frame[index].flags, out.length,
+                  out.data);
 }
 
 /* Returns whether a frame that is no telemetry is due: by its period, or by a change of state or

@@ -6,6 +6,7 @@
 #include "boards/described/board.h"
 #include "boards/described/messages.h"
 #include "boards/protocol_list.h"
+#include "manual/protocol_compact.h"
 
 /* Creates a board by its kind (struct protocol). */
 static struct board *described_make_board(const struct board_config *config, struct arena *arena)
@@ -67,25 +68,40 @@ static const char *described_law_name(uint32_t law)
     return law <= DESCRIBED_FAULT ? names[law] : "unknown";
 }
 
+/* What all described protocols have. */
+#define DESCRIBED                                                                                  \
+    .motor_address_max = DESCRIBED_ADDRESS_MAX, .address_max = DESCRIBED_ADDRESS_MAX,              \
+    .axes_max = DESCRIBED_AXES, .slots_max = DESCRIBED_SLOTS, .canfd = true,                       \
+    .make_bus = described_bus_create, .make_board = described_make_board,                          \
+    .check_board = described_check_board, .visit_broadcasts = described_visit_broadcasts,          \
+    .visit_board = described_visit_board, .comment_message = described_comment_message,            \
+    .note_field = described_note_field, .claims_id = described_claims_id,                          \
+    .mode_name = described_law_name, .fault_names = described_fault_names,                         \
+    .timeout_text = "as its protocol has it", .limit_text = "ticks, voltage set to 0"
+
 const struct protocol protocol_described = {
     .name = "described",
     .summary = "a protocol of your own, as a YAML file says: own-boards.md",
-    .motor_address_max = DESCRIBED_ADDRESS_MAX,
-    .address_max = DESCRIBED_ADDRESS_MAX,
-    .axes_max = DESCRIBED_AXES,
-    .slots_max = DESCRIBED_SLOTS,
-    .canfd = true,
     .needs_file = true,
-    .make_bus = described_bus_create,
-    .make_board = described_make_board,
-    .check_board = described_check_board,
-    .visit_broadcasts = described_visit_broadcasts,
-    .visit_board = described_visit_board,
-    .comment_message = described_comment_message,
-    .note_field = described_note_field,
-    .claims_id = described_claims_id,
-    .mode_name = described_law_name,
-    .fault_names = described_fault_names,
-    .timeout_text = "as its protocol has it",
-    .limit_text = "ticks, voltage set to 0",
+    DESCRIBED,
+};
+
+const struct protocol protocol_compact = {
+    .name = "compact",
+    .summary = "our own, classic CAN or CAN FD, one axis a slot, 1 kHz",
+    .text = PROTOCOL_TEXT_COMPACT,
+    .text_fd = PROTOCOL_TEXT_COMPACT_FD,
+    .external = true,
+    .external_torque = true,
+    DESCRIBED,
+    .bench = {.bus_axes = 3,
+              .board_axes = 1,
+              .ft_address = 30,
+              .ft_period_s = "0.005",
+              .command_period_s = "0.001"},
+    .bench_fd = {.bus_axes = 12,
+                 .board_axes = 4,
+                 .ft_address = 30,
+                 .ft_period_s = "0.001",
+                 .command_period_s = "0.001"},
 };

@@ -191,8 +191,8 @@ enum described_checksum {
 
 struct described_field {
     enum described_meaning meaning;
-    /* Place in the data: the first of the eight bytes that it is within, and the bits of those eight
-     * behind it; in_id: the bits of the identifier behind it */
+    /* Place in the data: the first of the eight bytes that it is within, and how many of their bits
+     * are below it; in_id: how many bits of the identifier are below it */
     uint8_t byte, shift, end;     /* end: the bytes up to its last one */
     bool in_id, big_endian, real; /* real: the bits of a float */
     uint64_t mask, sign;          /* of its count; sign: the bit that has it, or 0 */
@@ -334,9 +334,6 @@ int64_t described_fault_bits(const struct described_protocol *protocol, uint32_t
  * is no number gives 0. */
 int64_t described_count(const struct described_field *field, double value);
 
-/* Does so for a value that is scaled already. */
-int64_t described_round(const struct described_field *field, double scaled);
-
 /* Returns the value of the bits of a float; 0 when they are no number. */
 double described_real(uint32_t bits);
 
@@ -361,6 +358,14 @@ static inline int described_find_field(const struct described_frame *frame,
                                        enum described_meaning meaning)
 {
     return frame->first[meaning];
+}
+
+/* Returns the length of a frame with so many repetitions. */
+static inline uint8_t described_length(const struct described_frame *frame, unsigned parts)
+{
+    unsigned bytes = frame->length * parts;
+
+    return frame->flags & FRAME_FD ? frame_fd_length(bytes) : (uint8_t)bytes;
 }
 
 /* Returns the identifier of a frame with a number; bits of fields in it are 0. */

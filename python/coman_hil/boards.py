@@ -86,7 +86,7 @@ class Boards:
 
 
 class Compact(Boards):
-    """boards/compact/protocol.h: a frame sets all motors of a group, one tells their voltages."""
+    """protocols/compact.yaml: a frame sets all motors of a group, one tells their voltages."""
 
     def __init__(self, bus: Bus, supply_v: float, motor: FocMotor) -> None:
         super().__init__(bus, supply_v, motor)
@@ -101,7 +101,7 @@ class Compact(Boards):
                     self._slot[joint] = first + signal.start // signal.bits
 
     def reporting(self) -> list[list[str]]:
-        return [[self.text(m.name, parameter="telemetry_period", write=1, value=1)
+        return [[self.text(m.name, parameter="telemetry_period", write=1, value=1e-3)
                  for m in self.bus.messages.values()
                  if m.sender == HOST and m.name.endswith("_REQUEST")]]
 

@@ -126,20 +126,21 @@ static struct faults *make_faults(const struct board_bench *base, struct arena *
     return faults;
 }
 
-/* The protocol of described boards: compact's again, of four axes a board. */
-static const struct described_protocol *load_described(void)
+/* Returns the protocol that a file describes: that of compact boards, also for described ones. */
+static const struct described_protocol *load_described(bool fd)
 {
-    static const struct described_protocol *protocol;
+    static const struct described_protocol *protocol[2];
     static struct arena arena;
     struct error error;
 
-    if (!protocol) {
-        fuzz_require(arena_init(&arena, 8u << 20, &error) == ERROR_NONE &&
-                         described_load(HIL_SOURCE_DIR "/config/protocols/compact.yaml", &arena,
-                                        &protocol, &error) == ERROR_NONE,
+    if (!protocol[fd]) {
+        fuzz_require((arena.memory || arena_init(&arena, 8u << 20, &error) == ERROR_NONE) &&
+                         described_load(fd ? HIL_SOURCE_DIR "/config/protocols/compact-fd.yaml"
+                                           : HIL_SOURCE_DIR "/config/protocols/compact.yaml",
+                                        &arena, &protocol[fd], &error) == ERROR_NONE,
                      "%s", error.text);
     }
-    return protocol;
+    return protocol[fd];
 }
 
 /* What the first bytes say of the base. */
@@ -154,7 +155,8 @@ static void configure(struct fuzz_bench *bench, struct fuzz_bytes *bytes)
     bench->bus[0].protocol = spoken;
     bench->bus[0].padded = spoken->torque_boards && how & 64;
     bench->bus[0].fd = spoken->canfd_only || (spoken->canfd && !spoken->needs_file && how & 4);
-    bench->bus[0].described = spoken == &protocol_described ? load_described() : NULL;
+    bench->bus[0].described =
+        spoken->needs_file || spoken->text ? load_described(bench->bus[0].fd) : NULL;
     base->config.bus = bench->bus;
     if (!spoken->torque_boards) {
         base->config.nboard = BENCH_BOARDS - 1; /* torques need no board */

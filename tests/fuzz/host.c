@@ -27,8 +27,8 @@ enum {
 };
 enum { STEP_ID = 0x6f0, DONE_ID = 0x6f1, IMU_ADDRESS = 9 };
 
-/* Bus by bus: iCub with torque and F/T boards, FOC, compact or by the first byte one that a file
- * describes, compact over CAN FD. */
+/* Bus by bus: iCub with torque and F/T boards, FOC, by the first byte one of the protocols that a
+ * file describes, compact over CAN FD. */
 static struct boards_bus_config board_buses[BUSES] = {{.protocol = &protocol_icub},
                                                       {.protocol = &protocol_foc},
                                                       {.protocol = &protocol_compact},
@@ -159,24 +159,32 @@ static bool list_message(void *context, const struct message *message)
     return true;
 }
 
-/* What bus 2 speaks: 0 compact, 1 to 3 one of config/protocols. */
-static void choose_protocol(unsigned which)
+/* Returns a protocol of config/protocols, which bus 2 speaks, or bus 3. */
+static const struct described_protocol *load_protocol(unsigned which)
 {
-    static const char *const names[] = {NULL, "compact", "mini-cheetah", "odrive"};
-    static const struct described_protocol *protocol[4];
+    static const char *const names[] = {"compact", "servo-valve", "mini-cheetah", "odrive",
+                                        "compact-fd"};
+    static const struct described_protocol *protocol[5];
     static struct arena arena;
     char path[256];
     struct error error;
 
-    if (which > 0 && !protocol[which]) {
+    if (!protocol[which]) {
         snprintf(path, sizeof path, "%s/config/protocols/%s.yaml", HIL_SOURCE_DIR, names[which]);
-        fuzz_require((arena.memory || arena_init(&arena, 8u << 20, &error) == ERROR_NONE) &&
+        fuzz_require((arena.memory || arena_init(&arena, 16u << 20, &error) == ERROR_NONE) &&
                          described_load(path, &arena, &protocol[which], &error) == ERROR_NONE,
                      "%s", error.text);
     }
+    return protocol[which];
+}
+
+/* Chooses what bus 2 speaks. */
+static void choose_protocol(unsigned which)
+{
     board_buses[2].protocol = which ? &protocol_described : &protocol_compact;
     host_buses[2].protocol = which ? "described" : "compact";
-    board_buses[2].described = host_buses[2].described = protocol[which];
+    board_buses[2].described = host_buses[2].described = load_protocol(which);
+    board_buses[3].described = host_buses[3].described = load_protocol(4);
 }
 
 static void make_boards(struct bench *bench, struct arena *arena)

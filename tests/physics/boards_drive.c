@@ -8,11 +8,10 @@
 #include "base/array.h"
 #include "boards/board.h"
 #include "boards/cia402/protocol.h"
-#include "boards/compact/protocol.h"
-#include "boards/described/protocol.h"
 #include "boards/foc/protocol.h"
 #include "boards/protocol_list.h"
 #include "tests/physics/plant_rig.h"
+#include "tests/protocol_file.h"
 #include "tests/test.h"
 
 #include <math.h>
@@ -24,7 +23,7 @@ enum { HIP = 0, TICK_NS = 1000000, SUBSTEP_NS = 100000 };
 
 /* Whose frames command() knows: the current of icub's boards has no loop. */
 static const struct protocol *const spoken[] = {&protocol_icub, &protocol_foc, &protocol_compact,
-                                                &protocol_cia402, &protocol_described};
+                                                &protocol_cia402};
 
 struct bench {
     struct plant_rig rig;
@@ -95,10 +94,7 @@ static void start(struct bench *bench, const struct protocol *protocol)
         .bemf_v_s_rad = bench->sea.Kw,
     };
     assert_int_equal(arena_init(&bench->arena, 1 << 23, &error), ERROR_NONE);
-    if (protocol->needs_file && described_load(HIL_SOURCE_DIR "/config/protocols/compact.yaml",
-                                               &bench->arena, &bus.described, &error)) {
-        fail_msg("%s", error.text);
-    }
+    bus.described = protocol->text ? protocol_file(protocol->name) : NULL;
     if (boards_create(&config, &bench->arena, &bench->boards, &error)) {
         fail_msg("%s", error.text);
     }
@@ -155,9 +151,9 @@ static void enable(struct bench *bench, bool current)
 {
     uint8_t mode = (uint8_t)(current ? ICUB_MODE_CURRENT : ICUB_MODE_OPEN_LOOP);
 
-    if (bench->protocol == &protocol_compact || bench->protocol == &protocol_described) {
-        mode = (uint8_t)(current ? COMPACT_CURRENT : COMPACT_VOLTAGE);
-        send(bench, compact_id(COMPACT_MODE, 0), 5, (const uint8_t[]){mode, 1, 0, 0, 0});
+    if (bench->protocol == &protocol_compact) {
+        mode = (uint8_t)(current ? 2 : 1);
+        send(bench, 0x020, 5, (const uint8_t[]){mode, 1, 0, 0, 0});
         return;
     }
     if (bench->protocol == &protocol_cia402) {
@@ -179,7 +175,7 @@ static void command(struct bench *bench, bool current, double value)
                    : current                           ? 1e3
                    : bench->protocol == &protocol_icub ? ICUB_PWM_FULL_SCALE / 48.0
                    : bench->protocol == &protocol_foc  ? FOC_PWM_FULL_SCALE / 48.0
-                                                       : 1.0 / COMPACT_VOLTAGE_V;
+                                                       : 1.0 / 2e-3;
     uint16_t counts = (uint16_t)(int16_t)lrint(value * scale);
 
     if (bench->protocol == &protocol_icub) {
@@ -190,9 +186,9 @@ static void command(struct bench *bench, bool current, double value)
         send(bench, FOC_DESIRED_TARGETS_ID, 2, data);
     } else if (bench->protocol == &protocol_cia402) { /* volts by 2 mV as the compact boards */
         write_object(bench, current ? 0x6071 : CIA402_O_TARGET_VOLTAGE, 2, counts);
-    } else { /* compact, and the same by a file */
+    } else { /* compact */
         put_u16_le(data, counts);
-        send(bench, compact_id(COMPACT_COMMAND, 0), 2, data);
+        send(bench, 0x040, 2, data);
     }
 }
 

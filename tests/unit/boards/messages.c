@@ -4,9 +4,9 @@
  * is in it with its length, no two messages look the same, and cycle times give the worst-case load
  * of the bus plans' table.
  */
-#include "boards/compact/protocol.h"
 #include "boards/messages.h"
 #include "boards/protocol_list.h"
+#include "tests/protocol_file.h"
 #include "tests/unit/boards/board_bench.h"
 
 enum { MESSAGES_MAX = 2048 };
@@ -26,13 +26,17 @@ static bool append(void *context, const struct message *message)
 }
 
 static const struct boards_bus_config icub[BENCH_BUSES],
-    foc[BENCH_BUSES] = {{.protocol = &protocol_foc}},
-    compact[BENCH_BUSES] = {{.protocol = &protocol_compact}},
-    fd[BENCH_BUSES] = {{.protocol = &protocol_compact, .fd = true}};
+    foc[BENCH_BUSES] = {{.protocol = &protocol_foc}};
+static struct boards_bus_config compact[BENCH_BUSES] = {{.protocol = &protocol_compact}},
+                                fd[BENCH_BUSES] = {{.protocol = &protocol_compact, .fd = true}};
 
 static void configure(struct board_bench *bench, const struct boards_bus_config *bus)
 {
     bench_configure(bench);
+    if (!compact[0].described) {
+        compact[0].described = protocol_file("compact");
+        fd[0].described = protocol_file("compact-fd");
+    }
     bench->config.bus = bus;
     for (int i = 0; i < BENCH_BOARDS; i++) {
         bench->board[i].axis[0].gear = 100.0;

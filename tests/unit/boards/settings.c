@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Settings of axes beside the bus: the same values and ranges as over it, for all that boards
  * speak. */
-#include "boards/compact/protocol.h"
 #include "boards/foc/protocol.h"
 #include "boards/protocol_list.h"
 #include "tests/unit/boards/board_bench.h"
@@ -113,32 +112,5 @@ TEST(foc_gains_are_the_same_however_they_were_set)
     assert_true(set(&bench, 0, 0, "current_peak", 9000.0));
     assert_true(get(&bench, 0, 0, "current_peak") == 9000.0);
     assert_true(get(&bench, 1, 0, "current_kp") == 0.0);
-    bench_stop(&bench);
-}
-
-TEST(compact_settings_may_change_while_the_axis_runs)
-{
-    static const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_compact},
-                                                                {.protocol = &protocol_compact}};
-    struct board_setting setting;
-    struct board_bench bench;
-
-    bench_configure(&bench);
-    bench.board[0] = bench_motor("leg 1", 0, 4, 0, 1);
-    bench.board[1] = bench_motor("arm", 1, 7, 3, 4);
-    bench.config.nboard = 2;
-    bench.config.bus = buses;
-    for (int i = 0; i < 2; i++) {
-        bench.board[i].axis[2].joint = bench.board[i].axis[3].joint = -1;
-    }
-    bench_start(&bench);
-    bench_send(&bench, 0, compact_id(COMPACT_MODE, 0), "02 FF FF FF"); /* all in current mode */
-    bench_tick(&bench);
-    assert_true(set(&bench, 0, 1, "current_kp", 1234.0));
-    assert_true(get(&bench, 0, 1, "current_kp") == 1234.0);
-    find(&bench, 0, 1, "current_limit", &setting);
-    assert_true(setting.min == 1.0 && setting.max == 12000.0); /* the board's own */
-    assert_string_equal(setting.unit, "mA");
-    assert_false(set(&bench, 0, 1, "current_limit", 12001.0));
     bench_stop(&bench);
 }

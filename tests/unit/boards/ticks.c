@@ -6,9 +6,9 @@
  * have passed, nothing drifts.
  */
 #include "base/array.h"
-#include "boards/compact/protocol.h"
 #include "boards/foc/protocol.h"
 #include "boards/protocol_list.h"
+#include "tests/protocol_file.h"
 #include "tests/unit/boards/board_bench.h"
 
 #define MS INT64_C(1000000)
@@ -19,8 +19,8 @@ enum { RUN_MS = 2100 }; /* a whole number of each tick */
 
 static const struct boards_bus_config foc_bus[BENCH_BUSES] = {{.protocol = &protocol_foc},
                                                               {.protocol = &protocol_icub}};
-static const struct boards_bus_config compact_bus[BENCH_BUSES] = {{.protocol = &protocol_compact},
-                                                                  {.protocol = &protocol_icub}};
+static struct boards_bus_config compact_bus[BENCH_BUSES] = {{.protocol = &protocol_compact},
+                                                            {.protocol = &protocol_icub}};
 
 /* One board: a 2FOC of address 1 (joint 0), or a compact node 4 (joints 0, 1). */
 static void start_foc(struct board_bench *bench, int64_t tick_ns)
@@ -51,6 +51,9 @@ static void start_compact(struct board_bench *bench, int64_t tick_ns)
     bench->board[0].transmit_at_start = true;
     bench->board[0].command_timeout_ns = 20 * MS;
     bench->config.nboard = 1;
+    if (!compact_bus[0].described) {
+        compact_bus[0].described = protocol_file("compact");
+    }
     bench->config.bus = compact_bus;
     bench->config.tick_ns = tick_ns;
     bench_start(bench);

@@ -171,11 +171,13 @@ struct pull {
     double told, before, worst, bound, largest, qd;
 };
 
-/* Compact telemetry: the torque's twelve bits begin at bit 50, counts of COMPACT_TORQUE_NM. */
+#define TORQUE_NM 32e-3
+
+/* Compact telemetry: the torque's twelve bits begin at bit 50, counts of 32 mN m. */
 static struct bus_frame write_torque(double nm)
 {
-    struct bus_frame frame = {.id = (uint32_t)COMPACT_TELEMETRY << 5, .len = 8};
-    uint64_t bits = ((uint64_t)lrint(nm / COMPACT_TORQUE_NM) & 0xfff) << 50;
+    struct bus_frame frame = {.id = 0x100, .len = 8};
+    uint64_t bits = ((uint64_t)lrint(nm / TORQUE_NM) & 0xfff) << 50;
 
     put_u32_le(frame.data, (uint32_t)bits);
     put_u32_le(frame.data + 4, (uint32_t)(bits >> 32));
@@ -196,8 +198,8 @@ static void pull_step(struct bench *bench, int64_t ms)
     }
     if (ms > BEGIN + 20 && ms <= END) {
         double a = fabs(is->qd - pull->qd), error = fabs(is->torque_nm - pull->told);
-        double bound = (0.5e-3 * sea->Ks + sea->Ds) * a + fabs(pull->told - pull->before) +
-                       1.5 * COMPACT_TORQUE_NM;
+        double bound =
+            (0.5e-3 * sea->Ks + sea->Ds) * a + fabs(pull->told - pull->before) + 1.5 * TORQUE_NM;
 
         if (error - bound > pull->worst - pull->bound) {
             pull->worst = error;
@@ -234,8 +236,8 @@ static void pull_beyond_step(struct bench *bench, int64_t ms)
     struct pull *pull = bench->test;
     const struct motor_sense *is = bench_motor(bench);
     struct bus_frame frame = {
-        .id = (uint32_t)COMPACT_TELEMETRY_FD << 5 | bench->external->address,
-        .len = COMPACT_TELEMETRY_FD_LENGTH,
+        .id = 0x120 | bench->external->address,
+        .len = 16,
         .flags = FRAME_FD | FRAME_BRS,
     };
 
@@ -261,6 +263,6 @@ TEST(a_torque_is_bounded_by_that_of_the_drive_at_stall)
     bench_run(&bench);
     most = sea_deflection(&bench.sea, bench.sea.Kt * bench.copy.supply_v / bench.sea.R);
     print_message("# spring: %.4f rad, %.4f at stall, %.4f as told\n", pull.largest, most,
-                  sea_deflection(&bench.sea, 0x7fffff * COMPACT_TORQUE_FD_NM));
+                  sea_deflection(&bench.sea, 0x7fffff * 1e-3));
     assert_true(pull.largest > 0.1 && pull.largest <= most + pull.bound);
 }

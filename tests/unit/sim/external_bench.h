@@ -8,7 +8,6 @@
 
 #include "sim/simulator.h"
 
-#include "boards/compact/protocol.h"
 #include "boards/foc/protocol.h"
 #include "boards/icub/protocol.h"
 #include "boards/protocol_list.h"
@@ -56,7 +55,7 @@ static inline double bench_find_count(const struct bench *bench)
     const struct protocol *protocol = bench->copy.boards.bus[BUS].protocol;
 
     return protocol == &protocol_foc       ? 2 * M_PI / FOC_ICUBDEG_PER_REV / axis->gear
-           : protocol == &protocol_compact ? COMPACT_POSITION_RAD
+           : protocol == &protocol_compact ? 1e-5
                                            : 1 / axis->motor_ticks_per_rad;
 }
 
@@ -72,7 +71,7 @@ static inline struct bus_frame bench_angle(const struct bench *bench, double rad
         frame.id = 0x100 | address << 4 | FOC_FEEDBACK;
         put_u32_le(frame.data + 4, counts);
     } else if (protocol == &protocol_compact) {
-        frame.id = (uint32_t)COMPACT_TELEMETRY << 5; /* of slot 0 */
+        frame.id = 0x100; /* TELEMETRY of slot 0 */
         put_u32_le(frame.data, counts & 0x3fffff);
     } else {
         frame.id = 0x100 | address << 4 | ICUB_MOTOR_POSITION;

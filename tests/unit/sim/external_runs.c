@@ -27,10 +27,10 @@ static bool real_board_sent(const struct bench *bench, const struct bus_frame *f
 {
     unsigned function = frame->id >> 5, number = frame->id & 0x1f;
 
-    return function == COMPACT_TELEMETRY || function == COMPACT_STATE ? number == 0 /* its slot */
-           : function == COMPACT_REPLY || function == COMPACT_IDENTITY
-               ? number == bench->external->address
-               : false;
+    /* TELEMETRY and STATE by slot; REPLY and IDENTITY by address */
+    return function == 0x08 || function == 0x10   ? number == 0
+           : function == 0x35 || function == 0x3e ? number == bench->external->address
+                                                  : false;
 }
 
 static void real_note(struct bench *bench, struct real *to, int64_t ms)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A host with another protocol on each of its buses, and anything at all on them. */
-#include "boards/described/protocol.h"
 #include "boards/protocol_list.h"
+#include "tests/protocol_file.h"
 #include "tests/unit/tasks/host_bench.h"
 
 enum { ICUB, FOC, COMPACT };
@@ -36,7 +36,7 @@ static void play_foc(struct bench *bench, int bus, const struct bus_frame *frame
 static void play_compact(struct bench *bench, int bus, const struct bus_frame *frame)
 {
     if (frame->id == 0x7e0) {
-        say(bench, bus, 0x7c1, 8, (const uint8_t[]){2, 1, 0, 1, 1, 0, 0, 0});
+        say(bench, bus, 0x7c1, 8, (const uint8_t[]){2, 1, 0, 1, 1, 0, 12, 0});
     } else if (frame->id == 0x681) {
         say(bench, bus, 0x6a1, 7, (const uint8_t[7]){0x85});
     } else if (frame->id == 0x020) {
@@ -50,7 +50,7 @@ FIXTURE(set_up)
     static struct bench bench;
     static const char *const joint[] = {"one", "two", "three"};
     static struct host_axis axis[3];
-    static const struct host_bus bus[] = {
+    static struct host_bus bus[] = {
         {.protocol = "icub"}, {.protocol = "foc"}, {.protocol = "compact"}};
     struct host_config config = {
         .nbus = 3,
@@ -62,6 +62,7 @@ FIXTURE(set_up)
     };
 
     memset(&bench, 0, sizeof bench);
+    bus[COMPACT].described = protocol_file("compact");
     for (int k = 0; k < 3; k++) {
         axis[k] = (struct host_axis){.joint = joint[k],
                                      .bus = k,

@@ -59,10 +59,10 @@ has foc '- bit 14: set-point expired'
 result $? "identifiers, lengths and faults of foc"
 has compact 'Host to board, id 0x020, 5 bytes.'
 has compact 'Board to host, id 0x100 + s, 8 bytes, every 1 ms.'
-has compact 'Board to host, id 0x120 + n, 64 bytes, every 1 ms.'
 has compact '- bits 22-37 `deflection`: i16, in 1e-05 rad, -0.32768 to 0.32767 rad'
-has compact 'Board to host, id 0x240 + n, 32 bytes, every 1 ms.'
-has compact 'Answer: REPLY, id 0x6a0 + n, 7 bytes.'
+has compact 'Answer: REPLY, id 0x6a0 + a, 7 bytes.'
+has compact-fd 'Board to host, id 0x120 + a, 64 bytes, CAN FD with bit rate switch, every 1 ms.'
+has compact-fd 'Board to host, id 0x240 + a, 32 bytes, CAN FD with bit rate switch, every 1 ms.'
 [ ! -s "$work/out" ]
 result $? "identifiers, lengths, scales and ranges of compact"
 
@@ -80,7 +80,7 @@ has_all_of coman icub && has_all_of coman-imu icub
 result $? "every frame of the rigs coman and coman-imu is on the page"
 has_all_of coman-foc foc
 result $? "every frame of the rig coman-foc is on the page"
-has_all_of coman-compact-imu compact && has_all_of coman-fd-imu compact
+has_all_of coman-compact-imu compact && has_all_of coman-fd-imu compact-fd
 result $? "every frame of the rigs coman-compact-imu and coman-fd-imu is on the page"
 has_all_of coman-cia402 cia402
 result $? "every frame of the rig coman-cia402 is on the page"
