@@ -30,7 +30,8 @@ void axis_power_up(const struct board *board, unsigned index)
     axis->velocity_rad_s = axis->overload_ms = axis->voltage_v = 0.0;
 }
 
-void axis_read_sensors(const struct board *board, unsigned index, const struct plant_sensors *sensors)
+void axis_read_sensors(const struct board *board, unsigned index,
+                       const struct plant_sensors *sensors)
 {
     const struct board_axis_config *config = &board->config.axis[index];
     const struct motor_sense *sense = &sensors->motor[config->joint];

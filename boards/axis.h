@@ -52,7 +52,8 @@ enum axis_fault {
 void axis_power_up(const struct board *board, unsigned index);
 
 /* Reads the sensors of an axis that has a joint. */
-void axis_read_sensors(const struct board *board, unsigned index, const struct plant_sensors *sensors);
+void axis_read_sensors(const struct board *board, unsigned index,
+                       const struct plant_sensors *sensors);
 
 /* Updates a rate, the running mean of the change of a value within ms milliseconds. */
 void axis_update_rate(double *rate, double *before, double now, int64_t ms);

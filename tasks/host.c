@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The host's core: map of boards, time and lockstep, received frames and sent commands. */
+/* The host's core: map of boards, time and lockstep, received frames, start-up, health. */
 #include "tasks/host_private.h"
 
 #include "base/array.h"
@@ -7,6 +7,330 @@
 
 #include <stdio.h>
 #include <string.h>
+
+/* Checks whether the boards are healthy, and says what is wrong when they are not. */
+
+static const int64_t TELEMETRY_TIMEOUT_NS = 200 * HOST_MS; /* longest time without rotor
+                                                            * positions */
+static const int64_t SENSOR_TIMEOUT_NS = 100 * HOST_MS;    /* longest time without a watched
+                                                            * sensor's values, ... */
+enum {
+    SENSOR_TIMEOUT_PERIODS = 10
+}; /* ... or so many of its periods, if
+                                                            * that is longer */
+
+void host_fail_node(struct host *host, size_t bus, unsigned address, const char *what)
+{
+    if (host->phase != HOST_FAILED) { /* the first failure is the cause of the others */
+        snprintf(host->message, sizeof host->message, "board %u on %s %s", address,
+                 host->config.port[bus]->bus, what);
+        host->phase = HOST_FAILED;
+    }
+}
+
+enum { FAULTS_TEXT = 128 };
+
+/* Writes the names of a joint's faults, ": over-current, under-voltage"; or what a fault without
+ * a bit may mean, or nothing. Returns text. */
+static const char *host_list_faults(const struct host *host, size_t axis, char text[FAULTS_TEXT])
+{
+    const struct host_line *line = &host->line[host->config.axis[axis].bus];
+    const char *const *name = line->protocol->fault_names;
+    uint32_t fault = host->joint[axis].fault;
+    size_t used = 0;
+
+    text[0] = '\0';
+    if (fault == 0 && line->ops->unnamed_fault) {
+        snprintf(text, FAULTS_TEXT, ": %s", line->ops->unnamed_fault);
+    }
+    for (int bit = 0; name[bit] && used < FAULTS_TEXT - 1; bit++) {
+        if (fault >> bit & 1) {
+            used += (size_t)snprintf(text + used, FAULTS_TEXT - used, "%s%s", used ? ", " : ": ",
+                                     name[bit]);
+        }
+    }
+    return text;
+}
+
+enum host_phase host_fail_joint(struct host *host, size_t axis, const char *what)
+{
+    const struct host_joint *joint = &host->joint[axis];
+    char names[FAULTS_TEXT];
+
+    if (joint->motor == HOST_MOTOR_FAULT) {
+        snprintf(host->message, sizeof host->message, "joint %s is in fault 0x%02X%s",
+                 host->config.axis[axis].joint, (unsigned)joint->fault,
+                 host_list_faults(host, axis, names));
+    } else {
+        snprintf(host->message, sizeof host->message, "joint %s %s", host->config.axis[axis].joint,
+                 what);
+    }
+    return host->phase = HOST_FAILED;
+}
+
+void host_watch_force(struct host *host, size_t ft)
+{
+    host->force_watched[ft] = true;
+}
+
+void host_watch_motion(struct host *host)
+{
+    host->motion_watched = true;
+}
+
+/* Fails the host when a value that a task needs came too long ago: at time_ns, -1 = never. One
+ * from before the end of the start-up is waited for from there on. */
+static void host_judge_sensor(struct host *host, int bus, unsigned address, int64_t time_ns,
+                              const char *what)
+{
+    int64_t period_ns = host->line[bus].node[address].period_ns;
+    int64_t since_ns = time_ns > host->phase_since_ns ? time_ns : host->phase_since_ns;
+    int64_t timeout_ns = SENSOR_TIMEOUT_PERIODS * period_ns;
+
+    timeout_ns = timeout_ns > SENSOR_TIMEOUT_NS ? timeout_ns : SENSOR_TIMEOUT_NS;
+    if (host->phase != HOST_FAILED && host->now_ns - since_ns > timeout_ns) {
+        host_fail_node(host, (size_t)bus, address, what);
+        host->lost = true;
+    }
+}
+
+/* Checks the age of all watched values. */
+static void host_judge_sensors(struct host *host)
+{
+    const struct host_imu *imu = &host->config.imu;
+    const struct host_motion *motion = &host->motion;
+
+    for (size_t i = 0; i < host->config.nft; i++) {
+        const struct host_ft *ft = &host->config.ft[i];
+
+        if (host->force_watched[i]) {
+            host_judge_sensor(host, ft->bus, ft->address, host->force[i].force_time_ns,
+                              "sends no force");
+            host_judge_sensor(host, ft->bus, ft->address, host->force[i].torque_time_ns,
+                              "sends no torque");
+        }
+    }
+    if (host->motion_watched) {
+        host_judge_sensor(host, imu->bus, imu->address, motion->rate_time_ns,
+                          "sends no angular rate");
+        host_judge_sensor(host, imu->bus, imu->address,
+                          motion->quaternion_time_ns >= 0 ? motion->quaternion_time_ns
+                                                          : motion->acceleration_time_ns,
+                          "sends no attitude");
+    }
+}
+
+bool host_healthy(struct host *host)
+{
+    for (size_t i = 0; i < host->config.naxis && host->phase != HOST_FAILED; i++) {
+        const struct host_joint *joint = &host->joint[i];
+
+        if (joint->motor != HOST_MOTOR_ON) {
+            /* Off without a fault: a board that was restarted */
+            host->lost = joint->motor == HOST_MOTOR_OFF;
+            host_fail_joint(host, i,
+                            joint->motor == HOST_MOTOR_OTHER ? "is in a mode that was not commanded"
+                                                             : "has switched its motor off");
+        } else if (host->now_ns - joint->motor_time_ns > TELEMETRY_TIMEOUT_NS) {
+            host_fail_joint(host, i, "sends no telemetry");
+            host->lost = joint->motor != HOST_MOTOR_FAULT;
+        }
+    }
+    host_judge_sensors(host);
+    return host->phase != HOST_FAILED;
+}
+
+const char *host_message(const struct host *host)
+{
+    return host->message;
+}
+
+bool host_lost(const struct host *host)
+{
+    return host->phase == HOST_FAILED && host->lost;
+}
+
+/* The host's start-up: finds its boards, configures each, switches the motors on. */
+
+static const int64_t DISCOVERY_TIMEOUT_NS = 8000 * HOST_MS; /* boards may boot for five seconds */
+static const int64_t DISCOVERY_REPEAT_NS = 250 * HOST_MS;
+static const int64_t ENABLE_TIMEOUT_NS = 1000 * HOST_MS; /* a status follows a mode within 10 ms */
+static const int64_t REPLY_TIMEOUT_NS = 300 * HOST_MS;   /* for a request, as long as real hosts
+                                                          * wait */
+
+enum { REQUEST_TRIES = 3 };
+
+static void host_enter_phase(struct host *host, enum host_phase phase)
+{
+    host->phase = phase;
+    host->phase_since_ns = host->now_ns;
+}
+
+/* Calls step for every board of ours; returns true when it was true for all. */
+static bool host_every_node(struct host *host,
+                            bool (*step)(struct host *, size_t bus, unsigned address))
+{
+    bool all = true;
+
+    for (size_t b = 0; b < host->config.nbus; b++) {
+        for (unsigned a = 1; a < HOST_ADDRESSES; a++) {
+            if (host->line[b].node[a].kind != HOST_NO_BOARD && !step(host, b, a)) {
+                all = false;
+            }
+        }
+    }
+    return all;
+}
+
+static bool host_node_found(struct host *host, size_t bus, unsigned address)
+{
+    return host->line[bus].node[address].found;
+}
+
+/* Fails the host for a board that has not answered; host_fail_node keeps the first of these
+ * failures. */
+static bool host_fail_missing(struct host *host, size_t bus, unsigned address)
+{
+    if (!host->line[bus].node[address].found) {
+        host_fail_node(host, bus, address, "does not answer discovery");
+        host->lost = true;
+    }
+    return true;
+}
+
+/* Asks who is there until all boards have answered, and fails after DISCOVERY_TIMEOUT_NS. */
+static enum host_phase host_discover(struct host *host)
+{
+    if (host_every_node(host, host_node_found)) {
+        host_enter_phase(host, HOST_CONFIGURING);
+        return host->phase;
+    }
+
+    /* Asked again and again, for a board that boots answers late */
+    if (!host->asked) {
+        host->phase_since_ns = host->now_ns;
+    }
+    if (!host->asked || host->now_ns - host->asked_ns >= DISCOVERY_REPEAT_NS) {
+        for (size_t b = 0; b < host->config.nbus; b++) {
+            host->line[b].ops->discover(host, b);
+        }
+        host->asked = true;
+        host->asked_ns = host->now_ns;
+    }
+
+    /* The message names the first board that is missing */
+    if (host->now_ns - host->phase_since_ns > DISCOVERY_TIMEOUT_NS) {
+        host_every_node(host, host_fail_missing);
+    }
+    return host->phase;
+}
+
+/* Measures the round trip by a request that was answered and sent only once. */
+static void host_time_reply(struct host_line *line, struct host_node *node, int64_t now_ns)
+{
+    int64_t took_ns = now_ns - node->request_time_ns;
+
+    if (node->timed && node->answered == node->requested) {
+        node->timed = false;
+        if (line->round_trip_ns == 0 || took_ns < line->round_trip_ns) {
+            line->round_trip_ns = took_ns;
+        }
+    }
+}
+
+/* Sends a board one request after the other, each repeated until it is answered. Returns true
+ * when all have been. */
+static bool host_configure_node(struct host *host, size_t bus, unsigned address)
+{
+    struct host_node *node = &host->line[bus].node[address];
+    struct host_request request = {0};
+    bool waits = node->answered < node->requested;
+
+    host_time_reply(&host->line[bus], node, host->now_ns);
+    /* An answer is still due: wait, give up, or ask again */
+    if (waits && host->now_ns - node->request_time_ns <= REPLY_TIMEOUT_NS) {
+        return false;
+    }
+    if (waits && node->tries == REQUEST_TRIES) {
+        host_fail_node(host, bus, address, "does not answer a start-up request");
+        host->lost = true;
+        return false;
+    }
+    if (!host->line[bus].ops->request ||
+        !host->line[bus].ops->request(host, bus, address, node->answered, &request)) {
+        return true;
+    }
+    /* Requests without an answer count as answered */
+    host_queue(host, bus, &request.frame);
+    node->requested = node->answered + 1;
+    node->answered += !request.reply;
+    node->tries = waits ? node->tries + 1 : 1;
+    node->timed = request.reply && node->tries == 1;
+    node->request_time_ns = host->now_ns;
+    return false;
+}
+
+/* Switches all motors off, then on, until every board says so; fails after ENABLE_TIMEOUT_NS. */
+static enum host_phase host_enable_motors(struct host *host)
+{
+    bool all = true;
+
+    /* Off first, which clears a fault of an earlier run; then on, and again what has not obeyed */
+    if (host->enabling < 2 || host->now_ns - host->asked_ns >= REPLY_TIMEOUT_NS) {
+        for (size_t i = 0; i < host->config.naxis; i++) {
+            if (host->enabling < 2 || host->joint[i].motor != HOST_MOTOR_ON) {
+                host_set_motor(host, i, host->enabling > 0);
+            }
+        }
+        host->enabling++;
+        host->asked_ns = host->now_ns;
+    }
+
+    /* On means that the board says so and that both encoders have been heard */
+    for (size_t i = 0; i < host->config.naxis; i++) {
+        const struct host_joint *joint = &host->joint[i];
+        bool ready =
+            joint->motor == HOST_MOTOR_ON && joint->motor_time_ns >= 0 && joint->joint_time_ns >= 0;
+
+        if (!ready && host->now_ns - host->phase_since_ns > ENABLE_TIMEOUT_NS) {
+            return host_fail_joint(host, i,
+                                   joint->motor == HOST_MOTOR_ON ? "reports no position"
+                                                                 : "does not switch its motor on");
+        }
+        all = all && ready;
+    }
+    if (all) {
+        host_enter_phase(host, HOST_READY);
+    }
+    return host->phase;
+}
+
+int64_t host_round_trip_ns(const struct host *host)
+{
+    int64_t longest = 0;
+
+    for (size_t b = 0; b < host->config.nbus; b++) {
+        longest = host->line[b].round_trip_ns > longest ? host->line[b].round_trip_ns : longest;
+    }
+    return longest;
+}
+
+enum host_phase host_start_up(struct host *host)
+{
+    switch (host->phase) {
+    case HOST_DISCOVERING:
+        return host_discover(host);
+    case HOST_CONFIGURING:
+        if (host_every_node(host, host_configure_node) && host->phase == HOST_CONFIGURING) {
+            host_enter_phase(host, HOST_ENABLING);
+        }
+        return host->phase;
+    case HOST_ENABLING:
+        return host_enable_motors(host);
+    default:
+        return host->phase;
+    }
+}
 
 enum {
     RECEIVE_BATCH = 64,
@@ -19,21 +343,6 @@ static const int64_t STEP_REPEAT_NS = 100000000;
 
 /* ---- creation ---- */
 
-/* Returns the host's side of the protocol that a bus speaks; NULL when there is none. */
-static const struct host_ops *host_bus_ops(const struct host_config *config, size_t bus)
-{
-#define HOST_ADDRESS(NAME) &host_##NAME,
-    static const struct host_ops *const known[] = {PROTOCOLS(HOST_ADDRESS)};
-    const char *name = config->bus ? config->bus[bus].protocol : NULL;
-
-    for (size_t i = 0; name && i < ARRAY_COUNT(known); i++) {
-        if (!strcmp(known[i]->name, name)) {
-            return known[i];
-        }
-    }
-    return name ? NULL : known[0];
-}
-
 /* Initializes what the host keeps of a bus. ERROR_INPUT when no host speaks its protocol. */
 static enum error_code host_open_line(struct host *host, size_t bus, struct arena *arena,
                                       struct error *error)
@@ -41,7 +350,15 @@ static enum error_code host_open_line(struct host *host, size_t bus, struct aren
     const struct host_bus *of = host->config.bus ? &host->config.bus[bus] : NULL;
     struct host_line *line = &host->line[bus];
 
-    line->ops = host_bus_ops(&host->config, bus);
+#define HOST_ADDRESS(NAME) &host_##NAME,
+    static const struct host_ops *const known[] = {PROTOCOLS(HOST_ADDRESS)};
+
+    for (size_t i = 0; i < ARRAY_COUNT(known); i++) {
+        if (!line->ops && (!of || !of->protocol || !strcmp(protocol_at(i)->name, of->protocol))) {
+            line->ops = known[i];
+            line->protocol = protocol_at(i);
+        }
+    }
     if (!line->ops) {
         return error_set(error, ERROR_INPUT, "host: bus %zu speaks %.40s, which no host knows", bus,
                          of->protocol);
@@ -64,15 +381,15 @@ static enum error_code host_claim_node(struct host *host, int bus, unsigned addr
                                        enum host_kind kind, struct host_node **out,
                                        struct error *error)
 {
-    const struct host_ops *ops;
+    const struct protocol *protocol;
     struct host_node *node;
 
     if (bus < 0 || (size_t)bus >= host->config.nbus) {
         return error_set(error, ERROR_INPUT, "host: no bus %d", bus);
     }
-    ops = host->line[bus].ops;
-    if (address < 1 ||
-        address > (kind == HOST_MOTOR_BOARD ? ops->motor_address_max : ops->address_max)) {
+    protocol = host->line[bus].protocol;
+    if (address < 1 || address > (kind == HOST_MOTOR_BOARD ? protocol->motor_address_max
+                                                           : protocol->address_max)) {
         return error_set(error, ERROR_INPUT, "host: no address %u on bus %d", address, bus);
     }
     node = &host->line[bus].node[address];
@@ -108,7 +425,7 @@ static enum error_code host_map_axis(struct host *host, size_t index, struct err
     /* The motor: one joint an axis; the angle of the link, which a valve's encoder has, needs gear
      * and spring where the boards do not tell it */
     ops = host->line[axis->bus].ops;
-    if (axis->axis >= ops->axes || node->axis[axis->axis] >= 0) {
+    if (axis->axis >= host->line[axis->bus].protocol->axes_max || node->axis[axis->axis] >= 0) {
         return error_set(error, ERROR_INPUT, "host: joint %s shares its axis", axis->joint);
     }
     node->axis[axis->axis] = (int)index;

@@ -22,12 +22,6 @@ static const int64_t SYNC_APART_NS = 3 * HOST_MS / 4; /* least time between SYNC
                                                        * is one a period */
 static const int64_t CONTROL_REPEAT_NS = 10 * HOST_MS;
 
-static const char *const fault_name[32] = {
-    "under-voltage",  "over-voltage", "over-current",    "rotor encoder", "link encoder",
-    "torque sensor",  "temperature",  "following error", "connection",    "stale command",
-    "position limit", "saturated",    "no reading",
-};
-
 /* Returns what a node is in the protocol's terms. */
 static enum cia402_kind host_cia402_kind(const struct host_node *node)
 {
@@ -97,6 +91,24 @@ static void host_cia402_read_wrench(struct host *host, const struct host_node *n
             force->torque_nm[c] = count * CIA402_MOMENT_NM;
             force->torque_time_ns = host->now_ns;
         }
+    }
+}
+
+/* Reads a TPDO of the inertial board, by its number from 0. */
+static void host_inertial_read_cia402(struct host *host, unsigned number,
+                                      const struct bus_frame *frame)
+{
+    struct host_motion *motion = &host->motion;
+
+    if (number == 0 && frame->len == 6) {
+        host_motion_take(host, motion->acceleration_m_s2, &motion->acceleration_time_ns,
+                         frame->data, 3, CIA402_ACCELERATION_M_S2);
+    } else if (number == 1 && frame->len == 6) {
+        host_motion_take(host, motion->rate_rad_s, &motion->rate_time_ns, frame->data, 3,
+                         CIA402_RATE_RAD_S);
+    } else if (number == 2 && frame->len == 8) {
+        host_motion_take(host, motion->quaternion, &motion->quaternion_time_ns, frame->data, 4,
+                         CIA402_QUATERNION);
     }
 }
 
@@ -480,14 +492,9 @@ static void host_cia402_end_period(struct host *host, size_t bus)
 }
 
 const struct host_ops host_cia402 = {
-    .name = "cia402",
-    .motor_address_max = CIA402_NODE_MAX,
-    .address_max = CIA402_NODE_MAX,
-    .axes = CIA402_BOARD_AXES,
     .discover = host_cia402_discover,
     .request = host_cia402_request,
     .read = host_cia402_read_frame,
     .set_motor = host_cia402_set_motor,
     .end_period = host_cia402_end_period,
-    .fault_name = fault_name,
 };

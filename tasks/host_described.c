@@ -680,11 +680,9 @@ static void host_described_read(struct host *host, size_t bus, const struct bus_
 }
 
 #define HOST_DESCRIBED                                                                             \
-    .motor_address_max = DESCRIBED_ADDRESS_MAX, .address_max = DESCRIBED_ADDRESS_MAX,              \
-    .axes = DESCRIBED_AXES, .extended = true, .discover = host_described_discover,                 \
-    .request = host_described_request, .read = host_described_read,                                \
-    .set_motor = host_described_set_motor, .end_period = host_described_end_period,                \
-    .fault_name = described_fault_names
+    .extended = true, .discover = host_described_discover, .request = host_described_request,      \
+    .read = host_described_read, .set_motor = host_described_set_motor,                            \
+    .end_period = host_described_end_period
 
-const struct host_ops host_described = {.name = "described", HOST_DESCRIBED};
-const struct host_ops host_compact = {.name = "compact", HOST_DESCRIBED};
+const struct host_ops host_described = {HOST_DESCRIBED};
+const struct host_ops host_compact = {HOST_DESCRIBED};

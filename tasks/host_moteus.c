@@ -15,22 +15,6 @@
 
 #define TURN_RAD (2.0 * M_PI)
 
-enum { TIMED_OUT = 31 }; /* bit of joint.fault, behind those of the codes */
-
-/* By the code less 32. */
-static const char *const fault_name[32] = {
-    "calibration",          "motor driver",
-    "over-voltage",         "encoder",
-    "motor not configured", "PWM cycle overrun",
-    "over-temperature",     "outside the limits at the start",
-    "under-voltage",        "configuration changed",
-    "commutation encoder",  "output encoder",
-    "gate driver",          "stop position",
-    "timing violation",     "back-EMF feedforward",
-    "invalid limits",       "position error",
-    "velocity error",       [TIMED_OUT] = "watchdog time-out",
-};
-
 /* ---- what arrives ---- */
 
 /* What a reply says, as far as the host has asked for it. */
@@ -107,11 +91,10 @@ static void moteus_set_joint_mode(struct host_joint *joint, int mode, int code)
                    : timed_out || mode == MOTEUS_FAULT   ? HOST_MOTOR_FAULT
                    : mode <= MOTEUS_CALIBRATION_COMPLETE ? HOST_MOTOR_OFF /* or about to be on */
                                                          : HOST_MOTOR_OTHER;
-    joint->fault = timed_out ? UINT32_C(1) << TIMED_OUT : 0;
-    if (mode == MOTEUS_FAULT && code >= MOTEUS_FAULT_FIRST &&
-        code < MOTEUS_FAULT_FIRST + TIMED_OUT) {
-        joint->fault = UINT32_C(1) << (code - MOTEUS_FAULT_FIRST);
-    }
+    joint->fault =
+        mode == MOTEUS_FAULT && code >= MOTEUS_FAULT_FIRST && code < MOTEUS_FAULT_FIRST + 32
+            ? UINT32_C(1) << (code - MOTEUS_FAULT_FIRST)
+            : 0;
 }
 
 /* Sets angles, current and torque of a joint. The absolute encoder tells the link within a turn,
@@ -229,18 +212,6 @@ static void host_moteus_discover(struct host *host, size_t bus)
     }
 }
 
-/* Makes no request: there is nothing to configure over the bus (struct host_ops). */
-static bool host_moteus_request(const struct host *host, size_t bus, unsigned address, int number,
-                                struct host_request *request)
-{
-    (void)host;
-    (void)bus;
-    (void)address;
-    (void)number;
-    (void)request;
-    return false;
-}
-
 /* Notes that a motor is switched; the next frame says it (struct host_ops). */
 static void host_moteus_set_motor(struct host *host, size_t axis, bool on)
 {
@@ -264,15 +235,10 @@ static void host_moteus_end_period(struct host *host, size_t bus)
 }
 
 const struct host_ops host_moteus = {
-    .name = "moteus",
-    .motor_address_max = MOTEUS_ADDRESS_MAX,
-    .address_max = MOTEUS_ADDRESS_MAX,
-    .axes = 1,
     .extended = true,
     .discover = host_moteus_discover,
-    .request = host_moteus_request,
     .read = host_moteus_read,
     .set_motor = host_moteus_set_motor,
     .end_period = host_moteus_end_period,
-    .fault_name = fault_name,
+    .unnamed_fault = "watchdog time-out",
 };

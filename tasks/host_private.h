@@ -7,7 +7,7 @@
 #ifndef TASKS_HOST_PRIVATE_H
 #define TASKS_HOST_PRIVATE_H
 
-#include "list/protocols.h"
+#include "boards/protocol_list.h"
 #include "tasks/host.h"
 
 #define HOST_MS INT64_C(1000000) /* nanoseconds */
@@ -59,6 +59,7 @@ struct host_want {
 };
 
 struct host_line {
+    const struct protocol *protocol;
     const struct host_ops *ops;
     struct host_node node[HOST_ADDRESSES];
     struct bus_frame queue[HOST_QUEUE];
@@ -105,16 +106,13 @@ struct host_request {
 
 /* The host's side of a protocol. All functions are called in the loop; bus is an index. */
 struct host_ops {
-    const char *name; /* name of the protocol */
-    unsigned motor_address_max, address_max;
-    uint8_t axes;      /* of a motor board */
     bool extended;     /* frames with identifiers of 29 bits mean something */
     bool rotor_only;   /* the boards tell the rotor's angle alone: the host needs gear and spring
                         * for the link's */
     bool torque_apart; /* they tell no torque: only a torque board does */
     /* Queues the question who is there; the answers set found. */
     void (*discover)(struct host *host, size_t bus);
-    /* The number-th request that a board gets, from 0; false when there are no more. */
+    /* The number-th request that a board gets, from 0; false when there are no more. NULL: none. */
     bool (*request)(const struct host *host, size_t bus, unsigned address, int number,
                     struct host_request *request);
     void (*read)(struct host *host, size_t bus, const struct bus_frame *frame);
@@ -123,8 +121,7 @@ struct host_ops {
      * whole bus at the end of the period. Either may be NULL. */
     void (*set_voltage)(struct host *host, size_t axis);
     void (*end_period)(struct host *host, size_t bus);
-    const char *const *fault_name; /* by bit, NULL = no such bit; 32 entries */
-    const char *unnamed_fault;     /* why a board may be in a fault that has no bit; or NULL */
+    const char *unnamed_fault; /* why a board may be in a fault that has no bit; or NULL */
 };
 
 /* Every protocol that boards speak has a host: its source of tasks/ fills host_NAME, whose
@@ -150,21 +147,8 @@ void host_fail_node(struct host *host, size_t bus, unsigned address, const char 
  * HOST_FAILED. */
 enum host_phase host_fail_joint(struct host *host, size_t axis, const char *what);
 
-/* The same for both kinds of iCub motor boards (host_strain.c): class 7 discovery, what a mode
- * means, and the STRAIN boards' frames, answers and requests. */
-void host_discover_icub(struct host *host, size_t bus);
-bool host_read_discovery(struct host *host, size_t bus, struct host_node *node,
-                         const struct bus_frame *frame);
-enum host_motor host_motor_of_mode(uint8_t mode);
-void host_strain_read(struct host *host, struct host_node *node, const struct bus_frame *frame);
-bool host_strain_request(const struct host_node *node, unsigned address, int number,
-                         struct host_request *request);
-
-/* The inertial board on iCub buses, and the TPDOs, by number from 0, of cia402 ones
- * (host_inertial.c). */
-void host_inertial_read(struct host *host, struct host_node *node, const struct bus_frame *frame);
-bool host_inertial_request(const struct host_node *node, unsigned address, int number,
-                           struct host_request *request);
-void host_inertial_read_cia402(struct host *host, unsigned number, const struct bus_frame *frame);
+/* Takes count signed 16-bit values of the inertial sensor with a scale, and notes the time. */
+void host_motion_take(struct host *host, double *to, int64_t *time_ns, const uint8_t *data,
+                      int count, double worth);
 
 #endif

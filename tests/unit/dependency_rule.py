@@ -31,7 +31,7 @@ RULES = {
     "boards": r"(base|faults|boards)/[^/]*|canbus/frame\.h|model/plant_io\.h|list/protocols\.h",
     "boards/*": r"(base|faults|boards|boards/\w+)/[^/]*|canbus/frame\.h|model/plant_io\.h"
                 r"|manual/[^/]*",
-    "tasks": r"(base|canbus|tasks)/[^/]*|boards/\w+/protocol\.h|list/protocols\.h",
+    "tasks": r"(base|canbus|tasks)/[^/]*|boards/\w+/protocol\.h|boards/protocol_list\.h",
     "rt": r"(base|canbus|rt|rt/recording)/[^/]*",
     "tools": r"(base|contact|contact/mesh|tools)/[^/]*",
     "rig": BELOW_SIM,
