@@ -33,7 +33,7 @@ struct axis {
     bool started, first; /* sampled since power-up; the last sample was the first since then */
     int64_t sampled_ms, passed_ms; /* time of the last sample; since the one before, 0: none was */
     double before_rad, velocity_rad_s; /* of the motor, a running mean */
-    double overload_ms;                /* overload_step */
+    double overload_ms;                /* axis_find_faults */
 };
 
 /* Faults that every board can have. */
@@ -58,11 +58,8 @@ void axis_read_sensors(const struct board *board, unsigned index,
 /* Updates a rate, the running mean of the change of a value within ms milliseconds. */
 void axis_update_rate(double *rate, double *before, double now, int64_t ms);
 
-/* Over-current is I2t: integral (I^2 - limit^2) dt = limit^2 * 10 ms. Updates the overload by one
- * tick, in ms at the limit; returns true when it has tripped. */
-bool overload_step(double *overload_ms, double current_a, double limit_a, double tick_ms);
-
-/* Updates the overload of an axis, once a tick; returns its faults, by enum axis_fault. */
+/* Returns the faults that an axis has now, by enum axis_fault; once a tick. Over-current is I2t:
+ * integral (I^2 - limit^2) dt = limit^2 * 10 ms, while the bridge is closed. */
 uint32_t axis_find_faults(const struct board *board, unsigned index, double limit_a);
 
 /* Rounds to the nearest count, held within int32; returns false (*count untouched) when value is

@@ -55,16 +55,14 @@ struct board_ops {
     /* Reads and quantizes the sensors, at the time boards->now_ns. */
     void (*sample)(struct board *board, const struct plant_sensors *sensors);
     /* One tick; span holds the milliseconds that it completes. NULL: no motors, as shut_down. */
-    void (*control)(struct board *board, struct ms_span span, struct plant_command *command);
+    void (*control)(struct board *board, struct ms_span span);
     void (*transmit)(struct board *board, struct ms_span span, struct frame_sink *sink);
     /* A periodic frame of this board is on the bus, where others hear it. NULL: none listens. */
     void (*sent)(struct board *board, const struct bus_frame *frame);
-    void (*shut_down)(struct board *board, struct plant_command *command);
+    void (*shut_down)(struct board *board); /* opens the bridges; NULL: there are none */
     size_t axes, axis_size; /* offset of the first axis and size of each (boards/axis.h), where the
                              * board opens and closes their bridges; 0: none */
-    bool (*fault)(const struct board *board); /* an axis is in hardware fault; NULL: as the axes */
-    uint8_t (*mode)(const struct board *board, unsigned axis); /* NULL: as the axes */
-    const struct board_settings *settings;                     /* NULL: none */
+    const struct board_settings *settings; /* NULL: none */
 };
 
 /* The settings of a kind's axes (boards/board.h). The index is below count. */
@@ -72,7 +70,6 @@ struct board_settings {
     size_t count;
     void (*describe)(const struct board *board, unsigned axis, size_t index,
                      struct board_setting *setting);
-    double (*get)(const struct board *board, unsigned axis, size_t index); /* NULL: setting.value */
     bool (*set)(struct board *board, unsigned axis, size_t index, double value);
 };
 
@@ -178,41 +175,6 @@ static inline unsigned board_config_axes(const struct board_config *config)
         count++;
     }
     return count;
-}
-
-/* Returns whether a supply is below what the board needs. */
-static inline bool board_is_under_voltage(const struct board *board, double supply_v)
-{
-    return supply_v < board->config.under_voltage_v;
-}
-
-/* Returns whether the supply is above what the board takes, by regeneration or otherwise. */
-static inline bool board_is_over_voltage(const struct board *board, double supply_v)
-{
-    return board->config.over_voltage_v > 0.0 && supply_v > board->config.over_voltage_v;
-}
-
-/* Return whether an axis is a valve whose supply is lost, or above what it takes. */
-static inline bool board_is_under_pressure(const struct board *board, size_t axis, double oil_pa)
-{
-    return board->config.axis[axis].valve && oil_pa < board->config.under_pressure_pa;
-}
-
-static inline bool board_is_over_pressure(const struct board *board, size_t axis, double oil_pa)
-{
-    return board->config.axis[axis].valve && board->config.over_pressure_pa > 0.0 &&
-           oil_pa > board->config.over_pressure_pa;
-}
-
-/* Return what a board reads of the supplies: numbers, 0 or more. */
-static inline double board_oil_pa(const struct plant_sensors *sensors)
-{
-    return isfinite(sensors->oil_pa) && sensors->oil_pa > 0.0 ? sensors->oil_pa : 0.0;
-}
-
-static inline double board_supply_v(const struct plant_sensors *sensors)
-{
-    return isfinite(sensors->supply_v) && sensors->supply_v > 0.0 ? sensors->supply_v : 0.0;
 }
 
 /* Limits of the error counters, ISO 11898-1 */

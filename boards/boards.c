@@ -30,12 +30,10 @@ void boards_setting(const struct boards *boards, size_t board, size_t axis, size
 
 double boards_get(const struct boards *boards, size_t board, size_t axis, size_t index)
 {
-    const struct board *of = boards->board[board];
     struct board_setting setting;
 
     boards_setting(boards, board, axis, index, &setting);
-    return of->ops->settings->get ? of->ops->settings->get(of, (unsigned)axis, index)
-                                  : setting.value;
+    return setting.value;
 }
 
 bool boards_set(struct boards *boards, size_t board, size_t axis, size_t index, double value)
@@ -663,7 +661,7 @@ static void board_drive_bridges(const struct board *board, struct plant_command 
 static void board_shut_down(struct board *board, struct plant_command *command)
 {
     if (board->ops->shut_down && !board->config.external) {
-        board->ops->shut_down(board, command);
+        board->ops->shut_down(board);
         board_drive_bridges(board, command);
     }
 }
@@ -677,7 +675,7 @@ static void board_control(struct board *board, struct ms_span span, struct plant
             board_leave_bootloader(board);
         }
     } else if (board->ops->control) {
-        board->ops->control(board, span, command);
+        board->ops->control(board, span);
         board_drive_bridges(board, command);
     }
 }
@@ -715,7 +713,7 @@ void boards_shut_down(struct boards *boards, int64_t now_ns, struct plant_comman
 /* Checks whether an axis of a board of ours is in hardware fault. */
 static bool board_is_faulty(const struct board *board)
 {
-    bool faulty = board->ops->fault && board->ops->fault(board);
+    bool faulty = false;
 
     for (unsigned i = 0; i < board_axes(board); i++) {
         faulty = faulty || board_axis(board, i)->faulty;
@@ -747,7 +745,7 @@ void boards_state(const struct boards *boards, size_t index, struct board_state 
         .heard_ns = board->heard_ns,
     };
     for (unsigned i = 0; i < BOARD_AXES_MAX && board_joint(board, i) >= 0; i++) {
-        state->mode[i] = board->ops->mode ? board->ops->mode(board, i) : board_axis(board, i)->mode;
+        state->mode[i] = board_axis(board, i)->mode;
         state->naxis++;
     }
 }
@@ -757,8 +755,8 @@ void boards_state(const struct boards *boards, size_t index, struct board_state 
 void boards_sample(struct boards *boards, int64_t now_ns, const struct plant_sensors *sensors)
 {
     boards->event_ns = boards->now_ns = now_ns;
-    boards->supply_v = board_supply_v(sensors);
-    boards->oil_pa = board_oil_pa(sensors);
+    boards->supply_v = isfinite(sensors->supply_v) ? fmax(sensors->supply_v, 0.0) : 0.0;
+    boards->oil_pa = isfinite(sensors->oil_pa) ? fmax(sensors->oil_pa, 0.0) : 0.0;
     for (size_t i = 0; i < boards->nboard; i++) {
         struct board *board = boards->board[i];
 

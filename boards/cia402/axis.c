@@ -601,12 +601,10 @@ static void cia402_axis_watch_faults(struct cia402_node *node, struct cia402_axi
 /* ---- control ---- */
 
 /* Runs a tick of a drive: services, faults, states and loops (struct board_ops). */
-static void cia402_motor_control(struct board *board, struct ms_span span,
-                                 struct plant_command *command)
+static void cia402_motor_control(struct board *board, struct ms_span span)
 {
     struct cia402_motor *motor = cia402_motor_of(board);
 
-    (void)command;
     cia402_node_step(&motor->node, span);
     for (unsigned i = 0; i < motor->node.axes; i++) {
         struct cia402_axis *axis = &motor->axis[i];
@@ -621,11 +619,10 @@ static void cia402_motor_control(struct board *board, struct ms_span span,
 }
 
 /* Opens the bridges of a drive (struct board_ops). */
-static void cia402_motor_shut_down(struct board *board, struct plant_command *command)
+static void cia402_motor_shut_down(struct board *board)
 {
     struct cia402_motor *motor = cia402_motor_of(board);
 
-    (void)command;
     for (unsigned i = 0; i < motor->node.axes; i++) {
         struct cia402_axis *axis = &motor->axis[i];
 

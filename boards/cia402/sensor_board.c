@@ -137,10 +137,8 @@ static void cia402_inertial_sample(struct board *board, const struct plant_senso
 /* ---- both ---- */
 
 /* Runs the services of a sensor node in a tick (struct board_ops). */
-static void cia402_sensor_control(struct board *board, struct ms_span span,
-                                  struct plant_command *command)
+static void cia402_sensor_control(struct board *board, struct ms_span span)
 {
-    (void)command;
     cia402_node_step(cia402_node_of(board), span);
 }
 

@@ -54,11 +54,20 @@ static void axis_forget(const struct described_node *node, struct described_axis
 {
     memset(axis->target, 0, sizeof axis->target);
     axis->command_ns = node->board.boards->now_ns;
-    axis->integral_v = axis->integral_nm = axis->voltage_v = 0.0;
-    axis->overload_ms = 0.0;
+    axis->integral_v = axis->integral_nm = axis->base.voltage_v = 0.0;
+    axis->base.overload_ms = 0.0;
 
     /* The target of position is the present position, not 0 */
-    axis->target[DESCRIBED_TO_POSITION - DESCRIBED_SET_POINT] = axis->motor_rad - axis->zero_rad;
+    axis->target[DESCRIBED_TO_POSITION - DESCRIBED_SET_POINT] =
+        axis->base.motor_rad - axis->zero_rad;
+}
+
+/* Shows the bridge, the law and the faults of an axis. */
+static void axis_show(struct described_axis *axis)
+{
+    axis->base.on = described_axis_runs(axis);
+    axis->base.faulty = axis->latched;
+    axis->base.mode = (uint8_t)(axis->latched ? DESCRIBED_FAULT : axis->active);
 }
 
 /* Enters a state with a law that the host has selected; another state, or another law in force,
@@ -75,6 +84,7 @@ static void axis_enter(struct described_node *node, struct described_axis *axis,
         board_event(&node->board, BOARD_EVENT_MODE, axis_index(node, axis), before, axis->active);
         axis_forget(node, axis);
     }
+    axis_show(axis);
 }
 
 /* Enters a state that a host commands: off clears a fault where no frame exists for that;
@@ -163,7 +173,7 @@ static void axis_configure(struct described_node *node, struct described_axis *a
         if (described_is_setting(field->meaning)) {
             axis_set(axis, field, values[i]);
         } else if (field->meaning == DESCRIBED_PRESENT_POSITION) {
-            axis->zero_rad = axis->motor_rad - described_value(field, values[i]);
+            axis->zero_rad = axis->base.motor_rad - described_value(field, values[i]);
             axis_forget(node, axis);
         }
     }
@@ -197,6 +207,7 @@ static bool axis_switch(struct described_node *node, struct described_axis *axis
     if (frame->clear) {
         axis->faults &= ~axis->latched;
         axis->latched = 0;
+        axis_show(axis);
         if (axis->active == DESCRIBED_FAULT) {
             axis_enter(node, axis, protocol->off_state, axis->law);
         }
@@ -228,7 +239,7 @@ bool described_axis_obey(struct described_node *node, unsigned index,
         axis_configure(node, axis, frame, values);
     }
     if (frame->zero) {
-        axis->zero_rad = axis->motor_rad;
+        axis->zero_rad = axis->base.motor_rad;
         axis_forget(node, axis);
     }
     if (!frame->commands) {
@@ -282,13 +293,13 @@ static void described_motor_power_up(struct board *board)
         axis->state = node->protocol->off_state;
         axis->law = 0;
         axis->active = DESCRIBED_OFF;
+        axis->base.mode = DESCRIBED_OFF;
         axis->latched = axis->faults = 0;
         axis->commands = 0;
-        axis->velocity_rad_s = axis->zero_rad = 0.0;
+        axis->zero_rad = 0.0;
         axis_reset_settings(node->protocol, axis);
         axis_forget(node, axis);
     }
-    node->started = false;
     if (!first) {
         described_node_announce(node);
     }
@@ -296,75 +307,18 @@ static void described_motor_power_up(struct board *board)
 
 /* ---- sensors ---- */
 
-/* Reads the sensors of an axis. ms: time since the last sample. */
-static void axis_sample(struct described_axis *axis, const struct board_axis_config *config,
-                        const struct motor_sense *sense, int64_t ms)
-{
-    int32_t motor, link;
-
-    /* Encoders are quantized to their ticks; what has no reading is held */
-    axis->bad_motor = !control_quantize(sense->qm * config->motor_ticks_per_rad, &motor) ||
-                      !isfinite(sense->current_a);
-    axis->bad_link = !control_quantize(sense->q * config->joint_ticks_per_rad, &link);
-    axis->bad_torque = !isfinite(sense->torque_nm);
-    if (!axis->bad_motor) {
-        axis->motor_rad = motor / config->motor_ticks_per_rad;
-        axis->current_a = sense->current_a;
-    }
-    if (!axis->bad_link) {
-        axis->link_rad = link / config->joint_ticks_per_rad;
-    }
-    if (!axis->bad_torque) {
-        axis->torque_nm = sense->torque_nm;
-    }
-    control_quantize(sense->winding_c, &axis->temperature_c);
-    axis->pressure_bar[0] = sense->pressure_pa[0] * 1e-5;
-    axis->pressure_bar[1] = sense->pressure_pa[1] * 1e-5;
-    axis->valve_opening = sense->valve_opening;
-
-    /* The rotor's speed is a running mean */
-    if (ms > 0) {
-        double change = (axis->motor_rad - axis->before_rad) / ((double)ms * 1e-3);
-
-        axis->velocity_rad_s = (axis->velocity_rad_s + change) / 2.0;
-        axis->before_rad = axis->motor_rad;
-    }
-}
-
-/* Reads the sensors of all axes (struct board_ops). */
+/* Rounds the temperatures of all axes (struct board_ops); what has no reading is held. */
 static void described_motor_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct described_node *node = described_node_of(board);
-    int64_t now_ms = board->boards->now_ns / MS;
 
-    node->supply_v = board_supply_v(sensors);
-    node->oil_pa = board_oil_pa(sensors);
+    (void)sensors;
     for (unsigned i = 0; i < node->axes; i++) {
-        const struct board_axis_config *config = &board->config.axis[i];
-
-        axis_sample(&node->axis[i], config, &sensors->motor[config->joint],
-                    node->started ? now_ms - node->sampled_ms : 0);
-        if (!node->started) {
-            node->axis[i].before_rad = node->axis[i].motor_rad;
-        }
+        control_quantize(node->axis[i].base.winding_c, &node->axis[i].temperature_c);
     }
-    node->started = true;
-    node->sampled_ms = now_ms;
 }
 
 /* ---- faults ---- */
-
-/* Returns whether the I2t law sees an overload of an axis that runs. */
-static bool axis_is_over_current(const struct described_node *node, struct described_axis *axis)
-{
-    if (!described_axis_runs(axis)) {
-        axis->overload_ms = 0.0;
-        return false;
-    }
-    return overload_step(&axis->overload_ms, axis->current_a,
-                         axis_config(node, axis)->current_limit_a,
-                         (double)node->board.boards->tick_ns / MS);
-}
 
 /* Returns whether commands of an axis have not come for the time-out. */
 static bool axis_is_stale(const struct described_node *node, const struct described_axis *axis)
@@ -390,18 +344,15 @@ static uint32_t axis_present_faults(const struct described_node *node, struct de
     const struct board_axis_config *config = &board->config.axis[index];
     double hottest_c =
         config->temperature_limit_c > 0.0 ? config->temperature_limit_c : TEMPERATURE_MAX_C;
+    const uint32_t common = axis_find_faults(board, index, config->current_limit_a);
 
-    return fault_if(board_is_under_voltage(board, node->supply_v), DESCRIBED_UNDER_VOLTAGE) |
-           fault_if(board_is_over_voltage(board, node->supply_v), DESCRIBED_OVER_VOLTAGE) |
-           fault_if(axis_is_over_current(node, axis), DESCRIBED_OVER_CURRENT) |
-           fault_if(axis->bad_motor, DESCRIBED_MOTOR_ENCODER) |
-           fault_if(axis->bad_link, DESCRIBED_LINK_ENCODER) |
-           fault_if(axis->bad_torque, DESCRIBED_TORQUE_SENSOR) |
+    /* Faults of every axis have the same bits, those of the pressure six lower */
+    return (common & ((1u << DESCRIBED_OVER_TEMPERATURE) - 1)) |
+           (common & (AXIS_UNDER_PRESSURE | AXIS_OVER_PRESSURE)) >> 6 |
            fault_if(axis->temperature_c > hottest_c, DESCRIBED_OVER_TEMPERATURE) |
-           fault_if(board_is_under_pressure(board, index, node->oil_pa), DESCRIBED_UNDER_PRESSURE) |
-           fault_if(board_is_over_pressure(board, index, node->oil_pa), DESCRIBED_OVER_PRESSURE) |
            fault_if(axis_is_stale(node, axis), DESCRIBED_STALE) |
-           fault_if(axis->link_rad < config->lower_rad || axis->link_rad > config->upper_rad,
+           fault_if(axis->base.link_rad < config->lower_rad ||
+                        axis->base.link_rad > config->upper_rad,
                     DESCRIBED_LIMIT) |
            fault_if(board->lost_in_status, DESCRIBED_OVERFLOW);
 }
@@ -418,12 +369,12 @@ static void axis_expire(struct described_node *node, struct described_axis *axis
         axis->latched |= UINT32_C(1) << DESCRIBED_STALE;
         axis_enter(node, axis, state, axis->law);
     } else {
-        double voltage_v = axis->voltage_v, overload_ms = axis->overload_ms;
+        double voltage_v = axis->base.voltage_v, overload_ms = axis->base.overload_ms;
 
         axis_forget(node, axis);
         axis->command_ns = command_ns;
-        axis->voltage_v = voltage_v;
-        axis->overload_ms = overload_ms;
+        axis->base.voltage_v = voltage_v;
+        axis->base.overload_ms = overload_ms;
     }
 }
 
@@ -440,7 +391,8 @@ static void axis_watch_faults(struct described_node *node, struct described_axis
     if (risen >> DESCRIBED_LIMIT & 1 && described_axis_runs(axis)) {
         int32_t ticks = 0;
 
-        control_quantize(axis->link_rad * axis_config(node, axis)->joint_ticks_per_rad, &ticks);
+        control_quantize(axis->base.link_rad * axis_config(node, axis)->joint_ticks_per_rad,
+                         &ticks);
         board_event(&node->board, BOARD_EVENT_LIMIT, index, (uint32_t)ticks, 0);
     }
     if (risen & DESCRIBED_FATAL) {
@@ -471,8 +423,8 @@ static double axis_current_law(const struct described_node *node, struct describ
 
     axis->wanted_a = fmax(fmin(wanted_a, limit), -limit);
     return current_loop_step(&axis->integral_v, axis->kp_v_a, axis->ki_v_as,
-                             axis->wanted_a - axis->current_a, node->supply_v) +
-           axis_config(node, axis)->bemf_v_s_rad * axis->velocity_rad_s;
+                             axis->wanted_a - axis->base.current_a, node->board.boards->supply_v) +
+           axis_config(node, axis)->bemf_v_s_rad * axis->base.velocity_rad_s;
 }
 
 /* Returns the voltage of the current loop for a torque. */
@@ -493,7 +445,7 @@ static double axis_velocity_law(const struct described_node *node, struct descri
     double most = config->torque_nm_a * config->current_limit_a, error;
 
     wanted_rad_s = fmax(fmin(wanted_rad_s, limit), -limit);
-    error = wanted_rad_s - axis->velocity_rad_s;
+    error = wanted_rad_s - axis->base.velocity_rad_s;
 
     if (config->valve) {
         return config->bemf_v_s_rad * wanted_rad_s;
@@ -513,7 +465,7 @@ static double axis_position_error(const struct described_node *node,
     const struct board_axis_config *config = axis_config(node, axis);
     double wanted = axis_target(axis, DESCRIBED_TO_POSITION) + axis->zero_rad;
 
-    return fmax(fmin(wanted, config->upper_rad), config->lower_rad) - axis->motor_rad;
+    return fmax(fmin(wanted, config->upper_rad), config->lower_rad) - axis->base.motor_rad;
 }
 
 /* Returns the voltage of the law in force. */
@@ -522,7 +474,7 @@ static double axis_law_voltage(const struct described_node *node, struct describ
     switch (axis->active) {
     case DESCRIBED_VOLTAGE:
         return axis_target(axis, DESCRIBED_TO_VOLTAGE) +
-               axis_target(axis, DESCRIBED_TO_DUTY) * node->supply_v;
+               axis_target(axis, DESCRIBED_TO_DUTY) * node->board.boards->supply_v;
     case DESCRIBED_CURRENT:
         return axis_current_law(node, axis, axis_target(axis, DESCRIBED_TO_CURRENT));
     case DESCRIBED_TORQUE:
@@ -539,7 +491,7 @@ static double axis_law_voltage(const struct described_node *node, struct describ
             node, axis,
             axis_target(axis, DESCRIBED_TO_KP) * axis_position_error(node, axis) +
                 axis_target(axis, DESCRIBED_TO_KD) *
-                    (axis_target(axis, DESCRIBED_TO_VELOCITY) - axis->velocity_rad_s) +
+                    (axis_target(axis, DESCRIBED_TO_VELOCITY) - axis->base.velocity_rad_s) +
                 axis_target(axis, DESCRIBED_TO_TORQUE));
     default:
         return 0.0;
@@ -554,7 +506,8 @@ static void axis_heed_limits(const struct described_node *node, struct described
     static const enum described_meaning open[] = {DESCRIBED_TO_VOLTAGE, DESCRIBED_TO_DUTY,
                                                   DESCRIBED_TO_CURRENT, DESCRIBED_TO_TORQUE};
     const struct board_axis_config *config = axis_config(node, axis);
-    bool above = axis->link_rad > config->upper_rad, below = axis->link_rad < config->lower_rad;
+    bool above = axis->base.link_rad > config->upper_rad,
+         below = axis->base.link_rad < config->lower_rad;
 
     if (axis->active > DESCRIBED_TORQUE || !(above || below)) {
         return;
@@ -568,22 +521,8 @@ static void axis_heed_limits(const struct described_node *node, struct described
     }
 }
 
-/* Writes voltages and switches of the bridges into the command of the plant. */
-static void described_motor_drive_bridges(const struct described_node *node,
-                                          struct plant_command *command)
-{
-    for (unsigned i = 0; i < node->axes; i++) {
-        const struct described_axis *axis = &node->axis[i];
-        struct motor_command *motor = &command->motor[node->board.config.axis[i].joint];
-
-        motor->bridge_on = described_axis_runs(axis);
-        motor->voltage_v = motor->bridge_on ? axis->voltage_v : 0.0;
-    }
-}
-
 /* Runs a tick of a motor board: faults, limits and laws (struct board_ops). */
-static void described_motor_control(struct board *board, struct ms_span span,
-                                    struct plant_command *command)
+static void described_motor_control(struct board *board, struct ms_span span)
 {
     struct described_node *node = described_node_of(board);
 
@@ -597,14 +536,14 @@ static void described_motor_control(struct board *board, struct ms_span span,
 
             axis->wanted_a = 0.0;
             v = axis_law_voltage(node, axis);
-            axis->voltage_v = fmax(fmin(v, node->supply_v), -node->supply_v);
+            axis->base.voltage_v =
+                fmax(fmin(v, node->board.boards->supply_v), -node->board.boards->supply_v);
         }
     }
-    described_motor_drive_bridges(node, command);
 }
 
 /* Opens the bridges of a motor board (struct board_ops). */
-static void described_motor_shut_down(struct board *board, struct plant_command *command)
+static void described_motor_shut_down(struct board *board)
 {
     struct described_node *node = described_node_of(board);
 
@@ -613,28 +552,6 @@ static void described_motor_shut_down(struct board *board, struct plant_command 
             axis_enter(node, &node->axis[i], node->protocol->off_state, node->axis[i].law);
         }
     }
-    described_motor_drive_bridges(node, command);
-}
-
-/* Returns whether some axis has latched a fault (struct board_ops). */
-static bool described_motor_is_faulty(const struct board *board)
-{
-    const struct described_node *node = described_node_of(board);
-
-    for (unsigned i = 0; i < node->axes; i++) {
-        if (node->axis[i].latched) {
-            return true;
-        }
-    }
-    return false;
-}
-
-/* Returns the law in force of an axis, or that of faults (struct board_ops). */
-static uint8_t described_motor_mode(const struct board *board, unsigned axis)
-{
-    const struct described_axis *of = &described_node_of(board)->axis[axis];
-
-    return (uint8_t)(of->latched ? DESCRIBED_FAULT : of->active);
 }
 
 static const struct board_ops described_motor_ops = {
@@ -645,8 +562,8 @@ static const struct board_ops described_motor_ops = {
     .control = described_motor_control,
     .transmit = described_node_transmit,
     .shut_down = described_motor_shut_down,
-    .fault = described_motor_is_faulty,
-    .mode = described_motor_mode,
+    .axes = offsetof(struct described_node, axis),
+    .axis_size = sizeof(struct described_axis),
 };
 
 struct board *described_motor_create(struct arena *arena)

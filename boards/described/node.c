@@ -97,50 +97,52 @@ static int64_t described_axis_count(const struct described_node *node, unsigned 
 {
     const struct board_axis_config *config = &node->board.config.axis[index];
     const struct described_axis *axis = &node->axis[index];
-    double bridge_v = described_axis_runs(axis) ? axis->voltage_v : 0.0, value;
+    double bridge_v = described_axis_runs(axis) ? axis->base.voltage_v : 0.0, value;
     int32_t motor = 0, link = 0;
 
     switch (field->meaning) {
     /* Sensors */
     case DESCRIBED_MOTOR_POSITION:
-        value = axis->motor_rad - axis->zero_rad;
+        value = axis->base.motor_rad - axis->zero_rad;
         break;
     case DESCRIBED_LINK_POSITION:
-        value = axis->link_rad - axis->zero_rad;
+        value = axis->base.link_rad - axis->zero_rad;
         break;
     case DESCRIBED_DEFLECTION:
         /* of counts, so that a host's difference is the link's count exactly */
-        control_quantize(axis->motor_rad / field->scale, &motor);
-        control_quantize(axis->link_rad / field->scale, &link);
+        control_quantize(axis->base.motor_rad / field->scale, &motor);
+        control_quantize(axis->base.link_rad / field->scale, &link);
         return (int64_t)motor - link;
     case DESCRIBED_MOTOR_VELOCITY:
-        value = axis->velocity_rad_s;
+        value = axis->base.velocity_rad_s;
         break;
     case DESCRIBED_AXIS_CURRENT:
-        value = axis->current_a;
+        value = axis->base.current_a;
         break;
     case DESCRIBED_AXIS_TORQUE:
-        value = axis->torque_nm;
+        value = axis->base.torque_nm;
         break;
     case DESCRIBED_DRIVE_TORQUE:
-        value = axis->current_a * config->torque_nm_a;
+        value = axis->base.current_a * config->torque_nm_a;
         break;
     case DESCRIBED_PISTON_PRESSURE:
     case DESCRIBED_ROD_PRESSURE:
-        value = axis->pressure_bar[field->meaning - DESCRIBED_PISTON_PRESSURE];
+        value = axis->base.pressure_pa[field->meaning - DESCRIBED_PISTON_PRESSURE] * 1e-5;
         break;
     case DESCRIBED_VALVE_OPENING:
-        value = axis->valve_opening;
+        value = axis->base.valve_opening;
         break;
     case DESCRIBED_TEMPERATURE:
         value = axis->temperature_c;
         break;
     /* Aims and powers */
     case DESCRIBED_AXIS_VOLTAGE:
-        value = axis->voltage_v;
+        value = axis->base.voltage_v;
         break;
     case DESCRIBED_AXIS_DUTY:
-        value = node->supply_v > 0.0 ? axis->voltage_v / node->supply_v : 0.0;
+        value = node->board.boards->supply_v > 0.0
+                    ? axis->base.voltage_v / node->board.boards->supply_v
+                    : 0.0;
         break;
     case DESCRIBED_CURRENT_TARGET:
         value = axis->wanted_a;
@@ -149,13 +151,15 @@ static int64_t described_axis_count(const struct described_node *node, unsigned 
         value = axis->wanted_a * config->torque_nm_a;
         break;
     case DESCRIBED_ELECTRICAL_POWER:
-        value = bridge_v * axis->current_a;
+        value = bridge_v * axis->base.current_a;
         break;
     case DESCRIBED_MECHANICAL_POWER:
-        value = axis->current_a * config->torque_nm_a * axis->velocity_rad_s;
+        value = axis->base.current_a * config->torque_nm_a * axis->base.velocity_rad_s;
         break;
     case DESCRIBED_SUPPLY_CURRENT:
-        value = node->supply_v > 0.0 ? bridge_v * axis->current_a / node->supply_v : 0.0;
+        value = node->board.boards->supply_v > 0.0
+                    ? bridge_v * axis->base.current_a / node->board.boards->supply_v
+                    : 0.0;
         break;
     /* Settings and state */
     case DESCRIBED_CURRENT_LIMIT:
@@ -224,7 +228,7 @@ static int64_t described_node_count(const struct described_node *node, unsigned 
     case DESCRIBED_SEQUENCE:
         return described_wrap(field, node->sequence);
     case DESCRIBED_SUPPLY:
-        return described_count(field, node->supply_v);
+        return described_count(field, node->board.boards->supply_v);
     case DESCRIBED_UPTIME:
         value = (double)(node->board.boards->now_ns - node->started_ns) * 1e-9;
         return described_count(field, value);

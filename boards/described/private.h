@@ -35,6 +35,7 @@ enum {
 
 /* An axis; of a sensor board, which has one, only state and faults. */
 struct described_axis {
+    struct axis base;                 /* mode: the law in force, or that of faults */
     int state, law;                   /* law: that the host has selected */
     enum described_law active;        /* the law in force */
     uint32_t latched;                 /* faults that have opened the bridge */
@@ -45,12 +46,8 @@ struct described_axis {
     double setting[DESCRIBED_SETTINGS_END - DESCRIBED_SETTING];
     double wanted_a;        /* of the current loop; 0 while it does not run */
     double kp_v_a, ki_v_as; /* of the current loop; 0: the rig says nothing of the winding */
-    double integral_v, integral_nm, overload_ms, voltage_v;
-    double motor_rad, link_rad, before_rad, velocity_rad_s, zero_rad;
-    double current_a, torque_nm;
-    double pressure_bar[2], valve_opening;
+    double integral_v, integral_nm, zero_rad;
     int32_t temperature_c;
-    bool bad_motor, bad_link, bad_torque;
 };
 
 /* State of an axis, or a sensor, when a frame last told of it, and the number of frames that
@@ -65,10 +62,9 @@ struct described_node {
     const struct described_protocol *protocol;
     unsigned kind;             /* enum described_kind */
     unsigned axes, first_slot; /* axes: 0 of sensors */
-    bool powered, started;     /* started: has taken a sample */
-    int64_t telemetry_ms, started_ns, next_ns, sampled_ms;
-    double supply_v, oil_pa; /* oil: of a motor board */
-    uint32_t sequence;       /* telemetry periods so far */
+    bool powered;
+    int64_t telemetry_ms, started_ns, next_ns;
+    uint32_t sequence; /* telemetry periods so far */
     struct described_axis axis[DESCRIBED_AXES];
     double channel[DESCRIBED_CHANNELS]; /* of a sensor, by meaning from DESCRIBED_CHANNEL on */
     uint32_t saturated;                 /* bit = channel of a sensor */

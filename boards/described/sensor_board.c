@@ -54,7 +54,6 @@ static void described_ft_sample(struct board *board, const struct plant_sensors 
     const struct ft_sense *sense = &sensors->ft[board->config.ft];
     bool bad = false;
 
-    node->supply_v = board_supply_v(sensors);
     node->saturated = 0;
     for (int i = 0; i < HALF; i++) {
         described_ft_convert(node, i, sense->force_n[i], sense->peak_n[i], &bad);
@@ -85,7 +84,6 @@ static void described_inertial_sample(struct board *board, const struct plant_se
 
     inertial_derive(&sensors->imu, true, &v);
     bad = !v.oriented;
-    node->supply_v = board_supply_v(sensors);
     described_inertial_convert(node, DESCRIBED_ACCELERATION, 3, v.acceleration_m_s2, &bad);
     described_inertial_convert(node, DESCRIBED_RATE, 3, v.rate_rad_s, &bad);
     described_inertial_convert(node, DESCRIBED_QUATERNION, 4, v.quaternion, &bad);

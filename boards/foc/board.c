@@ -605,7 +605,7 @@ static void foc_board_watch_i2t(struct board *board)
 static void foc_board_watch_faults(struct board *board)
 {
     struct foc_board *foc = foc_board_of(board);
-    uint32_t faults = 0;
+    uint32_t faults = 0, now = axis_find_faults(board, 0, (double)foc->peak_ma * 1e-3);
 
     if (!foc_runs(foc->axis.mode)) {
         return;
@@ -623,12 +623,8 @@ static void foc_board_watch_faults(struct board *board)
         board->boards->counters.trips++;
         faults |= FOC_FAULT_OVER_CURRENT;
     }
-    if (board_is_under_voltage(board, foc->axis.supply_v)) {
-        faults |= FOC_FAULT_UNDER_VOLTAGE;
-    }
-    if (board_is_over_voltage(board, foc->axis.supply_v)) {
-        faults |= FOC_FAULT_OVER_VOLTAGE;
-    }
+    faults |= now & AXIS_UNDER_VOLTAGE ? FOC_FAULT_UNDER_VOLTAGE : 0;
+    faults |= now & AXIS_OVER_VOLTAGE ? FOC_FAULT_OVER_VOLTAGE : 0;
     if (foc->axis.bad_motor) {
         foc->encoder |= FOC_QE_PHASE_BROKEN;
         faults |= FOC_FAULT_ENCODER;
@@ -690,12 +686,10 @@ static void foc_board_step_laws(struct foc_board *foc)
 }
 
 /* Runs one tick: faults, laws, bridge (struct board_ops). */
-static void foc_board_control(struct board *board, struct ms_span span,
-                              struct plant_command *command)
+static void foc_board_control(struct board *board, struct ms_span span)
 {
     struct foc_board *foc = foc_board_of(board);
 
-    (void)command;
     foc_board_watch_faults(board);
     for (int64_t ms = span.from; ms < span.to; ms++) {
         foc_board_watch_i2t(board);
@@ -705,9 +699,8 @@ static void foc_board_control(struct board *board, struct ms_span span,
 }
 
 /* Switches the motor off (struct board_ops). */
-static void foc_board_shut_down(struct board *board, struct plant_command *command)
+static void foc_board_shut_down(struct board *board)
 {
-    (void)command;
     if (foc_runs(foc_board_of(board)->axis.mode)) {
         foc_board_set_mode(board, ICUB_MODE_IDLE);
     }

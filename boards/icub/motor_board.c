@@ -696,10 +696,8 @@ static void motor_board_sample(struct board *board, const struct plant_sensors *
 /* ---- the tick ---- */
 
 /* Runs one tick: faults and time-outs, laws, bridges (struct board_ops). */
-static void motor_board_control(struct board *board, struct ms_span span,
-                                struct plant_command *command)
+static void motor_board_control(struct board *board, struct ms_span span)
 {
-    (void)command;
     motor_board_watch(board);
     for (int i = 0; i < MOTOR_AXES; i++) {
         struct motor_axis *axis = &motor_board_of(board)->axis[i];
@@ -712,9 +710,8 @@ static void motor_board_control(struct board *board, struct ms_span span,
 }
 
 /* Switches all axes off (struct board_ops). */
-static void motor_board_shut_down(struct board *board, struct plant_command *command)
+static void motor_board_shut_down(struct board *board)
 {
-    (void)command;
     for (int i = 0; i < MOTOR_AXES; i++) {
         if (motor_runs(motor_board_of(board)->axis[i].base.mode)) {
             motor_axis_set_mode(board, &motor_board_of(board)->axis[i], ICUB_MODE_IDLE);
@@ -728,7 +725,7 @@ static void motor_board_discovered(struct icub_board *icub)
     struct board *board = &icub->board;
 
     if (board->config.discovery_stops_motors) {
-        motor_board_shut_down(board, NULL);
+        motor_board_shut_down(board);
         motor_board_of(board)->policy = 0;
     }
 }

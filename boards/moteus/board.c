@@ -291,11 +291,12 @@ static void moteus_watch(struct board *board)
     struct moteus_board *moteus = moteus_board_of(board);
     double hottest_c = board->config.axis[0].temperature_limit_c;
     enum moteus_mode mode = moteus_mode(moteus);
+    uint32_t now = axis_find_faults(board, 0, board->config.axis[0].current_limit_a);
 
     if (mode == MOTEUS_STOPPED || mode == MOTEUS_FAULT) {
         return;
     }
-    if (board_is_over_voltage(board, moteus->axis.supply_v)) {
+    if (now & AXIS_OVER_VOLTAGE) {
         moteus_raise_fault(board, MOTEUS_OVER_VOLTAGE);
     } else if (moteus->axis.supply_v < SUPPLY_MIN_V) {
         moteus_raise_fault(board, MOTEUS_UNDER_VOLTAGE);
@@ -456,20 +457,18 @@ static void moteus_step(struct board *board)
 }
 
 /* Runs one tick (struct board_ops). */
-static void moteus_control(struct board *board, struct ms_span span, struct plant_command *command)
+static void moteus_control(struct board *board, struct ms_span span)
 {
-    (void)command;
     for (int64_t ms = span.from; ms < span.to; ms++) {
         moteus_step(board);
     }
 }
 
 /* Stops the motor (struct board_ops). */
-static void moteus_shut_down(struct board *board, struct plant_command *command)
+static void moteus_shut_down(struct board *board)
 {
     struct moteus_board *moteus = moteus_board_of(board);
 
-    (void)command;
     moteus->wanted_mode = MOTEUS_STOPPED;
     if (moteus_mode(moteus) != MOTEUS_FAULT) {
         moteus_set_mode(board, MOTEUS_STOPPED);
