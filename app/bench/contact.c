@@ -9,7 +9,6 @@
 #include "app/bench/allocations.h"
 #include "app/bench/contact_scenes.h"
 #include "app/bench/output.h"
-#include "app/bench/timing.h"
 #include "base/array.h"
 #include "base/options.h"
 #include "contact/contact.h"

@@ -6,10 +6,8 @@
 #include "app/bench/dynamics.h"
 
 #include "app/bench/benchmarks.h"
-#include "app/bench/engines.h"
 #include "app/bench/output.h"
-#include "app/bench/timing.h"
-#include "app/report/report_file.h"
+#include "app/report/report.h"
 #include "base/array.h"
 #include "base/options.h"
 #include "manual/dynamics.h"
@@ -285,12 +283,12 @@ static enum error_code write_files(const struct dynamics_bench *bench, const cha
         return code;
     }
     write_csv(bench, file.whole.out);
-    if ((code = report_file_close(&file, ERROR_NONE, error)) ||
+    if ((code = whole_file_close(&file.whole, ERROR_NONE, error)) ||
         (code = report_file_open(&file, folder, "dynamics.svg", error))) {
         return code;
     }
     dynamics_bench_draw(bench, &plot);
-    return report_file_close(&file, svg_write(&plot.panel, file.whole.out, error), error);
+    return whole_file_close(&file.whole, svg_write(&plot.panel, file.whole.out, error), error);
 }
 
 enum error_code dynamics_bench_run(struct dynamics_bench *bench, const char *file,

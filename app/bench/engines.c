@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Wraps our dynamics as engines beside those of other simulators. */
-#include "app/bench/engines.h"
+#include "app/bench/dynamics.h"
 
 #include "model/dynamics.h"
 #include "model/symbolic/builtin.h"

@@ -4,7 +4,7 @@
 
 #include "app/bench/benchmarks.h"
 #include "app/bench/output.h"
-#include "app/report/report_file.h"
+#include "app/report/report.h"
 #include "base/array.h"
 #include "base/options.h"
 #include "manual/latency.h"
@@ -218,7 +218,7 @@ static enum error_code latency_write_files(const struct latency_result *result, 
         return code;
     }
     latency_write_csv(result, file.whole.out);
-    return report_file_close(&file, ERROR_NONE, error);
+    return whole_file_close(&file.whole, ERROR_NONE, error);
 }
 
 /* Measures and prints, once everything is open. */

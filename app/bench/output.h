@@ -6,6 +6,7 @@
 #include "app/bench/peers.h"
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdio.h>
 
 #define BENCH_OUT_OPTION(folder, files)                                                            \
@@ -28,5 +29,15 @@ enum error_code bench_peers(const char *path, const char *consequence,
 
 /* Shows the progress of a run on stderr when that is a terminal; clears the line at the end. */
 void bench_progress(const char *name, size_t done, size_t all);
+
+/* Returns the CPU time of the calling thread, s. */
+double bench_cpu_s(void);
+
+/* Sorts the values, ascending. */
+void bench_sort(double *value, size_t count);
+
+/* Returns the median of at least one value, of an even number the upper one of the middle; sorts
+ * the values. */
+double bench_median(double *value, size_t count);
 
 #endif

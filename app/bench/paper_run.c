@@ -2,7 +2,7 @@
 /* Runs rigs for the report, and computes numbers from their recordings. */
 #include "app/bench/paper.h"
 
-#include "app/bench/timing.h"
+#include "app/bench/output.h"
 #include "model/spatial.h"
 #include "sim/simulator.h"
 

@@ -5,7 +5,6 @@
 #include "app/bench/dynamics.h"
 #include "app/bench/output.h"
 #include "app/bench/pendulum.h"
-#include "app/bench/timing.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -15,7 +15,6 @@
 #include "app/bench/pendulum.h"
 
 #include "app/bench/output.h"
-#include "app/bench/timing.h"
 #include "model/plant.h"
 
 #include <math.h>

@@ -2,7 +2,7 @@
 /* Strips a rig's robot of all but bodies and joints, and times it. */
 #include "app/bench/robot_alone.h"
 
-#include "app/bench/timing.h"
+#include "app/bench/output.h"
 #include "base/vec3.h"
 #include "contact/contact.h"
 #include "model/plant.h"

@@ -7,7 +7,6 @@
 #include "app/bench/benchmarks.h"
 #include "app/bench/output.h"
 #include "app/bench/robot_alone.h"
-#include "app/bench/timing.h"
 #include "base/array.h"
 #include "base/json_text.h"
 #include "base/options.h"

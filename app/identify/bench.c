@@ -414,6 +414,19 @@ static enum error_code read_rows(struct csv *csv, const int column[COLUMNS], siz
     return code;
 }
 
+enum error_code recording_alloc(struct recording *r, size_t count, struct arena *arena,
+                                struct error *error)
+{
+    r->time = arena_alloc(arena, count, sizeof *r->time);
+    r->position = arena_alloc(arena, count, sizeof *r->position);
+    r->goal = arena_alloc(arena, count, sizeof *r->goal);
+    r->voltage = arena_alloc(arena, count, sizeof *r->voltage);
+    r->enabled = arena_alloc(arena, count, sizeof *r->enabled);
+    return r->file && r->time && r->position && r->goal && r->voltage && r->enabled
+               ? ERROR_NONE
+               : error_set(error, ERROR_MEMORY, "no memory left for a recording");
+}
+
 /* Reads a recording from the text of its file. */
 static enum error_code read_table(const struct bench *bench, const char *path, const char *text,
                                   size_t size, struct arena *arena, struct recording *r,
@@ -428,15 +441,8 @@ static enum error_code read_table(const struct bench *bench, const char *path, c
     for (size_t i = comments; i < size; i++) {
         most += text[i] == '\n';
     }
-    r->time = arena_alloc(arena, most + 1, sizeof *r->time);
-    r->position = arena_alloc(arena, most + 1, sizeof *r->position);
-    r->goal = arena_alloc(arena, most + 1, sizeof *r->goal);
-    r->voltage = arena_alloc(arena, most + 1, sizeof *r->voltage);
-    r->enabled = arena_alloc(arena, most + 1, sizeof *r->enabled);
-    if (!r->time || !r->position || !r->goal || !r->voltage || !r->enabled) {
-        return error_set(error, ERROR_MEMORY, "%.200s: no memory left for this recording", path);
-    }
-    if ((code = csv_open_memory(path, text + comments, size - comments, &csv, error))) {
+    if ((code = recording_alloc(r, most + 1, arena, error)) ||
+        (code = csv_open_memory(path, text + comments, size - comments, &csv, error))) {
         return code;
     }
     code = find_columns(&bench->columns, csv, column, error);
@@ -474,8 +480,6 @@ enum error_code recording_read(const struct bench *bench, const char *path, cons
                          "%.200s: found no \"%.63s\" with a number in the comments at its begin, "
                          "expected the gain of the servo",
                          path, word);
-    } else if (!recording->file) {
-        code = error_set(error, ERROR_MEMORY, "no memory for a recording");
     } else {
         code = read_table(bench, path, text, size, arena, recording, error);
     }

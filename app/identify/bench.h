@@ -9,9 +9,10 @@
 
 #include "app/identify/parameters.h"
 #include "base/arena.h"
-#include "base/error.h"
 #include "base/enum_names.h"
+#include "base/error.h"
 #include "base/yaml.h"
+#include "rig/rig.h"
 
 /* Titles of a recording's columns; NULL = there is none. One of goal, voltage and torque is
  * there. */
@@ -129,5 +130,23 @@ enum error_code bench_of_own(const char *joint, struct arena *arena, struct benc
 enum error_code recording_read(const struct bench *bench, const char *path, const char *crc32,
                                struct arena *arena, struct recording *recording,
                                struct error *error);
+
+/* Makes room for the rows of a recording whose file is set. ERROR_MEMORY. */
+enum error_code recording_alloc(struct recording *r, size_t count, struct arena *arena,
+                                struct error *error);
+
+/* ---- recordings that are logs of candump (log.c) ---- */
+
+/* Returns whether a file begins as a log does: with the time of a frame. */
+bool recording_is_log(const char *path);
+
+/* Reads a log: a row for each frame that tells the joint's angle, with the mean of the commands
+ * since the last. The columns position, and voltage or torque, name signals of coman-hil dbc;
+ * without such names, or with those of other columns, they are found by joint and unit. Frames of
+ * other interfaces are skipped. ERROR_INPUT says what is missing. */
+enum error_code recording_read_log(const struct rig *rig, const char *joint,
+                                   const struct bench_columns *columns, const char *path,
+                                   struct arena *arena, struct recording *recording,
+                                   struct error *error);
 
 #endif

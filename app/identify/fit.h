@@ -8,7 +8,6 @@
 #define APP_IDENTIFY_FIT_H
 
 #include "app/identify/bench.h"
-#include "app/identify/simulate.h"
 #include "rig/rig.h"
 
 /* A number that is looked for. */
@@ -61,5 +60,21 @@ enum error_code fit_prepare(const struct bench *bench, const char *const *key, s
 
 enum error_code fit_solve(const struct fit_problem *problem, struct fit_result *result,
                           struct error *error);
+
+/* ---- simulations of recordings (simulate.c), which may run in several threads at once ---- */
+
+/* Simulates a recording with the numbers of a trial from where it begins, at rest: position gets
+ * the joint's angle at each of the recording's times, rad, as the recording counts it. A simulation
+ * that diverges goes on with its last position. */
+enum error_code simulate_recording(const struct rig *rig, const struct trial_robot *trial,
+                                   const struct bench_law *law, const struct recording *recording,
+                                   double *position, struct error *error);
+
+/* Errors of a simulated recording, rad. */
+struct simulation_error {
+    double mean, rms, worst; /* mean of the absolute values */
+};
+struct simulation_error simulation_compare(const struct recording *recording,
+                                           const double *position);
 
 #endif

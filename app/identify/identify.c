@@ -2,8 +2,7 @@
 /* Opens benches, fits and judges. */
 #include "app/identify/identify.h"
 
-#include "app/identify/log.h"
-#include "app/identify/points.h"
+#include "app/identify/bench.h"
 
 #include <math.h>
 #include <string.h>

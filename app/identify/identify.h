@@ -8,6 +8,7 @@
 
 #include "app/identify/bench.h"
 #include "app/identify/fit.h"
+#include "app/report/report.h"
 #include "rig/rig.h"
 
 enum { IDENTIFY_RECORDINGS_MAX = 64 };
@@ -95,5 +96,16 @@ enum error_code validation_run(const char *path, struct arena *arena, struct val
 /* Writes the page of benches into a folder. */
 enum error_code validation_write_page(const struct validation *validation, size_t count,
                                       const char *folder, struct error *error);
+
+/* ---- steady states (points.c) ---- */
+
+/* Returns the figure that a point asks for, as the drive has it; NAN where there is no such state
+ * (the motor stalls, or the gear locks itself). */
+double point_compute(const struct robot_sea *sea, const struct bench_point *point);
+
+/* Adds a drive's diagram to a page: the load that a motor's torque up to most turns, and that which
+ * turns it back, at rest, with those points of the bench that say the same. */
+void point_diagram(struct report *report, const char *id, const struct robot_sea *sea,
+                   const struct bench *bench);
 
 #endif

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Turns the frames of a log into the rows of a recording. */
-#include "app/identify/log.h"
+#include "app/identify/bench.h"
 
 #include "base/array.h"
 #include "base/input_file.h"
@@ -287,16 +287,8 @@ enum error_code recording_read_log(const struct rig *rig, const char *joint,
                          path, count, joint, source.position.signal->name,
                          source.command.signal->name);
     }
-    if (code) {
+    if (code || (code = recording_alloc(r, count, arena, error))) {
         return code;
-    }
-    r->time = arena_alloc(arena, count, sizeof *r->time);
-    r->position = arena_alloc(arena, count, sizeof *r->position);
-    r->voltage = arena_alloc(arena, count, sizeof *r->voltage);
-    r->goal = arena_alloc(arena, count, sizeof *r->goal);
-    r->enabled = arena_alloc(arena, count, sizeof *r->enabled);
-    if (!r->file || !r->time || !r->position || !r->voltage || !r->goal || !r->enabled) {
-        return error_set(error, ERROR_MEMORY, "%.200s: no memory left for this recording", path);
     }
     r->count = count;
     return read_frames(&source, path, count, r, &count, error);

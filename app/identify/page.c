@@ -2,7 +2,6 @@
 /* Writes the pages of identifications and of validations. */
 #include "app/identify/identify.h"
 
-#include "app/identify/points.h"
 #include "app/report/report.h"
 #include "base/enum_names.h"
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Computes steady states from what is known of them, and draws drive/back-drive diagrams. */
-#include "app/identify/points.h"
+#include "app/identify/identify.h"
 
 #include "base/array.h"
 #include "model/drives/steady.h"

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Runs the plant of a rig under the commands of a recording. */
-#include "app/identify/simulate.h"
+#include "app/identify/fit.h"
 
 #include "model/plant.h"
 

@@ -2,7 +2,6 @@
 /* Writes a report as HTML and CSV. */
 #include "app/report/report.h"
 
-#include "app/report/report_file.h"
 #include "base/markup.h"
 
 #include <stdarg.h>
@@ -103,6 +102,20 @@ static size_t report_split_cells(char *line, char *cell[CELLS_MAX])
     return count;
 }
 
+enum error_code report_file_open(struct report_file *file, const char *folder, const char *name,
+                                 struct error *error)
+{
+    enum error_code code = folder_make(folder, NULL, error);
+
+    if (code) {
+        return code;
+    }
+    if (snprintf(file->path, sizeof file->path, "%s/%s", folder, name) >= (int)sizeof file->path) {
+        return error_set(error, ERROR_INPUT, "the name of the folder %.40s... is too long", folder);
+    }
+    return whole_file_open(&file->whole, file->path, error);
+}
+
 enum error_code report_open(struct report *report, const char *folder, const char *title,
                             struct error *error)
 {
@@ -130,7 +143,7 @@ static void close_file(struct report *report)
 {
     struct error error;
 
-    if (report_file_close(&report->file, ERROR_NONE, &error)) {
+    if (whole_file_close(&report->file.whole, ERROR_NONE, &error)) {
         report_fail(report, error.code, error.text);
     }
 }

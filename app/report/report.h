@@ -9,11 +9,12 @@
 #ifndef APP_REPORT_REPORT_H
 #define APP_REPORT_REPORT_H
 
-#include "app/report/report_file.h"
 #include "app/report/svg.h"
 #include "base/error.h"
 #include "base/memory_file.h"
+#include "base/whole_file.h"
 
+#include <limits.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdio.h>
@@ -26,6 +27,17 @@ struct report_finding {
     char *where, *what, *theirs, *ours, *remark;
     bool main; /* shown in the summary too */
 };
+
+/* A file of results being written. */
+struct report_file {
+    struct whole_file whole; /* write to whole.out */
+    char path[PATH_MAX];
+};
+
+/* Opens folder/name for writing; makes the folder if necessary. The struct must not move until
+ * whole_file_close(&file->whole). */
+enum error_code report_file_open(struct report_file *file, const char *folder, const char *name,
+                                 struct error *error);
 
 /* A report being written. */
 struct report {

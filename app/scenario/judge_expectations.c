@@ -2,7 +2,7 @@
 /* Judges the expectations of a scenario tick by tick, and plots those that were not met. */
 #include "app/scenario/private.h"
 
-#include "app/report/report_file.h"
+#include "app/report/report.h"
 #include "app/report/svg.h"
 
 #include <float.h>
@@ -384,7 +384,7 @@ static enum error_code expectation_plot(const struct scenario_expectations *expe
     if (code) {
         return code;
     }
-    return report_file_close(&file, svg_write(&plot, file.whole.out, error), error);
+    return whole_file_close(&file.whole, svg_write(&plot, file.whole.out, error), error);
 }
 
 enum error_code scenario_expectations_plot(const struct scenario_expectations *expectations,
