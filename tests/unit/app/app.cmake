@@ -8,7 +8,9 @@ endforeach()
 foreach(name dbc_hash doctor doctor_external eventlog firmware notify ready token_file)
     hil_test(cli_${name} SOURCES unit/app/cli/${name}.c LIBS cli LABELS unit)
 endforeach()
-hil_test(cli_cmd_accel SOURCES unit/app/cli/cmd_accel.c LIBS cli random_robot LABELS unit)
+hil_script_test(cli_accel COMMAND /usr/bin/python3
+                ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/cli/accel.py $<TARGET_FILE:coman-hil>
+                LABELS unit)
 hil_test(cli_cmd_generate SOURCES unit/app/cli/cmd_generate.c LIBS cli LABELS unit)
 hil_script_test(cli COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/cli/cli.sh
                 $<TARGET_FILE:coman-hil> LABELS unit)
