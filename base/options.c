@@ -185,9 +185,10 @@ static enum error_code options_parse_option(const struct command_spec *spec, int
     return option_parse_value(option, text) ? ERROR_NONE : option_reject_value(option, text, error);
 }
 
-/* Stores the next operand; *count is how many came before. */
-static enum error_code options_parse_operand(const struct command_spec *spec, const char *word,
-                                             size_t *count, struct error *error)
+/* Stores the next operand; *count is how many came before. Those of a list move to the begin of
+ * argv, whose words have been read by then. */
+static enum error_code options_parse_operand(const struct command_spec *spec, char **argv,
+                                             char *word, size_t *count, struct error *error)
 {
     size_t last = spec->noperand ? spec->noperand - 1 : 0;
     bool many = spec->many && *count >= last;
@@ -201,7 +202,7 @@ static enum error_code options_parse_operand(const struct command_spec *spec, co
                          spec->operand[many ? last : *count].name);
     }
     if (many) {
-        spec->operand[last].value[*count - last] = word;
+        argv[1 + *count - last] = word;
     } else {
         *spec->operand[*count].value = word;
     }
@@ -233,10 +234,17 @@ enum error_code options_parse(const struct command_spec *spec, int argc, char **
         /* A lone dash is an operand: standard input by convention */
         code = !only_operands && word[0] == '-' && word[1]
                    ? options_parse_option(spec, argc, argv, &i, &seen, error)
-                   : options_parse_operand(spec, word, &noperand, error);
+                   : options_parse_operand(spec, argv, argv[i], &noperand, error);
         if (code) {
             return code;
         }
+    }
+
+    if (spec->many) {
+        const size_t first = noperand < spec->noperand ? noperand : spec->noperand - 1;
+
+        argv[1 + noperand - first] = NULL;
+        *spec->operand[spec->noperand - 1].list = (const char *const *)(argv + 1);
     }
 
     /* Required operands come first, so the next one tells whether any is missing */

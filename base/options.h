@@ -74,7 +74,8 @@ struct operand_spec {
     const char *name; /* "RIG" */
     const char *help;
     bool required;
-    const char **value; /* NULL stays when it is optional and not given */
+    const char **value;       /* NULL stays when it is optional and not given */
+    const char *const **list; /* instead of value, where there may be many: NULL at their end */
     /* What a shell completes it to, beside files: what "coman-hil list NOUN --names" prints, or
      * these words, NULL at the end. Neither: files. */
     const char *noun;
@@ -88,13 +89,14 @@ struct command_spec {
     size_t noption;
     const struct operand_spec *operand;
     size_t noperand;
-    bool many; /* the last operand may stand more than once; its value has room for argc of them */
+    bool many;           /* the last operand may stand more than once */
     const char *manual;  /* paragraphs printed at the end of --help, or NULL */
     const char *program; /* whose command it is; NULL = "coman-hil" */
 };
 
 /* Parses the arguments after argv[0]. --name VALUE and --name=VALUE are the same; -- ends the
- * options. Sets *help and stops when --help or -h stands before anything wrong. The error names
+ * options. The list of a last operand is in argv, whose words move for it and which ends with NULL.
+ * Sets *help and stops when --help or -h stands before anything wrong. The error names
  * the option, what was found and what was expected. */
 enum error_code options_parse(const struct command_spec *spec, int argc, char **argv, bool *help,
                               struct error *error);

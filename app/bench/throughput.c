@@ -83,7 +83,7 @@ struct measured_rig {
 /* The command lines, and the measurement. */
 struct throughput {
     const char *task, *peers, *file;
-    const char **rig;
+    const char *const *rig;
     int64_t rounds;
     double seconds; /* simulated time of a case, or of a rig whose ticks are timed */
     bool limp;
@@ -134,8 +134,8 @@ static enum error_code choose_rigs(struct throughput *t, bool ticks, struct erro
 static int run_benchmark(struct command_spec *spec, int argc, char **argv, struct throughput *t,
                          enum error_code (*measure)(struct throughput *, struct error *))
 {
-    struct operand_spec operand = {"RIG", "rigs' files or names; without them the list below",
-                                   .noun = "rigs"};
+    const struct operand_spec operand = {"RIG", "rigs' files or names; without them the list below",
+                                         .list = &t->rig, .noun = "rigs"};
     struct error error;
     enum error_code code;
     int status;
@@ -144,17 +144,10 @@ static int run_benchmark(struct command_spec *spec, int argc, char **argv, struc
     spec->operand = &operand;
     spec->noperand = 1;
     spec->many = true;
-    t->rig = calloc((size_t)argc + 1, sizeof *t->rig);
-    if (!t->rig) {
-        code = error_set(&error, ERROR_MEMORY, "no memory left for the command line");
-        return options_end(spec, code, &error);
-    }
-    operand.value = t->rig;
     if (options_read(spec, argc, argv, &status)) {
         code = measure(t, &error);
         status = options_end(spec, code, &error);
     }
-    free(t->rig);
     return status;
 }
 

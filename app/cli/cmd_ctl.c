@@ -108,8 +108,6 @@ static enum error_code ctl_udp_send(int descriptor, const json_t *answer, const 
                            size, DATAGRAM_MAX);
 }
 
-enum { WORDS_MAX = 1024 };
-
 /* ---- answers ---- */
 
 static volatile sig_atomic_t interrupted;
@@ -371,8 +369,7 @@ static int ctl_run(const struct ctl_options *o)
 
 int cmd_ctl(int argc, char **argv)
 {
-    static const char *word[WORDS_MAX + 1];
-    static struct ctl_options o = {.word = word, .period_ms = 10.0};
+    static struct ctl_options o = {.period_ms = 10.0};
     static const struct option_spec options[] = {
         {"--socket", OPTION_STRING, "PATH", "the control socket of the simulator",
          .value = &o.socket},
@@ -392,7 +389,7 @@ int cmd_ctl(int argc, char **argv)
     };
     static struct operand_spec operands[] = {
         {"COMMAND", "what to do; see below", true, .value = &o.command},
-        {"ARGUMENT", "an argument of the command", false, .value = word},
+        {"ARGUMENT", "an argument of the command", false, .list = &o.word},
     };
     static const struct command_spec spec = {
         .name = "ctl",
@@ -404,16 +401,10 @@ int cmd_ctl(int argc, char **argv)
         .many = true,
         .manual = MANUAL_CTL,
     };
-    struct error error;
     int status;
 
     operands[0].words = ctl_command_names();
 
-    /* word has room for this many */
-    if (argc > WORDS_MAX) {
-        error_set(&error, ERROR_INPUT, "found %d words, expected at most %d", argc, WORDS_MAX);
-        return command_fail("ctl", &error);
-    }
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }

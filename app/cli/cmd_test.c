@@ -137,10 +137,8 @@ static int test_plan_merge(const char *path)
     return failed ? STATUS_FAILED : STATUS_OK;
 }
 
-#define MEMORY ((size_t)1 << 30) /* of address space */
-
 struct test_options {
-    const char **file; /* ends with NULL */
+    const char *const *file; /* ends with NULL */
     const char *junit, *output, *program, *cases;
     int64_t jobs, seed;
     bool mutate, to_the_end, plan, merge, list;
@@ -201,11 +199,10 @@ static bool test_parse_options(int argc, char **argv, struct test_options *out, 
          .value = &o.merge},
         {"--list", OPTION_FLAG, NULL, "run nothing: list the cases", .value = &o.list},
     };
-    static struct operand_spec operands[] = {{.name = "SCENARIO",
-                                              .help = "files or names of scenarios; a sweep's file "
-                                                      "with --plan, a plan with --case and --merge",
-                                              .required = true,
-                                              .noun = "scenarios"}};
+    static const struct operand_spec operands[] = {
+        {"SCENARIO",
+         "files or names of scenarios; a sweep's file with --plan, a plan with --case and --merge",
+         true, .list = &o.file, .noun = "scenarios"}};
     static char manual[sizeof MANUAL_TEST + SIGNALS_SIZE];
     static const struct command_spec spec = {
         .name = "test",
@@ -218,22 +215,12 @@ static bool test_parse_options(int argc, char **argv, struct test_options *out, 
         .manual = manual,
     };
     char signals[SIGNALS_SIZE];
-    struct error error;
 
     list_signals(signals);
     manual_insert(manual, sizeof manual, MANUAL_TEST, "@SIGNALS@", signals);
 
-    /* Make room for as many files as there are words */
     o = (struct test_options){.seed = -1};
-    o.file = calloc((size_t)argc + 1, sizeof *o.file);
-    if (!o.file) {
-        error_set(&error, ERROR_MEMORY, "no memory left for the command line");
-        *status = options_fail(&spec, &error);
-        return false;
-    }
-    operands[0].value = o.file;
     if (!options_read(&spec, argc, argv, status)) {
-        free(o.file);
         return false;
     }
     *out = o;
@@ -556,6 +543,5 @@ int cmd_test(int argc, char **argv)
     } else {
         status = test_run_scenarios(&options);
     }
-    free(options.file);
     return status;
 }

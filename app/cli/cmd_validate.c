@@ -10,10 +10,9 @@
 #include "manual/validate.h"
 
 #include <stdio.h>
-#include <stdlib.h>
 
 struct validate_options {
-    const char **bench;
+    const char *const *bench;
     const char *report;
 };
 
@@ -103,11 +102,10 @@ int cmd_validate(int argc, char **argv)
     static const struct option_spec options[] = {
         {"--report", OPTION_STRING, "DIR", "folder for a page with plots", .value = &o.report},
     };
-    struct operand_spec operands[] = {{"BENCH",
-                                       "measured bench, by file or name; by default all that are "
-                                       "installed",
-                                       false, .value = NULL, .noun = "validations"}};
-    const struct command_spec spec = {
+    static const struct operand_spec operands[] = {
+        {"BENCH", "measured bench, by file or name; by default all that are installed", false,
+         .list = &o.bench, .noun = "validations"}};
+    static const struct command_spec spec = {
         .name = "validate",
         .summary = "Hold simulated drives against measured ones.",
         .option = options,
@@ -123,14 +121,7 @@ int cmd_validate(int argc, char **argv)
     bool failed = false;
     int status;
 
-    o.bench = calloc((size_t)argc + 1, sizeof *o.bench);
-    if (!o.bench) {
-        error_set(&error, ERROR_MEMORY, "no memory for arguments");
-        return options_fail(&spec, &error);
-    }
-    operands[0].value = o.bench;
     if (!options_read(&spec, argc, argv, &status)) {
-        free(o.bench);
         return status;
     }
     code = arena_init(&arena, RIG_COMMAND_ARENA, &error);
@@ -138,7 +129,6 @@ int cmd_validate(int argc, char **argv)
         code = validate_all(&o, &arena, &failed, &error);
         arena_fini(&arena);
     }
-    free(o.bench);
     status = options_end(&spec, code, &error);
     return status == STATUS_OK && failed ? STATUS_FAILED : status;
 }

@@ -17,7 +17,7 @@
 /* The words of a command line, apart from the program's name. */
 struct ctl_options {
     const char *command, *socket, *udp; /* udp: where rows are sent; NULL = standard output */
-    const char **word;                  /* the command's arguments; ends with NULL */
+    const char *const *word;            /* the command's arguments; ends with NULL */
     size_t nword;
     double period_ms;
     int64_t rows;

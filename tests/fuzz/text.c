@@ -76,9 +76,9 @@ static void check_word(const char *text)
 static void check_command_line(char *text)
 {
     bool help = false;
-    const char *file = NULL, *other[ARGUMENTS + 1] = {NULL};
+    const char *file = NULL, *const *other = NULL;
     const struct operand_spec operands[] = {{"FILE", "x", true, .value = &file},
-                                            {"OTHER", "x", false, .value = other}};
+                                            {"OTHER", "x", false, .list = &other}};
     const struct command_spec spec = {.name = "try",
                                       .summary = "Try.",
                                       .option = try_options,

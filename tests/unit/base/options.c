@@ -201,12 +201,12 @@ TEST_WITH(rejects_unknown_option_and_names_the_nearest, reset, NULL)
 
 TEST_WITH(the_last_operand_may_stand_more_than_once, reset, NULL)
 {
-    static const char *files[6];
-    static const struct operand_spec several[] = {{"FILE", "files", true, .value = files}};
+    static const char *const *files;
+    static const struct operand_spec several[] = {{"FILE", "files", true, .list = &files}};
     static const struct command_spec many = {
         .name = "try", .summary = "Try.", .operand = several, .noperand = 1, .many = true};
     char word[5][4] = {"try", "a", "b", "--", "--c"};
-    char *some[] = {word[0], word[1], word[2], word[3], word[4]};
+    char *some[] = {word[0], word[1], word[2], word[3], word[4], NULL};
     struct error error;
     bool help;
 
