@@ -42,50 +42,22 @@ struct doctor {
 
 /* ---- findings ---- */
 
-static void doctor_add(struct doctor *d, enum doctor_verdict verdict, const char *fix,
-                       const char *format, va_list args)
+/* Adds a finding while there is room; format says what was found. */
+__attribute__((format(printf, 4, 5))) static void
+doctor_add(struct doctor *d, enum doctor_verdict verdict, const char *fix, const char *format, ...)
 {
     struct doctor_finding *finding = &d->findings[d->count];
+    va_list args;
 
-    if (d->count < d->max) {
-        d->count++;
-        finding->verdict = verdict;
-        finding->subject = d->subject;
-        snprintf(finding->fix, sizeof finding->fix, "%s", fix);
-        vsnprintf(finding->found, sizeof finding->found, format, args);
+    if (d->count == d->max) {
+        return;
     }
-}
-
-/* Adds a finding that is as it should be. */
-__attribute__((format(printf, 2, 3))) static void doctor_praise(struct doctor *d,
-                                                                const char *format, ...)
-{
-    va_list args;
-
+    d->count++;
+    finding->verdict = verdict;
+    finding->subject = d->subject;
+    snprintf(finding->fix, sizeof finding->fix, "%s", fix);
     va_start(args, format);
-    doctor_add(d, DOCTOR_OK, "", format, args);
-    va_end(args);
-}
-
-/* Adds a finding with which a run may miss deadlines. */
-__attribute__((format(printf, 3, 4))) static void doctor_warn(struct doctor *d, const char *fix,
-                                                              const char *format, ...)
-{
-    va_list args;
-
-    va_start(args, format);
-    doctor_add(d, DOCTOR_WARN, fix, format, args);
-    va_end(args);
-}
-
-/* Adds a finding with which the rig cannot run. */
-__attribute__((format(printf, 3, 4))) static void doctor_refuse(struct doctor *d, const char *fix,
-                                                                const char *format, ...)
-{
-    va_list args;
-
-    va_start(args, format);
-    doctor_add(d, DOCTOR_FAIL, fix, format, args);
+    vsnprintf(finding->found, sizeof finding->found, format, args);
     va_end(args);
 }
 
@@ -195,18 +167,18 @@ static void examine_kernel(struct doctor *d)
     doctor_read_line(d, release, "/proc/sys/kernel/osrelease");
     doctor_read_line(d, realtime, "/sys/kernel/realtime");
     if (strcmp(realtime, "1") == 0 || strstr(version, "PREEMPT_RT")) {
-        doctor_praise(d, "%.80s, fully preemptible (PREEMPT_RT)", release);
+        doctor_add(d, DOCTOR_OK, "", "%.80s, fully preemptible (PREEMPT_RT)", release);
     } else {
-        doctor_warn(d,
-                    doctor_is_raspberry_pi(d)
-                        ? "apt install linux-image-rpi-v8-rt; add kernel=kernel8_rt.img to "
-                          "/boot/firmware/config.txt; reboot"
-                    : doctor_is_arm(d) ? "apt install linux-image-rt-arm64 && reboot"
-                                       : "apt install linux-image-rt-amd64 && reboot",
-                    "%.80s is %s: wake-ups may be late by milliseconds", release,
-                    strstr(version, "PREEMPT_DYNAMIC") ? "PREEMPT_DYNAMIC"
-                    : strstr(version, "PREEMPT")       ? "PREEMPT"
-                                                       : "not preemptible");
+        doctor_add(d, DOCTOR_WARN,
+                   doctor_is_raspberry_pi(d)
+                       ? "apt install linux-image-rpi-v8-rt; add kernel=kernel8_rt.img to "
+                         "/boot/firmware/config.txt; reboot"
+                   : doctor_is_arm(d) ? "apt install linux-image-rt-arm64 && reboot"
+                                      : "apt install linux-image-rt-amd64 && reboot",
+                   "%.80s is %s: wake-ups may be late by milliseconds", release,
+                   strstr(version, "PREEMPT_DYNAMIC") ? "PREEMPT_DYNAMIC"
+                   : strstr(version, "PREEMPT")       ? "PREEMPT"
+                                                      : "not preemptible");
     }
 }
 
@@ -227,11 +199,11 @@ static void examine_virtual_machine(struct doctor *d)
                      strcmp(vendor, "QEMU") == 0 || strcmp(vendor, "Amazon EC2") == 0;
     }
     if (is_virtual) {
-        doctor_warn(
-            d, "",
+        doctor_add(
+            d, DOCTOR_WARN, "",
             "virtual: its host may take the processor away at any time; use it for lockstep");
     } else {
-        doctor_praise(d, "no hypervisor seen");
+        doctor_add(d, DOCTOR_OK, "", "no hypervisor seen");
     }
 }
 
@@ -245,13 +217,13 @@ static void examine_clock_source(struct doctor *d)
     doctor_read_line(d, text, "%s", file);
     for (size_t i = 0; i < ARRAY_COUNT(fast); i++) {
         if (strcmp(text, fast[i]) == 0) {
-            doctor_praise(d, "%.60s, read without a system call", text);
+            doctor_add(d, DOCTOR_OK, "", "%.60s, read without a system call", text);
             return;
         }
     }
     snprintf(fix, sizeof fix, "echo %s > %s", doctor_is_arm(d) ? "arch_sys_counter" : "tsc", file);
-    doctor_warn(d, fix, "%.60s: reading the time is slow, and the loop reads it eight times a tick",
-                text);
+    doctor_add(d, DOCTOR_WARN, fix,
+               "%.60s: reading the time is slow, and the loop reads it eight times a tick", text);
 }
 
 /* Examines RT throttling, which stops real-time threads after a share of each period. */
@@ -262,17 +234,17 @@ static void examine_throttling(struct doctor *d)
 
     doctor_read_line(d, runtime, "/proc/sys/kernel/sched_rt_runtime_us");
     if (!doctor_read_line(d, period, "/proc/sys/kernel/sched_rt_period_us")) {
-        doctor_praise(d, "the kernel has none");
+        doctor_add(d, DOCTOR_OK, "", "the kernel has none");
         return;
     }
     share = 100.0 * strtod(runtime, NULL) / strtod(period, NULL);
     if (share < 0.0) {
-        doctor_praise(d, "off");
+        doctor_add(d, DOCTOR_OK, "", "off");
     } else if (share >= 90.0) {
-        doctor_praise(d, "after %.0f %% of a second: the loop stays below", share);
+        doctor_add(d, DOCTOR_OK, "", "after %.0f %% of a second: the loop stays below", share);
     } else {
-        doctor_warn(d, "sysctl kernel.sched_rt_runtime_us=950000",
-                    "stops real-time threads after %.0f %% of a period", share);
+        doctor_add(d, DOCTOR_WARN, "sysctl kernel.sched_rt_runtime_us=950000",
+                   "stops real-time threads after %.0f %% of a period", share);
     }
 }
 
@@ -285,17 +257,17 @@ static void examine_priority_right(struct doctor *d)
     char fix[160];
 
     if (wanted == 0) {
-        doctor_praise(d, "the rig asks for none");
+        doctor_add(d, DOCTOR_OK, "", "the rig asks for none");
     } else if (doctor_has_capability(d, CAP_SYS_NICE) || limit >= wanted) {
-        doctor_praise(d, "%d is allowed", wanted);
+        doctor_add(d, DOCTOR_OK, "", "%d is allowed", wanted);
     } else {
         snprintf(fix, sizeof fix,
                  "echo \"$USER - rtprio %d\" | sudo tee /etc/security/limits.d/coman-hil.conf, and "
                  "log in again",
                  wanted);
-        doctor_warn(d, fix,
-                    "the rig asks for %d, the limit is %lld: the loop runs as a normal thread",
-                    wanted, limit);
+        doctor_add(d, DOCTOR_WARN, fix,
+                   "the rig asks for %d, the limit is %lld: the loop runs as a normal thread",
+                   wanted, limit);
     }
 }
 
@@ -304,14 +276,14 @@ static void examine_memory_right(struct doctor *d)
     long long limit = doctor_find_limit(d, "Max locked memory");
 
     if (!d->rig->realtime.lock_memory) {
-        doctor_praise(d, "the rig asks for none");
+        doctor_add(d, DOCTOR_OK, "", "the rig asks for none");
     } else if (doctor_has_capability(d, CAP_IPC_LOCK) || limit == LLONG_MAX) {
-        doctor_praise(d, "allowed without limit");
+        doctor_add(d, DOCTOR_OK, "", "allowed without limit");
     } else {
-        doctor_warn(d,
-                    "echo \"$USER - memlock unlimited\" | sudo tee -a "
-                    "/etc/security/limits.d/coman-hil.conf, and log in again",
-                    "at most %lld kB: pages may be swapped out", limit / 1024);
+        doctor_add(d, DOCTOR_WARN,
+                   "echo \"$USER - memlock unlimited\" | sudo tee -a "
+                   "/etc/security/limits.d/coman-hil.conf, and log in again",
+                   "at most %lld kB: pages may be swapped out", limit / 1024);
     }
 }
 
@@ -328,19 +300,19 @@ static void examine_processor(struct doctor *d)
     snprintf(fix, sizeof fix, "add isolcpus=%d nohz_full=%d rcu_nocbs=%d to %s", d->cpu, d->cpu,
              d->cpu, doctor_find_command_line(d));
     if (d->cpu < 0) {
-        doctor_warn(d, "isolate one and name it in the rig: realtime: {cpu: N}",
-                    "the rig names none: the loop shares %.60s with everything else", online);
+        doctor_add(d, DOCTOR_WARN, "isolate one and name it in the rig: realtime: {cpu: N}",
+                   "the rig names none: the loop shares %.60s with everything else", online);
     } else if (!doctor_list_has(online, d->cpu)) {
-        doctor_refuse(d, "name one of them in the rig: realtime: {cpu: N}",
-                      "the rig names number %d, there are %.60s", d->cpu, online);
+        doctor_add(d, DOCTOR_FAIL, "name one of them in the rig: realtime: {cpu: N}",
+                   "the rig names number %d, there are %.60s", d->cpu, online);
     } else if (allowed[0] && !doctor_list_has(allowed, d->cpu) &&
                !doctor_list_has(isolated, d->cpu)) {
-        doctor_refuse(d, "run it outside of the taskset or cpuset",
-                      "the rig names number %d, this process may use %.60s", d->cpu, allowed);
+        doctor_add(d, DOCTOR_FAIL, "run it outside of the taskset or cpuset",
+                   "the rig names number %d, this process may use %.60s", d->cpu, allowed);
     } else if (!doctor_list_has(isolated, d->cpu)) {
-        doctor_warn(d, fix, "number %d is not isolated from other processes", d->cpu);
+        doctor_add(d, DOCTOR_WARN, fix, "number %d is not isolated from other processes", d->cpu);
     } else {
-        doctor_praise(d, "number %d, isolated", d->cpu);
+        doctor_add(d, DOCTOR_OK, "", "number %d, isolated", d->cpu);
     }
 }
 
@@ -369,9 +341,9 @@ static void examine_interrupts(struct doctor *d)
              "systemctl disable --now irqbalance; add irqaffinity= with the other processors to %s",
              doctor_find_command_line(d));
     if (count > 0) {
-        doctor_warn(d, fix, "%d come to processor %d", count, d->cpu);
+        doctor_add(d, DOCTOR_WARN, fix, "%d come to processor %d", count, d->cpu);
     } else {
-        doctor_praise(d, "none come to processor %d", d->cpu);
+        doctor_add(d, DOCTOR_OK, "", "none come to processor %d", d->cpu);
     }
 }
 
@@ -382,12 +354,12 @@ static void examine_governor(struct doctor *d)
 
     if (!doctor_read_line(d, text, "/sys/devices/system/cpu/cpu%d/cpufreq/scaling_governor",
                           d->cpu < 0 ? 0 : d->cpu)) {
-        doctor_praise(d, "not scaled by this kernel");
+        doctor_add(d, DOCTOR_OK, "", "not scaled by this kernel");
     } else if (strcmp(text, "performance") == 0) {
-        doctor_praise(d, "governor performance");
+        doctor_add(d, DOCTOR_OK, "", "governor performance");
     } else {
-        doctor_warn(d, "cpupower frequency-set -g performance",
-                    "governor %.60s: a tick after an idle period runs slowly", text);
+        doctor_add(d, DOCTOR_WARN, "cpupower frequency-set -g performance",
+                   "governor %.60s: a tick after an idle period runs slowly", text);
     }
 }
 
@@ -412,17 +384,17 @@ static void examine_idle_states(struct doctor *d)
     }
     snprintf(text, sizeof text, "%.60s/dev/cpu_dma_latency", d->config->root);
     if (worst <= SLOW_STATE_US) {
-        doctor_praise(d, "slowest %.60s, %ld us to leave", name, worst);
+        doctor_add(d, DOCTOR_OK, "", "slowest %.60s, %ld us to leave", name, worst);
     } else if (access(text, W_OK) == 0) {
-        doctor_praise(d, "slowest %.60s, %ld us to leave: a run in real time prevents it", name,
-                      worst);
+        doctor_add(d, DOCTOR_OK, "",
+                   "slowest %.60s, %ld us to leave: a run in real time prevents it", name, worst);
     } else {
-        doctor_warn(d,
-                    "groupadd -r realtime; usermod -aG realtime $USER; cp "
-                    "/usr/share/doc/coman-hil/examples/80-coman-hil-can.rules /etc/udev/rules.d/; "
-                    "udevadm trigger",
-                    "%.60s takes %ld us to leave, and /dev/cpu_dma_latency cannot be written", name,
-                    worst);
+        doctor_add(d, DOCTOR_WARN,
+                   "groupadd -r realtime; usermod -aG realtime $USER; cp "
+                   "/usr/share/doc/coman-hil/examples/80-coman-hil-can.rules /etc/udev/rules.d/; "
+                   "udevadm trigger",
+                   "%.60s takes %ld us to leave, and /dev/cpu_dma_latency cannot be written", name,
+                   worst);
     }
 }
 
@@ -445,10 +417,10 @@ static void examine_capacity(struct doctor *d)
     }
     snprintf(fix, sizeof fix, "name a fast one in the rig: realtime: {cpu: %d}", fastest);
     if (own > 0 && own < best) {
-        doctor_warn(d, fix, "number %d has %.0f %% of the speed of number %d", d->cpu,
-                    100.0 * (double)own / (double)best, fastest);
+        doctor_add(d, DOCTOR_WARN, fix, "number %d has %.0f %% of the speed of number %d", d->cpu,
+                   100.0 * (double)own / (double)best, fastest);
     } else if (own > 0) {
-        doctor_praise(d, "none is faster than number %d", d->cpu);
+        doctor_add(d, DOCTOR_OK, "", "none is faster than number %d", d->cpu);
     }
 }
 
@@ -465,10 +437,11 @@ static void examine_supply(struct doctor *d)
             continue;
         }
         if (strcmp(text, "0") == 0) {
-            doctor_praise(d, "voltage is high enough");
+            doctor_add(d, DOCTOR_OK, "", "voltage is high enough");
         } else {
-            doctor_warn(d, "use a supply and a cable for what the board and its hats draw",
-                        "under-voltage: the firmware lowers the clock of the processors");
+            doctor_add(d, DOCTOR_WARN,
+                       "use a supply and a cable for what the board and its hats draw",
+                       "under-voltage: the firmware lowers the clock of the processors");
         }
         return;
     }
@@ -483,10 +456,10 @@ static void examine_engine(struct doctor *d)
         return;
     }
     if (contact_simbody_find(path, sizeof path)) {
-        doctor_praise(d, "simbody: %.160s", path);
+        doctor_add(d, DOCTOR_OK, "", "simbody: %.160s", path);
     } else {
-        doctor_refuse(d, "scene engine native, or a build with HIL_SIMBODY=ON",
-                      "the rig's engine simbody is not installed: no %.110s", path);
+        doctor_add(d, DOCTOR_FAIL, "scene engine native, or a build with HIL_SIMBODY=ON",
+                   "the rig's engine simbody is not installed: no %.110s", path);
     }
 }
 
@@ -505,10 +478,10 @@ static bool doctor_has_can(const struct doctor *d)
 static void examine_can(struct doctor *d)
 {
     if (doctor_has_can(d)) {
-        doctor_praise(d, "the kernel has raw CAN sockets");
+        doctor_add(d, DOCTOR_OK, "", "the kernel has raw CAN sockets");
     } else if (!d->config->local) {
-        doctor_warn(d, "modprobe can-raw vcan",
-                    "the kernel has no CAN now: buses stay inside the process");
+        doctor_add(d, DOCTOR_WARN, "modprobe can-raw vcan",
+                   "the kernel has no CAN now: buses stay inside the process");
     }
 }
 
@@ -525,12 +498,12 @@ static void examine_receive_buffer(struct doctor *d)
     }
     most = strtoll(text, NULL, 10);
     if (most < RECEIVE_WANTED) {
-        doctor_warn(d, "sysctl -w net.core.rmem_max=4194304",
-                    "%lld bytes, about %lld frames, wait for the loop at most; more are lost, and "
-                    "counted",
-                    most, most / RECEIVE_FRAME);
+        doctor_add(d, DOCTOR_WARN, "sysctl -w net.core.rmem_max=4194304",
+                   "%lld bytes, about %lld frames, wait for the loop at most; more are lost, and "
+                   "counted",
+                   most, most / RECEIVE_FRAME);
     } else {
-        doctor_praise(d, "%lld bytes of frames may wait for the loop", most);
+        doctor_add(d, DOCTOR_OK, "", "%lld bytes of frames may wait for the loop", most);
     }
 }
 
@@ -543,7 +516,8 @@ static void examine_interface(struct doctor *d, const struct rig_bus *bus)
 
     if (!doctor_read_line(d, type, "/sys/class/net/%s/type", name)) {
         snprintf(fix, sizeof fix, "ip link add dev %s type vcan && ip link set up %s", name, name);
-        doctor_refuse(d, fix, "%s of bus %s: there is no such interface", name, bus->name);
+        doctor_add(d, DOCTOR_FAIL, fix, "%s of bus %s: there is no such interface", name,
+                   bus->name);
         return;
     }
 
@@ -552,11 +526,12 @@ static void examine_interface(struct doctor *d, const struct rig_bus *bus)
     doctor_read_line(d, queue, "/sys/class/net/%s/tx_queue_len", name);
     up = (strtoul(flags, NULL, 16) & 1) != 0;
     if (strtol(type, NULL, 10) != ARPHRD_CAN) {
-        doctor_refuse(d, "name another one: run --bus NAME=INTERFACE",
-                      "%s of bus %s is no CAN interface", name, bus->name);
+        doctor_add(d, DOCTOR_FAIL, "name another one: run --bus NAME=INTERFACE",
+                   "%s of bus %s is no CAN interface", name, bus->name);
     } else if (!up && !is_virtual && bus->configure && doctor_has_capability(d, CAP_NET_ADMIN)) {
-        doctor_praise(d, "%s of bus %s is down: a run sets it to %" PRId64 " bit/s and starts it",
-                      name, bus->name, bus->bitrate);
+        doctor_add(d, DOCTOR_OK, "",
+                   "%s of bus %s is down: a run sets it to %" PRId64 " bit/s and starts it", name,
+                   bus->name, bus->bitrate);
     } else if (!up) {
         snprintf(fix, sizeof fix, "ip link set up %s", name);
         if (!is_virtual) {
@@ -564,13 +539,15 @@ static void examine_interface(struct doctor *d, const struct rig_bus *bus)
                      "ip link set %s up type can bitrate %" PRId64 " restart-ms 100", name,
                      bus->bitrate);
         }
-        doctor_refuse(d, fix, "%s of bus %s is down", name, bus->name);
+        doctor_add(d, DOCTOR_FAIL, fix, "%s of bus %s is down", name, bus->name);
     } else if (!is_virtual && strtol(queue, NULL, 10) < SHORT_QUEUE) {
         snprintf(fix, sizeof fix, "ip link set %s txqueuelen 1000", name);
-        doctor_warn(d, fix, "%s of bus %s queues %.20s frames only: a tick's batch may be lost",
-                    name, bus->name, queue);
+        doctor_add(d, DOCTOR_WARN, fix,
+                   "%s of bus %s queues %.20s frames only: a tick's batch may be lost", name,
+                   bus->name, queue);
     } else {
-        doctor_praise(d, "%s of bus %s is up%s", name, bus->name, is_virtual ? ", virtual" : "");
+        doctor_add(d, DOCTOR_OK, "", "%s of bus %s is up%s", name, bus->name,
+                   is_virtual ? ", virtual" : "");
     }
 }
 
@@ -585,16 +562,15 @@ static void judge_bitrate(struct doctor *d, const struct rig_bus *bus, uint32_t 
              " && ip link set %s up, or configure: true in the rig",
              bus->interface, bus->interface, bus->bitrate, bus->interface);
     if (!bus->configure) {
-        doctor_refuse(d, fix, "%s of bus %s runs at %u bit/s, the rig says %" PRId64,
-                      bus->interface, bus->name, actual, bus->bitrate);
+        doctor_add(d, DOCTOR_FAIL, fix, "%s of bus %s runs at %u bit/s, the rig says %" PRId64,
+                   bus->interface, bus->name, actual, bus->bitrate);
     } else if (!doctor_has_capability(d, CAP_NET_ADMIN)) {
-        doctor_refuse(d, "run it with CAP_NET_ADMIN",
-                      "%s of bus %s is to be set to %" PRId64
-                      " bit/s, which this process may not do",
-                      bus->interface, bus->name, bus->bitrate);
+        doctor_add(d, DOCTOR_FAIL, "run it with CAP_NET_ADMIN",
+                   "%s of bus %s is to be set to %" PRId64 " bit/s, which this process may not do",
+                   bus->interface, bus->name, bus->bitrate);
     } else {
-        doctor_praise(d, "%s of bus %s runs at %u bit/s: a run sets it to %" PRId64, bus->interface,
-                      bus->name, actual, bus->bitrate);
+        doctor_add(d, DOCTOR_OK, "", "%s of bus %s runs at %u bit/s: a run sets it to %" PRId64,
+                   bus->interface, bus->name, actual, bus->bitrate);
     }
 }
 
@@ -617,20 +593,21 @@ static void examine_controller(struct doctor *d, const struct rig_bus *bus)
     } else if (c->state == CAN_STATE_BUS_OFF) {
         snprintf(fix, sizeof fix, "check cable and terminators; ip link set %s type can restart",
                  name);
-        doctor_refuse(d, fix, "%s of bus %s is in bus-off", name, bus->name);
+        doctor_add(d, DOCTOR_FAIL, fix, "%s of bus %s is in bus-off", name, bus->name);
     } else if (c->state != CAN_STATE_ERROR_ACTIVE) {
-        doctor_warn(d,
-                    "check cable, terminators, and that another node is on with the same bit rate",
-                    "%s of bus %s is %s (TEC %u, REC %u)", name, bus->name,
-                    interface_state_name(c->state), c->errors.txerr, c->errors.rxerr);
+        doctor_add(d, DOCTOR_WARN,
+                   "check cable, terminators, and that another node is on with the same bit rate",
+                   "%s of bus %s is %s (TEC %u, REC %u)", name, bus->name,
+                   interface_state_name(c->state), c->errors.txerr, c->errors.rxerr);
     } else if (!c->restart_ms && !bus->configure) {
         snprintf(fix, sizeof fix, "ip link set %s down; ip link set %s up type can restart-ms 100",
                  name, name);
-        doctor_warn(d, fix, "%s of bus %s stays in bus-off once it is there: it has no restart-ms",
-                    name, bus->name);
+        doctor_add(d, DOCTOR_WARN, fix,
+                   "%s of bus %s stays in bus-off once it is there: it has no restart-ms", name,
+                   bus->name);
     } else {
-        doctor_praise(d, "%s of bus %s is error active at %u bit/s", name, bus->name,
-                      c->timing.bitrate);
+        doctor_add(d, DOCTOR_OK, "", "%s of bus %s is error active at %u bit/s", name, bus->name,
+                   c->timing.bitrate);
     }
 }
 
@@ -654,10 +631,10 @@ static void examine_loads(struct doctor *d)
         rig_bus_load(d->rig, b, d->rig->servo.command_period_ns, &telemetry, &commands);
         percent = 100.0 * (telemetry + commands) / (double)d->rig->bus[b].bitrate;
         if (percent > 100.0) {
-            doctor_warn(d, "coman-hil check tells which split or rate fits", found,
-                        d->rig->bus[b].name, percent);
+            doctor_add(d, DOCTOR_WARN, "coman-hil check tells which split or rate fits", found,
+                       d->rig->bus[b].name, percent);
         } else {
-            doctor_praise(d, found, d->rig->bus[b].name, percent);
+            doctor_add(d, DOCTOR_OK, "", found, d->rig->bus[b].name, percent);
         }
     }
 }
@@ -674,14 +651,15 @@ static void judge_board(struct doctor *d, const struct board_config *board, int6
     const double age_ms = 1e-6 * (double)(now_ns - heard_ns);
 
     if (heard_ns < 0) {
-        doctor_warn(d, fix, "board %s on %s is silent: not heard in %.3g s", board->name, interface,
-                    1e-9 * (double)d->config->listen_ns);
+        doctor_add(d, DOCTOR_WARN, fix, "board %s on %s is silent: not heard in %.3g s",
+                   board->name, interface, 1e-9 * (double)d->config->listen_ns);
     } else if (now_ns - heard_ns > board->external_timeout_ns) {
-        doctor_warn(d, fix,
-                    "board %s on %s is silent: last heard %.0f ms ago, its time-out is %.0f ms",
-                    board->name, interface, age_ms, 1e-6 * (double)board->external_timeout_ns);
+        doctor_add(d, DOCTOR_WARN, fix,
+                   "board %s on %s is silent: last heard %.0f ms ago, its time-out is %.0f ms",
+                   board->name, interface, age_ms, 1e-6 * (double)board->external_timeout_ns);
     } else {
-        doctor_praise(d, "board %s on %s is heard, %.0f ms ago", board->name, interface, age_ms);
+        doctor_add(d, DOCTOR_OK, "", "board %s on %s is heard, %.0f ms ago", board->name, interface,
+                   age_ms);
     }
 }
 
@@ -698,7 +676,7 @@ static void examine_external(struct doctor *d)
         return;
     }
     if (external_create(d->rig, NULL, NULL, config->arena, &external, &error)) {
-        doctor_warn(d, "", "cannot listen: %s", error.text);
+        doctor_add(d, DOCTOR_WARN, "", "cannot listen: %s", error.text);
     }
     if (!external) {
         return;
