@@ -133,4 +133,8 @@ int options_flush_output(int status);
  * in. */
 void options_wrap(const char *text, int used, int indent, FILE *out);
 
+/* Copies a manual with list in the place of the line "  @MARK@" (mark is "@MARK@"), which must be
+ * there. list: lines with an end each, or "". Cut off at size. */
+void options_insert(char *out, size_t size, const char *text, const char *mark, const char *list);
+
 #endif

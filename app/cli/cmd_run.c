@@ -2,7 +2,6 @@
 /* coman-hil run: runs a rig from start to summary. */
 #include "app/cli/commands.h"
 
-#include "app/cli/firmware.h"
 #include "app/cli/monitor.h"
 #include "app/cli/page.h"
 #include "app/cli/ready.h"

@@ -2,7 +2,6 @@
 /* coman-hil test: runs scenarios, and writes their verdicts, recordings and JUnit results. */
 #include "app/cli/commands.h"
 
-#include "app/cli/manual.h"
 #include "app/scenario/jobs.h"
 #include "app/scenario/scenario.h"
 #include "app/sweep/plan.h"
@@ -217,7 +216,7 @@ static bool test_parse_options(int argc, char **argv, struct test_options *out, 
     char signals[SIGNALS_SIZE];
 
     list_signals(signals);
-    manual_insert(manual, sizeof manual, MANUAL_TEST, "@SIGNALS@", signals);
+    options_insert(manual, sizeof manual, MANUAL_TEST, "@SIGNALS@", signals);
 
     o = (struct test_options){.seed = -1};
     if (!options_read(&spec, argc, argv, status)) {

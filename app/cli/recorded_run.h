@@ -7,6 +7,8 @@
 #ifndef APP_CLI_RECORDED_RUN_H
 #define APP_CLI_RECORDED_RUN_H
 
+#include "sim/simulator.h"
+
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -28,5 +30,13 @@ void recorded_run_warn(const struct recorded_run *run, const char *directory, FI
  * of another length. */
 void recorded_run_compare(const struct recorded_run *run, uint64_t ticks, uint64_t state_hash,
                           FILE *out);
+
+/* ---- files beside the recording of a run ---- */
+
+/* Writes DIRECTORY/firmware-BOARD.bin after the run for every board that has kept a download (rig
+ * key keep_firmware): program memory, then data memory, 65536 words of 16 bits each, low byte
+ * first, 0xffff where nothing came. A '/' in the board's name becomes '-'. ERROR_SYSTEM. */
+enum error_code firmware_write(const struct simulator *simulator, const char *directory,
+                               struct error *error);
 
 #endif

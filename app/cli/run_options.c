@@ -2,7 +2,6 @@
 /* Reads the command line of coman-hil run. */
 #include "app/cli/run_options.h"
 
-#include "app/cli/manual.h"
 #include "base/config.h"
 #include "base/array.h"
 #include "base/text.h"
@@ -145,7 +144,7 @@ bool run_options_read(int argc, char **argv, struct run_options *out, int *statu
     char kinds[KINDS_SIZE];
 
     list_fault_kinds(kinds);
-    manual_insert(manual, sizeof manual, MANUAL_RUN, "@FAULT_KINDS@", kinds);
+    options_insert(manual, sizeof manual, MANUAL_RUN, "@FAULT_KINDS@", kinds);
     read = (struct run_options){.duration_s = INFINITY,
                                 .http_linger_s = -1.0,
                                 .seed = -1,
