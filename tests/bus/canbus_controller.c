@@ -302,41 +302,6 @@ TEST_WITH(starts_stops_and_restarts_only_from_bus_off, set_up, tear_down)
 
 /* ---- frames ---- */
 
-TEST_WITH(carries_batches_both_ways_in_order, set_up, tear_down)
-{
-    struct bench *bench = need_controllers(test_state);
-    struct bus_frame sent[200], got[MANY];
-
-    for (uint32_t i = 0; i < 200; i++) {
-        sent[i] = numbered(i % 2 ? 0x1ABCDE00 + i : 0x100 + i, i);
-        sent[i].flags = i % 2 ? FRAME_EXTENDED : 0;
-    }
-    for (int round = 0; round < 2; round++) {
-        struct can_port *from = round ? bench->b : bench->a, *to = round ? bench->a : bench->b;
-
-        size_t count = 0;
-
-        for (size_t i = 0; i < 200; i += 4) {
-            /* No more on their way than the other controller's buffer holds */
-            assert_int_equal(can_send(from, &sent[i], 4), 4);
-            for (int wait = 0; wait < 1000 && count < i + 4; wait++) {
-                usleep(MS / 4);
-                count += can_receive(to, got + count, MANY - count);
-            }
-        }
-        assert_int_equal(count, 200);
-        assert_int_equal(can_receive(to, got, MANY), 0);
-        for (int i = 0; i < 200; i++) {
-            assert_int_equal(got[i].id, sent[i].id);
-            assert_int_equal(got[i].flags, sent[i].flags);
-            assert_int_equal(got[i].len, sent[i].len);
-            assert_memory_equal(got[i].data, sent[i].data, sizeof sent[i].data);
-        }
-        assert_int_equal(from->counters.tx_frames, 200);
-        assert_int_equal(from->counters.tx_queue_full, 0);
-    }
-}
-
 TEST_WITH(a_burst_into_a_short_queue_is_late_but_whole, set_up, tear_down)
 {
     struct bench *bench = need_controllers(test_state);
@@ -441,25 +406,6 @@ TEST_WITH(backs_off_from_a_queue_that_does_not_empty_and_comes_back, set_up, tea
 }
 
 /* ---- interfaces that come and go ---- */
-
-TEST_WITH(comes_back_when_its_interface_was_down, set_up, tear_down)
-{
-    struct bench *bench = need_controllers(test_state);
-    struct bus_frame frame = numbered(0x123, 7), got[MANY];
-    struct link_info info;
-
-    assert_true(run("ip link set can0 down"));
-    assert_int_equal(can_send(bench->a, &frame, 1), 0);
-    assert_true(comes_to(bench->a, CAN_PORT_DOWN));
-    assert_int_equal(bench->b->state, CAN_PORT_UP);
-    assert_true(run("ip link set can0 up"));
-    assert_true(comes_to(bench->a, CAN_PORT_UP));
-    info = query("can0");
-    assert_int_equal(info.controller.timing.bitrate, 1000000);
-    assert_int_equal(can_send(bench->a, &frame, 1), 1);
-    assert_int_equal(pump(bench->a, bench->b, got, 1), 1);
-    assert_int_equal(bench->a->counters.down_events, 1);
-}
 
 /* One rig bus on can0, watched as a run does. */
 struct watched {

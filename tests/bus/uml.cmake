@@ -1,11 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-# User-mode Linux (uml/run.sh): the guest's first process, and machines whose XSAVE area is larger
-# than it knows. linux.uml is not ours: what is preloaded into it has no sanitizers.
+# User-mode Linux (uml/run.sh) on machines whose XSAVE area is larger than it knows. linux.uml is not
+# ours: what is preloaded into it has no sanitizers.
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64" AND NOT HIL_SANITIZE)
-    add_executable(uml_init bus/uml/init.c)
-    target_link_libraries(uml_init PRIVATE hil_flags)
-    target_link_options(uml_init PRIVATE -static)
-
     foreach(library xsave narrow)
         add_library(uml_${library} MODULE bus/uml/preload_${library}.c)
         target_link_libraries(uml_${library} PRIVATE hil_flags ${CMAKE_DL_LIBS})

@@ -64,7 +64,7 @@ clean_up() {
 trap clean_up EXIT
 trap 'exit 70' INT TERM HUP
 
-cp "$HIL_BINARY_DIR/tests/uml_init" "$work/init" || exit 70
+cp "$here/init.py" "$work/init" || exit 70
 printf '%s\0' CMOCKA_MESSAGE_OUTPUT=TAP HIL_UML=1 "HIL_SOURCE_DIR=$HIL_SOURCE_DIR" \
     "HIL_BINARY_DIR=$HIL_BINARY_DIR" >"$work/environment"
 # an empty word: the command takes the place of the first process
@@ -90,7 +90,8 @@ processor=$(taskset -cp $$ | sed 's/.*[:,-] *//')
 setsid taskset -c "$processor" timeout -k 5 "$limit" \
     env ${preload:+"LD_PRELOAD=$preload"} \
     "$kernel" mem=512M root=/dev/root rootfstype=hostfs rootflags=/ ro \
-    init="$work/init" HIL_WORK="$work" ${HIL_UML_ENVIRONMENT:+"$HIL_UML_ENVIRONMENT"} \
+    init="$work/init" HIL_WORK="$work" PYTHONHASHSEED=0 \
+    ${HIL_UML_ENVIRONMENT:+"$HIL_UML_ENVIRONMENT"} \
     con=null con0=fd:0,fd:1 pty.legacy_count=0 quiet panic=1 \
     </dev/null >"$work/console" 2>&1 &
 session=$!
