@@ -7,6 +7,7 @@
 #include "base/array.h"
 #include "base/vec3.h"
 #include "sim/simulator.h"
+#include "tests/rig_run.h"
 #include "tests/test.h"
 
 #include <math.h>
@@ -175,17 +176,10 @@ static void perform(struct walk *w)
         .task = w->task,
         .observer = &observer,
     };
-    const struct rig *rig;
-    struct realtime_report report;
-    struct error error;
-    char notice[256], path[512];
 
     /* The rig, with what is asked for here */
-    snprintf(path, sizeof path, "%s/config/rigs/%s.yaml", HIL_SOURCE_DIR, w->rig_name);
-    assert_int_equal(arena_init(&w->arena, 1 << 28, &error), ERROR_NONE);
-    assert_int_equal(rig_load(path, &w->arena, &rig, &error), ERROR_NONE);
-    w->rig = *rig;
-    w->config = *rig->walk;
+    rig_run_load(w->rig_name, &w->arena, &w->rig);
+    w->config = *w->rig.walk;
     w->config.steps = w->steps;
     w->config.begin_s = 2.5;
     w->config.forward_m_s = w->forward_m_s;
@@ -196,12 +190,10 @@ static void perform(struct walk *w)
     if (w->turned_rad != 0 || w->torso != 0 || w->spring != 0) {
         change_robot(w);
     }
-    config.hold = rig->hold;
+    config.hold = w->rig.hold;
 
-    assert_int_equal(simulator_create(&config, &w->arena, &w->simulator, notice, &error),
-                     ERROR_NONE);
+    w->simulator = rig_run_open(&config, &w->arena, NULL);
     find_columns(w);
-    assert_int_equal(simulator_start(w->simulator, &report, &error), ERROR_NONE);
     simulator_run(w->simulator);
     task_runner_read(simulator_task_runner(w->simulator), &w->status);
     w->com = sqrt(w->com / (double)w->count);
@@ -212,8 +204,7 @@ static void perform(struct walk *w)
                   "%.3f m/s, DCM %.1f mm, %.2f mrad\n",
                   w->rig_name, w->status.message, w->end[0], w->end[1], w->end[2], w->yaw,
                   w->counted, 1e3 * w->com, w->com_rate, 1e3 * w->dcm, 1e3 * w->tilt);
-    simulator_destroy(w->simulator);
-    arena_fini(&w->arena);
+    rig_run_close(w->simulator, &w->arena, NULL);
 }
 
 static void expect_upright(const struct walk *w)

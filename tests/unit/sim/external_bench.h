@@ -13,6 +13,7 @@
 #include "boards/protocol_list.h"
 #include "canbus/frame.h"
 #include "model/drives/actuator.h"
+#include "tests/rig_run.h"
 #include "tests/test.h"
 
 #include <math.h>
@@ -109,12 +110,12 @@ static inline void bench_read_log(struct bench *bench)
 }
 
 /* The rig with its real board; in the air nothing else acts. */
-static inline void bench_change_rig(struct bench *bench, const struct rig *rig)
+static inline void bench_change_rig(struct bench *bench)
 {
+    const struct rig *rig = &bench->copy;
     struct board_config *board = &bench->board[rig->bus[BUS].first_board];
 
     assert_true(rig->boards.nboard <= BOARDS_MAX);
-    bench->copy = *rig;
     memcpy(bench->board, rig->boards.board, rig->boards.nboard * sizeof *bench->board);
     bench->copy.boards.board = bench->board;
     bench->external = board;
@@ -125,9 +126,7 @@ static inline void bench_change_rig(struct bench *bench, const struct rig *rig)
     board->external_torque = bench->torque;
     board->external_timeout_ns = (int64_t)TIMEOUT_MS * MS_NS;
     if (!bench->stands) {
-        bench->copy.contact_engine = RIG_CONTACT_NONE;
-        bench->copy.contact = (struct contact_config){0};
-        bench->copy.nlisted_pair = 0;
+        rig_run_without_contact(&bench->copy);
     }
 }
 
@@ -145,27 +144,16 @@ static inline void bench_run(struct bench *bench)
                                       .overwrite = true,
                                       .stimulus = bench->stimulus,
                                       .row_period_ns = MS_NS};
-    struct realtime_report report;
     struct recorder_counters counters;
-    char notice[256], file[512];
-    const struct rig *rig;
     struct arena arena;
     struct error error;
 
-    assert_int_equal(arena_init(&arena, (size_t)1 << 30, &error), ERROR_NONE);
-    snprintf(file, sizeof file, "%s/config/rigs/%s.yaml", HIL_SOURCE_DIR, bench->rig);
-    if (rig_load(file, &arena, &rig, &error)) {
-        fail_msg("%s", error.text);
-    }
-    bench_change_rig(bench, rig);
+    rig_run_load(bench->rig, &arena, &bench->copy);
+    bench_change_rig(bench);
     config.rig = &bench->copy;
-    config.hold = bench->stands ? rig->hold : RIG_HOLD_NONE;
-    config.settle = bench->stands && rig->settle;
-    if (simulator_create(&config, &arena, &bench->simulator, notice, &error) ||
-        simulator_join(bench->simulator, &bench->ports, &error) ||
-        simulator_start(bench->simulator, &report, &error)) {
-        fail_msg("%s", error.text);
-    }
+    config.hold = bench->stands ? bench->copy.hold : RIG_HOLD_NONE;
+    config.settle = bench->stands && bench->copy.settle;
+    bench->simulator = rig_run_open(&config, &arena, &bench->ports);
     assert_int_equal(simulator_run(bench->simulator), LOOP_END_LENGTH);
     bench_read_log(bench);
     bench->hash = plant_hash(simulator_plant(bench->simulator));
@@ -173,9 +161,7 @@ static inline void bench_run(struct bench *bench)
         assert_int_equal(simulator_finish_recording(bench->simulator, &counters, &error),
                          ERROR_NONE);
     }
-    bus_ports_close(&bench->ports);
-    simulator_destroy(bench->simulator);
-    arena_fini(&arena);
+    rig_run_close(bench->simulator, &arena, &bench->ports);
 }
 
 #endif

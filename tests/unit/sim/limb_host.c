@@ -5,6 +5,7 @@
  */
 #include "base/array.h"
 #include "sim/simulator.h"
+#include "tests/rig_run.h"
 #include "tests/test.h"
 
 #include <math.h>
@@ -83,29 +84,18 @@ static void run_limb(struct limb_host *host)
                                       .observer = &observer,
                                       .guests = 1,
                                       .row_period_ns = 1000000};
-    struct realtime_report report;
-    char notice[256], file[512];
     struct arena arena;
-    struct error error;
+    struct rig rig;
 
-    assert_int_equal(arena_init(&arena, (size_t)1 << 30, &error), ERROR_NONE);
-    snprintf(file, sizeof file, "%s/config/rigs/%s.yaml", HIL_SOURCE_DIR, host->rig);
-    if (rig_load(file, &arena, &config.rig, &error)) {
-        fail_msg("%s", error.text);
-    }
-    assert_int_equal(config.rig->hold, host->hold);
+    rig_run_load(host->rig, &arena, &rig);
+    config.rig = &rig;
+    assert_int_equal(rig.hold, host->hold);
     host->joint = config.rig->boards.board[config.rig->bus[LEFT_LEG].first_board].axis[0].joint;
-    if (simulator_create(&config, &arena, &host->simulator, notice, &error) ||
-        simulator_join(host->simulator, &host->ports, &error) ||
-        simulator_start(host->simulator, &report, &error)) {
-        fail_msg("%s", error.text);
-    }
+    host->simulator = rig_run_open(&config, &arena, &host->ports);
     assert_int_equal(simulator_run(host->simulator), LOOP_END_LENGTH);
     read_log(host);
     boards_counters(simulator_boards(host->simulator), &host->counters);
-    bus_ports_close(&host->ports);
-    simulator_destroy(host->simulator);
-    arena_fini(&arena);
+    rig_run_close(host->simulator, &arena, &host->ports);
 }
 
 /* What it takes to switch axis 0 of board 1 on, of strict boards too, then a quarter of the supply:

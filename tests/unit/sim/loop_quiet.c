@@ -5,6 +5,7 @@
  * The contact engine is left out, for Simbody allocates by nature.
  */
 #include "sim/simulator.h"
+#include "tests/rig_run.h"
 #include "tests/test.h"
 
 #include <dirent.h>
@@ -12,8 +13,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
-
-#define RIG HIL_SOURCE_DIR "/config/rigs/coman.yaml"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 
@@ -125,28 +124,18 @@ static size_t allocations_of(enum loop_clock clock, const char *directory, bool 
     struct simulator *simulator;
     const struct simulator_observer observer = {&simulator, ask_all};
     struct recorder_counters counters;
-    struct realtime_report report;
-    const struct rig *loaded;
     struct arena arena;
     struct error error;
-    char notice[256];
     struct rig rig;
     size_t found;
 
-    assert_int_equal(arena_init(&arena, (size_t)256 << 20, &error), ERROR_NONE);
-    assert_int_equal(rig_load(RIG, &arena, &loaded, &error), ERROR_NONE);
-    rig = *loaded;
-    rig.contact_engine = RIG_CONTACT_NONE;
-    rig.contact = (struct contact_config){0}; /* as rig.h has it without an engine */
-    rig.nlisted_pair = 0;
+    rig_run_load("coman", &arena, &rig);
+    rig_run_without_contact(&rig);
     rig.realtime.priority = 0;
     config.rig = &rig;
     config.requests = asked;
     config.observer = asked ? &observer : NULL;
-    if (simulator_create(&config, &arena, &simulator, notice, &error)) {
-        fail_msg("%s", error.text);
-    }
-    assert_int_equal(simulator_start(simulator, &report, &error), ERROR_NONE);
+    simulator = rig_run_open(&config, &arena, NULL);
     allocations = 0;
     counting = true;
     assert_int_equal(simulator_run(simulator), LOOP_END_LENGTH);
@@ -155,8 +144,7 @@ static size_t allocations_of(enum loop_clock clock, const char *directory, bool 
     assert_int_equal(simulator_finish_recording(simulator, &counters, &error), ERROR_NONE);
     assert_true(!directory || counters.frames > 1000);
     assert_int_equal(counters.rows, directory ? 40 : 0);
-    simulator_destroy(simulator);
-    arena_fini(&arena);
+    rig_run_close(simulator, &arena, NULL);
     return found;
 }
 

@@ -6,6 +6,7 @@
 #include "sim/simulator_private.h"
 
 #include "base/array.h"
+#include "tests/rig_run.h"
 #include "tests/test.h"
 
 #include <math.h>
@@ -31,16 +32,9 @@ FIXTURE(open_bench)
 {
     static const char *const names[BODIES] = {"ball", "crate", "plank"};
     static struct bench bench;
-    char notice[256];
-    const struct rig *rig;
-    struct realtime_report report;
-    struct error error;
 
     memset(&bench, 0, sizeof bench);
-    assert_int_equal(arena_init(&bench.arena, (size_t)1 << 30, &error), ERROR_NONE);
-    if (rig_load(HIL_SOURCE_DIR "/config/rigs/coman.yaml", &bench.arena, &rig, &error)) {
-        fail_msg("%s", error.text);
-    }
+    rig_run_load("coman", &bench.arena, &bench.rig);
     for (int i = 0; i < BODIES; i++) {
         bench.body[i] = (struct plant_free_body){
             .name = names[i],
@@ -52,7 +46,6 @@ FIXTURE(open_bench)
     }
     bench.body[1].w[0] = 4.0;
     memcpy(bench.body[2].quaternion, (double[]){0.5, -0.5, 0.5, 0.5}, 4 * sizeof(double));
-    bench.rig = *rig;
     bench.rig.free = bench.body;
     bench.rig.nfree = BODIES;
     bench.config = (struct simulator_config){.rig = &bench.rig,
@@ -61,14 +54,9 @@ FIXTURE(open_bench)
                                              .hold = RIG_HOLD_ALWAYS,
                                              .transport = TRANSPORT_LOCAL,
                                              .ticks = TICKS,
-                                             .row_period_ns = rig->tick_ns};
-    if (simulator_create(&bench.config, &bench.arena, &bench.simulator, notice, &error)) {
-        fail_msg("%s", error.text);
-    }
+                                             .row_period_ns = bench.rig.tick_ns};
+    bench.simulator = rig_run_open(&bench.config, &bench.arena, NULL);
     stream_want(simulator_stream(bench.simulator), 1);
-    if (simulator_start(bench.simulator, &report, &error)) {
-        fail_msg("%s", error.text);
-    }
     assert_int_equal(simulator_run(bench.simulator), LOOP_END_LENGTH);
     *test_state = &bench;
     return 0;
@@ -78,8 +66,7 @@ FIXTURE(close_bench)
 {
     struct bench *bench = *test_state;
 
-    simulator_destroy(bench->simulator);
-    arena_fini(&bench->arena);
+    rig_run_close(bench->simulator, &bench->arena, NULL);
     return 0;
 }
 

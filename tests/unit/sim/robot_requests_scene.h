@@ -7,6 +7,7 @@
 #include "base/hash.h"
 #include "sim/simulator.h"
 #include "rt/requests.h"
+#include "tests/rig_run.h"
 #include "tests/test.h"
 
 #include <stdio.h>
@@ -119,18 +120,9 @@ static inline void open_scene(const struct scene *scene, struct witness *w, stru
         .overwrite = true,
         .row_period_ns = 1000000,
     };
-    struct realtime_report report;
-    const struct rig *loaded;
-    struct error error;
-    char notice[256], file[512];
 
     memset(w, 0, sizeof *w);
-    assert_int_equal(arena_init(arena, (size_t)1 << 30, &error), ERROR_NONE);
-    snprintf(file, sizeof file, "%s/config/rigs/%s.yaml", HIL_SOURCE_DIR, scene->rig);
-    if (rig_load(file, arena, &loaded, &error)) {
-        fail_msg("%s", error.text);
-    }
-    *rig = *loaded;
+    rig_run_load(scene->rig, arena, rig);
     rig->wire.timed = scene->timed;
     rig->dynamics = scene->generic ? RIG_DYNAMICS_GENERIC : rig->dynamics;
     if (scene->simbody) {
@@ -144,9 +136,7 @@ static inline void open_scene(const struct scene *scene, struct witness *w, stru
             rig->contact.nsurface--;
         }
     } else if (scene->no_contact) {
-        rig->contact_engine = RIG_CONTACT_NONE;
-        rig->contact = (struct contact_config){0};
-        rig->nlisted_pair = 0;
+        rig_run_without_contact(rig);
     }
     if (scene->springs) {
         enable_springs(rig);
@@ -161,18 +151,12 @@ static inline void open_scene(const struct scene *scene, struct witness *w, stru
     w->tick_ns = rig->tick_ns;
     w->tick = -1;
     w->pass = w->first;
-    if (simulator_create(&config, arena, &w->simulator, notice, &error) ||
-        simulator_join(w->simulator, &w->ports, &error) ||
-        simulator_start(w->simulator, &report, &error)) {
-        fail_msg("%s: %s", scene->rig, error.text);
-    }
+    w->simulator = rig_run_open(&config, arena, &w->ports);
 }
 
 static inline void close_scene(struct witness *w, struct arena *arena)
 {
-    bus_ports_close(&w->ports);
-    simulator_destroy(w->simulator);
-    arena_fini(arena);
+    rig_run_close(w->simulator, arena, &w->ports);
 }
 
 #endif

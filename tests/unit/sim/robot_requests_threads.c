@@ -7,6 +7,7 @@
 #include "base/random.h"
 #include "sim/simulator.h"
 #include "rt/requests.h"
+#include "tests/rig_run.h"
 #include "tests/test.h"
 
 #include <pthread.h>
@@ -179,30 +180,16 @@ static void hammer(bool timed)
         .nfault = sizeof fault / sizeof fault[0],
     };
     struct crowd crowd = {.nbus = 0};
-    struct realtime_report report;
-    const struct rig *loaded;
     pthread_t thread[3];
     struct arena arena;
-    struct error error;
-    char notice[256];
     struct rig rig;
 
-    assert_int_equal(arena_init(&arena, (size_t)1 << 30, &error), ERROR_NONE);
-    if (rig_load(HIL_SOURCE_DIR "/config/rigs/coman.yaml", &arena, &loaded, &error)) {
-        fail_msg("%s", error.text);
-    }
-    rig = *loaded;
+    rig_run_load("coman", &arena, &rig);
+    rig_run_without_contact(&rig);
     rig.wire.timed = timed;
-    rig.contact_engine = RIG_CONTACT_NONE;
-    rig.contact = (struct contact_config){0};
-    rig.nlisted_pair = 0;
     config.rig = &rig;
     crowd.nbus = rig.nbus;
-    if (simulator_create(&config, &arena, &crowd.simulator, notice, &error) ||
-        simulator_join(crowd.simulator, &crowd.ports, &error) ||
-        simulator_start(crowd.simulator, &report, &error)) {
-        fail_msg("%s", error.text);
-    }
+    crowd.simulator = rig_run_open(&config, &arena, &crowd.ports);
     assert_int_equal(pthread_create(&thread[0], NULL, asks, &crowd), 0);
     assert_int_equal(pthread_create(&thread[1], NULL, looks, &crowd), 0);
     assert_int_equal(pthread_create(&thread[2], NULL, talks, &crowd), 0);
@@ -215,9 +202,7 @@ static void hammer(bool timed)
     assert_int_equal(crowd.wrong, 0);
     assert_true(crowd.lines > 20);
     assert_true(crowd.frames > 20);
-    bus_ports_close(&crowd.ports);
-    simulator_destroy(crowd.simulator);
-    arena_fini(&arena);
+    rig_run_close(crowd.simulator, &arena, &crowd.ports);
 }
 
 TEST(every_request_from_another_thread_on_ideal_buses)
