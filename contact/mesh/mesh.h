@@ -71,6 +71,19 @@ struct mesh_finding {
 enum error_code mesh_check(const struct mesh *mesh, struct mesh_finding *finding,
                            struct error *error);
 
+/* The half-edge from corner `number % 3` of face `number / 3` to the next corner. */
+struct half_edge {
+    int low, high; /* its vertices, sorted */
+    int number;
+    bool forward; /* runs from low to high */
+};
+
+/* Sorts the 3 * nface half-edges of a mesh whose corners are all in range by low vertex, high
+ * vertex, number, so that those of one edge are neighbors. sorted: the caller's, room for all.
+ * ERROR_MEMORY for scratch on the heap. */
+enum error_code mesh_sort_half_edges(const struct mesh *mesh, struct half_edge *sorted,
+                                     struct error *error);
+
 /* Returns the fault in words. */
 const char *mesh_fault_text(enum mesh_fault fault);
 

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Makes a mesh ready for contact: normals and neighbors of faces, planes, bounding-volume trees. */
 #include "base/portable_math.h"
-#include "contact/mesh/edges.h"
 #include "contact/mesh/solid_private.h"
 
 #include "base/array.h"

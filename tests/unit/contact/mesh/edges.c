@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Half-edges being sorted, against the order by comparison. */
-#include "contact/mesh/edges.h"
+#include "contact/mesh/mesh.h"
 
 #include <stdlib.h>
 
