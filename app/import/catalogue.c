@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Chooses drives of the catalogue for the joints of an import; see the header. */
-#include "app/import/catalogue.h"
+#include "app/import/drive.h"
 
 #include "base/config.h"
 #include "base/text.h"

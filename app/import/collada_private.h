@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Shared by the reader of COLLADA: mesh_collada.c walks the scene, collada_faces.c reads
- * positions and faces, collada_colors.c finds their colors. */
+ * positions, faces and their colors. */
 #ifndef APP_IMPORT_COLLADA_PRIVATE_H
 #define APP_IMPORT_COLLADA_PRIVATE_H
 
@@ -54,11 +54,5 @@ enum error_code collada_follow(struct collada *c, const xmlNode *node, const cha
  * <instance_geometry> binds; only counts them while c->counting. */
 enum error_code collada_read_geometry(struct collada *c, const xmlNode *geometry,
                                       const xmlNode *instance, const struct collada_place *place);
-
-/* ---- collada_colors.c ---- */
-
-/* Returns the index in the mesh's colors of a primitive's material, as the <instance_geometry>
- * binds it; -1 when it has no color. */
-int collada_find_tint(struct collada *c, const xmlNode *instance, const xmlNode *primitive);
 
 #endif

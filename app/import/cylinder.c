@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Fits cylinders to joints, sizes the hydraulic supply, chooses gains; the rules are in
- * cylinder.h. */
-#include "app/import/cylinder.h"
+ * drive.h. */
+#include "app/import/drive.h"
 
 #include "model/hydraulics/hydraulic.h"
 

@@ -2,10 +2,7 @@
 /* Assumes drives and gains; the rules are in drive.h. */
 #include "app/import/drive.h"
 
-#include "app/import/catalogue.h"
-#include "app/import/cylinder.h"
 #include "app/import/shapes.h"
-#include "app/import/stiffness.h"
 #include "app/import/joint_inertia.h"
 #include "base/array.h"
 #include "base/vec3.h"

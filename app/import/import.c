@@ -2,12 +2,9 @@
 /* Runs the steps of an import, one after the other. */
 #include "app/import/import.h"
 
-#include "app/import/catalogue.h"
 #include "app/import/drive.h"
-#include "app/import/mjcf.h"
+#include "app/import/readers.h"
 #include "app/import/shapes.h"
-#include "app/import/urdf.h"
-#include "app/import/visuals.h"
 #include "app/import/write.h"
 #include "base/array.h"
 #include "base/whole_file.h"

@@ -104,7 +104,7 @@ enum error_code collada_follow(struct collada *c, const xmlNode *node, const cha
                                const char *name, const xmlNode **found)
 {
     const char *reference;
-    enum error_code code = xml_need(&c->file, node, attribute, &reference, c->to->error);
+    enum error_code code = xml_need(&c->file, node, attribute, &reference);
 
     if (code) {
         return code;
@@ -182,8 +182,7 @@ static enum error_code collada_transform(struct collada *c, const xmlNode *node,
                    ? collada_refuse(c, node, "of a node, expected matrix, translate, rotate, scale")
                    : ERROR_NONE;
     }
-    code = xml_parse_reals(&c->file, node, "value", xml_content(node), kinds[kind].count, v,
-                           c->to->error);
+    code = xml_parse_reals(&c->file, node, "value", xml_content(node), kinds[kind].count, v);
     if (code) {
         return code;
     }
@@ -257,7 +256,7 @@ static enum error_code collada_read_unit(struct collada *c, double *meter)
 
     *meter = 1.0;
     if (unit) {
-        code = xml_reals(&c->file, unit, "meter", 1, meter, NULL, c->to->error);
+        code = xml_reals(&c->file, unit, "meter", 1, meter, NULL);
     }
     if (!code && !(*meter >= 1e-6 && *meter <= 1e6)) {
         code = collada_refuse(c, unit, "of another size, expected 1e-6 to 1e6 m");

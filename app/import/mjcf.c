@@ -66,7 +66,7 @@ static enum error_code mjcf_read_inertia_rules(struct mjcf_reader *r, const xmlN
                             "%s \"%.40s\": masses are the file's", unused[i], value);
         }
     }
-    return xml_reals(r->file, node, "inertiagrouprange", 2, r->groups, NULL, r->error);
+    return xml_reals(r->file, node, "inertiagrouprange", 2, r->groups, NULL);
 }
 
 /* Reads one <compiler>; each of several adds to what those before it have said. */
@@ -400,9 +400,9 @@ static enum error_code mjcf_read_inertial(const struct mjcf_reader *r, const xml
 
     link->inertia_line = xml_line(node);
     if ((code = mjcf_read_place(r, node, NULL, &place)) ||
-        (code = xml_need_real(r->file, node, "mass", &inertia.mass, r->error)) ||
-        (code = xml_reals(r->file, node, "fullinertia", 6, full, &has_full, r->error)) ||
-        (code = xml_reals(r->file, node, "diaginertia", 3, diagonal, &has_diagonal, r->error))) {
+        (code = xml_need_real(r->file, node, "mass", &inertia.mass)) ||
+        (code = xml_reals(r->file, node, "fullinertia", 6, full, &has_full)) ||
+        (code = xml_reals(r->file, node, "diaginertia", 3, diagonal, &has_diagonal))) {
         return code;
     }
     if (has_full == has_diagonal || inertia.mass < 0 || inertia.mass > 1e6) {

@@ -31,7 +31,7 @@ static enum error_code include_find(struct includer *in, const struct xml_file *
     const struct mjcf_reader *r = in->reader;
     enum import_path where;
     const char *name;
-    enum error_code code = xml_need(file, node, "file", &name, r->error);
+    enum error_code code = xml_need(file, node, "file", &name);
 
     if (code) {
         return code;

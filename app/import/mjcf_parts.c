@@ -199,7 +199,7 @@ enum error_code mjcf_reals(const struct mjcf_reader *r, const xmlNode *node, con
     if (given) {
         *given = text != NULL;
     }
-    return text ? xml_parse_reals(r->file, node, name, text, count, value, r->error) : ERROR_NONE;
+    return text ? xml_parse_reals(r->file, node, name, text, count, value) : ERROR_NONE;
 }
 
 enum error_code mjcf_some_reals(const struct mjcf_reader *r, const xmlNode *node,
@@ -218,7 +218,7 @@ enum error_code mjcf_some_reals(const struct mjcf_reader *r, const xmlNode *node
         return ERROR_NONE;
     }
     *count = *count < 1 ? 1 : *count > most ? most : *count;
-    return xml_parse_reals(r->file, node, name, text, *count, value, r->error);
+    return xml_parse_reals(r->file, node, name, text, *count, value);
 }
 
 /* ---- places ---- */
@@ -456,7 +456,7 @@ static enum error_code mjcf_read_key(const struct mjcf_reader *r, const xmlNode 
     }
 
     /* Fixed joints have no coordinate; the free one's seven belong to the base */
-    code = xml_parse_reals(r->file, node, "qpos", text, (size_t)r->qpos_count, qpos, r->error);
+    code = xml_parse_reals(r->file, node, "qpos", text, (size_t)r->qpos_count, qpos);
     for (size_t j = 0; j < model->njoint && !code; j++) {
         const struct import_joint *joint = &model->joint[j];
 

@@ -3,7 +3,7 @@
 #ifndef APP_IMPORT_MJCF_PRIVATE_H
 #define APP_IMPORT_MJCF_PRIVATE_H
 
-#include "app/import/mjcf.h"
+#include "app/import/readers.h"
 
 enum { MJCF_DEPTH_MAX = 200 };
 

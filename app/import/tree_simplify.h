@@ -26,7 +26,7 @@ struct import_options {
     const char *const *lock; /* names of joints to be fixed */
     size_t nlock;
     bool repair_inertia;      /* raise impossible moments of inertia; otherwise refuse them */
-    const char *const *drive; /* --drive options: NAME or JOINTS=NAME (catalogue.h) */
+    const char *const *drive; /* --drive options: NAME or JOINTS=NAME (drive.h) */
     size_t ndrive;
 };
 

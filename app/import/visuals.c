@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Makes the robot's visuals of those of the file. */
-#include "app/import/visuals.h"
+#include "app/import/shapes.h"
 
 #include <limits.h>
 #include <stdio.h>

@@ -186,7 +186,7 @@ enum error_code xml_text_open(struct xml_file *file, const char *name, const cha
     bool doctype = false;
     enum error_code code;
 
-    *file = (struct xml_file){.name = name, .size = size};
+    *file = (struct xml_file){.name = name, .error = error, .size = size};
     if (size > XML_FILE_MAX) {
         return error_set(error, ERROR_INPUT, "%.200s: found %zu bytes, expected at most %d", name,
                          size, XML_FILE_MAX);
@@ -366,11 +366,11 @@ const char *xml_content(const xmlNode *node)
 }
 
 enum error_code xml_need(const struct xml_file *file, const xmlNode *node, const char *name,
-                         const char **text, struct error *error)
+                         const char **text)
 {
     *text = xml_attribute(node, name);
     if (!*text || !**text) {
-        return import_error(error, xml_name(file, node), xml_line(node),
+        return import_error(file->error, xml_name(file, node), xml_line(node),
                             "found <%.40s> without %s, expected the attribute \"%s\"",
                             (const char *)node->name, *text ? "a text" : "it", name);
     }
@@ -381,25 +381,24 @@ enum error_code xml_need(const struct xml_file *file, const xmlNode *node, const
 
 /* Reports numbers that cannot be read; "$" hints at xacro that has not been run. */
 static enum error_code xml_refuse_number(const struct xml_file *file, const xmlNode *node,
-                                         const char *what, const char *text, size_t count,
-                                         struct error *error)
+                                         const char *what, const char *text, size_t count)
 {
     char shown[SHOWN_MAX + 1];
 
     snprintf(shown, sizeof shown, "%s", text);
     if (strchr(text, '$')) {
-        return import_error(error, xml_name(file, node), xml_line(node),
+        return import_error(file->error, xml_name(file, node), xml_line(node),
                             "found %s \"%s\" of <%.40s>, which xacro has yet to compute: run "
                             "`xacro FILE >robot.urdf` and import that",
                             what, shown, (const char *)node->name);
     }
-    return import_error(error, xml_name(file, node), xml_line(node),
+    return import_error(file->error, xml_name(file, node), xml_line(node),
                         "found %s \"%s\" of <%.40s>, expected %zu finite number%s", what, shown,
                         (const char *)node->name, count, count == 1 ? "" : "s");
 }
 
 enum error_code xml_parse_reals(const struct xml_file *file, const xmlNode *node, const char *what,
-                                const char *text, size_t count, double *value, struct error *error)
+                                const char *text, size_t count, double *value)
 {
     static const char blanks[] = " \t\r\n";
     const char *at = text;
@@ -411,39 +410,39 @@ enum error_code xml_parse_reals(const struct xml_file *file, const xmlNode *node
         at += strspn(at, blanks);
         length = strcspn(at, blanks);
         if (length == 0 || length >= sizeof word) {
-            return xml_refuse_number(file, node, what, text, count, error);
+            return xml_refuse_number(file, node, what, text, count);
         }
         memcpy(word, at, length);
         word[length] = '\0';
         if (!text_to_double(word, &value[i])) {
-            return xml_refuse_number(file, node, what, text, count, error);
+            return xml_refuse_number(file, node, what, text, count);
         }
         at += length;
     }
 
     /* More numbers than expected are as wrong as fewer */
     if (at[strspn(at, blanks)] != '\0') {
-        return xml_refuse_number(file, node, what, text, count, error);
+        return xml_refuse_number(file, node, what, text, count);
     }
     return ERROR_NONE;
 }
 
 enum error_code xml_reals(const struct xml_file *file, const xmlNode *node, const char *name,
-                          size_t count, double *value, bool *given, struct error *error)
+                          size_t count, double *value, bool *given)
 {
     const char *text = xml_attribute(node, name);
 
     if (given) {
         *given = text != NULL;
     }
-    return text ? xml_parse_reals(file, node, name, text, count, value, error) : ERROR_NONE;
+    return text ? xml_parse_reals(file, node, name, text, count, value) : ERROR_NONE;
 }
 
 enum error_code xml_need_real(const struct xml_file *file, const xmlNode *node, const char *name,
-                              double *value, struct error *error)
+                              double *value)
 {
     const char *text;
-    enum error_code code = xml_need(file, node, name, &text, error);
+    enum error_code code = xml_need(file, node, name, &text);
 
-    return code ? code : xml_parse_reals(file, node, name, text, 1, value, error);
+    return code ? code : xml_parse_reals(file, node, name, text, 1, value);
 }

@@ -27,7 +27,8 @@ struct xml_file {
     const char *name; /* in the arena */
     xmlDoc *document;
     xmlNode *root;
-    size_t size; /* bytes of text */
+    struct error *error; /* that it was opened with, where errors of its numbers go */
+    size_t size;         /* bytes of text */
 };
 
 /* Reads a regular file; xml_file_close frees the document. Messages name the file by path. */
@@ -75,20 +76,20 @@ const char *xml_content(const xmlNode *node);
 
 /* Finds the text of an attribute that must be there and not empty. */
 enum error_code xml_need(const struct xml_file *file, const xmlNode *node, const char *name,
-                         const char **text, struct error *error);
+                         const char **text);
 
 /* Parses exactly count numbers, divided by blanks, in text of the node; what names it in
  * messages. */
 enum error_code xml_parse_reals(const struct xml_file *file, const xmlNode *node, const char *what,
-                                const char *text, size_t count, double *value, struct error *error);
+                                const char *text, size_t count, double *value);
 
 /* Reads the numbers of an attribute; leaves them alone, and sets *given to false, when it is
  * missing. given may be NULL. */
 enum error_code xml_reals(const struct xml_file *file, const xmlNode *node, const char *name,
-                          size_t count, double *value, bool *given, struct error *error);
+                          size_t count, double *value, bool *given);
 
 /* Reads a number that must be there. */
 enum error_code xml_need_real(const struct xml_file *file, const xmlNode *node, const char *name,
-                              double *value, struct error *error);
+                              double *value);
 
 #endif

@@ -14,7 +14,8 @@
 #include "tests/physics/near.h"
 #include "tests/test.h"
 
-/* The engine "simbody" has no capsules, which the kinds from 5 on are of, and is slow with meshes. */
+/* The engine "simbody" has no capsules, which the kinds from 5 on are of, and is slow with meshes.
+ * */
 enum { CASES = FIXTURE_KINDS + 3 };
 
 /* Two bodies of a kind on the native engine, or of the first three kinds on the other one. */

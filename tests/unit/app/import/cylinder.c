@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Hydraulic drives of an import: triangles, supply and what is refused, against HyQ's published
  * ones and the law of cosines. */
-#include "app/import/cylinder.h"
+#include "app/import/drive.h"
 
 #include "app/import/import.h"
 #include "model/hydraulics/hydraulic.h"

@@ -2,7 +2,6 @@
 /* Joints that follow others, of URDF and MJCF: their couplings, drives, poses, and what cannot be.
  */
 #include "app/import/drive.h"
-#include "app/import/stiffness.h"
 #include "app/import/joint_inertia.h"
 
 #include <math.h>

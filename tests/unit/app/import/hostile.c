@@ -7,7 +7,7 @@
  * tries, so that a busy machine does not matter.
  */
 #include "app/import/import.h"
-#include "app/import/urdf.h"
+#include "app/import/readers.h"
 #include "tests/test.h"
 
 #include <stdio.h>

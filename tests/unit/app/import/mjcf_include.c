@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* MJCF in several files: where they are looked for, what comes of them, and what is refused. */
-#include "app/import/mjcf.h"
+#include "app/import/readers.h"
 
 #include <stdio.h>
 #include <stdlib.h>

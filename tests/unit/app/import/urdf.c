@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* URDF, SRDF and MJCF to a robot: each pitfall of such files by a file of its own, made here. */
-#include "app/import/urdf.h"
+#include "app/import/readers.h"
 
 #include <math.h>
 #include <stdio.h>
