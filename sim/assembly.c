@@ -3,8 +3,8 @@
 #include "base/array.h"
 #include "base/ring.h"
 #include "canbus/replay_port.h"
+#include "model/symbolic/symbolic.h"
 #include "rig/rig.h"
-#include "sim/robot_dynamics.h"
 #include "sim/simulator_private.h"
 
 /* Checks that the rig fits the status, that rows fall on ticks, and that an energy account is
@@ -190,8 +190,8 @@ static enum error_code simulator_create_plant(struct simulator *simulator, struc
         .clock = simulator->time,
     };
     enum error_code code =
-        robot_dynamics_create(simulator->config.rig, simulator->arena, &simulator->dynamics,
-                              &simulator->library, &simulator->dynamics_notice, error);
+        dynamics_choose(rig->robot, rig->dynamics == RIG_DYNAMICS_GENERIC, simulator->arena,
+                        &simulator->dynamics, &simulator->dynamics_notice, error);
 
     if (!code && rig->contact_engine != RIG_CONTACT_NONE) {
         code = simulator_create_contact(simulator, error);

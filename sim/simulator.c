@@ -203,7 +203,6 @@ void simulator_destroy(struct simulator *simulator)
     bus_ports_close(&simulator->ports);
     buses_close(&simulator->buses);
 
-    symbolic_close(&simulator->library);
     if (simulator->contact) {
         simulator->contact->ops->destroy(simulator->contact);
     }

@@ -8,7 +8,7 @@
 #ifndef SIM_PRIVATE_H
 #define SIM_PRIVATE_H
 
-#include "model/symbolic/symbolic.h"
+#include "model/dynamics.h"
 #include "rt/clock.h"
 #include "sim/external.h"
 #include "sim/fault_injection.h"
@@ -33,9 +33,8 @@ struct simulator {
     struct arena *arena;
     struct clock *time;
     struct dynamics dynamics;
-    struct symbolic_library library; /* of a module that is not built in */
-    struct error dynamics_notice;    /* which implementation, and why */
-    struct contact_world *contact;   /* NULL = none */
+    struct error dynamics_notice;  /* which implementation, and why */
+    struct contact_world *contact; /* NULL = none */
     struct plant *plant;
     struct settled settled;
     struct faults *faults;

@@ -263,11 +263,6 @@ def table(title, sizes, measure):
     return lines
 
 
-def with_module(rig):
-    run("generate", "--module", rig)
-    return rig
-
-
 def recordings(folder, how):
     record = ("--record", folder / "recording", "--force")
     options = {"off": (), "csv, 10 ms": record,
@@ -282,8 +277,6 @@ SERIES = {
                            lambda f, n: cost(limbs(f, n, 6), "--task", "hold")),
     "chain": lambda: table("joints, in one chain", JOINTS,
                            lambda f, n: cost(limbs(f, n, n), "--task", "hold")),
-    "module": lambda: table("joints, in limbs of 6, generated", JOINTS[:6],
-                            lambda f, n: cost(with_module(limbs(f, n, 6)), "--task", "hold")),
     "contacts": lambda: table("spheres on the ground", (0, 1, 3, 10, 30, 100, 200),
                               lambda f, n: cost(spheres(f, n))),
     "triangles": lambda: table("triangles of the ground, in cells of 20 cm",

@@ -12,7 +12,7 @@
 #include "base/options.h"
 #include "manual/dynamics.h"
 #include "manual/peers.h"
-#include "model/symbolic/builtin.h"
+#include "model/symbolic/symbolic.h"
 #include "base/config.h"
 
 #include <stdio.h>
@@ -194,7 +194,7 @@ static void dynamics_bench_print_row(const struct dynamics_bench *bench, const c
 static void dynamics_bench_print_table(const struct dynamics_bench *bench)
 {
     size_t last = bench->nsize - 1;
-    const struct dynamics_module *module = symbolic_builtin_exact(bench->robot[last]);
+    const struct dynamics_module *module = symbolic_builtin(bench->robot[last]);
     char head[64];
 
     printf("Generalized accelerations of %s, us of CPU time an evaluation, medians of %zu "

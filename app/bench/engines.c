@@ -3,7 +3,6 @@
 #include "app/bench/dynamics.h"
 
 #include "model/dynamics.h"
-#include "model/symbolic/builtin.h"
 #include "model/symbolic/symbolic.h"
 
 #include <dirent.h>
@@ -97,49 +96,17 @@ static void *bench_engine_create_generic(const struct robot *robot, char *messag
     return bench_engine_finish(engine, code, &error, message, size);
 }
 
-/* Compiles the robot's module in a folder of its own, which is removed afterwards. */
-static enum error_code bench_engine_compile_module(const struct robot *robot,
-                                                   struct symbolic_library *library,
-                                                   struct error *error)
-{
-    static const struct symbolic_options options = {.lanes = 4};
-    const char *place = getenv("TMPDIR");
-    char folder[PATH_MAX], file[PATH_MAX + NAME_MAX + 2];
-    enum error_code code;
-    struct dirent *entry;
-    DIR *listing;
-
-    snprintf(folder, sizeof folder, "%s/coman-hil-bench-XXXXXX", place ? place : "/tmp");
-    if (!mkdtemp(folder)) {
-        return error_set_errno(error, errno, "%s", folder);
-    }
-    code = symbolic_build(robot, &options, folder, library, error);
-
-    /* A module stays loaded although its files are gone */
-    listing = opendir(folder);
-    while (listing && (entry = readdir(listing))) {
-        if (entry->d_name[0] != '.') {
-            snprintf(file, sizeof file, "%s/%s", folder, entry->d_name);
-            unlink(file);
-        }
-    }
-    if (listing) {
-        closedir(listing);
-    }
-    rmdir(folder);
-    return code;
-}
-
-/* Creates an engine with the generated code: built in for this very robot, or else compiled now. */
+/* Creates an engine with the generated code: built in, or else compiled now. */
 static void *bench_engine_create_generated(const struct robot *robot, char *message, size_t size)
 {
-    const struct dynamics_module *module = symbolic_builtin_exact(robot);
+    static const struct symbolic_options options = {.lanes = 4};
+    const struct dynamics_module *module = symbolic_builtin(robot);
     struct error error = {0};
     struct engine *engine = bench_engine_begin(robot, &error);
     enum error_code code = ERROR_NONE;
 
     if (engine && !module) {
-        code = bench_engine_compile_module(robot, &engine->library, &error);
+        code = symbolic_compile(robot, &options, "-O2", &engine->library, &error);
         module = engine->library.module;
     }
     if (engine && !code) {

@@ -6,8 +6,8 @@
 #include "base/vec3.h"
 #include "contact/contact.h"
 #include "model/plant.h"
+#include "model/symbolic/symbolic.h"
 #include "rig/rig.h"
-#include "sim/robot_dynamics.h"
 
 #include <math.h>
 #include <string.h>
@@ -98,7 +98,6 @@ static enum error_code alone_time_ours(const struct alone *alone, struct arena *
                                        double seconds, double *cpu_s, struct error *error)
 {
     const struct rig *rig = alone->rig;
-    struct symbolic_library library;
     struct dynamics *dynamics = arena_alloc(arena, 1, sizeof *dynamics);
     struct plant_config config = {.robot = alone->robot,
                                   .dynamics = dynamics,
@@ -117,7 +116,7 @@ static enum error_code alone_time_ours(const struct alone *alone, struct arena *
     if (!dynamics) {
         return error_set(error, ERROR_MEMORY, "no memory for the dynamics");
     }
-    if ((code = robot_dynamics_fastest(alone->robot, arena, dynamics, &library, &notice, error)) ||
+    if ((code = dynamics_choose(alone->robot, false, arena, dynamics, &notice, error)) ||
         (alone->contact.npair &&
          (code = contact_native_create(&alone->contact, arena, &config.contact, error))) ||
         (code = plant_create(&config, arena, &plant, error))) {

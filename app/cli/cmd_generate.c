@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil generate: writes the C code of a robot's dynamics, or compiles it for runs of a rig. */
+/* coman-hil generate: writes the C code of a robot's dynamics. */
 #include "app/cli/commands.h"
 
 #include "app/cli/rig_command.h"
@@ -8,13 +8,11 @@
 #include "base/options.h"
 #include "base/whole_file.h"
 #include "manual/generate.h"
-#include "model/symbolic/builtin.h"
-#include "sim/robot_dynamics.h"
+#include "model/symbolic/symbolic.h"
 
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
-#include <sys/stat.h>
 
 enum { PATH_SIZE = 1024 };
 
@@ -79,69 +77,10 @@ static enum error_code generate_file(const void *context, const struct robot *ro
     return ERROR_NONE;
 }
 
-/* ---- modules ---- */
-
-/* Compiles the module of a robot into the folder, unless there is one. */
-static enum error_code generate_compile(const struct robot *robot, const char *folder,
-                                        struct error *error)
-{
-    struct symbolic_library library;
-    enum error_code code;
-
-    if (!symbolic_find(robot, &robot_dynamics_module, folder, &library, NULL)) {
-        printf("the dynamics of %s are in %s already\n", robot->name, folder);
-        symbolic_close(&library);
-        return ERROR_NONE;
-    }
-    fprintf(stderr, "compiling the dynamics of %s: some seconds for each ten of its %zu joints\n",
-            robot->name, robot->njoint);
-
-    /* Others may read what root makes; nobody else may write there, or the module would not be
-     * loaded */
-    umask(022);
-    code = folder_make_all(folder, error);
-    code = code ? code : symbolic_build(robot, &robot_dynamics_module, folder, &library, error);
-    if (!code) {
-        printf("the dynamics of %s are in %s now\n", robot->name, folder);
-        symbolic_close(&library);
-    }
-    return code;
-}
-
-/* Compiles the module of a rig's robot, unless its dynamics are built in. */
-static int generate_module(void *options, const struct rig *rig, struct arena *arena)
-{
-    char folder[PATH_SIZE];
-    struct error error;
-    enum error_code code;
-
-    (void)options;
-    (void)arena;
-    if (symbolic_builtin(rig->robot)) {
-        printf("the dynamics of %s are built in\n", rig->robot->name);
-        return STATUS_OK;
-    }
-
-    /* The module goes where runs look for it */
-    code = robot_dynamics_folder(folder, sizeof folder)
-               ? generate_compile(rig->robot, folder, &error)
-               : error_set(&error, ERROR_SYSTEM,
-                           "found no folder for the module, expected XDG_CACHE_HOME or HOME to "
-                           "name one");
-    if (code) {
-        return command_fail("generate", &error);
-    }
-    if (rig->dynamics == RIG_DYNAMICS_GENERIC) {
-        printf("%s has dynamics: generic; with dynamics: fastest it takes them\n", rig->file);
-    }
-    return STATUS_OK;
-}
-
 int cmd_generate(int argc, char **argv)
 {
     static const struct word lanes[] = {{"1", 1}, {"2", 2}, {"4", 4}, {NULL, 0}};
     struct generate_options o = {.symbolic = {.lanes = 4}};
-    bool module = false;
     const struct option_spec options[] = {
         {"--output", OPTION_STRING, "DIR",
          "folder to write into, which must exist; the current one by default", .value = &o.folder,
@@ -150,37 +89,24 @@ int cmd_generate(int argc, char **argv)
         {"--lanes", OPTION_ENUM, "N",
          "at most this many identical limbs side by side; 4 by default", .value = &o.symbolic.lanes,
          .words = lanes},
-        {"--module", OPTION_FLAG, NULL,
-         "compile the robot of a rig, for all runs that compute with its dynamics",
-         .value = &module},
     };
-    const struct operand_spec operands[] = {{"ROBOT",
-                                             "a robot's file or name; with --module a rig's", true,
-                                             &o.robot, .noun = "robots"}};
+    const struct operand_spec operands[] = {
+        {"ROBOT", "a robot's file or name", true, &o.robot, .noun = "robots"}};
     const struct command_spec spec = {
         .name = "generate",
-        .summary = "Write C code for the dynamics of a robot, or compile it for runs of a rig.",
+        .summary = "Write C code for the dynamics of a robot.",
         .option = options,
         .noption = ARRAY_COUNT(options),
         .operand = operands,
         .noperand = ARRAY_COUNT(operands),
         .manual = MANUAL_GENERATE,
     };
-    struct error error;
     int status;
 
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
 
-    /* A module is found by its robot, so nothing about it can be chosen */
-    if (module && (o.folder || o.variant || o.symbolic.lanes != 4)) {
-        error_set(&error, ERROR_INPUT,
-                  "found --module with --output, --variant or --lanes: a module is that of the "
-                  "rig's robot, in the folder where runs look for it");
-        return command_fail("generate", &error);
-    }
     o.folder = o.folder ? o.folder : ".";
-    return module ? rig_command("generate", o.robot, &o, generate_module)
-                  : robot_command("generate", o.robot, o.variant, &o, generate_file);
+    return robot_command("generate", o.robot, o.variant, &o, generate_file);
 }

@@ -72,7 +72,6 @@ static void import_print_result(const struct import_result *result)
     import_print_notes(notes, IMPORT_DOUBTED);
     import_print_notes(notes, IMPORT_CHANGED);
     printf("next      coman-hil run %s --task hold\n", result->rig);
-    printf("faster    coman-hil generate --module %s\n", result->rig);
 }
 
 /* Runs an import and prints its result; returns the exit status. */

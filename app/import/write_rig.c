@@ -213,7 +213,7 @@ enum error_code import_write_rig(const struct import_rig *rig, const char *path,
             "tick_s: 0.001\n"
             "substep_s: 0.001\n"
             "integrator: implicit\n"
-            "dynamics: fastest      # once it is made: coman-hil generate --module; else numeric\n"
+            "dynamics: fastest\n"
             "%s%s\n"
             "supply_v: %g\n\n"
             "initial:\n  pose: \"%s\"\n",

@@ -1,17 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The modules that were generated when the program was built. */
-#include "model/symbolic/builtin.h"
-
-#include <string.h>
+#include "model/symbolic/symbolic.h"
 
 /* MODULE(NAME_dynamics) for each of them, written by the build */
 #define MODULE(function) const struct dynamics_module *function(void);
 #include "dynamics/builtin.inc"
 #undef MODULE
 
-/* Returns the first module that fits, among those with mass properties as inputs or those
- * without; NULL when there is none. */
-static const struct dynamics_module *find_builtin(const struct robot *robot, bool inputs)
+const struct dynamics_module *symbolic_builtin(const struct robot *robot)
 {
     static const struct dynamics_module *(*const entry[])(void) = {
 #define MODULE(function) function,
@@ -23,21 +19,26 @@ static const struct dynamics_module *find_builtin(const struct robot *robot, boo
     for (size_t n = 0; entry[n]; n++) {
         const struct dynamics_module *module = dynamics_module_used(entry[n]());
 
-        if ((module->ninertia > 0) == inputs && dynamics_module_fits(module, robot)) {
+        if (dynamics_module_fits(module, robot)) {
             return module;
         }
     }
     return NULL;
 }
 
-const struct dynamics_module *symbolic_builtin_exact(const struct robot *robot)
+enum error_code dynamics_choose(const struct robot *robot, bool numeric, struct arena *arena,
+                                struct dynamics *out, struct error *notice, struct error *error)
 {
-    return find_builtin(robot, false);
-}
+    const struct dynamics_module *module = symbolic_builtin(robot);
 
-const struct dynamics_module *symbolic_builtin(const struct robot *robot)
-{
-    const struct dynamics_module *exact = symbolic_builtin_exact(robot);
-
-    return exact ? exact : find_builtin(robot, true);
+    if (numeric) {
+        error_set(notice, ERROR_NONE, "numeric dynamics, as the rig says");
+    } else if (module) {
+        error_set(notice, ERROR_NONE, "built-in generated dynamics (%s)", module->variant);
+        return dynamics_generated(robot, module, arena, out, error);
+    } else {
+        error_set(notice, ERROR_NONE, "numeric dynamics: generated dynamics of %s are not built in",
+                  robot->name);
+    }
+    return dynamics_generic(robot, arena, out, error);
 }

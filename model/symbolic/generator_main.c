@@ -1,17 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The generator as a program of the build: [--inertia-inputs] [--fix-base POSE] ROBOT.yaml FILE.c
- * NAME [VARIANT], for a module function NAME_dynamics; the base is fixed where it is in the pose.
+ * The generator as a program of the build: [--fix-base POSE] ROBOT.yaml FILE.c NAME, for a
+ * module function NAME_dynamics that takes masses as inputs; the base is fixed where it is in the
+ * pose.
  * The user's command is coman-hil generate, which itself contains what this program writes.
  */
 #include "model/symbolic/symbolic.h"
 
 #include <stdio.h>
 #include <string.h>
-
-#define USAGE                                                                                      \
-    "usage: generate_dynamics [--inertia-inputs] [--fix-base POSE] ROBOT.yaml FILE.c NAME "        \
-    "[VARIANT]\n"
 
 /* Fixes the base of a robot where it is in one of its poses. */
 static enum error_code tool_fix_base(struct robot *robot, const char *name, struct error *error)
@@ -28,7 +25,7 @@ static enum error_code tool_fix_base(struct robot *robot, const char *name, stru
 
 int main(int argc, char **argv)
 {
-    struct symbolic_options options = {.lanes = 4};
+    const struct symbolic_options options = {.lanes = 4, .inertia_inputs = true};
     const char *pose = NULL;
     const struct robot *robot;
     struct robot *named;
@@ -37,22 +34,17 @@ int main(int argc, char **argv)
     struct arena arena;
     FILE *file;
 
-    if (argc > 1 && strcmp(argv[1], "--inertia-inputs") == 0) {
-        options.inertia_inputs = true;
-        argv++;
-        argc--;
-    }
     if (argc > 2 && strcmp(argv[1], "--fix-base") == 0) {
         pose = argv[2];
         argv += 2;
         argc -= 2;
     }
-    if (argc != 4 && argc != 5) {
-        fputs(USAGE, stderr);
+    if (argc != 4) {
+        fputs("usage: generate_dynamics [--fix-base POSE] ROBOT.yaml FILE.c NAME\n", stderr);
         return 2;
     }
     if (arena_init(&arena, (size_t)64 << 20, &error) ||
-        robot_load(argv[1], argc == 5 ? argv[4] : NULL, &arena, &robot, &error) ||
+        robot_load(argv[1], NULL, &arena, &robot, &error) ||
         robot_copy(robot, &arena, &named, &error) || (pose && tool_fix_base(named, pose, &error))) {
         fprintf(stderr, "%s\n", error.text);
         return 2;

@@ -126,7 +126,7 @@ static enum error_code bind_inertia(const struct robot *robot, struct arena *are
 {
     const struct dynamics_module *module = generated->module;
     double *inertia = arena_alloc(arena, module->ninertia, sizeof *inertia);
-    enum error_code code = ERROR_NONE;
+    enum error_code code;
     struct tree tree;
 
     if (!inertia) {
@@ -136,17 +136,10 @@ static enum error_code bind_inertia(const struct robot *robot, struct arena *are
     if ((code = tree_create(robot, (int)module->lanes, &tree, error))) {
         return code;
     }
-    if (tree.ninertia == module->ninertia && tree_hash(&tree) == module->tree_hash) {
-        tree_write_inertia(&tree, inertia);
-        generated->inertia = inertia;
-    } else {
-        code = error_set(error, ERROR_UNSUPPORTED,
-                         "the generated module of %s has other working frames than this generator "
-                         "finds",
-                         module->robot);
-    }
+    tree_write_inertia(&tree, inertia);
+    generated->inertia = inertia;
     tree_destroy(&tree);
-    return code;
+    return ERROR_NONE;
 }
 
 enum error_code dynamics_generated(const struct robot *robot, const struct dynamics_module *module,
@@ -155,12 +148,6 @@ enum error_code dynamics_generated(const struct robot *robot, const struct dynam
     struct generated *work;
     enum error_code code;
 
-    /* The module must be of this interface and of this robot */
-    if (module->abi != DYNAMICS_MODULE_ABI) {
-        return error_set(error, ERROR_UNSUPPORTED,
-                         "the generated module has interface %" PRIu32 ", expected %d", module->abi,
-                         DYNAMICS_MODULE_ABI);
-    }
     if (!dynamics_module_fits(module, robot) || module->nv != robot->nv ||
         module->nbody != robot->nbody) {
         return error_set(error, ERROR_UNSUPPORTED,

@@ -24,16 +24,12 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define DYNAMICS_MODULE_ABI 3
-
 struct dynamics_module {
-    uint32_t abi; /* DYNAMICS_MODULE_ABI */
     uint32_t nbody, njoint, nq, nv;
     uint32_t nobserved;
     const int *observed;    /* indices of the observed bodies, rising */
     uint64_t robot_hash;    /* hash of the robot that it was made from */
     uint64_t massless_hash; /* the same without mass properties */
-    uint64_t tree_hash;     /* of the frames that inertia is given in */
     uint32_t lanes;         /* limbs side by side, at most, on which they depend */
     uint32_t ninertia;      /* numbers in inertia; 0 = the code has them */
     uint32_t npose;         /* numbers in pose */

@@ -11,9 +11,6 @@
 
 #include <stdio.h>
 
-/* Changes whenever other code comes out for the same robot: caches are made anew. */
-#define SYMBOLIC_VERSION 7
-
 enum { SYMBOLIC_FUNCTIONS = 8, SYMBOLIC_SYMBOL = 64 };
 
 /* The cost of a function. Lanes count each; sines and cosines are counted apart. */
@@ -27,14 +24,12 @@ struct symbolic_count {
 
 struct symbolic_report {
     size_t groups; /* of bodies side by side; the base is one */
-    bool large;    /* of so many expressions that it is written for a compiler in a hurry */
     struct symbolic_count count[SYMBOLIC_FUNCTIONS];
 };
 
 struct symbolic_options {
     int lanes;           /* at most so many limbs side by side: 1, 2 or 4; 4 is the fastest */
     bool inertia_inputs; /* mass properties are inputs: for all robots that differ in them alone */
-    bool fast_compile;   /* symbolic_build: -O1, for tests */
 };
 
 /* Writes the module's C file: the same bytes for the same robot and options. report may be NULL. */
@@ -44,29 +39,31 @@ enum error_code symbolic_generate(const struct robot *robot, const struct symbol
 /* Writes the name of the module's external function. */
 void symbolic_symbol(const struct robot *robot, char symbol[SYMBOLIC_SYMBOL]);
 
-/* A module that was compiled apart. */
+/* A module compiled by symbolic_compile. */
 struct symbolic_library {
     void *handle;
     const struct dynamics_module *module;
 };
 
-/* Generates robot's module, compiles it with cc, which is waited for, leaves it in a folder and
- * loads it. The folder must exist and belong to this user or root alone. The file's name holds the
- * robot's hash (with inertia_inputs that without masses) and the generator's version; it appears
- * when it is complete. ERROR_UNSUPPORTED without a compiler or when it fails. The compiler's time
- * grows linearly with the robot: short functions, and -O1, where there are many joints. */
-enum error_code symbolic_build(const struct robot *robot, const struct symbolic_options *options,
-                               const char *folder, struct symbolic_library *library,
-                               struct error *error);
-
-/* Loads what symbolic_build has left in folder; ERROR_UNSUPPORTED where there is no such module or
- * it is not as it was left (truncated, damaged). */
-enum error_code symbolic_find(const struct robot *robot, const struct symbolic_options *options,
-                              const char *folder, struct symbolic_library *library,
-                              struct error *error);
+/* Generates robot's module, compiles it with cc at a level such as "-O2", and loads it. For
+ * benchmarks and tests: the simulator itself starts no compiler. ERROR_UNSUPPORTED where cc fails
+ * or there is none. */
+enum error_code symbolic_compile(const struct robot *robot, const struct symbolic_options *options,
+                                 const char *level, struct symbolic_library *library,
+                                 struct error *error);
 
 /* Unloads; nothing of the module may be in use. Safe on a zeroed library. */
 void symbolic_close(struct symbolic_library *library);
+
+/* Returns the built-in module for a robot of config/robots with any masses, else NULL. Defined in
+ * the library symbolic_builtin. RT-safe. */
+const struct dynamics_module *symbolic_builtin(const struct robot *robot);
+
+/* Creates the dynamics of a robot: a built-in module, else or if numeric is set the numeric
+ * algorithms. The two differ in the last bits; the notice says in a sentence what was taken and
+ * why. Memory from arena. */
+enum error_code dynamics_choose(const struct robot *robot, bool numeric, struct arena *arena,
+                                struct dynamics *out, struct error *notice, struct error *error);
 
 /* Returns the widest of a module's variants that instruction_set_used() allows. */
 const struct dynamics_module *dynamics_module_used(const struct dynamics_module *module);
@@ -76,7 +73,7 @@ const struct dynamics_module *dynamics_module_used(const struct dynamics_module 
 bool dynamics_module_fits(const struct dynamics_module *module, const struct robot *robot);
 
 /* Makes the module an implementation of robot's dynamics; refuses one that was made from another
- * robot or by another generator. Memory from arena; the module must outlive it. */
+ * robot. Memory from arena; the module must outlive it. */
 enum error_code dynamics_generated(const struct robot *robot, const struct dynamics_module *module,
                                    struct arena *arena, struct dynamics *out, struct error *error);
 

@@ -2,8 +2,6 @@
 /* Chooses working frames and lumps mass properties. */
 #include "model/symbolic/tree.h"
 
-#include "base/array.h"
-#include "base/hash.h"
 #include "base/portable_math.h"
 #include "model/spatial.h"
 
@@ -503,48 +501,6 @@ void tree_write_inertia(const struct tree *tree, double *inertia)
             }
         }
     }
-}
-
-static uint64_t hash_numbers(uint64_t hash, const double *value, size_t count)
-{
-    for (size_t n = 0; n < count; n++) {
-        double plain = value[n] + 0.0; /* -0 counts as 0 */
-
-        hash = hash_bytes(hash, &plain, sizeof plain);
-    }
-    return hash;
-}
-
-uint64_t tree_hash(const struct tree *tree)
-{
-    uint64_t hash = HASH_START;
-
-    for (size_t b = 0; b < tree->nbody; b++) {
-        const struct tree_body *body = &tree->body[b];
-        const int whole[] = {body->parent, body->prismatic, body->axis, body->nturn,
-                             body->observed};
-        const double number[] = {body->sign, body->offset};
-
-        hash = hash_bytes(hash, whole, sizeof whole);
-        hash = hash_numbers(hash, number, ARRAY_COUNT(number));
-        hash = hash_numbers(hash, body->r, 3);
-        hash = hash_numbers(hash, body->align, 9);
-        hash = hash_numbers(hash, body->at, 3);
-        for (int n = 0; n < body->nturn; n++) {
-            const double turn[] = {body->turn[n].c, body->turn[n].s};
-
-            hash = hash_bytes(hash, &body->turn[n].axis, sizeof body->turn[n].axis);
-            hash = hash_numbers(hash, turn, ARRAY_COUNT(turn));
-        }
-    }
-    for (size_t g = 0; g < tree->ngroup; g++) {
-        const struct tree_group *group = &tree->group[g];
-
-        hash = hash_bytes(hash, &group->count, sizeof group->count);
-        hash = hash_bytes(hash, group->body, sizeof group->body);
-        hash = hash_bytes(hash, group->place, sizeof group->place);
-    }
-    return hash;
 }
 
 void tree_destroy(struct tree *tree)

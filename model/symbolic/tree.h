@@ -86,9 +86,6 @@ double tree_inertia(const struct tree_body *body, int property);
 /* Fills the ninertia places with the mass properties; every lane has its own, gaps are zero. */
 void tree_write_inertia(const struct tree *tree, double *inertia);
 
-/* Returns the hash of frames, groups and places: of everything but mass properties and gravity. */
-uint64_t tree_hash(const struct tree *tree);
-
 /* Groups of bodies for at most lanes lanes (limb_lanes.c); tree->body is complete. */
 enum error_code tree_assign_lanes(struct tree *tree, int lanes, struct error *error);
 

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Evaluates COMAN's generated forward dynamics N times, for an instruction counter:
  * forward|wrenches|implicit N. Prints the variant. */
-#include "model/symbolic/builtin.h"
 #include "model/symbolic/symbolic.h"
 
 #include <stdlib.h>
@@ -11,10 +10,12 @@ enum { SIZE = 64 };
 
 int main(int argc, char **argv)
 {
-    static double q[SIZE], v[SIZE], tau[SIZE], vdot[SIZE], ext[6 * SIZE], extra[SIZE];
-    static double added[21 * SIZE];
+    static double q[SIZE], v[SIZE], tau[SIZE], vdot[SIZE], extra[SIZE];
+    static struct wrench ext[SIZE];
+    static struct added_inertia added[SIZE];
     const struct dynamics_module *module;
     const struct robot *robot;
+    struct dynamics d;
     struct error error;
     struct arena arena;
     long count;
@@ -24,7 +25,7 @@ int main(int argc, char **argv)
         return EXIT_FAILURE;
     }
     module = symbolic_builtin(robot);
-    if (!module || module->nq > SIZE) {
+    if (!module || module->nq > SIZE || dynamics_generated(robot, module, &arena, &d, &error)) {
         return EXIT_FAILURE;
     }
     for (int i = 0; i < SIZE; i++) {
@@ -33,9 +34,9 @@ int main(int argc, char **argv)
     count = strtol(argv[2], NULL, 10);
     for (long n = 0; n < count; n++) {
         if (strcmp(argv[1], "implicit") == 0) {
-            module->implicit(NULL, q, v, tau, ext, extra, added, vdot);
+            d.ops->implicit(&d, q, v, tau, ext, extra, added, vdot);
         } else {
-            module->forward(NULL, q, v, tau, strcmp(argv[1], "wrenches") == 0 ? ext : NULL, vdot);
+            d.ops->forward(&d, q, v, tau, strcmp(argv[1], "wrenches") == 0 ? ext : NULL, vdot);
         }
     }
     printf("%s\n", module->variant);

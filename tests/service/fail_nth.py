@@ -156,19 +156,8 @@ CASES = [
     Case("bench ticks", ["ticks", rig("hyq-leg"), "--seconds", "0.1"], r"$^",
          program="coman-hil-bench"),
     Case("accel", ["accel", COMAN, "--list"]),
-    # status 4: without a compiler
-    Case("generate a module",
-         ["generate", "--module", os.path.join(SOURCE, "tests/old/rigs/arm.yaml")], status=(4,)),
     Case("version", ["version"]),
 ]
-
-# A compiler that compiles the first time only: the source is the same each time.
-CC = """#!/bin/sh
-root=${0%/bin/cc}
-for word; do [ "$last" = -o ] && output=$word; last=$word; done
-[ -e "$root/compiled.so" ] || { /usr/bin/cc "$@" && cp "$output" "$root/compiled.so"; } || exit
-cp "$root/compiled.so" "$output"
-"""
 
 JUNIT = """<?xml version="1.0" encoding="UTF-8"?>
 <testsuites tests="1" failures="0" errors="0" time="0.100">
@@ -195,7 +184,6 @@ def prepare(root):
     rows = ("%g,%g\n" % (0.01 * i, i * i) for i in range(100))
     put(root + "/signals.csv", "time_s,a_rad\n" + "".join(rows))
     put(root + "/one.xml", JUNIT)
-    put(root + "/bin/cc", CC, 0o700)
 
 
 def text_of(path):
@@ -223,8 +211,7 @@ class Outcome:
                     self.files[os.path.relpath(path, root)] = \
                         0 if timed else zlib.crc32(text_of(path).encode())
                 for name in folders:
-                    if name != "coman-hil":  # the cache folder, which is kept on purpose
-                        self.files[os.path.relpath(os.path.join(folder, name), root) + "/"] = 0
+                    self.files[os.path.relpath(os.path.join(folder, name), root) + "/"] = 0
 
 
 class Server:

@@ -60,7 +60,7 @@ says 0 run coman "${quick[@]}" --record first --record-format both &&
     sed -i 's/^samples: .*/samples: 1/' sweep.yaml &&
     sed -i 's/^duration_s: .*/duration_s: 0.05/' squat.yaml &&
     says 0 test --plan sweep.yaml -o out/plan && says 0 run coman "${quick[@]}" --ready out/ready
-result $? "plots, modules, plans and the file of --ready too"
+result $? "plots, generated code, plans and the file of --ready too"
 kept "and leave what the links point to" out
 [ -z "$(find first -mindepth 1 -perm -o+w)" ] && [ "$(stat -c %a first)" = 775 ]
 result $? "a recording is not writable by others"

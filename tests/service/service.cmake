@@ -19,9 +19,6 @@ hil_script_test(service_standing COMMAND /usr/bin/python3
                 ${CMAKE_CURRENT_SOURCE_DIR}/service/standing.py
                 $<TARGET_FILE:coman-hil> ${standing_s} LABELS service
                 TIMEOUT 600)
-hil_script_test(service_module COMMAND /usr/bin/python3
-                ${CMAKE_CURRENT_SOURCE_DIR}/service/module.py
-                $<TARGET_FILE:coman-hil> LABELS service TIMEOUT 120)
 # The address space of a guest process has no room for the shadow memory of the sanitizers.
 if(NOT HIL_SANITIZE)
     hil_script_test(service_systemd LABELS service TIMEOUT 360

@@ -7,10 +7,10 @@
 #include "base/array.h"
 #include "base/options.h"
 #include "manual/doctor.h"
+#include "model/symbolic/symbolic.h"
 #include "rt/clock.h"
 #include "rt/histogram.h"
 #include "rt/realtime.h"
-#include "sim/robot_dynamics.h"
 
 #include <inttypes.h>
 #include <string.h>
@@ -30,13 +30,12 @@ static void print_finding(const struct doctor_finding *finding)
 static void doctor_print_robot(const struct rig *rig, struct arena *arena)
 {
     struct error notice = {.text = ""}, error;
-    struct symbolic_library library;
     struct dynamics dynamics;
-    bool failed = robot_dynamics_create(rig, arena, &dynamics, &library, &notice, &error);
+    bool failed = dynamics_choose(rig->robot, rig->dynamics == RIG_DYNAMICS_GENERIC, arena,
+                                  &dynamics, &notice, &error);
 
     printf("%-5s%-15s%s, hash %016" PRIx64 ": %s\n", failed ? "fail" : "ok", "robot",
            rig->robot->name, rig->robot->hash, failed ? error.text : notice.text);
-    symbolic_close(&library);
 }
 
 /* Measures wake-up latency: sleeps to each tick as the loop does, and prints how late it woke

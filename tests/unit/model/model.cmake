@@ -16,7 +16,7 @@ hil_test(model_drives_actuator_step SOURCES ${unit}/drives/actuator_step.c physi
          LIBS model LABELS unit)
 hil_test(model_dynamics SOURCES ${unit}/dynamics.c LIBS random_robot LABELS unit)
 hil_test(model_implicit_dynamics SOURCES ${unit}/implicit/dynamics.c
-         LIBS random_robot symbolic_builtin LABELS unit)
+         LIBS random_robot LABELS unit)
 hil_test(model_dynamics_simbody SOURCES ${unit}/dynamics_simbody.cpp
          LIBS random_robot SimTKsimbody SimTKmath SimTKcommon LABELS unit)
 target_include_directories(test_model_dynamics_simbody SYSTEM PRIVATE ${Simbody_INCLUDE_DIR})
@@ -28,10 +28,5 @@ hil_test(symbolic SOURCES ${unit}/symbolic/symbolic.c LIBS symbolic_evaluate LAB
 hil_test(symbolic_memory SOURCES ${unit}/symbolic/memory.c LIBS symbolic_evaluate LABELS unit)
 target_link_options(test_symbolic_memory PRIVATE
                     -Wl,--wrap=calloc -Wl,--wrap=realloc -Wl,--wrap=free)
-hil_test(symbolic_builtin_modules SOURCES ${unit}/symbolic/builtin.c
-         LIBS symbolic_evaluate symbolic_builtin LABELS unit TIMEOUT 300)
-hil_test(symbolic_build SOURCES ${unit}/symbolic/build.c LIBS symbolic_evaluate LABELS unit)
-hil_test(symbolic_large SOURCES ${unit}/symbolic/large.c LIBS symbolic_evaluate LABELS unit
-         TIMEOUT 300)
 hil_test(symbolic_module SOURCES ${unit}/symbolic/module.c
          LIBS symbolic_evaluate symbolic_builtin LABELS unit TIMEOUT 600)

@@ -4,6 +4,4 @@ foreach(name buses checkpoint contact_arrows external external_runs interfaces
              robot_requests_threads robot_requests_timed stimulus task_trouble)
     hil_test(sim_${name} SOURCES unit/sim/${name}.c LIBS sim LABELS unit)
 endforeach()
-hil_test(sim_robot_dynamics SOURCES unit/sim/robot_dynamics.c LIBS symbolic_evaluate sim
-         LABELS unit)
 hil_test(sim_watch SOURCES unit/sim/watch.c physics/toy.c LIBS sim LABELS unit)

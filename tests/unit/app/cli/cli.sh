@@ -306,10 +306,10 @@ printf 'extends: shipped/rigs/coman.yaml\nrobot: {added_mass_kg: {Waist: 2}}\n' 
 run 0 check "$work/heavy.yaml"
 says out 'dynamics fastest'
 "$program" doctor --local --measure 0 "$work/heavy.yaml" >"$work/out" 2>"$work/err"
-says out 'built-in generated dynamics with masses as inputs'
+says out 'built-in generated dynamics ('
 "$program" run --transport local --clock free --ticks 2 --control none "$work/heavy.yaml" \
     >"$work/out" 2>"$work/err" </dev/null || problem="$problem; it does not run"
-says err 'built-in generated dynamics with masses as inputs'
+says err 'built-in generated dynamics ('
 ! grep -q folder "$work/err" || problem="$problem; speaks of a folder"
 conclude added_masses_are_inputs_of_built_in_dynamics_and_it_is_said
 

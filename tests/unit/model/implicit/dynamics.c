@@ -10,7 +10,6 @@
 #include <string.h>
 
 #include "model/spatial.h"
-#include "model/symbolic/builtin.h"
 #include "model/symbolic/symbolic.h"
 #include "tests/unit/model/random_robot.h"
 #include "tests/test.h"
@@ -146,48 +145,4 @@ TEST(without_added_inertia_it_is_forward_dynamics)
         }
         arena_fini(&arena);
     }
-}
-
-TEST(the_generated_code_of_coman_agrees)
-{
-    const struct robot *robot;
-    const struct dynamics_module *module;
-    struct dynamics generic, generated;
-    struct added_inertia added[BODIES];
-    double extra[RANDOM_JOINTS], a[COORDINATES], b[COORDINATES], worst = 0.0;
-    uint64_t seed = 9;
-    struct arena arena;
-    struct error error;
-
-    assert_int_equal(arena_init(&arena, 1 << 22, &error), ERROR_NONE);
-    assert_int_equal(
-        robot_load(HIL_SOURCE_DIR "/config/robots/coman.yaml", NULL, &arena, &robot, &error),
-        ERROR_NONE);
-    module = symbolic_builtin(robot);
-    assert_non_null(module);
-    assert_int_equal(dynamics_generated(robot, module, &arena, &generated, &error), ERROR_NONE);
-    assert_int_equal(dynamics_generic(robot, &arena, &generic, &error), ERROR_NONE);
-    for (int n = 0; n < CASES; n++) {
-        struct random_state x;
-        double size = 0.0;
-
-        random_state_make(&seed, robot, &x);
-        for (size_t i = 0; i < robot->nbody; i++) {
-            random_added(&seed, &added[i]);
-        }
-        for (size_t j = 0; j < robot->njoint; j++) {
-            extra[j] = random_in(&seed, 0.0, 2.0);
-        }
-        generic.ops->implicit(&generic, x.q, x.v, x.tau, x.ext, extra, added, a);
-        generated.ops->implicit(&generated, x.q, x.v, x.tau, x.ext, extra, added, b);
-        for (size_t i = 0; i < robot->nv; i++) {
-            size = fmax(size, fabs(a[i]));
-        }
-        for (size_t i = 0; i < robot->nv; i++) {
-            worst = fmax(worst, fabs(a[i] - b[i]) / size);
-        }
-    }
-    print_message("largest relative difference to the generic code: %.1e\n", worst);
-    assert_true(worst < 1e-10);
-    arena_fini(&arena);
 }

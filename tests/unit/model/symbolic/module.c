@@ -1,11 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Generated code, compiled: the built-in module of COMAN and modules compiled here are the numeric
- * algorithms in every variant that this CPU runs; refusing of modules.
+ * Generated code, compiled: the built-in modules and modules compiled here are the numeric
+ * algorithms of the robot at hand, in every variant, which all have the same bits; which robots
+ * have a built-in module.
  */
-#include "base/array.h"
 #include "base/instruction_set.h"
-#include "model/symbolic/builtin.h"
 #include "model/symbolic/symbolic.h"
 #include "tests/unit/model/coman.h"
 #include "tests/unit/model/symbolic/evaluate.h"
@@ -14,251 +13,239 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
-enum { BODIES = RANDOM_JOINTS + 1, VELOCITIES = RANDOM_JOINTS + 6, POSE = 40 * BODIES };
-
-static char folder[64];
-
-FIXTURE(open_folder)
-{
-    strcpy(folder, "/tmp/hil-symbolic-XXXXXX");
-    return open_arena(test_state) || !mkdtemp(folder);
-}
-
-FIXTURE(close_folder)
-{
-    char command[128];
-
-    close_arena(test_state);
-    snprintf(command, sizeof command, "rm -r '%s'", folder);
-    return system(command);
-}
-
-/* Sums of relative differences over states, and the largest. */
-struct difference {
-    double sum, worst;
-    int count;
+enum {
+    BODIES = RANDOM_JOINTS + 1,
+    VELOCITIES = RANDOM_JOINTS + 6,
+    POSE = 40 * BODIES,
+    STATES = 100,
 };
 
-static void note(struct difference *d, const double *found, const double *expected, size_t n)
+static const struct robot *load_robot(const char *file)
 {
-    double x = relative_difference(found, expected, n);
-
-    d->sum += x;
-    d->worst = fmax(d->worst, x);
-    d->count++;
-}
-
-static void assert_within(const struct difference *d, double mean, const char *variant,
-                          const char *what)
-{
-    print_message("# %s %s: mean %.2g, largest %.2g\n", variant, what, d->sum / d->count, d->worst);
-    if (!(d->sum / d->count <= mean)) {
-        fail_msg("%s %s: mean relative difference %g", variant, what, d->sum / d->count);
-    }
-}
-
-/* Everything that struct dynamics promises, generated against generic. */
-static void compare_module(const struct robot *robot, const struct dynamics_module *module,
-                           int states)
-{
-    static double expected[18 * BODIES], found[18 * BODIES];
-    struct difference forward = {0}, wrench = {0}, inverse = {0}, motion = {0}, rates = {0};
-    struct difference energy = {0};
-    struct dynamics generic, generated;
+    const struct robot *robot;
     struct error error;
-    uint64_t seed = 41;
 
-    if (dynamics_generic(robot, &arena, &generic, &error) ||
-        dynamics_generated(robot, module, &arena, &generated, &error)) {
+    if (robot_load(file, NULL, &arena, &robot, &error)) {
         fail_msg("%s", error.text);
     }
-    for (int n = 0; n < states; n++) {
-        const struct dynamics *a = &generic, *b = &generated;
-        double vdot[VELOCITIES];
-        struct random_state x;
-
-        random_state_make(&seed, robot, &x);
-        a->ops->forward(a, x.q, x.v, x.tau, NULL, expected);
-        b->ops->forward(b, x.q, x.v, x.tau, NULL, found);
-        note(&forward, found, expected, robot->nv);
-        a->ops->forward(a, x.q, x.v, x.tau, x.ext, vdot);
-        b->ops->forward(b, x.q, x.v, x.tau, x.ext, found);
-        note(&wrench, found, vdot, robot->nv);
-        a->ops->inverse(a, x.q, x.v, vdot, n % 2 ? x.ext : NULL, expected);
-        b->ops->inverse(b, x.q, x.v, vdot, n % 2 ? x.ext : NULL, found);
-        note(&inverse, found, expected, robot->nv);
-        memset(expected, 0, sizeof expected);
-        memset(found, 0, sizeof found);
-        a->ops->kinematics(a, x.q, x.v, (struct body_motion *)expected);
-        b->ops->kinematics(b, x.q, x.v, (struct body_motion *)found);
-        for (uint32_t o = 0; o < module->nobserved; o++) {
-            note(&motion, found + 18 * module->observed[o], expected + 18 * module->observed[o],
-                 18);
-        }
-        /* Other velocities in the same pose */
-        a->ops->velocities(a, x.q, vdot, (struct body_motion *)expected);
-        b->ops->velocities(b, x.q, vdot, (struct body_motion *)found);
-        for (uint32_t o = 0; o < module->nobserved; o++) {
-            note(&motion, found + 18 * module->observed[o], expected + 18 * module->observed[o],
-                 18);
-        }
-        a->ops->acceleration(a, x.q, x.v, vdot, (struct body_acceleration *)expected);
-        b->ops->acceleration(b, x.q, x.v, vdot, (struct body_acceleration *)found);
-        for (uint32_t o = 0; o < module->nobserved; o++) {
-            note(&rates, found + 6 * module->observed[o], expected + 6 * module->observed[o], 6);
-        }
-        a->ops->energy(a, x.q, x.v, &expected[0], &expected[1]);
-        b->ops->energy(b, x.q, x.v, &found[0], &found[1]);
-        note(&energy, found, expected, 2);
-    }
-    assert_within(&forward, 1e-12, module->variant, "forward");
-    assert_within(&wrench, 1e-12, module->variant, "forward with wrenches");
-    assert_within(&inverse, 1e-11, module->variant, "inverse");
-    assert_within(&motion, 1e-12, module->variant, "kinematics");
-    assert_within(&rates, 1e-12, module->variant, "acceleration");
-    assert_within(&energy, 1e-12, module->variant, "energy");
+    return robot;
 }
 
-static void compare_variants(const struct robot *robot, const struct dynamics_module *module,
-                             int states)
+/* The robot with other mass properties: up to 5 kg more in each body, its center elsewhere. */
+static struct robot *with_masses(const struct robot *robot, uint64_t *seed)
 {
-    for (; module; module = module->plainer) {
-        compare_module(robot, module, states);
+    struct robot *heavier;
+    struct error error;
+
+    if (robot_copy(robot, &arena, &heavier, &error)) {
+        fail_msg("%s", error.text);
     }
+    for (size_t b = 0; b < heavier->nbody; b++) {
+        struct robot_inertia *inertia = &heavier->body[b].inertia;
+        double shift[3];
+
+        inertia->mass += random_in(seed, 0.0, 5.0);
+        random_vector(seed, 0.05, shift);
+        for (int m = 0; m < 3; m++) {
+            inertia->com[m] += shift[m];
+        }
+    }
+    if (robot_finish(heavier, &error)) {
+        fail_msg("%s", error.text);
+    }
+    assert_true(heavier->hash != robot->hash && heavier->massless_hash == robot->massless_hash);
+    return heavier;
 }
 
-/* Twice the same accelerations, to the bit. */
-static void assert_repeats(const struct robot *robot, const struct dynamics_module *module)
-{
-    double first[VELOCITIES], second[VELOCITIES];
-    struct random_state x;
-    uint64_t seed = 53;
-
-    for (int n = 0; n < 50; n++) {
-        random_state_make(&seed, robot, &x);
-        module->forward(NULL, x.q, x.v, x.tau, x.ext[0].force, first);
-        module->forward(NULL, x.q, x.v, x.tau, x.ext[0].force, second);
-        assert_memory_equal(first, second, robot->nv * sizeof *first);
-    }
-}
-
-/* The variant of COMAN's built-in module, whichever this CPU would choose; skipped where it cannot
- * run it, for then the chain from its best to the plain one has it not. */
-static void compare_variant(const char *name)
-{
-    const struct robot *robot = load_coman(NULL);
-    const struct dynamics_module *module = symbolic_builtin(robot);
-
-    assert_non_null(module);
-    while (module && strcmp(module->variant, name) != 0) {
-        module = module->plainer;
-    }
-    if (!module) {
-        print_message("SKIP: this CPU does not run the variant %s\n", name);
-        skip();
-    }
-    assert_int_equal(module->nobserved, 12);
-    compare_module(robot, module, 300);
-    assert_repeats(robot, module);
-}
-
-/* Inertias of joints and of observed bodies for implicit, the latter positive: dominated by their
- * diagonals. */
-static void make_extra_inertia(uint64_t *seed, double *extra, double *added)
+/* Numbers that make the added inertias of implicit integration positive. */
+static void random_added(uint64_t *seed, double *extra, double *added)
 {
     for (int j = 0; j < RANDOM_JOINTS; j++) {
         extra[j] = random_in(seed, 0.0, 0.2);
     }
     for (int m = 0; m < 21 * BODIES; m++) {
-        const int at = m % 21;
-        const bool diagonal = at == 0 || at == 6 || at == 11 || at == 15 || at == 18 || at == 20;
+        int at = m % 21;
+        bool diagonal = at == 0 || at == 6 || at == 11 || at == 15 || at == 18 || at == 20;
 
         added[m] = diagonal ? 1.0 : random_in(seed, -0.1, 0.1);
     }
 }
 
-/* All that two variants of a module give, to the bit, also for angles beyond the fast reduction. */
-static void assert_same_bits(const struct robot *robot, const struct dynamics_module *a,
-                             const struct dynamics_module *b)
+/* Everything that struct dynamics has, side by side. */
+struct answers {
+    double forward[VELOCITIES], wrenches[VELOCITIES], implicit[VELOCITIES], inverse[VELOCITIES];
+    double motion[18 * BODIES], speed[18 * BODIES], rates[6 * BODIES], energy[2];
+};
+
+static void answer(const struct dynamics *d, const struct random_state *x, const double *extra,
+                   const double *added, const double *vdot, struct answers *out)
 {
-    static double of_a[18 * BODIES], of_b[18 * BODIES];
-    static double extra[RANDOM_JOINTS], added[21 * BODIES];
-    static _Alignas(32) double pose_a[POSE], pose_b[POSE];
-    struct random_state x;
-    uint64_t seed = 67;
+    memset(out, 0, sizeof *out);
+    d->ops->forward(d, x->q, x->v, x->tau, NULL, out->forward);
+    d->ops->forward(d, x->q, x->v, x->tau, x->ext, out->wrenches);
+    d->ops->implicit(d, x->q, x->v, x->tau, x->ext, extra, (const struct added_inertia *)added,
+                     out->implicit);
+    d->ops->inverse(d, x->q, x->v, vdot, x->ext, out->inverse);
+    d->ops->kinematics(d, x->q, x->v, (struct body_motion *)out->motion);
+    /* Other velocities in the same pose */
+    d->ops->velocities(d, x->q, vdot, (struct body_motion *)out->speed);
+    d->ops->acceleration(d, x->q, x->v, vdot, (struct body_acceleration *)out->rates);
+    d->ops->energy(d, x->q, x->v, &out->energy[0], &out->energy[1]);
+}
 
-    assert_true(a->npose == b->npose && a->npose <= POSE);
+/* Largest relative difference of each answer over all states. */
+struct worst {
+    double forward, wrenches, implicit, inverse, motion, rates, energy;
+};
 
-    for (int n = 0; n < 1000; n++) {
-        const size_t nv = robot->nv * sizeof(double);
+static void note_worst(struct worst *worst, const struct robot *robot,
+                       const struct dynamics_module *module, const struct answers *found,
+                       const struct answers *expected)
+{
+    const size_t n = robot->nv;
 
-        random_state_make(&seed, robot, &x);
-        make_extra_inertia(&seed, extra, added);
-        x.q[robot->nq - 1] *= n % 10 ? 1.0 : 1e7;
-        a->implicit(NULL, x.q, x.v, x.tau, x.ext[0].force, extra, added, of_a);
-        b->implicit(NULL, x.q, x.v, x.tau, x.ext[0].force, extra, added, of_b);
-        assert_memory_equal(of_a, of_b, nv);
-        a->forward(NULL, x.q, x.v, x.tau, x.ext[0].force, of_a);
-        b->forward(NULL, x.q, x.v, x.tau, x.ext[0].force, of_b);
-        assert_memory_equal(of_a, of_b, nv);
-        a->inverse(NULL, x.q, x.v, of_a, NULL, of_a + VELOCITIES);
-        b->inverse(NULL, x.q, x.v, of_a, NULL, of_b + VELOCITIES);
-        assert_memory_equal(of_a + VELOCITIES, of_b + VELOCITIES, nv);
-        a->kinematics(x.q, x.v, pose_a, of_a);
-        b->kinematics(x.q, x.v, pose_b, of_b);
-        assert_memory_equal(pose_a, pose_b, a->npose * sizeof *pose_a);
-        a->velocities(x.q, pose_a, of_a);
-        b->velocities(x.q, pose_b, of_b);
-        for (uint32_t o = 0; o < a->nobserved; o++) {
-            assert_memory_equal(of_a + 18 * a->observed[o], of_b + 18 * a->observed[o],
-                                18 * sizeof(double));
-        }
-        a->acceleration(x.v, x.q, pose_a, of_a);
-        b->acceleration(x.v, x.q, pose_b, of_b);
-        for (uint32_t o = 0; o < a->nobserved; o++) {
-            assert_memory_equal(of_a + 6 * a->observed[o], of_b + 6 * a->observed[o],
-                                6 * sizeof(double));
-        }
-        a->energy(NULL, x.q, x.v, of_a);
-        b->energy(NULL, x.q, x.v, of_b);
-        assert_memory_equal(of_a, of_b, 2 * sizeof(double));
+#define NOTE(part, count)                                                                          \
+    worst->part = fmax(worst->part, relative_difference(found->part, expected->part, count))
+    NOTE(forward, n);
+    NOTE(wrenches, n);
+    NOTE(implicit, n);
+    NOTE(inverse, n);
+    NOTE(energy, 2);
+#undef NOTE
+    for (uint32_t o = 0; o < module->nobserved; o++) {
+        int b = module->observed[o];
+
+        worst->motion = fmax(worst->motion, relative_difference(found->motion + 18 * b,
+                                                                expected->motion + 18 * b, 18));
+        worst->motion = fmax(worst->motion, relative_difference(found->speed + 18 * b + 12,
+                                                                expected->speed + 18 * b + 12, 6));
+        worst->rates = fmax(worst->rates,
+                            relative_difference(found->rates + 6 * b, expected->rates + 6 * b, 6));
     }
 }
 
-TEST_WITH(built_in_modules_have_the_same_bits_in_every_variant, open_folder, close_folder)
+/* The module in each of its variants against the numeric algorithms, and against one another to the
+ * bit: observed bodies' entries only. */
+static void compare_module(const struct robot *robot, const struct dynamics_module *module)
 {
-    static const char *const robots[] = {COMAN, HIL_SOURCE_DIR "/config/robots/walkman.yaml"};
+    static double extra[RANDOM_JOINTS], added[21 * BODIES];
+    static struct answers expected, found, first;
+
+    for (const struct dynamics_module *variant = module; variant; variant = variant->plainer) {
+        struct dynamics generic, generated, best;
+        struct worst worst = {0};
+        struct error error;
+        uint64_t seed = 41;
+
+        if (dynamics_generic(robot, &arena, &generic, &error) ||
+            dynamics_generated(robot, variant, &arena, &generated, &error) ||
+            dynamics_generated(robot, module, &arena, &best, &error)) {
+            fail_msg("%s", error.text);
+        }
+        for (int n = 0; n < STATES; n++) {
+            double vdot[VELOCITIES];
+            struct random_state x;
+
+            random_state_make(&seed, robot, &x);
+            random_added(&seed, extra, added);
+            /* Some angles are beyond the fast reduction of sine and cosine */
+            if (n % 10 == 0 && robot->joint[robot->njoint - 1].type == JOINT_REVOLUTE) {
+                x.q[robot->nq - 1] *= 1e7;
+            }
+            generic.ops->forward(&generic, x.q, x.v, x.tau, x.ext, vdot);
+            answer(&generic, &x, extra, added, vdot, &expected);
+            answer(&generated, &x, extra, added, vdot, &found);
+            answer(&best, &x, extra, added, vdot, &first);
+            assert_memory_equal(&found, &first, sizeof found);
+            note_worst(&worst, robot, variant, &found, &expected);
+        }
+        print_message("# %s %s: forward %.1g, with wrenches %.1g, implicit %.1g, inverse %.1g, "
+                      "kinematics %.1g, accelerations %.1g, energy %.1g\n",
+                      robot->name, variant->variant, worst.forward, worst.wrenches, worst.implicit,
+                      worst.inverse, worst.motion, worst.rates, worst.energy);
+        assert_true(worst.forward <= 1e-12 && worst.wrenches <= 1e-12 && worst.implicit <= 1e-12);
+        assert_true(worst.inverse <= 1e-12 && worst.motion <= 1e-12 && worst.rates <= 1e-12);
+        assert_true(worst.energy <= 1e-12);
+    }
+}
+
+/* A built-in module of the robot in that file, with its own masses and with others. */
+static void compare_with_masses(const char *file)
+{
+    const struct robot *robot = load_robot(file);
+    uint64_t seed = 83;
+
+    assert_non_null(symbolic_builtin(robot));
+    compare_module(robot, symbolic_builtin(robot));
+    for (int n = 0; n < 3; n++) {
+        const struct robot *heavier = with_masses(robot, &seed);
+        const struct dynamics_module *module = symbolic_builtin(heavier);
+
+        assert_non_null(module);
+        compare_module(heavier, module);
+    }
+}
+
+TEST_WITH(coman_with_other_masses_is_the_numeric_algorithms, open_arena, close_arena)
+{
+    compare_with_masses(COMAN);
+}
+
+TEST_WITH(walkman_with_other_masses_is_the_numeric_algorithms, open_arena, close_arena)
+{
+    compare_with_masses(HIL_SOURCE_DIR "/config/robots/walkman.yaml");
+}
+
+TEST_WITH(hyq_with_other_masses_is_the_numeric_algorithms, open_arena, close_arena)
+{
+    compare_with_masses(HIL_SOURCE_DIR "/config/robots/hyq.yaml");
+}
+
+/* COMAN with forearms is COMAN with other masses. */
+TEST_WITH(a_module_with_inputs_serves_the_variants_of_a_robot, open_arena, close_arena)
+{
+    const struct robot *forearms = load_coman("forearms");
+    uint64_t seed = 89;
+
+    assert_int_equal(forearms->massless_hash, load_coman(NULL)->massless_hash);
+    assert_non_null(symbolic_builtin(with_masses(forearms, &seed)));
+}
+
+TEST_WITH(a_robot_with_another_geometry_gets_none, open_arena, close_arena)
+{
+    const struct robot *coman = load_coman(NULL);
+    uint64_t seed = 101;
+    struct robot *longer = with_masses(coman, &seed);
+    const struct dynamics_module *module = symbolic_builtin(longer);
+    struct dynamics d;
     struct error error;
 
-    for (size_t i = 0; i < ARRAY_COUNT(robots); i++) {
-        const struct dynamics_module *module;
-        const struct robot *robot;
+    longer->joint[3].origin[2] += 1e-9;
+    assert_int_equal(robot_finish(longer, &error), ERROR_NONE);
+    assert_true(longer->massless_hash != coman->massless_hash);
+    assert_null(symbolic_builtin(longer));
+    assert_int_equal(dynamics_generated(longer, module, &arena, &d, &error), ERROR_UNSUPPORTED);
+    assert_non_null(strstr(error.text, "another robot"));
+    assert_non_null(strstr(error.text, "not only with other masses"));
+}
 
-        assert_int_equal(robot_load(robots[i], NULL, &arena, &robot, &error), ERROR_NONE);
-        module = symbolic_builtin(robot);
-        assert_non_null(module);
-        for (; module->plainer; module = module->plainer) {
-            assert_same_bits(robot, module, module->plainer);
-        }
+TEST_WITH(no_memory_is_said_only_of_memory, open_arena, close_arena)
+{
+    uint64_t seed = 113;
+    const struct robot *heavier = with_masses(load_coman(NULL), &seed);
+    struct error error;
+    struct arena small;
+    struct dynamics d;
+
+    assert_int_equal(arena_init(&small, 64, &error), ERROR_NONE);
+    while (arena_alloc(&small, 1, 64)) {
     }
-}
-
-TEST_WITH(coman_is_the_same_in_the_plain_variant, open_folder, close_folder)
-{
-    compare_variant("plain");
-}
-
-TEST_WITH(coman_is_the_same_in_the_avx2_variant, open_folder, close_folder)
-{
-    compare_variant("avx2");
-}
-
-TEST_WITH(coman_is_the_same_in_the_avx512_variant, open_folder, close_folder)
-{
-    compare_variant("avx512");
+    assert_int_equal(dynamics_generated(heavier, symbolic_builtin(heavier), &small, &d, &error),
+                     ERROR_MEMORY);
+    assert_non_null(strstr(error.text, "no memory"));
+    arena_fini(&small);
 }
 
 /* Distance of value from exact in units of the last place of exact. */
@@ -270,7 +257,7 @@ static double ulps(double value, long double exact)
                     (long double)(nextafter(fabs(near), 2.0) - fabs(near)));
 }
 
-TEST_WITH(sine_and_cosine_are_right_to_the_last_place, open_folder, close_folder)
+TEST_WITH(sine_and_cosine_are_right_to_the_last_place, open_arena, close_arena)
 {
     const struct robot *robot = load_coman(NULL);
     _Alignas(64) double x[8], sine[8], cosine[8];
@@ -301,7 +288,7 @@ TEST_WITH(sine_and_cosine_are_right_to_the_last_place, open_folder, close_folder
     }
 }
 
-TEST_WITH(far_angles_infinities_and_nan_are_those_of_libm, open_folder, close_folder)
+TEST_WITH(far_angles_infinities_and_nan_are_those_of_libm, open_arena, close_arena)
 {
     const struct robot *robot = load_coman(NULL);
     _Alignas(64) const double x[8] = {0.0, 1e22, -1e9, INFINITY, -INFINITY, NAN, 1.0, 2e5};
@@ -358,7 +345,7 @@ static double far_difference(const struct robot *robot, const struct dynamics_mo
 
 /* COMAN's working frames have offsets of 20 degrees between them and the joints' own zeros: were
  * they added to the angles, the sums would be rounded to the last place of 3e7 rad, 4e-9. */
-TEST_WITH(joints_that_turn_for_ever_keep_their_accuracy, open_folder, close_folder)
+TEST_WITH(joints_that_turn_for_ever_keep_their_accuracy, open_arena, close_arena)
 {
     static const double size[] = {3.0, 3e5, 3e7, 1e12, 1e15};
     const struct robot *robot = load_coman(NULL);
@@ -383,7 +370,24 @@ static void need_compiler(void)
     }
 }
 
-TEST_WITH(small_trees_compiled_here_have_the_same_equations, open_folder, close_folder)
+/* Compares a module that is compiled here with the numeric algorithms. */
+static void compare_compiled(const struct robot *robot, const struct robot *heavier,
+                             const struct symbolic_options *options)
+{
+    struct symbolic_library library;
+    struct error error;
+
+    if (symbolic_compile(robot, options, "-O1", &library, &error)) {
+        fail_msg("%s", error.text);
+    }
+    compare_module(robot, library.module);
+    if (heavier) {
+        compare_module(heavier, library.module);
+    }
+    symbolic_close(&library);
+}
+
+TEST_WITH(small_trees_compiled_here_have_the_same_equations, open_arena, close_arena)
 {
     uint64_t seed = 51;
     struct random_tree tree;
@@ -392,8 +396,7 @@ TEST_WITH(small_trees_compiled_here_have_the_same_equations, open_folder, close_
     need_compiler();
     int made = 0;
     for (int tries = 0; made < 3 && tries < 1000; tries++) {
-        const struct symbolic_options options = {.lanes = 4, .fast_compile = true};
-        struct symbolic_library library;
+        const struct symbolic_options options = {.lanes = 4};
 
         assert_int_equal(made % 2 ? limbed_tree_make(&seed, &tree, &error)
                                   : random_tree_make(&seed, &tree, &error),
@@ -401,23 +404,18 @@ TEST_WITH(small_trees_compiled_here_have_the_same_equations, open_folder, close_
         if (tree.robot.njoint > (made % 2 ? 24 : 5)) {
             continue;
         }
-        if (symbolic_build(&tree.robot, &options, folder, &library, &error)) {
-            fail_msg("%s", error.text);
-        }
-        compare_variants(&tree.robot, library.module, 50);
-        symbolic_close(&library);
+        compare_compiled(&tree.robot, NULL, &options);
         made++;
     }
     assert_int_equal(made, 3);
 }
 
 /* Functions beyond some thousand operations are cut into pieces: a chain that is long enough. */
-TEST_WITH(long_functions_compute_the_same_in_pieces, open_folder, close_folder)
+TEST_WITH(long_functions_compute_the_same_in_pieces, open_arena, close_arena)
 {
-    const struct symbolic_options options = {.lanes = 4, .fast_compile = true};
+    const struct symbolic_options options = {.lanes = 4};
     static struct random_tree tree;
     struct symbolic_report report;
-    struct symbolic_library library;
     struct robot *robot = &tree.robot;
     struct error error;
     uint64_t seed = 57;
@@ -449,11 +447,29 @@ TEST_WITH(long_functions_compute_the_same_in_pieces, open_folder, close_folder)
     assert_int_equal(symbolic_generate(robot, &options, nowhere, &report, &error), ERROR_NONE);
     fclose(nowhere);
     assert_true(report.count[0].operations > 4000);
-    if (symbolic_build(robot, &options, folder, &library, &error)) {
-        fail_msg("%s", error.text);
-    }
-    compare_variants(robot, library.module, 50);
-    symbolic_close(&library);
+    compare_compiled(robot, NULL, &options);
+}
+
+/* A fixed base with a slide among its joints, compiled here with masses as inputs. */
+TEST_WITH(a_fixed_base_with_a_slide_takes_masses_as_inputs, open_arena, close_arena)
+{
+    const struct symbolic_options options = {.lanes = 4, .inertia_inputs = true};
+    struct random_tree tree;
+    struct error error;
+    uint64_t seed = 127;
+    bool slides;
+    int tries = 0;
+
+    need_compiler();
+    do {
+        slides = false;
+        assert_int_equal(limbed_tree_make(&seed, &tree, &error), ERROR_NONE);
+        for (size_t j = 0; j < tree.robot.njoint; j++) {
+            slides = slides || tree.joint[j].type == JOINT_PRISMATIC;
+        }
+    } while (++tries < 1000 && (tree.robot.floating || !slides || tree.robot.njoint > 24));
+    assert_true(tries < 1000);
+    compare_compiled(&tree.robot, with_masses(&tree.robot, &seed), &options);
 }
 
 static void make_pendulum(struct random_tree *tree)
@@ -469,12 +485,11 @@ static void make_pendulum(struct random_tree *tree)
 static void assert_clean(const struct robot *robot)
 {
     const struct symbolic_options options = {.lanes = 4};
-    char path[128], command[256];
+    char path[] = "/tmp/hil-clean-XXXXXX", command[256];
     struct error error;
     FILE *file;
 
-    snprintf(path, sizeof path, "%s/clean.c", folder);
-    file = fopen(path, "w");
+    file = fdopen(mkstemp(path), "w");
     assert_non_null(file);
     if (symbolic_generate(robot, &options, file, NULL, &error)) {
         fail_msg("%s", error.text);
@@ -482,12 +497,13 @@ static void assert_clean(const struct robot *robot)
     fclose(file);
     snprintf(command, sizeof command,
              "cc -std=gnu11 -Wall -Wextra -Wshadow -Wundef -Wmissing-prototypes -Werror "
-             "-fsyntax-only '%s'",
+             "-fsyntax-only -x c '%s'",
              path);
     assert_int_equal(system(command), 0);
+    unlink(path);
 }
 
-TEST_WITH(generated_code_compiles_without_warnings, open_folder, close_folder)
+TEST_WITH(generated_code_compiles_without_warnings, open_arena, close_arena)
 {
     uint64_t seed = 61;
     struct random_tree tree;
@@ -508,7 +524,22 @@ TEST_WITH(generated_code_compiles_without_warnings, open_folder, close_folder)
     assert_clean(&tree.robot);
 }
 
-TEST_WITH(a_module_of_another_robot_is_refused, open_folder, close_folder)
+TEST_WITH(a_compiler_that_fails_makes_no_module, open_arena, close_arena)
+{
+    const struct symbolic_options options = {.lanes = 4};
+    struct symbolic_library library;
+    struct random_tree tree;
+    struct error error;
+
+    make_pendulum(&tree);
+    assert_int_equal(
+        symbolic_compile(&tree.robot, &options, "-fno-such-flag 2>/dev/null", &library, &error),
+        ERROR_UNSUPPORTED);
+    assert_non_null(strstr(error.text, "(cc) made no module"));
+    assert_null(library.handle);
+}
+
+TEST_WITH(a_module_of_another_robot_is_refused, open_arena, close_arena)
 {
     const struct robot *coman = load_coman(NULL);
     struct random_tree tree;

@@ -473,8 +473,7 @@ TEST_WITH(coman_stays_within_its_budget_of_operations, open_arena, close_arena)
         assert_true((double)report.count[DERIVE_IMPLICIT].operations <=
                     1.35 * (double)report.count[DERIVE_FORWARD].operations);
     }
-    /* Legs and arms side by side, in functions as long as the compiler likes them best */
-    assert_false(report.large);
+    /* Legs and arms side by side */
     assert_int_equal(report.groups, 10);
 }
 
