@@ -155,6 +155,20 @@ bool yaml_has(const struct yaml_mark *mapping, const char *path);
 void yaml_override(const struct yaml_schema *schema, const struct yaml_mark *mapping,
                    const void *from, void *to);
 
+/* Names in an array of structs. */
+struct yaml_names {
+    const void *array;
+    size_t count, stride, offset; /* offset: of the name in a struct */
+};
+
+#define YAML_NAMES(array, count, member)                                                           \
+    ((struct yaml_names){(array), (count), sizeof *(array), offsetof(__typeof__(*(array)), member)})
+
+/* Finds the index of a name that a value at mark says. The error says that what ("joint") is
+ * unknown, and the nearest name or all. */
+enum error_code yaml_find_name(struct yaml_names names, const char *what, const char *name,
+                               const struct yaml_mark *mark, int *index, struct error *error);
+
 /* Resolves a file reference: relative to the directory of mark->file, no absolute path, and not
  * outside the configuration tree, which is the parent of that directory. The path is in the
  * arena. */

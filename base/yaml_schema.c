@@ -20,6 +20,7 @@
 enum {
     SCRATCH = 64 << 20, /* nodes and their text: 2 * 64 bytes a node and the file's text */
     MAX_WORDS = 128,    /* keys or enum words offered to text_nearest */
+    MAX_NAMES = 512,    /* names offered to it */
 };
 
 /* ---- messages ---- */
@@ -543,6 +544,35 @@ void yaml_override(const struct yaml_schema *schema, const struct yaml_mark *map
             }
         }
     }
+}
+
+enum error_code yaml_find_name(struct yaml_names names, const char *what, const char *name,
+                               const struct yaml_mark *mark, int *index, struct error *error)
+{
+    const char *words[MAX_NAMES], *nearest;
+    char text[YAML_SHOWN + 4], list[256];
+    size_t count = names.count < MAX_NAMES ? names.count : MAX_NAMES;
+
+    for (size_t i = 0; i < names.count; i++) {
+        const char *entry = (const char *)names.array + i * names.stride + names.offset;
+        const char *word = *(const char *const *)(const void *)entry;
+
+        if (strcmp(word, name) == 0) {
+            *index = (int)i;
+            return ERROR_NONE;
+        }
+        if (i < count) {
+            words[i] = word;
+        }
+    }
+    nearest = text_nearest(name, words, count);
+    yaml_join_words(words, count, list, sizeof list);
+    return yaml_error(error, mark, "found unknown %s \"%s\", expected %s%.250s%s", what,
+                      yaml_shown(name, text), nearest ? "\"" : "",
+                      nearest ? nearest
+                      : *list ? list
+                              : "none",
+                      nearest ? "\"" : "");
 }
 
 /* ---- entry points ---- */

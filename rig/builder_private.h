@@ -85,18 +85,11 @@ enum error_code rig_check_drives(struct rig_builder *b);
 
 enum error_code rig_no_memory(struct rig_builder *b);
 
-/* Array of structs that have a name. */
-struct rig_names {
-    const void *array;
-    size_t count, stride, offset;
-};
+#define RIG_NAMES(array, count) YAML_NAMES(array, count, name)
 
-#define RIG_NAMES(array, count)                                                                    \
-    ((struct rig_names){(array), (count), sizeof *(array), offsetof(__typeof__(*(array)), name)})
-
-/* Looks a name up; the error says `what` ("joint") is unknown and which name is nearest. */
+/* Finds a name (yaml_find_name). */
 enum error_code rig_find(struct rig_builder *b, const struct yaml_mark *mark, const char *what,
-                         const char *name, struct rig_names names, int *index);
+                         const char *name, struct yaml_names names, int *index);
 
 /* Checks the characters of a name, which is used in messages, on command lines and in file names.
  * */

@@ -18,8 +18,6 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { MAX_NAMES = 512 /* offered to text_nearest */ };
-
 /* ---- helpers ---- */
 
 enum error_code rig_no_memory(struct rig_builder *b)
@@ -28,37 +26,10 @@ enum error_code rig_no_memory(struct rig_builder *b)
                      b->raw->mark.file);
 }
 
-/* Returns a name of an array. */
-static const char *rig_name_at(const struct rig_names *names, size_t i)
-{
-    const unsigned char *entry = (const unsigned char *)names->array + i * names->stride;
-
-    return *(const char *const *)(const void *)(entry + names->offset);
-}
-
 enum error_code rig_find(struct rig_builder *b, const struct yaml_mark *mark, const char *what,
-                         const char *name, struct rig_names names, int *index)
+                         const char *name, struct yaml_names names, int *index)
 {
-    const char *words[MAX_NAMES], *nearest;
-    size_t count = 0;
-
-    /* The name, or the nearest one for the message */
-    for (size_t i = 0; i < names.count; i++) {
-        if (!strcmp(rig_name_at(&names, i), name)) {
-            *index = (int)i;
-            return ERROR_NONE;
-        }
-        if (count < MAX_NAMES) {
-            words[count++] = rig_name_at(&names, i);
-        }
-    }
-    nearest = text_nearest(name, words, count);
-    if (nearest) {
-        return yaml_error(b->error, mark, "found unknown %s \"%.60s\", expected \"%.60s\"", what,
-                          name, nearest);
-    }
-    return yaml_error(b->error, mark, "found unknown %s \"%.60s\", expected one of %zu that exist",
-                      what, name, count);
+    return yaml_find_name(names, what, name, mark, index, b->error);
 }
 
 enum error_code rig_check_name(struct rig_builder *b, const struct yaml_mark *mark,
@@ -251,8 +222,7 @@ static enum error_code gains_override_joints(struct rig_builder *b, const struct
                                              const struct yaml_name **changed)
 {
     const struct rig *rig = b->rig;
-    const struct rig_names axes = {rig->axis, rig->naxis, sizeof *rig->axis,
-                                   offsetof(struct host_axis, joint)};
+    const struct yaml_names axes = YAML_NAMES(rig->axis, rig->naxis, joint);
 
     for (size_t n = 0; n < raw->njoint; n++) {
         const struct yaml_name *name = &raw->joint[n];

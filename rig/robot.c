@@ -12,29 +12,17 @@
 #include <unistd.h>
 
 /* Replaces series springs of the robot by those of the rig. */
-static enum error_code rig_replace_springs(struct rig_builder *b)
+static enum error_code rig_replace_springs(struct rig_builder *b, struct robot *robot)
 {
     const struct raw_robot *raw = &b->raw->robot;
-    struct robot *robot;
-    enum error_code code;
     int index;
-
-    if (!raw->nspring) {
-        return ERROR_NONE;
-    }
-
-    /* The robot file's own stays as it is */
-    code = robot_copy(b->robot, b->arena, &robot, b->error);
-    if (code) {
-        return code;
-    }
 
     /* Only a joint with a drive has a spring */
     for (size_t i = 0; i < raw->nspring; i++) {
         const struct raw_spring *spring = &raw->spring[i];
+        enum error_code code = rig_find(b, &spring->mark, "joint", spring->joint,
+                                        RIG_NAMES(robot->joint, robot->njoint), &index);
 
-        code = rig_find(b, &spring->mark, "joint", spring->joint,
-                        RIG_NAMES(robot->joint, robot->njoint), &index);
         if (code) {
             return code;
         }
@@ -46,10 +34,7 @@ static enum error_code rig_replace_springs(struct rig_builder *b)
         robot->joint[index].sea.Ks = spring->Ks_nm_rad;
         robot->joint[index].sea.Ds = spring->Ds_nm_s_rad;
     }
-
-    /* Another robot: derived quantities and the hash anew */
-    b->robot = robot;
-    return robot_finish(robot, b->error);
+    return ERROR_NONE;
 }
 
 /* Adds a point mass at p, in the frame of the inertia, which is about its center of mass. */
@@ -81,35 +66,21 @@ static enum error_code rig_hang_tool(struct rig_builder *b, struct robot_ft_sens
 }
 
 /* Hangs what the rig says on the force-torque sensors: on all, then on single ones. */
-static enum error_code rig_hang_tools(struct rig_builder *b)
+static enum error_code rig_hang_tools(struct rig_builder *b, struct robot *robot)
 {
     const struct raw_sensors *raw = &b->raw->sensors;
-    bool given = yaml_has(&raw->every_ft.mark, "tool");
-    struct robot *robot;
-    enum error_code code;
+    enum error_code code = ERROR_NONE;
     int index;
 
-    for (size_t i = 0; i < raw->nft; i++) {
-        given = given || yaml_has(&raw->ft[i].mark, "tool");
-    }
-    if (!given) {
-        return ERROR_NONE;
-    }
-
-    /* The robot file's own stays as it is */
-    code = robot_copy(b->robot, b->arena, &robot, b->error);
-    for (size_t f = 0; yaml_has(&raw->every_ft.mark, "tool") && f < b->robot->nft && !code; f++) {
+    for (size_t f = 0; yaml_has(&raw->every_ft.mark, "tool") && f < robot->nft && !code; f++) {
         code = rig_hang_tool(b, &robot->ft[f], &raw->every_ft);
     }
     for (size_t i = 0; i < raw->nft && !code; i++) {
         code = rig_find(b, &raw->ft[i].mark, "F/T sensor", raw->ft[i].sensor.name,
-                        RIG_NAMES(b->robot->ft, b->robot->nft), &index);
+                        RIG_NAMES(robot->ft, robot->nft), &index);
         if (!code && yaml_has(&raw->ft[i].mark, "tool")) {
             code = rig_hang_tool(b, &robot->ft[index], &raw->ft[i]);
         }
-    }
-    if (!code) {
-        b->robot = robot;
     }
     return code;
 }
@@ -140,17 +111,12 @@ static enum error_code rig_hang_mass(struct rig_builder *b, struct robot *robot,
 }
 
 /* Adds point masses at the centers of mass of bodies. */
-static enum error_code rig_add_masses(struct rig_builder *b)
+static enum error_code rig_add_masses(struct rig_builder *b, struct robot *robot)
 {
     const struct raw_robot *raw = &b->raw->robot;
-    struct robot *robot;
-    enum error_code code;
+    enum error_code code = ERROR_NONE;
     int index;
 
-    if (!raw->nmass) {
-        return ERROR_NONE;
-    }
-    code = robot_copy(b->robot, b->arena, &robot, b->error);
     /* Every mass, positive or negative, leaves the body some */
     for (size_t i = 0; i < raw->nmass && !code; i++) {
         const struct yaml_real_entry *added = &raw->mass[i];
@@ -171,16 +137,36 @@ static enum error_code rig_add_masses(struct rig_builder *b)
         inertia->mass += added->value;
         code = rig_hang_mass(b, robot, index, added);
     }
+    return code;
+}
+
+/* Changes the robot where the rig says so, in a copy: the robot file's own stays as it is. */
+static enum error_code rig_change_robot(struct rig_builder *b)
+{
+    const struct raw_robot *raw = &b->raw->robot;
+    const struct raw_sensors *sensors = &b->raw->sensors;
+    struct robot *robot;
+    enum error_code code;
+
+    if (!raw->nspring && !raw->nmass && !sensors->nft &&
+        !yaml_has(&sensors->every_ft.mark, "tool")) {
+        return ERROR_NONE;
+    }
+    code = robot_copy(b->robot, b->arena, &robot, b->error);
+    code = code ? code : rig_replace_springs(b, robot);
+    code = code ? code : rig_hang_tools(b, robot);
+    code = code ? code : rig_add_masses(b, robot);
     if (code) {
         return code;
     }
+
     /* Derived quantities and the hash follow */
     b->robot = robot;
-    return robot_finish(robot, b->error)
-               ? error_prefix(b->error, "%s:%d:%d: with the masses that are added",
-                              raw->mass[0].mark.file, raw->mass[0].mark.line,
-                              raw->mass[0].mark.column)
-               : ERROR_NONE;
+    code = robot_finish(robot, b->error);
+    return code && raw->nmass ? error_prefix(b->error, "%s:%d:%d: with the masses that are added",
+                                             raw->mass[0].mark.file, raw->mass[0].mark.line,
+                                             raw->mass[0].mark.column)
+                              : code;
 }
 
 /* Finds the robot's file: a path from the rig's folder, or a name alone. */
@@ -208,9 +194,7 @@ enum error_code rig_build_robot(struct rig_builder *b)
         access(path, R_OK)) {
         error_prefix(b->error, "%s:%d:%d", mark->file, mark->line, mark->column);
     }
-    code = code ? code : rig_replace_springs(b);
-    code = code ? code : rig_hang_tools(b);
-    code = code ? code : rig_add_masses(b);
+    code = code ? code : rig_change_robot(b);
     if (code) {
         return code;
     }

@@ -2,63 +2,25 @@
 /* Finds the names that a scenario uses in its rig. */
 #include "app/scenario/private.h"
 
-#include "base/text.h"
 #include "rig/rig.h"
 
-#include <stdio.h>
 #include <string.h>
 
 enum { NAMES_MAX = 256 };
-
-/* Finds name among names; *index is its place. what and expected are words of the message: "bus",
- * the names, or "one of the rig's". */
-static enum error_code bind_name(const char *const *names, size_t count, const char *name,
-                                 const char *what, const char *expected,
-                                 const struct yaml_mark *mark, int *index, struct error *error)
-{
-    const char *nearest;
-
-    for (size_t i = 0; i < count; i++) {
-        if (strcmp(names[i], name) == 0) {
-            *index = (int)i;
-            return ERROR_NONE;
-        }
-    }
-    nearest = text_nearest(name, names, count);
-    return yaml_error(error, mark, "found %s \"%.60s\", expected %s%s%s%s", what, name, expected,
-                      nearest ? "; did you mean \"" : "", nearest ? nearest : "",
-                      nearest ? "\"?" : "");
-}
 
 /* Finds the index of a bus. */
 static enum error_code bind_bus(const struct rig *rig, const char *name,
                                 const struct yaml_mark *mark, int *index, struct error *error)
 {
-    const char *names[NAMES_MAX];
-    char list[256] = "one of ";
-    size_t count = 0, used = strlen(list);
-
-    for (; count < rig->nbus && count < NAMES_MAX; count++) {
-        names[count] = rig->bus[count].name;
-        if (used < sizeof list) {
-            used += (size_t)snprintf(list + used, sizeof list - used, "%s%s", count ? ", " : "",
-                                     names[count]);
-        }
-    }
-    return bind_name(names, count, name, "bus", list, mark, index, error);
+    return yaml_find_name(YAML_NAMES(rig->bus, rig->nbus, name), "bus", name, mark, index, error);
 }
 
 /* Finds the index of a driven joint among the rig's axes. */
 static enum error_code bind_axis(const struct rig *rig, const char *name,
                                  const struct yaml_mark *mark, int *index, struct error *error)
 {
-    const char *names[NAMES_MAX];
-    size_t count = 0;
-
-    for (; count < rig->naxis && count < NAMES_MAX; count++) {
-        names[count] = rig->axis[count].joint;
-    }
-    return bind_name(names, count, name, "joint", "a driven one", mark, index, error);
+    return yaml_find_name(YAML_NAMES(rig->axis, rig->naxis, joint), "driven joint", name, mark,
+                          index, error);
 }
 
 /* Finds the index of a body: the robot's bodies, then the free ones. */
@@ -74,7 +36,8 @@ static enum error_code bind_body(const struct rig *rig, const char *name,
     for (size_t i = 0; i < rig->nfree && count < NAMES_MAX; i++) {
         names[count++] = rig->free[i].name;
     }
-    return bind_name(names, count, name, "body", "one of the rig's", mark, index, error);
+    return yaml_find_name((struct yaml_names){names, count, sizeof *names, 0}, "body", name, mark,
+                          index, error);
 }
 
 /* Refuses a stimulus that is repeated more often than there are ticks. */

@@ -122,18 +122,11 @@ static int find_label(const struct scenario *scenario, const char *name)
 static enum error_code resolve_after(const struct scenario *scenario, const char *after,
                                      const struct yaml_mark *mark, int *index, struct error *error)
 {
-    const char *nearest;
+    const struct yaml_names labels = {scenario->label, scenario->nlabel, sizeof *scenario->label,
+                                      0};
 
-    *index = after ? find_label(scenario, after) : SCENARIO_LABEL_START;
-    if (*index >= 0) {
-        return ERROR_NONE;
-    }
-    nearest = text_nearest(after, scenario->label, scenario->nlabel);
-    return yaml_error(error, mark,
-                      "found after: \"%.60s\", expected start, ready, clean_up or the label of a "
-                      "stimulus%s%s%s",
-                      after, nearest ? "; did you mean \"" : "", nearest ? nearest : "",
-                      nearest ? "\"?" : "");
+    *index = SCENARIO_LABEL_START;
+    return after ? yaml_find_name(labels, "label", after, mark, index, error) : ERROR_NONE;
 }
 
 /* ---- stimuli ---- */
@@ -382,28 +375,16 @@ static enum error_code check_expectations(struct scenario *scenario, struct erro
 
 /* ---- mutations ---- */
 
-/* Checks that an expectation of that name exists. */
-static enum error_code check_fails(const struct scenario *scenario, const struct yaml_name *fails,
-                                   struct error *error)
-{
-    const char *names[SCENARIO_EXPECTATIONS_MAX], *nearest;
-
-    for (size_t i = 0; i < scenario->nexpectation; i++) {
-        names[i] = scenario->expectation[i].name;
-        if (strcmp(names[i], fails->name) == 0) {
-            return ERROR_NONE;
-        }
-    }
-    nearest = text_nearest(fails->name, names, scenario->nexpectation);
-    return yaml_error(error, &fails->mark,
-                      "found \"%.60s\", expected the name of an expectation%s%s%s", fails->name,
-                      nearest ? "; did you mean \"" : "", nearest ? nearest : "",
-                      nearest ? "\"?" : "");
-}
-
 /* Checks each mutation: a fault or left-out stimuli, and the expectations that must fail. */
 static enum error_code check_mutations(const struct scenario *scenario, struct error *error)
 {
+    const struct yaml_names expectations =
+        YAML_NAMES(scenario->expectation, scenario->nexpectation, name);
+    const struct yaml_names labels = {scenario->label + SCENARIO_LABELS,
+                                      scenario->nlabel - SCENARIO_LABELS, sizeof *scenario->label,
+                                      0};
+    int unused;
+
     if (scenario->nmutation > SCENARIO_MUTATIONS_MAX) {
         return yaml_error(error, &scenario->mark, "found %zu mutations, expected at most %d",
                           scenario->nmutation, SCENARIO_MUTATIONS_MAX);
@@ -418,17 +399,13 @@ static enum error_code check_mutations(const struct scenario *scenario, struct e
         }
 
         /* The runner's own labels cannot be left out */
-        if (mutation->without && find_label(scenario, mutation->without) < SCENARIO_LABELS) {
-            const char *nearest = text_nearest(mutation->without, scenario->label + SCENARIO_LABELS,
-                                               scenario->nlabel - SCENARIO_LABELS);
-
-            return yaml_error(error, &mutation->mark,
-                              "found without: \"%.60s\", expected the label of a stimulus%s%s%s",
-                              mutation->without, nearest ? "; did you mean \"" : "",
-                              nearest ? nearest : "", nearest ? "\"?" : "");
+        if (mutation->without && yaml_find_name(labels, "label of a stimulus", mutation->without,
+                                                &mutation->mark, &unused, error)) {
+            return ERROR_INPUT;
         }
         for (size_t k = 0; k < mutation->nfail; k++) {
-            if (check_fails(scenario, &mutation->fails[k], error)) {
+            if (yaml_find_name(expectations, "expectation", mutation->fails[k].name,
+                               &mutation->fails[k].mark, &unused, error)) {
                 return ERROR_INPUT;
             }
         }

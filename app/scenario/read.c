@@ -145,24 +145,15 @@ static enum error_code check_parameters(const struct parameters *given, size_t *
 static enum error_code check_given(const char *name, const struct parameters *parameters,
                                    struct error *error)
 {
-    for (size_t i = 0; i < parameters->ngiven; i++) {
-        const char *known[SCENARIO_PARAMETERS_MAX], *nearest;
-        size_t k = 0;
+    const struct yaml_names known = YAML_NAMES(parameters->parameter, parameters->count, name);
+    const struct yaml_mark nowhere = {0};
+    int unused;
 
-        while (k < parameters->count &&
-               strcmp(parameters->parameter[k].name, parameters->given[i].name) != 0) {
-            known[k] = parameters->parameter[k].name;
-            k++;
+    for (size_t i = 0; i < parameters->ngiven; i++) {
+        if (yaml_find_name(known, "parameter", parameters->given[i].name, &nowhere, &unused,
+                           error)) {
+            return error_prefix(error, "%.200s", name);
         }
-        if (k < parameters->count) {
-            continue;
-        }
-        nearest = text_nearest(parameters->given[i].name, known, k);
-        return error_set(
-            error, ERROR_INPUT,
-            "%.200s: found no parameter \"%.40s\", expected one of this scenario%s%s%s", name,
-            parameters->given[i].name, nearest ? "; did you mean \"" : "", nearest ? nearest : "",
-            nearest ? "\"?" : "");
     }
     return ERROR_NONE;
 }
@@ -221,25 +212,24 @@ static void value_in(const struct parameters *given, size_t index, size_t number
     }
 }
 
-/* Refuses ${NAME} of no parameter, at its line and column. */
+/* Refuses ${NAME} of no parameter, or without its end, at its line and column. */
 static enum error_code unknown_parameter(const char *file, const char *text, size_t at,
                                          const char *name, const struct parameters *given,
                                          struct error *error)
 {
-    const char *names[SCENARIO_PARAMETERS_MAX], *nearest;
+    const struct yaml_names known = YAML_NAMES(given->parameter, given->count, name);
     struct yaml_mark mark = {.file = file, .line = 1, .column = 1};
+    enum error_code code;
+    int unused;
 
     for (size_t i = 0; i < at; i++) {
         mark.column = text[i] == '\n' ? 1 : mark.column + 1;
         mark.line += text[i] == '\n';
     }
-    for (size_t i = 0; i < given->count; i++) {
-        names[i] = given->parameter[i].name;
-    }
-    nearest = text_nearest(name, names, given->count);
-    return yaml_error(error, &mark, "found ${%.40s}, expected ${NAME} of a parameter%s%s%s", name,
-                      nearest ? "; did you mean \"" : "", nearest ? nearest : "",
-                      nearest ? "\"?" : "");
+    code = yaml_find_name(known, "parameter", name, &mark, &unused, error);
+    return code ? code
+                : yaml_error(error, &mark, "found ${%.40s without its end, expected ${%.40s}", name,
+                             name);
 }
 
 /* Copies the text with every ${NAME} replaced; out has room for EXPANDED_MAX bytes. */

@@ -37,22 +37,10 @@ enum error_code robot_unknown_name(struct robot_builder *b, const struct yaml_ma
                                    const char *what, const char *name, const void *array,
                                    size_t count, size_t stride)
 {
-    const char **names = arena_alloc(b->arena, count + 1, sizeof *names), *nearest;
+    const struct yaml_names names = {array, count, stride, offsetof(struct named, name)};
+    int unused;
 
-    if (!names) {
-        return robot_no_memory(b);
-    }
-    for (size_t i = 0; i < count; i++) {
-        names[i] = named_entry(array, stride, i)->name;
-    }
-    nearest = text_nearest(name, names, count);
-    if (nearest) {
-        return yaml_error(b->error, mark, "found unknown %s \"%s\", expected \"%s\"", what, name,
-                          nearest);
-    }
-    return yaml_error(b->error, mark,
-                      "found unknown %s \"%s\", expected one of the %zu in this file", what, name,
-                      count);
+    return yaml_find_name(names, what, name, mark, &unused, b->error);
 }
 
 /* Checks that names are words, and that no two of a list are the same. */

@@ -177,8 +177,7 @@ struct robot_builder {
 /* Returns the index of name in an array of named structs, each of stride bytes, or -1. */
 int find_named_entry(const void *array, size_t count, size_t stride, const char *name);
 
-/* Sets the error "found unknown WHAT", with the nearest of the names that there are, or that of an
- * arena that is used up; returns its code. */
+/* Sets the error of yaml_find_name for a name that is not among the named structs. */
 enum error_code robot_unknown_name(struct robot_builder *b, const struct yaml_mark *mark,
                                    const char *what, const char *name, const void *array,
                                    size_t count, size_t stride);

@@ -109,7 +109,7 @@ run 2 --plan sweep.yaml --output c.plan && says 'squat.yaml:14:27: found unknown
     run 2 --plan light.yaml --output c.plan &&
     says 'light.yaml:[0-9]*:[0-9]*: with mass_kg = -1.81.*squat.yaml:14:.*more than -1.80087 kg' &&
     sed 's/mass_kg/mass/' sweep.yaml >wrong.yaml && run 2 --plan wrong.yaml --output c.plan &&
-    says 'squat.yaml: found no parameter "mass"' && run 2 --plan sweep.yaml &&
+    says 'squat.yaml: found unknown parameter "mass"' && run 2 --plan sweep.yaml &&
     run 2 --plan --merge a.plan && run 2 --case 7 b.plan && says 'found case 7, expected 1 to 6' &&
     run 2 --case 1 sweep.yaml && says 'sweep.yaml:1: found no head' && [ ! -e c.plan ]
 result $? "what cannot be is refused where it stands"

@@ -84,6 +84,45 @@ TEST_WITH(a_key_that_is_given_is_known_to_be, open_arena, close_arena)
     assert_true(read_car("{mass_kg: 1, electric: false}").electric_given);
 }
 
+TEST_WITH(a_key_is_found_by_its_path, open_arena, close_arena)
+{
+    struct car car = read_car("{mass_kg: 1, engine: {power_w: 5}}");
+
+    assert_true(yaml_has(&car.mark, "mass_kg") && yaml_has(&car.mark, "engine.power_w"));
+    assert_false(yaml_has(&car.mark, "mass") || yaml_has(&car.mark, "engine.cylinders"));
+    assert_true(yaml_has(&car.engine.mark, "power_w"));
+    assert_int_equal(yaml_mark(&car.mark, "engine.power_w")->column, 32);
+    assert_int_equal(yaml_mark(&car.mark, "engine.cylinders")->column, 22);
+    assert_int_equal(yaml_mark(&car.mark, "doors")->column, 1);
+}
+
+TEST_WITH(what_a_mapping_gives_overrides_another_struct, open_arena, close_arena)
+{
+    struct car base = read_car("{mass_kg: 1, doors: 2, gears: [1, 2]}");
+    struct car car = read_car("{mass_kg: 3, gears: [4], origin_m: [5, 6, 7]}");
+
+    yaml_override(&car_schema, &car.mark, &car, &base);
+    assert_true(base.mass_kg == 3 && base.origin_m[2] == 7);
+    assert_int_equal(base.doors, 2);
+    assert_true(base.ngear == 1 && base.gears[0] == 4);
+}
+
+TEST_WITH(an_unknown_name_is_refused_with_the_nearest_or_all, open_arena, close_arena)
+{
+    struct car car = read_car("{mass_kg: 1, owners: [Ann, Bob]}");
+    const struct yaml_names names = YAML_NAMES(car.owners, car.nowner, name);
+    struct error error;
+    int index = -1;
+
+    assert_int_equal(yaml_find_name(names, "owner", "Bob", &car.mark, &index, &error), ERROR_NONE);
+    assert_int_equal(index, 1);
+    yaml_find_name(names, "owner", "Anne", &car.mark, &index, &error);
+    assert_string_equal(error.text, "f.yaml:1:1: found unknown owner \"Anne\", expected \"Ann\"");
+    yaml_find_name(names, "owner", "Zachary", &car.mark, &index, &error);
+    assert_string_equal(error.text,
+                        "f.yaml:1:1: found unknown owner \"Zachary\", expected Ann or Bob");
+}
+
 TEST_WITH(empty_lists_and_mappings_are_taken, open_arena, close_arena)
 {
     struct car car = read_car("{mass_kg: 1, gears: [], wheels: [], spares: {}, prices: {}}");

@@ -297,8 +297,7 @@ TEST_WITH(rejects_names_that_nothing_has, open_rig_tree, close_rig_tree)
     refused_with("[spare, hip]", "[spare, hipp]",
                  "31:49: found unknown joint \"hipp\", expected \"hip\"");
     refused_with("[spare, spare, hip]", "[pelvis_rotation]",
-                 "32:48: found unknown joint \"pelvis_rotation\", expected one of 3 that "
-                 "exist");
+                 "32:48: found unknown joint \"pelvis_rotation\", expected hip, knee or wag");
     refused_with("sensor: foot_ft", "sensor: foot_fr",
                  "37:43: found unknown F/T sensor \"foot_fr\", expected \"foot_ft\"");
     refused_with("{bus: right", "{bus: rigth",

@@ -169,8 +169,7 @@ TEST(what_cannot_be_is_refused_with_its_place)
     assert_rig_refused("simbody", "19:19: found robot_surfaces with engine simbody, which has no "
                                   "capsules; expected engine native");
     write_rig_and_robot("{material: stone}", "native");
-    assert_rig_refused("stone",
-                       "19:30: found unknown material \"stone\", expected one of 1 that exist");
+    assert_rig_refused("stone", "19:30: found unknown material \"stone\", expected rubber");
     write_rig_and_robot("{material: rubber, exclude: [{between: [shin, tap]}]}", "native");
     assert_rig_refused("tap", "19:65: found unknown surface \"tap\", expected \"tip\"");
     write_rig_and_robot("{}", "native");
