@@ -97,11 +97,9 @@ struct protocol {
     const char *limit_text;   /* behind a position beyond its limit: its unit and what follows */
 
     /* The page of the protocol. sections: titles, by message.section, NULL at the end; NULL: those
-     * of enum message_section. fd_text: above the frames that are others on CAN FD; NULL: there are
-     * none. print_appendix: NULL: none. */
+     * of enum message_section. print_appendix: NULL: none. */
     const char *help;
     const char *const *sections;
-    const char *fd_text;
     void (*print_appendix)(FILE *out);
 
     /* Writes the object dictionary of a board as an electronic data sheet (CiA 306) that is called

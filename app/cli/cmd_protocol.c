@@ -331,21 +331,6 @@ static void protocol_put_sections(struct protocol_frames *frames, FILE *out)
     }
 }
 
-/* Prints the frames of a CAN FD bus that a classic bus does not have, or has shorter. */
-static void protocol_put_fd(const struct protocol_frames *classic, FILE *out)
-{
-    static struct protocol_frames frames;
-
-    protocol_collect(&(struct boards_bus_config){.protocol = classic->protocol, .fd = true},
-                     &frames);
-    fprintf(out, "\n## On CAN FD buses\n\n%s\n", classic->protocol->fd_text);
-    for (size_t i = 0; i < frames.count; i++) {
-        if (!protocol_is_known(classic, &frames.frame[i].message)) {
-            protocol_put_frame(&frames, &frames.frame[i], out);
-        }
-    }
-}
-
 /* Prints the fault bits of an axis. */
 static void protocol_put_faults(const struct protocol *protocol, FILE *out)
 {
@@ -363,9 +348,6 @@ static void protocol_page_print(const struct protocol *protocol, FILE *out)
     options_wrap(protocol->help, 0, 0, out);
     protocol_collect(&(struct boards_bus_config){.protocol = protocol}, &frames);
     protocol_put_sections(&frames, out);
-    if (protocol->fd_text) {
-        protocol_put_fd(&frames, out);
-    }
     protocol_put_faults(protocol, out);
     if (protocol->print_appendix) {
         protocol->print_appendix(out);
