@@ -1,7 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The frames of a cia402 bus; see the header. */
-#include "boards/cia402/eds.h"
-#include "boards/cia402/frames.h"
 #include "boards/cia402/private.h"
 
 #include "base/array.h"
@@ -85,6 +83,19 @@ static const struct service {
     {"SYNC", CIA402_SYNC, true, 0, 1, NULL, NULL},
 };
 /* clang-format on */
+
+/* A frame of a bus as our host sets up its PDOs (struct cia402_plan). */
+struct cia402_frame {
+    const char *name;
+    uint32_t id;
+    bool from_host;
+    uint8_t length, repeats; /* how often the fields follow each other */
+    uint32_t cycle_ns;       /* 0: on demand */
+    const struct field *fields;
+    const char *answer; /* name of the frame that answers; NULL: none */
+    int axis;           /* that it is about; -1: none, or all */
+    bool list;          /* the fields follow each other for all axes of the node */
+};
 
 enum cia402_kind cia402_kind_of(const struct board_config *board)
 {

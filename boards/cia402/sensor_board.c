@@ -3,7 +3,6 @@
  * Nodes of sensors, in the manner of CiA 404: process values of six channels of force and torque,
  * or of the inertial sensor's acceleration, rate, orientation and magnetic field.
  */
-#include "boards/cia402/frames.h"
 #include "boards/cia402/private.h"
 
 #include "boards/sensing/inertial.h"

@@ -1,7 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The rows of the object dictionary, by index. */
-#include "boards/cia402/eds.h"
-#include "boards/cia402/frames.h"
 #include "boards/cia402/private.h"
 #include "boards/cia402/table.h"
 

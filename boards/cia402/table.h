@@ -2,14 +2,18 @@
 /*
  * The object dictionary of the cia402 nodes as one table: the SDO server, the PDO mapping, the EDS
  * file and the DBC read the same rows. A row is an object or, with count above 1, so many equal
- * sub-indices of one. Immutable; RT-safe.
+ * sub-indices of one. Immutable; RT-safe but for
+ * cia402_eds_write.
  */
 #ifndef BOARDS_CIA402_TABLE_H
 #define BOARDS_CIA402_TABLE_H
 
+#include "boards/board.h"
 #include "boards/cia402/protocol.h"
+#include "boards/field.h"
 
 #include <stddef.h>
+#include <stdio.h>
 
 /* CiA 301: object codes of data types */
 enum cia402_type {
@@ -89,5 +93,17 @@ int64_t cia402_highest(const struct cia402_object *object);
 
 /* Returns the row of an index of axis 0 and a sub-index; NULL: none. */
 const struct cia402_object *cia402_object_at(unsigned index, unsigned sub);
+
+/* Return the kind of a board, and the fields of a PDO of its plan: those of a mapped object,
+ * once where the plan has it for each axis. */
+enum cia402_kind cia402_kind_of(const struct board_config *board);
+const struct field *cia402_plan_fields(const struct cia402_plan *plan);
+
+/* Writes the object dictionary of a node as an electronic data sheet (CiA 306), with the factory's
+ * values that its configuration leads to, Node-ID open ($NODEID). board: one of a cia402 bus that
+ * boards_create takes; name: name of the file. Memory from arena while it writes. Write errors stay
+ * with out. */
+enum error_code cia402_eds_write(const struct board_config *board, const char *name,
+                                 struct arena *arena, FILE *out, struct error *error);
 
 #endif

@@ -5,8 +5,6 @@
  */
 #include "tests/unit/boards/cia402/cia402_bench.h"
 
-#include "boards/cia402/eds.h"
-#include "boards/cia402/frames.h"
 #include "boards/cia402/table.h"
 
 TEST(rows_are_in_order_and_have_initial_values_in_range)
