@@ -111,21 +111,6 @@ static void board_discard_replies(const struct board *board)
     }
 }
 
-/* Cuts the power of a board. */
-static void board_cut_power(struct board *board)
-{
-    board_discard_replies(board);
-    board->faults->without_power = true;
-    board->faults->hung = false;
-}
-
-/* Restores the power of a board, which boots as from cold. */
-static void board_restore_power(struct board *board)
-{
-    board->faults->without_power = false;
-    board_enter_bootloader(board, board->config.boot_ns);
-}
-
 /* ---- a firmware that hangs ---- */
 
 /* Begins a hang: the timers keep the duty that each bridge has now. */
@@ -220,9 +205,12 @@ enum board_health board_faults_control(struct board *board, struct plant_command
 
     /* The power comes or goes; with power the firmware may hang */
     if (off && !board->faults->without_power) {
-        board_cut_power(board);
+        board_discard_replies(board);
+        board->faults->without_power = true;
+        board->faults->hung = false;
     } else if (!off && board->faults->without_power) {
-        board_restore_power(board);
+        board->faults->without_power = false;
+        board_enter_bootloader(board, board->config.boot_ns);
     }
     hung = !off && board_step_hang(board, supply_v, command);
     board->away = off || gap || hung;

@@ -212,6 +212,15 @@ static inline void board_hear(struct board *board)
     board->heard_ns = board->boards->now_ns;
 }
 
+/* Returns whether frames of a period are due, and plans the next ones. */
+static inline bool board_is_due(const struct board *board, int64_t *next_ns, int64_t period_ns)
+{
+    int64_t late = board->boards->now_ns - *next_ns;
+
+    *next_ns += late < 0 ? 0 : (late / period_ns + 1) * period_ns;
+    return late >= 0;
+}
+
 /* Enters the bootloader for so long from now on, and leaves it. */
 void board_enter_bootloader(struct board *board, int64_t duration_ns);
 void board_leave_bootloader(struct board *board);

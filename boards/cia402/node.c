@@ -10,14 +10,6 @@
 
 enum { NODE_ID_MASK = 0x7f };
 
-/* Puts an error first in the history; a code of 0 tells that errors are gone and is not kept. */
-static void cia402_emcy_remember(struct cia402_node *node, unsigned code, unsigned axis)
-{
-    memmove(node->history + 1, node->history, (CIA402_HISTORY - 1) * sizeof *node->history);
-    node->history[0] = (int64_t)axis << 16 | code;
-    node->history_count += node->history_count < CIA402_HISTORY;
-}
-
 /* Queues an emergency message. */
 static void cia402_emcy_queue(struct cia402_node *node, unsigned code, unsigned axis,
                               uint32_t faults)
@@ -37,7 +29,9 @@ void cia402_emcy_raise(struct cia402_node *node, unsigned code, unsigned error_r
                        unsigned axis, uint32_t faults)
 {
     node->error_register |= error_register | CIA402_REGISTER_GENERIC;
-    cia402_emcy_remember(node, code, axis);
+    memmove(node->history + 1, node->history, (CIA402_HISTORY - 1) * sizeof *node->history);
+    node->history[0] = (int64_t)axis << 16 | code;
+    node->history_count += node->history_count < CIA402_HISTORY;
     cia402_emcy_queue(node, code, axis, faults);
 }
 
@@ -653,19 +647,16 @@ void cia402_nmt_command(struct cia402_node *node, unsigned command)
 
 /* ---- what others expect of the node ---- */
 
-/* Queues a heartbeat with a state. */
-static void cia402_nmt_tell_state(struct cia402_node *node, uint8_t data)
-{
-    board_queue(&node->board, CIA402_HEARTBEAT + node->board.address, 1, &data);
-}
-
 /* Answers node guarding with a bit that alternates; a heartbeat producer does not answer. */
 static void cia402_nmt_guard(struct cia402_node *node)
 {
+    uint8_t data;
+
     if (node->settings.producer_ms > 0) {
         return;
     }
-    cia402_nmt_tell_state(node, (uint8_t)(node->state | (node->guard_toggle ? 0x80 : 0)));
+    data = (uint8_t)(node->state | (node->guard_toggle ? 0x80 : 0));
+    board_queue(&node->board, CIA402_HEARTBEAT + node->board.address, 1, &data);
     node->guard_toggle = !node->guard_toggle;
     node->guarded = true;
     node->guard_lost = false;
@@ -703,12 +694,6 @@ enum cia402_abort cia402_nmt_write_producer(struct cia402_node *node,
 
 /* ---- what the node expects of others ---- */
 
-/* Returns the Node-ID whose heartbeat the node expects. */
-static unsigned cia402_nmt_producer(const struct cia402_node *node)
-{
-    return (unsigned)(node->settings.consumer >> 16);
-}
-
 enum cia402_abort cia402_nmt_write_consumer(struct cia402_node *node,
                                             const struct cia402_entry *entry, int64_t value)
 {
@@ -724,7 +709,7 @@ enum cia402_abort cia402_nmt_write_consumer(struct cia402_node *node,
 
 static void cia402_nmt_hear(struct cia402_node *node, unsigned producer)
 {
-    if (producer == cia402_nmt_producer(node) && (node->settings.consumer & 0xffff) > 0) {
+    if (producer == node->settings.consumer >> 16 && (node->settings.consumer & 0xffff) > 0) {
         node->consumes = true;
         node->consumer_lost = false;
         node->consumer_ns = node->board.boards->now_ns;
@@ -799,14 +784,6 @@ static void cia402_lss_answer(struct cia402_node *node, unsigned command, uint32
 }
 
 /* ---- the Node-ID ---- */
-
-static void cia402_lss_power_up(struct cia402_node *node, bool first)
-{
-    if (first) {
-        node->lss.stored = node->board.address;
-    }
-    node->lss.next = node->lss.stored;
-}
 
 /* Sets the next Node-ID. Returns the error, 0 for none. */
 static unsigned cia402_lss_set_id(struct cia402_node *node, unsigned id)
@@ -999,7 +976,8 @@ bool cia402_node_power_up(struct cia402_node *node)
         node->restore = false;
     }
     cia402_node_load(node);
-    cia402_lss_power_up(node, first);
+    node->lss.stored = first ? node->board.address : node->lss.stored;
+    node->lss.next = node->lss.stored;
     node->error_register = 0;
     node->emergencies = 0;
     cia402_node_start_communication(node);

@@ -155,18 +155,6 @@ static bool inertial_board_command(struct icub_board *icub, const struct bus_fra
 
 /* ---- periodic frames ---- */
 
-/* Returns whether frames are due, and plans the next ones. */
-static bool inertial_board_is_due(struct inertial_board *inertial)
-{
-    int64_t late = inertial->icub.board.boards->now_ns - inertial->next_ns;
-
-    if (inertial->period_ns == 0 || late < 0) {
-        return false;
-    }
-    inertial->next_ns += (late / inertial->period_ns + 1) * inertial->period_ns;
-    return true;
-}
-
 /* Sends the frame of a sensor. */
 static void inertial_board_send_frame(struct board *board, struct frame_sink *sink, unsigned sensor)
 {
@@ -190,7 +178,7 @@ static void inertial_board_transmit(struct board *board, struct ms_span span,
     unsigned known = RAW_MASK | FUSED_MASK | 1u << ICUB_SENSOR_STATUS;
 
     (void)span;
-    if (!inertial_board_is_due(inertial)) {
+    if (inertial->period_ns == 0 || !board_is_due(board, &inertial->next_ns, inertial->period_ns)) {
         return;
     }
     for (unsigned sensor = 0; sensor < ICUB_INERTIAL_SENSORS; sensor++) {

@@ -96,15 +96,6 @@ static void strain_board_add_calibration_tares(const struct strain_board *strain
     }
 }
 
-/* Returns a channel with its calibration tare, counts. */
-static int32_t strain_board_uncalibrated(const struct strain_board *strain, int channel)
-{
-    int32_t counts[BOARD_CHANNELS];
-
-    strain_board_add_calibration_tares(strain, strain->adc, counts);
-    return counts[channel];
-}
-
 /* Returns a row of the calibration matrix times the counts. */
 static int32_t strain_board_apply_matrix(const struct strain_board *strain,
                                          const int32_t counts[BOARD_CHANNELS], int channel)
@@ -130,12 +121,6 @@ static int32_t strain_board_calibrate(const struct strain_board *strain, int cha
 static int32_t strain_board_add_tare(const struct strain_board *strain, int32_t value, int channel)
 {
     return (int32_t)control_clamp(value + strain->current_tare[channel], INT16_MIN, INT16_MAX);
-}
-
-/* Returns a calibrated channel with the current tare. */
-static int32_t strain_board_calibrated(const struct strain_board *strain, int channel)
-{
-    return strain_board_add_tare(strain, strain_board_calibrate(strain, channel), channel);
 }
 
 /* Computes the converter's reading of a channel, 0 to UINT16_MAX; false for a value without a
@@ -395,6 +380,7 @@ static bool strain_board_get(struct board *board, unsigned code, const int64_t *
                              int64_t *reply)
 {
     struct strain_board *strain = strain_board_of(board);
+    int32_t counts[BOARD_CHANNELS];
 
     switch (code) {
     /* The EEPROM */
@@ -410,9 +396,13 @@ static bool strain_board_get(struct board *board, unsigned code, const int64_t *
     case ICUB_STRAIN_GET_ADC:
         reply[0] = request[0];
         reply[1] = request[1];
+        strain_board_add_calibration_tares(strain, strain->adc, counts);
         reply[2] =
-            ICUB_STRAIN_ZERO + (request[1] ? strain_board_calibrated(strain, (int)request[0])
-                                           : strain_board_uncalibrated(strain, (int)request[0]));
+            ICUB_STRAIN_ZERO +
+            (request[1]
+                 ? strain_board_add_tare(strain, strain_board_calibrate(strain, (int)request[0]),
+                                         (int)request[0])
+                 : counts[request[0]]);
         return true;
     case ICUB_STRAIN_GET_MATRIX_GAIN:
         reply[0] = strain->matrix_gain;
@@ -502,19 +492,6 @@ static void strain_board_sent(struct board *board, const struct bus_frame *frame
     }
 }
 
-/* Returns whether frames are due, and plans the next ones. */
-static bool strain_board_is_due(struct board *board)
-{
-    struct strain_board *strain = strain_board_of(board);
-    int64_t late = board->boards->now_ns - strain->next_ns;
-
-    if (late < 0) {
-        return false;
-    }
-    strain->next_ns += (late / strain->period_ns + 1) * strain->period_ns;
-    return true;
-}
-
 /* Sends the frames of the transmit mode when they are due (struct board_ops). */
 static void strain_board_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
 {
@@ -524,7 +501,8 @@ static void strain_board_transmit(struct board *board, struct ms_span span, stru
 
     (void)span;
     strain_board_hold_good_readings(strain);
-    if (!strain_board_is_due(board) || (strain->mode != ICUB_STRAIN_CALIBRATED && !raw && !both)) {
+    if (!board_is_due(board, &strain->next_ns, strain->period_ns) ||
+        (strain->mode != ICUB_STRAIN_CALIBRATED && !raw && !both)) {
         return;
     }
     strain_board_calibrate_held(strain);
