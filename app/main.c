@@ -2,7 +2,6 @@
 /* coman-hil: the table of commands. */
 #include "app/cli/commands.h"
 
-#include "app/cli/topics.h"
 #include "base/array.h"
 #include "base/instruction_set.h"
 #include "base/options.h"

@@ -4,7 +4,6 @@
  * a robot meets and for the paper's five-body scene, the native engine beside Simbody in one
  * interleaved run; how it grows with the size of a mesh; and the slowest of many random poses.
  */
-#include "app/bench/benchmarks.h"
 
 #include "app/bench/allocations.h"
 #include "app/bench/contact_scenes.h"

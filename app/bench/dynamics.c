@@ -5,7 +5,6 @@
  */
 #include "app/bench/dynamics.h"
 
-#include "app/bench/benchmarks.h"
 #include "app/bench/output.h"
 #include "app/report/report.h"
 #include "base/array.h"

@@ -8,7 +8,7 @@
 #ifndef APP_BENCH_LATENCY_H
 #define APP_BENCH_LATENCY_H
 
-#include "app/bench/latency_tap.h"
+#include "canbus/port.h"
 #include "rt/histogram.h"
 #include "tasks/host.h"
 
@@ -53,5 +53,29 @@ void latency_print(const struct latency_result *result, const char *joint, FILE 
 
 /* Writes every bucket that is not empty: its upper edge in us, and the counts. */
 void latency_write_csv(const struct latency_result *result, FILE *out);
+
+/* ---- ports that tell when frames passed the kernel (latency_tap.c) ---- */
+
+enum { LATENCY_TAP_SENT = 64, LATENCY_TAP_WAITING = 64 };
+
+struct latency_tap {
+    struct can_port port;
+    struct can_port *inner;
+    struct bus_frame waiting[LATENCY_TAP_WAITING]; /* received, but not handed on yet */
+    size_t first, nwaiting;
+    struct bus_frame sent[LATENCY_TAP_SENT]; /* sent, but not come back yet */
+    size_t nsent;
+    uint64_t frames;     /* frames handed on so far */
+    int64_t sent_ns;     /* time at which the first frame sent after the mark left; 0 = not yet */
+    int64_t received_ns; /* time at which the last frame handed on came in */
+};
+
+/* Creates a tap, whose receive hands on one frame at most. inner stays open when there is no
+ * memory. Not RT-safe. */
+enum error_code latency_tap_create(struct can_port *inner, struct arena *arena,
+                                   struct latency_tap **tap, struct error *error);
+
+/* Makes the next frame that is sent the one whose time counts. */
+void latency_tap_mark(struct latency_tap *tap);
 
 #endif

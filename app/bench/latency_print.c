@@ -2,7 +2,6 @@
 /* coman-hil-bench latency: reads its options, prints the table and writes the file. */
 #include "app/bench/latency.h"
 
-#include "app/bench/benchmarks.h"
 #include "app/bench/output.h"
 #include "app/report/report.h"
 #include "base/array.h"

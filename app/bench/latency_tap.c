@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A port that tells when frames passed the kernel. */
-#include "app/bench/latency_tap.h"
+#include "app/bench/latency.h"
 
 #include <string.h>
 

@@ -40,4 +40,14 @@ void bench_sort(double *value, size_t count);
  * the values. */
 double bench_median(double *value, size_t count);
 
+/* ---- the benchmarks: argv[0] is the name; each returns an enum exit_status (base/options.h), and
+ * prints its own manual for --help ---- */
+
+int bench_contact(int argc, char **argv);
+int bench_dynamics(int argc, char **argv);
+int bench_latency(int argc, char **argv);
+int bench_paper(int argc, char **argv);
+int bench_throughput(int argc, char **argv);
+int bench_ticks(int argc, char **argv);
+
 #endif

@@ -3,7 +3,6 @@
  * one report. */
 #include "app/bench/paper.h"
 
-#include "app/bench/benchmarks.h"
 #include "app/bench/output.h"
 #include "app/bench/pendulum.h"
 #include "base/array.h"

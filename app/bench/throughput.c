@@ -4,7 +4,6 @@
  * hour, by rig. Cases run by coman-hil test as in a sweep; beside them the robot without its bench.
  * coman-hil-bench ticks: the CPU time of each tick of a rig, by percentiles.
  */
-#include "app/bench/benchmarks.h"
 #include "app/bench/output.h"
 #include "app/bench/robot_alone.h"
 #include "base/array.h"

@@ -2,7 +2,6 @@
 /* coman-hil plot: draws signals of a recording (signals.csv) as line plots, SVG or PNG. */
 #include "app/cli/commands.h"
 
-#include "app/report/png.h"
 #include "app/report/signals.h"
 #include "app/report/svg.h"
 #include "base/array.h"

@@ -6,6 +6,8 @@
 #ifndef APP_CLI_COMMANDS_H
 #define APP_CLI_COMMANDS_H
 
+#include <stdio.h>
+
 int cmd_accel(int argc, char **argv);
 int cmd_bench(int argc, char **argv);
 int cmd_check(int argc, char **argv);
@@ -24,5 +26,16 @@ int cmd_run(int argc, char **argv);
 int cmd_task(int argc, char **argv);
 int cmd_test(int argc, char **argv);
 int cmd_validate(int argc, char **argv);
+
+/* ---- topics of the manual that belong to no command: coman-hil help TOPIC prints one ---- */
+
+void topic_board(FILE *out);
+void topic_bus(FILE *out);
+void topic_fault(FILE *out);
+void topic_rig(FILE *out);
+void topic_robot(FILE *out);
+void topic_rt(FILE *out);
+void topic_scenario(FILE *out);
+void topic_signal(FILE *out);
 
 #endif

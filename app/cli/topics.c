@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil help TOPIC: explains the things that other manuals speak of, and real time. */
-#include "app/cli/topics.h"
+#include "app/cli/commands.h"
 
 #include "app/scenario/scenario.h"
 #include "base/options.h"

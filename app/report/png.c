@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Writes plots as PNG, through a program that draws SVG. */
-#include "app/report/png.h"
+#include "app/report/svg.h"
 
 #include <errno.h>
 #include <spawn.h>

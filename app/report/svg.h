@@ -63,4 +63,8 @@ enum error_code svg_write_panels(const struct svg_plot *panel, size_t npanel, FI
  * cannot be written. */
 enum error_code svg_write(const struct svg_plot *plot, FILE *out, struct error *error);
 
+/* Writes panels as svg_write_panels does; ERROR_UNSUPPORTED when there is no rsvg-convert. */
+enum error_code png_write_panels(const struct svg_plot *panel, size_t npanel, FILE *out,
+                                 struct error *error);
+
 #endif
