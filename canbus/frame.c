@@ -58,22 +58,6 @@ bool frame_valid(const struct bus_frame *frame)
     return (flags & FRAME_FD) ? frame_fd_length_is_legal(frame->len) : frame->len <= 8;
 }
 
-uint32_t frame_bits(const struct bus_frame *frame)
-{
-    const bool extended = frame->flags & FRAME_EXTENDED;
-
-    if (frame->flags & FRAME_ERROR) {
-        return 0;
-    }
-    /* Overhead from SOF to the intermission; FD frames of more than 16 bytes have CRC-21 (4 bits
-     * more and a fixed stuff bit) */
-    if (frame->flags & FRAME_FD) {
-        return (frame->len <= 16 ? 62u : 67u) + (extended ? 19u : 0u) + 8u * frame->len;
-    }
-    /* Overhead from SOF to the intermission of a classic frame */
-    return (extended ? 67u : 47u) + ((frame->flags & FRAME_REMOTE) ? 0u : 8u * frame->len);
-}
-
 uint32_t frame_fast_bits(const struct bus_frame *frame)
 {
     /* At the nominal rate: 17 bits from SOF to the switch (36 with a 29-bit identifier), ACK and

@@ -41,7 +41,21 @@ bool frame_valid(const struct bus_frame *frame);
  * stuff count and the fixed stuff bits of the CRC field included; with a bit rate switch that is
  * an upper bound of the time. 0 for error frames, which are messages of the controller and no
  * traffic. */
-uint32_t frame_bits(const struct bus_frame *frame);
+static inline uint32_t frame_bits(const struct bus_frame *frame)
+{
+    const bool extended = frame->flags & FRAME_EXTENDED;
+
+    if (frame->flags & FRAME_ERROR) {
+        return 0;
+    }
+    /* Overhead from SOF to the intermission; FD frames of more than 16 bytes have CRC-21 (4 bits
+     * more and a fixed stuff bit) */
+    if (frame->flags & FRAME_FD) {
+        return (frame->len <= 16 ? 62u : 67u) + (extended ? 19u : 0u) + 8u * frame->len;
+    }
+    /* Overhead from SOF to the intermission of a classic frame */
+    return (extended ? 67u : 47u) + ((frame->flags & FRAME_REMOTE) ? 0u : 8u * frame->len);
+}
 
 /* Returns how many of these bits go at the data rate: with a bit rate switch the bits behind it
  * up to the end of the CRC, else none. */

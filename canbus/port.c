@@ -45,7 +45,7 @@ void port_count_received(struct can_port *port, const struct bus_frame *frame)
     }
     port->counters.rx_frames++;
     port->counters.rx_bits += frame_bits(frame);
-    port->counters.fast_bits += frame_fast_bits(frame);
+    port->counters.fast_bits += frame->flags & FRAME_BRS ? frame_fast_bits(frame) : 0;
     /* Not every driver announces its recovery; traffic proves that it is back on the bus */
     if (port->state == CAN_PORT_BUS_OFF) {
         port->state = CAN_PORT_UP;
@@ -56,7 +56,7 @@ void port_count_sent(struct can_port *port, const struct bus_frame *frame)
 {
     port->counters.tx_frames++;
     port->counters.tx_bits += frame_bits(frame);
-    port->counters.fast_bits += frame_fast_bits(frame);
+    port->counters.fast_bits += frame->flags & FRAME_BRS ? frame_fast_bits(frame) : 0;
 }
 
 bool port_may_send(const struct can_port *port, const struct bus_frame *frame)
