@@ -4,7 +4,6 @@
 
 #include "model/implicit/implicit.h"
 #include "model/integrator.h"
-#include "model/passive.h"
 #include "model/plant_private.h"
 
 #include <math.h>

@@ -6,7 +6,6 @@
  * state.
  */
 #include "model/coupling.h"
-#include "model/passive.h"
 #include "model/plant_private.h"
 #include "model/spatial.h"
 

@@ -3,7 +3,6 @@
 #include "model/plant.h"
 
 #include "model/coupling.h"
-#include "model/passive.h"
 #include "model/plant_private.h"
 
 #include <string.h>

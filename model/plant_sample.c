@@ -9,7 +9,6 @@
 #include "model/plant.h"
 
 #include "model/coupling.h"
-#include "model/passive.h"
 #include "model/implicit/implicit.h"
 #include "model/plant_private.h"
 #include "model/spatial.h"
@@ -228,7 +227,7 @@ static enum error_code find_sampled_forces(struct plant *plant)
         return plant_evaluate(plant, plant->state, &load);
     }
     plant_place(plant, plant->state);
-    implicit_recall(plant);
+    implicit_last_forces(plant);
     dynamics->ops->kinematics(dynamics, plant->q, v, plant->motion);
     plant_apply_loads(plant, v, &load);
     return ERROR_NONE;

@@ -161,7 +161,7 @@ struct robot_parallel_spring {
     double s;   /* +1 or -1: sense of the joint in which the rope engages */
 };
 
-/* Spring and damper between the two bodies of a joint, model/passive.h; all 0 = none. */
+/* Spring and damper between the two bodies of a joint, model/stop.h; all 0 = none. */
 struct robot_passive {
     double stiffness; /* N m/rad or N/m */
     double damping;   /* N m s/rad or N s/m */

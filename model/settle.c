@@ -7,7 +7,7 @@
 
 #include "base/portable_math.h"
 #include "model/coupling.h"
-#include "model/passive.h"
+#include "model/stop.h"
 #include "model/settle_private.h"
 #include "model/spatial.h"
 

@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Carries out requests on the parts of a robot: faults and tunables here, pushes in robot_push.c,
- * checkpoints in robot_checkpoint.c. */
-#include "sim/robot_requests_private.h"
+/* Carries out requests on the parts of a robot: faults, tunables, pushes, checkpoints. */
+#include "sim/robot_requests.h"
+
+#include "base/ring.h"
+#include "canbus/wire/wire.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -12,6 +14,197 @@ enum { NAME_SIZE = 160 };
 /* Largest noise factor, and pretension (m). */
 #define NOISE_SCALE_MAX 1000.0
 #define PRETENSION_MAX_M 1.0
+
+/* Largest component of a push, N and N m. */
+#define PUSH_MAX_N 1e6
+
+enum tunable_kind { TUNE_SETTING, TUNE_PRETENSION, TUNE_SUPPLY, TUNE_NOISE, TUNE_TASK };
+
+/* The parameter that a tunable stands for. */
+struct meaning {
+    enum tunable_kind kind;
+    size_t joint;              /* TUNE_PRETENSION */
+    size_t board, axis, index; /* TUNE_SETTING; index: TUNE_TASK, too */
+};
+
+struct robot_requests {
+    struct robot_requests_config config;
+    struct request_machine machine;
+    struct checkpoint *checkpoint;
+    struct tunable *tunable;
+    struct meaning *meaning;
+    size_t ntunable;
+    unsigned char *bus_moment[CHECKPOINT_SLOTS][RIG_BUSES_MAX]; /* NULL = not a local bus */
+
+    /* State that changes in virtual time */
+    struct {
+        uint64_t changes; /* of tunables that are no board settings */
+        bool winding;     /* a winch is moving */
+        bool pushing;     /* a push with a duration acts */
+    } moving;
+    int64_t *push_until; /* by body; 0 = until changed */
+    double *pretension;  /* by joint: where its winch moves to */
+};
+
+/* ---- pushes ---- */
+
+/* Returns the number of bodies: the robot's, then free ones. */
+static size_t robot_body_count(const struct robot_requests *s)
+{
+    return s->config.rig->robot->nbody + s->config.rig->nfree;
+}
+
+/* Checks that each component of a push is finite and within PUSH_MAX_N. */
+static bool push_is_bounded(const double vector[3])
+{
+    for (int i = 0; i < 3; i++) {
+        if (!(fabs(vector[i]) <= PUSH_MAX_N)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* Pushes a body with force and moment (world frame), for a duration (at least a tick) or until
+ * changed. */
+static enum request_verdict robot_push_body(void *context, const struct loop_request *request,
+                                            int64_t now_ns)
+{
+    struct robot_requests *s = context;
+    int64_t tick_ns = s->config.rig->tick_ns, duration_ns = request->duration_ns;
+
+    if (request->index >= robot_body_count(s) || duration_ns < 0 ||
+        duration_ns > INT64_MAX - now_ns || !push_is_bounded(request->force_n) ||
+        !push_is_bounded(request->moment_nm)) {
+        return REQUEST_RANGE;
+    }
+    plant_set_push(s->config.plant, (int)request->index, request->force_n, request->moment_nm);
+    s->moving.pushing = s->moving.pushing || duration_ns > 0;
+    s->push_until[request->index] =
+        duration_ns == 0 ? 0 : now_ns + (duration_ns > tick_ns ? duration_ns : tick_ns);
+    return REQUEST_OK;
+}
+
+/* Ends the pushes whose duration is over. */
+static void robot_end_pushes(struct robot_requests *s, int64_t now_ns)
+{
+    const double none[3] = {0.0, 0.0, 0.0};
+
+    s->moving.pushing = false;
+    for (size_t b = 0; b < robot_body_count(s); b++) {
+        if (s->push_until[b] > 0 && now_ns >= s->push_until[b]) {
+            s->push_until[b] = 0;
+            plant_set_push(s->config.plant, (int)b, none, none);
+        }
+        s->moving.pushing = s->moving.pushing || s->push_until[b] > 0;
+    }
+}
+
+/* Returns the name of a body: the robot's first, then free ones. */
+static const char *robot_body_name(void *context, size_t index)
+{
+    const struct robot_requests *s = context;
+    const struct robot *robot = s->config.rig->robot;
+
+    return index < robot->nbody ? robot->body[index].name
+                                : s->config.rig->free[index - robot->nbody].name;
+}
+
+/* ---- checkpoints ---- */
+
+/* Leaves a ring out of checkpoints: its reader, another thread, writes it too. */
+static void hole_add_ring(struct span *hole, size_t *count, const struct ring *ring)
+{
+    hole[(*count)++] = (struct span){(void *)(uintptr_t)ring, sizeof *ring};
+    hole[(*count)++] = (struct span){ring->slots, ring->slot_size * ((size_t)ring->mask + 1)};
+}
+
+/* Creates the checkpoint slots over all memory that changes in virtual time, less what other
+ * threads write in it. */
+static enum error_code robot_checkpoint_create(struct robot_requests *s, struct arena *arena,
+                                               struct error *error)
+{
+    const struct robot_requests_config *config = &s->config;
+    enum { OWN_SPANS = 3, OWN_HOLES = 5 };
+    struct span *moving =
+        arena_alloc(arena, config->nmoving + RIG_BUSES_MAX + OWN_SPANS, sizeof *moving);
+    struct span *hole = arena_alloc(arena, config->nhole + OWN_HOLES, sizeof *hole);
+    size_t nmoving = config->nmoving, nhole = config->nhole;
+
+    if (!moving || !hole) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the requests");
+    }
+
+    /* Memory that changes: the caller's, the requests' own, the wires */
+    memcpy(moving, config->moving, nmoving * sizeof *moving);
+    memcpy(hole, config->hole, nhole * sizeof *hole);
+    moving[nmoving++] = (struct span){&s->moving, sizeof s->moving};
+    moving[nmoving++] = (struct span){s->push_until, robot_body_count(s) * sizeof *s->push_until};
+    moving[nmoving++] =
+        (struct span){s->pretension, config->rig->robot->njoint * sizeof *s->pretension};
+    for (size_t b = 0; b < config->rig->nbus; b++) {
+        if (config->buses->wire[b]) {
+            struct span *wire = &moving[nmoving++];
+
+            wire->memory = wire_memory(config->buses->wire[b], &wire->size);
+        }
+    }
+
+    /* Holes: what other threads write in it */
+    hole_add_ring(hole, &nhole, boards_event_ring(config->boards));
+    hole_add_ring(hole, &nhole, faults_event_ring(config->faults));
+
+    /* What the plant remembers of the last contact evaluation is valid for any state */
+    hole[nhole].memory = plant_contact_memory(config->plant, &hole[nhole].size);
+    nhole++;
+    return checkpoint_create(moving, nmoving, hole, nhole, CHECKPOINT_SLOTS, arena, &s->checkpoint,
+                             error);
+}
+
+/* Allocates room for the frames on local buses of each slot; false = no memory. */
+static bool robot_checkpoint_create_buses(struct robot_requests *s, struct arena *arena)
+{
+    for (size_t b = 0; b < s->config.rig->nbus; b++) {
+        struct local_bus *bus = s->config.buses->bus[b];
+
+        for (size_t slot = 0; bus && slot < CHECKPOINT_SLOTS; slot++) {
+            s->bus_moment[slot][b] = arena_alloc(arena, 1, local_bus_save_size(bus));
+            if (!s->bus_moment[slot][b]) {
+                return false;
+            }
+        }
+    }
+    return true;
+}
+
+/* Saves the state to a slot: frames on local buses, then memory. */
+static enum request_verdict robot_save(void *context, size_t slot)
+{
+    struct robot_requests *s = context;
+
+    for (size_t b = 0; b < s->config.rig->nbus; b++) {
+        if (s->bus_moment[slot][b] &&
+            !local_bus_save(s->config.buses->bus[b], s->config.own, s->bus_moment[slot][b])) {
+            return REQUEST_UNAVAILABLE;
+        }
+    }
+    checkpoint_save(s->checkpoint, slot);
+    return REQUEST_OK;
+}
+
+/* Restores the state of a slot: memory, frames on local buses, then the ports' view of it. */
+static void robot_restore(void *context, size_t slot)
+{
+    struct robot_requests *s = context;
+
+    checkpoint_restore(s->checkpoint, slot);
+    for (size_t b = 0; b < s->config.rig->nbus; b++) {
+        if (s->bus_moment[slot][b]) {
+            local_bus_restore(s->config.buses->bus[b], s->config.own, s->bus_moment[slot][b]);
+        }
+    }
+    fault_injection_restored(s->config.injection);
+}
 
 /* ---- faults ---- */
 

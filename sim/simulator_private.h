@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the parts of the simulator share: assembly.c makes it, simulator.c runs and closes it,
- * tick_phases.c is what the loop calls, status.c, signals.c and recording.c what it publishes and
- * records, events.c its log, simulator_access.c what others may see. Not RT-safe but where it
- * says so.
+ * What the parts of the simulator share: assembly.c makes it, simulator.c runs and closes it and
+ * gives access to it, machine.c is what the loop calls, status.c, signals.c and recording.c what it
+ * publishes and records, events.c its log. Not RT-safe but where it says so.
  */
 #ifndef SIM_PRIVATE_H
 #define SIM_PRIVATE_H
@@ -13,10 +12,10 @@
 #include "sim/external.h"
 #include "sim/fault_injection.h"
 #include "sim/interfaces.h"
+#include "sim/mechanics_events.h"
 #include "sim/robot_requests.h"
 #include "sim/simulator.h"
 #include "sim/stimulus.h"
-#include "sim/watch.h"
 
 #include <pthread.h>
 #include <stdatomic.h>
@@ -58,7 +57,7 @@ struct simulator {
     struct contact_patch *patch; /* of the pairs, for a row */
     size_t nrecorded, nsignal, npatch;
     struct stream *stream;      /* for subscribers of the control socket; NULL without requests */
-    struct stream *view_stream; /* view.h; NULL = none */
+    struct stream *view_stream; /* simulator.h; NULL = none */
     uint64_t row_ticks;
     struct task_runner *task; /* NULL = none */
     bool task_inline, task_running;
@@ -66,7 +65,7 @@ struct simulator {
     struct realtime_config task_realtime;
     struct simulator_status status;
     struct snapshot *published;      /* struct simulator_status */
-    struct snapshot *published_view; /* view.h */
+    struct snapshot *published_view; /* simulator.h */
     void *view;                      /* the next one */
     _Atomic bool view_wanted;
     bool view_stale; /* the last tick was not published as a view */
@@ -89,7 +88,7 @@ struct simulator {
 enum error_code simulator_assemble(struct simulator *simulator, char notice[256],
                                    struct error *error);
 
-/* ---- tick_phases.c, status.c: RT-safe ---- */
+/* ---- machine.c, status.c: RT-safe ---- */
 
 struct loop_machine simulator_machine(struct simulator *simulator);
 

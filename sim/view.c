@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Publishes views: one block of memory with status, signals and boards, behind a sequence lock. */
-#include "sim/view.h"
 
 #include "sim/simulator_private.h"
 

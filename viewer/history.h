@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The history of a run's signals at full rate, for plots that begin when they are chosen: rows of
- * all signals as the loop has told them (sim/view.h), in single precision, within a memory that is
- * fixed at the start.
+ * all signals as the loop has told them (sim/simulator.h), in single precision, within a memory
+ * that is fixed at the start.
  *
  * Rows are kept in blocks of HISTORY_ROWS, each signal's part of a block as a column of its own; a
  * column whose values are all equal takes no memory. Where there is no room for another column, the

@@ -10,7 +10,7 @@
 #define VIEWER_PRIVATE_H
 
 #include "base/arena.h"
-#include "sim/view.h"
+#include "sim/simulator.h"
 #include "viewer/history.h"
 #include "viewer/message.h"
 #include "viewer/recorded.h"

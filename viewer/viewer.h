@@ -13,8 +13,8 @@
  * viewer connects once for each client with the right to control; `coman-hil ctl` does the same.
  * Frames are sent and heard by ports of its own, as any participant of the buses has them.
  *
- * One thread does all the work. It takes what the loop publishes (sim/view.h) and never makes it
- * wait. Its memory is bounded: VIEWER_CLIENTS connections with an inbox and an outbox each. States
+ * One thread does all the work. It takes what the loop publishes (sim/simulator.h) and never makes
+ * it wait. Its memory is bounded: VIEWER_CLIENTS connections with an inbox and an outbox each. States
  * that a slow client has no room for are skipped and counted; one that takes nothing for 10 s is
  * disconnected and counted. Not RT-safe.
  *

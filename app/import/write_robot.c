@@ -5,7 +5,7 @@
 #include "base/array.h"
 #include "base/input_file.h"
 #include "base/whole_file.h"
-#include "model/passive.h"
+#include "model/stop.h"
 
 #include <errno.h>
 #include <stdlib.h>

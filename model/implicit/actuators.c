@@ -11,7 +11,6 @@
  * decided for the whole of a span, by where the free spring would come to in it.
  */
 #include "model/implicit/private.h"
-#include "model/passive.h"
 #include "model/stop.h"
 
 #include <math.h>

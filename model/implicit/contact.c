@@ -290,7 +290,7 @@ static void find_friction_wrench(const struct plant *plant, const struct contact
     }
 }
 
-void implicit_admit_contact(struct plant *plant)
+void implicit_clamp_friction(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
 
@@ -318,7 +318,7 @@ void implicit_admit_contact(struct plant *plant)
     }
 }
 
-void implicit_recall(struct plant *plant)
+void implicit_last_forces(struct plant *plant)
 {
     const struct implicit *im = plant->implicit;
 

@@ -148,7 +148,7 @@ static enum error_code take_second_stage(struct plant *plant)
 }
 
 /* Takes one part of a step, of h seconds. */
-static enum error_code take_part(struct plant *plant, enum implicit_level level, double h)
+static enum error_code step_part(struct plant *plant, enum implicit_level level, double h)
 {
     struct implicit *im = plant->implicit;
     enum error_code code;
@@ -207,13 +207,13 @@ enum error_code implicit_step(struct plant *plant, double h)
     /* In one piece, if nothing strikes or spins */
     implicit_hold_lanes(plant);
     memcpy(im->trend_begin, im->trend, bytes);
-    code = take_part(plant, LEVEL_WHOLE, h);
+    code = step_part(plant, LEVEL_WHOLE, h);
     if (code) {
         return code;
     }
     if ((level = needed_level(plant, h)) == LEVEL_WHOLE) {
         implicit_gather_wrenches(plant);
-        implicit_admit_contact(plant);
+        implicit_clamp_friction(plant);
         return ERROR_NONE;
     }
 
@@ -222,13 +222,13 @@ enum error_code implicit_step(struct plant *plant, double h)
     plant_return_state(plant);
     memcpy(im->trend, im->trend_begin, bytes);
     for (int part = 0; part < parts && !code; part++) {
-        code = take_part(plant, level, h / parts);
+        code = step_part(plant, level, h / parts);
         if (!code) {
             implicit_gather_wrenches(plant);
         }
     }
     if (!code) {
-        implicit_admit_contact(plant);
+        implicit_clamp_friction(plant);
     }
     return code;
 }

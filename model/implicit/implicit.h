@@ -36,7 +36,7 @@ enum error_code implicit_step(struct plant *plant, double h);
 /* What the last step moved the bodies with at its end, which is not what the laws of contact say of
  * the state that it led to: fills plant->vdot and contact_wrench (of the last unclamped step; the
  * wrenches in the world frame, about the bodies' origins). RT-safe. */
-void implicit_recall(struct plant *plant);
+void implicit_last_forces(struct plant *plant);
 
 /* Takes the forces and moments of count patches, which the contact engine had where it was asked
  * last in that step, to its end. RT-safe. */

@@ -321,7 +321,7 @@ void implicit_gather_wrenches(struct plant *plant);
 /* Brings the wrenches at the end of the step, which have moved the bodies, within what contact can
  * exert: surfaces do not pull, and friction is within its cone. For who reads them; the physics and
  * its accounts are done. */
-void implicit_admit_contact(struct plant *plant);
+void implicit_clamp_friction(struct plant *plant);
 
 /* ---- bristles: bristle.c ---- */
 

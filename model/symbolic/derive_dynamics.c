@@ -15,6 +15,9 @@
 
 #include "model/spatial.h"
 
+#include <stdlib.h>
+#include <string.h>
+
 /* Computes gravity less w x v, in the base's working frame: the rate of the components of the
  * base's linear velocity when nothing else acts. Minus this is the acceleration to start from. */
 static void base_drift(struct derive *d, expr drift[3])
@@ -377,7 +380,7 @@ static expr acceleration_outward(struct derive *d, size_t group)
     return sub(d, sum, before);
 }
 
-void derive_forward(struct derive *d)
+static void derive_forward(struct derive *d)
 {
     size_t ngroup = d->tree->ngroup;
     struct state *base = &d->state[0];
@@ -429,7 +432,7 @@ void derive_forward(struct derive *d)
     }
 }
 
-void derive_inverse(struct derive *d)
+static void derive_inverse(struct derive *d)
 {
     struct state *base = &d->state[0];
     expr drift[3];
@@ -470,4 +473,73 @@ void derive_inverse(struct derive *d)
         derive_put_base(d, BASE_V_LINEAR, base->f);
         derive_put_base(d, BASE_V_ANGULAR, base->n);
     }
+}
+
+/* ---- the derivation ---- */
+
+/* Runs the derivation of d->function. */
+static void derive_equations(struct derive *d)
+{
+    switch (d->function) {
+    case DERIVE_INVERSE:
+        derive_inverse(d);
+        break;
+    case DERIVE_KINEMATICS:
+    case DERIVE_VELOCITIES:
+    case DERIVE_ACCELERATION:
+        derive_motion(d);
+        break;
+    case DERIVE_ENERGY:
+        derive_energy(d);
+        break;
+    default:
+        derive_forward(d);
+        break;
+    }
+}
+
+enum error_code derive(enum derive_function function, const struct tree *tree, bool inertia_inputs,
+                       struct graph *graph, struct derivation *out, struct error *error)
+{
+    struct derive d = {.function = function,
+                       .inertia_inputs = inertia_inputs,
+                       .g = graph,
+                       .tree = tree,
+                       .out = out};
+    enum error_code code = ERROR_NONE;
+    int observed = 0;
+
+    /* At most 27 outputs a body: its motion, and 9 of its pose */
+    memset(out, 0, sizeof *out);
+    out->output = calloc(27 * tree->nbody + 12, sizeof *out->output);
+    d.state = calloc(tree->ngroup, sizeof *d.state);
+    d.observed = calloc(tree->nbody, sizeof *d.observed);
+    if (!out->output || !d.state || !d.observed) {
+        code = error_set(error, ERROR_MEMORY, "no memory for the equations of %zu bodies",
+                         tree->nbody);
+        goto done;
+    }
+
+    /* Observed bodies have numbers of their own */
+    for (size_t b = 0; b < tree->nbody; b++) {
+        d.observed[b] = tree->body[b].observed ? observed++ : -1;
+    }
+    derive_equations(&d);
+    if (graph->failed) {
+        code = error_set(error, ERROR_MEMORY, "no memory for the expression graph");
+    }
+
+done:
+    free(d.state);
+    free(d.observed);
+    if (code) {
+        derivation_fini(out);
+    }
+    return code;
+}
+
+void derivation_fini(struct derivation *derivation)
+{
+    free(derivation->output);
+    memset(derivation, 0, sizeof *derivation);
 }

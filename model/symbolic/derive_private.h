@@ -163,8 +163,6 @@ void derive_add_given_inertia(struct derive *d, size_t group);
 
 /* ---- the functions ---- */
 
-void derive_forward(struct derive *d);
-void derive_inverse(struct derive *d);
 void derive_motion(struct derive *d);
 void derive_energy(struct derive *d);
 

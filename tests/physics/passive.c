@@ -4,7 +4,7 @@
  * without damping; what is stored and lost; an arm that hangs on one at rest; a cable that helps a
  * drive to hold.
  */
-#include "model/passive.h"
+#include "model/stop.h"
 #include "model/settle.h"
 
 #include <math.h>

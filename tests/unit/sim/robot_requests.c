@@ -427,7 +427,6 @@ TEST(every_tunable_takes_what_its_range_says)
     static const struct scene scenes[] = {
         {.rig = "coman", .clock = LOOP_CLOCK_FREE, .no_contact = true},
         {.rig = "coman-foc", .clock = LOOP_CLOCK_FREE, .no_contact = true},
-        {.rig = "coman-compact", .clock = LOOP_CLOCK_FREE, .no_contact = true},
         {.rig = "walkman", .clock = LOOP_CLOCK_FREE, .no_contact = true},
     };
 

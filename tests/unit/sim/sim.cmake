@@ -4,4 +4,5 @@ foreach(name buses checkpoint contact_arrows external external_runs interfaces
              robot_requests_threads robot_requests_timed stimulus task_trouble)
     hil_test(sim_${name} SOURCES unit/sim/${name}.c LIBS sim LABELS unit)
 endforeach()
-hil_test(sim_watch SOURCES unit/sim/watch.c physics/toy.c LIBS sim LABELS unit)
+hil_test(sim_mechanics_events SOURCES unit/sim/mechanics_events.c physics/toy.c
+         LIBS sim LABELS unit)

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What is told of a robot's mechanics, and how often: a walker that is put where it is seen. */
-#include "sim/watch.h"
+#include "sim/mechanics_events.h"
 
 #include "model/spatial.h"
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Watches the robot's mechanics for events: limits, stops, falls. */
-#include "sim/watch.h"
+#include "sim/mechanics_events.h"
 
 #include "base/portable_math.h"
 #include "base/ring.h"

@@ -14,8 +14,8 @@
  * It reads, and changes nothing. SI units, virtual times in ns. One thread makes it and steps it,
  * another takes the events.
  */
-#ifndef SIM_WATCH_H
-#define SIM_WATCH_H
+#ifndef SIM_MECHANICS_EVENTS_H
+#define SIM_MECHANICS_EVENTS_H
 
 #include "model/plant.h"
 #include "rig/rig.h"
