@@ -105,6 +105,34 @@ struct yaml_schema {
                               const char **path, struct error *error);
 };
 
+/* Rows of a schema for keys of struct type: a number and one in seconds that becomes nanoseconds,
+ * n numbers, a text, a nested mapping, a list or dictionary of mappings. */
+#define YAML_NUMBER(word, must, type, member, low, high)                                           \
+    {                                                                                              \
+        word, YAML_REAL, must, offsetof(struct type, member), .min = low, .max = high              \
+    }
+#define YAML_SECONDS(word, must, type, member, low, high)                                          \
+    {                                                                                              \
+        word, YAML_REAL, must, offsetof(struct type, member), .ns = true, .min = low, .max = high  \
+    }
+#define YAML_NUMBERS(word, must, type, member, n, low, high)                                       \
+    {                                                                                              \
+        word, YAML_REALS, must, offsetof(struct type, member), .count = n, .min = low, .max = high \
+    }
+#define YAML_TEXT(word, must, type, member, low, high)                                             \
+    {                                                                                              \
+        word, YAML_STRING, must, offsetof(struct type, member), .min = low, .max = high            \
+    }
+#define YAML_SECTION(word, must, type, member, of)                                                 \
+    {                                                                                              \
+        word, YAML_MAP, must, offsetof(struct type, member), .schema = &of                         \
+    }
+#define YAML_ENTRIES(word, kind, must, type, member, counter, of)                                  \
+    {                                                                                              \
+        word, kind, must, offsetof(struct type, member), offsetof(struct type, counter),           \
+            .schema = &of                                                                          \
+    }
+
 /* A schema by the array of its rows, with further members behind. */
 #define YAML_SCHEMA(text, type, rows, ...)                                                         \
     {                                                                                              \

@@ -59,8 +59,8 @@ static const struct word wire_pace_names[] = {{"none", 0}, {"wire", 1}, {NULL, 0
 static const struct word wire_order_names[] = {{"priority", 0}, {"fifo", 1}, {NULL, 0}};
 
 static const struct yaml_field spring_fields[] = {
-    {"Ks_nm_rad", YAML_REAL, true, AT(raw_spring, Ks_nm_rad), .min = 0.0, .max = 1e9},
-    {"Ds_nm_s_rad", YAML_REAL, true, AT(raw_spring, Ds_nm_s_rad), .min = 0.0, .max = 1e9},
+    YAML_NUMBER("Ks_nm_rad", true, raw_spring, Ks_nm_rad, 0.0, 1e9),
+    YAML_NUMBER("Ds_nm_s_rad", true, raw_spring, Ds_nm_s_rad, 0.0, 1e9),
 };
 static const struct yaml_schema spring_schema = YAML_SCHEMA(
     "a series spring", struct raw_spring, spring_fields, .name_offset = AT(raw_spring, joint));
@@ -69,8 +69,7 @@ static const struct yaml_field robot_fields[] = {
     {"file", YAML_STRING, true, .offset = AT(raw_robot, file)},
     {"variant", YAML_STRING, false, .offset = AT(raw_robot, variant)},
     {"fixed_base", YAML_BOOL, false, .offset = AT(raw_robot, fixed_base)},
-    {"springs", YAML_DICT, false, AT(raw_robot, spring), AT(raw_robot, nspring),
-     .schema = &spring_schema},
+    YAML_ENTRIES("springs", YAML_DICT, false, raw_robot, spring, nspring, spring_schema),
     {"added_mass_kg", YAML_REAL_DICT, false, AT(raw_robot, mass), AT(raw_robot, nmass), .min = -1e3,
      .max = 1e3},
 };
@@ -80,11 +79,9 @@ static const struct yaml_schema robot_schema =
 
 static const struct yaml_field initial_fields[] = {
     {"pose", YAML_STRING, true, .offset = AT(raw_initial, pose)},
-    {"base_xyz_m", YAML_REALS, false, AT(raw_initial, base_xyz_m), .count = 3, .min = -1e3,
-     .max = 1e3},
-    {"base_height_m", YAML_REAL, false, AT(raw_initial, base_height_m), .min = -1e3, .max = 1e3},
-    {"base_rpy_rad", YAML_REALS, false, AT(raw_initial, base_rpy_rad), .count = 3, .min = -7.0,
-     .max = 7.0},
+    YAML_NUMBERS("base_xyz_m", false, raw_initial, base_xyz_m, 3, -1e3, 1e3),
+    YAML_NUMBER("base_height_m", false, raw_initial, base_height_m, -1e3, 1e3),
+    YAML_NUMBERS("base_rpy_rad", false, raw_initial, base_rpy_rad, 3, -7.0, 7.0),
     {"joints_rad", YAML_REAL_DICT, false, AT(raw_initial, joint),
      .count_offset = AT(raw_initial, njoint)},
     {"hold", YAML_ENUM, false, AT(raw_initial, hold), .names = rig_hold_words},
@@ -94,34 +91,27 @@ static const struct yaml_schema initial_schema =
     YAML_SCHEMA("the initial state", struct raw_initial, initial_fields);
 
 static const struct yaml_field material_fields[] = {
-    {"young_pa", YAML_REAL, true, AT(raw_material, material.young_pa), .min = 1.0, .max = 1e12},
-    {"thickness_m", YAML_REAL, true, AT(raw_material, material.thickness_m), .min = 1e-6,
-     .max = 1.0},
-    {"backing_pa_per_m", YAML_REAL, false, AT(raw_material, material.backing_pa_per_m), .min = 0.0,
-     .max = 1e12},
-    {"dissipation_s_per_m", YAML_REAL, true, AT(raw_material, material.dissipation_s_per_m),
-     .min = 0.0, .max = 1e4},
-    {"static_friction", YAML_REAL, true, AT(raw_material, material.static_friction), .min = 0.0,
-     .max = 100.0},
-    {"dynamic_friction", YAML_REAL, true, AT(raw_material, material.dynamic_friction), .min = 0.0,
-     .max = 100.0},
-    {"viscous_s_per_m", YAML_REAL, true, AT(raw_material, material.viscous_friction), .min = 0.0,
-     .max = 100.0},
+    YAML_NUMBER("young_pa", true, raw_material, material.young_pa, 1.0, 1e12),
+    YAML_NUMBER("thickness_m", true, raw_material, material.thickness_m, 1e-6, 1.0),
+    YAML_NUMBER("backing_pa_per_m", false, raw_material, material.backing_pa_per_m, 0.0, 1e12),
+    YAML_NUMBER("dissipation_s_per_m", true, raw_material, material.dissipation_s_per_m, 0.0, 1e4),
+    YAML_NUMBER("static_friction", true, raw_material, material.static_friction, 0.0, 100.0),
+    YAML_NUMBER("dynamic_friction", true, raw_material, material.dynamic_friction, 0.0, 100.0),
+    YAML_NUMBER("viscous_s_per_m", true, raw_material, material.viscous_friction, 0.0, 100.0),
 };
 static const struct yaml_schema material_schema = YAML_SCHEMA(
     "a material", struct raw_material, material_fields, .name_offset = AT(raw_material, name));
 
 static const struct yaml_field surface_fields[] = {
-    {"name", YAML_STRING, true, AT(raw_surface, surface.name), .min = 1, .max = 63},
+    YAML_TEXT("name", true, raw_surface, surface.name, 1, 63),
     {"body", YAML_STRING, false, .offset = AT(raw_surface, body)},
     {"frame", YAML_STRING, false, .offset = AT(raw_surface, frame)},
     {"shape", YAML_ENUM, true, AT(raw_surface, surface.shape), .names = shape_names},
-    {"xyz_m", YAML_REALS, false, AT(raw_surface, xyz_m), .count = 3, .min = -1e3, .max = 1e3},
-    {"rpy_rad", YAML_REALS, false, AT(raw_surface, rpy_rad), .count = 3, .min = -7.0, .max = 7.0},
-    {"radius_m", YAML_REAL, false, AT(raw_surface, surface.radius_m), .min = 1e-6, .max = 1e3},
-    {"length_m", YAML_REAL, false, AT(raw_surface, surface.length_m), .min = 0.0, .max = 1e3},
-    {"half_extents_m", YAML_REALS, false, AT(raw_surface, surface.half_extent_m), .count = 3,
-     .min = 1e-6, .max = 1e3},
+    YAML_NUMBERS("xyz_m", false, raw_surface, xyz_m, 3, -1e3, 1e3),
+    YAML_NUMBERS("rpy_rad", false, raw_surface, rpy_rad, 3, -7.0, 7.0),
+    YAML_NUMBER("radius_m", false, raw_surface, surface.radius_m, 1e-6, 1e3),
+    YAML_NUMBER("length_m", false, raw_surface, surface.length_m, 0.0, 1e3),
+    YAML_NUMBERS("half_extents_m", false, raw_surface, surface.half_extent_m, 3, 1e-6, 1e3),
     {"cells", YAML_INT, false, AT(raw_surface, surface.cells_per_edge), .count = sizeof(int),
      .min = 1, .max = 200},
     {"mesh", YAML_STRING, false, .offset = AT(raw_surface, mesh)},
@@ -132,18 +122,16 @@ static const struct yaml_schema surface_schema =
     YAML_SCHEMA("a surface", struct raw_surface, surface_fields, .defaults = &surface_defaults);
 
 static const struct yaml_field body_fields[] = {
-    {"name", YAML_STRING, true, AT(raw_body, body.name), .min = 1, .max = 63},
+    YAML_TEXT("name", true, raw_body, body.name, 1, 63),
     {"static", YAML_BOOL, false, .offset = AT(raw_body, is_static)},
-    {"mass_kg", YAML_REAL, false, AT(raw_body, body.inertia.mass), .min = DBL_MIN, .max = 1e6},
-    {"com_m", YAML_REALS, false, AT(raw_body, body.inertia.com), .count = 3, .min = -1e3,
-     .max = 1e3},
-    {"inertia_kg_m2", YAML_REALS, false, AT(raw_body, body.inertia.I), .count = 6, .min = -1e9,
-     .max = 1e9},
-    {"box_m", YAML_REALS, false, AT(raw_body, box_m), .count = 3, .min = 1e-6, .max = 1e3},
-    {"xyz_m", YAML_REALS, false, AT(raw_body, body.position), .count = 3, .min = -1e3, .max = 1e3},
-    {"rpy_rad", YAML_REALS, false, AT(raw_body, rpy_rad), .count = 3, .min = -7.0, .max = 7.0},
-    {"velocity_m_s", YAML_REALS, false, AT(raw_body, body.v), .count = 3, .min = -1e3, .max = 1e3},
-    {"rate_rad_s", YAML_REALS, false, AT(raw_body, body.w), .count = 3, .min = -1e3, .max = 1e3},
+    YAML_NUMBER("mass_kg", false, raw_body, body.inertia.mass, DBL_MIN, 1e6),
+    YAML_NUMBERS("com_m", false, raw_body, body.inertia.com, 3, -1e3, 1e3),
+    YAML_NUMBERS("inertia_kg_m2", false, raw_body, body.inertia.I, 6, -1e9, 1e9),
+    YAML_NUMBERS("box_m", false, raw_body, box_m, 3, 1e-6, 1e3),
+    YAML_NUMBERS("xyz_m", false, raw_body, body.position, 3, -1e3, 1e3),
+    YAML_NUMBERS("rpy_rad", false, raw_body, rpy_rad, 3, -7.0, 7.0),
+    YAML_NUMBERS("velocity_m_s", false, raw_body, body.v, 3, -1e3, 1e3),
+    YAML_NUMBERS("rate_rad_s", false, raw_body, body.w, 3, -1e3, 1e3),
 };
 static const struct yaml_schema body_schema =
     YAML_SCHEMA("a body of the scene", struct raw_body, body_fields);
@@ -166,8 +154,8 @@ static const struct yaml_schema exclude_schema =
 static const struct yaml_field robot_surfaces_fields[] = {
     {"material", YAML_STRING, true, .offset = AT(raw_robot_surfaces, material)},
     {"self_collision", YAML_BOOL, false, .offset = AT(raw_robot_surfaces, self_collision)},
-    {"exclude", YAML_LIST, false, AT(raw_robot_surfaces, exclude), AT(raw_robot_surfaces, nexclude),
-     .schema = &exclude_schema},
+    YAML_ENTRIES("exclude", YAML_LIST, false, raw_robot_surfaces, exclude, nexclude,
+                 exclude_schema),
 };
 static const struct raw_robot_surfaces robot_surfaces_defaults = {.self_collision = true};
 static const struct yaml_schema robot_surfaces_schema =
@@ -177,17 +165,14 @@ static const struct yaml_schema robot_surfaces_schema =
 static const struct yaml_field scene_fields[] = {
     {"engine", YAML_ENUM, true, AT(raw_scene, engine), .names = rig_engine_words},
     {"friction", YAML_ENUM, false, AT(raw_scene, contact.friction), .names = friction_names},
-    {"transition_velocity_m_s", YAML_REAL, false, AT(raw_scene, contact.transition_velocity_m_s),
-     .min = 1e-6, .max = 10.0},
+    YAML_NUMBER("transition_velocity_m_s", false, raw_scene, contact.transition_velocity_m_s, 1e-6,
+                10.0),
     {"mesh_law", YAML_ENUM, false, AT(raw_scene, contact.mesh_law), .names = mesh_law_names},
-    {"materials", YAML_DICT, false, AT(raw_scene, material), AT(raw_scene, nmaterial),
-     .schema = &material_schema},
-    {"bodies", YAML_LIST, false, AT(raw_scene, body), AT(raw_scene, nbody), .schema = &body_schema},
-    {"surfaces", YAML_LIST, false, AT(raw_scene, surface), AT(raw_scene, nsurface),
-     .schema = &surface_schema},
-    {"pairs", YAML_LIST, false, AT(raw_scene, pair), AT(raw_scene, npair), .schema = &pair_schema},
-    {"robot_surfaces", YAML_MAP, false, AT(raw_scene, robot_surfaces),
-     .schema = &robot_surfaces_schema},
+    YAML_ENTRIES("materials", YAML_DICT, false, raw_scene, material, nmaterial, material_schema),
+    YAML_ENTRIES("bodies", YAML_LIST, false, raw_scene, body, nbody, body_schema),
+    YAML_ENTRIES("surfaces", YAML_LIST, false, raw_scene, surface, nsurface, surface_schema),
+    YAML_ENTRIES("pairs", YAML_LIST, false, raw_scene, pair, npair, pair_schema),
+    YAML_SECTION("robot_surfaces", false, raw_scene, robot_surfaces, robot_surfaces_schema),
 };
 static const struct raw_scene scene_defaults = {.engine = RIG_CONTACT_NONE,
                                                 .contact.transition_velocity_m_s = 0.01,
@@ -196,27 +181,22 @@ static const struct yaml_schema scene_schema =
     YAML_SCHEMA("the scene", struct raw_scene, scene_fields, .defaults = &scene_defaults);
 
 static const struct yaml_field board_fields[] = {
-    {"name", YAML_STRING, false, AT(raw_board, board.name), .min = 1, .max = 63},
+    YAML_TEXT("name", false, raw_board, board.name, 1, 63),
     {"kind", YAML_ENUM, true, AT(raw_board, board.kind), .names = kind_names},
     {"address", YAML_INT, true, AT(raw_board, address), .min = 1, .max = 31},
     {"axes", YAML_NAME_LIST, false, .offset = AT(raw_board, axis),
      .count_offset = AT(raw_board, naxis)},
-    {"current_limit_a", YAML_REAL, false, AT(raw_board, current_limit_a), .min = DBL_MIN,
-     .max = 1e3},
+    YAML_NUMBER("current_limit_a", false, raw_board, current_limit_a, DBL_MIN, 1e3),
     {"joints", YAML_NAME_LIST, false, .offset = AT(raw_board, joint),
      .count_offset = AT(raw_board, njoint)},
     {"sensor", YAML_STRING, false, .offset = AT(raw_board, sensor)},
-    {"full_scale_n", YAML_REALS, false, AT(raw_board, board.full_scale), .count = 3, .min = 1,
-     .max = 65535},
-    {"full_scale_nm", YAML_REALS, false, AT(raw_board, board.full_scale[3]), .count = 3, .min = 1,
-     .max = 65535},
-    {"period_s", YAML_REAL, false, AT(raw_board, board.period_ns), .ns = true, .min = 0.001,
-     .max = 0.255},
+    YAML_NUMBERS("full_scale_n", false, raw_board, board.full_scale, 3, 1, 65535),
+    YAML_NUMBERS("full_scale_nm", false, raw_board, board.full_scale[3], 3, 1, 65535),
+    YAML_SECONDS("period_s", false, raw_board, board.period_ns, 0.001, 0.255),
     {"transmit_at_start", YAML_BOOL, false, .offset = AT(raw_board, board.transmit_at_start)},
     {"external", YAML_BOOL, false, .offset = AT(raw_board, board.external)},
     {"external_follows", YAML_ENUM, false, AT(raw_board, external_torque), .names = follows_names},
-    {"external_timeout_s", YAML_REAL, false, AT(raw_board, board.external_timeout_ns), .ns = true,
-     .min = 0.001, .max = 60.0},
+    YAML_SECONDS("external_timeout_s", false, raw_board, board.external_timeout_ns, 0.001, 60.0),
 };
 static const struct raw_board board_defaults = {.board.period_ns = 1000000,
                                                 .board.external_timeout_ns = 20000000};
@@ -224,16 +204,16 @@ static const struct yaml_schema board_schema =
     YAML_SCHEMA("a board", struct raw_board, board_fields, .defaults = &board_defaults);
 
 static const struct yaml_field bus_fields[] = {
-    {"name", YAML_STRING, true, AT(raw_bus, bus.name), .min = 1, .max = 63},
-    {"interface", YAML_STRING, true, AT(raw_bus, bus.interface), .min = 1, .max = 15},
+    YAML_TEXT("name", true, raw_bus, bus.name, 1, 63),
+    YAML_TEXT("interface", true, raw_bus, bus.interface, 1, 15),
     {"bitrate", YAML_INT, false, AT(raw_bus, bus.bitrate), .min = 10000, .max = 1000000},
     {"fd", YAML_BOOL, false, .offset = AT(raw_bus, bus.fd)},
     {"data_bitrate", YAML_INT, false, AT(raw_bus, bus.data_bitrate), .min = 10000, .max = 8000000},
     {"personality", YAML_ENUM, false, AT(raw_bus, personality), .names = protocol_words},
-    {"protocol", YAML_STRING, false, AT(raw_bus, protocol), .min = 1, .max = 400},
+    YAML_TEXT("protocol", false, raw_bus, protocol, 1, 400),
     {"padded_frames", YAML_BOOL, false, .offset = AT(raw_bus, padded)},
     {"configure", YAML_BOOL, false, .offset = AT(raw_bus, bus.configure)},
-    {"sample_point", YAML_REAL, false, AT(raw_bus, bus.sample_point), .min = 0.5, .max = 0.95},
+    YAML_NUMBER("sample_point", false, raw_bus, bus.sample_point, 0.5, 0.95),
     {"restart_ms", YAML_INT, false, AT(raw_bus, bus.restart_ms), .min = 0, .max = 60000},
     {"boards", YAML_LIST, true, AT(raw_bus, board), AT(raw_bus, bus.nboard),
      .schema = &board_schema, .entry_key = "address"},
@@ -243,12 +223,9 @@ static const struct yaml_schema bus_schema =
     YAML_SCHEMA("a bus", struct raw_bus, bus_fields, .defaults = &bus_defaults);
 
 static const struct yaml_field switches_fields[] = {
-    {"negative_limit_rad", YAML_REAL, false, AT(raw_switches, switches.negative_rad), .min = -1e3,
-     .max = 1e3},
-    {"positive_limit_rad", YAML_REAL, false, AT(raw_switches, switches.positive_rad), .min = -1e3,
-     .max = 1e3},
-    {"home_rad", YAML_REALS, false, AT(raw_switches, switches.home_rad), .count = 2, .min = -1e3,
-     .max = 1e3},
+    YAML_NUMBER("negative_limit_rad", false, raw_switches, switches.negative_rad, -1e3, 1e3),
+    YAML_NUMBER("positive_limit_rad", false, raw_switches, switches.positive_rad, -1e3, 1e3),
+    YAML_NUMBERS("home_rad", false, raw_switches, switches.home_rad, 2, -1e3, 1e3),
     {"index_pulse", YAML_BOOL, false, .offset = AT(raw_switches, index_pulse)},
 };
 static const struct yaml_schema switches_schema =
@@ -256,31 +233,22 @@ static const struct yaml_schema switches_schema =
                 .name_offset = AT(raw_switches, joint));
 
 static const struct yaml_field motors_fields[] = {
-    {"joint_ticks_per_rev", YAML_REAL, true, AT(raw_motors, joint_ticks_per_rev), .min = 1.0,
-     .max = 1e9},
-    {"motor_ticks_per_link_rev", YAML_REAL, true, AT(raw_motors, motor_ticks_per_link_rev),
-     .min = 1.0, .max = 1e9},
-    {"torque_full_scale_nm", YAML_REAL, true, AT(raw_motors, axis.torque_full_scale_nm), .min = 1,
-     .max = 65535},
-    {"current_limit_a", YAML_REAL, true, AT(raw_motors, axis.current_limit_a), .min = DBL_MIN,
-     .max = 1e3},
-    {"temperature_limit_c", YAML_REAL, false, AT(raw_motors, axis.temperature_limit_c), .min = 0.0,
-     .max = 125.0},
-    {"command_timeout_s", YAML_REAL, false, AT(raw_motors, board.command_timeout_ns), .ns = true,
-     .min = 0.0, .max = 60.0},
+    YAML_NUMBER("joint_ticks_per_rev", true, raw_motors, joint_ticks_per_rev, 1.0, 1e9),
+    YAML_NUMBER("motor_ticks_per_link_rev", true, raw_motors, motor_ticks_per_link_rev, 1.0, 1e9),
+    YAML_NUMBER("torque_full_scale_nm", true, raw_motors, axis.torque_full_scale_nm, 1, 65535),
+    YAML_NUMBER("current_limit_a", true, raw_motors, axis.current_limit_a, DBL_MIN, 1e3),
+    YAML_NUMBER("temperature_limit_c", false, raw_motors, axis.temperature_limit_c, 0.0, 125.0),
+    YAML_SECONDS("command_timeout_s", false, raw_motors, board.command_timeout_ns, 0.0, 60.0),
     {"rotor_poles", YAML_INT, false, AT(raw_motors, rotor_poles), .count = sizeof(int), .min = 2,
      .max = 126},
-    {"status_period_s", YAML_REAL, false, AT(raw_motors, board.status_period_ns), .ns = true,
-     .min = 0.0, .max = 10.0},
-    {"boot_s", YAML_REAL, false, AT(raw_motors, board.boot_ns), .ns = true, .min = 0.0,
-     .max = 60.0},
+    YAML_SECONDS("status_period_s", false, raw_motors, board.status_period_ns, 0.0, 10.0),
+    YAML_SECONDS("boot_s", false, raw_motors, board.boot_ns, 0.0, 60.0),
     {"strict", YAML_BOOL, false, .offset = AT(raw_motors, board.strict)},
     {"require_calibration", YAML_BOOL, false, .offset = AT(raw_motors, board.require_calibration)},
     {"keep_firmware", YAML_BOOL, false, .offset = AT(raw_motors, board.keep_firmware)},
     {"discovery_stops_motors", YAML_BOOL, false,
      .offset = AT(raw_motors, board.discovery_stops_motors)},
-    {"switches", YAML_DICT, false, AT(raw_motors, switches), AT(raw_motors, nswitches),
-     .schema = &switches_schema},
+    YAML_ENTRIES("switches", YAML_DICT, false, raw_motors, switches, nswitches, switches_schema),
 };
 static const struct raw_motors motors_defaults = {
     .rotor_poles = 8, .board.command_timeout_ns = 100000000, .axis.temperature_limit_c = 70.0};
@@ -300,8 +268,8 @@ static const struct yaml_field lockstep_fields[] = {
      .max = 0x7ff},
     {"done_id", YAML_INT, false, AT(raw_lockstep, lockstep.done_id), .count = sizeof(int), .min = 0,
      .max = 0x7ff},
-    {"partner_timeout_s", YAML_REAL, false, AT(raw_lockstep, lockstep.partner_timeout_ns),
-     .ns = true, .min = 0.01, .max = 3600.0},
+    YAML_SECONDS("partner_timeout_s", false, raw_lockstep, lockstep.partner_timeout_ns, 0.01,
+                 3600.0),
 };
 static const struct raw_lockstep lockstep_defaults = {
     .lockstep = {.step_id = LOCKSTEP_STEP_ID,
@@ -324,7 +292,7 @@ static const struct yaml_schema realtime_schema =
                 .defaults = &realtime_defaults);
 
 static const struct yaml_field record_fields[] = {
-    {"directory", YAML_STRING, false, AT(rig_record, directory), .min = 1, .max = 4000},
+    YAML_TEXT("directory", false, rig_record, directory, 1, 4000),
     {"format", YAML_ENUM, false, AT(rig_record, format), .names = recorder_format_words},
 };
 static const struct rig_record record_defaults = {.format = RECORDER_CSV};
@@ -332,7 +300,7 @@ static const struct yaml_schema record_schema = YAML_SCHEMA(
     "the record", struct rig_record, record_fields, .unmarked = true, .defaults = &record_defaults);
 
 static const struct yaml_field page_fields[] = {
-    {"listen", YAML_STRING, true, AT(rig_page, listen), .min = 1, .max = 80},
+    YAML_TEXT("listen", true, rig_page, listen, 1, 80),
 };
 static const struct yaml_schema page_schema =
     YAML_SCHEMA("the page", struct rig_page, page_fields, .unmarked = true);
@@ -340,47 +308,38 @@ static const struct yaml_schema page_schema =
 static const struct yaml_field gains_fields[] = {
     {"joints", YAML_NAME_LIST, true, .offset = AT(raw_gains, joint),
      .count_offset = AT(raw_gains, njoint)},
-    {"kp_v_per_rad", YAML_REAL, false, AT(raw_gains, gains.kp_v_per_rad), .min = 0.0, .max = 1e6},
-    {"ki_v_per_rad_s", YAML_REAL, false, AT(raw_gains, gains.ki_v_per_rad_s), .min = 0.0,
-     .max = 1e6},
-    {"kd_v_s_per_rad", YAML_REAL, false, AT(raw_gains, gains.kd_v_s_per_rad), .min = 0.0,
-     .max = 1e6},
-    {"kw_v_s_per_rad", YAML_REAL, false, AT(raw_gains, gains.kw_v_s_per_rad), .min = 0.0,
-     .max = 1e6},
-    {"trim_per_s", YAML_REAL, false, AT(raw_gains, gains.trim_per_s), .min = 0.0, .max = 1e3},
-    {"sway_damping_per_s", YAML_REAL, false, AT(raw_gains, gains.sway_damping_per_s), .min = 0.0,
-     .max = 1e3},
-    {"limit_v", YAML_REAL, false, AT(raw_gains, gains.limit_v), .min = DBL_MIN, .max = 1e4},
-    {"load_v_per_nm", YAML_REAL, false, AT(raw_gains, gains.load_v_per_nm), .min = 0.0, .max = 1e4},
+    YAML_NUMBER("kp_v_per_rad", false, raw_gains, gains.kp_v_per_rad, 0.0, 1e6),
+    YAML_NUMBER("ki_v_per_rad_s", false, raw_gains, gains.ki_v_per_rad_s, 0.0, 1e6),
+    YAML_NUMBER("kd_v_s_per_rad", false, raw_gains, gains.kd_v_s_per_rad, 0.0, 1e6),
+    YAML_NUMBER("kw_v_s_per_rad", false, raw_gains, gains.kw_v_s_per_rad, 0.0, 1e6),
+    YAML_NUMBER("trim_per_s", false, raw_gains, gains.trim_per_s, 0.0, 1e3),
+    YAML_NUMBER("sway_damping_per_s", false, raw_gains, gains.sway_damping_per_s, 0.0, 1e3),
+    YAML_NUMBER("limit_v", false, raw_gains, gains.limit_v, DBL_MIN, 1e4),
+    YAML_NUMBER("load_v_per_nm", false, raw_gains, gains.load_v_per_nm, 0.0, 1e4),
 };
 const struct yaml_schema gains_schema =
     YAML_SCHEMA("the gains of some joints", struct raw_gains, gains_fields);
 
 static const struct yaml_field servo_fields[] = {
-    {"kp_v_per_rad", YAML_REAL, true, AT(raw_servo, gains.kp_v_per_rad), .min = 0.0, .max = 1e6},
-    {"ki_v_per_rad_s", YAML_REAL, true, AT(raw_servo, gains.ki_v_per_rad_s), .min = 0.0,
-     .max = 1e6},
-    {"kd_v_s_per_rad", YAML_REAL, false, AT(raw_servo, gains.kd_v_s_per_rad), .min = 0.0,
-     .max = 1e6},
-    {"kw_v_s_per_rad", YAML_REAL, true, AT(raw_servo, gains.kw_v_s_per_rad), .min = 0.0,
-     .max = 1e6},
-    {"trim_per_s", YAML_REAL, false, AT(raw_servo, gains.trim_per_s), .min = 0.0, .max = 1e3},
-    {"sway_damping_per_s", YAML_REAL, false, AT(raw_servo, gains.sway_damping_per_s), .min = 0.0,
-     .max = 1e3},
-    {"limit_v", YAML_REAL, false, AT(raw_servo, gains.limit_v), .min = DBL_MIN, .max = 1e4},
-    {"load_v_per_nm", YAML_REAL, false, AT(raw_servo, gains.load_v_per_nm), .min = 0.0, .max = 1e4},
-    {"others", YAML_LIST, false, AT(raw_servo, other), AT(raw_servo, nother),
-     .schema = &gains_schema},
-    {"command_period_s", YAML_REAL, true, AT(raw_servo, command_period_s), .min = 1e-5, .max = 1.0},
+    YAML_NUMBER("kp_v_per_rad", true, raw_servo, gains.kp_v_per_rad, 0.0, 1e6),
+    YAML_NUMBER("ki_v_per_rad_s", true, raw_servo, gains.ki_v_per_rad_s, 0.0, 1e6),
+    YAML_NUMBER("kd_v_s_per_rad", false, raw_servo, gains.kd_v_s_per_rad, 0.0, 1e6),
+    YAML_NUMBER("kw_v_s_per_rad", true, raw_servo, gains.kw_v_s_per_rad, 0.0, 1e6),
+    YAML_NUMBER("trim_per_s", false, raw_servo, gains.trim_per_s, 0.0, 1e3),
+    YAML_NUMBER("sway_damping_per_s", false, raw_servo, gains.sway_damping_per_s, 0.0, 1e3),
+    YAML_NUMBER("limit_v", false, raw_servo, gains.limit_v, DBL_MIN, 1e4),
+    YAML_NUMBER("load_v_per_nm", false, raw_servo, gains.load_v_per_nm, 0.0, 1e4),
+    YAML_ENTRIES("others", YAML_LIST, false, raw_servo, other, nother, gains_schema),
+    YAML_NUMBER("command_period_s", true, raw_servo, command_period_s, 1e-5, 1.0),
 };
 static const struct yaml_schema servo_schema =
     YAML_SCHEMA("the servo", struct raw_servo, servo_fields);
 
 static const struct yaml_field squat_fields[] = {
-    {"thigh_m", YAML_REAL, true, AT(squat_config, thigh_m), .min = 0.01, .max = 10.0},
-    {"shank_m", YAML_REAL, true, AT(squat_config, shank_m), .min = 0.01, .max = 10.0},
-    {"depth_m", YAML_REAL, true, AT(squat_config, depth_m), .min = 0.0, .max = 10.0},
-    {"period_s", YAML_REAL, true, AT(squat_config, period_s), .min = 0.1, .max = 1e3},
+    YAML_NUMBER("thigh_m", true, squat_config, thigh_m, 0.01, 10.0),
+    YAML_NUMBER("shank_m", true, squat_config, shank_m, 0.01, 10.0),
+    YAML_NUMBER("depth_m", true, squat_config, depth_m, 0.0, 10.0),
+    YAML_NUMBER("period_s", true, squat_config, period_s, 0.1, 1e3),
     {"cycles", YAML_INT, true, AT(squat_config, cycles), .count = sizeof(int), .min = 1,
      .max = 1e6},
 };
@@ -388,29 +347,27 @@ static const struct yaml_schema squat_schema =
     YAML_SCHEMA("the squat", struct squat_config, squat_fields, .unmarked = true);
 
 static const struct yaml_field phase_fields[] = {
-    {"name", YAML_STRING, true, AT(grasp_phase, name), .min = 1, .max = 31},
-    {"until_s", YAML_REAL, true, AT(grasp_phase, until_s), .min = DBL_MIN, .max = 1e3},
-    {"arm_rad", YAML_REALS, true, AT(grasp_phase, arm_rad), .count = GRASP_JOINTS, .min = -7.0,
-     .max = 7.0},
+    YAML_TEXT("name", true, grasp_phase, name, 1, 31),
+    YAML_NUMBER("until_s", true, grasp_phase, until_s, DBL_MIN, 1e3),
+    YAML_NUMBERS("arm_rad", true, grasp_phase, arm_rad, GRASP_JOINTS, -7.0, 7.0),
     {"closed", YAML_BOOL, false, .offset = AT(grasp_phase, closed)},
 };
 static const struct yaml_schema phase_schema =
     YAML_SCHEMA("a phase", struct grasp_phase, phase_fields, .unmarked = true);
 
 static const struct yaml_field grasp_fields[] = {
-    {"settle_s", YAML_REAL, true, AT(grasp_config, settle_s), .min = 0.1, .max = 1e3},
-    {"path", YAML_LIST, true, AT(grasp_config, phase), AT(grasp_config, nphase),
-     .schema = &phase_schema},
-    {"hold_s", YAML_REAL, true, AT(grasp_config, hold_s), .min = 0.0, .max = 1e3},
-    {"least_press_n", YAML_REAL, true, AT(grasp_config, least_press_n), .min = 0.0, .max = 1e6},
-    {"least_carry_n", YAML_REAL, true, AT(grasp_config, least_carry_n), .min = 0.0, .max = 1e6},
+    YAML_NUMBER("settle_s", true, grasp_config, settle_s, 0.1, 1e3),
+    YAML_ENTRIES("path", YAML_LIST, true, grasp_config, phase, nphase, phase_schema),
+    YAML_NUMBER("hold_s", true, grasp_config, hold_s, 0.0, 1e3),
+    YAML_NUMBER("least_press_n", true, grasp_config, least_press_n, 0.0, 1e6),
+    YAML_NUMBER("least_carry_n", true, grasp_config, least_carry_n, 0.0, 1e6),
 };
 static const struct yaml_schema grasp_schema =
     YAML_SCHEMA("the grasp", struct grasp_config, grasp_fields, .unmarked = true);
 
 static const struct yaml_field hold_fields[] = {
-    {"duration_s", YAML_REAL, false, AT(hold_config, duration_s), .min = 0.0, .max = 1e6},
-    {"tolerance_rad", YAML_REAL, false, AT(hold_config, tolerance_rad), .min = 1e-6, .max = 10.0},
+    YAML_NUMBER("duration_s", false, hold_config, duration_s, 0.0, 1e6),
+    YAML_NUMBER("tolerance_rad", false, hold_config, tolerance_rad, 1e-6, 10.0),
 };
 static const struct hold_config hold_defaults = {.duration_s = 10.0, .tolerance_rad = 0.05};
 static const struct yaml_schema hold_schema = YAML_SCHEMA(
@@ -457,8 +414,7 @@ static const struct yaml_field walk_fields[] = {
     WALK(true, servo, kw_v_s_per_rad, 0.0, 1e6),
     WALK(true, servo, load_v_per_nm, 0.0, 1e4),
     WALK(true, servo, torque_limit_nm, 0.0, 1e4),
-    {"others", YAML_LIST, false, AT(raw_walk, other), AT(raw_walk, nother),
-     .schema = &gains_schema},
+    YAML_ENTRIES("others", YAML_LIST, false, raw_walk, other, nother, gains_schema),
     WALK(true, config.balance, ankle_roll_kp_v_per_rad, 0.0, 1e6),
     WALK(true, config.balance, pelvis_height_m, 0.01, 10.0),
     WALK(true, config.balance, lean_rad, -1.0, 1.0),
@@ -490,57 +446,56 @@ static const struct yaml_field walk_fields[] = {
 static const struct yaml_schema walk_schema = YAML_SCHEMA("the walk", struct raw_walk, walk_fields);
 
 static const struct yaml_field tasks_fields[] = {
-    {"servo", YAML_MAP, false, AT(raw_rig, servo), .schema = &servo_schema},
-    {"squat", YAML_MAP, false, AT(raw_rig, rig.squat), .schema = &squat_schema},
-    {"grasp", YAML_MAP, false, AT(raw_rig, rig.grasp), .schema = &grasp_schema},
-    {"hold", YAML_MAP, false, AT(raw_rig, rig.hold_task), .schema = &hold_schema},
-    {"walk", YAML_MAP, false, AT(raw_rig, walk), .schema = &walk_schema},
+    YAML_SECTION("servo", false, raw_rig, servo, servo_schema),
+    YAML_SECTION("squat", false, raw_rig, rig.squat, squat_schema),
+    YAML_SECTION("grasp", false, raw_rig, rig.grasp, grasp_schema),
+    YAML_SECTION("hold", false, raw_rig, rig.hold_task, hold_schema),
+    YAML_SECTION("walk", false, raw_rig, walk, walk_schema),
 };
 static const struct yaml_schema tasks_schema =
     YAML_SCHEMA("the tasks", struct raw_rig, tasks_fields, .unmarked = true);
 
 static const struct yaml_field chopper_fields[] = {
-    {"on_v", YAML_REAL, true, AT(raw_rig, rig.supply_bus.on_v), .min = DBL_MIN, .max = 1e4},
-    {"off_v", YAML_REAL, true, AT(raw_rig, rig.supply_bus.off_v), .min = DBL_MIN, .max = 1e4},
-    {"ohm", YAML_REAL, true, AT(raw_rig, rig.supply_bus.brake_ohm), .min = 1e-3, .max = 1e6},
+    YAML_NUMBER("on_v", true, raw_rig, rig.supply_bus.on_v, DBL_MIN, 1e4),
+    YAML_NUMBER("off_v", true, raw_rig, rig.supply_bus.off_v, DBL_MIN, 1e4),
+    YAML_NUMBER("ohm", true, raw_rig, rig.supply_bus.brake_ohm, 1e-3, 1e6),
 };
 static const struct yaml_schema chopper_schema =
     YAML_SCHEMA("a brake chopper", struct raw_rig, chopper_fields, .unmarked = true);
 
 static const struct yaml_field rig_fields[] = {
-    {"name", YAML_STRING, true, AT(raw_rig, rig.name), .min = 1, .max = 63},
-    {"description", YAML_STRING, false, AT(raw_rig, description), .min = 1, .max = 400},
-    {"robot", YAML_MAP, true, AT(raw_rig, robot), .schema = &robot_schema},
+    YAML_TEXT("name", true, raw_rig, rig.name, 1, 63),
+    YAML_TEXT("description", false, raw_rig, description, 1, 400),
+    YAML_SECTION("robot", true, raw_rig, robot, robot_schema),
     {"clock", YAML_ENUM, false, AT(raw_rig, rig.clock), .names = loop_clock_words},
-    {"tick_s", YAML_REAL, false, AT(raw_rig, tick_s), .min = 1e-5, .max = 0.1},
-    {"substep_s", YAML_REAL, false, AT(raw_rig, substep_s), .min = 1e-7, .max = 1.0},
+    YAML_NUMBER("tick_s", false, raw_rig, tick_s, 1e-5, 0.1),
+    YAML_NUMBER("substep_s", false, raw_rig, substep_s, 1e-7, 1.0),
     {"integrator", YAML_ENUM, false, AT(raw_rig, rig.integrator), .names = rig_integrator_words},
-    {"tolerance", YAML_REAL, false, AT(raw_rig, rig.tolerance), .min = 1e-13, .max = 0.1},
+    YAML_NUMBER("tolerance", false, raw_rig, rig.tolerance, 1e-13, 0.1),
     {"dynamics", YAML_ENUM, false, AT(raw_rig, rig.dynamics), .names = rig_dynamics_words},
     {"personality", YAML_ENUM, false, AT(raw_rig, personality), .names = protocol_words},
-    {"protocol", YAML_STRING, false, AT(raw_rig, protocol), .min = 1, .max = 400},
-    {"supply_v", YAML_REAL, true, AT(raw_rig, rig.supply_v), .min = DBL_MIN, .max = 1e4},
-    {"initial", YAML_MAP, true, AT(raw_rig, initial), .schema = &initial_schema},
-    {"scene", YAML_MAP, false, AT(raw_rig, scene), .schema = &scene_schema},
-    {"motors", YAML_MAP, true, AT(raw_rig, motors), .schema = &motors_schema},
+    YAML_TEXT("protocol", false, raw_rig, protocol, 1, 400),
+    YAML_NUMBER("supply_v", true, raw_rig, rig.supply_v, DBL_MIN, 1e4),
+    YAML_SECTION("initial", true, raw_rig, initial, initial_schema),
+    YAML_SECTION("scene", false, raw_rig, scene, scene_schema),
+    YAML_SECTION("motors", true, raw_rig, motors, motors_schema),
     {"buses", YAML_LIST, true, AT(raw_rig, bus), AT(raw_rig, rig.nbus), .schema = &bus_schema,
      .entry_key = "name"},
     {"undriven", YAML_NAME_LIST, false, .offset = AT(raw_rig, undriven),
      .count_offset = AT(raw_rig, nundriven)},
-    {"wire", YAML_MAP, false, AT(raw_rig, wire), .schema = &wire_schema},
-    {"lockstep", YAML_MAP, false, AT(raw_rig, lockstep), .schema = &lockstep_schema},
-    {"realtime", YAML_MAP, false, AT(raw_rig, rig.realtime), .schema = &realtime_schema},
-    {"record", YAML_MAP, false, AT(raw_rig, rig.record), .schema = &record_schema},
-    {"page", YAML_MAP, false, AT(raw_rig, rig.page), .schema = &page_schema},
+    YAML_SECTION("wire", false, raw_rig, wire, wire_schema),
+    YAML_SECTION("lockstep", false, raw_rig, lockstep, lockstep_schema),
+    YAML_SECTION("realtime", false, raw_rig, rig.realtime, realtime_schema),
+    YAML_SECTION("record", false, raw_rig, rig.record, record_schema),
+    YAML_SECTION("page", false, raw_rig, rig.page, page_schema),
     {"tasks", YAML_MAP, false, .schema = &tasks_schema},
-    {"sensors", YAML_MAP, false, AT(raw_rig, sensors), .schema = &rig_sensors_schema},
+    YAML_SECTION("sensors", false, raw_rig, sensors, rig_sensors_schema),
     {"faults", YAML_NAME_LIST, false, .offset = AT(raw_rig, rig.fault),
      .count_offset = AT(raw_rig, rig.nfault)},
     {"seed", YAML_INT, false, AT(raw_rig, rig.seed), .min = 0, .max = 9e15},
-    {"voltage_delay_s", YAML_REAL, false, AT(raw_rig, voltage_delay_s), .min = 0.0, .max = 0.1},
-    {"supply_ohm", YAML_REAL, false, AT(raw_rig, rig.supply_ohm), .min = 0.0, .max = 1e3},
-    {"supply_capacitance_f", YAML_REAL, false, AT(raw_rig, rig.supply_bus.capacitance_f),
-     .min = 1e-4, .max = 1e3},
+    YAML_NUMBER("voltage_delay_s", false, raw_rig, voltage_delay_s, 0.0, 0.1),
+    YAML_NUMBER("supply_ohm", false, raw_rig, rig.supply_ohm, 0.0, 1e3),
+    YAML_NUMBER("supply_capacitance_f", false, raw_rig, rig.supply_bus.capacitance_f, 1e-4, 1e3),
     {"supply_returns", .type = YAML_BOOL, .offset = AT(raw_rig, rig.supply_bus.returns)},
     {"brake_chopper", YAML_MAP, false, .schema = &chopper_schema},
 };

@@ -8,32 +8,29 @@
 #define AT(type, member) offsetof(struct type, member)
 
 static const struct yaml_field channel_fields[] = {
-    {"gain_error", YAML_REAL, false, AT(sensor_error, gain_error), .min = -1.0, .max = 10.0},
-    {"offset", YAML_REAL, false, AT(sensor_error, offset), .min = -1e6, .max = 1e6},
-    {"noise_rms", YAML_REAL, false, AT(sensor_error, noise_rms), .min = 0.0, .max = 1e6},
-    {"drift_per_sqrt_s", YAML_REAL, false, AT(sensor_error, drift_per_sqrt_s), .min = 0.0,
-     .max = 1e6},
-    {"ramp_per_s", YAML_REAL, false, AT(sensor_error, ramp_per_s), .min = -1e6, .max = 1e6},
-    {"full_scale", YAML_REAL, false, AT(sensor_error, full_scale), .min = DBL_MIN, .max = 1e9},
-    {"lsb", YAML_REAL, false, AT(sensor_error, lsb), .min = DBL_MIN, .max = 1e6},
-    {"latency_s", YAML_REAL, false, AT(sensor_error, latency_ns), .ns = true, .min = 0.0,
-     .max = 1e-9 * (double)SENSING_LATENCY_MAX_NS},
-    {"bandwidth_hz", YAML_REAL, false, AT(sensor_error, bandwidth_hz), .min = 0.1, .max = 1e6},
-    {"hysteresis", YAML_REAL, false, AT(sensor_error, hysteresis), .min = 0.0, .max = 0.2},
-    {"instability_rms", YAML_REAL, false, AT(sensor_error, instability_rms), .min = 0.0,
-     .max = 1e6},
-    {"instability_s", YAML_REAL, false, AT(sensor_error, instability_s), .min = 1e-3, .max = 1e6},
-    {"offset_per_k", YAML_REAL, false, AT(sensor_error, offset_per_k), .min = -1e6, .max = 1e6},
-    {"gain_per_k", YAML_REAL, false, AT(sensor_error, gain_per_k), .min = -1.0, .max = 1.0},
+    YAML_NUMBER("gain_error", false, sensor_error, gain_error, -1.0, 10.0),
+    YAML_NUMBER("offset", false, sensor_error, offset, -1e6, 1e6),
+    YAML_NUMBER("noise_rms", false, sensor_error, noise_rms, 0.0, 1e6),
+    YAML_NUMBER("drift_per_sqrt_s", false, sensor_error, drift_per_sqrt_s, 0.0, 1e6),
+    YAML_NUMBER("ramp_per_s", false, sensor_error, ramp_per_s, -1e6, 1e6),
+    YAML_NUMBER("full_scale", false, sensor_error, full_scale, DBL_MIN, 1e9),
+    YAML_NUMBER("lsb", false, sensor_error, lsb, DBL_MIN, 1e6),
+    YAML_SECONDS("latency_s", false, sensor_error, latency_ns, 0.0,
+                 1e-9 * (double)SENSING_LATENCY_MAX_NS),
+    YAML_NUMBER("bandwidth_hz", false, sensor_error, bandwidth_hz, 0.1, 1e6),
+    YAML_NUMBER("hysteresis", false, sensor_error, hysteresis, 0.0, 0.2),
+    YAML_NUMBER("instability_rms", false, sensor_error, instability_rms, 0.0, 1e6),
+    YAML_NUMBER("instability_s", false, sensor_error, instability_s, 1e-3, 1e6),
+    YAML_NUMBER("offset_per_k", false, sensor_error, offset_per_k, -1e6, 1e6),
+    YAML_NUMBER("gain_per_k", false, sensor_error, gain_per_k, -1.0, 1.0),
 };
 static const struct yaml_schema channel_schema =
     YAML_SCHEMA("a channel of a sensor", struct sensor_error, channel_fields, .unmarked = true);
 
 static const struct yaml_field winding_fields[] = {
-    {"ambient_c", YAML_REAL, false, AT(sensor_thermal, ambient_c), .min = -60.0, .max = 100.0},
-    {"k_per_w", YAML_REAL, true, AT(sensor_thermal, k_per_w), .min = 1e-6, .max = 1e4},
-    {"time_constant_s", YAML_REAL, true, AT(sensor_thermal, time_constant_s), .min = 1e-3,
-     .max = 1e6},
+    YAML_NUMBER("ambient_c", false, sensor_thermal, ambient_c, -60.0, 100.0),
+    YAML_NUMBER("k_per_w", true, sensor_thermal, k_per_w, 1e-6, 1e4),
+    YAML_NUMBER("time_constant_s", true, sensor_thermal, time_constant_s, 1e-3, 1e6),
 };
 static const struct sensor_thermal winding_defaults = {.ambient_c = 25.0};
 static const struct yaml_schema winding_schema =
@@ -41,30 +38,24 @@ static const struct yaml_schema winding_schema =
                 .defaults = &winding_defaults);
 
 static const struct yaml_field warm_up_fields[] = {
-    {"rise_k", YAML_REAL, true, AT(sensor_warm_up, rise_k), .min = -100.0, .max = 200.0},
-    {"time_constant_s", YAML_REAL, true, AT(sensor_warm_up, time_constant_s), .min = 1e-3,
-     .max = 1e6},
+    YAML_NUMBER("rise_k", true, sensor_warm_up, rise_k, -100.0, 200.0),
+    YAML_NUMBER("time_constant_s", true, sensor_warm_up, time_constant_s, 1e-3, 1e6),
 };
 static const struct yaml_schema warm_up_schema =
     YAML_SCHEMA("the warming of a sensor", struct sensor_warm_up, warm_up_fields, .unmarked = true);
 
-#define CHANNEL(key, type, member)                                                                 \
-    {                                                                                              \
-        key, YAML_MAP, false, AT(type, member), .schema = &channel_schema                          \
-    }
-
 static const struct yaml_field joint_fields[] = {
-    CHANNEL("link_encoder_rad", raw_joint_sensors, sensor.link_encoder),
-    CHANNEL("motor_encoder_rad", raw_joint_sensors, sensor.motor_encoder),
-    CHANNEL("current_a", raw_joint_sensors, sensor.current),
-    CHANNEL("torque_nm", raw_joint_sensors, sensor.torque),
-    CHANNEL("temperature_c", raw_joint_sensors, sensor.temperature),
-    {"winding", YAML_MAP, false, AT(raw_joint_sensors, sensor.thermal), .schema = &winding_schema},
-    {"warm_up", YAML_MAP, false, AT(raw_joint_sensors, sensor.warm_up), .schema = &warm_up_schema},
-    {"eccentricity_rad", YAML_REALS, false, AT(raw_joint_sensors, sensor.eccentricity_rad),
-     .count = 2, .min = 0.0, .max = 0.1},
-    {"crosstalk", YAML_REAL, false, AT(raw_joint_sensors, sensor.crosstalk), .min = 0.0,
-     .max = 1.0},
+    YAML_SECTION("link_encoder_rad", false, raw_joint_sensors, sensor.link_encoder, channel_schema),
+    YAML_SECTION("motor_encoder_rad", false, raw_joint_sensors, sensor.motor_encoder,
+                 channel_schema),
+    YAML_SECTION("current_a", false, raw_joint_sensors, sensor.current, channel_schema),
+    YAML_SECTION("torque_nm", false, raw_joint_sensors, sensor.torque, channel_schema),
+    YAML_SECTION("temperature_c", false, raw_joint_sensors, sensor.temperature, channel_schema),
+    YAML_SECTION("winding", false, raw_joint_sensors, sensor.thermal, winding_schema),
+    YAML_SECTION("warm_up", false, raw_joint_sensors, sensor.warm_up, warm_up_schema),
+    YAML_NUMBERS("eccentricity_rad", false, raw_joint_sensors, sensor.eccentricity_rad, 2, 0.0,
+                 0.1),
+    YAML_NUMBER("crosstalk", false, raw_joint_sensors, sensor.crosstalk, 0.0, 1.0),
     {"motor_encoder_from_start", YAML_BOOL, false,
      .offset = AT(raw_joint_sensors, sensor.incremental)},
 };
@@ -73,67 +64,63 @@ static const struct yaml_schema joint_schema =
                 .name_offset = AT(raw_joint_sensors, sensor.name));
 
 static const struct yaml_field tool_fields[] = {
-    {"mass_kg", YAML_REAL, true, AT(robot_inertia, mass), .min = 1e-6, .max = 1e3},
-    {"com_m", YAML_REALS, true, AT(robot_inertia, com), .count = 3, .min = -10.0, .max = 10.0},
-    {"inertia_kg_m2", YAML_REALS, false, AT(robot_inertia, I), .count = 6, .min = -1e3, .max = 1e3},
+    YAML_NUMBER("mass_kg", true, robot_inertia, mass, 1e-6, 1e3),
+    YAML_NUMBERS("com_m", true, robot_inertia, com, 3, -10.0, 10.0),
+    YAML_NUMBERS("inertia_kg_m2", false, robot_inertia, I, 6, -1e3, 1e3),
 };
 static const struct yaml_schema tool_schema = YAML_SCHEMA(
     "what hangs beyond a force-torque sensor", struct robot_inertia, tool_fields, .unmarked = true);
 
 static const struct yaml_field ft_fields[] = {
-    CHANNEL("force_n", raw_ft_sensors, sensor.force),
-    CHANNEL("torque_nm", raw_ft_sensors, sensor.torque),
-    {"crosstalk", YAML_REAL, false, AT(raw_ft_sensors, sensor.crosstalk), .min = 0.0, .max = 1.0},
-    {"warm_up", YAML_MAP, false, AT(raw_ft_sensors, sensor.warm_up), .schema = &warm_up_schema},
-    {"tool", YAML_MAP, false, AT(raw_ft_sensors, tool), .schema = &tool_schema},
+    YAML_SECTION("force_n", false, raw_ft_sensors, sensor.force, channel_schema),
+    YAML_SECTION("torque_nm", false, raw_ft_sensors, sensor.torque, channel_schema),
+    YAML_NUMBER("crosstalk", false, raw_ft_sensors, sensor.crosstalk, 0.0, 1.0),
+    YAML_SECTION("warm_up", false, raw_ft_sensors, sensor.warm_up, warm_up_schema),
+    YAML_SECTION("tool", false, raw_ft_sensors, tool, tool_schema),
 };
 static const struct yaml_schema ft_schema =
     YAML_SCHEMA("a force-torque sensor", struct raw_ft_sensors, ft_fields,
                 .name_offset = AT(raw_ft_sensors, sensor.name));
 
 static const struct yaml_field ahrs_fields[] = {
-    {"accel_per_s", YAML_REAL, true, AT(ahrs_config, accel_per_s), .min = 0.0, .max = 10.0},
-    {"magnetic_per_s", YAML_REAL, false, AT(ahrs_config, magnetic_per_s), .min = 0.0, .max = 10.0},
-    {"bias_per_s2", YAML_REAL, false, AT(ahrs_config, bias_per_s2), .min = 0.0, .max = 100.0},
+    YAML_NUMBER("accel_per_s", true, ahrs_config, accel_per_s, 0.0, 10.0),
+    YAML_NUMBER("magnetic_per_s", false, ahrs_config, magnetic_per_s, 0.0, 10.0),
+    YAML_NUMBER("bias_per_s2", false, ahrs_config, bias_per_s2, 0.0, 100.0),
 };
 static const struct yaml_schema ahrs_schema =
     YAML_SCHEMA("the attitude filter of the inertial sensor", struct ahrs_config, ahrs_fields,
                 .unmarked = true);
 
 static const struct yaml_field imu_fields[] = {
-    {"gyro_rad_s", YAML_MAP, false, AT(raw_imu_sensors, sensor.gyro), .schema = &channel_schema},
-    {"accel_m_s2", YAML_MAP, false, AT(raw_imu_sensors, sensor.accel), .schema = &channel_schema},
-    {"magnetic_t", YAML_MAP, false, AT(raw_imu_sensors, sensor.magnetic),
-     .schema = &channel_schema},
-    {"orientation", YAML_MAP, false, AT(raw_imu_sensors, sensor.orientation),
-     .schema = &channel_schema},
-    {"gyro_misalignment_rad", YAML_REALS, false, AT(raw_imu_sensors, sensor.gyro_misalignment_rad),
-     .count = 3, .min = -0.5, .max = 0.5},
-    {"accel_misalignment_rad", YAML_REALS, false,
-     AT(raw_imu_sensors, sensor.accel_misalignment_rad), .count = 3, .min = -0.5, .max = 0.5},
-    {"warm_up", YAML_MAP, false, AT(raw_imu_sensors, sensor.warm_up), .schema = &warm_up_schema},
-    {"ahrs", YAML_MAP, false, AT(raw_imu_sensors, sensor.ahrs), .schema = &ahrs_schema},
+    YAML_SECTION("gyro_rad_s", false, raw_imu_sensors, sensor.gyro, channel_schema),
+    YAML_SECTION("accel_m_s2", false, raw_imu_sensors, sensor.accel, channel_schema),
+    YAML_SECTION("magnetic_t", false, raw_imu_sensors, sensor.magnetic, channel_schema),
+    YAML_SECTION("orientation", false, raw_imu_sensors, sensor.orientation, channel_schema),
+    YAML_NUMBERS("gyro_misalignment_rad", false, raw_imu_sensors, sensor.gyro_misalignment_rad, 3,
+                 -0.5, 0.5),
+    YAML_NUMBERS("accel_misalignment_rad", false, raw_imu_sensors, sensor.accel_misalignment_rad, 3,
+                 -0.5, 0.5),
+    YAML_SECTION("warm_up", false, raw_imu_sensors, sensor.warm_up, warm_up_schema),
+    YAML_SECTION("ahrs", false, raw_imu_sensors, sensor.ahrs, ahrs_schema),
 };
 static const struct yaml_schema imu_schema =
     YAML_SCHEMA("the inertial sensor", struct raw_imu_sensors, imu_fields);
 
 static const struct yaml_field clocks_fields[] = {
-    {"period_s", YAML_REAL, true, AT(sensor_clocks, period_ns), .ns = true, .min = 1e-6,
-     .max = 1e-9 * (double)SENSING_LATENCY_MAX_NS},
-    {"drift_ppm", YAML_REAL, false, AT(sensor_clocks, drift_ppm), .min = 0.0,
-     .max = SENSING_CLOCK_DRIFT_MAX_PPM},
+    YAML_SECONDS("period_s", true, sensor_clocks, period_ns, 1e-6,
+                 1e-9 * (double)SENSING_LATENCY_MAX_NS),
+    YAML_NUMBER("drift_ppm", false, sensor_clocks, drift_ppm, 0.0, SENSING_CLOCK_DRIFT_MAX_PPM),
 };
 static const struct yaml_schema clocks_schema = YAML_SCHEMA(
     "the sampling clocks of the boards", struct sensor_clocks, clocks_fields, .unmarked = true);
 
 static const struct yaml_field sensors_fields[] = {
-    {"every_joint", YAML_MAP, false, AT(raw_sensors, every_joint), .schema = &joint_schema},
-    {"joints", YAML_DICT, false, AT(raw_sensors, joint), AT(raw_sensors, njoint),
-     .schema = &joint_schema},
-    {"every_ft", YAML_MAP, false, AT(raw_sensors, every_ft), .schema = &ft_schema},
-    {"fts", YAML_DICT, false, AT(raw_sensors, ft), AT(raw_sensors, nft), .schema = &ft_schema},
-    {"imu", YAML_MAP, false, AT(raw_sensors, imu), .schema = &imu_schema},
-    {"clocks", YAML_MAP, false, AT(raw_sensors, clocks), .schema = &clocks_schema},
+    YAML_SECTION("every_joint", false, raw_sensors, every_joint, joint_schema),
+    YAML_ENTRIES("joints", YAML_DICT, false, raw_sensors, joint, njoint, joint_schema),
+    YAML_SECTION("every_ft", false, raw_sensors, every_ft, ft_schema),
+    YAML_ENTRIES("fts", YAML_DICT, false, raw_sensors, ft, nft, ft_schema),
+    YAML_SECTION("imu", false, raw_sensors, imu, imu_schema),
+    YAML_SECTION("clocks", false, raw_sensors, clocks, clocks_schema),
 };
 const struct yaml_schema rig_sensors_schema =
     YAML_SCHEMA("the sensors", struct raw_sensors, sensors_fields);

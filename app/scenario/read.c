@@ -28,8 +28,8 @@ struct parameters {
 };
 
 static const struct yaml_field only_parameters[] = {
-    {"parameters", YAML_DICT, true, .offset = AT(parameters, parameter),
-     .count_offset = AT(parameters, count), .schema = &scenario_parameter_schema},
+    YAML_ENTRIES("parameters", YAML_DICT, true, parameters, parameter, count,
+                 scenario_parameter_schema),
 };
 static const struct yaml_schema parameters_schema =
     YAML_SCHEMA("the parameters", struct parameters, only_parameters);

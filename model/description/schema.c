@@ -9,88 +9,68 @@
 #include <stddef.h>
 
 #define AT(type, member) offsetof(struct type, member)
-#define NAME(word, must, type, member)                                                             \
-    {                                                                                              \
-        word, YAML_STRING, must, AT(type, member), .min = 1, .max = 63                             \
-    }
-#define REAL(word, must, type, member, low, high)                                                  \
-    {                                                                                              \
-        word, YAML_REAL, must, AT(type, member), .min = low, .max = high                           \
-    }
-#define REALS(word, must, type, member, n, low, high)                                              \
-    {                                                                                              \
-        word, YAML_REALS, must, AT(type, member), .count = n, .min = low, .max = high              \
-    }
-#define MAP(word, must, type, member, of)                                                          \
-    {                                                                                              \
-        word, YAML_MAP, must, AT(type, member), .schema = &of                                      \
-    }
-#define LIST(word, kind, type, member, counter, entry)                                             \
-    {                                                                                              \
-        word, kind, false, AT(type, member), AT(type, counter), .schema = &entry                   \
-    }
 
 static const struct yaml_field body_fields[] = {
-    NAME("name", true, body_yaml, body.name),
-    REAL("mass_kg", true, body_yaml, body.inertia.mass, 1e-15, 1e6),
-    REALS("com_m", true, body_yaml, body.inertia.com, 3, -1e3, 1e3),
-    REALS("inertia_kg_m2", true, body_yaml, body.inertia.I, 6, -1e6, 1e6),
+    YAML_TEXT("name", true, body_yaml, body.name, 1, 63),
+    YAML_NUMBER("mass_kg", true, body_yaml, body.inertia.mass, 1e-15, 1e6),
+    YAML_NUMBERS("com_m", true, body_yaml, body.inertia.com, 3, -1e3, 1e3),
+    YAML_NUMBERS("inertia_kg_m2", true, body_yaml, body.inertia.I, 6, -1e6, 1e6),
 };
 static const struct yaml_schema body_schema = YAML_SCHEMA("a body", struct body_yaml, body_fields);
 
 static const struct yaml_field inertia_fields[] = {
-    REAL("mass_kg", true, robot_inertia, mass, 0.0, 1e6),
-    REALS("com_m", true, robot_inertia, com, 3, -1e3, 1e3),
-    REALS("inertia_kg_m2", true, robot_inertia, I, 6, -1e6, 1e6),
+    YAML_NUMBER("mass_kg", true, robot_inertia, mass, 0.0, 1e6),
+    YAML_NUMBERS("com_m", true, robot_inertia, com, 3, -1e3, 1e3),
+    YAML_NUMBERS("inertia_kg_m2", true, robot_inertia, I, 6, -1e6, 1e6),
 };
 static const struct yaml_schema inertia_schema = YAML_SCHEMA(
     "the inertia below a sensor", struct robot_inertia, inertia_fields, .unmarked = true);
 
 static const struct yaml_field origin_fields[] = {
-    REALS("xyz_m", true, joint_yaml, joint.origin, 3, -1e3, 1e3),
-    REALS("rpy_rad", false, joint_yaml, rpy, 3, -1e3, 1e3),
+    YAML_NUMBERS("xyz_m", true, joint_yaml, joint.origin, 3, -1e3, 1e3),
+    YAML_NUMBERS("rpy_rad", false, joint_yaml, rpy, 3, -1e3, 1e3),
 };
 static const struct yaml_schema origin_schema =
     YAML_SCHEMA("an origin", struct joint_yaml, origin_fields, .unmarked = true);
 
 static const struct yaml_field limits_fields[] = {
-    REAL("lower_rad", false, robot_joint, lower, -1e6, 1e6),
-    REAL("upper_rad", false, robot_joint, upper, -1e6, 1e6),
-    REAL("torque_nm", false, robot_joint, torque_limit, 0.0, 1e6),
-    REAL("lower_m", false, robot_joint, lower, -1e6, 1e6),
-    REAL("upper_m", false, robot_joint, upper, -1e6, 1e6),
-    REAL("force_n", false, robot_joint, torque_limit, 0.0, 1e6),
+    YAML_NUMBER("lower_rad", false, robot_joint, lower, -1e6, 1e6),
+    YAML_NUMBER("upper_rad", false, robot_joint, upper, -1e6, 1e6),
+    YAML_NUMBER("torque_nm", false, robot_joint, torque_limit, 0.0, 1e6),
+    YAML_NUMBER("lower_m", false, robot_joint, lower, -1e6, 1e6),
+    YAML_NUMBER("upper_m", false, robot_joint, upper, -1e6, 1e6),
+    YAML_NUMBER("force_n", false, robot_joint, torque_limit, 0.0, 1e6),
 };
 static const struct yaml_schema limits_schema =
     YAML_SCHEMA("the limits of a joint", struct robot_joint, limits_fields, .unmarked = true);
 
 static const struct yaml_field stops_fields[] = {
     {"enabled", YAML_BOOL, false, .offset = AT(stops_yaml, enabled)},
-    REAL("stiffness_nm_rad", false, stops_yaml, stop[JOINT_REVOLUTE].stiffness, 0.0, 1e9),
-    REAL("damping_nm_s_rad", false, stops_yaml, stop[JOINT_REVOLUTE].damping, 0.0, 1e9),
-    REAL("stiffness_n_m", false, stops_yaml, stop[JOINT_PRISMATIC].stiffness, 0.0, 1e9),
-    REAL("damping_n_s_m", false, stops_yaml, stop[JOINT_PRISMATIC].damping, 0.0, 1e9),
+    YAML_NUMBER("stiffness_nm_rad", false, stops_yaml, stop[JOINT_REVOLUTE].stiffness, 0.0, 1e9),
+    YAML_NUMBER("damping_nm_s_rad", false, stops_yaml, stop[JOINT_REVOLUTE].damping, 0.0, 1e9),
+    YAML_NUMBER("stiffness_n_m", false, stops_yaml, stop[JOINT_PRISMATIC].stiffness, 0.0, 1e9),
+    YAML_NUMBER("damping_n_s_m", false, stops_yaml, stop[JOINT_PRISMATIC].damping, 0.0, 1e9),
 };
 const struct yaml_schema robot_stops_schema =
     YAML_SCHEMA("the stops of joints", struct stops_yaml, stops_fields);
 
 static const struct yaml_field error_fields[] = {
-    REAL("per_turn", true, harmonic_yaml, sine.per_turn, 1e-6, 1e6),
-    REAL("rad", true, harmonic_yaml, sine.amplitude, 0.0, 1.0),
-    REAL("phase_rad", false, harmonic_yaml, sine.phase, -1e3, 1e3),
+    YAML_NUMBER("per_turn", true, harmonic_yaml, sine.per_turn, 1e-6, 1e6),
+    YAML_NUMBER("rad", true, harmonic_yaml, sine.amplitude, 0.0, 1.0),
+    YAML_NUMBER("phase_rad", false, harmonic_yaml, sine.phase, -1e3, 1e3),
 };
 static const struct yaml_schema error_schema =
     YAML_SCHEMA("a sine of the gear's error", struct harmonic_yaml, error_fields);
 static const struct yaml_field cogging_fields[] = {
-    REAL("per_turn", true, harmonic_yaml, sine.per_turn, 1e-6, 1e6),
-    REAL("nm", true, harmonic_yaml, sine.amplitude, 0.0, 1e6),
-    REAL("phase_rad", false, harmonic_yaml, sine.phase, -1e3, 1e3),
+    YAML_NUMBER("per_turn", true, harmonic_yaml, sine.per_turn, 1e-6, 1e6),
+    YAML_NUMBER("nm", true, harmonic_yaml, sine.amplitude, 0.0, 1e6),
+    YAML_NUMBER("phase_rad", false, harmonic_yaml, sine.phase, -1e3, 1e3),
 };
 static const struct yaml_schema cogging_schema =
     YAML_SCHEMA("a sine of the cogging torque", struct harmonic_yaml, cogging_fields);
 
 /* Keys of electric drives, the required ones first, then of hydraulic ones, then of both. */
-#define DRIVE(word, member, low, high) REAL(word, false, drive_yaml, member, low, high)
+#define DRIVE(word, member, low, high) YAML_NUMBER(word, false, drive_yaml, member, low, high)
 static const struct yaml_field drive_fields[] = {
     DRIVE("J_kg_m2", sea.J, 1e-12, 1e9),
     DRIVE("Dm_nm_s_rad", sea.Dm, 0.0, 1e9),
@@ -130,8 +110,8 @@ static const struct yaml_field drive_fields[] = {
     DRIVE("switching_s", effects.switching, 0.0, 1e-3),
     DRIVE("bridge_ohm", effects.bridge_ohm, 0.0, 1e6),
     {"freewheel", YAML_BOOL, false, .offset = AT(drive_yaml, effects.freewheel)},
-    LIST("gear_error", YAML_LIST, drive_yaml, error, nerror, error_schema),
-    LIST("cogging", YAML_LIST, drive_yaml, cogging, ncogging, cogging_schema),
+    YAML_ENTRIES("gear_error", YAML_LIST, false, drive_yaml, error, nerror, error_schema),
+    YAML_ENTRIES("cogging", YAML_LIST, false, drive_yaml, cogging, ncogging, cogging_schema),
     DRIVE("bore_m", bore, 1e-4, 10.0),
     DRIVE("rod_m", rod, 0.0, 10.0),
     DRIVE("stroke_m", cylinder.stroke, 1e-4, 100.0),
@@ -180,22 +160,22 @@ const struct yaml_field *robot_drive_rows(enum drive_kind kind, size_t *count)
 }
 
 static const struct yaml_field drive_file_fields[] = {
-    NAME("name", true, drive_file_yaml, made.name),
+    YAML_TEXT("name", true, drive_file_yaml, made.name, 1, 63),
     {"description", YAML_STRING, true, AT(drive_file_yaml, made.description), .min = 1, .max = 400},
     {"source", YAML_STRING, false, .offset = AT(drive_file_yaml, made.source)},
-    REAL("supply_v", false, drive_file_yaml, made.supply_v, DBL_MIN, 1e6),
-    REAL("torque_nm", false, drive_file_yaml, made.torque, DBL_MIN, 1e6),
-    REAL("peak_torque_nm", false, drive_file_yaml, made.peak_torque, DBL_MIN, 1e6),
-    REAL("speed_rad_s", false, drive_file_yaml, made.speed, DBL_MIN, 1e6),
-    REAL("pressure_pa", false, drive_file_yaml, made.pressure, 1e5, 1e9),
-    REAL("mass_kg", false, drive_file_yaml, made.mass, DBL_MIN, 1e6),
-    MAP("drive", true, drive_file_yaml, drive, drive_own_schema),
+    YAML_NUMBER("supply_v", false, drive_file_yaml, made.supply_v, DBL_MIN, 1e6),
+    YAML_NUMBER("torque_nm", false, drive_file_yaml, made.torque, DBL_MIN, 1e6),
+    YAML_NUMBER("peak_torque_nm", false, drive_file_yaml, made.peak_torque, DBL_MIN, 1e6),
+    YAML_NUMBER("speed_rad_s", false, drive_file_yaml, made.speed, DBL_MIN, 1e6),
+    YAML_NUMBER("pressure_pa", false, drive_file_yaml, made.pressure, 1e5, 1e9),
+    YAML_NUMBER("mass_kg", false, drive_file_yaml, made.mass, DBL_MIN, 1e6),
+    YAML_SECTION("drive", true, drive_file_yaml, drive, drive_own_schema),
 };
 const struct yaml_schema drive_file_schema =
     YAML_SCHEMA("a drive's file", struct drive_file_yaml, drive_file_fields, .format_version = 1);
 
 #define SUPPLY(word, must, member, low, high)                                                      \
-    REAL(word, must, robot_hydraulic_supply, member, low, high)
+    YAML_NUMBER(word, must, robot_hydraulic_supply, member, low, high)
 static const struct yaml_field hydraulic_supply_fields[] = {
     SUPPLY("pressure_pa", true, pressure, 1e5, 1e9),
     SUPPLY("return_pa", false, back, 0.0, 1e8),
@@ -212,21 +192,21 @@ static const struct yaml_schema hydraulic_supply_schema =
 
 static const struct yaml_field spring_fields[] = {
     {"enabled", YAML_BOOL, true, .offset = AT(joint_yaml, joint.spring.enabled)},
-    REAL("k_p_n_m", true, joint_yaml, joint.spring.k_p, 0.0, 1e9),
-    REAL("d_p_n_s_m", true, joint_yaml, joint.spring.d_p, 0.0, 1e9),
-    REAL("r_m", true, joint_yaml, joint.spring.r, 1e-6, 1e3),
+    YAML_NUMBER("k_p_n_m", true, joint_yaml, joint.spring.k_p, 0.0, 1e9),
+    YAML_NUMBER("d_p_n_s_m", true, joint_yaml, joint.spring.d_p, 0.0, 1e9),
+    YAML_NUMBER("r_m", true, joint_yaml, joint.spring.r, 1e-6, 1e3),
     {"sense", YAML_INT, true, AT(joint_yaml, spring_sense), .min = -1, .max = 1},
 };
 static const struct yaml_schema spring_schema =
     YAML_SCHEMA("a parallel spring", struct joint_yaml, spring_fields, .unmarked = true);
 
 static const struct yaml_field passive_fields[] = {
-    REAL("stiffness_nm_rad", false, passive_yaml, passive.stiffness, 0.0, 1e9),
-    REAL("damping_nm_s_rad", false, passive_yaml, passive.damping, 0.0, 1e9),
-    REAL("rest_rad", false, passive_yaml, passive.rest, -1e9, 1e9),
-    REAL("stiffness_n_m", false, passive_yaml, passive.stiffness, 0.0, 1e9),
-    REAL("damping_n_s_m", false, passive_yaml, passive.damping, 0.0, 1e9),
-    REAL("rest_m", false, passive_yaml, passive.rest, -1e9, 1e9),
+    YAML_NUMBER("stiffness_nm_rad", false, passive_yaml, passive.stiffness, 0.0, 1e9),
+    YAML_NUMBER("damping_nm_s_rad", false, passive_yaml, passive.damping, 0.0, 1e9),
+    YAML_NUMBER("rest_rad", false, passive_yaml, passive.rest, -1e9, 1e9),
+    YAML_NUMBER("stiffness_n_m", false, passive_yaml, passive.stiffness, 0.0, 1e9),
+    YAML_NUMBER("damping_n_s_m", false, passive_yaml, passive.damping, 0.0, 1e9),
+    YAML_NUMBER("rest_m", false, passive_yaml, passive.rest, -1e9, 1e9),
 };
 static const struct yaml_schema passive_schema =
     YAML_SCHEMA("a passive spring", struct passive_yaml, passive_fields);
@@ -235,54 +215,54 @@ static const struct word joint_types[] = {
     {"revolute", JOINT_REVOLUTE}, {"prismatic", JOINT_PRISMATIC}, {NULL, 0}};
 
 static const struct yaml_field joint_fields[] = {
-    NAME("name", true, joint_yaml, joint.name),
+    YAML_TEXT("name", true, joint_yaml, joint.name, 1, 63),
     {"paper_index", YAML_INT, false, AT(joint_yaml, joint.paper_index), .count = sizeof(int),
      .max = 1000},
     {"type", YAML_ENUM, true, AT(joint_yaml, joint.type), .names = joint_types},
-    NAME("parent", true, joint_yaml, parent),
-    NAME("child", true, joint_yaml, child),
-    REALS("axis", true, joint_yaml, joint.axis, 3, -1.0, 1.0),
+    YAML_TEXT("parent", true, joint_yaml, parent, 1, 63),
+    YAML_TEXT("child", true, joint_yaml, child, 1, 63),
+    YAML_NUMBERS("axis", true, joint_yaml, joint.axis, 3, -1.0, 1.0),
     {"origin", YAML_MAP, true, .schema = &origin_schema},
-    MAP("limits", true, joint_yaml, joint, limits_schema),
-    MAP("stops", false, joint_yaml, stops, robot_stops_schema),
-    MAP("drive", false, joint_yaml, drive, robot_drive_schema),
-    MAP("hydraulic", false, joint_yaml, hydraulic, hydraulic_schema),
+    YAML_SECTION("limits", true, joint_yaml, joint, limits_schema),
+    YAML_SECTION("stops", false, joint_yaml, stops, robot_stops_schema),
+    YAML_SECTION("drive", false, joint_yaml, drive, robot_drive_schema),
+    YAML_SECTION("hydraulic", false, joint_yaml, hydraulic, hydraulic_schema),
     {"parallel_spring", YAML_MAP, false, .schema = &spring_schema},
-    MAP("passive", false, joint_yaml, passive, passive_schema),
+    YAML_SECTION("passive", false, joint_yaml, passive, passive_schema),
 };
 static const struct yaml_schema joint_schema =
     YAML_SCHEMA("a joint", struct joint_yaml, joint_fields);
 
 static const struct yaml_field coupling_fields[] = {
-    NAME("follower", true, coupling_yaml, follower),
-    NAME("leader", true, coupling_yaml, leader),
-    REAL("multiplier", true, coupling_yaml, coupling.multiplier, -1e3, 1e3),
-    REAL("offset_rad", false, coupling_yaml, coupling.offset, -1e3, 1e3),
-    REAL("stiffness_nm_rad", false, coupling_yaml, coupling.stiffness, 1e-9, 1e9),
-    REAL("damping_nm_s_rad", false, coupling_yaml, coupling.damping, 0.0, 1e9),
-    REAL("offset_m", false, coupling_yaml, coupling.offset, -1e3, 1e3),
-    REAL("stiffness_n_m", false, coupling_yaml, coupling.stiffness, 1e-9, 1e9),
-    REAL("damping_n_s_m", false, coupling_yaml, coupling.damping, 0.0, 1e9),
+    YAML_TEXT("follower", true, coupling_yaml, follower, 1, 63),
+    YAML_TEXT("leader", true, coupling_yaml, leader, 1, 63),
+    YAML_NUMBER("multiplier", true, coupling_yaml, coupling.multiplier, -1e3, 1e3),
+    YAML_NUMBER("offset_rad", false, coupling_yaml, coupling.offset, -1e3, 1e3),
+    YAML_NUMBER("stiffness_nm_rad", false, coupling_yaml, coupling.stiffness, 1e-9, 1e9),
+    YAML_NUMBER("damping_nm_s_rad", false, coupling_yaml, coupling.damping, 0.0, 1e9),
+    YAML_NUMBER("offset_m", false, coupling_yaml, coupling.offset, -1e3, 1e3),
+    YAML_NUMBER("stiffness_n_m", false, coupling_yaml, coupling.stiffness, 1e-9, 1e9),
+    YAML_NUMBER("damping_n_s_m", false, coupling_yaml, coupling.damping, 0.0, 1e9),
 };
 static const struct yaml_schema coupling_schema =
     YAML_SCHEMA("a coupling", struct coupling_yaml, coupling_fields);
 
 static const struct yaml_field frame_fields[] = {
-    NAME("name", true, frame_yaml, frame.name),
-    NAME("body", true, frame_yaml, body),
-    REALS("xyz_m", true, frame_yaml, frame.position, 3, -1e3, 1e3),
-    REALS("rpy_rad", false, frame_yaml, rpy, 3, -1e3, 1e3),
+    YAML_TEXT("name", true, frame_yaml, frame.name, 1, 63),
+    YAML_TEXT("body", true, frame_yaml, body, 1, 63),
+    YAML_NUMBERS("xyz_m", true, frame_yaml, frame.position, 3, -1e3, 1e3),
+    YAML_NUMBERS("rpy_rad", false, frame_yaml, rpy, 3, -1e3, 1e3),
 };
 static const struct yaml_schema frame_schema =
     YAML_SCHEMA("a frame", struct frame_yaml, frame_fields);
 
 static const struct yaml_field capsule_fields[] = {
-    NAME("name", true, capsule_yaml, capsule.name),
-    NAME("body", true, capsule_yaml, body),
-    REALS("xyz_m", true, capsule_yaml, capsule.position, 3, -1e3, 1e3),
-    REALS("rpy_rad", false, capsule_yaml, rpy, 3, -1e3, 1e3),
-    REAL("radius_m", true, capsule_yaml, capsule.radius, 1e-6, 1e3),
-    REAL("length_m", false, capsule_yaml, capsule.length, 0.0, 1e3),
+    YAML_TEXT("name", true, capsule_yaml, capsule.name, 1, 63),
+    YAML_TEXT("body", true, capsule_yaml, body, 1, 63),
+    YAML_NUMBERS("xyz_m", true, capsule_yaml, capsule.position, 3, -1e3, 1e3),
+    YAML_NUMBERS("rpy_rad", false, capsule_yaml, rpy, 3, -1e3, 1e3),
+    YAML_NUMBER("radius_m", true, capsule_yaml, capsule.radius, 1e-6, 1e3),
+    YAML_NUMBER("length_m", false, capsule_yaml, capsule.length, 0.0, 1e3),
 };
 static const struct yaml_schema capsule_schema =
     YAML_SCHEMA("a capsule", struct capsule_yaml, capsule_fields);
@@ -292,38 +272,38 @@ const struct word robot_visual_shapes[] = {
     {"cylinder", VISUAL_CYLINDER}, {"capsule", VISUAL_CAPSULE}, {NULL, 0}};
 
 static const struct yaml_field visual_fields[] = {
-    NAME("name", true, visual_yaml, visual.name),
-    NAME("body", true, visual_yaml, body),
-    REALS("xyz_m", false, visual_yaml, visual.position, 3, -1e3, 1e3),
-    REALS("rpy_rad", false, visual_yaml, rpy, 3, -1e3, 1e3),
+    YAML_TEXT("name", true, visual_yaml, visual.name, 1, 63),
+    YAML_TEXT("body", true, visual_yaml, body, 1, 63),
+    YAML_NUMBERS("xyz_m", false, visual_yaml, visual.position, 3, -1e3, 1e3),
+    YAML_NUMBERS("rpy_rad", false, visual_yaml, rpy, 3, -1e3, 1e3),
     {"shape", YAML_ENUM, true, AT(visual_yaml, visual.shape), .names = robot_visual_shapes},
-    REALS("half_extents_m", false, visual_yaml, visual.half, 3, DBL_MIN, 1e3),
-    REAL("radius_m", false, visual_yaml, visual.radius, DBL_MIN, 1e3),
-    REAL("length_m", false, visual_yaml, visual.length, 0.0, 1e3),
+    YAML_NUMBERS("half_extents_m", false, visual_yaml, visual.half, 3, DBL_MIN, 1e3),
+    YAML_NUMBER("radius_m", false, visual_yaml, visual.radius, DBL_MIN, 1e3),
+    YAML_NUMBER("length_m", false, visual_yaml, visual.length, 0.0, 1e3),
     {"file", YAML_STRING, false, AT(visual_yaml, file), .min = 1, .max = 255},
     {"missing", YAML_STRING, false, AT(visual_yaml, visual.missing), .min = 1, .max = 400},
-    REALS("color", false, visual_yaml, visual.color, 4, 0.0, 1.0),
+    YAML_NUMBERS("color", false, visual_yaml, visual.color, 4, 0.0, 1.0),
 };
 static const struct yaml_schema visual_schema =
     YAML_SCHEMA("a visual", struct visual_yaml, visual_fields);
 
 static const struct yaml_field ft_fields[] = {
-    NAME("name", true, ft_yaml, sensor.name),
-    NAME("frame", true, ft_yaml, frame),
-    MAP("distal", false, ft_yaml, sensor.distal, inertia_schema),
+    YAML_TEXT("name", true, ft_yaml, sensor.name, 1, 63),
+    YAML_TEXT("frame", true, ft_yaml, frame, 1, 63),
+    YAML_SECTION("distal", false, ft_yaml, sensor.distal, inertia_schema),
 };
 static const struct yaml_schema ft_schema =
     YAML_SCHEMA("a force-torque sensor", struct ft_yaml, ft_fields);
 
 static const struct yaml_field imu_fields[] = {
-    NAME("frame", true, robot_yaml, imu_frame),
+    YAML_TEXT("frame", true, robot_yaml, imu_frame, 1, 63),
 };
 static const struct yaml_schema imu_schema =
     YAML_SCHEMA("the inertial sensor", struct robot_yaml, imu_fields, .unmarked = true);
 
 static const struct yaml_field pose_fields[] = {
-    REALS("base_xyz_m", false, pose_yaml, pose.base_position, 3, -1e6, 1e6),
-    REALS("base_rpy_rad", false, pose_yaml, base_rpy, 3, -1e3, 1e3),
+    YAML_NUMBERS("base_xyz_m", false, pose_yaml, pose.base_position, 3, -1e6, 1e6),
+    YAML_NUMBERS("base_rpy_rad", false, pose_yaml, base_rpy, 3, -1e3, 1e3),
     {"joints_rad", YAML_REAL_DICT, false, AT(pose_yaml, joint_rad), AT(pose_yaml, njoint_rad),
      .min = -1e6, .max = 1e6},
     {"joints_m", YAML_REAL_DICT, false, AT(pose_yaml, joint_m), AT(pose_yaml, njoint_m),
@@ -336,45 +316,45 @@ static const struct word base_types[] = {{"floating", 1}, {"fixed", 0}, {NULL, 0
 
 static const struct yaml_field base_fields[] = {
     {"type", YAML_ENUM, true, AT(robot_yaml, floating), .names = base_types},
-    NAME("body", true, robot_yaml, base),
+    YAML_TEXT("body", true, robot_yaml, base, 1, 63),
 };
 static const struct yaml_schema base_schema =
     YAML_SCHEMA("the base", struct robot_yaml, base_fields, .unmarked = true);
 
 static const struct yaml_field variant_fields[] = {
-    LIST("bodies", YAML_LIST, variant_yaml, body, nbody, body_schema),
-    LIST("joints", YAML_LIST, variant_yaml, joint, njoint, joint_schema),
-    LIST("frames", YAML_LIST, variant_yaml, frame, nframe, frame_schema),
-    LIST("capsules", YAML_LIST, variant_yaml, capsule, ncapsule, capsule_schema),
-    LIST("ft_sensors", YAML_LIST, variant_yaml, ft, nft, ft_schema),
-    MAP("drive", false, variant_yaml, drive, robot_drive_schema),
-    MAP("passive", false, variant_yaml, passive, passive_schema),
+    YAML_ENTRIES("bodies", YAML_LIST, false, variant_yaml, body, nbody, body_schema),
+    YAML_ENTRIES("joints", YAML_LIST, false, variant_yaml, joint, njoint, joint_schema),
+    YAML_ENTRIES("frames", YAML_LIST, false, variant_yaml, frame, nframe, frame_schema),
+    YAML_ENTRIES("capsules", YAML_LIST, false, variant_yaml, capsule, ncapsule, capsule_schema),
+    YAML_ENTRIES("ft_sensors", YAML_LIST, false, variant_yaml, ft, nft, ft_schema),
+    YAML_SECTION("drive", false, variant_yaml, drive, robot_drive_schema),
+    YAML_SECTION("passive", false, variant_yaml, passive, passive_schema),
 };
 static const struct yaml_schema variant_schema = YAML_SCHEMA(
     "a variant", struct variant_yaml, variant_fields, .name_offset = AT(variant_yaml, name));
 
 static const struct yaml_field robot_fields[] = {
-    NAME("name", true, robot_yaml, name),
+    YAML_TEXT("name", true, robot_yaml, name, 1, 63),
     {"description", YAML_STRING, false, AT(robot_yaml, description), .min = 1, .max = 400},
     {"source", YAML_STRING, false, .offset = AT(robot_yaml, source)},
-    REALS("gravity_m_s2", true, robot_yaml, gravity, 3, -1e3, 1e3),
+    YAML_NUMBERS("gravity_m_s2", true, robot_yaml, gravity, 3, -1e3, 1e3),
     {"base", YAML_MAP, true, .schema = &base_schema},
-    MAP("drive", false, robot_yaml, drive, robot_drive_schema),
-    MAP("hydraulic", false, robot_yaml, hydraulic, hydraulic_schema),
-    MAP("hydraulic_supply", false, robot_yaml, hydraulic_supply, hydraulic_supply_schema),
-    MAP("stops", false, robot_yaml, stops, robot_stops_schema),
-    MAP("passive", false, robot_yaml, passive, passive_schema),
+    YAML_SECTION("drive", false, robot_yaml, drive, robot_drive_schema),
+    YAML_SECTION("hydraulic", false, robot_yaml, hydraulic, hydraulic_schema),
+    YAML_SECTION("hydraulic_supply", false, robot_yaml, hydraulic_supply, hydraulic_supply_schema),
+    YAML_SECTION("stops", false, robot_yaml, stops, robot_stops_schema),
+    YAML_SECTION("passive", false, robot_yaml, passive, passive_schema),
     {"bodies", YAML_LIST, true, AT(robot_yaml, body), AT(robot_yaml, nbody),
      .schema = &body_schema},
-    LIST("joints", YAML_LIST, robot_yaml, joint, njoint, joint_schema),
-    LIST("couplings", YAML_LIST, robot_yaml, coupling, ncoupling, coupling_schema),
-    LIST("frames", YAML_LIST, robot_yaml, frame, nframe, frame_schema),
-    LIST("capsules", YAML_LIST, robot_yaml, capsule, ncapsule, capsule_schema),
-    LIST("visuals", YAML_LIST, robot_yaml, visual, nvisual, visual_schema),
-    LIST("ft_sensors", YAML_LIST, robot_yaml, ft, nft, ft_schema),
+    YAML_ENTRIES("joints", YAML_LIST, false, robot_yaml, joint, njoint, joint_schema),
+    YAML_ENTRIES("couplings", YAML_LIST, false, robot_yaml, coupling, ncoupling, coupling_schema),
+    YAML_ENTRIES("frames", YAML_LIST, false, robot_yaml, frame, nframe, frame_schema),
+    YAML_ENTRIES("capsules", YAML_LIST, false, robot_yaml, capsule, ncapsule, capsule_schema),
+    YAML_ENTRIES("visuals", YAML_LIST, false, robot_yaml, visual, nvisual, visual_schema),
+    YAML_ENTRIES("ft_sensors", YAML_LIST, false, robot_yaml, ft, nft, ft_schema),
     {"imu", YAML_MAP, false, .schema = &imu_schema},
-    LIST("poses", YAML_DICT, robot_yaml, pose, npose, pose_schema),
-    LIST("variants", YAML_DICT, robot_yaml, variant, nvariant, variant_schema),
+    YAML_ENTRIES("poses", YAML_DICT, false, robot_yaml, pose, npose, pose_schema),
+    YAML_ENTRIES("variants", YAML_DICT, false, robot_yaml, variant, nvariant, variant_schema),
 };
 const struct yaml_schema robot_file_schema =
     YAML_SCHEMA("a robot", struct robot_yaml, robot_fields, .hash_offset = AT(robot_yaml, hash),

@@ -47,8 +47,8 @@ def coman_hil(*arguments, program="coman-hil"):
 # ---- pages against tables ----
 
 def keys_of(*sources):
-    """The keys of the schema tables of a YAML file; those of robots are made by macros, too."""
-    table = r'\{"(\w+)",\s*YAML_|\.key = "(\w+)"|\b[A-Z]+\((?:PARAMETER_\w+, )?"(\w+)"'
+    """The keys of the schema tables of a YAML file."""
+    table = r'\{"(\w+)",\s*(?:\.type = )?YAML_|\b[A-Z_]+\("(\w+)"'
     return {key for source in sources
             for keys in re.findall(table, (SOURCE / source).read_text()) for key in keys if key}
 
