@@ -73,13 +73,6 @@ enum error_code rig_build_pair(struct rig_builder *b, const struct raw_pair *raw
 enum error_code rig_add_robot_pairs(struct rig_builder *b, struct contact_pair *pair,
                                     size_t *npair);
 
-/* Check whether a board may be external, and one with such an axis. */
-enum error_code rig_check_external(struct rig_builder *b, const struct raw_board *raw,
-                                   const struct protocol *protocol);
-enum error_code rig_check_external_axis(struct rig_builder *b, const struct raw_board *raw,
-                                        const struct yaml_name *name,
-                                        const struct robot_joint *joint);
-
 /* Checks that every drive belongs to an axis or is listed in "undriven". */
 enum error_code rig_check_drives(struct rig_builder *b);
 

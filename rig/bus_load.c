@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Worst-case bus load of a rig's boards and controller: every frame as long as bit stuffing can
- * make it. Finds buses whose periodic traffic exceeds their bit rate, and what would make it fit. */
+ * make it; and what would make a bus fit whose periodic traffic exceeds its bit rate. */
 #include "base/array.h"
 #include "boards/messages.h"
 #include "canbus/wire/bits.h"
