@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Checks that the boards of a rig on a bus of a described protocol have identifiers of their own.
- * Conflicts on every bus are refused with the protocol's file (boards/described/load_ids.c); here
+ * Conflicts on every bus are refused with the protocol's file (boards/described/load.c); here
  * the numbers that the rig gives are checked: addresses, and the slots of axes.
  */
 #include "boards/described/protocol.h"

@@ -310,7 +310,7 @@ int described_find_state(const struct described_state *state, size_t count, int6
                          bool commanded)
 {
     for (size_t i = 0; i < count; i++) {
-        if (state[i].value == value && (state[i].commanded || !commanded)) {
+        if (state[i].value == value && (state[i].law != DESCRIBED_FAULT || !commanded)) {
             return (int)i;
         }
     }

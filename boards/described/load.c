@@ -51,36 +51,34 @@ static enum error_code described_find_name(struct described_loader *l, const str
                       nearest ? nearest : "one of the list", nearest ? "" : " \"states\"");
 }
 
-/* Builds a state, or a law that a host can select, behind the count of those before. */
-static enum error_code described_build_state(struct described_loader *l,
-                                             const struct raw_described_state *raw, bool of_laws,
-                                             struct described_state *made, size_t *count)
+/* Checks the states, or the laws that a host can select. */
+static enum error_code described_check_states(struct described_loader *l,
+                                              const struct described_state *state, size_t count,
+                                              bool of_laws)
 {
-    bool open = raw->law == DESCRIBED_OFF || raw->law == DESCRIBED_FAULT;
+    for (size_t i = 0; i < count; i++) {
+        const struct described_state *each = &state[i];
+        bool open = each->law == DESCRIBED_OFF || each->law == DESCRIBED_FAULT;
 
-    for (size_t i = 0; i < *count; i++) {
-        if (!strcmp(made[i].name, raw->name)) {
-            return yaml_error(l->error, &raw->mark, "found the name \"%s\" again, expected another",
-                              raw->name);
+        for (size_t k = 0; k < i; k++) {
+            if (!strcmp(state[k].name, each->name)) {
+                return yaml_error(l->error, &each->mark,
+                                  "found the name \"%s\" again, expected another", each->name);
+            }
+        }
+        if (of_laws && (open || each->law == DESCRIBED_SELECTED)) {
+            return yaml_error(
+                l->error, &each->mark,
+                "found a law that is off, fault or selected, expected one that drives");
+        }
+        if (each->law == DESCRIBED_SELECTED && l->raw->nlaw == 0) {
+            return yaml_error(l->error, &each->mark,
+                              "found law: selected without a list \"laws\", expected both or none");
+        }
+        if (each->set_point_scale == 0.0) {
+            return yaml_error(l->error, &each->mark, "found set_point_scale 0, expected another");
         }
     }
-    if (of_laws && (open || raw->law == DESCRIBED_SELECTED)) {
-        return yaml_error(l->error, &raw->mark,
-                          "found a law that is off, fault or selected, expected one that drives");
-    }
-    if (raw->law == DESCRIBED_SELECTED && l->raw->nlaw == 0) {
-        return yaml_error(l->error, &raw->mark,
-                          "found law: selected without a list \"laws\", expected both or none");
-    }
-    if (raw->set_point_scale == 0.0) {
-        return yaml_error(l->error, &raw->mark, "found set_point_scale 0, expected another");
-    }
-    made[(*count)++] = (struct described_state){.name = raw->name,
-                                                .value = raw->value,
-                                                .result = raw->result,
-                                                .law = (enum described_law)raw->law,
-                                                .set_point_scale = raw->set_point_scale,
-                                                .commanded = raw->law != DESCRIBED_FAULT};
     return ERROR_NONE;
 }
 
@@ -95,12 +93,12 @@ static enum error_code described_build_states(struct described_loader *l)
                           "found %zu states and %zu laws, expected at most %d and %d",
                           l->raw->nstate, l->raw->nlaw, DESCRIBED_STATES_MAX, DESCRIBED_LAWS_MAX);
     }
-    for (size_t i = 0; i < l->raw->nstate && !code; i++) {
-        code = described_build_state(l, &l->raw->state[i], false, made->state, &made->nstate);
-    }
-    for (size_t i = 0; i < l->raw->nlaw && !code; i++) {
-        code = described_build_state(l, &l->raw->law[i], true, made->law, &made->nlaw);
-    }
+    made->state = l->raw->state;
+    made->law = l->raw->law;
+    made->nstate = l->raw->nstate;
+    made->nlaw = l->raw->nlaw;
+    code = described_check_states(l, made->state, made->nstate, false);
+    code = code ? code : described_check_states(l, made->law, made->nlaw, true);
 
     /* The first state that is off, where an axis starts, and the first that is a fault */
     made->off_state = made->fault_state = made->timeout_state = -1;
@@ -116,7 +114,7 @@ static enum error_code described_build_states(struct described_loader *l)
         made->fault_state = made->off_state;
     }
     if (!code && l->raw->timeout_state) {
-        code = described_find_name(l, &l->raw->timeout_state_mark, l->raw->timeout_state,
+        code = described_find_name(l, yaml_mark(&l->raw->mark, "on_timeout"), l->raw->timeout_state,
                                    &made->timeout_state);
     }
     return code;
@@ -126,7 +124,7 @@ static enum error_code described_build_states(struct described_loader *l)
  * first. */
 static enum error_code described_check_values(struct described_loader *l,
                                               enum described_meaning meaning,
-                                              const struct raw_described_state *raw, size_t count)
+                                              const struct described_state *raw, size_t count)
 {
     bool carried = false;
 
@@ -137,11 +135,11 @@ static enum error_code described_check_values(struct described_loader *l,
         for (size_t k = 0; k < i; k++) {
             if (raw[k].value == raw[i].value &&
                 (raw[k].law != DESCRIBED_OFF || raw[i].law != DESCRIBED_FAULT)) {
-                return yaml_error(
-                    l->error, raw[i].value_mark.line ? &raw[i].value_mark : &raw[i].mark,
-                    "found value %lld of \"%s\", which \"%s\" (line %d) has, "
-                    "expected another: a field tells them apart by it",
-                    (long long)raw[i].value, raw[i].name, raw[k].name, raw[k].mark.line);
+                return yaml_error(l->error, yaml_mark(&raw[i].mark, "value"),
+                                  "found value %lld of \"%s\", which \"%s\" (line %d) has, "
+                                  "expected another: a field tells them apart by it",
+                                  (long long)raw[i].value, raw[i].name, raw[k].name,
+                                  raw[k].mark.line);
             }
         }
     }
@@ -183,7 +181,7 @@ static void described_widen_faults(const struct raw_described_field *field, size
                                    int64_t *width)
 {
     for (size_t i = 0; i < count; i++) {
-        if (field[i].source_given && field[i].bits > *width &&
+        if (yaml_has(&field[i].mark, "source") && field[i].bits > *width &&
             (field[i].source == DESCRIBED_FAULTS || field[i].source == DESCRIBED_LATCHED_FAULTS)) {
             *width = field[i].bits;
         }
@@ -242,51 +240,54 @@ static enum error_code described_check_frame(struct described_loader *l,
     int64_t most = raw->extended ? DESCRIBED_EXTENDED_ID_MAX : DESCRIBED_STANDARD_ID_MAX;
 
     /* The identifier: step, slots and range */
-    if (raw->step_given && raw->by != DESCRIBED_BY_ADDRESS) {
-        return yaml_error(l->error, &raw->step_mark,
+    if (yaml_has(&raw->mark, "step") && made->by != DESCRIBED_BY_ADDRESS) {
+        return yaml_error(l->error, yaml_mark(&raw->mark, "step"),
                           "found step, expected it with by: address only");
     }
-    if (raw->by == DESCRIBED_BY_SLOT && raw->of_given && made->of != DESCRIBED_MOTOR) {
-        return yaml_error(l->error, &raw->of_mark,
+    if (made->by == DESCRIBED_BY_SLOT && yaml_has(&raw->mark, "of") &&
+        made->of != DESCRIBED_MOTOR) {
+        return yaml_error(l->error, yaml_mark(&raw->mark, "of"),
                           "found of beside by: slot, expected motor: only axes have slots");
     }
     if (raw->id + raw->step * made->most > most) {
-        return yaml_error(l->error, &raw->id_mark,
+        return yaml_error(l->error, yaml_mark(&raw->mark, "id"),
                           "found ids up to 0x%llx, expected them within 0x%x: lower id, step or "
                           "address_max%s",
                           (unsigned long long)(raw->id + raw->step * made->most), (unsigned)most,
                           raw->extended ? "" : ", or set extended: true for 29 bits");
     }
     /* The format of CAN */
-    if (raw->brs_given && !raw->fd) {
-        return yaml_error(l->error, &raw->brs_mark,
+    if (yaml_has(&raw->mark, "bit_rate_switch") && !raw->fd) {
+        return yaml_error(l->error, yaml_mark(&raw->mark, "bit_rate_switch"),
                           "found bit_rate_switch without fd: true, expected both or none");
     }
-    if (raw->or_empty && !raw->remote) {
+    if (made->or_empty && !made->remote) {
         return yaml_error(l->error, &raw->mark,
                           "found or_empty without remote: true, expected both or none");
     }
-    if (raw->fd && raw->remote) {
+    if (raw->fd && made->remote) {
         return yaml_error(l->error, &raw->mark,
                           "found fd beside remote, expected one of them: CAN FD has no remote "
                           "frames");
     }
     /* The direction, and the period of a board's frame */
-    if (made->from_host ? raw->telemetry || raw->period_given || raw->on_change || raw->on_restart
-                        : raw->reply || raw->enter || raw->zero || raw->remote || raw->stop ||
-                              raw->clear || raw->restart || raw->lengths_given) {
+    if (made->from_host ? made->telemetry || yaml_has(&raw->mark, "period_s") || made->on_change ||
+                              made->on_restart
+                        : raw->reply || raw->enter || made->zero || made->remote || made->stop ||
+                              made->clear || made->restart || yaml_has(&raw->mark, "lengths")) {
         return yaml_error(l->error, &raw->mark,
                           "found a key of frames from the %s in one from the %s: period_s, "
                           "telemetry, on_change and on_restart are of boards, reply, enter, zero, "
                           "stop, clear_faults, restart, lengths and remote of the host",
                           made->from_host ? "board" : "host", made->from_host ? "host" : "board");
     }
-    if (raw->telemetry && raw->period_given) {
-        return yaml_error(l->error, &raw->period_mark,
+    if (made->telemetry && yaml_has(&raw->mark, "period_s")) {
+        return yaml_error(l->error, yaml_mark(&raw->mark, "period_s"),
                           "found period_s beside telemetry, expected one of them");
     }
-    if (raw->period_given && fabs(raw->period_s * 1e3 - rint(raw->period_s * 1e3)) > 1e-9) {
-        return yaml_error(l->error, &raw->period_mark,
+    if (yaml_has(&raw->mark, "period_s") &&
+        fabs(raw->period_s * 1e3 - rint(raw->period_s * 1e3)) > 1e-9) {
+        return yaml_error(l->error, yaml_mark(&raw->mark, "period_s"),
                           "found a period of %.15g s, expected whole milliseconds", raw->period_s);
     }
     return ERROR_NONE;
@@ -299,39 +300,26 @@ static enum error_code described_build_frame(struct described_loader *l,
 {
     enum error_code code;
 
-    *made = (struct described_frame){
-        .name = raw->name,
-        .from_host = raw->from == 1,
-        .remote = raw->remote,
-        .or_empty = raw->or_empty,
-        .flags = (uint8_t)((raw->extended ? FRAME_EXTENDED : 0) | (raw->remote ? FRAME_REMOTE : 0) |
-                           (raw->fd ? FRAME_FD | (raw->brs ? FRAME_BRS : 0) : 0)),
-        .of = raw->of_given    ? (unsigned)raw->of
-              : raw->from == 1 ? DESCRIBED_ANY
-                               : DESCRIBED_MOTOR,
-        .by = (enum described_by)raw->by,
-        .base = (uint32_t)raw->id,
-        .step = (uint32_t)raw->step,
-        .period_ns = llround(raw->period_s * 1e3) * 1000000,
-        .spread_ms = (unsigned)llround(raw->spread_s * 1e3),
-        .telemetry = raw->telemetry,
-        .on_change = raw->on_change,
-        .on_restart = raw->on_restart,
-        .reply = {-1, -1, -1},
-        .enter = -1,
-        .zero = raw->zero,
-        .stop = raw->stop,
-        .clear = raw->clear,
-        .restart = raw->restart,
-        .counter = -1,
-        .repeats = (uint8_t)raw->repeat,
-    };
+    *made = raw->row;
+    made->from_host = raw->from == 1;
+    made->flags =
+        (uint8_t)((raw->extended ? FRAME_EXTENDED : 0) | (made->remote ? FRAME_REMOTE : 0) |
+                  (raw->fd ? FRAME_FD | (raw->brs ? FRAME_BRS : 0) : 0));
+    made->of = yaml_has(&raw->mark, "of") ? (unsigned)raw->of
+               : made->from_host          ? DESCRIBED_ANY
+                                          : DESCRIBED_MOTOR;
+    made->base = (uint32_t)raw->id;
+    made->step = (uint32_t)raw->step;
+    made->period_ns = llround(raw->period_s * 1e3) * 1000000;
+    made->spread_ms = (unsigned)llround(raw->spread_s * 1e3);
+    made->reply[0] = made->reply[1] = made->reply[2] = made->enter = -1;
+    made->repeats = (uint8_t)raw->repeat;
     made->most = (uint8_t)described_most_numbers(l, made);
-    code = described_check_word(l, &raw->mark, raw->name);
+    code = described_check_word(l, &raw->mark, made->name);
     code = code ? code : described_check_frame(l, raw, made);
     code = code ? code : described_lay_out(l, raw, made);
     if (!code && raw->enter) {
-        code = described_find_name(l, &raw->enter_mark, raw->enter, &made->enter);
+        code = described_find_name(l, yaml_mark(&raw->mark, "enter"), raw->enter, &made->enter);
     }
 
     /* Properties of the row that follow from the meanings of its fields */
@@ -391,7 +379,7 @@ static enum error_code described_link_echo(struct described_loader *l,
             }
         }
         if (found < 0 || (echo->constant >= 0 && echo->constant != found)) {
-            return yaml_error(l->error, &raw->reply_mark,
+            return yaml_error(l->error, yaml_mark(&raw->mark, "reply"),
                               "found reply \"%s\", whose field \"%s\" echoes one that this frame "
                               "does not have, or has in another place than others so answered",
                               raw->reply, name);
@@ -419,7 +407,7 @@ static enum error_code described_link_reply(struct described_loader *l, size_t i
         }
     }
     if (!code && raw->reply && !found) {
-        return yaml_error(l->error, &raw->reply_mark,
+        return yaml_error(l->error, yaml_mark(&raw->mark, "reply"),
                           "found reply \"%s\", expected the name of a frame from the same boards",
                           raw->reply);
     }
@@ -462,6 +450,88 @@ static enum error_code described_build_frames(struct described_loader *l)
     return code;
 }
 
+/* ---- identifiers ---- */
+
+/* Returns the first number of a frame; addresses begin with 1. */
+static unsigned described_first_number(const struct described_frame *frame)
+{
+    return frame->by == DESCRIBED_BY_ADDRESS;
+}
+
+/* Returns whether numbers of two frames are always of one board, or one of the frames has no
+ * number. */
+static bool described_always_meet(const struct described_frame *a, unsigned na,
+                                  const struct described_frame *b, unsigned nb)
+{
+    return a->by == DESCRIBED_BY_NONE || b->by == DESCRIBED_BY_NONE || (a->by == b->by && na == nb);
+}
+
+/* Finds the numbers by which two frames have one identifier on every bus. */
+static bool described_find_meeting(const struct described_frame *a, const struct described_frame *b,
+                                   unsigned *na, unsigned *nb)
+{
+    uint32_t fixed = ~(a->mask | b->mask);
+
+    for (*na = described_first_number(a); *na <= a->most; ++*na) {
+        for (*nb = described_first_number(b); *nb <= b->most; ++*nb) {
+            if (!((described_id(a, *na) ^ described_id(b, *nb)) & fixed) &&
+                described_always_meet(a, *na, b, *nb)) {
+                return true;
+            }
+        }
+    }
+    return false;
+}
+
+/* Returns whether two frames are of boards of different kinds, so of different boards: their
+ * identifiers depend on the rig. */
+static bool described_of_other_boards(const struct described_frame *a,
+                                      const struct described_frame *b)
+{
+    return !a->from_host && !b->from_host && !(a->of & b->of);
+}
+
+/* Refuses two frames with one identifier that nobody tells apart. */
+static enum error_code described_check_pair(struct described_loader *l, size_t first, size_t second)
+{
+    const struct described_frame *a = &l->made->frame[first], *b = &l->made->frame[second];
+    const struct yaml_mark *mark = yaml_mark(&l->raw->frame[second].mark, "id");
+    unsigned na, nb;
+
+    if ((a->flags ^ b->flags) & FRAME_EXTENDED || described_of_other_boards(a, b) ||
+        described_told_apart(a, b) || !described_find_meeting(a, b, &na, &nb)) {
+        return ERROR_NONE;
+    }
+    if (a->from_host == b->from_host) {
+        return yaml_error(l->error, mark,
+                          "found identifier 0x%x of frame \"%s\" again, which frame \"%s\" (line "
+                          "%d) has and takes all frames of: expected another identifier, another "
+                          "length, or constants that tell it apart in the first of the two",
+                          (unsigned)described_id(b, nb), b->name, a->name,
+                          l->raw->frame[first].mark.line);
+    }
+    return yaml_error(l->error, mark,
+                      "found identifier 0x%x of frame \"%s\" from the %s, which frame \"%s\" (line "
+                      "%d) from the %s has (number %u): expected identifiers of their own",
+                      (unsigned)described_id(b, nb), b->name, b->from_host ? "host" : "board",
+                      a->name, l->raw->frame[first].mark.line, a->from_host ? "host" : "board", na);
+}
+
+/* Refuses identifiers that two frames of one board, or of the host and a board, have and nobody
+ * tells apart on any bus, and frames that never come, as another takes theirs. Overlaps that depend
+ * on the addresses of boards are found where the rig is read (rig/described_ids.c). */
+static enum error_code described_check_ids(struct described_loader *l)
+{
+    enum error_code code = ERROR_NONE;
+
+    for (size_t second = 0; second < l->made->nframe && !code; second++) {
+        for (size_t first = 0; first < second && !code; first++) {
+            code = described_check_pair(l, first, second);
+        }
+    }
+    return code;
+}
+
 /* ---- parameters ---- */
 
 /* Builds the parameters, each with a number of its own. */
@@ -478,7 +548,7 @@ static enum error_code described_build_parameters(struct described_loader *l)
         struct described_parameter *made = &l->made->parameter[i];
 
         if (described_find_parameter(l->made, raw->parameter[i].number)) {
-            return yaml_error(l->error, &raw->parameter[i].number_mark,
+            return yaml_error(l->error, yaml_mark(&raw->parameter[i].mark, "number"),
                               "found number %lld again, expected another",
                               (long long)raw->parameter[i].number);
         }
@@ -571,10 +641,12 @@ static enum error_code described_build_host(struct described_loader *l)
         }
     }
     if (!code && raw->on_state) {
-        code = described_find_name(l, &raw->on_state_mark, raw->on_state, &made->host.on_state);
+        code = described_find_name(l, yaml_mark(&raw->mark, "on_state"), raw->on_state,
+                                   &made->host.on_state);
     }
     if (!code && raw->off_state) {
-        code = described_find_name(l, &raw->off_state_mark, raw->off_state, &made->host.off_state);
+        code = described_find_name(l, yaml_mark(&raw->mark, "off_state"), raw->off_state,
+                                   &made->host.off_state);
     }
     made->host.law = described_host_law(made);
     return code;
@@ -641,12 +713,11 @@ static enum error_code described_build(struct described_loader *l)
         .description = raw->description,
         .axes = (unsigned)raw->axes,
         .address_max = (unsigned)raw->address_max,
-        .command_timeout_ns = raw->command_timeout_given && raw->command_timeout_s == 0.0
-                                  ? -1
-                                  : llround(raw->command_timeout_s * 1e9),
-        .position_per_s = raw->gains.position_per_s,
-        .velocity_nm_s_rad = raw->gains.velocity_nm_s_rad,
-        .velocity_nm_rad = raw->gains.velocity_nm_rad,
+        .command_timeout_ns =
+            yaml_has(&raw->mark, "command_timeout_s") && raw->command_timeout_s == 0.0
+                ? -1
+                : llround(raw->command_timeout_s * 1e9),
+        .gains = raw->gains,
     };
     if (strspn(raw->name, "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-") !=
         strlen(raw->name)) {

@@ -1,11 +1,73 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Shared by the parts of the loader of protocol files: load.c looks names up and checks frames,
- * load_fields.c lays their fields out. Not RT-safe. */
+/* A protocol file as it is written, whose keys schema.c declares, and what the parts of its loader
+ * share: load.c looks names up and checks frames, load_fields.c lays their fields out. Not RT-safe.
+ */
 #ifndef BOARDS_DESCRIBED_LOAD_H
 #define BOARDS_DESCRIBED_LOAD_H
 
 #include "boards/described/protocol.h"
-#include "boards/described/schema.h"
+
+struct raw_described_field {
+    struct yaml_mark mark;
+    const char *name;
+    int64_t bits, at_bit, value, axis;
+    bool counter;
+    int type, order, checksum; /* enum described_type; 1 = big-endian; enum described_checksum */
+    double scale, offset, range[2], host;
+    int source, target; /* enum described_meaning */
+    struct yaml_real_entry *entry;
+    size_t nentry;
+};
+
+struct raw_described_frame {
+    struct yaml_mark mark;
+    struct described_frame row; /* the keys that stand in it as they are */
+    const char *payload, *reply, *enter;
+    int from, of;
+    int64_t id, step, length, repeat;
+    bool extended, fd, brs;
+    double period_s, spread_s, lengths[2];
+    struct raw_described_field *field, *id_field;
+    size_t nfield, nid_field;
+};
+
+struct raw_described_fault {
+    struct yaml_mark mark;
+    const char *name;
+    int64_t bit;
+};
+
+struct raw_described_parameter {
+    struct yaml_mark mark;
+    int64_t number;
+    struct raw_described_field field;
+};
+
+struct raw_described_host {
+    struct yaml_mark mark;
+    struct yaml_name *discover, *configure, *on, *off, *command;
+    size_t ndiscover, nconfigure, non, noff, ncommand;
+    const char *on_state, *off_state;
+};
+
+struct raw_described {
+    struct yaml_mark mark;
+    const char *name, *description, *timeout_state;
+    int64_t axes, address_max;
+    double command_timeout_s;
+    struct raw_described_frame *frame;
+    struct described_state *state, *law;
+    struct raw_described_fault *fault;
+    struct raw_described_parameter *parameter;
+    size_t nframe, nstate, nlaw, nfault, nparameter;
+    struct described_gains gains;
+    struct raw_described_host host;
+};
+
+enum { RAW_DESCRIBED_UNSIGNED, RAW_DESCRIBED_SIGNED, RAW_DESCRIBED_FLOAT };
+
+/* Schema of a whole file: fills a struct raw_described. */
+extern const struct yaml_schema described_file_schema;
 
 struct described_loader {
     const struct raw_described *raw;
@@ -29,10 +91,5 @@ enum error_code described_lay_out(struct described_loader *l, const struct raw_d
 enum error_code described_lay_out_parameter(struct described_loader *l,
                                             const struct raw_described_field *raw,
                                             struct described_parameter *made);
-
-/* Refuses identifiers that two frames of one board, or of the host and a board, have and nobody
- * tells apart, and frames that never come, as another takes theirs (load_ids.c). Reads the whole
- * list of frames. */
-enum error_code described_check_ids(struct described_loader *l);
 
 #endif

@@ -92,12 +92,12 @@ static enum error_code described_measure_field(struct described_loader *l,
     made->host = raw->host;
     made->axis = (uint8_t)raw->axis;
     /* A range spans all counts */
-    if (raw->range_given) {
+    if (yaml_has(&raw->mark, "range")) {
         double low = (double)made->low, high = (double)made->high;
 
-        if (raw->scale_given || raw->offset_given || raw->type == RAW_DESCRIBED_FLOAT ||
-            !(raw->range[0] < raw->range[1])) {
-            return yaml_error(l->error, &raw->range_mark,
+        if (yaml_has(&raw->mark, "scale") || yaml_has(&raw->mark, "offset") ||
+            raw->type == RAW_DESCRIBED_FLOAT || !(raw->range[0] < raw->range[1])) {
+            return yaml_error(l->error, yaml_mark(&raw->mark, "range"),
                               "found range beside scale or offset, on a float or with its ends "
                               "the wrong way round, expected [least, greatest] alone");
         }
@@ -106,13 +106,13 @@ static enum error_code described_measure_field(struct described_loader *l,
     }
     /* A scale is not 0, and a count without a unit has none */
     if (!(fabs(made->scale) >= 1e-12)) {
-        return yaml_error(l->error, &raw->scale_mark,
+        return yaml_error(l->error, yaml_mark(&raw->mark, "scale"),
                           "found a scale of %g, expected one of at least 1e-12 either way",
                           made->scale);
     }
     if (described_is_integer(made->meaning) &&
-        (raw->scale_given || raw->offset_given || raw->range_given ||
-         raw->type == RAW_DESCRIBED_FLOAT)) {
+        (yaml_has(&raw->mark, "scale") || yaml_has(&raw->mark, "offset") ||
+         yaml_has(&raw->mark, "range") || raw->type == RAW_DESCRIBED_FLOAT)) {
         return yaml_error(l->error, &raw->mark,
                           "found a scale, an offset, a range or a float of field \"%s\", expected "
                           "none: it is a count",
@@ -126,30 +126,31 @@ static enum error_code described_mean_field(struct described_loader *l, bool fro
                                             const struct raw_described_field *raw,
                                             struct described_field *made)
 {
-    if (raw->source_given + raw->target_given + raw->value_given + raw->counter +
+    if (yaml_has(&raw->mark, "source") + yaml_has(&raw->mark, "target") +
+                yaml_has(&raw->mark, "value") + raw->counter +
                 (raw->checksum != DESCRIBED_NO_CHECKSUM) >
             1 ||
-        (from_host ? raw->source_given : raw->target_given)) {
+        (from_host ? yaml_has(&raw->mark, "source") : yaml_has(&raw->mark, "target"))) {
         return yaml_error(l->error, &raw->mark,
                           "found field \"%s\" of a frame from the %s with the wrong or several of "
                           "source, target, value, counter and checksum, expected %s or one of the "
                           "last three, or none of them",
                           raw->name, from_host ? "host" : "board", from_host ? "target" : "source");
     }
-    if (raw->value_given) {
+    if (yaml_has(&raw->mark, "value")) {
         made->meaning = DESCRIBED_CONSTANT;
         made->constant = raw->value;
         if (raw->value < made->low || raw->value > made->high) {
-            return yaml_error(l->error, &raw->value_mark,
+            return yaml_error(l->error, yaml_mark(&raw->mark, "value"),
                               "found value %lld, expected one that %d bits hold",
                               (long long)raw->value, (int)raw->bits);
         }
     } else {
-        made->meaning = (enum described_meaning)(raw->source_given   ? raw->source
-                                                 : raw->target_given ? raw->target
-                                                 : raw->counter      ? DESCRIBED_COUNTER
-                                                 : raw->checksum     ? DESCRIBED_CHECKSUM
-                                                                     : DESCRIBED_NOTHING);
+        made->meaning = (enum described_meaning)(yaml_has(&raw->mark, "source")   ? raw->source
+                                                 : yaml_has(&raw->mark, "target") ? raw->target
+                                                 : raw->counter  ? DESCRIBED_COUNTER
+                                                 : raw->checksum ? DESCRIBED_CHECKSUM
+                                                                 : DESCRIBED_NOTHING);
         made->constant = -1; /* of an echo: not yet known */
     }
     return described_measure_field(l, raw, made);
@@ -201,7 +202,7 @@ static enum error_code described_name_values(struct described_loader *l,
 {
     struct field_value *values;
 
-    if (raw->nentry == 0 && !raw->value_given) {
+    if (raw->nentry == 0 && !yaml_has(&raw->mark, "value")) {
         return ERROR_NONE;
     }
     values = arena_alloc(l->arena, raw->nentry + 2, sizeof *values);
@@ -296,7 +297,7 @@ static enum error_code described_add_field(struct described_loader *l,
                                            struct described_plan *plan)
 {
     struct field layout = {.type = (unsigned)raw->bits, .name = raw->name};
-    unsigned at = raw->at_given ? (unsigned)raw->at_bit : plan->bit;
+    unsigned at = yaml_has(&raw->mark, "at_bit") ? (unsigned)raw->at_bit : plan->bit;
     struct described_field made = {.meaning = DESCRIBED_NOTHING};
     enum error_code code;
 
@@ -313,14 +314,14 @@ static enum error_code described_add_field(struct described_loader *l,
                           raw->name);
     }
     if (at < plan->bit) {
-        return yaml_error(l->error, &raw->at_mark,
+        return yaml_error(l->error, yaml_mark(&raw->mark, "at_bit"),
                           "found at_bit %u, expected %u or more: fields do not overlap and are "
                           "listed in the order of their bits",
                           at, plan->bit);
     }
     if (raw->type == RAW_DESCRIBED_FLOAT && raw->bits != 32) {
-        return yaml_error(l->error, &raw->bits_mark, "found a float of %d bits, expected 32",
-                          (int)raw->bits);
+        return yaml_error(l->error, yaml_mark(&raw->mark, "bits"),
+                          "found a float of %d bits, expected 32", (int)raw->bits);
     }
 
     /* A gap has the order of what is before it; two orders do not meet within a byte */
@@ -374,7 +375,7 @@ static enum error_code described_add_payload(struct described_loader *l,
 
         if (plan->bit == plan->bits || strspn(text, "0123456789abcdefABCDEF") != 2 ||
             sscanf(text, "%2x%n", &byte, &used) != 1) {
-            return yaml_error(l->error, &raw->payload_mark,
+            return yaml_error(l->error, yaml_mark(&raw->mark, "payload"),
                               "found payload \"%s\", expected up to %u bytes of two hexadecimal "
                               "digits each, as \"ff 00\"",
                               raw->payload, plan->bits / 8);
@@ -406,37 +407,37 @@ static enum error_code described_measure_length(struct described_loader *l,
 {
     int64_t most = raw->fd ? DESCRIBED_LENGTH_MAX : DESCRIBED_CLASSIC_MAX;
     unsigned least = (bits + 7) / 8;
-    bool group = raw->by == DESCRIBED_BY_GROUP, repeats = group || raw->repeat > 1;
+    bool group = raw->row.by == DESCRIBED_BY_GROUP, repeats = group || raw->repeat > 1;
 
     /* A given length holds the fields and exists */
-    if (raw->length_given && raw->length < (int64_t)least) {
-        return yaml_error(l->error, &raw->length_mark,
+    if (yaml_has(&raw->mark, "length") && raw->length < (int64_t)least) {
+        return yaml_error(l->error, yaml_mark(&raw->mark, "length"),
                           "found length %d, expected at least the %u bytes of the fields",
                           (int)raw->length, least);
     }
-    if (raw->length_given && raw->length > most) {
-        return yaml_error(l->error, &raw->length_mark,
+    if (yaml_has(&raw->mark, "length") && raw->length > most) {
+        return yaml_error(l->error, yaml_mark(&raw->mark, "length"),
                           "found length %d, expected at most 8, or fd: true for up to 64",
                           (int)raw->length);
     }
-    if (raw->length_given && raw->fd && !repeats &&
+    if (yaml_has(&raw->mark, "length") && raw->fd && !repeats &&
         frame_fd_length((unsigned)raw->length) != raw->length) {
-        return yaml_error(l->error, &raw->length_mark,
+        return yaml_error(l->error, yaml_mark(&raw->mark, "length"),
                           "found length %d, expected one of CAN FD: 0 to 8, 12, 16, 20, 24, 32, 48 "
                           "or 64",
                           (int)raw->length);
     }
-    made->length = raw->length_given     ? (uint8_t)raw->length
-                   : raw->fd && !repeats ? frame_fd_length(least)
-                                         : (uint8_t)least;
+    made->length = yaml_has(&raw->mark, "length") ? (uint8_t)raw->length
+                   : raw->fd && !repeats          ? frame_fd_length(least)
+                                                  : (uint8_t)least;
     /* A frame repeats its fields for the slots of a group, or for the axes of a board */
     if (raw->repeat * made->length > most || (repeats && made->length == 0) ||
         (raw->from == 1
              ? (raw->repeat > 1) != group
-             : group || (repeats && (raw->by != DESCRIBED_BY_ADDRESS ||
+             : group || (repeats && (raw->row.by != DESCRIBED_BY_ADDRESS ||
                                      made->of != DESCRIBED_MOTOR || raw->repeat < l->raw->axes)))) {
         return yaml_error(
-            l->error, &raw->repeat_mark,
+            l->error, yaml_mark(&raw->mark, "repeat"),
             "found repeat %d, expected it of a frame from the host with by: group, or "
             "from motor boards with by: address as many as the board has axes, %d "
             "bytes in all",
@@ -453,13 +454,13 @@ static enum error_code described_measure_lengths(struct described_loader *l,
     double least = raw->lengths[0], most = raw->lengths[1];
 
     made->shortest = made->longest = made->length;
-    if (!raw->lengths_given) {
+    if (!yaml_has(&raw->mark, "lengths")) {
         return ERROR_NONE;
     }
     if (least != rint(least) || most != rint(most) || least > made->length || most < made->length ||
-        most > DESCRIBED_CLASSIC_MAX || raw->fd || raw->remote || raw->repeat > 1) {
+        most > DESCRIBED_CLASSIC_MAX || raw->fd || raw->row.remote || raw->repeat > 1) {
         return yaml_error(
-            l->error, &raw->lengths_mark,
+            l->error, yaml_mark(&raw->mark, "lengths"),
             "found lengths [%g, %g], expected whole numbers about the %u bytes of the "
             "frame, at most 8, of a classic frame that is not remote and not repeated",
             least, most, made->length);
@@ -486,11 +487,12 @@ static enum error_code described_find_checks(struct described_loader *l,
     made->counter = described_find_field(made, DESCRIBED_COUNTER);
     /* The checksum is a byte of the data */
     for (const struct field *layout = made->layout; i < made->ndata; layout++) {
-        const struct raw_described_field *field = raw->payload_given ? NULL : &raw->field[i];
+        const struct raw_described_field *field =
+            yaml_has(&raw->mark, "payload") ? NULL : &raw->field[i];
 
         if (!(layout->type & FIELD_PADDING) && field && field->checksum) {
             if (layout->type & FIELD_SIGNED || field->bits != 8 || bit % 8 || made->checksum) {
-                return yaml_error(l->error, &field->checksum_mark,
+                return yaml_error(l->error, yaml_mark(&field->mark, "checksum"),
                                   "found checksum of field \"%s\", expected one of a frame, a byte "
                                   "of its own without a sign",
                                   field->name);
@@ -505,11 +507,14 @@ static enum error_code described_find_checks(struct described_loader *l,
     for (size_t k = 0; k < made->nfield; k++) {
         if (made->field[k].meaning == DESCRIBED_COUNTER && (int)k != made->counter) {
             return yaml_error(l->error, &raw->mark,
-                              "found two counters in frame \"%s\", expected one", raw->name);
+                              "found two counters in frame \"%s\", expected one", raw->row.name);
         }
     }
-    if ((made->counter >= 0 || made->checksum) && (raw->repeat > 1 || raw->lengths_given)) {
-        return yaml_error(l->error, raw->repeat > 1 ? &raw->repeat_mark : &raw->lengths_mark,
+    if ((made->counter >= 0 || made->checksum) &&
+        (raw->repeat > 1 || yaml_has(&raw->mark, "lengths"))) {
+        return yaml_error(l->error,
+                          raw->repeat > 1 ? yaml_mark(&raw->mark, "repeat")
+                                          : yaml_mark(&raw->mark, "lengths"),
                           "found repeat or lengths beside a counter or a checksum, expected one of "
                           "them");
     }
@@ -564,8 +569,8 @@ static enum error_code described_lay_out_id(struct described_loader *l,
     if (!plan.layout) {
         return described_no_memory(l);
     }
-    if (raw->repeat > 1 || raw->remote) {
-        return yaml_error(l->error, &raw->id_fields_mark,
+    if (raw->repeat > 1 || raw->row.remote) {
+        return yaml_error(l->error, yaml_mark(&raw->mark, "id_fields"),
                           "found id_fields of a frame with repeat or remote, expected none");
     }
     /* Constant fields go into the base, others into the mask */
@@ -596,7 +601,7 @@ static enum error_code described_lay_out_id(struct described_loader *l,
 enum error_code described_lay_out(struct described_loader *l, const struct raw_described_frame *raw,
                                   struct described_frame *made)
 {
-    size_t most = raw->payload_given                   ? DESCRIBED_LENGTH_MAX
+    size_t most = yaml_has(&raw->mark, "payload")      ? DESCRIBED_LENGTH_MAX
                   : raw->nfield < DESCRIBED_FIELDS_MAX ? raw->nfield
                                                        : DESCRIBED_FIELDS_MAX;
     struct described_plan plan = {
@@ -609,12 +614,12 @@ enum error_code described_lay_out(struct described_loader *l, const struct raw_d
     if (!plan.layout || !plan.field) {
         return described_no_memory(l);
     }
-    if (raw->payload_given && raw->nfield > 0) {
-        return yaml_error(l->error, &raw->payload_mark,
+    if (yaml_has(&raw->mark, "payload") && raw->nfield > 0) {
+        return yaml_error(l->error, yaml_mark(&raw->mark, "payload"),
                           "found payload beside fields, expected one of them");
     }
     /* The payload, or the fields in their order */
-    code = raw->payload_given ? described_add_payload(l, raw, &plan) : ERROR_NONE;
+    code = yaml_has(&raw->mark, "payload") ? described_add_payload(l, raw, &plan) : ERROR_NONE;
     for (size_t i = 0; i < raw->nfield && !code; i++) {
         code = described_add_field(l, raw, &raw->field[i], &plan);
     }
@@ -645,8 +650,9 @@ enum error_code described_lay_out_parameter(struct described_loader *l,
     enum described_meaning meaning;
 
     /* A parameter has no place in a frame */
-    if (!code && (raw->target_given || raw->counter || raw->checksum || raw->at_given ||
-                  raw->order == 1 || (raw->type == RAW_DESCRIBED_FLOAT && raw->bits != 32))) {
+    if (!code && (yaml_has(&raw->mark, "target") || raw->counter || raw->checksum ||
+                  yaml_has(&raw->mark, "at_bit") || raw->order == 1 ||
+                  (raw->type == RAW_DESCRIBED_FLOAT && raw->bits != 32))) {
         return yaml_error(l->error, &raw->mark,
                           "found a target, a counter, a checksum, at_bit, order: big or a float of "
                           "other than 32 bits in a parameter, expected a source or a value");
@@ -660,7 +666,7 @@ enum error_code described_lay_out_parameter(struct described_loader *l,
     code = code ? code : described_mean_field(l, false, raw, &made->field);
     meaning = made->field.meaning;
     if (!code && (meaning == DESCRIBED_ECHO || meaning == DESCRIBED_PARAMETER_VALUE)) {
-        return yaml_error(l->error, &raw->source_mark,
+        return yaml_error(l->error, yaml_mark(&raw->mark, "source"),
                           "found source: %s in a parameter, expected another: it is no answer",
                           meaning == DESCRIBED_ECHO ? "echo" : "parameter_value");
     }

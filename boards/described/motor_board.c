@@ -267,9 +267,9 @@ static void axis_reset_settings(const struct described_protocol *protocol,
     const double setting[] = {
         [DESCRIBED_VELOCITY_LIMIT - DESCRIBED_SETTING] = HUGE_VAL,
         [DESCRIBED_CURRENT_LIMIT - DESCRIBED_SETTING] = HUGE_VAL,
-        [DESCRIBED_POSITION_GAIN - DESCRIBED_SETTING] = protocol->position_per_s,
-        [DESCRIBED_VELOCITY_GAIN - DESCRIBED_SETTING] = protocol->velocity_nm_s_rad,
-        [DESCRIBED_INTEGRAL_GAIN - DESCRIBED_SETTING] = protocol->velocity_nm_rad,
+        [DESCRIBED_POSITION_GAIN - DESCRIBED_SETTING] = protocol->gains.position_per_s,
+        [DESCRIBED_VELOCITY_GAIN - DESCRIBED_SETTING] = protocol->gains.velocity_nm_s_rad,
+        [DESCRIBED_INTEGRAL_GAIN - DESCRIBED_SETTING] = protocol->gains.velocity_nm_rad,
     };
 
     memcpy(axis->setting, setting, sizeof axis->setting);

@@ -8,7 +8,6 @@
 #define BOARDS_DESCRIBED_PRIVATE_H
 
 #include "boards/board_private.h"
-#include "boards/described/board.h"
 #include "boards/described/protocol.h"
 #include "boards/axis.h"
 
@@ -114,6 +113,14 @@ void described_node_reply(struct described_node *node, unsigned axis,
 
 /* Sets the telemetry period from now on; 0 = never. */
 void described_node_set_period(struct described_node *node, int64_t period_ms);
+
+/* ---- for protocol.c ---- */
+
+/* Create a bus and boards, NULL without memory. Not RT-safe. */
+struct board_bus *described_bus_create(struct arena *arena);
+struct board *described_motor_create(struct arena *arena);
+struct board *described_ft_create(struct arena *arena);
+struct board *described_inertial_create(struct arena *arena);
 
 /* ---- axes (motor_board.c) ---- */
 

@@ -1,12 +1,241 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Protocols that a file describes, described, as a module. */
-#include "boards/described/protocol.h"
+/* Protocols that a file describes as a module, and their messages: the row of a message is its
+ * struct described_frame. */
+#include "boards/described/private.h"
 
-#include "boards/board_private.h"
-#include "boards/described/board.h"
-#include "boards/described/messages.h"
 #include "boards/protocol_list.h"
 #include "manual/protocol_compact.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+/* ---- messages ---- */
+
+/* Returns the period of a frame: its own, the telemetry's, or that of the host's set-points,
+ * which come once a tick, and their answers. */
+static uint32_t frame_cycle_ns(const struct message_walk *walk, size_t index,
+                               const struct board_config *board)
+{
+    const struct described_protocol *protocol = walk->bus->described;
+    const struct described_frame *frame = &protocol->frame[index];
+    int64_t tick_ns = walk->config->tick_ns > MS ? walk->config->tick_ns : MS;
+
+    if (frame->period_ns > 0) {
+        return (uint32_t)frame->period_ns;
+    }
+    if (frame->telemetry) {
+        return (uint32_t)(board && board->period_ns > 0 ? board->period_ns : tick_ns);
+    }
+    for (size_t i = 0; i < protocol->host.command.count; i++) {
+        size_t command = protocol->host.command.frame[i];
+
+        if (command == index || protocol->frame[command].reply[0] == (int)index) {
+            return (uint32_t)tick_ns;
+        }
+    }
+    return 0;
+}
+
+/* Returns whether a frame carries nothing but its identity: to switch on, to ask for another. */
+static bool frame_is_constant(const struct described_frame *frame)
+{
+    for (size_t k = 0; k < frame->nfield; k++) {
+        if (frame->field[k].meaning != DESCRIBED_CONSTANT) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* Returns the name of the frame that answers one to a board, or to all: the first that there is. */
+static const char *frame_answer(const struct described_protocol *protocol,
+                                const struct described_frame *frame,
+                                const struct board_config *board)
+{
+    const int kind = !board || board->kind == BOARD_MOTOR ? 0 : board->kind == BOARD_FT ? 1 : 2;
+
+    for (int i = 0; frame->from_host && i < 3; i++) {
+        int reply = frame->reply[(kind + i) % 3];
+
+        if (reply >= 0) {
+            return protocol->frame[reply].name;
+        }
+    }
+    return NULL;
+}
+
+/* Returns the bytes of a message: as many as a board takes, where fields carry anything. */
+static uint8_t frame_message_length(const struct described_frame *frame, unsigned repeats)
+{
+    if (frame->flags & FRAME_FD || repeats > 1) {
+        return described_length(frame, repeats);
+    }
+    return frame->length > 0 ? frame->longest : 0;
+}
+
+/* Visits a frame with its number; of a group with the slots that there are. */
+static void visit_frame(struct message_walk *walk, size_t index, int board, unsigned number,
+                        unsigned repeats, int slot)
+{
+    static const enum message_number counts[] = {[DESCRIBED_BY_NONE] = MESSAGE_OF_ADDRESS,
+                                                 [DESCRIBED_BY_ADDRESS] = MESSAGE_OF_ADDRESS,
+                                                 [DESCRIBED_BY_SLOT] = MESSAGE_OF_SLOT,
+                                                 [DESCRIBED_BY_GROUP] = MESSAGE_OF_GROUP};
+    const struct described_protocol *protocol = walk->bus->described;
+    const struct described_frame *frame = &protocol->frame[index];
+    const struct board_config *config = board < 0 ? NULL : &walk->config->board[board];
+    /* The number and the repetitions are those of this bus */
+    const struct message message = {
+        .name = frame->name,
+        .id = described_id(frame, number),
+        .id_mask = frame->mask,
+        .base = frame->base,
+        .step = frame->by == DESCRIBED_BY_NONE ? 0 : frame->step,
+        .number = number,
+        .counts = counts[frame->by],
+        .fd = frame->flags & FRAME_FD,
+        .extended = frame->flags & FRAME_EXTENDED,
+        .remote = frame->remote,
+        .bit_rate_switch = frame->flags & FRAME_BRS,
+        .sender = frame->from_host ? MESSAGE_NO_BOARD : board,
+        .receiver = frame->from_host ? board : MESSAGE_NO_BOARD,
+        .from_host = frame->from_host,
+        .length = frame_message_length(frame, repeats),
+        .shortest = frame->length > 0 && frame->shortest < frame->longest ? frame->shortest : 0,
+        .code = MESSAGE_NO_CODE,
+        .answer = frame_answer(protocol, frame, config),
+        .section = frame->from_host ? MESSAGE_FROM_HOST : MESSAGE_FROM_BOARDS,
+        .cycle_ns = frame_cycle_ns(walk, index, config),
+        .constant = frame_is_constant(frame),
+        .row = frame,
+        .fields = frame->layout,
+        .id_fields = frame->id_layout,
+        .repeats = (uint8_t)repeats,
+        .slot = slot,
+        .list = frame->repeats > 1,
+    };
+
+    message_visit(walk, &message);
+}
+
+/* Visits the messages of a board (struct protocol). */
+static void described_visit_board(struct message_walk *walk, int index, unsigned first_slot)
+{
+    const struct described_protocol *protocol = walk->bus->described;
+    const struct board_config *board = &walk->config->board[index];
+    unsigned axes = board_config_axes(board);
+    unsigned kind = board->kind == BOARD_MOTOR ? DESCRIBED_MOTOR
+                    : board->kind == BOARD_FT  ? DESCRIBED_FT
+                                               : DESCRIBED_INERTIAL;
+
+    for (size_t i = 0; i < protocol->nframe; i++) {
+        const struct described_frame *frame = &protocol->frame[i];
+        /* Frames of the host to all boards are not the board's */
+        bool by_address = frame->by == DESCRIBED_BY_ADDRESS;
+        bool of_one_axis = kind == DESCRIBED_MOTOR && protocol->axes == 1 && by_address;
+
+        if (!(frame->of & kind) ||
+            (frame->from_host && !by_address && frame->by != DESCRIBED_BY_SLOT)) {
+            continue;
+        }
+        /* By slot there is a frame for each axis */
+        for (unsigned k = 0; frame->by == DESCRIBED_BY_SLOT && k < axes; k++) {
+            visit_frame(walk, i, index, first_slot + k, 1, (int)(first_slot + k));
+        }
+        if (frame->by != DESCRIBED_BY_SLOT) {
+            bool list = frame->repeats > 1;
+
+            visit_frame(walk, i, index, by_address ? board->address : 0, list ? axes : 1,
+                        of_one_axis || list ? (int)first_slot : -1);
+        }
+    }
+}
+
+/* Visits the messages of the host to all boards (struct protocol). */
+static void described_visit_broadcasts(struct message_walk *walk)
+{
+    const struct described_protocol *protocol = walk->bus->described;
+
+    for (size_t i = 0; i < protocol->nframe; i++) {
+        const struct described_frame *frame = &protocol->frame[i];
+
+        if (frame->from_host && frame->by == DESCRIBED_BY_NONE) {
+            visit_frame(walk, i, MESSAGE_NO_BOARD, 0, 1, -1);
+        }
+        for (unsigned slot = 0; frame->by == DESCRIBED_BY_GROUP && slot < walk->slots;
+             slot += frame->repeats) {
+            unsigned left = walk->slots - slot;
+
+            visit_frame(walk, i, MESSAGE_NO_BOARD, slot / frame->repeats,
+                        left < frame->repeats ? left : frame->repeats, (int)slot);
+        }
+    }
+}
+
+/* ---- comments ---- */
+
+static void add_text(char *text, size_t size, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+/* Appends formatted text. */
+static void add_text(char *text, size_t size, const char *format, ...)
+{
+    size_t used = strlen(text);
+    va_list arguments;
+
+    va_start(arguments, format);
+    vsnprintf(text + used, size - used, format, arguments);
+    va_end(arguments);
+}
+
+/* Writes what signals cannot say: fields of the identifier, the counter, the checksum (struct
+ * protocol). */
+static void described_comment_message(const struct message *message, char *text, size_t size)
+{
+    const struct described_frame *row = message->row;
+    unsigned bit = 0;
+    size_t i = row->ndata;
+
+    text[0] = '\0';
+    /* Fields of the identifier */
+    for (const struct field *f = row->id_layout; f && f->type != FIELD_END; f++) {
+        unsigned bits = f->type & FIELD_BITS_MASK;
+
+        if (!(f->type & FIELD_PADDING) && row->field[i++].meaning != DESCRIBED_CONSTANT) {
+            add_text(text, size, "%s%u|%u@1%c %s (%.9g,%.9g)%s%s",
+                     *text ? ", " : "in the identifier ", bit, bits,
+                     f->type & FIELD_SIGNED ? '-' : '+', f->name, f->scale, f->offset,
+                     f->unit ? " " : "", f->unit ? f->unit : "");
+        }
+        bit += bits;
+    }
+    /* The counter and the checksum */
+    if (row->counter >= 0) {
+        add_text(text, size, "%s%s counts the frames", *text ? "; " : "",
+                 described_layout(row, (size_t)row->counter)->name);
+    }
+    if (row->checksum) {
+        add_text(text, size, "%sbyte %u is the %s of the others", *text ? "; " : "",
+                 row->checksum_byte, described_checksum_name(row->checksum));
+    }
+}
+
+/* Writes what makes a field more than a number: the counter, the checksum (struct protocol). */
+static void described_note_field(const struct message *message, size_t field, char *text,
+                                 size_t size)
+{
+    const struct described_frame *row = message->row;
+
+    text[0] = '\0';
+    if ((int)field == row->counter) {
+        snprintf(text, size, "counts the frames");
+    } else if (row->field[field].meaning == DESCRIBED_CHECKSUM) {
+        snprintf(text, size, "%s of the other bytes", described_checksum_name(row->checksum));
+    }
+}
+
+/* ---- the module ---- */
 
 /* Creates a board by its kind (struct protocol). */
 static struct board *described_make_board(const struct board_config *config, struct arena *arena)

@@ -14,6 +14,7 @@
 
 #include "base/arena.h"
 #include "base/error.h"
+#include "base/yaml.h"
 #include "boards/field.h"
 #include "canbus/frame.h"
 
@@ -251,17 +252,22 @@ struct described_frame {
 };
 
 struct described_state {
+    struct yaml_mark mark; /* in the file */
     const char *name;
     int64_t value, result; /* result: a second number of it, which a field may tell */
     enum described_law law;
     double set_point_scale;
-    bool commanded; /* a host may command it by its value */
 };
 
 /* Parameter that a host reads, or writes where it is a setting, by a number. */
 struct described_parameter {
     uint32_t number;
     struct described_field field;
+};
+
+/* Gains of the inner laws. */
+struct described_gains {
+    double position_per_s, velocity_nm_s_rad, velocity_nm_rad;
 };
 
 struct described_list {
@@ -281,16 +287,15 @@ struct described_protocol {
     unsigned address_max;
     size_t nframe, nstate, nlaw;
     struct described_frame frame[DESCRIBED_FRAMES_MAX];
-    struct described_state state[DESCRIBED_STATES_MAX];
-    struct described_state law[DESCRIBED_LAWS_MAX]; /* that a host may select; the first at first */
-    int off_state, fault_state;                     /* after power-up; after a fault */
-    int fault_bit[DESCRIBED_FAULT_KINDS];           /* -1: not reported */
-    int64_t command_timeout_ns;                     /* 0: as the rig says; -1: none */
-    int timeout_state;                              /* -1: set-points become 0, the state stays */
-    bool clears;                    /* only frames clear faults, not the state off */
-    bool period_settable;           /* telemetry waits for a host that sets its period */
-    bool tells[DESCRIBED_MEANINGS]; /* some frame of the boards has it */
-    double position_per_s, velocity_nm_s_rad, velocity_nm_rad; /* gains of the inner laws */
+    const struct described_state *state, *law; /* law: that a host may select; the first at first */
+    int off_state, fault_state;                /* after power-up; after a fault */
+    int fault_bit[DESCRIBED_FAULT_KINDS];      /* -1: not reported */
+    int64_t command_timeout_ns;                /* 0: as the rig says; -1: none */
+    int timeout_state;                         /* -1: set-points become 0, the state stays */
+    bool clears;                               /* only frames clear faults, not the state off */
+    bool period_settable;                      /* telemetry waits for a host that sets its period */
+    bool tells[DESCRIBED_MEANINGS];            /* some frame of the boards has it */
+    struct described_gains gains;
     size_t nparameter;
     struct described_parameter parameter[DESCRIBED_PARAMETERS_MAX];
 

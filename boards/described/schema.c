@@ -1,11 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The keys of a protocol file: names, types, ranges and defaults, in tables for base/yaml.h. */
-#include "boards/described/schema.h"
-
-#include "base/array.h"
-#include "boards/described/protocol.h"
-
-#include <float.h>
+#include "boards/described/load.h"
 
 #define AT(member) offsetof(struct STRUCT, member)
 
@@ -137,154 +132,107 @@ static const struct word source_names[] = {
 #define STRUCT raw_described_field
 static const struct yaml_field field_fields[] = {
     {"name", YAML_STRING, true, AT(name), .min = 1, .max = 31},
-    {"bits", YAML_INT, true, AT(bits), .min = 1, .max = 32, .mark_offset = AT(bits_mark)},
-    {"at_bit", YAML_INT, false, AT(at_bit), .min = 0, .max = 8 * DESCRIBED_LENGTH_MAX - 1,
-     .mark_offset = AT(at_mark), .given_offset = AT(at_given)},
+    {"bits", YAML_INT, true, AT(bits), .min = 1, .max = 32},
+    {"at_bit", YAML_INT, false, AT(at_bit), .min = 0, .max = 8 * DESCRIBED_LENGTH_MAX - 1},
     {"type", YAML_ENUM, false, AT(type), .names = type_names},
     {"order", YAML_ENUM, false, AT(order), .names = order_names},
-    {"scale", YAML_REAL, false, AT(scale), .min = -1e12, .max = 1e12, .mark_offset = AT(scale_mark),
-     .given_offset = AT(scale_given)},
-    {"offset", YAML_REAL, false, AT(offset), .min = -1e12, .max = 1e12,
-     .given_offset = AT(offset_given)},
-    {"range", YAML_REALS, false, AT(range), .count = 2, .min = -1e12, .max = 1e12,
-     .mark_offset = AT(range_mark), .given_offset = AT(range_given)},
-    {"source", YAML_ENUM, false, AT(source), .names = source_names, .mark_offset = AT(source_mark),
-     .given_offset = AT(source_given)},
-    {"target", YAML_ENUM, false, AT(target), .names = target_names, .mark_offset = AT(target_mark),
-     .given_offset = AT(target_given)},
-    {"value", YAML_INT, false, AT(value), .min = INT32_MIN, .max = UINT32_MAX,
-     .mark_offset = AT(value_mark), .given_offset = AT(value_given)},
-    {"counter", YAML_BOOL, false, .offset = AT(counter), .mark_offset = AT(counter_mark)},
-    {"checksum", YAML_ENUM, false, AT(checksum), .names = checksum_names,
-     .mark_offset = AT(checksum_mark)},
+    {"scale", YAML_REAL, false, AT(scale), .min = -1e12, .max = 1e12},
+    {"offset", YAML_REAL, false, AT(offset), .min = -1e12, .max = 1e12},
+    {"range", YAML_REALS, false, AT(range), .count = 2, .min = -1e12, .max = 1e12},
+    {"source", YAML_ENUM, false, AT(source), .names = source_names},
+    {"target", YAML_ENUM, false, AT(target), .names = target_names},
+    {"value", YAML_INT, false, AT(value), .min = INT32_MIN, .max = UINT32_MAX},
+    {"counter", YAML_BOOL, false, .offset = AT(counter)},
+    {"checksum", YAML_ENUM, false, AT(checksum), .names = checksum_names},
     {"host_value", YAML_REAL, false, AT(host), .min = -1e12, .max = 1e12},
     {"axis", YAML_INT, false, AT(axis), .min = 0, .max = DESCRIBED_AXES - 1},
-    {"values", YAML_REAL_DICT, false, AT(entry), .count_offset = AT(nentry),
-     .mark_offset = AT(values_mark)},
+    {"values", YAML_REAL_DICT, false, AT(entry), .count_offset = AT(nentry)},
 };
-#undef STRUCT
 static const struct raw_described_field field_defaults = {.scale = 1.0};
-static const struct yaml_schema field_schema = {
-    .what = "a field",
-    .size = sizeof(struct raw_described_field),
-    .fields = field_fields,
-    .field_count = ARRAY_COUNT(field_fields),
-    .defaults = &field_defaults,
-};
+static const struct yaml_schema field_schema =
+    YAML_SCHEMA("a field", struct raw_described_field, field_fields, .defaults = &field_defaults);
 
+#undef STRUCT
 #define STRUCT raw_described_frame
 static const struct yaml_field frame_fields[] = {
-    {"name", YAML_STRING, true, AT(name), .min = 1, .max = 31},
+    {"name", YAML_STRING, true, AT(row.name), .min = 1, .max = 31},
     {"from", YAML_ENUM, true, AT(from), .names = from_names},
-    {"id", YAML_INT, true, AT(id), .min = 0, .max = DESCRIBED_EXTENDED_ID_MAX,
-     .mark_offset = AT(id_mark)},
+    {"id", YAML_INT, true, AT(id), .min = 0, .max = DESCRIBED_EXTENDED_ID_MAX},
     {"extended", YAML_BOOL, false, .offset = AT(extended)},
-    {"id_fields", YAML_LIST, false, AT(id_field), AT(nid_field), .schema = &field_schema,
-     .mark_offset = AT(id_fields_mark)},
+    {"id_fields", YAML_LIST, false, AT(id_field), AT(nid_field), .schema = &field_schema},
     {"fd", YAML_BOOL, false, .offset = AT(fd)},
-    {"bit_rate_switch", YAML_BOOL, false, .offset = AT(brs), .mark_offset = AT(brs_mark),
-     .given_offset = AT(brs_given)},
-    {"by", YAML_ENUM, false, AT(by), .names = by_names},
-    {"step", YAML_INT, false, AT(step), .min = 1, .max = DESCRIBED_EXTENDED_ID_MAX,
-     .mark_offset = AT(step_mark), .given_offset = AT(step_given)},
-    {"of", YAML_ENUM, false, AT(of), .names = of_names, .mark_offset = AT(of_mark),
-     .given_offset = AT(of_given)},
-    {"remote", YAML_BOOL, false, .offset = AT(remote)},
-    {"length", YAML_INT, false, AT(length), .min = 0, .max = DESCRIBED_LENGTH_MAX,
-     .mark_offset = AT(length_mark), .given_offset = AT(length_given)},
-    {"lengths", YAML_REALS, false, AT(lengths), .count = 2, .min = 0.0, .max = DESCRIBED_LENGTH_MAX,
-     .mark_offset = AT(lengths_mark), .given_offset = AT(lengths_given)},
-    {"repeat", YAML_INT, false, AT(repeat), .min = 1, .max = DESCRIBED_LENGTH_MAX,
-     .mark_offset = AT(repeat_mark)},
+    {"bit_rate_switch", YAML_BOOL, false, .offset = AT(brs)},
+    {"by", YAML_ENUM, false, AT(row.by), .names = by_names},
+    {"step", YAML_INT, false, AT(step), .min = 1, .max = DESCRIBED_EXTENDED_ID_MAX},
+    {"of", YAML_ENUM, false, AT(of), .names = of_names},
+    {"remote", YAML_BOOL, false, .offset = AT(row.remote)},
+    {"length", YAML_INT, false, AT(length), .min = 0, .max = DESCRIBED_LENGTH_MAX},
+    {"lengths", YAML_REALS, false, AT(lengths), .count = 2, .min = 0.0,
+     .max = DESCRIBED_LENGTH_MAX},
+    {"repeat", YAML_INT, false, AT(repeat), .min = 1, .max = DESCRIBED_LENGTH_MAX},
     {"fields", YAML_LIST, false, AT(field), AT(nfield), .schema = &field_schema},
-    {"payload", YAML_STRING, false, AT(payload), .min = 2, .max = 3 * DESCRIBED_LENGTH_MAX - 1,
-     .mark_offset = AT(payload_mark), .given_offset = AT(payload_given)},
-    {"period_s", YAML_REAL, false, AT(period_s), .min = 0.001, .max = 60.0,
-     .mark_offset = AT(period_mark), .given_offset = AT(period_given)},
+    {"payload", YAML_STRING, false, AT(payload), .min = 2, .max = 3 * DESCRIBED_LENGTH_MAX - 1},
+    {"period_s", YAML_REAL, false, AT(period_s), .min = 0.001, .max = 60.0},
     {"spread_s", YAML_REAL, false, AT(spread_s), .min = 0.0, .max = 1.0},
-    {"telemetry", YAML_BOOL, false, .offset = AT(telemetry)},
-    {"on_change", YAML_BOOL, false, .offset = AT(on_change)},
-    {"on_restart", YAML_BOOL, false, .offset = AT(on_restart)},
-    {"reply", YAML_STRING, false, AT(reply), .min = 1, .max = 31, .mark_offset = AT(reply_mark)},
-    {"enter", YAML_STRING, false, AT(enter), .min = 1, .max = 31, .mark_offset = AT(enter_mark)},
-    {"zero", YAML_BOOL, false, .offset = AT(zero)},
-    {"stop", YAML_BOOL, false, .offset = AT(stop)},
-    {"clear_faults", YAML_BOOL, false, .offset = AT(clear)},
-    {"or_empty", YAML_BOOL, false, .offset = AT(or_empty)},
-    {"restart", YAML_BOOL, false, .offset = AT(restart)},
+    {"telemetry", YAML_BOOL, false, .offset = AT(row.telemetry)},
+    {"on_change", YAML_BOOL, false, .offset = AT(row.on_change)},
+    {"on_restart", YAML_BOOL, false, .offset = AT(row.on_restart)},
+    {"reply", YAML_STRING, false, AT(reply), .min = 1, .max = 31},
+    {"enter", YAML_STRING, false, AT(enter), .min = 1, .max = 31},
+    {"zero", YAML_BOOL, false, .offset = AT(row.zero)},
+    {"stop", YAML_BOOL, false, .offset = AT(row.stop)},
+    {"clear_faults", YAML_BOOL, false, .offset = AT(row.clear)},
+    {"or_empty", YAML_BOOL, false, .offset = AT(row.or_empty)},
+    {"restart", YAML_BOOL, false, .offset = AT(row.restart)},
 };
-#undef STRUCT
 static const struct raw_described_frame frame_defaults = {.step = 1, .repeat = 1, .brs = true};
-static const struct yaml_schema frame_schema = {
-    .what = "a frame",
-    .size = sizeof(struct raw_described_frame),
-    .fields = frame_fields,
-    .field_count = ARRAY_COUNT(frame_fields),
-    .defaults = &frame_defaults,
-};
+static const struct yaml_schema frame_schema =
+    YAML_SCHEMA("a frame", struct raw_described_frame, frame_fields, .defaults = &frame_defaults);
 
-#define STRUCT raw_described_state
+#undef STRUCT
+#define STRUCT described_state
 static const struct yaml_field state_fields[] = {
     {"name", YAML_STRING, true, AT(name), .min = 1, .max = 31},
-    {"value", YAML_INT, false, AT(value), .min = 0, .max = UINT32_MAX,
-     .mark_offset = AT(value_mark)},
+    {"value", YAML_INT, false, AT(value), .min = 0, .max = UINT32_MAX},
     {"result", YAML_INT, false, AT(result), .min = 0, .max = UINT32_MAX},
     {"law", YAML_ENUM, true, AT(law), .names = law_names},
     {"set_point_scale", YAML_REAL, false, AT(set_point_scale), .min = -1e12, .max = 1e12},
 };
-#undef STRUCT
-static const struct raw_described_state state_defaults = {.set_point_scale = 1.0};
-static const struct yaml_schema state_schema = {
-    .what = "a state",
-    .size = sizeof(struct raw_described_state),
-    .fields = state_fields,
-    .field_count = ARRAY_COUNT(state_fields),
-    .defaults = &state_defaults,
-};
+static const struct described_state state_defaults = {.set_point_scale = 1.0};
+static const struct yaml_schema state_schema =
+    YAML_SCHEMA("a state", struct described_state, state_fields, .defaults = &state_defaults);
 
+#undef STRUCT
 #define STRUCT raw_described_fault
 static const struct yaml_field fault_fields[] = {
     {"bit", YAML_INT, true, AT(bit), .min = 0, .max = 31},
 };
-#undef STRUCT
-static const struct yaml_schema fault_schema = {
-    .what = "a fault",
-    .size = sizeof(struct raw_described_fault),
-    .fields = fault_fields,
-    .field_count = ARRAY_COUNT(fault_fields),
-    .name_offset = offsetof(struct raw_described_fault, name),
-};
+static const struct yaml_schema fault_schema =
+    YAML_SCHEMA("a fault", struct raw_described_fault, fault_fields,
+                .name_offset = offsetof(struct raw_described_fault, name));
 
+#undef STRUCT
 #define STRUCT raw_described_parameter
 static const struct yaml_field parameter_fields[] = {
-    {"number", YAML_INT, true, AT(number), .min = 0, .max = UINT32_MAX,
-     .mark_offset = AT(number_mark)},
+    {"number", YAML_INT, true, AT(number), .min = 0, .max = UINT32_MAX},
     {"field", YAML_MAP, true, AT(field), .schema = &field_schema},
 };
-#undef STRUCT
 static const struct raw_described_parameter parameter_defaults = {.field = {.scale = 1.0}};
-static const struct yaml_schema parameter_schema = {
-    .what = "a parameter",
-    .size = sizeof(struct raw_described_parameter),
-    .fields = parameter_fields,
-    .field_count = ARRAY_COUNT(parameter_fields),
-    .defaults = &parameter_defaults,
-};
+static const struct yaml_schema parameter_schema =
+    YAML_SCHEMA("a parameter", struct raw_described_parameter, parameter_fields,
+                .defaults = &parameter_defaults);
 
-#define STRUCT raw_described_gains
+#undef STRUCT
+#define STRUCT described_gains
 static const struct yaml_field gains_fields[] = {
     {"position_per_s", YAML_REAL, false, AT(position_per_s), .min = 0.0, .max = 1e6},
     {"velocity_nm_s_rad", YAML_REAL, false, AT(velocity_nm_s_rad), .min = 0.0, .max = 1e6},
     {"velocity_nm_rad", YAML_REAL, false, AT(velocity_nm_rad), .min = 0.0, .max = 1e6},
 };
-#undef STRUCT
-static const struct yaml_schema gains_schema = {
-    .what = "the gains",
-    .size = sizeof(struct raw_described_gains),
-    .fields = gains_fields,
-    .field_count = ARRAY_COUNT(gains_fields),
-};
+static const struct yaml_schema gains_schema =
+    YAML_SCHEMA("the gains", struct described_gains, gains_fields, .unmarked = true);
 
+#undef STRUCT
 #define STRUCT raw_described_host
 static const struct yaml_field host_fields[] = {
     {"discover", YAML_NAME_LIST, false, .offset = AT(discover), .count_offset = AT(ndiscover)},
@@ -292,29 +240,21 @@ static const struct yaml_field host_fields[] = {
     {"on", YAML_NAME_LIST, false, .offset = AT(on), .count_offset = AT(non)},
     {"off", YAML_NAME_LIST, false, .offset = AT(off), .count_offset = AT(noff)},
     {"command", YAML_NAME_LIST, false, .offset = AT(command), .count_offset = AT(ncommand)},
-    {"on_state", YAML_STRING, false, AT(on_state), .min = 1, .max = 31,
-     .mark_offset = AT(on_state_mark)},
-    {"off_state", YAML_STRING, false, AT(off_state), .min = 1, .max = 31,
-     .mark_offset = AT(off_state_mark)},
+    {"on_state", YAML_STRING, false, AT(on_state), .min = 1, .max = 31},
+    {"off_state", YAML_STRING, false, AT(off_state), .min = 1, .max = 31},
 };
-#undef STRUCT
-static const struct yaml_schema host_schema = {
-    .what = "the host",
-    .size = sizeof(struct raw_described_host),
-    .fields = host_fields,
-    .field_count = ARRAY_COUNT(host_fields),
-};
+static const struct yaml_schema host_schema =
+    YAML_SCHEMA("the host", struct raw_described_host, host_fields, .hash_offset = 0);
 
+#undef STRUCT
 #define STRUCT raw_described
 static const struct yaml_field described_fields[] = {
     {"name", YAML_STRING, true, AT(name), .min = 1, .max = 31},
     {"description", YAML_STRING, false, AT(description), .min = 1, .max = 1000},
     {"axes", YAML_INT, false, AT(axes), .min = 1, .max = DESCRIBED_AXES},
     {"address_max", YAML_INT, false, AT(address_max), .min = 1, .max = DESCRIBED_ADDRESS_MAX},
-    {"command_timeout_s", YAML_REAL, false, AT(command_timeout_s), .min = 0.0, .max = 60.0,
-     .given_offset = AT(command_timeout_given)},
-    {"on_timeout", YAML_STRING, false, AT(timeout_state), .min = 1, .max = 31,
-     .mark_offset = AT(timeout_state_mark)},
+    {"command_timeout_s", YAML_REAL, false, AT(command_timeout_s), .min = 0.0, .max = 60.0},
+    {"on_timeout", YAML_STRING, false, AT(timeout_state), .min = 1, .max = 31},
     {"states", YAML_LIST, true, AT(state), AT(nstate), .schema = &state_schema},
     {"laws", YAML_LIST, false, AT(law), AT(nlaw), .schema = &state_schema},
     {"faults", YAML_DICT, false, AT(fault), AT(nfault), .schema = &fault_schema},
@@ -323,14 +263,8 @@ static const struct yaml_field described_fields[] = {
     {"frames", YAML_LIST, true, AT(frame), AT(nframe), .schema = &frame_schema},
     {"host", YAML_MAP, false, AT(host), .schema = &host_schema},
 };
-#undef STRUCT
 static const struct raw_described described_defaults = {
     .description = "", .axes = 1, .address_max = DESCRIBED_ADDRESS_MAX};
-const struct yaml_schema described_file_schema = {
-    .what = "the protocol",
-    .size = sizeof(struct raw_described),
-    .fields = described_fields,
-    .field_count = ARRAY_COUNT(described_fields),
-    .defaults = &described_defaults,
-    .format_version = 1,
-};
+const struct yaml_schema described_file_schema =
+    YAML_SCHEMA("the protocol", struct raw_described, described_fields,
+                .defaults = &described_defaults, .format_version = 1);

@@ -2,7 +2,7 @@
 /* What a protocol file may not say, with the place that the message names; and the limits of its
  * numbers. */
 #include "boards/described/protocol.h"
-#include "boards/described/schema.h"
+#include "boards/described/load.h"
 
 #include "tests/unit/schema_limits.h"
 
