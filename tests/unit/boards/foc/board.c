@@ -210,9 +210,10 @@ TEST(faults_have_their_bits)
     } faults[] = {{"over-current", "A0 00 00 00 10 00 00 00"},
                   {"under-voltage", "A0 00 00 00 40 00 00 00"},
                   {"encoder", "A0 08 00 00 00 00 08 00"},
+                  {"over-voltage", "A0 00 00 00 20 00 00 00"},
                   {"I2t", "A0 00 00 00 00 00 40 00"}};
 
-    for (int f = 0; f < 4; f++) {
+    for (int f = 0; f < 5; f++) {
         struct board_bench bench;
 
         start(&bench);
@@ -224,13 +225,15 @@ TEST(faults_have_their_bits)
             bench.sensors.supply_v = 20.0;
         } else if (f == 2) {
             bench.sense[0].qm = (double)NAN;
+        } else if (f == 3) {
+            bench.sensors.supply_v = nextafter(60.0, 100.0);
         } else {
             bench.sense[0].current_a = 12.0;
         }
         /* I2t: (12^2 - 4^2) t = (8^2 - 4^2) * 10.24 s gives 3.84 s */
-        for (int t = 0; t < (f < 3 ? 2 : 3830); t++) {
+        for (int t = 0; t < (f < 4 ? 2 : 3830); t++) {
             target(&bench, "00 00");
-            assert_true(f < 3 || bench.motor[0].bridge_on);
+            assert_true(f < 4 || bench.motor[0].bridge_on);
         }
         for (int t = 0; t < 20; t++) {
             target(&bench, "00 00");

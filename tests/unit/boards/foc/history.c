@@ -155,33 +155,6 @@ TEST(an_over_current_trips_again_after_it_was_enabled_again)
     }
 }
 
-TEST(an_expired_set_point_is_told_each_time)
-{
-    struct board_event event;
-    struct board_bench bench;
-
-    start_differently(&bench);
-    for (int time = 1; time <= 3; time++) {
-        bench_ticks(&bench, 49);
-        assert_int_equal(bench_counters(&bench).timeouts, 2 * (time - 1));
-        bench_ticks(&bench, 100); /* the second expires no more than the first */
-        assert_int_equal(bench_counters(&bench).timeouts, 2 * time);
-        for (int axis = 0; axis < AXES; axis++) {
-            assert_true(bench_event(&bench, BOARD_EVENT_FAULT, &event));
-            assert_int_equal(event.board, axis);
-            assert_int_equal(event.a, FOC_FAULT_SET_POINT_EXPIRED);
-        }
-        assert_false(bench_event(&bench, BOARD_EVENT_FAULT, &event));
-        for (int axis = 0; axis < AXES; axis++) {
-            bench_send(&bench, 0, command_id[axis], "09 09");
-            bench_send(&bench, 0, command_id[axis], "09 50");
-        }
-        run_targets(&bench, 1);
-        assert_true(bench.motor[0].bridge_on && bench.motor[1].bridge_on);
-    }
-    bench_stop(&bench);
-}
-
 /* A second cause while the first is latched is told, too; both are cleared together. */
 TEST(faults_gather_until_they_are_cleared)
 {
@@ -209,38 +182,6 @@ TEST(faults_gather_until_they_are_cleared)
     show_current(&bench, 1, 9.5);
     assert_int_equal(ticks_to_trip(&bench), 1);
     expect_fault(&bench, 1, FOC_FAULT_OVER_CURRENT); /* of the under-voltage nothing is left */
-    bench_stop(&bench);
-}
-
-/* Regeneration lifts the supply: at the limit there is no fault, a little above it both axes have
- * one, which stays when the supply is back until the host clears it. */
-TEST(an_over_voltage_opens_the_bridges_until_it_is_cleared)
-{
-    struct board_event event;
-    struct board_bench bench;
-
-    start_differently(&bench);
-    for (int time = 0; time < 2; time++) {
-        bench.sensors.supply_v = 60.0;
-        run_targets(&bench, 3);
-        assert_true(bench.motor[0].bridge_on && bench.motor[1].bridge_on);
-        assert_false(bench_event(&bench, BOARD_EVENT_FAULT, &event));
-        bench.sensors.supply_v = nextafter(60.0, 100.0);
-        run_targets(&bench, 3);
-        bench.sensors.supply_v = 48.0;
-        run_targets(&bench, 3);
-        for (int axis = 0; axis < AXES; axis++) {
-            assert_false(bench.motor[axis].bridge_on);
-            assert_true(bench_event(&bench, BOARD_EVENT_FAULT, &event));
-            assert_int_equal(event.a, FOC_FAULT_OVER_VOLTAGE);
-            bench_send(&bench, 0, command_id[axis], "09 09");
-            bench_send(&bench, 0, command_id[axis], "09 50");
-        }
-        while (bench_event(&bench, BOARD_EVENT_FAULT, &event)) {
-            assert_int_equal(event.board, 4); /* the supply is that of all boards */
-        }
-        run_targets(&bench, 3);
-    }
     bench_stop(&bench);
 }
 

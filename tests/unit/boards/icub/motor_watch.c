@@ -217,27 +217,6 @@ TEST(over_current_trips_once_and_is_told_once)
     }
 }
 
-/* The integral of I^2 - limit^2 may reach limit^2 * 10 ms. */
-TEST(over_current_is_measured_by_its_heat)
-{
-    static const double ratios[] = {1.05, 1.1, 1.5, 2.0, 3.0, 3.4};
-
-    for (size_t i = 0; i < sizeof ratios / sizeof *ratios; i++) {
-        int expected = (int)floor(10.0 / (ratios[i] * ratios[i] - 1.0)) + 1, ticks = 0;
-        struct board_bench bench;
-
-        bench_configure(&bench);
-        bench.sense[0].current_a = 12.0 * ratios[i];
-        bench_start(&bench);
-        set_mode(&bench, 0x50);
-        for (; bench_counters(&bench).trips == 0 && ticks < 1000; ticks++) {
-            bench_tick(&bench);
-        }
-        assert_int_equal(ticks, expected);
-        bench_stop(&bench);
-    }
-}
-
 /* COMAN's drive with a quarter of 48 V from standstill: 15 A, above 12 A for 3 ms. */
 TEST(the_inrush_of_a_voltage_step_does_not_trip)
 {
