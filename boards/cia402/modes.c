@@ -426,17 +426,6 @@ static double cia402_axis_bound_velocity(struct cia402_axis *axis, double veloci
     return fmax(fmin(velocity, most), -most);
 }
 
-/* Bounds a torque by the limits of torque and current. */
-static double cia402_axis_bound_torque(struct cia402_axis *axis, double torque)
-{
-    double most = (double)(axis->settings.max_torque < axis->settings.max_current
-                               ? axis->settings.max_torque
-                               : axis->settings.max_current);
-
-    axis->limited = axis->limited || fabs(torque) > most;
-    return fmax(fmin(torque, most), -most);
-}
-
 /* ---- set-points of the profile modes, by the controlword ---- */
 
 /* Takes a set-point; it waits where another one is on its way, unless it is to be taken at once. */
@@ -587,11 +576,11 @@ static void cia402_axis_step_torque(struct cia402_axis *axis)
     const struct cia402_axis_settings *p = &axis->settings;
     double slope = (double)p->torque_slope * STEP_S;
     bool halt = axis->mode == CIA402_TORQUE && axis->controlword & CIA402_CW_HALT;
-    double wanted =
-        halt ? 0.0
-             : cia402_axis_bound_torque(axis, (double)(axis->target_torque + axis->torque_offset));
-    double change = wanted - axis->torque_reference;
+    double most = (double)(p->max_torque < p->max_current ? p->max_torque : p->max_current);
+    double torque = halt ? 0.0 : (double)(axis->target_torque + axis->torque_offset);
+    double wanted = fmax(fmin(torque, most), -most), change = wanted - axis->torque_reference;
 
+    axis->limited = axis->limited || fabs(torque) > most;
     if (axis->mode == CIA402_CYCLIC_TORQUE || fabs(change) <= slope) {
         axis->torque_reference = wanted;
     } else {

@@ -590,20 +590,13 @@ void cia402_set_factory(struct cia402_node *node)
 
 /* Prints the rows of boards/cia402/table.h. */
 
-/* Returns the word for a type. */
-static const char *object_type_name(enum cia402_type type)
-{
-    static const char *const names[] = {
-        [CIA402_I8] = "i8",     [CIA402_I16] = "i16",      [CIA402_I32] = "i32",
-        [CIA402_U8] = "u8",     [CIA402_U16] = "u16",      [CIA402_U32] = "u32",
-        [CIA402_TEXT] = "text", [CIA402_DOMAIN] = "domain"};
-
-    return names[type];
-}
-
 /* Prints a row as an item of a list. */
 static void object_print_row(const struct cia402_object *object, FILE *out)
 {
+    static const char *const types[] = {
+        [CIA402_I8] = "i8",     [CIA402_I16] = "i16",      [CIA402_I32] = "i32",
+        [CIA402_U8] = "u8",     [CIA402_U16] = "u16",      [CIA402_U32] = "u32",
+        [CIA402_TEXT] = "text", [CIA402_DOMAIN] = "domain"};
     static const char *const access[] = {
         [CIA402_CONST] = "const", [CIA402_RO] = "ro", [CIA402_RW] = "rw", [CIA402_WO] = "wo"};
     unsigned last = object->sub + object->count - 1u;
@@ -623,8 +616,7 @@ static void object_print_row(const struct cia402_object *object, FILE *out)
                  object->access & CIA402_PLUS_NODE ? " + n" : "");
     }
     snprintf(line, sizeof line, "- 0x%04x%s `%s`: %s, %s%s%s%s%s%s", object->index, subs,
-             object->name, object_type_name(object->type),
-             access[object->access & CIA402_ACCESS_MASK],
+             object->name, types[object->type], access[object->access & CIA402_ACCESS_MASK],
              object->access & CIA402_MAP_TPDO ? ", TPDO" : "",
              object->access & CIA402_MAP_RPDO ? ", RPDO" : "", measure, range, initial);
     options_wrap(line, 0, 2, out);

@@ -18,17 +18,6 @@ static void icub_loader_start(struct icub_loader *loader)
     }
 }
 
-/* ADDRESS: a line of length bytes follows, at an address of a memory (0 program, 1 data). */
-static void icub_loader_open_line(struct icub_loader *loader, uint8_t length, uint16_t address,
-                                  uint8_t memory)
-{
-    loader->line_open = true;
-    loader->length = length;
-    loader->filled = 0;
-    loader->address = address;
-    loader->memory = memory;
-}
-
 /* Adds a complete line to counts, checksum and image. */
 static void icub_loader_keep_line(struct icub_loader *loader)
 {
@@ -166,8 +155,11 @@ static bool icub_board_download(struct icub_board *icub, const struct bus_frame 
     }
     icub->board.application_ns = INT64_MAX;
     if (frame->data[0] == ICUB_UPDATE_ADDRESS) {
-        icub_loader_open_line(loader, (uint8_t)request[0], (uint16_t)request[1],
-                              (uint8_t)request[2]);
+        loader->line_open = true;
+        loader->length = (uint8_t)request[0];
+        loader->filled = 0;
+        loader->address = (uint16_t)request[1];
+        loader->memory = (uint8_t)request[2];
         return true;
     }
     if (frame->data[0] == ICUB_UPDATE_DATA) {

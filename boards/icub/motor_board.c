@@ -274,17 +274,6 @@ static void motor_axis_start_move(struct motor_axis *axis, int64_t target, int64
     trajectory_start(&axis->trajectory, (int32_t)target, speed);
 }
 
-/* Takes a velocity reference, in modes that have one. */
-static void motor_axis_start_velocity(struct board *board, struct motor_axis *axis,
-                                      const int64_t *request)
-{
-    if (motor_axis_has_velocity(axis)) {
-        axis->parameter[ICUB_P_DESIRED_VELOCITY] = request[0];
-        axis->parameter[ICUB_P_DESIRED_ACCELERATION] = request[1];
-        axis->velocity_ns = board->boards->now_ns;
-    }
-}
-
 /* Stops the motion where the axis is. */
 static void motor_axis_stop_move(struct motor_axis *axis)
 {
@@ -451,7 +440,11 @@ static bool motor_axis_act(struct board *board, struct motor_axis *axis, unsigne
         motor_axis_start_move(axis, request[0], request[1]);
         return true;
     case ICUB_VELOCITY_MOVE:
-        motor_axis_start_velocity(board, axis, request);
+        if (motor_axis_has_velocity(axis)) {
+            axis->parameter[ICUB_P_DESIRED_VELOCITY] = request[0];
+            axis->parameter[ICUB_P_DESIRED_ACCELERATION] = request[1];
+            axis->velocity_ns = board->boards->now_ns;
+        }
         return true;
     case ICUB_SET_ENCODER_POSITION:
         motor_axis_set_encoder(axis, request[0]);

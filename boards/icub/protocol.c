@@ -32,18 +32,9 @@ const char *const icub_sections[] = {
 
 /* ---- commands ---- */
 
-/* Returns the section of the page that a command belongs to. */
-static uint8_t command_section(enum icub_class cls, const struct board_config *board)
-{
-    return cls == ICUB_MANAGEMENT          ? SECTION_MANAGEMENT
-           : board->kind == BOARD_MOTOR    ? SECTION_MOTOR_COMMANDS
-           : board->kind == BOARD_INERTIAL ? SECTION_INERTIAL_COMMANDS
-                                           : SECTION_STRAIN_COMMANDS;
-}
-
-/* Visits a command and its answer. */
+/* Visits a command, if it is asked for, and its answer. */
 static void visit_command(struct message_walk *walk, int index, enum icub_class cls, unsigned code,
-                          const struct icub_command *row, bool axis_bit)
+                          const struct icub_command *row, bool axis_bit, bool request)
 {
     const struct board_config *board = &walk->config->board[index];
     struct message message = {
@@ -60,7 +51,10 @@ static void visit_command(struct message_walk *walk, int index, enum icub_class 
         .code = (int)code,
         .axis_bit = axis_bit,
         .family = cls == ICUB_MANAGEMENT ? "MANAGEMENT" : "COMMAND",
-        .section = command_section(cls, board),
+        .section = cls == ICUB_MANAGEMENT          ? SECTION_MANAGEMENT
+                   : board->kind == BOARD_MOTOR    ? SECTION_MOTOR_COMMANDS
+                   : board->kind == BOARD_INERTIAL ? SECTION_INERTIAL_COMMANDS
+                                                   : SECTION_STRAIN_COMMANDS,
         .fields = row->request,
         .first_byte = 1,
         .repeats = 1,
@@ -68,7 +62,9 @@ static void visit_command(struct message_walk *walk, int index, enum icub_class 
     };
 
     /* The request; the answer is the same with sender and receiver exchanged */
-    message_visit(walk, &message);
+    if (request) {
+        message_visit(walk, &message);
+    }
     if (row->reply_length) {
         message.id = icub_id(cls, board->address, ICUB_HOST);
         message.base = icub_id(cls, 0, ICUB_HOST);
@@ -90,19 +86,7 @@ static void visit_commands(struct message_walk *walk, int board, enum icub_class
 {
     for (unsigned code = 0; code < count; code++) {
         if (rows[code].kind) {
-            visit_command(walk, board, cls, code, &rows[code], axis_bit);
-        }
-    }
-}
-
-/* Visits the commands of class 7 but discovery. */
-static void visit_management(struct message_walk *walk, int board)
-{
-    for (unsigned code = 0; code < 256; code++) {
-        const struct icub_command *row = icub_management_command((uint8_t)code);
-
-        if (row && code != ICUB_DISCOVER) {
-            visit_command(walk, board, ICUB_MANAGEMENT, code, row, false);
+            visit_command(walk, board, cls, code, &rows[code], axis_bit, true);
         }
     }
 }
@@ -130,32 +114,6 @@ void icub_visit_discovery(struct message_walk *walk)
     };
 
     message_visit(walk, &discover);
-}
-
-/* Visits a board's answer to discovery. */
-static void visit_discovery_reply(struct message_walk *walk, int index)
-{
-    const struct icub_command *row = icub_management_command(ICUB_DISCOVER);
-    const unsigned address = walk->config->board[index].address;
-    const struct message reply = {
-        .name = row->name,
-        .id = icub_id(ICUB_MANAGEMENT, address, ICUB_HOST),
-        .base = icub_id(ICUB_MANAGEMENT, 0, ICUB_HOST),
-        .step = icub_id(ICUB_MANAGEMENT, 1, ICUB_HOST) - icub_id(ICUB_MANAGEMENT, 0, ICUB_HOST),
-        .number = address,
-        .sender = index,
-        .receiver = MESSAGE_NO_BOARD,
-        .length = row->reply_length,
-        .code = ICUB_DISCOVER,
-        .family = "MANAGEMENT_REPLY",
-        .section = SECTION_MANAGEMENT,
-        .fields = row->reply,
-        .first_byte = 1,
-        .repeats = 1,
-        .slot = -1,
-    };
-
-    message_visit(walk, &reply);
 }
 
 /* ---- periodic frames ---- */
@@ -214,7 +172,8 @@ void icub_visit_messages(struct message_walk *walk, int board, const struct icub
 {
     enum board_kind kind = walk->config->board[board].kind;
 
-    visit_discovery_reply(walk, board);
+    visit_command(walk, board, ICUB_MANAGEMENT, ICUB_DISCOVER,
+                  icub_management_command(ICUB_DISCOVER), false, false);
     visit_frames(walk, board, dialect);
     if (kind == BOARD_MOTOR) {
         visit_commands(walk, board, ICUB_POLLING_MOTOR, dialect->commands, ICUB_MOTOR_COMMANDS,
@@ -224,7 +183,13 @@ void icub_visit_messages(struct message_walk *walk, int board, const struct icub
                        kind == BOARD_INERTIAL ? icub_inertial_commands : icub_strain_commands,
                        ICUB_STRAIN_COMMANDS, false);
     }
-    visit_management(walk, board);
+    for (unsigned code = 0; code < ICUB_DISCOVER; code++) {
+        const struct icub_command *row = icub_management_command((uint8_t)code);
+
+        if (row) {
+            visit_command(walk, board, ICUB_MANAGEMENT, code, row, false, true);
+        }
+    }
 }
 
 /* ---- fields ---- */
