@@ -115,16 +115,6 @@ static void delay_copy(const struct boards *boards, double *row, bool back,
 /* Voltages on their way to the bridges (voltage_delay.c). Creates what they need, false without
  * memory, not RT-safe; before the boards' control puts back what they set last; after it takes what
  * they set now, and puts in its place what reaches the bridges. */
-static void voltage_delay_begin(struct boards *boards, struct plant_command *command)
-{
-    if (boards->delay) {
-        delay_copy(boards, delay_row(boards->delay, 0), false, command);
-    }
-}
-
-/* Voltages on their way to the bridges (voltage_delay.c). Creates what they need, false without
- * memory, not RT-safe; before the boards' control puts back what they set last; after it takes what
- * they set now, and puts in its place what reaches the bridges. */
 static void voltage_delay_end(struct boards *boards, struct plant_command *command)
 {
     struct voltage_delay *delay = boards->delay;
@@ -686,7 +676,9 @@ void boards_control(struct boards *boards, int64_t now_ns, struct plant_command 
 
     boards->event_ns = now_ns;
     boards->now_ns = now_ns + boards->tick_ns;
-    voltage_delay_begin(boards, command);
+    if (boards->delay) {
+        delay_copy(boards, delay_row(boards->delay, 0), false, command);
+    }
     for (size_t i = 0; i < boards->nboard; i++) {
         struct board *board = boards->board[i];
         enum board_health health = board->config.external ? BOARD_HUNG

@@ -203,17 +203,12 @@ static void cia402_pdo_link_entry(struct cia402_node *node, const struct cia402_
                        receive ? &node->rx[entry->unit] : &node->tx[entry->unit], receive);
 }
 
-static void cia402_pdo_link(struct cia402_node *node)
+static void cia402_pdo_start(struct cia402_node *node)
 {
     for (unsigned i = 0; i < cia402_pdos(node); i++) {
         cia402_pdo_prepare(node, &node->settings.rpdo[i], &node->rx[i], true);
         cia402_pdo_prepare(node, &node->settings.tpdo[i], &node->tx[i], false);
     }
-}
-
-static void cia402_pdo_start(struct cia402_node *node)
-{
-    cia402_pdo_link(node);
     node->syncs = 0;
 }
 

@@ -360,14 +360,6 @@ static unsigned cia402_highest_sub(const struct cia402_node *node, unsigned inde
     return highest;
 }
 
-/* Returns whether an index exists, with sub-index 0 only or more. */
-static bool cia402_has_index(const struct cia402_node *node, unsigned index)
-{
-    const struct cia402_object *object = cia402_object_at(index, 0);
-
-    return (object && cia402_node_has(node, object)) || cia402_highest_sub(node, index) > 0;
-}
-
 enum cia402_abort cia402_find(const struct cia402_node *node, unsigned index, unsigned sub,
                               struct cia402_entry *entry)
 {
@@ -382,7 +374,8 @@ enum cia402_abort cia402_find(const struct cia402_node *node, unsigned index, un
         *entry = (struct cia402_entry){object, (uint8_t)sub, (uint8_t)unit, 0, object->type};
         return CIA402_DONE;
     }
-    if (!cia402_has_index(node, index)) {
+    object = cia402_object_at(index, 0);
+    if (!(object && cia402_node_has(node, object)) && cia402_highest_sub(node, index) == 0) {
         return CIA402_ABORT_NO_OBJECT;
     }
 

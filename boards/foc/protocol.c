@@ -145,35 +145,14 @@ static void foc_visit_command_load(struct load_walk *walk)
     }
 }
 
-static const char *const foc_fault_names[] = {"protocol",
-                                              "Hall sequence",
-                                              "absolute encoder checksum",
-                                              "Hall value",
-                                              "over-current",
-                                              "over-voltage",
-                                              "under-voltage",
-                                              "external",
-                                              "bit 8",
-                                              "over-heating",
-                                              "CAN reception warning",
-                                              "CAN sending warning",
-                                              "CAN passive",
-                                              "CAN passive",
-                                              "set-point expired",
-                                              "CAN overrun",
-                                              "PWM",
-                                              "encoder calculation",
-                                              "SPI timing",
-                                              "encoder",
-                                              "EMUROM CRC",
-                                              "EMUROM",
-                                              "I2t",
-                                              "ADC calibration",
-                                              "lower limit",
-                                              "upper limit",
-                                              "silicon",
-                                              "CAN length",
-                                              NULL};
+/* clang-format off */
+static const char *const foc_fault_names[] = {
+    "protocol", "Hall sequence", "absolute encoder checksum", "Hall value", "over-current",
+    "over-voltage", "under-voltage", "external", "bit 8", "over-heating", "CAN reception warning",
+    "CAN sending warning", "CAN passive", "CAN passive", "set-point expired", "CAN overrun", "PWM",
+    "encoder calculation", "SPI timing", "encoder", "EMUROM CRC", "EMUROM", "I2t",
+    "ADC calibration", "lower limit", "upper limit", "silicon", "CAN length", NULL};
+/* clang-format on */
 
 const struct protocol protocol_foc = {
     .name = "foc",

@@ -508,16 +508,6 @@ static void motor_axis_watch_limits(struct board *board, struct motor_axis *axis
     }
 }
 
-/* Ends a calibration when its time is over: the offset makes the position that was named zero. */
-static void motor_axis_watch_calibration(struct board *board, struct motor_axis *axis)
-{
-    if (axis->base.mode == ICUB_MODE_CALIBRATION && board->boards->now_ns >= axis->calibrated_ns) {
-        axis->offset = -axis->calibration_zero;
-        axis->calibrated = true;
-        motor_axis_set_mode(board, axis, ICUB_MODE_IDLE);
-    }
-}
-
 void motor_board_watch(struct board *board)
 {
     motor_board_watch_can(board);
@@ -526,7 +516,13 @@ void motor_board_watch(struct board *board)
 
         motor_axis_watch_faults(board, axis);
         motor_axis_watch_temperature(board, axis);
-        motor_axis_watch_calibration(board, axis);
+        /* A calibration that is over: its offset makes the position that was named zero */
+        if (axis->base.mode == ICUB_MODE_CALIBRATION &&
+            board->boards->now_ns >= axis->calibrated_ns) {
+            axis->offset = -axis->calibration_zero;
+            axis->calibrated = true;
+            motor_axis_set_mode(board, axis, ICUB_MODE_IDLE);
+        }
         motor_axis_watch_source(board, axis);
         motor_axis_watch_references(board, axis);
         motor_axis_watch_limits(board, axis);

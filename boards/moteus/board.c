@@ -397,14 +397,6 @@ static double moteus_position_law(struct moteus_board *moteus)
                              scale, command[MOTEUS_R_MAX_TORQUE]);
 }
 
-/* Returns the voltage that brakes the motor with the damping of the position loop alone. */
-static double moteus_zero_velocity_law(struct moteus_board *moteus)
-{
-    const double scale[] = {0.0, number_or_0(moteus->command[MOTEUS_R_KD_SCALE]), 0.0};
-
-    return moteus_torque_law(moteus, 0.0, -moteus->velocity, scale, TIMEOUT_TORQUE_NM);
-}
-
 /* Returns the voltage that keeps the motor between two bounds: outside of them the position loop to
  * the nearer one, within them the feedforward torque. */
 static double moteus_stay_within_law(struct moteus_board *moteus)
@@ -432,7 +424,10 @@ static double moteus_law(struct moteus_board *moteus)
         return moteus_position_law(moteus);
     case MOTEUS_TIMEOUT:
     case MOTEUS_ZERO_VELOCITY:
-        return moteus_zero_velocity_law(moteus);
+        return moteus_torque_law(
+            moteus, 0.0, -moteus->velocity,
+            (const double[]){0.0, number_or_0(moteus->command[MOTEUS_R_KD_SCALE]), 0.0},
+            TIMEOUT_TORQUE_NM);
     case MOTEUS_STAY_WITHIN:
         return moteus_stay_within_law(moteus);
     default:

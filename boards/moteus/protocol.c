@@ -96,21 +96,13 @@ static const char *moteus_mode_name(uint32_t mode)
 }
 
 /* From the code 32 on. */
-static const char *const moteus_fault_names[] = {"calibration",
-                                                 "motor driver",
-                                                 "over-voltage",
-                                                 "encoder",
-                                                 "motor not configured",
-                                                 "PWM cycle overrun",
-                                                 "over-temperature",
-                                                 "outside limit",
-                                                 "under-voltage",
-                                                 "configuration changed",
-                                                 "theta invalid",
-                                                 "position invalid",
-                                                 "driver enable",
-                                                 "stop position with limits",
-                                                 NULL};
+/* clang-format off */
+static const char *const moteus_fault_names[] = {
+    "calibration", "motor driver", "over-voltage", "encoder", "motor not configured",
+    "PWM cycle overrun", "over-temperature", "outside limit", "under-voltage",
+    "configuration changed", "theta invalid", "position invalid", "driver enable",
+    "stop position with limits", NULL};
+/* clang-format on */
 
 /* Prints the registers (struct protocol). */
 static void moteus_print_registers(FILE *out)
