@@ -118,15 +118,6 @@ static void cia402_axis_leave_operation(struct cia402_node *node, struct cia402_
     }
 }
 
-/* Enables operation again after a quick stop that ends in its own state. */
-static void cia402_axis_resume(struct cia402_node *node, struct cia402_axis *axis)
-{
-    if (axis->settings.quick_stop_option >= 5) {
-        cia402_axis_stand(axis);
-        cia402_axis_enter(node, axis, CIA402_OPERATION_ENABLED);
-    }
-}
-
 /* Makes a transition by its number. */
 static void cia402_axis_make_transition(struct cia402_node *node, struct cia402_axis *axis,
                                         unsigned number)
@@ -161,7 +152,10 @@ static void cia402_axis_make_transition(struct cia402_node *node, struct cia402_
         cia402_axis_stop_quickly(node, axis);
         break;
     case 16:
-        cia402_axis_resume(node, axis);
+        if (axis->settings.quick_stop_option >= 5) {
+            cia402_axis_stand(axis);
+            cia402_axis_enter(node, axis, CIA402_OPERATION_ENABLED);
+        }
         break;
     default:
         break;

@@ -297,25 +297,22 @@ bool icub_firmware(const struct board *board, struct board_firmware *firmware)
 
 /* ---- boards ---- */
 
-/* Allocates the image of what is downloaded; returns false without memory. */
-static bool icub_keep_firmware(struct board *board, struct arena *arena)
-{
-    uint16_t **image = &icub_board_of(board)->loader.image;
-
-    *image = arena_alloc(arena, (size_t)ICUB_MEMORIES * ICUB_MEMORY_WORDS, sizeof **image);
-    return *image;
-}
-
 /* Creates a board of the configured kind (struct protocol). */
 static struct board *icub_make_board(const struct board_config *config, struct arena *arena)
 {
+    uint16_t **image;
     struct board *board;
 
     if (config->kind != BOARD_MOTOR) {
         return icub_make_sensor(config, arena);
     }
     board = motor_board_create(arena);
-    return board && config->keep_firmware && !icub_keep_firmware(board, arena) ? NULL : board;
+    if (!board || !config->keep_firmware) {
+        return board;
+    }
+    image = &icub_board_of(board)->loader.image;
+    *image = arena_alloc(arena, (size_t)ICUB_MEMORIES * ICUB_MEMORY_WORDS, sizeof **image);
+    return *image ? board : NULL;
 }
 
 /* ---- messages ---- */

@@ -174,15 +174,6 @@ static bool strain_board_is_saturated(const struct strain_board *strain)
     return false;
 }
 
-/* Keeps the readings of a tick unless a channel is saturated. */
-static void strain_board_hold_good_readings(struct strain_board *strain)
-{
-    if (!strain_board_is_saturated(strain)) {
-        memcpy(strain->good, strain->adc, sizeof strain->good);
-        strain->good_due = true;
-    }
-}
-
 /* Calibrates the readings that were kept. Frames are sent once in several ticks, so this is done
  * for them, and before a command may change the calibration. */
 static void strain_board_calibrate_held(struct strain_board *strain)
@@ -500,7 +491,11 @@ static void strain_board_transmit(struct board *board, struct ms_span span, stru
     int32_t counts[BOARD_CHANNELS];
 
     (void)span;
-    strain_board_hold_good_readings(strain);
+    /* Readings are kept unless a channel is saturated */
+    if (!strain_board_is_saturated(strain)) {
+        memcpy(strain->good, strain->adc, sizeof strain->good);
+        strain->good_due = true;
+    }
     if (!board_is_due(board, &strain->next_ns, strain->period_ns) ||
         (strain->mode != ICUB_STRAIN_CALIBRATED && !raw && !both)) {
         return;
