@@ -63,7 +63,7 @@ function(hil_fuzz name)
 endfunction()
 
 hil_fuzz(candump SOURCE candump.c LIBS canbus MUTATIONS 100000)
-hil_fuzz(obj SOURCE obj.c LIBS mesh_tools MUTATIONS 40000)
+hil_fuzz(obj SOURCE obj.c LIBS contact MUTATIONS 40000)
 hil_fuzz(slcan SOURCE slcan.c LIBS canbus MUTATIONS 100000)
 hil_fuzz(socketcand SOURCE socketcand.c LIBS canbus MUTATIONS 100000)
 hil_fuzz(wire SOURCE wire.c LIBS canbus)

@@ -5,7 +5,7 @@
  */
 #include "contact/mesh/mesh.h"
 #include "tests/fuzz/fuzz.h"
-#include "tools/mesh_write.h"
+#include "tests/mesh_write.h"
 
 #include <math.h>
 #include <string.h>
@@ -24,7 +24,7 @@ static void check_mesh(const struct mesh *mesh)
                  mesh_area(mesh), mesh_volume(mesh));
 
     fuzz_text_open(&text);
-    fuzz_require(mesh_write_obj(mesh, text.file, &error) == ERROR_NONE, "%s", error.text);
+    mesh_write_obj(mesh, text.file);
     fuzz_text_finish(&text);
     fuzz_require(arena_init(&again_arena, (size_t)16 << 20, NULL) == ERROR_NONE, "no memory");
     fuzz_require(mesh_read_obj_text("x.obj", text.text, text.size, &again_arena, &again, &error) ==

@@ -7,7 +7,7 @@ foreach(name "" _invariants)
 endforeach()
 
 hil_test(contact_reference SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/physics/contact_reference.cpp
-         LIBS mesh_tools SimTKsimbody SimTKmath SimTKcommon LABELS physics)
+         LIBS contact SimTKsimbody SimTKmath SimTKcommon LABELS physics)
 target_include_directories(test_contact_reference SYSTEM PRIVATE ${Simbody_INCLUDE_DIR})
 target_compile_options(test_contact_reference PRIVATE -UNDEBUG)
 

@@ -33,7 +33,6 @@ RULES = {
                 r"|manual/[^/]*",
     "tasks": r"(base|canbus|tasks)/[^/]*|boards/\w+/protocol\.h|boards/protocol_list\.h",
     "rt": r"(base|canbus|rt|rt/recording)/[^/]*",
-    "tools": r"(base|contact|contact/mesh|tools)/[^/]*",
     "rig": BELOW_SIM,
     "sim": BELOW_SIM + r"|sim/[^/]*",
     "control": BELOW_SIM + r"|(sim|control)/[^/]*",

@@ -6,5 +6,4 @@ foreach(name broad_phase friction_slope mesh/capsule mesh/edges mesh/memory mesh
     hil_test(contact_${test} SOURCES unit/contact/${name}.c LIBS contact LABELS unit)
 endforeach()
 hil_test(contact_config SOURCES unit/contact/contact_config.c LIBS contact LABELS unit)
-target_link_libraries(test_contact_mesh_obj PRIVATE mesh_tools)
 target_link_options(test_contact_mesh_memory PRIVATE -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc)
