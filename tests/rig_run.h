@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A simulator of a rig that ships, for tests: load the rig, change it, open the simulator, close. */
+/* A simulator of a rig that ships: load the rig, change it, open the simulator, close. */
 #ifndef TESTS_RIG_RUN_H
 #define TESTS_RIG_RUN_H
 

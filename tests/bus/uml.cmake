@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# User-mode Linux (uml/run.sh) on machines whose XSAVE area is larger than it knows. linux.uml is not
-# ours: what is preloaded into it has no sanitizers.
+# User-mode Linux (uml/run.sh) on machines whose XSAVE area is larger than it knows. linux.uml is
+# not ours: what is preloaded into it has no sanitizers.
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64" AND NOT HIL_SANITIZE)
     foreach(library xsave narrow)
         add_library(uml_${library} MODULE bus/uml/preload_${library}.c)

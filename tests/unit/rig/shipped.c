@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The rigs that ship change on purpose only. What each has become is told in words: materials,
- * boards, limits, full scales, gains, paths. shipped.txt has the hash of every text; a text that has
- * changed is printed, with its new row.
+ * boards, limits, full scales, gains, paths. shipped.txt has the hash of every text. A text that
+ * has changed is printed, with its new row.
  */
 #include "base/array.h"
 #include "base/hash.h"
