@@ -68,17 +68,6 @@ static enum error_code request_complete_set(const struct control *control,
     return ERROR_NONE;
 }
 
-/* Completes a loop's request to push a body; the duration is in ns. */
-static enum error_code request_complete_push(const struct control *control,
-                                             const struct control_request *request,
-                                             struct loop_request *to, struct error *error)
-{
-    memcpy(to->force_n, request->force_n, sizeof to->force_n);
-    memcpy(to->moment_nm, request->moment_nm, sizeof to->moment_nm);
-    to->duration_ns = (int64_t)llround(request->time_s * 1e9);
-    return find_name(control, CONTROL_LIST_BODIES, "body", request->name, &to->index, error);
-}
-
 /* Makes the loop's request out of a client's; names become indices. */
 static enum error_code make_loop_request(const struct control *control,
                                          const struct control_request *request,
@@ -118,7 +107,10 @@ static enum error_code make_loop_request(const struct control *control,
         return find_name(control, CONTROL_LIST_FAULTS, "fault", request->name, &to->index, error);
     case CONTROL_PUSH:
         to->kind = REQUEST_PUSH;
-        return request_complete_push(control, request, to, error);
+        memcpy(to->force_n, request->force_n, sizeof to->force_n);
+        memcpy(to->moment_nm, request->moment_nm, sizeof to->moment_nm);
+        to->duration_ns = (int64_t)llround(request->time_s * 1e9);
+        return find_name(control, CONTROL_LIST_BODIES, "body", request->name, &to->index, error);
     default:
         to->kind = REQUEST_SET;
         return request_complete_set(control, request, to, error);
@@ -153,15 +145,6 @@ static void begin_loop_request(struct control *control, struct control_client *c
 }
 
 /* ---- requests answered at once ---- */
-
-/* Ends the run. */
-static json_t *answer_stop(struct control *control, const struct control_client *client)
-{
-    control_log(control, KEY_STOP, "control: process %ld ends the run", (long)client->pid);
-    atomic_store(&control->stopped, true);
-    simulator_stop(control->config.simulator);
-    return json_object();
-}
 
 /* Answers a request that the loop has no part in. */
 static void answer_now(struct control *control, struct control_client *client)
@@ -198,7 +181,10 @@ static void answer_now(struct control *control, struct control_client *client)
         body = control_unsubscribe(control, client);
         break;
     default:
-        body = answer_stop(control, client);
+        control_log(control, KEY_STOP, "control: process %ld ends the run", (long)client->pid);
+        atomic_store(&control->stopped, true);
+        simulator_stop(control->config.simulator);
+        body = json_object();
         break;
     }
 

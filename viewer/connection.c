@@ -390,23 +390,16 @@ bool viewer_give_place(struct viewer *viewer, struct viewer_client *client, enum
 
 /* ---- new connections ---- */
 
-/* Returns a free place; NULL = all are taken. */
-static struct viewer_client *viewer_free_place(struct viewer *viewer)
-{
-    for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
-        if (viewer->client[i].socket < 0) {
-            return &viewer->client[i];
-        }
-    }
-    return NULL;
-}
-
 /* Makes a place for a connection from an address; an idle one is dropped when the address has
  * too many without a token, or when all places are taken. NULL = there is none. */
 static struct viewer_client *viewer_make_place(struct viewer *viewer,
                                                const struct viewer_origin *origin)
 {
-    struct viewer_client *idlest = NULL, *place = viewer_free_place(viewer);
+    struct viewer_client *idlest = NULL, *place = NULL;
+
+    for (size_t i = 0; i < VIEWER_CLIENTS && !place; i++) {
+        place = viewer->client[i].socket < 0 ? &viewer->client[i] : NULL;
+    }
 
     if (viewer_count_asking(viewer, origin) >= VIEWER_ASKING) {
         idlest = viewer_find_idlest(viewer, origin);

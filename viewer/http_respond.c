@@ -124,13 +124,6 @@ static void respond_text(struct viewer *viewer, struct viewer_client *client, in
                  &(struct viewer_file){"text/plain; charset=utf-8", text, strlen(text), false});
 }
 
-/* Answers 404 with a reason, which is copied. */
-static void respond_reason(struct viewer *viewer, struct viewer_client *client, const char *text)
-{
-    respond_with(viewer, client, 404,
-                 &(struct viewer_file){"text/plain; charset=utf-8", NULL, 0, false}, text);
-}
-
 /* ---- tokens ---- */
 
 /* Compares tokens in a time that does not tell how much of one is right. */
@@ -152,13 +145,6 @@ enum viewer_right viewer_token_right(const struct viewer *viewer, const char *to
     return token_is(viewer->token[1], token) && viewer->config.control ? RIGHT_CONTROL
            : token_is(viewer->token[0], token)                         ? RIGHT_LOOK
                                                                        : RIGHT_NONE;
-}
-
-/* Checks whether a request carries a token that gives a right. */
-static bool request_has_token(const struct viewer *viewer, const struct http_request *request)
-{
-    return strncmp(request->authorization, "Bearer ", 7) == 0 &&
-           viewer_token_right(viewer, request->authorization + 7) != RIGHT_NONE;
 }
 
 /* ---- what there is ---- */
@@ -204,7 +190,8 @@ static void respond_visual(struct viewer *viewer, struct viewer_client *client, 
     if (file) {
         respond_file(viewer, client, 200, file);
     } else if (why.text[0]) {
-        respond_reason(viewer, client, why.text);
+        respond_with(viewer, client, 404,
+                     &(struct viewer_file){"text/plain; charset=utf-8", NULL, 0, false}, why.text);
     } else {
         respond_text(viewer, client, 404);
     }
@@ -281,7 +268,8 @@ void viewer_respond(struct viewer *viewer, struct viewer_client *client, int sta
                      &(struct viewer_file){"image/svg+xml", icon, sizeof icon - 1, false});
     } else if (strcmp(path, "/socket") == 0) {
         respond_upgrade(viewer, client, request);
-    } else if (!request_has_token(viewer, request)) {
+    } else if (strncmp(request->authorization, "Bearer ", 7) != 0 ||
+               viewer_token_right(viewer, request->authorization + 7) == RIGHT_NONE) {
         viewer->counters.refused++;
         respond_text(viewer, client, 401);
     } else if (strcmp(path, "/messages.json") == 0) {

@@ -19,21 +19,6 @@ enum { RECORDING_PATH = 4096 };
 
 /* ---- opening ---- */
 
-/* Finds the column whose title is before + name + after; SIZE_MAX = none. */
-static size_t table_find_column(const struct recorded_table *table, const char *before,
-                                const char *name, const char *after)
-{
-    char text[192];
-
-    snprintf(text, sizeof text, "%s%.100s%s", before, name, after);
-    for (size_t i = 0; i < table->ncolumn; i++) {
-        if (strcmp(table->title[i], text) == 0) {
-            return i;
-        }
-    }
-    return SIZE_MAX;
-}
-
 /* Makes the path of a file of the recording; false = it is too long. */
 static bool recording_path(const struct recording *recording, const char *name,
                            char path[RECORDING_PATH])
@@ -104,13 +89,15 @@ static enum error_code recording_check_rig(struct recording *recording, struct a
     }
     for (size_t j = 0; j < robot->njoint && !missing; j++) {
         recording->angle[j] =
-            table_find_column(&recording->signals, "q_", robot->joint[j].name, "_rad");
+            viewer_find_column(recording->signals.title, recording->signals.ncolumn, "q_",
+                               robot->joint[j].name, "_rad");
         missing = recording->angle[j] == SIZE_MAX ? robot->joint[j].name : NULL;
     }
     for (size_t i = 0; i < robot->nbody + rig->nfree && !missing; i++) {
         const char *name =
             i < robot->nbody ? robot->body[i].name : rig->free[i - robot->nbody].name;
-        size_t at = table_find_column(&recording->poses, "", name, "_x_m");
+        size_t at =
+            viewer_find_column(recording->poses.title, recording->poses.ncolumn, "", name, "_x_m");
 
         missing = at == SIZE_MAX || at + RECORDER_POSE > recording->poses.ncolumn ? name : NULL;
     }
@@ -197,7 +184,8 @@ enum error_code viewer_create_playback(struct viewer *viewer, struct error *erro
         const char *name =
             i < robot->nbody ? robot->body[i].name : viewer->rig->free[i - robot->nbody].name;
 
-        playback->body[i] = table_find_column(&recording->poses, "", name, "_x_m");
+        playback->body[i] =
+            viewer_find_column(recording->poses.title, recording->poses.ncolumn, "", name, "_x_m");
     }
     playback->counted_ns = INT64_MIN;
     viewer->playback = playback;

@@ -32,8 +32,6 @@ enum {
     VIEWER_FILES = 6,                /* of a recording */
 };
 
-#define VIEWER_NO_COLUMN UINT16_MAX
-
 enum viewer_mode { CLIENT_HTTP, CLIENT_SOCKET, CLIENT_CLOSING };
 enum viewer_right { RIGHT_NONE, RIGHT_LOOK, RIGHT_CONTROL };
 enum viewer_order { VIEWER_ORDER_WAIT, VIEWER_ORDER_SERVE, VIEWER_ORDER_END, VIEWER_ORDER_STOP };
@@ -129,8 +127,8 @@ struct viewer {
     struct body_motion *motion; /* of the robot's bodies */
     uint8_t *state;             /* one under construction */
     size_t state_max;
-    uint16_t *torque, *wrench, *free; /* columns of signals, by joint, contact and free body */
-    const char *const *signal;        /* names */
+    size_t *torque, *wrench, *free; /* columns of signals, by joint, contact and free body */
+    const char *const *signal;      /* names */
     size_t nsignal;
     struct playback *playback; /* NULL: the simulator is shown */
     struct stream *stream;     /* rows of the loop; NULL = none */
@@ -257,6 +255,10 @@ const struct viewer_file *viewer_visual_file(struct viewer *viewer, size_t visua
 size_t viewer_visual_source(const struct robot *robot, size_t visual);
 
 /* ---- state_message.c ---- */
+
+/* Finds the column whose title is before + name + after; SIZE_MAX = none. */
+size_t viewer_find_column(const char *const *title, size_t count, const char *before,
+                          const char *name, const char *after);
 
 enum error_code viewer_create_state(struct viewer *viewer, struct error *error);
 

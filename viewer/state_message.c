@@ -34,26 +34,23 @@ enum board_flag {
 
 /* ---- columns of signals ---- */
 
-/* Finds the column of the signal named before + name + after; VIEWER_NO_COLUMN = none. */
-static uint16_t state_find_column(const struct viewer *viewer, const char *before, const char *name,
-                                  const char *after)
+size_t viewer_find_column(const char *const *title, size_t count, const char *before,
+                          const char *name, const char *after)
 {
-    const char *const *title = viewer->signal;
-    size_t count = viewer->nsignal;
     char text[192];
 
     snprintf(text, sizeof text, "%s%.100s%s", before, name, after);
     for (size_t i = 0; i < count; i++) {
         if (strcmp(title[i], text) == 0) {
-            return (uint16_t)i;
+            return i;
         }
     }
-    return VIEWER_NO_COLUMN;
+    return SIZE_MAX;
 }
 
-static double state_signal(const struct viewer *viewer, uint16_t column, size_t offset)
+static double state_signal(const struct viewer *viewer, size_t column, size_t offset)
 {
-    return column == VIEWER_NO_COLUMN ? 0.0 : viewer->view.signal[column + offset];
+    return column == SIZE_MAX ? 0.0 : viewer->view.signal[column + offset];
 }
 
 enum error_code viewer_create_state(struct viewer *viewer, struct error *error)
@@ -77,13 +74,16 @@ enum error_code viewer_create_state(struct viewer *viewer, struct error *error)
 
     /* The columns of a row in which the states find what they show */
     for (size_t j = 0; j < njoint; j++) {
-        viewer->torque[j] = state_find_column(viewer, "torque_", rig->robot->joint[j].name, "_nm");
+        viewer->torque[j] = viewer_find_column(viewer->signal, viewer->nsignal, "torque_",
+                                               rig->robot->joint[j].name, "_nm");
     }
     for (size_t c = 0; c < rig->contact.nbody; c++) {
-        viewer->wrench[c] = state_find_column(viewer, "fx_", rig_contact_name(rig, c), "_n");
+        viewer->wrench[c] = viewer_find_column(viewer->signal, viewer->nsignal, "fx_",
+                                               rig_contact_name(rig, c), "_n");
     }
     for (size_t i = 0; i < rig->nfree; i++) {
-        viewer->free[i] = state_find_column(viewer, "", rig->free[i].name, "_x_m");
+        viewer->free[i] =
+            viewer_find_column(viewer->signal, viewer->nsignal, "", rig->free[i].name, "_x_m");
     }
     return viewer->config.recording
                ? viewer_create_playback(viewer, error)
