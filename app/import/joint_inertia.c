@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Finds the inertias of joints by trial torques and accelerations. */
+/* Finds the inertias of joints by trial torques and accelerations, and by them the stiffness and
+ * damping of couplings; the rules are in drive.h. */
 #include "app/import/joint_inertia.h"
 #include "app/import/drive.h"
 
 #include "model/coupling.h"
 
-#include <string.h>
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 
 /* Computes the accelerations under the trial's torques and gravity, as if no joint followed
  * another. */

@@ -14,8 +14,7 @@
 #include "tests/physics/near.h"
 #include "tests/test.h"
 
-/* The engine "simbody" has no capsules, which the kinds from 5 on are of, and is slow with meshes.
- * */
+/* The engine "simbody" has no capsules, of which the kinds from 5 on are; terrain is slow on it. */
 enum { CASES = FIXTURE_KINDS + 3 };
 
 /* Two bodies of a kind on the native engine, or of the first three kinds on the other one. */
