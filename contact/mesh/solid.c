@@ -242,9 +242,9 @@ enum error_code solid_make(const struct mesh *mesh, struct arena *arena, struct 
 {
     /* Each step needs what those before it have made */
     static enum error_code (*const step[])(struct solid_builder *, struct solid *) = {
-        solid_make_faces,    solid_make_neighbors,   solid_make_facets, solid_make_points,
-        solid_make_outlines, solid_make_moments,     solid_make_planes, solid_make_vertex_normals,
-        solid_make_trees,    solid_find_surroundings};
+        solid_make_faces,  solid_make_neighbors,      solid_make_facets,
+        solid_make_points, solid_make_outlines,       solid_make_moments,
+        solid_make_planes, solid_make_vertex_normals, solid_make_trees};
     struct solid_builder b = {.mesh = mesh, .arena = arena, .error = error};
     enum error_code code = ERROR_NONE;
 

@@ -40,10 +40,6 @@ struct facet {
      * them: 2 of a large facet with few corners, else 1. What is linear all of them integrate
      * exactly, but not friction on a face that spins: 1 is 0.8 % off on a square, 2 are 0.06 %. */
     int parts;
-    /* Its surroundings. Triangles that touch it are at dihedral angles whose normals differ from
-     * its own by less than 90 degrees, at most with this cosine and sine; all others are three
-     * times the clearance away. 0 where nothing is known, as in a convex solid. */
-    double bend_cosine, bend_sine, clearance;
     double axis[2][3]; /* of its plane, right-handed with the normal */
     int outline;       /* its corners along the axes, from the center; not of a triangle */
     int moments;       /* its row of solid->moments; -1 = none: its points are few */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Private to the making of a solid (solid.c, solid_facets.c, solid_surroundings.c): what is known
+ * Private to the making of a solid (solid.c, solid_facets.c): what is known
  * while it is made, and the steps that are in files of their own. What stays is the arena's, all
  * else is on the heap and freed by solid_make. Units and frames as in solid.h. Not RT-safe.
  */
@@ -52,9 +52,5 @@ enum error_code solid_make_points(struct solid_builder *b, struct solid *s);
 /* Computes the corners of the same facets along the axes of their planes, and their moments. */
 enum error_code solid_make_outlines(struct solid_builder *b, struct solid *s);
 enum error_code solid_make_moments(struct solid_builder *b, struct solid *s);
-
-/* Finds what surrounds the facets (bend and clearance of struct facet), when all else of the solid
- * is made. */
-enum error_code solid_find_surroundings(struct solid_builder *b, struct solid *s);
 
 #endif

@@ -222,35 +222,26 @@ static void foundation_add_around(const struct foundation_between *m, const stru
 /* ---- how much they count ---- */
 
 /* Returns the depth of a spring's middle under the surface of a solid, in half lengths of the
- * spring (up to DEPTH_FULL; the rest does not matter). middle: in the solid's frame; cosine: of the
- * angle between spring and normal. */
-static double spring_middle_depth(const struct solid *solid, const struct facet *facet,
-                                  double cosine, const double middle[3], double half)
+ * spring (up to DEPTH_FULL; the rest does not matter). middle: in the solid's frame. */
+static double spring_middle_depth(const struct solid *solid, const double middle[3], double half)
 {
-    /* Within the clearance only faces that touch the facet can be nearest. When none is bent so far
-     * that the middle is nearer to it than DEPTH_FULL, no search is needed */
-    if (half <= facet->clearance &&
-        facet->bend_cosine * cosine - facet->bend_sine * positive_root(1 - cosine * cosine) >=
-            DEPTH_FULL) {
-        return DEPTH_FULL;
-    }
     /* The surface at the spring's end is half a spring away, so the search always ends at one */
     return solid_depth(solid, middle, (solid->convex ? DEPTH_FULL : 1) * 1.01 * half) / half;
 }
 
 /* Returns how much a spring counts, 0 to 1, that is this long (m) and has its middle here (first's
  * frame). */
-static double spring_weight(const struct foundation_between *m, const struct foundation_couple *c,
-                            double cosine, const double middle[3], double length)
+static double spring_weight(const struct foundation_between *m, const double middle[3],
+                            double length)
 {
-    double a = spring_middle_depth(m->first, c->a, cosine, middle, length / 2), b, to[3], there[3];
+    double a = spring_middle_depth(m->first, middle, length / 2), b, to[3], there[3];
 
     if (a <= DEPTH_NONE) {
         return 0;
     }
     vec3_sub(middle, m->pair->relative->p, to);
     mat3_apply_transposed(m->pair->relative->R, to, there);
-    b = spring_middle_depth(m->second, c->b, cosine, there, length / 2);
+    b = spring_middle_depth(m->second, there, length / 2);
     return native_ramp(a < b ? a : b, DEPTH_NONE, DEPTH_FULL);
 }
 
@@ -307,7 +298,7 @@ static void foundation_add_couple(const struct foundation_between *m,
         return;
     }
     foundation_place_on_spring(&bed, at.x, at.y, depth, 0.5, middle);
-    weight = spring_weight(m, c, bed.cosine, middle, depth);
+    weight = spring_weight(m, middle, depth);
     if (weight <= 0) {
         return;
     }

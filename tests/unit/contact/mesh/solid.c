@@ -248,65 +248,6 @@ TEST(nearest_keeps_to_its_limit)
     assert_false(solid_find_nearest(&solid, p, d2 * 0.999, &nearest));
 }
 
-/* Ground with bumps, or with crags that lean more than is known about. */
-static struct solid rough(double height)
-{
-    const struct mesh *flat = box(0.3, 0.3, 0.1, 12);
-    struct mesh mesh = *flat;
-    double(*vertex)[3] = arena_alloc(&arena, flat->nvertex, sizeof *vertex);
-    uint64_t seed = 77;
-
-    assert_non_null(vertex);
-    for (size_t v = 0; v < flat->nvertex; v++) {
-        memcpy(vertex[v], flat->vertex[v], sizeof vertex[v]);
-        if (vertex[v][2] > 0.09) {
-            vertex[v][2] += height * random_number(&seed);
-        }
-    }
-    mesh.vertex = (const double(*)[3])vertex;
-    return make(&mesh);
-}
-
-/* Contact rests on this: under a facet that knows its surroundings the depth of a spring's middle
- * needs no search. */
-TEST(nothing_under_a_facet_is_nearer_than_its_surroundings_say)
-{
-    const double height[] = {0.005, 0.02, 0.06};
-    uint64_t seed = 5;
-
-    for (int h = 0; h < 3; h++) {
-        struct solid solid = rough(height[h]);
-        int known = 0;
-
-        for (size_t i = 0; i < solid.nfacet; i++) {
-            const struct facet *f = &solid.facet[i];
-            const double(*v)[3] = solid.ring + f->first;
-
-            known += f->clearance > 0;
-            for (int n = 0; n < 20 && f->clearance > 0; n++) {
-                double a = 0.5 + 0.5 * random_number(&seed), b = 0.5 + 0.5 * random_number(&seed);
-                double half = f->clearance * (0.5 + 0.5 * random_number(&seed)), way[3], x[3],
-                       cosine;
-                double lean;
-
-                for (int k = 0; k < 3; k++) {
-                    /* a spring's end on the facet, and its way inward, up to 60 degrees off */
-                    x[k] = v[0][k] + a * (v[1][k] - v[0][k]) + (1 - a) * b * (v[2][k] - v[0][k]);
-                    way[k] = -f->normal[k] + 0.8 * random_number(&seed);
-                }
-                cosine = -vec3_dot(way, f->normal) / vec3_norm(way);
-                lean = f->bend_cosine * cosine - f->bend_sine * sqrt(fmax(1 - cosine * cosine, 0));
-                vec3_add_scaled(x, half / vec3_norm(way), way, x);
-                if (lean >= 0.5) {
-                    assert_true(solid_depth(&solid, x, 1) >= half * lean - 1e-12);
-                }
-            }
-        }
-        print_message("%d of %zu facets know their surroundings\n", known, solid.nfacet);
-        assert_true(known > (h == 0 ? 200 : -1) && known < (int)solid.nfacet);
-    }
-}
-
 TEST(boxes_and_capsules_are_found_convex)
 {
     const double half[3] = {0.1, 0.2, 0.3};
