@@ -6,7 +6,6 @@
 #include "tests/physics/near.h"
 #include "tests/test.h"
 
-#include <stdio.h>
 #include <string.h>
 
 enum { NUMBERS = 64 };
@@ -55,27 +54,6 @@ static void place(const char *pose_name, const char *frame_name, double p[3], do
     mat3_mul(motion[frame->body].R, frame->rotation, R);
 }
 
-TEST(walkman_is_coman_with_a_head)
-{
-    static const char *const order[] = {"RHipLat", "RHipYaw", "RHipSag",  "RKneeSag", "RAnkSag",
-                                        "RAnkLat", "LHipLat", "LHipYaw",  "LHipSag",  "LKneeSag",
-                                        "LAnkSag", "LAnkLat", "WaistLat", "WaistSag", "WaistYaw",
-                                        "RShSag",  "RShLat",  "RShYaw",   "RElbj",    "LShSag",
-                                        "LShLat",  "LShYaw",  "LElbj",    "NeckYawj"};
-
-    assert_string_equal(robot->name, "WALK-MAN");
-    assert_true(robot->floating);
-    assert_int_equal(robot->nbody, 25);
-    assert_int_equal(robot->njoint, 24);
-    assert_int_equal(robot->nv, 30);
-    for (size_t j = 0; j < robot->njoint; j++) {
-        assert_string_equal(robot->joint[j].name, order[j]);
-        assert_int_equal(robot->joint[j].type, JOINT_REVOLUTE);
-        assert_true(robot->joint[j].sea.present);
-        assert_false(robot->joint[j].spring.present);
-    }
-}
-
 /* 115.9623395 kg of moving bodies and 5.2353626 of what is fixed to them. */
 TEST(nothing_of_its_mass_is_lost)
 {
@@ -96,43 +74,6 @@ TEST(what_hangs_on_the_elbow_is_added_exactly)
     assert_near(elbow->mass, 0.86765385 + 2.2127686 + 1.2838072 + 1.3789343 + 0.42801447 + 0.5,
                 1e-14);
     assert_near(elbow->mass * elbow->com[2], moment, 1e-14);
-}
-
-TEST(left_mirrors_right)
-{
-    static const double sign[6] = {1.0, -1.0, 1.0, 1.0, -1.0, 1.0};
-    int pairs = 0;
-
-    for (size_t b = 1; b < robot->nbody; b++) {
-        const struct robot_body *right = &robot->body[b], *left;
-        const struct robot_joint *rj = &robot->joint[b - 1], *lj;
-        char name[64];
-        int other;
-
-        snprintf(name, sizeof name, "L%s", right->name + 1);
-        other = robot_find_body(robot, name);
-        if (right->name[0] != 'R' || other < 0) {
-            continue;
-        }
-        left = &robot->body[other];
-        lj = &robot->joint[other - 1];
-        pairs++;
-        assert_near(left->inertia.mass, right->inertia.mass, 0.0);
-        for (int m = 0; m < 6; m++) {
-            assert_near(left->inertia.I[m], sign[m] * right->inertia.I[m], 0.0);
-        }
-        for (int m = 0; m < 3; m++) {
-            double mirror = m == 1 ? -1.0 : 1.0;
-
-            assert_near(left->inertia.com[m], mirror * right->inertia.com[m], 0.0);
-            assert_near(lj->origin[m], mirror * rj->origin[m], 0.0);
-            /* Axes are pseudovectors; those along x and z are not turned around but run backward */
-            assert_near(fabs(lj->axis[m]), fabs(rj->axis[m]), 0.0);
-        }
-        assert_memory_equal(&lj->sea, &rj->sea, sizeof rj->sea);
-        assert_near(lj->torque_limit, rj->torque_limit, 0.0);
-    }
-    assert_int_equal(pairs, 10);
 }
 
 /* Published: the waist at 1.011324 m over the simulator's contact plane, 0.130 m below the

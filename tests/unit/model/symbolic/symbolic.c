@@ -397,29 +397,6 @@ TEST_WITH(added_inertias_act_on_the_rates_of_the_velocities, open_arena, close_a
     }
 }
 
-TEST_WITH(without_added_inertias_implicit_is_forward, open_arena, close_arena)
-{
-    static const double none[21 * BODIES];
-    const struct robot *robot;
-    struct random_state x;
-    struct error error;
-    struct subject s;
-    uint64_t seed = 20140004;
-    double expected[VELOCITIES], found[VELOCITIES];
-
-    if (robot_load(COMAN, NULL, &arena, &robot, &error)) {
-        fail_msg("%s", error.text);
-    }
-    subject_open(&s, robot, 4);
-    for (int n = 0; n < 10; n++) {
-        random_state_make(&seed, robot, &x);
-        s.generic.ops->forward(&s.generic, x.q, x.v, x.tau, x.ext, expected);
-        run(&s, DERIVE_IMPLICIT, &x, NULL, none, none, found);
-        assert_close(found, expected, robot->nv, 1e-12, "implicit");
-    }
-    subject_close(&s);
-}
-
 /* ---- the text ---- */
 
 static char *text_of(const struct robot *robot, int lanes, size_t *size,
