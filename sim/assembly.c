@@ -271,8 +271,8 @@ static void simulator_restart_counter(void *context, int joint)
     sensing_restart_counter(simulator->sensing, (size_t)joint);
 }
 
-/* Creates the boards with their first measured values, and the bounds of what they send in a
- * tick. */
+/* Creates the boards with their first measured values, the bounds of what they send in a tick, the
+ * listener to external boards, and the watch over limits, stops and falls. */
 static enum error_code simulator_create_boards(struct simulator *simulator, struct error *error)
 {
     const struct rig *rig = simulator->config.rig;
@@ -295,21 +295,12 @@ static enum error_code simulator_create_boards(struct simulator *simulator, stru
     for (size_t b = 0; b < rig->nbus; b++) {
         simulator->transmit_max[b] = boards_transmit_max(simulator->boards, b);
     }
-    return ERROR_NONE;
-}
 
-/* Creates the listener to external boards; it stays NULL if the rig has none. */
-static enum error_code simulator_create_external(struct simulator *simulator, struct error *error)
-{
-    return external_create(simulator->config.rig, simulator->boards, simulator->plant,
-                           simulator->arena, &simulator->external, error);
-}
-
-/* Creates the watch over the robot's mechanics (limits, stops, falls). */
-static enum error_code simulator_create_watch(struct simulator *simulator, struct error *error)
-{
-    return watch_create(simulator->config.rig, simulator->plant, simulator->arena,
-                        &simulator->watch, error);
+    /* The listener to external boards stays NULL if the rig has none */
+    code = external_create(rig, simulator->boards, simulator->plant, simulator->arena,
+                           &simulator->external, error);
+    return code ? code
+                : watch_create(rig, simulator->plant, simulator->arena, &simulator->watch, error);
 }
 
 /* ---- the other side: task, requests, gateway ---- */
@@ -471,8 +462,6 @@ enum error_code simulator_assemble(struct simulator *simulator, char notice[256]
         simulator_create_faults,
         simulator_create_sensing,
         simulator_create_boards,
-        simulator_create_external,
-        simulator_create_watch,
         simulator_play_stimulus,
         simulator_create_task,
         simulator_create_requests,

@@ -506,8 +506,3 @@ enum error_code robot_requests_create(const struct robot_requests_config *config
     *out = s;
     return ERROR_NONE;
 }
-
-size_t robot_requests_checkpoint_size(const struct robot_requests *s)
-{
-    return s->checkpoint ? checkpoint_size(s->checkpoint) : 0;
-}

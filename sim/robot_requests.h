@@ -55,7 +55,4 @@ enum error_code robot_requests_create(const struct robot_requests_config *config
                                       struct arena *arena, struct robot_requests **robot_requests,
                                       struct requests **requests, struct error *error);
 
-/* Returns the bytes of one checkpoint; 0 = there are none. RT-safe. */
-size_t robot_requests_checkpoint_size(const struct robot_requests *robot_requests);
-
 #endif

@@ -329,12 +329,6 @@ struct requests *simulator_requests(const struct simulator *simulator)
     return simulator->requests;
 }
 
-size_t simulator_checkpoint_size(const struct simulator *simulator)
-{
-    return simulator->robot_requests ? robot_requests_checkpoint_size(simulator->robot_requests)
-                                     : 0;
-}
-
 bool simulator_is_local(const struct simulator *simulator)
 {
     return simulator->buses.local;

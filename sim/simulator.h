@@ -185,10 +185,8 @@ const struct settled *simulator_settled(const struct simulator *simulator);
 const struct stimulus *simulator_stimulus(const struct simulator *simulator);
 /* Which implementation computes the rigid-body dynamics, and why; a sentence. */
 const char *simulator_dynamics(const struct simulator *simulator);
-/* For requests, NULL without config.requests; bytes of one checkpoint without the frames on their
- * way, 0 = there are none. */
+/* For requests, NULL without config.requests. */
 struct requests *simulator_requests(const struct simulator *simulator);
-size_t simulator_checkpoint_size(const struct simulator *simulator);
 bool simulator_is_local(const struct simulator *simulator);
 /* State, settings and counters of the CAN controller of a bus, now, as text; false when its
  * interface has none. */

@@ -14,9 +14,9 @@
  * Frames are sent and heard by ports of its own, as any participant of the buses has them.
  *
  * One thread does all the work. It takes what the loop publishes (sim/simulator.h) and never makes
- * it wait. Its memory is bounded: VIEWER_CLIENTS connections with an inbox and an outbox each. States
- * that a slow client has no room for are skipped and counted; one that takes nothing for 10 s is
- * disconnected and counted. Not RT-safe.
+ * it wait. Its memory is bounded: VIEWER_CLIENTS connections with an inbox and an outbox each.
+ * States that a slow client has no room for are skipped and counted; one that takes nothing for
+ * 10 s is disconnected and counted. Not RT-safe.
  *
  * A recording is served in the same way: states, frames and events are those of the files, at the
  * time that each client has chosen for itself, and nobody can control what is over.

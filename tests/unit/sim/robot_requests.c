@@ -491,6 +491,5 @@ TEST(a_task_beside_the_loop_cannot_go_back)
                                          : i == 3 ? REQUEST_CLOCK
                                                   : REQUEST_OK);
     }
-    assert_int_equal(simulator_checkpoint_size(w.simulator), 0);
     close_scene(&w, &arena);
 }

@@ -99,8 +99,7 @@ static void repeats(const struct scene *scene)
     }
     assert_true(frames > scene->span);
     no_frames_came_back_to_life(w.simulator);
-    print_message("%s: %llu frames again, %zu bytes a checkpoint\n", scene->rig,
-                  (unsigned long long)frames, simulator_checkpoint_size(w.simulator));
+    print_message("%s: %llu frames again\n", scene->rig, (unsigned long long)frames);
     close_scene(&w, &arena);
 }
 
