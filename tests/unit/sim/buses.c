@@ -77,7 +77,7 @@ TEST_WITH(timed_local_buses_deliver_when_they_are_advanced, open_arena, close_ar
     static const struct rig timed = {.file = "rig.yaml",
                                      .nbus = 1,
                                      .bus = timed_buses,
-                                     .wire = {.timed = true, .queue = 16},
+                                     .wire = {.timed = true},
                                      .lockstep = {.step_id = 0x6f0, .done_id = 0x6ff}};
     struct bus_frame frame = frame_make(0x123, 2, (const uint8_t[]){1, 2}), found;
     struct bus_ports simulator, task;
