@@ -173,7 +173,7 @@ enum error_code yaml_error(struct error *error, const struct yaml_mark *mark, co
 
 /* Returns where the value of a key stands, by its path from a mapping ("motors.strict"); for a key
  * that is left out the place of the mapping that lacks it. */
-const struct yaml_mark *yaml_mark(const struct yaml_mark *mapping, const char *path);
+const struct yaml_mark *yaml_place(const struct yaml_mark *mapping, const char *path);
 
 /* Returns whether a mapping that was read has the key of a path. */
 bool yaml_has(const struct yaml_mark *mapping, const char *path);

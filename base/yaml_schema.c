@@ -507,7 +507,7 @@ static const struct yaml_key *yaml_find_path(const struct yaml_mark **mark, cons
     return NULL;
 }
 
-const struct yaml_mark *yaml_mark(const struct yaml_mark *mapping, const char *path)
+const struct yaml_mark *yaml_place(const struct yaml_mark *mapping, const char *path)
 {
     yaml_find_path(&mapping, path);
     return mapping;

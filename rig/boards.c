@@ -63,7 +63,7 @@ static enum error_code board_check_period(struct rig_builder *b, const struct ra
 
     return period_ns % 1000000 == 0
                ? ERROR_NONE
-               : yaml_error(b->error, yaml_mark(&raw->mark, "period_s"),
+               : yaml_error(b->error, yaml_place(&raw->mark, "period_s"),
                             "found a period of %.15g s, expected whole milliseconds",
                             (double)period_ns * 1e-9);
 }
@@ -72,23 +72,23 @@ static enum error_code board_check_period(struct rig_builder *b, const struct ra
 static enum error_code board_build_ft(struct rig_builder *b, const struct raw_board *raw,
                                       struct board_config *board)
 {
-    enum error_code code = rig_find(b, yaml_mark(&raw->mark, "sensor"), "F/T sensor", raw->sensor,
+    enum error_code code = rig_find(b, yaml_place(&raw->mark, "sensor"), "F/T sensor", raw->sensor,
                                     RIG_NAMES(b->robot->ft, b->robot->nft), &board->ft);
 
     if (code) {
         return code;
     }
     if (b->ft[board->ft]) {
-        return yaml_error(b->error, yaml_mark(&raw->mark, "sensor"),
+        return yaml_error(b->error, yaml_place(&raw->mark, "sensor"),
                           "found sensor \"%s\" again, expected it on one board (line %d)",
                           raw->sensor, b->ft[board->ft]->mark.line);
     }
     b->ft[board->ft] = raw;
     for (int i = 0; i < 3 && !code; i++) {
         code =
-            board_check_full_scale(b, yaml_mark(&raw->mark, "full_scale_n"), board->full_scale[i]);
+            board_check_full_scale(b, yaml_place(&raw->mark, "full_scale_n"), board->full_scale[i]);
         code = code ? code
-                    : board_check_full_scale(b, yaml_mark(&raw->mark, "full_scale_nm"),
+                    : board_check_full_scale(b, yaml_place(&raw->mark, "full_scale_nm"),
                                              board->full_scale[3 + i]);
     }
     return code ? code : board_check_period(b, raw);
@@ -99,7 +99,7 @@ static enum error_code board_build_torque(struct rig_builder *b, const struct ra
                                           struct board_config *board)
 {
     if (raw->njoint < 1 || raw->njoint > BOARD_CHANNELS) {
-        return yaml_error(b->error, yaml_mark(&raw->mark, "joints"),
+        return yaml_error(b->error, yaml_place(&raw->mark, "joints"),
                           "found %zu joints, expected 1 to %d", raw->njoint, BOARD_CHANNELS);
     }
 
@@ -229,7 +229,7 @@ static enum error_code board_place_switches(struct rig_builder *b, const struct 
         }
         if (yaml_has(&raw->mark, "home_rad") &&
             !(raw->switches.home_rad[0] < raw->switches.home_rad[1])) {
-            return yaml_error(b->error, yaml_mark(&raw->mark, "home_rad"),
+            return yaml_error(b->error, yaml_place(&raw->mark, "home_rad"),
                               "found a home switch that is on from %g to %g rad, expected the "
                               "smaller angle first",
                               raw->switches.home_rad[0], raw->switches.home_rad[1]);
@@ -237,7 +237,7 @@ static enum error_code board_place_switches(struct rig_builder *b, const struct 
         if (yaml_has(&raw->mark, "negative_limit_rad") &&
             yaml_has(&raw->mark, "positive_limit_rad") &&
             !(raw->switches.negative_rad < raw->switches.positive_rad)) {
-            return yaml_error(b->error, yaml_mark(&raw->mark, "negative_limit_rad"),
+            return yaml_error(b->error, yaml_place(&raw->mark, "negative_limit_rad"),
                               "found negative_limit_rad %g, expected it below positive_limit_rad, "
                               "%g",
                               raw->switches.negative_rad, raw->switches.positive_rad);
@@ -270,11 +270,11 @@ static enum error_code board_check_valve(struct rig_builder *b, const struct des
 static enum error_code board_check_external_keys(struct rig_builder *b, const struct raw_board *raw)
 {
     if (!raw->board.external && yaml_has(&raw->mark, "external_timeout_s")) {
-        return yaml_error(b->error, yaml_mark(&raw->mark, "external_timeout_s"),
+        return yaml_error(b->error, yaml_place(&raw->mark, "external_timeout_s"),
                           "found external_timeout_s without external: true, expected both or none");
     }
     if (!raw->board.external && yaml_has(&raw->mark, "external_follows")) {
-        return yaml_error(b->error, yaml_mark(&raw->mark, "external_follows"),
+        return yaml_error(b->error, yaml_place(&raw->mark, "external_follows"),
                           "found external_follows without external: true, expected both or none");
     }
     return ERROR_NONE;
@@ -290,26 +290,26 @@ static enum error_code board_check_external(struct rig_builder *b, const struct 
         return board_check_external_keys(b, raw);
     }
     if (!protocol->external) {
-        return yaml_error(b->error, yaml_mark(&raw->mark, "external"),
+        return yaml_error(b->error, yaml_place(&raw->mark, "external"),
                           "found external: true with personality %s, expected it with %s only",
                           protocol->name,
                           protocols_list(offsetof(struct protocol, external), list, sizeof list));
     }
     if (raw->board.kind != BOARD_MOTOR && raw->board.kind != BOARD_FT) {
-        return yaml_error(b->error, yaml_mark(&raw->mark, "external"),
+        return yaml_error(b->error, yaml_place(&raw->mark, "external"),
                           "found external: true on a board of another kind, expected it on a motor "
                           "or an F/T board");
     }
 
     /* What its joints follow: only those of motor boards can */
     if (yaml_has(&raw->mark, "external_follows") && raw->board.kind != BOARD_MOTOR) {
-        return yaml_error(b->error, yaml_mark(&raw->mark, "external_follows"),
+        return yaml_error(b->error, yaml_place(&raw->mark, "external_follows"),
                           "found external_follows on an F/T board, expected it on a motor board: "
                           "no joint follows a sensor");
     }
     if (raw->external_torque && !protocol->external_torque) {
         return yaml_error(
-            b->error, yaml_mark(&raw->mark, "external_follows"),
+            b->error, yaml_place(&raw->mark, "external_follows"),
             "found external_follows: torque with personality %s, expected it with %s "
             "only, whose motor boards tell the torque of their joints",
             protocol->name,
@@ -351,9 +351,9 @@ static enum error_code board_build_motor(struct rig_builder *b, const struct raw
 
     /* As many axes as the protocol has */
     if (raw->naxis < 1 || raw->naxis > most) {
-        return most == 1 ? yaml_error(b->error, yaml_mark(&raw->mark, "axes"),
+        return most == 1 ? yaml_error(b->error, yaml_place(&raw->mark, "axes"),
                                       "found %zu axes, expected 1", raw->naxis)
-                         : yaml_error(b->error, yaml_mark(&raw->mark, "axes"),
+                         : yaml_error(b->error, yaml_place(&raw->mark, "axes"),
                                       "found %zu axes, expected 1 to %zu", raw->naxis, most);
     }
     for (size_t i = 0; i < BOARD_AXES_MAX; i++) {
@@ -418,7 +418,7 @@ static enum error_code board_check_address(struct rig_builder *b, const struct r
                           protocol->name);
     }
     if (raw->address > max) {
-        return yaml_error(b->error, yaml_mark(&raw->mark, "address"),
+        return yaml_error(b->error, yaml_place(&raw->mark, "address"),
                           "found address %d, expected 1 to %d with personality %s",
                           (int)raw->address, (int)max, protocol->name);
     }
@@ -436,12 +436,12 @@ static enum error_code board_check_described(struct rig_builder *b, const struct
     bool known = false;
 
     if (raw->address > (int64_t)protocol->address_max) {
-        return yaml_error(b->error, yaml_mark(&raw->mark, "address"),
+        return yaml_error(b->error, yaml_place(&raw->mark, "address"),
                           "found address %d, expected 1 to %u with protocol %s", (int)raw->address,
                           protocol->address_max, protocol->name);
     }
     if (raw->naxis > protocol->axes) {
-        return yaml_error(b->error, yaml_mark(&raw->mark, "axes"),
+        return yaml_error(b->error, yaml_place(&raw->mark, "axes"),
                           "found %zu axes, expected at most %u with protocol %s", raw->naxis,
                           protocol->axes, protocol->name);
     }
@@ -477,7 +477,7 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
     /* One address, one board */
     for (const struct raw_board *other = raw_bus->board; other < raw; other++) {
         if (other->address == raw->address) {
-            return yaml_error(b->error, yaml_mark(&raw->mark, "address"),
+            return yaml_error(b->error, yaml_place(&raw->mark, "address"),
                               "found address 0x%02x again on bus \"%s\", expected another (line %d "
                               "has it)",
                               (unsigned)raw->address, raw_bus->bus.name, other->mark.line);
@@ -533,12 +533,12 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
     /* Name and interface are its own */
     for (const struct raw_bus *other = b->raw->bus; other < raw; other++) {
         if (!strcmp(other->bus.name, bus->name)) {
-            return yaml_error(b->error, yaml_mark(&raw->mark, "name"),
+            return yaml_error(b->error, yaml_place(&raw->mark, "name"),
                               "found bus \"%s\" again, expected a name of its own (line %d has it)",
                               bus->name, other->mark.line);
         }
         if (!strcmp(other->bus.interface, bus->interface)) {
-            return yaml_error(b->error, yaml_mark(&raw->mark, "interface"),
+            return yaml_error(b->error, yaml_place(&raw->mark, "interface"),
                               "found interface \"%s\" again, expected one of its own (bus \"%s\" "
                               "has it)",
                               bus->interface, other->bus.name);
@@ -547,17 +547,17 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
 
     /* CAN FD: with boards that speak it, and with a second bit rate */
     if (bus->fd && !protocol->canfd) {
-        return yaml_error(b->error, yaml_mark(&raw->mark, "fd"),
+        return yaml_error(b->error, yaml_place(&raw->mark, "fd"),
                           "found fd on bus \"%s\", expected it with personality %s only", bus->name,
                           protocols_list(offsetof(struct protocol, canfd), list, sizeof list));
     }
     if (!bus->fd && protocol->canfd_only) {
-        return yaml_error(b->error, yaml_mark(&raw->mark, "name"),
+        return yaml_error(b->error, yaml_place(&raw->mark, "name"),
                           "found bus \"%s\" without fd, expected fd: true with personality %s",
                           bus->name, protocol->name);
     }
     if (bus->fd != (bus->data_bitrate > 0) || (bus->fd && bus->data_bitrate < bus->bitrate)) {
-        return yaml_error(b->error, yaml_mark(&raw->mark, "data_bitrate"),
+        return yaml_error(b->error, yaml_place(&raw->mark, "data_bitrate"),
                           "found %s on bus \"%s\", expected fd: true and a data_bitrate of at "
                           "least the bitrate together",
                           !bus->fd            ? "data_bitrate without fd"
@@ -568,7 +568,7 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
 
     /* A DBC has one length for all commands of an iCub board, but each length of another one */
     if (raw->padded && !protocol->padded) {
-        return yaml_error(b->error, yaml_mark(&raw->mark, "padded_frames"),
+        return yaml_error(b->error, yaml_place(&raw->mark, "padded_frames"),
                           "found padded_frames on bus \"%s\", expected it with personality %s only",
                           bus->name,
                           protocols_list(offsetof(struct protocol, padded), list, sizeof list));
@@ -580,15 +580,15 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
 
         if (yaml_has(&raw->mark, key)) {
             return yaml_error(
-                b->error, yaml_mark(&raw->mark, key),
+                b->error, yaml_place(&raw->mark, key),
                 "found %s on bus \"%s\" without configure: true, expected both or none", key,
                 bus->name);
         }
     }
-    code = rig_check_name(b, yaml_mark(&raw->mark, "name"), "bus", bus->name);
-    return code
-               ? code
-               : rig_check_name(b, yaml_mark(&raw->mark, "interface"), "interface", bus->interface);
+    code = rig_check_name(b, yaml_place(&raw->mark, "name"), "bus", bus->name);
+    return code ? code
+                : rig_check_name(b, yaml_place(&raw->mark, "interface"), "interface",
+                                 bus->interface);
 }
 
 /* Finds the file of a protocol: a path from the rig's folder, or a name alone. */
@@ -649,13 +649,13 @@ static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw
     const struct protocol *of = raw_bus_protocol(b, raw);
     const char *source = rig_protocol_source(b, raw), *path;
     const struct yaml_mark *mark =
-        raw->protocol ? yaml_mark(&raw->mark, "protocol") : yaml_mark(&b->raw->mark, "protocol");
+        raw->protocol ? yaml_place(&raw->mark, "protocol") : yaml_place(&b->raw->mark, "protocol");
     enum error_code code;
 
     if (raw->protocol && !of->needs_file) {
         char list[RIG_LIST];
 
-        return yaml_error(b->error, yaml_mark(&raw->mark, "protocol"),
+        return yaml_error(b->error, yaml_place(&raw->mark, "protocol"),
                           "found a protocol on bus \"%s\", expected it with personality %s",
                           raw->bus.name,
                           protocols_list(offsetof(struct protocol, needs_file), list, sizeof list));
@@ -703,7 +703,7 @@ static enum error_code rig_check_protocol_used(struct rig_builder *b)
     }
     return b->raw->protocol
                ? yaml_error(
-                     b->error, yaml_mark(&b->raw->mark, "protocol"),
+                     b->error, yaml_place(&b->raw->mark, "protocol"),
                      "found a protocol that no bus speaks, expected it with personality %s",
                      protocols_list(offsetof(struct protocol, needs_file), list, sizeof list))
                : ERROR_NONE;
@@ -715,7 +715,7 @@ static enum error_code rig_find_voltage_delay(struct rig_builder *b, size_t *tic
     int64_t delay_ns;
 
     if (!rig_whole_ns(b->raw->voltage_delay_s, &delay_ns) || delay_ns % b->rig->tick_ns != 0) {
-        return yaml_error(b->error, yaml_mark(&b->raw->mark, "voltage_delay_s"),
+        return yaml_error(b->error, yaml_place(&b->raw->mark, "voltage_delay_s"),
                           "found a delay of %.15g s, expected whole ticks of %.15g s",
                           b->raw->voltage_delay_s, b->raw->tick_s);
     }
@@ -733,13 +733,13 @@ enum error_code rig_build_boards(struct rig_builder *b)
     size_t count = 0, n = 0;
     enum error_code code;
 
-    code = board_check_full_scale(b, yaml_mark(&raw->motors.mark, "torque_full_scale_nm"),
+    code = board_check_full_scale(b, yaml_place(&raw->motors.mark, "torque_full_scale_nm"),
                                   raw->motors.axis.torque_full_scale_nm);
     if (code) {
         return code;
     }
     if (raw->motors.board.require_calibration && !raw->motors.board.strict) {
-        return yaml_error(b->error, yaml_mark(&raw->motors.mark, "require_calibration"),
+        return yaml_error(b->error, yaml_place(&raw->motors.mark, "require_calibration"),
                           "found require_calibration without strict, expected both or none");
     }
     if (b->rig->nbus == 0) {

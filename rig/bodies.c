@@ -12,11 +12,12 @@ enum { FREE, STATIC };
 /* Checks the name of a body, unique among all that carries surfaces. */
 static enum error_code scene_check_body_name(struct rig_builder *b, const struct raw_body *raw)
 {
-    enum error_code code = rig_check_name(b, yaml_mark(&raw->mark, "name"), "body", raw->body.name);
+    enum error_code code =
+        rig_check_name(b, yaml_place(&raw->mark, "name"), "body", raw->body.name);
 
     for (size_t i = 0; !code && i < b->nplace; i++) {
         if (!strcmp(b->place[i].name, raw->body.name)) {
-            code = yaml_error(b->error, yaml_mark(&raw->mark, "name"),
+            code = yaml_error(b->error, yaml_place(&raw->mark, "name"),
                               "found body \"%s\"%s, expected a name of its own", raw->body.name,
                               i == 0                 ? ", the name of the static surroundings"
                               : i <= b->robot->nbody ? ", which the robot has too"
@@ -66,7 +67,7 @@ static enum error_code scene_build_free_body(struct rig_builder *b, const struct
     }
     rig_quaternion_of_rpy(raw->rpy_rad, body->quaternion);
     if (plant_check_free_body(body, &why)) {
-        return yaml_error(b->error, yaml_mark(&raw->mark, given ? "inertia_kg_m2" : "mass_kg"),
+        return yaml_error(b->error, yaml_place(&raw->mark, given ? "inertia_kg_m2" : "mass_kg"),
                           "%s", why.text);
     }
     return ERROR_NONE;

@@ -50,10 +50,10 @@ static const struct yaml_mark *board_mark(const struct id_check *check,
     const struct rig_bus *bus = &check->b->bus[check->bus];
     const struct raw_bus *raw = &check->b->raw->bus[check->bus];
 
-    return board
-               ? yaml_mark(&raw->board[board - check->b->rig->boards.board - bus->first_board].mark,
-                           "address")
-               : &raw->mark;
+    return board ? yaml_place(
+                       &raw->board[board - check->b->rig->boards.board - bus->first_board].mark,
+                       "address")
+                 : &raw->mark;
 }
 
 /* Compares a message with a later one, up to which the walk runs. */

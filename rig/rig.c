@@ -72,7 +72,7 @@ enum error_code rig_check_keys(struct rig_builder *b, const struct yaml_mark *ma
 /* Checks the bus behind the source. */
 static enum error_code rig_check_supply(struct rig_builder *b)
 {
-    const struct yaml_mark *mark = &b->raw->mark, *chopper = yaml_mark(mark, "brake_chopper");
+    const struct yaml_mark *mark = &b->raw->mark, *chopper = yaml_place(mark, "brake_chopper");
     const struct supply_bus *bus = &b->rig->supply_bus;
 
     if (bus->capacitance_f > 0.0 && b->rig->supply_ohm == 0.0) {
@@ -108,14 +108,14 @@ static enum error_code rig_build_time(struct rig_builder *b)
     struct rig *rig = b->rig;
 
     if (!rig_whole_ns(raw->tick_s, &rig->tick_ns)) {
-        return yaml_error(b->error, yaml_mark(&raw->mark, "tick_s"),
+        return yaml_error(b->error, yaml_place(&raw->mark, "tick_s"),
                           "found a tick of %.15g s, expected a whole number of nanoseconds",
                           raw->tick_s);
     }
     rig->substep_ns = rig->tick_ns; /* unless the file has another */
     if (raw->substep_s > 0.0 &&
         (!rig_whole_ns(raw->substep_s, &rig->substep_ns) || rig->tick_ns % rig->substep_ns != 0)) {
-        return yaml_error(b->error, yaml_mark(&raw->mark, "substep_s"),
+        return yaml_error(b->error, yaml_place(&raw->mark, "substep_s"),
                           "found a substep of %.15g s, expected one that divides the tick of %.15g "
                           "s exactly",
                           raw->substep_s, raw->tick_s);
@@ -164,7 +164,7 @@ static enum error_code rig_build_host_axis(struct rig_builder *b, const struct b
 
     /* A torque board on another bus would never be received */
     if (source->board && source->bus != board->bus) {
-        return yaml_error(b->error, yaml_mark(&source->board->mark, "joints"),
+        return yaml_error(b->error, yaml_place(&source->board->mark, "joints"),
                           "found joint \"%s\", which is driven from bus \"%s\", expected joints of "
                           "this bus",
                           axis->joint, b->bus[board->bus].name);
@@ -273,7 +273,7 @@ static enum error_code rig_build_servo(struct rig_builder *b)
     if (raw->command_period_s > 0 &&
         (!rig_whole_ns(raw->command_period_s, &rig->servo.command_period_ns) ||
          rig->servo.command_period_ns % rig->tick_ns != 0)) {
-        return yaml_error(b->error, yaml_mark(&raw->mark, "command_period_s"),
+        return yaml_error(b->error, yaml_place(&raw->mark, "command_period_s"),
                           "found a command period of %.15g s, expected a multiple of the tick of "
                           "%.15g s",
                           raw->command_period_s, b->raw->tick_s);
@@ -316,7 +316,7 @@ static enum error_code rig_check_lockstep_id(struct rig_builder *b, const char *
     char owner[160];
 
     return rig_find_id_owner(b->rig, id, owner, sizeof owner)
-               ? yaml_error(b->error, yaml_mark(&b->raw->lockstep.mark, key),
+               ? yaml_error(b->error, yaml_place(&b->raw->lockstep.mark, key),
                             "found id 0x%03x, which belongs to %s", (unsigned)id, owner)
                : ERROR_NONE;
 }
@@ -331,11 +331,11 @@ static enum error_code rig_build_lockstep(struct rig_builder *b)
     *lockstep = raw->lockstep;
     code = code ? code : rig_check_lockstep_id(b, "done_id", lockstep->done_id);
     if (!code && raw->bus) {
-        code = rig_find(b, yaml_mark(&raw->mark, "bus"), "bus", raw->bus,
+        code = rig_find(b, yaml_place(&raw->mark, "bus"), "bus", raw->bus,
                         RIG_NAMES(b->rig->bus, b->rig->nbus), &lockstep->bus);
     }
     if (!code && lockstep->step_id == lockstep->done_id) {
-        code = yaml_error(b->error, yaml_mark(&raw->mark, "done_id"),
+        code = yaml_error(b->error, yaml_place(&raw->mark, "done_id"),
                           "found the id of the STEP frame, expected another for DONE");
     }
     return code;
@@ -357,8 +357,8 @@ static enum error_code rig_build(struct rig_builder *b)
         code = step[i](b);
     }
     b->rig->wire = (struct rig_wire){.timed = wire->mode, .paced = wire->pace, .fifo = wire->order};
-    b->rig->record.mark = *yaml_mark(&b->raw->mark, "record.directory");
-    b->rig->page.mark = *yaml_mark(&b->raw->mark, "page.listen");
+    b->rig->record.mark = *yaml_place(&b->raw->mark, "record.directory");
+    b->rig->page.mark = *yaml_place(&b->raw->mark, "page.listen");
     return code;
 }
 

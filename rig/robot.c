@@ -61,7 +61,7 @@ static enum error_code rig_hang_tool(struct rig_builder *b, struct robot_ft_sens
 
     ft->distal = raw->tool;
     return robot_check_inertia(&ft->distal, &why)
-               ? yaml_error(b->error, yaml_mark(&raw->mark, "tool"), "%s", why.text)
+               ? yaml_error(b->error, yaml_place(&raw->mark, "tool"), "%s", why.text)
                : ERROR_NONE;
 }
 
@@ -173,7 +173,7 @@ static enum error_code rig_change_robot(struct rig_builder *b)
 static enum error_code rig_find_robot(struct rig_builder *b, const char **path)
 {
     const struct raw_robot *raw = &b->raw->robot;
-    const struct yaml_mark *mark = yaml_mark(&raw->mark, "file");
+    const struct yaml_mark *mark = yaml_place(&raw->mark, "file");
 
     if (!*raw->file || strpbrk(raw->file, "/.")) {
         return yaml_resolve_path(mark, raw->file, b->arena, path, b->error);
@@ -186,7 +186,7 @@ static enum error_code rig_find_robot(struct rig_builder *b, const char **path)
 enum error_code rig_build_robot(struct rig_builder *b)
 {
     const struct raw_robot *raw = &b->raw->robot;
-    const struct yaml_mark *mark = yaml_mark(&raw->mark, "file");
+    const struct yaml_mark *mark = yaml_place(&raw->mark, "file");
     const char *path;
     enum error_code code = rig_find_robot(b, &path);
 
@@ -314,7 +314,7 @@ enum error_code rig_build_pose(struct rig_builder *b)
     int index;
 
     /* The pose exists, and its base is placed in one way or not at all */
-    code = rig_find(b, yaml_mark(&raw->mark, "pose"), "pose", raw->pose,
+    code = rig_find(b, yaml_place(&raw->mark, "pose"), "pose", raw->pose,
                     RIG_NAMES(b->robot->pose, b->robot->npose), &index);
     if (code) {
         return code;

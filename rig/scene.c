@@ -49,15 +49,15 @@ static enum error_code surface_find_place(struct rig_builder *b, const struct ra
                           yaml_has(&raw->mark, "body") ? "both a body and a frame" : "no body");
     }
     if (yaml_has(&raw->mark, "body")) {
-        code = rig_find(b, yaml_mark(&raw->mark, "body"), "body", raw->body,
+        code = rig_find(b, yaml_place(&raw->mark, "body"), "body", raw->body,
                         RIG_NAMES(b->place, b->nplace), &index);
         if (code) {
             return code;
         }
         *place = b->place[index];
-        return scene_check_observed(b, yaml_mark(&raw->mark, "body"), place->body);
+        return scene_check_observed(b, yaml_place(&raw->mark, "body"), place->body);
     }
-    code = rig_find(b, yaml_mark(&raw->mark, "frame"), "frame", raw->frame,
+    code = rig_find(b, yaml_place(&raw->mark, "frame"), "frame", raw->frame,
                     RIG_NAMES(b->robot->frame, b->robot->nframe), &index);
     if (code) {
         return code;
@@ -110,7 +110,7 @@ static enum error_code surface_set_shape(struct rig_builder *b, const struct raw
     if (code || raw->surface.shape != CONTACT_MESH) {
         return code;
     }
-    code = yaml_resolve_path(yaml_mark(&raw->mark, "mesh"), raw->mesh, b->arena, &path, b->error);
+    code = yaml_resolve_path(yaml_place(&raw->mark, "mesh"), raw->mesh, b->arena, &path, b->error);
     return code ? code : solid_store_read_obj(path, b->arena, &surface->mesh, b->error);
 }
 
@@ -149,7 +149,7 @@ static enum error_code scene_add_capsules(struct rig_builder *b, struct contact_
     struct contact_material material;
     enum error_code code;
 
-    code = scene_find_material(b, yaml_mark(&raw->mark, "material"), raw->material, &material);
+    code = scene_find_material(b, yaml_place(&raw->mark, "material"), raw->material, &material);
     for (size_t c = 0; !code && c < b->robot->ncapsule; c++) {
         const struct robot_capsule *capsule = &b->robot->capsule[c];
         struct contact_surface *s = &surface[contact->nsurface];
@@ -157,7 +157,7 @@ static enum error_code scene_add_capsules(struct rig_builder *b, struct contact_
         /* A capsule has a name that no surface of the file has */
         for (size_t i = 0; i < contact->nsurface; i++) {
             if (!strcmp(surface[i].name, capsule->name)) {
-                return yaml_error(b->error, yaml_mark(&scene->surface[i].mark, "name"),
+                return yaml_error(b->error, yaml_place(&scene->surface[i].mark, "name"),
                                   "found surface \"%s\", expected another name: a capsule of the "
                                   "robot has it",
                                   capsule->name);
@@ -200,17 +200,17 @@ static enum error_code scene_build_surfaces(struct rig_builder *b)
         /* A name of its own, then place, shape and material */
         for (size_t k = 0; k < i; k++) {
             if (!strcmp(scene->surface[k].surface.name, raw->surface.name)) {
-                return yaml_error(b->error, yaml_mark(&raw->mark, "name"),
+                return yaml_error(b->error, yaml_place(&raw->mark, "name"),
                                   "found surface \"%s\" again, expected a name of its own",
                                   raw->surface.name);
             }
         }
         surface[i] = raw->surface;
-        code = rig_check_name(b, yaml_mark(&raw->mark, "name"), "surface", raw->surface.name);
+        code = rig_check_name(b, yaml_place(&raw->mark, "name"), "surface", raw->surface.name);
         code = code ? code : surface_set_place(b, raw, bodies, &surface[i]);
         code = code ? code : surface_set_shape(b, raw, &surface[i]);
         code = code ? code
-                    : scene_find_material(b, yaml_mark(&raw->mark, "material"), raw->material,
+                    : scene_find_material(b, yaml_place(&raw->mark, "material"), raw->material,
                                           &surface[i].material);
         if (code) {
             return code;
@@ -230,7 +230,7 @@ enum error_code rig_build_pair(struct rig_builder *b, const struct raw_pair *raw
     int index[2];
 
     if (raw->nbetween != 2) {
-        return yaml_error(b->error, yaml_mark(&raw->mark, "between"),
+        return yaml_error(b->error, yaml_place(&raw->mark, "between"),
                           "found %zu surfaces, expected two: [one, other]", raw->nbetween);
     }
     for (int k = 0; k < 2; k++) {
@@ -242,7 +242,7 @@ enum error_code rig_build_pair(struct rig_builder *b, const struct raw_pair *raw
         }
     }
     if (surface[index[0]].body == surface[index[1]].body) {
-        return yaml_error(b->error, yaml_mark(&raw->mark, "between"),
+        return yaml_error(b->error, yaml_place(&raw->mark, "between"),
                           "found two surfaces of one body, expected surfaces of two bodies");
     }
     *pair = (struct contact_pair){.a = index[0], .b = index[1]};
@@ -257,7 +257,7 @@ static enum error_code scene_set_friction(struct rig_builder *b)
 
     if (yaml_has(&scene->mark, "friction")) {
         if (scene->contact.friction == CONTACT_FRICTION_STICKING && !sticks) {
-            return yaml_error(b->error, yaml_mark(&scene->mark, "friction"),
+            return yaml_error(b->error, yaml_place(&scene->mark, "friction"),
                               "found friction \"sticking\" with engine \"simbody\", expected "
                               "\"regularized\", the only one that it has");
         }

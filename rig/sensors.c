@@ -180,7 +180,7 @@ static enum error_code sensors_check_channel(struct rig_builder *b, const struct
                                              const char *key, const struct sensor_error *channel)
 {
     const double half_hz = 0.5e9 / (double)b->rig->tick_ns;
-    const struct yaml_mark *mark = yaml_mark(section, key);
+    const struct yaml_mark *mark = yaml_place(section, key);
 
     if (channel->bandwidth_hz >= half_hz) {
         return yaml_error(b->error, mark,

@@ -416,7 +416,7 @@ static enum error_code check_mutations(const struct scenario *scenario, struct e
 /* Finds the rig: a path relative to the scenario, or the name of an installed rig. */
 static enum error_code find_rig(struct scenario *scenario, struct arena *arena, struct error *error)
 {
-    const struct yaml_mark *mark = yaml_mark(&scenario->mark, "rig");
+    const struct yaml_mark *mark = yaml_place(&scenario->mark, "rig");
 
     if (strpbrk(scenario->rig, "/.")) {
         return yaml_resolve_path(mark, scenario->rig, arena, &scenario->rig_path, error);
@@ -438,7 +438,7 @@ enum error_code scenario_check(struct scenario *scenario, struct arena *arena, s
 
     /* One of task, host and program drives the boards; a program does so by STEP */
     if (scenario->task && scenario->host != SCENARIO_HOST_NONE) {
-        return yaml_error(error, yaml_mark(&scenario->mark, "task"),
+        return yaml_error(error, yaml_place(&scenario->mark, "task"),
                           "found both a task and a host, expected one of them to drive the boards");
     }
     if (scenario->host == SCENARIO_HOST_PROGRAM && scenario->clock != LOOP_CLOCK_LOCKSTEP) {
@@ -448,8 +448,8 @@ enum error_code scenario_check(struct scenario *scenario, struct arena *arena, s
     }
     if (scenario->task && task_runner_check_name(scenario->task, error)) {
         return error_prefix(error, "%s:%d:%d", scenario->file,
-                            yaml_mark(&scenario->mark, "task")->line,
-                            yaml_mark(&scenario->mark, "task")->column);
+                            yaml_place(&scenario->mark, "task")->line,
+                            yaml_place(&scenario->mark, "task")->column);
     }
     if ((code = find_rig(scenario, arena, error)) ||
         (code = join_clean_up(scenario, arena, error)) || (code = check_stimuli(scenario, error)) ||

@@ -376,7 +376,7 @@ static enum error_code extend_rig(struct scenario *scenario, size_t key_at, stru
         return error_set(error, ERROR_MEMORY, "no memory left for scenario %s", scenario->file);
     }
     if (strpbrk(scenario->rig, "\"\\\n")) {
-        return yaml_error(error, yaml_mark(&scenario->mark, "rig"),
+        return yaml_error(error, yaml_place(&scenario->mark, "rig"),
                           "found a rig with a quotation mark or backslash in its name, expected "
                           "none with changes");
     }
@@ -390,7 +390,7 @@ static enum error_code extend_rig(struct scenario *scenario, size_t key_at, stru
 enum error_code scenario_load_rig(const struct scenario *scenario, struct arena *arena,
                                   const struct rig **rig, struct error *error)
 {
-    const struct yaml_mark *mark = yaml_mark(&scenario->mark, "rig");
+    const struct yaml_mark *mark = yaml_place(&scenario->mark, "rig");
     char found[PATH_MAX];
     enum error_code code = scenario->changes
                                ? rig_load_text(scenario->file, scenario->changes,

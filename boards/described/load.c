@@ -114,8 +114,8 @@ static enum error_code described_build_states(struct described_loader *l)
         made->fault_state = made->off_state;
     }
     if (!code && l->raw->timeout_state) {
-        code = described_find_name(l, yaml_mark(&l->raw->mark, "on_timeout"), l->raw->timeout_state,
-                                   &made->timeout_state);
+        code = described_find_name(l, yaml_place(&l->raw->mark, "on_timeout"),
+                                   l->raw->timeout_state, &made->timeout_state);
     }
     return code;
 }
@@ -135,7 +135,7 @@ static enum error_code described_check_values(struct described_loader *l,
         for (size_t k = 0; k < i; k++) {
             if (raw[k].value == raw[i].value &&
                 (raw[k].law != DESCRIBED_OFF || raw[i].law != DESCRIBED_FAULT)) {
-                return yaml_error(l->error, yaml_mark(&raw[i].mark, "value"),
+                return yaml_error(l->error, yaml_place(&raw[i].mark, "value"),
                                   "found value %lld of \"%s\", which \"%s\" (line %d) has, "
                                   "expected another: a field tells them apart by it",
                                   (long long)raw[i].value, raw[i].name, raw[k].name,
@@ -241,16 +241,16 @@ static enum error_code described_check_frame(struct described_loader *l,
 
     /* The identifier: step, slots and range */
     if (yaml_has(&raw->mark, "step") && made->by != DESCRIBED_BY_ADDRESS) {
-        return yaml_error(l->error, yaml_mark(&raw->mark, "step"),
+        return yaml_error(l->error, yaml_place(&raw->mark, "step"),
                           "found step, expected it with by: address only");
     }
     if (made->by == DESCRIBED_BY_SLOT && yaml_has(&raw->mark, "of") &&
         made->of != DESCRIBED_MOTOR) {
-        return yaml_error(l->error, yaml_mark(&raw->mark, "of"),
+        return yaml_error(l->error, yaml_place(&raw->mark, "of"),
                           "found of beside by: slot, expected motor: only axes have slots");
     }
     if (raw->id + raw->step * made->most > most) {
-        return yaml_error(l->error, yaml_mark(&raw->mark, "id"),
+        return yaml_error(l->error, yaml_place(&raw->mark, "id"),
                           "found ids up to 0x%llx, expected them within 0x%x: lower id, step or "
                           "address_max%s",
                           (unsigned long long)(raw->id + raw->step * made->most), (unsigned)most,
@@ -258,7 +258,7 @@ static enum error_code described_check_frame(struct described_loader *l,
     }
     /* The format of CAN */
     if (yaml_has(&raw->mark, "bit_rate_switch") && !raw->fd) {
-        return yaml_error(l->error, yaml_mark(&raw->mark, "bit_rate_switch"),
+        return yaml_error(l->error, yaml_place(&raw->mark, "bit_rate_switch"),
                           "found bit_rate_switch without fd: true, expected both or none");
     }
     if (made->or_empty && !made->remote) {
@@ -282,12 +282,12 @@ static enum error_code described_check_frame(struct described_loader *l,
                           made->from_host ? "board" : "host", made->from_host ? "host" : "board");
     }
     if (made->telemetry && yaml_has(&raw->mark, "period_s")) {
-        return yaml_error(l->error, yaml_mark(&raw->mark, "period_s"),
+        return yaml_error(l->error, yaml_place(&raw->mark, "period_s"),
                           "found period_s beside telemetry, expected one of them");
     }
     if (yaml_has(&raw->mark, "period_s") &&
         fabs(raw->period_s * 1e3 - rint(raw->period_s * 1e3)) > 1e-9) {
-        return yaml_error(l->error, yaml_mark(&raw->mark, "period_s"),
+        return yaml_error(l->error, yaml_place(&raw->mark, "period_s"),
                           "found a period of %.15g s, expected whole milliseconds", raw->period_s);
     }
     return ERROR_NONE;
@@ -319,7 +319,7 @@ static enum error_code described_build_frame(struct described_loader *l,
     code = code ? code : described_check_frame(l, raw, made);
     code = code ? code : described_lay_out(l, raw, made);
     if (!code && raw->enter) {
-        code = described_find_name(l, yaml_mark(&raw->mark, "enter"), raw->enter, &made->enter);
+        code = described_find_name(l, yaml_place(&raw->mark, "enter"), raw->enter, &made->enter);
     }
 
     /* Properties of the row that follow from the meanings of its fields */
@@ -379,7 +379,7 @@ static enum error_code described_link_echo(struct described_loader *l,
             }
         }
         if (found < 0 || (echo->constant >= 0 && echo->constant != found)) {
-            return yaml_error(l->error, yaml_mark(&raw->mark, "reply"),
+            return yaml_error(l->error, yaml_place(&raw->mark, "reply"),
                               "found reply \"%s\", whose field \"%s\" echoes one that this frame "
                               "does not have, or has in another place than others so answered",
                               raw->reply, name);
@@ -407,7 +407,7 @@ static enum error_code described_link_reply(struct described_loader *l, size_t i
         }
     }
     if (!code && raw->reply && !found) {
-        return yaml_error(l->error, yaml_mark(&raw->mark, "reply"),
+        return yaml_error(l->error, yaml_place(&raw->mark, "reply"),
                           "found reply \"%s\", expected the name of a frame from the same boards",
                           raw->reply);
     }
@@ -495,7 +495,7 @@ static bool described_of_other_boards(const struct described_frame *a,
 static enum error_code described_check_pair(struct described_loader *l, size_t first, size_t second)
 {
     const struct described_frame *a = &l->made->frame[first], *b = &l->made->frame[second];
-    const struct yaml_mark *mark = yaml_mark(&l->raw->frame[second].mark, "id");
+    const struct yaml_mark *mark = yaml_place(&l->raw->frame[second].mark, "id");
     unsigned na, nb;
 
     if ((a->flags ^ b->flags) & FRAME_EXTENDED || described_of_other_boards(a, b) ||
@@ -548,7 +548,7 @@ static enum error_code described_build_parameters(struct described_loader *l)
         struct described_parameter *made = &l->made->parameter[i];
 
         if (described_find_parameter(l->made, raw->parameter[i].number)) {
-            return yaml_error(l->error, yaml_mark(&raw->parameter[i].mark, "number"),
+            return yaml_error(l->error, yaml_place(&raw->parameter[i].mark, "number"),
                               "found number %lld again, expected another",
                               (long long)raw->parameter[i].number);
         }
@@ -641,11 +641,11 @@ static enum error_code described_build_host(struct described_loader *l)
         }
     }
     if (!code && raw->on_state) {
-        code = described_find_name(l, yaml_mark(&raw->mark, "on_state"), raw->on_state,
+        code = described_find_name(l, yaml_place(&raw->mark, "on_state"), raw->on_state,
                                    &made->host.on_state);
     }
     if (!code && raw->off_state) {
-        code = described_find_name(l, yaml_mark(&raw->mark, "off_state"), raw->off_state,
+        code = described_find_name(l, yaml_place(&raw->mark, "off_state"), raw->off_state,
                                    &made->host.off_state);
     }
     made->host.law = described_host_law(made);

@@ -97,7 +97,7 @@ static enum error_code described_measure_field(struct described_loader *l,
 
         if (yaml_has(&raw->mark, "scale") || yaml_has(&raw->mark, "offset") ||
             raw->type == RAW_DESCRIBED_FLOAT || !(raw->range[0] < raw->range[1])) {
-            return yaml_error(l->error, yaml_mark(&raw->mark, "range"),
+            return yaml_error(l->error, yaml_place(&raw->mark, "range"),
                               "found range beside scale or offset, on a float or with its ends "
                               "the wrong way round, expected [least, greatest] alone");
         }
@@ -106,7 +106,7 @@ static enum error_code described_measure_field(struct described_loader *l,
     }
     /* A scale is not 0, and a count without a unit has none */
     if (!(fabs(made->scale) >= 1e-12)) {
-        return yaml_error(l->error, yaml_mark(&raw->mark, "scale"),
+        return yaml_error(l->error, yaml_place(&raw->mark, "scale"),
                           "found a scale of %g, expected one of at least 1e-12 either way",
                           made->scale);
     }
@@ -141,7 +141,7 @@ static enum error_code described_mean_field(struct described_loader *l, bool fro
         made->meaning = DESCRIBED_CONSTANT;
         made->constant = raw->value;
         if (raw->value < made->low || raw->value > made->high) {
-            return yaml_error(l->error, yaml_mark(&raw->mark, "value"),
+            return yaml_error(l->error, yaml_place(&raw->mark, "value"),
                               "found value %lld, expected one that %d bits hold",
                               (long long)raw->value, (int)raw->bits);
         }
@@ -314,13 +314,13 @@ static enum error_code described_add_field(struct described_loader *l,
                           raw->name);
     }
     if (at < plan->bit) {
-        return yaml_error(l->error, yaml_mark(&raw->mark, "at_bit"),
+        return yaml_error(l->error, yaml_place(&raw->mark, "at_bit"),
                           "found at_bit %u, expected %u or more: fields do not overlap and are "
                           "listed in the order of their bits",
                           at, plan->bit);
     }
     if (raw->type == RAW_DESCRIBED_FLOAT && raw->bits != 32) {
-        return yaml_error(l->error, yaml_mark(&raw->mark, "bits"),
+        return yaml_error(l->error, yaml_place(&raw->mark, "bits"),
                           "found a float of %d bits, expected 32", (int)raw->bits);
     }
 
@@ -375,7 +375,7 @@ static enum error_code described_add_payload(struct described_loader *l,
 
         if (plan->bit == plan->bits || strspn(text, "0123456789abcdefABCDEF") != 2 ||
             sscanf(text, "%2x%n", &byte, &used) != 1) {
-            return yaml_error(l->error, yaml_mark(&raw->mark, "payload"),
+            return yaml_error(l->error, yaml_place(&raw->mark, "payload"),
                               "found payload \"%s\", expected up to %u bytes of two hexadecimal "
                               "digits each, as \"ff 00\"",
                               raw->payload, plan->bits / 8);
@@ -411,18 +411,18 @@ static enum error_code described_measure_length(struct described_loader *l,
 
     /* A given length holds the fields and exists */
     if (yaml_has(&raw->mark, "length") && raw->length < (int64_t)least) {
-        return yaml_error(l->error, yaml_mark(&raw->mark, "length"),
+        return yaml_error(l->error, yaml_place(&raw->mark, "length"),
                           "found length %d, expected at least the %u bytes of the fields",
                           (int)raw->length, least);
     }
     if (yaml_has(&raw->mark, "length") && raw->length > most) {
-        return yaml_error(l->error, yaml_mark(&raw->mark, "length"),
+        return yaml_error(l->error, yaml_place(&raw->mark, "length"),
                           "found length %d, expected at most 8, or fd: true for up to 64",
                           (int)raw->length);
     }
     if (yaml_has(&raw->mark, "length") && raw->fd && !repeats &&
         frame_fd_length((unsigned)raw->length) != raw->length) {
-        return yaml_error(l->error, yaml_mark(&raw->mark, "length"),
+        return yaml_error(l->error, yaml_place(&raw->mark, "length"),
                           "found length %d, expected one of CAN FD: 0 to 8, 12, 16, 20, 24, 32, 48 "
                           "or 64",
                           (int)raw->length);
@@ -437,7 +437,7 @@ static enum error_code described_measure_length(struct described_loader *l,
              : group || (repeats && (raw->row.by != DESCRIBED_BY_ADDRESS ||
                                      made->of != DESCRIBED_MOTOR || raw->repeat < l->raw->axes)))) {
         return yaml_error(
-            l->error, yaml_mark(&raw->mark, "repeat"),
+            l->error, yaml_place(&raw->mark, "repeat"),
             "found repeat %d, expected it of a frame from the host with by: group, or "
             "from motor boards with by: address as many as the board has axes, %d "
             "bytes in all",
@@ -460,7 +460,7 @@ static enum error_code described_measure_lengths(struct described_loader *l,
     if (least != rint(least) || most != rint(most) || least > made->length || most < made->length ||
         most > DESCRIBED_CLASSIC_MAX || raw->fd || raw->row.remote || raw->repeat > 1) {
         return yaml_error(
-            l->error, yaml_mark(&raw->mark, "lengths"),
+            l->error, yaml_place(&raw->mark, "lengths"),
             "found lengths [%g, %g], expected whole numbers about the %u bytes of the "
             "frame, at most 8, of a classic frame that is not remote and not repeated",
             least, most, made->length);
@@ -492,7 +492,7 @@ static enum error_code described_find_checks(struct described_loader *l,
 
         if (!(layout->type & FIELD_PADDING) && field && field->checksum) {
             if (layout->type & FIELD_SIGNED || field->bits != 8 || bit % 8 || made->checksum) {
-                return yaml_error(l->error, yaml_mark(&field->mark, "checksum"),
+                return yaml_error(l->error, yaml_place(&field->mark, "checksum"),
                                   "found checksum of field \"%s\", expected one of a frame, a byte "
                                   "of its own without a sign",
                                   field->name);
@@ -513,8 +513,8 @@ static enum error_code described_find_checks(struct described_loader *l,
     if ((made->counter >= 0 || made->checksum) &&
         (raw->repeat > 1 || yaml_has(&raw->mark, "lengths"))) {
         return yaml_error(l->error,
-                          raw->repeat > 1 ? yaml_mark(&raw->mark, "repeat")
-                                          : yaml_mark(&raw->mark, "lengths"),
+                          raw->repeat > 1 ? yaml_place(&raw->mark, "repeat")
+                                          : yaml_place(&raw->mark, "lengths"),
                           "found repeat or lengths beside a counter or a checksum, expected one of "
                           "them");
     }
@@ -570,7 +570,7 @@ static enum error_code described_lay_out_id(struct described_loader *l,
         return described_no_memory(l);
     }
     if (raw->repeat > 1 || raw->row.remote) {
-        return yaml_error(l->error, yaml_mark(&raw->mark, "id_fields"),
+        return yaml_error(l->error, yaml_place(&raw->mark, "id_fields"),
                           "found id_fields of a frame with repeat or remote, expected none");
     }
     /* Constant fields go into the base, others into the mask */
@@ -615,7 +615,7 @@ enum error_code described_lay_out(struct described_loader *l, const struct raw_d
         return described_no_memory(l);
     }
     if (yaml_has(&raw->mark, "payload") && raw->nfield > 0) {
-        return yaml_error(l->error, yaml_mark(&raw->mark, "payload"),
+        return yaml_error(l->error, yaml_place(&raw->mark, "payload"),
                           "found payload beside fields, expected one of them");
     }
     /* The payload, or the fields in their order */
@@ -666,7 +666,7 @@ enum error_code described_lay_out_parameter(struct described_loader *l,
     code = code ? code : described_mean_field(l, false, raw, &made->field);
     meaning = made->field.meaning;
     if (!code && (meaning == DESCRIBED_ECHO || meaning == DESCRIBED_PARAMETER_VALUE)) {
-        return yaml_error(l->error, yaml_mark(&raw->mark, "source"),
+        return yaml_error(l->error, yaml_place(&raw->mark, "source"),
                           "found source: %s in a parameter, expected another: it is no answer",
                           meaning == DESCRIBED_ECHO ? "echo" : "parameter_value");
     }

@@ -29,20 +29,20 @@ static enum error_code check_chain(struct robot_builder *b, size_t i)
         const int line = b->file.coupling[k].mark.line;
 
         if (before->follower == own->follower) {
-            return yaml_error(b->error, yaml_mark(&given->mark, "follower"),
+            return yaml_error(b->error, yaml_place(&given->mark, "follower"),
                               "found joint \"%s\" as a follower again, expected one leader (it "
                               "follows \"%s\" in line %d)",
                               given->follower, b->file.coupling[k].leader, line);
         }
         if (before->follower == own->leader) {
-            return yaml_error(b->error, yaml_mark(&given->mark, "leader"),
+            return yaml_error(b->error, yaml_place(&given->mark, "leader"),
                               "found leader \"%s\", which follows \"%s\" itself (line %d), "
                               "expected a joint that follows none: name \"%s\"",
                               given->leader, b->file.coupling[k].leader, line,
                               b->file.coupling[k].leader);
         }
         if (before->leader == own->follower) {
-            return yaml_error(b->error, yaml_mark(&given->mark, "follower"),
+            return yaml_error(b->error, yaml_place(&given->mark, "follower"),
                               "found follower \"%s\", which \"%s\" follows (line %d), expected a "
                               "joint that leads none",
                               given->follower, b->file.coupling[k].follower, line);
@@ -58,19 +58,19 @@ static enum error_code build_coupled_joints(struct robot_builder *b, size_t i)
     struct robot_coupling *coupling = &b->robot->coupling[i];
     enum error_code code;
 
-    if ((code = find_coupled_joint(b, given->follower, yaml_mark(&given->mark, "follower"),
+    if ((code = find_coupled_joint(b, given->follower, yaml_place(&given->mark, "follower"),
                                    &coupling->follower)) ||
-        (code = find_coupled_joint(b, given->leader, yaml_mark(&given->mark, "leader"),
+        (code = find_coupled_joint(b, given->leader, yaml_place(&given->mark, "leader"),
                                    &coupling->leader))) {
         return code;
     }
     if (coupling->follower == coupling->leader) {
-        return yaml_error(b->error, yaml_mark(&given->mark, "leader"),
+        return yaml_error(b->error, yaml_place(&given->mark, "leader"),
                           "found joint \"%s\" as its own leader, expected another joint",
                           given->leader);
     }
     if (robot_joint_is_driven(&b->robot->joint[coupling->follower])) {
-        return yaml_error(b->error, yaml_mark(&given->mark, "follower"),
+        return yaml_error(b->error, yaml_place(&given->mark, "follower"),
                           "found follower \"%s\" with a drive of its own, expected none: its "
                           "leader moves it",
                           given->follower);
@@ -97,7 +97,7 @@ static enum error_code check_coupling_numbers(struct robot_builder *b,
             key[2]);
     }
     if (fabs(coupling->multiplier) < LEAST_MULTIPLIER) {
-        return yaml_error(b->error, yaml_mark(&given->mark, "multiplier"),
+        return yaml_error(b->error, yaml_place(&given->mark, "multiplier"),
                           "found multiplier %g, expected %g or more, positive or negative",
                           coupling->multiplier, LEAST_MULTIPLIER);
     }

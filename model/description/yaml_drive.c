@@ -47,7 +47,7 @@ static enum error_code refuse_other_kind(struct robot_builder *b, const struct d
     const enum drive_kind other = kind == DRIVE_HYDRAULIC ? DRIVE_ELECTRIC : DRIVE_HYDRAULIC;
     const char *key = kind == DRIVE_UNSAID ? NULL : drive_find_key(drive, other);
 
-    return key ? yaml_error(b->error, yaml_mark(&drive->mark, key),
+    return key ? yaml_error(b->error, yaml_place(&drive->mark, key),
                             "found key \"%s\" of %s beside %s, expected keys of %s", key,
                             kind_word[other], from, kind_word[kind])
                : ERROR_NONE;
@@ -139,7 +139,7 @@ static enum error_code check_drive_file(struct robot_builder *b, const struct dr
 
     for (size_t i = 0; i < count && !code; i++) {
         if (robot_key_is_of_triangle(row[i].key) && yaml_has(&file->drive.mark, row[i].key)) {
-            code = yaml_error(b->error, yaml_mark(&file->drive.mark, row[i].key),
+            code = yaml_error(b->error, yaml_place(&file->drive.mark, row[i].key),
                               "found key \"%s\" in a drive's file, expected it at the joint that "
                               "takes the drive: the triangle is the joint's",
                               row[i].key);
@@ -149,7 +149,7 @@ static enum error_code check_drive_file(struct robot_builder *b, const struct dr
         wrong = yaml_has(&file->mark, rating[i]) ? rating[i] : NULL;
     }
     if (!code && wrong && yaml_has(&file->mark, wrong)) {
-        code = yaml_error(b->error, yaml_mark(&file->mark, wrong),
+        code = yaml_error(b->error, yaml_place(&file->mark, wrong),
                           "found rating \"%s\" in the file of %s, expected none of %s", wrong,
                           kind_word[oil ? DRIVE_HYDRAULIC : DRIVE_ELECTRIC],
                           kind_word[oil ? DRIVE_ELECTRIC : DRIVE_HYDRAULIC]);
@@ -187,7 +187,7 @@ static enum error_code drive_file_exists(struct robot_builder *b, const char *pa
 static enum error_code find_drive_file(struct robot_builder *b, const struct drive_yaml *drive,
                                        const char **path)
 {
-    const struct yaml_mark *mark = yaml_mark(&drive->mark, "file");
+    const struct yaml_mark *mark = yaml_place(&drive->mark, "file");
     enum error_code code;
     char beside[288];
     bool there = false;
@@ -233,7 +233,7 @@ enum error_code robot_take_drive(struct robot_builder *b, struct drive_yaml *dri
     }
     if (!there) {
         return yaml_error(
-            b->error, yaml_mark(&drive->mark, "file"),
+            b->error, yaml_place(&drive->mark, "file"),
             "found drive \"%.63s\", whose file %.150s cannot be read, expected a file", drive->file,
             path);
     }

@@ -14,7 +14,7 @@ enum error_code robot_find_key_body(struct robot_builder *b, const struct yaml_m
 {
     *body = robot_find_body(b->robot, name);
     return *body >= 0 ? ERROR_NONE
-                      : robot_unknown_name(b, yaml_mark(entry, "body"), "body", name, b->file.body,
+                      : robot_unknown_name(b, yaml_place(entry, "body"), "body", name, b->file.body,
                                            b->file.nbody, sizeof *b->file.body);
 }
 
@@ -78,7 +78,7 @@ static enum error_code check_visual_keys(struct robot_builder *b, const struct v
     };
 
     if (given->visual.missing && given->file) {
-        return yaml_error(b->error, yaml_mark(&given->mark, "file"),
+        return yaml_error(b->error, yaml_place(&given->mark, "file"),
                           "found \"file\" beside \"missing\", expected one of them");
     }
     for (size_t i = 0; i < ARRAY_COUNT(keys); i++) {
@@ -105,7 +105,7 @@ static enum error_code build_visual(struct robot_builder *b, const struct visual
     mat3_from_rpy(given->rpy, visual->rotation);
     visual->colored = yaml_has(&given->mark, "color");
     return code || !given->file ? code
-                                : yaml_resolve_path(yaml_mark(&given->mark, "file"), given->file,
+                                : yaml_resolve_path(yaml_place(&given->mark, "file"), given->file,
                                                     b->arena, &visual->file, b->error);
 }
 
@@ -160,16 +160,16 @@ enum error_code robot_build_sensors(struct robot_builder *b)
         struct robot_ft_sensor *sensor = &robot->ft[i];
 
         *sensor = given->sensor;
-        if ((code = find_sensor_frame(b, given->frame, yaml_mark(&given->mark, "frame"),
+        if ((code = find_sensor_frame(b, given->frame, yaml_place(&given->mark, "frame"),
                                       &sensor->frame)) ||
-            (code = robot_refuse_inertia(b, yaml_mark(&given->mark, "distal"), &sensor->distal))) {
+            (code = robot_refuse_inertia(b, yaml_place(&given->mark, "distal"), &sensor->distal))) {
             return code;
         }
     }
     robot->nft = file->nft;
     robot->imu_frame = -1;
     return file->imu_frame
-               ? find_sensor_frame(b, file->imu_frame, yaml_mark(&file->mark, "imu.frame"),
+               ? find_sensor_frame(b, file->imu_frame, yaml_place(&file->mark, "imu.frame"),
                                    &robot->imu_frame)
                : ERROR_NONE;
 }

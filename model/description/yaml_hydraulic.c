@@ -108,7 +108,7 @@ enum error_code robot_build_hydraulic(struct robot_builder *b, const struct join
 
 enum error_code robot_build_hydraulic_supply(struct robot_builder *b)
 {
-    const struct yaml_mark *mark = yaml_mark(&b->file.mark, "hydraulic_supply");
+    const struct yaml_mark *mark = yaml_place(&b->file.mark, "hydraulic_supply");
     struct robot_hydraulic_supply *supply = &b->robot->hydraulic_supply;
 
     *supply = b->file.hydraulic_supply;

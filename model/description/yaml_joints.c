@@ -28,7 +28,7 @@ static enum error_code build_tree_body(struct robot_builder *b, int at, int pare
 
     *body = given->body;
     body->parent = parent;
-    return robot_refuse_inertia(b, yaml_mark(&given->mark, "inertia_kg_m2"), &body->inertia);
+    return robot_refuse_inertia(b, yaml_place(&given->mark, "inertia_kg_m2"), &body->inertia);
 }
 
 size_t robot_count_keys(const struct yaml_mark *mapping, const char *const *keys, size_t count)
@@ -61,12 +61,12 @@ static enum error_code refuse_parent(struct robot_builder *b, size_t j)
 
     /* No such body, or one that hangs in the air */
     if (find_named_entry(file->body, file->nbody, sizeof *file->body, joint->parent) < 0) {
-        return robot_unknown_name(b, yaml_mark(&joint->mark, "parent"), "body", joint->parent,
+        return robot_unknown_name(b, yaml_place(&joint->mark, "parent"), "body", joint->parent,
                                   file->body, file->nbody, sizeof *file->body);
     }
     if (up < 0) {
         return yaml_error(
-            b->error, yaml_mark(&joint->mark, "parent"),
+            b->error, yaml_place(&joint->mark, "parent"),
             "found parent \"%s\", which no joint moves and which is not the base \"%s\"",
             joint->parent, file->base);
     }
@@ -74,14 +74,14 @@ static enum error_code refuse_parent(struct robot_builder *b, size_t j)
     /* Up from joint to joint: either back here, or the order is wrong */
     for (size_t step = 0; up >= 0 && step < file->njoint; step++) {
         if ((size_t)up == j) {
-            return yaml_error(b->error, yaml_mark(&joint->mark, "parent"),
+            return yaml_error(b->error, yaml_place(&joint->mark, "parent"),
                               "found a cycle: body \"%s\" hangs on \"%s\", which hangs on it, "
                               "expected a tree",
                               joint->child, joint->parent);
         }
         up = joint_that_moves(file, file->joint[up].parent);
     }
-    return yaml_error(b->error, yaml_mark(&joint->mark, "parent"),
+    return yaml_error(b->error, yaml_place(&joint->mark, "parent"),
                       "found parent \"%s\" before joint \"%s\" that moves it (line %d), expected "
                       "parents first",
                       joint->parent, file->joint[joint_that_moves(file, joint->parent)].joint.name,
@@ -97,17 +97,17 @@ static enum error_code check_joint_child(struct robot_builder *b, size_t j, int 
 
     *at = find_named_entry(file->body, file->nbody, sizeof *file->body, joint->child);
     if (*at < 0) {
-        return robot_unknown_name(b, yaml_mark(&joint->mark, "child"), "body", joint->child,
+        return robot_unknown_name(b, yaml_place(&joint->mark, "child"), "body", joint->child,
                                   file->body, file->nbody, sizeof *file->body);
     }
     if (strcmp(joint->child, file->base) == 0) {
-        return yaml_error(b->error, yaml_mark(&joint->mark, "child"),
+        return yaml_error(b->error, yaml_place(&joint->mark, "child"),
                           "found the base \"%s\" as a joint's child, expected a body that hangs on "
                           "another",
                           joint->child);
     }
     if ((size_t)first != j) {
-        return yaml_error(b->error, yaml_mark(&joint->mark, "child"),
+        return yaml_error(b->error, yaml_place(&joint->mark, "child"),
                           "found body \"%s\" moved by a second joint, expected one (\"%s\" in line "
                           "%d moves it)",
                           joint->child, file->joint[first].joint.name,
@@ -123,7 +123,7 @@ static enum error_code build_joint_axis(struct robot_builder *b, const struct jo
     double length = vec3_norm(joint->axis);
 
     if (!(fabs(length - 1.0) <= AXIS_TOLERANCE)) {
-        return yaml_error(b->error, yaml_mark(&given->mark, "axis"),
+        return yaml_error(b->error, yaml_place(&given->mark, "axis"),
                           "found an axis of length %.9g, expected a unit vector", length);
     }
     for (int m = 0; m < 3; m++) {
@@ -140,7 +140,7 @@ static enum error_code check_limits(struct robot_builder *b, const struct joint_
 {
     static const char *const keys[][3] = {{"lower_rad", "upper_rad", "torque_nm"},
                                           {"lower_m", "upper_m", "force_n"}};
-    const struct yaml_mark *mark = yaml_mark(&given->mark, "limits");
+    const struct yaml_mark *mark = yaml_place(&given->mark, "limits");
     const struct robot_joint *joint = &given->joint;
 
     if (robot_count_keys(mark, keys[joint->type], 3) < 3 ||
@@ -197,7 +197,7 @@ static enum error_code build_stops(struct robot_builder *b, const struct joint_y
 static enum error_code build_spring(struct robot_builder *b, const struct joint_yaml *given,
                                     struct robot_parallel_spring *spring)
 {
-    const struct yaml_mark *mark = yaml_mark(&given->mark, "parallel_spring");
+    const struct yaml_mark *mark = yaml_place(&given->mark, "parallel_spring");
 
     spring->present = yaml_has(&given->mark, "parallel_spring");
     spring->s = (double)given->spring_sense;
@@ -208,7 +208,7 @@ static enum error_code build_spring(struct robot_builder *b, const struct joint_
                           given->joint.name);
     }
     return spring->present && given->spring_sense == 0
-               ? yaml_error(b->error, yaml_mark(mark, "sense"), "found sense 0, expected 1 or -1")
+               ? yaml_error(b->error, yaml_place(mark, "sense"), "found sense 0, expected 1 or -1")
                : ERROR_NONE;
 }
 
@@ -277,7 +277,7 @@ enum error_code robot_build_tree(struct robot_builder *b)
         return robot_no_memory(b);
     }
     if (base < 0) {
-        return robot_unknown_name(b, yaml_mark(&file->mark, "base.body"), "body", file->base,
+        return robot_unknown_name(b, yaml_place(&file->mark, "base.body"), "body", file->base,
                                   file->body, file->nbody, sizeof *file->body);
     }
 

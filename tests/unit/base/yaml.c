@@ -91,9 +91,9 @@ TEST_WITH(a_key_is_found_by_its_path, open_arena, close_arena)
     assert_true(yaml_has(&car.mark, "mass_kg") && yaml_has(&car.mark, "engine.power_w"));
     assert_false(yaml_has(&car.mark, "mass") || yaml_has(&car.mark, "engine.cylinders"));
     assert_true(yaml_has(&car.engine.mark, "power_w"));
-    assert_int_equal(yaml_mark(&car.mark, "engine.power_w")->column, 32);
-    assert_int_equal(yaml_mark(&car.mark, "engine.cylinders")->column, 22);
-    assert_int_equal(yaml_mark(&car.mark, "doors")->column, 1);
+    assert_int_equal(yaml_place(&car.mark, "engine.power_w")->column, 32);
+    assert_int_equal(yaml_place(&car.mark, "engine.cylinders")->column, 22);
+    assert_int_equal(yaml_place(&car.mark, "doors")->column, 1);
 }
 
 TEST_WITH(what_a_mapping_gives_overrides_another_struct, open_arena, close_arena)
