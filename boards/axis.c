@@ -72,11 +72,13 @@ void axis_read_sensors(const struct board *board, unsigned index,
 
 /* Updates the overload of an axis by a tick, in ms at the limit; returns whether it has tripped. An
  * open bridge has none. */
-static bool axis_is_overloaded(struct axis *axis, double limit_a, double tick_ms)
+static inline bool axis_is_overloaded(struct axis *axis, double limit_a, double tick_ms)
 {
     double part = axis->current_a * axis->current_a / (limit_a * limit_a);
+    double overload_ms = axis->overload_ms + (part - 1.0) * tick_ms;
 
-    axis->overload_ms = axis->on ? fmax(axis->overload_ms + (part - 1.0) * tick_ms, 0.0) : 0.0;
+    /* Comparisons, because fmax is a call of the library */
+    axis->overload_ms = axis->on && overload_ms > 0.0 ? overload_ms : 0.0;
     return axis->overload_ms > OVERLOAD_MS;
 }
 
@@ -84,21 +86,21 @@ uint32_t axis_find_faults(const struct board *board, unsigned index, double limi
 {
     struct axis *axis = board_axis(board, index);
     const struct board_config *config = &board->config;
-    double supply_v = board->boards->supply_v, oil_pa = board->boards->oil_pa;
+    double supply_v = board->boards->supply_v, over_v = config->over_voltage_v;
     double tick_ms = (double)board->boards->tick_ns / MS;
-    bool valve = config->axis[index].valve;
-    bool over_voltage = config->over_voltage_v > 0.0 && supply_v > config->over_voltage_v;
-    bool over_pressure = config->over_pressure_pa > 0.0 && oil_pa > config->over_pressure_pa;
-    uint32_t faults = 0;
+    uint32_t faults = supply_v < config->under_voltage_v ? AXIS_UNDER_VOLTAGE : 0;
 
-    faults |= supply_v < config->under_voltage_v ? AXIS_UNDER_VOLTAGE : 0;
-    faults |= over_voltage ? AXIS_OVER_VOLTAGE : 0;
+    faults |= over_v > 0.0 && supply_v > over_v ? AXIS_OVER_VOLTAGE : 0;
     faults |= axis_is_overloaded(axis, limit_a, tick_ms) ? AXIS_OVER_CURRENT : 0;
     faults |= axis->bad_motor ? AXIS_MOTOR_ENCODER : 0;
     faults |= axis->bad_link ? AXIS_LINK_ENCODER : 0;
     faults |= axis->bad_torque ? AXIS_TORQUE_SENSOR : 0;
-    faults |= valve && oil_pa < config->under_pressure_pa ? AXIS_UNDER_PRESSURE : 0;
-    faults |= valve && over_pressure ? AXIS_OVER_PRESSURE : 0;
+    if (axis->config->valve) {
+        double oil_pa = board->boards->oil_pa, over_pa = config->over_pressure_pa;
+
+        faults |= oil_pa < config->under_pressure_pa ? AXIS_UNDER_PRESSURE : 0;
+        faults |= over_pa > 0.0 && oil_pa > over_pa ? AXIS_OVER_PRESSURE : 0;
+    }
     return faults;
 }
 
