@@ -21,7 +21,11 @@ enum error_code listen_at(const char *who, const char *host, uint16_t port, int 
 
     host = host ? host : "127.0.0.1";
     snprintf(service, sizeof service, "%u", port);
-    if (getaddrinfo(host, service, &hints, &address)) {
+    failed = getaddrinfo(host, service, &hints, &address);
+    if (failed == EAI_MEMORY) {
+        return error_set(error, ERROR_MEMORY, "%s: no memory to listen", who);
+    }
+    if (failed) {
         return error_set(error, ERROR_INPUT,
                          "%s: found host \"%.60s\", expected a numeric address, for example "
                          "127.0.0.1",

@@ -132,10 +132,4 @@ static inline void put_u32_le(uint8_t *p, uint32_t value)
     put_u16_le(p + 2, (uint16_t)(value >> 16));
 }
 
-static inline void put_u16_be(uint8_t *p, uint16_t value)
-{
-    p[0] = (uint8_t)(value >> 8);
-    p[1] = (uint8_t)value;
-}
-
 #endif
