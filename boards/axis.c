@@ -26,48 +26,71 @@ void axis_power_up(const struct board *board, unsigned index)
     struct axis *axis = board_axis(board, index);
 
     axis->config = &board->config.axis[index];
-    axis->on = axis->faulty = axis->started = false;
+    axis->on = axis->faulty = false;
+    axis->sampled_ms = -1;
     axis->velocity_rad_s = axis->overload_ms = axis->voltage_v = 0.0;
 }
 
-void axis_read_sensors(const struct board *board, unsigned index,
-                       const struct plant_sensors *sensors)
+/* Reads the sensors of an axis that has a joint. */
+static void axis_read_sensors(struct axis *axis, const struct boards *boards,
+                              const struct motor_sense *sense)
 {
-    const struct board_axis_config *config = &board->config.axis[index];
-    const struct motor_sense *sense = &sensors->motor[config->joint];
-    struct axis *axis = board_axis(board, index);
-    int64_t now_ms = board->boards->now_ns / MS;
-    int32_t motor, link;
+    const struct board_axis_config *config = axis->config;
+    int32_t motor;
 
     axis->bad_motor = !control_quantize(sense->qm * config->motor_ticks_per_rad, &motor) ||
                       !isfinite(sense->current_a);
-    axis->bad_link = !control_quantize(sense->q * config->joint_ticks_per_rad, &link);
-    axis->bad_torque = !isfinite(sense->torque_nm);
     if (!axis->bad_motor) {
         axis->motor_ticks = motor;
-        axis->motor_rad = motor / config->motor_ticks_per_rad;
         axis->current_a = sense->current_a;
     }
-    if (!axis->bad_link) {
-        axis->link_ticks = link;
-        axis->link_rad = link / config->joint_ticks_per_rad;
-    }
-    if (!axis->bad_torque) {
-        axis->torque_nm = sense->torque_nm;
-    }
-    axis->supply_v = board->boards->supply_v;
+    /* A reading that is no number leaves the last one */
+    axis->bad_link = !control_quantize(sense->q * config->joint_ticks_per_rad, &axis->link_ticks);
+    axis->bad_torque = !isfinite(sense->torque_nm);
+    axis->torque_nm = axis->bad_torque ? axis->torque_nm : sense->torque_nm;
+    axis->supply_v = boards->supply_v;
     axis->winding_c = sense->winding_c;
-    axis->pressure_pa[0] = sense->pressure_pa[0];
-    axis->pressure_pa[1] = sense->pressure_pa[1];
-    axis->valve_opening = sense->valve_opening;
-    axis->first = !axis->started;
-    if (axis->first) {
-        axis->before_rad = axis->motor_rad;
+    if (config->valve) {
+        axis->pressure_pa[0] = sense->pressure_pa[0];
+        axis->pressure_pa[1] = sense->pressure_pa[1];
+        axis->valve_opening = sense->valve_opening;
     }
-    axis->passed_ms = axis->first ? 0 : now_ms - axis->sampled_ms;
-    axis->started = true;
-    axis->sampled_ms = now_ms;
+}
+
+void axes_read_sensors(const struct board *board, const struct plant_sensors *sensors)
+{
+    const int64_t now_ms = board->boards->now_ns / MS;
+
+    for (unsigned i = 0, count = board_axes(board); i < count; i++) {
+        struct axis *axis = board_axis(board, i);
+
+        if (axis->config->joint >= 0) {
+            axis_read_sensors(axis, board->boards, &sensors->motor[axis->config->joint]);
+            axis->first = axis->sampled_ms < 0;
+            axis->passed_ms = axis->first ? 0 : now_ms - axis->sampled_ms;
+            axis->sampled_ms = now_ms;
+        }
+    }
+}
+
+void axis_find_angles(struct axis *axis)
+{
+    axis->motor_rad = axis->motor_ticks / axis->config->motor_ticks_per_rad;
+    axis->link_rad = axis->link_ticks / axis->config->joint_ticks_per_rad;
+    axis->before_rad = axis->first ? axis->motor_rad : axis->before_rad;
     axis_update_rate(&axis->velocity_rad_s, &axis->before_rad, axis->motor_rad, axis->passed_ms);
+}
+
+void axes_drive_bridges(const struct board *board, struct plant_command *command)
+{
+    for (unsigned i = 0, count = board_axes(board); i < count; i++) {
+        const struct axis *axis = board_axis(board, i);
+
+        if (axis->config->joint >= 0) {
+            command->motor[axis->config->joint].bridge_on = axis->on;
+            command->motor[axis->config->joint].voltage_v = axis->on ? axis->voltage_v : 0.0;
+        }
+    }
 }
 
 /* Updates the overload of an axis by a tick, in ms at the limit; returns whether it has tripped. An
@@ -82,9 +105,8 @@ static inline bool axis_is_overloaded(struct axis *axis, double limit_a, double 
     return axis->overload_ms > OVERLOAD_MS;
 }
 
-uint32_t axis_find_faults(const struct board *board, unsigned index, double limit_a)
+uint32_t axis_find_faults(const struct board *board, struct axis *axis, double limit_a)
 {
-    struct axis *axis = board_axis(board, index);
     const struct board_config *config = &board->config;
     double supply_v = board->boards->supply_v, over_v = config->over_voltage_v;
     double tick_ms = (double)board->boards->tick_ns / MS;
@@ -92,9 +114,11 @@ uint32_t axis_find_faults(const struct board *board, unsigned index, double limi
 
     faults |= over_v > 0.0 && supply_v > over_v ? AXIS_OVER_VOLTAGE : 0;
     faults |= axis_is_overloaded(axis, limit_a, tick_ms) ? AXIS_OVER_CURRENT : 0;
-    faults |= axis->bad_motor ? AXIS_MOTOR_ENCODER : 0;
-    faults |= axis->bad_link ? AXIS_LINK_ENCODER : 0;
-    faults |= axis->bad_torque ? AXIS_TORQUE_SENSOR : 0;
+    if (axis->bad_motor || axis->bad_link || axis->bad_torque) {
+        faults |= axis->bad_motor ? AXIS_MOTOR_ENCODER : 0;
+        faults |= axis->bad_link ? AXIS_LINK_ENCODER : 0;
+        faults |= axis->bad_torque ? AXIS_TORQUE_SENSOR : 0;
+    }
     if (axis->config->valve) {
         double oil_pa = board->boards->oil_pa, over_pa = config->over_pressure_pa;
 
@@ -133,12 +157,6 @@ void estimator_reset(struct speed_estimator *estimator, int32_t position)
         estimator->position[i] = position;
     }
     estimator->head = 0;
-}
-
-void estimator_push(struct speed_estimator *estimator, int32_t position)
-{
-    estimator->head = (estimator->head + 1) % ESTIMATOR_HISTORY;
-    estimator->position[estimator->head] = position;
 }
 
 /* Returns the position so many milliseconds ago, ticks. */

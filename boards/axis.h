@@ -27,12 +27,12 @@ struct axis {
 
     /* Readings at the last sample; what has no number stays as it was and is bad */
     int32_t motor_ticks, link_ticks;
-    double motor_rad, link_rad; /* of the ticks */
+    double motor_rad, link_rad; /* of the ticks; axis_find_angles */
     double current_a, torque_nm, winding_c, pressure_pa[2], valve_opening;
     bool bad_motor, bad_link, bad_torque; /* bad_motor: its encoder or its current */
-    bool started, first; /* sampled since power-up; the last sample was the first since then */
-    int64_t sampled_ms, passed_ms; /* time of the last sample; since the one before, 0: none was */
-    double before_rad, velocity_rad_s; /* of the motor, a running mean */
+    bool first;                           /* the last sample was the first since power-up */
+    int64_t sampled_ms, passed_ms;     /* time of the last sample, -1: none; since the one before */
+    double before_rad, velocity_rad_s; /* of the motor, a running mean; axis_find_angles */
     double overload_ms;                /* axis_find_faults */
 };
 
@@ -51,16 +51,22 @@ enum axis_fault {
 /* Begins an axis with an open bridge, after the power-up of its board. */
 void axis_power_up(const struct board *board, unsigned index);
 
-/* Reads the sensors of an axis that has a joint. */
-void axis_read_sensors(const struct board *board, unsigned index,
-                       const struct plant_sensors *sensors);
+/* Reads the sensors of a board's axes that have a joint. */
+void axes_read_sensors(const struct board *board, const struct plant_sensors *sensors);
+
+/* Computes the angles of an axis and the rate of its rotor from the encoders' ticks; once after
+ * each sample, by the protocols that work with angles. */
+void axis_find_angles(struct axis *axis);
+
+/* Writes the bridges of a board's axes into the command of the plant. */
+void axes_drive_bridges(const struct board *board, struct plant_command *command);
 
 /* Updates a rate, the running mean of the change of a value within ms milliseconds. */
 void axis_update_rate(double *rate, double *before, double now, int64_t ms);
 
 /* Returns the faults that an axis has now, by enum axis_fault; once a tick. Over-current is I2t:
  * integral (I^2 - limit^2) dt = limit^2 * 10 ms, while the bridge is closed. */
-uint32_t axis_find_faults(const struct board *board, unsigned index, double limit_a);
+uint32_t axis_find_faults(const struct board *board, struct axis *axis, double limit_a);
 
 /* Rounds to the nearest count, held within int32; returns false (*count untouched) when value is
  * not finite. */
@@ -115,7 +121,11 @@ struct speed_estimator {
 
 /* Resets the estimator as if the position had always been this. */
 void estimator_reset(struct speed_estimator *estimator, int32_t position);
-void estimator_push(struct speed_estimator *estimator, int32_t position);
+static inline void estimator_push(struct speed_estimator *estimator, int32_t position)
+{
+    estimator->head = (estimator->head + 1) % ESTIMATOR_HISTORY;
+    estimator->position[estimator->head] = position;
+}
 
 /* ticks/ms * 2^shift */
 int64_t estimator_speed(const struct speed_estimator *estimator, int64_t shift);

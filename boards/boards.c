@@ -632,27 +632,12 @@ void boards_receive(struct boards *boards, int64_t now_ns, size_t bus,
 
 /* ---- control ---- */
 
-/* Writes the bridges of a board's axes into the command of the plant. */
-static void board_drive_bridges(const struct board *board, struct plant_command *command)
-{
-    for (unsigned i = 0; i < board_axes(board); i++) {
-        const int joint = board_joint(board, i);
-
-        if (joint >= 0) {
-            const struct axis *axis = board_axis(board, i);
-
-            command->motor[joint].bridge_on = axis->on;
-            command->motor[joint].voltage_v = axis->on ? axis->voltage_v : 0.0;
-        }
-    }
-}
-
 /* Opens the bridges of a board of ours. */
 static void board_shut_down(struct board *board, struct plant_command *command)
 {
     if (board->ops->shut_down && !board->config.external) {
         board->ops->shut_down(board);
-        board_drive_bridges(board, command);
+        axes_drive_bridges(board, command);
     }
 }
 
@@ -666,7 +651,7 @@ static void board_control(struct board *board, struct ms_span span, struct plant
         }
     } else if (board->ops->control) {
         board->ops->control(board, span);
-        board_drive_bridges(board, command);
+        axes_drive_bridges(board, command);
     }
 }
 
@@ -752,10 +737,8 @@ void boards_sample(struct boards *boards, int64_t now_ns, const struct plant_sen
     for (size_t i = 0; i < boards->nboard; i++) {
         struct board *board = boards->board[i];
 
-        for (unsigned k = 0; k < board_axes(board); k++) {
-            if (board_joint(board, k) >= 0) {
-                axis_read_sensors(board, k, sensors);
-            }
+        if (board->ops->axis_size) {
+            axes_read_sensors(board, sensors);
         }
         board->ops->sample(board, sensors);
     }

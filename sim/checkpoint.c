@@ -76,11 +76,6 @@ enum error_code checkpoint_create(const struct span *moving, size_t nmoving,
     return ERROR_NONE;
 }
 
-size_t checkpoint_size(const struct checkpoint *checkpoint)
-{
-    return checkpoint->size;
-}
-
 void checkpoint_save(struct checkpoint *c, size_t copy)
 {
     unsigned char *to = c->copy + copy * c->size;

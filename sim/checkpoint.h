@@ -27,9 +27,6 @@ enum error_code checkpoint_create(const struct span *moving, size_t nmoving,
                                   struct arena *arena, struct checkpoint **checkpoint,
                                   struct error *error);
 
-/* Returns the bytes of one copy. RT-safe. */
-size_t checkpoint_size(const struct checkpoint *checkpoint);
-
 /* Save to a copy, and restore from one that was saved. RT-safe. */
 void checkpoint_save(struct checkpoint *checkpoint, size_t copy);
 void checkpoint_restore(const struct checkpoint *checkpoint, size_t copy);

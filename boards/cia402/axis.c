@@ -507,6 +507,7 @@ static void cia402_motor_sample(struct board *board, const struct plant_sensors 
     for (unsigned i = 0; i < motor->node.axes; i++) {
         struct cia402_axis *axis = &motor->axis[i];
 
+        axis_find_angles(&axis->base);
         cia402_axis_publish(axis);
         cia402_homing_sample(axis, &axis->base.config->switches);
         for (int64_t k = 0; k < axis->base.passed_ms; k++) {
@@ -536,8 +537,7 @@ static uint32_t cia402_axis_present_faults(const struct board *board, struct cia
             high = p->position_limit[1];
     bool enabled = axis->state == CIA402_OPERATION_ENABLED;
     bool off_course = axis->following_ms > p->following_timeout_ms;
-    uint32_t faults = axis_find_faults(board, cia402_axis_number(cia402_node_of(board), axis),
-                                       (double)p->current_limit_ma * 1e-3);
+    uint32_t faults = axis_find_faults(board, &axis->base, (double)p->current_limit_ma * 1e-3);
 
     faults |= axis->temperature_c > p->temperature_limit_c ? CIA402_FAULT_TEMPERATURE : 0;
     faults |=

@@ -314,6 +314,7 @@ static void described_motor_sample(struct board *board, const struct plant_senso
 
     (void)sensors;
     for (unsigned i = 0; i < node->axes; i++) {
+        axis_find_angles(&node->axis[i].base);
         control_quantize(node->axis[i].base.winding_c, &node->axis[i].temperature_c);
     }
 }
@@ -339,12 +340,11 @@ static uint32_t fault_if(bool present, enum described_fault fault)
 /* Returns the faults that an axis has now. */
 static uint32_t axis_present_faults(const struct described_node *node, struct described_axis *axis)
 {
-    const unsigned index = axis_index(node, axis);
     const struct board *board = &node->board;
-    const struct board_axis_config *config = &board->config.axis[index];
+    const struct board_axis_config *config = axis->base.config;
     double hottest_c =
         config->temperature_limit_c > 0.0 ? config->temperature_limit_c : TEMPERATURE_MAX_C;
-    const uint32_t common = axis_find_faults(board, index, config->current_limit_a);
+    const uint32_t common = axis_find_faults(board, &axis->base, config->current_limit_a);
 
     /* Faults of every axis have the same bits, those of the pressure six lower */
     return (common & ((1u << DESCRIBED_OVER_TEMPERATURE) - 1)) |

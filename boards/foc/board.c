@@ -605,7 +605,7 @@ static void foc_board_watch_i2t(struct board *board)
 static void foc_board_watch_faults(struct board *board)
 {
     struct foc_board *foc = foc_board_of(board);
-    uint32_t faults = 0, now = axis_find_faults(board, 0, (double)foc->peak_ma * 1e-3);
+    uint32_t faults = 0, now = axis_find_faults(board, &foc->axis, (double)foc->peak_ma * 1e-3);
 
     if (!foc_runs(foc->axis.mode)) {
         return;

@@ -111,7 +111,7 @@ static int64_t motor_axis_impedance_law(struct motor_axis *axis)
  * sensor. */
 static int64_t motor_axis_measured_torque(const struct board *board, const struct motor_axis *axis)
 {
-    const struct board_axis_config *config = motor_axis_config(board, axis);
+    const struct board_axis_config *config = axis->base.config;
     int64_t address = axis->parameter[ICUB_P_TORQUE_SOURCE];
     int32_t counts = 0;
 
@@ -315,8 +315,8 @@ bool motor_axis_command_mode(struct board *board, struct motor_axis *axis, int64
         motor_axis_command_mode_strictly(board, axis, mode);
         return true;
     }
-    if (!stop && (!motor_is_control_mode(mode) ||
-                  (mode == ICUB_MODE_CURRENT && motor_axis_config(board, axis)->valve))) {
+    if (!stop &&
+        (!motor_is_control_mode(mode) || (mode == ICUB_MODE_CURRENT && axis->base.config->valve))) {
         return false;
     }
     /* From idle into a mode; out of a fault by FORCE_IDLE only; else from mode to mode */
@@ -351,9 +351,8 @@ bool motor_axis_has_velocity(const struct motor_axis *axis)
 /* Checks supply, encoders and current; a fault stops a running axis. */
 static void motor_axis_watch_faults(struct board *board, struct motor_axis *axis)
 {
-    unsigned index = motor_axis_index(board, axis);
     double limit_a = (double)axis->parameter[ICUB_P_CURRENT_LIMIT] * 1e-3;
-    uint32_t now = axis_find_faults(board, index, limit_a);
+    uint32_t now = axis_find_faults(board, &axis->base, limit_a);
     bool over_current = now & AXIS_OVER_CURRENT;
     uint8_t faults = (uint8_t)((now & AXIS_UNDER_VOLTAGE ? ICUB_FAULT_UNDER_VOLTAGE : 0) |
                                (now & AXIS_OVER_VOLTAGE ? ICUB_FAULT_OVER_VOLTAGE : 0) |
@@ -371,7 +370,7 @@ static void motor_axis_watch_faults(struct board *board, struct motor_axis *axis
         motor_board_print(board, "OVERCURRENT");
     }
     if (risen) {
-        board_event(board, BOARD_EVENT_FAULT, index, risen, 0);
+        board_event(board, BOARD_EVENT_FAULT, motor_axis_index(board, axis), risen, 0);
         motor_board_of(board)->status_due = true;
     }
     if (motor_runs(axis->base.mode) && (faults || over_current)) {
@@ -467,7 +466,7 @@ static bool motor_axis_source_is_alive(const struct board *board, const struct m
     int64_t since = axis->source_ns;
 
     if (address == 0) {
-        return motor_axis_config(board, axis)->torque_full_scale_nm > 0.0;
+        return axis->base.config->torque_full_scale_nm > 0.0;
     }
     if (source->heard && source->time_ns > since) {
         since = source->time_ns;

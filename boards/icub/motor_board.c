@@ -602,9 +602,8 @@ void motor_board_print(struct board *board, const char *text)
 /* ---- power-up ---- */
 
 /* Fills the parameters of an axis at power-up: gains 0, limits of the rig. */
-static void motor_axis_set_defaults(const struct board *board, struct motor_axis *axis)
+static void motor_axis_set_defaults(struct motor_axis *axis, const struct board_axis_config *config)
 {
-    const struct board_axis_config *config = motor_axis_config(board, axis);
     int64_t *p = axis->parameter;
     int32_t limit = 0;
 
@@ -639,7 +638,7 @@ static void motor_board_power_up(struct board *board)
     for (int i = 0; i < MOTOR_AXES; i++) {
         struct motor_axis *axis = &motor->axis[i];
 
-        motor_axis_set_defaults(board, axis);
+        motor_axis_set_defaults(axis, &board->config.axis[i]);
         if (!motor->powered) {
             memcpy(axis->saved, axis->parameter, sizeof axis->saved);
         }

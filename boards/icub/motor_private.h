@@ -73,12 +73,6 @@ static inline unsigned motor_axis_index(const struct board *board, const struct 
     return (unsigned)(axis - motor_board_of(board)->axis);
 }
 
-static inline const struct board_axis_config *motor_axis_config(const struct board *board,
-                                                                const struct motor_axis *axis)
-{
-    return &board->config.axis[motor_axis_index(board, axis)];
-}
-
 static inline int32_t motor_axis_position(const struct motor_axis *axis)
 {
     return (int32_t)control_clamp((int64_t)axis->base.link_ticks + axis->offset, INT32_MIN,

@@ -259,10 +259,11 @@ static double moteus_fraction(double turns)
 static void moteus_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct moteus_board *moteus = moteus_board_of(board);
-    const struct axis *axis = &moteus->axis;
+    struct axis *axis = &moteus->axis;
     double *value = moteus->value;
 
     (void)sensors;
+    axis_find_angles(axis);
     value[MOTEUS_R_MILLISECONDS] = (double)(uint32_t)(board->boards->now_ns / MS);
     if (axis->config->joint < 0 || axis->bad_motor || axis->bad_link) {
         return;
@@ -291,7 +292,7 @@ static void moteus_watch(struct board *board)
     struct moteus_board *moteus = moteus_board_of(board);
     double hottest_c = board->config.axis[0].temperature_limit_c;
     enum moteus_mode mode = moteus_mode(moteus);
-    uint32_t now = axis_find_faults(board, 0, board->config.axis[0].current_limit_a);
+    uint32_t now = axis_find_faults(board, &moteus->axis, board->config.axis[0].current_limit_a);
 
     if (mode == MOTEUS_STOPPED || mode == MOTEUS_FAULT) {
         return;

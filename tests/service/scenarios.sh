@@ -177,7 +177,7 @@ if run 2 "$work/config/scenarios/named.yaml" &&
     grep -q 'named.yaml:12:5: found signal "LElbj.voltag".*expected "voltage"' "$work/err" &&
     sed -i 's/voltag,/voltage,/; s/bus: left_arm/bus: can3/' \
         "$work/config/scenarios/named.yaml" && run 2 "$work/config/scenarios/named.yaml" &&
-    grep -q 'found bus "can3", expected one of torso, left_leg, right_leg, left_arm, right_arm' \
+    grep -q 'found unknown bus "can3", expected torso, left_leg, right_leg, left_arm or right_arm' \
         "$work/err"
 then ok "$name"; else not_ok "$name"; fi
 
