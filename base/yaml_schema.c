@@ -496,12 +496,12 @@ static enum error_code yaml_read_struct(struct yaml_reader *r, const struct yaml
 /* Returns the key of a path; NULL = it is left out. *mark: the mapping that lacks it. */
 static const struct yaml_key *yaml_find_path(const struct yaml_mark **mark, const char *path)
 {
-    const size_t length = strcspn(path, ".");
+    const size_t n = strcspn(path, ".");
 
     for (const struct yaml_key *at = (*mark)->keys; at && at->key; at++) {
-        if (strncmp(at->key, path, length) == 0 && at->key[length] == '\0') {
+        if (at->key[0] == path[0] && strncmp(at->key, path, n) == 0 && at->key[n] == '\0') {
             *mark = &at->mark;
-            return path[length] ? yaml_find_path(mark, path + length + 1) : at;
+            return path[n] ? yaml_find_path(mark, path + n + 1) : at;
         }
     }
     return NULL;

@@ -12,7 +12,6 @@
 
 #include <math.h>
 #include <stdarg.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -135,7 +134,10 @@ static struct obj_token obj_next_token(struct obj_reader *r)
 /* Copies a token as a string, cut off where it is too long. */
 static void obj_copy_token(const struct obj_token *token, char word[WORD_SIZE])
 {
-    snprintf(word, WORD_SIZE, "%.*s", (int)fmin((double)token->length, WORD_SIZE), token->text);
+    size_t length = token->length < WORD_SIZE ? token->length : WORD_SIZE - 1;
+
+    memcpy(word, token->text, length);
+    word[length] = '\0';
 }
 
 /* Parses a token as a finite number; otherwise ERROR_INPUT with what was expected. */
