@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* CLOCK_MONOTONIC as a clock, and a clock that runs at a settable rate of another. */
+/* Implements CLOCK_MONOTONIC as a clock, and a clock that runs at a settable rate of another. */
 #include "rt/clock.h"
 
 #include "rt/snapshot.h"
@@ -51,22 +51,22 @@ struct clock *clock_monotonic(void)
 
 /* ---- a clock at a rate ---- */
 
-/* A sleeping thread checks after this many ns whether the rate has changed. */
+/* Interval at which a sleeping thread checks for a new rate, ns. */
 #define LOOK_NS (5 * CLOCK_MS)
 
-/* The present relation of the clocks: now = own_ns + rate (behind - behind_ns). */
+/* The present relation of the two clocks: now = own_ns + rate (behind - behind_ns). */
 struct line {
     int64_t behind_ns, own_ns;
     double rate;
 };
 
 struct pace {
-    struct clock clock; /* first */
+    struct clock clock; /* base, must be first */
     struct clock *behind;
     struct snapshot *line; /* struct line */
 };
 
-/* Returns the time of the scaled clock at a time of the clock behind it, ns. */
+/* Returns the time of the scaled clock at time behind_ns of the other clock, ns. */
 static int64_t line_at(const struct line *line, int64_t behind_ns)
 {
     return line->own_ns + (int64_t)(line->rate * (double)(behind_ns - line->behind_ns));
@@ -81,8 +81,8 @@ static int64_t pace_now(struct clock *clock)
     return line_at(&line, clock_now(pace->behind));
 }
 
-/* Returns when to look again, on the clock behind: at the deadline if that is soon, else after
- * LOOK_NS. */
+/* Returns when to check the rate again, in time of the other clock: at the deadline if it is close,
+ * else after LOOK_NS. */
 static int64_t line_next_look(const struct line *line, int64_t now_ns, int64_t deadline_ns)
 {
     double left = (double)(deadline_ns - line_at(line, now_ns));
@@ -91,7 +91,7 @@ static int64_t line_next_look(const struct line *line, int64_t now_ns, int64_t d
                                                : now_ns + LOOK_NS;
 }
 
-/* Sleeps until a time of the scaled clock, while its rate may change. */
+/* Sleeps until a time of the scaled clock. The rate may change during the sleep. */
 static void pace_sleep_until(struct clock *clock, int64_t deadline_ns)
 {
     const struct pace *pace = (struct pace *)clock;
@@ -108,8 +108,8 @@ static void pace_sleep_until(struct clock *clock, int64_t deadline_ns)
     }
 }
 
-/* Waits for a readable descriptor; returns early, at the latest when the rate has to be checked
- * again, and the caller looks at the time. */
+/* Waits for a readable descriptor. Returns early when the rate must be checked again; the caller
+ * then checks the time. */
 static void pace_wait_readable(struct clock *clock, struct pollfd *fds, size_t count,
                                int64_t deadline_ns)
 {

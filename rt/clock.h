@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The clock that the loop waits on, passed in so that tests can script time. Times are int64_t ns
- * of one monotonic axis; its zero means nothing. RT-safe.
+ * The clock that the loop waits on. The caller passes it in, so that tests can script time. Times
+ * are int64_t ns on one monotonic axis with an arbitrary zero. RT-safe.
  */
 #ifndef RT_CLOCK_H
 #define RT_CLOCK_H
@@ -19,14 +19,15 @@ struct clock;
 
 struct clock_ops {
     int64_t (*now)(struct clock *clock);
-    /* Returns at the deadline, or earlier when a signal came: the caller asks now() again. */
+    /* Sleeps until the deadline. A signal may end the sleep early, so the caller checks now()
+     * again. */
     void (*sleep_until)(struct clock *clock, int64_t deadline_ns);
-    /* Returns when one of the descriptors can be read, at the deadline or at a signal. */
+    /* Waits until a descriptor is readable, the deadline passes, or a signal arrives. */
     void (*wait_readable)(struct clock *clock, struct pollfd *fds, size_t count,
                           int64_t deadline_ns);
 };
 
-/* An implementation's private struct begins with this. */
+/* The base of each implementation: its private struct begins with this one. */
 struct clock {
     const struct clock_ops *ops;
 };
@@ -51,10 +52,10 @@ static inline void clock_wait_readable(struct clock *clock, struct pollfd *fds, 
 }
 
 /*
- * A clock that runs at a multiple of the clock behind it, or stands still: a controller in a thread
- * of its own waits on it while requests change the simulator's speed (rt/requests.h), so that both
- * agree how long a second is. It begins equal to the other clock and never goes back. One thread
- * changes the rate, any may wait. RT-safe.
+ * A clock that runs at a multiple of another clock, or stands still. A controller in its own thread
+ * waits on it, so that it follows changes of the simulator's speed (rt/requests.h). It starts at
+ * the time of the other clock and never goes back. One thread changes the rate; any thread may
+ * wait. RT-safe.
  */
 struct pace;
 
@@ -62,8 +63,8 @@ struct pace;
 enum error_code pace_create(struct clock *behind, struct arena *arena, struct pace **pace,
                             struct error *error);
 
-/* Sets the rate from now on, in seconds of this clock a second of the other; 0 = stands still,
- * and threads that sleep on it sleep on. */
+/* Sets the rate from now on, in seconds of this clock per second of the other. At 0 the clock
+ * stands still and sleeping threads stay asleep. */
 void pace_set(struct pace *pace, double rate);
 
 struct clock *pace_clock(struct pace *pace);

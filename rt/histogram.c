@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A histogram with log-linear buckets. The writer stores each field as an atomic, which costs no
- * more than a plain store, and the bucket last. */
+/* Implements a histogram with log-linear buckets. The writer stores each field atomically, at the
+ * cost of a plain store, and stores the bucket last. */
 #include "rt/histogram.h"
 
 #include <math.h>
 
 enum { SUB = 1 << HISTOGRAM_SUB_BITS };
 
-/* Returns the bucket of a value: values below 2 SUB have one each; above, the leading SUB_BITS +
- * 1 bits choose it. */
+/* Returns the bucket of a value. Each value below 2 SUB has its own; above, the leading SUB_BITS +
+ * 1 bits select the bucket. */
 static unsigned histogram_bucket_of(uint64_t value)
 {
     unsigned shift, index;
@@ -45,7 +45,7 @@ void histogram_add(struct histogram *histogram, int64_t ns)
     }
     __atomic_store_n(&histogram->sum, histogram->sum + value, __ATOMIC_RELAXED);
     __atomic_store_n(&histogram->count, histogram->count + 1, __ATOMIC_RELAXED);
-    /* Release: a reader that sees the sample here sees the min and max that include it */
+    /* Release: a reader that sees this sample also sees a min and max that include it */
     __atomic_store_n(bucket, *bucket + 1, __ATOMIC_RELEASE);
 }
 

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runs the ticks: the phases of a tick in their order, each stamped with the time that it took,
- * the wait before them, and the run around them. A machine gets functions that do nothing where it
- * has none, so that the loop calls every phase without checking for NULL. */
+/* Runs the ticks: the wait, then the phases in order, each with its duration measured. The loop
+ * replaces each NULL function of a machine by an empty one, so that no phase checks for NULL. */
 #include "rt/loop_private.h"
 
 #include "rt/probes.h"
@@ -49,7 +48,7 @@ static void idle_wait(void *context)
     (void)context;
 }
 
-/* Puts a function that does nothing in the place of each one that the machine lacks. */
+/* Replaces each NULL function of the machine by an empty one. */
 static void complete_machine(struct loop_machine *machine)
 {
     machine->begin = machine->begin ? machine->begin : idle_phase;
@@ -66,7 +65,7 @@ static void complete_machine(struct loop_machine *machine)
 
 /* ---- the configuration ---- */
 
-/* Sets the default identifiers (equal ones mean unset) and the default time-out of lockstep. */
+/* Sets the default identifiers (equal ids mean unset) and the default time-out of lockstep. */
 static void complete_lockstep(struct loop_lockstep *lockstep)
 {
     if (lockstep->step_id == lockstep->done_id) {
@@ -98,7 +97,7 @@ static bool loop_complete_config(struct loop_config *config, struct arena *arena
 
 /* ---- creation and what others may ask ---- */
 
-/* Allocates the loop's frame buffers, the states of its buses and the ring of events; false = no
+/* Allocates the frame buffers, the states of the buses and the ring of events; false = out of
  * memory. */
 static bool loop_allocate(struct loop *loop, struct arena *arena)
 {
@@ -188,7 +187,7 @@ bool loop_step_controller(struct loop *loop)
 
 /* ---- the wait for a tick's deadline, STEP frame (loop_lockstep.c) or nothing ---- */
 
-/* Returns when to look for requests again while the deadline is far off (ns of the clock). */
+/* Returns when to check for requests again if the deadline is far off, ns of the clock. */
 static int64_t wait_next_look(const struct loop *loop, int64_t now_ns)
 {
     int64_t slice = now_ns + WAIT_SLICE_NS, before = loop->deadline_ns - POLL_SLICE_NS;
@@ -196,14 +195,14 @@ static int64_t wait_next_look(const struct loop *loop, int64_t now_ns)
     return slice < before ? slice : before;
 }
 
-/* Sleeps until the tick's deadline. False = the run ends, or a request has to be carried out
+/* Sleeps until the tick's deadline. False = the run has ended, or a request must be carried out
  * first. */
 static bool wait_for_deadline(struct loop *loop)
 {
     int64_t now = clock_now(loop->config.time);
     bool slept = false;
 
-    /* Speed 0: as fast as possible, the deadline is always now */
+    /* Speed 0, as fast as possible: the deadline is always now */
     if (loop->period_ns == 0) {
         loop->deadline_ns = now;
     }
@@ -219,7 +218,7 @@ static bool wait_for_deadline(struct loop *loop)
             break;
         }
 
-        /* Far from the deadline requests interrupt the sleep; close to it nothing does */
+        /* Requests may interrupt the sleep far from the deadline, but not close to it */
         if (loop->config.requests && loop->deadline_ns - now > 2 * POLL_SLICE_NS) {
             loop->config.machine.idle(loop->config.machine.context);
             loop_requests_sleep(loop, NULL, wait_next_look(loop, now));
@@ -233,8 +232,7 @@ static bool wait_for_deadline(struct loop *loop)
         now = clock_now(loop->config.time);
     }
 
-    /* From its reference time on the tick is charged for its time; how late the sleep ended is
-     * counted */
+    /* The tick is charged from its reference time on; the histogram counts the late wake-up */
     loop->reference_ns =
         loop->deadline_ns > loop->last_end_ns ? loop->deadline_ns : loop->last_end_ns;
     if (slept) {
@@ -263,8 +261,7 @@ static bool loop_wait_by_clock(struct loop *loop)
 
 /* ---- frames ---- */
 
-/* Checks whether the loop records a frame: all of them, or only those that no wire carries and
- * records itself. */
+/* Checks whether the loop records a frame: every frame, or only frames that no wire records. */
 static bool loop_records_frame(const struct loop *loop, const struct bus_frame *frame)
 {
     const struct loop_lockstep *lockstep = &loop->config.lockstep;
@@ -295,8 +292,7 @@ LOOP_NOINLINE size_t loop_take_frames(struct loop *loop, size_t bus, struct bus_
     return count;
 }
 
-/* Receives all that waits on a bus, at most LOOP_RECEIVE_MAX frames, and hands it to the
- * machine. */
+/* Receives the waiting frames of a bus, at most LOOP_RECEIVE_MAX, and hands them to the machine. */
 static void loop_drain_bus(struct loop *loop, size_t bus)
 {
     size_t count, total = 0;
@@ -310,7 +306,7 @@ static void loop_drain_bus(struct loop *loop, size_t bus)
     } while (count == BATCH && total < LOOP_RECEIVE_MAX);
 }
 
-/* Sends the first `count` of the outgoing frames, and records those that the port has accepted. */
+/* Sends the first `count` outgoing frames, and records the frames that the port accepted. */
 static LOOP_NOINLINE void loop_send_frames(struct loop *loop, size_t bus, size_t count)
 {
     size_t sent = count ? can_send(loop->config.port[bus], loop->outgoing, count) : 0;
@@ -328,8 +324,7 @@ void loop_send_done(struct loop *loop, uint16_t flags)
     const size_t last = (size_t)loop->config.lockstep.bus;
     struct bus_frame done = lockstep_done(&loop->lockstep, flags);
 
-    /* DONE goes out in batches of its own, so that it passes even where the boards' frames are
-     * lost */
+    /* Send DONE in a batch of its own, so that it passes even when the boards' frames are lost */
     done.time_ns = loop->stats.time_ns;
     for (size_t b = 0; b < loop->config.nbus; b++) {
         if (b != last) {
@@ -352,7 +347,8 @@ void loop_count_lost(const struct loop *loop, uint64_t *rx, uint64_t *tx)
 
 /* ---- the phases of a tick ---- */
 
-/* Ends a phase: notes the time that it took, for the overrun accounts and the phase's histogram. */
+/* Ends a phase: stores its duration for the overrun accounts and adds it to the phase's
+ * histogram. */
 static LOOP_NOINLINE void loop_phase_end(struct loop *loop, enum loop_phase phase)
 {
     int64_t now = clock_now(loop->config.time);
@@ -364,14 +360,14 @@ static LOOP_NOINLINE void loop_phase_end(struct loop *loop, enum loop_phase phas
     histogram_add(&loop->stats.phase[phase], spent);
 }
 
-/* Begins what is due at the tick's time, carries out requests of other threads, then waits.
- * False = no tick is to run now: requests have to be carried out first, or the run has ended. */
+/* Starts the effects that are due at the tick's time, carries out requests, then waits. False = do
+ * not run the tick: requests must be carried out first, or the run has ended. */
 static bool loop_wait(struct loop *loop)
 {
     const struct loop_machine *machine = &loop->config.machine;
     bool go;
 
-    /* Before the wait, because in lockstep the wait already receives frames */
+    /* Call begin before the wait, because in lockstep the wait already receives frames */
     machine->begin(machine->context, loop->stats.time_ns);
     go = (!loop->config.requests || loop_requests_carry_out(loop)) && loop_wait_by_clock(loop);
     if (!go && loop->end == LOOP_RUNNING) {
@@ -380,14 +376,14 @@ static bool loop_wait(struct loop *loop)
 
     loop_phase_end(loop, PHASE_WAIT);
     if (loop->config.clock == LOOP_CLOCK_REAL) {
-        /* What may be charged with an overrun is the late wake-up, not the sleep */
+        /* Charge an overrun only with the late wake-up, not with the sleep */
         loop->spent[PHASE_WAIT] = loop->mark_ns - loop->reference_ns;
     }
     loop->work_begin_ns = loop->mark_ns;
     return go;
 }
 
-/* Receives all buses in their order. In lockstep the STEP's own bus gives what came before the
+/* Receives all buses in order. In lockstep, the STEP's own bus delivers only the frames before the
  * STEP. */
 static LOOP_NOINLINE void loop_receive(struct loop *loop)
 {
@@ -406,7 +402,7 @@ static LOOP_NOINLINE void loop_receive(struct loop *loop)
     loop_phase_end(loop, PHASE_RECEIVE);
 }
 
-/* Moves virtual time to the tick's end; returns whether DONE is due there. */
+/* Moves virtual time to the tick's end. Returns whether DONE is due there. */
 static bool loop_advance_time(struct loop *loop)
 {
     const struct loop_machine *machine = &loop->config.machine;
@@ -426,14 +422,14 @@ static bool loop_advance_time(struct loop *loop)
     return lockstep_advance(&loop->lockstep, flags);
 }
 
-/* Sends what the machine has for each bus at the tick's end, then DONE where one is due. */
+/* Sends the machine's frames on each bus at the tick's end, then DONE if it is due. */
 static LOOP_NOINLINE void loop_transmit(struct loop *loop)
 {
     const struct loop_machine *machine = &loop->config.machine;
     bool done_due = loop_advance_time(loop);
     int64_t now_ns = loop->stats.time_ns;
 
-    /* Frames that were on their way during the tick arrive before those that are sent at its end */
+    /* Deliver the frames that were in transit during the tick before sending new ones at its end */
     if (machine->advance) {
         machine->advance(machine->context, now_ns);
     }
@@ -449,7 +445,7 @@ static LOOP_NOINLINE void loop_transmit(struct loop *loop)
     loop_phase_end(loop, PHASE_TRANSMIT);
 }
 
-/* Emits events for what has changed about the buses: their states, and lost frames. */
+/* Emits events for changed bus states and for lost frames. */
 static void loop_watch_buses(struct loop *loop)
 {
     uint64_t rx, tx;
@@ -503,7 +499,7 @@ static void loop_run_tick(struct loop *loop)
         loop_requests_tick_begins(loop);
     }
 
-    /* From frames to motor voltages to motion to measured values to frames */
+    /* Frames to motor voltages to motion to measured values to frames */
     loop_receive(loop);
     machine->control(machine->context, begin_ns);
     loop_phase_end(loop, PHASE_BOARDS);
@@ -533,7 +529,7 @@ static void loop_run_tick(struct loop *loop)
     }
 }
 
-/* Returns the page faults of the calling thread until now, minor and major. */
+/* Returns the page faults of the calling thread so far, minor and major. */
 static uint64_t thread_page_faults(void)
 {
     struct rusage usage = {0};
@@ -564,7 +560,7 @@ enum loop_end loop_run(struct loop *loop)
     PROBE2(run_end, loop->end, loop->stats.ticks);
     loop->stats.page_faults = thread_page_faults() - faults;
 
-    /* The end: refuse requests, switch the motors off, and tell a lockstep controller */
+    /* At the end, refuse requests, switch the motors off, and notify a lockstep controller */
     if (loop->config.requests) {
         loop_requests_end(loop);
     }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the loop says of itself: words, what its phases do and may cost, and its events, which are
- * queued and written as text for the log. */
+/* Holds the names and budgets of the loop's phases. Queues the loop's events and formats them for
+ * the log. */
 #include "rt/loop_private.h"
 
 #include <stdio.h>
@@ -56,8 +56,7 @@ const char *loop_phase_name(enum loop_phase phase)
     return names[phase];
 }
 
-/* Writes the text of an event that a request has caused; the units of a and b are those of enum
- * loop_event_kind. */
+/* Formats an event that a request caused; enum loop_event_kind has the units of a and b. */
 static void loop_format_request(const struct loop *loop, const struct loop_event *event, char *text,
                                 size_t size)
 {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Waits for the STEP frame of lockstep and holds back the frames of its bus meanwhile: those
- * before the STEP belong to its first tick, those behind it do not. The protocol,
- * canbus/lockstep.c, decides whether a STEP fits. */
+/* Waits for the STEP frame of lockstep and holds back the other frames of its bus. Frames before
+ * the STEP belong to its first tick; frames behind it do not. canbus/lockstep.c checks whether a
+ * STEP is valid. */
 #include "rt/loop_private.h"
 
 #include <string.h>
@@ -39,8 +39,8 @@ void loop_drain_step_bus(struct loop *loop)
 
 /* ---- the STEP ---- */
 
-/* Examines one held frame; returns whether it is a STEP that is to run. A STEP that does not fit
- * is answered or reported. */
+/* Examines one held frame. Returns whether it is a valid STEP. An invalid STEP is answered or
+ * reported. */
 static bool step_accept_frame(struct loop *loop, const struct bus_frame *frame)
 {
     int bus = loop->config.lockstep.bus;
@@ -51,7 +51,7 @@ static bool step_accept_frame(struct loop *loop, const struct bus_frame *frame)
     case LOCKSTEP_REFUSED:
         loop_emit_event(loop, LOOP_EVENT_STEP_MISMATCH, bus, loop->lockstep.expected,
                         loop->lockstep.tick);
-        /* no tick follows that would publish them */
+        /* publish the counters now, because no tick follows */
         loop->stats.lockstep = loop->lockstep.counters;
         loop_send_done(loop, LOCKSTEP_MISMATCH);
         break;
@@ -64,7 +64,7 @@ static bool step_accept_frame(struct loop *loop, const struct bus_frame *frame)
     return false;
 }
 
-/* Reads the STEP's bus up to a STEP; false = none has come. */
+/* Reads the STEP's bus up to the next STEP; false = no STEP has come. */
 static bool step_find_frame(struct loop *loop)
 {
     size_t bus = (size_t)loop->config.lockstep.bus;
@@ -77,7 +77,7 @@ static bool step_find_frame(struct loop *loop)
             }
         }
 
-        /* The buffer is full without a STEP: its frames go to the boards now */
+        /* The buffer is full without a STEP: deliver its frames to the boards now */
         if (loop->held_count == HELD_MAX) {
             loop_deliver_held(loop);
         }
@@ -94,7 +94,7 @@ static bool step_find_frame(struct loop *loop)
     }
 }
 
-/* Sleeps until the STEP's bus can be read, a request comes, or it is time to look again. */
+/* Sleeps until the STEP's bus is readable, a request comes, or the slice ends. */
 static void step_sleep(struct loop *loop, int64_t now_ns)
 {
     struct can_port *port = loop->config.port[loop->config.lockstep.bus];
@@ -112,8 +112,8 @@ static void step_sleep(struct loop *loop, int64_t now_ns)
     clock_wait_readable(loop->config.time, &fd, fd.fd >= 0, until);
 }
 
-/* Checks whether a REQUEST_STEP stands for a STEP frame, and takes its ticks; not with an inline
- * controller, which sends STEPs of its own. */
+/* Checks whether a REQUEST_STEP replaces a STEP frame, and takes its ticks. An inline controller
+ * sends its own STEPs, so a request never replaces them. */
 static bool step_was_requested(struct loop *loop)
 {
     uint64_t left = loop->config.requests ? loop->requests.step_left : 0;
@@ -130,13 +130,13 @@ bool loop_wait_for_step(struct loop *loop)
     int bus = loop->config.lockstep.bus;
     int64_t now = loop->mark_ns, silent;
 
-    /* Ticks of the last STEP are left, or a request stands for a STEP: nothing to wait for */
+    /* Do not wait when ticks of the last STEP are left, or when a request replaces a STEP */
     loop->step_begins = loop->lockstep.ticks == 0;
     if (!loop->step_begins || step_was_requested(loop)) {
         return !loop_stop_requested(loop);
     }
 
-    /* The silence is measured from the first wait, also across interruptions by requests */
+    /* Measure the silence from the first wait, across interruptions by requests */
     if (!loop->awaiting) {
         lockstep_wait_begin(&loop->lockstep, now);
         loop->awaiting = true;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Carries out, between two ticks, the requests to a running loop (rt/requests.h). */
+/* Carries out requests to a running loop between two ticks (rt/requests.h). */
 #include "rt/loop_private.h"
 
 #include <math.h>
@@ -9,7 +9,10 @@
 #define SPEED_MIN 0.001
 #define SPEED_MAX 1000.0
 
-enum { PUSH_GROWS = 10 }; /* a push whose force grows by more than this factor is reported again */
+enum {
+    PUSH_GROWS = 10
+}; /* a push is reported again when its force grows by more than this
+                           * factor */
 
 bool loop_requests_create(struct loop *loop, struct arena *arena)
 {
@@ -30,7 +33,7 @@ bool loop_requests_create(struct loop *loop, struct arena *arena)
     return true;
 }
 
-/* Returns the functions by which requests act on the machine. */
+/* Returns the machine's functions for requests. */
 static const struct request_machine *loop_request_machine(const struct loop *loop)
 {
     return requests_machine(loop->config.requests);
@@ -48,7 +51,7 @@ static void loop_save_moment(struct loop *loop, struct loop_moment *moment)
     moment->ticks = loop->stats.ticks;
     moment->lockstep = loop->lockstep;
     if (loop->step_asked) {
-        moment->lockstep.ticks = 0; /* a REQUEST_STEP is not repeated after going back */
+        moment->lockstep.ticks = 0; /* going back does not repeat a REQUEST_STEP */
     }
     moment->lost_since_done = rx + tx - loop->lost_at_done;
     moment->held_count = loop->held_count;
@@ -58,7 +61,7 @@ static void loop_save_moment(struct loop *loop, struct loop_moment *moment)
     }
 }
 
-/* Restores the loop's own state; accounts and counters go on, only time goes back. */
+/* Restores the loop's own state. Time goes back; accounts and counters continue. */
 static void loop_restore_moment(struct loop *loop, const struct loop_moment *moment)
 {
     struct lockstep_counters counters = loop->lockstep.counters;
@@ -77,7 +80,7 @@ static void loop_restore_moment(struct loop *loop, const struct loop_moment *mom
     }
 }
 
-/* Saves machine and loop into a checkpoint slot, which is empty when that fails. */
+/* Saves machine and loop into a checkpoint slot. On failure the slot is empty. */
 static enum request_verdict loop_save_slot(struct loop *loop, size_t slot)
 {
     const struct request_machine *machine = loop_request_machine(loop);
@@ -109,7 +112,7 @@ static enum request_verdict request_checkpoint(struct loop *loop, size_t slot)
     return verdict;
 }
 
-/* Goes back to the state of a slot; refused while a recording runs, as its time never goes back. */
+/* Restores a slot. Refused while a recording runs, because time in a recording always increases. */
 static enum request_verdict request_restore(struct loop *loop, size_t slot)
 {
     const struct request_machine *machine = loop_request_machine(loop);
@@ -134,8 +137,8 @@ static enum request_verdict request_restore(struct loop *loop, size_t slot)
 
 /* ---- pause and speed ---- */
 
-/* Begins the grid of deadlines anew, now: the time before it, an intended pause or another
- * speed, is not accounted. */
+/* Restarts the grid of deadlines now. The time before, an intended pause or another speed, is not
+ * accounted. */
 static void loop_restart_grid(struct loop *loop)
 {
     loop->mark_ns = clock_now(loop->config.time);
@@ -144,7 +147,7 @@ static void loop_restart_grid(struct loop *loop)
     loop->awaiting = false;
 }
 
-/* Publishes pause and speed, to other threads and to the machine. */
+/* Publishes pause and speed to other threads and to the machine. */
 static void loop_publish_pace(struct loop *loop)
 {
     const struct request_machine *machine = loop_request_machine(loop);
@@ -170,10 +173,10 @@ static void loop_pause(struct loop *loop)
     loop_emit_event(loop, LOOP_EVENT_PAUSED, -1, (int64_t)loop->stats.ticks, 0);
 }
 
-/* Pauses the loop; a REQUEST_STEP under way is cut. */
+/* Pauses the loop and ends a running REQUEST_STEP. */
 static enum request_verdict request_pause(struct loop *loop)
 {
-    /* A step under way ends here, with its DONE where one is due, and is answered */
+    /* End a running step here: send DONE if it is due, and answer the request */
     if (loop->requests.step_left > 0) {
         loop->requests.step_left = 0;
         if (loop->step_asked && loop->lockstep.ticks > 0) {
@@ -199,7 +202,7 @@ static enum request_verdict request_resume(struct loop *loop)
     return REQUEST_OK;
 }
 
-/* Begins to run `count` ticks; loop_requests_tick_ended answers when they have run. */
+/* Starts to run `count` ticks; loop_requests_tick_ended sends the answer after the last one. */
 static enum request_verdict request_step(struct loop *loop, const struct loop_request *request)
 {
     if (request->count == 0) {
@@ -212,7 +215,7 @@ static enum request_verdict request_step(struct loop *loop, const struct loop_re
     return REQUEST_OK;
 }
 
-/* Sets the speed (0 = as fast as possible); the grid of deadlines begins anew. */
+/* Sets the speed (0 = as fast as possible) and restarts the grid of deadlines. */
 static enum request_verdict request_speed(struct loop *loop, double speed)
 {
     const struct request_machine *machine = loop_request_machine(loop);
@@ -251,8 +254,8 @@ static int64_t vector_length_milli(const double v[3])
     return (int64_t)(1e3 * sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]));
 }
 
-/* Emits the event of a push. A push that renews the last one is reported only when it has become
- * much greater, or ends. */
+/* Emits the event of a push. For a push that renews the last one, emits an event only at a large
+ * rise of the force and at the end. */
 static void loop_tell_push(struct loop *loop, const struct loop_request *request)
 {
     struct loop_push *push = &loop->requests.push;
@@ -260,7 +263,7 @@ static void loop_tell_push(struct loop *loop, const struct loop_request *request
     bool goes_on = push->until_ns > now_ns && push->body == request->index;
     bool ends = force_mn == 0 && vector_length_milli(request->moment_nm) == 0;
 
-    /* The push that goes on, with its greatest force and its end */
+    /* Does this push renew the last one, what is its greatest force, and does it end? */
     if (!goes_on) {
         *push = (struct loop_push){.body = request->index};
     }
@@ -268,7 +271,7 @@ static void loop_tell_push(struct loop *loop, const struct loop_request *request
     push->until_ns = ends                       ? 0
                      : request->duration_ns > 0 ? now_ns + request->duration_ns
                                                 : INT64_MAX;
-    /* One event at its beginning, at each great rise, and at its end */
+    /* One event at the beginning, at each large rise, and at the end */
     if (goes_on && ends) {
         loop_emit_event(loop, LOOP_EVENT_LET_GO, -1, (int64_t)push->body, push->most_mn);
     } else if (!goes_on || force_mn > PUSH_GROWS * push->told_mn) {
@@ -291,7 +294,7 @@ static enum request_verdict request_push(struct loop *loop, const struct loop_re
     return verdict;
 }
 
-/* Sets a tunable within its range; its event carries the bits of the double. */
+/* Sets a tunable within its range. The event carries the bits of the double. */
 static enum request_verdict request_set(struct loop *loop, const struct loop_request *request)
 {
     const struct request_machine *machine = loop_request_machine(loop);
@@ -313,14 +316,14 @@ static enum request_verdict request_set(struct loop *loop, const struct loop_req
 
 /* ---- requests ---- */
 
-/* Checks whether a request cannot be carried out while a REQUEST_STEP runs. */
+/* Checks whether a request is impossible while a REQUEST_STEP runs. */
 static bool request_conflicts_with_step(enum request_kind kind)
 {
     return kind == REQUEST_RESUME || kind == REQUEST_STEP || kind == REQUEST_RESET ||
            kind == REQUEST_RESTORE;
 }
 
-/* Carries out one request and returns the verdict on it. */
+/* Carries out one request and returns its verdict. */
 static enum request_verdict request_dispatch(struct loop *loop, const struct loop_request *request)
 {
     if (loop->requests.step_left > 0 && request_conflicts_with_step(request->kind)) {
@@ -366,13 +369,13 @@ static void request_dispatch_all(struct loop *loop)
             loop_restart_grid(loop);
         }
 
-        /* Other threads see the new state before they have the answer */
+        /* Publish the new state before the answer */
         requests_publish_values(loop->config.requests, went_back);
         if (machine->publish) {
             machine->publish(machine->context, loop->stats.time_ns, &loop->stats);
         }
 
-        /* A step that has begun is answered at its end */
+        /* A started step is answered when it ends */
         if (request.kind != REQUEST_STEP || verdict != REQUEST_OK) {
             request_reply(loop, request.ticket, verdict);
         }

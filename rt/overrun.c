@@ -28,7 +28,7 @@ void overrun_skip_pause(struct loop *loop, int64_t now_ns)
     loop->stats.pause_ticks += missed;
 }
 
-/* Charges an overrun to the phase that took longest; ends the run where the policy says so. */
+/* Charges an overrun to the phase that took longest, and ends the run if the policy requires it. */
 static void overrun_charge_phase(struct loop *loop, int64_t over_ns)
 {
     int worst = 0;
@@ -56,13 +56,13 @@ void overrun_account_tick(struct loop *loop, int64_t now_ns)
         return;
     }
 
-    /* So far behind that the process must have been stopped: a pause, no overrun */
+    /* So far behind that the process must have been stopped: count a pause, not an overrun */
     if (now_ns - loop->deadline_ns > LOOP_PAUSE_NS) {
         overrun_skip_pause(loop, now_ns);
         return;
     }
 
-    /* The tick took too long itself, or it is late only because an earlier one was */
+    /* An overrun if this tick took too long; late if only an earlier tick did */
     if (now_ns - loop->reference_ns > loop->period_ns) {
         overrun_charge_phase(loop, now_ns - loop->deadline_ns);
     } else {

@@ -1,21 +1,21 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Static tracepoints (USDT) at the seams of the loop, for perf, bpftrace, SystemTap and gdb on the
- * very program that runs a lab's rig. A probe that nobody watches is one nop; its arguments are
- * values that the loop has at hand. Without <sys/sdt.h> at build time (Debian: systemtap-sdt-dev),
- * or with -DHIL_PROBES=OFF, a probe is nothing at all.
+ * Static tracepoints (USDT) between the phases of the loop. Use them with perf, bpftrace, SystemTap
+ * or gdb on the same program that runs a rig in the lab. A probe that is not traced is one nop; its
+ * arguments are values that the loop has already. A build without <sys/sdt.h> (Debian:
+ * systemtap-sdt-dev), or with -DHIL_PROBES=OFF, has no probes.
  *
- * Provider coman_hil. All probes are hit in the loop's thread, and these are all there are:
+ * Provider coman_hil. All probes fire in the loop's thread. This is the complete list:
  *
  *   run_begin(clock, tick_ns)       before the first tick; clock as enum loop_clock
- *   tick_begin(tick, time_ns)       the wait is over; tick from 0, virtual time at which it begins
- *   received(bus, frames)           one batch taken from a bus, in wait and receive
- *   sent(bus, frames, accepted)     one batch for a bus; accepted by its port
- *   phase_end(phase, ns)            a phase has ended; enum loop_phase (0 wait to 6 publish) and
- *                                   the time that it took
- *   overrun(phase, ns)              an overrun: the phase that it is charged to, and how far past
- *                                   the deadline
- *   tick_end(tick, work_ns)         accounts are done; the tick without the wait
+ *   tick_begin(tick, time_ns)       after the wait; tick from 0, virtual time of its beginning
+ *   received(bus, frames)           one batch received from a bus, in wait or receive
+ *   sent(bus, frames, accepted)     one batch for a bus; how many its port accepted
+ *   phase_end(phase, ns)            end of a phase; enum loop_phase (0 wait to 6 publish), duration
+ *   overrun(phase, ns)              an overrun: the phase that it is charged to, time past the
+ *   deadline
+ *   tick_end(tick, work_ns)         after the overrun accounts; duration of the tick without the
+ *   wait
  *   run_end(end, ticks)             enum loop_end; before the motors are switched off
  *
  * Examples, with PROGRAM the path of coman-hil:
@@ -25,7 +25,7 @@
  *   perf buildid-cache --add PROGRAM
  *   perf probe --add 'sdt_coman_hil:*' && perf record -e 'sdt_coman_hil:*' -- PROGRAM run RIG
  *
- * RT-safe; a watched probe costs its watcher's trap, some microseconds.
+ * RT-safe. A traced probe costs the trap of its tracer, some microseconds.
  */
 #ifndef RT_PROBES_H
 #define RT_PROBES_H

@@ -17,7 +17,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-/* Bytes of stack that are touched in advance, more than the loop uses. */
+/* Bytes of stack to touch in advance; the loop uses less. */
 enum { STACK_TOUCHED = 256 * 1024 };
 
 /* Adds a warning to the report, if there is room. */
@@ -33,7 +33,7 @@ __attribute__((format(printf, 2, 3))) static void realtime_warn(struct realtime_
     }
 }
 
-/* Binds the thread to one processor, or warns that it runs on any. */
+/* Binds the thread to one processor, or warns that it may run on any. */
 static void realtime_pin_processor(int cpu, struct realtime_report *report)
 {
     cpu_set_t set;
@@ -52,7 +52,7 @@ static void realtime_pin_processor(int cpu, struct realtime_report *report)
     }
 }
 
-/* Sets SCHED_FIFO, or warns with the limit that forbids it. */
+/* Sets SCHED_FIFO, or warns and names the limit that forbids it. */
 static void realtime_set_priority(int priority, struct realtime_report *report)
 {
     struct sched_param param = {.sched_priority = priority};
@@ -80,12 +80,12 @@ static void realtime_set_priority(int priority, struct realtime_report *report)
     }
 }
 
-/* Locks all present and future memory, or warns with the limit that forbids it. */
+/* Locks all present and future memory, or warns and names the limit that forbids it. */
 static void realtime_lock_memory(struct realtime_report *report)
 {
     struct rlimit limit = {0};
 
-    /* Pages are locked when they are touched: the arena reserves far more address space than it
+    /* Lock pages when they are touched, because the arena reserves far more address space than it
      * uses */
     if (mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0) {
         report->locked = true;
@@ -99,9 +99,9 @@ static void realtime_lock_memory(struct realtime_report *report)
         strerror(errno), (unsigned long long)limit.rlim_cur / 1024);
 }
 
-/* Keeps processors out of deep idle states. The kernel honors it as long as the file is open,
- * which is until the process ends; the threads of the loop and of the task may get here at the
- * same time. */
+/* Keeps processors out of deep idle states. The kernel honors the limit while the file is open,
+ * that is until the process ends. The threads of the loop and of the task may call this
+ * concurrently. */
 static void realtime_avoid_idle_states(struct realtime_report *report)
 {
     static _Atomic int shared = -1;
@@ -129,8 +129,8 @@ __attribute__((noinline)) static void realtime_touch_stack(void)
     }
 }
 
-/* Maps all pages of a range with one call, or on kernels before 5.14 by reading each. That also
- * reads the padding between variables, which a sanitizer would object to. */
+/* Maps all pages of a range with one call; on kernels before 5.14, reads each page. The reads
+ * include the padding between variables, so sanitizers are off. */
 __attribute__((no_sanitize("address", "thread"))) static void
 realtime_touch_pages(uintptr_t begin, uintptr_t end, size_t page)
 {
@@ -142,14 +142,14 @@ realtime_touch_pages(uintptr_t begin, uintptr_t end, size_t page)
     }
 }
 
-/* Maps the readable segments of the program or of one library; a callback of dl_iterate_phdr. */
+/* Maps the readable segments of the program or of a library. Callback of dl_iterate_phdr. */
 static int realtime_touch_object(struct dl_phdr_info *info, size_t size, void *context)
 {
     const size_t *page = context;
-    uintptr_t constant = 0; /* end of the part that is read-only after relocation */
+    uintptr_t constant = 0; /* end of the range that is read-only after relocation */
 
     (void)size;
-    /* Find what becomes read-only after relocation: it cannot be written */
+    /* Find the range that is read-only after relocation: it must not be written */
     for (int i = 0; i < info->dlpi_phnum; i++) {
         const ElfW(Phdr) *part = &info->dlpi_phdr[i];
 
@@ -168,8 +168,7 @@ static int realtime_touch_object(struct dl_phdr_info *info, size_t size, void *c
         realtime_touch_pages(begin, end, *page);
         if (part->p_flags & PF_W) {
             begin = constant > begin ? constant / *page * *page : begin;
-            /* Makes the private copies now rather than at the first write; kernels before 5.14
-             * refuse */
+            /* Make the private copies now, not at the first write; kernels before 5.14 refuse */
             madvise((void *)begin, end > begin ? end - begin : 0, MADV_POPULATE_WRITE);
         }
     }
@@ -187,7 +186,7 @@ void realtime_touch(void)
 void realtime_apply(const struct realtime_config *config, struct realtime_report *report)
 {
     memset(report, 0, sizeof *report);
-    /* A normal thread's sleeps end up to 50 us late unless it asks for less */
+    /* The sleeps of a normal thread end up to 50 us late unless it asks for less */
     prctl(PR_SET_TIMERSLACK, 1ul);
     if (config->cpu >= 0) {
         realtime_pin_processor(config->cpu, report);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What a machine has to offer so that the loop can carry out the requests of rt/requests.h on it:
- * the seam between the loop and whatever it drives. The functions are called in the loop's thread,
- * between two ticks, and have to be RT-safe. Virtual times in ns.
+ * The functions that a machine provides so that the loop can carry out the requests of
+ * rt/requests.h. They run in the loop's thread, between two ticks, and must be RT-safe. Virtual
+ * times in ns.
  */
 #ifndef RT_REQUEST_MACHINE_H
 #define RT_REQUEST_MACHINE_H
@@ -11,29 +11,29 @@
 
 struct loop_stats;
 
-/* A function that is NULL cannot be requested, unless its comment says otherwise. */
+/* A request whose function is NULL is refused, unless the function's comment says otherwise. */
 struct request_machine {
     void *context;
     enum request_verdict (*fault)(void *context, size_t index, bool on, int64_t now_ns);
     enum request_verdict (*push)(void *context, const struct loop_request *request, int64_t now_ns);
     enum request_verdict (*set)(void *context, size_t index, double value);
     double (*get)(void *context, size_t index);
-    /* Copies all state that changes in virtual time to a checkpoint slot, and back from one that
-     * was saved; NULL: time cannot go back. save says REQUEST_UNAVAILABLE when the slot is too
+    /* save copies all state that changes in virtual time to a checkpoint slot; restore copies it
+     * back. NULL = time cannot go back. save returns REQUEST_UNAVAILABLE when the slot is too
      * small. */
     enum request_verdict (*save)(void *context, size_t slot);
     void (*restore)(void *context, size_t slot);
     uint64_t (*hash)(void *context);
-    /* The speed has changed or the loop is paused; NULL = not needed. A machine that has it cannot
-     * run at speed 0 (as fast as possible): REQUEST_CLOCK. */
+    /* Reports a new speed or a pause; NULL = not needed. A machine with this function cannot run at
+     * speed 0 (as fast as possible): REQUEST_CLOCK. */
     void (*pace)(void *context, double speed, bool paused);
-    /* Once a tick, when its wait is over: what requests have set in motion moves on by a tick. NULL
-     * = nothing does. */
+    /* Advances by one tick the effects of earlier requests, such as a push. Called once a tick,
+     * after the wait. NULL = not needed. */
     void (*advance)(void *context, int64_t now_ns);
-    /* A request was carried out: publishes the machine's state anew. NULL = not needed. */
+    /* Publishes the machine's state again after a request. NULL = not needed. */
     void (*publish)(void *context, int64_t now_ns, const struct loop_stats *stats);
-    /* A count that changes whenever some tunable may have another value; NULL = they are read every
-     * tick. */
+    /* Returns a counter that changes when a tunable may have changed. NULL = the loop reads the
+     * tunables every tick. */
     uint64_t (*changes)(void *context);
     const char *(*body)(void *context, size_t index); /* name of a body, for the log */
     size_t nfault;
@@ -41,7 +41,7 @@ struct request_machine {
     const struct tunable *tunable; /* borrowed */
 };
 
-/* Creates the requests of a machine, which is copied. Memory from arena. ERROR_MEMORY,
+/* Creates the requests of a machine and copies `machine`. Memory from arena. ERROR_MEMORY,
  * ERROR_SYSTEM. Not RT-safe. */
 enum error_code requests_create(const struct request_machine *machine, struct arena *arena,
                                 struct requests **requests, struct error *error);

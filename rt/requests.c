@@ -10,24 +10,24 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
-/* Requests that may wait, and answers. */
+/* Capacity of the ring of requests and of the ring of answers. */
 enum { REQUESTS = 64 };
 
-/* Bits of `sleep`. Both sides change it by read-modify-write operations, which have one order:
- * either the loop sees the request before it sleeps, or the client sees the loop asleep and
- * wakes it. */
+/* Bits of `sleep`. Both sides change it with atomic read-modify-write operations, so all changes
+ * have one order. Either the loop sees the request before it sleeps, or the client sees that the
+ * loop sleeps and wakes it. */
 enum { SLEEPING = 1, REQUESTED = 2 };
 
 struct requests {
     struct request_machine machine;
     struct ring requests, answers; /* struct loop_request, struct request_answer */
-    size_t open;                   /* requests taken and not answered */
-    int wake;                      /* eventfd */
+    size_t open;                   /* number of requests taken and not yet answered */
+    int wake;                      /* eventfd that ends the loop's sleep */
     _Atomic uint32_t sleep;
     atomic_bool closed, paused;
-    _Atomic uint64_t speed;  /* bits of a double, as below */
-    _Atomic uint64_t *value; /* of each tunable */
-    uint64_t changes;        /* of the machine, when the values were published last */
+    _Atomic uint64_t speed;  /* bits of a double */
+    _Atomic uint64_t *value; /* one per tunable, bits of a double */
+    uint64_t changes;        /* the machine's counter of changes at the last publication */
 };
 
 /* Returns the bits of a double, for atomics that hold one. */
@@ -93,7 +93,7 @@ bool requests_ask(struct requests *requests, const struct loop_request *request)
         !ring_push(&requests->requests, request)) {
         return false;
     }
-    /* Wake the loop if it sleeps and no earlier request has done so */
+    /* Wake the loop if it sleeps, unless an earlier request has done so */
     before = atomic_fetch_or_explicit(&requests->sleep, REQUESTED, memory_order_acq_rel);
     if ((before & SLEEPING) && !(before & REQUESTED)) {
         ssize_t written;
@@ -200,7 +200,7 @@ void requests_reply(struct requests *requests, uint64_t ticket, enum request_ver
     };
 
     requests->open--;
-    /* there is room: requests_next takes no request without it */
+    /* Has room: requests_next takes no request unless the answer fits */
     ring_push(&requests->answers, &answer);
 }
 

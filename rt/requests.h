@@ -1,44 +1,46 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Requests of another thread to a running loop: pause, resume, run so many ticks, change the speed,
- * go back to an earlier state, switch a fault, push a body, set a parameter.
+ * Requests of another thread to a running loop: pause, resume, run a number of ticks, change the
+ * speed, restore an earlier state, switch a fault, push a body, set a parameter.
  *
- * Requests and answers cross in two rings of fixed size; the loop carries requests out between two
- * ticks, in their order, and neither side ever waits for the other. One thread sends them (that of
- * the control socket, control/control.h); each takes effect from the tick that comes next. A
- * client that does not drain its answers is ignored once their ring is full. At the end of the run
- * the requests that are left are answered.
+ * Requests and answers pass through two rings of fixed size, and neither side ever waits for the
+ * other. One thread sends requests: the thread of the control socket (control/control.h). The loop
+ * carries them out between two ticks, in order, with effect from the next tick. When the ring of
+ * answers is full, the loop takes no further request until the client reads. At the end of the run
+ * the loop answers the remaining requests.
  *
- * Pause. It is intended: it costs no deadline, no overrun, no silence of a lockstep controller, and
- * the loop's beat goes on. No frame is received or sent; what arrives waits in sockets and inboxes,
- * and is lost and counted where these are full. All time-outs of boards are of virtual time and
- * stand still too. A task in a thread of its own (real clock) pauses and resumes with the loop, at
- * its speed (struct pace); controllers in other processes see a silent bus.
+ * Pause. A pause is intended. It costs no deadline and no overrun, a lockstep controller does not
+ * count as silent, and the loop's beat continues. The loop receives and sends no frame. Arriving
+ * frames wait in sockets and inboxes; frames that find these full are lost and counted. Boards
+ * measure their time-outs in virtual time, so these stand still too. A task in its own thread (real
+ * clock) pauses, resumes and changes speed with the loop (struct pace). Controllers in other
+ * processes see a silent bus.
  *
- * Steps. REQUEST_STEP runs its ticks at the present speed, whether the loop was paused or not, then
- * pauses. Until then RESUME, STEP, RESET and RESTORE are REQUEST_BUSY, and a PAUSE ends it
- * (REQUEST_CUT). In lockstep it plays the part of a STEP frame: the frames that wait, its ticks,
- * DONE on every bus. A STEP frame that waits stays; its sender learns by a mismatch at which tick
- * the simulator is. What is left of a STEP frame comes first. An inline task sends STEPs of its
- * own, of which so many ticks run.
+ * Steps. REQUEST_STEP runs its ticks at the present speed, even from a pause, then pauses. Until
+ * then RESUME, STEP, RESET and RESTORE return REQUEST_BUSY; a PAUSE ends the step, which returns
+ * REQUEST_CUT. In lockstep the request acts as a STEP frame: the loop receives the waiting frames,
+ * runs the ticks, and sends DONE on every bus. The remaining ticks of an earlier STEP frame run
+ * first. A waiting STEP frame stays; its sender learns the simulator's tick from a mismatch. An
+ * inline task sends its own STEPs; the request then limits how many ticks run.
  *
- * Speed. The real clock's grid and all accounts of it scale, and the grid begins anew; at 0 there
- * is none, and nothing is late. Free run is paced without any account. In lockstep the STEPs are
- * the pace, and a task in a thread of its own needs one: REQUEST_CLOCK.
+ * Speed. A new speed scales the grid of the real clock and all its accounts, and restarts the grid.
+ * At speed 0 there is no grid, and no tick is late. A free run is paced without accounts. In
+ * lockstep the STEPs set the pace, and a task in its own thread needs a pace: REQUEST_CLOCK.
  *
- * Going back. A checkpoint is a copy, in memory set aside at the start, of all state that changes
- * in virtual time: plant, boards, sensors, faults, wires, an inline task, the loop's tick. Slot 0
- * holds the start and is what REQUEST_RESET restores. Time goes back with it, so that a run from a
- * checkpoint repeats bit for bit what followed it the first time, given the same frames. Faults
- * that were switched, pushes and tunables go back too; speed and pause do not. Frames in the queues
- * of other processes and threads (clients of the gateway) stay where they are; those that the loop
- * itself had taken for the next STEP are again those of then. Accounts (overruns, histograms,
- * counters of ports, the log) go on. While a recording runs time cannot go back: that of a
- * recording never does. Nor can it, REQUEST_UNAVAILABLE, with a task in a thread of its own, whose
- * state is not in a checkpoint; and there is no checkpoint while more than two thousand frames are
- * on their way between boards and an inline task on one local bus.
+ * Going back. A checkpoint is a copy of all state that changes in virtual time: plant, boards,
+ * sensors, faults, wires, an inline task, the loop's tick. Its memory is allocated at the start.
+ * Slot 0 holds the start; REQUEST_RESET restores it. A restore sets time back too. A run from a
+ * checkpoint therefore repeats bit for bit, given the same frames. Switched faults, pushes and
+ * tunables go back as well; speed and pause do not. Frames in queues of other processes and threads
+ * (clients of the gateway) stay. Frames that the loop had taken for the next STEP are restored.
+ * Accounts (overruns, histograms, counters of ports, the log) continue.
  *
- * All functions are RT-safe and never wait, but for requests_find and request_verdict_text, which
+ * Time cannot go back while a recording runs (REQUEST_RECORDING), because time in a recording
+ * always increases. Nor can it with a task in its own thread (REQUEST_UNAVAILABLE), because a
+ * checkpoint does not hold that thread's state. A checkpoint fails while more than 2,000 frames are
+ * in transit between boards and an inline task on one local bus.
+ *
+ * All functions are RT-safe and never wait, except requests_find and request_verdict_text, which
  * are for other threads.
  */
 #ifndef RT_REQUESTS_H
@@ -51,20 +53,20 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { CHECKPOINT_SLOTS = 4 }; /* of checkpoints; 0 is the start */
+enum { CHECKPOINT_SLOTS = 4 }; /* number of checkpoint slots; slot 0 is the start */
 
 enum request_kind {
-    REQUEST_PAUSE,  /* after the tick that runs */
-    REQUEST_RESUME, /* real time: the grid begins anew */
-    REQUEST_STEP,   /* count ticks, then pause; answered when they have run */
-    REQUEST_SPEED,  /* value: virtual seconds a second, 0.001 to 1000; 0 = as fast as possible */
-    REQUEST_RESET,  /* to the start; paused stays paused */
-    REQUEST_CHECKPOINT, /* index: the slot, 1 to CHECKPOINT_SLOTS - 1 */
-    REQUEST_RESTORE,    /* index: the slot */
-    REQUEST_FAULT,      /* index of the fault, on */
-    REQUEST_PUSH,       /* index of the body, force and moment (world frame), for duration_ns of
-                       * virtual time, 0 = until changed */
-    REQUEST_SET,        /* index of the tunable, value */
+    REQUEST_PAUSE,  /* after the present tick */
+    REQUEST_RESUME, /* real time: restarts the grid of deadlines */
+    REQUEST_STEP,   /* run `count` ticks, then pause; answered after the last one */
+    REQUEST_SPEED,  /* value: virtual seconds per second, 0.001 to 1000; 0 = as fast as possible */
+    REQUEST_RESET,  /* restore the start; a paused loop stays paused */
+    REQUEST_CHECKPOINT, /* save to slot `index`, 1 to CHECKPOINT_SLOTS - 1 */
+    REQUEST_RESTORE,    /* restore slot `index` */
+    REQUEST_FAULT,      /* switch fault `index` to `on` */
+    REQUEST_PUSH,       /* push body `index`: force and moment (world frame) for duration_ns of
+                         * virtual time, 0 = until changed */
+    REQUEST_SET,        /* set tunable `index` to `value` */
 };
 
 struct loop_request {
@@ -83,50 +85,50 @@ enum request_verdict {
     REQUEST_RANGE,       /* index, count or value out of range */
     REQUEST_EMPTY,       /* no checkpoint in this slot */
     REQUEST_RECORDING,   /* time cannot go back while a recording runs */
-    REQUEST_CLOCK,       /* this clock cannot do it (speed in lockstep) */
-    REQUEST_BUSY,        /* a REQUEST_STEP is under way */
-    REQUEST_UNAVAILABLE, /* this run does not support it (no memory was set aside, ...) */
-    REQUEST_CUT,         /* a REQUEST_PAUSE ended the REQUEST_STEP, at tick */
+    REQUEST_CLOCK,       /* not possible with this clock (speed in lockstep) */
+    REQUEST_BUSY,        /* a REQUEST_STEP is running */
+    REQUEST_UNAVAILABLE, /* not supported by this run (no memory was allocated, ...) */
+    REQUEST_CUT,         /* a REQUEST_PAUSE ended this REQUEST_STEP at `tick` */
 };
 
 struct request_answer {
     uint64_t ticket;
     enum request_verdict verdict;
-    uint64_t tick; /* at which the loop is after the request */
+    uint64_t tick; /* tick of the loop after the request */
     int64_t time_ns;
-    uint64_t state_hash; /* plant_hash */
+    uint64_t state_hash; /* result of plant_hash */
 };
 
 /* A parameter that may change while the simulator runs. */
 struct tunable {
     const char *name; /* "joint.RKneeSag.position_kp", "supply_v", ...; owned by the requests */
-    const char *unit; /* "" = a count */
+    const char *unit; /* "" = dimensionless */
     double min, max;
     bool whole; /* takes whole numbers only */
 };
 
 struct requests;
 
-/* Sends a request; false when the ring is full or the run has ended. From one thread other than the
- * loop's. */
+/* Sends a request. Returns false when the ring is full or the run has ended. From one thread other
+ * than the loop's. */
 bool requests_ask(struct requests *requests, const struct loop_request *request);
 
-/* Takes one answer, false when none waits. From the thread that sends requests. */
+/* Takes one answer; false = none waits. From the thread that sends requests. */
 bool requests_answer(struct requests *requests, struct request_answer *answer);
 
-/* Returns a sentence for the user; static. */
+/* Returns the meaning of a verdict as a sentence for the user; static. */
 const char *request_verdict_text(enum request_verdict verdict);
 
-/* Return the number of tunables, one of them (NULL = there is none), and the index of a name;
+/* Return the number of tunables, one tunable (NULL = no such index), and the index of a name. From
  * any thread. */
 size_t requests_tunables(const struct requests *requests);
 const struct tunable *requests_tunable(const struct requests *requests, size_t index);
 int requests_find(const struct requests *requests, const char *name); /* -1 = none */
 
-/* Returns the value of a tunable as of the last tick; any thread, consistent. */
+/* Returns the value of a tunable after the last tick. From any thread. */
 double requests_value(const struct requests *requests, size_t index);
 
-/* Return whether the loop is paused, and its speed (0 = as fast as possible); any thread. */
+/* Return whether the loop is paused, and its speed (0 = as fast as possible). From any thread. */
 bool requests_paused(const struct requests *requests);
 double requests_speed(const struct requests *requests);
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Implements a sequence lock; the memory orders follow Boehm, Can Seqlocks Get Along with
- * Programming Language Memory Models?, 2012, with a reader that makes no read-modify-write. */
+/* Implements a sequence lock. The memory orders follow Boehm, Can Seqlocks Get Along with
+ * Programming Language Memory Models?, 2012. The reader makes no read-modify-write. */
 #include "rt/snapshot.h"
 
 #include <sched.h>
@@ -24,7 +24,7 @@ void snapshot_leave_out(struct snapshot *snapshot, size_t from, size_t to)
     snapshot->gap[snapshot->ngap++] = (struct snapshot_gap){from / 8, to / 8};
 }
 
-/* Writes the words first to end of a value. */
+/* Writes the words `first` to `end` of a value. */
 static void write_words(_Atomic uint64_t *to, const unsigned char *from, size_t first, size_t end)
 {
 #pragma GCC unroll 8
@@ -32,7 +32,7 @@ static void write_words(_Atomic uint64_t *to, const unsigned char *from, size_t 
         uint64_t word;
 
         memcpy(&word, from + 8 * i, 8);
-        /* Release: whoever sees this word also sees the odd sequence number before it */
+        /* Release: a reader that sees this word also sees the odd sequence number */
         atomic_store_explicit(&to[i], word, memory_order_release);
     }
 }
@@ -42,7 +42,7 @@ void snapshot_write(struct snapshot *snapshot, const void *value)
     uint64_t sequence = atomic_load_explicit(&snapshot->sequence, memory_order_relaxed);
     size_t first = 0;
 
-    /* Odd while the words are written, even when they are whole */
+    /* Keep the sequence number odd while the words are written, then make it even */
     atomic_store_explicit(&snapshot->sequence, sequence + 1, memory_order_relaxed);
     for (size_t g = 0; g < snapshot->ngap; g++) {
         write_words(snapshot->word, value, first, snapshot->gap[g].from);

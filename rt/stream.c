@@ -6,8 +6,8 @@
 
 struct stream {
     struct ring ring;
-    _Atomic uint64_t period; /* ticks; 0 = nobody reads */
-    uint64_t lost;           /* the loop's */
+    _Atomic uint64_t period; /* in ticks; 0 = no reader */
+    uint64_t lost;           /* written by the loop only */
 };
 
 enum error_code stream_create(size_t nsignal, uint32_t capacity, struct arena *arena,

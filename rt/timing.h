@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * How a loop keeps time: what a configuration says and what rt/loop.h runs by. Types and words, no
- * calls: RT-safe. Times in ns.
+ * The clocks and overrun policies of a loop, as a configuration names them; rt/loop.h describes
+ * them. Types and words, no functions: RT-safe. Times in ns.
  */
 #ifndef RT_TIMING_H
 #define RT_TIMING_H
@@ -16,22 +16,22 @@ enum loop_clock {
     LOOP_CLOCK_FREE,     /* virtual time, no pacing */
 };
 
-/* The words of the clocks; those from the second on are clocks of virtual time. */
+/* The names of the clocks. All clocks after the first run in virtual time. */
 extern const struct word loop_clock_words[];
 
-/* What happens with the deadlines that an overrun has missed; rt/loop.h says it exactly. */
+/* What the loop does with the deadlines that an overrun has missed; rt/loop.h gives the details. */
 enum loop_overrun {
-    LOOP_OVERRUN_SKIP, /* dropped: virtual time falls behind by them */
-    LOOP_OVERRUN_SLIP, /* run back to back until the grid is caught up */
-    LOOP_OVERRUN_STOP, /* as skip, and stop_after overruns end the run */
+    LOOP_OVERRUN_SKIP, /* drop them: virtual time falls behind by as many ticks */
+    LOOP_OVERRUN_SLIP, /* run the late ticks back to back until the loop has caught up */
+    LOOP_OVERRUN_STOP, /* as skip, and end the run at overrun number stop_after */
 };
 
 extern const struct word loop_overrun_words[];
 
 struct loop_lockstep {
-    int bus; /* of the STEP frame */
+    int bus; /* bus that carries the STEP frame */
     uint32_t step_id, done_id;
-    int64_t partner_timeout_ns; /* without STEP until the silence is reported */
+    int64_t partner_timeout_ns; /* time without STEP after which the silence is reported */
 };
 
 #endif

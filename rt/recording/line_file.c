@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Writes whole lines or records into a file, and ends the file rather than leave half of one. */
+/* Writes whole lines or records into a file. Ends the file when that is not possible. */
 #include "rt/recording/line_file.h"
 
 #include "base/whole_file.h"
@@ -12,13 +12,14 @@
 
 enum {
     BUFFER = 64 * 1024,
-    PIECE = 4096, /* largest write to a pipe: the beat shows that a slow reader makes progress */
+    PIECE = 4096, /* most bytes per write to a pipe, so that the beat shows the progress of a slow
+                   * reader */
 };
 
 /* ---- the end of a file ---- */
 
-/* Returns how many lines end in a part of the buffer. In record mode the buffer holds one record
- * at most. */
+/* Returns the number of lines that end in a part of the buffer. In record mode the buffer holds at
+ * most one record. */
 static uint64_t line_file_count(const struct line_file *file, const char *text, size_t size)
 {
     uint64_t count = 0;
@@ -33,8 +34,8 @@ static uint64_t line_file_count(const struct line_file *file, const char *text, 
     return count;
 }
 
-/* Counts what the system has accepted of the buffer: whole lines stay, the rest is cut off.
- * False = half a line or record stays. */
+/* Counts the bytes of the buffer that are in the file, and cuts a partial line off the file. False
+ * = a partial line or record remains. */
 static bool line_file_cut(struct line_file *file)
 {
     size_t whole = file->taken;
@@ -51,7 +52,7 @@ static bool line_file_cut(struct line_file *file)
     return clean;
 }
 
-/* Closes the file for good; the error is set. */
+/* Closes the file for good; `error` is already set. */
 static void line_file_end(struct line_file *file)
 {
     close(file->descriptor);
@@ -116,7 +117,7 @@ void line_file_put(struct line_file *file, const char *line, size_t size)
     }
     memcpy(file->buffer + file->used, line, size);
     file->used += size;
-    /* A record is written at once, so that a cut never falls within the buffer */
+    /* Write a record at once, so that a cut never falls inside the buffer */
     if (file->records) {
         line_file_flush(file);
     }
@@ -129,7 +130,8 @@ void line_file_look(struct line_file *file)
     if (file->descriptor < 0 || !file->regular || fstat(file->descriptor, &here)) {
         return;
     }
-    /* No name left: removed. Another file, or none, under its name: renamed */
+    /* A removed file has no name left. A renamed file has another file, or none, under its old
+     * name */
     if (here.st_nlink == 0) {
         line_file_end_removed(file);
     } else if (stat(file->path, &there)
@@ -175,7 +177,7 @@ void line_file_remove(struct line_file *file)
 
 /* ---- opening ---- */
 
-/* Writes the title line whole. */
+/* Writes the whole title line. */
 static enum error_code line_file_write_title(struct line_file *file, const char *title,
                                              struct error *error)
 {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A file of the recorder: written in whole lines, or in whole records, and ended rather than
- * corrupted when the disk does not accept them (recorder.h says what is guaranteed). One thread
- * opens, writes and closes it; another may read what is marked. Not RT-safe.
+ * A file of the recorder that always ends with a whole line or record. When the disk refuses data
+ * the file ends early and stays valid (recorder.h lists the guarantees). One thread opens, writes
+ * and closes it. Another thread may read the fields marked so. Not RT-safe.
  */
 #ifndef RT_RECORDING_LINE_FILE_H
 #define RT_RECORDING_LINE_FILE_H
@@ -19,24 +19,24 @@ enum { LINE_FILE_PATH = 4096 };
 
 struct line_file {
     char path[LINE_FILE_PATH];
-    int descriptor; /* -1 = ended */
+    int descriptor; /* -1 = the file has ended */
     bool regular;
-    bool records; /* it holds records, not lines: no part of one stays in the file */
+    bool records; /* holds records, not lines; a partial record is always cut off */
     char *buffer; /* whole lines */
     size_t capacity, used;
-    size_t taken;           /* bytes of the buffer that the system has accepted */
-    int64_t size;           /* bytes accepted before the buffer */
-    uint64_t lines;         /* in the file */
-    uint64_t unwritten;     /* lines that were put and are not in the file */
-    _Atomic uint64_t *beat; /* counts what the system accepts */
-    atomic_bool moved;      /* any thread: the file was renamed */
-    atomic_bool ended;      /* any thread: nothing is written any more; error has the reason */
+    size_t taken;           /* bytes of the buffer that are in the file */
+    int64_t size;           /* bytes of the file before the buffer */
+    uint64_t lines;         /* lines in the file */
+    uint64_t unwritten;     /* lines accepted by line_file_put but missing in the file */
+    _Atomic uint64_t *beat; /* counts successful writes */
+    atomic_bool moved;      /* any thread may read it: the file was renamed */
+    atomic_bool ended;      /* any thread may read it: no further writes; `error` has the reason */
     struct error error;
 };
 
-/* Creates or truncates directory/name and writes the title. longest: bytes of the longest line. A
- * pipe needs a reader: ERROR_SYSTEM. A symbolic link to a file is refused: ERROR_INPUT. Memory from
- * arena. */
+/* Creates or truncates directory/name and writes the title line. longest: bytes of the longest
+ * line. ERROR_SYSTEM for a pipe without a reader, ERROR_INPUT for a symbolic link to a file. Memory
+ * from arena. */
 enum error_code line_file_open(struct line_file *file, const char *directory, const char *name,
                                const char *title, size_t longest, _Atomic uint64_t *beat,
                                struct arena *arena, struct error *error);
@@ -47,10 +47,10 @@ void line_file_put(struct line_file *file, const char *line, size_t size);
 /* Writes the buffer to the file. */
 void line_file_flush(struct line_file *file);
 
-/* Checks whether the file still exists under its name. */
+/* Checks whether the file still exists under its name. A removed file ends. */
 void line_file_look(struct line_file *file);
 
-/* Ends the file of a cancelled writing thread with what the system has accepted. */
+/* Ends the file after its writing thread was cancelled. Keeps the bytes already written. */
 void line_file_abandon(struct line_file *file);
 
 /* Flushes and closes. */

@@ -26,12 +26,12 @@ enum mcap_opcode {
 enum {
     RECORD_HEAD = 9,   /* opcode and length */
     MESSAGE_HEAD = 22, /* channel, sequence, two times */
-    CHUNK_HEAD = 44,   /* before the compressed bytes: "zstd" is the compression */
-    ENTRIES = 32768,   /* messages of a chunk, at most */
+    CHUNK_HEAD = 44,   /* bytes of a chunk before the compressed data, with the name "zstd" */
+    ENTRIES = 32768,   /* most messages in a chunk */
     ENTRY_SIZE = 16,   /* time and offset in an index */
-    TEXT_SIZE = 4,     /* of a string's length */
-    SPARE = 4096,      /* more than the end of a file has beside its groups */
-    LEVEL = 3,         /* of compression: zstd's own choice */
+    TEXT_SIZE = 4,     /* length of a string */
+    SPARE = 4096,      /* bytes of the end of a file besides its groups, rounded up */
+    LEVEL = 3,         /* compression level: zstd's default */
 };
 
 static const char mcap_magic[8] = "\x89MCAP0\r\n";
@@ -44,9 +44,9 @@ struct mcap_schema {
 struct mcap_channel {
     const char *topic;
     uint16_t schema;
-    uint32_t sequence; /* of the next message */
+    uint32_t sequence; /* number of the next message */
     uint64_t messages;
-    uint32_t in_chunk; /* messages of the present chunk */
+    uint32_t in_chunk; /* number of messages in the present chunk */
 };
 
 /* A message of the present chunk. */
@@ -60,29 +60,29 @@ struct mcap {
     struct mcap_schema schema[MCAP_SCHEMAS_MAX];
     struct mcap_channel channel[MCAP_CHANNELS_MAX];
     uint16_t nschema, nchannel;
-    uint64_t offset; /* bytes of the file handed over so far */
-    uint32_t crc;    /* of them */
+    uint64_t offset; /* bytes of the file so far */
+    uint32_t crc;    /* CRC-32 of these bytes */
 
     /* The present chunk */
     uint8_t *records;
     size_t used;
     struct mcap_entry *entry;
     size_t nentry;
-    uint8_t *piece; /* what is handed over */
+    uint8_t *piece; /* buffer for the next piece */
     size_t piece_size;
     ZSTD_CCtx *compressor;
 
     /* The file */
     uint64_t messages, first_time, last_time;
     uint32_t chunks;
-    uint8_t *index; /* the records of the chunks' index */
+    uint8_t *index; /* index of chunks, as records */
     size_t index_size, index_capacity;
-    bool index_lost; /* memory is used up */
+    bool index_lost; /* out of memory for the index */
 };
 
 /* ---- numbers and records ---- */
 
-/* Writes a little-endian number of `bytes` bytes; returns the place behind it. */
+/* Writes a number as `bytes` bytes, little-endian. Returns the end. */
 static uint8_t *mcap_put_number(uint8_t *at, uint64_t value, int bytes)
 {
     for (int i = 0; i < bytes; i++) {
@@ -91,7 +91,7 @@ static uint8_t *mcap_put_number(uint8_t *at, uint64_t value, int bytes)
     return at;
 }
 
-/* Writes a string with its length before it; returns the place behind it. */
+/* Writes a string after its length. Returns the end. */
 static uint8_t *mcap_put_text(uint8_t *at, const char *text)
 {
     size_t size = strlen(text);
@@ -101,22 +101,22 @@ static uint8_t *mcap_put_text(uint8_t *at, const char *text)
     return at + size;
 }
 
-/* Writes a record's opcode and leaves room for its length, which mcap_end_record fills in;
- * returns where the content begins. */
+/* Writes a record's opcode and leaves room for its length, which mcap_end_record fills in. Returns
+ * where the content begins. */
 static uint8_t *mcap_begin_record(uint8_t *record, enum mcap_opcode opcode)
 {
     *record = (uint8_t)opcode;
     return record + RECORD_HEAD;
 }
 
-/* Fills in the length of a record that ends at `end`; returns end. */
+/* Fills in the length of a record that ends at `end`. Returns end. */
 static uint8_t *mcap_end_record(uint8_t *record, uint8_t *end)
 {
     mcap_put_number(record + 1, (uint64_t)(end - record) - RECORD_HEAD, 8);
     return end;
 }
 
-/* Hands over the piece up to `end` and continues the file's checksum. */
+/* Hands over the piece up to `end` and updates the checksum of the file. */
 static void mcap_put_piece(struct mcap *mcap, const uint8_t *end)
 {
     size_t size = (size_t)(end - mcap->piece);
@@ -126,7 +126,7 @@ static void mcap_put_piece(struct mcap *mcap, const uint8_t *end)
     mcap->config.put(mcap->config.context, mcap->piece, size);
 }
 
-/* Writes all schemas as records; returns the place behind them. */
+/* Writes all schemas as records. Returns the end. */
 static uint8_t *mcap_put_schemas(const struct mcap *mcap, uint8_t *at)
 {
     for (uint16_t i = 0; i < mcap->nschema; i++) {
@@ -140,7 +140,7 @@ static uint8_t *mcap_put_schemas(const struct mcap *mcap, uint8_t *at)
     return at;
 }
 
-/* Writes all channels as records, without metadata; returns the place behind them. */
+/* Writes all channels as records, without metadata. Returns the end. */
 static uint8_t *mcap_put_channels(const struct mcap *mcap, uint8_t *at)
 {
     for (uint16_t i = 0; i < mcap->nchannel; i++) {
@@ -204,7 +204,7 @@ enum error_code mcap_prepare(struct mcap *mcap, struct arena *arena)
 {
     size_t groups = SPARE, chunk;
 
-    /* Room for the longest piece: a chunk, or the head and the end, where schemas stand */
+    /* Allocate for the longest piece: a chunk, or the head and the end, which hold the schemas */
     for (uint16_t i = 0; i < mcap->nschema; i++) {
         groups += 64 + strlen(mcap->schema[i].name) + strlen(mcap->schema[i].text);
     }
@@ -251,7 +251,7 @@ void mcap_end_message(struct mcap *mcap, uint16_t channel, int64_t time_ns, size
     at = mcap_put_number(at, time, 8);
     mcap->used = (size_t)(mcap_end_record(record, at + size) - mcap->records);
 
-    /* For the indexes and the statistics */
+    /* Count for the indexes and the statistics */
     of->messages++;
     of->in_chunk++;
     mcap->first_time = mcap->messages && mcap->first_time < time ? mcap->first_time : time;
@@ -259,8 +259,8 @@ void mcap_end_message(struct mcap *mcap, uint16_t channel, int64_t time_ns, size
     mcap->messages++;
 }
 
-/* Writes the chunk's record, its compressed size into *compressed; span holds its first and last
- * time. NULL = it could not be compressed. */
+/* Writes the record of the chunk, and its compressed size into *compressed. span: times of the
+ * first and last message. NULL = compression failed. */
 static uint8_t *mcap_put_chunk(struct mcap *mcap, const uint64_t span[2], size_t *compressed)
 {
     uint8_t *at = mcap_begin_record(mcap->piece, MCAP_CHUNK_RECORD);
@@ -280,7 +280,7 @@ static uint8_t *mcap_put_chunk(struct mcap *mcap, const uint64_t span[2], size_t
     return mcap_end_record(mcap->piece, bytes + *compressed);
 }
 
-/* Writes the index of a channel's messages in the chunk: time and offset of each. */
+/* Writes the index of a channel's messages in the chunk: time and offset of each message. */
 static uint8_t *mcap_put_message_index(const struct mcap *mcap, uint16_t channel, uint8_t *record)
 {
     uint8_t *at = mcap_put_number(mcap_begin_record(record, MCAP_MESSAGE_INDEX), channel, 2);
@@ -295,8 +295,8 @@ static uint8_t *mcap_put_message_index(const struct mcap *mcap, uint16_t channel
     return mcap_end_record(record, at);
 }
 
-/* Makes room for one more record of the index of chunks; NULL = no memory, and the index is
- * given up. */
+/* Makes room for one more record in the index of chunks. NULL = no memory; the file then has no
+ * index. */
 static uint8_t *mcap_grow_index(struct mcap *mcap)
 {
     size_t need = mcap->index_size + SPARE;
@@ -311,8 +311,8 @@ static uint8_t *mcap_grow_index(struct mcap *mcap)
     return mcap->index_lost ? NULL : mcap->index + mcap->index_size;
 }
 
-/* Adds a chunk, whose record takes `chunk` bytes, to the index of chunks; where[i] is the offset
- * in the file of the message index of channel i + 1, 0 = none. */
+/* Adds a chunk with a record of `chunk` bytes to the index of chunks. where[i] is the file offset
+ * of the message index of channel i + 1; 0 = no index. */
 static void mcap_index_chunk(struct mcap *mcap, const uint64_t span[2], const uint64_t *where,
                              size_t chunk, size_t indexes, size_t compressed)
 {
@@ -325,7 +325,7 @@ static void mcap_index_chunk(struct mcap *mcap, const uint64_t span[2], const ui
     at = mcap_put_number(at, span[1], 8);
     at = mcap_put_number(at, mcap->offset, 8);
     at = mcap_put_number(at, chunk, 8);
-    /* The length of the list of message indexes is known behind it */
+    /* Leave room for the length of the list of message indexes; it is known behind the list */
     count = at;
     at += TEXT_SIZE;
     for (uint16_t i = 0; i < mcap->nchannel; i++) {
@@ -351,13 +351,13 @@ void mcap_flush(struct mcap *mcap)
     if (mcap->nentry == 0) {
         return;
     }
-    /* The span of time of the chunk */
+    /* Find the time span of the chunk */
     for (size_t i = 0; i < mcap->nentry; i++) {
         span[0] = mcap->entry[i].time < span[0] ? mcap->entry[i].time : span[0];
         span[1] = mcap->entry[i].time > span[1] ? mcap->entry[i].time : span[1];
     }
 
-    /* The chunk, then an index for each channel that has messages in it */
+    /* Write the chunk, then an index for each channel that has messages in it */
     chunk_end = end = mcap_put_chunk(mcap, span, &compressed);
     for (uint16_t i = 0; end && i < mcap->nchannel; i++) {
         if (mcap->channel[i].in_chunk) {
@@ -377,15 +377,15 @@ void mcap_flush(struct mcap *mcap)
 
 /* ---- the end ---- */
 
-/* Writes the statistics record; returns the place behind it. */
+/* Writes the statistics record. Returns the end. */
 static uint8_t *mcap_put_statistics(const struct mcap *mcap, uint8_t *record)
 {
     uint8_t *at = mcap_put_number(mcap_begin_record(record, MCAP_STATISTICS), mcap->messages, 8);
 
     at = mcap_put_number(at, mcap->nschema, 2);
     at = mcap_put_number(at, mcap->nchannel, 4);
-    at = mcap_put_number(at, 0, 4); /* attachments */
-    at = mcap_put_number(at, 0, 4); /* metadata */
+    at = mcap_put_number(at, 0, 4); /* number of attachments */
+    at = mcap_put_number(at, 0, 4); /* number of metadata records */
     at = mcap_put_number(at, mcap->chunks, 4);
     at = mcap_put_number(at, mcap->first_time, 8);
     at = mcap_put_number(at, mcap->last_time, 8);
@@ -397,14 +397,14 @@ static uint8_t *mcap_put_statistics(const struct mcap *mcap, uint8_t *record)
     return mcap_end_record(record, at);
 }
 
-/* A group of equal records in the summary, whose place mcap_put_footer writes. */
+/* A group of equal records in the summary; mcap_put_footer writes its place. */
 struct mcap_group {
     enum mcap_opcode opcode;
     uint64_t start, size;
 };
 
-/* Writes where each group is, the footer and the magic bytes; the footer's checksum continues
- * that of the summary. */
+/* Writes the place of each group, the footer and the magic bytes. The footer's checksum continues
+ * the checksum of the summary. */
 static uint8_t *mcap_put_footer(const struct mcap *mcap, uint64_t summary,
                                 const struct mcap_group *group, size_t count, uint32_t crc)
 {
@@ -426,7 +426,7 @@ static uint8_t *mcap_put_footer(const struct mcap *mcap, uint64_t summary,
     return at + sizeof mcap_magic;
 }
 
-/* Hands over a group of the summary and continues its checksum. */
+/* Hands over a group of the summary and updates the summary's checksum. */
 static void mcap_put_group(struct mcap *mcap, struct mcap_group *group, enum mcap_opcode opcode,
                            const void *bytes, size_t size, uint32_t *crc)
 {
@@ -449,12 +449,12 @@ void mcap_finish(struct mcap *mcap)
     uint32_t crc = 0;
     size_t count = 0;
 
-    /* The end of the data, with the checksum of all before it */
+    /* End the data, with a checksum of all bytes before */
     mcap_flush(mcap);
     at = mcap_put_number(mcap_begin_record(piece, MCAP_DATA_END), mcap->crc, 4);
     mcap_put_piece(mcap, mcap_end_record(piece, at));
 
-    /* The summary: schemas, channels, the index of chunks, statistics */
+    /* Write the summary: schemas, channels, the index of chunks, statistics */
     summary = mcap->offset;
     at = mcap_put_schemas(mcap, piece);
     mcap_put_group(mcap, &group[count++], MCAP_SCHEMA, piece, (size_t)(at - piece), &crc);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Opens the recorder's rings and files, fills the rings from the loop, reports what went wrong,
- * and closes. */
+/* Opens the recorder's rings and files, fills the rings from the loop, reports problems, and
+ * closes. */
 #include "rt/recording/recorder_mcap.h"
 
 #include "base/input_file.h"
@@ -18,13 +18,13 @@
 #include <unistd.h>
 
 enum {
-    FRAME_RING = 65536, /* about a second of a fully loaded rig */
+    FRAME_RING = 65536, /* about one second of a fully loaded rig */
     ROW_RING = 1024,
     EVENT_RING = 1024,
-    WAIT_NS = 100000, /* between two looks of the loop for room in a ring */
+    WAIT_NS = 100000, /* interval at which a waiting loop checks a ring for room */
 };
 
-/* A cancelled thread that has not ended after this time hangs in a system call. */
+/* A cancelled thread that runs longer than this hangs in a system call. */
 #define CANCEL_NS (5 * CLOCK_SECOND)
 
 const struct word recorder_format_words[] = {{"csv", RECORDER_CSV},
@@ -45,7 +45,7 @@ static void recorder_nap(int64_t ns)
 
 /* ---- opening ---- */
 
-/* Finds whether a directory is empty; false = it cannot be read (errno). */
+/* Sets *empty; false = the directory cannot be read (errno). */
 static bool directory_is_empty(const char *directory, bool *empty)
 {
     DIR *stream = opendir(directory);
@@ -64,8 +64,8 @@ static bool directory_is_empty(const char *directory, bool *empty)
     return true;
 }
 
-/* Creates the directory, or checks that an existing one may be written: empty, or to be
- * overwritten. */
+/* Creates the directory, or checks that an existing one may be written: it is empty, or `overwrite`
+ * is set. */
 static enum error_code recorder_prepare_directory(const struct recorder_config *config, bool *made,
                                                   struct error *error)
 {
@@ -87,8 +87,8 @@ static enum error_code recorder_prepare_directory(const struct recorder_config *
     return ERROR_NONE;
 }
 
-/* Makes the title line of a CSV file: the time, then each of `count` names with each of the
- * endings; NULL = no memory. */
+/* Returns the title line of a CSV file: the time, then each of `count` names with each ending; NULL
+ * = out of memory. */
 static const char *recorder_make_title(const char *const *name, size_t count,
                                        const char *const *ending, size_t nending,
                                        struct arena *arena)
@@ -111,7 +111,7 @@ static const char *recorder_make_title(const char *const *name, size_t count,
     return title;
 }
 
-/* Allocates the recorder with its rings and buffers; NULL = no memory. */
+/* Allocates the recorder with its rings and buffers; NULL = out of memory. */
 static struct recorder *recorder_allocate(const struct recorder_config *config, struct arena *arena)
 {
     struct recorder *made = arena_alloc(arena, 1, sizeof *made);
@@ -144,8 +144,8 @@ static struct recorder *recorder_allocate(const struct recorder_config *config, 
     return made;
 }
 
-/* Removes the summary of the recording that is overwritten: it must not stand beside the new
- * one, even if that is lost. */
+/* Removes the summary of the old recording. It must not remain beside the new files, even if the
+ * new recording fails. */
 static enum error_code recorder_remove_summary(const char *directory, struct error *error)
 {
     char path[LINE_FILE_PATH];
@@ -162,7 +162,7 @@ static enum error_code recorder_remove_summary(const char *directory, struct err
     return ERROR_NONE;
 }
 
-/* Opens one file of the recording and writes its title; title NULL = no memory for it. */
+/* Opens one file of the recording and writes its title. A NULL title means out of memory. */
 static enum error_code recorder_open_file(struct recorder *recorder, enum recorder_file file,
                                           const char *title, size_t longest, struct arena *arena,
                                           struct error *error)
@@ -182,7 +182,7 @@ static enum error_code recorder_open_file(struct recorder *recorder, enum record
     return code;
 }
 
-/* Passes a piece of the MCAP file to its file. */
+/* Writes a piece of the MCAP file to its line_file. */
 static void recorder_put_mcap(void *context, const void *bytes, size_t size)
 {
     struct recorder *recorder = context;
@@ -190,7 +190,7 @@ static void recorder_put_mcap(void *context, const void *bytes, size_t size)
     line_file_put(&recorder->file[FILE_MCAP], bytes, size);
 }
 
-/* Creates the MCAP writer and its file, which takes whole pieces as records. */
+/* Creates the MCAP writer and its file. The file stores each piece as one record. */
 static enum error_code recorder_open_mcap(struct recorder *recorder, struct arena *arena,
                                           struct error *error)
 {
@@ -205,7 +205,7 @@ static enum error_code recorder_open_mcap(struct recorder *recorder, struct aren
     return code;
 }
 
-/* Opens all files that the configuration asks for. */
+/* Opens all files of the configuration. */
 static enum error_code recorder_open_files(struct recorder *recorder, struct arena *arena,
                                            struct error *error)
 {
@@ -219,7 +219,7 @@ static enum error_code recorder_open_files(struct recorder *recorder, struct are
         recorder_make_title(config->body, config->nbody, pose, RECORDER_POSE, arena);
     enum error_code code;
 
-    /* Frames and events are always recorded, rows in the formats asked for */
+    /* Frames and events are always recorded; rows in the chosen formats */
     code = recorder_open_file(recorder, FILE_FRAMES, "", CANDUMP_LINE_MAX, arena, error);
     if (!code && config->format & RECORDER_CSV) {
         code = recorder_open_file(recorder, FILE_SIGNALS, signals, longest, arena, error);
@@ -233,8 +233,8 @@ static enum error_code recorder_open_files(struct recorder *recorder, struct are
     return code ? code : recorder_open_file(recorder, FILE_EVENTS, "", RECORDER_LINE, arena, error);
 }
 
-/* Removes the files, and the directory if this recorder made it. Only when no thread writes
- * them. */
+/* Removes the files, and the directory if this recorder created it. Call it only when no thread
+ * writes the files. */
 static void recorder_remove_files(struct recorder *recorder)
 {
     recorder_mcap_destroy(recorder->mcap);
@@ -259,7 +259,7 @@ enum error_code recorder_open(const struct recorder_config *config, struct arena
     if (!made) {
         return error_set(error, ERROR_MEMORY, "no memory left for the recorder");
     }
-    /* The directory, free of an earlier summary, then the files */
+    /* Prepare the directory and remove an earlier summary, then open the files */
     code = recorder_prepare_directory(config, &made->made_directory, error);
     if (code) {
         goto fail;
@@ -272,7 +272,7 @@ enum error_code recorder_open(const struct recorder_config *config, struct arena
     if (code) {
         goto fail;
     }
-    /* The thread last: it begins to write at once */
+    /* Start the thread last: it writes at once */
     reason = pthread_create(&made->thread, NULL, recorder_thread_main, made);
     if (reason) {
         code = error_set_errno(error, reason, "cannot start the recorder's thread");
@@ -288,8 +288,8 @@ fail:
 
 /* ---- the loop's side ---- */
 
-/* Checks whether the writing thread has made no progress for timeout_ns; *beat and *since_ns
- * carry over from call to call. */
+/* Checks whether the writing thread has made no progress for timeout_ns. *beat and *since_ns carry
+ * state from call to call. */
 static bool recorder_thread_stalled(const struct recorder *recorder, int64_t timeout_ns,
                                     uint64_t *beat, int64_t *since_ns)
 {
@@ -303,7 +303,7 @@ static bool recorder_thread_stalled(const struct recorder *recorder, int64_t tim
     return now - *since_ns > timeout_ns;
 }
 
-/* Waits for room in a ring and pushes; false = the disk is given up. */
+/* Waits for room in a ring and pushes the item; false = the disk was given up. */
 static bool recorder_wait_for_room(struct recorder *recorder, struct ring *ring, const void *item)
 {
     uint64_t beat = atomic_load_explicit(&recorder->beat, memory_order_relaxed);
@@ -319,7 +319,8 @@ static bool recorder_wait_for_room(struct recorder *recorder, struct ring *ring,
     return true;
 }
 
-/* Pushes an item into a ring and counts it as taken or dropped; waits for room only if lossless. */
+/* Pushes an item into a ring and counts it as accepted or dropped. Waits for room only if
+ * lossless. */
 static void recorder_push(struct recorder *recorder, struct ring *ring, const void *item,
                           _Atomic uint64_t *taken, _Atomic uint64_t *dropped)
 {
@@ -328,7 +329,7 @@ static void recorder_push(struct recorder *recorder, struct ring *ring, const vo
                    (recorder->config.lossless && recorder_wait_for_room(recorder, ring, item)));
     _Atomic uint64_t *count = pushed ? taken : dropped;
 
-    /* One thread counts frames and rows, one events: no need for an atomic increment */
+    /* Each count has one writing thread, so an atomic increment is not needed */
     atomic_store_explicit(count, atomic_load_explicit(count, memory_order_relaxed) + 1,
                           memory_order_relaxed);
 }
@@ -363,7 +364,8 @@ void recorder_event(struct recorder *recorder, int64_t time_ns, unsigned rank,
 
 /* ---- reports of what went wrong ---- */
 
-/* Writes a sentence about a file that has ended or was renamed, once each; false = nothing new. */
+/* Writes a sentence about a file that has ended or was renamed, once per problem; false = nothing
+ * new. */
 static bool recorder_file_event(const struct line_file *file, struct file_reports *reports,
                                 char *text, size_t size)
 {
@@ -425,7 +427,7 @@ bool recorder_next_event(struct recorder *recorder, unsigned *kind, char *text, 
 
 /* ---- the end ---- */
 
-/* Waits until the writing thread has ended; false = it hangs. */
+/* Waits until the writing thread ends; false = it hangs. */
 static bool recorder_wait_for_thread(const struct recorder *recorder, int64_t timeout_ns)
 {
     uint64_t beat = atomic_load_explicit(&recorder->beat, memory_order_relaxed);
@@ -448,19 +450,19 @@ static void recorder_join_thread(struct recorder *recorder)
     recorder->mcap = NULL;
 }
 
-/* Ends the thread. One that hangs in a system call is cancelled, and ends when that call
+/* Ends the writing thread. A thread that hangs in a system call is cancelled. It ends when the call
  * returns, before it touches the recorder again. */
 static void recorder_end_thread(struct recorder *recorder, struct recorder_counters *counters)
 {
     int64_t stall = recorder->config.stall_ns;
 
-    /* The normal end; a disk that was given up is not waited for as long */
+    /* Stop the thread; after a disk was given up, wait less long */
     atomic_store(&recorder->stop, true);
     if (recorder_wait_for_thread(recorder, atomic_load(&recorder->given_up) ? stall / 10 : stall)) {
         recorder_join_thread(recorder);
         return;
     }
-    /* The thread hangs: cancel it, or leave it behind */
+    /* The thread hangs: cancel it, or abandon it */
     pthread_cancel(recorder->thread);
     if (recorder_wait_for_thread(recorder, CANCEL_NS)) {
         recorder_join_thread(recorder);
@@ -475,7 +477,7 @@ static void recorder_end_thread(struct recorder *recorder, struct recorder_count
     counters->events_unwritten = ring_count(&recorder->events) + recorder->order.count;
 }
 
-/* Counts what each ring was given and what each file lacks. */
+/* Counts the items accepted by each ring and the items missing in each file. */
 static void recorder_count(struct recorder *recorder, struct recorder_counters *counters)
 {
     const struct line_file *file = recorder->file;
@@ -499,7 +501,7 @@ enum error_code recorder_close(struct recorder *recorder, struct recorder_counte
     *c = (struct recorder_counters){0};
     recorder_end_thread(recorder, c);
     recorder_count(recorder, c);
-    /* The first file that ended early is the error; else what was dropped */
+    /* Report the first file that ended early, else the drops */
     for (int f = 0; f < RECORDER_FILES; f++) {
         if (atomic_load(&recorder->file[f].ended)) {
             *error = recorder->file[f].error;

@@ -13,47 +13,47 @@
 
 enum {
     STAMP_SIZE = 96,  /* "timestamp":{...}, */
-    POSE_SIZE = 256,  /* a transform's numbers and keys */
-    FRAME_SIZE = 512, /* of a message without the bus's name */
+    POSE_SIZE = 256,  /* numbers and keys of a transform */
+    FRAME_SIZE = 512, /* a message without the name of its bus */
     TOPIC_SIZE = 64,  /* "/can/" and a name */
     KEY_PART = 3,     /* quotes and colon */
-    SCHEMA_PART = 24, /* {"type":"number"} and more of a signal in its schema */
+    SCHEMA_PART = 24, /* {"type":"number"} and punctuation of one signal in its schema */
     CHUNK_AGE_NS = 1000000000,
 };
 
-/* The levels of foxglove.Log by priority. */
+/* Levels of foxglove.Log, by journal priority. */
 static const int log_levels[] = {
     [JOURNAL_ERROR] = 4, [JOURNAL_WARNING] = 3, [JOURNAL_NOTICE] = 2, [JOURNAL_INFO] = 2};
 
 struct recorder_mcap {
     const struct recorder_config *config;
     struct mcap *mcap;
-    const char **key;  /* of each signal: "NAME": */
-    const char **body; /* of each body: "NAME" */
+    const char **key;  /* "NAME": for each signal */
+    const char **body; /* "NAME" for each body */
     const char **bus;
     uint16_t signals, events, transforms; /* channels; 0 = none */
-    uint16_t *frames;                     /* of each bus */
-    uint16_t *channels;                   /* of each of the configuration */
-    int64_t flushed_ns;                   /* wall time of the last chunk's end */
+    uint16_t *frames;                     /* channel of each bus */
+    uint16_t *channels;                   /* one per channel of the configuration */
+    int64_t flushed_ns;                   /* wall time at the end of the last chunk */
 };
 
 /* ---- pieces of messages ---- */
 
-/* Writes a time stamp in seconds and nanoseconds; returns the place behind it. */
+/* Writes a time stamp in seconds and nanoseconds. Returns the end. */
 static char *mcap_print_stamp(char *at, int64_t time_ns)
 {
     return at + sprintf(at, "\"timestamp\":{\"sec\":%" PRId64 ",\"nsec\":%" PRId64 "}",
                         time_ns / CLOCK_SECOND, time_ns % CLOCK_SECOND);
 }
 
-/* Writes a number with the digits that read back bit for bit; null if it is not finite, which
- * JSON cannot express. */
+/* Writes a number with enough digits to read back bit for bit. Writes null for a number that is not
+ * finite, which JSON cannot express. */
 static char *mcap_print_number(char *at, double value)
 {
     return at + (isfinite(value) ? sprintf(at, "%.17g", value) : sprintf(at, "null"));
 }
 
-/* Writes text as it is; returns the place behind it. */
+/* Writes text without quoting. Returns the end. */
 static char *mcap_print_text(char *at, const char *text)
 {
     size_t size = strlen(text);
@@ -62,7 +62,7 @@ static char *mcap_print_text(char *at, const char *text)
     return at + size;
 }
 
-/* Ends a message that stands between begin and end. */
+/* Ends the message between `begin` and `end`. */
 static void mcap_hand_over(struct recorder_mcap *mcap, uint16_t channel, int64_t time_ns,
                            const char *begin, const char *end)
 {
@@ -92,7 +92,7 @@ void recorder_mcap_frame(struct recorder_mcap *mcap, const struct frame_item *it
     mcap_hand_over(mcap, mcap->frames[item->bus], frame->time_ns, begin, at);
 }
 
-/* Writes the message of all signals of a row. */
+/* Writes one message with all signals of a row. */
 static void recorder_mcap_signals(struct recorder_mcap *mcap, int64_t time_ns, const double *value)
 {
     char *begin = mcap_begin_message(mcap->mcap), *at = begin;
@@ -105,8 +105,7 @@ static void recorder_mcap_signals(struct recorder_mcap *mcap, int64_t time_ns, c
     mcap_hand_over(mcap, mcap->signals, time_ns, begin, at);
 }
 
-/* Writes the transform of a body to the world; pose holds the position (m) and the quaternion
- * (wxyz). */
+/* Writes the transform from a body to the world. pose: position (m), quaternion (wxyz). */
 static char *mcap_print_transform(const struct recorder_mcap *mcap, char *at, int64_t time_ns,
                                   size_t body, const double *pose)
 {
@@ -173,7 +172,7 @@ void recorder_mcap_event(struct recorder_mcap *mcap, const struct event_item *it
 
 /* ---- making it ---- */
 
-/* Returns a name as a JSON string followed by suffix; NULL = no memory. */
+/* Returns a name as a JSON string followed by suffix; NULL = out of memory. */
 static const char *mcap_quote_name(const char *name, const char *suffix, struct arena *arena)
 {
     char *text = arena_alloc(arena, JSON_TEXT_ROOM(strlen(name)) + strlen(suffix), 1);
@@ -184,7 +183,7 @@ static const char *mcap_quote_name(const char *name, const char *suffix, struct 
     return text;
 }
 
-/* Quotes each name, followed by suffix; NULL = no memory. *longest grows by their lengths. */
+/* Quotes each name and appends suffix; NULL = out of memory. *longest grows by the lengths. */
 static const char **mcap_quote_names(const char *const *name, size_t count, const char *suffix,
                                      struct arena *arena, size_t *longest)
 {
@@ -200,8 +199,8 @@ static const char **mcap_quote_names(const char *const *name, size_t count, cons
     return quoted;
 }
 
-/* Makes the schema of the signals,
- * {"type":"object","properties":{"NAME":{"type":"number"},...}}; NULL = no memory. */
+/* Returns the schema of the signals, {"type":"object","properties":{"NAME":{"type":"number"},...}};
+ * NULL = out of memory. */
 static const char *mcap_make_signal_schema(const struct recorder_mcap *mcap, struct arena *arena)
 {
     size_t size = STAMP_SIZE;
@@ -223,7 +222,7 @@ static const char *mcap_make_signal_schema(const struct recorder_mcap *mcap, str
     return text;
 }
 
-/* Adds the channels of this recording and their schemas; false = no memory. */
+/* Adds the channels of this recording and their schemas; false = out of memory. */
 static bool recorder_mcap_add_channels(struct recorder_mcap *mcap, struct arena *arena)
 {
     const struct recorder_config *config = mcap->config;
@@ -279,7 +278,7 @@ static size_t longer_of(size_t a, size_t b)
     return a > b ? a : b;
 }
 
-/* Quotes the names and returns the length in bytes of the longest message; 0 = no memory. */
+/* Quotes the names. Returns the length of the longest message in bytes; 0 = out of memory. */
 static size_t recorder_mcap_quote(struct recorder_mcap *mcap, struct arena *arena)
 {
     const struct recorder_config *config = mcap->config;

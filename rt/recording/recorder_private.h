@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the parts of the recorder share: recorder.c opens, takes from the loop, reports and closes;
- * recorder_thread.c formats and writes, recorder_mcap.c into the MCAP file. Not RT-safe but where
- * it says so.
+ * Functions and state that the files of the recorder share. recorder.c opens, fills the rings,
+ * reports and closes. recorder_thread.c formats and writes; recorder_mcap.c writes the MCAP file.
+ * Not RT-safe unless noted.
  */
 #ifndef RT_RECORDING_RECORDER_PRIVATE_H
 #define RT_RECORDING_RECORDER_PRIVATE_H
@@ -22,7 +22,7 @@ enum recorder_file {
     RECORDER_FILES
 };
 
-/* What went wrong, as reported by recorder_next_event: a file's number, or one of these. */
+/* Kinds of reports of recorder_next_event: the number of a file, or one of these. */
 enum recorder_report { REPORT_DROPS = RECORDER_FILES, REPORT_GIVEN_UP };
 
 struct frame_item {
@@ -37,19 +37,19 @@ struct event_item {
     char text[RECORDER_EVENT_TEXT];
 };
 
-/* Items offered to the rings; counted by the threads that push, read by any. */
+/* Items offered to the rings. The threads that push count; any thread reads. */
 struct recorder_tally {
     _Atomic uint64_t frames, rows, events, frames_dropped, rows_dropped, events_dropped;
 };
 
-/* Events that wait for others with earlier times, in the order of their times. */
+/* Waiting events, sorted by time: an earlier one may still come. */
 struct recorder_order {
     struct event_item *item;
     size_t count;
-    int64_t settled_ns; /* of the latest that has waited for long enough */
+    int64_t settled_ns; /* time of the latest event that has waited long enough */
 };
 
-/* Which events of a file have been reported. */
+/* The events of a file that have been reported. */
 struct file_reports {
     bool moved, ended;
 };
@@ -57,22 +57,22 @@ struct file_reports {
 struct recorder {
     struct recorder_config config;
     struct ring frames, rows, events;
-    size_t nvalue; /* of a row: signals, then poses */
-    double *row;   /* the loop's scratch: time in whole ns, then the values */
-    char *line;    /* the thread's scratch, for one line of any file */
+    size_t nvalue; /* numbers in a row: signals, then poses */
+    double *row;   /* scratch of the loop: time in whole ns, then the values */
+    char *line;    /* scratch of the recorder's thread: one line of any file */
     struct recorder_order order;
     struct recorder_tally tally;
     struct line_file file[RECORDER_FILES];
-    bool has[RECORDER_FILES];   /* those that this recording consists of */
+    bool has[RECORDER_FILES];   /* the files of this recording */
     struct recorder_mcap *mcap; /* NULL = none */
     bool made_directory;
     pthread_t thread;
-    _Atomic uint64_t beat; /* moves while the thread does */
-    int64_t tend_ns;       /* when the thread flushes and checks its files again */
+    _Atomic uint64_t beat; /* changes while the thread makes progress */
+    int64_t tend_ns;       /* time of the next flush and check of the files */
     atomic_bool stop, ended;
     atomic_bool given_up;
 
-    /* Of the thread that asks for reports */
+    /* Used only by the thread that asks for reports */
     struct file_reports reports[RECORDER_FILES];
     bool given_up_reported;
     uint64_t drops_reported;
@@ -82,9 +82,9 @@ struct recorder {
 /* ---- recorder_thread.c ---- */
 
 enum {
-    RECORDER_NUMBER = 32, /* bytes of a value in a line, with its comma */
-    RECORDER_HELD = 1024, /* events that wait for earlier ones */
-    RECORDER_LINE = 512,  /* bytes of a line of candump.log or events.log, or more */
+    RECORDER_NUMBER = 32, /* most bytes of a number and its comma in a line */
+    RECORDER_HELD = 1024, /* most events that wait to be sorted */
+    RECORDER_LINE = 512,  /* buffer for a line of candump.log or events.log */
 };
 
 /* The thread's function; context is the recorder. */

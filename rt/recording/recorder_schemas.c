@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* JSON Schemas of the recorder's channels; those called foxglove.* describe what these names mean
- * to viewers, as far as the recorder writes it. */
+/* JSON Schemas of the recorder's channels. The foxglove.* schemas describe only the fields that the
+ * recorder writes. */
 #include "rt/recording/recorder_schemas.h"
 
 /* clang-format off */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* JSON Schemas of the messages that a recording's MCAP file holds: of the recorder's own channels
- * and of scenes. RT-safe: constants. */
+/* JSON Schemas of the messages in a recording's MCAP file: those of the recorder's own channels,
+ * and the schema of scenes. RT-safe: constants. */
 #ifndef RT_RECORDING_RECORDER_SCHEMAS_H
 #define RT_RECORDING_RECORDER_SCHEMAS_H
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Formats and writes what the recorder's rings hold, in a thread of its own. */
+/* Formats and writes the contents of the recorder's rings in a separate thread. */
 #include "rt/recording/recorder_mcap.h"
 
 #include "canbus/candump.h"
@@ -11,7 +11,7 @@
 #include <time.h>
 
 enum {
-    ROUND = 4096, /* items written before the thread tends its files again */
+    ROUND = 4096, /* items written between two checks of the files */
     IDLE_NS = 2000000,
 };
 
@@ -87,15 +87,15 @@ static void recorder_release_events(struct recorder *recorder, size_t count)
     memmove(order->item, order->item + count, order->count * sizeof *order->item);
 }
 
-/* Returns whether an event is written before another that was given first. */
+/* Returns whether `item` must be written before `other`, although it was given later. */
 static bool recorder_goes_before(const struct event_item *item, const struct event_item *other)
 {
     return item->time_ns != other->time_ns ? item->time_ns < other->time_ns
                                            : item->rank < other->rank;
 }
 
-/* Inserts an event into the waiting ones in their order; a full list writes its older half first.
- */
+/* Inserts an event in order into the list of waiting events. A full list first writes its older
+ * half. */
 static void recorder_hold_event(struct recorder *recorder, const struct event_item *item)
 {
     struct recorder_order *order = &recorder->order;
@@ -111,7 +111,7 @@ static void recorder_hold_event(struct recorder *recorder, const struct event_it
     order->count++;
 }
 
-/* Writes the events that were waiting at the previous call, and earlier ones that came since. */
+/* Writes the events that already waited at the previous call, and newer ones with earlier times. */
 static void recorder_settle_events(struct recorder *recorder)
 {
     struct recorder_order *order = &recorder->order;
@@ -126,8 +126,8 @@ static void recorder_settle_events(struct recorder *recorder)
 
 /* ---- the thread ---- */
 
-/* Writes up to a round of waiting items from each ring; false = nothing waited. An item leaves
- * its ring after it was written, so that what a hung thread leaves behind is counted. */
+/* Writes up to a round of items from each ring; false = all rings were empty. An item leaves its
+ * ring after it is written. The items that a hung thread leaves behind are therefore counted. */
 static bool recorder_drain_rings(struct recorder *recorder)
 {
     const void *item;
@@ -148,7 +148,7 @@ static bool recorder_drain_rings(struct recorder *recorder)
     return count > 0;
 }
 
-/* Moves the beat; a few times a second flushes the files and checks that they still exist. */
+/* Advances the beat. A few times a second, flushes the files and checks that they still exist. */
 static void recorder_tend_files(struct recorder *recorder)
 {
     int64_t now = clock_now(clock_monotonic());
@@ -168,7 +168,7 @@ static void recorder_tend_files(struct recorder *recorder)
     }
 }
 
-/* Writes the events that still wait, ends the MCAP file, and closes all files. */
+/* Writes the remaining events, ends the MCAP file, and closes all files. */
 static void recorder_close_files(struct recorder *recorder)
 {
     recorder_release_events(recorder, recorder->order.count);
@@ -191,7 +191,7 @@ void *recorder_thread_main(void *context)
     struct recorder *recorder = context;
     sigset_t of_writing;
 
-    /* A pipe without a reader and a file at its size limit are errors of write, not signals */
+    /* Block signals: a pipe without a reader and a file at its size limit become errors of write */
     sigemptyset(&of_writing);
     sigaddset(&of_writing, SIGPIPE);
     sigaddset(&of_writing, SIGXFSZ);
@@ -200,7 +200,7 @@ void *recorder_thread_main(void *context)
     if (recorder->mcap) {
         recorder_mcap_start(recorder->mcap);
     }
-    /* Write until the recorder stops, then what is left */
+    /* Write until the recorder stops, then write the rest */
     while (!atomic_load(&recorder->stop)) {
         if (!recorder_drain_rings(recorder)) {
             nanosleep(&(struct timespec){.tv_nsec = IDLE_NS}, NULL);
