@@ -1,27 +1,25 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Faults of boards (faults/faults.h), where they act: on the power of a board, on its firmware, on
- * its contact to the bus, and on the frames that it sends, replies included.
+ * Applies the faults of boards (faults/faults.h): to the power of a board, its firmware, its
+ * contact to the bus, and all frames that it sends, replies included.
  *
- *   off           neither receives nor sends, its bridges are open; afterwards it boots as from
- *                 cold;
- *   hung          when it begins the firmware stands still: neither receives nor sends; after
- *                 `watchdog` seconds it is reset and boots as from cold, whether the fault still
- *                 lasts or not. One hang each time that the fault begins; the next one at the
- *                 earliest when the application runs again;
- *   intermittent  runs on, but in the gaps neither receives nor sends;
- *   stuck         every id keeps the data of its last frame before;
- *   garbage       data are random, id and length right;
- *   slow          of every id one frame of `factor` is sent;
- *   delayed       frames are sent later, up to DELAYED_MAX of them waiting.
+ *   off           neither receives nor sends, its bridges are open; boots from cold afterwards;
+ *   hung          the firmware stops: it neither receives nor sends. After `watchdog` seconds it
+ *                 is reset and boots from cold, even if the fault lasts longer. It hangs once per
+ *                 beginning of the fault; the next hang needs a running application;
+ *   intermittent  runs, but neither receives nor sends during the gaps;
+ *   stuck         every identifier repeats the data of its last frame before the fault;
+ *   garbage       random data; identifier and length stay;
+ *   slow          sends one of `factor` frames of every identifier;
+ *   delayed       sends frames later; at most DELAYED_MAX wait.
  *
- * Other boards of the bus hear of a STRAIN board what it sends, faults and all.
+ * Other boards on the bus receive the disturbed frames of a STRAIN board.
  *
- * The PWM timers of a hung board go on with their last compare values: the bridges give the same
- * share of the supply until the reset opens them. A 2FOC board turns the field of its motor by
- * firmware; hung, the field stands still and holds the rotor, which for the motor that the plant
- * knows is a winding with 0 V: it brakes. Emergency stops (boards_shut_down) open the bridges of
- * hung boards too, for they cut the motors' supply.
+ * The PWM timers of a hung board continue with their last compare values. Its bridges therefore
+ * keep their share of the supply until the reset opens them. A 2FOC board turns the field of its
+ * motor by firmware. When it hangs, the field stands still and holds the rotor; the plant's motor
+ * model represents this as 0 V, so the motor brakes. An emergency stop (boards_shut_down) cuts the
+ * motors' supply, so it also opens the bridges of hung boards.
  */
 #include "boards/board_private.h"
 
@@ -33,7 +31,7 @@
 
 enum { IDS_MAX = 32, DELAYED_MAX = 2048 };
 
-/* The last frame that was sent with an identifier. */
+/* The last frame sent with an identifier. */
 struct sent_id {
     struct bus_frame frame;
     uint64_t count;
@@ -42,11 +40,11 @@ struct sent_id {
 struct board_fault {
     const struct fault *fault;
     struct random_stream random;
-    bool gap;                   /* INTERMITTENT */
-    bool spent;                 /* HUNG: has hung since it began */
+    bool gap;                   /* INTERMITTENT: in a gap now */
+    bool spent;                 /* HUNG: has hung since the fault began */
     struct sent_id id[IDS_MAX]; /* STUCK, SLOW */
     size_t nid;
-    struct bus_frame *waiting; /* DELAYED; circular, time_ns is when they are due */
+    struct bus_frame *waiting; /* DELAYED: circular; time_ns is when a frame is due */
     size_t first, count;
 };
 
@@ -54,8 +52,8 @@ struct board_faults {
     struct board_fault *fault;
     size_t count;
     bool without_power, hung;
-    int64_t watchdog_ns;         /* hung until then */
-    double duty[BOARD_AXES_MAX]; /* of the bridges of a hung board */
+    int64_t watchdog_ns;         /* end of the hang */
+    double duty[BOARD_AXES_MAX]; /* duty cycle of each bridge of a hung board */
 };
 
 bool board_faults_create(struct boards *boards, const struct faults *faults, struct arena *arena)
@@ -72,7 +70,7 @@ bool board_faults_create(struct boards *boards, const struct faults *faults, str
             continue;
         }
 
-        /* A board may have all of them: the first one lays the list out */
+        /* A board may have all faults: its first one allocates the list */
         board = boards->board[fault->index];
         if (!board->faults) {
             board->faults = arena_alloc(arena, 1, sizeof *board->faults);
@@ -82,7 +80,7 @@ bool board_faults_create(struct boards *boards, const struct faults *faults, str
             }
         }
 
-        /* Each fault draws from a random stream of its own, so that others do not change it */
+        /* Each fault has its own random stream, independent of other faults */
         to = &board->faults->fault[board->faults->count++];
         to->fault = fault;
         snprintf(stream, sizeof stream, "fault %s", fault->name);
@@ -97,7 +95,7 @@ bool board_faults_create(struct boards *boards, const struct faults *faults, str
 
 /* ---- power and contact ---- */
 
-/* Discards waiting answers, which are lost with the board's memory. */
+/* Discards waiting answers: they are lost with the board's memory. */
 static void board_discard_replies(const struct board *board)
 {
     struct board_bus *bus = board->bus;
@@ -113,7 +111,7 @@ static void board_discard_replies(const struct board *board)
 
 /* ---- a firmware that hangs ---- */
 
-/* Begins a hang: the timers keep the duty that each bridge has now. */
+/* Starts a hang: the timers keep the present duty cycle of each bridge. */
 static void board_begin_hang(struct board *board, int64_t watchdog_ns, double supply_v,
                              const struct plant_command *command)
 {
@@ -125,14 +123,14 @@ static void board_begin_hang(struct board *board, int64_t watchdog_ns, double su
         faults->duty[i] = joint >= 0 && !board->ops->turns_field && supply_v > 0.0
                               ? command->motor[joint].voltage_v / supply_v
                               : 0.0;
-        /* The supply may have sunk since the board drove the bridge */
+        /* The supply may have dropped since the board set the bridge */
         faults->duty[i] = fmax(fmin(faults->duty[i], 1.0), -1.0);
     }
     faults->hung = true;
     faults->watchdog_ns = board->boards->now_ns + watchdog_ns;
 }
 
-/* Returns the fault that makes the application hang in this tick; NULL when there is none. */
+/* Returns the fault that makes the application hang in this tick; NULL = none. */
 static struct board_fault *board_find_hang(const struct board *board)
 {
     for (size_t i = 0; i < board->faults->count; i++) {
@@ -148,7 +146,7 @@ static struct board_fault *board_find_hang(const struct board *board)
     return NULL;
 }
 
-/* Drives the bridges of a hung board with the duty that they had. */
+/* Drives the bridges of a hung board with their last duty cycles. */
 static void board_hold_bridges(const struct board *board, double supply_v,
                                struct plant_command *command)
 {
@@ -163,7 +161,7 @@ static void board_hold_bridges(const struct board *board, double supply_v,
     }
 }
 
-/* Runs one tick of a board with power; returns true while it hangs. */
+/* Runs one tick of a board with power. Returns true while it hangs. */
 static bool board_step_hang(struct board *board, double supply_v, struct plant_command *command)
 {
     struct board_faults *faults = board->faults;
@@ -188,7 +186,7 @@ enum board_health board_faults_control(struct board *board, struct plant_command
     double supply_v = board->boards->supply_v;
     bool off = false, gap = false, hung;
 
-    /* Power and contact, as the faults have them in this tick */
+    /* Find power and contact in this tick */
     for (size_t i = 0; i < board->faults->count; i++) {
         struct board_fault *f = &board->faults->fault[i];
 
@@ -203,7 +201,7 @@ enum board_health board_faults_control(struct board *board, struct plant_command
         }
     }
 
-    /* The power comes or goes; with power the firmware may hang */
+    /* Switch the power; with power, the firmware may hang */
     if (off && !board->faults->without_power) {
         board_discard_replies(board);
         board->faults->without_power = true;
@@ -219,7 +217,7 @@ enum board_health board_faults_control(struct board *board, struct plant_command
 
 /* ---- frames ---- */
 
-/* Returns the entry of an identifier, a new one when there is none; NULL when the table is full. */
+/* Returns the entry of an identifier, a new one if necessary; NULL = the table is full. */
 static struct sent_id *board_fault_find_id(struct board_fault *f, uint32_t id)
 {
     for (size_t i = 0; i < f->nid; i++) {
@@ -234,7 +232,7 @@ static struct sent_id *board_fault_find_id(struct board_fault *f, uint32_t id)
     return &f->id[f->nid++];
 }
 
-/* Replaces the data of a frame by those of the last one before the fault. */
+/* Replaces the data of a frame by the last data before the fault. */
 static void board_fault_freeze_frame(struct board_fault *f, struct bus_frame *frame)
 {
     struct sent_id *last = board_fault_find_id(f, frame->id);
@@ -248,13 +246,13 @@ static void board_fault_freeze_frame(struct board_fault *f, struct bus_frame *fr
     }
 }
 
-/* Applies a fault to a frame that is sent. Returns false when it does not go out, now or at all. */
+/* Applies a fault to a frame. Returns false when the frame is not sent now or ever. */
 static bool board_fault_disturb_frame(struct board_fault *f, struct bus_frame *frame)
 {
     struct sent_id *last;
 
     if (f->fault->kind == FAULT_STUCK) {
-        board_fault_freeze_frame(f, frame); /* remembers also while it is not active */
+        board_fault_freeze_frame(f, frame); /* stores the data even while the fault is inactive */
         return true;
     }
     if (!f->fault->active) {
@@ -267,10 +265,10 @@ static bool board_fault_disturb_frame(struct board_fault *f, struct bus_frame *f
             frame->data[i] = (uint8_t)(random_bits(&f->random) >> 32);
         }
         return true;
-    case FAULT_SLOW: /* one of so many of each identifier */
+    case FAULT_SLOW: /* send one in `factor` frames of each identifier */
         last = board_fault_find_id(f, frame->id);
         return !last || last->count++ % (uint64_t)f->fault->value[0] == 0;
-    case FAULT_DELAYED: /* waits until it is due; a full queue loses it */
+    case FAULT_DELAYED: /* queue the frame until it is due; drop it when the queue is full */
         if (f->count < DELAYED_MAX) {
             struct bus_frame *slot = &f->waiting[(f->first + f->count++) % DELAYED_MAX];
 
@@ -283,7 +281,7 @@ static bool board_fault_disturb_frame(struct board_fault *f, struct bus_frame *f
     }
 }
 
-/* Sends delayed frames that are due, in their order. */
+/* Sends the delayed frames that are due, in order. */
 static void board_fault_release_delayed(struct board_fault *f, struct frame_sink *sink)
 {
     while (f->count > 0 && sink->count < sink->max &&

@@ -1,12 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Data and functions that every board has, whatever it speaks: an address, a place on its bus,
- * answers that wait, a bootloader, faults. A protocol embeds struct board in the structure of each
- * kind of its boards and struct board_bus in that of its buses, and stands behind their tables of
- * functions; this header knows no protocol.
+ * Data and functions of every board, for any protocol: address, bus, waiting answers, bootloader,
+ * faults. A protocol embeds struct board in its boards and struct board_bus in its buses, and fills
+ * their tables of functions. This header does not depend on a protocol.
  *
- * Units: nanoseconds of virtual time since power-up unless a name says otherwise. All memory is the
- * arena's of boards_create. Everything here is RT-safe but what is said to create something.
+ * Units: ns of virtual time since power-up unless a name says otherwise. All memory comes from the
+ * arena of boards_create. All functions are RT-safe except those that create something.
  */
 #ifndef BOARDS_BOARD_PRIVATE_H
 #define BOARDS_BOARD_PRIVATE_H
@@ -21,14 +20,14 @@
 #include <math.h>
 #include <stdint.h>
 
-enum { MS = 1000000 }; /* nanoseconds */
+enum { MS = 1000000 }; /* ns per millisecond */
 
 struct board;
 struct board_bus;
 struct board_faults;
 struct voltage_delay;
 
-/* A run of milliseconds since power-up: from inclusive, to exclusive. */
+/* A range of milliseconds since power-up: from inclusive, to exclusive. */
 struct ms_span {
     int64_t from, to;
 };
@@ -40,32 +39,35 @@ struct frame_sink {
     int64_t time_ns;
 };
 
-/* Identity of a board, as discovery tells it. */
+/* Identity of a board, as it reports in discovery. */
 struct board_identity {
     uint8_t type, major, minor, build;
 };
 
-/* A kind of board. */
+/* The functions and properties of one kind of board. */
 struct board_ops {
     struct board_identity identity;
-    size_t periodic_max; /* frames in a transmission at most */
-    bool turns_field; /* the firmware commutates the motor: when it hangs the field stands still */
+    size_t periodic_max; /* most frames per transmission */
+    bool turns_field; /* the firmware commutates the motor: when it hangs, the magnetic field stops
+                       * turning */
 
     void (*power_up)(struct board *board);
     /* Reads and quantizes the sensors, at the time boards->now_ns. */
     void (*sample)(struct board *board, const struct plant_sensors *sensors);
-    /* One tick; span holds the milliseconds that it completes. NULL: no motors, as shut_down. */
+    /* Runs one tick; span holds the milliseconds that end in it. NULL = no motors; shut_down is
+     * then NULL too. */
     void (*control)(struct board *board, struct ms_span span);
     void (*transmit)(struct board *board, struct ms_span span, struct frame_sink *sink);
-    /* A periodic frame of this board is on the bus, where others hear it. NULL: none listens. */
+    /* Called when a periodic frame of this board is on the bus and other boards hear it. NULL = not
+     * needed. */
     void (*sent)(struct board *board, const struct bus_frame *frame);
-    void (*shut_down)(struct board *board); /* opens the bridges; NULL: there are none */
-    size_t axes, axis_size; /* offset of the first axis and size of each (boards/axis.h), where the
-                             * board opens and closes their bridges; 0: none */
-    const struct board_settings *settings; /* NULL: none */
+    void (*shut_down)(struct board *board); /* opens the bridges; NULL = the board has none */
+    size_t axes, axis_size; /* offset of the first axis, and size of each (boards/axis.h), if the
+                             * board opens and closes bridges; 0 = no axes */
+    const struct board_settings *settings; /* NULL = no settings */
 };
 
-/* The settings of a kind's axes (boards/board.h). The index is below count. */
+/* The settings of one kind of axis (boards/board.h). An index is below count. */
 struct board_settings {
     size_t count;
     void (*describe)(const struct board *board, unsigned axis, size_t index,
@@ -73,58 +75,60 @@ struct board_settings {
     bool (*set)(struct board *board, unsigned axis, size_t index, double value);
 };
 
-/* Functions of a protocol for its buses. */
+/* The functions and properties of a protocol's buses. */
 struct board_bus_ops {
-    /* A board has got its address; before its power-up. NULL: nothing to do. */
+    /* Called after a board gets its address, before its power-up. NULL = not needed. */
     void (*add_board)(struct board_bus *bus, struct board *board);
-    bool remote;   /* remote frames mean something */
-    bool extended; /* so do identifiers of 29 bits */
-    /* A frame with an identifier and a length that the bus allows. */
+    bool remote;   /* accepts remote frames */
+    bool extended; /* accepts 29-bit identifiers */
+    /* Receives a frame with an identifier and a length that the bus allows. */
     void (*receive)(struct boards *boards, struct board_bus *bus, const struct bus_frame *frame);
 };
 
 struct queued_reply {
     struct board *board;
-    bool lost; /* with the board's power */
+    bool lost; /* the board has lost power, and with it the answer */
     uint8_t flags, len;
     uint32_t id;
     uint8_t data[64];
 };
 
-enum { BOARD_ADDRESSES = 32 }; /* of all protocols; [0] is the host */
+enum { BOARD_ADDRESSES = 32 }; /* addresses of all protocols; [0] is the host */
 
-/* Embedded in the bus of each protocol. */
+/* Base of each protocol's bus. */
 struct board_bus {
     const struct board_bus_ops *ops;
     struct boards_bus_config config;
     struct board *by_address[BOARD_ADDRESSES];
-    uint16_t nodes;               /* boards: each is a CAN node of its own */
-    struct queued_reply *replies; /* circular */
+    uint16_t nodes;               /* number of boards; each is a CAN node */
+    struct queued_reply *replies; /* circular queue */
     size_t capacity, head, waiting;
     size_t transmit_max;
-    size_t can_errors; /* boards whose CAN controller has any */
-    int64_t sent_ms;   /* milliseconds whose periodic frames have been sent */
+    size_t can_errors; /* number of boards with CAN errors */
+    int64_t sent_ms;   /* milliseconds whose periodic frames are sent */
 };
 
-/* Embedded in the boards of each protocol. */
+/* Base of each protocol's boards. */
 struct board {
     const struct board_ops *ops;
     struct boards *boards;
     struct board_bus *bus;
-    struct board_config config; /* name points into the arena */
-    uint16_t index;             /* in the configuration */
-    uint16_t node;              /* of its frames: its number among the boards of its bus */
+    struct board_config config; /* the name is in the arena */
+    uint16_t index;             /* index in the configuration */
+    uint16_t node;              /* CAN node: index among the boards of its bus */
     uint8_t address;
     bool in_bootloader;
-    bool away;                             /* a fault keeps it from the bus, or it is a real one */
-    bool present, silence_told;            /* external: heard; that it is not has been told */
-    uint32_t boots;                        /* how often it has entered the bootloader */
-    int64_t application_ns;                /* in the bootloader until then */
-    int64_t heard_ns;                      /* the last frame meant for it; -1 = none yet */
-    unsigned replies;                      /* of this board, waiting */
-    uint64_t lost;                         /* frames that it could not send */
-    bool lost_in_status, lost_in_overflow; /* to be reported there */
-    struct board_faults *faults;           /* NULL = it can have none (board_faults.c) */
+    bool away;                             /* disconnected from the bus by a fault, or external */
+    bool present, silence_told;            /* external: present within its time-out; its silence has
+                                            * been reported */
+    uint32_t boots;                        /* how often the board has entered the bootloader */
+    int64_t application_ns;                /* end of the stay in the bootloader */
+    int64_t heard_ns;                      /* time of the last frame for this board; -1 = none
+                                            * yet */
+    unsigned replies;                      /* number of waiting answers of this board */
+    uint64_t lost;                         /* frames that the board could not send */
+    bool lost_in_status, lost_in_overflow; /* losses not yet reported in STATUS, as an event */
+    struct board_faults *faults;           /* NULL = no faults for this board (board_faults.c) */
     struct board_can_state can;
 };
 
@@ -132,21 +136,21 @@ struct boards {
     struct boards_counters counters;
     struct ring events;
     int64_t tick_ns;
-    /* Both are set by each phase from the now_ns of its caller: the time stamp of events, and what
-     * a board's timers show. They differ in boards_control, which computes what the boards have
-     * done by the end of the tick. */
+    /* Each phase sets both from its now_ns: the time stamp of events, and the time of the board's
+     * timers. In boards_control they differ: the boards compute their state at the end of the
+     * tick. */
     int64_t event_ns, now_ns;
-    double supply_v, oil_pa; /* as sampled: numbers, 0 or more */
+    double supply_v, oil_pa; /* as sampled; finite, 0 or more */
     uint64_t settings_changes;
     size_t nbus, nboard;
     struct board_bus **bus;
     struct board **board;
-    struct voltage_delay *delay; /* NULL: voltages hold from the tick that sets them */
+    struct voltage_delay *delay; /* NULL = a voltage takes effect in the tick that sets it */
     void (*restarted)(void *context, int joint);
     void *context;
 };
 
-/* Returns the joint of an axis, -1 = none: a spare axis, or one that such a board does not have. */
+/* Returns the joint of an axis; -1 = a spare axis, or no such axis. */
 static inline int board_joint(const struct board *board, size_t axis)
 {
     return board->config.kind == BOARD_MOTOR && axis < board->bus->config.protocol->axes_max
@@ -154,7 +158,7 @@ static inline int board_joint(const struct board *board, size_t axis)
                : -1;
 }
 
-/* Return the number of axes that a board embeds, spare ones too, and one of them. */
+/* Return the number of axes of a board, including spare ones, and one axis. */
 static inline unsigned board_axes(const struct board *board)
 {
     return board->ops->axis_size ? board->bus->config.protocol->axes_max : 0;
@@ -165,7 +169,7 @@ static inline struct axis *board_axis(const struct board *board, unsigned index)
     return (struct axis *)((uintptr_t)board + board->ops->axes + index * board->ops->axis_size);
 }
 
-/* Returns the number of axes of a board whose axes end with the first spare one. */
+/* Returns the number of axes of a board on which the first spare axis ends the list. */
 static inline unsigned board_config_axes(const struct board_config *config)
 {
     unsigned count = 0;
@@ -180,39 +184,39 @@ static inline unsigned board_config_axes(const struct board_config *config)
 /* Limits of the error counters, ISO 11898-1 */
 enum { BOARD_CAN_WARNING = 96, BOARD_CAN_PASSIVE = 128 };
 
-/* Returns whether a board neither obeys nor answers commands of its application. */
+/* Returns whether a board ignores commands to its application. */
 static inline bool board_is_deaf(const struct board *board)
 {
     return board->in_bootloader || board->away;
 }
 
-/* Allocate a board and a bus of a protocol, whose structures begin with them; NULL without memory.
- * Not RT-safe. */
+/* Allocate a board or a bus of a protocol, whose structure begins with the common one; NULL = out
+ * of memory. Not RT-safe. */
 struct board *board_create(struct arena *arena, size_t size, const struct board_ops *ops);
 struct board_bus *board_bus_create(struct arena *arena, size_t size,
                                    const struct board_bus_ops *ops);
 
-/* Checks whether the boards can be made (config_check.c). Not RT-safe. */
+/* Checks the configuration of the boards (config_check.c). Not RT-safe. */
 enum error_code boards_check(const struct boards_config *config, struct error *error);
 
-/* Return the configuration of a bus, and the protocol of its boards, with the defaults where
- * config says nothing. */
+/* Return the configuration and the protocol of a bus, with defaults filled in. */
 const struct boards_bus_config *boards_bus(const struct boards_config *config, int bus);
 const struct protocol *boards_protocol(const struct boards_config *config, int bus);
 
 enum board_verdict { BOARD_OBEYED, BOARD_UNKNOWN, BOARD_MALFORMED };
 
-/* Counts a frame for listener (NULL: for no board here), with an event when it was not obeyed. */
+/* Counts a frame for listener (NULL = no board here). Emits an event when the frame was not
+ * obeyed. */
 void boards_count_frame(struct boards *boards, struct board *listener, enum board_verdict verdict,
                         const struct bus_frame *frame);
 
-/* Notes that a frame is meant for the board. */
+/* Stores the time of a frame that is meant for the board. */
 static inline void board_hear(struct board *board)
 {
     board->heard_ns = board->boards->now_ns;
 }
 
-/* Returns whether frames of a period are due, and plans the next ones. */
+/* Returns whether periodic frames are due, and sets the time of the next ones. */
 static inline bool board_is_due(const struct board *board, int64_t *next_ns, int64_t period_ns)
 {
     int64_t late = board->boards->now_ns - *next_ns;
@@ -221,42 +225,42 @@ static inline bool board_is_due(const struct board *board, int64_t *next_ns, int
     return late >= 0;
 }
 
-/* Enters the bootloader for so long from now on, and leaves it. */
+/* Enter the bootloader for duration_ns; leave it. */
 void board_enter_bootloader(struct board *board, int64_t duration_ns);
 void board_leave_bootloader(struct board *board);
 
-/* Queues an event, stamped with the time of the phase under way. */
+/* Queues an event, stamped with the time of the present phase. */
 void board_event(const struct board *board, enum board_event_kind kind, unsigned axis, uint32_t a,
                  uint32_t b);
 
-/* Counts a frame that the board could not send; its next STATUS will report it. */
+/* Counts a frame that the board could not send; the next STATUS reports it. */
 void board_lose(struct board *board);
 
-/* Queues an answer (or a PRINT frame) in the format of the bus, or with flags of its own. */
+/* Queue an answer (or a PRINT frame) in the format of the bus, or with the given flags. */
 void board_queue(struct board *board, uint32_t id, uint8_t len, const uint8_t *data);
 void board_queue_as(struct board *board, uint32_t id, uint8_t flags, uint8_t len,
                     const uint8_t *data);
 
-/* Moves to another address; false when it is taken. */
+/* Moves the board to another address; false = the address is taken. */
 bool board_set_address(struct board *board, uint8_t address);
 
-/* Sends a periodic frame in the format of the bus, or with flags of its own; when sink is full the
+/* Send a periodic frame in the format of the bus, or with the given flags. When sink is full the
  * frame is lost and counted. */
 void board_send(struct board *board, struct frame_sink *sink, uint32_t id, uint8_t len,
                 const uint8_t *data);
 void board_send_as(struct board *board, struct frame_sink *sink, uint32_t id, uint8_t flags,
                    uint8_t len, const uint8_t *data);
 
-/* Whether the electronics of a board work in a tick. */
+/* Whether the electronics of a board work in this tick. */
 enum board_health {
     BOARD_WORKS,
     BOARD_WITHOUT_POWER,
-    BOARD_HUNG, /* its bridges have been served */
+    BOARD_HUNG, /* hung; its bridges have been handled */
 };
 
-/* Faults of boards (board_faults.c). Finds those that boards can have; false without memory; not
- * RT-safe. The others are for boards that have faults: one tick of power and contact; what the
- * faults leave of the frames from `from` on. */
+/* Faults of boards (board_faults.c). The first function finds the faults of each board; false = out
+ * of memory; not RT-safe. The others are for boards with faults. One steps power and contact by a
+ * tick; one applies the faults to the frames from index `from` on. */
 bool board_faults_create(struct boards *boards, const struct faults *faults, struct arena *arena);
 enum board_health board_faults_control(struct board *board, struct plant_command *command);
 void board_faults_filter(struct board *board, struct frame_sink *sink, size_t from);

@@ -21,7 +21,7 @@ static bool check_is_positive(double value)
     return isfinite(value) && value > 0.0;
 }
 
-/* Checks an axis of a motor board: its joint, encoders and limits. */
+/* Checks an axis of a motor board: joint, encoders, limits. */
 static enum error_code check_axis_config(const struct boards_config *config,
                                          const struct board_config *board,
                                          const struct board_axis_config *axis, struct error *error)
@@ -54,7 +54,7 @@ static enum error_code check_axis_config(const struct boards_config *config,
     return ERROR_NONE;
 }
 
-/* Checks the channels of a force-torque or torque board: their source and full scales. */
+/* Checks the channels of a force-torque or torque board: source and full scales. */
 static enum error_code check_channel_configs(const struct boards_config *config,
                                              const struct board_config *board, struct error *error)
 {
@@ -130,7 +130,7 @@ static enum error_code check_place(const struct protocol *protocol,
     return ERROR_NONE;
 }
 
-/* Checks a board by itself: place, protocol, times and supplies, and what its kind has. */
+/* Checks one board: address, protocol, times, supplies, and the fields of its kind. */
 static enum error_code check_board_config(const struct boards_config *config,
                                           const struct board_config *board, struct error *error)
 {
@@ -141,7 +141,7 @@ static enum error_code check_board_config(const struct boards_config *config,
         return check_refuse(error, board, "there is no bus with its index");
     }
 
-    /* What the protocol of the bus has */
+    /* Options that the protocol of the bus must support */
     protocol = boards_protocol(config, board->bus);
     code = check_place(protocol, board, error);
     if (!code && protocol->check_board) {
@@ -168,7 +168,7 @@ static enum error_code check_board_config(const struct boards_config *config,
         return check_refuse(error, board, "times must not be negative");
     }
 
-    /* What stands behind the board */
+    /* The joint, sensor or channels of the board */
     switch (board->kind) {
     case BOARD_MOTOR:
         return check_motor_board(config, board, error);
@@ -183,7 +183,7 @@ static enum error_code check_board_config(const struct boards_config *config,
     return check_refuse(error, board, "no such kind of board");
 }
 
-/* Checks that two boards share neither an address of a bus nor a joint. */
+/* Checks that two boards share neither an address on a bus nor a joint. */
 static enum error_code check_board_pair(const struct boards_config *config,
                                         const struct board_config *a, const struct board_config *b,
                                         struct error *error)
@@ -211,7 +211,7 @@ static enum error_code check_board_pair(const struct boards_config *config,
     return ERROR_NONE;
 }
 
-/* Checks that buses whose axes are numbered through have slots enough. */
+/* Checks that buses with consecutively numbered axes have enough slots. */
 static enum error_code check_slots(const struct boards_config *config, struct error *error)
 {
     for (size_t bus = 0; bus < config->nbus; bus++) {
@@ -234,7 +234,7 @@ static enum error_code check_slots(const struct boards_config *config, struct er
     return ERROR_NONE;
 }
 
-/* Checks a bus, as far as its protocol goes. */
+/* Checks a bus against the limits of its protocol. */
 static enum error_code check_bus_config(const struct boards_config *config, int index,
                                         struct error *error)
 {
@@ -284,7 +284,7 @@ enum error_code boards_check(const struct boards_config *config, struct error *e
         }
     }
 
-    /* Each board for itself, then against those before it */
+    /* Check each board, then compare it with the boards before it */
     for (size_t i = 0; i < config->nboard; i++) {
         const struct board_config *board = &config->board[i];
         enum error_code code = check_board_config(config, board, error);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The codec of fields; see the header for the layout. */
+/* Encodes and decodes fields; boards/field.h describes the layout. */
 #include "boards/field.h"
 
 /* Returns the number of bits of a field. */
@@ -45,15 +45,15 @@ int64_t field_highest(const struct field *field)
     return (INT64_C(1) << bits) - 1;
 }
 
-/* Where the bits from number done of a field on lie: a run within one byte. */
+/* A run of bits of a field within one byte. */
 struct run {
     size_t byte;
-    unsigned from;  /* bit of the byte */
-    unsigned value; /* bit of the value */
+    unsigned from;  /* first bit in the byte */
+    unsigned value; /* first bit in the value */
     unsigned bits;
 };
 
-/* Returns the run of bits within one byte from bit number done of a field on. */
+/* Returns the next run of a field's bits within one byte, when `done` bits are already copied. */
 static struct run field_next_run(const struct field *field, size_t start, unsigned done)
 {
     unsigned bits = field_bits(field), from = (start + done) % 8;
@@ -67,7 +67,7 @@ static struct run field_next_run(const struct field *field, size_t start, unsign
     return run;
 }
 
-/* Returns the value that the bits of a field stand for. */
+/* Returns the signed value of a field's bits. */
 static int64_t field_extend_sign(const struct field *field, uint64_t bits)
 {
     const uint64_t sign = UINT64_C(1) << (field_bits(field) - 1);
@@ -81,7 +81,7 @@ static int64_t field_get_value(const struct field *field, size_t start, const ui
     unsigned bits = field_bits(field);
     uint64_t value = 0;
 
-    /* Whole bytes from a byte on, which is the rule */
+    /* Most fields are whole bytes: a fast path */
     if ((start | bits) % 8 == 0 && !(field->type & FIELD_BIG_ENDIAN)) {
         for (unsigned done = 0; done < bits; done += 8) {
             value |= (uint64_t)data[(start + done) / 8] << done;
@@ -103,7 +103,7 @@ static void field_put_value(const struct field *field, int64_t value, size_t sta
 {
     unsigned bits = field_bits(field);
 
-    /* Whole bytes from a byte on, which is the rule */
+    /* Most fields are whole bytes: a fast path */
     if ((start | bits) % 8 == 0 && !(field->type & FIELD_BIG_ENDIAN)) {
         for (unsigned done = 0; done < bits; done += 8) {
             data[(start + done) / 8] = (uint8_t)((uint64_t)value >> done);

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * How the data of a frame is laid out: a list of fields, one after the other without gaps, of any
- * number of bits. Frames are built and read from these lists and an export of the protocol (DBC)
- * reads the same ones, so that the two cannot differ. Immutable; RT-safe.
+ * The layout of a frame's data: a list of fields of any number of bits, one after the other without
+ * gaps. The boards build and read frames from these lists, and the DBC export uses the same lists.
+ * Immutable; RT-safe.
  *
- * Bits count from the least significant of byte 0 on, of big-endian fields from the most
- * significant of byte 0 on; where both meet in a list, it is between bytes. A list ends with a
- * field of type FIELD_END.
+ * Bits count from the least significant bit of byte 0; for big-endian fields from the most
+ * significant bit of byte 0. Where the two orders meet in a list, the boundary is between bytes. A
+ * field of type FIELD_END ends a list.
  */
 #ifndef BOARDS_FIELD_H
 #define BOARDS_FIELD_H
@@ -15,13 +15,13 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* A type is its number of bits and what they mean. */
+/* A type is a number of bits with flags for their meaning. */
 enum field_type {
     FIELD_END = 0,
     FIELD_SIGNED = 1 << 8,
     FIELD_BIG_ENDIAN = 1 << 9,
-    FIELD_FLOAT = 1 << 10,   /* 32 bits, IEEE 754; as a value: its bits */
-    FIELD_PADDING = 1 << 11, /* zero when sent, ignored when received; no value */
+    FIELD_FLOAT = 1 << 10,   /* 32 bits, IEEE 754; the value is its bits */
+    FIELD_PADDING = 1 << 11, /* zero when sent, ignored when received; has no value */
 
     FIELD_U8 = 8,
     FIELD_I8 = 8 | FIELD_SIGNED,
@@ -38,39 +38,39 @@ enum field_type {
 
 enum { FIELD_BITS_MASK = 0xff };
 
-/* The name of a value of a field. */
+/* A named value of a field. */
 struct field_value {
     int64_t value;
-    const char *name; /* NULL closes a list */
+    const char *name; /* NULL ends a list */
 };
 
 struct field {
-    unsigned type; /* enum field_type, or any other number of bits up to 32 with its flags */
+    unsigned type; /* enum field_type, or a number of bits up to 32 with its flags */
     const char *name;
-    const char *unit; /* of value * scale + offset; NULL: a bare number */
-    int64_t min, max; /* values outside are refused; both 0: whatever the type holds */
-    double scale;     /* 0: 1 */
+    const char *unit; /* unit of value * scale + offset; NULL = dimensionless */
+    int64_t min, max; /* other values are refused; both 0 = any value of the type */
+    double scale;     /* 0 means 1 */
     double offset;
-    const struct field_value *values; /* NULL: numbers */
+    const struct field_value *values; /* names of values; NULL = plain numbers */
 };
 
-enum { FIELDS_MAX = 16 }; /* values that one list has at most */
+enum { FIELDS_MAX = 16 }; /* most values in a list */
 
-/* Number of values (fields without padding) of a list, and the bits and whole bytes they take. A
- * NULL list is empty. */
+/* Return the number of values (fields without padding), bits and bytes of a list. A NULL list is
+ * empty. */
 size_t fields_count(const struct field *fields);
 size_t fields_bits(const struct field *fields);
 size_t fields_bytes(const struct field *fields);
 
-/* Smallest and largest value that a field can hold, min and max aside. */
+/* Return the smallest and largest value that a field's bits can hold. */
 int64_t field_lowest(const struct field *field);
 int64_t field_highest(const struct field *field);
 
 /* Reads the values of fields from data; a field beyond size reads as 0. Returns false when a value
- * is outside its field's range. values holds FIELDS_MAX. */
+ * is outside its range. values must have room for FIELDS_MAX. */
 bool fields_decode(const struct field *fields, const uint8_t *data, size_t size, int64_t *values);
 
-/* Writes the values, each brought into the range of its type, and zero padding. */
+/* Writes the values, each clamped to its type, and zero padding. */
 void fields_encode(const struct field *fields, const int64_t *values, uint8_t *data);
 
 #endif

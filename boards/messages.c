@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Walks over messages and loads, bus by bus, by the functions of the protocols. */
+/* Visits the messages and the load of a bus by the functions of its protocol. */
 #include "boards/messages.h"
 
 #include "boards/board_private.h"
@@ -42,7 +42,7 @@ void boards_messages(const struct boards_config *config, int bus,
     for (size_t i = 0; i < config->nboard; i++) {
         walk.slots += config->board[i].bus == bus ? board_config_axes(&config->board[i]) : 0;
     }
-    /* The host's messages to all boards, then those of each board with the slots of its axes */
+    /* Visit the host's messages to all boards, then the messages of each board with its slots */
     protocol->visit_broadcasts(&walk);
     for (size_t i = 0; i < config->nboard && walk.going; i++) {
         if (config->board[i].bus == bus) {
@@ -134,7 +134,7 @@ unsigned load_bus_axes(const struct load_walk *walk)
     return count;
 }
 
-/* Visits a message that has a cycle as a frame of the load. */
+/* Visits a message as a frame of the load, if it has a cycle. */
 static bool load_visit_message(void *context, const struct message *message)
 {
     const struct load_walk *walk = context;
@@ -166,7 +166,7 @@ void boards_load(const struct boards_config *config, int bus, double command_per
         .command_period_s = command_period_s,
     };
 
-    /* A protocol without a function of its own: its messages with a cycle */
+    /* A protocol without its own function: visit its messages with a cycle */
     if (!protocol->visit_board_load) {
         boards_messages(config, bus, load_visit_message, &walk);
         return;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The state machine of CiA 402 (IEC 61800-7-201, 6.2): commands of the controlword, transitions,
- * option codes, statusword. A controlword is obeyed when it is written, one transition for each,
- * but for "enable operation" in READY TO SWITCH ON, which is transition 3 and in the next tick 4.
+ * option codes, statusword. Writing a controlword makes one transition at once. One exception:
+ * "enable operation" in READY TO SWITCH ON makes transition 3, and transition 4 in the next tick.
  */
 #include "boards/cia402/private.h"
 
@@ -13,7 +13,7 @@
 enum command {
     COMMAND_NONE,
     COMMAND_SHUTDOWN,
-    COMMAND_SWITCH_ON, /* and disable operation */
+    COMMAND_SWITCH_ON, /* also "disable operation" */
     COMMAND_DISABLE_VOLTAGE,
     COMMAND_QUICK_STOP,
     COMMAND_ENABLE_OPERATION,
@@ -22,7 +22,7 @@ enum command {
 
 enum { WARNINGS = CIA402_FAULT_STALE | CIA402_FAULT_LIMIT };
 
-/* The number of the transition that a command makes in a state; 0: none. */
+/* The number of the transition for a command in a state; 0 = none. */
 static const uint8_t transitions[CIA402_STATES][COMMANDS] = {
     [CIA402_SWITCH_ON_DISABLED] = {[COMMAND_SHUTDOWN] = 2},
     [CIA402_READY_TO_SWITCH_ON] = {[COMMAND_SWITCH_ON] = 3,
@@ -40,7 +40,7 @@ static const uint8_t transitions[CIA402_STATES][COMMANDS] = {
     [CIA402_QUICK_STOP_ACTIVE] = {[COMMAND_DISABLE_VOLTAGE] = 12, [COMMAND_ENABLE_OPERATION] = 16},
 };
 
-/* The statusword's bits of a state. */
+/* The bits of the statusword in each state. */
 static const uint16_t state_bits[CIA402_STATES] = {
     [CIA402_NOT_READY] = 0x00,
     [CIA402_SWITCH_ON_DISABLED] = 0x40,
@@ -63,7 +63,7 @@ static enum command controlword_command(int64_t word)
                                                   : COMMAND_ENABLE_OPERATION;
 }
 
-/* The state machine. Faults with which the bridge must open at once are not drivable. */
+/* Enters a state. */
 static void cia402_axis_enter(struct cia402_node *node, struct cia402_axis *axis,
                               enum cia402_state state)
 {
@@ -89,7 +89,7 @@ static void cia402_axis_enter(struct cia402_node *node, struct cia402_axis *axis
 
 /* ---- transitions ---- */
 
-/* Begins a quick stop by its option code. */
+/* Begins a quick stop with its option code. */
 static void cia402_axis_stop_quickly(struct cia402_node *node, struct cia402_axis *axis)
 {
     int64_t option = axis->settings.quick_stop_option;
@@ -106,8 +106,8 @@ static void cia402_axis_stop_quickly(struct cia402_node *node, struct cia402_axi
                      option >= 5 ? CIA402_QUICK_STOP_ACTIVE : CIA402_SWITCH_ON_DISABLED);
 }
 
-/* Enters a state where the drive function is off, on a ramp if the option code wants one; a
- * repeated controlword does not restart the ramp. */
+/* Leaves operation for a state without drive function, with a ramp if the option code requires one.
+ * A repeated controlword does not restart the ramp. */
 static void cia402_axis_leave_operation(struct cia402_node *node, struct cia402_axis *axis,
                                         bool ramp, enum cia402_state state)
 {
@@ -122,7 +122,7 @@ static void cia402_axis_leave_operation(struct cia402_node *node, struct cia402_
 static void cia402_axis_make_transition(struct cia402_node *node, struct cia402_axis *axis,
                                         unsigned number)
 {
-    /* Numbers of IEC 61800-7-201 */
+    /* Transition numbers of IEC 61800-7-201 */
     switch (number) {
     case 2:
     case 6:
@@ -162,7 +162,7 @@ static void cia402_axis_make_transition(struct cia402_node *node, struct cia402_
     }
 }
 
-/* Makes transition 15, if the causes of the fault are gone. */
+/* Makes transition 15 if no cause of the fault remains. */
 static void cia402_axis_reset_fault(struct cia402_node *node, struct cia402_axis *axis)
 {
     if (axis->state != CIA402_FAULT || axis->present & ~(uint32_t)WARNINGS) {
@@ -192,7 +192,7 @@ enum cia402_abort cia402_axis_write_controlword(struct cia402_node *node,
         return CIA402_DONE;
     }
 
-    /* Enabled again while a ramp leads out of operation: it goes on */
+    /* "Enable operation" during a ramp out of operation cancels the ramp */
     if (axis->state == CIA402_OPERATION_ENABLED && axis->stopping &&
         command == COMMAND_ENABLE_OPERATION) {
         cia402_axis_stand(axis);
@@ -204,23 +204,23 @@ enum cia402_abort cia402_axis_write_controlword(struct cia402_node *node,
     return CIA402_DONE;
 }
 
-/* The state machine. Faults with which the bridge must open at once are not drivable. */
+/* Makes the transitions that need no command. */
 static void cia402_axis_step_state(struct cia402_node *node, struct cia402_axis *axis)
 {
     if (axis->state == CIA402_NOT_READY) {
-        cia402_axis_enter(node, axis, CIA402_SWITCH_ON_DISABLED); /* 1 */
+        cia402_axis_enter(node, axis, CIA402_SWITCH_ON_DISABLED); /* transition 1 */
     } else if (axis->state == CIA402_SWITCHED_ON) {
         if (controlword_command(axis->controlword) == COMMAND_ENABLE_OPERATION) {
-            cia402_axis_enter(node, axis, CIA402_OPERATION_ENABLED); /* 4, after 3 */
+            cia402_axis_enter(node, axis, CIA402_OPERATION_ENABLED); /* transition 4, after 3 */
         }
     } else if (axis->stopping && cia402_axis_has_stopped(axis)) {
-        cia402_axis_enter(node, axis, axis->stop_state); /* 5, 8, 12, 14 */
+        cia402_axis_enter(node, axis, axis->stop_state); /* transition 5, 8, 12 or 14 */
     }
 }
 
 /* ---- what does not come from the controlword ---- */
 
-/* The state machine. Faults with which the bridge must open at once are not drivable. */
+/* Reacts to a fault. drivable: the bridge may stay closed for the reaction. */
 static void cia402_axis_react(struct cia402_node *node, struct cia402_axis *axis, bool drivable)
 {
     int64_t option = axis->settings.fault_option;
@@ -229,11 +229,11 @@ static void cia402_axis_react(struct cia402_node *node, struct cia402_axis *axis
     if (axis->state == CIA402_FAULT || (axis->state == CIA402_FAULT_REACTION_ACTIVE && drivable)) {
         return;
     }
-    cia402_axis_enter(node, axis, CIA402_FAULT_REACTION_ACTIVE); /* 13 */
+    cia402_axis_enter(node, axis, CIA402_FAULT_REACTION_ACTIVE); /* transition 13 */
     if (ramp) {
         cia402_axis_stop(axis, option == 2 ? CIA402_RAMP_QUICK : CIA402_RAMP_SLOW, CIA402_FAULT);
     } else {
-        cia402_axis_enter(node, axis, CIA402_FAULT); /* 14 */
+        cia402_axis_enter(node, axis, CIA402_FAULT); /* transition 14 */
     }
 }
 
@@ -242,7 +242,7 @@ void cia402_axis_lose_connection(struct cia402_node *node, struct cia402_axis *a
     if (!cia402_axis_is_on(axis)) {
         return;
     }
-    /* The option code 0x6007: a fault, no voltage, or a quick stop */
+    /* Option code 0x6007: fault, no voltage, or quick stop */
     switch (axis->settings.abort_option) {
     case 1:
         axis->latched |= CIA402_FAULT_CONNECTION;
@@ -271,8 +271,7 @@ static void cia402_axis_update_status(struct cia402_axis *axis)
     axis->statusword = word | cia402_axis_mode_status(axis);
 }
 
-/* Settings of an axis that can also be changed beside the bus: they are objects of the
- * dictionary. */
+/* Settings of an axis that are objects of the dictionary and that the simulator may also change. */
 
 static const struct {
     const char *name, *unit;
@@ -290,7 +289,7 @@ static const struct {
     {"temperature_limit", "degree C", 0x4013, 0},
 };
 
-/* Returns the highest value of a limit that the board's configuration allows. */
+/* Returns the largest value of a limit that the configuration allows. */
 static int64_t cia402_most(const struct board *board, unsigned axis,
                            const struct cia402_object *object)
 {
@@ -354,7 +353,7 @@ static const struct board_settings cia402_settings = {
 /* A drive node: sensors, faults and bridges of its axes. */
 
 enum {
-    /* These faults leave nothing to brake with */
+    /* With these faults the drive cannot brake */
     OPENS_BRIDGE = CIA402_FAULT_UNDER_VOLTAGE | CIA402_FAULT_OVER_VOLTAGE |
                    CIA402_FAULT_OVER_CURRENT | CIA402_FAULT_MOTOR_ENCODER |
                    CIA402_FAULT_LINK_ENCODER | CIA402_FAULT_TORQUE_SENSOR |
@@ -363,26 +362,27 @@ enum {
         OPENS_BRIDGE | CIA402_FAULT_TEMPERATURE | CIA402_FAULT_FOLLOWING | CIA402_FAULT_CONNECTION,
     FRAMES_MAX = 2 + CIA402_EMERGENCIES + CIA402_PDOS,
     POSITION_GAIN = 400, /* 40/s */
-    /* 12/s: behind a valve the load swings on the oil at some 10 Hz, hardly damped */
+    /* 12/s: behind a valve, the load oscillates on the oil at about 10 Hz with little damping */
     VALVE_POSITION_GAIN = 120,
     TORQUE_MODES = 1 << (CIA402_TORQUE - 1) | 1 << (CIA402_CYCLIC_TORQUE - 1),
     TEMPERATURE_MAX_C = 125,
 };
 
-/* Of the velocity loop, in back-EMFs: an error falls in half the motor's own time constant, which
- * the delay of a millisecond's steps still bears, and a load is taken over in some 50 ms */
+/* Velocity loop, in multiples of the back-EMF. An error decays in half the motor's own time
+ * constant, which tolerates the 1 ms delay of the steps. The integral carries a load after about 50
+ * ms */
 #define VELOCITY_KP 1.0
 #define VELOCITY_KI 40.0
 
-/* Of the velocity loop in the modes by position: what stands on springs and sways with 4.5 rad/s or
- * faster is not rocked (modes.c); a load is taken over in some 2 s, and moves the rotor by
- * load R / (Kt 2 kw g) until then, 2 mrad for 4 N m of COMAN's */
+/* Velocity loop in the position modes. The loop does not excite robots that sway on springs at 4.5
+ * rad/s or faster (modes.c). The integral carries a load after about 2 s. Until then the load moves
+ * the rotor by load R / (Kt 2 kw g): 2 mrad for 4 N m on COMAN */
 #define POSITION_KI 1.0
 
-/* A valve takes the speed at once; what it covers when closed is found within 0.5 s */
+/* A valve reaches its speed at once; the integral finds the valve's overlap within 0.5 s */
 #define VALVE_VELOCITY_KI 2.0
 
-/* Code of EMCY and 0x603f, and bit of the error register. */
+/* Codes of EMCY and 0x603f, and bits of the error register. */
 static const struct {
     uint32_t fault;
     uint16_t code;
@@ -417,7 +417,7 @@ void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_c
     cia402_homing_list(axis, &config->switches);
     axis->rpm_rad = (config->gear > 0.0 ? config->gear : 1.0) * 60.0 / (2.0 * M_PI);
     axis->rated_current_ma = p->current_limit_ma;
-    /* A valve has no current loop: its speed constant and the integral suffice */
+    /* A valve has no current loop: it uses its speed constant and the integral */
     if (config->valve) {
         p->current_gain[2] = cia402_counts(config->bemf_v_s_rad, 1e-3);
         p->velocity_gain[1] = cia402_counts(VALVE_VELOCITY_KI * config->bemf_v_s_rad, 1e-3);
@@ -469,7 +469,7 @@ static void cia402_motor_power_up(struct board *board)
 
 /* ---- sensors ---- */
 
-/* Writes what was sampled into the objects; a missing reading leaves the value before. */
+/* Writes the samples into the objects. A missing reading leaves the old value. */
 static void cia402_axis_publish(struct cia402_axis *axis)
 {
     const struct axis *base = &axis->base;
@@ -485,7 +485,7 @@ static void cia402_axis_publish(struct cia402_axis *axis)
     axis->current_ma = cia402_counts(base->current_a, 1e-3);
     axis->current = cia402_counts(base->current_a / rated_a, 1e-3);
     axis->torque = base->config->valve ? cia402_counts(base->torque_nm / rated_nm, 1e-3)
-                                       : axis->current; /* in thousandths of the rated one, both */
+                                       : axis->current; /* both in thousandths of the rated value */
     axis->spring_torque = cia402_counts(base->torque_nm, CIA402_SPRING_NM);
     control_quantize(base->winding_c, &temperature);
     axis->temperature_c = temperature;
@@ -498,7 +498,7 @@ static void cia402_axis_publish(struct cia402_axis *axis)
     }
 }
 
-/* Tells what was read of all axes (struct board_ops). */
+/* Publishes the samples of all axes (struct board_ops). */
 static void cia402_motor_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct cia402_motor *motor = cia402_motor_of(board);
@@ -519,7 +519,7 @@ static void cia402_motor_sample(struct board *board, const struct plant_sensors 
 
 /* ---- faults ---- */
 
-/* Returns whether commands of an axis have not come for the time-out. */
+/* Returns whether the commands of an axis have timed out. */
 static bool cia402_axis_is_stale(const struct board *board, const struct cia402_axis *axis)
 {
     bool expects = axis->mode == CIA402_VOLTAGE_MODE || axis->mode == CIA402_TORQUE ||
@@ -547,7 +547,7 @@ static uint32_t cia402_axis_present_faults(const struct board *board, struct cia
     return faults;
 }
 
-/* Sends emergency messages of new faults, and logs those that are fatal. */
+/* Sends emergency messages for new faults, and logs fatal ones. */
 static void cia402_axis_report_faults(struct cia402_node *node, struct cia402_axis *axis,
                                       uint32_t risen)
 {

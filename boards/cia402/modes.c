@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Trapezoidal profiles in steps of dt. A position moves by the velocity of the step's end, so that
- * stopping from v takes v^2 / (2 d) + v dt / 2; what remains of the way bounds the velocity.
+ * Trapezoidal profiles in steps of dt. The position moves with the velocity at the end of the step,
+ * so stopping from v takes v^2 / (2 d) + v dt / 2. The remaining distance limits the velocity.
  */
 #include "boards/cia402/private.h"
 
@@ -45,19 +45,19 @@ static void cia402_profile_move(struct cia402_profile *profile, double goal, dou
 }
 
 /*
- * Homing (CiA 402-2): an enabled axis looks for an edge of a switch, then where the method wants it
- * for the next index pulse, and makes of that place the home position; its position is 0 at the
- * home offset from there.
+ * Homing (CiA 402-2). An enabled axis looks for an edge of a switch, then for the next index pulse
+ * if the method requires one. This place is the home position; the position there is minus the home
+ * offset.
  *
- * Every method with a switch has the same three parts. The search goes in the method's first
- * direction, fast, until the switch is on; a limit switch on the way turns it around once, where
- * the method knows limit switches, or ends it. An edge that is taken from the off side is left
- * behind, fast, before the last part, which is slow, crosses the edge in its own direction.
+ * Each method with a switch has three parts. First, the search moves fast in the method's first
+ * direction until the switch is on. A limit switch on the way reverses the search once, if the
+ * method allows it, else ends it. Second, if the edge must be crossed from the on side, the axis
+ * leaves the switch fast. Third, the axis crosses the edge slowly in the method's direction.
  */
 
 #define STEP_S 1e-3
 
-/* Digital inputs of 0x60fd */
+/* Bits of the digital inputs 0x60fd */
 enum {
     INPUT_NEGATIVE = 1 << 0,
     INPUT_POSITIVE = 1 << 1,
@@ -65,9 +65,9 @@ enum {
     INPUT_NONE = 0,
 };
 
-/* A method: which switch; its first direction; the direction in which the edge is crossed, 1 or
- * -1; whether the switch is on before the edge is; whether the search turns at a limit switch; and
- * whether the home position is an index pulse. No switch and no pulse: where the axis stands. */
+/* A homing method: its switch; the first direction; the direction across the edge, 1 or -1; whether
+ * the switch is on before the edge; whether a limit switch reverses the search; whether home is an
+ * index pulse. Without switch and pulse, home is the present position. */
 static const struct cia402_homing_method {
     int8_t number, input, first, last;
     bool from_on, turns, index;
@@ -108,7 +108,7 @@ static const struct cia402_homing_method {
 
 _Static_assert(ARRAY_COUNT(methods) == CIA402_HOMING_METHODS, "a sub-index of 0x60e3 for each");
 
-/* Finds a method by its number; NULL: none such. */
+/* Finds a method by its number; NULL = unknown. */
 static const struct cia402_homing_method *cia402_homing_find(int64_t number)
 {
     for (size_t i = 0; i < ARRAY_COUNT(methods); i++) {
@@ -119,7 +119,7 @@ static const struct cia402_homing_method *cia402_homing_find(int64_t number)
     return NULL;
 }
 
-/* Returns whether a joint has the switches and the pulse that a method needs. */
+/* Returns whether a joint has the switch and the pulse that a method requires. */
 static bool cia402_homing_is_supported(const struct cia402_homing_method *method,
                                        const struct board_switches *switches)
 {
@@ -157,7 +157,7 @@ void cia402_homing_sample(struct cia402_axis *axis, const struct board_switches 
 
 /* ---- where it is ---- */
 
-/* Makes a reading of the motor encoder the home position, from which all positions count. */
+/* Makes an encoder reading the home position, from which all positions count. */
 static void cia402_homing_take(struct cia402_axis *axis, int64_t encoder)
 {
     int64_t shift = encoder + axis->settings.home_offset - axis->home;
@@ -169,7 +169,7 @@ static void cia402_homing_take(struct cia402_axis *axis, int64_t encoder)
     axis->goal = axis->profile.position;
 }
 
-/* Returns the number of index pulses so far, from a multiple of their distance on. */
+/* Returns the number of the last index pulse that the rotor has passed. */
 static double cia402_homing_pulses(const struct cia402_axis *axis)
 {
     return floor(axis->base.motor_rad / axis->index_rad);
@@ -177,7 +177,7 @@ static double cia402_homing_pulses(const struct cia402_axis *axis)
 
 /* ---- the parts ---- */
 
-/* Enters a part of the procedure in a direction. */
+/* Starts a part of the procedure in a direction. */
 static void cia402_homing_enter(struct cia402_axis *axis, enum cia402_homing_part part,
                                 int direction)
 {
@@ -194,7 +194,7 @@ static void cia402_homing_end(struct cia402_axis *axis, bool found)
     cia402_homing_enter(axis, CIA402_HOMING_STOPS, 0);
 }
 
-/* Takes the edge that has been crossed as the home position, or looks for the pulse behind it. */
+/* Makes the crossed edge the home position, or looks for the next pulse. */
 static void cia402_homing_reach_edge(struct cia402_axis *axis,
                                      const struct cia402_homing_method *method)
 {
@@ -206,7 +206,7 @@ static void cia402_homing_reach_edge(struct cia402_axis *axis,
     }
 }
 
-/* Takes the first index pulse that the rotor passes as the home position. */
+/* Makes the first index pulse that the rotor passes the home position. */
 static void cia402_homing_watch_pulse(struct cia402_axis *axis)
 {
     double pulses = cia402_homing_pulses(axis);
@@ -218,7 +218,7 @@ static void cia402_homing_watch_pulse(struct cia402_axis *axis)
     }
 }
 
-/* Returns whether a limit switch is in the way that the method does not look for. */
+/* Returns whether a limit switch that the method does not use blocks the way. */
 static bool cia402_homing_is_blocked(const struct cia402_axis *axis,
                                      const struct cia402_homing_method *method)
 {
@@ -227,12 +227,12 @@ static bool cia402_homing_is_blocked(const struct cia402_axis *axis,
     return axis->homing_direction != 0 && ahead != method->input && axis->digital_inputs & ahead;
 }
 
-/* Ends a part of the procedure when its condition holds, and begins the next. */
+/* Ends a part of the procedure when its condition holds, and starts the next. */
 static void cia402_homing_watch(struct cia402_axis *axis, const struct cia402_homing_method *method)
 {
     bool on = axis->digital_inputs & method->input;
 
-    /* What ends a part, and begins the next */
+    /* Conditions that end a part and start the next */
     switch (axis->homing) {
     case CIA402_HOMING_SEARCH:
         if (on && method->from_on) {
@@ -261,7 +261,7 @@ static void cia402_homing_watch(struct cia402_axis *axis, const struct cia402_ho
         break;
     }
 
-    /* A part that has just turned around is not blocked */
+    /* Not blocked if the part has just reversed */
     if (cia402_homing_is_blocked(axis, method)) {
         cia402_homing_end(axis, false);
     }
@@ -331,19 +331,19 @@ enum cia402_abort cia402_axis_write_homing(struct cia402_node *node,
 }
 
 /*
- * Modes of operation of an enabled axis, in steps of a millisecond, down to its bridge's voltage.
+ * Modes of operation of an enabled axis, in steps of a millisecond, down to the bridge voltage.
  *
- * Positions and velocities are those of the rotor on the link side of the gear. The velocity loop
- * gives a voltage directly: v = kw w_ref + kp e + ki int e dt with the back-EMF kw, in proportion
- * to which the factory tunes it; a motor whose time constant J R / (Kt Kw) is a few milliseconds
- * needs no current loop below it. The position loop adds its error times a gain g to the velocity.
+ * Positions and velocities are those of the rotor, on the link side of the gear. The velocity loop
+ * outputs a voltage: v = kw w_ref + kp e + ki int e dt, with the back-EMF constant kw. The factory
+ * gains are proportional to kw. A motor with a time constant J R / (Kt Kw) of a few milliseconds
+ * needs no inner current loop. The position loop adds its error times a gain g to the velocity.
  *
- * The modes by position have an integral gain ki of their own, since an integral makes the motor
- * yield to what swings it. With w_ref = -g theta the real part of voltage over speed is
- * kw + kp - ki g / w^2, negative below w = sqrt(ki g / (kw + kp)): what stands on springs and sways
- * more slowly than that is rocked until it falls.
+ * The position modes have a separate integral gain ki, because an integral makes the motor follow
+ * an oscillating load. With w_ref = -g theta, the real part of voltage over speed is kw + kp - ki g
+ * / w^2. It is negative below w = sqrt(ki g / (kw + kp)). The motor then excites a robot that sways
+ * on springs below this frequency, until it falls.
  *
- * The winding's resistance bounds the voltage, so that the current stays within its limit. The
+ * The winding's resistance limits the voltage, so that the current stays within its limit. The
  * current loop of the torque modes is that of boards/axis.h.
  */
 
@@ -365,7 +365,7 @@ void cia402_axis_stand(struct cia402_axis *axis)
     axis->following_ms = axis->reached_ms = axis->standstill_ms = axis->stop_ms = 0;
 }
 
-/* Begins to bring the axis to standstill, by velocity, whatever the mode. */
+/* Starts to stop the axis by its velocity, in any mode. */
 void cia402_axis_stop(struct cia402_axis *axis, enum cia402_ramp ramp, enum cia402_state then)
 {
     const struct cia402_axis_settings *p = &axis->settings;
@@ -403,7 +403,7 @@ static bool cia402_axis_has_limits(const struct cia402_axis *axis)
     return axis->settings.position_limit[0] < axis->settings.position_limit[1];
 }
 
-/* Bounds a position by the software limits. */
+/* Limits a position to the software limits. */
 static double cia402_axis_bound(struct cia402_axis *axis, double position)
 {
     double low = (double)axis->settings.position_limit[0];
@@ -416,7 +416,7 @@ static double cia402_axis_bound(struct cia402_axis *axis, double position)
     return position < low ? low : high;
 }
 
-/* Bounds a velocity by the profile's limit and by that of the motor. */
+/* Limits a velocity to the profile's and the motor's limit. */
 static double cia402_axis_bound_velocity(struct cia402_axis *axis, double velocity)
 {
     double of_motor = (double)axis->settings.max_motor_rpm / axis->rpm_rad / CIA402_POSITION_RAD;
@@ -428,7 +428,7 @@ static double cia402_axis_bound_velocity(struct cia402_axis *axis, double veloci
 
 /* ---- set-points of the profile modes, by the controlword ---- */
 
-/* Takes a set-point; it waits where another one is on its way, unless it is to be taken at once. */
+/* Accepts a set point. It waits while another one is active, unless it must be used at once. */
 static void cia402_axis_accept_goal(struct cia402_axis *axis)
 {
     bool relative = axis->controlword & CIA402_CW_RELATIVE;
@@ -465,7 +465,7 @@ void cia402_axis_take_set_point(struct cia402_axis *axis, int64_t before)
 /* ---- loops ---- */
 
 /* Returns the voltage of the velocity loop: back-EMF, PI with the integral gain ki (mV/rad) and
- * torque offset, bounded by current and supply. */
+ * torque offset, limited by current and supply. */
 static double cia402_axis_velocity_law(struct cia402_axis *axis, double velocity, int64_t ki)
 {
     double ohm = axis->base.config->winding_ohm, supply_v = axis->base.supply_v;
@@ -479,7 +479,7 @@ static double cia402_axis_velocity_law(struct cia402_axis *axis, double velocity
                axis->velocity_integral_v + step + offset_v;
     double bound = v;
 
-    /* What the current limit leaves, around the voltage at which no current flows */
+    /* The range of the current limit around the voltage without current */
     if (ohm > 0.0) {
         double most = (double)(p->max_torque < p->max_current ? p->max_torque : p->max_current);
 
@@ -521,7 +521,7 @@ static double cia402_axis_current_law(struct cia402_axis *axis, double torque)
 
 /* ---- modes ---- */
 
-/* Moves the profile towards the goal, or halts it; the next set-point follows at the end. */
+/* Moves the profile towards the goal, or halts it. At the end, takes the next set point. */
 static void cia402_axis_step_profile_position(struct cia402_axis *axis)
 {
     const struct cia402_axis_settings *p = &axis->settings;
@@ -558,7 +558,7 @@ static void cia402_axis_step_profile_velocity(struct cia402_axis *axis)
                               STEP_S);
 }
 
-/* Moves the reference to a cyclic position on a straight line within the interpolation period. */
+/* Moves the reference linearly to a cyclic position within the interpolation period. */
 static void cia402_axis_step_cyclic_position(struct cia402_axis *axis)
 {
     double way = cia402_axis_bound(axis, (double)axis->target_position) - axis->profile.position;
@@ -570,7 +570,7 @@ static void cia402_axis_step_cyclic_position(struct cia402_axis *axis)
     axis->profile.velocity = velocity + (double)axis->velocity_offset;
 }
 
-/* Moves the torque reference to its target, in profile mode on the slope. */
+/* Moves the torque reference to its target; in profile mode with the slope. */
 static void cia402_axis_step_torque(struct cia402_axis *axis)
 {
     const struct cia402_axis_settings *p = &axis->settings;
@@ -588,7 +588,7 @@ static void cia402_axis_step_torque(struct cia402_axis *axis)
     }
 }
 
-/* Returns what is wanted; beyond a limit only if it leads back, else 0. */
+/* Returns `wanted`; beyond a limit only if it leads back, else 0. */
 static double cia402_axis_lead_back(struct cia402_axis *axis, double wanted)
 {
     int64_t link = axis->link_encoder - axis->home;
@@ -600,14 +600,14 @@ static double cia402_axis_lead_back(struct cia402_axis *axis, double wanted)
     return further ? 0.0 : wanted;
 }
 
-/* Runs a step of the mode of operation; returns the voltage. */
+/* Runs a step of the mode of operation. Returns the voltage. */
 static double cia402_axis_step_mode(struct cia402_axis *axis)
 {
     int64_t ki = axis->settings.velocity_gain[1];
     double velocity;
 
     switch (axis->mode) {
-    /* By position */
+    /* Position modes */
     case CIA402_PROFILE_POSITION:
         cia402_axis_step_profile_position(axis);
         return cia402_axis_position_law(axis);
@@ -618,7 +618,7 @@ static double cia402_axis_step_mode(struct cia402_axis *axis)
         cia402_homing_step(axis);
         return cia402_axis_position_law(axis);
 
-    /* By velocity */
+    /* Velocity modes */
     case CIA402_PROFILE_VELOCITY:
         cia402_axis_step_profile_velocity(axis);
         velocity = cia402_axis_lead_back(axis, axis->profile.velocity);
@@ -628,7 +628,7 @@ static double cia402_axis_step_mode(struct cia402_axis *axis)
         velocity = cia402_axis_lead_back(axis, cia402_axis_bound_velocity(axis, velocity));
         return cia402_axis_velocity_law(axis, velocity, ki);
 
-    /* By torque or voltage */
+    /* Torque or voltage modes */
     case CIA402_TORQUE:
     case CIA402_CYCLIC_TORQUE:
         cia402_axis_step_torque(axis);
@@ -640,7 +640,7 @@ static double cia402_axis_step_mode(struct cia402_axis *axis)
     }
 }
 
-/* Takes up a mode that was written. */
+/* Activates a newly written mode. */
 static void cia402_axis_choose_mode(struct cia402_axis *axis)
 {
     if (axis->mode != axis->settings.mode) {
@@ -654,8 +654,8 @@ static void cia402_axis_choose_mode(struct cia402_axis *axis)
     }
 }
 
-/* Runs a step towards standstill; returns the voltage. Without a ramp the voltage is as high as
- * the current limit allows until the rotor stands, and holds the position there. */
+/* Runs a step towards standstill. Returns the voltage. Without a ramp, the voltage is as high as
+ * the current limit allows until the rotor stands; then it holds the position. */
 static double cia402_axis_step_stop(struct cia402_axis *axis)
 {
     axis->stop_ms++;
@@ -689,7 +689,7 @@ void cia402_axis_step(struct cia402_axis *axis)
 
 /* ---- what the statusword says of a mode ---- */
 
-/* Counts for how long targets have been reached, once a millisecond. */
+/* Counts how long targets have been reached, once a millisecond. */
 void cia402_axis_count_times(struct cia402_axis *axis)
 {
     const struct cia402_axis_settings *p = &axis->settings;
@@ -822,7 +822,7 @@ enum cia402_abort cia402_axis_write_option(struct cia402_node *node,
     return CIA402_DONE;
 }
 
-/* Writes a profile type, which is that of a linear ramp for position, velocity and torque. */
+/* Writes a profile type; only the linear ramp exists, for position, velocity and torque. */
 enum cia402_abort cia402_axis_write_profile_type(struct cia402_node *node,
                                                  const struct cia402_entry *entry, int64_t value)
 {
@@ -833,8 +833,8 @@ enum cia402_abort cia402_axis_write_profile_type(struct cia402_node *node,
     return CIA402_DONE;
 }
 
-/* Refuses every other range of positions than its own: joints do not turn endlessly, so
- * positions do not wrap. */
+/* Accepts only its own range of positions, because joints do not turn endlessly and positions do
+ * not wrap. */
 enum cia402_abort cia402_axis_write_range(struct cia402_node *node,
                                           const struct cia402_entry *entry, int64_t value)
 {

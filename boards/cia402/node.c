@@ -35,7 +35,7 @@ void cia402_emcy_raise(struct cia402_node *node, unsigned code, unsigned error_r
     cia402_emcy_queue(node, code, axis, faults);
 }
 
-/* Returns whether a node that was heard is silent, or the last frame of some RPDO did not fit. */
+/* Returns whether a monitored node is silent, or the last frame of an RPDO had a wrong length. */
 static bool cia402_emcy_is_disturbed(const struct cia402_node *node)
 {
     bool disturbed = node->guard_lost || node->consumer_lost;
@@ -54,7 +54,7 @@ void cia402_emcy_clear(struct cia402_node *node)
     cia402_emcy_queue(node, 0, 0, 0);
 }
 
-/* Tells that communication is in order again, when no cause of an error is left. */
+/* Reports that communication works again, when no cause of an error is left. */
 static void cia402_emcy_resolve_communication(struct cia402_node *node)
 {
     bool latched = false;
@@ -72,13 +72,13 @@ static void cia402_emcy_resolve_communication(struct cia402_node *node)
     cia402_emcy_queue(node, 0, 0, 0);
 }
 
-/* Tells that communication is in order again, when no cause of an error is left. */
+/* Sends waiting emergency messages, no faster than the inhibit time allows. */
 static void cia402_emcy_transmit(struct cia402_node *node, struct frame_sink *sink)
 {
     const struct cia402_communication *settings = &node->settings;
     int64_t now_ns = node->board.boards->now_ns;
 
-    /* Emergencies are lost while nothing may be sent, except for the history */
+    /* While sending is disabled, emergencies are lost except for the history */
     if (node->state == CIA402_STOPPED || settings->cob_emcy & CIA402_COB_INVALID) {
         node->emergencies = 0;
         return;
@@ -100,7 +100,7 @@ static void cia402_emcy_transmit(struct cia402_node *node, struct frame_sink *si
     }
 }
 
-/* Empties the history: only 0 may be written. */
+/* Clears the error history; the only valid value is 0. */
 enum cia402_abort cia402_emcy_write_history(struct cia402_node *node,
                                             const struct cia402_entry *entry, int64_t value)
 {
@@ -116,23 +116,27 @@ enum cia402_abort cia402_emcy_write_history(struct cia402_node *node,
 /*
  * Process data objects (CiA 301, 7.2.2): mapping, transmission types, transmission and reception.
  *
- * A node answers the SYNC of a tick at the tick's end, with the readings of its sensors then. The
- * types: 0 with a SYNC when the data have changed, 1 to 240 with every so many SYNCs, 254 and 255
- * when the data have changed or the event timer has run out, not before the inhibit time is over;
- * and each at the end of a tick in which a remote frame asked for it, unless bit 30 of its COB-ID
- * is set. RPDOs of types 0 to 240 wait for the next SYNC, others are applied at once.
+ * A node answers the SYNC of a tick at the end of the tick, with the sensor readings of that time.
+ * A TPDO is sent by its transmission type:
  *
- * The mapping of a PDO can be changed while bit 31 of its COB-ID is set and, its objects, while
- * their count is 0.
+ *   0         with a SYNC, when its data have changed
+ *   1 to 240  with every n-th SYNC
+ *   254, 255  when its data have changed or the event timer has run out, after the inhibit time
+ *
+ * It is also sent at the end of a tick with a remote frame for it, unless bit 30 of its COB-ID is
+ * set. RPDOs of types 0 to 240 are applied at the next SYNC, others at once.
+ *
+ * The mapping of a PDO can be changed while bit 31 of its COB-ID is set; its objects, while their
+ * count is 0.
  */
 
 enum {
     SYNCHRONOUS_MAX = 240,
     MANUFACTURER_EVENT = 254,
     PDO_BYTES = 8,
-    CODE_TOO_SHORT = 0x8210, /* EMCY */
+    CODE_TOO_SHORT = 0x8210, /* code of EMCY */
     CODE_TOO_LONG = 0x8220,
-    DUMMY_FIRST = CIA402_I8, /* data types that RPDOs map to skip bytes */
+    DUMMY_FIRST = CIA402_I8, /* data types that an RPDO maps to skip bytes */
     DUMMY_LAST = CIA402_U32,
 };
 
@@ -158,7 +162,7 @@ static struct cia402_pdo *cia402_entry_pdo(struct cia402_node *node,
 
 /* ---- mapping ---- */
 
-/* Finds the object that a mapping object stands for. */
+/* Finds the object of a mapping entry. */
 static enum cia402_abort cia402_pdo_resolve(const struct cia402_node *node, int64_t mapping,
                                             bool receive, struct cia402_entry *entry)
 {
@@ -181,7 +185,7 @@ static enum cia402_abort cia402_pdo_resolve(const struct cia402_node *node, int6
     return bits == cia402_type_bits(entry->type) ? CIA402_DONE : CIA402_ABORT_LENGTH;
 }
 
-/* Prepares a PDO for work by its parameters, which have been checked. */
+/* Prepares a PDO from its parameters, which have been checked. */
 static void cia402_pdo_prepare(struct cia402_node *node, const struct cia402_pdo *pdo,
                                struct cia402_channel *channel, bool receive)
 {
@@ -194,7 +198,7 @@ static void cia402_pdo_prepare(struct cia402_node *node, const struct cia402_pdo
     }
 }
 
-/* Prepares the PDO of an object anew. */
+/* Prepares the PDO of an object again. */
 static void cia402_pdo_link_entry(struct cia402_node *node, const struct cia402_entry *entry)
 {
     bool receive = cia402_entry_is_rpdo(entry);
@@ -221,7 +225,7 @@ enum cia402_abort cia402_pdo_write_cob(struct cia402_node *node, const struct ci
     struct cia402_pdo *pdo = cia402_entry_pdo(node, entry);
     bool valid = !(value & CIA402_COB_INVALID);
 
-    /* The identifier of a valid PDO cannot change, nor become one that is not for PDOs */
+    /* The identifier of a valid PDO cannot change, and a restricted one is refused */
     if (value & ~known || (valid && cia402_cob_is_restricted((unsigned)value & CIA402_COB_MASK)) ||
         (valid && cia402_pdo_is_valid(pdo) && (value ^ pdo->cob_id) & CIA402_COB_MASK)) {
         return CIA402_ABORT_VALUE;
@@ -259,14 +263,14 @@ enum cia402_abort cia402_pdo_write_count(struct cia402_node *node, const struct 
     struct cia402_pdo *pdo = cia402_entry_pdo(node, entry);
     unsigned bits = 0;
 
-    /* Only the mapping of an invalid PDO can change */
+    /* The mapping can change only while the PDO is invalid */
     if (cia402_pdo_is_valid(pdo)) {
         return CIA402_ABORT_STATE;
     }
     if (value > CIA402_MAPPED_MAX) {
         return CIA402_ABORT_MAPPED_LENGTH;
     }
-    /* The mapped objects exist, and fit into a frame */
+    /* The mapped objects must exist and fit into a frame */
     for (int i = 0; i < value; i++) {
         struct cia402_entry mapped;
         enum cia402_abort reason =
@@ -305,8 +309,8 @@ enum cia402_abort cia402_pdo_write_object(struct cia402_node *node,
 
 /* ---- the factory's ---- */
 
-/* Sets a PDO of an axis as CiA 402 has it: the first maps the controlword or statusword, the
- * others another object beside it; those of the first axis have identifiers. */
+/* Sets a PDO of an axis to the default of CiA 402: the first maps the controlword or statusword,
+ * the others add another object. Only those of the first axis have identifiers. */
 static void cia402_pdo_set_drive(struct cia402_node *node, unsigned axis, unsigned number)
 {
     static const uint32_t second[2][CIA402_AXIS_PDOS] = {{0, 0x60600008, 0x607a0020, 0x60ff0020},
@@ -328,7 +332,7 @@ static void cia402_pdo_set_drive(struct cia402_node *node, unsigned axis, unsign
     }
 }
 
-/* Sets the PDOs of a sensor by the plan of its kind. */
+/* Sets the PDOs of a sensor node from its plan. */
 static void cia402_pdo_set_plan(struct cia402_node *node)
 {
     struct cia402_plan plan;
@@ -367,7 +371,7 @@ static void cia402_pdo_apply(struct cia402_node *node, const struct cia402_chann
     for (int i = 0; i < CIA402_MAPPED_MAX && channel->bytes[i]; i++) {
         const struct cia402_entry *entry = &channel->entry[i];
 
-        /* A value out of its range is left out */
+        /* Skip a value out of range */
         if (entry->object) {
             cia402_write(node, entry, cia402_get(entry->type, data));
         }
@@ -387,7 +391,7 @@ static bool cia402_pdo_receive(struct cia402_node *node, const struct bus_frame 
         if (!cia402_pdo_is_valid(pdo) || (pdo->cob_id & CIA402_COB_MASK) != frame->id) {
             continue;
         }
-        /* A frame that is too short is refused, one that is too long reported */
+        /* Refuse a frame that is too short; report one that is too long */
         found = true;
         if (frame->len != channel->length) {
             bool short_of = frame->len < channel->length;
@@ -403,7 +407,7 @@ static bool cia402_pdo_receive(struct cia402_node *node, const struct bus_frame 
             channel->unfit = false;
             cia402_emcy_resolve_communication(node);
         }
-        /* The data wait for SYNC, or are applied at once */
+        /* Keep the data for SYNC, or apply them at once */
         memcpy(channel->data, frame->data, channel->length);
         channel->waits = pdo->type <= SYNCHRONOUS_MAX;
         if (!channel->waits) {
@@ -496,9 +500,9 @@ static void cia402_pdo_transmit(struct cia402_node *node, struct frame_sink *sin
 /*
  * Network management (CiA 301, 7.2.8): states, boot-up, heartbeat, node guarding.
  *
- * A node that hears no heartbeat of the producer in 0x1016 for its time, or no guarding for guard
- * time times life time factor, having heard one before, reports 0x8130, does as 0x1029 says, and
- * its axes do as 0x6007 says.
+ * A node monitors the heartbeat of the producer in 0x1016, or guarding for guard time times life
+ * time factor, after it has received the first one. When it times out, the node reports 0x8130 and
+ * reacts by 0x1029; its axes react by 0x6007.
  */
 
 enum {
@@ -507,7 +511,7 @@ enum {
     TO_STOPPED = 2,
 };
 
-/* Enters a state of NMT; PDOs start, and axes without commands stop. */
+/* Enters an NMT state. PDOs start, and axes that can no longer be commanded stop. */
 static void cia402_nmt_enter(struct cia402_node *node, enum cia402_nmt_state state)
 {
     if (state == node->state) {
@@ -517,13 +521,13 @@ static void cia402_nmt_enter(struct cia402_node *node, enum cia402_nmt_state sta
     if (state == CIA402_OPERATIONAL) {
         cia402_pdo_start(node);
     }
-    /* An axis that can no longer be commanded loses its connection */
+    /* An axis that can no longer be commanded has lost its connection */
     for (unsigned k = 0; k < node->axes && state == CIA402_STOPPED; k++) {
         cia402_axis_lose_connection(node, &node->axis[k]);
     }
 }
 
-/* Returns whether a Node-ID is free for a node. */
+/* Returns whether a node may take a Node-ID. */
 static bool cia402_lss_id_is_free(const struct cia402_node *node, unsigned id)
 {
     const struct board *other = node->board.bus->by_address[id];
@@ -531,7 +535,7 @@ static bool cia402_lss_id_is_free(const struct cia402_node *node, unsigned id)
     return !other || other == &node->board;
 }
 
-/* Takes a node without a Node-ID off the list of its bus. */
+/* Removes a node without a Node-ID from its bus. */
 static void cia402_lss_leave_bus(struct cia402_node *node)
 {
     struct board **place = &node->board.bus->by_address[node->board.address];
@@ -545,7 +549,7 @@ static void cia402_lss_leave_bus(struct cia402_node *node)
     node->nameless = true;
 }
 
-/* Puts the new Node-ID into a COB-ID that has the old one. */
+/* Replaces the Node-ID in a COB-ID that contains the old one. */
 static void cia402_lss_move_cob(int64_t *cob_id, unsigned from, unsigned to)
 {
     if ((*cob_id & NODE_ID_MASK) == (int64_t)from) {
@@ -553,7 +557,7 @@ static void cia402_lss_move_cob(int64_t *cob_id, unsigned from, unsigned to)
     }
 }
 
-/* Puts the new Node-ID into the COB-IDs of the settings. */
+/* Replaces the Node-ID in the COB-IDs of the settings. */
 static void cia402_lss_move_settings(struct cia402_communication *settings, unsigned from,
                                      unsigned to)
 {
@@ -566,12 +570,12 @@ static void cia402_lss_move_settings(struct cia402_communication *settings, unsi
 
 static void cia402_lss_take_id(struct cia402_node *node)
 {
-    /* The configuration ends */
+    /* LSS configuration ends here */
     unsigned from = node->board.address, to = node->lss.next;
 
     node->lss.configuring = false;
     node->lss.selected = node->lss.scanned = 0;
-    /* Without a free Node-ID the node does nothing but LSS */
+    /* Without a free Node-ID only LSS works */
     if (to == CIA402_NO_NODE_ID || !cia402_lss_id_is_free(node, to)) {
         cia402_lss_leave_bus(node);
         return;
@@ -579,7 +583,7 @@ static void cia402_lss_take_id(struct cia402_node *node)
     if (to == from && !node->nameless) {
         return;
     }
-    /* Moves the node on the bus, and its COB-IDs with it */
+    /* Move the node on the bus, and its COB-IDs */
     board_event(&node->board, BOARD_EVENT_ADDRESS, 0, node->nameless ? CIA402_NO_NODE_ID : from,
                 to);
     if (node->board.bus->by_address[from] == &node->board) {
@@ -594,8 +598,7 @@ static void cia402_lss_take_id(struct cia402_node *node)
     cia402_lss_move_cob(&node->sdo_reply, from, to);
 }
 
-/* Goes from initialization into PRE-OPERATIONAL, or further where the rig wants it; not without
- * a Node-ID. */
+/* Goes from initialization to PRE-OPERATIONAL, or further if the rig says so. Needs a Node-ID. */
 static void cia402_node_start_communication(struct cia402_node *node)
 {
     cia402_lss_take_id(node);
@@ -642,7 +645,7 @@ void cia402_nmt_command(struct cia402_node *node, unsigned command)
 
 /* ---- what others expect of the node ---- */
 
-/* Answers node guarding with a bit that alternates; a heartbeat producer does not answer. */
+/* Answers node guarding with a toggle bit. A heartbeat producer does not answer. */
 static void cia402_nmt_guard(struct cia402_node *node)
 {
     uint8_t data;
@@ -677,7 +680,7 @@ static void cia402_nmt_transmit(struct cia402_node *node, struct frame_sink *sin
     }
 }
 
-/* Sets the period of heartbeats; the first comes a period from now. */
+/* Sets the heartbeat period; the first heartbeat comes one period later. */
 enum cia402_abort cia402_nmt_write_producer(struct cia402_node *node,
                                             const struct cia402_entry *entry, int64_t value)
 {
@@ -712,7 +715,7 @@ static void cia402_nmt_hear(struct cia402_node *node, unsigned producer)
     }
 }
 
-/* Reacts to a lost heartbeat or guarding: an emergency, the axes, the state. */
+/* Reacts to lost heartbeat or guarding: emergency message, axes, state. */
 static void cia402_nmt_lose(struct cia402_node *node)
 {
     int64_t behavior = node->settings.error_behavior;
@@ -747,14 +750,14 @@ static void cia402_nmt_watch(struct cia402_node *node)
 }
 
 /*
- * Layer setting services of a node as the slave (CiA 305): switching of its state, all nodes or the
- * one with an address (0x1018), inquiries, Node-ID, storing, and fastscan. The bit rate is the
- * bus's and no other is taken.
+ * Layer setting services of a node as slave (CiA 305): state switches (all nodes, or one by its
+ * address 0x1018), inquiries, Node-ID, storing, and fastscan. The bit rate is that of the bus; no
+ * other is accepted.
  *
- * A Node-ID takes effect with the next reset of communication, or, of a node that had none, when
- * the master ends the configuration; without storing the next power-up brings the old one back.
- * COB-IDs that contain the old Node-ID follow. A node without one (255) does nothing but LSS; it
- * stays so, too, where another node of the bus has the one that it should take.
+ * A new Node-ID takes effect at the next reset of communication. On a node without one it takes
+ * effect when the master ends the configuration. Unless stored, it is lost at the next power-up.
+ * COB-IDs that contain the old Node-ID change too. A node without a Node-ID (255) runs only LSS. It
+ * stays without one if another node of the bus has the new Node-ID.
  */
 
 enum {
@@ -762,11 +765,11 @@ enum {
     STATE_CONFIGURATION = 1,
     ADDRESS_PARTS = 4,
     SCAN_BITS = 32,
-    SCAN_RESET = 0x80, /* in place of a bit: every node without a Node-ID answers */
+    SCAN_RESET = 0x80, /* instead of a bit number: every node without a Node-ID answers */
     ERROR_NOT_SUPPORTED = 1,
     ERROR_NODE_ID = 1, /* out of range */
     ERROR_SPECIFIC = 255,
-    ERROR_NODE_ID_TAKEN = 1, /* of ERROR_SPECIFIC; ours */
+    ERROR_NODE_ID_TAKEN = 1, /* specific error of ERROR_SPECIFIC; ours */
 };
 
 /* Queues an answer with a number. */
@@ -795,7 +798,7 @@ static unsigned cia402_lss_set_id(struct cia402_node *node, unsigned id)
 
 /* ---- states ---- */
 
-/* Switches the state of all nodes; a new Node-ID takes effect where there was none. */
+/* Switches the state of all nodes. A new Node-ID takes effect on a node without one. */
 static void cia402_lss_switch(struct cia402_node *node, const uint8_t *data)
 {
     bool was_configuring = node->lss.configuring;
@@ -811,13 +814,13 @@ static void cia402_lss_switch(struct cia402_node *node, const uint8_t *data)
     }
 }
 
-/* Returns a part of the address of a node. */
+/* Returns a part of a node's LSS address. */
 static uint32_t cia402_lss_part(const struct cia402_node *node, unsigned part)
 {
     return (uint32_t)node->identity[part];
 }
 
-/* Compares a part of the address; the four parts come one after the other. */
+/* Compares a part of the LSS address; the four parts come in order. */
 static void cia402_lss_select(struct cia402_node *node, const uint8_t *data)
 {
     unsigned part = data[0] - CIA402_LSS_SELECT_VENDOR;
@@ -832,8 +835,8 @@ static void cia402_lss_select(struct cia402_node *node, const uint8_t *data)
     }
 }
 
-/* Compares bits of a part of the address: the master finds it bit by bit, from the highest, by
- * the answers. */
+/* Compares bits of a part of the address. The master finds the address bit by bit, highest first,
+ * from the answers. */
 static void cia402_lss_scan(struct cia402_node *node, const uint8_t *data)
 {
     struct cia402_lss_slave *lss = &node->lss;
@@ -850,14 +853,14 @@ static void cia402_lss_scan(struct cia402_node *node, const uint8_t *data)
         return;
     } else {
         lss->scanned = (uint8_t)next;
-        lss->configuring = bit == 0 && next < part; /* the last bit of the last part */
+        lss->configuring = bit == 0 && next < part; /* true after the last bit of the last part */
     }
     cia402_lss_answer(node, CIA402_LSS_IDENTIFIED, 0);
 }
 
 /* ---- requests ---- */
 
-/* Obeys requests that only a node in state LSS configuration obeys; false: no such request. */
+/* Obeys requests of the state LSS configuration; false = unknown request. */
 static bool cia402_lss_configure(struct cia402_node *node, const uint8_t *data)
 {
     bool acts = node->lss.configuring;
@@ -874,7 +877,7 @@ static bool cia402_lss_configure(struct cia402_node *node, const uint8_t *data)
         node->lss.stored = acts ? node->lss.next : node->lss.stored;
         break;
     case CIA402_LSS_ACTIVATE_BIT_TIMING:
-        return true; /* has no answer, and there is none to activate */
+        return true; /* no answer; the bit rate cannot change */
     default:
         return false;
     }
@@ -884,7 +887,7 @@ static bool cia402_lss_configure(struct cia402_node *node, const uint8_t *data)
     return true;
 }
 
-/* Answers an inquiry: a part of the address, or the Node-ID. */
+/* Answers an inquiry: an address part, or the Node-ID. */
 static void cia402_lss_tell(struct cia402_node *node, unsigned command)
 {
     uint32_t value = command == CIA402_LSS_INQUIRE_NODE_ID
@@ -894,8 +897,7 @@ static void cia402_lss_tell(struct cia402_node *node, unsigned command)
     cia402_lss_answer(node, command, value);
 }
 
-/* Obeys a request of 8 bytes; false: no such request. The next Node-ID becomes that of
- * the node at a reset of its communication. */
+/* Obeys an LSS request of 8 bytes; false = unknown request. */
 static bool cia402_lss_receive(struct cia402_node *node, const uint8_t *data)
 {
     /* Requests to all nodes: switching, selection and fastscan */
@@ -929,10 +931,10 @@ static bool cia402_lss_receive(struct cia402_node *node, const uint8_t *data)
 
 /* Services of every node: power-up, stored parameters, transmission in a tick. */
 
-/* "save" and "load", little-endian, as CiA 301 wants them */
+/* "save" and "load", little-endian (CiA 301) */
 enum { SIGNATURE_SAVE = 0x65766173, SIGNATURE_LOAD = 0x64616f6c };
 
-/* Stores settings, user data and tare, as "save" asks. */
+/* Stores settings, user data and tare on "save". */
 static void cia402_node_store(struct cia402_node *node)
 {
     node->saved = node->settings;
@@ -946,7 +948,7 @@ static void cia402_node_store(struct cia402_node *node)
     }
 }
 
-/* Loads what was stored last. */
+/* Loads the last stored values. */
 static void cia402_node_load(struct cia402_node *node)
 {
     node->settings = node->saved;
@@ -996,7 +998,7 @@ enum cia402_abort cia402_node_write_store(struct cia402_node *node,
     return CIA402_DONE;
 }
 
-/* Orders the factory's settings, which take effect at the next reset or power-up. */
+/* Requests factory settings, effective at the next reset or power-up. */
 enum cia402_abort cia402_node_write_restore(struct cia402_node *node,
                                             const struct cia402_entry *entry, int64_t value)
 {
@@ -1029,13 +1031,13 @@ void cia402_node_transmit(struct board *board, struct ms_span span, struct frame
     board->lost_in_status = board->lost_in_overflow = false;
 }
 
-/* Buses that speak CANopen: finds the nodes that a frame is for. */
+/* CANopen buses: finds the nodes that receive a frame. */
 
 enum { NODES = CIA402_NODE_MAX + 1 };
 
 _Static_assert((int)NODES == (int)BOARD_ADDRESSES, "a node is an address of its bus");
 
-/* Returns the node with a Node-ID that hears; NULL: none. */
+/* Returns the node with a Node-ID if it can receive; NULL = none. */
 static struct cia402_node *cia402_bus_node(const struct board_bus *bus, unsigned id)
 {
     struct board *board = id > 0 && id < NODES ? bus->by_address[id] : NULL;
@@ -1074,7 +1076,7 @@ static void cia402_bus_receive_nmt(struct boards *boards, struct board_bus *bus,
     boards_count_frame(boards, listener, verdict, frame);
 }
 
-/* Passes a request to the SDO server of a node and counts the frame by its answer. */
+/* Passes a request to a node's SDO server and counts the frame by the result. */
 static void cia402_bus_receive_sdo(struct boards *boards, struct cia402_node *node,
                                    const struct bus_frame *frame)
 {
@@ -1092,7 +1094,7 @@ static void cia402_bus_receive_sdo(struct boards *boards, struct cia402_node *no
     boards_count_frame(boards, &node->board, verdict, frame);
 }
 
-/* Passes a request of LSS to all nodes, those without a Node-ID too. */
+/* Passes an LSS request to all nodes, including those without a Node-ID. */
 static void cia402_bus_receive_lss(struct boards *boards, struct board_bus *bus,
                                    const struct bus_frame *frame)
 {
@@ -1115,7 +1117,7 @@ static void cia402_bus_receive_lss(struct boards *boards, struct board_bus *bus,
     boards_count_frame(boards, listener, verdict, frame);
 }
 
-/* Passes a heartbeat or a boot-up of another node to the nodes that expect it. */
+/* Passes a heartbeat or boot-up of a node to the nodes that monitor it. */
 static bool cia402_bus_hear(struct boards *boards, struct board_bus *bus,
                             const struct bus_frame *frame)
 {
@@ -1135,8 +1137,8 @@ static bool cia402_bus_hear(struct boards *boards, struct board_bus *bus,
     return listener;
 }
 
-/* Passes SYNC and process data to all nodes, any of which may want them. The frame counts for the
- * last node that takes it, or for the first that refuses it. */
+/* Passes SYNC and process data to all nodes. The frame counts for the last node that accepts it, or
+ * for the first that refuses it. */
 static bool cia402_bus_receive_process(struct boards *boards, struct board_bus *bus,
                                        const struct bus_frame *frame)
 {
@@ -1205,7 +1207,7 @@ static bool cia402_bus_receive_remote(struct boards *boards, struct board_bus *b
     return true;
 }
 
-/* Passes a frame on by its identifier. Returns false when no node knows it. */
+/* Passes on a frame by its identifier. Returns false when no node uses it. */
 static bool cia402_bus_dispatch(struct boards *boards, struct board_bus *bus,
                                 const struct bus_frame *frame)
 {

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Data and functions of the boards of a CANopen bus. Fields that are objects of the dictionary are
- * int64_t, whatever type the object has, in the units of the object. RT-safe except for functions
- * that create.
+ * Data and functions of the boards on a CANopen bus. Fields that are objects of the dictionary are
+ * int64_t in the unit of the object, whatever its type. RT-safe except functions that create.
  */
 #ifndef BOARDS_CIA402_PRIVATE_H
 #define BOARDS_CIA402_PRIVATE_H
@@ -13,9 +12,9 @@
 #include <stdio.h>
 
 enum {
-    CIA402_PDOS = CIA402_AXIS_PDOS * CIA402_BOARD_AXES, /* of each direction */
-    CIA402_HISTORY = 8,                                 /* errors in 0x1003 */
-    CIA402_EMERGENCIES = 16,                            /* that wait to be sent */
+    CIA402_PDOS = CIA402_AXIS_PDOS * CIA402_BOARD_AXES, /* PDOs per direction */
+    CIA402_HISTORY = 8,                                 /* entries of the error history 0x1003 */
+    CIA402_EMERGENCIES = 16,                            /* most emergency messages that wait */
     CIA402_SENSOR_CHANNELS = 13,
 };
 
@@ -25,20 +24,21 @@ struct cia402_pdo {
     int64_t count, object[CIA402_MAPPED_MAX];
 };
 
-/* A PDO at work. */
+/* State of a PDO. */
 struct cia402_channel {
-    struct cia402_entry entry[CIA402_MAPPED_MAX]; /* as mapped; value of a dummy is unused */
+    struct cia402_entry entry[CIA402_MAPPED_MAX]; /* mapped objects; the value of a dummy is
+                                                   * unused */
     uint8_t bytes[CIA402_MAPPED_MAX];
     uint8_t length;
-    uint8_t data[8]; /* TPDO: sent last; RPDO: waits for SYNC */
-    bool waits;      /* RPDO: data is fresh; TPDO: never sent since it was set up */
-    bool requested;  /* TPDO: by a remote frame */
-    bool unfit;      /* RPDO: the last one had another length */
-    int64_t syncs;   /* since the last one sent */
-    int64_t time_ns; /* of the last one sent or received */
+    uint8_t data[8]; /* TPDO: data sent last; RPDO: data that waits for SYNC */
+    bool waits;      /* RPDO: data is new; TPDO: not sent since it was set up */
+    bool requested;  /* TPDO: a remote frame requests it */
+    bool unfit;      /* RPDO: the last frame had a wrong length */
+    int64_t syncs;   /* number of SYNCs since the last frame */
+    int64_t time_ns; /* time of the last frame, sent or received */
 };
 
-/* Parameters of communication, which "save" keeps. */
+/* Communication parameters that "save" stores. */
 struct cia402_communication {
     int64_t cob_sync, guard_ms, life_factor, cob_emcy, emcy_inhibit_100us;
     int64_t consumer, producer_ms, error_behavior;
@@ -67,32 +67,33 @@ struct cia402_transfer {
         CIA402_NO_TRANSFER,
         CIA402_UPLOADS,
         CIA402_DOWNLOADS,
-        CIA402_BLOCK_DOWNLOADS, /* this and what follows: blocks */
+        CIA402_BLOCK_DOWNLOADS, /* from here on: block transfers */
         CIA402_BLOCK_DOWNLOAD_ENDS,
         CIA402_BLOCK_UPLOAD_STARTS,
         CIA402_BLOCK_UPLOADS,
-        CIA402_BLOCK_UPLOAD_WAITS, /* for the block to be acknowledged */
+        CIA402_BLOCK_UPLOAD_WAITS, /* waits for the acknowledgment of a block */
         CIA402_BLOCK_UPLOAD_ENDS,
     } kind;
     struct cia402_entry entry;
-    uint8_t data[CIA402_DOMAIN_MAX + 6]; /* the last segment of a block has seven bytes */
-    uint32_t size, done; /* size of a download: as announced, or CIA402_SIZE_UNKNOWN */
+    uint8_t data[CIA402_DOMAIN_MAX + 6]; /* + 6, because the last segment of a block has seven
+                                          * bytes */
+    uint32_t size, done;                 /* announced size of a download, or CIA402_SIZE_UNKNOWN */
     bool toggle;
-    uint16_t index; /* as asked for, for abort messages */
+    uint16_t index; /* as requested, for abort messages */
     uint8_t sub;
-    uint8_t block;    /* segments of a block at most */
-    uint8_t sequence; /* segments of this block that were sent, or taken */
-    bool checked;     /* with a checksum */
-    int64_t heard_ns; /* the client, in a block transfer */
+    uint8_t block;    /* most segments per block */
+    uint8_t sequence; /* segments of this block sent or received */
+    bool checked;     /* uses a checksum */
+    int64_t heard_ns; /* last frame of the client in a block transfer */
 };
 
-/* Layer setting services. */
+/* State of the layer setting services (LSS). */
 struct cia402_lss_slave {
-    bool configuring; /* state LSS configuration, else LSS waiting */
-    uint8_t selected; /* parts of the address that have matched, one after the other */
-    uint8_t scanned;  /* the part that a fastscan is at */
-    uint8_t next;     /* Node-ID of the next reset of communication */
-    uint8_t stored;   /* of the next power-up; both may be CIA402_NO_NODE_ID */
+    bool configuring; /* true = LSS configuration, false = LSS waiting */
+    uint8_t selected; /* number of address parts that have matched, in order */
+    uint8_t scanned;  /* address part of the present fastscan */
+    uint8_t next;     /* Node-ID after the next reset of communication */
+    uint8_t stored;   /* Node-ID after the next power-up; both may be CIA402_NO_NODE_ID */
 };
 
 struct cia402_axis;
@@ -102,48 +103,48 @@ struct cia402_node {
     struct board board;
     enum cia402_kind kind;
     unsigned axes;
-    struct cia402_axis *axis;     /* axes of them; NULL: a sensor */
-    struct cia402_sensor *sensor; /* NULL: a drive */
+    struct cia402_axis *axis;     /* array of axes; NULL = sensor node */
+    struct cia402_sensor *sensor; /* NULL = drive */
     struct cia402_communication settings, saved;
     char note[CIA402_TEXT_MAX + 1], saved_note[CIA402_TEXT_MAX + 1];
     struct cia402_domain data, saved_data;
     char device[CIA402_TEXT_MAX + 1], hardware[CIA402_TEXT_MAX + 1], software[CIA402_TEXT_MAX + 1];
-    bool powered, restore; /* at the next reset the factory's settings */
+    bool powered, restore; /* restore: use factory settings at the next reset */
 
-    /* Objects that are no settings */
+    /* Objects that are not settings */
     int64_t device_type, error_register, identity[4], history_count, history[CIA402_HISTORY];
     int64_t sdo_request, sdo_reply, storage;
 
     enum cia402_nmt_state state;
     bool boot_up_due, reset_due;
-    int64_t heartbeat_ns; /* when the next is due */
+    int64_t heartbeat_ns; /* time of the next heartbeat */
     bool guard_toggle, guarded, guard_lost;
-    int64_t guard_ns;             /* of the last remote frame */
-    bool consumes, consumer_lost; /* a heartbeat has been heard */
-    int64_t consumer_ns;          /* of the last */
+    int64_t guard_ns;             /* time of the last guarding frame */
+    bool consumes, consumer_lost; /* consumes: has received a heartbeat */
+    int64_t consumer_ns;          /* time of the last heartbeat */
     struct cia402_emergency emergency[CIA402_EMERGENCIES];
     unsigned emergency_first, emergencies;
-    int64_t emergency_ns; /* of the last */
-    int64_t syncs;        /* heard since the last transmission */
+    int64_t emergency_ns; /* time of the last emergency message */
+    int64_t syncs;        /* SYNCs received since the last transmission */
     struct cia402_channel rx[CIA402_PDOS], tx[CIA402_PDOS];
     struct cia402_transfer transfer;
     struct cia402_lss_slave lss;
-    bool nameless; /* has no Node-ID: only its LSS works; the board's address is the last one */
+    bool nameless; /* has no Node-ID: only LSS works; the board keeps its last address */
 };
 
-/* Returns the node of a board. */
+/* Returns the CANopen node of a board. */
 static inline struct cia402_node *cia402_node_of(const struct board *board)
 {
     return container_of(board, struct cia402_node, board);
 }
 
-/* Returns the number of PDOs of each direction of a node. */
+/* Returns the number of PDOs of a node per direction. */
 static inline unsigned cia402_pdos(const struct cia402_node *node)
 {
     return node->axes ? CIA402_AXIS_PDOS * node->axes : CIA402_AXIS_PDOS;
 }
 
-/* Returns a value in counts of worth, rounded and held within 32 bits. */
+/* Returns value / worth, rounded and saturated to 32 bits. */
 static inline int64_t cia402_counts(double value, double worth)
 {
     int32_t count = 0;
@@ -154,11 +155,11 @@ static inline int64_t cia402_counts(double value, double worth)
 
 /* ---- objects ---- */
 
-/* Finds an object by index and sub-index. */
+/* Finds an object of a node by index and sub-index. */
 enum cia402_abort cia402_find(const struct cia402_node *node, unsigned index, unsigned sub,
                               struct cia402_entry *entry);
 
-/* Returns the place of an object's value; not of texts, domains and counts. */
+/* Returns the address of an object's value. Not for texts, domains and counts. */
 int64_t *cia402_field(const struct cia402_node *node, const struct cia402_entry *entry);
 char *cia402_text(const struct cia402_node *node, const struct cia402_entry *entry);
 struct cia402_domain *cia402_domain(const struct cia402_node *node,
@@ -167,46 +168,46 @@ struct cia402_domain *cia402_domain(const struct cia402_node *node,
 int64_t cia402_value(const struct cia402_node *node, const struct cia402_entry *entry);
 cia402_write_fn cia402_write;
 
-/* Returns whether an identifier is one of CiA 301's table "restricted CAN-IDs", not for PDOs,
+/* Returns whether an identifier is in CiA 301's table "restricted CAN-IDs": not allowed for PDOs,
  * SYNC and EMCY. */
 bool cia402_cob_is_restricted(unsigned id);
 
-/* Convert little-endian bytes of a type to its value and back. */
+/* Convert the little-endian bytes of a type to its value, and back. */
 int64_t cia402_get(enum cia402_type type, const uint8_t *data);
 void cia402_put(enum cia402_type type, int64_t value, uint8_t *data);
 
-/* Sets every field of the table to its initial value; then the PDOs and what the configuration
- * says. */
+/* Sets every object of the table to its initial value, then the PDOs and the values of the
+ * configuration. */
 void cia402_set_factory(struct cia402_node *node);
 
 /* ---- services ---- */
 
-/* Obeys a request of 8 bytes (sdo.c); returns why it was refused. */
+/* Obeys an SDO request of 8 bytes (sdo.c). Returns the reason of a refusal. */
 enum cia402_abort cia402_sdo_receive(struct cia402_node *node, const uint8_t *data);
 
-/* Block transfers: requests. While takes_all is true every request that is no
- * abort belongs to the download. Work of a tick: segments of an upload, and the time-out. */
+/* Block transfers (sdo.c): requests; the work of a tick, that is segments of an upload and the
+ * time-out. While takes_all is true, every request except an abort is a segment of the download. */
 void cia402_block_step(struct cia402_node *node, struct ms_span span);
 
-/* Process data: writes to a mapping, then what is called when frames come or are due. */
+/* Process data (node.c): writes to a mapping, then reactions to frames and times */
 void cia402_pdo_set_factory(struct cia402_node *node);
 
-/* nmt.c */
+/* NMT (node.c) */
 void cia402_nmt_command(struct cia402_node *node, unsigned command);
 
 /* Emergencies */
 void cia402_emcy_raise(struct cia402_node *node, unsigned code, unsigned error_register,
                        unsigned axis, uint32_t faults);
-void cia402_emcy_clear(struct cia402_node *node); /* error reset, when nothing is left */
+void cia402_emcy_clear(struct cia402_node *node); /* sends "error reset" when no error is left */
 
-/* node.c */
-bool cia402_node_power_up(struct cia402_node *node);                  /* true: the first time */
-void cia402_node_step(struct cia402_node *node, struct ms_span span); /* once a tick */
+/* Node (node.c) */
+bool cia402_node_power_up(struct cia402_node *node);                  /* true = first power-up */
+void cia402_node_step(struct cia402_node *node, struct ms_span span); /* call once a tick */
 void cia402_node_transmit(struct board *board, struct ms_span span, struct frame_sink *sink);
 
 /* ---- drives ---- */
 
-/* Settings of an axis, which "save" keeps. */
+/* Settings of an axis that "save" stores. */
 struct cia402_axis_settings {
     int64_t abort_option, quick_stop_option, shutdown_option, disable_option, halt_option,
         fault_option;
@@ -220,12 +221,12 @@ struct cia402_axis_settings {
     int64_t interpolation_ms, interpolation_exponent;
     int64_t timeout_ms, current_limit_ma, temperature_limit_c;
     int64_t current_gain[3];  /* mV/A, mV/(A s), mV s/rad */
-    int64_t velocity_gain[3]; /* mV s/rad, mV/rad, mV/rad in the modes by position */
-    int64_t position_gain;    /* 1/s, in 0.1 */
+    int64_t velocity_gain[3]; /* mV s/rad, mV/rad; third: mV/rad in the position modes */
+    int64_t position_gain;    /* in 0.1/s */
     int64_t mode;
 };
 
-/* Part of a homing procedure that is under way. */
+/* Phase of a running homing procedure. */
 enum cia402_homing_part {
     CIA402_HOMING_RESTS,
     CIA402_HOMING_SEARCH,
@@ -235,16 +236,16 @@ enum cia402_homing_part {
     CIA402_HOMING_STOPS,
 };
 
-/* Reference of a profile, in the units of the objects. */
+/* State of a profile, in the units of the objects. */
 struct cia402_profile {
     double position, velocity;
 };
 
 struct cia402_axis {
-    struct axis base; /* mode: its state */
+    struct axis base; /* base.mode: state of the axis */
     struct cia402_axis_settings settings, saved;
 
-    /* Objects that are no settings */
+    /* Objects that are not settings */
     int64_t controlword, statusword, error_code, mode_display, supported_modes;
     int64_t target_position, target_velocity, target_torque, target_voltage;
     int64_t velocity_offset, torque_offset;
@@ -257,11 +258,11 @@ struct cia402_axis {
     int64_t homing_methods[CIA402_HOMING_METHODS], digital_inputs;
 
     enum cia402_state state;
-    enum cia402_mode mode; /* that works */
+    enum cia402_mode mode; /* the active mode */
     uint32_t latched;      /* faults since the last reset */
-    uint32_t present;      /* faults and warnings now */
+    uint32_t present;      /* present faults and warnings */
 
-    /* What moves it */
+    /* State of the motion */
     struct cia402_profile profile;
     double goal, next_goal; /* profile position */
     bool moving, has_next, set_point_taken;
@@ -269,20 +270,21 @@ struct cia402_axis {
     enum cia402_homing_part homing;
     int homing_direction;
     double homing_pulses, index_rad;
-    bool stopping;        /* a ramp to standstill is in force, whatever the mode */
-    bool stop_by_current; /* no ramp: as fast as the current limit lets */
+    bool stopping;        /* a ramp to standstill is active, in any mode */
+    bool stop_by_current; /* stop at the current limit, without a ramp */
     double stop_deceleration;
-    enum cia402_state stop_state;  /* where it leads */
-    int64_t interpolation_left_ms; /* of the cyclic set-point in hand */
-    int64_t command_ns;            /* of the last command of voltage, torque, position, velocity */
-    double torque_reference;       /* thousandths, on its slope */
-    int64_t following_ms, reached_ms, standstill_ms, stop_ms; /* for how long */
-    bool limited;                                             /* a set-point was cut by a limit */
+    enum cia402_state stop_state;  /* state after the ramp */
+    int64_t interpolation_left_ms; /* time left of the present cyclic set point */
+    int64_t command_ns;            /* time of the last command of voltage, torque, position or
+                                    * velocity */
+    double torque_reference;       /* thousandths, after the slope */
+    int64_t following_ms, reached_ms, standstill_ms, stop_ms; /* durations of these conditions */
+    bool limited;                                             /* a limit has cut a set point */
 
     /* Loops and sensors */
     double integral_v, velocity_integral_v;
-    double rpm_rad; /* a link-side rad/s in rotor revolutions a minute */
-    int64_t home;   /* of the motor encoder where the position is 0 */
+    double rpm_rad; /* rotor rpm per link-side rad/s */
+    int64_t home;   /* reading of the motor encoder at position 0 */
 };
 
 struct cia402_motor {
@@ -290,13 +292,13 @@ struct cia402_motor {
     struct cia402_axis axis[CIA402_BOARD_AXES];
 };
 
-/* Returns the drive of a board. */
+/* Returns the drive node of a board. */
 static inline struct cia402_motor *cia402_motor_of(const struct board *board)
 {
     return container_of(board, struct cia402_motor, node.board);
 }
 
-/* Returns the number of an axis in its node. */
+/* Returns the index of an axis in its node. */
 static inline unsigned cia402_axis_number(const struct cia402_node *node,
                                           const struct cia402_axis *axis)
 {
@@ -310,18 +312,19 @@ static inline bool cia402_axis_is_on(const struct cia402_axis *axis)
            axis->state == CIA402_FAULT_REACTION_ACTIVE;
 }
 
-/* Sets the settings that the configuration of a board gives. */
+/* Sets the settings from the configuration of a board. */
 void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_config *config,
                              const struct board_config *board);
 
-/* The state machine. Faults with which the bridge must open at once are not drivable. */
+/* The state machine (axis.c). drivable: the present faults allow the bridge to stay closed. */
 void cia402_axis_lose_connection(struct cia402_node *node, struct cia402_axis *axis);
 
-/* Modes and loops (modes.c): a millisecond of an enabled axis -> its voltage. */
+/* Modes and loops (modes.c): runs a millisecond of an enabled axis and sets its voltage. */
 void cia402_axis_step(struct cia402_axis *axis);
 void cia402_axis_count_times(struct cia402_axis *axis);
-void cia402_axis_stand(struct cia402_axis *axis); /* references to where it is, loops empty */
-/* Braking ramps: of a slow-down, of a quick stop, and none, at the current limit. */
+void cia402_axis_stand(struct cia402_axis *axis); /* sets references to the present position, resets
+                                                   * the loops */
+/* Braking ramps: slow-down, quick stop, or none (at the current limit). */
 enum cia402_ramp { CIA402_RAMP_SLOW, CIA402_RAMP_QUICK, CIA402_RAMP_CURRENT };
 void cia402_axis_stop(struct cia402_axis *axis, enum cia402_ramp ramp, enum cia402_state then);
 void cia402_axis_take_set_point(struct cia402_axis *axis, int64_t before);
@@ -329,12 +332,12 @@ bool cia402_axis_has_stopped(const struct cia402_axis *axis);
 bool cia402_axis_controls_position(const struct cia402_axis *axis);
 unsigned cia402_axis_mode_status(const struct cia402_axis *axis);
 
-/* Homing: lists the methods that switches allow, reads the switches; begins and ends
+/* Homing (modes.c): lists the methods that the switches allow, reads the switches, begins and ends
  * a procedure, and runs a millisecond of it. */
 void cia402_homing_list(struct cia402_axis *axis, const struct board_switches *switches);
 void cia402_homing_sample(struct cia402_axis *axis, const struct board_switches *switches);
 
-/* What writes the objects of the table that are not simply stored. */
+/* Functions that write objects that are not simply stored. */
 cia402_write_fn cia402_write_cob, cia402_write_emcy_cob, cia402_emcy_write_history,
     cia402_node_write_store, cia402_node_write_restore, cia402_nmt_write_producer,
     cia402_nmt_write_consumer, cia402_pdo_write_cob, cia402_pdo_write_type,
@@ -347,10 +350,10 @@ cia402_write_fn cia402_write_cob, cia402_write_emcy_cob, cia402_emcy_write_histo
 /* ---- sensors ---- */
 
 struct cia402_sensor {
-    int64_t value[CIA402_SENSOR_CHANNELS]; /* less the tare */
+    int64_t value[CIA402_SENSOR_CHANNELS]; /* minus the tare */
     int64_t tare[CIA402_SENSOR_CHANNELS], saved_tare[CIA402_SENSOR_CHANNELS];
     int64_t channels, saturated, faults;
-    int64_t counts[CIA402_SENSOR_CHANNELS]; /* as measured */
+    int64_t counts[CIA402_SENSOR_CHANNELS]; /* measured */
     bool started;
 };
 

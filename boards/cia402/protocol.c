@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The frames of a cia402 bus; see the header. */
+/* The frames of a cia402 bus; boards/cia402/protocol.h describes them. */
 #include "boards/cia402/private.h"
 
 #include "base/array.h"
@@ -8,7 +8,7 @@
 
 #include <string.h>
 
-enum { AXIS_STEP = 0x100 }; /* of the identifiers of PDOs of one axis */
+enum { AXIS_STEP = 0x100 }; /* distance of the PDO identifiers of one axis */
 
 /* clang-format off */
 #define FIELDS(...) (const struct field[]){__VA_ARGS__, {.type = FIELD_END}}
@@ -27,7 +27,7 @@ static const struct field sdo[] = {
     NUMBER(FIELD_U8, "specifier"), NUMBER(FIELD_U16, "index"), NUMBER(FIELD_U8, "sub_index"),
     NUMBER(FIELD_U32, "data"), {.type = FIELD_END}};
 
-/* Fields of the PDOs, by the name of the plan's row; each is a mapped object of the dictionary */
+/* Fields of the PDOs, by the name of the plan's row; each is a mapped object */
 static const struct {
     const char *name;
     const struct field *fields;
@@ -59,15 +59,15 @@ static const struct {
                         VALUE(FIELD_I16, "bz", "uT", CIA402_MAGNETIC_UT))},
 };
 
-/* What every node has */
+/* Services common to all nodes */
 static const struct service {
     const char *name;
     uint16_t cob_id;
     bool from_host;
     uint8_t length;
-    uint8_t cycle_ms; /* as our host sets it up; 0: on demand */
+    uint8_t cycle_ms; /* cycle as our host configures it; 0 = on demand */
     const struct field *fields;
-    const char *answer; /* name of what answers; NULL: nothing */
+    const char *answer; /* name of the answering frame; NULL = none */
 } services[] = {
     {"EMCY", CIA402_EMCY, false, CIA402_EMCY_LENGTH, 0,
      FIELDS(NUMBER(FIELD_U16, "code"), NUMBER(FIELD_U8, "error_register"),
@@ -84,17 +84,17 @@ static const struct service {
 };
 /* clang-format on */
 
-/* A frame of a bus as our host sets up its PDOs (struct cia402_plan). */
+/* A frame of a bus after our host's PDO setup (struct cia402_plan). */
 struct cia402_frame {
     const char *name;
     uint32_t id;
     bool from_host;
-    uint8_t length, repeats; /* how often the fields follow each other */
-    uint32_t cycle_ns;       /* 0: on demand */
+    uint8_t length, repeats; /* repeats: repetitions of the fields */
+    uint32_t cycle_ns;       /* 0 = on demand */
     const struct field *fields;
-    const char *answer; /* name of the frame that answers; NULL: none */
-    int axis;           /* that it is about; -1: none, or all */
-    bool list;          /* the fields follow each other for all axes of the node */
+    const char *answer; /* name of the answering frame; NULL = none */
+    int axis;           /* axis of the data; -1 = none or all */
+    bool list;          /* the fields repeat for all axes of the node */
 };
 
 enum cia402_kind cia402_kind_of(const struct board_config *board)
@@ -130,8 +130,8 @@ static struct cia402_frame cia402_make_service(const struct service *service, un
     };
 }
 
-/* Makes the frame of a PDO, which comes with every SYNC: once a tick or as often as the rig
- * says; so do the voltages. */
+/* Makes the frame of a PDO. Telemetry comes with every SYNC, once a tick or at the rig's rate; so
+ * do the voltages. */
 static struct cia402_frame cia402_make_pdo(const struct board_config *board,
                                            const struct cia402_plan *plan)
 {
@@ -155,8 +155,8 @@ static struct cia402_frame cia402_make_pdo(const struct board_config *board,
     };
 }
 
-/* Makes the row-th frame of a board, from 0, or with NULL of the host to all; false when there
- * are no more. */
+/* Makes frame number `row` of a board, from 0; with board NULL, of the host to all nodes. false =
+ * no more. */
 static bool cia402_frame_row(const struct board_config *board, unsigned row,
                              struct cia402_frame *frame)
 {
@@ -182,7 +182,7 @@ static bool cia402_frame_row(const struct board_config *board, unsigned row,
     return row - rows < ARRAY_COUNT(services);
 }
 
-/* Visits the messages of a board; without one, those of the host to all boards. */
+/* Visits the messages of a board; without a board, those of the host to all nodes. */
 static void cia402_visit(struct message_walk *walk, int index, unsigned first_slot)
 {
     const struct board_config *board =
@@ -190,7 +190,7 @@ static void cia402_visit(struct message_walk *walk, int index, unsigned first_sl
     struct cia402_frame frame;
 
     for (unsigned row = 0; cia402_frame_row(board, row, &frame); row++) {
-        /* Identifiers are split into a base and what the node and the axis add */
+        /* Split identifiers into a base and the parts of node and axis */
         unsigned number = board ? board->address : 0, axis = frame.axis < 0 ? 0 : frame.axis;
         const struct message message = {
             .name = frame.name,
@@ -230,8 +230,8 @@ static void cia402_visit_board(struct message_walk *walk, int board, unsigned fi
 
 /* The CANopen drives, cia402, as a module. */
 
-/* Returns whether nodes use an identifier that other boards do not: the last TPDO and RPDO, and
- * SDO. */
+/* Returns whether nodes use an identifier that other protocols' boards do not: the last TPDO and
+ * RPDO, and SDO. */
 static bool cia402_claims_id(const struct boards_bus_config *bus, uint32_t id, char *text,
                              size_t size)
 {
@@ -241,8 +241,8 @@ static bool cia402_claims_id(const struct boards_bus_config *bus, uint32_t id, c
                    (id >= CIA402_SDO_REQUEST && id <= CIA402_SDO_REQUEST + CIA402_NODE_MAX));
 }
 
-/* Visits the periodic frames of a board: TPDOs with every so many SYNCs; those that tell a
- * change at their event timer, as if nothing changed; the heartbeat. */
+/* Visits the periodic frames of a board: TPDOs at their SYNCs, TPDOs on change at their event timer
+ * as if nothing changed, and the heartbeat. */
 static void cia402_visit_board_load(struct load_walk *walk, const struct board_config *board)
 {
     double period_s = load_period_s(walk, board->period_ns);
@@ -270,7 +270,7 @@ static void cia402_visit_command_load(struct load_walk *walk)
     }
 }
 
-/* Returns the name of a state of CiA 402, which takes the place of a mode. */
+/* Returns the name of a CiA 402 state, which the board reports as its mode. */
 static const char *cia402_state_name(uint32_t state)
 {
     static const char *const names[CIA402_STATES] = {

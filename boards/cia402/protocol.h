@@ -1,16 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * CANopen (CiA 301) and its profile for drives (CiA 402, IEC 61800-7-201): identifiers, services,
- * states and the objects that a host of these boards needs. Shared by the boards and by hosts;
- * holds no behavior, so that all of it is RT-safe. Numbers are little-endian. The whole object
- * dictionary is boards/cia402/table.c.
+ * states, and the objects that a host needs. Boards and hosts share it; it has no behavior and is
+ * RT-safe. Numbers are little-endian. boards/cia402/table.c has the whole object dictionary.
  *
  * A board is a node with a Node-ID n of 1 to 31. Identifiers of the predefined connection set:
  *
  *   0x000        NMT          host   command, node (0 = all)
  *   0x080        SYNC         host   empty, or a counter that is ignored
  *   0x080 + n    EMCY         node   u16 code, u8 error register, u8 axis, u32 faults
- *   0x180 + n    TPDO 1       node   0x280, 0x380, 0x480: TPDO 2 to 4; as the mapping says
+ *   0x180 + n    TPDO 1       node   0x280, 0x380, 0x480: TPDO 2 to 4; content by mapping
  *   0x200 + n    RPDO 1       host   0x300, 0x400, 0x500: RPDO 2 to 4
  *   0x580 + n    SDO server   node   answers
  *   0x600 + n    SDO client   host   requests
@@ -18,16 +17,18 @@
  *   0x7e4        LSS          node   answers (CiA 305)
  *   0x7e5        LSS          host   requests
  *
- * Axis k of a node, from 0, has the objects 0x6000 to 0x67ff at + 0x800 k, as CiA 402 has it, and
- * so the manufacturer's objects 0x4000 to 0x47ff; its PDOs are those from 1 + 64 k on.
+ * Axis k of a node, from 0, has the objects 0x6000 to 0x67ff at + 0x800 k, as in CiA 402. The
+ * manufacturer's objects 0x4000 to 0x47ff follow the same rule. The PDOs of axis k begin at 1 + 64
+ * k.
  *
  * Units: positions 10 urad on the link side of the gear, velocities 10 urad/s, accelerations 10
- * urad/s2, voltages 2 mV, spring torques 10 mN m, pressures 10 mbar; torques and currents in
- * thousandths of the rated ones (0x6076, 0x6075), as CiA 402 has it.
+ * urad/s2, voltages 2 mV, spring torques 10 mN m, pressures 10 mbar. Torques and currents are in
+ * thousandths of their rated values (0x6076, 0x6075), as in CiA 402.
  *
- * An axis with a servo valve (board_axis_config) has pressures and opening in 0x4008 and 0x4009, no
- * torque modes, and no current; its motor encoder is the joint's, and its spring torque and its
- * torque are those of the cylinder on the joint, rated at the full scale of the torque sensor.
+ * An axis with a servo valve (board_axis_config) has pressures and opening in 0x4008 and 0x4009. It
+ * has no torque modes and no current. Its motor encoder is the joint's encoder. Its spring torque
+ * and its torque are the cylinder's torque on the joint, rated at the full scale of the torque
+ * sensor.
  */
 #ifndef BOARDS_CIA402_PROTOCOL_H
 #define BOARDS_CIA402_PROTOCOL_H
@@ -37,11 +38,11 @@
 
 enum {
     CIA402_NODE_MAX = 31,
-    CIA402_BOARD_AXES = 4,      /* axes of a node at most */
-    CIA402_AXIS_STEP = 0x800,   /* between the objects of two axes */
-    CIA402_AXIS_PDOS = 4,       /* of each direction and axis */
-    CIA402_PDO_STEP = 64,       /* between the PDO numbers of two axes */
-    CIA402_MAPPED_MAX = 8,      /* objects in a PDO */
+    CIA402_BOARD_AXES = 4,      /* most axes per node */
+    CIA402_AXIS_STEP = 0x800,   /* object distance between two axes */
+    CIA402_AXIS_PDOS = 4,       /* PDOs per direction and axis */
+    CIA402_PDO_STEP = 64,       /* distance of PDO numbers between two axes */
+    CIA402_MAPPED_MAX = 8,      /* most objects in a PDO */
     CIA402_HOMING_METHODS = 32, /* sub-indices of 0x60e3 */
 };
 
@@ -49,7 +50,7 @@ enum cia402_cob {
     CIA402_NMT = 0x000,
     CIA402_SYNC = 0x080,
     CIA402_EMCY = 0x080,
-    CIA402_TPDO = 0x180, /* + 0x100 for each further one */
+    CIA402_TPDO = 0x180, /* + 0x100 for each further TPDO */
     CIA402_RPDO = 0x200,
     CIA402_SDO_REPLY = 0x580,
     CIA402_SDO_REQUEST = 0x600,
@@ -60,7 +61,7 @@ enum cia402_cob {
 
 #define CIA402_COB_INVALID UINT32_C(0x80000000) /* bit 31 of a COB-ID object */
 
-#define CIA402_COB_NO_REMOTE UINT32_C(0x40000000) /* bit 30: of a TPDO, no remote frames */
+#define CIA402_COB_NO_REMOTE UINT32_C(0x40000000) /* bit 30: a TPDO ignores remote frames */
 
 enum { CIA402_COB_MASK = 0x7ff };
 
@@ -148,7 +149,7 @@ enum cia402_abort {
 
 /* ---- layer setting services, CiA 305 ---- */
 
-enum { CIA402_LSS_LENGTH = 8, CIA402_NO_NODE_ID = 255 /* of a node that has none yet */ };
+enum { CIA402_LSS_LENGTH = 8, CIA402_NO_NODE_ID = 255 /* a node without a Node-ID */ };
 
 /* Byte 0 */
 enum cia402_lss {
@@ -184,15 +185,15 @@ enum cia402_state {
 enum cia402_controlword {
     CIA402_CW_SWITCH_ON = 1 << 0,
     CIA402_CW_ENABLE_VOLTAGE = 1 << 1,
-    CIA402_CW_QUICK_STOP = 1 << 2, /* 0 stops */
+    CIA402_CW_QUICK_STOP = 1 << 2, /* 0 = quick stop */
     CIA402_CW_ENABLE_OPERATION = 1 << 3,
     CIA402_CW_NEW_SET_POINT = 1 << 4, /* profile position; homing: start */
     CIA402_CW_AT_ONCE = 1 << 5,       /* profile position: change set immediately */
     CIA402_CW_RELATIVE = 1 << 6,
-    CIA402_CW_FAULT_RESET = 1 << 7, /* a rising edge */
+    CIA402_CW_FAULT_RESET = 1 << 7, /* acts on a rising edge */
     CIA402_CW_HALT = 1 << 8,
 
-    CIA402_CW_SHUTDOWN = 0x06, /* the commands */
+    CIA402_CW_SHUTDOWN = 0x06, /* commands of the controlword */
     CIA402_CW_SWITCH_ON_ONLY = 0x07,
     CIA402_CW_ENABLE = 0x0f,
 };
@@ -203,14 +204,15 @@ enum cia402_statusword {
     CIA402_SW_REMOTE = 1 << 9,
     CIA402_SW_TARGET_REACHED = 1 << 10,
     CIA402_SW_INTERNAL_LIMIT = 1 << 11,
-    CIA402_SW_MODE_12 = 1 << 12, /* set-point acknowledged, speed 0, homed, follows the command */
+    CIA402_SW_MODE_12 = 1 << 12, /* by mode: set point acknowledged, speed 0, homed, follows the
+                                  * command */
     CIA402_SW_MODE_13 = 1 << 13, /* following or homing error */
     CIA402_SW_STATE_MASK = 0x6f,
     CIA402_SW_FAULT = 0x08, /* state FAULT, under the mask */
 };
 
 enum cia402_mode {
-    CIA402_VOLTAGE_MODE = -1, /* ours: 0x4000 is the voltage of the bridge */
+    CIA402_VOLTAGE_MODE = -1, /* ours: 0x4000 is the bridge voltage */
     CIA402_NO_MODE = 0,
     CIA402_PROFILE_POSITION = 1,
     CIA402_PROFILE_VELOCITY = 3,
@@ -231,16 +233,16 @@ enum cia402_fault {
     CIA402_FAULT_TORQUE_SENSOR = 1 << 5,
     CIA402_FAULT_TEMPERATURE = 1 << 6,
     CIA402_FAULT_FOLLOWING = 1 << 7,
-    CIA402_FAULT_CONNECTION = 1 << 8, /* heartbeat or guarding lost, where 0x6007 makes it one */
-    CIA402_FAULT_STALE = 1 << 9,      /* a warning: no command for 0x4011; the target is 0 */
-    CIA402_FAULT_LIMIT = 1 << 10,     /* a warning: beyond a software position limit */
-    CIA402_FAULT_SATURATED = 1 << 11, /* sensors: a channel beyond its full scale; a warning */
-    CIA402_FAULT_SENSOR = 1 << 12,    /* sensors: a channel has no reading; a warning */
-    CIA402_FAULT_UNDER_PRESSURE = 1 << 13, /* of the oil that feeds the axis's valve */
+    CIA402_FAULT_CONNECTION = 1 << 8, /* heartbeat or guarding lost, if 0x6007 makes it a fault */
+    CIA402_FAULT_STALE = 1 << 9,      /* warning: no command for the time 0x4011; the target is 0 */
+    CIA402_FAULT_LIMIT = 1 << 10,     /* warning: beyond a software position limit */
+    CIA402_FAULT_SATURATED = 1 << 11, /* sensors, warning: a channel is beyond its full scale */
+    CIA402_FAULT_SENSOR = 1 << 12,    /* sensors, warning: a channel has no reading */
+    CIA402_FAULT_UNDER_PRESSURE = 1 << 13, /* of the supply pressure of the axis's valve */
     CIA402_FAULT_OVER_PRESSURE = 1 << 14,
 };
 
-/* Objects that hosts and messages name; of axis 0. */
+/* Objects that hosts and messages use; indices of axis 0. */
 enum cia402_index {
     CIA402_O_DEVICE_TYPE = 0x1000,
     CIA402_O_HEARTBEAT = 0x1017,
@@ -255,11 +257,11 @@ enum cia402_index {
     CIA402_O_CONTROLWORD = 0x6040,
     CIA402_O_STATUSWORD = 0x6041,
     CIA402_O_MODE = 0x6060,
-    CIA402_O_CHANNEL = 0x7130, /* of sensor nodes, as CiA 404 has its process values */
+    CIA402_O_CHANNEL = 0x7130, /* of sensor nodes: process values as in CiA 404 */
 };
 
-/* 0x1000: profile in the low word, bit 17 is a servo drive. A node of several axes has 0xffff above
- * the profile, and the device type of each axis in 0x67ff + 0x800 k. */
+/* 0x1000: the profile in the low word; bit 17 = servo drive. A node of several axes has 0xffff
+ * above the profile, and the device type of each axis in 0x67ff + 0x800 k. */
 #define CIA402_DEVICE_DRIVE UINT32_C(0x00020192)
 #define CIA402_DEVICE_DRIVES UINT32_C(0xffff0192)
 #define CIA402_DEVICE_SENSOR UINT32_C(0x00020194) /* CiA 404, analog inputs */
@@ -268,18 +270,19 @@ enum cia402_index {
 
 enum cia402_kind { CIA402_KIND_DRIVE, CIA402_KIND_FT, CIA402_KIND_INERTIAL };
 
-/* A PDO of a node: where its parameters are and what is written there. */
+/* The setup of a PDO: where its parameters are and what the host writes there. */
 struct cia402_plan {
     const char *name;
-    bool receive;    /* by the node */
-    uint8_t number;  /* from 0: 0x1400 or 0x1800 + number */
-    uint8_t type;    /* 1: with every SYNC, 50: every 50th, 255: when it changes */
-    uint8_t axis;    /* that it is about; CIA402_BOARD_AXES: all of them */
-    uint8_t count;   /* objects */
-    uint8_t length;  /* bytes */
-    uint16_t cob_id; /* less the Node-ID */
+    bool receive;    /* the node receives it */
+    uint8_t number;  /* from 0: parameters at 0x1400 or 0x1800 + number */
+    uint8_t type;    /* 1 = at every SYNC, 50 = at every 50th, 255 = on change */
+    uint8_t axis;    /* axis of its data; CIA402_BOARD_AXES = all axes */
+    uint8_t count;   /* number of objects */
+    uint8_t length;  /* length in bytes */
+    uint16_t cob_id; /* without the Node-ID */
     uint16_t event_ms;
-    uint32_t object[CIA402_MAPPED_MAX]; /* index, sub-index, bits, as a mapping object has it */
+    uint32_t object[CIA402_MAPPED_MAX]; /* index, sub-index, bits, in the format of a mapping
+                                         * object */
 };
 
 enum { CIA402_STATUS_EVENT_MS = 100, CIA402_HEARTBEAT_MS = 100, CIA402_MAGNETIC_SYNCS = 50 };
@@ -290,7 +293,7 @@ static inline uint32_t cia402_mapping(unsigned index, unsigned sub, unsigned bit
     return (uint32_t)index << 16 | (uint32_t)sub << 8 | bits;
 }
 
-/* Completes a plan with an object of two bytes of each axis. */
+/* Adds a two-byte object of each axis to a plan. */
 static inline struct cia402_plan cia402_plan_axes(struct cia402_plan plan, unsigned axes,
                                                   unsigned index)
 {
@@ -322,7 +325,7 @@ static inline struct cia402_plan cia402_plan_telemetry(unsigned axis)
     };
 }
 
-/* Returns the plan of channels of a sensor node, from sub-index first on. */
+/* Returns the plan of a sensor node's channels, from sub-index `first` on. */
 static inline struct cia402_plan cia402_plan_channels(const char *name, unsigned number,
                                                       unsigned first, unsigned count, unsigned type)
 {
@@ -341,12 +344,12 @@ static inline struct cia402_plan cia402_plan_channels(const char *name, unsigned
 }
 
 /*
- * Makes the row-th PDO of a node of a kind, from 0; false when there are no more.
+ * Fills PDO number `row` of a kind of node, from 0; false = no more.
  *
- * With every SYNC a drive sends the position of each axis, in a frame an axis, and the statuswords
- * of all axes in a frame when one changes; it receives the voltages of all axes in a frame, and
- * their controlwords in another. The statuswords have 0x1c0 + n, for the four identifiers of the
- * node's TPDOs are taken by the axes.
+ * At every SYNC a drive sends one frame per axis with its position. It sends the statuswords of all
+ * axes in one frame when one changes. It receives the voltages of all axes in one frame and their
+ * controlwords in another. The statuswords have 0x1c0 + n, because the axes use the four TPDO
+ * identifiers of the node.
  */
 static inline bool cia402_plan_row(enum cia402_kind kind, unsigned axes, unsigned row,
                                    struct cia402_plan *plan)

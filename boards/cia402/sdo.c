@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The SDO server (CiA 301, 7.2.4): expedited and segmented transfers in both directions, one at a
- * time; a new one ends the one before.
+ * The SDO server (CiA 301, 7.2.4): expedited and segmented transfers in both directions. There is
+ * one transfer at a time; a new one ends the one before.
  */
 #include "boards/cia402/private.h"
 
@@ -12,27 +12,27 @@
 enum { EXPEDITED_MAX = 4, SEGMENT_MAX = 7 };
 
 /*
- * Block transfers of the SDO server (CiA 301, 7.2.4.3.8 to 7.2.4.3.17): up to 127 segments of 7
- * bytes follow each other and are acknowledged together; lost ones are sent again from the first
- * gap on. A checksum over all data ends the transfer where both sides want one.
+ * Block transfers of the SDO server (CiA 301, 7.2.4.3.8 to 7.2.4.3.17). A block has up to 127
+ * segments of 7 bytes and one acknowledgment. After a loss, all segments from the first gap are
+ * sent again. If both sides support it, a checksum over all data ends the transfer.
  *
- * An upload sends a segment a millisecond, so that a drive keeps its bus for process data. A
- * transfer whose client is silent for a second is aborted, for until then every frame of the client
- * in a block download counts as a segment.
+ * An upload sends one segment per millisecond, to leave the bus to process data. A transfer whose
+ * client is silent for a second is aborted, because until then every frame of the client in a block
+ * download counts as a segment.
  */
 
 enum {
-    BLOCK_MAX = 127,       /* segments */
-    SEQUENCE_MASK = 0x7f,  /* of byte 0 of a segment */
-    LAST_SEGMENT = 0x80,   /* bit of it */
+    BLOCK_MAX = 127,       /* segments per block */
+    SEQUENCE_MASK = 0x7f,  /* in byte 0 of a segment */
+    LAST_SEGMENT = 0x80,   /* in byte 0 of a segment */
     CRC_SUPPORTED = 0x04,  /* byte 0 of initiations */
     SIZE_INDICATED = 0x02, /* byte 0 of initiations */
     SUB_COMMAND_MASK = 0x03,
-    CRC_POLYNOMIAL = 0x1021, /* x^16 + x^12 + x^5 + 1, from 0, highest bit first */
+    CRC_POLYNOMIAL = 0x1021, /* x^16 + x^12 + x^5 + 1, initially 0, highest bit first */
     CRC_TOP = 0x8000,
 };
 
-/* Sub-commands of byte 0, from either side */
+/* Sub-commands in byte 0, from either side */
 enum { INITIATE = 0, END = 1, ACKNOWLEDGE = 2, START = 3 };
 
 #define TIMEOUT_NS (INT64_C(1000) * MS)
@@ -42,7 +42,7 @@ static void cia402_sdo_answer(struct cia402_node *node, const uint8_t *data)
     board_queue(&node->board, (uint32_t)node->sdo_reply, CIA402_SDO_LENGTH, data);
 }
 
-/* Ends a transfer with a reason, which it returns. */
+/* Aborts a transfer and returns the reason. */
 static enum cia402_abort cia402_sdo_abort(struct cia402_node *node, unsigned index, unsigned sub,
                                           enum cia402_abort reason)
 {
@@ -79,7 +79,7 @@ static enum cia402_abort cia402_sdo_load(struct cia402_node *node)
     struct cia402_transfer *transfer = &node->transfer;
     const struct cia402_entry *entry = &transfer->entry;
 
-    /* Empty places of the history have no data */
+    /* Empty entries of the history have no data */
     if (entry->object && entry->object->index == 0x1003 && transfer->sub > node->history_count) {
         return CIA402_ABORT_NO_DATA;
     }
@@ -106,7 +106,7 @@ static enum cia402_abort cia402_sdo_upload_loaded(struct cia402_node *node, cons
     struct cia402_transfer *transfer = &node->transfer;
     uint8_t size[4];
 
-    /* At once, where it fits */
+    /* Send it at once if it fits */
     if (transfer->size > 0 && transfer->size <= EXPEDITED_MAX) {
         unsigned unused = EXPEDITED_MAX - transfer->size;
 
@@ -200,7 +200,7 @@ static enum cia402_abort cia402_sdo_store(struct cia402_node *node,
     return cia402_write(node, entry, cia402_get(entry->type, data));
 }
 
-/* Begins a download, or stores the data where the request carries them. */
+/* Begins a download, or stores the data if the request contains them. */
 static enum cia402_abort cia402_sdo_download(struct cia402_node *node, const uint8_t *request)
 {
     struct cia402_transfer *transfer = &node->transfer;
@@ -211,7 +211,7 @@ static enum cia402_abort cia402_sdo_download(struct cia402_node *node, const uin
         return cia402_sdo_abort_transfer(node, CIA402_ABORT_READ_ONLY);
     }
 
-    /* At once; without a size it is as long as the object */
+    /* Expedited; without a size, the length is that of the object */
     if (request[0] & CIA402_EXPEDITED) {
         uint32_t right = cia402_type_bits(transfer->entry.type) / 8;
         uint32_t size = sized   ? EXPEDITED_MAX - (request[0] >> 2 & 3u)
@@ -232,7 +232,7 @@ static enum cia402_abort cia402_sdo_download(struct cia402_node *node, const uin
     return CIA402_DONE;
 }
 
-/* Takes a segment of a download; the last one stores the data. */
+/* Receives a segment of a download; the last one stores the data. */
 static enum cia402_abort cia402_sdo_download_segment(struct cia402_node *node,
                                                      const uint8_t *request)
 {
@@ -273,7 +273,7 @@ static enum cia402_abort cia402_sdo_find(struct cia402_node *node, const uint8_t
     return cia402_find(node, transfer->index, transfer->sub, &transfer->entry);
 }
 
-/* Finds the object of a request and begins a transfer. */
+/* Finds the object of a request and starts a transfer. */
 static enum cia402_abort cia402_sdo_initiate(struct cia402_node *node, const uint8_t *request,
                                              bool upload)
 {
@@ -285,7 +285,7 @@ static enum cia402_abort cia402_sdo_initiate(struct cia402_node *node, const uin
     return upload ? cia402_sdo_upload(node, request) : cia402_sdo_download(node, request);
 }
 
-/* Checks the toggle bit of a segment, which alternates from 0 on, and passes it on. */
+/* Checks the toggle bit of a segment, which alternates from 0, and passes the segment on. */
 static enum cia402_abort cia402_sdo_segment(struct cia402_node *node, const uint8_t *request,
                                             bool upload)
 {
@@ -302,8 +302,7 @@ static enum cia402_abort cia402_sdo_segment(struct cia402_node *node, const uint
                   : cia402_sdo_download_segment(node, request);
 }
 
-/* Block transfers: requests. While takes_all is true every request that is no
- * abort belongs to the download. Work of a tick: segments of an upload, and the time-out. */
+/* Returns whether every request except an abort is a segment of the present download. */
 static bool cia402_block_takes_all(const struct cia402_node *node)
 {
     return node->transfer.kind == CIA402_BLOCK_DOWNLOADS ||
@@ -316,7 +315,7 @@ static void cia402_block_refresh(struct cia402_node *node)
     node->transfer.heard_ns = node->board.boards->now_ns;
 }
 
-/* Takes a segment of a download, and acknowledges a block at its end. */
+/* Receives a segment of a download; acknowledges a block at its end. */
 static enum cia402_abort cia402_block_take_segment(struct cia402_node *node, const uint8_t *request)
 {
     struct cia402_transfer *transfer = &node->transfer;
@@ -329,7 +328,7 @@ static enum cia402_abort cia402_block_take_segment(struct cia402_node *node, con
     }
     cia402_block_refresh(node);
 
-    /* After a gap the rest of the block is thrown away and comes again */
+    /* After a gap, drop the rest of the block; the client sends it again */
     if (sequence == transfer->sequence + 1u) {
         if (transfer->done + SEGMENT_MAX > sizeof transfer->data) {
             return cia402_sdo_abort_transfer(node, CIA402_ABORT_TOO_LONG);
@@ -374,7 +373,7 @@ static enum cia402_abort cia402_block_end_download(struct cia402_node *node, con
     if ((request[0] & (CIA402_COMMAND_MASK | SUB_COMMAND_MASK)) != (CIA402_BLOCK_DOWNLOAD | END)) {
         return cia402_sdo_abort_transfer(node, CIA402_ABORT_COMMAND);
     }
-    transfer->done -= request[0] >> 2 & 7u; /* the last segment counted as seven */
+    transfer->done -= request[0] >> 2 & 7u; /* the last segment was counted with seven bytes */
     if (transfer->size != CIA402_SIZE_UNKNOWN && transfer->size != transfer->done) {
         reason = CIA402_ABORT_LENGTH;
     } else if (transfer->checked &&
@@ -416,8 +415,7 @@ static enum cia402_abort cia402_block_download(struct cia402_node *node, const u
     return CIA402_DONE;
 }
 
-/* Block transfers: requests. While takes_all is true every request that is no
- * abort belongs to the download. Work of a tick: segments of an upload, and the time-out. */
+/* Obeys a request of a block download. */
 static enum cia402_abort cia402_block_receive_download(struct cia402_node *node,
                                                        const uint8_t *request)
 {
@@ -436,13 +434,13 @@ static enum cia402_abort cia402_block_receive_download(struct cia402_node *node,
     return reason ? cia402_sdo_abort_transfer(node, reason) : cia402_block_download(node, request);
 }
 
-/* Returns whether a number of segments of a block is allowed. */
+/* Returns whether a number of segments per block is allowed. */
 static bool cia402_block_size_is_right(unsigned segments)
 {
     return segments >= 1 && segments <= BLOCK_MAX;
 }
 
-/* Begins a block upload; data within the client's threshold go without blocks. */
+/* Begins a block upload; data within the client's threshold are sent without blocks. */
 static enum cia402_abort cia402_block_upload(struct cia402_node *node, const uint8_t *request)
 {
     struct cia402_transfer *transfer = &node->transfer;
@@ -469,13 +467,13 @@ static enum cia402_abort cia402_block_upload(struct cia402_node *node, const uin
     return CIA402_DONE;
 }
 
-/* Returns the number of bytes of the last segment that carry no data. */
+/* Returns the number of unused bytes in the last segment. */
 static unsigned cia402_block_unused(uint32_t size)
 {
     return size == 0 ? SEGMENT_MAX : (SEGMENT_MAX - size % SEGMENT_MAX) % SEGMENT_MAX;
 }
 
-/* Obeys an acknowledgment of the client: sends on, or ends the upload. */
+/* Obeys an acknowledgment of the client: sends the next block, or ends the upload. */
 static enum cia402_abort cia402_block_acknowledge(struct cia402_node *node, const uint8_t *request)
 {
     struct cia402_transfer *transfer = &node->transfer;
@@ -493,7 +491,7 @@ static enum cia402_abort cia402_block_acknowledge(struct cia402_node *node, cons
     }
     cia402_block_refresh(node);
 
-    /* Data that have not been taken follow; an upload without data still has an empty segment */
+    /* Send the unacknowledged data again; an upload without data still has an empty segment */
     if (taken < left || request[1] == 0) {
         transfer->done += taken;
         transfer->sequence = 0;
@@ -516,7 +514,7 @@ static enum cia402_abort cia402_block_receive_upload(struct cia402_node *node,
     struct cia402_transfer *transfer = &node->transfer;
     enum cia402_abort reason;
 
-    /* Each sub-command has its state of the transfer */
+    /* Each sub-command is valid in one state of the transfer */
     switch (request[0] & SUB_COMMAND_MASK) {
     case INITIATE:
         reason = cia402_sdo_find(node, request);
@@ -542,7 +540,7 @@ static enum cia402_abort cia402_block_receive_upload(struct cia402_node *node,
 
 enum cia402_abort cia402_sdo_receive(struct cia402_node *node, const uint8_t *data)
 {
-    /* Byte 0 of a segment of a block may be anything but this, which would be its number 0 */
+    /* Byte 0 of a block segment can have any value but this one, which would be number 0 */
     if (data[0] != CIA402_ABORT && cia402_block_takes_all(node)) {
         return cia402_block_receive_download(node, data);
     }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Nodes of sensors, in the manner of CiA 404: process values of six channels of force and torque,
- * or of the inertial sensor's acceleration, rate, orientation and magnetic field.
+ * Sensor nodes in the style of CiA 404: process values of six force and torque channels, or of the
+ * inertial sensor's acceleration, rate, orientation and magnetic field.
  */
 #include "boards/cia402/private.h"
 
@@ -42,7 +42,7 @@ static void cia402_sensor_add_tare(struct cia402_sensor *sensor)
     }
 }
 
-/* Writes the tare of a channel, which its value contains at once. */
+/* Writes the tare of a channel, effective at once. */
 enum cia402_abort cia402_sensor_write_tare(struct cia402_node *node,
                                            const struct cia402_entry *entry, int64_t value)
 {
@@ -53,7 +53,7 @@ enum cia402_abort cia402_sensor_write_tare(struct cia402_node *node,
 
 /* ---- force and torque ---- */
 
-/* Converts a force or a moment to counts, within its full scale; bad: no reading. */
+/* Converts a force or a moment to counts, saturated to its full scale; bad: no reading. */
 static void cia402_ft_convert(struct cia402_sensor *sensor, int channel, double value, double limit,
                               bool *bad)
 {
@@ -67,11 +67,11 @@ static void cia402_ft_convert(struct cia402_sensor *sensor, int channel, double 
     if (control_quantize(value / worth, &counts)) {
         sensor->counts[channel] = control_clamp(counts, INT16_MIN, INT16_MAX);
     } else {
-        *bad = true; /* the value before is repeated */
+        *bad = true; /* repeats the last value */
     }
 }
 
-/* Notes that a channel is saturated by its peak within the tick. */
+/* Notes that a channel's peak within the tick was saturated. */
 static void cia402_ft_note_peak(struct cia402_sensor *sensor, int channel, double peak,
                                 double limit)
 {
@@ -102,7 +102,7 @@ static void cia402_ft_sample(struct board *board, const struct plant_sensors *se
 
 /* ---- the inertial sensor ---- */
 
-/* Converts count values to counts of worth, in channels from first on. */
+/* Converts `count` values to counts of worth, into the channels from `first` on. */
 static void cia402_inertial_convert(struct cia402_sensor *sensor, int first, int count,
                                     const double *value, double worth, bool *bad)
 {
@@ -141,7 +141,7 @@ static void cia402_sensor_control(struct board *board, struct ms_span span)
     cia402_node_step(cia402_node_of(board), span);
 }
 
-/* What both kinds have in common */
+/* Functions common to both kinds */
 #define SENSOR_BOARD(kind, function)                                                               \
     {                                                                                              \
         .identity = {.type = kind, .major = 1, .minor = 0, .build = 1},                            \

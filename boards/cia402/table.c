@@ -20,12 +20,12 @@
 #define OPTION(field, ...) AXIS(settings.field, __VA_ARGS__)
 #define SENSOR(field, ...) {CIA402_OF_SENSOR, offsetof(struct cia402_sensor, field), __VA_ARGS__}
 
-/* Sub-index 0 alone; another one; so many from 1 on */
+/* Sub-index 0 only; another sub-index; several from 1 up */
 #define ONE 0, 1
 #define SUB(sub) sub, 1
 #define SUBS(count) 1, count
 
-/* How it is accessed, and the function that writes it, where it is not simply stored */
+/* Access, and the function that writes the object unless it is simply stored */
 #define CONST CIA402_CONST, NULL
 #define RO CIA402_RO, NULL
 #define RO_NODE CIA402_RO | CIA402_PLUS_NODE, NULL
@@ -224,7 +224,7 @@ const struct cia402_object cia402_objects[] = {
     AXIS(device_type, 0x67ff, ONE, U32, RO, "Single device type", NO_UNIT, CIA402_DEVICE_DRIVE,
         ANY),
 
-    /* Measuring devices, as CiA 404 has it */
+    /* Measuring devices, as in CiA 404 */
     SENSOR(value, 0x7130, SUBS(CIA402_SENSOR_CHANNELS), I16, RO_MAP, "Analog input process value",
         NO_UNIT, 0, ANY),
 };
@@ -304,8 +304,8 @@ enum { PDO_MASK = 0x1ff, FIRST_PDO = 0x1400, LAST_PDO = 0x1bff, FIRST_OF_AXES = 
 
 /* ---- which object ---- */
 
-/* Splits an index into that of axis 0 or of the first PDO, and the number of the axis or PDO (as
- * a place in the node's arrays); false: the node has none such. */
+/* Splits an index into the index of axis 0 or of the first PDO, and the number of the axis or PDO
+ * (as an array index). Returns false when the node has none. */
 static bool cia402_split_index(const struct cia402_node *node, unsigned *index, unsigned *unit)
 {
     *unit = 0;
@@ -326,7 +326,7 @@ static bool cia402_split_index(const struct cia402_node *node, unsigned *index, 
     return true;
 }
 
-/* Returns the end of the sub-indices of a row that a node has. */
+/* Returns the end of the sub-indices of a row on a node. */
 static unsigned cia402_row_end(const struct cia402_node *node, const struct cia402_object *object)
 {
     unsigned count = object->count;
@@ -345,7 +345,7 @@ static bool cia402_node_has(const struct cia402_node *node, const struct cia402_
                                                : true;
 }
 
-/* Returns the highest sub-index of an index; 0: there is no such index. */
+/* Returns the highest sub-index of an index; 0 = no such index. */
 static unsigned cia402_highest_sub(const struct cia402_node *node, unsigned index)
 {
     unsigned highest = 0;
@@ -379,7 +379,7 @@ enum cia402_abort cia402_find(const struct cia402_node *node, unsigned index, un
         return CIA402_ABORT_NO_OBJECT;
     }
 
-    /* Sub-index 0 of an array or a record counts the others */
+    /* Sub-index 0 of an array or record is the number of the others */
     if (sub == 0) {
         *entry = (struct cia402_entry){.value = cia402_highest_sub(node, index), .type = CIA402_U8};
         return CIA402_DONE;
@@ -389,7 +389,7 @@ enum cia402_abort cia402_find(const struct cia402_node *node, unsigned index, un
 
 /* ---- its value ---- */
 
-/* Returns the place of an object's value, of sub-index 0 of its row. */
+/* Returns the address of the value of an object's row at its first sub-index. */
 static void *cia402_place(const struct cia402_node *node, const struct cia402_entry *entry)
 {
     const struct cia402_object *object = entry->object;
@@ -466,7 +466,7 @@ bool cia402_cob_is_restricted(unsigned id)
 enum cia402_abort cia402_write_cob(struct cia402_node *node, const struct cia402_entry *entry,
                                    int64_t value)
 {
-    /* No generator of SYNC, no extended identifiers */
+    /* The node produces no SYNC and has no extended identifiers */
     if (value & ~(int64_t)(CIA402_COB_INVALID | CIA402_COB_MASK) ||
         cia402_cob_is_restricted((unsigned)value & CIA402_COB_MASK)) {
         return CIA402_ABORT_VALUE;
@@ -475,7 +475,7 @@ enum cia402_abort cia402_write_cob(struct cia402_node *node, const struct cia402
     return CIA402_DONE;
 }
 
-/* Writes the COB-ID of EMCY; that of a valid object cannot change (CiA 301, 7.5.2.17). */
+/* Writes the COB-ID of EMCY. It cannot change while it is valid (CiA 301, 7.5.2.17). */
 enum cia402_abort cia402_write_emcy_cob(struct cia402_node *node, const struct cia402_entry *entry,
                                         int64_t value)
 {
@@ -507,7 +507,8 @@ int64_t cia402_get(enum cia402_type type, const uint8_t *data)
     }
 }
 
-/* Writes a value in little-endian bytes, held within the type: a measured value may exceed it. */
+/* Writes a value as little-endian bytes, saturated to the type because a measured value may exceed
+ * it. */
 void cia402_put(enum cia402_type type, int64_t value, uint8_t *data)
 {
     const struct cia402_object bounds = {.type = type};
@@ -547,7 +548,7 @@ static void cia402_set_identity(struct cia402_node *node)
     node->device_type = node->axes > 1    ? CIA402_DEVICE_DRIVES
                         : node->axes == 1 ? CIA402_DEVICE_DRIVE
                                           : CIA402_DEVICE_SENSOR;
-    node->identity[1] = 0x48494c00 + node->kind; /* vendor 0: none */
+    node->identity[1] = 0x48494c00 + node->kind; /* vendor 0 = unregistered */
     node->identity[2] = identity->major << 16 | identity->minor;
     node->identity[3] = (int64_t)(node->board.config.bus & 0xff) << 8 | node->board.config.address;
     snprintf(node->device, sizeof node->device, "coman-hil %s", kinds[node->kind]);
@@ -581,7 +582,7 @@ void cia402_set_factory(struct cia402_node *node)
     cia402_pdo_set_factory(node);
 }
 
-/* Prints the rows of boards/cia402/table.h. */
+/* Prints the rows of the dictionary for the protocol's page. */
 
 /* Prints a row as an item of a list. */
 static void object_print_row(const struct cia402_object *object, FILE *out)
@@ -629,12 +630,12 @@ void cia402_print_objects(FILE *out)
     }
 }
 
-/* Writes an electronic data sheet; see the header. */
+/* Writes an electronic data sheet; boards/cia402/table.h describes it. */
 
 enum {
     FIRST_INDEX = 0x1000,
     LAST_INDEX = 0x9fff,
-    SUBS_MAX = 40, /* more than any object has */
+    SUBS_MAX = 40, /* more than the sub-indices of any object */
     OBJECT_VARIABLE = 7,
     OBJECT_ARRAY = 8,
     OBJECT_RECORD = 9,
@@ -643,7 +644,7 @@ enum {
 /* Sections of the list of objects. */
 enum section { MANDATORY, OPTIONAL, MANUFACTURER };
 
-/* Returns the section of an index: three objects are mandatory, 0x2000 to 0x5fff ours. */
+/* Returns the section of an index: three objects are mandatory, 0x2000 to 0x5fff are ours. */
 static enum section eds_section_of(unsigned index)
 {
     return index == 0x1000 || index == 0x1001 || index == 0x1018 ? MANDATORY
@@ -660,7 +661,7 @@ static bool eds_has(const struct cia402_node *node, unsigned index, unsigned sub
 
 /* ---- values ---- */
 
-/* Writes a number under a key: of signed types in decimal, else in hexadecimal. */
+/* Writes a number under a key: decimal for signed types, else hexadecimal. */
 static void eds_put_number(const char *key, enum cia402_type type, int64_t value, FILE *out)
 {
     if (type == CIA402_I8 || type == CIA402_I16 || type == CIA402_I32) {
@@ -670,7 +671,7 @@ static void eds_put_number(const char *key, enum cia402_type type, int64_t value
     }
 }
 
-/* Returns whether a value is a COB-ID that follows the Node-ID. */
+/* Returns whether a value is a COB-ID that includes the Node-ID. */
 static bool eds_is_of_node(const struct cia402_entry *entry, int64_t value)
 {
     const struct cia402_object *object = entry->object;
@@ -681,7 +682,7 @@ static bool eds_is_of_node(const struct cia402_entry *entry, int64_t value)
             value & CIA402_COB_MASK);
 }
 
-/* Writes the default value of an object, as it is now. */
+/* Writes the present value of an object as its default. */
 static void eds_put_default(const struct cia402_node *node, const struct cia402_entry *entry,
                             FILE *out)
 {
@@ -692,7 +693,7 @@ static void eds_put_default(const struct cia402_node *node, const struct cia402_
         return;
     }
     if (entry->type == CIA402_DOMAIN) {
-        return; /* has none */
+        return; /* has no default */
     }
     value = cia402_value(node, entry);
     if (entry->object && eds_is_of_node(entry, value)) {
@@ -741,7 +742,7 @@ static void eds_put_variable(const struct cia402_node *node, const struct cia402
             object && object->access & (CIA402_MAP_TPDO | CIA402_MAP_RPDO) ? 1 : 0);
 }
 
-/* Returns the name of an object: where it has sub-indices, that of the first. */
+/* Returns the name of an object; with sub-indices, the name of the first. */
 static const char *eds_object_name(const struct cia402_node *node, unsigned index)
 {
     struct cia402_entry entry;
@@ -787,7 +788,7 @@ static void eds_put_object(const struct cia402_node *node, unsigned index, FILE 
         return;
     }
 
-    /* Communication parameters and the identity are records, whatever types they have */
+    /* Communication parameters and the identity are records, even if all types are equal */
     fprintf(out, "ObjectType=0x%X\nSubNumber=%u\n\n",
             index == 0x1018 || index == 0x1200 || (index >= 0x1400 && index < 0x1c00) ||
                     index % CIA402_AXIS_STEP == 0x60c2 % CIA402_AXIS_STEP
@@ -803,7 +804,7 @@ static void eds_put_object(const struct cia402_node *node, unsigned index, FILE 
 
 /* ---- the file ---- */
 
-/* Writes a section of the list of objects: their number and their indices. */
+/* Writes a list of objects of a section: their number and indices. */
 static void eds_put_list(const struct cia402_node *node, const char *name, enum section section,
                          FILE *out)
 {
@@ -865,7 +866,7 @@ enum error_code cia402_eds_write(const struct board_config *board, const char *n
         return error_set(error, ERROR_MEMORY, "no memory left for the EDS file");
     }
 
-    /* A node as it comes from the factory, on no bus */
+    /* Create a node with factory values, on no bus */
     node = cia402_node_of(made);
     made->config = *board;
     made->address = board->address;

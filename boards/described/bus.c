@@ -1,18 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Buses with a described protocol: finds the boards and axes that a frame is for. */
+/* Buses with a described protocol: finds the boards and axes that receive a frame. */
 #include "boards/described/private.h"
 
 #include "canbus/frame.h"
 
 _Static_assert(DESCRIBED_ADDRESS_MAX + 1 == BOARD_ADDRESSES, "an address of its bus");
 
-/* A frame that has arrived, with its row and its values. */
+/* A received frame with its row and its values. */
 struct described_arrival {
     const struct described_frame *row;
     const struct bus_frame *frame;
     unsigned number;
     enum board_verdict verdict;
-    bool refused; /* some axis does not have the law that it asks for */
+    bool refused; /* an axis lacks the requested law */
     struct board *listener;
     int64_t values[DESCRIBED_FIELDS_MAX];
 };
@@ -23,7 +23,7 @@ static const struct described_protocol *bus_protocol(const struct described_bus 
     return bus->bus.config.described;
 }
 
-/* Returns whether a parameter can be read, or written where the frame has a value. */
+/* Returns whether a parameter exists, and is writable if the frame has a value for it. */
 static bool described_parameter_exists(const struct described_protocol *protocol,
                                        const struct described_frame *row, int64_t number)
 {
@@ -33,7 +33,7 @@ static bool described_parameter_exists(const struct described_protocol *protocol
     return parameter && (!writes || described_is_setting(parameter->field.meaning));
 }
 
-/* Returns whether the states, laws, parameters and periods that the frame names exist. */
+/* Returns whether the states, laws, parameters and periods in the frame are valid. */
 static bool described_values_exist(const struct described_protocol *protocol,
                                    const struct described_arrival *a)
 {
@@ -68,7 +68,7 @@ static bool described_values_exist(const struct described_protocol *protocol,
     return true;
 }
 
-/* Finds the row of a frame and its verdict; false: the identifier is none of this protocol. */
+/* Finds the row of a frame and its verdict; false = the identifier is not in the protocol. */
 static bool described_identify(const struct described_protocol *protocol,
                                struct described_arrival *a)
 {
@@ -86,15 +86,14 @@ static bool described_identify(const struct described_protocol *protocol,
             !described_number(row, a->frame->id, extended, &number)) {
             continue;
         }
-        /* The first row that matches in full is the frame's; else the last with the identifier
-         * counts */
+        /* Use the first row that matches fully, else the last row with the identifier */
         match = described_match_frame(row, a->frame);
         a->row = row;
         a->number = number;
         a->verdict = match == DESCRIBED_IS             ? BOARD_OBEYED
                      : match == DESCRIBED_BAD_CONSTANT ? BOARD_UNKNOWN
                                                        : BOARD_MALFORMED;
-        /* The parts of a group are judged one by one */
+        /* The parts of a group are checked one by one */
         if (!row->remote && match != DESCRIBED_BAD_LENGTH &&
             (row->by != DESCRIBED_BY_GROUP || match == DESCRIBED_BAD_CONSTANT)) {
             described_decode(row, a->frame, 0, a->values);
@@ -110,7 +109,7 @@ static bool described_identify(const struct described_protocol *protocol,
     return a->row;
 }
 
-/* Returns whether a frame has a field of a meaning with another value. */
+/* Returns whether a frame has a field of this meaning with another value. */
 static bool described_differs(const struct described_arrival *a, enum described_meaning meaning,
                               int64_t value)
 {
@@ -137,8 +136,8 @@ static bool described_is_selected(const struct described_arrival *a,
            !described_differs(a, DESCRIBED_AXIS, axis);
 }
 
-/* Returns whether the counter of a frame repeats that of the frame before. Frames that were lost
- * on the way, or a host that begins anew, move it on. */
+/* Returns whether the counter repeats its last value. Any other value is valid, because frames may
+ * be lost and a host may restart. */
 static bool described_is_stuck(struct described_bus *bus, const struct described_arrival *a)
 {
     uint32_t *heard = &bus->heard[a->row - bus_protocol(bus)->frame][a->number];
@@ -164,7 +163,7 @@ static void described_obey_period(struct described_node *node, const struct desc
     }
 }
 
-/* Obeys a frame for axes of a board from first on; sensors have none and listen as one. */
+/* Obeys a frame for `count` axes of a board from `first` on. A sensor counts as one axis. */
 static void described_board_receive(struct described_node *node, unsigned first, unsigned count,
                                     struct described_arrival *a)
 {
@@ -174,7 +173,7 @@ static void described_board_receive(struct described_node *node, unsigned first,
     if (!(a->row->of & node->kind)) {
         return;
     }
-    /* Axes that the frame selects obey it */
+    /* The selected axes obey the frame */
     for (unsigned axis = first; axis < first + count; axis++) {
         if (!described_is_selected(a, node, axis)) {
             continue;
@@ -192,19 +191,19 @@ static void described_board_receive(struct described_node *node, unsigned first,
             a->refused = !described_axis_obey(node, axis, a->row, a->values) || a->refused;
         }
 
-        /* An answer by slot comes of each axis, others once a board */
+        /* An answer by slot comes from each axis, others once per board */
         if (reply >= 0 && (!replied || node->protocol->frame[reply].by == DESCRIBED_BY_SLOT)) {
             described_node_reply(node, axis, a->row, a->values);
             replied = true;
         }
     }
-    /* A restart follows once all axes have obeyed */
+    /* Restart after all axes have obeyed */
     if (obeyed && a->row->restart) {
         board_enter_bootloader(&node->board, node->board.config.boot_ns);
     }
 }
 
-/* Reads a part of a frame for a group, and its verdict. */
+/* Reads one part of a group's frame and sets its verdict. */
 static void described_read_part(const struct described_protocol *protocol,
                                 struct described_arrival *a, unsigned part)
 {
@@ -216,8 +215,8 @@ static void described_read_part(const struct described_protocol *protocol,
                                                                         : BOARD_OBEYED;
 }
 
-/* Obeys a frame of a group: one repetition after the other, each for the next slot. A part that is
- * wrong is not obeyed, and is what the frame counts as; the others are. */
+/* Obeys a group's frame: one repetition per slot. An invalid part is not obeyed, but the other
+ * parts are. The frame counts as its invalid part. */
 static void described_bus_receive_group(struct described_bus *bus, struct described_arrival *a)
 {
     const struct described_frame *row = a->row;
@@ -225,10 +224,11 @@ static void described_bus_receive_group(struct described_bus *bus, struct descri
     enum board_verdict verdict = whole;
     struct board *wrong = NULL;
     unsigned first = a->number * row->repeats;
-    unsigned more = a->verdict == BOARD_OBEYED ? 0u : row->length - 1u; /* of a part */
+    unsigned more = a->verdict == BOARD_OBEYED ? 0u : row->length - 1u; /* bytes missing in the last
+                                                                         * part */
     unsigned count = (a->frame->len + more) / row->length;
 
-    /* Bytes behind the last repetition are padding of CAN FD */
+    /* Bytes behind the last repetition are CAN FD padding */
     count = count < row->repeats ? count : row->repeats;
     for (unsigned k = 0; k < count && first + k < bus->slots; k++) {
         struct described_node *node = bus->slot[first + k].node;
@@ -295,7 +295,7 @@ static void described_bus_receive(struct boards *boards, struct board_bus *of,
     boards_count_frame(boards, a.listener, a.refused ? BOARD_MALFORMED : a.verdict, frame);
 }
 
-/* Forgets the counts of the frames with a number. */
+/* Resets the counters of the frames with a number. */
 static void described_forget_number(struct described_bus *bus, enum described_by by,
                                     unsigned number)
 {
@@ -314,7 +314,7 @@ void described_bus_forget_counts(struct described_bus *bus, const struct describ
     }
 }
 
-/* Adds a board to the bus; the axes of a motor board take the next slots (struct protocol). */
+/* Adds a board to the bus. The axes of a motor board take the next slots (struct protocol). */
 static void described_bus_add_board(struct board_bus *bus, struct board *board)
 {
     struct described_bus *described = described_bus_of(bus);

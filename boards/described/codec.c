@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Codec of the frames of a described protocol: identifiers, counts and values; see the header. */
+/* Codec of described frames: identifiers, counts and values. boards/described/protocol.h describes
+ * it. */
 #include "boards/described/protocol.h"
 
 #include "boards/axis.h"
@@ -114,7 +115,7 @@ int64_t described_count(const struct described_field *field, double value)
         return bits;
     }
     if (scaled > INT32_MAX && scaled <= UINT32_MAX) {
-        return (int64_t)(scaled + 0.5); /* for 32 bits without a sign */
+        return (int64_t)(scaled + 0.5); /* for 32 unsigned bits */
     }
     control_quantize(scaled, &count);
     return control_clamp(count, field->low, field->high);
@@ -149,7 +150,7 @@ const char *described_checksum_name(enum described_checksum checksum)
                                                   : "";
 }
 
-/* Shifts a byte through the CRC's register, polynomial x^8 + x^4 + x^3 + x^2 + 1. */
+/* Updates the CRC with a byte, polynomial x^8 + x^4 + x^3 + x^2 + 1. */
 static uint8_t crc8_sae_j1850_step(uint8_t crc, uint8_t byte)
 {
     crc ^= byte;
@@ -203,8 +204,8 @@ void described_decode(const struct described_frame *frame, const struct bus_fram
 
 /* ---- which frame it is ---- */
 
-/* Returns whether a frame can have a length: with repeated fields that of any number of
- * repetitions; CAN FD pads to the next length that it knows. */
+/* Returns whether a frame can have a length. Repeated fields allow any number of repetitions; CAN
+ * FD pads to its next length. */
 static bool described_has_length(const struct described_frame *frame, uint8_t len)
 {
     if (frame->repeats == 1) {
@@ -272,7 +273,7 @@ static void described_find_constants(const struct described_frame *frame, uint8_
     described_encode(&constants, 0, 0, counts, value);
 }
 
-/* Returns whether a frame without data is both a request and another frame from the host. */
+/* Returns whether a frame without data could be both a request and another frame from the host. */
 static bool described_may_be_empty(const struct described_frame *a, const struct described_frame *b)
 {
     const struct described_frame *request = a->remote ? a : b, *other = a->remote ? b : a;
@@ -289,7 +290,7 @@ bool described_told_apart(const struct described_frame *a, const struct describe
                                             : !described_may_be_empty(a, b);
     }
     if (a->remote) {
-        return false; /* whatever its length */
+        return false; /* lengths do not distinguish them */
     }
     if ((a->flags ^ b->flags) & FRAME_FD ||
         (a->repeats == 1 && b->repeats == 1 &&

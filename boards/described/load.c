@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Makes the table of a described protocol from its file: looks names up, lays fields out,
+/* Builds the table of a described protocol from its file: resolves names, lays out fields,
  * checks. */
 #include "boards/described/load.h"
 
@@ -51,7 +51,7 @@ static enum error_code described_find_name(struct described_loader *l, const str
                       nearest ? nearest : "one of the list", nearest ? "" : " \"states\"");
 }
 
-/* Checks the states, or the laws that a host can select. */
+/* Checks the states, or the selectable laws. */
 static enum error_code described_check_states(struct described_loader *l,
                                               const struct described_state *state, size_t count,
                                               bool of_laws)
@@ -82,7 +82,7 @@ static enum error_code described_check_states(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* Builds the states and laws, and finds those of power-up, faults and time-outs. */
+/* Builds states and laws, and finds the states for power-up, faults and time-outs. */
 static enum error_code described_build_states(struct described_loader *l)
 {
     struct described_protocol *made = l->made;
@@ -100,7 +100,7 @@ static enum error_code described_build_states(struct described_loader *l)
     code = described_check_states(l, made->state, made->nstate, false);
     code = code ? code : described_check_states(l, made->law, made->nlaw, true);
 
-    /* The first state that is off, where an axis starts, and the first that is a fault */
+    /* The first off state, where an axis starts, and the first fault state */
     made->off_state = made->fault_state = made->timeout_state = -1;
     for (int i = (int)made->nstate - 1; i >= 0; i--) {
         made->off_state = made->state[i].law == DESCRIBED_OFF ? i : made->off_state;
@@ -120,8 +120,7 @@ static enum error_code described_build_states(struct described_loader *l)
     return code;
 }
 
-/* Refuses two names for one value where a field carries values: a reader would find only the
- * first. */
+/* Refuses two names for one value, because a reader of the field would find only the first. */
 static enum error_code described_check_values(struct described_loader *l,
                                               enum described_meaning meaning,
                                               const struct described_state *raw, size_t count)
@@ -146,7 +145,7 @@ static enum error_code described_check_values(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* Finds the bits of the faults that the protocol reports. */
+/* Finds the bits of the reported faults. */
 static enum error_code described_build_faults(struct described_loader *l)
 {
     static const char *const words[DESCRIBED_FAULT_KINDS] = {
@@ -176,7 +175,7 @@ static enum error_code described_build_faults(struct described_loader *l)
     return ERROR_NONE;
 }
 
-/* Raises the width to that of the longest of these fields that carries faults. */
+/* Sets the width to the longest of these fields that carries faults. */
 static void described_widen_faults(const struct raw_described_field *field, size_t count,
                                    int64_t *width)
 {
@@ -188,7 +187,7 @@ static void described_widen_faults(const struct raw_described_field *field, size
     }
 }
 
-/* Refuses a fault whose bit is beyond every field of faults, where there are such fields. */
+/* Refuses a fault bit beyond every field of faults, if there are such fields. */
 static enum error_code described_check_faults(const struct described_loader *l)
 {
     const struct raw_described *raw = l->raw;
@@ -346,7 +345,7 @@ static enum error_code described_build_frame(struct described_loader *l,
     return code;
 }
 
-/* Returns the index of a frame of a direction and of a kind of board, by name; -1: none. */
+/* Returns the index of a frame by direction, kind of board and name; -1 = none. */
 static int described_frame_index(const struct described_protocol *made, const char *name,
                                  bool from_host, unsigned kind)
 {
@@ -359,7 +358,7 @@ static int described_frame_index(const struct described_protocol *made, const ch
     return -1;
 }
 
-/* Finds the fields that a reply echoes in the frame that it answers. */
+/* Finds the fields of the answered frame that a reply echoes. */
 static enum error_code described_link_echo(struct described_loader *l,
                                            const struct raw_described_frame *raw,
                                            const struct described_frame *request,
@@ -389,7 +388,7 @@ static enum error_code described_link_echo(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* Finds the answers of a frame, once all frames are known. */
+/* Finds the answers of a frame, after all frames are built. */
 static enum error_code described_link_reply(struct described_loader *l, size_t index)
 {
     const struct raw_described_frame *raw = &l->raw->frame[index];
@@ -458,7 +457,7 @@ static unsigned described_first_number(const struct described_frame *frame)
     return frame->by == DESCRIBED_BY_ADDRESS;
 }
 
-/* Returns whether numbers of two frames are always of one board, or one of the frames has no
+/* Returns whether equal numbers of two frames always mean the same board, or one frame has no
  * number. */
 static bool described_always_meet(const struct described_frame *a, unsigned na,
                                   const struct described_frame *b, unsigned nb)
@@ -466,7 +465,7 @@ static bool described_always_meet(const struct described_frame *a, unsigned na,
     return a->by == DESCRIBED_BY_NONE || b->by == DESCRIBED_BY_NONE || (a->by == b->by && na == nb);
 }
 
-/* Finds the numbers by which two frames have one identifier on every bus. */
+/* Finds numbers with which two frames have the same identifier on every bus. */
 static bool described_find_meeting(const struct described_frame *a, const struct described_frame *b,
                                    unsigned *na, unsigned *nb)
 {
@@ -483,15 +482,15 @@ static bool described_find_meeting(const struct described_frame *a, const struct
     return false;
 }
 
-/* Returns whether two frames are of boards of different kinds, so of different boards: their
- * identifiers depend on the rig. */
+/* Returns whether two frames belong to different kinds of boards. Whether their identifiers collide
+ * depends on the rig. */
 static bool described_of_other_boards(const struct described_frame *a,
                                       const struct described_frame *b)
 {
     return !a->from_host && !b->from_host && !(a->of & b->of);
 }
 
-/* Refuses two frames with one identifier that nobody tells apart. */
+/* Refuses two frames with one identifier that no receiver can distinguish. */
 static enum error_code described_check_pair(struct described_loader *l, size_t first, size_t second)
 {
     const struct described_frame *a = &l->made->frame[first], *b = &l->made->frame[second];
@@ -517,9 +516,9 @@ static enum error_code described_check_pair(struct described_loader *l, size_t f
                       a->name, l->raw->frame[first].mark.line, a->from_host ? "host" : "board", na);
 }
 
-/* Refuses identifiers that two frames of one board, or of the host and a board, have and nobody
- * tells apart on any bus, and frames that never come, as another takes theirs. Overlaps that depend
- * on the addresses of boards are found where the rig is read (rig/described_ids.c). */
+/* Refuses indistinguishable frames with the same identifier of one board, or of the host and a
+ * board. Also refuses frames that always match another row first. Collisions that depend on board
+ * addresses are found when the rig is read (rig/described_ids.c). */
 static enum error_code described_check_ids(struct described_loader *l)
 {
     enum error_code code = ERROR_NONE;
@@ -534,7 +533,7 @@ static enum error_code described_check_ids(struct described_loader *l)
 
 /* ---- parameters ---- */
 
-/* Builds the parameters, each with a number of its own. */
+/* Builds the parameters; each has a unique number. */
 static enum error_code described_build_parameters(struct described_loader *l)
 {
     const struct raw_described *raw = l->raw;
@@ -580,8 +579,8 @@ static enum error_code described_build_list(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* Refuses a host that switches axes on and never sends them a set-point: a task would wait in vain
- * for its joints to move. */
+/* Refuses a host that switches axes on but sends no set point: a task would wait forever for
+ * motion. */
 static enum error_code described_check_commands(const struct described_loader *l)
 {
     const struct raw_described_host *raw = &l->raw->host;
@@ -601,7 +600,7 @@ static enum error_code described_check_commands(const struct described_loader *l
     return ERROR_NONE;
 }
 
-/* Returns the law of the host's state, with the law that its frames of switching on select. */
+/* Returns the law of the host's state, given the law that its switch-on frames select. */
 static enum described_law described_host_law(const struct described_protocol *made)
 {
     enum described_law law = made->state[made->host.on_state].law;
@@ -618,7 +617,7 @@ static enum described_law described_host_law(const struct described_protocol *ma
     return law;
 }
 
-/* Builds the lists of the host's steps and finds the states that it commands. */
+/* Builds the frame lists of the host's steps and finds the states that it commands. */
 static enum error_code described_build_host(struct described_loader *l)
 {
     const struct raw_described_host *raw = &l->raw->host;
@@ -633,7 +632,7 @@ static enum error_code described_build_host(struct described_loader *l)
     code = code ? code : described_build_list(l, raw->command, raw->ncommand, &made->host.command);
     code = code ? code : described_check_commands(l);
 
-    /* States that the host commands: the first that drives, the first that is off */
+    /* States that the host commands: the first that drives and the first that is off */
     made->host.off_state = made->host.on_state = made->off_state;
     for (int i = (int)made->nstate - 1; i >= 0; i--) {
         if (made->state[i].law != DESCRIBED_OFF && made->state[i].law != DESCRIBED_FAULT) {
@@ -654,7 +653,7 @@ static enum error_code described_build_host(struct described_loader *l)
 
 /* ---- all ---- */
 
-/* Returns whether a host reads a field: torques and rates first, from which it computes angles. */
+/* Returns whether a host reads a field. first: torques and rates, from which it computes angles. */
 static bool described_is_read(enum described_meaning meaning, bool first)
 {
     bool is_first = meaning == DESCRIBED_AXIS_TORQUE || meaning == DESCRIBED_DRIVE_TORQUE ||
@@ -668,8 +667,8 @@ static bool described_is_read(enum described_meaning meaning, bool first)
     return first ? is_first : others;
 }
 
-/* Lists what the loop looks up: the frames of an identifier, those that boards of a kind send, the
- * fields that a host reads. */
+/* Builds the lookup lists for the loop: frames by identifier, frames by kind of board, fields that
+ * a host reads. */
 static void described_index(struct described_protocol *made)
 {
     for (size_t i = 0; i < made->nframe; i++) {
@@ -702,7 +701,7 @@ static void described_index(struct described_protocol *made)
     }
 }
 
-/* Builds the whole table, in the order in which its parts need each other. */
+/* Builds the whole table; each part uses the parts before it. */
 static enum error_code described_build(struct described_loader *l)
 {
     const struct raw_described *raw = l->raw;

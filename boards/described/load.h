@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A protocol file as it is written, whose keys schema.c declares, and what the parts of its loader
- * share: load.c looks names up and checks frames, load_fields.c lays their fields out. Not RT-safe.
- */
+/* The contents of a protocol file, with the keys that schema.c declares, and the functions that the
+ * files of the loader share. load.c resolves names and checks frames; load_fields.c lays out their
+ * fields. Not RT-safe. */
 #ifndef BOARDS_DESCRIBED_LOAD_H
 #define BOARDS_DESCRIBED_LOAD_H
 
@@ -21,7 +21,7 @@ struct raw_described_field {
 
 struct raw_described_frame {
     struct yaml_mark mark;
-    struct described_frame row; /* the keys that stand in it as they are */
+    struct described_frame row; /* keys that are stored as they are */
     const char *payload, *reply, *enter;
     int from, of;
     int64_t id, step, length, repeat;
@@ -78,16 +78,17 @@ struct described_loader {
 
 enum error_code described_no_memory(struct described_loader *l);
 
-/* Checks a name, which tools must be able to take: letters, digits and _, after a letter. */
+/* Checks that other tools accept a name: letters, digits and _, beginning with a letter. */
 enum error_code described_check_word(struct described_loader *l, const struct yaml_mark *mark,
                                      const char *word);
 
-/* Lays out the fields of a frame in its data and its identifier: layout, length and repetition;
- * and the places of fields in the identifier. */
+/* Lays out the fields of a frame in its data and its identifier: layout, length, repetition,
+ * identifier bits. */
 enum error_code described_lay_out(struct described_loader *l, const struct raw_described_frame *raw,
                                   struct described_frame *made);
 
-/* Lays out the field of a parameter, which a board tells, or a host sets where it is a setting. */
+/* Lays out the field of a parameter, which a board reports, or which a host sets if it is a
+ * setting. */
 enum error_code described_lay_out_parameter(struct described_loader *l,
                                             const struct raw_described_field *raw,
                                             struct described_parameter *made);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Lays out the fields of the frames of a protocol file: places of their bits, meaning and scale;
- * see boards/described/load.h. */
+/* Lays out the fields of a protocol file's frames: bits, meaning, scale. boards/described/load.h
+ * describes the functions. */
 #include "boards/described/load.h"
 
 #include <math.h>
@@ -9,13 +9,13 @@
 
 enum { GAP_BITS = 32, GAPS_MAX = 8 * DESCRIBED_LENGTH_MAX / GAP_BITS }; /* pieces of padding */
 
-/* Notes where a field lies, and the counts that it holds. */
+/* Sets the place of a field and the range of its count. */
 static void described_place(struct described_field *made, const struct field *layout, unsigned bit,
                             bool in_id)
 {
     unsigned bits = layout->type & FIELD_BITS_MASK, most = DESCRIBED_LENGTH_MAX - DESCRIBED_WINDOW;
 
-    /* The window begins with the field's first byte, or ends with the longest frame */
+    /* The window starts at the field's first byte, or ends at the end of the longest frame */
     made->in_id = in_id;
     made->big_endian = layout->type & FIELD_BIG_ENDIAN;
     made->byte = (uint8_t)(in_id ? 0 : bit / 8 < most ? bit / 8 : most);
@@ -31,7 +31,7 @@ static void described_place(struct described_field *made, const struct field *la
     made->high = field_highest(layout);
 }
 
-/* Returns whether a meaning is a count without a unit. */
+/* Returns whether a meaning is a dimensionless integer. */
 static bool described_is_integer(enum described_meaning meaning)
 {
     switch (meaning) {
@@ -63,7 +63,7 @@ static bool described_is_integer(enum described_meaning meaning)
     }
 }
 
-/* Checks a deflection: a host takes the link's count to be the difference of two counts of one
+/* Checks a deflection: a host computes the link's count as the difference of two counts in one
  * frame. */
 static enum error_code described_check_deflection(struct described_loader *l,
                                                   const struct raw_described_frame *raw,
@@ -82,7 +82,7 @@ static enum error_code described_check_deflection(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* Sets the scale of a field; from a range so that its ends are the least and the greatest count. */
+/* Sets the scale of a field. A range maps its ends to the smallest and the largest count. */
 static enum error_code described_measure_field(struct described_loader *l,
                                                const struct raw_described_field *raw,
                                                struct described_field *made)
@@ -104,7 +104,7 @@ static enum error_code described_measure_field(struct described_loader *l,
         made->scale = (raw->range[1] - raw->range[0]) / (high - low);
         made->offset = raw->range[0] - low * made->scale;
     }
-    /* A scale is not 0, and a count without a unit has none */
+    /* A scale must not be 0; a dimensionless integer has no scale */
     if (!(fabs(made->scale) >= 1e-12)) {
         return yaml_error(l->error, yaml_place(&raw->mark, "scale"),
                           "found a scale of %g, expected one of at least 1e-12 either way",
@@ -121,7 +121,8 @@ static enum error_code described_measure_field(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* Finds the meaning of a field: one of source (boards), target (host), value, counter, checksum. */
+/* Finds the meaning of a field from one of: source (boards), target (host), value, counter,
+ * checksum. */
 static enum error_code described_mean_field(struct described_loader *l, bool from_host,
                                             const struct raw_described_field *raw,
                                             struct described_field *made)
@@ -151,7 +152,7 @@ static enum error_code described_mean_field(struct described_loader *l, bool fro
                                                  : raw->counter  ? DESCRIBED_COUNTER
                                                  : raw->checksum ? DESCRIBED_CHECKSUM
                                                                  : DESCRIBED_NOTHING);
-        made->constant = -1; /* of an echo: not yet known */
+        made->constant = -1; /* for an echo: resolved later */
     }
     return described_measure_field(l, raw, made);
 }
@@ -167,8 +168,8 @@ static bool described_can_be_quoted(const char *text)
     return true;
 }
 
-/* Names the values of a field that carries a state or a law, as the protocol does; a value that two
- * share has the name of the first. */
+/* Names the values of a field for states or laws as in the protocol. If two share a value, the
+ * first name counts. */
 static enum error_code described_name_states(struct described_loader *l,
                                              enum described_meaning meaning, bool from_host,
                                              struct field *layout)
@@ -195,7 +196,7 @@ static enum error_code described_name_states(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* Names the values of a field: the listed ones, or the constant one. */
+/* Names the values of a field: the listed ones, or the constant. */
 static enum error_code described_name_values(struct described_loader *l,
                                              const struct raw_described_field *raw,
                                              struct field *layout)
@@ -237,17 +238,17 @@ static enum error_code described_name_values(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* Layout under construction of the fields of a frame's data, or of its identifier. */
+/* The layout of a frame's data or identifier, under construction. */
 struct described_plan {
     struct field *layout;
-    const struct field *other; /* the layout of the data, of fields in the identifier; or NULL */
+    const struct field *other; /* layout of the data while this is the identifier's, else NULL */
     struct described_field *field;
     size_t nlayout, nfield;
-    unsigned bit, bits; /* where the next field comes; how many there are */
-    bool big;           /* order of the field before */
+    unsigned bit, bits; /* bit of the next field, number of bits in all */
+    bool big;           /* byte order of the last field */
 };
 
-/* Adds padding, in pieces that the codec of fields takes. */
+/* Adds padding, in pieces that the codec accepts. */
 static void described_add_gap(struct described_plan *plan, unsigned bits)
 {
     while (bits > 0) {
@@ -260,7 +261,7 @@ static void described_add_gap(struct described_plan *plan, unsigned bits)
     }
 }
 
-/* Shows a set-point in the unit of the first state that drives. */
+/* Sets the unit of a set point to that of the first state that drives. */
 static void described_measure_set_point(const struct described_protocol *made, struct field *layout)
 {
     static const char *const units[] = {
@@ -324,7 +325,7 @@ static enum error_code described_add_field(struct described_loader *l,
                           "found a float of %d bits, expected 32", (int)raw->bits);
     }
 
-    /* A gap has the order of what is before it; two orders do not meet within a byte */
+    /* A gap has the byte order of the field before it; two orders cannot meet within a byte */
     if (plan->nfield > 0 && plan->big != (raw->order == 1) && plan->bit % 8 != 0) {
         described_add_gap(plan, 8 - plan->bit % 8);
         if (at < plan->bit) {
@@ -359,7 +360,7 @@ static enum error_code described_add_field(struct described_loader *l,
     return code;
 }
 
-/* Adds a payload in hexadecimal: a constant a byte. */
+/* Adds a hexadecimal payload: one constant per byte. */
 static enum error_code described_add_payload(struct described_loader *l,
                                              const struct raw_described_frame *raw,
                                              struct described_plan *plan)
@@ -400,7 +401,7 @@ static enum error_code described_add_payload(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* Sets the length of a frame: that of its fields, or more; of CAN FD one of its lengths. */
+/* Sets the length of a frame: that of its fields or longer; for CAN FD a valid length. */
 static enum error_code described_measure_length(struct described_loader *l,
                                                 const struct raw_described_frame *raw,
                                                 struct described_frame *made, unsigned bits)
@@ -409,7 +410,7 @@ static enum error_code described_measure_length(struct described_loader *l,
     unsigned least = (bits + 7) / 8;
     bool group = raw->row.by == DESCRIBED_BY_GROUP, repeats = group || raw->repeat > 1;
 
-    /* A given length holds the fields and exists */
+    /* A given length must hold the fields and be valid */
     if (yaml_has(&raw->mark, "length") && raw->length < (int64_t)least) {
         return yaml_error(l->error, yaml_place(&raw->mark, "length"),
                           "found length %d, expected at least the %u bytes of the fields",
@@ -446,7 +447,7 @@ static enum error_code described_measure_length(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* Sets the lengths that a board takes: that of the fields alone, or a range around it. */
+/* Sets the lengths that a board accepts: the length of the fields, or a range around it. */
 static enum error_code described_measure_lengths(struct described_loader *l,
                                                  const struct raw_described_frame *raw,
                                                  struct described_frame *made)
@@ -523,7 +524,7 @@ static enum error_code described_find_checks(struct described_loader *l,
 
 /* ---- fields in the identifier ---- */
 
-/* Enters a field of the identifier into its mask, or when it is constant into its base. */
+/* Adds a field of the identifier to the mask, or to the base if it is constant. */
 static enum error_code described_place_in_id(struct described_loader *l,
                                              const struct raw_described_field *raw, unsigned at,
                                              const struct described_field *field,
@@ -551,7 +552,7 @@ static enum error_code described_place_in_id(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* Lays out the fields of the identifier behind those of the data in the list of fields. */
+/* Lays out the fields of the identifier; in the list they follow the fields of the data. */
 static enum error_code described_lay_out_id(struct described_loader *l,
                                             const struct raw_described_frame *raw,
                                             struct described_frame *made)
@@ -578,7 +579,7 @@ static enum error_code described_lay_out_id(struct described_loader *l,
         const struct raw_described_field *field = &raw->id_field[i];
 
         code = described_add_field(l, raw, field, &plan);
-        /* The layout takes the whole identifier */
+        /* The layout must cover the whole identifier */
         if (!code) {
             unsigned at = plan.bit - (unsigned)field->bits;
             const struct described_field *last = &plan.field[plan.nfield - 1];
@@ -618,7 +619,7 @@ enum error_code described_lay_out(struct described_loader *l, const struct raw_d
         return yaml_error(l->error, yaml_place(&raw->mark, "payload"),
                           "found payload beside fields, expected one of them");
     }
-    /* The payload, or the fields in their order */
+    /* The payload, or the fields in order */
     code = yaml_has(&raw->mark, "payload") ? described_add_payload(l, raw, &plan) : ERROR_NONE;
     for (size_t i = 0; i < raw->nfield && !code; i++) {
         code = described_add_field(l, raw, &raw->field[i], &plan);
@@ -634,7 +635,7 @@ enum error_code described_lay_out(struct described_loader *l, const struct raw_d
     made->nfield = made->ndata = plan.nfield;
     made->layout = plan.layout;
     made->field = plan.field;
-    /* Fields of the identifier, then checks of all fields */
+    /* Lay out the identifier, then check all fields */
     if (raw->nid_field > 0) {
         code = described_lay_out_id(l, raw, made);
     }
@@ -649,7 +650,7 @@ enum error_code described_lay_out_parameter(struct described_loader *l,
     enum error_code code = described_check_word(l, &raw->mark, raw->name);
     enum described_meaning meaning;
 
-    /* A parameter has no place in a frame */
+    /* A parameter is not in a frame */
     if (!code && (yaml_has(&raw->mark, "target") || raw->counter || raw->checksum ||
                   yaml_has(&raw->mark, "at_bit") || raw->order == 1 ||
                   (raw->type == RAW_DESCRIBED_FLOAT && raw->bits != 32))) {

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A motor board of a described protocol: up to four axes with the states of the file, faults that
- * open the bridge, and a time-out of commands. A fatal fault leads to the state with law fault
- * until a state with law off is commanded. Beyond a position limit only set-points of the open laws
- * (voltage, current, torque) that lead back are obeyed; the others keep their target within.
+ * A motor board of a described protocol: up to four axes with the file's states, faults that open
+ * the bridge, and a command time-out. A fatal fault enters the state with law fault, until a state
+ * with law off is commanded. Beyond a position limit, open laws (voltage, current, torque) obey
+ * only set points that lead back; other laws clamp their target.
  *
- * The laws have a step a millisecond, each made of the one below it:
+ * Each law runs once a millisecond and uses the law below it:
  *
  *   position   v* = position_per_s (p* - p) + velocity target
  *   velocity   torque* = velocity_nm_s_rad (v* - v) + integral + torque target
@@ -13,16 +13,16 @@
  *   torque     current* = torque* / torque constant
  *   current    PI loop with the back-EMF (boards/axis.h), within the current limit
  *
- * A servo valve is a source of speed: velocity* times its constant is the voltage.
+ * A servo valve is a source of speed: its voltage is velocity* times its constant.
  */
 #include "boards/described/private.h"
 
 #include <math.h>
 #include <string.h>
 
-#define TEMPERATURE_MAX_C 125.0 /* limit where the rig gives none */
+#define TEMPERATURE_MAX_C 125.0 /* default limit */
 
-/* Returns the number of an axis on its board. */
+/* Returns the index of an axis on its board. */
 static unsigned axis_index(const struct described_node *node, const struct described_axis *axis)
 {
     return (unsigned)(axis - node->axis);
@@ -49,7 +49,7 @@ static double axis_target(const struct described_axis *axis, enum described_mean
 
 /* ---- states ---- */
 
-/* Forgets set-points, integrals and overload. */
+/* Resets set points, integrals and overload. */
 static void axis_forget(const struct described_node *node, struct described_axis *axis)
 {
     memset(axis->target, 0, sizeof axis->target);
@@ -62,7 +62,7 @@ static void axis_forget(const struct described_node *node, struct described_axis
         axis->base.motor_rad - axis->zero_rad;
 }
 
-/* Shows the bridge, the law and the faults of an axis. */
+/* Publishes bridge, law and faults of an axis. */
 static void axis_show(struct described_axis *axis)
 {
     axis->base.on = described_axis_runs(axis);
@@ -70,8 +70,8 @@ static void axis_show(struct described_axis *axis)
     axis->base.mode = (uint8_t)(axis->latched ? DESCRIBED_FAULT : axis->active);
 }
 
-/* Enters a state with a law that the host has selected; another state, or another law in force,
- * forgets set-points and loops. */
+/* Enters a state with the host's selected law. A change of state or law resets set points and
+ * loops. */
 static void axis_enter(struct described_node *node, struct described_axis *axis, int state, int law)
 {
     enum described_law before = axis->active;
@@ -87,8 +87,8 @@ static void axis_enter(struct described_node *node, struct described_axis *axis,
     axis_show(axis);
 }
 
-/* Enters a state that a host commands: off clears a fault where no frame exists for that;
- * nothing else leads out of it. */
+/* Enters a state that a host commands. Only off leaves a fault, and only if the protocol has no
+ * frame for that. */
 static void axis_command_state(struct described_node *node, struct described_axis *axis, int state)
 {
     bool off = node->protocol->state[state].law == DESCRIBED_OFF;
@@ -114,7 +114,7 @@ static void axis_set_target(const struct described_node *node, struct described_
     };
     const struct described_state *state = &node->protocol->state[axis->state];
 
-    /* A set-point is of the law in force */
+    /* A set point belongs to the law in force */
     if (field->meaning == DESCRIBED_SET_POINT) {
         state = state->law == DESCRIBED_SELECTED ? &node->protocol->law[axis->law] : state;
         axis->target[of_law[state->law] - DESCRIBED_SET_POINT] =
@@ -124,7 +124,7 @@ static void axis_set_target(const struct described_node *node, struct described_
     }
 }
 
-/* Returns the state or law of the list that a field of a frame names; otherwise without one. */
+/* Returns the index of the state or law in a frame's field; `otherwise` without such a field. */
 static int frame_names(const struct described_frame *frame, enum described_meaning meaning,
                        const struct described_state *list, size_t count, const int64_t *values,
                        int otherwise)
@@ -134,7 +134,7 @@ static int frame_names(const struct described_frame *frame, enum described_meani
     return field < 0 ? otherwise : described_find_state(list, count, values[field], true);
 }
 
-/* Latches the fault of an emergency stop, whether the axis runs or not. */
+/* Latches an emergency stop, even if the axis is off. */
 static void axis_stop(struct described_node *node, struct described_axis *axis)
 {
     const uint32_t stopped = UINT32_C(1) << DESCRIBED_STOPPED;
@@ -147,11 +147,11 @@ static void axis_stop(struct described_node *node, struct described_axis *axis)
     axis_enter(node, axis, node->protocol->fault_state, axis->law);
 }
 
-/* Sets a setting, which is not negative; a value that is no number changes nothing. */
+/* Sets a setting, which cannot be negative. A value that is not finite has no effect. */
 static void axis_set(struct described_axis *axis, const struct described_field *field,
                      int64_t count)
 {
-    const int64_t infinity = INT64_C(0x7f800000); /* the exponent of a float that is no number */
+    const int64_t infinity = INT64_C(0x7f800000); /* exponent of a float that is not finite */
 
     if (!field->real || (count & infinity) != infinity) {
         axis->setting[field->meaning - DESCRIBED_SETTING] =
@@ -159,14 +159,14 @@ static void axis_set(struct described_axis *axis, const struct described_field *
     }
 }
 
-/* Sets settings, parameters and the reading of the position; the axis keeps its state. */
+/* Sets settings, parameters and the position reading. The state does not change. */
 static void axis_configure(struct described_node *node, struct described_axis *axis,
                            const struct described_frame *frame, const int64_t *values)
 {
     int parameter = described_find_field(frame, DESCRIBED_PARAMETER);
     int written = described_find_field(frame, DESCRIBED_PARAMETER_VALUE);
 
-    /* Fields of their own */
+    /* Fields with their own meaning */
     for (size_t i = 0; i < frame->nfield; i++) {
         const struct described_field *field = &frame->field[i];
 
@@ -178,15 +178,15 @@ static void axis_configure(struct described_node *node, struct described_axis *a
         }
     }
 
-    /* A parameter that is named by its number */
+    /* A parameter selected by its number */
     if (parameter >= 0 && written >= 0) {
         axis_set(axis, &described_find_parameter(node->protocol, values[parameter])->field,
                  values[written]);
     }
 }
 
-/* Switches an axis as a frame says. Returns false, and changes nothing, when it asks for a law that
- * the axis does not have. */
+/* Switches an axis as a frame commands. Returns false, without effect, when the axis lacks the
+ * requested law. */
 static bool axis_switch(struct described_node *node, struct described_axis *axis,
                         const struct described_frame *frame, const int64_t *values)
 {
@@ -195,7 +195,7 @@ static bool axis_switch(struct described_node *node, struct described_axis *axis
     int state = frame_names(frame, DESCRIBED_STATE, protocol->state, protocol->nstate, values, -1);
     int wanted = state < 0 ? frame->enter : state;
 
-    /* A motor has all laws, a valve none that controls a current */
+    /* A motor has all laws; a valve has no law that controls a current */
     if (axis_config(node, axis)->valve &&
         ((law >= 0 && !described_law_suits_valve(protocol->law[law].law)) ||
          (wanted >= 0 && !described_law_suits_valve(
@@ -203,7 +203,7 @@ static bool axis_switch(struct described_node *node, struct described_axis *axis
         return false;
     }
 
-    /* Faults, the law and the state first: they forget the targets of before */
+    /* Faults, law and state first, because they reset earlier targets */
     if (frame->clear) {
         axis->faults &= ~axis->latched;
         axis->latched = 0;
@@ -260,7 +260,7 @@ bool described_axis_obey(struct described_node *node, unsigned index,
 
 /* ---- power-up ---- */
 
-/* Resets the settings to those of the file; limits stay those of the rig. */
+/* Resets the settings to the file's values; limits stay those of the rig. */
 static void axis_reset_settings(const struct described_protocol *protocol,
                                 struct described_axis *axis)
 {
@@ -307,7 +307,8 @@ static void described_motor_power_up(struct board *board)
 
 /* ---- sensors ---- */
 
-/* Rounds the temperatures of all axes (struct board_ops); what has no reading is held. */
+/* Rounds the temperatures of all axes (struct board_ops). Without a reading, the old value
+ * stays. */
 static void described_motor_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct described_node *node = described_node_of(board);
@@ -321,7 +322,7 @@ static void described_motor_sample(struct board *board, const struct plant_senso
 
 /* ---- faults ---- */
 
-/* Returns whether commands of an axis have not come for the time-out. */
+/* Returns whether the commands of an axis have timed out. */
 static bool axis_is_stale(const struct described_node *node, const struct described_axis *axis)
 {
     int64_t own_ns = node->protocol->command_timeout_ns;
@@ -337,7 +338,7 @@ static uint32_t fault_if(bool present, enum described_fault fault)
     return (uint32_t)present << fault;
 }
 
-/* Returns the faults that an axis has now. */
+/* Returns the present faults of an axis. */
 static uint32_t axis_present_faults(const struct described_node *node, struct described_axis *axis)
 {
     const struct board *board = &node->board;
@@ -346,7 +347,7 @@ static uint32_t axis_present_faults(const struct described_node *node, struct de
         config->temperature_limit_c > 0.0 ? config->temperature_limit_c : TEMPERATURE_MAX_C;
     const uint32_t common = axis_find_faults(board, &axis->base, config->current_limit_a);
 
-    /* Faults of every axis have the same bits, those of the pressure six lower */
+    /* Common faults have the same bits; pressure faults are six bits lower */
     return (common & ((1u << DESCRIBED_OVER_TEMPERATURE) - 1)) |
            (common & (AXIS_UNDER_PRESSURE | AXIS_OVER_PRESSURE)) >> 6 |
            fault_if(axis->temperature_c > hottest_c, DESCRIBED_OVER_TEMPERATURE) |
@@ -357,7 +358,7 @@ static uint32_t axis_present_faults(const struct described_node *node, struct de
            fault_if(board->lost_in_status, DESCRIBED_OVERFLOW);
 }
 
-/* Reacts to a time-out of commands: enters the protocol's state, or forgets the set-points. */
+/* Handles a command time-out: enters the protocol's state, or resets the set points. */
 static void axis_expire(struct described_node *node, struct described_axis *axis)
 {
     int state = node->protocol->timeout_state;
@@ -415,7 +416,7 @@ double described_axis_current_limit(const struct described_node *node, unsigned 
                 axis_setting(&node->axis[axis], DESCRIBED_CURRENT_LIMIT));
 }
 
-/* Returns the voltage of the current loop, its target within the current limit. */
+/* Returns the voltage of the current loop, with its target limited to the current limit. */
 static double axis_current_law(const struct described_node *node, struct described_axis *axis,
                                double wanted_a)
 {
@@ -436,7 +437,7 @@ static double axis_torque_law(const struct described_node *node, struct describe
     return axis_current_law(node, axis, constant > 0.0 ? torque_nm / constant : 0.0);
 }
 
-/* Returns the voltage of the velocity loop; that of a valve is proportional to the speed. */
+/* Returns the voltage of the velocity loop. For a valve it is proportional to the speed. */
 static double axis_velocity_law(const struct described_node *node, struct described_axis *axis,
                                 double wanted_rad_s)
 {
@@ -457,8 +458,7 @@ static double axis_velocity_law(const struct described_node *node, struct descri
                                axis_target(axis, DESCRIBED_TO_TORQUE));
 }
 
-/* Returns the distance from the motor to the wanted position, which is kept within the joint's
- * limits. */
+/* Returns the distance from the motor to its target, which is clamped to the joint's limits. */
 static double axis_position_error(const struct described_node *node,
                                   const struct described_axis *axis)
 {
@@ -500,7 +500,7 @@ static double axis_law_voltage(const struct described_node *node, struct describ
 
 /* ---- control ---- */
 
-/* Stops set-points of open laws that lead further beyond a limit. */
+/* Zeroes set points of open laws that lead further beyond a limit. */
 static void axis_heed_limits(const struct described_node *node, struct described_axis *axis)
 {
     static const enum described_meaning open[] = {DESCRIBED_TO_VOLTAGE, DESCRIBED_TO_DUTY,

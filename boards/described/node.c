@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Services of every board of a described protocol: its telemetry period, its frames, its
- * answers. */
+/* Functions common to all boards of a described protocol: telemetry period, frames, answers. */
 #include "boards/described/private.h"
 
 #include "base/hash.h"
@@ -9,7 +8,7 @@
 
 /* ---- power-up ---- */
 
-/* Finds the first slot of a node; sensors have 0. */
+/* Finds the first slot of a node; 0 for sensors. */
 static void described_node_find_slot(struct described_node *node)
 {
     const struct described_bus *bus = described_bus_of(node->board.bus);
@@ -39,7 +38,7 @@ bool described_node_power_up(struct described_node *node)
     int64_t period_ms = config->period_ns > 0 ? config->period_ns / MS : 1;
     bool first = !node->powered;
 
-    /* A period that the host sets is 0 before, unless the rig gives another */
+    /* If the host sets the period, it is 0 at first, unless the rig gives one */
     node->protocol = node->board.bus->config.described;
     node->axes = board_config_axes(config);
     node->powered = true;
@@ -65,7 +64,7 @@ void described_node_set_period(struct described_node *node, int64_t period_ms)
     node->next_ns = node->board.boards->now_ns + period_ms * MS;
 }
 
-/* Returns whether telemetry is due, and moves on to the next time. */
+/* Returns whether telemetry is due, and sets the next time. */
 static bool described_node_due(struct described_node *node)
 {
     int64_t period_ns = node->telemetry_ms * MS;
@@ -80,18 +79,18 @@ static bool described_node_due(struct described_node *node)
 
 /* ---- frames ---- */
 
-/* A frame to be sent. */
+/* A frame to send. */
 struct described_out {
     uint32_t id;
     uint8_t length, data[DESCRIBED_LENGTH_MAX];
 };
 
-/* Returns the bits of the parameter that a request asks for. */
+/* Returns the bits of the parameter that a request reads. */
 static int64_t described_node_parameter(const struct described_node *node, unsigned axis,
                                         const struct described_frame *request,
                                         const int64_t *values);
 
-/* Returns the count of a field that an axis of a motor board has. */
+/* Returns the count of a motor axis's field. */
 static int64_t described_axis_count(const struct described_node *node, unsigned index,
                                     const struct described_field *field)
 {
@@ -109,7 +108,7 @@ static int64_t described_axis_count(const struct described_node *node, unsigned 
         value = axis->base.link_rad - axis->zero_rad;
         break;
     case DESCRIBED_DEFLECTION:
-        /* of counts, so that a host's difference is the link's count exactly */
+        /* difference of counts, so that a host gets the link's exact count */
         control_quantize(axis->base.motor_rad / field->scale, &motor);
         control_quantize(axis->base.link_rad / field->scale, &link);
         return (int64_t)motor - link;
@@ -135,7 +134,7 @@ static int64_t described_axis_count(const struct described_node *node, unsigned 
     case DESCRIBED_TEMPERATURE:
         value = axis->temperature_c;
         break;
-    /* Aims and powers */
+    /* Targets and outputs */
     case DESCRIBED_AXIS_VOLTAGE:
         value = axis->base.voltage_v;
         break;
@@ -183,8 +182,7 @@ static int64_t described_axis_count(const struct described_node *node, unsigned 
     return described_count(field, value);
 }
 
-/* Returns the count of a field of a frame about an axis; request: the frame that it answers, if
- * any. */
+/* Returns the count of a field for an axis; request: the frame that it answers, or NULL. */
 static int64_t described_node_count(const struct described_node *node, unsigned index,
                                     const struct described_field *field,
                                     const struct described_frame *request, const int64_t *values)
@@ -237,7 +235,7 @@ static int64_t described_node_count(const struct described_node *node, unsigned 
     default:
         break;
     }
-    /* Fields of this kind of node: a motor board has no channels, a sensor no axis */
+    /* A motor board has no channels, a sensor no axis */
     if (node->kind == DESCRIBED_MOTOR) {
         return described_axis_count(node, index, field);
     }
@@ -259,8 +257,8 @@ static int64_t described_node_parameter(const struct described_node *node, unsig
                      : 0;
 }
 
-/* Writes a frame about an axis, or about all axes in turn where it repeats its fields, as an answer
- * if there is a request. */
+/* Writes a frame for an axis, or for all axes if the frame repeats its fields; as an answer if
+ * there is a request. */
 static void described_node_fill(struct described_node *node, unsigned axis, size_t index,
                                 const struct described_frame *request, const int64_t *values,
                                 struct described_out *out)
@@ -276,7 +274,7 @@ static void described_node_fill(struct described_node *node, unsigned axis, size
     for (unsigned part = 0; part < parts; part++) {
         for (size_t i = 0; i < frame->nfield; i++) {
             const struct described_field *field = &frame->field[i];
-            unsigned of = axis + part + field->axis; /* a field may be of another axis */
+            unsigned of = axis + part + field->axis; /* a field may belong to another axis */
             int64_t count = 0;
 
             if (field->meaning == DESCRIBED_COUNTER) {
@@ -328,7 +326,7 @@ void described_node_announce(struct described_node *node)
 
 /* ---- periodic frames ---- */
 
-/* Returns whether a time on the grid of a period, so many milliseconds later, is in the span. */
+/* Returns whether a time of a period's grid, delayed by after_ms, is in the span. */
 static bool described_grid_due(struct ms_span span, int64_t period_ms, int64_t after_ms)
 {
     int64_t shift = 2 * period_ms - 1 - after_ms % period_ms;
@@ -336,7 +334,7 @@ static bool described_grid_due(struct ms_span span, int64_t period_ms, int64_t a
     return (span.to + shift) / period_ms > (span.from + shift) / period_ms;
 }
 
-/* Sends a periodic frame and notes the state that it tells. */
+/* Sends a periodic frame and stores the state that it reports. */
 static void described_node_send(struct described_node *node, unsigned axis, size_t index,
                                 struct frame_sink *sink)
 {
@@ -350,8 +348,8 @@ static void described_node_send(struct described_node *node, unsigned axis, size
                   out.data);
 }
 
-/* Returns whether a frame that is no telemetry is due: by its period, or by a change of state or
- * faults since it last told them. */
+/* Returns whether a frame other than telemetry is due: by its period, or because state or faults
+ * have changed since its last report. */
 static bool described_frame_due(const struct described_node *node, unsigned axis, size_t index,
                                 struct ms_span span)
 {
@@ -377,7 +375,7 @@ void described_node_transmit(struct board *board, struct ms_span span, struct fr
     const struct described_schedule *other = &protocol->other[described_kind_index(node->kind)];
     bool lost = board->lost_in_status, told = false;
 
-    /* Frames by slot come once an axis, each at its own time */
+    /* Frames by slot are sent once per axis, each at its own time */
     if (described_node_due(node)) {
         for (size_t i = 0; i < telemetry->count; i++) {
             size_t index = telemetry->frame[i];
@@ -404,7 +402,7 @@ void described_node_transmit(struct board *board, struct ms_span span, struct fr
             }
         }
     }
-    /* Lost frames are forgotten when every frame that tells changes has told of them */
+    /* Clear the lost-frames fault after every frame on changes has reported it */
     if (lost && told) {
         board->lost_in_status = board->lost_in_overflow = false;
     }

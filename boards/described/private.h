@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The boards of a described protocol: bus.c finds those that a frame is for, node.c sends their
- * frames, motor_board.c and sensor_board.c are what they do. RT-safe except for functions that
+ * The boards of a described protocol. bus.c finds the receivers of a frame; node.c sends frames;
+ * motor_board.c and sensor_board.c have the behavior of the boards. RT-safe except functions that
  * create.
  */
 #ifndef BOARDS_DESCRIBED_PRIVATE_H
@@ -13,7 +13,7 @@
 
 struct described_node;
 
-/* Axis of a slot. */
+/* The axis at a slot. */
 struct described_slot {
     struct described_node *node;
     unsigned axis;
@@ -23,7 +23,7 @@ struct described_bus {
     struct board_bus bus;
     struct described_slot slot[DESCRIBED_SLOTS];
     unsigned slots;
-    /* Of frames from the host with a counter: the last count and 1, by number; 0: none yet */
+    /* Last count + 1 of each frame from the host with a counter, by number; 0 = none yet */
     uint32_t heard[DESCRIBED_FRAMES_MAX][DESCRIBED_SLOTS];
 };
 
@@ -32,25 +32,25 @@ enum {
     DESCRIBED_CHANNELS = DESCRIBED_MEANINGS - DESCRIBED_CHANNEL,
 };
 
-/* An axis; of a sensor board, which has one, only state and faults. */
+/* An axis. A sensor board has one and uses only its state and faults. */
 struct described_axis {
-    struct axis base;                 /* mode: the law in force, or that of faults */
-    int state, law;                   /* law: that the host has selected */
+    struct axis base;                 /* base.mode: the law in force, or the fault law */
+    int state, law;                   /* law: selected by the host */
     enum described_law active;        /* the law in force */
-    uint32_t latched;                 /* faults that have opened the bridge */
-    uint32_t faults;                  /* these and the present ones */
-    double target[DESCRIBED_TARGETS]; /* by meaning from DESCRIBED_SET_POINT on; SI */
+    uint32_t latched;                 /* faults that opened the bridge */
+    uint32_t faults;                  /* latched and present faults */
+    double target[DESCRIBED_TARGETS]; /* indexed by meaning from DESCRIBED_SET_POINT; SI */
     int64_t command_ns;
-    uint32_t commands; /* taken */
+    uint32_t commands; /* number of commands received */
     double setting[DESCRIBED_SETTINGS_END - DESCRIBED_SETTING];
-    double wanted_a;        /* of the current loop; 0 while it does not run */
-    double kp_v_a, ki_v_as; /* of the current loop; 0: the rig says nothing of the winding */
+    double wanted_a;        /* target of the current loop; 0 while it is off */
+    double kp_v_a, ki_v_as; /* gains of the current loop; 0 = the rig does not describe the
+                             * winding */
     double integral_v, integral_nm, zero_rad;
     int32_t temperature_c;
 };
 
-/* State of an axis, or a sensor, when a frame last told of it, and the number of frames that
- * have counted. */
+/* State of an axis or a sensor in its last report, and the number of frames that reported it. */
 struct described_report {
     int state;
     uint32_t faults, sent;
@@ -60,29 +60,30 @@ struct described_node {
     struct board board;
     const struct described_protocol *protocol;
     unsigned kind;             /* enum described_kind */
-    unsigned axes, first_slot; /* axes: 0 of sensors */
+    unsigned axes, first_slot; /* axes: 0 for sensors */
     bool powered;
     int64_t telemetry_ms, started_ns, next_ns;
-    uint32_t sequence; /* telemetry periods so far */
+    uint32_t sequence; /* number of telemetry periods */
     struct described_axis axis[DESCRIBED_AXES];
-    double channel[DESCRIBED_CHANNELS]; /* of a sensor, by meaning from DESCRIBED_CHANNEL on */
-    uint32_t saturated;                 /* bit = channel of a sensor */
+    double channel[DESCRIBED_CHANNELS]; /* channels of a sensor, by meaning from
+                                         * DESCRIBED_CHANNEL */
+    uint32_t saturated;                 /* one bit per channel of a sensor */
     struct described_report report[DESCRIBED_AXES][DESCRIBED_FRAMES_MAX];
 };
 
-/* Returns the described bus of a bus. */
+/* Returns a bus as a described bus. */
 static inline struct described_bus *described_bus_of(const struct board_bus *bus)
 {
     return container_of(bus, struct described_bus, bus);
 }
 
-/* Returns the node of a board of a described bus, each of which is one. */
+/* Returns a board as a described node. */
 static inline struct described_node *described_node_of(const struct board *board)
 {
     return container_of(board, struct described_node, board);
 }
 
-/* Returns the index of a kind in lists that go by kind. */
+/* Returns the index of a kind in arrays by kind. */
 static inline unsigned described_kind_index(unsigned kind)
 {
     return kind >> 1;
@@ -90,33 +91,33 @@ static inline unsigned described_kind_index(unsigned kind)
 
 /* ---- node.c ---- */
 
-/* Creates a board of a kind. Returns NULL without memory. Not RT-safe. */
+/* Creates a board of a kind. Returns NULL when out of memory. Not RT-safe. */
 struct board *described_node_create(struct arena *arena, const struct board_ops *ops,
                                     unsigned kind);
 
-/* Powers up a node; returns true at the first time. */
+/* Powers up a node. Returns true the first time. */
 bool described_node_power_up(struct described_node *node);
 
-/* Forgets the counts of the frames that the host has sent to a board: after its restart any may
- * come (bus.c). */
+/* Resets the counters of the host's frames to a board. After the board's restart, any count is
+ * valid (bus.c). */
 void described_bus_forget_counts(struct described_bus *bus, const struct described_node *node);
 
-/* Sends the frames that tell of a restart. */
+/* Sends the frames that report a restart. */
 void described_node_announce(struct described_node *node);
 
 /* Sends the periodic frames. */
 void described_node_transmit(struct board *board, struct ms_span span, struct frame_sink *sink);
 
-/* Queues the frame that answers request, whose counts are values. */
+/* Queues the answer to request, whose counts are `values`. */
 void described_node_reply(struct described_node *node, unsigned axis,
                           const struct described_frame *request, const int64_t *values);
 
-/* Sets the telemetry period from now on; 0 = never. */
+/* Sets the telemetry period; 0 = no telemetry. */
 void described_node_set_period(struct described_node *node, int64_t period_ms);
 
 /* ---- for protocol.c ---- */
 
-/* Create a bus and boards, NULL without memory. Not RT-safe. */
+/* Create a bus and boards; NULL = out of memory. Not RT-safe. */
 struct board_bus *described_bus_create(struct arena *arena);
 struct board *described_motor_create(struct arena *arena);
 struct board *described_ft_create(struct arena *arena);
@@ -124,8 +125,8 @@ struct board *described_inertial_create(struct arena *arena);
 
 /* ---- axes (motor_board.c) ---- */
 
-/* Obeys a host's frame for an axis; its counts, values, have been checked. False: it asks for a
- * law that the axis does not have, and nothing changes. */
+/* Obeys a host's frame for an axis; its counts, values, have been checked. Returns false, without
+ * effect, when it requests a law that the axis lacks. */
 bool described_axis_obey(struct described_node *node, unsigned axis,
                          const struct described_frame *frame, const int64_t *values);
 

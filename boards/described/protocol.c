@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Protocols that a file describes as a module, and their messages: the row of a message is its
- * struct described_frame. */
+/* Described protocols as a module, and their messages: the row of a message is its struct
+ * described_frame. */
 #include "boards/described/private.h"
 
 #include "boards/protocol_list.h"
@@ -12,8 +12,8 @@
 
 /* ---- messages ---- */
 
-/* Returns the period of a frame: its own, the telemetry's, or that of the host's set-points,
- * which come once a tick, and their answers. */
+/* Returns the period of a frame: its own, the telemetry's, or once a tick for the host's set points
+ * and their answers. */
 static uint32_t frame_cycle_ns(const struct message_walk *walk, size_t index,
                                const struct board_config *board)
 {
@@ -37,7 +37,7 @@ static uint32_t frame_cycle_ns(const struct message_walk *walk, size_t index,
     return 0;
 }
 
-/* Returns whether a frame carries nothing but its identity: to switch on, to ask for another. */
+/* Returns whether a frame has no variable content, such as "switch on" or a request. */
 static bool frame_is_constant(const struct described_frame *frame)
 {
     for (size_t k = 0; k < frame->nfield; k++) {
@@ -48,7 +48,7 @@ static bool frame_is_constant(const struct described_frame *frame)
     return true;
 }
 
-/* Returns the name of the frame that answers one to a board, or to all: the first that there is. */
+/* Returns the name of the first frame that answers a frame. */
 static const char *frame_answer(const struct described_protocol *protocol,
                                 const struct described_frame *frame,
                                 const struct board_config *board)
@@ -65,7 +65,7 @@ static const char *frame_answer(const struct described_protocol *protocol,
     return NULL;
 }
 
-/* Returns the bytes of a message: as many as a board takes, where fields carry anything. */
+/* Returns the length of a message: the longest that a board accepts if extra bytes carry fields. */
 static uint8_t frame_message_length(const struct described_frame *frame, unsigned repeats)
 {
     if (frame->flags & FRAME_FD || repeats > 1) {
@@ -74,7 +74,7 @@ static uint8_t frame_message_length(const struct described_frame *frame, unsigne
     return frame->length > 0 ? frame->longest : 0;
 }
 
-/* Visits a frame with its number; of a group with the slots that there are. */
+/* Visits a frame with its number; for a group, with the existing slots. */
 static void visit_frame(struct message_walk *walk, size_t index, int board, unsigned number,
                         unsigned repeats, int slot)
 {
@@ -85,7 +85,7 @@ static void visit_frame(struct message_walk *walk, size_t index, int board, unsi
     const struct described_protocol *protocol = walk->bus->described;
     const struct described_frame *frame = &protocol->frame[index];
     const struct board_config *config = board < 0 ? NULL : &walk->config->board[board];
-    /* The number and the repetitions are those of this bus */
+    /* Number and repetitions for this bus */
     const struct message message = {
         .name = frame->name,
         .id = described_id(frame, number),
@@ -131,7 +131,7 @@ static void described_visit_board(struct message_walk *walk, int index, unsigned
 
     for (size_t i = 0; i < protocol->nframe; i++) {
         const struct described_frame *frame = &protocol->frame[i];
-        /* Frames of the host to all boards are not the board's */
+        /* Frames from the host to all boards are not visited here */
         bool by_address = frame->by == DESCRIBED_BY_ADDRESS;
         bool of_one_axis = kind == DESCRIBED_MOTOR && protocol->axes == 1 && by_address;
 
@@ -139,7 +139,7 @@ static void described_visit_board(struct message_walk *walk, int index, unsigned
             (frame->from_host && !by_address && frame->by != DESCRIBED_BY_SLOT)) {
             continue;
         }
-        /* By slot there is a frame for each axis */
+        /* By slot, there is one frame per axis */
         for (unsigned k = 0; frame->by == DESCRIBED_BY_SLOT && k < axes; k++) {
             visit_frame(walk, i, index, first_slot + k, 1, (int)(first_slot + k));
         }
@@ -189,7 +189,7 @@ static void add_text(char *text, size_t size, const char *format, ...)
     va_end(arguments);
 }
 
-/* Writes what signals cannot say: fields of the identifier, the counter, the checksum (struct
+/* Writes facts that signals cannot express: identifier fields, counter, checksum (struct
  * protocol). */
 static void described_comment_message(const struct message *message, char *text, size_t size)
 {
@@ -221,7 +221,7 @@ static void described_comment_message(const struct message *message, char *text,
     }
 }
 
-/* Writes what makes a field more than a number: the counter, the checksum (struct protocol). */
+/* Writes a note on a counter or checksum field (struct protocol). */
 static void described_note_field(const struct message *message, size_t field, char *text,
                                  size_t size)
 {
@@ -280,7 +280,7 @@ static bool described_claims_id(const struct boards_bus_config *bus, uint32_t id
     return false;
 }
 
-/* Returns the name of the law in force: the states have names of the file. */
+/* Returns the name of the law in force; the file names only states. */
 static const char *described_law_name(uint32_t law)
 {
     static const char *const names[] = {
@@ -297,7 +297,7 @@ static const char *described_law_name(uint32_t law)
     return law <= DESCRIBED_FAULT ? names[law] : "unknown";
 }
 
-/* What all described protocols have. */
+/* Members common to all described protocols. */
 #define DESCRIBED                                                                                  \
     .motor_address_max = DESCRIBED_ADDRESS_MAX, .address_max = DESCRIBED_ADDRESS_MAX,              \
     .axes_max = DESCRIBED_AXES, .slots_max = DESCRIBED_SLOTS, .canfd = true,                       \

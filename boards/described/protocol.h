@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A protocol that a file describes (docs/own-boards.md): its frames with their fields, the states
- * of an axis and the frames that our host has to send. The table is read once (described_load) and
- * immutable from then on; boards, host, DBC and `coman-hil protocol` all work from it. Classic CAN
- * and CAN FD, identifiers of 11 and of 29 bits, fields in the data and in the identifier.
+ * A protocol that a file describes (docs/own-boards.md): frames with fields, the states of an axis,
+ * and the frames that our host sends. described_load reads the table once; it is immutable from
+ * then on. Boards, host, DBC and `coman-hil protocol` all use it. It covers classic CAN and CAN FD,
+ * identifiers of 11 and 29 bits, fields in data and identifier.
  *
- * Units: SI, angles at the link side of the gear. A field carries value = count * scale + offset in
- * the unit of its meaning. Memory is the arena's of described_load. RT-safe but for described_load
+ * Units: SI, angles on the link side of the gear. A field carries value = count * scale + offset in
+ * the unit of its meaning. Memory is the arena's of described_load. RT-safe except described_load
  * and described_read_text.
  */
 #ifndef BOARDS_DESCRIBED_PROTOCOL_H
@@ -29,27 +29,27 @@ enum {
     DESCRIBED_PARAMETERS_MAX = 48,
     DESCRIBED_STATES_MAX = 16,
     DESCRIBED_LAWS_MAX = 8,
-    DESCRIBED_LIST_MAX = 8, /* frames of one step of the host */
+    DESCRIBED_LIST_MAX = 8, /* frames in one step of the host */
     DESCRIBED_ADDRESS_MAX = 31,
     DESCRIBED_SLOTS = 32,      /* axes of a bus */
-    DESCRIBED_AXES = 4,        /* of a motor board at most */
-    DESCRIBED_FIELDS_MAX = 64, /* of a frame, in its data and its identifier together */
-    DESCRIBED_CLASSIC_MAX = 8, /* bytes of a frame */
+    DESCRIBED_AXES = 4,        /* most axes of a motor board */
+    DESCRIBED_FIELDS_MAX = 64, /* per frame, in data and identifier */
+    DESCRIBED_CLASSIC_MAX = 8, /* bytes of a classic frame */
     DESCRIBED_LENGTH_MAX = 64, /* of a CAN FD frame */
     DESCRIBED_STANDARD_ID_MAX = 0x7ff,
     DESCRIBED_EXTENDED_ID_MAX = 0x1fffffff,
-    DESCRIBED_PERIOD_MAX_MS = 255, /* of telemetry that a host may ask for */
+    DESCRIBED_PERIOD_MAX_MS = 255, /* longest telemetry period that a host may set */
 };
 
 /* Meaning of the number in an identifier: id = base + step * number. */
 enum described_by {
     DESCRIBED_BY_NONE,
     DESCRIBED_BY_ADDRESS,
-    DESCRIBED_BY_SLOT,  /* the axes of a bus, numbered through in the order of the rig */
-    DESCRIBED_BY_GROUP, /* of as many slots as the frame repeats its fields */
+    DESCRIBED_BY_SLOT,  /* axes of a bus, numbered consecutively in the rig's order */
+    DESCRIBED_BY_GROUP, /* groups of as many slots as the frame has repetitions */
 };
 
-/* The boards that send a frame, or listen to it; bits. */
+/* The boards that send or receive a frame; bits. */
 enum described_kind {
     DESCRIBED_MOTOR = 1 << 0,
     DESCRIBED_FT = 1 << 1,
@@ -57,9 +57,9 @@ enum described_kind {
     DESCRIBED_ANY = DESCRIBED_MOTOR | DESCRIBED_FT | DESCRIBED_INERTIAL,
 };
 
-/* Law of an axis in a state. */
+/* Control law of an axis in a state. */
 enum described_law {
-    DESCRIBED_OFF, /* bridge open; the way out of a fault */
+    DESCRIBED_OFF, /* bridge open; leaves a fault */
     DESCRIBED_VOLTAGE,
     DESCRIBED_CURRENT,
     DESCRIBED_TORQUE,
@@ -67,10 +67,10 @@ enum described_law {
     DESCRIBED_POSITION,
     DESCRIBED_IMPEDANCE, /* torque = kp (p* - p) + kd (v* - v) + torque* */
     DESCRIBED_FAULT,     /* bridge open until OFF is commanded */
-    DESCRIBED_SELECTED,  /* of a state: the law that the host has selected */
+    DESCRIBED_SELECTED,  /* in a state: the law that the host has selected */
 };
 
-/* Returns whether an axis with a servo valve has that law: not those that control a current. */
+/* Returns whether an axis with a servo valve has a law: any law that does not control a current. */
 static inline bool described_law_suits_valve(enum described_law law)
 {
     return law != DESCRIBED_CURRENT && law != DESCRIBED_TORQUE && law != DESCRIBED_IMPEDANCE;
@@ -79,20 +79,21 @@ static inline bool described_law_suits_valve(enum described_law law)
 /* Meaning of a field. Targets come from a host, sources from a board. */
 enum described_meaning {
     DESCRIBED_NOTHING,
-    DESCRIBED_CONSTANT, /* part of what makes the frame this one */
-    /* selection of axes */
+    DESCRIBED_CONSTANT, /* constant that identifies the frame */
+    /* selects axes */
     DESCRIBED_SLOTS_MASK,
     DESCRIBED_ADDRESS,
     DESCRIBED_AXIS,
-    /* both ways */
+    /* in both directions */
     DESCRIBED_STATE,
     DESCRIBED_LAW,
-    DESCRIBED_TELEMETRY_PERIOD, /* s */
-    DESCRIBED_COUNTER,          /* one more with each frame of its kind, number and axis */
-    DESCRIBED_CHECKSUM,         /* of the other bytes: struct described_frame */
-    DESCRIBED_PARAMETER,        /* the number of a parameter */
-    DESCRIBED_PARAMETER_VALUE,  /* its bits: struct described_parameter */
-    /* both ways: settings of an axis, kept until its board restarts */
+    DESCRIBED_TELEMETRY_PERIOD, /* in s */
+    DESCRIBED_COUNTER,          /* increases by one with each frame of the same row, number and
+                                 * axis */
+    DESCRIBED_CHECKSUM,         /* checksum of the other bytes: struct described_frame */
+    DESCRIBED_PARAMETER,        /* number of a parameter */
+    DESCRIBED_PARAMETER_VALUE,  /* bits of a parameter: struct described_parameter */
+    /* in both directions: settings of an axis, kept until its board restarts */
     DESCRIBED_SETTING,
     DESCRIBED_VELOCITY_LIMIT = DESCRIBED_SETTING,
     DESCRIBED_CURRENT_LIMIT,
@@ -100,10 +101,10 @@ enum described_meaning {
     DESCRIBED_VELOCITY_GAIN,
     DESCRIBED_INTEGRAL_GAIN,
     DESCRIBED_SETTINGS_END,
-    /* an order: what the position is to read here */
+    /* a command: the value that the present position must read */
     DESCRIBED_PRESENT_POSITION = DESCRIBED_SETTINGS_END,
     /* targets */
-    DESCRIBED_SET_POINT, /* in the unit of the state's law, by the state's set_point_scale */
+    DESCRIBED_SET_POINT, /* in the unit of the state's law, scaled by its set_point_scale */
     DESCRIBED_TO_VOLTAGE,
     DESCRIBED_TO_DUTY,
     DESCRIBED_TO_CURRENT,
@@ -112,40 +113,40 @@ enum described_meaning {
     DESCRIBED_TO_POSITION,
     DESCRIBED_TO_KP,
     DESCRIBED_TO_KD,
-    /* sources: of an axis */
+    /* sources of an axis */
     DESCRIBED_MOTOR_POSITION,
     DESCRIBED_LINK_POSITION,
-    DESCRIBED_DEFLECTION, /* counts of motor position less counts of link position */
+    DESCRIBED_DEFLECTION, /* counts of motor position minus counts of link position */
     DESCRIBED_MOTOR_VELOCITY,
     DESCRIBED_AXIS_CURRENT,
-    DESCRIBED_AXIS_TORQUE,    /* of the spring, measured */
-    DESCRIBED_DRIVE_TORQUE,   /* of the motor: current times torque constant */
-    DESCRIBED_CURRENT_TARGET, /* of the current loop */
-    DESCRIBED_TORQUE_TARGET,  /* that current times torque constant */
+    DESCRIBED_AXIS_TORQUE,    /* measured torque of the spring */
+    DESCRIBED_DRIVE_TORQUE,   /* torque of the motor: current times torque constant */
+    DESCRIBED_CURRENT_TARGET, /* target of the current loop */
+    DESCRIBED_TORQUE_TARGET,  /* that target times the torque constant */
     DESCRIBED_ELECTRICAL_POWER,
     DESCRIBED_MECHANICAL_POWER,
     DESCRIBED_SUPPLY_CURRENT,
     DESCRIBED_AXIS_VOLTAGE,
     DESCRIBED_AXIS_DUTY,
-    DESCRIBED_PISTON_PRESSURE, /* of a hydraulic axis, as the two below */
+    DESCRIBED_PISTON_PRESSURE, /* of a hydraulic axis, as the next two */
     DESCRIBED_ROD_PRESSURE,
     DESCRIBED_VALVE_OPENING, /* -1 to 1 */
-    DESCRIBED_COMMANDS,      /* set-points taken */
+    DESCRIBED_COMMANDS,      /* number of set points received */
     DESCRIBED_SLOT,
-    DESCRIBED_RESULT,         /* of the state: struct described_state */
-    DESCRIBED_LATCHED_FAULTS, /* those that have opened the bridge */
-    /* of a board */
+    DESCRIBED_RESULT,         /* result of the state: struct described_state */
+    DESCRIBED_LATCHED_FAULTS, /* faults that opened the bridge */
+    /* sources of a board */
     DESCRIBED_FAULTS,
-    DESCRIBED_FAULTY, /* 1: a fault has opened the bridge or would */
+    DESCRIBED_FAULTY, /* 1 = a fault has opened the bridge, or would */
     DESCRIBED_SUPPLY,
     DESCRIBED_TEMPERATURE,
-    DESCRIBED_SEQUENCE, /* telemetry periods so far */
+    DESCRIBED_SEQUENCE, /* number of telemetry periods */
     DESCRIBED_UPTIME,
     DESCRIBED_FIRST_SLOT,
     DESCRIBED_AXES_COUNT,
-    DESCRIBED_SERIAL, /* 32 bits, of the board's name */
-    DESCRIBED_ECHO,   /* of the answered frame's field of that name */
-    /* of a sensor: channels from here on */
+    DESCRIBED_SERIAL, /* 32 bits, from the board's name */
+    DESCRIBED_ECHO,   /* copies the field of this name from the answered frame */
+    /* sources of a sensor: channels from here on */
     DESCRIBED_SATURATED,
     DESCRIBED_CHANNEL,
     DESCRIBED_FT_CHANNEL = DESCRIBED_CHANNEL, /* force x y z, moment x y z */
@@ -157,8 +158,7 @@ enum described_meaning {
     DESCRIBED_MEANINGS = DESCRIBED_EULER + 3,
 };
 
-/* Faults that boards notice, in the order of their own bits; a protocol gives each a bit or none.
- */
+/* Faults that boards detect, in our bit order. A protocol maps each to a bit or to none. */
 enum described_fault {
     DESCRIBED_UNDER_VOLTAGE,
     DESCRIBED_OVER_VOLTAGE,
@@ -167,105 +167,107 @@ enum described_fault {
     DESCRIBED_LINK_ENCODER,
     DESCRIBED_TORQUE_SENSOR,
     DESCRIBED_OVER_TEMPERATURE,
-    DESCRIBED_UNDER_PRESSURE, /* of the oil that feeds an axis's valve, as the next */
+    DESCRIBED_UNDER_PRESSURE, /* supply pressure of an axis's valve, as the next */
     DESCRIBED_OVER_PRESSURE,
-    DESCRIBED_STALE,    /* no command for the time-out */
+    DESCRIBED_STALE,    /* command time-out */
     DESCRIBED_LIMIT,    /* beyond a position limit */
     DESCRIBED_OVERFLOW, /* frames were lost */
     DESCRIBED_CHANNEL_SATURATED,
     DESCRIBED_INERTIAL_SENSOR,
-    DESCRIBED_STOPPED, /* an emergency stop of the host, until faults are cleared */
+    DESCRIBED_STOPPED, /* emergency stop by the host, until faults are cleared */
     DESCRIBED_FAULT_KINDS,
     /* These open the bridge */
     DESCRIBED_FATAL = ((1 << DESCRIBED_STALE) - 1) | 1 << DESCRIBED_STOPPED,
 };
 
-/* "under-voltage", ... by enum described_fault; NULL from there on */
+/* "under-voltage", ... by enum described_fault, then NULL */
 extern const char *const described_fault_names[32];
 
-/* How the byte of a checksum comes of the other bytes of the data, in their order. */
+/* Checksum over the other data bytes, in order. */
 enum described_checksum {
     DESCRIBED_NO_CHECKSUM,
     DESCRIBED_XOR,            /* exclusive or */
-    DESCRIBED_CRC8_SAE_J1850, /* polynomial 0x1d, begins with 0xff, inverted at the end */
+    DESCRIBED_CRC8_SAE_J1850, /* polynomial 0x1d, initial value 0xff, inverted at the end */
 };
 
 struct described_field {
     enum described_meaning meaning;
-    /* Place in the data: the first of the eight bytes that it is within, and how many of their bits
-     * are below it; in_id: how many bits of the identifier are below it */
-    uint8_t byte, shift, end;     /* end: the bytes up to its last one */
-    bool in_id, big_endian, real; /* real: the bits of a float */
-    uint64_t mask, sign;          /* of its count; sign: the bit that has it, or 0 */
-    uint8_t axis;                 /* of the board, where a frame tells of several */
-    int64_t low, high;            /* counts that it holds */
-    int64_t constant; /* count of DESCRIBED_CONSTANT; field of the request of DESCRIBED_ECHO */
+    /* Place in the data: `byte` is the first of eight bytes that contain the field, `shift` the
+     * number of their bits below it. With in_id, shift is the number of identifier bits below it */
+    uint8_t byte, shift, end;     /* end: number of bytes up to its last one */
+    bool in_id, big_endian, real; /* real: a float */
+    uint64_t mask, sign;          /* mask of the count; sign bit, or 0 */
+    uint8_t axis;                 /* axis of the board, if a frame reports several */
+    int64_t low, high;            /* range of the count */
+    int64_t constant; /* DESCRIBED_CONSTANT: count; DESCRIBED_ECHO: field of the request */
     double scale, offset;
-    double host; /* what our host sends where it has nothing better */
+    double host; /* default that our host sends */
 };
 
 struct described_frame {
     const char *name;
     bool from_host, remote;
-    bool or_empty; /* of a remote frame: one without data does too */
+    bool or_empty; /* remote: also a frame without data */
     uint8_t flags; /* FRAME_EXTENDED, FRAME_FD, FRAME_BRS, FRAME_REMOTE (canbus/frame.h) */
     unsigned of;   /* enum described_kind */
     enum described_by by;
     uint32_t base, step;
-    uint32_t mask;  /* bits of the identifier that its fields fill, constant ones aside */
-    uint8_t most;   /* number */
-    uint8_t length; /* without repetition */
-    uint8_t shortest, longest; /* that a board takes; missing fields are 0, further bytes ignored */
+    uint32_t mask;             /* identifier bits that hold fields, without constants */
+    uint8_t most;              /* largest number */
+    uint8_t length;            /* length without repetitions */
+    uint8_t shortest, longest; /* lengths that a board accepts; missing fields are 0, extra bytes
+                                * ignored */
     uint8_t repeats;
-    size_t nfield, ndata;          /* in all, of the data */
-    const struct field *layout;    /* of the data; with gaps as padding, ends with FIELD_END */
-    const struct field *id_layout; /* of the identifier, from bit 0 on, 32 bits; NULL: no fields */
-    struct described_field *field; /* those of layout, then of id_layout, without padding */
-    int8_t first[DESCRIBED_MEANINGS];   /* the first field of each meaning; -1: none */
-    uint8_t read[DESCRIBED_FIELDS_MAX]; /* fields that a host reads, in the order in which it does:
-                                         * torques and rates before the angles made of them */
+    size_t nfield, ndata;               /* all fields, fields in the data */
+    const struct field *layout;         /* fields of the data, with padding; ends with FIELD_END */
+    const struct field *id_layout;      /* fields of the identifier, from bit 0 up, 32 bits; NULL =
+                                    * none */
+    struct described_field *field;      /* fields of layout, then of id_layout, without padding */
+    int8_t first[DESCRIBED_MEANINGS];   /* first field of each meaning; -1 = none */
+    uint8_t read[DESCRIBED_FIELDS_MAX]; /* fields that a host reads, in order: torques and rates
+                                         * before the angles computed from them */
     uint8_t nread;
-    int counter;       /* index of the field that counts frames; -1: none */
-    uint8_t nconstant; /* fields that are constant */
+    int counter;       /* index of the counter field; -1 = none */
+    uint8_t nconstant; /* number of constant fields */
     bool switches;     /* changes states, laws or faults */
     bool configures;   /* sets settings, parameters or the position */
     bool checked;      /* names states, laws, parameters or a period */
     enum described_checksum checksum;
-    uint8_t checksum_byte; /* where it is in the data */
+    uint8_t checksum_byte; /* its index in the data */
 
     /* From boards */
-    int64_t period_ns;  /* 0: as below */
-    unsigned spread_ms; /* of the period's grid: that many times the number later */
-    bool telemetry;     /* every telemetry period, of the rig or the host */
-    bool on_change;     /* also when the state or the faults change */
+    int64_t period_ns;  /* 0 = see the fields below */
+    unsigned spread_ms; /* delay after the period's grid: spread_ms times the number */
+    bool telemetry;     /* sent every telemetry period of the rig or the host */
+    bool on_change;     /* also sent when state or faults change */
     bool on_restart;
 
     /* From the host */
-    int reply[3];  /* by kind of board: the frame that answers; -1: none */
-    int enter;     /* state; -1: none */
-    bool zero;     /* the present position becomes 0 */
-    bool stop;     /* an emergency stop */
+    int reply[3];  /* answering frame by kind of board; -1 = none */
+    int enter;     /* state to enter; -1 = none */
+    bool zero;     /* sets the present position to 0 */
+    bool stop;     /* emergency stop */
     bool clear;    /* clears faults */
-    bool restart;  /* the board restarts */
-    bool commands; /* carries a set-point, which the time-out waits for */
-    bool of_one;   /* by slot, or by a field that selects: all fields are about one axis */
+    bool restart;  /* restarts the board */
+    bool commands; /* carries a set point, which resets the time-out */
+    bool of_one;   /* by slot, or with a selecting field: all fields belong to one axis */
 };
 
 struct described_state {
-    struct yaml_mark mark; /* in the file */
+    struct yaml_mark mark; /* place in the file */
     const char *name;
-    int64_t value, result; /* result: a second number of it, which a field may tell */
+    int64_t value, result; /* result: a second value of the state, which a field may report */
     enum described_law law;
     double set_point_scale;
 };
 
-/* Parameter that a host reads, or writes where it is a setting, by a number. */
+/* A parameter that a host reads by its number, and writes if it is a setting. */
 struct described_parameter {
     uint32_t number;
     struct described_field field;
 };
 
-/* Gains of the inner laws. */
+/* Gains of the inner loops. */
 struct described_gains {
     double position_per_s, velocity_nm_s_rad, velocity_nm_rad;
 };
@@ -275,7 +277,7 @@ struct described_list {
     uint8_t frame[DESCRIBED_LIST_MAX];
 };
 
-/* Frames that boards of a kind send by themselves, in the order of the file. */
+/* Frames that a kind of board sends without request, in the order of the file. */
 struct described_schedule {
     size_t count;
     uint8_t frame[DESCRIBED_FRAMES_MAX];
@@ -283,34 +285,36 @@ struct described_schedule {
 
 struct described_protocol {
     const char *name, *description;
-    unsigned axes; /* of a motor board at most */
+    unsigned axes; /* most axes of a motor board */
     unsigned address_max;
     size_t nframe, nstate, nlaw;
     struct described_frame frame[DESCRIBED_FRAMES_MAX];
-    const struct described_state *state, *law; /* law: that a host may select; the first at first */
-    int off_state, fault_state;                /* after power-up; after a fault */
-    int fault_bit[DESCRIBED_FAULT_KINDS];      /* -1: not reported */
-    int64_t command_timeout_ns;                /* 0: as the rig says; -1: none */
-    int timeout_state;                         /* -1: set-points become 0, the state stays */
-    bool clears;                               /* only frames clear faults, not the state off */
-    bool period_settable;                      /* telemetry waits for a host that sets its period */
-    bool tells[DESCRIBED_MEANINGS];            /* some frame of the boards has it */
+    const struct described_state *state, *law; /* law: selectable by the host; the first is the
+                                                * default */
+    int off_state, fault_state;                /* states after power-up and after a fault */
+    int fault_bit[DESCRIBED_FAULT_KINDS];      /* -1 = not reported */
+    int64_t command_timeout_ns;                /* 0 = the rig's; -1 = none */
+    int timeout_state;                         /* -1 = set points become 0, the state stays */
+    bool clears;                               /* only frames clear faults, the state off does
+                                                * not */
+    bool period_settable;                      /* no telemetry before the host sets a period */
+    bool tells[DESCRIBED_MEANINGS];            /* some frame of the boards reports this meaning */
     struct described_gains gains;
     size_t nparameter;
     struct described_parameter parameter[DESCRIBED_PARAMETERS_MAX];
 
-    /* Frames, a bit each: of an identifier of 11 bits, of all with 29, and those from the host */
+    /* Bit masks of frames: by 11-bit identifier, all with 29 bits, all from the host */
     uint64_t rows[DESCRIBED_STANDARD_ID_MAX + 1], extended_rows, host_rows;
     struct described_schedule telemetry[3], other[3]; /* by kind of board */
 
     struct {
         struct described_list discover, configure, on, off, command;
         int on_state, off_state;
-        enum described_law law; /* of on_state, with the law that it selects */
+        enum described_law law; /* law of on_state, as the host selects it */
     } host;
 };
 
-/* Returns the law of a state with that law selected. */
+/* Returns the law of a state when the host has selected `law`. */
 static inline enum described_law described_state_law(const struct described_protocol *protocol,
                                                      int state, int law)
 {
@@ -319,27 +323,27 @@ static inline enum described_law described_state_law(const struct described_prot
     return of == DESCRIBED_SELECTED ? protocol->law[law].law : of;
 }
 
-/* Reads a file; errors begin with file:line:column. Not RT-safe. */
+/* Reads a protocol file. Errors begin with file:line:column. Not RT-safe. */
 enum error_code described_load(const char *path, struct arena *arena,
                                const struct described_protocol **protocol, struct error *error);
 
-/* Reads a file's text from memory; name stands for the file. Not RT-safe. */
+/* Reads a protocol file from memory; `name` appears in errors. Not RT-safe. */
 enum error_code described_read_text(const char *name, const char *text, size_t size,
                                     struct arena *arena, const struct described_protocol **protocol,
                                     struct error *error);
 
-/* Returns the unit of a meaning; "" = a bare number. */
+/* Returns the unit of a meaning; "" = dimensionless. */
 const char *described_unit(enum described_meaning meaning);
 
-/* Convert bits that a host reads as faults to bits of enum described_fault, and back. */
+/* Convert fault bits of the protocol to bits of enum described_fault, and back. */
 uint32_t described_known_faults(const struct described_protocol *protocol, int64_t bits);
 int64_t described_fault_bits(const struct described_protocol *protocol, uint32_t faults);
 
-/* Returns the count of a field for a value, within the field; of a float its bits. A value that
- * is no number gives 0. */
+/* Returns the count of a field for a value, clamped to the field; for a float its bits. A NaN gives
+ * 0. */
 int64_t described_count(const struct described_field *field, double value);
 
-/* Returns the value of the bits of a float; 0 when they are no number. */
+/* Returns the value of a float's bits; 0 when it is not finite. */
 double described_real(uint32_t bits);
 
 static inline double described_value(const struct described_field *field, int64_t count)
@@ -349,13 +353,13 @@ static inline double described_value(const struct described_field *field, int64_
     return scaled * field->scale + field->offset;
 }
 
-/* Returns the bits of a count that a field holds: it wraps where others saturate. */
+/* Returns a count in the bits of a field. It wraps around instead of saturating. */
 static inline int64_t described_wrap(const struct described_field *field, uint32_t count)
 {
     return (int64_t)(count & field->mask);
 }
 
-/* Returns the name, type and unit of a field, padding not counted. */
+/* Returns the name, type and unit of a field; padding is not counted. */
 const struct field *described_layout(const struct described_frame *frame, size_t field);
 
 /* Returns the index of a field with a meaning; -1 = none. */
@@ -365,7 +369,7 @@ static inline int described_find_field(const struct described_frame *frame,
     return frame->first[meaning];
 }
 
-/* Returns the length of a frame with so many repetitions. */
+/* Returns the length of a frame with `parts` repetitions. */
 static inline uint8_t described_length(const struct described_frame *frame, unsigned parts)
 {
     unsigned bytes = frame->length * parts;
@@ -373,14 +377,14 @@ static inline uint8_t described_length(const struct described_frame *frame, unsi
     return frame->flags & FRAME_FD ? frame_fd_length(bytes) : (uint8_t)bytes;
 }
 
-/* Returns the identifier of a frame with a number; bits of fields in it are 0. */
+/* Returns the identifier of a frame with a number; its field bits are 0. */
 static inline uint32_t described_id(const struct described_frame *frame, unsigned number)
 {
     return frame->base + frame->step * number;
 }
 
-/* Returns the frames from the host, or from boards, that an identifier may be of, a bit each:
- * described_number tells which it is. */
+/* Returns the frames, as a bit mask, that may have an identifier, from the host or from boards.
+ * described_number makes the final check. */
 static inline uint64_t described_rows(const struct described_protocol *protocol,
                                       const struct bus_frame *frame, bool from_host)
 {
@@ -391,7 +395,7 @@ static inline uint64_t described_rows(const struct described_protocol *protocol,
     return rows & (from_host ? protocol->host_rows : ~protocol->host_rows);
 }
 
-/* Returns whether an identifier, of 29 bits when extended, belongs to a frame, and its number. */
+/* Returns whether an identifier (29 bits if extended) belongs to a frame, and stores its number. */
 static inline bool described_number(const struct described_frame *frame, uint32_t id, bool extended,
                                     unsigned *number)
 {
@@ -411,10 +415,10 @@ static inline bool described_number(const struct described_frame *frame, uint32_
 
 /* ---- fields ---- */
 
-enum { DESCRIBED_WINDOW = 8 }; /* bytes that are read and written at once: a field is within them */
+enum { DESCRIBED_WINDOW = 8 }; /* bytes read and written at once; a field lies within them */
 
-/* Returns the first byte of the window of a field that lies `after` bytes behind its place, and in
- * *shift the bits of the window behind it. */
+/* Returns the first byte of a field's window, moved by `after` bytes, and in *shift the window's
+ * bits behind the field. */
 static inline unsigned described_window(const struct described_field *field, unsigned after,
                                         unsigned *shift)
 {
@@ -428,7 +432,7 @@ static inline unsigned described_window(const struct described_field *field, uns
     return first;
 }
 
-/* Returns the window at a byte, in the order of a field. */
+/* Loads the window at a byte, in the byte order of a field. */
 static inline uint64_t described_load_window(const struct described_field *field,
                                              const uint8_t *byte)
 {
@@ -438,7 +442,7 @@ static inline uint64_t described_load_window(const struct described_field *field
     return field->big_endian ? be64toh(bits) : le64toh(bits);
 }
 
-/* Returns the count of a field of a frame, `after` bytes behind its place; 0 beyond its end. */
+/* Returns the count of a field, moved by `after` bytes; 0 beyond the frame's end. */
 static inline int64_t described_get(const struct described_field *field,
                                     const struct bus_frame *sent, unsigned after)
 {
@@ -457,8 +461,8 @@ static inline int64_t described_get(const struct described_field *field,
     return (int64_t)(((bits & field->mask) ^ field->sign) - field->sign);
 }
 
-/* Writes a count, held within the field, into data, which has DESCRIBED_LENGTH_MAX bytes and zeros
- * in its place, or into the identifier. */
+/* Writes a count, clamped to the field, into data or the identifier. data has DESCRIBED_LENGTH_MAX
+ * bytes, with zeros at the place of the field. */
 static inline void described_put(const struct described_field *field, int64_t count, unsigned after,
                                  uint8_t *data, uint32_t *id)
 {
@@ -478,48 +482,47 @@ static inline void described_put(const struct described_field *field, int64_t co
     memcpy(data + first, &bits, sizeof bits);
 }
 
-/* Closes the data of a frame with its checksum, if it has one. */
+/* Writes the checksum of a frame, if it has one. */
 void described_close(const struct described_frame *frame, uint8_t *data);
 
-/* Writes the counts of all fields into data, which holds DESCRIBED_LENGTH_MAX and is zero before,
- * as its repetition part, closes it with the checksum and returns the identifier. */
+/* Writes the counts of all fields as repetition `part` into data, then the checksum. data has
+ * DESCRIBED_LENGTH_MAX bytes, initially 0. Returns the identifier. */
 uint32_t described_encode(const struct described_frame *frame, unsigned number, unsigned part,
                           const int64_t *counts, uint8_t *data);
 
-/* Reads the counts of all fields of the repetition part; fields beyond the frame's end are 0. */
+/* Reads the counts of all fields of repetition `part`; fields beyond the frame's end are 0. */
 void described_decode(const struct described_frame *frame, const struct bus_frame *sent,
                       unsigned part, int64_t *counts);
 
-/* Returns a checksum of length bytes, the one at the index skip left out. */
+/* Returns the checksum of length bytes, without the byte at index skip. */
 uint8_t described_checksum(enum described_checksum checksum, const uint8_t *data, size_t length,
                            size_t skip);
 
 /* Returns the name of a checksum in DBC and pages; "" = none. */
 const char *described_checksum_name(enum described_checksum checksum);
 
-/* Returns whether a receiver tells frames of two rows of one protocol with one identifier apart:
- * by direction and remote flag, by length, or because not all of b match the constants of a,
- * which comes first in the file. Two rows from opposite sides are told apart only by the remote
- * flag. */
+/* Returns whether a receiver can distinguish frames of two rows with the same identifier: by
+ * direction and remote flag, by length, or by constants of a that b does not match. Row a comes
+ * first in the file. Rows from opposite sides differ only by the remote flag. */
 bool described_told_apart(const struct described_frame *a, const struct described_frame *b);
 
-/* Result of matching a frame on the bus with a row. */
+/* Result of comparing a frame with a row. */
 enum described_match {
-    DESCRIBED_BAD_LENGTH, /* or the wrong format of CAN */
+    DESCRIBED_BAD_LENGTH, /* wrong length, or wrong format of CAN */
     DESCRIBED_BAD_CONSTANT,
     DESCRIBED_BAD_CHECKSUM,
     DESCRIBED_IS
 };
 
-/* Returns whether the fields of the repetition part that are constant have their values. */
+/* Returns whether the constant fields of repetition `part` have their values. */
 bool described_has_constants(const struct described_frame *frame, const struct bus_frame *sent,
                              unsigned part);
 
-/* Compares all but the fixed part of the identifier. */
+/* Compares everything except the fixed part of the identifier. */
 enum described_match described_match_frame(const struct described_frame *frame,
                                            const struct bus_frame *sent);
 
-/* Returns the state with a value, one that a host may command when commanded; -1 = none. */
+/* Returns the state with a value, with `commanded` only one that a host may command; -1 = none. */
 int described_find_state(const struct described_state *state, size_t count, int64_t value,
                          bool commanded);
 

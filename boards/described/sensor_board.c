@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Force-torque and inertial boards of a described protocol: channels, each in its unit. A
- * channel without a reading keeps its value, and a fault reports it. */
+/* Force-torque and inertial boards of a described protocol: channels in their units. A channel
+ * without a reading keeps its value and reports a fault. */
 #include "boards/described/private.h"
 #include "boards/sensing/inertial.h"
 
@@ -27,8 +27,8 @@ static void described_sensor_note(struct described_node *node, bool bad, enum de
                            (uint32_t)node->board.lost_in_status << DESCRIBED_OVERFLOW;
 }
 
-/* Takes a force or a moment, within its full scale, and its peak within the tick, which saturates
- * the channel too; bad: no reading. */
+/* Stores a force or a moment, saturated to its full scale. A peak within the tick saturates it too;
+ * bad: no reading. */
 static void described_ft_convert(struct described_node *node, int channel, double value,
                                  double peak, bool *bad)
 {
@@ -62,7 +62,7 @@ static void described_ft_sample(struct board *board, const struct plant_sensors 
     described_sensor_note(node, bad, DESCRIBED_TORQUE_SENSOR);
 }
 
-/* Takes count values in channels from first on; bad: no reading. */
+/* Stores `count` values in channels from `first` on; bad: no reading. */
 static void described_inertial_convert(struct described_node *node, enum described_meaning first,
                                        int count, const double *value, bool *bad)
 {

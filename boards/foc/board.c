@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The control laws of a 2FOC board; see the header for what each computes. */
+/* The control laws of a 2FOC board; boards/foc/private.h describes them. */
 #include "boards/foc/private.h"
 
 #include "base/array.h"
@@ -9,7 +9,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Sets the integer gains as they are on the bus; half of ki is used. */
+/* Sets the integer gains in the scale of the bus. Half of ki is used. */
 static void foc_law_set(struct foc_law *law, int64_t kp, int64_t ki, int64_t shift)
 {
     law->kp = kp;
@@ -17,8 +17,8 @@ static void foc_law_set(struct foc_law *law, int64_t kp, int64_t ki, int64_t shi
     law->shift = shift;
 }
 
-/* Sets one gain (enum foc_law_gain) from a float; false when there is no such gain or it is too
- * large. Both become mantissas of 15 bits with one common shift, as large as they allow. */
+/* Sets one gain (enum foc_law_gain) from a float. Returns false for an unknown gain or one that is
+ * too large. All gains share the largest shift at which their mantissas fit into 15 bits. */
 static bool foc_law_set_gain(struct foc_law *law, unsigned which, double value)
 {
     double gain[FOC_LAW_GAINS] = {law->gain[FOC_LAW_KP], law->gain[FOC_LAW_KI]};
@@ -37,8 +37,8 @@ static bool foc_law_set_gain(struct foc_law *law, unsigned which, double value)
     return true;
 }
 
-/* Adds a step of a law to a voltage v, which stays within +-most Vq; before: the error of the step
- * before. Returns Vq. */
+/* Adds one step of a law to a voltage v, limited to +-most Vq. before: the error of the last step.
+ * Returns Vq. */
 static int64_t foc_law_add(const struct foc_law *law, int64_t *v, int64_t *before, int64_t error,
                            int64_t most)
 {
@@ -55,7 +55,7 @@ static int64_t foc_law_step(struct foc_law *law, int64_t error)
     return foc_law_add(law, &law->v, &law->error, error, FOC_VQ_MAX);
 }
 
-/* Returns what the limiter of the current leaves of a voltage, Vq. */
+/* Returns a voltage after the current limiter, Vq. */
 static int64_t foc_limiter_step(struct foc_board *foc, int64_t vq, int64_t current_ma)
 {
     struct foc_limiter *limiter = &foc->limiter;
@@ -94,7 +94,7 @@ static int64_t foc_position_step(struct foc_position_law *law, double error)
     return vq;
 }
 
-/* The settings of a 2FOC board: gains of its laws as floats, limits of the current. */
+/* The settings of a 2FOC board: gains of its laws as floats, current limits. */
 
 enum kind { LAW_CURRENT, LAW_SPEED, LAW_POSITION, NOMINAL_CURRENT, PEAK_CURRENT };
 
@@ -186,7 +186,7 @@ static bool foc_is_control_mode(int64_t mode)
            mode == ICUB_MODE_POSITION;
 }
 
-/* Reset the references; the second enters a mode, or the present one again. */
+/* Reset the references; the second function also sets the mode, even if unchanged. */
 static void foc_board_forget_references(struct foc_board *foc)
 {
     foc->target = foc->speed_ma = 0;
@@ -197,7 +197,7 @@ static void foc_board_forget_references(struct foc_board *foc)
     foc->start = foc->position;
 }
 
-/* Reset the references; the second enters a mode, or the present one again. */
+/* Resets the references and sets the mode, even if unchanged. */
 static void foc_board_set_mode(struct board *board, uint8_t mode)
 {
     struct foc_board *foc = foc_board_of(board);
@@ -212,7 +212,7 @@ static void foc_board_set_mode(struct board *board, uint8_t mode)
     foc->target_ns = board->boards->now_ns;
 }
 
-/* Obeys SET_CONTROL_MODE. Returns false when there is no such mode. */
+/* Obeys SET_CONTROL_MODE. Returns false for an unknown mode. */
 static bool foc_board_command_mode(struct board *board, int64_t mode)
 {
     struct foc_board *foc = foc_board_of(board);
@@ -285,7 +285,7 @@ static bool foc_board_command_pid(struct foc_board *foc, const struct bus_frame 
         foc->position_law.gain[which] = (double)value;
         return true;
     case FOC_LOOP_CURRENT:
-        /* The other parameters have no use in a PI law with fixed limits */
+        /* The other parameters have no meaning in a PI law with fixed limits */
         foc->current_set = true;
         return which > FOC_PID_KI ||
                foc_law_set_gain(&foc->current, which - FOC_PID_KP, (double)value);
@@ -315,7 +315,7 @@ static bool foc_board_command_limit(struct foc_board *foc, const struct bus_fram
     return true;
 }
 
-/* Obeys SET_MOTOR_CONFIG: which sensors the motor has, resolution, poles. */
+/* Obeys SET_MOTOR_CONFIG: the motor's sensors, resolution, poles. */
 static void foc_board_configure_motor(struct foc_board *foc, const struct bus_frame *frame,
                                       const int64_t *request)
 {
@@ -335,7 +335,7 @@ static void foc_board_configure_motor(struct foc_board *foc, const struct bus_fr
     }
 }
 
-/* Obeys a command that configures. Returns false when it is refused. */
+/* Obeys a configuration command. Returns false when it is refused. */
 static bool foc_board_configure(struct foc_board *foc, const struct bus_frame *frame,
                                 const int64_t *request)
 {
@@ -359,14 +359,14 @@ static bool foc_board_configure(struct foc_board *foc, const struct bus_frame *f
         }
         foc->motor_parameter[request[0]] = foc_get_float(frame->data + 2);
         return true;
-    case ICUB_SET_I2T: /* the limits of the current set it here */
+    case ICUB_SET_I2T: /* here set by the current limits */
         return true;
     default:
         return false;
     }
 }
 
-/* Takes a target in the units of the mode, within its limits. */
+/* Sets the target in the units of the mode, limited to its range. */
 static void foc_board_set_target(struct foc_board *foc, int64_t target)
 {
     switch (foc->axis.mode) {
@@ -385,7 +385,7 @@ static void foc_board_set_target(struct foc_board *foc, int64_t target)
     }
 }
 
-/* Answers a command that asks; returns false when it is not one of them. */
+/* Answers a query. Returns false for any other command. */
 static bool foc_board_answer(struct board *board, unsigned code, const int64_t *request,
                              int64_t *reply)
 {
@@ -417,7 +417,7 @@ static bool foc_board_answer(struct board *board, unsigned code, const int64_t *
     }
 }
 
-/* Enters idle when all that configures has come. */
+/* Enters idle when the configuration is complete. */
 static void foc_board_idle_when_configured(struct board *board)
 {
     struct foc_board *foc = foc_board_of(board);
@@ -425,11 +425,12 @@ static void foc_board_idle_when_configured(struct board *board)
     if (foc->axis.mode == ICUB_MODE_NOT_CONFIGURED && foc->compatible && foc->motor_set &&
         foc->current_set && foc->peak_ma != 0) {
         foc_board_set_mode(board, ICUB_MODE_IDLE);
-        foc->answers += foc->answers < FOC_ANSWERS_MAX; /* reports it unasked, once */
+        foc->answers += foc->answers < FOC_ANSWERS_MAX; /* reports the change once without a
+                                                         * request */
     }
 }
 
-/* Obeys a command, takes DESIRED_TARGETS; see struct icub_board_ops. */
+/* Obeys a command (struct icub_board_ops). */
 static bool foc_board_command(struct icub_board *icub, const struct bus_frame *frame,
                               const int64_t *request, int64_t *reply, bool *answer)
 {
@@ -438,14 +439,14 @@ static bool foc_board_command(struct icub_board *icub, const struct bus_frame *f
     unsigned code = frame->data[0];
     bool obeyed;
 
-    /* What is answered in any mode */
+    /* Queries, answered in any mode */
     (void)answer;
     if (foc_board_answer(board, code, request, reply)) {
         foc_board_idle_when_configured(board);
         return true;
     }
 
-    /* What changes the board or its axis */
+    /* Commands that change the board or its axis */
     if (code == ICUB_SET_BOARD_ID) {
         return !foc_runs(foc->axis.mode) && board_set_address(board, (uint8_t)request[0]);
     }
@@ -456,7 +457,8 @@ static bool foc_board_command(struct icub_board *icub, const struct bus_frame *f
     switch (code) {
     case FOC_SET_CONTROL_MODE:
         return foc_board_command_mode(board, request[0]);
-    case ICUB_SET_OPEN_LOOP: /* targets as DESIRED_TARGETS brings them, in their mode only */
+    case ICUB_SET_OPEN_LOOP: /* sets the target as DESIRED_TARGETS does, only in the matching
+                              * mode */
         obeyed = foc->axis.mode == ICUB_MODE_OPEN_LOOP;
         break;
     case ICUB_SET_DESIRED_VELOCITY:
@@ -475,8 +477,8 @@ static bool foc_board_command(struct icub_board *icub, const struct bus_frame *f
     return obeyed;
 }
 
-/* Obeys DESIRED_TARGETS. Any such frame feeds the watchdog; one too short for this board's
- * target gets no answer. */
+/* Obeys DESIRED_TARGETS. Any such frame resets the watchdog. A frame without this board's target
+ * gets no answer. */
 static bool foc_board_targets(struct icub_board *icub, const struct bus_frame *frame)
 {
     struct board *board = &icub->board;
@@ -496,8 +498,8 @@ static bool foc_board_targets(struct icub_board *icub, const struct bus_frame *f
 }
 
 /*
- * A 2FOC board: one motor, one answer to each DESIRED_TARGETS. Its modes, gates and faults are
- * those of the firmware, its control laws those of boards/foc/private.h.
+ * A 2FOC board: one motor, one answer to each DESIRED_TARGETS. Its modes, checks and faults follow
+ * the firmware; its control laws are in boards/foc/private.h.
  */
 
 /* Latches faults, with an event for new ones, and enters hardware fault. */
@@ -523,7 +525,7 @@ static void foc_board_power_up(struct board *board)
     const struct foc_board fresh = {
         .icub = foc->icub,
         .axis.mode = ICUB_MODE_NOT_CONFIGURED,
-        .speed = {.kp = 0x0c, .ki = 0x08, .shift = 0x0a}, /* the firmware's */
+        .speed = {.kp = 0x0c, .ki = 0x08, .shift = 0x0a}, /* the firmware's gains */
         .target_ns = board->boards->now_ns,
         .status_ms = INT64_MIN / 2,
     };
@@ -536,8 +538,8 @@ static void foc_board_power_up(struct board *board)
 
 /* ---- sensors ---- */
 
-/* Takes the sensors (struct board_ops). The rotor encoder becomes icubdeg; its speed is a running
- * mean over milliseconds. Without a number the values before stay. */
+/* Samples the sensors (struct board_ops). Converts the rotor encoder to icubdeg; the speed is a
+ * running mean over milliseconds. A reading that is not finite keeps its old value. */
 static void foc_board_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct foc_board *foc = foc_board_of(board);
@@ -555,7 +557,7 @@ static void foc_board_sample(struct board *board, const struct plant_sensors *se
                      &position);
     control_quantize(floor((double)axis->motor_ticks / ticks_per_rev), &turn);
 
-    /* The encoder is calibrated when its index has gone by, once a revolution */
+    /* The encoder is calibrated after its index pulse, once a revolution */
     if (!foc->started) {
         foc->position_before = foc->start = position;
         foc->started = true;
@@ -583,8 +585,8 @@ static int64_t foc_board_current_ma(const struct foc_board *foc)
 
 /* ---- faults ---- */
 
-/* Steps the I2t law of the firmware, once a millisecond: at the peak current an axis trips after
- * 10.24 s. */
+/* Steps the firmware's I2t law once a millisecond. At the peak current an axis trips after 10.24
+ * s. */
 static void foc_board_watch_i2t(struct board *board)
 {
     struct foc_board *foc = foc_board_of(board);
@@ -611,7 +613,7 @@ static void foc_board_watch_faults(struct board *board)
         return;
     }
 
-    /* The host: DESIRED_TARGETS must come */
+    /* Has the host sent DESIRED_TARGETS in time? */
     if (board->boards->now_ns - foc->target_ns > (int64_t)FOC_TARGET_TIMEOUT_MS * MS) {
         board->boards->counters.timeouts++;
         board_event(board, BOARD_EVENT_TIMEOUT, 0, foc->axis.mode, 0);
@@ -730,7 +732,7 @@ static uint32_t foc_board_can_faults(const struct board *board)
            (can->tec >= BOARD_CAN_PASSIVE ? FOC_FAULT_CAN_TX_PASSIVE : 0);
 }
 
-/* Latches those bits that stay until the faults are cleared. */
+/* Latches the bits that remain until the faults are cleared. */
 static void foc_board_latch_can_faults(struct foc_board *foc, uint32_t now)
 {
     foc->faults |=
@@ -748,13 +750,13 @@ static void foc_board_transmit(struct board *board, struct ms_span span, struct 
     int64_t period_ms = board->config.status_period_ns / MS;
     int64_t additional_ms = foc_additional_status_ms(board->address);
 
-    /* Frames that were lost, and errors of the CAN controller */
+    /* Lost frames and errors of the CAN controller */
     if (board->lost_in_status) {
         foc->faults |= FOC_FAULT_CAN_OVERRUN;
         board->lost_in_status = board->lost_in_overflow = false;
     }
     foc_board_latch_can_faults(foc, can);
-    /* An answer to each DESIRED_TARGETS, STATUS no more often than the rig says */
+    /* Answer each DESIRED_TARGETS; send STATUS at the rig's rate */
     for (; foc->answers > 0; foc->answers--) {
         foc_board_send_frame(
             board, sink, FOC_FEEDBACK,

@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The control laws of a 2FOC board, in the integers of its firmware; and the state of the board.
- * Units are the protocol's. RT-safe.
+ * The control laws and the state of a 2FOC board, in the integers of its firmware. Units are those
+ * of the protocol. RT-safe.
  *
- * One difference to the firmware: its inner loops run at 20 to 40 kHz, these once a millisecond,
- * which is as fine as the plant's voltage is. Gains of the current loop must be chosen for that.
- * Let a = exp(-1 ms R / L); a motor at rest has its pole at 1 - g when, for the winding R at the
- * supply U, kp + ki/2 = g R / ((1 - a) U), in thousandths of the supply a mA, and (kp - ki/2) / (kp
- * + ki/2) = a. Above g = 1 it rings, from 2 on it is unstable. Without feed-forward of the back-EMF
- * a motor that speeds up keeps an error of current.
+ * One difference from the firmware: its inner loops run at 20 to 40 kHz, ours once a millisecond,
+ * the resolution of the plant's voltage. The gains of the current loop must suit this rate. Let a =
+ * exp(-1 ms R / L) for a winding R at the supply U. A motor at rest then has its pole at 1 - g when
+ * (kp - ki/2) / (kp + ki/2) = a and kp + ki/2 = g R / ((1 - a) U), in thousandths of the supply per
+ * mA. Above g = 1 the loop rings; from g = 2 it is unstable. Without back-EMF feed-forward, an
+ * accelerating motor has a constant current error.
  *
- * Vq, the voltage, is in thousandths of the supply, at most 950, as the firmware's PWM has it.
+ * The voltage Vq is in thousandths of the supply, at most 950 as in the firmware's PWM.
  */
 #ifndef BOARDS_FOC_PRIVATE_H
 #define BOARDS_FOC_PRIVATE_H
@@ -18,49 +18,50 @@
 #include "boards/foc/table.h"
 #include "boards/icub/board.h"
 
-enum { FOC_VQ_MAX = 950, FOC_VQ_SHIFT = 5 /* between Vq and the +-32000 of the bus */ };
+enum { FOC_VQ_MAX = 950, FOC_VQ_SHIFT = 5 /* shift between Vq and the +-32000 of the bus */ };
 
 enum foc_law_gain { FOC_LAW_KP, FOC_LAW_KI, FOC_LAW_GAINS };
 
-/* An incremental PI law: v += kp (e - e') + ki (e + e'), kp and ki shifted left. */
+/* An incremental PI law: v += kp (e - e') + ki (e + e'), with kp and ki scaled by a left shift. */
 struct foc_law {
     int64_t kp, ki, shift;
-    double gain[FOC_LAW_GAINS]; /* as they were set, whichever way */
+    double gain[FOC_LAW_GAINS]; /* gains as set by the host, from floats or integers */
     int64_t v, error;
 };
 
-/* The current limiter of the modes that end in a voltage: it adds what holds the current at its
- * peak. */
+/* The current limiter of the modes whose output is a voltage. It adds the voltage that holds the
+ * current at its peak. */
 struct foc_limiter {
-    int64_t side; /* +1 or -1 while it acts */
+    int64_t side; /* +1 or -1 while limiting */
     int64_t v, error;
 };
 
-/* A PID on floats: output +-32000. An output or integral limit of 0 counts as full scale. */
+/* A position PID in floating point, with output +-32000. An output or integral limit of 0 means
+ * full scale. */
 struct foc_position_law {
-    double gain[FOC_PID_STICTION_DOWN + 1]; /* by enum foc_pid_parameter */
+    double gain[FOC_PID_STICTION_DOWN + 1]; /* indexed by enum foc_pid_parameter */
     double integral, error;
 };
 
-enum { FOC_ANSWERS_MAX = 8 }; /* to DESIRED_TARGETS within a tick */
+enum { FOC_ANSWERS_MAX = 8 }; /* most answers to DESIRED_TARGETS in one tick */
 
 struct foc_board {
     struct icub_board icub;
     struct axis axis;
     uint32_t faults;
     uint8_t encoder; /* enum foc_encoder_state */
-    bool compatible; /* the host speaks our protocol */
+    bool compatible; /* the host has stated a compatible protocol */
     bool motor_set, current_set;
     uint8_t flags; /* enum foc_motor_flag */
     int64_t resolution, index_offset, poles, tolerance;
     int64_t nominal_ma, peak_ma, overload_ma;
-    int64_t temperature_limit; /* raw; 0 = none */
+    int64_t temperature_limit; /* raw counts; 0 = none */
     struct foc_law current, speed;
     struct foc_position_law position_law;
-    float motor_parameter[FOC_MOTOR_MAX_VELOCITY + 1]; /* kept for the host */
+    float motor_parameter[FOC_MOTOR_MAX_VELOCITY + 1]; /* stored for the host only */
 
-    int64_t target;   /* as last commanded for the present mode */
-    int64_t speed_ma; /* reference of the current loop in SPEED_CURRENT */
+    int64_t target;   /* last command in the present mode */
+    int64_t speed_ma; /* current reference in SPEED_CURRENT */
     struct foc_limiter limiter;
     int64_t vq;
     int32_t start; /* position when the mode began */
@@ -69,9 +70,9 @@ struct foc_board {
     int64_t target_ns;
 
     int32_t position, velocity; /* icubdeg, icubdeg/ms */
-    int32_t position_before;    /* a millisecond ago */
-    int32_t turn;               /* whole revolutions, to see the index go by */
-    int32_t temperature;        /* raw */
+    int32_t position_before;    /* position one millisecond ago */
+    int32_t turn;               /* whole revolutions, to detect the index pulse */
+    int32_t temperature;        /* raw counts */
     bool started;
 
     unsigned answers;

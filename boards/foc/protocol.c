@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The protocol of the 2FOC boards, foc, as a module: what differs from icub. */
+/* Protocol foc of the 2FOC boards as a module: the differences from icub. */
 #include "boards/foc/private.h"
 #include "boards/icub/messages.h"
 #include "boards/protocol_list.h"
@@ -92,14 +92,14 @@ static const struct board_axis_config *foc_find_axis(const struct boards_config 
     return NULL;
 }
 
-/* Describes a field: the axis or channel that it is about, and its unit (struct protocol). */
+/* Describes a field: its axis or channel, and its unit (struct protocol). */
 static void foc_describe_field(const struct boards_config *config, int bus,
                                const struct message_field *field, struct field_subject *subject)
 {
     const struct board_config *board = icub_message_board(config, field->message);
     double rotor;
 
-    /* A field of DESIRED_TARGETS is about an address, others about the board's own motor */
+    /* A field of DESIRED_TARGETS belongs to an address, other fields to the board's own motor */
     if (!board) {
         subject->axis = foc_find_axis(config, bus, field->index + 1);
     } else if (board->kind == BOARD_MOTOR && field->message->id >> 8 != ICUB_MANAGEMENT) {
@@ -107,7 +107,7 @@ static void foc_describe_field(const struct boards_config *config, int bus,
     }
     icub_describe_channel(config, field, subject);
 
-    /* Angles of the rotor as those of the joint */
+    /* Express rotor angles as joint angles */
     if (!subject->axis || !(subject->axis->gear > 0.0)) {
         return;
     }
@@ -123,10 +123,10 @@ static void foc_describe_field(const struct boards_config *config, int bus,
 
 /* ---- load ---- */
 
-/* Visits the frames that a board sends again and again (struct protocol). */
+/* Visits the periodic frames of a board (struct protocol). */
 static void foc_visit_board_load(struct load_walk *walk, const struct board_config *board)
 {
-    double period_s = load_period_s(walk, 0); /* of DESIRED_TARGETS */
+    double period_s = load_period_s(walk, 0); /* period of DESIRED_TARGETS */
 
     if (board->kind != BOARD_MOTOR) {
         icub_visit_sensor_load(walk, board);

@@ -1,31 +1,33 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The iCub CAN protocol, protocol foc (2FOC boards): one motor an address, targets and
- * telemetry every millisecond. Shared by the boards and by hosts; holds no behavior, so that all of
- * it is RT-safe. Identifiers, classes, modes, class 7 and the STRAIN boards beside them are those
- * of boards/icub/protocol.h; what differs is here. Numbers are little-endian.
+ * The iCub CAN protocol, protocol foc (2FOC boards): one motor per address, targets and telemetry
+ * every millisecond. Boards and hosts share it; it has no behavior and is RT-safe. Identifiers,
+ * classes, modes, class 7 and the STRAIN boards on the same bus are those of
+ * boards/icub/protocol.h; this file has the differences. Numbers are little-endian.
  *
- * The host sends DESIRED_TARGETS, four i16, one for each of the addresses 1 to 4; what a target
- * means is decided by the mode of the board that it is for:
+ * The host sends DESIRED_TARGETS: four i16, one for each of the addresses 1 to 4. The mode of the
+ * addressed board defines the meaning of its target:
  *
  *   mode (enum icub_mode)        target
  *   ICUB_MODE_OPEN_LOOP          voltage, +-32000 = +-100 % of the supply (applied up to 95 %)
  *   ICUB_MODE_CURRENT            mA
- *   ICUB_MODE_SPEED_VOLTAGE      icubdeg/ms; a velocity loop that ends in the voltage
- *   ICUB_MODE_SPEED_CURRENT      icubdeg/ms; a velocity loop that ends in the current
- *   ICUB_MODE_POSITION           icubdeg from where the motor was when the mode began
+ *   ICUB_MODE_SPEED_VOLTAGE      icubdeg/ms; a velocity loop whose output is the voltage
+ *   ICUB_MODE_SPEED_CURRENT      icubdeg/ms; a velocity loop whose output is the current
+ *   ICUB_MODE_POSITION           icubdeg from the motor's position when the mode began
  *
- * A board starts in ICUB_MODE_NOT_CONFIGURED, where only discovery, GET_FIRMWARE_VERSION and what
- * configures are obeyed. It becomes idle when it has had all of GET_FIRMWARE_VERSION with exactly
- * the protocol 1.6 (first: without it the others are refused), SET_MOTOR_CONFIG, SET_CURRENT_LIMIT
- * with a peak above 0 and SET_CURRENT_PID; no command is acknowledged, STATUS tells. From idle
- * SET_CONTROL_MODE reaches the modes above, from any of them any other or idle; set-points are 0
- * after each change.
+ * A board starts in ICUB_MODE_NOT_CONFIGURED. There it obeys only discovery, GET_FIRMWARE_VERSION
+ * and configuration commands. It becomes idle after it has received four commands:
+ * GET_FIRMWARE_VERSION with exactly the protocol 1.6, SET_MOTOR_CONFIG, SET_CURRENT_LIMIT with a
+ * peak above 0, and SET_CURRENT_PID. GET_FIRMWARE_VERSION must come first: without it the others
+ * are refused. No command is acknowledged; STATUS reports the mode. From idle, SET_CONTROL_MODE
+ * selects one of the modes above; from such a mode, another one or idle. Each change sets the set
+ * points to 0.
  *
- * An icubdeg is a 65536th of a revolution of the ROTOR, before the gear: with a gear of 100, 1 rad
- * at the link is 1043038 icubdeg. Each DESIRED_TARGETS is answered by every board with one FOC and
- * one STATUS frame (STATUS may be thinned out, see the rig). The set-point expires 50 ms after the
- * last DESIRED_TARGETS: fault, mode ICUB_MODE_HARDWARE_FAULT, which ICUB_MODE_FORCE_IDLE leaves.
+ * An icubdeg is 1/65536 of a revolution of the ROTOR, before the gear: with a gear of 100, 1 rad at
+ * the link is 1043038 icubdeg. Every board answers each DESIRED_TARGETS with one FOC and one STATUS
+ * frame (the rig can lower the rate of STATUS). The set point expires 50 ms after the last
+ * DESIRED_TARGETS. This is a fault with the mode ICUB_MODE_HARDWARE_FAULT; ICUB_MODE_FORCE_IDLE
+ * leaves it.
  *
  *   id                  name               data
  *   0x10F               DESIRED_TARGETS    0: i16 target of address 1, 2: of 2, 4: of 3, 6: of 4
@@ -35,15 +37,16 @@
  *                                          4: u32 fault bits
  *   0x100 | a << 4 | C  ADDITIONAL_STATUS  0: 2 bytes, 0; 2: i16 temperature, 0.1 degree C
  *
- * Temperatures are raw in the real protocol, what a count is worth depends on the thermometer; here
- * it is 0.1 degree C. They are watched when SET_MOTOR_CONFIG says that there is a thermometer.
+ * In the real protocol temperatures are raw counts that depend on the thermometer; here a count is
+ * 0.1 degree C. A board checks the temperature if SET_MOTOR_CONFIG says that there is a
+ * thermometer.
  */
 #ifndef BOARDS_FOC_PROTOCOL_H
 #define BOARDS_FOC_PROTOCOL_H
 
 #include "boards/icub/protocol.h"
 
-enum { FOC_AXES_MAX = 4 }; /* addresses 1-4 have a target */
+enum { FOC_AXES_MAX = 4 }; /* only addresses 1-4 have a target */
 
 enum { FOC_DESIRED_TARGETS_ID = 0x10f };
 
@@ -60,12 +63,12 @@ enum { FOC_ADDITIONAL_STATUS_LENGTH = 4 };
 
 enum {
     FOC_PWM_FULL_SCALE = 32000, /* 100 % of the supply */
-    FOC_PWM_MAX = 30400,        /* what the bridge gives at most, 95 % */
+    FOC_PWM_MAX = 30400,        /* largest output of the bridge, 95 % */
     FOC_ICUBDEG_PER_REV = 65536,
     FOC_TARGET_TIMEOUT_MS = 50,
 };
 
-/* Class 0, data[0]: what these boards know of icub_motor_command, and their own */
+/* Class 0, data[0]: the commands of icub_motor_command that these boards support, and their own */
 enum foc_command {
     FOC_GET_MOTOR_PARAMETER = 0x01,
     FOC_SET_MOTOR_PARAMETER = 0x02,
@@ -89,7 +92,7 @@ enum foc_motor_flag {
     FOC_VERBOSE = 1 << 5,
 };
 
-/* SET_PID byte 1 and 2; bytes 3: unused; 4-7 float32 */
+/* SET_PID bytes 1 and 2; byte 3 unused; bytes 4-7 float32 */
 enum foc_pid_loop { FOC_LOOP_CURRENT = 0, FOC_LOOP_VELOCITY = 1, FOC_LOOP_POSITION = 2 };
 
 enum foc_pid_parameter {
@@ -154,7 +157,7 @@ enum foc_encoder_state {
 
 enum { FOC_BOARD_2FOC = 8 }; /* class 7 discovery */
 
-/* ADDITIONAL_STATUS of the board with this address comes every so many ms. */
+/* Returns the period of a board's ADDITIONAL_STATUS, ms. */
 static inline unsigned foc_additional_status_ms(unsigned address)
 {
     return 100 + 100 * address;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A firmware download, line by line; see the header. */
+/* Handles a firmware download, line by line; boards/icub/board.h describes it. */
 #include "boards/icub/board.h"
 
 #include "base/crc32.h"
@@ -7,7 +7,7 @@
 
 #include <string.h>
 
-/* START: a new download. The image becomes empty (all ones, as erased flash is). */
+/* START: begins a download and erases the image to ones, as in flash. */
 static void icub_loader_start(struct icub_loader *loader)
 {
     loader->downloading = true;
@@ -36,7 +36,7 @@ static void icub_loader_keep_line(struct icub_loader *loader)
     }
 }
 
-/* DATA: more bytes of the line. */
+/* DATA: appends bytes to the line. */
 static enum icub_line icub_loader_put(struct icub_loader *loader, const uint8_t *data, size_t size)
 {
     if (!loader->line_open || size > (size_t)(loader->length - loader->filled)) {
@@ -53,7 +53,7 @@ static enum icub_line icub_loader_put(struct icub_loader *loader, const uint8_t 
     return ICUB_LINE_COMPLETE;
 }
 
-/* Functions of every iCub board: class 7, and a command's way through the rows of its table. */
+/* Functions of every iCub board: class 7, and the handling of a command by its table row. */
 
 static const int64_t BOOTLOADER_NS = (int64_t)ICUB_BOOTLOADER_MS * MS;
 
@@ -99,7 +99,8 @@ static void icub_board_discover(struct icub_board *icub, uint32_t reply_id)
     const uint8_t data[] = {ICUB_DISCOVER, loader ? icub_ops_of(icub)->loader_type : identity->type,
                             identity->major, identity->minor, identity->build};
 
-    /* A bootloader has no build number to tell: that is how hosts know it; and it stays */
+    /* A bootloader has no build number, so hosts recognize it, and discovery keeps it in the
+     * bootloader */
     board_queue(board, reply_id, loader ? 4 : 5, data);
     if (loader) {
         board->application_ns = INT64_MAX;
@@ -110,15 +111,15 @@ static void icub_board_discover(struct icub_board *icub, uint32_t reply_id)
 
 /* ---- the bootloader ---- */
 
-/* Queues the acknowledgment of a command of the bootloader. */
+/* Queues the acknowledgment of a bootloader command. */
 static void icub_loader_acknowledge(struct icub_board *icub, const struct bus_frame *frame)
 {
     board_queue(&icub->board, icub_id(ICUB_MANAGEMENT, icub->board.address, frame->id >> 4), 2,
                 (const uint8_t[]){frame->data[0], 1});
 }
 
-/* Obeys START: the application resets into the bootloader, which waits as after any reset; in
- * the bootloader it ends that wait. */
+/* Obeys START. The application restarts into the bootloader, which waits as after any reset. In the
+ * bootloader, START ends the wait. */
 static void icub_board_start_update(struct icub_board *icub)
 {
     struct board *board = &icub->board;
@@ -132,14 +133,14 @@ static void icub_board_start_update(struct icub_board *icub)
     icub_loader_start(&icub->loader);
 }
 
-/* Returns whether the bootloader runs and has had the START of a download since it was entered. */
+/* Returns whether the bootloader has received START since it was entered. */
 static bool icub_board_is_downloading(const struct icub_board *icub)
 {
     return icub->board.in_bootloader && icub->loader.downloading &&
            icub->loader.boot == icub->board.boots;
 }
 
-/* Obeys ADDRESS, DATA and RUN of a download; returns false when they are refused, and not
+/* Obeys ADDRESS, DATA and RUN of a download. Returns false for a refused command, which is not
  * acknowledged. */
 static bool icub_board_download(struct icub_board *icub, const struct bus_frame *frame,
                                 const int64_t *request)
@@ -171,7 +172,7 @@ static bool icub_board_download(struct icub_board *icub, const struct bus_frame 
     return line != ICUB_LINE_REFUSED;
 }
 
-/* Obeys END, which leads to the application; there it is a ping. */
+/* Obeys END, which starts the application. In the application END is a ping. */
 static void icub_board_end_update(struct icub_board *icub)
 {
     struct icub_loader *loader = &icub->loader;
@@ -195,7 +196,7 @@ static bool icub_board_manage(struct icub_board *icub, const struct bus_frame *f
     uint32_t reply_id = icub_id(ICUB_MANAGEMENT, board->address, frame->id >> 4);
 
     switch ((enum icub_management_command)frame->data[0]) {
-    /* What the application and the bootloader both answer */
+    /* Commands of both application and bootloader */
     case ICUB_DISCOVER:
         icub_board_discover(icub, reply_id);
         return true;
@@ -227,7 +228,7 @@ static bool icub_board_manage(struct icub_board *icub, const struct bus_frame *f
     return false;
 }
 
-/* Returns the row of a command; NULL when there is none. */
+/* Returns the row of a command; NULL = unknown. */
 static const struct icub_command *icub_board_find_command(const struct icub_board *board,
                                                           enum icub_class cls, uint8_t first)
 {
@@ -240,7 +241,7 @@ static const struct icub_command *icub_board_find_command(const struct icub_boar
     return code < ops->command_count && ops->commands[code].kind ? &ops->commands[code] : NULL;
 }
 
-/* Obeys a command of the application and queues its answer; returns false when it is refused. */
+/* Obeys a command of the application and queues its answer. Returns false when it is refused. */
 static bool icub_board_obey(struct icub_board *icub, const struct bus_frame *frame,
                             const struct icub_command *command, const int64_t *request)
 {
@@ -270,7 +271,7 @@ static enum board_verdict icub_board_receive(struct icub_board *icub, const stru
     int64_t request[FIELDS_MAX] = {0};
     bool obeyed;
 
-    /* Which row of the table it is, and whether it fits there */
+    /* Find the table row and check the length and values */
     if (frame->len == 0) {
         return BOARD_MALFORMED;
     }
@@ -288,7 +289,7 @@ static enum board_verdict icub_board_receive(struct icub_board *icub, const stru
         return BOARD_MALFORMED;
     }
 
-    /* The bootloader takes the application's commands for known and ignores them */
+    /* The bootloader ignores known commands of the application */
     if (cls == ICUB_MANAGEMENT) {
         obeyed = icub_board_manage(icub, frame, request);
     } else {
@@ -297,12 +298,12 @@ static enum board_verdict icub_board_receive(struct icub_board *icub, const stru
     return obeyed ? BOARD_OBEYED : BOARD_MALFORMED;
 }
 
-/* Buses with iCub boards: dispatches each frame to the boards that it is for, and the torques
- * from one board to another. */
+/* Buses with iCub boards: passes each frame to the addressed boards, and torques from one board to
+ * another. */
 
-/* Returns whether a management command to everyone is one for this board: discovery always, and
- * what follows the START of a download while the bootloader runs that has had one. A loader
- * program addresses START to each board and the lines of the file to all of them at once. */
+/* Returns whether a management broadcast is for this board. Discovery always is. The lines of a
+ * download are, if the board's bootloader has received START: a loader program sends START to each
+ * board and then the lines once to all boards. */
 static bool icub_board_takes_broadcast(const struct icub_board *board,
                                        const struct bus_frame *frame)
 {
@@ -323,7 +324,7 @@ static bool icub_board_takes_broadcast(const struct icub_board *board,
     }
 }
 
-/* Returns whether a command is one for this board, by class and address. */
+/* Returns whether the class and address of a command select this board. */
 static bool icub_board_is_addressed(const struct icub_board *board, const struct bus_frame *frame)
 {
     enum icub_class cls = (enum icub_class)(frame->id >> 8);
@@ -334,7 +335,7 @@ static bool icub_board_is_addressed(const struct icub_board *board, const struct
     return cls == icub_ops_of(board)->command_class;
 }
 
-/* Hands a command to the board, or to all boards, that it is addressed to. */
+/* Passes a command to the addressed board, or to all boards. */
 static void icub_bus_receive_command(struct boards *boards, struct board_bus *bus,
                                      const struct bus_frame *frame)
 {
@@ -344,7 +345,7 @@ static void icub_bus_receive_command(struct boards *boards, struct board_bus *bu
     struct board *listener = NULL;
     enum board_verdict worst = BOARD_OBEYED;
 
-    /* A broadcast counts once, with the worst that a board made of it */
+    /* A broadcast counts once, with the worst verdict of all boards */
     for (unsigned address = first; address <= last; address++) {
         struct board *board = bus->by_address[address];
         enum board_verdict verdict;
@@ -362,7 +363,7 @@ static void icub_bus_receive_command(struct boards *boards, struct board_bus *bu
     boards_count_frame(boards, listener, worst, frame);
 }
 
-/* Hands DESIRED_TARGETS (boards/foc) to all boards: the one frame of class 1 that a host sends. */
+/* Passes DESIRED_TARGETS (boards/foc) to all boards. It is the only class 1 frame from a host. */
 static void icub_bus_receive_targets(struct boards *boards, struct board_bus *bus,
                                      const struct bus_frame *frame)
 {
@@ -400,8 +401,7 @@ void icub_bus_hear_strain(struct board_bus *bus, uint8_t address, enum icub_anal
     source->heard = true;
 }
 
-/* Takes a frame of a STRAIN board that is not ours: hardware on the bus, whose torques a motor
- * board may use. */
+/* Stores a frame of a real STRAIN board on the bus; a motor board may use its torques. */
 static void icub_bus_receive_strain(struct boards *boards, struct board_bus *bus,
                                     const struct bus_frame *frame)
 {
@@ -416,7 +416,7 @@ static void icub_bus_receive_strain(struct boards *boards, struct board_bus *bus
     }
 }
 
-/* Dispatches a frame by its class (struct board_bus_ops). */
+/* Passes on a frame by its class (struct board_bus_ops). */
 static void icub_bus_receive(struct boards *boards, struct board_bus *bus,
                              const struct bus_frame *frame)
 {
@@ -438,7 +438,7 @@ static void icub_bus_receive(struct boards *boards, struct board_bus *bus,
     }
 }
 
-/* Gives a new board its name as additional information. */
+/* Sets a new board's name as its additional information. */
 static void icub_bus_add_board(struct board_bus *bus, struct board *board)
 {
     struct icub_board *icub = icub_board_of(board);

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Inertial boards: obeyed in class 2, sent in class 5. SET_CONFIG says which sensors and stops the
- * board, TRANSMIT how often; each period a frame of type 3 goes out for every sensor of the mask
- * but the quaternion, which has type 4, in the order of enum icub_inertial_sensor. All type 3
- * frames of a period have the same sequence number.
+ * Inertial boards: commands in class 2, telemetry in class 5. SET_CONFIG selects the sensors and
+ * stops the telemetry; TRANSMIT starts it with a period. Each period the board sends one frame per
+ * selected sensor, in the order of enum icub_inertial_sensor: type 4 for the quaternion, type 3 for
+ * the others. All type 3 frames of a period have the same sequence number.
  *
- * Without fusion the sensors that need it (Euler angles, quaternion, linear acceleration, gravity)
- * are all 0, as from a sensor chip in that mode. Neither mask nor period survive a restart.
+ * Without fusion, the sensors that need it (Euler angles, quaternion, linear acceleration, gravity)
+ * read 0, as from a sensor chip in that mode. Mask and period are reset by a restart.
  */
 #include "boards/icub/board.h"
 #include "boards/sensing/inertial.h"
@@ -24,13 +24,14 @@ enum {
 
 struct inertial_board {
     struct icub_board icub;
-    int64_t counts[ICUB_INERTIAL_SENSORS][4]; /* by sensor, [3] of the quaternion only */
-    uint16_t bad, cut;                        /* bits: no number, beyond the range */
+    int64_t counts[ICUB_INERTIAL_SENSORS][4]; /* by sensor; [3] for the quaternion only */
+    uint16_t bad, cut;                        /* bit masks of sensors: without a reading, beyond the
+                                               * range */
     uint16_t mask;
     uint8_t fusion;  /* enum icub_fusion */
-    uint32_t ranges; /* kept for the host */
+    uint32_t ranges; /* stored for the host */
     uint8_t sequence;
-    int64_t period_ns, next_ns; /* 0: silent */
+    int64_t period_ns, next_ns; /* period 0 = no telemetry */
 };
 
 static struct inertial_board *inertial_board_of(const struct board *board)
@@ -60,8 +61,7 @@ static void inertial_board_power_up(struct board *board)
 
 /* ---- values ---- */
 
-/* Converts the values of a sensor to counts; notes those without a number and those that were
- * cut. */
+/* Converts the values of a sensor to counts. Notes sensors without a reading and saturated ones. */
 static void inertial_board_convert(struct inertial_board *inertial, unsigned sensor,
                                    const double *value, int count, double worth)
 {
@@ -74,7 +74,7 @@ static void inertial_board_convert(struct inertial_board *inertial, unsigned sen
     inertial->cut = (uint16_t)(inertial->cut | !whole << sensor);
 }
 
-/* Fills the status: two bits for each part of the chip, 3 = calibrated, as the chip has them. */
+/* Fills the status: two bits for each part of the chip, 3 = calibrated. */
 static void inertial_board_report(struct inertial_board *inertial, bool oriented)
 {
     const struct {
@@ -123,7 +123,7 @@ static bool inertial_board_command(struct icub_board *icub, const struct bus_fra
 
     (void)answer;
     switch (frame->data[0]) {
-    /* Which sensors, and when */
+    /* Selection of sensors and period */
     case ICUB_INERTIAL_GET_CONFIG:
         reply[0] = inertial->mask;
         reply[1] = inertial->fusion;
@@ -170,7 +170,7 @@ static void inertial_board_send_frame(struct board *board, struct frame_sink *si
                data);
 }
 
-/* Sends a frame for each sensor of the mask when they are due (struct board_ops). */
+/* Sends a frame for each selected sensor when due (struct board_ops). */
 static void inertial_board_transmit(struct board *board, struct ms_span span,
                                     struct frame_sink *sink)
 {

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The control laws of a motor board, from references to PWM (boards/icub/motor_board.c says
- * which). */
+/* The control laws of a motor board, from references to PWM; boards/icub/motor_board.c lists
+ * them. */
 #include "boards/icub/motor_private.h"
 
 #include <stdio.h>
 
-/* Returns a PWM value within a limit and the full scale. */
+/* Clamps a PWM value to a limit and to the full scale. */
 static int64_t pwm_clamp(int64_t value, int64_t limit)
 {
     int64_t most = control_clamp(limit, 0, ICUB_PWM_FULL_SCALE);
@@ -13,7 +13,7 @@ static int64_t pwm_clamp(int64_t value, int64_t limit)
     return control_clamp(value, -most, most);
 }
 
-/* Returns by how many ticks the velocity reference moves in this millisecond. */
+/* Returns the motion of the velocity reference in this millisecond, ticks. */
 static int64_t motor_axis_velocity_step(struct motor_axis *axis)
 {
     const int64_t *p = axis->parameter;
@@ -33,7 +33,7 @@ static int64_t motor_axis_velocity_step(struct motor_axis *axis)
     return step;
 }
 
-/* Advances the position reference; it never moves (further) out of the limits. */
+/* Advances the position reference, but not (further) out of the limits. */
 static void motor_axis_advance_reference(struct motor_axis *axis)
 {
     int64_t *p = axis->parameter;
@@ -94,8 +94,8 @@ static int64_t motor_axis_current_law(struct motor_axis *axis)
                     p[ICUB_P_DESIRED_TORQUE] - motor_axis_current_ma(axis));
 }
 
-/* Returns the PWM of the impedance: a torque reference by stiffness and damping, then the torque
- * law. */
+/* Returns the PWM of the impedance law: stiffness and damping give a torque reference for the
+ * torque law. */
 static int64_t motor_axis_impedance_law(struct motor_axis *axis)
 {
     const int64_t *p = axis->parameter;
@@ -107,7 +107,7 @@ static int64_t motor_axis_impedance_law(struct motor_axis *axis)
     return motor_axis_torque_law(axis);
 }
 
-/* Returns the torque, in counts, of the axis's source: a STRAIN board on the bus or its own
+/* Returns the torque of the axis's source in counts: a STRAIN board on the bus, or its own
  * sensor. */
 static int64_t motor_axis_measured_torque(const struct board *board, const struct motor_axis *axis)
 {
@@ -169,12 +169,12 @@ void motor_axis_step(const struct board *board, struct motor_axis *axis)
         break;
     }
 
-    /* What the bridge can do, then what the host allows */
+    /* Limit the output to the full scale, then to the host's limit */
     axis->output = pwm_clamp(axis->output, ICUB_PWM_FULL_SCALE);
     axis->pwm = pwm_clamp(axis->output, p[ICUB_P_PWM_LIMIT]);
 }
 
-/* The control modes of a motor board: how an axis enters each, leniently or strictly. */
+/* The control modes of a motor board, in the lenient and the strict variant. */
 
 void motor_axis_hold_position(struct motor_axis *axis)
 {
@@ -241,8 +241,8 @@ static void motor_board_print_number(struct board *board, const char *text, unsi
     motor_board_print(board, line);
 }
 
-/* Switches the mode of a strict axis; the present one again changes nothing, its references
- * neither. */
+/* Switches the mode of a strict axis. The present mode again changes nothing, not even
+ * references. */
 static void motor_axis_switch_strictly(struct board *board, struct motor_axis *axis, int64_t mode)
 {
     bool known = mode == ICUB_MODE_IDLE || mode == ICUB_MODE_HARDWARE_FAULT ||
@@ -284,7 +284,7 @@ bool motor_axis_is_owed_nothing(struct board *board, struct motor_axis *axis, bo
     return false;
 }
 
-/* Obeys SET_CONTROL_MODE as the firmware does, oddities included. */
+/* Obeys SET_CONTROL_MODE exactly as the firmware does. */
 static void motor_axis_command_mode_strictly(struct board *board, struct motor_axis *axis,
                                              int64_t mode)
 {
@@ -319,7 +319,7 @@ bool motor_axis_command_mode(struct board *board, struct motor_axis *axis, int64
         (!motor_is_control_mode(mode) || (mode == ICUB_MODE_CURRENT && axis->base.config->valve))) {
         return false;
     }
-    /* From idle into a mode; out of a fault by FORCE_IDLE only; else from mode to mode */
+    /* From idle into a mode; out of a fault only by FORCE_IDLE; else from mode to mode */
     if (axis->base.mode == ICUB_MODE_IDLE) {
         if (!stop) {
             motor_axis_set_mode(board, axis, (uint8_t)mode);
@@ -346,7 +346,7 @@ bool motor_axis_has_velocity(const struct motor_axis *axis)
            axis->base.mode == ICUB_MODE_IMPEDANCE_VELOCITY || axis->base.mode == ICUB_MODE_MIXED;
 }
 
-/* Watches faults of a motor board's hardware, its limits and its time-outs. */
+/* Checks faults, limits and time-outs of a motor board. */
 
 /* Checks supply, encoders and current; a fault stops a running axis. */
 static void motor_axis_watch_faults(struct board *board, struct motor_axis *axis)
@@ -362,7 +362,7 @@ static void motor_axis_watch_faults(struct board *board, struct motor_axis *axis
     uint8_t risen = faults & (uint8_t)~axis->faults;
 
     axis->faults = faults;
-    /* Over-current is reported once, the others as long as they last */
+    /* Report over-current once, other faults while they last */
     if (over_current) {
         axis->faults_once |= ICUB_FAULT_OVER_CURRENT;
         risen |= ICUB_FAULT_OVER_CURRENT;
@@ -401,7 +401,7 @@ static void motor_axis_watch_temperature(struct board *board, struct motor_axis 
     }
 }
 
-/* Returns the state of the CAN controller, as STATUS byte 4 has it. */
+/* Returns the state of the CAN controller in the format of STATUS byte 4. */
 uint8_t motor_board_can_status(const struct board *board)
 {
     const struct board_can_state *can = &board->can;
@@ -425,7 +425,7 @@ static void motor_board_watch_can(struct board *board)
     motor->can |= now & (uint8_t)~motor->can_reported;
 }
 
-/* Sets a reference to 0 that was not refreshed in time, and tells it. */
+/* Sets an expired reference to 0 and emits an event. */
 static void motor_axis_watch_reference(struct board *board, struct motor_axis *axis,
                                        enum icub_parameter reference, int64_t since_ns,
                                        int64_t timeout_ns, const char *text)
@@ -438,8 +438,8 @@ static void motor_axis_watch_reference(struct board *board, struct motor_axis *a
     }
 }
 
-/* Checks the time-out of the velocity reference, as the firmware has it, and the command time-out
- * of this simulator, a safety that the firmware (a strict board) lacks. */
+/* Checks the firmware's time-out of the velocity reference, and the command time-out. The latter is
+ * a safety of this simulator, which a strict board lacks. */
 static void motor_axis_watch_references(struct board *board, struct motor_axis *axis)
 {
     int64_t timeout_ns = board->config.strict ? 0 : board->config.command_timeout_ns;
@@ -458,7 +458,7 @@ static void motor_axis_watch_references(struct board *board, struct motor_axis *
     }
 }
 
-/* Returns whether the torque source of an axis has been heard lately. */
+/* Returns whether the torque source has sent a frame recently. */
 static bool motor_axis_source_is_alive(const struct board *board, const struct motor_axis *axis)
 {
     int64_t address = axis->parameter[ICUB_P_TORQUE_SOURCE];
@@ -474,7 +474,7 @@ static bool motor_axis_source_is_alive(const struct board *board, const struct m
     return board->boards->now_ns - since <= (int64_t)ICUB_STRAIN_SAFE_MS * MS;
 }
 
-/* Switches an axis off whose torque loop has lost its source. */
+/* Switches off an axis whose torque loop has lost its source. */
 static void motor_axis_watch_source(struct board *board, struct motor_axis *axis)
 {
     if ((axis->base.mode == ICUB_MODE_TORQUE || motor_axis_is_impedance(axis)) &&
@@ -487,7 +487,7 @@ static void motor_axis_watch_source(struct board *board, struct motor_axis *axis
     }
 }
 
-/* Refuses any voltage beyond a limit, even one that would lead back, as the firmware does. */
+/* Refuses any voltage beyond a limit, even one that leads back, as the firmware does. */
 static void motor_axis_watch_limits(struct board *board, struct motor_axis *axis)
 {
     int32_t position = motor_axis_position(axis);
@@ -515,7 +515,7 @@ void motor_board_watch(struct board *board)
 
         motor_axis_watch_faults(board, axis);
         motor_axis_watch_temperature(board, axis);
-        /* A calibration that is over: its offset makes the position that was named zero */
+        /* At the end of a calibration, its offset makes the calibrated position zero */
         if (axis->base.mode == ICUB_MODE_CALIBRATION &&
             board->boards->now_ns >= axis->calibrated_ns) {
             axis->offset = -axis->calibration_zero;

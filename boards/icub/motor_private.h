@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The state of a BLL motor board, shared by its parts. Units are the protocol's.
- * RT-safe. */
+/* The state of a BLL motor board. Units are those of the protocol. RT-safe. */
 #ifndef BOARDS_ICUB_MOTOR_PRIVATE_H
 #define BOARDS_ICUB_MOTOR_PRIVATE_H
 
@@ -9,7 +8,7 @@
 
 enum { MOTOR_AXES = 2 };
 
-/* Which parameters of the position PID a host has set since power-up. */
+/* Parameters of the position PID that a host has set since power-up. */
 enum motor_pid_bit {
     PID_HAS_P = 1 << 0,
     PID_HAS_D = 1 << 1,
@@ -24,28 +23,28 @@ enum motor_pid_bit {
 struct motor_axis {
     struct axis base;
     int64_t parameter[ICUB_P_COUNT];
-    int64_t saved[ICUB_P_SAVED]; /* flash */
-    uint8_t faults;              /* as long as their cause lasts */
-    uint8_t faults_once;         /* until STATUS has reported them */
+    int64_t saved[ICUB_P_SAVED]; /* contents of the flash */
+    uint8_t faults;              /* present while their cause lasts */
+    uint8_t faults_once;         /* present until STATUS reports them */
     uint8_t pids;                /* enum motor_pid_bit */
     bool calibrated;             /* since power-up */
-    uint8_t heat;                /* ICUB_BOARD_OVER_TEMPERATURE_0 and ..._ERROR_0, of this axis */
-    bool limit_reported;         /* a voltage beyond a joint limit has been reported as refused */
+    uint8_t heat;                /* ICUB_BOARD_OVER_TEMPERATURE_0 and ..._ERROR_0, for this axis */
+    bool limit_reported;         /* an event has reported the refused voltage beyond a limit */
     struct speed_estimator joint, motor;
     int32_t offset;      /* position = ticks + offset */
-    int32_t temperature; /* raw */
+    int32_t temperature; /* raw counts */
     bool thermometer_bad;
 
     int32_t desired;          /* position reference of this millisecond */
     int64_t desired_velocity; /* ramped velocity reference */
-    int64_t velocity_rest;    /* what is less than a tick */
+    int64_t velocity_rest;    /* fraction of a tick */
     struct trajectory trajectory;
     struct pid position_pid, torque_pid, current_pid, impedance;
     int64_t torque_reference, torque; /* counts */
-    int64_t output, pwm;              /* of the law, and after the PWM limit */
+    int64_t output, pwm;              /* output of the law; PWM after the limits */
 
-    int64_t voltage_ns, torque_ns, velocity_ns; /* when the reference was last commanded */
-    int64_t source_ns;                          /* when the torque source was chosen */
+    int64_t voltage_ns, torque_ns, velocity_ns; /* times of the last commands */
+    int64_t source_ns;                          /* time when the torque source was selected */
     int64_t calibrated_ns;                      /* end of the calibration */
     int32_t calibration_zero;
 };
@@ -55,12 +54,12 @@ struct motor_board {
     struct motor_axis axis[MOTOR_AXES];
     uint32_t policy;
     int64_t status_ms;
-    uint8_t text;              /* number of the next PRINT */
-    uint8_t can, can_reported; /* bits of STATUS byte 4: not yet reported; as reported last */
+    uint8_t text;              /* number of the next PRINT text */
+    uint8_t can, can_reported; /* bits of STATUS byte 4: not yet reported, and last reported */
     int reported_tec, reported_rec;
     bool status_due, additional_due;
-    bool protocol_ack; /* the host speaks our protocol */
-    bool powered;      /* has had its first power-up */
+    bool protocol_ack; /* the host has stated a compatible protocol */
+    bool powered;      /* has been powered up once */
 };
 
 static inline struct motor_board *motor_board_of(const struct board *board)
@@ -92,34 +91,35 @@ static inline bool motor_runs(uint8_t mode)
     return mode != ICUB_MODE_IDLE && mode != ICUB_MODE_HARDWARE_FAULT;
 }
 
-/* Queues a text for the log of the host, in PRINT frames of six characters. */
+/* Queues a text for the host's log, in PRINT frames of six characters. */
 void motor_board_print(struct board *board, const char *text);
 
-/* Modes (motor_modes.c). A new mode or the present one again; references are reset. */
+/* Sets the mode, even if unchanged, and resets the references (motor_axis.c). */
 void motor_axis_set_mode(struct board *board, struct motor_axis *axis, uint8_t mode);
 
-/* Checks whether the host has done what a strict board asks for before it switches an axis on:
- * stated its protocol, set the position PID, calibrated. If not the axis enters hardware fault. */
+/* Checks whether the host has done what a strict board requires before it switches an axis on:
+ * stated its protocol, set the position PID, calibrated. If not, the axis enters hardware fault. */
 bool motor_axis_is_owed_nothing(struct board *board, struct motor_axis *axis, bool calibrated);
 
-/* Obeys SET_CONTROL_MODE; returns false when there is no such mode. */
+/* Obeys SET_CONTROL_MODE. Returns false for an unknown mode. */
 bool motor_axis_command_mode(struct board *board, struct motor_axis *axis, int64_t mode);
 
-/* Set the position reference to where the axis is; the second resets all other references, too. */
+/* Set the position reference to the present position; the second function also resets all other
+ * references. */
 void motor_axis_hold_position(struct motor_axis *axis);
 void motor_axis_reset_references(struct board *board, struct motor_axis *axis);
 
-/* Return whether the mode has a trajectory generator, a velocity reference, an impedance law. */
+/* Return whether the mode uses a trajectory generator, a velocity reference, an impedance law. */
 bool motor_axis_moves(const struct motor_axis *axis);
 bool motor_axis_has_velocity(const struct motor_axis *axis);
 
-/* Watches faults, limits and time-outs in a tick (motor_watch.c). */
+/* Checks faults, limits and time-outs once a tick (motor_axis.c). */
 void motor_board_watch(struct board *board);
 
-/* Returns the state of the CAN controller, as STATUS byte 4 has it. */
+/* Returns the state of the CAN controller in the format of STATUS byte 4. */
 uint8_t motor_board_can_status(const struct board *board);
 
-/* Runs one millisecond of an axis's control law (motor_laws.c). */
+/* Runs one millisecond of an axis's control law (motor_axis.c). */
 void motor_axis_step(const struct board *board, struct motor_axis *axis);
 
 #endif

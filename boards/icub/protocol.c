@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The messages of iCub buses; see the header. */
+/* The messages of iCub buses; boards/icub/messages.h describes the functions. */
 #include "boards/icub/board.h"
 #include "boards/icub/messages.h"
 
@@ -32,7 +32,7 @@ const char *const icub_sections[] = {
 
 /* ---- commands ---- */
 
-/* Visits a command, if it is asked for, and its answer. */
+/* Visits a command, if `request`, and its answer. */
 static void visit_command(struct message_walk *walk, int index, enum icub_class cls, unsigned code,
                           const struct icub_command *row, bool axis_bit, bool request)
 {
@@ -118,7 +118,7 @@ void icub_visit_discovery(struct message_walk *walk)
 
 /* ---- periodic frames ---- */
 
-/* Returns the cycle of a frame of a sensor board, 0 where it has none. */
+/* Returns the cycle of a sensor board's frame; 0 = none. */
 static uint32_t sensor_cycle_ns(const struct board_config *board, unsigned type)
 {
     int64_t period_ns = board->period_ns > 0 ? board->period_ns : MS;
@@ -140,7 +140,7 @@ static void visit_frames(struct message_walk *walk, int index, const struct icub
                                          : inertial ? icub_inertial_frames
                                                     : icub_analog_frames;
 
-    /* A frame for each type that the board's table has */
+    /* One frame for each type in the board's table */
     for (unsigned type = 0; type < 16; type++) {
         struct message message = {
             .name = rows[type].name,
@@ -224,7 +224,7 @@ void icub_describe_channel(const struct boards_config *config, const struct mess
 
 /* ---- load ---- */
 
-/* STRAIN: forces and torques; inertial: what the host asks for, acceleration, rate, quaternion. */
+/* STRAIN: forces and torques; inertial: the host's selection of acceleration, rate, quaternion. */
 void icub_visit_sensor_load(struct load_walk *walk, const struct board_config *board)
 {
     bool inertial = board->kind == BOARD_INERTIAL;
@@ -317,7 +317,7 @@ static struct board *icub_make_board(const struct board_config *config, struct a
 
 /* ---- messages ---- */
 
-/* Returns the cycle of a class 1 frame, 0 where it has none. */
+/* Returns the cycle of a class 1 frame; 0 = none. */
 static uint32_t icub_cycle_ns(const struct board_config *board, unsigned type)
 {
     (void)board;
@@ -343,8 +343,8 @@ static void icub_visit_board(struct message_walk *walk, int board, unsigned firs
     icub_visit_messages(walk, board, &dialect);
 }
 
-/* Returns the axis of a motor board that a field is about; NULL when there is none. In telemetry
- * it is the digit that ends the field's name; characters of a text are c and a digit. */
+/* Returns the axis of a field of a motor board; NULL = none. In telemetry, the digit at the end of
+ * the field's name is the axis; the characters of a text are named c and a digit. */
 static const struct board_axis_config *icub_field_axis(const struct board_config *board,
                                                        const struct message_field *field)
 {
@@ -360,7 +360,7 @@ static const struct board_axis_config *icub_field_axis(const struct board_config
     return size > 2 && (last == '0' || last == '1') ? &board->axis[last - '0'] : NULL;
 }
 
-/* Describes a field: the axis or channel that it is about, and its unit (struct protocol). */
+/* Describes a field: its axis or channel, and its unit (struct protocol). */
 static void icub_describe_field(const struct boards_config *config, int bus,
                                 const struct message_field *field, struct field_subject *subject)
 {
@@ -376,7 +376,7 @@ static void icub_describe_field(const struct boards_config *config, int bus,
         ticks = of_rotor ? subject->axis->motor_ticks_per_rad : subject->axis->joint_ticks_per_rad;
     }
 
-    /* Quantities that are scaled by the axis that the field belongs to */
+    /* Scale quantities by the parameters of their axis */
     if (!strcmp(subject->unit, "pwm")) {
         subject->scale = 100.0 / ICUB_PWM_FULL_SCALE;
         subject->offset = 0.0;
@@ -390,8 +390,8 @@ static void icub_describe_field(const struct boards_config *config, int bus,
 
 /* ---- load ---- */
 
-/* Visits the frames that a board sends again and again: POSITION, PID_VAL, CURRENT and VELOCITY,
- * one in each slot; STATUS. */
+/* Visits the periodic frames of a board: POSITION, PID_VAL, CURRENT and VELOCITY, one per slot;
+ * STATUS. */
 static void icub_visit_board_load(struct load_walk *walk, const struct board_config *board)
 {
     if (board->kind != BOARD_MOTOR) {
@@ -404,7 +404,7 @@ static void icub_visit_board_load(struct load_walk *walk, const struct board_con
     load_visit(walk, 8, ICUB_STATUS_PERIOD_MS * 1e-3);
 }
 
-/* Visits the host's frames: a voltage for each axis. */
+/* Visits the host's frames: one voltage per axis. */
 static void icub_visit_command_load(struct load_walk *walk)
 {
     for (unsigned i = load_bus_axes(walk); i > 0; i--) {

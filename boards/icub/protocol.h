@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The iCub CAN protocol, protocol icub (BLL/MC4 motor boards, STRAIN, inertial boards):
- * identifiers, commands, modes, frame types and scales. Shared by the boards and by hosts; holds no
- * behavior, so that all of it is RT-safe.
+ * identifiers, commands, modes, frame types, scales. Boards and hosts share it; it has no behavior
+ * and is RT-safe.
  *
- * 11-bit identifiers: class << 8 | source << 4 | x, where x is the destination address (classes 0,
- * 2, 7) or the frame type (classes 1, 3, 5).
+ * 11-bit identifiers: class << 8 | source << 4 | x. x is the destination address (classes 0, 2, 7)
+ * or the frame type (classes 1, 3, 5).
  */
 #ifndef BOARDS_ICUB_PROTOCOL_H
 #define BOARDS_ICUB_PROTOCOL_H
@@ -125,9 +125,9 @@ enum icub_motor_command {
 };
 
 enum { ICUB_AXIS_BIT = 0x80 };
-enum { ICUB_MOTOR_COMMANDS = 0x80 }; /* codes are below */
+enum { ICUB_MOTOR_COMMANDS = 0x80 }; /* number of command codes */
 
-/* data[1] of CALIBRATE_ENCODER; a BLL board knows only the absolute one */
+/* data[1] of CALIBRATE_ENCODER; a BLL board supports only the absolute type */
 enum icub_calibration {
     ICUB_CALIBRATE_HARD_STOPS = 0,
     ICUB_CALIBRATE_ANALOG = 1,
@@ -160,7 +160,7 @@ enum icub_mode {
     ICUB_MODE_UNKNOWN = 0xff,
 };
 
-/* Class 1 frame types; the broadcast policy's bit is type - 1 */
+/* Class 1 frame types; bit type - 1 of the broadcast policy selects a type */
 enum icub_motor_type {
     ICUB_POSITION = 1,
     ICUB_PID_VALUE = 2,
@@ -207,15 +207,21 @@ enum icub_board_status {
     ICUB_BOARD_TEMPERATURE_ERROR_1 = 1 << 4,
 };
 
-/* SET_TEMPERATURE_LIMIT and 2FOC temperatures: what a raw count is worth depends on the thermometer
- * that a board has; those here read 0.1 degree C. */
+/* SET_TEMPERATURE_LIMIT and 2FOC temperatures are raw counts that depend on the thermometer; here a
+ * count is 0.1 degree C. */
 #define ICUB_TEMPERATURE_C 0.1
 
-enum { ICUB_SLOTS = 4 }; /* a BLL board's periodic frames take turns, 1 ms each */
+enum { ICUB_SLOTS = 4 }; /* a BLL board sends its periodic frames in slots of 1 ms */
 enum { ICUB_STATUS_PERIOD_MS = 5000 };
-enum { ICUB_PRINT_TEXTS = 4 };       /* PRINT texts are numbered modulo this; hosts drop others */
-enum { ICUB_STRAIN_SAFE_MS = 200 };  /* silence of a torque source that stops a torque loop */
-enum { ICUB_PWM_FULL_SCALE = 1333 }; /* open-loop reference of 100 % of the supply */
+enum {
+    ICUB_PRINT_TEXTS = 4
+}; /* PRINT texts have numbers modulo this; hosts drop texts with
+                                      * other numbers */
+enum {
+    ICUB_STRAIN_SAFE_MS = 200
+};                                   /* time without a torque source's frame that stops a torque
+                                      * loop */
+enum { ICUB_PWM_FULL_SCALE = 1333 }; /* open-loop reference for 100 % of the supply */
 
 /* Class 2, data[0] */
 enum icub_strain_command {
@@ -245,13 +251,13 @@ enum icub_strain_command {
     ICUB_STRAIN_SET_ADDRESS = 0x32,
 };
 
-enum { ICUB_STRAIN_COMMANDS = 0x40 }; /* codes are below */
+enum { ICUB_STRAIN_COMMANDS = 0x40 }; /* number of command codes */
 
 /* data[1] of the SET tare commands */
 enum icub_tare { ICUB_TARE_RESET = 0, ICUB_TARE_AUTOMATIC = 1, ICUB_TARE_VALUE = 2 };
 
-/* A channel is offset binary: 0x8000 is zero, 0x8000 counts are the full scale. Raw readings below
- * LOW or above HIGH count as saturated; then frames are one byte longer. */
+/* A channel is in offset binary: 0x8000 = 0, 0x8000 counts = full scale. Raw readings below LOW or
+ * above HIGH are saturated; frames are then one byte longer. */
 enum {
     ICUB_STRAIN_ZERO = 0x8000,
     ICUB_STRAIN_LOW = 1000,
@@ -275,15 +281,15 @@ enum icub_analog_type {
     ICUB_TORQUE = 0xb,
 };
 
-/* Class 2 of inertial boards, data[0]; they know GET_FIRMWARE and SET_ADDRESS of the above too. The
- * mask is little-endian, as all numbers of these newer commands. */
+/* Class 2 of inertial boards, data[0]. They also support GET_FIRMWARE and SET_ADDRESS above. The
+ * mask is little-endian, as are all numbers of these newer commands. */
 enum icub_inertial_command {
     ICUB_INERTIAL_GET_CONFIG = 0x33,
-    ICUB_INERTIAL_SET_CONFIG = 0x34, /* u16 mask, bit = sensor; u8 fusion; u32 ranges, may lack */
+    ICUB_INERTIAL_SET_CONFIG = 0x34, /* u16 mask, bit = sensor; u8 fusion; u32 ranges, optional */
     ICUB_INERTIAL_TRANSMIT = 0x35,   /* u8 period in ms, 0 stops */
 };
 
-/* Any other value of fusion is taken for ON. */
+/* Any other value of fusion means ON. */
 enum icub_fusion { ICUB_FUSION_ON = 1, ICUB_FUSION_OFF = 33 };
 
 enum icub_inertial_sensor {
@@ -291,12 +297,12 @@ enum icub_inertial_sensor {
     ICUB_SENSOR_MAGNETIC = 1,
     ICUB_SENSOR_GYRO = 2,
     ICUB_SENSOR_EULER = 3,      /* roll, pitch, yaw: R = Rz(yaw) Ry(pitch) Rx(roll) */
-    ICUB_SENSOR_QUATERNION = 4, /* has a frame of its own */
-    ICUB_SENSOR_LINEAR = 5,     /* acceleration less gravity */
+    ICUB_SENSOR_QUATERNION = 4, /* has its own frame type */
+    ICUB_SENSOR_LINEAR = 5,     /* acceleration minus gravity */
     ICUB_SENSOR_GRAVITY = 6,    /* 9.81 m/s2 up */
-    ICUB_SENSOR_STATUS = 15,    /* x: u8, two bits each of magnetometer, accelerometer, gyro and
-                                 * system, 3 = calibrated; y: sensors beyond their range, z:
-                                 * without a reading, as masks */
+    ICUB_SENSOR_STATUS = 15,    /* x: u8, two bits each for magnetometer, accelerometer, gyro and
+                                 * system, 3 = calibrated; y: mask of sensors beyond their range; z:
+                                 * mask of sensors without a reading */
     ICUB_INERTIAL_SENSORS = 16,
 };
 
@@ -305,15 +311,15 @@ enum { ICUB_CALIBRATED = 3 };
 /* Class 5 frame types */
 enum icub_inertial_type {
     ICUB_INERTIAL_TRIPLE = 3,     /* sequence, sensor, x, y, z */
-    ICUB_INERTIAL_QUATERNION = 4, /* w, x, y, z: sensor to world, w not negative */
+    ICUB_INERTIAL_QUATERNION = 4, /* w, x, y, z: from sensor to world, w >= 0 */
 };
 
 enum { ICUB_INERTIAL_LENGTH = 8 };
 
-/* What a count is worth (D: those of the chip on iCub's boards) */
+/* Worth of a count (D: as the chip on iCub's boards) */
 #define ICUB_ACCELERATION_M_S2 0.01
 #define ICUB_MAGNETIC_UT 0.0625
-#define ICUB_INERTIAL_DEG 0.0625 /* degree/s of the gyro, degree of Euler angles */
+#define ICUB_INERTIAL_DEG 0.0625 /* gyro in degree/s, Euler angles in degree */
 #define ICUB_QUATERNION 0x1p-14
 
 /* Class 7, data[0] */
@@ -322,7 +328,7 @@ enum icub_management_command {
     ICUB_UPDATE_ADDRESS = 0x01,
     ICUB_UPDATE_RUN = 0x02,
     ICUB_UPDATE_DATA = 0x03,
-    ICUB_UPDATE_END = 0x04, /* to the application, which takes it for a ping */
+    ICUB_UPDATE_END = 0x04, /* returns to the application, which treats it as a ping */
     ICUB_GET_ADDITIONAL_INFO = 0x0c,
     ICUB_SET_ADDITIONAL_INFO = 0x0d,
     ICUB_SET_CAN_ADDRESS = 0x32,
@@ -330,11 +336,16 @@ enum icub_management_command {
 };
 
 enum { ICUB_INFO_LENGTH = 32, ICUB_INFO_PART = 4, ICUB_SERIAL_LENGTH = 7 };
-/* From power-up until the application starts, unless a host has found the bootloader by then */
+/* Time from power-up to the start of the application, unless a host discovers the bootloader
+ * before */
 enum { ICUB_BOOTLOADER_MS = 5000 };
 
 enum { ICUB_BOARD_DSP = 0, ICUB_BOARD_BLL = 4, ICUB_BOARD_STRAIN = 6, ICUB_BOARD_RFE = 13 };
-enum { ICUB_PROTOCOL_MAJOR = 1, ICUB_PROTOCOL_MINOR = 6 }; /* motor boards, hosts */
+enum {
+    ICUB_PROTOCOL_MAJOR = 1,
+    ICUB_PROTOCOL_MINOR = 6
+}; /* protocol version of motor boards and
+                                                            * hosts */
 enum { ICUB_STRAIN_PROTOCOL_MAJOR = 1, ICUB_STRAIN_PROTOCOL_MINOR = 0 };
 
 #endif

@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * STRAIN boards: six channels, obeyed in class 2, sent in class 3. A force-torque board's channels
- * are fx fy fz tx ty tz of its sensor; a pseudo-STRAIN board's are the torques of up to six joints.
+ * STRAIN boards: six channels, commands in class 2, telemetry in class 3. The channels of a
+ * force-torque board are fx fy fz tx ty tz of its sensor; those of a pseudo-STRAIN board are the
+ * torques of up to six joints.
  *
- * A channel is converted to 16 bits offset binary, 0x8000 = 0, 0x8000 counts = its full scale. What
- * is sent calibrated is matrix * (counts + calibration tare) + current tare, the matrix in 1/32767
- * and at first the identity. A reading below 1000 or above 64000 is saturated: then frames are
- * seven bytes long, tell which channel, and calibrated ones repeat the last good values.
+ * A channel is converted to 16 bits offset binary: 0x8000 = 0, 0x8000 counts = full scale.
+ * Calibrated telemetry is matrix * (counts + calibration tare) + current tare. The matrix is in
+ * 1/32767, initially the identity. A reading below 1000 or above 64000 is saturated. Frames are
+ * then seven bytes long and name the channel, and calibrated frames repeat the last good values.
  *
- * Settings survive a restart as EEPROM would keep them; transmit mode, period and current tare do
- * not.
+ * Settings in the EEPROM survive a restart; transmit mode, period and current tare do not.
  */
 #include "boards/icub/board.h"
 #include "boards/axis.h"
@@ -27,16 +27,16 @@ enum saturation { SATURATED_NOT, SATURATED_LOW, SATURATED_HIGH };
 struct strain_board {
     struct icub_board icub;
     int32_t adc[BOARD_CHANNELS]; /* counts from zero */
-    /* Calibrated values of the last tick without a saturated channel; while they are due to be
-     * computed, by good_due, its readings are in good. */
+    /* Calibrated values of the last tick without a saturated channel. They are computed when
+     * needed: until then good_due is set and `good` holds the readings. */
     int32_t held[BOARD_CHANNELS], good[BOARD_CHANNELS];
     bool good_due;
     uint8_t saturated[BOARD_CHANNELS]; /* enum saturation */
-    uint8_t mode;                      /* enum icub_strain_transmit; others are silent */
+    uint8_t mode;                      /* enum icub_strain_transmit; other values = no telemetry */
     int64_t period_ns, next_ns;
     int16_t matrix[BOARD_CHANNELS][BOARD_CHANNELS];
     int16_t calibration_tare[BOARD_CHANNELS], current_tare[BOARD_CHANNELS];
-    uint16_t dac[BOARD_CHANNELS], full_scale[BOARD_CHANNELS]; /* kept for the host */
+    uint16_t dac[BOARD_CHANNELS], full_scale[BOARD_CHANNELS]; /* stored for the host */
     uint8_t matrix_gain;
     uint8_t serial[ICUB_SERIAL_LENGTH];
     bool saved, powered;
@@ -66,7 +66,7 @@ static void strain_board_set_up_eeprom(const struct board *board)
     strain->saved = true;
 }
 
-/* Resets what is lost with the power (struct board_ops). */
+/* Resets the volatile state (struct board_ops). */
 static void strain_board_power_up(struct board *board)
 {
     struct strain_board *strain = strain_board_of(board);
@@ -117,14 +117,13 @@ static int32_t strain_board_calibrate(const struct strain_board *strain, int cha
     return strain_board_apply_matrix(strain, counts, channel);
 }
 
-/* Returns a value with the current tare of a channel. */
+/* Returns a value plus the current tare of a channel. */
 static int32_t strain_board_add_tare(const struct strain_board *strain, int32_t value, int channel)
 {
     return (int32_t)control_clamp(value + strain->current_tare[channel], INT16_MIN, INT16_MAX);
 }
 
-/* Computes the converter's reading of a channel, 0 to UINT16_MAX; false for a value without a
- * number. */
+/* Computes the converter's reading of a channel, 0 to UINT16_MAX; false = value not finite. */
 static bool strain_board_read_raw(const struct board *board, int channel, double value,
                                   int64_t *raw)
 {
@@ -137,7 +136,7 @@ static bool strain_board_read_raw(const struct board *board, int channel, double
     return true;
 }
 
-/* Returns whether a reading of the converter is saturated, and at which end. */
+/* Returns whether a converter reading is saturated, and at which end. */
 static enum saturation strain_board_saturation(int64_t raw)
 {
     return raw < ICUB_STRAIN_LOW    ? SATURATED_LOW
@@ -145,8 +144,8 @@ static enum saturation strain_board_saturation(int64_t raw)
                                     : SATURATED_NOT;
 }
 
-/* Converts a channel to counts and notes whether it, or its peak within the tick, is saturated; a
- * value without a number keeps the one before. */
+/* Converts a channel to counts, and notes whether it, or its peak within the tick, is saturated. A
+ * value that is not finite keeps the old counts. */
 static void strain_board_convert(struct board *board, int channel, double value, double peak)
 {
     struct strain_board *strain = strain_board_of(board);
@@ -174,8 +173,8 @@ static bool strain_board_is_saturated(const struct strain_board *strain)
     return false;
 }
 
-/* Calibrates the readings that were kept. Frames are sent once in several ticks, so this is done
- * for them, and before a command may change the calibration. */
+/* Calibrates the stored readings. Called before a frame is sent, not every tick, and before a
+ * command changes the calibration. */
 static void strain_board_calibrate_held(struct strain_board *strain)
 {
     int32_t counts[BOARD_CHANNELS];
@@ -218,16 +217,15 @@ static void strain_board_sample_torque(struct board *board, const struct plant_s
 
 /* ---- commands ---- */
 
-/* Finds the channel or row that a byte selects by its low half; the high half is the regulation
- * set, of which this board has one. */
+/* Finds the channel or row that the low half of a byte selects. The high half is the regulation
+ * set; this board has one. */
 static bool strain_board_split_channel(int64_t byte, unsigned *channel)
 {
     *channel = byte & 0xf;
     return *channel < BOARD_CHANNELS;
 }
 
-/* Sets one tare, or all of them by what value returns; returns false when there is no such
- * channel. */
+/* Sets one tare, or all tares, from the function `value`. Returns false for an unknown channel. */
 static bool strain_board_set_tare(const struct strain_board *strain, int16_t *tare,
                                   const int64_t *request,
                                   int32_t (*value)(const struct strain_board *strain, int channel))
@@ -271,7 +269,7 @@ static bool strain_board_command_tare(struct strain_board *strain, const struct 
         strain->saved = strain->saved && !set;
         return set;
     }
-    /* The current tare is in no regulation set */
+    /* The current tare does not belong to a regulation set */
     return (!of_value || request[1] < BOARD_CHANNELS) &&
            strain_board_set_tare(strain, strain->current_tare, request, strain_board_calibrate);
 }
@@ -296,7 +294,7 @@ static bool strain_board_command_matrix(struct strain_board *strain, unsigned co
     return true;
 }
 
-/* Obeys SET and GET of what the EEPROM keeps of each channel, for the host. */
+/* Obeys SET and GET of the data that the EEPROM stores per channel for the host. */
 static bool strain_board_command_channel(struct strain_board *strain, unsigned code,
                                          const int64_t *request, int64_t *reply)
 {
@@ -328,13 +326,13 @@ static bool strain_board_command_channel(struct strain_board *strain, unsigned c
     return true;
 }
 
-/* Obeys commands that set something; returns false when it is not one of them. */
+/* Obeys commands that set something. Returns false for any other command. */
 static bool strain_board_set(struct board *board, unsigned code, const int64_t *request)
 {
     struct strain_board *strain = strain_board_of(board);
 
     switch (code) {
-    /* Lost with the power */
+    /* Volatile */
     case ICUB_STRAIN_SET_TRANSMIT_MODE:
         strain->mode = (uint8_t)request[0];
         return true;
@@ -343,7 +341,7 @@ static bool strain_board_set(struct board *board, unsigned code, const int64_t *
         strain->next_ns = board->boards->now_ns + strain->period_ns;
         return true;
 
-    /* Of the EEPROM, if SAVE follows */
+    /* In the EEPROM after SAVE */
     case ICUB_STRAIN_SET_MATRIX_GAIN:
         strain->matrix_gain = (uint8_t)request[0];
         break;
@@ -355,7 +353,7 @@ static bool strain_board_set(struct board *board, unsigned code, const int64_t *
 
     case ICUB_STRAIN_SET_ADDRESS:
         return board_set_address(board, (uint8_t)request[0]);
-    case ICUB_STRAIN_SET_FILTER: /* no filter, no multiplexer and no amplifier to adjust here */
+    case ICUB_STRAIN_SET_FILTER: /* no filter, multiplexer or amplifier is simulated */
     case ICUB_STRAIN_SET_CHANNELS:
     case ICUB_STRAIN_CALIBRATE:
         return true;
@@ -366,7 +364,7 @@ static bool strain_board_set(struct board *board, unsigned code, const int64_t *
     return true;
 }
 
-/* Answers commands; returns false when it is not one of them. */
+/* Answers queries. Returns false for any other command. */
 static bool strain_board_get(struct board *board, unsigned code, const int64_t *request,
                              int64_t *reply)
 {
@@ -450,8 +448,8 @@ static bool strain_board_command(struct icub_board *icub, const struct bus_frame
 
 /* ---- periodic frames ---- */
 
-/* Sends three channels from first on; saturation is in a seventh byte: any, then two bits a
- * channel. */
+/* Sends three channels from `first` on. With saturation there is a seventh byte: a bit for any,
+ * then two bits per channel. */
 static void strain_board_send_frame(struct board *board, struct frame_sink *sink,
                                     enum icub_analog_type type, const int32_t *counts, int first)
 {
@@ -472,8 +470,8 @@ static void strain_board_send_frame(struct board *board, struct frame_sink *sink
     board_send(board, sink, icub_id(ICUB_PERIODIC_ANALOG, board->address, type), len, data);
 }
 
-/* Hands a sent frame to the motor boards on the bus, which take the torques of their loops from
- * it (struct board_ops). */
+/* Passes a sent frame to the motor boards on the bus, which use its torques in their loops (struct
+ * board_ops). */
 static void strain_board_sent(struct board *board, const struct bus_frame *frame)
 {
     enum icub_analog_type type = (enum icub_analog_type)(frame->id & 0xf);
@@ -483,7 +481,7 @@ static void strain_board_sent(struct board *board, const struct bus_frame *frame
     }
 }
 
-/* Sends the frames of the transmit mode when they are due (struct board_ops). */
+/* Sends the frames of the transmit mode when due (struct board_ops). */
 static void strain_board_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
 {
     struct strain_board *strain = strain_board_of(board);
@@ -491,7 +489,7 @@ static void strain_board_transmit(struct board *board, struct ms_span span, stru
     int32_t counts[BOARD_CHANNELS];
 
     (void)span;
-    /* Readings are kept unless a channel is saturated */
+    /* Keep the readings unless a channel is saturated */
     if (!strain_board_is_saturated(strain)) {
         memcpy(strain->good, strain->adc, sizeof strain->good);
         strain->good_due = true;
@@ -510,7 +508,7 @@ static void strain_board_transmit(struct board *board, struct ms_span span, stru
     }
 }
 
-/* What both kinds have in common */
+/* Functions common to both kinds */
 #define STRAIN_BOARD(function)                                                                     \
     {                                                                                              \
         .base = {.identity = {.type = ICUB_BOARD_STRAIN, .major = 3, .minor = 0, .build = 5},      \

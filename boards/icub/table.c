@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The rows of the iCub protocol, protocol icub. Lengths and byte orders as in the official
- * message tables of motor and sensor boards; where two lengths are allowed the shorter is what the
- * fields need and the longer what common hosts send.
+ * The rows of protocol icub. Lengths and byte orders follow the official message tables of motor
+ * and sensor boards. Where two lengths are allowed, the fields need the shorter one and common
+ * hosts send the longer one.
  */
 #include "boards/icub/table.h"
 
@@ -208,8 +208,8 @@ const struct icub_command icub_motor_commands[ICUB_MOTOR_COMMANDS] = {
 static const struct field channel[] = {U8_IN("channel", 0, 5), {.type = FIELD_END}};
 static const struct field channel_signed[] = {
     U8_IN("channel", 0, 5), I16_BE("value", NULL), {.type = FIELD_END}};
-/* Where the EEPROM is meant the high half of a byte that selects a channel or row is the regulation
- * set; the board splits it */
+/* In EEPROM commands, the high half of the byte that selects a channel or row is the regulation
+ * set; the board splits the byte */
 static const struct field channel_of_set[] = {U8("channel", NULL), {.type = FIELD_END}};
 static const struct field channel_of_set_value[] = {
     U8("channel", NULL), U16_BE("value", NULL), {.type = FIELD_END}};
@@ -314,7 +314,7 @@ const struct icub_frame_type icub_analog_frames[16] = {
     [ICUB_TORQUE] = {"TORQUE", ICUB_STRAIN_LENGTH, three_channels},
 };
 
-/* What x, y and z are depends on the sensor. */
+/* The meaning of x, y and z depends on the sensor. */
 const struct icub_frame_type icub_inertial_frames[16] = {
     [ICUB_INERTIAL_TRIPLE] = {"INERTIAL", ICUB_INERTIAL_LENGTH,
         FIELDS(U8("sequence", NULL), U8_OF("sensor", inertial_sensors), I16("x", NULL),
@@ -326,7 +326,8 @@ const struct icub_frame_type icub_inertial_frames[16] = {
 
 static const struct field update_ok[] = {U8("ok", NULL), {.type = FIELD_END}};
 
-/* Lengths of a download are those of the DSP boards, or longer: others name pages of memory. */
+/* Lengths of a download follow the DSP boards, or are longer, because other boards select memory
+ * pages. */
 static const struct {
     uint8_t code;
     struct icub_command row;

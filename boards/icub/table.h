@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Every message of protocol icub as a table: its code, its exact lengths and its fields.
- * The boards decode requests and build replies and periodic frames from these rows, and an export
- * of the protocol (DBC) reads the same rows, so that the two cannot differ. Immutable; RT-safe.
+ * Every message of protocol icub as a table: code, exact lengths, fields. Boards decode requests
+ * and build replies and periodic frames from these rows; the DBC export uses the same rows.
+ * Immutable; RT-safe.
  *
  * Fields follow each other without gaps: from byte 1 in commands (byte 0 is the command), from byte
  * 0 in periodic frames. Lengths count every byte.
@@ -13,13 +13,13 @@
 #include "boards/field.h"
 #include "boards/icub/protocol.h"
 
-/* What the host can set in one axis of a motor board. Neighbors travel in one message. */
+/* The parameters of a motor axis that a host can set. Parameters of one message are neighbors. */
 enum icub_parameter {
     ICUB_P_POSITION_KP, /* PWM counts per tick, before the right shift */
     ICUB_P_POSITION_KI,
     ICUB_P_POSITION_KD,
     ICUB_P_POSITION_SHIFT,
-    ICUB_P_POSITION_OFFSET, /* PWM counts, as all limits and stictions */
+    ICUB_P_POSITION_OFFSET, /* PWM counts; so are all limits and stictions */
     ICUB_P_POSITION_LIMIT,
     ICUB_P_POSITION_INTEGRAL_LIMIT,
     ICUB_P_POSITION_STICTION_UP,
@@ -49,9 +49,9 @@ enum icub_parameter {
     ICUB_P_JOINT_ACCELERATION_SHIFT,
     ICUB_P_MOTOR_SPEED_SHIFT,
     ICUB_P_MOTOR_ACCELERATION_SHIFT,
-    ICUB_P_TORQUE_SOURCE, /* address of a STRAIN board; 0: the axis's own torque sensor */
+    ICUB_P_TORQUE_SOURCE, /* address of a STRAIN board; 0 = the axis's own torque sensor */
     ICUB_P_TORQUE_CHANNEL,
-    /* Kept for the host and given back; no control law of ours uses them */
+    /* Stored and returned to the host; our control laws do not use them */
     ICUB_P_TORQUE_STICTION_UP,
     ICUB_P_TORQUE_STICTION_DOWN,
     ICUB_P_BEMF,
@@ -62,12 +62,12 @@ enum icub_parameter {
     ICUB_P_TORQUE_FILTER,
     ICUB_P_TEMPERATURE_LIMIT,
     ICUB_P_I2T,                    /* seven bytes */
-    ICUB_P_SAVED = ICUB_P_I2T + 7, /* what WRITE_FLASH keeps are the parameters above */
+    ICUB_P_SAVED = ICUB_P_I2T + 7, /* WRITE_FLASH saves the parameters above */
     /* References */
     ICUB_P_DESIRED_POSITION = ICUB_P_SAVED, /* ticks */
     ICUB_P_DESIRED_VELOCITY,                /* ticks/ms * 2^velocity shift */
-    ICUB_P_DESIRED_ACCELERATION,            /* per ms; 0 or less: at once */
-    ICUB_P_DESIRED_TORQUE,                  /* torque counts; in current mode mA */
+    ICUB_P_DESIRED_ACCELERATION,            /* per ms; 0 or less = immediate */
+    ICUB_P_DESIRED_TORQUE,                  /* torque counts; mA in current mode */
     ICUB_P_OPEN_LOOP,                       /* PWM counts */
     ICUB_P_INTERACTION,                     /* enum icub_interaction */
     ICUB_P_COUNT,
@@ -75,28 +75,28 @@ enum icub_parameter {
 
 enum icub_kind {
     ICUB_NO_COMMAND = 0,
-    ICUB_SET, /* the request's fields go to parameter, parameter + 1, ... */
-    ICUB_GET, /* the reply's fields come from there */
-    ICUB_DO,  /* the board has code of its own for it */
+    ICUB_SET, /* stores the request's fields in parameter, parameter + 1, ... */
+    ICUB_GET, /* fills the reply's fields from parameter, parameter + 1, ... */
+    ICUB_DO,  /* the board has its own code for the command */
 };
 
 struct icub_command {
     const char *name;
     enum icub_kind kind;
-    enum icub_parameter parameter;    /* of ICUB_SET and ICUB_GET */
-    uint8_t request_min, request_max; /* length of the request; equal but for a few */
-    uint8_t reply_length;             /* 0: no reply */
-    const struct field *request;      /* NULL: none */
+    enum icub_parameter parameter;    /* used by ICUB_SET and ICUB_GET */
+    uint8_t request_min, request_max; /* length of the request; usually equal */
+    uint8_t reply_length;             /* 0 = no reply */
+    const struct field *request;      /* NULL = no fields */
     const struct field *reply;
 };
 
 struct icub_frame_type {
-    const char *name; /* NULL: no such type */
+    const char *name; /* NULL = no such type */
     uint8_t length;
     const struct field *fields;
 };
 
-/* enum icub_mode, and board types of class 7 */
+/* names of enum icub_mode, and of board types in class 7 */
 extern const struct field_value icub_mode_names[], icub_board_names[];
 
 extern const struct icub_command icub_motor_commands[ICUB_MOTOR_COMMANDS];     /* class 0 */
@@ -106,7 +106,7 @@ extern const struct icub_command icub_inertial_commands[ICUB_STRAIN_COMMANDS]; /
 extern const struct icub_frame_type icub_analog_frames[16];                    /* class 3 */
 extern const struct icub_frame_type icub_inertial_frames[16];                  /* class 5 */
 
-/* Class 7; NULL when there is no such command. */
+/* Returns a row of class 7; NULL = no such command. */
 const struct icub_command *icub_management_command(uint8_t code);
 
 #endif

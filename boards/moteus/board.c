@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The path of the control position: at once to the command without limits, else with speed and
- * acceleration limited, so that it arrives with the commanded velocity. A commanded position moves
- * with the commanded velocity.
+ * The path of the control position. Without limits it jumps to the command. With limits on speed
+ * and acceleration it arrives with the commanded velocity. A commanded position itself moves with
+ * the commanded velocity.
  */
 #include "boards/moteus/private.h"
 
@@ -14,14 +14,15 @@
 
 #define STEP_S 1e-3
 
-/* Returns a value within +-limit; NaN does not limit. */
+/* Clamps a value to +-limit; a limit of NaN does nothing. */
 static double path_clamp(double value, double limit)
 {
     return fmax(fmin(value, limit), -limit);
 }
 
-/* Returns the speed towards the target at the end of a step from which the limit still allows to
- * arrive with it: the way of the step and the one to stop, v^2 / 2a, are the distance. */
+/* Returns the speed towards the target at the end of a step. From this speed, the limit still
+ * allows the axis to arrive at `speed`: the distance equals the way of the step plus the stopping
+ * distance v^2 / 2a. */
 static double path_speed(double distance, double speed, double acceleration)
 {
     double half = acceleration * STEP_S / 2.0;
@@ -30,13 +31,13 @@ static double path_speed(double distance, double speed, double acceleration)
     return isnan(acceleration) ? distance / STEP_S : fmax(sqrt(fmax(square, 0.0)) - half, 0.0);
 }
 
-/* Moves the control position a millisecond on. Limits that are NaN do not exist. */
+/* Advances the control position by a millisecond. A limit of NaN does not apply. */
 static void moteus_path_step(struct moteus_path *path, double target_velocity,
                              double velocity_limit, double acceleration_limit)
 {
     double change = acceleration_limit * STEP_S, wanted = target_velocity, before = path->velocity;
 
-    /* Without limits the command is the path */
+    /* Without limits, the path is the command */
     if (isnan(velocity_limit) && isnan(acceleration_limit)) {
         path->position = isnan(path->target) ? path->position : path->target;
         path->target = NAN;
@@ -46,7 +47,7 @@ static void moteus_path_step(struct moteus_path *path, double target_velocity,
         return;
     }
 
-    /* The speed that leads to the target, or that is wanted, as far as the limits allow it */
+    /* Speed towards the target, or the commanded speed, within the limits */
     if (!isnan(path->target)) {
         double distance = path->target - path->position;
 
@@ -59,7 +60,7 @@ static void moteus_path_step(struct moteus_path *path, double target_velocity,
     path->velocity = isnan(change) ? wanted : before + path_clamp(wanted - before, change);
     path->position += (isnan(change) ? path->velocity : (before + path->velocity) / 2.0) * STEP_S;
 
-    /* Arrived: at the speed, and where a position is wanted there */
+    /* Arrived: at the speed, and at the position if one is commanded */
     change = isnan(change) ? 0.0 : change;
     path->done = fabs(path->velocity - target_velocity) <= change + 1e-9;
     if (!isnan(path->target)) {
@@ -73,25 +74,25 @@ static void moteus_path_step(struct moteus_path *path, double target_velocity,
 }
 
 /*
- * A moteus: one motor, which does nothing until it is asked to. Modes, faults and the watchdog are
- * those of firmware 1.1.0; the loops have a step a millisecond instead of one in 1/30 ms, and the
- * current loop is that of boards/axis.h. Gains of the position loop are what its owner has
- * configured for the motor: damping as strong as that of its back-EMF, 40/s from position to speed.
+ * A moteus controller: one motor, active only on request. Modes, faults and the watchdog follow
+ * firmware 1.1.0. The loops run once a millisecond instead of 30 times; the current loop is that of
+ * boards/axis.h. The gains of the position loop stand for the owner's configuration: damping equal
+ * to the motor's back-EMF, 40/s from position to speed.
  */
 
 #define TURN (2.0 * M_PI)
 #define STEP_S 1e-3
 
-enum { ENABLING_MS = 9 /* 256 periods of the PWM to find the offsets of the current */ };
+enum { ENABLING_MS = 9 /* 256 PWM periods that measure the current offsets */ };
 
-/* Configuration that is the firmware's own: servo.default_timeout_s, servo.timeout_max_torque_Nm,
- * servo.default_accel_limit, servo.max_velocity, the voltage below which nothing works. */
+/* Defaults of the firmware: servo.default_timeout_s, servo.timeout_max_torque_Nm,
+ * servo.default_accel_limit, servo.max_velocity, the lowest supply voltage. */
 static const double TIMEOUT_S = 0.1, TIMEOUT_TORQUE_NM = 5.0, ACCELERATION_LIMIT = 50.0,
                     VELOCITY_MAX = 500.0, SUPPLY_MIN_V = 4.0, POSITION_PER_S = 40.0;
 
 /* ---- modes ---- */
 
-/* Enters a mode with fresh loops; the path begins anew. */
+/* Enters a mode, resets its loops and restarts the path. */
 static void moteus_set_mode(struct board *board, enum moteus_mode mode)
 {
     struct moteus_board *moteus = moteus_board_of(board);
@@ -110,7 +111,7 @@ static void moteus_set_mode(struct board *board, enum moteus_mode mode)
     }
 }
 
-/* Enters the fault mode; the first fault stays until the board is stopped. */
+/* Enters the fault mode. The first fault remains until the board is stopped. */
 static void moteus_raise_fault(struct board *board, enum moteus_fault fault)
 {
     struct moteus_board *moteus = moteus_board_of(board);
@@ -122,7 +123,7 @@ static void moteus_raise_fault(struct board *board, enum moteus_fault fault)
     }
 }
 
-/* Goes on towards the wanted mode. Out of a fault and out of a time-out only a stop leads. */
+/* Advances towards the commanded mode. Only a stop leaves a fault or a time-out. */
 static void moteus_approach_mode(struct board *board)
 {
     struct moteus_board *moteus = moteus_board_of(board);
@@ -147,7 +148,7 @@ static void moteus_approach_mode(struct board *board)
     }
 }
 
-/* Puts in what a command leaves to the configuration. */
+/* Fills in the defaults of values that a command omits. */
 static void moteus_apply_defaults(struct moteus_board *moteus)
 {
     double timeout_s = moteus->command[MOTEUS_R_TIMEOUT];
@@ -158,22 +159,21 @@ static void moteus_apply_defaults(struct moteus_board *moteus)
     moteus->acceleration_limit = isnan(acceleration)  ? ACCELERATION_LIMIT
                                  : acceleration < 0.0 ? (double)NAN
                                                       : acceleration;
-    /* An acceleration limit comes with one of the speed */
+    /* An acceleration limit requires a speed limit */
     moteus->velocity_limit = velocity < 0.0 ? (double)NAN : velocity;
     if (!isnan(moteus->velocity_limit) || !isnan(moteus->acceleration_limit)) {
         moteus->velocity_limit = fmin(moteus->velocity_limit, VELOCITY_MAX);
     }
 }
 
-/* Puts the command that a frame has brought in force; carries out a register that acts, with the
- * value written. */
+/* Puts the command of a frame in force. */
 static void moteus_board_command(struct board *board)
 {
     struct moteus_board *moteus = moteus_board_of(board);
     enum moteus_mode mode = (enum moteus_mode)moteus->commanded_mode;
 
     if (mode >= MOTEUS_FAULT && mode <= MOTEUS_CALIBRATION_COMPLETE) {
-        return; /* modes that only the board enters */
+        return; /* only the board itself enters these modes */
     }
     memcpy(moteus->command, moteus->value, sizeof moteus->command);
     moteus->wanted_mode = mode;
@@ -187,8 +187,7 @@ static void moteus_board_command(struct board *board)
     }
 }
 
-/* Puts the command that a frame has brought in force; carries out a register that acts, with the
- * value written. */
+/* Executes a register that triggers an action, with the value written. */
 static void moteus_board_act(struct board *board, uint32_t number, double value)
 {
     struct moteus_board *moteus = moteus_board_of(board);
@@ -197,20 +196,21 @@ static void moteus_board_act(struct board *board, uint32_t number, double value)
     if (number == MOTEUS_R_OUTPUT_EXACT && isfinite(value)) {
         moteus->zero = moteus->motor - value;
     } else if (number == MOTEUS_R_OUTPUT_NEAREST && isfinite(value)) {
-        moteus->zero -= round((value - shown) * gear) / gear; /* by whole turns of the rotor */
+        moteus->zero -= round((value - shown) * gear) / gear; /* change the zero by whole rotor
+                                                               * turns */
     }
-    moteus->path.position = NAN; /* captured again, as by RECAPTURE */
+    moteus->path.position = NAN; /* capture the position again, as RECAPTURE does */
 }
 
 /* ---- power-up ---- */
 
-/* Fills the registers that never change. */
+/* Fills the constant registers. */
 static void moteus_identify(struct moteus_board *moteus)
 {
     moteus->value[MOTEUS_R_FIRMWARE] = MOTEUS_FIRMWARE;
     moteus->value[MOTEUS_R_MAP_VERSION] = MOTEUS_MAP_VERSION;
     moteus->value[MOTEUS_R_UUID_MASK_CAPABLE] = 1.0;
-    moteus->value[MOTEUS_R_HOME_STATE] = 2.0;        /* of the output */
+    moteus->value[MOTEUS_R_HOME_STATE] = 2.0;        /* homed to the output */
     moteus->value[MOTEUS_R_ENCODER_VALIDITY] = 0x0f; /* sources 0 and 1 */
     for (unsigned i = 0; i < 4; i++) {
         uint64_t hash = hash_bytes(HASH_START + i, moteus->board.config.name,
@@ -255,7 +255,7 @@ static double moteus_fraction(double turns)
     return turns - floor(turns);
 }
 
-/* Shows what the board measures in its registers (struct board_ops). */
+/* Stores the measured values in the board's registers (struct board_ops). */
 static void moteus_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct moteus_board *moteus = moteus_board_of(board);
@@ -286,7 +286,7 @@ static void moteus_sample(struct board *board, const struct plant_sensors *senso
 
 /* ---- faults ---- */
 
-/* Watches supply, encoder, temperature and the age of the command, once a tick. */
+/* Checks supply, encoder, temperature and the age of the command, once a tick. */
 static void moteus_watch(struct board *board)
 {
     struct moteus_board *moteus = moteus_board_of(board);
@@ -316,8 +316,7 @@ static void moteus_watch(struct board *board)
 
 /* ---- control laws, once a millisecond ---- */
 
-/* Returns a value within +-limit, which NaN does not set; notes in the register of faults what has
- * limited it. */
+/* Clamps a value to +-limit, unless limit is NaN. Notes the active limit in the FAULT register. */
 static double moteus_limit(struct moteus_board *moteus, double value, double limit,
                            enum moteus_fault code)
 {
@@ -341,7 +340,8 @@ static double moteus_current_law(struct moteus_board *moteus, double wanted_a)
            axis->bemf_v_s_rad * moteus->velocity * TURN;
 }
 
-/* Returns the voltage for a torque of the position loop; its parts are shown. */
+/* Returns the voltage for a torque of the position loop, and stores the parts of the torque in
+ * registers. */
 static double moteus_torque_law(struct moteus_board *moteus, double position_error,
                                 double velocity_error, const double *scale, double max_nm)
 {
@@ -359,14 +359,13 @@ static double moteus_torque_law(struct moteus_board *moteus, double position_err
                               moteus->torque_nm_a > 0.0 ? torque / moteus->torque_nm_a : 0.0);
 }
 
-/* Returns a number, or 0 for NaN. */
+/* Returns a value, or 0 for NaN. */
 static double number_or_0(double value)
 {
     return isnan(value) ? 0.0 : value;
 }
 
-/* Returns the voltage of the position loop along the path, which keeps to the limits of the
- * position. */
+/* Returns the voltage of the position loop along the path, within the position limits. */
 static double moteus_position_law(struct moteus_board *moteus)
 {
     const struct board_axis_config *axis = moteus->axis.config;
@@ -398,8 +397,8 @@ static double moteus_position_law(struct moteus_board *moteus)
                              scale, command[MOTEUS_R_MAX_TORQUE]);
 }
 
-/* Returns the voltage that keeps the motor between two bounds: outside of them the position loop to
- * the nearer one, within them the feedforward torque. */
+/* Returns the voltage that keeps the motor between two bounds. Outside, the position loop returns
+ * it to the nearer bound; inside, the feed-forward torque applies. */
 static double moteus_stay_within_law(struct moteus_board *moteus)
 {
     const double *command = moteus->command;
@@ -413,7 +412,7 @@ static double moteus_stay_within_law(struct moteus_board *moteus)
     return moteus_torque_law(moteus, error, -moteus->velocity, scale, command[MOTEUS_R_MAX_TORQUE]);
 }
 
-/* Returns the voltage of the mode. */
+/* Returns the voltage of the present mode. */
 static double moteus_law(struct moteus_board *moteus)
 {
     switch (moteus_mode(moteus)) {
@@ -432,7 +431,7 @@ static double moteus_law(struct moteus_board *moteus)
     case MOTEUS_STAY_WITHIN:
         return moteus_stay_within_law(moteus);
     default:
-        return 0.0; /* the brake shorts the motor, in the other modes the bridge is open */
+        return 0.0; /* the brake shorts the motor; other modes open the bridge */
     }
 }
 
@@ -471,7 +470,7 @@ static void moteus_shut_down(struct board *board)
     }
 }
 
-/* Sends nothing by itself: every frame is a reply (struct board_ops). */
+/* Sends nothing: every frame of a moteus is a reply (struct board_ops). */
 static void moteus_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
 {
     (void)span;
@@ -493,13 +492,13 @@ static const struct board_ops moteus_ops = {
 
 struct board *moteus_make_board(const struct board_config *config, struct arena *arena)
 {
-    (void)config; /* there is one kind */
+    (void)config; /* there is only one kind of board */
     return board_create(arena, sizeof(struct moteus_board), &moteus_ops);
 }
 
 /*
- * Serves the subframes of a frame, one after the other: writes and reads of registers. What cannot
- * be read any further ends the frame; what it has written by then counts.
+ * Serves the subframes of a frame in order: writes and reads of registers. An unreadable subframe
+ * ends the frame; earlier writes stay in effect.
  */
 
 /* A frame under way and the reply to it. */
@@ -568,8 +567,8 @@ static bool moteus_has_mode(double mode)
            !(mode >= MOTEUS_PWM && mode <= MOTEUS_VOLTAGE_FOC) && mode != MOTEUS_MEASURE_INDUCTANCE;
 }
 
-/* Begins a command with a mode: all that belongs to it has its default. The mode itself goes to the
- * command alone, for the register shows the present one. */
+/* Begins a command with a mode and default values. Only the command stores the mode, because the
+ * mode register shows the present one. */
 static void moteus_begin_command(struct moteus_board *moteus, double mode)
 {
     for (size_t i = 0; i < moteus_row_count; i++) {
@@ -583,7 +582,7 @@ static void moteus_begin_command(struct moteus_board *moteus, double mode)
     moteus->commanded_mode = mode;
 }
 
-/* Writes a register; the frame goes on whatever the reason is. */
+/* Writes a register and returns the result. The frame continues after an error. */
 static enum moteus_reason moteus_write_register(struct moteus_exchange *x, uint32_t number,
                                                 enum moteus_type type, const uint8_t *data)
 {
@@ -616,7 +615,8 @@ static enum moteus_reason moteus_write_register(struct moteus_exchange *x, uint3
     return MOTEUS_OK;
 }
 
-/* Serves a write; false: the frame ends in it, or the rest is for another controller. */
+/* Serves a write. Returns false when the frame ends in it, or when the rest is for another
+ * controller. */
 static bool moteus_serve_write(struct moteus_exchange *x, enum moteus_type type, uint32_t count,
                                uint32_t first)
 {
@@ -637,7 +637,7 @@ static bool moteus_serve_write(struct moteus_exchange *x, enum moteus_type type,
     return !x->discard;
 }
 
-/* Appends the value of a register; false: there is none, or it does not come in that type. */
+/* Appends the value of a register. Returns false when it does not exist or has no such type. */
 static bool moteus_reply_register(struct moteus_exchange *x, uint32_t number, enum moteus_type type)
 {
     const struct moteus_board *moteus = moteus_board_of(x->board);
@@ -652,7 +652,7 @@ static bool moteus_reply_register(struct moteus_exchange *x, uint32_t number, en
     return true;
 }
 
-/* Serves a read; false: an error, which ends the frame. */
+/* Serves a read. Returns false on an error, which ends the frame. */
 static bool moteus_serve_read(struct moteus_exchange *x, uint8_t subframe, uint32_t count,
                               uint32_t first)
 {
@@ -673,7 +673,7 @@ static bool moteus_serve_read(struct moteus_exchange *x, uint8_t subframe, uint3
     return room;
 }
 
-/* Serves the next subframe; false: the frame cannot be read any further. */
+/* Serves the next subframe. Returns false when the rest of the frame is unreadable. */
 static bool moteus_serve_subframe(struct moteus_exchange *x)
 {
     uint32_t subframe, count, first = 0;
@@ -702,7 +702,7 @@ static bool moteus_serve_subframe(struct moteus_exchange *x)
     return false;
 }
 
-/* Queues the reply in the format of the request, which becomes CAN FD where it must. */
+/* Queues the reply in the format of the request, or as CAN FD if it is too long. */
 static void moteus_queue_reply(struct moteus_exchange *x)
 {
     uint32_t id = moteus_id(x->board->address, x->frame->id >> 8 & 0x7f);
@@ -716,7 +716,7 @@ static void moteus_queue_reply(struct moteus_exchange *x)
         x->reply);
 }
 
-/* Obeys a frame for the board, queues the reply and returns what became of it. */
+/* Obeys a frame for the board, queues the reply and returns the verdict. */
 static enum board_verdict moteus_board_serve(struct board *board, const struct bus_frame *frame)
 {
     struct moteus_exchange x = {.board = board,
@@ -735,7 +735,7 @@ static enum board_verdict moteus_board_serve(struct board *board, const struct b
     return x.verdict;
 }
 
-/* A bus of moteus controllers: finds those that a frame is for. */
+/* A bus of moteus controllers: finds the receivers of a frame. */
 
 /* Obeys a frame for one controller, or for all of them (struct board_bus_ops). */
 static void moteus_bus_receive(struct boards *boards, struct board_bus *bus,
@@ -746,7 +746,7 @@ static void moteus_bus_receive(struct boards *boards, struct board_bus *bus,
     enum board_verdict verdict = BOARD_OBEYED;
     struct board *listener = NULL;
 
-    /* Above the two bytes of addresses stands a prefix, which is 0 here */
+    /* The prefix above the two address bytes must be 0 */
     for (unsigned address = 1; address < BOARD_ADDRESSES && frame->id <= 0xffff; address++) {
         struct board *board = bus->by_address[address];
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The state of a moteus, shared by the sources that are its parts. Units are those of its
- * registers: turns of the output, turns/s, N m, A, V, s. RT-safe. */
+/* The state of a moteus board. Units are those of its registers: turns of the output, turns/s, N m,
+ * A, V, s. RT-safe. */
 #ifndef BOARDS_MOTEUS_PRIVATE_H
 #define BOARDS_MOTEUS_PRIVATE_H
 
@@ -8,10 +8,10 @@
 #include "boards/board_private.h"
 #include "boards/moteus/table.h"
 
-/* The path from the control position to the commanded one. NaN: no position is commanded, or the
- * path has not begun. */
+/* The path from the control position to the commanded one. NaN = no commanded position, or the path
+ * has not started. */
 struct moteus_path {
-    double position, velocity; /* of control */
+    double position, velocity; /* control position and velocity */
     double target;
     bool done;
 };
@@ -19,23 +19,23 @@ struct moteus_path {
 struct moteus_board {
     struct board board;
     struct axis axis;
-    double value[MOTEUS_REGISTERS]; /* what a register shows, by its number */
-    double commanded_mode;          /* what was written into that of the mode */
+    double value[MOTEUS_REGISTERS]; /* displayed value of each register */
+    double commanded_mode;          /* value written to the mode register */
 
-    /* The command in force: its registers as they were when its frame ended, and what the defaults
-     * make of the limits. Its mode is reached as soon as the board can */
+    /* The command in force: the registers at the end of its frame, with default limits filled in.
+     * The board enters its mode as soon as it can */
     double command[MOTEUS_R_STAY_UPPER + 1];
     double wanted_mode, velocity_limit, acceleration_limit;
-    double timeout_s; /* until the command is no longer valid; NaN: never */
-    int enabling_ms;  /* until the drive is ready for its first command */
+    double timeout_s; /* expiry of the command; NaN = never */
+    int enabling_ms;  /* time until the drive is ready for its first command */
     struct moteus_path path;
 
     /* Configuration of the controller */
     double kp, kd; /* N m / turn, N m s / turn */
     double kp_v_a, ki_v_as, torque_nm_a;
-    double zero; /* motor position that is shown as 0 */
+    double zero; /* motor position displayed as 0 */
 
-    double motor, velocity, before; /* position of the motor, its speed, position a sample ago */
+    double motor, velocity, before; /* motor position, its speed, and the position one sample ago */
     double integral_v;
 };
 

@@ -6,7 +6,7 @@
 #include "boards/protocol_list.h"
 #include "manual/protocol_moteus.h"
 
-/* Checks that what a motor moves is a joint behind a gear (struct protocol). */
+/* Checks that a motor drives a joint through a gear (struct protocol). */
 static enum error_code moteus_check_board(const struct boards_bus_config *bus,
                                           const struct board_config *board, struct error *error)
 {
@@ -24,7 +24,7 @@ static enum error_code moteus_check_board(const struct boards_bus_config *bus,
 
 /* ---- messages ---- */
 
-/* Visits nothing: a frame to all boards is one to each (struct protocol). */
+/* Visits nothing: no message is for all boards (struct protocol). */
 static void moteus_visit_broadcasts(struct message_walk *walk)
 {
     (void)walk;
@@ -72,8 +72,8 @@ static void moteus_visit_board(struct message_walk *walk, int index, unsigned fi
     message_visit(walk, &message);
 }
 
-/* Returns whether a frame with the identifier goes to a controller or comes from one to the host
- * (struct protocol). */
+/* Returns whether the identifier is used by frames to a controller, or from one to the host (struct
+ * protocol). */
 static bool moteus_claims_id(const struct boards_bus_config *bus, uint32_t id, char *text,
                              size_t size)
 {

@@ -1,22 +1,22 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The register protocol of moteus controllers (mjbots, github.com/mjbots/moteus): wire format of
- * its CAN FD frames, as its documents "CAN Protocol" and "Register Reference" have it, firmware
- * 1.1.0. Shared by the boards and by hosts; holds no behavior, so that all of it is RT-safe.
+ * The register protocol of moteus controllers (mjbots, github.com/mjbots/moteus): the wire format
+ * of its CAN FD frames, after its documents "CAN Protocol" and "Register Reference", firmware
+ * 1.1.0. Boards and hosts share it; it has no behavior and is RT-safe.
  *
- * The identifier is source << 8 | destination; bit 15 asks for a reply, which comes from the
- * controller to the source. It is a 29-bit one where it does not fit into 11 bits. The data is a
- * row of subframes:
+ * The identifier is source << 8 | destination. Bit 15 requests a reply, which the controller sends
+ * to the source. An identifier that does not fit into 11 bits has 29 bits. The data is a sequence
+ * of subframes:
  *
  *   0x00 0x04 0x08 0x0c  write int8, int16, int32, float: count, first register, values
  *   0x10 0x14 0x18 0x1c  read: count, first register
  *   0x20 0x24 0x28 0x2c  reply: count, first register, values
  *   0x30 0x31            error of a write, of a read: register, reason
- *   0x50                 nothing: it fills a frame up to a length of CAN FD
+ *   0x50                 padding: fills a frame up to a length of CAN FD
  *
- * A count of 1 to 3 stands in the lowest two bits of the subframe, another one behind it. Count,
- * register and reason are varuints: seven bits a byte, the lowest first, bit 7 = there are more.
- * Values are little-endian. The lowest integer stands for NaN.
+ * A count of 1 to 3 is in the lowest two bits of the subframe; any other count follows in the next
+ * byte. Count, register and reason are varuints: seven bits per byte, lowest first; bit 7 = another
+ * byte follows. Values are little-endian. The lowest integer means NaN.
  */
 #ifndef BOARDS_MOTEUS_PROTOCOL_H
 #define BOARDS_MOTEUS_PROTOCOL_H
@@ -24,8 +24,8 @@
 #include <stdint.h>
 
 enum {
-    MOTEUS_ADDRESS_MAX = 31, /* ours; the protocol goes to 126 */
-    MOTEUS_BROADCAST = 0x7f, /* for every controller */
+    MOTEUS_ADDRESS_MAX = 31, /* our limit; the protocol allows 126 */
+    MOTEUS_BROADCAST = 0x7f, /* address of all controllers */
     MOTEUS_WANTS_REPLY = 0x8000,
     MOTEUS_DATA_MAX = 64,
     MOTEUS_MAP_VERSION = 5,
@@ -95,7 +95,7 @@ enum moteus_register {
 
     MOTEUS_R_STAY_LOWER = 0x040,
     MOTEUS_R_STAY_UPPER,
-    MOTEUS_R_STAY_FEEDFORWARD_TORQUE, /* from here on others once more, see the table */
+    MOTEUS_R_STAY_FEEDFORWARD_TORQUE, /* later registers repeat others, see the table */
     MOTEUS_R_STAY_KP_SCALE,
     MOTEUS_R_STAY_KD_SCALE,
     MOTEUS_R_STAY_MAX_TORQUE,
@@ -143,7 +143,7 @@ enum moteus_mode {
     MOTEUS_MODES
 };
 
-/* Values of the register FAULT. From 96 on they say what limits the output of a mode. */
+/* Values of the register FAULT. Values from 96 up name the limit that restricts a mode's output. */
 enum moteus_fault {
     MOTEUS_NO_FAULT = 0,
     MOTEUS_FAULT_FIRST = 32, /* calibration */

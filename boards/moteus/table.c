@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The rows of the moteus registers, and how their values are written. */
+/* The registers of a moteus, and the encoding of their values. */
 #include "boards/moteus/table.h"
 
 #include "base/array.h"
@@ -169,7 +169,7 @@ unsigned moteus_bytes(enum moteus_type type)
     return type == MOTEUS_INT8 ? 1 : type == MOTEUS_INT16 ? 2 : 4;
 }
 
-/* Returns the scale of an integer of a quantity. */
+/* Returns the scale of a quantity as an integer type. */
 static double moteus_scale(enum moteus_quantity quantity, enum moteus_type type)
 {
     return type == MOTEUS_INT8    ? quantities[quantity].int8
@@ -177,7 +177,7 @@ static double moteus_scale(enum moteus_quantity quantity, enum moteus_type type)
                                   : quantities[quantity].int32;
 }
 
-/* Returns the lowest integer of a type, which stands for NaN. */
+/* Returns the lowest integer of a type, which means NaN. */
 static int32_t moteus_lowest(enum moteus_type type)
 {
     return type == MOTEUS_INT8 ? INT8_MIN : type == MOTEUS_INT16 ? INT16_MIN : INT32_MIN;
@@ -229,7 +229,7 @@ bool moteus_put(enum moteus_quantity quantity, enum moteus_type type, double val
         return true;
     }
 
-    /* Integers, by the controller's floats: NaN is the lowest, which no number becomes */
+    /* Integers are rounded from the controller's floats; the lowest one is reserved for NaN */
     single /= (float)moteus_scale(quantity, type);
     value = isfinite(single) ? trunc(fmax(fmin((double)single, most), -most))
                              : (double)moteus_lowest(type);

@@ -12,7 +12,7 @@ void ahrs_align(struct ahrs *ahrs, const double accel_m_s2[3], const double magn
                 const double gyro_rad_s[3])
 {
     double norm = vec3_norm(accel_m_s2), length, R[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
-    double *north = R, *west = R + 3, *up = R + 6; /* rows: the world's axes in the sensor's */
+    double *north = R, *west = R + 3, *up = R + 6; /* rows: the world's axes in the sensor's axes */
 
     memset(ahrs, 0, sizeof *ahrs);
     memcpy(ahrs->rate_rad_s, gyro_rad_s, sizeof ahrs->rate_rad_s);
@@ -39,9 +39,9 @@ void ahrs_align(struct ahrs *ahrs, const double accel_m_s2[3], const double magn
     }
 }
 
-/* Computes what corrects the rate, times 1 / gain: turn about the horizontal axes that brings the
- * estimated vertical to the specific force, and the rate about the vertical that brings the
- * estimated field to magnetic north. */
+/* Computes the corrections of the rate, divided by their gains. The first turns the estimated
+ * vertical to the specific force about the horizontal axes. The second turns the estimated field to
+ * magnetic north about the vertical. */
 static void ahrs_find_errors(const double R[9], const double accel_m_s2[3],
                              const double magnetic_t[3], double tilt[3], double heading[3])
 {
@@ -87,7 +87,7 @@ void ahrs_update(struct ahrs *ahrs, const struct ahrs_config *config, const doub
     mat3_from_quaternion(ahrs->quaternion, R);
     ahrs_find_errors(R, accel_m_s2, magnetic_t, tilt, heading);
     for (int k = 0; k < 3; k++) {
-        /* The rate over the step is the mean of those at its ends */
+        /* Average the rates at both ends of the step */
         double rate = 0.5 * (gyro_rad_s[k] + ahrs->rate_rad_s[k]) - ahrs->bias_rad_s[k];
 
         turn[k] =
@@ -99,7 +99,7 @@ void ahrs_update(struct ahrs *ahrs, const struct ahrs_config *config, const doub
     }
     ahrs_turn(ahrs->quaternion, turn);
 
-    /* Readings beyond all numbers, as faults make them, leave it as it was */
+    /* Keep the old attitude if the readings overflow, as with faults */
     for (int i = 0; i < 4; i++) {
         sum += ahrs->quaternion[i];
     }

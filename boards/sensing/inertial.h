@@ -1,18 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Conversions of inertial boards, whatever they speak: from what was measured
- * (boards/sensing/sensing.h) to what they tell. RT-safe.
+ * Conversions for inertial boards of any protocol, from readings (boards/sensing/sensing.h) to
+ * reported values. RT-safe.
  *
- * The orientation is the sensor's own as measured: the true attitude, or that of the filter which
- * the rig's key `ahrs` asks for, with the errors of the key `orientation`. No filter runs here;
- * everything derived follows from it:
+ * The orientation is the sensor's reading: the true attitude, or the output of the filter that the
+ * rig's key `ahrs` selects, with the errors of the key `orientation`. All values below derive from
+ * it; there is no filter here:
  *
- * Euler angles: roll, pitch, yaw with R = Rz(yaw) Ry(pitch) Rx(roll), R from the sensor's axes to
- * the world's, z up; pitch within +-90 degrees, the others within +-180.
+ * Euler angles: roll, pitch, yaw with R = Rz(yaw) Ry(pitch) Rx(roll). R turns the sensor's axes to
+ * the world's, z up. Pitch is within +-90 degrees, the others within +-180.
  *
- * Gravity: what an accelerometer at rest reads, 9.81 m/s2 along up, in the sensor's axes.
+ * Gravity: the reading of an accelerometer at rest, 9.81 m/s2 upwards, in the sensor's axes.
  *
- * Linear acceleration: acceleration less gravity, 0 at rest, 9.81 m/s2 down in free fall.
+ * Linear acceleration: acceleration minus gravity; 0 at rest, 9.81 m/s2 downwards in free fall.
  *
  * Units: SI, rad.
  */
@@ -22,21 +22,21 @@
 #include "model/plant_io.h"
 
 struct inertial_values {
-    double acceleration_m_s2[3]; /* specific force, as measured */
+    double acceleration_m_s2[3]; /* measured specific force */
     double magnetic_t[3];
     double rate_rad_s[3];
     double euler_rad[3];  /* roll, pitch, yaw */
-    double quaternion[4]; /* wxyz, sensor to world, w not negative */
+    double quaternion[4]; /* wxyz, from sensor to world, w >= 0 */
     double linear_m_s2[3];
     double gravity_m_s2[3];
-    bool oriented; /* false: no orientation was measured, and all that needs it is 0 */
+    bool oriented; /* false = no orientation was measured; all values that need one are 0 */
 };
 
-/* fused false: as if no orientation was measured. */
+/* Derives all values from the readings. fused false: as if no orientation was measured. */
 void inertial_derive(const struct imu_sense *sense, bool fused, struct inertial_values *values);
 
-/* Converts to counts = value / worth, within an i16. Returns false when it had to be cut; what
- * is no number leaves counts alone and sets *bad. */
+/* Converts to counts = value / worth. Returns false when the count saturated to an i16. A value
+ * that is not finite leaves *counts unchanged and sets *bad. */
 bool inertial_quantize(double value, double worth, int64_t *counts, bool *bad);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The sensors: their creation, the chain of every channel, its faults. */
+/* The sensors: creation, the processing chain of each channel, faults. */
 #include "boards/sensing/sensing.h"
 
 #include "base/portable_math.h"
@@ -11,21 +11,21 @@
 #include <stdio.h>
 #include <string.h>
 
-#define SENSING_PLAYS 6 /* operators of a hysteresis, each half as wide as the one before it */
+#define SENSING_PLAYS 6 /* play operators of a hysteresis, each half as wide as the one before */
 
 /* Clock of a board. */
 struct sampling_clock {
-    double period_ns, phase_ns; /* in the simulation's time */
-    int64_t age_ns;             /* of its last sample */
-    bool sampled;               /* within this tick */
+    double period_ns, phase_ns; /* in simulation time */
+    int64_t age_ns;             /* age of its last sample */
+    bool sampled;               /* a sample was taken in this tick */
 };
 
-/* What the channels of a sensor have in common. */
+/* State shared by the channels of a sensor. */
 struct sensor_device {
     const struct sampling_clock *clock;
     struct sensor_warm_up warm_up;
     double keep;   /* exp(-tick / tau) */
-    double warm_k; /* above its temperature at the start */
+    double warm_k; /* K above the temperature at the start */
 };
 
 /* Low pass: y = b0 (x + 2 x1 + x2) - a1 y1 - a2 y2. */
@@ -34,7 +34,7 @@ struct low_pass {
     double x[2], y[2];
 };
 
-/* One quantity on its way to the boards. */
+/* One quantity on its way from the plant to a board. */
 struct channel {
     struct sensor_error error;
     bool ideal;
@@ -44,33 +44,33 @@ struct channel {
     double play[SENSING_PLAYS];
     struct low_pass low_pass;
     const struct sensor_device *device;
-    bool clocked; /* follows the clock of its board */
-    double last;  /* what came out the last time */
-    double *line; /* of the delay, circular, newest at line[at] */
+    bool clocked; /* sampled by the clock of its board */
+    double last;  /* last output */
+    double *line; /* delay line, circular, newest at line[at] */
     size_t length, at;
 };
 
-/* A fault at work on one channel. */
+/* A fault of one channel. */
 struct sensor_fault {
     const struct fault *fault;
     size_t channel;
     struct random_stream random;
     bool was_active;
     double held;      /* SLOW, STUCK */
-    int64_t since_ns; /* SLOW: of the value held */
-    bool gap;         /* INTERMITTENT */
-    double *line;     /* DELAYED, circular */
+    int64_t since_ns; /* SLOW: time of the held value */
+    bool gap;         /* INTERMITTENT: in a gap now */
+    double *line;     /* DELAYED: circular */
     size_t length, at;
 };
 
 struct joint_state {
-    double start_rad; /* incremental encoder: its angle when counting began */
-    bool restarts;    /* the counter restarts with the next sample */
-    double heated_c;  /* winding above ambient */
+    double start_rad; /* incremental encoder: angle where counting began */
+    bool restarts;    /* restart the counter at the next sample */
+    double heated_c;  /* temperature of the winding above ambient */
     double keep;      /* exp(-tick/tau) */
     double last_q, last_qm;
     double eccentric_phase_rad[2];
-    double bending_part[2]; /* of the moments across its axis, in the torque */
+    double bending_part[2]; /* fractions of the bending moments in the torque reading */
 };
 
 struct sensing {
@@ -79,19 +79,20 @@ struct sensing {
     struct sensor_ft *ft;
     size_t nchannel;
     struct channel *channel;
-    double (*mix)[SENSOR_FT_CHANNELS][SENSOR_FT_CHANNELS]; /* by F/T sensor */
+    double (*mix)[SENSOR_FT_CHANNELS][SENSOR_FT_CHANNELS]; /* mixing matrix of each F/T sensor */
     size_t nclock;
     struct sampling_clock *clock;
     struct sensor_device *device; /* joints, F/T sensors, inertial sensor */
-    double misaligned[2][9];      /* from the true axes to those of gyro and accelerometer */
+    double misaligned[2][9];      /* rotations from the true axes to the axes of gyro and
+                                   * accelerometer */
     struct ahrs ahrs;
     struct joint_state *state;
     struct sensor_fault *fault;
     size_t nfault;
     struct plant_sensors measured;
     double noise_scale;
-    bool ideal;                /* every sensor shows the truth: nothing to do */
-    double last_quaternion[4]; /* truth of the inertial sensor, its sign made continuous */
+    bool ideal;                /* all sensors show true values: nothing to do */
+    double last_quaternion[4]; /* true quaternion of the inertial sensor, with a continuous sign */
     bool started;
 };
 
@@ -112,8 +113,7 @@ static size_t sensing_imu_channel(const struct sensing *s, size_t channel)
     return sensing_ft_channel(s, s->config.nft, channel);
 }
 
-/* Creates a channel of a sensor: its error's ranges checked, filter, delay line and random streams
- * laid out. */
+/* Creation of a channel: checks of its error, filter, delay line, random streams. */
 
 /* Checks whether a number is finite and not negative. */
 static bool sensing_is_not_negative(double value)
@@ -121,13 +121,14 @@ static bool sensing_is_not_negative(double value)
     return isfinite(value) && value >= 0.0;
 }
 
-/* Returns the number of samples that a delay needs: the newest and those up to one beyond it. */
+/* Returns the number of samples in a delay line: the newest, and samples back to one beyond the
+ * delay. */
 static size_t sensing_delay_line_length(int64_t delay_ns, int64_t tick_ns)
 {
     return delay_ns > 0 ? (size_t)((delay_ns + tick_ns - 1) / tick_ns) + 1 : 0;
 }
 
-/* Checks that the terms of a sensor's error are numbers of the right sign. */
+/* Checks that the terms of a sensor's error are finite and have valid signs. */
 static enum error_code sensor_error_check_terms(const struct sensor_error *e, const char *name,
                                                 struct error *error)
 {
@@ -148,7 +149,7 @@ static enum error_code sensor_error_check_terms(const struct sensor_error *e, co
                            "sensor %s: found an error term that is negative or not a number", name);
 }
 
-/* Checks that the terms of a sensor's error are possible. */
+/* Checks that the terms of a sensor's error are valid. */
 static enum error_code sensor_error_check(const struct sensor_error *e, const char *name,
                                           int64_t tick_ns, struct error *error)
 {
@@ -187,8 +188,7 @@ static bool sensor_error_is_ideal(const struct sensor_error *e)
            e->instability_rms == 0.0 && e->offset_per_k == 0.0 && e->gain_per_k == 0.0;
 }
 
-/* Returns the Butterworth low pass of second order by the bilinear transform, its corner where it
- * is asked for. */
+/* Returns a second-order Butterworth low pass, by the bilinear transform with prewarping. */
 static struct low_pass low_pass_make(double bandwidth_hz, int64_t tick_ns)
 {
     const double root_two = 1.4142135623730951;
@@ -210,8 +210,8 @@ static struct random_stream channel_stream(const struct sensing *s, const char *
     return random_named(s->config.seed, stream);
 }
 
-/* Creates channel `index`, with random streams that bear its name: they depend on the seed and
- * nothing else. ERROR_INPUT on an impossible error, ERROR_MEMORY. */
+/* Creates channel `index`. Its random streams depend only on its name and the seed. ERROR_INPUT for
+ * an invalid error, ERROR_MEMORY. */
 static enum error_code sensing_make_channel(struct sensing *s, size_t index, const char *name,
                                             const char *what, const struct sensor_error *from,
                                             struct sensor_device *device, struct arena *arena,
@@ -227,7 +227,7 @@ static enum error_code sensing_make_channel(struct sensing *s, size_t index, con
     }
     channel->error = *from;
     channel->device = device;
-    /* A filtered attitude is of readings that are as old as their board's last sample already */
+    /* A filtered attitude needs no clock: its readings already have the age of the last sample */
     channel->clocked =
         device->clock && !(s->config.imu.ahrs.on && index >= sensing_imu_channel(s, 9));
     channel->ideal = sensor_error_is_ideal(from) && !channel->clocked;
@@ -240,7 +240,7 @@ static enum error_code sensing_make_channel(struct sensing *s, size_t index, con
                              : 0.0;
     channel->low_pass = low_pass_make(from->bandwidth_hz, tick_ns);
 
-    /* The delay line reaches back to the oldest sample */
+    /* The delay line must reach back to the oldest sample */
     oldest_ns += channel->clocked ? (int64_t)device->clock->period_ns + 1 : 0;
     channel->length = sensing_delay_line_length(oldest_ns, tick_ns);
     channel->line = arena_alloc(arena, channel->length + 1, sizeof *channel->line);
@@ -248,10 +248,10 @@ static enum error_code sensing_make_channel(struct sensing *s, size_t index, con
                          : error_set(error, ERROR_MEMORY, "no memory left for sensor %s", name);
 }
 
-/* Creates the sensors: ranges checked, delay lines and random streams laid out. */
+/* Creation of the sensors: checks, delay lines, random streams. */
 
-/* Checks the warming of a sensor and that its board has a clock; sets up what its channels have in
- * common. */
+/* Checks the warm-up of a sensor and the number of its clock, and sets up the state shared by its
+ * channels. */
 static enum error_code sensing_make_device(struct sensing *s, struct sensor_device *device,
                                            const char *name, const struct sensor_warm_up *warm_up,
                                            size_t clock, struct error *error)
@@ -304,7 +304,7 @@ bool sensing_sees_bending(const struct sensing_config *config)
     return false;
 }
 
-/* Draws the signs by which the moments across a joint's axis show in its torque. */
+/* Draws the signs of the bending moments in a joint's torque reading. */
 static enum error_code sensing_make_bending(struct sensing *s, size_t j, struct error *error)
 {
     const struct sensor_joint *joint = &s->joint[j];
@@ -368,8 +368,8 @@ static enum error_code sensing_make_joint(struct sensing *s, size_t j, struct ar
     return code ? code : sensing_make_eccentricity(s, j, error);
 }
 
-/* Fills the mixing matrix of a force-torque sensor: ones on the diagonal, crosstalk as a part of
- * the full scales beside it, with random signs. */
+/* Fills the mixing matrix of a force-torque sensor: 1 on the diagonal; crosstalk with random signs,
+ * as a fraction of the full scales, elsewhere. */
 static enum error_code sensing_make_crosstalk(struct sensing *s, size_t f, struct error *error)
 {
     const struct sensor_ft *ft = &s->ft[f];
@@ -466,7 +466,7 @@ static enum error_code sensing_make_imu(struct sensing *s, struct arena *arena, 
     return code;
 }
 
-/* Adds the entry of channel k of a fault. */
+/* Adds an entry for channel k of a fault. */
 static enum error_code sensing_add_fault(struct sensing *s, const struct fault *fault, size_t k,
                                          struct arena *arena, struct error *error)
 {
@@ -516,7 +516,7 @@ static enum error_code sensing_make_faults(struct sensing *s, struct arena *aren
     return ERROR_NONE;
 }
 
-/* Draws how fast the boards' clocks run and when they sample. */
+/* Draws the rates and phases of the boards' clocks. */
 static enum error_code sensing_make_clocks(struct sensing *s, struct arena *arena,
                                            struct error *error)
 {
@@ -561,7 +561,7 @@ static enum error_code sensing_make_clocks(struct sensing *s, struct arena *aren
     return ERROR_NONE;
 }
 
-/* Allocates all arrays by joint, force-torque sensor and channel; returns false without memory. */
+/* Allocates all arrays. Returns false when out of memory. */
 static bool sensing_allocate(struct sensing *s, struct arena *arena)
 {
     size_t njoint = s->config.njoint, nft = s->config.nft;
@@ -602,12 +602,12 @@ enum error_code sensing_create(const struct sensing_config *config, struct arena
     }
     s->config = *config;
     s->noise_scale = 1.0;
-    s->ideal = true; /* until a sensor says otherwise */
+    s->ideal = true; /* until a sensor has errors */
     if (!sensing_allocate(s, arena)) {
         return error_set(error, ERROR_MEMORY, "no memory left for the sensors");
     }
 
-    /* Clocks, every sensor with its channels, then the faults that act on them */
+    /* Create the clocks, the sensors with their channels, then the faults */
     code = sensing_make_clocks(s, arena, error);
     if (code) {
         return code;
@@ -636,8 +636,7 @@ enum error_code sensing_create(const struct sensing_config *config, struct arena
     return ERROR_NONE;
 }
 
-/* Returns what x was delay_ns ago, linear between two ticks. The newest entry of the line is
- * line[at]; the line reaches at least that far back. */
+/* Returns x as it was delay_ns ago, linear between two ticks. The newest entry is line[at]. */
 static double sensing_read_delay_line(const double *line, size_t length, size_t at,
                                       int64_t delay_ns, int64_t tick_ns)
 {
@@ -651,8 +650,8 @@ static double sensing_read_delay_line(const double *line, size_t length, size_t 
     return younger + part * (line[(at + length - whole - 1) % length] - younger);
 }
 
-/* Appends x to the delay line of a channel; returns x of its latency and its board's last sampling
- * instant ago. */
+/* Appends x to a channel's delay line. Returns x as it was latency_ns before the board's last
+ * sampling instant. */
 static double channel_delay(struct channel *channel, double x, int64_t tick_ns, bool started)
 {
     int64_t age_ns = channel->clocked ? channel->device->clock->age_ns : 0;
@@ -660,7 +659,7 @@ static double channel_delay(struct channel *channel, double x, int64_t tick_ns, 
     if (channel->length == 0) {
         return x;
     }
-    /* Before the first sample the quantity is taken to have been constant */
+    /* Before the first sample, assume a constant quantity */
     for (size_t i = 0; !started && i < channel->length; i++) {
         channel->line[i] = x;
     }
@@ -670,10 +669,11 @@ static double channel_delay(struct channel *channel, double x, int64_t tick_ns, 
                                    channel->error.latency_ns + age_ns, tick_ns);
 }
 
-/* Returns x with hysteresis: less a weight of what each play operator lags behind. */
+/* Returns x with hysteresis: x minus the weighted lags of the play operators. */
 static double channel_lag(struct channel *channel, double x, bool started)
 {
-    /* Widths of all operators add up to (2 - 2^(1 - n)) of the widest, half the full scale */
+    /* The widths of all operators sum to (2 - 2^(1 - n)) times the widest, which is half the full
+     * scale */
     const double sum = 2.0 - 2.0 / (1 << SENSING_PLAYS);
     const double weight = channel->error.hysteresis / sum;
     double half_width = 0.5 * channel->error.full_scale, lag = 0.0;
@@ -690,7 +690,7 @@ static double channel_lag(struct channel *channel, double x, bool started)
     return x - weight * lag;
 }
 
-/* Returns x behind the low pass, which starts settled. */
+/* Returns x after the low pass, which starts in steady state. */
 static double channel_filter(struct channel *channel, double x, bool started)
 {
     struct low_pass *f = &channel->low_pass;
@@ -710,7 +710,7 @@ static double channel_filter(struct channel *channel, double x, bool started)
     return y;
 }
 
-/* Updates what wanders: drift, ramp and instability. Returns their sum. */
+/* Updates the slow errors: drift, ramp and instability. Returns their sum. */
 static double channel_wander(struct channel *channel, double tick_s, bool started)
 {
     const struct sensor_error *e = &channel->error;
@@ -722,7 +722,7 @@ static double channel_wander(struct channel *channel, double tick_s, bool starte
         }
     }
     if (e->instability_rms > 0.0) {
-        /* Starts with its own variance, and keeps it */
+        /* The first value already has the stationary variance */
         double keep = started ? channel->bias_keep : 0.0;
 
         channel->bias = keep * channel->bias + e->instability_rms * sqrt(1.0 - keep * keep) *
@@ -731,7 +731,7 @@ static double channel_wander(struct channel *channel, double tick_s, bool starte
     return channel->drift + channel->ramp + channel->bias;
 }
 
-/* Returns x after the converter: cut to the full scale, rounded to steps of lsb. */
+/* Returns x after the converter: saturated to the full scale, rounded to steps of lsb. */
 static double sensor_error_convert(const struct sensor_error *e, double x)
 {
     if (e->full_scale > 0.0) {
@@ -740,7 +740,7 @@ static double sensor_error_convert(const struct sensor_error *e, double x)
     return e->lsb > 0.0 ? e->lsb * floor(x / e->lsb + 0.5) : x;
 }
 
-/* Moves all that a channel remembers of its input, whose zero has moved. */
+/* Shifts the memory of a channel after its input's zero has moved. */
 static void sensing_shift_channel(struct channel *channel, double shift)
 {
     for (int k = 0; k < SENSING_PLAYS; k++) {
@@ -768,7 +768,7 @@ static double sensing_measure_channel(const struct sensing *s, struct channel *c
     x += (e->gain_error + e->gain_per_k * warm_k) * x + e->offset + e->offset_per_k * warm_k +
          wander;
     if (e->noise_rms > 0.0) {
-        /* Noise stands still between two samples, as all else does */
+        /* Noise is constant between two samples */
         if (!channel->clocked || !s->started || channel->device->clock->sampled) {
             channel->noise_now = s->noise_scale * e->noise_rms * random_gaussian(&channel->noise);
         }
@@ -777,11 +777,12 @@ static double sensing_measure_channel(const struct sensing *s, struct channel *c
     return sensor_error_convert(e, x);
 }
 
-/* Reads the sensors: what comes before the chain of every channel, and its faults. */
+/* Reading of the sensors: crosstalk and encoder errors before each channel's chain, faults after
+ * it. */
 
 /* ---- faults ---- */
 
-/* Returns x as disturbed by a fault; last is what the channel said before. */
+/* Returns x after a fault; last is the channel's previous output. */
 static double sensor_fault_disturb(const struct sensing *s, struct sensor_fault *f, double x,
                                    double last)
 {
@@ -792,14 +793,14 @@ static double sensor_fault_disturb(const struct sensing *s, struct sensor_fault 
     switch (fault->kind) {
     case FAULT_OFF:
         return 0.0;
-    case FAULT_STUCK: /* at what it said before the fault */
+    case FAULT_STUCK: /* the output before the fault */
         f->held = begins ? last : f->held;
         return f->held;
     case FAULT_GARBAGE:
         return fault->value[0] * (2.0 * random_uniform(&f->random) - 1.0);
     case FAULT_WRONG:
         return fault->value[0] * x + fault->value[1];
-    case FAULT_SLOW: /* a new value when the period is over */
+    case FAULT_SLOW: /* take a new value once per period */
         if (begins || now_ns - f->since_ns >= (int64_t)(fault->value[0] * 1e9)) {
             f->held = x;
             f->since_ns = now_ns;
@@ -817,8 +818,8 @@ static double sensor_fault_disturb(const struct sensing *s, struct sensor_fault 
     }
 }
 
-/* Feeds the delay line of a fault also while it is not active, so that it holds the past when
- * the fault begins. */
+/* Feeds the delay line of a fault even while the fault is inactive, so that it holds past values
+ * when it begins. */
 static void sensor_fault_remember(struct sensor_fault *f, double x, bool started)
 {
     for (size_t i = 0; !started && i < f->length; i++) {
@@ -854,7 +855,7 @@ static double sensing_read_channel(struct sensing *s, size_t index, double x)
 
 /* ---- the sensors ---- */
 
-/* Returns whether a channel has neither errors nor faults: it shows the truth. */
+/* Returns whether a channel shows the true value: it has neither errors nor faults. */
 static bool sensing_channel_is_plain(const struct sensing *s, size_t channel)
 {
     for (size_t i = 0; i < s->nfault; i++) {
@@ -865,8 +866,8 @@ static bool sensing_channel_is_plain(const struct sensing *s, size_t channel)
     return s->channel[channel].ideal;
 }
 
-/* Updates and returns the temperature of a winding after another tick of current_a; where it is
- * not modeled here, what the plant says: that of its own model, or 0. */
+/* Advances the temperature of a winding by a tick at current_a and returns it. Without a thermal
+ * model here, returns the plant's temperature, or 0. */
 static double sensing_heat_winding(const struct sensing *s, size_t j,
                                    const struct motor_sense *truth)
 {
@@ -883,7 +884,8 @@ static double sensing_heat_winding(const struct sensing *s, size_t j,
     return thermal->ambient_c + state->heated_c;
 }
 
-/* Returns the angle that an eccentric ring shows, without its error where it was calibrated: 0. */
+/* Returns the angle that an eccentric ring shows; its error is 0 at angle 0, where it was
+ * calibrated. */
 static double sensing_eccentric_angle(const struct sensing *s, size_t j, double q)
 {
     const double *part = s->joint[j].eccentricity_rad, *phase = s->state[j].eccentric_phase_rad;
@@ -895,7 +897,7 @@ static double sensing_eccentric_angle(const struct sensing *s, size_t j, double 
     return shown;
 }
 
-/* Returns the rate that an encoder's readings show, or the truth where it is ideal. */
+/* Returns the rate from an encoder's readings, or the true rate for an ideal encoder. */
 static double sensing_encoder_rate(const struct sensing *s, size_t channel, double now,
                                    double *last, double truth)
 {
@@ -914,7 +916,7 @@ static void sensing_read_joint(struct sensing *s, size_t j, const struct motor_s
     size_t link = sensing_joint_channel(j, SENSOR_LINK_ENCODER),
            motor = sensing_joint_channel(j, SENSOR_MOTOR_ENCODER);
 
-    /* An incremental encoder counts from where it stands at its start */
+    /* An incremental encoder counts from its position at the start */
     if (s->joint[j].incremental && (!s->started || state->restarts)) {
         sensing_shift_channel(&s->channel[motor], state->start_rad - truth->qm);
         state->start_rad = truth->qm;
@@ -924,7 +926,7 @@ static void sensing_read_joint(struct sensing *s, size_t j, const struct motor_s
     out->qm = sensing_read_channel(s, motor, truth->qm - state->start_rad);
     out->qd = sensing_encoder_rate(s, link, out->q, &state->last_q, truth->qd);
     if (state->restarts) {
-        state->last_qm = out->qm; /* the jump of the counter is no motion */
+        state->last_qm = out->qm; /* the counter's jump is not motion */
         state->restarts = false;
     }
     out->qmd = sensing_encoder_rate(s, motor, out->qm, &state->last_qm, truth->qmd);
@@ -949,8 +951,8 @@ static bool sensing_channel_fails(const struct sensing *s, size_t channel)
     return false;
 }
 
-/* Sets the peak of a force-torque channel: as far beyond its reading as the true one is, unless a
- * fault makes the reading or the converter is at its end. */
+/* Sets the peak of a force-torque channel: its reading plus the true peak's excess. A fault on the
+ * channel removes the excess; a saturated converter shows the true peak. */
 static void sensing_set_ft_peak(const struct sensing *s, size_t f, const struct ft_sense *truth,
                                 size_t channel)
 {
@@ -994,7 +996,7 @@ static void sensing_read_ft(struct sensing *s, size_t f, const struct ft_sense *
     }
 }
 
-/* Computes a vector in axes that are turned from the true ones: itself where they are not. */
+/* Rotates a vector into misaligned axes; without misalignment copies it. */
 static void sensing_turn(const double R[9], const double angle_rad[3], const double truth[3],
                          double turned[3])
 {
@@ -1005,7 +1007,7 @@ static void sensing_turn(const double R[9], const double angle_rad[3], const dou
     }
 }
 
-/* Updates the sensor's own attitude filter by its readings of this tick. */
+/* Advances the sensor's attitude filter with the readings of this tick. */
 static void sensing_update_ahrs(struct sensing *s)
 {
     const struct imu_sense *imu = &s->measured.imu;
@@ -1018,9 +1020,9 @@ static void sensing_update_ahrs(struct sensing *s)
     }
 }
 
-/* Reads the orientation. A quaternion and its opposite are one rotation: the channels, which
- * interpolate, get the one near the last. Their output has any length; 0 stays 0, an unknown
- * orientation. */
+/* Reads the orientation. A quaternion and its negative are the same rotation: the channels
+ * interpolate, so they get the one close to the last. The output is normalized; 0 stays 0, an
+ * unknown orientation. */
 static void sensing_read_orientation(struct sensing *s, const double truth[4])
 {
     const size_t first = SENSOR_IMU_CHANNELS - 4;
@@ -1091,7 +1093,7 @@ void sensing_restart_counter(struct sensing *s, size_t joint)
     }
 }
 
-/* Updates what sensors have in common: how long ago their boards sampled, how warm they are. */
+/* Updates the shared state of sensors: age of the boards' samples, warm-up. */
 static void sensing_update_devices(struct sensing *s, int64_t now_ns)
 {
     for (size_t c = 0; c < s->nclock; c++) {

@@ -1,58 +1,60 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The sensors between the plant's truth and the boards. What a sensor makes of a quantity x, each
- * tick:
+ * The sensors between the plant's true values and the boards. Each tick, a sensor applies to a
+ * quantity x:
  *
  *   1. hysteresis: of the part that bends or magnetizes, independent of the rate;
- *   2. bandwidth: a low pass of second order (Butterworth) that is 3 dB down at bandwidth_hz;
- *   3. latency:   x of latency_ns ago, and of the board's last sampling instant (linear between
+ *   2. bandwidth: a second-order low pass (Butterworth) with -3 dB at bandwidth_hz;
+ *   3. latency:   x as it was latency_ns before the board's last sampling instant (linear between
  *                 ticks);
- *   4. error:     (1 + gain_error) x + offset + drift, the drift a random walk of drift_per_sqrt_s
- *                 and a ramp of ramp_per_s, both zero at the start; a bias that wanders about zero
- *                 (instability); gain and offset by the kelvins that the sensor has warmed up;
- *   5. noise:     white, Gaussian, noise_rms at every sample;
- *   6. converter: cut to +-full_scale, then rounded to steps of lsb;
- *   7. faults (faults/faults.h), on what comes out.
+ *   4. error:     (1 + gain_error) x + offset + drift. The drift is a random walk of
+ *                 drift_per_sqrt_s plus a ramp of ramp_per_s, both 0 at the start. Added are a
+ *                 bias that fluctuates about 0 (instability), and the changes of gain and offset
+ *                 per kelvin of the sensor's warm-up;
+ *   5. noise:     white, Gaussian, noise_rms in every sample;
+ *   6. converter: saturated to +-full_scale, then rounded to steps of lsb;
+ *   7. faults (faults/faults.h), applied to the output.
  *
- * Hysteresis is that of six play operators of equal weight (Prandtl and Ishlinskii), half as wide
- * each as the next, the widest as wide as half the full scale: a loop is as wide in parts of its
- * own amplitude whatever this is, down to 1/64 of the full scale, below which there is none. Once
- * around the full scale the branches are `hysteresis` of the full scale apart in the middle.
+ * Hysteresis is the sum of six play operators of equal weight (Prandtl and Ishlinskii). Each is
+ * half as wide as the next; the widest is as wide as half the full scale. The width of a loop is
+ * therefore proportional to its amplitude, down to 1/64 of the full scale; below it there is no
+ * hysteresis. In a cycle over the full scale the branches are `hysteresis` of the full scale apart
+ * at the center.
  *
- * Instability is a Gauss-Markov process of the first order: Gaussian, of instability_rms, its
- * correlation exp(-t / instability_s). It is at work from the start.
+ * Instability is a first-order Gauss-Markov process: Gaussian, instability_rms, correlation exp(-t
+ * / instability_s). It is stationary from the start.
  *
- * Boards have clocks of their own. One that samples every period_ns of a clock that is wrong by
- * d (at most drift_ppm, drawn from the seed as is its phase) has sampled last at a whole multiple
- * of period_ns (1 + d) behind its phase: between two samples its values stand still.
+ * Each board has its own clock. A board samples every period_ns of a clock with a rate error d, at
+ * most drift_ppm. d and the phase are drawn from the seed. The last sample was taken at a whole
+ * multiple of period_ns (1 + d) after the phase. Values stay constant between two samples.
  *
- * The inertial sensor's gyro and accelerometer are turned by the small angles of their
- * misalignment. Its orientation is the true attitude, or what an attitude filter of its own makes
- * of its readings (boards/sensing/ahrs.h): the four components of its quaternion are channels like
- * others, and what comes out is brought back to unit length. An error of e rad about some axis is
- * one of e / 2 in them.
+ * The axes of the inertial sensor's gyro and accelerometer are turned by small misalignment angles.
+ * Its orientation is the true attitude, or the output of its own attitude filter
+ * (boards/sensing/ahrs.h). The four components of the quaternion are channels like others, and the
+ * result is normalized. An attitude error of e rad about an axis is an error of e / 2 in the
+ * components.
  *
- * A link encoder whose ring is mounted eccentrically errs once and twice a turn; the constant part
- * is gone, for zero is where it was calibrated.
+ * A link encoder with an eccentric ring has errors once and twice a turn. The constant part is
+ * removed, because the encoder reads 0 where it was calibrated.
  *
- * A torque sensor of a joint shows a part of the moments across its axis, which bend it, and a
- * force-torque sensor mixes its six channels, before all that (crosstalk). A channel's peak within
- * a tick is as far beyond its reading as the true one beyond the truth. An incremental encoder does
- * not know its angle: it counts from where it stood at the start, and again after
- * sensing_restart_counter, for the counter is in the board. The boards round encoder angles to
- * ticks themselves (boards_sample) and estimate velocities from the ticks as the firmware does;
- * motor_sense's qd and qmd are, where an encoder is not ideal, the difference of its last two
- * readings, and the truth elsewhere.
+ * Crosstalk comes before these steps. A joint's torque sensor shows a part of the bending moments
+ * across its axis; a force-torque sensor mixes its six channels. A channel's peak within a tick
+ * exceeds its reading by as much as the true peak exceeds the true value. An incremental encoder
+ * has no absolute angle: it counts from its position at the start, and again after
+ * sensing_restart_counter, because the counter is in the board. The boards round encoder angles to
+ * ticks (boards_sample) and estimate velocities from the ticks as the firmware does. motor_sense's
+ * qd and qmd are true velocities for an ideal encoder, else the difference of its last two
+ * readings.
  *
- * An encoder that is mounted at an angle has an offset; a host takes it out by the calibration
+ * An encoder that is mounted at an angle has an offset. A host removes it with the calibration
  * command 0x04, whose third parameter is the reading at zero.
  *
- * Each channel draws from a random stream of its own, named after it: what one sensor shows depends
- * on the seed and nothing else. Everything zero, which is the default, hands the truth on bit for
- * bit. Numbers of the channels: faults/faults.h.
+ * Each channel has its own random stream, derived from its name and the seed. Its readings do not
+ * depend on other sensors. With all errors zero, the default, the boards get the true values bit
+ * for bit. faults/faults.h numbers the channels.
  *
- * Units: SI. Memory is the arena's of sensing_create; the strings of the configuration stay the
- * caller's. RT-safe but for sensing_create.
+ * Units: SI. Memory is the arena's of sensing_create; the caller owns the strings of the
+ * configuration. RT-safe except sensing_create.
  */
 #ifndef BOARDS_SENSING_SENSING_H
 #define BOARDS_SENSING_SENSING_H
@@ -62,42 +64,42 @@
 #include "model/plant_io.h"
 
 struct sensor_error {
-    double gain_error;       /* 0.01 = one percent too much */
-    double offset;           /* in the unit of the quantity, as all below */
-    double noise_rms;        /* of each sample */
-    double drift_per_sqrt_s; /* random walk */
-    double ramp_per_s;       /* linear drift */
+    double gain_error;       /* relative; 0.01 = readings 1 % too large */
+    double offset;           /* in the unit of the quantity, as all fields below */
+    double noise_rms;        /* in each sample */
+    double drift_per_sqrt_s; /* of the random walk */
+    double ramp_per_s;       /* linear drift per second */
     double full_scale, lsb;  /* 0 = none */
     int64_t latency_ns;      /* 0 to SENSING_LATENCY_MAX_NS */
-    double bandwidth_hz;     /* below half the rate of the ticks; 0 = all passes */
-    double hysteresis;       /* part of the full scale, which it needs */
+    double bandwidth_hz;     /* below half the tick rate; 0 = no low pass */
+    double hysteresis;       /* fraction of the full scale; requires full_scale */
     double instability_rms, instability_s;
-    double offset_per_k, gain_per_k; /* by the warming of the sensor */
+    double offset_per_k, gain_per_k; /* per kelvin of the sensor's warm-up */
 };
 
 #define SENSING_LATENCY_MAX_NS INT64_C(1000000000)
 #define SENSING_CLOCK_DRIFT_MAX_PPM 1e4
 
-/* Warming of a sensor by its own electronics: rise_k (1 - exp(-t / time_constant_s)). */
+/* Warm-up of a sensor by its own electronics: rise_k (1 - exp(-t / time_constant_s)). */
 struct sensor_warm_up {
-    double rise_k, time_constant_s; /* 0 = it stays as cold as it was calibrated */
+    double rise_k, time_constant_s; /* 0 = stays at its calibration temperature */
 };
 
-/* Sampling instants of the boards, above. period_ns 0 = boards sample at the ticks' ends. */
+/* Sampling clocks of the boards, see above. period_ns 0 = boards sample at the end of each tick. */
 struct sensor_clocks {
     int64_t period_ns; /* up to SENSING_LATENCY_MAX_NS */
     double drift_ppm;
-    /* Of the boards, by the numbers of their clocks: what is drawn for one depends on its name and
-     * the seed alone; NULL: on its number */
+    /* Names of the boards, by clock number. The random values of a clock depend on its name and the
+     * seed; NULL = on its number */
     const char *const *name;
 };
 
-/* The winding as one body: C T' = R I^2 - (T - ambient) / Rth, so that what it has taken is the I2t
- * of the motor. Heats with the true current; the plant's resistance stays. For drives whose effects
- * have temperatures (model/drives/effects.h) there is none here: the sensor reads theirs. */
+/* The winding as one thermal body: C T' = R I^2 - (T - ambient) / Rth. Its heat is the motor's I2t.
+ * The true current heats it; the plant's resistance does not change. Drives whose effects include
+ * temperatures (model/drives/effects.h) have no winding here: the sensor reads theirs. */
 struct sensor_thermal {
     double ambient_c;
-    double resistance_ohm;  /* R of the winding; 0 = no temperature but the plant's */
+    double resistance_ohm;  /* R of the winding; 0 = use the plant's temperature */
     double k_per_w;         /* Rth */
     double time_constant_s; /* C Rth */
 };
@@ -106,70 +108,70 @@ struct sensor_joint {
     const char *name;
     struct sensor_error link_encoder, motor_encoder;  /* rad */
     struct sensor_error current, torque, temperature; /* A, Nm, K */
-    bool incremental;                                 /* the motor encoder */
-    double eccentricity_rad[2]; /* of the link encoder, once and twice a turn; phases are drawn from
-                                 * the seed */
-    double crosstalk; /* part that the torque sensor shows of each of the moments across its axis;
-                       * signs are drawn from the seed */
+    bool incremental;                                 /* the motor encoder is incremental */
+    double eccentricity_rad[2]; /* amplitude of the link encoder's error once and twice a turn;
+                                 * phases are drawn from the seed */
+    double crosstalk; /* fraction of each bending moment across the axis that the torque sensor
+                       * shows; signs are drawn from the seed */
     struct sensor_thermal thermal;
     struct sensor_warm_up warm_up;
-    size_t clock; /* number of its board's clock: the same number is the same clock */
+    size_t clock; /* number of the board's clock; sensors with the same number share a clock */
 };
 
 struct sensor_ft {
     const char *name;
-    struct sensor_error force, torque; /* of each of three channels; N, Nm */
-    double crosstalk; /* the part of its full scale that each channel shows when another is at its
-                       * own, so that both need one; signs are drawn from the seed */
+    struct sensor_error force, torque; /* for each of three channels; N, Nm */
+    double crosstalk; /* fraction of its full scale that a channel shows when another channel is at
+                       * full scale; both need a full scale. Signs are drawn from the seed */
     struct sensor_warm_up warm_up;
     size_t clock;
 };
 
 struct sensor_imu {
     struct sensor_error gyro, accel;           /* rad/s, m/s2 */
-    struct sensor_error magnetic, orientation; /* T, of each component of the quaternion */
-    double gyro_misalignment_rad[3];           /* rotation vectors: the axes are turned by them */
+    struct sensor_error magnetic, orientation; /* T; per component of the quaternion */
+    double gyro_misalignment_rad[3];           /* rotation vectors that turn the axes */
     double accel_misalignment_rad[3];
-    struct ahrs_config ahrs; /* off: the orientation is the true one */
+    struct ahrs_config ahrs; /* off = true orientation */
     struct sensor_warm_up warm_up;
     size_t clock;
 };
 
 struct sensing_config {
     size_t njoint, nft;
-    const struct sensor_joint *joint; /* NULL = all ideal */
-    const struct sensor_ft *ft;       /* NULL = all ideal */
+    const struct sensor_joint *joint; /* NULL = all joints ideal */
+    const struct sensor_ft *ft;       /* NULL = all F/T sensors ideal */
     struct sensor_imu imu;
     struct sensor_clocks clocks;
     int64_t tick_ns;
     uint64_t seed;
-    const struct faults *faults; /* those of sensors act; NULL = none */
+    const struct faults *faults; /* the sensors apply their faults of this list; NULL = none */
 };
 
 struct sensing;
 
-/* Returns whether a joint's sensor shows the moments across its axis, so that the plant has to
- * sample them. */
+/* Returns whether some joint's sensor shows bending moments, so that the plant must compute
+ * them. */
 bool sensing_sees_bending(const struct sensing_config *config);
 
-/* Memory from arena (delay lines included). ERROR_INPUT on a latency, resolution or scale out of
- * range. Not RT-safe. */
+/* Creates the sensors. Memory from arena, including delay lines. ERROR_INPUT when a latency,
+ * resolution or scale is out of range. Not RT-safe. */
 enum error_code sensing_create(const struct sensing_config *config, struct arena *arena,
                                struct sensing **sensing, struct error *error);
 
-/* Reads the sensors at the end of a tick, now_ns. Returns what the boards see, valid until the next
- * call: truth itself when all sensors are ideal. RT-safe. */
+/* Reads the sensors at the end of a tick, now_ns. Returns the readings, valid until the next call;
+ * `truth` itself when all sensors are ideal. RT-safe. */
 const struct plant_sensors *sensing_sample(struct sensing *sensing, int64_t now_ns,
                                            const struct plant_sensors *truth);
 
-/* Scales all noise (noise_rms) by a factor, 1 at the start; tells whether there is any at all.
- * RT-safe. */
+/* sensing_scale_noise scales all noise (noise_rms) by a factor, initially 1. sensing_has_noise
+ * returns whether any sensor has noise. RT-safe. */
 void sensing_scale_noise(struct sensing *sensing, double factor);
 double sensing_noise_scale(const struct sensing *sensing);
 bool sensing_has_noise(const struct sensing *sensing);
 
-/* Restarts the counter of a joint's motor encoder, as when its board restarts: an incremental
- * one counts from where it stands at the next sample. RT-safe. */
+/* Restarts the counter of a joint's motor encoder after its board restarts. An incremental encoder
+ * then counts from its position at the next sample. RT-safe. */
 void sensing_restart_counter(struct sensing *sensing, size_t joint);
 
 #endif
