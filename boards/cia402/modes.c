@@ -814,7 +814,7 @@ enum cia402_abort cia402_axis_write_target(struct cia402_node *node,
 enum cia402_abort cia402_axis_write_option(struct cia402_node *node,
                                            const struct cia402_entry *entry, int64_t value)
 {
-    /* 4 and 8 stop by the voltage limit */
+    /* Value 4 stops at the voltage limit, which this drive does not support */
     if (value == 4) {
         return CIA402_ABORT_VALUE;
     }

@@ -221,7 +221,8 @@ struct cia402_axis_settings {
     int64_t interpolation_ms, interpolation_exponent;
     int64_t timeout_ms, current_limit_ma, temperature_limit_c;
     int64_t current_gain[3];  /* mV/A, mV/(A s), mV s/rad */
-    int64_t velocity_gain[3]; /* mV s/rad, mV/rad; third: mV/rad in the position modes */
+    int64_t velocity_gain[3]; /* mV s/rad, mV/rad; [2]: integral gain of the position modes,
+                               * mV/rad */
     int64_t position_gain;    /* in 0.1/s */
     int64_t mode;
 };

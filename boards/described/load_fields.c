@@ -241,7 +241,8 @@ static enum error_code described_name_values(struct described_loader *l,
 /* The layout of a frame's data or identifier, under construction. */
 struct described_plan {
     struct field *layout;
-    const struct field *other; /* layout of the data while this is the identifier's, else NULL */
+    const struct field *other; /* while the identifier is laid out: the layout of the data, else
+                                * NULL */
     struct described_field *field;
     size_t nlayout, nfield;
     unsigned bit, bits; /* bit of the next field, number of bits in all */

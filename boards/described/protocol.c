@@ -65,7 +65,8 @@ static const char *frame_answer(const struct described_protocol *protocol,
     return NULL;
 }
 
-/* Returns the length of a message: the longest that a board accepts if extra bytes carry fields. */
+/* Returns the length of a message: the longest that a board accepts, or 0 for a frame without
+ * fields. */
 static uint8_t frame_message_length(const struct described_frame *frame, unsigned repeats)
 {
     if (frame->flags & FRAME_FD || repeats > 1) {

@@ -211,7 +211,7 @@ static void moteus_identify(struct moteus_board *moteus)
     moteus->value[MOTEUS_R_MAP_VERSION] = MOTEUS_MAP_VERSION;
     moteus->value[MOTEUS_R_UUID_MASK_CAPABLE] = 1.0;
     moteus->value[MOTEUS_R_HOME_STATE] = 2.0;        /* homed to the output */
-    moteus->value[MOTEUS_R_ENCODER_VALIDITY] = 0x0f; /* sources 0 and 1 */
+    moteus->value[MOTEUS_R_ENCODER_VALIDITY] = 0x0f; /* encoder sources 0 and 1 are valid */
     for (unsigned i = 0; i < 4; i++) {
         uint64_t hash = hash_bytes(HASH_START + i, moteus->board.config.name,
                                    strlen(moteus->board.config.name));
