@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads and writes the log format of `candump -L`, and reads what it prints. Lines are written
- * without printf, so that the loop may write them, and are parsed strictly. */
+/* Reads and writes the log format of `candump -L`, and reads its printed format. Writes without
+ * printf, so that the loop may write lines. Parses strictly. */
 #include "canbus/candump.h"
 
 #include "base/input_file.h"
@@ -15,7 +15,7 @@ enum {
     SECONDS_DIGITS = 10,
     FD_FLAG_BRS = 1, /* bits of the digit behind ## */
     FD_FLAG_ESI = 2,
-    FD_FLAG_FDF = 4, /* "this is FD", set by kernels from 6.1 on; says nothing new */
+    FD_FLAG_FDF = 4, /* "this is FD", set by kernels from 6.1 on; redundant */
 };
 
 /* Writes a decimal number with at least `digits` digits, padded with leading zeros. */
@@ -47,7 +47,7 @@ static char *candump_put_frame(char *at, const struct bus_frame *frame)
         at = hex_put(at, frame->id, (frame->flags & FRAME_EXTENDED) ? 8 : 3);
     }
     *at++ = '#';
-    /* A remote frame has no data, only the length it asks for */
+    /* A remote frame has no data, only a requested length */
     if (frame->flags & FRAME_REMOTE) {
         *at++ = 'R';
         return len ? hex_put(at, frame->len, 1) : at;
@@ -88,7 +88,7 @@ size_t candump_format(const struct bus_frame *frame, const char *bus, char line[
     return (size_t)(at - line);
 }
 
-/* A line that is being parsed; the first fault ends it. */
+/* A line under parsing; the first error stops it. */
 struct candump_cursor {
     const char *text;
     size_t size, at;
@@ -96,8 +96,8 @@ struct candump_cursor {
     char fault[160];
 };
 
-/* Records what was found at a place and what was expected there; returns false for the caller to
- * return. */
+/* Records the error: what was found at a place and what was expected. Returns false, which the
+ * caller returns too. */
 static bool candump_reject(struct candump_cursor *cursor, size_t at, const char *expected)
 {
     char found[24] = "the end of the line";
@@ -117,7 +117,7 @@ static bool candump_next_is(const struct candump_cursor *cursor, char wanted)
     return cursor->at < cursor->size && cursor->text[cursor->at] == wanted;
 }
 
-/* Consumes one given character, or rejects what stands there instead. */
+/* Consumes the given character, or rejects another one. */
 static bool candump_expect(struct candump_cursor *cursor, char wanted, const char *expected)
 {
     if (!candump_next_is(cursor, wanted)) {
@@ -271,8 +271,8 @@ static bool candump_take(struct candump_cursor *cursor, const char *word)
     return true;
 }
 
-/* Parses what is printed behind an identifier: "[4]  DE AD BE EF", with two digits of an FD frame;
- * "[4]  remote request"; and behind an error frame's data "ERRORFRAME". */
+/* Parses the printed format behind an identifier: "[4]  DE AD BE EF", with two digits of an FD
+ * frame; "[4]  remote request"; and "ERRORFRAME" behind an error frame's data. */
 static bool candump_parse_printed(struct candump_cursor *cursor, struct bus_frame *frame)
 {
     size_t digits = 0, length = 0;
@@ -319,7 +319,7 @@ static bool candump_parse_printed(struct candump_cursor *cursor, struct bus_fram
     return true;
 }
 
-/* Parses what follows "R" of a remote frame: nothing, or the length that it asks for. */
+/* Parses the text behind "R" of a remote frame: nothing, or the requested length. */
 static bool candump_parse_remote(struct candump_cursor *cursor, struct bus_frame *frame)
 {
     int len;
@@ -411,14 +411,14 @@ static bool candump_parse_frame(struct candump_cursor *cursor, struct bus_frame 
             return false;
         }
     }
-    /* What "candump -x" adds: sent here or received */
+    /* Direction from "candump -x": sent or received */
     if (!candump_take(cursor, " T")) {
         candump_take(cursor, " R");
     }
     return candump_parse_end(cursor, frame);
 }
 
-/* Parses a whole line, with or without its newline; false = the cursor holds the fault. */
+/* Parses a whole line, with or without its newline. On false, the cursor has the error. */
 static bool candump_parse_line(struct candump_cursor *cursor, struct bus_frame *frame, char bus[16])
 {
     if (cursor->size && cursor->text[cursor->size - 1] == '\n') {
@@ -430,8 +430,8 @@ static bool candump_parse_line(struct candump_cursor *cursor, struct bus_frame *
     memset(frame, 0, sizeof *frame);
     bus[0] = '\0';
 
-    /* Printed lines begin with a space, are aligned by more, and have a length in brackets behind
-     * the name, which may have a bracket too */
+    /* Printed lines begin with spaces. The length stands in brackets behind the name, which may
+     * contain a bracket too */
     candump_skip_spaces(cursor);
     if (!candump_parse_time(cursor, &frame->time_ns) || !candump_parse_name(cursor, bus)) {
         return false;

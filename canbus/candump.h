@@ -2,8 +2,8 @@
 /*
  * Logs in the format of `candump -L`: "(1436509052.249713) can0 123#DEADBEEF", FD as
  * "123##1<data>", remote "123#R", error frames with the 8-digit id of the error class. canplayer
- * and log2asc read them. What `candump -ta` prints is read too: " (1436509052.249713)  can0  123
- * [4]  DE AD BE EF". Writing a line is RT-safe, reading is not.
+ * and log2asc read this format. The reader also accepts the output of `candump -ta`: "
+ * (1436509052.249713)  can0  123 [4]  DE AD BE EF". Writing a line is RT-safe, reading is not.
  */
 #ifndef CANBUS_CANDUMP_H
 #define CANBUS_CANDUMP_H
@@ -16,12 +16,12 @@
 
 enum { CANDUMP_LINE_MAX = 256 };
 
-/* Writes one line with newline and terminating zero into line; returns its length without the
- * zero. Time is frame->time_ns, printed in microseconds. RT-safe. */
+/* Writes one line with newline and terminating zero. Returns its length without the zero. The time
+ * is frame->time_ns, in microseconds. RT-safe. */
 size_t candump_format(const struct bus_frame *frame, const char *bus, char line[CANDUMP_LINE_MAX]);
 
-/* Parses one line of size bytes, with or without newline; bus receives the interface name (at
- * most 15 characters). ERROR_INPUT with the column of the fault otherwise. */
+/* Parses one line of size bytes, with or without newline. bus receives the interface name (at most
+ * 15 characters). ERROR_INPUT with the column of the error. */
 enum error_code candump_parse(const char *line, size_t size, struct bus_frame *frame, char bus[16],
                               struct error *error);
 

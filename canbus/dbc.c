@@ -12,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define DBC_NOBODY "Vector__XXX" /* the format's word for no node */
+#define DBC_NOBODY "Vector__XXX" /* the format's name for "no node" */
 
 /* Symbols of the format, listed in its head (NS_). */
 enum { DBC_SYMBOLS = 27 };
@@ -20,7 +20,8 @@ enum { DBC_SYMBOLS = 27 };
 enum { ID_MAX = 0x7ff, EXTENDED_ID_MAX = 0x1fffffff };
 enum { CLASSIC_LENGTH = 8, FD_LENGTH = 64, FRAME_BITS = 8 * FD_LENGTH };
 
-static const double EXACT = 9007199254740992.0; /* 2^53: whole numbers that a double holds */
+static const double EXACT = 9007199254740992.0; /* 2^53: largest range of whole numbers that a
+                                                 * double holds exactly */
 
 static const char *const dbc_symbols[DBC_SYMBOLS] = {
     "NS_DESC_",     "CM_",
@@ -77,7 +78,7 @@ bool dbc_is_name(const char *name)
     return size > 0 && size <= DBC_NAME_MAX && !dbc_is_reserved(name);
 }
 
-/* Checks whether a text can stand between quotes: printable ASCII, no \" and \\, not too long. */
+/* Checks whether a text can be quoted: printable ASCII without " and \, not too long. */
 static bool dbc_is_text(const char *text)
 {
     size_t size = 0;
@@ -186,7 +187,7 @@ struct dbc_message *dbc_find_message(const struct dbc *dbc, uint32_t id)
     return message;
 }
 
-/* Checks that a message has a length that a frame of its kind (classic or FD) can have. */
+/* Checks that a message has a valid length for its format (classic or FD). */
 static enum error_code dbc_check_length(const struct dbc_message *message, struct error *error)
 {
     const unsigned most = message->fd ? FD_LENGTH : CLASSIC_LENGTH, length = message->length;
@@ -287,9 +288,9 @@ struct dbc_signal *dbc_find_signal(const struct dbc_message *message, const char
     return signal;
 }
 
-/* Position of bit k (0 = least significant) of a signal in the frame. A big-endian signal goes
- * on from the least significant bit of a byte to the most significant of the byte before;
- * counted from the most significant bit of byte 0 on, that is a straight line. */
+/* The order of a big-endian signal goes from the least significant bit of a byte to the most
+ * significant bit of the byte before. Counted from the most significant bit of byte 0, its bits are
+ * consecutive. */
 unsigned dbc_bit(const struct dbc_signal *signal, unsigned k)
 {
     unsigned line = (signal->start ^ 7u) + signal->bits - 1u - k;
@@ -317,7 +318,7 @@ static double dbc_highest_raw(const struct dbc_signal *signal)
     return ldexp(1.0, signal->bits - (signal->type == DBC_SIGNED)) - 1.0;
 }
 
-/* Checks whether two signals can stand in one frame: multiplexed ones do only with the same
+/* Checks whether two signals can be in the same frame: multiplexed ones only if they have the same
  * selector. */
 static bool dbc_signals_can_meet(const struct dbc_signal *a, const struct dbc_signal *b)
 {
@@ -370,8 +371,8 @@ static enum error_code dbc_check_numbers(const struct dbc_signal *signal, struct
     return ERROR_NONE;
 }
 
-/* Checks that a message has at most one multiplexor, and that multiplexed signals name a value
- * that it can take. */
+/* Checks that a message has at most one multiplexor, and that multiplexed signals name a valid
+ * value of it. */
 static enum error_code dbc_check_role(const struct dbc_message *message,
                                       const struct dbc_signal *signal, struct error *error)
 {
@@ -419,7 +420,7 @@ static enum error_code dbc_check_signal(const struct dbc *dbc, const struct dbc_
         return error_set(error, ERROR_INPUT, "found a receiver that is no node");
     }
 
-    /* Beside the other signals */
+    /* Compare it with the other signals */
     clash = dbc_find_overlap(message, signal);
     if (clash) {
         return error_set(error, ERROR_INPUT,
@@ -466,7 +467,7 @@ enum error_code dbc_add_signal(struct dbc *dbc, struct dbc_message *message,
     return ERROR_NONE;
 }
 
-/* Checks the name of a value: a number that the signal can take and that has no name yet. */
+/* Checks a value name: the signal can have the value, and the value has no name yet. */
 static enum error_code dbc_check_value(const struct dbc_signal *signal, int64_t number,
                                        const char *text, struct error *error)
 {
@@ -553,14 +554,14 @@ bool dbc_read_signal(const struct dbc_message *message, const struct dbc_signal 
     uint64_t raw;
     double number;
 
-    /* Whether it is there */
+    /* Is the signal in this frame? */
     if (!dbc_signal_fits(signal, frame->len) ||
         (signal->role == DBC_MULTIPLEXED && (!by || !dbc_signal_fits(by, frame->len) ||
                                              dbc_raw_bits(by, frame) != signal->selector))) {
         return false;
     }
 
-    /* What its bits mean */
+    /* Convert its bits to a value */
     raw = dbc_raw_bits(signal, frame);
     if (signal->type == DBC_FLOAT) {
         const uint32_t bits = (uint32_t)raw;
@@ -579,7 +580,7 @@ bool dbc_read_signal(const struct dbc_message *message, const struct dbc_signal 
 
 /* ---- writing ---- */
 
-/* Attributes that tools know, and FrameLength and IdentifierMask, which are ours (canbus/dbc.h) */
+/* Attributes known to tools; FrameLength and IdentifierMask are ours (canbus/dbc.h) */
 #define DBC_NAME "DBName"
 #define DBC_BUS_TYPE "BusType"
 #define DBC_BITRATE "Baudrate"

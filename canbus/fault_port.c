@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Applies fault rules (loss, corruption, delay, duplication, bus-off) to the frames of a port,
- * and keeps the frames that they delay. */
+/* Applies fault rules (loss, corruption, delay, duplication, bus-off) to the frames of a port, and
+ * stores delayed frames. */
 #include "canbus/fault_port.h"
 
 #include "base/array.h"
@@ -22,8 +22,8 @@ struct fault_port_held_frame {
     struct bus_frame frame;
 };
 
-/* Delayed frames of one direction, in the order in which they were sent. Delays may differ, so a
- * frame that is due is taken out wherever it stands. */
+/* Delayed frames of one direction, in the order of sending. Delays may differ, so due frames can be
+ * anywhere in the list. */
 struct fault_port_held {
     struct fault_port_held_frame *frame;
     size_t count;
@@ -61,13 +61,14 @@ static bool fault_port_is_off(const struct fault_port *f)
     return false;
 }
 
-/* Checks whether a frame (STEP or DONE) is exempt from faults: it passes even a bus that is off. */
+/* Checks whether a frame (STEP or DONE) is exempt from faults. It passes even in bus-off. */
 static bool fault_port_exempts(const struct fault_port *f, const struct bus_frame *frame)
 {
     return frame_has_standard_id(frame, f->config.exempt, f->config.nexempt);
 }
 
-/* Checks whether an active rule applies to a frame: its identifier, or any that is not exempt. */
+/* Checks whether an active rule applies to a frame: it has the rule's identifier, or the rule is
+ * for all frames and it is not exempt. */
 static bool fault_port_rule_matches(const struct fault_port *f, const struct fault_port_rule *rule,
                                     const struct bus_frame *frame)
 {
@@ -90,7 +91,7 @@ static void fault_port_flip_bit(struct random_stream *random, struct bus_frame *
     }
 }
 
-/* Keeps a frame until due_ns; counts it as dropped when there is no room. */
+/* Stores a frame until due_ns; counts it as dropped when there is no room. */
 static void fault_port_hold_frame(struct fault_port_direction *d, const struct bus_frame *frame,
                                   int64_t due_ns)
 {
@@ -101,8 +102,8 @@ static void fault_port_hold_frame(struct fault_port_direction *d, const struct b
     d->held.frame[d->held.count++] = (struct fault_port_held_frame){due_ns, *frame};
 }
 
-/* Applies the rules to a frame: up to two are written to out, the rest is held or lost. Returns how
- * many were written. */
+/* Applies the rules to a frame. Writes up to two frames to out and returns their number; stores or
+ * drops the others. */
 static size_t fault_port_apply_rules(struct fault_port *f, struct fault_port_direction *d,
                                      const struct bus_frame *from, struct bus_frame out[2])
 {
@@ -144,8 +145,7 @@ static size_t fault_port_apply_rules(struct fault_port *f, struct fault_port_dir
     return delay_ns > 0 ? 0 : copies;
 }
 
-/* Takes held frames that are due, in their order, at most max; the others move up. Returns how
- * many. */
+/* Removes the due frames, in order, at most max. Returns their number. */
 static size_t fault_port_release_due(struct fault_port *f, struct fault_port_direction *d,
                                      struct bus_frame *out, size_t max)
 {
@@ -173,21 +173,21 @@ static void fault_port_copy_state(struct fault_port *f)
     f->port.state = fault_port_is_off(f) ? CAN_PORT_BUS_OFF : f->port.inner->state;
 }
 
-/* Receives up to max frames: first the held ones that are due, then those of the inner port
- * under the rules. */
+/* Receives up to max frames: first stored ones that are due, then frames of the inner port after
+ * the rules. */
 static size_t fault_port_receive(struct can_port *port, struct bus_frame *frames, size_t max)
 {
     struct fault_port *f = fault_port_of(port);
     size_t count, got;
     bool off = fault_port_is_off(f);
 
-    /* A bus that is off loses the frames that were held; otherwise those that are due come first */
+    /* In bus-off, stored frames are lost; otherwise due frames come first */
     if (off) {
         f->rx.held.count = f->tx.held.count = 0;
     }
     count = fault_port_release_due(f, &f->rx, frames, max);
 
-    /* Then all that the inner port has received; what does not fit any more is held */
+    /* Then receive from the inner port; store frames that do not fit */
     do {
         struct bus_frame batch[BATCH], out[2];
         size_t room = max - count;
@@ -211,7 +211,8 @@ static size_t fault_port_receive(struct can_port *port, struct bus_frame *frames
     return count;
 }
 
-/* Sends frames under the rules, after held ones that are due. Returns how many were accepted. */
+/* Sends due stored frames, then new frames after the rules. Returns how many new ones were
+ * accepted. */
 static size_t fault_port_send(struct can_port *port, const struct bus_frame *frames, size_t count)
 {
     struct fault_port *f = fault_port_of(port);
@@ -226,7 +227,7 @@ static size_t fault_port_send(struct can_port *port, const struct bus_frame *fra
             can_send(f->port.inner, batch, waiting);
         }
     } while (waiting == BATCH);
-    /* Then the new ones in batches; each may become two by duplication */
+    /* Then the new ones in batches; duplication can make two of one */
     waiting = 0;
     for (size_t i = 0; i < count; i++) {
         if (off && !fault_port_exempts(f, &frames[i])) {
@@ -239,7 +240,8 @@ static size_t fault_port_send(struct can_port *port, const struct bus_frame *fra
             waiting = 0;
         }
     }
-    /* A bus-off refuses frames, a loss rule does not: the sender never learns of it */
+    /* Bus-off refuses frames. A loss rule accepts them, because the sender must not notice the
+     * loss */
     f->refused += lost;
     refused += lost;
     fault_port_copy_state(f);
@@ -258,7 +260,7 @@ void fault_port_time(struct can_port *port, int64_t time_ns)
 {
     fault_port_of(port)->now_ns = time_ns;
     fault_port_copy_state(
-        fault_port_of(port)); /* time may have gone back, and what was counted with it */
+        fault_port_of(port)); /* virtual time may have gone back, and the rules' counts with it */
 }
 
 /* Arms the rules of one direction, each with a random stream of its own, and makes room for held

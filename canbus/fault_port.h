@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A port that injects faults: it passes on the frames of another port of any back end, and while a
- * rule is active loses, corrupts, delays or duplicates frames of both directions. Closing it closes
- * the other port. Counters and state are those of the other port, except that frames lost here for
- * want of room or in FAULT_PORT_BUS_OFF count as dropped, and that the state then is bus-off.
+ * A port that injects faults. It wraps another port of any back end. While a rule is active, it
+ * loses, corrupts, delays or duplicates frames in both directions. Closing it closes the other
+ * port. Counters and state are those of the other port, with two exceptions. Frames lost here for
+ * lack of room or in FAULT_PORT_BUS_OFF count as dropped. In FAULT_PORT_BUS_OFF the state is
+ * bus-off.
  *
- * Frames that are no traffic of a real bus (STEP and DONE of lockstep) are exempt from rules for
- * all frames; a rule with their identifier hits them all the same. FAULT_PORT_BUS_OFF never does,
- * as virtual time would stop.
+ * STEP and DONE of lockstep do not exist on a real bus, so rules for all frames skip them. A rule
+ * with their identifier applies to them, except FAULT_PORT_BUS_OFF, which would stop virtual time.
  *
  * Time is virtual: the owner sets it once a tick. The port's functions are RT-safe.
  */
@@ -17,35 +17,35 @@
 #include "canbus/port.h"
 
 enum fault_port_kind {
-    FAULT_PORT_LOSS,       /* with the probability: never arrives */
-    FAULT_PORT_CORRUPTION, /* with the probability: one bit of the data is inverted */
-    FAULT_PORT_DUPLICATE,  /* with the probability: comes again right after itself */
-    FAULT_PORT_LATE,       /* comes delay_ns later */
-    FAULT_PORT_BUS_OFF,    /* no traffic in either direction, and the port's state says so */
+    FAULT_PORT_LOSS,       /* with `probability`: the frame never arrives */
+    FAULT_PORT_CORRUPTION, /* with `probability`: one data bit is inverted */
+    FAULT_PORT_DUPLICATE,  /* with `probability`: the frame arrives twice in a row */
+    FAULT_PORT_LATE,       /* the frame arrives delay_ns later */
+    FAULT_PORT_BUS_OFF,    /* no traffic in either direction; the port's state is bus-off */
 };
 
 struct fault_port_rule {
     enum fault_port_kind kind;
     double probability;
     int64_t delay_ns;
-    int64_t id;         /* identifier of the frames that it hits; -1 = all */
+    int64_t id;         /* identifier of the affected frames; -1 = all */
     const bool *active; /* read for every frame */
-    const char *stream; /* name of its random numbers */
+    const char *stream; /* name of its random stream */
 };
 
 enum { FAULT_PORT_EXEMPT = 2, FAULT_PORT_HELD = 4096 };
 
 struct fault_port_config {
     struct can_port *port;
-    const struct fault_port_rule *rule; /* copied, but for what it points to */
+    const struct fault_port_rule *rule; /* copied, without the objects that it points to */
     size_t nrule;
     uint32_t exempt[FAULT_PORT_EXEMPT];
     size_t nexempt;
     uint64_t seed;
 };
 
-/* Creates the port in memory from arena. A frame that finds FAULT_PORT_HELD others waiting is
- * lost and counted as dropped. Not RT-safe. */
+/* Creates the port in memory from arena. At most FAULT_PORT_HELD delayed frames wait; further ones
+ * are lost and count as dropped. Not RT-safe. */
 enum error_code fault_port_create(const struct fault_port_config *config, struct arena *arena,
                                   struct can_port **port, struct error *error);
 

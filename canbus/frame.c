@@ -40,7 +40,7 @@ bool frame_valid(const struct bus_frame *frame)
     if (!flags) {
         return frame->id <= 0x7FFu && frame->len <= 8;
     }
-    /* Flags: known ones, in combinations that exist */
+    /* Only known flags, in valid combinations */
     if (flags & ~known) {
         return false;
     }

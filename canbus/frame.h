@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A CAN frame, classic or FD, as the simulator passes it around. RT-safe. */
+/* A CAN frame, classic or FD, as all parts of the simulator use it. RT-safe. */
 #ifndef CANBUS_FRAME_H
 #define CANBUS_FRAME_H
 
@@ -21,26 +21,25 @@ struct bus_frame {
     uint8_t flags;
     uint8_t len; /* bytes of data: 0-8 classic; 0-8, 12, 16, 20, 24, 32, 48, 64 FD */
     uint8_t data[64];
-    /* The sender among the nodes that the sending port stands for (local_bus_join_nodes); 0 on
-     * other ports. Without meaning to a receiver. */
+    /* The sending node, if the sending port has several (local_bus_join_nodes); 0 on other ports.
+     * Unused in received frames. */
     uint16_t node;
-    int64_t time_ns; /* when it was received or sent, on the clock of the port */
+    int64_t time_ns; /* time of reception or sending, on the port's clock */
 };
 
-/* Returns the shortest length of an FD frame that holds so many bytes (at most 64). */
+/* Returns the shortest FD length that holds `bytes` bytes (at most 64). */
 uint8_t frame_fd_length(unsigned bytes);
 
-/* Checks whether a frame is legal: identifier within range, length possible in its format, no
+/* Checks whether a frame is valid: identifier in range, length possible in its format, no
  * contradictory flags. */
 bool frame_valid(const struct bus_frame *frame);
 
-/* Returns the length of a frame on the wire in bits, with the 3 bits of intermission and without
- * stuff bits: classic 47 + 8 n, with a 29-bit identifier 67 + 8 n (n = 0 for remote frames; ISO
- * 11898-1). FD frames are counted as if every bit went at the nominal rate: 62 + 8 n up to 16
- * bytes, 67 + 8 n above (CRC of 21 instead of 17 bits), 19 more for a 29-bit identifier, the
- * stuff count and the fixed stuff bits of the CRC field included; with a bit rate switch that is
- * an upper bound of the time. 0 for error frames, which are messages of the controller and no
- * traffic. */
+/* Returns the length of a frame on the wire in bits, with the 3 bits of intermission but without
+ * stuff bits. Classic: 47 + 8 n, with a 29-bit identifier 67 + 8 n (n = 0 for remote frames; ISO
+ * 11898-1). FD: 62 + 8 n up to 16 bytes, 67 + 8 n above (CRC of 21 instead of 17 bits), 19 more for
+ * a 29-bit identifier. This includes the stuff count and the fixed stuff bits of the CRC field. All
+ * bits count at the nominal rate; with a bit rate switch this is an upper bound of the time. Error
+ * frames have 0 bits, because they are messages of the controller. */
 static inline uint32_t frame_bits(const struct bus_frame *frame)
 {
     const bool extended = frame->flags & FRAME_EXTENDED;
@@ -57,14 +56,14 @@ static inline uint32_t frame_bits(const struct bus_frame *frame)
     return (extended ? 67u : 47u) + ((frame->flags & FRAME_REMOTE) ? 0u : 8u * frame->len);
 }
 
-/* Returns how many of these bits go at the data rate: with a bit rate switch the bits behind it
- * up to the end of the CRC, else none. */
+/* Returns how many of these bits use the data rate: with a bit rate switch the bits behind it up to
+ * the end of the CRC, else none. */
 uint32_t frame_fast_bits(const struct bus_frame *frame);
 
 /* Makes a classic data frame with a standard identifier; len <= 8; data beyond len is zero. */
 struct bus_frame frame_make(uint32_t id, uint8_t len, const uint8_t *data);
 
-/* Checks whether a frame has one of these standard identifiers. */
+/* Checks whether a frame has one of `count` standard identifiers. */
 static inline bool frame_has_standard_id(const struct bus_frame *frame, const uint32_t *id,
                                          size_t count)
 {
@@ -76,7 +75,7 @@ static inline bool frame_has_standard_id(const struct bus_frame *frame, const ui
     return false;
 }
 
-/* Returns the value of a hexadecimal digit; -1 = it is none. */
+/* Returns the value of a hexadecimal digit; -1 = not a digit. */
 static inline int hex_value(char c)
 {
     return c >= '0' && c <= '9'   ? c - '0'
@@ -85,7 +84,7 @@ static inline int hex_value(char c)
                                   : -1;
 }
 
-/* Writes a number as so many hexadecimal digits; returns the place behind them. */
+/* Writes a number with `digits` hexadecimal digits. Returns the end. */
 static inline char *hex_put(char *at, uint32_t value, int digits)
 {
     while (digits-- > 0) {
@@ -94,7 +93,7 @@ static inline char *hex_put(char *at, uint32_t value, int digits)
     return at;
 }
 
-/* Numbers are read and written byte by byte in a given order; there are no packed structs. */
+/* Read and write numbers byte by byte in a given byte order; there are no packed structs. */
 static inline uint16_t get_u16_le(const uint8_t *p)
 {
     return (uint16_t)(p[0] | p[1] << 8);

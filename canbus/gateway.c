@@ -17,7 +17,7 @@ enum {
     TURNS = 256,
     IDLE_MS = 1000,
     POLL_MS = 1,
-    LOOK_MS = 20, /* poll interval when nobody is waiting for frames */
+    LOOK_MS = 20, /* poll interval when no client waits for frames */
 };
 
 /* ---- what the buses have received ---- */
@@ -39,8 +39,8 @@ static void gateway_relay_frame(struct gateway *gateway, size_t bus, const struc
     gateway_forward_frame(gateway, bus, &frame, NULL);
 }
 
-/* Forwards what a bus has received to its clients, at most TURNS batches, so that a busy bus
- * leaves the others a turn. */
+/* Forwards the received frames of a bus to its clients, at most TURNS batches, so that a busy bus
+ * does not delay the others. */
 static void gateway_forward_bus(struct gateway *gateway, size_t bus)
 {
     struct can_port *port = gateway->config.bus[bus].port;
@@ -55,9 +55,8 @@ static void gateway_forward_bus(struct gateway *gateway, size_t bus)
     }
 }
 
-/* Forwards the frames of all buses. In lockstep the bus of the STEP is received first and
- * forwarded last: its DONE is the last frame that a STEP brings, so everything else is there by
- * then. */
+/* Forwards the frames of all buses. In lockstep, receives the STEP's bus first and forwards it
+ * last: its DONE is the last frame of a STEP, so all other frames have arrived by then. */
 static void gateway_forward_buses(struct gateway *gateway)
 {
     const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
@@ -82,8 +81,8 @@ static void gateway_forward_buses(struct gateway *gateway)
 
 enum { POLL_FIXED = 2 + GATEWAY_SLCAN, POLL_MAX = POLL_FIXED + GATEWAY_CLIENTS + GATEWAY_BUSES };
 
-/* Returns the poll events of a client's connection, and lowers the timeout to what it allows. A
- * client that waits for its STEP is not read; one that was just told "ok" gets no frames yet. */
+/* Returns the poll events of a client, and lowers the timeout if necessary. A client whose STEP
+ * waits is not read; one that has just received "ok" gets no frames yet. */
 static short gateway_client_events(const struct gateway *gateway,
                                    const struct gateway_client *client, int *timeout_ms)
 {
@@ -98,8 +97,8 @@ static short gateway_client_events(const struct gateway *gateway,
     return (short)((held ? 0 : POLLIN) | (client->waiting && !quiet ? POLLOUT : 0));
 }
 
-/* Checks whether poll waits on the descriptor of a bus. In lockstep only the bus of the DONE is
- * waited on: it speaks for all. */
+/* Checks whether poll waits on the descriptor of a bus. In lockstep, poll waits only on the bus of
+ * the DONE. */
 static bool gateway_sleeps_on_bus(const struct gateway *gateway, size_t bus)
 {
     const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
@@ -107,8 +106,8 @@ static bool gateway_sleeps_on_bus(const struct gateway *gateway, size_t bus)
     return lockstep->on ? bus == lockstep->bus : !gateway->config.by_time;
 }
 
-/* Returns after how many ms the buses that poll does not wait on are looked at again: soon while
- * they are busy and a client listens. */
+/* Returns the time until the next check of buses outside the poll set, ms: short if a client
+ * listens and they are busy. */
 static int gateway_look_ms(const struct gateway *gateway)
 {
     bool heard = false;
@@ -120,7 +119,7 @@ static int gateway_look_ms(const struct gateway *gateway)
                                                                                  : LOOK_MS;
 }
 
-/* Fills in the descriptors to wait for and for how long: listeners, clients, then ports. */
+/* Fills in the descriptors and the timeout of poll: listeners, clients, then ports. */
 static size_t gateway_prepare_poll(const struct gateway *gateway, struct pollfd fd[POLL_MAX],
                                    int *timeout_ms)
 {
@@ -152,7 +151,7 @@ static size_t gateway_prepare_poll(const struct gateway *gateway, struct pollfd 
     return count;
 }
 
-/* Executes commands of clients: those that a STEP has held back, then new ones, and a STEP last. */
+/* Executes clients' commands: those that a STEP held back, then new ones, and a STEP last. */
 static void gateway_serve_clients(struct gateway *gateway, const struct pollfd fd[GATEWAY_CLIENTS])
 {
     for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
@@ -168,8 +167,8 @@ static void gateway_serve_clients(struct gateway *gateway, const struct pollfd f
     gateway_release_step(gateway);
 }
 
-/* Sends what waits for clients, except to those that expect their answer alone. Clients that may
- * hear the DONE of a STEP come last: by then all that belongs to it has been sent to the others. */
+/* Sends the output of clients, except to those that must receive their answer alone. Clients that
+ * may receive the DONE of a STEP come last, after the other clients have all frames of the STEP. */
 static void gateway_flush_clients(struct gateway *gateway)
 {
     const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
@@ -198,25 +197,25 @@ static void *gateway_run(void *context)
         int timeout_ms;
         size_t count = gateway_prepare_poll(gateway, fd, &timeout_ms);
 
-        /* Sleep until somebody has something; the stop event ends the thread */
+        /* Wait for an event; the stop event ends the thread */
         poll(fd, (nfds_t)count, timeout_ms);
         if (fd[0].revents) {
             return NULL;
         }
-        /* A STEP whose DONE is overdue no longer holds back the clients */
+        /* Release the clients if the DONE of a STEP is overdue */
         gateway->counters.wakeups++;
         if (gateway_step_runs(gateway) && gateway_now_ms() >= gateway->step_until_ms) {
             gateway->step_until_ms = 0;
         }
 
-        /* Frames of the buses first: clients that come now hear nothing older */
+        /* Forward frames of the buses before accepting clients: new clients get no older frames */
         if (!atomic_load(&gateway->holds)) {
             gateway_forward_buses(gateway);
         }
         gateway_serve_clients(gateway, fd + POLL_FIXED);
         gateway_flush_clients(gateway);
 
-        /* New clients come last, so that their places in the poll set are theirs */
+        /* Accept clients last, because they change the places in the poll set */
         gateway_close_silent(gateway);
         if (fd[1].revents) {
             gateway_accept_clients(gateway, gateway->listener, -1);
@@ -246,8 +245,8 @@ static void gateway_close_all(struct gateway *gateway)
     }
 }
 
-/* Allocates the gateway and the output buffers of its clients; all descriptors begin as -1
- * (closed). */
+/* Allocates the gateway and the output buffers of its clients; all descriptors start closed
+ * (-1). */
 static enum error_code gateway_allocate(const struct gateway_config *config, struct arena *arena,
                                         struct gateway **out, struct error *error)
 {

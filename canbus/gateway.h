@@ -1,32 +1,30 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A socketcand server in front of ports: programs in other processes join the buses of this process
- * over TCP, with any client of the protocol (python-can's socketcand interface, Kayak, ...). Raw
- * mode only; the clients of a bus receive the frames of the bus and of each other. A client that
- * opens the bus GATEWAY_ALL has every bus on one connection, and the name of the bus behind each
- * frame. docs/gateway.md is the manual.
+ * A socketcand server for ports. Programs in other processes join the buses of this process over
+ * TCP, with any socketcand client (python-can, Kayak, ...), in raw mode only. The clients of a bus
+ * receive the frames of the bus and of each other. A client that opens the bus GATEWAY_ALL has
+ * every bus on one connection, with the bus name behind each frame. docs/gateway.md is the manual.
  *
- * Beside them stand slcan channels (canbus/slcan.h), each a pseudo-terminal or a TCP port in front
- * of one bus, for programs that know serial adapters only. A terminal is there all the time: what
- * would disconnect another client closes its channel.
+ * The server also offers slcan channels (canbus/slcan.h): pseudo-terminals or TCP ports in front of
+ * one bus, for programs that support only serial adapters. A terminal always exists. Errors that
+ * disconnect other clients only close its channel.
  *
- * One thread does all the work and owns the ports. Output that a client does not read waits in a
- * buffer of GATEWAY_OUTBOX bytes; a client that lets it fill up is disconnected, as is one that
- * sends GATEWAY_JUNK_MAX wrong commands or a command without an end, or that opens no bus. The bus
- * never waits for a client. Not RT-safe: it runs beside the loop.
+ * One thread does all the work and owns the ports. Unread output of a client waits in a buffer of
+ * GATEWAY_OUTBOX bytes. The server disconnects a client that lets this buffer fill, sends
+ * GATEWAY_JUNK_MAX wrong commands or an endless command, or opens no bus. The bus never waits for a
+ * client. Not RT-safe: the thread runs beside the loop.
  *
- * Lockstep. A STEP is passed on when every client has been read to the end, so that what a host on
- * this machine has sent before it, on any connection, takes part in the STEP; over a network only
- * one connection has an order. Nothing that a client has sent after it is passed on before the
- * STEP is done (or lost). The DONE of the STEP's bus comes after all that the boards have sent on
- * any bus. A STEP waits, for a bounded time, for clients that have not read what they were sent.
+ * Lockstep. The server passes on a STEP after it has read every client completely. A frame that a
+ * host on this machine sent before the STEP, on any connection, therefore belongs to the STEP; over
+ * a network only frames of one connection are ordered. Later frames of clients wait until the STEP
+ * is done or lost. The DONE of the STEP's bus follows all frames of the boards on all buses. For a
+ * bounded time, a STEP waits for clients that have not read their output.
  *
- * All memory is allocated at the start; clients, buses and the stop event are served in turn, each
- * for a bounded time. A frame that a bus refuses, because its queue is full, is answered with an
- * error, counted and dropped. On local buses every participant has room of its own for the
- * gateway's frames (canbus/port.h): a flood by clients drops their own frames, never those of
- * boards or controllers. Only on a wire in virtual time it takes bus time from the others, as on a
- * real bus.
+ * All memory is allocated at the start. The thread serves clients, buses and the stop event in
+ * turn, each for a bounded time. When a bus refuses a frame because its queue is full, the frame is
+ * dropped and counted, and the client gets an error. On local buses every participant has separate
+ * room for the gateway's frames (canbus/port.h): a flood from clients drops only their own frames.
+ * On a wire in virtual time a flood also takes bus time, as on a real bus.
  */
 #ifndef CANBUS_GATEWAY_H
 #define CANBUS_GATEWAY_H
@@ -39,83 +37,83 @@
 
 enum {
     GATEWAY_BUSES = 64,
-    GATEWAY_CLIENTS = 32, /* two that have a connection for each of ten buses, and more */
+    GATEWAY_CLIENTS = 32, /* room for two clients with a connection for each of ten buses, and
+                           * more */
     GATEWAY_OUTBOX = 256 * 1024,
     GATEWAY_JUNK_MAX = 16,
-    GATEWAY_SLCAN = 16, /* channels */
+    GATEWAY_SLCAN = 16, /* most slcan channels */
 };
 
-enum { GATEWAY_PORT = 29536 }; /* socketcand's */
+enum { GATEWAY_PORT = 29536 }; /* default port of socketcand */
 
-#define GATEWAY_ALL "all" /* the name by which a client opens every bus */
+#define GATEWAY_ALL "all" /* bus name that opens every bus */
 
-/* How STEP and DONE are recognized (canbus/lockstep.h). */
+/* How to recognize STEP and DONE (canbus/lockstep.h). */
 struct gateway_lockstep {
-    bool on;                   /* off: a STEP is sent on, and answered with an error */
-    size_t bus;                /* that carries STEP; its DONE is sent last */
-    uint32_t step_id, done_id; /* done_id 0 = there is no STEP */
+    bool on;                   /* off: a STEP goes to the bus, and the client gets an error */
+    size_t bus;                /* bus of the STEP; its DONE is sent last */
+    uint32_t step_id, done_id; /* done_id 0 = no STEP exists */
 };
 
 struct gateway_bus {
-    const char *name;      /* as clients open it: at most SOCKETCAND_BUS_MAX characters */
-    const char *alias;     /* another name for it, NULL = none */
-    struct can_port *port; /* not owned; used by no other thread until the gateway is stopped */
-    int64_t bitrate, data_bitrate; /* bit/s; the second 0 without CAN FD */
+    const char *name;              /* name for clients: at most SOCKETCAND_BUS_MAX characters */
+    const char *alias;             /* second name, NULL = none */
+    struct can_port *port;         /* borrowed; no other thread may use it until gateway_stop */
+    int64_t bitrate, data_bitrate; /* bit/s; data_bitrate 0 = no CAN FD */
 };
 
-/* An slcan channel: a pseudo-terminal that a link at path names, or a TCP port. */
+/* An slcan channel: a pseudo-terminal with a symbolic link at `path`, or a TCP port. */
 struct gateway_slcan {
-    const char *bus;  /* name or alias */
-    const char *path; /* NULL: TCP */
+    const char *bus;  /* name or alias of its bus */
+    const char *path; /* NULL = TCP */
     const char *host; /* numeric address; NULL = 127.0.0.1 */
     uint16_t port;
 };
 
 struct gateway_config {
     const char *host;              /* numeric address, IPv4 or IPv6; NULL = 127.0.0.1 */
-    uint16_t port;                 /* 0 = any that is free */
+    uint16_t port;                 /* 0 = any free port */
     size_t nbus;                   /* at most GATEWAY_BUSES */
-    const struct gateway_bus *bus; /* copied, the names not */
+    const struct gateway_bus *bus; /* copied, except the names */
     struct gateway_lockstep lockstep;
     size_t nslcan;                     /* at most GATEWAY_SLCAN */
     const struct gateway_slcan *slcan; /* not copied */
-    bool slcan_only;                   /* no socketcand: host and port are without meaning */
-    /* Looks at the ports every millisecond instead of sleeping on their descriptors: whoever sends
-     * on a local bus, as a real-time loop, need not signal then */
+    bool slcan_only;                   /* no socketcand server: host and port are unused */
+    /* Polls the ports every millisecond instead of waiting on their descriptors. Senders on a local
+     * bus, such as a real-time loop, then need no system call to signal */
     bool by_time;
-    /* In lockstep: from a STEP on nothing is passed on to clients until gateway_release_done, so
-     * that who observes the buses sees what the STEP has brought before a client can answer */
+    /* In lockstep: after a STEP, passes nothing to clients until gateway_release_done. An observer
+     * of the buses thus sees the frames of a STEP before a client can answer */
     bool hold_done;
 };
 
 struct gateway_counters {
     uint64_t clients;    /* accepted */
-    uint64_t refused;    /* found no place */
+    uint64_t refused;    /* rejected because all places were taken */
     uint64_t cut_slow;   /* disconnected with a full outbox */
     uint64_t cut_junk;   /* disconnected for wrong commands */
-    uint64_t cut_silent; /* disconnected without having opened a bus */
+    uint64_t cut_silent; /* disconnected because they opened no bus */
     uint64_t to_bus;     /* frames */
-    uint64_t not_taken;  /* frames of clients that their bus refused */
-    uint64_t to_client;  /* frames, once for each client */
-    uint64_t wakeups;    /* of the thread, by whatever there was to do */
+    uint64_t not_taken;  /* client frames that their bus refused */
+    uint64_t to_client;  /* frames, counted once per client */
+    uint64_t wakeups;    /* wake-ups of the thread */
 };
 
 struct gateway;
 
-/* Listens and starts the thread. ERROR_INPUT for a host that is no numeric address, ERROR_SYSTEM
- * when it cannot listen there. Memory from arena. */
+/* Listens and starts the thread. ERROR_INPUT when the host is not a numeric address, ERROR_SYSTEM
+ * when it cannot listen. Memory from arena. */
 enum error_code gateway_start(const struct gateway_config *config, struct arena *arena,
                               struct gateway **gateway, struct error *error);
 
-/* Returns the TCP port that it listens on; 0 with slcan_only. */
+/* Returns the TCP port of the server; 0 with slcan_only. */
 uint16_t gateway_port(const struct gateway *gateway);
 
-/* With hold_done: passes on what a STEP has brought, and its DONE. From any thread; RT-safe. */
+/* With hold_done: passes on the frames of a STEP and its DONE. From any thread; RT-safe. */
 void gateway_release_done(struct gateway *gateway);
 
-/* Returns how many DONE frames of the lockstep bus have been queued for the clients, each behind
- * all that belongs before it: what comes on a bus from now on stands behind them. From any
- * thread; RT-safe. */
+/* Returns how many DONE frames of the lockstep bus have been queued for clients. Later frames of a
+ * bus are queued behind them. From any thread; RT-safe. */
 uint64_t gateway_done_count(const struct gateway *gateway);
 
 /* Ends the thread and all connections. NULL is allowed. */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Accepts and closes the clients of the gateway, sends to them and receives from them. */
+/* Accepts, serves and closes the clients of the gateway. */
 #include "canbus/gateway_private.h"
 
 #include <errno.h>
@@ -11,8 +11,8 @@
 #include <unistd.h>
 
 enum {
-    OPEN_MS = 10000, /* a client that has opened no bus by then is disconnected */
-    YIELD_MS = 1000, /* the same, when another client needs its place */
+    OPEN_MS = 10000, /* disconnect a client that has opened no bus after this time */
+    YIELD_MS = 1000, /* the same, if another client needs the place */
 };
 
 int64_t gateway_now_ms(void)
@@ -61,7 +61,7 @@ void gateway_cut_slow(struct gateway *gateway, struct gateway_client *client)
 {
     const struct linger at_once = {.l_onoff = 1};
 
-    /* What waits for it in the kernel is discarded too */
+    /* Discard its output in the kernel too */
     setsockopt(client->socket, SOL_SOCKET, SO_LINGER, &at_once, sizeof at_once);
     gateway->counters.cut_slow++;
     gateway_close_client(client);
@@ -73,7 +73,7 @@ void gateway_queue_text(struct gateway *gateway, struct gateway_client *client, 
     if (client->socket < 0) {
         return;
     }
-    /* A full outbox is flushed; a client that still does not read is disconnected */
+    /* Flush a full outbox; disconnect a client that still does not read */
     if (client->waiting + length > GATEWAY_OUTBOX) {
         gateway_flush_client(client);
     }
@@ -114,8 +114,8 @@ static void gateway_forward_slcan(struct gateway *gateway, struct gateway_client
 void gateway_forward_frame(struct gateway *gateway, size_t bus, const struct bus_frame *frame,
                            const struct gateway_client *from)
 {
-    /* The text without [0] and with [1] the name of the bus, formatted once and only when a
-     * client needs it */
+    /* Text of the frame without [0] and with [1] the bus name, formatted once when a client needs
+     * it */
     char text[2][SOCKETCAND_TEXT_MAX];
     size_t length[2] = {0, 0};
 
@@ -123,7 +123,7 @@ void gateway_forward_frame(struct gateway *gateway, size_t bus, const struct bus
         struct gateway_client *client = &gateway->client[i];
         const bool named = client->bus == GATEWAY_EVERY_BUS;
 
-        /* The sender does not hear its own frame */
+        /* Skip the sender */
         if (client == from || !gateway_client_hears(gateway, client, bus, frame)) {
             continue;
         }
@@ -154,7 +154,7 @@ void gateway_read_client(struct gateway *gateway, struct gateway_client *client)
     int one = 1;
 
     if (count > 0) {
-        /* Acknowledges at once: the client's system may keep its next command back until then */
+        /* Acknowledge at once, because the client's system may delay its next command until then */
         if (!client->is_terminal) {
             setsockopt(client->socket, IPPROTO_TCP, TCP_QUICKACK, &one, sizeof one);
         }
@@ -167,7 +167,7 @@ void gateway_read_client(struct gateway *gateway, struct gateway_client *client)
 
 /* ---- coming and going ---- */
 
-/* Tells a client why it is disconnected. */
+/* Sends a client the reason of its disconnection. */
 static void gateway_dismiss_client(struct gateway *gateway, struct gateway_client *client,
                                    const char *text)
 {
@@ -191,8 +191,8 @@ void gateway_close_silent(struct gateway *gateway)
     }
 }
 
-/* Returns a free place, or disconnects the client that has been without a bus for longest and
- * returns its place; NULL = none. */
+/* Returns a free place, or the place of the client that has been without a bus for longest, which
+ * is disconnected; NULL = none. */
 static struct gateway_client *gateway_find_place(struct gateway *gateway)
 {
     struct gateway_client *oldest = NULL;
@@ -223,7 +223,7 @@ void gateway_accept_clients(struct gateway *gateway, int listener, int slcan)
     while ((socket = accept4(listener, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC)) >= 0) {
         struct gateway_client *client = gateway_find_place(gateway);
 
-        /* No place: an slcan client cannot be told why */
+        /* No place; an slcan client cannot receive the reason */
         if (!client) {
             gateway->counters.refused++;
             if (slcan < 0) {
@@ -232,8 +232,8 @@ void gateway_accept_clients(struct gateway *gateway, int listener, int slcan)
             close(socket);
             continue;
         }
-        /* Small messages go out at once; a socketcand client is greeted, an slcan client has its
-         * bus already */
+        /* Send small messages at once. Greet a socketcand client; an slcan client already has its
+         * bus */
         setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &one, sizeof one);
         *client = (struct gateway_client){
             .socket = socket, .outbox = client->outbox, .since_ms = gateway_now_ms()};

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Executes what clients of the gateway ask for: commands, frames onto the buses, and STEP last. */
+/* Executes the requests of gateway clients: commands, frames to the buses, and STEP last. */
 #include "canbus/gateway_private.h"
 
 #include "canbus/lockstep.h"
@@ -9,21 +9,21 @@
 #include <string.h>
 
 enum {
-    /* A client that has just been told "ok" gets frames this much later: widespread clients expect
-     * the answer to come alone. */
+    /* Delay of frames after an "ok": common clients expect the answer alone. */
     QUIET_MS = 20,
-    /* A STEP whose DONE has not come after so long runs for long, or one of the two was lost */
+    /* After this time without DONE, clients are served again: the STEP takes long, or STEP or DONE
+     * was lost */
     STEP_MS = 200,
-    /* A client that has not read for so long while a STEP waits for it is disconnected */
+    /* A client that does not read for this time while a STEP waits is disconnected */
     BEHIND_MS = 2000,
-    /* Reads of each client before a STEP, GATEWAY_INBOX bytes each: more than its bus holds */
+    /* Most reads of each client before a STEP, GATEWAY_INBOX bytes each: more than its bus holds */
     DRAIN_ROUNDS = 256,
 };
 
 /* ---- frames ---- */
 
-/* Checks whether a frame has the bus, identifier and length of a STEP; one of another length is
- * refused by the simulator without a DONE. */
+/* Checks whether a frame has the bus, identifier and length of a STEP. The simulator refuses a STEP
+ * of another length without a DONE. */
 static bool gateway_looks_like_step(const struct gateway_lockstep *lockstep, size_t bus,
                                     const struct bus_frame *frame)
 {
@@ -69,7 +69,7 @@ bool gateway_send_frame(struct gateway *gateway, struct gateway_client *client, 
 
     frame.time_ns = gateway->time_ns[bus];
     if (can_send(gateway->config.bus[bus].port, &frame, 1) != 1) {
-        /* A full queue is no fault of the client: it does not count as junk */
+        /* A full queue is not the client's error: it does not count as junk */
         gateway->counters.not_taken++;
         if (!client->is_slcan) {
             gateway_answer_client(gateway, client, "< error the bus refuses the frame >");
@@ -108,8 +108,8 @@ static void gateway_reject_command(struct gateway *gateway, struct gateway_clien
     }
 }
 
-/* Rejects a command that names a bus which the run does not have. In the answer '?' stands for
- * what would end it early or does not print. */
+/* Rejects a command that names an unknown bus. In the answer, '?' replaces characters that would
+ * end it or are not printable. */
 static void gateway_reject_bus(struct gateway *gateway, struct gateway_client *client,
                                const char *name)
 {
@@ -142,8 +142,7 @@ static void gateway_open_bus(struct gateway *gateway, struct gateway_client *cli
     }
 }
 
-/* Sends a client's frame to the bus that it names or has opened; a STEP is kept until its turn
- * comes. */
+/* Sends a client's frame to the named or opened bus; a STEP waits for its turn. */
 static void gateway_take_frame(struct gateway *gateway, struct gateway_client *client,
                                const struct socketcand_request *request)
 {
@@ -164,7 +163,7 @@ static void gateway_take_frame(struct gateway *gateway, struct gateway_client *c
         client->step_waits = true;
         return;
     }
-    /* The frame goes out as any other, but whoever waits for DONE is told that none will come */
+    /* Send the frame as any other, but tell the client that no DONE will come */
     if (gateway_is_vain_step(gateway, bus, &request->frame)) {
         gateway_answer_client(
             gateway, client,
@@ -179,10 +178,10 @@ static void gateway_execute_command(struct gateway *gateway, struct gateway_clie
 {
     struct socketcand_request request;
 
-    /* A client that sends more has read the last "ok": frames may go out again */
+    /* A client that sends more has read the last "ok": its frames may follow */
     client->quiet_until_ms = 0;
 
-    /* Before a bus is open only open and echo make sense */
+    /* Before a bus is open, only open and echo are valid */
     socketcand_parse(text, size, &request);
     if (client->mode == CLIENT_NO_BUS && request.command != SOCKETCAND_OPEN &&
         request.command != SOCKETCAND_ECHO) {
@@ -196,7 +195,7 @@ static void gateway_execute_command(struct gateway *gateway, struct gateway_clie
         break;
     case SOCKETCAND_RAWMODE:
     case SOCKETCAND_BCMMODE:
-        /* The answer goes out at once and alone; frames follow later */
+        /* Send the answer at once and alone; frames follow later */
         client->mode = request.command == SOCKETCAND_RAWMODE ? CLIENT_RAW : CLIENT_BCM;
         client->quiet_until_ms = gateway_now_ms() + QUIET_MS;
         gateway_answer_client(gateway, client, "< ok >");
@@ -247,7 +246,7 @@ void gateway_execute_inbox(struct gateway *gateway, struct gateway_client *clien
         gateway_execute_command(gateway, client, begin, (size_t)(end - begin) + 1);
     }
 
-    /* An incomplete command stays; one that is longer than any will never end */
+    /* Keep an incomplete command; one beyond the longest command will never end */
     client->received -= at;
     memmove(client->inbox, client->inbox + at, client->received);
     if (!complete && client->received >= SOCKETCAND_TEXT_MAX) {
@@ -258,10 +257,9 @@ void gateway_execute_inbox(struct gateway *gateway, struct gateway_client *clien
 
 /* ---- STEP ---- */
 
-/* Reads every client until none has sent anything more, or its next command is a STEP. Reading
- * acknowledges, which makes a client's system send what Nagle's algorithm keeps back; therefore
- * it asks again until nothing has come. A client that never stops sending is read DRAIN_ROUNDS
- * times. */
+/* Reads every client until it has sent everything, or its next command is a STEP. Reading
+ * acknowledges data, which makes the client's system send the bytes that Nagle's algorithm delays.
+ * It therefore reads again until nothing arrives, at most DRAIN_ROUNDS times. */
 static void gateway_drain_clients(struct gateway *gateway)
 {
     struct pollfd fd[GATEWAY_CLIENTS];
@@ -286,16 +284,15 @@ static void gateway_drain_clients(struct gateway *gateway)
     }
 }
 
-/* Checks whether a client must read first: more than half its outbox waits, and a STEP waits for
- * it. */
+/* Checks whether a client must read first: its outbox is more than half full, and a STEP waits. */
 bool gateway_is_behind(const struct gateway_client *client)
 {
     return client->socket >= 0 && client->mode == CLIENT_RAW &&
            client->waiting > GATEWAY_OUTBOX / 2;
 }
 
-/* Checks whether all clients have read most of what they were sent; a client that keeps a STEP
- * waiting for too long is disconnected. */
+/* Checks whether all clients have read most of their output. Disconnects a client that delays a
+ * STEP for too long. */
 static bool gateway_clients_keep_up(struct gateway *gateway)
 {
     const int64_t now_ms = gateway_now_ms();
@@ -331,7 +328,8 @@ void gateway_release_step(struct gateway *gateway)
         return;
     }
 
-    /* The others' commands first; a client may be disconnected for them, but not this one */
+    /* Execute the other clients' commands first; this may disconnect one of them, but not this
+     * client */
     gateway_drain_clients(gateway);
     client->step_waits = false;
     atomic_store(&gateway->holds, gateway->config.hold_done);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Private to canbus: the state of the gateway, shared by its thread (gateway.c), the connections of
- * its clients (gateway_client.c) and what they ask for (gateway_command.c). Not RT-safe; all of it
- * belongs to the gateway's thread.
+ * Private to canbus: the state of the gateway, for its thread (gateway.c), the clients' connections
+ * (gateway_client.c) and their commands (gateway_command.c). Not RT-safe; only the gateway's thread
+ * uses it.
  */
 #ifndef CANBUS_GATEWAY_PRIVATE_H
 #define CANBUS_GATEWAY_PRIVATE_H
@@ -17,43 +17,44 @@
 enum gateway_client_mode { CLIENT_NO_BUS, CLIENT_BCM, CLIENT_RAW };
 
 enum {
-    GATEWAY_EVERY_BUS = GATEWAY_BUSES, /* client->bus of a connection that has all of them */
+    GATEWAY_EVERY_BUS = GATEWAY_BUSES, /* client->bus of a connection with every bus */
     GATEWAY_INBOX = 4096,
 };
 
-/* Settings of an slcan channel, as its client made them. */
+/* Settings of an slcan channel, made by its client. */
 struct gateway_slcan_state {
     bool stamps, listens;
-    bool refused;   /* it asked for a bit rate that the bus does not have */
-    uint8_t status; /* flags that the command F reports */
+    bool refused;   /* the client requested a bit rate that differs from the bus */
+    uint8_t status; /* flags reported by the command F */
 };
 
 struct gateway_client {
     int socket; /* -1 = free place */
-    int other;  /* of a terminal: its other end */
+    int other;  /* terminal: the other end */
     bool is_slcan, is_terminal;
     struct gateway_slcan_state slcan;
     enum gateway_client_mode mode;
     size_t bus;
     unsigned junk;
-    int64_t since_ms; /* accepted */
+    int64_t since_ms; /* time of the connection */
     int64_t quiet_until_ms;
-    int64_t awaited_since_ms; /* since when a STEP waits for the client to read; 0 = none waits */
+    int64_t awaited_since_ms; /* time since when a STEP waits for this client to read; 0 = none
+                               * waits */
     bool step_waits;          /* its next command is a STEP */
     struct bus_frame step;
-    size_t received; /* of inbox: what has not been executed */
+    size_t received; /* bytes in inbox, not yet executed */
     char inbox[GATEWAY_INBOX];
-    size_t waiting; /* of outbox */
+    size_t waiting; /* bytes in outbox */
     char *outbox;
 };
 
 struct gateway {
     struct gateway_config config;
     struct gateway_counters counters;
-    int64_t *time_ns;      /* of the newest frame of each bus, on its clock */
-    int64_t step_until_ms; /* a STEP runs, and is waited for until this time; 0 = none runs */
+    int64_t *time_ns;      /* time of the newest frame of each bus, on its clock */
+    int64_t step_until_ms; /* a STEP runs and clients wait until this time; 0 = none runs */
     _Atomic uint64_t done_count;
-    _Atomic bool holds; /* what a STEP brings, until it is released */
+    _Atomic bool holds; /* holds back the frames of a STEP until released */
     int listener, stop_event;
     int slcan_listener[GATEWAY_SLCAN]; /* -1 = a terminal */
     size_t slcan_bus[GATEWAY_SLCAN];
@@ -67,35 +68,35 @@ int64_t gateway_now_ms(void);
 
 /* ---- gateway_client.c ---- */
 
-/* Accepts every client that waits at a listener, which is that of an slcan channel unless slcan is
- * negative; refuses those that find no place. */
+/* Accepts every waiting client of a listener. slcan: index of its channel, negative = socketcand.
+ * Rejects clients when all places are taken. */
 void gateway_accept_clients(struct gateway *gateway, int listener, int slcan);
 
 /* Disconnects clients that have not opened a bus in time. */
 void gateway_close_silent(struct gateway *gateway);
 
-/* Reads what a client has sent, as far as its inbox holds it, and executes its commands. */
+/* Reads a client's data into its inbox and executes its commands. */
 void gateway_read_client(struct gateway *gateway, struct gateway_client *client);
 
-/* Puts text into the client's outbox; a client whose outbox stays full is disconnected. */
+/* Puts text into the client's outbox. Disconnects the client when the outbox stays full. */
 void gateway_queue_text(struct gateway *gateway, struct gateway_client *client, const char *text,
                         size_t length);
 
-/* Sends what waits for a client, as far as the system takes it. */
+/* Sends the client's outbox, as far as the system accepts it. */
 void gateway_flush_client(struct gateway_client *client);
 
 void gateway_close_client(struct gateway_client *client);
 
-/* Disconnects a client that does not read; what waits for it is discarded. */
+/* Disconnects a client that does not read and discards its output. */
 void gateway_cut_slow(struct gateway *gateway, struct gateway_client *client);
 
-/* Queues a frame for all clients of a bus in raw mode but the one that sent it, NULL = none did. */
+/* Queues a frame for all raw-mode clients of a bus except the sender (NULL = the bus). */
 void gateway_forward_frame(struct gateway *gateway, size_t bus, const struct bus_frame *frame,
                            const struct gateway_client *from);
 
 /* ---- gateway_command.c ---- */
 
-/* Checks whether commands of clients have to wait because a STEP runs. */
+/* Checks whether clients' commands must wait because a STEP runs. */
 static inline bool gateway_step_runs(const struct gateway *gateway)
 {
     return gateway->step_until_ms > 0;
@@ -108,16 +109,17 @@ bool gateway_is_done(const struct gateway *gateway, const struct bus_frame *fram
 /* Finds a bus by its name or alias; false = there is none. */
 bool gateway_find_bus(const struct gateway *gateway, const char *name, size_t *bus);
 
-/* Sends a client's frame onto a bus and to the other clients; false: the bus has not taken it. */
+/* Sends a client's frame to a bus and to the other clients. Returns false when the bus refuses
+ * it. */
 bool gateway_send_frame(struct gateway *gateway, struct gateway_client *client, size_t bus,
                         const struct bus_frame *request);
 
-/* Executes every complete command in the inbox, up to a STEP, which stays until it is released;
- * none while a STEP runs. What stands between commands is skipped. */
+/* Executes all complete commands in the inbox up to a STEP, which waits there; none while a STEP
+ * runs. Skips text between commands. */
 void gateway_execute_inbox(struct gateway *gateway, struct gateway_client *client);
 
-/* Sends the STEP that waits, if one does and nothing is in its way: once every client has been read
- * to the end and has taken most of what waits for it. */
+/* Sends the waiting STEP, if any, when every client has been read completely and has read most of
+ * its output. */
 void gateway_release_step(struct gateway *gateway);
 
 /* ---- gateway_slcan.c ---- */
@@ -130,12 +132,11 @@ void gateway_slcan_stop(struct gateway *gateway);
  * does. */
 void gateway_slcan_execute_inbox(struct gateway *gateway, struct gateway_client *client);
 
-/* Formats a frame for the client of an slcan channel; returns its length, 0 = slcan has no such
- * frame. */
+/* Formats a frame for an slcan client. Returns its length; 0 = slcan has no such frame. */
 size_t gateway_slcan_format(const struct gateway_client *client, const struct bus_frame *frame,
                             char text[SLCAN_TEXT_MAX]);
 
-/* Closes the channel of a terminal, which has not been read or is gone; F tells of an overrun. */
+/* Closes the channel of a terminal that is not read or has closed; F then reports an overrun. */
 void gateway_slcan_reset(struct gateway_client *client);
 
 /* Checks whether a client must read before a STEP may run. */

@@ -29,8 +29,7 @@ static void gateway_slcan_answer(struct gateway *gateway, struct gateway_client 
     gateway_queue_text(gateway, client, text, strlen(text));
 }
 
-/* Checks whether a channel may be set to a bit rate: it must be closed, and the rate the one
- * that its bus has. */
+/* Checks whether a channel may be set to a bit rate: it is closed, and its bus has this rate. */
 static bool gateway_slcan_has_rate(const struct gateway *gateway,
                                    const struct gateway_client *client, bool data, int64_t rate)
 {
@@ -40,8 +39,8 @@ static bool gateway_slcan_has_rate(const struct gateway *gateway,
     return client->mode != CLIENT_RAW && own == rate;
 }
 
-/* Sends a client's frame and acknowledges it (z or Z), or answers with the bell; a STEP is kept
- * until its turn comes. */
+/* Sends a client's frame and acknowledges it (z or Z), or answers with the bell. A STEP waits for
+ * its turn. */
 static void gateway_slcan_take_frame(struct gateway *gateway, struct gateway_client *client,
                                      const struct bus_frame *frame)
 {
@@ -74,8 +73,8 @@ static void gateway_slcan_tell_status(struct gateway *gateway, struct gateway_cl
     gateway_slcan_answer(gateway, client, text);
 }
 
-/* Opens the channel, to listen only or to send too; refused after a bit rate that the bus does
- * not have. */
+/* Opens the channel, for listening only or for sending too. Refused after a bit rate that differs
+ * from the bus. */
 static void gateway_slcan_open(struct gateway *gateway, struct gateway_client *client, bool listen)
 {
     bool fits = client->mode != CLIENT_RAW && !client->slcan.refused;
@@ -160,7 +159,7 @@ void gateway_slcan_execute_inbox(struct gateway *gateway, struct gateway_client 
         gateway_slcan_execute(gateway, client, begin, (size_t)(end - begin));
     }
 
-    /* A command that is longer than any is discarded and answered with the bell */
+    /* Discard a command beyond the longest one and answer with the bell */
     client->received -= at;
     memmove(client->inbox, client->inbox + at, client->received);
     if (client->received >= SLCAN_TEXT_MAX && !memchr(client->inbox, '\r', client->received)) {
@@ -186,7 +185,7 @@ void gateway_slcan_reset(struct gateway_client *client)
     client->step_waits = false;
 }
 
-/* Returns whether a path is a link to a terminal, which text receives. */
+/* Checks whether a path is a link to a terminal; text receives its target. */
 static bool slcan_read_link(const char *path, char text[64])
 {
     static const char folder[] = "/dev/pts/";
@@ -196,8 +195,8 @@ static bool slcan_read_link(const char *path, char text[64])
     return !strncmp(text, folder, sizeof folder - 1);
 }
 
-/* Makes the path a link to the terminal of that name. Only a link that a killed run has left is
- * replaced: it leads to a terminal that is gone, or to this one, which has got the number again. */
+/* Makes the path a link to the named terminal. Replaces only a link that a killed run has left: its
+ * target no longer exists, or is this terminal, which got the same number again. */
 static enum error_code slcan_make_link(const char *path, const char *name, struct error *error)
 {
     char left[64];
@@ -216,7 +215,7 @@ static enum error_code slcan_make_link(const char *path, const char *name, struc
                : error_set_errno(error, errno, "slcan: cannot make the link %.200s", path);
 }
 
-/* Removes the link, unless it has become another one. */
+/* Removes the link if it still points to this terminal. */
 static void slcan_remove_link(const char *path, int line)
 {
     char name[64], link[64];
@@ -226,8 +225,8 @@ static void slcan_remove_link(const char *path, int line)
     }
 }
 
-/* Opens a pseudo-terminal and links its slave end to the configured path. The slave stays open
- * here too, so that the line exists before a client opens it and after it has closed it. */
+/* Opens a pseudo-terminal and links its slave end to the configured path. The gateway keeps the
+ * slave open, so that the line exists before a client opens it and after it closes it. */
 static enum error_code gateway_slcan_open_terminal(struct gateway *gateway, size_t index,
                                                    struct error *error)
 {
@@ -275,7 +274,7 @@ fail:
     return error->code;
 }
 
-/* Refuses a bus that the gateway does not have, with those that it has. */
+/* Refuses an unknown bus and lists the known ones. */
 static enum error_code gateway_slcan_refuse_bus(const struct gateway *gateway, const char *name,
                                                 struct error *error)
 {

@@ -14,11 +14,11 @@
 
 enum { BITRATE_MAX = 1000000, RESTART_MS_MAX = 3600000 };
 
-/* Part of the bit rate by which a controller may miss the wanted one. */
+/* Relative difference by which a controller may miss the requested bit rate. */
 static const double BITRATE_TOLERANCE = 0.005;
 
-/* Part of a bit. A controller has at least eight time quanta a bit, so it comes within half of
- * one. */
+/* As a fraction of a bit. A controller has at least eight time quanta per bit, so its error is at
+ * most half a quantum. */
 static const double SAMPLE_POINT_TOLERANCE = 0.0625;
 
 enum interface_kind interface_kind(const struct link_info *info)
@@ -110,7 +110,7 @@ static bool interface_may_administer(void)
            (data[CAP_TO_INDEX(CAP_NET_ADMIN)].effective & CAP_TO_MASK(CAP_NET_ADMIN));
 }
 
-/* Checks first what would make libsocketcan fail, since the library only prints why. */
+/* Checks the causes of failures beforehand, because libsocketcan only prints them. */
 static enum error_code interface_check_controller(const char *name, struct link_info *info,
                                                   struct error *error)
 {
@@ -178,8 +178,7 @@ enum error_code interface_stop(const char *name, struct error *error)
     return code ? code : interface_check_result(can_do_stop(name), name, "stop", error);
 }
 
-/* Sets bit rate and restart time of a stopped controller, and checks what the driver made of
- * them. */
+/* Sets bit rate and restart time of a stopped controller, and checks the result. */
 static enum error_code interface_apply_settings(const char *name,
                                                 const struct interface_settings *settings,
                                                 struct error *error)
@@ -203,7 +202,7 @@ static enum error_code interface_apply_settings(const char *name,
         return code;
     }
 
-    /* The driver takes the nearest bit rate that its clock allows, which may be far off */
+    /* The driver uses the nearest bit rate of its clock, which may be far off */
     code = interface_query(NULL, name, &info, error);
     if (code) {
         return code;
@@ -219,8 +218,7 @@ static enum error_code interface_apply_settings(const char *name,
     return ERROR_NONE;
 }
 
-/* Stops a controller, sets it, and starts it again; when that is refused its former settings
- * come back. */
+/* Stops a controller, sets it, and starts it again. On failure restores the old settings. */
 static enum error_code interface_configure(void *context, const char *name,
                                            const struct interface_settings *settings,
                                            struct error *error)
@@ -248,7 +246,7 @@ static enum error_code interface_configure(void *context, const char *name,
         return interface_start(name, error);
     }
 
-    /* Refused: restores the former settings, as other programs may use this interface */
+    /* Restore the old settings, because other programs may use this interface */
     if (before.controller.timing.bitrate) {
         can_set_bittiming(name, &before.controller.timing);
         can_set_restart_ms(name, before.controller.restart_ms);

@@ -38,7 +38,7 @@ static const struct rtattr *link_next_attribute(const struct rtattr *attribute, 
     return (const void *)((const char *)attribute + length);
 }
 
-/* Copies an attribute of a fixed size; false = it is shorter and nothing was copied. */
+/* Copies an attribute of a fixed size. Returns false, without copying, when it is shorter. */
 static bool link_copy_attribute(const struct rtattr *attribute, void *to, size_t size)
 {
     if (RTA_PAYLOAD(attribute) < size) {
@@ -62,7 +62,7 @@ static void link_parse_controller(const struct rtattr *data, struct link_control
 
     for (const struct rtattr *a = link_attribute_data(data); RTA_OK(a, rest);
          a = link_next_attribute(a, &rest)) {
-        /* A driver reports only the values that it has */
+        /* A driver reports only the values that it supports */
         switch (link_attribute_type(a)) {
         case IFLA_CAN_STATE:
             if (link_copy_attribute(a, &state, sizeof state) && state < CAN_STATE_MAX) {
@@ -94,7 +94,7 @@ static void link_parse_controller(const struct rtattr *data, struct link_control
     }
 }
 
-/* Parses the kind of the interface, which comes first, and, of a CAN controller, its data and
+/* Parses the kind of the interface, which comes first; for a CAN controller also its data and
  * statistics. */
 static void link_parse_kind(const struct rtattr *info, struct link_info *link)
 {
@@ -189,7 +189,7 @@ int link_query(int descriptor, const char *name, struct link_info *info)
     request.header.nlmsg_len =
         (uint32_t)(offsetof(struct link_request, name_header) + RTA_LENGTH(length + 1));
 
-    /* An answer that an earlier call did not fetch must not pass for this one */
+    /* Discard the unread answer of an earlier call */
     while (recv(descriptor, answer, sizeof answer, MSG_DONTWAIT) > 0) {
     }
     if (send(descriptor, &request, request.header.nlmsg_len, MSG_DONTWAIT) < 0) {

@@ -1,12 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The bus in the process. For each ordered pair of nodes there is one ring with one writer and one
- * reader, so that no lock is needed. The sender stamps every frame with a number of the whole bus;
- * a receiver merges its rings by that number and so sees one order.
+ * The bus in the process. Each ordered pair of nodes has a ring with one writer and one reader, so
+ * that no lock is needed. The sender gives every frame a number that is unique on the bus. A
+ * receiver merges its rings by this number, so all receivers have the same order.
  *
- * In wire mode the wire is one more place in that square: senders write into the rings that it
- * reads; there the frames wait for the next advance, and what the wire has carried it writes into
- * the receivers' rings.
+ * In wire mode the wire is an additional place. Senders write into its rings, where frames wait for
+ * the next advance. It writes the carried frames into the receivers' rings.
  */
 #include "base/array.h"
 #include "base/ring.h"
@@ -23,7 +22,7 @@
 
 /* A frame on its way to a node. */
 struct local_frame {
-    uint64_t number; /* place in the order of the bus; nothing on the way to the wire */
+    uint64_t number; /* order on the bus; unused on the way to the wire */
     struct bus_frame frame;
 };
 
@@ -31,15 +30,15 @@ enum { LOCAL_NODES_MAX = 256 };
 
 /* Bits of node.signal. */
 enum {
-    SIGNAL_WANTED = 1, /* somebody may sleep on the descriptor */
-    SIGNAL_RAISED = 2, /* frames were put in since the node last found nothing */
+    SIGNAL_WANTED = 1, /* a thread may sleep on the descriptor */
+    SIGNAL_RAISED = 2, /* frames have arrived since the node last found none */
 };
 
-/* The frames on their way from one sender to one receiver. */
+/* The frames in transit from one sender to one receiver. */
 struct local_lane {
-    struct ring ring;         /* of frames */
-    _Atomic uint64_t dropped; /* the sender's count of what the full ring refused */
-    uint64_t dropped_seen;    /* how many of these the receiver has counted */
+    struct ring ring;         /* ring of frames */
+    _Atomic uint64_t dropped; /* frames that the full ring refused, counted by the sender */
+    uint64_t dropped_seen;    /* part of `dropped` that the receiver has counted */
 };
 
 struct local_node {
@@ -56,29 +55,29 @@ struct local_node {
     size_t first_controller, controllers;
     uint64_t controller_mask;
     enum wire_state shown;         /* the state last reported to the port */
-    _Atomic uint64_t wire_dropped; /* the wire's count of what it lost of accepted frames */
-    uint64_t wire_dropped_seen;    /* how many of these the port has counted */
-    uint64_t wire_dropped_told;    /* of what the wire's statistics say, what was added there */
+    _Atomic uint64_t wire_dropped; /* accepted frames that the wire lost, counted by the wire */
+    uint64_t wire_dropped_seen;    /* part of wire_dropped that the port has counted */
+    uint64_t wire_dropped_told;    /* part of the wire's statistics already added to wire_dropped */
 };
 
 struct local_bus {
     const char *name;
     struct local_bus_config config;
-    size_t places; /* in each row of lanes: the nodes, and the wire where there is one */
+    size_t places; /* lanes per row: the nodes, and the wire if there is one */
     pthread_mutex_t joining;
-    _Atomic size_t count;      /* nodes that have joined; complete up to here */
+    _Atomic size_t count;      /* nodes that have joined; all below are complete */
     _Atomic uint64_t sequence; /* number of the next frame */
     struct local_node *nodes;
     struct local_lane *lanes; /* [receiver * places + sender] */
 
-    /* Wire mode; but for plugged of the thread that advances */
+    /* Wire mode; used by the advancing thread only, except `plugged` */
     struct wire *wire;
-    size_t controllers;       /* given out */
-    _Atomic uint64_t plugged; /* controllers whose port is open */
-    uint64_t plugged_seen;    /* the ones that the wire has seen so far */
-    enum wire_state *state;   /* of each controller */
-    uint64_t dropped_seen;    /* the wire's drops that have been passed on to the ports */
-    uint64_t reached[LOCAL_NODES_MAX / 64]; /* ports that received something in this advance */
+    size_t controllers;                     /* controllers in use */
+    _Atomic uint64_t plugged;               /* controllers whose port is open */
+    uint64_t plugged_seen;                  /* value of `plugged` that the wire has applied */
+    enum wire_state *state;                 /* of each controller */
+    uint64_t dropped_seen;                  /* drops of the wire already passed to the ports */
+    uint64_t reached[LOCAL_NODES_MAX / 64]; /* mask of ports that received frames in this advance */
     void (*tap)(void *context, const struct bus_frame *frame);
     void *tap_context;
 };
@@ -119,7 +118,7 @@ static void local_raise_event(int event)
     const uint64_t one = 1;
     ssize_t written;
 
-    /* Fails only when the counter is full, and then the descriptor is readable anyway */
+    /* A write fails only if the counter is full, and then the descriptor is readable */
     do {
         written = write(event, &one, sizeof one);
     } while (written < 0 && errno == EINTR);
@@ -158,9 +157,9 @@ static bool local_put_frame(const struct local_bus *bus, size_t receiver, size_t
     return true;
 }
 
-/* Signals a node that frames have arrived. Both sides change `signal` by read-modify-write
- * operations, which have one order: either the node sees the frames, or this side sees that the
- * node had found nothing, and wakes it. */
+/* Signals a node that frames have arrived. Both sides change `signal` with atomic read-modify-write
+ * operations, so all changes have one order. Either the node sees the frames, or the sender sees
+ * that the node found nothing, and wakes it. */
 static void local_signal_node(struct local_node *node)
 {
     uint32_t before = atomic_fetch_or_explicit(&node->signal, SIGNAL_RAISED, memory_order_acq_rel);
@@ -239,7 +238,7 @@ static void local_deliver_from_wire(struct local_bus *bus, size_t to, const stru
     }
 }
 
-/* Delivers a frame that the wire has carried to the ports whose controllers have received it. */
+/* Delivers a carried frame to the ports whose controllers have received it. */
 static void local_deliver_carried(struct local_bus *bus, const struct wire_event *event)
 {
     const size_t nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
@@ -257,7 +256,7 @@ static void local_deliver_carried(struct local_bus *bus, const struct wire_event
     }
 }
 
-/* Makes the error frame by which SocketCAN would report a change of a controller's state. */
+/* Makes the error frame that SocketCAN would send for a change of a controller's state. */
 static struct bus_frame local_make_state_frame(enum wire_state before,
                                                const struct wire_event *event)
 {
@@ -287,8 +286,7 @@ static struct bus_frame local_make_state_frame(enum wire_state before,
     return frame;
 }
 
-/* Returns the state of a port: the worst of its controllers that are on the bus, bus-off when
- * none is. */
+/* Returns the state of a port: the worst of its controllers on the bus, bus-off if none is. */
 static enum wire_state local_port_wire_state(const struct local_bus *bus,
                                              const struct local_node *node)
 {
@@ -355,13 +353,13 @@ static void local_update_plugs(struct local_bus *bus)
     bus->plugged_seen = plugged;
 }
 
-/* Adds what the wire has dropped of accepted frames to the counters of their ports. */
+/* Adds accepted frames that the wire lost to the counters of their ports. */
 static void local_report_wire_drops(struct local_bus *bus)
 {
     const size_t nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
     const uint64_t total = wire_dropped(bus->wire);
 
-    /* Look at the controllers only when the wire has dropped anything */
+    /* Check the controllers only if the wire has dropped frames */
     if (total == bus->dropped_seen) {
         return;
     }
@@ -384,9 +382,9 @@ static void local_report_wire_drops(struct local_bus *bus)
     }
 }
 
-/* Hands what a port has sent since the last advance to its controllers; the frames become ready
- * at the time up to which the wire was advanced. The order between ports does not matter, as no
- * controller belongs to two. */
+/* Gives the frames that a port has sent since the last advance to its controllers. They become
+ * ready at the time of the last advance. The order between ports does not matter, because each
+ * controller belongs to one port. */
 static void local_transmit_waiting(struct local_bus *bus, size_t sender)
 {
     struct ring *ring = &local_lane_between(bus, bus->config.max_nodes, sender)->ring;
@@ -406,7 +404,7 @@ void local_bus_advance(struct local_bus *bus, int64_t now_ns)
     if (!bus->wire) {
         return;
     }
-    /* Plugs and frames first, so that the wire sees them at the time of the last advance */
+    /* Apply plugs and frames first, so that the wire sees them at the time of the last advance */
     local_update_plugs(bus);
     nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
     for (size_t from = 0; from < nodes; from++) {
@@ -455,8 +453,7 @@ static enum error_code local_wire_create(struct local_bus *bus, struct arena *ar
     wire.restart_delay_ns = config->restart_delay_ns;
     wire.seed = config->seed;
 
-    /* The wire with its controllers, all disconnected: no port is open yet that could
-     * acknowledge */
+    /* Create the wire with all controllers disconnected: no port is open that could acknowledge */
     code = wire_create(&wire, arena, &bus->wire, error);
     if (code) {
         return error_prefix(error, "local bus %s", config->name);
@@ -491,8 +488,7 @@ static enum error_code local_wire_join(struct local_bus *bus, struct local_node 
 
 /* ---- the port ---- */
 
-/* Ideal mode: puts a frame into the inboxes of all other nodes, each of which is marked in
- * `reached`. */
+/* Ideal mode: puts a frame into the inboxes of all other nodes and marks them in `reached`. */
 static void local_send_ideal(struct local_node *sender, const struct bus_frame *frame,
                              uint64_t *reached)
 {
@@ -536,9 +532,9 @@ static size_t local_send(struct can_port *port, const struct bus_frame *frames, 
     return accepted;
 }
 
-/* Returns the lane of a node whose oldest frame comes first in the order of the bus, NULL when
- * all are empty. `count` is how many frames it holds; those with a number below `limit` come
- * before every other lane's. */
+/* Returns the lane whose oldest frame is the next in the order of the bus; NULL = all are empty.
+ * *count: number of its frames. *limit: frames with smaller numbers come before every other
+ * lane's. */
 static struct local_lane *local_first_lane(const struct local_node *node, uint32_t *count,
                                            uint64_t *limit)
 {
@@ -580,8 +576,8 @@ static void local_count_inbox_drops(struct local_node *node)
     }
 }
 
-/* Merges the frames of a node's lanes in the order of the bus; returns how many were taken, at
- * most max. */
+/* Merges the frames of a node's lanes in the order of the bus, at most max. Returns their
+ * number. */
 static size_t local_take_frames(struct local_node *node, struct bus_frame *frames, size_t max)
 {
     struct local_lane *lane;
@@ -592,10 +588,11 @@ static size_t local_take_frames(struct local_node *node, struct bus_frame *frame
     while (taken < max && (lane = local_first_lane(node, &count, &limit))) {
         const struct local_frame *entry = ring_front(&lane->ring);
 
-        /* Take as many from this lane as come before every other lane's */
+        /* Take the frames of this lane that come before every other lane's */
         do {
             frames[taken] = entry->frame;
-            /* the sender's controller; the receiver may pass the frame on under its own */
+            /* Remove the sender's controller, because the receiver may send the frame with its
+             * own */
             frames[taken].node = 0;
             ring_drop(&lane->ring);
             port_count_received(&node->port, &frames[taken]);
@@ -615,8 +612,8 @@ static size_t local_receive(struct can_port *port, struct bus_frame *frames, siz
     if (count < max) {
         uint32_t signal = atomic_load_explicit(&node->signal, memory_order_relaxed);
 
-        /* The inbox is empty: lower the signal, then look once more for what came meanwhile. A
-         * wake-up that was written late is cleared by the call that finds nothing. */
+        /* Clear the signal of an empty inbox, then check once more for new frames. The call that
+         * finds none also clears a late wake-up */
         if ((signal & SIGNAL_RAISED) || !count) {
             if (signal & SIGNAL_WANTED) {
                 local_clear_event(node->event);
@@ -631,7 +628,7 @@ static size_t local_receive(struct can_port *port, struct bus_frame *frames, siz
     return count;
 }
 
-/* Returns the event descriptor; from now on the node is woken when frames arrive. */
+/* Returns the event descriptor. From now on, arriving frames wake the node. */
 static int local_descriptor(const struct can_port *port)
 {
     struct local_node *node = local_node_of_port(port);
@@ -643,8 +640,8 @@ static int local_descriptor(const struct can_port *port)
     return node->event;
 }
 
-/* Closes a port. Its descriptor stays open until the bus is destroyed, as a sender may be about
- * to write to it. */
+/* Closes a port. Its descriptor stays open until the bus is destroyed, because a sender may be
+ * about to write to it. */
 static void local_close(struct can_port *port)
 {
     struct local_node *node = local_node_of_port(port);
@@ -719,7 +716,7 @@ enum error_code local_bus_create(const struct local_bus_config *config, struct a
         return code;
     }
 
-    /* The bus with its nodes and lanes; the wire takes one more place */
+    /* The bus with nodes and lanes; the wire needs one more place */
     created = arena_alloc(arena, 1, sizeof *created);
     if (created) {
         created->name = arena_strdup(arena, config->name);
@@ -756,7 +753,7 @@ static enum error_code local_add_node(struct local_bus *bus, size_t controllers,
     struct local_node *node = &bus->nodes[index];
     enum error_code code;
 
-    /* A place on the bus and controllers on its wire */
+    /* Allocate a place on the bus and controllers on its wire */
     if (index == bus->config.max_nodes) {
         return error_set(error, ERROR_MEMORY, "local bus %s: all %zu places are taken", bus->name,
                          bus->config.max_nodes);
@@ -766,7 +763,7 @@ static enum error_code local_add_node(struct local_bus *bus, size_t controllers,
         return code;
     }
 
-    /* The node, invisible to senders until all of it is there */
+    /* Fill in the node; senders do not see it yet */
     node->event = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
     if (node->event < 0) {
         return error_set_errno(error, errno, "local bus %s: cannot create an event descriptor",
@@ -829,20 +826,21 @@ void local_bus_destroy(struct local_bus *bus)
 
 /* ---- saving ---- */
 
-/* The frames in the rings between the participants of one thread are saved and restored. Rings are
- * drained and filled by their own operations, as writer and reader are both the calling thread; no
- * other ring is touched. */
+/* Saves and restores the frames in the rings between the nodes of one thread. The calling thread is
+ * writer and reader of these rings, so it drains and fills them with the normal operations. It
+ * leaves all other rings alone. */
 
 enum { SAVED_FRAMES_MAX = 2048, CONTROLLERS_MAX = 64 };
 
 struct local_save {
-    /* Copies of what the bus has last seen of the wire's controllers */
+    /* Copies of the bus's counts of the wire's controllers */
     uint64_t plugged_seen, dropped_seen;
     enum wire_state state[CONTROLLERS_MAX];
 
     size_t count;
-    struct local_frame entry[SAVED_FRAMES_MAX]; /* lane after lane */
-    /* Then a struct local_saved_node of each node, then the number of frames of each own lane */
+    struct local_frame entry[SAVED_FRAMES_MAX]; /* entries of one lane after the other */
+    /* After this struct: a struct local_saved_node per node, then the number of frames of each
+     * saved lane */
 };
 
 struct local_saved_node {
@@ -869,8 +867,8 @@ size_t local_bus_save_size(const struct local_bus *bus)
            bus->places * bus->places * sizeof(uint64_t);
 }
 
-/* Checks whether writer and reader of a lane are both the calling thread: nodes below `own`, or
- * the wire, whose place is the last. */
+/* Checks whether the calling thread is writer and reader of a lane: both ends are nodes below `own`
+ * or the wire, which has the last place. */
 static bool local_lane_is_own(const struct local_bus *bus, size_t own, size_t to, size_t from)
 {
     size_t wire = bus->config.max_nodes;
@@ -878,7 +876,7 @@ static bool local_lane_is_own(const struct local_bus *bus, size_t own, size_t to
     return to != from && (to < own || to == wire) && (from < own || from == wire);
 }
 
-/* Copies the frames of a lane without removing them; false when there is no room for them. */
+/* Copies the frames of a lane without removing them; false = no room. */
 static bool local_save_lane(const struct local_lane *lane, struct local_save *save, uint64_t *count)
 {
     uint32_t tail = atomic_load_explicit(&lane->ring.tail, memory_order_relaxed);
@@ -901,7 +899,7 @@ bool local_bus_save(const struct local_bus *bus, size_t own, void *memory)
     struct local_save *save = memory;
     uint64_t *count = local_saved_counts(bus, save);
 
-    /* What the bus has seen of the wire */
+    /* Save the bus's counts of the wire */
     save->count = 0;
     save->plugged_seen = bus->plugged_seen;
     save->dropped_seen = bus->dropped_seen;
@@ -933,14 +931,14 @@ void local_bus_restore(struct local_bus *bus, size_t own, const void *memory)
     const uint64_t *count = local_saved_counts(bus, save);
     const struct local_frame *entry = save->entry;
 
-    /* What the bus has seen of the wire */
+    /* Restore the bus's counts of the wire */
     bus->plugged_seen = save->plugged_seen;
     bus->dropped_seen = save->dropped_seen;
     if (bus->wire) {
         memcpy(bus->state, save->state, bus->config.wire_nodes * sizeof *bus->state);
     }
 
-    /* The nodes; counters go on counting, and ports of other threads keep their state */
+    /* Restore the nodes; counters continue, and ports of other threads keep their state */
     for (size_t n = 0; n < bus->config.max_nodes; n++) {
         const struct local_saved_node *kept = &local_saved_nodes(save)[n];
 
@@ -951,7 +949,7 @@ void local_bus_restore(struct local_bus *bus, size_t own, const void *memory)
         }
     }
 
-    /* The frames in the own lanes, instead of those that are there now */
+    /* Replace the frames in the own lanes */
     for (size_t i = 0; i < bus->places * bus->places; i++) {
         struct ring *ring = &bus->lanes[i].ring;
 

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The simulator's side of lockstep: which STEP runs, what DONE says, and when silence is
- * reported. */
+/* The simulator's side of lockstep: validates STEP, makes DONE, and times the reports of
+ * silence. */
 #include "canbus/lockstep.h"
 
-/* Reports of silence become rarer, down to one a minute. */
+/* Largest interval between reports of silence: one minute. */
 #define BACKOFF_MAX_NS INT64_C(60000000000)
 
 void lockstep_init(struct lockstep *lockstep, const struct lockstep_config *config)
@@ -22,7 +22,7 @@ enum lockstep_verdict lockstep_receive(struct lockstep *lockstep, const struct b
         lockstep->counters.malformed++;
         return LOCKSTEP_MALFORMED;
     }
-    /* A STEP names the tick that it expects; another one is refused, not run */
+    /* Refuse a STEP with another tick than the present one */
     lockstep->expected = get_u32_le(frame->data);
     if (lockstep->expected != lockstep->tick) {
         lockstep->counters.mismatches++;

@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The simulator's side of lockstep: the host's STEP frames drive virtual time, DONE frames say that
- * it has got there (docs/controller.md). A state machine without clock or port.
+ * The simulator's side of lockstep. The host's STEP frames drive virtual time; DONE frames report
+ * its progress (docs/controller.md). This is a state machine without clock or port.
  *
  *   STEP  u32 LE expected tick, u16 LE number of ticks (0 = 1)
  *   DONE  u32 LE tick, u16 LE flags (enum lockstep_flag)
  *
- * Both sides count the ticks that have been run: a STEP expects the count before it runs, DONE
- * carries the count after, which is what the next STEP must expect. A STEP that expects another
- * count is answered with the true one and LOCKSTEP_MISMATCH, and nothing runs; so either side may
- * be restarted: the host takes its count from that answer. RT-safe.
+ * Both sides count the ticks that have run. A STEP carries the count before it runs, DONE the count
+ * after, which the next STEP must carry. A STEP with another count does not run: the answer is DONE
+ * with the true count and LOCKSTEP_MISMATCH. Either side may therefore restart; the host takes its
+ * count from this answer. RT-safe.
  */
 #ifndef CANBUS_LOCKSTEP_H
 #define CANBUS_LOCKSTEP_H
@@ -19,7 +19,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* The identifiers unless a rig says others, and the length of both frames. */
+/* Default identifiers, and the length of both frames. */
 enum { LOCKSTEP_STEP_ID = 0x6f0, LOCKSTEP_DONE_ID = 0x6ff, LOCKSTEP_LENGTH = 6 };
 
 /* Flags of DONE. */
@@ -27,12 +27,13 @@ enum lockstep_flag {
     LOCKSTEP_OVERRUN = 1 << 0,  /* frames were lost since the last DONE */
     LOCKSTEP_FAULT = 1 << 1,    /* a board is in fault */
     LOCKSTEP_MISMATCH = 1 << 2, /* the STEP expected another tick and was not run */
-    LOCKSTEP_STOPPING = 1 << 3, /* the simulator ends: the last DONE */
+    LOCKSTEP_STOPPING = 1 << 3, /* the last DONE: the simulator ends */
 };
 
 struct lockstep_config {
     uint32_t step_id, done_id;
-    int64_t silence_ns; /* without STEP for so long: report, then again after growing intervals */
+    int64_t silence_ns; /* time without STEP before a report; further reports follow at growing
+                         * intervals */
 };
 
 struct lockstep_counters {
@@ -50,9 +51,9 @@ struct lockstep {
     struct lockstep_config config;
     struct lockstep_counters counters;
     uint32_t tick;     /* ticks run so far, modulo 2^32 */
-    uint32_t ticks;    /* still to run of the present STEP */
-    uint32_t expected; /* of the last STEP, for messages */
-    uint16_t flags;    /* gathered for the next DONE */
+    uint32_t ticks;    /* ticks of the present STEP still to run */
+    uint32_t expected; /* count in the last STEP, for messages */
+    uint16_t flags;    /* flags for the next DONE */
     int64_t wait_since_ns, report_at_ns;
     int64_t backoff_ns;
     bool silent;
@@ -61,24 +62,24 @@ struct lockstep {
 /* Starts at tick 0. */
 void lockstep_init(struct lockstep *lockstep, const struct lockstep_config *config);
 
-/* Decides what a frame of the STEP's bus is, while no STEP runs. */
+/* Classifies a frame of the STEP's bus, while no STEP runs. */
 enum lockstep_verdict lockstep_receive(struct lockstep *lockstep, const struct bus_frame *frame);
 
-/* Counts a tick that has run; flags go into the DONE. Returns whether it was the STEP's last. */
+/* Counts a tick that has run and collects flags for DONE. Returns whether it was the STEP's
+ * last. */
 bool lockstep_advance(struct lockstep *lockstep, uint16_t flags);
 
-/* Makes the DONE frame of the ticks that have run, with the gathered flags and `more`; clears
- * the gathered ones. */
+/* Makes the DONE frame with the collected flags and `more`; clears the collected ones. */
 struct bus_frame lockstep_done(struct lockstep *lockstep, uint16_t more);
 
-/* Begins to wait for a STEP. */
+/* Starts a wait for a STEP. */
 void lockstep_wait_begin(struct lockstep *lockstep, int64_t now_ns);
 
-/* Checks a wait that goes on: true = the silence is to be reported now (*silent_ns: how long it
- * has been), first after silence_ns, then at intervals that double up to a minute. */
+/* Checks a wait: true = report the silence now (*silent_ns: its duration). The first report comes
+ * after silence_ns, further ones at intervals that double up to a minute. */
 bool lockstep_wait_check(struct lockstep *lockstep, int64_t now_ns, int64_t *silent_ns);
 
-/* Ends a wait: true = a silence had been reported before (*silent_ns: how long it was). */
+/* Ends a wait: true = a silence was reported (*silent_ns: its duration). */
 bool lockstep_wait_end(struct lockstep *lockstep, int64_t now_ns, int64_t *silent_ns);
 
 #endif

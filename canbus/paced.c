@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Puts a wire in virtual time in front of a port that has none of its own. */
+/* Puts a wire in virtual time in front of a port without wire time. */
 #include "canbus/paced.h"
 
 #include "base/array.h"
@@ -38,7 +38,7 @@ static void paced_send_batch(struct paced *paced)
     paced->count = 0;
 }
 
-/* Collects a frame that the wire has carried; those of the far side are only shown to the tap. */
+/* Collects a carried frame for sending. A frame of the far side only goes to the tap. */
 static void paced_receive_wire_event(void *context, const struct wire_event *event)
 {
     struct paced *paced = context;
@@ -47,7 +47,7 @@ static void paced_receive_wire_event(void *context, const struct wire_event *eve
         paced->tap(paced->tap_context, event->frame);
     }
     if (event->node == paced->config.nodes) {
-        return; /* the far side has sent it and has it already */
+        return; /* the far side has this frame already */
     }
     if (paced->count == BATCH) {
         paced_send_batch(paced);
@@ -55,7 +55,7 @@ static void paced_receive_wire_event(void *context, const struct wire_event *eve
     paced->batch[paced->count++] = *event->frame;
 }
 
-/* Checks whether a frame bypasses the wire: error frames, and identifiers that take no time
+/* Checks whether a frame bypasses the wire: an error frame, or an identifier that takes no time
  * (STEP, DONE). */
 static bool paced_bypasses_wire(const struct paced *paced, const struct bus_frame *frame)
 {
@@ -63,7 +63,7 @@ static bool paced_bypasses_wire(const struct paced *paced, const struct bus_fram
            frame_has_standard_id(frame, paced->config.bypass_id, paced->config.nbypass);
 }
 
-/* Queues frames on the wire, or sends them at once if they bypass it; returns how many were
+/* Queues frames on the wire; frames that bypass it are sent at once. Returns how many were
  * accepted. */
 static size_t paced_send(struct can_port *port, const struct bus_frame *frames, size_t count)
 {
@@ -78,7 +78,7 @@ static size_t paced_send(struct can_port *port, const struct bus_frame *frames, 
         } else if (paced_bypasses_wire(paced, &frames[i])) {
             taken = can_send(paced->port.inner, &frames[i], 1) == 1;
             accepted += taken;
-            continue; /* counted by the inner port, whether sent or dropped */
+            continue; /* the inner port counts the frame as sent or dropped */
         } else {
             taken = wire_transmit(paced->wire, frames[i].node, &frames[i]);
         }
@@ -89,8 +89,8 @@ static size_t paced_send(struct can_port *port, const struct bus_frame *frames, 
     return accepted;
 }
 
-/* Receives from the inner port at once; its frames also occupy the wire, as the controller
- * beyond all others. */
+/* Receives from the inner port at once. The frames also occupy the wire, as frames of the last
+ * controller. */
 static size_t paced_receive(struct can_port *port, struct bus_frame *frames, size_t max)
 {
     struct paced *paced = paced_of_port(port);
@@ -98,7 +98,7 @@ static size_t paced_receive(struct can_port *port, struct bus_frame *frames, siz
 
     for (size_t i = 0; i < count; i++) {
         if (!paced_bypasses_wire(paced, &frames[i])) {
-            /* A full queue drops: that is more than the wire could have carried */
+            /* A full queue drops the frame: the wire could not have carried it */
             wire_transmit(paced->wire, paced->config.nodes, &frames[i]);
         }
     }

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Counts frames and follows controller states, the same for every kind of port. */
+/* Counters and controller states, common to all ports. */
 #include "canbus/port_private.h"
 
 #include <linux/can/error.h>
 #include <stdatomic.h>
 
-/* Returns the state that an error frame reports, or the present one when it reports none. */
+/* Returns the state that an error frame reports, or the present one if it reports none. */
 static enum can_port_state port_state_after_error(enum can_port_state state,
                                                   const struct bus_frame *frame)
 {
@@ -17,7 +17,7 @@ static enum can_port_state port_state_after_error(enum can_port_state state,
     if (frame->id & CAN_ERR_RESTARTED) {
         return CAN_PORT_UP;
     }
-    /* A stuck queue is caused by error states: they do not end it */
+    /* Error states cause a stuck queue, so they do not end STUCK */
     if ((frame->id & CAN_ERR_CRTL) && state != CAN_PORT_STUCK) {
         if (controller & (CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE)) {
             return CAN_PORT_PASSIVE;
@@ -36,8 +36,7 @@ void port_count_received(struct can_port *port, const struct bus_frame *frame)
 {
     if (frame->flags & FRAME_ERROR) {
         port->counters.error_frames++;
-        /* Old error frames may still be queued when the interface is lost: the loss outlives
-         * them */
+        /* Ignore old error frames that are still queued after the loss of the interface */
         if (port->state != CAN_PORT_DOWN && port->state != CAN_PORT_GONE) {
             port->state = port_state_after_error(port->state, frame);
         }
@@ -46,7 +45,7 @@ void port_count_received(struct can_port *port, const struct bus_frame *frame)
     port->counters.rx_frames++;
     port->counters.rx_bits += frame_bits(frame);
     port->counters.fast_bits += frame->flags & FRAME_BRS ? frame_fast_bits(frame) : 0;
-    /* Not every driver announces its recovery; traffic proves that it is back on the bus */
+    /* Not every driver reports a recovery, but traffic proves it */
     if (port->state == CAN_PORT_BUS_OFF) {
         port->state = CAN_PORT_UP;
     }
@@ -78,8 +77,8 @@ void can_state_post(struct can_state_box *box, enum can_port_state state)
 {
     const uint32_t number = (atomic_load_explicit(&box->post, memory_order_relaxed) >> 8) + 1;
 
-    /* The top bit keeps the value from being 0, which means that nothing was posted; the number
-     * tells a repeated state from an old one */
+    /* The top bit makes the value nonzero, because 0 means that nothing was posted. The number
+     * distinguishes a repeated state from an old one */
     atomic_store_explicit(&box->post, (number & 0x7fffff) << 8 | 1u << 31 | (uint32_t)state,
                           memory_order_relaxed);
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Plays recorded frames in front of those that a port receives. */
+/* Plays recorded frames before the received frames of a port. */
 #include "canbus/replay_port.h"
 
 #include "base/array.h"
@@ -8,8 +8,8 @@
 struct replay_port {
     struct can_port port;
     struct replay_port_config config;
-    size_t next;                /* frame */
-    struct can_counters played; /* the counters of received frames */
+    size_t next;                /* index of the next frame */
+    struct can_counters played; /* counters of played frames */
 };
 
 static struct replay_port *replay_port_of(const struct can_port *port)
@@ -27,7 +27,7 @@ static void replay_port_copy_state(struct replay_port *r)
     r->port.state = r->config.port->state;
 }
 
-/* Receives recorded frames whose time has come, then those of the inner port. */
+/* Receives due recorded frames, then frames of the inner port. */
 static size_t replay_port_receive(struct can_port *port, struct bus_frame *frames, size_t max)
 {
     struct replay_port *r = replay_port_of(port);

@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A port that plays recorded frames: it passes on another port of any back end, and in front of
- * what that receives come the frames of a list whose time has come. Closing it closes the other
- * port. Counters and state are those of the other port, played frames counted as received.
+ * A port that plays recorded frames in front of another port of any back end. A received batch
+ * begins with the recorded frames that are due; the frames of the other port follow. Closing it
+ * closes the other port. Counters and state are those of the other port; played frames count as
+ * received.
  *
- * Time is virtual and the owner's: a frame is received by the first call at or after its time. The
- * port's functions are RT-safe.
+ * Time is virtual and belongs to the owner: the first call at or after a frame's time receives it.
+ * The port's functions are RT-safe.
  */
 #ifndef CANBUS_REPLAY_PORT_H
 #define CANBUS_REPLAY_PORT_H
@@ -14,7 +15,7 @@
 
 struct replay_port_config {
     struct can_port *port;
-    const struct bus_frame *frame; /* in the order of their times; borrowed */
+    const struct bus_frame *frame; /* in order of time; borrowed */
     size_t count;
     const int64_t *now_ns; /* borrowed */
 };

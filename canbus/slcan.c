@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads and writes the text of the slcan (Lawicel) protocol; see the header. */
+/* Reads and writes the text of the slcan (Lawicel) protocol; canbus/slcan.h describes it. */
 #include "canbus/slcan.h"
 
 #include "base/array.h"
 
 #include <string.h>
 
-/* Letters of frames, with the flags that they stand for. */
+/* Letters of frames with their flags. */
 static const struct slcan_letter {
     char letter;
     uint8_t flags;
@@ -82,7 +82,7 @@ static bool slcan_read_setting(const char *text, size_t size, int most, int64_t 
     return *value >= 0 && *value <= most;
 }
 
-/* Checks whether a filter (M code, m mask) lets everything pass: no other is supported. */
+/* Checks whether a filter (M code, m mask) accepts everything; no other filter is supported. */
 static bool slcan_is_open_filter(const char *text, size_t size)
 {
     uint32_t value;
@@ -91,7 +91,7 @@ static bool slcan_is_open_filter(const char *text, size_t size)
            value == (text[0] == 'M' ? 0 : UINT32_MAX);
 }
 
-/* Reads a command that is no frame, and its value; SLCAN_WRONG = unknown or malformed. */
+/* Reads a command other than a frame, and its value; SLCAN_WRONG = unknown or malformed. */
 static enum slcan_command slcan_read_command(const char *text, size_t size, int64_t *value)
 {
     const bool alone = size == 1;
@@ -144,7 +144,7 @@ void slcan_parse(const char *text, size_t size, struct slcan_request *request)
 {
     *request = (struct slcan_request){.command = SLCAN_WRONG};
     if (size == 0) {
-        request->command = SLCAN_ACCEPTED; /* clients clear the line by empty commands */
+        request->command = SLCAN_ACCEPTED; /* clients send empty commands to clear the line */
         return;
     }
     for (size_t i = 0; i < ARRAY_COUNT(letters); i++) {

@@ -1,16 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The text of Lawicel's protocol for CAN on a serial line (slcan), as SavvyCAN, python-can and
- * slcand speak it, with the CAN FD frames of CANable's firmware. Pure functions; the server is
- * canbus/gateway.h. RT-safe. A command ends with a carriage return, which is not part of the text
- * here:
+ * slcand use it, with CAN FD frames as in CANable's firmware. Pure functions; the server is
+ * canbus/gateway.h. RT-safe. A command ends with a carriage return, which is omitted here:
  *
  *     tIIILDD..  TIIIIIIIILDD..  rIIIL  RIIIIIIIIL    classic frames, both ways
  *     dIIILDD..  DIIIIIIIILDD..  bIIILDD..  B...      FD frames, b and B with bit rate switch
  *     Sn  Yn  O  L  C  Zn  F  V  v  N  Xn  Wn  Mxxxxxxxx  mxxxxxxxx
  *
- * Identifiers and data are hexadecimal, L is a digit, of FD frames the code of the length. Frames
- * that are received may have four more digits: milliseconds of a minute.
+ * Identifiers and data are hexadecimal. L is one digit: the length, or the length code of an FD
+ * frame. Received frames may have four more digits: milliseconds within a minute.
  */
 #ifndef CANBUS_SLCAN_H
 #define CANBUS_SLCAN_H
@@ -29,8 +28,8 @@ enum slcan_command {
     SLCAN_STATUS,
     SLCAN_VERSION,
     SLCAN_SERIAL,
-    SLCAN_ACCEPTED, /* changes nothing here: automatic sending, a filter that lets all pass */
-    SLCAN_WRONG,    /* no command, or with wrong arguments */
+    SLCAN_ACCEPTED, /* no effect here: automatic sending, a filter that accepts everything */
+    SLCAN_WRONG,    /* unknown command or wrong arguments */
 };
 
 /* The longest command and the longest answer, carriage return included: an FD frame of 64 bytes. */
@@ -39,15 +38,15 @@ enum { SLCAN_TEXT_MAX = 160, SLCAN_MINUTE_MS = 60000 };
 struct slcan_request {
     enum slcan_command command;
     int64_t value;
-    struct bus_frame frame; /* SLCAN_FRAME; valid, time_ns is 0 */
+    struct bus_frame frame; /* SLCAN_FRAME; a valid frame with time_ns 0 */
 };
 
 /* Parses a command of size bytes, without its carriage return. */
 void slcan_parse(const char *text, size_t size, struct slcan_request *request);
 
-/* Writes a frame as the server sends it, with its carriage return and a terminating zero, and with
- * the milliseconds of frame->time_ns when stamped. Returns the length without the zero; 0 for error
- * frames, which the protocol does not have. */
+/* Writes a frame as the server sends it, with carriage return and terminating zero; with `stamped`,
+ * also the milliseconds of frame->time_ns. Returns the length without the zero; 0 for error frames,
+ * which slcan does not have. */
 size_t slcan_format(const struct bus_frame *frame, bool stamped, char text[SLCAN_TEXT_MAX]);
 
 #endif

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Ports on raw SocketCAN sockets: one recvmmsg and one sendmmsg per tick and bus, all memory
- * preallocated. The socket stays open when its interface goes away; it is bound anew when the
- * interface returns, and keeps its options and drop counter. Of frames that meet a full queue of
- * the interface the newest of each identifier is held, and sent first when the queue moves
- * again. */
+ * preallocated. The socket stays open when its interface is lost. It is bound again when the
+ * interface returns, and keeps its options and drop counter. When the interface's queue is full,
+ * the newest frame of each identifier is held and sent first later. */
 #include "base/array.h"
 #include "canbus/link.h"
 #include "canbus/port_private.h"
@@ -35,32 +34,32 @@ struct socketcan {
     int socket;
     int link; /* descriptor for link_query */
     bool want_fd;
-    struct can_filter *filter; /* in the kernel's format, to set again on a new interface */
+    struct can_filter *filter; /* in the kernel's format, for a new interface */
     size_t nfilter;
     int64_t last_ns;   /* time of the last frame received */
-    uint32_t overflow; /* drop counter of the kernel, as last seen */
-    bool full_batch;   /* the last read found as much as it could take */
-    int64_t retry_ns;  /* no search for a lost interface before this time, CLOCK_MONOTONIC */
+    uint32_t overflow; /* last value of the kernel's drop counter */
+    bool full_batch;   /* the last read filled the batch */
+    int64_t retry_ns;  /* earliest next search for a lost interface, CLOCK_MONOTONIC */
     struct canfd_frame raw[SOCKETCAN_BATCH];
     struct iovec vector[SOCKETCAN_BATCH];
     struct mmsghdr message[SOCKETCAN_BATCH];
     union ancillary ancillary[SOCKETCAN_BATCH];
 
     const struct can_state_box *controller;
-    uint32_t post; /* the last post that was read from the box */
+    uint32_t post; /* last post read from the box */
 
-    /* Between the port and who seeks its interface */
+    /* Shared by the port and the thread that looks for its interface */
     bool sought;
-    atomic_bool lost;         /* the interface is gone and has not been found again */
+    atomic_bool lost;         /* the interface is lost and not found yet */
     _Atomic uint32_t finding; /* number << 9 | FD possible << 8 | enum can_port_state */
     uint32_t finding_seen;
 
-    /* The newest frame of each identifier that met a full queue, in the order of arrival */
+    /* The newest frame of each identifier that found the queue full, in order of arrival */
     struct bus_frame held[SOCKETCAN_HELD_MAX];
     size_t nheld;
-    int64_t full_since_ns; /* no frame has left since; 0 = the last attempt met no full queue */
-    int64_t back_off_ns;   /* between attempts; 0 = none */
-    int64_t attempt_ns;    /* no new attempt before this time */
+    int64_t full_since_ns; /* time since when no frame has left; 0 = the queue was not full */
+    int64_t back_off_ns;   /* interval between attempts; 0 = none */
+    int64_t attempt_ns;    /* earliest next attempt */
 };
 
 static inline struct socketcan *socketcan_of_port(const struct can_port *port)
@@ -103,12 +102,12 @@ static void socketcan_lose_interface(struct socketcan *can, int code)
 {
     if (!socketcan_is_lost(&can->port)) {
         can->port.counters.down_events++;
-        can->retry_ns = 0; /* it may be back already */
+        can->retry_ns = 0; /* search at once: it may have returned */
         atomic_store(&can->lost, true);
     }
     can->port.state = code == ENETDOWN ? CAN_PORT_DOWN : CAN_PORT_GONE;
 
-    /* Held frames will be old when the interface comes back */
+    /* Drop the held frames: they will be too old */
     can->port.counters.tx_dropped += can->nheld;
     can->nheld = 0;
     socketcan_note_queue_moving(can);
@@ -126,8 +125,8 @@ static int socketcan_bind(const struct socketcan *can, int index)
     return 0;
 }
 
-/* Asks the kernel for the interface and binds to it when it is up; returns the port's new state.
- * Waits for the kernel's interface lock, which may take long. */
+/* Queries the interface and binds to it when it is up. Returns the port's new state. Waits for the
+ * kernel's interface lock, which may take long. */
 static enum can_port_state socketcan_try_bind(const struct socketcan *can, bool *fd)
 {
     struct link_info info;
@@ -142,7 +141,7 @@ static enum can_port_state socketcan_try_bind(const struct socketcan *can, bool 
     return CAN_PORT_UP;
 }
 
-/* Takes over the state in which the interface was found; sets up the socket when it is up. */
+/* Sets the state of the found interface; sets up the socket when it is up. */
 static void socketcan_use_interface(struct socketcan *can, enum can_port_state state, bool fd)
 {
     socklen_t size = sizeof(int);
@@ -150,7 +149,7 @@ static void socketcan_use_interface(struct socketcan *can, enum can_port_state s
 
     can->port.state = state;
     if (state == CAN_PORT_UP) {
-        /* Clears the error that the loss has left on the socket */
+        /* Clear the socket's error from the loss */
         getsockopt(can->socket, SOL_SOCKET, SO_ERROR, &pending, &size);
         can->port.fd = fd;
     }
@@ -180,7 +179,7 @@ static void socketcan_find_interface(struct socketcan *can)
     bool fd = false;
     enum can_port_state state;
 
-    /* Another thread looks for it: use its result */
+    /* If another thread looks for the interface, use its result */
     if (can->sought) {
         if (finding != can->finding_seen) {
             can->finding_seen = finding;
@@ -189,7 +188,7 @@ static void socketcan_find_interface(struct socketcan *can)
         return;
     }
 
-    /* No other thread does: look for it here, at most once a second */
+    /* Otherwise look for it here, at most once a second */
     now = socketcan_clock_ns(CLOCK_MONOTONIC);
     if (now < can->retry_ns) {
         return;
@@ -206,8 +205,8 @@ enum {
 
 /* ---- the interface's queue ---- */
 
-/* Notes that the interface's queue is full, which is nothing unusual; if it stays full, no node
- * on the bus takes the frames. */
+/* Notes that the interface's queue is full, which is normal for a short time. If it stays full, no
+ * node acknowledges the frames. */
 static void socketcan_note_queue_full(struct socketcan *can)
 {
     const int64_t now = socketcan_clock_ns(CLOCK_MONOTONIC);
@@ -217,7 +216,7 @@ static void socketcan_note_queue_full(struct socketcan *can)
         can->full_since_ns = now;
     }
 
-    /* Full for so long is stuck: attempts become rarer (exponential back-off) */
+    /* After SOCKETCAN_STUCK_NS the queue is stuck: try again with exponential back-off */
     if (now - can->full_since_ns < SOCKETCAN_STUCK_NS) {
         return;
     }
@@ -233,7 +232,7 @@ static void socketcan_note_queue_full(struct socketcan *can)
 
 /* ---- batches ---- */
 
-/* Converts a frame to the kernel's format; returns its size. Bytes beyond the data are zero, as
+/* Converts a frame to the kernel's format. Returns its size. Unused data bytes are zero, because
  * peers can see them. */
 static size_t socketcan_encode_frame(const struct bus_frame *frame, struct canfd_frame *raw)
 {
@@ -251,7 +250,7 @@ static size_t socketcan_encode_frame(const struct bus_frame *frame, struct canfd
     return (frame->flags & FRAME_FD) ? CANFD_MTU : CAN_MTU;
 }
 
-/* Fills the batch with frames up to the first one that the port may not send; returns how many. */
+/* Fills the batch with frames up to the first invalid one. Returns their number. */
 static size_t socketcan_fill_batch(struct socketcan *can, const struct bus_frame *frames,
                                    size_t count)
 {
@@ -270,8 +269,8 @@ static size_t socketcan_fill_batch(struct socketcan *can, const struct bus_frame
     return size;
 }
 
-/* Sends a batch of size frames; returns how many are done with: *taken of them by the kernel,
- * the others dropped because the device cannot carry them. */
+/* Sends a batch of size frames. Returns the number of processed frames: the kernel accepted *taken
+ * of them; the device could not carry the others. */
 static size_t socketcan_send_batch(struct socketcan *can, const struct bus_frame *frames,
                                    size_t size, size_t *taken)
 {
@@ -304,8 +303,8 @@ static size_t socketcan_send_batch(struct socketcan *can, const struct bus_frame
     return slot;
 }
 
-/* Sends frames until one does not go; returns how many are done with: *taken of them by the kernel,
- * the others are dropped. */
+/* Sends frames until one fails. Returns the number of processed frames: the kernel accepted *taken
+ * of them, the others are dropped. */
 static size_t socketcan_transmit(struct socketcan *can, const struct bus_frame *frames,
                                  size_t count, size_t *taken)
 {
@@ -335,8 +334,8 @@ static bool socketcan_same_identifier(const struct bus_frame *a, const struct bu
     return a->id == b->id && !((a->flags ^ b->flags) & (FRAME_EXTENDED | FRAME_REMOTE));
 }
 
-/* Holds a frame that met a full queue, in the place of an older one of its identifier; false =
- * there was no room and it is dropped. */
+/* Holds a frame that found the queue full, in place of an older one with its identifier; false = no
+ * room, and the frame is dropped. */
 static bool socketcan_hold_frame(struct socketcan *can, const struct bus_frame *frame)
 {
     struct can_counters *counters = &can->port.counters;
@@ -390,7 +389,7 @@ static size_t socketcan_send(struct can_port *port, const struct bus_frame *fram
         at = socketcan_transmit(can, frames, count, &accepted);
     }
 
-    /* Frames that found the queue full are held */
+    /* Hold the frames that found the queue full */
     for (; at < count && can->full_since_ns; at++) {
         accepted += socketcan_hold_frame(can, &frames[at]);
     }
@@ -400,7 +399,7 @@ static size_t socketcan_send(struct can_port *port, const struct bus_frame *fram
 
 /* ---- reception ---- */
 
-/* Converts a frame of size bytes from the kernel's format; false when it is not a frame. */
+/* Converts a frame of size bytes from the kernel's format; false = not a valid frame. */
 static bool socketcan_decode_frame(const struct canfd_frame *raw, size_t size,
                                    struct bus_frame *frame)
 {
@@ -415,7 +414,7 @@ static bool socketcan_decode_frame(const struct canfd_frame *raw, size_t size,
         frame->flags |= (raw->flags & CANFD_ESI) ? FRAME_ESI : 0;
     }
 
-    /* The upper bits of the identifier say what it identifies */
+    /* The upper bits of the identifier give the type of the frame */
     if (raw->can_id & CAN_ERR_FLAG) {
         frame->flags |= FRAME_ERROR;
         frame->id = raw->can_id & CAN_ERR_MASK;
@@ -429,7 +428,7 @@ static bool socketcan_decode_frame(const struct canfd_frame *raw, size_t size,
         frame->flags |= FRAME_REMOTE;
     }
 
-    /* Devices may deliver anything: nothing is copied beyond a legal length */
+    /* A device may deliver invalid lengths: never copy more than a legal length */
     frame->len = raw->len;
     if (!frame_valid(frame)) {
         return false;
@@ -440,8 +439,8 @@ static bool socketcan_decode_frame(const struct canfd_frame *raw, size_t size,
     return true;
 }
 
-/* Counts frames lost up to a value of the kernel's drop counter, which may be older than the last
- * one seen. */
+/* Counts lost frames up to a value of the kernel's drop counter. The value may be older than the
+ * last one. */
 static void socketcan_count_overflow(struct socketcan *can, uint32_t overflow)
 {
     const int32_t more = (int32_t)(overflow - can->overflow);
@@ -474,8 +473,8 @@ static void socketcan_read_ancillary(struct socketcan *can, struct msghdr *heade
     }
 }
 
-/* A frame carries the number of those lost before it. Losses behind the last frame that waited are
- * queried, when so many waited that the buffer may have been full. */
+/* Queries the drop counter for losses after the last frame. A frame carries only the losses before
+ * it. The query is needed only when so many frames waited that the buffer may have been full. */
 static void socketcan_query_overflow(struct socketcan *can, bool full_batch)
 {
     uint32_t memory[SK_MEMINFO_VARS] = {0};
@@ -489,8 +488,8 @@ static void socketcan_query_overflow(struct socketcan *can, bool full_batch)
     can->full_batch = full_batch;
 }
 
-/* Limits the time of a frame to between the frame before and now: the kernel stamps with the time
- * of day, which may have been set while the frame waited. */
+/* Limits the time of a frame to between the last frame and now. The kernel uses the time of day,
+ * which may have been set while the frame waited. */
 static void socketcan_limit_time(struct socketcan *can, int64_t now, struct bus_frame *frame)
 {
     frame->time_ns = frame->time_ns < now ? frame->time_ns : now;
@@ -514,7 +513,7 @@ static int socketcan_read_batch(struct socketcan *can, size_t max)
     return recvmmsg(can->socket, can->message, (unsigned)max, MSG_DONTWAIT, NULL);
 }
 
-/* Takes over the state that another thread has read from the controller. */
+/* Updates the state from another thread's query of the controller. */
 static void socketcan_update_state(struct socketcan *can)
 {
     const uint32_t post =
@@ -536,7 +535,7 @@ static size_t socketcan_receive(struct can_port *port, struct bus_frame *frames,
     struct socketcan *can = socketcan_of_port(port);
     size_t count = 0;
 
-    /* Finds a lost interface again, then sends the frames that wait for room in its queue */
+    /* Look for a lost interface, then send the held frames */
     if (socketcan_is_lost(port)) {
         socketcan_find_interface(can);
     }
@@ -545,7 +544,7 @@ static size_t socketcan_receive(struct can_port *port, struct bus_frame *frames,
         socketcan_send_held(can);
     }
 
-    /* Batch after batch until one is not full */
+    /* Read batches until one is not full */
     while (count < max) {
         const size_t wanted = max - count < SOCKETCAN_BATCH ? max - count : SOCKETCAN_BATCH;
         const int got = socketcan_read_batch(can, wanted);
@@ -559,7 +558,7 @@ static size_t socketcan_receive(struct can_port *port, struct bus_frame *frames,
             break;
         }
 
-        /* Time stamps of the kernel are in time of day, ours in CLOCK_MONOTONIC */
+        /* Convert the kernel's time of day to CLOCK_MONOTONIC */
         now = socketcan_clock_ns(CLOCK_MONOTONIC);
         to_monotonic = now - socketcan_clock_ns(CLOCK_REALTIME);
         for (int i = 0; i < got; i++) {
@@ -633,13 +632,13 @@ static void socketcan_list_interfaces(int link, char *text, size_t size)
     }
 }
 
-/* Checks that the interface can be used as the configuration asks. */
+/* Checks that the interface fits the configuration. */
 static enum error_code socketcan_check_interface(const struct socketcan *can, const char *name,
                                                  struct link_info *info, struct error *error)
 {
     const int failure = link_query(can->link, name, info);
 
-    /* There must be such an interface */
+    /* The interface exists */
     if (failure == ENODEV) {
         char known[200];
 
@@ -653,7 +652,7 @@ static enum error_code socketcan_check_interface(const struct socketcan *can, co
         return error_set_errno(error, failure, "cannot ask the kernel about interface %s", name);
     }
 
-    /* It must be a CAN interface, up, and carry FD where that is wanted */
+    /* It is a CAN interface, up, and supports FD if requested */
     if (info->type != ARPHRD_CAN) {
         return error_set(error, ERROR_INPUT, "interface %s is not a CAN interface", name);
     }
@@ -672,7 +671,8 @@ static enum error_code socketcan_check_interface(const struct socketcan *can, co
     return ERROR_NONE;
 }
 
-/* Translates the filters into the kernel's form; without any, makes one that everything passes. */
+/* Converts the filters to the kernel's format; without filters, makes one that accepts
+ * everything. */
 static enum error_code socketcan_make_filters(struct socketcan *can,
                                               const struct socketcan_config *config,
                                               struct arena *arena, struct error *error)
@@ -698,8 +698,8 @@ static enum error_code socketcan_make_filters(struct socketcan *can,
     return ERROR_NONE;
 }
 
-/* Enlarges the receive buffer, whose default holds 278 frames; exceeds the system's limit only
- * when allowed to. Returns 0 or -1 with errno set. */
+/* Enlarges the receive buffer, whose default holds 278 frames. Exceeds the system's limit if
+ * allowed. Returns 0 or -1 with errno set. */
 static int socketcan_set_receive_buffer(int socket, int bytes)
 {
     if (!bytes) {
@@ -770,7 +770,7 @@ static enum error_code socketcan_explain_no_socket(int code, struct error *error
     }
 }
 
-/* Opens the descriptors and binds; what is open when it fails is closed by the caller. */
+/* Opens the descriptors and binds. On failure the caller closes them. */
 static enum error_code socketcan_start(struct socketcan *can, const struct socketcan_config *config,
                                        struct error *error)
 {
@@ -824,7 +824,7 @@ enum error_code socketcan_open(const struct socketcan_config *config, struct are
                          config->receive_buffer_bytes, config->interface);
     }
 
-    /* The port, before anything is open */
+    /* Allocate the port; nothing is open yet */
     can = arena_alloc(arena, 1, sizeof *can);
     if (!can || !(can->port.bus = arena_strdup(arena, config->interface))) {
         return error_set(error, ERROR_MEMORY, "no memory for the port of %s", config->interface);
@@ -844,7 +844,7 @@ enum error_code socketcan_open(const struct socketcan_config *config, struct are
         goto fail;
     }
 
-    /* Frames are given times from now on, never earlier */
+    /* Frames get times from now on */
     can->port.ops = &socketcan_ops;
     can->port.fd = config->fd;
     can->port.state = CAN_PORT_UP;

@@ -15,7 +15,7 @@ struct socketcand_words {
     char word[WORDS_MAX][WORD_MAX + 1];
 };
 
-/* Splits size bytes of text into words; false = there are too many of them or one is too long. */
+/* Splits size bytes of text into words; false = too many words, or one is too long. */
 static bool socketcand_split_words(const char *text, size_t size, struct socketcand_words *words)
 {
     size_t at = 0;
@@ -89,7 +89,7 @@ static bool socketcand_parse_decimal(const char *word, uint32_t *value)
     return length == 1 || length == 2;
 }
 
-/* Checks whether the words end here, or with the name of a bus, which is copied. */
+/* Checks whether the words end here, optionally with a bus name, which is copied. */
 static bool socketcand_parse_end(const struct socketcand_words *words, size_t at, char *bus)
 {
     if (words->count == at + 1) {
@@ -99,7 +99,7 @@ static bool socketcand_parse_end(const struct socketcand_words *words, size_t at
     return words->count == at;
 }
 
-/* Parses, from a given word on, a length, that many data bytes, and the name of a bus or none. */
+/* Parses a length, that many data bytes, and an optional bus name, from word `first` on. */
 static bool socketcand_parse_data(const struct socketcand_words *words, size_t first,
                                   struct bus_frame *frame, char *bus)
 {
@@ -136,14 +136,14 @@ static bool socketcand_parse_fd(const struct socketcand_words *words, struct bus
     return true;
 }
 
-/* Parses the word behind "sendrtr ID": the length that a remote frame asks for. */
+/* Parses the word behind "sendrtr ID": the requested length of a remote frame. */
 static bool socketcand_parse_remote(const struct socketcand_words *words, struct bus_frame *frame,
                                     char *bus)
 {
     uint32_t length;
 
     frame->flags |= FRAME_REMOTE;
-    /* The requested length is not carried by a bus_frame */
+    /* A bus_frame does not hold the requested length */
     return socketcand_parse_decimal(words->word[2], &length) && length <= 8 &&
            socketcand_parse_end(words, 3, bus);
 }
@@ -165,7 +165,7 @@ static enum socketcand_command socketcand_parse_send(const struct socketcand_wor
     return good && frame_valid(frame) ? SOCKETCAND_SEND : SOCKETCAND_MALFORMED;
 }
 
-/* Finds the command that the words are and parses its arguments. */
+/* Finds the command and parses its arguments. */
 static enum socketcand_command socketcand_parse_words(const struct socketcand_words *words,
                                                       struct socketcand_request *request)
 {
@@ -200,7 +200,7 @@ static enum socketcand_command socketcand_parse_words(const struct socketcand_wo
         return words->count == 1 ? SOCKETCAND_ECHO : SOCKETCAND_MALFORMED;
     }
 
-    /* Commands of the protocol that are not offered */
+    /* Valid commands that the server does not support */
     for (size_t i = 0; i < ARRAY_COUNT(other); i++) {
         if (strcmp(name, other[i]) == 0) {
             return SOCKETCAND_OTHER;

@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Counts the bits of a frame with their stuff bits, eight at a time by tables, and writes them
- * out one by one where a fault needs them (ISO 11898-1). */
+/* Counts the bits of a frame with stuff bits, eight at a time with tables. Writes single bits only
+ * for faults (ISO 11898-1). */
 #include "canbus/wire/bits.h"
 
 enum {
-    STUFF_AFTER = 5, /* equal bits */
+    STUFF_AFTER = 5, /* number of equal bits before a stuff bit */
     CRC15_POLYNOMIAL = 0x4599,
     CRC17_POLYNOMIAL = 0x1685B, /* without the leading x^17 */
     CRC21_POLYNOMIAL = 0x102899,
-    CRC17_LAST = 16,                      /* bytes: longer frames have CRC-21 */
+    CRC17_LAST = 16,                      /* most bytes with CRC-17; longer frames have CRC-21 */
     TRAILER_BITS = 1 + 2 + WIRE_EOF_BITS, /* CRC delimiter, ACK slot and delimiter, EOF */
 };
 
@@ -27,7 +27,7 @@ static inline unsigned wire_dlc(const struct bus_frame *frame)
 struct wire_header {
     uint64_t bits;
     unsigned count;
-    unsigned arbitration; /* bits behind SOF that decide the arbitration */
+    unsigned arbitration; /* arbitration bits behind SOF */
 };
 
 /* Makes the header of a frame: SOF, arbitration field and control field. */
@@ -37,8 +37,8 @@ static inline struct wire_header wire_make_header(const struct bus_frame *frame,
     const uint64_t remote = frame->flags & FRAME_REMOTE ? 1 : 0;
     struct wire_header header;
 
-    /* The arbitration field; IDE belongs to it in the extended format and follows it in the
-     * standard one */
+    /* The arbitration field. IDE is part of it in the extended format and follows it in the
+     * standard format */
     if (extended) {
         /* Base identifier, SRR = 1, IDE = 1, identifier extension (18 bits), RTR (FD: RRS = 0) */
         header.bits = (uint64_t)(frame->id >> 18) << 21 | UINT64_C(3) << 19 |
@@ -82,7 +82,7 @@ static unsigned wire_fd_check_bits(uint8_t len)
     return 4 + (len <= CRC17_LAST ? 17 : 21);
 }
 
-/* Returns the same with the fixed stuff bits: one before each four bits. */
+/* Returns their number with the fixed stuff bits: one before each four bits. */
 static unsigned wire_fd_check_field_bits(uint8_t len)
 {
     unsigned bits = wire_fd_check_bits(len);
@@ -152,7 +152,7 @@ void wire_tables_make(struct wire_tables *tables)
 
 struct wire_counting {
     const struct wire_tables *tables;
-    unsigned entry; /* of the last byte: its state and end */
+    unsigned entry; /* table entry of the last byte: state and end */
     unsigned stuffed;
 };
 
@@ -163,9 +163,8 @@ static inline void wire_count_byte(struct wire_counting *counting, unsigned byte
     counting->stuffed += counting->entry >> ENTRY_STUFFED;
 }
 
-/* Counts the stuff bits of right-aligned bits. They are filled up to whole bytes on the left
- * with alternating bits that end with 1, which need no stuff bit and after which SOF begins a
- * run. */
+/* Counts the stuff bits of right-aligned bits. Alternating fill bits that end with 1 complete the
+ * first byte on the left. They need no stuff bit, and SOF starts a new run behind them. */
 static inline struct wire_counting wire_count_header(const struct wire_tables *tables,
                                                      uint64_t bits, unsigned count)
 {
@@ -191,9 +190,9 @@ static unsigned wire_crc15_byte(const struct wire_tables *tables, unsigned crc, 
     return (crc << 8 ^ tables->crc15[(crc >> 7 ^ byte) & 0xFF]) & 0x7FFF;
 }
 
-/* Computes the length of a classic frame with its stuff bits. This is the inner loop of wire
- * mode: inlined for each format, so that the loops over the header's bytes have a known end and
- * everything stays in registers. */
+/* Computes the length of a classic frame with its stuff bits. This is the inner loop of wire mode.
+ * It is inlined for each format, so that the loops over the header have constant ends and all
+ * values stay in registers. */
 static inline struct wire_length wire_classic_length(const struct wire_tables *tables,
                                                      const struct bus_frame *frame, bool extended)
     __attribute__((always_inline));
@@ -219,7 +218,7 @@ static inline struct wire_length wire_classic_length(const struct wire_tables *t
         stuffed += entry >> ENTRY_STUFFED;
     }
     crc &= 0x7FFF;
-    /* The 16th bit is the opposite of the CRC's last: it completes no run */
+    /* The 16th bit is the complement of the CRC's last bit, so that it completes no run */
     crc = crc << 1 | (~crc & 1);
     entry = tables->stuff[(entry & ENTRY_STATE) | crc >> 8];
     stuffed += entry >> ENTRY_STUFFED;
@@ -254,7 +253,7 @@ static struct wire_length wire_fd_length(const struct wire_tables *tables,
     if (!(frame->flags & FRAME_BRS)) {
         return (struct wire_length){.nominal = (uint16_t)(slow + fast + counting.stuffed)};
     }
-    /* Stuff bits at the nominal rate: SOF to BRS. BRS begins a run of its own, so none follows
+    /* Stuff bits at the nominal rate: SOF to BRS. BRS starts a new run, so no stuff bit follows
      * it */
     early = wire_count_header(tables, header.bits >> 5, header.count - 5).stuffed;
     return (struct wire_length){
@@ -281,7 +280,7 @@ struct wire_length wire_worst_length(uint8_t flags, uint8_t len)
     const unsigned bytes = wire_data_bytes(&frame);
     unsigned bits, stuffed, early, slow;
 
-    /* At worst a stuff bit follows the fifth bit and then every fourth */
+    /* In the worst case a stuff bit follows the fifth bit and then every fourth */
     if (!(flags & FRAME_FD)) {
         bits = header.count + 8 * bytes + 15;
         return (struct wire_length){.nominal = (uint16_t)(bits + (bits - 1) / 4 + TRAILER_BITS)};
@@ -312,11 +311,11 @@ int64_t wire_length_ns(struct wire_length length, int64_t bitrate, int64_t data_
 
 /* ---- writing ---- */
 
-/* State while the bits of a frame are written out. */
+/* State during the writing of a frame's bits. */
 struct wire_writing {
     struct wire_bits *bits;
     unsigned run;     /* equal bits at the end */
-    unsigned stuffed; /* so far */
+    unsigned stuffed; /* number of stuff bits so far */
 };
 
 /* Appends a bit without stuffing. */
@@ -325,7 +324,7 @@ static void wire_put_bit(struct wire_writing *writing, unsigned bit)
     writing->bits->bit[writing->bits->count++] = (uint8_t)bit;
 }
 
-/* Appends a bit, after the stuff bit that five equal bits before it demand. */
+/* Appends a bit, and before it a stuff bit if the last five bits are equal. */
 static void wire_put_stuffed_bit(struct wire_writing *writing, unsigned bit)
 {
     struct wire_bits *bits = writing->bits;
@@ -362,7 +361,7 @@ static uint32_t wire_frame_crc15(const struct wire_header *header, const struct 
     return crc;
 }
 
-/* Appends the CRC-15 with its stuff bits, one behind its last bit included. */
+/* Appends the CRC-15 with its stuff bits, including one behind its last bit. */
 static void wire_put_crc15(struct wire_writing *writing, uint32_t crc)
 {
     for (int i = 14; i >= 0; i--) {

@@ -1,22 +1,22 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Decides what ends a disturbed frame. When a frame starts and something may happen to it (an
- * injected fault, a collision), its bits are written out in wire->bits[0] and every error that a
- * node would detect is searched, with how long the error flags of all nodes overlap; the earliest
- * error ends the frame. A position is the index of a bit. */
+/* Decides the end of a disturbed frame. If a fault or a collision may affect a frame, its bits are
+ * written to wire->bits[0] when it starts. The code then finds every error that a node would
+ * detect, and the length of the overlapping error flags of all nodes. The earliest error ends the
+ * frame. A position is the index of a bit. */
 #include "canbus/wire/private.h"
 
 /* An error that ends the frame, as the first node detects it. */
 struct wire_detection {
     int64_t after_ns;   /* from SOF to the first bit of the error flag */
-    unsigned flag_bits; /* of all nodes together */
+    unsigned flag_bits; /* length of the combined error flags */
     enum wire_error error;
-    uint64_t first; /* receivers that find it before the sender does */
+    uint64_t first; /* receivers that find it before the sender */
     bool unacknowledged;
 };
 
 enum {
     FLAG = WIRE_ERROR_FLAG_BITS,
-    STUFF_ERROR = 6, /* equal bits */
+    STUFF_ERROR = 6, /* number of equal bits that is an error */
 };
 
 static void wire_keep_earliest(struct wire_detection *kept, const struct wire_detection *other)
@@ -51,8 +51,8 @@ static bool wire_any_error_active(const struct wire *wire, uint64_t nodes)
 
 /* ---- overlapping flags ---- */
 
-/* Returns the length of the run of bits equal to `value` that ends at `at`, whose own bit is
- * read as `seen`; at most 6. */
+/* Returns the length of the run of bits equal to `value` that ends at `at`, at most 6. The bit at
+ * `at` is read as `seen`. */
 static unsigned wire_run_of_bits(const struct wire_bits *bits, size_t at, unsigned seen,
                                  unsigned value)
 {
@@ -64,9 +64,8 @@ static unsigned wire_run_of_bits(const struct wire_bits *bits, size_t at, unsign
     return length;
 }
 
-/* Returns the bits of all error flags together when a sender finds an error at a bit and sends
- * its flag: the others answer once they have read six equal bits, the first of which may belong
- * to the frame. */
+/* Returns the length of all error flags together when a sender finds an error at a bit. The other
+ * nodes answer after they have read six equal bits; the first ones may belong to the frame. */
 static unsigned wire_flag_bits_by_sender(const struct wire *wire, const struct wire_bits *bits,
                                          size_t at, unsigned seen)
 {
@@ -74,17 +73,17 @@ static unsigned wire_flag_bits_by_sender(const struct wire *wire, const struct w
     const unsigned run = wire_run_of_bits(bits, at, seen, active ? 0 : 1);
 
     if (wire_run_of_bits(bits, at, seen, seen) == STUFF_ERROR) {
-        /* A stuff bit was hit: all nodes find the error at once */
+        /* A stuff bit was hit: all nodes find the error at the same time */
         return FLAG;
     }
-    /* Without an error active receiver nobody answers; a passive flag ends only after six equal
+    /* Without an error active receiver there is no answer; a passive flag ends only after six equal
      * bits */
     return active && !wire_any_error_active(wire, wire_listeners(wire)) ? FLAG : 2 * FLAG - run;
 }
 
-/* Returns the bits of all error flags together when a receiver finds an error at a bit: the
- * sender answers after the first recessive bit that it cannot send, the other receivers after
- * six dominant ones. Behind the ACK field all answer at once. */
+/* Returns the length of all error flags together when a receiver finds an error at a bit. The
+ * sender answers after the first recessive bit that it reads as dominant, the other receivers after
+ * six dominant bits. Behind the ACK field all answer at once. */
 static unsigned wire_flag_bits_by_receiver(const struct wire_bits *bits, size_t at)
 {
     unsigned sender = 0, others;
@@ -111,7 +110,7 @@ static struct wire_detection wire_detect_by_sender(const struct wire *wire, size
     };
 }
 
-/* Describes an error that a receiver finds at a bit: behind the ACK field it is one of form. */
+/* Describes an error that a receiver finds at a bit; behind the ACK field it is a form error. */
 static struct wire_detection wire_detect_by_receiver(const struct wire *wire, size_t at,
                                                      size_t receiver)
 {
@@ -135,8 +134,8 @@ static struct wire_detection wire_detect_missing_ack(const struct wire *wire)
     };
 }
 
-/* Finds where a receiver that reads one bit wrong notices it: at six equal bits, else by the
- * CRC, which is judged behind the ACK field. */
+/* Finds the bit where a receiver detects its misread bit: at six equal bits, else by the CRC, which
+ * it checks behind the ACK field. */
 static size_t wire_misread_detected_at(struct wire_bits *bits, size_t wrong)
 {
     size_t found = bits->ack + 1;
@@ -154,7 +153,7 @@ static size_t wire_misread_detected_at(struct wire_bits *bits, size_t wrong)
     return found;
 }
 
-/* Applies a receiver's wrong reading: an error active one destroys the frame, a passive one only
+/* Applies a receiver's misread bit: an error active receiver destroys the frame, a passive one only
  * misses it. */
 static void wire_misread_by_receiver(struct wire *wire, size_t receiver, size_t found_at,
                                      struct wire_detection *kept)
@@ -170,8 +169,8 @@ static void wire_misread_by_receiver(struct wire *wire, size_t receiver, size_t 
 
 /* ---- hitting frames ---- */
 
-/* Checks whether a fault hits the frame that starts: armed, in its time, its sender and
- * identifier, and by chance. */
+/* Checks whether a fault hits the starting frame: armed, in its time window, matching sender and
+ * identifier, and by its probability. */
 static bool wire_fault_matches(struct wire *wire, struct wire_armed *armed)
 {
     const struct wire_fault *fault = &armed->fault;
@@ -190,8 +189,8 @@ static bool wire_fault_matches(struct wire *wire, struct wire_armed *armed)
            random_uniform(&wire->random) < fault->probability;
 }
 
-/* Lets the foreign node (index config.nodes) send the same identifier with other data at the
- * same time; false = it cannot. */
+/* Makes the foreign node (index config.nodes) send the same identifier with other data at the same
+ * time; false = impossible. */
 static bool wire_add_foreign_sender(struct wire *wire)
 {
     const size_t index = wire->config.nodes;
@@ -209,7 +208,7 @@ static bool wire_add_foreign_sender(struct wire *wire)
     slot = &foreign->slot[foreign->flying];
     *slot = *wire_flying(wire, (size_t)__builtin_ctzll(wire->flight.senders));
 
-    /* It differs in its data, or in its length where there are none */
+    /* It differs in its data, or without data in its length */
     if (slot->frame.len && !(slot->frame.flags & FRAME_REMOTE)) {
         for (size_t i = 0; i < slot->frame.len; i++) {
             slot->frame.data[i] ^= 0xFF;
@@ -246,13 +245,13 @@ static size_t wire_random_bit(struct wire *wire)
     return bits->control + random_bits(&wire->random) % (bits->crc_end - bits->control);
 }
 
-/* Returns the receivers that a fault concerns, as a mask. */
+/* Returns the receivers that a fault affects, as a mask. */
 static uint64_t wire_fault_receivers(const struct wire_fault *fault)
 {
     return fault->receiver == WIRE_ANY ? UINT64_MAX : WIRE_BIT(fault->receiver);
 }
 
-/* Applies a fault to the frame; false = it has nothing to act on. */
+/* Applies a fault to the frame; false = it has no effect. */
 static bool wire_apply_fault(struct wire *wire, const struct wire_fault *fault,
                              struct wire_detection *kept)
 {
@@ -262,7 +261,7 @@ static bool wire_apply_fault(struct wire *wire, const struct wire_fault *fault,
 
     switch (fault->kind) {
     case WIRE_FAULT_CORRUPT:
-        /* The sender reads back another bit than it sent */
+        /* The sender reads back a wrong bit */
         at = wire_random_bit(wire);
         found = wire_detect_by_sender(wire, at, !wire->bits[0].bit[at]);
         wire_keep_earliest(kept, &found);
@@ -277,7 +276,7 @@ static bool wire_apply_fault(struct wire *wire, const struct wire_fault *fault,
                                  kept);
         return true;
     case WIRE_FAULT_LOSS:
-        /* The bus carries the frame; which receivers miss it is decided at its end */
+        /* The bus carries the frame; its end decides which receivers miss it */
         flight->lost |= wire_fault_receivers(fault);
         return true;
     case WIRE_FAULT_LATE:
@@ -341,7 +340,8 @@ uint64_t wire_heal(struct wire *wire, int fault)
 enum {
     COUNT_SENDER = 8,
     COUNT_RECEIVER = 1,
-    COUNT_FIRST = 9, /* the flags of the others are the dominant bit behind its own */
+    COUNT_FIRST = 9, /* 1 + 8: the receiver that found the error first also reads a dominant bit
+                      * behind its own flag */
 };
 
 /* ---- collisions ---- */
@@ -374,10 +374,9 @@ static uint64_t wire_recessive_senders(struct wire *wire, size_t at)
     return recessive;
 }
 
-/* Resolves the collision of several nodes that have won the arbitration with the same
- * identifier. At the first bit that differs, a node that sends recessive reads dominant: its
- * error flag ends the frame, unless it is error passive and only drops out. Leaves the bits of
- * the remaining frame in bits[0]. */
+/* Resolves the collision of nodes that send the same identifier. At the first different bit, a node
+ * that sends recessive reads dominant. Its error flag ends the frame; if it is error passive, it
+ * only drops out. Leaves the bits of the remaining frame in bits[0]. */
 static void wire_resolve_collision(struct wire *wire, struct wire_detection *kept)
 {
     struct wire_flight *flight = &wire->flight;
@@ -401,8 +400,8 @@ static void wire_resolve_collision(struct wire *wire, struct wire_detection *kep
             return;
         }
 
-        /* An error active node among the recessive ones ends the frame; passive ones drop out,
-         * and the rest is compared anew */
+        /* An error active node among the recessive ones ends the frame. Passive ones drop out, and
+         * the rest is compared again */
         recessive = wire_recessive_senders(wire, at);
         if (wire_any_error_active(wire, recessive)) {
             struct wire_detection found = wire_detect_by_sender(wire, at, 0);
@@ -422,7 +421,7 @@ void wire_disturb(struct wire *wire)
     struct wire_flight *flight = &wire->flight;
     struct wire_detection kept = {.after_ns = WIRE_NEVER}, found;
 
-    /* Every error that may end the frame; the earliest is kept */
+    /* Find all errors that may end the frame; keep the earliest */
     if (wire->armed) {
         wire_apply_collisions(wire);
     }
@@ -433,7 +432,7 @@ void wire_disturb(struct wire *wire)
         wire_keep_earliest(&kept, &found);
     }
 
-    /* No error: the frame goes to its end */
+    /* No error: the frame ends normally */
     flight->end_ns =
         flight->start_ns + wire_time_of_bits(wire, &wire->bits[0], wire->bits[0].count);
     flight->rest = (struct wire_rest){0};
@@ -476,14 +475,14 @@ void wire_finish_error(struct wire *wire)
     size_t index;
 
     if (flight->repeat) {
-        /* The sender's flag, which the receivers take for an overload and answer a bit later */
+        /* The receivers take the sender's flag for an overload and answer one bit later */
         int64_t more_ns = wire_bits_ns(wire, WIRE_ERROR_FLAG_BITS + 1 + WIRE_DELIMITER_BITS);
 
         wire->idle_ns += more_ns;
         wire->recessive_ns += more_ns;
     }
 
-    /* Who has failed to send, and who counts a receive error */
+    /* Find the failed senders, and the receivers that count an error */
     if (flight->failed || flight->repeat) {
         failed |= flight->senders;
     }
@@ -494,8 +493,8 @@ void wire_finish_error(struct wire *wire)
         wire->stats.errors[flight->failed ? flight->error : WIRE_BIT_ERROR]++;
     }
 
-    /* Being alone makes a node error passive but never bus-off: a passive sender without
-     * acknowledgment does not count */
+    /* A lone node becomes error passive but never bus-off: a passive sender does not count a
+     * missing acknowledgment */
     WIRE_FOR_EACH(index, failed)
     {
         bool spare = flight->unacknowledged && wire_is_passive(&wire->node[index]);

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The nodes: transmit queues (binary heaps of slots, by priority or by age) and controllers with
- * their error counters, the states that follow from them, bus-off and recovery, and plugs. */
+/* The nodes: transmit queues (binary heaps of slots, by priority or age), controllers with error
+ * counters and states, bus-off and recovery, plugs. */
 #include "canbus/wire/private.h"
 
 /* ---- queues ---- */
 
-/* Checks whether a frame is sent before another: by priority when so configured, then by age. */
+/* Checks whether a frame is sent before another: by priority if so configured, then by age. */
 static bool wire_slot_goes_before(const struct wire *wire, const struct wire_slot *a,
                                   const struct wire_slot *b)
 {
@@ -19,7 +19,7 @@ void wire_queue_push(const struct wire *wire, struct wire_node *node, uint16_t s
 {
     size_t at = node->waiting++;
 
-    /* Sift up: the new slot rises above those that come later */
+    /* Sift up: move the new slot above later ones */
     while (at > 0) {
         size_t parent = (at - 1) / 2;
 
@@ -37,7 +37,7 @@ uint16_t wire_queue_pop(const struct wire *wire, struct wire_node *node)
     const uint16_t first = node->heap[0], moved = node->heap[--node->waiting];
     size_t at = 0, child;
 
-    /* Sift down: the last slot sinks from the root to its place */
+    /* Sift down: move the last slot from the root to its place */
     while ((child = 2 * at + 1) < node->waiting) {
         if (child + 1 < node->waiting &&
             wire_slot_goes_before(wire, &node->slot[node->heap[child + 1]],
@@ -107,7 +107,7 @@ bool wire_transmit(struct wire *wire, size_t index, const struct bus_frame *fram
 
 /* ---- controllers ---- */
 
-/* Returns the state that follows from a node's error counters (ISO 11898-1: 96, 128 and 256). */
+/* Returns the state for a node's error counters (ISO 11898-1: 96, 128 and 256). */
 static enum wire_state wire_node_state(const struct wire_node *node)
 {
     if (node->stats.tec >= WIRE_BUS_OFF_FROM) {
@@ -121,7 +121,7 @@ static enum wire_state wire_node_state(const struct wire_node *node)
                : WIRE_ERROR_ACTIVE;
 }
 
-/* Takes a node off the bus: drops its queue and sets when its recovery begins. */
+/* Takes a node off the bus: drops its queue and sets the time of its recovery. */
 static void wire_enter_bus_off(struct wire *wire, size_t index, int64_t time_ns)
 {
     struct wire_node *node = &wire->node[index];
@@ -145,7 +145,7 @@ void wire_count_errors(struct wire *wire, size_t index, int64_t time_ns, int tec
     struct wire_node_stats *stats = &node->stats;
     enum wire_state before = stats->state;
 
-    /* The counters; a received frame brings a passive receiver back below the limit at once */
+    /* Change the counters; a received frame returns a passive receiver below the limit at once */
     stats->tec = tec < 0 && !stats->tec ? 0 : (unsigned)((int)stats->tec + tec);
     if (rec < 0) {
         stats->rec =
@@ -157,7 +157,7 @@ void wire_count_errors(struct wire *wire, size_t index, int64_t time_ns, int tec
     stats->tec_peak = stats->tec > stats->tec_peak ? stats->tec : stats->tec_peak;
     stats->rec_peak = stats->rec > stats->rec_peak ? stats->rec : stats->rec_peak;
 
-    /* The state that follows from them */
+    /* Find the new state */
     wire->counting &= ~WIRE_BIT(index);
     wire->counting |= stats->tec || stats->rec ? WIRE_BIT(index) : 0;
     stats->state = wire_node_state(node);
@@ -198,7 +198,7 @@ void wire_connect(struct wire *wire, size_t node, bool connected)
 {
     if (connected && wire->unplugged & WIRE_BIT(node)) {
         wire->unplugged &= ~WIRE_BIT(node);
-        /* It joins in after eleven recessive bits, which at time 0 have passed already */
+        /* It joins after eleven recessive bits; before time 0 they have already passed */
         wire->node[node].hold_ns =
             wire->now_ns > 0 ? wire->now_ns + wire_bits_ns(wire, WIRE_RUN_BITS) : 0;
     } else if (!connected && !(wire->unplugged & WIRE_BIT(node))) {
@@ -214,7 +214,7 @@ int64_t wire_recovery_end(const struct wire *wire, const struct wire_node *node)
     if (node->recovery_ns == WIRE_NEVER) {
         return WIRE_NEVER;
     }
-    /* Runs of eleven recessive bits still to be seen */
+    /* Number of runs of eleven recessive bits still to come */
     return from + wire_bits_ns(wire, (int64_t)(WIRE_RECOVERY_RUNS - node->runs) * WIRE_RUN_BITS);
 }
 

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Private to canbus/wire: the state of the wire, and what its parts call of each other. All
- * RT-safe. */
+/* The state of the wire, and the functions that its files share. All RT-safe. */
 #ifndef CANBUS_WIRE_PRIVATE_H
 #define CANBUS_WIRE_PRIVATE_H
 
@@ -13,7 +12,7 @@ enum {
     WIRE_WARNING_FROM = 96,
     WIRE_BUS_OFF_FROM = 256, /* TEC */
     WIRE_SUSPEND_BITS = 8,
-    WIRE_RECOVERY_RUNS = 128, /* of WIRE_RUN_BITS recessive bits */
+    WIRE_RECOVERY_RUNS = 128, /* number of runs of WIRE_RUN_BITS recessive bits */
     WIRE_RUN_BITS = 11,
     WIRE_ID_SLOTS = 2048,
 };
@@ -24,48 +23,48 @@ enum {
 struct wire_slot {
     struct bus_frame frame;
     int64_t ready_ns;
-    uint32_t priority; /* wire_priority */
-    uint32_t order;    /* of arrival at the node */
+    uint32_t priority; /* result of wire_priority */
+    uint32_t order;    /* order of arrival at the node */
 };
 
 struct wire_node {
     struct wire_slot *slot;
-    uint16_t *heap;  /* slots that wait, the next one first */
-    uint16_t *spare; /* slots that are free */
+    uint16_t *heap;  /* waiting slots, the next one first */
+    uint16_t *spare; /* free slots */
     size_t waiting, nspare;
     uint16_t flying; /* slot of the frame on the wire */
     uint32_t order;
-    int64_t hold_ns; /* suspend transmission: may not start before */
-    int64_t void_ns; /* unplugged: its last attempt ended */
+    int64_t hold_ns; /* suspend transmission: earliest next start */
+    int64_t void_ns; /* unplugged: end of its last attempt */
 
-    /* bus-off */
-    int64_t recovery_ns; /* counting begins */
-    unsigned runs;       /* of WIRE_RUN_BITS seen */
+    /* In bus-off */
+    int64_t recovery_ns; /* when counting begins */
+    unsigned runs;       /* runs of WIRE_RUN_BITS seen so far */
 
     struct wire_node_stats stats;
 };
 
-/* The rest of an exact time behind its whole nanoseconds, each less than half a nanosecond: in
- * ns / bit/s of the nominal and of the data bit rate. All 0 where both divide 1 GHz. */
+/* The fraction of a time beyond whole nanoseconds, below half a nanosecond: in units of ns /
+ * (bit/s), for the nominal and the data bit rate. 0 if both rates divide 1 GHz. */
 struct wire_rest {
     int64_t nominal, data;
 };
 
-/* The frame or the error on the wire; all that will come of it is known when it starts. */
+/* The frame or error on the wire. Its outcome is decided when it starts. */
 struct wire_flight {
     bool busy;
-    bool disturbed; /* wire_disturb has decided what follows */
+    bool disturbed; /* wire_disturb has decided the outcome */
     bool failed;
-    bool repeat;         /* received, but the sender missed it */
-    uint64_t senders;    /* more than one: the same frame bit for bit, or an error */
+    bool repeat;         /* received, but the sender sends it again */
+    uint64_t senders;    /* several send the same frame bit for bit, or end in an error */
     uint64_t beaten;     /* passive senders that dropped out of a collision */
-    uint64_t first;      /* receivers that found the error before the others did */
-    uint64_t blind;      /* passive receivers that found an error alone */
-    uint64_t lost, late; /* receivers */
+    uint64_t first;      /* receivers that found the error first */
+    uint64_t blind;      /* passive receivers that alone found an error */
+    uint64_t lost, late; /* receivers that lose the frame, or get it late */
     bool unacknowledged;
     enum wire_error error;
     int64_t start_ns, end_ns; /* end of EOF or of the error delimiter */
-    struct wire_rest rest;    /* of end_ns */
+    struct wire_rest rest;    /* fraction of end_ns */
     int64_t late_ns;
 };
 
@@ -90,22 +89,22 @@ struct wire_armed {
 
 struct wire {
     struct wire_config config;
-    size_t size; /* of the memory that begins here and holds all of the wire */
+    size_t size; /* size of the wire's memory, which begins here */
     struct wire_tables tables;
     int64_t now_ns;
     int64_t delimiter_ns;
-    struct wire_node *node; /* config.nodes, and one more: the foreign node of collisions */
+    struct wire_node *node; /* config.nodes, then the foreign node of collisions */
 
-    /* A bit for each node */
+    /* Masks of nodes */
     uint64_t all;     /* without the foreign node */
-    uint64_t pending; /* has frames waiting */
-    uint64_t off;     /* bus-off */
+    uint64_t pending; /* nodes with waiting frames */
+    uint64_t off;     /* nodes in bus-off */
     uint64_t unplugged;
-    uint64_t counting; /* TEC or REC is not 0 */
+    uint64_t counting; /* nodes with TEC or REC above 0 */
 
-    int64_t idle_ns;       /* the end of the last intermission */
-    struct wire_rest rest; /* of idle_ns */
-    int64_t recessive_ns;  /* since when the line has been recessive, when nothing is on it */
+    int64_t idle_ns;       /* end of the last intermission */
+    struct wire_rest rest; /* fraction of idle_ns */
+    int64_t recessive_ns;  /* on an idle line: since when it has been recessive */
     struct wire_flight flight;
 
     struct wire_armed fault[WIRE_FAULTS_MAX];
@@ -122,7 +121,7 @@ struct wire {
     size_t nid;
 };
 
-/* Runs the following block with `node` as the index of each bit that is set in a mask. */
+/* Runs the following block with `node` set to the index of each bit in a mask. */
 #define WIRE_FOR_EACH(node, mask)                                                                  \
     for (uint64_t left_ = (mask), bit_;                                                            \
          left_ && ((node) = (size_t)__builtin_ctzll(left_), bit_ = left_ & -left_, true);          \
@@ -133,8 +132,8 @@ static inline int64_t wire_bits_ns(const struct wire *wire, int64_t bits)
     return (bits * 1000000000 + wire->config.bitrate / 2) / wire->config.bitrate;
 }
 
-/* Returns the duration in ns of bits that begin *rest behind a whole nanosecond; *rest becomes
- * that of their end. */
+/* Returns the duration of bits that begin *rest after a whole nanosecond, ns; sets *rest for their
+ * end. */
 static inline int64_t wire_span_ns(int64_t bits, int64_t bitrate, int64_t *rest)
 {
     const int64_t exact = bits * 1000000000 + *rest;
@@ -149,7 +148,7 @@ static inline bool wire_is_passive(const struct wire_node *node)
     return node->stats.tec >= WIRE_PASSIVE_FROM || node->stats.rec >= WIRE_PASSIVE_FROM;
 }
 
-/* Returns the nodes that read the frame on the wire and would acknowledge it, as a mask. */
+/* Returns the nodes that receive and acknowledge the frame on the wire, as a mask. */
 static inline uint64_t wire_listeners(const struct wire *wire)
 {
     return wire->all & ~(wire->off | wire->unplugged | wire->flight.senders | wire->flight.beaten);
@@ -175,18 +174,18 @@ static inline void wire_slot_free(struct wire *wire, struct wire_node *node, uin
 /* wire.c */
 void wire_notify(const struct wire *wire, const struct wire_event *event);
 
-/* Changes the error counters and the state that follows from them; bus-off empties the
- * queue. */
+/* Changes the error counters and the resulting state; bus-off empties the queue. */
 void wire_count_errors(struct wire *wire, size_t node, int64_t time_ns, int tec, int rec);
 
-/* Ends bus-off; returns when that will be if the bus stays idle; counts the recessive bits that
- * nodes in bus-off have seen when a frame starts. */
+/* wire_recover ends bus-off when it is due. wire_recovery_end returns when bus-off ends if the bus
+ * stays idle. The third function counts the recessive bits that nodes in bus-off have seen when a
+ * frame starts. */
 void wire_recover(struct wire *wire, size_t index, int64_t time_ns);
 int64_t wire_recovery_end(const struct wire *wire, const struct wire_node *node);
 void wire_count_runs(struct wire *wire, int64_t start_ns);
 
-/* errors.c. Decides how a frame ends that may meet faults, collisions or no receiver, when it
- * starts; counts the errors of one that has ended so. */
+/* errors.c. At its start, decides the outcome of a frame that may meet faults, collisions or no
+ * receiver; counts the errors at its end. */
 void wire_disturb(struct wire *wire);
 void wire_finish_error(struct wire *wire);
 

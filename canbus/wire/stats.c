@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Keeps the wire's statistics: load by windows of time, latency by identifier. */
+/* Statistics of the wire: load by time window, latency by identifier. */
 #include "canbus/wire/private.h"
 
 const char *wire_error_name(enum wire_error error)
@@ -46,8 +46,7 @@ static void wire_close_windows(struct wire_load *load, int64_t window_ns, int64_
     }
 }
 
-/* Adds the time from from_ns (not before what was added last) to to_ns to the load, window by
- * window. */
+/* Adds a busy time to the load, window by window. from_ns is not before the end of the last one. */
 void wire_load_add(struct wire_load *load, int64_t window_ns, int64_t from_ns, int64_t to_ns)
 {
     wire_close_windows(load, window_ns, from_ns);
@@ -63,12 +62,12 @@ void wire_load_add(struct wire_load *load, int64_t window_ns, int64_t from_ns, i
 
 /* ---- latency ---- */
 
-/* Returns the latency entry of an identifier (open addressing), or the common one when the table
+/* Returns the latency entry of an identifier (open addressing), or the shared entry when the table
  * is full. */
 static struct wire_latency *wire_latency_of(struct wire *wire, const struct bus_frame *frame)
 {
     const bool extended = frame->flags & FRAME_EXTENDED;
-    /* Every standard identifier finds its own slot at once */
+    /* Every standard identifier has its own slot */
     size_t at = extended ? (frame->id * UINT32_C(2654435761)) >> 21 : frame->id;
 
     for (;; at = (at + 1) % WIRE_ID_SLOTS) {
@@ -131,7 +130,7 @@ struct wire_latency wire_worst_latency(const struct wire *wire)
 
 /* ---- looking ---- */
 
-/* Copies the statistics; a frame that is on the wire counts up to now. */
+/* Copies the statistics; the frame on the wire counts up to now. */
 void wire_stats(const struct wire *wire, struct wire_stats *stats)
 {
     struct wire_load load = wire->load;
@@ -143,7 +142,7 @@ void wire_stats(const struct wire *wire, struct wire_stats *stats)
         excess = begin - wire->now_ns;
         wire_load_add(&load, wire->config.window_ns, begin, wire->now_ns);
     } else if (begin > wire->now_ns) {
-        excess = begin - wire->now_ns; /* of the intermission */
+        excess = begin - wire->now_ns; /* part of the intermission */
     } else {
         wire_close_windows(&load, wire->config.window_ns, wire->now_ns);
     }

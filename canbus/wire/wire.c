@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Creates a wire and advances time on it: arbitration, frames that arrive, and what happens beside
- * them. */
+/* Creates a wire and advances its time: arbitration, reception, late frames, recovery. */
 #include "canbus/wire/private.h"
 
 #include <string.h>
@@ -40,7 +39,7 @@ static enum error_code wire_check_config(const struct wire_config *config, struc
     return ERROR_NONE;
 }
 
-/* Allocates the transmit queue of a node, all slots free; false = no memory. */
+/* Allocates the transmit queue of a node with all slots free; false = out of memory. */
 static bool wire_create_node(struct wire_node *node, size_t queue, struct arena *arena)
 {
     node->slot = arena_alloc(arena, queue, sizeof *node->slot);
@@ -67,7 +66,7 @@ enum error_code wire_create(const struct wire_config *config, struct arena *aren
         return code;
     }
 
-    /* The wire, its nodes and the foreign one of collisions, one behind the other: wire_memory */
+    /* Allocate the wire, its nodes and the foreign node in one block, for wire_memory */
     wire = arena_alloc(arena, 1, sizeof *wire);
     good = wire && (wire->node = arena_alloc(arena, config->nodes + 1, sizeof *wire->node));
     for (size_t i = 0; good && i <= config->nodes; i++) {
@@ -90,7 +89,7 @@ enum error_code wire_create(const struct wire_config *config, struct arena *aren
         wire->config.events = UINT32_MAX;
     }
 
-    /* What follows from it */
+    /* Derived values */
     wire_tables_make(&wire->tables);
     wire->all = WIRE_BIT(config->nodes) - 1;
     wire->delimiter_ns = wire_bits_ns(wire, WIRE_DELIMITER_BITS);
@@ -132,13 +131,13 @@ static inline int64_t wire_node_may_start(const struct wire *wire, size_t index)
 
 /* The nodes that start next. */
 struct wire_arbitration {
-    int64_t at_ns;   /* WIRE_NEVER = no node has a frame */
-    uint64_t winner; /* nodes with the frame of the lowest priority number */
-    uint64_t loser;  /* the others that start at that time */
+    int64_t at_ns;   /* WIRE_NEVER = no node has a waiting frame */
+    uint64_t winner; /* the nodes with the lowest priority number */
+    uint64_t loser;  /* the other nodes that start at this time */
 };
 
-/* Finds the next arbitration: the earliest start, and among the nodes that start then the lowest
- * priority number. */
+/* Finds the next arbitration: the earliest start, and the lowest priority number among the nodes
+ * that start then. */
 static inline struct wire_arbitration wire_next_arbitration(const struct wire *wire)
 {
     struct wire_arbitration next = {.at_ns = WIRE_NEVER};
@@ -189,8 +188,8 @@ static void wire_notify_losers(struct wire *wire, uint64_t losers, const struct 
     }
 }
 
-/* Takes the first frame of a node's queue onto the wire; in FD frames the controller itself sets
- * ESI when it is error passive. */
+/* Moves the first frame of a node's queue to the wire. The controller sets ESI of an FD frame when
+ * it is error passive. */
 static void wire_take_from_queue(struct wire *wire, size_t index)
 {
     struct wire_node *node = &wire->node[index];
@@ -205,7 +204,7 @@ static void wire_take_from_queue(struct wire *wire, size_t index)
     }
 }
 
-/* Starts the frame that has won an arbitration, and decides all that will become of it. */
+/* Starts the winning frame and decides its outcome. */
 static void wire_start_frame(struct wire *wire, const struct wire_arbitration *arbitration)
 {
     struct wire_flight *flight = &wire->flight;
@@ -214,8 +213,8 @@ static void wire_start_frame(struct wire *wire, const struct wire_arbitration *a
     struct bus_frame *frame;
     size_t index;
 
-    /* A frame that follows another begins where that one exactly ended (rest), so that no
-     * rounding adds up */
+    /* A frame begins exactly where the last one ended (rest), so that rounding errors do not add
+     * up */
     *flight =
         (struct wire_flight){.busy = true, .start_ns = time_ns, .senders = arbitration->winner};
     if (time_ns == wire->idle_ns) {
@@ -231,7 +230,7 @@ static void wire_start_frame(struct wire *wire, const struct wire_arbitration *a
         wire_count_runs(wire, time_ns);
     }
 
-    /* When it will end, with its stuff bits */
+    /* Compute its end, with stuff bits */
     frame = &wire_flying(wire, (size_t)__builtin_ctzll(flight->senders))->frame;
     frame->time_ns = time_ns;
     wire_notify_losers(wire, arbitration->loser, frame);
@@ -242,7 +241,7 @@ static void wire_start_frame(struct wire *wire, const struct wire_arbitration *a
         flight->end_ns += wire_span_ns(length.data, wire->config.data_bitrate, &flight->rest.data);
     }
 
-    /* Nearly always nothing disturbs the frame, and its length is all there is to know */
+    /* Usually nothing disturbs the frame: its length decides its end */
     if (wire->armed || (flight->senders & (flight->senders - 1)) || !wire_listeners(wire)) {
         flight->disturbed = true;
         wire_disturb(wire);
@@ -264,7 +263,7 @@ static void wire_deliver_frame(struct wire *wire, size_t sender, const struct bu
     }
 }
 
-/* Keeps a frame for receivers that are to get it later. */
+/* Stores a frame for receivers that get it late. */
 static void wire_deliver_late(struct wire *wire, size_t sender, const struct bus_frame *frame,
                               uint64_t receivers)
 {
@@ -301,7 +300,7 @@ static void wire_confirm_frame(struct wire *wire, size_t index)
     wire_slot_free(wire, node, node->flying);
 }
 
-/* Ends a frame that was carried to its end: reception, confirmation, error counters. */
+/* Ends a good frame: reception, confirmation, error counters. */
 static void wire_finish_good(struct wire *wire)
 {
     struct wire_flight *flight = &wire->flight;
@@ -317,7 +316,7 @@ static void wire_finish_good(struct wire *wire)
     if (receivers & flight->late) {
         wire_deliver_late(wire, sender, frame, receivers & flight->late);
     }
-    /* A duplicate: the sender believes that it failed and sends it again */
+    /* A duplicate: the sender detects an error and sends it again */
     if (flight->repeat) {
         return;
     }
@@ -334,7 +333,7 @@ static void wire_finish_good(struct wire *wire)
     }
 }
 
-/* Puts frames that their nodes could not send back into the queues. */
+/* Puts unsent frames back into the queues. */
 static void wire_return_to_queue(struct wire *wire, uint64_t nodes)
 {
     size_t index;
@@ -355,7 +354,7 @@ static void wire_return_to_queue(struct wire *wire, uint64_t nodes)
     }
 }
 
-/* Ends a frame that was disturbed, or whose senders were. */
+/* Ends a disturbed frame, or one with disturbed senders. */
 static void wire_finish_disturbed(struct wire *wire)
 {
     struct wire_flight *flight = &wire->flight;
@@ -368,7 +367,7 @@ static void wire_finish_disturbed(struct wire *wire)
     flight->senders &= ~gone;
     flight->beaten &= ~gone;
 
-    /* The frame may still have been received, and may be sent again all the same */
+    /* The receivers may have accepted the frame, even if it is sent again */
     if (flight->senders && !flight->failed) {
         wire_finish_good(wire);
     }
@@ -377,8 +376,7 @@ static void wire_finish_disturbed(struct wire *wire)
     }
     wire_return_to_queue(wire, flight->beaten);
 
-    /* Error counters, and the longer pause of senders that are now passive (suspend
-     * transmission) */
+    /* Error counters, and suspend transmission for senders that are now passive */
     if (flight->failed || flight->repeat || flight->beaten || flight->blind) {
         wire_finish_error(wire);
     }
@@ -411,8 +409,8 @@ static void wire_finish_frame(struct wire *wire)
 
 /* ---- what happens beside the frames ---- */
 
-/* Returns when an unplugged node ends its next attempt to send: nobody acknowledges, and its own
- * error flag follows. WIRE_NEVER = it waits for nothing or counts no more. */
+/* Returns when an unplugged node ends its next attempt to send: without acknowledgment, its own
+ * error flag follows. WIRE_NEVER = no waiting frame, or the counter does not change any more. */
 static int64_t wire_attempt_end(const struct wire *wire, size_t index)
 {
     const struct wire_node *node = &wire->node[index];
@@ -422,7 +420,8 @@ static int64_t wire_attempt_end(const struct wire *wire, size_t index)
     if (!node->waiting || wire_is_passive(node)) {
         return WIRE_NEVER;
     }
-    /* Up to the ACK slot, without ACK delimiter and EOF; then flag, delimiter and intermission */
+    /* The attempt lasts up to the ACK slot, without ACK delimiter and EOF. Error flag, delimiter
+     * and intermission follow */
     return begin +
            wire_length_ns(wire_frame_length(&wire->tables, &slot->frame), wire->config.bitrate,
                           wire->config.data_bitrate) +
@@ -438,7 +437,7 @@ struct wire_step {
     size_t index;
 };
 
-/* Keeps a step if it comes before the one found so far. */
+/* Keeps a step if it is earlier than the one found so far. */
 static void wire_keep_earlier_step(struct wire_step *step, enum wire_step_kind kind,
                                    int64_t time_ns, size_t index)
 {
@@ -447,7 +446,7 @@ static void wire_keep_earlier_step(struct wire_step *step, enum wire_step_kind k
     }
 }
 
-/* Finds the next step up to and including to_ns; of steps at one time it takes the first in the
+/* Finds the next step up to and including to_ns. Of simultaneous steps it takes the first in the
  * order below. */
 static struct wire_step wire_next_step(const struct wire *wire, int64_t to_ns)
 {
@@ -480,7 +479,7 @@ static struct wire_step wire_next_step(const struct wire *wire, int64_t to_ns)
     return step;
 }
 
-/* Takes the next step of any kind up to to_ns; false when there is none. */
+/* Takes the next step of any kind up to to_ns; false = there is none. */
 static bool wire_take_step(struct wire *wire, int64_t to_ns)
 {
     const struct wire_step step = wire_next_step(wire, to_ns);
@@ -497,13 +496,13 @@ static bool wire_take_step(struct wire *wire, int64_t to_ns)
         wire_recover(wire, step.index, step.time_ns);
         break;
     case STEP_LATE:
-        /* A frame that was held back arrives */
+        /* A late frame arrives */
         wire_deliver_frame(wire, late->node, &late->frame, late->receivers);
         wire->nlate--;
         memmove(late, late + 1, (wire->nlate - step.index) * sizeof *late);
         break;
     case STEP_ATTEMPT:
-        /* A sender that is alone counts errors until it is error passive */
+        /* A lone sender counts errors until it is error passive */
         wire->node[step.index].void_ns = step.time_ns;
         wire->node[step.index].stats.errors++;
         wire_count_errors(wire, step.index, step.time_ns, 8, 0);
@@ -516,8 +515,8 @@ static bool wire_take_step(struct wire *wire, int64_t to_ns)
     return true;
 }
 
-/* Takes the next step in the fast case: no node is off or unplugged and no frame is held back,
- * so only frames can happen. */
+/* Takes the next step in the fast case: no node is off or unplugged and no late frame waits, so
+ * that only frames can happen. */
 static bool wire_take_frame_step(struct wire *wire, int64_t to_ns)
 {
     struct wire_arbitration next;
@@ -545,7 +544,7 @@ void wire_advance(struct wire *wire, int64_t to_ns)
     if (to_ns <= wire->now_ns) {
         return;
     }
-    /* Nearly always there are only frames */
+    /* Usually there are only frames */
     while (wire->off | wire->unplugged | wire->nlate ? wire_take_step(wire, to_ns)
                                                      : wire_take_frame_step(wire, to_ns)) {
     }

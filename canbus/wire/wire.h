@@ -1,32 +1,32 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * A CAN bus in virtual time: controllers with transmit queues on one wire. Frames take the exact
- * time of their stuffed bits (canbus/wire/bits.h), the lowest identifier wins the arbitration,
- * errors are signaled, counted and repeated by the rules of ISO 11898-1. Knows no thread and no
- * clock: time moves when the caller says so, and the same calls give the same events bit for bit.
- * The names of the events are those of FMI-LS-BUS.
+ * time of their stuffed bits (canbus/wire/bits.h), and the lowest identifier wins the arbitration.
+ * Errors are signaled, counted and repeated as in ISO 11898-1. It uses no thread and no clock: the
+ * caller moves time, and equal calls give bit-identical events. Events have the names of
+ * FMI-LS-BUS.
  *
  * Time. wire_advance(to) ends every frame that ends by `to` and starts every frame that can start
- * before it; a frame handed over with wire_transmit is ready at the time up to which the wire was
- * last advanced. So everything that is handed over between two advances competes on equal terms,
- * whatever the order of the calls. A frame is received at the end of its seven bits of EOF; three
- * bits of intermission follow. Times are rounded to whole nanoseconds, exact where the bit rate
- * divides 1 GHz; of frames that follow each other no rounding adds up, unless faults may meet them.
+ * before it. A frame from wire_transmit is ready at the time of the last advance. All frames
+ * between two advances therefore compete equally, in any order of the calls. A frame is received at
+ * the end of its seven bits of EOF; three bits of intermission follow. Times are rounded to whole
+ * nanoseconds; they are exact if the bit rate divides 1 GHz. In consecutive frames rounding errors
+ * do not add up, unless a fault may apply to them.
  *
- * Queues. Each node has one bounded queue; what finds it full is dropped and counted. By default it
- * is a bank of mailboxes: the frame that would win the arbitration goes first, equal ones in the
- * order in which they came. WIRE_FIFO sends strictly in order, as controllers with a FIFO do, and
- * then an urgent frame waits behind others. A frame on the wire is not preempted.
+ * Queues. Each node has one bounded queue; frames that find it full are dropped and counted. By
+ * default it is a bank of mailboxes: the frame that would win the arbitration goes first, equal
+ * ones in order of arrival. WIRE_FIFO sends strictly in order, as controllers with a FIFO do; an
+ * urgent frame then waits behind others. A frame on the wire is not preempted.
  *
- * Errors. Every error ends the frame with an error flag of 6 bits, with the flags that other nodes
- * answer 6 to 12, and a delimiter of 8; the frame is sent again. Error counters (TEC, REC) move by
- * +8, +1 and -1 as the standard says; from 96 a node is in warning, from 128 error passive (its
- * flags are recessive and disturb nobody; after sending it waits another 8 bits), with TEC from 256
- * bus-off: it loses its queue and neither sends nor receives until it has seen 128 times 11
- * recessive bits, counted from restart_delay_ns after bus-off. A frame that no node acknowledges is
- * an error too; being alone makes a node error passive, never bus-off.
+ * Errors. Every error ends the frame with error flags of 6 to 12 bits in all and a delimiter of 8;
+ * the frame is sent again. Error counters (TEC, REC) change by +8, +1 and -1 as in the standard.
+ * From 96 a node is in warning. From 128 it is error passive: its flags are recessive and disturb
+ * no other node, and after sending it waits another 8 bits. From a TEC of 256 it is bus-off: it
+ * loses its queue and neither sends nor receives. It recovers after 128 runs of 11 recessive bits,
+ * counted from restart_delay_ns after bus-off. A frame without acknowledgment is an error too; it
+ * makes a lone node error passive, never bus-off.
  *
- * All functions but wire_create are RT-safe and belong to one thread.
+ * All functions except wire_create are RT-safe and belong to one thread.
  */
 #ifndef CANBUS_WIRE_WIRE_H
 #define CANBUS_WIRE_WIRE_H
@@ -40,8 +40,8 @@
 enum {
     WIRE_NODES_MAX = 63,
     WIRE_FAULTS_MAX = 16,
-    WIRE_LATE_MAX = 64, /* frames that WIRE_FAULT_LATE holds back at a time */
-    WIRE_IDS_MAX = 1536 /* identifiers that have a latency of their own */
+    WIRE_LATE_MAX = 64, /* most frames that WIRE_FAULT_LATE holds back */
+    WIRE_IDS_MAX = 1536 /* most identifiers with a separate latency entry */
 };
 
 enum wire_order { WIRE_PRIORITY, WIRE_FIFO };
@@ -49,9 +49,9 @@ enum wire_order { WIRE_PRIORITY, WIRE_FIFO };
 /* The state of a node's controller (ISO 11898-1). */
 enum wire_state { WIRE_ERROR_ACTIVE, WIRE_ERROR_WARNING, WIRE_ERROR_PASSIVE, WIRE_BUS_OFF };
 
-/* What kind of error a node has found; those of FMI-LS-BUS. */
+/* Kind of an error, as in FMI-LS-BUS. */
 enum wire_error {
-    WIRE_BIT_ERROR, /* the transmitter read something else than it sent */
+    WIRE_BIT_ERROR, /* the transmitter read another bit than it sent */
     WIRE_STUFF_ERROR,
     WIRE_FORM_ERROR,
     WIRE_CRC_ERROR,
@@ -60,28 +60,29 @@ enum wire_error {
 };
 
 enum wire_event_kind {
-    WIRE_TRANSMIT,         /* frame of node has been received by the nodes in `receivers` */
-    WIRE_CONFIRM,          /* the same moment, for the node that sent it */
-    WIRE_ARBITRATION_LOST, /* node had to give way to the frame; at the start of that */
+    WIRE_TRANSMIT,         /* the nodes in `receivers` have received the frame of `node` */
+    WIRE_CONFIRM,          /* at the same time, for the sending node */
+    WIRE_ARBITRATION_LOST, /* `node` lost the arbitration to the frame; at its start */
     WIRE_BUS_ERROR,        /* node's frame was destroyed and will be repeated */
-    WIRE_STATUS,           /* node's controller has changed to `state` */
+    WIRE_STATUS,           /* the controller of `node` has changed to `state` */
 };
 
 struct wire_event {
     enum wire_event_kind kind;
     int64_t time_ns;
-    size_t node;                   /* wire_config.nodes: the foreign one of WIRE_FAULT_COLLISION */
-    const struct bus_frame *frame; /* time_ns of it is the time of the event; NULL with STATUS */
-    uint64_t receivers;            /* bit of each node */
+    size_t node;                   /* wire_config.nodes = the foreign node of
+                                    * WIRE_FAULT_COLLISION */
+    const struct bus_frame *frame; /* its time_ns is the time of the event; NULL with STATUS */
+    uint64_t receivers;            /* mask of nodes */
     enum wire_error error;         /* BUS_ERROR */
     enum wire_state state;         /* STATUS */
-    unsigned tec, rec;             /* BUS_ERROR, STATUS: of the node, after */
+    unsigned tec, rec;             /* BUS_ERROR, STATUS: counters of the node after the event */
 };
 
 /* Why a frame was dropped. */
 enum wire_drop {
     WIRE_DROP_QUEUE_FULL,
-    WIRE_DROP_BUS_OFF,   /* was in the queue, or came, while its node was bus-off */
+    WIRE_DROP_BUS_OFF,   /* queued or handed over while its node was bus-off */
     WIRE_DROP_INVALID,   /* impossible length or identifier; FD on a classic bus */
     WIRE_DROP_LATE_FULL, /* more than WIRE_LATE_MAX held back */
     WIRE_DROPS
@@ -91,85 +92,86 @@ struct wire_config {
     int64_t bitrate, data_bitrate; /* bit/s; data_bitrate: of FD frames with BRS, 0 = bitrate */
     bool fd;
     size_t nodes; /* 1 to WIRE_NODES_MAX */
-    size_t queue; /* frames a node holds, 1 to 4096 */
+    size_t queue; /* queue of each node in frames, 1 to 4096 */
     enum wire_order order;
-    int64_t restart_delay_ns; /* bus-off until the recovery begins; negative: never */
-    int64_t window_ns;        /* of the load now and at its peak; 0 = 100 ms */
-    uint64_t seed;            /* of the faults' random numbers */
-    /* Called from wire_advance in the order of time; must not call the wire. May be NULL. */
+    int64_t restart_delay_ns; /* delay of the recovery after bus-off; negative = never */
+    int64_t window_ns;        /* averaging window of the present and the peak load; 0 = 100 ms */
+    uint64_t seed;            /* seed of the faults' random numbers */
+    /* Called from wire_advance in order of time; must not call the wire. May be NULL. */
     void (*notify)(void *context, const struct wire_event *event);
     void *context;
-    uint32_t events; /* bits 1 << enum wire_event_kind of those wanted; 0 = all */
+    uint32_t events; /* wanted events, bits 1 << enum wire_event_kind; 0 = all */
 };
 
 struct wire;
 
-/* Creates a wire in memory from arena. ERROR_INPUT names what is out of range. Not RT-safe. */
+/* Creates a wire in memory from arena. ERROR_INPUT names a value out of range. Not RT-safe. */
 enum error_code wire_create(const struct wire_config *config, struct arena *arena,
                             struct wire **wire, struct error *error);
 
-/* Hands a frame to a node's controller. False when it was dropped; wire_stats says why. */
+/* Gives a frame to a node's controller. Returns false when it was dropped; wire_stats has the
+ * reason. */
 bool wire_transmit(struct wire *wire, size_t node, const struct bus_frame *frame);
 
-/* Runs the bus up to a time; an earlier one than before changes nothing. */
+/* Runs the bus up to a time. An earlier time than before has no effect. */
 void wire_advance(struct wire *wire, int64_t to_ns);
 
 int64_t wire_now(const struct wire *wire);
 
-/* Returns all memory of the wire, with its faults, statistics and random numbers: copied and put
- * back to the same address it restores the wire. */
+/* Returns all memory of the wire, with faults, statistics and random numbers. A copy restores the
+ * wire when it is copied back to the same address. */
 void *wire_memory(struct wire *wire, size_t *size);
 
 /* ---- faults ---- */
 
 enum wire_fault_kind {
-    /* Noise on the line: a bit behind the arbitration field is inverted for everybody. */
+    /* Noise on the line: all nodes read one bit behind the arbitration field inverted. */
     WIRE_FAULT_CORRUPT,
-    /* One node alone reads a bit wrong (`receiver`): its error flag destroys the frame, unless it
-     * is error passive and only misses it. */
+    /* Only `receiver` reads a bit inverted. Its error flag destroys the frame; if it is error
+     * passive, it only misses the frame. */
     WIRE_FAULT_CORRUPT_AT,
-    /* Received by nobody (or not by `receiver`) although the bus carried it: an overrun in the
+    /* The bus carries the frame, but no node (or not `receiver`) receives it: an overrun in the
      * receiving controller. */
     WIRE_FAULT_LOSS,
-    /* The sender misses the last bit of EOF, when the receivers have taken the frame, and repeats
-     * it. */
+    /* The sender misreads the last bit of EOF, after the receivers have accepted the frame, and
+     * sends it again. */
     WIRE_FAULT_DUPLICATE,
-    /* Received delay_ns late, as from a receiver with a slow driver. */
+    /* Received delay_ns late, as with a slow driver in the receiver. */
     WIRE_FAULT_LATE,
-    /* A foreign node sends the same identifier with other data at the same moment. That node counts
-     * its own errors and may go bus-off, which ends the collisions until it recovers. */
+    /* A foreign node sends the same identifier with other data at the same time. It counts its own
+     * errors and may go bus-off, which ends the collisions until it recovers. */
     WIRE_FAULT_COLLISION,
 };
 
 enum { WIRE_ANY = -1 };
 
-/* Hits the frames of `node` that match the identifier and start within [from_ns, until_ns). */
+/* Applies to frames of `node` that match the identifier and start within [from_ns, until_ns). */
 struct wire_fault {
     enum wire_fault_kind kind;
-    int node;                  /* sender, WIRE_ANY = all */
+    int node;                  /* sending node, WIRE_ANY = all */
     int receiver;              /* CORRUPT_AT: a node; LOSS, LATE: a node or WIRE_ANY */
     uint32_t id, id_mask;      /* (frame id ^ id) & id_mask == 0; mask 0 = every frame */
-    double probability;        /* of each such frame; 0 or 1 and more: all */
-    uint64_t count;            /* ends after so many hits; 0 = no limit */
-    int64_t from_ns, until_ns; /* until_ns 0 = for ever */
+    double probability;        /* probability per frame; 0, or 1 and above: every frame */
+    uint64_t count;            /* ends after this many hits; 0 = no limit */
+    int64_t from_ns, until_ns; /* until_ns 0 = no end */
     int64_t delay_ns;          /* LATE */
 };
 
 /* Arms a fault. Returns its number, or -1 when WIRE_FAULTS_MAX are armed or a node does not exist.
- * Numbers of faults that are over are given out again. */
+ * Numbers of ended faults are used again. */
 int wire_inject(struct wire *wire, const struct wire_fault *fault);
 
-/* Ends a fault; returns how many frames it has hit. */
+/* Ends a fault. Returns the number of frames that it has hit. */
 uint64_t wire_heal(struct wire *wire, int fault);
 
-/* Returns how many frames an armed fault has hit so far. */
+/* Returns the number of frames that an armed fault has hit so far. */
 uint64_t wire_fault_hits(const struct wire *wire, int fault);
 
-/* Connects or disconnects one node: disconnected it receives nothing and nobody acknowledges what
- * it sends; connected again it joins after 11 recessive bits. */
+/* Connects or disconnects a node. A disconnected node receives nothing, and its frames get no
+ * acknowledgment. A connected one joins after 11 recessive bits. */
 void wire_connect(struct wire *wire, size_t node, bool connected);
 
-/* Puts a node into bus-off at once, as after a short circuit. */
+/* Puts a node into bus-off now, as after a short circuit. */
 void wire_force_bus_off(struct wire *wire, size_t node);
 
 /* ---- statistics ---- */
@@ -183,13 +185,13 @@ struct wire_node_stats {
 };
 
 struct wire_stats {
-    uint64_t frames;              /* carried to their end */
-    uint64_t errors[WIRE_ERRORS]; /* frames destroyed, by what their sender saw first */
+    uint64_t frames;              /* frames carried completely */
+    uint64_t errors[WIRE_ERRORS]; /* destroyed frames, by the first error that their sender saw */
     uint64_t arbitration_lost, bus_offs;
     uint64_t dropped[WIRE_DROPS];
-    int64_t time_ns, busy_ns; /* frames, error frames and the intermission behind them */
-    double load_mean, load_now, load_peak; /* 0 to 1; now = the last whole window */
-    size_t queued, queued_peak;            /* of all nodes together */
+    int64_t time_ns, busy_ns;              /* busy: frames, error frames and intermissions */
+    double load_mean, load_now, load_peak; /* 0 to 1; now = the last complete window */
+    size_t queued, queued_peak;            /* frames in all queues */
 };
 
 /* Latency of an identifier, from wire_transmit to reception; all identifiers beyond WIRE_IDS_MAX
@@ -197,19 +199,19 @@ struct wire_stats {
 struct wire_latency {
     uint32_t id;
     bool extended;
-    bool others; /* the shared entry */
+    bool others; /* the shared entry of further identifiers */
     uint64_t count;
     int64_t min_ns, max_ns, sum_ns;
 };
 
 void wire_stats(const struct wire *wire, struct wire_stats *stats);
-uint64_t wire_dropped(const struct wire *wire); /* of all causes together */
+uint64_t wire_dropped(const struct wire *wire); /* sum of all causes */
 void wire_node_stats(const struct wire *wire, size_t node, struct wire_node_stats *stats);
 
-/* Checks whether some node has an error counter that is not 0, or is in bus-off. RT-safe. */
+/* Checks whether some node has an error counter above 0 or is in bus-off. RT-safe. */
 bool wire_has_errors(const struct wire *wire);
 
-/* Copies up to max entries, in no particular order; returns how many there are. */
+/* Copies up to max entries in no particular order. Returns the number of entries. */
 size_t wire_latencies(const struct wire *wire, struct wire_latency *latency, size_t max);
 
 /* Returns the entry with the largest max_ns; its count is 0 before the first frame. */
