@@ -9,7 +9,7 @@
 
 enum { EVENT_SLOTS = 1024 };
 
-/* Origin of a fault's activity. */
+/* What switched the fault last: a command, or its time window. */
 enum hand { HAND_OFF, HAND_ON, BY_CLOCK };
 
 struct faults {
@@ -41,7 +41,7 @@ enum error_code faults_create(const struct fault *fault, size_t count, uint64_t 
     ring_init(&faults->events, slots, sizeof(struct fault_event), EVENT_SLOTS);
     faults->seed = seed;
 
-    /* Each fault is copied; one without a name is called by its number; names must differ */
+    /* Copy each fault. A fault without a name gets its number. Names must differ */
     for (size_t i = 0; i < count; i++) {
         struct fault *to = &faults->fault[i];
 
@@ -87,7 +87,7 @@ int faults_find(const struct faults *faults, const char *name)
     return -1;
 }
 
-/* Switches a fault and records the event, unless it is in that state already. */
+/* Switches a fault and records the event, unless the state is unchanged. */
 static void faults_switch(struct faults *faults, int64_t now_ns, size_t index, bool active)
 {
     struct fault_event event = {.time_ns = now_ns,
@@ -97,7 +97,7 @@ static void faults_switch(struct faults *faults, int64_t now_ns, size_t index, b
 
     if (faults->fault[index].active != active) {
         faults->fault[index].active = active;
-        ring_push(&faults->events, &event); /* a full ring loses the log line, not the fault */
+        ring_push(&faults->events, &event); /* if the ring is full, only the log line is lost */
     }
 }
 

@@ -22,7 +22,7 @@
         "flow", "m3/s", 0.0, 1e-2, true, 0.0                                                       \
     }
 
-/* A kind of fault of a target: its word, meaning, whether it needs wire mode, its parameters. */
+/* A kind of fault: its target, word, meaning, whether it needs wire mode, its parameters. */
 #define RULE(of, what, word, means, wire, ...)                                                     \
     {                                                                                              \
         FAULT_##of, FAULT_##what, word, means, wire,                                               \

@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Lists the beginnings of all lines of faults that are possible with some names. */
+/* Lists every fault that is possible with some names: the beginning of its line. */
 #include "faults/kinds.h"
 
 #include <stdio.h>
 
-/* Receiver of the lines of a target that can be read. */
+/* Receiver of the valid lines of a target. */
 struct fault_lister {
     const struct fault_names *names;
     fault_list_put put;
     void *context;
 };
 
-/* Puts out the kinds of a target, "TARGET KIND" each, that the names allow. */
+/* Lists the kinds of a target, "TARGET KIND" each, that the names allow. */
 static void fault_list_kinds(const struct fault_lister *lister, enum fault_target target,
                              const char *text)
 {
@@ -30,8 +30,7 @@ static void fault_list_kinds(const struct fault_lister *lister, enum fault_targe
         if (length >= FAULT_TEXT_SIZE) {
             continue;
         }
-        /* The parser checks a line with its required parameters; the line that is put out ends
-         * before them */
+        /* The parser needs the required parameters; the listed line ends before them */
         if (needed->key && needed->required) {
             snprintf(line + length, sizeof line - (size_t)length, " %s=%.9g", needed->key,
                      needed->max);
@@ -43,7 +42,7 @@ static void fault_list_kinds(const struct fault_lister *lister, enum fault_targe
     }
 }
 
-/* Puts out the kinds of a target by its name, and its channel unless that is NULL. */
+/* Lists the kinds of a target for one name, and its channel unless NULL. */
 static void fault_list_target(const struct fault_lister *lister, enum fault_target target,
                               const char *name, const char *channel)
 {
@@ -54,7 +53,7 @@ static void fault_list_target(const struct fault_lister *lister, enum fault_targ
     fault_list_kinds(lister, target, text);
 }
 
-/* Puts out the faults of all sensors, by channel and as a whole. */
+/* Lists the faults of all sensors, per channel and for whole sensors. */
 static void fault_list_sensors(const struct fault_lister *lister)
 {
     const struct fault_names *names = lister->names;

@@ -27,7 +27,7 @@ static enum error_code fault_refuse_word(struct fault_reader *r, const char *fou
                      expected);
 }
 
-/* Sets the error for an unknown name, with the nearest of those that exist. */
+/* Sets the error for an unknown name and suggests the nearest known one. */
 static enum error_code fault_refuse_name(struct fault_reader *r, const char *what, const char *name,
                                          const char *const *names, size_t count)
 {
@@ -93,7 +93,7 @@ static const char *fault_next_word(const struct fault_reader *r)
     return r->at < r->count ? r->word[r->at] : NULL;
 }
 
-/* Reads a name before the target, "knee:"; none is no error. */
+/* Reads an optional name before the target, "knee:". */
 static enum error_code fault_read_name(struct fault_reader *r, struct fault *fault)
 {
     char *word = r->count ? r->word[0] : NULL;
@@ -111,7 +111,7 @@ static enum error_code fault_read_name(struct fault_reader *r, struct fault *fau
     return ERROR_NONE;
 }
 
-/* Reads a joint, which must have the drive that the target means. */
+/* Reads a joint, which must have the target's type of drive. */
 static enum error_code fault_read_motor(struct fault_reader *r, const char *name,
                                         struct fault *fault)
 {
@@ -138,7 +138,7 @@ static enum error_code fault_read_motor(struct fault_reader *r, const char *name
     return ERROR_NONE;
 }
 
-/* Reads a channel of a group that starts at first, or takes all of it when the line names none. */
+/* Reads a channel of the group that starts at `first`; without a channel, takes the whole group. */
 static enum error_code fault_read_channel(struct fault_reader *r, const char *channel,
                                           const char *const *channels, size_t count, size_t first,
                                           struct fault *fault)
@@ -153,8 +153,8 @@ static enum error_code fault_read_channel(struct fault_reader *r, const char *ch
     return ERROR_NONE;
 }
 
-/* Reads a sensor. Names may hold dots themselves, so that the name ends at the last dot unless
- * the whole is known. */
+/* Reads a sensor. Names may contain dots, so the name ends at the last dot unless the whole word is
+ * a known name. */
 static enum error_code fault_read_sensor(struct fault_reader *r, const char *text,
                                          struct fault *fault)
 {
@@ -172,7 +172,7 @@ static enum error_code fault_read_sensor(struct fault_reader *r, const char *tex
         channel = dot + 1;
     }
 
-    /* The inertial sensor and force-torque sensors may break as a whole */
+    /* A fault may affect the whole inertial or force-torque sensor */
     if (names->imu && !strcmp(name, "imu")) {
         return fault_read_channel(r, channel, sensor_imu_channels, SENSOR_IMU_CHANNELS,
                                   ft_first + names->nft * SENSOR_FT_CHANNELS, fault);
@@ -182,7 +182,7 @@ static enum error_code fault_read_sensor(struct fault_reader *r, const char *tex
                                   ft_first + index * SENSOR_FT_CHANNELS, fault);
     }
 
-    /* Of a joint's sensors one is meant */
+    /* A fault of a joint's sensor affects one channel */
     if (!fault_find_word(name, names->joint, names->njoint, &index)) {
         bool no_ft = text_nearest(name, names->joint, names->njoint) || names->nft == 0;
 
@@ -226,14 +226,14 @@ static enum error_code fault_read_board(struct fault_reader *r, const char *text
                              names->nboard);
 }
 
-/* Reads the kind of target and which one it is. */
+/* Reads the type of the target and its name. */
 static enum error_code fault_read_target(struct fault_reader *r, struct fault *fault)
 {
     static const char expected[] = "sensor, board, motor, bus, supply, valve or hydraulic_supply";
     const char *word = fault_next_word(r), *name;
     size_t target;
 
-    /* What kind of thing it is */
+    /* The type */
     if (!word) {
         return fault_refuse_word(r, NULL, expected);
     }
@@ -253,7 +253,7 @@ static enum error_code fault_read_target(struct fault_reader *r, struct fault *f
         return ERROR_NONE;
     }
 
-    /* Which one */
+    /* The name */
     name = fault_next_word(r);
     if (!name) {
         return fault_refuse_word(r, NULL, "what is broken");
@@ -274,7 +274,7 @@ static enum error_code fault_read_target(struct fault_reader *r, struct fault *f
     }
 }
 
-/* Reads the word of the kind, which must be one of the target's and possible there. */
+/* Reads the kind, which the target must support. */
 static enum error_code fault_read_kind(struct fault_reader *r, struct fault *fault,
                                        const struct fault_rule **out)
 {
@@ -343,7 +343,7 @@ static enum error_code fault_read_parameter(struct fault_reader *r, const struct
     char expected[128];
     double value;
 
-    /* Every fault of a bus may be of one identifier only */
+    /* A fault of a bus may be limited to one identifier */
     if (length == 2 && !strncmp(word, "id", 2) && fault->target == FAULT_BUS) {
         return text_to_int(equals + 1, 0, 0x1fffffff, &fault->id)
                    ? ERROR_NONE
@@ -377,7 +377,7 @@ static enum error_code fault_read_parameter(struct fault_reader *r, const struct
     return fault_refuse_word(r, word, expected);
 }
 
-/* Reads the parameters and the time; parameters that are not given take their defaults. */
+/* Reads the parameters and the time; missing parameters get their defaults. */
 static enum error_code fault_read_parameters(struct fault_reader *r, const struct fault_rule *rule,
                                              struct fault *fault)
 {
@@ -417,7 +417,7 @@ enum error_code fault_parse(const char *text, const struct fault_names *names, s
     const struct fault_rule *rule = NULL;
     enum error_code code;
 
-    /* No name, all frames, from the start without an end, unless the line says so */
+    /* Defaults: no name, all frames, active from the start without end */
     memset(fault, 0, sizeof *fault);
     fault->id = -1;
     fault->to_ns = INT64_MAX;
