@@ -178,7 +178,7 @@ void wire_notify(const struct wire *wire, const struct wire_event *event);
 void wire_count_errors(struct wire *wire, size_t node, int64_t time_ns, int tec, int rec);
 
 /* wire_recover ends bus-off when it is due. wire_recovery_end returns when bus-off ends if the bus
- * stays idle. The third function counts the recessive bits that nodes in bus-off have seen when a
+ * stays idle. wire_count_runs counts the recessive bits that nodes in bus-off have seen when a
  * frame starts. */
 void wire_recover(struct wire *wire, size_t index, int64_t time_ns);
 int64_t wire_recovery_end(const struct wire *wire, const struct wire_node *node);
