@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The balance controller: distributes the load to the feet, computes the motors' references, ramps
- * the robot into its posture and runs the control periods. */
+ * into the posture, and runs the control periods. */
 #include "tasks/balance.h"
 
 #include "base/portable_math.h"
@@ -12,14 +12,13 @@
 
 #define RAMP_S 1.5   /* duration of the ramp from the initial pose to the posture */
 #define SETTLE_S 0.5 /* wait after the ramp, until the springs are at rest */
-#define LOAD_S 0.3   /* duration in which the motors take over the weight at the start */
+#define LOAD_S 0.3   /* duration in which the motors take over the weight */
 
-/* Round trip of the buses, a period of the loop included, up to which the gains are those of the
- * configuration */
+/* Largest round trip of the buses plus a loop period for which the configured gains are used */
 #define ROUND_TRIP_NS 2e6
 
-#define FOOT_S 0.15  /* time constant of a foot's target toward where it came down */
-#define STOP_S 0.03  /* the same of its height, shorter: the ground is there */
+#define FOOT_S 0.15  /* time constant with which a landed foot's target moves to its place */
+#define STOP_S 0.03  /* the same for its height; shorter, because the foot is on the ground */
 #define SWING_S 0.01 /* time constant with which a foot in the air follows the plan */
 #define RATE_S 0.004 /* time constant of the filter of the references' rates */
 #define KNEE_MIN 0.15
@@ -30,15 +29,15 @@ struct balance_leg {
                                               * the foot */
     size_t axis[LEG_JOINTS];
     struct leg_geometry geometry;
-    double inertia_kg_m2;      /* inertia of the whole leg about its hip, in the posture */
+    double inertia_kg_m2;      /* inertia of the leg about its hip, in the posture */
     double sole_m[3];          /* origin of the sole in the foot's frame */
     struct gait_foothold foot; /* target of the sole */
-    double touched_s;          /* how long it has been loaded */
+    double touched_s;          /* time since it carries load */
     double turn[2];            /* compliant tilt of the foot: roll, pitch, rad */
     double stretch_m;          /* compliant length of the leg */
-    double cop_m[2];           /* wanted center of pressure, in the sole's frame */
+    double cop_m[2];           /* desired center of pressure in the sole's frame */
     double carries;
-    double weight; /* wanted share of the weight, 0 to 1 */
+    double weight; /* desired share of the weight, 0 to 1 */
     double torque_nm[LEG_JOINTS];
     double motor_rad[LEG_JOINTS], rate_rad_s[LEG_JOINTS]; /* motor references */
 };
@@ -53,20 +52,20 @@ struct balance {
     struct balance_leg leg[BODY_SIDES];
     const double *initial;
     struct servo_gains *gains; /* by axis */
-    double *angle, *from;      /* by axis: references of the links; where they were at the start */
-    struct body_pose *pose;    /* by link, of angle */
+    double *angle, *from;      /* by axis: link references; initial angles */
+    struct body_pose *pose;    /* by link, at `angle` */
     double com_height_m, omega;
     double t_s;
     bool ready;
-    double zmp[2];      /* wanted */
-    double ground_m;    /* ground height under the pelvis, smoothed */
-    double pelvis_m[3]; /* wanted */
+    double zmp[2];      /* desired zero-moment point */
+    double ground_m;    /* smoothed ground height under the pelvis */
+    double pelvis_m[3]; /* desired position of the pelvis */
 };
 
 /* ---- the feet ---- */
 
-/* Returns the foothold at which a foot's sole is estimated to be. Its yaw is unwrapped to the
- * turn of the plan's yaw, rad. */
+/* Returns the estimated foothold of a foot's sole. Its yaw is unwrapped to the turn of the plan's
+ * yaw, rad. */
 static struct gait_foothold balance_foothold(const struct estimate_foot *foot, double plan_yaw)
 {
     const double *R = foot->sole.R;
@@ -80,8 +79,8 @@ static struct gait_foothold balance_foothold(const struct estimate_foot *foot, d
     };
 }
 
-/* Returns whether a sole lies flat on the ground: it is loaded and its center of pressure is
- * inside its edges. (A sole that stands on an edge has it on that edge.) */
+/* Returns whether a sole lies flat: it carries load, and its center of pressure is inside its
+ * edges. On a sole that stands on an edge, the center of pressure is at this edge. */
 static bool balance_foot_flat(const struct balance *balance, const struct estimate_foot *foot)
 {
     const struct balance_config *config = &balance->config;
@@ -92,7 +91,7 @@ static bool balance_foot_flat(const struct balance *balance, const struct estima
            fabs(foot->cop_m[1]) < config->gait.sole_side_m - config->gait.sole_margin_m;
 }
 
-/* Fills what the gait measures: footholds, contact, vertical forces, center of mass and DCM. */
+/* Fills the gait's measurements: footholds, contact, vertical forces, center of mass and DCM. */
 static void balance_measure(struct balance *balance, struct gait_measured *measured, double dt_s)
 {
     const struct estimate *estimate = estimator_read(balance->estimator);
@@ -113,8 +112,8 @@ static void balance_measure(struct balance *balance, struct gait_measured *measu
     }
 }
 
-/* Computes the wanted zero-moment point: the plan's, plus proportional feedback on the error of
- * the divergent component of motion (DCM). */
+/* Computes the desired zero-moment point: the planned one plus proportional feedback on the error
+ * of the divergent component of motion (DCM). */
 static void balance_want_zmp(struct balance *balance)
 {
     const struct estimate *estimate = estimator_read(balance->estimator);
@@ -128,8 +127,8 @@ static void balance_want_zmp(struct balance *balance)
     }
 }
 
-/* Distributes the wanted zero-moment point to the feet: along the line between them by their
- * shares of the weight, across that line by their centers of pressure. Limits each to its sole. */
+/* Distributes the desired zero-moment point to the feet. Along the line between them, it sets the
+ * shares of the weight; across the line, the centers of pressure. Limits each to its sole. */
 static void balance_share(struct balance *balance)
 {
     const struct balance_config *config = &balance->config;
@@ -143,7 +142,7 @@ static void balance_share(struct balance *balance)
     }
     line[0] = at[BODY_LEFT][0] - at[BODY_RIGHT][0];
     line[1] = at[BODY_LEFT][1] - at[BODY_RIGHT][1];
-    /* Both feet stand: project the wanted point onto the line */
+    /* Both feet stand: project the desired point onto the line */
     if (plan->phase != GAIT_SWING) {
         left = ((balance->zmp[0] - at[BODY_RIGHT][0]) * line[0] +
                 (balance->zmp[1] - at[BODY_RIGHT][1]) * line[1]) /
@@ -152,8 +151,7 @@ static void balance_share(struct balance *balance)
     }
     balance->leg[BODY_LEFT].weight = left;
     balance->leg[BODY_RIGHT].weight = 1 - left;
-    /* What is left after the projection lies across the line: both feet move by it, in their
-     * soles */
+    /* The remainder is across the line: both feet move their center of pressure by it */
     for (int k = 0; k < 2; k++) {
         rest[k] = balance->zmp[k] - (at[BODY_RIGHT][k] + left * line[k]);
     }
@@ -162,7 +160,7 @@ static void balance_share(struct balance *balance)
         double point[2] = {at[i][0] + rest[0], at[i][1] + rest[1]};
 
         gait_into_foot(&plan->foot[i], point, leg->cop_m);
-        /* Limit the center of pressure to the sole less its margin */
+        /* Limit the center of pressure to the sole minus its margin */
         leg->cop_m[0] =
             fmin(fmax(leg->cop_m[0], config->gait.sole_back_m + config->gait.sole_margin_m),
                  config->gait.sole_front_m - config->gait.sole_margin_m);
@@ -170,8 +168,8 @@ static void balance_share(struct balance *balance)
     }
 }
 
-/* Makes the feet comply: integrates the errors of their moments into tilts of the soles and the
- * error of the difference of their forces into leg lengths, both with a leak. */
+/* Makes the feet compliant. Integrates moment errors into tilts of the soles, and the error of the
+ * force difference into leg lengths, both with a leak. */
 static void balance_yield(struct balance *balance, double dt_s)
 {
     const struct balance_config *config = &balance->config;
@@ -192,7 +190,7 @@ static void balance_yield(struct balance *balance, double dt_s)
             config->cop_pitch_rad_s_nm * leg->carries + config->land_turn_rad_s_nm * light;
         double roll = config->cop_roll_rad_s_nm * leg->carries + config->land_turn_rad_s_nm * light;
 
-        /* A foot pressed more at its toes turns up, one pressed more at its left rolls up there */
+        /* Turn up the side of the foot with too much pressure */
         leg->turn[0] = leg->turn[0] * leak + roll * force * (foot->cop_m[1] - leg->cop_m[1]) * dt_s;
         leg->turn[1] =
             leg->turn[1] * leak - pitch * force * (foot->cop_m[0] - leg->cop_m[0]) * dt_s;
@@ -208,8 +206,8 @@ static void balance_yield(struct balance *balance, double dt_s)
     }
 }
 
-/* Moves the target of a foot toward the plan. Where the foot came down apart from it, they are
- * brought together within FOOT_S, since a jump would press the legs against each other. */
+/* Moves the target of a foot toward the plan. A foot that landed elsewhere moves there within
+ * FOOT_S, because a jump would press the legs against each other. */
 static void balance_target_foot(struct balance *balance, int side, double dt_s)
 {
     const struct gait_reference *plan = &balance->gait.now;
@@ -231,8 +229,8 @@ static void balance_target_foot(struct balance *balance, int side, double dt_s)
 
 /* ---- the joints ---- */
 
-/* Computes the joint angles of a leg from the poses of pelvis and sole in the world. Returns
- * false when the sole is out of reach; the angles are then the nearest. */
+/* Computes the joint angles of a leg from the poses of pelvis and sole in the world. Returns false,
+ * with the nearest angles, when the sole is out of reach. */
 static bool balance_leg_angles(const struct balance_leg *leg, const double pelvis_R[9],
                                const double pelvis_p[3], const double sole_R[9],
                                const double sole_p[3], double angle[LEG_JOINTS])
@@ -249,8 +247,8 @@ static bool balance_leg_angles(const struct balance_leg *leg, const double pelvi
     return leg_inverse(&leg->geometry, &foot, KNEE_MIN, KNEE_MAX, angle);
 }
 
-/* Computes the vector from the pelvis to the center of mass in the pose of the references, in a
- * frame turned by R. */
+/* Computes the vector from the pelvis to the center of mass at the reference angles, in a frame
+ * turned by R. */
 static void balance_com_offset(struct balance *balance, const double R[9], double offset[3])
 {
     double com[3];
@@ -260,8 +258,7 @@ static void balance_com_offset(struct balance *balance, const double R[9], doubl
     mat3_apply(R, com, offset);
 }
 
-/* Updates and returns the smoothed load of a foot as a fraction, 0 to 1; 1 means 30 % of the
- * weight and more. */
+/* Updates and returns the smoothed load of a foot, 0 to 1; 1 = at least 30 % of the weight. */
 static double balance_carries(struct balance *balance, int side, double dt_s)
 {
     struct balance_leg *leg = &balance->leg[side];
@@ -284,7 +281,7 @@ static void balance_pose_legs(struct balance *balance, double dt_s)
     double upright[9], offset[3], ground = 0;
     const double rpy[3] = {0, config->lean_rad, plan->yaw};
 
-    /* The pelvis is where the planned center of mass wants it, upright but for the lean */
+    /* Place the pelvis under the planned center of mass, upright except for the lean */
     mat3_from_rpy(rpy, upright);
     balance_com_offset(balance, upright, offset);
     for (int i = 0; i < BODY_SIDES; i++) {
@@ -303,9 +300,9 @@ static void balance_pose_legs(struct balance *balance, double dt_s)
         struct balance_leg *leg = &balance->leg[i];
         double carries = balance_carries(balance, i, dt_s), R[9], sole_R[9], sole_p[3],
                angle[LEG_JOINTS];
-        /* A loaded leg takes the pelvis as planned, so that errors of attitude are corrected
-         * through the foot; a leg in the air takes it as measured, so that the foot goes where
-         * the plan says */
+        /* A loaded leg uses the planned attitude of the pelvis, so that the foot corrects attitude
+         * errors. A leg in the air uses the measured one, so that the foot reaches its planned
+         * place */
         double led[3] = {(1 - carries) * error[0], config->lean_rad + (1 - carries) * error[1],
                          plan->yaw + (1 - carries) * askew};
         double sole[3] = {leg->foot.roll + leg->turn[0], leg->foot.pitch + leg->turn[1],
@@ -326,8 +323,8 @@ static void balance_pose_legs(struct balance *balance, double dt_s)
     }
 }
 
-/* Computes the static torques of the legs when each foot carries its share of the weight at its
- * wanted center of pressure, the force pointing along the line to the center of mass. */
+/* Computes the static torques of the legs. Each foot carries its share of the weight at its desired
+ * center of pressure, with a force along the line to the center of mass. */
 static void balance_load_legs(struct balance *balance)
 {
     const struct estimate *estimate = estimator_read(balance->estimator);
@@ -342,12 +339,12 @@ static void balance_load_legs(struct balance *balance)
         struct body_pose sole;
         double point[3], force[3], world[3], cop[3] = {leg->cop_m[0], leg->cop_m[1], 0};
 
-        /* Point of attack: the wanted center of pressure, in the pelvis's frame */
+        /* Point of the force: the desired center of pressure, in the pelvis's frame */
         body_place_frame(&balance->model->sole[i], &balance->pose[leg->chain[LEG_JOINTS - 1]],
                          &sole);
         mat3_apply(sole.R, cop, point);
         vec3_add_scaled(point, 1, sole.p, point);
-        /* Force on the foot: its share of the weight, inclined like the pendulum, by 0.2 at most */
+        /* Force on the foot: its share of the weight, inclined like the pendulum, at most 0.2 */
         for (int k = 0; k < 2; k++) {
             double lean = (estimate->com_m[k] - balance->zmp[k]) / balance->com_height_m;
 
@@ -355,7 +352,7 @@ static void balance_load_legs(struct balance *balance)
         }
         world[2] = leg->weight * weight;
         mat3_apply_transposed(R, world, force);
-        /* Each joint carries what comes after it in the chain */
+        /* Each joint carries the links behind it in the chain */
         for (int j = 0; j < LEG_JOINTS; j++) {
             leg->torque_nm[leg->geometry.chain[j]] =
                 body_static_torque(balance->model, balance->pose, leg->chain + j,
@@ -364,7 +361,7 @@ static void balance_load_legs(struct balance *balance)
     }
 }
 
-/* Adds the hip torque that accelerates the swinging leg, taken as a rod with its inertia about
+/* Adds the hip torque that accelerates the swinging leg, modeled as a rod with its inertia about
  * the hip. The standing leg's hip gets the reaction, so that the trunk gets none. */
 static void balance_load_swing(struct balance *balance)
 {
@@ -380,9 +377,9 @@ static void balance_load_swing(struct balance *balance)
     stance->torque_nm[LEG_HIP_PITCH] -= torque;
 }
 
-/* Sets the references of all motors: the link's angle plus the deflection of the spring under
- * its load. take: fraction of the load that is compensated; loose: fraction of the way from the
- * pose at the start, both 0 to 1. */
+/* Sets the references of all motors: link angle plus the deflection of the spring under its load.
+ * take: compensated fraction of the load; loose: fraction of the way from the initial pose; both 0
+ * to 1. */
 static void balance_drive(struct balance *balance, double take, double loose, double dt_s)
 {
     const struct host_config *host = host_configuration(balance->host);
@@ -403,8 +400,7 @@ static void balance_drive(struct balance *balance, double take, double loose, do
             double motor = link + load / host->axis[axis].drive.spring_nm_rad;
             double rate;
 
-            /* Ankles follow the measured angle in part, so that the sole can lie down on the
-             * ground */
+            /* Ankles partly follow the measured angle, so that the sole adapts to the ground */
             if (balance->ready && (j == LEG_ANKLE_ROLL || j == LEG_ANKLE_PITCH)) {
                 double follow = balance->config.ankle_follow * fmin(leg->weight / 0.3, 1);
 
@@ -423,8 +419,7 @@ static void balance_drive(struct balance *balance, double take, double loose, do
 
 /* ---- creation ---- */
 
-/* Finds the geometry, axes and link chain of both legs. ERROR_INPUT when a leg is not of a known
- * kind. */
+/* Finds the geometry, axes and link chain of both legs. ERROR_INPUT for an unknown kind of leg. */
 static enum error_code balance_find_legs(struct balance *balance, struct error *error)
 {
     for (int side = 0; side < BODY_SIDES; side++) {
@@ -443,8 +438,8 @@ static enum error_code balance_find_legs(struct balance *balance, struct error *
     return ERROR_NONE;
 }
 
-/* Computes the standing posture: center of mass over the middle of the soles. Returns false when
- * the legs do not reach that far. */
+/* Computes the standing posture: center of mass above the middle of the soles. Returns false when
+ * the legs cannot reach it. */
 static bool balance_find_posture(struct balance *balance)
 {
     const struct gait_config *gait = &balance->config.gait;
@@ -454,8 +449,8 @@ static bool balance_find_posture(struct balance *balance)
 
     mat3_from_rpy(rpy, R);
     mat3_identity(flat);
-    /* The center of mass depends on the leg angles, and they on the pelvis: fixed-point
-     * iteration */
+    /* Fixed-point iteration, because the center of mass depends on the leg angles and these on the
+     * pelvis */
     memcpy(balance->angle, balance->initial,
            host_configuration(balance->host)->naxis * sizeof *balance->angle);
     for (int round = 0; round < 30; round++) {
@@ -474,7 +469,7 @@ static bool balance_find_posture(struct balance *balance)
             }
         }
     }
-    /* Inertia of each leg about the pitch axis of its hip, its links taken as point masses */
+    /* Inertia of each leg about the pitch axis of its hip, with its links as point masses */
     for (int side = 0; side < BODY_SIDES; side++) {
         struct balance_leg *leg = &balance->leg[side];
 
@@ -489,7 +484,7 @@ static bool balance_find_posture(struct balance *balance)
             leg->inertia_kg_m2 += link->mass_kg * (arm[0] * arm[0] + arm[2] * arm[2]);
         }
     }
-    /* The posture fixes the pendulum: height of the center of mass, omega = sqrt(g / height) */
+    /* The posture defines the pendulum: height of the center of mass, omega = sqrt(g / height) */
     balance->com_height_m = pelvis[2] + offset[2];
     balance->omega = sqrt(balance->model->gravity_m_s2 / balance->com_height_m);
     return reached;
@@ -519,7 +514,7 @@ enum error_code balance_create(const struct balance_config *config, const struct
                                 .from = from,
                                 .pose = pose,
                                 .gains = gains};
-    /* Boards, legs and posture: what can be wrong with the rig shows here */
+    /* Boards, legs and posture: errors of the rig appear here */
     code = estimator_create(&config->estimate, model, host, arena, &balance->estimator, error);
     code = code ? code : balance_find_legs(balance, error);
     if (code) {
@@ -534,9 +529,8 @@ enum error_code balance_create(const struct balance_config *config, const struct
     return ERROR_NONE;
 }
 
-/* Chooses the gains: those of the ankle rolls are their own. On buses that are slower than the
- * gains are for, the position loops cross over in proportion more slowly, so that the phase that
- * the delay takes from them stays the same. */
+/* Chooses the gains, with separate ones for the ankle rolls. On slow buses the position loops get a
+ * proportionally lower crossover frequency, so that the phase lost to the delay stays the same. */
 static void balance_choose_gains(struct balance *balance)
 {
     const struct balance_config *config = &balance->config;
@@ -579,19 +573,19 @@ void balance_start(struct balance *balance)
 
 /* ---- a period ---- */
 
-/* Starts the gait at the measured footholds, once the posture is reached. */
+/* Starts the gait at the measured footholds after the posture is reached. */
 static void balance_begin(struct balance *balance, struct gait_measured *measured)
 {
     struct gait_foothold *foot = measured->foot;
     double com[2];
 
-    /* The ground is taken as level until the soles have felt it */
+    /* Assume level ground until the soles have measured it */
     for (int i = 0; i < BODY_SIDES; i++) {
         foot[i].roll = foot[i].pitch = 0;
         balance->leg[i].foot = foot[i];
         balance->leg[i].carries = 1;
     }
-    /* The plan starts at rest, with the center of mass over the middle of the feet */
+    /* The plan starts at rest, with the center of mass above the middle of the feet */
     balance->ground_m = (foot[0].p[2] + foot[1].p[2]) / 2;
     com[0] = (foot[0].p[0] + foot[1].p[0]) / 2 + balance->config.gait.zmp_ahead_m;
     com[1] = (foot[0].p[1] + foot[1].p[1]) / 2;
@@ -611,14 +605,13 @@ void balance_update(struct balance *balance, const struct gait_command *command,
         balance->estimator, command->step,
         sqrt(command->forward_m_s * command->forward_m_s + command->left_m_s * command->left_m_s),
         dt_s);
-    /* Measure the feet, and let the gait begin when the ramp and the springs are over */
+    /* Measure the feet; start the gait after the ramp and the settling of the springs */
     estimate = estimator_read(balance->estimator);
     balance_measure(balance, &measured, dt_s);
     if (!balance->ready && balance->t_s > RAMP_S + SETTLE_S) {
         balance_begin(balance, &measured);
     }
-    /* Before that: equal load on both feet, references ramped from the initial pose (smooth
-     * step) */
+    /* Until then: equal load on both feet, references ramped from the initial pose (smooth step) */
     if (!balance->ready) {
         for (int i = 0; i < BODY_SIDES; i++) {
             balance->leg[i].weight = 0.5;
@@ -632,14 +625,14 @@ void balance_update(struct balance *balance, const struct gait_command *command,
         return;
     }
 
-    /* Plan, feedback on the DCM, distribution to the feet, compliance, poses: each uses the one
-     * before */
+    /* Plan, feedback on the DCM, distribution to the feet, compliance, poses; each step uses the
+     * one before */
     gait_update(&balance->gait, command, &measured, dt_s);
     balance_want_zmp(balance);
     balance_share(balance);
     balance_yield(balance, dt_s);
     balance_pose_legs(balance, dt_s);
-    /* Torques are computed in the new pose; the servo compensates the springs with them */
+    /* Compute the torques in the new pose; the servo uses them to compensate the springs */
     body_place(balance->model, balance->angle, balance->pose);
     balance_load_legs(balance);
     balance_load_swing(balance);
@@ -663,8 +656,8 @@ const struct gait *balance_gait(const struct balance *balance)
 
 /* ---- signals for recordings: what is estimated and planned ---- */
 
-/* The name and value of each. Right foot first, as in enum BODY_RIGHT; tilts of the estimated soles
- * come out of their rotation matrices. */
+/* Name and value of each signal. Right foot first, as in enum BODY_RIGHT; the tilts of the
+ * estimated soles come from their rotation matrices. */
 #define SIGNALS                                                                                    \
     SIGNAL("estimate.roll_rad", e->roll_rad)                                                       \
     SIGNAL("estimate.pitch_rad", e->pitch_rad)                                                     \

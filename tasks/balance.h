@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The balance controller under the tasks that stand and walk. Each period it estimates the state
- * (tasks/estimate.h), updates the gait that plans feet and center of mass (tasks/gait.h), corrects
- * errors of the measured divergent component of motion by moving the center of pressure, and
- * computes the references of the leg motors. docs/walking.md has the derivation. SI units. RT-safe
- * after creation.
+ * The balance controller of the standing and walking tasks. Each period it estimates the state
+ * (tasks/estimate.h) and updates the gait, which plans feet and center of mass (tasks/gait.h). It
+ * corrects errors of the measured divergent component of motion by moving the center of pressure.
+ * It then computes the references of the leg motors. docs/walking.md has the derivation. SI units.
+ * RT-safe after creation.
  */
 #ifndef TASKS_BALANCE_H
 #define TASKS_BALANCE_H
@@ -15,17 +15,17 @@
 
 struct balance;
 
-/* Creates the controller in the arena. initial_rad: joint angles by axis of the host, for all
- * joints that are not in a leg, and where the legs' solution starts. ERROR_INPUT when the robot
- * has no legs of a known kind, boards are missing, or the posture is out of reach. */
+/* Creates the controller in the arena. initial_rad: joint angles by axis of the host; they hold for
+ * all joints outside the legs and start the solution of the legs. ERROR_INPUT when the legs are of
+ * an unknown kind, boards are missing, or the posture is out of reach. */
 enum error_code balance_create(const struct balance_config *config, const struct body_model *model,
                                const double *initial_rad, struct host *host, struct servo *servo,
                                struct arena *arena, struct balance **balance, struct error *error);
 
-/* Starts the ramp into the posture. The motors must be on and hold still. */
+/* Starts the ramp into the posture. The motors must be on and at rest. */
 void balance_start(struct balance *balance);
 
-/* Runs one control period of dt_s: sets the servo's references and loads. */
+/* Runs one control period of dt_s. Sets the servo's references and loads. */
 void balance_update(struct balance *balance, const struct gait_command *command, double dt_s);
 
 /* Returns whether the robot has reached its posture and balances. */
@@ -34,7 +34,7 @@ bool balance_ready(const struct balance *balance);
 const struct estimate *balance_estimate(const struct balance *balance);
 const struct gait *balance_gait(const struct balance *balance);
 
-/* Names and present values of what the controller estimates and plans, for recordings. */
+/* Names and present values of the controller's estimates and plans, for recordings. */
 enum { BALANCE_SIGNALS = 55 };
 extern const char *const balance_signal_name[BALANCE_SIGNALS];
 void balance_signals(const struct balance *balance, double value[BALANCE_SIGNALS]);

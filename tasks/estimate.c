@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* State estimation of a walking robot; tasks/estimate.h says which board each estimate comes
- * from. */
+/* State estimation of a walking robot; tasks/estimate.h lists the board of each estimate. */
 #include "tasks/estimate.h"
 
 #include "base/portable_math.h"
@@ -11,11 +10,10 @@
 
 static const char *const foot_force_name[BODY_SIDES] = {"r_leg_ft", "l_leg_ft"};
 
-/* Share of the weight below which a foot does not hold its anchor: it may still tilt about an
- * edge until it lies flat on the ground. */
+/* Share of the weight below which a foot has no fixed anchor: it may still tilt about an edge. */
 #define ANCHOR_SHARE 0.3
 
-/* Largest tilt of the board that is taken out, rad: three times what such a board is off by. */
+/* Largest tilt of the board that is corrected, rad: three times the usual error of such a board. */
 #define LEAN_MAX_RAD 0.15
 
 struct estimator {
@@ -25,13 +23,13 @@ struct estimator {
     size_t force[BODY_SIDES]; /* index of the host's force-torque board */
     double *angle;            /* by axis of the host */
     struct body_pose *pose;   /* by link, in the pelvis's frame */
-    bool located;             /* the observer of the center of mass has its first value */
-    double lean[2]; /* what the board's attitude is turned by about the world's x and y, rad */
+    bool located;             /* the observer of the center of mass is initialized */
+    double lean[2]; /* estimated tilt of the board's attitude about the world's x and y, rad */
     struct estimate now;
 };
 
-/* Finds the force-torque boards of both feet and checks that there are an inertial board and
- * soles. ERROR_INPUT when one is missing. */
+/* Finds the force-torque boards of both feet and checks for an inertial board and soles.
+ * ERROR_INPUT when one is missing. */
 static enum error_code estimator_find_boards(struct estimator *estimator, struct error *error)
 {
     const struct host_config *config = host_configuration(estimator->host);
@@ -42,7 +40,7 @@ static enum error_code estimator_find_boards(struct estimator *estimator, struct
                          "the rig has no inertial board, expected one on the pelvis");
     }
 
-    /* Without any of these there is no balance */
+    /* Balance needs all of these sensors */
     host_watch_motion(estimator->host);
     for (int side = 0; side < BODY_SIDES; side++) {
         bool found = false;
@@ -102,8 +100,8 @@ static void estimate_upright(const struct estimator *estimator, double R[9])
     mat3_mul(back, old, R);
 }
 
-/* Computes the rotation pelvis to world out of the quaternion that the inertial board reports,
- * less its tilt. */
+/* Computes the rotation from pelvis to world from the inertial board's quaternion, corrected by its
+ * tilt. */
 static void estimate_board_attitude(const struct estimator *estimator, double R[9])
 {
     const struct host_motion *motion = host_motion(estimator->host);
@@ -133,9 +131,9 @@ static void estimate_rotate(double R[9], const double turn[3])
     mat3_from_quaternion(quaternion, R);
 }
 
-/* Computes the small rotation, in the pelvis's frame, from the estimated attitude to the
- * reported one: by the quaternion, or by the direction of gravity where there is none. Returns
- * false when the board reports neither. */
+/* Computes the small rotation from the estimated to the reported attitude, in the pelvis's frame.
+ * Uses the quaternion, or without one the direction of gravity. Returns false when the board
+ * reports neither. */
 static bool estimate_attitude_error(const struct estimator *estimator, double turn[3])
 {
     const struct host_motion *motion = host_motion(estimator->host);
@@ -158,7 +156,7 @@ static bool estimate_attitude_error(const struct estimator *estimator, double tu
         return true;
     }
     if (motion->acceleration_time_ns >= 0 && vec3_norm(motion->acceleration_m_s2) > 1) {
-        /* At rest the specific force points up: the cross product turns it onto the world's z
+        /* At rest the specific force points up: the cross product rotates it onto the world's z
          * axis */
         double felt[3], norm = vec3_norm(motion->acceleration_m_s2);
 
@@ -172,7 +170,7 @@ static bool estimate_attitude_error(const struct estimator *estimator, double tu
     return false;
 }
 
-/* Updates the attitude with a complementary filter: integrates the rate, then corrects a share
+/* Updates the attitude with a complementary filter: integrates the rate, then corrects a fraction
  * of the error. */
 static void estimate_attitude(struct estimator *estimator, double dt_s)
 {
@@ -200,8 +198,8 @@ static void estimate_attitude(struct estimator *estimator, double dt_s)
 
 /* ---- feet ---- */
 
-/* Computes force, center of pressure and pose of a foot. The pose's position is relative to the
- * pelvis as yet, in the world's axes. */
+/* Computes force, center of pressure and pose of a foot. The position is still relative to the
+ * pelvis, in the world's axes. */
 static void estimate_foot(struct estimator *estimator, int side)
 {
     const struct body_model *model = estimator->model;
@@ -234,14 +232,14 @@ static void estimate_foot(struct estimator *estimator, int side)
     foot->yaw_rad = portable_atan2(foot->sole.R[3], foot->sole.R[0]);
 }
 
-/* Updates the position of the pelvis by leg odometry: the mean of what the anchored feet say,
- * weighted by their loads. Feet in the air move along. */
+/* Updates the position of the pelvis by leg odometry: the mean over the anchored feet, weighted by
+ * their loads. Feet in the air move along. */
 static void estimate_odometry(struct estimator *estimator)
 {
     struct estimate *now = &estimator->now;
     double load[BODY_SIDES], sum = 0, pelvis[3] = {0};
 
-    /* Weights are the vertical forces; equal when nothing is loaded */
+    /* Weights are the vertical forces; equal when no foot carries load */
     for (int side = 0; side < BODY_SIDES; side++) {
         load[side] = fmax(now->foot[side].force_n[2], 0);
         sum += load[side];
@@ -254,7 +252,7 @@ static void estimate_odometry(struct estimator *estimator)
         vec3_add_scaled(pelvis, share, from, pelvis);
     }
     memcpy(now->pelvis_m, pelvis, sizeof pelvis);
-    /* A foot with little load is anchored anew wherever it is */
+    /* A foot with little load gets a new anchor at its present place */
     for (int side = 0; side < BODY_SIDES; side++) {
         struct estimate_foot *foot = &now->foot[side];
 
@@ -267,10 +265,10 @@ static void estimate_odometry(struct estimator *estimator)
 
 /* ---- center of mass ---- */
 
-/* Updates the tilt of the board. Seen from a frame that is tilted by e about y, forces accelerate
- * the center of mass by g e along x, which the encoders do not see: the observer's error settles at
- * -g e / l^2. About x the same with the other sign. Turning the attitude back moves the center of
- * mass over the standing foot too, which feeds back: COMAN's loop is stable up to a lean_per_s of
+/* Updates the tilt of the board. In a frame that is tilted by e about y, forces seem to accelerate
+ * the center of mass by g e along x, but the encoders see no motion. The observer's error settles
+ * at -g e / l^2; about x with the opposite sign. Correcting the attitude also moves the center of
+ * mass above the standing foot, which is a feedback: COMAN's loop is stable up to a lean_per_s of
  * about 1.3. */
 static void estimate_lean(struct estimator *estimator, const double apart[3], double l, double dt_s)
 {
@@ -284,8 +282,8 @@ static void estimate_lean(struct estimator *estimator, const double apart[3], do
     estimator->lean[1] = fmax(-most, fmin(most, estimator->lean[1] - rate * apart[0] * dt_s));
 }
 
-/* Updates the observer of the center of mass: forces give its acceleration, encoders its
- * position (a Luenberger observer, critically damped). l: its double pole, 1/s. */
+/* Updates the observer of the center of mass from the forces' acceleration and the encoders'
+ * position (Luenberger observer, critically damped). l: its double pole, 1/s. */
 static void estimate_center_of_mass(struct estimator *estimator, double l, double dt_s)
 {
     const struct body_model *model = estimator->model;
@@ -310,8 +308,8 @@ static void estimate_center_of_mass(struct estimator *estimator, double l, doubl
     estimate_lean(estimator, apart, l, dt_s);
 }
 
-/* Computes the zero-moment point of both feet together: the mean of the centers of pressure,
- * weighted by the loads. Keeps the last one while no foot is loaded. */
+/* Computes the zero-moment point of both feet: the mean of the centers of pressure, weighted by the
+ * loads. Keeps the last one while no foot carries load. */
 static void estimate_zmp(struct estimate *now)
 {
     double sum = 0, at[2] = {0};
@@ -334,7 +332,7 @@ static void estimate_zmp(struct estimate *now)
 
 /* ---- all of it ---- */
 
-/* Computes the poses of all links out of the encoders, then the state of both feet. */
+/* Computes the poses of all links from the encoders, then the state of both feet. */
 static void estimate_place(struct estimator *estimator)
 {
     size_t naxis = host_configuration(estimator->host)->naxis;
@@ -360,7 +358,7 @@ void estimator_start(struct estimator *estimator)
         estimate_board_attitude(estimator, now->R);
     }
     estimate_place(estimator);
-    /* The world's origin is the middle between the soles */
+    /* The world's origin is midway between the soles */
     for (int side = 0; side < BODY_SIDES; side++) {
         vec3_add_scaled(middle, 0.5, now->foot[side].sole.p, middle);
     }
@@ -370,9 +368,9 @@ void estimator_start(struct estimator *estimator)
     estimator->located = false;
 }
 
-/* Returns the bandwidth of the center of mass's observer, 1/s. Impacts of steps are noise that
- * grows with the speed, so that it goes to com_walking_per_s between half and all of
- * com_walking_m_s. */
+/* Returns the bandwidth of the observer of the center of mass, 1/s. Impacts of steps are noise that
+ * grows with the speed. Between half and all of com_walking_m_s the bandwidth changes to
+ * com_walking_per_s. */
 static double estimate_bandwidth(const struct estimate_config *config, bool walks, double speed_m_s)
 {
     const double fast_m_s = config->com_walking_m_s;
