@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Excite: a sum of sines moves one joint about the initial pose, for a recording that identify
- * (docs/identify.md) fits a drive to; all other joints hold the pose. A voltage is added to what
- * the position loop gives the motor, or the loop's reference moves. Frequencies are at equal
- * ratios; sines of the reference have the same speed each, those of the voltage the same amplitude;
- * phases are Schroeder's (IEEE Trans. Inf. Theory 16, 1970), which keep the peaks low. Amplitudes
- * add up to the setting, so that no peak is beyond it; a joint at a limit ends the task.
+ * Task excite: a sum of sines moves one joint about the initial pose, while all other joints hold
+ * the pose. identify (docs/identify.md) fits a drive to the recording. The sines are added to the
+ * position loop's voltage, or to its reference. Frequencies have equal ratios. Sines of the
+ * reference have equal peak speeds, sines of the voltage equal amplitudes. Schroeder's phases (IEEE
+ * Trans. Inf. Theory 16, 1970) keep the peaks low. The amplitudes sum to the setting, so no peak
+ * exceeds it. A joint at a limit ends the task.
  */
 #include "base/portable_math.h"
 #include "tasks/task_private.h"
@@ -26,19 +26,20 @@ enum excite_setting {
 
 enum { EXCITE_SINES_MAX = 32 };
 
-static const double EXCITE_POSE_S = 1.0;    /* duration of the way into the pose */
+static const double EXCITE_POSE_S = 1.0;    /* duration of the ramp into the pose */
 static const double EXCITE_RAMP_S = 1.0;    /* of the ramp of the amplitude, up and down */
-static const double EXCITE_NYQUIST = 0.25;  /* highest frequency, of the commands' rate */
+static const double EXCITE_NYQUIST = 0.25;  /* highest frequency as a fraction of the command
+                                             * rate */
 static const double EXCITE_MOST_RAD = M_PI; /* largest amplitude */
 static const double EXCITE_MOST_S = 3600;   /* longest duration */
 
-/* A copy of the settings at the beginning, since they may change meanwhile. */
+/* The settings at the beginning; a user may change them later. */
 struct excite {
     size_t axis;
     size_t nsine; /* 0 until the excitation begins */
     double amplitude[EXCITE_SINES_MAX], w[EXCITE_SINES_MAX], phase[EXCITE_SINES_MAX];
     double duration_s;
-    bool by_angle; /* the reference moves, and not the voltage */
+    bool by_angle; /* excites the reference instead of the voltage */
 };
 
 /* ---- settings ---- */
@@ -54,8 +55,8 @@ static const char *const excite_setting_name[EXCITE_SETTINGS + 1] = {
 
 /* ---- the task ---- */
 
-/* Creates the task's state and finds the joint; amplitudes are bounded by the supply, frequencies
- * by the commands' rate. ERROR_INPUT when the joint is not named or not there. */
+/* Creates the task's state and finds the joint. The supply limits the amplitude, the command rate
+ * the frequencies. ERROR_INPUT when the joint is not given or unknown. */
 static enum error_code excite_create(struct task *task, struct arena *arena, struct error *error)
 {
     const struct task_config *config = &task->config;
@@ -82,8 +83,8 @@ static enum error_code excite_create(struct task *task, struct arena *arena, str
     return task_find_input_axis(task, &excite->axis, error);
 }
 
-/* Makes the sines. Returns false with a message when they are none, or would leave the joint's
- * limits. */
+/* Makes the sines. Returns false with a message when there are none, or when they would leave the
+ * joint's limits. */
 static bool excite_begin(struct task *task)
 {
     struct excite *excite = task->state;
@@ -118,7 +119,7 @@ static bool excite_begin(struct task *task)
     return true;
 }
 
-/* Sets the joint's reference or voltage, t_s after the begin of the excitation. */
+/* Sets the joint's reference or voltage at t_s of the excitation. */
 static void excite_move(struct task *task, double t_s)
 {
     const struct excite *excite = task->state;
@@ -131,7 +132,7 @@ static void excite_move(struct task *task, double t_s)
         rate += excite->amplitude[k] * excite->w[k] * cosine;
     }
 
-    /* The amplitude's ramp, without a corner at its ends */
+    /* Ramp of the amplitude, smooth at both ends */
     share = part > 0 ? part * part * (3 - 2 * part) : 0;
     if (part > 0 && part < 1) {
         growth = 6 * part * (1 - part) / EXCITE_RAMP_S * (2 * t_s < excite->duration_s ? 1 : -1);
@@ -144,8 +145,8 @@ static void excite_move(struct task *task, double t_s)
     }
 }
 
-/* Checks whether the joint is within its limits, and where only angles move that all motors
- * follow; false with a message. */
+/* Checks that the joint is within its limits and, without a voltage, that all motors follow; false
+ * with a message. */
 static bool excite_is_safe(struct task *task)
 {
     const struct excite *excite = task->state;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Follow: joints move along a trajectory from a file (tasks/trajectory.h); joints that it does not
- * name hold the initial pose. Errors are those of the link encoders, each against the angle that
- * was wanted at the time of its frame.
+ * Task follow: joints move along a trajectory from a file (tasks/trajectory.h); other joints hold
+ * the initial pose. Errors compare each link encoder angle with the reference at the time of its
+ * frame.
  */
 #include "tasks/task_private.h"
 #include "tasks/trajectory.h"
@@ -12,13 +12,10 @@
 
 enum follow_setting { FOLLOW_TOLERANCE, FOLLOW_SETTINGS };
 
-static const double FOLLOW_RAMP_S = 1.0;     /* duration of the ramp into the first row, at least
-                                              * ... */
-static const double FOLLOW_RAMP_RAD_S = 1.0; /* ... so that no joint moves faster */
-static const double FOLLOW_SETTLE_S = 1.0;   /* wait in the first row, before the trajectory
-                                              * begins */
-static const double FOLLOW_END_S = 0.5;      /* wait in the last row, after the trajectory has
-                                              * ended */
+static const double FOLLOW_RAMP_S = 1.0;     /* least duration of the ramp into the first row */
+static const double FOLLOW_RAMP_RAD_S = 1.0; /* largest mean rate of a joint on this ramp */
+static const double FOLLOW_SETTLE_S = 1.0;   /* wait in the first row */
+static const double FOLLOW_END_S = 0.5;      /* wait in the last row */
 static const double FOLLOW_TOLERANCE_RAD = 0.2;
 
 static const char *const follow_setting_name[FOLLOW_SETTINGS + 1] = {
@@ -28,7 +25,7 @@ static const char *const follow_setting_name[FOLLOW_SETTINGS + 1] = {
 struct follow {
     double *first; /* joint angles in the first row */
     double ramp_s;
-    int64_t *seen_ns;           /* by axis: time of the newest angle judged */
+    int64_t *seen_ns;           /* by axis: time of the newest checked angle */
     int *column;                /* by axis: column of the trajectory, -1 = none */
     struct follow_error *error; /* by axis */
     double *square, *worst;     /* by axis: sum of the squared errors, rad^2; largest error, rad */
@@ -62,7 +59,7 @@ static enum error_code follow_create(struct task *task, struct arena *arena, str
     }
     task->state = follow;
 
-    /* Who moves, and from where */
+    /* Find the moving joints and the first row */
     for (size_t i = 0; i < naxis; i++) {
         follow->error[i].joint = task->config.host.axis[i].joint;
         follow->first[i] = task->config.initial_rad[i];
@@ -76,20 +73,20 @@ static enum error_code follow_create(struct task *task, struct arena *arena, str
     return task_make_settings(task, &tolerance, FOLLOW_SETTINGS, arena, error);
 }
 
-/* Computes how long the ramp into the first row has to be. */
+/* Computes the duration of the ramp into the first row. */
 static void follow_start(struct task *task)
 {
     struct follow *follow = task->state;
 
     follow->ramp_s = FOLLOW_RAMP_S;
     for (size_t i = 0; i < task->config.host.naxis; i++) {
-        /* A joint's rate on a ramp is 1.5 times the mean at most */
+        /* The peak rate on a ramp is 1.5 times the mean */
         follow->ramp_s =
             fmax(follow->ramp_s, 1.5 * fabs(follow->first[i] - task->from[i]) / FOLLOW_RAMP_RAD_S);
     }
 }
 
-/* Computes the reference of an axis t_s after the beginning of the trajectory: rad, rad/s. */
+/* Computes the reference of an axis at t_s of the trajectory: rad, rad/s. */
 static void follow_wanted(const struct task *task, size_t axis, double t_s, double *angle,
                           double *rate)
 {
@@ -103,7 +100,7 @@ static void follow_wanted(const struct task *task, size_t axis, double t_s, doub
     }
 }
 
-/* Updates the error record of an axis when a new angle has come. Returns false with a message
+/* Updates the error record of an axis when a new angle has arrived. Returns false with a message
  * when the error exceeds the tolerance. */
 static bool follow_judge(struct task *task, size_t axis, double begin_s)
 {
@@ -126,7 +123,7 @@ static bool follow_judge(struct task *task, size_t axis, double begin_s)
         return false;
     }
 
-    /* The record goes on */
+    /* Update the record */
     follow->square[axis] += error * error;
     record->count++;
     record->rms_rad = sqrt(follow->square[axis] / (double)record->count);
@@ -147,7 +144,7 @@ static void follow_tell_end(struct task *task)
     task_tell_worst(task, follow->worst);
 }
 
-/* Runs one period: the ramp into the first row, then the trajectory, with its errors judged. */
+/* Runs one period: the ramp into the first row, then the trajectory with its error checks. */
 static enum task_status follow_step(struct task *task, double t_s)
 {
     struct follow *follow = task->state;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Updates the gait: phases of the steps, footholds and the plan of the zero-moment point and DCM
- * over them. */
+/* Updates the gait: phases of the steps, footholds, and the plan of the zero-moment point and the
+ * DCM. */
 #include "tasks/gait.h"
 
 #include "base/portable_math.h"
@@ -8,28 +8,28 @@
 #include <math.h>
 #include <string.h>
 
-/* Number of footholds planned beyond the next one: what comes later changes the DCM by less than
+/* Number of footholds planned beyond the next one. Later ones change the DCM by less than
  * exp(-omega 2 T), a thousandth. */
 enum { PREVIEW = 3 };
 
 #define ADJUST_S 0.03    /* time constant of the foothold's adjustment */
 #define TIME_CHANGE 0.06 /* largest relative change of a step's duration */
-#define EARLIEST 0.5     /* fraction of a swing after which a load means a landing */
+#define EARLIEST 0.5     /* fraction of a swing after which a load counts as a landing */
 
-/* Of the step that catches a standing robot that is pushed */
-#define CATCH_LATE_S 0.1    /* it ends so much later when it has met no ground */
-#define CATCH_LOWER_M_S 0.3 /* speed at which its foot is lowered until then */
+/* Constants of the step that catches a pushed robot */
+#define CATCH_LATE_S 0.1    /* longest extension of the swing without ground contact */
+#define CATCH_LOWER_M_S 0.3 /* speed at which the foot is lowered meanwhile */
 #define CATCH_COM_S 0.05    /* time constant of the planned center of mass */
-#define SETTLE_S 0.1        /* wait after a step: the foot that came down bounces */
+#define SETTLE_S 0.1        /* wait after a step, because the landed foot bounces */
 #define LOAD_S 0.05         /* duration in which the standing foot takes over the weight */
 #define FOLLOW_S 0.03       /* time constant with which the foothold follows the DCM */
-#define ACROSS_PART 0.45    /* fraction of the swing in which it does so across ... */
-#define ALONG_PART 0.63     /* ... and along: later the leg's own way moves the DCM */
-#define ON_PART 0.6         /* fraction of the way to the new foot: beyond it the other follows */
+#define ACROSS_PART 0.45    /* fraction of the swing in which it follows sideways ... */
+#define ALONG_PART 0.63     /* ... and lengthwise: later the leg moves the DCM */
+#define ON_PART 0.6         /* beyond this fraction of the way, the other foot follows */
 #define ON_TRANSFER_S 0.12
-#define CALM_S 0.3    /* at rest means: it has stood for so long ... */
-#define CALM_M 0.025  /* ... and the DCM is this near to its plan */
-#define BESIDE_M 0.03 /* feet this near to side by side need no further step */
+#define CALM_S 0.3    /* at rest = has stood for this time ... */
+#define CALM_M 0.025  /* ... with the DCM this close to its plan */
+#define BESIDE_M 0.03 /* feet this close to side by side need no further step */
 
 /* ---- the divergent component of motion ---- */
 
@@ -41,8 +41,7 @@ void dcm_add(struct dcm_plan *plan, double duration_s, const double from[2], con
     }
 }
 
-/* Computes xi where left_s of a line are left, from xi at the line's end (the equation in the
- * header). */
+/* Computes xi when left_s of a line are left, from xi at its end (equation of the header). */
 static void dcm_line_back(const struct dcm_line *line, double omega, double left_s,
                           const double end[2], double dcm[2])
 {
@@ -56,7 +55,8 @@ static void dcm_line_back(const struct dcm_line *line, double omega, double left
     }
 }
 
-/* Computes xi at the end of the first line, backward from the end of the plan, where xi rests. */
+/* Computes xi at the end of the first line, backward from the end of the plan, where xi is
+ * constant. */
 static void dcm_first_end(const struct dcm_plan *plan, double end[2])
 {
     const struct dcm_line *last = &plan->line[plan->nline - 1];
@@ -78,7 +78,7 @@ void dcm_begin_at(struct dcm_plan *plan, const double dcm[2])
     double lasts = plan->omega * first->duration_s, decay = portable_exp(-lasts), end[2];
 
     dcm_first_end(plan, end);
-    /* The equation in the header, solved for r0, with r' = (r1 - r0) / T */
+    /* Solve the header's equation for r0, with r' = (r1 - r0) / T */
     for (int k = 0; k < 2; k++) {
         first->from[k] =
             (dcm[k] - first->to[k] * (1 - decay) / lasts - decay * (end[k] - first->to[k])) /
@@ -117,8 +117,7 @@ static int gait_other(int side)
     return BODY_SIDES - 1 - side;
 }
 
-/* Returns the sign of the direction away from the other foot, along y: +1 of the left foot, -1
- * of the right one. */
+/* Returns the sign of y away from the other foot: +1 for the left foot, -1 for the right one. */
 static double gait_outward(int side)
 {
     return side == BODY_LEFT ? 1 : -1;
@@ -145,7 +144,7 @@ void gait_foot_zmp(const struct gait *gait, int side, const struct gait_foothold
                 zmp);
 }
 
-/* Computes the zero-moment point of standing still: the middle between the feet's. */
+/* Computes the zero-moment point of standing: midway between the feet's. */
 static void gait_middle_zmp(const struct gait *gait, const struct gait_foothold foot[BODY_SIDES],
                             double zmp[2])
 {
@@ -158,7 +157,7 @@ static void gait_middle_zmp(const struct gait *gait, const struct gait_foothold 
     zmp[1] = (side[0][1] + side[1][1]) / 2;
 }
 
-/* Predicts height and tilt of a foothold to come, as if the ground under the standing sole
+/* Predicts height and tilt of a future foothold, as if the ground of the standing sole
  * continued. */
 static void gait_foresee_ground(const struct gait *gait, const struct gait_foothold *stance,
                                 struct gait_foothold *to)
@@ -173,8 +172,8 @@ static void gait_foresee_ground(const struct gait *gait, const struct gait_footh
     to->p[2] = stance->p[2] - portable_tan(to->pitch) * ahead + portable_tan(to->roll) * left;
 }
 
-/* Computes where the foot of that side steps to while the other one stands, from the commanded
- * velocity; close: beside the standing foot. */
+/* Computes the next foothold of foot `side`, while the other foot stands, from the commanded
+ * velocity. close: beside the standing foot. */
 static void gait_foothold_of(const struct gait *gait, int side, const struct gait_foothold *stance,
                              bool close, struct gait_foothold *to)
 {
@@ -190,7 +189,7 @@ static void gait_foothold_of(const struct gait *gait, int side, const struct gai
     if (out * left < config->least_width_m) {
         left = out * config->least_width_m;
     }
-    /* It turns about the middle between the feet */
+    /* Rotate about the middle between the feet */
     gait_offset(stance, 0, out * config->width_m / 2, middle);
     memcpy(center.p, middle, sizeof middle);
     center.yaw = stance->yaw + turn;
@@ -213,8 +212,8 @@ void gait_start(struct gait *gait, const struct gait_config *config, double omeg
     memcpy(gait->now.dcm, gait->now.zmp, sizeof gait->now.dcm);
 }
 
-/* Returns how far a point is on the way from the right foot's planned zero-moment point to the left
- * one's: 0 to 1 between them. */
+/* Returns where a point lies between the right foot's planned zero-moment point (0) and the left
+ * one's (1). */
 static double gait_left_share(const struct gait *gait, const double point[2])
 {
     double side[BODY_SIDES][2], along[2], square;
@@ -232,8 +231,8 @@ static double gait_left_share(const struct gait *gait, const double point[2])
 
 /* ---- the plan ---- */
 
-/* Appends what follows the swing of the present step: transfers and swings over the footholds to
- * come, and at last the way to the middle of the feet, where the DCM comes to rest. */
+/* Appends the future after the present swing: transfers and swings over the next footholds, then
+ * the way to the middle of the feet, where the DCM comes to rest. */
 static void gait_plan_future(const struct gait *gait, struct dcm_plan *plan)
 {
     const struct gait_config *config = &gait->config;
@@ -245,7 +244,7 @@ static void gait_plan_future(const struct gait *gait, struct dcm_plan *plan)
     foot[gait->now.stance] = gait->now.foot[gait->now.stance];
     foot[swing] = gait->next;
     gait_foot_zmp(gait, gait->now.stance, &foot[gait->now.stance], from);
-    /* Steps alternate at the commanded velocity until the robot is told to stand */
+    /* Steps alternate at the commanded velocity until the command is to stand */
     for (int i = 0; i < PREVIEW && !closing; i++) {
         int stance = swing;
 
@@ -270,13 +269,12 @@ static void gait_plan(const struct gait *gait, struct dcm_plan *plan)
     plan->nline = 0;
     gait_foot_zmp(gait, gait->now.stance, &gait->now.foot[gait->now.stance], stance);
     switch (gait->now.phase) {
-    /* Standing: the zero-moment point rests in the middle (any duration would do) */
+    /* Standing: the zero-moment point stays in the middle, for any duration */
     case GAIT_STAND:
         gait_middle_zmp(gait, gait->now.foot, to);
         dcm_add(plan, 1, to, to);
         return;
-    /* Transfer: from where the point was to the foot that will stand, or to the middle at the
-     * end */
+    /* Transfer: from the present point to the next standing foot, or at the end to the middle */
     case GAIT_TRANSFER:
         if (gait->closing) {
             gait_middle_zmp(gait, gait->now.foot, to);
@@ -286,7 +284,7 @@ static void gait_plan(const struct gait *gait, struct dcm_plan *plan)
         dcm_add(plan, gait->duration_s, gait->zmp_from, stance);
         dcm_add(plan, gait->config.swing_s, stance, stance);
         break;
-    /* Swing: the point rests under the standing foot */
+    /* Swing: the point stays under the standing foot */
     case GAIT_SWING:
         dcm_add(plan, gait->duration_s, stance, stance);
         break;
@@ -303,7 +301,7 @@ static void gait_begin(struct gait *gait, enum gait_phase phase, double duration
     gait->duration_s = duration_s;
 }
 
-/* Begins the next step, with its transfer: from now on stance carries and the other foot will
+/* Begins the next step with its transfer. From now on `stance` carries and the other foot will
  * swing. */
 static void gait_begin_step(struct gait *gait, int stance, double transfer_s)
 {
@@ -317,9 +315,9 @@ static void gait_begin_step(struct gait *gait, int stance, double transfer_s)
     gait_begin(gait, GAIT_TRANSFER, transfer_s);
 }
 
-/* Adopts the commanded duration of a step, by TIME_CHANGE a step at most. That happens where a
- * swing begins, since what the plan had foreseen beyond it has faded by then: the planned DCM
- * jumps by a millimeter or two. */
+/* Adopts the commanded duration of a step, at most TIME_CHANGE per step. It does so at the
+ * beginning of a swing, when later parts of the old plan have little effect: the planned DCM jumps
+ * by one or two millimeters. */
 static void gait_take_time(struct gait *gait)
 {
     double scale = gait->command.step_s / (gait->config.swing_s + gait->config.transfer_s);
@@ -331,8 +329,7 @@ static void gait_take_time(struct gait *gait)
     }
 }
 
-/* Makes the measured place of the foot in the air its foothold. Its tilt comes from
- * gait_feel_ground. */
+/* Makes the measured place of the foot in the air its foothold. gait_feel_ground sets its tilt. */
 static void gait_land(struct gait *gait, const struct gait_measured *measured)
 {
     int swing = gait_other(gait->now.stance);
@@ -345,8 +342,8 @@ static void gait_land(struct gait *gait, const struct gait_measured *measured)
     gait->landed = true;
 }
 
-/* Presses a foot that came down early lightly onto the ground until the swing is over, so that
- * it neither bounces nor pushes the robot off. */
+/* Presses an early foot lightly onto the ground until the swing ends, so that it neither bounces
+ * nor pushes the robot up. */
 static void gait_press(struct gait *gait, const struct gait_measured *measured, double dt_s)
 {
     int swing = gait_other(gait->now.stance);
@@ -355,8 +352,8 @@ static void gait_press(struct gait *gait, const struct gait_measured *measured, 
     gait->now.foot[swing].p[2] -= gait->config.lower_m_s * fmax(lacks, -1) * dt_s;
 }
 
-/* Returns whether the swing is over: its time has passed, and the foot has met the ground or has
- * been lowered as far as ground may be expected. */
+/* Returns whether the swing is over: its time has passed, and the foot has landed or has been
+ * lowered completely. */
 static bool gait_swing_over(const struct gait *gait)
 {
     double late = gait->elapsed_s - gait->duration_s;
@@ -367,14 +364,13 @@ static bool gait_swing_over(const struct gait *gait)
     return late >= 0 && (gait->landed || late * gait->config.lower_m_s >= gait->config.lower_m);
 }
 
-/* Updates the tilt of the footholds from soles that lie flat on the ground, with the time
- * constant tilt_s. */
+/* Updates the tilt of the footholds from soles that lie flat, with the time constant tilt_s. */
 static void gait_feel_ground(struct gait *gait, const struct gait_measured *measured, double dt_s)
 {
     double share = dt_s / (gait->config.tilt_s + dt_s);
 
     for (int i = 0; i < BODY_SIDES; i++) {
-        /* Only the foot that came down last can find a new tilt */
+        /* Only the foot that landed last can find a new tilt */
         bool new = gait->now.phase == GAIT_SWING
                        ? i != gait->now.stance && gait->landed
                        : gait->now.phase == GAIT_TRANSFER &&i == gait->now.stance;
@@ -386,7 +382,7 @@ static void gait_feel_ground(struct gait *gait, const struct gait_measured *meas
     }
 }
 
-/* Makes the transfer that has begun start from this DCM. */
+/* Makes the present transfer start from this DCM. */
 static void gait_begin_at(struct gait *gait, const double dcm[2])
 {
     struct dcm_plan plan;
@@ -396,8 +392,8 @@ static void gait_begin_at(struct gait *gait, const double dcm[2])
     memcpy(gait->zmp_from, plan.line[0].from, sizeof gait->zmp_from);
 }
 
-/* Begins the first step from a stand. Later ones begin with the zero-moment point where it is;
- * this one chooses it so that the DCM does not jump. */
+/* Begins the first step from standing. Later steps begin at the present zero-moment point; this one
+ * chooses a point with which the DCM does not jump. */
 static void gait_set_out(struct gait *gait, int stance)
 {
     gait_begin_step(gait, stance, gait->config.start_s);
@@ -406,7 +402,7 @@ static void gait_set_out(struct gait *gait, int stance)
 
 /* ---- the step that catches a standing robot that is pushed (capture step) ---- */
 
-/* Returns the distance between two points in the plane, m. */
+/* Returns the horizontal distance between two points, m. */
 static double gait_apart(const double a[2], const double b[2])
 {
     double x = a[0] - b[0], y = a[1] - b[1];
@@ -414,10 +410,10 @@ static double gait_apart(const double a[2], const double b[2])
     return sqrt(x * x + y * y);
 }
 
-/* Returns how far (m) the DCM is ahead of or behind where the center of pressure can be,
- * negative inside: the reach of a sole on the line between the feet, where that line is nearest
- * to the DCM. Sideways no step helps that does not cross the legs: the foot on that side carries
- * the weight, and the other one would have to pass it. */
+/* Returns the distance (m) of the DCM beyond the range of the center of pressure, negative inside.
+ * The range is the reach of a sole along the line between the feet, at the point nearest to the
+ * DCM. A sideways fall gets no step: the foot on that side carries the weight, and the other leg
+ * would have to cross it. */
 static double gait_beyond_soles(const struct gait *gait, const double dcm[2])
 {
     const struct gait_config *config = &gait->config;
@@ -432,7 +428,7 @@ static double gait_beyond_soles(const struct gait *gait, const double dcm[2])
     return fmax(in[0] - config->sole_front_m, config->sole_back_m - in[0]) + config->sole_margin_m;
 }
 
-/* Returns whether a standing robot has to step. */
+/* Returns whether a standing robot must step. */
 static bool gait_must_catch(const struct gait *gait, const struct gait_measured *measured)
 {
     enum gait_phase phase = gait->now.phase;
@@ -443,7 +439,7 @@ static bool gait_must_catch(const struct gait *gait, const struct gait_measured 
            gait_beyond_soles(gait, measured->dcm) > -gait->config.catch_margin_m;
 }
 
-/* Begins the swing of the foot that is further from the DCM, at once. */
+/* Begins the swing of the foot farther from the DCM, at once. */
 static void gait_begin_catch(struct gait *gait, const struct gait_measured *measured)
 {
     struct gait_reference *now = &gait->now;
@@ -456,7 +452,8 @@ static void gait_begin_catch(struct gait *gait, const struct gait_measured *meas
     }
     now->stance = apart[BODY_RIGHT] < apart[BODY_LEFT] ? BODY_RIGHT : BODY_LEFT;
     swing = gait_other(now->stance);
-    /* The swing begins without a transfer: remember the load of the standing foot for its ramp */
+    /* The swing begins without a transfer: store the load of the standing foot for the ramp of the
+     * weight */
     gait->bore = now->share[now->stance];
     gait->catches = true;
     gait->closing = gait->landed = false;
@@ -468,15 +465,14 @@ static void gait_begin_catch(struct gait *gait, const struct gait_measured *meas
     gait_begin(gait, GAIT_SWING, gait->config.catch_swing_s);
 }
 
-/* Returns the share of the weight on the standing foot while the other one leaves the ground. */
+/* Returns the share of the weight on the standing foot while the other one lifts off. */
 static double gait_catch_share(const struct gait *gait)
 {
     return gait->bore + (1 - gait->bore) * fmin(gait->elapsed_s / LOAD_S, 1);
 }
 
-/* Moves the foothold to where the DCM will be when the foot comes down. It moves only ever
- * further away: a foot that is drawn back throws the robot off, one that steps too far does no
- * harm. */
+/* Moves the foothold to the DCM at the predicted landing. It only moves outward: a foot that moves
+ * back tips the robot over, but a longer step does no harm. */
 static void gait_place_catch(struct gait *gait, const double after[2], double dt_s)
 {
     const struct gait_config *config = &gait->config;
@@ -484,7 +480,8 @@ static void gait_place_catch(struct gait *gait, const double after[2], double dt
     double out = gait_outward(gait_other(gait->now.stance)), reach = config->catch_reach_m;
     double was[2], to[2], goal[2];
 
-    /* In the heading of the standing foot: limit to its reach, and never closer than before */
+    /* In the heading of the standing foot: limit the foothold to its reach, and never move it
+     * closer */
     gait_into_foot(at, gait->next.p, was);
     gait_into_foot(at, after, to);
     to[0] = fmin(fmax(to[0] - config->zmp_ahead_m, -reach), reach);
@@ -494,7 +491,7 @@ static void gait_place_catch(struct gait *gait, const double after[2], double dt
     if (gait->elapsed_s > ACROSS_PART * gait->duration_s) {
         to[1] = was[1];
     }
-    /* Back into the world, smoothed */
+    /* Transform back into the world, smoothed */
     gait_offset(at, to[0], to[1], goal);
     for (int k = 0; k < 2; k++) {
         gait->next.p[k] += (goal[k] - gait->next.p[k]) * fmin(dt_s / FOLLOW_S, 1);
@@ -509,13 +506,13 @@ static void gait_plan_catch(struct gait *gait, const struct gait_measured *measu
     const struct gait_foothold *at = &now->foot[now->stance];
     double side = config->sole_side_m - config->sole_margin_m, in[2], after[2];
 
-    /* The center of pressure goes as far against the fall as the standing sole reaches */
+    /* Move the center of pressure against the fall, as far as the standing sole reaches */
     gait_into_foot(at, measured->dcm, in);
     in[0] = fmin(fmax(in[0], config->sole_back_m + config->sole_margin_m),
                  config->sole_front_m - config->sole_margin_m);
     in[1] = fmin(fmax(in[1], -side), side);
     gait_offset(at, in[0], in[1], now->zmp);
-    /* The plan is the measurement, so that no feedback acts on top of it */
+    /* The plan equals the measurement, so that no feedback acts in addition */
     memcpy(now->dcm, measured->dcm, sizeof now->dcm);
 
     dcm_advance(gait->omega, fmax(gait->duration_s - gait->elapsed_s, 0), now->zmp, measured->dcm,
@@ -533,7 +530,8 @@ static void gait_end_catch(struct gait *gait, const struct gait_measured *measur
     double left = gait_left_share(gait, measured->dcm);
 
     gait->catches = false;
-    /* The DCM has gone on to the new foot: the other one follows with a step; else stay apart */
+    /* If the DCM has moved to the new foot, the other one follows with a step; else the feet stay
+     * apart */
     if ((swing == BODY_LEFT ? left : 1 - left) > ON_PART) {
         gait_begin_step(gait, swing, ON_TRANSFER_S);
         return;
@@ -565,7 +563,7 @@ static void gait_end_phase(struct gait *gait, const struct gait_measured *measur
     int swing = gait_other(gait->now.stance);
 
     switch (gait->now.phase) {
-    /* A stand has no end of its own; gait_update begins a step */
+    /* Standing has no end; gait_update begins a step */
     case GAIT_STAND:
         break;
     /* After a closing transfer the robot stands; otherwise the swing begins */
@@ -583,7 +581,7 @@ static void gait_end_phase(struct gait *gait, const struct gait_measured *measur
                          &gait->next);
         gait_begin(gait, GAIT_SWING, gait->config.swing_s);
         break;
-    /* The foot counts as down, with ground or without: transfer to it, or to the middle */
+    /* Treat the foot as landed, with or without contact: transfer to it, or to the middle */
     case GAIT_SWING:
         gait->steps++;
         if (!gait->landed) {
@@ -604,7 +602,7 @@ static void gait_end_phase(struct gait *gait, const struct gait_measured *measur
 /* ---- the foot in the air ---- */
 
 /* Returns the part of a DCM error (m) at the end of the swing that the center of pressure cannot
- * remove until then, moved by ankle_m at most from now on. */
+ * remove, if it moves by at most ankle_m from now on. */
 static double gait_beyond_ankle(const struct gait *gait, double error, double left_s)
 {
     double able = gait->config.ankle_m * (portable_exp(gait->omega * left_s) - 1);
@@ -623,11 +621,11 @@ static void gait_adjust_foothold(struct gait *gait, const double dcm[2], double 
     double after[2], move[2], ahead, left, goal[2];
     struct gait_foothold plain;
 
-    /* dcm_end is planned for the foothold as it is now, shifted. A foothold 1 m further begins
-     * its transfer with a DCM that is further by follow, so that the error is divided by it */
+    /* dcm_end is the plan for the present foothold. A foothold 1 m farther starts its transfer with
+     * a DCM that is `follow` farther, so divide the error by follow */
     dcm_advance(gait->omega, left_s, gait->now.zmp, dcm, after);
     gait_foothold_of(gait, swing, at, gait->closing, &plain);
-    /* The step that removes the part of the error that the ankle cannot */
+    /* Compute the step that removes the rest of the error beyond the ankle's reach */
     for (int k = 0; k < 2; k++) {
         double error = after[k] - (gait->dcm_end[k] - follow * gait->shift[k]);
 
@@ -649,7 +647,7 @@ static void gait_adjust_foothold(struct gait *gait, const double dcm[2], double 
     }
 }
 
-/* Returns the minimum-jerk way from 0 to 1 (quintic), with velocity and acceleration 0 at both
+/* Returns the minimum-jerk curve from 0 to 1 (quintic), with velocity and acceleration 0 at both
  * ends. */
 static double gait_ease(double s)
 {
@@ -663,14 +661,15 @@ static double gait_ease_acceleration(double s)
     return s <= 0 || s >= 1 ? 0 : s * (60 + s * (-180 + 120 * s));
 }
 
-/* Updates the pose and acceleration of the foot in the air, out of the progress of the swing. */
+/* Updates the pose and acceleration of the foot in the air from the progress of the swing. */
 static void gait_swing_foot(struct gait *gait)
 {
     int swing = gait_other(gait->now.stance);
     struct gait_foothold *foot = &gait->now.foot[swing];
     double s = gait->now.progress, along = gait_ease((s - 0.05) / 0.85);
     double stretch = 1 / (0.85 * gait->duration_s);
-    /* Up in the first 45 %, down in the second half; along between 5 % and 90 % of the swing */
+    /* Up in the first 45 %, down in the second half; horizontally between 5 % and 90 % of the
+     * swing */
     double up = s < 0.5 ? gait_ease(s / 0.45) : 1 - gait_ease((s - 0.5) / 0.5);
     double late = fmax(gait->elapsed_s - gait->duration_s, 0);
     double high = gait->catches ? gait->config.catch_clearance_m : gait->config.clearance_m;
@@ -691,14 +690,14 @@ static void gait_swing_foot(struct gait *gait)
     foot->yaw = gait->lift.yaw + along * (gait->next.yaw - gait->lift.yaw);
     foot->roll = gait->lift.roll + along * (gait->next.roll - gait->lift.roll);
     foot->pitch = gait->lift.pitch + along * (gait->next.pitch - gait->lift.pitch);
-    /* A foot that has met no ground in time is lowered further */
+    /* Lower a late foot further */
     gait->now.height_m = high * up - fmin(late * lower, gait->config.lower_m);
 }
 
 /* ---- all of it ---- */
 
-/* Computes the shares of the weight: one foot in a swing, in proportion to the place of the
- * zero-moment point otherwise. */
+/* Computes the shares of the weight: one foot in a swing, else in proportion to the position of the
+ * zero-moment point. */
 static void gait_share_weight(struct gait *gait)
 {
     struct gait_reference *now = &gait->now;
@@ -721,7 +720,7 @@ void gait_update(struct gait *gait, const struct gait_command *command,
     struct dcm_plan plan;
     double decay = portable_exp(-gait->omega * dt_s);
 
-    /* Begin to walk; end a phase when its time is over; step at once when the robot falls */
+    /* Start to walk; end a phase when its time is over; step at once when the robot falls */
     gait->command = *command;
     gait->elapsed_s += dt_s;
     if (now->phase == GAIT_STAND && command->step) {
@@ -735,7 +734,7 @@ void gait_update(struct gait *gait, const struct gait_command *command,
     if (gait_must_catch(gait, measured)) {
         gait_begin_catch(gait, measured);
     }
-    /* Feel the ground; press on a foot that is down; land or steer one in the air */
+    /* Measure the ground; press a landed foot; land or steer a foot in the air */
     now->progress = gait->duration_s > 0 ? fmin(gait->elapsed_s / gait->duration_s, 1) : 0;
 
     gait_feel_ground(gait, measured, dt_s);
@@ -748,7 +747,7 @@ void gait_update(struct gait *gait, const struct gait_command *command,
             gait_adjust_foothold(gait, measured->dcm, dt_s);
         }
     }
-    /* Plan the zero-moment point and the DCM anew; a catching step has a plan of its own */
+    /* Plan the zero-moment point and the DCM again; a catching step has its own plan */
     gait_plan(gait, &plan);
     dcm_evaluate(&plan, gait->elapsed_s, now->zmp, now->dcm, gait->dcm_end);
     if (now->phase == GAIT_SWING && gait->catches) {
@@ -770,6 +769,6 @@ void gait_update(struct gait *gait, const struct gait_command *command,
         }
         now->com_m_s[k] = gait->omega * (now->dcm[k] - now->com[k]);
     }
-    /* The pelvis heads between the feet */
+    /* The pelvis heads midway between the feet */
     now->yaw = (now->foot[0].yaw + now->foot[1].yaw) / 2;
 }

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Grasp: both arms move alike along a path of motor angles, press an object between the wrists and
- * lift it (paper section 6). All other joints hold the initial pose. The verdict comes from
- * telemetry alone: while the grip is closed both wrists must go on pressing, the motors must
- * follow, feet that carried the robot before must go on carrying it, and at the end friction must
- * carry the object's weight.
+ * Task grasp: both arms move symmetrically along a path of motor angles, press an object between
+ * the wrists and lift it (paper section 6). All other joints hold the initial pose. The verdict
+ * uses telemetry only. While the grip is closed, both wrists must press and the motors must follow.
+ * Feet that carried the robot at first must carry it throughout. At the end friction must carry the
+ * object's weight.
  */
 #include "base/portable_math.h"
 #include "tasks/task_private.h"
@@ -22,21 +22,21 @@ static const char *const joint_name[SIDES][GRASP_JOINTS] = {
 static const double mirrored[GRASP_JOINTS] = {1, -1, -1, 1}; /* the left arm's angles */
 static const char *const wrist_name[SIDES] = {"r_arm_ft", "l_arm_ft"};
 
-static const double WEIGH_S = 0.2; /* at the end of settling: the time in which the weight is
-                                    * measured */
-static const double LIGHT = 0.3;   /* fallen when the feet carry less than this part of the
-                                    * weight, ... */
-static const double LOST_S = 0.05; /* ... or lost when a wrist presses too little, for so long */
+static const double WEIGH_S = 0.2; /* duration of the weighing, at the end of settling */
+static const double LIGHT = 0.3;   /* fallen when the feet carry less than this fraction of the
+                                    * weight for LOST_S */
+static const double LOST_S = 0.05; /* time after which too little load or grip counts */
 
 struct grasp {
     size_t axis[SIDES][GRASP_JOINTS], wrist[SIDES];
-    double feet_sum, wrist_sum[SIDES][3]; /* sums of the forces when nothing was held yet */
+    double feet_sum, wrist_sum[SIDES][3]; /* sums of the forces before the grasp */
     size_t weighed;
     size_t phase;       /* phase of the path */
-    double carried_sum; /* sum of what both wrists carry, while they hold still at the end */
+    double carried_sum; /* sum of the force carried by both wrists while they hold still at the
+                         * end */
     size_t carried_count;
-    double least_n; /* least force that a wrist pressed with while the grip was closed */
-    double fine_s;  /* last time that all was in order */
+    double least_n; /* smallest force of a wrist while the grip was closed */
+    double fine_s;  /* last time without a problem */
     double worst_error_rad;
 };
 
@@ -100,7 +100,7 @@ static enum error_code grasp_create(struct task *task, struct arena *arena, stru
     grasp->least_n = HUGE_VAL;
     task->state = grasp;
 
-    /* The path must make sense, and the rig must have arms, wrists and feet for it */
+    /* Check the path, then find arms, wrists and feet */
     code = grasp_check_path(&task->config.grasp, error);
     if (code) {
         return code;
@@ -118,8 +118,7 @@ static enum error_code grasp_create(struct task *task, struct arena *arena, stru
     return task_find_feet(task, error);
 }
 
-/* Sets the references of both arms on the piecewise linear path, t seconds after its beginning,
- * in grasp->phase. */
+/* Sets the references of both arms at time t of the piecewise linear path, and grasp->phase. */
 static void grasp_move_arms(struct task *task, double t)
 {
     const struct grasp *grasp = task->state;
@@ -149,8 +148,8 @@ static void grasp_rotate_axis(double v[3], int axis, double angle)
     *b = portable_sin(angle) * old + portable_cos(angle) * *b;
 }
 
-/* Computes the force that pulls on a wrist's sensor, in the torso's axes, N: the forearm is
- * turned by pitch, roll and yaw of the shoulder and by the elbow. */
+/* Computes the force on a wrist's sensor in the torso's axes, N. Pitch, roll and yaw of the
+ * shoulder and the elbow turn the forearm. */
 static void grasp_wrist_force(const struct task *task, int side, double force[3])
 {
     static const int about[GRASP_JOINTS] = {1, 0, 2, 1};
@@ -162,7 +161,7 @@ static void grasp_wrist_force(const struct task *task, int side, double force[3]
     }
 }
 
-/* Computes the same force less the one when nothing was held. */
+/* Computes the force on a wrist minus its force before the grasp. */
 static void grasp_hand_force(const struct task *task, int side, double force[3])
 {
     const struct grasp *grasp = task->state;
@@ -173,7 +172,7 @@ static void grasp_hand_force(const struct task *task, int side, double force[3])
     }
 }
 
-/* Returns how hard a wrist presses toward the other one, N. */
+/* Returns the force of a wrist toward the other one, N. */
 static double grasp_press_force(const struct task *task, int side)
 {
     double force[3];
@@ -182,7 +181,7 @@ static double grasp_press_force(const struct task *task, int side)
     return side == RIGHT ? -force[1] : force[1];
 }
 
-/* Returns what both wrists carry together, N. */
+/* Returns the force that both wrists carry, N. */
 static double grasp_carried_force(const struct task *task)
 {
     double right[3], left[3];
@@ -192,14 +191,14 @@ static double grasp_carried_force(const struct task *task)
     return -right[2] - left[2];
 }
 
-/* Returns the robot's weight on its feet before the grasp, N; 0 where they hang, as of a robot
- * whose base is held. */
+/* Returns the robot's weight on its feet before the grasp, N; 0 if the feet hang because the base
+ * is held. */
 static double grasp_weight(const struct grasp *grasp)
 {
     return fmax(grasp->feet_sum / (double)grasp->weighed, 0);
 }
 
-/* Adds one period to the forces of wrists and feet when nothing is held. */
+/* Adds one period to the sums of wrist and foot forces before the grasp. */
 static void grasp_weigh(struct task *task)
 {
     struct grasp *grasp = task->state;
@@ -231,7 +230,7 @@ static bool grasp_is_healthy(struct task *task, double t)
         return false;
     }
 
-    /* A loss counts when it lasts: fine_s is when all was in order last */
+    /* A loss counts only if it lasts; fine_s is the last time without a problem */
     if (closed) {
         grasp->least_n = fmin(grasp->least_n, least);
     }
@@ -273,8 +272,7 @@ static void grasp_describe(struct task *task, const char *doing)
              grasp_carried_force(task));
 }
 
-/* Returns the verdict at the end, when the grip was never lost: whether the wrists carry the
- * object. */
+/* Returns the final verdict after a grip without loss: whether the wrists carry the object. */
 static enum task_status grasp_judge_lift(struct task *task)
 {
     const struct grasp *grasp = task->state;
@@ -301,9 +299,9 @@ static enum task_status grasp_step(struct task *task, double t)
     const struct grasp_config *config = &task->config.grasp;
     double end = config->phase[config->nphase - 1].until_s;
 
-    /* Stand; nothing is held yet, so that what the sensors show is the weight of the robot */
+    /* Stand; the sensors show the robot's own weight */
     task_move_pose(task, NULL, config->settle_s / 2, t);
-    /* Weighed once at least, even when a stall of the computer skips the time for it */
+    /* Weigh at least once, even if the computer stalls during the time for it */
     if (t < config->settle_s || !grasp->weighed) {
         if (t > config->settle_s - WEIGH_S) {
             grasp_weigh(task);

@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Hold: every joint goes to the initial pose and stays there, whatever robot it is. The verdict
- * comes from the link encoders: after a second to settle no joint may be farther from its angle
- * than the tolerance, and the message names the joints that were farthest.
+ * Task hold: every joint moves to the initial pose and stays there, on any robot. The verdict uses
+ * the link encoders: after a second of settling, no joint may be farther from its angle than the
+ * tolerance. The message names the joints with the largest deviation.
  */
 #include "tasks/task_private.h"
 
 #include <math.h>
 #include <stdio.h>
 
-static const double HOLD_RAMP_S = 1.0;   /* duration of the ramp from where the joints were to
-                                          * the pose */
-static const double HOLD_SETTLE_S = 1.0; /* wait after the ramp, until deviations count */
+static const double HOLD_RAMP_S = 1.0;   /* duration of the ramp from the present angles to the
+                                          * pose */
+static const double HOLD_SETTLE_S = 1.0; /* wait after the ramp before deviations count */
 
 /* Creates the task's state: the largest deviation of each link from the initial pose, rad. */
 static enum error_code hold_create(struct task *task, struct arena *arena, struct error *error)
@@ -36,14 +36,14 @@ static enum task_status hold_step(struct task *task, double t_s)
     double *worst = task->state, held_s = t_s - HOLD_RAMP_S - HOLD_SETTLE_S;
 
     task_move_pose(task, NULL, HOLD_RAMP_S, t_s);
-    /* On the ramp, and while it settles, deviations do not count */
+    /* Deviations do not count during the ramp and the settling */
     if (held_s < 0) {
         if (task->tells) {
             snprintf(task->message, sizeof task->message, "moving into the pose");
         }
         return TASK_RUNNING;
     }
-    /* Any joint beyond the tolerance, or without a finite angle, is a failure at once */
+    /* A joint beyond the tolerance, or without a finite angle, fails at once */
     for (size_t i = 0; i < task->config.host.naxis; i++) {
         double deviation = host_joint(task->host, i)->joint_rad - task->config.initial_rad[i];
 

@@ -8,20 +8,17 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Checks whether the boards are healthy, and says what is wrong when they are not. */
+/* Checks whether the boards are healthy, with a message if not. */
 
 static const int64_t TELEMETRY_TIMEOUT_NS = 200 * HOST_MS; /* longest time without rotor
                                                             * positions */
-static const int64_t SENSOR_TIMEOUT_NS = 100 * HOST_MS;    /* longest time without a watched
-                                                            * sensor's values, ... */
-enum {
-    SENSOR_TIMEOUT_PERIODS = 10
-}; /* ... or so many of its periods, if
-                                                            * that is longer */
+static const int64_t SENSOR_TIMEOUT_NS = 100 * HOST_MS;    /* longest time without values of a
+                                                            * watched sensor, ... */
+enum { SENSOR_TIMEOUT_PERIODS = 10 }; /* ... or this number of its periods, if that is longer */
 
 void host_fail_node(struct host *host, size_t bus, unsigned address, const char *what)
 {
-    if (host->phase != HOST_FAILED) { /* the first failure is the cause of the others */
+    if (host->phase != HOST_FAILED) { /* keep the first failure, which caused the others */
         snprintf(host->message, sizeof host->message, "board %u on %s %s", address,
                  host->config.port[bus]->bus, what);
         host->phase = HOST_FAILED;
@@ -30,8 +27,8 @@ void host_fail_node(struct host *host, size_t bus, unsigned address, const char 
 
 enum { FAULTS_TEXT = 128 };
 
-/* Writes the names of a joint's faults, ": over-current, under-voltage"; or what a fault without
- * a bit may mean, or nothing. Returns text. */
+/* Writes the names of a joint's faults, ": over-current, under-voltage"; or the possible cause of a
+ * fault without a bit; or nothing. Returns text. */
 static const char *host_list_faults(const struct host *host, size_t axis, char text[FAULTS_TEXT])
 {
     const struct host_line *line = &host->line[host->config.axis[axis].bus];
@@ -78,8 +75,8 @@ void host_watch_motion(struct host *host)
     host->motion_watched = true;
 }
 
-/* Fails the host when a value that a task needs came too long ago: at time_ns, -1 = never. One
- * from before the end of the start-up is waited for from there on. */
+/* Fails the host when a required value is too old: its time is time_ns, -1 = never. Values from
+ * before the end of the start-up count from that end. */
 static void host_judge_sensor(struct host *host, int bus, unsigned address, int64_t time_ns,
                               const char *what)
 {
@@ -126,7 +123,7 @@ bool host_healthy(struct host *host)
         const struct host_joint *joint = &host->joint[i];
 
         if (joint->motor != HOST_MOTOR_ON) {
-            /* Off without a fault: a board that was restarted */
+            /* Off without a fault: the board has restarted */
             host->lost = joint->motor == HOST_MOTOR_OFF;
             host_fail_joint(host, i,
                             joint->motor == HOST_MOTOR_OTHER ? "is in a mode that was not commanded"
@@ -154,9 +151,10 @@ bool host_lost(const struct host *host)
 
 static const int64_t DISCOVERY_TIMEOUT_NS = 8000 * HOST_MS; /* boards may boot for five seconds */
 static const int64_t DISCOVERY_REPEAT_NS = 250 * HOST_MS;
-static const int64_t ENABLE_TIMEOUT_NS = 1000 * HOST_MS; /* a status follows a mode within 10 ms */
-static const int64_t REPLY_TIMEOUT_NS = 300 * HOST_MS;   /* for a request, as long as real hosts
-                                                          * wait */
+static const int64_t ENABLE_TIMEOUT_NS = 1000 * HOST_MS; /* a status follows a mode change within 10
+                                                          * ms */
+static const int64_t REPLY_TIMEOUT_NS = 300 * HOST_MS;   /* time-out of a request, as in real
+                                                          * hosts */
 
 enum { REQUEST_TRIES = 3 };
 
@@ -166,7 +164,7 @@ static void host_enter_phase(struct host *host, enum host_phase phase)
     host->phase_since_ns = host->now_ns;
 }
 
-/* Calls step for every board of ours; returns true when it was true for all. */
+/* Calls step for every board of this host. Returns true when all calls did. */
 static bool host_every_node(struct host *host,
                             bool (*step)(struct host *, size_t bus, unsigned address))
 {
@@ -187,8 +185,7 @@ static bool host_node_found(struct host *host, size_t bus, unsigned address)
     return host->line[bus].node[address].found;
 }
 
-/* Fails the host for a board that has not answered; host_fail_node keeps the first of these
- * failures. */
+/* Fails the host for a board that does not answer; host_fail_node keeps the first failure. */
 static bool host_fail_missing(struct host *host, size_t bus, unsigned address)
 {
     if (!host->line[bus].node[address].found) {
@@ -198,7 +195,7 @@ static bool host_fail_missing(struct host *host, size_t bus, unsigned address)
     return true;
 }
 
-/* Asks who is there until all boards have answered, and fails after DISCOVERY_TIMEOUT_NS. */
+/* Sends discovery until all boards have answered; fails after DISCOVERY_TIMEOUT_NS. */
 static enum host_phase host_discover(struct host *host)
 {
     if (host_every_node(host, host_node_found)) {
@@ -206,7 +203,7 @@ static enum host_phase host_discover(struct host *host)
         return host->phase;
     }
 
-    /* Asked again and again, for a board that boots answers late */
+    /* Repeat it, because a booting board answers late */
     if (!host->asked) {
         host->phase_since_ns = host->now_ns;
     }
@@ -218,14 +215,14 @@ static enum host_phase host_discover(struct host *host)
         host->asked_ns = host->now_ns;
     }
 
-    /* The message names the first board that is missing */
+    /* The message names the first missing board */
     if (host->now_ns - host->phase_since_ns > DISCOVERY_TIMEOUT_NS) {
         host_every_node(host, host_fail_missing);
     }
     return host->phase;
 }
 
-/* Measures the round trip by a request that was answered and sent only once. */
+/* Measures the round trip time with a request that was sent only once. */
 static void host_time_reply(struct host_line *line, struct host_node *node, int64_t now_ns)
 {
     int64_t took_ns = now_ns - node->request_time_ns;
@@ -238,8 +235,8 @@ static void host_time_reply(struct host_line *line, struct host_node *node, int6
     }
 }
 
-/* Sends a board one request after the other, each repeated until it is answered. Returns true
- * when all have been. */
+/* Sends a board its requests in order, each repeated until answered. Returns true when all are
+ * answered. */
 static bool host_configure_node(struct host *host, size_t bus, unsigned address)
 {
     struct host_node *node = &host->line[bus].node[address];
@@ -247,7 +244,7 @@ static bool host_configure_node(struct host *host, size_t bus, unsigned address)
     bool waits = node->answered < node->requested;
 
     host_time_reply(&host->line[bus], node, host->now_ns);
-    /* An answer is still due: wait, give up, or ask again */
+    /* An answer is missing: wait, give up, or repeat the request */
     if (waits && host->now_ns - node->request_time_ns <= REPLY_TIMEOUT_NS) {
         return false;
     }
@@ -270,12 +267,12 @@ static bool host_configure_node(struct host *host, size_t bus, unsigned address)
     return false;
 }
 
-/* Switches all motors off, then on, until every board says so; fails after ENABLE_TIMEOUT_NS. */
+/* Switches all motors off, then on, until every board reports it; fails after ENABLE_TIMEOUT_NS. */
 static enum host_phase host_enable_motors(struct host *host)
 {
     bool all = true;
 
-    /* Off first, which clears a fault of an earlier run; then on, and again what has not obeyed */
+    /* Off first, to clear old faults; then on, and repeat for motors that have not followed */
     if (host->enabling < 2 || host->now_ns - host->asked_ns >= REPLY_TIMEOUT_NS) {
         for (size_t i = 0; i < host->config.naxis; i++) {
             if (host->enabling < 2 || host->joint[i].motor != HOST_MOTOR_ON) {
@@ -286,7 +283,7 @@ static enum host_phase host_enable_motors(struct host *host)
         host->asked_ns = host->now_ns;
     }
 
-    /* On means that the board says so and that both encoders have been heard */
+    /* On = reported on, with values from both encoders */
     for (size_t i = 0; i < host->config.naxis; i++) {
         const struct host_joint *joint = &host->joint[i];
         bool ready =
@@ -334,16 +331,16 @@ enum host_phase host_start_up(struct host *host)
 
 enum {
     RECEIVE_BATCH = 64,
-    BATCHES_MAX = 64, /* limit for one bus in one period: a flood must not hold the period up */
-    STEPS_APART = 50, /* a simulator whose tick is farther back than that was restarted; answers
-                       * to repeated STEPs are nearer */
+    BATCHES_MAX = 64, /* limit per bus and period, so that a flood cannot delay the period */
+    STEPS_APART = 50, /* largest distance of a tick in an answer to a repeated STEP; a larger one
+                       * means a restarted simulator */
 };
 
 static const int64_t STEP_REPEAT_NS = 100000000;
 
 /* ---- creation ---- */
 
-/* Initializes what the host keeps of a bus. ERROR_INPUT when no host speaks its protocol. */
+/* Initializes the state of a bus. ERROR_INPUT when no host supports its protocol. */
 static enum error_code host_open_line(struct host *host, size_t bus, struct arena *arena,
                                       struct error *error)
 {
@@ -375,8 +372,8 @@ static enum error_code host_open_line(struct host *host, size_t bus, struct aren
     return ERROR_NONE;
 }
 
-/* Finds the node at an address of a bus and checks that it is of one kind; the first one to
- * claim it sets the kind. ERROR_INPUT when bus or address do not exist. */
+/* Finds the node at an address of a bus and checks its kind; the first call sets the kind.
+ * ERROR_INPUT when the bus or the address does not exist. */
 static enum error_code host_claim_node(struct host *host, int bus, unsigned address,
                                        enum host_kind kind, struct host_node **out,
                                        struct error *error)
@@ -422,8 +419,8 @@ static enum error_code host_map_axis(struct host *host, size_t index, struct err
         return code;
     }
 
-    /* The motor: one joint an axis; the angle of the link, which a valve's encoder has, needs gear
-     * and spring where the boards do not tell it */
+    /* The motor: one joint per axis. If the boards do not report the link's angle, computing it
+     * needs gear and spring */
     ops = host->line[axis->bus].ops;
     if (axis->axis >= host->line[axis->bus].protocol->axes_max || node->axis[axis->axis] >= 0) {
         return error_set(error, ERROR_INPUT, "host: joint %s shares its axis", axis->joint);
@@ -438,7 +435,7 @@ static enum error_code host_map_axis(struct host *host, size_t index, struct err
                          axis->joint);
     }
 
-    /* The torque, if a board of its own measures it */
+    /* The torque, if a separate board measures it */
     host->joint[index].torque_told = !ops->torque_apart || axis->torque_address >= 0;
     if (axis->torque_address < 0) {
         return ERROR_NONE;
@@ -502,7 +499,7 @@ enum error_code host_create(const struct host_config *config, struct arena *aren
         host->volts = arena_alloc(arena, config->naxis, sizeof *host->volts);
         host->want = arena_alloc(arena, config->naxis, sizeof *host->want);
     }
-    /* None of it grows later, so that the loop never allocates */
+    /* Nothing grows later, so that the loop never allocates */
     if (!host || !host->line || !host->joint || !host->force || !host->force_watched ||
         !host->volts || !host->want) {
         return error_set(error, ERROR_MEMORY, "no memory for the host");
@@ -516,7 +513,7 @@ enum error_code host_create(const struct host_config *config, struct arena *aren
         }
     }
 
-    /* The map of the rig: which axis or sensor stands behind which address */
+    /* Map the rig: which axis or sensor is at which address */
     for (size_t i = 0; i < config->naxis; i++) {
         enum error_code code = host_map_axis(host, i, error);
 
@@ -548,12 +545,12 @@ struct host_joint *host_node_joint(struct host *host, const struct host_node *no
     return node->axis[axis] < 0 ? NULL : &host->joint[node->axis[axis]];
 }
 
-/* Handles a DONE which says that the simulator is not at the tick of a STEP of ours: adopts its
- * tick, or fails when it was restarted. */
+/* Handles a DONE with another tick than the STEP's: adopts the simulator's tick, or fails when the
+ * simulator has restarted. */
 static void host_read_refusal(struct host *host, uint32_t tick)
 {
     if (tick == host->step_tick) {
-        return; /* of an earlier copy of a repeated STEP; the one that is out will run */
+        return; /* answers an earlier copy of a repeated STEP; the present one will run */
     }
     if (tick + STEPS_APART < host->step_tick && host->phase != HOST_FAILED) {
         host->phase = HOST_FAILED;
@@ -579,7 +576,7 @@ static void host_read_done(struct host *host, struct host_line *line, const stru
     if (flags & LOCKSTEP_MISMATCH && tick != host->step_tick + 1) {
         host_read_refusal(host, tick);
     } else {
-        /* Or a refusal of a copy of the STEP, which has run: its DONE may have been lost */
+        /* Or it refuses a copy of a STEP that has run and whose DONE was lost */
         line->done = true;
         host->tick = tick;
     }
@@ -590,7 +587,7 @@ static void host_read_done(struct host *host, struct host_line *line, const stru
     }
 }
 
-/* Returns whether boards of the bus may have sent such a frame. */
+/* Returns whether boards of the bus may have sent this frame. */
 static bool host_hears(const struct host_line *line, const struct bus_frame *frame)
 {
     return !(frame->flags & (FRAME_ERROR | FRAME_REMOTE)) &&
@@ -640,7 +637,7 @@ bool host_receive(struct host *host, int64_t now_ns)
     if (!host->config.lockstep) {
         return true;
     }
-    /* Lockstep: the period begins when every bus has ended its tick, or the STEP was refused */
+    /* Lockstep: the period begins when every bus has finished its tick, or the STEP was refused */
     if (host->step_waits && !all_done && !host->step_refused) {
         return false;
     }
@@ -676,7 +673,7 @@ void host_listen(struct host *host, size_t bus, const struct bus_frame *frame, i
     }
     host->now_ns = now_ns;
     host->line[bus].ops->read(host, bus, frame);
-    host->line[bus].queued = 0; /* what it would answer stays unsaid */
+    host->line[bus].queued = 0; /* a passive host discards its answers */
 }
 
 /* ---- commands ---- */
@@ -735,7 +732,7 @@ double host_duty(const struct host *host, size_t axis)
     return host->volts[axis] / host->config.supply_v;
 }
 
-/* Makes the STEP frame: one tick from step_tick on. */
+/* Makes the STEP frame: one tick, from step_tick. */
 static struct bus_frame host_step_frame(const struct host *host)
 {
     uint8_t data[LOCKSTEP_LENGTH];
@@ -758,7 +755,7 @@ void host_send(struct host *host)
             line->queued = 0;
         }
     }
-    /* STEP comes last: commands before it belong to its tick */
+    /* Send STEP last: earlier commands belong to its tick */
     if (host->config.lockstep) {
         struct bus_frame step;
 

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The host's side of boards/cia402/protocol.h. Start-up: it resets the communication of all nodes,
- * asks each for its device type, sets its PDOs up by SDO as struct cia402_plan has them, its axes
- * to the voltage mode, and starts it, again when its heartbeat says that it was not. Then every
- * period it sends the voltages of each node, and a SYNC, which all telemetry follows. Motors are
- * switched by their controlwords, one step of the state machine after the other as the statuswords
- * tell.
+ * The host's side of boards/cia402/protocol.h. In the start-up it resets the communication of all
+ * nodes and requests their device types. By SDO it sets up each node's PDOs (struct cia402_plan)
+ * and the voltage mode of its axes. It then starts the node, and again if the heartbeat shows
+ * another state. Every period it sends the voltages of each node and a SYNC, which triggers all
+ * telemetry. Controlwords switch the motors, one transition of the state machine at a time, as the
+ * statuswords report.
  *
- * The last controlwords are repeated every CONTROL_REPEAT_NS while a node does not do as they say.
+ * While a node does not follow them, the last controlwords are repeated every CONTROL_REPEAT_NS.
  */
 #include "tasks/host_private.h"
 
@@ -18,11 +18,11 @@
 
 enum { NODE_ID_MASK = 0x7f, SYNCS_MAX = 240 };
 
-static const int64_t SYNC_APART_NS = 3 * HOST_MS / 4; /* least time between SYNCs, so that there
-                                                       * is one a period */
+static const int64_t SYNC_APART_NS = 3 * HOST_MS / 4; /* least time between SYNCs, for one SYNC per
+                                                       * period */
 static const int64_t CONTROL_REPEAT_NS = 10 * HOST_MS;
 
-/* Returns what a node is in the protocol's terms. */
+/* Returns the protocol's kind of a node. */
 static enum cia402_kind host_cia402_kind(const struct host_node *node)
 {
     return node->kind == HOST_MOTOR_BOARD      ? CIA402_KIND_DRIVE
@@ -30,7 +30,7 @@ static enum cia402_kind host_cia402_kind(const struct host_node *node)
                                                : CIA402_KIND_FT;
 }
 
-/* Returns the number of axes of a motor board up to the last one that is ours; 0 of other
+/* Returns the number of axes of a motor board up to the last one that the host uses; 0 for other
  * boards. */
 static unsigned host_cia402_axes(const struct host_node *node)
 {
@@ -160,8 +160,8 @@ static void host_cia402_start_node(struct host *host, size_t bus, unsigned id)
     host_queue(host, bus, &frame);
 }
 
-/* Reads a heartbeat. A node that boots has lost its settings: its motors are off. One that waits
- * is started. */
+/* Reads a heartbeat. A node that boots has lost its settings, and its motors are off. A waiting
+ * node is started. */
 static void host_cia402_read_heartbeat(struct host *host, size_t bus, struct host_node *node,
                                        const struct bus_frame *frame)
 {
@@ -193,7 +193,7 @@ static void host_cia402_read_sdo(struct host *host, size_t bus, struct host_node
     if (frame->len != CIA402_SDO_LENGTH) {
         return;
     }
-    /* Discovery: the node answers the question for its device type */
+    /* Discovery: the node reports its device type */
     command = frame->data[0] & CIA402_COMMAND_MASK;
     if (!node->found) {
         if (command != CIA402_UPLOAD_REPLY || get_u16_le(frame->data + 4) != profile) {
@@ -217,7 +217,7 @@ static void host_cia402_read_sdo(struct host *host, size_t bus, struct host_node
     }
 }
 
-/* Passes a frame to the reader of its service, which the upper bits of its identifier name. */
+/* Passes a frame to the reader of its service, by the upper bits of its identifier. */
 static void host_cia402_read_frame(struct host *host, size_t bus, const struct bus_frame *frame)
 {
     unsigned id = frame->id & NODE_ID_MASK, function = frame->id & ~(unsigned)NODE_ID_MASK;
@@ -266,8 +266,8 @@ static void host_cia402_queue(struct host *host, size_t bus, uint32_t id, uint8_
     host_queue(host, bus, &frame);
 }
 
-/* Resets the communication of all nodes, so that they are as they were stored, whoever was host
- * before, then asks each what it is. */
+/* Resets the communication of all nodes to their stored state, for any earlier host, then requests
+ * their device types. */
 static void host_cia402_discover(struct host *host, size_t bus)
 {
     const uint8_t reset[CIA402_NMT_LENGTH] = {CIA402_NMT_RESET_COMMUNICATION};
@@ -290,8 +290,8 @@ struct setting {
     uint32_t value;
 };
 
-/* Finds the step-th write that sets a PDO up: disable, its parameters, no objects, each object,
- * number of objects, enable (CiA 301 demands that order). Returns the number of writes. */
+/* Finds write number `step` of a PDO's setup: disable, parameters, no objects, each object, number
+ * of objects, enable (CiA 301 requires this order). Returns the number of writes. */
 static unsigned host_cia402_plan_pdo(const struct cia402_plan *plan, unsigned id, unsigned type,
                                      unsigned step, struct setting *setting)
 {
@@ -322,7 +322,7 @@ static unsigned host_cia402_plan_pdo(const struct cia402_plan *plan, unsigned id
     return objects + 2;
 }
 
-/* Finds the number-th write to a node: its PDOs, the modes of its axes, its heartbeat. Returns
+/* Finds write number `number` to a node: its PDOs, the modes of its axes, its heartbeat. Returns
  * false when there are no more. */
 static bool host_cia402_find_setting(const struct host *host, const struct host_node *node,
                                      unsigned id, unsigned number, struct setting *setting)
@@ -331,7 +331,7 @@ static bool host_cia402_find_setting(const struct host *host, const struct host_
     int64_t sync_ns = host->config.period_ns > HOST_MS ? host->config.period_ns : HOST_MS;
     struct cia402_plan plan;
 
-    /* PDOs follow every so many SYNCs, as the rig's period says */
+    /* PDOs follow every n-th SYNC, by the rig's period */
     for (unsigned row = 0; cia402_plan_row(host_cia402_kind(node), axes, row, &plan); row++) {
         int64_t syncs = node->period_ns / sync_ns * plan.type;
         unsigned type = plan.type > SYNCS_MAX || syncs < 1 ? plan.type
@@ -354,7 +354,7 @@ static bool host_cia402_find_setting(const struct host *host, const struct host_
     return number == axes;
 }
 
-/* Makes the number-th request of a node's start-up (struct host_ops). */
+/* Makes request `number` of a node's start-up (struct host_ops). */
 static bool host_cia402_request(const struct host *host, size_t bus, unsigned address, int number,
                                 struct host_request *request)
 {
@@ -374,7 +374,7 @@ static bool host_cia402_request(const struct host *host, size_t bus, unsigned ad
         return true;
     }
 
-    /* The last one starts the node, which has no answer */
+    /* The last request starts the node and has no answer */
     if (number > 0 &&
         host_cia402_find_setting(host, node, address, (unsigned)number - 1, &setting)) {
         data[0] = CIA402_NMT_START;
@@ -388,8 +388,8 @@ static bool host_cia402_request(const struct host *host, size_t bus, unsigned ad
 
 /* ---- every period ---- */
 
-/* Notes what a motor is to be; controlwords follow at the end of the period. Switching off also
- * resets its faults. */
+/* Stores the requested state of a motor; controlwords follow at the end of the period. Switching
+ * off also resets its faults. */
 static void host_cia402_set_motor(struct host *host, size_t axis, bool on)
 {
     const struct host_axis *to = &host->config.axis[axis];
@@ -402,12 +402,12 @@ static void host_cia402_set_motor(struct host *host, size_t axis, bool on)
     }
 }
 
-/* Returns the controlword that leads an axis a step further in the state machine of CiA 402. */
+/* Returns the controlword for the next transition of an axis. */
 static uint16_t host_cia402_control(struct host_node *node, int axis)
 {
     unsigned state = node->statusword[axis] & CIA402_SW_STATE_MASK;
 
-    /* A fault of before is reset by the edge of a bit, once each time that the motor is told off */
+    /* The edge of a bit resets an old fault, once per switching off */
     if (state & CIA402_SW_FAULT && node->clearing[axis]) {
         return node->controlword[axis] & CIA402_CW_FAULT_RESET ? 0 : CIA402_CW_FAULT_RESET;
     }
@@ -428,7 +428,8 @@ static uint16_t host_cia402_control(struct host_node *node, int axis)
     }
 }
 
-/* Queues the controlwords of a node when one has changed, or again while the node does not obey. */
+/* Queues the controlwords of a node when one has changed, or again while the node does not
+ * follow. */
 static void host_cia402_queue_control(struct host *host, size_t bus, unsigned id)
 {
     struct host_node *node = &host->line[bus].node[id];

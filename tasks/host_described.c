@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The host's side of a protocol that a file describes: its section `host` says which frames ask who
- * is there, configure, switch and command. Set-points are what the task wants as a voltage, in the
- * quantities that the frame has: the current that the voltage drives through the winding against
- * the back-EMF, its torque, and of an impedance what kp and kd, which the file gives, leave of that
- * torque at the reference.
+ * The host's side of a protocol that a file describes. Its section `host` lists the frames that
+ * discover, configure, switch and command. The task's voltage is converted to the set point of the
+ * frame. This can be the current that the voltage drives through the winding against the back-EMF,
+ * or the torque of this current. For an impedance it is this torque minus the part of kp and kd
+ * (from the file) at the reference.
  */
 #include "tasks/host_private.h"
 
@@ -22,7 +22,7 @@ static const struct described_protocol *described_line_protocol(const struct hos
     return host->config.bus[bus].described;
 }
 
-/* Returns the kind of a board (enum described_kind); 0: none that such a protocol has. */
+/* Returns the kind of a board (enum described_kind); 0 = not in such a protocol. */
 static unsigned described_node_kind(const struct host_node *node)
 {
     return node->kind == HOST_MOTOR_BOARD      ? DESCRIBED_MOTOR
@@ -33,19 +33,18 @@ static unsigned described_node_kind(const struct host_node *node)
 
 /* ---- what is sent ---- */
 
-/* A frame to be filled, and what its fields may need. */
+/* A frame to fill, and the data for its fields. */
 struct described_letter {
     const struct described_frame *row;
     const struct host_node *node;
     unsigned address;
-    int axis; /* axis of the host, -1: none in particular */
+    int axis; /* axis of the host; -1 = no particular axis */
     int state;
     uint32_t slots;
     int64_t period_ns;
 };
 
-/* Returns the value that the file gives the host for a field of that meaning; 0 when the frame
- * has none. */
+/* Returns the file's value for a field of this meaning; 0 without such a field. */
 static double host_value_of(const struct described_frame *row, enum described_meaning meaning)
 {
     int field = described_find_field(row, meaning);
@@ -53,20 +52,20 @@ static double host_value_of(const struct described_frame *row, enum described_me
     return field < 0 ? 0.0 : row->field[field].host;
 }
 
-/* Returns the reference of a motor, rad; its present angle while there is none. */
+/* Returns the reference of a motor, rad; before the first one, its present angle. */
 static double described_wanted_rad(const struct host *host, size_t axis)
 {
     return host->want[axis].referred ? host->want[axis].rad : host->joint[axis].motor_rad;
 }
 
-/* Returns the rate of the reference, rad/s; 0 while there is none. */
+/* Returns the rate of the reference, rad/s; 0 without a reference. */
 static double described_wanted_rad_s(const struct host *host, size_t axis)
 {
     return host->want[axis].referred ? host->want[axis].rad_s : 0.0;
 }
 
-/* Returns the current (A) that the voltage drives through the winding in the steady state,
- * against the back-EMF. */
+/* Returns the steady-state current (A) that the voltage drives through the winding against the
+ * back-EMF. */
 static double described_wanted_a(const struct host *host, size_t axis)
 {
     const struct host_drive *drive = &host->config.axis[axis].drive;
@@ -75,8 +74,8 @@ static double described_wanted_a(const struct host *host, size_t axis)
     return drive->winding_ohm > 0.0 ? (host->volts[axis] - back_v) / drive->winding_ohm : 0.0;
 }
 
-/* Returns the torque of that current (N m), less what the board adds by itself for the frame's
- * kp and kd. */
+/* Returns the torque of this current (N m), minus the torque that the board adds for the frame's kp
+ * and kd. */
 static double described_wanted_nm(const struct host *host, size_t axis,
                                   const struct described_frame *row)
 {
@@ -87,8 +86,8 @@ static double described_wanted_nm(const struct host *host, size_t axis,
            kd * (described_wanted_rad_s(host, axis) - host->want[axis].motor_rad_s);
 }
 
-/* Returns a set-point in SI units; the file's value (otherwise) where the task has none. Drives
- * that close a loop of speed or position make the torque themselves. */
+/* Returns a set point in SI units, or the file's value (otherwise) if the task has none. Drives
+ * that close a speed or position loop make the torque themselves. */
 static double described_target(const struct host *host, const struct described_protocol *protocol,
                                size_t axis, const struct described_frame *row,
                                enum described_meaning meaning, double otherwise)
@@ -133,18 +132,18 @@ static int64_t described_set_point(const struct host *host, size_t axis,
     return llrint(target / state->set_point_scale);
 }
 
-/* Returns the value of the i-th field of a frame to be sent, in counts. */
+/* Returns the count of field i of a frame to send. */
 static int64_t described_letter_count(const struct host *host,
                                       const struct described_protocol *protocol,
                                       const struct described_letter *letter, size_t i)
 {
     const struct described_field *field = &letter->row->field[i];
-    /* Whose axis: the one the frame is about, or the field's own in a frame about a whole board */
+    /* The axis of the frame, or the field's own axis in a frame for a whole board */
     int axis =
         letter->row->of_one || !letter->node ? letter->axis : letter->node->axis[field->axis];
 
     switch (field->meaning) {
-    /* What the frame says of itself: constants, selections, addresses, states */
+    /* Identity of the frame: constants, selections, addresses, states */
     case DESCRIBED_CONSTANT:
         return field->constant;
     case DESCRIBED_SLOTS_MASK:
@@ -170,13 +169,13 @@ static int64_t described_letter_count(const struct host *host,
                                                : described_target(host, protocol, (size_t)axis,
                                                                   letter->row, field->meaning,
                                                                   field->host));
-    /* Anything else is what the file says */
+    /* Other fields have the file's values */
     default:
         return described_count(field, field->host);
     }
 }
 
-/* Writes the data of a frame, or of one repetition in it, with its counter advanced. Returns the
+/* Writes the data of a frame, or of one repetition, and advances its counter. Returns the
  * identifier. */
 static uint32_t described_fill(const struct host *host, size_t bus,
                                const struct described_letter *letter, unsigned number,
@@ -213,8 +212,7 @@ static struct bus_frame described_write(const struct host *host, size_t bus,
     return frame;
 }
 
-/* Queues a frame that is not about one axis: once a bus, or once for every board of the kinds
- * that take it. */
+/* Queues a frame that is not for one axis: once per bus, or once per board of its kinds. */
 static void described_send_to_boards(struct host *host, size_t bus,
                                      const struct described_frame *row)
 {
@@ -238,7 +236,7 @@ static void described_send_to_boards(struct host *host, size_t bus,
     }
 }
 
-/* Queues what asks who is there. */
+/* Queues the discovery frames. */
 static void host_described_discover(struct host *host, size_t bus)
 {
     const struct described_protocol *protocol = described_line_protocol(host, bus);
@@ -248,7 +246,7 @@ static void host_described_discover(struct host *host, size_t bus)
     }
 }
 
-/* Makes the number-th configuring frame of a board (struct host_ops). */
+/* Makes configuring frame `number` of a board (struct host_ops). */
 static bool host_described_request(const struct host *host, size_t bus, unsigned address,
                                    int number, struct host_request *request)
 {
@@ -275,7 +273,7 @@ static bool host_described_request(const struct host *host, size_t bus, unsigned
     return false;
 }
 
-/* Notes the slot of a motor that is switched; its frames are queued at the end of the period. */
+/* Notes the slot of a switched motor; its frames are queued at the end of the period. */
 static void host_described_set_motor(struct host *host, size_t axis, bool on)
 {
     struct host_line *line = &host->line[host->config.axis[axis].bus];
@@ -289,7 +287,7 @@ static void host_described_set_motor(struct host *host, size_t axis, bool on)
     }
 }
 
-/* Queues a frame about one axis, or about its board, which gets it with its first axis. */
+/* Queues a frame for one axis, or for its board, which gets it with its first axis. */
 static void described_send_to_axis(struct host *host, size_t bus, const struct described_frame *row,
                                    unsigned slot, int state)
 {
@@ -304,7 +302,7 @@ static void described_send_to_axis(struct host *host, size_t bus, const struct d
     struct bus_frame frame;
 
     if (!row->of_one && of->axis > 0) {
-        return; /* the first axis has had it */
+        return; /* the first axis has sent it */
     }
     frame = described_write(host, bus, &letter,
                             row->by == DESCRIBED_BY_ADDRESS ? of->address
@@ -313,8 +311,8 @@ static void described_send_to_axis(struct host *host, size_t bus, const struct d
     host_queue(host, bus, &frame);
 }
 
-/* Queues what switches motors, a set of slots, on or off, and empties the set: one frame where a
- * field selects axes, else one for each. */
+/* Queues the frames that switch a set of slots on or off, and empties the set: one frame if a field
+ * selects axes, else one per axis. */
 static void described_send_switches(struct host *host, size_t bus, bool on, uint32_t *slots)
 {
     const struct described_protocol *protocol = described_line_protocol(host, bus);
@@ -340,7 +338,7 @@ static void described_send_switches(struct host *host, size_t bus, bool on, uint
     *slots = 0;
 }
 
-/* Queues the set-points of a group of axes in one frame, as far as there are axes. */
+/* Queues the set points of a group of axes in one frame, up to the last axis. */
 static void described_send_group(struct host *host, size_t bus, const struct described_frame *row,
                                  unsigned first)
 {
@@ -370,7 +368,7 @@ static void host_described_end_period(struct host *host, size_t bus)
     described_send_switches(host, bus, false, &line->slots_off);
     described_send_switches(host, bus, true, &line->slots_on);
 
-    /* Set-points, by group or by axis as the file says */
+    /* Set points by group or by axis, as in the file */
     for (size_t i = 0; i < protocol->host.command.count && line->driving; i++) {
         const struct described_frame *row = &protocol->frame[protocol->host.command.frame[i]];
 
@@ -387,7 +385,7 @@ static void host_described_end_period(struct host *host, size_t bus)
 
 /* ---- what arrives ---- */
 
-/* A frame from a board: its row in the description, its board and axis. */
+/* A frame from a board: its row, board and axis. */
 struct described_news {
     const struct bus_frame *frame;
     const struct described_frame *row;
@@ -396,7 +394,7 @@ struct described_news {
     unsigned part; /* repetition of its fields */
 };
 
-/* Returns the count of the field with a meaning; otherwise without one. */
+/* Returns the count of the field with a meaning; `otherwise` without such a field. */
 static int64_t described_news_count(const struct described_news *news,
                                     enum described_meaning meaning, int64_t otherwise)
 {
@@ -407,8 +405,8 @@ static int64_t described_news_count(const struct described_news *news,
                                      news->part * news->row->length);
 }
 
-/* Finds the board and axis that a frame is from, by the number in its identifier or by a field.
- * Returns false when they are none of ours. */
+/* Finds the sending board and axis by the number in the identifier or by a field. Returns false
+ * when the host does not use them. */
 static bool described_find_node(const struct host *host, struct host_line *line, unsigned number,
                                 struct described_news *news)
 {
@@ -416,7 +414,7 @@ static bool described_find_node(const struct host *host, struct host_line *line,
     int64_t address;
 
     news->axis = 0;
-    /* The identifier tells the address, or the axis of the bus; otherwise a field does */
+    /* The identifier contains the address or the axis of the bus; otherwise a field does */
     switch (news->row->by) {
     case DESCRIBED_BY_ADDRESS:
         news->node = &line->node[number];
@@ -437,7 +435,7 @@ static bool described_find_node(const struct host *host, struct host_line *line,
         news->node = &line->node[address];
         break;
     }
-    /* A field may say which axis of the board it is */
+    /* A field may contain the axis of the board */
     if (described_find_field(news->row, DESCRIBED_AXIS) >= 0) {
         int64_t of = described_news_count(news, DESCRIBED_AXIS, 0);
 
@@ -446,8 +444,7 @@ static bool described_find_node(const struct host *host, struct host_line *line,
     return described_node_kind(news->node) & news->row->of;
 }
 
-/* Finds the row of the description that a frame matches, with its board. Returns false when
- * there is none. */
+/* Finds the row that matches a frame, and its board. Returns false when there is none. */
 static bool host_described_identify(const struct host *host, size_t bus,
                                     struct described_news *news)
 {
@@ -467,7 +464,7 @@ static bool host_described_identify(const struct host *host, size_t bus,
     return false;
 }
 
-/* Returns whether a frame answers one of a list, as sent to boards of that kind. */
+/* Returns whether a frame answers a frame of a list, for boards of this kind. */
 static bool described_is_answer(const struct described_protocol *protocol,
                                 const struct described_list *list, unsigned kind,
                                 const struct described_frame *row)
@@ -495,8 +492,7 @@ static void described_read_state(const struct described_protocol *protocol,
                                                       : HOST_MOTOR_OTHER;
 }
 
-/* Sets a motor to fault that is off and tells of a fault, where the protocol has no state of its
- * own for that. */
+/* Sets a motor that is off with a fault to the state fault, if the protocol has no such state. */
 static void described_judge_fault(const struct described_protocol *protocol,
                                   struct host_joint *joint)
 {
@@ -506,8 +502,8 @@ static void described_judge_fault(const struct described_protocol *protocol,
     }
 }
 
-/* Takes the rotor's angle. Computes the link's from the torque of the spring and the rate by
- * difference where no frame tells them. */
+/* Stores the rotor's angle. If no frame reports them, computes the link's angle from the spring's
+ * torque, and the rate by difference. */
 static void described_read_position(struct host *host, const struct described_protocol *protocol,
                                     size_t axis, double rad, bool tells_speed)
 {
@@ -530,7 +526,7 @@ static void described_read_position(struct host *host, const struct described_pr
     }
 }
 
-/* Takes one field of a frame from a motor board, by its count. */
+/* Stores one field of a motor board's frame, from its count. */
 static void described_read_motor_field(struct host *host, const struct described_protocol *protocol,
                                        const struct described_news *news,
                                        const struct described_field *of, int64_t count)
@@ -588,7 +584,7 @@ static void described_read_motor_field(struct host *host, const struct described
     }
 }
 
-/* Takes one field of a frame from a force-torque board: a channel, N or N m, or its overflow. */
+/* Stores one field of a force-torque board's frame: a channel, N or N m, or its overflow. */
 static void described_read_force(struct host *host, const struct described_news *news,
                                  const struct described_field *of, int64_t count)
 {
@@ -606,7 +602,7 @@ static void described_read_force(struct host *host, const struct described_news 
     }
 }
 
-/* Takes one field of a frame from an inertial board. */
+/* Stores one field of an inertial board's frame. */
 static void described_read_motion(struct host *host, const struct described_field *of,
                                   int64_t count)
 {
@@ -625,7 +621,7 @@ static void described_read_motion(struct host *host, const struct described_fiel
     }
 }
 
-/* Notes what a frame means for the start-up. */
+/* Notes an answer for the start-up. */
 static void described_note_answer(const struct described_protocol *protocol,
                                   const struct described_news *news)
 {
@@ -643,7 +639,7 @@ static void described_note_answer(const struct described_protocol *protocol,
     }
 }
 
-/* Takes the fields of a repetition. */
+/* Stores the fields of a repetition. */
 static void described_read_fields(struct host *host, const struct described_protocol *protocol,
                                   const struct described_news *news)
 {
@@ -671,7 +667,7 @@ static void host_described_read(struct host *host, size_t bus, const struct bus_
         return;
     }
     described_note_answer(protocol, &news);
-    /* A frame that repeats its fields does so for the axes of the board in turn */
+    /* A frame with repetitions has one for each axis of the board, in order */
     do {
         described_read_fields(host, protocol, &news);
         news.part++;

@@ -11,7 +11,7 @@
 
 /* The host's side of the inertial board, in the icub, compact and cia402 protocols. */
 
-/* Takes count signed 16-bit values with a scale, and notes the time. */
+/* Stores count signed 16-bit values with a scale, and their time. */
 void host_motion_take(struct host *host, double *to, int64_t *time_ns, const uint8_t *data,
                       int count, double worth)
 {
@@ -44,8 +44,7 @@ static void host_inertial_read(struct host *host, const struct bus_frame *frame)
     }
 }
 
-/* Makes a request of the start-up: firmware version, the sensors, then the period, which starts
- * the board. */
+/* Makes a start-up request: firmware version, sensors, then the period, which starts the board. */
 static bool host_inertial_request(const struct host_node *node, unsigned address, int number,
                                   struct host_request *request)
 {
@@ -86,8 +85,8 @@ static bool host_read_discovery(struct host *host, size_t bus, struct host_node 
     if (frame->id >> 8 != ICUB_MANAGEMENT || (frame->id & 0xf) != ICUB_HOST) {
         return false;
     }
-    /* A bootloader answers with 4 bytes, without a build number, and waits for its host from then
-     * on: it is sent on to its application, which answers the next time */
+    /* A bootloader answers with 4 bytes, without a build number, and then waits for its host. Send
+     * it to its application, which answers the next discovery */
     if (frame->len == 4 && frame->data[0] == ICUB_DISCOVER) {
         struct bus_frame end = frame_make(icub_id(ICUB_MANAGEMENT, ICUB_HOST, address), 1, leave);
 
@@ -113,8 +112,7 @@ static enum host_motor host_motor_of_mode(uint8_t mode)
     }
 }
 
-/* Returns the value of a STRAIN channel, an offset binary of 16 bits, in units of its full
- * scale. */
+/* Returns the value of a STRAIN channel: 16 bits offset binary, in units of its full scale. */
 static double host_strain_value(const uint8_t *data, double full_scale)
 {
     return (get_u16_le(data) - ICUB_STRAIN_ZERO) * full_scale / ICUB_STRAIN_ZERO;
@@ -146,7 +144,7 @@ static void host_strain_read_forces(struct host *host, struct host_node *node,
         return;
     }
 
-    /* Joint torques, a channel a joint */
+    /* Joint torques, one channel per joint */
     for (int c = 0; c < 3; c++) {
         int axis = node->channel[first + c];
 
@@ -177,8 +175,8 @@ static void host_strain_read(struct host *host, struct host_node *node,
     }
 }
 
-/* Makes a request of the start-up: firmware version, the full scale of each channel of forces,
- * the period when the rig has one, then the command to transmit. */
+/* Makes a start-up request: firmware version, full scale of each force channel, the rig's period if
+ * any, then the transmit command. */
 static bool host_strain_request(const struct host_node *node, unsigned address, int number,
                                 struct host_request *request)
 {
@@ -207,8 +205,8 @@ static bool host_strain_request(const struct host_node *node, unsigned address, 
 }
 
 /*
- * The host's side of boards/foc/protocol.h: one axis a board, all set-points of a bus in one frame
- * every millisecond, answered by every board.
+ * The host's side of boards/foc/protocol.h: one axis per board, all set points of a bus in one
+ * frame every millisecond, an answer from every board.
  */
 
 static const int64_t TARGET_PERIOD_NS = 1000000; /* period of DESIRED_TARGETS; the boards answer
@@ -216,8 +214,8 @@ static const int64_t TARGET_PERIOD_NS = 1000000; /* period of DESIRED_TARGETS; t
 
 /* ---- what arrives ---- */
 
-/* Reads current and rotor angle of an axis and computes the link's angle from the measured
- * torque and the spring. */
+/* Reads current and rotor angle of an axis. Computes the link's angle from the measured torque and
+ * the spring. */
 static void host_foc_read_feedback(struct host *host, const struct host_node *node,
                                    const struct bus_frame *frame)
 {
@@ -256,9 +254,9 @@ static void host_foc_put_milliamperes(uint8_t *data, double ampere)
     put_u16_le(data, (uint16_t)lrint(fmin(fmax(ampere * 1e3, 1), INT16_MAX)));
 }
 
-/* Computes and writes the PI gains that hold the current at its peak. The law runs once a
- * millisecond in the board, so that the winding has the pole a = exp(-1 ms R/L) and the gains
- * put one at 1/2. Gains are in thousandths of the supply a mA, as 16 bits with a common shift. */
+/* Computes and writes the PI gains that hold the current at its peak. The board's law runs once a
+ * millisecond. The winding's pole is a = exp(-1 ms R/L); the gains place a pole at 1/2. Gains are
+ * in thousandths of the supply per mA, as 16 bits with a common shift. */
 static void host_foc_put_current_law(const struct host *host, const struct host_drive *drive,
                                      uint8_t *data)
 {
@@ -277,8 +275,8 @@ static void host_foc_put_current_law(const struct host *host, const struct host_
     data[6] = (uint8_t)shift;
 }
 
-/* Makes a request of the start-up: firmware version with the protocol check, without which
- * nothing is obeyed; the motor; the limits of its current; the gains that hold them. */
+/* Makes a start-up request: firmware version with protocol check, which must come first; motor;
+ * current limits; gains of the current law. */
 static bool host_foc_request(const struct host *host, size_t bus, unsigned address, int number,
                              struct host_request *request)
 {
@@ -292,13 +290,13 @@ static bool host_foc_request(const struct host *host, size_t bus, unsigned addre
 
     axis = &host->config.axis[node->axis[0]];
     switch (number) {
-    case 0: /* who we are */
+    case 0: /* firmware version */
         data[0] = FOC_GET_FIRMWARE_VERSION;
         data[1] = ICUB_PROTOCOL_MAJOR;
         data[2] = ICUB_PROTOCOL_MINOR;
         len = 3;
         break;
-    case 1: /* the motor */
+    case 1: /* motor data */
         data[0] = FOC_SET_MOTOR_CONFIG;
         data[1] = FOC_HAS_QE;
         put_u16_le(data + 2,
@@ -324,8 +322,8 @@ static bool host_foc_request(const struct host *host, size_t bus, unsigned addre
     return number <= 3;
 }
 
-/* Queues DESIRED_TARGETS with the duties of all axes of a bus when it is due; on a bus without
- * motors it never is. */
+/* Queues DESIRED_TARGETS with the duties of all axes of a bus, when due; never on a bus without
+ * motors. */
 static void host_foc_send_targets(struct host *host, size_t bus)
 {
     struct host_line *line = &host->line[bus];
@@ -355,7 +353,7 @@ static const uint32_t POLICY = 1u << (ICUB_POSITION - 1) | 1u << (ICUB_STATUS - 
 
 /* ---- what arrives ---- */
 
-/* Takes the rotor's or link's encoder of the k-th axis of a board. */
+/* Stores the rotor's or link's encoder of axis k of a board. */
 static void host_icub_read_position(struct host *host, const struct host_node *node, int k,
                                     int32_t ticks, bool rotor)
 {
@@ -421,8 +419,8 @@ static void host_icub_read_frame(struct host *host, size_t bus, const struct bus
 
 /* ---- what is sent ---- */
 
-/* Makes a request of the start-up: firmware version with the protocol check, then which
- * telemetry to send. */
+/* Makes a start-up request: firmware version with protocol check, then the selection of
+ * telemetry. */
 static bool host_icub_request(const struct host *host, size_t bus, unsigned address, int number,
                               struct host_request *request)
 {

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The host's side of boards/moteus/protocol.h: each axis is commanded and asked in one frame a
- * period. The motor is driven in the mode position with kp scaled to 0, and does what the voltage
- * would do: the feedforward torque is that of its current at rest, and the controller's kd, which
- * is configured as strong as the back-EMF, takes the motion off at its own rate, without the delay
- * of the bus.
+ * The host's side of boards/moteus/protocol.h: one frame per axis and period commands and reads it.
+ * The motor runs in position mode with kp scaled to 0 and reproduces the effect of the voltage. The
+ * feed-forward torque is the torque of its current at rest. The controller's kd, which is
+ * configured equal to the back-EMF, subtracts the effect of the motion at the controller's own
+ * rate, without the delay of the bus.
  */
 #include "tasks/host_private.h"
 
@@ -17,13 +17,13 @@
 
 /* ---- what arrives ---- */
 
-/* What a reply says, as far as the host has asked for it. */
+/* The registers of a reply that the host uses. */
 struct moteus_reply {
     float value[MOTEUS_R_FAULT + 1]; /* by register */
-    uint32_t has;                    /* the registers that it holds, as bits */
+    uint32_t has;                    /* mask of the registers in the reply */
 };
 
-/* Reads a varuint of one or two bytes, as all registers of the host are; returns the next byte's
+/* Reads a varuint of one or two bytes, enough for the host's registers. Returns the next byte's
  * index, beyond the end if there is none. */
 static unsigned reply_read_varuint(const struct bus_frame *frame, unsigned at, unsigned *value)
 {
@@ -37,7 +37,7 @@ static unsigned reply_read_varuint(const struct bus_frame *frame, unsigned at, u
     return frame->len + 1u;
 }
 
-/* Keeps the value of a register, a whole number or a float. */
+/* Stores the value of a register, a whole number or a float. */
 static void reply_keep(struct moteus_reply *reply, unsigned number, unsigned type,
                        const uint8_t *data)
 {
@@ -56,7 +56,7 @@ static void reply_keep(struct moteus_reply *reply, unsigned number, unsigned typ
     }
 }
 
-/* Reads the subframes of a reply, up to one that is none or that the frame cuts off. */
+/* Reads the subframes of a reply, up to an invalid or truncated one. */
 static struct moteus_reply moteus_read_reply(const struct bus_frame *frame)
 {
     struct moteus_reply reply = {.has = 0};
@@ -97,8 +97,8 @@ static void moteus_set_joint_mode(struct host_joint *joint, int mode, int code)
             : 0;
 }
 
-/* Sets angles, current and torque of a joint. The absolute encoder tells the link within a turn,
- * which is the one that is nearest to the motor; both encoders tell the spring's torque. */
+/* Sets angles, current and torque of a joint. The absolute encoder gives the link's angle within a
+ * turn; the turn nearest to the motor is used. Both encoders give the spring's torque. */
 static void moteus_set_joint_motion(struct host *host, size_t axis,
                                     const struct moteus_reply *reply)
 {
@@ -143,7 +143,7 @@ static void host_moteus_read(struct host *host, size_t bus, const struct bus_fra
 
 /* ---- what is sent ---- */
 
-/* Queues a frame with a command, or with none, and the question for mode, motion and fault. */
+/* Queues a frame with or without a command that also reads mode, motion and fault. */
 static void host_moteus_queue(struct host *host, size_t bus, unsigned address, unsigned length,
                               const uint8_t *command)
 {
@@ -177,7 +177,7 @@ static void host_moteus_command(struct host *host, size_t axis)
         MOTEUS_POSITION,
         MOTEUS_WRITE | MOTEUS_INT8 | 1,
         MOTEUS_R_POSITION_COMMAND,
-        0x80, /* the present one */
+        0x80, /* from the present position */
         MOTEUS_WRITE | MOTEUS_FLOAT | 1,
         MOTEUS_R_FEEDFORWARD_TORQUE,
         0,
@@ -193,7 +193,7 @@ static void host_moteus_command(struct host *host, size_t axis)
     memcpy(&bits, &torque, sizeof bits);
     put_u32_le(drive + 8, bits);
 
-    /* In the start-up a stop clears the fault of an earlier run first */
+    /* During the start-up a stop first clears the fault of an earlier run */
     if (host->want[axis].on &&
         !(host->phase == HOST_ENABLING && host->joint[axis].motor == HOST_MOTOR_FAULT)) {
         host_moteus_queue(host, (size_t)of->bus, of->address, sizeof drive, drive);
@@ -202,7 +202,7 @@ static void host_moteus_command(struct host *host, size_t axis)
     }
 }
 
-/* Queues a question to each controller of the rig (struct host_ops). */
+/* Queues a read for each controller of the rig (struct host_ops). */
 static void host_moteus_discover(struct host *host, size_t bus)
 {
     for (unsigned address = 1; address <= MOTEUS_ADDRESS_MAX; address++) {
@@ -212,15 +212,15 @@ static void host_moteus_discover(struct host *host, size_t bus)
     }
 }
 
-/* Notes that a motor is switched; the next frame says it (struct host_ops). */
+/* Notes that a motor is switched; the next frame switches it (struct host_ops). */
 static void host_moteus_set_motor(struct host *host, size_t axis, bool on)
 {
     host->want[axis].on = on;
     host->want[axis].switch_off = !on;
 }
 
-/* Queues a frame for each axis once motors were switched on, before that what stops them (struct
- * host_ops). */
+/* Queues a frame for each axis after motors were switched on; before that, the stop of switched
+ * motors (struct host_ops). */
 static void host_moteus_end_period(struct host *host, size_t bus)
 {
     for (size_t axis = 0; axis < host->config.naxis; axis++) {

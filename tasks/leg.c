@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Leg kinematics in closed form; the derivation is in the header. */
+/* Leg kinematics in closed form; tasks/leg.h has the derivation. */
 #include "tasks/leg.h"
 
 #include "base/portable_math.h"
@@ -16,9 +16,9 @@ static const char *const leg_joint_name[BODY_SIDES][LEG_JOINTS] = {
 /* The axis of each joint: 0 = x, 1 = y, 2 = z. */
 static const int leg_axis[LEG_JOINTS] = {1, 0, 2, 1, 0, 1};
 
-/* The kinds of legs, from the pelvis to the foot: the joints, and along which axes each may be
- * offset from the one before it without breaking the closed form (axes in one point, knee in
- * line). */
+/* The kinds of legs: joints from the pelvis to the foot, and the axes along which each joint may be
+ * offset from the one before it. With these offsets the closed form holds (axes in one point, knee
+ * in line). */
 static const struct leg_kind {
     enum leg_joint joint[LEG_JOINTS];
     bool may_shift[LEG_JOINTS][3];
@@ -54,8 +54,8 @@ static bool leg_link_fits(const struct body_link *link, int axis, const bool may
     return mat3_is_identity(link->rotation);
 }
 
-/* Returns the link that a leg hangs on: up from `link` past those that nothing drives and that are
- * not turned (mounts that bend); adds their offsets to hip. */
+/* Returns the link that carries a leg: up from `link`, past links that no motor drives and that are
+ * not turned (bending mounts). Adds their offsets to hip. */
 static int leg_find_root(const struct body_model *model, int link, double hip[3])
 {
     const struct body_link *at = &model->link[link];
@@ -100,13 +100,13 @@ enum error_code leg_find(const struct body_model *model, int side, int link[LEG_
                              name);
         }
     }
-    /* A roll joint at the pelvis tells the second kind */
+    /* A roll joint at the pelvis means the second kind */
     memset(leg->hip, 0, sizeof leg->hip);
     leg->roll_first =
         leg_find_root(model, model->link[link[LEG_HIP_ROLL]].parent, (double[3]){0}) == 0;
     kind = &leg_kinds[leg->roll_first];
     memcpy(leg->chain, kind->joint, sizeof leg->chain);
-    /* The closed form holds only for that chain of axes and offsets */
+    /* The closed form holds only for this chain of axes and offsets */
     for (int i = 0; i < LEG_JOINTS; i++) {
         int joint = leg->chain[i];
 
@@ -140,8 +140,8 @@ static void leg_turn(double R[9], int axis, double angle)
     mat3_mul(old, turn, R);
 }
 
-/* Computes the knee's angle from the distance that it spans (law of cosines), within its limits.
- * Returns false when the limits change it; scale is then what the distance changes by. */
+/* Computes the knee's angle from a distance (law of cosines), within its limits. Returns false when
+ * a limit applies; scale is then the factor of the distance. */
 static bool leg_bend_knee(const struct leg_geometry *leg, double length, double least_knee,
                           double greatest_knee, double *knee, double *scale)
 {
@@ -179,7 +179,7 @@ static bool leg_inverse_pitch_first(const struct leg_geometry *leg, const struct
         hip[k] *= scale;
     }
 
-    /* The ankle turns the shank and thigh toward the hip */
+    /* The ankle points shank and thigh to the hip */
     along = -T * portable_sin(angle[LEG_KNEE]);
     up = S + T * portable_cos(angle[LEG_KNEE]);
     angle[LEG_ANKLE_ROLL] = portable_asin(fmin(fmax(hip[1] / up, -1), 1));
@@ -187,7 +187,7 @@ static bool leg_inverse_pitch_first(const struct leg_geometry *leg, const struct
     angle[LEG_ANKLE_PITCH] =
         portable_atan2(up * -hip[0] + along * hip[2], along * hip[0] + up * hip[2]);
 
-    /* The hip takes the rest of the rotation, Ry Rx Rz */
+    /* The hip has the remaining rotation, Ry Rx Rz */
     memcpy(R, foot->R, sizeof R);
     leg_turn(R, 1, -angle[LEG_ANKLE_PITCH]);
     leg_turn(R, 0, -angle[LEG_ANKLE_ROLL]);
@@ -221,7 +221,7 @@ static bool leg_inverse_roll_first(const struct leg_geometry *leg, const struct 
     double A, B, ratio, along, down, scale;
     bool reached, in_plane;
 
-    /* Roll: the equation of the header, A cos h1 + B sin h1 = fx dy, puts ankle and foot in the
+    /* Roll: the header's equation, A cos h1 + B sin h1 = fx dy, brings ankle and foot into the
      * leg's plane */
     vec3_sub(foot->p, leg->hip, a);
     vec3_add_scaled(a, 1, d, a);
@@ -245,7 +245,7 @@ static bool leg_inverse_roll_first(const struct leg_geometry *leg, const struct 
     down = -T - S * portable_cos(angle[LEG_KNEE]);
     angle[LEG_HIP_PITCH] = portable_atan2(down * a[0] - along * a[2], along * a[0] + down * a[2]);
 
-    /* The ankle takes the rest of the rotation, Ry Rx */
+    /* The ankle has the remaining rotation, Ry Rx */
     mat3_identity(turned);
     leg_turn(turned, 0, angle[LEG_HIP_ROLL]);
     leg_turn(turned, 2, angle[LEG_HIP_YAW]);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Pose: every joint moves smoothly to the angle that its setting has, pose.JOINT_rad, and stays
- * there; settings change while it runs, as by the sliders of the page. It begins with the initial
- * pose, ends when it is stopped, and does not judge: a robot that is led into a fall has fallen.
+ * Task pose: every joint moves smoothly to its setting pose.JOINT_rad and stays there. Settings may
+ * change during the run, for example by the sliders of the page. It starts from the initial pose,
+ * runs until it is stopped, and gives no verdict: a pose may make the robot fall.
  */
 #include "tasks/task_private.h"
 
@@ -15,8 +15,8 @@ enum { POSE_NAME_SIZE = 96 };
 
 static const double POSE_RATE_RAD_S = 0.5; /* default rate of the joints */
 static const double POSE_LEAST_RAD_S = 0.01, POSE_MOST_RAD_S = 3;
-static const double POSE_SPEED_UP_S = 0.3;     /* time from rest to that rate */
-static const double POSE_LONGEST_STEP_S = 0.1; /* longest step, so that a joint does not jump
+static const double POSE_SPEED_UP_S = 0.3;     /* time from rest to this rate */
+static const double POSE_LONGEST_STEP_S = 0.1; /* longest time step, so that a joint does not jump
                                                 * after a pause */
 
 struct pose {
@@ -27,8 +27,8 @@ struct pose {
 
 /* ---- a joint's motion ---- */
 
-/* Returns the greatest rate from which a distance is enough to stop when the rate falls by a dt
- * in each step: the steps cover v dt + (v - a dt) dt + ... = v^2 / (2 a) + v dt / 2. */
+/* Returns the largest rate from which the axis can stop within a distance when the rate falls by a
+ * dt in each step. The steps cover v dt + (v - a dt) dt + ... = v^2 / (2 a) + v dt / 2. */
 static double stopping_rate(double distance, double acceleration, double dt)
 {
     return acceleration * (sqrt(dt * dt / 4 + 2 * distance / acceleration) - dt / 2);
@@ -55,8 +55,8 @@ void motion_profile_step(struct motion_profile *profile, double goal_rad, double
 
 /* ---- settings ---- */
 
-/* Makes the settings: the rate, and for each joint its range, widened to hold its initial angle.
- * Returns false without memory. */
+/* Makes the settings: the rate, and for each joint its range, extended to its initial angle.
+ * Returns false when out of memory. */
 static bool pose_make_settings(struct task *task, struct arena *arena)
 {
     const struct host_config *host = &task->config.host;
@@ -113,7 +113,7 @@ static void pose_start(struct task *task)
     }
 }
 
-/* Writes the message: how many joints move and which deviate most. */
+/* Writes the message: how many joints move, and which deviate most. */
 static void pose_tell(struct task *task)
 {
     const struct pose *pose = task->state;

@@ -1,15 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Position loops on motor angles; the law is that of struct servo_gains (tasks/task.h). */
+/* Position loops on motor angles; struct servo_gains (tasks/task.h) has the law. */
 #include "tasks/servo.h"
 
 #include <math.h>
 
-/* Least span of the difference that gives a rate: over shorter ones the jitter of the messages'
- * arrival counts */
+/* Least time difference for a rate; over shorter ones the jitter of arrival times is too large */
 enum { RATE_SPAN_NS = 2000000 };
 
-/* Time constant of the mean deflection, s: an oscillation of one second passes by it, the weight of
- * a slow motion does not. */
+/* Time constant of the mean deflection, s. The mean does not follow an oscillation of one second,
+ * but it follows the weight in a slow motion. */
 #define SWAY_S 0.3
 
 struct loop {
@@ -66,7 +65,7 @@ void servo_start(struct servo *servo)
     for (size_t i = 0; i < host_configuration(servo->host)->naxis; i++) {
         const struct host_joint *joint = host_joint(servo->host, i);
         const struct servo_gains *gains = &servo->config.gains[i];
-        /* With an outer loop the link's angle is what is wanted, else the motor's */
+        /* With an outer loop the reference is the link's angle, else the motor's */
         double wanted = gains->trim_per_s > 0 ? joint->joint_rad : joint->motor_rad;
 
         servo->loop[i] = (struct loop){
@@ -113,9 +112,9 @@ double servo_reference(const struct servo *servo, size_t axis)
     return servo->loop[axis].wanted + servo->loop[axis].trim;
 }
 
-/* Returns the error of the link's angle with a dead zone of one encoder tick. Without it the
- * rounding errors of two legs on the same ground, integrated, would press them against each
- * other more and more. */
+/* Returns the error of the link's angle with a dead zone of one encoder tick. Without it,
+ * integrated rounding errors would press two legs on the same ground against each other more and
+ * more. */
 static double servo_link_error(const struct servo *servo, size_t axis)
 {
     double step = 1 / host_configuration(servo->host)->axis[axis].joint_ticks_per_rad;
@@ -146,8 +145,8 @@ static void servo_estimate_rate(struct loop *loop, const struct host_joint *join
     }
 }
 
-/* Computes the voltage of one axis by the law of struct servo_gains. The integrals are held
- * while the voltage saturates in the error's direction (anti-windup). */
+/* Computes the voltage of an axis by the law of struct servo_gains. The integrals stop while the
+ * voltage saturates in the error's direction (anti-windup). */
 static double servo_axis_voltage(struct servo *servo, size_t axis, double dt)
 {
     const struct servo_gains *gains = &servo->config.gains[axis];

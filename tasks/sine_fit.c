@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Fits a sine by least squares: the normal equations, eliminated in order of their terms. */
+/* Fits a sine by least squares: normal equations, eliminated in the order of their terms. */
 #include "tasks/sine_fit.h"
 
 #include "base/portable_math.h"
@@ -9,7 +9,7 @@
 
 enum { DRIFT_TERMS = 2, COSINE = 2, SINE = 3, VALUE = 4 };
 
-/* Least mean square that a term must have left after the elimination of those before it */
+/* Least mean square of a term after the elimination of the earlier terms */
 static const double SINGULAR = 1e-6;
 
 void sine_fit_start(struct sine_fit *fit)
@@ -40,7 +40,7 @@ bool sine_fit_solve(const struct sine_fit *fit, struct sine *sine)
 {
     double m[SINE_FIT_TERMS][SINE_FIT_TERMS], total = 0;
 
-    /* What is left of the signal's square after each term: about its drift, then its residual */
+    /* Sums of squares: the signal about its drift, then the residual of the fit */
     *sine = (struct sine){0};
     memcpy(m, fit->product, sizeof m);
     /* Gaussian elimination of the symmetric normal equations, upper triangle */

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Squat: the hips sink vertically over flat feet and rise again, cycle after cycle (paper section
- * 7). Both legs are two-link chains in the sagittal plane: hip pitch, knee, ankle pitch. All other
- * joints hold the initial pose. The verdict comes from telemetry alone: the feet must go on
- * carrying the weight and the motors must follow.
+ * Task squat: the hips sink vertically above flat feet and rise again, cycle after cycle (paper
+ * section 7). Both legs are two-link chains in the sagittal plane: hip pitch, knee, ankle pitch.
+ * All other joints hold the initial pose. The verdict uses telemetry only: the feet must carry the
+ * weight and the motors must follow.
  */
 #include "base/portable_math.h"
 #include "tasks/task_private.h"
@@ -19,15 +19,14 @@ static const char *const joint_name[LEGS][PITCH_JOINTS] = {
     {"LHipSag", "LKneeSag", "LAnkSag"},
 };
 
-static const double RAMP_S = 1.0;    /* duration of the ramp from where the joints were to the
-                                     * initial pose */
+static const double RAMP_S = 1.0;    /* duration of the ramp from the present angles to the initial
+                                      * pose */
 static const double SETTLE_S = 1.0;  /* time of standing still before and after */
-static const double WEIGH_S = 0.25;  /* at the end of settling: the time in which the weight is
-                                     * measured */
-static const double LIGHT = 0.3;     /* fallen when the feet carry less than this part of the
-                                     * weight, ... */
-static const double LIGHT_S = 0.25;  /* ... for so long */
-static const double STRAIGHT = 1e-6; /* sine of a knee that is as good as straight */
+static const double WEIGH_S = 0.25;  /* duration of the weighing, at the end of settling */
+static const double LIGHT = 0.3;     /* fallen when the feet carry less than this fraction of the
+                                      * weight ... */
+static const double LIGHT_S = 0.25;  /* ... for this time */
+static const double STRAIGHT = 1e-6; /* sine of the angle of a knee that counts as straight */
 
 struct leg {
     size_t axis[PITCH_JOINTS];
@@ -44,10 +43,10 @@ struct leg_pose {
 
 struct squat {
     struct leg leg[LEGS];
-    bool alike; /* the legs have one initial pose */
+    bool alike; /* both legs have the same initial pose */
     double weight_sum;
     size_t weighed;
-    double light_since_s; /* when the feet became light; < 0: they carry */
+    double light_since_s; /* time since when the feet are light; < 0 = they carry */
     double deepest_m, worst_error_rad;
 };
 
@@ -58,8 +57,8 @@ static double squat_hip_height(const struct squat_config *config, double thigh, 
     return config->thigh_m * portable_cos(thigh) + config->shank_m * portable_cos(thigh + knee);
 }
 
-/* Computes the joint angles for a height of the hip that changes at rise, m/s, and their rates:
- * knee bent forward, foot flat, trunk at its lean. Returns false when it is out of reach. */
+/* Computes the joint angles and rates for a height of the hip that changes at rise, m/s. The knee
+ * bends forward, the foot is flat, the trunk keeps its lean. Returns false when out of reach. */
 static bool squat_leg_inverse(const struct squat_config *config, const struct leg *leg,
                               double height, double rise, struct leg_pose *pose)
 {
@@ -85,8 +84,8 @@ static bool squat_leg_inverse(const struct squat_config *config, const struct le
     return true;
 }
 
-/* Returns how far the hips are to be below the initial height at time t, m; sinking: how fast that
- * grows, m/s. */
+/* Returns the desired depth of the hips below the initial height at time t, m; sinking: its rate,
+ * m/s. */
 static double squat_depth_at(const struct squat_config *config, double t, double *sinking)
 {
     const double length = config->period_s * config->cycles, pace = 2 * M_PI / config->period_s;
@@ -101,7 +100,7 @@ static double squat_depth_at(const struct squat_config *config, double t, double
     return config->depth_m / 2 * (1 - cosine);
 }
 
-/* Finds the axes of a leg and checks that at the deepest point they are within their limits. */
+/* Finds the axes of a leg and checks its limits at the deepest point. */
 static enum error_code squat_find_leg(struct task *task, int side, struct leg *leg,
                                       struct error *error)
 {
@@ -125,7 +124,7 @@ static enum error_code squat_find_leg(struct task *task, int side, struct leg *l
     leg->ankle_x = -config->thigh_m * portable_sin(thigh) -
                    config->shank_m * portable_sin(thigh + leg->initial[KNEE]);
 
-    /* The deepest one */
+    /* The deepest pose */
     if (!squat_leg_inverse(config, leg, leg->hip_height - config->depth_m, 0, &deepest)) {
         return error_set(error, ERROR_INPUT, "squat: depth %g m is out of the legs' reach",
                          config->depth_m);
@@ -175,7 +174,7 @@ static enum error_code squat_create(struct task *task, struct arena *arena, stru
     return task_find_feet(task, error);
 }
 
-/* Sets the references of both legs for t seconds after the first cycle began. */
+/* Sets the references of both legs at time t after the beginning of the first cycle. */
 static void squat_bend_legs(struct task *task, double t)
 {
     const struct squat *squat = task->state;
@@ -186,7 +185,8 @@ static void squat_bend_legs(struct task *task, double t)
     for (int side = 0; side < LEGS; side++) {
         const struct leg *leg = &squat->leg[side];
 
-        /* In reach all the way: the deepest point was checked at creation. Legs alike bend alike */
+        /* The whole way is in reach, because the deepest point was checked. Equal legs have equal
+         * references */
         if (side == 0 || !squat->alike) {
             squat_leg_inverse(config, leg, leg->hip_height - depth, -sinking, &pose);
         }
@@ -196,8 +196,8 @@ static void squat_bend_legs(struct task *task, double t)
     }
 }
 
-/* Returns how far the hips are below the initial height, m, by the link encoders; the mean of
- * both legs. */
+/* Returns the measured depth of the hips below the initial height, m: mean of both legs from the
+ * link encoders. */
 static double squat_measured_depth(const struct task *task)
 {
     const struct squat *squat = task->state;

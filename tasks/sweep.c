@@ -1,15 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Sweep: identification of one drive by sines, one frequency after the other, around the initial
- * pose; all other joints hold it. A voltage is added to what the position loop gives the motor, or
- * the loop's reference moves. The loop stays closed, so that the joint does not drift away: with a
- * periodic excitation the ratio of what was measured to what was sent is that of the drive,
- * whatever the loop adds (L. Ljung, System Identification, 2nd edition, chapter 13.5: the
- * joint input-output approach).
+ * Task sweep: identifies one drive by sines, one frequency after the other, about the initial pose;
+ * all other joints hold it. The sine is added to the position loop's voltage, or to its reference.
+ * The loop stays closed, so that the joint does not drift. With a periodic excitation the ratio of
+ * measured to sent signal is the drive's response, independent of the loop (L. Ljung, System
+ * Identification, 2nd edition, chapter 13.5: the joint input-output approach).
  *
- * Signals are taken when their frames arrive, and the voltage as what it is, constant from command
- * to command: a response holds the drive, the board and the bus, and neither the sampling of the
- * host nor the hold of its commands.
+ * Signals count at the arrival of their frames; the voltage is constant from command to command. A
+ * response therefore includes the drive, the board and the bus, but not the host's sampling or the
+ * hold of its commands.
  */
 #include "base/portable_math.h"
 #include "tasks/sine_fit.h"
@@ -31,16 +30,15 @@ enum sweep_setting {
     SWEEP_SETTINGS,
 };
 
-static const double SWEEP_RAMP_S = 1.0;   /* duration of the ramp from where the joints were to
-                                           * the pose */
+static const double SWEEP_RAMP_S = 1.0;   /* duration of the ramp from the present angles to the
+                                           * initial pose */
 static const double SWEEP_STAND_S = 1.0;  /* time of standing still before the first frequency */
-static const double SWEEP_NYQUIST = 0.25; /* highest frequency, as a fraction of the commands'
-                                           * rate */
+static const double SWEEP_NYQUIST = 0.25; /* highest frequency as a fraction of the command rate */
 
-/* A copy of the settings at the beginning of a point, since they may change meanwhile. */
+/* The settings at the beginning of a point; a user may change them later. */
 struct sweep_now {
-    double volts, radians; /* amplitudes, one of them 0 */
-    double hz, from_s;     /* phase 0 at from_s, the beginning of the settling */
+    double volts, radians; /* amplitudes; one of them is 0 */
+    double hz, from_s;     /* phase 0 is at from_s, the beginning of the settling */
     double measure_s, end_s;
 };
 
@@ -69,8 +67,8 @@ static const char *const sweep_setting_name[SWEEP_SETTINGS + 1] = {
 
 /* ---- the task ---- */
 
-/* Creates the task's state and finds the joint; amplitudes are bounded by the supply, frequencies
- * by the commands' rate. ERROR_INPUT when the joint is not named or not there. */
+/* Creates the task's state and finds the joint. The supply limits the amplitude, the command rate
+ * the frequencies. ERROR_INPUT when the joint is not given or unknown. */
 static enum error_code sweep_create(struct task *task, struct arena *arena, struct error *error)
 {
     const struct task_config *config = &task->config;
@@ -99,7 +97,7 @@ static enum error_code sweep_create(struct task *task, struct arena *arena, stru
     return task_find_input_axis(task, &sweep->axis, error);
 }
 
-/* Returns the frequency of a point, Hz: points are at equal ratios. */
+/* Returns the frequency of a point, Hz; points have equal ratios. */
 static double sweep_frequency(const struct task *task, size_t point)
 {
     double from = task->value[SWEEP_FROM], to = task->value[SWEEP_TO];
@@ -152,7 +150,7 @@ static void sweep_excite(struct task *task, double t_s)
 
 /* ---- measuring ---- */
 
-/* Adds a sample to a fit: taken at t_s, or a mean over hold_s about it. */
+/* Adds a sample to a fit: a value at t_s, or a mean over hold_s about t_s. */
 static void sweep_sample(const struct sweep *sweep, struct sine_fit *fit, double t_s, double hold_s,
                          double value)
 {
@@ -166,8 +164,8 @@ static void sweep_sample(const struct sweep *sweep, struct sine_fit *fit, double
     }
 }
 
-/* Adds what was sent since the last step to the input, and what has arrived since to the
- * outputs. */
+/* Adds the signals sent since the last step to the input, and the signals received since then to
+ * the outputs. */
 static void sweep_measure(struct task *task, double t_s)
 {
     struct sweep *sweep = task->state;
@@ -180,7 +178,7 @@ static void sweep_measure(struct task *task, double t_s)
                                               [SWEEP_TORQUE] = joint->torque_time_ns};
     double held = t_s - sweep->last_s;
 
-    /* The input: the reference now, or the voltage as it was held since the last step */
+    /* The input: the present reference, or the voltage held since the last step */
     if (sweep->now.radians > 0) {
         double sine = portable_sin(2 * M_PI * sweep->now.hz * (t_s - sweep->now.from_s));
 
@@ -255,7 +253,7 @@ static enum task_status sweep_step(struct task *task, double t_s)
     struct sweep *sweep = task->state;
     double worst = 0;
 
-    /* Into the pose; from there on only the one joint moves */
+    /* Move into the pose; from then on only the one joint moves */
     if (sweep->now.hz > 0) {
         sweep_measure(task, t_s);
     } else {
@@ -278,7 +276,7 @@ static enum task_status sweep_step(struct task *task, double t_s)
             return TASK_FAILED;
         }
     }
-    /* Excite, and tell the progress */
+    /* Excite, and report the progress */
     if (sweep->now.hz > 0) {
         sweep_excite(task, t_s);
     }

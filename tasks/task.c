@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What all tasks share: start-up of the boards, poses, health, settings, stopping. */
+/* Functions common to all tasks: start-up of the boards, poses, health, settings, stopping. */
 #include "tasks/task_private.h"
 
 #include "base/array.h"
@@ -11,8 +11,8 @@
 
 enum { TELL_STEPS = 20, TEXT_SIZE = 100, WORST_TOLD = 3 };
 
-static const double STRAY_RAD = 0.4; /* a motor that far from its reference is stuck, or the
-                                      * robot has fallen */
+static const double STRAY_RAD = 0.4; /* error of a motor that means it is stuck, or the robot has
+                                      * fallen */
 
 static const struct task_ops *const known[] = {&task_squat,  &task_grasp, &task_hold,
                                                &task_stand,  &task_walk,  &task_sweep,
@@ -27,7 +27,7 @@ const char *const *task_names(void)
     return names;
 }
 
-/* Returns the task of that name, NULL when there is none. */
+/* Returns the task of this name; NULL = none. */
 static const struct task_ops *task_find_ops(const char *name)
 {
     for (size_t i = 0; i < KNOWN; i++) {
@@ -91,7 +91,7 @@ enum error_code task_create(const char *name, const struct task_config *config, 
 
 /* ---- what tasks share ---- */
 
-/* Writes the names of the joints, as many as there is room for. */
+/* Writes the names of the joints until the text is full. */
 static void task_list_joints(const struct task *task, char *list, size_t size)
 {
     size_t used = 0;
@@ -101,7 +101,7 @@ static void task_list_joints(const struct task *task, char *list, size_t size)
         int length = snprintf(list + used, size - used, "%s%s", i ? ", " : "",
                               task->config.host.axis[i].joint);
 
-        /* The dots of a list that is cut need five characters and a zero */
+        /* A truncated list needs room for five characters of dots and a zero */
         if (used + (size_t)length + 6 > size) {
             snprintf(list + used, size - used, ", ...");
             return;
@@ -179,8 +179,8 @@ void task_move_pose(struct task *task, const double *to, double ramp_s, double t
     }
 }
 
-/* Returns the axis with the largest deviation that is not among the count axes of told; -1 when
- * none is left. */
+/* Returns the axis with the largest deviation that is not among the count axes of told; -1 = none
+ * left. */
 static int task_next_worst(const struct task *task, const double *worst, const int *told, int count)
 {
     int next = -1;
@@ -280,7 +280,7 @@ enum task_status task_step(struct task *task, int64_t now_ns)
         host_repeat_step(task->host, now_ns);
         return TASK_RUNNING;
     }
-    /* Boards first; then the task as long as they are healthy */
+    /* Start the boards first, then run the task while they are healthy */
     if (!task->started) {
         status = task_start_up(task);
     } else if (!host_healthy(task->host)) {
@@ -291,7 +291,7 @@ enum task_status task_step(struct task *task, int64_t now_ns)
         status = task->ops->step(task, (double)(host_time_ns(task->host) - task->start_ns) * 1e-9);
         servo_update(task->servo);
     }
-    /* Whatever ends a task switches the motors off */
+    /* At the end of any kind, switch the motors off */
     if (status == TASK_RUNNING) {
         host_send(task->host);
     } else {
@@ -370,7 +370,7 @@ uint64_t task_changes(const struct task *task)
     return atomic_load(&task->changes);
 }
 
-/* Refuses a setting that the task does not have; the message names the nearest one. */
+/* Refuses an unknown setting; the message names the nearest one. */
 static enum error_code task_refuse_setting(const struct task *task, const char *name,
                                            struct error *error)
 {
@@ -383,8 +383,8 @@ static enum error_code task_refuse_setting(const struct task *task, const char *
                      nearest ? "; the nearest is " : "", nearest ? nearest : "");
 }
 
-/* Changes a setting as "NAME=VALUE" says. ERROR_INPUT when there is no such setting or the value
- * is out of its range. */
+/* Changes a setting from "NAME=VALUE". ERROR_INPUT for an unknown setting or a value out of
+ * range. */
 static enum error_code task_set_pair(struct task *task, const char *pair, struct error *error)
 {
     const char *equals = strchr(pair, '=');

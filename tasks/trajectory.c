@@ -12,21 +12,19 @@
 #include <string.h>
 
 enum {
-    VALUES_MAX = 4000000, /* half an hour of 30 joints at 60 Hz is 3.3 million */
+    VALUES_MAX = 4000000, /* 30 joints at 60 Hz for half an hour are 3.3 million values */
     FIRST_ROW_LINE = 2,
 };
 
-static const double RATE_MOST_RAD_S = 1e3; /* rate limit where no drive's is known */
-static const double RATE_ROUNDING = 1e-9;  /* relative tolerance of a limit, for rates at exactly
-                                            * it */
+static const double RATE_MOST_RAD_S = 1e3; /* rate limit of a drive without a known one */
+static const double RATE_ROUNDING = 1e-9;  /* relative tolerance, for rates exactly at the limit */
 
 /* A trajectory while it is read. */
 struct reader {
     struct csv *csv;
     const struct trajectory_limit *limit;
     size_t nlimit;
-    size_t joint[CSV_COLUMNS_MAX]; /* which of the limits, by column; the first column is the
-                                    * time */
+    size_t joint[CSV_COLUMNS_MAX]; /* index of the limit by column; the first column is the time */
     double unit[CSV_COLUMNS_MAX];  /* scale to rad, by column */
     double *row;                   /* on the heap: time and angles, row by row */
     size_t count, capacity;
@@ -34,8 +32,7 @@ struct reader {
 
 /* ---- the titles ---- */
 
-/* Finds the unit at the end of a title. Returns the length of what stands before it, 0 when
- * there is no unit. */
+/* Finds the unit at the end of a title. Returns the length of the text before it; 0 = no unit. */
 static size_t trajectory_split_title(const char *title, double *unit)
 {
     size_t length = strlen(title);
@@ -63,7 +60,7 @@ static enum error_code trajectory_refuse_joint(const struct reader *reader, size
                      nearest ? nearest : "");
 }
 
-/* Finds the joint and unit that a column's title names; each joint may have one column. */
+/* Finds the joint and unit of a column's title; a joint may have only one column. */
 static enum error_code trajectory_find_joint(struct reader *reader, size_t column,
                                              struct error *error)
 {
@@ -134,7 +131,7 @@ static enum error_code trajectory_grow(struct reader *reader, struct error *erro
     return ERROR_NONE;
 }
 
-/* Checks that times rise and angles are within their limits. */
+/* Checks that times increase and angles are within their limits. */
 static enum error_code trajectory_check_row(const struct reader *reader, const double *row,
                                             struct error *error)
 {
@@ -200,8 +197,8 @@ static enum error_code trajectory_read_rows(struct reader *reader, struct error 
 
 /* ---- between the rows ---- */
 
-/* Returns the rate at an inner row from those of the segments before and after it: their
- * weighted harmonic mean, 0 where the joint turns back (Fritsch and Butland). */
+/* Returns the rate at an inner row from the rates of the segments before and after it: their
+ * weighted harmonic mean, or 0 if the joint reverses (Fritsch and Butland). */
 static double trajectory_slope(double h0, double rate0, double h1, double rate1)
 {
     double w0 = 2 * h1 + h0, w1 = h1 + 2 * h0;
@@ -231,7 +228,7 @@ static void trajectory_find_slopes(const struct trajectory *t, double *slope)
     }
 }
 
-/* Returns the greatest rate between a row and the next, rad/s: that of a cubic is a parabola. */
+/* Returns the largest rate between two rows, rad/s. The rate of a cubic is a parabola. */
 static double trajectory_peak_rate(const struct trajectory *t, size_t row, size_t joint)
 {
     double rate = trajectory_segment_rate(t, row, joint), m0, m1, a, b, peak;
@@ -243,7 +240,7 @@ static double trajectory_peak_rate(const struct trajectory *t, size_t row, size_
     m1 = t->slope[(row + 1) * t->njoint + joint];
     a = 3 * (m0 + m1 - 2 * rate);
     b = 6 * rate - 4 * m0 - 2 * m1;
-    /* At an end, or at the parabola's vertex when that is between the rows */
+    /* The peak is at an end, or at the parabola's vertex if it lies between the rows */
     peak = fmax(fabs(m0), fabs(m1));
     if (a * b < 0 && fabs(b) < 2 * fabs(a)) {
         peak = fmax(peak, fabs(m0 - b * b / (4 * a)));
@@ -276,7 +273,7 @@ static enum error_code trajectory_check_rates(const struct reader *reader,
 
 /* ---- the whole ---- */
 
-/* Copies the rows into the arena, columns apart and time from 0, computes the slopes and checks
+/* Copies the rows into the arena, by column and with time from 0. Computes the slopes and checks
  * the rates. */
 static enum error_code trajectory_keep(const struct reader *reader, struct arena *arena,
                                        enum trajectory_interpolation interpolation,
@@ -363,7 +360,7 @@ double trajectory_length_s(const struct trajectory *t)
     return t->time_s[t->count - 1];
 }
 
-/* Returns the row at or before a time within the trajectory, the last but one at most, by
+/* Returns the row at or before a time within the trajectory, at most the last but one, by
  * bisection. */
 static size_t trajectory_find_row(const struct trajectory *t, double t_s)
 {
@@ -388,7 +385,7 @@ void trajectory_at(const struct trajectory *t, size_t joint, double t_s, double 
     double h = t->time_s[row + 1] - t->time_s[row], s = (t_s - t->time_s[row]) / h, m0, m1;
     double q0 = t->angle[at], q1 = t->angle[at + t->njoint], rate = (q1 - q0) / h;
 
-    /* At rest outside */
+    /* Outside the trajectory the joint is at rest */
     if (!(t_s > 0) || t_s >= trajectory_length_s(t)) {
         *angle_rad = t_s > 0 ? q1 : q0;
         *rate_rad_s = 0;

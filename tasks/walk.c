@@ -1,7 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/*
- * Stand and walk: both keep the balance (tasks/balance.h); to stand is to walk without steps.
- */
+/* Tasks stand and walk: both balance (tasks/balance.h); standing is walking without steps. */
 #include "tasks/balance.h"
 #include "tasks/task_private.h"
 
@@ -14,10 +12,11 @@
 #define TURN_UP_RAD_S2 0.3
 #define TURN_MOST_RAD_S 0.5
 #define HEADING_RAD_S 0.3 /* fastest turn to a heading */
-#define HEADING_STEPS 3   /* steps to reach a heading: slow enough for TURN_UP_RAD_S2 */
-#define STOOD_S 2.0       /* time of standing at the end of the walk, until it is done */
+#define HEADING_STEPS 3   /* steps to reach a heading, slow enough for TURN_UP_RAD_S2 */
+#define STOOD_S 2.0       /* time of standing after the walk before the task is done */
 
-/* What a user may change (enum order). A step is the transfer and the swing of one foot. */
+/* Settings that a user may change (enum order). A step is the transfer and the swing of one
+ * foot. */
 enum walk_setting {
     WALK_ON,
     WALK_FORWARD,
@@ -25,7 +24,7 @@ enum walk_setting {
     WALK_TURN,
     WALK_HEADING,
     WALK_STEP_TIME,
-    WALK_STEP_LENGTH, /* another view of WALK_FORWARD */
+    WALK_STEP_LENGTH, /* the same quantity as WALK_FORWARD */
     WALK_SETTINGS,
 };
 
@@ -33,14 +32,14 @@ struct walk {
     struct balance *balance;
     struct gait_command command;
     double last_s;
-    unsigned from_steps;       /* steps of the gait when the walk began */
-    _Atomic double *value;     /* of the settings; another thread writes them */
-    atomic_bool holds_heading; /* it turns to WALK_HEADING, instead of at a rate */
-    double kept_rad;  /* heading to keep while the turn rate is 0: that at the begin of the walk
-                       * or after the last turn */
-    double from_m[2]; /* where its steps begin, as estimated */
-    bool arrived;     /* it has gone its distance */
-    double stood_s;   /* time since it has come to rest there */
+    unsigned from_steps;       /* steps of the gait at the beginning of the walk */
+    _Atomic double *value;     /* values of the settings; another thread writes them */
+    atomic_bool holds_heading; /* turns to WALK_HEADING instead of at a rate */
+    double kept_rad;  /* heading to keep while the turn rate is 0: the heading at the beginning of
+                       * the walk or after the last turn */
+    double from_m[2]; /* estimated position of its first step */
+    bool arrived;     /* has walked its distance */
+    double stood_s;   /* time at rest since then */
 };
 
 /* ---- settings ---- */
@@ -55,8 +54,8 @@ static const char *const walk_setting_name[WALK_SETTINGS + 1] = {
     [WALK_STEP_LENGTH] = "walk.step_length_m",
 };
 
-/* Returns a setting for a rate: its range is what a step of the rig's duration reaches, widened
- * to what the rig asks for. */
+/* Returns a setting for a rate. Its range is the reach of a step in the rig's duration, extended to
+ * the rig's own value. */
 static struct task_setting walk_rate(const char *name, const char *unit, double least, double most,
                                      double asked)
 {
@@ -88,8 +87,8 @@ static enum error_code walk_make_settings(struct task *task, struct arena *arena
     return task_make_settings(task, setting, WALK_SETTINGS, arena, error);
 }
 
-/* A step length sets the speed, and speed and duration the length; a heading or a turn rate
- * replaces the other. */
+/* Keeps related settings consistent. A step length sets the speed; speed and duration set the
+ * length. A heading replaces a turn rate and vice versa. */
 static void walk_changed(struct task *task, size_t index)
 {
     struct walk *walk = task->state;
