@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * One arena for everything that lives as long as the program runs a rig: robot, plant, boards,
- * buses, loop. It hands out zeroed memory until it is sealed; sealing touches and locks what was
- * handed out, so that the loop afterwards neither allocates nor faults a page.
+ * One arena for all memory that lives as long as a rig runs: robot, plant, boards, buses, loop. It
+ * allocates zeroed memory until it is sealed. Sealing touches and locks all allocated pages, so
+ * that the loop neither allocates nor causes a page fault.
  */
 #ifndef BASE_ARENA_H
 #define BASE_ARENA_H
@@ -22,25 +22,25 @@ struct arena {
 /* Reserves capacity bytes of address space (pages cost nothing until touched). Not RT-safe. */
 enum error_code arena_init(struct arena *arena, size_t capacity, struct error *error);
 
-/* Gives all memory back to the system. Allowed on a zeroed or finished arena. Not RT-safe. */
+/* Returns all memory to the system. Allowed on a zeroed or finished arena. Not RT-safe. */
 void arena_fini(struct arena *arena);
 
-/* Returns count * size zeroed bytes, aligned to 64; owned by the arena. NULL when the product
- * overflows, the capacity is used up or the arena is sealed. Not RT-safe. */
+/* Returns count * size zeroed bytes, aligned to 64 and owned by the arena. NULL when the product
+ * overflows, the capacity is used up, or the arena is sealed. Not RT-safe. */
 void *arena_alloc(struct arena *arena, size_t count, size_t size);
 
-/* Returns a copy of text in the arena; NULL = no memory. Not RT-safe. */
+/* Returns a copy of text in the arena; NULL = out of memory. Not RT-safe. */
 char *arena_strdup(struct arena *arena, const char *text);
 
-/* Declares that size bytes of an arena, which hold several pieces and the gaps between them, may be
- * copied as a whole; it matters to the address sanitizer only. RT-safe. */
+/* Declares that size bytes of an arena may be copied as a block, although they contain several
+ * allocations and the gaps between them. Only the address sanitizer needs this. RT-safe. */
 void arena_join(void *memory, size_t size);
 
-/* Refuses further allocation; does nothing else. RT-safe. */
+/* Refuses further allocations and does nothing else. RT-safe. */
 void arena_close(struct arena *arena);
 
-/* Refuses further allocation and touches every page in use; with lock also mlocks them. An error
- * of mlock is reported, the arena is sealed all the same. Not RT-safe. */
+/* Refuses further allocations and touches every used page; with lock also locks them (mlock). If
+ * mlock fails, returns its error; the arena is still sealed. Not RT-safe. */
 enum error_code arena_seal(struct arena *arena, bool lock, struct error *error);
 
 #endif

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Completion of command lines in bash, zsh and fish: the scripts of base/completion/, with a table
- * of all commands and options. The scripts ask the program for the names of rigs and the like
- * ("PROGRAM list NOUN [RIG] --names", with the rig that stands on the line for what a rig has:
- * joints, faults). Not RT-safe.
+ * Completion of command lines in bash, zsh and fish: the scripts of base/completion/ with a table
+ * of all commands and options. For names such as rigs the scripts ask the program: "PROGRAM list
+ * NOUN [RIG] --names". For names within a rig (joints, faults) they pass the RIG of the line. Not
+ * RT-safe.
  *
- * A row of the table is a line of parts divided by semicolons:
+ * A row of the table is a line with parts separated by semicolons:
  *
  *     COMMAND;command;;;;;;;SUMMARY
  *     COMMAND;option;--NAME;-LETTER;KIND;VALUES;ARGUMENT;*, if it may be repeated;HELP
@@ -23,7 +23,7 @@
 struct command_spec;
 struct program;
 
-/* Prints the script of a program on standard output; false = there is none for that shell. */
+/* Prints a program's script for a shell on standard output; false = unknown shell. */
 bool completion_print(const struct program *program, const char *shell);
 
 /* Writes the rows of a command, which options_read prints for --help=table. */

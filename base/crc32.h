@@ -6,7 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Continues crc, 0 at first, over size bytes of data. */
+/* Continues crc, initially 0, over size bytes of data. */
 uint32_t crc32_update(uint32_t crc, const void *data, size_t size);
 
 #endif

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A file of numbers under one line of titles, divided by commas, read row by row. Whatever is wrong
- * with it is ERROR_INPUT with file:line. Not RT-safe.
+ * Reads a file of numbers row by row: one line of titles, columns separated by commas. Any error in
+ * the file is ERROR_INPUT with file:line. Not RT-safe.
  */
 #ifndef BASE_CSV_H
 #define BASE_CSV_H
@@ -15,21 +15,22 @@ enum { CSV_COLUMNS_MAX = 1024, CSV_LINE_BYTES = 1 << 16 };
 
 struct csv {
     const char *path;
-    size_t ncolumn; /* 1 or more */
+    size_t ncolumn; /* number of columns, 1 or more */
     const char *title[CSV_COLUMNS_MAX];
-    double cell[CSV_COLUMNS_MAX]; /* of the last row; ncolumn of them */
-    long line;                    /* of the file that was read last, from 1 */
+    double cell[CSV_COLUMNS_MAX]; /* last row; ncolumn numbers */
+    long line;                    /* number of the last line read, from 1 */
     struct csv_source *source;
 };
 
-/* Opens a file, or size bytes of memory that messages call path, and reads the titles. What is
- * passed in must outlive the table. On an error there is nothing to close. ERROR_INPUT,
+/* Open a file, or size bytes of memory (messages use `path` as the name), and read the titles. The
+ * arguments must outlive the table. After an error there is nothing to close. ERROR_INPUT,
  * ERROR_SYSTEM, ERROR_MEMORY. */
 enum error_code csv_open(const char *path, struct csv **csv, struct error *error);
 enum error_code csv_open_memory(const char *path, const void *bytes, size_t size, struct csv **csv,
                                 struct error *error);
 
-/* Reads the next row into cell; *end at the end of the file. Every cell must be a finite number. */
+/* Reads the next row into cell; sets *end at the end of the file. Every cell must be a finite
+ * number. */
 enum error_code csv_next(struct csv *csv, bool *end, struct error *error);
 
 /* Closes the table; NULL is allowed. */

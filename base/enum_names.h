@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The words of an enum: one table for files, command lines and what is printed, beside the enum
- * that it is of. RT-safe.
+ * The names of an enum's values: one table, beside the enum, for files, command lines and output.
+ * RT-safe.
  */
 #ifndef BASE_ENUM_NAMES_H
 #define BASE_ENUM_NAMES_H
@@ -14,7 +14,7 @@ struct word {
     int value;
 };
 
-/* Returns the first word of a value; NULL = it has none. */
+/* Returns the first name of a value; NULL = none. */
 static inline const char *word_of(const struct word *table, int value)
 {
     while (table->word && table->value != value) {

@@ -8,15 +8,15 @@
 
 enum error_code {
     ERROR_NONE = 0,
-    ERROR_INPUT,       /* something a person or a peer wrote is wrong: the program exits with 2 */
-    ERROR_SYSTEM,      /* the system refused a call: exits with 3 */
-    ERROR_MEMORY,      /* no memory, or a fixed capacity is used up: exits with 3 */
-    ERROR_UNSUPPORTED, /* this machine or build cannot do it: exits with 4 */
+    ERROR_INPUT,       /* an error in something that a person or a peer wrote: exit status 2 */
+    ERROR_SYSTEM,      /* the system refused a call: exit status 3 */
+    ERROR_MEMORY,      /* out of memory, or a fixed capacity is used up: exit status 3 */
+    ERROR_UNSUPPORTED, /* this machine or build cannot do it: exit status 4 */
 };
 
 struct error {
     enum error_code code;
-    char text[768]; /* one sentence without control characters; begins with file:line:column where
+    char text[768]; /* one sentence without control characters; begins with file:line:column if
                      * there is one */
 };
 
@@ -25,18 +25,17 @@ struct error {
 enum error_code error_set(struct error *error, enum error_code code, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-/* Writes text with ERROR_SYSTEM, as error_set, and appends the meaning of errno_value. Not
- * RT-safe. */
+/* As error_set with ERROR_SYSTEM, and appends the meaning of errno_value. Not RT-safe. */
 enum error_code error_set_errno(struct error *error, int errno_value, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-/* Writes an error of a file that a person named: "PATH: WHAT: the meaning of errno_value".
- * ERROR_INPUT when the name is the cause (nothing there, no permission, ...), else ERROR_SYSTEM.
- * Not RT-safe. */
+/* Writes an error about a file that a person named: "PATH: WHAT: the meaning of errno_value".
+ * ERROR_INPUT when the name is the cause (no such file, no permission, ...), else ERROR_SYSTEM. Not
+ * RT-safe. */
 enum error_code error_set_file(struct error *error, int errno_value, const char *path,
                                const char *what);
 
-/* Puts "prefix: " before the text of an error that is passed on; returns its code. Not RT-safe. */
+/* Puts "prefix: " before the text of an error and returns its code. Not RT-safe. */
 enum error_code error_prefix(struct error *error, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A 64-bit FNV-1a hash: content hashes of robots, state hashes that prove determinism. RT-safe. */
+/* A 64-bit FNV-1a hash, for the contents of robots and for states that must repeat. RT-safe. */
 #ifndef BASE_HASH_H
 #define BASE_HASH_H
 

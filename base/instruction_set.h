@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Which instruction set the kernels are run for. They are compiled once for each of these, and all
- * give the same bits; the widest that the machine has is the fastest. A process may be held to a
- * narrower one, to see that the bits are the same or to find out what a machine costs.
+ * Selects the instruction set of the kernels. They are compiled once for each set, and all give the
+ * same bits; the widest set of the machine is the fastest. A process may be limited to a narrower
+ * set, to compare the bits or the speed.
  */
 #ifndef BASE_INSTRUCTION_SET_H
 #define BASE_INSTRUCTION_SET_H
@@ -10,7 +10,7 @@
 #include "base/error.h"
 
 enum instruction_set {
-    INSTRUCTIONS_PLAIN, /* what every machine of the architecture has */
+    INSTRUCTIONS_PLAIN, /* available on every machine of the architecture */
     INSTRUCTIONS_AVX2,
     INSTRUCTIONS_AVX512, /* F, VL and DQ */
     INSTRUCTION_SETS
@@ -19,10 +19,10 @@ enum instruction_set {
 /* "plain", "avx2", "avx512" */
 extern const char *const instruction_set_names[INSTRUCTION_SETS];
 
-/* The architecture that this program is compiled for: "x86_64", "aarch64"; "other". */
+/* The architecture of this program: "x86_64", "aarch64"; "other". */
 extern const char instruction_set_architecture[];
 
-/* What a processor may have. */
+/* Features that a processor may have. */
 enum instruction_feature {
     INSTRUCTIONS_HAVE_AVX2 = 1,
     INSTRUCTIONS_HAVE_AVX512F = 2,
@@ -30,15 +30,15 @@ enum instruction_feature {
     INSTRUCTIONS_HAVE_AVX512DQ = 8
 };
 
-/* Return the widest set of a processor with these features, and of this machine. */
+/* Return the widest set with these features, and the widest set of this machine. */
 enum instruction_set instruction_set_with(unsigned features);
 enum instruction_set instruction_set_of_machine(void);
 
-/* Returns the set to run: the machine's, or the one that the process is held to. RT-safe. */
+/* Returns the set in use: the machine's, or the limit of this process. RT-safe. */
 enum instruction_set instruction_set_used(void);
 
-/* Holds the process to the set of a name. Before threads are started and before the first
- * kernels are chosen. ERROR_INPUT: there is no such name, or the machine does not have it. */
+/* Limits the process to the named set. Call it before threads start and before kernels are
+ * selected. ERROR_INPUT: unknown name, or the machine lacks the set. */
 enum error_code instruction_set_hold(const char *name, struct error *error);
 
 #endif

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Priorities of lines on standard error for systemd's journal, which reads the "<4>" that a line
- * may begin with (sd-daemon(3)), so that `journalctl -p warning` shows overruns and faults and
- * leaves the rest out. On a terminal and in files there is no such prefix. Not RT-safe.
+ * Priorities of lines on standard error for systemd's journal, which reads a "<4>" at the beginning
+ * of a line (sd-daemon(3)). `journalctl -p warning` thus shows overruns and faults only. On a
+ * terminal and in files there is no prefix. Not RT-safe.
  */
 #ifndef BASE_JOURNAL_H
 #define BASE_JOURNAL_H
@@ -11,9 +11,9 @@
 
 /* The numbers are those of syslog(3). */
 enum journal_priority {
-    JOURNAL_ERROR = 3,   /* the run ends, or cannot do what was asked */
+    JOURNAL_ERROR = 3,   /* the run ends, or a request is impossible */
     JOURNAL_WARNING = 4, /* deadlines, frames or boards are lost */
-    JOURNAL_NOTICE = 5,  /* normal, and worth a look */
+    JOURNAL_NOTICE = 5,  /* normal, but noteworthy */
     JOURNAL_INFO = 6,
 };
 
@@ -23,8 +23,8 @@ const char *journal_prefix(enum journal_priority priority);
 /* Returns the name of a priority: "error", "warning", "notice", "info". */
 const char *journal_priority_name(enum journal_priority priority);
 
-/* Checks whether stream, the value of $JOURNAL_STREAM ("DEVICE:INODE", NULL = unset), names the
- * open file descriptor. */
+/* Checks whether stream, the value of $JOURNAL_STREAM ("DEVICE:INODE", NULL = unset), is the file
+ * of the descriptor. */
 bool journal_stream_is(const char *stream, int descriptor);
 
 #endif

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Text as a string of JSON, with its quotes: whatever the text is, the result is a string that
- * every reader takes. Bytes that are no UTF-8 become "?".
+ * Quotes text as a JSON string. The result is valid for any input: bytes that are not UTF-8 become
+ * "?".
  */
 #ifndef BASE_JSON_TEXT_H
 #define BASE_JSON_TEXT_H
@@ -9,10 +9,10 @@
 #include <stddef.h>
 #include <stdio.h>
 
-/* Room that a text of size bytes may need, with the quotes and a terminating zero. */
+/* Largest buffer for a text of size bytes, with quotes and terminating zero. */
 #define JSON_TEXT_ROOM(size) (6 * (size) + 3)
 
-/* Writes a text as a JSON string into a buffer, with a zero; returns its length without that.
+/* Writes a text as a JSON string with terminating zero. Returns its length without the zero.
  * RT-safe. */
 size_t json_text_quote(const char *text, char *to);
 

@@ -8,9 +8,10 @@
 #include <stdint.h>
 #include <sys/socket.h>
 
-/* Listens at a numeric IPv4 or IPv6 address, without blocking and not inherited. host NULL =
- * 127.0.0.1, port 0 = any that is free; bound receives the address with its port. who begins the
- * messages. ERROR_INPUT: no address; ERROR_SYSTEM, when listener may be open all the same. */
+/* Listens at a numeric IPv4 or IPv6 address; the socket is non-blocking and not inherited. host
+ * NULL = 127.0.0.1, port 0 = any free port. bound receives the address with its port. Messages
+ * begin with who. ERROR_INPUT: not an address; ERROR_SYSTEM: refused, and the caller must still
+ * close *listener if it is open. */
 enum error_code listen_at(const char *who, const char *host, uint16_t port, int *listener,
                           struct sockaddr_storage *bound, struct error *error);
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Text inside XML, HTML and SVG, as content or as an attribute's value between double quotes:
- * whatever the text is, the document stays well-formed UTF-8 on one line. Not RT-safe.
+ * Escapes text for XML, HTML and SVG, as content or as an attribute's value in double quotes. For
+ * any input, the document stays well-formed UTF-8 on one line. Not RT-safe.
  *
  *     &  <  >  "                                 their entities
  *     a line break, a tab                        a space
@@ -13,14 +13,14 @@
 #include <stdio.h>
 
 enum markup_flag {
-    MARKUP_ASCII = 1,       /* every byte that is not ASCII becomes ? */
-    MARKUP_LINE_BREAKS = 2, /* a line break becomes &#10;, which a reader turns back into one */
+    MARKUP_ASCII = 1,       /* each non-ASCII byte becomes ? */
+    MARKUP_LINE_BREAKS = 2, /* a line break becomes &#10;, which a reader converts back */
 };
 
-/* Writes text escaped. NULL is the empty text. */
+/* Writes escaped text; NULL = empty. */
 void markup_put(FILE *out, const char *text);
 
-/* The same; flags are a sum of enum markup_flag. */
+/* Does the same; flags are a bit mask of enum markup_flag. */
 void markup_put_flags(FILE *out, const char *text, unsigned flags);
 
 #endif

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A stream into memory that reports when memory runs out. open_memstream's does not: it counts
- * bytes that did not fit as written, so that a text with holes looks complete. Here every write
- * fails from the first byte that found no memory on, and memory_file_close returns the error. Not
- * RT-safe.
+ * A stream into memory that reports when memory runs out. open_memstream does not: it counts lost
+ * bytes as written, so that a text with gaps looks complete. Here every write after the first lost
+ * byte fails, and memory_file_close returns the error. Not RT-safe.
  */
 #ifndef BASE_MEMORY_FILE_H
 #define BASE_MEMORY_FILE_H
@@ -15,16 +14,16 @@
 #include <stdio.h>
 
 struct memory_file {
-    char *text; /* on the heap, ends in a zero; the caller frees it after memory_file_close */
+    char *text; /* on the heap, zero-terminated; the caller frees it after memory_file_close */
     size_t size, capacity;
     bool failed;
 };
 
-/* Opens a stream that appends to *memory, which must outlive it; NULL = no memory. */
+/* Opens a stream that appends to *memory, which must outlive it; NULL = out of memory. */
 FILE *memory_file_open(struct memory_file *memory);
 
-/* Closes the stream. ERROR_MEMORY ("no memory left for WHAT") when not all that was written is in
- * memory->text, which then is NULL. what stands in the message. */
+/* Closes the stream. ERROR_MEMORY ("no memory left for WHAT") when some output was lost;
+ * memory->text is then NULL. what: the word in the message. */
 enum error_code memory_file_close(FILE *file, struct memory_file *memory, const char *what,
                                   struct error *error);
 

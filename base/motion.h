@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * How a rigid body moves: what the model computes of its bodies and the contact engines take. One
- * struct for both, so that an array of it passes from one to the other as it is.
+ * The motion of a rigid body, which the model computes and the contact engines use. They share one
+ * struct, so that an array passes between them without conversion.
  *
- * World frame throughout, SI units. The matrix is row-major (base/vec3.h). Plain data: copied at
- * will, owned by whoever declares it, RT-safe.
+ * World frame throughout, SI units. The matrix is row-major (base/vec3.h). Plain data; RT-safe.
  */
 #ifndef BASE_MOTION_H
 #define BASE_MOTION_H

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Seeded random numbers for noise and faults: splitmix64 (Steele, Lea, Flood 2014), one stream for
- * each thing that needs one, so that no stream depends on how often another was drawn from. The
- * same seed and name give the same numbers on every machine (Gaussian ones by
- * base/portable_math.h). RT-safe.
+ * Seeded random numbers for noise and faults: splitmix64 (Steele, Lea, Flood 2014). Each user has
+ * its own stream, independent of draws from other streams. Equal seed and name give equal numbers
+ * on every machine (Gaussian ones by base/portable_math.h). RT-safe.
  */
 #ifndef BASE_RANDOM_H
 #define BASE_RANDOM_H
@@ -45,8 +44,8 @@ static inline double random_uniform(struct random_stream *stream)
     return (double)(random_bits(stream) >> 11) * 0x1p-53;
 }
 
-/* Draws a Gaussian number of mean 0 and variance 1 (Box and Muller; the second number is not
- * kept, so that every draw takes two). */
+/* Draws a Gaussian number of mean 0 and variance 1 (Box and Muller). It discards the second number,
+ * so that every draw consumes two. */
 static inline double random_gaussian(struct random_stream *stream)
 {
     double radius = sqrt(-2.0 * portable_log(1.0 - random_uniform(stream)));
@@ -54,9 +53,9 @@ static inline double random_gaussian(struct random_stream *stream)
     return radius * portable_cos(6.283185307179586 * random_uniform(stream));
 }
 
-/* Draws whether an intermittent contact is open in the coming step, from whether it was open
- * before: gaps have the mean length `dwell` and fill the share of the time; dwell and step in
- * the same unit. */
+/* Draws whether an intermittent contact is open in the next step; gap: whether it is open now. Gaps
+ * have the mean length `dwell` and fill the fraction `share` of the time. dwell and step have the
+ * same unit. */
 static inline bool random_gap(struct random_stream *stream, bool gap, double share, double dwell,
                               double step)
 {

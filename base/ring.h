@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * A lock-free ring for one writing and one reading thread: frames to the recorder, events to the
- * log, frames between the nodes of a local bus. Memory is the caller's. RT-safe throughout.
+ * log, frames between the nodes of a local bus. The caller owns the memory. All functions are
+ * RT-safe.
  */
 #ifndef BASE_RING_H
 #define BASE_RING_H
@@ -15,12 +16,12 @@
 struct ring {
     unsigned char *slots;
     size_t slot_size;
-    uint32_t mask;                      /* number of slots - 1, a power of two less one */
+    uint32_t mask;                      /* number of slots - 1 */
     _Alignas(64) _Atomic uint32_t head; /* next slot to write, owned by the writer */
     _Alignas(64) _Atomic uint32_t tail; /* next slot to read, owned by the reader */
 };
 
-/* Begins an empty ring on memory of count * slot_size bytes; count is a power of two. */
+/* Initializes an empty ring in memory of count * slot_size bytes; count is a power of two. */
 static inline void ring_init(struct ring *ring, void *slots, size_t slot_size, uint32_t count)
 {
     ring->slots = slots;
@@ -58,8 +59,8 @@ static inline bool ring_pop(struct ring *ring, void *item)
     return true;
 }
 
-/* Returns the slot of the next item, to be filled and then handed over with ring_commit; NULL =
- * the ring is full. Writer only. */
+/* Returns the slot of the next item; fill it and call ring_commit. NULL = the ring is full. Writer
+ * only. */
 static inline void *ring_back(const struct ring *ring)
 {
     uint32_t head = atomic_load_explicit(&ring->head, memory_order_relaxed);
@@ -75,8 +76,7 @@ static inline void ring_commit(struct ring *ring)
                           memory_order_release);
 }
 
-/* Returns the oldest item, to be read in place until ring_drop; NULL = the ring is empty. Reader
- * only. */
+/* Returns the oldest item, valid until ring_drop; NULL = the ring is empty. Reader only. */
 static inline const void *ring_front(const struct ring *ring)
 {
     uint32_t tail = atomic_load_explicit(&ring->tail, memory_order_relaxed);
@@ -91,7 +91,7 @@ static inline void ring_drop(struct ring *ring)
                           memory_order_release);
 }
 
-/* Returns the number of waiting items; exact for either side at the moment it asks. */
+/* Returns the number of waiting items, exact at the time of the call for writer and reader. */
 static inline uint32_t ring_count(const struct ring *ring)
 {
     uint32_t head = atomic_load_explicit(&ring->head, memory_order_acquire);

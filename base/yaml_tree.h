@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Private to base: a YAML document as a tree of nodes with marks, before a schema is applied to it,
- * and how messages describe a node. Not RT-safe.
+ * Private to base: a YAML document as a tree of nodes with places, before a schema is applied, and
+ * the description of a node in messages. Not RT-safe.
  */
 #ifndef BASE_YAML_TREE_H
 #define BASE_YAML_TREE_H
@@ -12,64 +12,63 @@
 
 enum {
     YAML_MAX_FILE = 4 << 20,      /* bytes */
-    YAML_MAX_NODES = 200000,      /* values in a file and all that it extends */
+    YAML_MAX_NODES = 200000,      /* values in a file and all files that it extends */
     YAML_SHOWN = 48,              /* bytes of a value shown in a message */
-    YAML_FOUND = YAML_SHOWN + 32, /* of what yaml_found writes */
+    YAML_FOUND = YAML_SHOWN + 32, /* buffer of yaml_found */
 };
 
 enum yaml_kind { YAML_KIND_SCALAR, YAML_KIND_LIST, YAML_KIND_MAP };
 
-/* A value of the document. The children of a mapping are key, value, key, value... */
+/* A value of the document. The children of a mapping alternate: key, value, key, value... */
 struct yaml_node {
     enum yaml_kind kind;
-    bool quoted; /* of a scalar: text whatever it looks like */
+    bool quoted; /* of a scalar: always a text */
     struct yaml_mark mark;
     const char *text;
-    size_t count; /* entries of a list, keys of a mapping */
+    size_t count; /* number of entries of a list, or of keys of a mapping */
     struct yaml_node *first, *next;
 };
 
 struct yaml_reader {
-    struct arena *arena;  /* the caller's: what the structs point to */
-    struct arena scratch; /* the nodes: gone after the read */
+    struct arena *arena;  /* the caller's arena, for the results */
+    struct arena scratch; /* nodes, freed after the read */
     const char *file;
-    bool store; /* takes from the store, and adds to it, what is parsed */
+    bool store; /* uses the store and adds parsed texts to it */
     size_t nodes;
-    uint64_t hash; /* of all that was read */
-    void *parser;  /* libyaml's, while the document is read */
+    uint64_t hash; /* hash of all texts read */
+    void *parser;  /* parser of libyaml during the read */
     struct error *error;
 };
 
-/* Reads the document of size bytes into nodes in reader->scratch. Refuses what is no UTF-8 text and
- * what a configuration does not need: anchors, aliases, tags, further documents, duplicate keys,
- * depth and numbers of values without bounds. */
+/* Reads the document of size bytes into nodes in reader->scratch. Refuses text that is not UTF-8,
+ * anchors, aliases, tags, further documents, duplicate keys, and too many or too deep values. */
 enum error_code yaml_tree_read(struct yaml_reader *reader, const char *text, size_t size,
                                struct yaml_node **root);
 
-/* The same for a file of that name (kept in reader->arena) and, when the schema is of an extendable
- * one, all files that it extends, merged: see yaml_read_file. */
+/* Does the same for a file of this name (kept in reader->arena). If the schema is extendable,
+ * merges all files that it extends: see yaml_read_file. */
 enum error_code yaml_document_read(struct yaml_reader *reader, const char *name, const char *text,
                                    size_t size, const struct yaml_schema *schema,
                                    struct yaml_node **root);
 
-/* Find a text's tree in the store, as copied nodes in reader->scratch, and add one. False: it is
- * not there, or does not fit. count: of the tree's nodes. */
+/* Find a text's tree in the store, as copied nodes in reader->scratch, and add one. false = not
+ * found, or no room. count: number of the tree's nodes. */
 bool yaml_store_find(struct yaml_reader *reader, const char *text, size_t size,
                      struct yaml_node **root);
 void yaml_store_add(const char *text, size_t size, const struct yaml_node *root, size_t count);
 
-/* Finds the field of a key; NULL = there is none, or no schema. */
+/* Finds the field of a key; NULL = unknown key, or no schema. */
 const struct yaml_field *yaml_find_field(const struct yaml_schema *schema, const char *key);
 
-/* Check what a plain scalar is. Quoted ones are text, whatever they look like. */
+/* Check the type of a plain scalar. Quoted scalars are always texts. */
 bool yaml_is_null(const struct yaml_node *node);
 bool yaml_is_bool(const struct yaml_node *node);
 bool yaml_is_number(const struct yaml_node *node);
 
-/* Writes text on one line and of bounded length; returns out. */
+/* Writes text on one line with a limited length; returns out. */
 const char *yaml_shown(const char *text, char out[YAML_SHOWN + 4]);
 
-/* Writes what a node is, as the subject of "found ..."; returns out. */
+/* Writes a description of a node for "found ..."; returns out. */
 const char *yaml_found(const struct yaml_node *node, char out[YAML_FOUND]);
 
 /* Sets "found <node>, expected <expected>" with the node's place. */
