@@ -88,47 +88,47 @@ enum {
 
 struct control_config {
     struct simulator *simulator;
-    struct requests *requests; /* of its loop */
-    const char *path;          /* of the socket; NULL = a default one for name */
-    const char *name;          /* of the instance: the rig's */
-    int64_t patience_ns;       /* for half a line and for undrained answers; 0 = 30 s */
+    struct requests *requests; /* of the simulator's loop */
+    const char *path;          /* path of the socket; NULL = the default path for name */
+    const char *name;          /* name of the instance: the rig's */
+    int64_t patience_ns;       /* longest time for half a line and for undrained answers; 0 = 30
+                                * s */
 };
 
 struct control_counters {
-    uint64_t clients; /* that have asked for something */
+    uint64_t clients; /* clients that have sent a request */
     uint64_t requests, refused_requests;
-    uint64_t refused; /* connections: too many, or of another user */
+    uint64_t refused; /* refused connections: too many, or of another user */
     uint64_t cut_junk, cut_slow, cut_silent;
     uint64_t rows, missed_rows;
 };
 
 struct control;
 
-/* Listens and starts the thread; after simulator_create and before simulator_start, so that the
- * thread has the rights and processors of any other. Errors are those of control_socket_open and
+/* Listens and starts the thread. Call it after simulator_create and before simulator_start, so that
+ * the thread has normal priority and processors. Errors are those of control_socket_open and
  * control_socket_open_default. */
 enum error_code control_start(const struct control_config *config, struct control **control,
                               struct error *error);
 
-/* Begins to serve clients; after simulator_start, which touches all of the simulator's memory
- * while no other thread may. A client that connected before waits until then. NULL is allowed. */
+/* Starts to serve clients. Call it after simulator_start, which touches all of the simulator's
+ * memory while no other thread may. Earlier clients wait until then. NULL is allowed. */
 void control_serve(struct control *control);
 
 const char *control_path(const struct control *control);
 
-/* Takes one line for the log: which client was disconnected and why, which has ended the run;
+/* Takes one line for the log: which client was disconnected and why, or which has stopped the run;
  * false = none waits. From one thread. */
 bool control_next_event(struct control *control, uint64_t *key, char *text, size_t size);
 
-/* Checks whether a client has ended the run, or would have if it had not ended before. NULL is
- * allowed. */
+/* Checks whether a client has stopped the run, or tried to after its end. NULL is allowed. */
 bool control_has_stopped(const struct control *control);
 
-/* Answers, when the loop has ended, every request that still waits with "ended", closes every
+/* Call it after the loop has ended. Answers every waiting request with "ended", closes every
  * connection and removes the socket. NULL is allowed. */
 void control_stop(struct control *control);
 
-/* Copies the counters, and frees the memory; after control_stop. */
+/* Copy the counters; free the memory. Call them after control_stop. */
 void control_counters(const struct control *control, struct control_counters *counters);
 void control_destroy(struct control *control); /* NULL is allowed */
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A client of the control socket, for `coman-hil ctl`: one connection, lines out and in. Not
+ * A client of the control socket, for `coman-hil ctl`: one connection that exchanges lines. Not
  * RT-safe.
  */
 #ifndef CONTROL_CTL_CLIENT_H
@@ -15,23 +15,23 @@
 
 struct ctl_client {
     int socket;
-    char path[256]; /* of the socket */
+    char path[256]; /* path of the socket */
     volatile sig_atomic_t *interrupted;
-    size_t received, read;          /* of inbox: read to received are there */
-    char inbox[2 * CONTROL_OUTBOX]; /* no line is longer than an outbox */
+    size_t received, read;          /* bytes in inbox; the first `read` are consumed */
+    char inbox[2 * CONTROL_OUTBOX]; /* a line is never longer than an outbox */
 };
 
 enum ctl_line_status { CTL_LINE, CTL_END, CTL_INTERRUPTED, CTL_FAILED };
 
-/* Connects to path; else to COMAN_HIL_CONTROL of the environment; else to the newest running
- * simulator, with a line on stderr when there are more. */
+/* Connects to path; else to the environment's COMAN_HIL_CONTROL; else to the newest running
+ * simulator, with a line on stderr if there are several. */
 enum error_code ctl_connect(struct ctl_client *client, const char *path, struct error *error);
 
 /* Sends an object as a line. */
 enum error_code ctl_send(struct ctl_client *client, const json_t *object, struct error *error);
 
 /* Reads the next line, without its end, zero-terminated, valid until the next call. CTL_END: the
- * other side has closed; error is set with CTL_FAILED only. */
+ * server has closed the connection. error is set only with CTL_FAILED. */
 enum ctl_line_status ctl_read_line(struct ctl_client *client, char **line, struct error *error);
 
 void ctl_close(struct ctl_client *client);

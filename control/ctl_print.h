@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Prints answers of the control socket (control/control.h) for a person, for `coman-hil ctl`.
- * Not RT-safe. */
+/* Prints answers of the control socket (control/control.h) as text for `coman-hil ctl`. Not
+ * RT-safe. */
 #ifndef CONTROL_CTL_PRINT_H
 #define CONTROL_CTL_PRINT_H
 
@@ -8,26 +8,25 @@
 #include <stdbool.h>
 #include <stdio.h>
 
-/* Makes a line of the server printable (text_make_printable) and parses it into an answer, the
- * caller's, whose names and texts hold nothing that a terminal may obey: the server need not be
- * ours. NULL = it is no JSON, or memory is used up. */
+/* Makes a line printable (text_make_printable) and parses it; the caller owns the answer. Its names
+ * and texts cannot control a terminal, because the server may be a foreign program. NULL = not
+ * JSON, or out of memory. */
 json_t *ctl_parse_printable(char *line);
 
 void ctl_print_hello(const json_t *answer, FILE *out);
 void ctl_print_status(const json_t *answer, FILE *out);
 void ctl_print_statistics(const json_t *answer, FILE *out);
 
-/* Prints any of the lists. */
+/* Prints a list. */
 void ctl_print_list(const json_t *answer, FILE *out);
 
-/* Prints the tunable that get answers. */
+/* Prints the tunable of an answer to get. */
 void ctl_print_tunable(const json_t *answer, FILE *out);
 
-/* Prints the moment at which the loop has carried a command out: tick, time, hash. */
+/* Prints when the loop has carried out a command: tick, time, hash. */
 void ctl_print_moment(const char *what, const json_t *answer, FILE *out);
 
-/* Print the titles of the answer to a subscribe, and its rows, aligned or as CSV like
- * signals.csv. */
+/* Print the titles and the rows of a subscription, aligned or as CSV like signals.csv. */
 void ctl_print_titles(const json_t *answer, bool csv, FILE *out);
 void ctl_print_row(const json_t *answer, const json_t *row, bool csv, FILE *out);
 

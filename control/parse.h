@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Parses a request of the control socket (control/control.h) from a line of text: JSON first,
- * then a table of the keys of each command. Names of tunables, signals and so on are not looked up
- * here. Not RT-safe.
+ * Parses a request of the control socket (control/control.h) from a line of text: first JSON, then
+ * a table of the keys of each command. Does not look up names of tunables, signals and so on. Not
+ * RT-safe.
  */
 #ifndef CONTROL_PARSE_H
 #define CONTROL_PARSE_H
@@ -50,23 +50,23 @@ enum control_list {
 enum { CONTROL_ID_MAX = 256, CONTROL_PATTERNS_MAX = 1024 };
 
 struct control_request {
-    json_t *root; /* owns what the pointers point to */
+    json_t *root; /* owns the data behind the pointers */
     json_t *id;   /* a number or string; NULL = none */
     enum control_command command;
     enum control_list list;
     const char *name;  /* tunable, fault or body */
-    const char *match; /* NULL = everything */
-    double value;      /* of set; factor of speed */
+    const char *match; /* NULL = all */
+    double value;      /* value of set, factor of speed */
     bool on;
     int64_t count;  /* ticks of step, slot, tick of wait */
-    bool wait_time; /* wait: time_s was given, not tick */
-    double time_s;  /* of wait; duration of push */
+    bool wait_time; /* wait: by time_s, not by tick */
+    double time_s;  /* time of wait, duration of push */
     double force_n[3], moment_nm[3];
     const json_t *signals; /* a non-empty array of strings */
     double period_ms;
 };
 
-/* What the value of a key is, and what its field in the request is. */
+/* Type of a key's value and of its field in the request. */
 enum key_type {
     KEY_TEXT,   /* const char * */
     KEY_REAL,   /* double */
@@ -82,11 +82,11 @@ struct request_key {
     const char *name;
     enum key_type type;
     bool required;
-    size_t offset;   /* of the field */
-    double min, max; /* of numbers; KEY_NAMES: how many */
+    size_t offset;   /* offset of the field */
+    double min, max; /* range of numbers; KEY_NAMES: range of their count */
 };
 
-/* The commands that one side understands, with their keys; each has "id" and "cmd" too. */
+/* The commands of one side with their keys; each command also has "id" and "cmd". */
 struct request_table {
     const char *const *command;
     size_t ncommand;
@@ -94,15 +94,16 @@ struct request_table {
     size_t nkey;
 };
 
-/* Finds the command of a request; -1 = it is none of the table. */
+/* Finds the command of a request; -1 = not in the table. */
 int request_find_command(const struct request_table *table, const json_t *root);
-/* Reads the keys of a command into the fields of request; what is not given stays. */
+/* Reads the keys of a command into the fields of request; missing keys leave their fields
+ * unchanged. */
 enum error_code request_read_keys(const struct request_table *table, int command, json_t *root,
                                   void *request, struct error *error);
 
-/* Parses one line (size bytes, without its end). number: the line's, from 1, for messages. On an
- * error, which is one printable line, root and id are set as far as parsing got; the caller must
- * call control_request_clear either way. */
+/* Parses one line (size bytes, without its end). number: line number from 1, for messages. An error
+ * is one printable line; root and id are then set if they were parsed. The caller must always call
+ * control_request_clear. */
 enum error_code control_parse(const char *line, size_t size, uint64_t number,
                               struct control_request *request, struct error *error);
 
@@ -115,9 +116,9 @@ const char *control_list_name(enum control_list list);
 /* Checks whether a name matches a pattern with * (any characters) and ? (one). */
 bool control_matches(const char *pattern, const char *name);
 
-/* Makes a string for an answer; if text is not UTF-8 (cut in the middle of a character, or
- * arbitrary bytes of a client), every byte that is not ASCII becomes "?". NULL = no memory. */
+/* Makes a string for an answer. If text is not UTF-8 (a truncated character, or arbitrary bytes of
+ * a client), every non-ASCII byte becomes "?". NULL = out of memory. */
 json_t *control_text(const char *text);
-json_t *control_number(double value); /* null when it is not finite */
+json_t *control_number(double value); /* null if not finite */
 
 #endif
