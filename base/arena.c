@@ -7,8 +7,8 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-/* Under the address sanitizer memory that was not handed out is poisoned, even within a page;
- * elsewhere these do nothing. */
+/* The address sanitizer detects use of unallocated arena memory, even within a page. Without the
+ * sanitizer these macros are empty. */
 #if __has_include(<sanitizer/asan_interface.h>)
 #include <sanitizer/asan_interface.h>
 #else
@@ -18,12 +18,12 @@
 
 enum {
     ALIGNMENT = 64,
-    POISONED = 4096,    /* bytes behind what was handed out last */
-    PRESENT = 256 << 10 /* bytes that are made present at once */
+    POISONED = 4096,    /* poisoned bytes behind the allocated ones */
+    PRESENT = 256 << 10 /* bytes made present with one call */
 };
 
-/* Address space from which on an arena is one of those that a run works in, bytes. They get huge
- * pages where the system has them: a walk through them misses no table of pages. */
+/* Arenas of at least this address space, bytes, hold the data of a run. They get huge pages if the
+ * system has them, which avoids page-table misses. */
 #define HUGE_FROM ((size_t)256 << 20)
 
 /* Returns where the poisoned part behind the used memory ends. */
@@ -68,9 +68,9 @@ void arena_fini(struct arena *arena)
     memset(arena, 0, sizeof *arena);
 }
 
-/* Makes pages present ahead of their use, many with one call rather than each at its fault: from
- * the first part that no piece before reached to that in which a small piece ends. Large ones may
- * never be touched. Kernels before 5.14 refuse. */
+/* Maps pages before their use, many with one call instead of a page fault each. It maps up to the
+ * end of a small allocation, but not large ones, which may never be used. Kernels before 5.14
+ * refuse. */
 static void arena_prepare_pages(const struct arena *arena, size_t used_before, size_t bytes)
 {
     size_t from = (used_before + PRESENT - 1) / PRESENT * PRESENT;
@@ -112,9 +112,9 @@ void arena_join(void *memory, size_t size)
     ASAN_UNPOISON_MEMORY_REGION(memory, size);
 }
 
-/* Makes every page present: by the kernel, which ignores its content, or before Linux 5.14 by
- * writing to each. There the first byte may lie between two pieces, or belong to a thread that
- * already runs (the recorder's), so it is atomically exchanged for itself. */
+/* Maps every page: with a kernel call that keeps the content, or before Linux 5.14 by a write.
+ * There the byte may belong to a running thread (the recorder's), so it is atomically exchanged for
+ * itself. */
 __attribute__((no_sanitize("address"))) static void arena_touch_pages(const struct arena *arena)
 {
     size_t page = (size_t)sysconf(_SC_PAGESIZE);

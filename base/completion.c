@@ -19,8 +19,8 @@ static const struct completion_script {
     {"fish", MANUAL_COMPLETE_FISH},
 };
 
-/* Ends a row with the part of a text before its first ;, which is enough for a line of a menu. The
- * table stands within single quotes, so an apostrophe becomes a typographic one. */
+/* Ends a row with the part of a text before its first semicolon, enough for a menu line. The table
+ * is in single quotes, so an apostrophe becomes a typographic one. */
 static void completion_put_text(const char *text, FILE *out)
 {
     putc(';', out);
@@ -34,7 +34,7 @@ static void completion_put_text(const char *text, FILE *out)
     putc('\n', out);
 }
 
-/* Returns what the value of an option may be. */
+/* Returns the kind of an option's value. */
 static const char *completion_find_kind(const struct option_spec *option)
 {
     return option->type == OPTION_FLAG            ? "flag"
@@ -91,7 +91,7 @@ bool completion_print(const struct program *program, const char *shell)
         text = strcmp(shell, scripts[i].shell) == 0 ? scripts[i].text : text;
     }
 
-    /* @@N is the program's name, @@F a function's of it, @@T the table */
+    /* @@N is the program's name, @@F the prefix of its functions, @@T the table */
     for (; text && (mark = strstr(text, "@@")); text = mark + 3) {
         printf("%.*s", (int)(mark - text), text);
         if (mark[2] == 'N') {

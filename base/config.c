@@ -137,8 +137,7 @@ static enum error_code config_refuse_name(enum config_kind kind, const struct co
                      name, name, places, kinds[kind]);
 }
 
-/* Checks whether a name is NAME.yaml that is no file here while NAME exists in a tree: most
- * likely that was meant. */
+/* Checks whether a missing file NAME.yaml probably means the name NAME, which a tree has. */
 static bool config_is_suffixed_name(enum config_kind kind, const struct config_trees *trees,
                                     const char *name, char bare[NAME_MAX + 1])
 {
@@ -259,7 +258,7 @@ static bool config_has_entry(const struct config_entry *entries, size_t count, c
     return false;
 }
 
-/* Adds NAME.yaml of a folder, unless an earlier tree has it or it cannot be given by name. */
+/* Adds NAME.yaml of a folder, unless an earlier tree has it or NAME is not a valid name. */
 static enum error_code config_add_entry(const char *folder, const char *file, struct arena *arena,
                                         struct config_entry *entries, size_t *count)
 {
@@ -283,7 +282,7 @@ static enum error_code config_add_entry(const char *folder, const char *file, st
     return ERROR_NONE;
 }
 
-/* Adds all names of a folder; one that does not exist has none. */
+/* Adds all names of a folder; a missing folder counts as empty. */
 static enum error_code config_add_folder(const char *folder, struct arena *arena,
                                          struct config_entry *entries, size_t *count)
 {

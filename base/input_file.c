@@ -12,15 +12,16 @@
 #include <time.h>
 #include <unistd.h>
 
-/* The files that this process has read, in a ring. A file that has changed since the first of them
- * was read is none of them: this process wrote it, or another file has got its inode. */
+/* The files that this process has read, in a ring. A file that changed after the first read is not
+ * one of them: this process wrote it, or a new file has its inode. */
 static struct {
     dev_t device;
     ino_t inode;
 } inputs[256];
 static size_t ninput;
 static struct timespec first_read;
-static pthread_mutex_t inputs_lock = PTHREAD_MUTEX_INITIALIZER; /* threads open files too */
+static pthread_mutex_t inputs_lock = PTHREAD_MUTEX_INITIALIZER; /* threads open files
+                                                                 * concurrently */
 
 /* Adds a file to the inputs. */
 static void input_remember(const struct stat *status)
@@ -101,7 +102,7 @@ enum error_code input_file_stream(const char *path, FILE **file, struct error *e
     return code;
 }
 
-/* Reads size bytes; fewer are an error, as the file has become shorter. */
+/* Reads size bytes. Fewer bytes are an error, because the file has become shorter. */
 static enum error_code input_read(int fd, const char *path, char *text, size_t size,
                                   struct error *error)
 {

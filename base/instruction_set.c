@@ -17,7 +17,7 @@ const char instruction_set_architecture[] = "aarch64";
 const char instruction_set_architecture[] = "other";
 #endif
 
-static enum instruction_set held = INSTRUCTION_SETS; /* nothing holds it */
+static enum instruction_set held = INSTRUCTION_SETS; /* INSTRUCTION_SETS = no limit */
 
 enum instruction_set instruction_set_with(unsigned features)
 {

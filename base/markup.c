@@ -10,7 +10,7 @@
 
 enum { UTF8_MAX = 4 /* bytes of a character */ };
 
-/* Returns the bytes of the character that text begins with; 0 = XML cannot hold it. */
+/* Returns the length of the character at the beginning of text; 0 = invalid in XML. */
 static size_t markup_character_bytes(const char *text)
 {
     const unsigned char first = (unsigned char)*text;
@@ -23,7 +23,8 @@ static size_t markup_character_bytes(const char *text)
     return text_utf8_length(text, strnlen(text, UTF8_MAX));
 }
 
-/* Writes the entity or the space that stands for a character; false = it stands for itself. */
+/* Writes a character's entity or its replacement by a space; false = the character needs
+ * neither. */
 static bool markup_put_entity(FILE *out, char character, unsigned flags)
 {
     switch (character) {

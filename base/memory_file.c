@@ -33,7 +33,7 @@ static ssize_t memory_file_append(void *cookie, const char *bytes, size_t count)
 {
     struct memory_file *memory = cookie;
 
-    /* Once something was lost nothing is appended, so that the text has no holes */
+    /* After a loss append nothing, so that the text has no gaps */
     if (memory->failed || !memory_file_reserve(memory, count)) {
         memory->failed = true;
         errno = ENOMEM;

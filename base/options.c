@@ -110,7 +110,7 @@ static bool option_parse_list(const struct option_spec *option, const char *text
     return true;
 }
 
-/* Parses and stores the value of an option; false = it is not one. */
+/* Parses and stores the value of an option; false = invalid. */
 static bool option_parse_value(const struct option_spec *option, const char *text)
 {
     switch (option->type) {
@@ -143,7 +143,7 @@ static enum error_code option_reject_value(const struct option_spec *option, con
                      expected);
 }
 
-/* Parses the option at argv[*at] with its argument; *at moves to the last word that it took. */
+/* Parses the option at argv[*at] with its argument; *at moves to the last word used. */
 static enum error_code options_parse_option(const struct command_spec *spec, int argc, char **argv,
                                             int *at, uint64_t *seen, struct error *error)
 {
@@ -173,8 +173,8 @@ static enum error_code options_parse_option(const struct command_spec *spec, int
                       : ERROR_NONE;
     }
 
-    /* The value stands behind = or is the next word; an option there means that the value was
-     * forgotten, and --name=--value that it was not */
+    /* The value follows = or is the next word. A next word that is an option means that the value
+     * is missing; --name=--value is valid */
     text = equals ? equals + 1 : *at + 1 < argc ? argv[*at + 1] : NULL;
     if (!text || (!equals && !strncmp(text, "--", 2))) {
         option_describe_value(option, expected, sizeof expected);
@@ -185,8 +185,8 @@ static enum error_code options_parse_option(const struct command_spec *spec, int
     return option_parse_value(option, text) ? ERROR_NONE : option_reject_value(option, text, error);
 }
 
-/* Stores the next operand; *count is how many came before. Those of a list move to the begin of
- * argv, whose words have been read by then. */
+/* Stores the next operand; *count: number of earlier ones. Operands of a list move to the beginning
+ * of argv, whose words are already parsed. */
 static enum error_code options_parse_operand(const struct command_spec *spec, char **argv,
                                              char *word, size_t *count, struct error *error)
 {
@@ -222,7 +222,7 @@ enum error_code options_parse(const struct command_spec *spec, int argc, char **
         const char *word = argv[i];
         enum error_code code;
 
-        /* --help wins over whatever is wrong behind it */
+        /* --help has priority over later errors */
         if (!only_operands && (!strcmp(word, "--help") || !strcmp(word, "-h"))) {
             *help = true;
             return ERROR_NONE;
@@ -247,7 +247,7 @@ enum error_code options_parse(const struct command_spec *spec, int argc, char **
         *spec->operand[spec->noperand - 1].list = (const char *const *)(argv + 1);
     }
 
-    /* Required operands come first, so the next one tells whether any is missing */
+    /* Required operands come first, so the next one shows whether one is missing */
     if (noperand < spec->noperand && spec->operand[noperand].required) {
         return error_set(error, ERROR_INPUT, "found no %s, expected %s",
                          spec->operand[noperand].name, spec->operand[noperand].help);
@@ -259,7 +259,7 @@ enum error_code options_parse(const struct command_spec *spec, int argc, char **
 
 void options_wrap(const char *text, int used, int indent, FILE *out)
 {
-    int column = used, hang = indent; /* where a line goes on */
+    int column = used, hang = indent; /* hang: indentation of a continued line */
     bool start = true;
 
     while (*text) {
@@ -340,7 +340,7 @@ void options_insert(char *out, size_t size, const char *text, const char *mark, 
     const char *at = strstr(text, mark), *line = at, *rest = at + strlen(mark);
     size_t length = strlen(list);
 
-    /* The mark's line goes, with its indent; the list's last line ends where the mark's did */
+    /* Remove the mark's line with its indentation; the list ends with its own line end */
     while (line > text && line[-1] == ' ') {
         line--;
     }

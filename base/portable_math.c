@@ -8,13 +8,13 @@
 
 __extension__ typedef unsigned __int128 uint128;
 
-/* Arguments are reduced by parts of pi/2 and of log 2 (Cody and Waite, Software Manual for the
- * Elementary Functions, 1980), large angles by as many digits of 2/pi as it takes (Payne and
- * Hanek, SIGNUM Newsletter 18, 1983). All polynomials are Taylor's, long enough for the
- * interval. */
+/* Arguments are reduced with parts of pi/2 and of log 2 (Cody and Waite, Software Manual for the
+ * Elementary Functions, 1980). Large angles are reduced with as many digits of 2/pi as necessary
+ * (Payne and Hanek, SIGNUM Newsletter 18, 1983). All polynomials are Taylor series, long enough for
+ * their interval. */
 #define PI 0x1.921fb54442d18p+1
 #define PI_REST 0x1.1a62633145c07p-53  /* pi = PI + PI_REST */
-#define REACH 1e5                      /* rad, of the reduction by three parts */
+#define REACH 1e5                      /* largest angle for the reduction by three parts, rad */
 #define LOG2_HIGH 0x1.62e42fee00000p-1 /* 32 bits */
 #define LOG2_LOW 0x1.a39ef35793c76p-33
 
@@ -38,7 +38,7 @@ static double power_of_two(int n)
     return x;
 }
 
-/* An angle x = quadrant pi/2 + r + e with |r| <= pi/4; e is what r lost by rounding. */
+/* An angle x = quadrant pi/2 + r + e with |r| <= pi/4; e is the rounding error of r. */
 struct reduced_angle {
     unsigned int quadrant;
     double r, e;
@@ -46,7 +46,7 @@ struct reduced_angle {
 
 /*
  * Reduces an angle with |x| <= REACH by pi/2 in 33 + 33 + 53 bits. The first two products are exact
- * (n < 2^16); the rounding of the second difference and the third product are carried along as e.
+ * (n < 2^16). e holds the rounding of the second difference and the third product.
  */
 static struct reduced_angle reduce_near(double x)
 {
@@ -384,7 +384,7 @@ double portable_log1p(double x)
         return log_sum(x, 0, 0.0);
     }
 
-    /* 1 + x rounds: the part that it lost, relative to it, is added to the logarithm */
+    /* 1 + x is rounded: add the relative rounding error to the logarithm */
     u = 1.0 + x;
     m = split_power(u, &k);
     return log_sum(m - 1.0, k, (u > 2.0 ? 1.0 - (u - x) : x - (u - 1.0)) / u);

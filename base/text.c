@@ -15,7 +15,7 @@ bool text_to_double(const char *text, double *value)
     char *end;
     double parsed;
 
-    /* strtod would also take spaces, inf, nan and hexadecimal */
+    /* strtod also accepts spaces, inf, nan and hexadecimal */
     if (*text == '\0' || strspn(text, "+-.0123456789eE") != strlen(text)) {
         return false;
     }
@@ -61,8 +61,8 @@ bool text_is_name(const char *text)
 
 size_t text_utf8_length(const char *text, size_t size)
 {
-    /* For 1 to 4 bytes: the bits of the first byte that tell the length, and the lowest code
-     * that needs so many */
+    /* For 1 to 4 bytes: the bits of the first byte that encode the length, and the lowest code of
+     * this length */
     static const struct {
         unsigned char mask, lead;
         uint32_t min;
@@ -97,7 +97,7 @@ static size_t text_edit_distance(const char *a, const char *b)
     size_t rows[3][LONGEST_WORD + 1], na = strlen(a), nb = strlen(b);
     size_t *before = rows[0], *above = rows[1], *row = rows[2];
 
-    /* From nothing to the first j letters of b */
+    /* Distance from the empty word to the first j letters of b */
     for (size_t j = 0; j <= nb; j++) {
         row[j] = j;
     }

@@ -25,7 +25,7 @@ static const char *whole_file_name(const char *path)
 /* A folder below which no symbolic link is followed; "" = none. */
 static struct {
     char path[PATH_MAX];
-    size_t given; /* bytes of the path that a person gave, whose links are followed */
+    size_t given; /* leading bytes of the path, given by a person, in which links are followed */
 } enclosure;
 
 void folder_enclose(const char *path, size_t given)
@@ -44,8 +44,8 @@ static size_t folder_given(const char *path)
     return inside ? enclosure.given : strlen(path);
 }
 
-/* Opens a folder, from the part that may be reached by links name by name; -1 with errno, ENOTDIR
- * for a link in the rest. */
+/* Opens a folder. Follows links only in the given part of the path, and opens the rest name by
+ * name; -1 with errno, ENOTDIR for a link in the rest. */
 static int folder_open(const char *path)
 {
     enum { FOLDER = O_RDONLY | O_DIRECTORY | O_CLOEXEC };
@@ -73,7 +73,7 @@ static int folder_open(const char *path)
     return folder;
 }
 
-/* Writes the error of a folder that cannot be written in, or made; errno says why. */
+/* Writes the error of a folder that cannot be made or written; errno has the cause. */
 static enum error_code folder_refuse(const char *path, const char *what, struct error *error)
 {
     const int reason = errno;
@@ -87,7 +87,7 @@ static enum error_code folder_refuse(const char *path, const char *what, struct 
     return error_set_errno(error, reason, "cannot %s %.300s", what, path);
 }
 
-/* Opens the folder of the file, so that nobody can replace it meanwhile. */
+/* Opens the folder of the file, so that no other user can replace it meanwhile. */
 static enum error_code whole_file_open_folder(struct whole_file *file, struct error *error)
 {
     size_t length = (size_t)(whole_file_name(file->path) - file->path);
@@ -104,8 +104,7 @@ static enum error_code whole_file_open_folder(struct whole_file *file, struct er
     return file->folder >= 0 ? ERROR_NONE : folder_refuse(file->path, "write", error);
 }
 
-/* Creates a file with a random name, which nobody can have guessed; returns its descriptor, -1
- * with errno. */
+/* Creates a file with an unpredictable random name; returns its descriptor, -1 with errno. */
 static int whole_file_create(struct whole_file *file)
 {
     for (;;) {
@@ -124,8 +123,8 @@ static int whole_file_create(struct whole_file *file)
     }
 }
 
-/* Opens a pipe or a character device; -1 with errno, also if it has become something else. Waits
- * neither for the reader of a pipe, which is ENXIO, nor for a line. */
+/* Opens a pipe or a character device without waiting; -1 with errno. A pipe without a reader is
+ * ENXIO. Also fails if the path is no longer a pipe or device. */
 static int whole_file_open_device(const struct whole_file *file)
 {
     int descriptor = openat(file->folder, whole_file_name(file->path),
@@ -158,7 +157,7 @@ static bool whole_file_is_foreign(const struct stat *link)
     return S_ISLNK(link->st_mode) && link->st_uid != 0 && link->st_uid != geteuid();
 }
 
-/* Decides whether the path is written in place, and refuses what can be no file. */
+/* Decides whether to write the path in place, and refuses other kinds of objects. */
 static enum error_code whole_file_look(struct whole_file *file, struct error *error)
 {
     const char *name = whole_file_name(file->path);
@@ -186,7 +185,7 @@ static enum error_code whole_file_look(struct whole_file *file, struct error *er
     return ERROR_NONE;
 }
 
-/* Opens the folder and looks at what has the name now. */
+/* Opens the folder and checks the present object with this name. */
 static enum error_code whole_file_begin(struct whole_file *file, const char *path,
                                         struct error *error)
 {
@@ -226,7 +225,8 @@ enum error_code whole_file_close(struct whole_file *file, enum error_code code, 
     bool failed = ferror(file->out) != 0;
 
     failed = fflush(file->out) != 0 || failed;
-    /* Data reaches the disk before the name does, or a power cut could leave an empty file */
+    /* Write the data to the disk before the rename, because a power cut could leave an empty
+     * file */
     failed = failed || (!file->in_place && !code && fsync(fileno(file->out)) != 0);
     failed = fclose(file->out) != 0 || failed;
     if (!failed && !code && !file->in_place) {
@@ -252,7 +252,7 @@ enum error_code whole_file_probe(const char *path, struct error *error)
     if (code) {
         return code;
     }
-    /* To open a pipe and to close it again would be its end for whoever reads it */
+    /* Do not open a pipe: closing it again would send EOF to its reader */
     descriptor = file.in_place ? -1 : whole_file_create(&file);
     if (descriptor >= 0) {
         close(descriptor);

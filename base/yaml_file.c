@@ -10,15 +10,16 @@
 #include <string.h>
 #include <sys/stat.h>
 
-enum { MAX_CHAIN = 256 /* files that extend one another, for the stack's sake */ };
+enum { MAX_CHAIN = 256 /* longest chain of files that extend each other, to limit the stack */ };
 
 /* ---- files that extend others ---- */
 
-/* A file that is being read because another, `by`, extends it (NULL = it is the first). */
+/* A file that is being read because another file, `by`, extends it (NULL = the first file). */
 struct yaml_chain {
     const struct yaml_chain *by;
     int depth;
-    dev_t device; /* which file it is, whatever its name; 0 and 0 for a text from memory */
+    dev_t device; /* identity of the file, independent of its name; 0 and 0 for a text from
+                   * memory */
     ino_t inode;
 };
 
@@ -37,8 +38,8 @@ static struct yaml_node **yaml_find_key(struct yaml_node *map, const char *name)
     return at;
 }
 
-/* Turns a list of mappings into one mapping, in which each entry stands under the value that it
- * has of `key`. A list in which an entry has none stays as it is. */
+/* Converts a list of mappings into one mapping, keyed by each entry's value of `key`. A list with
+ * an entry without this value stays. */
 static void yaml_list_to_map(struct yaml_node *list, const char *key)
 {
     struct yaml_node **link = &list->first, **at, *next;
@@ -77,7 +78,7 @@ static bool yaml_same_key(const struct yaml_node *a, const struct yaml_node *b)
 static void yaml_merge_maps(const struct yaml_schema *schema, struct yaml_node *map,
                             struct yaml_node *base);
 
-/* Merges the entries of a mapping into those of the base: entries of both in the base's order,
+/* Merges the entries of a mapping into those of the base: first the base's entries in their order,
  * then new ones. */
 static void yaml_merge_entries(const struct yaml_schema *schema, struct yaml_node *map,
                                struct yaml_node *base)
@@ -91,7 +92,7 @@ static void yaml_merge_entries(const struct yaml_schema *schema, struct yaml_nod
         while (there && !yaml_same_key(there, key)) {
             there = there->next->next;
         }
-        /* An entry that the base lacks goes to its end */
+        /* Append an entry that the base lacks */
         if (!there) {
             struct yaml_node **end = &base->first;
 
@@ -103,7 +104,7 @@ static void yaml_merge_entries(const struct yaml_schema *schema, struct yaml_nod
             base->count++;
             continue;
         }
-        /* An entry that both have replaces the base's, merged key by key */
+        /* Replace the base's entry, merged key by key */
         if (value->kind == YAML_KIND_MAP && there->next->kind == YAML_KIND_MAP) {
             yaml_merge_maps(schema, value, there->next);
         }
@@ -114,8 +115,8 @@ static void yaml_merge_entries(const struct yaml_schema *schema, struct yaml_nod
     map->count = base->count;
 }
 
-/* Adds to a mapping the keys that only the base has. A mapping that both have is merged in turn,
- * and so is a mapping of entries into a list of them. */
+/* Adds the base's missing keys to a mapping. Mappings in both are merged recursively, and so is a
+ * mapping of entries with a list of them. */
 static void yaml_merge_maps(const struct yaml_schema *schema, struct yaml_node *map,
                             struct yaml_node *base)
 {
@@ -188,7 +189,7 @@ static enum error_code yaml_find_extended(struct yaml_reader *r, const struct ya
                 : ERROR_NONE;
 }
 
-/* Refuses a file that in the end extends itself, at the line that names it. */
+/* Refuses a file that extends itself through others, at the line that names it. */
 static enum error_code yaml_check_chain(struct yaml_reader *r, const struct yaml_chain *chain,
                                         const struct yaml_node *reference, const char *path)
 {
@@ -220,7 +221,7 @@ static enum error_code yaml_follow_extends(struct yaml_reader *r, const struct y
     char *text;
     size_t size;
 
-    /* The key itself is no part of the document */
+    /* Remove the key from the document */
     if (root->kind != YAML_KIND_MAP || !*(at = yaml_find_key(root, "extends"))) {
         return ERROR_NONE;
     }
@@ -235,7 +236,7 @@ static enum error_code yaml_follow_extends(struct yaml_reader *r, const struct y
         return code;
     }
 
-    /* A file that cannot be loaded is the fault of the line that names it */
+    /* Report a file that cannot be loaded at the line that names it */
     code = input_file_load(path, YAML_MAX_FILE, &text, &size, r->error);
     if (code) {
         error_prefix(r->error, "%s:%d:%d", reference->mark.file, reference->mark.line,
@@ -243,7 +244,7 @@ static enum error_code yaml_follow_extends(struct yaml_reader *r, const struct y
         goto done;
     }
 
-    /* The base with all that it extends itself gives what this document leaves out */
+    /* Add the values of the base, with its own bases, that this document omits */
     r->store = true;
     code = yaml_read_extended(r, path, text, size, schema, chain, &base);
     if (!code && base->kind == YAML_KIND_MAP) {
@@ -295,8 +296,7 @@ enum error_code yaml_document_read(struct yaml_reader *r, const char *name, cons
 
 /* ---- references ---- */
 
-/* Returns the lowest level that a relative path visits: 0 = its starting directory, -1 = that
- * one's parent. */
+/* Returns the lowest level of a relative path: 0 = the starting directory, -1 = its parent. */
 static int path_lowest_level(const char *reference)
 {
     int level = 0, lowest = 0;
@@ -323,7 +323,7 @@ static void path_normalize(char *path)
 
     for (const char *part = path; *part;) {
         size_t n = strcspn(part, "/"), slash = part[n] == '/';
-        /* begin of the component before, without its slash */
+        /* beginning of the last component, without its slash */
         char *last = out > path ? out - 1 : out;
         bool up = n == 2 && part[0] == '.' && part[1] == '.';
 
@@ -365,7 +365,7 @@ enum error_code yaml_resolve_path(const struct yaml_mark *mark, const char *refe
                           yaml_shown(reference, text));
     }
 
-    /* Joined to the directory of the file that refers */
+    /* Join it to the directory of the referring file */
     joined = arena_alloc(arena, size, 1);
     if (!joined) {
         return error_set(error, ERROR_MEMORY, "%.200s: no memory left", mark->file);

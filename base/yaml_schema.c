@@ -20,7 +20,7 @@
 enum {
     SCRATCH = 64 << 20, /* nodes and their text: 2 * 64 bytes a node and the file's text */
     MAX_WORDS = 128,    /* keys or enum words offered to text_nearest */
-    MAX_NAMES = 512,    /* names offered to it */
+    MAX_NAMES = 512,    /* names offered to text_nearest */
 };
 
 /* ---- messages ---- */
@@ -50,7 +50,7 @@ static void yaml_join_words(const char *const *words, size_t count, char *out, s
     for (size_t i = 0; i < count; i++) {
         const char *separator = i == 0 ? "" : i + 1 == count ? " or " : ", ";
 
-        /* A list that is too long ends behind a word */
+        /* Truncate a long list after a word */
         if (used + strlen(separator) + strlen(words[i]) + sizeof ", ..." > size) {
             snprintf(out + used, size - used, ", ...");
             return;
@@ -321,11 +321,11 @@ static enum error_code yaml_read_many(struct yaml_reader *r, const struct yaml_f
 static enum error_code yaml_read_array(struct yaml_reader *r, const struct yaml_field *field,
                                        struct yaml_node *node, void *out, size_t *count)
 {
-    /* For each type: the node that it needs, how long an entry is and how it is read */
+    /* For each type: the required kind of node, the size of an entry, and its reader */
     static const struct {
         const char *expected;
         enum yaml_kind kind;
-        size_t size; /* 0 = the schema's */
+        size_t size; /* 0 = size of the schema's struct */
         read_function *read;
     } form[] = {
         [YAML_REAL_LIST] = {"a list of numbers", YAML_KIND_LIST, sizeof(double), yaml_read_real},
@@ -474,14 +474,14 @@ static enum error_code yaml_read_struct(struct yaml_reader *r, const struct yaml
         return yaml_unexpected(r, node, expected);
     }
 
-    /* The keys that are there replace the defaults */
+    /* Set the defaults; present keys then replace them */
     yaml_set_defaults(schema, &node->mark, out);
     code = yaml_read_keys(r, schema, node, out);
     if (code) {
         return code;
     }
 
-    /* Required keys must be among them */
+    /* Check that all required keys are present */
     for (size_t i = 0; i < schema->field_count; i++) {
         if (schema->fields[i].required && !yaml_has(&node->mark, schema->fields[i].key)) {
             return yaml_error(r->error, &node->mark, "found %s without key \"%s\", expected it",
@@ -493,7 +493,7 @@ static enum error_code yaml_read_struct(struct yaml_reader *r, const struct yaml
 
 /* ---- after reading ---- */
 
-/* Returns the key of a path; NULL = it is left out. *mark: the mapping that lacks it. */
+/* Returns the key of a path; NULL = omitted, and *mark is the mapping that lacks it. */
 static const struct yaml_key *yaml_find_path(const struct yaml_mark **mark, const char *path)
 {
     const size_t n = strcspn(path, ".");
@@ -577,7 +577,7 @@ enum error_code yaml_find_name(struct yaml_names names, const char *what, const 
 
 /* ---- entry points ---- */
 
-/* Reads a document from memory; file: it is the content of the file of that name. */
+/* Reads a document from memory; file: the text is the content of the file of this name. */
 static enum error_code yaml_read_document(const char *name, bool file, const char *text,
                                           size_t size, const struct yaml_schema *schema,
                                           struct arena *arena, void *out, struct error *error)

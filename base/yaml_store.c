@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The store of parsed files: a linked list, which is short, as a rig has some files. */
+/* The store of parsed files: a linked list, because a rig has only a few files. */
 #include "base/yaml_tree.h"
 
 #include <string.h>
@@ -36,8 +36,8 @@ void yaml_store_close(void)
     }
 }
 
-/* Copies a node, those below it and those that follow it to *to, which moves on; marks get the name
- * of the file. The texts stay where they are. */
+/* Copies a node, its children and its successors to *to, which advances; marks get the name of the
+ * file. Does not copy texts. */
 static struct yaml_node *yaml_copy_nodes(const struct yaml_node *from, const char *file,
                                          struct yaml_node **to)
 {
@@ -88,7 +88,7 @@ void yaml_store_add(const char *text, size_t size, const struct yaml_node *root,
     copy = arena_alloc(&yaml_store.arena, size, 1);
     end = nodes = arena_alloc(&yaml_store.arena, count, sizeof *nodes);
     if (!file || !copy || !nodes) {
-        return; /* full: what is not stored is parsed again */
+        return; /* if the store is full, the file is parsed again next time */
     }
     memcpy(copy, text, size);
     *file = (struct stored_file){.next = yaml_store.first,
@@ -97,7 +97,7 @@ void yaml_store_add(const char *text, size_t size, const struct yaml_node *root,
                                  .count = count,
                                  .root = yaml_copy_nodes(root, NULL, &end)};
 
-    /* The texts of scalars, which are the reader's */
+    /* Copy the texts of scalars, which belong to the reader */
     for (struct yaml_node *node = nodes; node < end; node++) {
         if (node->text && !(node->text = arena_strdup(&yaml_store.arena, node->text))) {
             return;

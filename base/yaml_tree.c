@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Turns bytes into nodes: checks the text, then builds a small tree from libyaml's events. Each
- * stage ends at the first fault.
+ * Builds a small tree of nodes from libyaml's events, after checks of the text. Each stage ends at
+ * the first error.
  */
 #include "base/yaml_tree.h"
 
@@ -31,7 +31,7 @@ const char *yaml_shown(const char *text, char out[YAML_SHOWN + 4])
     if (n > YAML_SHOWN) {
         n = YAML_SHOWN;
         while (n > 0 && ((unsigned char)text[n] & 0xc0) == 0x80) {
-            n--; /* do not cut a character in two */
+            n--; /* do not split a character */
         }
     }
     for (size_t i = 0; i < n; i++) {
@@ -93,8 +93,8 @@ enum error_code yaml_unexpected(struct yaml_reader *r, const struct yaml_node *n
 
 /* ---- bytes ---- */
 
-/* Checks that the text is UTF-8 without control characters; libyaml would say less about the
- * place. */
+/* Checks that the text is UTF-8 without control characters, because libyaml's message has a less
+ * exact place. */
 static enum error_code yaml_check_bytes(struct yaml_reader *r, const char *text, size_t size)
 {
     const unsigned char *p = (const unsigned char *)text;
