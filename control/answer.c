@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Makes the answers that describe the simulator, as JSON. A key that could not be made (no
- * memory) spoils the whole object, which then is NULL. */
+/* Makes the answers that describe the simulator, as JSON. If a key fails (out of memory), the whole
+ * object becomes NULL. */
 #include "control/private.h"
 
 #include <inttypes.h>
@@ -21,7 +21,7 @@ void control_append(json_t **array, json_t *value)
     }
 }
 
-/* Sets a key of an object; without memory the object becomes NULL. */
+/* Sets a key of an object; when out of memory the object becomes NULL. */
 static void control_put(json_t **object, const char *key, json_t *value)
 {
     if (json_object_set_new(*object, key, value)) {
@@ -42,8 +42,7 @@ json_t *control_hello(const struct control *control)
 
 /* ---- status ---- */
 
-/* Returns the protocol's word for a port's state; they are shorter than those of
- * can_port_state_name. */
+/* Returns the protocol's name of a port's state, shorter than can_port_state_name. */
 static const char *protocol_state_name(int64_t state)
 {
     static const char *const names[] = {
@@ -132,7 +131,7 @@ static json_t *status_faults(const struct control *control, const struct simulat
     return array;
 }
 
-/* Makes the list of the rig's real boards, with when they were last heard; empty before the
+/* Makes the list of the rig's external boards and the times of their last frames; empty before the
  * first tick. */
 static json_t *status_external(const struct control *control, const struct simulator_status *now)
 {
@@ -195,7 +194,7 @@ json_t *control_status(const struct control *control, struct control_client *cli
     json_t *body;
 
     simulator_read(control->config.simulator, &now);
-    /* What is simulated, its time, and its parts; loads are means since this client asked last */
+    /* What is simulated, its time and its parts; loads are means since this client's last status */
     body = json_pack(
         "{s:o, s:o, s:o, s:o, s:o, s:s, s:o, s:b, s:b, s:I, s:f, s:f, s:f, s:I, s:I, s:o, s:o, "
         "s:o, s:o, s:o, s:o}",
@@ -219,7 +218,8 @@ json_t *control_status(const struct control *control, struct control_client *cli
 
 /* ---- statistics ---- */
 
-/* Makes count and percentiles of a histogram, from a copy since the loop goes on writing. */
+/* Makes count and percentiles of a histogram from a copy, because the loop writes it
+ * concurrently. */
 static json_t *statistics_histogram(struct control *control, const struct histogram *of)
 {
     struct histogram *copy = &control->histogram;

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Serves the clients of the control socket: lines in, answers out, and when a client is
- * disconnected. */
+/* Serves the clients of the control socket: receives lines, sends answers, disconnects clients. */
 #include "control/private.h"
 
 #include <errno.h>
@@ -10,7 +9,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-/* Lines and connections after which the other clients have their turn. */
+/* Most lines and connections in one turn, before other clients are served. */
 enum { LINES_A_TURN = 32, ACCEPTS_A_TURN = 32 };
 
 /* Keys of the log. */
@@ -24,7 +23,7 @@ void control_log(struct control *control, uint64_t key, const char *format, ...)
     va_start(arguments, format);
     vsnprintf(event.text, sizeof event.text, format, arguments);
     va_end(arguments);
-    /* A full ring drops the event: nobody reads it */
+    /* If the ring is full, drop the event */
     (void)ring_push(&control->events, &event);
 }
 
@@ -82,8 +81,8 @@ void control_flush(struct control *control, struct control_client *client)
     client->sent = client->filled = 0;
 }
 
-/* Makes room for so many bytes at the outbox's end, moving what waits to its front; NULL = there
- * is none. */
+/* Makes room for size bytes at the end of the outbox by moving the unsent bytes to its front; NULL
+ * = no room. */
 char *control_room(struct control *control, struct control_client *client, size_t size)
 {
     if (client_unsent(client) == 0) {
@@ -110,7 +109,7 @@ static void client_put_text(struct control *control, struct control_client *clie
     }
 }
 
-/* Appends an object as a line; without room a short error stands for it. */
+/* Appends an object as a line; without room, a short error replaces it. */
 static void put_object(struct control *control, struct control_client *client, const json_t *object)
 {
     const size_t flags = JSON_COMPACT | JSON_REAL_PRECISION(15);
@@ -127,7 +126,7 @@ static void put_object(struct control *control, struct control_client *client, c
     client->filled += size + 1;
 }
 
-/* Sends an answer: id, "ok" and the body, which it takes over; NULL = no memory for it. */
+/* Sends an answer: id, "ok" and body. Takes over body; NULL = out of memory. */
 static void put_answer(struct control *control, struct control_client *client, const json_t *id,
                        bool ok, json_t *body)
 {
@@ -170,7 +169,7 @@ void control_refuse(struct control *control, struct control_client *client, cons
 
 /* ---- in ---- */
 
-/* Refuses a line that is no request; a client that goes on sending such lines is disconnected. */
+/* Refuses a line that is not a request. A client that sends too many such lines is disconnected. */
 static void client_refuse_line(struct control *control, struct control_client *client,
                                const json_t *id, const struct error *error)
 {
@@ -220,7 +219,7 @@ bool control_may_read(const struct control_client *client)
            client_unsent(client) <= CONTROL_OUTBOX / 2;
 }
 
-/* Refuses a line that is longer than the inbox; the rest of it will be skipped. */
+/* Refuses a line longer than the inbox and skips its rest. */
 static void client_skip_line(struct control *control, struct control_client *client)
 {
     struct error error;
@@ -232,13 +231,13 @@ static void client_skip_line(struct control *control, struct control_client *cli
     client_refuse_line(control, client, NULL, &error);
 }
 
-/* Carries out one line of the inbox; false = there is none. */
+/* Carries out one line of the inbox; false = no complete line. */
 static bool client_next_line(struct control *control, struct control_client *client)
 {
     char *end = memchr(client->inbox, '\n', client->received);
     size_t size = end ? (size_t)(end - client->inbox) : client->received;
 
-    /* The last line may lack its end when the client has closed its side */
+    /* The last line may lack its end if the client has closed its side */
     if (!end && client->ended && client->received > 0) {
         client->received = 0;
         if (!client->skipping) {
@@ -261,7 +260,7 @@ static bool client_next_line(struct control *control, struct control_client *cli
         client_obey_line(control, client, client->inbox, size);
     }
 
-    /* What follows it moves to the front; the line may have disconnected the client */
+    /* Move the following bytes to the front, unless the line disconnected the client */
     if (client->socket >= 0) {
         client->received -= size + 1;
         memmove(client->inbox, end + 1, client->received);
@@ -298,13 +297,13 @@ bool control_read_requests(struct control *control, struct control_client *clien
     return control_carry_out_requests(control, client);
 }
 
-/* Once a turn: drops a client that has ended or was too slow. */
+/* Once per turn: drops a client that has ended or is too slow. */
 void control_check(struct control *control, struct control_client *client)
 {
     if (client->socket < 0) {
         return;
     }
-    /* It does not read its answers, or does not end its line */
+    /* It does not read its answers, or does not complete its line */
     if (client_unsent(client) > 0 && control->now_ns - client->taken_ns > control->patience_ns) {
         client_disconnect(control, client, &control->counters.cut_slow,
                           "it does not drain its answers");
@@ -315,7 +314,7 @@ void control_check(struct control *control, struct control_client *client)
                        "found half a line and then nothing, expected its end", NULL);
         client_disconnect(control, client, &control->counters.cut_silent,
                           "it stopped in the middle of a line");
-        /* It has closed its side and got all it waited for */
+        /* It has closed its side and has received everything */
     } else if (client_unsent(client) == 0 && client->ended && client->received == 0 &&
                client->waiting == WAITING_NOT && client->subscription.count == 0) {
         control_drop(control, client);

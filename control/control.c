@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The server's thread, which waits in one poll on its orders, the listening socket and the
- * clients. */
+/* The server's thread. One poll waits for orders, connections and clients. */
 #include "control/private.h"
 
 #include <errno.h>
@@ -11,13 +10,13 @@
 
 enum {
     EVENTS = 64,           /* lines for the log, a power of two */
-    IDLE_MS = 1000,        /* between checks for clients that are too slow */
-    BUSY_MS = 1,           /* between checks for answers of the loop */
-    ROWS_MS = 5,           /* between checks for new rows */
-    ACCEPT_PAUSE_MS = 100, /* no connection is accepted for so long after the system refused one */
+    IDLE_MS = 1000,        /* interval of checks for slow clients, ms */
+    BUSY_MS = 1,           /* interval of checks for answers of the loop, ms */
+    ROWS_MS = 5,           /* interval of checks for new rows, ms */
+    ACCEPT_PAUSE_MS = 100, /* pause of accepting after the system refused a connection, ms */
 };
 
-/* How long a client may be slow or silent. */
+/* How long a client may be slow or silent, ns. */
 #define PATIENCE_NS (30 * CLOCK_SECOND)
 #define MEMORY ((size_t)16 << 20) /* of address space */
 
@@ -48,7 +47,7 @@ static void control_prepare_poll(const struct control *control, bool accepts,
     }
 }
 
-/* Handles the events of a client; true = it has sent more than fits in a turn. */
+/* Handles the events of a client; true = more lines than fit in one turn. */
 static bool control_serve_client(struct control *control, struct control_client *client,
                                  short events)
 {
@@ -56,7 +55,7 @@ static bool control_serve_client(struct control *control, struct control_client 
         return false;
     }
     if ((events & (POLLHUP | POLLERR)) && (client->ended || !control_may_read(client))) {
-        /* Closed in both directions: nobody receives an answer */
+        /* Closed in both directions: an answer has no receiver */
         control_drop(control, client);
         return false;
     }
@@ -97,7 +96,8 @@ static void *control_thread_main(void *context)
             memset(fd, 0, sizeof fd); /* a signal, or no memory: poll again */
         }
 
-        /* Answers of the loop first, so that answers keep their order; then new lines and rows */
+        /* Take answers of the loop first, so that answers keep their order; then new lines and
+         * rows */
         control->now_ns = clock_now(clock);
         more = control_pump(control);
         for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
@@ -106,7 +106,7 @@ static void *control_thread_main(void *context)
         }
         more = control_rows(control) || more;
 
-        /* Clients that are done or too slow make room for new ones */
+        /* Drop finished and slow clients to make room for new ones */
         for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
             control_check(control, &control->client[i]);
         }
@@ -179,7 +179,7 @@ enum error_code control_start(const struct control_config *config, struct contro
     if (code) {
         return code;
     }
-    /* Memory, then the socket, then the thread that serves it */
+    /* Allocate the memory, open the socket, then start the thread */
     code = control_allocate(config, &arena, &control, error);
     if (code) {
         goto fail_allocate;
@@ -232,7 +232,7 @@ bool control_next_event(struct control *control, uint64_t *key, char *text, size
     if (!ring_pop(&control->events, &event)) {
         return false;
     }
-    /* the upper half differs from all keys of simulator_next_event */
+    /* the upper half distinguishes the key from those of simulator_next_event */
     *key = UINT64_C(6) << 32 | event.key;
     snprintf(text, size, "%s", event.text);
     return true;

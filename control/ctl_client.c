@@ -71,7 +71,7 @@ enum error_code ctl_send(struct ctl_client *client, const json_t *object, struct
         if (count > 0) {
             sent += (size_t)count;
         } else if (count < 0 && errno == EPIPE) {
-            break; /* it refused us: its reason is still to be read */
+            break; /* refused: read the reason */
         } else if (count == 0 || errno != EINTR || *client->interrupted) {
             code = error_set_errno(error, errno, "cannot write to %s", client->path);
         }
@@ -94,13 +94,13 @@ static char *ctl_take_line(struct ctl_client *client)
     return begin;
 }
 
-/* Waits up to 100 ms for bytes. False = there is nothing to read; *heard is CTL_LINE to go on
- * waiting. */
+/* Waits up to 100 ms for bytes. false = nothing to read; *heard = CTL_LINE means continue to
+ * wait. */
 static bool wait_readable(struct ctl_client *client, enum ctl_line_status *heard)
 {
     enum { SLICE_MS = 100 };
     struct pollfd fd = {.fd = client->socket, .events = POLLIN};
-    /* Waiting in slices notices a signal that came just before poll */
+    /* Wait in slices, so that a signal just before poll is noticed */
     const int ready = poll(&fd, 1, SLICE_MS);
 
     if (*client->interrupted) {
@@ -118,7 +118,7 @@ enum ctl_line_status ctl_read_line(struct ctl_client *client, char **line, struc
     while (!(*line = ctl_take_line(client))) {
         ssize_t count;
 
-        /* The beginning of the next line moves to the front of the inbox */
+        /* Move the beginning of the next line to the front of the inbox */
         client->received -= client->read;
         memmove(client->inbox, client->inbox + client->read, client->received);
         client->read = 0;
@@ -127,7 +127,7 @@ enum ctl_line_status ctl_read_line(struct ctl_client *client, char **line, struc
             return CTL_FAILED;
         }
 
-        /* More bytes, until the deadline or an interrupt */
+        /* Receive more bytes, until the deadline or an interrupt */
         if (!wait_readable(client, &heard)) {
             if (heard != CTL_LINE) {
                 return heard;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Prints answers as text. A key that an answer lacks prints as empty or zero: the server may be
- * of another version. */
+/* Prints answers as text. A missing key prints as empty or zero, because the server may have
+ * another version. */
 #include "control/ctl_print.h"
 
 #include "base/array.h"
@@ -13,7 +13,7 @@
 
 enum { COLUMN = 12 }; /* least width of a value of a row */
 
-/* Returns a text of an object; "" = it has none of that key. */
+/* Returns a text of an object; "" = no such key. */
 static const char *text_of(const json_t *object, const char *key)
 {
     const char *found = json_string_value(json_object_get(object, key));
@@ -46,7 +46,7 @@ json_t *ctl_parse_printable(char *line)
 
     text_make_printable(line);
     text = strdup(line);
-    /* An escape that stands for a control character becomes a question mark */
+    /* Replace an escaped control character by a question mark */
     for (char *at = text; at && (at = strchr(at, '\\')) && at[1]; at += *at == '\\' ? 2 : 1) {
         const bool coded = sscanf(at, "\\u%4x", &code) == 1 && strlen(at) >= 6;
 
@@ -97,7 +97,7 @@ static void ctl_print_time(const json_t *answer, FILE *out)
             is_true(answer, "clamped") ? ", links clamped" : "");
 }
 
-/* Prints the task and the directory of the recording, where there are such. */
+/* Prints the task and the directory of the recording, if any. */
 static void print_task(const json_t *answer, FILE *out)
 {
     const json_t *task = json_object_get(answer, "task");
@@ -153,7 +153,7 @@ static void print_values(const char *title, json_t *object, int digits, FILE *ou
     }
 }
 
-/* Prints the real boards, if the rig has some: whether and when they were heard. */
+/* Prints the external boards, if the rig has any, and the times of their last frames. */
 static void ctl_print_external(const json_t *answer, FILE *out)
 {
     const json_t *board;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Carries requests out: at once, by the loop, or when a tick has been reached. */
+/* Carries out requests: at once, by the loop, or at a tick. */
 #include "control/private.h"
 
 #include "base/text.h"
@@ -12,8 +12,8 @@ enum { KEY_STOP = 16 }; /* a key of the log */
 
 /* ---- names ---- */
 
-/* Finds the index of a name in a list; else an error that suggests the nearest name. what: the word
- * for one entry. */
+/* Finds the index of a name in a list. The error suggests the nearest name. what: word for an
+ * entry. */
 static enum error_code find_name(const struct control *control, enum control_list list,
                                  const char *what, const char *name, size_t *index,
                                  struct error *error)
@@ -68,7 +68,7 @@ static enum error_code request_complete_set(const struct control *control,
     return ERROR_NONE;
 }
 
-/* Makes the loop's request out of a client's; names become indices. */
+/* Makes the loop's request from a client's; names become indices. */
 static enum error_code make_loop_request(const struct control *control,
                                          const struct control_request *request,
                                          struct loop_request *to, struct error *error)
@@ -93,7 +93,7 @@ static enum error_code make_loop_request(const struct control *control,
         to->value = request->value;
         return ERROR_NONE;
 
-    /* The state */
+    /* Commands on checkpoints */
     case CONTROL_CHECKPOINT:
     case CONTROL_RESTORE:
         to->kind = request->command == CONTROL_RESTORE ? REQUEST_RESTORE : REQUEST_CHECKPOINT;
@@ -135,8 +135,8 @@ static void begin_loop_request(struct control *control, struct control_client *c
         control_request_clear(&client->request);
         return;
     }
-    /* The loop's answer is recognized by the ticket, which also tells the checkpoint that was
-     * written, in case the client has left by then */
+    /* The ticket identifies the loop's answer. It also contains the slot of the checkpoint, in case
+     * the client has left by then */
     client->loop_request.ticket = ++control->tickets * CHECKPOINT_SLOTS;
     if (client->loop_request.kind == REQUEST_CHECKPOINT) {
         client->loop_request.ticket += client->loop_request.index;
@@ -146,7 +146,7 @@ static void begin_loop_request(struct control *control, struct control_client *c
 
 /* ---- requests answered at once ---- */
 
-/* Answers a request that the loop has no part in. */
+/* Answers a request that does not need the loop. */
 static void answer_now(struct control *control, struct control_client *client)
 {
     struct control_request request = client->request;
@@ -154,7 +154,7 @@ static void answer_now(struct control *control, struct control_client *client)
     json_t *body = NULL;
     size_t index;
 
-    /* A NULL body without another error means that memory ran out */
+    /* A NULL body without another error means out of memory */
     error_set(&error, ERROR_MEMORY, "no memory for the answer");
     switch (request.command) {
     case CONTROL_HELLO:
@@ -188,7 +188,7 @@ static void answer_now(struct control *control, struct control_client *client)
         break;
     }
 
-    /* The request stays valid until its id has been repeated */
+    /* Keep the request valid until its id is in the answer */
     if (body) {
         control_answer(control, client, request.id, body);
     } else {
@@ -241,7 +241,7 @@ static const char *verdict_code(enum request_verdict verdict)
     return codes[verdict];
 }
 
-/* Returns why the loop refused a command, in terms of this run. */
+/* Returns the reason of a refusal by the loop, in terms of this run. */
 static const char *verdict_text(const struct control *control, enum control_command command,
                                 enum request_verdict verdict)
 {
@@ -261,7 +261,7 @@ static const char *verdict_text(const struct control *control, enum control_comm
     return request_verdict_text(verdict);
 }
 
-/* Passes the loop's answer on to the client. */
+/* Passes the loop's answer to the client. */
 static void finish_loop_request(struct control *control, struct control_client *client,
                                 const struct request_answer *answer)
 {
@@ -289,7 +289,7 @@ static void take_loop_answers(struct control *control)
     while (requests_answer(control->config.requests, &answer)) {
         size_t slot = answer.ticket % CHECKPOINT_SLOTS;
 
-        control_rows(control); /* rows of earlier ticks are sent before the answer */
+        control_rows(control); /* send rows of earlier ticks before the answer */
         if (slot > 0 && answer.verdict == REQUEST_OK) {
             control->slot[slot] = answer;
         }

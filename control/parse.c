@@ -92,7 +92,7 @@ static size_t find_word(const char *word, const char *const *words, size_t count
     return at;
 }
 
-/* Refuses a word that is none of a list, and suggests the nearest. what: what was found. */
+/* Refuses a word outside a list and suggests the nearest. what: kind of the word. */
 static enum error_code refuse_word(const char *command, const char *what, const char *word,
                                    const char *const *words, size_t count, struct error *error)
 {
@@ -144,7 +144,8 @@ static enum error_code read_number(const char *command, const struct request_key
     return ERROR_NONE;
 }
 
-/* Checks that a value is an array of as many elements as the key allows, and all of a type. */
+/* Checks that a value is an array with elements of one type, and that their number is in the key's
+ * range. */
 static enum error_code check_array(const char *command, const struct request_key *key,
                                    const json_t *value, double least, double most, bool names,
                                    struct error *error)
@@ -239,14 +240,14 @@ enum error_code request_read_keys(const struct request_table *table, int command
     size_t count = 2;
     json_t *value;
 
-    /* The keys of the command */
+    /* Find the command's keys */
     for (size_t i = 0; i < table->nkey; i++) {
         if (table->key[i].command == command) {
             key[count] = &table->key[i];
             known[count++] = table->key[i].name;
         }
     }
-    /* What the request has */
+    /* Read the keys of the request */
     json_object_foreach(root, name, value)
     {
         const size_t at = find_word(name, known, count);
@@ -291,7 +292,7 @@ static enum error_code request_read_id(struct control_request *request, struct e
     return ERROR_NONE;
 }
 
-/* Says why a request has no command; an unknown one is refused with the nearest. */
+/* Writes why a request has no valid command, with the nearest one. */
 static enum error_code request_refuse_command(const json_t *value, struct error *error)
 {
     const char *text = json_string_value(value), *nearest;
@@ -340,7 +341,7 @@ enum error_code control_parse(const char *line, size_t size, uint64_t number,
     *request = (struct control_request){.count = 1, .period_ms = 10.0};
     request->root = json_loadb(line, size, JSON_REJECT_DUPLICATES, &wrong);
     if (!request->root) {
-        /* The library has no text when memory ran out, and in some places a wrong one */
+        /* Jansson has no text when out of memory, and in some cases a wrong one */
         return wrong.text[0] == '\0'
                    ? error_set(error, ERROR_MEMORY, "no memory for the request")
                    : error_set(error, ERROR_INPUT,
@@ -352,7 +353,7 @@ enum error_code control_parse(const char *line, size_t size, uint64_t number,
         return error_set(error, ERROR_INPUT, "line %" PRIu64 ": found %s, expected a JSON object",
                          number, json_type_name(request->root));
     }
-    /* In the order in which errors are reported: id, command, keys */
+    /* Report errors in this order: id, command, keys */
     code = request_read_id(request, error);
     if (code) {
         return code;
@@ -381,7 +382,7 @@ bool control_matches(const char *pattern, const char *name)
 {
     const char *star = NULL, *from = NULL;
 
-    /* A star matches as little as possible, and one character more when the rest does not fit */
+    /* A star matches as few characters as possible, and one more when the rest does not match */
     while (*name) {
         if (*pattern == '*') {
             star = ++pattern;

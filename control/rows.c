@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Serves subscriptions: decides which rows the loop makes, and which client gets which part of
- * them. */
+/* Serves subscriptions: which rows the loop makes, and which signals each client gets. */
 #include "control/private.h"
 
 #include "base/text.h"
@@ -11,10 +10,10 @@
 #include <string.h>
 
 enum {
-    ROWS_A_TURN = 1024, /* the capacity of a stream: all rows that wait when a turn begins */
-    ROW_BYTES = 128,    /* of a row without its values */
-    VALUE_BYTES = 26,   /* %.15g of any number, and a comma */
-    /* Rows may fill so much of an outbox; the rest is for answers */
+    ROWS_A_TURN = 1024, /* the capacity of a stream, so that one turn takes all waiting rows */
+    ROW_BYTES = 128,    /* bytes of a row without its values */
+    VALUE_BYTES = 26,   /* bytes of a number in %.15g and a comma */
+    /* Most bytes of rows in an outbox; the rest is for answers */
     ROWS_OUTBOX = CONTROL_OUTBOX / 2,
 };
 
@@ -30,8 +29,8 @@ static uint64_t common_divisor(uint64_t a, uint64_t b)
     return a;
 }
 
-/* Asks the loop for rows at the greatest period (ticks) that serves all subscribers; 0 without
- * any. */
+/* Requests rows from the loop at the largest period (ticks) that serves all subscribers; 0 = no
+ * subscribers. */
 static void want_rows(struct control *control)
 {
     uint64_t period = 0;
@@ -59,8 +58,8 @@ static bool has_signal(const struct control_subscription *of, size_t signal)
     return false;
 }
 
-/* Appends the signals that match a pattern and are not there yet; a pattern without a match is
- * an error. */
+/* Appends the signals that match a pattern and are not yet in the list. A pattern without a match
+ * is an error. */
 static enum error_code add_signals(const struct control *control, const char *pattern,
                                    struct control_subscription *to, struct error *error)
 {
@@ -126,7 +125,7 @@ json_t *control_subscribe(struct control *control, struct control_client *client
     enum error_code code;
     json_t *body = NULL;
 
-    /* A new subscription replaces the one before, also when it fails */
+    /* A new subscription replaces the old one, even if it fails */
     control_forget(control, client);
     code = check_period(control, request, &to->period, error);
     for (size_t i = 0; i < json_array_size(request->signals) && !code; i++) {
@@ -147,7 +146,7 @@ json_t *control_subscribe(struct control *control, struct control_client *client
     return body;
 }
 
-/* Ends the client's subscription, if there is one. */
+/* Ends the client's subscription, if any. */
 void control_forget(struct control *control, struct control_client *client)
 {
     client->subscription = (struct control_subscription){.signal = client->subscription.signal};
@@ -165,7 +164,7 @@ json_t *control_unsubscribe(struct control *control, struct control_client *clie
 
 /* ---- rows ---- */
 
-/* Returns how many rows between the last one and this were lost in the stream. */
+/* Returns how many rows between the last one and this one the stream has lost. */
 static uint64_t lost_before(struct control_subscription *to, const struct stream_row *row)
 {
     uint64_t lost = 0;
@@ -173,7 +172,7 @@ static uint64_t lost_before(struct control_subscription *to, const struct stream
     if (to->begun && row->tick > to->tick) {
         lost = row->tick / to->period - to->tick / to->period - 1;
     } else if (to->begun) {
-        lost = row->lost - to->lost; /* time was set back: an upper bound */
+        lost = row->lost - to->lost; /* time has gone back: this is an upper bound */
     }
     to->begun = true;
     to->tick = row->tick;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Manages the path of the control socket: a server takes and leaves it, a client finds it. */
+/* The path of the control socket: a server claims and releases it, a client finds it. */
 #include "control/socket.h"
 
 #include <errno.h>
@@ -17,11 +17,11 @@
 
 enum {
     BACKLOG = 16,
-    INSTANCES_MAX = 16, /* runs of one rig with default paths */
-    LOCK_TRIES = 100,   /* of 10 ms */
+    INSTANCES_MAX = 16, /* most runs of one rig with default paths */
+    LOCK_TRIES = 100,   /* tries, 10 ms apart */
 };
 
-static const char service_directory[] = "/run/coman-hil"; /* and root's */
+static const char service_directory[] = "/run/coman-hil"; /* for services and for root */
 
 /* Makes the address of a path; ERROR_INPUT if it is empty or too long. */
 static enum error_code make_address(const char *path, struct sockaddr_un *address,
@@ -43,8 +43,8 @@ static enum error_code make_address(const char *path, struct sockaddr_un *addres
 
 /* ---- taking a path ---- */
 
-/* Opens and locks the directory of a path against other servers that start in it; returns its
- * descriptor, -1 with an error. */
+/* Opens and locks the directory of a path against other starting servers. Returns its descriptor,
+ * -1 with an error. */
 static int lock_directory(const char *path, struct error *error)
 {
     const struct timespec pause = {.tv_nsec = 10000000};
@@ -73,7 +73,7 @@ static int lock_directory(const char *path, struct error *error)
     return -1;
 }
 
-/* Checks whether a process listens at the address: returns 0, else the errno of connect. */
+/* Checks whether a process listens at the address. Returns 0, else the errno of connect. */
 static int socket_probe_listener(const struct sockaddr_un *address)
 {
     int descriptor = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0), reason = 0;
@@ -89,7 +89,7 @@ static int socket_probe_listener(const struct sockaddr_un *address)
     return reason;
 }
 
-/* Removes the socket that a dead process has left at the address; *taken = a living one has it. */
+/* Removes the socket of a dead process at the address; *taken = a living process has it. */
 static enum error_code clear_place(const struct sockaddr_un *address, bool *taken,
                                    struct error *error)
 {
@@ -120,8 +120,8 @@ static enum error_code clear_place(const struct sockaddr_un *address, bool *take
     return ERROR_NONE;
 }
 
-/* Binds and listens. The file gets the mode that the socket has when it is bound, less the mask,
- * so there is no moment at which others could connect. */
+/* Binds and listens. The mode and the mask are set before bind, so that other users can never
+ * connect. */
 static enum error_code listen_there(const struct sockaddr_un *address,
                                     struct control_socket *socket_out, struct error *error)
 {
@@ -137,7 +137,7 @@ static enum error_code listen_there(const struct sockaddr_un *address,
         close(descriptor);
         return ERROR_SYSTEM;
     }
-    errno = EPERM; /* for a mode that lets others in; a call that fails sets its own */
+    errno = EPERM; /* the mode admits others; a failed call sets its own errno */
     if (lstat(address->sun_path, &made) || (made.st_mode & (S_IRWXG | S_IRWXO)) != 0 ||
         listen(descriptor, BACKLOG)) {
         error_set_errno(error, errno, "control socket: cannot keep %s to its owner",
@@ -209,7 +209,7 @@ void control_socket_close(struct control_socket *socket)
 
 /* ---- default paths ---- */
 
-/* Checks whether a path is a directory (no link to one) of this user that nobody else can write
+/* Checks whether a path is a directory (not a link) of this user that no other user can write
  * to. */
 static bool directory_is_own(const char *path)
 {
@@ -221,9 +221,9 @@ static bool directory_is_own(const char *path)
 
 enum { USER_DIRECTORIES = 3 };
 
-/* Lists the directories for sockets of runs by hand, in the order of preference; whether they
- * can be used is checked elsewhere. XDG_RUNTIME_DIR may be unset, or another user's (su, sudo);
- * a login provides the second, and the last exists in a container too. Returns how many. */
+/* Lists the directories for sockets of manual runs in order of preference; the caller checks
+ * whether they are usable. XDG_RUNTIME_DIR may be unset or another user's (su, sudo). A login
+ * provides the second directory. The last one exists even in a container. Returns their number. */
 static int user_directories(char directory[USER_DIRECTORIES][CONTROL_PATH_SIZE])
 {
     const char *runtime = getenv("XDG_RUNTIME_DIR");
@@ -247,8 +247,8 @@ static int user_directories(char directory[USER_DIRECTORIES][CONTROL_PATH_SIZE])
     return count;
 }
 
-/* Creates the user's directory, and refuses one that others can write to: they could stand
- * between a simulator and its user. */
+/* Creates the user's directory. Refuses a directory that others can write to, because they could
+ * impersonate the simulator. */
 static enum error_code make_user_directory(const char *path, struct error *error)
 {
     if (mkdir(path, geteuid() == 0 ? 0755 : 0700) && errno != EEXIST) {
