@@ -15,13 +15,12 @@
  *     {"id": 7, "ok": true, "tick": 1250, "time_s": 1.25, "state_hash": "90c2f0e2d9a74b11"}
  *     {"id": 7, "ok": false, "code": "input", "error": "found ..., expected ..."}
  *
- * A client's requests are carried out and answered in their order, one at a time: the next begins
- * when the one before has been answered. To pause a long step use a second connection.
- * Unknown commands and keys and values out of range are refused with code "input" and, where one is
- * near, the name that may have been meant. The other codes are reasons for which the loop refuses:
- * "empty", "recording", "clock", "busy", "unavailable", "cut" (a pause has ended the step), and
- * "ended" (the run is over), "memory". Times are virtual, _s in seconds; numbers have 15 digits,
- * NaN and infinities are null, hashes are strings of 16 hexadecimal digits.
+ * The server carries out and answers the requests of a client in order, one at a time. To pause a
+ * long step use a second connection. It refuses unknown commands, unknown keys and values out of
+ * range with code "input", and suggests the nearest name. The other codes are refusals by the loop:
+ * "empty", "recording", "clock", "busy", "unavailable", "cut" (a pause has ended the step), "ended"
+ * (the run is over) and "memory". Times are virtual, _s in seconds. Numbers have 15 digits, NaN and
+ * infinities are null, hashes are strings of 16 hexadecimal digits.
  *
  *   hello         program, version, protocol (1), rig, pid
  *   status        rig, file, robot_hash, task, recording, clock, speed, paused, clamped, tick,
@@ -52,25 +51,28 @@
  *   unsubscribe   answers rows and missed, the totals
  *   stop          ends the run cleanly
  *
- * Commands that the loop carries out (fault to restore, and set) answer with the tick, time_s and
- * state_hash at which they took effect. After a subscribe, lines without id come between answers,
+ * Commands of the loop (fault to restore, and set) answer with the tick, time_s and state_hash of
+ * their effect. After a subscribe, lines without id come between answers,
  *
  *     {"time_s": 1.25, "tick": 1250, "values": [...]}
  *
- * one at every tick that is a multiple of the period, those of a step before its answer. Rows for
- * which the client, or this server, was too slow are dropped, and the next one says how many with
+ * one at every tick that is a multiple of the period. The rows of a step come before its answer.
+ * When the client or the server is too slow, rows are dropped; the next row counts them:
  * "missed": 3.
  *
- * Limits. A client is told what was wrong, with line and column, and disconnected after
- * CONTROL_JUNK_MAX invalid lines without a valid one between them (each CONTROL_LINE bytes of an
- * endless line count as one); after half a line followed by 30 s of silence; and when it does not
- * drain its answers for 30 s. Its requests are not received while more than half of its
- * CONTROL_OUTBOX bytes are unsent. At most CONTROL_CLIENTS are connected at a time. A half-closed
- * connection is served until its last answer, or row, has been sent.
+ * Limits. The server disconnects a client, with a message that has line and column,
  *
- * The server has one thread of its own. It reaches the loop through rt/requests.h and what the loop
- * publishes (simulator_read, stream, histograms) only, so that no client can delay a tick. Not
- * RT-safe.
+ *   - after CONTROL_JUNK_MAX invalid lines in a row (each CONTROL_LINE bytes of an endless line
+ *     count as one);
+ *   - after half a line and 30 s of silence;
+ *   - when it does not read its answers for 30 s.
+ *
+ * It receives no further requests of a client while more than half of the client's CONTROL_OUTBOX
+ * bytes are unsent. At most CONTROL_CLIENTS are connected. A half-closed connection is served until
+ * its last answer or row has been sent.
+ *
+ * The server has its own thread. It uses only rt/requests.h and data that the loop publishes
+ * (simulator_read, stream, histograms), so that no client can delay a tick. Not RT-safe.
  */
 #ifndef CONTROL_CONTROL_H
 #define CONTROL_CONTROL_H
