@@ -162,7 +162,7 @@ enum error_code yaml_read_text(const char *name, const char *text, size_t size,
 enum error_code yaml_store_open(struct error *error);
 void yaml_store_close(void);
 
-/* Reads the text of one top-level key of a file, whatever else the file contains; NULL = missing or
+/* Reads the text of one top-level key of a file; other keys are ignored; NULL = missing or
  * not a text. Ignores files that it extends. The text is in arena. */
 enum error_code yaml_read_key(const char *path, const char *key, struct arena *arena,
                               const char **text, struct error *error);

@@ -622,7 +622,7 @@ enum error_code yaml_read_file(const char *path, const struct yaml_schema *schem
     return code;
 }
 
-/* Finds the text of a key at the top of a document, whatever else is in it; *text stays NULL if
+/* Finds the text of a key at the top of a document, ignoring other keys; *text stays NULL if
  * there is none. */
 static enum error_code yaml_find_text(struct yaml_reader *r, const struct yaml_node *root,
                                       const char *key, const char **text)

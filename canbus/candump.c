@@ -40,7 +40,7 @@ static char *candump_put_frame(char *at, const struct bus_frame *frame)
 {
     size_t len = frame->len;
 
-    /* The number of digits tells standard (3) from extended identifiers (8) */
+    /* Standard identifiers have 3 digits, extended ones 8 */
     if (frame->flags & FRAME_ERROR) {
         at = hex_put(at, frame->id | ID_ERROR_FLAG, 8);
     } else {
@@ -211,7 +211,7 @@ static bool candump_parse_id(struct candump_cursor *cursor, struct bus_frame *fr
     size_t digits;
     int value;
 
-    /* The number of digits tells standard from extended identifiers */
+    /* The number of digits distinguishes standard from extended identifiers */
     while ((value = candump_next_hex(cursor)) >= 0 && cursor->at - start < 8) {
         id = id << 4 | (uint32_t)value;
         cursor->at++;

@@ -12,10 +12,8 @@
  *   received(bus, frames)           one batch received from a bus, in wait or receive
  *   sent(bus, frames, accepted)     one batch for a bus; how many its port accepted
  *   phase_end(phase, ns)            end of a phase; enum loop_phase (0 wait to 6 publish), duration
- *   overrun(phase, ns)              an overrun: the phase that it is charged to, time past the
- *   deadline
- *   tick_end(tick, work_ns)         after the overrun accounts; duration of the tick without the
- *   wait
+ *   overrun(phase, ns)              the phase that the overrun is charged to, ns past the deadline
+ *   tick_end(tick, work_ns)         after the overrun accounts; duration of the tick without wait
  *   run_end(end, ticks)             enum loop_end; before the motors are switched off
  *
  * Examples, with PROGRAM the path of coman-hil:
