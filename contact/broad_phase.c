@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Broad phase, evaluation: tests rows of bounding balls, as many at a time as there are lanes. */
+/* Broad phase, evaluation: tests rows of bounding balls, LANES at a time. */
 #include "contact/broad_phase.h"
 
 #include "contact/lanes.h"
@@ -7,12 +7,12 @@
 
 #include <math.h>
 
-/* Distance, m, up to which a pair is kept in the list. Each of its surfaces may move by half of it
- * before the list is made again. */
+/* Distance up to which a pair is kept in the list, m. Each surface may move by half of it before
+ * the list is made again. */
 #define MARGIN 0.04
 
-/* Distance, m, that counts as none: far beyond rounding, so that what is found does not depend on
- * when the list was made. */
+/* Distances up to this count as 0, m. It is far above rounding errors, so that the result does not
+ * depend on when the list was made. */
 #define ROUNDING 1e-9
 
 /* ---- the pairs within the margin ---- */
@@ -54,7 +54,8 @@ static unsigned row_meets_ball(const struct broad_balls *b, const struct broad_r
     return (unsigned)meets;
 }
 
-/* Returns how far a surface is over a half-space's plane at least, m: by its ball and capsule. */
+/* Returns a lower bound of the height of a surface over a half-space's plane, m, from its ball and
+ * capsule. */
 static double surface_height(const struct broad_phase *broad, int plane, int i)
 {
     const struct broad_balls *b = &broad->ball;
@@ -66,8 +67,8 @@ static double surface_height(const struct broad_phase *broad, int plane, int i)
     return height + b->reach[plane] - (below < b->reach[i] ? below : b->reach[i]);
 }
 
-/* Returns how far two surfaces are apart at least, m, beyond their slack: by their balls and, as
- * these are near, by the axes of their capsules. */
+/* Returns a lower bound of the gap between two surfaces, m, after their slack: from their balls
+ * and, if these are near, from the axes of their capsules. */
 static double surfaces_distance(const struct broad_phase *broad, int i, int j, double slack)
 {
     const struct broad_balls *b = &broad->ball;
@@ -76,7 +77,7 @@ static double surfaces_distance(const struct broad_phase *broad, int i, int j, d
     double balls = vec3_norm(to) - b->reach[i] - b->reach[j], capsules;
     struct segment first, second;
 
-    /* With the first's center as origin */
+    /* Relative to the first surface's center */
     for (int k = 0; k < 3; k++) {
         first.from[k] = -p->half[k];
         first.by[k] = 2 * p->half[k];
@@ -118,7 +119,7 @@ static void list_make(struct broad_phase *broad)
         }
     }
 
-    /* The places that list_moved compares with */
+    /* Stores the places for list_moved */
     for (size_t s = 0; s < broad->nsurface; s++) {
         then->x[s] = now->x[s];
         then->y[s] = now->y[s];
@@ -128,8 +129,9 @@ static void list_make(struct broad_phase *broad)
     broad->found = broad->keeps;
 }
 
-/* Returns by how much any two surfaces may have come nearer since the list was made, m. A point of
- * a capsule moves by no more than the center and an end of the axis relative to it do together. */
+/* Returns an upper bound of how much any two surfaces have come nearer since the list was made, m.
+ * A point of a capsule moves at most as far as the center plus the relative motion of an end of
+ * the axis. */
 static double list_moved(const struct broad_phase *broad)
 {
     const struct broad_balls *now = &broad->ball, *then = &broad->then;
@@ -144,11 +146,11 @@ static double list_moved(const struct broad_phase *broad)
         most = moved2 > most ? moved2 : most;
     }
 
-    /* Twice for two surfaces; (x + y)^2 <= 2 (x^2 + y^2) */
+    /* Two surfaces move; (x + y)^2 <= 2 (x^2 + y^2) */
     return 2 * sqrt(2 * most);
 }
 
-/* ---- those that may touch ---- */
+/* ---- pairs that may touch ---- */
 
 void broad_phase_find(struct broad_phase *broad, uint64_t *near)
 {
@@ -159,7 +161,7 @@ void broad_phase_find(struct broad_phase *broad, uint64_t *near)
         moved = 0;
     }
 
-    /* Of the candidates those that can have come to touch since, if they do now */
+    /* Tests the candidates whose gap may have closed */
     for (size_t w = 0; w < broad->nword; w++) {
         near[w] = 0;
     }

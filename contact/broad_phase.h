@@ -1,15 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Broad phase of the native engine: which pairs may touch, because the balls about their surfaces
- * meet, or a ball and a half-space. Tests a row of up to eight pairs at a time, those of one
- * surface with eight others that follow each other in the list of surfaces. Of what is left, pairs
- * of which the capsules about the surfaces are apart are not near either.
+ * Broad phase of the native engine: finds the pairs that may touch. Two bounding balls, or a ball
+ * and a half-space, must meet. It tests a row of up to eight pairs at a time: one surface against
+ * eight consecutive surfaces. Then it discards pairs whose bounding capsules are apart.
  *
- * Only pairs within a margin are kept in mind, with the gap between them, and tested when surfaces
- * have moved by as much since. They are found anew when one has moved so far that others could have
- * come near (Verlet's list, Phys. Rev. 159, 1967), so that what is found does not depend on what
- * was asked before. Lengths are meters in the world's frame.
- * Memory is the arena's.
+ * It keeps a list of pairs within a margin, with their gaps. A pair is tested when surfaces have
+ * moved by its gap. The list is made again when a surface has moved so far that another pair may
+ * have come near (Verlet's list, Phys. Rev. 159, 1967). So the result does not depend on earlier
+ * calls. Lengths are meters in the world frame. The arena owns the memory.
  */
 #ifndef CONTACT_BROAD_PHASE_H
 #define CONTACT_BROAD_PHASE_H
@@ -19,11 +17,11 @@
 
 #include <stdint.h>
 
-#define BROAD_LANES 8 /* surfaces in a row: a multiple of any number of lanes */
+#define BROAD_LANES 8 /* surfaces in a row: a multiple of each number of lanes */
 
-/* Bounding ball of each surface: center and radius (reach), m. Arrays have nsurface entries, padded
- * to a multiple of BROAD_LANES with balls that nothing meets. For a half-space the plane instead:
- * x, y, z its normal, reach its offset with the opposite sign. */
+/* Bounding ball of each surface: center and radius (reach), m. Arrays have nsurface entries,
+ * padded to a multiple of BROAD_LANES with balls that meet nothing. For a half-space they hold the
+ * plane: x, y, z are the normal, reach is minus the offset. */
 struct broad_balls {
     double *x, *y, *z, *reach;
 };
@@ -34,42 +32,42 @@ struct broad_capsule {
     double radius;
 };
 
-/* A row of pairs: one surface against BROAD_LANES others from first on. */
+/* A row of pairs: one surface against BROAD_LANES surfaces from first on. */
 struct broad_row {
     int surface;
     int first;                 /* a multiple of BROAD_LANES */
     bool plane;                /* the surface is a half-space */
     unsigned wanted;           /* bit l: there is a pair with surface first + l */
-    int pair[BROAD_LANES];     /* its index */
-    double slack[BROAD_LANES]; /* that it has, m */
+    int pair[BROAD_LANES];     /* index of the pair */
+    double slack[BROAD_LANES]; /* slack of the pair, m */
 };
 
 /* A pair within the margin: tested by each evaluation. */
 struct broad_candidate {
     int surface, other; /* surface is the half-space if there is one */
-    int pair;           /* its index */
+    int pair;           /* index of the pair */
     bool plane;
-    double slack; /* by which the two have to overlap, m */
-    double gap;   /* between them when the list was made, m: at least */
+    double slack; /* overlap that does not count, m */
+    double gap;   /* lower bound of the gap when the list was made, m */
 };
 
 struct broad_phase {
-    struct broad_balls ball;       /* updated by the caller before each find, */
-    struct broad_capsule *capsule; /* and these; reach and radius do not change */
+    struct broad_balls ball;       /* the caller updates ball before each find, */
+    struct broad_capsule *capsule; /* and capsule; reach and radius are constant */
     size_t nsurface, nrow, nword;
     const struct broad_row *row;
 
-    /* The pairs within the margin, and where the surfaces were when they were found */
-    bool keeps; /* no half-space moves, so that they can be kept */
+    /* The pairs within the margin, and the places of the surfaces when the list was made */
+    bool keeps; /* true: no half-space moves, so the list can be kept */
     bool found;
     size_t ncandidate;
-    struct broad_candidate *candidate; /* as many as there are pairs */
-    struct broad_balls then;           /* without reach */
+    struct broad_candidate *candidate; /* room for all pairs */
+    struct broad_balls then;           /* places when the list was made, without reach */
     struct broad_capsule *capsule_then;
 };
 
-/* Makes the rows of a configuration that has passed contact_config_check, all balls far away.
- * ERROR_MEMORY is the only error. Not RT-safe. */
+/* Makes the rows of a configuration that has passed contact_config_check, with all balls far away.
+ * The only error is ERROR_MEMORY. Not RT-safe. */
 enum error_code broad_phase_make(const struct contact_config *config, struct arena *arena,
                                  struct broad_phase *broad, struct error *error);
 

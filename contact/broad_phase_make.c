@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Making the broad phase: memory, and pairs sorted into rows. */
+/* Makes the broad phase: allocates memory and sorts pairs into rows. */
 #include "contact/broad_phase.h"
 
-#define FAR 1e12 /* m; beyond any motion that an engine takes (1e9) */
+#define FAR 1e12 /* m; beyond all places that an engine accepts (1e9) */
 
-/* Returns the surface whose row a pair belongs to: its half-space if it has one, else the lower
- * number. */
+/* Returns the surface whose row gets a pair: its half-space if it has one, else the lower
+ * index. */
 static int pair_row_surface(const struct contact_config *config, const struct contact_pair *pair)
 {
     if (config->surface[pair->b].shape == CONTACT_HALF_SPACE) {
@@ -17,7 +17,7 @@ static int pair_row_surface(const struct contact_config *config, const struct co
     return pair->a < pair->b ? pair->a : pair->b;
 }
 
-/* Adds a pair to the row of its surfaces, which is begun when there is none. */
+/* Adds a pair to the row of its surfaces; begins a row if there is none. */
 static void row_add_pair(const struct contact_config *config, size_t index, struct broad_row *row,
                          size_t *nrow)
 {
@@ -51,7 +51,7 @@ enum error_code broad_phase_make(const struct contact_config *config, struct are
                         &broad->then.x, &broad->then.y, &broad->then.z};
     bool made;
 
-    /* One element more than needed, as an empty scene needs memory too */
+    /* One element more, since an empty scene needs memory too */
     broad->capsule = arena_alloc(arena, config->nsurface + 1, sizeof *broad->capsule);
     broad->capsule_then = arena_alloc(arena, config->nsurface + 1, sizeof *broad->capsule_then);
     broad->candidate = arena_alloc(arena, config->npair + 1, sizeof *broad->candidate);
@@ -64,20 +64,20 @@ enum error_code broad_phase_make(const struct contact_config *config, struct are
         return error_set(error, ERROR_MEMORY, "contact: no memory for the broad phase");
     }
 
-    /* Padding is so far away that nothing meets it */
+    /* Padding balls are so far away that nothing meets them */
     for (size_t s = 0; s < padded; s++) {
         broad->ball.x[s] = broad->ball.y[s] = broad->ball.z[s] = FAR;
     }
 
-    /* The list of near pairs can be kept only while no half-space moves, as list_holds does not see
-     * how far a plane does */
+    /* The list can be kept only if no half-space moves, because list_moved does not measure the
+     * motion of planes */
     broad->keeps = true;
     for (size_t s = 0; s < config->nsurface; s++) {
         broad->keeps &=
             config->surface[s].shape != CONTACT_HALF_SPACE || config->surface[s].body < 0;
     }
 
-    /* Rows: a surface against eight others that follow each other */
+    /* Rows: a surface against eight consecutive surfaces */
     broad->nsurface = config->nsurface;
     broad->found = false;
     broad->row = row;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Checks of a configuration and of motions that every contact engine requires. */
+/* Checks of configurations and motions, common to all contact engines. */
 #include "base/array.h"
 #include "contact/contact.h"
 
@@ -7,12 +7,11 @@
 #include <stdbool.h>
 #include <stdio.h>
 
-#define ROTATION_TOLERANCE 1e-6 /* of the products of a configured rotation's rows */
-#define MOTION_TOLERANCE 1e-2   /* of a motion's rotation: error that a stage may leave in it */
-#define MOTION_LIMIT 1e9        /* of a motion's numbers: m, rad/s, m/s */
+#define ROTATION_TOLERANCE 1e-6 /* for dot products of a configured rotation's rows */
+#define MOTION_TOLERANCE 1e-2   /* for a rotation in a motion: error left by an integrator stage */
+#define MOTION_LIMIT 1e9        /* for the numbers of a motion: m, rad/s, m/s */
 
-/* Returns ERROR_NONE for a number that is good, else ERROR_INPUT with what was found and
- * expected. */
+/* Returns ERROR_NONE if `good`, else ERROR_INPUT with the found and the expected value. */
 static enum error_code surface_expect(bool good, const struct contact_surface *s, const char *key,
                                       double found, const char *expected, struct error *error)
 {
@@ -23,7 +22,7 @@ static enum error_code surface_expect(bool good, const struct contact_surface *s
                      key, found, expected);
 }
 
-/* Checks that x is finite and over zero. */
+/* Checks that x is finite and positive. */
 static bool number_is_positive(double x)
 {
     return x > 0 && isfinite(x);
@@ -41,8 +40,7 @@ static double matrix_determinant(const double r[9])
            r[2] * (r[3] * r[7] - r[4] * r[6]);
 }
 
-/* Checks that a matrix has orthonormal rows and is right-handed; false when anything is not
- * finite. */
+/* Checks that a matrix is finite, has orthonormal rows and is right-handed. */
 static bool matrix_is_rotation(const double r[9], double tolerance)
 {
     for (int a = 0; a < 3; a++) {
@@ -58,9 +56,9 @@ static bool matrix_is_rotation(const double r[9], double tolerance)
     return matrix_determinant(r) > 0;
 }
 
-/* Checks that a matrix turns and hardly stretches: the mean of the squares of its three stretches
- * is near 1, and its cube near the square of their product, which it equals only where all three
- * are the same. Half the work of matrix_is_rotation, as each evaluation asks it of each body. */
+/* Checks that a matrix is nearly a rotation: the mean of its squared singular values is near 1,
+ * and the cube of the mean is near their product, which it equals only if all three are equal. It
+ * takes half the work of matrix_is_rotation; each evaluation checks each body. */
 static bool matrix_turns(const double r[9], double tolerance)
 {
     double mean = 0, volume = matrix_determinant(r);
@@ -105,7 +103,7 @@ static enum error_code surface_check_material(const struct contact_surface *s, s
 {
     const struct contact_material *m = &s->material;
 
-    /* The range of each number */
+    /* Ranges of the numbers */
     const struct {
         bool good;
         const char *key;
@@ -154,7 +152,7 @@ static enum error_code surface_check_box(const struct contact_surface *s, struct
                           "cells_per_edge", s->cells_per_edge, "1 to 256", error);
 }
 
-/* Checks that a surface has a mesh and that it is sound, unless it is known to be. */
+/* Checks that a surface has a sound mesh. */
 static enum error_code surface_check_mesh(const struct contact_surface *s, struct error *error)
 {
     struct mesh_finding finding;
@@ -165,7 +163,7 @@ static enum error_code surface_check_mesh(const struct contact_surface *s, struc
                          s->name);
     }
 
-    /* The check takes time; it is left out where the maker of the mesh has done it */
+    /* Skips the slow check if the mesh is known to be sound */
     if (s->mesh->sound) {
         return ERROR_NONE;
     }
@@ -196,7 +194,7 @@ static enum error_code surface_check_capsule(const struct contact_surface *s, st
                           s->length_m, "0 or more and no larger than a mesh may be", error);
 }
 
-/* Checks the measures that a surface's shape needs. */
+/* Checks the dimensions that a surface's shape needs. */
 static enum error_code surface_check_shape(const struct contact_surface *s, struct error *error)
 {
     switch (s->shape) {
@@ -269,8 +267,8 @@ static enum error_code surface_check(const struct contact_config *config, size_t
     return surface_check_material(s, error);
 }
 
-/* Returns whether two surfaces can have a slack, m: only round ones can count as thinner, and one
- * of them has to be a capsule, as two spheres are Hertz's. */
+/* Returns whether two surfaces can have a slack: both must be round, and one must be a capsule,
+ * because two spheres use Hertz's law. */
 static bool pair_slack_fits(const struct contact_surface *a, const struct contact_surface *b,
                             double slack)
 {
@@ -282,7 +280,7 @@ static bool pair_slack_fits(const struct contact_surface *a, const struct contac
            slack < 2 * b->radius_m;
 }
 
-/* Checks one pair: two surfaces that exist, can touch, and are no earlier pair. */
+/* Checks one pair: its surfaces exist, can touch, and no earlier pair has them. */
 static enum error_code pair_check(const struct contact_config *config, size_t index,
                                   struct error *error)
 {
@@ -299,7 +297,7 @@ static enum error_code pair_check(const struct contact_config *config, size_t in
         }
     }
 
-    /* They can touch: on different bodies, and not two half-spaces */
+    /* They can touch: they are on different bodies and are not two half-spaces */
     const struct contact_surface *a = &config->surface[p->a], *b = &config->surface[p->b];
 
     if (a->body == b->body) {
@@ -316,7 +314,7 @@ static enum error_code pair_check(const struct contact_config *config, size_t in
                          index, a->name, b->name);
     }
 
-    /* A slack is one of round shapes, and leaves something of both */
+    /* Only round shapes have a slack, and it is less than their diameters */
     if (p->slack_m != 0 && !pair_slack_fits(a, b, p->slack_m)) {
         return error_set(error, ERROR_INPUT,
                          "contact pair %zu: found a slack of %g m between '%s' and '%s', expected "
@@ -325,7 +323,7 @@ static enum error_code pair_check(const struct contact_config *config, size_t in
                          index, p->slack_m, a->name, b->name);
     }
 
-    /* No earlier pair has the same two */
+    /* No earlier pair has the same surfaces */
     for (size_t i = 0; i < index; i++) {
         const struct contact_pair *q = &config->pair[i];
 
@@ -341,7 +339,7 @@ static enum error_code pair_check(const struct contact_config *config, size_t in
 
 enum error_code contact_config_check(const struct contact_config *config, struct error *error)
 {
-    /* Sizes, and the transition velocity of friction, which all pairs share */
+    /* Sizes, and the transition velocity common to all pairs */
     if (config->nbody > CONTACT_MAX_BODIES || config->nsurface > CONTACT_MAX_SURFACES ||
         config->npair > CONTACT_MAX_PAIRS) {
         return error_set(error, ERROR_INPUT,
@@ -356,7 +354,7 @@ enum error_code contact_config_check(const struct contact_config *config, struct
                          config->transition_velocity_m_s);
     }
 
-    /* The laws are known ones */
+    /* The laws are valid enumerators */
     if (config->mesh_law != CONTACT_PRESSURE_FIELD &&
         config->mesh_law != CONTACT_ELASTIC_FOUNDATION) {
         return error_set(error, ERROR_INPUT,
@@ -369,7 +367,7 @@ enum error_code contact_config_check(const struct contact_config *config, struct
                          (int)config->friction);
     }
 
-    /* Surfaces first: pairs name them */
+    /* Surfaces first, because pairs refer to them */
     for (size_t i = 0; i < config->nsurface; i++) {
         enum error_code code = surface_check(config, i, error);
 

@@ -8,9 +8,9 @@ double contact_friction_damping(double static_friction, double viscous_friction,
                                 double transition_velocity_m_s, double normal_n, double speed)
 {
     double x = speed / transition_velocity_m_s, y = fmin(x, 0.5);
-    /* S'(y), which rises up to y = 1/2 */
+    /* S'(y), which increases up to y = 1/2 */
     double slope = x < 1 ? 30 * y * y * (1 - y) * (1 - y) : CONTACT_FRICTION_STEEPEST / x;
 
-    /* The viscous part of the force is proportional to the speed, and so its own slope */
+    /* The viscous force is proportional to the speed, and so is constant in its slope */
     return (slope * static_friction / transition_velocity_m_s + viscous_friction) * normal_n;
 }

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * SIMD: four numbers at a time, for the native engine's kernels. They are vectors of the compiler's
- * and four whatever the instruction set that the file is compiled for (contact/variant.h):
- * how many there are decides the order of sums, and that must be one on all machines. Eight would
- * fill a register of AVX-512; with AVX2 GCC takes them apart by way of memory, at twice the time.
- * All is RT-safe.
+ * SIMD for the native engine's kernels: vectors of four numbers, by the compiler's vector
+ * extension. The number is four for each instruction set (contact/variant.h), because it decides
+ * the order of sums, and results must be equal on all machines. Eight would fill a register of
+ * AVX-512, but with AVX2 GCC splits them through memory, which takes twice the time. All is
+ * RT-safe.
  */
 #ifndef CONTACT_LANES_H
 #define CONTACT_LANES_H
@@ -24,19 +24,19 @@
 typedef double lanes __attribute__((vector_size(LANES * sizeof(double))));
 typedef long long lanes_mask __attribute__((vector_size(LANES * sizeof(long long))));
 
-/* Stores all lanes at p, which is aligned to their size. */
+/* Stores all lanes at p, aligned to the size of lanes. */
 LANES_INLINE void lanes_store(lanes x, double *p)
 {
     *(lanes *)p = x;
 }
 
-/* Loads lanes from p, which is aligned to their size. */
+/* Loads lanes from p, aligned to the size of lanes. */
 LANES_INLINE lanes lanes_load(const double *p)
 {
     return *(const lanes *)p;
 }
 
-/* Loads lanes from p, which is aligned as a double is. */
+/* Loads lanes from p, aligned to a double. */
 LANES_INLINE lanes lanes_load_any(const double *p)
 {
     lanes x;
@@ -45,7 +45,7 @@ LANES_INLINE lanes lanes_load_any(const double *p)
     return x;
 }
 
-/* Takes yes where the mask is set, no elsewhere. */
+/* Returns yes where the mask is set, no elsewhere. */
 LANES_INLINE lanes lanes_pick(lanes_mask m, lanes yes, lanes no)
 {
     return (lanes)((m & (lanes_mask)yes) | (~m & (lanes_mask)no));
@@ -66,7 +66,7 @@ LANES_INLINE lanes lanes_root(lanes x)
 #endif
 }
 
-/* Returns the sum of all lanes; the two halves are added first, as registers are folded. */
+/* Returns the sum of all lanes. Adds the two halves first, as folding a register does. */
 LANES_INLINE double lanes_sum(lanes x)
 {
 #if defined(__AVX2__)

@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Distance of two straight pieces, the axes of capsules, in closed form. Units are the caller's.
- * Pure; RT-safe.
+ * Distance between two straight segments, the axes of capsules, in closed form. Units are the
+ * caller's. Pure; RT-safe.
  */
 #ifndef CONTACT_SEGMENTS_H
 #define CONTACT_SEGMENTS_H
 
 #include "base/vec3.h"
 
-#define SEGMENT_NONE 1e-300 /* squared length up to which a piece is a point */
+#define SEGMENT_NONE 1e-300 /* squared length up to which a segment is a point */
 
-/* A straight piece from `from` by `by`. */
+/* A straight segment from the point `from` along the vector `by`. */
 struct segment {
     double from[3], by[3];
 };
@@ -20,9 +20,8 @@ static inline double segment_clamp(double x)
     return x < 0 ? 0 : x > 1 ? 1 : x;
 }
 
-/* Returns the square of the least distance of two pieces: at the places s and t of their lengths
- * where the distance of the lines is least, or at the end that is nearest to it (Ericson, Real-Time
- * Collision Detection, 5.1.9). */
+/* Returns the squared distance of two segments: at the parameters s and t of the nearest points of
+ * their lines, clamped to the ends (Ericson, Real-Time Collision Detection, 5.1.9). */
 static inline double segments_distance2(const struct segment *p, const struct segment *q)
 {
     double between[3], to[3];
@@ -37,8 +36,8 @@ static inline double segments_distance2(const struct segment *p, const struct se
         double pq = vec3_dot(p->by, q->by), pb = vec3_dot(p->by, between);
         double qb = vec3_dot(q->by, between), square = pp * qq - pq * pq;
 
-        /* On the lines, then back into the second piece and into the first again; side by side any
-         * place of the first will do */
+        /* Nearest points of the lines, clamped to the second segment, then to the first. For
+         * parallel segments any s is right */
         s = square > 1e-14 * pp * qq ? segment_clamp((pq * qb - pb * qq) / square) : 0;
         t = (pq * s + qb) / qq;
         if (t < 0 || t > 1) {

@@ -6,16 +6,16 @@
 
 #include <string.h>
 
-/* The element of a packed tangent at a row and a column, by the names of their axes. */
+/* Element of a packed tangent by row and column axis names. */
 #define AT(row, column) CONTACT_TANGENT_AT(CONTACT_##row, CONTACT_##column)
 
-/* Adds a resistance of the given weight (N s/m) at an arm (m), the same in every direction. */
+/* Adds an isotropic resistance of the given weight (N s/m) at an arm (m). */
 static void tangent_add_isotropic(double weight, const double arm[3],
                                   double S[CONTACT_TANGENT_SIZE])
 {
     double x = weight * arm[0], y = weight * arm[1], z = weight * arm[2];
 
-    /* Force by velocity */
+    /* Force by velocity: the identity */
     S[AT(MOVE_X, MOVE_X)] += weight;
     S[AT(MOVE_Y, MOVE_Y)] += weight;
     S[AT(MOVE_Z, MOVE_Z)] += weight;
@@ -28,7 +28,7 @@ static void tangent_add_isotropic(double weight, const double arm[3],
     S[AT(MOVE_Z, TURN_X)] += y;
     S[AT(MOVE_Z, TURN_Y)] -= x;
 
-    /* Moment by angular velocity: the arm's square less its outer product */
+    /* Moment by angular velocity: squared arm minus its outer product */
     S[AT(TURN_X, TURN_X)] += y * arm[1] + z * arm[2];
     S[AT(TURN_X, TURN_Y)] -= x * arm[1];
     S[AT(TURN_X, TURN_Z)] -= x * arm[2];
@@ -40,11 +40,11 @@ static void tangent_add_isotropic(double weight, const double arm[3],
 void contact_tangent_add(struct contact_tangent *tangent, const struct contact_element *element)
 {
     const double *n = element->normal;
-    /* Friction is added in every direction, so it is taken off along the normal */
+    /* Friction is added in all directions, so its part along the normal is subtracted here */
     double damping = element->damping - element->friction;
     double arm[3], along[CONTACT_AXES];
 
-    /* The normal, and the moment of a force along it */
+    /* The normal, and the moment of a unit force along it */
     vec3_sub(element->point, tangent->center, arm);
     memcpy(along + CONTACT_MOVE_X, n, sizeof arm);
     vec3_cross(arm, n, along + CONTACT_TURN_X);

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Names of the kernels' variants. The kernels of the native engine are compiled once for each
- * instruction set, of which the engine takes the best that the machine can run when it is made.
- * NATIVE_VARIANT, when defined, is appended to the names of all that they share among their files;
- * without it the same files are the plain variant. Include before anything declares one of these
- * names. Names only: whether something is RT-safe is said where it is declared.
+ * Names of the kernels' variants. The native engine's kernels are compiled once per instruction
+ * set; a new engine uses the best one that the machine supports. If NATIVE_VARIANT is defined, it
+ * is appended to all names that the kernel files share. Without it the same files give the plain
+ * variant. Include this file before any declaration of these names. It defines names only; each
+ * declaration says whether it is RT-safe.
  */
 #ifndef CONTACT_VARIANT_H
 #define CONTACT_VARIANT_H

@@ -7,16 +7,17 @@
 
 #define PI 3.14159265358979323846
 #define SIDES 16
-#define RINGS 4 /* of each end, the equator among them */
+#define RINGS 4 /* rings per end, including its equator */
 #define VERTICES (2 * RINGS * SIDES + 2)
 #define FACES (2 * SIDES * (2 * RINGS - 1) + 2 * SIDES)
 #define BOTTOM (VERTICES - 2)
 #define TOP (VERTICES - 1)
 
-/* Computes the vertices: rings from the lowest up; the equators of both ends are in the middle. */
+/* Computes the vertices: rings from the lowest to the highest; the equators of both ends are in
+ * the middle. */
 static void capsule_place_vertices(double radius, double length, double (*vertex)[3])
 {
-    /* As wide as it has to be for the polygon to have the area of the circle */
+    /* The polygon has the area of the circle */
     const double wide = radius * sqrt(2 * PI / (SIDES * portable_sin(2 * PI / SIDES)));
     double around[SIDES][2];
 
@@ -25,7 +26,7 @@ static void capsule_place_vertices(double radius, double length, double (*vertex
         around[i][1] = portable_sin(2 * PI * i / SIDES);
     }
 
-    /* Rings at equal angles from their end's equator */
+    /* Rings at equal angles from the equator of their end */
     for (int ring = 0; ring < 2 * RINGS; ring++) {
         int from_equator = ring < RINGS ? ring - (RINGS - 1) : ring - RINGS;
         double angle = from_equator * PI / 2 / RINGS, out = wide * portable_cos(angle);
@@ -54,7 +55,7 @@ static size_t capsule_add_face(int (*face)[3], size_t n, int a, int b, int c)
     return n + 1;
 }
 
-/* Writes the faces; returns their number. */
+/* Writes the faces; returns the number of faces. */
 static size_t capsule_connect(int (*face)[3])
 {
     const int last = (2 * RINGS - 1) * SIDES;
@@ -96,7 +97,7 @@ enum error_code mesh_capsule(double radius, double length, struct arena *arena,
         return error_set(error, ERROR_MEMORY, "capsule: no memory for %d faces", FACES);
     }
 
-    /* An axis shorter than this part of the radius would leave faces without area */
+    /* A shorter axis would give degenerate faces */
     capsule_place_vertices(radius, fmax(length, 1e-3 * radius), vertex);
     *capsule = (struct mesh){.name = "capsule",
                              .nvertex = VERTICES,

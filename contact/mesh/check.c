@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Checks whether a triangle surface is sound (closed, oriented, without pinches), by its
- * half-edges: each face has three, each shared edge pairs two of them. Edges and faces are sorted,
- * not hashed: the order of what is found does not depend on chance, and no input makes it slow.
+ * Checks whether a triangle surface is sound (closed, oriented, without pinches) by its half-edges:
+ * each face has three, and each shared edge pairs two. Edges and faces are sorted, not hashed, so
+ * that the order of findings is fixed and the worst-case time is bounded.
  */
 #include "contact/mesh/mesh.h"
 #include "base/vec3.h"
@@ -13,7 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Twice the area over the square of the longest edge, below which a face counts as degenerate. */
+/* Minimum ratio of twice the area to the squared longest edge; a face below it is degenerate. */
 #define DEGENERATE_RATIO 1e-10
 
 /* The three vertices of a face, sorted. */
@@ -27,7 +27,7 @@ struct mesh_checker {
     struct mesh_finding *finding;
     struct half_edge *half_edge; /* 3 * nface, sorted */
     struct face_key *face_key;   /* nface */
-    int *twin;                   /* 3 * nface: the number of the half-edge across the edge */
+    int *twin;                   /* 3 * nface: number of the opposite half-edge */
     unsigned char *seen;         /* 3 * nface */
     unsigned char *used;         /* nvertex */
 };
@@ -54,10 +54,10 @@ const char *mesh_fault_text(enum mesh_fault fault)
 
 /* ---- half-edges in order ---- */
 
-/* Half-edges are counted into buckets by their lower vertex, each as many as its vertex has edges,
- * some six, and sorted by insertion; a hub of many is sorted by comparison. qsort of all would cost
- * 6 % more instructions at a start (walk-bump-9cm). */
-enum { FEW = 32 }; /* half-edges that insertion sorts faster */
+/* Half-edges are sorted into buckets by lower vertex. A bucket has as many half-edges as the
+ * vertex has edges, about six, and is sorted by insertion; a large bucket is sorted with qsort.
+ * qsort of all half-edges would take 6 % more instructions at a start (walk-bump-9cm). */
+enum { FEW = 32 }; /* largest bucket sorted by insertion */
 
 /* Compares half-edges of one low vertex by high vertex, then number, for qsort. */
 static int compare_half_edges(const void *a, const void *b)
@@ -70,7 +70,7 @@ static int compare_half_edges(const void *a, const void *b)
     return (x->number > y->number) - (x->number < y->number);
 }
 
-/* Sorts n half-edges of one low vertex, which come in the order of their numbers. */
+/* Sorts n half-edges with the same low vertex, given in the order of their numbers. */
 static void bucket_sort_half_edges(struct half_edge *bucket, int n)
 {
     if (n > FEW) {
@@ -108,7 +108,7 @@ enum error_code mesh_sort_half_edges(const struct mesh *mesh, struct half_edge *
         return error_set(error, ERROR_MEMORY, "%s: no memory to sort %d edges", mesh->name, n);
     }
 
-    /* Where each vertex's bucket begins; filled, where it ends */
+    /* Start of each vertex's bucket; after filling, its end */
     for (int i = 0; i < n; i++) {
         ++end[mesh_half_edge(mesh, i).low + 1];
     }
@@ -131,8 +131,8 @@ enum error_code mesh_sort_half_edges(const struct mesh *mesh, struct half_edge *
 
 /* ---- faults ---- */
 
-/* Stores a finding unless one of an earlier face is there, so that a person meets faults in file
- * order. half, other: the half-edge at fault and its counterpart. */
+/* Stores a finding unless an earlier face already has one, so that findings are reported in file
+ * order. half, other: the faulty half-edge and its counterpart. */
 static void mesh_report_fault(struct mesh_checker *c, enum mesh_fault fault, size_t half,
                               size_t other)
 {
@@ -151,7 +151,7 @@ static void mesh_report_fault(struct mesh_checker *c, enum mesh_fault fault, siz
         .vertex = {c->mesh->face[face][corner], c->mesh->face[face][(corner + 1) % 3]}};
 }
 
-/* Checks that there are faces, that they name existing vertices, and that coordinates are in range;
+/* Checks that there are faces, that their indices exist, and that coordinates are in range;
  * reports the first fault. */
 static bool mesh_is_in_range(struct mesh_checker *c)
 {
@@ -161,7 +161,7 @@ static bool mesh_is_in_range(struct mesh_checker *c)
         c->finding->fault = MESH_EMPTY;
         return false;
     }
-    /* Each corner's index, then its coordinates, which a bad index does not have */
+    /* Each corner's index, then its coordinates */
     for (size_t half = 0; half < 3 * m->nface; half++) {
         int v = m->face[half / 3][half % 3];
 
@@ -182,7 +182,7 @@ static bool mesh_is_in_range(struct mesh_checker *c)
     return true;
 }
 
-/* Checks that no face is degenerate: twice its area against its longest edge squared. */
+/* Checks that no face is degenerate: twice its area relative to its squared longest edge. */
 static bool mesh_faces_have_area(struct mesh_checker *c)
 {
     const struct mesh *m = c->mesh;
@@ -221,7 +221,7 @@ static void mesh_find_duplicates(struct mesh_checker *c)
 {
     size_t n = c->mesh->nface;
 
-    /* Vertices in order; the middle one is left when the least and the largest are XORed away */
+    /* Sorts the three vertices; XOR with smallest and largest leaves the middle one */
     for (size_t f = 0; f < n; f++) {
         const int *v = c->mesh->face[f];
         int low = v[0] < v[1] ? v[0] : v[1], high = v[0] < v[1] ? v[1] : v[0];
@@ -230,7 +230,7 @@ static void mesh_find_duplicates(struct mesh_checker *c)
         c->face_key[f] = (struct face_key){{first, v[0] ^ v[1] ^ v[2] ^ first ^ last, last}, f};
     }
 
-    /* Sorted, faces of the same vertices are neighbors */
+    /* After sorting, faces with the same vertices are neighbors */
     qsort(c->face_key, n, sizeof *c->face_key, compare_face_keys);
     for (size_t i = 1; i < n; i++) {
         const struct face_key *last = &c->face_key[i - 1], *key = &c->face_key[i];
@@ -248,7 +248,7 @@ static void mesh_pair_half_edges(struct mesh_checker *c)
     size_t n = 3 * c->mesh->nface;
     const struct half_edge *all = c->half_edge;
 
-    /* A sound edge has two half-edges, in opposite directions; sorted, they are neighbors */
+    /* A sound edge has two half-edges in opposite directions, neighbors after sorting */
     for (size_t i = 0, end; i < n; i = end) {
         const struct half_edge *e = all + i;
 
@@ -268,14 +268,14 @@ static void mesh_pair_half_edges(struct mesh_checker *c)
     }
 }
 
-/* Checks that the faces around each vertex are one fan (a second fan at the same vertex is a
- * pinch), and that each vertex is in a face. */
+/* Checks that the faces around each vertex form one fan (a second fan is a pinch), and that each
+ * vertex is in a face. */
 static bool mesh_vertices_have_one_fan(struct mesh_checker *c)
 {
     for (size_t half = 0; half < 3 * c->mesh->nface; half++) {
         int v = c->mesh->face[half / 3][half % 3];
 
-        /* A half-edge of a fan that no walk has come by is of another fan */
+        /* A half-edge that no earlier walk visited belongs to another fan */
         if (c->seen[half]) {
             continue;
         }
@@ -284,7 +284,7 @@ static bool mesh_vertices_have_one_fan(struct mesh_checker *c)
             return false;
         }
 
-        /* Once around the vertex, from face to face */
+        /* Walks once around the vertex, from face to face */
         c->used[v] = 1;
         for (size_t h = half; !c->seen[h];) {
             size_t previous = h - h % 3 + (h % 3 + 2) % 3;
@@ -310,7 +310,7 @@ enum error_code mesh_check(const struct mesh *mesh, struct mesh_finding *finding
     struct mesh_checker c = {.mesh = mesh, .finding = finding};
     enum error_code code = ERROR_NONE;
 
-    /* Numbers first: all else indexes with them and divides by them */
+    /* Checks ranges first, since all later steps index with the numbers and divide by them */
     *finding = (struct mesh_finding){.fault = MESH_SOUND};
     if (!mesh_is_in_range(&c) || !mesh_faces_have_area(&c)) {
         return ERROR_NONE;
@@ -327,7 +327,7 @@ enum error_code mesh_check(const struct mesh *mesh, struct mesh_finding *finding
         goto done;
     }
 
-    /* Each step needs what the one before it has found sound */
+    /* Each step relies on the checks of the earlier steps */
     mesh_find_duplicates(&c);
     if (finding->fault == MESH_SOUND) {
         code = mesh_sort_half_edges(mesh, c.half_edge, error);

@@ -10,12 +10,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define FLAT 1e-9       /* of the trace; a smaller eigenvalue is that of a way along all sides */
-#define STEEP 0.05      /* a spoke leaves each side at least so fast against its length */
-#define ROOM 0.98       /* of the square of a ball's radius that has to be free */
-#define BALL_STEPS 24   /* in which a ball shrinks until it fits */
-#define BALL_LEAVES 128 /* of the tree of faces that are searched in one step */
-#define CORE 0.02       /* of the volume of a core may be inside out */
+#define FLAT 1e-9       /* relative to the trace; below it, a direction parallel to all sides */
+#define STEEP 0.05      /* minimum speed at which a spoke leaves a side over its length */
+#define ROOM 0.98       /* part of a ball's squared radius that must be free */
+#define BALL_STEPS 24   /* steps in which a ball shrinks until it fits */
+#define BALL_LEAVES 128 /* leaves of the tree of faces searched in one step */
+#define CORE 0.02       /* part of a core's volume that may be inside out */
 
 struct field_builder {
     const struct solid *solid;
@@ -24,9 +24,10 @@ struct field_builder {
     struct arena *arena;
     struct error *error;
 
-    double (*spoke)[3]; /* of each vertex: the way inward for a depth of 1 m */
-    double *least;      /* how fast it leaves the side around the vertex that it leaves slowest */
-    double *depth;      /* at its end, m */
+    double (*spoke)[3]; /* of each vertex: vector inward for a depth of 1 m */
+    double *least;      /* speed at which the spoke leaves the adjacent side that it leaves most
+                         * slowly */
+    double *depth;      /* depth at the spoke's end, m */
     double (*node)[4];
 };
 
@@ -44,7 +45,7 @@ static bool field_solve_four(double m[4][5], double x[4])
     for (int i = 0; i < 4; i++) {
         int best = i;
 
-        /* The largest pivot of the column comes into row i */
+        /* Moves the largest pivot of the column to row i */
         for (int r = i + 1; r < 4; r++) {
             best = fabs(m[r][i]) > fabs(m[best][i]) ? r : best;
         }
@@ -79,13 +80,13 @@ static bool field_solve_four(double m[4][5], double x[4])
     return true;
 }
 
-/* Returns the depth of the point that is equally deep under four sides, m, if no other side is
- * nearer there; else 0. */
+/* Returns the depth of the point with equal depth under four sides, m; 0 if another side is
+ * nearer. */
 static double sides_common_depth(const struct solid *s, const int side[4])
 {
     double m[4][5], x[4];
 
-    /* normal . p + depth = offset for each of the four; unknowns are p and the depth */
+    /* normal . p + depth = offset for each side; p and the depth are unknown */
     for (int i = 0; i < 4; i++) {
         const struct facet *f = &s->facet[side[i]];
 
@@ -106,8 +107,8 @@ static double sides_common_depth(const struct solid *s, const int side[4])
     return x[3];
 }
 
-/* Returns the radius of the largest ball in a convex solid, its largest depth, m: some four sides
- * touch that ball, so all combinations are tried. */
+/* Returns the radius of the largest ball in a convex solid, which is its largest depth, m. Four
+ * sides touch that ball, so it tries all combinations of four sides. */
 static double convex_deepest(const struct solid *s)
 {
     const int n = (int)s->nfacet;
@@ -127,7 +128,7 @@ static double convex_deepest(const struct solid *s)
 
 /* ---- spokes ---- */
 
-/* Computes sums over the sides around each vertex, weighted by their angle there: products of the
+/* Computes sums over the sides around each vertex, weighted by their angles there: products of the
  * normal's components (xx, yy, zz, xy, xz, yz), and the normal. */
 static void field_sum_normals(const struct field_builder *b, double (*sum)[9])
 {
@@ -158,8 +159,8 @@ static void field_sum_normals(const struct field_builder *b, double (*sum)[9])
     }
 }
 
-/* Computes eigenvalues (the diagonal of a) and eigenvectors (columns of v) of a symmetric matrix by
- * Jacobi's rotations, until they do not change any more. */
+/* Computes eigenvalues (diagonal of a) and eigenvectors (columns of v) of a symmetric matrix by
+ * Jacobi rotations, until they no longer change. */
 static void matrix_find_eigen(double a[3][3], double v[3][3])
 {
     bool changes = true;
@@ -175,8 +176,8 @@ static void matrix_find_eigen(double a[3][3], double v[3][3])
                 double theta = 0.5 * portable_atan2(2 * a[p][q], a[q][q] - a[p][p]);
                 double c = portable_cos(theta), s = portable_sin(theta);
 
-                /* Rotation in the plane of p and q by the angle that makes a[p][q] zero: columns
-                 * first, then rows and eigenvectors */
+                /* Rotates in the plane of p and q by the angle that makes a[p][q] zero: columns,
+                 * then rows and eigenvectors */
                 for (int k = 0; k < 3; k++) {
                     double x = a[k][p], y = a[k][q];
 
@@ -200,8 +201,8 @@ static void matrix_find_eigen(double a[3][3], double v[3][3])
     }
 }
 
-/* Computes a vertex's spoke: the shortest vector whose product with the normals around it is -1, in
- * the sense of least squares. */
+/* Computes a vertex's spoke: the shortest vector whose dot product with each adjacent normal is
+ * -1, in the least-squares sense. */
 static void spoke_from_normals(const double sum[9], double spoke[3])
 {
     double a[3][3] = {{sum[0], sum[3], sum[4]}, {sum[3], sum[1], sum[5]}, {sum[4], sum[5], sum[2]}};
@@ -222,7 +223,7 @@ static void spoke_from_normals(const double sum[9], double spoke[3])
     }
 }
 
-/* Computes for each vertex the least speed at which its spoke leaves a side around it. */
+/* Computes for each vertex the lowest speed at which its spoke leaves an adjacent side. */
 static void field_find_least(const struct field_builder *b)
 {
     const struct solid *s = b->solid;
@@ -239,10 +240,9 @@ static void field_find_least(const struct field_builder *b)
     }
 }
 
-/* Finds a point of the surface at a distance to p less than the square root of limit2: the nearest
- * of those in the first BALL_LEAVES leaves of a search that visits nearer boxes first. At the
- * middle of a ball all of it is equally near, and any of its points will do. Returns false when
- * there is none in them. */
+/* Finds a surface point with a squared distance to p below limit2: the nearest point in the first
+ * BALL_LEAVES leaves of a search that visits nearer boxes first. At the middle of a ball all
+ * points are equally near, and any of them is right. Returns false if there is none. */
 static bool surface_find_near(const struct solid *s, const double p[3], double limit2,
                               double near[3])
 {
@@ -253,7 +253,7 @@ static bool surface_find_near(const struct solid *s, const double p[3], double l
     int top = 0, leaves = 0;
     bool found = false;
 
-    /* Depth-first search with a stack of boxes and their distances */
+    /* Depth-first search with a stack of boxes and distances */
     stack[top].node = s->faces.node;
     stack[top++].distance2 = box_distance2(&s->faces.node->box, p);
     while (top > 0 && leaves < BALL_LEAVES) {
@@ -263,7 +263,7 @@ static bool surface_find_near(const struct solid *s, const double p[3], double l
             continue;
         }
 
-        /* Inner node: the farther child first on the stack, so that the nearer comes off first */
+        /* Inner node: pushes the farther child first, so that the nearer one is visited first */
         if (node->count == 0) {
             const struct tree_node *left = node + 1, *child[2] = {left, left + left->size};
             double d[2] = {box_distance2(&child[0]->box, p), box_distance2(&child[1]->box, p)};
@@ -276,7 +276,7 @@ static bool surface_find_near(const struct solid *s, const double p[3], double l
             continue;
         }
 
-        /* Leaf: a nearer point shrinks the distance that is left to search */
+        /* Leaf: a nearer point reduces the search distance */
         leaves++;
         for (int i = 0; i < node->count; i++) {
             double point[3], to[3], d2;
@@ -295,8 +295,8 @@ static bool surface_find_near(const struct solid *s, const double p[3], double l
 }
 
 /* Returns the depth at a spoke's end, m: how far a ball that touches the sides around the vertex
- * can move along the spoke. The ball shrinks until nothing is nearer to its center than those
- * sides; 0 where the spoke leaves a side too slowly. */
+ * can move along the spoke. The ball shrinks until no surface point is nearer to its center than
+ * those sides. Returns 0 if the spoke leaves a side too slowly. */
 static double spoke_find_depth(const struct field_builder *b, size_t vertex)
 {
     const struct solid *s = b->solid;
@@ -315,7 +315,7 @@ static double spoke_find_depth(const struct field_builder *b, size_t vertex)
     for (int step = 0; step < BALL_STEPS; step++) {
         double near[3], center[3], to[3], radius = least * depth, ahead, room, root;
 
-        /* A ball with nothing in it fits if its center is inside the solid */
+        /* A ball without surface points fits if its center is inside the solid */
         vec3_add_scaled(at, depth, spoke, center);
         if (!surface_find_near(s, center, ROOM * radius * radius, near)) {
             if (solid_depth(s, center, 8 * s->radius) > 0) {
@@ -325,8 +325,8 @@ static double spoke_find_depth(const struct field_builder *b, size_t vertex)
             continue;
         }
 
-        /* The depth at which the nearest point is as far from the center as the sides are:
-         * |at - point|^2 + 2 t spoke . (at - point) + t^2 (spoke^2 - least^2) = 0 */
+        /* Depth t at which the nearest point is as far from the center as the adjacent sides: |at
+         * - point|^2 + 2 t spoke . (at - point) + t^2 (spoke^2 - least^2) = 0 */
         vec3_sub(at, near, to);
         ahead = -vec3_dot(spoke, to);
         room = square - least * least;
@@ -340,8 +340,8 @@ static double spoke_find_depth(const struct field_builder *b, size_t vertex)
     return 0.5 * depth;
 }
 
-/* Computes spokes, their least speeds and the depths at their ends for all vertices. ERROR_MEMORY
- * leaves the arrays to field_make, which frees them. */
+/* Computes spokes, lowest speeds and end depths for all vertices. On ERROR_MEMORY, field_make
+ * frees the arrays. */
 static enum error_code field_find_spokes(struct field_builder *b)
 {
     double(*sum)[9] = calloc(b->nvertex, sizeof *sum);
@@ -367,8 +367,8 @@ static enum error_code field_find_spokes(struct field_builder *b)
 
 /* ---- layers ---- */
 
-/* Returns the number of layers: as many, each as thick as all above it, as make the first about as
- * thick as the triangles are wide. */
+/* Returns the number of layers. Each layer is as thick as all layers above it; the number makes
+ * the first one about as thick as the triangles are wide. */
 static int field_count_layers(const struct field_builder *b)
 {
     const struct solid *s = b->solid;
@@ -391,7 +391,7 @@ static int field_count_layers(const struct field_builder *b)
     return layers;
 }
 
-/* Computes the nodes along the spokes on all layers, with their depth, and the innermost point. */
+/* Computes the nodes along the spokes on all layers, their depths, and the innermost point. */
 static enum error_code field_make_nodes(struct field_builder *b, struct field *field)
 {
     const size_t n = b->nvertex;
@@ -405,7 +405,8 @@ static enum error_code field_make_nodes(struct field_builder *b, struct field *f
     }
     field->node = (const double(*)[4])b->node;
 
-    /* Depth doubles from layer to layer; the innermost point is the mean of the spokes' ends */
+    /* The depth doubles from layer to layer; the innermost point is the mean of the spokes'
+     * ends */
     inmost = b->node[(size_t)(field->nlayer + 1) * n];
     for (size_t v = 0; v < n; v++) {
         for (int layer = 0; layer <= field->nlayer; layer++) {
@@ -423,7 +424,7 @@ static enum error_code field_make_nodes(struct field_builder *b, struct field *f
     return ERROR_NONE;
 }
 
-/* Checks whether a tetrahedron has any volume to speak of. */
+/* Checks whether a tetrahedron has a volume above rounding. */
 static bool tetrahedron_is_solid(const double *const node[6], const int corner[4])
 {
     double to[3][3], across[3], volume, whole;
@@ -454,8 +455,8 @@ static bool prism_find_box(const struct field *field, int cell, struct box *box)
     return solid;
 }
 
-/* Checks whether the ends of the spokes leave a core, with all of its surface in sight of the
- * innermost point. Where they meet in a sheet in the middle of the solid, or leave pockets around
+/* Checks whether the ends of the spokes leave a core whose whole surface is visible from the
+ * innermost point. If the ends meet in a sheet in the middle of the solid, or leave pockets around
  * it, tetrahedra to one point would only cancel each other. */
 static bool field_has_core(const struct field *field)
 {
@@ -478,7 +479,7 @@ static bool field_has_core(const struct field *field)
     return in < CORE * out;
 }
 
-/* Builds the tree over the cells of a shell that have volume: prisms and, if there is a core, its
+/* Builds the tree over the shell's cells that have volume: prisms and, if there is a core, its
  * tetrahedra. */
 static enum error_code field_make_tree(struct field_builder *b, struct field *field)
 {
@@ -494,7 +495,7 @@ static enum error_code field_make_tree(struct field_builder *b, struct field *fi
         goto done;
     }
 
-    /* Cells without volume are left out */
+    /* Skips cells without volume */
     for (size_t i = 0; i < most; i++) {
         if (prism_find_box(field, (int)i, &box[n])) {
             cell[n++] = (int)i;
@@ -517,7 +518,7 @@ enum error_code field_make(const struct solid *solid, const char *name, struct a
         .solid = solid, .nvertex = solid->nvertex, .name = name, .arena = arena, .error = error};
     enum error_code code;
 
-    /* A convex solid with few sides needs no cells but its planes */
+    /* A convex solid with few sides needs only its planes */
     *field = (struct field){.solid = solid};
     if (solid->convex && solid->nfacet <= FIELD_MAX_PLANES) {
         field->planar = true;
@@ -525,7 +526,7 @@ enum error_code field_make(const struct solid *solid, const char *name, struct a
         return ERROR_NONE;
     }
 
-    /* Any other gets a shell */
+    /* Any other solid gets a shell */
     code = field_find_spokes(&b);
     if (code == ERROR_NONE) {
         code = field_make_nodes(&b, field);

@@ -7,8 +7,8 @@
 #include <stdbool.h>
 #include <string.h>
 
-/* Computes the cross product of the two edges of a face that leave its first corner: along the
- * outward normal, twice the face's area long. */
+/* Computes the cross product of the two edges at a face's first corner: along the outward normal,
+ * with twice the face's area as length. */
 static void mesh_face_cross(const struct mesh *mesh, size_t face, double out[3])
 {
     const int *corner = mesh->face[face];
@@ -23,7 +23,7 @@ double mesh_volume(const struct mesh *mesh)
 {
     double six = 0;
 
-    /* Tetrahedra from one of its vertices: little cancels when the mesh lies far off the origin */
+    /* Tetrahedra from one vertex, to avoid cancellation when the mesh is far from the origin */
     for (size_t f = 0; f < mesh->nface; f++) {
         double normal[3], from[3];
 
@@ -49,8 +49,8 @@ double mesh_area(const struct mesh *mesh)
 
 /* ---- the box ---- */
 
-/* Returns the number of a box's lattice point, 0 <= at[] <= n and at least one of them at an end:
- * bottom, top, then the layers between them, each walked around its rim. */
+/* Returns the number of a box's lattice point; 0 <= at[] <= n, and at least one coordinate is 0 or
+ * n. Order: bottom, top, then the layers between them, each around its rim. */
 static int mesh_box_vertex_number(int n, const int at[3])
 {
     int i = at[0], j = at[1], k = at[2];
@@ -74,7 +74,7 @@ static int mesh_box_vertex_number(int n, const int at[3])
     return 2 * side * side + (k - 1) * 4 * n + rim;
 }
 
-/* Computes the vertices of a box of half extents half (m), n cells on an edge. */
+/* Computes the vertices of a box with half extents half (m) and n cells per edge. */
 static void mesh_box_place_vertices(const double half[3], int n, double (*vertex)[3])
 {
     for (int i = 0; i <= n; i++) {
@@ -85,7 +85,7 @@ static void mesh_box_place_vertices(const double half[3], int n, double (*vertex
                 int at[3] = {i, j, k};
                 double *v = vertex[mesh_box_vertex_number(n, at)];
 
-                /* Symmetric about 0 to the last bit */
+                /* Exactly symmetric about 0 */
                 for (int axis = 0; axis < 3; axis++) {
                     v[axis] = half[axis] * (2 * at[axis] - n) / n;
                 }
@@ -101,7 +101,8 @@ static void mesh_box_add_cell(int n, int axis, int sign, int u, int v, int (*fac
     int corner[4];
 
     for (int c = 0; c < 4; c++) {
-        /* Seen from outside, a negative side is walked the other way round */
+        /* A negative side is walked in the opposite direction, so that it is counterclockwise from
+         * outside */
         int s = sign > 0 ? c : 3 - c;
         int at[3];
 
@@ -117,7 +118,7 @@ static void mesh_box_add_cell(int n, int axis, int sign, int u, int v, int (*fac
 enum error_code mesh_box(const double half_extent[3], int cells, struct arena *arena,
                          const struct mesh **mesh, struct error *error)
 {
-    /* Sizes that make a box */
+    /* Checks the sizes */
     if (cells < 1 || cells > MESH_MAX_BOX_CELLS) {
         return error_set(error, ERROR_INPUT, "box: found %d cells per edge, expected 1 to %d",
                          cells, MESH_MAX_BOX_CELLS);
@@ -142,7 +143,7 @@ enum error_code mesh_box(const double half_extent[3], int cells, struct arena *a
         return error_set(error, ERROR_MEMORY, "box: no memory for %zu faces", nface);
     }
 
-    /* The vertices, then side by side the cells */
+    /* Vertices, then the cells of each side */
     size_t next = 0;
 
     mesh_box_place_vertices(half_extent, cells, vertex);

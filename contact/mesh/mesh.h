@@ -1,20 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Closed triangle meshes: read from Wavefront OBJ, a box, measures, and a check of soundness.
- * Coordinates are meters in a frame of the mesh's own; faces run counterclockwise seen from
- * outside. A mesh never changes once it is made; its memory is the arena's that it was made in, and
- * errors leave the caller's pointer alone. No call here is RT-safe.
+ * Coordinates are meters in the mesh's own frame; faces run counterclockwise seen from outside. A
+ * mesh is immutable; the arena given at its creation owns its memory. On an error the caller's
+ * pointer is not written. No call here is RT-safe.
  *
  * Accepted OBJ: `v x y z` (an optional fourth number has to be 1), `f` with corners `v`, `v/vt`,
  * `v//vn`, `v/vt/vn`, indices from 1 or, negative, back from the newest vertex; a face may only
  * name vertices above it. Texture coordinates, normals, groups, objects, smoothing, materials and
- * comments are ignored; every other keyword is an error, so that a curve or a line does not
- * silently vanish from a surface. A backslash at the end of a line continues it (not in comments).
+ * comments are ignored; every other keyword is an error, so that no curve or line is dropped
+ * silently. A backslash at the end of a line continues it (not in comments).
  *
- * A polygon is split as a fan from its first corner, which is right only when it is flat and
- * convex: others are refused (flat to 1e-3 of its longest edge). The surface has to be sound as
- * mesh_check says. Vertices are not merged, because a guess at what belongs together can close a
- * hole that was meant. Self-intersection is not detected.
+ * A polygon is split into a fan of triangles from its first corner. It must be flat (to 1e-3 of its
+ * longest edge) and convex, otherwise it is an error. The surface must pass mesh_check. Vertices
+ * are not merged, because merging could close an intended hole. Self-intersection is not detected.
  */
 #ifndef CONTACT_MESH_MESH_H
 #define CONTACT_MESH_MESH_H
@@ -27,9 +26,9 @@
 
 #define MESH_MAX_FILE_BYTES ((size_t)256 << 20)
 #define MESH_MAX_VERTICES ((size_t)1 << 19)
-#define MESH_MAX_FACES ((size_t)1 << 19) /* two such fit into the memory of a run */
-#define MESH_MAX_CORNERS ((size_t)256)   /* of one polygon */
-#define MESH_MAX_COORDINATE_M 1e6        /* keeps areas and volumes far from overflow */
+#define MESH_MAX_FACES ((size_t)1 << 19) /* two meshes of this size fit into the memory of a run */
+#define MESH_MAX_CORNERS ((size_t)256)   /* corners of one polygon */
+#define MESH_MAX_COORDINATE_M 1e6        /* limit that keeps areas and volumes far from overflow */
 #define MESH_MAX_BOX_CELLS 256
 
 /* A triangle mesh: vertices, and three of their indices for each face. */
@@ -38,36 +37,37 @@ struct mesh {
     size_t nvertex, nface;
     const double (*vertex)[3]; /* m */
     const int (*face)[3];
-    bool sound; /* known to be so, as mesh_check finds it; false: it may be */
+    bool sound; /* true: mesh_check found no fault; false: not checked */
 };
 
 /* What can be wrong with a surface, in the order in which mesh_check looks for it. */
 enum mesh_fault {
     MESH_SOUND,
     MESH_EMPTY,
-    MESH_BAD_INDEX,         /* a corner names a vertex that is not there */
+    MESH_BAD_INDEX,         /* a corner names a vertex that does not exist */
     MESH_BAD_COORDINATE,    /* not finite, or beyond MESH_MAX_COORDINATE_M */
-    MESH_DEGENERATE_FACE,   /* without area to speak of */
+    MESH_DEGENERATE_FACE,   /* area is nearly zero */
     MESH_DUPLICATE_FACE,    /* same three vertices as other_face */
-    MESH_OPEN_EDGE,         /* has one face */
-    MESH_NON_MANIFOLD_EDGE, /* has more than two faces */
+    MESH_OPEN_EDGE,         /* an edge has one face */
+    MESH_NON_MANIFOLD_EDGE, /* an edge has more than two faces */
     MESH_FLIPPED_FACE,      /* runs its edge in the same direction as other_face */
     MESH_PINCHED_VERTEX,    /* two fans of faces meet in one vertex only */
-    MESH_UNUSED_VERTEX,     /* in no face */
+    MESH_UNUSED_VERTEX,     /* a vertex is in no face */
     MESH_INWARD,            /* encloses a negative volume: all faces run clockwise */
 };
 
 /* What mesh_check has found. */
 struct mesh_finding {
     enum mesh_fault fault;
-    size_t face, other_face; /* the first face at fault and its counterpart */
-    int corner;              /* of face, where the fault begins */
-    int vertex[2];           /* the edge, or the vertex in vertex[0] */
+    size_t face, other_face; /* first faulty face and its counterpart */
+    int corner;              /* corner of face where the fault begins */
+    int vertex[2];           /* the edge; for a vertex, vertex[0] */
 };
 
-/* Finds the first fault of a surface: sound means closed, orientable, two faces to an edge, one fan
- * of faces to a vertex, every face with area, outside out. Several separate closed pieces are
- * sound. The only error is ERROR_MEMORY, for scratch memory on the heap. */
+/* Finds the first fault of a surface: a sound surface is closed and orientable, has two faces per
+ * edge and one fan of faces per vertex, no degenerate face, and normals that point outward.
+ * Several separate closed pieces are sound. The only error is ERROR_MEMORY, for scratch memory on
+ * the heap. */
 enum error_code mesh_check(const struct mesh *mesh, struct mesh_finding *finding,
                            struct error *error);
 
@@ -78,39 +78,41 @@ struct half_edge {
     bool forward; /* runs from low to high */
 };
 
-/* Sorts the 3 * nface half-edges of a mesh whose corners are all in range by low vertex, high
- * vertex, number, so that those of one edge are neighbors. sorted: the caller's, room for all.
- * ERROR_MEMORY for scratch on the heap. */
+/* Sorts the 3 * nface half-edges of a mesh by low vertex, high vertex, number, so that the
+ * half-edges of one edge are neighbors. All corners must be in range. The caller provides sorted
+ * with room for all. Returns ERROR_MEMORY without scratch memory on the heap. */
 enum error_code mesh_sort_half_edges(const struct mesh *mesh, struct half_edge *sorted,
                                      struct error *error);
 
 /* Returns the fault in words. */
 const char *mesh_fault_text(enum mesh_fault fault);
 
-/* Reads an OBJ file. Every fault (NaN, index out of range, missing faces, open or non-manifold
+/* Reads an OBJ file. Each fault (NaN, index out of range, missing faces, open or non-manifold
  * surface, degenerate triangle, inward orientation, size limits) is an ERROR_INPUT with
- * file:line:column; polygons are split into triangles as a fan. Memory from arena. */
+ * file:line:column. Polygons are split into fans of triangles. Memory from arena. */
 enum error_code mesh_read_obj(const char *path, struct arena *arena, const struct mesh **mesh,
                               struct error *error);
 
-/* Reads OBJ text from memory likewise; name stands for the file in messages and names the mesh. */
+/* Reads OBJ text from memory, like mesh_read_obj. name is the file name in messages and the name
+ * of the mesh. */
 enum error_code mesh_read_obj_text(const char *name, const char *text, size_t size,
                                    struct arena *arena, const struct mesh **mesh,
                                    struct error *error);
 
-/* Makes an axis-aligned box about the origin, cells x cells rectangles of two triangles on each
- * side: 12 cells^2 faces, 588 for 7. Memory from arena. */
+/* Makes an axis-aligned box about the origin. Each side has cells x cells rectangles of two
+ * triangles: 12 cells^2 faces in all, 588 for 7. Memory from arena. */
 enum error_code mesh_box(const double half_extent[3], int cells, struct arena *arena,
                          const struct mesh **mesh, struct error *error);
 
-/* Makes a capsule about the origin, its axis along z, its length without the ends: 16 sides, 4
- * rings to an end, 256 faces. As wide as it has to be for its cross-section to have the area of the
- * circle: edges stand out by 1.3 % of the radius, sides stand in by 0.7 %; the ends hold 2.5 % less
- * than half-spheres do. Memory from arena. */
+/* Makes a capsule about the origin with its axis along z; length does not include the ends. It has
+ * 16 sides, 4 rings per end, 256 faces. Its cross-section has the area of the circle: edges are
+ * 1.3 % of the radius outside it, sides 0.7 % inside. The ends hold 2.5 % less volume than
+ * half-spheres. Memory from arena. */
 enum error_code mesh_capsule(double radius, double length, struct arena *arena,
                              const struct mesh **mesh, struct error *error);
 
-/* Computes the enclosed volume (m3, by the divergence theorem; negative inside out). */
+/* Computes the enclosed volume (m3, by the divergence theorem; negative if normals point
+ * inward). */
 double mesh_volume(const struct mesh *mesh);
 
 /* Computes the surface area (m2). */

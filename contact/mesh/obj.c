@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Reads Wavefront OBJ text: words, statements, and a checked triangle mesh. The text is walked in
- * place: no line buffer to overflow, no limit to a line.
+ * Reads Wavefront OBJ text: words, statements, and a checked triangle mesh. The text is parsed in
+ * place, without a line buffer, so lines have no maximum length.
  */
 #include "contact/mesh/obj.h"
 #include "base/array.h"
@@ -16,9 +16,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define WORD_SIZE 64     /* longest number or name that is read, with its end */
-#define QUOTED_LENGTH 34 /* longest piece of the file that a message repeats */
-#define FLAT_RATIO 1e-3  /* height of a corner over the plane, of the polygon's longest edge */
+#define WORD_SIZE 64     /* buffer for the longest number or name, with its terminating 0 */
+#define QUOTED_LENGTH 34 /* longest part of the file quoted in a message */
+#define FLAT_RATIO 1e-3  /* largest height of a corner over the plane, over the longest edge */
 
 /* A word of the text; its length is 0 at the end of a line. */
 struct obj_token {
@@ -28,16 +28,16 @@ struct obj_token {
 };
 
 struct obj_reader {
-    /* The text and the position in it */
+    /* The text and the current position */
     const char *name, *text;
     size_t size, at, line, line_start;
 
     const struct obj_rules *rules;
     struct obj_surface *surface;
     struct error *error;
-    int tag; /* of the faces that follow */
+    int tag; /* tag of the following faces */
 
-    /* The polygon being read */
+    /* The current polygon */
     int polygon[MESH_MAX_CORNERS];
     struct obj_place polygon_place[MESH_MAX_CORNERS];
     size_t ncorner;
@@ -59,7 +59,7 @@ obj_refuse(const struct obj_reader *r, struct obj_place place, const char *forma
                      what);
 }
 
-/* Refuses a token, which is repeated short and printable. */
+/* Refuses a token; the message quotes it, shortened and printable. */
 static enum error_code obj_refuse_token(const struct obj_reader *r, const struct obj_token *token,
                                         const char *expected)
 {
@@ -80,7 +80,7 @@ static enum error_code obj_refuse_token(const struct obj_reader *r, const struct
                       expected);
 }
 
-/* Returns the length of a line end at an offset, 0 when there is none. */
+/* Returns the length of a line end at an offset; 0 if there is none. */
 static size_t obj_line_end(const struct obj_reader *r, size_t at)
 {
     if (at < r->size && r->text[at] == '\n') {
@@ -89,7 +89,7 @@ static size_t obj_line_end(const struct obj_reader *r, size_t at)
     return at + 1 < r->size && r->text[at] == '\r' && r->text[at + 1] == '\n' ? 2 : 0;
 }
 
-/* Returns the length of a backslash with the line end that it hides, 0 when there is none. */
+/* Returns the length of a backslash and the line end after it; 0 if there is none. */
 static size_t obj_continuation(const struct obj_reader *r)
 {
     size_t end = r->text[r->at] == '\\' ? obj_line_end(r, r->at + 1) : 0;
@@ -97,7 +97,7 @@ static size_t obj_continuation(const struct obj_reader *r)
     return end > 0 ? 1 + end : 0;
 }
 
-/* Moves over a line end of that length, hidden or not, and counts the line. */
+/* Moves behind a line end of this length and counts the line. */
 static void obj_begin_line(struct obj_reader *r, size_t length)
 {
     r->at += length;
@@ -105,7 +105,8 @@ static void obj_begin_line(struct obj_reader *r, size_t length)
     r->line_start = r->at;
 }
 
-/* Reads the next word of this line, empty at its end; a backslash continues the line. */
+/* Reads the next word of this line; empty at the end of the line. A backslash continues the
+ * line. */
 static struct obj_token obj_next_token(struct obj_reader *r)
 {
     while (r->at < r->size) {
@@ -131,7 +132,7 @@ static struct obj_token obj_next_token(struct obj_reader *r)
     return token;
 }
 
-/* Copies a token as a string, cut off where it is too long. */
+/* Copies a token as a string; cuts off a token that is too long. */
 static void obj_copy_token(const struct obj_token *token, char word[WORD_SIZE])
 {
     size_t length = token->length < WORD_SIZE ? token->length : WORD_SIZE - 1;
@@ -154,7 +155,7 @@ static enum error_code obj_read_number(const struct obj_reader *r, const struct 
 
 /* ---- vertices ---- */
 
-/* Reads `x y z [1]`, the rest of a vertex statement whose keyword is at a place. */
+/* Reads `x y z [1]`, the rest of a vertex statement. place: of its keyword. */
 static enum error_code obj_read_vertex(struct obj_reader *r, struct obj_place place)
 {
     static const char *const expected[] = {"a finite decimal number for x (m)",
@@ -182,7 +183,7 @@ static enum error_code obj_read_vertex(struct obj_reader *r, struct obj_place pl
     }
     s->vertex_place[s->nvertex++] = place;
 
-    /* A polygon mesh knows no weight but 1; strangers write a color there */
+    /* Strict: the fourth number must be the weight 1; other programs write a color here */
     token = obj_next_token(r);
     if (token.length > 0 && r->rules->strict) {
         enum error_code code = obj_read_number(r, &token, "the end of the line", &weight);
@@ -203,7 +204,7 @@ static enum error_code obj_read_vertex(struct obj_reader *r, struct obj_place pl
 
 /* ---- faces ---- */
 
-/* Parses a decimal integer at *text, not zero, of at most ten digits; moves *text behind it. */
+/* Parses a nonzero decimal integer of at most ten digits at *text; moves *text behind it. */
 static bool obj_parse_index(const char **text, const char *end, int64_t *value)
 {
     bool negative = *text < end && **text == '-';
@@ -219,8 +220,8 @@ static bool obj_parse_index(const char **text, const char *end, int64_t *value)
     return digit > first && number != 0;
 }
 
-/* Parses a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`; only v is kept, and only it must be right
- * unless strict. */
+/* Parses a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`. Only v is used. Unless strict, the other
+ * indices may be wrong. */
 static bool obj_parse_corner(const struct obj_token *token, bool strict, int64_t *vertex)
 {
     const char *at = token->text, *end = at + token->length;
@@ -234,7 +235,7 @@ static bool obj_parse_corner(const struct obj_token *token, bool strict, int64_t
     }
     for (int slash = 0; slash < 2 && at < end && *at == '/'; slash++) {
         ++at;
-        /* Nothing before the slash of a normal */
+        /* `v//vn`: empty between the slashes */
         if (slash == 0 && at < end && *at == '/') {
             continue;
         }
@@ -256,7 +257,7 @@ static enum error_code obj_read_corner(struct obj_reader *r, const struct obj_to
                                 "a corner v, v/vt, v//vn or v/vt/vn of indices that are not 0");
     }
 
-    /* Indices count from 1, negative ones back from the newest vertex */
+    /* Indices count from 1; negative indices count back from the newest vertex */
     int64_t vertex = index > 0 ? index - 1 : (int64_t)nvertex + index;
 
     if (vertex < 0 || vertex >= (int64_t)nvertex) {
@@ -274,19 +275,20 @@ static enum error_code obj_read_corner(struct obj_reader *r, const struct obj_to
     return ERROR_NONE;
 }
 
-/* Returns the polygon's i-th corner, counted around and around, m. */
+/* Returns the polygon's i-th corner, modulo their number, m. */
 static const double *obj_polygon_corner(const struct obj_reader *r, size_t i)
 {
     return r->surface->vertex[r->polygon[i % r->ncorner]];
 }
 
-/* Checks that a polygon is flat and convex: only then a fan of triangles covers it exactly once. */
+/* Checks that a polygon is flat and convex; only then a fan of triangles covers it exactly
+ * once. */
 static enum error_code obj_check_polygon(const struct obj_reader *r, struct obj_place place)
 {
     const double *first = obj_polygon_corner(r, 0);
     double normal[3] = {0}, longest = 0, length, a[3], b[3], turn[3];
 
-    /* The unit normal, from the vector areas of the fan, and the longest edge */
+    /* Computes the unit normal, from the fan's vector areas, and the longest edge */
     for (size_t i = 0; i < r->ncorner; i++) {
         const double *here = obj_polygon_corner(r, i), *next = obj_polygon_corner(r, i + 1);
 
@@ -309,7 +311,7 @@ static enum error_code obj_check_polygon(const struct obj_reader *r, struct obj_
         const double *here = obj_polygon_corner(r, i), *next = obj_polygon_corner(r, i + 1);
         struct obj_place next_place = r->polygon_place[(i + 1) % r->ncorner];
 
-        /* All corners in one plane */
+        /* All corners are in one plane */
         vec3_sub(here, first, a);
         if (fabs(vec3_dot(a, normal)) > FLAT_RATIO * longest) {
             return obj_refuse(r, r->polygon_place[i],
@@ -318,7 +320,7 @@ static enum error_code obj_check_polygon(const struct obj_reader *r, struct obj_
                               fabs(vec3_dot(a, normal)));
         }
 
-        /* All triangles of the fan turn the same way */
+        /* All triangles of the fan have the same orientation */
         vec3_sub(next, first, b);
         vec3_cross(a, b, turn);
         if (i > 0 && i + 1 < r->ncorner && !(vec3_dot(turn, normal) > 0)) {
@@ -340,8 +342,8 @@ static enum error_code obj_check_polygon(const struct obj_reader *r, struct obj_
     return ERROR_NONE;
 }
 
-/* Reads the corners of a face statement whose keyword is at a place, and splits the polygon into a
- * fan of triangles. */
+/* Reads the corners of a face statement and splits the polygon into a fan of triangles. place: of
+ * its keyword. */
 static enum error_code obj_read_face(struct obj_reader *r, struct obj_place place)
 {
     struct obj_surface *s = r->surface;
@@ -380,7 +382,7 @@ static enum error_code obj_read_face(struct obj_reader *r, struct obj_place plac
 
 /* ---- statements ---- */
 
-/* Reads the statement at the current place, up to the end of its line at the most. */
+/* Reads the statement at the current position, at most up to the end of its line. */
 static enum error_code obj_read_statement(struct obj_reader *r)
 {
     static const char *const known[] = {"vn", "vt", "o", "g", "s", "usemtl", "mtllib"};
@@ -392,7 +394,7 @@ static enum error_code obj_read_statement(struct obj_reader *r)
         return ERROR_NONE;
     }
     if (token.text[0] == '#') {
-        /* A comment may end in anything, a backslash too */
+        /* A comment may end with any character, also a backslash */
         while (r->at < r->size && obj_line_end(r, r->at) == 0) {
             r->at++;
         }
@@ -406,7 +408,7 @@ static enum error_code obj_read_statement(struct obj_reader *r)
         return obj_read_face(r, token.place);
     }
 
-    /* Statements that add no shape */
+    /* Accepted statements without shape */
     for (size_t i = 0; i < ARRAY_COUNT(known) && !accepted; i++) {
         accepted = token.length == strlen(known[i]) && !strcmp(keyword, known[i]);
     }
@@ -425,7 +427,8 @@ enum error_code obj_read(const char *name, const char *text, size_t size,
                          const struct obj_rules *rules, struct obj_surface *surface,
                          struct error *error)
 {
-    /* The shortest vertex is "v 0 0 0" with its line end, one more triangle takes " 1" */
+    /* Estimates: the shortest vertex is "v 0 0 0" with its line end, and one more triangle takes "
+     * 1" */
     size_t vertices = size / 8 + 1 < rules->max_vertices ? size / 8 + 1 : rules->max_vertices;
     size_t faces = size / 2 + 1 < rules->max_faces ? size / 2 + 1 : rules->max_faces;
     struct obj_reader r = {.name = name,
@@ -450,7 +453,7 @@ enum error_code obj_read(const char *name, const char *text, size_t size,
     while (r.at < size && !code) {
         code = obj_read_statement(&r);
 
-        /* The rest of a statement that adds no shape */
+        /* Skips the rest of a statement without shape */
         while (!code && obj_next_token(&r).length > 0) {
         }
         if (!code && r.at < size) {
@@ -478,7 +481,7 @@ static enum error_code obj_refuse_surface(const struct obj_reader *r, const stru
     const struct obj_surface *s = r->surface;
     const char *what = mesh_fault_text(f->fault);
 
-    /* Faults without a face */
+    /* Faults that have no face */
     if (f->fault == MESH_EMPTY) {
         return obj_refuse(r, (struct obj_place){s->nline, 1},
                           "found no faces, expected a closed surface");
@@ -489,7 +492,7 @@ static enum error_code obj_refuse_surface(const struct obj_reader *r, const stru
                           f->vertex[0] + 1);
     }
 
-    /* Faults at a corner of a face, and the line of the face that it collides with */
+    /* Faults at a corner of a face, and the line of its counterpart */
     struct obj_place place = s->corner_place[f->face][f->corner];
     size_t other = s->corner_place[f->other_face][0].line;
 
@@ -523,7 +526,7 @@ static enum error_code obj_refuse_surface(const struct obj_reader *r, const stru
     }
 }
 
-/* Copies the vertices and faces that were read into the arena. */
+/* Copies the vertices and faces into the arena. */
 static enum error_code obj_keep_mesh(const char *name, const struct obj_surface *s,
                                      struct arena *arena, const struct mesh **mesh,
                                      struct error *error)
@@ -565,7 +568,7 @@ enum error_code mesh_read_obj_text(const char *name, const char *text, size_t si
                                    .vertex = (const double(*)[3])surface.vertex,
                                    .face = (const int(*)[3])surface.face};
 
-        /* Checked on the heap: a mesh that is refused leaves nothing in the arena */
+        /* Checks on the heap, so that a refused mesh leaves nothing in the arena */
         code = mesh_check(&draft, &finding, error);
     }
     if (!code && finding.fault != MESH_SOUND) {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Wavefront OBJ text: vertices and polygons as they stand in it, with their places, for whatever is
- * made of them (mesh.h, the import of robots). What is accepted: mesh.h. Not RT-safe.
+ * Reads Wavefront OBJ text: vertices and polygons with their places in the file, for meshes
+ * (mesh.h) and for the import of robots. mesh.h lists the accepted statements. Not RT-safe.
  */
 #ifndef CONTACT_MESH_OBJ_H
 #define CONTACT_MESH_OBJ_H
@@ -11,7 +11,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-/* A place in the file, counted from 1. */
+/* A place in the file: line and column, counted from 1. */
 struct obj_place {
     size_t line, column;
 };
@@ -19,26 +19,27 @@ struct obj_place {
 /* What a reader accepts. */
 struct obj_rules {
     size_t max_vertices, max_faces;
-    bool strict; /* flat convex polygons only, no color of a vertex, no unknown statement */
+    bool strict; /* accept only flat convex polygons; refuse vertex colors and unknown
+                  * statements */
 
-    /* Handles a statement other than v and f, by its keyword and next word (both cut off at 63
-     * characters), and returns the tag of the faces that follow. NULL: no faces have tags. */
+    /* Handles a statement other than v and f. Gets its keyword and next word, both cut off at 63
+     * characters. Returns the tag of the faces that follow. NULL: faces have no tags. */
     int (*handle)(void *context, const char *keyword, const char *word, int tag);
     void *context;
 };
 
-/* Vertices, triangles, and where they stand. Memory from malloc; obj_free frees it. */
+/* Vertices and triangles with their places in the file. Memory from malloc; obj_free frees it. */
 struct obj_surface {
     size_t nvertex, nface, nline;
-    double (*vertex)[3]; /* finite; strict: within MESH_MAX_COORDINATE_M */
+    double (*vertex)[3]; /* finite; if strict, within MESH_MAX_COORDINATE_M */
     struct obj_place *vertex_place;
     int (*face)[3];
     struct obj_place (*corner_place)[3];
-    int *tag; /* by face; -1 before the first */
+    int *tag; /* tag of each face; -1 before the first tag */
 };
 
-/* Reads OBJ text; name stands for the file in messages. Every fault of a statement is an
- * ERROR_INPUT with file:line:column. The surface is to be freed in any case. */
+/* Reads OBJ text; name is the file name in messages. Each fault of a statement is an ERROR_INPUT
+ * with file:line:column. The caller frees the surface even after an error. */
 enum error_code obj_read(const char *name, const char *text, size_t size,
                          const struct obj_rules *rules, struct obj_surface *surface,
                          struct error *error);

@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define CONVEX_FACETS 256 /* solids with more are not tried for convexity */
+#define CONVEX_FACETS 256 /* solids with more facets are not tested for convexity */
 
 void *solid_alloc(struct solid_builder *b, size_t count, size_t size)
 {
@@ -54,8 +54,8 @@ static enum error_code solid_make_faces(struct solid_builder *b, struct solid *s
     return ERROR_NONE;
 }
 
-/* Computes the pseudonormals of vertices, which tell inside from outside where a vertex is the
- * nearest point; of a convex solid its planes do. */
+/* Computes the pseudonormals of vertices, which tell inside from outside if a vertex is the
+ * nearest point. A convex solid uses its planes instead. */
 static enum error_code solid_make_vertex_normals(struct solid_builder *b, struct solid *s)
 {
     const struct mesh *m = b->mesh;
@@ -67,7 +67,7 @@ static enum error_code solid_make_vertex_normals(struct solid_builder *b, struct
     for (int f = 0; f < (int)m->nface; f++) {
         double e[3][3];
 
-        /* A normal weighted by the angle at each corner adds to that vertex's pseudonormal
+        /* Each face normal, weighted by its angle at the corner, adds to the vertex's pseudonormal
          * (Baerentzen, Aanaes 2005) */
         mesh_find_edges(m, f, e);
         for (int i = 0; i < 3; i++) {
@@ -98,7 +98,7 @@ static enum error_code solid_make_neighbors(struct solid_builder *b, struct soli
                          m->name);
     }
 
-    /* A sound mesh has each edge twice, side by side */
+    /* In a sound mesh each edge occurs twice, as sorted neighbors */
     code = mesh_sort_half_edges(m, edge, b->error);
     for (size_t i = 0; !code && i + 1 < n; i += 2) {
         int x = edge[i].number, y = edge[i + 1].number;
@@ -113,8 +113,8 @@ static enum error_code solid_make_neighbors(struct solid_builder *b, struct soli
 
 /* ---- planes of a convex solid ---- */
 
-/* Checks whether no vertex is outside of any facet's plane; false for solids of many facets, which
- * are not tried. */
+/* Checks whether no vertex is outside any facet's plane; returns false for solids with many
+ * facets. */
 static bool solid_is_convex(const struct solid_builder *b, const struct solid *s)
 {
     if (s->nfacet > CONVEX_FACETS) {
@@ -132,8 +132,8 @@ static bool solid_is_convex(const struct solid_builder *b, const struct solid *s
     return true;
 }
 
-/* Stores the facets' planes of a convex solid by rows, for as many distances at a time as there are
- * lanes; the last is repeated as padding. */
+/* Stores the facets' planes of a convex solid by rows, to compute LANES distances at a time; pads
+ * with the last plane. */
 static enum error_code solid_make_planes(struct solid_builder *b, struct solid *s)
 {
     double *plane[PLANE_ROWS];
@@ -159,15 +159,15 @@ static enum error_code solid_make_planes(struct solid_builder *b, struct solid *
 
 /* ---- trees ---- */
 
-/* Builds the trees over faces and facets and the bounds of the facets' normals. box: scratch for as
- * many boxes as there are faces. */
+/* Builds the trees over faces and facets and the bounds of the facets' normals. box: scratch with
+ * one box per face. */
 static enum error_code solid_fill_trees(struct solid_builder *b, struct solid *s, struct box *box)
 {
     const struct mesh *m = b->mesh;
     struct box *normal_bounds;
     enum error_code code;
 
-    /* Over the faces */
+    /* Tree over the faces */
     for (int f = 0; f < (int)m->nface; f++) {
         box[f] = box_of_point(mesh_corner(m, f, 0));
         box_add(&box[f], mesh_corner(m, f, 1));
@@ -178,7 +178,7 @@ static enum error_code solid_fill_trees(struct solid_builder *b, struct solid *s
         return code;
     }
 
-    /* Over the facets */
+    /* Tree over the facets */
     for (size_t i = 0; i < s->nfacet; i++) {
         const struct facet *f = &s->facet[i];
 
@@ -192,7 +192,7 @@ static enum error_code solid_fill_trees(struct solid_builder *b, struct solid *s
         return code;
     }
 
-    /* The bounds of their normals */
+    /* Bounds of the facets' normals */
     normal_bounds = solid_alloc(b, s->facets.nnode, sizeof *normal_bounds);
     if (!normal_bounds) {
         return ERROR_MEMORY;
@@ -220,7 +220,7 @@ static enum error_code solid_make_trees(struct solid_builder *b, struct solid *s
     return code;
 }
 
-/* ---- all of it ---- */
+/* ---- making a solid ---- */
 
 /* Computes box and size (diagonal, m) of the mesh. */
 static void solid_measure(struct solid_builder *b, struct solid *s)
@@ -240,7 +240,7 @@ static void solid_measure(struct solid_builder *b, struct solid *s)
 enum error_code solid_make(const struct mesh *mesh, struct arena *arena, struct solid *solid,
                            struct error *error)
 {
-    /* Each step needs what those before it have made */
+    /* Each step uses the results of the earlier steps */
     static enum error_code (*const step[])(struct solid_builder *, struct solid *) = {
         solid_make_faces,  solid_make_neighbors,      solid_make_facets,
         solid_make_points, solid_make_outlines,       solid_make_moments,
@@ -260,7 +260,7 @@ enum error_code solid_make(const struct mesh *mesh, struct arena *arena, struct 
         goto done;
     }
 
-    /* Results of the steps are in the arena */
+    /* Copies the results, which are in the arena */
     solid_measure(&b, solid);
     for (size_t i = 0; i < ARRAY_COUNT(step); i++) {
         code = step[i](&b, solid);

@@ -7,10 +7,10 @@
 
 #include <string.h>
 
-#define TIE 2.2e-14 /* squares of distances this much apart are the same */
+#define TIE 2.2e-14 /* relative difference up to which squared distances are equal */
 
-/* Finds the point of a triangle nearest to p, by the region that p projects to (Ericson 2005,
- * 5.1.5); returns whether it is on the face, an edge or a corner. */
+/* Finds the point of a triangle nearest to p, by the region of p's projection (Ericson 2005,
+ * 5.1.5). Returns whether it is on the face, an edge or a corner. */
 static enum triangle_feature triangle_find_nearest(const double a[3], const double b[3],
                                                    const double c[3], const double p[3],
                                                    double out[3])
@@ -89,8 +89,8 @@ void solid_nearest_of_face(const struct solid *solid, int face, const double p[3
     face_find_nearest(solid, face, p, out);
 }
 
-/* Updates the nearest point by those of a leaf's faces; of equal distances the face wins over which
- * p is higher. height: of p over the face that is nearest so far, m. */
+/* Updates the nearest point with the faces of a leaf. Of equal distances, it takes the face over
+ * which p is higher. height: height of p over the nearest face so far, m. */
 static void leaf_find_nearest(const struct solid *s, const struct tree_node *leaf,
                               const double p[3], struct solid_nearest *nearest, double *height)
 {
@@ -114,9 +114,9 @@ static void leaf_find_nearest(const struct solid *s, const struct tree_node *lea
     }
 }
 
-/* Finds the nearest point by branch and bound. Unlike the walks of contact/mesh/tree.h, this search
- * visits the nearer child first, and keeps the distance of each box: so most of the tree is left
- * out as soon as something near has been found. */
+/* Branch and bound. Unlike the walks of contact/mesh/tree.h, this search visits the nearer child
+ * first and keeps the distance of each box, so that a near point found early excludes most of the
+ * tree. */
 bool solid_find_nearest(const struct solid *solid, const double p[3], double limit2,
                         struct solid_nearest *nearest)
 {
@@ -134,7 +134,7 @@ bool solid_find_nearest(const struct solid *solid, const double p[3], double lim
     while (top > 0) {
         const struct tree_node *node = stack[--top].node;
 
-        /* Something nearer may have been found since the box was put on the stack */
+        /* A nearer point may have been found since this box was pushed */
         if (stack[top].distance2 > nearest->distance2 * (1 + TIE)) {
             continue;
         }
@@ -143,7 +143,7 @@ bool solid_find_nearest(const struct solid *solid, const double p[3], double lim
             continue;
         }
 
-        /* The farther child first on the stack, so that the nearer one comes off it first */
+        /* Pushes the farther child first, so that the nearer one is visited first */
         const struct tree_node *left = node + 1, *child[2] = {left, left + left->size};
         double d[2] = {box_distance2(&child[0]->box, p), box_distance2(&child[1]->box, p)};
         int far = d[0] <= d[1];
@@ -156,7 +156,7 @@ bool solid_find_nearest(const struct solid *solid, const double p[3], double lim
     return nearest->face >= 0;
 }
 
-/* Computes the pseudonormal at the nearest point, the direction that tells inside from outside. */
+/* Computes the pseudonormal at the nearest point, which tells inside from outside. */
 static void solid_pseudonormal(const struct solid *s, int face, enum triangle_feature feature,
                                double out[3])
 {
@@ -178,7 +178,7 @@ LANES_INLINE lanes planes_depth(const struct solid *s, size_t i, const double p[
            p[1] * lanes_load(s->plane[PLANE_Y] + i) - p[2] * lanes_load(s->plane[PLANE_Z] + i);
 }
 
-/* Returns the depth of p in a convex solid, m: behind the plane that it is least behind. */
+/* Returns the depth of p in a convex solid, m: the smallest depth behind a plane. */
 static double solid_convex_depth(const struct solid *s, const double p[3])
 {
     lanes depth = planes_depth(s, 0, p);
@@ -196,14 +196,15 @@ double solid_depth(const struct solid *solid, const double p[3], double limit)
     struct solid_nearest nearest;
     double n[3], to[3];
 
-    /* Outside, the planes say less than the distance; only that it is outside matters then */
+    /* Outside, the planes give only a lower bound of the distance; the callers then need only the
+     * sign */
     if (solid->convex) {
         double depth = solid_convex_depth(solid, p);
 
         return depth < limit ? depth : limit;
     }
 
-    /* The distance to the nearest point, and the side that the point is on */
+    /* Distance to the nearest point, with the sign of its pseudonormal */
     if (!solid_find_nearest(solid, p, limit * limit, &nearest)) {
         return limit;
     }

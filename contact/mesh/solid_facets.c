@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Finds the facets of a solid: coplanar connected faces that tile a convex polygon become one
- * facet, each face of any others one of its own. Computes their points of quadrature and outlines.
+ * Finds the facets of a solid: coplanar connected faces that tile a convex polygon form one facet;
+ * each other face is a facet. Computes their quadrature points and outlines.
  */
 #include "base/portable_math.h"
 #include "contact/mesh/solid_private.h"
@@ -12,15 +12,15 @@
 #include <math.h>
 #include <string.h>
 
-#define COPLANAR 1e-9  /* sine of the angle, and height over the size, of one plane */
-#define FEW 16         /* corners of a facet that is cut finer when it is large */
-#define LARGE 0.15     /* radius of such a facet over the solid's size */
-#define MANY_POINTS 24 /* fewer springs are added up as soon as moments are */
-#define IN_LINE 1e-12  /* bulge over the size of a corner that counts as straight */
+#define COPLANAR 1e-9  /* largest sine of the angle, and relative height, within one plane */
+#define FEW 16         /* up to so many corners, a large facet is cut finer */
+#define LARGE 0.15     /* smallest radius of a large facet, relative to the solid's size */
+#define MANY_POINTS 24 /* with fewer points, adding springs is as fast as moments */
+#define IN_LINE 1e-12  /* largest relative bulge of a corner that counts as straight */
 
 /* ---- planes ---- */
 
-/* Checks whether a face lies in the plane of the seed face, with its outside on the same side. */
+/* Checks whether a face is in the plane of the seed face, with the same outside. */
 static bool face_is_in_plane(const struct solid_builder *b, int seed, int face)
 {
     const double *n = b->normal[seed], *base = mesh_corner(b->mesh, seed, 0);
@@ -39,7 +39,7 @@ static bool face_is_in_plane(const struct solid_builder *b, int seed, int face)
     return true;
 }
 
-/* Collects in member the connected faces in the plane of a seed; returns how many. */
+/* Collects in member the connected faces in the plane of a seed; returns their number. */
 static int plane_gather_faces(struct solid_builder *b, int seed)
 {
     int n = 0;
@@ -59,8 +59,8 @@ static int plane_gather_faces(struct solid_builder *b, int seed)
     return n;
 }
 
-/* Returns the distance of b to the line from a to c, m, seen against the normal: positive to its
- * right, 0 when the three are in line, negative when b is a dent. */
+/* Returns the distance of b from the line from a to c, m, seen against the normal: positive on the
+ * right, 0 if the points are in line, negative if b is a dent. */
 static double corner_bulge(const double a[3], const double b[3], const double c[3],
                            const double n[3])
 {
@@ -72,9 +72,9 @@ static double corner_bulge(const double a[3], const double b[3], const double c[
     return vec3_dot(x, n) / (vec3_norm(ac) + DBL_MIN);
 }
 
-/* Links the edges between the n faces of a plane and others: next of each vertex on the rim.
- * Returns their number, -1 when the rim touches itself. start: the vertex that the first begins
- * at. */
+/* Links the rim of a plane, the edges between its n faces and other faces: sets next of each
+ * vertex on the rim. Returns the number of edges, or -1 if the rim touches itself. start: first
+ * vertex of the rim. */
 static int plane_link_rim(struct solid_builder *b, int n, int seed, int *start)
 {
     const struct mesh *m = b->mesh;
@@ -85,8 +85,8 @@ static int plane_link_rim(struct solid_builder *b, int n, int seed, int *start)
         for (int e = 0; e < 3; e++) {
             int face = b->member[i], from = m->face[face][e];
 
-            /* An edge inside the plane is not on the rim; a vertex with two edges that leave it is
-             * where the rim touches itself */
+            /* Skips edges inside the plane. If two rim edges leave a vertex, the rim touches
+             * itself */
             if (b->group[b->neighbor[face][e]] == seed) {
                 continue;
             }
@@ -101,8 +101,8 @@ static int plane_link_rim(struct solid_builder *b, int n, int seed, int *start)
     return rim;
 }
 
-/* Follows a rim of so many edges once around, collecting in loop the corners that are not in line.
- * Returns their number, 0 when the rim is more than one loop or has too many corners. */
+/* Follows a rim of `rim` edges once around and collects in loop the corners that are not in line.
+ * Returns their number, or 0 if the rim has several loops or too many corners. */
 static int plane_walk_rim(struct solid_builder *b, int rim, int seed, int start)
 {
     const double(*v)[3] = b->mesh->vertex;
@@ -124,14 +124,14 @@ static int plane_walk_rim(struct solid_builder *b, int rim, int seed, int start)
     return at == start ? count : 0;
 }
 
-/* Finds the corners of the rim of a plane's n faces, in loop. Returns their number, 0 when the rim
- * is not one loop or has too many of them. */
+/* Finds the corners of the rim of a plane's n faces, in loop. Returns their number, or 0 if the
+ * rim is not one loop or has too many corners. */
 static int plane_find_loop(struct solid_builder *b, int n, int seed)
 {
     int start, rim = plane_link_rim(b, n, seed, &start);
     int count = rim > 0 ? plane_walk_rim(b, rim, seed, start) : 0;
 
-    /* Leave next as empty as it was */
+    /* Resets next for the following plane */
     for (int i = 0; i < n; i++) {
         for (int e = 0; e < 3; e++) {
             b->next[b->mesh->face[b->member[i]][e]] = -1;
@@ -140,8 +140,8 @@ static int plane_find_loop(struct solid_builder *b, int n, int seed)
     return count;
 }
 
-/* Checks whether a loop of corners turns left at each of them, and once around in all: four
- * corners, each less than half around, cannot turn twice. */
+/* Checks whether a loop turns left at each corner and once around in total. Four corners, each
+ * less than half a turn, cannot turn twice. */
 static bool loop_is_convex(const struct solid_builder *b, int count, int seed)
 {
     const double(*v)[3] = b->mesh->vertex;
@@ -168,7 +168,7 @@ static bool loop_is_convex(const struct solid_builder *b, int count, int seed)
 
 /* ---- facets ---- */
 
-/* Computes area (returned, m2) and centroid of a flat polygon, summed over a fan of triangles. */
+/* Computes area (returned, m2) and centroid of a flat polygon as sums over a fan of triangles. */
 static double ring_area(const double (*v)[3], int n, const double normal[3], double center[3])
 {
     double twice = 0, sum[3] = {0, 0, 0};
@@ -208,7 +208,7 @@ static void solid_add_facet(struct solid_builder *b, const int *loop, int count,
     struct facet *f = &b->facet[b->nfacet++];
     double(*ring)[3] = b->ring + b->nring;
 
-    /* Its corners */
+    /* Corners */
     f->first = (int)b->nring;
     f->count = count;
     f->nface = nface;
@@ -219,7 +219,7 @@ static void solid_add_facet(struct solid_builder *b, const int *loop, int count,
     }
     b->nring += (size_t)count;
 
-    /* Its measures: area and centroid, and the circles about it outside and inside */
+    /* Area, centroid, and the circles about it outside and inside */
     f->area = ring_area((const double(*)[3])ring, count, f->normal, f->center);
     f->offset = vec3_dot(f->normal, f->center);
     f->inradius = b->size;
@@ -258,7 +258,7 @@ enum error_code solid_make_facets(struct solid_builder *b, struct solid *s)
             continue;
         }
 
-        /* All faces of the plane are one facet where they make up a convex polygon */
+        /* All faces of the plane are one facet if they form a convex polygon */
         int n = plane_gather_faces(b, f), count = plane_find_loop(b, n, f);
 
         if (count >= 3 && loop_is_convex(b, count, f)) {
@@ -266,7 +266,7 @@ enum error_code solid_make_facets(struct solid_builder *b, struct solid *s)
             continue;
         }
 
-        /* Else each is one */
+        /* Otherwise each face is a facet */
         for (int i = 0; i < n; i++) {
             solid_add_facet(b, m->face[b->member[i]], 3, b->member[i], 1);
         }
@@ -277,10 +277,10 @@ enum error_code solid_make_facets(struct solid_builder *b, struct solid *s)
     return ERROR_NONE;
 }
 
-/* ---- points and outlines of facets of more than three corners ---- */
+/* ---- points and outlines of facets with more than three corners ---- */
 
-/* Writes the points of quadrature in the triangle between a facet's centroid and its edge e, from
- * at on; returns the index after them. */
+/* Writes the quadrature points in the triangle between a facet's centroid and its edge e, from
+ * index `at` on; returns the index after them. */
 static size_t facet_make_points(const struct solid *s, const struct facet *f, int e,
                                 double *const point[3], double *weight, size_t at)
 {
@@ -310,7 +310,7 @@ enum error_code solid_make_points(struct solid_builder *b, struct solid *s)
     double *point[3], *weight;
     size_t n = 0;
 
-    /* How many there are, and where those of each facet begin */
+    /* Counts the points and sets each facet's first one */
     for (size_t i = 0; i < s->nfacet; i++) {
         b->facet[i].point = (int)n;
         n += (size_t)b->facet[i].npoint;
@@ -324,7 +324,7 @@ enum error_code solid_make_points(struct solid_builder *b, struct solid *s)
         }
     }
 
-    /* Three in each part of each triangle integrate squares exactly */
+    /* Three points per part of each triangle integrate squares exactly */
     for (size_t i = 0; i < s->nfacet; i++) {
         const struct facet *f = &s->facet[i];
         size_t at = (size_t)f->point;
@@ -341,7 +341,7 @@ enum error_code solid_make_outlines(struct solid_builder *b, struct solid *s)
     double *outline[2];
     size_t n = 0;
 
-    /* Where those of each facet begin */
+    /* Sets each facet's first entry */
     for (size_t i = 0; i < s->nfacet; i++) {
         struct facet *f = &b->facet[i];
 
@@ -349,7 +349,7 @@ enum error_code solid_make_outlines(struct solid_builder *b, struct solid *s)
         n += f->count > 3 ? FACET_OUTLINE((size_t)f->count) : 0;
     }
 
-    /* The corners along each axis of their plane, padded with the first */
+    /* Corners along the axes of the facet's plane, padded with the first corner */
     for (int axis = 0; axis < 2; axis++) {
         s->outline[axis] = outline[axis] = solid_alloc(b, n + 1, sizeof **outline);
         if (!outline[axis]) {
@@ -369,10 +369,10 @@ enum error_code solid_make_outlines(struct solid_builder *b, struct solid *s)
     return ERROR_NONE;
 }
 
-/* Computes the moments of a polygon about the origin, its corners counterclockwise and the first
- * once more behind the last. Over the triangle between the origin and an edge a product of n
- * coordinates is its integral along the edge over n + 2, and that takes three points of Gauss up to
- * the fifth degree. */
+/* Computes the moments of a polygon about the origin; corners counterclockwise, with the first
+ * repeated at the end. Over the triangle between the origin and an edge, a product of n
+ * coordinates integrates to its integral along the edge over n + 2. Three Gauss points are exact
+ * for it up to the fifth degree. */
 static void polygon_find_moments(const double *x, const double *y, int count,
                                  struct facet_moments *moments)
 {

@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Private to the making of a solid (solid.c, solid_facets.c): what is known
- * while it is made, and the steps that are in files of their own. What stays is the arena's, all
- * else is on the heap and freed by solid_make. Units and frames as in solid.h. Not RT-safe.
+ * Private to the making of a solid (solid.c, solid_facets.c): its intermediate data and the steps
+ * that have files of their own. The arena owns results; solid_make frees all other memory. Units
+ * and frames as in solid.h. Not RT-safe.
  */
 #ifndef CONTACT_MESH_SOLID_PRIVATE_H
 #define CONTACT_MESH_SOLID_PRIVATE_H
 
 #include "contact/mesh/solid.h"
 
-#define CONVEX 1e-5 /* height over the size by which a corner may dent its neighborhood */
+#define CONVEX 1e-5 /* largest relative height by which a corner may dent its neighborhood */
 
 struct solid_builder {
     const struct mesh *mesh;
@@ -17,7 +17,7 @@ struct solid_builder {
     struct error *error;
     double size; /* diagonal of the mesh's box, m */
 
-    /* In the arena, becoming the solid's */
+    /* In the arena; these become members of the solid */
     double (*normal)[3];
     int (*neighbor)[3];
     struct facet *facet;
@@ -26,14 +26,15 @@ struct solid_builder {
 
     /* On the heap */
     int *group;       /* of each face: the seed of its plane, or -1 */
-    int *member;      /* faces of the plane that is being made into a facet */
+    int *member;      /* faces of the plane that becomes a facet */
     int *next;        /* of each vertex on the plane's rim: the vertex after it, or -1 */
     int *ring_vertex; /* the mesh's vertex at each corner in ring */
 
     int loop[FACET_MAX_VERTICES]; /* corners of the plane's rim */
 };
 
-/* Allocates count elements in the arena; NULL, with ERROR_MEMORY set, when there is no room. */
+/* Allocates count elements in the arena; returns NULL and sets ERROR_MEMORY if there is no
+ * room. */
 void *solid_alloc(struct solid_builder *b, size_t count, size_t size);
 
 /* Returns the i-th corner of a face, m. */
@@ -45,8 +46,8 @@ static inline const double *mesh_corner(const struct mesh *mesh, int face, int i
 /* Finds the facets, from faces with normals and neighbors. */
 enum error_code solid_make_facets(struct solid_builder *b, struct solid *s);
 
-/* Computes the points of quadrature of facets that are more than a triangle. Those of single
- * triangles are quickly made when they are needed, and would fill the memory of a large terrain. */
+/* Computes the quadrature points of facets that have more than one triangle. Points of single
+ * triangles are computed on demand; they would fill the memory for a large terrain. */
 enum error_code solid_make_points(struct solid_builder *b, struct solid *s);
 
 /* Computes the corners of the same facets along the axes of their planes, and their moments. */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The store of meshes and solids: linked lists, which are short, as a robot has some dozens. */
+/* The store of meshes and solids: short linked lists, since a robot has a few dozen meshes. */
 #include "contact/mesh/solid_store.h"
 
 #include "base/input_file.h"
@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define STORE_MEMORY ((size_t)1 << 30) /* bytes of address space: 1 GiB */
+#define STORE_MEMORY ((size_t)1 << 30) /* bytes of reserved address space: 1 GiB */
 
 struct stored_solid {
     struct stored_solid *next;
@@ -26,8 +26,8 @@ struct stored_mesh {
 };
 
 static struct {
-    int users; /* open while there are any */
-    bool open; /* has memory */
+    int users; /* number of users; the store is open while it is above 0 */
+    bool open; /* memory is reserved */
     struct arena arena;
     struct stored_solid *first;
     struct stored_mesh *mesh;
@@ -67,7 +67,7 @@ size_t solid_store_made(void)
 
 /* ---- finding stored solids ---- */
 
-/* Finds the stored solid with the same vertices and faces, bit by bit; NULL when there is none. */
+/* Finds the stored solid with bitwise equal vertices and faces; NULL if there is none. */
 static struct stored_solid *stored_solid_of_mesh(const struct mesh *mesh)
 {
     struct stored_solid *at = solid_store.first;
@@ -80,7 +80,7 @@ static struct stored_solid *stored_solid_of_mesh(const struct mesh *mesh)
     return at;
 }
 
-/* Finds the entry of a solid that the store has given out; NULL for one that is not its own. */
+/* Finds the entry of a solid that the store returned; NULL for any other solid. */
 static struct stored_solid *stored_solid_of_solid(const struct solid *solid)
 {
     struct stored_solid *at = solid_store.first;
@@ -91,7 +91,7 @@ static struct stored_solid *stored_solid_of_solid(const struct solid *solid)
     return at;
 }
 
-/* Copies an array of the caller's into the store; NULL when that is full. */
+/* Copies a caller's array into the store; NULL if the store is full. */
 static void *solid_store_copy(const void *from, size_t count, size_t size)
 {
     void *copy = arena_alloc(&solid_store.arena, count, size);
@@ -101,7 +101,7 @@ static void *solid_store_copy(const void *from, size_t count, size_t size)
 
 /* ---- meshes ---- */
 
-/* Finds the mesh that was read from a file of this path and text; NULL when there is none. */
+/* Finds the stored mesh of this path and text; NULL if there is none. */
 static const struct mesh *stored_mesh_find(const char *path, const char *text, size_t size)
 {
     const struct stored_mesh *at = solid_store.mesh;
@@ -112,7 +112,7 @@ static const struct mesh *stored_mesh_find(const char *path, const char *text, s
     return at ? at->mesh : NULL;
 }
 
-/* Reads a mesh into the store; NULL when the store is full, or the file wrong. */
+/* Reads a mesh into the store; NULL if the store is full or the file is faulty. */
 static const struct mesh *stored_mesh_read(const char *path, const char *text, size_t size)
 {
     struct stored_mesh *made = arena_alloc(&solid_store.arena, 1, sizeof *made);
@@ -155,8 +155,8 @@ enum error_code solid_store_read_obj(const char *path, struct arena *arena,
 
 /* ---- making solids ---- */
 
-/* Makes a solid in the store, with a copy of the mesh, which may be gone before the store is; NULL
- * when the store is full. */
+/* Makes a solid in the store, with a copy of the mesh, because the caller's mesh may be freed
+ * before the store. NULL if the store is full. */
 static struct stored_solid *stored_solid_make(const struct mesh *mesh)
 {
     struct stored_solid *made = arena_alloc(&solid_store.arena, 1, sizeof *made);
@@ -194,7 +194,7 @@ enum error_code solid_store_find(const struct mesh *mesh, struct arena *arena,
         return ERROR_NONE;
     }
 
-    /* No store, or no room in it: the caller's own */
+    /* Closed or full store: makes it in the caller's arena */
     own = arena_alloc(arena, 1, sizeof *own);
     if (!own) {
         return error_set(error, ERROR_MEMORY, "contact: no memory for '%s'", mesh->name);
@@ -213,7 +213,7 @@ enum error_code solid_store_find_field(const struct solid *solid, const char *na
     struct error full;
     enum error_code code;
 
-    /* Made on first use, as few solids need one */
+    /* Makes fields on first use, as few solids need one */
     if (stored && !stored->has_field) {
         stored->has_field = !field_make(solid, name, &solid_store.arena, &stored->field, &full);
         solid_store.made += stored->has_field;
@@ -223,7 +223,7 @@ enum error_code solid_store_find_field(const struct solid *solid, const char *na
         return ERROR_NONE;
     }
 
-    /* No store, or no room in it: the caller's own */
+    /* Closed or full store: makes it in the caller's arena */
     own = arena_alloc(arena, 1, sizeof *own);
     if (!own) {
         return error_set(error, ERROR_MEMORY, "contact: no memory for the field of '%s'", name);

@@ -9,13 +9,13 @@
 
 struct tree_builder {
     const struct box *box;
-    double (*middle)[3]; /* of each item's box, twice as far out */
+    double (*middle)[3]; /* of each item's box, times two */
     struct tree_node *node;
     int *item;
     int nnode, leaf;
 };
 
-/* Checks whether item x comes before y along an axis: by the middles of their boxes, ties by
+/* Checks whether item x comes before y along an axis: by the middles of their boxes, then by
  * number, so that the order is total. */
 static bool tree_item_before(const struct tree_builder *b, int axis, int x, int y)
 {
@@ -32,7 +32,7 @@ static void tree_swap_items(int *x, int *y)
     *y = t;
 }
 
-/* Orders item[first..last] just so far that the middle one is in its place (quickselect). */
+/* Orders item[first..last] only so far that the median is in its place (quickselect). */
 static void tree_put_median(struct tree_builder *b, int axis, int first, int last)
 {
     const int middle = first + (last - first) / 2;
@@ -41,7 +41,7 @@ static void tree_put_median(struct tree_builder *b, int axis, int first, int las
     while (first < last) {
         int i = first, j = last, pivot = item[first + (last - first) / 2];
 
-        /* Partition (Hoare's): items before the pivot to the left, after it to the right */
+        /* Hoare's partition: items before the pivot to the left, after it to the right */
         while (i <= j) {
             while (tree_item_before(b, axis, item[i], pivot)) {
                 ++i;
@@ -54,7 +54,7 @@ static void tree_put_median(struct tree_builder *b, int axis, int first, int las
             }
         }
 
-        /* On with the side that the middle is in */
+        /* Continues with the side that contains the middle */
         if (middle <= j) {
             last = j;
         } else if (middle >= i) {
@@ -65,7 +65,7 @@ static void tree_put_median(struct tree_builder *b, int axis, int first, int las
     }
 }
 
-/* Returns the axis on which the middles of some items lie farthest apart. */
+/* Returns the axis along which the middles of the items spread most. */
 static int tree_find_axis(const struct tree_builder *b, const int *item, int count)
 {
     struct box middles = box_of_point(b->middle[item[0]]);
@@ -82,7 +82,7 @@ static int tree_find_axis(const struct tree_builder *b, const int *item, int cou
     return axis;
 }
 
-/* Makes the node over count items from first on, and all below it. */
+/* Makes the node over count items from first on, and its subtree. */
 static void tree_split(struct tree_builder *b, int first, int count)
 {
     struct tree_node *node = &b->node[b->nnode++];
@@ -99,7 +99,7 @@ static void tree_split(struct tree_builder *b, int first, int count)
         return;
     }
 
-    /* More are split at the median; the box is about those of both halves */
+    /* Splits more items at the median; the box covers the boxes of both halves */
     tree_put_median(b, tree_find_axis(b, b->item + first, count), first, first + count - 1);
     node->count = 0;
     tree_split(b, first, count / 2);

@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Bounding-volume tree: a binary tree of axis-aligned boxes over items that never move in their
- * frame, coordinates in meters there. Built once by splitting at the median along the longest side,
- * so that its depth is the logarithm of the number of items: what a walk over it costs is bounded,
- * and its order depends on nothing but the boxes. Its memory is the arena's that it was built in.
- * Building is not RT-safe; boxes and walks are.
+ * Bounding-volume tree: a binary tree of axis-aligned boxes over items that do not move in their
+ * frame; meters. It is built once by median splits along the longest side. So its depth is the
+ * logarithm of the number of items, the cost of a walk is bounded, and its order depends on the
+ * boxes only. The arena owns its memory. Building is not RT-safe; boxes and walks are.
  */
 #ifndef CONTACT_MESH_TREE_H
 #define CONTACT_MESH_TREE_H
@@ -15,15 +14,15 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#define TREE_DEPTH_MAX 48 /* of a stack for a search; 2^32 items fill 33 */
+#define TREE_DEPTH_MAX 48 /* stack size for a search; 2^32 items need 33 */
 
 /* An axis-aligned box, m. */
 struct box {
     double low[3], high[3];
 };
 
-/* Nodes are in preorder: a node, then all below its left child, then all below its right one. So a
- * walk needs no stack; it steps over what is below a node that it does not want:
+/* Nodes are in preorder: a node, then its left subtree, then its right subtree. So a walk needs no
+ * stack; it skips a subtree by its size:
  *
  *     for (node = tree->node; node != tree_end(tree);) {
  *         if (nothing below the node is wanted) {
@@ -32,16 +31,16 @@ struct box {
  *         }
  *         ... item[node->first] to item[node->first + node->count - 1] (of an inner node none)
  *         ++node;
- *     }
- */
+ *     } */
 struct tree_node {
     struct box box;
     int first,
         count; /* a leaf's items are item[first] to item[first + count - 1]; inner: count 0 */
-    int size;  /* nodes below it and itself; its children: node + 1, node + 1 + node[1].size */
+    int size;  /* nodes of its subtree, itself included; its children are node + 1 and node + 1 +
+                * node[1].size */
 };
 
-/* A bounding-volume tree over items, which are numbers of the caller's. */
+/* A bounding-volume tree over items, which are numbers chosen by the caller. */
 struct tree {
     const struct tree_node *node; /* node[0] is the root */
     const int *item;
@@ -54,12 +53,12 @@ static inline const struct tree_node *tree_end(const struct tree *tree)
     return tree->node + tree->nnode;
 }
 
-/* Builds a tree over n > 0 items with these boxes; leaves hold at most leaf of them. Memory from
- * arena; ERROR_MEMORY when there is none. Not RT-safe. */
+/* Builds a tree over n > 0 items with these boxes; a leaf holds at most `leaf` items. Memory from
+ * arena; the only error is ERROR_MEMORY. Not RT-safe. */
 enum error_code tree_build(const struct box *boxes, size_t n, int leaf, struct arena *arena,
                            struct tree *tree, struct error *error);
 
-/* Computes bounds of something else that items have (their normals, say): out[i] covers the boxes
+/* Computes bounds of another property of the items, such as their normals: out[i] covers the boxes
  * of all items under node i. Not RT-safe. */
 void tree_cover(const struct tree *tree, const struct box *boxes, struct box *out);
 
@@ -84,7 +83,7 @@ static inline void box_add(struct box *box, const double p[3])
     }
 }
 
-/* Grows the box to hold another. */
+/* Grows the box to hold another box. */
 static inline void box_add_box(struct box *box, const struct box *other)
 {
     box_add(box, other->low);
@@ -98,7 +97,7 @@ static inline bool boxes_meet(const struct box *a, const struct box *b)
            b->low[1] <= a->high[1] && a->low[2] <= b->high[2] && b->low[2] <= a->high[2];
 }
 
-/* Returns the least value that d . p takes for p in the box. */
+/* Returns the smallest value of d . p over the points p of the box. */
 static inline double box_least(const struct box *box, const double d[3])
 {
     return d[0] * (d[0] > 0 ? box->low[0] : box->high[0]) +
@@ -120,8 +119,8 @@ static inline double box_distance2(const struct box *box, const double p[3])
     return sum;
 }
 
-/* Returns the box about a box that is transformed into another frame, in which its own has the axes
- * R (columns) and the origin p. */
+/* Returns the box about a transformed box. R (columns) and p are axes and origin of the box's
+ * frame in the new frame. */
 struct box box_transform(const struct box *box, const double R[9], const double p[3]);
 
 #endif

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The anchor of sticking friction and its play (a play operator: it is dragged along only by what
- * goes beyond a distance). A body that rocks moves the centroid of its contact area and the mean
- * normal to and fro; as the anchor stays meanwhile, this is no sliding. The state is the radius
- * times point and axis, so that an anchor that fades keeps its place, and one that begins is at
- * once where the area is.
+ * The anchor of sticking friction and its play (a play operator: it moves only as far as needed to
+ * stay within a distance). A rocking body moves the centroid of its contact area and the mean
+ * normal back and forth. The anchor stays in place meanwhile, so this is no sliding. The state is
+ * the radius times point and axis. So a fading anchor keeps its place, and a new one starts at the
+ * area.
  */
 #include "contact/native/anchor.h"
 
@@ -13,9 +13,9 @@
 #include <float.h>
 #include <math.h>
 
-#define RADIUS_MOST 1.25       /* the anchor's radius over that of the area, at most */
-#define HEIGHT_MOST (1.0 / 64) /* height over the radius: friction acts in the surface */
-#define TILT_MOST (1.0 / 16)   /* sine of the angle between axis and normal */
+#define RADIUS_MOST 1.25       /* largest radius of the anchor over the radius of the area */
+#define HEIGHT_MOST (1.0 / 64) /* largest height over the radius: friction acts in the surface */
+#define TILT_MOST (1.0 / 16)   /* largest sine of the angle between axis and normal */
 
 bool native_anchor_read(const double y[CONTACT_BRISTLE], struct native_anchor *anchor)
 {
@@ -40,7 +40,7 @@ void native_anchor_write(const struct native_anchor *anchor, double y[CONTACT_BR
     }
 }
 
-/* Drags the axis to within TILT_MOST of the normal n. Returns whether it had to be moved. */
+/* Drags the axis to within TILT_MOST of the normal n. Returns whether it moved. */
 static bool drag_axis(const double n[3], double axis[3])
 {
     const double along = vec3_dot(n, axis);
@@ -58,8 +58,8 @@ static bool drag_axis(const double n[3], double axis[3])
     return true;
 }
 
-/* Drags the point to within a distance of radius from the area's centroid c across the normal n,
- * and of radius times HEIGHT_MOST along it. Returns whether it had to be moved. */
+/* Drags the point to within radius of the area's centroid c across the normal n, and within radius
+ * times HEIGHT_MOST along it. Returns whether it moved. */
 static bool drag_point(const double c[3], const double n[3], double radius, double point[3])
 {
     const double most = radius * HEIGHT_MOST;

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The anchor of a pair's bristles, for sticking friction (contact.h): a point and an axis that are
- * fixed in one of its surfaces, and a radius. They stay while the contact patch rocks about them,
- * and are dragged along by one that rolls on. Frames as said; SI units. Pure functions; nothing
- * fails; RT-safe.
+ * The anchor of a pair's bristles, for sticking friction (contact.h): a point and an axis fixed in
+ * one of the surfaces, and a radius. It stays in place while the contact patch rocks about it. A
+ * patch that rolls on drags it along. Each function names its frame; SI units. Pure functions;
+ * nothing fails; RT-safe.
  */
 #ifndef CONTACT_NATIVE_ANCHOR_H
 #define CONTACT_NATIVE_ANCHOR_H
@@ -15,18 +15,18 @@
 
 struct native_anchor {
     double point[3], axis[3]; /* point, m; unit vector */
-    double radius;            /* m; 0 where the patch is a point: then there is no anchor */
+    double radius;            /* m; 0 for a patch that is a point: then there is no anchor */
 };
 
 /* Reads the anchor from a pair's bristle state, in the frame of the surface that it is fixed in.
  * Returns false when the state has none. */
 bool native_anchor_read(const double y[CONTACT_BRISTLE], struct native_anchor *anchor);
 
-/* Writes the anchor to a bristle state, behind shear and twist, which it leaves alone. */
+/* Writes the anchor to a bristle state; shear and twist are unchanged. */
 void native_anchor_write(const struct native_anchor *anchor, double y[CONTACT_BRISTLE]);
 
-/* Drags an anchor to within its play about the area in touch (centroid, mean normal and RMS radius,
- * same frame). Returns whether it had to be moved. */
+/* Drags an anchor to within its play about the area in touch (centroid, mean normal and RMS
+ * radius, same frame). Returns whether it moved. */
 bool native_anchor_drag(const struct native_anchor *touch, struct native_anchor *anchor);
 
 #endif

@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Capsules and spheres on each other and on half-spaces in the native engine. Sums along an axis
- * are Gauss and Legendre's in a variable that takes the roots of the integrand off the ends of its
- * range.
+ * Contact of capsules and spheres with each other and with half-spaces in the native engine.
+ * Integrals along an axis use Gauss-Legendre quadrature in a variable that removes the roots of the
+ * integrand at the ends of its range.
  *
- * Between two capsules springs stand between points of either axis and the nearest point of the
- * other one; the penetration is the sum of the radii less their distance. Points within reach of an
- * axis are those inside of a capsule about it: one piece of a straight line, whose ends have a
- * closed form. On a half-space the volume below the plane is cut into slices across the axis: each
- * is a segment of a disc, also in the half-spheres at the ends.
+ * Between two capsules, springs stand between points of either axis and the nearest point of the
+ * other axis. The penetration is the sum of the radii minus their distance. The points of an axis
+ * within reach of the other one lie inside a capsule about it: one segment, with a closed form for
+ * its ends. On a half-space, the volume below the plane is cut into slices across the axis. Each
+ * slice is a segment of a disc, also in the half-spheres at the ends.
  */
 #include "base/portable_math.h"
 #include "contact/native/narrow_phase.h"
@@ -22,8 +22,8 @@
 #define UPRIGHT 1e-6          /* cosine of an axis against a plane that counts as 0 */
 #define PARALLEL 1e-12        /* square of the sine between axes that counts as 0 */
 
-#define PIECES 3         /* of an axis between kinks of the distance */
-#define FOOT_STANDS 1e-9 /* cosine between axes at which the nearest point does not move */
+#define PIECES 3         /* pieces of an axis between kinks of the distance */
+#define FOOT_STANDS 1e-9 /* cosine between axes below which the nearest point does not move */
 
 /* Points and weights of the quadrature on 0 to 1 */
 #define PIECE_POINTS 6
@@ -34,20 +34,20 @@ static const double piece_weight[PIECE_POINTS] = {0.01676846244060247, 0.1522780
                                                   0.3309534965921085,  0.3309534965921086,
                                                   0.1522780409672891,  0.01676846244060247};
 
-/* An axis, and the other one that it is near to, in the frame of the first capsule. */
+/* An axis and the other axis near it, in the frame of the first capsule. */
 struct axis_couple {
-    const double *direction, *other; /* of both, unit */
+    const double *direction, *other; /* unit directions of the own and the other axis */
     double half, other_half;
-    double between[3]; /* from the other's center to the own */
-    double reach;      /* sum of the radii, m; for the backing less the layers */
+    double between[3]; /* from the other's center to the own center */
+    double reach;      /* sum of the radii, m; for the backing, minus the layers */
     double round;      /* relative radius */
-    double low, high;  /* where the own line is within reach of the other axis */
-    bool is_first;     /* the own is the first capsule's */
-    double radius;     /* of the first capsule */
+    double low, high;  /* range of the own line within reach of the other axis */
+    bool is_first;     /* the own axis belongs to the first capsule */
+    double radius;     /* radius of the first capsule */
 };
 
-/* Widens the range low to high by the places s where |w + s u|^2 is limit2 on the own line, if the
- * nearest point (foot) on the other axis is within bound of its center. */
+/* Widens the range low to high by the parameters s of the own line with |w + s u|^2 = limit2, if
+ * the nearest point (foot) on the other axis is within bound of its center. */
 static void couple_add_crossing(struct axis_couple *c, const double w[3], const double u[3],
                                 double limit2, double bound)
 {
@@ -69,8 +69,8 @@ static void couple_add_crossing(struct axis_couple *c, const double w[3], const 
     }
 }
 
-/* Computes low and high: where the own line is within reach of the other axis, inside the capsule
- * of that radius about it. */
+/* Computes low and high: the range of the own line inside the capsule of radius reach about the
+ * other axis. */
 static void couple_find_range(struct axis_couple *c)
 {
     double limit2 = c->reach * c->reach, w[3], u[3];
@@ -83,7 +83,7 @@ static void couple_find_range(struct axis_couple *c)
         couple_add_crossing(c, w, c->direction, limit2, HUGE_VAL);
     }
 
-    /* Through the side: across the other axis */
+    /* Through the side, perpendicular to the other axis */
     vec3_add_scaled(c->between, -vec3_dot(c->between, c->other), c->other, w);
     vec3_add_scaled(c->direction, -vec3_dot(c->direction, c->other), c->other, u);
     if (vec3_dot(u, u) > PARALLEL) {
@@ -91,8 +91,8 @@ static void couple_find_range(struct axis_couple *c)
     }
 }
 
-/* Adds the spring of a point of the own axis at s from its center: of a piece of that length, or of
- * so many ends. */
+/* Adds the spring of a point of the own axis at s from its center, for a piece of this length or
+ * for a number of ends. */
 static void couple_add_spring(const struct axis_couple *c, double s, double length, int ends,
                               double stiffness, double share, struct native_batch *b,
                               struct native_sum *sum)
@@ -111,11 +111,11 @@ static void couple_add_spring(const struct axis_couple *c, double s, double leng
         return;
     }
     for (int k = 0; k < 3; k++) {
-        /* Axes that meet have no direction between them; any will do */
+        /* Axes that intersect have no direction between them; any direction is valid */
         to[k] = apart > DBL_MIN ? to[k] / apart : k == 2;
     }
 
-    /* Force and area, half of the law's for either axis (contact.h) */
+    /* Force and area: half of the law's for each axis (contact.h) */
     if (ends) {
         width = ends * PI / 2 * c->round * depth;
         force = stiffness * width * depth / 2;
@@ -126,7 +126,7 @@ static void couple_add_spring(const struct axis_couple *c, double s, double leng
         sum->area += width * length;
     }
 
-    /* From the first's surface inward by its share of the depth */
+    /* Point of action: from the first surface inward by its share of the depth */
     for (int k = 0; k < 3; k++) {
         double at = c->is_first ? s * c->direction[k] : foot * c->other[k];
 
@@ -140,8 +140,8 @@ static void couple_add_spring(const struct axis_couple *c, double s, double leng
     sum->depth = depth > sum->depth ? depth : sum->depth;
 }
 
-/* Adds the springs of the own axis from low to high, in pieces: where the nearest point of the
- * other axis comes to an end of it, the distance has a kink in its slope. */
+/* Adds the springs of the own axis from low to high in pieces: the slope of the distance has a
+ * kink where the nearest point reaches an end of the other axis. */
 static void couple_add_pieces(const struct axis_couple *c, double low, double high,
                               const struct native_law *law, struct native_batch *b,
                               struct native_sum *sum)
@@ -149,7 +149,7 @@ static void couple_add_pieces(const struct axis_couple *c, double low, double hi
     double cosine = vec3_dot(c->direction, c->other), foot = vec3_dot(c->between, c->other);
     double cut[PIECES + 1] = {low, low, high, high};
 
-    /* The kinks, from the lower to the upper */
+    /* Kinks in ascending order */
     for (int side = 0; side < 2 && fabs(cosine) > FOOT_STANDS; side++) {
         double end = (side == 0) == (cosine > 0) ? -c->other_half : c->other_half;
         double kink = (end - foot) / cosine;
@@ -195,7 +195,7 @@ void native_overlap_capsules(const struct native_overlap *o)
     const double axis[2][3] = {{0, 0, 1}, {relative->R[2], relative->R[5], relative->R[8]}};
     const double half[2] = {first->half, second->half};
 
-    /* Each axis in turn is the own one, as the law integrates over both */
+    /* The law integrates over both axes, so each one is the own axis once */
     native_make_room(o, 2 * (PIECES * PIECE_POINTS + 2));
     for (int own = 0; own < 2; own++) {
         struct axis_couple c = {
@@ -221,15 +221,17 @@ void native_overlap_capsules(const struct native_overlap *o)
 /* A capsule over a plane, in the capsule's frame. */
 struct capsule_over_plane {
     double radius, half;
-    double stiffness, share; /* of the law; of the depth that the capsule gives */
-    double normal[3];        /* the plane's */
+    double stiffness, share; /* stiffness of the law; share of the depth by which the capsule is
+                              * compressed */
+    double normal[3];        /* the plane's normal */
     double axis[3];          /* downward */
-    double across[3];        /* downward in the slices, unit; zero when the axis stands upright */
+    double across[3];        /* downward direction in the slices, unit; zero if the axis is
+                              * vertical */
     double sine, cosine;
     double low; /* height of the lower end of the axis */
 };
 
-/* Computes some unit vector perpendicular to a unit vector. */
+/* Computes a unit vector perpendicular to a unit vector. */
 static void find_direction_across(const double n[3], double across[3])
 {
     const int least = fabs(n[0]) < fabs(n[1]) ? (fabs(n[0]) < fabs(n[2]) ? 0 : 2)
@@ -244,16 +246,17 @@ static void find_direction_across(const double n[3], double across[3])
     }
 }
 
-/* Adds the spring of a slice at a distance `along` (m) from the middle of the axis downward. */
+/* Adds the spring of a slice at a distance `along` (m) downward from the middle of the axis. */
 static void capsule_add_slice(const struct capsule_over_plane *c, double along, double radius,
                               double thickness, struct native_batch *b, struct native_sum *sum)
 {
-    const double height = c->low + (c->half - along) * c->sine; /* of its center */
+    const double height = c->low + (c->half - along) * c->sine; /* height of the slice's center */
     const bool upright = c->cosine <= UPRIGHT;
     double down = !upright ? height / c->cosine : height > 0 ? radius : -radius;
     double chord = 0, area = PI * radius * radius, middle = 0, deep;
 
-    /* A segment of the disc, or all of it; middle: of the segment, from the disc's */
+    /* A segment of the disc, or all of it; middle: distance of the segment's center from the
+     * disc's */
     if (down >= radius) {
         return;
     }
@@ -267,7 +270,8 @@ static void capsule_add_slice(const struct capsule_over_plane *c, double along, 
         return;
     }
 
-    /* From the capsule's side upward by its share, below the plane by the rest */
+    /* Point of action: from the capsule's side upward by its share, starting below the plane by
+     * the rest */
     for (int k = 0; k < 3; k++) {
         b->p[k][b->n] =
             along * c->axis[k] + middle * c->across[k] + (c->share - 0.5) * deep * c->normal[k];
@@ -281,7 +285,7 @@ static void capsule_add_slice(const struct capsule_over_plane *c, double along, 
 }
 
 /* Adds the slices of a half-sphere, by their angle from its equator to where it leaves the plane.
- * side: 1 for the lower one, -1 for the upper. */
+ * side: 1 for the lower end, -1 for the upper end. */
 static void capsule_add_end(const struct capsule_over_plane *c, double side, struct native_batch *b,
                             struct native_sum *sum)
 {
@@ -304,8 +308,8 @@ static void capsule_add_end(const struct capsule_over_plane *c, double side, str
     }
 }
 
-/* Adds four springs for a part below the plane that is of one sphere alone, about its middle, so
- * that friction brakes a capsule that spins. */
+/* Adds four springs for a part below the plane that belongs to one sphere only, around its middle,
+ * so that friction brakes a spinning capsule. */
 static void capsule_add_cap(const struct capsule_over_plane *c, struct native_batch *b,
                             struct native_sum *sum)
 {
@@ -316,7 +320,7 @@ static void capsule_add_cap(const struct capsule_over_plane *c, struct native_ba
     const double lever = MEAN_LEVER * sqrt(area);
     double to[2][3], at;
 
-    /* Four places on the circle of the mean lever */
+    /* Four points on the circle of the mean lever */
     find_direction_across(c->normal, to[0]);
     vec3_cross(c->normal, to[0], to[1]);
     at = -c->low - (1 - c->share) * deep;
@@ -346,7 +350,7 @@ static void capsule_add_springs(struct capsule_over_plane *c, struct native_batc
         return;
     }
 
-    /* The part of the side below the plane, with the ends that it reaches */
+    /* The part of the side below the plane, and the ends that it reaches */
     for (int k = 0; k < 2 && c->cosine > UPRIGHT; k++) {
         c->across[k] = -c->normal[k] / c->cosine;
     }
@@ -376,7 +380,7 @@ void native_overlap_capsule_half_space(const struct native_overlap *o)
         .cosine = sqrt(R[2] * R[2] + R[5] * R[5]),
     };
 
-    /* Height of the lower end of the axis; nothing touches from a radius on */
+    /* Height of the lower end of the axis; a height of a radius or more has no contact */
     c.low = -vec3_dot(c.normal, o->relative->p) - c.half * c.sine + o->from;
     if (c.low >= c.radius) {
         return;
@@ -408,7 +412,7 @@ void native_overlap_hertz(const struct native_overlap *o)
         depth = radius[0] + radius[1] - apart;
         relative_radius = radius[0] * radius[1] / (radius[0] + radius[1]);
         for (int k = 0; k < 3; k++) {
-            /* Between equal centers there is no direction; any will do */
+            /* Equal centers have no direction between them; any direction is valid */
             d[k] = apart > DBL_MIN ? -relative->p[k] / apart : k == 2;
         }
     }
@@ -416,7 +420,7 @@ void native_overlap_hertz(const struct native_overlap *o)
         return;
     }
 
-    /* One spring, from the first's surface inward by its share of the depth */
+    /* One spring, from the first surface inward by its share of the depth */
     native_make_room(o, 1);
     force = 4.0 / 3 * law->hertz * sqrt(relative_radius * depth) * depth;
     for (int k = 0; k < 3; k++) {

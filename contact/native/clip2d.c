@@ -30,7 +30,7 @@ void clip2d_side(const struct polygon2d *in, const double *side, struct polygon2
     out->n = n;
 }
 
-/* Computes the outline of a triangle, which is not kept, padded for the lanes. */
+/* Computes the outline of a triangle, which is not stored, padded for the lanes. */
 static void triangle_outline(const struct facet *f, const double (*ring)[3], double *x, double *y)
 {
     for (int i = 0; i < 3; i++) {
@@ -46,7 +46,7 @@ static void triangle_outline(const struct facet *f, const double (*ring)[3], dou
     }
 }
 
-/* Finds the edges of an outline that some corner of the polygon is outside of; bit i for edge i. */
+/* Finds the edges of an outline that have a polygon corner outside; bit i stands for edge i. */
 static uint64_t outline_find_cutting_edges(const double *x, const double *y, int n,
                                            const struct polygon2d *g)
 {
@@ -62,7 +62,7 @@ static uint64_t outline_find_cutting_edges(const double *x, const double *y, int
         }
         edges |= lanes_bits(outside) << i;
     }
-    return edges; /* nothing is outside of an edge of no length */
+    return edges; /* no corner is outside an edge of length 0 */
 }
 
 /* Checks whether a polygon lies inside a circle about the facet's center. */
@@ -76,7 +76,8 @@ static bool flat_is_in_circle(const struct polygon2d *g, double radius)
     return true;
 }
 
-/* Finds the outline of a facet of any number of corners; room is for that of a triangle. */
+/* Finds the outline of a facet with any number of corners. room: memory for a triangle's
+ * outline. */
 static void facet_find_outline(const struct solid *solid, const struct facet *f,
                                double room[2][FACET_OUTLINE(3)], const double **x, const double **y)
 {
@@ -102,7 +103,7 @@ const struct polygon2d *clip2d_to_facet(const struct solid *solid, const struct 
         return now;
     }
 
-    /* Clips by each edge of its outline that something is outside of */
+    /* Clips by each edge of the outline that has a corner outside */
     facet_find_outline(solid, facet, triangle, &x, &y);
     for (uint64_t edges = outline_find_cutting_edges(x, y, facet->count, now);
          edges != 0 && now->n >= 3; edges &= edges - 1) {
@@ -137,7 +138,7 @@ void clip2d_moments(const struct polygon2d *g, bool second, struct moments *m)
 {
     double x0 = g->x[0], y0 = g->y[0], ux = g->x[1] - x0, uy = g->y[1] - y0;
 
-    /* About the first corner, each without its factor (1/3, 1/6 or 1/12) */
+    /* Sums about the first corner, without the factors 1/3, 1/6 or 1/12 */
     *m = (struct moments){0};
     for (int i = 2; i < g->n; i++) {
         double vx = g->x[i] - x0, vy = g->y[i] - y0, twice = ux * vy - uy * vx;
@@ -155,7 +156,7 @@ void clip2d_moments(const struct polygon2d *g, bool second, struct moments *m)
         uy = vy;
     }
 
-    /* The means over the area, the second ones about the centroid */
+    /* Means over the area; the second moments about the centroid */
     if (m->twice > DBL_MIN) {
         double inverse = 1 / m->twice, x = m->x * inverse / 3, y = m->y * inverse / 3;
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Creates the contact engine "native": prepares surfaces, computes the constants of each pair's
- * law, chooses kernels, and allocates the memory that evaluations work in.
+ * law, selects kernels, and allocates the working memory of evaluations.
  */
 #include "base/portable_math.h"
 #include "contact/native/private.h"
@@ -19,7 +19,7 @@ static enum error_code native_no_memory(struct error *error)
 
 /* ---- pairs ---- */
 
-/* Returns the harmonic mean of two numbers, 0 where one of them is. */
+/* Returns the harmonic mean of two numbers; 0 if one is 0. */
 static double law_harmonic_mean(double a, double b)
 {
     return a * b > 0 ? 2 * a * b / (a + b) : 0;
@@ -30,7 +30,8 @@ static double law_harmonic_mean(double a, double b)
 static struct native_law law_make(const struct contact_material *a,
                                   const struct contact_material *b, double transition)
 {
-    /* Stiffness of the layers, Pa/m, in series; s and hs: share of the depth that a gives */
+    /* Stiffness of the layers in series, Pa/m; s and hs: share of the depth by which a is
+     * compressed */
     double ka = a->young_pa / a->thickness_m, kb = b->young_pa / b->thickness_m;
     double ha = portable_pow(a->young_pa, 2.0 / 3), hb = portable_pow(b->young_pa, 2.0 / 3);
     double s = kb / (ka + kb), hs = hb / (ha + hb);
@@ -56,15 +57,16 @@ static bool shape_is_mesh(enum contact_shape shape)
     return shape == CONTACT_BOX || shape == CONTACT_MESH;
 }
 
-#define NOMINAL_DEPTH 0.25 /* penetration over radius at which a curved surface's area is taken */
+/* penetration over radius at which the area of a curved surface is computed */
+#define NOMINAL_DEPTH 0.25
 
-/* Stiffness of bristles over that of the layers along the normal. Rigs' layers are softer than what
- * they stand for: those of COMAN have 8.3e7 Pa/m, and soles of rubber with a shear modulus of 1 to
- * 2 MPa, 3 to 5 mm thick, have 2e8 to 7e8 Pa/m in shear (docs/contact.md). */
+/* Stiffness of bristles over the normal stiffness of the layers. The layers of rigs are softer
+ * than the real soles: those of COMAN have 8.3e7 Pa/m, while rubber soles with a shear modulus of
+ * 1 to 2 MPa, 3 to 5 mm thick, have 2e8 to 7e8 Pa/m in shear (docs/contact.md). */
 #define SHEAR_RATIO 5.0
 
-/* Returns the largest area in which a surface touches a flat one, m2: the largest side of its box,
- * or for what is curved that at a penetration of a quarter of its radius. Infinite for a
+/* Returns the largest contact area of a surface on a flat one, m2: the largest side of its box;
+ * for a curved surface, the area at a penetration of a quarter of its radius. Infinite for a
  * half-space. */
 static double surface_nominal_area(const struct contact_surface *given,
                                    const struct native_surface *s)
@@ -87,7 +89,7 @@ static double surface_nominal_area(const struct contact_surface *given,
     return fmax(side[0] * side[1], fmax(side[1] * side[2], side[2] * side[0]));
 }
 
-/* Returns the stiffness s of a pair's bristles, N/m: a constant, which does not follow the normal
+/* Returns the stiffness s of a pair's bristles, N/m: a constant, independent of the normal
  * force. */
 static double pair_shear_stiffness(const struct contact_surface *a, const struct contact_surface *b,
                                    const struct native_pair *pair,
@@ -115,8 +117,8 @@ static int shape_rank(enum contact_shape shape)
                                       : 3;
 }
 
-/* Returns the kind of a pair of shapes in this order; meshes: that of two meshes by their law. For
- * a mesh a capsule is a mesh of facets, and a visitor in its pressure field. */
+/* Returns the kind of a pair of shapes in this order. meshes: the kind of two meshes by their law.
+ * Against a mesh, a capsule is a mesh of facets, and the visitor in a pressure field. */
 static enum native_pair_kind pair_find_kind(enum contact_shape a, enum contact_shape b,
                                             enum native_pair_kind meshes)
 {
@@ -131,8 +133,8 @@ static enum native_pair_kind pair_find_kind(enum contact_shape a, enum contact_s
     return b == CONTACT_SPHERE ? PAIR_HERTZ_SPHERES : PAIR_HERTZ_HALF_SPACE;
 }
 
-/* Returns whether a pair's b has to come first. Of two meshes that interact by a pressure field the
- * larger one carries it: so the sides of a box on a table do not soften its rim. */
+/* Returns whether a pair's b must be its first surface. In a pressure field the larger mesh is the
+ * carrier, so that the sides of a box on a table do not soften its rim. */
 static bool pair_is_turned(const struct contact_config *config, const struct contact_pair *pair,
                            const struct native_surface *surface)
 {
@@ -160,7 +162,7 @@ const struct native_kernels *native_kernels_used(void)
     return &native_kernels;
 }
 
-/* Makes a pair ready: order of its surfaces, law, kind and kernels (NULL: the best for this
+/* Prepares a pair: order of its surfaces, law, kind and kernels (NULL: the best for this
  * machine). */
 static void pair_make(const struct contact_config *config, size_t index,
                       const struct native_surface *surface, const struct native_kernels *kernels,
@@ -173,13 +175,13 @@ static void pair_make(const struct contact_config *config, size_t index,
     const struct contact_surface *a = &config->surface[turned ? given->b : given->a];
     const struct contact_surface *b = &config->surface[turned ? given->a : given->b];
 
-    /* Its surfaces in the order that the kernels want */
+    /* Surfaces in the order of the kernels */
     pair->surface[0] = turned ? given->b : given->a;
     pair->surface[1] = turned ? given->a : given->b;
     pair->sign = turned ? 1 : -1;
     pair->slack = given->slack_m;
 
-    /* Its law, with Hertz's shares between surfaces without a mesh */
+    /* Law, with Hertz's shares between surfaces without a mesh */
     pair->law = law_make(&a->material, &b->material, config->transition_velocity_m_s);
     pair->kind = pair_find_kind(a->shape, b->shape, meshes);
     if (pair->kind == PAIR_HERTZ_SPHERES || pair->kind == PAIR_HERTZ_HALF_SPACE) {
@@ -189,7 +191,7 @@ static void pair_make(const struct contact_config *config, size_t index,
                                        (1 - share) * b->material.dissipation_s_per_m);
     }
 
-    /* Sticking friction: which surface the anchor is fixed in, and where along the normal */
+    /* Sticking friction: the surface of the anchor, and its place along the normal */
     pair->onto = native_pair_is_one_way(pair) ? -pair->law.share[0]
                  : pair->kind == PAIR_FIELDS  ? pair->law.share[1]
                                               : 0;
@@ -200,8 +202,8 @@ static void pair_make(const struct contact_config *config, size_t index,
 
 /* ---- surfaces ---- */
 
-/* Returns the solid of an earlier surface with the same mesh, so that each mesh is prepared once;
- * NULL when there is none. */
+/* Returns the solid of an earlier surface with the same mesh, so that each mesh is prepared once.
+ * NULL if there is none. */
 static const struct solid *surface_find_solid(const struct contact_config *config, size_t index,
                                               const struct native_surface *surface)
 {
@@ -230,7 +232,7 @@ static bool surface_meets_mesh(const struct contact_config *config, size_t index
     return false;
 }
 
-/* Computes bounding ball and capsule about the middle of a mesh's box, the capsule along the
+/* Computes bounding ball and capsule about the middle of a mesh's box; the capsule is along the
  * longest side. */
 static void surface_bound_mesh(const struct mesh *mesh, struct native_surface *s)
 {
@@ -248,7 +250,7 @@ static void surface_bound_mesh(const struct mesh *mesh, struct native_surface *s
     }
     half = side[longest] - next;
 
-    /* Largest distance of a vertex to the middle (ball) and to the axis (capsule) */
+    /* Largest distance of a vertex from the middle (ball) and from the axis (capsule) */
     s->reach = s->about.radius = 0;
     for (size_t v = 0; v < mesh->nvertex; v++) {
         double to[3], along;
@@ -260,7 +262,7 @@ static void surface_bound_mesh(const struct mesh *mesh, struct native_surface *s
         s->about.radius = fmax(s->about.radius, vec3_norm(to));
     }
 
-    /* In the body */
+    /* In the body's frame */
     mat3_apply(s->rotation, middle, s->center);
     vec3_add_scaled(s->center, 1, s->position, s->center);
     for (int k = 0; k < 3; k++) {
@@ -293,7 +295,7 @@ static enum error_code surface_make_solid(const struct contact_config *config, s
         s->solid = surface_find_solid(config, index, surface);
     }
 
-    /* Its solid, unless an earlier surface has it */
+    /* Its solid, unless an earlier surface has made it */
     if (!s->solid) {
         code = solid_store_find(mesh, arena, &s->solid, error);
         if (code != ERROR_NONE) {
@@ -305,8 +307,8 @@ static enum error_code surface_make_solid(const struct contact_config *config, s
     return ERROR_NONE;
 }
 
-/* Prepares a surface: place on its body, bounding volumes, and a solid if it is a mesh or meets
- * one. */
+/* Prepares a surface: place on its body, bounding volumes, and a solid if it is a mesh or has a
+ * pair with one. */
 static enum error_code surface_make(const struct contact_config *config, size_t index,
                                     struct arena *arena, struct native_surface *surface,
                                     struct error *error)
@@ -320,7 +322,7 @@ static enum error_code surface_make(const struct contact_config *config, size_t 
     memcpy(s->rotation, given->rotation, sizeof s->rotation);
     memcpy(s->center, given->position, sizeof s->center);
 
-    /* A sphere is a capsule without length; its bounding volumes are itself */
+    /* A sphere is a capsule of length 0, and its own bounding volume */
     if (given->shape == CONTACT_SPHERE || given->shape == CONTACT_CAPSULE) {
         s->capsule.radius = given->radius_m;
         s->capsule.half = given->shape == CONTACT_CAPSULE ? given->length_m / 2 : 0;
@@ -337,7 +339,8 @@ static enum error_code surface_make(const struct contact_config *config, size_t 
     return ERROR_NONE;
 }
 
-/* Makes the pressure field of a surface, or takes that of another one with the same solid. */
+/* Makes the pressure field of a surface, or reuses the field of another surface with the same
+ * solid. */
 static enum error_code surface_make_field(const struct contact_config *config, size_t index,
                                           struct arena *arena, struct native_surface *surface,
                                           struct error *error)
@@ -353,8 +356,8 @@ static enum error_code surface_make_field(const struct contact_config *config, s
     return solid_store_find_field(s->solid, config->surface[index].name, arena, &s->field, error);
 }
 
-/* Returns an upper bound for the depth in a solid, m: no ball in it is larger than half of its
- * least extent. */
+/* Returns an upper bound of the depth in a solid, m: the radius of a ball inside is at most half
+ * of the solid's smallest extent. */
 static double solid_deepest_bound(const struct solid *s)
 {
     double least = s->radius;
@@ -365,8 +368,8 @@ static double solid_deepest_bound(const struct solid *s)
     return least;
 }
 
-/* Makes the pressure fields that the pairs need: that of the first surface, and of a second that
- * may be deeper, unless it is a capsule. */
+/* Makes the pressure fields that the pairs need: the first surface's, and the second's if it may
+ * be deeper and is not a capsule. */
 static enum error_code fields_make(const struct contact_config *config, struct arena *arena,
                                    struct native_engine *e, struct error *error)
 {
@@ -412,7 +415,7 @@ static enum error_code scratch_make(struct native_engine *e, struct arena *arena
         }
     }
 
-    /* Lists and view of as many facets, padded where lanes read several at a time */
+    /* Lists and view have the same size, padded because lanes read several entries at a time */
     view = &s->view;
     padded = (most + SOLID_LANES - 1) / SOLID_LANES * SOLID_LANES;
     view->radius = arena_alloc(arena, padded, sizeof *view->radius);
@@ -431,7 +434,7 @@ static enum error_code scratch_make(struct native_engine *e, struct arena *arena
     return made ? ERROR_NONE : native_no_memory(error);
 }
 
-/* Allocates an engine with empty arrays; NULL without memory. */
+/* Allocates an engine with empty arrays; returns NULL without memory. */
 static struct native_engine *engine_alloc(const struct contact_config *config, struct arena *arena)
 {
     struct native_engine *e = arena_alloc(arena, 1, sizeof *e);
@@ -443,7 +446,7 @@ static struct native_engine *engine_alloc(const struct contact_config *config, s
     e->nsurface = config->nsurface;
     e->npair = config->npair;
 
-    /* One more of each, as an empty scene needs arrays too */
+    /* One element more, since an empty scene needs arrays too */
     e->surface = arena_alloc(arena, e->nsurface + 1, sizeof *e->surface);
     e->pose = arena_alloc(arena, e->nsurface + 1, sizeof *e->pose);
     e->pair = arena_alloc(arena, e->npair + 1, sizeof *e->pair);
@@ -497,13 +500,13 @@ enum error_code native_create_with_kernels(const struct contact_config *config,
         pair_make(config, i, e->surface, kernels, &e->pair[i]);
     }
 
-    /* Fields, which need to know which surface of a pair is the carrier */
+    /* Fields; these need the order of each pair's surfaces */
     code = fields_make(config, arena, e, error);
     if (code != ERROR_NONE) {
         return code;
     }
 
-    /* Room for the largest surface */
+    /* Working memory for the largest surface */
     code = scratch_make(e, arena, error);
     if (code != ERROR_NONE) {
         return code;

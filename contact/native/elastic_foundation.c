@@ -1,24 +1,23 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Two meshes over their true overlap, by an elastic foundation. Between facets that face each other
- * springs stand along the mean of their normals, where both facets lie on top of one another: so
- * the undamped force is the stiffness times the volume between them, however they are cut into
- * triangles, and it changes continuously with the pose. Facets that stand across each other add
- * nothing, and those a little off it their share.
+ * Two meshes over their true overlap, by an elastic foundation. Between facets that face each
+ * other, springs stand along the mean of the normals where the facets overlap. So the undamped
+ * force is the stiffness times the volume between the facets for any triangulation, and it is
+ * continuous in the pose. Facets that are perpendicular add nothing; facets near that fade out.
  *
- * Pairs of facets are found in three steps, each cheaper for every facet than the next: the tree
- * of the first mesh over the box that both have in common; planes and bounding circles, as many
- * facets of the second at a time as there are lanes; and the corners of the facet that has fewer of
- * them.
+ * Pairs of facets are found in three steps, each cheaper per facet than the next. First, the tree
+ * of the first mesh over the common box. Second, planes and bounding circles, LANES facets of the
+ * second mesh at a time. Third, the corners of the facet that has fewer corners.
  *
- * The springs between two facets are found in the plane of the facet with more corners,
- * the base, whose outline there is known beforehand: the other one's corners are projected along
- * the springs into that plane, what is not deep is clipped away first as it mostly leaves nothing,
- * and the rest is clipped to the outline.
+ * The springs between two facets are found in the plane of the facet with more corners, the base,
+ * whose outline there is precomputed. The other facet's corners are projected along the springs
+ * into that plane. The part without depth is clipped away first, since that often leaves nothing.
+ * The rest is clipped to the outline.
  *
- * With e the unit vector along the difference of the normals, which have the same angle to it, the
- * way from a height h over one facet's plane back to it along e is h over that angle's cosine; so
- * the other one's corners, and the depth anywhere in the base's plane, follow without a division.
+ * Let e be the unit vector along the difference of the normals; both normals have the same angle to
+ * e. From a height h over one facet's plane, the distance back to the plane along e is h over the
+ * cosine of that angle. So the projected corners and the depth in the base's plane need no
+ * division.
  */
 #include "contact/lanes.h"
 #include "contact/native/clip2d.h"
@@ -30,55 +29,57 @@
 #include <stdint.h>
 #include <string.h>
 
-/* Facets this small against the smaller mesh need no more springs than three: a side of four
- * corners has them no closer to each other. */
+/* A facet up to this size, relative to the smaller mesh, needs only three springs: a side with
+ * four corners has them no closer to each other. */
 #define FINE 0.25
 
-/* Facets whose normals are this close to being perpendicular to one another do not face each other;
- * from FACING_FULL on their springs count in full (cosines of the angle between one normal and the
- * other's opposite). */
+/* Cosines of the angle between one normal and the opposite of the other. Facets with a cosine
+ * below FACING_NONE do not face each other; from FACING_FULL on, springs count fully. */
 #define FACING_NONE 0.1
 #define FACING_FULL 0.5
 
-/* Two meshes at work, and the numbers that are the same for all their facets. */
+/* Two meshes in an evaluation, and the numbers common to all their facets. */
 struct foundation_between {
     const struct solid *first, *second;
     const struct native_overlap *pair;
     double reach; /* longest spring, m */
-    double fine;  /* m; facets up to this radius have three springs with one of the other mesh */
+    double fine;  /* m; facets up to this radius have three springs with a facet of the other
+                   * mesh */
 };
 
-/* Two facets that face each other: a of the first mesh, b of the second; first's frame. */
+/* Two facets that face each other: a of the first mesh, b of the second; in the first's frame. */
 struct foundation_couple {
     const struct facet *a, *b;
-    const double (*ring)[3]; /* the corners of the one that has fewer of them; b's if equal */
+    const double (*ring)[3]; /* corners of the facet with fewer corners; b's if equal */
     double normal_b[3], center_b[3];
     double facing; /* -normal_a . normal_b, over FACING_NONE */
 };
 
-/* The springs between two facets: all along one direction, ending on both. */
+/* The springs between two facets: all have one direction and end on both facets. */
 struct foundation {
     const struct facet *base, *other;
-    const double *base_normal, *other_normal, *origin; /* first's frame; the base's center */
-    bool on_second;                                    /* the base is the second mesh's facet */
-    double axis[2][3];                                 /* directions of the base's outline */
-    double along[3];        /* unit, of the springs: the way they push the first */
-    double cosine;          /* of the angle between springs and normals */
-    double depth, slope[2]; /* at the origin, and how it grows in the base's plane */
+    const double *base_normal, *other_normal, *origin; /* in the first's frame; origin is the
+                                                        * base's center */
+    bool on_second;                                    /* the base is a facet of the second mesh */
+    double axis[2][3];                                 /* axes of the base's outline */
+    double along[3];        /* unit direction of the springs, in which they push the first
+                             * surface */
+    double cosine;          /* cosine of the angle between springs and normals */
+    double depth, slope[2]; /* depth at the origin, and its slopes in the base's plane */
 };
 
-/* Returns the length of the spring through a place in the base's plane, its penetration depth,
+/* Returns the length of the spring through a point in the base's plane: its penetration depth,
  * m. */
 static double foundation_depth(const struct foundation *bed, double x, double y)
 {
     return bed->depth + bed->slope[0] * x + bed->slope[1] * y;
 }
 
-/* ---- where both lie on top of one another ---- */
+/* ---- where the facets overlap ---- */
 
-/* Computes direction and depth of the bed, and projects the other facet's corners along it into the
- * base's plane, in reverse order to have them counterclockwise there. Returns false when no corner
- * is behind that plane. */
+/* Computes direction and depth of the springs. Projects the other facet's corners along them into
+ * the base's plane, in reverse order so that they are counterclockwise there. Returns false if no
+ * corner is behind that plane. */
 static bool foundation_find(const struct foundation_between *m, const struct foundation_couple *c,
                             struct foundation *bed, struct polygon2d *flat)
 {
@@ -93,7 +94,7 @@ static bool foundation_find(const struct foundation_between *m, const struct fou
     bed->other_normal = bed->on_second ? c->a->normal : c->normal_b;
     bed->origin = bed->on_second ? c->center_b : c->a->center;
 
-    /* How high the other one's corners are over its plane */
+    /* Heights of the other facet's corners over the base's plane */
     offset = vec3_dot(bed->base_normal, bed->origin);
     flat->n = bed->other->count;
     for (int i = 0; i < flat->n; i++) {
@@ -104,7 +105,8 @@ static bool foundation_find(const struct foundation_between *m, const struct fou
         return false;
     }
 
-    /* The springs' direction, along the difference of the normals, and their length in the plane */
+    /* Direction of the springs, along the difference of the normals, and the slope of their length
+     * in the plane */
     length = sqrt(2 + 2 * c->facing);
     inverse = 1 / length;
     bed->cosine = length / 2;
@@ -119,12 +121,13 @@ static bool foundation_find(const struct foundation_between *m, const struct fou
         } else {
             memcpy(bed->axis[side], bed->base->axis[side], sizeof bed->axis[side]);
         }
-        /* Against the springs from the first mesh's facet to the second's, or with them */
+        /* Springs point from the first mesh's facet to the second's; the sign depends on which one
+         * is the base */
         lean[side] = vec3_dot(bed->axis[side], bed->along) * (bed->on_second ? 2 : -2) * inverse;
         bed->slope[side] = -2 * inverse * vec3_dot(bed->other_normal, bed->axis[side]);
     }
 
-    /* The other one's corners along the springs in the plane */
+    /* Projects the other facet's corners along the springs */
     for (int i = 0; i < flat->n; i++) {
         int at = flat->n - 1 - i;
 
@@ -135,8 +138,8 @@ static bool foundation_find(const struct foundation_between *m, const struct fou
     return true;
 }
 
-/* Clips the polygon g[0] to where it is deep and on the base; returns the clipped one, one of the
- * two. */
+/* Clips the polygon g[0] to the part with depth and to the base; returns the result, g[0] or
+ * g[1]. */
 static const struct polygon2d *foundation_clip(const struct solid *solid,
                                                const struct foundation *bed, struct polygon2d g[2])
 {
@@ -155,14 +158,14 @@ static const struct polygon2d *foundation_clip(const struct solid *solid,
 
 /* ---- springs ---- */
 
-/* Returns the root of x, or 0 where rounding has left x below 0. */
+/* Returns the root of x; 0 if rounding made x negative. */
 static double positive_root(double x)
 {
     return sqrt(x > 0 ? x : 0);
 }
 
-/* Computes a point of the spring through a place in the base's plane: part 0 is at the first mesh's
- * facet, part 1 at the second's, a depth apart. */
+/* Computes a point of the spring through a point in the base's plane. part 0 is at the first
+ * mesh's facet, part 1 at the second's. */
 static void foundation_place_on_spring(const struct foundation *bed, double x, double y,
                                        double depth, double part, double out[3])
 {
@@ -173,8 +176,8 @@ static void foundation_place_on_spring(const struct foundation *bed, double x, d
     }
 }
 
-/* Adds the spring through a place in the base's plane, with the force at the point that the law's
- * shares give. */
+/* Adds the spring through a point in the base's plane; its force acts at the point given by the
+ * law's shares. */
 static void foundation_add_spring(const struct foundation_between *m, const struct foundation *bed,
                                   double x, double y, double rate)
 {
@@ -184,11 +187,11 @@ static void foundation_add_spring(const struct foundation_between *m, const stru
     batch_add_spring(&m->pair->scratch->batch, p, bed->along, rate, depth);
 }
 
-/* Adds three springs for all of a polygon. They stand at L times the corners of an equilateral
- * triangle about the centroid, L L' being twice the matrix of the mean squares off the centroid. So
- * they have the polygon's moments up to the second, which integrates force and moment of a linear
- * depth exactly. None is off the polygon: the ellipse through them is inside every convex figure
- * (Kannan, Lovasz, Simonovits 1995); in a triangle it touches the middles of the sides. */
+/* Adds three springs for a whole polygon, at L times the corners of an equilateral triangle about
+ * the centroid, where L L' is twice the matrix of mean squares about the centroid. So they have
+ * the polygon's moments up to the second, which integrates force and moment of a linear depth
+ * exactly. All lie inside the polygon: the ellipse through them is inside any convex figure
+ * (Kannan, Lovasz, Simonovits 1995), and in a triangle it touches the middles of the sides. */
 static void foundation_add_three(const struct foundation_between *m, const struct foundation *bed,
                                  const struct moments *at, double rate)
 {
@@ -219,18 +222,17 @@ static void foundation_add_around(const struct foundation_between *m, const stru
     }
 }
 
-/* ---- how much they count ---- */
+/* ---- weights of springs ---- */
 
-/* Returns the depth of a spring's middle under the surface of a solid, in half lengths of the
- * spring (up to DEPTH_FULL; the rest does not matter). middle: in the solid's frame. */
+/* Returns the depth of a spring's middle below the surface of a solid, in half lengths of the
+ * spring, at most DEPTH_FULL. middle: in the solid's frame. */
 static double spring_middle_depth(const struct solid *solid, const double middle[3], double half)
 {
-    /* The surface at the spring's end is half a spring away, so the search always ends at one */
+    /* The surface at the spring's end is half a length away, so the search always finds a point */
     return solid_depth(solid, middle, (solid->convex ? DEPTH_FULL : 1) * 1.01 * half) / half;
 }
 
-/* Returns how much a spring counts, 0 to 1, that is this long (m) and has its middle here (first's
- * frame). */
+/* Returns the weight of a spring, 0 to 1. length in m; middle in the first's frame. */
 static double spring_weight(const struct foundation_between *m, const double middle[3],
                             double length)
 {
@@ -245,8 +247,8 @@ static double spring_weight(const struct foundation_between *m, const double mid
     return native_ramp(a < b ? a : b, DEPTH_NONE, DEPTH_FULL);
 }
 
-/* Adds springs for what backs the layers, where a polygon is deeper than these. area: of the
- * polygon, weighted, m2. */
+/* Adds springs for the backing of the layers where a polygon is deeper than the layers. area:
+ * weighted area of the polygon, m2. */
 static void foundation_add_backing(const struct foundation_between *m, const struct foundation *bed,
                                    const struct polygon2d *common, double area)
 {
@@ -282,7 +284,7 @@ static void foundation_add_couple(const struct foundation_between *m,
     struct moments at;
     double depth, area, weight, middle[3];
 
-    /* Where both facets lie on top of one another along the springs */
+    /* The overlap of both facets along the springs */
     if (!foundation_find(m, c, &bed, &g[0])) {
         return;
     }
@@ -291,7 +293,7 @@ static void foundation_add_couple(const struct foundation_between *m,
         return;
     }
 
-    /* Springs longer than fit in the overlap do not count, nor do those that run along it */
+    /* Springs that are too long for the overlap or run along it do not count */
     clip2d_moments(common, fine, &at);
     depth = foundation_depth(&bed, at.x, at.y);
     if (!(at.twice > DBL_MIN) || depth > m->reach) {
@@ -303,7 +305,7 @@ static void foundation_add_couple(const struct foundation_between *m,
         return;
     }
 
-    /* Springs on the area seen along them; they fade out as the normals get perpendicular */
+    /* The area is seen along the springs; they fade out as the normals become perpendicular */
     weight *= c->facing * native_ramp(c->facing, FACING_NONE, FACING_FULL);
     area = weight * bed.cosine * at.twice / 2;
     if (fine) {
@@ -312,7 +314,7 @@ static void foundation_add_couple(const struct foundation_between *m,
         foundation_add_around(m, &bed, common, &at, m->pair->law->stiffness * area);
     }
 
-    /* Deepest corner: what backs the layers, and the patch's depth where the springs count */
+    /* The deepest corner: for the backing, and for the patch's depth where springs count */
     depth = 0;
     for (int i = 0; i < common->n; i++) {
         depth = fmax(depth, foundation_depth(&bed, common->x[i], common->y[i]));
@@ -330,8 +332,8 @@ static void foundation_add_couple(const struct foundation_between *m,
 
 /* ---- facets that face each other ---- */
 
-/* Computes the intersection of two boxes; false when it is empty. thin: lowered to its least
- * extent, m. */
+/* Computes the intersection of two boxes; returns false if it is empty. thin: lowered to its
+ * smallest extent, m. */
 static bool box_intersect(const struct box *a, const struct box *b, struct box *out, double *thin)
 {
     for (int k = 0; k < 3; k++) {
@@ -345,9 +347,9 @@ static bool box_intersect(const struct box *a, const struct box *b, struct box *
     return true;
 }
 
-/* Transforms the facets of the second mesh into the first's frame that are in the box where both
- * meshes are (here and there: in the frame of the first and of the second) and have some of that
- * box behind them. Returns their number. */
+/* Transforms facets of the second mesh into the first's frame: those that overlap the common box
+ * (here in the first's frame, there in the second's) and have a part of it behind them. Returns
+ * their number. */
 static size_t meshes_view_second(const struct foundation_between *m, const struct box *here,
                                  const struct box *there)
 {
@@ -359,7 +361,7 @@ static size_t meshes_view_second(const struct foundation_between *m, const struc
         const struct facet *f = &m->second->facet[list[i]];
         double normal[3], center[3];
 
-        /* Is some of the box behind it? */
+        /* Skips a facet with no part of the box behind it */
         mat3_apply(m->pair->relative->R, f->normal, normal);
         mat3_apply(m->pair->relative->R, f->center, center);
         vec3_add_scaled(center, 1, m->pair->relative->p, center);
@@ -367,7 +369,7 @@ static size_t meshes_view_second(const struct foundation_between *m, const struc
             continue;
         }
 
-        /* Then it is kept, in the first's frame */
+        /* Stores the facet in the first's frame */
         for (int k = 0; k < 3; k++) {
             view->normal[k][count] = normal[k];
             view->center[k][count] = center[k];
@@ -377,7 +379,7 @@ static size_t meshes_view_second(const struct foundation_between *m, const struc
         list[count++] = list[i];
     }
 
-    /* Without a normal, the padding faces nothing */
+    /* Padding has zero normals, which face nothing */
     for (size_t i = count; i % LANES; i++) {
         for (int k = 0; k < 3; k++) {
             view->normal[k][i] = view->center[k][i] = 0;
@@ -388,8 +390,8 @@ static size_t meshes_view_second(const struct foundation_between *m, const struc
     return count;
 }
 
-/* Returns the corners of a facet of the second mesh in the first's frame; they are transformed when
- * they are needed for the first time. */
+/* Returns the corners of a facet of the second mesh in the first's frame. Transforms them on first
+ * use. */
 static const double (*view_facet_ring(const struct foundation_between *m, int i))[3]
 {
     struct native_view *view = &m->pair->scratch->view;
@@ -407,8 +409,8 @@ static const double (*view_facet_ring(const struct foundation_between *m, int i)
     return (const double(*)[3])view->corner + view->ring[i];
 }
 
-/* Finds the facets of the second mesh that face this one of the first, as far as each reaches
- * behind the other's plane; returns how many. reach: longest spring, m. */
+/* Finds the facets of the second mesh that face a facet of the first, as far as each reaches
+ * behind the other's plane. Returns their number. reach: longest spring, m. */
 static size_t view_find_facing(const struct native_view *view, size_t n, const struct facet *a,
                                double reach, int *found)
 {
@@ -420,7 +422,7 @@ static size_t view_find_facing(const struct native_view *view, size_t n, const s
         lanes bx = lanes_load(view->normal[0] + at), by = lanes_load(view->normal[1] + at),
               bz = lanes_load(view->normal[2] + at);
 
-        /* Normals against each other */
+        /* Normals that point against each other */
         lanes_mask yes =
             lanes_less(normal[0] * bx + normal[1] * by + normal[2] * bz, zero - FACING_NONE);
 
@@ -428,7 +430,7 @@ static size_t view_find_facing(const struct native_view *view, size_t n, const s
             continue;
         }
 
-        /* Bounding circles near each other and each behind the other's plane */
+        /* Bounding circles near each other, each behind the other's plane */
         lanes radius = lanes_load(view->radius + at), near = a->radius + radius + reach;
         lanes x = lanes_load(view->center[0] + at) - center[0],
               y = lanes_load(view->center[1] + at) - center[1],
@@ -444,7 +446,7 @@ static size_t view_find_facing(const struct native_view *view, size_t n, const s
     return count;
 }
 
-/* Adds the springs between one facet of the first mesh and the nsecond that are viewed of the
+/* Adds the springs between one facet of the first mesh and the nsecond facets in the view of the
  * second. */
 static void meshes_add_facet(const struct foundation_between *m, const struct facet *a,
                              size_t nsecond)
@@ -469,8 +471,8 @@ static void meshes_add_facet(const struct foundation_between *m, const struct fa
     }
 }
 
-/* Checks whether any facet of the first mesh is in the box where both are and has some of it
- * behind: when not, there is nothing to view the second's for. */
+/* Checks whether any facet of the first mesh is in the common box and has a part of it behind. If
+ * not, the second mesh needs no view. */
 static bool meshes_reach_first(const struct solid *first, const struct box *here)
 {
     const struct tree *tree = &first->facets;
@@ -504,7 +506,7 @@ void native_overlap_meshes(const struct native_overlap *o)
     const struct tree_node *node = tree->node, *end = tree_end(tree);
     size_t nsecond;
 
-    /* The box where both meshes are, in the frame of the first (here) and of the second (there) */
+    /* The common box in the frame of the first (here) and of the second (there) */
     for (int i = 0; i < 9; i++) {
         back[i] = relative->R[i % 3 * 3 + i / 3];
     }
@@ -524,11 +526,11 @@ void native_overlap_meshes(const struct native_overlap *o)
         return;
     }
 
-    /* A ball in the overlap has no room for a larger diameter than thin */
+    /* A ball in the overlap has at most the diameter thin */
     m.reach = thin / DEPTH_NONE;
     m.fine = FINE * (first->radius < second->radius ? first->radius : second->radius);
 
-    /* Each facet of the first there against those of the second */
+    /* Each facet of the first mesh in the box against the view of the second */
     nsecond = meshes_view_second(&m, &here, &there);
     while (nsecond > 0 && node != end) {
         if (!boxes_meet(&node->box, &here)) {
@@ -538,7 +540,7 @@ void native_overlap_meshes(const struct native_overlap *o)
         for (int i = 0; i < node->count; i++) {
             const struct facet *f = &first->facet[tree->item[node->first + i]];
 
-            /* Is some of the box behind it? */
+            /* Skips a facet with no part of the box behind it */
             if (box_least(&here, f->normal) < f->offset) {
                 meshes_add_facet(&m, f, nsecond);
             }

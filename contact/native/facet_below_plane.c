@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Closed forms over a facet below a plane. The springs' place p, depth D and share S = 1 - c v of
- * the elastic force that dissipation leaves are linear in x and y along the facet's axes, hence the
- * weights of a spring (its normal force k D S, stiffness k S, damping k c D and rate k) are of the
- * second degree, and their moments up to the second are sums over struct facet_moments. The four
- * weights are the lanes.
+ * Closed forms over a facet below a plane. The place p, the depth D and the damping factor S = 1 -
+ * c v of the springs are linear in x and y along the facet's axes. So the weights of a spring
+ * (normal force k D S, stiffness k S, damping k c D, rate k) have at most degree two, and their
+ * moments up to the second are sums over struct facet_moments. The four weights are the lanes.
  */
 #include "contact/native/facet_below_plane.h"
 
@@ -31,7 +30,7 @@ struct facet_linear facet_below_plane_depth(const struct solid *solid, const str
     const double *x = solid->outline[0] + facet->outline, *y = solid->outline[1] + facet->outline;
     lanes most = {0}, least;
 
-    /* The outline is padded with its first corner */
+    /* The padding with the first corner does not change the result */
     most += depth.center + depth.slope[0] * x[0] + depth.slope[1] * y[0];
     least = most;
     for (int i = 0; i < facet->count; i += LANES) {
@@ -46,8 +45,8 @@ struct facet_linear facet_below_plane_depth(const struct solid *solid, const str
     return depth;
 }
 
-/* Returns how fast the surfaces part at the springs, (v + w x p) . n = v . n + (n x w) . p. The way
- * of a spring along n does not change it. */
+/* Returns the speed at which the surfaces part, linear over the facet: (v + w x p) . n = v . n +
+ * (n x w) . p. The extent of a spring along n does not change it. */
 static struct facet_linear find_leaving(const struct facet *facet, const double n[3],
                                         const struct native_relative *relative)
 {
@@ -60,7 +59,8 @@ static struct facet_linear find_leaving(const struct facet *facet, const double 
     };
 }
 
-/* Computes the moments of the weights along the facet's axes, from the products of the powers. */
+/* Computes the moments of the weights along the facet's axes, from the integrals of products of
+ * powers. */
 static void weigh_facet(const struct facet_moments *moments, const struct facet_linear *depth,
                         const struct facet_linear *share, double k, double c,
                         lanes weight[FACET_POWERS])
@@ -87,8 +87,8 @@ static void weigh_facet(const struct facet_moments *moments, const struct facet_
     }
 }
 
-/* Adds the energies of the springs to sum: stored k D^2 / 2 and dissipated k D c v^2; and their
- * elastic forces. */
+/* Adds the elastic forces and energies of the springs to sum: stored k D^2 / 2, dissipated power k
+ * D c v^2. */
 static void add_energies(const struct facet_moments *moments, const struct facet_linear *depth,
                          const struct facet_linear *leaving, double k, double c,
                          struct native_sum *sum)
@@ -123,7 +123,7 @@ static void add_lane(const double zeroth[LANES], const double first[3][LANES],
     }
 }
 
-/* Adds the moments of the weights in space, where springs stand at origin + x ax + y ay. */
+/* Adds the moments of the weights in space, with springs at origin + x ax + y ay. */
 static void add_in_space(const lanes weight[FACET_POWERS], const double origin[3],
                          const double ax[3], const double ay[3], const double n[3],
                          struct native_sum *sum)
@@ -172,7 +172,7 @@ bool facet_below_plane_gather(const struct solid *solid, const struct facet *fac
         return false;
     }
 
-    /* Springs stand off the facet toward the plane by its share of the depth */
+    /* Points of action are off the facet toward the plane by its share of the depth */
     for (int k = 0; k < 3; k++) {
         const double way = law->share[0] * n[k];
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The bed of springs under a facet that is all below a plane, in closed form: depth and velocity
- * are linear over it, so all that sticking friction asks of its springs are the facet's moments. SI
- * units; in the frame of the facet's surface. RT-safe; nothing fails.
+ * The springs of a facet that is completely below a plane, in closed form: depth and velocity are
+ * linear over the facet, so the sums for sticking friction follow from the facet's moments. SI
+ * units; frame of the facet's surface. RT-safe; nothing fails.
  */
 #ifndef CONTACT_NATIVE_FACET_BELOW_PLANE_H
 #define CONTACT_NATIVE_FACET_BELOW_PLANE_H
@@ -10,20 +10,21 @@
 #include "contact/mesh/solid.h"
 #include "contact/native/law.h"
 
-/* What is linear over a facet: its value at the center, and its slopes along the facet's axes. */
+/* A linear function over a facet: value at the center, slopes along the facet's axes. */
 struct facet_linear {
     double center, slope[2];
 };
 
-/* Computes the penetration depth over a facet with an outline; n: the plane's normal, height: n .
- * any of its points, m. Returns it with the greatest and the least at a corner. */
+/* Computes the penetration depth over a facet that has an outline. n: the plane's normal; height:
+ * n . any point of the plane, m. Returns the depth with its largest and smallest value at a
+ * corner. */
 struct facet_linear facet_below_plane_depth(const struct solid *solid, const struct facet *facet,
                                             const double n[3], double height, double *deepest,
                                             double *shallowest);
 
-/* Adds to sum, which gathers for sticking friction, what the springs of a facet would that is all
- * below; pressure: their stiffness over the facet's area, Pa/m. Returns false, with nothing added,
- * where some of them might not push. */
+/* Adds the contribution of a facet completely below the plane to sum, for sticking friction.
+ * pressure: spring stiffness per facet area, Pa/m. Returns false and adds nothing if some springs
+ * might not push. */
 bool facet_below_plane_gather(const struct solid *solid, const struct facet *facet,
                               const struct facet_linear *depth, const double n[3], double pressure,
                               const struct native_law *law, const struct native_relative *relative,

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The friction law of contact.h at as many springs at a time as there are lanes: coefficient of
- * friction with its fall from static to dynamic (Stribeck), regularized friction, and the Coulomb
- * limit of bristles that stick. The native engine computes friction of springs here alone. SI
- * units. Pure functions; RT-safe.
+ * The friction law of contact.h for LANES springs at a time: the coefficient of friction with its
+ * fall from static to dynamic (Stribeck), regularized friction, and the Coulomb limit of sticking
+ * bristles. The native engine computes the friction of springs only here. SI units. Pure functions;
+ * RT-safe.
  */
 #ifndef CONTACT_NATIVE_FRICTION_H
 #define CONTACT_NATIVE_FRICTION_H
@@ -34,8 +34,8 @@ LANES_INLINE lanes friction_fall(lanes u, const struct native_law *law)
     return law->us - (law->us - law->ud) * (t * t * friction_step_over_square(t));
 }
 
-/* Returns the regularized coefficient of friction over the sliding speed v (m/s), which is finite
- * at rest: times the normal force and the velocity it is the friction force. */
+/* Returns the regularized coefficient of friction divided by the sliding speed v (m/s), finite at
+ * rest. Multiplied by the normal force and the velocity it is the friction force. */
 LANES_INLINE lanes friction_over_speed(lanes v, const struct native_law *law)
 {
     lanes u = v * law->transition_inverse;
@@ -46,8 +46,8 @@ LANES_INLINE lanes friction_over_speed(lanes v, const struct native_law *law)
     return lanes_pick(lanes_less(u, one), sticking, sliding) + law->uv;
 }
 
-/* Returns the slope of regularized friction against the speed v over us/v_t, without the viscous
- * part, bounded from above as by contact_friction_damping. */
+/* Returns an upper bound of the slope of regularized friction against the speed v, relative to
+ * us/v_t and without the viscous part, like contact_friction_damping. */
 LANES_INLINE lanes friction_slope_bound(lanes v, const struct native_law *law)
 {
     const lanes zero = {0}, half = zero + 0.5, one = zero + 1;
@@ -64,8 +64,8 @@ LANES_INLINE lanes friction_slope_bound(lanes v, const struct native_law *law)
 struct friction_spring {
     lanes p[3], d[3], u[3]; /* point, normal, sliding velocity of the first body */
     lanes leaving;          /* velocity along d, at which the surfaces part */
-    lanes force, normal;    /* elastic; with dissipation, never negative */
-    lanes rate;             /* stiffness: of the force with the depth, N/m */
+    lanes force, normal;    /* elastic force; normal force with dissipation, never negative */
+    lanes rate;             /* stiffness: change of the force with the depth, N/m */
 };
 
 /* Loads the springs from i on from the batch and computes their sliding velocity and normal
@@ -90,7 +90,7 @@ LANES_INLINE void friction_load_spring(const struct native_batch *b, size_t i,
         s->u[k] -= s->leaving * s->d[k];
     }
 
-    /* Normal force: elastic, damped, never pulling */
+    /* Normal force: elastic with damping, never negative */
     s->rate = lanes_load(b->rate + i);
     s->force = lanes_load(b->force + i);
     s->normal = s->force * (1 - law->dissipation * s->leaving);
@@ -106,8 +106,8 @@ struct friction_bend {
     lanes stiffness; /* the friction force is minus this times e */
 };
 
-/* Computes the bend of the bristles at the springs and the stiffness by which they hold: alpha
- * sqrt(s) while they stick, and less where the spring is at its Coulomb limit and slides. */
+/* Computes the bend of the bristles at the springs and their stiffness: alpha sqrt(s) while they
+ * stick, less where a spring slides at its Coulomb limit. */
 LANES_INLINE void friction_find_bend(const struct friction_spring *s, const struct native_law *law,
                                      const struct native_grip *grip, struct friction_bend *out)
 {

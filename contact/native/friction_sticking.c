@@ -2,9 +2,9 @@
 /*
  * Sticking friction (stiction) of a pair in the native engine, by the bristle law of contact.h:
  * computes anchor, normal and center of pressure from the sums over the springs, then the friction
- * force, and the rates at which the bristles bend, yield and relax. In the frame of the first
- * surface. The bristles' state is that of b against a of the configured pair in the world frame;
- * the twist is the same from both sides. docs/contact.md explains the law.
+ * force, and the rates at which the bristles bend, yield and relax. All in the frame of the first
+ * surface. The stored state is for b against a of the configured pair in the world frame; the twist
+ * is equal for both surfaces. docs/contact.md explains the law.
  */
 #include "contact/native/anchor.h"
 #include "contact/native/moments.h"
@@ -15,28 +15,29 @@
 #include <math.h>
 #include <string.h>
 
-#define DELAY_S 0.5e-3   /* t_d, retardation: damping over stiffness of the bristles */
-#define YIELD_S 0.5e-3   /* t_y, time constant of yielding and of relaxing */
-#define YIELD_FROM 0.998 /* of the friction that sliding in that direction would give */
-#define ALIGN_S 10e-3 /* time constant in which the shear turns into the plane of a tilted patch */
-enum { SCALE_STEPS = 6 };   /* to find the scale at which bristles begin to yield */
-#define SCALE_ACCURATE 1e-3 /* of YIELD_FROM */
+#define DELAY_S 0.5e-3 /* t_d, retardation: damping over stiffness of the bristles */
+#define YIELD_S 0.5e-3 /* t_y, time constant of yielding and of relaxing */
+/* yielding starts at this part of the friction of sliding in that direction */
+#define YIELD_FROM 0.998
+#define ALIGN_S 10e-3 /* time constant at which the shear turns into the plane of a tilted patch */
+enum { SCALE_STEPS = 6 };   /* Newton steps for the scale at which bristles begin to yield */
+#define SCALE_ACCURATE 1e-3 /* accuracy relative to YIELD_FROM */
 
-/* Demand over the friction limit between which the force passes from that of the patch as a whole
- * to that of its springs, each with its own limit. */
+/* Range of the demand over the friction limit in which the force changes from the patch as a whole
+ * to its springs, each with its own limit. */
 #define WHOLE_UNTIL 0.80
 #define WHOLE_NEVER 0.95
 
 /* Sliding velocity of the surfaces at a patch's anchor. */
 struct slide {
-    double velocity[3], spin;  /* across the normal, m/s; about the twist's axis, rad/s */
-    double rate[BRISTLE_BENT]; /* of bristles that do not yield, J^0.5/s */
+    double velocity[3], spin;  /* across the normal, m/s; about the twist axis, rad/s */
+    double rate[BRISTLE_BENT]; /* rate of bristles that do not yield, J^0.5/s */
 };
 
 /* ---- sums over the springs of a pair ---- */
 
-/* The springs of a pair: those in the batch, or, if there was no room for all or some were not
- * needed until now (lost), computed again. */
+/* The springs of a pair: in the batch, or computed again (lost) if the batch had no room or they
+ * were not needed before. */
 struct springs {
     struct native_engine *e;
     const struct native_pair *pair;
@@ -45,12 +46,12 @@ struct springs {
     bool lost;
 };
 
-/* Runs the sums that sum asks for over all springs of the pair. */
+/* Runs the sums requested in sum over all springs of the pair. */
 static void springs_add(const struct springs *s, struct native_sum *sum)
 {
     struct native_batch *batch = &s->e->scratch->batch;
 
-    /* Area and depth are in the sum already */
+    /* Area and depth are already in the sum */
     if (s->lost) {
         double area = sum->area, depth = sum->depth;
 
@@ -65,8 +66,8 @@ static void springs_add(const struct springs *s, struct native_sum *sum)
     s->pair->kernels->sum(batch, &s->pair->law, s->relative, sum);
 }
 
-/* Computes the friction that each spring's bristles hold, up to its limit: adds it to sum, or, if
- * sum is NULL, only fills held, most and open of the grip. */
+/* Computes the friction of each spring's bristles, up to its limit, and adds it to sum. If sum is
+ * NULL, only fills held, most and open of the grip. */
 static void springs_hold(const struct springs *s, struct native_grip *grip, struct native_sum *sum)
 {
     struct native_sum unused = {.depth = 0};
@@ -81,8 +82,8 @@ static void springs_hold(const struct springs *s, struct native_grip *grip, stru
 
 /* ---- the patch ---- */
 
-/* Returns the RMS distance of a weight with moments m from the axis through c along n, m; 0 where
- * nothing weighs, or it is a point to rounding. */
+/* Returns the RMS distance of a weight with moments m from the axis through c along n, m. Returns
+ * 0 without weight, or if the weight is a point within rounding. */
 static double moments_find_radius(const struct moments *m, const double c[3], const double n[3])
 {
     double second[6], along[3], square;
@@ -96,8 +97,8 @@ static double moments_find_radius(const struct moments *m, const double c[3], co
     return square > 1e-12 * vec3_dot(c, c) + DBL_MIN ? sqrt(square) : 0;
 }
 
-/* Computes mean normal, center of pressure and stiffness of a patch (grip), and centroid, normal
- * and RMS radius of the area in touch (touch): the anchor that it would be given now. */
+/* Computes mean normal, center of pressure and stiffness of a patch (grip). Computes centroid,
+ * normal and RMS radius of the area in touch (touch), the anchor that a new patch would get. */
 static void patch_find(const struct springs *s, const struct native_sum *sum,
                        struct native_grip *grip, struct native_anchor *touch)
 {
@@ -117,29 +118,30 @@ static void patch_find(const struct springs *s, const struct native_sum *sum,
     }
     memcpy(touch->axis, n, sizeof touch->axis);
 
-    /* Constant stiffness s of the pair; the reach is the bend at the load, J^0.5, with a
-     * coefficient of friction of 1 */
+    /* Constant stiffness s of the pair; reach is the bend at which a friction coefficient of 1
+     * bears the load, J^0.5 */
     grip->root = s->pair->law.shear_root;
     grip->reach = sum->normal / grip->root;
 
-    /* RMS radii of area and pressure about their centers; the latter for the friction moment */
+    /* RMS radii of area and pressure about their centers; the second one is for the friction
+     * moment */
     touch->radius = moments_find_radius(area, touch->point, n);
     memcpy(pressure.first, sum->lever, sizeof pressure.first);
     memcpy(pressure.second, gather->second, sizeof pressure.second);
     radius = moments_find_radius(&pressure, grip->pressure, n);
     grip->inverse_pressure_radius = radius > 0 ? 1 / radius : 0;
 
-    /* Springs act between the surfaces. The point that does not slide while one surface rocks on
-     * the other is one of the surface that the normals do not belong to, so the centroid is moved
-     * there by a share of the mean depth */
+    /* Springs act between the surfaces. When one surface rocks on the other, the point that does
+     * not slide is on the surface that does not define the normals. So the centroid is moved there
+     * by a share of the mean depth */
     if (area->zeroth > 0) {
         vec3_add_scaled(touch->point, s->pair->onto * gather->elastic / area->zeroth, n,
                         touch->point);
     }
 }
 
-/* Transforms an anchor from the first surface's frame into that of the surface that it is fixed
- * in. */
+/* Transforms an anchor from the first surface's frame into the frame of the surface that holds
+ * it. */
 static void anchor_enter(const struct springs *s, struct native_anchor *anchor)
 {
     double from[3], axis[3];
@@ -152,8 +154,8 @@ static void anchor_enter(const struct springs *s, struct native_anchor *anchor)
     }
 }
 
-/* Transforms an anchor from the frame of the surface that it is fixed in into the first
- * surface's. */
+/* Transforms an anchor from the frame of the surface that holds it into the first surface's
+ * frame. */
 static void anchor_leave(const struct springs *s, struct native_anchor *anchor)
 {
     double point[3], axis[3];
@@ -167,9 +169,9 @@ static void anchor_leave(const struct springs *s, struct native_anchor *anchor)
     }
 }
 
-/* Places the grip's bristles on the anchor in the state given, dragged along with the area in touch
- * where it is out of its play, or on a new one where there is none. Fills the state that this
- * anchor (kept) and a new one (anew) have. */
+/* Sets the grip's bristles on the anchor of the given state, dragged along with the area in touch
+ * if it is outside its play, or on a new anchor if there is none. Fills the anchor state for this
+ * anchor (kept) and for a new one (anew). */
 static void patch_place_bristles(const struct springs *s, struct native_anchor touch,
                                  const double given[CONTACT_BRISTLE], struct native_grip *grip,
                                  double kept[CONTACT_BRISTLE], double anew[CONTACT_BRISTLE])
@@ -177,7 +179,7 @@ static void patch_place_bristles(const struct springs *s, struct native_anchor t
     struct native_anchor anchor;
     double aligned;
 
-    /* Finds the anchor, in the frame of the surface that it is fixed in */
+    /* Finds the anchor in the frame of the surface that holds it */
     anchor_enter(s, &touch);
     native_anchor_write(&touch, anew);
     memcpy(kept, given, CONTACT_BRISTLE * sizeof *kept);
@@ -188,9 +190,9 @@ static void patch_place_bristles(const struct springs *s, struct native_anchor t
         native_anchor_write(&anchor, kept);
     }
 
-    /* Twist axis (n + u)/(1 + n . u) in the first surface's frame, between the anchor's axis u and
-     * the normal n, each fixed in one of the surfaces: so the integral of the twist rate depends on
-     * their relative rotation alone */
+    /* Twist axis (n + u)/(1 + n . u) in the first surface's frame. The anchor's axis u and the
+     * normal n are fixed in different surfaces, so the integral of the twist rate depends only on
+     * their relative rotation */
     anchor_leave(s, &anchor);
     aligned = 1 / (1 + vec3_dot(anchor.axis, grip->normal));
     for (int k = 0; k < 3; k++) {
@@ -201,7 +203,7 @@ static void patch_place_bristles(const struct springs *s, struct native_anchor t
 }
 
 /* Computes the sliding velocity of the first body against the second at the anchor and about the
- * twist axis, and the rates at which it bends the bristles: sqrt(s) v and sqrt(s) r w_n. */
+ * twist axis, and the bend rates sqrt(s) v and sqrt(s) r w_n. */
 static void slide_find(const struct springs *s, const struct native_grip *grip, struct slide *slide)
 {
     const struct native_relative *relative = s->relative;
@@ -219,7 +221,7 @@ static void slide_find(const struct springs *s, const struct native_grip *grip, 
         grip->inverse_radius > 0 ? grip->root * slide->spin / grip->inverse_radius : 0;
 }
 
-/* Turns the shear into the plane across the normal n and keeps its length, as a patch that tilts
+/* Turns the shear into the plane across the normal n and keeps its length, so that a tilting patch
  * keeps its energy. */
 static void shear_align(const double n[3], double y[BRISTLE_BENT])
 {
@@ -232,21 +234,21 @@ static void shear_align(const double n[3], double y[BRISTLE_BENT])
     }
 }
 
-/* Returns |y|^2 of shear and twist, twice the energy stored in the bristles, J. */
+/* Returns |y|^2 of shear and twist: twice the energy stored in the bristles, J. */
 static double bristle_square(const double y[BRISTLE_BENT])
 {
     return y[0] * y[0] + y[1] * y[1] + y[2] * y[2] + y[3] * y[3];
 }
 
-/* Returns the scale b of contact.h, up to 1, at which the grip's bristles begin to yield; to be
- * called after springs_hold. Newton's method from below on a function that is concave and piecewise
- * linear, so it does not overshoot. */
+/* Returns the scale b of contact.h, at most 1, at which the grip's bristles begin to yield. Call
+ * it after springs_hold. Newton's method from below, on a concave piecewise linear function, does
+ * not overshoot. */
 static double patch_find_yield(const struct springs *s, const struct native_grip *grip)
 {
     struct native_grip scaled = *grip;
     double scale = 0, part = 0, slope;
 
-    /* Where friction can bear nothing no bend holds; within the limit nothing yields */
+    /* Without friction capacity no bend holds; within the limit nothing yields */
     if (!(grip->most > 0)) {
         return bristle_square(grip->bristle) > 0 ? 0 : 1;
     }
@@ -254,8 +256,8 @@ static double patch_find_yield(const struct springs *s, const struct native_grip
         return 1;
     }
 
-    /* part: held over most, the ratio of the friction at this scale to that of sliding; 0 at scale
-     * 0, with the slope of bristles of which none is at its limit */
+    /* part: held over most, the ratio of the friction at this scale to sliding friction. At scale
+     * 0 it is 0, with the slope of bristles below their limits */
     slope = bristle_square(grip->bristle) / grip->most;
     for (int step = 0; step < SCALE_STEPS; step++) {
         scale += (YIELD_FROM - part) / slope;
@@ -277,8 +279,8 @@ static double patch_find_yield(const struct springs *s, const struct native_grip
 
 /* ---- patches that hold as a whole ---- */
 
-/* Returns the coefficient of friction at a sliding speed, m/s, static at rest; as friction_fall of
- * friction.h with the viscous part. */
+/* Returns the coefficient of friction at a sliding speed, m/s; static at rest. It equals
+ * friction_fall of friction.h plus the viscous part. */
 static double law_find_coefficient(const struct native_law *law, double speed)
 {
     double t = (speed * law->transition_inverse - 1) / 2;
@@ -287,10 +289,10 @@ static double law_find_coefficient(const struct native_law *law, double speed)
     return law->us - (law->us - law->ud) * (t * t * t * (10 - t * (15 - 6 * t))) + law->uv * speed;
 }
 
-/* Returns the demand of contact.h: how much of the friction limit the bristles e ask for, 1 on an
- * ellipsoid that stands for the limit surface, all forces and moments with which the patch slides
- * (Howe, Cutkosky, Int. J. Robotics Research 15, 1996). INFINITY for a twist that a point cannot
- * bear. */
+/* Returns the demand of contact.h: the friction of bristles e over the friction limit. It is 1 on
+ * an ellipsoid that approximates the limit surface, the forces and moments at which the patch
+ * slides (Howe, Cutkosky, Int. J. Robotics Research 15, 1996). INFINITY for a twist about a patch
+ * that is a point. */
 static double patch_find_demand(const struct springs *s, const struct native_grip *grip,
                                 const struct slide *slide, const double e[BRISTLE_BENT])
 {
@@ -298,7 +300,7 @@ static double patch_find_demand(const struct springs *s, const struct native_gri
         grip->reach * law_find_coefficient(&s->pair->law, vec3_norm(slide->velocity));
     double arm[3], turn[3], moment, square = vec3_dot(e, e);
 
-    /* Moment about the center of pressure: of the shear at the anchor, and the twist */
+    /* Moment about the center of pressure: from the shear at the anchor, and from the twist */
     vec3_sub(grip->center, grip->pressure, arm);
     vec3_cross(arm, e, turn);
     moment = vec3_dot(grip->normal, turn);
@@ -312,8 +314,8 @@ static double patch_find_demand(const struct springs *s, const struct native_gri
 }
 
 /* Adds a share of the friction force and moment of bristles e that hold as a whole: force at the
- * anchor's point c, moment about the twist axis. Returns their power, W, which bends them and is
- * damped by their retardation. */
+ * anchor's point c, moment about the twist axis. Returns their power, W, which bends the bristles
+ * and is partly lost in their retardation. */
 static double patch_add_whole(const struct native_grip *grip, const struct slide *slide,
                               const double e[BRISTLE_BENT], double share, struct native_sum *sum)
 {
@@ -330,8 +332,8 @@ static double patch_add_whole(const struct native_grip *grip, const struct slide
     return share * grip->root * (vec3_dot(e, slide->velocity) + twist * slide->spin);
 }
 
-/* Computes the friction of the grip's bristles and adds it to sum: of the patch as a whole for a
- * demand well inside the friction limit, else of each spring, and blended between them. */
+/* Computes the friction of the grip's bristles and adds it to sum: for the patch as a whole if the
+ * demand is well below the friction limit, else for each spring, with a blend between them. */
 static void patch_add_friction(const struct springs *s, const struct slide *slide,
                                struct native_grip *grip, struct native_sum *sum)
 {
@@ -342,7 +344,7 @@ static void patch_add_friction(const struct springs *s, const struct slide *slid
         e[k] = grip->bristle[k] + grip->delay_s * slide->rate[k];
     }
 
-    /* Demand of the bristles with and without their damping, whichever is nearer to the limit */
+    /* Demand of the bristles with and without damping; the larger one counts */
     demand = fmax(patch_find_demand(s, grip, slide, e),
                   patch_find_demand(s, grip, slide, grip->bristle));
     grip->whole = 1 - native_ramp(demand, WHOLE_UNTIL, WHOLE_NEVER);
@@ -355,7 +357,7 @@ static void patch_add_friction(const struct springs *s, const struct slide *slid
         vec3_add_scaled(sum->force, 1 - grip->whole, apart.force, sum->force);
         vec3_add_scaled(sum->moment, 1 - grip->whole, apart.moment, sum->moment);
     } else {
-        /* The tangent of a patch that holds as a whole is that of the moments gathered */
+        /* The tangent of a patch that holds as a whole uses the gathered moments */
         grip->stiffness = sum->gather->stiffness;
         grip->damping = sum->gather->damping;
         grip->held = grip->most = grip->open = 0;
@@ -363,16 +365,16 @@ static void patch_add_friction(const struct springs *s, const struct slide *slid
     grip->power = power;
 }
 
-/* Returns whether the grip's bristles bear less friction than they yield at; to be called after
+/* Returns whether the grip's bristles bear less friction than they yield at. Call it after
  * patch_add_friction. */
 static bool patch_is_firm(const struct native_grip *grip)
 {
     return grip->whole == 1 || grip->held <= YIELD_FROM * grip->most;
 }
 
-/* As of springs in the plane across the normal n with the anchor's radius r about its point, at x
- * from the center: they resist v + w x x across n, and the spin about n with r^2. With m = x x n
- * that is I - n n^T, [x] - n m^T and |x|^2 I - x x^T - m m^T + r^2 n n^T. */
+/* Models springs in the plane across the normal n, with the anchor's radius r about its point, at
+ * x from the center. They resist v + w x x across n, and the spin about n with r^2. With m = x x n
+ * the terms are I - n n^T, [x] - n m^T and |x|^2 I - x x^T - m m^T + r^2 n n^T. */
 void native_bristle_resist(const struct native_grip *grip, const double center[3],
                            const double turn[9], struct contact_tangent *tangent)
 {
@@ -407,10 +409,12 @@ void native_bristle_press(const struct native_grip *grip, const double center[3]
     const struct moments *const of[2] = {&grip->stiffness, &grip->damping};
     double *const to[2] = {tangent->K, tangent->D};
     const double *n = grip->normal;
-    const double cross[9] = {0, n[2], -n[1], -n[2], 0, n[0], n[1], -n[0], 0}; /* of r -> r x n */
+    const double cross[9] = {0,    n[2], -n[1], -n[2], 0,
+                             n[0], n[1], -n[0], 0}; /* matrix of r -> r x
+                                                                               * n */
     double d[3], turned[9];
 
-    /* The directions n and r x n of springs at r, all in the world */
+    /* Directions n and r x n of springs at r, in the world frame */
     mat3_apply(turn, n, d);
     mat3_mul(turn, cross, turned);
     for (int w = 0; w < 2; w++) {
@@ -465,7 +469,7 @@ void native_bristle_relax(const struct contact_bristles *bristles)
     }
 }
 
-/* Appends a pair to the listed ones unless it is there. */
+/* Appends a pair to the list if it is not there. */
 static void bristle_list(struct contact_bristles *bristles, size_t pair)
 {
     for (size_t i = 0; i < bristles->npair; i++) {
@@ -476,9 +480,9 @@ static void bristle_list(struct contact_bristles *bristles, size_t pair)
     bristles->pair[bristles->npair++] = (int)pair;
 }
 
-/* Computes the rates of bristles y in the patch's plane that do not yield: the sliding velocity's,
- * and W x y_s, the turn with the spin about the normal of the surface that the normals belong to,
- * from which an anchor's place is seen. */
+/* Computes the rates of bristles y in the patch's plane without yielding: the rate from sliding,
+ * and W x y_s. W is the spin about the normal of the surface that defines the normals, the surface
+ * from which the anchor's place is seen. */
 static void bend_bristles(const struct native_engine *e, const struct native_pair *pair,
                           const struct native_grip *grip, const struct slide *slide,
                           const double y[BRISTLE_BENT], double rate[BRISTLE_BENT])
@@ -493,8 +497,8 @@ static void bend_bristles(const struct native_engine *e, const struct native_pai
     vec3_add_scaled(rate, vec3_dot(grip->normal, spin), turn, rate);
 }
 
-/* Computes friction and rates of the bristles y, in the patch's plane, at this moment (explicit
- * integration). Returns the rate at which they yield, 1/s. */
+/* Explicit integration: computes friction and rates of the bristles y, in the patch's plane, at
+ * this moment. Returns their yield rate, 1/s. */
 static double hold_now(const struct springs *s, const struct slide *slide,
                        const double y[BRISTLE_BENT], struct native_grip *grip,
                        struct native_sum *sum, double rate[BRISTLE_BENT])
@@ -505,7 +509,7 @@ static double hold_now(const struct springs *s, const struct slide *slide,
     grip->delay_s = grip->follow_s = DELAY_S;
     patch_add_friction(s, slide, grip, sum);
 
-    /* Yield is q of contact.h: beyond the friction limit (q_1), and where more would be stored than
+    /* Yield is q of contact.h: above the friction limit (q_1), and if more would be stored than
      * friction takes from the motion (q_2) */
     bend_bristles(s->e, s->pair, grip, slide, y, rate);
     gain = vec3_dot(y, rate) + y[BRISTLE_TWIST] * rate[BRISTLE_TWIST];
@@ -517,15 +521,15 @@ static double hold_now(const struct springs *s, const struct slide *slide,
         rate[k] -= yield * y[k];
     }
 
-    /* The part of friction's power that is not stored is dissipated */
+    /* The part of the friction power that is not stored is dissipated */
     sum->potential += square / 2;
     sum->power += fmax(0, grip->power - gain + yield * square);
     return yield;
 }
 
-/* Computes friction of the bristles as y becomes in h seconds (implicit integration), and their
- * mean rate. The power of friction that bounds the stored energy is that of the bristles before
- * they yield. Returns the rate at which they yield, 1/s. */
+/* Implicit integration: computes the friction of the bristles y as they are in h seconds, and
+ * their mean rate. The friction power that bounds the stored energy is taken before yielding.
+ * Returns the yield rate, 1/s. */
 static double hold_ahead(const struct springs *s, const struct slide *slide, double h,
                          const double y[BRISTLE_BENT], struct native_grip *grip,
                          struct native_sum *sum, double rate[BRISTLE_BENT])
@@ -533,7 +537,7 @@ static double hold_ahead(const struct springs *s, const struct slide *slide, dou
     struct native_sum unyielding = *sum;
     double before = bristle_square(y), after, most, scale = 1;
 
-    /* Bends them all the way, as if nothing yielded */
+    /* Bends them for the whole time without yielding */
     bend_bristles(s->e, s->pair, grip, slide, y, rate);
     for (int k = 0; k < BRISTLE_BENT; k++) {
         grip->bristle[k] = y[k] + h * rate[k];
@@ -551,7 +555,7 @@ static double hold_ahead(const struct springs *s, const struct slide *slide, dou
         *sum = unyielding;
     } else {
         /* Scales them back to the friction limit, by an implicit step of the yield q_1, and to the
-         * energy that the work of friction allows */
+         * energy bound */
         scale = (1 + h / YIELD_S * patch_find_yield(s, grip)) / (1 + h / YIELD_S);
         scale = after > most ? fmin(scale, sqrt(most / after)) : scale;
         for (int k = 0; k < BRISTLE_BENT; k++) {
@@ -568,8 +572,8 @@ static double hold_ahead(const struct springs *s, const struct slide *slide, dou
     return (1 - scale) / h;
 }
 
-/* Computes the rates that lead an anchor's state from given to kept, and, as far as the bristles
- * yield, on to that of a new anchor (anew). yield: 1/s. */
+/* Computes the rates that lead an anchor's state from given to kept and, as far as the bristles
+ * yield, on to a new anchor (anew). yield: 1/s. */
 static void anchor_follow(const double given[CONTACT_BRISTLE], const double kept[CONTACT_BRISTLE],
                           const double anew[CONTACT_BRISTLE], double h, double yield,
                           double rate[CONTACT_BRISTLE])
@@ -593,12 +597,12 @@ void friction_sticking_add(struct native_engine *e, size_t index,
     struct native_grip *grip = &e->grip[e->npatch];
     double y[BRISTLE_BENT], start[BRISTLE_BENT], rate[CONTACT_BRISTLE], h, along, yield;
     double kept[CONTACT_BRISTLE], anew[CONTACT_BRISTLE];
-    double force[3], moment[3]; /* without friction */
+    double force[3], moment[3]; /* wrench without friction */
     struct native_anchor touch;
     struct slide slide;
 
-    /* Without a normal force there is no friction, and the bristles relax: their rates are those of
-     * native_bristle_relax already */
+    /* Without a normal force there is no friction, and the bristles relax; native_bristle_relax
+     * has already set their rates */
     if (!(sum->normal > 0)) {
         double square = bristle_square(given);
 
@@ -608,7 +612,7 @@ void friction_sticking_add(struct native_engine *e, size_t index,
         return;
     }
 
-    /* Patch, anchor and sliding velocity; bristles turned into the first surface's frame and the
+    /* Patch, anchor and sliding velocity; turns bristles into the first surface's frame and the
      * patch's plane */
     patch_find(&springs, sum, grip, &touch);
     patch_place_bristles(&springs, touch, given, grip, kept, anew);
@@ -619,21 +623,21 @@ void friction_sticking_add(struct native_engine *e, size_t index,
     memcpy(moment, sum->moment, sizeof moment);
     shear_align(grip->normal, y);
 
-    /* Friction, now or after the time ahead; its own wrench is the difference it makes */
+    /* Friction, now or after the time ahead; its own wrench is the difference */
     h = bristles ? bristles->ahead_s : 0;
     yield = h > 0 ? hold_ahead(&springs, &slide, h, y, grip, sum, rate)
                   : hold_now(&springs, &slide, y, grip, sum, rate);
     vec3_sub(sum->force, force, grip->force);
     vec3_sub(sum->moment, moment, grip->moment);
 
-    /* The state itself turns into the plane too: within the time ahead, or in ALIGN_S */
+    /* The state turns into the plane too: within the time ahead, or in ALIGN_S */
     along = vec3_dot(start, start);
     along = h > 0 || along < DBL_MIN ? 1 : vec3_dot(y, start) / along;
     for (int k = 0; k < 3; k++) {
         rate[k] += (y[k] - along * start[k]) / (h > 0 ? h : ALIGN_S);
     }
 
-    /* Rates of bristles and anchor, in the frames of the state */
+    /* Rates of bristles and anchor, in the frames of their states */
     if (bristles && bristles->rate) {
         double *out = bristles->rate + CONTACT_BRISTLE * index;
 

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Sums over springs for sticking friction (stiction), as many at a time as there are lanes: those
- * without friction that a patch's normal, center of pressure and anchor come from, and the friction
- * that each spring's bristles hold.
+ * Sums over springs for sticking friction (stiction), LANES at a time: the sums without friction
+ * for a patch's normal, center of pressure and anchor, and the friction of each spring's bristles.
  */
 #include "contact/native/stick.h"
 
@@ -10,8 +9,8 @@
 #include "contact/native/moments_sum.h"
 #include "base/vec3.h"
 
-/* Adds normal force, moment, energies and the sums of struct native_gather over springs that push
- * in directions of their own. */
+/* Adds normal force, moment, energies and the sums of struct native_gather for springs with
+ * individual directions. */
 static void gather_springs(const struct native_batch *b, const struct native_law *law,
                            const struct native_relative *relative, struct native_sum *sum)
 {
@@ -51,7 +50,7 @@ static void gather_springs(const struct native_batch *b, const struct native_law
         power += (s.force - s.normal) * s.leaving;
     }
 
-    /* Adds up the lanes; the stiffness weighs as the area does */
+    /* Adds up the lanes; the stiffness is proportional to the area */
     for (int k = 0; k < 3; k++) {
         double push = lanes_sum(along[k]);
 
@@ -70,9 +69,9 @@ static void gather_springs(const struct native_batch *b, const struct native_law
     sum->power += lanes_sum(power);
 }
 
-/* ---- springs that push one way ---- */
+/* ---- springs that all push in one direction ---- */
 
-enum { WEIGHTS_MAX = 136 }; /* springs at a time; no large power of two, as BATCH_MAX */
+enum { WEIGHTS_MAX = 136 }; /* springs at a time; not a large power of two, see BATCH_MAX */
 
 /* Weights of springs for their moments: normal force (N), stiffness (N/m) and damping (N s/m) along
  * the normal. */
@@ -82,8 +81,8 @@ struct weights {
     _Alignas(64) double damping[WEIGHTS_MAX];
 };
 
-/* Computes the weights of n springs from start on, which all push along d, and adds their energies
- * to sum. */
+/* Computes the weights of n springs from start on, which all push along d. Adds their energies to
+ * sum. */
 static void find_weights(const struct native_batch *b, size_t start, size_t n, const double d[3],
                          const struct native_law *law, const struct native_relative *relative,
                          struct weights *out, struct native_sum *sum)
@@ -91,7 +90,7 @@ static void find_weights(const struct native_batch *b, size_t start, size_t n, c
     const double leaving_at_0 = vec3_dot(relative->v, d), c = law->dissipation;
     const lanes zero = {0};
     lanes potential = zero, power = zero, elastic = zero;
-    double slope[3]; /* of the leaving velocity */
+    double slope[3]; /* slope of the leaving velocity */
 
     /* The leaving velocity (v + w x p) . d = v . d + (d x w) . p is linear in the place p */
     vec3_cross(d, relative->w, slope);
@@ -101,7 +100,7 @@ static void find_weights(const struct native_batch *b, size_t start, size_t n, c
         lanes leaving = leaving_at_0 +
                         (slope[0] * lanes_load(b->p[0] + at) + slope[1] * lanes_load(b->p[1] + at) +
                          slope[2] * lanes_load(b->p[2] + at));
-        lanes share = 1 - c * leaving; /* of the elastic force; never pulling */
+        lanes share = 1 - c * leaving; /* factor of the elastic force; springs never pull */
         lanes_mask pushes = lanes_less(zero, share);
         lanes normal;
 
@@ -137,8 +136,8 @@ void native_gather_add(const struct moments *f, const double d[3], struct native
     }
 }
 
-/* Does the same as gather_springs for springs that all push along one direction, by moments alone,
- * and adds the moments of their stiffness and damping. */
+/* Computes the sums of gather_springs for springs that all push along one direction, from moments
+ * only, and adds the moments of their stiffness and damping. */
 static void gather_one_way(const struct native_batch *b, const struct native_law *law,
                            const struct native_relative *relative, struct native_sum *sum)
 {
@@ -166,7 +165,7 @@ static void gather_one_way(const struct native_batch *b, const struct native_law
     native_gather_add(&normal, d, sum);
 }
 
-/* ---- calls of stick.h ---- */
+/* ---- functions of stick.h ---- */
 
 void native_stick_gather(const struct native_batch *b, const struct native_law *law,
                          const struct native_relative *relative, struct native_sum *sum)
@@ -178,8 +177,8 @@ void native_stick_gather(const struct native_batch *b, const struct native_law *
     }
 }
 
-/* Adds the friction of the springs, or only, unless it keeps, how near they are to its limit. keeps
- * is a constant wherever this is called, so that either sum is a loop of its own. */
+/* keeps: adds the friction of the springs. Otherwise computes only its utilization (held, most,
+ * open). keeps is a constant in each call, so that the compiler makes two loops. */
 LANES_INLINE void hold_springs(struct native_batch *b, const struct native_law *law,
                                const struct native_relative *relative, const bool keeps,
                                struct native_sum *sum)
@@ -198,7 +197,7 @@ LANES_INLINE void hold_springs(struct native_batch *b, const struct native_law *
         friction_load_spring(b, i, law, relative, &s);
         friction_find_bend(&s, law, grip, &bend);
 
-        /* Friction force against the bend, its moment and its power, unless it is only measured */
+        /* Friction force against the bend, its moment and its power */
         if (keeps) {
             lanes_store(bend.stiffness, b->held + i);
             for (int k = 0; k < 3; k++) {
@@ -211,7 +210,7 @@ LANES_INLINE void hold_springs(struct native_batch *b, const struct native_law *
             moment[2] -= s.p[0] * f[1] - s.p[1] * f[0];
         }
 
-        /* How near the bristles alone, without their damping, are to the friction limit */
+        /* Utilization of the friction limit by the bristles without their damping */
         size = lanes_root(bend.square);
         bears = bend.share * size;
         below = lanes_less(bears, bend.limit);

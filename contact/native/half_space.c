@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A mesh on a half-space: one bed of springs on the plane, along its normal, as long as the
- * penetration of the mesh is deep there. Its undamped force is the stiffness times the penetration
- * volume, however the mesh is cut into triangles.
+ * A mesh on a half-space: parallel springs stand on the plane, along its normal, each as long as
+ * the penetration there. The undamped force is the stiffness times the penetration volume for any
+ * triangulation of the mesh.
  */
 #include "contact/native/narrow_phase.h"
 #include "contact/native/clip2d.h"
@@ -12,16 +12,16 @@
 #include <float.h>
 #include <string.h>
 
-#define FACING 0.5 /* cosine; facets that face the plane less have few springs, however large */
+#define FACING 0.5 /* cosine; facets that face the plane less need few springs at any size */
 
-enum { DEPTH = 3 }; /* the fourth coordinate of a corner, m */
+enum { DEPTH = 3 }; /* index of the fourth coordinate of a corner: its depth, m */
 
 struct polygon {
     int n;
     double p[POLYGON_MAX][4];
 };
 
-/* Clips a polygon to where its depth is not negative. */
+/* Clips a polygon to the part with a depth of at least 0. */
 static void polygon_clip_depth(const struct polygon *in, struct polygon *out)
 {
     out->n = 0;
@@ -42,7 +42,7 @@ static void polygon_clip_depth(const struct polygon *in, struct polygon *out)
     }
 }
 
-/* Returns twice the area of a triangle as seen along a normal, m2. */
+/* Returns twice the area of a triangle projected along a normal, m2. */
 static double triangle_twice_area(const double a[3], const double b[3], const double c[3],
                                   const double normal[3])
 {
@@ -54,8 +54,7 @@ static double triangle_twice_area(const double a[3], const double b[3], const do
     return vec3_dot(x, normal);
 }
 
-/* Computes twice the area as seen along a normal (returned, m2), and the centroid with its
- * depth. */
+/* Computes twice the projected area (returned, m2), and the centroid with its depth. */
 static double polygon_center(const struct polygon *g, const double normal[3], double center[4])
 {
     double twice = 0, sum[4] = {0, 0, 0, 0};
@@ -74,15 +73,15 @@ static double polygon_center(const struct polygon *g, const double normal[3], do
     return twice;
 }
 
-/* Adds the springs on a polygon: three in each part (parts: of struct facet) of each triangle
+/* Adds the springs of a polygon: three in each part (parts: of struct facet) of each triangle
  * between the center (polygon_center's) and an edge, which integrates force and moment of a linear
- * depth exactly. pressure is the elastic force per depth and area as seen along the normal, share
- * how far along d from the polygon a spring acts. */
+ * depth exactly. pressure: elastic force per depth and projected area. share: distance from the
+ * polygon to the point of action along d, relative to the depth. */
 static void polygon_add_springs(const struct native_overlap *o, const struct polygon *g,
                                 const double center[4], const double normal[3], const double d[3],
                                 int parts, double pressure, double share)
 {
-    /* In each triangle between the center and an edge, and each of its parts */
+    /* For each triangle between the center and an edge, and each of its parts */
     for (int i = 0; i < g->n; i++) {
         const double *v[3] = {center, g->p[i], g->p[i + 1 < g->n ? i + 1 : 0]};
         double twice = triangle_twice_area(v[0], v[1], v[2], normal);
@@ -109,8 +108,8 @@ static void polygon_add_springs(const struct native_overlap *o, const struct pol
 
 /* ---- facets below the plane ---- */
 
-/* Adds a facet that is all below the plane: in closed form where that is enough, else a spring at
- * each point of quadrature that it keeps. */
+/* Adds a facet that is completely below the plane: in closed form if that is enough, else one
+ * spring per stored quadrature point. */
 static void half_space_add_facet_below(const struct native_overlap *o, const struct facet *f,
                                        const struct facet_linear *bed, const double n[3],
                                        double height, double pressure)
@@ -127,7 +126,7 @@ static void half_space_add_facet_below(const struct native_overlap *o, const str
         int room, take = f->npoint - done;
         struct native_batch *b = &o->scratch->batch;
 
-        /* As many at a time as there is room for */
+        /* As many points at a time as the batch has room for */
         native_make_room(o, 8);
         room = (int)(BATCH_MAX - b->n);
         take = take < room ? take : room;
@@ -152,7 +151,7 @@ static void half_space_add_facet_below(const struct native_overlap *o, const str
     }
 }
 
-/* Adds a facet's springs. n: the plane's normal; height: n . any of the plane's points, m. */
+/* Adds a facet's springs. n: the plane's normal; height: n . any point of the plane, m. */
 static void half_space_add_facet(const struct native_overlap *o, const struct facet *f,
                                  const double n[3], double height)
 {
@@ -167,7 +166,8 @@ static void half_space_add_facet(const struct native_overlap *o, const struct fa
         return;
     }
 
-    /* One of more than three corners may be all below: the rule of a foot that stands */
+    /* A facet with more than three corners may be completely below, as usual for a standing
+     * foot */
     if (f->npoint > 0) {
         const struct facet_linear depth =
             facet_below_plane_depth(solid, f, n, height, &deepest, &shallowest);
@@ -182,7 +182,7 @@ static void half_space_add_facet(const struct native_overlap *o, const struct fa
         }
     }
 
-    /* Penetration depth at its corners */
+    /* Penetration depth at the corners */
     whole.n = f->count;
     for (int i = 0; i < f->count; i++) {
         const double *v = solid->ring[f->first + i];
@@ -197,7 +197,7 @@ static void half_space_add_facet(const struct native_overlap *o, const struct fa
         return;
     }
 
-    /* Some of it is below: springs on the clipped part */
+    /* A part is below: springs on the clipped part */
     if (shallowest < 0) {
         polygon_clip_depth(&whole, &cut);
         sunk = &cut;
@@ -219,7 +219,7 @@ void native_overlap_half_space(const struct native_overlap *o)
     const struct tree_node *node = tree->node, *end = tree_end(tree);
 
     while (node != end) {
-        /* Skips facets that are all above the plane or all turned away from it */
+        /* Skips subtrees whose facets are all above the plane or all face away from it */
         if (box_least(&node->box, n) >= height ||
             box_least(&solid->normal_bounds[node - tree->node], n) >= 0) {
             node += node->size;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The table of what the native engine calls in its kernels, one for each instruction set that they
- * are compiled for (contact/variant.h), and an engine on a table of one's choice. What is in
- * a table is RT-safe.
+ * Tables of the native engine's kernels, one for each instruction set that they are compiled for
+ * (contact/variant.h), and a way to create an engine on a chosen table. The functions in a table
+ * are RT-safe.
  */
 #ifndef CONTACT_NATIVE_ISA_TABLE_H
 #define CONTACT_NATIVE_ISA_TABLE_H
@@ -13,7 +13,7 @@
 /* Kernels: the engine's operations, native_overlap, native_law_sum and broad_phase_find. */
 struct native_kernels {
     const char *name;
-    const struct contact_ops *ops; /* of an engine on them */
+    const struct contact_ops *ops; /* operations of an engine that uses these kernels */
     void (*overlap)(enum native_pair_kind kind, const struct native_overlap *o);
     void (*sum)(struct native_batch *batch, const struct native_law *law,
                 const struct native_relative *relative, struct native_sum *sum);
@@ -28,8 +28,8 @@ extern const struct native_kernels native_kernels_avx2, native_kernels_avx512;
 /* Returns the kernels for instruction_set_used(). All give the same bits. RT-safe. */
 const struct native_kernels *native_kernels_used(void);
 
-/* Does what contact_native_create does, with these kernels, which this machine has to be able to
- * run and which outlive the world; NULL: native_kernels_used(). Not RT-safe. */
+/* Creates an engine like contact_native_create, with the given kernels. This machine must support
+ * them, and they must outlive the world. NULL: native_kernels_used(). Not RT-safe. */
 enum error_code native_create_with_kernels(const struct contact_config *config,
                                            const struct native_kernels *kernels,
                                            struct arena *arena, struct contact_world **world,

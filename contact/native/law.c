@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The contact law of contact.h over the springs of a pair, as many at a time as there are lanes:
- * normal force with dissipation (penalty method), regularized friction, stored and dissipated
- * energy, and the tangents (stiffness and damping matrices) for implicit integration. Sticking
- * friction (stiction) is in friction_sticking.c and friction_sums.c.
+ * The contact law of contact.h over the springs of a pair, LANES at a time: normal force with
+ * dissipation (penalty method), regularized friction, stored and dissipated energy, and the
+ * tangents (stiffness and damping matrices) for implicit integration. Sticking friction (stiction)
+ * is in friction_sticking.c and friction_sums.c.
  */
 #include "contact/native/law.h"
 
@@ -25,7 +25,7 @@ static void batch_pad(struct native_batch *b)
     }
 }
 
-/* Computes normal force and regularized friction of each spring (contact.h) and adds force, moment
+/* Computes normal force and regularized friction of each spring (contact.h). Adds force, moment
  * about the frame's origin, sums for the center of pressure, and energies to sum. */
 static void law_add_forces(const struct native_batch *batch, const struct native_law *law,
                            const struct native_relative *relative, struct native_sum *sum)
@@ -41,20 +41,20 @@ static void law_add_forces(const struct native_batch *batch, const struct native
               dz = lanes_load(batch->d[2] + i);
         lanes f = lanes_load(batch->force + i), depth = lanes_load(batch->depth + i);
 
-        /* Relative velocity of the first body against the second at the spring, and its part
-         * along the normal: the rate x' of the penetration depth is -leaving */
+        /* Velocity of the first body relative to the second at the spring, and its component along
+         * the normal: the rate x' of the penetration depth is -leaving */
         lanes ux = v[0] + (w[1] * pz - w[2] * py);
         lanes uy = v[1] + (w[2] * px - w[0] * pz);
         lanes uz = v[2] + (w[0] * py - w[1] * px);
         lanes leaving = ux * dx + uy * dy + uz * dz;
 
-        /* Normal force f (1 + c x'): elastic, damped, never pulling */
+        /* Normal force f (1 + c x'): elastic with damping, never negative */
         lanes fn = f * (1 - law->dissipation * leaving);
         lanes_mask pushes = lanes_less(zero, fn);
 
         fn = lanes_pick(pushes, fn, zero);
 
-        /* Friction force against the sliding velocity, the part across the normal */
+        /* Friction force against the sliding velocity, the component across the normal */
         ux -= leaving * dx;
         uy -= leaving * dy;
         uz -= leaving * dz;
@@ -94,18 +94,18 @@ static void law_add_forces(const struct native_batch *batch, const struct native
 
 /* ---- tangents ---- */
 
-#define RESISTANCE_MAX 136 /* springs at a time; no large power of two, as BATCH_MAX */
+#define RESISTANCE_MAX 136 /* springs at a time; not a large power of two, see BATCH_MAX */
 
-/* Stiffness and damping that springs add to a tangent, and where they act, along the axes of the
- * world frame. */
+/* Stiffness and damping that springs add to a tangent, and their points of action, along the axes
+ * of the world frame. */
 struct resistance {
     size_t n;
     _Alignas(64) double arm[3][RESISTANCE_MAX];    /* from the tangent's center, m */
     _Alignas(64) double stiffness[RESISTANCE_MAX]; /* along the normal, N/m */
     _Alignas(64) double damping
-        [RESISTANCE_MAX]; /* along the normal, less regularized friction's, N s/m */
+        [RESISTANCE_MAX]; /* along the normal, minus regularized friction, N s/m */
     _Alignas(64) double friction[RESISTANCE_MAX]; /* damping in all directions, N s/m */
-    /* The normal n and its moment arm x n, for springs that push in directions of their own */
+    /* The normal n and its moment arm x n, for springs with individual directions */
     _Alignas(64) double along[CONTACT_AXES][RESISTANCE_MAX];
 };
 
@@ -115,9 +115,8 @@ LANES_INLINE lanes lanes_turn(const double row[3], const lanes v[3])
     return row[0] * v[0] + row[1] * v[1] + row[2] * v[2];
 }
 
-/* Returns the stiffness over bend of the bristles at springs from `from` on: friction force over e
- * of contact.h. It was kept in the batch with the force, or is computed again when the batch had no
- * room. */
+/* Returns the stiffness over bend of the bristles at the springs from `from` on: friction force
+ * over e of contact.h. Reads it from the batch, or computes it again if the batch had no room. */
 LANES_INLINE lanes bristle_stiffness(const struct native_batch *b, size_t from,
                                      const struct native_law *law,
                                      const struct native_relative *relative,
@@ -134,9 +133,9 @@ LANES_INLINE lanes bristle_stiffness(const struct native_batch *b, size_t from,
     return bend.stiffness;
 }
 
-/* Computes stiffness and damping of the springs from start on, as many as there is room for, and
- * where they act. Damping of regularized friction is that of contact_friction_damping, of bristles
- * their stiffness times the time by which they follow the velocity. */
+/* Computes stiffness, damping and points of action of the springs from start on, as many as there
+ * is room for. The damping of regularized friction comes from contact_friction_damping. The
+ * damping of bristles is their stiffness times the time by which they follow the velocity. */
 static void law_find_resistance(const struct native_batch *b, size_t start,
                                 const struct native_law *law,
                                 const struct native_relative *relative,
@@ -146,7 +145,7 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
     const double scale = law->us * law->transition_inverse;
     const lanes zero = {0};
     const double apart =
-        sum->grip ? 1 - sum->grip->whole : 0; /* share that each spring holds by itself */
+        sum->grip ? 1 - sum->grip->whole : 0; /* share that each spring bears by itself */
     const double follow = sum->grip ? apart * sum->grip->root * sum->grip->follow_s : 0;
 
     out->n = b->n - start < RESISTANCE_MAX ? b->n - start : RESISTANCE_MAX;
@@ -166,8 +165,8 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
         u[2] = v[2] + (w[0] * p[1] - w[1] * p[0]);
         lanes leaving = u[0] * d[0] + u[1] * d[1] + u[2] * d[2];
 
-        /* Share of the elastic force that is left with dissipation, 0 where the surfaces part fast,
-         * and the damping of friction: none, or bristles', or regularized */
+        /* Factor of the elastic force with dissipation, 0 if the surfaces part fast; and the
+         * damping of no, sticking or regularized friction */
         pushes = 1 - law->dissipation * leaving;
         pushes = lanes_pick(lanes_less(zero, pushes), pushes, zero);
         if (sum->grip && !(apart > 0)) {
@@ -182,8 +181,8 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
             friction = (slope * scale + law->uv) * (force * pushes);
         }
 
-        /* Friction damps in all directions, so its part along the normal is taken off again; that
-         * of bristles is taken off by tangent_add_bristles */
+        /* Friction damps in all directions, so its part along the normal is subtracted; for
+         * bristles, tangent_add_bristles subtracts it */
         lanes_store(lanes_load(b->rate + from) * pushes, out->stiffness + i);
         lanes_store(friction, out->friction + i);
         lanes_store(lanes_pick(lanes_less(zero, pushes), law->dissipation * force, zero) -
@@ -200,7 +199,7 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
     }
 }
 
-/* ---- springs that push in directions of their own ---- */
+/* ---- springs with individual directions ---- */
 
 /* Computes each spring's direction in the world frame and the moment of a unit force along it about
  * the tangent's center (m). */
@@ -224,8 +223,8 @@ static void law_find_directions(const struct native_batch *b, size_t start,
     }
 }
 
-/* Adds one row of the upper triangles of K and D: springs' stiffness and damping times the outer
- * product of (n, arm x n). One row at a time has few enough sums to stay in registers. */
+/* Adds one row of the upper triangles of K and D: stiffness and damping of the springs times the
+ * outer product of (n, arm x n). The sums of one row fit into the registers. */
 LANES_INLINE void tangent_add_row(const struct resistance *by, const int row,
                                   struct contact_tangent *tangent)
 {
@@ -291,9 +290,9 @@ static void tangent_add_one_way(const struct resistance *by, const double d[3],
     tangent_add_along(1, &damping, d, tangent->D);
 }
 
-/* Adds the damping of sticking friction that each spring holds by itself to friction_D: in all
- * directions, less the part along the normals. direction: the normal of springs that push one way
- * (world frame). */
+/* Adds the damping of sticking friction that each spring bears by itself to friction_D: in all
+ * directions, minus the part along the normals. direction: the common normal of springs that push
+ * one way (world frame). */
 static void tangent_add_bristles(const struct resistance *by, bool one_way,
                                  const double direction[3], struct contact_tangent *tangent)
 {
@@ -308,8 +307,8 @@ static void tangent_add_bristles(const struct resistance *by, bool one_way,
     }
 }
 
-/* Adds the springs of the pair at work to the tangent, RESISTANCE_MAX of them at a time: normal
- * stiffness and damping by moments where all push one way, else row by row, then friction. */
+/* Adds the springs of the current pair to the tangent, RESISTANCE_MAX at a time: normal stiffness
+ * and damping by moments if all push one way, else row by row; then friction. */
 static void law_add_tangents(const struct native_batch *b, const struct native_law *law,
                              const struct native_relative *relative, const struct native_sum *sum)
 {
@@ -334,8 +333,8 @@ static void law_add_tangents(const struct native_batch *b, const struct native_l
             tangent_add_row(&by, CONTACT_TURN_Z, sum->tangent);
         }
 
-        /* Damping of regularized friction, or of bristles that springs hold one by one; a patch
-         * that holds as a whole is native_bristle_resist's */
+        /* Damping of regularized friction, or of bristles that springs hold one by one;
+         * native_bristle_resist adds a patch that holds as a whole */
         if (!sum->grip) {
             find_moments(&by, by.friction, &friction);
             tangent_add_across(&friction, sum->tangent->D);
@@ -389,8 +388,8 @@ void native_overlap(enum native_pair_kind kind, const struct native_overlap *o)
 
     narrow_phase[kind](o);
 
-    /* What backs the layers overlaps by as much less as these are thick; two meshes look at each
-     * facet for it */
+    /* The backing overlaps by the depth minus the thickness of the layers; two meshes add the
+     * backing facet by facet */
     if (layered && kind != PAIR_MESHES && law->backing > 0 && o->sum->depth > law->layers) {
         const double area = o->sum->area;
         struct native_law backing = *law;

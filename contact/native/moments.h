@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Tangents by the moments of what springs weigh, for the native engine: in the world's directions,
- * about the tangent's center, laid out as in struct contact_tangent. SI units. All memory is the
- * caller's; nothing fails; all is RT-safe.
+ * Tangents of the native engine from the moments of spring weights: in the world's directions,
+ * about the tangent's center, stored as in struct contact_tangent. SI units. The caller owns all
+ * memory; nothing fails; all is RT-safe.
  */
 #ifndef CONTACT_NATIVE_MOMENTS_H
 #define CONTACT_NATIVE_MOMENTS_H
@@ -12,17 +12,18 @@
 
 #include <string.h>
 
-/* Moments of a weight w over springs at r: sums of w, of w r and of w r r. */
+/* Moments of a weight w over springs at r: sums of w, w r and w r r. */
 struct moments {
     double zeroth, first[3], second[6]; /* xx xy xz yy yz zz */
 };
 
-/* Computes the second moments about c instead of the origin. */
+/* Computes the second moments about c from the moments about the origin. */
 static inline void moments_shift_second(const struct moments *m, const double c[3],
                                         double second[6])
 {
     const double w = m->zeroth, *s = m->first;
-    const double rest[3] = {s[0] - w * c[0], s[1] - w * c[1], s[2] - w * c[2]}; /* about c */
+    const double rest[3] = {s[0] - w * c[0], s[1] - w * c[1], s[2] - w * c[2]}; /* moment about
+                                                                                 * c */
 
     second[0] = m->second[0] - c[0] * (s[0] + rest[0]);
     second[1] = m->second[1] - c[0] * s[1] - c[1] * rest[0];
@@ -32,7 +33,7 @@ static inline void moments_shift_second(const struct moments *m, const double c[
     second[5] = m->second[5] - c[2] * (s[2] + rest[2]);
 }
 
-/* Computes y = A x for a symmetric matrix A stored as second moments are. */
+/* Computes y = A x for a symmetric matrix A stored like second moments. */
 static inline void moments_apply_second(const double A[6], const double x[3], double y[3])
 {
     y[0] = A[0] * x[0] + A[1] * x[1] + A[2] * x[2];
@@ -40,8 +41,8 @@ static inline void moments_apply_second(const double A[6], const double x[3], do
     y[2] = A[2] * x[0] + A[4] * x[1] + A[5] * x[2];
 }
 
-/* Adds to T a resistance that is the same in all directions against the velocity v + w x r at r:
- * the identity, the cross product with r, and r^2 less the outer product of r. */
+/* Adds to T an isotropic resistance against the velocity v + w x r at r: T += sum w [I, -[r]; [r],
+ * r^2 I - r r']. */
 static inline void tangent_add_across(const struct moments *m, double T[CONTACT_TANGENT_SIZE])
 {
     const double s = m->zeroth, x = m->first[0], y = m->first[1], z = m->first[2];
@@ -55,8 +56,8 @@ static inline void tangent_add_across(const struct moments *m, double T[CONTACT_
     }
 }
 
-/* Adds to T a resistance along the direction d only, by the sums of what it weighs, zeroth, and of
- * that times r x d and the outer product of r x d. */
+/* T += sum w J'J with J = [d, r x d]: a resistance along the direction d. zeroth, arm and outer
+ * are the sums of w, w r x d and w (r x d)(r x d)'. */
 static inline void tangent_add_directions(double zeroth, const double arm[3],
                                           const double second[6], const double d[3],
                                           double T[CONTACT_TANGENT_SIZE])
@@ -76,13 +77,14 @@ static inline void tangent_add_directions(double zeroth, const double arm[3],
     }
 }
 
-/* Adds to T a resistance along the direction d only, the same for all springs: scale times the
- * outer product of (d, r x d). */
+/* T += scale sum w J'J with J = [d, r x d], d the same for all springs, from the moments of w. */
 static inline void tangent_add_along(double scale, const struct moments *m, const double d[3],
                                      double T[CONTACT_TANGENT_SIZE])
 {
     const double *s = m->second;
-    const double cross[9] = {0, d[2], -d[1], -d[2], 0, d[0], d[1], -d[0], 0}; /* of r -> r x d */
+    const double cross[9] = {0,    d[2], -d[1], -d[2], 0,
+                             d[0], d[1], -d[0], 0}; /* matrix of r -> r x
+                                                                               * d */
     const double S[9] = {s[0], s[1], s[2], s[1], s[3], s[4], s[2], s[4], s[5]};
     double turn[3], half[9];
 

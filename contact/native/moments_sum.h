@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Sums over springs for contact/native/moments.h, as many springs at a time as there are lanes. SI
- * units. Pure; RT-safe.
+ * Sums over springs for contact/native/moments.h, LANES springs at a time. SI units. Pure; RT-safe.
  */
 #ifndef CONTACT_NATIVE_MOMENTS_SUM_H
 #define CONTACT_NATIVE_MOMENTS_SUM_H

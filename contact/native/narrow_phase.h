@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Penetration (overlap) of two surfaces in the native engine, for each pair of shapes: each
- * function is the narrow phase of its pair. It finds where the surfaces overlap and how deep, puts
- * springs there, adds up their forces to sum in the frame of the first surface
- * (contact/native/law.h), and leaves sum alone when nothing overlaps. SI units. RT-safe; nothing is
- * kept from earlier calls; nothing fails.
+ * Narrow phase of the native engine: one function per pair of shapes. It finds the overlap of two
+ * surfaces and its depth, places springs there, and adds their forces to sum in the frame of the
+ * first surface (contact/native/law.h). Without overlap, sum is unchanged. SI units. RT-safe; no
+ * state is kept between calls; nothing fails.
  */
 #ifndef CONTACT_NATIVE_NARROW_PHASE_H
 #define CONTACT_NATIVE_NARROW_PHASE_H
@@ -12,9 +11,9 @@
 #include "contact/native/law.h"
 #include "contact/mesh/field.h"
 
-/* Limits for a spring's weight: the distance of its middle to the nearest point of either body's
- * surface, over half its length. Below DEPTH_NONE the spring runs along the overlap instead of
- * across it, and does not count; from DEPTH_FULL on it counts in full. */
+/* Limits for the weight of a spring, by the distance of its middle to the nearest surface point of
+ * either body over half its length. Below DEPTH_NONE the spring runs along the overlap instead of
+ * across it and does not count. From DEPTH_FULL on it counts fully. */
 #define DEPTH_NONE 0.25
 #define DEPTH_FULL 0.5
 
@@ -22,23 +21,23 @@
  * lanes. */
 struct native_view {
     double *normal[3], *center[3], *radius;
-    int *ring;           /* first corner of each in corner, -1 before it is needed */
+    int *ring;           /* first corner of each facet in corner; -1 = not transformed yet */
     double (*corner)[3]; /* counterclockwise */
     int ncorner;
 };
 
-/* Working memory of an evaluation. Only the springs in it outlive the call, for tangents. */
+/* Working memory of an evaluation. Only its springs are used after the call, for tangents. */
 struct native_scratch {
     struct native_batch batch;
-    int *list[2];            /* of facets; as many as the largest mesh has faces, each */
-    struct native_view view; /* the same, and three corners each */
-    size_t visits; /* pairs of a facet and a cell of a field that an evaluation has looked at */
+    int *list[2];            /* facets; each list has room for all faces of the largest mesh */
+    struct native_view view; /* the same room, and three corners per facet */
+    size_t visits;           /* pairs of facet and field cell examined in this evaluation */
 };
 
-/* A capsule, or a sphere: a capsule without length. */
+/* A capsule, or a sphere as a capsule of length 0. */
 struct native_capsule {
     double radius;
-    double half; /* of the length of its axis, which is the frame's z, through its origin */
+    double half; /* half length of its axis, which is the frame's z through its origin */
 };
 
 /* Returns a smooth step: 0 for x up to a, 1 from b on, a cubic between them. */
@@ -59,58 +58,58 @@ enum native_pair_kind {
     PAIR_MESHES,
     PAIR_FIELDS,
     PAIR_CAPSULE_HALF_SPACE,
-    PAIR_CAPSULES, /* of which one may be a sphere */
+    PAIR_CAPSULES, /* one of them may be a sphere */
 };
 
-/* Two surfaces that may overlap, and where the springs between them go. Of the shapes a narrow
- * phase reads those of its kind. */
+/* Two surfaces that may overlap, and the output for their springs. A narrow phase reads only the
+ * shapes of its kind. */
 struct native_overlap {
     const struct solid *solid[2];
-    const struct field *field[2];     /* the second's is NULL when it is nowhere so deep */
-    struct native_capsule capsule[2]; /* or sphere; of a half-space the radius is infinite */
+    const struct field *field[2];     /* the second is NULL if it is nowhere deeper than the
+                                       * first */
+    struct native_capsule capsule[2]; /* or sphere; a half-space has an infinite radius */
     const struct native_law *law;
-    double from; /* depth from which on the springs count, m */
+    double from; /* depth from which springs count, m */
     const struct native_relative *relative;
     struct native_scratch *scratch;
     struct native_sum *sum;
 };
 
-/* Adds what two surfaces of a kind do to each other to sum: the springs of their layers, and of
- * what backs them where the penetration is deeper. law.c. */
+/* Adds the contact of two surfaces to sum: the springs of their layers and, where the penetration
+ * is deeper, of their backing. law.c. */
 void native_overlap(enum native_pair_kind kind, const struct native_overlap *o);
 
-/* Makes room for n springs more: where there is none, adds up those that there are first. */
+/* Makes room for n more springs: if the batch is full, adds up its springs first. */
 void native_make_room(const struct native_overlap *o, size_t n);
 
-/* A mesh on a half-space: its facets are clipped at the plane, and what is below stands on springs
- * along the plane's normal that stand side by side on the plane, as long as the penetration is deep
- * there. A facet that is turned away does nothing. half_space.c. */
+/* Mesh on half-space: clips the facets at the plane. The part below has springs along the plane's
+ * normal, as long as the depth. A facet that faces away adds nothing. half_space.c. */
 void native_overlap_half_space(const struct native_overlap *o);
 
-/* A mesh and a sphere: over each facet the springs stand along its normal, from the facet to the
- * far side of the sphere. sphere.c. */
+/* Mesh and sphere: over each facet, springs along its normal from the facet to the far side of the
+ * sphere. sphere.c. */
 void native_overlap_sphere(const struct native_overlap *o);
 
-/* Two meshes by the pressure field of the first: the pressure of its depth on the second's facets
- * inside it, and that of the second's field on the first's facets where it is deeper than the
- * first's is anywhere. pressure_field.c. */
+/* Two meshes by a pressure field: the depth of the first presses on facets of the second. Where
+ * the second is deeper than the first is anywhere, its depth presses on facets of the first.
+ * pressure_field.c. */
 void native_overlap_fields(const struct native_overlap *o);
 
-/* Two meshes by the elastic foundation on both: between each two facets that face each other the
- * springs stand along the mean of their normals, where both facets lie on top of one another. Adds
- * the springs of what backs the layers too, facet by facet. elastic_foundation.c. */
+/* Two meshes by an elastic foundation: between two facets that face each other, springs along the
+ * mean of their normals where the facets overlap. Also adds the springs of the backing, facet by
+ * facet. elastic_foundation.c. */
 void native_overlap_meshes(const struct native_overlap *o);
 
-/* Hertz's law for two spheres, or a sphere (first) on a half-space, which has no layers.
+/* Hertz's law for two spheres, or a sphere (first) on a half-space. It has no layers.
  * capsule.c. */
 void native_overlap_hertz(const struct native_overlap *o);
 
-/* A capsule on a half-space: slices across the axis, each a segment of a disc below the plane, on
+/* Capsule on half-space: slices across the axis, each a segment of a disc below the plane, with
  * springs along the plane's normal. capsule.c. */
 void native_overlap_capsule_half_space(const struct native_overlap *o);
 
-/* Two capsules, or a capsule and a sphere: springs along the shortest distance from points of
- * either axis to the nearest point of the other. capsule.c. */
+/* Two capsules, or capsule and sphere: springs from points of either axis along the shortest
+ * distance to the other axis. capsule.c. */
 void native_overlap_capsules(const struct native_overlap *o);
 
 #endif

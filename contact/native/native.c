@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Contact engine "native", evaluation: for each pair that the broad phase finds near it computes
- * the relative pose and velocity of its surfaces, lets contact/native/narrow_phase.h find
- * penetration and force, adds sticking friction (friction_sticking.c), and transforms the wrench to
- * the world frame.
+ * Contact engine "native", evaluation. For each pair that the broad phase finds near, it computes
+ * the relative pose and velocity of the surfaces. contact/native/narrow_phase.h finds penetration
+ * and force, and friction_sticking.c adds sticking friction. Then the wrench is transformed to the
+ * world frame.
  */
 #include "contact/native/private.h"
 #include "base/vec3.h"
@@ -13,12 +13,12 @@
 #include <stdio.h>
 #include <string.h>
 
-#define BRISTLE_MOST 1e9 /* J^0.5, of a bristle state that is accepted */
+#define BRISTLE_MOST 1e9 /* J^0.5, largest accepted bristle state */
 
-/* Two numbers side by side. */
+/* Two numbers in one vector. */
 typedef double couple __attribute__((vector_size(2 * sizeof(double))));
 
-/* ---- where surfaces are ---- */
+/* ---- poses of surfaces ---- */
 
 /* Computes pose and velocity of a surface's frame in the world from its body's motion. */
 static void surface_place(const struct native_surface *s, const struct body_motion *m,
@@ -26,7 +26,7 @@ static void surface_place(const struct native_surface *s, const struct body_moti
 {
     double arm[3], turn[3];
 
-    /* Rotation and origin of its frame */
+    /* Rotation and origin of the frame */
     for (int r = 0; r < 3; r++) {
         for (int c = 0; c < 3; c++) {
             pose->R[3 * r + c] = m->R[3 * r] * s->rotation[c] +
@@ -65,7 +65,7 @@ static void surface_place_ball(const struct native_engine *e, size_t index,
     const couple from[3] = {{c[0], half[0]}, {c[1], half[1]}, {c[2], half[2]}};
     double *const center[3] = {e->broad.ball.x, e->broad.ball.y, e->broad.ball.z};
 
-    /* Both side by side */
+    /* Ball and capsule in one loop */
     for (int k = 0; k < 3; k++) {
         const couple to =
             m->R[3 * k] * from[0] + m->R[3 * k + 1] * from[1] + m->R[3 * k + 2] * from[2];
@@ -94,7 +94,8 @@ void native_place_fixed_surfaces(struct native_engine *e)
     }
 }
 
-/* Computes the poses of a pair's two surfaces unless an earlier pair of this evaluation has. */
+/* Computes the poses of a pair's two surfaces, unless an earlier pair of this evaluation has done
+ * so. */
 static void pair_place_surfaces(struct native_engine *e, const struct native_pair *pair,
                                 const struct body_motion *motion)
 {
@@ -124,7 +125,8 @@ static void pose_relate(const struct native_pose *a, const struct native_pose *b
     vec3_sub(b->p, a->p, arm);
     mat3_apply_transposed(a->R, arm, relative->p);
 
-    /* Velocity of the first body less that of the second, both at the first surface's origin */
+    /* Velocity of the first body minus velocity of the second, both at the first surface's
+     * origin */
     vec3_cross(b->w, arm, turn);
     vec3_sub(a->v, b->v, v);
     vec3_add_scaled(v, 1, turn, v);
@@ -135,9 +137,9 @@ static void pose_relate(const struct native_pose *a, const struct native_pose *b
 
 /* ---- force of a pair ---- */
 
-/* Checks whether a capsule reaches through the plane of any facet of a mesh near it; where it does
- * not, they do not touch. In the mesh's frame. A capsule is a mesh too for a mesh, up to 1.3 %
- * wider than itself (mesh_capsule), hence 1.02. */
+/* Checks whether a capsule may touch a mesh: whether it reaches through the plane of any facet
+ * near it. In the mesh's frame. Against a mesh, a capsule is a mesh up to 1.3 % wider than itself
+ * (mesh_capsule), hence the factor 1.02. */
 static bool capsule_may_touch(const struct solid *mesh, const struct native_capsule *capsule,
                               const struct native_relative *relative)
 {
@@ -154,7 +156,8 @@ static bool capsule_may_touch(const struct solid *mesh, const struct native_caps
         box.high[k] = relative->p[k] + reach;
     }
 
-    /* Distance of its center to the plane of each facet in the box, against its extent across */
+    /* Distance of its center to the plane of each facet in the box, compared with its extent along
+     * the normal */
     while (node != end) {
         if (!boxes_meet(&node->box, &box)) {
             node += node->size;
@@ -197,8 +200,8 @@ void native_pair_find_force(const struct native_engine *e, const struct native_p
     }
 }
 
-/* Adds sign times a force and a moment at the point `at` (world frame) to the wrench of a surface's
- * body about its origin; nothing for a surface of the fixed world. */
+/* Adds sign times a force and a moment at the point `at` (world frame) to the wrench of a
+ * surface's body about its origin. Does nothing for a surface of the fixed world. */
 static void surface_add_wrench(const struct native_engine *e, int surface, const double force[3],
                                const double moment[3], const double at[3], double sign,
                                const struct body_motion *motion, struct contact_wrench *wrench)
@@ -216,7 +219,7 @@ static void surface_add_wrench(const struct native_engine *e, int surface, const
     vec3_add_scaled(wrench[body].moment, sign, turn, wrench[body].moment);
 }
 
-/* Adds the wrench of a pair in touch to both of its bodies and appends its patch. */
+/* Adds the wrench of a pair in contact to both bodies and appends its patch. */
 static void pair_add_patch(struct native_engine *e, size_t index, const struct native_sum *sum,
                            const struct body_motion *motion, struct contact_wrench *wrench)
 {
@@ -225,8 +228,8 @@ static void pair_add_patch(struct native_engine *e, size_t index, const struct n
     struct contact_patch *patch = &e->patch[e->npatch++];
     double center[3] = {0, 0, 0}, force[3], moment[3], about[3], turn[3];
 
-    /* Moment about the center of pressure, near which the bodies touch: a moment about a far
-     * origin would lose digits */
+    /* Moment about the center of pressure, near the contact: a moment about a far origin would
+     * lose digits */
     if (sum->normal > 0) {
         vec3_add_scaled(center, 1 / sum->normal, sum->lever, center);
     }
@@ -239,11 +242,11 @@ static void pair_add_patch(struct native_engine *e, size_t index, const struct n
     mat3_apply(a->R, center, patch->center);
     vec3_add_scaled(patch->center, 1, a->p, patch->center);
 
-    /* On the first body, and the opposite on the second */
+    /* Adds the wrench to the first body, and its opposite to the second */
     surface_add_wrench(e, pair->surface[0], force, moment, patch->center, 1, motion, wrench);
     surface_add_wrench(e, pair->surface[1], force, moment, patch->center, -1, motion, wrench);
 
-    /* The patch gives the wrench on the configured pair's b */
+    /* The patch reports the wrench on the configured pair's b */
     patch->pair = (int)index;
     for (int k = 0; k < 3; k++) {
         patch->force[k] = pair->sign * force[k];
@@ -255,8 +258,8 @@ static void pair_add_patch(struct native_engine *e, size_t index, const struct n
     patch->dissipation_w = sum->power;
 }
 
-/* Evaluates a pair: finds its springs, which go behind those of earlier pairs in the batch, sums
- * their forces, and adds friction that sticks and the patch if there is a penetration. */
+/* Evaluates a pair: finds its springs, which are appended to the batch, sums their forces, and
+ * adds sticking friction and the patch if there is a penetration. */
 static void pair_evaluate(struct native_engine *e, size_t index, const struct body_motion *motion,
                           struct contact_bristles *bristles, struct contact_wrench *wrench)
 {
@@ -269,7 +272,7 @@ static void pair_evaluate(struct native_engine *e, size_t index, const struct bo
     struct native_sum sum = {.gather = e->grip ? &gather : NULL,
                              .one_way = native_pair_is_one_way(pair)};
 
-    /* full tells whether this pair's own springs are all in the batch, until it is done */
+    /* Until the pair is done, full tells whether the batch lost springs of this pair */
     batch->n = batch->start = from;
     batch->full = false;
     pair_place_surfaces(e, pair, motion);
@@ -280,16 +283,16 @@ static void pair_evaluate(struct native_engine *e, size_t index, const struct bo
         if (e->grip) {
             friction_sticking_add(e, index, &relative, e->springs[e->npatch],
                                   batch->full || sum.closed, bristles, &sum);
-            e->springs[e->npatch].to = batch->n; /* or some more, once they are needed */
+            e->springs[e->npatch].to = batch->n; /* or more, once they are needed */
         }
         pair_add_patch(e, index, &sum, motion, wrench);
     }
     batch->full |= full;
 }
 
-/* ---- the calls of contact.h ---- */
+/* ---- functions of contact.h ---- */
 
-/* Moves the bounding balls to where their bodies are. Poses are left to pair_place_surfaces but for
+/* Moves the bounding balls to the bodies' places. pair_place_surfaces computes poses later, except
  * those of half-spaces, which the broad phase needs. */
 static void surfaces_move(struct native_engine *e, const struct body_motion *motion)
 {
@@ -309,8 +312,8 @@ static void surfaces_move(struct native_engine *e, const struct body_motion *mot
     }
 }
 
-/* Checks that the listed bristles are numbers within BRISTLE_MOST; otherwise ERROR_INPUT, and the
- * failure names the pair. */
+/* Checks that the listed bristle states are within BRISTLE_MOST. Otherwise returns ERROR_INPUT,
+ * and the failure names the pair. */
 static enum error_code bristles_check(struct native_engine *e,
                                       const struct contact_bristles *bristles)
 {
@@ -329,11 +332,11 @@ static enum error_code bristles_check(struct native_engine *e,
     return ERROR_NONE;
 }
 
-#define MOTION_SQUARES 1e18 /* of contact_check_motions' limit */
+#define MOTION_SQUARES 1e18 /* square of contact_check_motions' limit */
 
-/* Checks that all motions are numbers of a moderate size, by the sum of their squares; only where
- * it is not small each is looked at, to name the one that is wrong. That R is a rotation is left to
- * the caller, who made it. */
+/* Checks that all motions are moderate numbers, by the sum of their squares. Only if the sum is
+ * large, checks each motion to name the faulty one. The caller is responsible for R being a
+ * rotation. */
 static enum error_code motions_check(struct native_engine *e, const struct body_motion *motion)
 {
     const double *x = (const double *)motion;
@@ -356,7 +359,7 @@ static enum error_code motions_check(struct native_engine *e, const struct body_
     return contact_check_motions(motion, e->nbody, e->failure, sizeof e->failure);
 }
 
-/* Evaluates contact and friction of all near pairs: struct contact_ops. */
+/* Evaluates contact and friction of all near pairs (struct contact_ops). */
 static enum error_code native_evaluate(struct contact_world *world,
                                        const struct body_motion *motion,
                                        struct contact_bristles *bristles,
@@ -380,7 +383,7 @@ static enum error_code native_evaluate(struct contact_world *world,
     e->scratch->batch.full = false;
     e->scratch->visits = 0;
 
-    /* Rates of bristles whose pair does not touch: they relax; pairs that touch overwrite theirs */
+    /* Bristles of pairs without contact relax; pairs in contact overwrite their rates below */
     if (e->grip && bristles && bristles->rate) {
         native_bristle_relax(bristles);
     }
@@ -396,7 +399,7 @@ static enum error_code native_evaluate(struct contact_world *world,
     return ERROR_NONE;
 }
 
-/* Copies at most max patches of the last evaluation; returns how many there are. */
+/* Copies at most max patches of the last evaluation; returns the number of patches. */
 static size_t native_patches(struct contact_world *world, struct contact_patch *patch, size_t max)
 {
     const struct native_engine *e = (const struct native_engine *)world;
@@ -407,9 +410,9 @@ static size_t native_patches(struct contact_world *world, struct contact_patch *
     return e->npatch;
 }
 
-/* Adds stiffness and damping of a patch's springs to a tangent: of those of the last evaluation,
- * or, where the batch had no room for all, of the same springs computed again. center: in the first
- * surface's frame, as the springs are. */
+/* Adds stiffness and damping of a patch's springs to a tangent: the springs of the last
+ * evaluation, or the same springs computed again if the batch had no room. center: in the first
+ * surface's frame, like the springs. */
 static void patch_add_springs(const struct native_engine *e, size_t patch, const double center[3],
                               struct contact_tangent *tangent)
 {
@@ -434,9 +437,9 @@ static void patch_add_springs(const struct native_engine *e, size_t patch, const
     }
 }
 
-/* Sets how a patch's bristles follow the motion and the friction wrench that they exert, and adds
- * their damping to D. center: the tangent's, in the first surface's frame; turn: rotation of that
- * frame to the world. */
+/* Sets how a patch's bristles follow the motion and their friction wrench, and adds their damping
+ * to D. center: the tangent's, in the first surface's frame; turn: rotation of that frame to the
+ * world. */
 static void tangent_set_bristles(const struct native_grip *grip, const double center[3],
                                  const double turn[9], double sign, struct contact_tangent *tangent)
 {
@@ -455,7 +458,7 @@ static void tangent_set_bristles(const struct native_grip *grip, const double ce
         tangent->friction[k] *= sign;
     }
 
-    /* The anchor that they stand on: arm from the center, normal and twist axis */
+    /* Anchor of the bristles: arm from the center, normal and twist axis */
     vec3_sub(grip->center, center, arm);
     mat3_apply(turn, arm, tangent->bristle_arm);
     mat3_apply(turn, grip->normal, tangent->normal);
@@ -465,13 +468,13 @@ static void tangent_set_bristles(const struct native_grip *grip, const double ce
         tangent->bristle_axis[k] *= sign;
     }
 
-    /* How far they bend by a velocity, J^0.5 over m/s and rad/s */
+    /* Bend per velocity, J^0.5 over m/s and rad/s */
     tangent->bristle_per_m_s = gain;
     tangent->bristle_per_rad_s = grip->inverse_radius > 0 ? gain / grip->inverse_radius : 0;
 }
 
-/* Returns the most that friction may be of the normal force at the velocity that a pair has at the
- * center, in the first surface's frame. */
+/* Returns the largest ratio of friction to normal force at the pair's velocity at the center
+ * (first surface's frame). */
 static double patch_friction_max(const struct native_engine *e, const struct native_pair *pair,
                                  const double center[3])
 {
@@ -486,8 +489,8 @@ static double patch_friction_max(const struct native_engine *e, const struct nat
     return law->us + law->uv * vec3_norm(relative.v);
 }
 
-/* Computes at most max tangents (stiffness K, damping D) at the last evaluation; returns how many
- * patches there are. */
+/* Computes at most max tangents (stiffness K, damping D) at the last evaluation; returns the
+ * number of patches. */
 static size_t native_tangents(struct contact_world *world, struct contact_tangent *tangent,
                               size_t max)
 {
@@ -506,8 +509,8 @@ static size_t native_tangents(struct contact_world *world, struct contact_tangen
             .body_b = e->surface[pair->surface[!turned]].body,
         };
 
-        /* About the patch's center. A patch that sticks as a whole and pushes one way has the
-         * moments of its springs already */
+        /* About the patch's center. If a patch sticks as a whole and pushes one way, the moments
+         * of its springs are already known */
         vec3_sub(e->patch[i].center, a->p, arm);
         mat3_apply_transposed(a->R, arm, center);
         if (grip && grip->whole == 1 && native_pair_is_one_way(pair)) {
@@ -533,7 +536,7 @@ static const char *native_failure(const struct contact_world *world)
     return ((const struct native_engine *)world)->failure;
 }
 
-/* Does nothing, as all memory is the arena's. */
+/* Does nothing: the arena owns all memory. */
 static void native_destroy(struct contact_world *world)
 {
     (void)world;

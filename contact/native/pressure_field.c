@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Two meshes by the pressure field of one of them, the carrier: computes the pressure on the facets
- * of the other one, the visitor, inside it. In each cell of the field (contact/mesh/field.h) the
- * penetration depth is linear, so its integrals over the part of a facet that is in the cell are
- * exact sums over the corners.
+ * of the other mesh, the visitor, inside the carrier. In each cell of the field
+ * (contact/mesh/field.h) the penetration depth is linear. So its integrals over the part of a facet
+ * in the cell are exact sums over the corners.
  *
- * The elastic force on the visitor is minus the integral of k times the depth times its outward
- * normal: the gradient of k times the integral of the depth over the volume that both have in
- * common. It is added as a whole. The part of it that presses, along the depth's gradient, is also
- * put on springs, for dissipation and friction; their own elastic force, which is in the whole
- * already, is subtracted again.
+ * The elastic force on the visitor is minus the integral of k times the depth times the visitor's
+ * outward normal: the gradient of k times the integral of the depth over the common volume. It is
+ * added as a whole. The component along the depth's gradient is also put on springs, for
+ * dissipation and friction. The elastic force of these springs is already in the whole, so it is
+ * subtracted again.
  */
 #include "contact/lanes.h"
 #include "contact/native/clip2d.h"
@@ -23,20 +23,22 @@
 
 /* Largest distance between springs, over the radius of the smaller mesh. */
 #define SPACING 0.6
-#define FEW_CORNERS 6   /* of a facet whose corners are transformed, for a tighter box */
+/* up to so many corners, a facet's corners are transformed, for a tighter box */
+#define FEW_CORNERS 6
 #define FACING 0.5      /* cosine; pieces that face the depth's gradient less have three springs */
-#define SPACING_PARTS 8 /* that a polygon is cut into along an edge, at most */
-#define NEAR_MOST 64    /* cells near the visitor in the list; with more, facets walk the tree */
+#define SPACING_PARTS 8 /* maximum number of parts of a polygon along an edge */
+/* cells near the visitor in the list; with more, each facet walks the tree */
+#define NEAR_MOST 64
 
-/* A carrier and a visitor at work; in the carrier's frame. */
+/* A carrier and a visitor in an evaluation; in the carrier's frame. */
 struct visit {
     const struct field *field;
     const struct solid *carrier, *visitor;
-    double R[9], p[3];                       /* of the visitor */
-    bool turned;                             /* the carrier is the pair's second */
+    double R[9], p[3];                       /* pose of the visitor */
+    bool turned;                             /* the carrier is the pair's second surface */
     double least;                            /* m; only depth beyond it counts */
     double spacing;                          /* largest distance between springs, m */
-    const struct tree_node *near[NEAR_MOST]; /* leaves of a shell's tree about the visitor */
+    const struct tree_node *near[NEAR_MOST]; /* leaves of a shell's tree near the visitor */
     int nnear;                               /* NEAR_MOST + 1: there are more */
     const struct native_overlap *pair;
 };
@@ -45,7 +47,7 @@ struct visit {
 struct visit_facet {
     const struct facet *f;
     double normal[3], center[3], axis[2][3];
-    int ncorner; /* 0 of one with more than FEW_CORNERS */
+    int ncorner; /* 0 for a facet with more than FEW_CORNERS */
     double corner[FEW_CORNERS][3];
 };
 
@@ -53,24 +55,24 @@ struct visit_facet {
  * center along its axes. */
 struct visit_depth {
     double at, slope[2];
-    double inward[3]; /* unit gradient: the direction in which it grows most */
+    double inward[3]; /* unit gradient: direction in which the depth grows most */
     double facing;    /* inward . the facet's normal */
-    int sign;         /* of the cell's volume: 1, or -1 for one that is inside out */
+    int sign;         /* sign of the cell's volume: -1 for a cell that is inside out */
 };
 
-/* Moments of area and depth over the parts of a facet in one cell that are too small for springs of
- * their own, about an origin (x, y) in their plane. */
+/* Moments of area and depth over the parts of a facet in one cell that are too small for springs
+ * of their own. About an origin (x, y) in the facet's plane. */
 struct visit_group {
     double x, y;
     double area, first[2], second[3]; /* x, y; xx, xy, yy */
     double depth, moment[2];
-    double inward[3]; /* sum of the unit gradients, each times the area that faces it */
+    double inward[3]; /* sum of unit gradient times projected area */
 };
 
 /* ---- forces ---- */
 
 /* Adds the elastic force (N) along a unit direction that acts on the carrier, and its moment.
- * lever: sum of the force's parts times their places, N m. */
+ * lever: sum of the parts of the force times their points of action, N m. */
 static void visit_add_force(const struct visit *v, const double direction[3], double force,
                             const double lever[3])
 {
@@ -84,7 +86,7 @@ static void visit_add_force(const struct visit *v, const double direction[3], do
         return;
     }
 
-    /* The carrier is the pair's second: the opposite acts on the first, in its frame */
+    /* If the carrier is the pair's second surface, the opposite acts on the first, in its frame */
     mat3_apply(v->pair->relative->R, direction, d);
     mat3_apply(v->pair->relative->R, lever, at);
     vec3_add_scaled(at, force, v->pair->relative->p, at);
@@ -93,9 +95,9 @@ static void visit_add_force(const struct visit *v, const double direction[3], do
     vec3_add_scaled(sum->moment, -1, turn, sum->moment);
 }
 
-/* Adds springs over a facet's plane at count places x, y, all of one rate (N/m), as long as the
- * depth is there. There must be room. Each stands from the visitor's surface toward the carrier's
- * by the visitor's share of the depth. */
+/* Adds springs at count points x, y in a facet's plane, all with one rate (N/m), as long as the
+ * depth there. There must be room. The point of action is from the visitor's surface toward the
+ * carrier's by the visitor's share of the depth. */
 static void visit_add_springs(const struct visit *v, const struct visit_facet *f,
                               const struct visit_depth *depth, double rate, const double *x,
                               const double *y, int count)
@@ -106,7 +108,7 @@ static void visit_add_springs(const struct visit *v, const struct visit_facet *f
     const size_t n = batch->n;
     double center[3], axis[2][3], d[3];
 
-    /* Plane and gradient in the frame of the pair's first, which the springs push */
+    /* Plane and gradient in the frame of the pair's first surface, which the springs push */
     if (v->turned) {
         mat3_apply(v->pair->relative->R, f->center, center);
         vec3_add_scaled(center, 1, v->pair->relative->p, center);
@@ -119,7 +121,7 @@ static void visit_add_springs(const struct visit *v, const struct visit_facet *f
         memcpy(d, depth->inward, sizeof d);
     }
 
-    /* The point of action is linear in x and y, as the depth is */
+    /* The point of action is linear in x and y, like the depth */
     for (int k = 0; k < 3; k++) {
         const double from = center[k] - share * at * d[k], push = v->turned ? -d[k] : d[k];
         const double ax = axis[0][k] - share * sx * d[k], ay = axis[1][k] - share * sy * d[k];
@@ -142,9 +144,9 @@ static void visit_add_springs(const struct visit *v, const struct visit_facet *f
 
 /* ---- force and springs of a polygon of a facet in one cell ---- */
 
-/* Adds the elastic force of a linear depth over a polygon of moments m, along a direction, on the
- * carrier: rate (N/m) times the mean depth, at the center of pressure, which the slope moves off
- * the centroid. Nothing for tangents and friction that sticks, which are the springs' alone. */
+/* Adds the elastic force on the carrier of a linear depth over a polygon of moments m, along a
+ * direction: rate (N/m) times the mean depth, at the center of pressure, which the slope moves off
+ * the centroid. Does nothing for tangents and sticking friction, which use the springs only. */
 static void visit_add_pressure(const struct visit *v, const struct visit_facet *f,
                                const struct visit_depth *depth, const struct moments *m,
                                const double direction[3], double rate)
@@ -163,7 +165,8 @@ static void visit_add_pressure(const struct visit *v, const struct visit_facet *
 }
 
 /* Adds springs on the triangle between a polygon's centroid and an edge, whose ends are u and w
- * from it: three in each of the equal triangles no wider than the spacing that it is cut into. */
+ * relative to the centroid. The triangle is cut into equal triangles no wider than the spacing,
+ * with three springs each. */
 static void visit_add_triangle(const struct visit *v, const struct visit_facet *f,
                                const struct visit_depth *depth, const double center[2],
                                const double u[2], const double w[2])
@@ -179,7 +182,7 @@ static void visit_add_triangle(const struct visit *v, const struct visit_facet *
     double x[3 * SPACING_PARTS * SPACING_PARTS], y[3 * SPACING_PARTS * SPACING_PARTS];
     int n = 0;
 
-    /* Points of quadrature, row by row of the small triangles */
+    /* Quadrature points, row by row of the small triangles */
     for (int row = 0; row < parts; row++) {
         for (int at = 0; at < 2 * (parts - row) - 1; at++) {
             for (int q = 0; q < 3; ++q, ++n) {
@@ -195,8 +198,8 @@ static void visit_add_triangle(const struct visit *v, const struct visit_facet *
     visit_add_springs(v, f, depth, rate, x, y, n);
 }
 
-/* Adds springs on all of a polygon, over which they integrate force and moment of a linear depth
- * exactly; subtracts their elastic force from the sum. */
+/* Adds springs on a whole polygon, which integrate force and moment of a linear depth exactly.
+ * Subtracts their elastic force from the sum. */
 static void visit_add_fan(const struct visit *v, const struct visit_facet *f,
                           const struct visit_depth *depth, const struct polygon2d *g,
                           const struct moments *m)
@@ -214,8 +217,8 @@ static void visit_add_fan(const struct visit *v, const struct visit_facet *f,
                        -v->pair->law->stiffness * depth->facing * m->twice / 2);
 }
 
-/* Adds the moments of a polygon's area and depth to a group, about the group's origin, which is the
- * centroid of the first. */
+/* Adds the moments of a polygon's area and depth to a group, about the group's origin, the
+ * centroid of its first polygon. */
 static void group_add(struct visit_group *g, const struct visit_depth *depth,
                       const struct moments *m, double mean)
 {
@@ -223,7 +226,7 @@ static void group_add(struct visit_group *g, const struct visit_depth *depth,
     double along0 = m->xx * depth->slope[0] + m->xy * depth->slope[1];
     double along1 = m->xy * depth->slope[0] + m->yy * depth->slope[1], x, y;
 
-    /* The first polygon sets the origin, near which little cancels */
+    /* The first polygon sets the origin, so that little cancels */
     if (g->area <= 0) {
         g->x = m->x;
         g->y = m->y;
@@ -231,7 +234,7 @@ static void group_add(struct visit_group *g, const struct visit_depth *depth,
     x = m->x - g->x;
     y = m->y - g->y;
 
-    /* Moments of area, then those of depth: mean depth at the centroid, and its slope */
+    /* Moments of the area, then of the depth: mean depth at the centroid, and its slope */
     g->area += area;
     g->first[0] += area * x;
     g->first[1] += area * y;
@@ -246,14 +249,14 @@ static void group_add(struct visit_group *g, const struct visit_depth *depth,
     }
 }
 
-/* Returns the root of a mean square, which rounding may leave a little below 0. */
+/* Returns the root of a mean square, which rounding may have made slightly negative. */
 static double spread_root(double x)
 {
     return sqrt(x > 0 ? x : 0);
 }
 
-/* Computes the moments of a group's area, and the linear depth that has the same moments as the
- * group's; constant where the area is a line. */
+/* Computes the moments of a group's area, and the linear depth with the same moments as the
+ * group's; constant if the area is a line. */
 static void group_find_depth(const struct visit_group *g, struct moments *m,
                              struct visit_depth *depth)
 {
@@ -276,10 +279,11 @@ static void group_find_depth(const struct visit_group *g, struct moments *m,
     depth->at = mean - depth->slope[0] * m->x - depth->slope[1] * m->y;
 }
 
-/* Adds three springs for all of a group, with its area's moments up to the second: at L times the
- * corners of an equilateral triangle about the centroid, L L' being twice the matrix of the mean
- * squares off it. So a linear depth is integrated exactly, force and moment. None is off a convex
- * figure: the ellipse through them is inside of it (Kannan, Lovasz, Simonovits 1995). */
+/* Adds three springs for a whole group, at L times the corners of an equilateral triangle about
+ * the centroid, where L L' is twice the matrix of mean squares about it. They have the area's
+ * moments up to the second, so force and moment of a linear depth are integrated exactly. In a
+ * convex figure all lie inside: the ellipse through them does (Kannan, Lovasz, Simonovits
+ * 1995). */
 static void group_add_springs(const struct visit *v, const struct visit_facet *f,
                               struct visit_group *g)
 {
@@ -310,8 +314,8 @@ static void group_add_springs(const struct visit *v, const struct visit_facet *f
     visit_add_pressure(v, f, &depth, &m, depth.inward, -rate);
 }
 
-/* Clips a polygon to between two lines across an axis (0 x, 1 y); returns the clipped one, one of
- * the two in g. */
+/* Clips a polygon to the strip between two lines across an axis (0 x, 1 y); returns the result,
+ * g[0] or g[1]. */
 static const struct polygon2d *clip2d_between(const struct polygon2d *in, int axis, double low,
                                               double high, struct polygon2d g[2])
 {
@@ -331,7 +335,7 @@ static const struct polygon2d *clip2d_between(const struct polygon2d *in, int ax
     return now;
 }
 
-/* Finds the least and largest coordinate of a polygon along an axis (0 x, 1 y). */
+/* Finds the smallest and largest coordinate of a polygon along an axis (0 x, 1 y). */
 static void flat_find_reach(const struct polygon2d *g, int axis, double *low, double *high)
 {
     const double *at = axis ? g->y : g->x;
@@ -344,7 +348,7 @@ static void flat_find_reach(const struct polygon2d *g, int axis, double *low, do
     }
 }
 
-/* Returns how many parts to cut a length (m) into so that none is longer than the spacing, at most
+/* Returns the number of parts of a length (m) so that none exceeds the spacing; at most
  * SPACING_PARTS. */
 static int visit_count_parts(const struct visit *v, double length)
 {
@@ -353,8 +357,8 @@ static int visit_count_parts(const struct visit *v, double length)
     return wanted < SPACING_PARTS ? (int)wanted : SPACING_PARTS;
 }
 
-/* Adds springs on a wide polygon: cuts it into columns and these into rectangles no wider than the
- * spacing, with three springs on each. */
+/* Adds springs on a wide polygon: cuts it into columns, and these into rectangles no wider than
+ * the spacing with three springs each. */
 static void visit_add_grid(const struct visit *v, const struct visit_facet *f,
                            const struct visit_depth *depth, const struct polygon2d *g)
 {
@@ -371,7 +375,7 @@ static void visit_add_grid(const struct visit *v, const struct visit_facet *f,
         const struct polygon2d *column =
             clip2d_between(g, 0, left + c * wide, left + (c + 1) * wide, cut[0]);
 
-        /* In each, rows of equal height along y */
+        /* In each column, rows of equal height along y */
         flat_find_reach(column, 1, &low, &high);
         for (int r = 0, rows = visit_count_parts(v, high - low); column->n >= 3 && r < rows; r++) {
             const double tall = (high - low) / rows;
@@ -384,7 +388,7 @@ static void visit_add_grid(const struct visit *v, const struct visit_facet *f,
                 continue;
             }
 
-            /* A rectangle is a group of one polygon */
+            /* A rectangle is a group with one polygon */
             clip2d_moments(part, true, &m);
             if (m.twice > DBL_MIN) {
                 group_add(&group, depth, &m,
@@ -395,8 +399,8 @@ static void visit_add_grid(const struct visit *v, const struct visit_facet *f,
     }
 }
 
-/* Adds force and springs of a polygon of a facet in one cell. A small polygon is added to the group
- * instead, which gets three springs for all its polygons. */
+/* Adds force and springs of a polygon of a facet in one cell. A small polygon is added to the
+ * group instead; the group gets three springs for all its polygons. */
 static void visit_add_polygon(const struct visit *v, const struct visit_facet *f,
                               const struct visit_depth *depth, const struct polygon2d *g,
                               struct visit_group *group)
@@ -413,16 +417,16 @@ static void visit_add_polygon(const struct visit *v, const struct visit_facet *f
         return;
     }
 
-    /* The elastic force along the visitor's normal; cells that are inside out subtract theirs */
+    /* The elastic force along the visitor's normal; cells that are inside out subtract it */
     mean = depth->at + depth->slope[0] * m.x + depth->slope[1] * m.y;
     visit_add_pressure(v, f, depth, &m, f->normal,
                        depth->sign * v->pair->law->stiffness * m.twice / 2);
-    v->pair->sum->area += DBL_MIN; /* touches, though nothing may press */
+    v->pair->sum->area += DBL_MIN; /* in touch, even if there is no pressure */
     if (depth->sign < 0 || depth->facing <= 0) {
         return;
     }
 
-    /* Area in touch, deepest penetration and size of the part that presses */
+    /* Area in touch, deepest penetration, and size of the part with pressure */
     v->pair->sum->area += depth->facing * m.twice / 2;
     for (int i = 0; i < g->n; i++) {
         double deep = depth->at + depth->slope[0] * g->x[i] + depth->slope[1] * g->y[i];
@@ -432,7 +436,7 @@ static void visit_add_polygon(const struct visit *v, const struct visit_facet *f
         radius2 = r2 > radius2 ? r2 : radius2;
     }
 
-    /* Springs: three with the group, or as many as the spacing asks for */
+    /* Springs: three with the group, or by the spacing */
     if (radius2 <= wide * wide || depth->facing <= FACING) {
         group_add(group, depth, &m, mean);
     } else if (v->field->planar) {
@@ -444,9 +448,9 @@ static void visit_add_polygon(const struct visit *v, const struct visit_facet *f
 
 /* ---- a carrier with few sides ---- */
 
-/* Clips a polygon to where the linear function at + x X + y Y is not negative; returns the polygon
- * that is left, one of the two. A polygon over which it is 0 all over is left unless it is given
- * away: so of two cells that share it as their wall, one has it. */
+/* Clips a polygon to where the linear function at + x X + y Y is not negative; returns the result,
+ * g[0] or g[1]. A polygon on which the function is 0 everywhere is kept unless give_away is set:
+ * of two cells with this polygon as their common wall, only one has it. */
 static struct polygon2d *clip2d_linear(struct polygon2d g[2], struct polygon2d *now, double at,
                                        double x, double y, bool give_away)
 {
@@ -475,7 +479,7 @@ struct flat_linear {
     double at, x, y;
 };
 
-/* Returns whether a linear function is negative (-1) or positive (1) all over the circle of that
+/* Returns whether a linear function is negative (-1) or positive (1) on the whole circle of this
  * radius about the facet's center; else 0. */
 static int linear_sign_over(const struct flat_linear *l, double radius)
 {
@@ -485,9 +489,9 @@ static int linear_sign_over(const struct flat_linear *l, double radius)
     return l->at > 0 ? 1 : -1;
 }
 
-/* Clips a facet to where one side of a convex carrier gives the depth: where it is deep and no
- * other side is nearer. depth: linear depth under each of the count sides. Returns the polygon, one
- * of the two in g. */
+/* Clips a facet to the region where one side of a convex carrier gives the depth: the depth is
+ * positive and no other side is nearer. depth: linear depth under each of the count sides. Returns
+ * the polygon, g[0] or g[1]. */
 static const struct polygon2d *planes_clip_facet(const struct visit *v, const struct visit_facet *f,
                                                  const struct flat_linear *depth, int count,
                                                  int side, struct polygon2d g[2])
@@ -510,8 +514,8 @@ static const struct polygon2d *planes_clip_facet(const struct visit *v, const st
     return now;
 }
 
-/* Adds a facet in a convex carrier with few sides: its part under each side that is the nearest one
- * there. */
+/* Adds a facet in a convex carrier with few sides: for each side, the part of the facet that is
+ * nearest to it. */
 static void visit_planes(const struct visit *v, const struct visit_facet *f)
 {
     const struct solid *s = v->carrier;
@@ -519,8 +523,8 @@ static void visit_planes(const struct visit *v, const struct visit_facet *f)
     struct flat_linear over[FIELD_MAX_PLANES];
     int nearest = 0;
 
-    /* Depth under each side over the facet's plane; nothing touches if all of it is outside of
-     * one */
+    /* Depth under each side over the facet's plane; no contact if the whole facet is outside a
+     * side */
     for (int i = 0; i < n; i++) {
         const struct facet *side = &s->facet[i];
 
@@ -540,7 +544,7 @@ static void visit_planes(const struct visit *v, const struct visit_facet *f)
         struct visit_group group = {.area = 0};
         struct polygon2d g[2];
 
-        /* Skips a side that is farther everywhere than the one nearest at the center */
+        /* Skips a side that is everywhere farther than the side nearest to the center */
         if (linear_sign_over(&less, f->f->radius) < 0) {
             continue;
         }
@@ -557,8 +561,8 @@ static void visit_planes(const struct visit *v, const struct visit_facet *f)
 
 /* ---- a carrier with a shell ---- */
 
-/* Computes the polygon in which a tetrahedron meets the facet's plane. height: of its nodes over
- * the plane, m. Returns the number of its corners, 0, 3 or 4. */
+/* Computes the intersection of a tetrahedron and the facet's plane. height: of its nodes over the
+ * plane, m. Returns the number of corners: 0, 3 or 4. */
 static int tetrahedron_cut(const double *const node[4], const double height[4],
                            const struct visit_facet *f, struct polygon2d *g)
 {
@@ -566,7 +570,7 @@ static int tetrahedron_cut(const double *const node[4], const double height[4],
     const double radius = f->f->radius;
     double twice = 0, low[2] = {DBL_MAX, DBL_MAX}, high[2] = {-DBL_MAX, -DBL_MAX};
 
-    /* Nodes on either side of the plane */
+    /* Nodes above and below the plane */
     for (int i = 0; i < 4; i++) {
         if (height[i] >= 0) {
             above[nabove++] = i;
@@ -578,7 +582,7 @@ static int tetrahedron_cut(const double *const node[4], const double height[4],
         return 0;
     }
 
-    /* Where edges cross the plane, in order around the polygon, and its bounds */
+    /* Intersections of the edges with the plane, in order around the polygon, and their bounds */
     n = nabove == 2 ? 4 : 3;
     for (int i = 0; i < n; i++) {
         int from = nabove == 2 ? above[i / 2] : nabove == 3 ? above[i] : above[0];
@@ -597,12 +601,12 @@ static int tetrahedron_cut(const double *const node[4], const double height[4],
         high[1] = g->y[i] > high[1] ? g->y[i] : high[1];
     }
 
-    /* None of it is near the facet */
+    /* Skips a polygon that is not near the facet */
     if (low[0] > radius || low[1] > radius || high[0] < -radius || high[1] < -radius) {
         return 0;
     }
 
-    /* Turned counterclockwise if its signed area is negative */
+    /* Reverses the corners if the signed area is negative, so that they are counterclockwise */
     g->n = n;
     for (int i = 1; i + 1 < n; i++) {
         twice += (g->x[i] - g->x[0]) * (g->y[i + 1] - g->y[0]) -
@@ -619,8 +623,8 @@ static int tetrahedron_cut(const double *const node[4], const double height[4],
     return n;
 }
 
-/* Computes the linear depth in a tetrahedron over the facet's plane from those at its nodes.
- * Returns false when it has no volume to speak of. */
+/* Computes the linear depth in a tetrahedron over the facet's plane from the depths at its nodes.
+ * Returns false if its volume is within rounding. */
 static bool tetrahedron_find_depth(const struct visit *v, const double *const node[4], int sign,
                                    const struct visit_facet *f, struct visit_depth *depth)
 {
@@ -651,7 +655,7 @@ static bool tetrahedron_find_depth(const struct visit *v, const double *const no
     depth->slope[0] = vec3_dot(gradient, f->axis[0]);
     depth->slope[1] = vec3_dot(gradient, f->axis[1]);
 
-    /* Its direction, and whether the cell lies right side out */
+    /* Direction of the gradient, and whether the cell is inside out */
     length = vec3_norm(gradient);
     for (int k = 0; k < 3; k++) {
         depth->inward[k] = length > 0 ? gradient[k] / length : 0;
@@ -661,8 +665,9 @@ static bool tetrahedron_find_depth(const struct visit *v, const double *const no
     return true;
 }
 
-/* Adds a facet in one tetrahedron: cuts it with the facet's plane, clips to the facet and to where
- * it is deep. height: of its nodes over the plane; sign: of its volume right side out. */
+/* Adds a facet in one tetrahedron: cuts the tetrahedron with the facet's plane, clips the result
+ * to the facet and to positive depth. height: of its nodes over the plane; sign: of its volume if
+ * it is not inside out. */
 static void visit_tetrahedron(const struct visit *v, const struct visit_facet *f,
                               const double *const node[4], const double height[4], int sign,
                               struct visit_group *group)
@@ -685,8 +690,8 @@ static void visit_tetrahedron(const struct visit *v, const struct visit_facet *f
     visit_add_polygon(v, f, &depth, left, group);
 }
 
-/* Returns the least value that d . p takes for p on a facet, or a little less where its corners are
- * not at hand. d: unit. */
+/* Returns the smallest value of d . p over the points p of a facet, or a lower bound if the
+ * corners are not transformed. d: unit. */
 static double facet_find_least(const struct visit_facet *f, const double d[3])
 {
     double along = vec3_dot(d, f->normal), across = 1 - along * along, least = DBL_MAX;
@@ -702,8 +707,8 @@ static double facet_find_least(const struct visit_facet *f, const double d[3])
     return least;
 }
 
-/* Checks whether all of a prism is farther inside than a facet, seen along the normal of the
- * triangle over it. */
+/* Checks whether a whole prism is farther inside than a facet, along the normal of the prism's
+ * triangle. */
 static bool prism_is_behind(const struct visit *v, const struct visit_facet *f, int cell,
                             const struct field_prism *prism)
 {
@@ -718,7 +723,8 @@ static bool prism_is_behind(const struct visit *v, const struct visit_facet *f, 
     return true;
 }
 
-/* Adds a facet in one prism of the shell, by its tetrahedra that the facet's plane cuts. */
+/* Adds a facet in one prism of the shell, for each of its tetrahedra that the facet's plane
+ * cuts. */
 static void visit_prism(const struct visit *v, const struct visit_facet *f, int cell)
 {
     struct field_prism prism;
@@ -734,7 +740,7 @@ static void visit_prism(const struct visit *v, const struct visit_facet *f, int 
         above += height[i] >= 0;
     }
 
-    /* The plane does not cut it, or the facet is nearer to the surface */
+    /* Skips the prism if the plane does not cut it or the facet is nearer to the surface */
     if (above == 0 || above == prism.nnode || prism_is_behind(v, f, cell, &prism)) {
         return;
     }
@@ -756,8 +762,8 @@ static void visit_prism(const struct visit *v, const struct visit_facet *f, int 
     }
 }
 
-/* Computes the box about a facet, or about its bounding circle where its corners are not at
- * hand. */
+/* Computes the box about a facet, or about its bounding circle if its corners are not
+ * transformed. */
 static void facet_find_box(const struct visit_facet *f, struct box *box)
 {
     if (f->ncorner > 0) {
@@ -776,8 +782,8 @@ static void facet_find_box(const struct visit_facet *f, struct box *box)
     }
 }
 
-/* Test of a facet against a box about cells of the shell: they may touch if the box meets the
- * facet's box and its plane. */
+/* A test whether a facet may touch the cells in a box: the box must meet the facet's box and its
+ * plane. */
 struct visit_probe {
     struct box box;
     double offset, back[3];
@@ -801,8 +807,7 @@ static void visit_shell(const struct visit *v, const struct visit_facet *f)
 
     facet_find_box(f, &probe.box);
 
-    /* The listed cells near the visitor, or, when there are too many, those of a walk down the
-     * tree */
+    /* Uses the list of cells near the visitor; if there are too many, walks down the tree */
     for (int i = 0; i < v->nnear && v->nnear <= NEAR_MOST; i++) {
         if (probe_meets(&probe, f, &v->near[i]->box)) {
             visit_prism(v, f, v->field->cell[tree->item[v->near[i]->first]]);
@@ -822,7 +827,7 @@ static void visit_shell(const struct visit *v, const struct visit_facet *f)
 
 /* ---- two meshes ---- */
 
-/* Adds all facets of the visitor that are in a box, which is in the visitor's frame. */
+/* Adds all facets of the visitor in a box; the box is in the visitor's frame. */
 static void visit_facets(const struct visit *v, const struct box *there)
 {
     const struct tree *tree = &v->visitor->facets;
@@ -848,7 +853,7 @@ static void visit_facets(const struct visit *v, const struct box *there)
                 continue;
             }
 
-            /* Corners, for the box about it in the shell */
+            /* Corners, for the facet's box in the shell */
             f.ncorner = f.f->count <= FEW_CORNERS ? f.f->count : 0;
             for (int k = 0; k < f.ncorner; k++) {
                 mat3_apply(v->R, v->visitor->ring[f.f->first + k], f.corner[k]);
@@ -860,8 +865,8 @@ static void visit_facets(const struct visit *v, const struct box *there)
     }
 }
 
-/* Lists the cells of a shell that meet a box, each of them a leaf, and computes the box about them.
- * Returns false when there are none. */
+/* Lists the cells of a shell that meet a box (each is a leaf), and computes the box about them.
+ * Returns false if there are none. */
 static bool visit_find_near(struct visit *v, const struct box *where, struct box *about)
 {
     const struct tree *tree = &v->field->tree;
@@ -873,7 +878,7 @@ static bool visit_find_near(struct visit *v, const struct box *where, struct box
             node += node->size;
             continue;
         }
-        /* Beyond NEAR_MOST cells are counted no further; the box is about all of them */
+        /* Stops listing after NEAR_MOST cells; the box still covers all of them */
         if (node->count > 0) {
             *about = v->nnear > 0 ? *about : node->box;
             box_add_box(about, &node->box);
@@ -887,9 +892,9 @@ static bool visit_find_near(struct visit *v, const struct box *where, struct box
     return v->nnear > 0;
 }
 
-/* Adds the visitor's facets that are in the carrier's box `in`; in a shell only where cells near
- * the visitor are. where: box about the visitor. Both are in the carrier's frame; R and p: pose of
- * the carrier in the visitor's frame. */
+/* Adds the visitor's facets in the carrier's box `in`; for a shell, only near listed cells. where:
+ * box about the visitor. Both are in the carrier's frame. R and p: pose of the carrier in the
+ * visitor's frame. */
 static void visit_near(struct visit *v, const struct box *in, const struct box *where,
                        const double R[9], const double p[3])
 {
@@ -901,7 +906,7 @@ static void visit_near(struct visit *v, const struct box *in, const struct box *
     }
 }
 
-/* Shrinks a box by a depth, m, on all of its sides. Returns false when nothing is left. */
+/* Shrinks a box by a depth, m, on all sides. Returns false if it becomes empty. */
 static bool box_shrink(const struct box *box, double by, struct box *out)
 {
     for (int k = 0; k < 3; k++) {
@@ -916,14 +921,15 @@ static bool box_shrink(const struct box *box, double by, struct box *out)
 
 /* Two meshes that interact by a pressure field. */
 struct visit_couple {
-    const struct field *first, *second; /* the second's may be NULL */
-    const struct box *moved, *there; /* box of the second in the first's frame, and the reverse */
-    const double *back, *origin;     /* rotation and origin of the first in the second's frame */
+    const struct field *first, *second; /* the second's field may be NULL */
+    const struct box *moved, *there;    /* box of the second mesh in the first's frame; box of the
+                                      * first mesh in the second's frame */
+    const double *back, *origin;        /* rotation and origin of the first in the second's frame */
 };
 
-/* Adds the second's facets in the part of the first's field that is deeper than least, m, and the
- * first's facets in the part of the second's field that is deeper than that and than the first's is
- * anywhere. */
+/* Adds the second's facets in the part of the first's field deeper than least, m. Then adds the
+ * first's facets in the part of the second's field that is deeper than least and than the first's
+ * largest depth. */
 static void visit_couple_from(struct visit *v, const struct visit_couple *c, double least)
 {
     const struct visit kept = *v;
@@ -934,7 +940,7 @@ static void visit_couple_from(struct visit *v, const struct visit_couple *c, dou
         visit_near(v, &in, c->moved, c->back, c->origin);
     }
 
-    /* The second as carrier: its field counts only beyond the first's deepest */
+    /* The second as carrier: only depth beyond the first's largest depth counts */
     least = fmax(least, c->first->deepest);
     if (c->second && c->second->deepest > least &&
         box_shrink(&c->second->solid->box, least, &moved) && boxes_meet(&moved, c->there)) {
@@ -959,7 +965,8 @@ void native_overlap_fields(const struct native_overlap *o)
     double back[9], origin[3];
     const struct visit_couple couple = {o->field[0], o->field[1], &moved, &there, back, origin};
 
-    /* Pose of the first in the second's frame, and both boxes; without overlap nothing touches */
+    /* Pose of the first in the second's frame, and both boxes; without overlap there is no
+     * contact */
     mat3_transpose(relative->R, back);
     mat3_apply(back, relative->p, origin);
     for (int k = 0; k < 3; k++) {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Private to the engine "native" (native.c, create.c, friction_sticking.c): the world that it makes
- * of a configuration, and works in. All memory is the arena's that it was created in. SI units;
- * frames as said. The calls below are RT-safe.
+ * Private to the engine "native" (native.c, create.c, friction_sticking.c): the world that it
+ * builds from a configuration. The arena given at creation owns all memory. SI units; each member
+ * names its frame. The calls below are RT-safe.
  */
 #ifndef CONTACT_NATIVE_PRIVATE_H
 #define CONTACT_NATIVE_PRIVATE_H
@@ -16,12 +16,12 @@
 struct native_surface {
     int body;
     enum contact_shape shape;
-    double position[3], rotation[9]; /* in the body */
+    double position[3], rotation[9]; /* in the body's frame */
     struct native_capsule capsule;   /* or sphere */
     double center[3], reach;         /* bounding ball, in the body's frame, m */
     struct broad_capsule about; /* bounding capsule about the same center, in the body's frame */
-    const struct solid *solid;  /* box and mesh; capsule, if it may touch one of them */
-    const struct field *field;  /* pressure field, of a mesh that has a pair with a mesh, or NULL */
+    const struct solid *solid;  /* of a box or mesh; of a capsule that may touch one of them */
+    const struct field *field;  /* pressure field of a mesh in a pair with a mesh, or NULL */
 };
 
 /* Pose and velocity of a surface's frame in the world frame. */
@@ -32,36 +32,38 @@ struct native_pose {
 /* A configured pair, ready to be evaluated. */
 struct native_pair {
     enum native_pair_kind kind;
-    int surface[2]; /* in the order in which contact/native/narrow_phase.h takes them */
+    int surface[2]; /* in the order that contact/native/narrow_phase.h requires */
     const struct native_kernels *kernels;
-    double slack; /* overlap that does not count, m; of capsules only */
-    double sign;  /* of the force on the configured pair's b, from that on the first */
-    double onto;  /* of the depth, along the push: from where springs act to the surface that rocks
-                  * on the one whose normals they have; 0 where both have some */
-    int anchored; /* in which of the two surfaces the bristles' anchor is fixed: not that whose
-                   * normals the springs have */
+    double slack; /* overlap that does not count, m; only for capsules */
+    double sign;  /* sign of the force on the configured pair's b relative to the force on the
+                   * first surface */
+    double onto;  /* share of the depth along the push, from the point of action to the surface
+                   * that does not define the normals; 0 if both define some */
+    int anchored; /* which of the two surfaces the anchor of the bristles is fixed in: the one that
+                   * does not define the normals */
     struct native_law law;
 };
 
-/* Range of a patch's springs in the batch: from `from` up to but without `to`. */
+/* Range of a patch's springs in the batch: [from, to). */
 struct native_springs {
     size_t from, to;
 };
 
 /* The engine: a contact_world and all that it works with. */
 struct native_engine {
-    struct contact_world world; /* first */
+    struct contact_world world; /* first member */
     size_t nbody, nsurface, npair, npatch;
     struct native_surface *surface;
     struct native_pose *pose; /* of each surface that is placed */
-    bool *placed;             /* by surface: in this evaluation; those fixed in the world always */
+    bool *placed;             /* by surface: placed in this evaluation; always true for surfaces
+                               * fixed in the world */
     struct broad_phase broad;
     void (*find_near)(struct broad_phase *broad, uint64_t *near);
-    uint64_t *near; /* bits of the pairs that it found */
+    uint64_t *near; /* bits of the pairs that the broad phase found */
     struct native_pair *pair;
-    struct contact_patch *patch;    /* of the last evaluation */
+    struct contact_patch *patch;    /* patches of the last evaluation */
     struct native_springs *springs; /* of each patch */
-    struct native_grip *grip;       /* the same, with sticking friction; otherwise NULL */
+    struct native_grip *grip;       /* of each patch, with sticking friction; otherwise NULL */
     struct native_scratch *scratch;
     char failure[128];
 };
@@ -72,8 +74,8 @@ extern const struct contact_ops native_ops;
  * all bounding volumes, which do not change. */
 void native_place_fixed_surfaces(struct native_engine *e);
 
-/* Narrow phase: finds where a pair's surfaces penetrate each other, puts springs there and adds to
- * sum what it asks for (force, tangent, or sums for friction that sticks). */
+/* Narrow phase: finds the penetration of a pair's surfaces, places springs there, and computes the
+ * requested part of sum (force, tangent, or sums for sticking friction). */
 void native_pair_find_force(const struct native_engine *e, const struct native_pair *pair,
                             const struct native_relative *relative, struct native_sum *sum);
 
@@ -83,20 +85,19 @@ static inline bool native_pair_is_one_way(const struct native_pair *pair)
     return pair->kind == PAIR_MESH_HALF_SPACE || pair->kind == PAIR_CAPSULE_HALF_SPACE;
 }
 
-/* Adds the damping of friction of a patch that holds as a whole, or of the share of it that does,
- * to a tangent. center: the tangent's, in the first surface's frame; turn: rotation of that frame
- * to the world. */
+/* Adds the friction damping of a patch that holds as a whole, or its share, to a tangent. center:
+ * the tangent's, in the first surface's frame; turn: rotation of that frame to the world. */
 void native_bristle_resist(const struct native_grip *grip, const double center[3],
                            const double turn[9], struct contact_tangent *tangent);
 
-/* Adds stiffness and damping of its springs along the normal likewise, from the moments gathered;
+/* Adds stiffness and damping of the patch's springs along the normal from the gathered moments,
  * for springs that all push one way. */
 void native_bristle_press(const struct native_grip *grip, const double center[3],
                           const double turn[9], struct contact_tangent *tangent);
 
-/* Adds the sticking friction (stiction) of a pair in touch to sum, which has its normal force and
- * the sums gathered for it, and fills the next patch's grip and the bristles' rates. The pair's
- * springs are in the batch, or lost, because there was no room. bristles: may be NULL (all
+/* Adds the sticking friction (stiction) of a pair in contact to sum. Fills the next patch's grip
+ * and the bristles' rates. sum already has the normal force and the gathered sums. The pair's
+ * springs are in the batch, or lost because there was no room. bristles: may be NULL (all
  * relaxed). */
 void friction_sticking_add(struct native_engine *e, size_t index,
                            const struct native_relative *relative, struct native_springs at,

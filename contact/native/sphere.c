@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A sphere on a mesh in the native engine: penetration is a bed of springs over each facet. It
- * stands on the part of the facet that lies in the circle where the sphere cuts the facet's plane.
- * With the circle's center as origin and q = sqrt(R^2 - r^2), h the height of the sphere's center
- * over the plane, a spring at radius r is q - h long, and the integrals over the part are those
- * around its rim:
+ * A sphere on a mesh in the native engine: parallel springs stand over each facet, on the part
+ * inside the circle in which the sphere cuts the facet's plane. The origin is the circle's center;
+ * h is the height of the sphere's center over the plane. A spring at radius r has the length q - h
+ * with q = sqrt(R^2 - r^2). The integrals over the part are integrals along its rim:
  *
  *     integral of f(r) dA = rim integral of G(r) dtheta, G(r) the integral of f(s) s ds from 0 to r
  *
- * So a whole circle has a closed form and force and moment do not depend on how the plane is cut.
+ * So a whole circle has a closed form, and force and moment do not depend on the triangulation of
+ * the plane.
  */
 #include "base/portable_math.h"
 #include "contact/native/narrow_phase.h"
@@ -19,27 +19,27 @@
 #include <string.h>
 
 #define PI 3.14159265358979323846
-#define NEGLIGIBLE 1e-12      /* part of a circle that counts as rounding */
+#define NEGLIGIBLE 1e-12      /* part of a circle that counts as rounding error */
 #define MEAN_LEVER (8.0 / 15) /* mean lever of a paraboloid of pressure, over its radius */
 
 /* Integrals over the part of a facet that is in the circle. */
 struct cap {
-    double length; /* of the springs: the volume of the overlap */
-    double square; /* of the square of their length */
+    double length; /* integral of the springs' lengths: the volume of the overlap */
+    double square; /* integral of the squared lengths */
     double area;
-    double moment[2]; /* of their length times the place */
+    double moment[2]; /* integral of length times place */
 };
 
 struct circle {
     double R, h, r; /* radius of the sphere, height of its center, radius of the circle */
 };
 
-/* Computes the integrals of length times s ds and of its square from 0 to s, over s^2: so they are
- * defined at 0. */
+/* Computes the integrals of length times s ds and of its square from 0 to s, both over s^2, so
+ * that they are defined at 0. */
 static void circle_radial(const struct circle *c, double s, double *length, double *square)
 {
     double R = c->R, h = c->h, s2 = s * s, q = sqrt(R * R - s2 > 0 ? R * R - s2 : 0);
-    /* (R^3 - q^3)/(3 s^2) without the cancellation */
+    /* (R^3 - q^3)/(3 s^2), rewritten without cancellation */
     double cube = (R * R + R * q + q * q) / (3 * (R + q));
 
     *length = cube - h / 2;
@@ -77,11 +77,11 @@ static void circle_whole(const struct circle *c, struct cap *cap)
         .length = 2 * PI * length * r2, .square = 2 * PI * square * r2, .area = PI * r2};
 }
 
-/* Adds the integrals along a piece of the rim that is straight and inside the circle. */
+/* Adds the integrals along a straight piece of the rim inside the circle. */
 static void cap_add_chord(const struct circle *c, const double a[2], const double b[2],
                           struct cap *cap)
 {
-    /* Gauss and Legendre's five points on 0 to 1 */
+    /* Five Gauss-Legendre points on 0 to 1 */
     static const double node[5] = {0.046910077030668, 0.2307653449471585, 0.5, 0.7692346550528415,
                                    0.953089922969332};
     static const double weight[5] = {0.1184634425280945, 0.2393143352496833, 0.2844444444444445,
@@ -103,7 +103,7 @@ static void cap_add_chord(const struct circle *c, const double a[2], const doubl
 }
 
 /* Adds the integrals along the arc of the circle that replaces a piece of the facet's rim outside
- * it. */
+ * the circle. */
 static void cap_add_arc(const struct circle *c, const double a[2], const double b[2],
                         struct cap *cap)
 {
@@ -119,8 +119,8 @@ static void cap_add_arc(const struct circle *c, const double a[2], const double 
     cap->moment[1] += moment * r2 * c->r * (a[0] / la - b[0] / lb);
 }
 
-/* Adds the integrals along one edge of the facet, from a to b about the circle's center: the pieces
- * outside, inside and outside again. */
+/* Adds the integrals along one edge of the facet, from a to b relative to the circle's center: the
+ * pieces outside, inside and outside again. */
 static void cap_add_edge(const struct circle *c, const double a[2], const double b[2],
                          struct cap *cap)
 {
@@ -129,7 +129,7 @@ static void cap_add_edge(const struct circle *c, const double a[2], const double
     double aa = a[0] * a[0] + a[1] * a[1] - c->r * c->r;
     double root = ae * ae - ee * aa, t[2], p[2], q[2];
 
-    /* All outside: the edge's line, or the edge, misses the circle */
+    /* Completely outside: the edge or its line misses the circle */
     if (root <= 0) {
         cap_add_arc(c, a, b, cap);
         return;
@@ -158,7 +158,7 @@ static void cap_add_edge(const struct circle *c, const double a[2], const double
     }
 }
 
-/* Computes the integrals over the part of the facet in the circle; false when there is none.
+/* Computes the integrals over the part of the facet in the circle; returns false if there is none.
  * origin: the circle's center; E: the axes of the plane. */
 static bool facet_find_cap(const struct solid *solid, const struct facet *f, const struct circle *c,
                            const double origin[3], const double (*E)[3], struct cap *cap)
@@ -167,7 +167,7 @@ static bool facet_find_cap(const struct solid *solid, const struct facet *f, con
     struct cap circle;
     bool whole = true;
 
-    /* The circle lies in the largest one inside the facet */
+    /* The circle is inside the facet's inscribed circle */
     circle_whole(c, &circle);
     vec3_sub(f->center, origin, to);
     if (room > 0 && vec3_dot(to, to) <= room * room) {
@@ -175,7 +175,7 @@ static bool facet_find_cap(const struct solid *solid, const struct facet *f, con
         return true;
     }
 
-    /* All of the circle outside an edge, or inside all of them */
+    /* The whole circle is outside an edge, or inside all edges */
     for (int i = 0; i < f->count; i++) {
         vec3_sub(solid->ring[f->first + i], origin, to);
         corner[i][0] = vec3_dot(E[0], to);
@@ -196,18 +196,18 @@ static bool facet_find_cap(const struct solid *solid, const struct facet *f, con
         return true;
     }
 
-    /* Some of it: integrals around the rim */
+    /* A part of it: integrals along the rim */
     *cap = (struct cap){0};
     for (int i = 0; i < f->count; i++) {
         cap_add_edge(c, corner[i], corner[i + 1 < f->count ? i + 1 : 0], cap);
     }
-    /* What is left of a facet that the circle just misses is rounding */
+    /* A facet that the circle just misses leaves only rounding errors */
     return cap->length > NEGLIGIBLE * circle.length && cap->area > NEGLIGIBLE * circle.area &&
            cap->square > 0;
 }
 
-/* Adds four springs about the center of pressure in the facet's plane, so that friction brakes a
- * sphere that spins. depth: of each, m; weight: how much they count, 0 to 1. */
+/* Adds four springs around the center of pressure in the facet's plane, so that friction brakes a
+ * spinning sphere. depth: of each, m; weight: 0 to 1. */
 static void sphere_add_springs(const struct facet *f, const struct cap *cap, const double center[3],
                                double depth, double weight, const struct native_law *law,
                                struct native_batch *batch)
@@ -216,7 +216,7 @@ static void sphere_add_springs(const struct facet *f, const struct cap *cap, con
     const double lever = MEAN_LEVER * sqrt(cap->area / PI);
     const size_t n = batch->n;
 
-    /* Stored side by side, as they are read again at once */
+    /* Stored side by side, because they are read again soon */
     for (int k = 0; k < 3; k++) {
         double at_center = center[k] - law->share[0] * depth * f->normal[k];
         double first = lever * E[0][k], second = lever * E[1][k], down = -f->normal[k];
@@ -228,7 +228,7 @@ static void sphere_add_springs(const struct facet *f, const struct cap *cap, con
         memcpy(batch->d[k] + n, d, sizeof d);
     }
 
-    /* Stiffness is k times the area, as a deeper sphere makes each spring of the bed longer */
+    /* Stiffness is k times the area, because each spring grows with the depth of the sphere */
     for (size_t i = 0; i < 4; i++) {
         batch->force[n + i] = weight * law->stiffness * cap->length / 4;
         batch->depth[n + i] = depth;
@@ -237,7 +237,7 @@ static void sphere_add_springs(const struct facet *f, const struct cap *cap, con
     batch->n += 4;
 }
 
-/* Adds the springs between a sphere (its center at) and a facet. */
+/* Adds the springs between a sphere with its center at `at` and a facet. */
 static void sphere_add_facet(const struct native_overlap *o, const struct facet *f,
                              const double at[3], double radius)
 {
@@ -248,8 +248,8 @@ static void sphere_add_facet(const struct native_overlap *o, const struct facet 
     double origin[3], to[3], middle[3], depth, inverse, weight, reach;
     struct cap cap;
 
-    /* The circle in which the sphere cuts the plane. From a center below the plane on it grows
-     * smaller again: a sphere sunk as deep as it is wide is no longer held by this facet */
+    /* The circle in which the sphere cuts the plane. Its radius decreases again when the center is
+     * below the plane; a facet no longer holds a sphere that has sunk by a diameter */
     if (fabs(c.h) >= radius) {
         return;
     }
@@ -264,7 +264,7 @@ static void sphere_add_facet(const struct native_overlap *o, const struct facet 
         return;
     }
 
-    /* The mean spring: how long, where, and how much it counts by the depth of its middle */
+    /* The mean spring: its length, its place, and its weight from the depth of its middle */
     inverse = 1 / cap.length;
     depth = cap.square * inverse;
     for (int k = 0; k < 3; k++) {

@@ -10,7 +10,7 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Writes the folder of the running program; false when it is not known. */
+/* Writes the folder of the running program; returns false if it is unknown. */
 static bool simbody_find_program(char folder[PATH_MAX])
 {
     ssize_t length = readlink("/proc/self/exe", folder, PATH_MAX - 1);
@@ -26,7 +26,8 @@ static bool simbody_find_program(char folder[PATH_MAX])
 
 bool contact_simbody_find(char *path, size_t size)
 {
-    /* From the program's folder: where it is installed, in the build's, in that of its tests */
+    /* Places relative to the program's folder: the installed one, the build's, and the tests' in
+     * the build */
     static const char *const places[] = {("../" HIL_MODULE_FOLDER), "modules", "../modules"};
     char folder[PATH_MAX];
 
@@ -40,7 +41,7 @@ bool contact_simbody_find(char *path, size_t size)
             return true;
         }
     }
-    /* Where the build was to be installed, for programs that stand elsewhere */
+    /* The installation folder of the build, for programs that are elsewhere */
     snprintf(path, size, "%s", HIL_MODULE_PATH "/" SIMBODY_MODULE_FILE);
     if (access(path, R_OK) == 0) {
         return true;
@@ -49,8 +50,8 @@ bool contact_simbody_find(char *path, size_t size)
     return false;
 }
 
-/* Loads the module of a file, unless it is of another build. It stays loaded: libraries of C++ do
- * not take well to being unloaded. */
+/* Loads the module from a file if it is from the same build. The module stays loaded, because
+ * unloading C++ libraries is not safe. */
 static enum error_code simbody_load(const char *path, const struct simbody_module **module,
                                     struct error *error)
 {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The engine "simbody" is a module of its own, loaded where a rig chooses it: Simbody's libraries
- * would cost every process their relocation at its start. This is what stands between the module,
- * which is C++, and the function contact_simbody_create, which loads it. Not RT-safe.
+ * Interface of the module with the engine "simbody". The engine is a module, loaded only by rigs
+ * that choose it, because Simbody's libraries take every process time to relocate at its start.
+ * contact_simbody_create loads the module, which is C++. Not RT-safe.
  */
 #ifndef CONTACT_SIMBODY_MODULE_H
 #define CONTACT_SIMBODY_MODULE_H
@@ -11,7 +11,7 @@
 
 #define SIMBODY_MODULE_FILE "coman-hil-simbody.so"
 
-/* What the module exports as simbody_module. Both sides must be of one build. */
+/* Exported by the module as simbody_module. Program and module must come from the same build. */
 struct simbody_module {
     const char *version; /* HIL_VERSION */
     size_t config_size, surface_size, error_size;

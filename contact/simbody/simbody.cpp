@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Contact engine "simbody": the paper's coupling (section 5.3, Fig. 7). Every contact body has a
- * free 6-DOF shadow in a Simbody world; its pose and velocity are imposed, the world is realized
- * once, and the forces of Simbody's CompliantContactSubsystem are read back. Nothing moves by
- * itself in there: no integrator, no gravity.
+ * Contact engine "simbody": the paper's coupling (section 5.3, Fig. 7). Each contact body has a
+ * free 6-DOF shadow body in a Simbody world. An evaluation sets poses and velocities, realizes the
+ * world once, and reads back the forces of Simbody's CompliantContactSubsystem. There is no
+ * integrator and no gravity.
  *
- * This is the only C++ of the tree, and what it throws stays inside. It must never be built with
- * NDEBUG, see CMakeLists.txt beside it.
+ * This is the only C++ of the tree, and no exception leaves it. Never build it with NDEBUG;
+ * CMakeLists.txt in this folder gives the reason.
  */
 extern "C" {
 #include "base/arena.h"
@@ -31,7 +31,7 @@ namespace
 
 const int no_pair = -1;
 
-/* Owns the memory that a mesh of our own is made in while it is handed to Simbody. */
+/* Owns the memory of one of our meshes while it is passed to Simbody. */
 class ScratchArena
 {
   public:
@@ -46,17 +46,17 @@ class ScratchArena
     struct arena arena = {};
 };
 
-/* The numbers of q and u where a shadow body's pose and velocity are written. */
+/* Indices in q and u of a shadow body's pose and velocity. */
 struct Shadow {
     MobilizedBodyIndex body;
     int q, u;
 };
 
-/* What the two materials of a pair make together. */
+/* Constants of the law for the two materials of a pair. */
 struct Law {
     double static_friction, viscous_friction;
-    double dissipation; /* times the elastic force and the rate of depth: the damping force */
-    double exponent;    /* of the depth in the elastic force */
+    double dissipation; /* damping force over (elastic force times rate of depth) */
+    double exponent;    /* exponent of the depth in the elastic force */
 };
 
 struct Engine : contact_world {
@@ -75,7 +75,7 @@ struct Engine : contact_world {
     CompliantContactSubsystem forces;
     State state;
     std::vector<Shadow> shadow;  /* of each body */
-    std::vector<int> surface_of; /* our number of each of Simbody's surfaces */
+    std::vector<int> surface_of; /* our index of each Simbody surface */
     std::vector<int> body_of;    /* of each of our surfaces */
     std::vector<int> pair_of;    /* nsurface x nsurface, or no_pair */
     std::vector<struct contact_pair> pair;
@@ -122,7 +122,7 @@ ContactGeometry mesh_geometry(const struct mesh &mesh)
     return ContactGeometry::TriangleMesh(vertices, corners);
 }
 
-/* The same triangles as every other engine has for this box. */
+/* Uses the same triangles as the other engine for this box. */
 ContactGeometry box_geometry(const struct contact_surface &s)
 {
     ScratchArena scratch;
@@ -149,13 +149,14 @@ ContactGeometry surface_geometry(const struct contact_surface &s)
         return box_geometry(s);
     case CONTACT_MESH:
         return mesh_geometry(*s.mesh);
-    case CONTACT_CAPSULE: /* refused before */
+    case CONTACT_CAPSULE: /* refused by the check of the configuration */
         break;
     }
     throw std::logic_error("shape without a geometry");
 }
 
-/* The frame of Simbody's geometry in the body. Its half-space is solid at x > 0, ours at z < 0. */
+/* Returns the pose of Simbody's geometry in the body. Its half-space is solid at x > 0, ours at z
+ * < 0. */
 Transform surface_placement(const struct contact_surface &s)
 {
     Rotation frame(to_mat33(s.rotation));
@@ -177,8 +178,8 @@ ContactSurface make_surface(const struct contact_surface &s)
                           m.thickness_m);
 }
 
-/* Simbody tests every surface against every other; a clique for each two that are not a pair keeps
- * them apart. Surfaces on one body never meet anyway. */
+/* Simbody tests each surface against each other. A clique for each two surfaces that are not a
+ * pair disables their contact. Surfaces of one body never touch anyway. */
 void separate_unpaired(std::vector<ContactSurface> &surfaces, const std::vector<int> &body_of,
                        const std::vector<int> &pair_of)
 {
@@ -206,7 +207,7 @@ bool has_mesh(const struct contact_surface &s)
     return s.shape == CONTACT_BOX || s.shape == CONTACT_MESH;
 }
 
-/* The stiffness that a surface's share of the depth goes by. */
+/* Returns the stiffness that determines a surface's share of the depth. */
 double material_rigidity(const struct contact_material &m, bool foundation)
 {
     return foundation ? m.young_pa / m.thickness_m : std::cbrt(m.young_pa * m.young_pa);
@@ -230,7 +231,7 @@ Engine::Engine(const struct contact_config &config)
       tracker(system), forces(system, tracker), pair_of(nsurface * nsurface, no_pair),
       pair(config.pair, config.pair + config.npair)
 {
-    /* The pairs: their number by their surfaces, their law */
+    /* Pairs: index by surfaces, and law */
     for (size_t p = 0; p < pair.size(); p++) {
         size_t a = static_cast<size_t>(pair[p].a), b = static_cast<size_t>(pair[p].b);
 
@@ -239,11 +240,11 @@ Engine::Engine(const struct contact_config &config)
     for (const struct contact_pair &p : pair) {
         law.push_back(pair_law(config.surface[p.a], config.surface[p.b]));
     }
-    /* No allocation of ours while evaluating */
+    /* Reserve now: no allocation of ours during an evaluation */
     patches.reserve(pair.size());
     touching.reserve(pair.size());
 
-    /* The surfaces, of which only those of a pair meet */
+    /* Surfaces; only those of a pair may touch */
     std::vector<ContactSurface> surfaces;
 
     for (size_t i = 0; i < nsurface; i++) {
@@ -252,8 +253,8 @@ Engine::Engine(const struct contact_config &config)
     }
     separate_unpaired(surfaces, body_of, pair_of);
 
-    /* The bodies with their surfaces: Ground first, then each body, the order in which Simbody
-     * numbers surfaces */
+    /* Bodies with their surfaces: Ground first, then each body, in the order of Simbody's
+     * numbering */
     const MassProperties unit(1, Vec3(0), UnitInertia(1));
 
     forces.setTransitionVelocity(config.transition_velocity_m_s);
@@ -280,7 +281,7 @@ Engine::Engine(const struct contact_config &config)
         }
     }
 
-    /* A state to write poses and velocities into */
+    /* A state for poses and velocities */
     state = system.realizeTopology();
     system.realizeModel(state);
     for (Shadow &s : shadow) {
@@ -292,7 +293,7 @@ Engine::Engine(const struct contact_config &config)
 /* ---- evaluating ---- */
 
 /* A free mobilizer on Ground: q is the quaternion and the origin, u the angular velocity and the
- * origin's velocity, all in Ground. */
+ * origin's velocity, all in Ground's frame. */
 void Engine::impose_motion(const struct body_motion *motion)
 {
     Vector &q = state.updQ();
@@ -317,7 +318,7 @@ void Engine::impose_motion(const struct body_motion *motion)
 void Engine::add_patch(const ContactForce &force, const Contact &contact,
                        const struct body_motion *motion, struct contact_wrench *wrench)
 {
-    /* Whose it is */
+    /* Finds the pair */
     const size_t first = static_cast<size_t>(surface_of[contact.getSurface1()]);
     const size_t second = static_cast<size_t>(surface_of[contact.getSurface2()]);
     const int number = pair_of[first * nsurface + second];
@@ -328,7 +329,7 @@ void Engine::add_patch(const ContactForce &force, const Contact &contact,
         throw std::logic_error("contact of two surfaces that are not a pair");
     }
 
-    /* Its force on both bodies */
+    /* Adds its force to both bodies */
     for (int side = 0; side < 2; side++) {
         const int body = body_of[side == 0 ? first : second];
         const SpatialVec f = (side == 0 ? -1.0 : 1.0) * on_second;
@@ -341,7 +342,7 @@ void Engine::add_patch(const ContactForce &force, const Contact &contact,
         }
     }
 
-    /* And as a patch, on the configured pair's b */
+    /* Adds the patch, with the wrench on the configured pair's b */
     struct contact_patch patch = {};
     const double sign = pair[static_cast<size_t>(number)].b == static_cast<int>(second) ? 1 : -1;
 
@@ -374,13 +375,13 @@ void Engine::evaluate(const struct body_motion *motion, struct contact_wrench *w
         add_patch(force, contacts.getContactById(force.getContactId()), motion, wrench);
     }
 
-    /* What touches keeps its contact's number next time: Simbody counts new contacts in an int that
-     * a long run would overflow. The forces do not depend on it. */
+    /* Keeps the number of each contact for the next evaluation: Simbody counts new contacts in an
+     * int that a long run would overflow. The forces do not depend on the number. */
     state.autoUpdateDiscreteVariables();
 }
 
-/* Adds Simbody's account of one element. Its elastic force goes with a power of the depth, and its
- * energy says how large it is. */
+/* Adds one element of Simbody's contact details. The elastic force is a power of the depth, and
+ * the energy gives the depth. */
 void tangent_add_detail(const ContactDetail &detail, const Law &law, double transition_velocity,
                         struct contact_tangent *tangent)
 {
@@ -423,7 +424,7 @@ size_t Engine::tangents(struct contact_tangent *tangent, size_t max)
 
 /* ---- the C side ---- */
 
-/* Simbody's messages run over several lines; ours are one sentence. */
+/* Writes a message on one line: Simbody's messages have several lines. */
 void copy_as_one_line(char *out, size_t size, const char *message)
 {
     size_t n = 0;
@@ -475,7 +476,7 @@ size_t simbody_patches(struct contact_world *world, struct contact_patch *patch,
     return all.size();
 }
 
-/* A pair whose details Simbody cannot give has no tangent. */
+/* A pair has no tangent if Simbody cannot give its details. */
 size_t simbody_tangents(struct contact_world *world, struct contact_tangent *tangent, size_t max)
 {
     try {
