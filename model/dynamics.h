@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Rigid-body dynamics of one robot, paper eq. (1): the seam behind which stand the numeric
- * articulated-body algorithm (generic, any tree) and the symbolic generator's code (generated, one
- * robot). Both give the same numbers within rounding.
+ * Rigid-body dynamics of one robot, paper eq. (1): the interface of two implementations. generic is
+ * the numeric articulated-body algorithm for any tree; generated is the code of the symbolic
+ * generator for one robot. Both give the same numbers within rounding.
  *
  * q, v, accelerations and their order: model/robot.h. tau: njoint joint torques (N m) or forces
- * (N). A base quaternion that has drifted from unit length stands for the rotation of its
- * direction. All functions are RT-safe: no allocation, no locks, bounded work; they use only work.
+ * (N). A base quaternion need not have unit length; its direction gives the rotation. All functions
+ * are RT-safe: no allocation, no locks, bounded work; they write only to work.
  */
 #ifndef MODEL_DYNAMICS_H
 #define MODEL_DYNAMICS_H
@@ -26,7 +26,7 @@ struct body_acceleration {
     double a[3];     /* of the origin, m/s2 */
 };
 
-/* A symmetric 6x6 matrix that adds to a body's inertia: upper triangle by rows, in the order of v
+/* A symmetric 6x6 matrix added to a body's inertia: upper triangle by rows, in the order of v
  * (linear xyz, angular xyz), in the body's frame about its origin. */
 struct added_inertia {
     double A[21];
@@ -43,8 +43,8 @@ struct dynamics_ops {
     /* Forward dynamics with added inertia, for implicit integration: vdot of
      *     (Mass + E + sum Jb^T A_b Jb) vdot = tau - bias + sum Jb^T ext_b
      * with E the diagonal of extra (njoint, on the joints' own coordinates) and A_b those of the
-     * observed bodies, one each in rising order. Jb v is the body's velocity in its frame at its
-     * origin. All of it must be positive definite. ext must be given. */
+     * observed bodies, one each in ascending order. Jb v is the body's velocity in its frame at
+     * its origin. All of it must be positive definite. ext must be given. */
     void (*implicit)(const struct dynamics *d, const double *q, const double *v, const double *tau,
                      const struct wrench *ext, const double *extra,
                      const struct added_inertia *added, double *vdot);
@@ -52,17 +52,18 @@ struct dynamics_ops {
      * first, in the order of v) that produce vdot. */
     void (*inverse)(const struct dynamics *d, const double *q, const double *v, const double *vdot,
                     const struct wrench *ext, double *f);
-    /* Motion of every observed body; entries of other bodies may be left alone. */
+    /* Motion of each observed body; entries of other bodies may be left unchanged. */
     void (*kinematics)(const struct dynamics *d, const double *q, const double *v,
                        struct body_motion *motion);
-    /* The same with another v, w and v of motion alone: q must be that of the last call of
-     * kinematics. */
+    /* Updates only v and w of motion for another v; q must be that of the last kinematics call. */
     void (*velocities)(const struct dynamics *d, const double *q, const double *v,
                        struct body_motion *motion);
-    /* Accelerations of every observed body, given vdot; q likewise. */
+    /* Accelerations of each observed body, given vdot; q must be that of the last kinematics
+     * call. */
     void (*acceleration)(const struct dynamics *d, const double *q, const double *v,
                          const double *vdot, struct body_acceleration *acceleration);
-    /* Kinetic and potential energy, J; potential is zero with every mass at the world's origin. */
+    /* Kinetic and potential energy, J; the potential energy is zero if all masses are at the
+     * world's origin. */
     void (*energy)(const struct dynamics *d, const double *q, const double *v, double *kinetic,
                    double *potential);
 };
@@ -78,8 +79,8 @@ struct dynamics {
 enum error_code dynamics_generic(const struct robot *robot, struct arena *arena,
                                  struct dynamics *out, struct error *error);
 
-/* q <- q + dt * v on the manifold's chart: qdot (nq) from q and v, with the quaternion's rate.
- * RT-safe. */
+/* q <- q + dt * v on the manifold's chart: computes qdot (nq) from q and v, with the quaternion's
+ * rate. RT-safe. */
 void dynamics_qdot(const struct robot *robot, const double *q, const double *v, double *qdot);
 
 #endif

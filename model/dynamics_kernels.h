@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The steps of the numeric rigid-body algorithms at one joint, for dynamics_generic.c: transforms
- * between a body and its parent, and what the outward and inward sweeps do there (Featherstone,
- * Rigid Body Dynamics Algorithms, 2008, tables 5.1 and 7.1). All in body coordinates; SI units.
+ * Steps of the numeric rigid-body algorithms at one joint, for dynamics_generic.c: transforms
+ * between a body and its parent, and the joint's part of the outward and inward sweeps
+ * (Featherstone, Rigid Body Dynamics Algorithms, 2008, tables 5.1 and 7.1). All in body
+ * coordinates; SI units.
  *
- * What is done about a joint axis is written once with the axis number k as a parameter and inlined
- * for k = 0, 1, 2 (BY_JOINT), so that a turn costs a rotation in a plane and not a 3x3 product.
- * Index k is the joint axis, i and j are the two after it in cyclic order. No memory, no errors.
- * RT-safe.
+ * Code for a joint axis is written once with the axis number k as a parameter and inlined for k =
+ * 0, 1, 2 (BY_JOINT). So a rotation costs a rotation in a plane, not a 3x3 product. Index k is the
+ * joint axis, i and j follow it in cyclic order. No memory, no errors. RT-safe.
  */
 #ifndef MODEL_DYNAMICS_KERNELS_H
 #define MODEL_DYNAMICS_KERNELS_H
@@ -18,17 +18,17 @@
 
 #define INLINE static inline __attribute__((always_inline))
 
-/* What is fixed about a body and the joint that moves it. All in the body's inner frame, origin
- * and fixed in the parent's. */
+/* Constants of a body and the joint that moves it. All in the body's inner frame, except origin
+ * and fixed, which are in the parent's frame. */
 struct link {
     int parent;
     enum joint_type type;
     int axis;         /* k: the coordinate axis of the inner frame that is the joint axis */
-    bool turned;      /* fixed is not the identity */
-    bool offset;      /* origin is not zero, or moves (prismatic) */
-    bool inner;       /* the inner frame is not the body's frame */
-    double origin[3]; /* of the body at q = 0 */
-    double fixed[9];  /* rotation, this to parent, at q = 0 */
+    bool turned;      /* true: fixed is not the identity */
+    bool offset;      /* true: origin is not zero, or moves (prismatic) */
+    bool inner;       /* true: the inner frame differs from the body's frame */
+    double origin[3]; /* origin of the body at q = 0 */
+    double fixed[9];  /* rotation, this frame to parent, at q = 0 */
     double align[9];  /* rotation, inner to body frame */
     double slide[3];  /* direction of a prismatic joint, in the parent's frame */
     double mass;      /* kg */
@@ -37,13 +37,13 @@ struct link {
     struct spatial_inertia rigid;
 };
 
-/* What one evaluation computes for a body. */
+/* Results of one evaluation for a body. */
 struct link_state {
     double c, s; /* cosine and sine of a revolute joint's angle */
     double r[3]; /* origin in the parent's frame */
     struct spatial v;
     struct spatial bias;  /* velocity-product acceleration */
-    struct spatial drift; /* acceleration at vdot = 0, gravity's included */
+    struct spatial drift; /* acceleration at vdot = 0, gravity included */
     struct spatial p;     /* bias force; in inverse dynamics the force across the joint */
     struct spatial a;
     struct spatial_inertia A; /* articulated inertia */
@@ -57,13 +57,14 @@ struct generic {
     size_t first; /* index in q and v of the first joint */
     struct link *link;
     struct link_state *state;
-    double *q, *v;     /* what the states hold belongs to; the same again is not computed again */
-    bool turned_known; /* c, s and r are those of q, */
-    bool moving_known; /* v and bias those of q and v, */
-    bool place_known;  /* R and position those of q */
+    double *q, *v;     /* arguments of the stored results, which are reused for the same
+                        * arguments */
+    bool turned_known; /* c, s and r are valid for q, */
+    bool moving_known; /* v and bias for q and v, */
+    bool place_known;  /* R and position for q */
 };
 
-/* Calls kernel(type, axis, ...) with both as constants. */
+/* Calls kernel(type, axis, ...) with type and axis as constants. */
 #define BY_JOINT(link, kernel, ...)                                                                \
     do {                                                                                           \
         if ((link)->type == JOINT_REVOLUTE) {                                                      \
@@ -240,13 +241,13 @@ INLINE void joint_transform(const struct link *link, double q, struct link_state
     }
 }
 
-/* What the joint makes of the parent's velocity */
+/* Computes the body's velocity from the parent's */
 INLINE void outward_velocity(enum joint_type type, int k, const struct link *link,
                              const struct link_state *parent, double qd, struct link_state *state)
 {
     int i = (k + 1) % 3, j = (k + 2) % 3;
 
-    /* The bias is what the joint's own motion turns: v x (axis qd) */
+    /* Bias acceleration from the joint's own motion: v x (axis qd) */
     if (type == JOINT_REVOLUTE) {
         motion_down(k, link, state, &parent->v, &state->v);
         state->v.a[k] += qd;
@@ -265,9 +266,8 @@ INLINE void outward_velocity(enum joint_type type, int k, const struct link *lin
     }
 }
 
-/* A <- A - U U^T / d: what is left of A when the joint gives way. A turning joint without extra
- * inertia (plain) passes on no moment about its axis: row k of J and H becomes zero, and is set so.
- */
+/* A <- A - U U^T / d: the inertia left when the joint moves freely. A revolute joint without extra
+ * inertia (plain) transmits no moment about its axis, so row k of J and H is set to zero. */
 INLINE void remove_joint_motion(enum joint_type type, int k, bool plain, const struct spatial *U,
                                 double inverse_d, struct spatial_inertia *A)
 {
@@ -305,7 +305,7 @@ INLINE void add_bias(enum joint_type type, int k, const struct spatial_inertia *
     }
 }
 
-/* Takes the joint's own motion out of the articulated inertia and hands the rest to the parent;
+/* Removes the joint's own motion from the articulated inertia and adds the rest to the parent;
  * extra inertia resists the joint's motion unless plain */
 INLINE void inward_articulated(enum joint_type type, int k, bool plain, const struct link *link,
                                double tau, double extra, struct link_state *state,
@@ -336,7 +336,7 @@ INLINE void inward_articulated(enum joint_type type, int k, bool plain, const st
     }
     force_up(k, link, state, &p, &parent->p);
 
-    /* To the parent's axes and origin */
+    /* Transforms to the parent's axes and origin */
     if (turns) {
         sym3_turn(k, plain, state->c, state->s, A.J);
         sym3_turn(k, false, state->c, state->s, A.M);
@@ -351,7 +351,7 @@ INLINE void inward_articulated(enum joint_type type, int k, bool plain, const st
     spatial_inertia_add(&A, &parent->A);
 }
 
-/* A joint's acceleration from its parent's, and the body's from both */
+/* Computes a joint's acceleration from its parent's, and the body's acceleration from both */
 INLINE void outward_acceleration(enum joint_type type, int k, const struct link *link,
                                  const struct link_state *parent, struct link_state *state,
                                  double *qdd)
@@ -370,7 +370,7 @@ INLINE void outward_acceleration(enum joint_type type, int k, const struct link 
     }
 }
 
-/* The body's acceleration when the joint's is given */
+/* Computes the body's acceleration if the joint's is given */
 INLINE void outward_given(enum joint_type type, int k, const struct link *link,
                           const struct link_state *parent, double qdd, struct link_state *state)
 {
@@ -386,7 +386,7 @@ INLINE void outward_given(enum joint_type type, int k, const struct link *link,
     }
 }
 
-/* The joint's share of the force across it; the rest goes to the parent */
+/* Returns the joint's component of the force across it; adds the force to the parent */
 INLINE void inward_force(enum joint_type type, int k, const struct link *link,
                          const struct link_state *state, struct link_state *parent, double *tau)
 {
@@ -394,7 +394,7 @@ INLINE void inward_force(enum joint_type type, int k, const struct link *link,
     force_up(k, link, state, &state->p, &parent->p);
 }
 
-/* The body's place in the world from its parent's */
+/* Computes the body's pose in the world from its parent's */
 INLINE void outward_place(enum joint_type type, int k, const struct link *link,
                           const struct link_state *parent, struct link_state *state)
 {
@@ -408,7 +408,7 @@ INLINE void outward_place(enum joint_type type, int k, const struct link *link,
     }
 }
 
-/* The body's acceleration at vdot = 0 */
+/* Computes the body's acceleration at vdot = 0 */
 INLINE void outward_drift(enum joint_type type, int k, const struct link *link,
                           const struct link_state *parent, struct link_state *state)
 {
@@ -420,8 +420,8 @@ INLINE void outward_drift(enum joint_type type, int k, const struct link *link,
     }
 }
 
-/* Reduces a body and the joint that moves it (NULL for the base) to a link; parent is that of its
- * parent, NULL for the base. */
+/* Converts a body and the joint that moves it to a link. parent belongs to the parent body. joint
+ * and parent are NULL for the base. */
 void generic_prepare_link(const struct robot_body *body, const struct robot_joint *joint,
                           const struct link *parent, struct link *link);
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Integration of y' = f(t, y) over a flat state, in fixed steps (RT-safe) or adaptive. Scratch is
- * the caller's.
+ * Integration of y' = f(t, y) over a flat state, in fixed steps (RT-safe) or adaptive. The caller
+ * owns the scratch.
  */
 #ifndef MODEL_INTEGRATOR_H
 #define MODEL_INTEGRATOR_H
@@ -12,33 +12,34 @@
 /* dydt (n) from y (n) at time t (s). */
 typedef void integrator_function(void *context, double t, const double *y, double *dydt);
 
-/* Returns the doubles of scratch that integrator_rk4 needs for n states. */
+/* Returns the number of doubles of scratch that integrator_rk4 needs for n states. */
 size_t integrator_rk4_scratch(size_t n);
 
 /* Advances y (n) from t by h seconds with the classical fourth-order Runge-Kutta scheme (Hairer,
- * Norsett, Wanner, Solving ODEs I, II.1, table 1.2). lost (n) is what rounding has cut off y; it
- * comes back with the next call, so that many short steps do not add up their roundings (Hairer,
- * Lubich, Wanner, Geometric Numerical Integration, VIII.5). Zero where y begins or is set. */
+ * Norsett, Wanner, Solving ODEs I, II.1, table 1.2). lost (n) holds the rounding error of y and is
+ * added in the next call, so that rounding errors of many short steps do not accumulate (Hairer,
+ * Lubich, Wanner, Geometric Numerical Integration, VIII.5). Set it to zero when y starts or is
+ * set. */
 void integrator_rk4(integrator_function *f, void *context, double t, double h, size_t n, double *y,
                     double *lost, double *scratch);
 
-/* What the adaptive scheme goes by, and what it remembers from one call to the next. */
+/* Settings of the adaptive scheme, and its memory between calls. */
 struct integrator_dopri5 {
-    double rtol, atol;  /* > 0; the error of a step counts relative to atol + rtol |y_i| */
-    size_t tries;       /* most steps, accepted or not, in one call */
-    double next;        /* length of the next step, s; 0 = to be found */
+    double rtol, atol;  /* > 0; the error of a step is relative to atol + rtol |y_i| */
+    size_t tries;       /* maximum number of steps in one call, accepted or rejected */
+    double next;        /* length of the next step, s; 0 = unknown */
     double last_error;  /* of the last accepted step */
-    size_t evaluations; /* of f, so far */
+    size_t evaluations; /* evaluations of f so far */
 };
 
-/* Returns the doubles of scratch that integrator_dopri5 needs for n states. */
+/* Returns the number of doubles of scratch that integrator_dopri5 needs for n states. */
 size_t integrator_dopri5_scratch(size_t n);
 
-/* Advances y (n) from t by h seconds with the embedded pair of orders 5 and 4 of Dormand and Prince
- * and proportional-integral control of the step (Hairer, Norsett, Wanner, Solving ODEs I, II.5
- * table 5.2; Hairer, Wanner, II, IV.2). The error of a step is the root mean square over the state.
- * Returns false when it does not arrive in the tries that it has, or its steps vanish next to h
- * because f is not finite; y is then where it came to. */
+/* Advances y (n) from t by h seconds with the embedded pair of orders 5 and 4 of Dormand and
+ * Prince and proportional-integral control of the step (Hairer, Norsett, Wanner, Solving ODEs I,
+ * II.5 table 5.2; Hairer, Wanner, II, IV.2). The error of a step is the root mean square over the
+ * state. Returns false if it does not reach the end within `tries` steps, or if its steps become
+ * negligible relative to h because f is not finite; y is then the last state reached. */
 bool integrator_dopri5(integrator_function *f, void *context, double t, double h, size_t n,
                        double *y, struct integrator_dopri5 *control, double *scratch);
 

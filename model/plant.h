@@ -1,27 +1,33 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The plant: rigid-body dynamics, drives, parallel springs and contact joined into one system of
- * ordinary differential equations, integrated together (the paper's strong coupling).
+ * The plant: rigid-body dynamics, drives, parallel springs and contact as one system of ordinary
+ * differential equations, integrated together (the paper's strong coupling).
  *
- * State, one flat array: q (nq), v (nv), then an enum plant_drive_part for each joint with a
- * drive, in joint order, then p for each joint with an enabled parallel spring, then an enum
- * plant_free_part for each free body, then hysteresis, winding and housing temperature of each
- * drive where some drive has effects (model/drives/effects.h), the bus of the supply if there is
- * one (model/drives/supply.h), an enum hydraulic_part for each hydraulic joint and the pressure of
- * their supply (model/hydraulics/hydraulic.h), with account_energy the integrals of the powers, and
- * at last the bristles of sticking friction (contact.h), an enum contact_bristle_part for each
- * pair. Joints without a drive have no actuator state and no torque but that of their parallel
- * spring, of the stops at the ends of their range (model/stop.h) and of their coupling to another
- * joint (model/coupling.h). Time is int64_t ns.
+ * The state is one flat array with these parts in order:
+ * - q (nq), v (nv);
+ * - enum plant_drive_part for each joint with a drive, in joint order;
+ * - p for each joint with an enabled parallel spring;
+ * - enum plant_free_part for each free body;
+ * - hysteresis, winding and housing temperature of each drive, if any drive has effects
+ *   (model/drives/effects.h);
+ * - the bus of the supply, if there is one (model/drives/supply.h);
+ * - enum hydraulic_part for each hydraulic joint, and the pressure of their supply
+ *   (model/hydraulics/hydraulic.h);
+ * - with account_energy, the integrals of the powers;
+ * - the bristles of sticking friction (contact.h), enum contact_bristle_part for each pair.
  *
- * Free bodies are the scene's: rigid, joined to nothing, moved by gravity, contact and pushes.
- * Wherever a body is meant by its index they follow the robot's: free[i] is body nbody + i. (Bodies
- * that never move are no bodies here, but surfaces of the world.)
+ * A joint without a drive has no actuator state. Its torque comes from its parallel spring, the
+ * stops of its range (model/stop.h) and its coupling to another joint (model/coupling.h). Time is
+ * int64_t ns.
  *
- * A command is held over one call of plant_step: voltages stay, the pretension of a parallel spring
- * moves at a constant rate so that it is reached at the end of the call.
+ * Free bodies belong to the scene: they are rigid, have no joints, and move by gravity, contact and
+ * pushes. Body indices count them after the robot's bodies: free[i] is body nbody + i. Bodies that
+ * never move are not bodies here but surfaces of the world.
  *
- * A drive in a condition (plant_io.h) is one whose parameters differ: what its spring or its rotor
+ * A command is held during one call of plant_step: voltages are constant, and the pretension of a
+ * parallel spring moves at a constant rate to reach its target at the end of the call.
+ *
+ * A drive in a condition (plant_io.h) has changed parameters. The energy that its spring or rotor
  * had stored when it broke or jammed counts as motor friction.
  */
 #ifndef MODEL_PLANT_H
@@ -34,18 +40,18 @@
 
 struct plant;
 
-/* rk4: the paper's, for steps short enough. implicit: order 2, stable with long steps, drives exact
- * for the voltage held; the one for real time (model/implicit/implicit.c, docs/integrator.md).
- * dopri5: adaptive, any substep, as accurate as asked and as slow as that takes: the oracle; not
- * RT-safe. */
+/* rk4: the paper's scheme, for short steps. implicit: order 2, stable with long steps, drives
+ * exact for constant voltage; the scheme for real time (model/implicit/implicit.c,
+ * docs/integrator.md). dopri5: adaptive, any substep, to the given tolerance; slow; a reference
+ * for the others; not RT-safe. */
 enum plant_integrator { PLANT_RK4, PLANT_IMPLICIT, PLANT_DOPRI5 };
 
-/* A free body as it starts. Its center of mass need not be the origin of its frame. */
+/* A free body at its start. Its center of mass need not be the origin of its frame. */
 struct plant_free_body {
     const char *name;
     struct robot_inertia inertia; /* mass and principal moments > 0 */
     double position[3];           /* of the body's origin, world, m */
-    double quaternion[4];         /* wxyz, body to world, of any length but zero */
+    double quaternion[4];         /* wxyz, body to world; any length except zero */
     double v[3];                  /* of the body's origin, world, m/s */
     double w[3];                  /* world, rad/s */
 };
@@ -55,7 +61,7 @@ enum plant_drive_part {
     DRIVE_MOTOR_POSITION, /* qm, rad */
     DRIVE_MOTOR_SPEED,    /* qm', rad/s */
     DRIVE_CURRENT,        /* I, A */
-    PLANT_DRIVE_STATE,    /* their number */
+    PLANT_DRIVE_STATE,    /* number of parts */
 };
 
 /* Offsets of the parts of a free body's state. */
@@ -64,49 +70,55 @@ enum plant_free_part {
     PLANT_FREE_QUATERNION = 3, /* wxyz, body to world */
     PLANT_FREE_VELOCITY = 7,   /* of its center of mass, world, m/s */
     PLANT_FREE_SPIN = 10,      /* angular velocity, body frame, rad/s */
-    PLANT_FREE_STATE = 13,     /* their number */
+    PLANT_FREE_STATE = 13,     /* number of parts */
 };
 
 struct plant_config {
     const struct robot *robot;
-    const struct dynamics *dynamics;    /* of the same robot; used by no other thread */
-    const struct plant_free_body *free; /* nfree; copied, but for the names */
+    const struct dynamics *dynamics;    /* of the same robot; used by this thread only */
+    const struct plant_free_body *free; /* nfree; copied, except the names */
     size_t nfree;
-    struct contact_world *contact; /* NULL = none; not owned, and nobody else's to evaluate */
+    struct contact_world *contact; /* NULL = none; not owned; only the plant may evaluate it */
     const int *contact_body;       /* body of each of the world's ncontact motions; copied */
     size_t ncontact;
     enum plant_integrator integrator;
-    int64_t substep_ns;             /* h */
+    int64_t substep_ns;             /* length h of a substep */
     double rtol, atol;              /* of dopri5, for each number of the state */
     double supply_v;                /* terminal voltages are clipped to +-supply_v */
-    double supply_ohm;              /* of the source: the supply sags under load; 0 = none */
-    struct supply_bus bus;          /* behind it; capacitance 0 = none */
-    bool bending;                   /* sample the moments across the joints' axes too */
-    bool account_energy;            /* integrate the power balance too (plant_energy) */
-    int64_t (*now_ns)(void *clock); /* to time the contact engine by; RT-safe; NULL = untimed */
-    void *clock;                    /* handed to now_ns */
+    double supply_ohm;              /* resistance of the source: the supply sags under load; 0 =
+                                     * none */
+    struct supply_bus bus;          /* bus behind the source; capacitance 0 = none */
+    bool bending;                   /* also sample the moments across the joints' axes */
+    bool account_energy;            /* also integrate the power balance (plant_energy) */
+    int64_t (*now_ns)(void *clock); /* clock for the time of the contact engine; RT-safe; NULL =
+                                     * not measured */
+    void *clock;                    /* argument of now_ns */
 };
 
-/* Cost of the plant's contact engine since the plant was made. */
+/* Cost of the contact engine since the plant was created. */
 struct plant_contact_cost {
-    uint64_t evaluations; /* that the engine was asked for; others came from memory */
-    int64_t spent_ns;     /* in them and in its tangents, by the configuration's clock */
+    uint64_t evaluations; /* evaluations by the engine; repeated ones come from memory and do not
+                           * count */
+    int64_t spent_ns;     /* time in evaluations and tangents, by the configuration's clock */
 };
 
-/* Most contact patches whose stored energy plant_energy counts. */
+/* Largest number of contact patches whose stored energy plant_energy counts. */
 enum { PLANT_PATCHES = 256 };
 
-/* Energies since the start, J. balance = what was put in (electrical_in, pretension_work,
- * push_work) - (what is stored now - what was stored at the start) - what was lost (joule_heat,
- * motor_friction, spring_damping, parallel_damping, stop_loss, contact_dissipation, and with
- * effects of drives gear_friction, gear_hysteresis and bridge_loss (of diodes), with a bus
- * source_loss and chopper_heat): zero for an exact integration. electrical_in is what the bridges
- * take, with a bus what its source gives. stop_loss is that of the joints' stops; what the stops of
- * series springs, passive springs and the couplings of joints lose is in spring_damping.
+/* Energies since the start, J.
  *
- * Contact enters the balance by the work of its wrenches on the bodies, whatever the engine says of
- * its own energies: contact_dissipation is that work, negated, less the growth of what the patches
- * report as stored. With an engine that reports no potential it holds the stored part too. */
+ * balance = input - growth of stored energy - losses; it is zero for an exact integration. Input:
+ * electrical_in, pretension_work, push_work. Losses: joule_heat, motor_friction, spring_damping,
+ * parallel_damping, stop_loss, contact_dissipation; with effects of drives gear_friction,
+ * gear_hysteresis and bridge_loss (of diodes); with a bus source_loss and chopper_heat.
+ * electrical_in is the energy that the bridges take, or with a bus the energy that its source
+ * gives. stop_loss is for the joints' stops; losses of the stops of series springs, of passive
+ * springs and of couplings are in spring_damping.
+ *
+ * Contact enters the balance by the work of its wrenches on the bodies, independent of the
+ * engine's own energies: contact_dissipation is minus that work, minus the growth of the energy
+ * that the patches report as stored. For an engine that reports no potential, it includes the
+ * stored part. */
 struct plant_energy {
     double electrical_in, pretension_work, push_work;
     double joule_heat, motor_friction, spring_damping, parallel_damping, stop_loss;
@@ -117,51 +129,53 @@ struct plant_energy {
     double balance;
 };
 
-/* Checks whether a free body has the inertia of some body, none of it zero, and a place to start
- * from; the error says why not. Not RT-safe. */
+/* Checks whether a free body has a physically possible inertia without zeros, and a valid start;
+ * the error gives the reason if not. Not RT-safe. */
 enum error_code plant_check_free_body(const struct plant_free_body *body, struct error *error);
 
-/* Creates a plant in the arena. The state is the reset one with the base at the origin and all
- * joints at zero. Fails on a substep or supply <= 0, a contact or sensor body that the robot
- * does not mark as observed, a free body that fails its check, no memory. Not RT-safe. */
+/* Creates a plant in the arena, in the reset state with the base at the origin and all joints at
+ * zero. Fails for a substep or supply <= 0, a contact or sensor body that the robot does not mark
+ * as observed, a free body that fails its check, or no memory. Not RT-safe. */
 enum error_code plant_create(const struct plant_config *config, struct arena *arena,
                              struct plant **plant, struct error *error);
 
-/* Sets a pose at rest at time zero: joints at the pose with springs relaxed (qm = q), no current,
- * no push, pretensions where the command has them, free bodies as they start; energies count from
- * here and the sensors are sampled. Base arguments are ignored (may be NULL) with a fixed base. The
+/* Sets a pose at rest at time zero: joints at the pose with relaxed springs (qm = q), no current,
+ * no push, pretensions as commanded, free bodies at their starts. Energies count from here, and
+ * the sensors are sampled. With a fixed base the base arguments are ignored (may be NULL). The
  * command is kept. Returns the contact engine's failure, if any. */
 enum error_code plant_reset(struct plant *plant, const double base_position[3],
                             const double base_quaternion[4], const double *joint);
 
-/* Return the command struct to write voltages into before plant_step, and the sensors that
- * plant_sample fills; both owned by the plant. A voltage that is not a number counts as 0 V. */
+/* plant_command returns the command to write before plant_step; plant_sensors returns the sensors
+ * that plant_sample fills. The plant owns both. A voltage that is NAN counts as 0 V. */
 struct plant_command *plant_command(struct plant *plant);
 const struct plant_sensors *plant_sensors(const struct plant *plant);
 
-/* Advances by steps substeps with the command held. A bridge that is off carries no current; the
- * magnetic energy it had when it opened counts as heat. Fails when the contact engine fails, or
- * with ERROR_INPUT when the state stops being finite (a substep too long for the stiffness); the
- * state and the time are then those of the last good substep, and plant_failure tells why. RT-safe
- * when the contact engine is. */
+/* Advances by `steps` substeps with the command held. A bridge that is off carries no current; the
+ * magnetic energy at its opening counts as heat. Fails when the contact engine fails, or with
+ * ERROR_INPUT when the state is no longer finite (a substep too long for the stiffness). State and
+ * time are then those of the last good substep, and plant_failure gives the reason. RT-safe when
+ * the contact engine is. */
 enum error_code plant_step(struct plant *plant, size_t steps);
 
 /* Returns one sentence on the last failure of plant_step, plant_sample, plant_reset or
- * plant_energy; "" when there was none. Owned by the plant or the contact engine. RT-safe. */
+ * plant_energy; "" if there was none. Owned by the plant or the contact engine. RT-safe. */
 const char *plant_failure(const struct plant *plant);
 
-/* Fills the sensors from the present state; on failure they keep their last values. Forces of
- * contact and accelerations are those that the laws give for it; after a plant_step of the implicit
- * integrator, until something is set or written, those that its last stage moved the bodies with,
- * so that accelerations, forces and motion agree. A force-torque sensor feels the contact and
- * pushes on its body (all of which count as below it) and the weight and inertia of its distal
- * part; bodies that are joined to its body count as above it. What the part below exerts through
- * it: a robot at rest on its foot reads + the carried weight along up. RT-safe when the contact
- * engine is. */
+/* Fills the sensors from the present state; on failure they keep their last values. Contact forces
+ * and accelerations follow from the state by the laws. After a plant_step of the implicit
+ * integrator, until something is set or written, they are those of the step's last stage, so that
+ * accelerations, forces and motion agree.
+ *
+ * A force-torque sensor measures contact and pushes on its body (all of them count as below it),
+ * and weight and inertia of its distal part. Bodies joined to its body count as above it. The
+ * reading is the wrench that the part below exerts through the sensor: a robot at rest on its foot
+ * reads + the carried weight along up. RT-safe when the contact engine is. */
 enum error_code plant_sample(struct plant *plant);
 
-/* Return the flat state and its length: to be read; to be written too, at any time from then on,
- * for which each step looks through all of it. RT-safe. */
+/* plant_values returns the flat state and its length for reading. plant_state returns it for
+ * writing at any later time; from then on each step checks the whole state for changes.
+ * RT-safe. */
 const double *plant_values(const struct plant *plant, size_t *count);
 double *plant_state(struct plant *plant, size_t *count);
 
@@ -169,19 +183,19 @@ double *plant_state(struct plant *plant, size_t *count);
  * the body's origin). RT-safe. */
 const struct contact_wrench *plant_contact_wrenches(const struct plant *plant);
 
-/* Returns the largest force on each contact body within the last plant_step, N: of the means over
- * the parts that the implicit integrator divides its steps into where something strikes, down to
- * a sixteenth, and of the last sample; with other integrators, and where a robot is
- * clamped or its state was set between steps, that of the sample. RT-safe. */
+/* Returns the largest force on each contact body within the last plant_step, N. With the implicit
+ * integrator it is the maximum over the means of its steps, which at impacts are as short as a
+ * sixteenth, and the last sample. With other integrators, for a clamped robot, or if the state was
+ * set between steps, it is the force of the sample. RT-safe. */
 const double *plant_contact_peaks(const struct plant *plant);
 
 /* Returns the mean force on contact body c over the last plant_step, world frame, N: its impulse
- * by the length of that, exact for the scheme of the implicit integrator; else as the peaks, the
- * force of the sample. RT-safe. */
+ * over the duration, exact for the implicit integrator's scheme. In the other cases of
+ * plant_contact_peaks it is the force of the sample. RT-safe. */
 void plant_contact_mean(const struct plant *plant, size_t c, double force[3]);
 
-/* Copies the patches of the last sample, until the plant steps or is asked for its energies:
- * what of those wrenches each pair in touch gives. Returns their number, writes at most max.
+/* Copies the patches of the last sample: the part of the wrenches from each pair in contact. Valid
+ * until the plant steps or plant_energy is called. Returns their number, writes at most max.
  * RT-safe. */
 size_t plant_patches(const struct plant *plant, struct contact_patch *patch, size_t max);
 
@@ -189,56 +203,57 @@ size_t plant_patches(const struct plant *plant, struct contact_patch *patch, siz
  * those of observed bodies are set. */
 const struct body_motion *plant_motion(const struct plant *plant);
 
-/* Returns those of all of the robot's bodies in the present state, observed or not, until the
- * next call of the plant; costs a pass over the tree. RT-safe. */
+/* Returns poses and velocities of all of the robot's bodies in the present state, observed or not.
+ * Valid until the next call of the plant. Takes one pass over the tree. RT-safe. */
 const struct body_motion *plant_whole_motion(struct plant *plant);
 
-/* Returns those of the free bodies (nfree entries), of the origins of their frames. */
+/* Returns poses and velocities of the free bodies (nfree entries), at the origins of their
+ * frames. */
 const struct body_motion *plant_free_motion(const struct plant *plant);
 
 /* Computes the pose of free body i in the present state: position of its origin (m), quaternion
  * wxyz. RT-safe. */
 void plant_free_pose(const struct plant *plant, size_t i, double pose[7]);
 
-/* Returns the contact evaluations so far. Owned by the plant. RT-safe. */
+/* Returns the cost of contact evaluations so far. Owned by the plant. RT-safe. */
 const struct plant_contact_cost *plant_contact_cost(const struct plant *plant);
 
-/* Returns the plant's memory of its contact engine, size bytes within the arena. It belongs to
- * the engine as it is now, not to a moment of virtual time: whoever copies the arena and puts it
- * back later has to leave it out. */
+/* Returns the plant's memory of its contact engine, size bytes within the arena. It belongs to the
+ * present engine, not to a moment of virtual time. A caller that copies and restores the arena
+ * must leave it out. */
 void *plant_contact_memory(const struct plant *plant, size_t *size);
 
 /* Returns the virtual time of the state. */
 int64_t plant_time_ns(const struct plant *plant);
 
-/* Returns the FNV hash of state and time: equal runs have equal hashes. */
+/* Returns the FNV hash of state and time; equal runs have equal hashes. */
 uint64_t plant_hash(const struct plant *plant);
 
-/* Computes the energies of the present state. Without account_energy only stored is filled, the
- * rest is zero. Returns the contact engine's failure, or ERROR_MEMORY with more than
+/* Computes the energies of the present state. Without account_energy only stored is filled, and
+ * the rest is zero. Returns the contact engine's failure, or ERROR_MEMORY for more than
  * PLANT_PATCHES patches. RT-safe when the contact engine is. */
 enum error_code plant_energy(struct plant *plant, struct plant_energy *energy);
 
-/* Makes energies count from the present state on; for a state that was written through
- * plant_state. Returns as plant_energy. RT-safe when the contact engine is. */
+/* Makes energies count from the present state, after it was written through plant_state. Returns
+ * as plant_energy. RT-safe when the contact engine is. */
 enum error_code plant_restart_energy(struct plant *plant);
 
-/* Sets a push from outside on a body (0 to nbody + nfree - 1), world frame at the body's origin,
- * until changed. RT-safe. */
+/* Sets an external push on a body (0 to nbody + nfree - 1), world frame at the body's origin. It
+ * lasts until it is changed. RT-safe. */
 void plant_set_push(struct plant *plant, int body, const double force[3], const double moment[3]);
 
-/* Sets the voltage of the source without load and sag (config.supply_v), from the next step on.
+/* Sets the voltage of the source without load and sag (config.supply_v) from the next step on.
  * RT-safe. */
 void plant_set_source(struct plant *plant, double supply_v);
 double plant_source(const struct plant *plant);
 
-/* Clamps every link where it is, or lets go: while clamped nothing of the robot moves but the
- * drives behind their springs, and it feels neither contacts nor pushes (the clamp takes them: its
- * bodies' wrenches read zero). Free bodies live on, and lean on a clamped robot as on a rock. A
- * robot starts clamped so that it does not fall before its motors are on. Clamping stops the links;
- * plant_reset leaves the clamp as it is. After plant_settle the clamp holds the rotors too, like
- * brakes that are let go with the links, and carries no load: the contacts do, and are felt.
- * RT-safe. */
+/* Clamps every link at its present place, or releases all. In a clamped robot only the drives
+ * move, behind their springs. Contacts and pushes do not act on it, because the clamp takes them:
+ * the wrenches of its bodies read zero. Free bodies still move, and a clamped robot supports them
+ * like a rigid obstacle. A robot starts clamped so that it does not fall before its motors are on.
+ * Clamping stops the links; plant_reset does not change the clamp. After plant_settle the clamp
+ * also holds the rotors, like brakes released together with the links, and carries no load: the
+ * contacts carry the robot and are measured. RT-safe. */
 void plant_clamp(struct plant *plant, bool clamped);
 bool plant_is_clamped(const struct plant *plant);
 

@@ -16,8 +16,8 @@
 #include "model/stop.h"
 #include "model/drives/supply.h"
 
-/* Integrals of powers at the end of the state. WORK_CONTACT is what contact does on the bodies.
- * Those from WORK_GEAR on are there with effects of drives or a bus only. */
+/* Integrals of powers near the end of the state. WORK_CONTACT is the work of contact on the
+ * bodies. The entries from WORK_GEAR on exist only with effects of drives or a bus. */
 enum plant_work {
     WORK_ELECTRICAL,
     WORK_PRETENSION,
@@ -35,7 +35,7 @@ enum plant_work {
     WORK_SOURCE_LOSS,
     WORK_CHOPPER,
     WORK_COUNT,
-    WORK_HYDRAULIC = WORK_COUNT, /* those from here on with hydraulic joints only */
+    WORK_HYDRAULIC = WORK_COUNT, /* the entries from here on exist only with hydraulic joints */
     WORK_ORIFICE,
     WORK_LEAKAGE,
     WORK_CYLINDER,
@@ -48,40 +48,42 @@ struct plant_layout {
     size_t v, drive, pretension, free, effect, supply, hydraulic, work, bristle, count;
 };
 
-/* Inverse of a free body's tensor of inertia, as struct robot_inertia has the tensor. */
+/* Inverse of a free body's inertia tensor, in the layout of struct robot_inertia. */
 struct plant_free_inverse {
     double I[6];
 };
 
-/* The plant's memory of its contact engine: the last evaluation and what all of them have cost.
- * It follows the engine and the wall clock, not virtual time: one block, which a copy of the
- * plant's memory that is put back leaves out (plant_contact_memory). */
+/* The plant's memory of its contact engine: the last evaluation, and the cost of all evaluations.
+ * It belongs to the engine and the wall clock, not to virtual time. It is one block, so that a
+ * copy of the plant's memory can leave it out (plant_contact_memory). */
 struct plant_contact_memory {
     struct plant_contact_cost cost;
-    bool valid;                  /* there was one, and it did not fail */
-    double ahead_s;              /* of the last evaluation, as what follows */
-    size_t nasked, nlive;        /* pairs listed before and after it */
-    struct body_motion motion[]; /* ncontact; what follows: plant_contact.c */
+    bool valid;                  /* there was an evaluation, and it succeeded */
+    double ahead_s;              /* time ahead of the last evaluation */
+    size_t nasked, nlive;        /* pairs listed before and after the last evaluation */
+    struct body_motion motion[]; /* ncontact; more arrays follow: plant_contact.c */
 };
 
-/* Arrays by body have nbody entries of the robot, then nfree of the free bodies. */
+/* Arrays by body have nbody entries for the robot, then nfree for the free bodies. */
 struct plant {
     struct plant_config config; /* contact_body and free are the plant's own copies */
-    struct dynamics whole;      /* generic, with every body observed: pushes, center of mass */
+    struct dynamics whole;      /* generic dynamics with each body observed: for pushes and the
+                                 * center of mass */
     struct plant_layout at;
     size_t ndrive, nspring, npassive, nhydraulic, nbristle;
-    size_t nwork;          /* integrals of powers, with account_energy */
-    bool has_effects;      /* some drive has: the state has their parts */
-    bool accounts;         /* powers are integrated: account_energy, or a bus that lives on them */
-    size_t *drive_joint;   /* joint of each drive */
-    size_t *spring_joint;  /* joint of each enabled parallel spring */
-    size_t *passive_joint; /* joint of each passive spring or damper */
-    size_t *hydraulic_joint; /* of each cylinder */
+    size_t nwork;            /* number of integrals of powers, with account_energy */
+    bool has_effects;        /* some drive has effects: the state has their parts */
+    bool accounts;           /* powers are integrated: for account_energy, or for a bus */
+    size_t *drive_joint;     /* joint of each drive */
+    size_t *spring_joint;    /* joint of each enabled parallel spring */
+    size_t *passive_joint;   /* joint of each passive spring or damper */
+    size_t *hydraulic_joint; /* joint of each cylinder */
     struct plant_free_inverse *free_inverse;
 
     double *state;
-    bool handed_out; /* somebody else may write it */
-    int *live;       /* nlive pairs: all whose bristles are not 0, and those that touched last */
+    bool handed_out; /* plant_state was called: a caller may write the state */
+    int *live;       /* nlive pairs: those with bristles that are not 0, and those of the last
+                      * contact */
     size_t nlive;
     int64_t time_ns;
     struct plant_command command;
@@ -89,58 +91,60 @@ struct plant {
     struct wrench *push; /* by body, world frame */
     bool pushing;        /* some push is not zero */
     bool clamped;        /* links held where they are */
-    bool stepped;        /* last_good is what an implicit step of the free robot led to */
-    bool balanced; /* ... by a clamp that holds the rotors too and carries no load: plant_settle */
+    bool stepped;        /* last_good is the result of an implicit step of the unclamped robot */
+    bool balanced;       /* the clamp also holds the rotors and carries no load: plant_settle */
 
-    /* Held over a step */
-    struct robot_sea *sea; /* of each drive, as its condition leaves it */
+    /* Constant over a step */
+    struct robot_sea *sea; /* parameters of each drive in its condition */
     unsigned *condition;   /* of each drive: bits of enum drive_condition */
     double *voltage;       /* of each drive, after saturation */
     bool *bridge_on;
     struct effects_bridge *bridge; /* of each drive, with effects */
-    struct effects_mode *mode;     /* of each drive, in a substep of rk4 and dopri5; with effects */
+    struct effects_mode *mode;     /* of each drive with effects, in a substep of rk4 and dopri5 */
     double *pretension_rate;       /* of each parallel spring */
     double *valve_voltage;         /* of each cylinder */
 
     /* Scratch of one evaluation */
-    double *q; /* with a quaternion of unit length */
+    double *q; /* with a unit quaternion */
     double *tau, *vdot;
     struct wrench *ext;         /* by body, body frame */
     struct body_motion *motion; /* by body */
     struct contact_wrench *contact_wrench;
-    const double *bristle_rate; /* nbristle, those of the live pairs; in the contact memory */
-    bool bristles_follow;       /* they do, at those rates */
+    const double *bristle_rate; /* nbristle; set for the live pairs; in the contact memory */
+    bool bristles_follow;       /* bristles change at bristle_rate */
     struct plant_contact_memory *contact_memory;
     struct body_motion *whole_motion; /* of the robot's bodies */
-    double *last_good; /* the state before a substep; of one that is handed out, once plant_step is
-                        * done, the one it led to */
-    int *kept;         /* nkept pairs: all whose bristles in last_good are not 0 */
+    double *last_good; /* the state before a substep; if plant_state was called, after plant_step
+                        * the state at its end */
+    int *kept;         /* nkept pairs: those with bristles in last_good that are not 0 */
     size_t nkept;
     double *scratch;
-    double *lost; /* of the state, by rounding (integrator_rk4) */
+    double *lost; /* rounding errors of the state (integrator_rk4) */
     struct integrator_dopri5 dopri5;
-    struct implicit *implicit; /* NULL with another integrator */
+    struct implicit *implicit; /* NULL for other integrators */
 
     /* Of the last sample */
     bool sampled_step;                  /* taken from an implicit step */
     struct body_motion *sampled_motion; /* by body */
     struct contact_wrench *sampled_wrench;
-    struct contact_wrench *peak; /* by contact body: the one with the largest force in the steps */
-    double *peak_force;          /* by contact body: that force, N */
-    double *impulse;             /* by contact body: of the steps, three numbers each, N s */
-    double impulse_s;            /* over so much time */
+    struct contact_wrench *peak; /* by contact body: wrench with the largest force in the steps */
+    double *peak_force;          /* by contact body: magnitude of that force, N */
+    double *impulse;             /* by contact body: impulse in the steps, three numbers each, N
+                                  * s */
+    double impulse_s;            /* duration of the impulses */
     struct body_acceleration *acceleration;
-    /* With bending, by body: accelerations, and the load on the joint that moves it, world frame */
+    /* With bending, by body: accelerations, and the load on the joint that moves the body, world
+     * frame */
     struct body_acceleration *bending_acceleration;
     struct wrench *bending_load;
 
     double start_mechanical, start_contact; /* stored at the start, J */
     struct contact_patch *patch;
-    enum error_code step_code; /* of the substep that is being taken */
+    enum error_code step_code; /* error of the current substep */
     const char *failure;
 };
 
-/* Powers of outside forces on the bodies, W. */
+/* Powers of external forces on the bodies, W. */
 struct plant_load {
     double contact, push;
 };
@@ -160,7 +164,7 @@ static inline struct sea_state plant_drive_state(const struct plant *plant, cons
         .qm = y[DRIVE_MOTOR_POSITION], .qmd = y[DRIVE_MOTOR_SPEED], .I = y[DRIVE_CURRENT]};
 }
 
-/* Return position and rate of joint j. */
+/* plant_joint_position and plant_joint_rate return position and rate of joint j. */
 static inline double plant_joint_position(const struct plant *plant, const double *state, size_t j)
 {
     return state[plant->at.v - plant->config.robot->njoint + j];
@@ -173,7 +177,7 @@ static inline double plant_joint_rate(const struct plant *plant, const double *s
 
 /* ---- drives with effects, and the supply: plant_effects.c ---- */
 
-/* Parts of the state of each drive, where some drive has effects. */
+/* Parts of each drive's effects in the state, if some drive has effects. */
 enum plant_effect_part {
     EFFECT_HYSTERESIS, /* N m */
     EFFECT_WINDING,    /* deg C */
@@ -181,13 +185,14 @@ enum plant_effect_part {
     PLANT_EFFECT_STATE,
 };
 
-/* Read the whole state of a drive with effects, and write it back. */
+/* plant_effects_state reads the whole state of a drive with effects; plant_effects_store writes
+ * it. */
 struct effects_state plant_effects_state(const struct plant *plant, const double *state, size_t d);
 void plant_effects_store(const struct plant *plant, size_t d, const struct effects_state *effects,
                          double *state);
 
-/* Return the torque of a drive with effects on its joint, N m, and of any drive; and the energy
- * that any stores, J. */
+/* Return the torque on the joint, N m, of a drive with effects and of any drive, and the energy
+ * stored in any drive, J. */
 double plant_effects_torque(const struct plant *plant, const double *state, size_t d);
 
 static inline double plant_drive_torque(const struct plant *plant, const double *state, size_t d)
@@ -203,21 +208,21 @@ static inline double plant_drive_torque(const struct plant *plant, const double 
 
 double plant_drive_energy(const struct plant *plant, const double *state, size_t d);
 
-/* Resets effects and bus to their start: relaxed, at ambient temperature, charged. */
+/* Resets effects and bus: relaxed, at ambient temperature, charged. */
 void plant_effects_reset(struct plant *plant);
 
-/* Computes what the bridge of a drive with effects does, after its voltage is held. */
+/* Computes the bridge state of a drive with effects from its held voltage. */
 void plant_effects_hold(struct plant *plant, size_t d, double supply);
 
-/* Returns the terminal voltage that keeps a current in any drive at rest, V. */
+/* Returns the terminal voltage that keeps this current in any drive at rest, V. */
 double plant_holding_voltage(const struct plant *plant, size_t d, double I);
 
 /* Computes the rates of a drive with effects in the mode of the substep; work may be NULL. */
 void plant_effects_derive(const struct plant *plant, const double *state, size_t d,
                           double *derivative, double *work);
 
-/* Begin and end a substep of an integrator that knows no events: find the modes that hold in it,
- * and set to zero what has passed zero in it. */
+/* Begin and end a substep of an integrator without events: select the modes for the substep, and
+ * set values to zero that crossed zero in it. */
 void plant_effects_begin(struct plant *plant);
 void plant_effects_end(struct plant *plant);
 
@@ -225,14 +230,14 @@ void plant_effects_end(struct plant *plant);
 void plant_supply_derive(const struct plant *plant, const double *state, double *derivative,
                          double *work);
 
-/* Advances the bus by a step of h seconds in which the bridges took that energy, J. */
+/* Advances the bus by a step of h seconds in which the bridges took this energy, J. */
 void plant_supply_advance(struct plant *plant, double energy, double h);
 
 /* Returns the voltage of the supply in the present state, under the load of the bridges. */
 double plant_supply(const struct plant *plant);
 
-/* Makes a clamped robot's clamp one that holds the rotors too and carries no load, or one as
- * before; rotors stop. */
+/* balanced: makes the clamp of a clamped robot hold the rotors and carry no load; otherwise makes
+ * it an ordinary clamp. Rotors stop. */
 void plant_balance(struct plant *plant, bool balanced);
 
 /* ---- hydraulic joints: plant_hydraulic.c ---- */
@@ -243,19 +248,20 @@ static inline size_t plant_hydraulic_supply(const struct plant *plant)
     return plant->at.hydraulic + HYDRAULIC_STATE * plant->nhydraulic;
 }
 
-/* Returns what cylinder c is connected to. */
+/* Returns the inputs of cylinder c from the plant. */
 struct hydraulic_port plant_hydraulic_port(const struct plant *plant, const double *state,
                                            size_t c);
 
-/* Reset the cylinders: at rest and charged; hold the valves' voltages by the command; return the
- * torque of cylinder c on its joint, N m, and the energy of oil and accumulator, J. */
+/* In order: resets the cylinders to rest and charges the supply; holds the commanded valve
+ * voltages; returns the torque of cylinder c on its joint, N m; returns the energy of oil and
+ * accumulator, J. */
 void plant_hydraulic_reset(struct plant *plant);
 void plant_hydraulic_hold(struct plant *plant);
 double plant_hydraulic_torque(const struct plant *plant, const double *state, size_t c);
 void plant_hydraulic_sample(struct plant *plant);
 
-/* Closes the valve of cylinder c and sets its pressures such that its joint stands under that
- * torque; returns false where supply and return do not suffice. */
+/* Closes the valve of cylinder c and sets its pressures so that its joint carries this torque.
+ * Returns false if supply and return pressures do not allow it. */
 bool plant_hydraulic_load(struct plant *plant, size_t c, double torque);
 
 double plant_hydraulic_energy(const struct plant *plant, const double *state);
@@ -268,7 +274,7 @@ void plant_hydraulic_account_supply(const struct hydraulic_supply_power *power, 
 void plant_hydraulic_derive(const struct plant *plant, const double *state, double *derivative,
                             double *work);
 
-/* Returns how far joint j is past its limits, as model/stop.h has it. */
+/* Returns the depth of joint j past its limits, as in model/stop.h. */
 static inline double plant_joint_depth(const struct plant *plant, const double *state, size_t j)
 {
     const struct robot_joint *joint = &plant->config.robot->joint[j];
@@ -276,83 +282,87 @@ static inline double plant_joint_depth(const struct plant *plant, const double *
     return stop_depth(joint->lower, joint->upper, plant_joint_position(plant, state, j));
 }
 
-/* integrator_function with the plant as its context. A failure is left in step_code and failure;
- * the rates are then zero. */
+/* An integrator_function; its context is the plant. On failure it sets step_code and failure, and
+ * the rates are zero. */
 void plant_derivative(void *plant, double t, const double *state, double *derivative);
 
-/* Return the losses of the joints' stops, and of passive springs and couplings, W. */
+/* Return the losses of joint stops, of passive springs, and of couplings, W. */
 double plant_stop_loss(const struct plant *plant, const double *state);
 double plant_spring_loss(const struct plant *plant, const double *state);
 
-/* Fills q, ext, tau, vdot and the free bodies' motion from state; the robot's motion and
- * contact_wrench too when there is contact. */
+/* Fills q, ext, tau, vdot and the free bodies' motion from state; with contact, also the robot's
+ * motion and contact_wrench. */
 enum error_code plant_evaluate(struct plant *plant, const double *state, struct plant_load *load);
 
-/* The part of it before the dynamics: q, ext, the motions and bristle_rate, with or without
- * contact, whose bristles are these (nbristle), taken so far ahead (struct contact_bristles). */
+/* Part of plant_evaluate before the dynamics: fills q, ext, the motions and bristle_rate, with or
+ * without contact. bristle: bristle state (nbristle); ahead_s: time ahead (struct
+ * contact_bristles). */
 enum error_code plant_load_bodies(struct plant *plant, const double *state, const double *bristle,
                                   double ahead_s, struct plant_load *load);
 
-/* The part of that which fills ext, given what plant_place fills and, when there is contact, the
- * robot's motion and contact_wrench; adds the powers to load's. */
+/* Part of plant_load_bodies: fills ext from the results of plant_place and, with contact, the
+ * robot's motion and contact_wrench. Adds the powers to load. */
 void plant_apply_loads(struct plant *plant, const double *v, struct plant_load *load);
 
-/* The contact part of it: fills the robot's motion, contact_wrench and bristle_rate, given v, the
- * bristles and what plant_place fills. Returns the engine's failure, if any, with plant->failure
- * set. RT-safe when the engine is. */
+/* Contact part of plant_load_bodies: fills the robot's motion, contact_wrench and bristle_rate
+ * from v, the bristles and the results of plant_place. Returns the engine's failure, if any, with
+ * plant->failure set. RT-safe when the engine is. */
 enum error_code plant_contact_evaluate(struct plant *plant, const double *v, const double *bristle,
                                        double ahead_s);
 
-/* Forgets the peaks and impulses of contact; and takes a wrench on contact body c into its own, if
- * its force is the largest since then. RT-safe. */
+/* plant_forget_peaks resets peaks and impulses of contact. plant_raise_peak keeps a wrench on
+ * contact body c if its force is the largest since then. RT-safe. */
 void plant_forget_peaks(struct plant *plant);
 void plant_raise_peak(struct plant *plant, size_t c, const struct contact_wrench *wrench);
 
-/* Allocates what bending takes; returns false when the arena is used up. And fills in bending_nm of
- * all joints, when vdot, ext and q are those of the sample; RT-safe. */
+/* plant_bending_create allocates memory for bending; returns false if the arena is full.
+ * plant_sample_bending fills bending_nm of all joints from vdot, ext and q of the sample;
+ * RT-safe. */
 bool plant_bending_create(struct plant *plant, struct arena *arena);
 void plant_sample_bending(struct plant *plant);
 
-/* Lists the pairs whose bristles are not 0, in ascending order. They are among those that were
- * listed last, unless the state was handed out: then all bristles are looked through. RT-safe. */
+/* Lists the pairs with bristles that are not 0, in ascending order. Checks only the last listed
+ * pairs, unless plant_state was called; then it checks all bristles. RT-safe. */
 void plant_list_bristles(struct plant *plant);
 
-/* The same by looking through all bristles, after they were set as a whole. RT-safe. */
+/* Lists the pairs with bristles that are not 0 after the whole state was set: checks all bristles.
+ * RT-safe. */
 void plant_find_bristles(struct plant *plant);
 
-/* Copies the state to last_good: of the bristles those of the live pairs, as all others are 0.
- * RT-safe. */
+/* Copies the state to last_good. Of the bristles it copies only the live pairs, since all others
+ * are 0. RT-safe. */
 void plant_keep_state(struct plant *plant);
 
-/* Copies last_good back to the state, of which no pairs have changed but those that are live by
- * now. RT-safe. */
+/* Copies last_good back to the state. Only live pairs can have changed. RT-safe. */
 void plant_return_state(struct plant *plant);
 
-/* Lets go of the bristles of live pairs that have relaxed to nothing. RT-safe. */
+/* Removes live pairs whose bristles have relaxed to 0. RT-safe. */
 void plant_drop_bristles(struct plant *plant);
 
-/* The engine's tangents at the last evaluation, of which it writes at most max; returns their
- * number. The engine has to give some. RT-safe when the engine does so. */
+/* Writes at most max of the engine's tangents at the last evaluation; returns their number. The
+ * engine must provide tangents. RT-safe when the engine's function is. */
 size_t plant_contact_tangents(struct plant *plant, struct contact_tangent *tangent, size_t max);
 
-/* Allocates the memory for both in the arena; returns false when that is used up. Not RT-safe. */
+/* Allocates the contact memory and its arrays in the arena; returns false if the arena is full.
+ * Not RT-safe. */
 bool plant_contact_create(struct plant *plant, struct arena *arena);
 
-/* Copies the generalized coordinates of state to plant->q with a quaternion of unit length, and
- * fills the free bodies' motion. */
+/* Copies the generalized coordinates of state to plant->q with a unit quaternion, and fills the
+ * free bodies' motion. */
 void plant_place(struct plant *plant, const double *state);
 
 void plant_normalize_quaternion(double quaternion[4]);
 
-/* Computes what follows from the free bodies' inertias, once. */
+/* Computes constants from the free bodies' inertias. */
 void plant_free_prepare(struct plant *plant);
 
-/* Reset them to their starts, and normalize their quaternions, in plant->state. */
+/* plant_free_reset sets the free bodies in plant->state to their starts; plant_free_normalize
+ * normalizes their quaternions. */
 void plant_free_reset(struct plant *plant);
 void plant_free_normalize(struct plant *plant);
 
-/* Compute their part of plant->motion, of the derivative (from motion and ext), and of the
- * energy stored (kinetic and gravity, J). */
+/* The free bodies' part of plant->motion; of the derivative (from motion and ext); and of the
+ * stored energy (kinetic and gravity, J). */
 void plant_free_place(struct plant *plant, const double *state);
 void plant_free_derive(const struct plant *plant, const double *state, double *derivative);
 double plant_free_energy(const struct plant *plant, const double *state);

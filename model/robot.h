@@ -1,21 +1,23 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The description of a robot: a tree of rigid bodies joined by revolute and prismatic joints on a
- * fixed or floating base, with its drives, springs, sensors and named frames. Read from YAML, never
- * changed afterwards, passed first everywhere.
+ * fixed or floating base, with its drives, springs, sensors and named frames. It is read from YAML
+ * and never changed afterwards.
  *
  * Conventions. Right-handed frames, x forward, y left, z up. Body 0 is the base; joint j (from 0)
- * moves body j + 1, and parents come before children. The frame of a moved body sits on its joint
+ * moves body j + 1, and parents come before children. The frame of a moved body lies on its joint
  * axis: child = Trans(origin) * R(rpy) * Rot(axis, q) (or Trans(axis q) for a prismatic joint).
  *
- * Generalized coordinates, in this order everywhere:
- *   q  (nq): [base position xyz in the world (m), base quaternion wxyz (body to world)], joint
- *            positions (rad or m);
- *   v  (nv): [base linear velocity of its origin (m/s), base angular velocity (rad/s), both in the
- *            base frame], joint rates. The bracketed parts only with a floating base.
- * The parts begin where enum base_q_part and enum base_v_part say. Accelerations are the time
- * derivatives of the components of v (so the base's linear part is the derivative in the moving
- * frame, without the omega x v term).
+ * Generalized coordinates, always in this order:
+ *
+ *  q  (nq): [base position xyz in the world (m), base quaternion wxyz (body to world)], joint
+ *           positions (rad or m);
+ *  v  (nv): [base linear velocity of its origin (m/s), base angular velocity (rad/s), both in the
+ *           base frame], joint rates.
+ *
+ * The parts in brackets exist only with a floating base. enum base_q_part and enum base_v_part give
+ * the offsets. Accelerations are the time derivatives of the components of v. So the base's linear
+ * part is the derivative in the moving frame, without the omega x v term.
  */
 #ifndef MODEL_ROBOT_H
 #define MODEL_ROBOT_H
@@ -29,10 +31,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Offsets of the parts of a floating base in q, and of its joints. */
+/* Offsets of a floating base's parts in q, and the number of its coordinates. */
 enum base_q_part { BASE_Q_POSITION = 0, BASE_Q_QUATERNION = 3, BASE_Q_COUNT = 7 };
 
-/* Their offsets in v. */
+/* Offsets of a floating base's parts in v, and their number. */
 enum base_v_part { BASE_V_LINEAR = 0, BASE_V_ANGULAR = 3, BASE_V_COUNT = 6 };
 
 enum joint_type { JOINT_REVOLUTE, JOINT_PRISMATIC };
@@ -48,10 +50,10 @@ struct robot_body {
     const char *name;
     int parent; /* index of the parent body; -1 for the base */
     struct robot_inertia inertia;
-    bool observed; /* a frame or a capsule lies on it: its kinematics are wanted every step */
+    bool observed; /* a frame or a capsule is on it: its kinematics are needed every step */
 };
 
-/* A mechanical stop, model/stop.h; stiffness 0 = there is none. */
+/* A mechanical stop, model/stop.h; stiffness 0 = none. */
 struct robot_stop {
     double stiffness; /* N m/rad or N/m */
     double damping;   /* N m s/rad or N s/m */
@@ -59,47 +61,55 @@ struct robot_stop {
 
 /* A sine of the motor's angle: amplitude sin(per_turn N qm + phase). */
 struct robot_harmonic {
-    double per_turn, amplitude, phase; /* per_turn of the motor; amplitude in rad or N m; phase
-                                        * in rad */
+    double per_turn, amplitude, phase; /* per_turn: periods per motor turn; amplitude in rad or N
+                                        * m; phase in rad */
 };
 
 enum { ROBOT_HARMONICS = 4 };
 
-/* Thermal model of two bodies: the winding, with all of R I^2, and the housing with the magnets. */
+/* Thermal model with two bodies: the winding, heated by all of R I^2, and the housing with the
+ * magnets. */
 struct robot_thermal {
     double winding_k_w, housing_k_w; /* thermal resistances to the housing, to the air, K/W; 0 =
                                       * no temperatures */
     double winding_j_k, housing_j_k; /* heat capacities */
     double ambient_c;                /* deg C */
-    double R_per_k, Kt_per_k;        /* per K from 25 deg C, by winding and by housing */
+    double R_per_k, Kt_per_k;        /* change per K from 25 deg C; R by the winding, Kt by the
+                                      * housing temperature */
 };
 
-/* Friction of a gear by the torques that it carries, of the motor at its one side and of the load
- * at its other: shares of them at any speed, more of them near rest, and of their squares where the
- * two oppose each other. Zero = off. */
+/* Gear friction from the torques that the gear carries, on the motor's side and on the load's
+ * side. Terms: a share of each torque at any speed, an additional share near rest, and a share of
+ * the squares if the two torques oppose each other. Zero = off. */
 struct robot_load_friction {
-    double motor, external;                     /* shares, 1 */
-    double motor_stribeck, external_stribeck;   /* added at rest, with the dip of Stribeck, 1 */
-    double motor_quadratic, external_quadratic; /* of the squares, at rest, 1/(N m) */
+    double motor, external;                     /* shares at any speed, 1 */
+    double motor_stribeck, external_stribeck;   /* shares added at rest, falling with the Stribeck
+                                                 * curve, 1 */
+    double motor_quadratic, external_quadratic; /* shares of the squares at rest, 1/(N m) */
 };
 
-/* Effects of a real drive beside eqs (2)-(4), model/drives/effects.h; zero = off. Link side. */
+/* Effects of a real drive beyond eqs (2)-(4), model/drives/effects.h; zero = off. Link side. */
 struct robot_effects {
-    double coulomb, breakaway;                    /* friction of the gear, N m: F(infinite), F(0) */
-    double stribeck;                              /* speed between them, rad/s; 0 = F is F(0) */
-    double stribeck_exponent;                     /* of the speed in the dip; 0 = 2 */
-    struct robot_load_friction load;              /* beside those, by what the gear carries */
-    double backlash;                              /* whole play behind the gear, rad */
+    double coulomb, breakaway;                    /* friction of the gear, N m: F at high speed,
+                                                   * and F(0) */
+    double stribeck;                              /* speed of the transition between them, rad/s; 0
+                                                   * = F is F(0) */
+    double stribeck_exponent;                     /* exponent of the speed in the Stribeck curve; 0
+                                                   * = 2 */
+    struct robot_load_friction load;              /* additional friction from the torques
+                                                   * carried */
+    double backlash;                              /* total play behind the gear, rad */
     double hysteresis, hysteresis_stiffness;      /* Dahl: z_max, N m; sigma, N m/rad */
-    struct robot_harmonic error[ROBOT_HARMONICS]; /* kinematic, of the gear, rad */
-    struct robot_harmonic cogging[ROBOT_HARMONICS]; /* N m */
+    struct robot_harmonic error[ROBOT_HARMONICS]; /* kinematic error of the gear, rad */
+    struct robot_harmonic cogging[ROBOT_HARMONICS]; /* cogging torque, N m */
     size_t nerror, ncogging;
     struct robot_thermal thermal;
-    double dead_time, pwm; /* of the bridge, s and Hz; 0 Hz = no ripple */
+    double dead_time, pwm; /* of the bridge, s and Hz; pwm 0 = no ripple */
     double switching;      /* time that a transistor takes to switch on and off, s */
-    double bridge_ohm;     /* of the transistors in the way of the current, ohm */
-    bool freewheel;        /* through its diodes when it is off; else the current stops at once */
-    double diode;          /* voltage of each of the two, V */
+    double bridge_ohm;     /* resistance of the transistors in the current path, ohm */
+    bool freewheel;        /* with the bridge off, the current flows through its diodes; else it
+                            * stops immediately */
+    double diode;          /* voltage of each of the two diodes, V */
 };
 
 /* Series elastic DC drive of a joint, paper eqs (2)-(4); all on the link side of the gear. */
@@ -115,43 +125,44 @@ struct robot_sea {
     double R;               /* winding resistance, ohm */
     double L;               /* winding inductance, H */
     double deflection;      /* |qm - q| at which the spring meets its stop, rad */
-    struct robot_stop stop; /* beside the spring, beyond that deflection */
-    const struct robot_effects *effects; /* NULL = none: eqs (2)-(4) and nothing else */
+    struct robot_stop stop; /* parallel to the spring, beyond that deflection */
+    const struct robot_effects *effects; /* NULL = none: only eqs (2)-(4) */
 };
 
 /* Hydraulic drive of a revolute joint, model/hydraulics/hydraulic.h. */
 struct robot_hydraulic {
     bool present;
-    double A1, A2;        /* areas of the piston: its own side, the rod's side, m2 */
-    double stroke, dead;  /* stroke, m; volume of either side beside the stroke's, m3 */
-    double base, arm;     /* distances from the joint to the pins of cylinder and rod, m */
-    double offset;        /* offset of the angle between them, rad: it is q + offset */
-    double closed;        /* length between the pins with the piston drawn in, m */
-    double valve_w;       /* natural frequency of the spool, rad/s */
-    double valve_damping; /* its damping ratio, below 1 */
-    double valve_v;       /* voltage that opens it fully */
-    double K;             /* flow of a port that is open, m3/s per sqrt(Pa) */
-    double lap;           /* share of the opening that the spool covers */
+    double A1, A2;        /* areas of the piston: piston side, rod side, m2 */
+    double stroke, dead;  /* stroke, m; dead volume of each side, m3 */
+    double base, arm;     /* distances from the joint to the cylinder's pin and to the rod's
+                           * pin, m */
+    double offset;        /* the angle between them is q + offset, rad */
+    double closed;        /* length between the pins with the piston retracted, m */
+    double valve_w;       /* natural frequency of the valve's spool, rad/s */
+    double valve_damping; /* damping ratio of the spool, below 1 */
+    double valve_v;       /* voltage that opens the valve fully */
+    double K;             /* flow of a fully open port, m3/s per sqrt(Pa) */
+    double lap;           /* overlap: share of the opening that the spool covers */
     double beta;          /* bulk modulus of the oil, Pa */
-    double leakage;       /* past the piston, m3/s per Pa */
-    double viscous;       /* friction, N s/m */
-    double coulomb;       /* N */
-    double coulomb_speed; /* speed about which it changes its sign, m/s */
+    double leakage;       /* leakage past the piston, m3/s per Pa */
+    double viscous;       /* viscous friction, N s/m */
+    double coulomb;       /* Coulomb friction, N */
+    double coulomb_speed; /* speed scale on which Coulomb friction changes its sign, m/s */
 };
 
-/* The supply of all hydraulic joints of a robot; accumulator 0 = a constant pressure. */
+/* The supply of all hydraulic joints of a robot; accumulator 0 = constant pressure. */
 struct robot_hydraulic_supply {
-    double pressure, back;      /* pressure at the start, and of the return, Pa */
-    double pump;                /* m3/s */
-    double accumulator;         /* volume of its gas at precharge, m3 */
+    double pressure, back;      /* pressure at the start, pressure of the return, Pa */
+    double pump;                /* flow of the pump, m3/s */
+    double accumulator;         /* volume of the accumulator's gas at precharge, m3 */
     double precharge;           /* Pa */
-    double line;                /* oil between pump and valves, m3 */
-    double relief, relief_flow; /* pressure at which the relief valve opens, Pa; its flow, m3/s
-                                 * per Pa beyond */
+    double line;                /* volume of oil between pump and valves, m3 */
+    double relief, relief_flow; /* opening pressure of the relief valve, Pa; its flow, m3/s per Pa
+                                 * above that */
 };
 
-/* Parallel unilateral spring of a joint, paper eq. (5) with x = p - r s q: for x < 0 the joint gets
- * s r (k_p x + d_p x'). */
+/* Parallel unilateral spring of a joint, paper eq. (5) with x = p - r s q: for x < 0 the joint
+ * torque is s r (k_p x + d_p x'). */
 struct robot_parallel_spring {
     bool present;
     bool enabled;
@@ -171,31 +182,31 @@ struct robot_passive {
 struct robot_joint {
     const char *name;
     enum joint_type type;
-    int paper_index;        /* generalized coordinate number in the paper, 0 = none */
+    int paper_index;        /* number of the generalized coordinate in the paper, 0 = none */
     double axis[3];         /* unit vector in the child frame */
     double origin[3];       /* origin of the child frame in the parent frame at q = 0, m */
     double rotation[9];     /* child to parent at q = 0, row-major (from rpy) */
     double lower, upper;    /* position limits, rad or m */
-    struct robot_stop stop; /* at both of them */
+    struct robot_stop stop; /* stops at both limits */
     double torque_limit;    /* N m or N */
     struct robot_sea sea;
-    struct robot_hydraulic hydraulic; /* beside sea, never with it */
+    struct robot_hydraulic hydraulic; /* hydraulic drive; a joint has sea or hydraulic, not both */
     struct robot_parallel_spring spring;
     struct robot_passive passive;
 };
 
-/* A gear, linkage or tendon by which one joint follows another, model/coupling.h: the follower's
- * position is multiplier times the leader's + offset, but for the deflection of a spring and a
- * damper without mass between the two. Units are the follower's. */
+/* A gear, linkage or tendon by which one joint follows another, model/coupling.h. The follower's
+ * position is multiplier times the leader's position + offset, plus the deflection of a massless
+ * spring and damper. Units are the follower's. */
 struct robot_coupling {
-    int follower, leader; /* joints; a follower has one leader, no drive, and leads nothing */
-    double multiplier;    /* follower's unit by leader's; never 0 */
+    int follower, leader; /* joints; a follower has one leader, no drive, and is not a leader */
+    double multiplier;    /* follower's unit per leader's unit; never 0 */
     double offset;        /* rad or m */
     double stiffness;     /* N m/rad or N/m, > 0 */
     double damping;       /* N m s/rad or N s/m */
 };
 
-/* Most couplings of a robot: two hands of 14 joints that follow. */
+/* Largest number of couplings: two hands with 14 following joints each, and some more. */
 enum { ROBOT_COUPLINGS_MAX = 32 };
 
 /* A named frame on a body, for sensors and contact surfaces. */
@@ -206,42 +217,45 @@ struct robot_frame {
     double rotation[9]; /* frame to body, row-major */
 };
 
-/* A shape that can touch: a cylinder with a half-sphere at each end, or without length a sphere,
- * about the parts of a body and of what moves little against it. A rig says what it is made of. */
+/* A collision shape: a cylinder with a half-sphere at each end, or a sphere if the length is 0. It
+ * encloses a body's parts, and parts that move little relative to the body. The rig gives the
+ * material. */
 struct robot_capsule {
     const char *name;
     int body;
-    double position[3]; /* its middle, in the body frame, m */
+    double position[3]; /* its center, in the body frame, m */
     double rotation[9]; /* its axis is z; capsule to body, row-major */
     double radius;      /* m */
-    double length;      /* of the axis, without the ends, m */
+    double length;      /* length of the axis, without the ends, m */
 };
 
 enum robot_visual_shape { VISUAL_MESH, VISUAL_BOX, VISUAL_SPHERE, VISUAL_CYLINDER, VISUAL_CAPSULE };
 
 enum { ROBOT_VISUALS_MAX = 1024 };
 
-/* The look of a body in a picture; nothing touches it, and no equation depends on it. */
+/* The appearance of a body in a picture. It has no contact, and no equation depends on it. */
 struct robot_visual {
     const char *name;
     int body;
     enum robot_visual_shape shape;
     double position[3];  /* origin of its own frame in the body frame, m */
     double rotation[9];  /* shape to body, row-major; a cylinder's and a capsule's axis is z */
-    double half[3];      /* half the sides of a box, m */
+    double half[3];      /* half the edge lengths of a box, m */
     double radius;       /* m */
-    double length;       /* of a cylinder; of a capsule's axis, without the ends, m */
-    const char *file;    /* path of a mesh, a binary STL in m; NULL of other shapes, or missing */
-    const char *missing; /* why there is no mesh, for people; NULL = there is one */
+    double length;       /* of a cylinder; for a capsule, of the axis without the ends, m */
+    const char *file;    /* path of a mesh, a binary STL in m; NULL for other shapes and missing
+                          * meshes */
+    const char *missing; /* reason for a missing mesh, for people; NULL = not missing */
     bool colored;
     double color[4]; /* sRGB and opacity, 0 to 1 */
 };
 
-/* Six-axis force-torque sensor: what the part below it (distal) exerts through it, in its frame. */
+/* Six-axis force-torque sensor. It measures what the part below it (distal) exerts through it, in
+ * its frame. */
 struct robot_ft_sensor {
     const char *name;
     int frame;
-    struct robot_inertia distal; /* what hangs below it, in the sensor frame */
+    struct robot_inertia distal; /* mass properties of the distal part, in the sensor frame */
 };
 
 struct robot_pose {
@@ -254,10 +268,10 @@ struct robot_pose {
 struct robot {
     const char *name;
     const char *file;
-    uint64_t hash; /* of everything that the equations of motion depend on, and of which bodies are
-                    * observed; not of names, poses, limits, drives and sensors */
-    uint64_t massless_hash; /* the same without masses, centers of mass and inertias */
-    uint64_t source_hash;   /* of the bytes of its file; 0 = it was built by hand */
+    uint64_t hash; /* hash of all data on which the equations of motion depend, and of which bodies
+                    * are observed; not of names, poses, limits, drives and sensors */
+    uint64_t massless_hash; /* like hash, without masses, centers of mass and inertias */
+    uint64_t source_hash;   /* hash of the bytes of its file; 0 = built by hand */
     bool floating;
     double gravity[3]; /* m/s2, world */
     size_t nbody, njoint, nframe, ncapsule, nft, npose;
@@ -273,74 +287,75 @@ struct robot {
     double total_mass;
     struct robot_coupling *coupling;
     size_t ncoupling;
-    struct robot_visual *visual; /* what it looks like */
+    struct robot_visual *visual; /* appearance */
     size_t nvisual;
 };
 
-/* Reads a robot file; variant names one of its variants, NULL or "" the default. Everything lives
- * in arena. Errors carry file:line:column. Not RT-safe. */
+/* Reads a robot file. variant names one of its variants; NULL or "" is the default. The arena owns
+ * all memory. Errors have file:line:column. Not RT-safe. */
 enum error_code robot_load(const char *path, const char *variant, struct arena *arena,
                            const struct robot **robot, struct error *error);
 
-/* A drive of the catalogue, electric (sea is present) or hydraulic; ratings are those of the link
- * side, 0 = the file gives none. */
+/* A drive of the catalogue, electric (sea is present) or hydraulic. Ratings are on the link side;
+ * 0 = not in the file. */
 struct robot_drive {
     const char *name, *description, *source; /* source may be NULL */
     double supply_v;                         /* nominal */
-    double torque, peak_torque;              /* continuous, for a short time; N m */
+    double torque, peak_torque;              /* continuous torque, short-time torque; N m */
     double speed;                            /* without load at supply_v, rad/s */
-    double pressure;                         /* of the supply of a hydraulic one, nominal, Pa */
+    double pressure;                         /* nominal supply pressure of a hydraulic drive, Pa */
     double mass;                             /* kg */
     struct robot_sea sea;
-    struct robot_hydraulic hydraulic; /* without the triangle: base, arm, offset and closed are 0 */
+    struct robot_hydraulic hydraulic; /* without the triangle: base, arm, offset and closed are
+                                       * 0 */
 };
 
-/* Reads a drive's file, which has to be complete. Everything lives in arena. Errors carry
+/* Reads a drive file, which must be complete. The arena owns all memory. Errors have
  * file:line:column. Not RT-safe. */
 enum error_code robot_load_drive(const char *path, struct arena *arena,
                                  const struct robot_drive **drive, struct error *error);
 
-/* Reads what a drive's file says of the drive, and whether it is hydraulic; it may be
- * incomplete. As robot_load_drive. */
+/* Reads the description in a drive file and whether the drive is hydraulic. The file may be
+ * incomplete. Memory, errors and RT-safety as robot_load_drive. */
 enum error_code robot_describe_drive(const char *path, struct arena *arena,
                                      const char **description, bool *hydraulic,
                                      struct error *error);
 
-/* Checks a robot built by hand and fills what follows from the rest: nq, nv, total_mass, the
- * hashes, and observed for bodies with a frame or a capsule. Masses >= 0, inertias physically
- * possible, axes of unit length, parents first, couplings as they are described above, and no joint
- * (nor a floating base) that would move without inertia: the dynamics of what passes are not
+/* Checks a robot built by hand and fills the derived members: nq, nv, total_mass, the hashes, and
+ * observed for bodies with a frame or a capsule. Requires masses >= 0, physically possible
+ * inertias, axes of unit length, parents first, couplings as described above, and no joint (nor
+ * floating base) that would move without inertia. So the dynamics of an accepted robot are never
  * singular. Not RT-safe. */
 enum error_code robot_finish(struct robot *robot, struct error *error);
 
-/* Makes a copy that may be changed: bodies, joints, frames, capsules and visuals are its own,
- * the rest is shared. Memory from arena. Not RT-safe. */
+/* Makes a copy that may be changed: it has its own bodies, joints, frames, capsules and visuals
+ * and shares the rest. Memory from arena. Not RT-safe. */
 enum error_code robot_copy(const struct robot *robot, struct arena *arena, struct robot **copy,
                            struct error *error);
 
-/* Fixes a floating base at that position (m) and quaternion (wxyz, of unit length) in the world, as
- * a clamp holds it. The base's frame becomes that of the world: what hangs on it is described from
- * there on. Checks as robot_finish. Not RT-safe. */
+/* Fixes a floating base at this position (m) and quaternion (wxyz, of unit length) in the world.
+ * The base's frame becomes the world frame, and all parts fixed to the base are transformed to it.
+ * Checks like robot_finish. Not RT-safe. */
 enum error_code robot_fix_base(struct robot *robot, const double position[3],
                                const double quaternion[4], struct error *error);
 
-/* Fills the nbody motions with where the bodies are in the world, at rest: base position (m) and
- * quaternion (wxyz) of a floating base, njoint joint positions. RT-safe. */
+/* Fills the nbody motions with the bodies' poses in the world, at rest. position (m) and
+ * quaternion (wxyz) are for a floating base; joint has njoint positions. RT-safe. */
 void robot_place_bodies(const struct robot *robot, const double position[3],
                         const double quaternion[4], const double *joint,
                         struct body_motion *motion);
 
-/* Checks that mass properties are those of some body: the error says why not, but not whose they
- * are. Not RT-safe. */
+/* Checks that mass properties are physically possible. The error gives the reason without a name.
+ * Not RT-safe. */
 enum error_code robot_check_inertia(const struct robot_inertia *inertia, struct error *error);
 
-/* Returns whether a joint has a drive, electric or hydraulic, that a board can command. RT-safe. */
+/* Returns whether a joint has an electric or hydraulic drive that a board can command. RT-safe. */
 static inline bool robot_joint_is_driven(const struct robot_joint *joint)
 {
     return joint->sea.present || joint->hydraulic.present;
 }
 
-/* Returns the coupling by which joint j follows another one, or NULL. RT-safe. */
+/* Returns the coupling in which joint j is the follower, or NULL. RT-safe. */
 const struct robot_coupling *robot_find_coupling(const struct robot *robot, size_t j);
 
 /* Return the index by name or -1. Not RT-safe (linear search). */

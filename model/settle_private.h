@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Declarations that the parts of the static equilibrium share: settle.c (what is looked for, and
- * what is refused) and settle_newton.c (a step of the iteration, described there). World frame, SI
- * units. Memory is the caller's arena's. Functions with an error code return the contact engine's
- * failure, with plant->failure set. Not RT-safe.
+ * Declarations shared by the parts of the static equilibrium: settle.c (unknowns and refusals) and
+ * settle_newton.c (a step of the iteration, described there). World frame, SI units. The caller's
+ * arena owns the memory. Functions with an error code return the contact engine's failure, with
+ * plant->failure set. Not RT-safe.
  */
 #ifndef MODEL_SETTLE_PRIVATE_H
 #define MODEL_SETTLE_PRIVATE_H
@@ -11,7 +11,7 @@
 #include "model/plant_private.h"
 #include "model/settle.h"
 
-/* The unknowns of a body; those that only friction holds are last. */
+/* The unknowns of a body; those that only friction determines are last. */
 enum settle_unknown {
     UNKNOWN_UP,
     UNKNOWN_FIRST_TILT,
@@ -23,70 +23,72 @@ enum settle_unknown {
     UNKNOWNS_WITHOUT_FRICTION = UNKNOWN_FIRST_ACROSS,
 };
 
-/* The damping at the equilibrium, and least damping at which it has to be stable: part of one
+/* Damping at the equilibrium, and smallest damping at which it must be stable: one part of the
  * weight per length of damping. */
 #define LEAST_DAMPING 1e-6
 
-/* A body that has to find its rest: the robot as one, or a free body. */
+/* A body whose rest is searched: the robot as a whole, or a free body. */
 struct rest {
     const char *name;
     bool robot;
-    size_t free;                /* which free body */
-    double weight, radius;      /* N; m, of gyration */
-    double force[3], moment[3]; /* left over, world frame; about the base's origin or the center of
-                                 * mass */
-    double risen, moved[2];     /* so far: m along up and across */
+    size_t free;                /* index of the free body */
+    double weight, radius;      /* N; radius of gyration, m */
+    double force[3], moment[3]; /* remaining force and moment, world frame; about the base's origin
+                                 * or the center of mass */
+    double risen, moved[2];     /* motion so far: m along up and across */
     double tilt[3];             /* rad */
 };
 
 struct settle {
     struct plant *plant;
     double up[3], across[2][3];
-    bool holds;      /* friction does, by bristles that bend with the motion: all unknowns */
-    size_t unknowns; /* of a body */
+    bool holds;      /* friction sticks, by bristles that bend with the motion: all unknowns are
+                      * used */
+    size_t unknowns; /* unknowns per body */
     size_t nrest, n; /* n = unknowns * nrest */
     struct rest *rest;
     double *zero, *f;   /* nv */
-    double *g, *ahead;  /* n: forces left over; tilts' moments over the radius */
+    double *g, *ahead;  /* n: remaining forces; moments divided by the radius */
     double *K, *factor; /* n x n: symmetric part of -dg/dx; Cholesky factor */
-    double *step;       /* n: m; tilts times the radius */
-    size_t weak;        /* body that factorize stopped at */
+    double *step;       /* n: m; tilts multiplied by the radius */
+    size_t weak;        /* body at which factorization failed */
     double *before;     /* copy of the state */
 };
 
-/* Up, against gravity, and two directions across. */
+/* Computes up, against gravity, and two directions across. */
 void settle_choose_axes(const double gravity[3], struct settle *s);
 
-/* Starts anew, with friction that holds or without friction: lists what belongs to it. */
+/* Starts a search with or without sticking friction: lists its bodies and unknowns. */
 void settle_begin(struct settle *s, bool holds);
 
-/* Fills g and the forces left over of the present state. */
+/* Fills g and the remaining forces for the present state. */
 enum error_code settle_weigh(struct settle *s, double *g);
 
-/* Inverse dynamics of the robot at rest under plant->ext: fills f, and the forces left over on its
- * base when rest is not NULL. */
+/* Computes the inverse dynamics of the robot at rest under plant->ext: fills f and, unless rest is
+ * NULL, the remaining force on its base. */
 void settle_weigh_robot(struct settle *s, struct rest *rest);
 
-/* Returns the largest part of its weight that is left over on a body; *worst says on which. */
+/* Returns the largest remaining force on a body relative to its weight; *worst receives the
+ * body. */
 double settle_residual(const struct settle *s, const double *g, size_t *worst);
 
 /* Fills K by central differences. */
 enum error_code settle_differentiate(struct settle *s);
 
-/* Computes the Cholesky factor of K + damping; returns false when that is not positive definite,
- * for a body that s->weak then names. */
+/* Computes the Cholesky factor of K + damping. Returns false if the matrix is not positive
+ * definite, and sets s->weak to the responsible body. */
 bool settle_factorize(struct settle *s, double damping);
 
-/* Fills step: (K + damping)^-1 g by the factor, cut to the longest that is allowed. */
+/* Fills step with (K + damping)^-1 g from the factor, limited to the largest allowed step. */
 void settle_solve(struct settle *s);
 
-/* Measures the steepest slope that friction holds a body on, rad: drags it slowly along what
- * carries it. Expects the equilibrium without friction, where the body is pushed sideways; leaves
- * the state as it was. */
+/* Measures the steepest slope on which friction holds a body, rad, by dragging it slowly along its
+ * support. Expects the equilibrium without friction, in which a sideways force remains on the
+ * body; restores the state. */
 enum error_code settle_friction_angle(struct settle *s, size_t body, double *angle);
 
-/* Takes the step, or the half of it and so on, until it lowers the potential or the residual;
- * *moved is false when no part does. */
+/* Takes the step, or halves it until it lowers the potential or the residual. *moved is false if
+ * no part of it does. */
 enum error_code settle_advance(struct settle *s, bool *moved);
 
 #endif

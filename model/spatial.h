@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Spatial (6-D) vectors and inertias for the rigid-body algorithms (Featherstone, Rigid Body
- * Dynamics Algorithms, 2008, chapter 2). Matrices are laid out as in base/vec3.h; SI units, in
- * whatever frame the caller means. The caller owns all memory. No errors. RT-safe.
+ * Dynamics Algorithms, 2008, chapter 2). Matrices are laid out as in base/vec3.h; SI units, in any
+ * frame. The caller owns all memory. No errors. RT-safe.
  */
 #ifndef MODEL_SPATIAL_H
 #define MODEL_SPATIAL_H
@@ -22,7 +22,7 @@ struct spatial_inertia {
     double M[6];
 };
 
-/* Returns the motion at a point that is arm away from where x is the motion. */
+/* Returns the motion x of a body at a point displaced by arm. */
 static inline struct spatial spatial_motion_at(const struct spatial *x, const double arm[3])
 {
     struct spatial y = *x;
@@ -31,7 +31,7 @@ static inline struct spatial spatial_motion_at(const struct spatial *x, const do
     return y;
 }
 
-/* Adds scale times the wrench f, moved by -arm: from a point at arm to the origin. */
+/* Adds scale times the wrench f, moved from a point at arm to the origin. */
 static inline void spatial_add_wrench(double scale, const struct spatial *f, const double arm[3],
                                       struct spatial *sum)
 {
@@ -44,7 +44,7 @@ static inline void spatial_add_wrench(double scale, const struct spatial *f, con
     }
 }
 
-/* Return R x and R^T x: both parts in other axes. */
+/* spatial_turn returns R x, spatial_turn_back R^T x: both parts in other axes. */
 static inline struct spatial spatial_turn(const double R[9], const struct spatial *x)
 {
     struct spatial y;
@@ -63,8 +63,8 @@ static inline struct spatial spatial_turn_back(const double R[9], const struct s
     return y;
 }
 
-/* Convert from and to the upper triangle by rows, linear part first, as of struct added_inertia
- * and struct contact_tangent. */
+/* Convert from and to the upper triangle by rows, linear part first, the layout of struct
+ * added_inertia and struct contact_tangent. */
 static inline void spatial_inertia_unpack(const double S[21], struct spatial_inertia *A)
 {
     const double M[6] = {S[0], S[1], S[2], S[6], S[7], S[11]};
@@ -85,8 +85,8 @@ static inline void spatial_inertia_pack(const struct spatial_inertia *A, double 
     memcpy(S + 15, A->J, sizeof A->J);
 }
 
-/* Computes the 6x6 inertia about a body's origin of a mass whose tensor I is about its center
- * com. */
+/* Computes the 6x6 inertia of a mass about a body's origin. I is the tensor about its center of
+ * mass com. */
 static inline void spatial_inertia_rigid(double mass, const double com[3], const double I[6],
                                          struct spatial_inertia *A)
 {
@@ -167,7 +167,7 @@ static inline void spatial_inertia_solve(const struct spatial_inertia *A, const 
 {
     double L[6][6], inverse[6], x[6];
 
-    /* The matrix and the right-hand side in one piece */
+    /* The matrix and the right-hand side in one array */
     for (int row = 0; row < 3; row++) {
         for (int column = 0; column < 3; column++) {
             L[row][column] = A->J[sym3_index[row][column]];

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A robot file as it is read, before it is a robot, and what the parts of the reader share:
- * schema.c (keys and ranges), yaml.c (names, variants, the order of the work),
- * yaml_joints.c (bodies and joints), yaml_drive.c (drives and their catalogue),
- * yaml_hydraulic.c (hydraulic drives), yaml_couplings.c (joints that follow others),
- * yaml_frames.c (frames, visuals, sensors, poses).
+ * A robot file as it is read, before the robot is built, and functions that the parts of the reader
+ * share: schema.c (keys and ranges), yaml.c (names, variants, order of the steps), yaml_joints.c
+ * (bodies and joints), yaml_drive.c (drives and their catalogue), yaml_hydraulic.c (hydraulic
+ * drives), yaml_couplings.c (joints that follow others), yaml_frames.c (frames, visuals, sensors,
+ * poses).
  *
- * Units are in the keys of the file and the same here. Memory is the arena's. Functions return
+ * Units are part of the keys and of the names here. The arena owns all memory. Functions return
  * ERROR_INPUT with file:line:column, or ERROR_MEMORY. Not RT-safe.
  */
 #ifndef MODEL_DESCRIPTION_YAML_H
@@ -14,7 +14,7 @@
 
 #include "model/robot.h"
 
-/* Every struct below with a name begins like this. */
+/* First members of each struct below that has a name. */
 struct named {
     struct yaml_mark mark;
     const char *name;
@@ -25,13 +25,13 @@ struct body_yaml {
     struct robot_body body;
 };
 
-/* A stop comes back with this time constant, s, where the file says nothing of it. */
+/* Default time constant with which a stop returns, s. */
 #define STOP_RETURNS 1e-3
 
 struct stops_yaml {
     struct yaml_mark mark;
     bool enabled;
-    struct robot_stop stop[2]; /* by enum joint_type */
+    struct robot_stop stop[2]; /* indexed by enum joint_type */
 };
 
 struct passive_yaml {
@@ -45,12 +45,12 @@ struct harmonic_yaml {
     struct robot_harmonic sine;
 };
 
-/* A drive has keys of one kind. */
+/* All keys of a drive belong to one kind. */
 enum drive_kind { DRIVE_UNSAID, DRIVE_ELECTRIC, DRIVE_HYDRAULIC };
 
 struct drive_yaml {
     struct yaml_mark mark;
-    const char *file; /* of the catalogue, by name or path; NULL = none */
+    const char *file; /* file of the catalogue, by name or path; NULL = none */
     struct robot_sea sea;
     struct robot_effects effects;
     struct harmonic_yaml *error, *cogging;
@@ -72,7 +72,7 @@ struct joint_yaml {
     const char *parent, *child;
     double rpy[3];
     struct stops_yaml stops;
-    struct drive_yaml drive, hydraulic; /* hydraulic: as drive, of that kind only */
+    struct drive_yaml drive, hydraulic; /* hydraulic: like drive, but only of that kind */
     int64_t spring_sense;
     struct passive_yaml passive;
 };
@@ -133,7 +133,7 @@ struct variant_yaml {
 
 struct robot_yaml {
     struct yaml_mark mark;
-    uint64_t hash; /* of the file's bytes */
+    uint64_t hash; /* hash of the file's bytes */
     const char *name, *description, *source;
     double gravity[3];
     int floating;
@@ -141,7 +141,7 @@ struct robot_yaml {
     struct drive_yaml drive, hydraulic;
     struct robot_hydraulic_supply hydraulic_supply;
     struct stops_yaml stops;
-    struct passive_yaml passive; /* of all revolute joints with a drive */
+    struct passive_yaml passive; /* default of all revolute joints with a drive */
     struct body_yaml *body;
     struct joint_yaml *joint;
     struct coupling_yaml *coupling;
@@ -154,19 +154,19 @@ struct robot_yaml {
     size_t nbody, njoint, ncoupling, nframe, ncapsule, nvisual, nft, npose, nvariant;
 };
 
-/* The schema of a whole file: fills a struct robot_yaml. */
+/* The schema of a robot file: fills a struct robot_yaml. */
 extern const struct yaml_schema robot_file_schema;
 
-/* The same of a drive's file: struct drive_file_yaml. */
+/* The schema of a drive file: fills a struct drive_file_yaml. */
 extern const struct yaml_schema drive_file_schema;
 
 extern const struct yaml_schema robot_drive_schema, robot_stops_schema;
 extern const struct word robot_visual_shapes[];
 
-/* Returns the rows of the keys of a kind of drive, *count of them. */
+/* Returns the schema rows of a kind of drive; *count is their number. */
 const struct yaml_field *robot_drive_rows(enum drive_kind kind, size_t *count);
 
-/* The robot that is being built and what every step of that needs. */
+/* The robot under construction and the data that its steps need. */
 struct robot_builder {
     struct robot_yaml file;
     struct robot *robot;
@@ -177,43 +177,43 @@ struct robot_builder {
 /* Returns the index of name in an array of named structs, each of stride bytes, or -1. */
 int find_named_entry(const void *array, size_t count, size_t stride, const char *name);
 
-/* Sets the error of yaml_find_name for a name that is not among the named structs. */
+/* Sets the error of yaml_find_name for a name that none of the named structs has. */
 enum error_code robot_unknown_name(struct robot_builder *b, const struct yaml_mark *mark,
                                    const char *what, const char *name, const void *array,
                                    size_t count, size_t stride);
 enum error_code robot_no_memory(struct robot_builder *b);
 
-/* Finds a body of the robot by the key "body" of an entry of the file. */
+/* Finds the body that the key "body" of a file entry names. */
 enum error_code robot_find_key_body(struct robot_builder *b, const struct yaml_mark *entry,
                                     const char *name, int *body);
 
-/* Refuses at mark mass properties that no body has. */
+/* Returns an error at mark if mass properties are physically impossible. */
 enum error_code robot_refuse_inertia(struct robot_builder *b, const struct yaml_mark *mark,
                                      const struct robot_inertia *inertia);
 
-/* Returns how many of some keys a mapping gives. */
+/* Returns how many of the given keys a mapping has. */
 size_t robot_count_keys(const struct yaml_mark *mapping, const char *const *keys, size_t count);
 
-/* Returns the kind of a drive by its keys; DRIVE_UNSAID: it has none. */
+/* Returns the kind of a drive from its keys; DRIVE_UNSAID if it has none. */
 enum drive_kind robot_drive_kind(const struct drive_yaml *drive);
 
-/* Fills what drive leaves out from the file of the catalogue that it names, if it does. Keys of
- * both kinds are refused. */
+/* Fills missing values of a drive from the catalogue file that it names, if any. Refuses keys of
+ * both kinds. */
 enum error_code robot_take_drive(struct robot_builder *b, struct drive_yaml *drive);
 
-/* Merges a variant's drive into the robot's own, which must be of the same kind; the variant's
- * numbers go first. */
+/* Merges a variant's drive into the robot's own drive of the same kind; the variant's numbers
+ * win. */
 enum error_code robot_change_drive(struct robot_builder *b, struct drive_yaml *change);
 
-/* Refuses two hydraulic drives of the robot's own, by its keys drive and hydraulic. */
+/* Refuses two hydraulic drives for the whole robot, given by the keys drive and hydraulic. */
 enum error_code robot_check_own_drives(struct robot_builder *b);
 
-/* Makes the drive of a joint of what it says itself, or else the robot's own drive. */
+/* Makes the drive of a joint from its own keys, or else from the robot's own drive. */
 enum error_code robot_merge_own_drive(struct robot_builder *b, const struct drive_yaml *own,
                                       const struct drive_yaml *given, struct drive_yaml *merged);
 
-/* Builds the drive of a joint, if it has one: what the joint does not say, the robot's own drive
- * of its kind does. The joint's range is known. */
+/* Builds the drive of a joint, if it has one. Missing values come from the robot's own drive of
+ * this kind. The joint's range must be known. */
 enum error_code robot_build_drive(struct robot_builder *b, struct joint_yaml *given,
                                   struct robot_joint *joint);
 
@@ -225,7 +225,7 @@ enum error_code robot_build_hydraulic(struct robot_builder *b, const struct join
 enum error_code robot_build_cylinder(struct robot_builder *b, const struct drive_yaml *drive,
                                      struct robot_hydraulic *cylinder);
 
-/* Returns whether a key is one of the triangle of a hydraulic joint. */
+/* Returns whether a key belongs to the triangle of a hydraulic joint. */
 bool robot_key_is_of_triangle(const char *key);
 
 /* Builds the supply of all hydraulic drives. */

@@ -4,9 +4,10 @@
  *   J qm'' + Dm qm' + tau = Kt I                 (2)
  *   tau = Ks (qm - q) + Ds (qm' - q')            (3), with the sign that (2) needs
  *   L I' + R I + Kw qm' = V                      (4)
- * tau acts on the link with its own sign. The paper prints eq. (3) with the opposite sign, which is
- * inconsistent with (2); Kt and Kw are N times the motor's own. Beyond the deflection that a spring
- * has room for, its stop (model/stop.h) is beside it, in tau and in all energies. RT-safe.
+ * tau acts on the link with positive sign. The paper prints eq. (3) with the opposite sign, which
+ * is inconsistent with (2). Kt and Kw are the motor's constants times N. Beyond its largest
+ * deflection, a spring has a stop (model/stop.h) in parallel, included in tau and in all energies.
+ * RT-safe.
  */
 #ifndef MODEL_DRIVES_ACTUATOR_H
 #define MODEL_DRIVES_ACTUATOR_H
@@ -21,11 +22,12 @@ struct sea_state {
     double I;   /* A */
 };
 
-/* Returns tau of eq. (3), N m on the link, with what the spring's stop adds where it is pressed. */
+/* Returns tau of eq. (3), N m on the link, plus the torque of the spring's stop when the spring
+ * presses it. */
 double sea_torque_pressed(const struct robot_sea *sea, const struct sea_state *state, double q,
                           double qd);
 
-/* Returns tau of eq. (3), N m on the link, with what the spring's stop adds. */
+/* Returns tau of eq. (3), N m on the link, plus the torque of the spring's stop. */
 static inline double sea_torque(const struct robot_sea *sea, const struct sea_state *state,
                                 double q, double qd)
 {
@@ -35,41 +37,40 @@ static inline double sea_torque(const struct robot_sea *sea, const struct sea_st
                                                : sea_torque_pressed(sea, state, q, qd);
 }
 
-/* The linear law that holds around a deflection qm - q with that rate: tau = Ks (qm - q) +
- * Ds (qm' - q') + offset, with the stop's part when the spring presses it. */
+/* The linear law near a deflection qm - q and its rate: tau = Ks (qm - q) + Ds (qm' - q') +
+ * offset. It includes the stop if the spring presses it. */
 struct sea_spring {
     double Ks, Ds, offset;
 };
 struct sea_spring sea_spring_at(const struct robot_sea *sea, double deflection, double rate);
 
-/* Returns the deflection (rad) at which the drive carries tau at rest; tau within reach of
- * spring or stop. */
+/* Returns the deflection (rad) at which the drive carries tau at rest; spring or stop must be able
+ * to carry tau. */
 double sea_deflection(const struct robot_sea *sea, double tau);
 
 /* Computes the time derivatives by eqs (2) and (4). bridge_on false: no current flows and I' = 0
- * (the caller has set I to zero when the bridge opened). V in volts at the terminals. */
+ * (the caller sets I to zero when the bridge opens). V: voltage at the terminals. */
 void sea_derivative(const struct robot_sea *sea, const struct sea_state *state, double q, double qd,
                     double V, bool bridge_on, struct sea_state *derivative);
 
-/* Power balance, W: the electrical power V I is what heats the winding, R I^2, motor friction,
- * Dm qm'^2, spring damping, Ds (qm' - q')^2 and the loss of its stop, the rate of sea_energy, and
- * tau q' to the link. A
- * physical machine has Kw = Kt; where a robot file says otherwise, the power (Kw - Kt) I qm' that
- * the conversion loses counts as friction, so that the balance closes all the same. */
+/* Power balance, W: the electrical power V I equals the sum of winding heat R I^2, motor friction
+ * Dm qm'^2, spring damping Ds (qm' - q')^2 with the loss of the stop, the rate of sea_energy, and
+ * tau q' to the link. A physical motor has Kw = Kt. If a robot file gives different constants, the
+ * lost power (Kw - Kt) I qm' counts as friction, so that the balance still closes. */
 struct sea_power {
     double electrical, joule, friction, spring_damping;
 };
 void sea_power(const struct robot_sea *sea, const struct sea_state *state, double q, double qd,
                double V, struct sea_power *power);
 
-/* Returns the stored energy, J: L I^2/2, J qm'^2/2, Ks (qm - q)^2/2, and that of the spring's
- * stop. */
+/* Returns the stored energy, J: L I^2/2, J qm'^2/2, Ks (qm - q)^2/2, and the energy of the
+ * spring's stop. */
 double sea_energy(const struct robot_sea *sea, const struct sea_state *state, double q);
 
 /* Returns the force of the parallel spring along x, eq. (5), N: k_p x + d_p x' while x < 0, else
- * 0. As in the paper the damper acts on the way back too, so a fast release can give a positive
- * force. Its power balance: force p' = joint torque q' + rate of k_p x^2/2 (while x < 0) + d_p
- * x'^2 (likewise). */
+ * 0. As in the paper, the damper also acts while the spring relaxes, so a fast release can give a
+ * positive force. Power balance: force p' = joint torque q' + rate of k_p x^2/2 (while x < 0) +
+ * d_p x'^2 (while x < 0). */
 double parallel_spring_force(const struct robot_parallel_spring *spring, double p, double pd,
                              double q, double qd);
 
@@ -78,9 +79,8 @@ double parallel_spring_force(const struct robot_parallel_spring *spring, double 
 double parallel_spring_torque(const struct robot_parallel_spring *spring, double p, double pd,
                               double q, double qd);
 
-/* Linearizes the parallel spring for an implicit Euler step of h seconds that begins at p, q
- * with the rates pd, qd: its torque at the end is torque - extra qdd. Slack stays slack for the
- * step. */
+/* Linearizes the parallel spring for an implicit Euler step of h seconds from p, q with the rates
+ * pd, qd: its torque at the end is torque - extra qdd. A slack spring stays slack for the step. */
 void parallel_spring_step(const struct robot_parallel_spring *spring, double p, double pd, double q,
                           double qd, double h, double *torque, double *extra);
 

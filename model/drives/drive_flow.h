@@ -1,52 +1,52 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The exact solution of a series elastic drive, eqs (2) to (4) of model/drives/actuator.h, over a
- * given time: between two ticks the voltage is held, and where the joint moves at a constant rate
- * r, the three equations are linear with constant coefficients. With the deflection d = qm - q
+ * given time. Between two ticks the voltage is constant. If the joint moves at a constant rate r,
+ * the three equations are linear with constant coefficients. With the deflection d = qm - q:
  *
  *     d'   = qm' - r
  *     J qm'' = Kt I - Dm qm' - Ks d - Ds (qm' - r)
  *     L I' = V - R I - Kw qm'
  *
- * so that motor angle, motor speed and current at the end are linear in (d, qm', I) at the begin
- * and in r and V: the matrix exponential of the 5x5 system with r and V as constant states (Van
- * Loan, Computing integrals involving the matrix exponential, 1978). SI units, link side. Pure
- * functions. RT-safe.
+ * So motor angle, motor speed and current at the end are linear in (d, qm', I) at the start and in
+ * r and V. The coefficients come from the matrix exponential of the 5x5 system with r and V as
+ * constant states (Van Loan, Computing integrals involving the matrix exponential, 1978). SI units,
+ * link side. Pure functions. RT-safe.
  */
 #ifndef MODEL_DRIVES_DRIVE_FLOW_H
 #define MODEL_DRIVES_DRIVE_FLOW_H
 
 #include "model/drives/actuator.h"
 
-/* What the end of a flow depends on. */
+/* Inputs of a flow. */
 enum drive_flow_input {
-    FLOW_DEFLECTION, /* qm - q at the begin, rad */
-    FLOW_SPEED,      /* qm' at the begin, rad/s */
-    FLOW_CURRENT,    /* I at the begin, A */
-    FLOW_RATE,       /* rate of the joint, held, rad/s */
-    FLOW_VOLTAGE,    /* voltage at the terminals, held, V */
+    FLOW_DEFLECTION, /* qm - q at the start, rad */
+    FLOW_SPEED,      /* qm' at the start, rad/s */
+    FLOW_CURRENT,    /* I at the start, A */
+    FLOW_RATE,       /* rate of the joint, constant, rad/s */
+    FLOW_VOLTAGE,    /* voltage at the terminals, constant, V */
     FLOW_INPUTS
 };
 
-/* Change of motor angle, motor speed and current over the time t (s), per unit of each input. The
- * change and not the end: what does not move stays where it is to the last bit. */
+/* Change of motor angle, motor speed and current over the time t (s), per unit of each input. It
+ * is the change, not the end value, so that a constant state stays bit-identical. */
 struct drive_flow {
     double t;
     double qm[FLOW_INPUTS], qmd[FLOW_INPUTS], I[FLOW_INPUTS];
 };
 
-/* Computes the flow of a drive over t seconds, t > 0, its error at rounding for any stiffness.
- * bridge_on false: the current stays what it is. About 1,500 products. */
+/* Computes the flow of a drive over t seconds, t > 0, to rounding error for any stiffness.
+ * bridge_on false: the current stays constant. Takes about 1,500 multiplications. */
 void drive_flow_make(const struct robot_sea *sea, bool bridge_on, double t,
                      struct drive_flow *flow);
 
-/* Computes the same by a step of t seconds of the implicit Euler scheme, and scale times its
- * change: for drives whose rotor swings on its spring too fast for the step. */
+/* Computes the flow from an implicit Euler step of t seconds, its change multiplied by scale. For
+ * drives whose rotor oscillates on its spring too fast for the step. */
 void drive_flow_make_implicit(const struct robot_sea *sea, bool bridge_on, double t, double scale,
                               struct drive_flow *flow);
 
-/* Returns the state after the flow's time, from the state and the joint's position q now, the
- * joint's rate qd and the voltage V held. */
+/* Returns the state after the flow's time, from the present state, the joint's position q, its
+ * rate qd and the constant voltage V. */
 static inline struct sea_state drive_flow_advance(const struct drive_flow *flow,
                                                   const struct sea_state *state, double q,
                                                   double qd, double V)

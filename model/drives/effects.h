@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What a real drive does beside eqs (2) to (4) of model/drives/actuator.h: friction of the gear,
+ * Effects of a real drive beyond eqs (2) to (4) of model/drives/actuator.h: gear friction,
  * backlash, hysteresis and kinematic error of a harmonic drive, cogging, a winding that warms up,
  * and a bridge with dead time and diodes. Equations, sources and keys: docs/drives.md. With all of
  * them
@@ -11,12 +11,11 @@
  *     L I' = V - V_h sgn I - (R + R_b) I - Kw qm'
  *     z' = sigma (d' - |d'| z / z_max)         Dahl
  *
- * tau_s is the spring's torque beyond the play, c cogging, F Stribeck's curve with what follows
- * from the torques that the gear carries. Both sgn are sets at zero: a rotor at rest rests while
- * |load| <= F(0), no current flows while |V - Kw qm'| <= V_h.
- * What holds at zero is a mode; the equations of a mode are smooth. R, Kt and Kw follow the
- * temperatures. The ripple of the current and the switching of the bridge cost power, and do
- * nothing else.
+ * tau_s is the spring's torque beyond the play, c the cogging torque. F is Stribeck's curve plus
+ * friction from the torques that the gear carries. Both sgn functions are set-valued at zero: a
+ * rotor at rest stays at rest while |load| <= F(0), and no current flows while |V - Kw qm'| <= V_h.
+ * A mode says which of the two is held at zero; the equations of a mode are smooth. R, Kt and Kw
+ * depend on the temperatures. Current ripple and switching of the bridge only dissipate power.
  *
  * SI units, link side, temperatures in degree C. Pure functions of drives whose effects are not
  * NULL. RT-safe.
@@ -32,22 +31,23 @@ struct effects_state {
     double winding_c, housing_c;
 };
 
-/* State of the bridge as the winding sees it. */
+/* State of the bridge, seen from the winding. */
 struct effects_bridge {
     bool conducts;    /* false: no current can flow */
-    double voltage;   /* V, on the average over its switching */
-    double hold;      /* V_h: voltage lost to dead time, or to supply and diodes when it is off */
-    double diodes;    /* the part of it that heats diodes */
-    double switching; /* V: power lost to switching, by the current's size */
+    double voltage;   /* V, mean over the switching period */
+    double hold;      /* V_h: voltage lost to dead time; with the bridge off, to supply and
+                       * diodes */
+    double diodes;    /* the part of hold that heats diodes */
+    double switching; /* V: power lost to switching, divided by |current| */
     double ripple;    /* mean square of the current's ripple, A^2 */
 };
 
-/* Signs of the rotor's and the current's motion; 0 = held at zero. */
+/* Signs of rotor speed and current; 0 = held at zero. */
 struct effects_mode {
     int slide, flow;
 };
 
-/* Returns the mode that follows from a state. */
+/* Returns the mode of a state. */
 struct effects_mode effects_find_mode(const struct robot_sea *sea,
                                       const struct effects_state *state, double q, double qd,
                                       const struct effects_bridge *bridge);
@@ -57,7 +57,8 @@ void effects_derivative(const struct robot_sea *sea, const struct effects_state 
                         double qd, const struct effects_bridge *bridge,
                         const struct effects_mode *mode, struct effects_state *derivative);
 
-/* Checks whether the numbers of effects are possible for a drive; the error says which are not. */
+/* Checks whether the numbers of effects are possible for a drive; the error names the wrong
+ * ones. */
 enum error_code effects_check(const struct robot_sea *sea, struct error *error);
 
 /* Returns tau on the link, N m. */
@@ -71,35 +72,35 @@ double effects_current_rate(const struct robot_sea *sea, const struct effects_st
 /* Returns the deflection d, rad. */
 double effects_deflection(const struct robot_sea *sea, double qm, double q);
 
-/* Torques that a gear carries, N m, both positive where they would turn the joint forward: of the
- * motor on it, and of its load (which is -(1 + e') tau). */
+/* Torques that a gear carries, N m, both positive if they would turn the joint forward: from the
+ * motor, and from the load (-(1 + e') tau). */
 struct effects_carried {
     double motor, external;
 };
 struct effects_carried effects_carried(const struct robot_sea *sea,
                                        const struct effects_state *state, double q, double qd);
 
-/* Returns the gear's friction F at a speed, N m: Coulomb, Stribeck, and what follows from the
- * torques that it carries. */
+/* Returns the gear's friction F at a speed, N m: Coulomb, Stribeck, and friction from the torques
+ * carried. */
 double effects_friction(const struct robot_sea *sea, double speed,
                         const struct effects_carried *carried);
 
-/* Returns whether a drive has friction of its gear, so that its rotor may rest under a load. */
+/* Returns whether a drive has gear friction, so that its rotor may stay at rest under a load. */
 bool effects_sticks(const struct robot_sea *sea);
 
 /* Returns the resistance R of a winding, ohm, at its temperature in degree C. */
 double effects_winding(const struct robot_sea *sea, double winding_c);
 
-/* Returns the resistance in the way of the current: R of the winding and R_b of the bridge, ohm. */
+/* Returns the resistance in the current path: R of the winding plus R_b of the bridge, ohm. */
 double effects_resistance(const struct robot_sea *sea, double winding_c);
 
-/* Returns z after the deflection has changed by way in one direction; *loss gets what that
- * turned into heat, J. */
+/* Returns z after the deflection has changed by way in one direction; *loss receives the
+ * dissipated energy, J. */
 double effects_hysteresis(const struct robot_sea *sea, double z, double way, double *loss);
 
-/* Power balance in a mode, W: electrical (what the supply gives) = bridge (its heat) + joule
- * + motor (viscous, as in struct sea_power) + gear (friction) + spring_damping + hysteresis + the
- * rate of effects_energy + tau q' to the link. */
+/* Power balance in a mode, W: electrical (from the supply) = bridge (heat) + joule + motor
+ * (viscous, as in struct sea_power) + gear (friction) + spring_damping + hysteresis + the rate of
+ * effects_energy + tau q' to the link. */
 struct effects_power {
     double electrical, bridge, joule, motor, gear, spring_damping, hysteresis;
 };
@@ -107,20 +108,20 @@ void effects_power(const struct robot_sea *sea, const struct effects_state *stat
                    double qd, const struct effects_bridge *bridge, const struct effects_mode *mode,
                    struct effects_power *power);
 
-/* Computes the first three of them alone, without the motor's angle. */
+/* Computes only the first three powers, without the motor's angle. */
 void effects_power_current(const struct robot_sea *sea, const struct effects_state *state,
                            const struct effects_bridge *bridge, const struct effects_mode *mode,
                            struct effects_power *power);
 
-/* Returns the stored energy, J: as sea_energy, with that of hysteresis and cogging. Heat is not
- * stored. */
+/* Returns the stored energy, J: sea_energy plus hysteresis and cogging. Heat is not stored. */
 double effects_energy(const struct robot_sea *sea, const struct effects_state *state, double q);
 
-/* Updates the temperatures by t seconds in which the winding took heat, J (trapezoidal rule). */
+/* Updates the temperatures after t seconds in which the winding received heat, J (trapezoidal
+ * rule). */
 void effects_warm(const struct robot_sea *sea, double heat, double t, struct effects_state *state);
 
-/* Returns the motor's angle qm at which the drive carries tau at rest, without hysteresis, with
- * the joint at q; for any drive. */
+/* Returns the motor's angle qm at which any drive carries tau at rest with the joint at q, without
+ * hysteresis. */
 double effects_motor_rest(const struct robot_sea *sea, double q, double tau);
 
 #endif

@@ -1,18 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A drive with effects (model/drives/effects.h) through a given time in which its joint moves at a
- * constant rate and its bridge does the same: in a fixed number of parts. What of a part is linear
- * follows the exact flow (model/drives/drive_flow.h) of a linear drive near to it; the rest, a
- * torque and a voltage, is taken as their means over the part by a predictor and a corrector: order
- * 2, and exact for what is linear. Events:
+ * Advances a drive with effects (model/drives/effects.h) over a span with a constant joint rate and
+ * constant bridge state, in a fixed number of parts. The linear dynamics of a part follow the exact
+ * flow (model/drives/drive_flow.h) of a linear drive close to it. The rest is an additional torque
+ * and voltage, used as means over the part by a predictor and a corrector. The scheme has order 2
+ * and is exact for linear drives. Events:
  *
- *   a rotor that comes to rest in a part does so where its speed, linear in time, is zero; it then
- *   rests, or turns back under what of the load exceeds the breakaway torque; one that rests breaks
- *   away at the begin of a part. While it rests its angle does not change by a bit. A current that
- *   comes to zero likewise. Play and stops are met between two parts or by the means: error of
- *   order 2 in the part's length.
+ *   A rotor that comes to rest in a part stops where its speed, linear in time, is zero. Then it
+ *   stays at rest, or turns back if the load exceeds the breakaway torque. A rotor at rest breaks
+ *   away only at the start of a part; at rest its angle is bit-identical. A current that comes to
+ *   zero is handled in the same way. Play and stops are met between two parts or by the means:
+ *   their error is of order 2 in the part's length.
  *
- * The work is fixed but for what happens at events. SI units. RT-safe.
+ * The amount of work is fixed except at events. SI units. RT-safe.
  */
 #ifndef MODEL_DRIVES_EFFECTS_FLOW_H
 #define MODEL_DRIVES_EFFECTS_FLOW_H
@@ -20,12 +20,12 @@
 #include "model/drives/drive_flow.h"
 #include "model/drives/effects.h"
 
-/* Parts of a span. */
+/* Number of parts of a span. */
 enum { EFFECTS_PARTS = 6 };
 
-/* The linear drives near to one with effects, which are without them and without stops: where its
- * spring is bent, as stiff as spring and hysteresis are together, and where its play leaves it
- * loose, as stiff as hysteresis is. */
+/* Linear drives close to a drive with effects, without effects and stops. BENT: the spring is
+ * bent; stiffness of spring plus hysteresis. LOOSE: the drive is within its play; stiffness of the
+ * hysteresis. */
 enum effects_law { EFFECTS_BENT, EFFECTS_LOOSE, EFFECTS_LAWS };
 struct effects_linear {
     struct robot_sea of[EFFECTS_LAWS];
@@ -37,22 +37,22 @@ struct effects_flow {
     struct drive_flow of[EFFECTS_LAWS][2];
 };
 
-/* Computes the flows of a span of t seconds; those of implicit Euler where the rotor's swing is
- * not resolved. */
+/* Computes the flows of a span of t seconds. Uses implicit Euler if the rotor's oscillation is not
+ * resolved. */
 void effects_flow_make(const struct effects_linear *linear, double t, struct effects_flow *flow);
 
-/* What is held over a span. */
+/* Constants of a span. */
 struct effects_span {
     const struct robot_sea *sea;
     const struct effects_linear *linear;
     const struct effects_flow *flow;
     struct effects_bridge bridge;
     double qd;       /* rate of the joint, rad/s */
-    bool all_powers; /* account for all, not just for those of the current */
+    bool all_powers; /* account for all powers, not only those of the current */
 };
 
-/* Advances a drive whose joint is at q through a span; adds the integrals of its powers, J, to
- * work, NULL = no account, and then no temperatures change either. */
+/* Advances a drive with its joint at q through a span. Adds the integrals of its powers, J, to
+ * work. work NULL: no account, and the temperatures do not change. */
 void effects_advance(const struct effects_span *span, double q, struct effects_state *state,
                      struct effects_power *work);
 

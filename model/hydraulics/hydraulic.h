@@ -9,14 +9,14 @@
  *     V_2 p_2' = beta (Q_2 + A_2 x')               rod side, V_2 = V_0 + A_2 (stroke - x)
  *     tau = (p_1 A_1 - p_2 A_2 - F(x')) dx/dq
  *
- * with leakage past the piston, oil that is sucked back from the return where a chamber falls below
- * it, and friction F = b x' + F_c x' / sqrt(x'^2 + v_c^2). The piston stands at x = l(q) - closed,
- * l^2 = a^2 + b^2 - 2 a b cos(q + offset): a triangle of the joint and the cylinder's two pins.
- * A positive opening leads the supply to the piston side; a positive voltage opens to the side that
- * turns the joint positively, the hoses being joined that way. What feeds it:
+ * Further terms: leakage past the piston; oil drawn from the return if a chamber's pressure falls
+ * below it; friction F = b x' + F_c x' / sqrt(x'^2 + v_c^2). The piston position is x = l(q) -
+ * closed, l^2 = a^2 + b^2 - 2 a b cos(q + offset): a triangle of the joint and the cylinder's two
+ * pins. A positive opening connects the supply to the piston side. The hoses are connected so that
+ * a positive voltage turns the joint in the positive direction. The supply is in
  * model/hydraulics/supply.h.
  *
- * SI units, pressures above the air's. Pure functions. RT-safe.
+ * SI units, gauge pressures. Pure functions. RT-safe.
  */
 #ifndef MODEL_HYDRAULICS_HYDRAULIC_H
 #define MODEL_HYDRAULICS_HYDRAULIC_H
@@ -32,20 +32,21 @@ enum hydraulic_part {
     HYDRAULIC_STATE,
 };
 
-/* What a cylinder sees of the joint and of the rest of the machine. */
+/* Inputs of a cylinder from the joint and the rest of the machine. */
 struct hydraulic_port {
     double q, qd;        /* position and rate of the joint, rad, rad/s */
     double voltage;      /* voltage of the valve, V */
     double supply, back; /* pressures of supply and return, Pa */
-    double shift;        /* shift of the spool's middle, relative to its full opening */
-    double leak;         /* leakage past the piston beside the cylinder's own, m3/s per Pa */
-    bool stuck;          /* the spool stays where it is */
+    double shift;        /* offset of the spool's center, relative to its full opening */
+    double leak;         /* leakage past the piston in addition to the cylinder's own, m3/s per
+                          * Pa */
+    bool stuck;          /* the spool does not move */
 };
 
-/* Powers, W, or over a time works, J: in (oil from the supply, less what returns) = mechanical (on
- * the piston) + orifice (ports, and the oil's expansion in them) + leakage + the rate of
- * hydraulic_energy; of the mechanical power friction is lost. drawn: volume from the supply, m3/s
- * or m3. */
+/* Powers, W, or their integrals over time, J. Balance: in (oil from the supply, minus oil to the
+ * return) = mechanical (on the piston) + orifice (ports, and the oil's expansion in them) +
+ * leakage + the rate of hydraulic_energy. friction is the part of mechanical that is lost. drawn:
+ * volume from the supply, m3/s or m3. */
 struct hydraulic_power {
     double in, mechanical, orifice, leakage, friction, drawn;
 };
@@ -53,17 +54,18 @@ struct hydraulic_power {
 /* Returns the length between the pins, m, and computes its derivative dx/dq, m/rad. */
 double hydraulic_length(const struct robot_hydraulic *cylinder, double q, double *lever);
 
-/* Returns the sign of dx/dq over a joint's range, 1 or -1: the way a positive voltage has to
- * push the piston for the joint to turn positively. */
+/* Returns the sign of dx/dq over a joint's range, 1 or -1: the direction in which a positive
+ * voltage must push the piston so that the joint turns positively. */
 double hydraulic_direction(const struct robot_hydraulic *cylinder, double lower, double upper);
 
-/* Returns the voltage for each rad/s at which the joint turns without load in the middle of that
- * range, the mean of both ways, V s/rad. */
+/* Returns the voltage per rad/s at which the joint turns without load in the middle of its range,
+ * mean of both directions, V s/rad. */
 double hydraulic_speed_constant(const struct robot_hydraulic *cylinder,
                                 const struct robot_hydraulic_supply *supply, double lower,
                                 double upper);
 
-/* Checks whether the triangle is possible for a joint of that range; the error says what is not. */
+/* Checks whether the triangle is possible for a joint with this range; the error gives the reason
+ * if not. */
 enum error_code hydraulic_check(const struct robot_hydraulic *cylinder, double lower, double upper,
                                 struct error *error);
 
@@ -79,20 +81,21 @@ void hydraulic_derive(const struct robot_hydraulic *cylinder, const double *stat
                       const struct hydraulic_port *port, double *derivative,
                       struct hydraulic_power *power);
 
-/* Advances the state by t seconds in which the joint moves at the constant rate qd from q: the
- * spool exactly, the pressures in a fixed number of parts by the scheme of docs/integrator.md
- * (order 2, L-stable). Adds the works to power. slope: of the torque at the end against qd,
- * never positive. power and slope may be NULL. */
+/* Advances the state by t seconds with the joint moving from q at the constant rate qd: the spool
+ * exactly, the pressures in a fixed number of parts by the scheme of docs/integrator.md (order 2,
+ * L-stable). Adds the integrals of the powers to power. slope: derivative of the torque at the end
+ * with respect to qd, never positive. power and slope may be NULL. */
 void hydraulic_advance(const struct robot_hydraulic *cylinder, const struct hydraulic_port *port,
                        double t, double *state, struct hydraulic_power *power, double *slope);
 
-/* Computes the pressures at rest without force on the joint, between supply and return. */
+/* Computes the pressures at rest without force on the joint; they lie between supply and
+ * return. */
 void hydraulic_rest(const struct robot_hydraulic *cylinder, const struct robot_hydraulic_supply *s,
                     double *state);
 
-/* Computes the pressures at rest with that torque on the joint, both changed alike from those
- * without as far as supply and return let them. Returns false, with the state as it was, where
- * no pressures between the two give it. */
+/* Computes the pressures at rest with this torque on the joint. Both change by the same force from
+ * those without torque, as far as supply and return allow. Returns false and leaves the state
+ * unchanged if no pressures between the two give this torque. */
 bool hydraulic_rest_loaded(const struct robot_hydraulic *cylinder,
                            const struct robot_hydraulic_supply *s, double q, double torque,
                            double *state);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The equations of a tree as expressions: which numbers a function of the generated module returns,
- * written in its arguments.
+ * The equations of a tree as expressions: each function of the generated module as a list of
+ * outputs in terms of its arguments. Not RT-safe.
  */
 #ifndef MODEL_SYMBOLIC_DERIVE_H
 #define MODEL_SYMBOLIC_DERIVE_H
@@ -9,22 +9,22 @@
 #include "model/symbolic/graph.h"
 #include "model/symbolic/tree.h"
 
-/* The functions that are derived. */
+/* The derived functions. */
 enum derive_function {
     DERIVE_FORWARD,      /* vdot from q, v, tau */
     DERIVE_FORWARD_EXT,  /* the same with external wrenches */
     DERIVE_IMPLICIT,     /* the same with added joint and body inertias */
     DERIVE_INVERSE,      /* generalized forces from q, v, vdot with external wrenches */
     DERIVE_KINEMATICS,   /* struct body_motion of the observed bodies */
-    DERIVE_VELOCITIES,   /* w and v of it, in the pose that kinematics has kept */
-    DERIVE_ACCELERATION, /* struct body_acceleration of the observed bodies, likewise */
+    DERIVE_VELOCITIES,   /* w and v of struct body_motion, in the pose stored by kinematics */
+    DERIVE_ACCELERATION, /* struct body_acceleration of the observed bodies, in the stored pose */
     DERIVE_ENERGY,       /* kinetic, potential */
     DERIVE_COUNT
 };
 
 /* Argument arrays: the array numbers of GRAPH_INPUT. */
 enum derive_array {
-    DERIVE_INERTIA, /* mass properties, at the places of struct tree_group */
+    DERIVE_INERTIA, /* mass properties, at the places given by struct tree_group */
     DERIVE_Q,
     DERIVE_V,
     DERIVE_TAU,
@@ -32,11 +32,11 @@ enum derive_array {
     DERIVE_EXT,   /* struct wrench of each body */
     DERIVE_EXTRA, /* added inertia of each joint */
     DERIVE_ADDED, /* 21 numbers for each observed body, see model/symbolic/module.h */
-    DERIVE_POSE,  /* what kinematics keeps of a pose */
+    DERIVE_POSE,  /* data of a pose, stored by kinematics */
     DERIVE_ARRAYS
 };
 
-/* out[index] = value, a one-lane expression; or pose[index] and what follows, its lanes. */
+/* out[index] = value, a one-lane expression; or pose[index] and following = the lanes of value. */
 struct derive_output {
     int index;
     expr value;
@@ -46,11 +46,11 @@ struct derive_output {
 struct derivation {
     size_t count;
     struct derive_output *output;
-    int npose; /* numbers of a pose */
+    int npose; /* size of pose */
 };
 
-/* Derives one function into graph; with inertia_inputs mass properties are inputs, else the tree's
- * numbers. Not RT-safe. */
+/* Derives one function into graph. With inertia_inputs, mass properties are inputs, else constants
+ * from the tree. Not RT-safe. */
 enum error_code derive(enum derive_function function, const struct tree *tree, bool inertia_inputs,
                        struct graph *graph, struct derivation *out, struct error *error);
 void derivation_fini(struct derivation *derivation);

@@ -1,25 +1,25 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the parts of the derivation share: what is known of a group of bodies, and arithmetic on
- * expressions. Index k is a joint's axis, i and j are the two after it in cyclic order.
+ * Functions shared by the parts of the derivation: the state of a group of bodies, and arithmetic
+ * on expressions. Index k is a joint's axis; i and j follow it in cyclic order. Not RT-safe.
  */
 #ifndef MODEL_SYMBOLIC_DERIVE_PRIVATE_H
 #define MODEL_SYMBOLIC_DERIVE_PRIVATE_H
 
 #include "model/symbolic/derive.h"
 
-/* What a group of bodies has, one expression for all its lanes. */
+/* State of a group of bodies; one expression holds all its lanes. */
 struct state {
     expr c, s;                      /* of a revolute joint's angle */
-    expr d, rate;                   /* way of a prismatic joint; rate of either */
+    expr d, rate;                   /* displacement of a prismatic joint; rate of either joint */
     expr w[3], alpha[3], a[3];      /* velocity; accelerations in Newton-Euler, of the origin */
     expr G[3][3];                   /* [alpha] + [w][w] */
     expr n[3], f[3];                /* moment about the origin, force */
     expr J[3][3], H[3][3], M[3][3]; /* articulated inertia; J, M: upper triangle only */
     expr ratio[6];                  /* U / D, angular first */
     expr x;                         /* u / D */
-    expr da[3], dl[3];              /* accelerations beyond those of Newton-Euler */
-    expr R[3][3], p[3], v[3];       /* to world, origin, its velocity */
+    expr da[3], dl[3];              /* accelerations in addition to those of Newton-Euler */
+    expr R[3][3], p[3], v[3];       /* rotation to the world, origin, velocity of the origin */
 };
 
 struct derive {
@@ -29,20 +29,20 @@ struct derive {
     const struct tree *tree;
     struct state *state;
     struct derivation *out;
-    int *observed; /* by body: number among the observed ones, or -1 */
+    int *observed; /* by body: index among the observed bodies, or -1 */
 };
 
-/* Where the fields of a body's numbers and of a group's expressions are. */
+/* Offsets of a body's constants and of a group's expressions. */
 #define BODY(field) offsetof(struct tree_body, field)
 #define STATE(field) offsetof(struct state, field)
 
-/* The expression at offset of a group's state. */
+/* Returns the expression at offset of a group's state. */
 static inline expr *state_field(struct derive *d, size_t group, size_t offset)
 {
     return (expr *)(void *)((char *)&d->state[group] + offset);
 }
 
-/* Element (i, j) of a symmetric matrix of which the upper triangle is kept. */
+/* Returns element (i, j) of a symmetric matrix whose upper triangle is stored. */
 static inline expr *upper(expr m[3][3], int i, int j)
 {
     return i < j ? &m[i][j] : &m[j][i];
@@ -71,7 +71,7 @@ static inline void add_to(struct derive *d, expr *sum, expr term)
 
 /* ---- derive_link.c: vectors between bodies, joints, inputs and outputs ---- */
 
-/* y = x cross z added to y */
+/* y += x cross z */
 void derive_add_cross(struct derive *d, expr y[3], const expr x[3], const expr z[3]);
 
 /* x . y */
@@ -83,28 +83,29 @@ void derive_apply_transposed(struct derive *d, const double A[9], const expr x[3
 /* y = A x for numbers A */
 void derive_apply(struct derive *d, const double A[9], const expr x[3], expr y[3]);
 
-/* A mass property of each lane's body: of enum tree_inertia, the K's in their order. */
+/* Returns a mass property of each lane's body: of enum tree_inertia, K in its order. */
 expr derive_inertia(struct derive *d, size_t group, int property);
 
-/* The element of array that belongs to each lane's joint. */
+/* Returns the element of array for each lane's joint. */
 expr derive_joint_input(struct derive *d, size_t group, enum derive_array array, int first);
 
-/* The same in the joint's working sense. */
+/* Returns the element of array for each lane's joint, in the joint's working direction. */
 expr derive_signed_input(struct derive *d, size_t group, enum derive_array array, int first);
 
-/* The body in lane 0: what the lanes have in common, all but the numbers, is read from it. */
+/* Returns the body in lane 0, which provides all data that the lanes have in common except
+ * constants. */
 const struct tree_body *derive_first_body(const struct derive *d, size_t group);
 
-/* The parents' field, each lane that of its own parent. */
+/* Returns the parents' field; each lane has the field of its own parent. */
 expr derive_from_parent(struct derive *d, size_t group, size_t offset);
 
 /* Adds value's lanes to the field of each lane's parent. */
 void derive_to_parent(struct derive *d, size_t group, size_t offset, expr value);
 
-/* x in the axes before a turn by (c, s) about k, given after it. */
+/* Transforms x from the axes after a rotation by (c, s) about k to the axes before it. */
 void derive_turn_up(struct derive *d, int k, expr c, expr s, expr x[3]);
 
-/* Sine or cosine of the n-th fixed turn between parents and bodies. */
+/* Returns sine or cosine of the n-th fixed turn between parents and bodies. */
 expr derive_turn_const(struct derive *d, size_t group, int n, bool sine);
 
 /* x from the parent's axes to the body's */
@@ -113,20 +114,20 @@ void derive_vector_down(struct derive *d, size_t group, expr x[3]);
 /* x from the body's axes to the parent's */
 void derive_vector_up(struct derive *d, size_t group, expr x[3]);
 
-/* The origins in the parents' frames. */
+/* Computes the origins in the parents' frames. */
 void derive_origin(struct derive *d, size_t group, expr r[3]);
 
-/* Where the robot's body has its origin, in the working frame. */
+/* Computes the origin of the robot's body in the working frame. */
 void derive_body_origin(struct derive *d, int body, expr at[3]);
 
-/* Sine, cosine or way, and rate of a group's joints */
+/* Computes sine and cosine or displacement, and rate, of a group's joints */
 void derive_joint_state(struct derive *d, size_t group);
 
-/* Rotation of the base to the world from the quaternion of any length; the working frame's when
- * aligned, times align. */
+/* Computes the rotation of the base to the world from a quaternion of any length. aligned: the
+ * rotation of the working frame, times align. */
 void derive_base_rotation(struct derive *d, expr R[3][3]);
 
-/* Three inputs from index first on, turned into the base's working frame. */
+/* Reads three inputs from index first on, rotated into the base's working frame. */
 void derive_base_input(struct derive *d, enum derive_array array, int first, expr x[3]);
 
 /* Column k of R. */
@@ -138,24 +139,24 @@ void derive_rotate(struct derive *d, expr R[3][3], const expr x[3], expr y[3]);
 /* out[index] = value */
 void derive_put(struct derive *d, int index, expr value);
 
-/* One output for each lane's joint, in the joint's own sense. */
+/* Adds one output for each lane's joint, in the joint's own direction. */
 void derive_put_joint(struct derive *d, size_t group, expr value);
 
-/* Three outputs from the base's working frame. */
+/* Adds three outputs from the base's working frame. */
 void derive_put_base(struct derive *d, int index, const expr x[3]);
 
 /* ---- derive_inertia.c: articulated inertias ---- */
 
-/* The rigid bodies' inertia. */
+/* Computes the inertia of the rigid bodies. */
 void derive_body_inertia(struct derive *d, size_t group);
 
-/* A in the axes before a turn by (c, s) about k, given after it. */
+/* Transforms A from the axes after a rotation by (c, s) about k to the axes before it. */
 void derive_turn_inertia(struct derive *d, int k, expr c, expr s, struct state *A);
 
 /* Moves the reference point by -way along axis k: H' = H + [r] M, J' = J + [r] H^T - H' [r]. */
 void derive_shift_inertia(struct derive *d, int k, expr way, struct state *A);
 
-/* Element (a, b) of the 6x6 articulated inertia, angular first. */
+/* Returns element (a, b) of the 6x6 articulated inertia, angular part first. */
 expr *derive_inertia_element(struct state *A, int a, int b);
 
 /* Adds the matrices of the implicit integrator to the observed bodies' inertia. */

@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The expression graph of the symbolic generator. Nodes are hash-consed: equal expressions are one
- * node, so common subexpressions cannot arise. The sign of an operand lives in the reference to it
- * and not in a node, so that negation costs nothing and a - b, b - a and -(b - a) share one node.
- * Whatever can be simplified is simplified when it is built.
+ * node, so there are no duplicate subexpressions. The sign of an operand is part of the reference,
+ * not of the node. So negation is free, and a - b, b - a and -(b - a) share one node. Expressions
+ * are simplified when they are built.
  *
- * A node has 1, 2 or 4 lanes: the same expression of different limbs. An operand with one lane
+ * A node has 1, 2 or 4 lanes: the same expression for different limbs. An operand with one lane
  * fits any width.
  *
- * Memory: graph_init, graph_fini. A failed allocation is remembered (graph.failed) and makes every
- * further expression zero; the caller checks once, at the end. Not RT-safe.
+ * Memory: graph_init, graph_fini. After a failed allocation graph.failed is set and each new
+ * expression is zero; the caller checks it once at the end. Not RT-safe.
  */
 #ifndef MODEL_SYMBOLIC_GRAPH_H
 #define MODEL_SYMBOLIC_GRAPH_H
@@ -20,7 +20,7 @@
 
 enum { GRAPH_LANES = 4 };
 
-/* A node and a sign: node << 1 | negative. */
+/* Reference to a node with a sign: node << 1 | negative. */
 typedef uint32_t expr;
 
 enum graph_op {
@@ -43,7 +43,7 @@ struct graph_node {
     int array;
     int index[GRAPH_LANES];
     double value[GRAPH_LANES];
-    uint32_t next; /* in its hash bucket, 0 = end */
+    uint32_t next; /* next node in the hash bucket, 0 = end */
 };
 
 struct graph {
@@ -80,10 +80,10 @@ int graph_width(const struct graph *graph, expr e);
 
 expr graph_const(struct graph *graph, double value);
 
-/* The values of width lanes; one lane when they are all equal. */
+/* Returns constants for `width` lanes; one lane if all are equal. */
 expr graph_const_lanes(struct graph *graph, int width, const double *value);
 
-/* Elements index[0..width-1] of argument array number array. */
+/* Returns elements index[0..width-1] of the argument array with number array. */
 expr graph_input(struct graph *graph, int array, int width, const int *index);
 
 expr graph_add(struct graph *graph, expr a, expr b);
@@ -93,10 +93,10 @@ expr graph_invert(struct graph *graph, expr a);
 expr graph_sin(struct graph *graph, expr a);
 expr graph_cos(struct graph *graph, expr a);
 
-/* One lane of a. */
+/* Returns one lane of a. */
 expr graph_lane(struct graph *graph, expr a, int lane);
 
-/* Width one-lane expressions side by side; one lane when they are all the same. */
+/* Packs `width` one-lane expressions; returns one lane if all are equal. */
 expr graph_pack(struct graph *graph, int width, const expr *lane);
 
 #endif

@@ -1,22 +1,24 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A robot as the generator sees it. Three things are decided here, all of them exact:
+ * The generator's view of a robot. It makes three exact transformations:
  *
- * Frames. Each body gets a working frame in which its joint's axis is a coordinate axis and as many
- * of its children's axes and origins as possible lie along coordinate axes too: every zero is an
- * operation saved. The angle's zero and the origin's place on the axis are free: angle = sign * q +
+ * Frames. Each body gets a working frame. Its joint's axis is a coordinate axis, and as many of its
+ * children's axes and origins as possible lie along coordinate axes too: each zero saves an
+ * operation. The zero of the angle and the origin's place on the axis are free: angle = sign * q +
  * offset.
  *
- * Lumping. Mass properties are kept as the pseudo-inertia about the frame's origin: mass m, first
- * moment h, second moment K = integral of r r^T dm. A distribution of mass along a revolute joint's
- * axis moves as well with the parent as with the child; so m, h_k and K_kk of the child are moved
+ * Lumping. Mass properties are stored as the pseudo-inertia about the frame's origin: mass m, first
+ * moment h, second moment K = integral of r r^T dm. A mass distribution along a revolute joint's
+ * axis moves with the parent as well as with the child. So m, h_k and K_kk of the child are moved
  * to the parent, and K of a prismatic joint's child likewise (the minimal parameters of Gautier and
  * Khalil, Direct calculation of minimum set of inertial parameters of serial robots, 1990).
- * Equations of motion, energies and generalized forces stay what they are; a lumped body alone need
- * not be a possible one. Frames and lanes are those of the geometry alone, so that robots that
- * differ in mass properties have trees that differ in m, h and K.
+ * Equations of motion, energies and generalized forces do not change; a lumped body alone need not
+ * be physically possible. Frames and lanes depend only on the geometry. So trees of robots that
+ * differ only in mass properties differ only in m, h and K.
  *
  * Lanes. Limbs whose joints turn about the same axes in the same order are evaluated side by side.
+ *
+ * Not RT-safe.
  */
 #ifndef MODEL_SYMBOLIC_TREE_H
 #define MODEL_SYMBOLIC_TREE_H
@@ -36,8 +38,9 @@ struct tree_turn {
     double c, s;
 };
 
-/* A body and the joint that moves it. Parent's working frame to this one: Trans(r), then the fixed
- * turns in their order, then Rot(axis, sign q + offset) or Trans(axis (sign q)). */
+/* A body and the joint that moves it. Transform from the parent's working frame to this one:
+ * Trans(r), then the fixed turns in their order, then Rot(axis, sign q + offset) or Trans(axis
+ * (sign q)). */
 struct tree_body {
     int parent; /* -1 for the base */
     bool prismatic;
@@ -54,14 +57,14 @@ struct tree_body {
     bool observed;
 };
 
-/* Bodies that are evaluated side by side, one a lane. Lanes past count repeat lane 0. */
+/* Bodies that are evaluated side by side, one per lane. Lanes from count on repeat lane 0. */
 struct tree_group {
     int width, count;
     int body[TREE_LANES];
     int parent_group[TREE_LANES]; /* -1 for the base's own group */
     int parent_lane[TREE_LANES];
-    /* Where its first lane has each mass property in an array of all of them, the other lanes after
-     * it and a place aligned to the width; -1 = zero, moved to the parents */
+    /* Index of each mass property of the first lane in the array of all mass properties; the other
+     * lanes follow it, aligned to the width. -1 = zero, moved to the parents */
     int place[TREE_INERTIA];
 };
 
@@ -72,7 +75,7 @@ struct tree {
     size_t ngroup;
     struct tree_group *group; /* parents before children; group 0 is the base */
     int *group_of, *lane_of;  /* by body */
-    size_t ninertia;          /* places for mass properties */
+    size_t ninertia;          /* size of the array of mass properties */
 };
 
 /* Builds the tree of a robot with at most lanes (1, 2 or 4) lanes a group. Not RT-safe. */
@@ -83,10 +86,10 @@ void tree_destroy(struct tree *tree);
 /* Returns a mass property of a body. */
 double tree_inertia(const struct tree_body *body, int property);
 
-/* Fills the ninertia places with the mass properties; every lane has its own, gaps are zero. */
+/* Fills the ninertia numbers with the mass properties; each lane has its own, gaps are zero. */
 void tree_write_inertia(const struct tree *tree, double *inertia);
 
-/* Groups of bodies for at most lanes lanes (limb_lanes.c); tree->body is complete. */
+/* Groups the bodies into at most `lanes` lanes (limb_lanes.c); tree->body must be complete. */
 enum error_code tree_assign_lanes(struct tree *tree, int lanes, struct error *error);
 
 #endif
