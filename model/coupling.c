@@ -52,7 +52,7 @@ void coupling_factorize(const struct robot *robot, const double *column, const d
 
     for (size_t row = 0; row < n; row++) {
         for (size_t k = 0; k <= row; k++) {
-            /* Effect of a unit force of coupling k on the error's acceleration of this row;
+            /* Effect of a unit force of coupling k on the error's acceleration in this row;
              * Cholesky, row by row */
             double sum = coupling_rate(&robot->coupling[row], column + k * robot->nv + first);
 

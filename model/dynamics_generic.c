@@ -19,8 +19,8 @@ static void base_rotation(const struct dynamics *d, const double *q, double R[9]
     }
 }
 
-/* Computes the joints' transforms. A stage of an integrator asks for motions, accelerations and
- * velocities at one q in turn: results for the same q are kept, to the last bit. */
+/* Computes the joints' transforms. An integrator's stage computes motions, accelerations and
+ * velocities at one q; results for the same q are reused without change. */
 static void find_transforms(const struct dynamics *d, const double *q)
 {
     struct generic *g = d->work;
@@ -63,7 +63,7 @@ static void sweep_velocity(const struct dynamics *d, const double *q, const doub
     }
 }
 
-/* Computes the accelerations of all bodies from vdot, with up added to that of the base. */
+/* Computes the accelerations of all bodies from vdot, with up added to the base's acceleration. */
 static void sweep_acceleration(const struct dynamics *d, const double *vdot, const double up[3])
 {
     const struct generic *g = d->work;
@@ -85,7 +85,7 @@ static void sweep_acceleration(const struct dynamics *d, const double *vdot, con
     }
 }
 
-/* Computes the rotations and positions of all bodies; the joints' transforms are known. */
+/* Computes the rotations and positions of all bodies; the joints' transforms must be known. */
 static void sweep_place(const struct dynamics *d, const double *q)
 {
     struct generic *g = d->work;
@@ -107,7 +107,7 @@ static void sweep_place(const struct dynamics *d, const double *q)
     }
 }
 
-/* Computes the upward acceleration of the base that stands for gravity, in the base frame. */
+/* Computes the upward acceleration of the base that represents gravity, in the base frame. */
 static void gravity_up(const struct dynamics *d, const double *q, double up[3])
 {
     const double *g = d->robot->gravity, minus[3] = {-g[0], -g[1], -g[2]};
@@ -130,8 +130,8 @@ static void inner_inertia(const struct link *link, const struct added_inertia *a
     }
 }
 
-/* Adds the given inertia to the observed bodies. It resists what vdot makes of their
- * accelerations and not their drift. */
+/* Adds the given inertia to the observed bodies. It resists only the accelerations due to vdot,
+ * not their drift. */
 static void add_observed_inertia(const struct dynamics *d, const double up[3],
                                  const struct added_inertia *added)
 {
@@ -161,8 +161,8 @@ static void add_observed_inertia(const struct dynamics *d, const double up[3],
     }
 }
 
-/* Computes the forward dynamics by the articulated-body algorithm; plain: without extra and
- * added inertia, which are then not read. */
+/* Computes the forward dynamics by the articulated-body algorithm. plain: without extra and added
+ * inertia, whose arguments are not read. */
 INLINE void articulated_body(const struct dynamics *d, bool plain, const double *q, const double *v,
                              const double *tau, const struct wrench *ext, const double *extra,
                              const struct added_inertia *added, double *vdot)
@@ -193,7 +193,8 @@ INLINE void articulated_body(const struct dynamics *d, bool plain, const double 
                  &state[b], &state[link->parent]);
     }
 
-    /* Outward: accelerations, which count gravity as the base's until the end */
+    /* Outward: accelerations, with gravity as an acceleration of the base, which is removed at the
+     * end */
     if (d->robot->floating) {
         for (int m = 0; m < 3; m++) {
             state[0].p.a[m] = -state[0].p.a[m];
@@ -237,7 +238,7 @@ static void generic_inverse(const struct dynamics *d, const double *q, const dou
     struct link_state *state = g->state;
     double up[3];
 
-    /* Outward: velocities and accelerations, then the force that each body needs */
+    /* Outward: velocities and accelerations, then the force for each body's motion */
     gravity_up(d, q, up);
     sweep_velocity(d, q, v);
     sweep_acceleration(d, vdot, up);
@@ -255,7 +256,7 @@ static void generic_inverse(const struct dynamics *d, const double *q, const dou
         }
     }
 
-    /* Inward: each joint's share of it */
+    /* Inward: each joint's component of the force */
     for (size_t b = g->nbody - 1; b > 0; b--) {
         const struct link *link = &g->link[b];
 
@@ -307,7 +308,7 @@ static void generic_acceleration(const struct dynamics *d, const double *q, cons
         const struct link_state *state = &g->state[b];
         double a[3] = {state->a.l[0], state->a.l[1], state->a.l[2]};
 
-        /* The components' derivative and the turning of the frame that they are taken in */
+        /* The derivative of the components, plus the rotation of their frame */
         vec3_add_cross(state->v.a, state->v.l, a);
         mat3_apply(state->R, state->a.a, acceleration[b].alpha);
         mat3_apply(state->R, a, acceleration[b].a);
@@ -361,7 +362,7 @@ enum error_code dynamics_generic(const struct robot *robot, struct arena *arena,
         return error_set(error, ERROR_MEMORY, "no memory for the dynamics of %s", robot->name);
     }
 
-    /* Links from the base outward; origins of turning joints stay where they are */
+    /* Links from the base outward; the origins of revolute joints are constant */
     for (size_t b = 0; b < robot->nbody; b++) {
         const struct robot_body *body = &robot->body[b];
 
@@ -379,7 +380,7 @@ enum error_code dynamics_generic(const struct robot *robot, struct arena *arena,
     return ERROR_NONE;
 }
 
-/* ---- of all implementations ---- */
+/* ---- common to all implementations ---- */
 
 void dynamics_qdot(const struct robot *robot, const double *q, const double *v, double *qdot)
 {

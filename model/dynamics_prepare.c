@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Prepares a robot's description for the numeric dynamics: every joint becomes "a fixed rotation,
- * then a turn about or a slide along one coordinate axis". A body whose joint axis is +x, +y or +z
- * keeps its frame, any other gets an inner frame with the joint axis as z.
+ * Prepares a robot's description for the numeric dynamics: each joint becomes a fixed rotation
+ * followed by a rotation about, or a displacement along, one coordinate axis. A body whose joint
+ * axis is +x, +y or +z keeps its frame; any other gets an inner frame with the joint axis as z.
  */
 #include "model/dynamics_kernels.h"
 
-/* Returns the number of the coordinate axis that a unit vector is, or -1. */
+/* Returns the index of the coordinate axis that equals a unit vector, or -1. */
 static int axis_number(const double axis[3])
 {
     for (int k = 0; k < 3; k++) {
@@ -28,8 +28,8 @@ static void rotation_to_axis(const double axis[3], double R[9])
             least = m;
         }
     }
-    /* The other two columns are orthogonal to the axis, from the coordinate axis that is
-     * farthest from it */
+    /* The other two columns are orthogonal to the axis, starting from the coordinate axis farthest
+     * from it */
     x[least] = 1.0;
     vec3_cross(axis, x, y);
     norm = vec3_norm(y);
@@ -63,14 +63,14 @@ static void prepare_link_inertia(const struct robot_inertia *inertia, struct lin
     memcpy(link->I, link->rigid.J, sizeof link->I);
 }
 
-/* Reduces the joint of a body to a fixed rotation and a coordinate axis. */
+/* Converts the joint of a body to a fixed rotation and a coordinate axis. */
 static void prepare_link_joint(const struct robot_joint *joint, const struct link *parent,
                                struct link *link)
 {
     double parent_to_inner[9], turned[9];
     int k = axis_number(joint->axis);
 
-    /* The inner frame: that of the body, or one with the joint axis as z */
+    /* The inner frame: the body's frame, or one with the joint axis as z */
     link->type = joint->type;
     link->inner = k < 0;
     link->axis = link->inner ? 2 : k;
@@ -80,7 +80,7 @@ static void prepare_link_joint(const struct robot_joint *joint, const struct lin
         mat3_identity(link->align);
     }
 
-    /* Where it sits in the parent's inner frame */
+    /* Its pose in the parent's inner frame */
     mat3_transpose(parent->align, parent_to_inner);
     mat3_mul(parent_to_inner, joint->rotation, turned);
     mat3_mul(turned, link->align, link->fixed);

@@ -11,7 +11,7 @@ enum { RK4_STAGES = 4 };
 
 size_t integrator_rk4_scratch(size_t n)
 {
-    return (RK4_STAGES + 1) * n; /* the slopes, and the state that the next one is taken at */
+    return (RK4_STAGES + 1) * n; /* slopes, and the state for the next slope */
 }
 
 /* Computes out = y + h k. */
@@ -23,8 +23,8 @@ static void advance_stage(size_t n, const double *y, double h, const double *res
     }
 }
 
-/* Adds change to y with compensation: y += change and what earlier sums have lost by rounding;
- * keeps what this one loses (Knuth, The Art of Computer Programming, 4.2.2, theorem B). */
+/* Adds change to y with compensation: also adds the rounding error of earlier sums, and stores the
+ * new one (Knuth, The Art of Computer Programming, 4.2.2, theorem B). */
 static void add_exactly(double change, double *y, double *lost)
 {
     double part = change + *lost, sum = *y + part, taken = sum - *y;
@@ -65,27 +65,27 @@ static const double dopri5_a[DOPRI5_STAGES][DOPRI5_STAGES - 1] = {
     {9017.0 / 3168, -355.0 / 33, 46732.0 / 5247, 49.0 / 176, -5103.0 / 18656},
     {35.0 / 384, 0.0, 500.0 / 1113, 125.0 / 192, -2187.0 / 6784, 11.0 / 84}};
 
-/* The solution of order 5 less that of order 4. */
+/* The solution of order 5 minus that of order 4. */
 static const double dopri5_e[DOPRI5_STAGES] = {
     71.0 / 57600, 0.0, -71.0 / 16695, 71.0 / 1920, -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
 
-/* Step control: exponents, safety, and the bounds of a step's change. */
+/* Step control: exponents, safety factor, and limits of a step's change. */
 #define CONTROL_BETA 0.04
 #define CONTROL_ALPHA (0.2 - 0.75 * CONTROL_BETA)
 #define CONTROL_SAFETY 0.9
 #define CONTROL_SHRINK 0.2
 #define CONTROL_GROW 10.0
 
-/* A first step this part of the whole, and a last resort. */
+/* First step, and smallest step, relative to the whole. */
 #define FIRST_STEP 1e-3
 #define LEAST_STEP 1e-12
 
 size_t integrator_dopri5_scratch(size_t n)
 {
-    return (DOPRI5_STAGES + 1) * n; /* the slopes, and the state that the next one is taken at */
+    return (DOPRI5_STAGES + 1) * n; /* slopes, and the state for the next slope */
 }
 
-/* Computes slopes 2 to 7; the state of the last is the result of the step. */
+/* Computes slopes 2 to 7; the state of the last one is the result of the step. */
 static void dopri5_stages(integrator_function *f, void *context, double t, double h, size_t n,
                           const double *y, double *k, double *stage)
 {
@@ -118,8 +118,8 @@ static double dopri5_error(const struct integrator_dopri5 *control, double h, si
     return sqrt(sum / (double)n);
 }
 
-/* Returns the factor from one step's length to the next (proportional-integral control), with
- * both errors at least tiny. */
+/* Returns the factor for the next step's length (proportional-integral control); both errors are
+ * at least tiny. */
 static double dopri5_factor(double error, double last_error)
 {
     double factor = CONTROL_SAFETY * portable_pow(fmax(error, 1e-10), -CONTROL_ALPHA) *
@@ -141,14 +141,14 @@ bool integrator_dopri5(integrator_function *f, void *context, double t, double h
         bool final = step >= h - done;
         double error, factor;
 
-        /* Try a step, not beyond the end */
+        /* Tries a step that ends no later than the end */
         control->next = step;
         step = final ? h - done : step;
         dopri5_stages(f, context, t + done, step, n, y, k, stage);
         control->evaluations += DOPRI5_STAGES - 1;
         error = dopri5_error(control, step, n, y, stage, k);
 
-        /* Too large an error: again, and shorter */
+        /* Error too large: repeats with a shorter step */
         if (!(error <= 1.0)) {
             step *= isfinite(error)
                         ? fmax(CONTROL_SHRINK, CONTROL_SAFETY * portable_pow(error, -0.2))
@@ -157,7 +157,7 @@ bool integrator_dopri5(integrator_function *f, void *context, double t, double h
             continue;
         }
 
-        /* Taken: the last slope is the next step's first, and the errors give its length */
+        /* Accepts: the last slope is the next step's first, and the errors give its length */
         memcpy(y, stage, n * sizeof *y);
         memcpy(k, last, n * sizeof *k);
         factor = dopri5_factor(error, fmax(control->last_error, 1e-4));
@@ -165,7 +165,7 @@ bool integrator_dopri5(integrator_function *f, void *context, double t, double h
         control->last_error = error;
         rejected = false;
         if (final) {
-            /* A step cut short says what length would do, but not that more would not */
+            /* A shortened last step must not reduce the length of the next one */
             control->next = fmax(control->next, step * factor);
             return true;
         }

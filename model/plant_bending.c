@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Computes the moments across the joints' axes that bend their sensors: the reaction moments of the
- * joints, by Newton and Euler from the leaves to the base. */
+/* Computes the bending moments of the joints' sensors, across the joints' axes. They are reaction
+ * moments of the joints, by Newton and Euler from the leaves to the base. */
 #include "base/vec3.h"
 #include "model/plant_private.h"
 #include "model/spatial.h"
@@ -17,8 +17,8 @@ bool plant_bending_create(struct plant *plant, struct arena *arena)
     return plant->bending_acceleration && plant->bending_load;
 }
 
-/* Fills axes with two unit vectors across an axis and each other: the first along the coordinate
- * axis that is most across it, less what is along it. */
+/* Fills axes with two unit vectors orthogonal to an axis and to each other. The first is the
+ * coordinate axis most orthogonal to it, minus its component along the axis. */
 static void find_axes_across(const double axis[3], double axes[2][3])
 {
     double length;
@@ -34,7 +34,8 @@ static void find_axes_across(const double axis[3], double axes[2][3])
     vec3_cross(axis, axes[0], axes[1]);
 }
 
-/* Computes what body b takes, in the world frame about its origin, less what acts from outside. */
+/* Computes the wrench that accelerates body b, minus external wrenches, in the world frame about
+ * its origin. */
 static void find_own_load(const struct plant *plant, size_t b, struct wrench *load)
 {
     const struct robot *robot = plant->config.robot;
@@ -54,7 +55,7 @@ static void find_own_load(const struct plant *plant, size_t b, struct wrench *lo
         load->force[i] = inertia->mass * (a[i] - robot->gravity[i]);
     }
 
-    /* I alpha + w x I w, in the body's axes, and the force's moment about the origin */
+    /* I alpha + w x I w in the body's axes, and the moment of the force about the origin */
     mat3_apply_transposed(motion->R, motion->w, w);
     mat3_apply_transposed(motion->R, acceleration->alpha, alpha);
     sym3_apply(inertia->I, alpha, rate);
@@ -77,7 +78,7 @@ void plant_sample_bending(struct plant *plant)
     for (size_t b = 0; b < robot->nbody; b++) {
         find_own_load(plant, b, &plant->bending_load[b]);
     }
-    /* From the leaves on: children come after their parents */
+    /* From the leaves to the base: children have higher indices than parents */
     for (size_t b = robot->nbody - 1; b > 0; b--) {
         const size_t parent = (size_t)robot->body[b].parent;
         const struct wrench *load = &plant->bending_load[b];

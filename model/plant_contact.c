@@ -1,24 +1,25 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The plant's side of the contact engine: the motions that it is asked with, a memory of its last
- * evaluation, and what it costs.
+ * The plant's interface to the contact engine: the input motions, a memory of the last evaluation,
+ * and the measured cost.
  *
- * The sensors at the end of a tick and the first stage of the next ask for the same motion, and an
- * engine's answer depends on nothing but the motion and the bristles: the second time it comes from
- * the memory. The engine's patches and tangents are then still those of that motion.
+ * The sensors at the end of a tick and the first stage of the next tick need the same evaluation.
+ * The engine's result depends only on the motion and the bristles, so the second one comes from the
+ * memory. The engine's patches and tangents still belong to that motion.
  */
 #include "model/plant_private.h"
 
 #include <math.h>
 #include <string.h>
 
-/* The wrenches of the last evaluation lie behind the motions that it was for. */
+/* Returns the wrenches of the last evaluation, stored behind its motions. */
 static struct contact_wrench *remembered_wrench(const struct plant *plant)
 {
     return (struct contact_wrench *)(plant->contact_memory->motion + plant->config.ncontact);
 }
 
-/* Behind them the rates of bristles, then the bristles of the pairs that were listed. */
+/* Returns the rates of bristles, stored behind the wrenches; then follow the bristles of the
+ * listed pairs. */
 static double *remembered_rates(const struct plant *plant)
 {
     return (double *)(remembered_wrench(plant) + plant->config.ncontact);
@@ -29,7 +30,8 @@ static double *remembered_bristles(const struct plant *plant)
     return remembered_rates(plant) + plant->nbristle;
 }
 
-/* Behind them the pairs: those listed before, then those that it added. */
+/* Returns the pairs, stored behind the bristles: those listed before, then those that the engine
+ * added. */
 static int *remembered_pairs(const struct plant *plant)
 {
     return (int *)(remembered_bristles(plant) + plant->nbristle);
@@ -52,7 +54,7 @@ bool plant_contact_create(struct plant *plant, struct arena *arena)
     return plant->contact_memory;
 }
 
-/* Reading of the stopwatch; 0 without one. */
+/* Reads the clock; 0 without one. */
 static int64_t stopwatch_ns(const struct plant *plant)
 {
     return plant->config.now_ns ? plant->config.now_ns(plant->config.clock) : 0;
@@ -64,7 +66,7 @@ static int64_t stopwatch_ns(const struct plant *plant)
 
 enum { BRISTLES_AT_ONCE = 32 * CONTACT_BRISTLE };
 
-/* Whether all of a pair's are as good as 0. */
+/* Returns whether all bristles of a pair are below BRISTLE_LEAST. */
 static bool bristles_are_relaxed(const double y[CONTACT_BRISTLE])
 {
     for (int k = 0; k < CONTACT_BRISTLE; k++) {
@@ -75,7 +77,7 @@ static bool bristles_are_relaxed(const double y[CONTACT_BRISTLE])
     return true;
 }
 
-/* Bristles of pairs that do not touch. */
+/* Relaxed bristles, to compare with. */
 static const double none[BRISTLES_AT_ONCE];
 
 void plant_find_bristles(struct plant *plant)
@@ -87,7 +89,7 @@ void plant_find_bristles(struct plant *plant)
     for (size_t from = 0; from < plant->nbristle; from = end) {
         end = from + BRISTLES_AT_ONCE < plant->nbristle ? from + BRISTLES_AT_ONCE : plant->nbristle;
         if (memcmp(y + from, none, (end - from) * sizeof *y) == 0) {
-            continue; /* which is the rule: few pairs of many touch */
+            continue; /* usual case: few of many pairs touch */
         }
         for (size_t i = from; i < end; i += CONTACT_BRISTLE) {
             if (memcmp(y + i, none, CONTACT_BRISTLE * sizeof *y) != 0) {
@@ -165,7 +167,8 @@ void plant_return_state(struct plant *plant)
     }
 }
 
-/* Whether the memory's live bristles are these, so far ahead; they are from now on. */
+/* Stores the live bristles and the time ahead in the memory; returns whether they were already
+ * equal. */
 static bool remember_bristles(struct plant *plant, const double *bristle, double ahead_s)
 {
     struct plant_contact_memory *memory = plant->contact_memory;
@@ -195,7 +198,7 @@ enum error_code plant_contact_evaluate(struct plant *plant, const double *v, con
     struct contact_world *engine = config->contact;
     bool answered = remember_bristles(plant, bristle, ahead_s) && memory->valid;
 
-    /* The motions, in the engine's order; is it the question that it has answered last? */
+    /* Computes the motions in the engine's order, and compares them with the last evaluation */
     config->dynamics->ops->kinematics(config->dynamics, plant->q, v, plant->motion);
     for (size_t c = 0; c < config->ncontact; c++) {
         const struct body_motion *motion = &plant->motion[config->contact_body[c]];
@@ -225,7 +228,7 @@ enum error_code plant_contact_evaluate(struct plant *plant, const double *v, con
         memcpy(remembered_pairs(plant), plant->live, memory->nlive * sizeof *plant->live);
     }
 
-    /* The pairs that it has added, and what it has found */
+    /* Reads back the pairs that the engine added, and the results */
     memcpy(plant->live, remembered_pairs(plant), memory->nlive * sizeof *plant->live);
     plant->nlive = memory->nlive;
     plant->bristles_follow = true;

@@ -9,10 +9,10 @@
 #include <math.h>
 #include <string.h>
 
-/* Steps that dopri5 may try for one substep. */
+/* Largest number of dopri5 steps per substep. */
 enum { DOPRI5_TRIES = 100000 };
 
-/* Checks that a body which the plant reads is among those that the dynamics compute. */
+/* Checks that the dynamics compute the motion of a body that the plant reads. */
 static enum error_code check_observed_body(const struct robot *robot, int body, const char *what,
                                            struct error *error)
 {
@@ -45,7 +45,7 @@ static enum error_code check_contact_body(const struct plant_config *config, int
     return check_observed_body(config->robot, body, "a contact surface", error);
 }
 
-/* Checks the free bodies and everything that lies on a body: contact surfaces and sensors. */
+/* Checks the free bodies, and all objects attached to bodies: contact surfaces and sensors. */
 static enum error_code check_plant_bodies(const struct plant_config *config, struct error *error)
 {
     const struct robot *robot = config->robot;
@@ -75,7 +75,7 @@ static enum error_code check_plant_bodies(const struct plant_config *config, str
                                error);
 }
 
-/* Checks that the integrator exists and has what it needs. */
+/* Checks that the integrator exists and that its requirements are met. */
 static enum error_code check_integrator(const struct plant_config *config, struct error *error)
 {
     if (config->integrator != PLANT_RK4 && config->integrator != PLANT_IMPLICIT &&
@@ -95,7 +95,7 @@ static enum error_code check_integrator(const struct plant_config *config, struc
     return ERROR_NONE;
 }
 
-/* Checks that the bus is possible, if there is one. */
+/* Checks the parameters of the bus, if there is one. */
 static enum error_code check_bus(const struct plant_config *config, struct error *error)
 {
     const struct supply_bus *bus = &config->bus;
@@ -150,7 +150,7 @@ static enum error_code check_plant_config(const struct plant_config *config, str
         return code;
     }
 
-    /* Contact, and everything that lies on a body */
+    /* Contact, and all objects attached to bodies */
     if ((config->contact != NULL) != (config->ncontact > 0)) {
         return error_set(error, ERROR_INPUT, "contact bodies: found %zu with %s contact engine",
                          config->ncontact, config->contact ? "a" : "no");
@@ -189,14 +189,14 @@ static void lay_out_state(struct plant *plant)
     plant->at.count = plant->at.bristle + plant->nbristle;
 }
 
-/* An array of count elements for pointer; clears ok when the arena is used up. */
+/* Allocates an array of count elements for pointer; clears ok if the arena is full. */
 #define TAKE(pointer, count)                                                                       \
     do {                                                                                           \
         (pointer) = arena_alloc(arena, (count), sizeof *(pointer));                                \
         ok = ok && (pointer);                                                                      \
     } while (0)
 
-/* Allocates the plant's arrays. Returns false when the arena is used up. */
+/* Allocates the plant's arrays. Returns false if the arena is full. */
 static bool allocate_plant(struct plant *plant, struct arena *arena)
 {
     const struct robot *robot = plant->config.robot;
@@ -211,14 +211,14 @@ static bool allocate_plant(struct plant *plant, struct arena *arena)
     TAKE(plant->hydraulic_joint, plant->nhydraulic);
     TAKE(plant->free_inverse, plant->config.nfree);
 
-    /* State, and what goes in and out */
+    /* State, inputs and outputs */
     TAKE(plant->state, count);
     TAKE(plant->command.motor, robot->njoint);
     TAKE(plant->sensors.motor, robot->njoint);
     TAKE(plant->sensors.ft, robot->nft);
     TAKE(plant->push, nbody);
 
-    /* Held over a step */
+    /* Constant over a step */
     TAKE(plant->sea, plant->ndrive);
     TAKE(plant->condition, plant->ndrive);
     TAKE(plant->voltage, plant->ndrive);
@@ -264,7 +264,7 @@ static bool allocate_plant(struct plant *plant, struct arena *arena)
     return ok;
 }
 
-/* Creates dynamics of the same robot that give the motion of every body. */
+/* Creates dynamics of the same robot that compute the motion of each body. */
 static enum error_code create_whole_dynamics(struct plant *plant, struct arena *arena,
                                              struct error *error)
 {
@@ -307,7 +307,7 @@ static void number_actuators(struct plant *plant)
     }
 }
 
-/* Copies the configuration with its arrays. Returns false when the arena is used up. */
+/* Copies the configuration with its arrays. Returns false if the arena is full. */
 static bool copy_plant_config(struct plant *plant, const struct plant_config *config,
                               struct arena *arena)
 {
@@ -353,7 +353,7 @@ enum error_code plant_create(const struct plant_config *config, struct arena *ar
         return code;
     }
 
-    /* What follows from the configuration, and the reset state */
+    /* Derived data, and the reset state */
     number_actuators(made);
     if (made->implicit) {
         implicit_prepare_drives(made);

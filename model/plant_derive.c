@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The plant's right-hand side: from a state to the forces on bodies and joints, the accelerations
- * and the rates of everything that is integrated. The coupled system of the paper: rigid-body
- * dynamics (eq. 1), drives (eqs 2 to 4), parallel springs (eq. 5) and contact at one and the same
- * state.
+ * The plant's right-hand side: from a state to the forces on bodies and joints, the accelerations,
+ * and the rates of all integrated quantities. The coupled system of the paper: rigid-body dynamics
+ * (eq. 1), drives (eqs 2 to 4), parallel springs (eq. 5) and contact, all at the same state.
  */
 #include "model/coupling.h"
 #include "model/plant_private.h"
@@ -54,13 +53,13 @@ void plant_apply_loads(struct plant *plant, const double *v, struct plant_load *
     static const struct contact_wrench none;
     size_t nbody = config->robot->nbody, count = nbody + config->nfree;
 
-    /* Contact, on the bodies that the engine knows */
+    /* Contact, on the contact bodies */
     memset(plant->ext, 0, count * sizeof *plant->ext);
     for (size_t c = 0; c < config->ncontact; c++) {
         const struct contact_wrench *wrench = &plant->contact_wrench[c];
         int body = config->contact_body[c];
 
-        /* Most bodies touch nothing most of the time */
+        /* Usual case: most bodies touch nothing */
         if (memcmp(wrench, &none, sizeof none) != 0) {
             load->contact += apply_body_wrench(&plant->motion[body], wrench->force, wrench->moment,
                                                &plant->ext[body]);
@@ -95,8 +94,8 @@ static void apply_couplings(struct plant *plant, const double *state)
     }
 }
 
-/* Computes the torques of drives, eq. (3), of parallel springs, eq. (5), of passive springs, end
- * stops and couplings on the joints. */
+/* Computes the torques on the joints: drives, eq. (3), parallel springs, eq. (5), passive springs,
+ * end stops and couplings. */
 static void apply_joint_torques(struct plant *plant, const double *state)
 {
     const struct robot *robot = plant->config.robot;
@@ -136,8 +135,8 @@ static void apply_joint_torques(struct plant *plant, const double *state)
     apply_couplings(plant, state);
 }
 
-/* Removes accelerations and wrenches of a clamped robot: the clamp takes them, unless it is
- * balanced. Wrenches on free bodies stay. */
+/* Removes accelerations and wrenches of a clamped robot, because the clamp takes them, unless it
+ * is balanced. Wrenches on free bodies stay. */
 static void remove_clamped_loads(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
@@ -226,7 +225,8 @@ static void derive_drives(const struct plant *plant, const double *state, double
     }
 }
 
-/* Computes the same for the parallel springs, eq. (5), whose pretension moves at a given rate. */
+/* Computes the same for the parallel springs, eq. (5), whose pretension moves at a constant
+ * rate. */
 static void derive_springs(const struct plant *plant, const double *state, double *derivative,
                            double *work)
 {
@@ -282,10 +282,10 @@ void plant_derivative(void *context, double t, const double *state, double *deri
     double *work = plant->config.account_energy ? derivative + plant->at.work : NULL;
     struct plant_load load;
 
-    (void)t; /* the command is held, so time does not enter */
+    (void)t; /* the command is held, so the time is not needed */
     memset(derivative, 0, plant->at.count * sizeof *derivative);
 
-    /* Accelerations; after a failure there are none, also in the step's other stages */
+    /* Accelerations; zero after a failure, also in the remaining stages of the step */
     if (plant->step_code != ERROR_NONE) {
         return;
     }

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Drives with effects in the plant's state, and the supply of the bridges. rk4 and dopri5 know no
- * events: within a substep they integrate the smooth equations of the mode at its begin, and what
- * has passed zero in it is set to zero at its end.
+ * Drives with effects in the plant's state, and the supply of the bridges. rk4 and dopri5 have no
+ * events. Within a substep they integrate the smooth equations of the mode at its start. Values
+ * that crossed zero in the substep are set to zero at its end.
  */
 #include "model/plant_private.h"
 
@@ -56,9 +56,9 @@ double plant_drive_energy(const struct plant *plant, const double *state, size_t
     return sea_energy(sea, &drive, q);
 }
 
-/* ---- starts and holds ---- */
+/* ---- start and constants of a step ---- */
 
-/* Returns the voltage of the source without load, V: nominal less the sag. */
+/* Returns the voltage of the source without load, V: nominal minus sag. */
 static double supply_source(const struct plant *plant)
 {
     return fmax(0.0, plant->config.supply_v - plant->command.supply_sag_v);
@@ -91,10 +91,10 @@ void plant_effects_reset(struct plant *plant)
     }
 }
 
-/* Dead times a period: both half bridges switch, and each loses it against the current. */
+/* Dead times per period: both half bridges switch, and each loses one against the current. */
 #define DEAD_TIMES 2.0
 
-/* Returns the average voltage that dead time takes at a supply voltage, V. */
+/* Returns the mean voltage lost to dead time at a supply voltage, V. */
 static double dead_voltage(const struct robot_effects *effects, double supply)
 {
     return fmin(1.0, DEAD_TIMES * effects->dead_time * effects->pwm) * supply;
@@ -111,8 +111,8 @@ double plant_holding_voltage(const struct plant *plant, size_t d, double I)
            copysign(dead_voltage(sea->effects, plant_supply(plant)), I);
 }
 
-/* Returns the mean square of the ripple of the current of two half bridges that switch in turn,
- * A^2: for the part d of a period the winding has U - V, for the rest -V, V = d U. */
+/* Returns the mean square of the current ripple of two half bridges that switch alternately, A^2.
+ * For a part d of a period the winding has U - V, for the rest -V, with V = d U. */
 static double ripple_square(const struct robot_sea *sea, double voltage, double supply)
 {
     const double d = supply > 0.0 ? fmin(1.0, fabs(voltage) / supply) : 1.0;
@@ -242,8 +242,9 @@ static double plant_bridge_power(const struct plant *plant, const double *state)
     return power;
 }
 
-/* Returns the voltage of a source without a bus, under load, V: V = source - R P / V, where P is
- * the power that the bridges take, solved for V; half of the source when it cannot give so much. */
+/* Returns the voltage of a source without a bus under load, V. Solves V = source - R P / V for V,
+ * with the power P that the bridges take. Returns half of the source voltage if P exceeds the
+ * maximum power. */
 double plant_supply(const struct plant *plant)
 {
     double source = supply_source(plant), rest;

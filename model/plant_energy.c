@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Computes the plant's energies: what is stored where, and the balance since the start. */
+/* Computes the plant's energies: the stored energy by kind, and the balance since the start. */
 #include "model/plant.h"
 
 #include "model/coupling.h"
@@ -7,7 +7,8 @@
 
 #include <string.h>
 
-/* Returns the energy of motion, gravity, springs, stops, couplings, oil, windings and bus, J. */
+/* Returns the stored energy of motion, gravity, springs, stops, couplings, oil, windings and bus,
+ * J. */
 static double stored_mechanical(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
@@ -55,8 +56,8 @@ static double stored_mechanical(struct plant *plant)
     return energy;
 }
 
-/* Returns the energy in the bristles of pairs that touch no longer, J: they relax in a while, and
- * push again where the surfaces meet before that. */
+/* Returns the energy in bristles of pairs that no longer touch, J. They relax after some time, and
+ * push again if the surfaces meet before that. */
 static double stored_apart(const struct plant *plant, size_t npatch)
 {
     const double *y = plant->state + plant->at.bristle;
@@ -76,8 +77,8 @@ static double stored_apart(const struct plant *plant, size_t npatch)
     return square / 2.0;
 }
 
-/* Computes the energy that contact has stored, in layers as the engine reports it and in bristles,
- * J. */
+/* Computes the energy stored in contact, J: in layers as the engine reports it, and in
+ * bristles. */
 static enum error_code stored_contact(struct plant *plant, double *energy)
 {
     struct contact_world *contact = plant->config.contact;
@@ -156,7 +157,7 @@ enum error_code plant_energy(struct plant *plant, struct plant_energy *energy)
     if (!plant->config.account_energy) {
         return ERROR_NONE;
     }
-    /* The accounts, which the integrator has kept in the state */
+    /* The integrals that the integrator has stored in the state */
     energy->electrical_in = work[WORK_ELECTRICAL];
     energy->pretension_work = work[WORK_PRETENSION];
     energy->push_work = work[WORK_PUSH];
@@ -172,7 +173,7 @@ enum error_code plant_energy(struct plant *plant, struct plant_energy *energy)
     if (plant->nhydraulic > 0) {
         fill_hydraulic_energies(plant, energy);
     }
-    /* Put in, less the growth of what is stored, less the losses */
+    /* Input, minus growth of the stored energy, minus losses */
     energy->balance = energy->electrical_in + energy->pretension_work + energy->push_work +
                       work[WORK_CONTACT] - (mechanical - plant->start_mechanical) -
                       energy->joule_heat - energy->motor_friction - energy->spring_damping -

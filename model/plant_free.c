@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Free bodies: each a rigid body by Newton's and Euler's laws about its center of mass, with the
- * state of enum plant_free_part. So a fall is a parabola, which Runge-Kutta integrates without
- * error, and the tensor of inertia is constant.
+ * Free bodies: rigid bodies by Newton's and Euler's laws about their centers of mass, with the
+ * state of enum plant_free_part. About the center of mass, a fall is a parabola, which Runge-Kutta
+ * integrates exactly, and the inertia tensor is constant.
  */
 #include "model/plant.h"
 
@@ -11,7 +11,7 @@
 
 #include <string.h>
 
-/* The smallest pivot of a tensor that can be inverted, relative to its trace. */
+/* Smallest pivot of an invertible tensor, relative to its trace. */
 #define SINGULAR_RATIO 1e-12
 
 /* Returns the state of a free body. */
@@ -26,8 +26,8 @@ static const double *free_body_view(const struct plant *plant, const double *sta
     return state + plant->at.free + PLANT_FREE_STATE * body;
 }
 
-/* Computes the inverse of a symmetric matrix by its cofactors; returns false when it is not
- * safely positive definite. */
+/* Computes the inverse of a symmetric matrix by its cofactors; returns false if it is not safely
+ * positive definite. */
 static bool invert_inertia(const double S[6], double inverse[6])
 {
     const double least = SINGULAR_RATIO * (S[0] + S[3] + S[5]);
@@ -126,7 +126,7 @@ void plant_free_place(struct plant *plant, const double *state)
         const double *y = free_body_view(plant, state, b);
         double arm[3];
 
-        /* The origin of its frame: apart from the center of mass */
+        /* The origin of its frame, which differs from the center of mass */
         mat3_from_quaternion(y + PLANT_FREE_QUATERNION, motion->R);
         mat3_apply(motion->R, plant->config.free[b].inertia.com, arm);
         mat3_apply(motion->R, y + PLANT_FREE_SPIN, motion->w);

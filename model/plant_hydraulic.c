@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Hydraulic joints in the plant's state: each cylinder's enum hydraulic_part, then the pressure of
- * the supply that they share. */
+/* Hydraulic joints in the plant's state: enum hydraulic_part for each cylinder, then the pressure
+ * of their common supply. */
 #include "model/plant_private.h"
 
 #include <math.h>
@@ -11,7 +11,7 @@ static double *cylinder_state(const struct plant *plant, double *state, size_t c
     return state + plant->at.hydraulic + HYDRAULIC_STATE * c;
 }
 
-/* Returns the way that the piston has to go under a positive voltage, 1 or -1. */
+/* Returns the piston's direction under a positive voltage, 1 or -1. */
 static double cylinder_direction(const struct plant *plant, size_t c)
 {
     const struct robot_joint *joint = &plant->config.robot->joint[plant->hydraulic_joint[c]];
@@ -158,7 +158,7 @@ void plant_hydraulic_derive(const struct plant *plant, const double *state, doub
             plant_hydraulic_account(&power, port.supply, work);
         }
     }
-    /* The supply, from which all of them draw */
+    /* The common supply */
     derivative[at] = hydraulic_supply_derive(&robot->hydraulic_supply, &plant->command.oil,
                                              state[at], drawn, &pump);
     if (work) {

@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The plant's sensors: what each would read of the present state if it were perfect.
+ * The plant's sensors: the reading of each sensor for the present state without errors.
  *
- * Accelerations and contact wrenches are those that belong to the state by the laws of motion and
- * contact; where an implicit step has just led to it, those of the step
- * (model/implicit/implicit.h).
+ * Accelerations and contact wrenches follow from the state by the laws of motion and contact. After
+ * an implicit step they are those of the step (model/implicit/implicit.h).
  */
 #include "model/plant.h"
 
@@ -16,19 +15,20 @@
 #include <math.h>
 #include <string.h>
 
-/* The Earth's magnetic field, tesla, in the world's axes: x points to magnetic north, z up. About
- * that of Genoa, where COMAN was built: 47 uT, 61 degrees down (assumed; no model of iron nearby).
- */
+/* The Earth's magnetic field, tesla, in the world's axes: x points to magnetic north, z up.
+ * Approximately the field in Genoa, where COMAN was built: 47 uT, 61 degrees down (assumed; iron
+ * nearby is not modeled). */
 static const double magnetic_field_t[3] = {22.8e-6, 0.0, -41.1e-6};
 
-/* A sensor's frame in motion, in its own axes. */
+/* Motion of a sensor's frame, in its own axes. */
 struct frame_motion {
     double R[9];           /* to the world */
     double w[3], alpha[3]; /* rad/s, rad/s2 */
-    double specific[3];    /* acceleration of the origin less gravity, m/s2 */
+    double specific[3];    /* acceleration of the origin minus gravity, m/s2 */
 };
 
-/* Computes the acceleration of a point at offset r, given that of the origin and the rotation. */
+/* Computes the acceleration of a point at offset r from the origin's acceleration and the
+ * rotation. */
 static void accelerate_point(const double a[3], const double w[3], const double alpha[3],
                              const double r[3], double out[3])
 {
@@ -71,9 +71,8 @@ static void sample_imu(const struct plant *plant, struct imu_sense *imu)
     quaternion_from_mat3(motion.R, imu->quaternion);
 }
 
-/* Computes what a force-torque sensor feels, by Newton and Euler for the distal part: what it
- * exerts through the sensor is what acts on it from outside, less what its weight and inertia
- * take. */
+/* Computes the wrench at a force-torque sensor, by Newton and Euler for the distal part: external
+ * wrench minus the wrench for weight and inertia. */
 static void sample_ft_sensor(const struct plant *plant, const struct robot_ft_sensor *sensor,
                              struct ft_sense *ft)
 {
@@ -83,13 +82,13 @@ static void sample_ft_sensor(const struct plant *plant, const struct robot_ft_se
     struct frame_motion motion;
     double moment[3], a[3], force[3], spin[3], rate[3];
 
-    /* Outside wrench, moved from the body's origin to the sensor's */
+    /* External wrench, moved from the body's origin to the sensor's */
     memcpy(moment, ext->moment, sizeof moment);
     vec3_add_cross(ext->force, frame->position, moment);
     mat3_apply_transposed(frame->rotation, ext->force, ft->force_n);
     mat3_apply_transposed(frame->rotation, moment, ft->torque_nm);
 
-    /* What moves the distal part */
+    /* Motion of the distal part */
     observe_frame(plant, frame, &motion);
     accelerate_point(motion.specific, motion.w, motion.alpha, distal->com, a);
     for (int i = 0; i < 3; i++) {
@@ -123,9 +122,9 @@ void plant_raise_peak(struct plant *plant, size_t c, const struct contact_wrench
     }
 }
 
-/* Adds what the peak of contact on the sensor's body is beyond the sample to the peaks of a
- * force-torque sensor, by channel where that is more. The part below is as rigid as the body, and
- * its inertia that of the sample. */
+/* Updates the peaks of a force-torque sensor with the contact peak of its body minus the contact
+ * of the sample, by channel if that is more. The distal part is as rigid as the body and has the
+ * inertial wrench of the sample. */
 static void sample_ft_peak(const struct plant *plant, const struct robot_ft_sensor *sensor,
                            struct ft_sense *ft)
 {
@@ -154,7 +153,7 @@ static void sample_ft_peak(const struct plant *plant, const struct robot_ft_sens
     }
 }
 
-/* Adds the torque of its coupling on each joint that follows another. */
+/* Adds the coupling's torque on each follower. */
 static void sample_couplings(const struct plant *plant, struct motor_sense *motor)
 {
     const struct robot *robot = plant->config.robot;
@@ -169,7 +168,7 @@ static void sample_couplings(const struct plant *plant, struct motor_sense *moto
     }
 }
 
-/* Fills in the joints. One without a drive reads as one whose motor follows the link. */
+/* Fills the joints' readings. A joint without a drive reads as if its motor followed the link. */
 static void sample_motors(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
@@ -205,8 +204,8 @@ static void sample_motors(struct plant *plant)
     }
 }
 
-/* Returns whether the present state is the one that an implicit step led to, under the same
- * pushes, and was not set or written since. */
+/* Returns whether the present state is the result of an implicit step under the same pushes, and
+ * was not set or written since. */
 static bool state_is_stepped(const struct plant *plant)
 {
     return plant->stepped &&
@@ -214,7 +213,7 @@ static bool state_is_stepped(const struct plant *plant)
             memcmp(plant->state, plant->last_good, plant->at.count * sizeof *plant->state) == 0);
 }
 
-/* Computes vdot, ext and contact_wrench: those of the last implicit step, or by the laws. */
+/* Computes vdot, ext and contact_wrench: those of the last implicit step, or from the laws. */
 static enum error_code find_sampled_forces(struct plant *plant)
 {
     const struct dynamics *dynamics = plant->config.dynamics;
@@ -243,7 +242,7 @@ enum error_code plant_sample(struct plant *plant)
     if (code != ERROR_NONE) {
         return code;
     }
-    /* Motions, accelerations and wrenches, which belong together */
+    /* Motions, accelerations and wrenches of the same state */
     if (!plant->sampled_step) {
         dynamics->ops->kinematics(dynamics, plant->q, v, plant->motion);
     }
@@ -258,7 +257,7 @@ enum error_code plant_sample(struct plant *plant)
     for (size_t c = 0; c < plant->config.ncontact; c++) {
         plant_raise_peak(plant, c, &plant->sampled_wrench[c]);
     }
-    /* The sensors that read them */
+    /* Sensors that use them */
     plant->sensors.time_ns = plant->time_ns;
     plant->sensors.supply_v = plant_supply(plant);
     sample_motors(plant);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The plant in time: the command that is held over a step, the substeps, what is set from outside
- * (poses, pushes, clamp, supply) and what can be read of it.
+ * Stepping of the plant: the command held over a step, the substeps, external settings (poses,
+ * pushes, clamp, supply), and queries.
  */
 #include "model/plant.h"
 
@@ -20,25 +20,25 @@ static const char diverged[] =
     "the state is no longer finite: the substep is too long for the stiffness of the model, or an "
     "input is far out of range";
 
-/* Inertia of a rotor that is held fast, kg m2: whatever the integrator, it keeps its place to
- * the last bit. */
+/* Inertia of a fixed rotor, kg m2, so large that its position stays bit-identical with any
+ * integrator. */
 #define JAMMED_INERTIA 1e30
 
-/* Gives a drive the parameters of its condition; energy that is lost thereby counts as friction. */
+/* Sets the parameters of a drive for its condition; lost energy counts as friction. */
 static void set_drive_condition(struct plant *plant, size_t d, unsigned condition)
 {
     size_t j = plant->drive_joint[d];
     double before = plant_drive_energy(plant, plant->state, d);
     struct robot_sea *sea = &plant->sea[d];
 
-    /* A rotor that jams, is led by somebody else or comes free is at rest */
+    /* A rotor that jams, is imposed or is released has no speed */
     if ((condition ^ plant->condition[d]) & (DRIVE_JAM | DRIVE_IMPOSED)) {
         plant->state[plant_drive_offset(plant, d) + DRIVE_MOTOR_SPEED] = 0.0;
     }
     plant->condition[d] = condition;
     plant->lost[plant_drive_offset(plant, d) + DRIVE_MOTOR_SPEED] = 0.0;
 
-    /* The sound drive's parameters, less what is broken */
+    /* Parameters of the drive without faults, minus the broken parts */
     *sea = plant->config.robot->joint[j].sea;
     if (condition & DRIVE_SPRING_BREAK) {
         sea->Ks = sea->Ds = 0.0;
@@ -66,7 +66,7 @@ void plant_balance(struct plant *plant, bool balanced)
     }
 }
 
-/* Sets the speed of a rotor that somebody else leads; its inertia keeps it over the steps. */
+/* Sets the speed of an imposed rotor; its large inertia keeps the speed over the steps. */
 static void hold_imposed_speed(struct plant *plant, size_t d, const struct motor_command *motor)
 {
     size_t speed = plant_drive_offset(plant, d) + DRIVE_MOTOR_SPEED;
@@ -76,7 +76,7 @@ static void hold_imposed_speed(struct plant *plant, size_t d, const struct motor
     plant->lost[speed] = 0.0;
 }
 
-/* Holds the command for the coming steps, which last so many seconds together. */
+/* Sets the command for the next steps, which last this many seconds in total. */
 static void hold_command(struct plant *plant, double seconds)
 {
     double supply = plant_supply(plant);
@@ -88,7 +88,7 @@ static void hold_command(struct plant *plant, double seconds)
         double *I = &plant->state[plant_drive_offset(plant, d) + DRIVE_CURRENT];
         bool shorted = motor->condition & DRIVE_SHORT, open = motor->condition & DRIVE_OPEN_PHASE;
 
-        /* What the bridge puts across the winding */
+        /* Voltage of the bridge at the winding */
         if (motor->condition != plant->condition[d]) {
             set_drive_condition(plant, d, motor->condition);
         }
@@ -98,7 +98,7 @@ static void hold_command(struct plant *plant, double seconds)
         plant->bridge_on[d] = (motor->bridge_on || shorted) && !open;
         plant->voltage[d] = plant->bridge_on[d] && !shorted ? voltage : 0.0;
 
-        /* An open bridge stops the current at once: the winding's energy becomes heat */
+        /* An open bridge stops the current immediately: the winding's energy becomes heat */
         if (plant->has_effects) {
             plant_effects_hold(plant, d, supply);
         }
@@ -113,7 +113,7 @@ static void hold_command(struct plant *plant, double seconds)
 
     plant_hydraulic_hold(plant);
 
-    /* Pretensions move at a constant rate, to arrive at the end */
+    /* Pretensions move at a constant rate and arrive at the end */
     for (size_t s = 0; s < plant->nspring; s++) {
         double goal = plant->command.motor[plant->spring_joint[s]].pretension_m;
 
@@ -121,7 +121,7 @@ static void hold_command(struct plant *plant, double seconds)
     }
 }
 
-/* Sets pretensions to the command exactly, without the rounding of their integration. */
+/* Sets pretensions exactly to the command, without integration errors. */
 static void complete_pretensions(struct plant *plant)
 {
     for (size_t s = 0; s < plant->nspring; s++) {
@@ -130,13 +130,13 @@ static void complete_pretensions(struct plant *plant)
     }
 }
 
-/* Checks whether the state is finite: all but the bristles, and those of the live pairs. */
+/* Checks whether the state is finite, except bristles of pairs that are not live. */
 static bool state_is_finite(const struct plant *plant)
 {
     const double *y = plant->state + plant->at.bristle;
     double sum = 0.0;
 
-    /* 0 times what is not finite is no number, nor is any sum with it */
+    /* 0 times a number that is not finite is NAN, and so is any sum with it */
 #pragma GCC unroll 8
     for (size_t i = 0; i < plant->at.bristle; i++) {
         sum += 0.0 * plant->state[i];
@@ -173,7 +173,7 @@ static enum error_code integrate_state(struct plant *plant, double h)
     return plant->step_code;
 }
 
-/* Advances one substep; on failure the state and the time are those before it. */
+/* Advances one substep; on failure state and time stay unchanged. */
 static enum error_code advance_substep(struct plant *plant)
 {
     enum error_code code;
@@ -189,7 +189,7 @@ static enum error_code advance_substep(struct plant *plant)
         plant_return_state(plant);
         return code;
     }
-    /* Quaternions keep unit length */
+    /* Normalizes quaternions */
     if (plant->config.robot->floating) {
         plant_normalize_quaternion(plant->state + BASE_Q_QUATERNION);
     }
@@ -218,7 +218,7 @@ enum error_code plant_step(struct plant *plant, size_t steps)
     plant_drop_bristles(plant);
     plant->stepped = plant->config.integrator == PLANT_IMPLICIT && !plant->clamped;
     if (plant->handed_out) {
-        plant_keep_state(plant); /* to see whether it is written */
+        plant_keep_state(plant); /* to detect whether a caller writes the state */
     }
     return ERROR_NONE;
 }
@@ -241,7 +241,8 @@ enum error_code plant_reset(struct plant *plant, const double base_position[3],
     }
     memcpy(plant->state + plant->at.v - njoint, joint, njoint * sizeof *joint);
 
-    /* Sound drives with relaxed springs, pretensions as commanded, free bodies at their starts */
+    /* Drives without faults with relaxed springs, commanded pretensions, free bodies at their
+     * starts */
     for (size_t d = 0; d < plant->ndrive; d++) {
         plant->state[plant_drive_offset(plant, d) + DRIVE_MOTOR_POSITION] =
             joint[plant->drive_joint[d]];
@@ -259,7 +260,7 @@ enum error_code plant_reset(struct plant *plant, const double base_position[3],
     plant_hydraulic_reset(plant);
     memset(plant->pretension_rate, 0, plant->nspring * sizeof *plant->pretension_rate);
 
-    /* Nothing acts from outside, and nothing is remembered of an earlier run */
+    /* No external forces, and no memory of an earlier run */
     memset(plant->push, 0, (robot->nbody + plant->config.nfree) * sizeof *plant->push);
     plant->pushing = false;
     plant->stepped = false;

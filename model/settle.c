@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Finds the static equilibrium of the plant: which bodies have to find their rest, what is refused
- * on the way, and the drives that hold the equilibrium. The iteration's steps: settle_newton.c.
+ * Finds the static equilibrium of the plant: the bodies whose rest is unknown, the causes of
+ * refusal, and the drive states that hold the equilibrium. settle_newton.c has the steps of the
+ * iteration.
  */
 #include "model/settle.h"
 
@@ -16,26 +17,26 @@
 
 enum { ITERATIONS = 400, LEANINGS = 40 };
 
-/* Forces as parts of the weight: target of the iteration; what is as good when steps gain nothing
- * any more, since friction yields on one side of the equilibrium and sticks on the other; what
- * counts as equilibrium; trusted sideways force of friction that does not hold at rest; the least
- * that has to be held. */
+/* Forces relative to the weight: target of the iteration; limit accepted if steps no longer help,
+ * because friction yields on one side of the equilibrium and sticks on the other; limit of an
+ * equilibrium; allowed sideways force for friction that does not hold at rest; smallest force that
+ * must be held. */
 #define TARGET 1e-11
 #define STALLED 1e-9
 #define ACCEPTED 1e-7
 #define SIDEWAYS 0.02
 #define LEVEL 1e-9
 
-/* Torque that a joint without a drive may be left with, as a part of the weight times 1 m. */
+/* Torque allowed on a joint without a drive, relative to the weight times 1 m. */
 #define LEANING 1e-10
 
-#define DEEPEST 0.2  /* bound of the search, m below the start */
-#define FARTHEST 0.2 /* m beside it */
-#define STEEPEST 0.2 /* rad from the start */
+#define DEEPEST 0.2  /* limit of the search, m below the start */
+#define FARTHEST 0.2 /* limit of the search, m sideways */
+#define STEEPEST 0.2 /* limit of the search, rad from the start */
 
 /* ---- the iteration ---- */
 
-/* Returns the force left over across gravity, N. */
+/* Returns the remaining force across gravity, N. */
 static double find_push(const struct settle *s, const struct rest *rest)
 {
     const double a = vec3_dot(rest->force, s->across[0]), b = vec3_dot(rest->force, s->across[1]);
@@ -53,7 +54,7 @@ static enum error_code refuse_sliding(const struct settle *s, const struct rest 
                      rest->name, find_push(s, rest), rest->weight);
 }
 
-/* Refuses a body that has left the bounds within which its rest is looked for. */
+/* Refuses a body that has left the limits of the search. */
 static enum error_code check_search_bounds(const struct settle *s, struct error *error)
 {
     for (size_t b = 0; b < s->nrest; b++) {
@@ -82,7 +83,7 @@ static enum error_code check_search_bounds(const struct settle *s, struct error 
     return ERROR_NONE;
 }
 
-/* Makes the contact engine's failure the error. */
+/* Converts the contact engine's failure to an error. */
 static enum error_code engine_failed(const struct settle *s, enum error_code code,
                                      struct error *error)
 {
@@ -98,8 +99,8 @@ static enum error_code refuse_toppling(const struct settle *s, struct error *err
                      s->rest[s->weak].name);
 }
 
-/* Iterates to rest by damped Newton steps. ERROR_INPUT when there is no equilibrium within the
- * bounds. */
+/* Iterates to rest by damped Newton steps. Returns ERROR_INPUT if there is no equilibrium within
+ * the limits. */
 static enum error_code iterate_to_rest(struct settle *s, struct settled *settled,
                                        struct error *error)
 {
@@ -112,7 +113,7 @@ static enum error_code iterate_to_rest(struct settle *s, struct settled *settled
         goto fail;
     }
 
-    /* Damped Newton steps, until nothing is left over or no step helps */
+    /* Damped Newton steps until the residual is small or no step helps */
     for (settled->iterations = 0;; settled->iterations++) {
         double damping;
 
@@ -138,7 +139,7 @@ static enum error_code iterate_to_rest(struct settle *s, struct settled *settled
         }
     }
 
-    /* No equilibrium: tell what is wrong */
+    /* No equilibrium: finds the cause */
     if (settled->residual <= ACCEPTED) {
         return ERROR_NONE;
     }
@@ -158,8 +159,8 @@ fail:
     return engine_failed(s, code, error);
 }
 
-/* Refuses what the iteration does not see: an unstable equilibrium, and forces across gravity
- * that are not unknowns. */
+/* Refuses equilibria that the iteration cannot detect: unstable ones, and those with forces across
+ * gravity that are not unknowns. */
 static enum error_code check_equilibrium(struct settle *s, struct settled *settled,
                                          struct error *error)
 {
@@ -173,7 +174,7 @@ static enum error_code check_equilibrium(struct settle *s, struct settled *settl
         return refuse_toppling(s, error);
     }
 
-    /* No more sideways than friction may be trusted with */
+    /* Sideways forces are within the allowed friction */
     settled->sideways = 0.0;
     for (size_t b = 0; b < s->nrest; b++) {
         const struct rest *rest = &s->rest[b];
@@ -193,7 +194,7 @@ static enum error_code check_equilibrium(struct settle *s, struct settled *settl
 
 /* ---- the robot's drives ---- */
 
-/* Returns the torque of the couplings of joint j, N m, at rest. */
+/* Returns the torque of the couplings of joint j at rest, N m. */
 static double coupling_torque(const struct plant *plant, size_t j)
 {
     const struct robot *robot = plant->config.robot;
@@ -210,7 +211,7 @@ static double coupling_torque(const struct plant *plant, size_t j)
     return torque;
 }
 
-/* Returns the torque that the drive of joint j has to give, N m. */
+/* Returns the torque that the drive of joint j must exert, N m. */
 static double drive_torque(const struct settle *s, size_t j)
 {
     const struct plant *plant = s->plant;
@@ -230,7 +231,7 @@ static double drive_torque(const struct settle *s, size_t j)
                              plant_joint_depth(plant, plant->state, j), 0.0);
 }
 
-/* Returns whether nothing holds joint j but a passive spring, and maybe its stops. */
+/* Returns whether only a passive spring, and possibly stops, hold joint j. */
 static bool is_sprung(const struct settle *s, size_t j)
 {
     const struct robot *robot = s->plant->config.robot;
@@ -240,9 +241,8 @@ static bool is_sprung(const struct settle *s, size_t j)
            !robot_find_coupling(robot, j);
 }
 
-/* Moves joints that follow others until their couplings, with the stops that they press, carry
- * what is left over; expects drive_torque to be that of the rest. Returns true when some joint
- * has moved. */
+/* Moves followers until their couplings, with any pressed stops, carry the remaining torque.
+ * drive_torque must be up to date. Returns true if a joint has moved. */
 static bool lean_on_couplings(struct settle *s, double least)
 {
     struct plant *plant = s->plant;
@@ -265,9 +265,8 @@ static bool lean_on_couplings(struct settle *s, double least)
     return moved;
 }
 
-/* Moves joints without a drive until their passive springs, with the stops that they press, carry
- * what is left over; expects drive_torque to be that of the rest. Returns true when some joint has
- * moved. */
+/* Moves joints without a drive until their passive springs, with any pressed stops, carry the
+ * remaining torque. drive_torque must be up to date. Returns true if a joint has moved. */
 static bool lean_on_passive(struct settle *s, double least)
 {
     struct plant *plant = s->plant;
@@ -289,9 +288,9 @@ static bool lean_on_passive(struct settle *s, double least)
     return moved;
 }
 
-/* Moves joints without a drive that stand at a limit until the stop there carries what is left
- * over, and those that follow others or have a passive spring likewise; expects plant->ext to be
- * that of the rest. Returns true when some joint has moved. */
+/* Moves joints without a drive that are at a limit until the stop carries the remaining torque;
+ * also followers and joints with a passive spring. plant->ext must be that at rest. Returns true
+ * if a joint has moved. */
 static bool lean_on_stops(struct settle *s)
 {
     struct plant *plant = s->plant;
@@ -312,7 +311,7 @@ static bool lean_on_stops(struct settle *s)
             continue;
         }
 
-        /* Further into the stop that it is at, or partly back out of it */
+        /* Deeper into the pressed stop, or partly out of it */
         past = plant_joint_depth(plant, plant->state, j) - left / joint->stop.stiffness;
         if (past > 0.0 && *q >= joint->upper) {
             *q = joint->upper + past;
@@ -325,8 +324,8 @@ static bool lean_on_stops(struct settle *s)
     return moved;
 }
 
-/* Checks that a joint without a drive carries nothing, and that a motor needs no more than the
- * supply gives. */
+/* Checks that a joint without a drive carries nothing, and that a motor needs no more voltage than
+ * the supply has. */
 static enum error_code check_joint_load(const struct settle *s, size_t j, double tau,
                                         struct error *error)
 {
@@ -347,9 +346,8 @@ static enum error_code check_joint_load(const struct settle *s, size_t j, double
     return ERROR_NONE;
 }
 
-/* Loads the drives with what they carry at rest: deflects the springs, sets currents and
- * voltages by eqs (2) to (4), and pressurizes the oil; expects plant->ext to be that of the
- * equilibrium. */
+/* Sets the drives' states for their loads at rest: spring deflections, currents and voltages by
+ * eqs (2) to (4), and oil pressures. plant->ext must be that of the equilibrium. */
 static enum error_code load_drives(struct settle *s, struct error *error)
 {
     struct plant *plant = s->plant;
@@ -364,7 +362,7 @@ static enum error_code load_drives(struct settle *s, struct error *error)
         }
     }
 
-    /* tau = Ks (qm - q) and the stop's part, Kt I = tau, V = R I */
+    /* tau = Ks (qm - q) plus the stop, Kt I = tau, V = R I */
     for (size_t d = 0; d < plant->ndrive; d++) {
         size_t j = plant->drive_joint[d];
         const struct robot_sea *sea = &robot->joint[j].sea;
@@ -380,7 +378,7 @@ static enum error_code load_drives(struct settle *s, struct error *error)
         plant->command.motor[j].voltage_v = plant->voltage[d];
     }
 
-    /* Closed valves keep what presses the pistons */
+    /* Closed valves keep the pressures under the pistons' loads */
     for (size_t c = 0; c < plant->nhydraulic; c++) {
         size_t j = plant->hydraulic_joint[c];
         double tau = drive_torque(s, j);
@@ -394,7 +392,7 @@ static enum error_code load_drives(struct settle *s, struct error *error)
     return ERROR_NONE;
 }
 
-/* ---- all of it ---- */
+/* ---- the whole search ---- */
 
 /* Returns the radius of gyration of the robot with its joints locked, about its center of mass,
  * m. */
@@ -418,8 +416,8 @@ static double gyration_radius(struct plant *plant)
     return sqrt(sum / robot->total_mass);
 }
 
-/* Lists the bodies that have to find their rest: a floating robot, and free bodies that start
- * without velocity. */
+/* Lists the bodies whose rest is unknown: a floating robot, and free bodies that start without
+ * velocity. */
 static void list_resting_bodies(struct settle *s)
 {
     struct plant *plant = s->plant;
@@ -453,7 +451,7 @@ static void list_resting_bodies(struct settle *s)
         ok = ok && (pointer);                                                                      \
     } while (0)
 
-/* Allocates the scratch of the search. Returns false when the arena is used up. */
+/* Allocates the scratch of the search. Returns false if the arena is full. */
 static bool allocate_settle(struct settle *s, struct arena *arena)
 {
     const struct robot *robot = s->plant->config.robot;
@@ -472,13 +470,13 @@ static bool allocate_settle(struct settle *s, struct arena *arena)
     return ok;
 }
 
-/* Finds the equilibrium with friction that holds or without friction. */
+/* Finds the equilibrium with or without sticking friction. */
 static enum error_code find_equilibrium(struct settle *s, bool holds, struct settled *settled,
                                         struct error *error)
 {
     enum error_code code;
 
-    /* Joints that lean on stops shift the weight, by less each time */
+    /* Joints that press their stops shift the weight, less in each round */
     settle_begin(s, holds);
     for (int k = 0; k < LEANINGS; k++) {
         if ((code = iterate_to_rest(s, settled, error)) ||
@@ -499,11 +497,10 @@ static enum error_code find_equilibrium(struct settle *s, bool holds, struct set
     return ERROR_NONE;
 }
 
-/* Says which body would slide when no equilibrium with friction was found. The search fails in
- * many ways once a body slides, with forces that mean nothing; but where the bodies rest without
- * friction but for what pushes them sideways, the slope that each stands on is known, and the
- * steepest that friction holds it on can be measured. Leaves the error where no body is on a
- * steeper one. */
+/* Finds which body would slide if no equilibrium with friction was found. Once a body slides, the
+ * search fails in many ways with meaningless forces. But if the bodies have an equilibrium without
+ * friction except for sideways forces, the slope under each body is known, and the steepest slope
+ * that friction holds can be measured. Keeps the old error if no body is on a steeper slope. */
 static void find_sliding_body(struct settle *s, const double *start, struct error *error)
 {
     struct settled unused = {0};
@@ -536,8 +533,8 @@ static void find_sliding_body(struct settle *s, const double *start, struct erro
     }
 }
 
-/* Finds the rest without friction where that is an equilibrium, so that legs do not push against
- * each other; with friction where it is not, and friction holds at rest. */
+/* Finds the rest without friction if that is an equilibrium, so that legs do not push against each
+ * other. Otherwise, if friction sticks, finds the rest with friction. */
 static enum error_code find_rest(struct settle *s, const double *start, struct settled *settled,
                                  struct error *error)
 {
@@ -576,7 +573,7 @@ enum error_code plant_settle(struct plant *plant, struct arena *arena, struct se
     plant_find_bristles(plant);
     memcpy(start, plant->state, plant->at.count * sizeof *start);
 
-    /* Unclamped meanwhile: a clamped robot does not feel what is to carry it */
+    /* Unclamps during the search, because a clamped robot feels no support */
     plant->clamped = false;
     list_resting_bodies(&s);
     code = find_rest(&s, start, settled, error);
@@ -590,7 +587,7 @@ enum error_code plant_settle(struct plant *plant, struct arena *arena, struct se
         return code;
     }
 
-    /* The equilibrium is the start */
+    /* The equilibrium becomes the start */
     plant_balance(plant, clamped);
     if ((code = plant_restart_energy(plant)) || (code = plant_sample(plant))) {
         return engine_failed(&s, code, error);

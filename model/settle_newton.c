@@ -1,14 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Newton's method on the forces left over on the base and on the free bodies, three unknowns each:
- * the way up and two tilts; with friction that holds also the place and the heading. Then each
- * step is a motion that takes AHEAD_S: so slow that nothing is damped, and the bristles of the
- * contact follow it as in a step of the implicit integrator (struct contact_bristles), to their
- * limit. The tangent is by differences, which is right for any contact engine;
- * its symmetric part is damped until it is positive definite, so that a step always goes downhill
- * in potential energy and an unstable equilibrium is left, not found. The damping (pseudo-transient
- * continuation) is one weight per DAMPING_LENGTH far from the equilibrium, where a body without
- * contact simply sinks by that, and vanishes with the residual, so that the end is Newton's.
+ * Newton's method on the remaining forces of the base and of the free bodies. Each has three
+ * unknowns: the displacement up and two tilts. With sticking friction, place and heading are
+ * unknown too. Then each step is a motion over AHEAD_S: so slow that damping has no effect, and the
+ * contact's bristles follow it up to their limit, as in a step of the implicit integrator (struct
+ * contact_bristles).
+ *
+ * The tangent is computed by differences, which works for any contact engine. Its symmetric part is
+ * damped until it is positive definite. So a step always decreases the potential energy, and the
+ * search moves away from an unstable equilibrium. Far from the equilibrium the damping
+ * (pseudo-transient continuation) is one weight per DAMPING_LENGTH: a body without contact sinks by
+ * that length. The damping vanishes with the residual, so that the last steps are Newton steps.
  */
 #include "base/portable_math.h"
 #include "model/settle_private.h"
@@ -17,13 +19,13 @@
 #include <math.h>
 #include <string.h>
 
-enum { HALVINGS = 40 }; /* most halvings of a step */
+enum { HALVINGS = 40 }; /* largest number of halvings of a step */
 
 #define DAMPING_LENGTH 2e-3
-#define LONGEST_STEP 5e-3 /* longest Newton step, m; tilts times the radius of gyration */
+#define LONGEST_STEP 5e-3 /* largest Newton step, m; tilts times the radius of gyration */
 #define DIFFERENCE 1e-7   /* step of the differences for the tangent, m */
 #define AHEAD_S 1e6
-#define DRAGGED 5e-3 /* way, m: further than bristles bend */
+#define DRAGGED 5e-3 /* distance, m: more than bristles can bend */
 
 /* ---- geometry ---- */
 
@@ -83,8 +85,8 @@ static void set_velocity(const struct plant *plant, const struct rest *rest, con
     }
 }
 
-/* Moves every body by scale times x; with friction that holds the velocities are those that take
- * AHEAD_S for it. */
+/* Moves each body by scale times x. With sticking friction, sets the velocities of this motion
+ * over AHEAD_S. */
 static void move_bodies(struct settle *s, double scale, const double *x)
 {
     for (size_t b = 0; b < s->nrest; b++, x += s->unknowns) {
@@ -96,11 +98,11 @@ static void move_bodies(struct settle *s, double scale, const double *x)
         for (size_t k = 0; k < s->unknowns; k++) {
             part[k] = scale * x[k];
         }
-        /* The way that each body has come so far */
+        /* The total displacement of each body */
         rest->risen += part[UNKNOWN_UP];
         rest->moved[0] += part[UNKNOWN_FIRST_ACROSS];
         rest->moved[1] += part[UNKNOWN_SECOND_ACROSS];
-        /* Unknowns to a translation and a rotation in the world */
+        /* Converts unknowns to a translation and a rotation in the world */
         for (int i = 0; i < 3; i++) {
             way[i] = part[UNKNOWN_UP] * s->up[i] + part[UNKNOWN_FIRST_ACROSS] * s->across[0][i] +
                      part[UNKNOWN_SECOND_ACROSS] * s->across[1][i];
@@ -121,7 +123,7 @@ static void move_bodies(struct settle *s, double scale, const double *x)
     }
 }
 
-/* Ends the motion that was weighed last: keeps the bristles as it has bent them, and stops. */
+/* Ends the last evaluated motion: keeps the bristles that it has bent, and stops the bodies. */
 static void stop_bodies(struct settle *s)
 {
     static const double none[3];
@@ -175,7 +177,7 @@ void settle_weigh_robot(struct settle *s, struct rest *rest)
     }
 }
 
-/* Computes force and moment left over on a free body about its center of mass, world frame. */
+/* Computes the remaining force and moment on a free body about its center of mass, world frame. */
 static void weigh_free_body(const struct settle *s, struct rest *rest)
 {
     const struct plant *plant = s->plant;
@@ -250,7 +252,7 @@ enum error_code settle_differentiate(struct settle *s)
         for (int side = -1; side <= 1; side += 2) {
             enum error_code code;
 
-            /* Forces on this side of the unknown, then back to the bit */
+            /* Forces on this side of the unknown; then restores the state exactly */
             move_bodies(s, side, s->step);
             code = settle_weigh(s, s->ahead);
             move_bodies(s, -side, s->step);
@@ -259,7 +261,8 @@ enum error_code settle_differentiate(struct settle *s)
                 return code;
             }
 
-            /* Half of the difference to the column and half to the row: the symmetric part */
+            /* Adds half of the difference to the column and half to the row, for the symmetric
+             * part */
             for (size_t row = 0; row < n; row++) {
                 double half = -0.25 * side * s->ahead[row] / DIFFERENCE;
 
@@ -277,11 +280,12 @@ bool settle_factorize(struct settle *s, double damping)
     double *L = s->factor;
 
     memcpy(L, s->K, n * n * sizeof *L);
-    /* The damping on the diagonal: one weight per length */
+    /* Damping on the diagonal: one weight per length */
     for (size_t i = 0; i < n; i++) {
         L[i * n + i] += damping * s->rest[i / s->unknowns].weight / DAMPING_LENGTH;
     }
-    /* Cholesky factorization; a pivot that is not positive names the body that would topple */
+    /* Cholesky factorization; a pivot that is not positive identifies the body that would
+     * topple */
     for (size_t column = 0; column < n; column++) {
         for (size_t row = column; row < n; row++) {
             double sum = L[row * n + column];
@@ -321,7 +325,7 @@ void settle_solve(struct settle *s)
         longest = fmax(longest, fabs(x[row]));
     }
 
-    /* Not beyond where the tangent can be trusted */
+    /* Limits the step to the range of the linear model */
     for (size_t i = 0; longest > LONGEST_STEP && i < n; i++) {
         x[i] *= LONGEST_STEP / longest;
     }
@@ -329,7 +333,7 @@ void settle_solve(struct settle *s)
 
 /* ---- the step ---- */
 
-/* Returns by *stored the potential energy of the present state, J. */
+/* Computes the potential energy of the present state, *stored, J. */
 static enum error_code stored_potential(struct settle *s, double *stored)
 {
     struct plant_energy energy;
@@ -359,14 +363,14 @@ enum error_code settle_advance(struct settle *s, bool *moved)
         if (!code) {
             code = stored_potential(s, &stored);
         }
-        /* Better: less is left over, or it is lower */
+        /* Better: a smaller residual or a lower potential */
         if (!code && (settle_residual(s, s->ahead, &worst) < norm || stored < start)) {
             memcpy(s->g, s->ahead, s->n * sizeof *s->g);
             *moved = true;
             return ERROR_NONE;
         }
 
-        /* No better: back to the bit, and half as far */
+        /* Not better: restores the state exactly and halves the step */
         move_bodies(s, -scale, s->step);
         memcpy(s->plant->state, s->before, bytes);
         if (code) {
@@ -389,7 +393,7 @@ enum error_code settle_friction_angle(struct settle *s, size_t body, double *ang
         return code;
     }
 
-    /* Without friction the support pushes at a right angle to the slope, which is then known */
+    /* Without friction the support pushes perpendicular to the slope, so the slope is known */
     push[0] = vec3_dot(rest->force, s->across[0]);
     push[1] = vec3_dot(rest->force, s->across[1]);
     side = sqrt(push[0] * push[0] + push[1] * push[1]);
@@ -401,7 +405,7 @@ enum error_code settle_friction_angle(struct settle *s, size_t body, double *ang
             portable_sin(slope) * s->up[i];
     }
 
-    /* Down the slope, so far that all bristles slip */
+    /* Moves down the slope until all bristles slip */
     memcpy(s->before, s->plant->state, bytes);
     s->holds = true;
     s->unknowns = UNKNOWNS;
@@ -417,7 +421,7 @@ enum error_code settle_friction_angle(struct settle *s, size_t body, double *ang
         return code;
     }
 
-    /* What resists, to what presses */
+    /* The resisting force over the pressing force */
     for (int i = 0; i < 3; i++) {
         load[i] = rest->force[i] + rest->weight * s->up[i];
     }

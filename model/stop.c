@@ -9,7 +9,7 @@ double stop_depth(double lower, double upper, double x)
     return x > upper ? x - upper : x < lower ? x - lower : 0.0;
 }
 
-/* Returns the inner value of the law F = max(0, k x + d x'), with the depth's sign. */
+/* Returns the argument k x + d x' of the law F = max(0, k x + d x'), with the depth's sign. */
 static double press_stop(const struct robot_stop *stop, double depth, double rate)
 {
     return stop->stiffness * depth + stop->damping * rate;
@@ -32,8 +32,8 @@ double stop_loss(const struct robot_stop *stop, double depth, double rate)
     return -(stop_torque(stop, depth, rate) + stop->stiffness * depth) * rate;
 }
 
-/* Engages a stop on one side, with the rate r' = r + h a at the end: k (depth + h r') + d r'
- * there, which is that of the depth and rate that r would lead to, plus (d + h k) h a. */
+/* Engages a stop on one side. Its force at the end, with the rate r' = r + h a, is k (depth + h
+ * r') + d r'. It equals the force at the depth and rate that r leads to, plus (d + h k) h a. */
 static void engage_stop(const struct robot_stop *stop, double limit, double x, double rate,
                         double h, int side, struct stop_step *step)
 {
@@ -65,14 +65,14 @@ bool stop_step_revise(const struct robot_stop *stop, double lower, double upper,
 {
     double end = rate + h * a, depth = stop_depth(lower, upper, x + h * end);
 
-    /* It pulls: leave it */
+    /* Releases a stop that pulls */
     if (step->side != 0 && !step->left &&
         step->side * (step->torque - step->extra * a + step->earlier) > 0.0) {
         *step = (struct stop_step){.engaged = step->engaged, .left = true};
         return true;
     }
 
-    /* It is needed: engage it */
+    /* Engages a stop that is missing */
     if (step->side == 0 && !step->left && !step->engaged && stop_torque(stop, depth, end) != 0.0) {
         engage_stop(stop, depth > 0.0 ? upper : lower, x, rate, h, depth > 0.0 ? 1 : -1, step);
         step->engaged = true;

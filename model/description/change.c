@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Makes robots from other robots: a copy, and one whose base is fixed. */
+/* Makes robots from other robots: copies a robot, or fixes its base. */
 #include "model/robot.h"
 
 #include "model/spatial.h"
 
 #include <string.h>
 
-/* Copies an array into the arena. Returns NULL when the arena is used up. */
+/* Copies an array into the arena. Returns NULL if the arena is full. */
 static void *copy_array(struct arena *arena, const void *from, size_t count, size_t size)
 {
     void *to = arena_alloc(arena, count, size);
@@ -36,8 +36,8 @@ enum error_code robot_copy(const struct robot *robot, struct arena *arena, struc
     return ERROR_NONE;
 }
 
-/* Transforms a point from the axes of a frame at p, rotated by R, to those that R and p are
- * given in. */
+/* Transforms a point from a frame with origin p and rotation R to the frame in which R and p are
+ * given. */
 static void place_point(const double R[9], const double p[3], double point[3])
 {
     double turned[3];
@@ -64,11 +64,11 @@ enum error_code robot_fix_base(struct robot *robot, const double position[3],
     double R[9];
 
     mat3_from_quaternion(quaternion, R);
-    /* The base becomes the world: all that was given in its frame moves by its pose */
+    /* The base's frame becomes the world's: transforms all data given in the base's frame */
     robot->floating = false;
     place_point(R, position, inertia->com);
     sym3_rotate(R, inertia->I);
-    /* Joints of the bodies that hang on the base */
+    /* Joints of bodies attached to the base */
     for (size_t j = 0; j < robot->njoint; j++) {
         if (robot->body[j + 1].parent == 0) {
             place_point(R, position, robot->joint[j].origin);

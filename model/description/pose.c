@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Computes where the bodies of a robot are in a pose (forward kinematics). */
+/* Computes the poses of a robot's bodies for given joint positions (forward kinematics). */
 #include "model/robot.h"
 
 #include "base/vec3.h"
 
 #include <string.h>
 
-/* Computes the pose of a body in its parent's frame, with its joint at position q (rad or m). */
+/* Computes the pose of a body in its parent's frame with its joint at position q (rad or m). */
 static void joint_place_child(const struct robot_joint *joint, double q, double R[9], double p[3])
 {
     double turn[9], slide[3];

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Checks of a robot description, however it was made, and what follows from it. What robot_finish
- * lets pass, the dynamics can compute with: nothing singular is discovered at run time.
+ * Checks a robot description, from a file or built by hand, and computes derived data. The dynamics
+ * of a robot that robot_finish accepts are never singular at run time.
  */
 #include "model/robot.h"
 
@@ -13,11 +13,12 @@
 
 #include <stdlib.h>
 
-/* A unit vector, rotation or quaternion may be off by this much. */
+/* Tolerance of unit vectors, rotations and quaternions. */
 #define UNIT_TOLERANCE 1e-9
-/* Relative tolerance of inertias, which are written with six digits or more. */
+/* Relative tolerance of inertias, which have six digits or more in files. */
 #define INERTIA_TOLERANCE 1e-6
-/* Least part of a joint's rigid inertia that must be left when all joints behind it give way. */
+/* Smallest part of a joint's rigid inertia that must remain when all joints behind it move
+ * freely. */
 #define SINGULAR_RATIO 1e-12
 
 /* Checks whether all numbers are finite. */
@@ -56,7 +57,7 @@ static bool is_rotation_matrix(const double R[9])
     return is_unit(R, 3) && is_unit(R + 3, 3) && fabs(vec3_dot(R, R + 3)) <= UNIT_TOLERANCE;
 }
 
-/* Computes the principal moments of a symmetric tensor, in rising order. */
+/* Computes the principal moments of a symmetric tensor, in ascending order. */
 static void principal_moments(const double I[6], double moment[3])
 {
     double mean = (I[0] + I[3] + I[5]) / 3.0;
@@ -109,7 +110,7 @@ enum error_code robot_check_inertia(const struct robot_inertia *inertia, struct 
     return ERROR_NONE;
 }
 
-/* Checks that there is one joint for each body but the base, parents first. */
+/* Checks that each body except the base has one joint, and that parents come first. */
 static enum error_code check_tree(const struct robot *robot, struct error *error)
 {
     if (robot->nbody == 0 || robot->njoint != robot->nbody - 1) {
@@ -135,7 +136,7 @@ static enum error_code check_tree(const struct robot *robot, struct error *error
     return ERROR_NONE;
 }
 
-/* Checks the mass properties of all bodies, and those below the force-torque sensors. */
+/* Checks the mass properties of all bodies and of the parts below force-torque sensors. */
 static enum error_code check_body_inertias(const struct robot *robot, struct error *error)
 {
     for (size_t b = 0; b < robot->nbody; b++) {
@@ -224,7 +225,7 @@ static enum error_code check_joint(const struct robot_joint *joint, struct error
     return ERROR_NONE;
 }
 
-/* Checks that frames lie on bodies, sensors have frames, and poses are rotations. */
+/* Checks that frames are on bodies, sensors have frames, and poses are rotations. */
 static enum error_code check_frames(const struct robot *robot, struct error *error)
 {
     /* Frames */
@@ -263,7 +264,7 @@ static enum error_code check_frames(const struct robot *robot, struct error *err
     return ERROR_NONE;
 }
 
-/* Checks that capsules lie on bodies and have a size. */
+/* Checks that capsules are on bodies and have a size. */
 static enum error_code check_capsules(const struct robot *robot, struct error *error)
 {
     for (size_t c = 0; c < robot->ncapsule; c++) {
@@ -286,7 +287,7 @@ static enum error_code check_capsules(const struct robot *robot, struct error *e
     return ERROR_NONE;
 }
 
-/* Checks a coupling by itself. Returns what is wrong with it, "" when nothing is. */
+/* Checks a single coupling. Returns the fault as text, "" if there is none. */
 static const char *find_coupling_fault(const struct robot *robot,
                                        const struct robot_coupling *coupling)
 {
@@ -311,7 +312,7 @@ static const char *find_coupling_fault(const struct robot *robot,
     return "";
 }
 
-/* Checks the couplings, each by itself; a follower has one leader, which follows nothing. */
+/* Checks all couplings: each is valid, and a follower has one leader, which follows no joint. */
 static enum error_code check_couplings(const struct robot *robot, struct error *error)
 {
     if (robot->ncoupling > ROBOT_COUPLINGS_MAX) {
@@ -336,8 +337,8 @@ static enum error_code check_couplings(const struct robot *robot, struct error *
     return ERROR_NONE;
 }
 
-/* Computes y = A s for the unit motion s of a joint; returns s . y, the inertia that the joint
- * feels. */
+/* Computes y = A s for the unit motion s of a joint; returns s . y, the joint's effective
+ * inertia. */
 static double joint_inertia(const struct robot_joint *joint, const struct spatial_inertia *A,
                             struct spatial *y)
 {
@@ -351,7 +352,7 @@ static double joint_inertia(const struct robot_joint *joint, const struct spatia
     return vec3_dot(joint->axis, y->l);
 }
 
-/* Removes what a free joint does not resist from an articulated inertia: A -= y y^T / d. */
+/* Removes the motion of a free joint from an articulated inertia: A -= y y^T / d. */
 static void release_joint(const struct spatial *y, double d, struct spatial_inertia *A)
 {
     for (int i = 0; i < 3; i++) {
@@ -388,8 +389,8 @@ static void hand_to_parent(const struct robot_joint *joint, double q, struct spa
     spatial_inertia_add(&A, parent);
 }
 
-/* Checks whether a free base accelerates under a force in every direction; whole is the inertia
- * of all bodies, locked. */
+/* Checks whether a free base accelerates under a force in any direction. whole: inertia of all
+ * bodies with locked joints. */
 static bool base_is_regular(const struct spatial_inertia *A, const struct spatial_inertia *whole)
 {
     double m[6][6];
@@ -401,7 +402,7 @@ static bool base_is_regular(const struct spatial_inertia *A, const struct spatia
             m[i + 3][j + 3] = A->M[sym3_index[i][j]];
         }
     }
-    /* Gaussian elimination: each pivot against what a rigid robot would have there */
+    /* Gaussian elimination: compares each pivot with that of a rigid robot */
     for (int k = 0; k < 6; k++) {
         double rigid = k < 3 ? whole->J[sym3_index[k][k]] : whole->M[sym3_index[k - 3][k - 3]];
 
@@ -419,7 +420,7 @@ static bool base_is_regular(const struct spatial_inertia *A, const struct spatia
     return true;
 }
 
-/* Checks that every joint (and a free base) accelerates under a force: computes the articulated
+/* Checks that each joint (and a free base) accelerates under a force: computes the articulated
  * inertias in an arbitrary pose and compares each with the rigid inertia of the same bodies. */
 static enum error_code check_regular(const struct robot *robot, struct spatial_inertia *A,
                                      struct spatial_inertia *whole, struct error *error)
@@ -431,7 +432,7 @@ static enum error_code check_regular(const struct robot *robot, struct spatial_i
         whole[b] = A[b];
     }
 
-    /* Inward, joint by joint; A without what gives way, whole as if all joints were locked */
+    /* Inward, joint by joint: A with free joints, whole with locked joints */
     for (size_t b = robot->nbody - 1; b > 0; b--) {
         const struct robot_joint *joint = &robot->joint[b - 1];
         int parent = robot->body[b].parent;
@@ -473,7 +474,7 @@ static uint64_t hash_integer(uint64_t hash, int64_t value)
     return hash_bytes(hash, &value, sizeof value);
 }
 
-/* Returns the hash of all that the dynamics depend on, with or without the mass properties. */
+/* Returns the hash of all data on which the dynamics depend, with or without mass properties. */
 static uint64_t robot_hash(const struct robot *robot, bool masses)
 {
     uint64_t hash = HASH_START;
@@ -508,7 +509,7 @@ enum error_code robot_finish(struct robot *robot, struct error *error)
     struct spatial_inertia *scratch;
     enum error_code code;
 
-    /* Checks of every part by itself */
+    /* Checks of single parts */
     if ((code = check_tree(robot, error)) || (code = check_body_inertias(robot, error)) ||
         (code = check_frames(robot, error)) || (code = check_capsules(robot, error)) ||
         (code = check_couplings(robot, error))) {
@@ -520,7 +521,7 @@ enum error_code robot_finish(struct robot *robot, struct error *error)
         }
     }
 
-    /* Checks of all parts together */
+    /* Checks of the whole robot */
     scratch = calloc(2 * robot->nbody, sizeof *scratch);
     if (!scratch) {
         return error_set(error, ERROR_MEMORY, "no memory to check %s", robot->name);
@@ -531,7 +532,7 @@ enum error_code robot_finish(struct robot *robot, struct error *error)
         return code;
     }
 
-    /* Derived numbers: sizes, mass, observed bodies, hashes */
+    /* Derived data: sizes, mass, observed bodies, hashes */
     robot->nq = robot->njoint + (robot->floating ? BASE_Q_COUNT : 0);
     robot->nv = robot->njoint + (robot->floating ? BASE_V_COUNT : 0);
     robot->total_mass = 0.0;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The keys of a robot file and of a drive's: their types, ranges and places in the structs of
- * model/description/yaml.h. What they mean is described in docs/man/coman-hil-robot.5.scd.
+ * The keys of robot files and drive files: types, ranges and members of the structs of
+ * model/description/yaml.h. docs/man/coman-hil-robot.5.scd explains them.
  */
 #include "model/description/yaml.h"
 
@@ -69,7 +69,7 @@ static const struct yaml_field cogging_fields[] = {
 static const struct yaml_schema cogging_schema =
     YAML_SCHEMA("a sine of the cogging torque", struct harmonic_yaml, cogging_fields);
 
-/* Keys of electric drives, the required ones first, then of hydraulic ones, then of both. */
+/* Keys of electric drives, required ones first; then of hydraulic drives; then of both. */
 #define DRIVE(word, member, low, high) YAML_NUMBER(word, false, drive_yaml, member, low, high)
 static const struct yaml_field drive_fields[] = {
     DRIVE("J_kg_m2", sea.J, 1e-12, 1e9),
@@ -141,13 +141,13 @@ enum {
 const struct yaml_schema robot_drive_schema =
     YAML_SCHEMA("a drive", struct drive_yaml, drive_fields, .alone = "file");
 
-/* The older spelling of a hydraulic one */
+/* Older spelling of a hydraulic drive */
 static const struct yaml_schema hydraulic_schema = {.what = "a hydraulic drive",
                                                     .size = sizeof(struct drive_yaml),
                                                     .fields = drive_fields + ELECTRIC_ROWS,
                                                     .field_count = CYLINDER_ROWS};
 
-/* A drive of the catalogue, which is made from no other */
+/* A drive of the catalogue, which cannot refer to another file */
 static const struct yaml_schema drive_own_schema = {.what = "a drive",
                                                     .size = sizeof(struct drive_yaml),
                                                     .fields = drive_fields,

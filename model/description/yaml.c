@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Loads robots from YAML: the order of the work, the variant that is asked for, and the checks of
- * names, which refer to each other across the file, each with its place there.
+ * Loads robots from YAML: the order of the steps, the chosen variant, and the checks of names,
+ * which refer to each other in the file. Each error has its place in the file.
  */
 #include "model/description/yaml.h"
 
@@ -11,7 +11,7 @@
 
 /* ---- names ---- */
 
-/* Returns the i-th entry of an array of named structs of stride bytes each. */
+/* Returns entry i of an array of named structs of stride bytes each. */
 static const struct named *named_entry(const void *array, size_t stride, size_t i)
 {
     return (const struct named *)((const char *)array + i * stride);
@@ -43,7 +43,7 @@ enum error_code robot_unknown_name(struct robot_builder *b, const struct yaml_ma
     return yaml_find_name(names, what, name, mark, &unused, b->error);
 }
 
-/* Checks that names are words, and that no two of a list are the same. */
+/* Checks that names are words and unique in their list. */
 static enum error_code check_named(struct robot_builder *b, const char *what, const void *array,
                                    size_t count, size_t stride)
 {
@@ -51,7 +51,7 @@ static enum error_code check_named(struct robot_builder *b, const char *what, co
         const struct named *entry = named_entry(array, stride, i);
         int first = find_named_entry(array, i, stride, entry->name);
 
-        /* They stand in messages, logs and on command lines */
+        /* Names appear in messages, logs and on command lines */
         if (!text_is_name(entry->name)) {
             return yaml_error(b->error, &entry->mark,
                               "found %s name \"%.63s\", expected letters, digits and _ - . only",
@@ -101,7 +101,8 @@ static enum error_code check_all_names(struct robot_builder *b)
 
 /* ---- variants ---- */
 
-/* Merges the entries of change into *list: they replace those of the same name, or follow them. */
+/* Merges the entries of change into *list: each replaces the entry with the same name, or is
+ * appended. */
 static enum error_code merge_named(struct robot_builder *b, void **list, size_t *count,
                                    const void *change, size_t nchange, size_t stride)
 {
@@ -121,8 +122,8 @@ static enum error_code merge_named(struct robot_builder *b, void **list, size_t 
     return ERROR_NONE;
 }
 
-/* Merges the joints of a variant: they replace those of the same name; a new one comes before the
- * first that hangs on what it moves, or last. */
+/* Merges the joints of a variant. Each replaces the joint with the same name. A new joint goes
+ * before the first joint attached to the body that it moves, or to the end. */
 static enum error_code merge_joints(struct robot_builder *b, const struct variant_yaml *variant)
 {
     struct robot_yaml *file = &b->file;
@@ -134,7 +135,7 @@ static enum error_code merge_joints(struct robot_builder *b, const struct varian
         return robot_no_memory(b);
     }
     memcpy(merged, file->joint, count * sizeof *merged);
-    /* First the replacements, which say where the new ones belong */
+    /* Replacements first; they determine the places of new joints */
     for (size_t i = 0; i < variant->njoint; i++) {
         int at = find_named_entry(merged, count, sizeof *merged, variant->joint[i].joint.name);
 
@@ -161,7 +162,8 @@ static enum error_code merge_joints(struct robot_builder *b, const struct varian
     return ERROR_NONE;
 }
 
-/* Applies a variant: what it lists replaces what has the same name in the robot, or joins it. */
+/* Applies a variant: each of its entries replaces the robot's entry with the same name, or is
+ * added. */
 static enum error_code apply_variant(struct robot_builder *b, struct variant_yaml *variant)
 {
     struct robot_yaml *file = &b->file;
@@ -189,7 +191,7 @@ static enum error_code apply_variant(struct robot_builder *b, struct variant_yam
     return ERROR_NONE;
 }
 
-/* Applies the variant of that name; NULL or "" stands for the robot as it is. */
+/* Applies the variant with this name; NULL or "" is the robot without a variant. */
 static enum error_code choose_variant(struct robot_builder *b, const char *name)
 {
     const struct robot_yaml *file = &b->file;
@@ -215,7 +217,7 @@ static enum error_code choose_variant(struct robot_builder *b, const char *name)
     return apply_variant(b, &file->variant[at]);
 }
 
-/* ---- the whole ---- */
+/* ---- the whole file ---- */
 
 enum error_code robot_load(const char *path, const char *variant, struct arena *arena,
                            const struct robot **robot, struct error *error)
@@ -231,7 +233,7 @@ enum error_code robot_load(const char *path, const char *variant, struct arena *
         return robot_no_memory(&b);
     }
 
-    /* First what is on its own, then what refers to what came before */
+    /* Independent parts first, then parts that refer to earlier ones */
     b.robot->name = b.file.name;
     b.robot->file = b.file.mark.file;
     b.robot->source_hash = b.file.hash;
@@ -246,7 +248,7 @@ enum error_code robot_load(const char *path, const char *variant, struct arena *
         return code;
     }
 
-    /* Last the checks of the whole */
+    /* Checks of the whole robot last */
     if (robot_finish(b.robot, error)) {
         return error_prefix(error, "%.200s", b.file.mark.file);
     }

@@ -4,11 +4,11 @@
 
 #include <math.h>
 
-/* Least absolute multiplier. Nearer to 0 a joint follows nothing; a fine lead screw has 1e-4
- * m/rad. */
+/* Smallest absolute multiplier. Below it, a joint practically does not follow; a fine lead screw
+ * has 1e-4 m/rad. */
 #define LEAST_MULTIPLIER 1e-6
 
-/* Finds the joint of a name. */
+/* Finds the joint with a name. */
 static enum error_code find_coupled_joint(struct robot_builder *b, const char *name,
                                           const struct yaml_mark *mark, int *joint)
 {
@@ -18,7 +18,8 @@ static enum error_code find_coupled_joint(struct robot_builder *b, const char *n
                                             sizeof *b->file.joint);
 }
 
-/* Checks a coupling against those before it: each joint follows one, and no leader follows. */
+/* Checks a coupling against earlier ones: each joint follows one joint, and no leader is a
+ * follower. */
 static enum error_code check_chain(struct robot_builder *b, size_t i)
 {
     const struct coupling_yaml *given = &b->file.coupling[i];
@@ -51,7 +52,7 @@ static enum error_code check_chain(struct robot_builder *b, size_t i)
     return ERROR_NONE;
 }
 
-/* Finds the two joints of a coupling and checks what one may be to the other. */
+/* Finds the two joints of a coupling and checks their roles. */
 static enum error_code build_coupled_joints(struct robot_builder *b, size_t i)
 {
     const struct coupling_yaml *given = &b->file.coupling[i];
@@ -78,7 +79,7 @@ static enum error_code build_coupled_joints(struct robot_builder *b, size_t i)
     return check_chain(b, i);
 }
 
-/* Checks the numbers of a coupling, in the units of the follower, which the keys name. */
+/* Checks the numbers of a coupling, whose keys have the units of the follower. */
 static enum error_code check_coupling_numbers(struct robot_builder *b,
                                               const struct coupling_yaml *given,
                                               const struct robot_coupling *coupling)

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Builds the drives of a robot file: what the catalogue gives, what the robot and its variant give
- * for all joints, what a joint gives itself, and the drive that comes of it. The effects beside the
- * paper's equations are off unless given.
+ * Builds the drives of a robot file. Sources in order of precedence: the joint, the robot's
+ * variant, the robot, the catalogue. The effects beyond the paper's equations are off unless given.
  */
 #include "base/config.h"
 #include "base/array.h"
@@ -19,7 +18,7 @@
 static const char *const kind_word[] = {
     [DRIVE_ELECTRIC] = "an electric drive", [DRIVE_HYDRAULIC] = "a hydraulic drive"};
 
-/* Returns the first key of that kind that a drive has; NULL when there is none. */
+/* Returns the first key of this kind in a drive; NULL if there is none. */
 static const char *drive_find_key(const struct drive_yaml *drive, enum drive_kind kind)
 {
     size_t count;
@@ -40,7 +39,7 @@ enum drive_kind robot_drive_kind(const struct drive_yaml *drive)
                                                    : DRIVE_UNSAID;
 }
 
-/* Refuses a drive that has keys of the other kind than the one that from names. */
+/* Refuses a drive whose keys are of a different kind than those of `from`. */
 static enum error_code refuse_other_kind(struct robot_builder *b, const struct drive_yaml *drive,
                                          enum drive_kind kind, const char *from)
 {
@@ -67,7 +66,7 @@ static enum error_code refuse_mixed_keys(struct robot_builder *b, const struct d
 
 /* ---- merging ---- */
 
-/* Merges change into drive; the values and the place of change go first. */
+/* Merges change into drive; values and file places of change win. */
 static enum error_code merge_drive(struct robot_builder *b, const struct drive_yaml *change,
                                    struct drive_yaml *drive)
 {
@@ -127,7 +126,7 @@ enum error_code robot_check_own_drives(struct robot_builder *b)
 
 /* ---- the catalogue ---- */
 
-/* Checks that a drive of the catalogue has ratings of its kind, and no triangle. */
+/* Checks that a drive of the catalogue has ratings of its kind, and no triangle keys. */
 static enum error_code check_drive_file(struct robot_builder *b, const struct drive_file_yaml *file)
 {
     static const char *const rating[] = {"supply_v", "torque_nm", "peak_torque_nm", "speed_rad_s"};
@@ -171,8 +170,8 @@ static enum error_code read_drive_file(struct robot_builder *b, const char *path
     return code ? code : check_drive_file(b, file);
 }
 
-/* Finds out whether a file exists (mode F_OK) or may be read (R_OK); what the system could not
- * find out is an error. */
+/* Checks whether a file exists (mode F_OK) or is readable (R_OK). Returns an error if the system
+ * cannot determine it. */
 static enum error_code drive_file_exists(struct robot_builder *b, const char *path, int mode,
                                          bool *there)
 {
@@ -182,8 +181,8 @@ static enum error_code drive_file_exists(struct robot_builder *b, const char *pa
                : error_set_file(b->error, errno, path, "cannot be looked for");
 }
 
-/* Finds the file of a drive: a path from the robot's folder, or a name, first in the folder
- * drives beside that, then in the configuration trees. */
+/* Finds the file of a drive: a path relative to the robot's folder, or a name, looked up in the
+ * folder drives beside that folder, then in the configuration trees. */
 static enum error_code find_drive_file(struct robot_builder *b, const struct drive_yaml *drive,
                                        const char **path)
 {
@@ -226,7 +225,7 @@ enum error_code robot_take_drive(struct robot_builder *b, struct drive_yaml *dri
         return code;
     }
 
-    /* A file that cannot be opened is the fault of the line that names it */
+    /* The error for an unreadable file points to the line that names it */
     code = drive_file_exists(b, path, R_OK, &there);
     if (code) {
         return code;
@@ -247,7 +246,7 @@ enum error_code robot_take_drive(struct robot_builder *b, struct drive_yaml *dri
         return code;
     }
 
-    /* Numbers beside the name go before those of the file */
+    /* Values next to the name override those of the file */
     taken = file.drive;
     taken.file = drive->file;
     code = merge_drive(b, drive, &taken);
@@ -257,18 +256,17 @@ enum error_code robot_take_drive(struct robot_builder *b, struct drive_yaml *dri
 
 /* ---- a joint's drive ---- */
 
-/* Stiffness of a spring's stop as a multiple of the spring's, where the file gives its room
- * alone. */
+/* Default stiffness of a spring's stop relative to the spring's, if the file gives only its
+ * room. */
 #define SPRING_STOP_TIMES 20.0
 
-/* Temperature coefficient of copper, 1/K at 25 degree C (IEC 60034-1: 1/(234.5 + 25)); where a
- * file gives no number. */
+/* Default temperature coefficient of copper, 1/K at 25 degree C (IEC 60034-1: 1/(234.5 + 25)). */
 #define COPPER_PER_K 0.00385
 
-/* Temperature of the air, where a file does not say. */
+/* Default temperature of the air. */
 #define AMBIENT_C 25.0
 
-/* Builds the stop of a drive's spring; given: what the joint says itself. */
+/* Builds the stop of a drive's spring; given: the joint's own keys. */
 static enum error_code build_spring_stop(struct robot_builder *b, const struct joint_yaml *given,
                                          const struct yaml_mark *drive, struct robot_sea *sea)
 {
@@ -292,7 +290,7 @@ static enum error_code build_spring_stop(struct robot_builder *b, const struct j
     return ERROR_NONE;
 }
 
-/* Copies the sines of a list, ROBOT_HARMONICS at most. */
+/* Copies a list of sines, at most ROBOT_HARMONICS. */
 static enum error_code build_harmonics(struct robot_builder *b, const struct harmonic_yaml *given,
                                        size_t count, struct robot_harmonic *harmonic, size_t *made)
 {
@@ -307,7 +305,7 @@ static enum error_code build_harmonics(struct robot_builder *b, const struct har
     return ERROR_NONE;
 }
 
-/* Refuses keys that mean nothing without another. */
+/* Refuses keys that have no effect without another key. */
 static enum error_code check_effect_keys(struct robot_builder *b, const struct yaml_mark *drive)
 {
     static const char *const pair[][2] = {
@@ -342,8 +340,8 @@ static enum error_code check_effect_keys(struct robot_builder *b, const struct y
     return ERROR_NONE;
 }
 
-/* Returns whether a drive says anything of effects: by a number behind those of the spring's stop,
- * or by a sine, or that it freewheels. */
+/* Returns whether a drive has effects: a number after those of the spring's stop, a sine, or
+ * freewheeling. */
 static bool drive_has_effects(const struct drive_yaml *drive)
 {
     bool any = drive->effects.freewheel || drive->nerror > 0 || drive->ncogging > 0, effect = false;
@@ -373,7 +371,7 @@ static enum error_code build_effects(struct robot_builder *b, const struct drive
         return code;
     }
 
-    /* The effects have memory of their own: without them a drive carries nothing of them */
+    /* Effects have their own memory, so that a drive without effects needs none */
     effects = arena_alloc(b->arena, 1, sizeof *effects);
     if (!effects) {
         return robot_no_memory(b);
@@ -398,7 +396,7 @@ static enum error_code build_effects(struct robot_builder *b, const struct drive
     return effects_check(sea, &why) ? yaml_error(b->error, mark, "%s", why.text) : ERROR_NONE;
 }
 
-/* Builds an electric drive: each parameter from the joint's drive, or else from the robot's. */
+/* Builds an electric drive: each parameter from the joint's drive, else from the robot's. */
 static enum error_code build_electric(struct robot_builder *b, const struct joint_yaml *given,
                                       struct robot_sea *sea)
 {
@@ -410,7 +408,7 @@ static enum error_code build_electric(struct robot_builder *b, const struct join
     if (code) {
         return code;
     }
-    /* Only the parameters before the deflection are required */
+    /* Only the parameters before deflection_rad are required */
     for (; strcmp(row->key, "deflection_rad") != 0; row++) {
         if (!yaml_has(&drive.mark, row->key)) {
             return yaml_error(
@@ -421,7 +419,7 @@ static enum error_code build_electric(struct robot_builder *b, const struct join
                 given->drive.file ? ", in the file of the drive," : "");
         }
     }
-    /* The paper's constants, then what goes beyond them */
+    /* The paper's constants, then the extensions */
     *sea = drive.sea;
     sea->present = true;
     code = build_spring_stop(b, given, &drive.mark, sea);
@@ -435,7 +433,7 @@ enum error_code robot_build_drive(struct robot_builder *b, struct joint_yaml *gi
     enum drive_kind kind;
     enum error_code code;
 
-    /* At most one drive, on a joint that turns */
+    /* At most one drive, and only on a revolute joint */
     if (hydraulic && yaml_has(&given->mark, "drive")) {
         return yaml_error(b->error, &given->hydraulic.mark,
                           "found a hydraulic drive on driven joint \"%s\", expected none",
@@ -451,7 +449,7 @@ enum error_code robot_build_drive(struct robot_builder *b, struct joint_yaml *gi
                           "found a drive on prismatic joint \"%s\", expected none: drives turn",
                           given->joint.name);
     }
-    /* The kind is that of the joint's keys, else of the robot's own drive */
+    /* The kind follows from the joint's keys, else from the robot's own drive */
     code = robot_take_drive(b, &given->drive);
     if (code) {
         return code;
@@ -464,7 +462,7 @@ enum error_code robot_build_drive(struct robot_builder *b, struct joint_yaml *gi
                                    : build_electric(b, given, &joint->sea);
 }
 
-/* ---- a drive alone ---- */
+/* ---- a drive without a robot ---- */
 
 enum error_code robot_load_drive(const char *path, struct arena *arena,
                                  const struct robot_drive **drive, struct error *error)

@@ -60,7 +60,7 @@ enum error_code robot_build_capsules(struct robot_builder *b)
 
 /* ---- visuals ---- */
 
-/* Refuses keys that a shape does not have, and a shape without those that it needs. */
+/* Refuses keys that a shape does not have, and missing keys of a shape. */
 static enum error_code check_visual_keys(struct robot_builder *b, const struct visual_yaml *given)
 {
     enum {
@@ -69,7 +69,7 @@ static enum error_code check_visual_keys(struct robot_builder *b, const struct v
     };
     const struct {
         const char *key;
-        int needed; /* by these shapes */
+        int needed; /* shapes that need the key */
     } keys[] = {
         {"half_extents_m", 1 << VISUAL_BOX},
         {"radius_m", 1 << VISUAL_SPHERE | ROUND},
@@ -176,7 +176,7 @@ enum error_code robot_build_sensors(struct robot_builder *b)
 
 /* ---- poses ---- */
 
-/* Takes the positions (rad or m) of the joints of one type, within their limits. */
+/* Reads the positions (rad or m) of joints of one type; they must be within the limits. */
 static enum error_code build_joint_positions(struct robot_builder *b, enum joint_type type,
                                              const struct yaml_real_entry *entry, size_t count,
                                              double *position)
@@ -205,7 +205,7 @@ static enum error_code build_joint_positions(struct robot_builder *b, enum joint
     return ERROR_NONE;
 }
 
-/* Returns what a pose says of a joint, or NULL. */
+/* Returns a pose's position entry of a joint, or NULL. */
 static const struct yaml_real_entry *find_position(const struct pose_yaml *pose, const char *joint)
 {
     for (size_t i = 0; i < pose->njoint_rad; i++) {
@@ -221,7 +221,7 @@ static const struct yaml_real_entry *find_position(const struct pose_yaml *pose,
     return NULL;
 }
 
-/* Checks that joints which a pose does not name can stand at zero, or follow. */
+/* Checks that each joint that a pose does not name may be at zero or is a follower. */
 static enum error_code check_unnamed_joints(struct robot_builder *b, const struct pose_yaml *given)
 {
     for (size_t j = 0; j < b->robot->njoint; j++) {
@@ -239,8 +239,8 @@ static enum error_code check_unnamed_joints(struct robot_builder *b, const struc
     return ERROR_NONE;
 }
 
-/* Moves followers to where their leaders want them, within their limits. A pose may name them,
- * but not put them elsewhere. */
+/* Moves followers to the positions that their leaders give, within their limits. A pose may name a
+ * follower only with that position. */
 static enum error_code align_followers(struct robot_builder *b, const struct pose_yaml *given,
                                        double *position)
 {
@@ -252,7 +252,7 @@ static enum error_code align_followers(struct robot_builder *b, const struct pos
     }
     memcpy(aligned, position, robot->njoint * sizeof *aligned);
     coupling_align(robot, aligned);
-    /* Compare what the pose says, and the limits, with the aligned positions */
+    /* Compares the pose's positions and the limits with the aligned positions */
     for (size_t i = 0; i < robot->ncoupling; i++) {
         const int j = robot->coupling[i].follower;
         const struct robot_joint *joint = &robot->joint[j];
@@ -310,7 +310,7 @@ static enum error_code build_pose(struct robot_builder *b, const struct pose_yam
                           b->robot->floating ? "it: the base floats" : "none: the base is fixed");
     }
 
-    /* The base at the origin where it is not given, the joints at zero */
+    /* Defaults: base at the origin, joints at zero */
     *pose = given->pose;
     quaternion_from_rpy(given->base_rpy, pose->base_quaternion);
     pose->joint = position;

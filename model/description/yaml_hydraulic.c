@@ -6,23 +6,22 @@
 #include <math.h>
 #include <string.h>
 
-/* Speed about which friction changes its sign, m/s, where the file does not say. */
+/* Default speed scale on which friction changes its sign, m/s. */
 #define FRICTION_SPEED 0.01
 
-/* Volume of oil in manifold and hoses as a part of the accumulator's, where the file does not
- * say. */
+/* Default oil volume in manifold and hoses, relative to the accumulator. */
 #define LINE_SHARE 0.1
 
 static const double pi = 3.14159265358979323846;
 
-/* The keys of the triangle, which are the joint's. */
+/* These keys belong to the joint. */
 bool robot_key_is_of_triangle(const char *key)
 {
     return strcmp(key, "base_m") == 0 || strcmp(key, "arm_m") == 0 ||
            strcmp(key, "offset_rad") == 0 || strcmp(key, "closed_m") == 0;
 }
 
-/* Computes areas and constants of a cylinder and its valve out of the numbers of the file. */
+/* Computes areas and constants of a cylinder and its valve from the numbers of the file. */
 static void fill_cylinder(const struct drive_yaml *drive, struct robot_hydraulic *cylinder)
 {
     *cylinder = drive->cylinder;
@@ -36,7 +35,7 @@ static void fill_cylinder(const struct drive_yaml *drive, struct robot_hydraulic
     }
 }
 
-/* Refuses a hydraulic drive whose key is missing: that of a joint by name, or of a file (NULL). */
+/* Refuses a hydraulic drive with a missing key. name: the joint; NULL for a drive file. */
 static enum error_code refuse_missing_key(struct robot_builder *b, const struct drive_yaml *drive,
                                           const char *key, const char *joint)
 {
@@ -51,8 +50,8 @@ static enum error_code refuse_missing_key(struct robot_builder *b, const struct 
                               "found a hydraulic drive without key \"%s\", expected it", key);
 }
 
-/* Builds a cylinder: each parameter from the joint, or else from the robot. Without a joint's
- * name it is a drive of the catalogue, which has no triangle. */
+/* Builds a cylinder: each parameter from the joint, else from the robot. Without a joint's name it
+ * is a drive of the catalogue, which has no triangle. */
 static enum error_code build_cylinder(struct robot_builder *b, const struct drive_yaml *drive,
                                       const char *joint, struct robot_hydraulic *cylinder)
 {
@@ -63,7 +62,7 @@ static enum error_code build_cylinder(struct robot_builder *b, const struct driv
     size_t count;
     const struct yaml_field *row = robot_drive_rows(DRIVE_HYDRAULIC, &count);
 
-    /* Only the keys before the lap are required */
+    /* Only the keys before valve_lap are required */
     for (; !code && strcmp(row->key, "valve_lap") != 0; row++) {
         if (!yaml_has(&merged.mark, row->key) && (joint || !robot_key_is_of_triangle(row->key))) {
             return refuse_missing_key(b, drive, row->key, joint);

@@ -7,8 +7,8 @@
 #include <math.h>
 #include <string.h>
 
-/* Tolerance of an axis's length: one that is written with six digits counts as a unit vector and
- * is normalized. */
+/* Tolerance of an axis's length: an axis with six digits counts as a unit vector and is
+ * normalized. */
 #define AXIS_TOLERANCE 1e-6
 
 enum error_code robot_refuse_inertia(struct robot_builder *b, const struct yaml_mark *mark,
@@ -20,7 +20,7 @@ enum error_code robot_refuse_inertia(struct robot_builder *b, const struct yaml_
                                               : ERROR_NONE;
 }
 
-/* Builds a body of the tree from the entry at in the file. */
+/* Builds a body of the tree from entry `at` of the file. */
 static enum error_code build_tree_body(struct robot_builder *b, int at, int parent,
                                        struct robot_body *body)
 {
@@ -41,7 +41,7 @@ size_t robot_count_keys(const struct yaml_mark *mapping, const char *const *keys
     return given;
 }
 
-/* Returns the joint that moves the body of this name, or -1. */
+/* Returns the joint that moves the body with this name, or -1. */
 static int joint_that_moves(const struct robot_yaml *file, const char *body)
 {
     for (size_t j = 0; j < file->njoint; j++) {
@@ -52,14 +52,14 @@ static int joint_that_moves(const struct robot_yaml *file, const char *body)
     return -1;
 }
 
-/* Refuses joint j, whose parent no joint before it moves, and says why. */
+/* Refuses joint j, whose parent is moved by no earlier joint; the error gives the reason. */
 static enum error_code refuse_parent(struct robot_builder *b, size_t j)
 {
     const struct robot_yaml *file = &b->file;
     const struct joint_yaml *joint = &file->joint[j];
     int up = joint_that_moves(file, joint->parent);
 
-    /* No such body, or one that hangs in the air */
+    /* The parent does not exist, or no joint moves it */
     if (find_named_entry(file->body, file->nbody, sizeof *file->body, joint->parent) < 0) {
         return robot_unknown_name(b, yaml_place(&joint->mark, "parent"), "body", joint->parent,
                                   file->body, file->nbody, sizeof *file->body);
@@ -71,7 +71,7 @@ static enum error_code refuse_parent(struct robot_builder *b, size_t j)
             joint->parent, file->base);
     }
 
-    /* Up from joint to joint: either back here, or the order is wrong */
+    /* Walks up the joints: returning to j is a cycle; otherwise the order is wrong */
     for (size_t step = 0; up >= 0 && step < file->njoint; step++) {
         if ((size_t)up == j) {
             return yaml_error(b->error, yaml_place(&joint->mark, "parent"),
@@ -88,7 +88,8 @@ static enum error_code refuse_parent(struct robot_builder *b, size_t j)
                       file->joint[joint_that_moves(file, joint->parent)].mark.line);
 }
 
-/* Finds the body that joint j moves; checks that it is no other joint's, and not the base. */
+/* Finds the body that joint j moves. Checks that no other joint moves it and that it is not the
+ * base. */
 static enum error_code check_joint_child(struct robot_builder *b, size_t j, int *at)
 {
     const struct robot_yaml *file = &b->file;
@@ -135,7 +136,7 @@ static enum error_code build_joint_axis(struct robot_builder *b, const struct jo
 static const char *const type_word[] = {
     [JOINT_REVOLUTE] = "revolute", [JOINT_PRISMATIC] = "prismatic"};
 
-/* Checks the limits of a joint, which the keys of its type give. */
+/* Checks the limits of a joint, given by the keys of its type. */
 static enum error_code check_limits(struct robot_builder *b, const struct joint_yaml *given)
 {
     static const char *const keys[][3] = {{"lower_rad", "upper_rad", "torque_nm"},
@@ -158,12 +159,10 @@ static enum error_code check_limits(struct robot_builder *b, const struct joint_
     return ERROR_NONE;
 }
 
-/* Compression of a stop (rad or m) under the joint's torque or force limit, where the file does
- * not give its stiffness. */
+/* Default compression of a stop (rad or m) under the joint's torque or force limit. */
 #define STOP_GIVES 5e-4
 
-/* Builds the stops at the ends of the range: what the joint does not say, the robot's own stops
- * do. */
+/* Builds the stops of a joint's range. Missing values come from the robot's own stops. */
 static enum error_code build_stops(struct robot_builder *b, const struct joint_yaml *given,
                                    struct robot_joint *joint)
 {
@@ -173,7 +172,7 @@ static enum error_code build_stops(struct robot_builder *b, const struct joint_y
     const char *const *key = keys[joint->type];
     struct stops_yaml stops = b->file.stops;
 
-    /* Keys of the other type of joint mean nothing here */
+    /* Refuses keys for the other type of joint */
     if (robot_count_keys(own, keys[1 - joint->type], 2) > 0) {
         return yaml_error(b->error, own, "found stops of %s joint \"%s\", expected the keys %s, %s",
                           type_word[joint->type], joint->name, key[0], key[1]);
@@ -212,7 +211,7 @@ static enum error_code build_spring(struct robot_builder *b, const struct joint_
                : ERROR_NONE;
 }
 
-/* Builds the passive spring of a joint: its own, or of a driven one the robot's, if it turns. */
+/* Builds the passive spring of a joint: its own, or the robot's for a driven revolute joint. */
 static enum error_code build_passive(struct robot_builder *b, const struct joint_yaml *given,
                                      struct robot_joint *joint)
 {
@@ -241,7 +240,7 @@ static enum error_code build_joint(struct robot_builder *b, size_t j)
     enum error_code code;
     int at, parent;
 
-    /* Bodies of earlier joints are named already: the parent is one of them or the base */
+    /* The parent is the base or the body of an earlier joint */
     robot->nbody = j + 1;
     if ((code = check_joint_child(b, j, &at))) {
         return code;
@@ -281,7 +280,7 @@ enum error_code robot_build_tree(struct robot_builder *b)
                                   file->body, file->nbody, sizeof *file->body);
     }
 
-    /* The base, then what each joint moves */
+    /* The base, then the body of each joint */
     if ((code = build_tree_body(b, base, -1, &robot->body[0]))) {
         return code;
     }
@@ -291,7 +290,7 @@ enum error_code robot_build_tree(struct robot_builder *b)
         }
     }
 
-    /* No body is left over */
+    /* No body of the file is unused */
     for (size_t i = 0; i < file->nbody; i++) {
         if ((int)i != base && joint_that_moves(file, file->body[i].body.name) < 0) {
             return yaml_error(b->error, &file->body[i].mark,

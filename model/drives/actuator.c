@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The paper's actuator equations, one drive at a time. */
+/* The paper's actuator equations, for one drive. */
 #include "model/drives/actuator.h"
 
 #include "model/stop.h"
 
 #include <math.h>
 
-/* Returns how far the spring is into its stop, rad, with the sign of the deflection. */
+/* Returns the depth of the spring in its stop, rad, with the sign of the deflection. */
 static double spring_stop_depth(const struct robot_sea *sea, double deflection)
 {
     return sea->stop.stiffness > 0.0 ? stop_depth(-sea->deflection, sea->deflection, deflection)

@@ -1,17 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Computes the matrix exponential of a drive less the identity, by scaling, Taylor's series and
- * doubling: with E = exp(M t) - 1 doubling the time is E <- 2 E + E E. Without the identity small
- * changes keep their digits: of a rotor that is held fast (an inertia of 1e30) the angle changes by
- * zero.
+ * Computes the matrix exponential of a drive minus the identity, by scaling, Taylor series and
+ * doubling: with E = exp(M t) - 1, doubling the time is E <- 2 E + E E. Without the identity, small
+ * changes keep their digits: the angle of a fixed rotor (inertia 1e30) changes by zero.
  */
 #include "model/drives/drive_flow.h"
 
 #include <math.h>
 #include <string.h>
 
-/* Terms of the series, enough to rounding for a norm of 1/4, and the most doublings: beyond them
- * nothing is left of a begin, since exp(-2^60) is zero. */
+/* Terms of the series, enough for rounding accuracy at a norm of 1/4, and largest number of
+ * doublings: after more, the initial state has no effect, since exp(-2^60) is zero. */
 enum { SERIES_TERMS = 13, DOUBLINGS_MAX = 60 };
 
 /* The rows of the three states; those of r and V are zero. */
@@ -59,8 +58,8 @@ static void flow_multiply(flow_matrix A, flow_matrix B, flow_matrix C)
     }
 }
 
-/* Fills a flow from the changes of deflection, speed and current: the motor's angle moves by the
- * deflection's change and the joint's way. */
+/* Fills a flow from the changes of deflection, speed and current. The motor's angle changes by the
+ * deflection's change plus the joint's displacement. */
 static void flow_take(flow_matrix E, double t, struct drive_flow *flow)
 {
     flow->t = t;
@@ -76,8 +75,8 @@ void drive_flow_make(const struct robot_sea *sea, bool bridge_on, double t, stru
     double norm;
     int doublings = 0;
 
-    /* Scaled down to a norm of 1/4 by a power of two, which rounds nothing. The balance of the
-     * units (angle against speed) does not matter for the series, only for its length. */
+    /* Scales to a norm of 1/4 by a power of two, which is exact. Balanced units of angle and speed
+     * would only shorten the series. */
     flow_fill_matrix(sea, bridge_on, t, M);
     for (norm = flow_norm(M); norm > 0.25 && doublings < DOUBLINGS_MAX; norm *= 0.5) {
         doublings++;
@@ -107,9 +106,9 @@ void drive_flow_make(const struct robot_sea *sea, bool bridge_on, double t, stru
     flow_take(E, t, flow);
 }
 
-/* With the changes x of the three states x = M (input + x), row by row: (1 - M) x = M input. The
- * current is eliminated first, then the deflection; what remains is positive for any passive
- * drive. */
+/* The changes x of the three states satisfy x = M (input + x), hence (1 - M) x = M input.
+ * Eliminates the current first, then the deflection; the remaining pivot is positive for any
+ * passive drive. */
 void drive_flow_make_implicit(const struct robot_sea *sea, bool bridge_on, double t, double scale,
                               struct drive_flow *flow)
 {

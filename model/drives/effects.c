@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Laws of a real drive beside the paper's equations, one drive at a time. */
+/* Laws of a real drive beyond the paper's equations, for one drive. */
 #include "model/drives/effects.h"
 
 #include "base/portable_math.h"
@@ -7,10 +7,10 @@
 
 #include <math.h>
 
-/* Temperature that R, Kt and Kw of a robot file hold at, degree C. */
+/* Temperature for which R, Kt and Kw of a robot file are given, degree C. */
 #define REFERENCE_C 25.0
 
-/* Least part of its torque constant that a motor keeps however hot it is. */
+/* Smallest part of its torque constant that a hot motor keeps. */
 #define KT_LEAST 0.1
 
 /* ---- functions of the motor's angle ---- */
@@ -28,7 +28,7 @@ static double sum_harmonics(const struct robot_harmonic *harmonic, size_t count,
     return sum;
 }
 
-/* Returns the derivative of that sum by qm. */
+/* Returns the derivative of the sum of sines with respect to qm. */
 static double slope_harmonics(const struct robot_harmonic *harmonic, size_t count, double N,
                               double qm)
 {
@@ -69,7 +69,7 @@ static double cogging_energy(const struct robot_sea *sea, double qm)
 
 /* ---- spring behind the play, friction, temperature ---- */
 
-/* Returns how far the spring is bent, rad: the deflection beyond the play. */
+/* Returns the bend of the spring, rad: the deflection beyond the play. */
 static double spring_bend(const struct robot_sea *sea, double deflection)
 {
     double play = 0.5 * sea->effects->backlash;
@@ -77,7 +77,7 @@ static double spring_bend(const struct robot_sea *sea, double deflection)
     return fabs(deflection) > play ? deflection - copysign(play, deflection) : 0.0;
 }
 
-/* Returns how far the bent spring is into its stop, rad. */
+/* Returns the depth of the bent spring in its stop, rad. */
 static double bend_depth(const struct robot_sea *sea, double bend)
 {
     return sea->stop.stiffness > 0.0 ? stop_depth(-sea->deflection, sea->deflection, bend) : 0.0;
@@ -89,8 +89,8 @@ static bool has_hysteresis(const struct robot_sea *sea)
     return sea->effects->hysteresis > 0.0 && sea->Ks > 0.0;
 }
 
-/* Computes the spring's torque tau_s (N m) at a bend that changes at a rate, and *elastic, the
- * part of it that is stored. Tooth flanks that touch at one side only push. */
+/* Computes the spring's torque tau_s (N m) for a bend and its rate, and *elastic, the part that is
+ * stored. Within a play, tooth flanks touch on one side and only push. */
 static double spring_push(const struct robot_sea *sea, double bend, double rate, double *elastic)
 {
     double depth = bend_depth(sea, bend), torque;
@@ -106,7 +106,7 @@ static double spring_push(const struct robot_sea *sea, double bend, double rate,
     return torque * bend > 0.0 ? torque : 0.0;
 }
 
-/* tau, and the factors of the motor's angle in it. */
+/* tau, and its factors that depend on the motor's angle. */
 struct gear_state {
     double slope, rate, torque; /* 1 + e', d', tau */
 };
@@ -131,7 +131,7 @@ double effects_torque(const struct robot_sea *sea, const struct effects_state *s
     return find_gear(sea, state, q, qd).torque;
 }
 
-/* Returns whether friction depends on what the gear carries. */
+/* Returns whether friction depends on the torques carried. */
 static bool has_load_friction(const struct robot_load_friction *load)
 {
     return load->motor > 0.0 || load->external > 0.0 || load->motor_stribeck > 0.0 ||
@@ -144,9 +144,9 @@ bool effects_sticks(const struct robot_sea *sea)
     return sea->effects->breakaway > 0.0 || has_load_friction(&sea->effects->load);
 }
 
-/* Returns the friction that follows from the torques carried, N m; near_rest is 1 at rest, and
- * falls to 0 with the speed. The shares are of the difference of both torques, which oppose each
- * other while a motor holds a load. */
+/* Returns the friction due to the torques carried, N m. near_rest is 1 at rest and falls to 0 with
+ * the speed. The shares apply to the difference of both torques, which oppose each other while a
+ * motor holds a load. */
 static double load_friction(const struct robot_load_friction *load,
                             const struct effects_carried *carried, double near_rest)
 {
@@ -154,7 +154,7 @@ static double load_friction(const struct robot_load_friction *load,
     double friction = fabs(load->external * T - load->motor * M) +
                       near_rest * fabs(load->external_stribeck * T - load->motor_stribeck * M);
 
-    /* The square of the torque that gives way, where one drives the other */
+    /* The square of the smaller torque, if one side drives the other */
     if (M * T < 0.0) {
         friction += near_rest * (fabs(T) < fabs(M)   ? load->external_quadratic * T * T
                                  : fabs(T) > fabs(M) ? load->motor_quadratic * M * M
@@ -163,7 +163,7 @@ static double load_friction(const struct robot_load_friction *load,
     return friction;
 }
 
-/* Returns Stribeck's dip at a speed: 1 at rest. */
+/* Returns the Stribeck curve at a speed: 1 at rest, 0 at high speed. */
 static double stribeck_dip(const struct robot_effects *effects, double speed)
 {
     const double x = speed / effects->stribeck;
@@ -203,7 +203,7 @@ double effects_resistance(const struct robot_sea *sea, double winding_c)
     return effects_winding(sea, winding_c) + sea->effects->bridge_ohm;
 }
 
-/* Returns the part that is left of Kt and Kw at a housing temperature, degree C. */
+/* Returns the remaining part of Kt and Kw at a housing temperature, degree C. */
 static double magnet_strength(const struct robot_sea *sea, double housing_c)
 {
     const struct robot_thermal *thermal = &sea->effects->thermal;
@@ -221,8 +221,8 @@ double effects_hysteresis(const struct robot_sea *sea, double z, double way, dou
     if (!has_hysteresis(sea) || way == 0.0) {
         return has_hysteresis(sea) ? z : 0.0;
     }
-    /* The exact solution of Dahl's equation over a way in one direction; the loss is the work
-     * less what is stored */
+    /* Exact solution of Dahl's equation over a distance in one direction; the loss is the work
+     * minus the stored energy */
     goal = copysign(sea->effects->hysteresis, way);
     part = -portable_expm1(-sigma * fabs(way) / sea->effects->hysteresis);
     end = z + (goal - z) * part;
@@ -232,7 +232,7 @@ double effects_hysteresis(const struct robot_sea *sea, double z, double way, dou
 
 /* ---- the equations ---- */
 
-/* Returns the torque on the rotor but for its own friction, N m. */
+/* Returns the torque on the rotor without its own friction, N m. */
 static double rotor_load(const struct robot_sea *sea, const struct effects_state *state,
                          const struct gear_state *gear)
 {
@@ -273,7 +273,7 @@ struct effects_mode effects_find_mode(const struct robot_sea *sea,
 {
     struct effects_mode mode = {.slide = 1, .flow = bridge->conducts};
 
-    /* At rest the rotor breaks away in the sense of its load, or stays */
+    /* At rest the rotor breaks away in the direction of its load, or stays */
     if (effects_sticks(sea)) {
         mode.slide = sign_of(state->sea.qmd);
         if (mode.slide == 0) {
@@ -285,7 +285,7 @@ struct effects_mode effects_find_mode(const struct robot_sea *sea,
         }
     }
 
-    /* Without current: one begins to flow where the voltage exceeds what holds it */
+    /* Without current, one starts to flow if the voltage exceeds hold */
     if (bridge->conducts && bridge->hold > 0.0) {
         mode.flow = sign_of(state->sea.I);
         if (mode.flow == 0) {
@@ -334,7 +334,7 @@ void effects_derivative(const struct robot_sea *sea, const struct effects_state 
     struct gear_state gear = find_gear(sea, state, q, qd);
     struct effects_carried carried = gear_carries(sea, state, &gear);
 
-    /* The rotor, and the deflection's rate */
+    /* The rotor, and the rate of the deflection */
     derivative->sea = (struct sea_state){0};
     if (mode->slide != 0) {
         derivative->sea.qm = qmd;
@@ -365,7 +365,7 @@ void effects_warm(const struct robot_sea *sea, double heat, double t, struct eff
         return;
     }
 
-    /* Trapezoidal rule, (1 - t/2 A) change = t rate, solved for two rows by Cramer's rule */
+    /* Trapezoidal rule: solves (1 - t/2 A) change = t rate for two rows by Cramer's rule */
     warm_rates(thermal, heat / t, state, &rate);
     b = -0.5 * t / (thermal->winding_k_w * thermal->winding_j_k);
     a = 1.0 - b;
@@ -435,7 +435,7 @@ double effects_motor_rest(const struct robot_sea *sea, double q, double tau)
         if (tau != 0.0) {
             deflection += copysign(0.5 * sea->effects->backlash, tau);
         }
-        /* qm + e(qm) - q = d by Newton's rule; e' is less than 1/2 */
+        /* Solves qm + e(qm) - q = d by Newton's method; |e'| is less than 1/2 */
         for (int i = 0; i < 8; i++) {
             qm -= (effects_deflection(sea, qm, q) - deflection) / gear_slope(sea, qm);
         }
@@ -443,9 +443,9 @@ double effects_motor_rest(const struct robot_sea *sea, double q, double tau)
     return qm;
 }
 
-/* ---- what is possible ---- */
+/* ---- checks of parameters ---- */
 
-/* Checks whether a list of sines is possible. */
+/* Checks the parameters of a list of sines. */
 static bool harmonics_are_possible(const struct robot_harmonic *harmonic, size_t count)
 {
     for (size_t i = 0; i < count && count <= ROBOT_HARMONICS; i++) {
@@ -457,7 +457,7 @@ static bool harmonics_are_possible(const struct robot_harmonic *harmonic, size_t
     return count <= ROBOT_HARMONICS;
 }
 
-/* Largest |e'| of the gear's error: a steeper one would not turn on evenly. */
+/* Largest |e'| of the gear's error; with a steeper error the output would not turn uniformly. */
 #define STEEPEST_ERROR 0.5
 
 /* Checks whether the gear's error is less steep than STEEPEST_ERROR. */
@@ -472,7 +472,7 @@ static bool gear_is_possible(const struct robot_sea *sea)
     return steep <= STEEPEST_ERROR;
 }
 
-/* Checks whether the thermal model has all of its constants, or none. */
+/* Checks that the thermal model has all constants or none. */
 static bool thermal_is_possible(const struct robot_thermal *thermal)
 {
     if (thermal->winding_k_w == 0.0) {
@@ -483,7 +483,7 @@ static bool thermal_is_possible(const struct robot_thermal *thermal)
            1.0 + thermal->R_per_k * (thermal->ambient_c - REFERENCE_C) > 0.0;
 }
 
-/* Checks whether friction by the torques carried is possible. */
+/* Checks the friction due to torques carried. */
 static bool load_is_possible(const struct robot_effects *effects)
 {
     const struct robot_load_friction *load = &effects->load;
@@ -499,7 +499,7 @@ enum error_code effects_check(const struct robot_sea *sea, struct error *error)
 {
     const struct robot_effects *effects = sea->effects;
 
-    /* Friction falls from breakaway to Coulomb's */
+    /* Breakaway friction is at least Coulomb friction */
     if (!(effects->coulomb >= 0.0 && effects->breakaway >= effects->coulomb) ||
         (effects->breakaway > effects->coulomb && !(effects->stribeck > 0.0))) {
         return error_set(error, ERROR_INPUT,
@@ -507,7 +507,7 @@ enum error_code effects_check(const struct robot_sea *sea, struct error *error)
                          "rad/s, expected no less at rest, and a Stribeck speed between two",
                          effects->coulomb, effects->breakaway, effects->stribeck);
     }
-    /* A gear that lost all of the motor's torque would never turn */
+    /* A gear that lost the whole motor torque would never turn */
     if (!(effects->load.motor >= 0.0 && effects->load.motor < 1.0) ||
         !(effects->stribeck_exponent >= 0.0) ||
         (has_load_friction(&effects->load) && !load_is_possible(effects))) {

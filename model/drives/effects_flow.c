@@ -6,10 +6,10 @@
 
 #include <math.h>
 
-/* Largest angle that a rotor swings on its spring within a part, rad, for the flow to be exact. */
+/* Largest angle of a rotor's oscillation on its spring within a part, rad, for an exact flow. */
 #define SWING_RESOLVED 0.5
 
-/* Stiffness of a linear drive without a spring, N m/rad: not zero, and negligible. */
+/* Stiffness of a linear drive without a spring, N m/rad: negligible, but not zero. */
 #define LEAST_STIFFNESS 1e-6
 
 void effects_linear_make(const struct robot_sea *sea, struct effects_linear *linear)
@@ -43,13 +43,12 @@ void effects_flow_make(const struct effects_linear *linear, double t, struct eff
     }
 }
 
-/* Loads on a drive beyond those of the linear one: N m, V. */
+/* Loads on a drive in addition to the linear drive's: N m, V. */
 struct extra_load {
     double torque, voltage;
 };
 
-/* Computes the loads on a drive beyond those of the linear one, from the difference of both
- * derivatives. */
+/* Computes the additional loads from the difference of both derivatives. */
 static struct extra_load find_extra_load(const struct effects_span *span, double q,
                                          enum effects_law law, const struct effects_mode *mode,
                                          const struct effects_state *state)
@@ -64,7 +63,7 @@ static struct extra_load find_extra_load(const struct effects_span *span, double
                                .voltage = linear->L * (rate.sea.I - plain.I)};
 }
 
-/* Advances the linear drive under such a load: a torque shifts the spring's deflection. */
+/* Advances the linear drive under an additional load: a torque shifts the spring's deflection. */
 static struct sea_state flow_loaded(const struct effects_span *span, double q, enum effects_law law,
                                     const struct effects_mode *mode, const struct sea_state *begin,
                                     const struct extra_load *extra)
@@ -74,7 +73,7 @@ static struct sea_state flow_loaded(const struct effects_span *span, double q, e
                               span->bridge.voltage + extra->voltage);
 }
 
-/* Advances the hysteresis by the change of the deflection since the begin; adds its loss to
+/* Advances the hysteresis by the change of the deflection since the start; adds its loss to
  * work. */
 static void follow_hysteresis(const struct effects_span *span, double deflection, double q_end,
                               const struct effects_state *begin, struct effects_state *end,
@@ -107,8 +106,8 @@ static double flow_winding(const struct effects_span *span, const struct effects
     return R > 0.0 ? I - (voltage / R - I) * portable_expm1(-R * t / L) : I + t * voltage / L;
 }
 
-/* Advances a rotor that moves, as if it did so to the part's end: the loads are the means of
- * those at both ends (predictor and corrector). */
+/* Advances a moving rotor to the part's end without events. The loads are the means of the values
+ * at both ends (predictor and corrector). */
 static void slide_rotor(const struct effects_span *span, double q, double deflection, double h,
                         const struct effects_mode *mode, const struct effects_state *begin,
                         struct effects_state *end)
@@ -125,8 +124,8 @@ static void slide_rotor(const struct effects_span *span, double q, double deflec
     end->sea = flow_loaded(span, q, law, mode, &begin->sea, &first);
 }
 
-/* Corrects the end of a part in which the rotor came to rest: it stops where its speed, linear
- * in time, is zero, and stays or turns back. */
+/* Corrects the end of a part in which the rotor came to rest: it stops where its speed, linear in
+ * time, is zero. Then it stays at rest or turns back. */
 static void stop_rotor(const struct effects_span *span, double q, double deflection, double h,
                        const struct effects_state *begin, struct effects_state *end)
 {
@@ -135,14 +134,14 @@ static void stop_rotor(const struct effects_span *span, double q, double deflect
     struct effects_state there = *end, rate;
     struct effects_mode mode;
 
-    /* Where it stops */
+    /* State at the stop */
     there.sea.qm = begin->sea.qm + 0.5 * part * h * v0;
     there.sea.qmd = 0.0;
     there.sea.I = begin->sea.I + part * (end->sea.I - begin->sea.I);
     q += part * h * span->qd;
     follow_hysteresis(span, deflection, q, begin, &there, NULL);
 
-    /* Whether it stays: then only the winding goes on; else it speeds up in the rest of the part */
+    /* If it stays, only the winding continues; otherwise it accelerates in the rest of the part */
     mode = effects_find_mode(span->sea, &there, q, span->qd, &span->bridge);
     if (mode.slide == 0 || v0 == 0.0) {
         there.sea.I = flow_winding(span, &mode, &there, there.sea.I, rest);
@@ -158,12 +157,11 @@ static void stop_rotor(const struct effects_span *span, double q, double deflect
 /* Events of a part. */
 struct part_events {
     bool any;
-    bool current;        /* the current came to zero; then: */
-    double charge, heat; /* charge that had flowed by then, C, and heat of resistances, J */
+    bool current;        /* the current came to zero; then the following members are set: */
+    double charge, heat; /* charge until then, C, and heat in the resistances, J */
 };
 
-/* Returns the charge (C) that flows in t seconds in a winding that begins at I under that
- * voltage. */
+/* Returns the charge (C) in t seconds in a winding with initial current I under this voltage. */
 static double flow_charge(double I, double voltage, double R, double L, double t)
 {
     const double goal = voltage / R;
@@ -172,8 +170,9 @@ static double flow_charge(double I, double voltage, double R, double L, double t
                    : I * t + 0.5 * voltage / L * t * t;
 }
 
-/* Corrects the end of a part in which the current came to zero, at an even speed of the rotor:
- * the current, and the motion of the rotor without the current that did not flow. */
+/* Corrects the end of a part in which the current came to zero, at a constant speed of the rotor:
+ * sets the current, and removes the effect of the current that did not flow from the rotor's
+ * motion. */
 static void stop_current(const struct effects_span *span, double q_end, double h,
                          const struct effects_mode *mode, const struct effects_state *begin,
                          struct effects_state *end, struct part_events *events)
@@ -184,7 +183,7 @@ static void stop_current(const struct effects_span *span, double q_end, double h
     struct effects_mode next;
     double voltage, stop, rest;
 
-    /* The voltage that drives the current down, and the time at which it is zero */
+    /* The voltage that reduces the current, and the time at which it is zero */
     still.sea.I = 0.0;
     effects_derivative(span->sea, &still, q_end, span->qd, &span->bridge, mode, &rate);
     voltage = L * rate.sea.I;
@@ -195,7 +194,7 @@ static void stop_current(const struct effects_span *span, double q_end, double h
     events->charge = flow_charge(I, voltage, R, L, stop);
     events->heat = voltage * events->charge + 0.5 * L * I * I;
 
-    /* Where it goes from there */
+    /* State after the zero crossing */
     end->sea.I = 0.0;
     next = effects_find_mode(span->sea, end, q_end, span->qd, &span->bridge);
     if (next.flow != 0) {
@@ -213,14 +212,14 @@ static void stop_current(const struct effects_span *span, double q_end, double h
 
 /* ---- accounts ---- */
 
-/* Returns the value in the middle of a part, of the cubic through both ends and their rates. */
+/* Returns the value in the middle of a part of the cubic through both ends and their rates. */
 static double middle_value(double x0, double x1, double rate0, double rate1, double h)
 {
     return 0.5 * (x0 + x1) + 0.125 * h * (rate0 - rate1);
 }
 
-/* Adds weight times the powers to work; friction of the gear and hysteresis are accounted for
- * elsewhere. */
+/* Adds weight times the powers to work, without gear friction and hysteresis, which have other
+ * accounts. */
 static void add_power(const struct effects_span *span, double q, const struct effects_mode *mode,
                       const struct effects_state *state, double weight, struct effects_power *work)
 {
@@ -238,7 +237,7 @@ static void add_power(const struct effects_span *span, double q, const struct ef
     work->spring_damping += weight * power.spring_damping;
 }
 
-/* Adds the works of a current that came to zero in the part. */
+/* Adds the integrals for a current that came to zero in the part. */
 static void account_charge(const struct effects_span *span, const struct effects_mode *mode,
                            const struct part_events *events, double winding_c,
                            struct effects_power *work)
@@ -257,8 +256,8 @@ static void account_charge(const struct effects_span *span, const struct effects
     work->joule += heat;
 }
 
-/* Adds the works of a part by Simpson's rule over the cubic through its ends, or in a part with
- * an event over the line through them; friction's by its force times the way. */
+/* Adds the integrals of a part by Simpson's rule over the cubic through its ends; in a part with
+ * an event, over the line through them. Friction's is its force times the distance. */
 static void account_part(const struct effects_span *span, double q, double h,
                          const struct part_events *events, const struct effects_mode *mode,
                          const struct effects_state *begin, const struct effects_state *end,
@@ -268,7 +267,7 @@ static void account_part(const struct effects_span *span, double q, double h,
     struct effects_state rate0 = {{0}, 0, 0, 0}, rate1 = rate0, middle = *begin;
     struct effects_state from = *begin, to = *end;
 
-    /* A current with an event has its own account; the rest is without it */
+    /* A current with an event has its own account, so the rest excludes it */
     if (events->current) {
         from.sea.I = to.sea.I = 0.0;
         account_charge(span, mode, events, begin->winding_c, work);
@@ -298,7 +297,7 @@ static void account_part(const struct effects_span *span, double q, double h,
     }
 }
 
-/* Advances one part; deflection is that at its begin, and then at its end. */
+/* Advances one part. deflection: at its start; on return, at its end. */
 static void advance_part(const struct effects_span *span, double q, double h, double *deflection,
                          struct effects_state *state, struct effects_power *work)
 {

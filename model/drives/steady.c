@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Solves the balance of torques of a drive at constant speed. */
+/* Solves the torque balance of a drive at constant speed. */
 #include "model/drives/steady.h"
 
 #include "model/drives/effects.h"
 
 #include <math.h>
 
-/* Halvings of an interval, and doublings that look for its end. */
+/* Bisection steps, and doublings to find the end of the interval. */
 enum { HALVINGS = 100, DOUBLINGS = 40 };
 
-/* Returns the torque that is left over: what the motor gives less losses, less the load. */
+/* Returns the motor's torque minus losses and load. */
 static double find_surplus(const struct robot_sea *sea, double motor, double load, double speed,
                            int sense)
 {

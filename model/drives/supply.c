@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Equations and steps of the bus of the bridges. */
+/* Equations and steps of the bridges' bus. */
 #include "model/drives/supply.h"
 
 #include <math.h>
 
-/* Parts of a step, and Newton steps in each: the convergence is quadratic, from a near start. */
+/* Parts of a step, and Newton steps in each; convergence is quadratic from a near start. */
 enum { SUPPLY_PARTS = 16, NEWTON_STEPS = 8 };
 
-/* Returns the current of the source into a bus at V, A; from a rectifier none flows back. */
+/* Returns the current of the source into a bus at V, A; a rectifier blocks reverse current. */
 static double source_current(const struct supply_bus *bus, double source_v, double ohm, double V)
 {
     const double I = (source_v - V) / ohm;
@@ -37,9 +37,9 @@ void supply_switch_chopper(const struct supply_bus *bus, double state[SUPPLY_STA
     }
 }
 
-/* Computes the voltage in the middle of a part of h seconds that begins at V, by Newton's
- * method: the root m of 2 C (m - V) m = h (source - losses) - energy, whose left side is the
- * change of C V^2/2. */
+/* Computes the voltage in the middle of a part of h seconds that begins at V, by Newton's method.
+ * It is the root m of 2 C (m - V) m = h (source - losses) - energy; the left side is the change of
+ * C V^2/2. */
 static double find_middle(const struct supply_bus *bus, double source_v, double ohm, double energy,
                           double h, double V, double conductance)
 {
@@ -71,7 +71,7 @@ void supply_advance(const struct supply_bus *bus, double source_v, double ohm, d
         const double chopper = h * conductance * m * m, loss = h * ohm * I * I;
         const double given = h * source_v * I;
 
-        /* At the least voltage the source gives what the bus lacks */
+        /* At the lowest voltage the source supplies the missing power */
         work[0] += m > 0.5 * (V + SUPPLY_LEAST_V) ? given
                                                   : stored + energy / SUPPLY_PARTS + chopper + loss;
         work[1] += loss;

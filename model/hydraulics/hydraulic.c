@@ -1,19 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Laws of servo valve and cylinder, one at a time. */
+/* Laws of servo valve and cylinder, for one cylinder. */
 #include "model/hydraulics/hydraulic.h"
 
 #include "base/portable_math.h"
 
 #include <math.h>
 
-/* Pressure difference below which the flow of a port is linear in it, Pa (laminar). */
+/* Pressure difference below which the flow of a port is linear (laminar), Pa. */
 #define LAMINAR_PA 1e5
 
-/* Parts of a span, and steps of Newton's method in a stage, of which two or three are the rule. */
+/* Parts of a span, and largest number of Newton steps in a stage; two or three are usual. */
 enum { SPAN_PARTS = 4, NEWTON_STEPS = 20 };
 
-/* Step that ends Newton's method, Pa: each step squares the error over LAMINAR_PA, so that after
- * one as small as this it is rounding. */
+/* Pressure step that ends Newton's method, Pa. Each step squares the error over LAMINAR_PA, so the
+ * error after such a small step is rounding. */
 #define NEWTON_END_PA 1e-2
 
 /* Coefficient of the scheme, 1 - 1/sqrt(2). */
@@ -21,8 +21,8 @@ enum { SPAN_PARTS = 4, NEWTON_STEPS = 20 };
 
 /* ---- geometry, friction ---- */
 
-/* Computes the distance between the cylinder's pins (m) by the law of cosines, and its
- * derivative by the joint's angle, *lever (m/rad). */
+/* Computes the distance between the cylinder's pins (m) by the law of cosines, and its derivative
+ * with respect to the joint's angle, *lever (m/rad). */
 static double find_pin_distance(const struct robot_hydraulic *cylinder, double sine, double cosine,
                                 double *lever)
 {
@@ -58,8 +58,8 @@ double hydraulic_speed_constant(const struct robot_hydraulic *cylinder,
     double lever, out, in;
 
     hydraulic_length(cylinder, 0.5 * (lower + upper), &lever);
-    /* Speeds without load out and in: both ports in series across the supply, with the areas'
-     * ratio */
+    /* Speeds without load in both directions: both ports in series across the supply, with the
+     * areas' ratio */
     out = cylinder->K * sqrt(drop * A1 / cubes);
     in = cylinder->K * sqrt(drop * A2 / cubes);
     return cylinder->valve_v * fabs(lever) / (0.5 * (out + in));
@@ -113,7 +113,8 @@ double hydraulic_torque(const struct robot_hydraulic *cylinder, const double *st
 
 /* ---- chambers and flows ---- */
 
-/* Return the less and the greater of two numbers, without the call that NaN costs in C's. */
+/* Return the smaller and the larger of two numbers; faster than the C functions, which handle
+ * NAN. */
 static inline double take_less(double x, double y)
 {
     return x < y ? x : y;
@@ -124,8 +125,8 @@ static inline double take_more(double x, double y)
     return x > y ? x : y;
 }
 
-/* Computes the volumes of both chambers (m3) at a length between the pins. A joint beyond its
- * stop displaces no volume. */
+/* Computes the volumes of both chambers (m3) for a length between the pins. Motion beyond the
+ * joint's stop does not change them. */
 static void cylinder_volumes(const struct robot_hydraulic *cylinder, double length, double V[2])
 {
     const double x = take_less(take_more(length - cylinder->closed, 0.0), cylinder->stroke);
@@ -134,8 +135,8 @@ static void cylinder_volumes(const struct robot_hydraulic *cylinder, double leng
     V[1] = cylinder->dead + cylinder->A2 * (cylinder->stroke - x);
 }
 
-/* Returns the energy of oil at a pressure, J for each m3: beta (exp(p/beta) - 1) - p, to the
- * third order. */
+/* Returns the energy of oil at a pressure, J per m3: beta (exp(p/beta) - 1) - p, to the third
+ * order. */
 static double oil_energy(double beta, double p)
 {
     return p * p / (2.0 * beta) * (1.0 + p / (3.0 * beta));
@@ -159,15 +160,16 @@ static double orifice_root(double dp, double *slope)
     return dp / quarter;
 }
 
-/* Flows into both chambers: from the valve, past the piston, and out of the return. */
+/* Flows into both chambers: from the valve, past the piston, and from the return. */
 struct chamber_flows {
-    double valve[2], valve_slope[2]; /* against the chamber's own pressure, negative */
+    double valve[2], valve_slope[2]; /* slope against the chamber's own pressure, negative */
     double suction[2], suction_slope[2];
-    double leak, leak_slope; /* from 1 to 2, against their difference */
-    int fed;                 /* the chamber that the supply is open to */
+    double leak, leak_slope; /* from chamber 1 to 2, and its slope against the pressure
+                              * difference */
+    int fed;                 /* the chamber connected to the supply */
 };
 
-/* Computes the flows into both chambers (m3/s) at the pressures p and an opening of the spool. */
+/* Computes the flows into both chambers (m3/s) at the pressures p for an opening of the spool. */
 static void find_chamber_flows(const struct robot_hydraulic *cylinder, double spool,
                                const struct hydraulic_port *port, const double p[2],
                                struct chamber_flows *flows)
@@ -177,8 +179,8 @@ static void find_chamber_flows(const struct robot_hydraulic *cylinder, double sp
     const double suck = cylinder->K / sqrt(LAMINAR_PA);
 
     flows->fed = spool > 0.0 ? 0 : 1;
-    /* One chamber is open to the supply, the other one to the return; either sucks oil back
-     * below the return's pressure */
+    /* One chamber is connected to the supply, the other to the return; either draws oil from the
+     * return if its pressure falls below it */
     for (int i = 0; i < 2; i++) {
         const double from = i == flows->fed ? port->supply : port->back;
         double slope;
@@ -192,7 +194,7 @@ static void find_chamber_flows(const struct robot_hydraulic *cylinder, double sp
     flows->leak = flows->leak_slope * (p[0] - p[1]);
 }
 
-/* Updates the flows to pressures that are a small step further, by their slopes. */
+/* Updates the flows for a small step of the pressures, by their slopes. */
 static void follow_chamber_flows(const double step[2], struct chamber_flows *flows)
 {
     for (int i = 0; i < 2; i++) {
@@ -212,7 +214,7 @@ static void find_hydraulic_power(const struct robot_hydraulic *cylinder,
     const double returned = flows->valve[1 - flows->fed] + flows->suction[0] + flows->suction[1];
     double carried = 0.0, slope;
 
-    /* Oil carries the energy that it has in a chamber in and out */
+    /* Oil carries its energy in and out of a chamber */
     for (int i = 0; i < 2; i++) {
         carried +=
             (p[i] + oil_energy(cylinder->beta, p[i])) * (flows->valve[i] + flows->suction[i]);
@@ -226,7 +228,7 @@ static void find_hydraulic_power(const struct robot_hydraulic *cylinder,
     power->drawn = drawn;
 }
 
-/* Computes the rates of both pressures, Pa/s; V of the chambers, v of the piston. */
+/* Computes the rates of both pressures, Pa/s. V: chamber volumes; v: piston speed. */
 static void find_pressure_rates(const struct robot_hydraulic *cylinder,
                                 const struct chamber_flows *flows, const double V[2], double v,
                                 double rate[2])
@@ -239,19 +241,19 @@ static void find_pressure_rates(const struct robot_hydraulic *cylinder,
 
 /* ---- the spool ---- */
 
-/* Returns the opening that the spool goes to, -1 to 1. */
+/* Returns the target opening of the spool, -1 to 1. */
 static double spool_target(const struct robot_hydraulic *cylinder,
                            const struct hydraulic_port *port)
 {
     return take_more(-1.0, take_less(1.0, port->voltage / cylinder->valve_v + port->shift));
 }
 
-/* The exact motion of the spool in t seconds: a damped oscillation about the target. */
+/* The exact motion of the spool over t seconds: a damped oscillation about the target. */
 struct spool_motion {
-    double M[2][2]; /* of how far it is off, and of its rate */
+    double M[2][2]; /* matrix for (opening - target, rate) */
 };
 
-/* Computes the exact motion of the spool in t seconds (damped oscillator). */
+/* Computes the exact motion of the spool over t seconds (damped oscillator). */
 static struct spool_motion find_spool_motion(const struct robot_hydraulic *cylinder, double t)
 {
     const double zeta = cylinder->valve_damping, decay = zeta * cylinder->valve_w;
@@ -265,7 +267,7 @@ static struct spool_motion find_spool_motion(const struct robot_hydraulic *cylin
          {-shrink * (decay * decay + w * w) / w * sine, shrink * (cosine - decay / w * sine)}}};
 }
 
-/* Advances the spool's opening and rate by such a motion. */
+/* Advances the spool's opening and rate by this motion. */
 static void advance_spool(const struct spool_motion *motion, double target, double *state)
 {
     const double off = state[HYDRAULIC_SPOOL] - target, rate = state[HYDRAULIC_SPOOL_RATE];
@@ -321,12 +323,12 @@ static void solve_two(double M[2][2], const double b[2], double x[2])
     x[1] = (M[0][0] * b[1] - M[1][0] * b[0]) / det;
 }
 
-/* The joint's place in a span: the triangle's angle, the lever and the chambers. */
+/* Geometry at a time in a span: the triangle's angle, the lever and the chambers. */
 struct span_place {
     double sine, cosine, lever, V[2];
 };
 
-/* Rotates the place by an angle, of which sine and cosine are given. */
+/* Rotates the geometry by an angle with this sine and cosine. */
 static void turn_place(const struct robot_hydraulic *cylinder, double sine, double cosine,
                        struct span_place *place)
 {
@@ -338,9 +340,9 @@ static void turn_place(const struct robot_hydraulic *cylinder, double sine, doub
         cylinder, find_pin_distance(cylinder, place->sine, place->cosine, &place->lever), place->V);
 }
 
-/* Solves one stage of h seconds from the pressures base by Newton's method: p becomes those at
- * the stage, flows theirs. bend, the pressures' derivatives against the joint's rate, is
- * advanced along with them. */
+/* Solves one stage of h seconds from the pressures base by Newton's method: fills p and flows at
+ * the stage. Also advances bend, the derivatives of the pressures with respect to the joint's
+ * rate. */
 static void solve_pressure_stage(const struct robot_hydraulic *cylinder,
                                  const struct hydraulic_port *port, const struct span_place *place,
                                  double spool, const double base[2], double h, double p[2],
@@ -363,7 +365,7 @@ static void solve_pressure_stage(const struct robot_hydraulic *cylinder,
             break;
         }
     }
-    /* The flows after the last step; the derivatives by the same matrix */
+    /* The flows after the last step; the derivatives from the same matrix */
     follow_chamber_flows(step, flows);
     begin[0] -= h * cylinder->beta / V[0] * cylinder->A1 * lever;
     begin[1] += h * cylinder->beta / V[1] * cylinder->A2 * lever;
@@ -397,7 +399,7 @@ void hydraulic_advance(const struct robot_hydraulic *cylinder, const struct hydr
     struct span_place place;
     double *p = state + HYDRAULIC_P1, bend[2] = {0.0, 0.0}, sine[2], cosine[2], damping;
 
-    /* The parts are alike, and so are their turns of the joint and the spool's motions */
+    /* All parts have the same length, joint rotation and spool motion */
     portable_sincos(port->q + cylinder->offset, &place.sine, &place.cosine);
     for (int s = 0; s < 2; s++) {
         portable_sincos(ahead[s] * port->qd, &sine[s], &cosine[s]);
@@ -410,7 +412,7 @@ void hydraulic_advance(const struct robot_hydraulic *cylinder, const struct hydr
         struct chamber_flows flows;
 
         for (int s = 0; s < 2; s++) {
-            /* The second stage begins from the first one's slope over the rest of the part */
+            /* The second stage starts from the first stage's slope over the rest of the part */
             for (int i = 0; s == 1 && i < 2; i++) {
                 base[i] = begun[i] + share[0] / share[1] * (p[i] - begun[i]);
                 bend[i] = bent[i] + share[0] / share[1] * (first[i] - bent[i]);
@@ -429,7 +431,7 @@ void hydraulic_advance(const struct robot_hydraulic *cylinder, const struct hydr
             }
         }
     }
-    /* The slope of the torque against the rate: pressures and friction */
+    /* Slope of the torque against the rate: from pressures and friction */
     if (slope) {
         cylinder_friction(cylinder, place.lever * port->qd, &damping);
         *slope = take_less(0.0, place.lever * (cylinder->A1 * bend[0] - cylinder->A2 * bend[1] -
@@ -458,8 +460,8 @@ bool hydraulic_rest_loaded(const struct robot_hydraulic *cylinder,
     hydraulic_length(cylinder, q, &lever);
     force = torque / lever;
     hydraulic_rest(cylinder, s, free);
-    /* Share the force between both chambers; where one pressure reaches its limit the other
-     * takes the rest */
+    /* Shares the force between both chambers; if one pressure reaches its limit, the other takes
+     * the rest */
     p2 = free[HYDRAULIC_P2] - 0.5 * force / cylinder->A2;
     p2 = take_less(take_more(p2, s->back), s->pressure);
     p1 = (force + p2 * cylinder->A2) / cylinder->A1;

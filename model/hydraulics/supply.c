@@ -9,11 +9,11 @@
 /* Exponent of the accumulator's gas, adiabatic nitrogen. */
 #define GAS_EXPONENT 1.4
 
-/* Stiffness of oil in hoses with a little air, Pa: 100,000 psi (Merritt 1967, section 2-4). */
+/* Bulk modulus of oil in hoses with a little air, Pa: 100,000 psi (Merritt 1967, section 2-4). */
 #define LINE_BULK_PA 6.9e8
 
-/* The pump's motor stalls at this multiple of the relief valve's pressure, over the last tenth of
- * which its flow falls to 0 (ours). Only a relief valve that does not open lets it. */
+/* The pump's motor stalls at this multiple of the relief valve's pressure; its flow falls to 0
+ * over the last tenth (our assumption). This happens only if the relief valve does not open. */
 #define STALL_RATIO 1.5
 #define STALL_SHARE 0.1
 
@@ -28,7 +28,7 @@ bool hydraulic_supply_is_empty(const struct robot_hydraulic_supply *s, double pr
     return s->accumulator > 0.0 && pressure <= s->precharge;
 }
 
-/* Returns how fast a flow that is not drawn lifts the pressure, Pa/s. */
+/* Returns the pressure rise per net inflow, Pa/s per m3/s. */
 static double supply_pressure_rate(const struct robot_hydraulic_supply *s, bool empty,
                                    double pressure, double flow)
 {
@@ -36,7 +36,7 @@ static double supply_pressure_rate(const struct robot_hydraulic_supply *s, bool 
                  : flow * GAS_EXPONENT * pressure / gas_volume(s, pressure);
 }
 
-/* Flows of the supply at a pressure, m3/s, and the slope of the net inflow against it, negated. */
+/* Flows of the supply at a pressure, m3/s, and the negated slope of the net inflow against it. */
 struct supply_flows {
     double pump, relief, leak, slope;
 };
@@ -84,7 +84,7 @@ double hydraulic_supply_derive(const struct robot_hydraulic_supply *s,
     }
     flows = find_supply_flows(s, condition, pressure);
     if (pressure <= s->back) {
-        flows.pump = fmax(flows.pump, drawn); /* out of the tank */
+        flows.pump = fmax(flows.pump, drawn); /* from the tank */
     }
     if (power) {
         *power = (struct hydraulic_supply_power){0};
@@ -109,13 +109,13 @@ double hydraulic_supply_advance(const struct robot_hydraulic_supply *s,
     }
     flows = find_supply_flows(s, condition, held);
     account_supply_flows(&flows, held, t, work);
-    /* Linearly implicit Euler step; the flows of an empty one are already those at its end */
+    /* Linearly implicit Euler step; the flows of an empty supply are already those at the end */
     rate = supply_pressure_rate(s, empty, pressure,
                                 flows.pump - flows.relief - flows.leak - drawn / t);
     stiff = empty ? 0.0 : supply_pressure_rate(s, false, pressure, flows.slope);
     end = pressure + t * rate / (1.0 + t * stiff);
 
-    /* Beyond precharge the rest of the volume meets the other stiffness */
+    /* Uses the other stiffness for the volume beyond precharge */
     if (empty != hydraulic_supply_is_empty(s, end)) {
         end = s->precharge + (end - s->precharge) /
                                  supply_pressure_rate(s, empty, s->precharge, 1.0) *

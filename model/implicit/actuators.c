@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Drives and springs in a stage of the implicit integrator: what torque they give at the
- * stage as a function of the joint's acceleration, how they get there, and their accounts.
+ * Drives and springs in a stage of the implicit integrator: their torque at the stage as a function
+ * of the joint's acceleration, their motion through a span, and their accounts.
  *
- * In a stage the joint moves at the rate r = u_base + h a that it has at the stage's end (h that of
- * the stage). The drive is solved exactly for that (model/drives/drive_flow.h), and linear in r:
+ * In a stage of length h, the joint moves at its rate at the stage's end, r = u_base + h a. The
+ * drive is solved exactly for this motion (model/drives/drive_flow.h) and is linear in r:
  *     qm+ = qm + f_qm(r), tau+ = Ks (qm+ - q - h r) + Ds (qm'+ - r) = torque - extra a.
- * A spring at its stop follows another linear law, tau = Ks d + Ds d' + offset with what the stop
- * adds to Ks and Ds: a flow of its own about the deflection d + offset/Ks. Which law holds is
- * decided for the whole of a span, by where the free spring would come to in it.
+ * A spring at its stop has another linear law, tau = Ks d + Ds d' + offset, in which Ks and Ds
+ * include the stop. It has its own flow about the deflection d + offset/Ks. One law holds for a
+ * whole span; the predicted place of the free spring decides which one.
  */
 #include "model/implicit/private.h"
 #include "model/stop.h"
@@ -16,13 +16,13 @@
 #include <math.h>
 #include <string.h>
 
-/* Largest angle that a rotor swings on its spring within a stage, rad, for the flow to be exact. */
+/* Largest angle of a rotor's oscillation on its spring within a stage, rad, for an exact flow. */
 #define SWING_RESOLVED 0.5
 
-/* Parts that a span is divided into for the accounts: two applications of Simpson's rule. */
+/* Parts of a span for the accounts: two applications of Simpson's rule. */
 enum { ACCOUNT_PARTS = 4 };
 
-/* Returns the flow of drive d for a law of its spring, a level of the step and a span. */
+/* Returns the flow of drive d for a spring law, a step level and a span. */
 static const struct drive_flow *drive_flow_of(const struct plant *plant, size_t d,
                                               enum spring_law law, int level,
                                               enum implicit_span span)
@@ -30,10 +30,9 @@ static const struct drive_flow *drive_flow_of(const struct plant *plant, size_t 
     return &plant->implicit->flows[d]->of[law][plant->bridge_on[d]][level][span];
 }
 
-/* Computes the flows of a step of h seconds. Both are exact where the rotor's swing on its
- * spring is resolved; else they are those of the scheme itself, L-stable together with the link:
- * implicit Euler through the stage, and the change up to the base as much again as (1 -
- * gamma)/gamma. */
+/* Computes the flows of a step of h seconds. If the rotor's oscillation on its spring is resolved,
+ * both are exact. Otherwise they belong to the scheme, L-stable together with the link: implicit
+ * Euler through the stage, and that change times (1 - gamma)/gamma up to the base. */
 static void make_step_flows(const struct robot_sea *sea, bool bridge_on, double h,
                             struct drive_flow flow[SPANS])
 {
@@ -71,8 +70,8 @@ static bool drives_flow_alike(const struct robot_sea *a, const struct robot_sea 
            a->stop.stiffness == b->stop.stiffness && a->stop.damping == b->stop.damping;
 }
 
-/* Computes the flows of drive d by its own parameters, or copies those of an earlier one of the
- * same kind: a robot has a few kinds of drives. */
+/* Computes the flows of drive d from its own parameters, or copies them from an earlier drive of
+ * the same kind, since a robot has only a few kinds. */
 static void prepare_sound_flows(struct plant *plant, size_t d)
 {
     const struct robot_joint *joint = plant->config.robot->joint;
@@ -97,8 +96,8 @@ void implicit_prepare_drives(struct plant *plant)
     }
 }
 
-/* Computes the flows of drive d by its changed parameters, or copies those of another drive that
- * have changed alike. */
+/* Computes the flows of drive d from its changed parameters, or copies them from another drive
+ * with the same changes. */
 static void take_changed_flows(struct plant *plant, size_t d)
 {
     struct implicit *im = plant->implicit;
@@ -128,7 +127,8 @@ void implicit_refresh_drive(struct plant *plant, size_t d)
 
 /* ---- drives ---- */
 
-/* Returns where a flow takes a drive whose spring follows law, the joint moving at rate from q. */
+/* Returns the state of a drive after a flow, with its spring following law and the joint moving at
+ * rate from q. */
 static struct sea_state flow_drive(const struct plant *plant, size_t d, enum spring_law law,
                                    const struct drive_flow *flow, const struct sea_state *drive,
                                    double q, double rate)
@@ -136,7 +136,7 @@ static struct sea_state flow_drive(const struct plant *plant, size_t d, enum spr
     const struct robot_sea *sea = &plant->sea[d];
     double shift = 0.0;
 
-    /* The stop's offset, as a shift of the deflection that its stiffness acts on */
+    /* Replaces the stop's offset by an equivalent shift of the deflection */
     if (law == SPRING_PRESSED) {
         shift = copysign(sea->stop.stiffness * sea->deflection / (sea->Ks + sea->stop.stiffness),
                          drive->qm - q);
@@ -144,15 +144,15 @@ static struct sea_state flow_drive(const struct plant *plant, size_t d, enum spr
     return drive_flow_advance(flow, drive, q + shift, rate, plant->voltage[d]);
 }
 
-/* Returns the law that holds in a span: the stop's where the free spring would come to press it,
- * and the stop then pushes and does not pull. */
+/* Returns the spring law of a span: PRESSED if the free spring would reach its stop and the stop
+ * would then push, not pull. */
 static enum spring_law find_spring_law(const struct plant *plant, size_t d, enum implicit_span span,
                                        const struct sea_state *drive, double q, double rate)
 {
     const struct robot_sea *sea = &plant->sea[d];
     const double t = drive_flow_of(plant, d, SPRING_FREE, (int)plant->implicit->level, span)->t;
 
-    /* Far from its stop, which is the rule */
+    /* Usual case: far from its stop */
     if (fabs(drive->qm - q) + t * fabs(drive->qmd - rate) < STOP_NEAR * sea->deflection) {
         return SPRING_FREE;
     }
@@ -184,7 +184,7 @@ void implicit_linearize_drive(struct plant *plant, size_t d)
         return;
     }
 
-    /* Where the drive comes to if the joint keeps its rate */
+    /* Predicted state of the drive if the joint keeps its rate */
     im->law[d] = find_spring_law(plant, d, SPAN_STAGE, &begin, q, rate);
     flow = drive_flow_of(plant, d, im->law[d], (int)im->level, SPAN_STAGE);
     end = flow_drive(plant, d, im->law[d], flow, &begin, q, rate);
@@ -204,8 +204,8 @@ void implicit_linearize_drive(struct plant *plant, size_t d)
     im->extra[j] -= slope * im->stage_h;
 }
 
-/* Returns whether all joints end the stage within their ranges, with the accelerations a or,
- * NULL, at the rates that they have. */
+/* Returns whether all joints end the stage within their ranges, with the accelerations a or, if a
+ * is NULL, at their present rates. */
 static bool joints_stay_within(const struct plant *plant, const double *a)
 {
     const struct implicit *im = plant->implicit;
@@ -215,7 +215,7 @@ static bool joints_stay_within(const struct plant *plant, const double *a)
 
     int outside = 0;
 
-    /* All of them: several at a time are faster than an early end, which hardly ever comes */
+    /* Checks all joints: vectorized, this is faster than an early exit, which is rare */
     for (size_t j = 0; j < njoint; j++) {
         const double end = q[j] + im->stage_h * (a ? rate[j] + im->stage_h * a[j] : rate[j]);
 
@@ -230,7 +230,7 @@ static void linearize_stops(struct plant *plant)
     struct implicit *im = plant->implicit;
     const struct robot *robot = plant->config.robot;
 
-    /* None of them, which is the rule */
+    /* Usual case: no stop is pressed */
     if (!im->stops_acted && joints_stay_within(plant, NULL)) {
         if (!im->stops_rest) {
             memset(im->stop, 0, robot->njoint * sizeof *im->stop);
@@ -306,8 +306,8 @@ void implicit_keep_stops(struct plant *plant, double weight)
     }
 }
 
-/* Adds the passive springs to torque and extra: at the stage's end they press with
- * tau(q + h q', q') - h (D + h K) a. */
+/* Adds the passive springs to torque and extra: at the stage's end their torque is tau(q + h q',
+ * q') - h (D + h K) a. */
 static void linearize_passive(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -349,7 +349,7 @@ void implicit_linearize_actuators(struct plant *plant)
     implicit_linearize_couplings(plant);
 }
 
-/* ---- to the end of a span, and the accounts ---- */
+/* ---- end of a span, and the accounts ---- */
 
 /* Adds weight times the powers of a drive to the accounts. */
 static void account_drive(const struct plant *plant, size_t d, const struct sea_state *drive,
@@ -380,8 +380,8 @@ static void account_span(struct plant *plant, size_t d, enum spring_law law,
     }
 }
 
-/* Raises jump where a spring that was within its room at the step's begin presses its stop in a
- * span: the stop's law holds for all of the span, and pulls until the spring is there. */
+/* Raises jump if a spring that was within its room at the start of the step presses its stop in a
+ * span. The stop's law holds for the whole span and pulls until the spring reaches the stop. */
 static void raise_jump_at_spring(struct plant *plant, size_t d)
 {
     struct implicit *im = plant->implicit;
@@ -439,8 +439,8 @@ void implicit_advance_actuators(struct plant *plant, enum implicit_span span, co
     }
 }
 
-/* Returns the loss of the end stops at the stage that was solved, W, by the torques that moved the
- * joints, and what they store by the state at the stage. */
+/* Returns the loss of the end stops at the solved stage, W, from the torques that moved the
+ * joints. The stored energy is that of the state at the stage. */
 static double stop_power(const struct plant *plant, const double *state)
 {
     const struct implicit *im = plant->implicit;

@@ -1,18 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The bristles of sticking friction in a stage of the implicit integrator. Contact was evaluated
- * with them as the velocities at the point would bend them from the base to the stage; what the
- * velocities at the stage differ by, the tangents take into account in the wrenches, and here in
- * their slope. They never store more than friction has taken from the motion, with the wrenches
- * and velocities of the stage, which move the bodies: a stage's slope leads further than it was
- * found for, where bristles that yield, turn with their patch or are thrown off by an impact would
- * else gain energy from nothing.
+ * with the bristles bent from the base to the stage by the velocities at the point. The tangents
+ * correct the wrenches for the difference between the velocities at the stage and at the point; the
+ * functions here correct the bristles' slope. Bristles never store more energy than friction has
+ * taken from the motion, with the wrenches and velocities of the stage, which move the bodies.
+ * Without this limit they could gain energy, because a stage's slope is used beyond the time for
+ * which it was found: when bristles yield, rotate with their patch, or lose contact in an impact.
  */
 #include "model/implicit/private.h"
 
 #include <math.h>
 
-/* Twice the energy that bent bristles store, J. */
+/* Returns twice the energy stored in bent bristles, J. */
 static double bent_square(const double y[BRISTLE_BENT])
 {
     double square = 0.0;
@@ -23,7 +23,7 @@ static double bent_square(const double y[BRISTLE_BENT])
     return square;
 }
 
-/* Adds the velocity at the pair's center of the body on one side, b counting positive. */
+/* Adds the velocity of the body on one side at the pair's center; b counts positive. */
 static void add_velocity(const struct plant *plant, const struct active_pair *pair, int side,
                          struct spatial *velocity)
 {
@@ -39,7 +39,7 @@ static void add_velocity(const struct plant *plant, const struct active_pair *pa
     }
 }
 
-/* The power that a pair's friction takes from the motion at the stage, W. */
+/* Returns the power that a pair's friction takes from the motion at the stage, W. */
 static double friction_power(const struct plant *plant, const struct contact_tangent *tangent,
                              const struct active_pair *pair)
 {
@@ -49,7 +49,7 @@ static double friction_power(const struct plant *plant, const struct contact_tan
     struct spatial beyond = pair->beyond, velocity = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}}, decrease;
     struct spatial_inertia D;
 
-    /* The velocity at the point, and what the stage's is beyond it */
+    /* The velocity at the point, and the difference of the stage's velocity */
     for (int side = PAIR_A; side <= PAIR_B; side++) {
         if (pair->body[side] >= 0) {
             add_velocity(plant, pair, side, &velocity);
@@ -62,14 +62,15 @@ static double friction_power(const struct plant *plant, const struct contact_tan
         velocity.l[i] += beyond.l[i];
     }
 
-    /* The wrench on b at the point falls by D times that */
+    /* The wrench on b decreases by D times that difference */
     spatial_inertia_unpack(tangent->friction_D, &D);
     spatial_inertia_apply(&D, &beyond, &decrease);
     return vec3_dot(decrease.l, velocity.l) + vec3_dot(decrease.a, velocity.a) -
            vec3_dot(force, velocity.l) - vec3_dot(moment, velocity.a);
 }
 
-/* Bends a pair's bristles, h seconds on, by what the stage's velocities are beyond the point's. */
+/* Bends a pair's bristles over h seconds by the difference between the velocities at the stage and
+ * at the point. */
 static void bend_beyond(const struct contact_tangent *tangent, const struct spatial *beyond,
                         double h, double y[BRISTLE_BENT])
 {

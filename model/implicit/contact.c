@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Contact in a stage of the implicit integrator: the active pairs with their tangents, what they
- * add to the inertias of their bodies, and the wrenches at the stage.
+ * Contact in a stage of the implicit integrator: the active pairs with their tangents, the inertias
+ * that they add to their bodies, and the wrenches at the stage.
  */
 #include "model/implicit/private.h"
 
@@ -11,8 +11,8 @@
 static const char too_many_pairs[] =
     "contact: more pairs are active than the implicit integrator takes";
 
-/* Adds to x what body number side of the pair does at the center when y is its motion: b counts
- * positive, a negative. */
+/* Adds to x the motion at the pair's center that follows from the motion y of the body on one
+ * side; b counts positive, a negative. */
 static void add_relative(const struct plant *plant, const struct active_pair *pair, int side,
                          const struct spatial *y, struct spatial *x)
 {
@@ -27,7 +27,8 @@ static void add_relative(const struct plant *plant, const struct active_pair *pa
     }
 }
 
-/* What twists of the contact bodies mean for b at the center against a. */
+/* Returns the relative motion of b against a at the center from the twists of the contact
+ * bodies. */
 static struct spatial relative_twist(const struct plant *plant, const struct active_pair *pair,
                                      const struct spatial *twist)
 {
@@ -41,8 +42,8 @@ static struct spatial relative_twist(const struct plant *plant, const struct act
     return x;
 }
 
-/* One pair: its matrix to both bodies, and to what acts on them what the matrix takes off again
- * for the acceleration that leads to the point. */
+/* Adds one pair: its matrix to the inertias of both bodies, and to their loads the matrix times
+ * the acceleration that leads to the point, which cancels it there. */
 static void linearize_pair(struct plant *plant, const struct contact_tangent *tangent,
                            struct active_pair *pair)
 {
@@ -51,7 +52,7 @@ static void linearize_pair(struct plant *plant, const struct contact_tangent *ta
     struct spatial back;
     double A[21];
 
-    /* The pair as it is at the point */
+    /* Stores the pair's state at the point */
     pair->index = tangent->pair;
     pair->body[PAIR_A] = tangent->body_a;
     pair->body[PAIR_B] = tangent->body_b;
@@ -65,7 +66,7 @@ static void linearize_pair(struct plant *plant, const struct contact_tangent *ta
     pair->point = relative_twist(plant, pair, im->twist_point);
     spatial_inertia_apply(&pair->A, &pair->point, &back);
 
-    /* Both on the bodies that can move, about their origins; a feels the opposite of b */
+    /* Adds both to the movable bodies, about their origins; a gets the opposite of b */
     for (int side = PAIR_A; side <= PAIR_B; side++) {
         int contact = pair->body[side];
 
@@ -86,7 +87,7 @@ static void linearize_pair(struct plant *plant, const struct contact_tangent *ta
         implicit_moves(plant, pair->body[PAIR_A]) && implicit_moves(plant, pair->body[PAIR_B]);
 }
 
-/* Lists the contact bodies of the active pairs, nothing added to their inertias yet. */
+/* Lists the contact bodies of the active pairs and sets their added inertias to zero. */
 static void list_touched_bodies(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -156,13 +157,13 @@ void implicit_add_contact_inertia(struct plant *plant)
     }
 }
 
-/* Takes the wrench of a pair to the stage, on both of its bodies. */
+/* Computes the wrench of a pair at the stage, on both bodies. */
 static void end_pair(struct plant *plant, struct active_pair *pair)
 {
     struct implicit *im = plant->implicit;
     struct spatial *beyond = &pair->beyond;
 
-    /* By the relative acceleration beyond that which leads to the point it falls by A times that */
+    /* It decreases by A times the relative acceleration in excess of the point's */
     *beyond = relative_twist(plant, pair, im->twist_z);
     for (int i = 0; i < 3; i++) {
         beyond->l[i] -= pair->point.l[i];
@@ -198,7 +199,7 @@ void implicit_end_contact(struct plant *plant)
         end_pair(plant, &im->active[t]);
     }
 
-    /* Their power, with the bodies' velocities at the stage */
+    /* Power of the wrenches, with the bodies' velocities at the stage */
     for (size_t t = 0; t < im->ntouched; t++) {
         int c = im->touched[t];
         const struct body_motion *motion = implicit_motion(plant, c);
@@ -235,8 +236,8 @@ void implicit_gather_wrenches(struct plant *plant)
     }
 }
 
-/* Takes part of a wrench that acts on b of a pair, at its center, off both of its bodies and of the
- * pair itself. */
+/* Subtracts a part of a wrench on b at the pair's center from both bodies and from the pair
+ * itself. */
 static void take_off_pair(struct plant *plant, struct active_pair *pair, double part,
                           const struct spatial *wrench)
 {

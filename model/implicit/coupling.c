@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Joint couplings in a stage of the implicit integrator, by implicit Euler: with h of the stage,
- * e and e' of its base, a the accelerations of the stage and w = +1 on the follower, -m on the
- * leader, a coupling presses with
+ * Joint couplings in a stage of the implicit integrator, by implicit Euler. Let h be the stage's
+ * length, e and e' the error and its rate at the base, a the accelerations of the stage and w = +1
+ * on the follower, -m on the leader. The force of a coupling is
  *   F = K (e + h e') + D e' + h (D + h K) w^T a,
- * however stiff it is. That is a term of rank one beside the tree's own matrix P, which leaves the
- * tree's structure: P is solved once more for each of them (a column P^-1 w), and the forces follow
- * from a system of their number (coupling.h).
+ * for any stiffness. This is a rank-one term added to the tree's matrix P, outside the tree's
+ * structure. So P is solved once more for each coupling (a column P^-1 w), and the forces follow
+ * from a linear system with one row per coupling (model/coupling.h).
  */
 #include "model/coupling.h"
 #include "model/implicit/private.h"
@@ -36,7 +36,7 @@ void implicit_find_columns(struct plant *plant, const double *a)
     const struct dynamics *dynamics = plant->config.dynamics;
     const double *v = im->point + plant->at.v;
 
-    /* What a unit more on the joints makes of the accelerations, beyond those without it */
+    /* Change of the accelerations by a unit load on the joints */
     for (size_t i = 0; i < robot->ncoupling; i++) {
         const struct robot_coupling *coupling = &robot->coupling[i];
         double *follower = &im->torque[coupling->follower], *leader = &im->torque[coupling->leader];
@@ -52,7 +52,7 @@ void implicit_find_columns(struct plant *plant, const double *a)
         add_scaled(-1.0, a, column, robot->nv);
     }
 
-    /* Without a positive pivot the factor is not a number, nor is the state that it leads to */
+    /* Without a positive pivot the factor is NAN, and so is the resulting state */
     coupling_factorize(robot, im->column, im->compliance, im->factor);
 }
 

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Drives with effects in a stage of the implicit integrator. They are taken through its spans by
- * model/drives/effects_flow.h. Their torque on the joint at the stage is linearized where the joint
- * comes to at the rate that the step foretells: with an error of order h^2 in that rate all is of
- * order 2, whatever the slope. The slope is that of spring, hysteresis and stop with the rotor
- * held: an inertia that is never negative, and what keeps stiff springs stable.
+ * Drives with effects in a stage of the implicit integrator. model/drives/effects_flow.h advances
+ * them through its spans. Their torque on the joint at the stage is linearized at the joint's
+ * predicted rate. That rate has an error of order h^2, so the result has order 2 for any slope. The
+ * slope is that of spring, hysteresis and stop with a fixed rotor: an inertia that is never
+ * negative and keeps stiff springs stable.
  */
 #include "model/implicit/private.h"
 
@@ -47,7 +47,7 @@ void implicit_refresh_effects(struct plant *plant, size_t d)
     }
 }
 
-/* Returns what is held over a span of drive d, its joint moving at rate. */
+/* Returns the constants of a span of drive d with its joint moving at rate. */
 static struct effects_span effect_span_of(const struct plant *plant, size_t d,
                                           enum implicit_span span, double rate)
 {

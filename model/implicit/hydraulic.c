@@ -1,18 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Hydraulic joints in a stage of the implicit integrator, as drives with effects are
- * (model/implicit/effects.c): the torque at the stage is linearized where the cylinder comes to at
- * the rate that the step foretells, with its own slope against that rate. The supply's pressure is
- * held over a span and follows by what was drawn in it; that of an empty accumulator, which a drop
- * of oil moves, is found with what is drawn at it.
+ * Hydraulic joints in a stage of the implicit integrator, handled like drives with effects
+ * (model/implicit/effects.c). The torque at the stage is linearized at the cylinder's predicted
+ * place, with the cylinder's own slope against the joint's rate. The supply's pressure is constant
+ * over a span and then follows from the volume drawn. The pressure of an empty accumulator changes
+ * with any small volume, so it is solved together with the volume drawn at it.
  */
 #include "model/implicit/private.h"
 
 #include <math.h>
 #include <string.h>
 
-/* Tolerance of the pressure of an empty supply, and the steps that its solution may take; five
- * or six are the rule. */
+/* Tolerance of the pressure of an empty supply, and largest number of solver steps; five or six
+ * are usual. */
 #define SUPPLY_TOLERANCE_PA 1e3
 enum { SUPPLY_STEPS = 12 };
 
@@ -42,8 +42,8 @@ void implicit_linearize_hydraulics(struct plant *plant)
     }
 }
 
-/* Returns the volume (m3) that the cylinders draw in t seconds of the joints' rates from a
- * supply of that pressure. */
+/* Returns the volume (m3) that the cylinders draw in t seconds at the joints' rates from a supply
+ * with this pressure. */
 static double draw_at_pressure(const struct plant *plant, double supply, double t,
                                const double *rates)
 {
@@ -64,8 +64,7 @@ static double draw_at_pressure(const struct plant *plant, double supply, double 
     return drawn;
 }
 
-/* Returns how far (Pa) the end pressure of an empty supply is above the pressure held that its
- * valves draw at. */
+/* Returns the end pressure of an empty supply minus the pressure held at its valves, Pa. */
 static double supply_excess(const struct plant *plant, double held, double t, const double *rates)
 {
     struct hydraulic_supply_power unused = {0};
@@ -76,9 +75,9 @@ static double supply_excess(const struct plant *plant, double held, double t, co
            held;
 }
 
-/* Returns the pressure at which an empty supply ends (regula falsi, Illinois variant): the
- * higher it is the more is drawn, so that there is one solution between the return's pressure
- * and precharge, or one of these is. */
+/* Returns the end pressure of an empty supply (regula falsi, Illinois variant). A higher pressure
+ * draws more volume, so there is one solution between the return's pressure and precharge, or one
+ * of these bounds is the result. */
 static double solve_empty_supply(const struct plant *plant, double t, const double *rates)
 {
     const struct robot_hydraulic_supply *s = &plant->config.robot->hydraulic_supply;
@@ -86,7 +85,7 @@ static double solve_empty_supply(const struct plant *plant, double t, const doub
     double below = supply_excess(plant, low, t, rates), above;
     int side = 0;
 
-    /* The end is one of the bounds */
+    /* The result is one of the bounds */
     if (below <= 0.0) {
         return low;
     }
@@ -94,8 +93,8 @@ static double solve_empty_supply(const struct plant *plant, double t, const doub
     if (above >= 0.0) {
         return high;
     }
-    /* The secant's root replaces the bound of its sign; a bound that stays twice is weighted by
-     * half */
+    /* The secant's root replaces the bound with its sign; a bound kept twice gets half its
+     * weight */
     for (int k = 0; k < SUPPLY_STEPS; k++) {
         double excess;
 

@@ -9,14 +9,14 @@
  *     u2 = u0 + (1 - gamma) h k1 + gamma h k2     q2 = q0 + (1 - gamma) h u1 + gamma h u2
  *
  * and the step's end is the second stage. Each is an implicit Euler step of gamma h from a base
- * (u0, q0 and what stands before gamma h k2, gamma h u2). docs/integrator.md has the derivation,
- * the stability map and the errors measured.
+ * (u0, q0, or the terms before gamma h k2, gamma h u2). docs/integrator.md has the derivation, the
+ * stability map and the errors measured.
  *
- * Forces at a stage are those at a point near it, linearized there: the point has the rates that
- * the slope of the last step foretells. With an error of order h^2 in the point's rates all that is
- * not stiff, the velocity products and the pose that the mass matrix belongs to, is of order 2
- * without a further pass. The foretelling slope is the smaller of two, or zero where they differ in
- * sign (minmod), so that what a strike leaves behind is not prolonged.
+ * Forces at a stage are those at a point near it, linearized there: the slope of the last step
+ * predicts the point's rates. Their error is of order h^2. So the parts that are not stiff,
+ * velocity products and the pose of the mass matrix, have order 2 without another pass. The
+ * predicting slope is the smaller of two, or zero if their signs differ (minmod), so that an impact
+ * is not extrapolated.
  *
  *   drives      solved exactly for joints that move at a stage's rates (drives/drive_flow.h): on
  *               its joint remain a torque and an inertia; parallel springs likewise by implicit
@@ -56,20 +56,20 @@
 #include <math.h>
 #include <string.h>
 
-/* Changes of a pair's velocity in a stage beyond what was foreseen that divide the step, m/s. */
+/* Unpredicted changes of a pair's velocity in a stage from which the step is divided, m/s. */
 #define JUMP_QUARTER 0.02
 #define JUMP_SIXTEENTH 0.1
 
-/* Angle by which the robot's base turns in a step that divides it, rad: 12 rad/s at 1 ms. */
+/* Rotation of the robot's base in a step from which the step is divided, rad: 12 rad/s at 1 ms. */
 #define TURN_QUARTER 0.012
 
-/* Returns the number nearer to zero, or zero when the signs differ (minmod). */
+/* Returns the number nearer to zero, or zero if the signs differ (minmod). */
 static double smaller_slope(double x, double y)
 {
     return x * y <= 0.0 ? 0.0 : fabs(x) < fabs(y) ? x : y;
 }
 
-/* Adds the power of contact and pushes at the stage that was solved, over weight seconds. */
+/* Adds the power of contact and pushes at the solved stage, over weight seconds. */
 static void account_stage(struct plant *plant, double weight)
 {
     struct implicit *im = plant->implicit;
@@ -78,7 +78,7 @@ static void account_stage(struct plant *plant, double weight)
     im->work[WORK_PUSH] += weight * im->load.push;
 }
 
-/* Solves the first stage: u_1 and slope from the begin; base becomes that of the second. */
+/* Solves the first stage: fills u_1 and slope from the start; base becomes the second stage's. */
 static enum error_code take_first_stage(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -99,14 +99,14 @@ static enum error_code take_first_stage(struct plant *plant)
     memcpy(im->wrench_1, im->wrench, plant->config.ncontact * sizeof *im->wrench_1);
     account_stage(plant, rest);
 
-    /* The joints' powers at the stage itself */
+    /* Powers of the joints at the stage itself */
     memcpy(im->point, im->base, bytes);
     implicit_move(plant, im->u, im->stage_h, im->point);
     implicit_set_rates(plant, im->u, im->point);
     implicit_account_joints(plant, rest, im->point, im->stage_h);
     implicit_keep_stops(plant, rest / im->stage_h);
 
-    /* Where the second stage starts from */
+    /* Base of the second stage */
     implicit_advance_actuators(plant, SPAN_TO_BASE, im->u);
     implicit_move(plant, im->u, rest, im->base);
     implicit_advance_bristles(plant, rest);
@@ -117,7 +117,8 @@ static enum error_code take_first_stage(struct plant *plant)
     return ERROR_NONE;
 }
 
-/* Solves the second stage: state becomes that at the end of the step, trend what it foretells. */
+/* Solves the second stage: state becomes the step's end, trend the prediction for the next
+ * step. */
 static enum error_code take_second_stage(struct plant *plant)
 {
     const double further = (1.0 - IMPLICIT_GAMMA) / IMPLICIT_GAMMA;
@@ -147,7 +148,7 @@ static enum error_code take_second_stage(struct plant *plant)
     return ERROR_NONE;
 }
 
-/* Takes one part of a step, of h seconds. */
+/* Advances by one part of a step, of h seconds. */
 static enum error_code step_part(struct plant *plant, enum implicit_level level, double h)
 {
     struct implicit *im = plant->implicit;
@@ -160,7 +161,7 @@ static enum error_code step_part(struct plant *plant, enum implicit_level level,
     memset(im->work, 0, sizeof im->work);
     memcpy(im->begin, plant->state, plant->at.bristle * sizeof *im->begin);
     implicit_get_rates(plant, im->begin, im->u_begin);
-    /* Both stages, then the constraints and the accounts of the end */
+    /* Both stages, then the constraints and the accounts at the end */
     if ((code = take_first_stage(plant)) || (code = take_second_stage(plant))) {
         return code;
     }
@@ -177,8 +178,8 @@ static enum error_code step_part(struct plant *plant, enum implicit_level level,
     return ERROR_NONE;
 }
 
-/* Returns how finely the step of h seconds that was taken in one piece has to be divided: by what
- * struck in it, and where the base spins, as velocity products of limbs then vary within it. */
+/* Returns how finely a step of h seconds, taken in one piece, must be divided: because of impacts
+ * in it, or because the base spins and the velocity products of the limbs vary within it. */
 static enum implicit_level needed_level(const struct plant *plant, double h)
 {
     const struct implicit *im = plant->implicit;
@@ -204,7 +205,7 @@ enum error_code implicit_step(struct plant *plant, double h)
     enum error_code code;
     int parts;
 
-    /* In one piece, if nothing strikes or spins */
+    /* One piece, if there are no impacts and no spin */
     implicit_hold_lanes(plant);
     memcpy(im->trend_begin, im->trend, bytes);
     code = step_part(plant, LEVEL_WHOLE, h);
@@ -217,7 +218,7 @@ enum error_code implicit_step(struct plant *plant, double h)
         return ERROR_NONE;
     }
 
-    /* Else again in parts, from the state at the begin */
+    /* Otherwise again in parts, from the state at the start */
     parts = level == LEVEL_QUARTER ? 4 : 16;
     plant_return_state(plant);
     memcpy(im->trend, im->trend_begin, bytes);
@@ -259,7 +260,7 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
         return NULL;
     }
 
-    /* How many accelerations and observed bodies there are */
+    /* Numbers of accelerations and observed bodies */
     im->na = robot->nv + FREE_ACCELERATIONS * nfree;
     for (size_t b = 0; b < robot->nbody; b++) {
         im->nobserved += robot->body[b].observed;
@@ -321,13 +322,13 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->ext, robot->nbody);
     TAKE(im->motion, robot->nbody);
 
-    /* The joints' ranges, side by side */
+    /* Ranges of the joints, as arrays */
     for (size_t j = 0; ok && j < robot->njoint; j++) {
         im->lower[j] = robot->joint[j].lower;
         im->upper[j] = robot->joint[j].upper;
     }
 
-    /* Which of the observed bodies each contact body is */
+    /* Index of each contact body among the observed bodies */
     for (size_t c = 0; ok && c < ncontact; c++) {
         for (size_t b = 0; b < robot->nbody && (int)b < plant->config.contact_body[c]; b++) {
             im->number[c] += robot->body[b].observed;

@@ -1,20 +1,21 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The drives of the implicit integrator side by side, two in a vector register: those whose springs
- * stay far from their stops, which is the rule, and that have no effects. Each lane does what
- * model/implicit/actuators.c does with one drive, operation by operation, so that the results are
- * the same to the last bit; drives that are not free go through there.
+ * The drives of the implicit integrator side by side, two per vector register. It handles drives
+ * without effects whose springs stay far from their stops, which is the usual case. Each lane
+ * repeats the operations of model/implicit/actuators.c for one drive, so that results are
+ * bit-identical. All other drives use the functions there.
  *
- * Their flows are kept by lanes, and filled anew when a bridge switches or a condition changes.
+ * The drives' flows are stored by lanes, and filled again when a bridge switches or a condition
+ * changes.
  */
 #include "model/implicit/private.h"
 
 #include <math.h>
 
-/* A bridge state that no drive has: its lane is to be filled. */
+/* A bridge state that no drive has: its lane must be filled. */
 enum { BRIDGE_UNKNOWN = -1 };
 
-/* Returns the drive of a lane; the last one stands in the lanes that are left over. */
+/* Returns the drive of a lane; unused lanes repeat the last drive. */
 static size_t lane_drive(const struct plant *plant, size_t group, int lane)
 {
     const size_t d = DRIVE_LANES * group + (size_t)lane;
@@ -22,13 +23,13 @@ static size_t lane_drive(const struct plant *plant, size_t group, int lane)
     return d < plant->ndrive ? d : plant->ndrive - 1;
 }
 
-/* Returns the number of groups of drives side by side. */
+/* Returns the number of groups of drives. */
 static size_t count_groups(const struct plant *plant)
 {
     return (plant->ndrive + DRIVE_LANES - 1) / DRIVE_LANES;
 }
 
-/* ---- what holds over a step ---- */
+/* ---- constants of a step ---- */
 
 /* Copies a drive's flow into its lane. */
 static void fill_lane_flow(const struct drive_flow *flow, int lane, struct drive_lane_flow *lanes)
@@ -41,8 +42,8 @@ static void fill_lane_flow(const struct drive_flow *flow, int lane, struct drive
     }
 }
 
-/* Fills a drive's lane: its parameters, its flows, and what it adds to the joint's inertia, the
- * slope of its spring's torque against the rate at the stage, times the stage. */
+/* Fills a drive's lane: its parameters, its flows, and the inertia that it adds to the joint (the
+ * slope of its spring's torque against the rate at the stage, times the stage's length). */
 static void fill_lane(const struct plant *plant, size_t d, int lane, struct drive_group *group)
 {
     const struct robot_sea *sea = &plant->sea[d];
@@ -82,7 +83,7 @@ void implicit_hold_lanes(struct plant *plant)
         bool stale = false;
 
         group->V = (drive_lanes){plant->voltage[d[0]], plant->voltage[d[1]]};
-        /* A group is filled anew when a bridge of its drives has switched */
+        /* Fills a group again if a bridge of its drives has switched */
         for (int l = 0; l < DRIVE_LANES; l++) {
             stale |= im->lane_bridge[d[l]] != plant->bridge_on[d[l]];
         }
@@ -101,7 +102,7 @@ struct lane_state {
     drive_lanes qm, qmd, I;
 };
 
-/* Returns the state of a group's drives after a flow, with their joints at rate. */
+/* Returns the state of a group's drives after a flow with their joints at rate. */
 static struct lane_state advance_lanes(const struct drive_group *group,
                                        const struct drive_lane_flow *flow, drive_lanes rate)
 {
@@ -116,8 +117,8 @@ static struct lane_state advance_lanes(const struct drive_group *group,
     return end;
 }
 
-/* Returns a mask of the drives whose springs cannot come to their stops within a span, and that
- * have no effects. */
+/* Returns a mask of the drives without effects whose springs cannot reach their stops within a
+ * span. */
 static drive_lanes_mask find_free_lanes(const struct drive_group *group,
                                         const struct drive_lane_flow *flow, drive_lanes rate)
 {
@@ -160,7 +161,8 @@ void implicit_linearize_drives(struct plant *plant)
         const drive_lanes torque =
             group->Ks * (end.qm - (group->q + h * rate)) + group->Ds * (end.qmd - rate);
 
-        /* Torque of the spring where the drive comes to if the joint keeps its rate, its slope */
+        /* Torque of the spring at the drive's predicted place if the joint keeps its rate, and its
+         * slope */
         group->is_free = find_free_lanes(group, flow, rate);
         for (int l = 0; l < DRIVE_LANES; l++) {
             const size_t j = plant->drive_joint[d[l]];
@@ -189,7 +191,7 @@ void implicit_advance_drives(struct plant *plant, enum implicit_span span, const
         const drive_lanes_mask is_free =
             span == SPAN_STAGE ? group->is_free : find_free_lanes(group, flow, rate);
 
-        /* Drives that are not free, or accounted for, go one by one */
+        /* Other drives, and drives with accounts, are handled one by one */
         for (int l = 0; l < DRIVE_LANES && DRIVE_LANES * g + (size_t)l < plant->ndrive; l++) {
             double *y = im->base + plant_drive_offset(plant, d[l]);
 

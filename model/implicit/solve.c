@@ -1,23 +1,23 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The linear system of a stage of the implicit integrator, (P + C) a = right-hand side: P falls
- * into the robot's tree with its joint couplings and the free bodies and is solved directly; C is
- * what pairs between two moving bodies couple, and takes conjugate gradients (Golub, Van Loan,
+ * The linear system of a stage of the implicit integrator, (P + C) a = right-hand side: P consists
+ * of the robot's tree with its joint couplings, and of the free bodies; it is solved directly. C
+ * couples them by pairs between two moving bodies; it needs conjugate gradients (Golub, Van Loan,
  * Matrix Computations, 11.5) preconditioned by P.
  */
 #include "model/implicit/private.h"
 
 #include <string.h>
 
-/* Bounds of the conjugate gradients: steps, and the part of the first residual that may be left
+/* Limits of the conjugate gradients: number of steps, and residual relative to the first one
  * (squared, in the norm of P^-1). */
 enum { COUPLING_STEPS = 16 };
 #define COUPLING_LEFT 1e-8
 
-/* Iterations of the free bodies' gyroscopic moments. */
+/* Iterations for the gyroscopic moments of free bodies. */
 enum { GYROSCOPIC_PASSES = 3 };
 
-/* Returns the sum of f . x over the contact bodies that are touched. */
+/* Returns the sum of f . x over the touched contact bodies. */
 static double inner_product(const struct implicit *im, const struct spatial *f,
                             const struct spatial *x)
 {
@@ -31,7 +31,7 @@ static double inner_product(const struct implicit *im, const struct spatial *f,
     return sum;
 }
 
-/* Computes y = x + scale y over the contact bodies that are touched. */
+/* Computes y = x + scale y over the touched contact bodies. */
 static void scale_and_add(const struct implicit *im, double scale, const struct spatial *x,
                           struct spatial *y)
 {
@@ -45,9 +45,9 @@ static void scale_and_add(const struct implicit *im, double scale, const struct 
     }
 }
 
-/* Computes Euler's moment of a free body where it leads to: I w' = moment - w x I w with w at
- * the stage, by fixed-point iteration. Each pass reduces the error by the factor h |w|, h that
- * of the stage. */
+/* Computes Euler's moment of a free body at the stage: I w' = moment - w x I w with w at the
+ * stage, by fixed-point iteration. Each pass reduces the error by the factor h |w|, h the stage's
+ * length. */
 static void find_gyroscopic_moment(struct plant *plant, size_t b)
 {
     struct implicit *im = plant->implicit;
@@ -70,8 +70,8 @@ static void find_gyroscopic_moment(struct plant *plant, size_t b)
     }
 }
 
-/* Prepares the free bodies' own systems, in their frames about their centers of mass: Newton's
- * and Euler's laws with the inertias that contact adds. */
+/* Prepares the systems of the free bodies, in their frames about their centers of mass: Newton's
+ * and Euler's laws with the inertias added by contact. */
 static void prepare_free_bodies(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -94,7 +94,7 @@ static void prepare_free_bodies(struct plant *plant)
         vec3_add_cross(ext->force, inertia->com, load->a);
     }
 
-    /* What contact adds, turned and moved there */
+    /* Inertia added by contact, rotated and moved to the center of mass */
     for (size_t t = 0; t < im->ntouched; t++) {
         int c = im->touched[t];
 
@@ -116,7 +116,7 @@ static void prepare_free_bodies(struct plant *plant)
     }
 }
 
-/* Corrects the accelerations of the tree alone to those with its joint couplings. */
+/* Corrects the accelerations of the tree without couplings to those with its joint couplings. */
 static void solve_couplings(struct plant *plant, bool first, double *a)
 {
     if (plant->config.robot->ncoupling > 0) {
@@ -127,8 +127,8 @@ static void solve_couplings(struct plant *plant, bool first, double *a)
     }
 }
 
-/* Solves a = P^-1 (right-hand side + w), with wrenches w on the contact bodies; NULL = none,
- * which has to come first in a stage. */
+/* Solves a = P^-1 (right-hand side + w), with wrenches w on the contact bodies. w NULL means none;
+ * a stage must call it with NULL first. */
 static void solve_uncoupled(struct plant *plant, const struct spatial *w, double *a)
 {
     struct implicit *im = plant->implicit;
@@ -216,8 +216,8 @@ static void add_coupling(struct plant *plant, double scale, const struct spatial
             !implicit_moves(plant, pair->body[PAIR_B])) {
             continue;
         }
-        /* Each side feels the other's acceleration at the pair's center, through the pair's
-         * inertia A */
+        /* Each side gets the other's acceleration at the pair's center, through the pair's inertia
+         * A */
         for (int side = PAIR_A; side <= PAIR_B; side++) {
             int self = pair->body[side], other = pair->body[PAIR_B - side];
             struct spatial at, f;
@@ -232,21 +232,21 @@ static void add_coupling(struct plant *plant, double scale, const struct spatial
     }
 }
 
-/* Computes z = P^-1 r, also as accelerations of the contact bodies; returns their product with
+/* Computes z = P^-1 r, also as accelerations of the contact bodies; returns the product of z and
  * r. */
 static double apply_preconditioner(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
 
-    /* What P^-1 makes of the right-hand side alone comes off again */
+    /* Subtracts the solution for the right-hand side alone */
     solve_uncoupled(plant, im->r, im->z);
     add_scaled(-1.0, im->uncoupled, im->z, im->na);
     implicit_contact_accelerations(plant, im->z, im->twist_z);
     return inner_product(im, im->r, im->twist_z);
 }
 
-/* Corrects im->a from the solution of P to that of P + C, by conjugate gradients. Residuals are
- * wrenches on the contact bodies, as C makes nothing else; so is s = P p, and w = (P + C) p. */
+/* Corrects im->a from the solution of P to that of P + C, by conjugate gradients. Residuals, s = P
+ * p and w = (P + C) p are wrenches on the contact bodies, because C produces only these. */
 static void solve_coupled(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -266,7 +266,7 @@ static void solve_coupled(struct plant *plant)
     for (int step = 0; step < COUPLING_STEPS && rz > COUPLING_LEFT * first; step++) {
         double length, last = rz;
 
-        /* Along p to where the residual is orthogonal to it */
+        /* Step along p to where the residual is orthogonal to p */
         memcpy(im->w, im->s, bytes);
         add_coupling(plant, 1.0, im->twist_p, im->w);
         length = rz / inner_product(im, im->w, im->twist_p);
@@ -280,7 +280,7 @@ static void solve_coupled(struct plant *plant)
             }
         }
 
-        /* The next direction, conjugate to all before */
+        /* The next direction, conjugate to all earlier ones */
         rz = apply_preconditioner(plant);
         for (size_t i = 0; i < im->na; i++) {
             im->p[i] = im->z[i] + rz / last * im->p[i];

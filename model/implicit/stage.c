@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * One stage of the implicit integrator: from a base state and a point near the stage to the rates
- * at the stage, with one evaluation of forces and one linear system; and what moves positions.
+ * at the stage, with one evaluation of forces and one linear system. Also the update of positions.
  */
 #include "base/portable_math.h"
 #include "model/implicit/private.h"
@@ -17,7 +17,7 @@ static size_t free_rate(const struct plant *plant, size_t b, enum free_accelerat
     return plant->config.robot->nv + FREE_ACCELERATIONS * b + (size_t)part;
 }
 
-/* Returns the index of a free body's part in the state. */
+/* Returns the index of a part of a free body's state. */
 static size_t free_state(const struct plant *plant, size_t b, enum plant_free_part part)
 {
     return plant->at.free + PLANT_FREE_STATE * b + (size_t)part;
@@ -99,8 +99,8 @@ void implicit_move(const struct plant *plant, const double *u, double h, double 
 
 /* ---- the stage ---- */
 
-/* Computes the rate of the base's velocity that its frame's rotation alone makes at the point, w
- * x v, in the base frame. */
+/* Computes the rate of the base's velocity components due to the rotation of its frame at the
+ * point, w x v, in the base frame. */
 static void find_base_transport(const struct plant *plant, double transport[3])
 {
     const double *v = plant->implicit->point + plant->at.v;
@@ -108,8 +108,8 @@ static void find_base_transport(const struct plant *plant, double transport[3])
     vec3_cross(v + BASE_V_ANGULAR, v + BASE_V_LINEAR, transport);
 }
 
-/* Computes the point, and the acceleration that leads to it from the base state in the
- * coordinates of a: linear parts in the bodies' frames there, and for the robot's base the
+/* Computes the point, and the acceleration that leads to it from the base state, in the
+ * coordinates of a: linear parts in the bodies' frames at the point; for the robot's base, the
  * derivative in the moving frame. */
 static void find_point(struct plant *plant)
 {
@@ -163,8 +163,8 @@ static void find_slope(struct plant *plant)
     }
 }
 
-/* Returns whether bodies touch, or a joint or the spring of a drive presses its stop: what throws
- * joints. Where nothing strikes, motion is smooth and steps are as long as they are told to be. */
+/* Returns whether bodies touch, or a joint or a drive's spring presses its stop: the causes of
+ * impacts. Without them the motion is smooth, and steps keep their full length. */
 static bool something_strikes(const struct plant *plant)
 {
     const struct implicit *im = plant->implicit;
@@ -176,8 +176,8 @@ static bool something_strikes(const struct plant *plant)
     return strikes;
 }
 
-/* Raises jump for joints whose rates turn out other than at the point, as a body at a lever's end
- * would. */
+/* Raises jump for joints whose rates differ from those at the point, converted to the speed of a
+ * body on a lever. */
 static void raise_jump_at_joints(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -212,10 +212,10 @@ enum error_code implicit_solve_stage(struct plant *plant)
     implicit_linearize_actuators(plant);
     implicit_add_contact_inertia(plant);
 
-    /* Accelerations, and with them contact and rates at the stage */
+    /* Accelerations; then contact and rates at the stage */
     implicit_solve(plant);
     while (!plant->clamped && implicit_revise_stops(plant)) {
-        implicit_solve(plant); /* ends: each joint's stop changes twice at most */
+        implicit_solve(plant); /* terminates: each joint's stop changes at most twice */
     }
     implicit_end_contact(plant);
     raise_jump_at_joints(plant);

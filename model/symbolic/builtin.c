@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The modules that were generated when the program was built. */
+/* The modules generated when the program was built. */
 #include "model/symbolic/symbolic.h"
 
-/* MODULE(NAME_dynamics) for each of them, written by the build */
+/* The build writes MODULE(NAME_dynamics) for each module */
 #define MODULE(function) const struct dynamics_module *function(void);
 #include "dynamics/builtin.inc"
 #undef MODULE

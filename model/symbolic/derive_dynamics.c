@@ -3,10 +3,10 @@
  * Newton-Euler and articulated-body recursions over expressions (Featherstone, Rigid Body Dynamics
  * Algorithms, 2008, tables 5.1 and 7.1), arranged for few operations:
  *
- * - All velocity terms are taken together as the forces that hold the robot on the motion with zero
- *   joint accelerations (Newton-Euler with G = [alpha] + [w][w], force m a + G h, moment
- *   h x a + skew(G K)). What is left is linear in the accelerations: the articulated-body
- *   recursion runs without bias accelerations.
+ * - All velocity terms are combined into the forces of a motion with zero joint accelerations
+ *   (Newton-Euler with G = [alpha] + [w][w], force m a + G h, moment
+ *   h x a + skew(G K)). The rest is linear in the accelerations, so the articulated-body recursion
+ *   needs no bias accelerations.
  * - After a joint is eliminated its own row of the articulated inertia is zero and stays unwritten.
  * - Gravity and -w x v are added to the base's acceleration at the end: a uniform field does not
  *   move the joints of a free robot.
@@ -18,8 +18,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Computes gravity less w x v, in the base's working frame: the rate of the components of the
- * base's linear velocity when nothing else acts. Minus this is the acceleration to start from. */
+/* Computes gravity minus w x v in the base's working frame: the rate of the base's linear velocity
+ * components without other forces. The recursion starts from its negative. */
 static void base_drift(struct derive *d, expr drift[3])
 {
     const struct robot *robot = d->tree->robot;
@@ -93,8 +93,8 @@ static void motion_from_parent(struct derive *d, size_t group)
     derive_vector_down(d, group, state->a);
 }
 
-/* Computes velocity and accelerations from the parents' (Newton-Euler, outward); given adds the
- * joints' own accelerations. */
+/* Computes velocity and accelerations from the parents' (Newton-Euler, outward). given: also adds
+ * the joints' own accelerations. */
 static void motion_outward(struct derive *d, size_t group, bool given)
 {
     struct state *state = &d->state[group];
@@ -102,7 +102,7 @@ static void motion_outward(struct derive *d, size_t group, bool given)
     bool prismatic = derive_first_body(d, group)->prismatic;
 
     motion_from_parent(d, group);
-    /* A sliding joint adds its offset and the Coriolis terms, a turning one its rate */
+    /* A prismatic joint adds its offset and the Coriolis terms, a revolute joint its rate */
     if (prismatic) {
         expr twice = mul(d, graph_const(d->g, 2.0), state->rate);
 
@@ -155,8 +155,8 @@ static void subtract_given_wrench(struct derive *d, size_t group, expr n[3], exp
     }
 }
 
-/* Computes the force and moment that the bodies' own motion needs: f = m a + G h, n = h x a +
- * skew(G K). */
+/* Computes the force and moment for the bodies' own motion: f = m a + G h, n = h x a + skew(G
+ * K). */
 static void body_force(struct derive *d, size_t group, bool ext)
 {
     struct state *state = &d->state[group];
@@ -184,7 +184,7 @@ static void body_force(struct derive *d, size_t group, bool ext)
     }
 }
 
-/* Adds n and f, as they act on the parents, to the parents'. */
+/* Adds n and f to the parents' force and moment, at the parents' origins. */
 static void force_inward(struct derive *d, size_t group, expr n[3], expr f[3])
 {
     const struct tree_body *body = derive_first_body(d, group);
@@ -216,7 +216,7 @@ static void eliminate_joint(struct derive *d, size_t group, struct state *A)
     int own = body->axis + (body->prismatic ? 3 : 0);
     expr U[6], *bias[6], D, invert, tau = derive_signed_input(d, group, DERIVE_TAU, 0);
 
-    /* U, D and the joint's share of the bias force */
+    /* U, D and the joint's component of the bias force */
     for (int m = 0; m < 6; m++) {
         U[m] = *derive_inertia_element(A, own, m);
     }
@@ -233,7 +233,7 @@ static void eliminate_joint(struct derive *d, size_t group, struct state *A)
 
     /* A - U U^T / D, p + U u / D */
     for (int a = 0; a < 6; a++) {
-        /* Without added inertia the joint's own row becomes zero, its own force tau */
+        /* Without added inertia the joint's own row becomes zero and its own force becomes tau */
         bool gone = a == own && !added;
 
         *bias[a] = gone ? tau : add(d, *bias[a], mul(d, U[a], state->x));
@@ -270,7 +270,7 @@ static void inertia_up(struct derive *d, size_t group, struct state *A)
     }
 }
 
-/* Eliminates the group's joints and adds what is left to the parents. */
+/* Eliminates the group's joints and adds the remaining inertia and force to the parents. */
 static void articulated_inward(struct derive *d, size_t group)
 {
     struct state A = d->state[group];
@@ -335,7 +335,8 @@ static void solve_base(struct derive *d)
     }
 }
 
-/* Computes the joints' accelerations and the bodies' from their parents'. Returns the former. */
+/* Computes and returns the joints' accelerations, and computes the bodies' accelerations from
+ * their parents'. */
 static expr acceleration_outward(struct derive *d, size_t group)
 {
     const struct tree_body *body = derive_first_body(d, group);
@@ -345,7 +346,7 @@ static expr acceleration_outward(struct derive *d, size_t group)
     expr r[3], sum = state->x, before, *element[6];
     expr part[3] = {EXPR_ZERO, EXPR_ZERO, EXPR_ZERO};
 
-    /* The parent's, at the body's origin and in its axes */
+    /* The parent's acceleration, at the body's origin and in its axes */
     derive_origin(d, group, r);
     for (int m = 0; m < 3; m++) {
         state->da[m] = derive_from_parent(d, group, STATE(da[0]) + (size_t)m * sizeof(expr));
@@ -363,8 +364,9 @@ static expr acceleration_outward(struct derive *d, size_t group)
         derive_add_cross(d, state->dl, state->da, way);
     }
 
-    /* The joint's: what is left of its force less what the body's acceleration takes already. Three
-     * short sums in place of a long one: the next joint waits for this */
+    /* The joint's acceleration: its remaining force minus the part used by the body's
+     * acceleration. Three short sums instead of a long one, because the next joint waits for the
+     * result */
     for (int m = 0; m < 6; m++) {
         if (m != own || added) {
             add_to(d, &part[m % 3], mul(d, state->ratio[m], *element[m]));
@@ -393,13 +395,14 @@ static void derive_forward(struct derive *d)
     if (floating) {
         derive_base_input(d, DERIVE_V, BASE_V_ANGULAR, base->w);
     }
-    /* A free base's drift is added at the end, except where added inertias must see it: they
-     * resist the rates of v and nothing else. */
+    /* A free base's drift is added at the end. With added inertias it is included from the start,
+     * since they resist only the rates of v. */
     for (int m = 0; (!floating || added) && m < 3; m++) {
         base->a[m] = expr_neg(drift[m]);
     }
 
-    /* Outward: the motion at zero joint accelerations, and what each body needs for it */
+    /* Outward: the motion at zero joint accelerations, and the force that each body needs for
+     * it */
     rate_matrix(d, base);
     for (size_t g = 0; g < ngroup; g++) {
         if (g > 0) {
@@ -437,7 +440,7 @@ static void derive_inverse(struct derive *d)
     struct state *base = &d->state[0];
     expr drift[3];
 
-    /* The base's motion, with its given acceleration */
+    /* The base's motion with its given acceleration */
     base_drift(d, drift);
     for (int m = 0; m < 3; m++) {
         base->a[m] = expr_neg(drift[m]);
@@ -453,7 +456,7 @@ static void derive_inverse(struct derive *d)
         }
     }
 
-    /* Outward: what each body's motion needs; inward: the joints' shares of it */
+    /* Outward: the force that each body's motion needs; inward: the joints' components of it */
     rate_matrix(d, base);
     for (size_t g = 0; g < d->tree->ngroup; g++) {
         if (g > 0) {
@@ -477,7 +480,7 @@ static void derive_inverse(struct derive *d)
 
 /* ---- the derivation ---- */
 
-/* Runs the derivation of d->function. */
+/* Derives the equations of d->function. */
 static void derive_equations(struct derive *d)
 {
     switch (d->function) {
@@ -509,7 +512,7 @@ enum error_code derive(enum derive_function function, const struct tree *tree, b
     enum error_code code = ERROR_NONE;
     int observed = 0;
 
-    /* At most 27 outputs a body: its motion, and 9 of its pose */
+    /* At most 27 outputs per body: its motion, and 9 for its pose */
     memset(out, 0, sizeof *out);
     out->output = calloc(27 * tree->nbody + 12, sizeof *out->output);
     d.state = calloc(tree->ngroup, sizeof *d.state);
@@ -520,7 +523,7 @@ enum error_code derive(enum derive_function function, const struct tree *tree, b
         goto done;
     }
 
-    /* Observed bodies have numbers of their own */
+    /* Numbers the observed bodies */
     for (size_t b = 0; b < tree->nbody; b++) {
         d.observed[b] = tree->body[b].observed ? observed++ : -1;
     }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Expressions of articulated inertias: rigid bodies, turns, shifts. A turn of a 2x2 block costs one
- * number t and four sums, not two matrix products.
+ * Expressions of articulated inertias: rigid bodies, rotations, shifts. The rotation of a 2x2 block
+ * takes one number t and four sums instead of two matrix products.
  */
 #include "model/symbolic/derive_private.h"
 
@@ -106,14 +106,14 @@ expr *derive_inertia_element(struct state *A, int a, int b)
     return a < 3 ? &A->H[a][b - 3] : &A->M[a - 3][b - 3];
 }
 
-/* Transforms the matrix given for an observed body into an inertia in its working frame. */
+/* Transforms the added inertia of an observed body into its working frame. */
 static void given_inertia(struct derive *d, int body, struct state *A)
 {
     const double *align = d->tree->body[body].align;
     int index = 21 * d->observed[body];
     expr in[6][6], half[6][6];
 
-    /* The upper triangle by rows, as struct added_inertia has it */
+    /* The upper triangle by rows, as in struct added_inertia */
     for (int row = 0; row < 6; row++) {
         for (int column = row; column < 6; column++) {
             in[row][column] = in[column][row] = graph_input(d->g, DERIVE_ADDED, 1, &index);
@@ -121,7 +121,7 @@ static void given_inertia(struct derive *d, int body, struct state *A)
         }
     }
 
-    /* Each 3x3 block B becomes align^T B align; the linear rows come first in what is given */
+    /* Each 3x3 block B becomes align^T B align; in the input the linear rows come first */
     for (int row = 0; row < 6; row++) {
         derive_apply_transposed(d, align, in[row], half[row]);
         derive_apply_transposed(d, align, in[row] + 3, half[row] + 3);
@@ -144,7 +144,7 @@ static void given_inertia(struct derive *d, int body, struct state *A)
         }
     }
 
-    /* From the body's origin to that of its working frame */
+    /* From the body's origin to the working frame's origin */
     for (int m = 0; m < 3; m++) {
         derive_shift_inertia(d, m, graph_const(d->g, d->tree->body[body].at[m]), A);
     }

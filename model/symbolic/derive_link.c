@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Expressions of vectors from body to body, joints, inputs and outputs of the derived functions. */
+/* Expressions of vectors between bodies, joints, inputs and outputs of the derived functions. */
 #include "model/symbolic/derive_private.h"
 
 #include "model/spatial.h"
@@ -116,7 +116,7 @@ void derive_to_parent(struct derive *d, size_t group, size_t offset, expr value)
         if (given[start]) {
             continue;
         }
-        /* One child for each lane of the parent; its further children have another turn */
+        /* One child per lane of the parent; further children come in another round */
         for (int l = start; l < lanes->count; l++) {
             int at = lanes->parent_lane[l];
 
@@ -204,8 +204,8 @@ void derive_joint_state(struct derive *d, size_t group)
     if (derive_first_body(d, group)->prismatic) {
         state->d = position;
     } else {
-        /* By the addition theorem: the sum of a large angle and an offset would be rounded to the
-         * angle's last place, 3e-11 rad at 3e5 */
+        /* Uses the addition theorem: the sum of a large angle and an offset would be rounded to
+         * the last place of the angle, 3e-11 rad at 3e5 */
         expr offset = derive_body_const(d, group, BODY(offset));
         expr c = graph_cos(d->g, position), s = graph_sin(d->g, position);
         expr co = graph_cos(d->g, offset), so = graph_sin(d->g, offset);
@@ -237,7 +237,7 @@ void derive_base_rotation(struct derive *d, expr R[3][3])
         body[i][j] = sub(d, ij, wm);
         body[j][i] = add(d, ij, wm);
     }
-    /* The working frame is turned by align against the body's */
+    /* The working frame is rotated by align relative to the body's frame */
     for (int row = 0; row < 3; row++) {
         derive_apply_transposed(d, d->tree->body[0].align, body[row], R[row]);
     }

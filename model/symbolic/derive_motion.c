@@ -20,8 +20,9 @@ static bool factor_is_negative(const struct derive *d, expr factor)
     return (node->value[l] < 0.0) != expr_negative(factor);
 }
 
-/* Keeps what stands behind a constant factor in the pose for velocities and accelerations, or takes
- * it from there. Numbers and places are the same in all of them, as the expressions are. */
+/* Stores the variable factor of x in the pose, for velocities and accelerations, or reads it from
+ * there. Numbers and places are the same in all three functions, because the expressions are the
+ * same. */
 static expr keep_factor(struct derive *d, expr x)
 {
     const struct graph_node *node = d->g->failed ? NULL : graph_get(d->g, x);
@@ -35,8 +36,8 @@ static expr keep_factor(struct derive *d, expr x)
         expr factor = node->operand[0], rest = node->operand[1];
         bool negative = factor_is_negative(d, factor);
 
-        /* The sign goes with what is kept: which of a - b and b - a is the node depends on the
-         * order in which a function made them */
+        /* The sign belongs to the stored factor, because the order of creation decides whether the
+         * node is a - b or b - a */
         factor = negative ? expr_neg(factor) : factor;
         rest = negative != expr_negative(x) ? expr_neg(rest) : rest;
         return mul(d, factor, keep_factor(d, rest));
@@ -54,7 +55,7 @@ static expr keep_factor(struct derive *d, expr x)
     return graph_input(d->g, DERIVE_POSE, node->width, index);
 }
 
-/* Does that for a vector; the energy has no pose. */
+/* Applies keep_factor to a vector; the energy has no pose. */
 static void keep_pose(struct derive *d, expr x[3])
 {
     for (int m = 0; d->function != DERIVE_ENERGY && m < 3; m++) {
@@ -62,7 +63,7 @@ static void keep_pose(struct derive *d, expr x[3])
     }
 }
 
-/* Fills the pose of the base: inputs when it floats, else constants. */
+/* Fills the pose of the base: inputs for a floating base, else constants. */
 static void base_pose(struct derive *d)
 {
     struct state *base = &d->state[0];
@@ -82,7 +83,7 @@ static void base_pose(struct derive *d)
     }
 }
 
-/* Copies the parents' place, velocity and acceleration. */
+/* Copies the parents' pose, velocity and acceleration. */
 static void world_from_parent(struct derive *d, size_t group)
 {
     struct state *state = &d->state[group];
@@ -102,9 +103,9 @@ static void world_from_parent(struct derive *d, size_t group)
     }
 }
 
-/* Adds the parts of the acceleration that arm (from the parent's origin) and the joint along
- * axis make: a += alpha x arm + w x (w x arm), and for a sliding joint 2 w x slide + axis d''. w
- * and alpha are still the parent's. */
+/* Adds the acceleration due to arm (from the parent's origin) and the joint along axis: a += alpha
+ * x arm + w x (w x arm), and for a prismatic joint 2 w x slide + axis d''. w and alpha still
+ * belong to the parent. */
 static void add_acceleration(struct derive *d, size_t group, const expr axis[3], const expr arm[3],
                              const expr slide[3])
 {
@@ -129,7 +130,7 @@ static void add_acceleration(struct derive *d, size_t group, const expr axis[3],
     }
 }
 
-/* Computes place, velocity and (with vdot) classical acceleration in the world frame, from the
+/* Computes pose, velocity and (with vdot) classical acceleration in the world frame from the
  * parents'. */
 static void world_outward(struct derive *d, size_t group, bool accelerations)
 {
@@ -143,7 +144,7 @@ static void world_outward(struct derive *d, size_t group, bool accelerations)
     for (int m = 0; m < 3; m++) {
         derive_vector_down(d, group, state->R[m]);
     }
-    /* The joint's axis in the world; a sliding joint lengthens the arm */
+    /* The joint's axis in the world; a prismatic joint lengthens the arm */
     derive_column_of(state->R, body->axis, axis);
     for (int m = 0; body->prismatic && m < 3; m++) {
         add_to(d, &arm[m], mul(d, axis[m], state->d));
@@ -156,7 +157,7 @@ static void world_outward(struct derive *d, size_t group, bool accelerations)
     if (accelerations) {
         add_acceleration(d, group, axis, arm, slide);
     }
-    /* Velocity and place, after the acceleration, which needs the parent's */
+    /* Velocity and pose, after the acceleration, which uses the parent's */
     derive_add_cross(d, state->v, state->w, arm);
     for (int m = 0; m < 3; m++) {
         add_to(d, &state->p[m], arm[m]);
@@ -204,7 +205,7 @@ static void put_vector(struct derive *d, int index, const expr x[3])
     }
 }
 
-/* Extracts one lane of what describes a body's motion. */
+/* Extracts one lane of a body's motion state. */
 static void lane_state(struct derive *d, const struct state *state, int l, struct state *lane)
 {
     for (int m = 0; m < 3; m++) {
@@ -219,8 +220,8 @@ static void lane_state(struct derive *d, const struct state *state, int l, struc
     }
 }
 
-/* Writes the motion of a body's own frame, moved there from its working frame; velocities leave
- * out where it is. */
+/* Writes the motion of a body's own frame, computed from its working frame; the function for
+ * velocities omits the pose. */
 static void put_motion(struct derive *d, int body, struct state *lane)
 {
     const bool place = d->function == DERIVE_KINEMATICS;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Writes expressions as straight-line C with vector types of GCC and Clang. */
+/* Writes expressions as straight-line C with the vector types of GCC and Clang. */
 #include "model/symbolic/emit.h"
 
 #include "base/array.h"
@@ -10,22 +10,22 @@
 
 enum { TRIG_CHUNK = 8 };
 
-/* Arrays are by node. */
+/* Arrays are indexed by node. */
 struct emission {
     FILE *file;
     const struct graph *graph;
     const struct derivation *derivation;
     const char *name;
     bool reads[DERIVE_ARRAYS];
-    bool keeps; /* it writes a pose */
+    bool keeps; /* the function writes a pose */
     bool *reached;
-    bool *early;  /* it is needed for an angle */
-    int *slot;    /* place of an angle among the angles, or -1 */
+    bool *early;  /* the node is needed for an angle */
+    int *slot;    /* index of an angle among all angles, or -1 */
     int nslot;    /* multiple of TRIG_CHUNK */
-    int *piece;   /* piece in which it is computed */
+    int *piece;   /* piece that computes the node */
     int *last;    /* last piece that uses it */
-    int *scratch; /* its place in the scratch array, or -1 */
-    int *known;   /* the last piece in which it stands in a local */
+    int *scratch; /* index in the scratch array, or -1 */
+    int *known;   /* last piece in which the value is in a local variable */
     int npiece, current;
     int nscratch;
     int memory[];
@@ -57,7 +57,7 @@ static int operand_count(enum graph_op op, int width)
     }
 }
 
-/* Marks the nodes that the outputs need. Operands have lower numbers than what uses them. */
+/* Marks the nodes that the outputs need. Operands have lower numbers than their users. */
 static void mark_reached(struct emission *e)
 {
     for (size_t o = 0; o < e->derivation->count; o++) {
@@ -91,7 +91,7 @@ static const char *vector_type_name(int width)
     return width == 1 ? "double" : width == 2 ? "v2" : "v4";
 }
 
-/* Writes a number so that C reads the same double. */
+/* Writes a number so that C reads back the same double. */
 static void write_number(FILE *file, double value)
 {
     char text[40];
@@ -130,7 +130,7 @@ static void write_operand(const struct emission *e, expr value)
     }
 }
 
-/* Writes a place in an array of doubles as a value of some width. */
+/* Writes an element of an array of doubles as a value of this width. */
 static void write_place(FILE *file, bool reading, int width, const char *array, int at)
 {
     if (width == 1) {
@@ -141,8 +141,8 @@ static void write_place(FILE *file, bool reading, int width, const char *array, 
     }
 }
 
-/* Returns whether the lanes of an input stand side by side, aligned: those of mass properties and
- * of a pose. */
+/* Returns whether the lanes of an input are consecutive and aligned: true for mass properties and
+ * poses. */
 static bool is_row(const struct graph_node *node)
 {
     bool row = node->array == DERIVE_INERTIA ||
@@ -154,7 +154,7 @@ static bool is_row(const struct graph_node *node)
     return row;
 }
 
-/* Writes an element, or one for each lane, of an argument array. */
+/* Writes an element of an argument array, or one element per lane. */
 static void write_input(const struct emission *e, const struct graph_node *node)
 {
     const char *name = array_name[node->array];
@@ -181,7 +181,7 @@ static void write_pack(const struct emission *e, const struct graph_node *node)
     fprintf(e->file, "}");
 }
 
-/* Writes the place of a sine or cosine that was computed at the start. */
+/* Writes the reference to a sine or cosine computed at the start. */
 static void write_trig(const struct emission *e, const struct graph_node *node)
 {
     const char *array = node->op == GRAPH_SIN ? "sine" : "cosine";
@@ -227,7 +227,7 @@ static void write_value(const struct emission *e, const struct graph_node *node)
     }
 }
 
-/* Returns whether a node is cheaper to compute once more than to keep. */
+/* Returns whether a node is cheaper to compute again than to store. */
 static bool is_cheap(const struct emission *e, uint32_t n)
 {
     enum graph_op op = e->graph->node[n].op;
@@ -236,7 +236,7 @@ static bool is_cheap(const struct emission *e, uint32_t n)
            op == GRAPH_LANE;
 }
 
-/* Writes what makes a node's value stand in a local of this piece. */
+/* Writes the code that puts a node's value into a local variable of this piece. */
 static void write_node_value(struct emission *e, uint32_t n)
 {
     const struct graph_node *node = &e->graph->node[n];
@@ -246,13 +246,13 @@ static void write_node_value(struct emission *e, uint32_t n)
         return;
     }
     e->known[n] = e->current;
-    /* Operands first; sines and cosines are ready */
+    /* Operands first; sines and cosines are already computed */
     for (int m = 0; here && m < operand_count(node->op, node->width); m++) {
         if (node->op != GRAPH_SIN && node->op != GRAPH_COS) {
             write_node_value(e, expr_node(node->operand[m]));
         }
     }
-    /* Computed here, or read from where an earlier piece has left it */
+    /* Computes the value here, or reads it from the scratch array */
     fprintf(e->file, "    const %s t%u = ", vector_type_name(node->width), n);
     if (here) {
         write_value(e, node);
@@ -260,7 +260,7 @@ static void write_node_value(struct emission *e, uint32_t n)
         write_place(e->file, true, node->width, "work", e->scratch[n]);
     }
     fprintf(e->file, ";\n");
-    /* Left for later pieces */
+    /* Stores the value for later pieces */
     if (here && e->scratch[n] >= 0) {
         fprintf(e->file, "    ");
         write_place(e->file, false, node->width, "work", e->scratch[n]);
@@ -268,7 +268,7 @@ static void write_node_value(struct emission *e, uint32_t n)
     }
 }
 
-/* Gives every angle a place, wide ones first so that they are aligned. */
+/* Assigns an index to each angle, wide ones first for alignment. */
 static void place_angles(struct emission *e)
 {
     for (int width = GRAPH_LANES; width >= 1; width /= 2) {
@@ -284,7 +284,7 @@ static void place_angles(struct emission *e)
             }
         }
     }
-    /* Whole chunks, for the vector function */
+    /* Pads to whole chunks for the vector function */
     while (e->nslot % TRIG_CHUNK) {
         e->nslot++;
     }
@@ -298,14 +298,13 @@ static void place_angles(struct emission *e)
     }
 }
 
-/* Returns whether a node is computed once, in its piece. */
+/* Returns whether a node is computed once, in its own piece. */
 static bool is_placed(const struct emission *e, uint32_t n)
 {
     return e->reached[n] && e->graph->node[n].op != GRAPH_CONST && !is_cheap(e, n);
 }
 
-/* Cuts the nodes, in the order in which they were made, into pieces of equal length, about
- * longest. */
+/* Cuts the nodes, in order of creation, into pieces of equal length, about `longest`. */
 static void cut_pieces(struct emission *e, int longest)
 {
     int total = 0, count = 0, length;
@@ -320,7 +319,7 @@ static void cut_pieces(struct emission *e, int longest)
     }
 }
 
-/* Notes that a piece needs a node's value. */
+/* Records that a piece needs a node's value. */
 static void note_use(struct emission *e, uint32_t n, int piece)
 {
     const struct graph_node *node = &e->graph->node[n];
@@ -351,8 +350,8 @@ static void find_uses(struct emission *e)
     }
 }
 
-/* Gives places in the scratch array to what later pieces use; a place is free again after the
- * last of them. unused: scratch of this function, by node. */
+/* Assigns scratch indices to values used by later pieces; an index is free again after the last
+ * use. unused: scratch of this function, by node. */
 static void place_scratch(struct emission *e, int *unused)
 {
     for (int width = GRAPH_LANES; width >= 1; width /= 2) {
@@ -392,7 +391,7 @@ static void write_angles(struct emission *e)
             used += width;
         }
     }
-    /* Fill the last chunk, then call the vector function chunk by chunk */
+    /* Fills the last chunk, then calls the vector function for each chunk */
     for (int s = used; s < e->nslot; s++) {
         fprintf(e->file, "    angle[%d] = 0.0;\n", s);
     }
@@ -425,7 +424,7 @@ static void write_piece(struct emission *e, int piece)
     }
 }
 
-/* Writes the arguments with or without their types; inside also those of a piece. */
+/* Writes the arguments with or without types; inside adds those of a piece. */
 static void write_arguments(const struct emission *e, bool types, bool inside)
 {
     const char *input = types ? "const double *restrict " : "";
@@ -447,7 +446,7 @@ static void write_arguments(const struct emission *e, bool types, bool inside)
     fprintf(e->file, "%sout)", types ? "double *restrict " : "");
 }
 
-/* Writes casts of arguments that a piece may not need. */
+/* Writes void casts of arguments that a piece may not use. */
 static void write_unused(const struct emission *e)
 {
     for (int a = 0; a < DERIVE_ARRAYS; a++) {
@@ -464,7 +463,7 @@ void emission_write(struct emission *e, FILE *file)
 {
     e->file = file;
 
-    /* The pieces, each a function, where there is more than one */
+    /* If there are several pieces, each is a function */
     for (int piece = 0; e->npiece > 1 && piece < e->npiece; piece++) {
         fprintf(e->file, "\nTARGET static __attribute__((noinline)) void NAME(%s_%d)(", e->name,
                 piece);
@@ -475,7 +474,7 @@ void emission_write(struct emission *e, FILE *file)
         fprintf(e->file, "}\n");
     }
 
-    /* The function itself: its locals */
+    /* The function itself and its local variables */
     fprintf(e->file, "\nTARGET static void NAME(%s)(", e->name);
     write_arguments(e, true, false);
     fprintf(e->file, "\n{\n");
@@ -490,7 +489,7 @@ void emission_write(struct emission *e, FILE *file)
         fprintf(e->file, "    (void)out;\n");
     }
 
-    /* All angles, then the pieces in their order, or the only one */
+    /* All angles, then the pieces in order */
     write_angles(e);
     for (int piece = 0; e->npiece > 1 && piece < e->npiece; piece++) {
         fprintf(e->file, "    NAME(%s_%d)(", e->name, piece);
@@ -503,7 +502,7 @@ void emission_write(struct emission *e, FILE *file)
     fprintf(e->file, "}\n");
 }
 
-/* Adds the operations of a function to count, lanes each. */
+/* Adds the operations of a function to count; each lane counts. */
 static void count_operations(const struct emission *e, struct symbolic_count *count)
 {
     for (size_t n = 0; n < e->graph->count; n++) {
@@ -547,7 +546,7 @@ enum error_code emission_create(const char *name, const struct graph *graph,
         e->slot[n] = e->last[n] = e->scratch[n] = e->known[n] = -1;
     }
 
-    /* What is needed, where it is computed, and where it waits */
+    /* Finds the needed nodes, their pieces and their scratch indices */
     mark_reached(e);
     place_angles(e);
     cut_pieces(e, longest);
@@ -562,16 +561,16 @@ void emission_destroy(struct emission *e)
     free(e);
 }
 
-/* ---- the fixed text of every file: vector types, sine and cosine ---- */
+/* ---- common text of each file: vector types, sine and cosine ---- */
 
 /*
  * Sine and cosine of 8 lanes. Reduction by n pi/2 after Cody and Waite with pi/2 in 33 + 33 + 53
- * bits: the first two products are exact (n < 2^16), the rounding of the second difference and the
- * third product are carried along as e, at most 2.5e-16. Taylor polynomials on |r| <= pi/4: the
+ * bits: the first two products are exact (n < 2^16), the rounding error of the second difference
+ * and the third product are kept in e, at most 2.5e-16. Taylor polynomials on |r| <= pi/4: the
  * terms left out are below (pi/4)^18/19! = 1.1e-19 of r and (pi/4)^18/18! = 2.1e-18 of 1
- * (alternating series). Beyond 1e5 rad portable_sincos reduces by as many digits of pi as the angle
- * asks for; below, the two give the same bits. Measured against long double up to 1e15 rad: 0.86
- * units of the last place.
+ * (alternating series). Above 1e5 rad, portable_sincos uses as many digits of pi as the angle
+ * needs; below, both functions give the same bits. Measured against long double up to 1e15 rad:
+ * 0.86 units of the last place.
  */
 static const char *const preamble[] = {
     "typedef double v2 __attribute__((vector_size(16), may_alias));",

@@ -1,16 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The generator as a program of the build: [--fix-base POSE] ROBOT.yaml FILE.c NAME, for a
- * module function NAME_dynamics that takes masses as inputs; the base is fixed where it is in the
- * pose.
- * The user's command is coman-hil generate, which itself contains what this program writes.
+ * The generator as a build tool: [--fix-base POSE] ROBOT.yaml FILE.c NAME writes a module with the
+ * function NAME_dynamics that takes masses as inputs. --fix-base fixes the base at its place in the
+ * pose. The users' command is coman-hil generate, which contains the code written by this tool.
  */
 #include "model/symbolic/symbolic.h"
 
 #include <stdio.h>
 #include <string.h>
 
-/* Fixes the base of a robot where it is in one of its poses. */
+/* Fixes the base of a robot at its place in one of the poses. */
 static enum error_code tool_fix_base(struct robot *robot, const char *name, struct error *error)
 {
     for (size_t p = 0; p < robot->npose; p++) {
@@ -50,10 +49,10 @@ int main(int argc, char **argv)
         return 2;
     }
 
-    /* The module is called as the build says, not as the robot is */
+    /* The module gets the name given by the build, not the robot's name */
     named->name = argv[3];
 
-    /* A file that is not complete does not stay */
+    /* Deletes an incomplete file */
     file = fopen(argv[2], "w");
     if (!file) {
         perror(argv[2]);

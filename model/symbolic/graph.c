@@ -48,7 +48,7 @@ static bool graph_is_const(const struct graph *graph, expr e)
     return graph->failed || graph_get(graph, e)->op == GRAPH_CONST;
 }
 
-/* Returns the hash of what identifies a node. */
+/* Returns the hash of the members that identify a node. */
 static uint64_t node_hash(const struct graph_node *node)
 {
     uint64_t hash = HASH_START;
@@ -70,7 +70,7 @@ static bool node_equal(const struct graph_node *a, const struct graph_node *b)
            memcmp(a->value, b->value, sizeof a->value) == 0;
 }
 
-/* Doubles the room for nodes and the hash table. Returns false without memory. */
+/* Doubles the capacity for nodes and the hash table. Returns false without memory. */
 static bool grow_graph(struct graph *graph)
 {
     size_t capacity = 2 * graph->capacity, nbucket = 2 * graph->nbucket;
@@ -82,7 +82,7 @@ static bool grow_graph(struct graph *graph)
     }
     graph->node = node;
     graph->capacity = capacity;
-    /* A new table, and all nodes hashed anew */
+    /* Builds a new table and hashes all nodes again */
     bucket = calloc(nbucket, sizeof *bucket);
     if (!bucket) {
         return false;
@@ -99,7 +99,7 @@ static bool grow_graph(struct graph *graph)
     return true;
 }
 
-/* Returns the node equal to *wanted, new or old (hash-consing). */
+/* Returns the node equal to *wanted, an existing or a new one (hash-consing). */
 static expr intern_node(struct graph *graph, const struct graph_node *wanted)
 {
     size_t slot;
@@ -108,13 +108,13 @@ static expr intern_node(struct graph *graph, const struct graph_node *wanted)
         return EXPR_ZERO;
     }
     slot = node_hash(wanted) % graph->nbucket;
-    /* An equal node is used again */
+    /* Reuses an equal node */
     for (uint32_t i = graph->bucket[slot]; i; i = graph->node[i].next) {
         if (node_equal(&graph->node[i], wanted)) {
             return (expr)i << 1;
         }
     }
-    /* Else a new one is appended */
+    /* Otherwise appends a new node */
     if (graph->count == graph->capacity) {
         if (!grow_graph(graph)) {
             graph->failed = true;
@@ -128,7 +128,7 @@ static expr intern_node(struct graph *graph, const struct graph_node *wanted)
     return (expr)graph->count++ << 1;
 }
 
-/* Returns the node of a op b, as wide as the wider operand. */
+/* Returns the node of a op b, with the width of the wider operand. */
 static expr intern_binary(struct graph *graph, enum graph_op op, expr a, expr b)
 {
     int wa = graph_width(graph, a), wb = graph_width(graph, b);
@@ -204,7 +204,7 @@ expr graph_input(struct graph *graph, int array, int width, const int *index)
     return intern_node(graph, &node);
 }
 
-/* Splits e into constant * rest; the constant is 1 when there is none. */
+/* Splits e into constant * rest; the constant is 1 if there is none. */
 static void split_const(struct graph *graph, expr e, expr *constant, expr *rest)
 {
     const struct graph_node *node = graph_get(graph, e);
@@ -218,7 +218,7 @@ static void split_const(struct graph *graph, expr e, expr *constant, expr *rest)
     }
 }
 
-/* Returns whether e is the square of a sine or cosine, and of which angle. */
+/* Returns whether e is the square of a sine or cosine, and its angle. */
 static bool is_square_of(const struct graph *graph, expr e, enum graph_op op, expr *angle)
 {
     const struct graph_node *node = graph_get(graph, e);
@@ -249,7 +249,7 @@ expr graph_add(struct graph *graph, expr a, expr b)
         return EXPR_ZERO;
     }
 
-    /* Sums that are known: x + 0, x - x, constants, sin^2 + cos^2, c x + d x */
+    /* Simplifies sums: x + 0, x - x, constants, sin^2 + cos^2, c x + d x */
     if (a == EXPR_ZERO || b == EXPR_ZERO) {
         return a == EXPR_ZERO ? b : a;
     }
@@ -268,7 +268,7 @@ expr graph_add(struct graph *graph, expr a, expr b)
         return graph_mul(graph, fold_constants(graph, GRAPH_ADD, ca, cb), ra);
     }
 
-    /* One order, one sign: equal sums are one node */
+    /* Fixed order and sign, so that equal sums are one node */
     if (expr_node(a) > expr_node(b)) {
         expr swap = a;
 
@@ -295,7 +295,7 @@ expr graph_mul(struct graph *graph, expr a, expr b)
         return EXPR_ZERO;
     }
 
-    /* Signs stay outside, constants come first, then the lower number */
+    /* Signs stay outside; constants come first, then the lower number */
     a &= ~1U;
     b &= ~1U;
     if (graph_is_const(graph, a) && graph_is_const(graph, b)) {
@@ -309,7 +309,7 @@ expr graph_mul(struct graph *graph, expr a, expr b)
         b = swap;
     }
 
-    /* Products that are known: 1 x, c (d x) */
+    /* Simplifies products: 1 x, c (d x) */
     if (is_uniform_const(graph, a, 1.0)) {
         return b ^ sign;
     }
@@ -392,7 +392,7 @@ expr graph_lane(struct graph *graph, expr a, int lane)
     if (node->width == 1) {
         return a;
     }
-    /* Lanes that are known without a node of their own */
+    /* Lanes that need no node of their own */
     if (node->op == GRAPH_CONST) {
         return graph_const(graph, const_value(graph, a, lane));
     }
@@ -409,7 +409,7 @@ expr graph_lane(struct graph *graph, expr a, int lane)
     return intern_node(graph, &wanted) ^ (a & 1U);
 }
 
-/* Returns whether the lanes are those of one expression in their order, with one sign. */
+/* Returns whether the lanes are all lanes of one expression, in order and with one sign. */
 static bool is_unpacked(const struct graph *graph, int width, const expr *lane, expr *whole)
 {
     for (int l = 0; l < width; l++) {
@@ -436,7 +436,7 @@ expr graph_pack(struct graph *graph, int width, const expr *lane)
         return EXPR_ZERO;
     }
 
-    /* What the lanes have in common */
+    /* Finds the common property of the lanes */
     for (int l = 0; l < width; l++) {
         const struct graph_node *source = graph_get(graph, lane[l]);
 
@@ -449,7 +449,7 @@ expr graph_pack(struct graph *graph, int width, const expr *lane)
         node.operand[l] = lane[l];
     }
 
-    /* A pack of such lanes is simpler than a pack */
+    /* Moves the common operation out of the pack */
     if (same) {
         return lane[0];
     }

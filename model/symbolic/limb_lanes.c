@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Assigns limbs to lanes. A limb is a run of bodies without a branch. Limbs are bundled when the
- * joints of the shorter turn about the same axes as the first joints of the longer, and when no
- * group would wait for itself: the bundles' groups must still have an order with parents before
- * children.
+ * Assigns limbs to lanes. A limb is a run of bodies without a branch. Two limbs are bundled if the
+ * joints of the shorter one turn about the same axes as the first joints of the longer one. The
+ * groups of all bundles must keep an order with parents before children, so that no group depends
+ * on itself.
  */
 #include "model/symbolic/tree.h"
 
@@ -23,7 +23,7 @@ struct limbs {
     bool *moved; /* scratch, by limb */
 };
 
-/* Returns whether two joints take the same operations, whatever the constants. */
+/* Returns whether two joints need the same operations, for any constants. */
 static bool same_joint(const struct tree_body *a, const struct tree_body *b)
 {
     if (a->prismatic != b->prismatic || a->axis != b->axis || a->nturn != b->nturn) {
@@ -37,7 +37,8 @@ static bool same_joint(const struct tree_body *a, const struct tree_body *b)
     return true;
 }
 
-/* Fills next and limb: a body with one child continues its limb, the base and any other ends it. */
+/* Fills next and limb. A body with one child continues its limb; the base and any other body ends
+ * it. */
 static void find_limbs(struct limbs *limbs)
 {
     const struct tree *tree = limbs->tree;
@@ -59,7 +60,7 @@ static void find_limbs(struct limbs *limbs)
         }
     }
 
-    /* A limb begins where a body is not such a child */
+    /* A limb begins at each body that is not an only child */
     for (int b = 1; b < n; b++) {
         int parent = tree->body[b].parent;
 
@@ -75,7 +76,7 @@ static void find_limbs(struct limbs *limbs)
     }
 }
 
-/* Returns whether the shorter limb's joints match the first ones of the longer. */
+/* Returns whether the shorter limb's joints match the first joints of the longer one. */
 static bool limbs_match(const struct limbs *limbs, const struct limb *a, const struct limb *b)
 {
     int x = a->first, y = b->first;
@@ -109,7 +110,7 @@ static int bundle_members(const struct limbs *limbs, int bundle, int *member)
     return count;
 }
 
-/* Makes the groups of the bundles, in the order of the bundles' numbers; group 0 is the base. */
+/* Makes the groups of the bundles in order; group 0 is the base. */
 static void make_groups(const struct limbs *limbs, struct tree *tree)
 {
     memset(tree->group, 0, tree->nbody * sizeof *tree->group);
@@ -120,7 +121,7 @@ static void make_groups(const struct limbs *limbs, struct tree *tree)
         int member[TREE_LANES], at[TREE_LANES];
         int count = bundle_members(limbs, bundle, member);
 
-        /* Along the limbs side by side, as long as one has a body left */
+        /* Steps along all limbs of the bundle until the longest one ends */
         for (int l = 0; l < count; l++) {
             at[l] = limbs->limb[member[l]].first;
         }
@@ -138,7 +139,7 @@ static void make_groups(const struct limbs *limbs, struct tree *tree)
                 active += at[l] >= 0;
             }
 
-            /* Lanes without a body repeat the first */
+            /* Lanes without a body repeat lane 0 */
             for (int l = count; l < group->width; l++) {
                 group->body[l] = group->body[0];
             }
@@ -147,7 +148,7 @@ static void make_groups(const struct limbs *limbs, struct tree *tree)
         }
     }
 
-    /* Where each lane's parent is */
+    /* Index of each lane's parent */
     for (size_t g = 1; g < tree->ngroup; g++) {
         for (int l = 0; l < tree->group[g].width; l++) {
             int parent = tree->body[tree->group[g].body[l]].parent;
@@ -158,7 +159,7 @@ static void make_groups(const struct limbs *limbs, struct tree *tree)
     }
 }
 
-/* Sorts the groups, parents before children; returns false when there is no such order. sorted
+/* Sorts the groups with parents before children; returns false if there is no such order. sorted
  * and place: scratch. */
 static bool sort_groups(struct tree *tree, struct tree_group *sorted, int *place)
 {
@@ -168,7 +169,7 @@ static bool sort_groups(struct tree *tree, struct tree_group *sorted, int *place
         place[g] = -1;
     }
 
-    /* Round after round takes the groups whose parents are placed */
+    /* Each round adds the groups whose parents are placed */
     while (done < tree->ngroup) {
         size_t before = done;
 
@@ -190,7 +191,7 @@ static bool sort_groups(struct tree *tree, struct tree_group *sorted, int *place
         }
     }
 
-    /* Parents by their new numbers */
+    /* Parents get their new indices */
     for (size_t g = 0; g < tree->ngroup; g++) {
         for (int l = 0; l < sorted[g].width; l++) {
             int parent = sorted[g].parent_group[l];
@@ -215,7 +216,8 @@ static void try_bundle(struct limbs *limbs, struct tree *tree, int lanes, int a,
         return;
     }
 
-    /* Every limb of one has to match every limb of the other, and all must fit */
+    /* Each limb of one bundle must match each limb of the other, and their number must fit the
+     * lanes */
     for (int n = 0; n < limbs->count; n++) {
         bool in_a = limbs->limb[n].bundle == to, in_b = limbs->limb[n].bundle == from;
 
@@ -231,7 +233,7 @@ static void try_bundle(struct limbs *limbs, struct tree *tree, int lanes, int a,
         return;
     }
 
-    /* Join them, and part them again where the groups then have no order */
+    /* Joins them, and separates them again if the groups then have no order */
     for (int n = 0; n < limbs->count; n++) {
         limbs->moved[n] = limbs->limb[n].bundle == from;
         if (limbs->moved[n]) {
@@ -252,7 +254,7 @@ static void try_bundle(struct limbs *limbs, struct tree *tree, int lanes, int a,
 static void bundle_limbs(struct limbs *limbs, struct tree *tree, int lanes,
                          struct tree_group *sorted, int *place)
 {
-    /* Twins of one parent first, then twins anywhere, then those that match in part */
+    /* Equal limbs with one parent first, then equal limbs anywhere, then partial matches */
     for (int round = 0; round < 3; round++) {
         for (int a = 0; a < limbs->count; a++) {
             for (int b = a + 1; b < limbs->count; b++) {

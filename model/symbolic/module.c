@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A generated module behind struct dynamics_ops. */
+/* Wraps a generated module as struct dynamics_ops. */
 #include "model/symbolic/symbolic.h"
 
 #include "base/instruction_set.h"
@@ -15,8 +15,8 @@ _Static_assert(sizeof(struct added_inertia) == 21 * sizeof(double),
 _Static_assert(sizeof(struct body_acceleration) == 6 * sizeof(double),
                "an acceleration is 6 numbers");
 
-/* The work of struct dynamics: the module, the robot's mass properties where they are inputs, and
- * the pose of the last kinematics. */
+/* Working memory of struct dynamics: the module, the robot's mass properties if they are inputs,
+ * and the pose of the last kinematics call. */
 struct generated {
     const struct dynamics_module *module;
     const double *inertia;
@@ -119,8 +119,8 @@ bool dynamics_module_fits(const struct dynamics_module *module, const struct rob
                             : module->robot_hash == robot->hash;
 }
 
-/* Fills in the robot's mass properties as the module wants them: in frames that are chosen by
- * the geometry alone, so found anew here. */
+/* Fills the robot's mass properties in the module's frames. The geometry alone determines these
+ * frames, so they are computed again here. */
 static enum error_code bind_inertia(const struct robot *robot, struct arena *arena,
                                     struct generated *generated, struct error *error)
 {

@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* The module's functions as struct dynamics_module has them. */
+/* The module's functions, in the order of struct dynamics_module. */
 static const char *const function_name[DERIVE_COUNT] = {
     [DERIVE_FORWARD] = "forward_free",      [DERIVE_FORWARD_EXT] = "forward_ext",
     [DERIVE_IMPLICIT] = "forward_implicit", [DERIVE_INVERSE] = "inverse_ext",
@@ -53,7 +53,7 @@ static const char *const module_declaration[] = {
     "#endif",
 };
 
-/* The variants: name, required instruction set, compiler target. The simplest first. */
+/* The variants: name, required instruction set, compiler target; simplest first. */
 static const struct {
     const char *name, *target, *test;
 } variants[] = {
@@ -66,8 +66,8 @@ static const struct {
 
 _Static_assert(INSTRUCTION_SETS == ARRAY_COUNT(variants), "every variant has its place");
 
-/* Operations of a piece of a function. Beyond some thousand, allocating registers and scheduling
- * take a third of the compiler's time; pieces of 500 cost 0.2 % of a tick. */
+/* Operations per piece of a function. For more than some thousand, register allocation and
+ * scheduling take a third of the compiler's time. Pieces of 500 cost 0.2 % of a tick. */
 enum { PIECE = 1500 };
 
 /* State of a generation. */
@@ -102,7 +102,7 @@ void symbolic_symbol(const struct robot *robot, char symbol[SYMBOLIC_SYMBOL])
     memcpy(symbol + n, "_dynamics", sizeof "_dynamics");
 }
 
-/* Writes the comment at the head of the file: what it is, what it costs, and which bodies share
+/* Writes the comment at the head of the file: its content, its cost, and the bodies that share
  * lanes. */
 static void write_header(const struct generation *g)
 {
@@ -121,7 +121,7 @@ static void write_header(const struct generation *g)
             robot->nbody, robot->njoint, robot->floating ? "floating" : "fixed", robot->nv,
             robot->hash, g->inertia_inputs ? "inputs" : "constants");
 
-    /* A row of the table for each function */
+    /* One table row per function */
     for (int f = 0; f < DERIVE_COUNT; f++) {
         const struct symbolic_count *count = &g->report.count[f];
 
@@ -129,7 +129,7 @@ static void write_header(const struct generation *g)
                 count->multiply, count->divide, count->operations, count->sincos);
     }
 
-    /* A row for each group of lanes */
+    /* One row per group of lanes */
     fprintf(g->file, " *\n * Bodies side by side:\n");
     for (size_t n = 0; n < g->tree.ngroup; n++) {
         fprintf(g->file, " *  ");
@@ -148,8 +148,8 @@ static void write_lines(FILE *file, const char *const *line, size_t count)
     }
 }
 
-/* Writes the inclusion of the file by itself for a variant, of which plainer (or none) is the
- * one before. */
+/* Writes code by which the file includes itself for a variant. plainer: the previous variant, or
+ * none. */
 static void write_variant(FILE *file, int variant, int plainer)
 {
     fprintf(file,
@@ -160,7 +160,7 @@ static void write_variant(FILE *file, int variant, int plainer)
             plainer < 0 ? "NULL" : "&module_", plainer < 0 ? "" : variants[plainer].name);
 }
 
-/* Writes the variants, and the function that picks one of them. */
+/* Writes the variants, and the function that selects one. */
 static void write_variants(const struct generation *g)
 {
     write_variant(g->file, INSTRUCTIONS_PLAIN, -1);
@@ -179,7 +179,7 @@ static void write_variants(const struct generation *g)
     fprintf(g->file, "#endif\n    return &module_%s;\n}\n", variants[INSTRUCTIONS_PLAIN].name);
 }
 
-/* Writes the call of a derived function with the arguments that it reads, in the order of its
+/* Writes the call of a derived function with the arguments that it needs, in the order of its
  * signature. */
 static void write_call(const struct generation *g, enum derive_function function, const char *ext)
 {
@@ -194,7 +194,7 @@ static void write_call(const struct generation *g, enum derive_function function
     fprintf(g->file, "%sout);\n", emission_keeps(g->emission[function]) ? "pose, " : "");
 }
 
-/* Writes a function of the module: its parameters, those that it may not use, its call. */
+/* Writes a function of the module: its parameters, casts of those it may not use, and its call. */
 static void write_entry(const struct generation *g, enum derive_function function, const char *name,
                         const enum derive_array *parameter, size_t count)
 {
@@ -214,7 +214,7 @@ static void write_entry(const struct generation *g, enum derive_function functio
             fprintf(g->file, "    (void)%s;\n", emit_array_name(parameter[a]));
         }
     }
-    /* Without external wrenches a cheaper function is called */
+    /* Calls a cheaper function without external wrenches */
     if (function == DERIVE_FORWARD_EXT) {
         fprintf(g->file, "    if (!ext) {\n        ");
         write_call(g, DERIVE_FORWARD, "ext");
@@ -269,7 +269,7 @@ static void write_dynamics_module(const struct generation *g)
             g->derivation[DERIVE_KINEMATICS].npose, g->report.count[DERIVE_FORWARD].operations);
 }
 
-/* Writes the constants that the functions and the table refer to. */
+/* Writes the constants used by the functions and the table. */
 static void write_tables(const struct generation *g)
 {
     const struct robot *robot = g->robot;
@@ -283,7 +283,7 @@ static void write_tables(const struct generation *g)
     }
     fprintf(g->file, "-1};\nstatic const char robot_name[] = \"");
     for (const char *letter = robot->name; *letter; letter++) {
-        /* Octal where C would read something else than the letter */
+        /* Octal escapes for characters that C could interpret */
         if (isalnum((unsigned char)*letter) || strchr(" -_.", *letter)) {
             fputc(*letter, g->file);
         } else {
@@ -293,20 +293,20 @@ static void write_tables(const struct generation *g)
     fprintf(g->file, "\";\n");
 }
 
-/* Writes the whole file, and checks that all of it was written. */
+/* Writes the whole file and checks for write errors. */
 static enum error_code write_file(const struct generation *g, struct error *error)
 {
     write_header(g);
 
     /* GCC's vectorizer of straight-line code fuses products with alternating sums (vfmaddsub) even
-     * where contraction is off, and finds little in code that is in lanes already */
+     * if contraction is off. It also gains little, because the code already uses lanes */
     fprintf(g->file, "#if !defined VARIANT\n"
                      "#include <math.h>\n#include <stddef.h>\n#include <stdint.h>\n\n"
                      "#if defined __clang__\n#pragma STDC FP_CONTRACT OFF\n"
                      "#elif defined __GNUC__\n#pragma GCC optimize(\"fp-contract=off\")\n"
                      "#pragma GCC optimize(\"no-tree-slp-vectorize\")\n"
                      "#endif\n\n");
-    /* Once: declarations and tables; then, for each inclusion, the functions of a variant */
+    /* Declarations and tables once; then, per inclusion, the functions of a variant */
     write_lines(g->file, module_declaration, ARRAY_COUNT(module_declaration));
     fprintf(g->file, "\n");
     emit_preamble(g->file);
@@ -326,8 +326,8 @@ static enum error_code write_file(const struct generation *g, struct error *erro
     return ERROR_NONE;
 }
 
-/* Derives each function's expressions and plans how they are written: in short pieces where
- * there are many. */
+/* Derives the expressions of each function and plans their output; long functions are cut into
+ * pieces. */
 static enum error_code plan_functions(struct generation *g, struct error *error)
 {
     enum error_code code = ERROR_NONE;
@@ -361,7 +361,7 @@ enum error_code symbolic_generate(const struct robot *robot, const struct symbol
     g->file = file;
     symbolic_symbol(robot, g->symbol);
 
-    /* The tree with its lanes, and what is to be written */
+    /* The tree with its lanes, and the plans */
     if ((code = tree_create(robot, g->lanes, &g->tree, error)) ||
         (code = plan_functions(g, error))) {
         goto done;

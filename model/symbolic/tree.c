@@ -8,10 +8,10 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* Rounding error of a rotated unit vector. Smaller components count as zero. */
+/* Rounding error of a rotated unit vector; smaller components count as zero. */
 #define ROUNDING 4e-16
 
-/* Costs by which frames are chosen, in floating-point operations. */
+/* Costs for the choice of frames, in floating-point operations. */
 #define COST_TURN 90.0
 #define COST_SHIFT 35.0
 #define COST_ALIGN 30.0
@@ -25,7 +25,7 @@ struct placement {
     struct tree_turn turn[TREE_TURNS];
 };
 
-/* Sets components of a vector that are nothing but rounding to zero. */
+/* Sets components of a vector that are only rounding errors to zero. */
 static void clean_vector(double x[3])
 {
     double norm = vec3_norm(x);
@@ -58,12 +58,12 @@ static void turn_append(double R[9], const struct tree_turn *turn)
     memcpy(R, product, sizeof product);
 }
 
-/* Finds the fixed turns after which the unit vector a is +-axis, as few as possible. */
+/* Finds the smallest number of fixed turns after which the unit vector a is +-axis. */
 static void find_turns(const double a[3], struct placement *place)
 {
     int k = 0, zero = -1;
 
-    /* The axis that a is nearest to */
+    /* The coordinate axis nearest to a */
     for (int m = 0; m < 3; m++) {
         k = fabs(a[m]) > fabs(a[k]) ? m : k;
         zero = a[m] == 0.0 ? m : zero;
@@ -72,7 +72,7 @@ static void find_turns(const double a[3], struct placement *place)
     place->sign = a[k] < 0.0 ? -1.0 : 1.0;
     place->nturn = 0;
 
-    /* None, one or two turns, by how many components are left across it */
+    /* No, one or two turns, by the number of remaining components across that axis */
     int i = (k + 1) % 3, j = (k + 2) % 3;
     double ai = place->sign * a[i], aj = place->sign * a[j], ak = fabs(a[k]);
     if (ai == 0.0 && aj == 0.0) {
@@ -90,8 +90,8 @@ static void find_turns(const double a[3], struct placement *place)
     }
 }
 
-/* Computes the placement of joint in its parent's working frame, given that frame's alignment
- * and where the parent's origin is in it. */
+/* Computes the placement of joint in its parent's working frame. align and at: alignment of that
+ * frame and the parent's origin in it. */
 static void place_joint(const struct robot_joint *joint, const double align[9], const double at[3],
                         struct placement *place)
 {
@@ -113,8 +113,8 @@ static void place_joint(const struct robot_joint *joint, const double align[9], 
     find_turns(a, place);
 }
 
-/* Computes how far the joint's origin can move so that r has no component along the axis, or
- * none at all. */
+/* Computes how far the joint's origin can move so that r has no component along the axis, or is
+ * zero. */
 static void free_origin(const struct placement *place, bool prismatic, double moved[3])
 {
     memset(moved, 0, 3 * sizeof *moved);
@@ -125,7 +125,7 @@ static void free_origin(const struct placement *place, bool prismatic, double mo
     }
 }
 
-/* Returns the cost of a placement, with the origin where the shift is shortest. */
+/* Returns the cost of a placement with the origin at the shortest shift. */
 static double placement_cost(const struct placement *place, bool prismatic)
 {
     double cost = COST_TURN * place->nturn, moved[3];
@@ -137,7 +137,7 @@ static double placement_cost(const struct placement *place, bool prismatic)
     return cost;
 }
 
-/* Returns the cost of the children of body b with its working frame and origin. */
+/* Returns the cost of the children of body b for its working frame and origin. */
 static double children_cost(const struct robot *robot, size_t b, const double align[9],
                             const double at[3])
 {
@@ -154,7 +154,7 @@ static double children_cost(const struct robot *robot, size_t b, const double al
     return cost;
 }
 
-/* Cleans the rows of a rotation of rounding residues. */
+/* Removes rounding errors from the rows of a rotation. */
 static void clean_rotation(double R[9])
 {
     for (int m = 0; m < 9; m++) {
@@ -166,8 +166,8 @@ static void clean_rotation(double R[9])
     }
 }
 
-/* Chooses the working frame of the base: its own, or one in which a child's axis is a coordinate
- * axis. */
+/* Chooses the working frame of the base: its own frame, or one in which a child's axis is a
+ * coordinate axis. */
 static void choose_base_frame(const struct robot *robot, struct tree_body *base)
 {
     double best;
@@ -199,7 +199,7 @@ static void choose_base_frame(const struct robot *robot, struct tree_body *base)
     base->aligned = mat3_is_identity(base->align);
 }
 
-/* Returns the angle about axis k that brings the part of x across the axis onto a coordinate
+/* Returns the angle about axis k that rotates the component of x across the axis onto a coordinate
  * axis. */
 static double angle_to_axis(int k, const double x[3])
 {
@@ -208,7 +208,7 @@ static double angle_to_axis(int k, const double x[3])
     return angle - M_PI_2 * round(angle / M_PI_2);
 }
 
-/* Chooses a revolute joint's zero for the sake of the body's children. align is the working
+/* Chooses the zero of a revolute joint to reduce the cost of the body's children. align: working
  * frame for offset 0. */
 static void choose_offset(const struct robot *robot, size_t b, struct tree_body *body)
 {
@@ -223,7 +223,7 @@ static void choose_offset(const struct robot *robot, size_t b, struct tree_body 
         if (robot->body[c].parent != (int)b) {
             continue;
         }
-        /* Two candidates a child: its axis or its origin comes onto a coordinate axis */
+        /* Two candidates per child: its axis or its origin on a coordinate axis */
         mat3_apply(robot->joint[c - 1].rotation, robot->joint[c - 1].axis, in_parent);
         mat3_apply_transposed(start, in_parent, across[0]);
         mat3_apply_transposed(start, robot->joint[c - 1].origin, across[1]);
@@ -250,8 +250,8 @@ static void choose_offset(const struct robot *robot, size_t b, struct tree_body 
     }
 }
 
-/* Returns the cost of the body's origin when it stands by moved (in the axes that r is given in)
- * away from the robot's; at is the same in the body's axes. */
+/* Returns the cost with the body's origin displaced by moved (in the axes of r) from the robot's
+ * origin; at: the same vector in the body's axes. */
 static double origin_cost(const struct robot *robot, size_t b, const struct placement *place,
                           const struct tree_body *body, const double moved[3], double at[3])
 {
@@ -272,9 +272,9 @@ static double origin_cost(const struct robot *robot, size_t b, const struct plac
     return cost + children_cost(robot, b, body->align, at);
 }
 
-/* Chooses the origin, which may stand anywhere on a turning joint's axis, and anywhere at all on
- * a sliding body: where the body has it, where the shift from the parent is shortest, or where
- * the shift to a child is. */
+/* Chooses the origin, which is free along a revolute joint's axis and anywhere on a prismatic
+ * joint's body. Candidates: the body's own origin, and the shortest shifts from the parent and to
+ * each child. */
 static void choose_origin(const struct robot *robot, size_t b, const struct placement *place,
                           struct tree_body *body)
 {
@@ -284,7 +284,7 @@ static void choose_origin(const struct robot *robot, size_t b, const struct plac
     memcpy(body->r, place->r, sizeof body->r);
     best = origin_cost(robot, b, place, body, zero, at);
     for (size_t c = b; c < robot->nbody; c++) {
-        /* By how much the candidate moves the origin */
+        /* Displacement of the origin for this candidate */
         if (c == b) {
             free_origin(place, body->prismatic, moved);
         } else if (robot->body[c].parent == (int)b && !body->prismatic && place->nturn == 0) {
@@ -297,7 +297,7 @@ static void choose_origin(const struct robot *robot, size_t b, const struct plac
             continue;
         }
 
-        /* The best so far, if it saves more than rounding */
+        /* Keeps the best candidate, if it saves more than rounding */
         cost = origin_cost(robot, b, place, body, moved, at);
         if (cost < best - 1.0) {
             best = cost;
@@ -336,7 +336,7 @@ static void set_inertia(const struct robot_inertia *inertia, struct tree_body *b
     }
 }
 
-/* Chooses the working frame of a body, with its origin and the zero of its joint. */
+/* Chooses the working frame of a body: its origin and the zero of its joint. */
 static void set_body(const struct robot *robot, size_t b, struct tree *tree)
 {
     const struct robot_joint *joint = &robot->joint[b - 1];
@@ -352,7 +352,7 @@ static void set_body(const struct robot *robot, size_t b, struct tree *tree)
     body->nturn = place.nturn;
     memcpy(body->turn, place.turn, sizeof body->turn);
 
-    /* align = R^T align(parent) turns: the joint turns nothing at q = 0 */
+    /* align = R^T align(parent) turns: the joint has no rotation at q = 0 */
     mat3_transpose(joint->rotation, transposed);
     mat3_mul(transposed, parent->align, align);
     for (int n = 0; n < place.nturn; n++) {
@@ -361,7 +361,7 @@ static void set_body(const struct robot *robot, size_t b, struct tree *tree)
     clean_rotation(align);
     memcpy(body->align, align, sizeof align);
 
-    /* Origin and zero are free: where they make the children cheap */
+    /* Chooses the free origin and zero so that the children are cheap */
     choose_origin(robot, b, &place, body);
     if (!body->prismatic) {
         choose_offset(robot, b, body);
@@ -379,7 +379,7 @@ static void add_outer(double K[6], double factor, const double x[3], const doubl
     }
 }
 
-/* Moves mass properties to the parent that move as well with it. */
+/* Moves mass properties to the parent if they move with it equally well. */
 static void lump_into_parent(struct tree_body *child, struct tree_body *parent)
 {
     int k = child->axis, kk = sym3_index[k][k];
@@ -389,7 +389,7 @@ static void lump_into_parent(struct tree_body *child, struct tree_body *parent)
     for (int n = 0; n < child->nturn; n++) {
         turn_append(C, &child->turn[n]);
     }
-    /* A sliding body turns with its parent: all of K moves */
+    /* A prismatic joint's body has the parent's rotation: all of K moves */
     if (child->prismatic) {
         sym3_rotate(C, child->K);
         for (int m = 0; m < 6; m++) {
@@ -398,7 +398,7 @@ static void lump_into_parent(struct tree_body *child, struct tree_body *parent)
         }
         return;
     }
-    /* Mass along a turning joint's axis: m, h_k and K_kk move */
+    /* Mass along a revolute joint's axis: m, h_k and K_kk move */
     for (int m = 0; m < 3; m++) {
         a[m] = C[3 * m + k];
         parent->h[m] += child->h[k] * a[m] + child->mass * child->r[m];
@@ -410,7 +410,7 @@ static void lump_into_parent(struct tree_body *child, struct tree_body *parent)
     child->mass = child->h[k] = child->K[kk] = 0.0;
 }
 
-/* Returns whether lump_into_parent leaves nothing of a body's mass property. */
+/* Returns whether lump_into_parent removes a mass property of a body completely. */
 static bool is_lumped(const struct tree_body *body, int property)
 {
     int k = body->axis;
@@ -423,7 +423,7 @@ static bool is_lumped(const struct tree_body *body, int property)
                                  property == TREE_K + sym3_index[k][k];
 }
 
-/* Gives the groups' mass properties their places. */
+/* Assigns array indices to the groups' mass properties. */
 static void place_inertia(struct tree *tree)
 {
     tree->ninertia = 0;
@@ -456,7 +456,7 @@ enum error_code tree_create(const struct robot *robot, int lanes, struct tree *t
         return error_set(error, ERROR_MEMORY, "no memory for a tree of %zu bodies", robot->nbody);
     }
 
-    /* Working frames from the base outward, then inertias lumped inward */
+    /* Computes working frames from the base outward, then lumps inertias inward */
     for (size_t b = 0; b < robot->nbody; b++) {
         struct tree_body *body = &tree->body[b];
 
