@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Creates the parts of a simulator from its configuration, each from those before it. */
+/* Creates the parts of a simulator from its configuration; each part uses earlier ones. */
 #include "base/array.h"
 #include "base/ring.h"
 #include "canbus/replay_port.h"
@@ -57,7 +57,7 @@ static enum error_code simulator_create_buses(struct simulator *simulator, char 
     if (!simulator->buses.local) {
         buses_claim(&simulator->buses, notice);
     }
-    /* Nobody outside this process can send a STEP on a local bus */
+    /* No other process can send a STEP on a local bus */
     if (simulator->buses.local && config->clock == LOOP_CLOCK_LOCKSTEP && !guests &&
         !config->stimulus) {
         return error_set(
@@ -70,7 +70,7 @@ static enum error_code simulator_create_buses(struct simulator *simulator, char 
                         simulator->buses.state, &interface_kernel);
     }
 
-    /* The boards join first: participants are numbered in the order in which they join */
+    /* The boards join first, because participants are numbered in order of joining */
     code = buses_join_boards(&simulator->buses, simulator->arena, &simulator->ports, error);
     if (!code && config->task) {
         code = buses_join(&simulator->buses, simulator->arena, &simulator->task_ports, error);
@@ -83,8 +83,8 @@ static enum error_code simulator_create_buses(struct simulator *simulator, char 
 
 /* ---- a recorded controller ---- */
 
-/* Reads the frames of a recorded controller, which no checkpoint has to hold: before all that
- * changes in virtual time. The length of the log is the default length of the run. */
+/* Reads the frames of a recorded controller. They are constant, so they are placed before the
+ * memory that checkpoints save. The length of the log is the default length of the run. */
 static enum error_code simulator_load_stimulus(struct simulator *simulator, struct error *error)
 {
     struct simulator_config *config = &simulator->config;
@@ -108,8 +108,8 @@ static enum error_code simulator_load_stimulus(struct simulator *simulator, stru
     return code;
 }
 
-/* Puts the recorded frames in front of what the boards receive, behind the fault ports: the
- * faults have acted on these frames already. */
+/* Inserts the recorded frames before the frames that the boards receive, behind the fault ports,
+ * because the faults have already acted on these frames. */
 static enum error_code simulator_play_stimulus(struct simulator *simulator, struct error *error)
 {
     enum error_code code = ERROR_NONE;
@@ -145,7 +145,7 @@ static int64_t simulator_wall_time_ns(void *clock)
     return clock_now(clock);
 }
 
-/* Clamps the robot as the rig says, puts it into its pose and lets it settle. */
+/* Clamps the robot if the rig says so, sets its pose, and settles it. */
 static enum error_code simulator_place_robot(struct simulator *simulator, struct error *error)
 {
     const struct rig *rig = simulator->config.rig;
@@ -209,8 +209,8 @@ static enum error_code simulator_create_plant(struct simulator *simulator, struc
 
 /* ---- faults, sensors, boards ---- */
 
-/* Creates the table of faults and their injection, which may put fault ports in front of the
- * boards' ports. */
+/* Creates the table of faults and their injection, which may insert fault ports before the boards'
+ * ports. */
 static enum error_code simulator_create_faults(struct simulator *simulator, struct error *error)
 {
     const struct simulator_config *config = &simulator->config;
@@ -239,7 +239,7 @@ static enum error_code simulator_create_faults(struct simulator *simulator, stru
         return code;
     }
 
-    /* Faults that begin at time 0 already disturb the first sample */
+    /* Faults that begin at time 0 already affect the first sample */
     fault_injection_step(simulator->injection, 0);
     return ERROR_NONE;
 }
@@ -257,7 +257,7 @@ static enum error_code simulator_create_sensing(struct simulator *simulator, str
         return code;
     }
 
-    /* The boards have measured values before the first tick */
+    /* The boards need measured values before the first tick */
     simulator->measured = sensing_sample(simulator->sensing, plant_time_ns(simulator->plant),
                                          plant_sensors(simulator->plant));
     return ERROR_NONE;
@@ -271,8 +271,8 @@ static void simulator_restart_counter(void *context, int joint)
     sensing_restart_counter(simulator->sensing, (size_t)joint);
 }
 
-/* Creates the boards with their first measured values, the bounds of what they send in a tick, the
- * listener to external boards, and the watch over limits, stops and falls. */
+/* Creates the boards with their first measured values, the limits of what they send in a tick, the
+ * listener to external boards, and the watch for limits, stops and falls. */
 static enum error_code simulator_create_boards(struct simulator *simulator, struct error *error)
 {
     const struct rig *rig = simulator->config.rig;
@@ -305,7 +305,7 @@ static enum error_code simulator_create_boards(struct simulator *simulator, stru
 
 /* ---- the other side: task, requests, gateway ---- */
 
-/* Creates the task, inline in the loop's thread or with a clock for a thread of its own. */
+/* Creates the task: inline in the loop's thread, or with a clock for its own thread. */
 static enum error_code simulator_create_task(struct simulator *simulator, struct error *error)
 {
     const struct simulator_config *config = &simulator->config;
@@ -317,7 +317,7 @@ static enum error_code simulator_create_task(struct simulator *simulator, struct
         return ERROR_NONE;
     }
 
-    /* With the real clock the task has a thread, and a clock that follows the simulator's speed */
+    /* With the real clock the task has a thread, whose clock follows the simulator's speed */
     simulator->task_inline = config->clock != LOOP_CLOCK_REAL;
     if (config->requests && !simulator->task_inline) {
         code = pace_create(simulator->time, simulator->arena, &simulator->pace, error);
@@ -330,7 +330,7 @@ static enum error_code simulator_create_task(struct simulator *simulator, struct
                               simulator->task_ports.port, config->clock == LOOP_CLOCK_LOCKSTEP,
                               time, simulator->arena, &simulator->task, error);
 
-    /* An inline task goes back in time with everything else */
+    /* An inline task is part of checkpoints */
     if (simulator->task_inline) {
         simulator->moves_to = simulator->arena->used;
     }
@@ -346,7 +346,7 @@ static void simulator_set_task_pace(void *context, double speed, bool paused)
     pace_set(simulator->pace, paused ? 0.0 : speed);
 }
 
-/* Creates what carries out requests, with the spans of memory that a checkpoint saves. */
+/* Creates the executor of requests, with the memory spans that a checkpoint saves. */
 static enum error_code simulator_create_requests(struct simulator *simulator, struct error *error)
 {
     struct task_runner *task = simulator->task_inline ? simulator->task : NULL;
@@ -356,7 +356,7 @@ static enum error_code simulator_create_requests(struct simulator *simulator, st
          simulator->moves_to - simulator->moves_from},
         {&simulator->release, sizeof simulator->release},
     };
-    /* except what other threads read or write in it meanwhile */
+    /* except memory that other threads read or write meanwhile */
     const struct ring *events = watch_event_ring(simulator->watch);
     const struct span hole[] = {
         {(void *)(uintptr_t)events, sizeof *events},
@@ -390,7 +390,7 @@ static enum error_code simulator_create_requests(struct simulator *simulator, st
                : ERROR_NONE;
 }
 
-/* Starts the gateway, which offers each bus of the rig by its name and by that of its interface. */
+/* Starts the gateway, which offers each bus of the rig by its name and by its interface's name. */
 static enum error_code simulator_create_gateway(struct simulator *simulator, struct error *error)
 {
     const struct simulator_config *config = &simulator->config;
@@ -452,7 +452,7 @@ static enum error_code simulator_create_loop(struct simulator *simulator, struct
     return loop_create(&loop, simulator->arena, &simulator->loop, error);
 }
 
-/* ---- all of it ---- */
+/* ---- the whole simulator ---- */
 
 enum error_code simulator_assemble(struct simulator *simulator, char notice[256],
                                    struct error *error)
@@ -467,7 +467,7 @@ enum error_code simulator_assemble(struct simulator *simulator, char notice[256]
         simulator_create_requests,
         simulator_create_signals,
         simulator_create_view,
-        /* The recorder comes late: it leaves files behind when another part fails */
+        /* The recorder comes late, because it leaves files behind if a later part fails */
         simulator_create_recorder,
         simulator_create_loop,
         simulator_create_gateway,

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Opens a rig's buses, joins them as a participant, and moves those with a time of their own. */
+/* Opens a rig's buses, joins them as a participant, and advances buses with timing. */
 #include "sim/buses.h"
 
 #include "base/text.h"
@@ -15,13 +15,14 @@
 #include <unistd.h>
 
 enum {
-    /* Frames that wait for one participant: what a thread that is late has not read, or what the
-     * simulator's own thread reads in the same tick, which then stays in the processor's cache */
+    /* Capacity for frames that wait for one participant. The first is for a thread that may be
+     * late. The second is for a reader in the simulator's thread, which reads in the same tick;
+     * its small inbox stays in the processor's cache */
     LOCAL_INBOX = 4096,
     LOCAL_INBOX_INLINE = 1024,
-    INTERFACE_MAX = 15,          /* IFNAMSIZ less the zero */
-    WIRE_QUEUE = 256,            /* frames that a CAN controller holds */
-    WIRE_RESTART_NS = 100000000, /* from bus-off to the begin of the recovery */
+    INTERFACE_MAX = 15,          /* IFNAMSIZ minus the terminating zero */
+    WIRE_QUEUE = 256,            /* frames queued in a CAN controller */
+    WIRE_RESTART_NS = 100000000, /* from bus-off to the start of the recovery */
     SEEK_NS = 1000000000,
 };
 
@@ -74,8 +75,7 @@ static enum error_code bus_apply_override(struct buses *buses, const char *item,
     return ERROR_NONE;
 }
 
-/* Checks that each bus has an interface of its own: two on one would mix their boards'
- * addresses. */
+/* Checks that each bus has its own interface: two on one would mix their boards' addresses. */
 static enum error_code buses_check_distinct(const struct buses *buses, struct error *error)
 {
     for (size_t b = 0; b < buses->rig->nbus; b++) {
@@ -91,7 +91,7 @@ static enum error_code buses_check_distinct(const struct buses *buses, struct er
     return ERROR_NONE;
 }
 
-/* Returns how many CAN controllers the simulator has on a bus: one a board, at least one. */
+/* Returns the number of CAN controllers of the simulator on a bus: one per board, at least one. */
 static size_t bus_count_controllers(const struct rig_bus *bus)
 {
     return bus->nboard ? bus->nboard : 1;
@@ -103,7 +103,7 @@ static enum error_code buses_create_local(struct buses *buses, size_t guests, bo
 {
     const struct rig *rig = buses->rig;
 
-    /* STEP and DONE bypass the wire: they are no traffic of a real bus */
+    /* STEP and DONE bypass the wire, because they do not exist on a real bus */
     for (size_t b = 0; b < rig->nbus; b++) {
         const struct rig_bus *bus = &rig->bus[b];
         const struct local_bus_config config = {
@@ -148,7 +148,7 @@ enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
                          rig->nbus, RIG_BUSES_MAX);
     }
 
-    /* Each bus on an interface of its own: the rig's, or that of --bus */
+    /* Each bus on its own interface: the rig's, or that of --bus */
     buses->rig = rig;
     for (size_t b = 0; b < rig->nbus; b++) {
         buses->interface[b] = rig->bus[b].interface;
@@ -160,7 +160,7 @@ enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
     if (code) {
         return code;
     }
-    /* The rig names an interface, so it needs SocketCAN: report why there is none */
+    /* The rig names an interface, so it needs SocketCAN: reports why it is missing */
     if (transport == TRANSPORT_AUTO && noverride == 0 && !socketcan_available()) {
         snprintf(notice, 256,
                  "this kernel has no CAN: the buses are local to this process; only "
@@ -172,8 +172,8 @@ enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
                         : interfaces_prepare(rig, buses->interface, &interface_kernel, error);
 }
 
-/* Claims an interface: an abstract socket, whose name lives as long as the process and is known
- * where the interface is, in its network namespace. Returns whether another process has it. */
+/* Claims an interface by an abstract socket. Its name exists as long as the process, and is
+ * visible in the interface's network namespace. Returns whether another process has claimed it. */
 static bool bus_is_claimed(const char *interface, int *claim)
 {
     struct sockaddr_un address = {.sun_family = AF_UNIX};
@@ -224,7 +224,7 @@ static enum error_code bus_join(struct buses *buses, size_t bus, bool boards, st
     return ERROR_NONE;
 }
 
-/* Puts a wire in virtual time in front of the simulator's SocketCAN port. */
+/* Puts a wire in virtual time before the simulator's SocketCAN port. */
 static enum error_code bus_add_pacing(struct buses *buses, size_t b, struct arena *arena,
                                       struct can_port **port, struct error *error)
 {
@@ -250,7 +250,7 @@ static enum error_code bus_add_pacing(struct buses *buses, size_t b, struct aren
     return ERROR_NONE;
 }
 
-/* Joins all buses or none, for the boards or as one more participant. */
+/* Joins all buses or none, as the boards or as one more participant. */
 static enum error_code buses_join_all(struct buses *buses, bool boards, struct arena *arena,
                                       struct bus_ports *ports, struct error *error)
 {

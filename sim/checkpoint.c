@@ -5,7 +5,7 @@
 #include <stdint.h>
 #include <string.h>
 
-enum { BLOCK = 256 }; /* bytes compared at once, whole words */
+enum { BLOCK = 256 }; /* bytes compared at once, a multiple of the word size */
 
 struct checkpoint {
     size_t size, nspan;
@@ -13,13 +13,13 @@ struct checkpoint {
     unsigned char *copy;
 };
 
-/* Returns the address behind a span. */
+/* Returns the address after a span. */
 static unsigned char *span_end(const struct span *span)
 {
     return (unsigned char *)span->memory + span->size;
 }
 
-/* Returns the first hole, by address, that overlaps [from, to); NULL = none. */
+/* Returns the hole with the lowest address that overlaps [from, to); NULL = none. */
 static const struct span *span_first_hole(const struct span *hole, size_t nhole,
                                           const unsigned char *from, const unsigned char *to)
 {
@@ -36,7 +36,7 @@ static const struct span *span_first_hole(const struct span *hole, size_t nhole,
     return first;
 }
 
-/* Cuts a span at the holes and adds its parts; each hole makes at most one span more. */
+/* Cuts a span at the holes and adds its parts; each hole adds at most one span. */
 static void checkpoint_cut_span(struct checkpoint *c, const struct span *moving,
                                 const struct span *hole, size_t nhole)
 {
@@ -86,7 +86,7 @@ void checkpoint_save(struct checkpoint *c, size_t copy)
     }
 }
 
-/* Restores a block word by word, and writes only words that differ: other threads may read the
+/* Restores a block word by word. Writes only words that differ, because other threads may read the
  * rest. */
 static void checkpoint_restore_words(unsigned char *to, const unsigned char *from, size_t size)
 {
@@ -108,7 +108,7 @@ static void checkpoint_restore_words(unsigned char *to, const unsigned char *fro
     }
 }
 
-/* Restores a span, comparing in blocks first, since most of the memory does not differ. */
+/* Restores a span. Compares in blocks first, because most of the memory does not differ. */
 static void checkpoint_restore_span(unsigned char *to, const unsigned char *from, size_t size)
 {
     for (size_t at = 0; at < size; at += BLOCK) {

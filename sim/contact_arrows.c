@@ -11,12 +11,12 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Length of the shortest arrow that is shown, and of the longest, m. */
+/* Length of the shortest and of the longest arrow, m. */
 #define LEAST_M 0.004
 #define LONGEST_M 0.9
 
-/* Bounds within which a wrench counts as one on the ground: greatest height of the body's origin
- * above it (m), greatest distance of the center of pressure from the origin (m), and least part
+/* Limits within which a wrench counts as one from the ground: largest height of the body's origin
+ * above it (m), largest distance of the center of pressure from the origin (m), and smallest part
  * of the force along the normal. */
 #define NEAR_GROUND_M 0.3
 #define FARTHEST_M 0.6
@@ -27,7 +27,7 @@
 #define HEAD_M 0.03
 #define BALL_M 0.015
 
-/* ---- where ---- */
+/* ---- points of action ---- */
 
 /* Finds the point of the plane about which the wrench has no moment along the plane; false when the
  * body is not at the ground, or does not press on it. */
@@ -47,7 +47,8 @@ static bool wrench_meets_ground(const struct contact_arrows *arrows, const doubl
         return false;
     }
 
-    /* The moment about the origin's foot on the plane, then the point: r = n x m / (f . n) */
+    /* Finds the point of the plane about which the wrench has no moment parallel to the plane.
+     * Returns false if the body is not near the ground or does not press on it. */
     memcpy(at, origin, 3 * sizeof *at);
     vec3_add_scaled(at, -height, normal, at);
     vec3_sub(origin, at, above);
@@ -58,8 +59,8 @@ static bool wrench_meets_ground(const struct contact_arrows *arrows, const doubl
     return true;
 }
 
-/* Finds the point of the wrench's axis that is nearest to the body's origin: r = f x m / (f .
- * f). */
+/* Finds the point of the wrench's axis nearest to the body's origin: r = f x m / (f . f).
+ */
 static void wrench_nearest_point(const double origin[3], const double wrench[6], double at[3])
 {
     double arm[3];
@@ -91,8 +92,7 @@ size_t contact_arrows_find(const struct contact_arrows *arrows, const double *va
             wrench_nearest_point(origin, wrench, next->at);
         }
 
-        /* A wrench that is nearly a pure moment has its axis anywhere: it is shown at the body's
-         * origin */
+        /* A nearly pure moment has an axis far away: its arrow is shown at the body's origin */
         vec3_sub(next->at, origin, far);
         if (!(vec3_norm(far) < FARTHEST_M)) {
             memcpy(next->at, origin, sizeof next->at);
@@ -104,8 +104,8 @@ size_t contact_arrows_find(const struct contact_arrows *arrows, const double *va
 
 /* ---- primitives ---- */
 
-/* Computes the quaternion (wxyz) that turns the x axis onto the direction `along`, a unit
- * vector; half a turn about z for the opposite direction. */
+/* Computes the quaternion (wxyz) that rotates the x axis to the unit vector `along`; half a turn
+ * about z for the opposite direction. */
 static void quaternion_of_arrow(const double along[3], double q[4])
 {
     double length = sqrt(2.0 * (1.0 + along[0]));
@@ -162,7 +162,7 @@ char *contact_arrows_print_pressures(const struct contact_arrow *arrow, size_t c
 
 /* ---- the channel ---- */
 
-/* Writes text as it is; returns the place behind it. */
+/* Writes text unchanged; returns the address after it. */
 static char *print_text(char *at, const char *text)
 {
     size_t size = strlen(text);
@@ -171,7 +171,8 @@ static char *print_text(char *at, const char *text)
     return at + size;
 }
 
-/* Writes one entity, which replaces that of the row before; none while nothing touches. */
+/* Writes one entity, which replaces the entity of the last row; writes none if there is no
+ * contact. */
 static char *contact_arrows_print_message(void *context, int64_t time_ns, const double *value,
                                           const double *pose, char *at)
 {

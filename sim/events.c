@@ -5,8 +5,8 @@
 #include <stdio.h>
 #include <string.h>
 
-/* The upper 32 bits of an event's key; the lower ones are the topic within the source. Events of
- * one time are recorded in this order, whenever each of them was collected. */
+/* The upper 32 bits of an event's key; the lower 32 bits are the topic within the source. Events
+ * with the same time are recorded in this order, for any order of collection. */
 enum event_source {
     EVENT_RELEASE,
     EVENT_LOOP,
@@ -19,13 +19,13 @@ enum event_source {
     EVENT_CONTROL, /* of control/ */
 };
 
-/* Makes the key of an event, by which the log limits repetitions. */
+/* Makes the key of an event; the log limits repetitions by key. */
 static uint64_t event_key(enum event_source source, uint64_t topic)
 {
     return (uint64_t)source << 32 | topic;
 }
 
-/* Returns the priority of a board's event: changes that a host asks for are information. */
+/* Returns the priority of a board's event: changes requested by a host are information. */
 static enum journal_priority board_event_priority(enum board_event_kind kind)
 {
     switch (kind) {
@@ -60,7 +60,7 @@ enum journal_priority simulator_event_priority(uint64_t key)
     }
 }
 
-/* Writes why an axis tripped against the clamp and what to do about it; false = none has. */
+/* Writes why an axis tripped against the clamp and how to avoid it; returns false if none has. */
 static bool simulator_next_clamped_trip(struct simulator *simulator, int64_t *time_ns, char *text,
                                         size_t size)
 {
@@ -87,7 +87,7 @@ static bool simulator_next_clamped_trip(struct simulator *simulator, int64_t *ti
     return true;
 }
 
-/* Returns the present virtual time, for events whose sources do not state theirs. */
+/* Returns the present virtual time, for events without a time of their own. */
 static int64_t event_time_now(const struct simulator *simulator)
 {
     struct simulator_status status;
@@ -95,7 +95,7 @@ static int64_t event_time_now(const struct simulator *simulator)
     return simulator_read(simulator, &status) ? status.time_ns : 0;
 }
 
-/* Takes one event with its virtual time; false = none waits. */
+/* Reads one event with its virtual time; returns false if there is none. */
 static bool simulator_take_event(struct simulator *simulator, uint64_t *key, int64_t *time_ns,
                                  char *text, size_t size)
 {
@@ -108,7 +108,7 @@ static bool simulator_take_event(struct simulator *simulator, uint64_t *key, int
     size_t bus;
     int used;
 
-    /* One source after the other */
+    /* Checks the sources in order */
     if (released >= 0) {
         *key = event_key(EVENT_RELEASE, 0);
         *time_ns = released;
@@ -141,7 +141,8 @@ static bool simulator_take_event(struct simulator *simulator, uint64_t *key, int
         return true;
     }
     if (boards_next_event(simulator->boards, &board_event)) {
-        /* All axes change their mode at once when a controller comes and goes: one topic */
+        /* One topic for all axes, because they change their mode together when a controller
+         * connects or disconnects */
         bool grouped = board_event.kind == BOARD_EVENT_MODE;
 
         *key = event_key(EVENT_BOARD,
@@ -164,7 +165,7 @@ static bool simulator_take_event(struct simulator *simulator, uint64_t *key, int
     return false;
 }
 
-/* Returns a text without the time that it may begin with, "1.234567 s: ". */
+/* Returns a text without its leading time, "1.234567 s: ", if it has one. */
 static const char *event_text_without_time(const char *text)
 {
     size_t digits = strspn(text, "-0123456789.");

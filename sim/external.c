@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Listens to external boards and moves the rotors of their joints accordingly. */
+/* Reads frames of external boards and moves the rotors of their joints. */
 #include "sim/external.h"
 
 #include "base/portable_math.h"
@@ -8,21 +8,21 @@
 
 #include <math.h>
 
-/* An axis of an external board, or its sensor. */
+/* An axis or a sensor of an external board. */
 struct external_axis {
     size_t board;               /* index in the rig's boards */
-    size_t index;               /* of the host's axes or sensors */
-    bool sensor;                /* a force/torque sensor: only heard, no rotor follows it */
-    bool torque;                /* its torque is followed, else its angle */
+    size_t index;               /* index among the host's axes or sensors */
+    bool sensor;                /* force/torque sensor: only monitored, no rotor follows it */
+    bool torque;                /* follows the torque, otherwise the angle */
     int joint;                  /* of the robot */
-    double lower, upper, speed; /* bounds of the rotor, rad, rad/s */
+    double lower, upper, speed; /* limits of the rotor, rad, rad/s */
     double stall_nm;
     const struct robot_sea *sea;
-    double settled;     /* share of a step that spring and damping let through in a tick */
+    double settled;     /* part of a step that spring and damping settle in a tick */
     bool aimed;         /* a target has arrived */
     double target;      /* rad, or N m */
-    int64_t told_ns;    /* when the target arrived */
-    int64_t between_ns; /* from the target before; at least a tick, at most the time-out */
+    int64_t told_ns;    /* time at which the target arrived */
+    int64_t between_ns; /* time since the previous target; at least a tick, at most the timeout */
     int64_t heard_ns;   /* -1 = never */
     int64_t timeout_ns;
 };
@@ -70,7 +70,7 @@ static void external_add_motor(struct external *external, const struct rig *rig,
     }
 }
 
-/* Adds the sensor of an external force/torque board, to notice when it is heard. */
+/* Adds the sensor of an external force/torque board, to detect its frames. */
 static void external_add_sensor(struct external *external, const struct rig *rig, size_t board)
 {
     const struct board_config *of = &rig->boards.board[board];
@@ -112,7 +112,7 @@ enum error_code external_create(const struct rig *rig, struct boards *boards, st
     enum error_code code;
     bool any = false;
 
-    /* A rig without external boards needs nothing of this */
+    /* Returns early for a rig without external boards */
     for (size_t i = 0; i < rig->boards.nboard; i++) {
         any = any || rig->boards.board[i].external;
     }
@@ -120,7 +120,7 @@ enum error_code external_create(const struct rig *rig, struct boards *boards, st
         return ERROR_NONE;
     }
 
-    /* The axes of each bus, in one array */
+    /* The axes of all buses in one array */
     external = arena_alloc(arena, 1, sizeof *external);
     if (external) {
         external->axis = arena_alloc(arena, rig->naxis + rig->nft, sizeof *external->axis);
@@ -145,13 +145,13 @@ enum error_code external_create(const struct rig *rig, struct boards *boards, st
     return code;
 }
 
-/* ---- what they say ---- */
+/* ---- received values ---- */
 
 /* Sets the target of an axis within its bounds, and measures the time between targets. */
 static void external_aim(const struct external *external, struct external_axis *axis,
                          int64_t now_ns, double target)
 {
-    /* Frames of one tick count as one */
+    /* Several frames within one tick count as one */
     if (axis->told_ns != now_ns && axis->aimed) {
         int64_t between_ns = now_ns - axis->told_ns;
 
@@ -165,8 +165,8 @@ static void external_aim(const struct external *external, struct external_axis *
                                 : fmin(fmax(target, axis->lower), axis->upper);
 }
 
-/* Checks whether the present frame has brought a new target of an axis, or a value of the
- * sensor, and takes it. */
+/* Checks whether the present frame has a new target of an axis or a new value of the sensor, and
+ * stores it. */
 static bool external_take_news(const struct external *external, struct external_axis *axis,
                                int64_t now_ns)
 {
@@ -226,13 +226,13 @@ int64_t external_heard_ns(const struct external *external, size_t board)
     return heard_ns;
 }
 
-/* ---- what their joints do ---- */
+/* ---- motion of the joints ---- */
 
-/* Computes the rotor speed of a joint in the coming tick, rad/s. For an angle: the rest of the
- * way in the time between two frames, so that with rare frames the rotor glides instead of
- * jumping. For a torque: with the spring's deflection e, Ks e + Ds e' = torque has a solution
- * that approaches the deflection at rest with the time constant Ds / Ks; the rotor adds its
- * change over the tick to the link's motion. */
+/* Computes the rotor speed of a joint in the coming tick, rad/s. Angle: covers the remaining
+ * distance in the time between two frames, so that the rotor glides between rare frames instead of
+ * jumping. Torque: with the spring's deflection e, the solution of Ks e + Ds e' = torque
+ * approaches the deflection at rest with the time constant Ds / Ks; the rotor adds the change of e
+ * over the tick to the link's motion. */
 static double external_rotor_speed(const struct external *external,
                                    const struct external_axis *axis)
 {

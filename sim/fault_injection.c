@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Carries out the faults of motors, valves, supplies and buses while they are active. */
+/* Executes the faults of motors, valves, supplies and buses while they are active. */
 #include "sim/fault_injection.h"
 
 #include "canbus/fault_port.h"
@@ -8,29 +8,29 @@
 #include <math.h>
 #include <string.h>
 
-/* A fault that a wire carries out. */
+/* A fault that a wire executes. */
 struct wire_injection {
-    struct wire *wire; /* NULL: this fault is none */
-    int armed;         /* its number there while it lasts; -1 = not */
+    struct wire *wire; /* NULL: not a fault of a wire */
+    int armed;         /* its index at the wire while active; -1 = inactive */
     bool was_active;
 };
 
 struct fault_injection {
     struct fault_injection_config config;
     struct wire_injection *wire;          /* by fault */
-    struct can_port *port[RIG_BUSES_MAX]; /* with rules; NULL = none */
+    struct can_port *port[RIG_BUSES_MAX]; /* fault ports with rules; NULL = none */
     int64_t now_ns;
 };
 
 /* ---- buses ---- */
 
-/* Checks whether a fault of a bus can only be carried out by its wire. */
+/* Checks whether only a wire can execute a fault of a bus. */
 static bool fault_needs_wire(const struct fault *fault)
 {
     return fault->kind == FAULT_ERROR_BURST || fault->kind == FAULT_ID_COLLISION;
 }
 
-/* Returns the rule of a port that carries out a fault; FAULT_PORT_LOSS by default. */
+/* Returns the kind of port rule for a fault; FAULT_PORT_LOSS by default. */
 static enum fault_port_kind fault_port_kind_of(enum fault_kind kind)
 {
     switch (kind) {
@@ -47,7 +47,7 @@ static enum fault_port_kind fault_port_kind_of(enum fault_kind kind)
     }
 }
 
-/* Makes the rule by which a port carries out a fault while it is active. */
+/* Makes the rule by which a port executes a fault while it is active. */
 static struct fault_port_rule fault_port_rule_of(const struct fault *fault)
 {
     return (struct fault_port_rule){
@@ -60,7 +60,7 @@ static struct fault_port_rule fault_port_rule_of(const struct fault *fault)
     };
 }
 
-/* Puts a fault port in front of a bus's port, if the bus has faults that are rules. */
+/* Inserts a fault port before a bus's port, if the bus has faults that are rules. */
 static enum error_code injection_create_port(struct fault_injection *injection, size_t bus,
                                              struct arena *arena, struct can_port **port,
                                              struct error *error)
@@ -136,7 +136,7 @@ enum error_code fault_injection_create(const struct fault_injection_config *conf
     return ERROR_NONE;
 }
 
-/* Arms a wire's fault when it begins, and heals it when it ends. */
+/* Arms a wire's fault at its start, and removes it at its end. */
 static void injection_step_wire(struct fault_injection *injection, size_t index)
 {
     const struct fault *fault = faults_at(injection->config.faults, index);
@@ -165,7 +165,7 @@ static void injection_step_wire(struct fault_injection *injection, size_t index)
 
 /* ---- motors, valves and supplies ---- */
 
-/* Returns the condition of a drive that a fault causes; 0 = none. */
+/* Returns the drive condition that a fault causes; 0 = none. */
 static unsigned fault_drive_condition(enum fault_kind kind)
 {
     switch (kind) {
@@ -182,8 +182,8 @@ static unsigned fault_drive_condition(enum fault_kind kind)
     }
 }
 
-/* Adds what a fault does to a valve or cylinder; a leak's flow is given at the supply's pressure
- * (Pa). */
+/* Adds the effect of a fault on a valve or cylinder. The flow of a leak is given at the supply's
+ * pressure (Pa). */
 static void break_valve(const struct fault *fault, double pressure, struct motor_command *motor)
 {
     switch (fault->kind) {
@@ -202,7 +202,7 @@ static void break_valve(const struct fault *fault, double pressure, struct motor
     }
 }
 
-/* Adds what a fault does to the hydraulic supply; a leak's flow is given at the supply's
+/* Adds the effect of a fault on the hydraulic supply. The flow of a leak is given at the supply's
  * pressure (Pa). */
 static void break_hydraulic_supply(const struct fault *fault, double pressure,
                                    struct hydraulic_supply_condition *oil)
@@ -220,8 +220,7 @@ static void break_hydraulic_supply(const struct fault *fault, double pressure,
     }
 }
 
-/* Writes all active faults of drives, valves and supplies into the plant's command, which it
- * clears first. */
+/* Clears the plant's command and writes all active faults of drives, valves and supplies to it. */
 static void injection_step_command(struct fault_injection *injection)
 {
     const double pressure = injection->config.rig->robot->hydraulic_supply.pressure;

@@ -11,7 +11,7 @@
 static const int64_t POLL_NS = 1000000000;
 static const int64_t MINUTE_NS = 60000000000;
 
-/* Returns the settings that a bus needs its controller to have. */
+/* Returns the controller settings that a bus requires. */
 static struct interface_settings interface_settings_of(const struct rig_bus *bus)
 {
     return (struct interface_settings){
@@ -23,7 +23,7 @@ static struct interface_settings interface_settings_of(const struct rig_bus *bus
 
 /* ---- before the run ---- */
 
-/* Refuses an interface with another bit rate, and says how to set it. */
+/* Refuses an interface with another bit rate; the error says how to set it. */
 static enum error_code interface_refuse_bitrate(const struct rig_bus *bus, const char *name,
                                                 uint32_t actual, struct error *error)
 {
@@ -55,7 +55,8 @@ static enum error_code interface_check_data_bitrate(const struct rig_bus *bus, c
         name);
 }
 
-/* Configures a controller, or checks its bit rate, as the bus says; virtual interfaces pass. */
+/* Configures a controller or checks its bit rate, according to the bus; accepts virtual
+ * interfaces. */
 static enum error_code interface_prepare(const struct rig_bus *bus, const char *name,
                                          const struct interface_ops *ops, struct error *error)
 {
@@ -110,7 +111,7 @@ void interfaces_init(struct interfaces *interfaces, const struct rig *rig,
     }
 }
 
-/* Keeps an event of an interface for the log; a later one replaces it. */
+/* Stores an event of an interface for the log; a later event replaces it. */
 __attribute__((format(printf, 2, 3))) static void watch_report(struct interface_watch *watch,
                                                                const char *format, ...)
 {
@@ -123,7 +124,7 @@ __attribute__((format(printf, 2, 3))) static void watch_report(struct interface_
     va_end(args);
 }
 
-/* Configures the CAN controller again and reports what was found; false = that failed. */
+/* Configures the CAN controller again and reports the cause; returns false on failure. */
 static bool watch_configure(struct interface_watch *watch, const struct interface_ops *ops,
                             const char *found)
 {
@@ -155,7 +156,7 @@ static void watch_check_bitrate(struct interface_watch *watch, const struct inte
     watch->mismatch = wrong;
 }
 
-/* Restarts a controller in bus-off, unless that was done too often in the last minute. */
+/* Restarts a controller in bus-off, unless the limit per minute is reached. */
 static void watch_restart(struct interface_watch *watch, const struct interface_ops *ops,
                           int64_t now_ns)
 {
@@ -203,7 +204,8 @@ static void watch_check_bus_off(struct interface_watch *watch, const struct inte
     watch->off = off;
 }
 
-/* Polls an interface, repairs what it may repair, and posts the controller's state to its ports. */
+/* Polls an interface, repairs it as far as allowed, and posts the controller's state to its
+ * ports. */
 static void watch_poll(struct interface_watch *watch, const struct interface_ops *ops,
                        int64_t now_ns)
 {
@@ -220,7 +222,7 @@ static void watch_poll(struct interface_watch *watch, const struct interface_ops
     watch->info = info;
     if (watch->seen && info.index != before && watch->bus->configure) {
         if (!watch_configure(watch, ops, "was created anew")) {
-            watch->info.index = before; /* tries again the next time */
+            watch->info.index = before; /* tries again at the next poll */
         }
     } else {
         watch_check_bitrate(watch, ops);

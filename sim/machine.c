@@ -5,12 +5,12 @@
 
 #include <stdio.h>
 
-/* A settled robot's rotors are held by brakes, which open this long after the last motor is on:
- * time for a controller's first voltages to raise the currents. */
+/* A settled robot's rotors are held by brakes. These open this long after the last motor is on, so
+ * that a controller's first voltages can raise the currents. */
 #define BRAKE_NS INT64_C(20000000)
 
-/* Opens and closes the windows of faults. This comes before the wait, because in lockstep the
- * loop receives frames while it waits, through ports that faults disturb. */
+/* Opens and closes the windows of faults. It runs before the wait, because in lockstep the loop
+ * receives frames while it waits, through ports with faults. */
 static void machine_begin(void *context, int64_t now_ns)
 {
     struct simulator *simulator = context;
@@ -19,8 +19,8 @@ static void machine_begin(void *context, int64_t now_ns)
     fault_injection_step(simulator->injection, now_ns);
 }
 
-/* Lets the observer see the last tick, then steps an inline task. False = the task has finished;
- * with an observer a free run goes on all the same. */
+/* Calls the observer with the last tick, then steps an inline task. Returns false if the task has
+ * finished; with an observer, a free run continues anyway. */
 static bool machine_controller(void *context, int64_t now_ns)
 {
     struct simulator *simulator = context;
@@ -31,7 +31,7 @@ static bool machine_controller(void *context, int64_t now_ns)
         observer->step(observer->context, now_ns);
     }
     if (simulator->task_inline && simulator->task->now.status == TASK_RUNNING) {
-        /* In lockstep the clock's time: the task needs it to notice that a STEP got lost */
+        /* In lockstep, passes the clock's time, so that the task detects a lost STEP */
         task_runner_step(simulator->task, simulator->config.clock == LOOP_CLOCK_LOCKSTEP
                                               ? clock_now(simulator->time)
                                               : now_ns);
@@ -39,7 +39,7 @@ static bool machine_controller(void *context, int64_t now_ns)
     return goes_on || !simulator->task_inline || simulator->task->now.status == TASK_RUNNING;
 }
 
-/* Hands a frame to the boards and to the listener of external boards. */
+/* Passes a frame to the boards and to the listener of external boards. */
 static void machine_receive(void *context, int64_t now_ns, size_t bus,
                             const struct bus_frame *frame)
 {
@@ -51,8 +51,8 @@ static void machine_receive(void *context, int64_t now_ns, size_t bus,
     }
 }
 
-/* Returns how many motors the boards drive; *on is how many are on. A motor of an external board
- * is on while its board is heard. */
+/* Returns the number of motors that the boards drive; *on is the number that are on. A motor of an
+ * external board is on while its board sends. */
 static size_t simulator_count_motors(const struct simulator *simulator, size_t *on)
 {
     const struct rig *rig = simulator->config.rig;
@@ -82,7 +82,7 @@ static bool simulator_all_motors_on(const struct simulator *simulator)
     return simulator_count_motors(simulator, &on) == on;
 }
 
-/* Notes for the log that an axis has tripped because its link is clamped. */
+/* Records for the log that an axis has tripped because its link is clamped. */
 static void simulator_note_clamped_trip(struct simulator *simulator, int64_t now_ns)
 {
     struct release *release = &simulator->release;
@@ -98,7 +98,7 @@ static void simulator_note_clamped_trip(struct simulator *simulator, int64_t now
     release->trips = counters.trips;
 }
 
-/* Releases a clamped robot when all its motors are on, a settled one BRAKE_NS later. */
+/* Releases a clamped robot when all its motors are on; a settled robot BRAKE_NS later. */
 static void simulator_release_robot(struct simulator *simulator, int64_t now_ns)
 {
     struct release *release = &simulator->release;
@@ -114,7 +114,7 @@ static void simulator_release_robot(struct simulator *simulator, int64_t now_ns)
     }
 }
 
-/* Runs the boards' control, and decides how rotors of external boards move. */
+/* Runs the boards' control, and sets the motion of external boards' rotors. */
 static void machine_control(void *context, int64_t now_ns)
 {
     struct simulator *simulator = context;
@@ -127,7 +127,7 @@ static void machine_control(void *context, int64_t now_ns)
     simulator_release_robot(simulator, now_ns);
 }
 
-/* Keeps the reason if the model has failed; returns whether it has not. */
+/* Stores the reason if the model has failed; returns whether it is valid. */
 static bool simulator_check_plant(struct simulator *simulator, enum error_code code)
 {
     if (code) {
@@ -137,17 +137,18 @@ static bool simulator_check_plant(struct simulator *simulator, enum error_code c
     return !code;
 }
 
-/* Integrates the plant over the tick; false = the model failed. */
+/* Integrates the plant over the tick; returns false if the model failed. */
 static bool machine_plant(void *context, int64_t now_ns)
 {
     struct simulator *simulator = context;
 
-    (void)now_ns; /* the plant keeps its own time */
+    (void)now_ns; /* the plant has its own time */
     return simulator_check_plant(simulator,
                                  plant_step(simulator->plant, simulator->config.rig->substeps));
 }
 
-/* Samples plant and sensors at the tick's end for the boards; false = the model failed. */
+/* Samples plant and sensors for the boards at the tick's end; returns false if the model
+ * failed. */
 static bool machine_sample(void *context, int64_t now_ns)
 {
     struct simulator *simulator = context;
@@ -162,14 +163,14 @@ static bool machine_sample(void *context, int64_t now_ns)
     return true;
 }
 
-/* Passes the error counters of the CAN controllers on to the boards, which report them: on a
- * wire every board has a controller of its own, in the order of the rig. */
+/* Passes the error counters of the CAN controllers to the boards, which report them. On a wire
+ * each board has its own controller, in the order of the rig. */
 static void simulator_update_can_states(struct simulator *simulator, size_t bus)
 {
     const struct rig_bus *on = &simulator->config.rig->bus[bus];
     const struct wire *wire = simulator->buses.wire[bus];
 
-    /* Nothing to tell, and nothing was, which is the rule */
+    /* Usual case: no errors, now and before */
     if (!wire || (!wire_has_errors(wire) && !boards_have_can_errors(simulator->boards, bus))) {
         return;
     }

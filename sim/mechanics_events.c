@@ -13,17 +13,18 @@
 enum { EVENT_SLOTS = 256 };
 
 #define TILTED 0.5 /* cosine of 60 degrees */
-/* share of the height at the start below which the base has sunk */
+/* part of the height at the start below which the base has sunk */
 #define SUNK 0.5
-/* share of the deflection at its stop: below it the spring is off the stop */
+/* part of the deflection at the stop below which the spring is off the stop */
 #define SPRING_BACK 0.9
 
-/* The watch's record of a joint: whether it is past a limit, and whether its series spring is at
+/* The watch's state of a joint: whether it is past a limit, and whether its series spring is at
  * its stop. */
 struct watch_joint {
     bool past, told;
-    int64_t since_ns, near_ns; /* since when it is past, and when it was last near the limit */
-    double depth, limit;       /* the greatest depth since then, and the limit itself, rad or m */
+    int64_t since_ns, near_ns; /* time at which it passed the limit, and last time near the
+                                * limit */
+    double depth, limit;       /* largest depth since then, and the limit, rad or m */
     bool spring;
     int64_t spring_near_ns;
 };
@@ -41,16 +42,18 @@ struct watch {
     bool *limb_end; /* by body */
     bool *stands;   /* by body: the robot stood on it at the start */
     bool fallen;
-    int64_t released_ns, calm_ns; /* when it was clamped or started last; fallen last */
-    double base_up[3];            /* what was up then, in the base's frame */
-    double height;                /* of the base above the lowest observed body then, m */
+    int64_t released_ns, calm_ns; /* time of the last clamp or start; last time with a fall
+                                   * criterion true */
+    double base_up[3];            /* up direction at that time, in the base's frame */
+    double height;                /* height of the base above the lowest observed body at that
+                                   * time, m */
 
     struct ring events;
 };
 
 /* ---- joints and springs ---- */
 
-/* Follows a joint past its limit, and emits one event an occurrence with the greatest depth. */
+/* Tracks a joint past its limit, and emits one event per occurrence with the largest depth. */
 static void watch_joint_limit(struct watch *watch, int64_t now_ns, size_t j)
 {
     const struct robot_joint *joint = &watch->rig->robot->joint[j];
@@ -59,12 +62,12 @@ static void watch_joint_limit(struct watch *watch, int64_t now_ns, size_t j)
     double above = q - joint->upper, below = joint->lower - q;
     double depth = above > below ? above : below;
 
-    /* Well within its limits, and it was before */
+    /* Usual case: within its limits, now and before */
     if (depth <= -WATCH_BACK && !seen->past && !seen->told) {
         return;
     }
 
-    /* Past the limit, and back within it for long enough */
+    /* Detects passing the limit, and a return for long enough */
     if (!seen->past && depth > WATCH_PAST) {
         seen->past = true;
         seen->since_ns = now_ns;
@@ -76,7 +79,7 @@ static void watch_joint_limit(struct watch *watch, int64_t now_ns, size_t j)
         seen->past = seen->told = false;
     }
 
-    /* The event comes as soon as the joint gets no further, or WATCH_RISE_NS after the onset */
+    /* Emits the event when the depth stops growing, or WATCH_RISE_NS after the start */
     if (seen->past && !seen->told) {
         if (depth > seen->depth) {
             seen->depth = depth;
@@ -90,12 +93,12 @@ static void watch_joint_limit(struct watch *watch, int64_t now_ns, size_t j)
                                               .limit = seen->limit};
 
             seen->told = true;
-            ring_push(&watch->events, &event); /* a full ring loses the log line */
+            ring_push(&watch->events, &event); /* if the ring is full, the log line is lost */
         }
     }
 }
 
-/* Follows the series spring of a joint to its stop, and emits one event an occurrence. */
+/* Tracks a joint's series spring to its stop, and emits one event per occurrence. */
 static void watch_spring(struct watch *watch, int64_t now_ns, size_t j)
 {
     const struct robot_sea *sea = &watch->rig->robot->joint[j].sea;
@@ -121,8 +124,7 @@ static void watch_spring(struct watch *watch, int64_t now_ns, size_t j)
 
 /* ---- falls ---- */
 
-/* Returns the cosine of the angle between up and the axis of the base that pointed up at the
- * start. */
+/* Returns the cosine of the angle between up and the base's axis that pointed up at the start. */
 static double base_uprightness(const struct watch *watch, const double quaternion[4])
 {
     double R[9], axis[3];
@@ -132,7 +134,7 @@ static double base_uprightness(const struct watch *watch, const double quaternio
     return vec3_dot(axis, watch->up);
 }
 
-/* Returns how high the base is above the lowest observed body, m. */
+/* Returns the height of the base above the lowest observed body, m. */
 static double base_height(const struct watch *watch, const double position[3])
 {
     const struct robot *robot = watch->rig->robot;
@@ -149,7 +151,7 @@ static double base_height(const struct watch *watch, const double position[3])
     return height;
 }
 
-/* Checks whether something touches contact body c, by the wrench on it. */
+/* Checks whether contact body c has contact, by its wrench. */
 static bool body_is_touched(const struct watch *watch, size_t c)
 {
     const double *force = plant_contact_wrenches(watch->plant)[c].force;
@@ -157,7 +159,7 @@ static bool body_is_touched(const struct watch *watch, size_t c)
     return vec3_dot(force, force) > 0.0;
 }
 
-/* Returns the body of the robot that a surface lies on; -1 = none: the world or a free body. */
+/* Returns the robot's body that has a surface; -1 = none: the world or a free body. */
 static int robot_body_of_surface(const struct watch *watch, int surface)
 {
     int motion = watch->rig->contact.surface[surface].body;
@@ -166,8 +168,8 @@ static int robot_body_of_surface(const struct watch *watch, int surface)
     return body < (int)watch->rig->robot->nbody ? body : -1;
 }
 
-/* Finds a body of the robot that touches the world and is neither the end of a limb nor one that
- * it stood on. While the robot still finds its feet (standing), notes what it stands on instead. */
+/* Finds a body of the robot that touches the world and is neither the end of a limb nor a body
+ * that it stood on. During the first phase (standing), marks such bodies as stood on instead. */
 static bool find_touching_body(struct watch *watch, bool standing, struct watch_event *event)
 {
     const struct contact_config *contact = &watch->rig->contact;
@@ -195,7 +197,7 @@ static bool find_touching_body(struct watch *watch, bool standing, struct watch_
     return false;
 }
 
-/* Does the same, but computes the patches only when a body that matters is touched. */
+/* Checks the same, but computes the patches only if a relevant body has contact. */
 static bool robot_touches_world(struct watch *watch, bool standing, struct watch_event *event)
 {
     const struct rig *rig = watch->rig;
@@ -211,7 +213,7 @@ static bool robot_touches_world(struct watch *watch, bool standing, struct watch
     return false;
 }
 
-/* Takes the robot's present posture as standing: the reference of tilt and height. */
+/* Stores the robot's present posture as the reference of tilt and height. */
 static void remember_standing(struct watch *watch, const double *base, int64_t now_ns)
 {
     double R[9];
@@ -224,7 +226,7 @@ static void remember_standing(struct watch *watch, const double *base, int64_t n
     memset(watch->stands, 0, watch->rig->robot->nbody * sizeof *watch->stands);
 }
 
-/* Detects a fall by contact, tilt or height, and emits one event until the robot was up for
+/* Detects a fall by contact, tilt or height. Emits one event until the robot was up for
  * WATCH_CALM_NS. */
 static void watch_fall(struct watch *watch, int64_t now_ns)
 {
@@ -236,7 +238,7 @@ static void watch_fall(struct watch *watch, int64_t now_ns)
     double height = base_height(watch, base + BASE_Q_POSITION);
     bool down;
 
-    /* Contact shows first, then tilt, then height */
+    /* Contact is detected first, then tilt, then height */
     down = robot_touches_world(watch, standing, &event);
     if (!down && upright < TILTED) {
         event.kind = WATCH_TILT;
@@ -260,7 +262,7 @@ static void watch_fall(struct watch *watch, int64_t now_ns)
     }
 }
 
-/* ---- all of it ---- */
+/* ---- the whole watch ---- */
 
 void watch_step(struct watch *watch, int64_t now_ns)
 {
@@ -306,7 +308,7 @@ enum error_code watch_create(const struct rig *rig, struct plant *plant, struct 
         return error_set(error, ERROR_MEMORY, "no memory left for the log of the robot");
     }
 
-    /* An engine may split a pair's patch in two */
+    /* An engine may split a pair's patch into two */
     watch->rig = rig;
     watch->plant = plant;
     watch->npatch = 2 * rig->contact.npair;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Records a run: rows of signals and of the poses of bodies, frames of its wires, events. */
+/* Records a run: rows of signals and body poses, frames of the wires, events. */
 #include "model/spatial.h"
 #include "rt/recording/recorder_schemas.h"
 #include "sim/contact_arrows.h"
@@ -18,7 +18,8 @@ struct bus_tap {
 
 /* ---- rows ---- */
 
-/* Writes the poses of the robot's bodies, then of free ones: position (m), quaternion wxyz. */
+/* Writes the poses of the robot's bodies, then of the free bodies: position (m), quaternion
+ * wxyz. */
 static void recording_fill_poses(const struct simulator *simulator, double *to)
 {
     const struct rig *rig = simulator->config.rig;
@@ -43,7 +44,7 @@ void simulator_record_row(struct simulator *simulator)
     }
 }
 
-/* Returns the names of the robot's bodies, then of free ones; NULL = no memory. */
+/* Returns the names of the robot's bodies, then of the free bodies; NULL = no memory. */
 static const char *const *recording_body_names(struct simulator *simulator, size_t *count)
 {
     const struct rig *rig = simulator->config.rig;
@@ -69,7 +70,7 @@ static void recorder_tap_frame(void *context, const struct bus_frame *frame)
     recorder_frame(tap->recorder, tap->bus, frame, frame->time_ns);
 }
 
-/* Makes the wires of timed buses record what they carry. */
+/* Makes the wires of timed buses record the frames that they carry. */
 static enum error_code simulator_tap_wires(struct simulator *simulator, struct error *error)
 {
     const size_t nbus = simulator->config.rig->nbus;
@@ -87,11 +88,11 @@ static enum error_code simulator_tap_wires(struct simulator *simulator, struct e
 
 /* ---- contact ---- */
 
-/* Length of the arrow of the robot's weight, m, as on the page. */
+/* Length of the arrow for the robot's weight, m, as on the viewer's page. */
 #define WEIGHT_ARROW_M 0.42
 #define GRAVITY_M_S2 9.81
 
-/* Chooses the wrenches that are shown as arrows; NULL = no memory. */
+/* Selects the wrenches that are shown as arrows; NULL = no memory. */
 static struct contact_arrows *recording_find_contacts(struct simulator *simulator)
 {
     const struct rig *rig = simulator->config.rig;

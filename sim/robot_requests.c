@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Carries out requests on the parts of a robot: faults, tunables, pushes, checkpoints. */
+/* Executes requests on the parts of a robot: faults, tunables, pushes, checkpoints. */
 #include "sim/robot_requests.h"
 
 #include "base/ring.h"
@@ -20,11 +20,11 @@ enum { NAME_SIZE = 160 };
 
 enum tunable_kind { TUNE_SETTING, TUNE_PRETENSION, TUNE_SUPPLY, TUNE_NOISE, TUNE_TASK };
 
-/* The parameter that a tunable stands for. */
+/* The parameter of a tunable. */
 struct meaning {
     enum tunable_kind kind;
-    size_t joint;              /* TUNE_PRETENSION */
-    size_t board, axis, index; /* TUNE_SETTING; index: TUNE_TASK, too */
+    size_t joint;              /* for TUNE_PRETENSION */
+    size_t board, axis, index; /* for TUNE_SETTING; index also for TUNE_TASK */
 };
 
 struct robot_requests {
@@ -38,12 +38,12 @@ struct robot_requests {
 
     /* State that changes in virtual time */
     struct {
-        uint64_t changes; /* of tunables that are no board settings */
+        uint64_t changes; /* changes of tunables that are not board settings */
         bool winding;     /* a winch is moving */
         bool pushing;     /* a push with a duration acts */
     } moving;
     int64_t *push_until; /* by body; 0 = until changed */
-    double *pretension;  /* by joint: where its winch moves to */
+    double *pretension;  /* by joint: target of its winch */
 };
 
 /* ---- pushes ---- */
@@ -65,7 +65,7 @@ static bool push_is_bounded(const double vector[3])
     return true;
 }
 
-/* Pushes a body with force and moment (world frame), for a duration (at least a tick) or until
+/* Pushes a body with force and moment (world frame), for a duration of at least a tick, or until
  * changed. */
 static enum request_verdict robot_push_body(void *context, const struct loop_request *request,
                                             int64_t now_ns)
@@ -85,7 +85,7 @@ static enum request_verdict robot_push_body(void *context, const struct loop_req
     return REQUEST_OK;
 }
 
-/* Ends the pushes whose duration is over. */
+/* Ends the pushes whose duration has passed. */
 static void robot_end_pushes(struct robot_requests *s, int64_t now_ns)
 {
     const double none[3] = {0.0, 0.0, 0.0};
@@ -112,15 +112,15 @@ static const char *robot_body_name(void *context, size_t index)
 
 /* ---- checkpoints ---- */
 
-/* Leaves a ring out of checkpoints: its reader, another thread, writes it too. */
+/* Excludes a ring from checkpoints, because its reader, another thread, writes it too. */
 static void hole_add_ring(struct span *hole, size_t *count, const struct ring *ring)
 {
     hole[(*count)++] = (struct span){(void *)(uintptr_t)ring, sizeof *ring};
     hole[(*count)++] = (struct span){ring->slots, ring->slot_size * ((size_t)ring->mask + 1)};
 }
 
-/* Creates the checkpoint slots over all memory that changes in virtual time, less what other
- * threads write in it. */
+/* Creates the checkpoint slots for all memory that changes in virtual time, except memory that
+ * other threads write. */
 static enum error_code robot_checkpoint_create(struct robot_requests *s, struct arena *arena,
                                                struct error *error)
 {
@@ -150,18 +150,18 @@ static enum error_code robot_checkpoint_create(struct robot_requests *s, struct 
         }
     }
 
-    /* Holes: what other threads write in it */
+    /* Holes: memory that other threads write */
     hole_add_ring(hole, &nhole, boards_event_ring(config->boards));
     hole_add_ring(hole, &nhole, faults_event_ring(config->faults));
 
-    /* What the plant remembers of the last contact evaluation is valid for any state */
+    /* The plant's memory of the last contact evaluation is valid for any state */
     hole[nhole].memory = plant_contact_memory(config->plant, &hole[nhole].size);
     nhole++;
     return checkpoint_create(moving, nmoving, hole, nhole, CHECKPOINT_SLOTS, arena, &s->checkpoint,
                              error);
 }
 
-/* Allocates room for the frames on local buses of each slot; false = no memory. */
+/* Allocates memory for the frames on local buses in each slot; returns false without memory. */
 static bool robot_checkpoint_create_buses(struct robot_requests *s, struct arena *arena)
 {
     for (size_t b = 0; b < s->config.rig->nbus; b++) {
@@ -192,7 +192,7 @@ static enum request_verdict robot_save(void *context, size_t slot)
     return REQUEST_OK;
 }
 
-/* Restores the state of a slot: memory, frames on local buses, then the ports' view of it. */
+/* Restores the state of a slot: memory, frames on local buses, then the state of the ports. */
 static void robot_restore(void *context, size_t slot)
 {
     struct robot_requests *s = context;
@@ -243,7 +243,7 @@ static double tunable_get(void *context, size_t index)
     return 0.0;
 }
 
-/* Sets a tunable; a pretension is reached by its winch over some ticks. */
+/* Sets a tunable; a pretension moves by its winch over several ticks. */
 static enum request_verdict tunable_set(void *context, size_t index, double value)
 {
     struct robot_requests *s = context;
@@ -271,7 +271,7 @@ static enum request_verdict tunable_set(void *context, size_t index, double valu
     return REQUEST_OK;
 }
 
-/* Returns a count that changes whenever a tunable may have another value. */
+/* Returns a count that changes whenever a tunable may have changed. */
 static uint64_t tunable_changes(void *context)
 {
     const struct robot_requests *s = context;
@@ -299,7 +299,7 @@ static void robot_wind_winches(struct robot_requests *s)
     }
 }
 
-/* Moves pushes and winches on by a tick. */
+/* Advances pushes and winches by a tick. */
 static void robot_advance_requests(void *context, int64_t now_ns)
 {
     struct robot_requests *s = context;
@@ -312,7 +312,7 @@ static void robot_advance_requests(void *context, int64_t now_ns)
     }
 }
 
-/* ---- what the loop asks ---- */
+/* ---- functions that the loop calls ---- */
 
 static uint64_t robot_hash_state(void *context)
 {
@@ -337,7 +337,7 @@ static void robot_pace(void *context, double speed, bool paused)
 
 /* ---- creation ---- */
 
-/* Adds a tunable and returns it; NULL = there is no memory yet, it is only counted. */
+/* Adds a tunable and returns it; returns NULL in the counting pass, which has no memory yet. */
 static struct tunable *tunable_add(struct robot_requests *s, struct meaning meaning)
 {
     size_t index = s->ntunable++;
@@ -420,7 +420,7 @@ static void tunable_list_task(struct robot_requests *s)
     }
 }
 
-/* Lists all tunables; called once to count them and once to fill them in. False = no memory. */
+/* Lists all tunables; called once to count and once to fill them. Returns false without memory. */
 static bool tunable_list_all(struct robot_requests *s, struct arena *arena)
 {
     struct tunable *to;
@@ -474,7 +474,7 @@ enum error_code robot_requests_create(const struct robot_requests_config *config
         return error_set(error, ERROR_MEMORY, "no memory left for the requests");
     }
 
-    /* The functions that the loop calls, then the rings through which other threads ask */
+    /* The functions that the loop calls, then the rings for requests of other threads */
     s->machine = (struct request_machine){
         .context = s,
         .fault = robot_switch_fault,

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Writes a scene as primitives of a viewer (foxglove.SceneUpdate in JSON). */
+/* Writes a scene as primitives for a viewer (foxglove.SceneUpdate in JSON). */
 #include "sim/scene_message.h"
 
 #include "base/json_text.h"
@@ -9,11 +9,11 @@
 #include <math.h>
 #include <string.h>
 
-/* The ground is drawn as a slab: side and depth, m. */
+/* The ground is drawn as a slab: edge length and depth, m. */
 #define GROUND_M 20.0
 #define GROUND_DEPTH_M 0.05
 
-/* Density of the ellipsoid that stands for a body without surfaces: that of water. */
+/* Density of the ellipsoid for a body without surfaces: water. */
 #define DENSITY_KG_M3 1000.0
 
 struct scene_color {
@@ -55,13 +55,13 @@ static void scene_put_pose(FILE *out, const double position[3], const double rot
             q[3], q[0]);
 }
 
-/* Writes a color as a further member. */
+/* Writes a color as another member. */
 static void scene_put_color(FILE *out, const struct scene_color *c)
 {
     fprintf(out, ",\"color\":{\"r\":%g,\"g\":%g,\"b\":%g,\"a\":%g}", c->r, c->g, c->b, c->a);
 }
 
-/* Writes a cube, a sphere or a cylinder of a size (m) in its frame. */
+/* Writes a cube, a sphere or a cylinder with a size (m) in its frame. */
 static void scene_put_solid(FILE *out, const double position[3], const double rotation[9],
                             const double size[3], const struct scene_color *color, bool cylinder)
 {
@@ -121,7 +121,7 @@ static void scene_put_ground(FILE *out, const struct contact_surface *s)
     scene_put_solid(out, middle, s->rotation, size, &color_world, false);
 }
 
-/* Returns how many primitives of a list a surface consists of. */
+/* Returns the number of primitives of a list in a surface. */
 static int surface_count_primitives(const struct contact_surface *s, enum scene_list list)
 {
     switch (s->shape) {
@@ -164,8 +164,7 @@ static void scene_put_surface(FILE *out, const struct contact_surface *s, enum s
 
 /* ---- bodies ---- */
 
-/* Returns the body of the rig (the robot's, then free ones) that a surface is on; -1 = the
- * world. */
+/* Returns the rig's body (the robot's, then free ones) with this surface; -1 = the world. */
 static int scene_surface_body(const struct rig *rig, const struct contact_surface *surface)
 {
     return surface->body < 0 ? -1 : rig->contact_body[surface->body];
@@ -191,8 +190,8 @@ static const struct robot_inertia *scene_body_inertia(const struct rig *rig, int
                                 : &rig->free[(size_t)body - nbody].inertia;
 }
 
-/* Writes the ellipsoid that has a body's inertia. A solid ellipsoid with semi-axes a, b, c has
- * I_xx = m (b^2 + c^2) / 5: its proportions follow from the moments, its size from the mass. */
+/* Writes the ellipsoid with a body's inertia. A solid ellipsoid with semi-axes a, b, c has I_xx =
+ * m (b^2 + c^2) / 5. So its proportions follow from the moments, and its size from the mass. */
 static void scene_put_inertia(FILE *out, const struct robot_inertia *inertia)
 {
     static const double upright[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What a rig's bodies and world look like, as the content of a foxglove.SceneUpdate in JSON: an
- * entity a frame, "world" or a body's name, that stays for the whole recording. Surfaces as they
- * touch (meshes, capsules, boxes, spheres, the ground); a body without any as the ellipsoid that
- * has its mass at the density of water and the proportions of its moments of inertia about the axes
- * of its frame. Not RT-safe.
+ * The appearance of a rig's bodies and world, as the content of a foxglove.SceneUpdate in JSON. It
+ * has one entity per frame ("world" or a body's name), valid for the whole recording. Surfaces are
+ * drawn as collision shapes (meshes, capsules, boxes, spheres, the ground). A body without surfaces
+ * is drawn as an ellipsoid with its mass at the density of water, and the proportions of its
+ * moments of inertia about the axes of its frame. Not RT-safe.
  */
 #ifndef SIM_SCENE_MESSAGE_H
 #define SIM_SCENE_MESSAGE_H
@@ -12,7 +12,7 @@
 #include "base/memory_file.h"
 #include "rig/rig.h"
 
-/* Writes the scene into a text, which is the caller's to free. ERROR_MEMORY. */
+/* Writes the scene to a text, which the caller frees. ERROR_MEMORY. */
 enum error_code scene_message_make(const struct rig *rig, struct memory_file *text,
                                    struct error *error);
 

@@ -20,13 +20,13 @@ enum {
     SIGNALS_PER_BUS = 2
 };
 enum { TITLE_SIZE = 192 };
-enum { STREAM_ROWS = 1024 }; /* rows of a stream: about a second at 1 kHz */
+enum { STREAM_ROWS = 1024 }; /* rows of a stream: one second at 1 kHz */
 
 /* ---- rows ---- */
 
-/* Writes force and moment of each listed pair of surfaces, acting on its second surface; the
- * moment is about the middle of the patch. What the robot's own surfaces add is in the bodies'
- * wrenches. */
+/* Writes force and moment of each listed pair of surfaces on its second surface; the moment is
+ * about the middle of the patch. The bodies' wrenches also include other pairs of the robot's
+ * surfaces. */
 static void signals_fill_pairs(const struct simulator *simulator, double *to)
 {
     size_t npair = simulator->config.rig->nlisted_pair, count;
@@ -44,7 +44,8 @@ static void signals_fill_pairs(const struct simulator *simulator, double *to)
     }
 }
 
-/* Writes force/torque and inertial sensors, true or measured; returns where the next value goes. */
+/* Writes force/torque and inertial sensors, true or measured; returns the address after the last
+ * value. */
 static double *signals_fill_sensors(const struct robot *robot, const struct plant_sensors *sensors,
                                     double *to)
 {
@@ -65,8 +66,8 @@ static double *signals_fill_sensors(const struct robot *robot, const struct plan
     return to;
 }
 
-/* Writes the true values of sensors beside the joints', then all measured values as the boards
- * see them. */
+/* Writes the true values of the robot's sensors outside the joints, then all measured values of
+ * the boards. */
 static double *signals_fill_sensed(const struct simulator *simulator, double *to)
 {
     const struct robot *robot = simulator->config.rig->robot;
@@ -108,7 +109,8 @@ size_t simulator_contact_column(const struct simulator *simulator, size_t contac
     return simulator->config.rig->robot->njoint * SIGNALS_PER_JOINT + contact * SIGNALS_PER_CONTACT;
 }
 
-/* Writes the columns in the order of signals_make_titles; returns where the next value goes. */
+/* Writes the columns in the order of signals_make_titles; returns the address after the last
+ * value. */
 double *simulator_fill_signals(const struct simulator *simulator, double *to)
 {
     const struct rig *rig = simulator->config.rig;
@@ -149,7 +151,7 @@ double *simulator_fill_signals(const struct simulator *simulator, double *to)
     to = signals_fill_sensed(simulator, to);
     to = signals_fill_hydraulics(simulator, to);
 
-    /* What an inline task estimates and plans; a task in a thread of its own is not read */
+    /* Estimates and plans of an inline task; a task in its own thread is not read */
     if (simulator->task_inline) {
         task_read_signals(simulator->task->task, to);
         to += simulator->task->nsignal;
@@ -168,8 +170,7 @@ void simulator_fill_stream(const struct simulator *simulator, double *to)
     }
 }
 
-/* Fills a row of each stream that is due; the values are gathered once for all readers of a
- * tick. */
+/* Fills a row of each stream that is due; gathers the values once per tick for all readers. */
 void simulator_stream_row(struct simulator *simulator)
 {
     const struct simulator_status *status = &simulator->status;
@@ -194,15 +195,15 @@ void simulator_stream_row(struct simulator *simulator)
 
 /* ---- titles ---- */
 
-/* The titles while they are made. */
+/* The list of titles under construction. */
 struct title_list {
     struct arena *arena;
     const char **title;
     size_t count;
-    bool good; /* false = memory is used up or a name is too long */
+    bool good; /* false = no memory, or a name is too long */
 };
 
-/* Appends a title: the format, with name in place of its '*'. */
+/* Appends a title: the format with name instead of its '*'. */
 static void title_add(struct title_list *list, const char *format, const char *name)
 {
     char text[TITLE_SIZE];
@@ -226,7 +227,7 @@ static void title_add_group(struct title_list *list, const char *const *format, 
     }
 }
 
-/* Appends the titles of the robot's sensors beside the joints', true or sensed. */
+/* Appends the titles of the robot's sensors outside the joints, true or measured. */
 static void title_add_sensors(struct title_list *list, const struct robot *robot, bool sensed)
 {
     static const char *const ft[][SIGNALS_PER_FT] = {
@@ -255,8 +256,8 @@ static void title_add_sensors(struct title_list *list, const struct robot *robot
     }
 }
 
-/* Appends the titles of all sensors: the true values of those beside the joints', then what
- * boards see. */
+/* Appends the titles of all sensors: true values of those outside the joints, then measured
+ * values. */
 static void title_add_sensed(struct title_list *list, const struct robot *robot)
 {
     static const char *const joint[SIGNALS_SENSED_JOINT] = {
@@ -332,8 +333,8 @@ static void title_add_task(struct title_list *list, const struct simulator *simu
     }
 }
 
-/* Makes the titles of the columns of signals.csv, then of those that only the stream has; false
- * = no memory. */
+/* Makes the titles of the columns of signals.csv, then of those only in the stream; returns false
+ * without memory. */
 static bool signals_make_titles(struct simulator *simulator)
 {
     static const char *const bus[SIGNALS_PER_BUS] = {"rx_*_frames", "tx_*_frames"};
@@ -362,7 +363,7 @@ static bool signals_make_titles(struct simulator *simulator)
 
 enum error_code simulator_create_signals(struct simulator *simulator, struct error *error)
 {
-    /* An engine may split a pair's patch in two */
+    /* An engine may split a pair's patch into two */
     simulator->npatch = 2 * simulator->config.rig->contact.npair;
     simulator->patch =
         arena_alloc(simulator->arena, simulator->npatch + 1, sizeof *simulator->patch);

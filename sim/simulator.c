@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The life of a simulator: created whole or not at all, run in the caller's thread with the task
- * in a thread of its own, closed. assembly.c creates its parts. */
+/* Creates a simulator as a whole or not at all, runs it in the caller's thread with the task in
+ * its own thread, and closes it. assembly.c creates its parts. */
 #include "sim/simulator_private.h"
 
 #include <string.h>
@@ -30,7 +30,7 @@ enum error_code simulator_create(const struct simulator_config *config, struct a
 
 /* ---- running ---- */
 
-/* Makes the task step in the middle between two ticks: on one processor it would otherwise delay
+/* Makes the task step in the middle between two ticks. Otherwise, on one processor, it would delay
  * the loop by its own duration whenever the two grids coincide. */
 static void simulator_offset_task_grid(struct simulator *simulator)
 {
@@ -50,7 +50,7 @@ static void simulator_offset_task_grid(struct simulator *simulator)
 static void *simulator_task_main(void *context)
 {
     struct simulator *simulator = context;
-    struct realtime_report unused; /* the loop's thread reports the same */
+    struct realtime_report unused; /* the loop's thread reports the same values */
 
     realtime_apply(&simulator->task_realtime, &unused);
     simulator_offset_task_grid(simulator);
@@ -65,7 +65,7 @@ static enum error_code simulator_start_task(struct simulator *simulator, struct 
     const int priority = simulator->config.rig->realtime.priority;
     int reason;
 
-    /* A priority above the loop's, as if the task ran on another computer at the end of the
+    /* The task's priority is above the loop's, as if it ran on another computer at the end of the
      * cable */
     simulator->task_realtime = (struct realtime_config){
         .priority = priority + (priority > 0 && priority < 99),
@@ -91,7 +91,7 @@ enum error_code simulator_start(struct simulator *simulator, struct realtime_rep
     enum error_code code;
 
     memset(report, 0, sizeof *report);
-    /* Memory: no page fault may come in the loop */
+    /* Maps memory now, so that no page fault occurs in the loop */
     if (simulator->config.untouched) {
         arena_close(simulator->arena);
         code = ERROR_NONE;
@@ -102,7 +102,7 @@ enum error_code simulator_start(struct simulator *simulator, struct realtime_rep
     if (code || simulator->config.clock != LOOP_CLOCK_REAL) {
         return code;
     }
-    /* The task's thread starts before the calling thread takes its real-time settings */
+    /* The task's thread starts before the calling thread gets its real-time settings */
     if (simulator->task) {
         code = simulator_start_task(simulator, error);
         if (code) {
@@ -118,7 +118,7 @@ static bool simulator_join_task(struct simulator *simulator)
 {
     atomic_store(&simulator->task->stop, true);
     if (simulator->pace) {
-        /* the task may sleep on this clock, which stands still in a pause */
+        /* the task may sleep on this clock, which is stopped in a pause */
         pace_set(simulator->pace, 1.0);
     }
     pthread_join(simulator->task_thread, NULL);
@@ -153,8 +153,8 @@ enum error_code simulator_finish_recording(struct simulator *simulator,
     return recorder ? recorder_close(recorder, counters, error) : ERROR_NONE;
 }
 
-/* Accounts for frames that clients have sent since the last tick, as received or as lost: no
- * board sees them, but whoever counts what was sent finds all of it. */
+/* Counts frames that clients have sent since the last tick as received or lost. No board receives
+ * them, but the sums of sent and counted frames then agree. */
 static void simulator_receive_rest(struct simulator *simulator)
 {
     struct bus_frame frame[64];
@@ -189,14 +189,14 @@ void simulator_destroy(struct simulator *simulator)
         return;
     }
 
-    /* A run that never began leaves no recording */
+    /* A run without ticks leaves no recording */
     if (simulator->recorder && (!simulator->loop || !loop_stats(simulator->loop)->ticks)) {
         recorder_discard(simulator->recorder);
         simulator->recorder = NULL;
     }
     simulator_finish_recording(simulator, &counters, &error);
 
-    /* Users of ports, then the ports, then the buses */
+    /* Closes users of ports, then the ports, then the buses */
     simulator_close_gateway(simulator, &carried);
     bus_ports_close(&simulator->gateway_ports);
     bus_ports_close(&simulator->task_ports);

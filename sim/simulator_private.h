@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the parts of the simulator share: assembly.c makes it, simulator.c runs and closes it and
- * gives access to it, machine.c is what the loop calls, status.c, signals.c and recording.c what it
- * publishes and records, events.c its log. Not RT-safe but where it says so.
+ * Declarations shared by the parts of the simulator: assembly.c creates it, simulator.c runs and
+ * closes it and gives access to it, machine.c has the functions that the loop calls, status.c,
+ * signals.c and recording.c publish and record, events.c collects the event log. Not RT-safe unless
+ * a function says so.
  */
 #ifndef SIM_PRIVATE_H
 #define SIM_PRIVATE_H
@@ -22,9 +23,9 @@
 
 /* The state of a clamped robot's release. */
 struct release {
-    bool due;       /* when every motor is on */
-    int64_t at_ns;  /* virtual time; -1 = not yet or done */
-    uint64_t trips; /* of axes so far */
+    bool due;       /* waits until every motor is on */
+    int64_t at_ns;  /* virtual time of the release; -1 = not yet or done */
+    uint64_t trips; /* number of axis trips so far */
 };
 
 struct simulator {
@@ -32,59 +33,59 @@ struct simulator {
     struct arena *arena;
     struct clock *time;
     struct dynamics dynamics;
-    struct error dynamics_notice;  /* which implementation, and why */
+    struct error dynamics_notice;  /* implementation of the dynamics, and the reason */
     struct contact_world *contact; /* NULL = none */
     struct plant *plant;
     struct settled settled;
     struct faults *faults;
     struct fault_injection *injection;
     struct sensing *sensing;
-    const struct plant_sensors *measured; /* what the boards see; the plant's are the truth */
+    const struct plant_sensors *measured; /* measured values of the boards; the plant's values are
+                                           * the truth */
     struct boards *boards;
     struct external *external; /* NULL = the rig has no external boards */
     struct watch *watch;
     struct buses buses;
-    struct interfaces interfaces; /* of SocketCAN; none with local buses */
+    struct interfaces interfaces; /* of SocketCAN; none for local buses */
     struct bus_ports ports, task_ports, gateway_ports;
     struct stimulus stimulus;
-    int64_t stimulus_ns; /* virtual time up to which its frames are received */
+    int64_t stimulus_ns; /* virtual time up to which recorded frames are received */
     struct gateway *gateway;
     size_t *transmit_max;
     struct loop *loop;
     struct recorder *recorder;
-    const char **title; /* of the signals: those of signals.csv, then those of the buses */
+    const char **title; /* names of the signals: of signals.csv, then of the buses */
     double *row;
-    struct contact_patch *patch; /* of the pairs, for a row */
+    struct contact_patch *patch; /* buffer for the pairs of a row */
     size_t nrecorded, nsignal, npatch;
     struct stream *stream;      /* for subscribers of the control socket; NULL without requests */
-    struct stream *view_stream; /* simulator.h; NULL = none */
+    struct stream *view_stream; /* see simulator.h; NULL = none */
     uint64_t row_ticks;
     struct task_runner *task; /* NULL = none */
     bool task_inline, task_running;
     pthread_t task_thread;
     struct realtime_config task_realtime;
     struct simulator_status status;
-    struct snapshot *published;      /* struct simulator_status */
-    struct snapshot *published_view; /* simulator.h */
-    void *view;                      /* the next one */
+    struct snapshot *published;      /* of struct simulator_status */
+    struct snapshot *published_view; /* of views, see simulator.h */
+    void *view;                      /* the view under construction */
     _Atomic bool view_wanted;
     bool view_stale; /* the last tick was not published as a view */
     struct release release;
-    _Atomic int64_t released; /* virtual time of the release; -1 = reported or not yet */
-    _Atomic int64_t
-        clamped_trip;            /* virtual time at which an axis of a clamped robot has tripped; -1
-                                   * = reported or not yet */
-    _Atomic int clamped_trip_on; /* motors that were on then */
+    _Atomic int64_t released;     /* virtual time of the release; -1 = reported or not yet */
+    _Atomic int64_t clamped_trip; /* virtual time of an axis trip in a clamped robot; -1 = reported
+                                  * or none */
+    _Atomic int clamped_trip_on;  /* number of motors that were on at that time */
     char failure[256];
     struct requests *requests; /* NULL = none */
     struct robot_requests *robot_requests;
-    struct pace *pace;           /* clock of a task in its own thread; NULL = the real one */
-    size_t moves_from, moves_to; /* of the arena: state that changes in virtual time */
+    struct pace *pace;           /* clock of a task in its own thread; NULL = the real clock */
+    size_t moves_from, moves_to; /* range of the arena with state that changes in virtual time */
 };
 
 /* ---- assembly.c ---- */
 
-/* Makes all parts, or fails with some made: simulator_destroy closes them. */
+/* Creates all parts. After a failure some exist; simulator_destroy closes them. */
 enum error_code simulator_assemble(struct simulator *simulator, char notice[256],
                                    struct error *error);
 
@@ -95,51 +96,51 @@ struct loop_machine simulator_machine(struct simulator *simulator);
 /* Publishes the status; the context is the simulator. */
 void simulator_publish(void *context, int64_t now_ns, const struct loop_stats *stats);
 
-/* Leaves out what the rig has no use for in the published status. */
+/* Excludes unused parts of arrays from the published status. */
 void simulator_leave_out_unused(struct simulator *simulator);
 
-/* Fills in the parts of the status that are known before the first tick. */
+/* Fills the parts of the status that are known before the first tick. */
 void simulator_fill_start(struct simulator *simulator);
 
 /* ---- view.c ---- */
 
-/* Creates the view; after the signals, whose number it needs. */
+/* Creates the view; call it after the signals, because it needs their number. */
 enum error_code simulator_create_view(struct simulator *simulator, struct error *error);
 
-/* Publishes a view of the tick that has run, if one is wanted. RT-safe. */
+/* Publishes a view of the last tick if one is wanted. RT-safe. */
 void simulator_offer_view(struct simulator *simulator);
 
-/* Returns the signals of the view of the tick that has run last, NULL without one. RT-safe. */
+/* Returns the signals in the last tick's view; NULL without one. RT-safe. */
 const double *simulator_view_signals(const struct simulator *simulator);
 
-/* Publishes the view of the last tick, between two ticks, if it has come to be wanted only
- * since. RT-safe. */
+/* Publishes the last tick's view between two ticks, if views became wanted after the tick.
+ * RT-safe. */
 void simulator_renew_view(struct simulator *simulator);
 
 /* ---- signals.c ---- */
 
-/* Returns the column of the first of the six components of a body's contact wrench in a row. */
+/* Returns the column of the first of six components of a body's contact wrench in a row. */
 size_t simulator_contact_column(const struct simulator *simulator, size_t contact);
 
-/* Lists the signals and creates the streams; before the recorder, whose columns are the first of
- * the stream's. */
+/* Lists the signals and creates the streams. Call it before the recorder, whose columns are the
+ * first of the stream's. */
 enum error_code simulator_create_signals(struct simulator *simulator, struct error *error);
 
-/* Writes the present value of each signal that is recorded; returns where the next would go.
+/* Writes the present value of each recorded signal; returns the address after the last one.
  * RT-safe. */
 double *simulator_fill_signals(const struct simulator *simulator, double *to);
 
 /* Writes a row of the stream: the recorded signals, then those of the buses. RT-safe. */
 void simulator_fill_stream(const struct simulator *simulator, double *to);
 
-/* Writes a row for each reader for whom one is due; after simulator_offer_view. RT-safe. */
+/* Writes a row for each reader with a due row; call it after simulator_offer_view. RT-safe. */
 void simulator_stream_row(struct simulator *simulator);
 
 /* ---- recording.c ---- */
 
 enum error_code simulator_create_recorder(struct simulator *simulator, struct error *error);
 
-/* Writes a row for the recording, if one is due. RT-safe. */
+/* Writes a row to the recording if one is due. RT-safe. */
 void simulator_record_row(struct simulator *simulator);
 
 #endif

@@ -48,7 +48,7 @@ static void status_fill_plant(struct simulator *simulator)
     }
 }
 
-/* Copies when each external board was last heard, and which are silent. */
+/* Copies the time when each external board was last heard, and the silent boards. */
 static void status_fill_external(struct simulator *simulator)
 {
     const struct boards_config *boards = &simulator->config.rig->boards;
@@ -84,7 +84,7 @@ static void status_fill_counters(struct simulator *simulator, const struct loop_
     status->lockstep = stats->lockstep;
 }
 
-/* Copies which faults are active, a bit each. */
+/* Copies the active faults, one bit each. */
 static void status_fill_faults(struct simulator *simulator)
 {
     uint64_t *word = simulator->status.fault;
@@ -95,7 +95,7 @@ static void status_fill_faults(struct simulator *simulator)
     }
 }
 
-/* Leaves out of the published status the end of an array that has used elements. */
+/* Excludes the end of an array with `used` elements from the published status. */
 #define LEAVE_OUT_END(simulator, array, used)                                                      \
     snapshot_leave_out((simulator)->published,                                                     \
                        offsetof(struct simulator_status, array) +                                  \

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads the frames of a controller and of external boards from a log, in two passes: count, then
- * keep. */
+/* Reads the frames of a controller and of external boards from a log in two passes: count, then
+ * store. */
 #include "sim/stimulus.h"
 
 #include "boards/messages.h"
@@ -13,7 +13,8 @@
 
 enum { STANDARD_IDS = 0x800, EXTENDED_IDS = 2048 };
 enum { FRAMES_MAX = 1 << 23 /* an hour of two buses at 1 kHz */ };
-#define WALL_CLOCK_NS (INT64_C(100000000) * 1000000000) /* three years: no run's, but 1973's */
+/* three years: longer than any run, but before any wall-clock time since 1973 */
+#define WALL_CLOCK_NS (INT64_C(100000000) * 1000000000)
 
 struct stimulus_reader {
     const struct rig *rig;
@@ -22,16 +23,16 @@ struct stimulus_reader {
     char path[PATH_MAX];
     /* 1 = a board of the simulator sends this identifier on this bus */
     uint8_t sent[RIG_BUSES_MAX][STANDARD_IDS];
-    /* Identifiers of 29 bits that boards send, but for the bits of the mask, which are 0 here */
+    /* 29-bit identifiers that boards send; bits of the mask are 0 here */
     struct {
         size_t bus;
         uint32_t id, mask;
     } extended[EXTENDED_IDS];
     size_t nextended;
-    bool full; /* the boards send more of them */
+    bool full; /* the boards send more identifiers than fit */
 };
 
-/* ---- whose frame it is ---- */
+/* ---- origin of a frame ---- */
 
 /* The bus whose messages stimulus_mark_sent marks. */
 struct stimulus_marks {
@@ -62,7 +63,7 @@ static bool stimulus_mark_sent(void *context, const struct message *message)
     return true;
 }
 
-/* Finds a bus by the name of its interface, else by its own; -1 = none. */
+/* Finds a bus by the name of its interface, else by its own name; -1 = none. */
 static int stimulus_find_bus(const struct stimulus_reader *reader, const char *name)
 {
     for (size_t b = 0; b < reader->rig->nbus; b++) {
@@ -73,7 +74,7 @@ static int stimulus_find_bus(const struct stimulus_reader *reader, const char *n
     return rig_find_bus(reader->rig, name);
 }
 
-/* Checks whether a board of the simulator sends an identifier of 29 bits. */
+/* Checks whether a board of the simulator sends this 29-bit identifier. */
 static bool stimulus_is_extended_of_boards(const struct stimulus_reader *reader, size_t bus,
                                            uint32_t id)
 {
@@ -86,7 +87,7 @@ static bool stimulus_is_extended_of_boards(const struct stimulus_reader *reader,
     return false;
 }
 
-/* Checks whether a frame came from a controller or an external board and is to be played. */
+/* Checks whether a frame is to be played: it came from a controller or an external board. */
 static bool stimulus_takes_frame(const struct stimulus_reader *reader, size_t bus,
                                  const struct bus_frame *frame)
 {
@@ -106,8 +107,8 @@ static bool stimulus_takes_frame(const struct stimulus_reader *reader, size_t bu
 
 /* ---- the log ---- */
 
-/* Moves a frame's time to the start of the run when the log begins at a time of the wall clock.
- * ERROR_INPUT when the log is longer than any run. */
+/* Shifts a frame's time to the start of the run if the log begins with wall-clock time. Returns
+ * ERROR_INPUT if the log is longer than any run. */
 static enum error_code stimulus_place_frame(const struct stimulus_reader *reader, int line,
                                             struct stimulus *stimulus, struct bus_frame *frame,
                                             struct error *error)
@@ -125,8 +126,8 @@ static enum error_code stimulus_place_frame(const struct stimulus_reader *reader
                            (double)WALL_CLOCK_NS * 1e-9);
 }
 
-/* Counts a frame of a bus, and keeps it where there is room; refuses one that is earlier than the
- * one before. last_ns: times of the buses' last frames. */
+/* Counts a frame of a bus, and stores it if there is room; refuses a frame that is earlier than
+ * the previous one. last_ns: times of the buses' last frames. */
 static enum error_code stimulus_keep_frame(const struct stimulus_reader *reader, int line,
                                            size_t bus, const struct bus_frame *frame,
                                            int64_t last_ns[RIG_BUSES_MAX],
@@ -147,7 +148,7 @@ static enum error_code stimulus_keep_frame(const struct stimulus_reader *reader,
     return ERROR_NONE;
 }
 
-/* Reads the log once: counts the frames of each bus, and keeps them where there is room. */
+/* Reads the log once: counts the frames of each bus, and stores them if there is room. */
 static enum error_code stimulus_pass(const struct stimulus_reader *reader,
                                      struct stimulus *stimulus, struct error *error)
 {
@@ -165,7 +166,7 @@ static enum error_code stimulus_pass(const struct stimulus_reader *reader,
         char name[16];
         int bus;
 
-        /* Each frame by the interface or bus that the log names */
+        /* Assigns each frame to the bus whose interface or name the log gives */
         code = candump_next(&log, &frame, name, &end, error);
         if (code || end ||
             (code = stimulus_place_frame(reader, log.line, stimulus, &frame, error))) {

@@ -36,7 +36,7 @@ static double summary_seconds(int64_t ns)
     return (double)ns * 1e-9;
 }
 
-/* Returns virtual time over wall time; 0 = nothing ran. */
+/* Returns virtual time over wall time; 0 = no tick ran. */
 static double summary_real_time_factor(const struct loop_stats *stats)
 {
     int64_t wall = stats->end_ns - stats->start_ns;
@@ -115,7 +115,7 @@ static void summary_print_phases(const struct summary *summary, FILE *out)
 
     fprintf(out, "  %-10s %10s %10s %10s %10s %10s\n", "us", "p50", "p99", "max", "mean", "share");
     for (int p = 0; p < PHASE_COUNT; p++) {
-        /* An inline task is stepped in the phase in which the loop would wait */
+        /* The loop steps an inline task in the phase in which it would otherwise wait */
         summary_print_histogram(p == PHASE_WAIT && task_waits ? "task"
                                                               : loop_phase_name((enum loop_phase)p),
                                 &stats->phase[p], total, out);
@@ -129,7 +129,7 @@ static void summary_print_phases(const struct summary *summary, FILE *out)
 
         fprintf(out, "  contact: %" PRIu64 " evaluations, %.1f us each", contact->evaluations,
                 summary_us(contact->spent_ns) / (double)contact->evaluations);
-        /* A run that ends before its first tick has evaluated its start alone */
+        /* A run without ticks has evaluated only its start */
         if (around > 0) {
             fprintf(out, ", %.1f %% of plant and sensors",
                     100.0 * (double)contact->spent_ns / (double)around);
@@ -138,8 +138,8 @@ static void summary_print_phases(const struct summary *summary, FILE *out)
     }
 }
 
-/* Returns the load of a bus in percent: measured by its wire, else computed from the bits
- * without stuff bits. */
+/* Returns the load of a bus in percent: measured by its wire, else computed from the bits without
+ * stuff bits. */
 static double summary_bus_load(const struct summary *summary, size_t bus)
 {
     const struct rig_bus *rig_bus = &simulator_configuration(summary->simulator)->rig->bus[bus];
@@ -233,7 +233,7 @@ static void print_wires(const struct summary *summary, FILE *out)
     }
 }
 
-/* Prints the counters of boards, lockstep and recorder, and lost events. */
+/* Prints the counters of boards, lockstep and recorder, and the number of lost events. */
 static void print_rest(const struct summary *summary, FILE *out)
 {
     const struct loop_stats *stats = simulator_stats(summary->simulator);
@@ -266,8 +266,8 @@ static void print_rest(const struct summary *summary, FILE *out)
     }
 }
 
-/* Reads the energy account, and its turnover: the sum of all flows, J. False = none was
- * requested, or the contact engine has failed. */
+/* Reads the energy account and its turnover, the sum of all flows, J. Returns false if none was
+ * requested or the contact engine has failed. */
 static bool read_energy(const struct summary *summary, struct plant_energy *e, double *turnover)
 {
     if (!simulator_configuration(summary->simulator)->energy ||
@@ -281,7 +281,7 @@ static bool read_energy(const struct summary *summary, struct plant_energy *e, d
     return true;
 }
 
-/* Prints the energy account and what does not balance. */
+/* Prints the energy account and its remaining imbalance. */
 static void print_energy(const struct summary *summary, FILE *out)
 {
     struct plant_energy e;
@@ -496,7 +496,7 @@ enum error_code summary_write(const struct summary *summary, const char *directo
     struct whole_file file;
     enum error_code code;
 
-    /* A reader that waits for the file must not find a part of it */
+    /* Writes a temporary file first, so that a waiting reader never finds a partial file */
     snprintf(path, sizeof path, "%s/" RECORDER_SUMMARY, directory);
     code = whole_file_open(&file, path, error);
     if (code) {

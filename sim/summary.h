@@ -12,13 +12,13 @@ struct summary {
     enum loop_end end;
     bool recorded;
     struct recorder_counters recorder;
-    /* Writes members of the JSON object that say what was run, each with a comma before it, in the
-     * place of the rig's file; NULL = a rig file was */
+    /* Writes JSON members that describe the input of the run, each preceded by a comma, instead of
+     * the rig's file; NULL = the input was a rig file */
     void (*put_origin)(const void *context, FILE *out);
-    const void *context; /* its argument */
+    const void *context; /* argument of put_origin */
 };
 
-/* Returns how a run ended, in words: "ran its length", ... */
+/* Returns in words how a run ended: "ran its length", ... */
 const char *summary_end_text(enum loop_end end);
 
 void summary_print(const struct summary *summary, FILE *out);

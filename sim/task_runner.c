@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Steps a task at the right times, inline or in a thread or process of its own. */
+/* Steps a task at the right times, inline or in its own thread or process. */
 #include "sim/task_runner.h"
 
 #include "base/text.h"
@@ -8,8 +8,8 @@
 #include <string.h>
 
 enum {
-    PUBLISH_STEPS = 50,      /* between two messages of a running task */
-    DONE_WAIT_NS = 10000000, /* lockstep: longest sleep for DONE before the task looks again */
+    PUBLISH_STEPS = 50,      /* steps between two messages of a running task */
+    DONE_WAIT_NS = 10000000, /* lockstep: longest sleep for DONE before the task checks again */
     POLLED_MAX = 64,
 };
 
@@ -105,8 +105,7 @@ static void task_runner_wait_for_frames(struct task_runner *runner)
     clock_wait_readable(runner->time, fds, count, clock_now(runner->time) + DONE_WAIT_NS);
 }
 
-/* Sleeps until the next deadline that has not passed (real time); missed ones are dropped, the
- * grid stays. */
+/* Sleeps until the next deadline in the future (real time); skips missed ones, the grid stays. */
 static void task_runner_wait_for_deadline(struct task_runner *runner, int64_t *deadline_ns)
 {
     int64_t now = clock_now(runner->time);
@@ -118,7 +117,7 @@ static void task_runner_wait_for_deadline(struct task_runner *runner, int64_t *d
     clock_sleep_until(runner->time, *deadline_ns);
 }
 
-/* Returns the task's time: the clock's less the pauses in which the task did not run (a stopped
+/* Returns the task's time: the clock's minus the pauses in which the task did not run (a stopped
  * process). */
 static int64_t task_runner_time(const struct task_runner *runner, int64_t *last_ns,
                                 int64_t *paused_ns)

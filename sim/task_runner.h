@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Runs a task against the buses of a rig: stepped inline by the loop (lockstep, free run), or in a
- * thread or process of its own (real time on a grid of the tick, or lockstep from outside). Its
- * state and message can be read from any thread. Times in ns of the clock that is passed in.
+ * Runs a task on the buses of a rig: stepped inline by the loop (lockstep, free run), or in its own
+ * thread or process (real time on the grid of the tick, or lockstep from outside). Any thread can
+ * read its state and message. Times in ns of the given clock.
  */
 #ifndef SIM_TASK_RUNNER_H
 #define SIM_TASK_RUNNER_H
@@ -27,7 +27,7 @@ struct task_runner {
     size_t nbus;
     struct can_port **port;
     struct clock *time;
-    int64_t grid_ns;  /* task_runner_run steps at this + k periods; 0 = at its begin */
+    int64_t grid_ns;  /* task_runner_run steps at this time + k periods; 0 = from its start */
     atomic_bool stop; /* ends task_runner_run; any thread may set it */
     struct task_runner_status now;
     uint64_t steps;
@@ -36,11 +36,12 @@ struct task_runner {
     const char *const *signal_name;
 };
 
-/* Checks, before anything is opened, that there is such a task; else ERROR_INPUT. Not RT-safe. */
+/* Checks that the task exists, before anything is opened; else returns ERROR_INPUT. Not
+ * RT-safe. */
 enum error_code task_runner_check_name(const char *task, struct error *error);
 
-/* Creates a task and its runner. input: NULL = none. port: one for each bus of the rig. All are
- * borrowed, like the clock. lockstep: the task sends STEP and waits for DONE. Memory from arena.
+/* Creates a task and its runner. input: NULL = none. port: one per bus of the rig. All arguments
+ * and the clock are borrowed. lockstep: the task sends STEP and waits for DONE. Memory from arena.
  * ERROR_MEMORY, ERROR_INPUT. Not RT-safe. */
 enum error_code task_runner_create(const struct rig *rig, const char *task,
                                    const struct task_input *input, struct can_port **port,
@@ -50,13 +51,13 @@ enum error_code task_runner_create(const struct rig *rig, const char *task,
 /* Runs one step of the task. RT-safe. */
 enum task_status task_runner_step(struct task_runner *runner, int64_t now_ns);
 
-/* Steps until the task ends or stop is set; switches the motors off when it was stopped. While the
- * task could not run for more than 50 ms (a stopped process, a stolen processor) its time stands
- * still: it resumes where it was, and does not take its own absence for the silence of a board.
- * RT-safe but that it sleeps. */
+/* Steps until the task ends or stop is set; if it was stopped, switches the motors off. A gap of
+ * more than 50 ms between two steps (a stopped process, no processor) does not count as task time.
+ * So the task continues where it was, and does not mistake the gap for a board's timeout. RT-safe
+ * except that it sleeps. */
 enum task_status task_runner_run(struct task_runner *runner);
 
-/* Copies the last published status; from any thread. RT-safe except that it may repeat the copy. */
+/* Copies the last published status. Any thread. RT-safe except that it may repeat the copy. */
 void task_runner_read(const struct task_runner *runner, struct task_runner_status *status);
 
 #endif

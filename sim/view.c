@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Publishes views: one block of memory with status, signals and boards, behind a sequence lock. */
+/* Publishes views: one block of memory with status, signals and boards, protected by a sequence
+ * lock. */
 
 #include "sim/simulator_private.h"
 
@@ -8,7 +9,7 @@
 _Static_assert(sizeof(struct simulator_status) % 8 == 0 && sizeof(struct board_state) % 8 == 0,
                "a snapshot consists of words");
 
-/* Returns the bytes of a view: status, signals, boards. */
+/* Returns the size of a view: status, signals, boards. */
 static size_t view_size(const struct simulator *simulator)
 {
     return sizeof(struct simulator_status) + simulator->nsignal * sizeof(double) +
