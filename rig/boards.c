@@ -55,8 +55,7 @@ static enum error_code board_check_keys(struct rig_builder *b, const struct raw_
                           ARRAY_COUNT(keys));
 }
 
-/* Checks the period of a STRAIN or inertial board: whole milliseconds, the unit of the command
- * that sets it. */
+/* Checks the period of a STRAIN or inertial board: whole milliseconds, the unit of its command. */
 static enum error_code board_check_period(struct rig_builder *b, const struct raw_board *raw)
 {
     const int64_t period_ns = raw->board.period_ns;
@@ -103,7 +102,7 @@ static enum error_code board_build_torque(struct rig_builder *b, const struct ra
                           "found %zu joints, expected 1 to %d", raw->njoint, BOARD_CHANNELS);
     }
 
-    /* All channels are spare until a joint claims one */
+    /* All channels are unused until a joint claims one */
     for (int i = 0; i < BOARD_CHANNELS; i++) {
         board->torque_joint[i] = -1;
         board->full_scale[i] = b->raw->motors.axis.torque_full_scale_nm;
@@ -132,7 +131,7 @@ static enum error_code board_build_torque(struct rig_builder *b, const struct ra
     return board_check_period(b, raw);
 }
 
-/* Builds the inertial board, of which a rig has at most one. */
+/* Builds the inertial board; a rig has at most one. */
 static enum error_code board_build_inertial(struct rig_builder *b, const struct raw_board *raw)
 {
     if (b->robot->imu_frame < 0) {
@@ -148,7 +147,7 @@ static enum error_code board_build_inertial(struct rig_builder *b, const struct 
     return board_check_period(b, raw);
 }
 
-/* Builds an axis of a motor board, or a spare one. */
+/* Builds an axis of a motor board, or an unused one. */
 static enum error_code board_build_axis(struct rig_builder *b, const struct raw_board *raw,
                                         const struct yaml_name *name,
                                         struct board_axis_config *axis)
@@ -157,7 +156,7 @@ static enum error_code board_build_axis(struct rig_builder *b, const struct raw_
     const struct robot_joint *joint;
     enum error_code code;
 
-    /* Values that all axes have in common, spare ones too */
+    /* Values common to all axes, also unused ones */
     *axis = motors->axis;
     axis->joint = -1;
     axis->joint_ticks_per_rad = motors->joint_ticks_per_rev / (2.0 * M_PI);
@@ -169,7 +168,7 @@ static enum error_code board_build_axis(struct rig_builder *b, const struct raw_
         return ERROR_NONE;
     }
 
-    /* The joint: it has a drive, and no other board drives it */
+    /* The joint has a drive, and no other board drives it */
     code = rig_find(b, &name->mark, "joint", name->name,
                     RIG_NAMES(b->robot->joint, b->robot->njoint), &axis->joint);
     if (code) {
@@ -188,7 +187,7 @@ static enum error_code board_build_axis(struct rig_builder *b, const struct raw_
     }
     b->driver[axis->joint] = raw;
 
-    /* Values of the drive that the board knows */
+    /* Values of the drive that the board needs */
     axis->lower_rad = joint->lower;
     axis->upper_rad = joint->upper;
     axis->valve = joint->hydraulic.present;
@@ -203,7 +202,7 @@ static enum error_code board_build_axis(struct rig_builder *b, const struct raw_
     return ERROR_NONE;
 }
 
-/* Places the switches of an axis's joint, which its board must know. */
+/* Sets the switches of an axis's joint; the board's protocol must support them. */
 static enum error_code board_place_switches(struct rig_builder *b, const struct protocol *protocol,
                                             const struct robot_joint *joint,
                                             struct board_axis_config *axis)
@@ -218,7 +217,7 @@ static enum error_code board_place_switches(struct rig_builder *b, const struct 
             continue;
         }
 
-        /* A board that knows them, and angles in their order */
+        /* The protocol supports switches, and their angles are in order */
         if (!protocol->switches) {
             return yaml_error(
                 b->error, &raw->mark,
@@ -243,7 +242,7 @@ static enum error_code board_place_switches(struct rig_builder *b, const struct 
                               raw->switches.negative_rad, raw->switches.positive_rad);
         }
 
-        /* The index pulse comes once a revolution of the rotor */
+        /* The index pulse comes once per revolution of the rotor */
         axis->switches = raw->switches;
         axis->switches.negative = yaml_has(&raw->mark, "negative_limit_rad");
         axis->switches.positive = yaml_has(&raw->mark, "positive_limit_rad");
@@ -253,7 +252,7 @@ static enum error_code board_place_switches(struct rig_builder *b, const struct 
     return ERROR_NONE;
 }
 
-/* Checks that our host can switch a valve on. */
+/* Checks that our host can enable a valve with this protocol. */
 static enum error_code board_check_valve(struct rig_builder *b, const struct described_protocol *of,
                                          const struct yaml_name *name)
 {
@@ -280,7 +279,8 @@ static enum error_code board_check_external_keys(struct rig_builder *b, const st
     return ERROR_NONE;
 }
 
-/* Checks an external board: the host's codec must read its frames without having configured it. */
+/* Checks an external board: the host's codec must be able to read its frames without configuring
+ * it. */
 static enum error_code board_check_external(struct rig_builder *b, const struct raw_board *raw,
                                             const struct protocol *protocol)
 {
@@ -301,7 +301,7 @@ static enum error_code board_check_external(struct rig_builder *b, const struct 
                           "or an F/T board");
     }
 
-    /* What its joints follow: only those of motor boards can */
+    /* Only joints of motor boards can follow an external board */
     if (yaml_has(&raw->mark, "external_follows") && raw->board.kind != BOARD_MOTOR) {
         return yaml_error(b->error, yaml_place(&raw->mark, "external_follows"),
                           "found external_follows on an F/T board, expected it on a motor board: "
@@ -347,9 +347,9 @@ static enum error_code board_build_motor(struct rig_builder *b, const struct raw
     const size_t most = protocol->axes_max;
     char list[RIG_LIST];
 
-    board->period_ns = 0; /* motor boards send by other rules */
+    board->period_ns = 0; /* motor boards have other rules for sending */
 
-    /* As many axes as the protocol has */
+    /* As many axes as the protocol allows */
     if (raw->naxis < 1 || raw->naxis > most) {
         return most == 1 ? yaml_error(b->error, yaml_place(&raw->mark, "axes"),
                                       "found %zu axes, expected 1", raw->naxis)
@@ -359,7 +359,7 @@ static enum error_code board_build_motor(struct rig_builder *b, const struct raw
     for (size_t i = 0; i < BOARD_AXES_MAX; i++) {
         enum error_code code;
 
-        /* Axes beyond the listed ones are spare */
+        /* Axes after the listed ones are unused */
         code = board_build_axis(b, raw, i < raw->naxis ? &raw->axis[i] : &spare, &board->axis[i]);
         if (!code && board->axis[i].valve && b->bus[board->bus].described) {
             code = board_check_valve(b, b->bus[board->bus].described, &raw->axis[i]);
@@ -385,7 +385,7 @@ static enum error_code board_build_motor(struct rig_builder *b, const struct raw
     return ERROR_NONE;
 }
 
-/* Returns the name of a board: its own, or its bus and address. */
+/* Returns the name of a board: its own, or one made of its bus and address. */
 static const char *board_make_name(struct rig_builder *b, const struct rig_bus *bus,
                                    const struct raw_board *raw)
 {
@@ -398,7 +398,7 @@ static const char *board_make_name(struct rig_builder *b, const struct rig_bus *
     return arena_strdup(b->arena, text);
 }
 
-/* Checks the address and the kind of a board by its protocol. */
+/* Checks that the protocol allows the address and the kind of a board. */
 static enum error_code board_check_address(struct rig_builder *b, const struct raw_board *raw,
                                            const struct protocol *protocol)
 {
@@ -425,7 +425,7 @@ static enum error_code board_check_address(struct rig_builder *b, const struct r
     return ERROR_NONE;
 }
 
-/* Checks that a described protocol knows a board: its address, its axes, frames of its kind. */
+/* Checks that a described protocol allows a board: its address, its axes, frames for its kind. */
 static enum error_code board_check_described(struct rig_builder *b, const struct raw_board *raw,
                                              const struct described_protocol *protocol)
 {
@@ -456,7 +456,7 @@ static enum error_code board_check_described(struct rig_builder *b, const struct
                               protocol->name);
 }
 
-/* Builds a board: common values, then those of its kind. */
+/* Builds a board: common values, then values of its kind. */
 static enum error_code rig_build_board(struct rig_builder *b, int bus, const struct raw_board *raw,
                                        struct board_config *board)
 {
@@ -474,7 +474,7 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
         return code;
     }
 
-    /* One address, one board */
+    /* An address belongs to one board */
     for (const struct raw_board *other = raw_bus->board; other < raw; other++) {
         if (other->address == raw->address) {
             return yaml_error(b->error, yaml_place(&raw->mark, "address"),
@@ -484,7 +484,7 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
         }
     }
 
-    /* Values that all kinds have in common, then those of this kind */
+    /* Values common to all kinds, then values of this kind */
     *board = raw->board;
     board->name = board_make_name(b, &raw_bus->bus, raw);
     board->bus = bus;
@@ -530,7 +530,7 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
     enum error_code code;
     char list[RIG_LIST];
 
-    /* Name and interface are its own */
+    /* Name and interface must be unique */
     for (const struct raw_bus *other = b->raw->bus; other < raw; other++) {
         if (!strcmp(other->bus.name, bus->name)) {
             return yaml_error(b->error, yaml_place(&raw->mark, "name"),
@@ -545,7 +545,7 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
         }
     }
 
-    /* CAN FD: with boards that speak it, and with a second bit rate */
+    /* CAN FD needs boards that support it, and a second bit rate */
     if (bus->fd && !protocol->canfd) {
         return yaml_error(b->error, yaml_place(&raw->mark, "fd"),
                           "found fd on bus \"%s\", expected it with personality %s only", bus->name,
@@ -566,7 +566,8 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
                           bus->name);
     }
 
-    /* A DBC has one length for all commands of an iCub board, but each length of another one */
+    /* A DBC has one length for all commands of an iCub board; other protocols have a length for
+     * each command */
     if (raw->padded && !protocol->padded) {
         return yaml_error(b->error, yaml_place(&raw->mark, "padded_frames"),
                           "found padded_frames on bus \"%s\", expected it with personality %s only",
@@ -574,7 +575,7 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
                           protocols_list(offsetof(struct protocol, padded), list, sizeof list));
     }
 
-    /* Settings of the interface only where the simulator sets it */
+    /* Settings of the interface need configure: true */
     for (int i = 0; i < 2 && !bus->configure; i++) {
         const char *key = i == 0 ? "sample_point" : "restart_ms";
 
@@ -591,7 +592,7 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
                                  bus->interface);
 }
 
-/* Finds the file of a protocol: a path from the rig's folder, or a name alone. */
+/* Finds the file of a protocol: a path from the rig's folder, or a name. */
 static enum error_code rig_find_protocol(struct rig_builder *b, const struct yaml_mark *mark,
                                          const char *file, const char **path)
 {
@@ -603,8 +604,8 @@ static enum error_code rig_find_protocol(struct rig_builder *b, const struct yam
                : ERROR_NONE;
 }
 
-/* Checks that a protocol with CAN FD frames is on a CAN FD bus, and that no frame is sent more
- * often than there are ticks. */
+/* Checks that a protocol with CAN FD frames is on a CAN FD bus, and that no frame has a period
+ * below a tick. */
 static enum error_code rig_check_format(struct rig_builder *b, const struct raw_bus *raw,
                                         const struct described_protocol *protocol)
 {
@@ -631,8 +632,8 @@ static enum error_code rig_check_format(struct rig_builder *b, const struct raw_
     return ERROR_NONE;
 }
 
-/* Returns what describes the protocol of a bus: the text of its personality, or the name of its own
- * file or the rig's; NULL: nothing. */
+/* Returns the description of a bus's protocol: the text of its personality, or the name of its own
+ * or the rig's file; NULL: none. */
 static const char *rig_protocol_source(const struct rig_builder *b, const struct raw_bus *raw)
 {
     const struct protocol *protocol = raw_bus_protocol(b, raw);
@@ -670,7 +671,7 @@ static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw
                    : ERROR_NONE;
     }
 
-    /* Buses with one source share one table */
+    /* Buses with the same description share one table */
     for (const struct raw_bus *other = b->raw->bus; other < raw && !raw->protocol; other++) {
         if (rig_protocol_source(b, other) == source) {
             *protocol = b->bus[other - b->raw->bus].described;
@@ -689,7 +690,7 @@ static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw
     return code ? code : rig_check_format(b, raw, *protocol);
 }
 
-/* Checks that a bus speaks the protocol of the rig, which is a mistake where none does. */
+/* Checks that at least one bus uses the rig's protocol. */
 static enum error_code rig_check_protocol_used(struct rig_builder *b)
 {
     char list[RIG_LIST];
@@ -709,7 +710,7 @@ static enum error_code rig_check_protocol_used(struct rig_builder *b)
                : ERROR_NONE;
 }
 
-/* Finds how many ticks late voltages are. */
+/* Computes the delay of voltages in ticks. */
 static enum error_code rig_find_voltage_delay(struct rig_builder *b, size_t *ticks)
 {
     int64_t delay_ns;
@@ -757,7 +758,7 @@ enum error_code rig_build_boards(struct rig_builder *b)
         return rig_no_memory(b);
     }
 
-    /* Each bus as the ports, the boards and the host see it, and its boards */
+    /* Each bus with its boards, in the terms of ports, boards and host */
     for (size_t i = 0; i < b->rig->nbus; i++) {
         const struct raw_bus *from = &raw->bus[i];
 
@@ -799,7 +800,7 @@ enum error_code rig_check_drives(struct rig_builder *b)
 {
     const struct raw_rig *raw = b->raw;
 
-    /* A joint with switches is driven by a board */
+    /* A joint with switches must have a board */
     for (size_t i = 0; i < raw->motors.nswitches; i++) {
         const struct raw_switches *switches = &raw->motors.switches[i];
         int joint;
@@ -817,7 +818,7 @@ enum error_code rig_check_drives(struct rig_builder *b)
         }
     }
 
-    /* A joint that is listed as undriven has no board */
+    /* A joint listed as undriven must have no board */
     for (size_t i = 0; i < raw->nundriven; i++) {
         int joint;
         enum error_code code = rig_find(b, &raw->undriven[i].mark, "joint", raw->undriven[i].name,
@@ -834,7 +835,7 @@ enum error_code rig_check_drives(struct rig_builder *b)
         }
     }
 
-    /* A driven joint without a board is listed */
+    /* A driven joint without a board must be listed */
     for (size_t j = 0; j < b->robot->njoint; j++) {
         const struct robot_joint *joint = &b->robot->joint[j];
         bool listed = !robot_joint_is_driven(joint) || b->driver[j];

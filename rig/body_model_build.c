@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Tells the tasks of a rig about the robot's body, and the parameters of its walk. */
+/* Builds the robot's body model for tasks, and the parameters of its walk. */
 #include "rig/builder_private.h"
 
 #include <math.h>
 #include <string.h>
 
-/* Returns a frame of the robot; without one, its link is -1. */
+/* Returns a frame of the robot; if there is none, its link is -1. */
 static struct body_frame task_body_frame(const struct robot *robot, int index)
 {
     struct body_frame frame = {.link = -1};
@@ -29,7 +29,7 @@ static int task_body_axis(const struct rig *rig, const char *joint)
     return -1;
 }
 
-/* Builds a link of the body from a body of the robot and the joint that carries it. */
+/* Builds a link of the body model from a body of the robot and the joint that moves it. */
 static void task_body_link(const struct rig_builder *b, size_t i, struct body_link *link)
 {
     const struct robot_body *body = &b->robot->body[i];

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Shared by the parts of the rig reader while they make a struct rig of a struct raw_rig. SI units.
- * Not RT-safe.
+ * Declarations shared by the parts of the rig reader, which build a struct rig from a struct
+ * raw_rig. SI units. Not RT-safe.
  */
 #ifndef RIG_BUILDER_PRIVATE_H
 #define RIG_BUILDER_PRIVATE_H
@@ -15,61 +15,61 @@ struct rig_torque {
     int bus, channel;
 };
 
-/* A body that may carry surfaces, or the world. */
+/* A place that surfaces may be fixed to: a body or the world. */
 struct rig_place {
     const char *name;
     int body;           /* as in struct plant_config; -1 = the world */
-    double position[3]; /* in that body or the world; zero but for static bodies of the
-                         * scene and a base that the rig fixes */
-    double rotation[9]; /* of it, row-major */
+    double position[3]; /* in that body or the world; zero except for static bodies of the scene
+                         * and a fixed base */
+    double rotation[9]; /* rotation, row-major */
 };
 
-enum { RIG_LIST = 80 }; /* of names of protocols in a message */
+enum { RIG_LIST = 80 }; /* buffer size for names of protocols in a message */
 
 struct rig_builder {
     struct rig *rig;
     const struct raw_rig *raw;
     const struct robot *robot;
-    double base_position[3], base_rotation[9]; /* of the robot's base frame in the frame of body 0:
-                                                * where the rig fixes it in the world */
+    double base_position[3], base_rotation[9]; /* pose of the robot's base frame in the frame of
+                                                * body 0: where the rig fixes it in the world */
     struct arena *arena;
     struct error *error;
     struct rig_torque *torque;       /* by joint of the robot */
     const struct raw_board **driver; /* by joint: the board that drives it; NULL = none */
-    const struct raw_board **ft;     /* by F/T sensor: the board that carries it */
-    const struct raw_board *imu;     /* the board that carries the inertial sensor; NULL = none */
-    struct rig_bus *bus;             /* of the rig, still to be written */
-    struct rig_place *place;         /* what the key "body" of a surface may name */
+    const struct raw_board **ft;     /* by F/T sensor: its board */
+    const struct raw_board *imu;     /* board of the inertial sensor; NULL = none */
+    struct rig_bus *bus;             /* buses of the rig, under construction */
+    struct rig_place *place;         /* places that the key "body" of a surface may name */
     size_t nplace;
-    struct rig_left_pair *left; /* the rig's, still to be written */
+    struct rig_left_pair *left; /* of the rig, under construction */
 };
 
-/* Build the parts, in the order in which they need each other. */
+/* Build the parts, in order of their dependencies. */
 enum error_code rig_build_robot(struct rig_builder *b);
 enum error_code rig_build_pose(struct rig_builder *b);
 enum error_code rig_build_bodies(struct rig_builder *b);
 enum error_code rig_build_scene(struct rig_builder *b);
 enum error_code rig_build_boards(struct rig_builder *b);
 
-/* Refuses boards of a described bus that share an identifier which nobody tells apart
- * (described_ids.c). After the boards of all buses are built. */
+/* Refuses boards of a described bus that share an identifier if their frames cannot be
+ * distinguished (described_ids.c). Call it after the boards of all buses are built. */
 enum error_code rig_check_described_ids(struct rig_builder *b, size_t bus);
 enum error_code rig_build_faults(struct rig_builder *b);
 enum error_code rig_build_sensors(struct rig_builder *b);
 
-/* Overrides gains, one an axis, for the joints of each of nother exceptions. */
+/* Overrides gains, one per axis, for the joints of each of the `nother` exceptions. */
 enum error_code rig_override_gains(struct rig_builder *b, const struct raw_gains *other,
                                    size_t nother, struct servo_gains *gains);
 
-/* Builds the body of the robot for tasks, when the axes are known (part of rig_build_host). */
+/* Builds the robot's body model for tasks; the axes must be known (part of rig_build_host). */
 enum error_code rig_build_task_body(struct rig_builder *b);
 
 /* Builds a pair of surfaces by their names. */
 enum error_code rig_build_pair(struct rig_builder *b, const struct raw_pair *raw,
                                struct contact_pair *pair);
 
-/* Adds the robot's pairs behind those of the file, npair of them before and after. There is room
- * for all. */
+/* Appends the robot's pairs to the npair pairs of the file, and raises npair. The array must have
+ * room for all. */
 enum error_code rig_add_robot_pairs(struct rig_builder *b, struct contact_pair *pair,
                                     size_t *npair);
 
@@ -84,8 +84,8 @@ enum error_code rig_no_memory(struct rig_builder *b);
 enum error_code rig_find(struct rig_builder *b, const struct yaml_mark *mark, const char *what,
                          const char *name, struct yaml_names names, int *index);
 
-/* Checks the characters of a name, which is used in messages, on command lines and in file names.
- * */
+/* Checks the characters of a name, which appears in messages, on command lines and in file
+ * names. */
 enum error_code rig_check_name(struct rig_builder *b, const struct yaml_mark *mark,
                                const char *what, const char *name);
 
@@ -102,7 +102,7 @@ enum error_code rig_check_keys(struct rig_builder *b, const struct yaml_mark *ma
 /* Computes the quaternion (w, x, y, z) of fixed-axis angles: Rz(yaw) Ry(pitch) Rx(roll). */
 void rig_quaternion_of_rpy(const double rpy[3], double q[4]);
 
-/* Returns whether seconds are a whole number of nanoseconds, which goes to *ns. */
+/* Returns whether seconds are a whole number of nanoseconds, written to *ns. */
 bool rig_whole_ns(double seconds, int64_t *ns);
 
 #endif

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Worst-case bus load of a rig's boards and controller: every frame as long as bit stuffing can
- * make it; and what would make a bus fit whose periodic traffic exceeds its bit rate. */
+/* Worst-case bus load of a rig's boards and controller, with the maximum number of stuff bits in
+ * each frame; and remedies for a bus whose periodic traffic exceeds its bit rate. */
 #include "base/array.h"
 #include "boards/messages.h"
 #include "canbus/wire/bits.h"
@@ -14,8 +14,8 @@ struct load_sum {
     double telemetry_bit_s, command_bit_s;
 };
 
-/* Adds the bit times of the nominal rate that a frame takes of its bus at the worst, the
- * intermission included. */
+/* Adds the worst-case time of a frame on its bus in bit times of the nominal rate, intermission
+ * included. */
 static void load_add_frame(void *context, const struct load_frame *frame)
 {
     struct load_sum *sum = context;
@@ -46,7 +46,7 @@ void rig_bus_load(const struct rig *rig, size_t bus, int64_t command_period_ns,
     *command_bit_s = sum.command_bit_s;
 }
 
-/* Returns the worst-case load of a bus in percent, with commands at a period. */
+/* Returns the worst-case load of a bus in percent for a command period. */
 static double bus_demand(const struct rig *rig, size_t bus, int64_t command_ns)
 {
     double telemetry, commands;
@@ -55,7 +55,8 @@ static double bus_demand(const struct rig *rig, size_t bus, int64_t command_ns)
     return 100.0 * (telemetry + commands) / (double)rig->bus[bus].bitrate;
 }
 
-/* Returns the worst-case load at another bit rate; with CAN FD the ratio of the two rates stays. */
+/* Returns the worst-case load at another bit rate; with CAN FD the ratio of the two rates is
+ * kept. */
 static double bus_demand_at(const struct rig *rig, size_t bus, int64_t bitrate)
 {
     const struct rig_bus *of = &rig->bus[bus];
@@ -78,7 +79,7 @@ static void bus_advise(const struct rig *rig, size_t bus, double percent, char *
     int times = 2;
 
     snprintf(text, size, "split it over %d buses", (int)(percent / 100.0) + 1);
-    /* The shortest multiple of the period that fits */
+    /* The smallest multiple of the period that fits */
     while (times <= 10 && bus_demand(rig, bus, period * times) > 100.0) {
         times++;
     }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Tells the host on the other side of the buses about the rig. */
+/* Builds the configuration of a host from the rig. */
 #include "rig/rig.h"
 
 #include <math.h>

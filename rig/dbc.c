@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Writes a rig's messages as a DBC database: names that are unique, legal and short enough, signals
- * with their units, messages and nodes. */
+/* Writes a rig's messages as a DBC database: unique, legal, short names; signals with their units;
+ * messages; and nodes. */
 #include "rig/dbc.h"
 
 #include "base/array.h"
@@ -9,7 +9,7 @@
 
 #include <string.h>
 
-enum { HOST = 0, SIMULATOR = 1, FIRST_BOARD = 2 }; /* nodes */
+enum { HOST = 0, SIMULATOR = 1, FIRST_BOARD = 2 }; /* indices of nodes */
 enum { IDS = 0x800, NAME_SIZE = DBC_NAME_MAX + 1 };
 
 struct dbc_exporter {
@@ -19,17 +19,17 @@ struct dbc_exporter {
     struct dbc *dbc;
     struct error *error;
     enum error_code code;
-    uint8_t longest[IDS]; /* frame of an identifier */
-    bool constants;       /* in turn now: messages without values */
+    uint8_t longest[IDS]; /* longest frame of each identifier */
+    bool constants;       /* the present pass: messages without values */
 };
 
 /* Field that becomes a signal. */
 struct dbc_field {
     struct message_field of;
     struct field_subject subject;
-    unsigned bit;          /* where it starts in the frame */
-    const char *joint;     /* that it is about; NULL = none */
-    const char *quantity;  /* of the joint; the field's name but for torque sensors */
+    unsigned bit;          /* start bit in the frame */
+    const char *joint;     /* its joint; NULL = none */
+    const char *quantity;  /* of the joint; the field's name, except for torque sensors */
     const char *component; /* of a force-torque sensor: "fx" to "mz"; NULL = none */
 };
 
@@ -37,10 +37,10 @@ struct dbc_field {
 
 enum { NODE_LETTERS = 14 };
 
-static const char everyone[] = "ALL"; /* instead of the board, when all are meant */
+static const char everyone[] = "ALL"; /* replaces the board in messages for all boards */
 
-/* Joins before, so many letters of each of the words, and after; returns false when the name is
- * too long. */
+/* Joins before, a number of letters of each word, and after; returns false if the name is too
+ * long. */
 static bool dbc_try_name(char name[NAME_SIZE], const char *before, const char *words,
                          const char *after, int letters)
 {
@@ -69,7 +69,7 @@ static void dbc_fit_name(char name[NAME_SIZE], const char *before, const char *w
     }
 }
 
-/* Makes a board's name an identifier that no other node has. */
+/* Makes a unique identifier from a board's name. */
 static void dbc_make_node_name(const struct dbc *dbc, const char *board, char name[NAME_SIZE])
 {
     char clean[NODE_LETTERS + 2];
@@ -87,7 +87,7 @@ static void dbc_make_node_name(const struct dbc *dbc, const char *board, char na
     }
     clean[size] = '\0';
     snprintf(name, NAME_SIZE, "%s", clean);
-    /* A number makes it unique */
+    /* Appends a number to make it unique */
     for (unsigned n = 2;
          !dbc_is_name(name) || !strcmp(name, everyone) || dbc_find_node(dbc, name) != DBC_NO_NODE;
          n++) {
@@ -95,7 +95,7 @@ static void dbc_make_node_name(const struct dbc *dbc, const char *board, char na
     }
 }
 
-/* Returns the board that a message is from or for; NULL = all. */
+/* Returns the board that sends or receives a message; NULL = all. */
 static const struct board_config *dbc_message_board(const struct dbc_exporter *e,
                                                     const struct message *message)
 {
@@ -115,7 +115,7 @@ static int dbc_board_node(const struct dbc_exporter *e, int board)
     return node;
 }
 
-/* Returns the node of a board; without one, the word for all. */
+/* Returns the node of a board; for NULL, the word for all. */
 static const char *dbc_board_name(const struct dbc_exporter *e, const struct board_config *board)
 {
     return board ? e->dbc->node[dbc_board_node(e, (int)(board - e->rig->boards.board))].name
@@ -144,8 +144,8 @@ static void dbc_make_message_name(const struct dbc_exporter *e, const struct mes
     dbc_fit_name(name, before, message->name, after);
 }
 
-/* Makes the name JOINT_QUANTITY. The digit that ends a field's name, as in position0 or target1,
- * is the axis of the board or the bus; it is left out, for the joint is clearer. */
+/* Makes the name JOINT_QUANTITY. Leaves out the digit at the end of a field's name (position0,
+ * target1), which is the axis of the board or the bus, because the joint identifies it. */
 static void dbc_make_joint_name(const struct dbc_field *p, char name[NAME_SIZE])
 {
     char words[256];
@@ -168,7 +168,7 @@ static void dbc_make_joint_name(const struct dbc_field *p, char name[NAME_SIZE])
     dbc_fit_name(name, "", words, "");
 }
 
-/* Makes a name as the boards' tables have it. */
+/* Makes a name from the boards' message tables. */
 static void dbc_make_table_name(const struct dbc_exporter *e, const struct dbc_field *p,
                                 char name[NAME_SIZE])
 {
@@ -192,9 +192,9 @@ static void dbc_make_table_name(const struct dbc_exporter *e, const struct dbc_f
     dbc_fit_name(name, "", p->of.field->name, after);
 }
 
-/* Makes a name that no other signal of to has: JOINT_QUANTITY for values of a joint that a board
- * sends and for targets of all boards in one frame, the component of a force-torque sensor, else
- * as in the boards' tables. */
+/* Makes a signal name that is unique in the message `to`. JOINT_QUANTITY for a joint's value from
+ * a board and for targets of all boards in one frame; the component for a force-torque sensor;
+ * otherwise the name in the boards' tables. */
 static void dbc_make_signal_name(const struct dbc_exporter *e, const struct dbc_message *to,
                                  const struct dbc_field *p, char name[NAME_SIZE])
 {
@@ -212,7 +212,7 @@ static void dbc_make_signal_name(const struct dbc_exporter *e, const struct dbc_
         dbc_make_joint_name(p, name);
     }
 
-    /* Long names that became equal get a number */
+    /* Equal shortened names get a number */
     snprintf(made, sizeof made, "%s", name);
     for (unsigned n = 2; dbc_find_signal(to, name); n++) {
         snprintf(name, NAME_SIZE, "%.*s_%u", DBC_NAME_MAX - 5, made, n % 1000);
@@ -221,7 +221,7 @@ static void dbc_make_signal_name(const struct dbc_exporter *e, const struct dbc_
 
 /* ---- signals ---- */
 
-/* Finds the joint or the component of a force-torque sensor that a field is about. */
+/* Finds the joint or the force-torque component of a field. */
 static void dbc_find_subject(const struct dbc_exporter *e, struct dbc_field *p)
 {
     static const char *const components[] = {"fx", "fy", "fz", "mx", "my", "mz"};
@@ -241,7 +241,7 @@ static void dbc_find_subject(const struct dbc_exporter *e, struct dbc_field *p)
         subject->channel >= 0 && board->kind == BOARD_FT ? components[subject->channel] : NULL;
 }
 
-/* Comments a signal with the joint or the force-torque sensor that it is about. */
+/* Comments a signal with its joint or force-torque sensor. */
 static void dbc_comment_signal(struct dbc_exporter *e, const struct dbc_field *p,
                                struct dbc_signal *signal)
 {
@@ -255,7 +255,7 @@ static void dbc_comment_signal(struct dbc_exporter *e, const struct dbc_field *p
     }
 }
 
-/* Returns the nodes that a message is for, as a bit set. */
+/* Returns the nodes that receive a message, as a bit set. */
 static uint64_t dbc_message_receivers(const struct dbc_exporter *e, const struct message *message)
 {
     uint64_t nodes = 0;
@@ -317,7 +317,7 @@ static void dbc_export_signal(struct dbc_exporter *e, struct dbc_message *to,
     }
 }
 
-/* Writes the fields of a message as signals; command: the value of byte 0 that selects them, or
+/* Writes the fields of a message as signals. command: value of byte 0 that selects them, or
  * MESSAGE_NO_CODE. */
 static void dbc_export_fields(struct dbc_exporter *e, struct dbc_message *to,
                               const struct message *message, int command)
@@ -342,7 +342,7 @@ static void dbc_export_fields(struct dbc_exporter *e, struct dbc_message *to,
 
 /* ---- messages ---- */
 
-/* Returns the identifier as the format writes it. */
+/* Returns the identifier in the format's encoding. */
 static uint32_t dbc_id(const struct message *message)
 {
     return message->id | (message->extended ? DBC_EXTENDED : 0);
@@ -386,7 +386,7 @@ static void dbc_export_multiplexor(struct dbc_exporter *e, struct dbc_message *t
     e->code = dbc_add_signal(e->dbc, to, &signal, &added, e->error);
 }
 
-/* Adds a command to the message of its class, once for each axis. */
+/* Adds a command to the message of its class, once per axis. */
 static void dbc_export_command(struct dbc_exporter *e, const struct message *message)
 {
     int axes = message->axis_bit ? 2 : 1;
@@ -410,7 +410,7 @@ static void dbc_export_command(struct dbc_exporter *e, const struct message *mes
     }
 }
 
-/* Comments a message with what signals cannot say. */
+/* Comments a message with information that signals cannot hold. */
 static void dbc_comment_message(struct dbc_exporter *e, struct dbc_message *to,
                                 const struct message *message)
 {
@@ -424,9 +424,8 @@ static void dbc_comment_message(struct dbc_exporter *e, struct dbc_message *to,
     }
 }
 
-/* Returns whether a message is left out: of those with one identifier and no code, which a DBC
- * cannot tell apart, it has the first, and one that carries values rather than one that does
- * not. */
+/* Returns whether a message is left out. A DBC cannot distinguish messages with one identifier and
+ * no code: it has the first one, and prefers messages with values. */
 static bool dbc_leaves_out(const struct dbc_exporter *e, const struct message *message)
 {
     return message->constant != e->constants ||
@@ -456,7 +455,7 @@ static bool dbc_visit_message(void *context, const struct message *message)
     return !e->code;
 }
 
-/* Notes the longest frame of an identifier. */
+/* Records the longest frame of an identifier. */
 static bool dbc_visit_length(void *context, const struct message *message)
 {
     struct dbc_exporter *e = context;
@@ -491,7 +490,7 @@ static void dbc_export_lockstep_frame(struct dbc_exporter *e, const char *name, 
     }
 }
 
-/* Adds STEP on its bus, and DONE on every bus. */
+/* Adds STEP on its bus, and DONE on each bus. */
 static void dbc_export_lockstep(struct dbc_exporter *e)
 {
     const struct loop_lockstep *lockstep = &e->rig->lockstep;
@@ -603,7 +602,7 @@ enum error_code rig_dbc(const struct rig *rig, size_t bus, struct arena *arena, 
         dbc_export_nodes(&e);
     }
     if (!e.code) {
-        /* Lengths, then messages that carry values, then those that do not */
+        /* Lengths, then messages with values, then messages without */
         boards_messages(&rig->boards, (int)bus, dbc_visit_length, &e);
         boards_messages(&rig->boards, (int)bus, dbc_visit_message, &e);
     }

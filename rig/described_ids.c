@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Checks that the boards of a rig on a bus of a described protocol have identifiers of their own.
- * Conflicts on every bus are refused with the protocol's file (boards/described/load.c); here
- * the numbers that the rig gives are checked: addresses, and the slots of axes.
+ * Checks that the boards of a rig on a bus with a described protocol have unique identifiers.
+ * Conflicts independent of the rig are refused when the protocol's file is loaded
+ * (boards/described/load.c). This file checks the numbers given by the rig: addresses, and the
+ * slots of axes.
  */
 #include "boards/described/protocol.h"
 #include "boards/messages.h"
@@ -11,7 +12,7 @@
 struct id_check {
     struct rig_builder *b;
     size_t bus;
-    size_t outer, inner; /* messages so far, of the walk and of the one within */
+    size_t outer, inner; /* message counts of the outer and the inner walk */
     struct message message;
     enum error_code code;
 };
@@ -25,7 +26,7 @@ static const struct board_config *message_board(const struct id_check *check,
     return board == MESSAGE_NO_BOARD ? NULL : &check->b->rig->boards.board[board];
 }
 
-/* Returns whether two messages of one identifier cannot be told apart, or would meet on the
+/* Returns whether two messages with one identifier cannot be distinguished, or collide on the
  * wire. */
 static bool messages_collide(const struct message *x, const struct message *y)
 {
@@ -35,7 +36,7 @@ static bool messages_collide(const struct message *x, const struct message *y)
         return false;
     }
 
-    /* Drives that all answer with one identifier are told apart by the data */
+    /* Drives that answer with one identifier are distinguished by the data */
     if (!x->from_host && !y->from_host && x->sender != y->sender) {
         return described_find_field(a, DESCRIBED_ADDRESS) < 0 ||
                described_find_field(b, DESCRIBED_ADDRESS) < 0;
@@ -43,7 +44,7 @@ static bool messages_collide(const struct message *x, const struct message *y)
     return a <= b ? !described_told_apart(a, b) : !described_told_apart(b, a);
 }
 
-/* Returns the place of a board in the rig's file; without one, that of the bus. */
+/* Returns the place of a board in the rig's file; without a board, the place of the bus. */
 static const struct yaml_mark *board_mark(const struct id_check *check,
                                           const struct board_config *board)
 {
@@ -56,7 +57,7 @@ static const struct yaml_mark *board_mark(const struct id_check *check,
                  : &raw->mark;
 }
 
-/* Compares a message with a later one, up to which the walk runs. */
+/* Compares a message with the later message of the outer walk. */
 static bool check_inner(void *context, const struct message *message)
 {
     struct id_check *check = context;
@@ -79,7 +80,7 @@ static bool check_inner(void *context, const struct message *message)
     return !check->code;
 }
 
-/* Compares a message with all before it. */
+/* Compares a message with all earlier ones. */
 static bool check_outer(void *context, const struct message *message)
 {
     struct id_check *check = context;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads the faults of a rig file and of the command line; names are those of the rig. */
+/* Reads the faults of a rig file and of the command line; they use the rig's names. */
 #include "rig/rig.h"
 
 #include "rig/builder_private.h"
@@ -7,10 +7,10 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Address space for the names of a rig. */
+/* Reserved address space for the names of a rig. */
 #define NAMES_ARENA ((size_t)4 << 20)
 
-/* Collects the names of a rig for fault_parse; false when memory is used up. */
+/* Collects the names of a rig for fault_parse; returns false without memory. */
 static bool rig_collect_fault_names(const struct rig *rig, const bool *wire, struct arena *arena,
                                     struct fault_names *names)
 {
@@ -65,7 +65,7 @@ static bool rig_collect_fault_names(const struct rig *rig, const bool *wire, str
     return true;
 }
 
-/* Parses a line; a real board cannot be disturbed. */
+/* Parses a line; refuses faults of external boards, which are real. */
 static enum error_code rig_parse_fault(const struct rig *rig, const char *text,
                                        const struct fault_names *names, struct fault *fault,
                                        struct error *error)
@@ -118,14 +118,14 @@ enum error_code rig_faults_create(const struct rig *rig, const char *const *extr
     return code ? code : faults_create(fault, count, seed, arena, faults, error);
 }
 
-/* Names of a rig, of whose buses each may be a wire. */
+/* Names of a rig, for which each bus may be a wire. */
 struct rig_fault_names {
     bool wire[RIG_BUSES_MAX];
     struct fault_names names;
     struct arena arena;
 };
 
-/* Collects the names in an arena; success must be followed by arena_fini of it. */
+/* Collects the names in an arena; after success the caller must call arena_fini. */
 static enum error_code rig_open_fault_names(const struct rig *rig, struct rig_fault_names *open,
                                             struct error *error)
 {
@@ -172,8 +172,8 @@ enum error_code rig_check_fault(const struct rig *rig, const struct yaml_name *l
     return code;
 }
 
-/* Checks the lines of the rig file. A bus is known to be a wire only when it is opened: here
- * every bus may be one. */
+/* Checks the lines of the rig file. Whether a bus is a wire is known only when it is opened, so
+ * each bus may be one here. */
 enum error_code rig_build_faults(struct rig_builder *b)
 {
     bool *wire = arena_alloc(b->arena, b->rig->nbus + 1, sizeof *wire);

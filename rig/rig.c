@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Builds a struct rig from the rig file as it is written: names are looked up, contradictions are
- * refused with file, line and column. This file builds time, the host's side and the run; the other
- * sections have files of their own.
+ * Builds a struct rig from the raw rig file: looks up names, and refuses contradictions with file,
+ * line and column. This file builds time, the host's side and the run; other files build the other
+ * sections.
  */
 #include "rig/rig.h"
 
@@ -112,7 +112,7 @@ static enum error_code rig_build_time(struct rig_builder *b)
                           "found a tick of %.15g s, expected a whole number of nanoseconds",
                           raw->tick_s);
     }
-    rig->substep_ns = rig->tick_ns; /* unless the file has another */
+    rig->substep_ns = rig->tick_ns; /* default; the file may set another */
     if (raw->substep_s > 0.0 &&
         (!rig_whole_ns(raw->substep_s, &rig->substep_ns) || rig->tick_ns % rig->substep_ns != 0)) {
         return yaml_error(b->error, yaml_place(&raw->mark, "substep_s"),
@@ -126,8 +126,8 @@ static enum error_code rig_build_time(struct rig_builder *b)
 
 /* ---- the controller's side ---- */
 
-/* Builds a driven joint as the host sees it. The host decodes torque from boards of the axis's
- * own bus only, so a torque board elsewhere is refused. */
+/* Builds a driven joint for the host. The host decodes torque only from boards of the axis's own
+ * bus, so a torque board on another bus is refused. */
 static enum error_code rig_build_host_axis(struct rig_builder *b, const struct board_config *board,
                                            uint8_t index, struct host_axis *axis)
 {
@@ -185,7 +185,7 @@ static enum error_code rig_build_host(struct rig_builder *b)
         return rig_no_memory(b);
     }
 
-    /* In the order of the boards: driven axes with their angles at the start, and the sensors */
+    /* In the order of the boards: driven axes with their initial angles, and the sensors */
     for (size_t i = 0; i < boards->nboard; i++) {
         const struct board_config *board = &boards->board[i];
 
@@ -216,7 +216,7 @@ static enum error_code rig_build_host(struct rig_builder *b)
     return ERROR_NONE;
 }
 
-/* Overrides the gains of some joints; changed: by axis, where it was overridden before. */
+/* Overrides the gains of some joints. changed: by axis, the place of an earlier override. */
 static enum error_code gains_override_joints(struct rig_builder *b, const struct raw_gains *raw,
                                              struct servo_gains *gains,
                                              const struct yaml_name **changed)
@@ -261,8 +261,8 @@ enum error_code rig_override_gains(struct rig_builder *b, const struct raw_gains
     return code;
 }
 
-/* Builds the command period, and the gains of every axis: the common ones, overridden by "others"
- * for some joints. */
+/* Builds the command period and the gains of each axis: common ones, with exceptions from
+ * "others". */
 static enum error_code rig_build_servo(struct rig_builder *b)
 {
     const struct raw_servo *raw = &b->raw->servo;
@@ -288,9 +288,9 @@ static enum error_code rig_build_servo(struct rig_builder *b)
     return rig_override_gains(b, raw->other, raw->nother, gains);
 }
 
-/* ---- how it runs ---- */
+/* ---- the run ---- */
 
-/* Returns whether boards send or receive an identifier: by a protocol that keeps it from every
+/* Returns whether boards send or receive an identifier: because a protocol reserves it in every
  * rig, or on a bus of this rig. */
 static bool rig_find_id_owner(const struct rig *rig, uint32_t id, char *text, size_t size)
 {
@@ -321,7 +321,7 @@ static enum error_code rig_check_lockstep_id(struct rig_builder *b, const char *
                : ERROR_NONE;
 }
 
-/* Builds the lockstep clock: its bus, identifiers and time-out. */
+/* Builds the lockstep clock: its bus, identifiers and timeout. */
 static enum error_code rig_build_lockstep(struct rig_builder *b)
 {
     const struct raw_lockstep *raw = &b->raw->lockstep;
@@ -341,7 +341,7 @@ static enum error_code rig_build_lockstep(struct rig_builder *b)
     return code;
 }
 
-/* Builds all parts, in the order in which they need each other. */
+/* Builds all parts, in order of their dependencies. */
 static enum error_code rig_build(struct rig_builder *b)
 {
     static enum error_code (*const step[])(struct rig_builder *) = {
@@ -378,7 +378,7 @@ static uint64_t rig_hash_sources(const struct rig_builder *b)
     return hash;
 }
 
-/* Makes a rig of a file that was read. */
+/* Builds a rig from a raw rig. */
 static enum error_code rig_make(const struct raw_rig *raw, struct arena *arena,
                                 const struct rig **rig, struct error *error)
 {
@@ -400,8 +400,8 @@ static enum error_code rig_make(const struct raw_rig *raw, struct arena *arena,
     return ERROR_NONE;
 }
 
-/* Adds the name of the rig's file to an error that has its place in another one, which the rig
- * extends or refers to: the user may never have seen that one. */
+/* Adds the name of the rig's file to an error in another file that the rig extends or refers to,
+ * because the user may not know that file. */
 static enum error_code rig_name_file(const char *path, enum error_code code, struct error *error)
 {
     size_t used = error ? strlen(error->text) : 0;

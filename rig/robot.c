@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Builds the rig's robot: its file, the differences that the rig makes, and its pose at the
- * start. */
+/* Builds the rig's robot: its file, the rig's changes, and its initial pose. */
 #include "base/portable_math.h"
 #include "model/coupling.h"
 #include "model/spatial.h"
@@ -37,7 +36,7 @@ static enum error_code rig_replace_springs(struct rig_builder *b, struct robot *
     return ERROR_NONE;
 }
 
-/* Adds a point mass at p, in the frame of the inertia, which is about its center of mass. */
+/* Adds a point mass at p, in the frame of the inertia; the inertia is about its center of mass. */
 static void rig_add_point(struct robot_inertia *inertia, double mass, const double p[3])
 {
     double total = inertia->mass + mass, reduced = inertia->mass * mass / total, d[3];
@@ -53,7 +52,7 @@ static void rig_add_point(struct robot_inertia *inertia, double mass, const doub
     inertia->mass = total;
 }
 
-/* Hangs a tool on a force-torque sensor in the place of what the robot file says. */
+/* Replaces the distal part of a force-torque sensor by a tool of the rig. */
 static enum error_code rig_hang_tool(struct rig_builder *b, struct robot_ft_sensor *ft,
                                      const struct raw_ft_sensors *raw)
 {
@@ -65,7 +64,7 @@ static enum error_code rig_hang_tool(struct rig_builder *b, struct robot_ft_sens
                : ERROR_NONE;
 }
 
-/* Hangs what the rig says on the force-torque sensors: on all, then on single ones. */
+/* Sets the rig's tools on the force-torque sensors: first on all, then on single ones. */
 static enum error_code rig_hang_tools(struct rig_builder *b, struct robot *robot)
 {
     const struct raw_sensors *raw = &b->raw->sensors;
@@ -85,7 +84,7 @@ static enum error_code rig_hang_tools(struct rig_builder *b, struct robot *robot
     return code;
 }
 
-/* Adds a mass to the load of the body's force-torque sensors, which carry it as well. */
+/* Adds a mass to the distal part of the body's force-torque sensors, which carry it too. */
 static enum error_code rig_hang_mass(struct rig_builder *b, struct robot *robot, int body,
                                      const struct yaml_real_entry *added)
 {
@@ -117,7 +116,7 @@ static enum error_code rig_add_masses(struct rig_builder *b, struct robot *robot
     enum error_code code = ERROR_NONE;
     int index;
 
-    /* Every mass, positive or negative, leaves the body some */
+    /* A negative mass must leave the body a positive one */
     for (size_t i = 0; i < raw->nmass && !code; i++) {
         const struct yaml_real_entry *added = &raw->mass[i];
         struct robot_inertia *inertia;
@@ -140,7 +139,7 @@ static enum error_code rig_add_masses(struct rig_builder *b, struct robot *robot
     return code;
 }
 
-/* Changes the robot where the rig says so, in a copy: the robot file's own stays as it is. */
+/* Applies the rig's changes to a copy of the robot; the original does not change. */
 static enum error_code rig_change_robot(struct rig_builder *b)
 {
     const struct raw_robot *raw = &b->raw->robot;
@@ -160,7 +159,7 @@ static enum error_code rig_change_robot(struct rig_builder *b)
         return code;
     }
 
-    /* Derived quantities and the hash follow */
+    /* Updates derived data and the hash */
     b->robot = robot;
     code = robot_finish(robot, b->error);
     return code && raw->nmass ? error_prefix(b->error, "%s:%d:%d: with the masses that are added",
@@ -169,7 +168,7 @@ static enum error_code rig_change_robot(struct rig_builder *b)
                               : code;
 }
 
-/* Finds the robot's file: a path from the rig's folder, or a name alone. */
+/* Finds the robot's file: a path from the rig's folder, or a name. */
 static enum error_code rig_find_robot(struct rig_builder *b, const char **path)
 {
     const struct raw_robot *raw = &b->raw->robot;
@@ -207,7 +206,7 @@ enum error_code rig_build_robot(struct rig_builder *b)
     return b->torque && b->driver && b->ft ? ERROR_NONE : rig_no_memory(b);
 }
 
-/* Sets followers to the angles that their leaders give them. */
+/* Sets followers to the angles that their leaders give. */
 static enum error_code rig_align_followers(struct rig_builder *b, double *joint)
 {
     const struct robot *robot = b->robot;
@@ -229,7 +228,7 @@ static enum error_code rig_align_followers(struct rig_builder *b, double *joint)
     return ERROR_NONE;
 }
 
-/* Builds the joints: those of the pose, with the angles that the rig gives instead. */
+/* Builds the joint positions: the pose's, replaced by angles in the rig. */
 static enum error_code rig_build_joints(struct rig_builder *b, const struct robot_pose *pose)
 {
     const struct raw_initial *raw = &b->raw->initial;
@@ -239,7 +238,7 @@ static enum error_code rig_build_joints(struct rig_builder *b, const struct robo
         return rig_no_memory(b);
     }
 
-    /* The pose, then what the rig says of single joints, within their limits */
+    /* The pose, then the rig's angles of single joints, within their limits */
     memcpy(joint, pose->joint, b->robot->njoint * sizeof *joint);
     for (size_t i = 0; i < raw->njoint; i++) {
         const struct yaml_real_entry *entry = &raw->joint[i];
@@ -284,7 +283,7 @@ void rig_quaternion_of_rpy(const double rpy[3], double q[4])
     q[3] = sy * cp * cr - cy * sp * sr;
 }
 
-/* Fixes the base to the world where it stands, if the rig says so. */
+/* Fixes the base to the world at its place, if the rig says so. */
 static enum error_code rig_fix_base(struct rig_builder *b)
 {
     struct rig *rig = b->rig;
@@ -313,7 +312,7 @@ enum error_code rig_build_pose(struct rig_builder *b)
     enum error_code code;
     int index;
 
-    /* The pose exists, and its base is placed in one way or not at all */
+    /* The pose must exist; the base is placed in at most one way */
     code = rig_find(b, yaml_place(&raw->mark, "pose"), "pose", raw->pose,
                     RIG_NAMES(b->robot->pose, b->robot->npose), &index);
     if (code) {
@@ -330,7 +329,7 @@ enum error_code rig_build_pose(struct rig_builder *b)
                           "found a place of the base, expected none for a robot with a fixed base");
     }
 
-    /* The pose of the robot file, with what the rig overrides */
+    /* The pose of the robot file with the rig's overrides */
     pose = &b->robot->pose[index];
     rig->pose = pose->name;
     rig->hold = (enum rig_hold)raw->hold;

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The pairs of a scene that follow from the robot's surfaces: with everything that is not the
- * robot, and with each other. Of its own all are watched but those of one body, those that the file
- * leaves out, those that one joint moves, whose end stops hold them apart, and those that overlap
- * in every pose that the robot is drawn in (of its file, and the rig's), because they belong
- * together. Where two overlap in some of these poses, in which the robot itself does not touch,
- * their capsules are wider than the robot: they have that overlap as a slack.
+ * The pairs of a scene that involve the robot's surfaces: with all other surfaces, and with each
+ * other. A pair of the robot's own surfaces has contact unless one of these holds: both are on one
+ * body; the file excludes it; one joint connects the bodies, so that its end stops keep them apart;
+ * or the surfaces overlap in each pose (of the robot's file, and the rig's), because they belong
+ * together. If two surfaces overlap in some of these poses, the capsules are wider than the robot's
+ * parts, which do not touch there. Such a pair gets the overlap as its slack.
  */
 #include "contact/segments.h"
 #include "rig/builder_private.h"
@@ -13,9 +13,9 @@
 #include <math.h>
 #include <string.h>
 
-#define SLACK_ROOM 2e-3 /* m; to sway by in the poses that give a slack */
+#define SLACK_ROOM 2e-3 /* margin for motion in the poses that define a slack, m */
 
-enum { TRIAL_ARENA = 1 << 30 }; /* reserved, not taken */
+enum { TRIAL_ARENA = 1 << 30 }; /* reserved address space */
 
 /* ---- poses ---- */
 
@@ -23,18 +23,18 @@ enum { TRIAL_ARENA = 1 << 30 }; /* reserved, not taken */
 struct own_pair {
     struct contact_pair pair;
     bool round;     /* both are capsules or spheres */
-    size_t touched; /* number of poses that it overlaps in */
-    double deepest; /* m, in any of them; of round ones */
-    const char *in; /* name of the last of them */
+    size_t touched; /* number of poses in which it overlaps */
+    double deepest; /* largest overlap in any pose, m; for round pairs */
+    const char *in; /* name of the last such pose */
 };
 
-/* The robot's own pairs, and what finds where they overlap. Those that are not round are in an
- * engine of their own, in the same order. */
+/* The robot's own pairs, and the means to detect overlaps. Pairs that are not round use a contact
+ * engine, in the same order. */
 struct pair_trial {
     struct own_pair *own;
     size_t nown, npose;
-    struct contact_pair *pair; /* of the engine */
-    int *of;                   /* own pair of each */
+    struct contact_pair *pair; /* pairs of the engine */
+    int *of;                   /* index of each one's own pair */
     struct contact_patch *patch;
     struct contact_world *world;
     struct body_motion *body;   /* by body of the robot */
@@ -42,7 +42,7 @@ struct pair_trial {
     struct contact_wrench *wrench;
 };
 
-/* Makes a trial of count pairs at own, with an engine for those that are not round. */
+/* Makes a trial of count pairs `own`, with an engine for pairs that are not round. */
 static enum error_code trial_make(const struct rig_builder *b, struct own_pair *own, size_t count,
                                   struct arena *arena, struct pair_trial *trial)
 {
@@ -76,7 +76,7 @@ static enum error_code trial_make(const struct rig_builder *b, struct own_pair *
     return contact_native_create(&config, arena, &trial->world, b->error);
 }
 
-/* Returns where the axis of a capsule or sphere is with its body. */
+/* Returns the axis of a capsule or sphere for a pose of its body. */
 static struct segment surface_axis(const struct contact_surface *s, const struct body_motion *body)
 {
     const double length = s->shape == CONTACT_CAPSULE ? s->length_m : 0;
@@ -101,7 +101,7 @@ static void own_note(struct own_pair *own, double depth, const char *pose)
     own->in = pose;
 }
 
-/* Notes the pairs that overlap in a pose of the robot. */
+/* Records the pairs that overlap in a pose of the robot. */
 static enum error_code trial_note_pose(struct pair_trial *trial, const struct rig_builder *b,
                                        const double *joint, const char *name)
 {
@@ -116,11 +116,11 @@ static enum error_code trial_note_pose(struct pair_trial *trial, const struct ri
     for (size_t c = 0; c < contact->nbody; c++) {
         int k = b->rig->contact_body[c];
 
-        /* Bodies that are not the robot's are in no pair of the trial: anywhere will do */
+        /* No pair of the trial uses bodies that are not the robot's: their pose is arbitrary */
         trial->motion[c] = trial->body[k < (int)b->robot->nbody ? k : 0];
     }
 
-    /* Round ones in closed form */
+    /* Round pairs in closed form */
     for (size_t i = 0; i < trial->nown; i++) {
         const struct contact_surface *s = &contact->surface[trial->own[i].pair.a];
         const struct contact_surface *t = &contact->surface[trial->own[i].pair.b];
@@ -136,7 +136,7 @@ static enum error_code trial_note_pose(struct pair_trial *trial, const struct ri
         }
     }
 
-    /* The others by the engine */
+    /* Other pairs by the engine */
     code = world->ops->evaluate(world, trial->motion, NULL, trial->wrench);
     if (code) {
         return error_set(b->error, code, "%s: %s", b->rig->file, world->ops->failure(world));
@@ -148,7 +148,7 @@ static enum error_code trial_note_pose(struct pair_trial *trial, const struct ri
     return ERROR_NONE;
 }
 
-/* Counts for all pairs in which of the robot's poses, and that of the rig, they overlap. */
+/* Counts for each pair the robot's poses, and the rig's pose, in which it overlaps. */
 static enum error_code trial_note_poses(struct pair_trial *trial, const struct rig_builder *b)
 {
     enum error_code code = ERROR_NONE;
@@ -159,9 +159,9 @@ static enum error_code trial_note_poses(struct pair_trial *trial, const struct r
     return code ? code : trial_note_pose(trial, b, b->rig->joint, "of the rig");
 }
 
-/* ---- which are watched ---- */
+/* ---- selection of pairs ---- */
 
-/* Returns the body of the robot that a surface is on; -1 when it is another's or the world's. */
+/* Returns the robot's body that has a surface; -1 for other bodies and the world. */
 static int surface_robot_body(const struct rig_builder *b, int surface)
 {
     int contact_body = b->rig->contact.surface[surface].body;
@@ -170,13 +170,13 @@ static int surface_robot_body(const struct rig_builder *b, int surface)
     return body < (int)b->robot->nbody ? body : -1;
 }
 
-/* Returns whether a pair consists of two surfaces, in whichever order. */
+/* Returns whether a pair consists of these two surfaces, in any order. */
 static bool pairs_are_same(const struct contact_pair *p, int a, int b)
 {
     return (p->a == a && p->b == b) || (p->a == b && p->b == a);
 }
 
-/* Returns the index among n pairs of that of two surfaces, -1 where there is none. */
+/* Returns the index of the pair of two surfaces among n pairs, -1 if there is none. */
 static int pairs_find(const struct contact_pair *pair, size_t n, int first, int second)
 {
     for (size_t i = 0; i < n; i++) {
@@ -187,14 +187,14 @@ static int pairs_find(const struct contact_pair *pair, size_t n, int first, int 
     return -1;
 }
 
-/* Adds two surfaces to those that are not watched. */
+/* Adds two surfaces to the pairs without contact. */
 static void rig_leave_pair(struct rig_builder *b, int first, int second, enum rig_left_why why,
                            const char *what)
 {
     b->left[b->rig->nleft++] = (struct rig_left_pair){first, second, why, what};
 }
 
-/* Returns the joint that alone moves two bodies against each other; NULL when there is none. */
+/* Returns the joint that directly connects two bodies; NULL if there is none. */
 static const struct robot_joint *bodies_find_joint(const struct robot *robot, int first, int second)
 {
     /* Joint j moves body j + 1 */
@@ -204,7 +204,7 @@ static const struct robot_joint *bodies_find_joint(const struct robot *robot, in
     return robot->body[second].parent == first ? &robot->joint[second - 1] : NULL;
 }
 
-/* Adds the pairs of the robot with others; given: those that the file lists. */
+/* Adds the pairs of the robot with other surfaces; given: number of pairs that the file lists. */
 static size_t scene_pair_with_others(const struct rig_builder *b, const struct contact_pair *given,
                                      size_t ngiven, const struct contact_pair *excluded,
                                      struct contact_pair *pair)
@@ -225,7 +225,8 @@ static size_t scene_pair_with_others(const struct rig_builder *b, const struct c
     return count;
 }
 
-/* Adds a pair of the robot's own surfaces to those that the poses decide on, or leaves it out. */
+/* Adds a pair of the robot's own surfaces to the pairs that depend on the poses, or leaves it
+ * out. */
 static void scene_sort_own_pair(struct rig_builder *b, int first, int second,
                                 const struct contact_pair *excluded, struct own_pair *own,
                                 size_t *count)
@@ -250,7 +251,8 @@ static void scene_sort_own_pair(struct rig_builder *b, int first, int second,
     }
 }
 
-/* Finds the robot's own pairs that the poses decide on; given: those that the file lists. */
+/* Finds the robot's own pairs that depend on the poses; given: number of pairs that the file
+ * lists. */
 static size_t scene_find_own_pairs(struct rig_builder *b, const struct contact_pair *given,
                                    size_t ngiven, const struct contact_pair *excluded,
                                    struct own_pair *own)
@@ -272,8 +274,8 @@ static size_t scene_find_own_pairs(struct rig_builder *b, const struct contact_p
     return count;
 }
 
-/* Adds the pairs that the poses leave to be watched, with their slack; the others are left out.
- * Returns how many. */
+/* Adds the own pairs that the poses keep, with their slack; leaves the others out. Returns the
+ * number added. */
 static size_t scene_add_own_pairs(struct rig_builder *b, const struct pair_trial *trial,
                                   struct contact_pair *pair)
 {
@@ -300,7 +302,7 @@ static size_t scene_add_own_pairs(struct rig_builder *b, const struct pair_trial
     return count;
 }
 
-/* Adds the robot's own pairs at pair; count: lowered to how many. */
+/* Adds the robot's own pairs at pair; lowers count to their number. */
 static enum error_code scene_add_own(struct rig_builder *b, const struct contact_pair *given,
                                      size_t ngiven, const struct contact_pair *excluded,
                                      struct contact_pair *pair, size_t *count)
@@ -344,7 +346,7 @@ enum error_code rig_add_robot_pairs(struct rig_builder *b, struct contact_pair *
         return code;
     }
 
-    /* With the others; with itself */
+    /* With other surfaces; then with itself */
     *npair += scene_pair_with_others(b, pair, given, excluded, pair + given);
     if (raw->self_collision) {
         code = scene_add_own(b, pair, given, excluded, pair + *npair, &own);

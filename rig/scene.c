@@ -7,8 +7,7 @@
 
 #include <string.h>
 
-/* Returns the index of a body of the plant among the contact bodies, to which it is added when it
- * is new. */
+/* Returns the index of a body of the plant among the contact bodies; adds a new one. */
 static int scene_add_contact_body(struct rig_builder *b, int *bodies, int body)
 {
     size_t i = 0;
@@ -22,8 +21,8 @@ static int scene_add_contact_body(struct rig_builder *b, int *bodies, int body)
     return (int)i;
 }
 
-/* Checks that the robot file has a frame or capsule on a body: only then the plant computes its
- * pose. */
+/* Checks that the robot file has a frame or capsule on a body; otherwise the plant does not
+ * compute its pose. */
 static enum error_code scene_check_observed(struct rig_builder *b, const struct yaml_mark *mark,
                                             int body)
 {
@@ -36,7 +35,7 @@ static enum error_code scene_check_observed(struct rig_builder *b, const struct 
     return ERROR_NONE;
 }
 
-/* Finds the place that a surface is fixed to: a body, a named frame of one, or the world. */
+/* Finds the place to which a surface is fixed: a body, a named frame on a body, or the world. */
 static enum error_code surface_find_place(struct rig_builder *b, const struct raw_surface *raw,
                                           struct rig_place *place)
 {
@@ -139,7 +138,7 @@ static enum error_code scene_find_material(struct rig_builder *b, const struct y
     return ERROR_NONE;
 }
 
-/* Adds the robot's capsules behind the surfaces of the file; there is room for all. */
+/* Appends the robot's capsules to the surfaces of the file; the array must have room for all. */
 static enum error_code scene_add_capsules(struct rig_builder *b, struct contact_surface *surface,
                                           int *bodies)
 {
@@ -154,7 +153,7 @@ static enum error_code scene_add_capsules(struct rig_builder *b, struct contact_
         const struct robot_capsule *capsule = &b->robot->capsule[c];
         struct contact_surface *s = &surface[contact->nsurface];
 
-        /* A capsule has a name that no surface of the file has */
+        /* No surface of the file has the name of a capsule */
         for (size_t i = 0; i < contact->nsurface; i++) {
             if (!strcmp(surface[i].name, capsule->name)) {
                 return yaml_error(b->error, yaml_place(&scene->surface[i].mark, "name"),
@@ -163,7 +162,7 @@ static enum error_code scene_add_capsules(struct rig_builder *b, struct contact_
                                   capsule->name);
             }
         }
-        /* It moves with its body */
+        /* The surface moves with the capsule's body */
         *s = (struct contact_surface){
             .name = capsule->name,
             .body = scene_add_contact_body(b, bodies, capsule->body),
@@ -197,7 +196,7 @@ static enum error_code scene_build_surfaces(struct rig_builder *b)
         const struct raw_surface *raw = &scene->surface[i];
         enum error_code code;
 
-        /* A name of its own, then place, shape and material */
+        /* A unique name, then place, shape and material */
         for (size_t k = 0; k < i; k++) {
             if (!strcmp(scene->surface[k].surface.name, raw->surface.name)) {
                 return yaml_error(b->error, yaml_place(&raw->mark, "name"),
@@ -249,7 +248,8 @@ enum error_code rig_build_pair(struct rig_builder *b, const struct raw_pair *raw
     return ERROR_NONE;
 }
 
-/* Friction sticks unless the file says otherwise; engine simbody has the regularized law only. */
+/* Sets the default friction: sticking, except for engine simbody, which has only the regularized
+ * law. */
 static enum error_code scene_set_friction(struct rig_builder *b)
 {
     const struct raw_scene *scene = &b->raw->scene;
@@ -267,7 +267,7 @@ static enum error_code scene_set_friction(struct rig_builder *b)
     return ERROR_NONE;
 }
 
-/* Builds the pairs that the file lists, each once, in whichever order. */
+/* Builds the pairs that the file lists; each may be listed once, in any order. */
 static enum error_code scene_build_pairs(struct rig_builder *b, struct contact_pair *pair)
 {
     const struct raw_scene *scene = &b->raw->scene;
@@ -291,7 +291,7 @@ static enum error_code scene_build_pairs(struct rig_builder *b, struct contact_p
     return ERROR_NONE;
 }
 
-/* Refuses a scene that no engine can work with, with the place in the file. */
+/* Refuses a scene that is invalid for all engines, with the place in the file. */
 static enum error_code scene_check(struct rig_builder *b)
 {
     const struct raw_scene *scene = &b->raw->scene;
@@ -320,7 +320,7 @@ enum error_code rig_build_scene(struct rig_builder *b)
                           "expected engine native");
     }
 
-    /* Surfaces, the pairs of the file, those that follow from the robot */
+    /* Surfaces, pairs of the file, then pairs of the robot */
     pair = arena_alloc(b->arena, scene->npair + n * n / 2, sizeof *pair);
     code = pair ? scene_build_surfaces(b) : rig_no_memory(b);
     code = code ? code : scene_build_pairs(b, pair);
@@ -332,7 +332,7 @@ enum error_code rig_build_scene(struct rig_builder *b)
         code = code ? code : scene_check(b);
     }
 
-    /* Without an engine the scene is checked all the same, but empty */
+    /* Without an engine, the scene is checked, then emptied */
     if (!code && b->rig->contact_engine == RIG_CONTACT_NONE) {
         *contact = (struct contact_config){0};
         b->rig->nlisted_pair = b->rig->nleft = 0;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The keys of a rig file: names, types, ranges and defaults, in tables for base/yaml.h. Those of
- * the section `sensors` are in sensors.c. */
+/* The keys of a rig file: names, types, ranges and defaults, in tables for base/yaml.h. sensors.c
+ * has the keys of the section `sensors`. */
 #include "rig/schema.h"
 
 #include "base/array.h"
@@ -373,7 +373,8 @@ static const struct hold_config hold_defaults = {.duration_s = 10.0, .tolerance_
 static const struct yaml_schema hold_schema = YAML_SCHEMA(
     "the hold task", struct hold_config, hold_fields, .unmarked = true, .defaults = &hold_defaults);
 
-/* A number of the walk: the member of a struct in struct raw_walk that has the key's name. */
+/* A number of the walk: the key and the member of a struct in struct raw_walk have the same
+ * name. */
 #define WALK(must, of, key, low, high)                                                             \
     {                                                                                              \
 #key, YAML_REAL, must, AT(raw_walk, of.key), .min = low, .max = high                       \

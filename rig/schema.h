@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A rig file while it is read: the structs of the rig, filled by the rows of schema.c, and beside
- * them what the file says in other terms than they do: names that are not yet looked up, angles
- * that become rotations. rig/rig.c completes a struct rig with it. Not RT-safe.
+ * A rig file during reading. The rows of schema.c fill the structs of the rig. Where the file uses
+ * other terms (names, angles instead of rotations), they fill the raw structs here. rig/rig.c
+ * builds a struct rig from both. Not RT-safe.
  */
 #ifndef RIG_SCHEMA_H
 #define RIG_SCHEMA_H
 
 #include "rig/rig.h"
 
-/* A joint's series spring instead of the robot's. */
+/* A joint's series spring that replaces the robot's. */
 struct raw_spring {
     struct yaml_mark mark;
     const char *joint;
@@ -22,7 +22,7 @@ struct raw_robot {
     bool fixed_base;
     struct raw_spring *spring;
     size_t nspring;
-    struct yaml_real_entry *mass; /* added to bodies */
+    struct yaml_real_entry *mass; /* masses added to bodies */
     size_t nmass;
 };
 
@@ -30,7 +30,7 @@ struct raw_initial {
     struct yaml_mark mark;
     const char *pose;
     double base_xyz_m[3], base_height_m, base_rpy_rad[3];
-    struct yaml_real_entry *joint; /* instead of the pose's */
+    struct yaml_real_entry *joint; /* joint positions that replace the pose's */
     size_t njoint;
     int hold;
     bool settle;
@@ -61,10 +61,10 @@ struct raw_pair {
     struct yaml_mark mark;
     struct yaml_name *between;
     size_t nbetween;
-    const char *reason; /* of one that is left out, or NULL */
+    const char *reason; /* reason for an excluded pair, or NULL */
 };
 
-/* Surfaces from the robot's capsules. */
+/* Surfaces made from the robot's capsules. */
 struct raw_robot_surfaces {
     struct yaml_mark mark;
     const char *material;
@@ -76,7 +76,7 @@ struct raw_robot_surfaces {
 struct raw_scene {
     struct yaml_mark mark;
     enum rig_contact_engine engine;
-    struct contact_config contact; /* its laws */
+    struct contact_config contact; /* laws of contact */
     struct raw_material *material;
     size_t nmaterial;
     struct raw_body *body;
@@ -92,20 +92,20 @@ struct raw_board {
     struct yaml_mark mark;
     struct board_config board;
     int64_t address;
-    struct yaml_name *axis; /* BOARD_MOTOR */
+    struct yaml_name *axis; /* for BOARD_MOTOR */
     size_t naxis;
     double current_limit_a;
-    struct yaml_name *joint; /* BOARD_TORQUE */
+    struct yaml_name *joint; /* for BOARD_TORQUE */
     size_t njoint;
-    const char *sensor;  /* BOARD_FT */
-    int external_torque; /* its joints follow the torque that it tells, not the angle */
+    const char *sensor;  /* for BOARD_FT */
+    int external_torque; /* its joints follow the reported torque, not the angle */
 };
 
 struct raw_bus {
     struct yaml_mark mark;
     struct rig_bus bus;
-    int personality;      /* the rig's unless given */
-    const char *protocol; /* of BOARD_DESCRIBED; the rig's unless given */
+    int personality;      /* default: the rig's */
+    const char *protocol; /* for BOARD_DESCRIBED; default: the rig's */
     bool padded;
     struct raw_board *board;
 };
@@ -118,7 +118,7 @@ struct raw_switches {
     bool index_pulse;
 };
 
-/* Values that all motor boards share. */
+/* Values common to all motor boards. */
 struct raw_motors {
     struct yaml_mark mark;
     double joint_ticks_per_rev, motor_ticks_per_link_rev;
@@ -140,10 +140,10 @@ struct raw_lockstep {
     struct loop_lockstep lockstep;
 };
 
-/* Gains of the servo's loops, or of some joints that differ. */
+/* Gains of the servo's loops: the common ones, or an exception for some joints. */
 struct raw_gains {
     struct yaml_mark mark;
-    struct yaml_name *joint; /* that differ */
+    struct yaml_name *joint; /* joints of the exception */
     size_t njoint;
     struct servo_gains gains;
 };
@@ -159,14 +159,15 @@ struct raw_servo {
 struct raw_walk {
     struct yaml_mark mark;
     struct walk_config config;
-    struct servo_gains servo; /* common ones */
+    struct servo_gains servo; /* common gains */
     struct raw_gains *other;
     size_t nother;
 };
 
 /* ---- sensors ---- */
 
-/* Of all joints, or of one that differs: a channel that it gives replaces the whole channel. */
+/* Sensors of all joints, or of one that differs. A channel given for one joint replaces the whole
+ * common channel. */
 struct raw_joint_sensors {
     struct yaml_mark mark;
     struct sensor_joint sensor;
@@ -175,7 +176,8 @@ struct raw_joint_sensors {
 struct raw_ft_sensors {
     struct yaml_mark mark;
     struct sensor_ft sensor;
-    struct robot_inertia tool; /* what hangs beyond the sensor, in its frame */
+    struct robot_inertia tool; /* mass properties of the tool beyond the sensor, in the sensor's
+                                * frame */
 };
 
 struct raw_imu_sensors {
@@ -195,7 +197,7 @@ struct raw_sensors {
 
 struct raw_rig {
     struct yaml_mark mark;
-    struct rig rig; /* as far as the file says it in the same terms */
+    struct rig rig; /* members that the file gives in the rig's own terms */
     const char *description;
     struct raw_robot robot;
     double tick_s, substep_s, voltage_delay_s;
@@ -214,7 +216,7 @@ struct raw_rig {
     struct raw_sensors sensors;
 };
 
-/* Schema of a whole file: fills a struct raw_rig. */
+/* Schema of a rig file: fills a struct raw_rig. */
 extern const struct yaml_schema rig_file_schema;
 extern const struct yaml_schema gains_schema, rig_sensors_schema;
 

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads the section `sensors` of a rig: its schema, and the errors of the boards' sensors. */
+/* Reads the section `sensors` of a rig: its schema, and the error models of the boards'
+ * sensors. */
 #include "boards/protocol.h"
 #include "rig/builder_private.h"
 
@@ -140,9 +141,9 @@ static enum error_code sensors_check_crosstalk(struct rig_builder *b, const stru
     return ERROR_NONE;
 }
 
-/* Sets the clocks: those of the boards that carry the joints and sensors, numbered by their order
- * in the rig and named as they are; torque boards show what the joint's motor board has sampled,
- * and what no board carries has the first one's. */
+/* Sets the sensors' clocks. A joint or sensor has the clock of its board. Clocks are numbered and
+ * named in the boards' order. A torque board reports what the joint's motor board has sampled.
+ * Joints and sensors without a board have the first clock. */
 static enum error_code sensors_assign_clocks(struct rig_builder *b, struct sensor_joint *joint,
                                              struct sensor_ft *ft)
 {
@@ -152,7 +153,7 @@ static enum error_code sensors_assign_clocks(struct rig_builder *b, struct senso
     if (!name) {
         return rig_no_memory(b);
     }
-    name[0] = "none"; /* a rig without boards has a clock all the same */
+    name[0] = "none"; /* a rig without boards still has a clock */
     b->rig->sensing.clocks.name = name;
     for (size_t i = 0; i < boards->nboard; i++) {
         const struct board_config *board = &boards->board[i];
@@ -174,8 +175,8 @@ static enum error_code sensors_assign_clocks(struct rig_builder *b, struct senso
     return ERROR_NONE;
 }
 
-/* Checks that a channel of a section has what its errors need: a low pass below half the rate of
- * the ticks, a full scale for hysteresis, both numbers of instability. */
+/* Checks the requirements of a channel's errors: a low pass below half the tick rate, a full scale
+ * for hysteresis, both numbers of instability. */
 static enum error_code sensors_check_channel(struct rig_builder *b, const struct yaml_mark *section,
                                              const char *key, const struct sensor_error *channel)
 {
@@ -231,7 +232,7 @@ static enum error_code sensors_check_channels(struct rig_builder *b)
     return code ? code : sensors_check_section(b, &imu_schema, &raw->imu);
 }
 
-/* Builds the errors of a joint's sensors: those of every joint, overridden by its own. */
+/* Builds the error models of joint sensors: common ones, overridden by a joint's own. */
 static enum error_code sensors_build_joints(struct rig_builder *b, struct sensor_joint *joint)
 {
     const struct raw_sensors *raw = &b->raw->sensors;
@@ -254,7 +255,7 @@ static enum error_code sensors_build_joints(struct rig_builder *b, struct sensor
         joint[index] = merged.sensor;
     }
 
-    /* A drive that warms up in the plant has that temperature */
+    /* If the plant models the winding's temperature, the sensor measures it */
     for (size_t j = 0; j < robot->njoint; j++) {
         const struct robot_sea *sea = &robot->joint[j].sea;
         const bool warms = sea->effects && sea->effects->thermal.winding_k_w > 0.0;
@@ -269,7 +270,7 @@ static enum error_code sensors_build_joints(struct rig_builder *b, struct sensor
     return ERROR_NONE;
 }
 
-/* Builds the errors of the force-torque sensors in the same way. */
+/* Builds the error models of the force-torque sensors in the same way. */
 static enum error_code sensors_build_fts(struct rig_builder *b, struct sensor_ft *ft)
 {
     const struct raw_sensors *raw = &b->raw->sensors;
