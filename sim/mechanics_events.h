@@ -7,11 +7,12 @@
  *   a series spring at its stop. It is reported again after the spring was off the stop by a tenth
  *     of its room for the same time;
  *   a fall of a floating, unclamped robot. Criteria: the base is tilted by more than 60 degrees;
- *     its height above the lowest observed body (robot_body.observed) is less than half of the height
- *     at the start; or a body touches a surface of the world, where the body is not the end of a
- *     limb (the last body of its chain) and the robot did not stand on it in its first
+ *     its height above the lowest observed body (robot_body.observed) is less than half of the
+ *     height at the start; or a body touches a surface of the world, where the body is not the end
+ *     of a limb (the last body of its chain) and the robot did not stand on it in its first
  *     WATCH_STANDS_NS. Tilt and height are relative to gravity and to the posture at the last
- *     clamp, or at the start. A fall is reported again after no criterion was true for WATCH_CALM_NS.
+ *     clamp, or at the start. A fall is reported again after no criterion was true for
+ *     WATCH_CALM_NS.
  *
  * It only reads the plant. SI units, virtual times in ns. One thread creates and steps the watch;
  * another reads the events.
