@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Serves the connections of the page's server: bytes in and out, and when a client is
- * disconnected. */
+/* Serves the connections of the page's server: input, output, and disconnection. */
 #include "viewer/private.h"
 
 #include "rt/clock.h"
@@ -11,10 +10,10 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-/* Frames and connections after which others have their turn. */
+/* Frames of a client, and new connections, handled per turn, so that others get their turn. */
 enum { FRAMES_A_TURN = 32, ACCEPTS_A_TURN = 8 };
 
-#define SILENCE_NS (10 * CLOCK_SECOND) /* wait for a request, and for the token */
+#define SILENCE_NS (10 * CLOCK_SECOND) /* timeout for a request, and for the token */
 #define PATIENCE_NS (10 * CLOCK_SECOND)
 
 /* ---- out ---- */
@@ -35,7 +34,7 @@ void client_close(struct viewer *viewer, struct viewer_client *client)
     }
 }
 
-/* Sends some bytes; returns how many, 0 = none now, -1 = the connection is lost. */
+/* Sends some bytes; returns their number, 0 = none possible now, -1 = the connection is lost. */
 static ssize_t client_send_some(const struct viewer_client *client, const void *from, size_t size)
 {
     for (;;) {
@@ -50,7 +49,7 @@ static ssize_t client_send_some(const struct viewer_client *client, const void *
     }
 }
 
-/* Sends as much as the system takes at once: the outbox, then the body. */
+/* Sends as much as the system accepts now: the outbox, then the body. */
 void client_flush(struct viewer *viewer, struct viewer_client *client)
 {
     while (client->socket >= 0 && client_waiting(client) > 0) {
@@ -82,7 +81,7 @@ uint8_t *client_room(struct viewer *viewer, struct viewer_client *client, size_t
     if (client_waiting(client) == 0) {
         client->taken_ns = viewer->now_ns;
     }
-    /* Nothing may follow a body until the body is gone */
+    /* No data may be added until the body is sent */
     if (client->body_size > 0) {
         return NULL;
     }
@@ -117,7 +116,8 @@ bool client_send_object(struct viewer *viewer, struct viewer_client *client, jso
     char *text = size > 0 ? (char *)client_room(viewer, client, WEBSOCKET_HEADER + size) : NULL;
     bool sent = false;
 
-    /* The text is written behind the greatest header, and moved up to the actual one */
+    /* Writes the text after space for the largest header, and moves it to the end of the actual
+     * header */
     if (text && json_dumpb(object, text + WEBSOCKET_HEADER, size, flags) == size) {
         size_t header = websocket_header((uint8_t *)text, WEBSOCKET_TEXT, size);
 
@@ -147,8 +147,8 @@ void client_bye(struct viewer *viewer, struct viewer_client *client, enum websoc
 
 /* ---- in ---- */
 
-/* Handles a whole frame: part of a message, or one of the protocol itself. False = no more are
- * to be read. */
+/* Handles a complete frame: part of a message, or a control frame. Returns false if no more frames
+ * are to be read. */
 static bool client_take_frame(struct viewer *viewer, struct viewer_client *client,
                               const struct websocket_frame *frame)
 {
@@ -168,7 +168,7 @@ static bool client_take_frame(struct viewer *viewer, struct viewer_client *clien
         break;
     }
 
-    /* A fragment must continue a message, and nothing else may come between */
+    /* A fragment must continue a message, and no other message may come in between */
     if ((frame->opcode == WEBSOCKET_CONTINUATION) != client->fragmented) {
         viewer->counters.cut_junk++;
         client_bye(viewer, client, WEBSOCKET_PROTOCOL, "wrong order of fragments");
@@ -269,7 +269,7 @@ void client_check(struct viewer *viewer, struct viewer_client *client)
     if (viewer->ended) {
         client_tell_end(viewer, client);
     }
-    /* Disconnect a client that reads nothing, asks nothing, or got its last message */
+    /* Disconnects a client that reads nothing, sends nothing, or got its last message */
     if (client_waiting(client) > 0 && viewer->now_ns - client->taken_ns > PATIENCE_NS) {
         viewer->counters.cut_slow++;
         client_close(viewer, client);
@@ -282,13 +282,13 @@ void client_check(struct viewer *viewer, struct viewer_client *client)
             client_close(viewer, client);
         }
     } else if (client->mode == CLIENT_SOCKET && client->received > 0) {
-        client_take_frames(viewer, client); /* frames that the last turn has left */
+        client_take_frames(viewer, client); /* frames left from the last turn */
     }
 }
 
 /* ---- places ---- */
 
-/* Returns where a connection comes from; IPv4 as a mapped IPv6 address. */
+/* Returns the source address of a connection; IPv4 as a mapped IPv6 address. */
 static struct viewer_origin origin_of(const struct sockaddr_storage *address)
 {
     struct viewer_origin origin = {{0}};
@@ -308,7 +308,7 @@ static bool origin_equal(const struct viewer_origin *a, const struct viewer_orig
     return memcmp(a, b, sizeof *a) == 0;
 }
 
-/* Checks whether an origin is 127.0.0.1 or ::1, which all programs and tunnels of this machine
+/* Checks whether an address is 127.0.0.1 or ::1, which all programs and tunnels of this machine
  * share. */
 static bool origin_is_shared(const struct viewer_origin *origin)
 {
@@ -318,8 +318,8 @@ static bool origin_is_shared(const struct viewer_origin *origin)
     return origin_equal(origin, &own[0]) || origin_equal(origin, &own[1]);
 }
 
-/* Ranks how little a connection has done to keep its place: one without a request goes first
- * (4), then one without a token (3), then one that has its answer (2); 0 = it has shown a token. */
+/* Ranks connections by how soon they may be dropped: 4 = no request yet, 3 = no token, 2 =
+ * answered, 0 = has shown a token. */
 static int client_idleness(const struct viewer_client *client)
 {
     return client->mode == CLIENT_SOCKET ? (client->right == RIGHT_NONE ? 3 : 0)
@@ -328,7 +328,7 @@ static int client_idleness(const struct viewer_client *client)
                                          : 1;
 }
 
-/* Finds the connection to drop first, of an address or (origin NULL) of all; NULL = all have
+/* Finds the connection to drop first, of one address or (origin NULL) of all; NULL = all have
  * shown a token. */
 static struct viewer_client *viewer_find_idlest(struct viewer *viewer,
                                                 const struct viewer_origin *origin)
@@ -350,7 +350,7 @@ static struct viewer_client *viewer_find_idlest(struct viewer *viewer,
     return found;
 }
 
-/* Counts the connections of an address that have shown no token. */
+/* Counts the connections of an address without a token. */
 static size_t viewer_count_asking(const struct viewer *viewer, const struct viewer_origin *origin)
 {
     size_t count = 0;
@@ -390,8 +390,8 @@ bool viewer_give_place(struct viewer *viewer, struct viewer_client *client, enum
 
 /* ---- new connections ---- */
 
-/* Makes a place for a connection from an address; an idle one is dropped when the address has
- * too many without a token, or when all places are taken. NULL = there is none. */
+/* Makes a place for a connection from an address. Drops an idle connection if the address has too
+ * many without a token, or if all places are used. NULL = no place. */
 static struct viewer_client *viewer_make_place(struct viewer *viewer,
                                                const struct viewer_origin *origin)
 {
@@ -430,7 +430,7 @@ void viewer_accept_client(struct viewer *viewer)
         if (socket < 0) {
             return;
         }
-        /* When there is no place, send the browser an answer before closing */
+        /* Without a place, sends the browser an answer before closing */
         client = viewer_make_place(viewer, &origin);
         if (!client) {
             (void)!send(socket, busy, sizeof busy - 1, MSG_NOSIGNAL | MSG_DONTWAIT);
@@ -438,7 +438,7 @@ void viewer_accept_client(struct viewer *viewer)
             viewer->counters.refused++;
             continue;
         }
-        /* A new client begins empty; its buffers stay those of the place */
+        /* Initializes a new client; its buffers belong to the place */
         *client = (struct viewer_client){
             .socket = socket,
             .origin = origin,

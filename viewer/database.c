@@ -1,13 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Describes what the frames of each bus mean, from the tables of its DBC database (rig/dbc.h),
- * as JSON. */
+/* Describes the meaning of the frames of each bus as JSON, from its DBC database (rig/dbc.h). */
 #include "viewer/private.h"
 
 #include "rig/dbc.h"
 
 #include <string.h>
 
-#define MEMORY ((size_t)64 << 20) /* of address space */
+#define MEMORY ((size_t)64 << 20) /* reserved address space */
 
 /* Makes the names of a signal's values, by number. */
 static json_t *database_values(const struct dbc_signal *signal)
@@ -23,7 +22,7 @@ static json_t *database_values(const struct dbc_signal *signal)
     return values;
 }
 
-/* Describes a signal; what has its usual value is left out. */
+/* Describes a signal; omits default values. */
 static json_t *database_signal(const struct dbc_signal *signal)
 {
     json_t *object = json_pack("{s:s, s:i, s:i}", "name", signal->name, "start", (int)signal->start,

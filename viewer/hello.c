@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Makes the description that a client gets first: the run, its signals, buses, boards and faults,
- * and the scene: bodies, joints, shapes and what touches. Lengths in m, quaternions wxyz, a body by
- * its index: those of the robot, then the free ones; -1 is the world. */
+ * and the scene with bodies, joints, shapes and contacts. Lengths in m, quaternions wxyz. Body
+ * indices: the robot's bodies, then the free ones; -1 is the world. */
 #include "viewer/private.h"
 
 #include "base/array.h"
@@ -66,7 +66,7 @@ static json_t *scene_joints(const struct rig *rig)
 
 /* ---- shapes ---- */
 
-/* Describes where a shape lies in its body's frame. */
+/* Describes the pose of a shape in its body's frame. */
 static json_t *scene_place(const char *name, int body, const char *shape, const double position[3],
                            const double rotation[9])
 {
@@ -78,7 +78,7 @@ static json_t *scene_place(const char *name, int body, const char *shape, const 
                      hello_numbers(quaternion, 4));
 }
 
-/* Describes a contact surface; a mesh by the path of its file. */
+/* Describes a contact surface; a mesh is given by the path of its file. */
 static json_t *scene_surface(const struct viewer *viewer, size_t index)
 {
     static const char *const shapes[] = {
@@ -102,7 +102,7 @@ static json_t *scene_surface(const struct viewer *viewer, size_t index)
     return object;
 }
 
-/* Checks whether the rig gives a body's capsules a surface, which then shows them. */
+/* Checks whether the rig makes contact surfaces of a body's capsules, which then show them. */
 static bool capsule_is_surface(const struct rig *rig, const struct robot_capsule *capsule)
 {
     for (size_t i = 0; i < rig->contact.nsurface; i++) {
@@ -116,7 +116,7 @@ static bool capsule_is_surface(const struct rig *rig, const struct robot_capsule
     return false;
 }
 
-/* Lists the contact surfaces, then the capsules that are none. */
+/* Lists the contact surfaces, then the capsules without a surface. */
 static json_t *scene_shapes(const struct viewer *viewer)
 {
     const struct rig *rig = viewer->rig;
@@ -141,7 +141,7 @@ static json_t *scene_shapes(const struct viewer *viewer)
     return array;
 }
 
-/* Describes a visual of the robot's file, which may differ from what can touch. */
+/* Describes a visual of the robot's file, which may differ from the contact surfaces. */
 static json_t *scene_visual(const struct robot *robot, size_t index)
 {
     static const char *const shapes[] = {
@@ -202,7 +202,7 @@ json_t *hello_scene(const struct viewer *viewer)
 
 /* ---- signals ---- */
 
-/* Returns the unit that a signal's name ends with; "" = none. */
+/* Returns the unit at the end of a signal's name; "" = none. */
 static const char *signal_unit(const char *name)
 {
     static const struct {
@@ -257,7 +257,7 @@ static json_t *hello_buses(const struct viewer *viewer)
     return array;
 }
 
-/* Lists the words for the modes of a protocol, by number. */
+/* Lists the names of a protocol's modes, by number. */
 static json_t *hello_modes(const struct protocol *protocol)
 {
     json_t *modes = json_object();
@@ -307,7 +307,7 @@ static json_t *hello_boards(const struct viewer *viewer)
     return array;
 }
 
-/* Lists the words for modes, once for each protocol that the rig has. */
+/* Lists the names of modes, once per protocol of the rig. */
 static json_t *hello_all_modes(const struct viewer *viewer)
 {
     json_t *all = json_object();
@@ -336,9 +336,9 @@ static json_t *hello_faults(const struct viewer *viewer)
     return array;
 }
 
-/* ---- all of it ---- */
+/* ---- the whole description ---- */
 
-/* Describes the run, or the recording that is played back. */
+/* Describes the run, or the recording in playback. */
 static json_t *hello_run(const struct viewer *viewer)
 {
     const struct simulator_config *config =

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Keeps rows of signals in blocks of columns from one pool. */
+/* Stores rows of signals in blocks of columns from one pool. */
 #include "viewer/history.h"
 
 #include <math.h>
 #include <stdbool.h>
 #include <string.h>
 
-/* Values of a column's slot when it is not in the pool. */
+/* Values of a column's slot if it is not in the pool. */
 enum { COLUMN_CONSTANT = -1, COLUMN_DROPPED = -2 };
 
 struct history_column {
@@ -18,20 +18,20 @@ struct history_block {
     uint64_t first; /* number of its first row */
     size_t count;
     int64_t time_ns[HISTORY_ROWS];
-    struct history_column *column; /* by signal; of the open block they are in the stage */
+    struct history_column *column; /* by signal; columns of the open block are in the stage */
 };
 
 struct history {
     size_t nsignal;
     struct history_block *block; /* HISTORY_BLOCKS, a ring */
-    uint64_t oldest, next;       /* blocks, counted from the first one on */
-    bool open;                   /* the newest block takes rows */
-    uint64_t bare;               /* blocks before it have no columns that nobody has chosen */
+    uint64_t oldest, next;       /* block numbers, counted from the first one */
+    bool open;                   /* the newest block accepts rows */
+    uint64_t bare;               /* all blocks before it have only columns of chosen signals */
     float (*stage)[HISTORY_ROWS];
     float (*pool)[HISTORY_ROWS];
-    int32_t *spare; /* slots of the pool that are free */
+    int32_t *spare; /* free slots of the pool */
     size_t nspare;
-    size_t chosen[HISTORY_CHOSEN]; /* the last one first */
+    size_t chosen[HISTORY_CHOSEN]; /* most recently chosen first */
     size_t nchosen;
     bool *is_chosen; /* by signal */
 };
@@ -59,7 +59,7 @@ enum error_code history_create(size_t nsignal, size_t columns, struct arena *are
     for (size_t b = 0; b < HISTORY_BLOCKS; b++) {
         history->block[b].column = column + b * nsignal;
     }
-    /* The first slots are taken first */
+    /* The first slots are used first */
     while (history->nspare < columns) {
         history->spare[history->nspare] = (int32_t)(columns - 1 - history->nspare);
         history->nspare++;
@@ -70,13 +70,13 @@ enum error_code history_create(size_t nsignal, size_t columns, struct arena *are
 
 /* ---- blocks ---- */
 
-/* Returns the place of a block by its number. */
+/* Returns the block with a number. */
 static struct history_block *history_block(const struct history *history, uint64_t number)
 {
     return &history->block[number % HISTORY_BLOCKS];
 }
 
-/* Frees a column, which then reads as NAN. */
+/* Frees a column; its values then read as NAN. */
 static void history_drop_column(struct history *history, struct history_column *column)
 {
     if (column->slot >= 0) {
@@ -85,8 +85,8 @@ static void history_drop_column(struct history *history, struct history_column *
     column->slot = COLUMN_DROPPED;
 }
 
-/* Frees the columns of a block, those of chosen signals only if asked; the open block has none
- * in the pool. */
+/* Frees the columns of a block; those of chosen signals only if chosen_too. The open block has
+ * none in the pool. */
 static void history_drop_block(struct history *history, uint64_t number, bool chosen_too)
 {
     struct history_block *block = history_block(history, number);
@@ -108,7 +108,7 @@ static void history_drop_oldest(struct history *history)
     history->bare = history->bare > history->oldest ? history->bare : history->oldest;
 }
 
-/* Takes a slot of the pool, dropping the oldest columns until there is one; -1 = only the asking
+/* Takes a slot of the pool; drops the oldest columns until there is one. -1 = only the requesting
  * block is left. */
 static int32_t history_take_slot(struct history *history, uint64_t asking)
 {
@@ -151,7 +151,7 @@ static void history_close_block(struct history *history)
     }
 }
 
-/* Opens the next block, dropping the oldest when there are HISTORY_BLOCKS. */
+/* Opens the next block; drops the oldest if there are HISTORY_BLOCKS. */
 static void history_open_block(struct history *history)
 {
     uint64_t first = history_end(history);
@@ -167,7 +167,7 @@ static void history_open_block(struct history *history)
 
 /* ---- rows ---- */
 
-/* Returns the index of the first of a block's rows at or after a time. */
+/* Returns the index of a block's first row at or after a time. */
 static size_t block_find(const struct history_block *block, int64_t time_ns)
 {
     size_t low = 0, high = block->count;
@@ -205,7 +205,7 @@ void history_put(struct history *history, int64_t time_ns, const double *value)
 {
     struct history_block *block;
 
-    /* Time that went back removes the rows that it undoes */
+    /* If time went back, removes the rows at and after the new time */
     if (history->next > history->oldest) {
         block = history_block(history, history->next - 1);
         if (block->count > 0 && block->time_ns[block->count - 1] >= time_ns) {
@@ -229,7 +229,7 @@ void history_choose(struct history *history, size_t signal)
 {
     size_t at = 0;
 
-    /* The chosen signal moves to the front; a full list loses its last one */
+    /* Moves the chosen signal to the front; a full list loses its last signal */
     while (at < history->nchosen && history->chosen[at] != signal) {
         at++;
     }
@@ -263,7 +263,7 @@ uint64_t history_begin(const struct history *history)
                                             : history_block(history, history->oldest)->first;
 }
 
-/* Returns the block of a row that is still kept, by bisection. */
+/* Finds the block of a stored row by bisection. */
 static const struct history_block *history_block_of(const struct history *history, uint64_t row)
 {
     uint64_t low = history->oldest, high = history->next - 1;
@@ -284,7 +284,7 @@ uint64_t history_find(const struct history *history, int64_t time_ns)
 {
     uint64_t low = history->oldest, high = history->next;
 
-    /* The first block whose last row is not before the time */
+    /* Finds the first block whose last row is at or after the time */
     while (low < high) {
         uint64_t middle = (low + high) / 2;
         const struct history_block *block = history_block(history, middle);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Parses HTTP requests: RFC 9112 as far as a page needs it. */
+/* Parses HTTP requests: the part of RFC 9112 that the page needs. */
 #include "viewer/http_request.h"
 
 #include <arpa/inet.h>
@@ -7,14 +7,14 @@
 #include <string.h>
 #include <strings.h>
 
-enum { LINE_LIMIT = 64 }; /* of headers */
+enum { LINE_LIMIT = 64 }; /* maximum number of header lines */
 
-/* The headers that together ask for a WebSocket. */
+/* The headers that together request a WebSocket. */
 struct upgrade_signs {
     bool upgrade, connection, version;
 };
 
-/* Checks whether a text has printable ASCII only. */
+/* Checks whether a text has only printable ASCII characters. */
 static bool text_is_visible(const char *text, size_t size)
 {
     for (size_t i = 0; i < size; i++) {
@@ -25,7 +25,7 @@ static bool text_is_visible(const char *text, size_t size)
     return true;
 }
 
-/* Copies a value without the blanks around it; false = it is too long. */
+/* Copies a value without surrounding blanks; returns false if it is too long. */
 static bool request_copy_value(const char *from, size_t size, char to[REQUEST_TEXT])
 {
     while (size > 0 && (*from == ' ' || *from == '\t')) {
@@ -43,7 +43,7 @@ static bool request_copy_value(const char *from, size_t size, char to[REQUEST_TE
     return true;
 }
 
-/* Checks whether a list such as "keep-alive, Upgrade" has a word, in any case. */
+/* Checks whether a list such as "keep-alive, Upgrade" contains a word, in upper or lower case. */
 static bool list_has_word(const char *list, const char *word)
 {
     size_t size = strlen(word);
@@ -61,8 +61,8 @@ static bool list_has_word(const char *list, const char *word)
     return false;
 }
 
-/* Reads the request line, "GET /path HTTP/1.1", and cuts off a query. Returns 200 or the status
- * to refuse with. */
+/* Reads the request line, "GET /path HTTP/1.1", and removes a query. Returns 200 or the status to
+ * refuse with. */
 static int request_read_first_line(const char *line, size_t size, struct http_request *request)
 {
     static const char protocol[] = " HTTP/1.1";
@@ -91,7 +91,7 @@ static int request_read_first_line(const char *line, size_t size, struct http_re
     return 200;
 }
 
-/* Keeps the value of a header that decides; given twice it is refused. Returns the status. */
+/* Stores the value of a header that may occur only once. Returns the status. */
 static int request_keep_once(const char *value, size_t size, char to[REQUEST_TEXT])
 {
     return to[0] ? 400 : request_copy_value(value, size, to) ? 200 : 431;
@@ -105,7 +105,7 @@ static int request_read_header(const char *line, size_t size, struct http_reques
     size_t name = colon ? (size_t)(colon - line) : 0, rest = colon ? size - name - 1 : 0;
     char word[REQUEST_TEXT];
 
-    /* A name without blanks, and a value that can be printed */
+    /* The name has no blanks, and the value is printable */
     if (name == 0 || memchr(line, ' ', name) || memchr(line, '\t', name)) {
         return 400;
     }
@@ -124,10 +124,10 @@ static int request_read_header(const char *line, size_t size, struct http_reques
         return request_keep_once(colon + 1, rest, request->key);
     }
     if (IS("Content-Length") || IS("Transfer-Encoding")) {
-        return 413; /* a GET has no body here */
+        return 413; /* a GET must have no body here */
     }
 
-    /* The words that ask for a WebSocket; other headers are ignored, whatever their length */
+    /* The words that request a WebSocket; other headers are ignored at any length */
     if (IS("Upgrade") || IS("Connection") || IS("Sec-WebSocket-Version")) {
         if (!request_copy_value(colon + 1, rest, word)) {
             return 431;
@@ -141,7 +141,7 @@ static int request_read_header(const char *line, size_t size, struct http_reques
     return 200;
 }
 
-/* Checks whether a key is 16 bytes in base64: 22 digits and two signs of equality. */
+/* Checks whether a key is 16 bytes in base64: 22 digits and "==". */
 static bool is_websocket_key(const char *key)
 {
     static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -149,7 +149,7 @@ static bool is_websocket_key(const char *key)
     return strlen(key) == 24 && strspn(key, digits) == 22 && strcmp(key + 22, "==") == 0;
 }
 
-/* Reads the lines of a whole request; returns 200 or the status to refuse with. */
+/* Reads the lines of a complete request; returns 200 or the status to refuse with. */
 static int request_read_lines(const char *text, size_t size, struct http_request *request)
 {
     struct upgrade_signs signs = {0};
@@ -189,9 +189,9 @@ int http_request_parse(const char *text, size_t size, struct http_request *reque
     return request_read_lines(text, *used - 2, request);
 }
 
-/* ---- who may ask ---- */
+/* ---- allowed senders ---- */
 
-/* Splits "host:port" or "[host]:port", the port 80 if missing; false = it is neither. */
+/* Splits "host:port" or "[host]:port"; the default port is 80. Returns false if it is neither. */
 static bool split_host(const char *text, char host[REQUEST_TEXT], char port[REQUEST_TEXT])
 {
     const char *colon = strrchr(text, ':');
@@ -208,7 +208,7 @@ static bool split_host(const char *text, char host[REQUEST_TEXT], char port[REQU
     return true;
 }
 
-/* Checks whether two numeric addresses are the same, however they are written. */
+/* Checks whether two numeric addresses are equal in any notation. */
 static bool is_same_address(const char *a, const char *b)
 {
     unsigned char one[16], other[16];
@@ -236,7 +236,8 @@ bool http_request_is_ours(const struct http_request *request, const struct http_
         return false;
     }
 
-    /* A name can be made to point here (DNS rebinding); a numeric address and localhost cannot */
+    /* A name can be made to point to this machine (DNS rebinding); a numeric address and localhost
+     * cannot */
     if (strcasecmp(host, "localhost") == 0
             ? !bound->loopback && !bound->any
             : !is_same_address(host, bound->host) && !(bound->any && is_numeric_address(host))) {

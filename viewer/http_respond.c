@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Answers HTTP requests: the page (its bundle viewer/page.js.gz as bytes of the program), meshes,
- * the database of messages, a WebSocket. */
+/* Answers HTTP requests: the page (the bundle viewer/page.js.gz, included in the program), meshes,
+ * the database of messages, and WebSockets. */
 #include "viewer/private.h"
 
 #include "base/array.h"
@@ -20,8 +20,8 @@ __asm__(".section .rodata\n"
         ".byte 0\n"
         ".previous\n");
 
-/* Headers of every answer: nothing is loaded from other sites, no site frames the page, and no
- * answer is cached, as tokens and bundles change. */
+/* Headers of each answer: loads nothing from other sites, forbids frames of other sites, and
+ * disables caching, because tokens and bundles change. */
 #define HEADERS                                                                                    \
     "Content-Security-Policy: default-src 'self'; base-uri 'none'; form-action 'none'; "           \
     "frame-ancestors 'none'\r\n"                                                                   \
@@ -32,7 +32,7 @@ __asm__(".section .rodata\n"
     "Cache-Control: no-store\r\n"                                                                  \
     "Connection: close\r\n"
 
-enum { RESPONSE_MAX = 1024 + sizeof(struct error) }; /* a head and a message */
+enum { RESPONSE_MAX = 1024 + sizeof(struct error) }; /* a header and a message */
 
 static const char index_page[] =
     "<!doctype html>\n"
@@ -77,7 +77,7 @@ static const struct status_text texts[] = {
     {505, "HTTP Version Not Supported", "Only HTTP/1.1 is understood."},
 };
 
-/* Returns the texts of a status; those of 400 for an unknown one. */
+/* Returns the texts of a status; for an unknown one those of 400. */
 static const struct status_text *find_status_text(int status)
 {
     for (size_t i = 0; i < ARRAY_COUNT(texts); i++) {
@@ -88,8 +88,8 @@ static const struct status_text *find_status_text(int status)
     return &texts[1];
 }
 
-/* Sends a head, then a text that is copied (NULL = none), then the file's bytes from memory that
- * does not change. */
+/* Sends a header, then a copied text (NULL = none), then the bytes of a file in constant
+ * memory. */
 static void respond_with(struct viewer *viewer, struct viewer_client *client, int status,
                          const struct viewer_file *file, const char *text)
 {
@@ -126,7 +126,7 @@ static void respond_text(struct viewer *viewer, struct viewer_client *client, in
 
 /* ---- tokens ---- */
 
-/* Compares tokens in a time that does not tell how much of one is right. */
+/* Compares tokens in a time that is independent of the number of equal characters. */
 static bool token_is(const char *token, const char *given)
 {
     unsigned difference = 0;
@@ -147,7 +147,7 @@ enum viewer_right viewer_token_right(const struct viewer *viewer, const char *to
                                                                        : RIGHT_NONE;
 }
 
-/* ---- what there is ---- */
+/* ---- available resources ---- */
 
 /* Answers with the meaning of the buses' messages. */
 static void respond_database(struct viewer *viewer, struct viewer_client *client)
@@ -197,7 +197,7 @@ static void respond_visual(struct viewer *viewer, struct viewer_client *client, 
     }
 }
 
-/* Answers with the rows of the recording to compare with, as they were written. */
+/* Answers with the unchanged rows of the second recording. */
 static void respond_compared(struct viewer *viewer, struct viewer_client *client, const char *name)
 {
     const struct recording *with = viewer->config.with;
@@ -217,7 +217,7 @@ static void respond_compared(struct viewer *viewer, struct viewer_client *client
     }
 }
 
-/* Turns the connection into a WebSocket, which carries messages from now on. */
+/* Changes the connection to a WebSocket, which carries messages from now on. */
 static void respond_upgrade(struct viewer *viewer, struct viewer_client *client,
                             const struct http_request *request)
 {
@@ -243,7 +243,7 @@ void viewer_respond(struct viewer *viewer, struct viewer_client *client, int sta
     const char *path = request->path;
     struct viewer_file file;
 
-    /* Refuse what is no request, or not addressed to this server */
+    /* Refuses invalid requests and requests to another server */
     if (status != 200) {
         respond_text(viewer, client, status);
         return;
@@ -254,7 +254,7 @@ void viewer_respond(struct viewer *viewer, struct viewer_client *client, int sta
         return;
     }
 
-    /* The page itself is public; the data that it shows needs a token */
+    /* The page itself is public; its data need a token */
     if (strcmp(path, "/") == 0) {
         respond_file(viewer, client, 200,
                      &(struct viewer_file){"text/html; charset=utf-8", index_page,

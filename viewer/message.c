@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Carries out the messages of clients. Requests for the control socket go there as lines, by a
- * connection of the client's own, and the answers come back as messages. */
+/* Executes the messages of clients. Requests for the control socket are sent there as lines over
+ * the client's own connection; the answers become messages. */
 #include "viewer/private.h"
 
 #include "control/parse.h"
@@ -41,7 +41,8 @@ static bool control_link_send(struct viewer_client *client, const char *text, si
     struct iovec part[2] = {{(void *)(uintptr_t)text, size}, {(char[]){'\n'}, 1}};
     const struct msghdr line = {.msg_iov = part, .msg_iovlen = 2};
 
-    /* All or nothing: the socket takes far more than a message, and is read at once */
+    /* Sends all or nothing: the socket's buffer is much larger than a message, and is read
+     * immediately */
     return client->control >= 0 &&
            sendmsg(client->control, &line, MSG_NOSIGNAL | MSG_DONTWAIT) == (ssize_t)size + 1;
 }
@@ -60,7 +61,7 @@ void control_link_read(struct viewer *viewer, struct viewer_client *client)
     }
     client->line_size += (size_t)count;
 
-    /* Each line is a message; a line longer than the buffer cannot come from our server */
+    /* Each line is a message; our server sends no line longer than the buffer */
     while ((end = memchr(client->line, '\n', client->line_size))) {
         size_t size = (size_t)(end - client->line);
 
@@ -75,7 +76,8 @@ void control_link_read(struct viewer *viewer, struct viewer_client *client)
 
 /* ---- answers ---- */
 
-/* Answers a message: its id, ok, and the body, which is taken over (NULL = no memory). */
+/* Answers a message with its id, ok, and the body; takes ownership of the body (NULL = no
+ * memory). */
 static void client_answer(struct viewer *viewer, struct viewer_client *client,
                           const struct viewer_message *message, json_t *body)
 {
@@ -102,7 +104,7 @@ static void client_refuse(struct viewer *viewer, struct viewer_client *client,
 
 /* ---- enter ---- */
 
-/* Sends the description of the rig, with what this client may do. */
+/* Sends the description of the rig, with the rights of this client. */
 static void client_send_hello(struct viewer *viewer, struct viewer_client *client)
 {
     static const char control[] = "{\"right\":\"control\",", look[] = "{\"right\":\"look\",";
@@ -115,8 +117,8 @@ static void client_send_hello(struct viewer *viewer, struct viewer_client *clien
         client_close(viewer, client);
         return;
     }
-    /* One message in two parts: its beginning from the outbox, then the shared description
-     * without its opening brace */
+    /* One message in two parts: its start from the outbox, then the shared description without its
+     * opening brace */
     client->filled += websocket_header(to, WEBSOCKET_TEXT, size);
     memcpy(client->outbox + client->filled, begin, first);
     client->filled += first;
@@ -125,7 +127,7 @@ static void client_send_hello(struct viewer *viewer, struct viewer_client *clien
     client_flush(viewer, client);
 }
 
-/* Lets a client in whose token gives a right, if there is a place. */
+/* Accepts a client whose token gives a right, if there is a place. */
 static void client_enter(struct viewer *viewer, struct viewer_client *client,
                          const struct viewer_message *message)
 {
@@ -151,7 +153,7 @@ static void client_enter(struct viewer *viewer, struct viewer_client *client,
 
 /* ---- watch ---- */
 
-/* Adds the signals that a name or pattern matches; false = there are none, or too many. */
+/* Adds the signals that match a name or pattern; returns false for none or too many. */
 static bool watch_add_signals(const struct viewer *viewer, const char *pattern,
                               struct viewer_watch *watch)
 {
@@ -169,8 +171,8 @@ static bool watch_add_signals(const struct viewer *viewer, const char *pattern,
     return watch->nsignal > before;
 }
 
-/* Sets from which row on the client gets rows: those to come, and those it has not got yet of
- * signals that it watched before. */
+/* Sets the first row for a client: new rows only; for signals that it watched before, also rows
+ * that it has not received yet. */
 static void client_begin_rows(struct viewer *viewer, struct viewer_client *client,
                               const struct viewer_watch *watch)
 {
@@ -178,7 +180,7 @@ static void client_begin_rows(struct viewer *viewer, struct viewer_client *clien
         return;
     }
     if (!client->watch.rows || client->watch.nsignal == 0) {
-        viewer_take_rows(viewer); /* rows that wait in the stream are older than the wish */
+        viewer_take_rows(viewer); /* rows waiting in the stream are older than the request */
         client->row = history_end(viewer->history);
         client->rows_lost = viewer->rows_lost;
     }
@@ -187,7 +189,7 @@ static void client_begin_rows(struct viewer *viewer, struct viewer_client *clien
     }
 }
 
-/* Returns the time of the last row before those that come; null = there is none. */
+/* Returns the time of the last row before the client's next one; null = none. */
 static json_t *client_rows_begin(const struct viewer *viewer, const struct viewer_client *client)
 {
     if (!viewer->history || !client->watch.rows || client->row <= history_begin(viewer->history)) {
@@ -196,7 +198,7 @@ static json_t *client_rows_begin(const struct viewer *viewer, const struct viewe
     return json_real((double)history_time(viewer->history, client->row - 1) * 1e-9);
 }
 
-/* Changes what a client watches: states, signals, frames, rows, and how often. */
+/* Changes what a client watches: states, signals, frames, rows, and the rate. */
 static void client_watch(struct viewer *viewer, struct viewer_client *client,
                          const struct viewer_message *message)
 {
@@ -233,7 +235,7 @@ static void client_watch(struct viewer *viewer, struct viewer_client *client,
 
 /* ---- send ---- */
 
-/* Puts a client's frame on a bus. */
+/* Sends a client's frame on a bus. */
 static void client_put_frame(struct viewer *viewer, struct viewer_client *client,
                              struct viewer_message *message)
 {
@@ -262,7 +264,7 @@ static void client_put_frame(struct viewer *viewer, struct viewer_client *client
 
 /* ---- of a recording ---- */
 
-/* Carries out a message about a recording, or about the history of a run. */
+/* Executes a message about a recording, or about the history of a run. */
 static void client_play(struct viewer *viewer, struct viewer_client *client,
                         const struct viewer_message *message)
 {
@@ -286,7 +288,7 @@ static void client_play(struct viewer *viewer, struct viewer_client *client,
 
 /* ---- any message ---- */
 
-/* Passes a request on to the control socket, connecting first if need be. */
+/* Passes a request to the control socket; connects first if needed. */
 static void client_control(struct viewer *viewer, struct viewer_client *client,
                            const struct viewer_message *message, const char *text, size_t size)
 {
@@ -299,7 +301,7 @@ static void client_control(struct viewer *viewer, struct viewer_client *client,
     }
 }
 
-/* Carries out a valid message of a client that has a right. */
+/* Executes a valid message of a client with a right. */
 static void client_carry_out(struct viewer *viewer, struct viewer_client *client,
                              struct viewer_message *message, const char *text, size_t size)
 {
@@ -340,7 +342,7 @@ void viewer_obey(struct viewer *viewer, struct viewer_client *client, const char
     struct error error;
 
     if (viewer_message_parse(text, size, &message, &error)) {
-        /* Without a token a client gets no explanation of the error */
+        /* A client without a token gets no explanation of an error */
         if (client->right == RIGHT_NONE) {
             viewer->counters.cut_junk++;
             client_bye(viewer, client, WEBSOCKET_POLICY, "expected a token first");

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Reads a message of a client: one of the page's own commands, or a request for the control socket.
- * docs/page.md has them all. Names of signals and buses are not looked up here. Not RT-safe.
+ * Reads a message of a client: a command of the page, or a request for the control socket.
+ * docs/page.md lists all messages. Names of signals and buses are not checked here. Not RT-safe.
  */
 #ifndef VIEWER_MESSAGE_H
 #define VIEWER_MESSAGE_H
@@ -15,37 +15,37 @@
 #include <stddef.h>
 
 enum viewer_command {
-    VIEWER_ENTER,   /* gives the token */
-    VIEWER_WATCH,   /* says what to send, and how often */
-    VIEWER_SEND,    /* puts a frame on a bus */
-    VIEWER_SEEK,    /* of a recording: shows a time */
-    VIEWER_SERIES,  /* asks for signals between two times */
+    VIEWER_ENTER,   /* passes the token */
+    VIEWER_WATCH,   /* selects what to send, and how often */
+    VIEWER_SEND,    /* sends a frame on a bus */
+    VIEWER_SEEK,    /* for a recording: shows a time */
+    VIEWER_SERIES,  /* requests signals between two times */
     VIEWER_CONTROL, /* a request for the control socket */
 };
 
 struct viewer_message {
-    json_t *root; /* owns what the pointers point to */
+    json_t *root; /* owns the memory of the pointers */
     const json_t *id;
     enum viewer_command command;
-    bool harmless;                /* VIEWER_CONTROL: changes nothing */
-    enum control_command control; /* of VIEWER_CONTROL, with its value and count as in
+    bool harmless;                /* VIEWER_CONTROL: the command only reads */
+    enum control_command control; /* of VIEWER_CONTROL; its value and count are as in
                                    * control/parse.h */
     double value;
     int64_t count;
-    double from_s, to_s;    /* of series; the time of seek is from_s */
-    int64_t points;         /* of series: rows at most */
+    double from_s, to_s;    /* of series; from_s is also the time of seek */
+    int64_t points;         /* of series: maximum number of rows */
     const char *token;      /* of enter */
-    bool stay;              /* of enter: goes on when the run has ended */
+    bool stay;              /* of enter: stay connected when the run has ended */
     double rate_hz;         /* of watch; 0 = nothing */
     bool trace, rows;       /* of watch */
-    const json_t *signals;  /* of watch and series: an array of strings; NULL = none */
-    const char *bus, *data; /* of send, whose identifier is count */
+    const json_t *signals;  /* of watch and series: array of strings; NULL = none */
+    const char *bus, *data; /* of send; the identifier is in count */
     bool extended, fd, brs;
     struct bus_frame frame;
 };
 
-/* Parses a message; the error says what was found and what was expected. The message is to be
- * cleared in any case. */
+/* Parses a message; the error states the found and the expected text. The caller clears the
+ * message even after an error. */
 enum error_code viewer_message_parse(const char *text, size_t size, struct viewer_message *message,
                                      struct error *error);
 void viewer_message_clear(struct viewer_message *message);

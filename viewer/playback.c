@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Plays a recording back; every client has a time of its own in it. */
+/* Plays a recording; each client has its own time in it. */
 #include "viewer/private.h"
 
 #include "rt/clock.h"
@@ -10,8 +10,8 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Span before a jump whose frames a client gets: those of COMAN fit in VIEWER_TRACE. Span over
- * which loads are means. */
+/* Time before a jump for which a client gets frames: COMAN's frames of this time fit in
+ * VIEWER_TRACE. Time over which loads are averaged. */
 #define TRACE_SPAN_NS (CLOCK_SECOND / 5)
 #define LOAD_SPAN_NS CLOCK_SECOND
 
@@ -19,7 +19,7 @@ enum { RECORDING_PATH = 4096 };
 
 /* ---- opening ---- */
 
-/* Makes the path of a file of the recording; false = it is too long. */
+/* Makes the path of a file of the recording; returns false if it is too long. */
 static bool recording_path(const struct recording *recording, const char *name,
                            char path[RECORDING_PATH])
 {
@@ -27,7 +27,7 @@ static bool recording_path(const struct recording *recording, const char *name,
            RECORDING_PATH;
 }
 
-/* Opens signals.csv, which has to exist, and poses.csv. */
+/* Opens signals.csv, which must exist, and poses.csv. */
 static enum error_code recording_open_rows(struct recording *recording, struct arena *arena,
                                            struct error *error)
 {
@@ -50,7 +50,7 @@ static enum error_code recording_open_rows(struct recording *recording, struct a
     return code;
 }
 
-/* Opens frames and events, where the recording has them. */
+/* Opens frames and events, if the recording has them. */
 static enum error_code recording_open_rest(struct recording *recording, struct arena *arena,
                                            struct error *error)
 {
@@ -65,7 +65,7 @@ static enum error_code recording_open_rest(struct recording *recording, struct a
     if (!bus || !recording_path(recording, "candump.log", path)) {
         return error_set(error, ERROR_MEMORY, "no memory left for the recording");
     }
-    /* A recording may be without either */
+    /* Frames and events are optional */
     code = access(path, F_OK) == 0 ? recorded_log_open(path, bus, rig->nbus, &recording->log, error)
                                    : ERROR_NONE;
     recording_path(recording, "events.log", path);
@@ -75,7 +75,7 @@ static enum error_code recording_open_rest(struct recording *recording, struct a
     return code;
 }
 
-/* Checks that the recording is of the rig: it has each joint and each body. */
+/* Checks that the recording belongs to the rig: it has each joint and each body. */
 static enum error_code recording_check_rig(struct recording *recording, struct arena *arena,
                                            struct error *error)
 {
@@ -108,7 +108,7 @@ static enum error_code recording_check_rig(struct recording *recording, struct a
                    : ERROR_NONE;
 }
 
-/* Sets the span that is shown: as much as was asked for, of what exists. */
+/* Sets the shown range: the requested range within the existing one. */
 static enum error_code recording_set_range(struct recording *recording, struct error *error)
 {
     const struct recorded_table *rows = &recording->signals;
@@ -203,7 +203,7 @@ static int64_t playback_clamp(const struct viewer *viewer, double time_ns)
     return (int64_t)fmin(fmax(time_ns, (double)recording->first_ns), (double)recording->last_ns);
 }
 
-/* Returns the time at which a client is now; at the end it pauses. */
+/* Returns a client's present time; pauses at the end. */
 static int64_t playback_time(const struct viewer *viewer, struct viewer_client *client)
 {
     struct viewer_playback *playback = &client->playback;
@@ -218,7 +218,7 @@ static int64_t playback_time(const struct viewer *viewer, struct viewer_client *
     return now;
 }
 
-/* Lets a client go on from a time; its speed may have changed. */
+/* Continues a client's playback from a time; its speed may have changed. */
 static void playback_move(const struct viewer *viewer, struct viewer_client *client, double time_ns)
 {
     client->playback.from_ns = playback_clamp(viewer, time_ns);
@@ -241,7 +241,7 @@ bool playback_obey(struct viewer *viewer, struct viewer_client *client,
     struct viewer_playback *playback = &client->playback;
     int64_t now = playback_time(viewer, client);
 
-    /* Any change takes effect from the present time on */
+    /* A change takes effect from the present time on */
     playback_move(viewer, client, (double)now);
     if (message->command == VIEWER_SEEK) {
         playback_move(viewer, client, message->from_s * 1e9);
@@ -278,7 +278,7 @@ bool playback_obey(struct viewer *viewer, struct viewer_client *client,
     }
 }
 
-/* ---- what is shown ---- */
+/* ---- shown data ---- */
 
 /* Counts frames and loads of each bus over the second before a time. */
 static void playback_count_frames(struct viewer *viewer, int64_t now_ns)
@@ -346,7 +346,7 @@ void playback_trace(struct viewer *viewer, struct viewer_client *client)
     if (!client->watch.trace || !recording->log.file.data) {
         return;
     }
-    /* Frames since the last state, but of TRACE_SPAN_NS at most */
+    /* Frames since the last state, but at most of the last TRACE_SPAN_NS */
     if (playback->traced_ns >= from_ns) {
         from_ns = playback->traced_ns + 1;
     }

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the parts of the page's server share: server.c has the thread, connection.c the bytes
- * from and to a client, http_respond.c answers requests of HTTP, message.c carries out what a
- * client asks, or passes it on to the control socket; hello.c describes run and scene,
- * state_message.c makes the binary states, series.c sends rows, trace.c hears the buses. All in
- * the server's thread but for what viewer.h says. Not RT-safe.
+ * Declarations shared by the parts of the page's server: server.c has the thread, connection.c the
+ * bytes from and to a client, http_respond.c answers HTTP requests, message.c executes messages of
+ * clients or passes them to the control socket; hello.c describes run and scene, state_message.c
+ * makes the binary states, series.c sends rows, trace.c receives frames of the buses. All functions
+ * run in the server's thread, except as viewer.h says. Not RT-safe.
  */
 #ifndef VIEWER_PRIVATE_H
 #define VIEWER_PRIVATE_H
@@ -23,13 +23,13 @@
 #include <string.h>
 
 enum {
-    VIEWER_EVENTS = 256,       /* that a page gets which comes late; a power of two */
-    VIEWER_SIGNALS = 64,       /* that a client may choose */
+    VIEWER_EVENTS = 256,       /* past events sent to a page that connects late; a power of two */
+    VIEWER_SIGNALS = 64,       /* maximum number of signals of a client */
     VIEWER_TRACE = 128 * 1024, /* bytes of frames that wait for the next state */
-    VIEWER_LINE = 256 * 1024,  /* longest answer of the control socket */
+    VIEWER_LINE = 256 * 1024,  /* longest answer of the control socket, bytes */
     VIEWER_MESHES = 1024,
-    VIEWER_VISUAL_BYTES = 128 << 20, /* of the files of all visuals together */
-    VIEWER_FILES = 6,                /* of a recording */
+    VIEWER_VISUAL_BYTES = 128 << 20, /* bytes of the files of all visuals together */
+    VIEWER_FILES = 6,                /* files of a recording */
 };
 
 enum viewer_mode { CLIENT_HTTP, CLIENT_SOCKET, CLIENT_CLOSING };
@@ -45,51 +45,51 @@ struct viewer_watch {
     uint32_t skipped;
 };
 
-/* Where in a recording a client is, and how it goes on from there. */
+/* A client's position and speed in a recording. */
 struct viewer_playback {
     bool paused;
-    double speed;              /* recorded seconds a second */
+    double speed;              /* recorded seconds per second */
     int64_t from_ns, since_ns; /* the recorded time at a time of the clock */
     int64_t traced_ns;         /* frames up to this time have been sent */
 };
 
-/* Where a connection comes from: an IPv6 address, or an IPv4 one mapped to such. */
+/* Source address of a connection: an IPv6 address, or a mapped IPv4 address. */
 struct viewer_origin {
     uint8_t byte[16];
 };
 
 struct viewer_client {
-    int socket; /* -1 = free place */
+    int socket; /* -1 = unused */
     struct viewer_origin origin;
     enum viewer_mode mode;
     enum viewer_right right;
-    bool stays;       /* goes on when the run has ended */
-    bool end_told;    /* the end of the run has been sent to it */
-    int64_t since_ns; /* when it connected */
-    int64_t taken_ns; /* when the last byte was taken, or the outbox began to fill */
+    bool stays;       /* stays connected when the run has ended */
+    bool end_told;    /* the end of the run was sent to it */
+    int64_t since_ns; /* time of the connection */
+    int64_t taken_ns; /* time at which the last byte was sent, or the outbox began to fill */
 
     size_t received;
-    uint8_t *inbox;   /* VIEWER_INBOX */
-    size_t gathered;  /* of a message in fragments */
-    uint8_t *message; /* VIEWER_INBOX */
+    uint8_t *inbox;   /* size VIEWER_INBOX */
+    size_t gathered;  /* bytes of a fragmented message */
+    uint8_t *message; /* size VIEWER_INBOX */
     bool fragmented;
 
     size_t sent, filled;
-    uint8_t *outbox;  /* VIEWER_OUTBOX; sent to filled wait */
-    const void *body; /* what follows the outbox: memory of the viewer's that does not change */
+    uint8_t *outbox;  /* size VIEWER_OUTBOX; bytes from sent to filled are waiting */
+    const void *body; /* data after the outbox: constant memory of the viewer */
     size_t body_size;
 
     struct viewer_watch watch;
     struct viewer_playback playback;
-    uint8_t *trace; /* VIEWER_TRACE */
-    size_t traced;  /* bytes */
+    uint8_t *trace; /* size VIEWER_TRACE */
+    size_t traced;  /* bytes in trace */
     uint32_t ntraced, trace_lost;
-    uint64_t events; /* the number of the next event to tell it */
-    uint64_t row;    /* of the history, the next to tell it; rows before it that it has not got: */
+    uint64_t events; /* number of the next event to send */
+    uint64_t row;    /* next row of the history to send; earlier rows that it did not get: */
     uint64_t rows_lost;
 
     int control; /* connection to the control socket, -1 = none */
-    char *line;  /* VIEWER_LINE, of its answers */
+    char *line;  /* size VIEWER_LINE, for answers of the control socket */
     size_t line_size;
 };
 
@@ -98,7 +98,7 @@ struct viewer_event {
     char text[VIEWER_EVENT_TEXT];
 };
 
-/* A file that the server has: bytes and what they are. */
+/* A file of the server: bytes and their type. */
 struct viewer_file {
     const char *type;
     const void *data;
@@ -111,7 +111,7 @@ struct viewer {
     const struct rig *rig;
     struct arena arena;
     struct http_bound bound;
-    char token[2][VIEWER_TOKEN]; /* to look, to control */
+    char token[2][VIEWER_TOKEN]; /* tokens of the rights to look and to control */
     char address[2][256];
     int listener, event;
     _Atomic int order; /* enum viewer_order */
@@ -120,48 +120,49 @@ struct viewer {
     struct viewer_counters counters;
 
     struct simulator_view view;
-    bool wanted;                /* views are made */
-    bool awaited;               /* none has been made since they are wanted */
-    uint64_t views_before;      /* how many had been made then */
-    int64_t awaited_till_ns;    /* the one that there is will do */
+    bool wanted;                /* views are requested from the simulator */
+    bool awaited;               /* no view was made since the request */
+    uint64_t views_before;      /* number of views at the time of the request */
+    int64_t awaited_till_ns;    /* until then the old view is accepted */
     struct body_motion *motion; /* of the robot's bodies */
-    uint8_t *state;             /* one under construction */
+    uint8_t *state;             /* the state under construction */
     size_t state_max;
     size_t *torque, *wrench, *free; /* columns of signals, by joint, contact and free body */
-    const char *const *signal;      /* names */
+    const char *const *signal;      /* names of the signals */
     size_t nsignal;
-    struct playback *playback; /* NULL: the simulator is shown */
+    struct playback *playback; /* NULL: shows the simulator */
     struct stream *stream;     /* rows of the loop; NULL = none */
-    struct history *history;   /* of them; NULL likewise */
-    uint64_t rows_lost;        /* that found the stream full */
-    bool rows_hurry;           /* many waited in it the last time */
+    struct history *history;   /* history of these rows; NULL = none */
+    uint64_t rows_lost;        /* rows that found the stream full */
+    bool rows_hurry;           /* many rows were waiting at the last read */
 
-    int64_t measured_ns, measured_at_ns; /* virtual time and clock of the last measure */
+    int64_t measured_ns, measured_at_ns; /* virtual time and clock time of the last measurement */
     uint64_t measured_bits[RIG_BUSES_MAX];
-    double load[RIG_BUSES_MAX]; /* share of a bus's time */
-    uint64_t work_count;        /* ticks up to then */
+    double load[RIG_BUSES_MAX]; /* busy share of a bus */
+    uint64_t work_count;        /* number of ticks at the last measurement */
     int64_t work_sum;
-    double work_us[3]; /* of a tick: mean of late, 99th percentile and maximum of all */
+    double work_us[3]; /* duration of a tick: mean since the last measurement, 99th percentile and
+                        * maximum of all */
     struct histogram *histogram;
 
     char *hello; /* JSON, made once; on the heap */
     size_t hello_size;
-    char *database; /* JSON of the buses' messages, made when first asked for; on the heap */
+    char *database; /* JSON of the buses' messages, made on first use; on the heap */
     size_t database_size;
     struct viewer_file *mesh;   /* by surface; data NULL = not made yet */
-    struct viewer_file *visual; /* by visual of the robot, likewise */
-    size_t visual_bytes;        /* of all of them */
+    struct viewer_file *visual; /* by visual of the robot; data NULL = not made yet */
+    size_t visual_bytes;        /* bytes of all visuals */
 
-    bool ended; /* the run is over, and viewer_end has set the following: */
+    bool ended; /* the run has ended, and viewer_end has set the following: */
     char *end;  /* JSON; on the heap */
     size_t end_size;
-    struct recorded_file file[VIEWER_FILES]; /* of its recording */
-    _Atomic unsigned staying;                /* clients */
-    char run[VIEWER_TOKEN]; /* distinguishes the run from others at the same address */
+    struct recorded_file file[VIEWER_FILES]; /* files of its recording */
+    _Atomic unsigned staying;                /* number of clients that stay */
+    char run[VIEWER_TOKEN];                  /* identifies the run among runs at the same address */
 
     struct viewer_counters told; /* counters, for other threads */
-    pthread_mutex_t events_lock; /* protects told and what follows */
-    uint64_t nevent;             /* in all */
+    pthread_mutex_t events_lock; /* protects told and the members after it */
+    uint64_t nevent;             /* total number of events */
     struct viewer_event events[VIEWER_EVENTS];
 
     int64_t frame_ns[RIG_BUSES_MAX]; /* newest time of a frame */
@@ -170,34 +171,35 @@ struct viewer {
 
 /* ---- connection.c ---- */
 
-/* Returns room for so many bytes at the outbox's end, to be counted in filled; NULL = there is
- * none. */
+/* Returns space for this many bytes at the outbox's end; the caller adds them to filled. NULL = no
+ * space. */
 uint8_t *client_room(struct viewer *viewer, struct viewer_client *client, size_t size);
 
 void client_flush(struct viewer *viewer, struct viewer_client *client);
 size_t client_waiting(const struct viewer_client *client);
 void client_close(struct viewer *viewer, struct viewer_client *client);
 
-/* Sends a whole WebSocket message; false = there was no room and it is dropped. */
+/* Sends a complete WebSocket message; returns false and drops it if there is no space. */
 bool client_send_message(struct viewer *viewer, struct viewer_client *client,
                          enum websocket_opcode opcode, const void *data, size_t size);
 
-/* Sends an object, which is taken over, as a message; NULL counts as no memory. */
+/* Sends an object as a message and takes ownership of it; NULL counts as no memory. */
 bool client_send_object(struct viewer *viewer, struct viewer_client *client, json_t *object);
 
-/* Tells the client why it is disconnected, and closes when what waits has been sent. */
+/* Sends the client the reason for closing, and closes after all waiting bytes are sent. */
 void client_bye(struct viewer *viewer, struct viewer_client *client, enum websocket_status status,
                 const char *reason);
 
-/* Reads bytes that have come, or the end of the connection. */
+/* Reads received bytes, or the end of the connection. */
 void client_read(struct viewer *viewer, struct viewer_client *client);
 
-/* Once a turn: drops a client that has ended or was too slow. */
+/* Drops a client whose connection has ended or that was too slow; called once per turn. */
 void client_check(struct viewer *viewer, struct viewer_client *client);
 
 void viewer_accept_client(struct viewer *viewer);
 
-/* Gives a client that has shown a token a place among those that have; false = there is none. */
+/* Gives a client with a valid token one of the places for such clients; returns false if there is
+ * none. */
 bool viewer_give_place(struct viewer *viewer, struct viewer_client *client,
                        enum viewer_right right);
 
@@ -207,18 +209,18 @@ void viewer_give_order(struct viewer *viewer, enum viewer_order order);
 
 /* ---- run_end.c ---- */
 
-/* Tells a client how the run has ended, once; it is disconnected unless it stays. */
+/* Sends a client the end of the run, once; disconnects it unless it stays. */
 void client_tell_end(struct viewer *viewer, struct viewer_client *client);
 
-/* Finds a file of the recording by its name; false = there is none. */
+/* Finds a file of the recording by its name; returns false if there is none. */
 bool viewer_find_file(const struct viewer *viewer, const char *name, struct viewer_file *file);
 
-/* Publishes how many clients stay. */
+/* Publishes the number of clients that stay. */
 void viewer_count_staying(struct viewer *viewer);
 
 /* ---- http_respond.c ---- */
 
-/* Answers a request of HTTP, or makes a WebSocket of its connection. */
+/* Answers an HTTP request, or changes its connection to a WebSocket. */
 void viewer_respond(struct viewer *viewer, struct viewer_client *client, int status,
                     const struct http_request *request);
 
@@ -227,7 +229,7 @@ enum viewer_right viewer_token_right(const struct viewer *viewer, const char *to
 
 /* ---- message.c ---- */
 
-/* Carries out a message of a client, which should be JSON. */
+/* Executes a client's message, which should be JSON. */
 void viewer_obey(struct viewer *viewer, struct viewer_client *client, const char *text,
                  size_t size);
 
@@ -237,17 +239,17 @@ void control_link_read(struct viewer *viewer, struct viewer_client *client);
 
 /* ---- hello.c, database.c, stl_file.c ---- */
 
-/* Describes what does not change during a run; NULL = no memory. */
+/* Describes the constants of a run; NULL = no memory. */
 json_t *viewer_hello(const struct viewer *viewer);
 json_t *hello_scene(const struct viewer *viewer);
 
-/* Describes what the frames of all buses mean; false = no memory. */
+/* Describes the meaning of the frames on all buses; returns false without memory. */
 bool viewer_make_database(struct viewer *viewer);
 
-/* Returns the file of a surface's triangles; NULL = it has none, or no memory. */
+/* Returns the file with a surface's triangles; NULL = it has none, or no memory. */
 const struct viewer_file *viewer_mesh_file(struct viewer *viewer, size_t surface);
 
-/* Returns the STL file of a visual, read when first asked for; NULL with the reason, for people. */
+/* Returns the STL file of a visual, read on first use; NULL with the reason, for people. */
 const struct viewer_file *viewer_visual_file(struct viewer *viewer, size_t visual,
                                              struct error *error);
 
@@ -256,21 +258,21 @@ size_t viewer_visual_source(const struct robot *robot, size_t visual);
 
 /* ---- state_message.c ---- */
 
-/* Finds the column whose title is before + name + after; SIZE_MAX = none. */
+/* Finds the column with the title before + name + after; SIZE_MAX = none. */
 size_t viewer_find_column(const char *const *title, size_t count, const char *before,
                           const char *name, const char *after);
 
 enum error_code viewer_create_state(struct viewer *viewer, struct error *error);
 
-/* Sends the events since those that the client was sent last. */
+/* Sends the events since the last one that was sent to the client. */
 void client_send_events(struct viewer *viewer, struct viewer_client *client);
 
-/* Sends what is due to every client that watches. */
+/* Sends due states to all clients that watch. */
 void viewer_send_states(struct viewer *viewer);
 
 /* ---- trace.c ---- */
 
-/* Receives what the buses have carried, and keeps it for clients that trace. */
+/* Receives frames from the buses and stores them for clients that trace. */
 void viewer_hear_buses(struct viewer *viewer);
 void viewer_trace_frame(struct viewer *viewer, size_t bus, const struct bus_frame *frame,
                         bool ours);
@@ -280,61 +282,61 @@ void client_send_trace(struct viewer *viewer, struct viewer_client *client);
 
 /* ---- rows.c ---- */
 
-/* Begins the history of a simulator's rows. */
+/* Creates the history of a simulator's rows. */
 enum error_code viewer_create_history(struct viewer *viewer, struct error *error);
 
-/* Moves the rows that wait in the loop's stream to the history. */
+/* Moves waiting rows from the loop's stream to the history. */
 void viewer_take_rows(struct viewer *viewer);
 
-/* Sends a client that wants them the rows of its signals since the last time. */
+/* Sends a client the new rows of its signals, if it wants rows. */
 void client_send_rows(struct viewer *viewer, struct viewer_client *client);
 
 /* ---- playback.c, series.c ---- */
 
-/* A recording that is open. */
+/* An open recording. */
 struct recording {
     struct recording_config config;
     struct recorded_table signals, poses;
-    struct recorded_log log;     /* without a file where there is none */
-    struct recorded_file events; /* likewise */
-    int64_t first_ns, last_ns;   /* what is shown */
-    int64_t period_ns;           /* of rows */
+    struct recorded_log log;     /* without data if there is no file */
+    struct recorded_file events; /* without data if there is no file */
+    int64_t first_ns, last_ns;   /* first and last time shown */
+    int64_t period_ns;           /* period of the rows */
     size_t *angle;               /* columns of the joints' angles */
 };
 
-/* What playing back needs beside: room for a row of each table, and what the buses carried. */
+/* Additional state of playback: buffers for a row of each table, and the traffic of the buses. */
 struct playback {
-    double *signal, *pose; /* whoever reads a row leaves it there */
+    double *signal, *pose; /* buffers into which rows are read */
     size_t *body;          /* first column of each body's pose */
     struct recorded_traffic now[RIG_BUSES_MAX], before[RIG_BUSES_MAX];
-    int64_t counted_ns; /* the time of now */
+    int64_t counted_ns; /* time of now */
 };
 
-/* Creates what playing back needs, instead of a view of a simulator. */
+/* Creates the playback state, which replaces the view of a simulator. */
 enum error_code viewer_create_playback(struct viewer *viewer, struct error *error);
 
-/* Sets a client that has just come to the beginning of the recording. */
+/* Sets a new client to the start of the recording. */
 void playback_begin(const struct viewer *viewer, struct viewer_client *client);
 
-/* Fills viewer->view with the recording at the client's time. */
+/* Fills viewer->view from the recording at the client's time. */
 void playback_view(struct viewer *viewer, struct viewer_client *client);
 
-/* Returns the pose of a body in that view: position (m), quaternion wxyz. */
+/* Returns the pose of a body in this view: position (m), quaternion wxyz. */
 const double *playback_pose(const struct viewer *viewer, size_t body);
 
-/* Keeps the frames since the last state, or the last ones before a jump, for the client. */
+/* Stores the frames since the last state, or the last ones before a jump, for the client. */
 void playback_trace(struct viewer *viewer, struct viewer_client *client);
 
-/* Pauses, resumes, jumps or changes the speed of a client's playback; false with the reason: a
- * recording cannot do what the message asks. */
+/* Pauses, resumes, jumps or changes the speed of a client's playback. Returns false with the
+ * reason if the message is not possible for a recording. */
 bool playback_obey(struct viewer *viewer, struct viewer_client *client,
                    const struct viewer_message *message, struct error *error);
 
-/* Sends the values of signals between two times; false with the reason. */
+/* Sends the values of signals between two times; returns false with the reason on failure. */
 bool client_send_series(struct viewer *viewer, struct viewer_client *client,
                         const struct viewer_message *message, struct error *error);
 
-/* ---- little-endian numbers into a buffer; each returns where the next goes ---- */
+/* ---- little-endian numbers into a buffer; each returns the address after the number ---- */
 
 static inline uint8_t *put_u8(uint8_t *to, uint8_t value)
 {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads a recording: where each row begins and its time are known, its cells are read when asked
- * for; marks in the log of frames say where to begin. */
+/* Reads a recording. The start and time of each row are indexed; cells are parsed on demand. Marks
+ * in the log of frames give starting positions. */
 #include "viewer/recorded.h"
 
 #include "base/input_file.h"
@@ -13,7 +13,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-#define TIME_MAX_S 9e9 /* seconds that fit in ns of int64_t */
+#define TIME_MAX_S 9e9 /* seconds that fit into int64_t ns */
 
 /* ---- a file ---- */
 
@@ -51,14 +51,14 @@ void recorded_file_close(struct recorded_file *file)
 
 /* ---- titles ---- */
 
-/* Returns the end of the line that begins at a place; NULL = it has none. */
+/* Returns the end of the line that begins at an offset; NULL = the line has no end. */
 static const char *table_line_end(const struct recorded_table *table, size_t at)
 {
     return at < table->file.size ? memchr(table->file.data + at, '\n', table->file.size - at)
                                  : NULL;
 }
 
-/* Reads the titles behind time_s; returns where the rows begin, 0 = there are no titles. */
+/* Reads the titles after time_s; returns the offset of the rows, 0 = no titles. */
 static size_t table_read_titles(struct recorded_table *table, struct arena *arena)
 {
     const char *end = table_line_end(table, 0), *at = end ? table->file.data : NULL;
@@ -90,13 +90,13 @@ static size_t table_read_titles(struct recorded_table *table, struct arena *aren
 
 /* ---- rows ---- */
 
-/* Parses the cell at a place, up to a comma or the line's end; NAN if it is no number. */
+/* Parses the cell at an address, up to a comma or the line's end; NAN if it is not a number. */
 static double table_parse_cell(const char *at)
 {
     char *rest;
     double value;
 
-    /* strtod would jump over an end of line to the next number */
+    /* strtod would skip a line end and read the next line's number */
     if (*at == ',' || *at == '\n' || *at == ' ' || *at == '\r' || *at == '\t') {
         return NAN;
     }
@@ -104,7 +104,7 @@ static double table_parse_cell(const char *at)
     return rest > at && (*rest == ',' || *rest == '\n' || *rest == '\r') ? value : (double)NAN;
 }
 
-/* Appends a row to the index of rows, which grows by doubling. */
+/* Appends a row to the index, which grows by doubling. */
 static enum error_code table_add_row(struct recorded_table *table, size_t *capacity,
                                      struct recorded_row row, struct error *error)
 {
@@ -122,7 +122,7 @@ static enum error_code table_add_row(struct recorded_table *table, size_t *capac
     return ERROR_NONE;
 }
 
-/* Indexes all rows by time; times must not go back. */
+/* Indexes all rows by time; times must not decrease. */
 static enum error_code table_read_rows(struct recorded_table *table, const char *path, size_t at,
                                        struct error *error)
 {
@@ -187,7 +187,7 @@ size_t recorded_table_find(const struct recorded_table *table, int64_t time_ns)
 {
     size_t low = 0, high = table->nrow;
 
-    /* The rows before low are at or before the time, those from high on are after it */
+    /* Rows before low are at or before the time; rows from high on are after it */
     while (low < high) {
         size_t middle = low + (high - low) / 2;
 
@@ -216,7 +216,8 @@ void recorded_table_read(const struct recorded_table *table, size_t row, size_t 
     }
 }
 
-/* Parses the line at *at, which moves behind it. Returns 1; 0 at the end; -1 if it is no frame. */
+/* Parses the line at *at and moves *at behind it. Returns 1; 0 at the end; -1 if it is not a
+ * frame. */
 static int log_read_line(const struct recorded_log *log, size_t *at, char name[16],
                          struct bus_frame *frame, struct error *error)
 {
@@ -242,8 +243,8 @@ static size_t log_find_bus(const struct recorded_log *log, const char *name)
     return bus;
 }
 
-/* Adds a mark: where the log goes on at a time, and what each bus had carried. False = no
- * memory. */
+/* Adds a mark: position in the log at a time, and traffic of each bus so far. Returns false
+ * without memory. */
 static bool log_add_mark(struct recorded_log *log, int64_t time_ns, size_t at,
                          const struct recorded_traffic *traffic)
 {
@@ -266,7 +267,7 @@ static bool log_add_mark(struct recorded_log *log, int64_t time_ns, size_t at,
     return true;
 }
 
-/* Reads every line once and sets the marks. traffic has nbus entries, all zero. */
+/* Reads each line once and sets the marks. traffic has nbus entries, all zero. */
 static enum error_code log_make_marks(struct recorded_log *log, const char *path,
                                       struct recorded_traffic *traffic, struct error *error)
 {
@@ -324,7 +325,7 @@ void recorded_log_close(struct recorded_log *log)
     log->nmark = log->capacity = 0;
 }
 
-/* Finds the last mark at or before a time, or the first mark; 0 when there are none. */
+/* Finds the last mark at or before a time, or the first mark; 0 if there are no marks. */
 static size_t log_find_mark(const struct recorded_log *log, int64_t time_ns)
 {
     size_t low = 0, high = log->nmark;

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The files of a recording (rt/recording/recorder.h) for playing it back: rows of signals.csv and
- * poses.csv and frames of candump.log by their time, read where they are needed, so that a long
- * recording opens as fast as its lines can be counted. The files are mapped and must not be cut
- * short while they are open; what is appended later is not seen, and a line without its end, as a
- * run that was killed leaves it, counts as none. Times in ns, virtual. Not RT-safe.
+ * The files of a recording (rt/recording/recorder.h) for playback: rows of signals.csv and
+ * poses.csv and frames of candump.log by time. Data are parsed on demand, so that a long recording
+ * opens as fast as its lines can be counted. The files are mapped and must not be truncated while
+ * they are open. Data appended later are ignored, and so is a last line without an end, as left by
+ * a killed run. Virtual times in ns. Not RT-safe.
  */
 #ifndef VIEWER_RECORDED_H
 #define VIEWER_RECORDED_H
@@ -24,7 +24,7 @@ struct recorded_file {
     size_t size;
 };
 
-/* Maps a file. ERROR_INPUT for what is not there or no regular file; ERROR_SYSTEM. */
+/* Maps a file. ERROR_INPUT if it does not exist or is not a regular file; ERROR_SYSTEM. */
 enum error_code recorded_file_open(const char *path, struct recorded_file *file,
                                    struct error *error);
 void recorded_file_close(struct recorded_file *file); /* safe on a zeroed struct */
@@ -35,19 +35,19 @@ enum { RECORDED_COLUMNS = 8192, RECORDED_TITLE = 128 };
 
 struct recorded_row {
     int64_t time_ns;
-    size_t at; /* of its first cell behind the time, in the file */
+    size_t at; /* offset in the file of its first cell after the time */
 };
 
 struct recorded_table {
     struct recorded_file file;
-    const char **title; /* of the columns behind time_s; from the arena */
+    const char **title; /* titles of the columns after time_s; in the arena */
     size_t ncolumn;
-    struct recorded_row *row; /* in the order of time; on the heap */
+    struct recorded_row *row; /* ordered by time; on the heap */
     size_t nrow;
 };
 
-/* Opens titles and rows. A file without titles or without a row, or whose times do not grow, is
- * ERROR_INPUT with file:line; close in any case. */
+/* Opens titles and rows. Returns ERROR_INPUT with file:line if there are no titles or no row, or
+ * if times do not increase. Close it even after an error. */
 enum error_code recorded_table_open(const char *path, struct arena *arena,
                                     struct recorded_table *table, struct error *error);
 void recorded_table_close(struct recorded_table *table); /* safe on a zeroed struct */
@@ -55,9 +55,9 @@ void recorded_table_close(struct recorded_table *table); /* safe on a zeroed str
 /* Finds the last row at or before a time, or the first row. */
 size_t recorded_table_find(const struct recorded_table *table, int64_t time_ns);
 
-/* Reads the first count columns of a row; a cell that is missing or no number is NAN. The value
- * of a column that is not wanted (NULL = all are) stays as it was: finding a number's end takes
- * a tenth of the time of parsing it. */
+/* Reads the first count columns of a row; a missing or invalid cell is NAN. A column that is not
+ * wanted (wanted NULL = all are) keeps its value: finding the end of a number takes a tenth of the
+ * time of parsing it. */
 void recorded_table_read(const struct recorded_table *table, size_t row, size_t count,
                          const bool *wanted, double *value);
 
@@ -65,7 +65,7 @@ void recorded_table_read(const struct recorded_table *table, size_t row, size_t 
 
 #define RECORDED_MARK_NS INT64_C(100000000)
 
-/* A mark in the log: where it goes on at a moment. */
+/* A mark in the log: the position and the traffic at a time. */
 struct recorded_mark {
     int64_t time_ns;
     size_t at;
@@ -77,29 +77,30 @@ struct recorded_traffic {
 
 struct recorded_log {
     struct recorded_file file;
-    const char *const *bus; /* borrowed: names in the log */
+    const char *const *bus; /* borrowed: names of the buses in the log */
     size_t nbus;
     int64_t first_ns, last_ns;
-    struct recorded_mark *mark;       /* one every RECORDED_MARK_NS at least */
-    struct recorded_traffic *traffic; /* at each mark, of each bus */
+    struct recorded_mark *mark;       /* at least one every RECORDED_MARK_NS */
+    struct recorded_traffic *traffic; /* traffic of each bus at each mark */
     size_t nmark, capacity;
-    uint64_t strange; /* frames of other names */
+    uint64_t strange; /* number of frames with other bus names */
 };
 
-/* Opens a log. ERROR_INPUT with file:line where a line is none of `candump -L`; close in any
- * case. */
+/* Opens a log. Returns ERROR_INPUT with file:line if a line is not in the format of `candump -L`.
+ * Close it even after an error. */
 enum error_code recorded_log_open(const char *path, const char *const *bus, size_t nbus,
                                   struct recorded_log *log, struct error *error);
 void recorded_log_close(struct recorded_log *log); /* safe on a zeroed struct */
 
-/* Finds where the frames at and after a time begin. */
+/* Finds the position of the first frame at or after a time. */
 size_t recorded_log_find(const struct recorded_log *log, int64_t time_ns);
 
-/* Reads the next frame of a known bus from *at on, which moves behind it; false = the end. */
+/* Reads the next frame of a known bus from *at on and moves *at behind it; returns false at the
+ * end. */
 bool recorded_log_next(const struct recorded_log *log, size_t *at, size_t *bus,
                        struct bus_frame *frame);
 
-/* Counts what each bus has carried up to a time: from the mark before it on, frame by frame.
+/* Counts the traffic of each bus up to a time, frame by frame from the last mark before it.
  * traffic has nbus entries. */
 void recorded_log_count(const struct recorded_log *log, int64_t time_ns,
                         struct recorded_traffic *traffic);

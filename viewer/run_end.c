@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The end of a run: the message to its pages, the files of its recording, and how long the server
- * waits for pages that are still open. */
+/* The end of a run: the message to its pages, the files of its recording, and the time for which
+ * the server waits for open pages. */
 #include "viewer/private.h"
 
 #include "control/parse.h"
@@ -13,7 +13,7 @@
 #include <time.h>
 
 #define LINGER_SLICE_NS (50 * CLOCK_MS)
-#define LINGER_GRACE_NS (2 * CLOCK_SECOND) /* a page that is reloaded is gone for a moment */
+#define LINGER_GRACE_NS (2 * CLOCK_SECOND) /* a page that is reloaded disconnects for a moment */
 
 /* The files that a recording may have, and their media types. */
 static const struct end_file {
@@ -67,7 +67,7 @@ enum error_code viewer_end(struct viewer *viewer, const struct viewer_end *end, 
     }
     viewer->end_size = strlen(viewer->end);
 
-    /* Pages show the end even if nobody looked while the last ticks ran */
+    /* Pages show the end even if no client watched during the last ticks */
     if (viewer->config.simulator) {
         simulator_end_views(viewer->config.simulator);
     }
@@ -82,7 +82,7 @@ void client_tell_end(struct viewer *viewer, struct viewer_client *client)
     if (client->mode != CLIENT_SOCKET || client->right == RIGHT_NONE || client->end_told) {
         return;
     }
-    /* A page that came when all was over has seen no event yet */
+    /* A page that connects after the end has received no event yet */
     client_send_events(viewer, client);
     if (!client_send_message(viewer, client, WEBSOCKET_TEXT, viewer->end, viewer->end_size)) {
         return;

@@ -1,24 +1,24 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Sends rows of signals: those that come, which move from the loop to the history and on to the
- * clients that want them, and those between two times, for plots: every row of the recording or of
- * the run's history, or the least and the greatest value of groups of rows when there are too many.
- * docs/page.md has the bytes. */
+/* Sends rows of signals. New rows move from the loop to the history and to the clients that want
+ * them. For plots, it sends the rows between two times: each row of the recording or of the run's
+ * history or, if there are too many, the smallest and the largest value of groups of rows.
+ * docs/page.md describes the bytes. */
 #include "viewer/private.h"
 
 #include <math.h>
 #include <string.h>
 
-/* Signals in some rows of the recording or of the history, and how they are made points. */
+/* Signals in a range of rows of the recording or history, and their reduction to points. */
 struct series {
     size_t nsignal;
     uint16_t column[VIEWER_SIGNALS];
     uint64_t first, end; /* rows */
-    uint64_t step;       /* rows that two points stand for; 1: each row is a point */
+    uint64_t step;       /* rows per pair of points; 1: each row is a point */
 };
 
 enum { SERIES_KIND = 3, SERIES_HEADER = 24 };
 
-/* ---- where rows are ---- */
+/* ---- access to rows ---- */
 
 static int64_t series_time(const struct viewer *viewer, uint64_t row)
 {
@@ -53,9 +53,9 @@ static void series_read_row(const struct viewer *viewer, const struct series *se
     }
 }
 
-/* ---- what is asked for ---- */
+/* ---- requested rows ---- */
 
-/* Finds the columns of the named signals; false with the reason. */
+/* Finds the columns of the named signals; returns false with the reason on failure. */
 static bool series_find_signals(struct viewer *viewer, const json_t *names, struct series *series,
                                 struct error *error)
 {
@@ -77,8 +77,8 @@ static bool series_find_signals(struct viewer *viewer, const json_t *names, stru
     return true;
 }
 
-/* Finds the rows of a recording between two times, and one more on either side so that a curve
- * does not end within the picture. */
+/* Finds the rows of a recording between two times, plus one on each side so that a curve extends
+ * beyond the plot. */
 static void series_find_recorded(const struct recording *recording,
                                  const struct viewer_message *message, struct series *series)
 {
@@ -107,7 +107,7 @@ static void series_find_kept(const struct history *history, const struct viewer_
     }
 }
 
-/* Returns how many points the message has: two for each group of rows. */
+/* Returns the number of points in the message: two per group of rows. */
 static size_t series_points(const struct series *series)
 {
     uint64_t count = series->end - series->first;
@@ -120,8 +120,8 @@ static size_t series_bytes(const struct series *series)
     return SERIES_HEADER + series_points(series) * (8 + 4 * series->nsignal);
 }
 
-/* Chooses the size of the groups so that the points fit in one message that leaves room for
- * others. */
+/* Chooses the group size so that the points fit in one message and leave space for other
+ * messages. */
 static void series_thin(struct series *series, size_t most)
 {
     size_t room = VIEWER_OUTBOX / 2 / (8 + 4 * series->nsignal);
@@ -141,8 +141,8 @@ static uint8_t *put_f64(uint8_t *to, double value)
     return put_u64(to, bits);
 }
 
-/* Reduces a group of rows to two values of each signal: the least and the greatest, in the order
- * of time. */
+/* Reduces a group of rows to two values per signal: the smallest and the largest, in time
+ * order. */
 static void series_reduce(const struct viewer *viewer, const struct series *series, uint64_t begin,
                           uint64_t end, double pair[2][VIEWER_SIGNALS])
 {
@@ -174,7 +174,7 @@ static void series_reduce(const struct viewer *viewer, const struct series *seri
     }
 }
 
-/* Writes the times in one column, then the values of each signal in a column. */
+/* Writes one column of times, then one column of values per signal. */
 static void series_put_points(const struct viewer *viewer, const struct series *series, uint8_t *to)
 {
     size_t npoint = series_points(series), point = 0;
@@ -206,7 +206,7 @@ static bool client_put_series(struct viewer *viewer, struct viewer_client *clien
     if (!to) {
         return false;
     }
-    /* Kind of message, the id of the question, then how much follows */
+    /* Kind of message, id of the request, then the sizes of the parts */
     at = to + websocket_header(to, WEBSOCKET_BINARY, size);
     at = put_u8(at, SERIES_KIND);
     at = put_u8(at, VIEWER_PROTOCOL);
@@ -245,7 +245,8 @@ bool client_send_series(struct viewer *viewer, struct viewer_client *client,
 enum {
     ROWS_MESSAGE = 64 * 1024,
     ROWS_MANY = 256,
-    ROWS_A_TURN = 1024, /* all that wait in a stream; a bound if the loop is as fast as this */
+    ROWS_A_TURN = 1024, /* all rows waiting in a stream; a limit in case the loop is as fast as the
+                         * thread */
 };
 
 enum error_code viewer_create_history(struct viewer *viewer, struct error *error)
@@ -257,7 +258,7 @@ enum error_code viewer_create_history(struct viewer *viewer, struct error *error
                           : ERROR_NONE;
 }
 
-/* Makes clients go on from a row, if they are ahead of it because time has gone back. */
+/* If time has gone back, resets clients that are ahead of a row to that row. */
 static void viewer_rewind_clients(struct viewer *viewer, uint64_t row)
 {
     for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
@@ -280,7 +281,7 @@ void viewer_take_rows(struct viewer *viewer)
     viewer->rows_hurry = count >= ROWS_MANY;
 }
 
-/* Sends the next rows that fit in a message; false = there are none, or no room. */
+/* Sends the next rows that fit in a message; returns false if there are none, or no space. */
 static bool client_send_some_rows(struct viewer *viewer, struct viewer_client *client)
 {
     const struct viewer_watch *watch = &client->watch;
@@ -289,7 +290,7 @@ static bool client_send_some_rows(struct viewer *viewer, struct viewer_client *c
     uint64_t lost = viewer->rows_lost - client->rows_lost;
     uint64_t most = ROWS_MESSAGE / (8 + 4 * watch->nsignal);
 
-    /* Rows that have left the history meanwhile are lost for this client */
+    /* Rows that have left the history are lost for this client */
     series.first = client->row < begin ? begin : client->row;
     lost += series.first - client->row;
     series.end = history_end(viewer->history);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The server's thread, which waits in one poll on its orders, the listening socket, the clients
- * and their connections to the control socket. */
+/* The server's thread. It waits in one poll for orders, the listening socket, the clients, and
+ * their connections to the control socket. */
 #include "viewer/private.h"
 
 #include "base/listen.h"
@@ -17,7 +17,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#define MEMORY ((size_t)256 << 20) /* of address space */
+#define MEMORY ((size_t)256 << 20) /* reserved address space */
 
 enum { POLL_FIXED = 2, POLL_COUNT = POLL_FIXED + 2 * VIEWER_CLIENTS };
 enum {
@@ -30,7 +30,7 @@ enum {
 
 /* ---- the thread ---- */
 
-/* Returns for how long nothing is due, ms. */
+/* Returns the time until the next action is due, ms. */
 static int viewer_idle_ms(const struct viewer *viewer)
 {
     int64_t wait_ns = (int64_t)IDLE_MS * CLOCK_MS;
@@ -53,7 +53,7 @@ static int viewer_idle_ms(const struct viewer *viewer)
     return wait_ns <= 0 ? 0 : (int)((wait_ns + CLOCK_MS - 1) / CLOCK_MS);
 }
 
-/* Fills in the descriptors to poll: orders, listener, then each client and its control socket. */
+/* Fills the descriptors to poll: orders, listener, then each client and its control socket. */
 static void viewer_prepare_poll(const struct viewer *viewer, struct pollfd fd[POLL_COUNT])
 {
     fd[0] = (struct pollfd){.fd = viewer->event, .events = POLLIN};
@@ -61,7 +61,8 @@ static void viewer_prepare_poll(const struct viewer *viewer, struct pollfd fd[PO
     for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
         const struct viewer_client *client = &viewer->client[i];
         bool writes = client->socket >= 0 && client_waiting(client) > 0;
-        /* A client that leaves its answers is not heard until there is room for more */
+        /* A client that does not read its answers is not read until there is space for more
+         * answers */
         bool reads = client->socket >= 0 && client_waiting(client) < VIEWER_OUTBOX / 2;
 
         fd[POLL_FIXED + 2 * i] = (struct pollfd){
@@ -86,7 +87,7 @@ static void viewer_serve_client(struct viewer *viewer, struct viewer_client *cli
     }
 }
 
-/* Asks the simulator for views while a client watches. */
+/* Requests views from the simulator while a client watches. */
 static void viewer_update_wish(struct viewer *viewer)
 {
     bool wanted = false;
@@ -101,7 +102,7 @@ static void viewer_update_wish(struct viewer *viewer)
         return;
     }
 
-    /* The present view is from the last time that a client watched: wait for a new one */
+    /* The present view is old: waits for a new one */
     if (wanted) {
         viewer->views_before = simulator_view_read(viewer->config.simulator, &viewer->view);
         viewer->awaited_till_ns = viewer->now_ns + AWAIT_LONGEST_MS * CLOCK_MS;
@@ -120,7 +121,7 @@ static void viewer_wait_for_order(struct viewer *viewer)
     }
 }
 
-/* Notes that the loop has ended: takes its last rows; its last view is that of the end. */
+/* Handles the end of the loop: reads its last rows; its last view is that of the end. */
 static void viewer_note_end(struct viewer *viewer)
 {
     viewer->ended = true;
@@ -134,7 +135,7 @@ static void viewer_note_end(struct viewer *viewer)
     }
 }
 
-/* Makes the counters readable for other threads. */
+/* Publishes the counters for other threads. */
 static void viewer_publish_counters(struct viewer *viewer)
 {
     pthread_mutex_lock(&viewer->events_lock);
@@ -142,7 +143,7 @@ static void viewer_publish_counters(struct viewer *viewer)
     pthread_mutex_unlock(&viewer->events_lock);
 }
 
-/* Tells all clients that the run is over, and disconnects them. */
+/* Sends all clients the end of the run, and disconnects them. */
 static void viewer_end_clients(struct viewer *viewer)
 {
     for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
@@ -163,7 +164,7 @@ static void viewer_end_clients(struct viewer *viewer)
     }
 }
 
-/* Serves the clients from the first order until the order to stop; the thread's main function. */
+/* Main function of the thread: serves the clients from the first order until the order to stop. */
 static void *viewer_thread_main(void *context)
 {
     struct viewer *viewer = context;
@@ -180,7 +181,7 @@ static void *viewer_thread_main(void *context)
         viewer->now_ns = clock_now(clock);
         viewer_prepare_poll(viewer, fd);
         if (poll(fd, POLL_COUNT, viewer_idle_ms(viewer)) < 0) {
-            memset(fd, 0, sizeof fd); /* a signal, or no memory: poll again */
+            memset(fd, 0, sizeof fd); /* a signal, or no memory: polls again */
         }
 
         if (fd[0].revents) {
@@ -190,7 +191,7 @@ static void *viewer_thread_main(void *context)
             viewer_note_end(viewer);
         }
 
-        /* Messages of clients first, then what they get */
+        /* Messages of clients first, then their output */
         viewer->now_ns = clock_now(clock);
         for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
             viewer_serve_client(viewer, &viewer->client[i], fd[POLL_FIXED + 2 * i].revents,
@@ -201,7 +202,7 @@ static void *viewer_thread_main(void *context)
         viewer_update_wish(viewer);
         viewer_send_states(viewer);
 
-        /* Clients that are done or too slow make room for new ones */
+        /* Finished or slow clients are removed to make room for new ones */
         for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
             client_check(viewer, &viewer->client[i]);
         }
@@ -218,7 +219,7 @@ static void *viewer_thread_main(void *context)
 
 /* ---- start ---- */
 
-/* Makes a random token of hexadecimal digits; false = no random numbers. */
+/* Makes a random token of hexadecimal digits; returns false without random numbers. */
 static bool viewer_make_token(char token[VIEWER_TOKEN])
 {
     uint8_t random[(VIEWER_TOKEN - 1) / 2];
@@ -232,7 +233,7 @@ static bool viewer_make_token(char token[VIEWER_TOKEN])
     return true;
 }
 
-/* Sets the tokens, given or new, and a name for this run; false = no random numbers. */
+/* Sets the tokens, given or new, and a name for this run; returns false without random numbers. */
 static bool viewer_set_tokens(struct viewer *viewer)
 {
     for (int right = 0; right < 2; right++) {
@@ -247,7 +248,7 @@ static bool viewer_set_tokens(struct viewer *viewer)
     return viewer_make_token(viewer->run);
 }
 
-/* Opens the listening socket, and notes how the address can be reached. */
+/* Opens the listening socket, and stores how its address can be reached. */
 static enum error_code viewer_listen(struct viewer *viewer, struct error *error)
 {
     const char *host = viewer->config.host ? viewer->config.host : "127.0.0.1";
@@ -274,7 +275,7 @@ static enum error_code viewer_listen(struct viewer *viewer, struct error *error)
     return ERROR_NONE;
 }
 
-/* Makes the addresses to print, with the loopback address if the server listens at all
+/* Makes the addresses to print; uses the loopback address if the server listens on all
  * addresses. */
 static void viewer_make_addresses(struct viewer *viewer)
 {
@@ -303,7 +304,7 @@ static enum error_code viewer_allocate(const struct viewer_config *config, struc
         return error_set(error, ERROR_MEMORY, "page: no memory");
     }
     viewer->config = *config;
-    /* The rig and the signals are the recording's or the simulator's */
+    /* Rig and signals come from the recording or from the simulator */
     if (config->recording) {
         viewer->rig = config->rig;
         viewer->signal = config->recording->signals.title;
@@ -320,7 +321,7 @@ static enum error_code viewer_allocate(const struct viewer_config *config, struc
     if (!viewer->histogram || !viewer->mesh || !viewer->visual) {
         return error_set(error, ERROR_MEMORY, "page: no memory");
     }
-    /* All places are free and own their buffers */
+    /* All places are unused and have their buffers */
     for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
         struct viewer_client *client = &viewer->client[i];
 
@@ -344,7 +345,7 @@ static enum error_code viewer_allocate(const struct viewer_config *config, struc
     return ERROR_NONE;
 }
 
-/* Makes the description that every client gets first. */
+/* Makes the description that each client gets first. */
 static enum error_code viewer_make_hello(struct viewer *viewer, struct error *error)
 {
     json_t *hello = viewer_hello(viewer);
@@ -358,7 +359,7 @@ static enum error_code viewer_make_hello(struct viewer *viewer, struct error *er
     return ERROR_NONE;
 }
 
-/* Creates the event by which orders arrive, and starts the thread. */
+/* Creates the event descriptor for orders, and starts the thread. */
 static enum error_code viewer_start_thread(struct viewer *viewer, struct error *error)
 {
     int reason;
@@ -413,14 +414,14 @@ fail:
     return code;
 }
 
-/* ---- the rest of its life ---- */
+/* ---- control of the thread ---- */
 
 void viewer_give_order(struct viewer *viewer, enum viewer_order order)
 {
     const uint64_t one = 1;
 
     atomic_store(&viewer->order, (int)order);
-    /* Cannot fail: the counter is small */
+    /* Cannot fail, because the counter is small */
     (void)!write(viewer->event, &one, sizeof one);
 }
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Makes states: what a client sees of a moment, as bytes. docs/page.md has the table. */
+/* Makes states: the data of a moment for a client, as bytes. docs/page.md has the layout. */
 #include "base/vec3.h"
 #include "rt/clock.h"
 #include "viewer/private.h"
@@ -27,10 +27,10 @@ enum board_flag {
     STATE_BOARD_SILENT = 16,
 };
 
-/* Period of measuring loads and ticks. */
+/* Period of measurements of loads and ticks. */
 #define MEASURE_NS (250 * CLOCK_MS)
 #define CONTACT_LEAST_N 1e-3
-#define ENDED_NS (500 * CLOCK_MS) /* between states of a run that is over */
+#define ENDED_NS (500 * CLOCK_MS) /* period of states after the end of a run */
 
 /* ---- columns of signals ---- */
 
@@ -72,7 +72,7 @@ enum error_code viewer_create_state(struct viewer *viewer, struct error *error)
         return error_set(error, ERROR_MEMORY, "page: no memory");
     }
 
-    /* The columns of a row in which the states find what they show */
+    /* The columns of a row that the states use */
     for (size_t j = 0; j < njoint; j++) {
         viewer->torque[j] = viewer_find_column(viewer->signal, viewer->nsignal, "torque_",
                                                rig->robot->joint[j].name, "_nm");
@@ -92,7 +92,7 @@ enum error_code viewer_create_state(struct viewer *viewer, struct error *error)
 
 /* ---- measures over a time ---- */
 
-/* Measures loads of the buses and durations of ticks, four times a second. */
+/* Measures bus loads and tick durations, four times a second. */
 static void viewer_measure(struct viewer *viewer)
 {
     const struct simulator_status *now = &viewer->view.status;
@@ -112,7 +112,8 @@ static void viewer_measure(struct viewer *viewer)
         viewer->measured_bits[b] = now->bus[b].bits;
     }
 
-    /* The mean is of the ticks since the last measure; percentile and maximum are of all ticks */
+    /* The mean is over the ticks since the last measurement; percentile and maximum are over all
+     * ticks */
     histogram_copy(&stats->work, work);
     if (work->count > viewer->work_count) {
         viewer->work_us[0] = (double)(work->sum - viewer->work_sum) * 1e-3 /
@@ -179,8 +180,8 @@ static uint8_t *put_joints(const struct viewer *viewer, uint8_t *to)
     return to;
 }
 
-/* Writes the wrenches of bodies that touch something, world frame, about the body's origin;
- * *count is how many. */
+/* Writes the wrenches of bodies in contact, world frame, about the body's origin; *count is their
+ * number. */
 static uint8_t *put_contacts(const struct viewer *viewer, uint8_t *to, uint16_t *count)
 {
     *count = 0;
@@ -225,7 +226,7 @@ static size_t viewer_boards(const struct viewer *viewer)
     return viewer->playback ? 0 : viewer->rig->boards.nboard;
 }
 
-/* Writes for each board when it was last heard (s ago, -1 = never), its flags and the modes of
+/* Writes for each board the time since its last frame (s, -1 = never), its flags and the modes of
  * its axes. */
 static uint8_t *put_boards(const struct viewer *viewer, uint8_t *to)
 {
@@ -249,7 +250,7 @@ static uint8_t *put_boards(const struct viewer *viewer, uint8_t *to)
     return to;
 }
 
-/* Writes which faults are active, a bit each. */
+/* Writes the active faults, one bit each. */
 static uint8_t *put_faults(const struct viewer *viewer, uint8_t *to, size_t count)
 {
     for (size_t i = 0; i < (count + 31) / 32; i++) {
@@ -282,13 +283,13 @@ static void put_state_header(const struct viewer *viewer, const struct viewer_cl
                    : requests       ? requests_speed(requests)
                                     : 1.0;
 
-    /* Kind of message, the clocks, then how much of each part follows */
+    /* Kind of message, the clocks, then the sizes of the parts */
     to = put_u8(to, STATE_KIND);
     to = put_u8(to, VIEWER_PROTOCOL);
     to =
         put_u16(to, (uint16_t)((paused ? STATE_PAUSED : 0) | (status->clamped ? STATE_CLAMPED : 0) |
                                (viewer->ended ? STATE_ENDED : 0)));
-    to = put_u32(to, 0); /* the client's skipped states: client_send_state */
+    to = put_u32(to, 0); /* number of the client's skipped states, set in client_send_state */
     to = put_u64(to, status->tick);
     to = put_u64(to, (uint64_t)status->time_ns);
     to = put_u64(to, (uint64_t)status->elapsed_ns);
@@ -305,11 +306,11 @@ static void put_state_header(const struct viewer *viewer, const struct viewer_cl
     to = put_u16(to, (uint16_t)rig->nbus);
     to = put_u16(to, (uint16_t)viewer_boards(viewer));
     to = put_u16(to, (uint16_t)nfault);
-    put_u32(to, 0); /* the number of the client's signals: client_send_state */
+    put_u32(to, 0); /* number of the client's signals, set in client_send_state */
 }
 
-/* Makes the part of a state that all clients share (each has its own of a recording); returns
- * its size. */
+/* Makes the part of a state common to all clients (in a recording, for one client); returns its
+ * size. */
 static size_t viewer_make_state(struct viewer *viewer, const struct viewer_client *client)
 {
     size_t nfault = viewer->playback ? 0 : faults_count(simulator_faults(viewer->config.simulator));
@@ -326,7 +327,7 @@ static size_t viewer_make_state(struct viewer *viewer, const struct viewer_clien
     return (size_t)(to - viewer->state);
 }
 
-/* Adds the client's own part (skipped states, chosen signals) and sends the state. */
+/* Appends the client's own part (skipped states, chosen signals) and sends the state. */
 static void client_send_state(struct viewer *viewer, struct viewer_client *client, size_t size)
 {
     const struct viewer_watch *watch = &client->watch;
@@ -357,7 +358,7 @@ void client_send_events(struct viewer *viewer, struct viewer_client *client)
         next = next < viewer->nevent ? next + 1 : 0;
         pthread_mutex_unlock(&viewer->events_lock);
 
-        /* An event that finds no room is sent with the next state */
+        /* An event without space is sent with the next state */
         if (next == 0 || client_waiting(client) > VIEWER_OUTBOX / 2 ||
             !client_send_object(viewer, client,
                                 json_pack("{s:s, s:i, s:s}", "type", "event", "priority",
@@ -370,7 +371,7 @@ void client_send_events(struct viewer *viewer, struct viewer_client *client)
 
 /* ---- all clients ---- */
 
-/* Checks whether a state is due for a client; slow clients skip one. */
+/* Checks whether a state is due for a client; a slow client skips one. */
 static bool client_wants_state(struct viewer *viewer, struct viewer_client *client)
 {
     struct viewer_watch *watch = &client->watch;
@@ -390,7 +391,7 @@ static bool client_wants_state(struct viewer *viewer, struct viewer_client *clie
     return true;
 }
 
-/* Checks whether the view is still the one from before clients watched again. */
+/* Checks whether the view is older than the present request for views. */
 static bool viewer_awaits_view(struct viewer *viewer)
 {
     if (viewer->awaited &&
@@ -414,7 +415,7 @@ void viewer_send_states(struct viewer *viewer)
         if (!client_wants_state(viewer, client)) {
             continue;
         }
-        /* One state for all clients that are due in this turn; of a recording one each */
+        /* One state for all clients due in this turn; in a recording one per client */
         if (viewer->playback) {
             playback_view(viewer, client);
             playback_trace(viewer, client);

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Meshes for the page. Surfaces are written as files: number of vertices and of triangles (u32),
  * then x y z of each vertex (f32, m), then the corners of each triangle (u32); little-endian.
- * Meshes that only show what a robot looks like are binary STL files, passed on as they are if
- * their size fits their number of triangles. This check keeps a foreign robot file from naming,
- * and so exposing, other files. */
+ * Meshes of visuals are binary STL files. They are sent unchanged if their size matches their
+ * number of triangles. This check prevents an untrusted robot file from exposing other files by
+ * naming them. */
 #include "viewer/private.h"
 
 #include "base/input_file.h"
@@ -58,7 +58,7 @@ static uint64_t stl_count_faces(const uint8_t *data)
            (uint64_t)data[83] << 24;
 }
 
-/* Reads up to size bytes; returns how many there were. */
+/* Reads up to size bytes; returns the number of bytes read. */
 static size_t file_read(int fd, uint8_t *data, size_t size)
 {
     size_t filled = 0;
@@ -71,7 +71,7 @@ static size_t file_read(int fd, uint8_t *data, size_t size)
     return filled;
 }
 
-/* Checks whether a file of a size and header is a whole binary STL file. */
+/* Checks whether header and size belong to a complete binary STL file. */
 static bool stl_is_whole(const uint8_t *header, size_t had, size_t size)
 {
     return had >= STL_HEADER && size - STL_HEADER == stl_count_faces(header) * STL_FACE;
@@ -85,7 +85,7 @@ static enum error_code visual_refuse(const char *path, size_t size, struct error
                      path, size);
 }
 
-/* Opens a regular file of at most a size. */
+/* Opens a regular file with at most `most` bytes. */
 static enum error_code visual_open(const char *path, size_t most, int *fd, size_t *size,
                                    struct error *error)
 {

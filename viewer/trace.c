@@ -1,10 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Traces the frames on the buses: receives them by ports of the viewer's own, and hands them to
- * clients that trace. docs/page.md has the bytes. */
+/* Traces the frames on the buses: receives them by the viewer's own ports, and stores them for
+ * clients that trace. docs/page.md describes the bytes. */
 #include "viewer/private.h"
 
 enum { TRACE_KIND = 2, TRACE_HEADER = 12, TRACE_RECORD = 16, BATCH = 64, TURNS = 256 };
-enum { TRACE_OURS = 0x80 }; /* a flag beside those of canbus/frame.h: a client has sent it */
+enum {
+    TRACE_OURS = 0x80
+}; /* a flag in addition to those of canbus/frame.h: a client has sent the
+                             * frame */
 
 void client_trace_frame(struct viewer_client *client, size_t bus, const struct bus_frame *frame,
                         uint8_t flags)
@@ -40,7 +43,7 @@ void viewer_trace_frame(struct viewer *viewer, size_t bus, const struct bus_fram
     }
 }
 
-/* Receives what has come on a bus, in a bounded turn. */
+/* Receives frames of a bus, a limited number per turn. */
 static void viewer_hear_bus(struct viewer *viewer, size_t bus)
 {
     struct can_port *port = viewer->config.ports->port[bus];

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The WebSocket protocol, RFC 6455, the server's side: the answer to a key, and frames. A message
- * may come in fragments, control frames between them; it is at most as long as the caller has room
- * for. No memory is allocated. Not RT-safe by purpose: it runs in the viewer's thread.
+ * The server's side of the WebSocket protocol, RFC 6455: the answer to a key, and frames. A message
+ * may be fragmented, with control frames between the fragments; the caller sets its maximum length.
+ * No memory is allocated. Not RT-safe: it runs only in the viewer's thread.
  */
 #ifndef VIEWER_WEBSOCKET_H
 #define VIEWER_WEBSOCKET_H
@@ -36,20 +36,20 @@ enum { WEBSOCKET_ACCEPT = 29, WEBSOCKET_HEADER = 10, WEBSOCKET_CONTROL_MAX = 125
 /* Computes the Sec-WebSocket-Accept for a key. */
 void websocket_accept(const char *key, char accept[WEBSOCKET_ACCEPT]);
 
-/* A frame as it begins in a buffer. */
+/* A frame in a buffer. */
 struct websocket_frame {
     bool final;
     enum websocket_opcode opcode;
-    uint8_t *payload; /* in the buffer, unmasked */
+    uint8_t *payload; /* unmasked, in the buffer */
     size_t size;
-    size_t used; /* bytes of the whole frame */
+    size_t used; /* length of the whole frame */
 };
 
-/* Reads, and unmasks in place, the frame at data, whose payload may be at most max long. Returns 0
- * when it has not come as a whole, 1 when it has, or the status (above 1) to close with. */
+/* Reads the frame at data and unmasks it in place; its payload may have at most max bytes. Returns
+ * 0 if it is incomplete, 1 if it is complete, or the status (above 1) to close with. */
 int websocket_read(uint8_t *data, size_t size, size_t max, struct websocket_frame *frame);
 
-/* Writes the header of a whole message of the server's; returns its length. */
+/* Writes the header of a complete message of the server; returns its length. */
 size_t websocket_header(uint8_t header[WEBSOCKET_HEADER], enum websocket_opcode opcode,
                         size_t size);
 
