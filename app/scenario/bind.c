@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Finds the names that a scenario uses in its rig. */
+/* Looks up the names of a scenario in its rig. */
 #include "app/scenario/private.h"
 
 #include "rig/rig.h"
@@ -40,7 +40,7 @@ static enum error_code bind_body(const struct rig *rig, const char *name,
                           index, error);
 }
 
-/* Refuses a stimulus that is repeated more often than there are ticks. */
+/* Refuses a stimulus with a repetition period below a tick. */
 static enum error_code bind_repetition(const struct scenario_stimulus *stimulus,
                                        const struct rig *rig, struct error *error)
 {
@@ -86,7 +86,7 @@ static enum error_code bind_stimulus(struct scenario_stimulus *stimulus, const s
     }
 }
 
-/* Checks the fault line of a stimulus, which gives the fault its name and its time. */
+/* Checks the fault line of a stimulus; the stimulus gives the fault's name and time. */
 static enum error_code bind_stimulus_fault(const struct scenario_stimulus *stimulus,
                                            const struct rig *rig, struct error *error)
 {
@@ -146,7 +146,7 @@ enum error_code scenario_bind(struct scenario *scenario, const struct rig *rig, 
         }
     }
 
-    /* Expectations look at a bus, or at a signal, which may need a host to receive it */
+    /* An expectation observes a bus, or a signal, which may need a host to receive it */
     for (size_t i = 0; i < scenario->nexpectation; i++) {
         struct scenario_expectation *expectation = &scenario->expectation[i];
         struct scenario_signal signal;

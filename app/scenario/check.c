@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Checks a scenario as far as it needs no rig, and derives what follows from its file alone. */
+/* Checks the parts of a scenario that need no rig, and derives data from its file. */
 #include "app/scenario/private.h"
 
 #include "base/array.h"
@@ -10,7 +10,7 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { BYTES_MAX = 64 }; /* of a CAN FD frame */
+enum { BYTES_MAX = 64 }; /* bytes of a CAN FD frame */
 
 /* ---- bytes ---- */
 
@@ -23,8 +23,8 @@ static int pattern_digit(char c)
                                   : -1;
 }
 
-/* Parses two hexadecimal digits a byte, with spaces or dots between bytes. With any (else NULL), x
- * stands for any digit, and any becomes the mask of the digits that count. */
+/* Parses two hexadecimal digits per byte, with spaces or dots between bytes. If `any` is not NULL,
+ * x stands for any digit, and `any` receives the mask of the fixed digits. */
 static enum error_code parse_bytes(const char *text, const struct yaml_mark *mark,
                                    uint8_t byte[BYTES_MAX], uint8_t *any, uint8_t *len,
                                    struct error *error)
@@ -35,7 +35,7 @@ static enum error_code parse_bytes(const char *text, const struct yaml_mark *mar
         bool wild = any && (*c == 'x' || *c == 'X');
         int value = wild ? 0 : pattern_digit(*c);
 
-        /* Skip separators between bytes; each digit is half a byte and half a mask */
+        /* Skips separators between bytes; each digit is half a byte and half a mask */
         if ((*c == ' ' || *c == '.') && digits % 2 == 0) {
             continue;
         }
@@ -68,7 +68,7 @@ static enum error_code check_pattern(struct scenario_pattern *pattern, struct er
                        error);
 }
 
-/* Makes the CAN frame of a stimulus, and checks that its bus type can carry it. */
+/* Makes the CAN frame of a stimulus, and checks that its type of bus can carry it. */
 static enum error_code check_frame(struct scenario_frame *frame, struct error *error)
 {
     uint8_t flags =
@@ -118,7 +118,7 @@ static int find_label(const struct scenario *scenario, const char *name)
     return -1;
 }
 
-/* Finds the label that a time counts from; without one it counts from the start. */
+/* Finds the label of a time; the default is the start. */
 static enum error_code resolve_after(const struct scenario *scenario, const char *after,
                                      const struct yaml_mark *mark, int *index, struct error *error)
 {
@@ -131,13 +131,13 @@ static enum error_code resolve_after(const struct scenario *scenario, const char
 
 /* ---- stimuli ---- */
 
-/* Checks whether an action may last. */
+/* Checks whether an action has a duration. */
 static bool takes_time(enum scenario_action action)
 {
     return action != SCENARIO_MOTOR && action != SCENARIO_MARK;
 }
 
-/* Derives the action of a stimulus, and refuses keys and actions that do not go together. */
+/* Derives the action of a stimulus, and refuses incompatible keys and actions. */
 static enum error_code check_stimulus(const struct scenario *scenario,
                                       struct scenario_stimulus *stimulus, struct error *error)
 {
@@ -161,7 +161,7 @@ static enum error_code check_stimulus(const struct scenario *scenario,
             kinds);
     }
 
-    /* Refuse keys that the action does not have */
+    /* Refuses keys that the action does not have */
     if (stimulus->for_s > 0.0 && !takes_time(stimulus->action)) {
         return yaml_error(error, &stimulus->mark, "found for_s, expected none: this takes no time");
     }
@@ -177,7 +177,7 @@ static enum error_code check_stimulus(const struct scenario *scenario,
                           stimulus->for_s > 0.0 ? "for_s" : "every_s");
     }
 
-    /* Refuse actions that the rest of the scenario does not allow */
+    /* Refuses actions that the rest of the scenario does not allow */
     if ((stimulus->action == SCENARIO_VOLTAGE || stimulus->action == SCENARIO_MOTOR ||
          stimulus->action == SCENARIO_SILENCE) &&
         scenario->host != SCENARIO_HOST_ENABLED) {
@@ -193,7 +193,7 @@ static enum error_code check_stimulus(const struct scenario *scenario,
     return stimulus->action == SCENARIO_FRAME ? check_frame(&stimulus->frame, error) : ERROR_NONE;
 }
 
-/* Appends the stimuli of clean_up to the others, after the label of that name. */
+/* Appends the stimuli of clean_up to the others, relative to the label clean_up. */
 static enum error_code join_clean_up(struct scenario *scenario, struct arena *arena,
                                      struct error *error)
 {
@@ -221,7 +221,7 @@ static enum error_code join_clean_up(struct scenario *scenario, struct arena *ar
     return ERROR_NONE;
 }
 
-/* Gives a stimulus's label an index, which stimuli of the same label share; -1 without a label. */
+/* Assigns an index to a stimulus's label; stimuli with the same label share it; -1 = no label. */
 static enum error_code add_label(struct scenario *scenario, struct scenario_stimulus *stimulus,
                                  struct error *error)
 {
@@ -261,7 +261,7 @@ static enum error_code check_stimuli(struct scenario *scenario, struct error *er
         }
     }
 
-    /* Resolve references last: a stimulus may refer to the label of a later one */
+    /* Resolves references last, because a stimulus may refer to the label of a later one */
     for (size_t i = 0; i < scenario->nstimulus; i++) {
         struct scenario_stimulus *stimulus = &scenario->stimulus[i];
 
@@ -276,7 +276,7 @@ static enum error_code check_stimuli(struct scenario *scenario, struct error *er
 
 /* ---- expectations ---- */
 
-/* Refuses an expectation of no known form, and lists the forms. */
+/* Refuses an expectation without a valid form, and lists the forms. */
 static enum error_code wrong_form(const struct scenario_expectation *expectation,
                                   struct error *error)
 {
@@ -288,7 +288,7 @@ static enum error_code wrong_form(const struct scenario_expectation *expectation
         expectation->name);
 }
 
-/* Derives what an expectation looks at, its band and its window from the keys that are given. */
+/* Derives what an expectation observes, its band and its window from the given keys. */
 static enum error_code check_form(struct scenario_expectation *e, struct error *error)
 {
     static const char *const keys[] = {"between", "reaches", "period_s", "count"};
@@ -300,7 +300,7 @@ static enum error_code check_form(struct scenario_expectation *e, struct error *
     int how = e->never;
     bool of_signal;
 
-    /* Derive the look and the band */
+    /* Derives the kind of judgment and the band */
     e->look = SCENARIO_SEEN;
     for (size_t i = 0; i < ARRAY_COUNT(keys); i++) {
         if (yaml_has(&e->mark, keys[i])) {
@@ -320,7 +320,7 @@ static enum error_code check_form(struct scenario_expectation *e, struct error *
                           e->band[0], e->band[1]);
     }
 
-    /* The window's end, by either key */
+    /* The end of the window, from either key */
     e->ends = yaml_has(&e->mark, "to_s");
     if (yaml_has(&e->mark, "within_s")) {
         if (e->ends) {
@@ -335,7 +335,7 @@ static enum error_code check_form(struct scenario_expectation *e, struct error *
     return e->frame.bus ? check_pattern(&e->frame, error) : ERROR_NONE;
 }
 
-/* Checks an expectation: its form, that its name is its own, and its label. */
+/* Checks an expectation: its form, its unique name, and its label. */
 static enum error_code check_expectation(const struct scenario *scenario, size_t index,
                                          struct error *error)
 {
@@ -356,7 +356,7 @@ static enum error_code check_expectation(const struct scenario *scenario, size_t
                          &expectation->after_index, error);
 }
 
-/* Checks the number of expectations, and each one. */
+/* Checks the number of expectations, and each expectation. */
 static enum error_code check_expectations(struct scenario *scenario, struct error *error)
 {
     if (scenario->nexpectation == 0 || scenario->nexpectation > SCENARIO_EXPECTATIONS_MAX) {
@@ -375,7 +375,7 @@ static enum error_code check_expectations(struct scenario *scenario, struct erro
 
 /* ---- mutations ---- */
 
-/* Checks each mutation: a fault or left-out stimuli, and the expectations that must fail. */
+/* Checks each mutation: a fault or omitted stimuli, and the expectations that must fail. */
 static enum error_code check_mutations(const struct scenario *scenario, struct error *error)
 {
     const struct yaml_names expectations =
@@ -398,7 +398,7 @@ static enum error_code check_mutations(const struct scenario *scenario, struct e
                               mutation->name, mutation->fault ? "both" : "neither");
         }
 
-        /* The runner's own labels cannot be left out */
+        /* The runner's own labels cannot be omitted */
         if (mutation->without && yaml_find_name(labels, "label of a stimulus", mutation->without,
                                                 &mutation->mark, &unused, error)) {
             return ERROR_INPUT;
@@ -436,7 +436,7 @@ enum error_code scenario_check(struct scenario *scenario, struct arena *arena, s
                           scenario->name);
     }
 
-    /* One of task, host and program drives the boards; a program does so by STEP */
+    /* Only one of task, host and program may drive the boards; a program uses STEP */
     if (scenario->task && scenario->host != SCENARIO_HOST_NONE) {
         return yaml_error(error, yaml_place(&scenario->mark, "task"),
                           "found both a task and a host, expected one of them to drive the boards");

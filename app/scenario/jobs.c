@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runs scenarios, each in a process of its own, several at a time, with a limit of processor
- * time. */
+/* Runs scenarios, each in its own process, several at a time, with a limit of processor time. */
 #include "app/scenario/jobs.h"
 
 #include "base/whole_file.h"
@@ -19,23 +18,23 @@
 
 enum {
     PARALLEL_MAX = 256,
-    LOOK_MS = 500, /* between two checks of the processes' times */
-    STALL_S = 60,  /* a process that computes nothing for so long has deadlocked */
+    LOOK_MS = 500, /* period of checks of the processes' times */
+    STALL_S = 60,  /* a process without processor time for so long has deadlocked */
 };
 
-/* A place for a job that runs in a process. */
+/* A slot for a job in a process. */
 struct process {
-    struct scenario_job *job; /* NULL = this place is free */
+    struct scenario_job *job; /* NULL = the slot is free */
     pid_t pid;
-    int pipe;   /* read end, through which the outcome comes */
-    size_t got; /* bytes of the outcome so far */
+    int pipe;   /* read end of the pipe for the outcome */
+    size_t got; /* received bytes of the outcome */
     struct scenario_outcome outcome;
     int64_t begin_ns;
     clockid_t cpu;                /* clock of the process's processor time */
-    int64_t computed_ns, seen_ns; /* processor time at the last check; when it had last grown */
+    int64_t computed_ns, seen_ns; /* processor time at the last check; time of its last increase */
 };
 
-/* The places of all jobs that run at a time. */
+/* The slots of all running jobs. */
 struct pool {
     const struct scenario_jobs_options *options;
     struct clock *time;
@@ -45,9 +44,9 @@ struct pool {
 
 /* ---- in the process ---- */
 
-/* Runs a job in this process. A run that fails is repeated with the recorder on, which in virtual
- * time is the same run; a repeat with another hash makes the outcome void. One that cannot be
- * recorded does not: its verdicts are known. */
+/* Runs a job in this process. A failed run is repeated with the recorder on; in virtual time this
+ * is the same run. If the repeat has another hash, the outcome is invalid. A failure to record
+ * does not make it invalid, because its verdicts are known. */
 static void job_run_here(const struct scenario_job *job, const struct scenario_jobs_options *jobs,
                          struct scenario_outcome *outcome)
 {
@@ -67,7 +66,7 @@ static void job_run_here(const struct scenario_job *job, const struct scenario_j
         return;
     }
 
-    /* The recorder is on in the repeat only: most runs pass, and need no files */
+    /* Records only the repeat, because most runs pass and need no files */
     if (folder_make_all(job->record, &error)) {
         snprintf(outcome->unrecorded, sizeof outcome->unrecorded, "%.200s", error.text);
         return;
@@ -79,7 +78,7 @@ static void job_run_here(const struct scenario_job *job, const struct scenario_j
     options.record = job->record;
     scenario_run(job->scenario, &options, again);
 
-    /* The same input must give the same state, bit for bit */
+    /* The same input must give a bit-identical state */
     memcpy(outcome->unrecorded, again->unrecorded, sizeof outcome->unrecorded);
     if (again->ran ? again->state_hash != outcome->state_hash : !again->unrecorded[0]) {
         outcome->ran = false;
@@ -97,7 +96,7 @@ static void job_run_in_child(const struct scenario_job *job,
     const char *from = (const char *)&outcome;
     size_t left = sizeof outcome;
 
-    /* A parent that dies takes the child with it, also one that died before this call */
+    /* The child ends with its parent, also if the parent died before this call */
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     if (getppid() != parent) {
         _exit(EXIT_FAILURE);
@@ -124,7 +123,7 @@ static enum error_code job_start(struct pool *pool, struct scenario_job *job, st
     pid_t parent = getpid();
     int ends[2];
 
-    /* There is a free place, as the caller counts them */
+    /* The caller has checked that a slot is free */
     while (process->job) {
         process++;
     }
@@ -132,7 +131,7 @@ static enum error_code job_start(struct pool *pool, struct scenario_job *job, st
         return error_set_errno(error, errno, "cannot make a pipe for a scenario");
     }
 
-    /* Flush first: unwritten output would be written by both processes */
+    /* Flushes first; otherwise both processes would write the buffered output */
     fflush(NULL);
     process->pid = fork();
     if (process->pid < 0) {
@@ -153,13 +152,13 @@ static enum error_code job_start(struct pool *pool, struct scenario_job *job, st
     process->begin_ns = process->seen_ns = clock_now(pool->time);
     process->computed_ns = -1;
     if (clock_getcpuclockid(process->pid, &process->cpu)) {
-        process->cpu = CLOCK_PROCESS_CPUTIME_ID; /* gone already: what it says comes next */
+        process->cpu = CLOCK_PROCESS_CPUTIME_ID; /* already ended: its outcome is read next */
     }
     pool->running++;
     return ERROR_NONE;
 }
 
-/* Ends a job whose process has ended; when why is not NULL, kills the process for that reason. */
+/* Ends a job whose process has ended; if why is not NULL, kills the process for that reason. */
 static void job_end(struct pool *pool, struct process *process, const char *why)
 {
     struct scenario_job *job = process->job;
@@ -185,8 +184,8 @@ static void job_end(struct pool *pool, struct process *process, const char *why)
     pool->running--;
 }
 
-/* Reads what a process has sent of its outcome; ends the job when that is complete or the pipe
- * closes. */
+/* Reads the received part of a process's outcome; ends the job when the outcome is complete or the
+ * pipe closes. */
 static void job_take_outcome(struct pool *pool, struct process *process)
 {
     unsigned char *to = (unsigned char *)&process->outcome;
@@ -200,8 +199,8 @@ static void job_take_outcome(struct pool *pool, struct process *process)
     }
 }
 
-/* Ends a process that has computed for longer than its scenario may, or has computed nothing for so
- * long that no load explains it. */
+/* Ends a process that has used more processor time than its scenario allows, or none for so long
+ * that it must have deadlocked. */
 static void job_check_time(struct pool *pool, struct process *process)
 {
     const double limit_s = process->job->scenario->cpu_limit_s;
@@ -226,7 +225,7 @@ static void job_check_time(struct pool *pool, struct process *process)
     }
 }
 
-/* Waits for a while until a process sends something, and checks the times of the others. */
+/* Waits until a process sends data or a time passes, and checks the times of the others. */
 static void jobs_attend(struct pool *pool)
 {
     struct pollfd fd[PARALLEL_MAX];
@@ -249,7 +248,7 @@ static void jobs_attend(struct pool *pool)
     }
 }
 
-/* Checks whether a job is in one of the places. */
+/* Checks whether a job is running. */
 static bool is_running(const struct pool *pool, const struct scenario_job *job)
 {
     for (size_t i = 0; i < pool->options->parallel; i++) {
@@ -276,7 +275,7 @@ enum error_code scenario_jobs_run(struct scenario_job *job, size_t count,
     pool->options = &options;
     pool->time = clock_monotonic();
 
-    /* Keep all places busy; report in order, although jobs end in any order */
+    /* Keeps all slots busy; reports in order, although jobs end in any order */
     while (!code && told < count) {
         while (!code && started < count && pool->running < options.parallel) {
             code = job_start(pool, &job[started], error);
@@ -290,7 +289,7 @@ enum error_code scenario_jobs_run(struct scenario_job *job, size_t count,
         }
     }
 
-    /* After an error some may still run: end them */
+    /* After an error, ends the jobs that still run */
     for (size_t i = 0; i < options.parallel; i++) {
         if (pool->process[i].job) {
             job_end(pool, &pool->process[i], "not finished");

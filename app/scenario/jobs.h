@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Runs scenarios in processes of their own, several at a time, and judges them: one result per run,
- * as lines on the terminal and as JUnit XML. Not RT-safe.
+ * Runs scenarios, each in its own process, several at a time, and judges them. Each run has one
+ * result, as lines on the terminal and as JUnit XML. Not RT-safe.
  */
 #ifndef APP_SCENARIO_JOBS_H
 #define APP_SCENARIO_JOBS_H
@@ -12,53 +12,53 @@
 
 enum { RESULT_NAME = 512, RESULT_MESSAGE = 2048 };
 
-/* One run to be made, and its outcome. */
+/* One planned run and its outcome. */
 struct scenario_job {
     struct scenario *scenario;
-    int mutation;    /* index, -1 = none */
-    bool seed_given; /* otherwise the scenario's or the rig's seed */
+    int mutation;    /* index of a mutation, -1 = none */
+    bool seed_given; /* false: uses the seed of the scenario or the rig */
     uint64_t seed;
     const char *scratch;   /* folder of the scenario's program; NULL = none */
-    char record[PATH_MAX]; /* directory for the recorded repeat of a run that fails; "" = none */
+    char record[PATH_MAX]; /* directory for the recorded repeat of a failed run; "" = none */
     struct scenario_outcome outcome;
     double seconds; /* wall-clock time of the process */
 };
 
 struct scenario_jobs_options {
-    size_t parallel;     /* processes at a time */
-    bool to_the_end;     /* as in struct scenario_options */
+    size_t parallel;     /* number of processes at a time */
+    bool to_the_end;     /* see struct scenario_options */
     const char *program; /* command of scenarios with host: program; NULL = none */
-    /* Called for each job in the order of the array, as soon as it and all before it have ended. */
+    /* Called for each job in array order, as soon as this job and all earlier ones have ended */
     void (*ended)(void *context, const struct scenario_job *job);
     void *context;
 };
 
-/* Runs all jobs. The outcome has ran = false when its process crashes, takes more processor time
- * than its scenario's cpu_limit_s, or gets none for a minute. No verdict depends on how loaded the
- * machine is. ERROR_SYSTEM when no process can be made. */
+/* Runs all jobs. The outcome has ran = false if the process crashes, uses more processor time than
+ * its scenario's cpu_limit_s, or gets none for a minute. No verdict depends on the load of the
+ * machine. Returns ERROR_SYSTEM if no process can be created. */
 enum error_code scenario_jobs_run(struct scenario_job *job, size_t count,
                                   const struct scenario_jobs_options *options, struct error *error);
 
-enum scenario_status { SCENARIO_PASSED, SCENARIO_FAILED, SCENARIO_BROKEN /* did not run */ };
+enum scenario_status { SCENARIO_PASSED, SCENARIO_FAILED, SCENARIO_BROKEN /* no run */ };
 
 /* The verdict on a run. */
 struct scenario_result {
     const struct scenario *scenario;
     char name[RESULT_NAME]; /* of the scenario, with parameters and mutation */
     enum scenario_status status;
-    char message[RESULT_MESSAGE]; /* a line for each thing that is wrong */
-    const char *record;           /* directory with the recording and the plots, "" = none */
-    bool ran;                     /* seed and hash belong to a run */
+    char message[RESULT_MESSAGE]; /* one line per fault */
+    const char *record;           /* directory with the recording and the plots; "" = none */
+    bool ran;                     /* there was a run; seed and hash are valid */
     uint64_t seed, state_hash;
     double seconds;
 };
 
-/* Judges a job: a plain run passes when all expectations are met, a mutated one when those fail
- * that its mutation names. */
+/* Judges a job. A run without mutation passes if all expectations are met. A run with a mutation
+ * passes if the expectations fail that the mutation names. */
 void scenario_judge(const struct scenario_job *job, struct scenario_result *result);
 
 /* Judges the mutations of one case, count jobs of the same scenario: each expectation must fail
- * under one of them. */
+ * under at least one of them. */
 void scenario_judge_mutations(const struct scenario_job *job, size_t count,
                               struct scenario_result *result);
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Judges the expectations of a scenario tick by tick, and plots those that were not met. */
+/* Judges the expectations of a scenario tick by tick, and plots the failed ones. */
 #include "app/scenario/private.h"
 
 #include "app/report/report.h"
@@ -11,8 +11,7 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Life of an expectation: it waits for its window, looks while the window is open, and is
- * decided. */
+/* State of an expectation: its window is not open yet, the window is open, or it is decided. */
 enum progress { WAITING /* for its window */, OPEN, DECIDED };
 
 /* An expectation being judged. */
@@ -23,14 +22,14 @@ struct judged {
     bool met;
     int64_t decided_ns; /* virtual time, -1 = not yet */
     char text[SCENARIO_TEXT];
-    double reference;         /* value of a relative signal when the window opened */
-    double lowest, highest;   /* of the signal in the window */
+    double reference;         /* value of a relative signal at the opening of the window */
+    double lowest, highest;   /* range of the signal in the window */
     uint64_t fresh, count;    /* matches in this tick, and in the window */
-    int64_t open_ns, last_ns; /* when the window opened; the last match */
-    double *trace;            /* a sample per tick, for the plot */
+    int64_t open_ns, last_ns; /* time at which the window opened; time of the last match */
+    double *trace;            /* one sample per tick, for the plot */
 };
 
-/* All expectations of a run; samples of time and traces while there is room (max). */
+/* All expectations of a run; stores at most max samples of time and traces. */
 struct scenario_expectations {
     const struct scenario *scenario;
     size_t count, nsample, max;
@@ -46,7 +45,7 @@ enum error_code scenario_expectations_create(const struct scenario *scenario, co
     struct scenario_expectations *made = arena_alloc(arena, 1, sizeof *made);
     bool good = made && (made->time_s = arena_alloc(arena, ticks, sizeof *made->time_s));
 
-    /* Each starts with an empty range, and has room for a trace of the whole run */
+    /* Initializes each with an empty range and room for a trace of the whole run */
     for (size_t i = 0; good && i < scenario->nexpectation; i++) {
         struct judged *judged = &made->judged[i];
 
@@ -105,7 +104,7 @@ static void expectation_decide(struct judged *judged, bool met, int64_t time_ns)
     judged->decided_ns = time_ns;
 }
 
-/* Returns what an expectation is about, for messages. */
+/* Returns the subject of an expectation, for messages. */
 static const char *expectation_subject(const struct judged *judged)
 {
     return judged->what->signal  ? judged->what->signal
@@ -122,7 +121,7 @@ static void expectation_fail_band(struct judged *judged, double value, int64_t t
              (double)time_ns * 1e-9, judged->what->band[0], judged->what->band[1]);
 }
 
-/* Fails an expectation whose matches are too many or too few. */
+/* Fails an expectation with too many or too few matches. */
 static void expectation_fail_count(struct judged *judged, int64_t time_ns)
 {
     const double *band = judged->what->band;
@@ -137,7 +136,7 @@ static void expectation_fail_count(struct judged *judged, int64_t time_ns)
              expectation_subject(judged), judged->count, (double)time_ns * 1e-9, band[0], most);
 }
 
-/* Fails an expectation whose frames come too late or too early. */
+/* Fails an expectation whose frames are too late or too early. */
 static void expectation_fail_period(struct judged *judged, int64_t gap_ns, int64_t time_ns)
 {
     expectation_decide(judged, false, time_ns);
@@ -147,7 +146,7 @@ static void expectation_fail_period(struct judged *judged, int64_t gap_ns, int64
              judged->what->band[1]);
 }
 
-/* Judges a sample of a signal: it leaves the band (between), or comes into it (reaches). */
+/* Judges a sample of a signal: whether it leaves the band (between) or enters it (reaches). */
 static void expectation_judge_signal(struct judged *judged, double value, int64_t time_ns)
 {
     const double *band = judged->what->band;
@@ -162,13 +161,13 @@ static void expectation_judge_signal(struct judged *judged, double value, int64_
     }
 }
 
-/* Judges the time between frames: too long since the last one, too short, or several in one
- * tick. */
+/* Judges the time between frames: too long, too short, or several frames in one tick. */
 static void expectation_judge_period(struct judged *judged, int64_t time_ns)
 {
     const double *band = judged->what->band;
     int64_t gap_ns = time_ns - judged->last_ns;
-    bool first = judged->count == 0; /* since the window opened, not since a frame */
+    bool first = judged->count == 0; /* measured from the opening of the window, not from a
+                                      * frame */
     bool short_gap = judged->fresh > 0 && !first && gap_ns < scenario_ns(band[0]);
     bool none = judged->fresh > 1 && band[0] > 0.0; /* several in one tick */
 
@@ -177,7 +176,7 @@ static void expectation_judge_period(struct judged *judged, int64_t time_ns)
     }
 }
 
-/* Judges the number of matches: too many at once; enough, when there is no upper bound. */
+/* Judges the number of matches: too many, or enough if there is no upper bound. */
 static void expectation_judge_count(struct judged *judged, int64_t time_ns)
 {
     const double *band = judged->what->band;
@@ -204,13 +203,13 @@ static void expectation_judge_matches(struct judged *judged, int64_t time_ns)
     }
 }
 
-/* Decides an expectation at the end of its window or of the run, when it did not fail before. */
+/* Decides an expectation at the end of its window or of the run, if it has not failed before. */
 static void expectation_close_window(struct judged *judged, int64_t time_ns)
 {
     const double *band = judged->what->band;
     enum scenario_look look = judged->what->look;
 
-    /* A signal that has stayed in its band meets it; one that has not reached it fails */
+    /* BETWEEN is met if the signal stayed in its band; REACHES fails if it was not reached */
     if (look == SCENARIO_BETWEEN) {
         expectation_decide(judged, true, time_ns);
     } else if (look == SCENARIO_REACHES) {
@@ -239,7 +238,7 @@ static void expectation_step(struct judged *judged, double value,
     const struct scenario_expectation *what = judged->what;
     int64_t label = clock->label_ns[what->after_index];
 
-    /* The window's end comes first: what is seen after it does not count */
+    /* Closes the window first, because later matches do not count */
     if (judged->progress == OPEN && what->ends && time_ns > label + scenario_ns(what->to_s)) {
         expectation_close_window(judged, label + scenario_ns(what->to_s));
     }
@@ -247,7 +246,7 @@ static void expectation_step(struct judged *judged, double value,
         expectation_judge_matches(judged, time_ns);
     }
 
-    /* A window opens behind the tick's frames: those of the tick in which it opens do not count */
+    /* Opens the window after the tick's frames, so that frames of this tick do not count */
     if (judged->progress == WAITING && label >= 0 && time_ns >= label + scenario_ns(what->from_s)) {
         judged->progress = OPEN;
         judged->open_ns = judged->last_ns = time_ns;
@@ -286,8 +285,8 @@ bool scenario_expectations_step(struct scenario_expectations *expectations,
     return missed;
 }
 
-/* Computes the margin of a signal: its least distance from the bounds, as a share of their
- * distance. */
+/* Computes the margin of a signal: its smallest distance from the bounds, as a share of the
+ * distance between them. */
 static void expectation_measure_margin(const struct judged *judged,
                                        struct scenario_verdict *verdict)
 {
@@ -311,8 +310,8 @@ void scenario_expectations_finish(struct scenario_expectations *expectations,
         int64_t label = clock->label_ns[what->after_index];
         int64_t until_ns = what->ends ? label + scenario_ns(what->to_s) : planned_ns;
 
-        /* Without a decision at an early end there is no verdict; windows still open close or ended
-         * too early */
+        /* If the run ended early, undecided expectations get no verdict; otherwise open windows
+         * are closed or ended too early */
         outcome->verdict[i].judged = !early || judged->progress == DECIDED;
         if (!outcome->verdict[i].judged) {
             snprintf(judged->text, sizeof judged->text,
@@ -338,7 +337,7 @@ void scenario_expectations_finish(struct scenario_expectations *expectations,
 
 /* ---- plots ---- */
 
-/* Plots the trace of an expectation with its band and the sample at which it was decided. */
+/* Plots the trace of an expectation with its band and the sample of the decision. */
 static enum error_code expectation_plot(const struct scenario_expectations *expectations,
                                         size_t index, const char *directory, struct error *error)
 {
@@ -361,7 +360,7 @@ static enum error_code expectation_plot(const struct scenario_expectations *expe
     struct report_file file;
     enum error_code code;
 
-    /* Draw the band, where the expectation has one of values */
+    /* Draws the band, if the expectation has a band of values */
     if (judged->progress != WAITING && judged->what->look != SCENARIO_PERIOD) {
         series[plot.nseries++] = (struct svg_series){"at least", span, lower, 2, SVG_DASHED};
         if (band[1] < DBL_MAX) {
@@ -369,7 +368,7 @@ static enum error_code expectation_plot(const struct scenario_expectations *expe
         }
     }
 
-    /* Mark the sample at which it was decided */
+    /* Marks the sample of the decision */
     for (size_t i = 0; i < expectations->nsample && judged->decided_ns >= 0; i++) {
         if (expectations->time_s[i] <= span[1]) {
             found[1] = judged->trace[i];

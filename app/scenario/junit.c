@@ -15,7 +15,7 @@ enum { SUITES_MAX = 4096, SUITE_NAME = 256 };
 
 /* The testcases of one scenario, with their totals. */
 struct suite {
-    char name[SUITE_NAME]; /* the scenario's, which needs no escapes */
+    char name[SUITE_NAME]; /* name of the scenario, which needs no escapes */
     size_t tests, failures, errors;
     double seconds;
     struct memory_file body; /* the testcases */
@@ -29,13 +29,13 @@ struct suites {
 
 /* ---- writing ---- */
 
-/* Writes text as an attribute's value or as content, on one line whatever it holds. */
+/* Writes any text as an attribute's value or as content, on one line. */
 static void junit_put_text(const char *text, FILE *out)
 {
     markup_put_flags(out, text, MARKUP_ASCII | MARKUP_LINE_BREAKS);
 }
 
-/* Returns the suite of a name, added when there is none; NULL without room or memory. */
+/* Returns the suite with a name, a new one if needed; NULL without room or memory. */
 static struct suite *junit_find_suite(struct suites *suites, const char *name)
 {
     struct suite *suite;
@@ -69,7 +69,7 @@ static void junit_write_case(const struct scenario_result *result, FILE *out)
     static const char *const element[] = {"", "failure", "error"};
     char number[32];
 
-    /* What case it is, and with what it can be repeated */
+    /* The case, and the data to repeat it */
     fputs("    <testcase classname=\"scenarios.", out);
     junit_put_text(result->scenario->name, out);
     fputs("\" name=\"", out);
@@ -87,7 +87,7 @@ static void junit_write_case(const struct scenario_result *result, FILE *out)
     }
     fputs("      </properties>\n", out);
 
-    /* What went wrong, and where the recording is */
+    /* The failure, and the place of the recording */
     if (result->status != SCENARIO_PASSED) {
         fprintf(out, "      <%s message=\"", element[result->status]);
         junit_put_text(result->message, out);
@@ -114,7 +114,7 @@ static void junit_free_suites(struct suites *suites)
     free(suites);
 }
 
-/* Writes the suites with their totals; all receives the sums. */
+/* Writes the suites with their totals; `all` receives the sums. */
 static enum error_code junit_write_suites(struct suites *suites, const char *path,
                                           struct suite *all, struct error *error)
 {
@@ -126,7 +126,7 @@ static enum error_code junit_write_suites(struct suites *suites, const char *pat
         return code;
     }
 
-    /* The totals stand before the suites */
+    /* The totals precede the suites */
     for (size_t i = 0; i < suites->count; i++) {
         const struct suite *suite = &suites->suite[i];
 

@@ -19,7 +19,7 @@
 /* Time between SIGTERM and SIGKILL. */
 enum { PATIENCE_MS = 1000 };
 
-/* Becomes the program, in the new process. A job that is killed takes the program with it. */
+/* Executes the program in the new process. If the job is killed, the program ends too. */
 static void program_execute(const char *command, uint16_t port, const char *scratch, int output,
                             pid_t parent)
 {
@@ -30,7 +30,7 @@ static void program_execute(const char *command, uint16_t port, const char *scra
     setpgid(0, 0);
     snprintf(place, sizeof place, "127.0.0.1:%u", port);
 
-    /* Join the run through the gateway of the environment; print into the log */
+    /* The environment gives the gateway; the output goes to the log */
     if (getppid() != parent || input < 0 || dup2(input, STDIN_FILENO) < 0 ||
         dup2(output, STDOUT_FILENO) < 0 || dup2(output, STDERR_FILENO) < 0 ||
         setenv(SCENARIO_PROGRAM_GATEWAY, place, 1) ||
@@ -67,7 +67,8 @@ enum error_code scenario_program_start(struct scenario_program *program, const c
         program->pid = 0;
         return error_set_errno(error, reason, "cannot make a process for a scenario's program");
     }
-    setpgid(program->pid, program->pid); /* whichever of the two comes first */
+    setpgid(program->pid, program->pid); /* both processes call this; the first call has the
+                                          * effect */
     return ERROR_NONE;
 }
 
@@ -78,7 +79,7 @@ bool scenario_program_ended(struct scenario_program *program, char *text, size_t
     if (!program->pid || waitpid(program->pid, &status, WNOHANG) != program->pid) {
         return false;
     }
-    kill(-program->pid, SIGKILL); /* what it has left behind */
+    kill(-program->pid, SIGKILL); /* remaining processes of the group */
     program->pid = 0;
     if (WIFSIGNALED(status)) {
         snprintf(text, size, "the program died of: %s", strsignal(WTERMSIG(status)));

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Runs a program under test as the host of a scenario (host: program): a shell command that joins
- * the run through its gateway and drives it by STEP. It is a process group of its own, which ends
- * with the run. Not RT-safe.
+ * Runs a program under test as the host of a scenario (host: program). It is a shell command that
+ * joins the run through its gateway and drives the run by STEP. It has its own process group, which
+ * ends with the run. Not RT-safe.
  */
 #ifndef APP_SCENARIO_PROGRAM_H
 #define APP_SCENARIO_PROGRAM_H
@@ -14,29 +14,30 @@
 #include <stdint.h>
 #include <sys/types.h>
 
-/* Environment variable that says where the gateway is: 127.0.0.1:PORT. */
+/* Environment variable with the gateway's address: 127.0.0.1:PORT. */
 #define SCENARIO_PROGRAM_GATEWAY "COMAN_HIL_GATEWAY"
 
-/* Environment variable of the folder that is the program's own, where it has one. */
+/* Environment variable with the program's own folder, if it has one. */
 #define SCENARIO_PROGRAM_SCRATCH "COMAN_HIL_SCRATCH"
 
-/* File in that folder, or in a recording's, with what the program has printed. */
+/* File in that folder, or in a recording's folder, with the program's output. */
 #define SCENARIO_PROGRAM_LOG "program.log"
 
 struct scenario_program {
-    pid_t pid; /* 0 = none runs */
+    pid_t pid; /* 0 = no program runs */
 };
 
-/* Starts command; its output goes to the log in the folder record, or else in scratch; with both
- * NULL it is dropped. ERROR_SYSTEM when there is no process or the log cannot be written. */
+/* Starts command. Its output goes to the log in the folder record, else in scratch; if both are
+ * NULL, it is discarded. Returns ERROR_SYSTEM if there is no process or the log cannot be
+ * written. */
 enum error_code scenario_program_start(struct scenario_program *program, const char *command,
                                        uint16_t port, const char *record, const char *scratch,
                                        struct error *error);
 
-/* Checks whether the program has ended by itself; text says how. */
+/* Checks whether the program has ended by itself; text describes how. */
 bool scenario_program_ended(struct scenario_program *program, char *text, size_t size);
 
-/* Ends the program and what it has started: SIGTERM, and SIGKILL after a second. */
+/* Ends the program and all processes of its group: SIGTERM, then SIGKILL after a second. */
 void scenario_program_stop(struct scenario_program *program);
 
 #endif

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads scenarios: the parameters first, then the document once for each of their combinations. */
+/* Reads scenarios: first the parameters, then the document once per combination of their
+ * values. */
 #include "app/scenario/private.h"
 
 #include "base/config.h"
@@ -16,9 +17,13 @@
 
 #define AT(type, member) offsetof(struct type, member)
 
-enum { EXPANDED_MAX = 1 << 20 }; /* bytes of a scenario file, and of it with its values put in */
+enum {
+    EXPANDED_MAX = 1 << 20
+}; /* maximum bytes of a scenario file, before and after inserting
+                                  * values */
 
-/* The mapping "parameters:" at the top level of a file, and values given instead of the file's. */
+/* The mapping "parameters:" at the top level of a file, and given values that replace the
+ * file's. */
 struct parameters {
     struct yaml_mark mark;
     size_t count;
@@ -36,8 +41,8 @@ static const struct yaml_schema parameters_schema =
 
 /* ---- blocks of a file ---- */
 
-/* Finds the lines from key, which ends in a colon, to the next line that begins at the margin;
- * false when there are none. */
+/* Finds the lines from key, which ends with a colon, to the next unindented line; returns false if
+ * there are none. */
 static bool find_block(const char *text, size_t size, const char *key, size_t *from, size_t *to)
 {
     const size_t length = strlen(key);
@@ -74,7 +79,7 @@ static size_t count_lines(const char *text, size_t size)
 
 /* ---- parameters ---- */
 
-/* Returns the value that is given for a parameter instead of the file's; NULL = none. */
+/* Returns the given value that replaces a parameter's values in the file; NULL = none. */
 static const char *given_value(const struct parameters *parameters, size_t index)
 {
     for (size_t i = 0; i < parameters->ngiven; i++) {
@@ -85,7 +90,7 @@ static const char *given_value(const struct parameters *parameters, size_t index
     return NULL;
 }
 
-/* Returns how many values a parameter takes in turn. */
+/* Returns the number of values of a parameter. */
 static size_t parameter_values(const struct parameters *parameters, size_t index)
 {
     const struct scenario_parameter *parameter = &parameters->parameter[index];
@@ -93,7 +98,7 @@ static size_t parameter_values(const struct parameters *parameters, size_t index
     return given_value(parameters, index) ? 1 : parameter->nvalue + parameter->nword;
 }
 
-/* Checks that words are plain names, which change nothing of the document's form. */
+/* Checks that words are plain names, which cannot change the structure of the document. */
 static enum error_code check_words(const struct scenario_parameter *parameter, struct error *error)
 {
     for (size_t i = 0; i < parameter->nword; i++) {
@@ -108,7 +113,7 @@ static enum error_code check_words(const struct scenario_parameter *parameter, s
     return ERROR_NONE;
 }
 
-/* Checks the parameters, and multiplies the numbers of their values to the number of cases. */
+/* Checks the parameters, and multiplies their numbers of values to get the number of cases. */
 static enum error_code check_parameters(const struct parameters *given, size_t *cases,
                                         struct error *error)
 {
@@ -124,7 +129,7 @@ static enum error_code check_parameters(const struct parameters *given, size_t *
                 parameter->name, parameter->nvalue, parameter->nword);
         }
 
-        /* The number of combinations is checked before it is multiplied */
+        /* Checks the number of combinations before the multiplication */
         if (i >= SCENARIO_PARAMETERS_MAX ||
             parameter_values(given, i) > SCENARIO_CASES_MAX / *cases) {
             return yaml_error(
@@ -141,7 +146,7 @@ static enum error_code check_parameters(const struct parameters *given, size_t *
     return ERROR_NONE;
 }
 
-/* Checks that values are given only for parameters that the file has. */
+/* Checks that values are given only for parameters of the file. */
 static enum error_code check_given(const char *name, const struct parameters *parameters,
                                    struct error *error)
 {
@@ -158,8 +163,8 @@ static enum error_code check_given(const char *name, const struct parameters *pa
     return ERROR_NONE;
 }
 
-/* Reads the block of parameters alone, after as many empty lines as precede it, so that messages
- * name its lines. *cases is the number of combinations. */
+/* Reads only the block of parameters, preceded by as many empty lines as there are lines before
+ * it, so that messages have the right line. *cases is the number of combinations. */
 static enum error_code read_parameters(const char *name, const char *text, size_t size,
                                        struct arena *arena, struct parameters *out, size_t *cases,
                                        struct error *error)
@@ -187,7 +192,7 @@ static enum error_code read_parameters(const char *name, const char *text, size_
     return code ? code : check_given(name, out, error);
 }
 
-/* Writes the value of a parameter in combination number, as text; the last parameter varies
+/* Writes a parameter's value in combination `number` as text; the last parameter varies
  * fastest. */
 static void value_in(const struct parameters *given, size_t index, size_t number,
                      char text[SCENARIO_VALUE_MAX])
@@ -200,7 +205,8 @@ static void value_in(const struct parameters *given, size_t index, size_t number
         return;
     }
 
-    /* The combination is a number whose digits are the parameters' values */
+    /* The combination's number is written in a mixed radix; each digit selects a parameter's
+     * value */
     for (size_t i = given->count - 1; i > index; i--) {
         number /= parameter_values(given, i);
     }
@@ -212,7 +218,7 @@ static void value_in(const struct parameters *given, size_t index, size_t number
     }
 }
 
-/* Refuses ${NAME} of no parameter, or without its end, at its line and column. */
+/* Refuses ${NAME} with an unknown parameter, or without its end, with line and column. */
 static enum error_code unknown_parameter(const char *file, const char *text, size_t at,
                                          const char *name, const struct parameters *given,
                                          struct error *error)
@@ -232,7 +238,7 @@ static enum error_code unknown_parameter(const char *file, const char *text, siz
                              name);
 }
 
-/* Copies the text with every ${NAME} replaced; out has room for EXPANDED_MAX bytes. */
+/* Copies the text and replaces each ${NAME}; out has room for EXPANDED_MAX bytes. */
 static enum error_code expand_parameters(const char *file, const char *text, size_t size,
                                          const struct parameters *given, size_t number, char *out,
                                          size_t *used, struct error *error)
@@ -247,7 +253,7 @@ static enum error_code expand_parameters(const char *file, const char *text, siz
                              file, EXPANDED_MAX);
         }
 
-        /* Copy everything but ${NAME} */
+        /* Copies everything except ${NAME} */
         if (text[at] != '$' || at + 1 == size || text[at + 1] != '{') {
             out[(*used)++] = text[at++];
             continue;
@@ -259,7 +265,7 @@ static enum error_code expand_parameters(const char *file, const char *text, siz
         }
         name[length] = '\0';
 
-        /* Find its value in this combination */
+        /* Finds its value in this combination */
         while (index < given->count && strcmp(given->parameter[index].name, name) != 0) {
             index++;
         }
@@ -273,7 +279,7 @@ static enum error_code expand_parameters(const char *file, const char *text, siz
     return ERROR_NONE;
 }
 
-/* Keeps the values of this combination, and describes them as "a=1, b=2". */
+/* Stores the values of this combination, and describes them as "a=1, b=2". */
 static enum error_code keep_values(const struct parameters *given, size_t number,
                                    struct arena *arena, struct scenario *scenario,
                                    struct error *error)
@@ -304,14 +310,14 @@ static enum error_code keep_values(const struct parameters *given, size_t number
 
 /* ---- changes of the rig ---- */
 
-/* Returns the place of a byte in the text, for messages. */
+/* Returns the line and column of a byte in the text, for messages. */
 static struct yaml_mark mark_line(const char *file, const char *text, size_t at)
 {
     return (struct yaml_mark){.file = file, .line = (int)count_lines(text, at) + 1, .column = 1};
 }
 
-/* Takes the block "changes:" out of the document, whose other lines stay where they are, and keeps
- * it for the rig: the line of its key becomes the key of a file that extends another. */
+/* Removes the block "changes:" from the document, without moving other lines, and stores it for
+ * the rig: the line of its key becomes the key "extends" of a rig file. */
 static enum error_code take_changes(const char *name, char *text, size_t size, struct arena *arena,
                                     const char **changes, size_t *changes_size, size_t *key_at,
                                     struct error *error)
@@ -326,7 +332,7 @@ static enum error_code take_changes(const char *name, char *text, size_t size, s
         return ERROR_NONE;
     }
 
-    /* The changes are a mapping in lines of their own; comments may stand before it */
+    /* The changes are a mapping on separate lines; comments may precede it */
     mark = mark_line(name, text, from);
     for (first = from + sizeof key - 1; first < to && text[first] == ' '; first++) {
     }
@@ -344,8 +350,8 @@ static enum error_code take_changes(const char *name, char *text, size_t size, s
         return yaml_error(error, &mark, "found no changes, expected keys of a rig");
     }
 
-    /* As many empty lines as precede them, so that messages name their lines, then the indentation
-     * of the key to come */
+    /* Adds as many empty lines as precede the changes, so that messages have the right line, then
+     * the indentation of the new key */
     *key_at = count_lines(text, from) + indent;
     *changes_size = *key_at + 1 + (to - first) + count_lines(text + from, first - from);
     copy = arena_alloc(arena, *changes_size, 1);
@@ -364,7 +370,7 @@ static enum error_code take_changes(const char *name, char *text, size_t size, s
     return ERROR_NONE;
 }
 
-/* Writes "extends: RIG" where take_changes has left room for it. */
+/* Writes "extends: RIG" into the space left by take_changes. */
 static enum error_code extend_rig(struct scenario *scenario, size_t key_at, struct arena *arena,
                                   struct error *error)
 {
@@ -397,7 +403,7 @@ enum error_code scenario_load_rig(const struct scenario *scenario, struct arena 
                                                scenario->changes_size, arena, rig, error)
                                : rig_load(scenario->rig_path, arena, rig, error);
 
-    /* A rig that is not there is a mistake of the scenario */
+    /* A missing rig is an error of the scenario */
     if (code && !scenario->changes &&
         (config_locate(CONFIG_RIG, scenario->rig_path, found, NULL) || access(found, R_OK))) {
         error_prefix(error, "%s:%d:%d", mark->file, mark->line, mark->column);
@@ -407,7 +413,7 @@ enum error_code scenario_load_rig(const struct scenario *scenario, struct arena 
 
 /* ---- the file ---- */
 
-/* Reads the document in combination number; expanded has room for EXPANDED_MAX bytes. */
+/* Reads the document for combination `number`; expanded has room for EXPANDED_MAX bytes. */
 static enum error_code read_case(const char *name, const char *text, size_t size,
                                  const struct parameters *given, size_t number, char *expanded,
                                  struct arena *arena, struct scenario *one, struct error *error)
@@ -422,7 +428,7 @@ static enum error_code read_case(const char *name, const char *text, size_t size
         return code;
     }
 
-    /* The hash is that of the whole text, so it is taken before the changes are cut out */
+    /* The hash covers the whole text, so it is computed before the changes are removed */
     hash = hash_bytes(HASH_START, expanded, used);
     code = take_changes(name, expanded, used, arena, &changes, &changes_size, &key_at, error);
     code = code ? code
@@ -456,7 +462,7 @@ static enum error_code read_text(const char *name, const char *text, size_t size
         return error_set(error, ERROR_MEMORY, "no memory left for scenario %s", name);
     }
 
-    /* Read the document once for each combination: a parameter may stand anywhere in it */
+    /* Reads the document once per combination, because a parameter may be anywhere in it */
     for (size_t i = 0; i < *count && !code; i++) {
         code = read_case(name, text, size, given, i, expanded, arena, &(*cases)[i], error);
     }

@@ -50,7 +50,7 @@ void scenario_judge(const struct scenario_job *job, struct scenario_result *resu
         add_name(result, ", mutation ", scenario->mutation[job->mutation].name);
     }
 
-    /* A run without verdicts, a mutation that must fail, or a plain run that must not */
+    /* A run without verdicts; a mutation that must fail; or a run that must not fail */
     if (!outcome->ran) {
         result_add_message(result, SCENARIO_BROKEN, "", outcome->text);
         return;
@@ -93,7 +93,7 @@ void scenario_judge_mutations(const struct scenario_job *job, size_t count,
     name_case(scenario, result);
     add_name(result, ", every expectation can fail", "");
 
-    /* Some mutation must make each expectation fail */
+    /* At least one mutation must make each expectation fail */
     for (size_t i = 0; i < scenario->nexpectation; i++) {
         bool fails = false;
 

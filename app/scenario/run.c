@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runs a scenario once: the rig, a host, and an observer that acts and observes once a tick. */
+/* Runs a scenario once: the rig, a host, and an observer that is called once per tick. */
 #include "app/scenario/private.h"
 
 #include "app/scenario/program.h"
@@ -17,9 +17,9 @@
 
 /* Frames received at a time. */
 enum { BATCH = 64 };
-enum { DONE_PATIENCE_NS = 1000000000 }; /* wall-clock wait for a DONE to be on its way, at most */
+enum { DONE_PATIENCE_NS = 1000000000 }; /* longest wall-clock wait for a DONE to be sent */
 
-/* Address space of a run, bytes; pages cost nothing until they are touched. */
+/* Reserved address space of a run, bytes; unused pages cost nothing. */
 #define MEMORY ((size_t)1 << 30)
 
 /* A run under way. */
@@ -32,14 +32,15 @@ struct run {
     struct bus_ports ports, host_ports;
     struct clock *wall;
     int64_t last_ns, duration_ns;
-    bool has_host;          /* a host of ours takes part */
+    bool has_host;          /* our own host takes part */
     bool starts;            /* ... and switches the motors on */
-    bool to_the_end, early; /* go on after a failure; the run was ended at one */
-    int64_t stepped_ns;     /* wall-clock time at which the last tick of a lockstep was made */
+    bool to_the_end, early; /* continue after a failure; the run ended at a failure */
+    int64_t stepped_ns;     /* wall-clock time of the last tick in lockstep */
     struct scenario_program program;
-    uint64_t dones, released; /* DONE frames so far; those that the program has been let have */
-    uint64_t mismatches;      /* STEP frames that were refused, so far */
-    char broken[128];         /* how the program ended before the run, "" = it did not */
+    uint64_t dones, released; /* number of DONE frames so far; number of them passed to the
+                               * program */
+    uint64_t mismatches;      /* number of STEP frames refused so far */
+    char broken[128];         /* how the program ended before the run, "" = it still runs */
     struct bus_frame batch[BATCH];
 };
 
@@ -53,7 +54,7 @@ static void observe_done(struct run *run, size_t bus, const struct bus_frame *fr
     run->dones += bus == (size_t)lockstep->bus && frame->id == lockstep->done_id;
 }
 
-/* Hands all frames of the tick to the expectations. */
+/* Passes all frames of the tick to the expectations. */
 static void observe_frames(struct run *run)
 {
     for (size_t b = 0; b < run->ports.count; b++) {
@@ -69,7 +70,7 @@ static void observe_frames(struct run *run)
     }
 }
 
-/* Hands all log lines of the tick to the expectations. */
+/* Passes all log lines of the tick to the expectations. */
 static void observe_events(struct run *run)
 {
     char text[512];
@@ -92,7 +93,7 @@ static bool motors_are_all_on(const struct run *run)
     return on >= run->view.rig->naxis;
 }
 
-/* Sets the labels ready and clean_up when they happen. */
+/* Sets the labels ready and clean_up at their times. */
 static void set_labels(struct run *run, int64_t time_ns)
 {
     int64_t *label = run->clock.label_ns;
@@ -106,9 +107,9 @@ static void set_labels(struct run *run, int64_t time_ns)
     }
 }
 
-/* Lets the program have the DONE of its STEP, which has been observed, and waits until that is on
- * its way. So whatever the program sends belongs to the next tick, in every run, and so do frames
- * of stimuli, which come behind that DONE. */
+/* Passes the DONE of its STEP, already observed, to the program, and waits until it is sent. So in
+ * each run, frames of the program belong to the next tick, and so do frames of stimuli, which
+ * follow that DONE. */
 static void scenario_run_release_program(struct run *run, struct gateway *gateway)
 {
     const struct timespec pause = {.tv_nsec = 10000};
@@ -121,8 +122,8 @@ static void scenario_run_release_program(struct run *run, struct gateway *gatewa
     }
 }
 
-/* Ends a run in lockstep for which no STEP comes: the program has ended, or nothing has come for
- * longer than any load explains. */
+/* Ends a run in lockstep without a next STEP: the program has ended, or the wall-clock limit has
+ * passed. */
 static void scenario_run_watch_steps(struct run *run)
 {
     const double limit_s = run->scenario->wall_limit_s;
@@ -136,7 +137,7 @@ static void scenario_run_watch_steps(struct run *run)
     }
 }
 
-/* Gives a program its turn: after a DONE, or after a STEP that is refused and so answered without a
+/* Lets a program continue: after a DONE, or after a STEP that is refused and answered without a
  * tick. */
 static void scenario_run_program(struct run *run)
 {
@@ -154,8 +155,8 @@ static void scenario_run_program(struct run *run)
     }
 }
 
-/* Judges the tick that ended at time_ns, after its frames and events, and acts; ends the run at a
- * failure. */
+/* Judges the tick that ended at time_ns, after its frames and events, and executes stimuli; ends
+ * the run at a failure. */
 static void scenario_run_judge_tick(struct run *run, int64_t time_ns)
 {
     set_labels(run, time_ns);
@@ -167,7 +168,7 @@ static void scenario_run_judge_tick(struct run *run, int64_t time_ns)
     }
 }
 
-/* Lets the host start the boards up and send, unless a stimulus silences it. */
+/* Lets the host start the boards and send, unless a stimulus silences it. */
 static void scenario_run_host(struct run *run)
 {
     if (run->starts && run->view.host_phase < HOST_READY) {
@@ -178,7 +179,7 @@ static void scenario_run_host(struct run *run)
     }
 }
 
-/* Observes and acts; called once a tick, and again while a lockstep waits. */
+/* Observes and acts; called once per tick, and again while lockstep waits. */
 static void scenario_run_step(void *context, int64_t time_ns)
 {
     struct run *run = context;
@@ -195,7 +196,7 @@ static void scenario_run_step(void *context, int64_t time_ns)
         scenario_run_watch_steps(run);
     }
 
-    /* Only in lockstep does the host wait, for DONE */
+    /* Only in lockstep the host waits for DONE */
     if (run->has_host && !host_receive(run->view.host, time_ns)) {
         host_repeat_step(run->view.host, clock_now(run->wall));
         return;
@@ -221,7 +222,7 @@ static enum error_code create_host(struct run *run, struct arena *arena, struct 
     return run->has_host ? host_create(&config, arena, &run->view.host, error) : ERROR_NONE;
 }
 
-/* Loads the rig with the scenario's changes, and binds the scenario's names to it. */
+/* Loads the rig with the scenario's changes, and looks up the scenario's names in it. */
 static enum error_code load_rig(struct run *run, struct arena *arena, struct error *error)
 {
     const struct scenario *scenario = run->scenario;
@@ -253,8 +254,8 @@ static uint64_t scenario_run_ticks(const struct run *run)
     return (uint64_t)ceil(length_s * 1e9 / (double)run->view.rig->tick_ns - 1e-6);
 }
 
-/* Decides whether a host of ours is on the buses: one that switches the motors on, or one that
- * sends STEP when nobody else does in a lockstep. */
+/* Decides whether the run needs our own host: to switch the motors on, or to send STEP in lockstep
+ * if no other participant does. */
 static void scenario_run_find_host(struct run *run)
 {
     const struct scenario *scenario = run->scenario;
@@ -296,13 +297,13 @@ static enum error_code create_simulator(struct run *run, const struct scenario_o
     char notice[256];
     enum error_code code = simulator_create(&config, arena, &run->view.simulator, notice, error);
 
-    /* Join with ports to observe and to send frames, and with those of the host */
+    /* Joins with ports to observe and send frames, and with ports of the host */
     code = code ? code : simulator_join(run->view.simulator, &run->ports, error);
     return code || !run->has_host ? code
                                   : simulator_join(run->view.simulator, &run->host_ports, error);
 }
 
-/* Creates everything that a run needs. */
+/* Creates all parts of a run. */
 static enum error_code scenario_run_create(struct run *run, const struct scenario_options *options,
                                            const struct simulator_observer *observer,
                                            struct arena *arena, struct error *error)
@@ -317,7 +318,7 @@ static enum error_code scenario_run_create(struct run *run, const struct scenari
         return error_set(error, ERROR_MEMORY, "no memory left for a scenario");
     }
 
-    /* The rig is loaded first: names, ticks and buses are its own */
+    /* The rig first, because names, ticks and buses depend on it */
     scenario_run_find_host(run);
     if ((code = load_rig(run, arena, error)) ||
         (code = scenario_stimuli_create(scenario, options->mutation, arena, &run->stimuli, fault,
@@ -333,8 +334,7 @@ static enum error_code scenario_run_create(struct run *run, const struct scenari
 
 /* ---- the run ---- */
 
-/* Writes of which scenario a summary is, and with which values of its parameters: the rig is the
- * one that they make. */
+/* Writes the scenario and the values of its parameters for the summary; they determine the rig. */
 static void scenario_run_put_origin(const void *context, FILE *out)
 {
     const struct scenario *scenario = context;
@@ -352,7 +352,7 @@ static void scenario_run_put_origin(const void *context, FILE *out)
     fputs("}", out);
 }
 
-/* Completes a recording: its files, its summary and the plots of expectations that were not met. */
+/* Completes a recording: its files, its summary and the plots of failed expectations. */
 static enum error_code scenario_run_finish_recording(struct run *run, const char *record,
                                                      enum loop_end end,
                                                      struct scenario_outcome *outcome,
@@ -375,7 +375,7 @@ static enum error_code scenario_run_finish_recording(struct run *run, const char
     return code ? code : scenario_expectations_plot(run->expectations, outcome, record, error);
 }
 
-/* Judges the last tick, closes all expectations, and fills in the outcome. */
+/* Judges the last tick, closes all expectations, and fills the outcome. */
 static void scenario_run_finish(struct run *run, const struct scenario_options *options,
                                 enum loop_end end, struct scenario_outcome *outcome)
 {
@@ -384,7 +384,7 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
     int64_t planned_ns = (int64_t)scenario_run_ticks(run) * run->view.rig->tick_ns;
     struct error error;
 
-    /* The frames and events of the last tick have not been judged yet */
+    /* Frames and events of the last tick are not judged yet */
     observe_frames(run);
     observe_events(run);
     if (run->has_host) {
@@ -394,7 +394,7 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
         scenario_run_judge_tick(run, time_ns);
     }
 
-    /* The verdicts, and what identifies the run */
+    /* The verdicts, and data that identify the run */
     scenario_expectations_finish(run->expectations, &run->clock, time_ns, planned_ns, run->early,
                                  outcome);
     outcome->ran = true;
@@ -403,7 +403,8 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
     outcome->seed = faults_seed(simulator_faults(simulator));
     outcome->state_hash = plant_hash(simulator_plant(simulator));
 
-    /* A program or a model that fails voids the verdicts; what cannot be recorded was still seen */
+    /* A failure of the program or the model makes the verdicts invalid; a recording failure does
+     * not */
     if (run->broken[0]) {
         outcome->ran = false;
         snprintf(outcome->text, sizeof outcome->text, "%s", run->broken);
@@ -416,7 +417,7 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
     }
 }
 
-/* Makes, runs and destroys a simulator; the outcome is complete unless an error is returned. */
+/* Creates, runs and destroys a simulator; the outcome is complete unless an error is returned. */
 static enum error_code scenario_run_in_arena(struct run *run,
                                              const struct scenario_options *options,
                                              struct arena *arena, struct scenario_outcome *outcome,
@@ -464,7 +465,7 @@ void scenario_run(struct scenario *scenario, const struct scenario_options *opti
         return;
     }
 
-    /* No label but the start has happened yet */
+    /* Only the label start has a time yet */
     run->scenario = scenario;
     run->wall = wall;
     run->stepped_ns = begin;
@@ -475,8 +476,8 @@ void scenario_run(struct scenario *scenario, const struct scenario_options *opti
     }
     run->clock.label_ns[SCENARIO_LABEL_START] = 0;
 
-    /* All memory is in an arena of the run's own, but for the solids: its rig and its simulator
-     * share them, and the cases of a sweep those that were made before */
+    /* The run's arena owns all memory except solids: the rig and its simulator share them, also
+     * with the other cases of a sweep */
     code = solid_store_open(&error);
     code = code ? code : arena_init(&arena, MEMORY, &error);
     if (!code) {
@@ -487,7 +488,8 @@ void scenario_run(struct scenario *scenario, const struct scenario_options *opti
     if (code) {
         outcome->ran = false;
         snprintf(outcome->text, sizeof outcome->text, "%.250s", error.text);
-        /* A run with a recorder opens its files first of all that the system may refuse */
+        /* With a recorder, the files of the recording are the first things that the system may
+         * refuse, so this error means that recording failed */
         if (options->record && code == ERROR_SYSTEM) {
             snprintf(outcome->unrecorded, sizeof outcome->unrecorded, "%.200s", error.text);
         }

@@ -11,7 +11,7 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Longest part of a name; names of one kind in a rig. */
+/* Longest part of a name, and maximum number of names of one kind in a rig. */
 enum { PARTS_MAX = 4, PART_SIZE = 64, NAMES_MAX = 128 };
 
 /* ---- quantities ---- */
@@ -86,7 +86,7 @@ static double signal_read_measured_ft(const struct scenario_view *view, size_t f
     return wrench_value(&simulator_measured(view->simulator)->ft[ft], word);
 }
 
-/* Returns what the host has received of a joint. */
+/* Returns a value of a joint that the host has received. */
 static double signal_read_host_joint(const struct scenario_view *view, size_t axis, size_t word)
 {
     const struct host_joint *joint = host_joint(view->host, axis);
@@ -97,7 +97,7 @@ static double signal_read_host_joint(const struct scenario_view *view, size_t ax
     return value[word];
 }
 
-/* Returns what the host has received of a force-torque sensor. */
+/* Returns a value of a force-torque sensor that the host has received. */
 static double signal_read_host_ft(const struct scenario_view *view, size_t ft, size_t word)
 {
     const struct host_force *force = host_force(view->host, ft);
@@ -193,7 +193,7 @@ static double largest_tec(const struct scenario_view *view, const struct wire *w
     return (double)largest;
 }
 
-/* Returns a quantity that only a bus in virtual time has; not a number on other buses. */
+/* Returns a quantity of a bus with timing in virtual time; NAN for other buses. */
 static double signal_read_wire(const struct scenario_view *view, size_t bus, size_t word)
 {
     const struct wire *wire = simulator_wire(view->simulator, bus);
@@ -312,8 +312,8 @@ static size_t bus_names(const struct rig *rig, const char **name)
     return rig->nbus;
 }
 
-/* Form of a name, PREFIX.NAME.WORD; a prefix of "" is omitted, and so is NAME where a form has no
- * names. Forms with longer prefixes stand first. */
+/* Form of a name, PREFIX.NAME.WORD. An empty prefix is omitted, and so is NAME in forms without
+ * names. Forms with longer prefixes come first. */
 static const struct form {
     const char *prefix;
     size_t (*names)(const struct rig *rig, const char **name);
@@ -347,7 +347,7 @@ static const struct form {
     {"task", NULL, (const char *const[]){"status"}, 1, signal_read_task, false, false},
 };
 
-/* Finds a word in a list; false when it is not there. */
+/* Finds a word in a list; returns false if it is missing. */
 static bool signal_find_word(const char *const *word, size_t count, const char *text, size_t *index)
 {
     for (*index = 0; *index < count; ++*index) {
@@ -358,7 +358,7 @@ static bool signal_find_word(const char *const *word, size_t count, const char *
     return false;
 }
 
-/* Splits a name into PREFIX.middle.WORD of a form; false when it does not fit. */
+/* Splits a name into PREFIX.middle.WORD of a form; returns false if it does not match. */
 static bool signal_fits_form(const struct form *form, const char *name, char middle[PART_SIZE],
                              const char **word)
 {
@@ -384,7 +384,7 @@ static bool signal_fits_form(const struct form *form, const char *name, char mid
     return true;
 }
 
-/* Refuses a signal with an unknown part, and suggests the nearest of the words. */
+/* Refuses a signal with an unknown part, and suggests the nearest word. */
 static enum error_code signal_unknown(const char *name, const char *part, const char *const *words,
                                       size_t count, const struct yaml_mark *mark,
                                       struct error *error)
@@ -406,7 +406,7 @@ enum error_code scenario_signal_find(const char *name, const struct rig *rig,
     char unknown[PART_SIZE];
     size_t count = 0;
 
-    /* Longer prefixes stand first in the table, so that measured.ft is not read as a joint "ft" */
+    /* Longer prefixes come first in the table, so that measured.ft is not read as a joint "ft" */
     for (size_t i = 0; i < ARRAY_COUNT(forms); i++) {
         const struct form *form = &forms[i];
         size_t n = 0, a = 0, b;
@@ -424,7 +424,7 @@ enum error_code scenario_signal_find(const char *name, const struct rig *rig,
                               name);
         }
 
-        /* The name must be one of the rig's, and the quantity one of the form's */
+        /* The name must exist in the rig, and the quantity in the form */
         if (!form->names || signal_find_word(names, n, middle, &a)) {
             if (signal_find_word(form->word, form->nword, word, &b)) {
                 *signal = (struct scenario_signal){form->read, a, b, form->host};
@@ -439,8 +439,8 @@ enum error_code scenario_signal_find(const char *name, const struct rig *rig,
         }
     }
 
-    /* The last form that fitted says what was expected, or else the first that fitted but for the
-     * name; otherwise a joint was meant */
+    /* The error describes the last form that matched; else the first one that matched except for
+     * the name; else a joint */
     if (words) {
         return signal_unknown(name, part, words, count, mark, error);
     }

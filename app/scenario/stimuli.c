@@ -1,18 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Carries out the stimuli of a scenario, tick by tick. */
+/* Executes the stimuli of a scenario, tick by tick. */
 #include "app/scenario/private.h"
 
 #include <stdio.h>
 #include <string.h>
 
-static const double REFRESH_S = 0.01; /* a voltage is set again after so long */
+static const double REFRESH_S = 0.01; /* period with which a voltage is set again */
 
 /* Progress of one stimulus. */
 struct state {
-    bool left_out; /* the mutation leaves it out */
+    bool left_out; /* the mutation omits it */
     bool begun, over;
-    int64_t begin_ns, next_ns; /* when it began; when it acts again */
-    int fault;                 /* index among the simulator's faults, -1 = not looked up yet */
+    int64_t begin_ns, next_ns; /* time of its start; time of its next action */
+    int fault;                 /* index among the simulator's faults, -1 = not known yet */
 };
 
 struct scenario_stimuli {
@@ -29,7 +29,7 @@ static void fault_name(size_t stimulus, char name[32])
 
 /* ---- set-up ---- */
 
-/* Checks whether a mutation leaves a stimulus out; mutation -1 = none does. */
+/* Checks whether a mutation omits a stimulus; mutation -1 omits none. */
 static bool left_out(const struct scenario *scenario, int mutation, size_t stimulus)
 {
     const char *label = scenario->stimulus[stimulus].label;
@@ -45,8 +45,7 @@ enum error_code scenario_stimuli_create(const struct scenario *scenario, int mut
     struct scenario_stimuli *stimuli = arena_alloc(arena, 1, sizeof *stimuli);
     bool good = stimuli != NULL;
 
-    /* Faults: the scenario's own, those of stimuli, which are switched by hand, and the
-     * mutation's */
+    /* Faults of the scenario, of stimuli (switched by the stimuli), and of the mutation */
     *nfault = 0;
     for (size_t i = 0; i < scenario->nfault; i++) {
         fault[(*nfault)++] = scenario->fault[i].name;
@@ -96,7 +95,7 @@ static void stimulus_switch_fault(struct scenario_stimuli *stimuli, size_t index
     faults_set(faults, time_ns, (size_t)state->fault, active);
 }
 
-/* Tells the host to switch one motor or all. */
+/* Makes the host switch one motor or all motors. */
 static void switch_motors(const struct scenario_motor *motor, const struct scenario_view *view)
 {
     for (size_t i = 0; i < view->rig->naxis; i++) {
@@ -116,7 +115,7 @@ static void stimulus_push(const struct scenario_push *what, const struct scenari
                    on ? what->moment_nm : none);
 }
 
-/* Carries out a stimulus, for the first time or once more. */
+/* Executes a stimulus, for the first time or again. */
 static void stimulus_act(struct scenario_stimuli *stimuli, size_t index,
                          const struct scenario_view *view, const struct bus_ports *ports,
                          int64_t time_ns)
@@ -149,7 +148,7 @@ static void stimulus_act(struct scenario_stimuli *stimuli, size_t index,
     }
 }
 
-/* Ends what a stimulus has begun. */
+/* Ends the effect of a stimulus. */
 static void stimulus_end(struct scenario_stimuli *stimuli, size_t index,
                          const struct scenario_view *view, int64_t time_ns)
 {
@@ -163,7 +162,7 @@ static void stimulus_end(struct scenario_stimuli *stimuli, size_t index,
     stimuli->state[index].over = true;
 }
 
-/* Returns the time until a stimulus acts again, ns; 0 = it acts once. */
+/* Returns the period of a stimulus's actions, ns; 0 = it acts once. */
 static int64_t period_ns(const struct scenario_stimulus *stimulus)
 {
     return stimulus->every_s > 0.0                ? scenario_ns(stimulus->every_s)
@@ -171,7 +170,8 @@ static int64_t period_ns(const struct scenario_stimulus *stimulus)
                                                   : 0;
 }
 
-/* Begins or continues a stimulus; true when it began, for its label may start another one. */
+/* Starts or continues a stimulus; returns true if it started, because its label may start another
+ * one. */
 static bool stimulus_step(struct scenario_stimuli *stimuli, size_t index,
                           const struct scenario_view *view, const struct bus_ports *ports,
                           struct scenario_clock *clock, int64_t time_ns)
@@ -185,7 +185,7 @@ static bool stimulus_step(struct scenario_stimuli *stimuli, size_t index,
         return false;
     }
 
-    /* A label is set by the first stimulus that has it */
+    /* The first stimulus with a label sets it */
     if (begins) {
         state->begun = true;
         state->begin_ns = state->next_ns = time_ns;
@@ -194,7 +194,7 @@ static bool stimulus_step(struct scenario_stimuli *stimuli, size_t index,
         }
     }
 
-    /* End it after its time; act at its beginning, and again when the period is over */
+    /* Ends it after its duration; acts at its start, and again after each period */
     if (stimulus->for_s > 0.0 && time_ns >= state->begin_ns + scenario_ns(stimulus->for_s)) {
         stimulus_end(stimuli, index, view, time_ns);
     } else if (begins || (period_ns(stimulus) && time_ns >= state->next_ns)) {
@@ -211,8 +211,8 @@ void scenario_stimuli_step(struct scenario_stimuli *stimuli, const struct scenar
 {
     bool again = true;
 
-    /* Labels set in this tick may start stimuli before them in the list: go round until none
-     * begins */
+    /* A label set in this tick may start a stimulus earlier in the list: repeats until none
+     * starts */
     stimuli->silence = false;
     for (size_t round = 0; again && round <= stimuli->scenario->nstimulus; round++) {
         again = false;
