@@ -32,8 +32,9 @@ double stop_loss(const struct robot_stop *stop, double depth, double rate)
     return -(stop_torque(stop, depth, rate) + stop->stiffness * depth) * rate;
 }
 
-/* Engages a stop on one side. Its force at the end, with the rate r' = r + h a, is k (depth + h
- * r') + d r'. It equals the force at the depth and rate that r leads to, plus (d + h k) h a. */
+/* Engages a stop on one side. Its force at the end of the step, with the rate r' = r + h a, is k
+ * (depth + h r') + d r'. This is the force without acceleration, k (depth + h r) + d r, plus (d +
+ * h k) h a. */
 static void engage_stop(const struct robot_stop *stop, double limit, double x, double rate,
                         double h, int side, struct stop_step *step)
 {

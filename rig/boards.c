@@ -566,8 +566,8 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
                           bus->name);
     }
 
-    /* A DBC has one length for all commands of an iCub board; other protocols have a length for
-     * each command */
+    /* Padding applies only to iCub boards: their DBC gives all commands one length, while other
+     * protocols give each command its own length */
     if (raw->padded && !protocol->padded) {
         return yaml_error(b->error, yaml_place(&raw->mark, "padded_frames"),
                           "found padded_frames on bus \"%s\", expected it with personality %s only",

@@ -19,7 +19,7 @@ enum { TRIAL_ARENA = 1 << 30 }; /* reserved address space */
 
 /* ---- poses ---- */
 
-/* One of the robot's own pairs over all poses. */
+/* One of the robot's own pairs, with the overlaps found in all poses. */
 struct own_pair {
     struct contact_pair pair;
     bool round;     /* both are capsules or spheres */
@@ -225,8 +225,8 @@ static size_t scene_pair_with_others(const struct rig_builder *b, const struct c
     return count;
 }
 
-/* Adds a pair of the robot's own surfaces to the pairs that depend on the poses, or leaves it
- * out. */
+/* Adds a pair of the robot's own surfaces to the candidates, which are then tested in all poses,
+ * or leaves it out. */
 static void scene_sort_own_pair(struct rig_builder *b, int first, int second,
                                 const struct contact_pair *excluded, struct own_pair *own,
                                 size_t *count)

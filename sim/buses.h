@@ -30,7 +30,8 @@ struct buses {
     const char *interface[RIG_BUSES_MAX]; /* interface of each bus, from the rig or the command
                                            * line */
     bool local;
-    bool timed;                                /* frames take virtual time: buses_advance */
+    bool timed;                                /* frames take time on a wire that buses_advance
+                                                * moves */
     struct local_bus *bus[RIG_BUSES_MAX];      /* of each local bus */
     struct can_port *paced[RIG_BUSES_MAX];     /* of each SocketCAN bus with pacing: the
                                                 * simulator's port */

@@ -60,7 +60,8 @@ static struct fault_port_rule fault_port_rule_of(const struct fault *fault)
     };
 }
 
-/* Inserts a fault port before a bus's port, if the bus has faults that are rules. */
+/* Inserts a fault port before a bus's port, if any fault of the bus is executed by rules of a
+ * port. */
 static enum error_code injection_create_port(struct fault_injection *injection, size_t bus,
                                              struct arena *arena, struct can_port **port,
                                              struct error *error)

@@ -154,7 +154,8 @@ static enum error_code robot_checkpoint_create(struct robot_requests *s, struct 
     hole_add_ring(hole, &nhole, boards_event_ring(config->boards));
     hole_add_ring(hole, &nhole, faults_event_ring(config->faults));
 
-    /* The plant's memory of the last contact evaluation is valid for any state */
+    /* The plant's memory of the last contact evaluation is a hole, because it stays valid in any
+     * restored state */
     hole[nhole].memory = plant_contact_memory(config->plant, &hole[nhole].size);
     nhole++;
     return checkpoint_create(moving, nmoving, hole, nhole, CHECKPOINT_SLOTS, arena, &s->checkpoint,

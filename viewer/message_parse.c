@@ -57,7 +57,7 @@ static bool message_read_bytes(const char *text, struct bus_frame *frame)
     return true;
 }
 
-/* Makes the frame of a send: identifier, format and data. */
+/* Makes the CAN frame of a `send` message: identifier, format and data. */
 static enum error_code message_make_frame(struct viewer_message *message, struct error *error)
 {
     struct bus_frame *frame = &message->frame;

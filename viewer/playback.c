@@ -10,8 +10,8 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Time before a jump for which a client gets frames: COMAN's frames of this time fit in
- * VIEWER_TRACE. Time over which loads are averaged. */
+/* TRACE_SPAN_NS: a jump sends the frames of this time before its target; COMAN's frames of this
+ * time fit in VIEWER_TRACE. LOAD_SPAN_NS: bus loads are means over this time. */
 #define TRACE_SPAN_NS (CLOCK_SECOND / 5)
 #define LOAD_SPAN_NS CLOCK_SECOND
 

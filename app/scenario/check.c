@@ -118,7 +118,7 @@ static int find_label(const struct scenario *scenario, const char *name)
     return -1;
 }
 
-/* Finds the label of a time; the default is the start. */
+/* Finds the label that a time is relative to; the default is the start. */
 static enum error_code resolve_after(const struct scenario *scenario, const char *after,
                                      const struct yaml_mark *mark, int *index, struct error *error)
 {

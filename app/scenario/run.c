@@ -15,7 +15,7 @@
 #include <string.h>
 #include <time.h>
 
-/* Frames received at a time. */
+/* Maximum number of frames received in one call. */
 enum { BATCH = 64 };
 enum { DONE_PATIENCE_NS = 1000000000 }; /* longest wall-clock wait for a DONE to be sent */
 

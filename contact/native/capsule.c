@@ -115,7 +115,7 @@ static void couple_add_spring(const struct axis_couple *c, double s, double leng
         to[k] = apart > DBL_MIN ? to[k] / apart : k == 2;
     }
 
-    /* Force and area: half of the law's for each axis (contact.h) */
+    /* Each axis gets half of the force and area of the law (contact.h) */
     if (ends) {
         width = ends * PI / 2 * c->round * depth;
         force = stiffness * width * depth / 2;
@@ -270,7 +270,7 @@ static void capsule_add_slice(const struct capsule_over_plane *c, double along, 
         return;
     }
 
-    /* Point of action: from the capsule's side upward by its share, starting below the plane by
+    /* Point of action: above the capsule's side by its share of the depth, so below the plane by
      * the rest */
     for (int k = 0; k < 3; k++) {
         b->p[k][b->n] =

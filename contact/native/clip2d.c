@@ -30,7 +30,8 @@ void clip2d_side(const struct polygon2d *in, const double *side, struct polygon2
     out->n = n;
 }
 
-/* Computes the outline of a triangle, which is not stored, padded for the lanes. */
+/* Computes the outline of a triangle (solids store no outlines of triangles), padded to full
+ * lanes. */
 static void triangle_outline(const struct facet *f, const double (*ring)[3], double *x, double *y)
 {
     for (int i = 0; i < 3; i++) {

@@ -526,7 +526,7 @@ void native_overlap_meshes(const struct native_overlap *o)
         return;
     }
 
-    /* A ball in the overlap has at most the diameter thin */
+    /* No ball inside the overlap is wider than thin, which limits the length of springs */
     m.reach = thin / DEPTH_NONE;
     m.fine = FINE * (first->radius < second->radius ? first->radius : second->radius);
 

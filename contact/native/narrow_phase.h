@@ -21,7 +21,8 @@
  * lanes. */
 struct native_view {
     double *normal[3], *center[3], *radius;
-    int *ring;           /* first corner of each facet in corner; -1 = not transformed yet */
+    int *ring;           /* of each facet: index of its first corner in the array corner; -1 = not
+                          * transformed yet */
     double (*corner)[3]; /* counterclockwise */
     int ncorner;
 };

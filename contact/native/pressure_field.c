@@ -23,7 +23,7 @@
 
 /* Largest distance between springs, over the radius of the smaller mesh. */
 #define SPACING 0.6
-/* up to so many corners, a facet's corners are transformed, for a tighter box */
+/* with at most this many corners, a facet is bounded by its corners, else by its circle */
 #define FEW_CORNERS 6
 #define FACING 0.5      /* cosine; pieces that face the depth's gradient less have three springs */
 #define SPACING_PARTS 8 /* maximum number of parts of a polygon along an edge */

@@ -8,7 +8,7 @@
  * has 1e-4 m/rad. */
 #define LEAST_MULTIPLIER 1e-6
 
-/* Finds the joint with a name. */
+/* Finds a joint by name. */
 static enum error_code find_coupled_joint(struct robot_builder *b, const char *name,
                                           const struct yaml_mark *mark, int *joint)
 {

@@ -436,7 +436,7 @@ expr graph_pack(struct graph *graph, int width, const expr *lane)
         return EXPR_ZERO;
     }
 
-    /* Finds the common property of the lanes */
+    /* Finds whether all lanes are equal, all are constants, or all are inputs of one array */
     for (int l = 0; l < width; l++) {
         const struct graph_node *source = graph_get(graph, lane[l]);
 
@@ -449,7 +449,7 @@ expr graph_pack(struct graph *graph, int width, const expr *lane)
         node.operand[l] = lane[l];
     }
 
-    /* Moves the common operation out of the pack */
+    /* Equal lanes, constants and inputs need no pack */
     if (same) {
         return lane[0];
     }
