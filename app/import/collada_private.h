@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Shared by the reader of COLLADA: mesh_collada.c walks the scene, collada_faces.c reads
- * positions, faces and their colors. */
+/* Declarations shared by the parts of the COLLADA reader: mesh_collada.c walks the scene,
+ * collada_faces.c reads positions, faces and colors. Not RT-safe. */
 #ifndef APP_IMPORT_COLLADA_PRIVATE_H
 #define APP_IMPORT_COLLADA_PRIVATE_H
 
@@ -11,17 +11,17 @@
 struct collada_id {
     const char *id;
     const xmlNode *node;
-    size_t number; /* order in the file; of equal ids the first counts */
+    size_t number; /* order in the file; of equal ids the first one is used */
 };
 
-/* The document being read, twice: the first pass counts, the second fills the mesh. */
+/* The document, read twice: the first pass counts, the second fills the mesh. */
 struct collada {
     struct mesh_reader *to;
     struct xml_file file;
     struct collada_id *id; /* sorted by id, then element, then number */
     size_t nid;
     bool counting;          /* in the first pass */
-    size_t vertices, faces; /* found by the first pass */
+    size_t vertices, faces; /* numbers counted in the first pass */
     size_t visited, work;   /* elements visited in this pass; bytes of numbers read */
 };
 
@@ -32,26 +32,26 @@ struct collada_place {
 
 /* ---- mesh_collada.c ---- */
 
-/* Reports an error at an element; found is the text after its name: what is wrong and what was
- * expected. */
+/* Reports an error at an element. found: text after the element's name, with the found and the
+ * expected content. */
 enum error_code collada_refuse(struct collada *c, const xmlNode *node, const char *found);
 
-/* Counts a visit of an element, or with all of everything in it; refuses a scene with too many
+/* Counts a visit of an element, or of its whole subtree if `all`; refuses a scene with too many
  * visits. */
 enum error_code collada_visit(struct collada *c, const xmlNode *node, bool all);
-/* Returns the element of that name that a reference, "#" and an id, means; NULL when there is
+/* Returns the element with this name to which a reference ("#" and an id) points; NULL if there is
  * none. */
 const xmlNode *collada_find(const struct collada *c, const char *reference, const char *name);
 
-/* Finds the element of that name to which an attribute of the node refers, in the same
- * document; an error when there is none. */
+/* Finds the element with this name to which an attribute of the node refers, in the same document;
+ * reports an error if there is none. */
 enum error_code collada_follow(struct collada *c, const xmlNode *node, const char *attribute,
                                const char *name, const xmlNode **found);
 
 /* ---- collada_faces.c ---- */
 
-/* Adds all faces of a <geometry> at its place to the mesh, in the colors that the
- * <instance_geometry> binds; only counts them while c->counting. */
+/* Adds all faces of a <geometry> at its place to the mesh, with the colors of the
+ * <instance_geometry>; while c->counting, only counts them. */
 enum error_code collada_read_geometry(struct collada *c, const xmlNode *geometry,
                                       const xmlNode *instance, const struct collada_place *place);
 

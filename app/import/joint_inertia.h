@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Tries the robot at rest in a pose by torques, to find what inertia its joints show. Joints that
- * follow others follow exactly, and count to their leaders. SI units; memory is the caller's
- * arena's. Not RT-safe.
+ * Computes the effective inertias of joints by applying torques to the robot at rest in a pose.
+ * Followers follow exactly, and their inertia counts at their leaders. SI units; the caller's arena
+ * owns the memory. Not RT-safe.
  */
 #ifndef APP_IMPORT_JOINT_INERTIA_H
 #define APP_IMPORT_JOINT_INERTIA_H
 
 #include "model/dynamics.h"
 
-/* A robot in a pose, with room for one trial; still holds the accelerations without torques. */
+/* A robot in a pose, with buffers for one trial and the accelerations without torques. */
 struct import_trial {
     struct dynamics dynamics;
     double *q, *v, *tau, *extra, *still, *vdot, *force;
@@ -22,12 +22,12 @@ struct import_trial {
 enum error_code import_trial_make(const struct robot *robot, const double *joint,
                                   struct arena *arena, struct import_trial *t, struct error *error);
 
-/* Returns the inertia of joint j while the others give way, its rotor included: 1 / its
- * acceleration by a unit torque. kg m2, or kg of a prismatic joint. */
+/* Returns the inertia of joint j with the other joints free, rotor included: 1 / its acceleration
+ * by a unit torque. kg m2, or kg for a prismatic joint. */
 double import_trial_inertia(struct import_trial *t, size_t j);
 
-/* Returns the inertia of joint j while the others are held: of all that is behind it and behind its
- * followers. */
+/* Returns the inertia of joint j with the other joints held: of all bodies behind it and behind
+ * its followers. */
 double import_trial_held_inertia(struct import_trial *t, size_t j);
 
 #endif

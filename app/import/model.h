@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Describes a robot as a foreign file has it, whatever its format: links, joints, geometry, sensors
- * and poses, each with the file and line it stands in, in the file's own order. Nothing is merged
- * or judged yet; app/import/tree_simplify.h makes a robot of it. SI units, angles in rad; places
- * are those of the child in the parent. Memory is the arena's that it was read into; names are the
- * file's. Not RT-safe.
+ * A robot as in a foreign file of any format: links, joints, geometry, sensors and poses in file
+ * order, each with file and line. Nothing is merged or checked yet; app/import/tree_simplify.h
+ * makes a robot of it. SI units, angles in rad; a place is the pose of the child in the parent. The
+ * arena of the reading owns the memory; names are as in the file. Not RT-safe.
  */
 #ifndef APP_IMPORT_MODEL_H
 #define APP_IMPORT_MODEL_H
@@ -16,8 +15,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-/* Bounds of what is read: far above any robot, and small enough for work that grows with their
- * square. */
+/* Limits: far above any robot, and small enough for work that grows with their square. */
 enum { IMPORT_LINKS_MAX = 4096, IMPORT_GEOMETRY_MAX = 16384, IMPORT_NOTES_MAX = 65536 };
 
 /* Pose of a child in its parent. */
@@ -44,19 +42,19 @@ enum import_shape {
     IMPORT_MESH
 };
 
-/* A shape that a link touches with, is seen as, or both. */
+/* A shape for collision, for appearance, or for both. */
 struct import_geometry {
     const char *file;
     int line;
     int link;
-    bool collision, visual; /* purposes of the shape: one of them or both */
+    bool collision, visual; /* purpose of the shape: at least one is true */
     enum import_shape shape;
-    double radius, length; /* m; the length of a capsule is that between its half-spheres */
-    double half[3];        /* half sides of a box, half axes of an ellipsoid, m */
-    const char *mesh;      /* file of the mesh, as the robot file names it */
+    double radius, length; /* m; the length of a capsule is between its half-spheres */
+    double half[3];        /* half edge lengths of a box, semi-axes of an ellipsoid, m */
+    const char *mesh;      /* file name of the mesh, as in the robot file */
     double scale[3];
     struct import_place place; /* in the link */
-    bool colored;              /* the file gives it a color */
+    bool colored;              /* the file gives a color */
     bool repaints;             /* ... which overrides the mesh's own colors */
     double color[4];           /* sRGB and opacity, 0 to 1 */
 };
@@ -74,20 +72,20 @@ struct import_joint {
     int line;
     enum import_joint_type type;
     const char *parent, *child;
-    int parent_link, child_link; /* indices, set once the whole file is read */
+    int parent_link, child_link; /* indices, set after the whole file is read */
     struct import_place place;
-    double axis[3]; /* of any length but 0, in the child's frame */
+    double axis[3]; /* any length but 0, in the child's frame */
     bool has_limit; /* lower and upper are given */
     double lower, upper;
     double effort, velocity; /* 0 = not given */
     double damping, friction;
-    double stiffness, rest; /* of a spring, and the position in which it is relaxed */
+    double stiffness, rest; /* of a spring, and its relaxed position */
     double armature;        /* reflected inertia of the rotor, kg m2; 0 = not given */
     double gear;            /* rotor turns per link turn; 0 = not given */
-    const char *mimic;      /* name of the joint that it follows, or NULL */
+    const char *mimic;      /* name of the leader, or NULL */
     const char *mimic_file;
     int mimic_line;
-    double multiplier, offset; /* of the leader's position */
+    double multiplier, offset; /* position = multiplier times the leader's position + offset */
     bool bends;                /* it follows by a polynomial of higher order */
     bool driven;               /* the file has an actuator for it */
 };
@@ -117,19 +115,19 @@ struct import_pose {
     size_t nvalue;
 };
 
-/* What became of a part of the file that the robot does not have as the file says. */
+/* How the robot differs from a part of the file. */
 enum import_fate {
-    IMPORT_DROPPED, /* read and left out */
-    IMPORT_MERGED,  /* part of another body now, without loss */
-    IMPORT_CHANGED, /* taken in another form than the file's */
-    IMPORT_ASSUMED, /* chosen by a rule, as the file does not say it */
-    IMPORT_MISSING, /* a mesh that is not there or cannot be read */
+    IMPORT_DROPPED, /* read and ignored */
+    IMPORT_MERGED,  /* merged into another body, without loss */
+    IMPORT_CHANGED, /* used in a different form */
+    IMPORT_ASSUMED, /* not in the file: chosen by a rule */
+    IMPORT_MISSING, /* a mesh that does not exist or cannot be read */
     IMPORT_SHAPED,  /* a collision shape replaced by a capsule */
-    IMPORT_DOUBTED, /* taken as the file says, which is hardly meant */
+    IMPORT_DOUBTED, /* used as in the file, but probably not intended */
     IMPORT_FATES,
 };
 
-/* One thing to report, with its place in the file. */
+/* One item of the report, with its place in the file. */
 struct import_note {
     enum import_fate fate;
     const char *file;
@@ -141,7 +139,7 @@ struct import_notes {
     struct arena *arena;
     struct import_note *note;
     size_t count, capacity;
-    bool overflow; /* memory or IMPORT_NOTES_MAX was exhausted */
+    bool overflow; /* no memory, or IMPORT_NOTES_MAX reached */
 };
 
 struct import_model {
@@ -164,28 +162,27 @@ struct import_model {
 void import_note_add(struct import_notes *notes, enum import_fate fate, const char *file, int line,
                      const char *format, ...) __attribute__((format(printf, 5, 6)));
 
-/* Returns the text of an error for a note of that place: without "file:line: " at its beginning. */
+/* Returns the text of an error for a note at that place: without a leading "file:line: ". */
 const char *import_reason(const char *file, int line, const char *text);
 
 /* Reports an error "file:line: ..."; returns ERROR_INPUT. */
 enum error_code import_error(struct error *error, const char *file, int line, const char *format,
                              ...) __attribute__((format(printf, 4, 5)));
 
-/* Composes places: where a child of b is in a's parent, out = a b. out may be neither of the
- * two. */
+/* Composes poses: out = a b, the pose of b's child in a's parent. out must differ from a and b. */
 void import_place_compose(const struct import_place *a, const struct import_place *b,
                           struct import_place *out);
 void import_place_identity(struct import_place *place);
 
-/* Computes fixed-axis roll, pitch and yaw of a rotation, rad, accurate also near a right angle of
- * pitch. */
+/* Computes fixed-axis roll, pitch and yaw of a rotation, rad; accurate also near a pitch of 90
+ * degrees. */
 void import_rpy(const double R[9], double rpy[3]);
 
 /* Return the index of a name, or -1. */
 int import_find_link(const struct import_model *model, const char *name);
 int import_find_joint(const struct import_model *model, const char *name);
 
-/* Adds the mass, center and inertia of a part at a place to a body. */
+/* Adds the mass, center and inertia of a part with a pose to a body. */
 void import_add_inertia(struct robot_inertia *body, const struct robot_inertia *part,
                         const struct import_place *place);
 

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Writes the files of an import into its folder, a configuration tree of its own: robots/NAME.yaml,
- * rigs/NAME.yaml (and rigs/NAME-standing.yaml of a robot that floats and has a pose to stand in),
- * NAME-import.txt, drives/ with copies of the user's own drive files. Every file is complete or not
- * there. Not RT-safe.
+ * Writes the files of an import to its folder, which is a configuration tree: robots/NAME.yaml,
+ * rigs/NAME.yaml (for a floating robot with a standing pose also rigs/NAME-standing.yaml),
+ * NAME-import.txt, drives/ with copies of the user's own drive files. Each file is complete or
+ * missing. Not RT-safe.
  */
 #ifndef APP_IMPORT_WRITE_H
 #define APP_IMPORT_WRITE_H
@@ -18,32 +18,33 @@
 enum error_code import_write_robot(const struct import_robot *from, const char *path,
                                    struct error *error);
 
-/* Copies a drive file of the user's own. */
+/* Copies a user's own drive file. */
 enum error_code import_copy_drive(const char *from, const char *path, struct error *error);
 
-/* Contents of the rig files; robot is the one that was read back. */
+/* Contents of the rig files; robot is the one read back. */
 struct import_rig {
     const struct robot *robot;
     const struct import_plan *plan;
     const struct import_gains *gains;
     double supply_v;
-    const char *pose;     /* to start in */
-    double height_m;      /* of a floating base that hangs, above the ground */
+    const char *pose;     /* initial pose */
+    double height_m;      /* height above the ground of a hanging floating base */
     const char *standing; /* name of a pose to stand in, or NULL */
     double standing_height_m;
 };
 
-/* Write the rig that hangs or is fixed, and the one that stands. */
+/* Write the rig with a hanging or fixed base, and the standing one. */
 enum error_code import_write_rig(const struct import_rig *rig, const char *path,
                                  struct error *error);
 enum error_code import_write_standing(const struct import_rig *rig, const char *path,
                                       struct error *error);
 
-/* Writes the report: every note, grouped by fate, in the order of the file. */
+/* Writes the report: all notes, grouped by fate, in file order. */
 enum error_code import_write_report(const struct import_notes *notes, const char *source,
                                     const char *path, struct error *error);
 
-/* Count the notes of a fate, and return its word ("dropped"). */
+/* import_count_notes counts the notes with a fate; import_fate_word returns the fate's word
+ * ("dropped"). */
 size_t import_count_notes(const struct import_notes *notes, enum import_fate fate);
 const char *import_fate_word(enum import_fate fate);
 

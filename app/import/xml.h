@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Reads XML files from strangers through libxml2 with everything off that reaches beyond the file:
- * network, document types, entities. Bounded in bytes, depth, attributes of an element and
- * namespaces. Text is UTF-8, or else Latin-1, whatever the file says of its encoding. Numbers are
- * read strictly; every error says file:line. Not RT-safe.
+ * Reads untrusted XML files through libxml2, with all features disabled that reach beyond the file:
+ * network, document types, entities. Limited in bytes, depth, attributes per element and
+ * namespaces. Text is UTF-8, or else Latin-1, independent of the declared encoding. Numbers are
+ * parsed strictly; each error has file:line. Not RT-safe.
  */
 #ifndef APP_IMPORT_XML_H
 #define APP_IMPORT_XML_H
@@ -27,7 +27,7 @@ struct xml_file {
     const char *name; /* in the arena */
     xmlDoc *document;
     xmlNode *root;
-    struct error *error; /* that it was opened with, where errors of its numbers go */
+    struct error *error; /* error given at opening, for errors of its numbers */
     size_t size;         /* bytes of text */
 };
 
@@ -40,55 +40,54 @@ enum error_code xml_text_open(struct xml_file *file, const char *name, const cha
                               size_t size, struct error *error);
 void xml_file_close(struct xml_file *file);
 
-/* Return the line of a node, and its file: that of the document, or the one that xml_insert_file
- * took it from. */
+/* xml_line returns the line of a node; xml_name returns its file: the document's, or the one from
+ * which xml_insert_file took it. */
 int xml_line(const xmlNode *node);
 const char *xml_name(const struct xml_file *file, const xmlNode *node);
 
-/* Inserts copies of all elements in the root of another document before a node. They keep that
- * document's name. */
+/* Inserts copies of all elements in the root of another document before a node. The copies keep
+ * the other document's name. */
 enum error_code xml_insert_file(const struct xml_file *file, xmlNode *before,
                                 const struct xml_file *other, struct error *error);
 
-/* Removes a node, with all that is in it, from its document. */
+/* Removes a node with its subtree from its document. */
 void xml_remove(xmlNode *node);
 
-/* Checks whether a node is an element of that name without a foreign prefix. */
+/* Checks whether a node is an element with this name without a foreign prefix. */
 bool xml_is(const xmlNode *node, const char *name);
 
-/* Returns the node after one in a walk through all that is in root, parents first; NULL at the
- * end. */
+/* Returns the next node in a walk through root's subtree, parents first; NULL at the end. */
 const xmlNode *xml_walk(const xmlNode *at, const xmlNode *root);
 
-/* Refuses a robot file of more elements than any robot needs: some work looks through many of them
- * for each. */
+/* Refuses a robot file with more elements than any robot needs, because some work grows with the
+ * square of their number. */
 enum error_code xml_check_elements(const struct xml_file *file, struct error *error);
 
-/* Return the first child, or the next sibling, that is an element of that name (NULL: any); NULL =
+/* Return the first child element, or the next sibling element, with this name (NULL: any); NULL =
  * none. */
 xmlNode *xml_child(const xmlNode *node, const char *name);
 xmlNode *xml_next(const xmlNode *node, const char *name);
 
-/* Return the text of an attribute, NULL when it is missing, and of an element; both belong to the
- * document. */
+/* Return the text of an attribute (NULL if it is missing) or of an element; the document owns
+ * both. */
 const char *xml_attribute(const xmlNode *node, const char *name);
 const char *xml_content(const xmlNode *node);
 
-/* Finds the text of an attribute that must be there and not empty. */
+/* Finds the text of an attribute that must exist and not be empty. */
 enum error_code xml_need(const struct xml_file *file, const xmlNode *node, const char *name,
                          const char **text);
 
-/* Parses exactly count numbers, divided by blanks, in text of the node; what names it in
+/* Parses exactly count numbers, separated by blanks, in a text of the node; `what` names them in
  * messages. */
 enum error_code xml_parse_reals(const struct xml_file *file, const xmlNode *node, const char *what,
                                 const char *text, size_t count, double *value);
 
-/* Reads the numbers of an attribute; leaves them alone, and sets *given to false, when it is
- * missing. given may be NULL. */
+/* Reads the numbers of an attribute. If it is missing, leaves them unchanged and sets *given to
+ * false. given may be NULL. */
 enum error_code xml_reals(const struct xml_file *file, const xmlNode *node, const char *name,
                           size_t count, double *value, bool *given);
 
-/* Reads a number that must be there. */
+/* Reads a number that must exist. */
 enum error_code xml_need_real(const struct xml_file *file, const xmlNode *node, const char *name,
                               double *value);
 
