@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The commands of coman-hil ctl: how the words of a command line become a request of the control
- * socket (control/control.h), and how its answer is printed. Not RT-safe.
+ * The commands of coman-hil ctl: converts the words of a command line to a request for the control
+ * socket (control/control.h), and prints its answer. Not RT-safe.
  */
 #ifndef APP_CLI_CTL_REQUEST_H
 #define APP_CLI_CTL_REQUEST_H
@@ -16,7 +16,7 @@
 
 /* The words of a command line, apart from the program's name. */
 struct ctl_options {
-    const char *command, *socket, *udp; /* udp: where rows are sent; NULL = standard output */
+    const char *command, *socket, *udp; /* udp: destination of rows; NULL = standard output */
     const char *const *word;            /* the command's arguments; ends with NULL */
     size_t nword;
     double period_ms;
@@ -27,15 +27,16 @@ struct ctl_options {
 /* A command of ctl. */
 struct ctl_command {
     const char *name;
-    /* Adds the arguments to a request of the caller's, which has "cmd" already. */
+    /* Adds the arguments to the caller's request, which already has "cmd" */
     enum error_code (*make)(json_t *request, const struct ctl_options *o, struct error *error);
-    void (*print)(const json_t *answer, FILE *out); /* NULL: tick, time and hash are printed */
+    void (*print)(const json_t *answer, FILE *out); /* Prints an answer; NULL: prints tick, time
+                                                     * and hash */
 };
 
 /* Returns the names of all commands, NULL at the end. */
 const char *const *ctl_command_names(void);
 
-/* Returns the command of a name, or NULL with an error that names the nearest one. */
+/* Returns the command with a name; otherwise NULL with an error that suggests the nearest one. */
 const struct ctl_command *ctl_find_command(const char *name, struct error *error);
 
 #endif

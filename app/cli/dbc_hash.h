@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The text of the DBC file of a bus, and hashes of it, by which a client that has files of
- * `coman-hil dbc` sees whether they are those of the rig that runs. Not RT-safe.
+ * The text of a bus's DBC file, and hashes of it. A client with files of `coman-hil dbc` compares
+ * the hashes to check that its files belong to the running rig. Not RT-safe.
  */
 #ifndef APP_CLI_DBC_HASH_H
 #define APP_CLI_DBC_HASH_H
@@ -10,13 +10,13 @@
 #include "canbus/dbc.h"
 #include "rig/rig.h"
 
-/* Writes a DBC into *text, which starts zeroed and whose text the caller frees. ERROR_MEMORY. */
+/* Writes a DBC to *text, which must be zeroed and is freed by the caller. ERROR_MEMORY. */
 enum error_code dbc_hash_write_text(const struct dbc *dbc, struct memory_file *text,
                                     struct error *error);
 
-/* Returns in *hashes "BUS=HASH BUS=HASH ...", owned by arena: of each bus the 64-bit FNV-1a hash
- * (base/hash.h, 16 hexadecimal digits) of the bytes that dbc_hash_write_text makes. A bus whose
- * messages no DBC file can hold is left out. ERROR_MEMORY. */
+/* Writes "BUS=HASH BUS=HASH ..." to *hashes, owned by arena. HASH is the 64-bit FNV-1a hash
+ * (base/hash.h, 16 hexadecimal digits) of the bytes from dbc_hash_write_text. Omits a bus whose
+ * messages do not fit in a DBC file. ERROR_MEMORY. */
 enum error_code dbc_hash_rig(const struct rig *rig, struct arena *arena, const char **hashes,
                              struct error *error);
 

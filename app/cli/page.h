@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The page of a run (viewer/viewer.h) as the command line and the rig ask for it. Not RT-safe. */
+/* The page of a run (viewer/viewer.h), as requested by the command line and the rig. Not
+ * RT-safe. */
 #ifndef APP_CLI_PAGE_H
 #define APP_CLI_PAGE_H
 
@@ -12,34 +13,34 @@
 struct page {
     struct viewer *viewer; /* NULL = none */
     struct bus_ports ports;
-    double linger_s; /* longest time that it stays after the run for pages that are open */
+    double linger_s; /* longest time for which it serves open pages after the run */
 };
 
-/* Joins the buses and starts the server, and prints each address on stderr; does nothing when no
- * page is asked for. control: path of the control socket, NULL = there is none; service: under a
- * service manager, where the page neither stays after a run nor keeps its tokens unless the options
- * say so. */
+/* Joins the buses, starts the server, and prints each address on stderr; does nothing if no page
+ * is requested. control: path of the control socket, NULL = none. service: the run is under a
+ * service manager. Then the page neither stays after a run nor keeps its tokens, unless the
+ * options say so. */
 enum error_code page_open(struct page *page, const struct run_options *options, bool service,
                           struct simulator *simulator, const char *control, struct error *error);
 
-/* Prints on stderr which of the robot's visuals a page cannot show, and why. */
+/* Prints on stderr the visuals that a page cannot show, with reasons. */
 void page_print_lacks(const struct robot *robot);
 
-/* Checks whether the page stays after the run: somebody looks at it, and nobody has stopped the
- * run. */
+/* Checks whether the page stays after the run: a client watches it, and the user has not stopped
+ * the run. */
 bool page_stays(const struct page *page, enum loop_end end);
 
-/* Tells the pages how the run has ended; stays: page_linger follows, and the recording is
+/* Sends the pages the end of the run. stays: page_linger follows, and the recording is
  * complete. */
 void page_tell_end(const struct page *page, const struct simulator *simulator, enum loop_end end,
                    bool stays);
 
-/* Serves the open pages until they are closed, the time is up, or somebody stops it by a signal or
- * through control, which may be NULL. */
+/* Serves the open pages until they are closed, the time has passed, or the user stops it by a
+ * signal or through control (may be NULL). */
 void page_linger(const struct page *page, const struct control *control);
 
-/* Print a line about the clients after the run, and free what the page holds, before the
- * simulator. */
+/* Print a line about the clients after the run, and free the page's resources; call them before
+ * the simulator is destroyed. */
 void page_print(const struct page *page);
 void page_close(struct page *page);
 

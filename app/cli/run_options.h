@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The command line of coman-hil run, and the simulator that it asks for. Not RT-safe. */
+/* The command line of coman-hil run, and the simulator configuration that results. Not RT-safe. */
 #ifndef APP_CLI_RUN_OPTIONS_H
 #define APP_CLI_RUN_OPTIONS_H
 
@@ -30,15 +30,15 @@ struct run_options {
     int transport;                   /* enum bus_transport */
     int record_format;               /* enum recorder_format; 0 = the rig's */
     bool settle, energy, force, quiet;
-    bool trust; /* the rig may write and listen wherever it says */
+    bool trust; /* the rig may write and listen anywhere */
 };
 
-/* Reads the command line; false when the command is to return *status at once (options_read). */
+/* Reads the command line; returns false if the command must return *status now (options_read). */
 bool run_options_read(int argc, char **argv, struct run_options *options, int *status);
 
-/* Refuses what a rig that is not installed must not decide, unless the command line trusts it or
- * decides otherwise: to record outside the working directory, and to serve the page to other
- * machines. The error names file:line:column. */
+/* Refuses settings that an installed rig may have, but another one only if the command line trusts
+ * the rig or overrides the setting: recording outside the working directory, and serving the page
+ * to other machines. The error has file:line:column. */
 enum error_code run_options_check_trust(const struct run_options *options, const struct rig *rig,
                                         struct error *error);
 
@@ -46,21 +46,21 @@ enum error_code run_options_check_trust(const struct run_options *options, const
 enum error_code run_options_read_slcan(const struct run_options *options, struct run_slcan *slcan,
                                        struct error *error);
 
-/* Makes the simulator's configuration: the rig's settings where the command line has none. It
- * points into both, and has no gateway. */
+/* Makes the simulator's configuration: the command line's settings, else the rig's. It points into
+ * both, and has no gateway. */
 enum error_code run_options_configure(const struct run_options *options, const struct rig *rig,
                                       struct simulator_config *config, struct error *error);
 
-/* Checks whether a numeric address is reached from this machine only. */
+/* Checks whether a numeric address is reachable only from this machine. */
 bool run_options_is_loopback(const char *host);
 
-/* Parses "[HOST:]PORT", with an IPv6 address in brackets, as the value of an option; *given points
- * to host, or is NULL without one. example: what a message shows. */
+/* Parses "[HOST:]PORT", with an IPv6 address in brackets, as the value of an option. *given points
+ * to host, or is NULL without one. example: text for the message. */
 enum error_code run_options_parse_address(const char *option, const char *text, const char *example,
                                           char host[RUN_HOST_SIZE], const char **given,
                                           uint16_t *port, struct error *error);
 
-/* Returns where the page is to be served, by the command line or the rig; NULL = nowhere. */
+/* Returns the address for the page from the command line or the rig; NULL = no page. */
 const char *run_options_http(const struct run_options *given, const struct rig *rig);
 
 #endif

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Does what the commands that start a task have in common: the options of sweep and follow, and the
- * report that these tasks leave. Not RT-safe.
+ * Functions common to commands that start a task: the options of sweep and follow, and the reports
+ * of these tasks. Not RT-safe.
  */
 #ifndef APP_CLI_TASK_INPUT_H
 #define APP_CLI_TASK_INPUT_H
@@ -18,7 +18,7 @@ struct task_options {
 
 extern const struct word task_interpolation_words[];
 
-/* Rows of an option table that fill in a struct task_options. */
+/* Rows of an option table that fill a struct task_options. */
 #define TASK_OPTION_ROWS(o)                                                                        \
     {"--joint",           OPTION_STRING,   "JOINT", "the joint that the task sweep identifies",    \
      .value = &(o).joint, .noun = "joints"},                                                       \
@@ -40,14 +40,14 @@ extern const struct word task_interpolation_words[];
             .value = &(o).report                                                                   \
     }
 
-/* Reads the input of the task of this name, and refuses options that it does not have; NULL: no
- * task. The input points into the options and the arena. ERROR_INPUT, ERROR_SYSTEM,
+/* Reads the input of the task with this name, and refuses options that it does not have; NULL:
+ * no task. The input points into the options and the arena. ERROR_INPUT, ERROR_SYSTEM,
  * ERROR_MEMORY. */
 enum error_code task_input_read(const struct task_options *options, const char *task,
                                 const struct rig *rig, struct arena *arena,
                                 struct task_input *input, struct error *error);
 
-/* Writes the report of a task that has ended, however it did; does nothing without a folder. */
+/* Writes the report of a task after any end; does nothing without a folder. */
 enum error_code task_report_write(const struct task *task, const char *folder, struct error *error);
 
 #endif

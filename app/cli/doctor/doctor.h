@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Examines a machine for what keeps it from a 1 kHz loop: the kernel, the rights of this process,
+ * Examines a machine for obstacles to a 1 kHz loop: the kernel, the rights of this process,
  * processors, interrupts, power saving, the module of a contact engine, CAN interfaces, the load of
- * the rig's buses, the external boards. Reads files below /proc and /sys, queries CAN controllers
- * and listens; changes and sends nothing. Not RT-safe.
+ * the rig's buses, the external boards. It reads files in /proc and /sys, queries CAN controllers
+ * and listens; it changes and sends nothing. Not RT-safe.
  */
 #ifndef APP_CLI_DOCTOR_DOCTOR_H
 #define APP_CLI_DOCTOR_DOCTOR_H
@@ -18,29 +18,29 @@
 
 enum doctor_verdict {
     DOCTOR_OK,
-    DOCTOR_WARN, /* it runs, but deadlines may be missed */
-    DOCTOR_FAIL, /* the rig cannot run as it says */
+    DOCTOR_WARN, /* possible, but deadlines may be missed */
+    DOCTOR_FAIL, /* the rig cannot run as configured */
 };
 
-/* One thing that was examined. */
+/* One examined item. */
 struct doctor_finding {
     enum doctor_verdict verdict;
     const char *subject; /* "kernel", "irq affinity", ... */
-    char found[192];     /* what was found, and for a warning what follows from it */
-    char fix[192];       /* command that puts it right, "" = none is needed or known */
+    char found[192];     /* the finding; for a warning also its consequence */
+    char fix[192];       /* command that fixes it; "" = none needed or known */
 };
 
 enum { DOCTOR_FINDINGS_MAX = 128 };
 
-/* What to examine, and with what. */
+/* What to examine, and the means for it. */
 struct doctor_config {
-    const char *root; /* path before /proc and /sys: "", or a test's directory */
+    const char *root; /* prefix of /proc and /sys: "", or a test's directory */
     const struct rig *rig;
-    bool local;                             /* buses are inside the process: skip CAN interfaces */
+    bool local;                             /* buses are within the process: skips CAN
+                                             * interfaces */
     const struct interface_ops *interfaces; /* NULL = do not query controllers */
-    /* Ports on which external boards are listened for, one for each bus: an element of NULL = not
-     * on that bus, port NULL = nowhere. Listening takes listen_ns by the clock; memory from
-     * arena. */
+    /* Ports to listen for external boards, one per bus: NULL element = not on that bus, port NULL
+     * = not at all. Listening takes listen_ns by the clock; memory from arena */
     struct can_port **port;
     int64_t listen_ns;
     struct clock *clock;
@@ -54,8 +54,8 @@ size_t doctor_examine(const struct doctor_config *config, struct doctor_finding 
 /* Returns the worst verdict of the findings. */
 enum doctor_verdict doctor_verdict(const struct doctor_finding *findings, size_t count);
 
-/* Checks whether a list of processors as the kernel writes it ("0-3,6") has this one. False for
- * text that is no such list. */
+/* Checks whether a list of processors in the kernel's format ("0-3,6") contains this one. Returns
+ * false for other text. */
 bool doctor_list_has(const char *list, int cpu);
 
 #endif
