@@ -19,16 +19,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SHOWN = 40 }; /* characters of a wrong word that a message shows */
+enum { SHOWN = 40 }; /* number of characters of a wrong word in a message */
 
-/* Tolerance of a quaternion's length: printed digits leave it at 1 only roughly. */
+/* Tolerance of a quaternion's length, because printed digits are rounded. */
 #define QUATERNION_TOLERANCE 1e-3
 
-/* The line of standard input that is read, of any length. */
+/* The current line of standard input, of any length. */
 struct reader {
     char *text;
     size_t size;
-    long line, column; /* of the last word, or of the line's end, from 1 */
+    long line, column; /* of the last word, or of the line's end; counted from 1 */
 };
 
 /* Writes the name and unit of number i of a state: q, then v, then the joint torques. */
@@ -47,7 +47,7 @@ static void accel_describe_number(const struct robot *robot, size_t i, char *out
     size_t base[3] = {robot->nq - robot->njoint, robot->nv - robot->njoint, 0};
     size_t part = 0;
 
-    /* Which of the three vectors i is in, and where */
+    /* Finds which of the three vectors contains i, and its index there */
     while (i >= base[part] + robot->njoint) {
         i -= base[part++] + robot->njoint;
     }
@@ -87,7 +87,7 @@ static enum error_code accel_normalize_quaternion(double *quaternion, long line,
     return ERROR_NONE;
 }
 
-/* Refuses a word that is no finite number, and names the quantity that belongs there. */
+/* Refuses a word that is not a finite number; the error names the expected quantity. */
 static enum error_code accel_refuse_word(const struct reader *r, char *word,
                                          const struct robot *robot, size_t count,
                                          struct error *error)
@@ -145,7 +145,7 @@ static enum error_code accel_read_state(struct reader *r, const struct robot *ro
 
     while (!code && count == 0 && (length = getline(&r->text, &r->size, stdin)) > 0) {
         r->line++;
-        /* A zero byte would hide what follows it */
+        /* Refuses a zero byte, because it would hide the text after it */
         for (ssize_t i = 0; i < length; i++) {
             r->text[i] = r->text[i] ? r->text[i] : '?';
         }
@@ -180,7 +180,7 @@ static enum error_code write_numbers(const double *value, size_t count, struct e
     return ERROR_NONE;
 }
 
-/* Answers a state with its accelerations by forward dynamics; refuses a state where one
+/* Answers a state with its accelerations by forward dynamics; refuses a state whose result
  * overflows. */
 static enum error_code accel_answer_state(const struct dynamics *d, double *value, double *vdot,
                                           const struct reader *r, struct error *error)
@@ -212,8 +212,8 @@ static enum error_code list_numbers(const struct robot *robot, struct error *err
                                  : ERROR_NONE;
 }
 
-/* Answers every state on standard input until its end or the first error, or lists what a state
- * consists of. */
+/* Answers each state on standard input until its end or the first error, or lists the numbers of a
+ * state. */
 static enum error_code accel_run(const void *context, const struct robot *robot,
                                  struct arena *arena, struct error *error)
 {
@@ -261,7 +261,7 @@ int cmd_accel(int argc, char **argv)
     };
     int status;
 
-    /* States are read only when the robot is valid */
+    /* Reads states only if the robot is valid */
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }

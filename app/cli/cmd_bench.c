@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil bench: runs the program of the benchmarks, which lies beside this one. */
+/* coman-hil bench: runs the benchmark program, which is in the same folder as this one. */
 #include "app/cli/commands.h"
 
 #include "base/array.h"
@@ -12,7 +12,7 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Finds the path of the benchmarks: that of this program with "-bench" behind it. */
+/* Finds the path of the benchmark program: this program's path with "-bench" appended. */
 static enum error_code bench_find_program(char path[PATH_MAX], struct error *error)
 {
     static const char end[] = "-bench";
@@ -25,7 +25,7 @@ static enum error_code bench_find_program(char path[PATH_MAX], struct error *err
     return ERROR_NONE;
 }
 
-/* Replaces this process by the benchmarks; returns only on an error. */
+/* Replaces this process by the benchmark program; returns only on an error. */
 static enum error_code bench_become(char **argv, struct error *error)
 {
     char path[PATH_MAX];
@@ -58,7 +58,7 @@ int cmd_bench(int argc, char **argv)
     struct error error;
     int status;
 
-    /* Options before the subject are ours, those behind it the benchmark's */
+    /* Options before the subject belong to this command, those after it to the benchmark */
     if (!options_read(&spec, argc > 2 && argv[1][0] != '-' ? 2 : argc, argv, &status)) {
         return status;
     }

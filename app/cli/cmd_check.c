@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil check: prints what a rig or a robot file holds, or what is wrong with it. */
+/* coman-hil check: prints the contents of a rig or robot file, or its errors. */
 #include "app/cli/commands.h"
 
 #include "app/cli/rig_command.h"
@@ -83,8 +83,8 @@ static void print_free_bodies(const struct rig *rig)
     }
 }
 
-/* Prints each surface with those after it, first of the file and then of the robot, that it may
- * touch. */
+/* Prints each surface with the later surfaces that it may touch, first those of the file, then the
+ * robot's. */
 static void print_pairs(const struct contact_config *contact)
 {
     for (size_t s = 0; s < contact->nsurface; s++) {
@@ -107,8 +107,8 @@ static void print_pairs(const struct contact_config *contact)
     }
 }
 
-/* Prints the pairs that have a slack, and those of the robot's surfaces that are left out, with the
- * reason. */
+/* Prints the pairs with a slack, and the excluded pairs of the robot's surfaces with the
+ * reasons. */
 static void print_exceptions(const struct rig *rig)
 {
     static const char *const why[] = {"the file leaves them out", "joined by ",
@@ -153,7 +153,7 @@ static void check_print_scene(const struct rig *rig)
            contact->transition_velocity_m_s);
     print_free_bodies(rig);
 
-    /* A surface's shape, where it is, its stiffness per area and its friction */
+    /* Shape of a surface, its place, its stiffness per area and its friction */
     for (size_t i = 0; i < contact->nsurface; i++) {
         const struct contact_surface *s = &contact->surface[i];
         const struct contact_material *m = &s->material;
@@ -181,7 +181,7 @@ static const char *joint_name(const struct rig *rig, int joint)
     return joint < 0 ? "spare" : rig->robot->joint[joint].name;
 }
 
-/* Prints the joints of a motor board's axes; spare ones where the protocol has them. */
+/* Prints the joints of a motor board's axes, and unused axes if the protocol has them. */
 static void print_axes(const struct rig *rig, const struct board_config *board)
 {
     const struct protocol *protocol = rig->bus[board->bus].protocol;
@@ -194,7 +194,7 @@ static void print_axes(const struct rig *rig, const struct board_config *board)
     printf("\n");
 }
 
-/* Prints a board: address, kind, what it measures, and whether a real one takes its place. */
+/* Prints a board: address, kind, measured quantities, and whether it is external. */
 static void print_board(const struct rig *rig, const struct board_config *board)
 {
     printf("    0x%02x ", board->address);
@@ -225,7 +225,7 @@ static void print_board(const struct rig *rig, const struct board_config *board)
     }
 }
 
-/* Prints each bus with its worst-case load, as shares of its bitrate, and its boards. */
+/* Prints each bus with its worst-case load, relative to its bit rate, and its boards. */
 static void check_print_buses(const struct rig *rig)
 {
     const int64_t command = rig->servo.command_period_ns;
@@ -254,7 +254,7 @@ static void check_print_buses(const struct rig *rig)
     }
 }
 
-/* Checks whether a sensor has no error at all. */
+/* Checks whether a sensor has no errors. */
 static bool sensor_is_ideal(const struct sensor_error *e)
 {
     static const struct sensor_error none;
@@ -277,8 +277,8 @@ static void print_error(const char *what, const char *unit, const struct sensor_
     }
 }
 
-/* Prints the sensors that are not ideal, joints by the first one's, with a note when others differ,
- * and the armed faults. */
+/* Prints the sensors that are not ideal, and the armed faults. For joints it prints the first
+ * one's errors, with a note if others differ. */
 static void check_print_sensors(const struct rig *rig)
 {
     const struct sensing_config *s = &rig->sensing;
@@ -322,7 +322,7 @@ static void check_print_sensors(const struct rig *rig)
     }
 }
 
-/* Prints a rig; creates its boards before that, which check more than the file does. */
+/* Prints a rig. First creates its boards, which check more than the reading of the file. */
 static int check_print_rig(void *context, const struct rig *rig, struct arena *arena)
 {
     struct boards *boards;
@@ -381,7 +381,7 @@ int cmd_check(int argc, char **argv)
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
-    /* A rig file names its robot's variant itself */
+    /* A rig file already gives its robot's variant */
     if (variant && !robot) {
         error_set(&error, ERROR_INPUT,
                   "--variant: found without --robot, expected with it; a rig "

@@ -20,8 +20,8 @@
 /* Longest host name; payload of the longest UDP datagram over IPv4, bytes. */
 enum { HOST_SIZE = 256, DATAGRAM_MAX = 65507 };
 
-/* Splits HOST:PORT at the last colon, before which an IPv6 address stands in brackets; a port alone
- * means localhost. False when it is neither. */
+/* Splits HOST:PORT at the last colon; an IPv6 address before it is in brackets. A port alone means
+ * localhost. Returns false for other text. */
 static bool udp_split_address(const char *to, char host[HOST_SIZE], const char **port)
 {
     const char *colon = strrchr(to, ':');
@@ -93,8 +93,8 @@ static enum error_code ctl_udp_send(int descriptor, const json_t *answer, const 
         return error_set(error, ERROR_MEMORY, "no memory for a datagram");
     }
 
-    /* A failure to send is no error: nobody listens yet, or the queue is full, and the next row may
-     * get through */
+    /* A failed send is not an error: there may be no receiver yet, or a full queue, and the next
+     * row may arrive */
     size = strlen(text);
     if (size <= DATAGRAM_MAX) {
         (void)!send(descriptor, text, size, MSG_NOSIGNAL);
@@ -118,7 +118,7 @@ static void on_interrupt(int number)
     interrupted = 1;
 }
 
-/* Returns the exit status for an answer that refuses a request, by its "code". */
+/* Returns the exit status for a refusal, from the answer's "code". */
 static int status_of_refusal(const json_t *answer)
 {
     const char *code = json_string_value(json_object_get(answer, "code"));
@@ -132,8 +132,8 @@ static int status_of_refusal(const json_t *answer)
     return STATUS_FAILED;
 }
 
-/* Receives the answer, an object that the caller frees; NULL, with the exit status, when there is
- * none to print. */
+/* Receives the answer, an object that the caller frees; returns NULL and the exit status if there
+ * is none to print. */
 static json_t *ctl_receive_answer(struct ctl_client *client, bool json, int *status)
 {
     struct error error;
@@ -141,7 +141,7 @@ static json_t *ctl_receive_answer(struct ctl_client *client, bool json, int *sta
     const char *text;
     char *line;
 
-    /* Get a line, or the reason why there is none */
+    /* Reads a line, or finds the reason for the missing line */
     switch (ctl_read_line(client, &line, &error)) {
     case CTL_INTERRUPTED:
         *status = STATUS_FAILED;
@@ -162,7 +162,7 @@ static json_t *ctl_receive_answer(struct ctl_client *client, bool json, int *sta
         puts(line);
     }
 
-    /* Hand on only an answer with "ok": true */
+    /* Returns only an answer with "ok": true */
     if (!json_is_object(answer)) {
         error_set(&error, ERROR_SYSTEM, "%s answers with something other than a JSON object",
                   client->path);
@@ -179,7 +179,7 @@ static json_t *ctl_receive_answer(struct ctl_client *client, bool json, int *sta
     return NULL;
 }
 
-/* Prints a row, or sends it to the UDP socket; -1 = no socket. Counts it in *rows. */
+/* Prints a row, or sends it to the UDP socket (-1 = none). Counts it in *rows. */
 static enum error_code ctl_give_row(const struct ctl_options *o, int udp, const json_t *titles,
                                     char *line, int64_t *rows, struct error *error)
 {
@@ -203,7 +203,7 @@ static enum error_code ctl_give_row(const struct ctl_options *o, int udp, const 
     return code;
 }
 
-/* Prints or sends rows until the user or the run ends, or --rows are there. */
+/* Prints or sends rows until the user or the run stops, or until --rows have been received. */
 static int ctl_follow_rows(struct ctl_client *client, const struct ctl_options *o, int udp,
                            const json_t *answer)
 {
@@ -214,7 +214,7 @@ static int ctl_follow_rows(struct ctl_client *client, const struct ctl_options *
         ctl_print_titles(answer, o->csv, stdout);
     }
 
-    /* Each line is a row; flush what was printed before waiting for the next */
+    /* Each line is a row; flushes the output before it waits for the next one */
     while (o->rows == 0 || rows < o->rows) {
         char *line;
 
@@ -241,7 +241,7 @@ static int ctl_follow_rows(struct ctl_client *client, const struct ctl_options *
     return STATUS_OK;
 }
 
-/* Waits after a stop until the simulator has closed the connection. */
+/* Waits after a stop request until the simulator closes the connection. */
 static int ctl_wait_for_end(struct ctl_client *client)
 {
     struct error error;
@@ -261,7 +261,7 @@ static int ctl_wait_for_end(struct ctl_client *client)
     }
 }
 
-/* Prints an answer in the way of its command; with --json the line was printed before. */
+/* Prints an answer in its command's format; with --json the line was printed before. */
 static void print_answer(const struct ctl_options *o, const struct ctl_command *command,
                          const json_t *answer)
 {
@@ -281,7 +281,7 @@ static void print_answer(const struct ctl_options *o, const struct ctl_command *
     }
 }
 
-/* Checks whether a request asked for what matches a pattern, and nothing does. */
+/* Checks whether a request with a pattern has no match. */
 static bool answer_matches_nothing(const json_t *request, const json_t *answer)
 {
     const char *what = json_string_value(json_object_get(request, "what"));
@@ -290,8 +290,8 @@ static bool answer_matches_nothing(const json_t *request, const json_t *answer)
            json_array_size(json_object_get(answer, what)) == 0;
 }
 
-/* Sends the request, prints the answer, and goes on where the command does: rows, or waiting for
- * the end. */
+/* Sends the request and prints the answer. Continues if the command does: with rows, or by waiting
+ * for the end. */
 static int ctl_converse(struct ctl_client *client, const struct ctl_options *o, int udp,
                         const struct ctl_command *command, const json_t *request)
 {
@@ -326,7 +326,7 @@ static int ctl_converse(struct ctl_client *client, const struct ctl_options *o, 
     return status;
 }
 
-/* Makes the request, connects, and converses. */
+/* Makes the request, connects, and exchanges messages. */
 static int ctl_run(const struct ctl_options *o)
 {
     static struct ctl_client client;
@@ -336,7 +336,8 @@ static int ctl_run(const struct ctl_options *o)
     struct error error;
     int status, udp = -1;
 
-    /* Complete the request before looking for the simulator, so that wrong words fail at once */
+    /* Completes the request before it looks for the simulator, so that wrong words fail
+     * immediately */
     command = ctl_find_command(o->command, &error);
     json_object_set_new(request, "cmd", json_string(o->command));
     if (o->udp && command && strcmp(o->command, "subscribe") != 0) {
@@ -350,7 +351,7 @@ static int ctl_run(const struct ctl_options *o)
         return command_fail("ctl", &error);
     }
 
-    /* One connection carries one request */
+    /* One request per connection */
     client.interrupted = &interrupted;
     if (ctl_connect(&client, o->socket, &error)) {
         status = command_fail("ctl", &error);

@@ -25,7 +25,7 @@ static enum error_code dbc_put_text(const struct memory_file *text, const char *
     enum error_code code;
 
     if (!path) {
-        fwrite(text->text, 1, text->size, stdout); /* program_main checks whether it was written */
+        fwrite(text->text, 1, text->size, stdout); /* program_main checks for write errors */
         return ERROR_NONE;
     }
     code = whole_file_open(&file, path, error);
@@ -36,7 +36,8 @@ static enum error_code dbc_put_text(const struct memory_file *text, const char *
     return whole_file_close(&file, ERROR_NONE, error);
 }
 
-/* Writes the DBC of a bus; tells messages and signals unless it goes to standard output. */
+/* Writes the DBC of a bus. Prints the numbers of messages and signals unless the DBC goes to
+ * standard output. */
 static enum error_code export_bus(const struct rig *rig, size_t bus, const char *path,
                                   struct arena *arena, struct error *error)
 {
@@ -85,7 +86,7 @@ static enum error_code export_all(const struct rig *rig, const char *folder, str
     return ERROR_NONE;
 }
 
-/* Sets the error for a bus that the rig does not have, with those that it has. */
+/* Sets the error for an unknown bus; it lists the rig's buses. */
 static enum error_code refuse_bus(const char *bus, const struct rig *rig, struct error *error)
 {
     char names[256] = "";
@@ -103,7 +104,7 @@ struct dbc_options {
     const char *rig, *bus, *output;
 };
 
-/* Writes one bus or all, as the options say. */
+/* Writes one bus or all buses, as the options say. */
 static enum error_code export_rig(const struct dbc_options *o, const struct rig *rig,
                                   struct arena *arena, struct error *error)
 {

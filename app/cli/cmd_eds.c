@@ -23,7 +23,7 @@ static bool eds_is_node(const struct rig *rig, const struct board_config *board)
     return rig->bus[board->bus].protocol->write_eds;
 }
 
-/* Makes the file's name of a node, as coman-cia402-left_arm_0x01.eds. */
+/* Makes the file name of a node, for example coman-cia402-left_arm_0x01.eds. */
 static void eds_make_name(const struct rig *rig, const struct board_config *board,
                           char name[EDS_NAME_SIZE])
 {
@@ -56,7 +56,7 @@ static enum error_code eds_export_node(const struct rig *rig, const struct board
     return whole_file_close(&file, protocol->write_eds(board, name, arena, file.out, error), error);
 }
 
-/* Writes the EDS of each node into a folder; an error when the rig has none. */
+/* Writes the EDS of each node to a folder; returns an error if the rig has none. */
 static enum error_code eds_export_all(const struct rig *rig, const char *folder,
                                       struct arena *arena, struct error *error)
 {
@@ -86,7 +86,7 @@ static enum error_code eds_export_all(const struct rig *rig, const char *folder,
                              rig->file);
 }
 
-/* Writes one node or all, as the options say. */
+/* Writes one node or all nodes, as the options say. */
 static enum error_code eds_export(const struct eds_options *o, const struct rig *rig,
                                   struct arena *arena, struct error *error)
 {

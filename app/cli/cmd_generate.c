@@ -16,7 +16,7 @@
 
 enum { PATH_SIZE = 1024 };
 
-/* Prints how many operations each generated function takes. */
+/* Prints the number of operations of each generated function. */
 static void print_report(const struct robot *robot, const struct symbolic_report *report,
                          const char *path)
 {
@@ -55,7 +55,7 @@ struct generate_options {
     struct symbolic_options symbolic;
 };
 
-/* Generates the source of a robot into the folder that the options name. */
+/* Writes the source for a robot to the folder in the options. */
 static enum error_code generate_file(const void *context, const struct robot *robot,
                                      struct arena *arena, struct error *error)
 {

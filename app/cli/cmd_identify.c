@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil identify: fits a drive's numbers to recordings of it. */
+/* coman-hil identify: fits a drive's parameters to recordings of it. */
 #include "app/cli/commands.h"
 
 #include "app/cli/rig_command.h"
@@ -14,7 +14,7 @@
 #include <string.h>
 #include <unistd.h>
 
-enum { FIT_STEPS = 40 }; /* most iterations */
+enum { FIT_STEPS = 40 }; /* maximum number of iterations */
 
 struct identify_options {
     const char *rig, *bench, *joint, *free, *output, *report;
@@ -32,7 +32,7 @@ static void show_progress(void *context, int step, double rms_rad)
     }
 }
 
-/* Splits the keys of --free, in place of a copy. Returns their number. */
+/* Splits the keys of --free in place. Returns their number. */
 static size_t split_keys(char *text, const char *key[IDENTIFY_FREE_MAX + 1])
 {
     size_t count = 0;
@@ -47,7 +47,7 @@ static size_t split_keys(char *text, const char *key[IDENTIFY_FREE_MAX + 1])
     return count;
 }
 
-/* Prints the numbers, what is not told, and the errors. */
+/* Prints the parameters, those that the data cannot determine, and the errors. */
 static void print_identified(const struct identify_bench *bench, const struct fit_problem *problem,
                              const struct identify_result *result)
 {
@@ -82,7 +82,7 @@ static void print_identified(const struct identify_bench *bench, const struct fi
     printf("; %d simulations, %.1f s\n", fit->simulations, result->spent_s);
 }
 
-/* Opens what was given: a bench's file, or a rig with recordings of "run --record". */
+/* Opens the input: a bench file, or a rig with recordings of "run --record". */
 static enum error_code open_bench(const struct identify_options *o, struct arena *arena,
                                   struct identify_bench *bench, struct error *error)
 {
@@ -105,7 +105,7 @@ static enum error_code open_bench(const struct identify_options *o, struct arena
     return code;
 }
 
-/* Identifies and writes what was asked for. */
+/* Identifies and writes the requested results. */
 static enum error_code identify_do(const struct identify_options *o, struct arena *arena,
                                    struct error *error)
 {
@@ -130,7 +130,7 @@ static enum error_code identify_do(const struct identify_options *o, struct aren
                                    .steps = FIT_STEPS,
                                    .progress = show_progress,
                                    .context = &terminal};
-    /* A file that cannot be written is refused before the fit, which may take long */
+    /* Refuses a file that cannot be written before the fit, which may take long */
     code = o->output ? whole_file_probe(o->output, error) : ERROR_NONE;
     code = code ? code : fit_prepare(&bench.bench, key, split_keys(keys, key), &problem, error);
     code = code ? code : identify_run(&bench, &problem, o->cross, arena, &result, error);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil import: makes a robot and a bench from a URDF or MJCF file. */
+/* coman-hil import: makes a robot and a rig from a URDF or MJCF file. */
 #include "app/cli/commands.h"
 
 #include "app/cli/rig_command.h"
@@ -12,10 +12,10 @@
 
 #include <stdio.h>
 
-/* Notes of one kind that are printed; the report has all. */
+/* Maximum number of printed notes per kind; the report has all. */
 enum { NOTES_SHOWN = 12 };
 
-/* Prints the notes of a fate that the user must know of: the robot is not what the file says. */
+/* Prints the notes of a fate that change the robot from its file. */
 static void import_print_notes(const struct import_notes *notes, enum import_fate fate)
 {
     size_t shown = 0;
@@ -33,7 +33,7 @@ static void import_print_notes(const struct import_notes *notes, enum import_fat
     }
 }
 
-/* Prints what was made, and what the user may run next. */
+/* Prints the results, and the commands to run next. */
 static void import_print_result(const struct import_result *result)
 {
     const struct robot *robot = result->loaded;
@@ -60,7 +60,7 @@ static void import_print_result(const struct import_result *result)
         printf("          %s\n", result->standing);
     }
 
-    /* The number of notes by fate, then those that the user must know of */
+    /* The number of notes by fate, then the notes that are important for the user */
     printf("report    %s:", result->report);
     for (int fate = 0; fate < IMPORT_FATES; fate++) {
         printf("%s %zu %s", fate ? "," : "", import_count_notes(notes, (enum import_fate)fate),
@@ -92,10 +92,10 @@ static int import_run_request(const struct command_spec *spec, const struct impo
 
 enum { WORDS_MAX = 16 };
 
-/* The protocols with which an import can lay out a bench, as words of an option and in its help. */
+/* The protocols with which an import can lay out a rig, as words of an option and in its help. */
 struct import_words {
     char text[WORDS_MAX][40];
-    struct import_boards boards[WORDS_MAX]; /* by the value of the word */
+    struct import_boards boards[WORDS_MAX]; /* by value of the word */
     struct word word[WORDS_MAX + 1];        /* ends with a NULL word */
     char help[240];
 };
@@ -110,7 +110,7 @@ static void import_list_words(struct import_words *words)
 
     for (size_t i = 0; (protocol = protocol_at(i)); i++) {
         for (int fd = 0; fd < 2 && count < WORDS_MAX; fd++) {
-            /* A protocol without axes on a bench cannot carry an import */
+            /* A protocol without axes per bus cannot carry an import */
             if ((fd ? &protocol->bench_fd : &protocol->bench)->bus_axes > 0) {
                 snprintf(words->text[count], sizeof words->text[count], "%s%s", protocol->name,
                          fd ? "-fd" : "");
@@ -194,7 +194,7 @@ int cmd_import(int argc, char **argv)
     struct error error;
     int status;
 
-    /* The words of --personality are those of the protocols, so they are made first */
+    /* The words of --personality are the protocols, so they are made first */
     r = (struct import_request){0};
     trust = false;
     import_list_words(&personalities);
@@ -202,7 +202,7 @@ int cmd_import(int argc, char **argv)
         return status;
     }
 
-    /* What the options cannot say by themselves */
+    /* Checks that the option table cannot express */
     if (!r.folder) {
         error_set(&error, ERROR_INPUT, "found no --output, expected the folder to write into");
         return options_fail(&spec, &error);

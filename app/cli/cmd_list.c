@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil list: lists what can be given by name. */
+/* coman-hil list: lists things that can be given by name. */
 #include "app/cli/commands.h"
 
 #include "app/cli/rig_command.h"
@@ -17,10 +17,10 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Takes a name and a line of text about it. */
+/* Receives a name and a line of text about it. */
 typedef void (*list_put)(const char *name, const char *text);
 
-/* Puts out each driven joint, with the bus that it is on. */
+/* Lists each driven joint with its bus. */
 static enum error_code list_put_joints(const struct rig *rig, list_put put, struct error *error)
 {
     char text[256];
@@ -45,7 +45,7 @@ static enum error_code list_put_faults(const struct rig *rig, list_put put, stru
     return rig_list_faults(rig, list_put_fault, &put, error);
 }
 
-/* Loads a rig, lists it by body, and frees it. */
+/* Loads a rig, lists a part of it by body, and frees the rig. */
 static enum error_code list_rig(const char *name, list_put put,
                                 enum error_code (*body)(const struct rig *rig, list_put put,
                                                         struct error *error),
@@ -74,13 +74,13 @@ static enum error_code list_rig_faults(const char *rig, list_put put, struct err
     return list_rig(rig, put, list_put_faults, error);
 }
 
-#define LIST_ARENA_BYTES ((size_t)1 << 30) /* of address space */
+#define LIST_ARENA_BYTES ((size_t)1 << 30) /* reserved address space */
 
-/* Kinds: first the kinds of configuration files, then tasks, then what is listed only by its
- * kind. */
+/* Kinds: the kinds of configuration files, then tasks, then kinds that are listed only on
+ * request. */
 enum { LIST_TASKS = CONFIG_KINDS, LIST_SETTINGS, LIST_JOINTS, LIST_FAULTS, LIST_ALL };
 
-/* Column at which the text behind a name begins. */
+/* Column of the text after a name. */
 enum { NAME_COLUMN = 28 };
 
 static const char of_this_machine[] = "/etc/";
@@ -88,7 +88,7 @@ static const char *const nouns[] = {"rigs",      "robots",      "scenarios", "dr
                                     "protocols", "validations", "tasks",     "settings",
                                     "joints",    "faults",      NULL};
 
-/* Prints a name and its text, wrapped; on a line of its own when the name is long. */
+/* Prints a name and its wrapped text; a long name is on a separate line. */
 static void list_print_line(const char *name, const char *text)
 {
     int used = printf("  %s ", name);
@@ -101,7 +101,7 @@ static void list_print_line(const char *name, const char *text)
     options_wrap(text, NAME_COLUMN, NAME_COLUMN, stdout);
 }
 
-/* Reads the description of a scenario, which is YAML only once its parameters are put in. */
+/* Reads the description of a scenario, which is valid YAML only with its parameters inserted. */
 static enum error_code list_read_scenario(const char *path, struct arena *arena,
                                           const char **description, struct error *error)
 {
@@ -115,8 +115,8 @@ static enum error_code list_read_scenario(const char *path, struct arena *arena,
     return code;
 }
 
-/* Reads the description of an entry's file; for a drive, before is its kind, to be put before
- * it. */
+/* Reads the description of an entry's file; for a drive, before receives its kind, which precedes
+ * the description. */
 static enum error_code list_read_description(enum config_kind kind, const char *path,
                                              struct arena *arena, const char **before,
                                              const char **description, struct error *error)
@@ -136,7 +136,7 @@ static enum error_code list_read_description(enum config_kind kind, const char *
     }
 }
 
-/* Prints an entry with its description, or what is wrong with its file. Entries of /etc show their
+/* Prints an entry with its description, or the error in its file. Entries in /etc show their
  * path. */
 static void list_print_entry(enum config_kind kind, const struct config_entry *entry,
                              struct arena *arena)
@@ -234,7 +234,7 @@ static enum error_code list_print_noun(int noun, const char *rig, bool names, st
     }
 }
 
-/* Lists every kind that has names everywhere, each under its title. */
+/* Lists each kind that needs no rig, under its title. */
 static enum error_code list_print_all(bool names, struct error *error)
 {
     static const char *const titles[] = {
@@ -257,7 +257,7 @@ static enum error_code list_print_all(bool names, struct error *error)
     return code;
 }
 
-/* Finds a kind by its word, in the plural or the singular; LIST_ALL when none is given. */
+/* Finds a kind by its word, plural or singular; LIST_ALL if none is given. */
 static enum error_code list_find_noun(const char *given, int *noun, struct error *error)
 {
     *noun = LIST_ALL;

@@ -18,11 +18,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* Size of a panel, px, and the number of them, at most: one for each signal. */
+/* Size of a panel, px, and maximum number of panels: one per signal. */
 enum { PANEL_WIDTH = 900, PANEL_HEIGHT = 360, PANELS_MAX = SIGNALS_MAX };
 
-/* Endings of signals' titles, which are units, and the labels of their axes; longer endings
- * first. */
+/* Endings of signals' titles that are units, and their axis labels; longer endings first. */
 static const struct unit {
     const char *ending, *label;
 } units[] = {
@@ -46,7 +45,7 @@ struct plot_options {
     bool list;
 };
 
-/* Returns the label of the axis of a title, by its unit; "" when it has none. */
+/* Returns the axis label of a title, from its unit; "" if it has none. */
 static const char *plot_axis_of(const char *title)
 {
     for (size_t i = 0; i < ARRAY_COUNT(units); i++) {
@@ -59,9 +58,9 @@ static const char *plot_axis_of(const char *title)
     return "";
 }
 
-/* ---- which signals ---- */
+/* ---- selection of signals ---- */
 
-/* Checks whether a name was chosen already. */
+/* Checks whether a name is already selected. */
 static bool plot_has_name(const char *const *chosen, size_t count, const char *name)
 {
     for (size_t i = 0; i < count; i++) {
@@ -72,8 +71,8 @@ static bool plot_has_name(const char *const *chosen, size_t count, const char *n
     return false;
 }
 
-/* Chooses the titles that names or patterns match, in the order of the file. A name that matches
- * none is kept as it is: reading the file reports what is wrong with it. */
+/* Selects the titles that match names or patterns, in file order. A name without a match is kept,
+ * so that reading the file reports it. */
 static enum error_code plot_choose(const struct option_list *names, const char *const *title,
                                    size_t ntitle, const char *chosen[SIGNALS_MAX], size_t *count,
                                    struct error *error)
@@ -82,7 +81,7 @@ static enum error_code plot_choose(const struct option_list *names, const char *
     for (size_t i = 0; i < names->count; i++) {
         bool matched = false;
 
-        /* One step beyond the titles stands for the name itself, taken when nothing matched */
+        /* The step after the last title stands for the name itself, if nothing matched */
         for (size_t k = 0; k <= ntitle; k++) {
             const char *name = k < ntitle ? title[k] : names->item[i];
 
@@ -106,8 +105,8 @@ static enum error_code plot_choose(const struct option_list *names, const char *
 
 /* ---- drawing ---- */
 
-/* Arranges the signals in panels: one for each unit, in the order in which the units appear, and
- * another when a panel has no color left. Returns their number. */
+/* Arranges the signals in panels: one per unit, in order of appearance, and another if a panel has
+ * no color left. Returns the number of panels. */
 static size_t plot_arrange(const char *const *name, const struct signals *signals,
                            const struct svg_axis *x, struct svg_series *series,
                            struct svg_plot *panel)
@@ -119,7 +118,7 @@ static size_t plot_arrange(const char *const *name, const struct signals *signal
         struct svg_series *own;
         size_t p = 0;
 
-        /* The first panel of that unit with a color left, or a new one */
+        /* The first panel with that unit and a color left, or a new one */
         while (p < npanel &&
                (strcmp(panel[p].y.label, label) != 0 || panel[p].nseries == SVG_SERIES_MAX)) {
             p++;
@@ -142,7 +141,7 @@ static size_t plot_arrange(const char *const *name, const struct signals *signal
     return npanel;
 }
 
-/* Returns whether a file's name ends so, in whatever case. */
+/* Returns whether a file name has this ending, in upper or lower case. */
 static bool plot_ends_in(const char *path, const char *end)
 {
     const char *slash = strrchr(path, '/'), *dot = strrchr(slash ? slash : path, '.');
@@ -150,8 +149,8 @@ static bool plot_ends_in(const char *path, const char *end)
     return dot && !strcasecmp(dot, end);
 }
 
-/* Refuses the ending of another format, which the file would not be in. A name without one is that
- * of an SVG file, or of a device. */
+/* Refuses a file name with another format's ending. A name without an ending is an SVG file or a
+ * device. */
 static enum error_code plot_check_output(const char *path, struct error *error)
 {
     const char *slash = strrchr(path, '/'), *dot = strrchr(slash ? slash : path, '.');
@@ -164,7 +163,7 @@ static enum error_code plot_check_output(const char *path, struct error *error)
                            path);
 }
 
-/* Writes the panels as SVG, or as PNG where the file's name ends in .png; NULL: standard output. */
+/* Writes the panels as SVG, or as PNG if the file name ends with .png; NULL: standard output. */
 static enum error_code plot_write(const struct svg_plot *panel, size_t npanel, const char *path,
                                   struct error *error)
 {
@@ -183,7 +182,7 @@ static enum error_code plot_write(const struct svg_plot *panel, size_t npanel, c
     return whole_file_close(&file, code, error);
 }
 
-/* Refuses a span of time in which the file has no row, with the one that it has. */
+/* Refuses a time span without rows in the file; the error gives the file's span. */
 static enum error_code plot_refuse_span(const struct plot_options *o, const char *const *name,
                                         struct error *error)
 {
@@ -226,7 +225,7 @@ static enum error_code plot_signals(const struct plot_options *o, const char *co
     return code;
 }
 
-/* Lists the titles of the file, or plots the chosen ones. */
+/* Lists the titles of the file, or plots the selected ones. */
 static enum error_code plot_file(const struct plot_options *o, struct error *error)
 {
     const char *chosen[SIGNALS_MAX], **title;
@@ -247,7 +246,7 @@ static enum error_code plot_file(const struct plot_options *o, struct error *err
     return code;
 }
 
-/* Finds the file of signals, given itself or by the directory of its recording. */
+/* Finds the file of signals, from its path or from the directory of its recording. */
 static enum error_code plot_find_file(struct plot_options *o, struct error *error)
 {
     struct stat there;
@@ -306,7 +305,7 @@ int cmd_plot(int argc, char **argv)
         return status;
     }
 
-    /* Refuse to plot nothing, and to write an SVG into a terminal */
+    /* Refuses an empty selection, and an SVG on a terminal */
     if (o.names.count == 0 && !o.list) {
         error_set(&error, ERROR_INPUT,
                   "--signal: found none, expected one or more; --list prints their names");

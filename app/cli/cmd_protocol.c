@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil protocol: prints what the boards speak. */
+/* coman-hil protocol: prints the frames of a boards' protocol. */
 #include "app/cli/commands.h"
 
 #include "base/arena.h"
@@ -20,10 +20,10 @@ enum { FRAMES_MAX = 512 };
 /* A frame of the page. */
 struct protocol_frame {
     struct message message;
-    bool printed; /* as an answer, or in its section */
+    bool printed; /* printed already, as an answer or in its section */
 };
 
-/* All frames of a bus, each kind once. */
+/* All frames of a bus, one of each kind. */
 struct protocol_frames {
     const struct protocol *protocol;
     bool fd; /* all frames are CAN FD frames */
@@ -47,7 +47,7 @@ static bool protocol_is_known(const struct protocol_frames *frames, const struct
     return false;
 }
 
-/* Keeps each frame once, whichever board or slot sends it. */
+/* Stores each frame once, even if several boards or slots send it. */
 static bool protocol_keep_message(void *context, const struct message *message)
 {
     struct protocol_frames *frames = context;
@@ -100,7 +100,7 @@ protocol_add_text(struct protocol_line *line, const char *format, ...)
     line->used += length < 0 ? 0 : (size_t)length < room ? (size_t)length : room - 1;
 }
 
-/* Adds a field's place: bits where it is not made of whole bytes. */
+/* Adds a field's place: in bits if it does not consist of whole bytes. */
 static void protocol_add_place(struct protocol_line *line, unsigned bit, unsigned bits)
 {
     if (bits == 1) {
@@ -114,7 +114,7 @@ static void protocol_add_place(struct protocol_line *line, unsigned bit, unsigne
     }
 }
 
-/* Adds the unit and scale, and the range where it is not just that of the type. */
+/* Adds the unit and scale, and the range if it differs from that of the type. */
 static void protocol_add_measure(struct protocol_line *line, const struct field *field)
 {
     double scale = field->scale != 0.0 ? field->scale : 1.0;
@@ -135,7 +135,7 @@ static void protocol_add_measure(struct protocol_line *line, const struct field 
     }
 }
 
-/* Adds what makes a field more than a number, as the protocol knows it. */
+/* Adds the protocol's meaning of a field's values, if there is one. */
 static void protocol_add_note(struct protocol_line *line, const struct protocol *protocol,
                               const struct message *message, size_t index)
 {
@@ -176,8 +176,8 @@ static void protocol_put_field(const struct field *field, unsigned bit, bool in_
     options_wrap(line.text, 0, 2, out);
 }
 
-/* Prints the fields of a list, the first of which is at a bit of data or identifier; returns the
- * next index. */
+/* Prints the fields of a list, which starts at a bit of data or identifier; returns the next
+ * index. */
 static size_t protocol_put_list(const struct field *fields, unsigned bit, bool in_id,
                                 const struct protocol *protocol, const struct message *message,
                                 size_t index, FILE *out)
@@ -215,7 +215,7 @@ static void protocol_put_fields(const struct protocol *protocol, const struct me
 static void protocol_put_id(const struct protocol_frames *frames, const struct message *message,
                             FILE *out)
 {
-    /* Letters for what the identifier counts by, as the page explains them. */
+    /* Letters for the number that an identifier contains, as explained on the page */
     static const char counts[] = {[MESSAGE_OF_ADDRESS] = 'a',
                                   [MESSAGE_OF_NODE] = 'n',
                                   [MESSAGE_OF_SLOT] = 's',
@@ -268,8 +268,8 @@ static struct protocol_frame *protocol_find_answer(struct protocol_frames *frame
     return NULL;
 }
 
-/* Prints a frame, and its answer below; fields of an answer that has been printed only if it has a
- * code. */
+/* Prints a frame and its answer below. If the answer was already printed, prints its fields only
+ * if it has a code. */
 static void protocol_put_frame(struct protocol_frames *frames, struct protocol_frame *frame,
                                FILE *out)
 {
@@ -286,7 +286,7 @@ static void protocol_put_frame(struct protocol_frames *frames, struct protocol_f
     protocol_put_fields(frames->protocol, message, out);
     frame->printed = true;
 
-    /* The answer stands with its command, and is not repeated in a section of its own */
+    /* The answer is printed with its command, not in its own section */
     if (answer) {
         bool own_code = answer->message.code != MESSAGE_NO_CODE;
 
@@ -305,7 +305,7 @@ static void protocol_put_frame(struct protocol_frames *frames, struct protocol_f
 
 /* ---- sections ---- */
 
-/* Prints the frames section by section: the protocol's sections, or by sender. */
+/* Prints the frames by section: the protocol's sections, or one per sender. */
 static void protocol_put_sections(struct protocol_frames *frames, FILE *out)
 {
     static const char *const by_sender[] = {
@@ -392,8 +392,8 @@ static enum error_code print_described(const char *name, struct error *error)
     return code;
 }
 
-/* Lists the protocols that no file describes in names, NULL at the end, and in help; returns their
- * number. */
+/* Lists the protocols that are not described by a file in names, with NULL at the end, and in
+ * help; returns their number. */
 static size_t list_names(const char *names[NAMES_MAX + 1], char *help, size_t size)
 {
     const struct protocol *protocol;
@@ -439,8 +439,8 @@ int cmd_protocol(int argc, char **argv)
         return status;
     }
 
-    /* A protocol in C, or else one that a file describes, unless the name is nearly one of the
-     * first */
+    /* A protocol in C; else one described by a file, unless the name is similar to a protocol
+     * in C */
     protocol = protocol_find(name);
     if (protocol && protocol->help) {
         protocol_page_print(protocol, stdout);

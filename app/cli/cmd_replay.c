@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil replay: plays the frames of a recorded log onto live buses, at their times, or a
+/* coman-hil replay: sends the frames of a recorded log on live buses at their times, or shows a
  * recording in the page. */
 #include "app/cli/commands.h"
 
@@ -36,8 +36,8 @@ struct replay_page_options {
     const char *directory;
     const char *http;  /* "[HOST:]PORT" */
     const char *ready; /* file of --ready, NULL = none */
-    const char *with;  /* recording to compare it with, NULL = none */
-    const char *rig;   /* NULL = that of the recording's summary */
+    const char *with;  /* second recording for comparison, NULL = none */
+    const char *rig;   /* NULL = the rig in the recording's summary */
     double from_s, to_s, speed;
 };
 
@@ -50,8 +50,7 @@ static void replay_page_stop(void *unused)
     sem_post(&replay_page_end);
 }
 
-/* Refuses a recording of a newer format, which may hold what this program takes for something
- * else. */
+/* Refuses a recording of a newer format, which this program could misinterpret. */
 static enum error_code replay_page_check_format(const char *path, const json_t *summary,
                                                 struct error *error)
 {
@@ -67,7 +66,7 @@ static enum error_code replay_page_check_format(const char *path, const json_t *
                      path, RECORDING_FORMAT_VERSION);
 }
 
-/* Loads the rig that a scenario of the summary made, with the parameter values of its case. */
+/* Loads the rig of a scenario in the summary, with the parameter values of its case. */
 static enum error_code replay_page_load_case(const char *file, const json_t *values,
                                              struct arena *arena, const struct rig **rig,
                                              struct error *error)
@@ -77,7 +76,7 @@ static enum error_code replay_page_load_case(const char *file, const json_t *val
     size_t nvalue = 0, count;
     enum error_code code;
 
-    /* Values in the order of the summary, which is the scenario's */
+    /* Values in the order of the summary, which is the scenario's order */
     for (void *at = json_object_iter((json_t *)(uintptr_t)values);
          at && nvalue < SCENARIO_PARAMETERS_MAX;
          at = json_object_iter_next((json_t *)(uintptr_t)values, at)) {
@@ -89,8 +88,8 @@ static enum error_code replay_page_load_case(const char *file, const json_t *val
     return code ? code : scenario_load_rig(&cases[0], arena, rig, error);
 }
 
-/* Loads the rig of --rig, or the one that the summary of the recording names: that of its scenario
- * or its file where that is still there, else one of that name. */
+/* Loads the rig of --rig, or the one in the recording's summary: from its scenario or its file if
+ * these still exist, else by its name. */
 static enum error_code replay_page_load_rig(const struct replay_page_options *options,
                                             struct arena *arena, const struct rig **rig,
                                             struct error *error)
@@ -104,7 +103,7 @@ static enum error_code replay_page_load_rig(const struct replay_page_options *op
     if (access(options->directory, F_OK)) {
         return error_set_file(error, errno, options->directory, "cannot be read");
     }
-    /* A summary that is missing leaves the names NULL */
+    /* Without a summary the names stay NULL */
     snprintf(path, sizeof path, "%s/" RECORDER_SUMMARY, options->directory);
     if (!input_file_stream(path, &in, NULL)) {
         summary = json_loadf(in, JSON_REJECT_DUPLICATES, NULL);
@@ -135,7 +134,7 @@ done:
     return code;
 }
 
-/* Serves the recording until the program is told to end. */
+/* Serves the recording until the program is stopped. */
 static enum error_code replay_page_serve(const struct replay_page_options *options,
                                          const struct rig *rig, const struct recording *recording,
                                          const struct recording *with, struct error *error)
@@ -164,7 +163,7 @@ static enum error_code replay_page_serve(const struct replay_page_options *optio
     code = ready_write(options->ready,
                        &(struct ready){.page_view = viewer_address(page.viewer, false)}, error);
 
-    /* A signal that does not end the page interrupts the wait */
+    /* Signals that do not end the page interrupt the wait */
     while (!code && sem_wait(&replay_page_end) && errno == EINTR) {
     }
     ready_end(options->ready);
@@ -175,7 +174,7 @@ static enum error_code replay_page_serve(const struct replay_page_options *optio
     return code;
 }
 
-/* Reads the recording, and the one to compare it with, and serves them. */
+/* Reads the recording, and the second one for comparison, and serves them. */
 static enum error_code replay_page_play(const struct replay_page_options *options,
                                         const struct rig *rig, struct arena *arena,
                                         struct error *error)
@@ -195,7 +194,7 @@ static enum error_code replay_page_play(const struct replay_page_options *option
     }
     code = recording_open(&config, arena, &recording, error);
 
-    /* All of the second recording, at the times of the first */
+    /* The whole second recording, with the times of the first */
     if (!code && options->with) {
         const struct recording_config other = {
             .directory = options->with, .rig = rig, .from_s = -INFINITY, .to_s = INFINITY};
@@ -203,7 +202,7 @@ static enum error_code replay_page_play(const struct replay_page_options *option
         code = recording_open(&other, arena, &with, error);
     }
 
-    /* Tell what is not shown */
+    /* Reports frames that are not shown */
     if (!code && recording_strange_frames(recording) > 0) {
         fprintf(stderr,
                 "%snotice: %" PRIu64 " frames are of interfaces that the rig does not have, and "
@@ -249,15 +248,15 @@ struct replay_options {
     double from_s, to_s, speed;
 };
 
-/* An interface, and the name of its frames in the log. */
+/* An interface, and its name in the log. */
 struct replay_bus {
     char name[NAME_SIZE], interface[NAME_SIZE];
     struct can_port *port;
     uint64_t sent, refused;    /* frames */
-    struct histogram lateness; /* of sending behind the time due, ns */
+    struct histogram lateness; /* delay of sending after the due time, ns */
 };
 
-/* Identifiers that are sent, first to last. */
+/* Range of identifiers to send. */
 struct replay_range {
     int64_t first, last;
 };
@@ -268,7 +267,7 @@ struct replay {
     struct replay_bus *bus;
     size_t nbus;
     struct replay_range range[OPTION_LIST_MAX];
-    int64_t first_ns;  /* log time of the first frame that is sent */
+    int64_t first_ns;  /* log time of the first frame sent */
     int64_t origin_ns; /* clock time of that frame; INT64_MIN = none yet */
 };
 
@@ -280,7 +279,7 @@ static void replay_stop(void *unused)
     atomic_store(&replay_stopped, true);
 }
 
-/* ---- what was asked for ---- */
+/* ---- options ---- */
 
 /* Parses ID or ID..LAST. */
 static enum error_code replay_parse_range(const char *text, struct replay_range *range,
@@ -300,7 +299,7 @@ static enum error_code replay_parse_range(const char *text, struct replay_range 
     return ERROR_NONE;
 }
 
-/* Parses INTERFACE or NAME=INTERFACE; a name that is left out is the interface's. */
+/* Parses INTERFACE or NAME=INTERFACE; the default name is the interface's. */
 static enum error_code replay_parse_bus(const char *text, struct replay_bus *bus,
                                         struct error *error)
 {
@@ -319,13 +318,13 @@ static enum error_code replay_parse_bus(const char *text, struct replay_bus *bus
     return ERROR_NONE;
 }
 
-/* Opens the interface of one --onto; refuses a name that is given twice. */
+/* Opens the interface of one --onto; refuses a repeated name. */
 static enum error_code replay_open_bus(struct replay *replay, const char *text, struct arena *arena,
                                        struct error *error)
 {
     struct replay_bus *bus = &replay->bus[replay->nbus];
     struct socketcan_config config = {.interface = bus->interface, .fd = true};
-    /* A filter that no frame passes: nothing is received */
+    /* A filter that no frame passes, because nothing is received */
     const struct frame_filter none = {.id = 0, .mask = UINT32_MAX, .extended = true};
     struct error classic;
     enum error_code code = replay_parse_bus(text, bus, error);
@@ -340,7 +339,7 @@ static enum error_code replay_open_bus(struct replay *replay, const char *text, 
         }
     }
 
-    /* Open it for CAN FD, or else for classic CAN */
+    /* Opens it for CAN FD, or else for classic CAN */
     config.filter = &none;
     config.nfilter = 1;
     if (socketcan_open(&config, arena, &bus->port, &classic)) {
@@ -353,7 +352,7 @@ static enum error_code replay_open_bus(struct replay *replay, const char *text, 
 
 /* ---- sending ---- */
 
-/* Checks whether an identifier is to be sent; without --id all are. */
+/* Checks whether an identifier is to be sent; without --id all are sent. */
 static bool replay_has_id(const struct replay *replay, uint32_t id)
 {
     for (size_t i = 0; i < replay->options.id.count; i++) {
@@ -364,8 +363,8 @@ static bool replay_has_id(const struct replay *replay, uint32_t id)
     return replay->options.id.count == 0;
 }
 
-/* Returns the bus that a frame is sent on; NULL when it is not sent: an error frame, outside the
- * times or identifiers, or of an unknown bus. */
+/* Returns the bus for a frame. Returns NULL if it is not to be sent: an error frame, a frame
+ * outside the times or identifiers, or a frame of an unknown bus. */
 static struct replay_bus *replay_find_bus(const struct replay *replay, const char *name,
                                           const struct bus_frame *frame)
 {
@@ -383,14 +382,15 @@ static struct replay_bus *replay_find_bus(const struct replay *replay, const cha
     return NULL;
 }
 
-/* Waits for a frame's time, by the speed, and sends it; the first one sets the origin of time. */
+/* Waits for a frame's time, scaled by the speed, and sends it; the first frame sets the origin of
+ * time. */
 static void replay_send_frame(struct replay *replay, struct replay_bus *bus,
                               const struct bus_frame *frame)
 {
     struct clock *clock = clock_monotonic();
     int64_t due, now = clock_now(clock);
 
-    /* The first frame is sent at once; all others keep their distance from it */
+    /* The first frame is sent immediately; all others keep their time difference to it */
     if (replay->origin_ns == INT64_MIN) {
         replay->origin_ns = now;
         replay->first_ns = frame->time_ns;
@@ -398,7 +398,7 @@ static void replay_send_frame(struct replay *replay, struct replay_bus *bus,
     due = replay->origin_ns +
           (int64_t)((double)(frame->time_ns - replay->first_ns) / replay->options.speed);
 
-    /* The sleep ends early when a stop is requested */
+    /* A stop request ends the sleep early */
     while (now < due && !atomic_load(&replay_stopped)) {
         clock_sleep_until(clock, due);
         now = clock_now(clock);
@@ -440,7 +440,8 @@ static enum error_code replay_play(struct replay *replay, struct error *error)
 
 /* ---- the command ---- */
 
-/* Prints what each interface took; returns STATUS_FAILED when one has lost frames. */
+/* Prints the number of frames that each interface accepted; returns STATUS_FAILED if one has lost
+ * frames. */
 static int replay_print(const struct replay *replay)
 {
     uint64_t lost = 0;
@@ -461,7 +462,7 @@ static int replay_print(const struct replay *replay)
     return lost ? STATUS_FAILED : STATUS_OK;
 }
 
-/* Finds the log and opens the interfaces; refuses to play nowhere. */
+/* Finds the log and opens the interfaces; refuses to run without an interface. */
 static enum error_code replay_prepare(struct replay *replay, struct arena *arena,
                                       struct error *error)
 {
@@ -492,7 +493,7 @@ static enum error_code replay_prepare(struct replay *replay, struct arena *arena
     return code;
 }
 
-/* Shows the recording in the page; refuses options that only sending has. */
+/* Shows the recording in the page; refuses options that are only for sending. */
 static int replay_show(const struct replay_options *options)
 {
     const struct replay_page_options page = {
@@ -516,7 +517,7 @@ static int replay_show(const struct replay_options *options)
     return replay_page(&page);
 }
 
-/* Plays a recording onto buses, or shows it with --http; returns the exit status. */
+/* Sends a recording on buses, or shows it with --http; returns the exit status. */
 static int replay_run(const struct replay_options *options)
 {
     static struct replay replay;
@@ -528,7 +529,7 @@ static int replay_run(const struct replay_options *options)
         return replay_show(options);
     }
 
-    /* Options that only the page has */
+    /* Options only for the page */
     if (options->ready || options->with) {
         error_set(&error, ERROR_INPUT, "found %s without --http, expected both",
                   options->ready ? "--ready" : "--with");
@@ -539,7 +540,7 @@ static int replay_run(const struct replay_options *options)
         return command_fail("replay", &error);
     }
 
-    /* Send the frames; a stop ends it early, and what was sent is printed all the same */
+    /* Sends the frames; a stop ends it early, and the counts are printed anyway */
     if (replay_prepare(&replay, &arena, &error)) {
         status = command_fail("replay", &error);
     } else {
@@ -557,7 +558,7 @@ static int replay_run(const struct replay_options *options)
 
 int cmd_replay(int argc, char **argv)
 {
-    /* All of the log, at its own speed, by default */
+    /* Default: the whole log at its own speed */
     static struct replay_options o = {.from_s = -1e9, .to_s = 1e12, .speed = 1.0};
     static const struct option_spec options[] = {
         {"--http", OPTION_STRING, "[HOST:]PORT",

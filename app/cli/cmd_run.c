@@ -22,7 +22,7 @@ static struct recorded_run recorded; /* of --stimulus */
 
 /* ---- the end of a run ---- */
 
-/* Returns the exit status of a run; prints what went wrong, or the task's last message. */
+/* Returns the exit status of a run; prints the failure, or the task's last message. */
 static int run_exit_status(const struct simulator *simulator, enum loop_end end)
 {
     const struct task_runner *runner = simulator_task_runner(simulator);
@@ -32,7 +32,7 @@ static int run_exit_status(const struct simulator *simulator, enum loop_end end)
         task_runner_read(runner, &task);
     }
 
-    /* What has failed comes first: the model, the deadlines, then the task */
+    /* Checks failures in order: the model, the deadlines, then the task */
     if (end == LOOP_END_MODEL) {
         fprintf(stderr, "%scoman-hil run: %s\n", journal_prefix(JOURNAL_ERROR),
                 simulator_failure(simulator));
@@ -72,7 +72,7 @@ static void print_gateway(struct simulator *simulator)
     }
 }
 
-/* Prints the counters of the control socket, if anyone came. */
+/* Prints the counters of the control socket, if it had clients. */
 static void print_control(const struct control *control)
 {
     struct control_counters counters;
@@ -88,8 +88,8 @@ static void print_control(const struct control *control)
     }
 }
 
-/* Writes the report of the task, if it makes one; returns the run's status, or the error's when
- * that was 0. */
+/* Writes the report of the task, if it has one. Returns the run's status; if that is 0, the status
+ * of writing. */
 static int run_report_task(const struct simulator *simulator, const char *folder, int status)
 {
     const struct task_runner *runner = simulator_task_runner(simulator);
@@ -111,8 +111,8 @@ static void print_clients(const struct control *control, const struct page *page
     page_print(page);
 }
 
-/* Closes what the run has opened, prints and writes the summary, and writes the task's report into
- * a folder; control and page are NULL while clients are still served. */
+/* Closes the run's resources, prints and writes the summary, and writes the task's report to a
+ * folder. control and page are NULL while clients are still served. */
 static int run_finish(struct simulator *simulator, const struct control *control,
                       const struct page *page, enum loop_end end, const char *report)
 {
@@ -140,14 +140,14 @@ static int run_finish(struct simulator *simulator, const struct control *control
     return run_report_task(simulator, report, status ? status : incomplete);
 }
 
-/* Finishes a run while pages are open: they are told of the end, and served until they are
+/* Finishes a run while pages are open: sends them the end, and serves them until they are
  * closed. */
 static int run_finish_watched(struct simulator *simulator, struct control *control,
                               const struct page *page, enum loop_end end, const char *report)
 {
     int status;
 
-    rig_command_on_stop(NULL, NULL); /* a stop is noted only, and ends the wait */
+    rig_command_on_stop(NULL, NULL); /* a stop is only recorded, and ends the wait */
     status = run_finish(simulator, NULL, NULL, end, report);
     page_tell_end(page, simulator, end, true);
     page_linger(page, control);
@@ -176,8 +176,8 @@ static void on_hangup(int number)
     reload_wanted = 1;
 }
 
-/* Restarts the run after SIGHUP, in the monitor's thread: a rig that can be loaded ends this run,
- * and the next one begins with it; one that cannot leaves everything as it is. */
+/* Restarts the run after SIGHUP, in the monitor's thread. If the rig can be loaded, this run ends
+ * and the next one begins with it. Otherwise nothing changes. */
 static void try_reload(struct simulator *simulator, struct monitor *monitor)
 {
     const struct rig *rig;
@@ -194,7 +194,7 @@ static void try_reload(struct simulator *simulator, struct monitor *monitor)
         return;
     }
 
-    /* Load the rig for a trial: the run is ended only for one that can follow */
+    /* Loads the rig as a test, because the run must end only if another can follow */
     if (rig_load(run_given->rig, &arena, &rig, &error) ||
         run_options_check_trust(run_given, rig, &error)) {
         fprintf(stderr, "%sreload refused, the run continues: %s\n", journal_prefix(JOURNAL_ERROR),
@@ -207,8 +207,8 @@ static void try_reload(struct simulator *simulator, struct monitor *monitor)
     arena_fini(&arena);
 }
 
-/* Ends the process on a stop between two runs: nothing is running, and the next start may take
- * long. */
+/* Ends the process on a stop between two runs, because nothing is running and the next start may
+ * take long. */
 static void stop_between_runs(void *context)
 {
     (void)context;
@@ -218,8 +218,8 @@ static void stop_between_runs(void *context)
 
 /* ---- the control socket ---- */
 
-/* Opens the control socket. *control is NULL when there is none: it was not asked for, or no
- * default place is available. */
+/* Opens the control socket. *control is NULL if it was not requested, or no default place is
+ * available. */
 static enum error_code open_control(const struct run_options *options, struct simulator *simulator,
                                     struct control **control, struct error *error)
 {
@@ -248,7 +248,7 @@ static enum error_code open_control(const struct run_options *options, struct si
 
 /* ---- the run ---- */
 
-/* Writes the file of --ready; host: of the gateway, "" = the default address; tables: hashes. */
+/* Writes the file of --ready. host: the gateway's, "" = the default address; tables: hashes. */
 static enum error_code write_ready(const struct run_options *options, const char *host,
                                    const char *tables, struct simulator *simulator,
                                    const struct control *control, const struct page *page,
@@ -270,7 +270,7 @@ static enum error_code write_ready(const struct run_options *options, const char
     return ready_write(options->ready, &ready, error);
 }
 
-/* What the monitor's thread works on beside its own. */
+/* Additional data of the monitor's thread. */
 struct background {
     struct simulator *simulator;
     struct control *control; /* NULL = none */
@@ -278,7 +278,7 @@ struct background {
     struct monitor *monitor;
 };
 
-/* Shows an event in the page's time line, which has every event, however many there are. */
+/* Shows an event on the page's time line, which has all events without a rate limit. */
 static void run_show_event(void *context, uint64_t key, const char *text)
 {
     const struct background *background = context;
@@ -302,8 +302,7 @@ static void log_control(struct background *background)
     }
 }
 
-/* Does the monitor's work of each period: a restart when one is wanted, and events of the
- * socket. */
+/* The monitor's work of each period: a restart if requested, and events of the socket. */
 static void run_each_period(void *context)
 {
     struct background *background = context;
@@ -312,7 +311,7 @@ static void run_each_period(void *context)
     log_control(background);
 }
 
-/* Runs a simulator from the start of its threads to the exit status. */
+/* Runs a simulator from the start of its threads; returns the exit status. */
 static int run_simulator(struct simulator *simulator, struct control *control, struct page *page,
                          const struct run_options *options, const char *host, const char *tables)
 {
@@ -332,7 +331,8 @@ static int run_simulator(struct simulator *simulator, struct control *control, s
     int status, silent = STATUS_OK;
     bool stays;
 
-    /* Threads start before simulator_start, which gives the loop's thread its priority and CPU */
+    /* Threads start before simulator_start, which gives the loop's thread its priority and
+     * processor */
     if (monitor_start(&monitor, &config, &error)) {
         control_stop(control);
         viewer_stop(page->viewer);
@@ -351,13 +351,13 @@ static int run_simulator(struct simulator *simulator, struct control *control, s
     viewer_serve(page->viewer);
     rig_command_warn(&report, monitor.log.clear);
     if (write_ready(options, host, tables, simulator, control, page, &error)) {
-        silent = command_fail("run", &error); /* nobody would come: the run ends at once */
+        silent = command_fail("run", &error); /* no client can connect: the run ends immediately */
         simulator_stop(simulator);
     }
     end = simulator_run(simulator);
 
-    /* The log is complete once all threads have ended; the page's thread ends before the socket it
-     * uses */
+    /* The log is complete when all threads have ended; the page's thread ends before the socket
+     * that it uses */
     stays = !reload && !silent && page_stays(page, end);
     if (!stays) {
         page_tell_end(page, simulator, end, false);
@@ -376,15 +376,15 @@ static int run_simulator(struct simulator *simulator, struct control *control, s
         return silent ? silent : status;
     }
 
-    /* A stop that comes now is meant for the service: it is noted first, then carried out at
-     * once */
+    /* A stop that arrives now is for the service: it is recorded first, then executed
+     * immediately */
     status = run_finish(simulator, control, page, end, options->input.report);
     fflush(stdout);
     rig_command_on_stop(stop_between_runs, NULL);
     return status;
 }
 
-/* Prints how the robot has settled before the run, if it did. */
+/* Prints how the robot has settled before the run, if it has. */
 static void print_settled(const struct simulator *simulator)
 {
     const struct settled *settled = simulator_settled(simulator);
@@ -401,7 +401,7 @@ static void print_settled(const struct simulator *simulator)
             settled->sideways, base);
 }
 
-/* Prints what of a recorded controller is not as it was recorded. */
+/* Prints the differences of the run from the recorded one. */
 static void print_stimulus(const struct simulator *simulator)
 {
     const struct stimulus *stimulus = simulator_stimulus(simulator);
@@ -428,7 +428,7 @@ static void print_stimulus(const struct simulator *simulator)
             (double)first_ns * 1e-9, (double)stimulus->end_ns * 1e-9);
 }
 
-/* Prints what a person may want to know before the first tick. */
+/* Prints information for the user before the first tick. */
 static void print_start(const struct simulator *simulator, const char *host, const char *notice)
 {
     fprintf(stderr, "dynamics: %s\n", simulator_dynamics(simulator));
@@ -449,7 +449,7 @@ static void print_start(const struct simulator *simulator, const char *host, con
     }
 }
 
-/* Checks whether only the user ends the run. */
+/* Checks whether only the user can end the run. */
 static bool run_is_endless(const struct simulator *simulator)
 {
     const struct task_runner *runner = simulator_task_runner(simulator);
@@ -458,7 +458,7 @@ static bool run_is_endless(const struct simulator *simulator)
            (!runner || task_is_endless(runner->task));
 }
 
-/* Reads --gateway and --slcan; *used says whether one of them is given. */
+/* Reads --gateway and --slcan; *used is whether one of them is given. */
 static enum error_code run_read_gateway(const struct run_options *options, char host[RUN_HOST_SIZE],
                                         struct run_slcan *slcan, struct gateway_config *gateway,
                                         bool *used, struct error *error)
@@ -476,7 +476,7 @@ static enum error_code run_read_gateway(const struct run_options *options, char 
     return code;
 }
 
-/* Runs a rig: changes it as options say, creates the simulator, its socket and page, and runs
+/* Runs a rig: applies the options, creates the simulator, its socket and its page, and runs
  * them. */
 static int run_start_rig(void *context, const struct rig *loaded, struct arena *arena)
 {
@@ -498,7 +498,7 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
     bool joined;
     int status;
 
-    /* Apply the command line's changes to a copy of the rig */
+    /* Applies the command line's changes to a copy of the rig */
     if (options->wire >= 0) {
         changed = *loaded;
         changed.wire.timed = changed.wire.paced = options->wire;
@@ -515,7 +515,7 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
     config.task_input = &input;
     config.gateway = joined ? &gateway : NULL;
 
-    /* A recording is played to its end, when its last ticks had no frame too */
+    /* Plays a recording to its end, even if its last ticks had no frames */
     recorded = (struct recorded_run){.ticks = 0};
     if (config.stimulus) {
         recorded_run_read(config.stimulus, &recorded);
@@ -524,7 +524,7 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
         config.ticks = recorded.ticks;
     }
 
-    /* Create the simulator, the socket that controls it and the page, then run */
+    /* Creates the simulator, its control socket and its page, then runs */
     code = simulator_create(&config, arena, &simulator, notice, &error);
     if (code) {
         return command_fail("run", &error);
@@ -567,7 +567,7 @@ int cmd_run(int argc, char **argv)
         signal(SIGHUP, on_hangup);
     }
 
-    /* A restart loads the rig anew, as it may have changed */
+    /* A restart loads the rig again, because it may have changed */
     run_given = &options;
     do {
         reload = false;

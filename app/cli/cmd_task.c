@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil task: runs a task as its own process, against virtual or real boards. */
+/* coman-hil task: runs a task in its own process, with simulated or real boards. */
 #include "app/cli/commands.h"
 
 #include "app/cli/rig_command.h"
@@ -26,7 +26,7 @@ struct task_command {
 static const struct word clock_words[] = {
     {"real", LOOP_CLOCK_REAL}, {"lockstep", LOOP_CLOCK_LOCKSTEP}, {0}};
 
-/* Reads the command line; false, with the exit status, when there is nothing to run. */
+/* Reads the command line; returns false and the exit status if there is nothing to run. */
 static bool task_parse_options(int argc, char **argv, struct task_command *out, int *status)
 {
     static struct task_command o;
@@ -58,7 +58,7 @@ static bool task_parse_options(int argc, char **argv, struct task_command *out, 
         .manual = MANUAL_TASK,
     };
 
-    /* A clock of -1 stands for the rig's */
+    /* A clock of -1 means the rig's */
     o = (struct task_command){.clock = -1};
     if (!options_read(&spec, argc, argv, status)) {
         return false;
@@ -138,14 +138,14 @@ static int task_run_to_end(struct task_runner *runner, const struct rig *rig, bo
     struct realtime_report warnings;
     enum task_status status;
 
-    /* The status line has a thread of its own, made first so that it does not inherit real-time
+    /* The status line has its own thread, created first so that it does not inherit real-time
      * priority */
     rig_command_on_stop(task_request_stop, runner);
     if (!quiet && pthread_create(&reporter.thread, NULL, task_report_main, &reporter)) {
         quiet = true;
     }
 
-    /* In lockstep nothing depends on when the task wakes up, so no priority is needed */
+    /* In lockstep the wake-up time does not matter, so the task needs no priority */
     if (!runner->lockstep) {
         realtime_apply(&realtime, &warnings);
         rig_command_warn(&warnings, "");
@@ -181,7 +181,7 @@ static int task_run_rig(void *context, const struct rig *rig, struct arena *aren
         return command_fail("task", &error);
     }
 
-    /* All memory is taken before the first cycle */
+    /* Allocates all memory before the first cycle */
     if (task_runner_create(rig, options->task, &input, ports.port, lockstep, clock_monotonic(),
                            arena, &runner, &error) ||
         task_set_all(runner->task, options->set.item, options->set.count, &error) ||

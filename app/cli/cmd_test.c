@@ -18,9 +18,9 @@
 #include <string.h>
 #include <unistd.h>
 
-enum { LINES_MAX = 1000 }; /* in which a sweep names its scenarios */
+enum { LINES_MAX = 1000 }; /* lines in which a sweep names its scenarios */
 
-/* Bytes of address space. */
+/* Reserved address space, bytes. */
 #define MEMORY ((size_t)1 << 30)
 
 static const char *test_plan_describe(const char *path)
@@ -77,7 +77,7 @@ static enum error_code test_read_range(const char *text, size_t range[2], struct
                 "%d",
                 text, SWEEP_CASES_MAX);
         }
-        at = *end ? end + 1 : at; /* one number is both */
+        at = *end ? end + 1 : at; /* one number is both first and last */
     }
     return ERROR_NONE;
 }
@@ -143,7 +143,7 @@ struct test_options {
     bool mutate, to_the_end, plan, merge, list;
 };
 
-/* All runs to be made, and their results. */
+/* All planned runs, and their results. */
 struct test_runs {
     struct arena arena;
     size_t njob, ncase;
@@ -155,7 +155,7 @@ struct test_runs {
 
 enum { SIGNALS_SIZE = 2048 };
 
-/* Makes the help on signals: a line for each kind. */
+/* Writes the help on signals: one line per kind. */
 static void list_signals(char list[SIGNALS_SIZE])
 {
     const char *const *line = scenario_signal_help();
@@ -167,7 +167,7 @@ static void list_signals(char list[SIGNALS_SIZE])
     }
 }
 
-/* Reads the command line; false, with the exit status, when there is nothing to run. */
+/* Reads the command line; returns false and the exit status if there is nothing to run. */
 static bool test_parse_options(int argc, char **argv, struct test_options *out, int *status)
 {
     static struct test_options o;
@@ -226,9 +226,9 @@ static bool test_parse_options(int argc, char **argv, struct test_options *out, 
     return true;
 }
 
-/* ---- what is to be run ---- */
+/* ---- the plan ---- */
 
-/* Refuses two scenarios of one name, which would write into one directory. */
+/* Refuses two scenarios with one name, because both would write to the same directory. */
 static enum error_code test_check_names(struct scenario *const *scenario, size_t count,
                                         struct error *error)
 {
@@ -246,8 +246,7 @@ static enum error_code test_check_names(struct scenario *const *scenario, size_t
     return ERROR_NONE;
 }
 
-/* Checks that the rig has what the scenario names. Parameters are numbers only, so one case stands
- * for all. */
+/* Checks that the rig has the names of the scenario, for one of the cases. */
 static enum error_code test_check_rig(struct scenario *scenario, struct error *error)
 {
     const struct rig *rig;
@@ -271,8 +270,8 @@ static const char *test_output(const struct test_options *options)
     return options->output ? options->output : "test-results";
 }
 
-/* Adds the runs of a case: itself, recorded into a directory of its own, then each mutation,
- * unrecorded. */
+/* Adds the runs of a case: the case itself, recorded to its own directory, then each mutation, not
+ * recorded. */
 static void add_jobs(struct test_runs *plan, struct scenario *scenario, size_t number, size_t count,
                      const struct test_options *options)
 {
@@ -306,7 +305,7 @@ static void plan_jobs(struct test_runs *plan, struct scenario *const *cases, con
     }
 }
 
-/* Reads and checks a scenario. A sweep or a plan is refused with the options that it takes. */
+/* Reads and checks a scenario. Refuses a sweep or a plan; the error names the right options. */
 static enum error_code test_read_scenario(const char *file, struct arena *arena,
                                           struct scenario **cases, size_t *ncase,
                                           struct error *error)
@@ -344,7 +343,7 @@ static enum error_code make_plan(struct test_runs *plan, const struct test_optio
         return error_set(error, ERROR_MEMORY, "no memory left for %zu scenarios", nfile);
     }
 
-    /* Read and check everything before anything runs */
+    /* Reads and checks everything before the first run */
     for (size_t f = 0; f < nfile; f++) {
         code = test_read_scenario(options->file[f], &plan->arena, &cases[f], &ncases[f], error);
         if (code) {
@@ -363,7 +362,7 @@ static enum error_code make_plan(struct test_runs *plan, const struct test_optio
         return code;
     }
 
-    /* A job for each run; a result for each, and one for the mutations of each case */
+    /* A job per run; a result per run, and one for the mutations of each case */
     plan->job = arena_alloc(&plan->arena, njob, sizeof *plan->job);
     plan->result = arena_alloc(&plan->arena, njob + ncase, sizeof *plan->result);
     if (!plan->job || !plan->result) {
@@ -373,7 +372,7 @@ static enum error_code make_plan(struct test_runs *plan, const struct test_optio
     return ERROR_NONE;
 }
 
-/* ---- what came out ---- */
+/* ---- results ---- */
 
 /* Prints the verdict of a run with its message, and counts it. */
 static void print_result(struct test_runs *plan, const struct scenario_result *result)
@@ -400,7 +399,7 @@ static void print_result(struct test_runs *plan, const struct scenario_result *r
     fflush(stdout);
 }
 
-/* Judges a run that has ended; called in the order of the plan. */
+/* Judges a finished run; called in the order of the plan. */
 static void on_end(void *context, const struct scenario_job *job)
 {
     struct test_runs *plan = context;
@@ -410,13 +409,13 @@ static void on_end(void *context, const struct scenario_job *job)
     print_result(plan, result);
 }
 
-/* Judges the mutations of each case, which stand beside it in the plan. */
+/* Judges the mutations of each case, which are adjacent in the plan. */
 static void judge_mutations(struct test_runs *plan)
 {
     for (size_t from = 0, to = 0; from < plan->njob; from = to) {
         struct scenario_result *result = &plan->result[plan->nresult++];
 
-        /* The runs of one case are those after each other with the same scenario */
+        /* The runs of one case are consecutive jobs with the same scenario */
         for (to = from; to < plan->njob && plan->job[to].scenario == plan->job[from].scenario;
              to++) {
         }
@@ -441,7 +440,7 @@ static void test_list_cases(const struct test_runs *plan)
     }
 }
 
-/* Returns the number of parallel runs: as given, or one for each processor. */
+/* Returns the number of parallel runs: the given one, or one per processor. */
 static size_t test_parallel(const struct test_options *options)
 {
     long processors = sysconf(_SC_NPROCESSORS_ONLN);
@@ -449,7 +448,7 @@ static size_t test_parallel(const struct test_options *options)
     return options->jobs ? (size_t)options->jobs : processors > 0 ? (size_t)processors : 1;
 }
 
-/* Makes all runs, prints and writes the results; returns the exit status. */
+/* Executes all runs, prints and writes the results; returns the exit status. */
 static int run_plan(struct test_runs *plan, const struct test_options *options)
 {
     struct scenario_jobs_options jobs = {
@@ -463,7 +462,7 @@ static int run_plan(struct test_runs *plan, const struct test_options *options)
     int64_t begin = clock_now(time);
     struct error error;
 
-    /* A file that cannot be written is refused before the runs, which may take long */
+    /* Refuses a file that cannot be written before the runs, which may take long */
     if (options->junit && whole_file_probe(options->junit, &error)) {
         return command_fail("test", &error);
     }
@@ -476,7 +475,7 @@ static int run_plan(struct test_runs *plan, const struct test_options *options)
         judge_mutations(plan);
     }
 
-    /* Print the sum of all, and write the file */
+    /* Prints the totals, and writes the file */
     printf("%zu case%s in %zu run%s: %zu passed, %zu failed, %zu did not run; %.1f s\n",
            plan->ncase, plan->ncase == 1 ? "" : "s", plan->njob, plan->njob == 1 ? "" : "s",
            plan->passed, plan->failed, plan->broken, (double)(clock_now(time) - begin) * 1e-9);
@@ -487,7 +486,7 @@ static int run_plan(struct test_runs *plan, const struct test_options *options)
     return plan->failed + plan->broken ? STATUS_FAILED : STATUS_OK;
 }
 
-/* Runs the scenarios given, or lists them; returns the exit status. */
+/* Runs or lists the given scenarios; returns the exit status. */
 static int test_run_scenarios(const struct test_options *options)
 {
     struct test_runs plan = {.njob = 0};
@@ -509,7 +508,7 @@ static int test_run_scenarios(const struct test_options *options)
     return status;
 }
 
-/* Runs one of the commands about plans; refuses options that do not go with it. */
+/* Runs one of the commands about plans; refuses options that are not for it. */
 static int test_run_plan(const struct test_options *options)
 {
     struct error error;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil validate: holds rigs against measured benches. */
+/* coman-hil validate: compares rigs with measured benches. */
 #include "app/cli/commands.h"
 
 #include "app/cli/rig_command.h"
@@ -40,7 +40,7 @@ static void print_validation(const struct validation *v)
     putchar('\n');
 }
 
-/* Lists the paths of the benches that are to be run: those given, or all that are installed. */
+/* Lists the paths of the benches to run: the given ones, or all installed ones. */
 static enum error_code list_benches(const char *const *given, struct arena *arena,
                                     const char ***path, size_t *count, struct error *error)
 {
@@ -70,7 +70,7 @@ static enum error_code list_benches(const char *const *given, struct arena *aren
     return code;
 }
 
-/* Runs all benches and writes the page. *failed is whether one missed its limit. */
+/* Runs all benches and writes the page. *failed is whether one exceeded its limit. */
 static enum error_code validate_all(const struct validate_options *o, struct arena *arena,
                                     bool *failed, struct error *error)
 {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Makes the requests of ctl from words. A value for which there is no memory is left out, and the
- * server refuses the request. */
+/* Makes the requests of ctl from words. A value for which there is no memory is omitted; the
+ * server then refuses the request. */
 #include "app/cli/ctl_request.h"
 
 #include "control/ctl_print.h"
@@ -11,14 +11,14 @@
 
 enum { WORD_COPY = 256 };
 
-/* Reports wrong arguments of a command and says which it takes. */
+/* Reports wrong arguments of a command, and the arguments that it takes. */
 static enum error_code ctl_usage_error(struct error *error, const char *command,
                                        const char *expected)
 {
     return error_set(error, ERROR_INPUT, "%s: expected %s", command, expected);
 }
 
-/* Makes a number of a word that is one, else a string: the server says what it expected. */
+/* Converts a word to a number if it is one, else to a string; the server checks the type. */
 static json_t *value_of(const char *word)
 {
     double number;
@@ -43,7 +43,7 @@ static json_t *vector_of(const char *word)
     return array;
 }
 
-/* Puts "KEY=VALUE" into the request; the server knows which keys there are. */
+/* Puts "KEY=VALUE" into the request; the server checks the key. */
 static enum error_code put_pair(json_t *request, const char *command, const char *word,
                                 struct error *error)
 {
@@ -60,7 +60,7 @@ static enum error_code put_pair(json_t *request, const char *command, const char
     return ERROR_NONE;
 }
 
-/* Puts the one argument that may be given into the request, under a key. */
+/* Puts the optional argument into the request, under a key. */
 static enum error_code put_optional(json_t *request, const struct ctl_options *o, const char *key,
                                     struct error *error)
 {
@@ -96,7 +96,7 @@ static enum error_code make_list(json_t *request, const struct ctl_options *o, s
     return ERROR_NONE;
 }
 
-/* Makes `get NAME`; of a pattern, a list of the tunables that match. */
+/* Makes `get NAME`; for a pattern, a list of the matching tunables. */
 static enum error_code make_get(json_t *request, const struct ctl_options *o, struct error *error)
 {
     if (o->nword != 1) {
@@ -168,7 +168,7 @@ static enum error_code make_slot(json_t *request, const struct ctl_options *o, s
     return put_optional(request, o, "slot", error);
 }
 
-/* Makes `speed FACTOR`; max is the factor 0. */
+/* Makes `speed FACTOR`; "max" is sent as 0. */
 static enum error_code make_speed(json_t *request, const struct ctl_options *o, struct error *error)
 {
     if (o->nword != 1) {

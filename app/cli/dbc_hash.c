@@ -20,7 +20,7 @@ enum error_code dbc_hash_write_text(const struct dbc *dbc, struct memory_file *t
     if (!file) {
         return error_set(error, ERROR_MEMORY, "no memory left for the DBC file");
     }
-    /* All that can fail is the stream, which memory_file_close reports */
+    /* Only the stream can fail, which memory_file_close reports */
     dbc_write(dbc, file, NULL);
     return memory_file_close(file, text, "the DBC file", error);
 }
@@ -45,7 +45,8 @@ enum error_code dbc_hash_rig(const struct rig *rig, struct arena *arena, const c
                              struct error *error)
 {
     size_t size = 1, used = 0;
-    struct arena scratch; /* the databases do not stay in memory with what the loop uses */
+    struct arena scratch; /* scratch memory, because the databases must not stay in memory next to
+                           * the loop's data */
     enum error_code code = arena_init(&scratch, RIG_COMMAND_ARENA, error);
     char *text;
 
@@ -65,7 +66,8 @@ enum error_code dbc_hash_rig(const struct rig *rig, struct arena *arena, const c
             used += (size_t)snprintf(text + used, size - used, "%s%s=%016" PRIx64, used ? " " : "",
                                      rig->bus[i].name, hash);
         } else if (code != ERROR_MEMORY) {
-            code = ERROR_NONE; /* `coman-hil dbc` cannot write it either: nobody has such a file */
+            code = ERROR_NONE; /* `coman-hil dbc` cannot write such a file either, so no client has
+                                * it */
         }
     }
     arena_fini(&scratch);

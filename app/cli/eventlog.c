@@ -6,7 +6,7 @@
 
 #include <string.h>
 
-/* Longest window in which a flood is summed up. */
+/* Longest window for the summary of a flood. */
 #define WINDOW_MAX_NS (60 * CLOCK_SECOND)
 
 static const char *eventlog_prefix(const struct eventlog *log, uint64_t key)
@@ -14,7 +14,7 @@ static const char *eventlog_prefix(const struct eventlog *log, uint64_t key)
     return log->prefix ? log->prefix(key) : "";
 }
 
-/* Prints what was held back: the line, or the number of lines and the last one. */
+/* Prints the suppressed lines: a single line itself, or the number of lines and the last one. */
 static void eventlog_sum_up(struct eventlog *log, const struct eventlog_entry *entry)
 {
     if (entry->held == 1) {
@@ -25,8 +25,8 @@ static void eventlog_sum_up(struct eventlog *log, const struct eventlog_entry *e
     }
 }
 
-/* Ends the entry's window; a flood gets another one, twice as long, in which everything is held
- * back. */
+/* Ends the entry's window; a flood gets another window of twice the length, in which all lines are
+ * suppressed. */
 static void eventlog_end_window(struct eventlog *log, struct eventlog_entry *entry, int64_t now_ns)
 {
     bool flood = entry->held > 0;
@@ -70,7 +70,7 @@ void eventlog_put(struct eventlog *log, int64_t now_ns, uint64_t key, const char
             .used = true, .key = key, .since_ns = now_ns, .window_ns = CLOCK_SECOND};
     }
 
-    /* Print the first lines of a window, and count the others */
+    /* Prints the first lines of a window, and counts the others */
     if (entry->lines < EVENTLOG_BURST) {
         entry->lines++;
         log->printed++;

@@ -14,7 +14,7 @@ enum { LINE_SIZE = 320 };
 #define TERMINAL_NS (250 * CLOCK_MS)
 #define LOG_NS (5 * CLOCK_SECOND)
 
-/* Returns the load of the busiest bus since before, percent of its bitrate over virtual time. */
+/* Returns the load of the busiest bus since `before`, percent of its bit rate in virtual time. */
 static double find_busiest_bus(const struct simulator *simulator,
                                const struct simulator_status *before,
                                const struct simulator_status *status, size_t *bus)
@@ -35,7 +35,7 @@ static double find_busiest_bus(const struct simulator *simulator,
     return most;
 }
 
-/* Writes the text of the status line. before is the status at the last line, zeros at first. */
+/* Writes the text of the status line. before: status at the last line, zeros at first. */
 static void monitor_format(const struct simulator *simulator, const struct simulator_status *before,
                            const struct simulator_status *status, char *text, size_t size)
 {
@@ -47,7 +47,7 @@ static void monitor_format(const struct simulator *simulator, const struct simul
     uint64_t lost = 0;
     size_t bus;
 
-    /* Sum the vertical contact forces of all bodies, and the frames that buses have lost */
+    /* Sums the vertical contact forces of all bodies, and the frames that buses have lost */
     for (size_t c = 0; c < rig->contact.nbody; c++) {
         force += status->force_z[c];
     }
@@ -91,7 +91,7 @@ static const char *event_prefix(uint64_t key)
     return journal_prefix(simulator_event_priority(key));
 }
 
-/* Prints the simulator's events through the log, and shows them to the event function. */
+/* Prints the simulator's events through the log, and passes them to the event function. */
 static void print_events(struct monitor *monitor, int64_t now)
 {
     char text[EVENTLOG_TEXT];
@@ -106,8 +106,8 @@ static void print_events(struct monitor *monitor, int64_t now)
     eventlog_flush(&monitor->log, now, false);
 }
 
-/* Tells the service manager whether the run is ready and alive. In lockstep the loop is ready when
- * it waits for the first STEP, before any tick has run. */
+/* Notifies the service manager that the run is ready and alive. In lockstep the loop is ready when
+ * it waits for the first STEP, before the first tick. */
 static void tell_manager(struct monitor *monitor, int64_t now)
 {
     const struct simulator *simulator = monitor->config.simulator;
@@ -121,7 +121,7 @@ static void tell_manager(struct monitor *monitor, int64_t now)
     notify_watch(monitor->config.manager, &health, now);
 }
 
-/* Does the thread's work until it is stopped. */
+/* Main function of the thread: works until it is stopped. */
 static void *monitor_main(void *context)
 {
     struct monitor *monitor = context;

@@ -17,13 +17,14 @@ enum { TEXT_SIZE = 512 };
 static void notify_send(const struct notify *notify, const char *text)
 {
     if (notify->descriptor >= 0) {
-        /* Nothing depends on a manager that does not listen */
+        /* Ignores errors, because the run does not depend on the manager */
         (void)sendto(notify->descriptor, text, strlen(text), MSG_NOSIGNAL | MSG_DONTWAIT,
                      (const struct sockaddr *)&notify->address, notify->length);
     }
 }
 
-/* Sets the address of a path, or with @ of a name in the abstract namespace; false for others. */
+/* Sets the address for a path or, with a leading @, for a name in the abstract namespace; returns
+ * false for other text. */
 static bool notify_set_address(struct notify *notify, const char *path)
 {
     size_t length = strlen(path);
@@ -43,7 +44,7 @@ static bool notify_set_address(struct notify *notify, const char *path)
     return true;
 }
 
-/* Returns the microseconds of WATCHDOG_USEC when they are meant for this process, else 0. */
+/* Returns the microseconds of WATCHDOG_USEC if they are for this process, else 0. */
 static int64_t notify_watchdog_us(void)
 {
     const char *time = getenv("WATCHDOG_USEC"), *pid = getenv("WATCHDOG_PID");

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Opens, keeps and closes the page of a run. */
+/* Opens and closes the page of a run, and serves it after the run. */
 #include "app/cli/page.h"
 
 #include "app/cli/rig_command.h"
@@ -12,12 +12,13 @@
 #include <stdio.h>
 #include <string.h>
 
-/* How long the page stays after a run by default, s; robot parts that are listed as not shown. */
+/* Default time for which the page stays after a run, s; maximum number of robot parts listed as
+ * not shown. */
 #define PAGE_LINGER_S 600.0
 
 enum { LACKS_LISTED = 8 };
 
-/* Prints the page's addresses; warns of one that other machines can reach. */
+/* Prints the page's addresses; warns if other machines can reach one. */
 static void page_print_addresses(const struct page *page, const char *host)
 {
     const char *control = viewer_address(page->viewer, true);
@@ -54,7 +55,7 @@ void page_print_lacks(const struct robot *robot)
 
 /* ---- tokens ---- */
 
-/* Finds the file for tokens, "" when none is to be kept. */
+/* Finds the file for tokens, "" if none is kept. */
 static void page_find_token_file(const struct run_options *options, bool service,
                                  char path[PATH_MAX])
 {
@@ -67,8 +68,8 @@ static void page_find_token_file(const struct run_options *options, bool service
     }
 }
 
-/* Judges an error of the token file: one that the user has named must be usable; of the default
- * file the error is only a notice. */
+/* Handles an error of the token file. A file that the user has named must be usable; an error of
+ * the default file is only a notice. */
 static enum error_code page_judge_token_file(const struct run_options *options,
                                              enum error_code code, const struct error *error)
 {
@@ -80,8 +81,8 @@ static enum error_code page_judge_token_file(const struct run_options *options,
     return code;
 }
 
-/* Starts the server with the tokens of the last run in this folder and, where any port will do, at
- * that run's port when it is free; keeps both for the next run. */
+/* Starts the server with the tokens of the last run in this folder and, if any port is allowed, at
+ * that run's port if it is free. Keeps both for the next run. */
 static enum error_code page_start(struct page *page, const struct run_options *options,
                                   bool service, struct viewer_config *config, struct error *error)
 {
@@ -98,7 +99,7 @@ static enum error_code page_start(struct page *page, const struct run_options *o
         return code;
     }
 
-    /* Take the last run's tokens and port; another port when somebody else has that one now */
+    /* Uses the last run's tokens and port; uses another port if that one is occupied */
     if (tokens.port > 0) {
         config->token[0] = tokens.token[0];
         config->token[1] = tokens.token[1];
@@ -113,7 +114,7 @@ static enum error_code page_start(struct page *page, const struct run_options *o
         return code;
     }
 
-    /* Keep the tokens and the port of this run */
+    /* Keeps the tokens and the port of this run */
     for (int right = 0; right < 2; right++) {
         snprintf(tokens.token[right], VIEWER_TOKEN, "%s", viewer_token(page->viewer, right));
     }
@@ -121,7 +122,7 @@ static enum error_code page_start(struct page *page, const struct run_options *o
     return page_judge_token_file(options, token_file_write(path, &tokens, error), error);
 }
 
-/* ---- life ---- */
+/* ---- opening ---- */
 
 enum error_code page_open(struct page *page, const struct run_options *options, bool service,
                           struct simulator *simulator, const char *control, struct error *error)
@@ -141,7 +142,7 @@ enum error_code page_open(struct page *page, const struct run_options *options, 
     code =
         run_options_parse_address("--http", text, "8080", host, &config.host, &config.port, error);
 
-    /* The page has ports of its own, to send frames as a guest on the buses */
+    /* The page has its own ports, to send frames as a guest on the buses */
     code = code ? code : simulator_join(simulator, &page->ports, error);
     code = code ? code : page_start(page, options, service, &config, error);
     if (code) {

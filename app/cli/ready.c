@@ -9,7 +9,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* Removes a regular file; leaves a pipe that somebody reads. False with errno when it cannot. */
+/* Removes a regular file; does not remove a pipe with a reader. Returns false with errno on
+ * failure. */
 static bool remove_file(const char *path)
 {
     struct stat info;
@@ -20,7 +21,7 @@ static bool remove_file(const char *path)
     return unlink(path) == 0 || errno == ENOENT;
 }
 
-/* Writes NAME='VALUE' with every ' of the value as '\''; nothing for a value of NULL or "". */
+/* Writes NAME='VALUE', with each ' in the value as '\''; writes nothing for NULL or "". */
 static void put_entry(const char *name, const char *value, FILE *out)
 {
     if (!value || !*value) {
@@ -37,7 +38,7 @@ static void put_entry(const char *name, const char *value, FILE *out)
     fputs("'\n", out);
 }
 
-/* Returns whether a file is one of --ready, or empty, or no regular file at all. */
+/* Returns whether a file was written by --ready, is empty, or is not a regular file. */
 static bool may_be_removed(const char *path)
 {
     static const char begin[] = "pid='";
@@ -84,7 +85,7 @@ enum error_code ready_write(const char *path, const struct ready *ready, struct 
         return code;
     }
 
-    /* Only the owner may read it: the page's address holds its token */
+    /* Only the owner may read it, because the page's address contains its token */
     if (!file.in_place && fchmod(fileno(file.out), S_IRUSR | S_IWUSR)) {
         code = error_set_errno(error, errno, "cannot write %s", path);
     }

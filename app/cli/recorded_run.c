@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Compares the run of a stimulus with the recorded one, and keeps downloaded firmware. */
+/* Compares the run of a stimulus with the recorded one, and stores downloaded firmware. */
 #include "app/cli/recorded_run.h"
 
 #include "base/input_file.h"
@@ -51,7 +51,7 @@ enum error_code firmware_write(const struct simulator *simulator, const char *di
             return error_set(error, ERROR_SYSTEM, "the name of %s is too long", directory);
         }
 
-        /* A board's name may have a '/', a file's may not */
+        /* A board's name may contain a '/', a file name may not */
         for (char *c = path + start; *c; c++) {
             *c = *c == '/' ? '-' : *c;
         }
@@ -63,7 +63,7 @@ enum error_code firmware_write(const struct simulator *simulator, const char *di
     return ERROR_NONE;
 }
 
-/* Ticks that a recording may have: 115 days at 1 kHz. */
+/* Largest number of ticks in a recording: 115 days at 1 kHz. */
 #define TICKS_MOST INT64_C(10000000000)
 
 /* Opens a regular file of a recording; NULL = there is none. */
@@ -92,8 +92,8 @@ static void recorded_run_read_summary(FILE *file, struct recorded_run *run)
     json_decref(summary);
 }
 
-/* Checks whether the text of an event is a request that has changed the robot's course: a push, a
- * tunable, or a fault switched by hand. Pauses, speeds and comings and goings do not. */
+/* Checks whether an event is a request that has changed the robot's motion: a push, a tunable, or
+ * a fault switched by hand. Pauses, speeds, and connections of clients are not. */
 static bool recorded_run_is_request(const char *text)
 {
     static const char *const others[] = {"process ", "paused ",     "resumed ",
@@ -111,7 +111,7 @@ static bool recorded_run_is_request(const char *text)
     return true;
 }
 
-/* Counts the requests among the events, "TIME PRIORITY TEXT" each, and keeps the first. */
+/* Counts the requests among the events ("TIME PRIORITY TEXT" each), and stores the first. */
 static void recorded_run_read_events(FILE *file, struct recorded_run *run)
 {
     char line[RECORDER_EVENT_TEXT + 64];

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Does what the commands that take a rig or a robot have in common. */
+/* Functions common to the commands with a rig or a robot. */
 #include "app/cli/rig_command.h"
 
 #include "base/array.h"
@@ -74,19 +74,19 @@ static void (*_Atomic on_stop)(void *context);
 static void *_Atomic on_stop_context;
 static atomic_bool stop_requested;
 
-/* Two stops that come together are one: `timeout` signals a process and then its group. */
+/* Two stops within this time are one, because `timeout` signals a process and then its group. */
 #define ONE_STOP_NS INT64_C(500000000)
-static _Atomic int64_t stopped_ns; /* when the first interrupt or SIGTERM came; 0 = none */
+static _Atomic int64_t stopped_ns; /* time of the first SIGINT or SIGTERM; 0 = none */
 
-/* Signals that ask politely, as often as they come: a terminal that closes sends more than one
- * SIGHUP, and every line into a pipe that nobody reads a SIGPIPE. */
+/* Signals that only request a stop, any number of times: a closing terminal sends several SIGHUP,
+ * and each line into a pipe without a reader gives a SIGPIPE. */
 static struct polite_signal {
     int number;
     bool taken;
 } polite_signals[] = {{SIGHUP, false}, {SIGPIPE, false}};
 
-/* Notes a stop and calls the function for it; a second interrupt or SIGTERM, well after the first,
- * kills. Async-signal-safe. */
+/* Records a stop and calls its function. A second SIGINT or SIGTERM, well after the first, kills
+ * the process. Async-signal-safe. */
 static void on_signal(int number)
 {
     void (*stop)(void *context) = atomic_load(&on_stop);
@@ -116,8 +116,8 @@ bool rig_command_stop_requested(void)
     return atomic_load(&stop_requested);
 }
 
-/* Handles a polite signal, unless it is ignored (nohup, systemd's IgnoreSIGPIPE) or handled
- * otherwise (a service's reload). */
+/* Handles such a signal, unless it is ignored (nohup, systemd's IgnoreSIGPIPE) or has another
+ * handler (a service's reload). */
 static void take_polite_signal(struct polite_signal *polite)
 {
     const struct sigaction action = {.sa_handler = on_signal, .sa_flags = SA_RESTART};
@@ -149,12 +149,13 @@ void rig_command_on_stop(void (*stop)(void *context), void *context)
 
 void rig_command_ignore_stop(void)
 {
-    /* Nothing is left to stop: the next one kills, but for the twin of one that has just come */
+    /* Nothing remains to stop: the next signal kills, except a duplicate of one that has just
+     * arrived */
     if (atomic_load(&stopped_ns) == 0) {
         signal(SIGINT, SIG_DFL);
         signal(SIGTERM, SIG_DFL);
     }
-    /* Further polite signals must not cut the summary short */
+    /* Further such signals must not interrupt the summary */
     for (size_t i = 0; i < ARRAY_COUNT(polite_signals); i++) {
         if (polite_signals[i].taken) {
             signal(polite_signals[i].number, SIG_IGN);

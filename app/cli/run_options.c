@@ -114,7 +114,7 @@ static const struct option_spec options[] = {
     {"--quiet", OPTION_FLAG, NULL, "no status line", .value = &read.quiet},
 };
 
-/* Makes the help on faults: a line for each kind. */
+/* Writes the help on faults: one line per kind. */
 static void list_fault_kinds(char list[KINDS_SIZE])
 {
     size_t used = 0, count = faults_help(0, NULL, 0);
@@ -160,7 +160,7 @@ bool run_options_read(int argc, char **argv, struct run_options *out, int *statu
     return true;
 }
 
-/* Checks whether a host is a numeric address: names are not looked up. */
+/* Checks whether a host is a numeric address; names are not resolved. */
 static bool run_options_is_numeric(const char *host)
 {
     struct in6_addr v6;
@@ -177,7 +177,7 @@ enum error_code run_options_parse_address(const char *option, const char *text, 
     size_t length = colon ? (size_t)(colon - text) : 0;
     int64_t number;
 
-    /* The address goes without the brackets of IPv6 */
+    /* Removes the brackets of an IPv6 address */
     if (length > 2 && text[0] == '[' && text[length - 1] == ']') {
         snprintf(host, RUN_HOST_SIZE, "%.*s", (int)length - 2, text + 1);
     } else {
@@ -191,7 +191,7 @@ enum error_code run_options_parse_address(const char *option, const char *text, 
             "65535",
             option, text, example);
     }
-    /* The one name that needs no look-up */
+    /* The only accepted name, because it needs no resolution */
     if (!strcmp(host, "localhost")) {
         snprintf(host, RUN_HOST_SIZE, "127.0.0.1");
     }
@@ -273,7 +273,8 @@ bool run_options_is_loopback(const char *host)
            (IN6_IS_ADDR_V4MAPPED(&six) && six.s6_addr[12] == IN_LOOPBACKNET);
 }
 
-/* Checks whether a path leads, or through symbolic links may lead, out of the working directory. */
+/* Checks whether a path leads outside the working directory, or may do so through symbolic
+ * links. */
 static bool path_leaves_folder(const char *path)
 {
     char part[PATH_MAX];
@@ -295,8 +296,8 @@ static bool path_leaves_folder(const char *path)
     return false;
 }
 
-/* Checks whether the rig's page listens on this machine alone; an error for an address that is
- * none. */
+/* Checks whether the rig's page listens only on this machine; returns an error for an invalid
+ * address. */
 static enum error_code listens_here(const struct rig_page *page, bool *here, struct error *error)
 {
     char host[RUN_HOST_SIZE];
@@ -321,14 +322,14 @@ enum error_code run_options_check_trust(const struct run_options *given, const s
     uint16_t port;
     bool here = true;
 
-    /* A wrong address of the command line ends the run before it starts */
+    /* A wrong address on the command line ends the run before it starts */
     if (given->http && run_options_http(given, rig) &&
         run_options_parse_address("--http", given->http, "8080", host, &address, &port, error)) {
         return ERROR_INPUT;
     }
 
-    /* A rig from elsewhere records below the working directory only, and serves its page here
-     * only */
+    /* A rig that is not installed may record only below the working directory, and serve its page
+     * only on this machine */
     if (!given->record && record->directory && !given->trust &&
         !config_is_installed(record->mark.file) && path_leaves_folder(record->directory)) {
         return yaml_error(error, &record->mark,
@@ -383,7 +384,7 @@ enum error_code run_options_configure(const struct run_options *given, const str
         return error_set(error, ERROR_INPUT, "found --set without --task");
     }
 
-    /* A duration ends at the first tick that reaches it, whatever rounding makes of the quotient */
+    /* A duration ends at the first tick that reaches it, for any rounding of the quotient */
     if (!isfinite(given->duration_s)) {
         return ERROR_NONE;
     }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads the options of the tasks sweep, excite and follow, and writes what they leave: tables, Bode
+/* Reads the options of the tasks sweep, excite and follow, and writes their reports: tables, Bode
  * plots, a page. */
 #include "app/cli/task_input.h"
 
@@ -14,7 +14,7 @@ enum { SWEEP_COLUMNS = 3 * SWEEP_RESPONSES, PANELS = 3 };
 
 static const char *const sweep_name[SWEEP_RESPONSES] = {"link", "rotor", "torque"};
 
-/* Checks whether a response was heard; others leave their cells empty. */
+/* Checks whether a response was measured; the cells of others stay empty. */
 static bool sweep_was_heard(const struct sweep_response *response)
 {
     return response->coherence > 0;
@@ -25,7 +25,7 @@ static void sweep_write_table(struct report *report, const struct sweep_point *p
 {
     const char *in = point->by_angle ? "rad" : "V";
 
-    /* Columns and their units follow what drives the drive, an angle or a voltage */
+    /* Columns and their units depend on the input of the drive, an angle or a voltage */
     report_table(report, "sweep", "Responses of the drive, a unit of what drives it.",
                  point->by_angle
                      ? "frequency_hz|input_rad|link_rad_per_rad|link_deg|link_coherence|"
@@ -51,7 +51,7 @@ static void sweep_write_table(struct report *report, const struct sweep_point *p
                    cell[1], cell[2]);
     }
 
-    /* How to read it */
+    /* Explanation for the reader */
     report_text(report,
                 "The input is in %s; link and rotor are angles at the link's side of the gear; a "
                 "phase is positive when the response leads. The coherence is the part of a "
@@ -59,8 +59,8 @@ static void sweep_write_table(struct report *report, const struct sweep_point *p
                 in);
 }
 
-/* Fills the columns of a response: magnitude, phase unwrapped to jumps below half a turn,
- * coherence; not a number where it was not heard. */
+/* Fills the columns of a response: magnitude, phase unwrapped to steps below half a turn,
+ * coherence; NAN if it was not measured. */
 static void sweep_fill(const struct sweep_point *point, size_t count, int k, double *column)
 {
     double *magnitude = column, *phase = column + count, *coherence = column + 2 * count;
@@ -100,7 +100,7 @@ static void sweep_draw(struct report *report, const struct sweep_point *point, s
         sweep_fill(point, count, k, value + (size_t)k * PANELS * count);
     }
 
-    /* Angles go into one row of panels, the torque into another */
+    /* Angles are in one row of panels, the torque in another */
     for (size_t p = 0; p < 2 * PANELS; p++) {
         bool torque = p >= PANELS;
         size_t kind = p % PANELS;
@@ -154,7 +154,7 @@ enum error_code task_report_write(const struct task *task, const char *folder, s
         return ERROR_NONE;
     }
 
-    /* Columns of all responses, and the frequencies behind them */
+    /* Columns of all responses, followed by the frequencies */
     value = malloc((SWEEP_COLUMNS + 1) * (points + 1) * sizeof *value);
     if (!value) {
         return error_set(error, ERROR_MEMORY, "no memory for the report");
@@ -177,7 +177,7 @@ enum error_code task_report_write(const struct task *task, const char *folder, s
 const struct word task_interpolation_words[] = {
     {"cubic", TRAJECTORY_CUBIC}, {"linear", TRAJECTORY_LINEAR}, {0}};
 
-/* Refuses an option that the task does not have, and says which tasks have it. */
+/* Refuses an option that the task does not have; the error names the tasks that have it. */
 static enum error_code task_input_refuse(const char *option, const char *task, struct error *error)
 {
     return error_set(error, ERROR_INPUT, "found %s with %s%s, expected it with %s only", option,

@@ -33,14 +33,14 @@ bool token_file_default(char *path, size_t size)
 
 /* ---- reading ---- */
 
-/* Checks whether a text is a token: so many hexadecimal digits. */
+/* Checks whether a text is a token: the right number of hexadecimal digits. */
 static bool token_is_valid(const char *token)
 {
     return strlen(token) == VIEWER_TOKEN - 1 &&
            strspn(token, "0123456789abcdef") == VIEWER_TOKEN - 1;
 }
 
-/* Parses the file's three lines; false unless they are as token_file_write writes them. */
+/* Parses the file's three lines; returns false if the format differs from token_file_write's. */
 static bool token_file_parse(const char *text, struct page_tokens *tokens)
 {
     char look[VIEWER_TOKEN + 1], control[VIEWER_TOKEN + 1];
@@ -72,7 +72,7 @@ enum error_code token_file_read(const char *path, struct page_tokens *tokens, st
                    : error_set_errno(error, errno, "--token-file: cannot open %s", path);
     }
 
-    /* Somebody else who can read or write the file could control the page */
+    /* Another user who can read or write the file could control the page */
     if (fstat(file, &status) || !S_ISREG(status.st_mode) || status.st_uid != geteuid() ||
         status.st_mode & 077) {
         close(file);
@@ -94,7 +94,7 @@ enum error_code token_file_read(const char *path, struct page_tokens *tokens, st
 
 /* ---- writing ---- */
 
-/* Makes the missing folders above a file, for the owner alone. */
+/* Creates the missing folders above a file, for the owner only. */
 static void token_file_make_folders(const char *path)
 {
     char folder[PATH_MAX];
@@ -115,7 +115,7 @@ enum error_code token_file_write(const char *path, const struct page_tokens *tok
                         tokens->token[0], tokens->token[1]);
     int file, reason = 0;
 
-    /* Write under a name that nobody has, and rename it when it is complete */
+    /* Writes to a unique temporary name, and renames it when it is complete */
     if (snprintf(part, sizeof part, "%s.XXXXXX", path) >= (int)sizeof part) {
         return error_set(error, ERROR_INPUT, "--token-file: the path is too long");
     }
@@ -124,7 +124,7 @@ enum error_code token_file_write(const char *path, const struct page_tokens *tok
     if (file < 0) {
         return error_set_errno(error, errno, "--token-file: cannot write %s", path);
     }
-    errno = EIO; /* of a write that was short */
+    errno = EIO; /* for an incomplete write */
     reason = write(file, text, (size_t)size) == size ? 0 : errno;
     if (close(file) && !reason) {
         reason = errno;

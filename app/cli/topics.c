@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil help TOPIC: explains the things that other manuals speak of, and real time. */
+/* coman-hil help TOPIC: explains topics that belong to several commands, and real time. */
 #include "app/cli/commands.h"
 
 #include "app/scenario/scenario.h"
@@ -19,10 +19,10 @@
 #include <inttypes.h>
 #include <string.h>
 
-/* Instructions in a tick of 1 ms at one a nanosecond, of which a phase takes a share. */
+/* Instructions in a tick of 1 ms at one per nanosecond; each phase gets a share of them. */
 enum { TICK_INSTRUCTIONS = 1000000, NAME_COLUMN = 12 };
 
-/* Prints the manual's text up to the line "  @MARK@"; returns what follows that line. */
+/* Prints the manual's text up to the line "  @MARK@"; returns the text after that line. */
 static const char *print_until_mark(const char *text, const char *mark, FILE *out)
 {
     const char *at = strstr(text, mark), *end = at;
@@ -36,7 +36,7 @@ static const char *print_until_mark(const char *text, const char *mark, FILE *ou
     return at + strlen(mark) + strlen("\n");
 }
 
-/* Prints what each phase of the loop does. */
+/* Prints the work of each phase of the loop. */
 static void topic_print_phases(FILE *out)
 {
     for (int p = 0; p < PHASE_COUNT; p++) {

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil doctor: tells whether this machine can keep a rig's deadlines, and what would help. */
+/* coman-hil doctor: checks whether this machine can meet a rig's deadlines, and suggests
+ * remedies. */
 #include "app/cli/commands.h"
 
 #include "app/cli/doctor/doctor.h"
@@ -26,7 +27,7 @@ static void print_finding(const struct doctor_finding *finding)
     }
 }
 
-/* Prints the dynamics with which a run that began now would compute the robot. */
+/* Prints the implementation of the dynamics that a run would use now. */
 static void doctor_print_robot(const struct rig *rig, struct arena *arena)
 {
     struct error notice = {.text = ""}, error;
@@ -38,8 +39,7 @@ static void doctor_print_robot(const struct rig *rig, struct arena *arena)
            rig->robot->name, rig->robot->hash, failed ? error.text : notice.text);
 }
 
-/* Measures wake-up latency: sleeps to each tick as the loop does, and prints how late it woke
- * up. */
+/* Measures wake-up latency: sleeps until each tick as the loop does, and prints the delays. */
 static void doctor_measure_wakeups(const struct rig *rig, double seconds)
 {
     struct realtime_config config = {.priority = rig->realtime.priority,
@@ -50,7 +50,8 @@ static void doctor_measure_wakeups(const struct rig *rig, double seconds)
     struct clock *clock = clock_monotonic();
     int64_t count = (int64_t)(seconds * 1e9 / (double)rig->tick_ns), deadline;
 
-    /* Take the rights of a run; drop deadlines that have passed, as the overrun policy skip does */
+    /* Uses the scheduling of a run; drops deadlines that have passed, like the overrun policy
+     * skip */
     realtime_apply(&config, &report);
     deadline = clock_now(clock) + rig->tick_ns;
     for (int64_t i = 0; i < count; i++, deadline += rig->tick_ns) {
@@ -79,8 +80,8 @@ struct doctor_options {
     double measure_s, listen_s;
 };
 
-/* Opens ports on the interfaces of external boards; one that cannot be opened stays NULL, and the
- * finding of its interface says why. */
+/* Opens ports on the interfaces of external boards. A port that cannot be opened stays NULL; the
+ * finding of its interface gives the reason. */
 static void doctor_open_ports(const struct rig *rig, struct arena *arena, struct can_port **port)
 {
     for (size_t i = 0; i < rig->boards.nboard; i++) {
@@ -132,7 +133,7 @@ static int doctor_examine_rig(void *context, const struct rig *rig, struct arena
     }
     doctor_print_robot(rig, arena);
 
-    /* The measurement takes the rights of a run, so it comes last */
+    /* The measurement changes the scheduling of this process, so it comes last */
     if (options->measure_s > 0.0) {
         fflush(stdout);
         doctor_measure_wakeups(rig, options->measure_s);

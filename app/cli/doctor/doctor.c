@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Examines a machine for a rig: a function for each subject, which reads what it judges. */
+/* Examines a machine for a rig: one function per subject, which reads and judges its data. */
 #include "app/cli/doctor/doctor.h"
 
 #include "base/array.h"
@@ -16,16 +16,16 @@
 #include <unistd.h>
 
 enum {
-    TEXT = 4096,        /* the flags of a processor are that long */
+    TEXT = 4096,        /* buffer size: the flags of a processor are that long */
     CAP_NET_ADMIN = 12, /* capabilities, as in linux/capability.h */
     CAP_IPC_LOCK = 14,
     CAP_SYS_NICE = 23,
-    ARPHRD_CAN = 280,   /* type of a CAN interface in sysfs, as in linux/if_arp.h */
-    SLOW_STATE_US = 50, /* time to leave an idle state above which a wake-up can cost a tick */
-    SHORT_QUEUE = 100,  /* frames below which a controller may lose a tick's batch */
-    RECEIVE_WANTED = 4 << 20, /* receive buffer that a run asks for, bytes, */
-    RECEIVE_FRAME = 384,      /* and what a frame takes of it with the kernel's own account */
-    RECEIVE_BATCH = 64,       /* frames that are read from a bus at a time */
+    ARPHRD_CAN = 280,         /* type of a CAN interface in sysfs, as in linux/if_arp.h */
+    SLOW_STATE_US = 50,       /* an idle state with a longer exit latency can cost a tick */
+    SHORT_QUEUE = 100,        /* with a shorter queue a controller may lose frames of one tick */
+    RECEIVE_WANTED = 4 << 20, /* receive buffer that a run requests, bytes, */
+    RECEIVE_FRAME = 384,      /* and bytes that a frame takes in it, with the kernel's overhead */
+    RECEIVE_BATCH = 64,       /* frames read from a bus in one call */
     PROCESSORS_MAX = 64,
     SENSORS_MAX = 32,
 };
@@ -34,7 +34,7 @@ enum {
 struct doctor {
     const struct doctor_config *config;
     const struct rig *rig;
-    int cpu; /* the loop's processor, less than 0 = none */
+    int cpu; /* the loop's processor, negative = none */
     const char *subject;
     struct doctor_finding *findings;
     size_t count, max;
@@ -42,7 +42,7 @@ struct doctor {
 
 /* ---- findings ---- */
 
-/* Adds a finding while there is room; format says what was found. */
+/* Adds a finding while there is room; format gives the finding. */
 __attribute__((format(printf, 4, 5))) static void
 doctor_add(struct doctor *d, enum doctor_verdict verdict, const char *fix, const char *format, ...)
 {
@@ -63,8 +63,8 @@ doctor_add(struct doctor *d, enum doctor_verdict verdict, const char *fix, const
 
 /* ---- files below the root ---- */
 
-/* Reads the first line of a file that begins with key, what stands behind it; without such a line
- * text stays as it is. */
+/* Reads the first line of a file that begins with key, without the key; without such a line, text
+ * does not change. */
 static bool doctor_read_entry(const struct doctor *d, const char *name, const char *key,
                               char text[TEXT])
 {
@@ -136,7 +136,7 @@ bool doctor_list_has(const char *list, int cpu)
     return false;
 }
 
-/* Checks whether the machine whose files these are has ARM processors. */
+/* Checks whether the examined machine has ARM processors. */
 static bool doctor_is_arm(const struct doctor *d)
 {
     char text[TEXT];
