@@ -9,8 +9,8 @@
 /* Servo valves of one bus: one board, which loads it to 70 %, below IMPORT_BUS_LOAD. */
 enum { VALVES_MOST = 4 };
 
-/* Returns the largest number of axes that a bus carries with any protocol; word is how the option
- * names that protocol. */
+/* Returns the largest number of axes on a bus with any protocol; word receives the option's name
+ * of that protocol. */
 static size_t find_roomiest(char *word, size_t size)
 {
     const struct protocol *protocol;
@@ -29,7 +29,7 @@ static size_t find_roomiest(char *word, size_t size)
     return most;
 }
 
-/* Returns the first body of a body's limb: the one below the last branch of the tree. */
+/* Returns the first body of a body's limb: the one directly after the last branch of the tree. */
 static int body_find_limb(const struct robot *robot, int body)
 {
     while (robot->body[body].parent > 0) {
@@ -65,7 +65,7 @@ static enum error_code plan_add_bus(struct import_plan *plan, struct import_bus 
     return ERROR_NONE;
 }
 
-/* Checks whether a joint has a motor, or with valves a servo valve. */
+/* Checks whether a joint has a motor; with valves, a servo valve. */
 static bool joint_is_for(const struct robot_joint *joint, bool valves)
 {
     return valves ? joint->hydraulic.present : joint->sea.present;
@@ -83,8 +83,8 @@ static size_t limb_count_axes(const struct robot *robot, int limb, bool valves)
     return count;
 }
 
-/* Puts joints on buses in their order; a limb begins a new bus unless all of it fits on the one
- * before. */
+/* Assigns joints to buses in order; a limb starts a new bus unless it fits completely on the last
+ * one. */
 static enum error_code plan_add_joints(const struct robot *robot, size_t most, bool valves,
                                        struct import_plan *plan, struct error *error)
 {
@@ -99,7 +99,7 @@ static enum error_code plan_add_joints(const struct robot *robot, size_t most, b
             continue;
         }
 
-        /* On a limb that is begun one more joint must fit, of a new limb all its joints */
+        /* For a limb in progress one more joint must fit, for a new limb all its joints */
         fits = bus && bus->njoint + (own == limb ? 1 : limb_count_axes(robot, own, valves)) <= most;
         if (!fits) {
             enum error_code code = plan_add_bus(plan, &bus, error);
@@ -115,8 +115,8 @@ static enum error_code plan_add_joints(const struct robot *robot, size_t most, b
     return ERROR_NONE;
 }
 
-/* Returns the bus of motors without a sensor yet that has the nearest joint above a body; NULL when
- * there is none. */
+/* Returns the motor bus without a sensor that has the nearest joint above a body; NULL if there is
+ * none. */
 static struct import_bus *plan_find_limb_bus(const struct robot *robot, struct import_plan *plan,
                                              int body)
 {

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Chooses drives of the catalogue for the joints of an import; see the header. */
+/* Selects drives of the catalogue for the joints of an import; app/import/drive.h has the
+ * rules. */
 #include "app/import/drive.h"
 
 #include "base/config.h"
@@ -10,12 +11,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* One --drive option, taken apart. */
+/* One parsed --drive option. */
 struct drive_pick {
     const char *option;  /* the option's text, for messages */
     const char *pattern; /* shell pattern of joint names */
     const char *file;    /* name or path of the drive, as a robot file writes it */
-    const char *copy;    /* absolute path of a file of the user's own, which is copied; or NULL */
+    const char *copy;    /* absolute path of a user's own file, which is copied; or NULL */
     const struct robot_drive *drive;
 };
 
@@ -37,7 +38,7 @@ static char *drive_name_own(const char *name, struct arena *arena)
     return file ? strcat(strcpy(file, before), name) : NULL;
 }
 
-/* Refuses two different drive files of one name: their copies would lie in one folder. */
+/* Refuses two different drive files with one name, because their copies would be in one folder. */
 static enum error_code robot_check_drive_copies(const struct import_robot *to, struct error *error)
 {
     for (size_t j = 0; j < to->robot->njoint; j++) {
@@ -54,15 +55,15 @@ static enum error_code robot_check_drive_copies(const struct import_robot *to, s
     return ERROR_NONE;
 }
 
-/* Finds the drive file that the option names: a path (it has "/" or "."), which will be copied
- * into the folder drives beside the robot's, or else a name of the catalogue. */
+/* Finds the drive file in the option: a path (with "/" or "."), copied into the folder drives of
+ * the import, or a name of the catalogue. */
 static enum error_code drive_pick_locate(struct drive_pick *pick, struct arena *arena,
                                          const char **path, struct error *error)
 {
     char whole[PATH_MAX];
     enum error_code code;
 
-    /* A path means a file of the user's own, which goes by its name below ../drives/ */
+    /* A path is a user's own file, named ../drives/ and its file name in the robot file */
     if (strpbrk(pick->file, "/.")) {
         const char *slash, *name;
 
@@ -118,13 +119,13 @@ static enum error_code drive_pick_read(const char *option, struct arena *arena,
     return code ? code : robot_load_drive(path, arena, &pick->drive, error);
 }
 
-/* Checks whether a joint has a drive of its own: it is revolute and follows no other joint. */
+/* Checks whether a joint needs a drive: it is revolute and does not follow another joint. */
 static bool joint_takes_drive(const struct robot *robot, size_t j)
 {
     return robot->joint[j].type == JOINT_REVOLUTE && !robot_find_coupling(robot, j);
 }
 
-/* Refuses a pattern that no driven joint matches and suggests the nearest name of one. */
+/* Refuses a pattern without a matching driven joint and suggests the nearest name. */
 static enum error_code drive_pick_refuse(const struct drive_pick *pick, const struct robot *robot,
                                          struct arena *arena, struct error *error)
 {
@@ -157,7 +158,7 @@ enum error_code import_pick_drives(const struct import_options *options, struct 
     if (!to->drive || !to->drive_file || !to->drive_copy) {
         return error_set(error, ERROR_MEMORY, "no memory for the drives");
     }
-    /* Options apply in their order, so the last one that matches a joint counts */
+    /* Options apply in order, so the last match is used */
     for (size_t i = 0; i < options->ndrive; i++) {
         struct drive_pick pick;
         bool matched = false;

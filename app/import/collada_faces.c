@@ -12,21 +12,21 @@
 enum {
     COLLADA_STRIDE_MAX = 64, /* numbers of one corner, at most */
     COLLADA_WORK_MAX =
-        1 << 29, /* bytes of numbers read, counted again for each place in the scene */
+        1 << 29, /* bytes of numbers read, counted again for each occurrence in the scene */
 };
 
 /* ---- colors ---- */
 
 /*
- * Colors of COLLADA: the material that a primitive names is a symbol, which the instance of its
- * geometry binds to a <material>, which has an <effect>, whose shader has a diffuse color. Colors
- * are opaque: what files say of transparency contradicts itself from exporter to exporter. A link
- * that leads nowhere is no error, but no color.
+ * Colors of COLLADA. The material of a primitive is a symbol; the instance of its geometry binds
+ * the symbol to a <material>. That has an <effect>, whose shader has a diffuse color. Colors are
+ * opaque, because exporters disagree on transparency. A broken link is not an error; it gives no
+ * color.
  */
 
 enum { COLLADA_STEP_WORK = 64 }; /* charged for each binding looked at, in bytes */
 
-/* The first descendant along a path of names that ends in NULL. */
+/* Returns the first descendant along a path of names that ends with NULL. */
 static const xmlNode *collada_descend(const xmlNode *node, const char *const path[])
 {
     for (size_t i = 0; path[i] && node; i++) {
@@ -35,7 +35,7 @@ static const xmlNode *collada_descend(const xmlNode *node, const char *const pat
     return node;
 }
 
-/* Returns the element that an attribute of the node refers to; NULL when it refers to none. */
+/* Returns the element to which an attribute of the node refers; NULL if there is none. */
 static const xmlNode *collada_refer(const struct collada *c, const xmlNode *node,
                                     const char *attribute, const char *name)
 {
@@ -93,7 +93,7 @@ static int collada_find_tint(struct collada *c, const xmlNode *instance, const x
     if (c->counting || !symbol) {
         return -1;
     }
-    /* Follow symbol, material, effect and shader to the color; any missing link means no color */
+    /* Follows symbol, material, effect and shader to the color; a missing link means no color */
     material = collada_bound_material(c, instance, symbol);
     effect =
         collada_refer(c, material ? xml_child(material, "instance_effect") : NULL, "url", "effect");
@@ -130,7 +130,7 @@ static bool collada_next_word(const char **at, char word[64])
     return length > 0;
 }
 
-/* Refuses a word of an element's numbers; expected says what it should have been. */
+/* Refuses a word among an element's numbers; expected: text for the message. */
 static enum error_code collada_refuse_word(struct collada *c, const xmlNode *node, char word[64],
                                            const char *expected)
 {
@@ -149,7 +149,7 @@ static enum error_code collada_account(struct collada *c, const xmlNode *node, c
                : ERROR_NONE;
 }
 
-/* Reads an attribute that is a whole number of 0 and more; otherwise is its default. */
+/* Reads an attribute that is an integer >= 0; otherwise: the default. */
 static enum error_code collada_read_whole(struct collada *c, const xmlNode *node, const char *name,
                                           int64_t otherwise, int64_t *value)
 {
@@ -170,7 +170,7 @@ static enum error_code collada_read_floats(struct collada *c, const xmlNode *nod
 {
     const char *at = xml_content(node);
     enum error_code code = collada_account(c, node, at);
-    /* Numbers are at least a digit and a blank, so half of the text is room enough */
+    /* Each number takes at least a digit and a blank, so half of the text's length is enough */
     size_t room = strlen(at) / 2 + 1;
     char word[64];
 
@@ -230,7 +230,7 @@ static enum error_code collada_read_positions(struct collada *c, const xmlNode *
     if (!array) {
         return collada_refuse(c, source, "without numbers, expected a <float_array>");
     }
-    /* The accessor says where in the array the coordinates stand; without one they are packed */
+    /* The accessor gives the coordinates' position in the array; without one they are packed */
     accessor = xml_child(source, "technique_common");
     accessor = accessor ? xml_child(accessor, "accessor") : NULL;
     if (accessor) {
@@ -242,8 +242,8 @@ static enum error_code collada_read_positions(struct collada *c, const xmlNode *
     }
     code = code ? code : collada_read_floats(c, array, &value, &values);
 
-    /* Take as many positions as the array holds, whatever count the file claims; pack them to
-     * the front */
+    /* Uses as many positions as the array holds, for any count in the file; packs them to the
+     * front */
     count = (int64_t)values - offset < 3 ? 0 : ((int64_t)values - offset - 3) / stride + 1;
     for (int64_t k = 0; !code && k < count; k++) {
         memmove(value + 3 * k, value + offset + k * stride, 3 * sizeof *value);
@@ -277,7 +277,7 @@ static enum error_code collada_read_inputs(struct collada *c, const xmlNode *pri
             code = collada_refuse(c, input, "of a high offset, expected one below 64");
         }
 
-        /* The vertices are one input of several (normals, texture); each takes a number of a
+        /* Vertices are one input of several (normals, texture); each input takes a number of a
          * corner */
         if (!code && semantic && !strcmp(semantic, "VERTEX")) {
             code = collada_follow(c, input, "source", "vertices", &corners->vertices);
@@ -298,7 +298,7 @@ struct collada_list {
     const xmlNode *node;
     const char *at;
     const struct collada_corners *corners;
-    size_t positions; /* how many there are; bounds the indices */
+    size_t positions; /* number of positions; limit of the indices */
 };
 
 /* Reads the index of the next corner's position; *more is false at the end of the list. */
@@ -328,7 +328,7 @@ static enum error_code collada_next_corner(struct collada *c, struct collada_lis
 }
 
 /* Adds a triangle of three positions, or counts it; first is the mesh's index of position 0. A
- * mirrored place swaps two corners, so that the outside stays outside. */
+ * mirroring pose swaps two corners, so that normals still point outward. */
 static void collada_add_face(struct collada *c, int first, bool mirrored, const int64_t p[3])
 {
     if (c->counting) {
@@ -342,8 +342,8 @@ static void collada_add_face(struct collada *c, int first, bool mirrored, const 
 /* How a list of corners is divided into triangles. */
 enum collada_shape { COLLADA_TRIANGLES, COLLADA_POLYGONS, COLLADA_STRIP, COLLADA_FAN };
 
-/* Reads one list of corners as triangles; as polygons, whose numbers of corners are in sizes,
- * or one polygon of all corners when sizes is NULL; as a strip; or as a fan. */
+/* Reads one list of corners. Shapes: triangles; polygons with their numbers of corners in sizes,
+ * or one polygon if sizes is NULL; a strip; or a fan. */
 static enum error_code collada_read_list(struct collada *c, struct collada_list *list,
                                          enum collada_shape shape, const char *sizes, int first,
                                          bool mirrored)
@@ -368,8 +368,8 @@ static enum error_code collada_read_list(struct collada *c, struct collada_list 
             break;
         }
 
-        /* The first two corners of a face wait for a third; fans and polygons keep their first
-         * corner, strips move on by one and turn every second triangle round */
+        /* The first two corners of a face wait for the third. Fans and polygons keep their first
+         * corner. Strips advance by one and reverse each second triangle */
         if (corner < 2) {
             p[corner] = next;
         } else {
@@ -418,7 +418,7 @@ static enum error_code collada_read_primitive(struct collada *c, const xmlNode *
 
 /* ---- geometries where they are ---- */
 
-/* Computes the determinant of a 3 x 3 matrix; it is negative for a place that mirrors. */
+/* Computes the determinant of a 3 x 3 matrix; negative for a mirroring pose. */
 static double collada_determinant(const double R[3][3])
 {
     return R[0][0] * (R[1][1] * R[2][2] - R[1][2] * R[2][1]) -
@@ -433,7 +433,7 @@ static enum error_code collada_add_positions(struct collada *c, const struct col
 {
     enum error_code code = ERROR_NONE;
 
-    /* The first pass only counts, and refuses as soon as the bounds of a mesh are exceeded */
+    /* The first pass only counts, and refuses a mesh that exceeds the limits */
     if (c->counting) {
         c->vertices += positions->count;
         return c->vertices > 3 * (size_t)IMPORT_MESH_FACES_MAX || c->faces > IMPORT_MESH_FACES_MAX
@@ -474,7 +474,7 @@ enum error_code collada_read_geometry(struct collada *c, const xmlNode *geometry
     if (!mesh) {
         return collada_refuse(c, geometry, "without a mesh, expected <mesh>");
     }
-    /* Each primitive has positions of its own, whose indices count from the mesh's present end */
+    /* Each primitive has its own positions; their indices start at the mesh's present end */
     for (const xmlNode *part = xml_child(mesh, NULL); part; part = xml_next(part, NULL)) {
         for (size_t k = 0; k < ARRAY_COUNT(kinds); k++) {
             struct collada_positions positions = {0};

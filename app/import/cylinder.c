@@ -50,7 +50,7 @@ static double triangle_lever(const struct triangle *t, double angle)
     return t->base * t->arm * sin(angle) / triangle_length(t, angle);
 }
 
-/* Finds the range of that width, rad, at whose ends the levers are equal, by bisection. */
+/* Finds the range with this width, rad, with equal levers at its ends, by bisection. */
 static void triangle_center(struct triangle *t, double width)
 {
     double low = 0.0, high = M_PI - width;
@@ -66,7 +66,7 @@ static void triangle_center(struct triangle *t, double width)
     }
 }
 
-/* Computes the triangle with the longest arm whose range of that width, rad, takes its share of
+/* Computes the triangle with the longest arm whose range of this width, rad, takes its share of
  * the stroke, m. */
 static struct triangle triangle_fit(double stroke, double width)
 {
@@ -140,7 +140,7 @@ static enum error_code joint_fit_cylinder(const struct import_robot *from, size_
                             source->name, width, from->drive[j]->name);
     }
     cylinder_take_triangle(joint, &t, cylinder);
-    /* Weakest when it draws at an end of the range, strongest when it pushes on the longest
+    /* Weakest when it pulls at an end of the range, strongest when it pushes on the longest
      * lever */
     *least = pressure * cylinder->A2 * end;
     *most = pressure * cylinder->A1 * longest;
@@ -184,8 +184,8 @@ static void robot_size_supply(const struct import_robot *from, double pressure, 
 
 /* ---- all of them ---- */
 
-/* Notes a joint's fitted cylinder, and where it is too weak for a pose or made for another
- * pressure. bears and least in N m, pressure in Pa. */
+/* Adds a note on a joint's fitted cylinder, and warnings if it is too weak for a pose or made for
+ * another pressure. bears and least in N m, pressure in Pa. */
 static void joint_tell_cylinder(const struct import_robot *from, size_t j, double pressure,
                                 double bears, double least, struct import_notes *notes)
 {
@@ -204,7 +204,8 @@ static void joint_tell_cylinder(const struct import_robot *from, size_t j, doubl
                                                                                     : "negatively",
                     joint->torque_limit, least, source->effort, source->velocity);
 
-    /* Weak and mismatched drives are told, not refused: the user has chosen them */
+    /* Weak or mismatched drives get a note and are not refused, because the user has chosen
+     * them */
     if (least < bears) {
         import_note_add(notes, IMPORT_CHANGED, source->file, source->line,
                         "joint \"%.63s\" bears %.3g N m in a pose, its drive %.63s gives %.3g to "
@@ -225,7 +226,7 @@ enum error_code import_take_cylinders(struct import_robot *from, const double *b
     double pressure = 0.0, least;
     int line = 0;
 
-    /* The supply has the highest pressure that a drive is made for; its line is the first
+    /* The supply has the highest pressure of the drives; its place in the file is the first
      * joint's */
     for (size_t j = robot->njoint; j-- > 0;) {
         if (import_takes_cylinder(from, j)) {

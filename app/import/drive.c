@@ -26,9 +26,10 @@
 /* least J over the damping that is fed back over the delayed buses */
 #define DELAYED_DAMPING_S 0.010
 
-/* Computes the worst gravity load of each joint: all bodies behind it stretched out level; on a
- * floating robot, whose legs may carry it, at least half of its weight at the end of the leg.
- * load in N m, or N of a prismatic joint; reach is the distance of the farthest body behind, m. */
+/* Computes the worst gravity load of each joint: all bodies behind it stretched out horizontally.
+ * For a floating robot, whose legs may carry it, at least half of its weight at the end of the
+ * leg. load in N m, or N for a prismatic joint; reach is the distance of the farthest body behind,
+ * m. */
 static void robot_find_loads(const struct robot *robot, double *reach, double *load)
 {
     double total = 0.0;
@@ -42,7 +43,7 @@ static void robot_find_loads(const struct robot *robot, double *reach, double *l
     for (size_t b = 1; b < robot->nbody; b++) {
         double arm = vec3_norm(robot->body[b].inertia.com);
 
-        /* Walk up to the base: every joint on the way carries this body so far out */
+        /* Walks to the base: each joint on the way carries this body at its distance */
         for (int up = (int)b; up > 0; up = robot->body[up].parent) {
             const struct robot_joint *joint = &robot->joint[up - 1];
             double lever = joint->type == JOINT_PRISMATIC ? 1.0 : arm;
@@ -59,8 +60,8 @@ static void robot_find_loads(const struct robot *robot, double *reach, double *l
     }
 }
 
-/* Computes by inverse dynamics the largest torque that each joint bears against gravity in the
- * robot's poses, N m, the base held; raises bears to it. */
+/* Computes by inverse dynamics the largest gravity torque of each joint in the robot's poses, N m,
+ * with the base held; raises bears to it. */
 static enum error_code robot_find_statics(const struct robot *robot, struct arena *arena,
                                           double *bears, struct error *error)
 {
@@ -95,8 +96,8 @@ static enum error_code robot_find_statics(const struct robot *robot, struct aren
     return ERROR_NONE;
 }
 
-/* Chooses strength, N m, and speed, rad/s, of a joint: the file's, or assumed ones where those
- * are missing, placeholders or too weak for a pose. load is its gravity load, most_load the
+/* Chooses strength, N m, and speed, rad/s, of a joint: the file's, or assumed values if these are
+ * missing, placeholders or too weak for a pose. load is the joint's gravity load, most_load the
  * robot's largest. */
 static void drive_choose_limits(const struct import_robot *from, size_t j, double load,
                                 double most_load, double bears, struct import_notes *notes,
@@ -108,7 +109,7 @@ static void drive_choose_limits(const struct import_robot *from, size_t j, doubl
     *strength = source->effort;
     *speed = source->velocity;
 
-    /* An effort of 0, or far above all loads, is no strength */
+    /* An effort of 0, or far above all loads, is a placeholder */
     if (!(*strength > 0.0) || *strength > PLACEHOLDER_TIMES * most_load) {
         *strength = fmax(fmax(STRENGTH_TIMES * load, 0.02 * most_load), 1e-3);
         import_note_add(notes, IMPORT_ASSUMED, file, source->line,
@@ -127,7 +128,7 @@ static void drive_choose_limits(const struct import_robot *from, size_t j, doubl
         *strength = CARRY_TIMES * bears;
     }
 
-    /* A velocity of 0, or a huge one, is no speed */
+    /* A velocity of 0, or a very large one, is a placeholder */
     if (source->type != IMPORT_PRISMATIC && (!(*speed > 0.0) || *speed > SPEED_MOST_RAD_S)) {
         *speed = SPEED_RAD_S;
         import_note_add(notes, IMPORT_ASSUMED, file, source->line,
@@ -190,7 +191,7 @@ static double drive_agree_supply(const struct import_robot *from, double assumed
     return supply_v > 0.0 ? supply_v : assumed_v;
 }
 
-/* Gives a joint its drive of the catalogue; notes where that is too weak for a pose or made for
+/* Sets a joint's drive from the catalogue; adds a note if it is too weak for a pose or made for
  * another voltage. */
 static void drive_take(const struct import_robot *from, size_t j, double bears, double supply_v,
                        struct import_notes *notes)
@@ -230,8 +231,8 @@ static void limit_followers(struct robot *robot)
     }
 }
 
-/* Returns whether a spring alone moves joint j: the file has actuators, but none for it, and
- * nobody has named a drive. */
+/* Returns whether only a spring moves joint j: the file has actuators, but none for it, and no
+ * --drive option names it. */
 static bool is_passive(const struct import_robot *from, size_t j)
 {
     bool actuated = false;
@@ -327,8 +328,8 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
 
 /* ---- gains ---- */
 
-/* Computes the inertia that swings on the oil of a joint, kg m2: all behind it, or half of the
- * mass of a robot that may stand on it, at the end of the leg. */
+/* Computes the inertia that oscillates on the oil of a joint, kg m2: all bodies behind it, or half
+ * of the mass of a robot that may stand on it, at the end of the leg. */
 static double find_oil_load(struct import_trial *t, size_t j, double reach)
 {
     const struct robot *robot = t->dynamics.robot;
@@ -337,9 +338,9 @@ static double find_oil_load(struct import_trial *t, size_t j, double reach)
     return robot->floating ? fmax(held, 0.5 * robot->total_mass * reach * reach) : held;
 }
 
-/* Computes the stiffness below which the robot tips over each joint above its feet, N m/rad:
- * its weight by the height of its center of mass above the joint, shared by the feet. tips
- * stays 0 for the other joints. */
+/* Computes the stiffness below which the robot tips over each joint above its feet, N m/rad: its
+ * weight times the height of its center of mass above the joint, divided by the number of feet.
+ * tips stays 0 for the other joints. */
 static enum error_code robot_find_tipping(const struct robot *robot, const double *joint,
                                           struct arena *arena, double *tips, struct error *error)
 {
@@ -389,7 +390,7 @@ static struct import_gains gains_choose(const struct robot_sea *sea, double I, d
     double least = fmax(fmax(5.0 * load, UPRIGHT_TIMES * tips), 30.0 * 30.0 * I);
     double K = fmin(least, 60.0 * 60.0 * I), D;
 
-    /* Above the resonance with its spring the loop moves the rotor alone, which bounds K */
+    /* Above the resonance with its spring the loop moves only the rotor, which limits K */
     K = fmin(K, fmin(most * most / I, 100.0 * 100.0 * sea->J));
     D = fmin(2.0 * sqrt(K * I), most) - own;
     return (struct import_gains){.kp_v_per_rad = K * sea->R / sea->Kt,

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runs the steps of an import, one after the other. */
+/* Runs the steps of an import. */
 #include "app/import/import.h"
 
 #include "app/import/drive.h"
@@ -17,7 +17,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* Bound of the arena in which a written rig is read back, in address space. */
+/* Reserved address space in which a written rig is read back. */
 #define RIG_ARENA ((size_t)1 << 30)
 
 /* Clearance between the ground and the lowest point of a robot that hangs by its base, m. */
@@ -36,7 +36,7 @@ struct importer {
     struct import_robot robot;
     struct import_plan plan;
     double supply_v;           /* of the drives */
-    bool made[IMPORT_FOLDERS]; /* folders that were not there */
+    bool made[IMPORT_FOLDERS]; /* folders that did not exist */
 };
 
 /* ---- reading ---- */
@@ -120,8 +120,8 @@ static enum error_code import_read_files(struct importer *m)
 
 /* ---- folders ---- */
 
-/* Writes the path FOLDER/before NAME after; an error when it is too long. 128 bytes stay free
- * for the names of meshes. */
+/* Writes the path FOLDER/before NAME after; returns an error if it is too long. 128 bytes stay
+ * free for the names of meshes. */
 static enum error_code path_make(const struct importer *m, const char *before, const char *name,
                                  const char *after, char path[PATH_MAX])
 {
@@ -148,7 +148,7 @@ static enum error_code import_name_files(struct importer *m)
     return path_make(m, "", name, "-import.txt", result->report);
 }
 
-/* Refuses a file that is there already. */
+/* Refuses a file that already exists. */
 static enum error_code import_check_new(const struct importer *m, const char *path)
 {
     struct stat status;
@@ -162,11 +162,12 @@ static enum error_code import_check_new(const struct importer *m, const char *pa
                            path);
 }
 
-/* Makes the path of a copy of the user's own drive file; *own = it is that file itself. */
+/* Makes the path of a copy of the user's own drive file; *own is whether the file is already at
+ * that path. */
 static enum error_code import_name_drive(const struct importer *m, size_t joint,
                                          char path[PATH_MAX], bool *own)
 {
-    /* Named ../drives/NAME in the robot's file, whose folder need not be there yet */
+    /* Named ../drives/NAME in the robot's file, even if that folder does not exist yet */
     const char *name = strrchr(m->robot.drive_file[joint], '/');
     enum error_code code = path_make(m, "drives", name, "", path);
     struct stat from, to;
@@ -221,7 +222,7 @@ static enum error_code import_visit_meshes(const struct importer *m,
     return code;
 }
 
-/* Refuses to write over what may be the user's: robot, rigs, drives and meshes. */
+/* Refuses to overwrite possible files of the user: robot, rigs, drives and meshes. */
 static enum error_code import_check_folder(const struct importer *m)
 {
     const char *const made[] = {m->result->rig, m->result->standing, m->result->robot,
@@ -253,7 +254,7 @@ static enum error_code import_remove_file(const struct importer *m, const char *
     return ERROR_NONE;
 }
 
-/* Removes the files of an import that failed; none of them was there before it began. */
+/* Removes the files of a failed import; none of them existed before. */
 static void import_remove_files(const struct importer *m)
 {
     const struct import_result *result = m->result;
@@ -276,8 +277,8 @@ static void import_remove_files(const struct importer *m)
 /* The output folder and the folders in it. */
 static const char *const import_folder[] = {"", "/robots", "/rigs", "/meshes", "/drives"};
 
-/* Makes the output folder and the folders in it, that of drives only for one; made says which were
- * not there. */
+/* Creates the output folder and its subfolders, drives only if needed; made records the new
+ * ones. */
 static enum error_code import_make_folders(struct importer *m)
 {
     char path[PATH_MAX];
@@ -310,8 +311,7 @@ static void import_remove_folders(const struct importer *m)
 
 /* ---- the bench ---- */
 
-/* Returns the name of a pose whose name says that the robot stands in it; NULL when there is
- * none. */
+/* Returns the name of a pose that sounds like standing; NULL if there is none. */
 static const char *pose_find_like(const struct robot *robot)
 {
     static const char *const like[] = {"stand", "half_sitting", "home", "crouch"};
@@ -341,7 +341,7 @@ static enum error_code import_choose_poses(struct importer *m, struct import_rig
         return error_set(m->error, ERROR_MEMORY, "no memory for the poses");
     }
 
-    /* The pose asked for, or one that is named like standing; pose 0 is rest */
+    /* The requested pose, or one with a name like standing; pose 0 is rest */
     pose = like ? robot_find_pose(robot, like) : 0;
     if (pose < 0) {
         return error_set(m->error, ERROR_INPUT,
@@ -360,7 +360,7 @@ static enum error_code import_choose_poses(struct importer *m, struct import_rig
     return ERROR_NONE;
 }
 
-/* Loads the rig that was written; with loads, notes the load of its fullest bus and refuses an
+/* Loads the rig that was written; with loads, stores the load of its fullest bus and refuses an
  * overload. */
 static enum error_code import_check_rig(struct importer *m, const char *path, bool loads)
 {
@@ -396,8 +396,7 @@ static enum error_code import_write_bench(struct importer *m)
         return error_set(m->error, ERROR_MEMORY, "no memory for the gains");
     }
     rig.gains = gains;
-    /* Gains depend on the pose, and whether the robot stands in it; each file is read back at
-     * once */
+    /* Gains depend on the pose and on standing; each file is read back immediately */
     code = import_plan_buses(rig.robot, &m->request->boards, &m->plan, m->error);
     if (code) {
         return error_prefix(m->error, "%.200s", m->model.file);
@@ -445,7 +444,7 @@ static enum error_code import_write_files(struct importer *m)
     char meshes[PATH_MAX];
     enum error_code code;
 
-    /* The robot with its shapes and looks; what follows works on the file as it is read back */
+    /* The robot with its shapes and visuals; later steps use the file as read back */
     if ((code = path_make(m, "meshes", "", "", meshes)) ||
         (code = import_add_shapes(&m->robot, &m->request->packages, meshes, m->arena,
                                   &result->notes, &result->meshes, m->error)) ||
@@ -475,7 +474,7 @@ enum error_code import_run(const struct import_request *request, struct arena *a
     enum error_code code;
 
     *result = (struct import_result){.notes.arena = arena};
-    /* Read and check everything before the first file is written */
+    /* Reads and checks everything before the first file is written */
     if ((code = import_read_files(&m)) ||
         (code = import_make_robot(&m.model, &request->options, arena, &result->notes, &m.robot,
                                   &m.supply_v, error)) ||

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Finds the inertias of joints by trial torques and accelerations, and by them the stiffness and
- * damping of couplings; the rules are in drive.h. */
+/* Computes the inertias of joints from trial torques and accelerations, and from these the
+ * stiffness and damping of couplings; drive.h has the rules. */
 #include "app/import/joint_inertia.h"
 #include "app/import/drive.h"
 
@@ -72,7 +72,7 @@ enum error_code import_trial_make(const struct robot *robot, const double *joint
         t->extra[j] = robot->joint[j].sea.present ? robot->joint[j].sea.J : 0.0;
     }
 
-    /* What gravity does alone is taken off every later trial */
+    /* The effect of gravity alone is subtracted from each later trial */
     code = dynamics_generic(robot, arena, &t->dynamics, error);
     if (!code) {
         trial_accelerate(t, t->still);
@@ -85,7 +85,7 @@ double import_trial_inertia(struct import_trial *t, size_t j)
 {
     const struct robot *robot = t->dynamics.robot;
 
-    /* The acceleration by a unit torque, less that at rest, with followers following */
+    /* The acceleration by a unit torque minus that at rest, with followers following */
     t->tau[j] = 1.0;
     trial_accelerate(t, t->vdot);
     t->tau[j] = 0.0;
@@ -117,7 +117,7 @@ double import_trial_held_inertia(struct import_trial *t, size_t j)
     const struct robot *robot = d->robot;
     double *joint = t->vdot + robot->nv - robot->njoint, torque;
 
-    /* Inverse dynamics at rest give the gravity torque, which is taken off below */
+    /* Inverse dynamics at rest give the gravity torque, which is subtracted below */
     memset(t->vdot, 0, robot->nv * sizeof *t->vdot);
     d->ops->inverse(d, t->q, t->v, t->vdot, NULL, t->force);
     torque = trial_project(t, j);

@@ -25,7 +25,7 @@ static bool mesh_file_exists(const char *path)
     return !stat(path, &status) && S_ISREG(status.st_mode);
 }
 
-/* Checks whether a path has ".." as one of its names. */
+/* Checks whether a path has ".." among its names. */
 static bool path_has_parent(const char *path)
 {
     for (const char *at = path; *at;) {
@@ -39,8 +39,8 @@ static bool path_has_parent(const char *path)
     return false;
 }
 
-/* Writes the path folder/rest, length characters of the folder; returns whether a regular file
- * is there. */
+/* Writes the path folder/rest, with `length` characters of the folder; returns whether it is a
+ * regular file. */
 static bool path_try(const char *folder, int length, const char *rest, char path[PATH_MAX])
 {
     int used = snprintf(path, PATH_MAX, "%.*s/%s", length, folder, rest);
@@ -48,8 +48,8 @@ static bool path_try(const char *folder, int length, const char *rest, char path
     return used > 0 && used < PATH_MAX && mesh_file_exists(path);
 }
 
-/* Finds package://NAME/REST: in the folders that were given and in those above the robot file,
- * as NAME/REST, and in the package's own folder, as REST. */
+/* Finds package://NAME/REST as NAME/REST in the given folders and in the folders above the robot
+ * file, and as REST in the package's own folder. */
 static bool package_find(const char *reference, const char *above,
                          const struct import_packages *packages, char path[PATH_MAX])
 {
@@ -83,7 +83,8 @@ struct mesh_name {
     bool is_package;
 };
 
-/* Takes the scheme off a mesh's name; refuses other schemes, and packages with ".." in the name. */
+/* Removes the scheme of a mesh's name; refuses other schemes, and packages with ".." in the
+ * name. */
 static enum error_code mesh_name_read(const struct import_geometry *shape, struct mesh_name *name,
                                       struct error *error)
 {
@@ -107,7 +108,7 @@ static enum error_code mesh_name_read(const struct import_geometry *shape, struc
     return ERROR_NONE;
 }
 
-/* Finds the path of a mesh and whether it is there; an error only for names that are not
+/* Finds the path of a mesh and whether it exists; returns an error only for names that are not
  * allowed. */
 static enum error_code mesh_look(const struct import_model *model,
                                  const struct import_geometry *shape,
@@ -126,7 +127,7 @@ static enum error_code mesh_look(const struct import_model *model,
         return error_set_file(error, errno, model->file, "cannot be found again");
     }
 
-    /* Packages are searched for; other paths count from the robot file's folder */
+    /* Packages are searched; other paths are relative to the robot file's folder */
     if (name.is_package) {
         *where = package_find(name.text, folder, packages, path) ? IMPORT_PATH_FOUND
                                                                  : IMPORT_PATH_MISSING;
@@ -293,8 +294,8 @@ enum error_code import_write_tint(const struct import_mesh *mesh, int tint, cons
 
 /* ---- volume and inertia ---- */
 
-/* Computes a face's corners as seen from the apex, and returns the volume of the pyramid
- * between, m3: signed when exact, otherwise its magnitude. */
+/* Computes a face's corners relative to the apex, and returns the volume of their pyramid, m3:
+ * signed if exact, otherwise its magnitude. */
 static double pyramid_measure(const struct import_mesh *mesh, size_t face, const double apex[3],
                               bool exact, double corner[3][3])
 {

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * COLLADA 1.4 and 1.5: the geometries of a scene where its nodes put them. <unit> scales; <up_axis>
- * is not obeyed, as RViz and Gazebo do not either: a URDF's origin is written for what they show.
- * What is no surface (lines, cameras, lights) is passed over. The document is walked
- * twice, the first time to count; parts may stand in a scene many times, so the work is bounded.
+ * COLLADA 1.4 and 1.5: the geometries of a scene, placed by its nodes. <unit> scales. <up_axis> is
+ * ignored, as in RViz and Gazebo, because URDF origins are written for their display. Elements that
+ * are not surfaces (lines, cameras, lights) are skipped. The document is walked twice, first to
+ * count. A part may occur in a scene many times, so the work is limited.
  */
 #include "app/import/collada_private.h"
 
@@ -15,7 +15,8 @@
 
 enum {
     COLLADA_DEPTH_MAX = 64,
-    COLLADA_VISITS_MAX = 1 << 22, /* visits of elements, each as often as it stands in the scene */
+    COLLADA_VISITS_MAX = 1 << 22, /* visits of elements, counted for each occurrence in the
+                                   * scene */
 };
 
 enum error_code collada_refuse(struct collada *c, const xmlNode *node, const char *found)
@@ -159,8 +160,7 @@ static void collada_rotation(const double axis[3], double degrees, double R[3][3
     R[1][2] -= s * u[0], R[2][1] += s * u[0];
 }
 
-/* Applies a child of a node to its place when it is a transformation; passes over other
- * elements. */
+/* Applies a node's child to its pose if it is a transformation; skips other elements. */
 static enum error_code collada_transform(struct collada *c, const xmlNode *node,
                                          struct collada_place *place)
 {
@@ -210,8 +210,8 @@ static enum error_code collada_transform(struct collada *c, const xmlNode *node,
     return ERROR_NONE;
 }
 
-/* Reads all geometries of a node and below; a node's transformations apply to what stands after
- * them. */
+/* Reads all geometries of a node and its subtree; a transformation applies to the elements after
+ * it. */
 static enum error_code collada_walk(struct collada *c, const xmlNode *node,
                                     struct collada_place place, int depth)
 {
@@ -305,7 +305,7 @@ enum error_code mesh_read_collada(struct mesh_reader *r)
     if (code) {
         return code;
     }
-    /* Count first, make room for that many, and read again */
+    /* Counts first, allocates, and reads again */
     if (!xml_is(c.file.root, "COLLADA")) {
         code = collada_refuse(&c, c.file.root, "as root, expected <COLLADA>");
     }

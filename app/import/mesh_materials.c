@@ -37,7 +37,7 @@ int mesh_find_tint(struct import_mesh *mesh, const double color[4])
             found = (int)i;
         }
     }
-    /* A new color while there is room; after that the nearest one stands for it */
+    /* Adds a color while there is room; afterwards the nearest one replaces it */
     if (nearest > 1e-6 && mesh->ncolor < IMPORT_COLORS_MAX) {
         found = (int)mesh->ncolor++;
         for (int m = 0; m < 4; m++) {
@@ -49,7 +49,7 @@ int mesh_find_tint(struct import_mesh *mesh, const double color[4])
 
 /* ---- MTL ---- */
 
-/* Notes once what a mesh is drawn without: "without BEFORE "NAME"AFTER". */
+/* Records, once, a missing part of a mesh's appearance: "without BEFORE "NAME"AFTER". */
 static void mesh_remark(struct mesh_reader *r, const char *before, const char *name,
                         const char *after)
 {
@@ -137,7 +137,7 @@ static void mesh_read_library(struct mesh_reader *r, const char *file)
     }
     r->libraries++;
 
-    /* A file beside the OBJ or below its folder, nowhere else */
+    /* A file in the OBJ's folder or below, nowhere else */
     snprintf(path, sizeof path, "%.*s%s", slash ? (int)(slash - r->name) + 1 : 0, r->name, file);
     if (file[0] == '/' || strstr(file, "..")) {
         mesh_remark(r, "its materials", file, ": expected a file beside it");

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads STL and OBJ from bytes to faces, and does what all formats have in common. */
+/* Reads faces from STL and OBJ data, and has the functions common to all formats. */
 #include "app/import/mesh_private.h"
 
 #include "base/text.h"
@@ -83,7 +83,7 @@ static double stl_get_real(const char *at)
     return (double)value;
 }
 
-/* Checks whether an STL is binary: its size fits the number of facets that its header says. */
+/* Checks whether an STL is binary: its size matches the number of facets in its header. */
 static bool stl_is_binary(const char *text, size_t size)
 {
     return size >= STL_HEADER + 4 &&
@@ -195,7 +195,7 @@ static enum error_code stl_read_text(struct mesh_reader *r)
 
 /* ---- OBJ ---- */
 
-/* Reads an OBJ: whatever adds no shape is passed over, but for its materials. */
+/* Reads an OBJ; skips statements without shape, except those for materials. */
 static enum error_code mesh_read_obj_lines(struct mesh_reader *r)
 {
     const struct obj_rules rules = {.max_vertices = 3 * (size_t)IMPORT_MESH_FACES_MAX,
@@ -220,7 +220,7 @@ static enum error_code mesh_read_obj_lines(struct mesh_reader *r)
 
 /* ---- the whole ---- */
 
-/* A vertex on its way through the sort: where it is, and its index before. */
+/* A vertex during sorting: its place, and its index before. */
 struct joined_vertex {
     const double *xyz;
     int index;
@@ -264,8 +264,8 @@ static enum error_code mesh_join_vertices(struct mesh_reader *r)
         same[sorted[v].index] = again ? same[sorted[v - 1].index] : sorted[v].index;
     }
 
-    /* Keep faces with three different corners and mark their vertices as used; the first of
-     * equal ones has the lowest index, so that none is overwritten before it is moved */
+    /* Keeps faces with three different corners and marks their vertices as used. The first of
+     * equal vertices has the lowest index, so none is overwritten before it is moved */
     for (size_t f = 0; f < mesh->nface; f++) {
         int *face = mesh->face[f], corner[3];
 
@@ -295,7 +295,7 @@ static enum error_code mesh_join_vertices(struct mesh_reader *r)
     return ERROR_NONE;
 }
 
-/* Turns all faces round: a scale that mirrors has turned the surface inside out. */
+/* Reverses all faces, because a mirroring scale has turned the surface inside out. */
 static void mesh_unmirror(struct mesh_reader *r)
 {
     for (size_t f = 0; f < r->mesh->nface; f++) {
@@ -306,7 +306,7 @@ static void mesh_unmirror(struct mesh_reader *r)
     }
 }
 
-/* Reads the faces of a file as they stand in it, in the format that its name's ending tells. */
+/* Reads the faces of a file unchanged, in the format of its name's extension. */
 static enum error_code mesh_read_faces(struct mesh_reader *r)
 {
     const char *ending = strrchr(r->name, '.');

@@ -28,7 +28,7 @@ const xmlNode *mjcf_next(const struct mjcf_reader *r, const char *section, const
     const xmlNode *in = after ? after->parent : xml_child(r->file->root, section), *node;
 
     node = after ? xml_next(after, element) : in ? xml_child(in, element) : NULL;
-    /* Sections of one name count as one: go on in the next one of it */
+    /* Sections with one name count as one: continues in the next one */
     while (!node && in) {
         in = xml_next(in, section);
         node = in ? xml_child(in, element) : NULL;
@@ -44,7 +44,7 @@ enum error_code mjcf_no_memory(const struct mjcf_reader *r)
 
 /* ---- settings ---- */
 
-/* Reads where bodies take their inertia from; notes the settings that are not obeyed. */
+/* Reads the source of bodies' inertia; adds notes on settings that are ignored. */
 static enum error_code mjcf_read_inertia_rules(struct mjcf_reader *r, const xmlNode *node)
 {
     static const char *const unused[] = {"settotalmass", "boundmass", "boundinertia",
@@ -69,7 +69,7 @@ static enum error_code mjcf_read_inertia_rules(struct mjcf_reader *r, const xmlN
     return xml_reals(r->file, node, "inertiagrouprange", 2, r->groups, NULL);
 }
 
-/* Reads one <compiler>; each of several adds to what those before it have said. */
+/* Reads one <compiler>; several ones add up. */
 static enum error_code mjcf_read_compiler(struct mjcf_reader *r, const xmlNode *node)
 {
     const char *angle = xml_attribute(node, "angle"), *seq = xml_attribute(node, "eulerseq");
@@ -96,8 +96,8 @@ static enum error_code mjcf_read_compiler(struct mjcf_reader *r, const xmlNode *
     return mjcf_read_inertia_rules(r, node);
 }
 
-/* Checks whether an element makes bodies out of others, or takes them from elsewhere, which
- * only MuJoCo can expand. */
+/* Checks whether an element generates bodies or loads them from elsewhere, which only MuJoCo can
+ * expand. */
 static bool mjcf_must_be_expanded(const xmlNode *node)
 {
     static const char *const name[] = {"frame",     "replicate", "attach",
@@ -120,8 +120,8 @@ static enum error_code mjcf_refuse_unexpanded(const struct mjcf_reader *r, const
                        (const char *)node->name);
 }
 
-/* Refuses constraints between bodies, which close loops; leaves those between joints, which
- * make one follow another, to mjcf_read_couplings. */
+/* Refuses constraints between bodies, which close loops. Constraints between joints, which make
+ * one follow another, are left to mjcf_read_couplings. */
 static enum error_code mjcf_check_equality(const struct mjcf_reader *r, const xmlNode *equality)
 {
     for (const xmlNode *node = xml_child(equality, NULL); node; node = xml_next(node, NULL)) {
@@ -144,8 +144,8 @@ static enum error_code mjcf_check_equality(const struct mjcf_reader *r, const xm
     return ERROR_NONE;
 }
 
-/* Reads the top-level sections but bodies: compiler settings are taken, loops refused, unused
- * sections noted. */
+/* Reads the top-level sections except bodies: reads compiler settings, refuses loops, adds notes
+ * on unused sections. */
 static enum error_code mjcf_read_settings(struct mjcf_reader *r)
 {
     static const char *const silent[] = {"asset",   "worldbody", "actuator", "keyframe", "visual",
@@ -253,8 +253,8 @@ static struct import_joint *mjcf_add_joint(const struct mjcf_reader *r, const ch
     return joint;
 }
 
-/* Reads limits, damping, friction, spring and rotor inertia of a joint. MuJoCo's angle is ref in
- * the file's pose, ours is 0, so limits and the spring's rest are shifted by ref. */
+/* Reads limits, damping, friction, spring and rotor inertia of a joint. In the file's pose
+ * MuJoCo's angle is ref and ours is 0, so limits and the spring's rest are shifted by ref. */
 static enum error_code mjcf_read_joint_numbers(const struct mjcf_reader *r, const xmlNode *node,
                                                const char *childclass, struct import_joint *joint)
 {
@@ -274,7 +274,7 @@ static enum error_code mjcf_read_joint_numbers(const struct mjcf_reader *r, cons
         (code = mjcf_reals(r, node, childclass, "actuatorfrcrange", 2, force, NULL))) {
         return code;
     }
-    /* Limits count when the file says so, or by autolimits when a range is given */
+    /* Limits apply if the file says so, or with autolimits if a range is given */
     *ref *= unit;
     joint->effort = fmax(fabs(force[0]), fabs(force[1]));
     joint->has_limit =
@@ -286,7 +286,7 @@ static enum error_code mjcf_read_joint_numbers(const struct mjcf_reader *r, cons
         joint->type = IMPORT_CONTINUOUS;
     }
     joint->rest = joint->rest * unit - *ref;
-    /* Tell what counts differently */
+    /* Adds notes on different meanings */
     if (*ref != 0.0) {
         import_note_add(r->notes, IMPORT_CHANGED, joint->file, joint->line,
                         "joint \"%.63s\" counts from the place in the file: MuJoCo's %g is 0",
@@ -321,12 +321,12 @@ static enum error_code mjcf_read_joint_type(const struct mjcf_reader *r, const x
     return ERROR_NONE;
 }
 
-/* A body being read: the link that its next joint hangs on, and the place of the body's frame
- * in that link. */
+/* A body during reading: the link to which its next joint is attached, and the pose of the body's
+ * frame in that link. */
 struct mjcf_body {
     const char *name, *childclass;
     const xmlNode *node;
-    int link, joints, left; /* joints read, and joints yet to come */
+    int link, joints, left; /* joints read, and joints left */
     struct import_place place;
 };
 
@@ -348,7 +348,7 @@ static enum error_code mjcf_read_joint(struct mjcf_reader *r, const xmlNode *nod
         return code;
     }
 
-    /* Add the link: that of the last joint stands for the body, those before are numbered */
+    /* Adds the link: the last joint's link has the body's name, earlier ones get a number */
     body->left--;
     name = name ? arena_strdup(r->arena, name) : mjcf_number_name(r, body->name, body->joints);
     if (!name ||
@@ -357,12 +357,12 @@ static enum error_code mjcf_read_joint(struct mjcf_reader *r, const xmlNode *nod
              &link))) {
         return name ? code : mjcf_no_memory(r);
     }
-    /* The joint stands at its anchor in the link before; qpos counts MuJoCo's coordinates */
+    /* The joint is at its anchor in the previous link; qpos counts MuJoCo's coordinates */
     import_place_compose(&body->place, &anchor, &at);
     joint = mjcf_add_joint(r, name, node, type, body->link, link, &at);
     r->qpos[joint - r->model->joint] = r->qpos_count;
     r->qpos_count += type == IMPORT_FLOATING ? 7 : 1;
-    /* Seen from the new link, the body's frame is back by the anchor */
+    /* Relative to the new link, the body's frame is displaced by minus the anchor */
     import_place_identity(&back);
     for (int m = 0; m < 3; m++) {
         back.xyz[m] = 0.0 - anchor.xyz[m]; /* no -0 */
@@ -450,7 +450,7 @@ static enum error_code mjcf_read_matter(const struct mjcf_reader *r, const xmlNo
          child = xml_next(child, NULL)) {
         const char *name = xml_attribute(child, "name");
 
-        /* Geoms add to the inertia only where the body has none of its own */
+        /* Geoms add to the inertia only if the body has no inertia of its own */
         if (xml_is(child, "geom")) {
             code = mjcf_read_geom(r, child, childclass, at, of_geoms ? &link->inertia : NULL);
         } else if (xml_is(child, "site") && name && r->imu_site && !strcmp(name, r->imu_site) &&
@@ -530,7 +530,7 @@ static enum error_code mjcf_read_body(struct mjcf_reader *r, const xmlNode *node
     if (!body.name) {
         return mjcf_no_memory(r);
     }
-    /* Joints are counted first, because the last one's link stands for the body */
+    /* Counts joints first, because the last one's link has the body's name */
     code = mjcf_read_place(r, node, NULL, &body.place);
     for (const xmlNode *joint = xml_child(node, NULL); joint; joint = xml_next(joint, NULL)) {
         body.left += xml_is(joint, "joint") || xml_is(joint, "freejoint");
@@ -595,7 +595,7 @@ static enum error_code mjcf_make_room(struct mjcf_reader *r)
                : mjcf_no_memory(r);
 }
 
-/* Refuses names of links and joints that stand twice. */
+/* Refuses duplicate names of links and joints. */
 static enum error_code mjcf_check_names(const struct mjcf_reader *r)
 {
     const struct import_model *model = r->model;

@@ -16,8 +16,8 @@ struct geom_solid {
     double volume, center[3], I[6];
 };
 
-/* Computes volume and inertia of half-axes or half-sides, up to the factor of the shape: 1/5 for an
- * ellipsoid, 1/3 for a box; volume is the shape's of half-sides 1. */
+/* Computes volume and inertia from semi-axes or half edges, with the shape's factor: 1/5 for an
+ * ellipsoid, 1/3 for a box; volume is that of the shape with half edges 1. */
 static void solid_take_ellipsoid(const double half[3], double volume, struct geom_solid *solid)
 {
     solid->volume = volume * half[0] * half[1] * half[2];
@@ -70,7 +70,7 @@ static enum error_code solid_take_mesh(const struct mjcf_reader *r, const struct
         return code;
     }
 
-    /* The mesh is needed for its integrals only: its memory goes at once */
+    /* The mesh is needed only for its integrals, so its memory is freed immediately */
     code = import_read_mesh(path, g->scale, &scratch, &mesh, &why);
     if (code) {
         import_error(r->error, g->file, g->line,
@@ -251,7 +251,7 @@ static enum error_code geom_read_size(const struct mjcf_reader *r, const xmlNode
         g->length = vec3_norm(along);
         for (int m = 0; m < 3; m++) {
             g->place.xyz[m] = 0.5 * (ends[m] + ends[3 + m]);
-            /* A second axis that is not along the first: those that the direction has least of */
+            /* A second axis not along the first: along the smallest components of the direction */
             along[3 + m] = fabs(along[m]) < 0.6 * g->length;
         }
 
@@ -294,7 +294,7 @@ static enum error_code geom_read_looks(const struct mjcf_reader *r, const xmlNod
         return code;
     }
 
-    /* The geom's own rgba goes before its material's */
+    /* The geom's own rgba has priority over its material's */
     if (!own && material) {
         memcpy(g->color, white, sizeof g->color);
         code = mjcf_reals(r, material->node, NULL, "rgba", 4, g->color, NULL);
@@ -324,10 +324,10 @@ enum error_code mjcf_read_geom(const struct mjcf_reader *r, const xmlNode *node,
         return code;
     }
     if (!known) {
-        return ERROR_NONE; /* planes and fields of heights weigh nothing in MuJoCo either */
+        return ERROR_NONE; /* planes and height fields have no mass in MuJoCo either */
     }
 
-    /* Dimensions first: mass and inertia follow from them */
+    /* Dimensions first, because mass and inertia depend on them */
     if ((code = g.shape == IMPORT_MESH ? geom_read_mesh(r, node, childclass, &g)
                                        : geom_read_size(r, node, childclass, &g)) ||
         (inertia && (code = geom_add_inertia(r, node, childclass, &g, inertia)))) {

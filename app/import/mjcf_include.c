@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * MJCF: <include>. Each is replaced by what is in the root of the file that it names, before
- * anything is read. A name counts from the file that has it, or else from the main file; a file
- * comes in once, so that none can include itself, and what is read is bounded.
+ * MJCF: <include>. Before anything is read, each one is replaced by the content of the root of its
+ * file. A name is relative to the including file, or else to the main file. Each file is included
+ * once, so that none can include itself, and the total size is limited.
  */
 #include "app/import/mjcf_private.h"
 #include "app/import/path.h"
@@ -38,7 +38,7 @@ static enum error_code include_find(struct includer *in, const struct xml_file *
     }
     where = import_resolve_path(in->inside, folder, name, r->packages->trust, path);
 
-    /* As MuJoCo: beside the file that includes, or else beside the main file */
+    /* Like MuJoCo: in the folder of the including file, else in the folder of the main file */
     if (where == IMPORT_PATH_MISSING) {
         where = import_resolve_path(in->inside, in->inside, name, r->packages->trust, path);
     }
@@ -82,8 +82,7 @@ static enum error_code include_note(struct includer *in, const struct xml_file *
     return in->seen[in->nseen++] ? ERROR_NONE : mjcf_no_memory(r);
 }
 
-/* Replaces an <include> by the content of the file that it names, whose own includes are expanded
- * first. */
+/* Replaces an <include> by the content of its file, whose own includes are expanded first. */
 static enum error_code include_replace(struct includer *in, const struct xml_file *file,
                                        const char *folder, xmlNode *node, int depth)
 {

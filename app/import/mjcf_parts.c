@@ -49,7 +49,7 @@ static void mjcf_add_name(struct mjcf_names *names, const char *name, const char
     names->count++;
 }
 
-/* Adds a class and those in it; the outermost may go without a name, which is "main". */
+/* Adds a class and its inner classes; the outermost one may have no name, which means "main". */
 static void mjcf_add_classes(struct mjcf_names *names, const xmlNode *node, const char *above)
 {
     const char *own = xml_attribute(node, "class");
@@ -91,8 +91,8 @@ static enum error_code mjcf_index_classes(struct mjcf_reader *r)
     return ERROR_NONE;
 }
 
-/* Lists the meshes of the assets by name; one without a name goes by its file's without the
- * ending. */
+/* Lists the meshes of the assets by name; the default name is the file name without its
+ * extension. */
 static enum error_code mjcf_index_meshes(struct mjcf_reader *r)
 {
     size_t count = 0;
@@ -159,8 +159,8 @@ enum error_code mjcf_index(struct mjcf_reader *r)
     return code ? code : mjcf_index_materials(r);
 }
 
-/* Returns the attribute that a class gives to elements of that name: the last one that says so;
- * NULL when none does. */
+/* Returns the attribute that a class gives to elements with this name: the last occurrence; NULL
+ * if there is none. */
 static const char *class_find_attribute(const struct mjcf_reader *r, const struct mjcf_name *class,
                                         const char *element, const char *name)
 {
@@ -276,8 +276,7 @@ enum error_code mjcf_read_place(const struct mjcf_reader *r, const xmlNode *node
         return code;
     }
 
-    /* MuJoCo takes the first of these that is given; orientations that are no rotation are
-     * refused */
+    /* MuJoCo uses the first of these that is given; refuses values that are not rotations */
     if (by_quaternion) {
         mat3_from_quaternion(quaternion, place->R);
         sound = isfinite(place->R[0]);
@@ -327,7 +326,7 @@ enum error_code mjcf_read_actuators(const struct mjcf_reader *r)
             break;
         }
 
-        /* The gear takes the actuator's force to the joint; of a motor control is force */
+        /* The gear converts the actuator's force to the joint's; for a motor, control is force */
         most = fmax(fabs(force[0]), fabs(force[1]));
         if (most == 0.0 && xml_is(node, "motor")) {
             most = fmax(fabs(control[0]), fabs(control[1]));
@@ -352,8 +351,8 @@ static enum error_code mjcf_find_coupled(const struct mjcf_reader *r, const xmlN
                : ERROR_NONE;
 }
 
-/* Couples two joints: the first follows the second, as the file says, unless the first has the
- * actuator or follows another joint already and the polynomial is a line, which can be inverted. */
+/* Couples two joints: the first follows the second, as in the file. If the first is driven or
+ * already follows another joint, and the polynomial is a line, the roles are swapped. */
 static enum error_code mjcf_lead(const struct mjcf_reader *r, const xmlNode *node, int first,
                                  int second, const double polynomial[5])
 {
@@ -372,7 +371,7 @@ static enum error_code mjcf_lead(const struct mjcf_reader *r, const xmlNode *nod
         multiplier = 1.0 / multiplier;
     }
 
-    /* Each joint follows one other at most */
+    /* A joint may follow only one other joint */
     if (follower->mimic) {
         return mjcf_refuse(r, node,
                            "found joint \"%.63s\" of an equality, which follows \"%.63s\" already "
@@ -388,8 +387,8 @@ static enum error_code mjcf_lead(const struct mjcf_reader *r, const xmlNode *nod
     return ERROR_NONE;
 }
 
-/* Reads an equality between two joints, or of one joint and a constant, which then has no range
- * left. */
+/* Reads an equality between two joints, or of one joint and a constant, which then has an empty
+ * range. */
 static enum error_code mjcf_read_coupling(const struct mjcf_reader *r, const xmlNode *node)
 {
     const char *active = xml_attribute(node, "active");

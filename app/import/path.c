@@ -7,8 +7,8 @@
 #include <string.h>
 #include <sys/stat.h>
 
-/* Checks whether a relative name leads out of its folder on the way: "a/../../b" does, "a/../b"
- * does not. */
+/* Checks whether a relative name leaves its folder on the way: "a/../../b" does, "a/../b" does
+ * not. */
 static bool path_climbs(const char *name)
 {
     int depth = 0;
@@ -52,7 +52,7 @@ enum import_path import_resolve_path(const char *inside, const char *from, const
     char real[PATH_MAX];
     struct stat status;
 
-    /* Refuse by the name first, so that nothing is learned about files outside */
+    /* Checks the name first, so that errors reveal nothing about files outside */
     if (!trust && (!rest || path_climbs(rest))) {
         return IMPORT_PATH_OUTSIDE;
     }
@@ -60,7 +60,7 @@ enum import_path import_resolve_path(const char *inside, const char *from, const
         return IMPORT_PATH_MISSING;
     }
 
-    /* Then by where symbolic links lead */
+    /* Then checks the target of symbolic links */
     if (!trust && !path_below(inside, real)) {
         return IMPORT_PATH_OUTSIDE;
     }

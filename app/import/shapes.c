@@ -12,9 +12,9 @@
 #include <string.h>
 #include <sys/stat.h>
 
-enum { SIZE_DOUBT = 20 }; /* a longer shape, in distances of joints, is hardly meant */
+enum { SIZE_DOUBT = 20 }; /* a shape larger than so many joint distances is probably a mistake */
 
-/* What fitting the shapes needs; written counts OBJ files in folder. */
+/* Data for fitting the shapes; written counts OBJ files in folder. */
 struct shape_builder {
     struct import_robot *from;
     const struct import_packages *packages;
@@ -39,7 +39,7 @@ static void axis_to_rotation(int m, double R[9])
     memcpy(R, column[m], sizeof column[m]);
 }
 
-/* Fits the capsule along the longest side of the points' bounding box that holds all points. */
+/* Fits the enclosing capsule of points along the longest side of their bounding box. */
 static void capsule_hold_points(const double (*point)[3], size_t count,
                                 struct robot_capsule *capsule)
 {
@@ -84,7 +84,7 @@ static void capsule_hold_points(const double (*point)[3], size_t count,
     capsule->length = 2.0 * half;
 }
 
-/* Fits a capsule around a box of those half-sides, m. */
+/* Fits an enclosing capsule of a box with these half edges, m. */
 static void capsule_hold_box(const double half[3], struct robot_capsule *capsule)
 {
     double corner[8][3];
@@ -97,8 +97,8 @@ static void capsule_hold_box(const double half[3], struct robot_capsule *capsule
     capsule_hold_points(corner, 8, capsule);
 }
 
-/* Fits a capsule along the longest half-axis, as wide as the next: it holds the ellipsoid, which is
- * slimmer toward the ends than the half-spheres. */
+/* Fits a capsule along the longest semi-axis with the next one as radius. It encloses the
+ * ellipsoid, which is slimmer toward the ends than the half-spheres. */
 static void capsule_hold_ellipsoid(const double half[3], struct robot_capsule *capsule)
 {
     int along = half[1] > half[0] ? 1 : 0;
@@ -125,7 +125,7 @@ static void capsule_from_cylinder(const struct import_geometry *shape,
 
 /* ---- meshes ---- */
 
-/* Returns in words whether a mesh is a surface that contact accepts. */
+/* Returns in words whether contact accepts a mesh as a surface. */
 static const char *mesh_judge(const struct import_mesh *mesh)
 {
     const struct mesh surface = {.name = "",
@@ -199,8 +199,8 @@ static enum error_code shape_make_name(const struct shape_builder *b,
                  : error_set(b->error, ERROR_MEMORY, "no memory for the shapes of the robot");
 }
 
-/* Fits a capsule to one shape, in the shape's own frame, and notes what is not exact; false when
- * there is none. */
+/* Fits a capsule to one shape, in the shape's own frame, and adds a note if it is inexact; returns
+ * false if there is none. */
 static bool shape_fit(const struct shape_builder *b, const struct import_geometry *shape,
                       struct robot_capsule *capsule)
 {
@@ -238,7 +238,7 @@ static bool shape_fit(const struct shape_builder *b, const struct import_geometr
     }
 }
 
-/* Returns the largest distance between a joint and the link before it, m. */
+/* Returns the largest distance between a joint and its parent link, m. */
 static double shape_find_reach(const struct import_model *model)
 {
     double reach = 0.0;
@@ -251,7 +251,7 @@ static double shape_find_reach(const struct import_model *model)
     return reach;
 }
 
-/* Notes a capsule that is far larger than the robot, as from a mesh in mm without a scale. */
+/* Adds a note on a capsule much larger than the robot, as from a mesh in mm without a scale. */
 static void shape_doubt_size(const struct shape_builder *b, const struct import_geometry *shape,
                              const struct robot_capsule *capsule)
 {

@@ -37,7 +37,7 @@ enum error_code import_make_name(const char *file, const char *name, int line, c
         return ERROR_NONE;
     }
 
-    /* Too long, or a word of the file format's own: renaming would not help */
+    /* Too long or reserved: a change of characters would not help */
     if (strlen(copy) > 63 || !strcmp(copy, "spare") || !strcmp(copy, ".") || !strcmp(copy, "..")) {
         return import_error(error, file, line,
                             "found %s name \"%.80s\", expected at most 63 letters, digits and _ - "
@@ -73,8 +73,8 @@ static void tensor_diagonalize(const double I[6], double moment[3], double V[9])
                 double apart = A[sym3_index[q][q]] - A[sym3_index[p][p]];
                 double angle = 0.5 * portable_atan2(copysign(2.0, apart) * off, fabs(apart));
 
-                /* Turn the plane of p and q so that their product vanishes; by the smaller of the
-                 * two angles, for the larger swaps the axes and never converges */
+                /* Rotates the plane of p and q so that their product vanishes. Uses the smaller of
+                 * the two angles, because the larger one swaps the axes and never converges */
                 mat3_identity(R);
                 R[4 * p] = R[4 * q] = portable_cos(angle);
                 R[3 * p + q] = -portable_sin(angle);
@@ -175,7 +175,7 @@ static enum error_code simplify_add_body(struct simplifier *r, int link,
     r->out->body[link] = (int)robot->nbody++;
     import_place_identity(&r->out->place[link]);
 
-    /* Place the joint in the parent's body, and note where it rests */
+    /* Sets the joint's pose in the parent's body, and records its rest position */
     r->out->source[robot->njoint] = from;
     r->out->rest[robot->njoint] =
         simplify_is_coupled(r, own) ? simplify_follow(r, own) : simplify_rest(r, own);
@@ -189,7 +189,7 @@ static enum error_code simplify_add_body(struct simplifier *r, int link,
     joint->lower = from->lower;
     joint->upper = from->upper;
 
-    /* A joint without limits gets a range that no run reaches the end of */
+    /* A joint without limits gets a range whose ends no run reaches */
     if (!from->has_limit || from->type == IMPORT_CONTINUOUS) {
         joint->lower = -2.0 * M_PI * SIMPLIFY_TURNS_MAX;
         joint->upper = 2.0 * M_PI * SIMPLIFY_TURNS_MAX;
@@ -202,8 +202,8 @@ static enum error_code simplify_add_body(struct simplifier *r, int link,
     return ERROR_NONE;
 }
 
-/* Finds the body of every link and the link's place in it: parents first, so a link on a rigid
- * joint joins the body of its parent. */
+/* Finds the body of each link and the link's pose in it. Parents come first, so a link on a rigid
+ * joint joins its parent's body. */
 static enum error_code simplify_place_links(struct simplifier *r)
 {
     const struct import_model *model = r->model;
@@ -310,8 +310,8 @@ static size_t robot_count_limbs(const struct robot *robot)
     return limbs;
 }
 
-/* Chooses whether the base floats: by the option, by a floating joint, by what the SRDF says, by
- * the root's name or missing mass, else by the number of limbs. */
+/* Decides whether the base floats, in this order: the option, a floating joint, the SRDF, the
+ * root's name or missing mass, the number of limbs. */
 static void simplify_choose_base(struct simplifier *r)
 {
     const struct import_model *model = r->model;
@@ -319,7 +319,7 @@ static void simplify_choose_base(struct simplifier *r)
     struct robot *robot = r->out->robot;
     const char *why = NULL;
 
-    /* What the user or the files say decides */
+    /* The user or the files decide */
     if (r->options->base != IMPORT_BASE_GUESS) {
         robot->floating = r->options->base == IMPORT_BASE_FLOATING;
         return;
@@ -333,7 +333,7 @@ static void simplify_choose_base(struct simplifier *r)
         return;
     }
 
-    /* Otherwise guess, and note the guess: a base with two limbs or more floats */
+    /* Otherwise guesses, and adds a note: a base with two limbs or more floats */
     if (!strcmp(root->name, "world") || robot->body[0].inertia.mass <= NO_MASS_KG) {
         robot->floating = false;
         why = "the root has no mass or is the world";
@@ -369,7 +369,7 @@ static enum error_code simplify_make_room(struct simplifier *r)
     return out->robot->body && out->robot->joint ? ERROR_NONE : simplify_no_memory(r);
 }
 
-/* Refuses a place that robot files do not take, in the line of the foreign file. */
+/* Refuses a pose outside the range of robot files, with the line of the foreign file. */
 static enum error_code simplify_check_place(const struct simplifier *r, const double xyz[3],
                                             const char *file, int line, const char *what,
                                             const char *name)
@@ -384,8 +384,8 @@ static enum error_code simplify_check_place(const struct simplifier *r, const do
     return ERROR_NONE;
 }
 
-/* Refuses places and inertias beyond the ranges of robot files, so that the error has the place
- * in the file that the user wrote and not in the one that is made of it. */
+/* Refuses poses and inertias outside the ranges of robot files. So the error points to the user's
+ * file, not to the generated one. */
 static enum error_code simplify_check_ranges(const struct simplifier *r)
 {
     const struct import_model *model = r->model;
