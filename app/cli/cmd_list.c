@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil list: lists things that can be given by name. */
+/* coman-hil list: lists rigs, robots, tasks and other names that commands accept. */
 #include "app/cli/commands.h"
 
 #include "app/cli/rig_command.h"

@@ -35,10 +35,10 @@ struct eventlog {
     struct eventlog_entry entry[EVENTLOG_KEYS + 1]; /* the last one is shared */
 };
 
-/* Prints or holds back one line (text without newline). */
+/* Prints or suppresses one line (text without newline). */
 void eventlog_put(struct eventlog *log, int64_t now_ns, uint64_t key, const char *text);
 
-/* Sums up what was held back in windows that have ended; with all, in every window. */
+/* Prints summaries of lines suppressed in windows that have ended; `all`: in every window. */
 void eventlog_flush(struct eventlog *log, int64_t now_ns, bool all);
 
 #endif

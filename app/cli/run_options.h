@@ -36,9 +36,9 @@ struct run_options {
 /* Reads the command line; returns false if the command must return *status now (options_read). */
 bool run_options_read(int argc, char **argv, struct run_options *options, int *status);
 
-/* Refuses settings that an installed rig may have, but another one only if the command line trusts
- * the rig or overrides the setting: recording outside the working directory, and serving the page
- * to other machines. The error has file:line:column. */
+/* Refuses two settings of a rig that is not installed, unless the command line trusts the rig or
+ * overrides the setting: recording outside the working directory, and serving the page to other
+ * machines. The error has file:line:column. */
 enum error_code run_options_check_trust(const struct run_options *options, const struct rig *rig,
                                         struct error *error);
 

@@ -507,7 +507,8 @@ static void examine_receive_buffer(struct doctor *d)
     }
 }
 
-/* Examines the interface of a bus: that it is there, is CAN, is up, and has a long enough queue. */
+/* Examines the interface of a bus: it must exist, be of type CAN, be up, and have a long enough
+ * queue. */
 static void examine_interface(struct doctor *d, const struct rig_bus *bus)
 {
     const char *name = bus->interface;
@@ -574,7 +575,8 @@ static void judge_bitrate(struct doctor *d, const struct rig_bus *bus, uint32_t 
     }
 }
 
-/* Examines the state of a CAN controller that is up, which only netlink tells. */
+/* Examines the state of a CAN controller that is up; the state is available only through
+ * netlink. */
 static void examine_controller(struct doctor *d, const struct rig_bus *bus)
 {
     const struct interface_ops *ops = d->config->interfaces;
