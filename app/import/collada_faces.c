@@ -293,7 +293,7 @@ static enum error_code collada_read_inputs(struct collada *c, const xmlNode *pri
                : collada_refuse(c, primitive, "without an input of semantic VERTEX, expected one");
 }
 
-/* A list of corners being read, one after the other, out of the numbers of a <p>. */
+/* A list of corners during reading, corner by corner, from the numbers of a <p>. */
 struct collada_list {
     const xmlNode *node;
     const char *at;

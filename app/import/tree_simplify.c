@@ -264,7 +264,7 @@ static enum error_code simplify_sum_inertias(struct simplifier *r)
         const struct import_link *source = &model->link[link];
         struct robot_inertia *inertia = &robot->body[r->out->body[link]].inertia;
 
-        /* The first link of each body stands for it in messages */
+        /* Messages name a body by its first link */
         if (i > 0 && simplify_is_rigid(r, (size_t)r->above[link])) {
             continue;
         }

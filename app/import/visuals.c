@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Makes the robot's visuals of those of the file. */
+/* Makes the robot's visuals from the visual shapes of the file. */
 #include "app/import/shapes.h"
 
 #include <limits.h>
@@ -149,8 +149,8 @@ static enum error_code visual_add_missing(struct visual_builder *b,
     return code;
 }
 
-/* Reads a mesh, in one color when the shape's own overrides the mesh's; refuses what exceeds the
- * bound of all meshes together. */
+/* Reads a mesh. It gets one color if the shape's color overrides the mesh's own. Refuses a mesh
+ * that exceeds the limit for all meshes together. */
 static enum error_code visual_read_mesh(struct visual_builder *b,
                                         const struct import_geometry *shape, struct arena *scratch,
                                         struct import_mesh *mesh, struct error *why)
@@ -176,7 +176,7 @@ static enum error_code visual_read_mesh(struct visual_builder *b,
     return ERROR_NONE;
 }
 
-/* Adds the visuals that the same mesh has become before once more, at another shape's place. */
+/* Adds the visuals of a mesh that an earlier shape has used again, at this shape's pose. */
 static enum error_code visual_repeat(struct visual_builder *b, const struct import_geometry *shape,
                                      const struct visual_source *source)
 {
