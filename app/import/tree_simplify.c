@@ -435,7 +435,7 @@ enum error_code import_simplify_tree(const struct import_model *model,
 
     *out = (struct import_robot){0};
 
-    /* The tree and what moves in it first; inertias need the places of links, the base the
+    /* The tree and its moving joints first; inertias need the poses of links, the base needs the
      * inertias */
     if ((code = simplify_make_room(&r)) || (code = simplify_check_ranges(&r)) ||
         (code = simplify_find_tree(&r)) || (code = simplify_fix_joints(&r)) ||

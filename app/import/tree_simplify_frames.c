@@ -8,7 +8,7 @@
 
 /* ---- frames ---- */
 
-/* Adds a frame at a place in a body and returns its index; refuses a name that is taken. */
+/* Adds a frame at a pose in a body and returns its index; refuses a name that is already used. */
 static enum error_code simplify_add_frame(struct simplifier *r, const char *name, const char *file,
                                           int line, int body, const struct import_place *place,
                                           int *frame)
@@ -45,9 +45,9 @@ static const char *frame_choose_name(const struct simplifier *r, const char *nam
 
 /* ---- sensors ---- */
 
-/* Sums the inertia below a force-torque sensor within its body, in the body's frame; *ends is false
- * when further bodies hang there, whose forces the model's sensor does not see. One pass down the
- * tree: parents come first. */
+/* Sums the inertia below a force-torque sensor within its body, in the body's frame. *ends is
+ * false if other bodies are attached there, whose forces the model's sensor does not include. One
+ * pass down the tree: parents come first. */
 static enum error_code sensor_sum_distal(const struct simplifier *r, int top,
                                          struct robot_inertia *distal, bool *ends)
 {
@@ -70,8 +70,8 @@ static enum error_code sensor_sum_distal(const struct simplifier *r, int top,
     return ERROR_NONE;
 }
 
-/* Adds a force-torque sensor at the child link of its joint; notes and drops one that is not at the
- * end of a limb. */
+/* Adds a force-torque sensor at the child link of its joint; drops one that is not at the end of a
+ * limb, with a note. */
 static enum error_code simplify_add_ft(struct simplifier *r, const struct import_sensor *sensor)
 {
     struct robot *robot = r->out->robot;
@@ -108,7 +108,7 @@ static enum error_code simplify_add_ft(struct simplifier *r, const struct import
         return code;
     }
 
-    /* Turn what is below it from the body's frame into the sensor's: R^T and -R^T p */
+    /* Transforms the part below it from the body's frame to the sensor's: R^T and -R^T p */
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) {
             back.R[3 * i + j] = place.R[3 * j + i];
@@ -121,7 +121,7 @@ static enum error_code simplify_add_ft(struct simplifier *r, const struct import
     return ERROR_NONE;
 }
 
-/* Adds the first inertial sensor; notes and drops further ones. */
+/* Adds the first inertial sensor; drops others with a note. */
 static enum error_code simplify_add_imu(struct simplifier *r, const struct import_sensor *sensor)
 {
     struct robot *robot = r->out->robot;
@@ -146,8 +146,8 @@ static enum error_code simplify_add_imu(struct simplifier *r, const struct impor
                               &robot->imu_frame);
 }
 
-/* Checks whether an earlier entry is a force-torque sensor in the same joint: some files name one
- * twice. */
+/* Checks whether an earlier entry is a force-torque sensor in the same joint, because some files
+ * list one twice. */
 static bool ft_is_known(const struct simplifier *r, size_t sensor)
 {
     for (size_t i = 0; i < sensor; i++) {
@@ -212,7 +212,7 @@ static const struct import_value *pose_find_value(const struct import_pose *pose
     return NULL;
 }
 
-/* Adds a pose of the file; joints that it does not name rest, and all are moved into their
+/* Adds a pose of the file. Joints that it does not name are at rest, and all are moved into their
  * limits. */
 static enum error_code simplify_add_pose(struct simplifier *r, const struct import_pose *source)
 {
@@ -235,7 +235,7 @@ static enum error_code simplify_add_pose(struct simplifier *r, const struct impo
         return ERROR_NONE;
     }
 
-    /* Limits here are those of the joint and of all that is coupled to it */
+    /* These limits are those of the joint and of all joints coupled to it */
     for (size_t j = 0; j < robot->njoint; j++) {
         const struct import_value *value = pose_find_value(source, r->out->source[j]->name);
         const struct robot_joint *joint = &robot->joint[j];

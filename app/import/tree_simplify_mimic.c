@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Handles joints that follow others: chains of them, what becomes of each, and where they rest. A
- * chain is led by its first joint; the joints between enter the multiplier and the offset of the
- * last.
+ * Handles joints that follow others: chains, the treatment of each follower, and rest positions.
+ * The first joint leads the whole chain; equations of the joints between are substituted into the
+ * last one's multiplier and offset.
  */
 #include "app/import/tree_simplify_private.h"
 
@@ -39,7 +39,7 @@ enum error_code simplify_find_followers(struct simplifier *r)
         r->upper[j] = joint->has_limit ? joint->upper : 2.0 * M_PI * SIMPLIFY_TURNS_MAX;
     }
 
-    /* Walk up from each joint: a chain longer than the number of joints is a circle */
+    /* Walks up from each joint: a chain longer than the number of joints is a cycle */
     for (size_t j = 0; j < model->njoint; j++) {
         int up = r->mimic[j];
 
@@ -56,8 +56,8 @@ enum error_code simplify_find_followers(struct simplifier *r)
     return ERROR_NONE;
 }
 
-/* Finds the leader of joint j: the first joint of the chain above it that follows none or does not
- * move, -1 = none; position = *multiplier times the leader's + *offset. */
+/* Finds the leader of joint j: the first joint up the chain that follows none or is fixed, -1 =
+ * none. position = *multiplier times the leader's + *offset. */
 static int find_leader(const struct simplifier *r, size_t j, double *multiplier, double *offset)
 {
     int leader = r->mimic[j];
@@ -65,7 +65,7 @@ static int find_leader(const struct simplifier *r, size_t j, double *multiplier,
     *multiplier = r->model->joint[j].multiplier;
     *offset = r->model->joint[j].offset;
 
-    /* The joints between follow too: substitute their equations into j's */
+    /* The joints between are followers too: substitutes their equations into j's */
     while (leader >= 0 && r->mimic[leader] >= 0 && !simplify_is_rigid(r, (size_t)leader)) {
         *offset += *multiplier * r->model->joint[leader].offset;
         *multiplier *= r->model->joint[leader].multiplier;
@@ -112,7 +112,8 @@ bool simplify_is_coupled(const struct simplifier *r, size_t j)
     return r->options->mimic == IMPORT_MIMIC_COUPLE && r->mimic[j] >= 0 && !simplify_is_rigid(r, j);
 }
 
-/* Refuses couplings that a robot file cannot state: bent ones, and numbers out of its bounds. */
+/* Refuses couplings that a robot file cannot hold: polynomials of higher order, and numbers
+ * outside its limits. */
 static enum error_code check_coupling(const struct simplifier *r, const struct import_joint *joint,
                                       double multiplier, double offset)
 {
@@ -135,13 +136,13 @@ static enum error_code check_coupling(const struct simplifier *r, const struct i
     return ERROR_NONE;
 }
 
-/* Narrows a leader's range to where its follower can follow, so that it rests and stands in poses
- * there; refuses ranges that exclude each other. */
+/* Narrows a leader's range to positions that its follower can follow, also at rest and in poses;
+ * refuses ranges that exclude each other. */
 static enum error_code narrow_leader(struct simplifier *r, size_t j, size_t leader,
                                      double multiplier, double offset)
 {
     const struct import_joint *joint = &r->model->joint[j];
-    /* The follower's limits, as positions of its leader */
+    /* The follower's limits, converted to positions of its leader */
     const double end[2] = {(r->lower[j] - offset) / multiplier,
                            (r->upper[j] - offset) / multiplier};
 
@@ -180,7 +181,7 @@ enum error_code simplify_narrow_leaders(struct simplifier *r)
 
 /* ---- what becomes of them ---- */
 
-/* Refuses a follower by default and says which options there are. */
+/* Refuses a follower by default; the error lists the options. */
 static enum error_code refuse_follower(const struct simplifier *r, const struct import_joint *joint)
 {
     return import_error(r->error, joint->mimic_file, joint->mimic_line,
@@ -190,15 +191,15 @@ static enum error_code refuse_follower(const struct simplifier *r, const struct 
                         joint->name, joint->mimic);
 }
 
-/* Decides what becomes of a follower: fixed with its leader, or by --mimic locked, free or coupled;
- * couplings counts the last. */
+/* Decides the treatment of a follower: fixed with its leader, or by --mimic locked, free or
+ * coupled. couplings counts the coupled ones. */
 static enum error_code settle_follower(struct simplifier *r, size_t j, size_t *couplings)
 {
     const struct import_joint *joint = &r->model->joint[j];
     double multiplier, offset;
     int leader = find_leader(r, j, &multiplier, &offset);
 
-    /* A follower of a fixed joint has nothing to follow, whatever --mimic says */
+    /* A follower of a fixed joint has nothing to follow, for any --mimic */
     if (leader < 0 || simplify_is_rigid(r, j)) {
         return ERROR_NONE;
     }
@@ -245,8 +246,7 @@ enum error_code simplify_settle_followers(struct simplifier *r)
 
 /* ---- the robot's couplings ---- */
 
-/* Returns the index of the robot's joint that a joint of the model has become; -1 when it became
- * none. */
+/* Returns the index of the robot's joint made from a joint of the model; -1 if there is none. */
 static int find_made(const struct simplifier *r, const struct import_joint *joint)
 {
     for (size_t j = 0; j < r->out->robot->njoint; j++) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Finds the tree of links and which of its joints move. */
+/* Finds the tree of links and its moving joints. */
 #include "app/import/tree_simplify_private.h"
 
 #include "base/vec3.h"
@@ -52,7 +52,7 @@ static enum error_code simplify_find_root(struct simplifier *r)
             continue;
         }
 
-        /* A second root makes a forest */
+        /* A second root means separate trees */
         if (r->root >= 0) {
             return import_error(r->error, model->link[i].file, model->link[i].line,
                                 "found link \"%.63s\" on no joint beside \"%.63s\" (line %d), "
@@ -81,8 +81,9 @@ static bool option_locks_joint(const struct import_options *options, const char 
     return false;
 }
 
-/* Finds out whether the root is the world: it has no mass and a floating joint hangs on it. Then
- * the base is that joint's child; everything else in that world must not move, and is left out. */
+/* Checks whether the root is the world: it has no mass, and a floating joint is attached to it.
+ * Then the base is that joint's child. All other parts of that world must be fixed, and are left
+ * out. */
 static enum error_code simplify_enter_world(struct simplifier *r)
 {
     const struct import_model *model = r->model;
@@ -95,7 +96,7 @@ static enum error_code simplify_enter_world(struct simplifier *r)
         }
     }
 
-    /* Everything else on that root must stand still */
+    /* All other joints on that root must be fixed */
     for (size_t j = 0; floating && j < model->njoint; j++) {
         const struct import_joint *other = &model->joint[j];
 
@@ -122,8 +123,8 @@ static enum error_code simplify_enter_world(struct simplifier *r)
     return ERROR_NONE;
 }
 
-/* Orders links by a walk down the tree: parents before children, children as their joints stand in
- * the file. */
+/* Orders links by a walk down the tree: parents before children, children in the order of their
+ * joints in the file. */
 static enum error_code simplify_order_links(struct simplifier *r)
 {
     const struct import_model *model = r->model;
@@ -139,7 +140,7 @@ static enum error_code simplify_order_links(struct simplifier *r)
 
         r->order[count++] = link;
 
-        /* Pushed in reverse, so that they come off the stack in the file's order */
+        /* Pushed in reverse, so that they are popped in file order */
         for (size_t j = model->njoint; j-- > 0;) {
             if (model->joint[j].parent_link == link) {
                 next[depth++] = model->joint[j].child_link;
@@ -150,13 +151,13 @@ static enum error_code simplify_order_links(struct simplifier *r)
     return ERROR_NONE;
 }
 
-/* Refuses joints that form a circle, which hangs on no root. */
+/* Refuses joints that form a cycle without a root. */
 static enum error_code simplify_check_cycles(struct simplifier *r)
 {
     const struct import_model *model = r->model;
 
     for (size_t j = 0; j < model->njoint; j++) {
-        /* A walk up that takes more steps than there are links goes round */
+        /* A walk up with more steps than links is a cycle */
         int link = model->joint[j].child_link;
 
         for (size_t step = 0; r->above[link] >= 0 && step <= model->nlink; step++) {
@@ -223,8 +224,8 @@ void simplify_fix_joint(struct simplifier *r, size_t j, double at, const char *w
                     joint->type == IMPORT_PRISMATIC ? "m" : "rad", why);
 }
 
-/* Checks the limits of revolute and prismatic joints: missing or reversed ones are refused, equal
- * ones fix the joint. */
+/* Checks the limits of revolute and prismatic joints: refuses missing or reversed limits; equal
+ * limits fix the joint. */
 static enum error_code simplify_check_limit(struct simplifier *r, size_t j)
 {
     const struct import_joint *joint = &r->model->joint[j];
@@ -246,7 +247,7 @@ static enum error_code simplify_check_limit(struct simplifier *r, size_t j)
                             joint->name, joint->lower, joint->upper);
     }
 
-    /* Equal limits leave no motion; limits beside 0 move the rest position */
+    /* Equal limits leave no motion; limits that exclude 0 move the rest position */
     if (joint->lower == joint->upper) {
         simplify_fix_joint(r, j, joint->lower, "both limits are there");
     } else if ((joint->lower > 0.0 || joint->upper < 0.0) && !simplify_is_coupled(r, j)) {
@@ -257,8 +258,8 @@ static enum error_code simplify_check_limit(struct simplifier *r, size_t j)
     return ERROR_NONE;
 }
 
-/* Fixes a prismatic joint, which no drive moves and which would fall to its stop, or lets it slide
- * free by option. */
+/* Fixes a prismatic joint, which has no drive and would fall to its stop, or lets it slide freely
+ * by option. */
 static void simplify_fix_slide(struct simplifier *r, size_t j)
 {
     const struct import_joint *joint = &r->model->joint[j];
@@ -296,7 +297,7 @@ static enum error_code simplify_check_free(struct simplifier *r, const struct im
     return ERROR_NONE;
 }
 
-/* Fixes joints behind which nothing has mass: their motion would have no equation. */
+/* Fixes joints without mass behind them, because their motion has no equation. */
 static enum error_code simplify_fix_massless(struct simplifier *r)
 {
     const struct import_model *model = r->model;
@@ -344,7 +345,7 @@ static enum error_code simplify_fix_named(struct simplifier *r)
     return ERROR_NONE;
 }
 
-/* Refuses more moving joints than a bench carries. */
+/* Refuses more moving joints than a rig supports. */
 static enum error_code simplify_check_count(struct simplifier *r)
 {
     const struct import_model *model = r->model;
@@ -370,8 +371,8 @@ enum error_code simplify_fix_joints(struct simplifier *r)
     const struct import_model *model = r->model;
     enum error_code code = simplify_find_followers(r);
 
-    /* Limits and names fix joints first; followers are settled when it is known which leaders
-     * move */
+    /* Limits and --lock fix joints first; followers are decided when the moving leaders are
+     * known */
     for (size_t j = 0; j < model->njoint && !code; j++) {
         if ((code = simplify_check_free(r, &model->joint[j])) ||
             (code = simplify_check_limit(r, j))) {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Reads URDF: links with inertia, geometry and colors, joints, sensors, and how they refer to each
- * other by name; and SRDF: named poses, and whether the base is fixed in the world.
+ * Reads URDF: links with inertia, geometry and colors, joints, sensors, and their references by
+ * name. Reads SRDF: named poses, and whether the base is fixed in the world.
  */
 #include "app/import/readers.h"
 
@@ -17,10 +17,10 @@
 struct urdf_material {
     const char *name; /* belongs to the document */
     double color[4];
-    int order; /* in the file; the first of a name counts */
+    int order; /* order in the file; the first one with a name is used */
 };
 
-/* A URDF or SRDF document being read. */
+/* A URDF or SRDF document during reading. */
 struct urdf_reader {
     const struct xml_file *file;
     struct arena *arena;
@@ -37,7 +37,7 @@ static enum error_code urdf_no_memory(const struct urdf_reader *r)
                      r->file->name);
 }
 
-/* Copies an attribute that must be there into the arena. */
+/* Copies an attribute that must exist into the arena. */
 static enum error_code urdf_need_text(const struct urdf_reader *r, const xmlNode *node,
                                       const char *name, const char **text)
 {
@@ -51,7 +51,7 @@ static enum error_code urdf_need_text(const struct urdf_reader *r, const xmlNode
     return *text ? ERROR_NONE : urdf_no_memory(r);
 }
 
-/* Finds the only child of that name, or NULL; refuses two of them. */
+/* Finds the only child with a name, or NULL; refuses two. */
 static enum error_code urdf_only_child(const struct urdf_reader *r, const xmlNode *node,
                                        const char *name, xmlNode **child)
 {
@@ -67,7 +67,7 @@ static enum error_code urdf_only_child(const struct urdf_reader *r, const xmlNod
     return ERROR_NONE;
 }
 
-/* Reads the place that a child <origin> gives; the identity without one. */
+/* Reads the pose of a child <origin>; the identity without one. */
 static enum error_code urdf_read_origin(const struct urdf_reader *r, const xmlNode *node,
                                         struct import_place *place)
 {
@@ -93,20 +93,20 @@ static enum error_code urdf_read_origin(const struct urdf_reader *r, const xmlNo
     return ERROR_NONE;
 }
 
-/* Largest length and limit that are accepted: beyond them no robot is meant. */
+/* Largest accepted length and limit; larger values are mistakes. */
 #define LENGTH_MAX_M 1e3
 
 /* Radius of a collision or visual sphere that the file gives radius 0. */
 #define POINT_RADIUS_M 1e-3
 #define ANGLE_MAX 1e6
 
-/* Value that some tools write for a limit that a joint does not have. */
+/* Value that some tools write if a joint has no limit. */
 #define NO_LIMIT (-1.0)
 
 /* ---- colors ---- */
 
-/* Reads the color of a <material>, clamped to 0 to 1; false when it has none or it cannot be
- * read. */
+/* Reads the color of a <material>, clamped to 0 to 1; returns false if it has none or it is
+ * invalid. */
 static bool material_read_color(const struct urdf_reader *r, const xmlNode *material,
                                 double color[4])
 {
@@ -122,7 +122,7 @@ static bool material_read_color(const struct urdf_reader *r, const xmlNode *mate
     return true;
 }
 
-/* Adds a material with a name and a color; while there is no room allocated, only counts it. */
+/* Adds a material with a name and a color; only counts it while no memory is allocated. */
 static void material_add(struct urdf_reader *r, const xmlNode *material)
 {
     struct urdf_material added = {.name = xml_attribute(material, "name"),
@@ -198,7 +198,7 @@ static const struct urdf_material *urdf_find_material(const struct urdf_reader *
     return low < r->nmaterial && !strcmp(r->material[low].name, name) ? &r->material[low] : NULL;
 }
 
-/* Reads the color of a <visual>, its own or that of the material that it names; notes a material
+/* Reads the color of a <visual>: its own, or that of the named material; adds a note on a material
  * without a color. */
 static void urdf_read_color(const struct urdf_reader *r, const xmlNode *visual,
                             struct import_geometry *shape)
@@ -254,7 +254,7 @@ static enum error_code urdf_read_inertial(const struct urdf_reader *r, const xml
         return code;
     }
 
-    /* Elements of the tensor that are left out are 0 */
+    /* Missing elements of the tensor are 0 */
     for (size_t i = 0; i < ARRAY_COUNT(element); i++) {
         if ((code = xml_reals(r->file, tensor, element[i], 1, &inertia.I[i], NULL))) {
             return code;
@@ -307,7 +307,7 @@ static enum error_code urdf_need_length(const struct urdf_reader *r, const xmlNo
     return code;
 }
 
-/* Reads a <box>, whose size is its whole sides. */
+/* Reads a <box>; its size is in full edge lengths. */
 static enum error_code urdf_read_box(const struct urdf_reader *r, const xmlNode *node,
                                      struct import_geometry *shape)
 {
@@ -326,7 +326,7 @@ static enum error_code urdf_read_box(const struct urdf_reader *r, const xmlNode 
     return code;
 }
 
-/* Reads the shape in <geometry>; *known is false when it is none of URDF's. */
+/* Reads the shape in <geometry>; *known is false if it is not a URDF shape. */
 static enum error_code urdf_read_shape(const struct urdf_reader *r, const xmlNode *geometry,
                                        struct import_geometry *shape, bool *known)
 {
@@ -341,7 +341,7 @@ static enum error_code urdf_read_shape(const struct urdf_reader *r, const xmlNod
         return urdf_read_box(r, node, shape);
     }
 
-    /* A radius of 0 is accepted here: some files mark points with spheres */
+    /* Accepts a radius of 0, because some files mark points with spheres */
     if (node && xml_is(node, "sphere")) {
         shape->shape = IMPORT_SPHERE;
         code = xml_need_real(r->file, node, "radius", &shape->radius);
@@ -357,7 +357,7 @@ static enum error_code urdf_read_shape(const struct urdf_reader *r, const xmlNod
     return ERROR_NONE;
 }
 
-/* Reads a <visual> or <collision> of a link; notes and drops one without a known shape. */
+/* Reads a <visual> or <collision> of a link; drops one without a known shape, with a note. */
 static enum error_code urdf_read_geometry(const struct urdf_reader *r, const xmlNode *node,
                                           size_t link)
 {
@@ -383,7 +383,7 @@ static enum error_code urdf_read_geometry(const struct urdf_reader *r, const xml
         return ERROR_NONE;
     }
 
-    /* A sphere of radius 0 is a point, which nothing could touch */
+    /* A sphere of radius 0 is a point, which cannot have contact */
     if (shape.shape == IMPORT_SPHERE && shape.radius == 0) {
         shape.radius = POINT_RADIUS_M;
         if (shape.collision) {
@@ -455,7 +455,7 @@ static enum error_code urdf_read_joint_type(const struct urdf_reader *r, const x
                                type, joint->name);
 }
 
-/* Reads the axis of a joint, by default x; one that moves needs a direction. */
+/* Reads the axis of a joint, by default x; a moving joint needs a nonzero axis. */
 static enum error_code urdf_read_axis(const struct urdf_reader *r, const xmlNode *node,
                                       struct import_joint *joint)
 {
@@ -477,8 +477,8 @@ static enum error_code urdf_read_axis(const struct urdf_reader *r, const xmlNode
     return code;
 }
 
-/* Drops limits that some tools write where there are none: -1 throughout, or a lower one above the
- * upper one. */
+/* Drops limits that some tools write for no limits: all -1, or a lower limit above the upper
+ * one. */
 static void urdf_drop_limits(const struct urdf_reader *r, int line, struct import_joint *joint)
 {
     joint->effort = joint->effort == NO_LIMIT ? 0.0 : joint->effort;
@@ -493,7 +493,7 @@ static void urdf_drop_limits(const struct urdf_reader *r, int line, struct impor
     }
 }
 
-/* Reads <limit>: range, effort and velocity, none of which must be there. */
+/* Reads <limit>: range, effort and velocity, all optional. */
 static enum error_code urdf_read_limit(const struct urdf_reader *r, const xmlNode *node,
                                        struct import_joint *joint)
 {
@@ -511,7 +511,7 @@ static enum error_code urdf_read_limit(const struct urdf_reader *r, const xmlNod
         return code;
     }
 
-    /* URDF: of the two limits, one that is left out is 0 */
+    /* URDF: a single missing limit is 0 */
     joint->has_limit = lower || upper;
     urdf_drop_limits(r, xml_line(limit), joint);
     if (joint->effort < 0 || joint->velocity < 0 || fabs(joint->lower) > ANGLE_MAX ||
@@ -600,8 +600,8 @@ static enum error_code urdf_read_joint(const struct urdf_reader *r, const xmlNod
 
 /* ---- sensors ---- */
 
-/* Reads where a sensor is fixed: by <parent link=""> or <parent joint="">, or to what <gazebo>
- * refers to. */
+/* Reads the link or joint of a sensor: <parent link="">, <parent joint="">, or the reference of
+ * <gazebo>. */
 static enum error_code urdf_read_sensor_place(const struct urdf_reader *r, const xmlNode *node,
                                               const char *reference, struct import_sensor *sensor)
 {
@@ -611,7 +611,7 @@ static enum error_code urdf_read_sensor_place(const struct urdf_reader *r, const
     double xyz_rpy[6];
     enum error_code code = urdf_read_origin(r, node, &sensor->place);
 
-    /* Gazebo's <pose>, x y z roll pitch yaw, counts instead of <origin> */
+    /* Gazebo's <pose>, x y z roll pitch yaw, replaces <origin> */
     if (!code && pose) {
         code = xml_parse_reals(r->file, pose, "text", xml_content(pose), 6, xyz_rpy);
         if (!code) {
@@ -627,8 +627,8 @@ static enum error_code urdf_read_sensor_place(const struct urdf_reader *r, const
     return (link && !sensor->link) || (joint && !sensor->joint) ? urdf_no_memory(r) : ERROR_NONE;
 }
 
-/* Reads a <sensor> of URDF or of Gazebo; reference: the link or joint that a <gazebo> names, or
- * NULL. Sensors that no robot here has are noted as dropped. */
+/* Reads a <sensor> of URDF or of Gazebo. reference: link or joint named by <gazebo>, or NULL.
+ * Drops sensors that our robots cannot have, with a note. */
 static enum error_code urdf_read_sensor(const struct urdf_reader *r, const xmlNode *node,
                                         const char *reference)
 {
@@ -643,7 +643,7 @@ static enum error_code urdf_read_sensor(const struct urdf_reader *r, const xmlNo
         return code;
     }
 
-    /* Force-torque sensors sit in joints, inertial ones on links; others have no board here */
+    /* Force-torque sensors are in joints, inertial ones on links; we have no boards for others */
     if ((sensor.kind == IMPORT_FT && sensor.joint &&
          import_find_joint(r->model, sensor.joint) >= 0) ||
         (strcmp(type, "imu") == 0 && sensor.link && import_find_link(r->model, sensor.link) >= 0)) {
@@ -661,12 +661,12 @@ static enum error_code urdf_read_sensor(const struct urdf_reader *r, const xmlNo
 
 /* ---- the file ---- */
 
-/* Elements without meaning for dynamics, passed over without a note. */
+/* Elements without meaning for the dynamics, skipped without a note. */
 static const char *const ignored[] = {"material", "group", "version", NULL};
 
 /* ---- elements of the robot ---- */
 
-/* Checks that the root is <robot> and that no xacro elements are left to be expanded. */
+/* Checks that the root is <robot> and that the file has no unexpanded xacro elements. */
 static enum error_code urdf_check_root(const struct urdf_reader *r)
 {
     const xmlNode *root = r->file->root;
@@ -714,7 +714,7 @@ static size_t xml_count(const xmlNode *node, const char *name)
     return count;
 }
 
-/* Allocates the model for all that the file has, within bounds. */
+/* Allocates the model for all parts of the file, within limits. */
 static enum error_code urdf_make_room(const struct urdf_reader *r)
 {
     const xmlNode *root = r->file->root;
@@ -729,7 +729,7 @@ static enum error_code urdf_make_room(const struct urdf_reader *r)
                             "%d links and as many joints and sensors, and at most %d shapes",
                             links, joints, shapes, sensors, IMPORT_LINKS_MAX, IMPORT_GEOMETRY_MAX);
     }
-    model->link = arena_alloc(r->arena, links + 1, sizeof *model->link); /* the world too */
+    model->link = arena_alloc(r->arena, links + 1, sizeof *model->link); /* plus the world */
     model->joint = arena_alloc(r->arena, joints + 1, sizeof *model->joint);
     model->geometry = arena_alloc(r->arena, shapes + 1, sizeof *model->geometry);
     model->sensor = arena_alloc(r->arena, sensors + 1, sizeof *model->sensor);
@@ -737,8 +737,8 @@ static enum error_code urdf_make_room(const struct urdf_reader *r)
                                                                            : urdf_no_memory(r);
 }
 
-/* Reads the gear ratio of a <transmission>; notes and drops one without a gear or with several
- * joints. */
+/* Reads the gear ratio of a <transmission>; drops one without a gear or with several joints, with
+ * a note. */
 static enum error_code urdf_read_transmission(const struct urdf_reader *r, const xmlNode *node)
 {
     const xmlNode *joint = xml_child(node, "joint"), *actuator = xml_child(node, "actuator");
@@ -762,7 +762,7 @@ static enum error_code urdf_read_transmission(const struct urdf_reader *r, const
     return code;
 }
 
-/* Reads the sensors of a <gazebo> element; notes the rest of it as dropped. */
+/* Reads the sensors of a <gazebo> element; adds a note that the rest is dropped. */
 static enum error_code urdf_read_gazebo(const struct urdf_reader *r, const xmlNode *node)
 {
     const char *reference = xml_attribute(node, "reference");
@@ -789,7 +789,7 @@ static enum error_code urdf_read_gazebo(const struct urdf_reader *r, const xmlNo
     return ERROR_NONE;
 }
 
-/* Checks whether an element is passed over without a note. */
+/* Checks whether an element is skipped without a note. */
 static bool urdf_is_ignored(const xmlNode *node)
 {
     for (size_t i = 0; ignored[i]; i++) {
@@ -835,8 +835,8 @@ static enum error_code urdf_read_elements(const struct urdf_reader *r)
 
 #define WORLD "world"
 
-/* Finds the index of a link that a joint names; suggests no nearest name, as such files are written
- * by programs. */
+/* Finds the index of a link that a joint names. Suggests no similar name, because programs write
+ * such files. */
 static enum error_code urdf_resolve_link(const struct urdf_reader *r,
                                          const struct import_joint *joint, const char *name,
                                          int *link)
@@ -850,7 +850,8 @@ static enum error_code urdf_resolve_link(const struct urdf_reader *r,
     return ERROR_NONE;
 }
 
-/* Adds a link "world" when joints hang on one that is not in the file, as some tools write it. */
+/* Adds a link "world" if joints are attached to a missing link with this name, as some tools
+ * write. */
 static void urdf_add_world(const struct urdf_reader *r)
 {
     struct import_model *model = r->model;
@@ -867,7 +868,7 @@ static void urdf_add_world(const struct urdf_reader *r)
     }
 }
 
-/* Resolves the names of parents, children and mimicked joints; refuses names that stand twice. */
+/* Resolves the names of parents, children and mimicked joints; refuses duplicate names. */
 static enum error_code urdf_resolve_names(const struct urdf_reader *r)
 {
     struct import_model *model = r->model;
@@ -877,7 +878,7 @@ static enum error_code urdf_resolve_names(const struct urdf_reader *r)
     for (size_t i = 0; i < model->nlink; i++) {
         int first = import_find_link(model, model->link[i].name);
 
-        /* The first of a name is found: another one stands twice */
+        /* The search finds the first one with a name, so another index is a duplicate */
         if ((size_t)first != i) {
             return import_error(r->error, r->file->name, model->link[i].line,
                                 "found link \"%.63s\" again, expected it once (line %d)",
@@ -957,8 +958,8 @@ static struct import_pose *srdf_find_pose(struct import_model *model, const char
     return NULL;
 }
 
-/* Reads the position of one joint into the pose; drops those of joints that the robot lacks or that
- * have more than one coordinate. */
+/* Reads the position of one joint into the pose; drops positions of unknown joints and of joints
+ * with several coordinates. */
 static enum error_code srdf_read_value(const struct urdf_reader *r, const xmlNode *node,
                                        struct import_pose *pose)
 {
@@ -972,7 +973,7 @@ static enum error_code srdf_read_value(const struct urdf_reader *r, const xmlNod
         return code;
     }
 
-    /* Joints that the robot lacks, and joints with several coordinates, are left out */
+    /* Skips unknown joints, and joints with several coordinates */
     joint = import_find_joint(r->model, name);
     if (joint < 0 || strpbrk(text + strspn(text, " \t\r\n"), " \t\r\n")) {
         import_note_add(r->notes, IMPORT_DROPPED, r->file->name, value.line,
@@ -987,7 +988,7 @@ static enum error_code srdf_read_value(const struct urdf_reader *r, const xmlNod
     }
     value.joint = r->model->joint[joint].name;
 
-    /* The first value of a joint counts */
+    /* The first value of a joint is used */
     for (size_t i = 0; i < pose->nvalue; i++) {
         if (!strcmp(pose->value[i].joint, value.joint)) {
             import_note_add(r->notes, IMPORT_DROPPED, r->file->name, value.line,
@@ -1055,7 +1056,7 @@ enum error_code srdf_read(const struct xml_file *file, struct arena *arena,
         return urdf_no_memory(&r);
     }
 
-    /* The virtual joint says whether the base floats; anything else is of no use here */
+    /* The virtual joint decides whether the base floats; other elements are ignored */
     for (const xmlNode *node = xml_child(file->root, NULL); node && !code;
          node = xml_next(node, NULL)) {
         if (xml_is(node, "group_state")) {

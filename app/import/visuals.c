@@ -6,14 +6,14 @@
 #include <stdio.h>
 #include <string.h>
 
-/* The visuals that one mesh of the file has become, so that the same mesh is written once. */
+/* The visuals made from one mesh of the file, so that it is written once. */
 struct visual_source {
     const char *mesh;
     double scale[3];
     size_t first, count;
 };
 
-/* What making the visuals needs. */
+/* Data for making the visuals. */
 struct visual_builder {
     struct import_robot *from;
     const struct import_packages *packages;
@@ -35,7 +35,7 @@ static enum error_code visual_no_memory(const struct visual_builder *b)
 
 /* ---- one visual ---- */
 
-/* Adds a visual at a shape's place, without its size or file; *out is NULL when the robot has no
+/* Adds a visual at a shape's pose, without its size or file; *out is NULL if the robot has no
  * room. */
 static enum error_code visual_add(struct visual_builder *b, const struct import_geometry *shape,
                                   struct robot_visual **out)
@@ -55,7 +55,7 @@ static enum error_code visual_add(struct visual_builder *b, const struct import_
     snprintf(name, sizeof name, "%.40s-visual%zu", robot->body[from->body[shape->link]].name,
              robot->nvisual);
 
-    /* The place in the body: the link's in it, the shape's in the link */
+    /* The pose in the body: the link's pose in the body times the shape's pose in the link */
     import_place_compose(&from->place[shape->link], &shape->place, &place);
     visual->name = arena_strdup(b->arena, name);
     visual->body = from->body[shape->link];
@@ -129,7 +129,7 @@ static enum error_code visual_add_tints(struct visual_builder *b,
     return code;
 }
 
-/* Adds a visual that only says why its mesh is missing. */
+/* Adds a visual that only states why its mesh is missing. */
 static enum error_code visual_add_missing(struct visual_builder *b,
                                           const struct import_geometry *shape, const char *why)
 {
@@ -200,8 +200,8 @@ static enum error_code visual_repeat(struct visual_builder *b, const struct impo
     return code;
 }
 
-/* Adds the visuals of a mesh: those of an equal mesh with the same scale, or newly read and
- * written. */
+/* Adds the visuals of a mesh: reuses those of an equal mesh with the same scale, or reads and
+ * writes the mesh. */
 static enum error_code visual_add_mesh(struct visual_builder *b,
                                        const struct import_geometry *shape)
 {
@@ -211,7 +211,7 @@ static enum error_code visual_add_mesh(struct visual_builder *b,
     struct error why;
     enum error_code code;
 
-    /* The same file at the same scale was written before */
+    /* The same file with the same scale is already written */
     for (size_t i = 0; i < b->nsource; i++) {
         if (!strcmp(b->source[i].mesh, shape->mesh) &&
             !memcmp(b->source[i].scale, shape->scale, sizeof shape->scale)) {
@@ -226,7 +226,7 @@ static enum error_code visual_add_mesh(struct visual_builder *b,
     *source = (struct visual_source){.mesh = shape->mesh, .first = b->from->robot->nvisual};
     memcpy(source->scale, shape->scale, sizeof source->scale);
 
-    /* A mesh that cannot be read stops nothing: its place stays, with the reason */
+    /* A mesh that cannot be read does not stop the import: its visual states the reason */
     if (arena_init(&scratch, IMPORT_MESH_ARENA, &why) ||
         visual_read_mesh(b, shape, &scratch, &mesh, &why)) {
         code = visual_add_missing(b, shape, why.text);
@@ -263,7 +263,7 @@ enum error_code import_add_visuals(struct import_robot *from,
     for (size_t i = 0; i < model->ngeometry && !code; i++) {
         const struct import_geometry *shape = &model->geometry[i];
 
-        /* Shapes that are seen, of links that are part of a body */
+        /* Visible shapes of links that are part of a body */
         if (!shape->visual || from->body[shape->link] < 0) {
             continue;
         }

@@ -11,7 +11,7 @@ enum { INERTIAL_ADDRESS = 8 };
 
 /* ---- boards ---- */
 
-/* Returns the current limit of a joint's board, A: 1.5 times what its drive takes at full
+/* Returns the current limit of a joint's board, A: 1.5 times the current of its drive at full
  * strength. */
 static double drive_current_limit(const struct robot_joint *joint)
 {
@@ -65,7 +65,7 @@ static void write_torque_board(FILE *out, const struct import_rig *rig,
 }
 
 /* Writes the boards of the sensors. Full scales are assumed: five times the robot's weight, N, and
- * that at a lever of 0.2 m, N m; at most what 16 bits hold. */
+ * the moment of that force at a lever of 0.2 m, N m; at most the range of 16 bits. */
 static void write_sensor_boards(FILE *out, const struct import_rig *rig,
                                 const struct import_bus *bus)
 {
@@ -88,7 +88,7 @@ static void write_sensor_boards(FILE *out, const struct import_rig *rig,
     }
 }
 
-/* Checks whether all buses are of servo valves. */
+/* Checks whether all buses are for servo valves. */
 static bool plan_has_only_valves(const struct import_plan *plan)
 {
     size_t count = 0;
@@ -99,7 +99,8 @@ static bool plan_has_only_valves(const struct import_plan *plan)
     return count == plan->nbus;
 }
 
-/* Writes all buses with their boards; a bus of valves names its protocol unless all are such. */
+/* Writes all buses with their boards; a bus of valves names its protocol unless all buses are for
+ * valves. */
 static void write_buses(FILE *out, const struct import_rig *rig)
 {
     const bool only_valves = plan_has_only_valves(rig->plan);
@@ -130,8 +131,7 @@ static void write_buses(FILE *out, const struct import_rig *rig)
 
 /* ---- gains ---- */
 
-/* Writes the servo task with the gains of each driven joint; zeros are the defaults of the
- * others. */
+/* Writes the servo task with the gains of each driven joint; other gains have the default 0. */
 static void write_gains(FILE *out, const struct import_rig *rig)
 {
     const struct robot *robot = rig->robot;
