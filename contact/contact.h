@@ -145,8 +145,8 @@ struct contact_material {
     double dissipation_s_per_m;               /* c: damping coefficient of the normal force */
     double static_friction, dynamic_friction; /* dimensionless */
     double viscous_friction;                  /* s/m */
-    double backing_pa_per_m; /* stiffness of the material behind the layer; 0 = the layer never
-                              * ends */
+    /* stiffness of the material behind the layer; 0 = the layer never ends */
+    double backing_pa_per_m;
 };
 
 /* A surface fixed to a body or to the world. */
@@ -154,11 +154,11 @@ struct contact_surface {
     const char *name;
     int body; /* index into the motions given to evaluate; -1 = the fixed world */
     enum contact_shape shape;
-    double position[3];      /* origin of the surface frame in the body (or world) frame, m */
-    double rotation[9];      /* surface frame to body frame, row-major */
-    double radius_m;         /* of a sphere or capsule */
-    double length_m;         /* of a capsule: length of its axis without the half-spheres; 0 or
-                              * more */
+    double position[3]; /* origin of the surface frame in the body (or world) frame, m */
+    double rotation[9]; /* surface frame to body frame, row-major */
+    double radius_m;    /* of a sphere or capsule */
+    /* of a capsule: length of its axis without the half-spheres; 0 or more */
+    double length_m;
     double half_extent_m[3]; /* of a box */
     int cells_per_edge;      /* of a box; 7 gives Simbody's 588 faces */
     const struct mesh *mesh; /* of a mesh; it must outlive the world */
@@ -169,9 +169,9 @@ struct contact_surface {
  * capsules may have before they touch, for capsules wider than the part that they enclose. Each
  * surface then counts as thinner by half of the slack. */
 struct contact_pair {
-    int a, b;       /* indices of surfaces */
-    double slack_m; /* between two capsules, or a capsule and a sphere; less than either
-                     * diameter */
+    int a, b; /* indices of surfaces */
+    /* between two capsules, or a capsule and a sphere; less than either diameter */
+    double slack_m;
 };
 
 /* How engine "native" computes the contact force between two meshes (or boxes). */
@@ -200,9 +200,10 @@ struct contact_config {
 
 /* Force and moment on a body; world frame, about the body's origin. */
 struct contact_wrench {
-    double force[3];  /* N */
-    double moment[3]; /* Contact patch: one pair in contact; world frame. The force acts on the
-                       * body of surface b; the opposite force acts on the body of a. */
+    double force[3]; /* N */
+    /* Contact patch: one pair in contact; world frame. The force acts on the body of surface b;
+     * the opposite force acts on the body of a. */
+    double moment[3];
 };
 
 /* Contact patch: one pair in touch; world frame. Force on surface b's body; the opposite acts on
@@ -251,17 +252,17 @@ struct contact_tangent {
     int pair;
     int body_a, body_b; /* indices into the motions, -1 = the fixed world */
     double center[3];
-    double K[CONTACT_TANGENT_SIZE];            /* N/m, N, N m */
-    double D[CONTACT_TANGENT_SIZE];            /* N s/m, N s, N m s */
-    double normal[3];                          /* mean direction in which b is pushed; 0 without
-                                                * bristles */
+    double K[CONTACT_TANGENT_SIZE]; /* N/m, N, N m */
+    double D[CONTACT_TANGENT_SIZE]; /* N s/m, N s, N m s */
+    /* mean direction in which b is pushed; 0 without bristles */
+    double normal[3];
     double bristle_per_m_s, bristle_per_rad_s; /* bend after the time ahead per velocity, J^0.5 */
     double bristle_arm[3];                     /* from center to the anchor of the bristles */
     double bristle_axis[3];                    /* axis of the twist, close to normal */
     double friction[CONTACT_AXES];             /* wrench of the bristles on b at center; N, N m */
     double friction_D[CONTACT_TANGENT_SIZE];   /* part of the bristles in D */
-    double pressing;                           /* sum of the normal forces, N; 0 without
-                                                * bristles */
+    /* sum of the normal forces, N; 0 without bristles */
+    double pressing;
     double friction_max; /* largest ratio of friction to pressing at the present velocity */
 };
 
@@ -286,9 +287,10 @@ enum contact_bristle_part {
 struct contact_bristles {
     const double *y; /* world->nbristle numbers; 0 for a pair that is not listed */
     double ahead_s;  /* >= 0 */
-    double *rate;    /* output: mean rates of the listed pairs over the time ahead, J^0.5/s. NULL =
-                      * not wanted; then evaluate appends no pairs */
-    int *pair;       /* room for all pairs of the world */
+    /* output: mean rates of the listed pairs over the time ahead, J^0.5/s. NULL = not wanted; then
+     * evaluate appends no pairs */
+    double *rate;
+    int *pair; /* room for all pairs of the world */
     size_t npair;
 };
 

@@ -57,8 +57,8 @@ struct generic {
     size_t first; /* index in q and v of the first joint */
     struct link *link;
     struct link_state *state;
-    double *q, *v;     /* arguments of the stored results, which are reused for the same
-                        * arguments */
+    /* arguments of the stored results, which are reused for the same arguments */
+    double *q, *v;
     bool turned_known; /* c, s and r are valid for q, */
     bool moving_known; /* v and bias for q and v, */
     bool place_known;  /* R and position for q */

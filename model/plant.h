@@ -82,24 +82,24 @@ struct plant_config {
     const int *contact_body;       /* body of each of the world's ncontact motions; copied */
     size_t ncontact;
     enum plant_integrator integrator;
-    int64_t substep_ns;             /* length h of a substep */
-    double rtol, atol;              /* of dopri5, for each number of the state */
-    double supply_v;                /* terminal voltages are clipped to +-supply_v */
-    double supply_ohm;              /* resistance of the source: the supply sags under load; 0 =
-                                     * none */
-    struct supply_bus bus;          /* bus behind the source; capacitance 0 = none */
-    bool bending;                   /* also sample the moments across the joints' axes */
-    bool account_energy;            /* also integrate the power balance (plant_energy) */
-    int64_t (*now_ns)(void *clock); /* clock for the time of the contact engine; RT-safe; NULL =
-                                     * not measured */
-    void *clock;                    /* argument of now_ns */
+    int64_t substep_ns; /* length h of a substep */
+    double rtol, atol;  /* of dopri5, for each number of the state */
+    double supply_v;    /* terminal voltages are clipped to +-supply_v */
+    /* resistance of the source: the supply sags under load; 0 = none */
+    double supply_ohm;
+    struct supply_bus bus; /* bus behind the source; capacitance 0 = none */
+    bool bending;          /* also sample the moments across the joints' axes */
+    bool account_energy;   /* also integrate the power balance (plant_energy) */
+    /* clock for the time of the contact engine; RT-safe; NULL = not measured */
+    int64_t (*now_ns)(void *clock);
+    void *clock; /* argument of now_ns */
 };
 
 /* Cost of the contact engine since the plant was created. */
 struct plant_contact_cost {
-    uint64_t evaluations; /* evaluations by the engine; repeated ones come from memory and do not
-                           * count */
-    int64_t spent_ns;     /* time in evaluations and tangents, by the configuration's clock */
+    /* evaluations by the engine; repeated ones come from memory and do not count */
+    uint64_t evaluations;
+    int64_t spent_ns; /* time in evaluations and tangents, by the configuration's clock */
 };
 
 /* Largest number of contact patches whose stored energy plant_energy counts. */

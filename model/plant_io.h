@@ -55,12 +55,14 @@ struct motor_sense {
     double q, qd;     /* joint, rad, rad/s */
     double qm, qmd;   /* motor behind the gear (the paper's q^m), rad, rad/s */
     double current_a; /* motor current I^m */
-    double torque_nm; /* torque on the link: Ks (qm - q) + Ds (qm' - q'), plus the spring's stop;
-                       * for a joint that follows another, the coupling's torque */
-    double bending_nm[2]; /* moments on the link across its joint's axis, about two axes fixed in
-                           * the link; 0 unless plant_config's bending is set */
-    double voltage_v;     /* applied, after saturation */
-    double winding_c;     /* deg C; only if effects of the drive or boards/sensing/ model it */
+    /* torque on the link: Ks (qm - q) + Ds (qm' - q'), plus the spring's stop; for a joint that
+     * follows another, the coupling's torque */
+    double torque_nm;
+    /* moments on the link across its joint's axis, about two axes fixed in the link; 0 unless
+     * plant_config's bending is set */
+    double bending_nm[2];
+    double voltage_v; /* applied, after saturation */
+    double winding_c; /* deg C; only if effects of the drive or boards/sensing/ model it */
     /* For a hydraulic joint; its motor angle is the joint's angle and its current is 0 */
     double pressure_pa[2]; /* gauge pressure on the piston side and on the rod side */
     double valve_opening;  /* -1 to 1 of its full opening, positive toward the piston side */

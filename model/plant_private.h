@@ -68,8 +68,8 @@ struct plant_contact_memory {
 /* Arrays by body have nbody entries for the robot, then nfree for the free bodies. */
 struct plant {
     struct plant_config config; /* contact_body and free are the plant's own copies */
-    struct dynamics whole;      /* generic dynamics with each body observed: for pushes and the
-                                 * center of mass */
+    /* generic dynamics with each body observed: for pushes and the center of mass */
+    struct dynamics whole;
     struct plant_layout at;
     size_t ndrive, nspring, npassive, nhydraulic, nbristle;
     size_t nwork;            /* number of integrals of powers, with account_energy */
@@ -83,8 +83,8 @@ struct plant {
 
     double *state;
     bool handed_out; /* plant_state was called: a caller may write the state */
-    int *live;       /* nlive pairs: those with bristles that are not 0, and those of the last
-                      * contact */
+    /* nlive pairs: those with bristles that are not 0, and those of the last contact */
+    int *live;
     size_t nlive;
     int64_t time_ns;
     struct plant_command command;
@@ -115,9 +115,10 @@ struct plant {
     bool bristles_follow;       /* bristles change at bristle_rate */
     struct plant_contact_memory *contact_memory;
     struct body_motion *whole_motion; /* of the robot's bodies */
-    double *last_good; /* the state before a substep; if plant_state was called, after plant_step
-                        * the state at its end */
-    int *kept;         /* nkept pairs: those with bristles in last_good that are not 0 */
+    /* the state before a substep; if plant_state was called, after plant_step the state at its
+     * end */
+    double *last_good;
+    int *kept; /* nkept pairs: those with bristles in last_good that are not 0 */
     size_t nkept;
     double *scratch;
     double *lost; /* rounding errors of the state (integrator_rk4) */
@@ -130,9 +131,9 @@ struct plant {
     struct contact_wrench *sampled_wrench;
     struct contact_wrench *peak; /* by contact body: wrench with the largest force in the steps */
     double *peak_force;          /* by contact body: magnitude of that force, N */
-    double *impulse;             /* by contact body: impulse in the steps, three numbers each, N
-                                  * s */
-    double impulse_s;            /* duration of the impulses */
+    /* by contact body: impulse in the steps, three numbers each, N s */
+    double *impulse;
+    double impulse_s; /* duration of the impulses */
     struct body_acceleration *acceleration;
     /* With bending, by body: accelerations, and the load on the joint that moves the body, world
      * frame */

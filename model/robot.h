@@ -61,8 +61,8 @@ struct robot_stop {
 
 /* A sine of the motor's angle: amplitude sin(per_turn N qm + phase). */
 struct robot_harmonic {
-    double per_turn, amplitude, phase; /* per_turn: periods per motor turn; amplitude in rad or N
-                                        * m; phase in rad */
+    /* per_turn: periods per motor turn; amplitude in rad or N m; phase in rad */
+    double per_turn, amplitude, phase;
 };
 
 enum { ROBOT_HARMONICS = 4 };
@@ -74,42 +74,42 @@ struct robot_thermal {
                                       * no temperatures */
     double winding_j_k, housing_j_k; /* heat capacities */
     double ambient_c;                /* deg C */
-    double R_per_k, Kt_per_k;        /* change per K from 25 deg C; R by the winding, Kt by the
-                                      * housing temperature */
+    /* change per K from 25 deg C; R by the winding, Kt by the housing temperature */
+    double R_per_k, Kt_per_k;
 };
 
 /* Gear friction from the torques that the gear carries, on the motor's side and on the load's
  * side. Terms: a share of each torque at any speed, an additional share near rest, and a share of
  * the squares if the two torques oppose each other. Zero = off. */
 struct robot_load_friction {
-    double motor, external;                     /* shares at any speed, 1 */
-    double motor_stribeck, external_stribeck;   /* shares added at rest, falling with the Stribeck
-                                                 * curve, 1 */
+    double motor, external; /* shares at any speed, 1 */
+    /* shares added at rest, falling with the Stribeck curve, 1 */
+    double motor_stribeck, external_stribeck;
     double motor_quadratic, external_quadratic; /* shares of the squares at rest, 1/(N m) */
 };
 
 /* Effects of a real drive beyond eqs (2)-(4), model/drives/effects.h; zero = off. Link side. */
 struct robot_effects {
-    double coulomb, breakaway;                    /* friction of the gear, N m: F at high speed,
-                                                   * and F(0) */
-    double stribeck;                              /* speed of the transition between them, rad/s; 0
-                                                   * = F is F(0) */
-    double stribeck_exponent;                     /* exponent of the speed in the Stribeck curve; 0
-                                                   * = 2 */
-    struct robot_load_friction load;              /* additional friction from the torques
-                                                   * carried */
-    double backlash;                              /* total play behind the gear, rad */
-    double hysteresis, hysteresis_stiffness;      /* Dahl: z_max, N m; sigma, N m/rad */
-    struct robot_harmonic error[ROBOT_HARMONICS]; /* kinematic error of the gear, rad */
+    /* friction of the gear, N m: F at high speed, and F(0) */
+    double coulomb, breakaway;
+    /* speed of the transition between them, rad/s; 0 = F is F(0) */
+    double stribeck;
+    /* exponent of the speed in the Stribeck curve; 0 = 2 */
+    double stribeck_exponent;
+    /* additional friction from the torques carried */
+    struct robot_load_friction load;
+    double backlash;                                /* total play behind the gear, rad */
+    double hysteresis, hysteresis_stiffness;        /* Dahl: z_max, N m; sigma, N m/rad */
+    struct robot_harmonic error[ROBOT_HARMONICS];   /* kinematic error of the gear, rad */
     struct robot_harmonic cogging[ROBOT_HARMONICS]; /* cogging torque, N m */
     size_t nerror, ncogging;
     struct robot_thermal thermal;
     double dead_time, pwm; /* of the bridge, s and Hz; pwm 0 = no ripple */
     double switching;      /* time that a transistor takes to switch on and off, s */
     double bridge_ohm;     /* resistance of the transistors in the current path, ohm */
-    bool freewheel;        /* with the bridge off, the current flows through its diodes; else it
-                            * stops immediately */
-    double diode;          /* voltage of each of the two diodes, V */
+    /* with the bridge off, the current flows through its diodes; else it stops immediately */
+    bool freewheel;
+    double diode; /* voltage of each of the two diodes, V */
 };
 
 /* Series elastic DC drive of a joint, paper eqs (2)-(4); all on the link side of the gear. */
@@ -132,10 +132,10 @@ struct robot_sea {
 /* Hydraulic drive of a revolute joint, model/hydraulics/hydraulic.h. */
 struct robot_hydraulic {
     bool present;
-    double A1, A2;        /* areas of the piston: piston side, rod side, m2 */
-    double stroke, dead;  /* stroke, m; dead volume of each side, m3 */
-    double base, arm;     /* distances from the joint to the cylinder's pin and to the rod's
-                           * pin, m */
+    double A1, A2;       /* areas of the piston: piston side, rod side, m2 */
+    double stroke, dead; /* stroke, m; dead volume of each side, m3 */
+    /* distances from the joint to the cylinder's pin and to the rod's pin, m */
+    double base, arm;
     double offset;        /* the angle between them is q + offset, rad */
     double closed;        /* length between the pins with the piston retracted, m */
     double valve_w;       /* natural frequency of the valve's spool, rad/s */
@@ -152,13 +152,13 @@ struct robot_hydraulic {
 
 /* The supply of all hydraulic joints of a robot; accumulator 0 = constant pressure. */
 struct robot_hydraulic_supply {
-    double pressure, back;      /* pressure at the start, pressure of the return, Pa */
-    double pump;                /* flow of the pump, m3/s */
-    double accumulator;         /* volume of the accumulator's gas at precharge, m3 */
-    double precharge;           /* Pa */
-    double line;                /* volume of oil between pump and valves, m3 */
-    double relief, relief_flow; /* opening pressure of the relief valve, Pa; its flow, m3/s per Pa
-                                 * above that */
+    double pressure, back; /* pressure at the start, pressure of the return, Pa */
+    double pump;           /* flow of the pump, m3/s */
+    double accumulator;    /* volume of the accumulator's gas at precharge, m3 */
+    double precharge;      /* Pa */
+    double line;           /* volume of oil between pump and valves, m3 */
+    /* opening pressure of the relief valve, Pa; its flow, m3/s per Pa above that */
+    double relief, relief_flow;
 };
 
 /* Parallel unilateral spring of a joint, paper eq. (5) with x = p - r s q: for x < 0 the joint
@@ -238,13 +238,13 @@ struct robot_visual {
     const char *name;
     int body;
     enum robot_visual_shape shape;
-    double position[3];  /* origin of its own frame in the body frame, m */
-    double rotation[9];  /* shape to body, row-major; a cylinder's and a capsule's axis is z */
-    double half[3];      /* half the edge lengths of a box, m */
-    double radius;       /* m */
-    double length;       /* of a cylinder; for a capsule, of the axis without the ends, m */
-    const char *file;    /* path of a mesh, a binary STL in m; NULL for other shapes and missing
-                          * meshes */
+    double position[3]; /* origin of its own frame in the body frame, m */
+    double rotation[9]; /* shape to body, row-major; a cylinder's and a capsule's axis is z */
+    double half[3];     /* half the edge lengths of a box, m */
+    double radius;      /* m */
+    double length;      /* of a cylinder; for a capsule, of the axis without the ends, m */
+    /* path of a mesh, a binary STL in m; NULL for other shapes and missing meshes */
+    const char *file;
     const char *missing; /* reason for a missing mesh, for people; NULL = not missing */
     bool colored;
     double color[4]; /* sRGB and opacity, 0 to 1 */
@@ -268,8 +268,9 @@ struct robot_pose {
 struct robot {
     const char *name;
     const char *file;
-    uint64_t hash; /* hash of all data on which the equations of motion depend, and of which bodies
-                    * are observed; not of names, poses, limits, drives and sensors */
+    /* hash of all data on which the equations of motion depend, and of which bodies are observed;
+     * not of names, poses, limits, drives and sensors */
+    uint64_t hash;
     uint64_t massless_hash; /* like hash, without masses, centers of mass and inertias */
     uint64_t source_hash;   /* hash of the bytes of its file; 0 = built by hand */
     bool floating;
@@ -306,8 +307,8 @@ struct robot_drive {
     double pressure;                         /* nominal supply pressure of a hydraulic drive, Pa */
     double mass;                             /* kg */
     struct robot_sea sea;
-    struct robot_hydraulic hydraulic; /* without the triangle: base, arm, offset and closed are
-                                       * 0 */
+    /* without the triangle: base, arm, offset and closed are 0 */
+    struct robot_hydraulic hydraulic;
 };
 
 /* Reads a drive file, which must be complete. The arena owns all memory. Errors have

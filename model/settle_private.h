@@ -31,19 +31,19 @@ enum settle_unknown {
 struct rest {
     const char *name;
     bool robot;
-    size_t free;                /* index of the free body */
-    double weight, radius;      /* N; radius of gyration, m */
-    double force[3], moment[3]; /* remaining force and moment, world frame; about the base's origin
-                                 * or the center of mass */
-    double risen, moved[2];     /* motion so far: m along up and across */
-    double tilt[3];             /* rad */
+    size_t free;           /* index of the free body */
+    double weight, radius; /* N; radius of gyration, m */
+    /* remaining force and moment, world frame; about the base's origin or the center of mass */
+    double force[3], moment[3];
+    double risen, moved[2]; /* motion so far: m along up and across */
+    double tilt[3];         /* rad */
 };
 
 struct settle {
     struct plant *plant;
     double up[3], across[2][3];
-    bool holds;      /* friction sticks, by bristles that bend with the motion: all unknowns are
-                      * used */
+    /* friction sticks, by bristles that bend with the motion: all unknowns are used */
+    bool holds;
     size_t unknowns; /* unknowns per body */
     size_t nrest, n; /* n = unknowns * nrest */
     struct rest *rest;

@@ -36,13 +36,13 @@ double stop_loss(const struct robot_stop *stop, double depth, double rate);
  * the step. The step begins at x with the given rate. With the acceleration a it leads to rate' =
  * rate + h a and to x + h rate'. */
 struct stop_step {
-    double torque;      /* at the end, torque - extra a */
-    double extra;       /* inertia, never negative */
-    int side;           /* 1: at the upper end, -1: at the lower end, 0: inactive, torque and extra
-                         * are 0 */
+    double torque; /* at the end, torque - extra a */
+    double extra;  /* inertia, never negative */
+    /* 1: at the upper end, -1: at the lower end, 0: inactive, torque and extra are 0 */
+    int side;
     bool engaged, left; /* stop_step_revise has engaged it, or released it */
-    double earlier;     /* torque from an earlier stage of the same step, weighted like this
-                         * stage's */
+    /* torque from an earlier stage of the same step, weighted like this stage's */
+    double earlier;
 };
 
 /* Begins a step. The stop is active if the coordinate, left alone, would be past its range at

@@ -18,9 +18,9 @@ struct rig_torque {
 /* A place that surfaces may be fixed to: a body or the world. */
 struct rig_place {
     const char *name;
-    int body;           /* as in struct plant_config; -1 = the world */
-    double position[3]; /* in that body or the world; zero except for static bodies of the scene
-                         * and a fixed base */
+    int body; /* as in struct plant_config; -1 = the world */
+    /* in that body or the world; zero except for static bodies of the scene and a fixed base */
+    double position[3];
     double rotation[9]; /* rotation, row-major */
 };
 
@@ -30,8 +30,9 @@ struct rig_builder {
     struct rig *rig;
     const struct raw_rig *raw;
     const struct robot *robot;
-    double base_position[3], base_rotation[9]; /* pose of the robot's base frame in the frame of
-                                                * body 0: where the rig fixes it in the world */
+    /* pose of the robot's base frame in the frame of body 0: where the rig fixes it in the
+     * world */
+    double base_position[3], base_rotation[9];
     struct arena *arena;
     struct error *error;
     struct rig_torque *torque;       /* by joint of the robot */

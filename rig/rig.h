@@ -55,8 +55,8 @@ struct rig_bus {
     int64_t data_bitrate;  /* bit/s, for FD frames with a bit rate switch */
     bool configure;        /* the simulator configures the interface (sim/interfaces.h) */
     double sample_point;   /* sample point of a bit, for configure; 0 = the driver's choice */
-    int64_t restart_ms;    /* the kernel's restart delay after bus-off, for configure; 0 = the
-                            * simulator restarts */
+    /* the kernel's restart delay after bus-off, for configure; 0 = the simulator restarts */
+    int64_t restart_ms;
     const struct protocol *protocol;            /* protocol of its boards */
     const struct described_protocol *described; /* for a protocol that a file describes */
     size_t first_board, nboard;                 /* range of its boards in struct boards_config */
@@ -65,8 +65,9 @@ struct rig_bus {
 
 /* The timing of frames. */
 struct rig_wire {
-    bool timed; /* local buses: frames pass a wire in virtual time (canbus/wire/wire.h); false =
-                 * immediate delivery */
+    /* local buses: frames pass a wire in virtual time (canbus/wire/wire.h); false = immediate
+     * delivery */
+    bool timed;
     bool paced; /* SocketCAN: the boards' frames are sent at the times of such a wire */
     bool fifo;  /* controllers send frames in order; false = by priority of the identifier */
 };
@@ -104,8 +105,9 @@ struct rig_left_pair {
 
 struct rig {
     const char *file, *name;
-    uint64_t hash; /* hash of the bytes of its file and of all files that it refers to; for meshes,
-                    * of vertices and faces */
+    /* hash of the bytes of its file and of all files that it refers to; for meshes, of vertices
+     * and faces */
+    uint64_t hash;
     const char *variant; /* variant of the robot; "" = the default */
     const struct robot *robot;
 
@@ -132,8 +134,8 @@ struct rig {
     size_t nfree;
     enum rig_contact_engine contact_engine;
     struct contact_config contact;
-    size_t nlisted_pair; /* number of contact's pairs that the file lists; the robot's own pairs
-                          * follow */
+    /* number of contact's pairs that the file lists; the robot's own pairs follow */
+    size_t nlisted_pair;
     const struct rig_left_pair *left; /* nleft pairs of the robot's surfaces without contact */
     size_t nleft;
     const int *contact_body;

@@ -176,8 +176,8 @@ struct raw_joint_sensors {
 struct raw_ft_sensors {
     struct yaml_mark mark;
     struct sensor_ft sensor;
-    struct robot_inertia tool; /* mass properties of the tool beyond the sensor, in the sensor's
-                                * frame */
+    /* mass properties of the tool beyond the sensor, in the sensor's frame */
+    struct robot_inertia tool;
 };
 
 struct raw_imu_sensors {

@@ -27,20 +27,20 @@ struct bus_ports {
 
 struct buses {
     const struct rig *rig;
-    const char *interface[RIG_BUSES_MAX]; /* interface of each bus, from the rig or the command
-                                           * line */
+    /* interface of each bus, from the rig or the command line */
+    const char *interface[RIG_BUSES_MAX];
     bool local;
-    bool timed;                                /* frames take time on a wire that buses_advance
-                                                * moves */
-    struct local_bus *bus[RIG_BUSES_MAX];      /* of each local bus */
-    struct can_port *paced[RIG_BUSES_MAX];     /* of each SocketCAN bus with pacing: the
-                                                * simulator's port */
+    /* frames take time on a wire that buses_advance moves */
+    bool timed;
+    struct local_bus *bus[RIG_BUSES_MAX]; /* of each local bus */
+    /* of each SocketCAN bus with pacing: the simulator's port */
+    struct can_port *paced[RIG_BUSES_MAX];
     struct wire *wire[RIG_BUSES_MAX];          /* of each timed bus */
     struct can_state_box state[RIG_BUSES_MAX]; /* states of CAN controllers (sim/interfaces.h) */
-    struct can_port *sought[RIG_BUSES_MAX];    /* the simulator's SocketCAN ports, for
-                                                * buses_seek */
-    int64_t seek_ns;                           /* earliest time of the next search */
-    int claim[RIG_BUSES_MAX];                  /* descriptors of buses_claim */
+    /* the simulator's SocketCAN ports, for buses_seek */
+    struct can_port *sought[RIG_BUSES_MAX];
+    int64_t seek_ns;          /* earliest time of the next search */
+    int claim[RIG_BUSES_MAX]; /* descriptors of buses_claim */
     size_t nclaim;
 };
 

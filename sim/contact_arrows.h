@@ -18,9 +18,10 @@ enum {
 
 /* A body whose contact is shown. */
 struct contact_shown {
-    size_t signal; /* column of its wrench's first component (force, then moment about the body's
-                    * origin); the other five follow */
-    size_t body;   /* body whose pose is used */
+    /* column of its wrench's first component (force, then moment about the body's origin); the
+     * other five follow */
+    size_t signal;
+    size_t body; /* body whose pose is used */
 };
 
 struct contact_arrows {

@@ -37,10 +37,10 @@ struct interface_watch {
     bool off;                                /* was in bus-off when last polled */
     bool mismatch;                           /* it has another bit rate, already reported */
     int64_t restart_ns[INTERFACES_RESTARTS]; /* times of the last restarts, a ring */
-    uint64_t restarts;                       /* restarts by the simulator; info counts the
-                                              * kernel's */
-    bool limited;                            /* the restart limit is reached, already reported */
-    char event[INTERFACES_EVENT_TEXT];       /* pending event; "" = none */
+    /* restarts by the simulator; info counts the kernel's */
+    uint64_t restarts;
+    bool limited;                      /* the restart limit is reached, already reported */
+    char event[INTERFACES_EVENT_TEXT]; /* pending event; "" = none */
 };
 
 struct interfaces {

@@ -22,9 +22,9 @@ enum { EVENT_SLOTS = 256 };
  * its stop. */
 struct watch_joint {
     bool past, told;
-    int64_t since_ns, near_ns; /* time at which it passed the limit, and last time near the
-                                * limit */
-    double depth, limit;       /* largest depth since then, and the limit, rad or m */
+    /* time at which it passed the limit, and last time near the limit */
+    int64_t since_ns, near_ns;
+    double depth, limit; /* largest depth since then, and the limit, rad or m */
     bool spring;
     int64_t spring_near_ns;
 };
@@ -42,11 +42,11 @@ struct watch {
     bool *limb_end; /* by body */
     bool *stands;   /* by body: the robot stood on it at the start */
     bool fallen;
-    int64_t released_ns, calm_ns; /* time of the last clamp or start; last time with a fall
-                                   * criterion true */
-    double base_up[3];            /* up direction at that time, in the base's frame */
-    double height;                /* height of the base above the lowest observed body at that
-                                   * time, m */
+    /* time of the last clamp or start; last time with a fall criterion true */
+    int64_t released_ns, calm_ns;
+    double base_up[3]; /* up direction at that time, in the base's frame */
+    /* height of the base above the lowest observed body at that time, m */
+    double height;
 
     struct ring events;
 };

@@ -54,8 +54,8 @@ struct simulator_config {
     uint64_t ticks;                      /* 0 = until stopped */
     const char *task;                    /* NULL = none */
     const struct task_input *task_input; /* NULL = none */
-    const char *const *setting;          /* settings of the task, "NAME=VALUE" each, as for
-                                          * --set */
+    /* settings of the task, "NAME=VALUE" each, as for --set */
+    const char *const *setting;
     size_t nsetting;
     /* A candump log or a recording whose controller frames are received again (sim/stimulus.h);
      * NULL = none. Not with a task. If ticks is 0, the run is as long as the log. */
@@ -63,9 +63,10 @@ struct simulator_config {
     /* NULL = none. With an observer the run continues after the end of a task, except in lockstep,
      * where the task sends STEP. */
     const struct simulator_observer *observer;
-    bool requests;      /* accepts requests (rt/requests.h); reserves memory for checkpoints */
-    bool untouched;     /* map memory pages at their first use, which is cheapest if nobody measures
-                     * ticks; otherwise all are mapped before the run */
+    bool requests; /* accepts requests (rt/requests.h); reserves memory for checkpoints */
+    /* map memory pages at their first use, which is cheapest if nobody measures ticks; otherwise
+     * all are mapped before the run */
+    bool untouched;
     size_t guests;      /* number of later calls of simulator_join */
     bool guests_inline; /* all guests are observers that read each tick's frames within the tick */
     const struct gateway_config *gateway; /* host and port; NULL = none */
@@ -172,8 +173,8 @@ const struct simulator_config *simulator_configuration(const struct simulator *s
 /* After the run; with histogram_copy, its histograms also during the run. */
 const struct loop_stats *simulator_stats(const struct simulator *simulator);
 struct can_port *simulator_port(const struct simulator *simulator, size_t bus);
-struct boards *simulator_boards(const struct simulator *simulator); /* its counters after the
-                                                                     * run */
+/* its counters after the run */
+struct boards *simulator_boards(const struct simulator *simulator);
 /* The faults; switch them (faults_set) in the loop's thread or before the run. */
 struct faults *simulator_faults(const struct simulator *simulator);
 struct plant *simulator_plant(const struct simulator *simulator); /* after the run */

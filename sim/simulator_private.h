@@ -40,8 +40,8 @@ struct simulator {
     struct faults *faults;
     struct fault_injection *injection;
     struct sensing *sensing;
-    const struct plant_sensors *measured; /* measured values of the boards; the plant's values are
-                                           * the truth */
+    /* measured values of the boards; the plant's values are the truth */
+    const struct plant_sensors *measured;
     struct boards *boards;
     struct external *external; /* NULL = the rig has no external boards */
     struct watch *watch;
@@ -72,10 +72,10 @@ struct simulator {
     _Atomic bool view_wanted;
     bool view_stale; /* the last tick was not published as a view */
     struct release release;
-    _Atomic int64_t released;     /* virtual time of the release; -1 = reported or not yet */
-    _Atomic int64_t clamped_trip; /* virtual time of an axis trip in a clamped robot; -1 = reported
-                                  * or none */
-    _Atomic int clamped_trip_on;  /* number of motors that were on at that time */
+    _Atomic int64_t released; /* virtual time of the release; -1 = reported or not yet */
+    /* virtual time of an axis trip in a clamped robot; -1 = reported or none */
+    _Atomic int64_t clamped_trip;
+    _Atomic int clamped_trip_on; /* number of motors that were on at that time */
     char failure[256];
     struct requests *requests; /* NULL = none */
     struct robot_requests *robot_requests;

@@ -16,9 +16,9 @@
 struct stimulus {
     struct bus_frame *frame[RIG_BUSES_MAX]; /* of each bus, in log order */
     size_t count[RIG_BUSES_MAX];
-    int64_t start_ns; /* time in the log at which the run starts: 0, or the time of its first
-                       * frame */
-    int64_t end_ns;   /* virtual time of the last frame of the log, from any sender */
+    /* time in the log at which the run starts: 0, or the time of its first frame */
+    int64_t start_ns;
+    int64_t end_ns; /* virtual time of the last frame of the log, from any sender */
 };
 
 /* Reads a log, or candump.log in a directory. interface: name of each bus in the log; its name in

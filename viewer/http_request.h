@@ -23,8 +23,8 @@ struct http_request {
     char origin[REQUEST_TEXT];
     char authorization[REQUEST_TEXT];
     char key[REQUEST_TEXT]; /* Sec-WebSocket-Key */
-    bool upgrade;           /* upgrade to a WebSocket, with all headers that RFC 6455, 4.2.1
-                             * requires */
+    /* upgrade to a WebSocket, with all headers that RFC 6455, 4.2.1 requires */
+    bool upgrade;
 };
 
 /* Reads a request from its first size bytes. Returns 0 if it is incomplete, 200 if it is valid,

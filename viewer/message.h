@@ -27,9 +27,9 @@ struct viewer_message {
     json_t *root; /* owns the memory of the pointers */
     const json_t *id;
     enum viewer_command command;
-    bool harmless;                /* VIEWER_CONTROL: the command only reads */
-    enum control_command control; /* of VIEWER_CONTROL; its value and count are as in
-                                   * control/parse.h */
+    bool harmless; /* VIEWER_CONTROL: the command only reads */
+    /* of VIEWER_CONTROL; its value and count are as in control/parse.h */
+    enum control_command control;
     double value;
     int64_t count;
     double from_s, to_s;    /* of series; from_s is also the time of seek */

@@ -141,8 +141,8 @@ struct viewer {
     double load[RIG_BUSES_MAX]; /* busy share of a bus */
     uint64_t work_count;        /* number of ticks at the last measurement */
     int64_t work_sum;
-    double work_us[3]; /* duration of a tick: mean since the last measurement, 99th percentile and
-                        * maximum of all */
+    /* duration of a tick: mean since the last measurement, 99th percentile and maximum of all */
+    double work_us[3];
     struct histogram *histogram;
 
     char *hello; /* JSON, made once; on the heap */

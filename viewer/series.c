@@ -245,8 +245,8 @@ bool client_send_series(struct viewer *viewer, struct viewer_client *client,
 enum {
     ROWS_MESSAGE = 64 * 1024,
     ROWS_MANY = 256,
-    ROWS_A_TURN = 1024, /* all rows waiting in a stream; a limit in case the loop is as fast as the
-                         * thread */
+    /* all rows waiting in a stream; a limit in case the loop is as fast as the thread */
+    ROWS_A_TURN = 1024,
 };
 
 enum error_code viewer_create_history(struct viewer *viewer, struct error *error)

@@ -4,10 +4,8 @@
 #include "viewer/private.h"
 
 enum { TRACE_KIND = 2, TRACE_HEADER = 12, TRACE_RECORD = 16, BATCH = 64, TURNS = 256 };
-enum {
-    TRACE_OURS = 0x80
-}; /* a flag in addition to those of canbus/frame.h: a client has sent the
-                             * frame */
+/* a flag in addition to those of canbus/frame.h: a client has sent the frame */
+enum { TRACE_OURS = 0x80 };
 
 void client_trace_frame(struct viewer_client *client, size_t bus, const struct bus_frame *frame,
                         uint8_t flags)

@@ -36,10 +36,10 @@
 #include <stdint.h>
 
 enum {
-    VIEWER_CLIENTS = 32,        /* maximum number of connections */
-    VIEWER_ENTERED = 16,        /* maximum number of clients with a token, */
-    VIEWER_LOOKING = 15,        /* of these, with the right to look: one place is reserved for
-                                 * control */
+    VIEWER_CLIENTS = 32, /* maximum number of connections */
+    VIEWER_ENTERED = 16, /* maximum number of clients with a token, */
+    /* of these, with the right to look: one place is reserved for control */
+    VIEWER_LOOKING = 15,
     VIEWER_OF_ONE = 8,          /* with the right to look, from one remote address */
     VIEWER_ASKING = 12,         /* without a token, from one address */
     VIEWER_INBOX = 32 * 1024,   /* longest message of a client, with its header, bytes */
@@ -65,14 +65,14 @@ struct viewer_config {
      * at its own time, and its rig */
     const struct recording *recording;
     const struct rig *rig;
-    const struct recording *with; /* a second recording of the same rig, to compare with; NULL =
-                                   * none */
+    /* a second recording of the same rig, to compare with; NULL = none */
+    const struct recording *with;
 };
 
 struct viewer_counters {
     uint64_t clients; /* clients with a token */
-    uint64_t refused; /* connections without a free place; requests with a wrong Host, Origin or
-                       * token */
+    /* connections without a free place; requests with a wrong Host, Origin or token */
+    uint64_t refused;
     uint64_t cut_junk, cut_slow, cut_silent;
     uint64_t cut_idle; /* connections without a token that were closed to make room */
     uint64_t states, skipped_states;

@@ -29,8 +29,8 @@ struct ctl_command {
     const char *name;
     /* Adds the arguments to the caller's request, which already has "cmd" */
     enum error_code (*make)(json_t *request, const struct ctl_options *o, struct error *error);
-    void (*print)(const json_t *answer, FILE *out); /* Prints an answer; NULL: prints tick, time
-                                                     * and hash */
+    /* Prints an answer; NULL: prints tick, time and hash */
+    void (*print)(const json_t *answer, FILE *out);
 };
 
 /* Returns the names of all commands, NULL at the end. */

@@ -45,8 +45,8 @@ enum error_code dbc_hash_rig(const struct rig *rig, struct arena *arena, const c
                              struct error *error)
 {
     size_t size = 1, used = 0;
-    struct arena scratch; /* scratch memory, because the databases must not stay in memory next to
-                           * the loop's data */
+    /* scratch memory, because the databases must not stay in memory next to the loop's data */
+    struct arena scratch;
     enum error_code code = arena_init(&scratch, RIG_COMMAND_ARENA, error);
     char *text;
 
@@ -66,8 +66,8 @@ enum error_code dbc_hash_rig(const struct rig *rig, struct arena *arena, const c
             used += (size_t)snprintf(text + used, size - used, "%s%s=%016" PRIx64, used ? " " : "",
                                      rig->bus[i].name, hash);
         } else if (code != ERROR_MEMORY) {
-            code = ERROR_NONE; /* `coman-hil dbc` cannot write such a file either, so no client has
-                                * it */
+            /* `coman-hil dbc` cannot write such a file either, so no client has it */
+            code = ERROR_NONE;
         }
     }
     arena_fini(&scratch);

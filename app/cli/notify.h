@@ -16,8 +16,8 @@ struct notify {
     int descriptor; /* -1 = no manager */
     struct sockaddr_un address;
     socklen_t length;
-    int64_t watchdog_ns; /* the manager kills a service after this time without a notification; 0 =
-                      * never */
+    /* the manager kills a service after this time without a notification; 0 = never */
+    int64_t watchdog_ns;
     /* the watchdog's state */
     bool ready;
     uint64_t beat;
@@ -26,9 +26,9 @@ struct notify {
 
 /* State of the loop for the monitor. */
 struct notify_health {
-    bool ready;    /* the first tick has run, or the loop waits for its STEP in lockstep */
-    uint64_t beat; /* changes while the loop is alive: with each tick, and while it waits for a
-                    * STEP */
+    bool ready; /* the first tick has run, or the loop waits for its STEP in lockstep */
+    /* changes while the loop is alive: with each tick, and while it waits for a STEP */
+    uint64_t beat;
 };
 
 /* Reads NOTIFY_SOCKET, WATCHDOG_USEC and WATCHDOG_PID, and removes them from the environment so

@@ -18,8 +18,8 @@
 enum {
     IMPORT_MESH_BYTES_MAX = 256 << 20,
     IMPORT_MESH_FACES_MAX = 1 << 20,
-    IMPORT_COLORS_MAX = 32, /* maximum number of colors of one mesh; further colors become the
-                             * nearest of these */
+    /* maximum number of colors of one mesh; further colors become the nearest of these */
+    IMPORT_COLORS_MAX = 32,
 };
 
 /* Reserved address space for one mesh. */

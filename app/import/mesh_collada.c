@@ -15,8 +15,8 @@
 
 enum {
     COLLADA_DEPTH_MAX = 64,
-    COLLADA_VISITS_MAX = 1 << 22, /* visits of elements, counted for each occurrence in the
-                                   * scene */
+    /* visits of elements, counted for each occurrence in the scene */
+    COLLADA_VISITS_MAX = 1 << 22,
 };
 
 enum error_code collada_refuse(struct collada *c, const xmlNode *node, const char *found)

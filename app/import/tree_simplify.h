@@ -33,8 +33,9 @@ struct import_options {
 /* The robot made from a model, and the sources of its parts. */
 struct import_robot {
     const struct import_model *model;
-    struct robot *robot; /* without drives, stops and capsules; couplings without stiffness; not
-                          * finished (robot_finish) */
+    /* without drives, stops and capsules; couplings without stiffness; not finished
+     * (robot_finish) */
+    struct robot *robot;
     const struct import_joint **source; /* by joint of the robot */
     double *rest; /* by joint of the robot: rest position, 0 or the nearest allowed one */
     /* By link of the model: its body; -1 = fixed in the world in which the base floats */

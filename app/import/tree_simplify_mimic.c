@@ -282,8 +282,8 @@ enum error_code simplify_add_couplings(struct simplifier *r)
                                     "joint of the robot's, expected one that turns or slides",
                                     model->joint[own].name, model->joint[leader].name);
             }
-            coupling->stiffness = 1.0; /* placeholder until the drive is known:
-                                        * app/import/drive.h */
+            /* placeholder until the drive is known: app/import/drive.h */
+            coupling->stiffness = 1.0;
             robot->ncoupling++;
         }
     }

@@ -166,8 +166,8 @@ static void expectation_judge_period(struct judged *judged, int64_t time_ns)
 {
     const double *band = judged->what->band;
     int64_t gap_ns = time_ns - judged->last_ns;
-    bool first = judged->count == 0; /* measured from the opening of the window, not from a
-                                      * frame */
+    /* measured from the opening of the window, not from a frame */
+    bool first = judged->count == 0;
     bool short_gap = judged->fresh > 0 && !first && gap_ns < scenario_ns(band[0]);
     bool none = judged->fresh > 1 && band[0] > 0.0; /* several in one tick */
 

@@ -67,8 +67,8 @@ enum error_code scenario_program_start(struct scenario_program *program, const c
         program->pid = 0;
         return error_set_errno(error, reason, "cannot make a process for a scenario's program");
     }
-    setpgid(program->pid, program->pid); /* both processes call this; the first call has the
-                                          * effect */
+    /* both processes call this; the first call has the effect */
+    setpgid(program->pid, program->pid);
     return ERROR_NONE;
 }
 

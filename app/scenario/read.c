@@ -17,10 +17,8 @@
 
 #define AT(type, member) offsetof(struct type, member)
 
-enum {
-    EXPANDED_MAX = 1 << 20
-}; /* maximum bytes of a scenario file, before and after inserting
-                                  * values */
+/* maximum bytes of a scenario file, before and after inserting values */
+enum { EXPANDED_MAX = 1 << 20 };
 
 /* The mapping "parameters:" at the top level of a file, and given values that replace the
  * file's. */

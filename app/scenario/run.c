@@ -37,10 +37,10 @@ struct run {
     bool to_the_end, early; /* continue after a failure; the run ended at a failure */
     int64_t stepped_ns;     /* wall-clock time of the last tick in lockstep */
     struct scenario_program program;
-    uint64_t dones, released; /* number of DONE frames so far; number of them passed to the
-                               * program */
-    uint64_t mismatches;      /* number of STEP frames refused so far */
-    char broken[128];         /* how the program ended before the run, "" = it still runs */
+    /* number of DONE frames so far; number of them passed to the program */
+    uint64_t dones, released;
+    uint64_t mismatches; /* number of STEP frames refused so far */
+    char broken[128];    /* how the program ended before the run, "" = it still runs */
     struct bus_frame batch[BATCH];
 };
 

@@ -248,8 +248,8 @@ struct scenario_verdict {
     bool judged;     /* false: the run ended at another failure before the decision */
     int64_t time_ns; /* virtual time of the decision; -1 = never */
     bool has_margin; /* for a signal that must stay between two bounds */
-    double margin;   /* smallest distance from a bound, as a share of the distance between the
-                      * bounds */
+    /* smallest distance from a bound, as a share of the distance between the bounds */
+    double margin;
     char text[SCENARIO_TEXT]; /* found and expected values of a failed expectation */
 };
 
@@ -274,8 +274,8 @@ struct scenario_options {
     const char *program; /* command of host: program; NULL = none */
     /* Folder for the program's log, passed in its environment; NULL = that of record */
     const char *scratch;
-    const char *record; /* directory for the recording and the plots of failed expectations; NULL =
-                  * none */
+    /* directory for the recording and the plots of failed expectations; NULL = none */
+    const char *record;
 };
 
 /* Runs the scenario in this process, with its own memory. Not RT-safe. */

@@ -25,9 +25,9 @@ struct field_builder {
     struct error *error;
 
     double (*spoke)[3]; /* of each vertex: vector inward for a depth of 1 m */
-    double *least;      /* speed at which the spoke leaves the adjacent side that it leaves most
-                         * slowly */
-    double *depth;      /* depth at the spoke's end, m */
+    /* speed at which the spoke leaves the adjacent side that it leaves most slowly */
+    double *least;
+    double *depth; /* depth at the spoke's end, m */
     double (*node)[4];
 };
 

@@ -31,8 +31,8 @@
 struct field {
     const struct solid *solid;
     double deepest; /* the largest depth, m */
-    bool planar;    /* true: one cell per plane of a convex solid, and the members below are
-                     * unused */
+    /* true: one cell per plane of a convex solid, and the members below are unused */
+    bool planar;
 
     /* Nodes of the spokes, with their depth: node[layer * nvertex + vertex] from the surface
      * (layer 0) to layer nlayer, then the innermost point. */

@@ -19,8 +19,8 @@ struct obj_place {
 /* What a reader accepts. */
 struct obj_rules {
     size_t max_vertices, max_faces;
-    bool strict; /* accept only flat convex polygons; refuse vertex colors and unknown
-                  * statements */
+    /* accept only flat convex polygons; refuse vertex colors and unknown statements */
+    bool strict;
 
     /* Handles a statement other than v and f. Gets its keyword and next word, both cut off at 63
      * characters. Returns the tag of the faces that follow. NULL: faces have no tags. */

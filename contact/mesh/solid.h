@@ -64,10 +64,10 @@ struct solid {
     /* Triangles */
     const double (*vertex)[3];
     const int (*face)[3];
-    const double (*normal)[3];        /* unit normals of the faces */
-    const double (*vertex_normal)[3]; /* angle-weighted sum of adjacent face normals; only for a
-                                       * solid that is not convex */
-    const int (*neighbor)[3];         /* face across the edge from corner i to i + 1 */
+    const double (*normal)[3]; /* unit normals of the faces */
+    /* angle-weighted sum of adjacent face normals; only for a solid that is not convex */
+    const double (*vertex_normal)[3];
+    const int (*neighbor)[3]; /* face across the edge from corner i to i + 1 */
     struct tree faces;
 
     /* Facets */
@@ -79,8 +79,8 @@ struct solid {
     const double *outline[2];
     const struct facet_moments *moments; /* for facets with many quadrature points */
     struct tree facets;
-    const struct box *normal_bounds; /* bounds of the normals under each node of the tree of
-                                      * facets */
+    /* bounds of the normals under each node of the tree of facets */
+    const struct box *normal_bounds;
 
     /* Planes of the facets of a convex solid: a point behind all of them is inside */
     bool convex;

@@ -36,8 +36,9 @@ struct tree_node {
     struct box box;
     int first,
         count; /* a leaf's items are item[first] to item[first + count - 1]; inner: count 0 */
-    int size;  /* nodes of its subtree, itself included; its children are node + 1 and node + 1 +
-                * node[1].size */
+    /* nodes of its subtree, itself included; its children are node + 1 and node + 1 +
+     * node[1].size */
+    int size;
 };
 
 /* A bounding-volume tree over items, which are numbers chosen by the caller. */

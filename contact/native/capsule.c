@@ -221,12 +221,12 @@ void native_overlap_capsules(const struct native_overlap *o)
 /* A capsule over a plane, in the capsule's frame. */
 struct capsule_over_plane {
     double radius, half;
-    double stiffness, share; /* stiffness of the law; share of the depth by which the capsule is
-                              * compressed */
-    double normal[3];        /* the plane's normal */
-    double axis[3];          /* downward */
-    double across[3];        /* downward direction in the slices, unit; zero if the axis is
-                              * vertical */
+    /* stiffness of the law; share of the depth by which the capsule is compressed */
+    double stiffness, share;
+    double normal[3]; /* the plane's normal */
+    double axis[3];   /* downward */
+    /* downward direction in the slices, unit; zero if the axis is vertical */
+    double across[3];
     double sine, cosine;
     double low; /* height of the lower end of the axis */
 };

@@ -43,8 +43,8 @@ struct foundation_between {
     const struct solid *first, *second;
     const struct native_overlap *pair;
     double reach; /* longest spring, m */
-    double fine;  /* m; facets up to this radius have three springs with a facet of the other
-                   * mesh */
+    /* m; facets up to this radius have three springs with a facet of the other mesh */
+    double fine;
 };
 
 /* Two facets that face each other: a of the first mesh, b of the second; in the first's frame. */
@@ -58,12 +58,12 @@ struct foundation_couple {
 /* The springs between two facets: all have one direction and end on both facets. */
 struct foundation {
     const struct facet *base, *other;
-    const double *base_normal, *other_normal, *origin; /* in the first's frame; origin is the
-                                                        * base's center */
-    bool on_second;                                    /* the base is a facet of the second mesh */
-    double axis[2][3];                                 /* axes of the base's outline */
-    double along[3];        /* unit direction of the springs, in which they push the first
-                             * surface */
+    /* in the first's frame; origin is the base's center */
+    const double *base_normal, *other_normal, *origin;
+    bool on_second;    /* the base is a facet of the second mesh */
+    double axis[2][3]; /* axes of the base's outline */
+    /* unit direction of the springs, in which they push the first surface */
+    double along[3];
     double cosine;          /* cosine of the angle between springs and normals */
     double depth, slope[2]; /* depth at the origin, and its slopes in the base's plane */
 };

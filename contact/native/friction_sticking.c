@@ -409,9 +409,9 @@ void native_bristle_press(const struct native_grip *grip, const double center[3]
     const struct moments *const of[2] = {&grip->stiffness, &grip->damping};
     double *const to[2] = {tangent->K, tangent->D};
     const double *n = grip->normal;
-    const double cross[9] = {0,    n[2], -n[1], -n[2], 0,
-                             n[0], n[1], -n[0], 0}; /* matrix of r -> r x
-                                                                               * n */
+    const double cross[9] = {0, n[2], -n[1], -n[2], 0,
+                             /* matrix of r -> r x n */
+                             n[0], n[1], -n[0], 0};
     double d[3], turned[9];
 
     /* Directions n and r x n of springs at r, in the world frame */

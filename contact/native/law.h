@@ -21,16 +21,16 @@
 
 /* Constants of a pair. */
 struct native_law {
-    double stiffness;          /* k, Pa/m */
-    double dissipation;        /* c, s/m; 1.5 c with Hertz's shares */
-    double share[2];           /* s1, s2: share of the penetration depth by which each surface is
-                                * compressed */
+    double stiffness;   /* k, Pa/m */
+    double dissipation; /* c, s/m; 1.5 c with Hertz's shares */
+    /* s1, s2: share of the penetration depth by which each surface is compressed */
+    double share[2];
     double us, ud, uv;         /* static, dynamic, viscous friction; uv in s/m */
     double transition_inverse; /* 1/v_t of the friction law, s/m */
     double hertz, hertz_share; /* E (two spheres, sphere and half-space), share of the first */
-    double layers, backing;    /* depth at which the layers end, m; stiffness added beyond it,
-                                * Pa/m, 0 = none */
-    double shear_root;         /* root of the bristles' stiffness s, (N/m)^0.5 */
+    /* depth at which the layers end, m; stiffness added beyond it, Pa/m, 0 = none */
+    double layers, backing;
+    double shear_root; /* root of the bristles' stiffness s, (N/m)^0.5 */
 };
 
 /* Relative pose and velocity of a pair, in the frame of the first surface. */
@@ -44,29 +44,30 @@ struct native_relative {
  * surface. */
 struct native_batch {
     size_t n;
-    size_t start;                         /* first spring of the current pair */
-    bool full;                            /* there was no room for all springs; earlier ones are
-                                           * lost */
-    _Alignas(64) double p[3][BATCH_MAX];  /* points of action */
-    _Alignas(64) double d[3][BATCH_MAX];  /* unit normal: direction in which the first body is
-                                           * pushed */
+    size_t start; /* first spring of the current pair */
+    /* there was no room for all springs; earlier ones are lost */
+    bool full;
+    _Alignas(64) double p[3][BATCH_MAX]; /* points of action */
+    /* unit normal: direction in which the first body is pushed */
+    _Alignas(64) double d[3][BATCH_MAX];
     _Alignas(64) double force[BATCH_MAX]; /* elastic, without dissipation, N */
     _Alignas(64) double depth[BATCH_MAX]; /* penetration, m */
     _Alignas(64) double rate[BATCH_MAX];  /* change of the force with the depth, N/m */
-    _Alignas(64) double held[BATCH_MAX];  /* bristle stiffness with sticking friction: last
-                                           * friction force over the bend (struct friction_bend) */
+    /* bristle stiffness with sticking friction: last friction force over the bend (struct
+     * friction_bend) */
+    _Alignas(64) double held[BATCH_MAX];
 };
 
 /* Sums over the springs of a pair: the wrench on the first body about the origin of its surface's
  * frame, and energies. */
 struct native_sum {
     double force[3], moment[3];
-    double normal;           /* sum of the springs' normal forces, N */
-    double lever[3];         /* sum of normal force times point of action; divided by normal it is
-                              * the center of pressure */
+    double normal; /* sum of the springs' normal forces, N */
+    /* sum of normal force times point of action; divided by normal it is the center of pressure */
+    double lever[3];
     double potential, power; /* stored (J), dissipated (W) */
-    double area, depth;      /* area in touch (m2), deepest penetration (m); updated by the narrow
-                         * phase */
+    /* area in touch (m2), deepest penetration (m); updated by the narrow phase */
+    double area, depth;
     /* If not NULL, only the tangent is computed, not the sums above. Its directions are those of
      * the world, by the rotation turn from the first frame; its center is in the first frame. */
     struct contact_tangent *tangent;

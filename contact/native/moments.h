@@ -22,8 +22,8 @@ static inline void moments_shift_second(const struct moments *m, const double c[
                                         double second[6])
 {
     const double w = m->zeroth, *s = m->first;
-    const double rest[3] = {s[0] - w * c[0], s[1] - w * c[1], s[2] - w * c[2]}; /* moment about
-                                                                                 * c */
+    /* moment about c */
+    const double rest[3] = {s[0] - w * c[0], s[1] - w * c[1], s[2] - w * c[2]};
 
     second[0] = m->second[0] - c[0] * (s[0] + rest[0]);
     second[1] = m->second[1] - c[0] * s[1] - c[1] * rest[0];
@@ -82,9 +82,9 @@ static inline void tangent_add_along(double scale, const struct moments *m, cons
                                      double T[CONTACT_TANGENT_SIZE])
 {
     const double *s = m->second;
-    const double cross[9] = {0,    d[2], -d[1], -d[2], 0,
-                             d[0], d[1], -d[0], 0}; /* matrix of r -> r x
-                                                                               * d */
+    const double cross[9] = {0, d[2], -d[1], -d[2], 0,
+                             /* matrix of r -> r x d */
+                             d[0], d[1], -d[0], 0};
     const double S[9] = {s[0], s[1], s[2], s[1], s[3], s[4], s[2], s[4], s[5]};
     double turn[3], half[9];
 

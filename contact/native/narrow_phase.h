@@ -21,8 +21,8 @@
  * lanes. */
 struct native_view {
     double *normal[3], *center[3], *radius;
-    int *ring;           /* of each facet: index of its first corner in the array corner; -1 = not
-                          * transformed yet */
+    /* of each facet: index of its first corner in the array corner; -1 = not transformed yet */
+    int *ring;
     double (*corner)[3]; /* counterclockwise */
     int ncorner;
 };
@@ -66,8 +66,8 @@ enum native_pair_kind {
  * shapes of its kind. */
 struct native_overlap {
     const struct solid *solid[2];
-    const struct field *field[2];     /* the second is NULL if it is nowhere deeper than the
-                                       * first */
+    /* the second is NULL if it is nowhere deeper than the first */
+    const struct field *field[2];
     struct native_capsule capsule[2]; /* or sphere; a half-space has an infinite radius */
     const struct native_law *law;
     double from; /* depth from which springs count, m */

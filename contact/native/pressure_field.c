@@ -922,9 +922,9 @@ static bool box_shrink(const struct box *box, double by, struct box *out)
 /* Two meshes that interact by a pressure field. */
 struct visit_couple {
     const struct field *first, *second; /* the second's field may be NULL */
-    const struct box *moved, *there;    /* box of the second mesh in the first's frame; box of the
-                                      * first mesh in the second's frame */
-    const double *back, *origin;        /* rotation and origin of the first in the second's frame */
+    /* box of the second mesh in the first's frame; box of the first mesh in the second's frame */
+    const struct box *moved, *there;
+    const double *back, *origin; /* rotation and origin of the first in the second's frame */
 };
 
 /* Adds the second's facets in the part of the first's field deeper than least, m. Then adds the

@@ -35,12 +35,14 @@ struct native_pair {
     int surface[2]; /* in the order that contact/native/narrow_phase.h requires */
     const struct native_kernels *kernels;
     double slack; /* overlap that does not count, m; only for capsules */
-    double sign;  /* sign of the force on the configured pair's b relative to the force on the
-                   * first surface */
-    double onto;  /* share of the depth along the push, from the point of action to the surface
-                   * that does not define the normals; 0 if both define some */
-    int anchored; /* which of the two surfaces the anchor of the bristles is fixed in: the one that
-                   * does not define the normals */
+    /* sign of the force on the configured pair's b relative to the force on the first surface */
+    double sign;
+    /* share of the depth along the push, from the point of action to the surface that does not
+     * define the normals; 0 if both define some */
+    double onto;
+    /* which of the two surfaces the anchor of the bristles is fixed in: the one that does not
+     * define the normals */
+    int anchored;
     struct native_law law;
 };
 
@@ -55,8 +57,8 @@ struct native_engine {
     size_t nbody, nsurface, npair, npatch;
     struct native_surface *surface;
     struct native_pose *pose; /* of each surface that is placed */
-    bool *placed;             /* by surface: placed in this evaluation; always true for surfaces
-                               * fixed in the world */
+    /* by surface: placed in this evaluation; always true for surfaces fixed in the world */
+    bool *placed;
     struct broad_phase broad;
     void (*find_near)(struct broad_phase *broad, uint64_t *near);
     uint64_t *near; /* bits of the pairs that the broad phase found */

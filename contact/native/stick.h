@@ -13,11 +13,11 @@
 /* Sums over the springs of a patch, from which its normal, center of pressure and anchor follow.
  * f: normal force, p: point of action. */
 struct native_gather {
-    double along[3];     /* sum of f times its direction */
-    double second[6];    /* sum of f p p: xx, xy, xz, yy, yz, zz */
-    struct moments area; /* moments of the springs' stiffness, which is proportional to area; about
-                          * the origin */
-    double elastic;      /* sum of the elastic forces, N */
+    double along[3];  /* sum of f times its direction */
+    double second[6]; /* sum of f p p: xx, xy, xz, yy, yz, zz */
+    /* moments of the springs' stiffness, which is proportional to area; about the origin */
+    struct moments area;
+    double elastic; /* sum of the elastic forces, N */
     /* Only for springs that push one way: moments of stiffness and damping along the normal, for
      * their tangent, about the frame's origin */
     struct moments stiffness, damping;
@@ -38,16 +38,18 @@ struct native_grip {
     double bristle[BRISTLE_BENT];   /* shear y_s and twist y_n, J^0.5 */
     double delay_s;                 /* t_d: retardation (damping) included in the force */
     double follow_s;                /* for tangents: damping over stiffness of the force */
-    double bend_s;                  /* for tangents: time for which the velocity bends the
-                                     * bristles */
-    double whole; /* share of the friction that the patch bears as a whole; the springs bear the
-                   * rest, each up to its own limit */
+    /* for tangents: time for which the velocity bends the bristles */
+    double bend_s;
+    /* share of the friction that the patch bears as a whole; the springs bear the rest, each up to
+     * its own limit */
+    double whole;
     double force[3], moment[3]; /* friction wrench on the first body about the frame's origin */
     /* Computed with the force: power of friction (W) and, if whole < 1, sums over the springs of
      * min(alpha |g|, l)|g|, of l |g|, and of alpha |g|^2 where alpha |g| < l */
     double power, held, most, open;
-    bool keeps; /* keep the bristle stiffness in the batch, for tangents; otherwise compute only
-                 * held, most and open */
+    /* keep the bristle stiffness in the batch, for tangents; otherwise compute only held, most and
+     * open */
+    bool keeps;
     struct moments stiffness, damping; /* moments of struct native_gather, if whole is 1 */
 };
 

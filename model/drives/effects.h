@@ -33,10 +33,10 @@ struct effects_state {
 
 /* State of the bridge, seen from the winding. */
 struct effects_bridge {
-    bool conducts;    /* false: no current can flow */
-    double voltage;   /* V, mean over the switching period */
-    double hold;      /* V_h: voltage lost to dead time; with the bridge off, to supply and
-                       * diodes */
+    bool conducts;  /* false: no current can flow */
+    double voltage; /* V, mean over the switching period */
+    /* V_h: voltage lost to dead time; with the bridge off, to supply and diodes */
+    double hold;
     double diodes;    /* the part of hold that heats diodes */
     double switching; /* V: power lost to switching, divided by |current| */
     double ripple;    /* mean square of the current's ripple, A^2 */

@@ -164,9 +164,9 @@ static double orifice_root(double dp, double *slope)
 struct chamber_flows {
     double valve[2], valve_slope[2]; /* slope against the chamber's own pressure, negative */
     double suction[2], suction_slope[2];
-    double leak, leak_slope; /* from chamber 1 to 2, and its slope against the pressure
-                              * difference */
-    int fed;                 /* the chamber connected to the supply */
+    /* from chamber 1 to 2, and its slope against the pressure difference */
+    double leak, leak_slope;
+    int fed; /* the chamber connected to the supply */
 };
 
 /* Computes the flows into both chambers (m3/s) at the pressures p for an opening of the spool. */

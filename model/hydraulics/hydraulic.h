@@ -38,9 +38,9 @@ struct hydraulic_port {
     double voltage;      /* voltage of the valve, V */
     double supply, back; /* pressures of supply and return, Pa */
     double shift;        /* offset of the spool's center, relative to its full opening */
-    double leak;         /* leakage past the piston in addition to the cylinder's own, m3/s per
-                          * Pa */
-    bool stuck;          /* the spool does not move */
+    /* leakage past the piston in addition to the cylinder's own, m3/s per Pa */
+    double leak;
+    bool stuck; /* the spool does not move */
 };
 
 /* Powers, W, or their integrals over time, J. Balance: in (oil from the supply, minus oil to the

@@ -36,9 +36,9 @@ struct active_pair {
     struct spatial_inertia A; /* h (D + h K), h the length of the stage */
     struct spatial point;     /* relative acceleration that leads to the linearization point */
     struct spatial beyond;    /* relative acceleration of the stage minus point */
-    struct spatial decrease;  /* change of the wrench on b from the point to the stage, negated: A
-                               * times beyond */
-    double bent;              /* twice the energy of its bristles at the stage's base, J */
+    /* change of the wrench on b from the point to the stage, negated: A times beyond */
+    struct spatial decrease;
+    double bent; /* twice the energy of its bristles at the stage's base, J */
 };
 
 /* Parts of a free body's accelerations, in its frame. */
@@ -116,10 +116,10 @@ struct implicit {
     struct plant_load load;       /* powers of pushes, at the point */
 
     /* Actuators */
-    struct drive_flows *sound, *changed; /* of each drive: for its own parameters, and for a
-                                          * condition's */
-    const struct drive_flows **flows;    /* of each drive: the flows in use */
-    enum spring_law *law;                /* of each drive: in this stage */
+    /* of each drive: for its own parameters, and for a condition's */
+    struct drive_flows *sound, *changed;
+    const struct drive_flows **flows; /* of each drive: the flows in use */
+    enum spring_law *law;             /* of each drive: in this stage */
     /* The same three, for drives of a robot with effects */
     struct implicit_effects *effects_sound, *effects_changed;
     const struct implicit_effects **effects;
@@ -133,10 +133,10 @@ struct implicit {
     double *lower, *upper;     /* by joint: its range */
 
     /* By joint coupling */
-    double *compliance, *pull; /* reciprocal of h (D + h K), and the force for a = 0 times the
-                                * reciprocal */
-    double *column, *factor;   /* nv numbers per coupling; factor of all couplings: coupling.h */
-    double *force;             /* N m or N */
+    /* reciprocal of h (D + h K), and the force for a = 0 times the reciprocal */
+    double *compliance, *pull;
+    double *column, *factor; /* nv numbers per coupling; factor of all couplings: coupling.h */
+    double *force;           /* N m or N */
 
     /* Contact */
     size_t nactive;

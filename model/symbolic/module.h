@@ -36,8 +36,9 @@ struct dynamics_module {
     const char *robot;
     const char *variant;                   /* "plain", "avx2" or "avx512" */
     const struct dynamics_module *plainer; /* the next simpler variant, NULL after "plain" */
-    uint32_t operations; /* floating-point operations of forward without wrenches and without sine
-                          * and cosine; each lane counts */
+    /* floating-point operations of forward without wrenches and without sine and cosine; each lane
+     * counts */
+    uint32_t operations;
     /* vdot; ext (6 nbody) or NULL. */
     void (*forward)(const double *inertia, const double *q, const double *v, const double *tau,
                     const double *ext, double *vdot);

@@ -29,9 +29,9 @@ struct symbolic_report {
 };
 
 struct symbolic_options {
-    int lanes;           /* maximum number of lanes: 1, 2 or 4; 4 is the fastest */
-    bool inertia_inputs; /* mass properties are inputs: the module fits all robots that differ only
-                          * in them */
+    int lanes; /* maximum number of lanes: 1, 2 or 4; 4 is the fastest */
+    /* mass properties are inputs: the module fits all robots that differ only in them */
+    bool inertia_inputs;
 };
 
 /* Writes the module's C file. The same robot and options give the same bytes. report may be

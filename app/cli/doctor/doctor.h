@@ -36,8 +36,8 @@ enum { DOCTOR_FINDINGS_MAX = 128 };
 struct doctor_config {
     const char *root; /* prefix of /proc and /sys: "", or a test's directory */
     const struct rig *rig;
-    bool local;                             /* buses are within the process: skips CAN
-                                             * interfaces */
+    /* buses are within the process: skips CAN interfaces */
+    bool local;
     const struct interface_ops *interfaces; /* NULL = do not query controllers */
     /* Ports to listen for external boards, one per bus: NULL element = not on that bus, port NULL
      * = not at all. Listening takes listen_ns by the clock; memory from arena */
