@@ -16,8 +16,8 @@ enum error_code {
 
 struct error {
     enum error_code code;
-    char text[768]; /* one sentence without control characters; begins with file:line:column if
-                     * there is one */
+    /* one sentence without control characters; begins with file:line:column if there is one */
+    char text[768];
 };
 
 /* Writes code and text; returns code so that a failing path reads `return error_set(...)`.

@@ -20,8 +20,8 @@ static struct {
 } inputs[256];
 static size_t ninput;
 static struct timespec first_read;
-static pthread_mutex_t inputs_lock = PTHREAD_MUTEX_INITIALIZER; /* threads open files
-                                                                 * concurrently */
+/* threads open files concurrently */
+static pthread_mutex_t inputs_lock = PTHREAD_MUTEX_INITIALIZER;
 
 /* Adds a file to the inputs. */
 static void input_remember(const struct stat *status)

@@ -69,14 +69,14 @@ struct yaml_field {
     size_t count;        /* for YAML_REALS, YAML_INT */
     bool ns;             /* for YAML_REAL */
     double min, max;     /* inclusive range of numbers; both 0 = any; min DBL_MIN = above zero */
-    size_t mark_offset;  /* 0 = none, else offset of a struct yaml_mark that receives the value's
-                          * place */
-    size_t given_offset; /* 0 = none, else offset of a bool that is set to true when the key is
-                          * present */
+    /* 0 = none, else offset of a struct yaml_mark that receives the value's place */
+    size_t mark_offset;
+    /* 0 = none, else offset of a bool that is set to true when the key is present */
+    size_t given_offset;
     const struct yaml_schema *schema; /* for YAML_MAP, YAML_LIST, YAML_DICT */
     const struct word *names;         /* for YAML_ENUM, ends with word NULL */
-    const char *entry_key; /* YAML_LIST: a unique key by which entries may also be written as a
-                            * mapping; NULL = none */
+    /* YAML_LIST: a unique key by which entries may also be written as a mapping; NULL = none */
+    const char *entry_key;
 };
 
 /* A struct begins with `struct yaml_mark mark` (offset 0): the place of its mapping, with its keys.
@@ -89,12 +89,14 @@ struct yaml_schema {
     const struct yaml_field *fields;
     size_t field_count;
     size_t name_offset; /* offset of the const char * for the name of a YAML_DICT entry */
-    size_t hash_offset; /* for a file: 0 = none, else offset of a uint64_t that receives the sum of
-                         * the hashes of the file and of all files that it extends */
-    const void *defaults; /* size bytes of defaults; NULL = zeroes, or for a nested map the parent's
-                        * defaults */
-    const char *alone;    /* key of a text that may replace the mapping ("drive: NAME"); no key is
-                        * required then; NULL = none */
+    /* for a file: 0 = none, else offset of a uint64_t that receives the sum of the hashes of the
+     * file and of all files that it extends */
+    size_t hash_offset;
+    /* size bytes of defaults; NULL = zeroes, or for a nested map the parent's defaults */
+    const void *defaults;
+    /* key of a text that may replace the mapping ("drive: NAME"); no key is required then; NULL
+     * = none */
+    const char *alone;
     /* For a file: the newest supported format. The file may give its format with the key
      * "format_version" (default 1); a newer one is refused. 0 = no versions. */
     int format_version;

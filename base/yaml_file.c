@@ -18,8 +18,8 @@ enum { MAX_CHAIN = 256 /* longest chain of files that extend each other, to limi
 struct yaml_chain {
     const struct yaml_chain *by;
     int depth;
-    dev_t device; /* identity of the file, independent of its name; 0 and 0 for a text from
-                   * memory */
+    /* identity of the file, independent of its name; 0 and 0 for a text from memory */
+    dev_t device;
     ino_t inode;
 };
 

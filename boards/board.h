@@ -50,12 +50,12 @@ struct protocol;
 struct described_protocol;
 
 struct boards_bus_config {
-    const struct protocol *protocol; /* protocol of the bus; NULL = the first of the list
-                                      * (boards/protocol_list.h) */
-    bool fd;                         /* use CAN FD frames, if the protocol has them */
-    bool padded;                     /* commands may be padded to 8 bytes, whatever their length */
-    const struct described_protocol *described; /* for a protocol that a file describes; must
-                                                 * outlive the boards */
+    /* protocol of the bus; NULL = the first of the list (boards/protocol_list.h) */
+    const struct protocol *protocol;
+    bool fd;     /* use CAN FD frames, if the protocol has them */
+    bool padded; /* commands may be padded to 8 bytes, whatever their length */
+    /* for a protocol that a file describes; must outlive the boards */
+    const struct described_protocol *described;
 };
 
 enum { BOARD_AXES_MAX = 4, BOARD_CHANNELS = 6, BOARD_REPLIES_MAX = 64 };
@@ -75,23 +75,24 @@ struct board_switches {
     bool negative, positive, home;     /* which switches exist */
     double negative_rad, positive_rad; /* a limit switch is on from this angle outwards */
     double home_rad[2];                /* the home switch is on between these angles */
-    double index_rad;                  /* link-side motor angle between two index pulses; 0 = no
-                                        * pulse */
+    /* link-side motor angle between two index pulses; 0 = no pulse */
+    double index_rad;
 };
 
 /* One axis of a motor board. */
 struct board_axis_config {
-    int joint;                   /* index in the plant's arrays; -1 = spare axis. On compact, cia402
-                                  * and described boards, the first -1 ends the axes */
-    double joint_ticks_per_rad;  /* scale of POSITION frames, link encoder */
-    double motor_ticks_per_rad;  /* scale of MOTOR_POSITION frames, rotor encoder, per link-side
-                                  * rad */
+    /* index in the plant's arrays; -1 = spare axis. On compact, cia402 and described boards, the
+     * first -1 ends the axes */
+    int joint;
+    double joint_ticks_per_rad; /* scale of POSITION frames, link encoder */
+    /* scale of MOTOR_POSITION frames, rotor encoder, per link-side rad */
+    double motor_ticks_per_rad;
     double lower_rad, upper_rad; /* position limits until the host sets others */
     /* Limit of the I2t over-current fault (boards/icub/motor_board.c), until the host sets
      * another */
     double current_limit_a;
-    double temperature_limit_c; /* limit of the winding temperature, until the host sets another; 0
-                                 * = none */
+    /* limit of the winding temperature, until the host sets another; 0 = none */
+    double temperature_limit_c;
     /* TorqueMax: torque of 0x8000 counts of the torque source. The source is the axis's own sensor
      * until the host selects a STRAIN board; 0 = no own sensor */
     double torque_full_scale_nm;
@@ -112,37 +113,38 @@ struct board_config {
     int bus; /* index of the bus */
     /* icub 1-14; foc motors 1-4, others 1-14; compact, cia402, described 1-31 */
     uint8_t address;
-    bool strict;                /* icub: behaves exactly as the firmware, see
-                                 * boards/icub/motor_board.c */
-    bool require_calibration;   /* strict: refuse to switch on an axis that was not calibrated */
-    int64_t command_timeout_ns; /* time without a command after which a voltage, current or torque
-                                 * reference becomes 0; 0 = never. Foc boards have the firmware's
-                                 * time-out, strict icub boards have none */
-    double under_voltage_v;     /* motor boards: under-voltage fault below this supply */
-    double over_voltage_v;      /* motor boards: over-voltage fault above this supply; 0 = none */
+    /* icub: behaves exactly as the firmware, see boards/icub/motor_board.c */
+    bool strict;
+    bool require_calibration; /* strict: refuse to switch on an axis that was not calibrated */
+    /* time without a command after which a voltage, current or torque reference becomes 0; 0 =
+     * never. Foc boards have the firmware's time-out, strict icub boards have none */
+    int64_t command_timeout_ns;
+    double under_voltage_v; /* motor boards: under-voltage fault below this supply */
+    double over_voltage_v;  /* motor boards: over-voltage fault above this supply; 0 = none */
     /* cia402, described: fault if the supply pressure of a valve axis is outside these limits, Pa;
      * 0 = none */
     double under_pressure_pa, over_pressure_pa;
     struct board_axis_config axis[BOARD_AXES_MAX]; /* BOARD_MOTOR: the first axes_max are used */
     int ft;                                        /* BOARD_FT: index in the plant's ft array */
     int torque_joint[BOARD_CHANNELS];              /* BOARD_TORQUE: joints, -1 = none */
-    double full_scale[BOARD_CHANNELS]; /* BOARD_FT: N, N, N, Nm, Nm, Nm, whole numbers because the
-                                        * host reads integers; BOARD_TORQUE: Nm */
-    int64_t period_ns;           /* period of STRAIN, inertial and compact telemetry until the host
-                                  * sets another; 0 = 1 ms */
-    int64_t status_period_ns;    /* foc motors: shortest period of STATUS; 0 = STATUS with every
-                                  * FOC */
-    int64_t boot_ns;             /* time from power-up to the start of the application; 0 = starts
-                                  * at once */
-    bool transmit_at_start;      /* sends telemetry without a host's command: STRAIN calibrated
-                                  * frames, inertial acceleration, rate and quaternion, icub motors
-                                  * with the policy 0x7f, compact telemetry */
-    bool keep_firmware;          /* icub motors: keep an image of a firmware download
-                                  * (boards_firmware) */
+    /* BOARD_FT: N, N, N, Nm, Nm, Nm, whole numbers because the host reads integers;
+     * BOARD_TORQUE: Nm */
+    double full_scale[BOARD_CHANNELS];
+    /* period of STRAIN, inertial and compact telemetry until the host sets another; 0 = 1 ms */
+    int64_t period_ns;
+    /* foc motors: shortest period of STATUS; 0 = STATUS with every FOC */
+    int64_t status_period_ns;
+    /* time from power-up to the start of the application; 0 = starts at once */
+    int64_t boot_ns;
+    /* sends telemetry without a host's command: STRAIN calibrated frames, inertial acceleration,
+     * rate and quaternion, icub motors with the policy 0x7f, compact telemetry */
+    bool transmit_at_start;
+    /* icub motors: keep an image of a firmware download (boards_firmware) */
+    bool keep_firmware;
     bool discovery_stops_motors; /* as BLL firmware: discovery (class 7) switches PWM off */
-    bool external;               /* a real board on the same bus: the simulator neither sends nor
-                                  * obeys for it and does not drive its motors;
-                                  * boards_external_heard */
+    /* a real board on the same bus: the simulator neither sends nor obeys for it and does not
+     * drive its motors; boards_external_heard */
+    bool external;
     bool external_torque;        /* its joints follow the torque that it reports, not the angle */
     int64_t external_timeout_ns; /* time without a frame after which it counts as silent */
 };
@@ -153,10 +155,10 @@ struct boards_config {
     size_t nbus;
     const struct boards_bus_config *bus; /* nbus entries; NULL = all buses use the first protocol */
     size_t njoint, nft;
-    const struct faults *faults; /* the boards apply their faults of this list; NULL = none
-                                  * (faults/faults.h) */
-    int64_t tick_ns;             /* period of boards_control; up to 100 ms */
-    size_t voltage_delay_ticks;  /* delay from a board's voltage to its bridge; up to 1000 */
+    /* the boards apply their faults of this list; NULL = none (faults/faults.h) */
+    const struct faults *faults;
+    int64_t tick_ns;            /* period of boards_control; up to 100 ms */
+    size_t voltage_delay_ticks; /* delay from a board's voltage to its bridge; up to 1000 */
     /* boards_control calls this for each axis of a board whose application restarts. The board's
      * hardware counters are lost. Must be RT-safe. NULL = not needed. */
     void (*restarted)(void *context, int joint);
@@ -176,8 +178,9 @@ enum board_event_kind {
     BOARD_EVENT_FIRMWARE,    /* a download into the bootloader ended: a = bytes, b = CRC-32 */
     BOARD_EVENT_OVERFLOW,    /* a board loses replies or frames: a = total so far */
     BOARD_EVENT_OVER_HEATED, /* icub: the winding of an axis is too hot: a = 0.1 degree C */
-    BOARD_EVENT_OWED,   /* icub: a strict axis is not switched on before the host has sent what is
-                         * missing: a = enum board_owed */
+    /* icub: a strict axis is not switched on before the host has sent what is missing: a = enum
+     * board_owed */
+    BOARD_EVENT_OWED,
     BOARD_EVENT_SILENT, /* an external board is silent: a = ms since the start or its last frame */
     BOARD_EVENT_HEARD,  /* an external board sends frames, for the first time or again */
 };
@@ -256,8 +259,9 @@ struct board_state {
     bool away;                  /* a fault disconnects it from the bus */
     bool external, silent;      /* external: a real board; silent: it has timed out */
     uint8_t mode[BOARD_AXES_MAX];
-    int64_t heard_ns; /* time of the last frame: received and meant for this board, or sent if the
-                       * board is external; -1 = never */
+    /* time of the last frame: received and meant for this board, or sent if the board is
+     * external; -1 = never */
+    int64_t heard_ns;
 };
 
 /* Report that an external board has sent a frame, and that a tick has passed. The listener on the
@@ -303,9 +307,9 @@ bool boards_set(struct boards *boards, size_t board, size_t axis, size_t index, 
  * In the thread of the boards; RT-safe. */
 struct board_firmware {
     uint32_t lines, bytes, crc;
-    const uint16_t *image; /* program memory, then data memory; unwritten words are 0xffff; NULL
-                            * unless keep_firmware */
-    size_t words;          /* size of the image */
+    /* program memory, then data memory; unwritten words are 0xffff; NULL unless keep_firmware */
+    const uint16_t *image;
+    size_t words; /* size of the image */
 };
 bool boards_firmware(const struct boards *boards, size_t board, struct board_firmware *firmware);
 

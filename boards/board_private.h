@@ -48,8 +48,8 @@ struct board_identity {
 struct board_ops {
     struct board_identity identity;
     size_t periodic_max; /* most frames per transmission */
-    bool turns_field; /* the firmware commutates the motor: when it hangs, the magnetic field stops
-                       * turning */
+    /* the firmware commutates the motor: when it hangs, the magnetic field stops turning */
+    bool turns_field;
 
     void (*power_up)(struct board *board);
     /* Reads and quantizes the sensors, at the time boards->now_ns. */
@@ -62,8 +62,9 @@ struct board_ops {
      * needed. */
     void (*sent)(struct board *board, const struct bus_frame *frame);
     void (*shut_down)(struct board *board); /* opens the bridges; NULL = the board has none */
-    size_t axes, axis_size; /* offset of the first axis, and size of each (boards/axis.h), if the
-                             * board opens and closes bridges; 0 = no axes */
+    /* offset of the first axis, and size of each (boards/axis.h), if the board opens and closes
+     * bridges; 0 = no axes */
+    size_t axes, axis_size;
     const struct board_settings *settings; /* NULL = no settings */
 };
 
@@ -118,13 +119,13 @@ struct board {
     uint16_t node;              /* CAN node: index among the boards of its bus */
     uint8_t address;
     bool in_bootloader;
-    bool away;                             /* disconnected from the bus by a fault, or external */
-    bool present, silence_told;            /* external: present within its time-out; its silence has
-                                            * been reported */
-    uint32_t boots;                        /* how often the board has entered the bootloader */
-    int64_t application_ns;                /* end of the stay in the bootloader */
-    int64_t heard_ns;                      /* time of the last frame for this board; -1 = none
-                                            * yet */
+    bool away; /* disconnected from the bus by a fault, or external */
+    /* external: present within its time-out; its silence has been reported */
+    bool present, silence_told;
+    uint32_t boots;         /* how often the board has entered the bootloader */
+    int64_t application_ns; /* end of the stay in the bootloader */
+    /* time of the last frame for this board; -1 = none yet */
+    int64_t heard_ns;
     unsigned replies;                      /* number of waiting answers of this board */
     uint64_t lost;                         /* frames that the board could not send */
     bool lost_in_status, lost_in_overflow; /* losses not yet reported in STATUS, as an event */

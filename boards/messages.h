@@ -47,13 +47,13 @@ struct message {
     int code;           /* value of byte 0; MESSAGE_NO_CODE = none */
     bool axis_bit;      /* the command has an axis: MESSAGE_AXIS_BIT of the code */
     const char *family; /* common name of the commands with this identifier */
-    const char *answer; /* name of the answering message; NULL = none, or the answer has the same
-                         * code */
-    uint8_t section;    /* section of the page (struct protocol) */
-    uint32_t cycle_ns;  /* shortest period under the usual policy; 0 = on demand */
-    bool cycle_varies;  /* the period depends on the address */
-    bool constant;      /* the message has no variable content */
-    const void *row;    /* row of the protocol's table, for its own functions; NULL = none */
+    /* name of the answering message; NULL = none, or the answer has the same code */
+    const char *answer;
+    uint8_t section;   /* section of the page (struct protocol) */
+    uint32_t cycle_ns; /* shortest period under the usual policy; 0 = on demand */
+    bool cycle_varies; /* the period depends on the address */
+    bool constant;     /* the message has no variable content */
+    const void *row;   /* row of the protocol's table, for its own functions; NULL = none */
     const struct field *fields;
     const struct field *id_fields; /* fields in the identifier, from bit 0 up; NULL = none */
     uint8_t first_byte;            /* byte where the fields begin */

@@ -21,15 +21,15 @@ struct board_bus;
 
 /* How `coman-hil import` lays out a rig for an imported robot. */
 struct protocol_bench {
-    uint8_t bus_axes;   /* axes that load a bus to at most 80 %, with an F/T board beside them; 0 =
-                         * not offered */
+    /* axes that load a bus to at most 80 %, with an F/T board beside them; 0 = not offered */
+    uint8_t bus_axes;
     uint8_t board_axes; /* axes per motor board */
-    uint8_t ft_address, torque_address;        /* torque address: used with
-                                                * protocol.torque_boards */
+    /* torque address: used with protocol.torque_boards */
+    uint8_t ft_address, torque_address;
     const char *ft_period_s, *torque_period_s; /* text as in a rig file */
     const char *command_period_s;              /* command period of the host */
-    const char *motors;                        /* further lines for the rig's key motors; NULL =
-                                                * none */
+    /* further lines for the rig's key motors; NULL = none */
+    const char *motors;
 };
 
 struct protocol {
@@ -41,18 +41,19 @@ struct protocol {
     uint8_t motor_address_max, address_max;
     uint8_t axes_max; /* axes of a motor board, at most BOARD_AXES_MAX */
     uint8_t slots_max;
-    bool spare_axes;      /* a motor board may have an axis without a joint */
-    bool torque_boards;   /* has boards that report joint torques (BOARD_TORQUE) */
-    bool switches;        /* motor boards support limit and home switches (struct board_switches) */
-    bool canfd;           /* frames may be CAN FD */
-    bool canfd_only;      /* frames must be CAN FD */
-    bool motors_only;     /* has no pure sensor boards */
-    bool padded;          /* commands may be padded to 8 bytes */
-    bool external;        /* a host can read the frames without configuring the boards, so that real
-                           * boards may be on the bus */
+    bool spare_axes;    /* a motor board may have an axis without a joint */
+    bool torque_boards; /* has boards that report joint torques (BOARD_TORQUE) */
+    bool switches;      /* motor boards support limit and home switches (struct board_switches) */
+    bool canfd;         /* frames may be CAN FD */
+    bool canfd_only;    /* frames must be CAN FD */
+    bool motors_only;   /* has no pure sensor boards */
+    bool padded;        /* commands may be padded to 8 bytes */
+    /* a host can read the frames without configuring the boards, so that real boards may be on
+     * the bus */
+    bool external;
     bool external_torque; /* as external, and motor boards report joint torques */
-    bool needs_file;      /* a file that the rig names describes the protocol
-                           * (boards_bus_config.described) */
+    /* a file that the rig names describes the protocol (boards_bus_config.described) */
+    bool needs_file;
 
     /* Text of the built-in protocol files, for classic CAN and CAN FD; NULL = none */
     const char *text, *text_fd;

@@ -20,8 +20,8 @@ enum { DBC_SYMBOLS = 27 };
 enum { ID_MAX = 0x7ff, EXTENDED_ID_MAX = 0x1fffffff };
 enum { CLASSIC_LENGTH = 8, FD_LENGTH = 64, FRAME_BITS = 8 * FD_LENGTH };
 
-static const double EXACT = 9007199254740992.0; /* 2^53: largest range of whole numbers that a
-                                                 * double holds exactly */
+/* 2^53: largest range of whole numbers that a double holds exactly */
+static const double EXACT = 9007199254740992.0;
 
 static const char *const dbc_symbols[DBC_SYMBOLS] = {
     "NS_DESC_",     "CM_",

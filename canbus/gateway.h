@@ -37,8 +37,8 @@
 
 enum {
     GATEWAY_BUSES = 64,
-    GATEWAY_CLIENTS = 32, /* room for two clients with a connection for each of ten buses, and
-                           * more */
+    /* room for two clients with a connection for each of ten buses, and more */
+    GATEWAY_CLIENTS = 32,
     GATEWAY_OUTBOX = 256 * 1024,
     GATEWAY_JUNK_MAX = 16,
     GATEWAY_SLCAN = 16, /* most slcan channels */

@@ -38,9 +38,9 @@ struct gateway_client {
     unsigned junk;
     int64_t since_ms; /* time of the connection */
     int64_t quiet_until_ms;
-    int64_t awaited_since_ms; /* time since when a STEP waits for this client to read; 0 = none
-                               * waits */
-    bool step_waits;          /* its next command is a STEP */
+    /* time since when a STEP waits for this client to read; 0 = none waits */
+    int64_t awaited_since_ms;
+    bool step_waits; /* its next command is a STEP */
     struct bus_frame step;
     size_t received; /* bytes in inbox, not yet executed */
     char inbox[GATEWAY_INBOX];

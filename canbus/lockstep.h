@@ -32,8 +32,8 @@ enum lockstep_flag {
 
 struct lockstep_config {
     uint32_t step_id, done_id;
-    int64_t silence_ns; /* time without STEP before a report; further reports follow at growing
-                         * intervals */
+    /* time without STEP before a report; further reports follow at growing intervals */
+    int64_t silence_ns;
 };
 
 struct lockstep_counters {

@@ -31,12 +31,13 @@ struct can_counters {
     uint64_t rx_frames, tx_frames;
     uint64_t rx_bits, tx_bits; /* sums of frame_bits(), for the load figure */
     uint64_t fast_bits;        /* sum of frame_fast_bits(), both ways */
-    uint64_t rx_dropped;       /* frames lost before reception (socket buffer or local inbox full);
-                                * complete when no frame waits */
-    uint64_t tx_dropped;       /* frames not sent: invalid, queue full, or interface down. On a bus
-                                * with wire time also accepted frames that were lost later, in a
-                                * full queue or by bus-off */
-    uint64_t tx_queue_full;    /* number of ENOBUFS/EAGAIN errors */
+    /* frames lost before reception (socket buffer or local inbox full); complete when no frame
+     * waits */
+    uint64_t rx_dropped;
+    /* frames not sent: invalid, queue full, or interface down. On a bus with wire time also
+     * accepted frames that were lost later, in a full queue or by bus-off */
+    uint64_t tx_dropped;
+    uint64_t tx_queue_full; /* number of ENOBUFS/EAGAIN errors */
     uint64_t error_frames;
     uint64_t rx_malformed; /* short reads, impossible lengths */
     uint64_t down_events;  /* how often the interface was down or gone */
@@ -155,9 +156,10 @@ enum local_bus_mode { LOCAL_BUS_IDEAL, LOCAL_BUS_WIRE };
 struct local_bus_config {
     const char *name;
     size_t max_nodes; /* most ports that may join during the life of the bus */
-    size_t inbox;     /* frames that a port holds of each other port, and of the wire; when full,
-                       * further ones are dropped and counted as rx_dropped; a power of two */
-    bool fd;          /* nodes may send FD frames */
+    /* frames that a port holds of each other port, and of the wire; when full, further ones are
+     * dropped and counted as rx_dropped; a power of two */
+    size_t inbox;
+    bool fd; /* nodes may send FD frames */
     enum local_bus_mode mode;
 
     /* Wire mode; 0 = the default in [] */

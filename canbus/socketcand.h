@@ -26,9 +26,9 @@ enum socketcand_command {
     SOCKETCAND_RAWMODE,
     SOCKETCAND_BCMMODE,
     SOCKETCAND_ECHO,
-    SOCKETCAND_SEND,      /* send, sendrtr or fdsend */
-    SOCKETCAND_OTHER,     /* a valid command that the server does not support: add, subscribe,
-                           * ... */
+    SOCKETCAND_SEND, /* send, sendrtr or fdsend */
+    /* a valid command that the server does not support: add, subscribe, ... */
+    SOCKETCAND_OTHER,
     SOCKETCAND_UNKNOWN,   /* not a socketcand command */
     SOCKETCAND_MALFORMED, /* a known command with wrong arguments */
 };
@@ -38,9 +38,9 @@ enum { SOCKETCAND_TEXT_MAX = 288, SOCKETCAND_BUS_MAX = 16 };
 
 struct socketcand_request {
     enum socketcand_command command;
-    char bus[SOCKETCAND_BUS_MAX + 1]; /* SOCKETCAND_OPEN: bus to open; SOCKETCAND_SEND: "" = no bus
-                                       * in the command */
-    struct bus_frame frame;           /* SOCKETCAND_SEND; a valid frame with time_ns 0 */
+    /* SOCKETCAND_OPEN: bus to open; SOCKETCAND_SEND: "" = no bus in the command */
+    char bus[SOCKETCAND_BUS_MAX + 1];
+    struct bus_frame frame; /* SOCKETCAND_SEND; a valid frame with time_ns 0 */
 };
 
 /* Parses size bytes of text, from < to >. */

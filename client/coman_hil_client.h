@@ -120,8 +120,9 @@ struct hil_client_joint {
     const char *mode; /* the board's word for what its motor does: "open_loop", ...; "" = unknown */
     uint32_t faults;  /* bits of the protocol: `coman-hil protocol NAME` */
     bool is_on;       /* the board does what hil_client_enable has asked for */
-    int64_t time_ns;  /* of the newest frame: virtual time from a gateway, CLOCK_MONOTONIC from
-                         SocketCAN; -1 = none has come */
+    /* of the newest frame: virtual time from a gateway, CLOCK_MONOTONIC from SocketCAN; -1 =
+     * none has come */
+    int64_t time_ns;
 };
 
 /* A force-torque sensor; NAN = nothing yet. */

@@ -93,8 +93,8 @@ struct control_config {
     struct requests *requests; /* of the simulator's loop */
     const char *path;          /* path of the socket; NULL = the default path for name */
     const char *name;          /* name of the instance: the rig's */
-    int64_t patience_ns;       /* longest time for half a line and for undrained answers; 0 = 30
-                                * s */
+    /* longest time for half a line and for undrained answers; 0 = 30 s */
+    int64_t patience_ns;
 };
 
 struct control_counters {

@@ -50,8 +50,8 @@ struct control_client {
     size_t sent, filled;
     char *outbox;         /* CONTROL_OUTBOX bytes; those from sent to filled wait */
     int64_t last_byte_ns; /* time of the last received byte */
-    int64_t taken_ns;     /* time when the client last took a byte, or when the outbox began to
-                           * fill */
+    /* time when the client last took a byte, or when the outbox began to fill */
+    int64_t taken_ns;
 
     enum control_waiting waiting;
     struct loop_request loop_request;
@@ -83,10 +83,10 @@ struct control {
     int64_t now_ns; /* time of this turn */
     uint64_t tickets;
     struct control_counters counters;
-    struct request_answer slot[CHECKPOINT_SLOTS]; /* the moment of each checkpoint; ticket 0 =
-                                                   * empty */
-    struct ring events;                           /* struct control_event */
-    struct histogram histogram;                   /* copy for statistics */
+    /* the moment of each checkpoint; ticket 0 = empty */
+    struct request_answer slot[CHECKPOINT_SLOTS];
+    struct ring events;         /* struct control_event */
+    struct histogram histogram; /* copy for statistics */
     struct control_client client[CONTROL_CLIENTS];
 };
 

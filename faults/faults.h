@@ -61,17 +61,17 @@ enum fault_target {
 };
 
 enum fault_kind {
-    FAULT_OFF,          /* sensor: reads 0; board: without power, boots afterwards; valve: without
-                         * current, centered */
-    FAULT_STUCK,        /* repeats its last value; valve: keeps its position */
-    FAULT_GARBAGE,      /* random values; board: random data */
-    FAULT_WRONG,        /* wrong gain and offset */
-    FAULT_SLOW,         /* sensor: a new value once per period; board: sends every n-th frame */
-    FAULT_DELAYED,      /* all values or frames are late */
-    FAULT_INTERMITTENT, /* loose contact: off for a share of the time; board: disconnected from its
-                         * bus */
-    FAULT_HUNG,         /* boards: the firmware stops until its watchdog resets it */
-    FAULT_OPEN_PHASE,   /* motors: enum drive_condition */
+    /* sensor: reads 0; board: without power, boots afterwards; valve: without current, centered */
+    FAULT_OFF,
+    FAULT_STUCK,   /* repeats its last value; valve: keeps its position */
+    FAULT_GARBAGE, /* random values; board: random data */
+    FAULT_WRONG,   /* wrong gain and offset */
+    FAULT_SLOW,    /* sensor: a new value once per period; board: sends every n-th frame */
+    FAULT_DELAYED, /* all values or frames are late */
+    /* loose contact: off for a share of the time; board: disconnected from its bus */
+    FAULT_INTERMITTENT,
+    FAULT_HUNG,       /* boards: the firmware stops until its watchdog resets it */
+    FAULT_OPEN_PHASE, /* motors: enum drive_condition */
     FAULT_SHORT,
     FAULT_JAM,
     FAULT_SPRING_BREAK,
@@ -84,10 +84,10 @@ enum fault_kind {
     FAULT_ID_COLLISION, /* wire mode only: a foreign node uses the same identifier */
     FAULT_SAG,          /* supply: the voltage drops by a value in V */
     FAULT_SHIFTED,      /* valve: its center is shifted */
-    FAULT_LEAK,         /* valve: oil leaks past the piston; hydraulic supply: oil leaks to the
-                         * return */
-    FAULT_PUMP_LOSS,    /* hydraulic supply: the pump delivers less */
-    FAULT_RELIEF_SHUT,  /* hydraulic supply: the relief valve does not open */
+    /* valve: oil leaks past the piston; hydraulic supply: oil leaks to the return */
+    FAULT_LEAK,
+    FAULT_PUMP_LOSS,   /* hydraulic supply: the pump delivers less */
+    FAULT_RELIEF_SHUT, /* hydraulic supply: the relief valve does not open */
 };
 
 enum { FAULT_NAME_SIZE = 64, FAULT_TEXT_SIZE = 160, FAULT_PARAMETERS = 2, FAULTS_MAX = 256 };
@@ -110,14 +110,14 @@ struct fault {
     char text[FAULT_TEXT_SIZE]; /* the fault's line */
     enum fault_target target;
     enum fault_kind kind;
-    size_t index;                   /* joint, board or bus; FAULT_SENSOR: first channel */
-    size_t channels;                /* FAULT_SENSOR: number of channels */
-    double value[FAULT_PARAMETERS]; /* parameters in the order of the table, with defaults, in SI
-                                     * units */
-    int64_t id;                     /* FAULT_BUS: identifier of the affected frames; -1 = all */
-    int64_t from_ns, to_ns;         /* [from, to); INT64_MAX = no end; manual: both INT64_MAX */
-    bool timed;                     /* the line has a WHEN */
-    bool active;                    /* only faults_step and faults_set write it */
+    size_t index;    /* joint, board or bus; FAULT_SENSOR: first channel */
+    size_t channels; /* FAULT_SENSOR: number of channels */
+    /* parameters in the order of the table, with defaults, in SI units */
+    double value[FAULT_PARAMETERS];
+    int64_t id;             /* FAULT_BUS: identifier of the affected frames; -1 = all */
+    int64_t from_ns, to_ns; /* [from, to); INT64_MAX = no end; manual: both INT64_MAX */
+    bool timed;             /* the line has a WHEN */
+    bool active;            /* only faults_step and faults_set write it */
 };
 
 /* Names that a fault's line may use. Pointers are borrowed during the call. */

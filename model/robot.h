@@ -70,8 +70,8 @@ enum { ROBOT_HARMONICS = 4 };
 /* Thermal model with two bodies: the winding, heated by all of R I^2, and the housing with the
  * magnets. */
 struct robot_thermal {
-    double winding_k_w, housing_k_w; /* thermal resistances to the housing, to the air, K/W; 0 =
-                                      * no temperatures */
+    /* thermal resistances to the housing, to the air, K/W; 0 = no temperatures */
+    double winding_k_w, housing_k_w;
     double winding_j_k, housing_j_k; /* heat capacities */
     double ambient_c;                /* deg C */
     /* change per K from 25 deg C; R by the winding, Kt by the housing temperature */

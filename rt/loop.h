@@ -127,15 +127,15 @@ struct loop_machine {
      * else. The loop calls it at least ten times a second during long waits, for a request, a STEP
      * or a deadline. */
     void (*idle)(void *context);
-    void (*shut_down)(void *context, int64_t now_ns); /* switches the motors off; the last call of a
-                                                       * run */
+    /* switches the motors off; the last call of a run */
+    void (*shut_down)(void *context, int64_t now_ns);
 };
 
 /* Which frames the loop itself records. */
 enum loop_recording {
-    LOOP_RECORD_ALL,      /* all received and sent frames */
-    LOOP_RECORD_UNCARRIED /* STEP, DONE and error frames; the wires record the frames that they
-                           * carry */
+    LOOP_RECORD_ALL, /* all received and sent frames */
+    /* STEP, DONE and error frames; the wires record the frames that they carry */
+    LOOP_RECORD_UNCARRIED
 };
 
 enum { LOOP_TRANSMIT_DEFAULT = 64 };
@@ -150,9 +150,10 @@ struct loop_config {
     uint64_t ticks;                /* length of the run in ticks; 0 = until stopped */
     size_t nbus;
     struct can_port *const *port;
-    const size_t *transmit_max; /* for each bus, the most frames that the machine sends in a tick;
-                                 * NULL = LOOP_TRANSMIT_DEFAULT */
-    struct clock *time;         /* NULL = clock_monotonic */
+    /* for each bus, the most frames that the machine sends in a tick; NULL =
+     * LOOP_TRANSMIT_DEFAULT */
+    const size_t *transmit_max;
+    struct clock *time; /* NULL = clock_monotonic */
     struct loop_machine machine;
     struct recorder *recorder; /* NULL = none */
     enum loop_recording recording;
@@ -235,9 +236,9 @@ const char *loop_phase_name(enum loop_phase phase);
  */
 struct phase_budget {
     const char *does;
-    uint32_t instructions;       /* 0 = no budget: the wait */
-    double typical_us, worst_us; /* real time on a virtual machine of two cores: median, 99th
-                                  * percentile */
+    uint32_t instructions; /* 0 = no budget: the wait */
+    /* real time on a virtual machine of two cores: median, 99th percentile */
+    double typical_us, worst_us;
 };
 
 extern const struct phase_budget phase_budgets[PHASE_COUNT];

@@ -70,8 +70,8 @@ struct loop {
     /* Real clock and paced free run */
     int64_t period_ns; /* tick T divided by the speed; 0 = no grid, as fast as possible */
     int64_t deadline_ns;
-    int64_t reference_ns; /* earliest possible beginning of the tick: its deadline, or the end of
-                           * the last tick */
+    /* earliest possible beginning of the tick: its deadline, or the end of the last tick */
+    int64_t reference_ns;
     int64_t last_end_ns;
 
     /* Lockstep */
@@ -81,8 +81,8 @@ struct loop {
     bool awaiting;    /* the wait for a STEP has begun */
     struct bus_frame *held;
     size_t held_count; /* frames in held */
-    size_t held_seen;  /* number of held frames examined; up to and including the STEP once it is
-                        * found */
+    /* number of held frames examined; up to and including the STEP once it is found */
+    size_t held_seen;
 
     struct bus_frame *batch;    /* BATCH received frames */
     struct bus_frame *outgoing; /* frames to send: largest transmit_max + DONE */

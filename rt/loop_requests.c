@@ -11,8 +11,8 @@
 
 enum {
     PUSH_GROWS = 10
-}; /* a push is reported again when its force grows by more than this
-                           * factor */
+    /* a push is reported again when its force grows by more than this factor */
+};
 
 bool loop_requests_create(struct loop *loop, struct arena *arena)
 {

@@ -12,10 +12,10 @@
 #include <stddef.h>
 
 struct realtime_config {
-    int priority;     /* SCHED_FIFO priority of the calling thread, 1-99; 0 = unchanged */
-    bool lock_memory; /* mlockall of present and future memory; each page locks when it is
-                       * touched */
-    int cpu;          /* the calling thread stays on this processor; -1 = anywhere */
+    int priority; /* SCHED_FIFO priority of the calling thread, 1-99; 0 = unchanged */
+    /* mlockall of present and future memory; each page locks when it is touched */
+    bool lock_memory;
+    int cpu; /* the calling thread stays on this processor; -1 = anywhere */
 };
 
 enum { REALTIME_WARNINGS_MAX = 4 };

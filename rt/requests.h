@@ -64,9 +64,10 @@ enum request_kind {
     REQUEST_CHECKPOINT, /* save to slot `index`, 1 to CHECKPOINT_SLOTS - 1 */
     REQUEST_RESTORE,    /* restore slot `index` */
     REQUEST_FAULT,      /* switch fault `index` to `on` */
-    REQUEST_PUSH,       /* push body `index`: force and moment (world frame) for duration_ns of
-                         * virtual time, 0 = until changed */
-    REQUEST_SET,        /* set tunable `index` to `value` */
+    /* push body `index`: force and moment (world frame) for duration_ns of virtual time, 0 =
+     * until changed */
+    REQUEST_PUSH,
+    REQUEST_SET, /* set tunable `index` to `value` */
 };
 
 struct loop_request {

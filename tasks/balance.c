@@ -25,8 +25,8 @@
 #define KNEE_MAX 1.9
 
 struct balance_leg {
-    int link[LEG_JOINTS], chain[LEG_JOINTS]; /* link by enum leg_joint; links from the pelvis to
-                                              * the foot */
+    /* link by enum leg_joint; links from the pelvis to the foot */
+    int link[LEG_JOINTS], chain[LEG_JOINTS];
     size_t axis[LEG_JOINTS];
     struct leg_geometry geometry;
     double inertia_kg_m2;      /* inertia of the leg about its hip, in the posture */

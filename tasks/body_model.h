@@ -15,8 +15,8 @@
 struct body_link {
     const char *name, *joint; /* joint: moves this link; NULL for link 0 */
     int parent;               /* index, below its own; -1 for link 0 */
-    int axis;                 /* axis of the host that drives the joint; -1 = the joint stays at
-                               * fixed_rad */
+    /* axis of the host that drives the joint; -1 = the joint stays at fixed_rad */
+    int axis;
     double fixed_rad;
     double origin[3], rotation[9], direction[3];
     double mass_kg, com_m[3]; /* center of mass in the link's frame */
@@ -34,8 +34,8 @@ struct body_model {
     size_t nlink;
     const struct body_link *link;
     struct body_frame imu;
-    struct body_frame sole[BODY_SIDES], foot_force[BODY_SIDES]; /* foot_force: frame of the foot's
-                                                                 * force-torque sensor */
+    /* foot_force: frame of the foot's force-torque sensor */
+    struct body_frame sole[BODY_SIDES], foot_force[BODY_SIDES];
     double gravity_m_s2;
     double mass_kg; /* sum over all links */
 };

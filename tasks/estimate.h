@@ -19,11 +19,11 @@
 struct estimate_foot {
     struct body_pose sole; /* pose of the sole in the world */
     double force_n[3];     /* force of the ground on the foot, world frame */
-    double cop_m[2];       /* center of pressure in the sole's frame; 0 while the foot is
-                            * unloaded */
+    /* center of pressure in the sole's frame; 0 while the foot is unloaded */
+    double cop_m[2];
     bool loaded;
-    double anchor[3]; /* position of the standing sole in the world; for a foot in the air its
-                       * present position */
+    /* position of the standing sole in the world; for a foot in the air its present position */
+    double anchor[3];
     double yaw_rad;
 };
 

@@ -26,10 +26,10 @@ enum excite_setting {
 
 enum { EXCITE_SINES_MAX = 32 };
 
-static const double EXCITE_POSE_S = 1.0;    /* duration of the ramp into the pose */
-static const double EXCITE_RAMP_S = 1.0;    /* of the ramp of the amplitude, up and down */
-static const double EXCITE_NYQUIST = 0.25;  /* highest frequency as a fraction of the command
-                                             * rate */
+static const double EXCITE_POSE_S = 1.0; /* duration of the ramp into the pose */
+static const double EXCITE_RAMP_S = 1.0; /* of the ramp of the amplitude, up and down */
+/* highest frequency as a fraction of the command rate */
+static const double EXCITE_NYQUIST = 0.25;
 static const double EXCITE_MOST_RAD = M_PI; /* largest amplitude */
 static const double EXCITE_MOST_S = 3600;   /* longest duration */
 

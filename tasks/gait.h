@@ -23,8 +23,9 @@
 struct gait_command {
     bool step; /* steps, also in place; false = stand still, feet side by side */
     double forward_m_s, left_m_s, turn_rad_s;
-    double step_s; /* duration of a step, from the next swing on; the ratio of swing and transfer
-                    * stays; 0 = unchanged */
+    /* duration of a step, from the next swing on; the ratio of swing and transfer stays; 0 =
+     * unchanged */
+    double step_s;
 };
 
 enum gait_phase { GAIT_STAND, GAIT_TRANSFER, GAIT_SWING };
@@ -51,10 +52,10 @@ struct gait_reference {
     double zmp[2], dcm[2], com[2], com_m_s[2];
     double share[BODY_SIDES];              /* planned share of the weight on each foot, 0 to 1 */
     struct gait_foothold foot[BODY_SIDES]; /* planned place of each foot */
-    double height_m;                       /* planned height of the foot in the air above the
-                                            * ground */
-    double foot_m_s2[2];                   /* horizontal acceleration of the foot in the air */
-    double yaw;                            /* planned heading of the pelvis */
+    /* planned height of the foot in the air above the ground */
+    double height_m;
+    double foot_m_s2[2]; /* horizontal acceleration of the foot in the air */
+    double yaw;          /* planned heading of the pelvis */
 };
 
 struct gait {
@@ -70,10 +71,10 @@ struct gait {
     bool closing;                    /* the last step: the robot stands after it */
     bool landed;                     /* the foot in the air has met the ground */
     bool catches;                    /* this swing started at once, to catch a fall */
-    double bore;                     /* share of the weight on the standing foot when the catching
-                                      * step began */
-    bool apart;                      /* a catching step may have left the feet apart */
-    unsigned steps;                  /* number of completed steps */
+    /* share of the weight on the standing foot when the catching step began */
+    double bore;
+    bool apart;     /* a catching step may have left the feet apart */
+    unsigned steps; /* number of completed steps */
 };
 
 /* Starts the gait with both feet standing at these footholds. */

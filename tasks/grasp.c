@@ -23,17 +23,17 @@ static const double mirrored[GRASP_JOINTS] = {1, -1, -1, 1}; /* the left arm's a
 static const char *const wrist_name[SIDES] = {"r_arm_ft", "l_arm_ft"};
 
 static const double WEIGH_S = 0.2; /* duration of the weighing, at the end of settling */
-static const double LIGHT = 0.3;   /* fallen when the feet carry less than this fraction of the
-                                    * weight for LOST_S */
+/* fallen when the feet carry less than this fraction of the weight for LOST_S */
+static const double LIGHT = 0.3;
 static const double LOST_S = 0.05; /* time after which too little load or grip counts */
 
 struct grasp {
     size_t axis[SIDES][GRASP_JOINTS], wrist[SIDES];
     double feet_sum, wrist_sum[SIDES][3]; /* sums of the forces before the grasp */
     size_t weighed;
-    size_t phase;       /* phase of the path */
-    double carried_sum; /* sum of the force carried by both wrists while they hold still at the
-                         * end */
+    size_t phase; /* phase of the path */
+    /* sum of the force carried by both wrists while they hold still at the end */
+    double carried_sum;
     size_t carried_count;
     double least_n; /* smallest force of a wrist while the grip was closed */
     double fine_s;  /* last time without a problem */

@@ -9,8 +9,8 @@
 #include <math.h>
 #include <stdio.h>
 
-static const double HOLD_RAMP_S = 1.0;   /* duration of the ramp from the present angles to the
-                                          * pose */
+/* duration of the ramp from the present angles to the pose */
+static const double HOLD_RAMP_S = 1.0;
 static const double HOLD_SETTLE_S = 1.0; /* wait after the ramp before deviations count */
 
 /* Creates the task's state: the largest deviation of each link from the initial pose, rad. */

@@ -10,10 +10,10 @@
 
 /* Checks whether the boards are healthy, with a message if not. */
 
-static const int64_t TELEMETRY_TIMEOUT_NS = 200 * HOST_MS; /* longest time without rotor
-                                                            * positions */
-static const int64_t SENSOR_TIMEOUT_NS = 100 * HOST_MS;    /* longest time without values of a
-                                                            * watched sensor, ... */
+/* longest time without rotor positions */
+static const int64_t TELEMETRY_TIMEOUT_NS = 200 * HOST_MS;
+/* longest time without values of a watched sensor, ... */
+static const int64_t SENSOR_TIMEOUT_NS = 100 * HOST_MS;
 enum { SENSOR_TIMEOUT_PERIODS = 10 }; /* ... or this number of its periods, if that is longer */
 
 void host_fail_node(struct host *host, size_t bus, unsigned address, const char *what)
@@ -151,10 +151,10 @@ bool host_lost(const struct host *host)
 
 static const int64_t DISCOVERY_TIMEOUT_NS = 8000 * HOST_MS; /* boards may boot for five seconds */
 static const int64_t DISCOVERY_REPEAT_NS = 250 * HOST_MS;
-static const int64_t ENABLE_TIMEOUT_NS = 1000 * HOST_MS; /* a status follows a mode change within 10
-                                                          * ms */
-static const int64_t REPLY_TIMEOUT_NS = 300 * HOST_MS;   /* time-out of a request, as in real
-                                                          * hosts */
+/* a status follows a mode change within 10 ms */
+static const int64_t ENABLE_TIMEOUT_NS = 1000 * HOST_MS;
+/* time-out of a request, as in real hosts */
+static const int64_t REPLY_TIMEOUT_NS = 300 * HOST_MS;
 
 enum { REQUEST_TRIES = 3 };
 
@@ -332,8 +332,9 @@ enum host_phase host_start_up(struct host *host)
 enum {
     RECEIVE_BATCH = 64,
     BATCHES_MAX = 64, /* limit per bus and period, so that a flood cannot delay the period */
-    STEPS_APART = 50, /* largest distance of a tick in an answer to a repeated STEP; a larger one
-                       * means a restarted simulator */
+    /* largest distance of a tick in an answer to a repeated STEP; a larger one means a restarted
+     * simulator */
+    STEPS_APART = 50,
 };
 
 static const int64_t STEP_REPEAT_NS = 100000000;

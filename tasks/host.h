@@ -16,9 +16,9 @@ struct host;
 
 enum host_phase {
     HOST_DISCOVERING, /* waiting for the discovery answers of all boards */
-    HOST_CONFIGURING, /* requests versions, periods and full scales, one request per board and
-                       * period */
-    HOST_ENABLING,    /* switches motors to voltage mode and waits for the boards' reports */
+    /* requests versions, periods and full scales, one request per board and period */
+    HOST_CONFIGURING,
+    HOST_ENABLING, /* switches motors to voltage mode and waits for the boards' reports */
     HOST_READY,
     HOST_FAILED, /* host_message has the reason */
 };

@@ -18,8 +18,8 @@
 
 enum { NODE_ID_MASK = 0x7f, SYNCS_MAX = 240 };
 
-static const int64_t SYNC_APART_NS = 3 * HOST_MS / 4; /* least time between SYNCs, for one SYNC per
-                                                       * period */
+/* least time between SYNCs, for one SYNC per period */
+static const int64_t SYNC_APART_NS = 3 * HOST_MS / 4;
 static const int64_t CONTROL_REPEAT_NS = 10 * HOST_MS;
 
 /* Returns the protocol's kind of a node. */

@@ -209,8 +209,8 @@ static bool host_strain_request(const struct host_node *node, unsigned address, 
  * frame every millisecond, an answer from every board.
  */
 
-static const int64_t TARGET_PERIOD_NS = 1000000; /* period of DESIRED_TARGETS; the boards answer
-                                                  * each one */
+/* period of DESIRED_TARGETS; the boards answer each one */
+static const int64_t TARGET_PERIOD_NS = 1000000;
 
 /* ---- what arrives ---- */
 

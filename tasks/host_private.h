@@ -105,9 +105,9 @@ struct host_request {
 
 /* The host's side of a protocol. All functions run in the loop; bus is an index. */
 struct host_ops {
-    bool extended;     /* uses 29-bit identifiers */
-    bool rotor_only;   /* boards report only the rotor's angle: the host computes the link's from
-                        * gear and spring */
+    bool extended; /* uses 29-bit identifiers */
+    /* boards report only the rotor's angle: the host computes the link's from gear and spring */
+    bool rotor_only;
     bool torque_apart; /* boards report no torque; only a torque board does */
     /* Queues the discovery request; answers set `found`. */
     void (*discover)(struct host *host, size_t bus);

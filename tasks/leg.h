@@ -45,8 +45,8 @@ enum leg_joint {
 struct leg_geometry {
     bool roll_first;                  /* second kind */
     enum leg_joint chain[LEG_JOINTS]; /* from the pelvis to the foot */
-    double hip[3];           /* point where the last hip axes meet, at zero angles, in the pelvis's
-                              * frame */
+    /* point where the last hip axes meet, at zero angles, in the pelvis's frame */
+    double hip[3];
     double offset[3];        /* second kind: from the roll axis to this point */
     double thigh_m, shank_m; /* hip to knee, knee to ankle */
 };

@@ -15,9 +15,9 @@ enum { POSE_NAME_SIZE = 96 };
 
 static const double POSE_RATE_RAD_S = 0.5; /* default rate of the joints */
 static const double POSE_LEAST_RAD_S = 0.01, POSE_MOST_RAD_S = 3;
-static const double POSE_SPEED_UP_S = 0.3;     /* time from rest to this rate */
-static const double POSE_LONGEST_STEP_S = 0.1; /* longest time step, so that a joint does not jump
-                                                * after a pause */
+static const double POSE_SPEED_UP_S = 0.3; /* time from rest to this rate */
+/* longest time step, so that a joint does not jump after a pause */
+static const double POSE_LONGEST_STEP_S = 0.1;
 
 struct pose {
     struct motion_profile *profile; /* by axis */

@@ -19,21 +19,21 @@ static const char *const joint_name[LEGS][PITCH_JOINTS] = {
     {"LHipSag", "LKneeSag", "LAnkSag"},
 };
 
-static const double RAMP_S = 1.0;    /* duration of the ramp from the present angles to the initial
-                                      * pose */
-static const double SETTLE_S = 1.0;  /* time of standing still before and after */
-static const double WEIGH_S = 0.25;  /* duration of the weighing, at the end of settling */
-static const double LIGHT = 0.3;     /* fallen when the feet carry less than this fraction of the
-                                      * weight ... */
+/* duration of the ramp from the present angles to the initial pose */
+static const double RAMP_S = 1.0;
+static const double SETTLE_S = 1.0; /* time of standing still before and after */
+static const double WEIGH_S = 0.25; /* duration of the weighing, at the end of settling */
+/* fallen when the feet carry less than this fraction of the weight ... */
+static const double LIGHT = 0.3;
 static const double LIGHT_S = 0.25;  /* ... for this time */
 static const double STRAIGHT = 1e-6; /* sine of the angle of a knee that counts as straight */
 
 struct leg {
     size_t axis[PITCH_JOINTS];
     double initial[PITCH_JOINTS];
-    double lean;                /* lean of the trunk, forward, over a flat foot, rad */
-    double hip_height, ankle_x; /* height of the hip over the ankle; distance of the ankle ahead
-                                 * of the hip */
+    double lean; /* lean of the trunk, forward, over a flat foot, rad */
+    /* height of the hip over the ankle; distance of the ankle ahead of the hip */
+    double hip_height, ankle_x;
 };
 
 /* Angles of a leg's pitch joints, rad, and their rates, rad/s. */

@@ -30,8 +30,8 @@ enum sweep_setting {
     SWEEP_SETTINGS,
 };
 
-static const double SWEEP_RAMP_S = 1.0;   /* duration of the ramp from the present angles to the
-                                           * initial pose */
+/* duration of the ramp from the present angles to the initial pose */
+static const double SWEEP_RAMP_S = 1.0;
 static const double SWEEP_STAND_S = 1.0;  /* time of standing still before the first frequency */
 static const double SWEEP_NYQUIST = 0.25; /* highest frequency as a fraction of the command rate */
 

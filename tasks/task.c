@@ -11,8 +11,8 @@
 
 enum { TELL_STEPS = 20, TEXT_SIZE = 100, WORST_TOLD = 3 };
 
-static const double STRAY_RAD = 0.4; /* error of a motor that means it is stuck, or the robot has
-                                      * fallen */
+/* error of a motor that means it is stuck, or the robot has fallen */
+static const double STRAY_RAD = 0.4;
 
 static const struct task_ops *const known[] = {&task_squat,  &task_grasp, &task_hold,
                                                &task_stand,  &task_walk,  &task_sweep,

@@ -97,9 +97,10 @@ struct grasp_phase {
     const char *name; /* name for messages */
     double until_s;   /* time of its end, since the arms began to move */
     double
-        arm_rad[GRASP_JOINTS]; /* right arm at the end: shoulder pitch, roll, yaw, elbow; the left
-                                * arm mirrors roll and yaw */
-    bool closed;               /* both wrists must press on the object throughout */
+        /* right arm at the end: shoulder pitch, roll, yaw, elbow; the left arm mirrors roll and
+         * yaw */
+        arm_rad[GRASP_JOINTS];
+    bool closed; /* both wrists must press on the object throughout */
 };
 
 /* Grasps an object between the wrists and lifts it, along piecewise linear joint angles. */
@@ -109,8 +110,9 @@ struct grasp_config {
     const struct grasp_phase *phase;
     double hold_s;        /* standing still after the motion */
     double least_press_n; /* least force of the grip; below it the grip is lost; 0 = no check */
-    double least_carry_n; /* least force carried by both wrists, mean over hold_s; below it the task
-                        * fails; 0 = no check */
+    /* least force carried by both wrists, mean over hold_s; below it the task fails; 0 = no
+     * check */
+    double least_carry_n;
 };
 
 /* Position loop by voltage on a motor angle, closed here: V = kp (ref - qm) + ki integral + kd
@@ -134,8 +136,9 @@ struct servo_gains {
     double sway_damping_per_s; /* 0 = no sway damping */
     double load_v_per_nm;      /* R/Kt: voltage per joint torque at the start; 0 = none */
     double limit_v;            /* for a drive with less than the supply; 0 = none */
-    double torque_limit_nm;    /* torque limit of the voltage beyond the back-EMF; 0 = none. Needs
-                             * load_v_per_nm and kw_v_s_per_rad */
+    /* torque limit of the voltage beyond the back-EMF; 0 = none. Needs load_v_per_nm and
+     * kw_v_s_per_rad */
+    double torque_limit_nm;
 };
 
 struct servo_config {
@@ -152,46 +155,49 @@ struct hold_config {
 /* ---- stand and walk; docs/walking.md ---- */
 
 struct estimate_config {
-    double attitude_per_s;    /* rate of correction of the gyro's attitude toward the board's
-                               * attitude, or toward gravity */
-    double lean_per_s;        /* rate at which the forces of the feet correct the tilt of the
-                               * board's attitude; 0 = no correction */
+    /* rate of correction of the gyro's attitude toward the board's attitude, or toward gravity */
+    double attitude_per_s;
+    /* rate at which the forces of the feet correct the tilt of the board's attitude; 0 = no
+     * correction */
+    double lean_per_s;
     double com_per_s;         /* bandwidth with which the encoders correct the center of mass */
     double com_walking_per_s; /* the same at a fast commanded walk; 0 = com_per_s */
-    double com_walking_m_s;   /* speed from which com_walking_per_s applies; com_per_s applies up to
-                               * half of it, linear between; 0 = at any speed */
-    double loaded_n;          /* least load of a foot for a valid center of pressure */
+    /* speed from which com_walking_per_s applies; com_per_s applies up to half of it, linear
+     * between; 0 = at any speed */
+    double com_walking_m_s;
+    double loaded_n; /* least load of a foot for a valid center of pressure */
 };
 
 struct gait_config {
     double swing_s, transfer_s; /* durations in a step: one foot stands; both stand */
-    double start_s;             /* duration of the first transfer, from both feet to one, and of the
-                                 * last one back */
-    double clearance_m;         /* height of the foot in the air */
+    /* duration of the first transfer, from both feet to one, and of the last one back */
+    double start_s;
+    double clearance_m;            /* height of the foot in the air */
     double width_m, least_width_m; /* distance between the feet: nominal, smallest */
     double zmp_ahead_m;            /* planned zero-moment point, forward from the sole's origin */
     double zmp_inward_m;           /* planned zero-moment point, towards the other foot */
-    double reach_ahead_m, reach_back_m, reach_out_m; /* largest step forward, backward, outward
-                                                      * (beyond width_m) */
-    double adjust;             /* gain from the DCM's error to the foothold, 0 to 1; 0 = no
-                                * adjustment */
-    double ankle_m;            /* reach of the center of pressure; errors that it can remove need no
-                                * step */
+    /* largest step forward, backward, outward (beyond width_m) */
+    double reach_ahead_m, reach_back_m, reach_out_m;
+    /* gain from the DCM's error to the foothold, 0 to 1; 0 = no adjustment */
+    double adjust;
+    /* reach of the center of pressure; errors that it can remove need no step */
+    double ankle_m;
     double lower_m_s, lower_m; /* rate and distance by which a late foot is lowered */
     double press_n;            /* load of an early foot until the end of its swing */
-    double ground_follow;      /* weight of the standing sole's plane in the prediction of the next
-                                * foothold's height and tilt, 0 to 1 */
-    double tilt_s;             /* time constant with which a sole's target follows the ground's
-                                * tilt */
-    double sole_front_m, sole_back_m, sole_side_m; /* distance of the sole's edges from its
-                                                    * origin */
-    double sole_margin_m;                          /* least distance of the center of pressure from
-                                                    * the edges */
-    double catch_swing_s;  /* duration of a swing that catches a standing robot; 0 = no catching
-                           * step */
-    double catch_margin_m; /* it steps when the DCM is this close to the limit of the center of
-                         * pressure */
-    double catch_reach_m;  /* reach of a catching step, forward and backward */
+    /* weight of the standing sole's plane in the prediction of the next foothold's height and
+     * tilt, 0 to 1 */
+    double ground_follow;
+    /* time constant with which a sole's target follows the ground's tilt */
+    double tilt_s;
+    /* distance of the sole's edges from its origin */
+    double sole_front_m, sole_back_m, sole_side_m;
+    /* least distance of the center of pressure from the edges */
+    double sole_margin_m;
+    /* duration of a swing that catches a standing robot; 0 = no catching step */
+    double catch_swing_s;
+    /* it steps when the DCM is this close to the limit of the center of pressure */
+    double catch_margin_m;
+    double catch_reach_m; /* reach of a catching step, forward and backward */
     double catch_clearance_m;
 };
 
@@ -199,13 +205,13 @@ struct balance_config {
     struct estimate_config estimate;
     struct gait_config gait;
     const struct servo_gains *gains; /* one entry per axis; trim, integral and sway damping are 0 */
-    double ankle_roll_kp_v_per_rad;  /* gain of the ankle rolls; a larger one tips the foot before
-                                      * it yields */
-    double pelvis_height_m;          /* height of the pelvis's origin above the soles */
-    double lean_rad;                 /* forward lean of the pelvis */
-    double touch_n, touch_s;         /* load, and its duration, that count as ground contact */
-    double flat_n;             /* a sole with more load and its center of pressure inside the edges
-                                * lies flat */
+    /* gain of the ankle rolls; a larger one tips the foot before it yields */
+    double ankle_roll_kp_v_per_rad;
+    double pelvis_height_m;  /* height of the pelvis's origin above the soles */
+    double lean_rad;         /* forward lean of the pelvis */
+    double touch_n, touch_s; /* load, and its duration, that count as ground contact */
+    /* a sole with more load and its center of pressure inside the edges lies flat */
+    double flat_n;
     double height_s;           /* time constant with which the pelvis follows the feet's heights */
     double dcm_gain;           /* r = r_ref + dcm_gain (xi - xi_ref) */
     double cop_pitch_rad_s_nm; /* rate of a foot's tilt per error of its moment */
@@ -214,12 +220,12 @@ struct balance_config {
     double cop_leak_per_s;     /* rate at which the tilt decays */
     double force_m_s_n;        /* rate of the legs' lengths per error of the difference ... */
     double force_leak_per_s;   /* ... of the feet's forces; rate at which they decay */
-    double swing_follow;       /* how much a foot in the air corrects for the pelvis's measured
-                                * height, 0 to 1 */
-    double carry_s;            /* time constant with which a landed foot moves to the plan */
-    double swing_torque;       /* share of the leg's swing torque that both hips apply, 0 to 1 */
-    double ankle_follow;       /* how much standing ankles follow their measured link angles, 0 to
-                                * 1 */
+    /* how much a foot in the air corrects for the pelvis's measured height, 0 to 1 */
+    double swing_follow;
+    double carry_s;      /* time constant with which a landed foot moves to the plan */
+    double swing_torque; /* share of the leg's swing torque that both hips apply, 0 to 1 */
+    /* how much standing ankles follow their measured link angles, 0 to 1 */
+    double ankle_follow;
 };
 
 struct walk_config {
@@ -236,10 +242,10 @@ struct trajectory;
 
 /* Input of the tasks besides the rig; borrowed, must outlive the task. */
 struct task_input {
-    const char *joint;                   /* sweep, excite: joint; NULL = not given, the task
-                                          * refuses */
-    const struct trajectory *trajectory; /* follow (tasks/trajectory.h); NULL = not given, the task
-                                          * refuses */
+    /* sweep, excite: joint; NULL = not given, the task refuses */
+    const char *joint;
+    /* follow (tasks/trajectory.h); NULL = not given, the task refuses */
+    const struct trajectory *trajectory;
 };
 
 enum sweep_response_of { SWEEP_JOINT, SWEEP_MOTOR, SWEEP_TORQUE, SWEEP_RESPONSES };

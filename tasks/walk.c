@@ -35,8 +35,9 @@ struct walk {
     unsigned from_steps;       /* steps of the gait at the beginning of the walk */
     _Atomic double *value;     /* values of the settings; another thread writes them */
     atomic_bool holds_heading; /* turns to WALK_HEADING instead of at a rate */
-    double kept_rad;  /* heading to keep while the turn rate is 0: the heading at the beginning of
-                       * the walk or after the last turn */
+    /* heading to keep while the turn rate is 0: the heading at the beginning of the walk or
+     * after the last turn */
+    double kept_rad;
     double from_m[2]; /* estimated position of its first step */
     bool arrived;     /* has walked its distance */
     double stood_s;   /* time at rest since then */

@@ -24,8 +24,9 @@
 enum {
     PLAN_HASH = 17, /* bytes of a hash as text, with the end */
     PLAN_NAMES_MAX = 64,
-    PLAN_FORMAT_VERSION = 1, /* "plan" of a plan, "format_version" of a result, where it is 1 when
-                              * there is none; files of a newer one are refused */
+    /* "plan" of a plan, "format_version" of a result, where it is 1 when there is none; files of
+     * a newer one are refused */
+    PLAN_FORMAT_VERSION = 1,
 };
 
 /* A case of a plan. */

@@ -26,8 +26,8 @@ struct cia402_pdo {
 
 /* State of a PDO. */
 struct cia402_channel {
-    struct cia402_entry entry[CIA402_MAPPED_MAX]; /* mapped objects; the value of a dummy is
-                                                   * unused */
+    /* mapped objects; the value of a dummy is unused */
+    struct cia402_entry entry[CIA402_MAPPED_MAX];
     uint8_t bytes[CIA402_MAPPED_MAX];
     uint8_t length;
     uint8_t data[8]; /* TPDO: data sent last; RPDO: data that waits for SYNC */
@@ -75,9 +75,9 @@ struct cia402_transfer {
         CIA402_BLOCK_UPLOAD_ENDS,
     } kind;
     struct cia402_entry entry;
-    uint8_t data[CIA402_DOMAIN_MAX + 6]; /* + 6, because the last segment of a block has seven
-                                          * bytes */
-    uint32_t size, done;                 /* announced size of a download, or CIA402_SIZE_UNKNOWN */
+    /* + 6, because the last segment of a block has seven bytes */
+    uint8_t data[CIA402_DOMAIN_MAX + 6];
+    uint32_t size, done; /* announced size of a download, or CIA402_SIZE_UNKNOWN */
     bool toggle;
     uint16_t index; /* as requested, for abort messages */
     uint8_t sub;
@@ -220,10 +220,10 @@ struct cia402_axis_settings {
     int64_t homing_method, homing_speed[2], homing_acceleration;
     int64_t interpolation_ms, interpolation_exponent;
     int64_t timeout_ms, current_limit_ma, temperature_limit_c;
-    int64_t current_gain[3];  /* mV/A, mV/(A s), mV s/rad */
-    int64_t velocity_gain[3]; /* mV s/rad, mV/rad; [2]: integral gain of the position modes,
-                               * mV/rad */
-    int64_t position_gain;    /* in 0.1/s */
+    int64_t current_gain[3]; /* mV/A, mV/(A s), mV s/rad */
+    /* mV s/rad, mV/rad; [2]: integral gain of the position modes, mV/rad */
+    int64_t velocity_gain[3];
+    int64_t position_gain; /* in 0.1/s */
     int64_t mode;
 };
 
@@ -276,9 +276,9 @@ struct cia402_axis {
     double stop_deceleration;
     enum cia402_state stop_state;  /* state after the ramp */
     int64_t interpolation_left_ms; /* time left of the present cyclic set point */
-    int64_t command_ns;            /* time of the last command of voltage, torque, position or
-                                    * velocity */
-    double torque_reference;       /* thousandths, after the slope */
+    /* time of the last command of voltage, torque, position or velocity */
+    int64_t command_ns;
+    double torque_reference;                                  /* thousandths, after the slope */
     int64_t following_ms, reached_ms, standstill_ms, stop_ms; /* durations of these conditions */
     bool limited;                                             /* a limit has cut a set point */
 
@@ -323,8 +323,8 @@ void cia402_axis_lose_connection(struct cia402_node *node, struct cia402_axis *a
 /* Modes and loops (modes.c): runs a millisecond of an enabled axis and sets its voltage. */
 void cia402_axis_step(struct cia402_axis *axis);
 void cia402_axis_count_times(struct cia402_axis *axis);
-void cia402_axis_stand(struct cia402_axis *axis); /* sets references to the present position, resets
-                                                   * the loops */
+/* sets references to the present position, resets the loops */
+void cia402_axis_stand(struct cia402_axis *axis);
 /* Braking ramps: slow-down, quick stop, or none (at the current limit). */
 enum cia402_ramp { CIA402_RAMP_SLOW, CIA402_RAMP_QUICK, CIA402_RAMP_CURRENT };
 void cia402_axis_stop(struct cia402_axis *axis, enum cia402_ramp ramp, enum cia402_state then);

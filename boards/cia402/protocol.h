@@ -204,8 +204,8 @@ enum cia402_statusword {
     CIA402_SW_REMOTE = 1 << 9,
     CIA402_SW_TARGET_REACHED = 1 << 10,
     CIA402_SW_INTERNAL_LIMIT = 1 << 11,
-    CIA402_SW_MODE_12 = 1 << 12, /* by mode: set point acknowledged, speed 0, homed, follows the
-                                  * command */
+    /* by mode: set point acknowledged, speed 0, homed, follows the command */
+    CIA402_SW_MODE_12 = 1 << 12,
     CIA402_SW_MODE_13 = 1 << 13, /* following or homing error */
     CIA402_SW_STATE_MASK = 0x6f,
     CIA402_SW_FAULT = 0x08, /* state FAULT, under the mask */
@@ -281,8 +281,8 @@ struct cia402_plan {
     uint8_t length;  /* length in bytes */
     uint16_t cob_id; /* without the Node-ID */
     uint16_t event_ms;
-    uint32_t object[CIA402_MAPPED_MAX]; /* index, sub-index, bits, in the format of a mapping
-                                         * object */
+    /* index, sub-index, bits, in the format of a mapping object */
+    uint32_t object[CIA402_MAPPED_MAX];
 };
 
 enum { CIA402_STATUS_EVENT_MS = 100, CIA402_HEARTBEAT_MS = 100, CIA402_MAGNETIC_SYNCS = 50 };

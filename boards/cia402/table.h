@@ -56,8 +56,9 @@ typedef enum cia402_abort cia402_write_fn(struct cia402_node *node,
 
 struct cia402_object {
     enum cia402_scope scope;
-    size_t offset; /* offset of the int64_t, the text or the struct cia402_domain in the structure
-                    * of `scope`; sub-indices are consecutive int64_t */
+    /* offset of the int64_t, the text or the struct cia402_domain in the structure of `scope`;
+     * sub-indices are consecutive int64_t */
+    size_t offset;
     uint16_t index;
     uint8_t sub, count; /* first sub-index, number of sub-indices */
     enum cia402_type type;

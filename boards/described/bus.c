@@ -224,8 +224,8 @@ static void described_bus_receive_group(struct described_bus *bus, struct descri
     enum board_verdict verdict = whole;
     struct board *wrong = NULL;
     unsigned first = a->number * row->repeats;
-    unsigned more = a->verdict == BOARD_OBEYED ? 0u : row->length - 1u; /* bytes missing in the last
-                                                                         * part */
+    /* bytes missing in the last part */
+    unsigned more = a->verdict == BOARD_OBEYED ? 0u : row->length - 1u;
     unsigned count = (a->frame->len + more) / row->length;
 
     /* Bytes behind the last repetition are CAN FD padding */

@@ -241,8 +241,8 @@ static enum error_code described_name_values(struct described_loader *l,
 /* The layout of a frame's data or identifier, under construction. */
 struct described_plan {
     struct field *layout;
-    const struct field *other; /* while the identifier is laid out: the layout of the data, else
-                                * NULL */
+    /* while the identifier is laid out: the layout of the data, else NULL */
+    const struct field *other;
     struct described_field *field;
     size_t nlayout, nfield;
     unsigned bit, bits; /* bit of the next field, number of bits in all */

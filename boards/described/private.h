@@ -43,9 +43,9 @@ struct described_axis {
     int64_t command_ns;
     uint32_t commands; /* number of commands received */
     double setting[DESCRIBED_SETTINGS_END - DESCRIBED_SETTING];
-    double wanted_a;        /* target of the current loop; 0 while it is off */
-    double kp_v_a, ki_v_as; /* gains of the current loop; 0 = the rig does not describe the
-                             * winding */
+    double wanted_a; /* target of the current loop; 0 while it is off */
+    /* gains of the current loop; 0 = the rig does not describe the winding */
+    double kp_v_a, ki_v_as;
     double integral_v, integral_nm, zero_rad;
     int32_t temperature_c;
 };
@@ -65,9 +65,9 @@ struct described_node {
     int64_t telemetry_ms, started_ns, next_ns;
     uint32_t sequence; /* number of telemetry periods */
     struct described_axis axis[DESCRIBED_AXES];
-    double channel[DESCRIBED_CHANNELS]; /* channels of a sensor, by meaning from
-                                         * DESCRIBED_CHANNEL */
-    uint32_t saturated;                 /* one bit per channel of a sensor */
+    /* channels of a sensor, by meaning from DESCRIBED_CHANNEL */
+    double channel[DESCRIBED_CHANNELS];
+    uint32_t saturated; /* one bit per channel of a sensor */
     struct described_report report[DESCRIBED_AXES][DESCRIBED_FRAMES_MAX];
 };
 

@@ -88,11 +88,11 @@ enum described_meaning {
     DESCRIBED_STATE,
     DESCRIBED_LAW,
     DESCRIBED_TELEMETRY_PERIOD, /* in s */
-    DESCRIBED_COUNTER,          /* increases by one with each frame of the same row, number and
-                                 * axis */
-    DESCRIBED_CHECKSUM,         /* checksum of the other bytes: struct described_frame */
-    DESCRIBED_PARAMETER,        /* number of a parameter */
-    DESCRIBED_PARAMETER_VALUE,  /* bits of a parameter: struct described_parameter */
+    /* increases by one with each frame of the same row, number and axis */
+    DESCRIBED_COUNTER,
+    DESCRIBED_CHECKSUM,        /* checksum of the other bytes: struct described_frame */
+    DESCRIBED_PARAMETER,       /* number of a parameter */
+    DESCRIBED_PARAMETER_VALUE, /* bits of a parameter: struct described_parameter */
     /* in both directions: settings of an axis, kept until its board restarts */
     DESCRIBED_SETTING,
     DESCRIBED_VELOCITY_LIMIT = DESCRIBED_SETTING,
@@ -212,20 +212,20 @@ struct described_frame {
     unsigned of;   /* enum described_kind */
     enum described_by by;
     uint32_t base, step;
-    uint32_t mask;             /* identifier bits that hold fields, without constants */
-    uint8_t most;              /* largest number */
-    uint8_t length;            /* length without repetitions */
-    uint8_t shortest, longest; /* lengths that a board accepts; missing fields are 0, extra bytes
-                                * ignored */
+    uint32_t mask;  /* identifier bits that hold fields, without constants */
+    uint8_t most;   /* largest number */
+    uint8_t length; /* length without repetitions */
+    /* lengths that a board accepts; missing fields are 0, extra bytes ignored */
+    uint8_t shortest, longest;
     uint8_t repeats;
-    size_t nfield, ndata;               /* all fields, fields in the data */
-    const struct field *layout;         /* fields of the data, with padding; ends with FIELD_END */
-    const struct field *id_layout;      /* fields of the identifier, from bit 0 up, 32 bits; NULL =
-                                    * none */
-    struct described_field *field;      /* fields of layout, then of id_layout, without padding */
-    int8_t first[DESCRIBED_MEANINGS];   /* first field of each meaning; -1 = none */
-    uint8_t read[DESCRIBED_FIELDS_MAX]; /* fields that a host reads, in order: torques and rates
-                                         * before the angles computed from them */
+    size_t nfield, ndata;       /* all fields, fields in the data */
+    const struct field *layout; /* fields of the data, with padding; ends with FIELD_END */
+    /* fields of the identifier, from bit 0 up, 32 bits; NULL = none */
+    const struct field *id_layout;
+    struct described_field *field;    /* fields of layout, then of id_layout, without padding */
+    int8_t first[DESCRIBED_MEANINGS]; /* first field of each meaning; -1 = none */
+    /* fields that a host reads, in order: torques and rates before the angles computed from them */
+    uint8_t read[DESCRIBED_FIELDS_MAX];
     uint8_t nread;
     int counter;       /* index of the counter field; -1 = none */
     uint8_t nconstant; /* number of constant fields */
@@ -289,16 +289,16 @@ struct described_protocol {
     unsigned address_max;
     size_t nframe, nstate, nlaw;
     struct described_frame frame[DESCRIBED_FRAMES_MAX];
-    const struct described_state *state, *law; /* law: selectable by the host; the first is the
-                                                * default */
-    int off_state, fault_state;                /* states after power-up and after a fault */
-    int fault_bit[DESCRIBED_FAULT_KINDS];      /* -1 = not reported */
-    int64_t command_timeout_ns;                /* 0 = the rig's; -1 = none */
-    int timeout_state;                         /* -1 = set points become 0, the state stays */
-    bool clears;                               /* only frames clear faults, the state off does
-                                                * not */
-    bool period_settable;                      /* no telemetry before the host sets a period */
-    bool tells[DESCRIBED_MEANINGS];            /* some frame of the boards reports this meaning */
+    /* law: selectable by the host; the first is the default */
+    const struct described_state *state, *law;
+    int off_state, fault_state;           /* states after power-up and after a fault */
+    int fault_bit[DESCRIBED_FAULT_KINDS]; /* -1 = not reported */
+    int64_t command_timeout_ns;           /* 0 = the rig's; -1 = none */
+    int timeout_state;                    /* -1 = set points become 0, the state stays */
+    /* only frames clear faults, the state off does not */
+    bool clears;
+    bool period_settable;           /* no telemetry before the host sets a period */
+    bool tells[DESCRIBED_MEANINGS]; /* some frame of the boards reports this meaning */
     struct described_gains gains;
     size_t nparameter;
     struct described_parameter parameter[DESCRIBED_PARAMETERS_MAX];

@@ -425,8 +425,8 @@ static void foc_board_idle_when_configured(struct board *board)
     if (foc->axis.mode == ICUB_MODE_NOT_CONFIGURED && foc->compatible && foc->motor_set &&
         foc->current_set && foc->peak_ma != 0) {
         foc_board_set_mode(board, ICUB_MODE_IDLE);
-        foc->answers += foc->answers < FOC_ANSWERS_MAX; /* reports the change once without a
-                                                         * request */
+        /* reports the change once without a request */
+        foc->answers += foc->answers < FOC_ANSWERS_MAX;
     }
 }
 
@@ -457,8 +457,8 @@ static bool foc_board_command(struct icub_board *icub, const struct bus_frame *f
     switch (code) {
     case FOC_SET_CONTROL_MODE:
         return foc_board_command_mode(board, request[0]);
-    case ICUB_SET_OPEN_LOOP: /* sets the target as DESIRED_TARGETS does, only in the matching
-                              * mode */
+    /* sets the target as DESIRED_TARGETS does, only in the matching mode */
+    case ICUB_SET_OPEN_LOOP:
         obeyed = foc->axis.mode == ICUB_MODE_OPEN_LOOP;
         break;
     case ICUB_SET_DESIRED_VELOCITY:

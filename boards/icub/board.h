@@ -75,8 +75,8 @@ struct icub_board_ops {
                     int64_t *reply, bool *answer);
     /* Receives DESIRED_TARGETS; NULL = not supported. Returns false for a wrong length. */
     bool (*targets)(struct icub_board *board, const struct bus_frame *frame);
-    void (*discovered)(struct icub_board *board); /* called after discovery (class 7); NULL = not
-                                                   * needed */
+    /* called after discovery (class 7); NULL = not needed */
+    void (*discovered)(struct icub_board *board);
 };
 
 struct icub_board {

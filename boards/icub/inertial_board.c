@@ -25,8 +25,8 @@ enum {
 struct inertial_board {
     struct icub_board icub;
     int64_t counts[ICUB_INERTIAL_SENSORS][4]; /* by sensor; [3] for the quaternion only */
-    uint16_t bad, cut;                        /* bit masks of sensors: without a reading, beyond the
-                                               * range */
+    /* bit masks of sensors: without a reading, beyond the range */
+    uint16_t bad, cut;
     uint16_t mask;
     uint8_t fusion;  /* enum icub_fusion */
     uint32_t ranges; /* stored for the host */

@@ -15,10 +15,10 @@ struct icub_dialect {
     const struct icub_command *commands;  /* class 0 */
     bool axis_bit;                        /* commands select one of two axes */
     int host_frame;                       /* class 1 type that the host sends; -1 = none */
-    int spread_frame;                     /* class 1 type whose cycle depends on the address; -1 =
-                                           * none */
-    uint32_t (*cycle_ns)(const struct board_config *board, unsigned type); /* cycle of a class 1
-                                                                            * type */
+    /* class 1 type whose cycle depends on the address; -1 = none */
+    int spread_frame;
+    /* cycle of a class 1 type */
+    uint32_t (*cycle_ns)(const struct board_config *board, unsigned type);
 };
 
 /* Visit DISCOVER, and the messages of a board. */

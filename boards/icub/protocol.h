@@ -215,12 +215,12 @@ enum { ICUB_SLOTS = 4 }; /* a BLL board sends its periodic frames in slots of 1 
 enum { ICUB_STATUS_PERIOD_MS = 5000 };
 enum {
     ICUB_PRINT_TEXTS = 4
-}; /* PRINT texts have numbers modulo this; hosts drop texts with
-                                      * other numbers */
+    /* PRINT texts have numbers modulo this; hosts drop texts with other numbers */
+};
 enum {
     ICUB_STRAIN_SAFE_MS = 200
-};                                   /* time without a torque source's frame that stops a torque
-                                      * loop */
+    /* time without a torque source's frame that stops a torque loop */
+};
 enum { ICUB_PWM_FULL_SCALE = 1333 }; /* open-loop reference for 100 % of the supply */
 
 /* Class 2, data[0] */
@@ -300,9 +300,9 @@ enum icub_inertial_sensor {
     ICUB_SENSOR_QUATERNION = 4, /* has its own frame type */
     ICUB_SENSOR_LINEAR = 5,     /* acceleration minus gravity */
     ICUB_SENSOR_GRAVITY = 6,    /* 9.81 m/s2 up */
-    ICUB_SENSOR_STATUS = 15,    /* x: u8, two bits each for magnetometer, accelerometer, gyro and
-                                 * system, 3 = calibrated; y: mask of sensors beyond their range; z:
-                                 * mask of sensors without a reading */
+    /* x: u8, two bits each for magnetometer, accelerometer, gyro and system, 3 = calibrated; y:
+     * mask of sensors beyond their range; z: mask of sensors without a reading */
+    ICUB_SENSOR_STATUS = 15,
     ICUB_INERTIAL_SENSORS = 16,
 };
 
@@ -344,8 +344,8 @@ enum { ICUB_BOARD_DSP = 0, ICUB_BOARD_BLL = 4, ICUB_BOARD_STRAIN = 6, ICUB_BOARD
 enum {
     ICUB_PROTOCOL_MAJOR = 1,
     ICUB_PROTOCOL_MINOR = 6
-}; /* protocol version of motor boards and
-                                                            * hosts */
+    /* protocol version of motor boards and hosts */
+};
 enum { ICUB_STRAIN_PROTOCOL_MAJOR = 1, ICUB_STRAIN_PROTOCOL_MINOR = 0 };
 
 #endif

@@ -196,8 +196,8 @@ static void moteus_board_act(struct board *board, uint32_t number, double value)
     if (number == MOTEUS_R_OUTPUT_EXACT && isfinite(value)) {
         moteus->zero = moteus->motor - value;
     } else if (number == MOTEUS_R_OUTPUT_NEAREST && isfinite(value)) {
-        moteus->zero -= round((value - shown) * gear) / gear; /* change the zero by whole rotor
-                                                               * turns */
+        /* change the zero by whole rotor turns */
+        moteus->zero -= round((value - shown) * gear) / gear;
     }
     moteus->path.position = NAN; /* capture the position again, as RECAPTURE does */
 }

@@ -83,8 +83,8 @@ struct sensing {
     size_t nclock;
     struct sampling_clock *clock;
     struct sensor_device *device; /* joints, F/T sensors, inertial sensor */
-    double misaligned[2][9];      /* rotations from the true axes to the axes of gyro and
-                                   * accelerometer */
+    /* rotations from the true axes to the axes of gyro and accelerometer */
+    double misaligned[2][9];
     struct ahrs ahrs;
     struct joint_state *state;
     struct sensor_fault *fault;

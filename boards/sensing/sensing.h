@@ -109,10 +109,12 @@ struct sensor_joint {
     struct sensor_error link_encoder, motor_encoder;  /* rad */
     struct sensor_error current, torque, temperature; /* A, Nm, K */
     bool incremental;                                 /* the motor encoder is incremental */
-    double eccentricity_rad[2]; /* amplitude of the link encoder's error once and twice a turn;
-                                 * phases are drawn from the seed */
-    double crosstalk; /* fraction of each bending moment across the axis that the torque sensor
-                       * shows; signs are drawn from the seed */
+    /* amplitude of the link encoder's error once and twice a turn; phases are drawn from the
+     * seed */
+    double eccentricity_rad[2];
+    /* fraction of each bending moment across the axis that the torque sensor shows; signs are
+     * drawn from the seed */
+    double crosstalk;
     struct sensor_thermal thermal;
     struct sensor_warm_up warm_up;
     size_t clock; /* number of the board's clock; sensors with the same number share a clock */
@@ -121,8 +123,9 @@ struct sensor_joint {
 struct sensor_ft {
     const char *name;
     struct sensor_error force, torque; /* for each of three channels; N, Nm */
-    double crosstalk; /* fraction of its full scale that a channel shows when another channel is at
-                       * full scale; both need a full scale. Signs are drawn from the seed */
+    /* fraction of its full scale that a channel shows when another channel is at full scale;
+     * both need a full scale. Signs are drawn from the seed */
+    double crosstalk;
     struct sensor_warm_up warm_up;
     size_t clock;
 };

@@ -56,13 +56,13 @@ int64_t wire_length_ns(struct wire_length length, int64_t bitrate, int64_t data_
 
 /* An encoded frame, and the bit indices where its parts begin. */
 struct wire_bits {
-    uint8_t bit[WIRE_BITS_MAX]; /* 0 = dominant; the ACK slot is recessive, as the sender sends
-                                 * it */
-    size_t count;               /* SOF to EOF */
-    size_t control;             /* first bit behind the arbitration field */
-    size_t fast, slow;          /* bits [fast, slow) use the data rate; equal without BRS */
-    size_t crc_end;             /* the CRC delimiter */
-    size_t ack;                 /* the ACK slot */
+    /* 0 = dominant; the ACK slot is recessive, as the sender sends it */
+    uint8_t bit[WIRE_BITS_MAX];
+    size_t count;      /* SOF to EOF */
+    size_t control;    /* first bit behind the arbitration field */
+    size_t fast, slow; /* bits [fast, slow) use the data rate; equal without BRS */
+    size_t crc_end;    /* the CRC delimiter */
+    size_t ack;        /* the ACK slot */
 };
 
 /* Writes every bit of a valid data or remote frame. */

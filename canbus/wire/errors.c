@@ -340,8 +340,9 @@ uint64_t wire_heal(struct wire *wire, int fault)
 enum {
     COUNT_SENDER = 8,
     COUNT_RECEIVER = 1,
-    COUNT_FIRST = 9, /* 1 + 8: the receiver that found the error first also reads a dominant bit
-                      * behind its own flag */
+    /* 1 + 8: the receiver that found the error first also reads a dominant bit behind its own
+     * flag */
+    COUNT_FIRST = 9,
 };
 
 /* ---- collisions ---- */

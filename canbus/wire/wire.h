@@ -70,8 +70,8 @@ enum wire_event_kind {
 struct wire_event {
     enum wire_event_kind kind;
     int64_t time_ns;
-    size_t node;                   /* wire_config.nodes = the foreign node of
-                                    * WIRE_FAULT_COLLISION */
+    /* wire_config.nodes = the foreign node of WIRE_FAULT_COLLISION */
+    size_t node;
     const struct bus_frame *frame; /* its time_ns is the time of the event; NULL with STATUS */
     uint64_t receivers;            /* mask of nodes */
     enum wire_error error;         /* BUS_ERROR */

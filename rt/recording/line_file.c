@@ -12,8 +12,8 @@
 
 enum {
     BUFFER = 64 * 1024,
-    PIECE = 4096, /* most bytes per write to a pipe, so that the beat shows the progress of a slow
-                   * reader */
+    /* most bytes per write to a pipe, so that the beat shows the progress of a slow reader */
+    PIECE = 4096,
 };
 
 /* ---- the end of a file ---- */

@@ -99,8 +99,8 @@ struct recorder_config {
     size_t nchannel;
     const struct recorder_channel *channel;
     size_t frame_ring; /* capacity in frames, a power of two; 0 = 65536 */
-    int64_t stall_ns;  /* a disk that accepts nothing for this time is given up; 0 =
-                        * RECORDER_STALL_NS */
+    /* a disk that accepts nothing for this time is given up; 0 = RECORDER_STALL_NS */
+    int64_t stall_ns;
 };
 
 struct recorder_counters {
