@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 foreach(name candump dbc fault_port frame gateway gateway_lockstep interface link local local_save
-        local_wire paced port slcan socketcand)
+        local_wire lockstep paced port slcan socketcand)
     hil_test(canbus_${name} SOURCES unit/canbus/${name}.c LIBS canbus LABELS unit)
 endforeach()
 foreach(name bits conformance errors wire)
