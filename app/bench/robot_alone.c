@@ -24,8 +24,8 @@ static const double STANDING_STIFFNESS = 10.0, STANDING_RETURN_S = 0.1;
 /* How far the base of one that stands may move, m. */
 static const double STANDING_NEAR_M = 0.05;
 
-/* A robot of which nothing is left but bodies and joints. Where it stands: springs in the joints,
- * and the pairs of its feet with the ground; none for a robot that cannot stand. */
+/* A robot reduced to its bodies and joints. A standing robot also has joint springs and the contact
+ * pairs of its feet with the ground. */
 struct alone {
     const struct rig *rig;
     struct robot *robot;

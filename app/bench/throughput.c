@@ -104,8 +104,8 @@ static const struct shipped_rig {
     {"coman-foc", "squat", true, false},    {"hyq", "hold", true, false},
 };
 
-/* Chooses the rigs: those of the command line, or shipped ones. The task is that of the command
- * line, else that of the list, else NULL. */
+/* Chooses the rigs from the command line, else the shipped ones. The task comes from the command
+ * line, else from the list, else it is NULL. */
 static enum error_code choose_rigs(struct throughput *t, bool ticks, struct error *error)
 {
     const size_t count = t->rig[0] ? SIZE_MAX : ARRAY_COUNT(shipped);

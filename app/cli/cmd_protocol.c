@@ -114,7 +114,7 @@ static void protocol_add_place(struct protocol_line *line, unsigned bit, unsigne
     }
 }
 
-/* Adds the unit and scale, and the range if it differs from that of the type. */
+/* Adds unit and scale, and the range if it is not the range of the type. */
 static void protocol_add_measure(struct protocol_line *line, const struct field *field)
 {
     double scale = field->scale != 0.0 ? field->scale : 1.0;

@@ -12,8 +12,8 @@
 /* Reserved address space for a rig or a robot and its run, bytes; unused pages cost nothing. */
 #define RIG_COMMAND_ARENA ((size_t)1 << 30)
 
-/* Loads a rig into a new arena and calls body. Returns body's exit status, or that of an error,
- * which it prints. name: name of the command. */
+/* Loads a rig into a new arena and calls body. Returns body's exit status. On an error, prints it
+ * and returns its exit status. name: name of the command. */
 int rig_command(const char *name, const char *path, void *options,
                 int (*body)(void *options, const struct rig *rig, struct arena *arena));
 

@@ -17,7 +17,7 @@ struct geom_solid {
 };
 
 /* Computes volume and inertia from semi-axes or half edges, with the shape's factor: 1/5 for an
- * ellipsoid, 1/3 for a box; volume is that of the shape with half edges 1. */
+ * ellipsoid, 1/3 for a box. volume: volume of the shape with half edges 1. */
 static void solid_take_ellipsoid(const double half[3], double volume, struct geom_solid *solid)
 {
     solid->volume = volume * half[0] * half[1] * half[2];

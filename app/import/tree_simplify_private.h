@@ -17,7 +17,7 @@ struct simplifier {
     struct import_robot *out;
     struct error *error;
 
-    int *above;    /* by link: joint of which it is the child, -1 = none */
+    int *above;    /* by link: its parent joint, -1 = none */
     int *order;    /* links, parents first, children in the order of their joints */
     size_t norder; /* excludes the world if the base floats in it */
     bool floats;   /* a floating joint makes the base float */

@@ -198,8 +198,8 @@ static const struct urdf_material *urdf_find_material(const struct urdf_reader *
     return low < r->nmaterial && !strcmp(r->material[low].name, name) ? &r->material[low] : NULL;
 }
 
-/* Reads the color of a <visual>: its own, or that of the named material; adds a note on a material
- * without a color. */
+/* Reads the color of a <visual> from its own <material>, else from the named material. Adds a note
+ * on a material without a color. */
 static void urdf_read_color(const struct urdf_reader *r, const xmlNode *visual,
                             struct import_geometry *shape)
 {
