@@ -30,6 +30,14 @@ void test_register_group(CMFixtureFunction set_up, CMFixtureFunction tear_down);
 }
 #endif
 
+/* Asserts that a function which returns an enum error (base/error.h) succeeded */
+#define assert_ok(result) assert_int_equal(result, ERROR_NONE)
+/* The same, and prints the function's message, an array of char, when it failed */
+#define assert_no_error(result, message)                                                           \
+    if ((result) != ERROR_NONE) {                                                                  \
+        fail_msg("%s", message);                                                                   \
+    }
+
 #define TEST(name) TEST_WITH(name, NULL, NULL)
 #define TEST_WITH(name, set_up, tear_down)                                                         \
     static void name(void **test_state);                                                           \

@@ -20,9 +20,7 @@ static const struct peers *open_peers(struct peers_library *library)
 {
     struct error error;
 
-    if (peers_open(MODULE, library, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(peers_open(MODULE, library, &error), error.text);
     if (library->peers->ndynamics == 0) {
         print_message("SKIP: neither Simbody nor MuJoCo was found when this was built\n");
         skip();
@@ -66,7 +64,7 @@ static void compare_all(const char *path, size_t njoint)
     struct arena arena;
     struct error error;
 
-    assert_int_equal(arena_init(&arena, 1 << 24, &error), ERROR_NONE);
+    assert_ok(arena_init(&arena, 1 << 24, &error));
     if (robot_load(path, NULL, &arena, &robot, &error) ||
         (njoint && bench_part(robot, njoint, &arena, &robot, &error))) {
         fail_msg("%s", error.text);
@@ -110,7 +108,7 @@ TEST(random_trees_move_as_in_every_peer)
     struct error error;
 
     for (int n = 0; n < TREES; n++) {
-        assert_int_equal(random_tree_make(&seed, &tree, &error), ERROR_NONE);
+        assert_ok(random_tree_make(&seed, &tree, &error));
         for (size_t j = 0; j < tree.robot.njoint; j++) {
             tree.joint[j].lower = -3.0;
             tree.joint[j].upper = 3.0;
@@ -144,7 +142,7 @@ TEST(a_wrong_robot_is_noticed)
     struct arena arena;
     struct error error;
 
-    assert_int_equal(arena_init(&arena, 1 << 24, &error), ERROR_NONE);
+    assert_ok(arena_init(&arena, 1 << 24, &error));
     if (robot_load(HIL_SOURCE_DIR "/config/robots/coman.yaml", NULL, &arena, &robot, &error) ||
         bench_part(robot, robot->njoint, &arena, &other, &error)) {
         fail_msg("%s", error.text);
@@ -179,9 +177,7 @@ TEST(the_chain_of_bodies_starts_in_line)
     char message[512];
     struct error error;
 
-    if (peers_open(MODULE, &library, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(peers_open(MODULE, &library, &error), error.text);
     if (library.peers->npendulum == 0) {
         print_message("SKIP: ODE was not found when this was built\n");
         skip();

@@ -43,9 +43,7 @@ static bool run(const char *command)
 
 static void must(enum error_code code, const struct error *error)
 {
-    if (code) {
-        fail_msg("%s", error->text);
-    }
+    assert_no_error(code, error->text);
 }
 
 static void configure(const char *name, struct interface_settings settings)

@@ -44,9 +44,9 @@ TEST(weight_bends_what_is_held)
     const struct motor_sense *motor;
 
     arm_init(&arm, true);
-    assert_int_equal(plant_reset(arm.plant, NULL, NULL, level), ERROR_NONE);
+    assert_ok(plant_reset(arm.plant, NULL, NULL, level));
     plant_clamp(arm.plant, true);
-    assert_int_equal(plant_sample(arm.plant), ERROR_NONE);
+    assert_ok(plant_sample(arm.plant));
     motor = plant_sensors(arm.plant)->motor;
     assert_near(motor[0].bending_nm[0], 9.81 * UPPER * 0.05, 1e-12);
     assert_near(motor[0].bending_nm[1], 0.0, 1e-12);
@@ -56,8 +56,8 @@ TEST(weight_bends_what_is_held)
 
     /* Nobody asked */
     arm_init(&arm, false);
-    assert_int_equal(plant_reset(arm.plant, NULL, NULL, level), ERROR_NONE);
-    assert_int_equal(plant_sample(arm.plant), ERROR_NONE);
+    assert_ok(plant_reset(arm.plant, NULL, NULL, level));
+    assert_ok(plant_sample(arm.plant));
     assert_near(plant_sensors(arm.plant)->motor[0].bending_nm[0], 0.0, 0.0);
     arena_fini(&arm.arena);
 }
@@ -70,15 +70,15 @@ TEST(joint_bears_what_a_sensor_in_it_feels)
     double *rates, most = 0.0;
 
     arm_init(&arm, true);
-    assert_int_equal(plant_reset(arm.plant, NULL, NULL, start), ERROR_NONE);
+    assert_ok(plant_reset(arm.plant, NULL, NULL, start));
     rates = arm.state + 2;
     rates[0] = 6.0;
     rates[1] = -9.0;
     for (int k = 0; k < 300; k++) {
         const struct plant_sensors *sensors = plant_sensors(arm.plant);
 
-        assert_int_equal(plant_step(arm.plant, 1), ERROR_NONE);
-        assert_int_equal(plant_sample(arm.plant), ERROR_NONE);
+        assert_ok(plant_step(arm.plant, 1));
+        assert_ok(plant_sample(arm.plant));
         for (int i = 0; i < 2; i++) {
             assert_near(sensors->motor[1].bending_nm[i], -sensors->ft[0].torque_nm[i], 1e-10);
             most = fmax(most, fabs(sensors->motor[1].bending_nm[i]));

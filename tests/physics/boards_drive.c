@@ -52,8 +52,8 @@ static void tick(struct bench *bench)
     struct bus_frame frames[256];
 
     boards_control(bench->boards, plant_time_ns(bench->rig.plant), plant_command(bench->rig.plant));
-    assert_int_equal(plant_step(bench->rig.plant, TICK_NS / SUBSTEP_NS), ERROR_NONE);
-    assert_int_equal(plant_sample(bench->rig.plant), ERROR_NONE);
+    assert_ok(plant_step(bench->rig.plant, TICK_NS / SUBSTEP_NS));
+    assert_ok(plant_sample(bench->rig.plant));
     boards_sample(bench->boards, plant_time_ns(bench->rig.plant), plant_sensors(bench->rig.plant));
     boards_transmit(bench->boards, plant_time_ns(bench->rig.plant), 0, frames, 256);
 }
@@ -75,7 +75,7 @@ static void start(struct bench *bench, const struct protocol *protocol)
     plant_rig_walker(&bench->rig, false, SUBSTEP_NS);
     plant_clamp(bench->rig.plant, true);
     plant_rig_reset(&bench->rig, 1.0);
-    assert_int_equal(plant_sample(bench->rig.plant), ERROR_NONE);
+    assert_ok(plant_sample(bench->rig.plant));
     bench->protocol = protocol;
     bench->sea = bench->rig.toy.joint[HIP].sea;
     for (int i = 0; i < BOARD_AXES_MAX; i++) {
@@ -93,11 +93,9 @@ static void start(struct bench *bench, const struct protocol *protocol)
         .winding_h = bench->sea.L,
         .bemf_v_s_rad = bench->sea.Kw,
     };
-    assert_int_equal(arena_init(&bench->arena, 1 << 23, &error), ERROR_NONE);
+    assert_ok(arena_init(&bench->arena, 1 << 23, &error));
     bus.described = protocol->text ? protocol_file(protocol->name) : NULL;
-    if (boards_create(&config, &bench->arena, &bench->boards, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(boards_create(&config, &bench->arena, &bench->boards, &error), error.text);
     boards_sample(bench->boards, plant_time_ns(bench->rig.plant), plant_sensors(bench->rig.plant));
 }
 

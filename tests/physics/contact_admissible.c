@@ -101,18 +101,16 @@ TEST(a_walk_is_within_the_cone)
     struct error error;
     char notice[256];
 
-    assert_int_equal(arena_init(&arena, (size_t)1 << 28, &error), ERROR_NONE);
-    assert_int_equal(
-        rig_load(HIL_SOURCE_DIR "/config/rigs/coman-compact-imu.yaml", &arena, &rig, &error),
-        ERROR_NONE);
+    assert_ok(arena_init(&arena, (size_t)1 << 28, &error));
+    assert_ok(rig_load(HIL_SOURCE_DIR "/config/rigs/coman-compact-imu.yaml", &arena, &rig, &error));
     w.rig = *rig;
     walk = *rig->walk;
     walk.begin_s = 2.5;
     walk.forward_m_s = 0.3;
     w.rig.walk = &walk;
     config.hold = rig->hold;
-    assert_int_equal(simulator_create(&config, &arena, &w.simulator, notice, &error), ERROR_NONE);
-    assert_int_equal(simulator_start(w.simulator, &report, &error), ERROR_NONE);
+    assert_ok(simulator_create(&config, &arena, &w.simulator, notice, &error));
+    assert_ok(simulator_start(w.simulator, &report, &error));
     simulator_run(w.simulator);
     expect_admissible("walk", &w.seen);
     simulator_destroy(w.simulator);
@@ -153,14 +151,14 @@ static void fall(int number, struct seen *seen, double off[2])
     double before[3], after[3], impulse[2][3] = {{0.0}}, *rates;
     size_t count;
 
-    assert_int_equal(plant_reset(scene.plant, position, turn, rig->joint), ERROR_NONE);
+    assert_ok(plant_reset(scene.plant, position, turn, rig->joint));
     rates = plant_state(scene.plant, &count) + scene.robot->nq;
     rates[BASE_V_LINEAR + number % 2] = 2.0;
     rates[BASE_V_ANGULAR + number % 3] = 6.0;
     find_momentum(before);
     for (int k = 0; k < FALL_MS; k++) {
-        assert_int_equal(plant_step(scene.plant, scene.steps), ERROR_NONE);
-        assert_int_equal(plant_sample(scene.plant), ERROR_NONE);
+        assert_ok(plant_step(scene.plant, scene.steps));
+        assert_ok(plant_sample(scene.plant));
         look_at_patches(scene.plant, &rig->contact, seen);
         for (size_t c = 0; c < rig->contact.nbody; c++) {
             const double *force = plant_contact_wrenches(scene.plant)[c].force;
@@ -220,14 +218,12 @@ static double drop_peak(enum plant_integrator integrator, int64_t substep_ns, do
     body = robot_find_body(scene.robot, "RFoot");
     memcpy(position, scene.rig->base_position, sizeof position);
     position[2] += 0.1;
-    assert_int_equal(
-        plant_reset(scene.plant, position, scene.rig->base_quaternion, scene.rig->joint),
-        ERROR_NONE);
+    assert_ok(plant_reset(scene.plant, position, scene.rig->base_quaternion, scene.rig->joint));
     *at_ticks = 0.0;
     for (int k = 0; k < 200; k++) {
         for (size_t n = 0; n < scene.steps; n++) {
-            assert_int_equal(plant_step(scene.plant, 1), ERROR_NONE);
-            assert_int_equal(plant_sample(scene.plant), ERROR_NONE);
+            assert_ok(plant_step(scene.plant, 1));
+            assert_ok(plant_sample(scene.plant));
             for (size_t c = 0; c < scene.rig->contact.nbody; c++) {
                 if (scene.rig->contact_body[c] == body) {
                     peak = fmax(peak, plant_contact_peaks(scene.plant)[c]);

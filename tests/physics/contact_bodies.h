@@ -183,9 +183,8 @@ static inline struct bodies make(const struct scene *scene, double mass)
     struct bodies b = {.count = scene->config.nbody};
     struct error error = {0};
 
-    if (contact_native_create(&scene->config, &arena, &b.world, &error) != ERROR_NONE) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(contact_native_create(&scene->config, &arena, &b.world, &error) != ERROR_NONE,
+                    error.text);
     for (size_t n = 0; n < b.count; n++) {
         b.mass[n] = mass;
         b.inertia[n] = mass * 0.0225 / 6; /* of a cube of 15 cm */

@@ -39,9 +39,9 @@ static inline struct contact_world *fixture_native(const struct scene *scene)
     struct contact_world *world = NULL;
     struct error error = {0};
 
-    if (contact_native_create(&scene->config, &fixture_arena, &world, &error) != ERROR_NONE) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(contact_native_create(&scene->config, &fixture_arena, &world, &error) !=
+                        ERROR_NONE,
+                    error.text);
     return world;
 }
 
@@ -51,9 +51,8 @@ static inline struct contact_world *fixture_simbody(const struct scene *scene)
     struct contact_world *world = NULL;
     struct error error = {0};
 
-    if (contact_simbody_create(&scene->config, &world, &error) != ERROR_NONE) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(contact_simbody_create(&scene->config, &world, &error) != ERROR_NONE,
+                    error.text);
     return world;
 }
 
@@ -92,7 +91,7 @@ static inline const struct mesh *fixture_reshape(const double half[3], int cells
     struct mesh *mesh = arena_alloc(&fixture_arena, 1, sizeof *mesh);
     double(*vertex)[3];
 
-    assert_int_equal(mesh_box(half, cells, &fixture_arena, &box, NULL), ERROR_NONE);
+    assert_ok(mesh_box(half, cells, &fixture_arena, &box, NULL));
     vertex = arena_alloc(&fixture_arena, box->nvertex, sizeof *vertex);
     assert_true(mesh && vertex);
     for (size_t v = 0; v < box->nvertex; v++) {

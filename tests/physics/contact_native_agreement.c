@@ -57,8 +57,8 @@ static void compare(const struct scene *scene, const struct sweep *sweep)
         struct contact_patch theirs = {0}, ours = {0};
 
         draw(&seed, sweep, motion);
-        assert_int_equal(simbody->ops->evaluate(simbody, motion, NULL, expected), ERROR_NONE);
-        assert_int_equal(native->ops->evaluate(native, motion, NULL, wrench), ERROR_NONE);
+        assert_ok(simbody->ops->evaluate(simbody, motion, NULL, expected));
+        assert_ok(native->ops->evaluate(native, motion, NULL, wrench));
         simbody->ops->patches(simbody, &theirs, 1);
         native->ops->patches(native, &ours, 1);
 

@@ -39,9 +39,8 @@ static const struct mesh *read_foot(struct arena *arena)
 {
     const struct mesh *foot;
 
-    assert_int_equal(
-        mesh_read_obj(HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj", arena, &foot, NULL),
-        ERROR_NONE);
+    assert_ok(
+        mesh_read_obj(HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj", arena, &foot, NULL));
     return foot;
 }
 
@@ -51,16 +50,16 @@ TEST(evaluations_and_tangents_allocate_nothing)
     struct scene scene;
     uint64_t seed = 3;
 
-    assert_int_equal(arena_init(&arena, (size_t)64 << 20, NULL), ERROR_NONE);
+    assert_ok(arena_init(&arena, (size_t)64 << 20, NULL));
     everything(&scene, read_foot(&arena));
 
     struct contact_world *world[2];
 
     for (int e = 0; e < 2; e++) {
         scene.config.mesh_law = e > 0 ? CONTACT_ELASTIC_FOUNDATION : CONTACT_PRESSURE_FIELD;
-        assert_int_equal(contact_native_create(&scene.config, &arena, &world[e], NULL), ERROR_NONE);
+        assert_ok(contact_native_create(&scene.config, &arena, &world[e], NULL));
     }
-    assert_int_equal(arena_seal(&arena, false, NULL), ERROR_NONE);
+    assert_ok(arena_seal(&arena, false, NULL));
     for (int i = 0; i < 1000; i++) {
         struct body_motion motion[4];
         struct contact_wrench wrench[4];
@@ -78,7 +77,7 @@ TEST(evaluations_and_tangents_allocate_nothing)
         }
         motion[3].p[0] = 0.03;
         for (int e = 0; e < 2; e++) {
-            assert_int_equal(world[e]->ops->evaluate(world[e], motion, NULL, wrench), ERROR_NONE);
+            assert_ok(world[e]->ops->evaluate(world[e], motion, NULL, wrench));
             assert_true(world[e]->ops->patches(world[e], patch, 8) >= 1);
             assert_true(world[e]->ops->tangents(world[e], tangent, 8) >= 1);
         }
@@ -96,9 +95,9 @@ TEST(an_invalid_motion_is_an_error)
     struct contact_wrench wrench[4];
     struct contact_world *world;
 
-    assert_int_equal(arena_init(&arena, (size_t)16 << 20, NULL), ERROR_NONE);
+    assert_ok(arena_init(&arena, (size_t)16 << 20, NULL));
     everything(&scene, read_foot(&arena));
-    assert_int_equal(contact_native_create(&scene.config, &arena, &world, NULL), ERROR_NONE);
+    assert_ok(contact_native_create(&scene.config, &arena, &world, NULL));
     for (int b = 0; b < 4; b++) {
         scene_place(&motion[b], b, 0, 1);
     }
@@ -106,7 +105,7 @@ TEST(an_invalid_motion_is_an_error)
     assert_int_equal(world->ops->evaluate(world, motion, NULL, wrench), ERROR_INPUT);
     assert_non_null(strstr(world->ops->failure(world), "body 2"));
     motion[2].v[1] = 0;
-    assert_int_equal(world->ops->evaluate(world, motion, NULL, wrench), ERROR_NONE);
+    assert_ok(world->ops->evaluate(world, motion, NULL, wrench));
     assert_int_equal(world->ops->patches(world, NULL, 0), 0);
     arena_fini(&arena);
 }
@@ -117,7 +116,7 @@ TEST(an_arena_that_is_too_small_is_an_error)
     struct scene scene;
     bool made = false;
 
-    assert_int_equal(arena_init(&meshes, (size_t)1 << 20, NULL), ERROR_NONE);
+    assert_ok(arena_init(&meshes, (size_t)1 << 20, NULL));
     everything(&scene, read_foot(&meshes));
     for (size_t size = 4096; !made; size += 8192) {
         struct contact_world *world;
@@ -126,7 +125,7 @@ TEST(an_arena_that_is_too_small_is_an_error)
         enum error_code code;
 
         assert_true(size < (size_t)8 << 20);
-        assert_int_equal(arena_init(&arena, size, NULL), ERROR_NONE);
+        assert_ok(arena_init(&arena, size, NULL));
         code = contact_native_create(&scene.config, &arena, &world, &error);
         made = code == ERROR_NONE;
         assert_true(made || (code == ERROR_MEMORY && error.text[0]));

@@ -64,9 +64,8 @@ static struct contact_world *make(const struct scene *scene, const struct native
     struct contact_world *world = NULL;
     struct error error = {0};
 
-    if (native_create_with_kernels(&scene->config, kernels, &arena, &world, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(native_create_with_kernels(&scene->config, kernels, &arena, &world, &error),
+                    error.text);
     return world;
 }
 
@@ -101,9 +100,9 @@ static void agrees(size_t number)
     other = make(&scene, variant.kernels);
     for (int n = 0; n < POSES; n++) {
         draw(&seed, motion);
-        assert_int_equal(plain->ops->evaluate(plain, motion, NULL, expected), ERROR_NONE);
-        assert_int_equal(other->ops->evaluate(other, motion, NULL, found), ERROR_NONE);
-        assert_int_equal(other->ops->evaluate(other, motion, NULL, again), ERROR_NONE);
+        assert_ok(plain->ops->evaluate(plain, motion, NULL, expected));
+        assert_ok(other->ops->evaluate(other, motion, NULL, found));
+        assert_ok(other->ops->evaluate(other, motion, NULL, again));
         assert_memory_equal(found, again, sizeof found);
         assert_memory_equal(expected, found, sizeof found);
         touching += largest(expected) > 0;
@@ -133,11 +132,9 @@ TEST(the_widest_kernels_that_the_machine_runs_are_taken)
 
     assert_true(widest.runs);
     assert_ptr_equal(native_kernels_used(), widest.kernels);
-    assert_int_equal(instruction_set_hold("plain", &error), ERROR_NONE);
+    assert_ok(instruction_set_hold("plain", &error));
     assert_ptr_equal(native_kernels_used(), contact_variant_at(PLAIN).kernels);
-    assert_int_equal(
-        instruction_set_hold(instruction_set_names[instruction_set_of_machine()], &error),
-        ERROR_NONE);
+    assert_ok(instruction_set_hold(instruction_set_names[instruction_set_of_machine()], &error));
     assert_ptr_equal(native_kernels_used(), widest.kernels);
 }
 

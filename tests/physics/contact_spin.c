@@ -83,7 +83,7 @@ static struct contact_world *make_world(enum contact_friction friction)
     scene_add_pair(&scene, 0, 1);
     scene.config.transition_velocity_m_s = 1e-7;
     scene.config.friction = friction;
-    assert_int_equal(contact_native_create(&scene.config, &arena, &world, NULL), ERROR_NONE);
+    assert_ok(contact_native_create(&scene.config, &arena, &world, NULL));
     return world;
 }
 
@@ -102,9 +102,8 @@ static void brake_disc(struct contact_world *world, double e, struct contact_wre
 
         pair[0] = 0;
         bristles.npair = 1;
-        assert_int_equal(
-            world->ops->evaluate(world, &motion, world->nbristle > 0 ? &bristles : NULL, wrench),
-            ERROR_NONE);
+        assert_ok(
+            world->ops->evaluate(world, &motion, world->nbristle > 0 ? &bristles : NULL, wrench));
         for (int k = 0; k < CONTACT_BRISTLE; k++) {
             y[k] += H * rate[k];
         }

@@ -32,7 +32,7 @@ static const struct mesh *rough_block(void)
     if (block.nvertex > 0) {
         return &block;
     }
-    assert_int_equal(mesh_box(half, 8, &arena, &box, NULL), ERROR_NONE);
+    assert_ok(mesh_box(half, 8, &arena, &box, NULL));
     vertex = arena_alloc(&arena, box->nvertex, sizeof *vertex);
     assert_non_null(vertex);
     for (size_t v = 0; v < box->nvertex; v++) {
@@ -82,9 +82,7 @@ static struct contact_world *make_world(const struct scene *scene)
     struct contact_world *world = NULL;
     struct error error = {0};
 
-    if (contact_native_create(&scene->config, &arena, &world, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(contact_native_create(&scene->config, &arena, &world, &error), error.text);
     return world;
 }
 

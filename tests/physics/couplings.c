@@ -71,7 +71,7 @@ static void wheels_start(struct pair *pair, double q, double error)
 {
     const double joint[2] = {q, TIMES * q + SHIFT + error};
 
-    assert_int_equal(plant_reset(pair->plant, NULL, NULL, joint), ERROR_NONE);
+    assert_ok(plant_reset(pair->plant, NULL, NULL, joint));
 }
 
 /* The error e = q_f - m q_l - o follows e'' = -w^2 e, w^2 = K (1/I_f + m^2/I_l): one swings against
@@ -99,7 +99,7 @@ TEST(wheels_swing_as_the_closed_form)
             const double e = e0 * cos(w * 1e-9 * (double)t), moved = e - e0;
             const double leader = -TIMES * FOLLOWER * moved / (LEADER + TIMES * TIMES * FOLLOWER);
 
-            assert_int_equal(plant_step(pair.plant, 1), ERROR_NONE);
+            assert_ok(plant_step(pair.plant, 1));
             worst = fmax(worst, fabs(coupling_error(&pair.coupling, pair.q) - e) / e0);
             worst = fmax(worst, fabs(pair.q[0] - q0 - leader) / e0);
             drift = fmax(drift, fabs(LEADER * pair.qd[0] + TIMES * FOLLOWER * pair.qd[1]));
@@ -125,10 +125,10 @@ TEST(damper_takes_what_the_spring_had)
 
         wheels_init(&pair, all[i], 200000, K, 0.5);
         wheels_start(&pair, 0.0, e0);
-        assert_int_equal(plant_energy(pair.plant, &energy), ERROR_NONE);
+        assert_ok(plant_energy(pair.plant, &energy));
         assert_near(energy.stored, 0.5 * K * e0 * e0 + 9.81 * 0.5, 1e-12);
-        assert_int_equal(plant_step(pair.plant, 25000), ERROR_NONE);
-        assert_int_equal(plant_energy(pair.plant, &energy), ERROR_NONE);
+        assert_ok(plant_step(pair.plant, 25000));
+        assert_ok(plant_energy(pair.plant, &energy));
         print_message("# integrator %d: lost %.9f of %.9f J, balance %.1e J\n", (int)all[i],
                       energy.spring_damping, 0.5 * K * e0 * e0, energy.balance);
         assert_near(coupling_error(&pair.coupling, pair.q), 0.0, 1e-9);
@@ -153,7 +153,7 @@ TEST(stiff_coupling_is_a_gear)
         wheels_init(&pair, PLANT_IMPLICIT, 1000000, K, 2.0 * sqrt(K * FOLLOWER));
         wheels_start(&pair, 0.0, bend);
         plant_set_push(pair.plant, 1, none, moment);
-        assert_int_equal(plant_step(pair.plant, 1000), ERROR_NONE);
+        assert_ok(plant_step(pair.plant, 1000));
         worst = fmax(worst, fabs(pair.q[0] - 0.5 * exact) / exact);
         worst = fmax(worst, fabs(pair.qd[0] - exact) / exact);
         bent = fmax(bent, fabs(coupling_error(&pair.coupling, pair.q) - bend));
@@ -178,8 +178,8 @@ TEST(stiff_coupling_damps_what_it_cannot_follow)
             for (int k = 0; k < 400; k++) {
                 struct plant_energy energy;
 
-                assert_int_equal(plant_step(pair.plant, 1), ERROR_NONE);
-                assert_int_equal(plant_energy(pair.plant, &energy), ERROR_NONE);
+                assert_ok(plant_step(pair.plant, 1));
+                assert_ok(plant_energy(pair.plant, &energy));
                 energy.stored -= 9.81 * 0.5;
                 assert_true(energy.stored <= last * (1.0 + 1e-9) + 1e-9);
                 last = energy.stored;
@@ -215,12 +215,12 @@ TEST(leader_presses_the_stop_of_its_follower)
         wheels_start(&pair, 0.0, 0.0);
         plant_set_push(pair.plant, 1, none, moment);
         for (int k = 0; k < 20000; k++) {
-            assert_int_equal(plant_step(pair.plant, 1), ERROR_NONE);
+            assert_ok(plant_step(pair.plant, 1));
             deepest[i] = fmax(deepest[i], pair.q[1] - upper);
         }
         assert_near(pair.q[1], upper + press / stop.stiffness, 1e-7);
         assert_near(coupling_error(&pair.coupling, pair.q), -press / K, 1e-7);
-        assert_int_equal(plant_energy(pair.plant, &energy), ERROR_NONE);
+        assert_ok(plant_energy(pair.plant, &energy));
         lost[i] = energy.stop_loss + energy.spring_damping;
         print_message("# integrator %d: %.5f rad deep at the most, %.6f at rest, lost %.5f J, "
                       "balance %.1e J\n",
@@ -248,7 +248,7 @@ TEST(drive_stalls_at_the_stop_of_its_follower)
         wheels_start(&pair, 0.0, 0.0);
         plant_command(pair.plant)->motor[0] =
             (struct motor_command){.bridge_on = true, .voltage_v = volts};
-        assert_int_equal(plant_step(pair.plant, 5000), ERROR_NONE);
+        assert_ok(plant_step(pair.plant, 5000));
         assert_near(pair.q[1], -0.5 - press / 1e5, 1e-6);
         assert_near(coupling_error(&pair.coupling, pair.q), press / 1e6, 1e-6);
         assert_near(pair.qd[0], 0.0, 1e-6);
@@ -341,8 +341,8 @@ TEST(pendulum_moves_as_its_own_equations)
         static const int64_t step[3] = {1000000, 500000, 250000};
 
         pendulum_init(&pair, PLANT_IMPLICIT, step[i]);
-        assert_int_equal(plant_reset(pair.plant, NULL, NULL, start), ERROR_NONE);
-        assert_int_equal(plant_step(pair.plant, (size_t)(1000000000 / step[i])), ERROR_NONE);
+        assert_ok(plant_reset(pair.plant, NULL, NULL, start));
+        assert_ok(plant_step(pair.plant, (size_t)(1000000000 / step[i])));
         for (int k = 0; i == 0 && k < 100000; k++) {
             pendulum_step(&pair.coupling, 1e-5, y);
         }
@@ -355,8 +355,8 @@ TEST(pendulum_moves_as_its_own_equations)
     assert_true(log2(error[0] / error[1]) > 1.8 && log2(error[1] / error[2]) > 1.8);
 
     pendulum_init(&pair, PLANT_DOPRI5, 1000000);
-    assert_int_equal(plant_reset(pair.plant, NULL, NULL, start), ERROR_NONE);
-    assert_int_equal(plant_step(pair.plant, 1000), ERROR_NONE);
+    assert_ok(plant_reset(pair.plant, NULL, NULL, start));
+    assert_ok(plant_step(pair.plant, 1000));
     for (int i = 0; i < 4; i++) {
         assert_near(pair.q[i], y[i], 1e-9);
     }
@@ -384,9 +384,8 @@ TEST(walker_with_couplings_keeps_its_energy)
 
         plant_rig_coupled_walker(&rig, coupling, run[i].integrator, run[i].substep_ns);
         plant_rig_reset(&rig, 0.6);
-        assert_int_equal(plant_step(rig.plant, (size_t)(500000000 / run[i].substep_ns)),
-                         ERROR_NONE);
-        assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+        assert_ok(plant_step(rig.plant, (size_t)(500000000 / run[i].substep_ns)));
+        assert_ok(plant_energy(rig.plant, &energy));
         turnover = energy.motor_friction + energy.spring_damping + energy.parallel_damping +
                    energy.contact_dissipation;
         for (int j = 0; j < 8; j++) {
@@ -425,21 +424,19 @@ TEST(settled_follower_sags_by_its_weight)
     pair.coupling = (struct robot_coupling){
         .follower = 1, .leader = 0, .multiplier = times, .stiffness = K, .damping = 1.0};
     pair_finish(&pair, PLANT_IMPLICIT, 1000000);
-    assert_int_equal(plant_reset(pair.plant, NULL, NULL, start), ERROR_NONE);
-    if (plant_settle(pair.plant, &pair.on.arena, &settled, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_ok(plant_reset(pair.plant, NULL, NULL, start));
+    assert_no_error(plant_settle(pair.plant, &pair.on.arena, &settled, &error), error.text);
 
     /* Positive angles are down: m g c cos(q) = K e */
     weight = 9.81 * 0.2 * cos(pair.q[1]);
     assert_near(pair.q[0], start[0], 0.0);
     assert_near(coupling_error(&pair.coupling, pair.q), weight / K, 1e-9);
-    assert_int_equal(plant_sample(pair.plant), ERROR_NONE);
+    assert_ok(plant_sample(pair.plant));
     assert_near(plant_sensors(pair.plant)->motor[0].torque_nm,
                 -9.81 * 1.5 * 0.2 * cos(start[0]) - times * weight, 1e-9);
     assert_near(plant_sensors(pair.plant)->motor[1].torque_nm, -weight, 1e-9);
     memcpy(before, pair.q, sizeof before);
-    assert_int_equal(plant_step(pair.plant, 2000), ERROR_NONE);
+    assert_ok(plant_step(pair.plant, 2000));
     assert_near(pair.q[0], before[0], 1e-9);
     assert_near(pair.q[1], before[1], 1e-9);
     arena_fini(&pair.on.arena);
@@ -457,10 +454,8 @@ TEST(settled_walker_stands)
     double before[15], moved = 0.0;
 
     plant_rig_coupled_walker(&rig, coupling, PLANT_IMPLICIT, 1000000);
-    assert_int_equal(plant_reset(rig.plant, position, quaternion, joint), ERROR_NONE);
-    if (plant_settle(rig.plant, &rig.arena, &settled, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_ok(plant_reset(rig.plant, position, quaternion, joint));
+    assert_no_error(plant_settle(rig.plant, &rig.arena, &settled, &error), error.text);
     memcpy(before, rig.state, sizeof before);
     for (int i = 0; i < 2; i++) {
         const double bent = coupling_error(&coupling[i], rig.state + 7);
@@ -468,7 +463,7 @@ TEST(settled_walker_stands)
         print_message("# coupling %d is bent by %.2e\n", i, bent);
         assert_true(fabs(bent) > 1e-5 && fabs(bent) < 0.05);
     }
-    assert_int_equal(plant_step(rig.plant, 1000), ERROR_NONE);
+    assert_ok(plant_step(rig.plant, 1000));
     for (int i = 0; i < 15; i++) {
         moved = fmax(moved, fabs(rig.state[i] - before[i]));
     }
@@ -485,11 +480,11 @@ TEST(clamp_holds_couplings)
     wheels_init(&pair, PLANT_IMPLICIT, 1000000, 100.0, 0.1);
     wheels_start(&pair, 0.2, 0.1);
     plant_clamp(pair.plant, true);
-    assert_int_equal(plant_step(pair.plant, 100), ERROR_NONE);
+    assert_ok(plant_step(pair.plant, 100));
     assert_near(coupling_error(&pair.coupling, pair.q), 0.1, 1e-15);
     assert_near(pair.q[0], 0.2, 0.0);
     plant_clamp(pair.plant, false);
-    assert_int_equal(plant_step(pair.plant, 1), ERROR_NONE);
+    assert_ok(plant_step(pair.plant, 1));
     assert_true(pair.qd[1] < 0.0 && pair.qd[0] < 0.0);
     arena_fini(&pair.on.arena);
 }

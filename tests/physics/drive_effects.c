@@ -56,20 +56,19 @@ static void effects_rig_start(struct effects_rig *rig)
     struct error error;
     size_t count;
 
-    assert_int_equal(arena_init(&rig->arena, 1 << 20, &error), ERROR_NONE);
-    assert_int_equal(dynamics_generic(&rig->toy.robot, &rig->arena, &rig->dynamics, &error),
-                     ERROR_NONE);
-    assert_int_equal(plant_create(&rig->config, &rig->arena, &rig->plant, &error), ERROR_NONE);
+    assert_ok(arena_init(&rig->arena, 1 << 20, &error));
+    assert_ok(dynamics_generic(&rig->toy.robot, &rig->arena, &rig->dynamics, &error));
+    assert_ok(plant_create(&rig->config, &rig->arena, &rig->plant, &error));
     rig->state = plant_state(rig->plant, &count);
     rig->drive = rig->state + AT_DRIVE;
     rig->motor = plant_command(rig->plant)->motor;
-    assert_int_equal(plant_reset(rig->plant, NULL, NULL, (const double[1]){0.0}), ERROR_NONE);
+    assert_ok(plant_reset(rig->plant, NULL, NULL, (const double[1]){0.0}));
     plant_clamp(rig->plant, true);
 }
 
 static void step_rig(struct effects_rig *rig, size_t steps)
 {
-    assert_int_equal(plant_step(rig->plant, steps), ERROR_NONE);
+    assert_ok(plant_step(rig->plant, steps));
 }
 
 /* A rotor that hangs on nothing and has no friction. */
@@ -101,7 +100,7 @@ TEST(friction_stops_a_rotor_when_it_should)
         rig.config.substep_ns = MS / (int64_t)per_ms;
         effects_rig_start(&rig);
         rig.drive[DRIVE_MOTOR_SPEED] = v;
-        assert_int_equal(plant_restart_energy(rig.plant), ERROR_NONE);
+        assert_ok(plant_restart_energy(rig.plant));
         for (int k = 1; k <= 300; k++) {
             const double t = 1e-3 * k;
 
@@ -113,7 +112,7 @@ TEST(friction_stops_a_rotor_when_it_should)
             }
         }
         assert_near(rig.drive[DRIVE_MOTOR_POSITION], 0.5 * sea.J * v * v / F, 1e-8);
-        assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+        assert_ok(plant_energy(rig.plant, &energy));
         assert_near(energy.gear_friction, 0.5 * sea.J * v * v, 1e-6);
         assert_near(energy.balance, 0.0, 1e-6);
         arena_fini(&rig.arena);
@@ -270,7 +269,7 @@ TEST(effects_agree_with_a_fine_integration)
             current = fmax(current, fabs(rig.drive[DRIVE_CURRENT] - x.I));
             peak = fmax(peak, fabs(x.I));
         }
-        assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+        assert_ok(plant_energy(rig.plant, &energy));
         turnover = energy.joule_heat + energy.motor_friction + energy.spring_damping +
                    energy.gear_friction + energy.gear_hysteresis;
         print_message("# %s: off by %.1e of %.4f rad, current by %.1e of %.2f A, balance %.1e of "
@@ -309,7 +308,7 @@ static double move_link(enum plant_integrator integrator, int64_t substep_ns, do
         q[k] = rig.state[0];
         I[k] = rig.drive[DRIVE_CURRENT];
     }
-    assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+    assert_ok(plant_energy(rig.plant, &energy));
     arena_fini(&rig.arena);
     return energy.balance /
            (energy.joule_heat + energy.motor_friction + energy.gear_friction + energy.bridge_loss);
@@ -365,7 +364,7 @@ TEST(backlash_is_crossed_in_its_time)
     effects_rig_begin(&rig, sea, (struct robot_effects){.backlash = play});
     effects_rig_start(&rig);
     rig.drive[DRIVE_MOTOR_SPEED] = v;
-    assert_int_equal(plant_restart_energy(rig.plant), ERROR_NONE);
+    assert_ok(plant_restart_energy(rig.plant));
     for (int k = 1; k <= 1000; k++) {
         double x;
 
@@ -383,7 +382,7 @@ TEST(backlash_is_crossed_in_its_time)
     print_message("# %d crossings in %.5f s, exact %.5f\n", crossings, last, crossings * half);
     assert_true(crossings > 10);
     assert_near(last, crossings * half, 1e-3 * last);
-    assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+    assert_ok(plant_energy(rig.plant, &energy));
     assert_near(energy.stored, 0.5 * sea.J * v * v, 2e-3 * 0.5 * sea.J * v * v);
     arena_fini(&rig.arena);
 }
@@ -471,7 +470,7 @@ TEST(kinematic_error_bends_the_spring)
                     1e-3 * sin(200.0 * rig.drive[DRIVE_MOTOR_POSITION] + 0.3),
                 0.0, 1e-15); /* relaxed at the start */
     rig.drive[DRIVE_MOTOR_POSITION] = 0.05;
-    assert_int_equal(plant_sample(rig.plant), ERROR_NONE);
+    assert_ok(plant_sample(rig.plant));
     assert_near(plant_sensors(rig.plant)->motor[0].torque_nm,
                 395.46 * (0.05 + 1e-3 * sin(200.0 * 0.05 + 0.3)), 1e-12);
     arena_fini(&rig.arena);
@@ -494,7 +493,7 @@ TEST(freewheeling_current_decays_against_the_supply)
     effects_rig_start(&rig);
     rig.drive[DRIVE_CURRENT] = I0;
     rig.motor[0].condition = DRIVE_JAM;
-    assert_int_equal(plant_restart_energy(rig.plant), ERROR_NONE);
+    assert_ok(plant_restart_energy(rig.plant));
     for (int k = 1; k <= 40; k++) {
         const double t = 5e-5 * k;
 
@@ -508,7 +507,7 @@ TEST(freewheeling_current_decays_against_the_supply)
     }
     /* L I0 = U t + R Q */
     charge = (sea.L * I0 - U * end) / sea.R;
-    assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+    assert_ok(plant_energy(rig.plant, &energy));
     assert_near(energy.electrical_in, -48.0 * charge, 1e-3 * 48.0 * charge);
     assert_near(energy.bridge_loss, 1.4 * charge, 1e-3 * 1.4 * charge);
     assert_near(energy.balance, 0.0, 1e-3 * 48.0 * charge);
@@ -580,9 +579,9 @@ TEST(bridges_lose_what_their_ripple_and_switching_take)
             (struct motor_command){.bridge_on = true, .voltage_v = V, .condition = DRIVE_JAM};
         step_rig(&rig, 200);
         assert_near(rig.drive[DRIVE_CURRENT], I, 1e-9);
-        assert_int_equal(plant_restart_energy(rig.plant), ERROR_NONE);
+        assert_ok(plant_restart_energy(rig.plant));
         step_rig(&rig, 1000);
-        assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+        assert_ok(plant_energy(rig.plant, &energy));
         assert_near(energy.joule_heat, sea.R * square, 1e-6 * energy.joule_heat);
         assert_near(energy.bridge_loss, R_b * square + switched, 1e-6 * energy.joule_heat);
         assert_near(energy.electrical_in, energy.joule_heat + energy.bridge_loss,
@@ -628,7 +627,7 @@ TEST(windings_warm_up_as_two_bodies)
                         1e-5);
         }
     }
-    assert_int_equal(plant_sample(rig.plant), ERROR_NONE);
+    assert_ok(plant_sample(rig.plant));
     assert_true(plant_sensors(rig.plant)->motor[0].winding_c == rig.state[AT_EFFECT + 1]);
     arena_fini(&rig.arena);
 }

@@ -46,7 +46,7 @@ static uint64_t swing_robot(struct plant_energy *energy)
     rig_scene_init(&scene, &real);
     rig_scene_settle(&scene);
     plant_clamp(scene.plant, false);
-    assert_int_equal(plant_restart_energy(scene.plant), ERROR_NONE);
+    assert_ok(plant_restart_energy(scene.plant));
     for (int k = 0; k < 2000; k++) {
         double swing = 2e-3 * sin(2.0 * M_PI * 2.0 * 1e-3 * k);
 
@@ -60,7 +60,7 @@ static uint64_t swing_robot(struct plant_energy *energy)
             hottest = fmax(hottest, plant_sensors(scene.plant)->motor[j].winding_c);
         }
     }
-    assert_int_equal(plant_energy(scene.plant, energy), ERROR_NONE);
+    assert_ok(plant_energy(scene.plant, energy));
     hash = plant_hash(scene.plant);
     print_message(
         "# bus %.2f to %.2f V, windings to %.2f degree C; gear friction %.3f J, hysteresis "

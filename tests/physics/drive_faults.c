@@ -29,8 +29,8 @@ static const struct motor_sense *hip(const struct plant_rig *rig)
 /* Of SUBSTEP_NS each */
 static void run(struct plant_rig *rig, int milliseconds)
 {
-    assert_int_equal(plant_step(rig->plant, (size_t)(milliseconds * STEPS_A_MS)), ERROR_NONE);
-    assert_int_equal(plant_sample(rig->plant), ERROR_NONE);
+    assert_ok(plant_step(rig->plant, (size_t)(milliseconds * STEPS_A_MS)));
+    assert_ok(plant_sample(rig->plant));
 }
 
 static struct motor_command *start(struct plant_rig *rig, enum plant_integrator integrator)
@@ -234,7 +234,7 @@ TEST(energy_that_breaks_away_counts_as_friction)
             command->motor[j].condition = 0;
         }
         run(&rig, 250);
-        assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+        assert_ok(plant_energy(rig.plant, &energy));
         assert_true(energy.electrical_in > 1.0);
         assert_close(energy.balance, 0.0, 1e-6);
         plant_rig_fini(&rig);
@@ -271,7 +271,7 @@ static struct plant *make_weak(struct plant_rig *rig, double ohm)
     struct plant *plant;
     struct error error;
 
-    assert_int_equal(plant_create(&config, &rig->arena, &plant, &error), ERROR_NONE);
+    assert_ok(plant_create(&config, &rig->arena, &plant, &error));
     plant_clamp(plant, true);
     return plant;
 }
@@ -286,15 +286,15 @@ TEST(supply_sags_under_the_power_that_the_bridges_take)
 
     plant_rig_walker_with(&rig, false, PLANT_RK4, SUBSTEP_NS, 0.0);
     plant = make_weak(&rig, 0.5);
-    assert_int_equal(plant_reset(plant, position, quaternion, joint), ERROR_NONE);
+    assert_ok(plant_reset(plant, position, quaternion, joint));
     assert_true(plant_sensors(plant)->supply_v == 48.0);
     for (size_t j = 0; j < rig.toy.robot.njoint; j++) {
         plant_command(plant)->motor[j] =
             (struct motor_command){.bridge_on = true, .voltage_v = 6.64, .condition = DRIVE_JAM};
         power += rig.toy.joint[j].sea.present ? 6.64 * 10.0 : 0.0;
     }
-    assert_int_equal(plant_step(plant, 300), ERROR_NONE);
-    assert_int_equal(plant_sample(plant), ERROR_NONE);
+    assert_ok(plant_step(plant, 300));
+    assert_ok(plant_sample(plant));
     supply = plant_sensors(plant)->supply_v;
     assert_true(supply < 44.0 && supply > 24.0);
     assert_close(supply, 48.0 - 0.5 * power / supply, 1e-6);
@@ -329,7 +329,7 @@ TEST(braking_drives_lift_the_supply)
 
     plant_rig_walker_with(&rig, false, PLANT_RK4, SUBSTEP_NS, 0.0);
     plant = make_weak(&rig, 0.5);
-    assert_int_equal(plant_reset(plant, position, quaternion, joint), ERROR_NONE);
+    assert_ok(plant_reset(plant, position, quaternion, joint));
     state = plant_state(plant, &count);
     drives = rig.toy.robot.nq + rig.toy.robot.nv;
     for (size_t j = 0; j < rig.toy.robot.njoint; j++) {
@@ -341,8 +341,8 @@ TEST(braking_drives_lift_the_supply)
             drives += 3;
         }
     }
-    assert_int_equal(plant_step(plant, 1), ERROR_NONE);
-    assert_int_equal(plant_sample(plant), ERROR_NONE);
+    assert_ok(plant_step(plant, 1));
+    assert_ok(plant_sample(plant));
     for (size_t j = 0; j < rig.toy.robot.njoint; j++) {
         power += 10.0 * plant_sensors(plant)->motor[j].current_a;
     }
@@ -371,9 +371,9 @@ TEST(a_braking_rotor_gives_energy_back)
         motor->voltage_v = 4.1;
         rig.state[drive + DRIVE_MOTOR_SPEED] = 10.0;
         from = rig.state[drive + DRIVE_MOTOR_POSITION];
-        assert_int_equal(plant_restart_energy(rig.plant), ERROR_NONE);
+        assert_ok(plant_restart_energy(rig.plant));
         run(&rig, 20);
-        assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+        assert_ok(plant_energy(rig.plant, &energy));
         expected = -4.1 / sea->Kt *
                    (sea->J * (10.0 - rig.state[drive + DRIVE_MOTOR_SPEED]) -
                     sea->Dm * (rig.state[drive + DRIVE_MOTOR_POSITION] - from));

@@ -108,12 +108,12 @@ static void place_at_random(struct rig_scene *scene, const struct drop *drop, do
     position[0] = top > 0 ? 1.3 : 0; /* the bump's middle */
     position[2] = top + middle_height - lowest_of(scene, body) +
                   (drop->high - middle_height) * random_number(seed);
-    assert_int_equal(plant_reset(scene->plant, position, quaternion, joint), ERROR_NONE);
+    assert_ok(plant_reset(scene->plant, position, quaternion, joint));
     state = plant_state(scene->plant, &count);
     for (size_t i = 0; i < 6; i++) {
         state[robot->nq + i] = (i < 3 ? drop->speed : drop->rate) * random_number(seed);
     }
-    assert_int_equal(plant_restart_energy(scene->plant), ERROR_NONE);
+    assert_ok(plant_restart_energy(scene->plant));
 }
 
 /* A place where nothing touches. */
@@ -204,7 +204,7 @@ static struct fall run_fall(struct rig_scene *scene, const struct drop *drop, do
             fail_msg("fall %llu, %d ms: %s", (unsigned long long)seed, ms,
                      plant_failure(scene->plant));
         }
-        assert_int_equal(plant_energy(scene->plant, &energy), ERROR_NONE);
+        assert_ok(plant_energy(scene->plant, &energy));
         if (!isfinite(energy.stored)) {
             fail_msg("fall %llu, %d ms: the energy is not finite", (unsigned long long)seed, ms);
         }

@@ -19,7 +19,7 @@ static void step(struct free_rig *rig, size_t steps)
     if (plant_step(rig->plant, steps) != ERROR_NONE) {
         fail_msg("%s", plant_failure(rig->plant));
     }
-    assert_int_equal(plant_sample(rig->plant), ERROR_NONE);
+    assert_ok(plant_sample(rig->plant));
 }
 
 /* ---- where it is ---- */
@@ -185,7 +185,7 @@ static void tumble(int64_t substep_ns, double error[3])
     for (int i = 0; i < 3; i++) {
         error[1] = fmax(error[1], fabs(L[i] - L0[i]) / norm);
     }
-    assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+    assert_ok(plant_energy(rig.plant, &energy));
     error[2] = fabs(energy.balance) / energy.stored;
     print_message("# h = %lld us: spin off by %.2e rad/s of %.0f, angular momentum by %.1e, energy "
                   "by %.1e; turned over %d times\n",
@@ -246,7 +246,7 @@ TEST(push_moves_and_turns_it)
         assert_near(local[i], expected[i], 1e-6);
         assert_near(rig.free[10 + i], 0.0, 0.0); /* the other body feels nothing */
     }
-    assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+    assert_ok(plant_energy(rig.plant, &energy));
     assert_true(energy.push_work > work); /* and what turned it */
     assert_near(energy.balance, 0.0, 1e-15);
     free_rig_fini(&rig);
@@ -292,7 +292,7 @@ TEST(bouncing_body_and_falling_robot_balance_their_energies)
         step(&rig, 20);
         top = k > 400 && rig.free[2] > z ? fmax(top, rig.free[2]) : top;
     }
-    assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+    assert_ok(plant_energy(rig.plant, &energy));
     turnover = energy.joule_heat + energy.motor_friction + energy.spring_damping +
                energy.parallel_damping + energy.contact_dissipation;
     print_message("# balance %.1e J of %.2f J; the box bounced to %.3f m\n", energy.balance,
@@ -357,8 +357,8 @@ TEST(mean_force_is_the_momentum_received)
         double before[3], mean[3];
 
         memcpy(before, rig.free + PLANT_FREE_VELOCITY, sizeof before);
-        assert_int_equal(plant_step(rig.plant, 10), ERROR_NONE);
-        assert_int_equal(plant_sample(rig.plant), ERROR_NONE);
+        assert_ok(plant_step(rig.plant, 10));
+        assert_ok(plant_sample(rig.plant));
         plant_contact_mean(rig.plant, 1, mean);
         for (int i = 0; i < 3; i++) {
             const double force =
@@ -384,7 +384,7 @@ TEST(energy_goes_between_robot_and_box)
     rig.tie.d = 0.0;
     free_rig_start(&rig);
     step(&rig, 20000);
-    assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+    assert_ok(plant_energy(rig.plant, &energy));
     print_message("# balance %.1e J, contact %.1e J of %.1f J stored\n", energy.balance,
                   energy.contact_dissipation, energy.stored);
     assert_near(energy.balance, 0.0, 1e-6);
@@ -457,7 +457,7 @@ static void assert_refused(const struct free_rig *rig, const char *words)
     struct plant *plant = NULL;
     struct error error = {0};
 
-    assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
+    assert_ok(arena_init(&arena, 1 << 20, &error));
     assert_int_equal(plant_create(&rig->config, &arena, &plant, &error), ERROR_INPUT);
     if (!strstr(error.text, words)) {
         fail_msg("\"%s\" does not say \"%s\"", error.text, words);
@@ -520,7 +520,7 @@ TEST(reports_every_lack_of_memory)
         struct plant *plant;
 
         assert_true(room < 1 << 20);
-        assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
+        assert_ok(arena_init(&arena, 1 << 20, &error));
         arena.capacity = room;
         code = plant_create(&rig.config, &arena, &plant, &error);
         assert_true(code == ERROR_NONE || code == ERROR_MEMORY);

@@ -131,7 +131,7 @@ static inline void free_rig_begin(struct free_rig *rig, size_t nfree, int64_t su
     struct error error;
 
     memset(rig, 0, sizeof *rig);
-    assert_int_equal(arena_init(&rig->arena, 1 << 22, &error), ERROR_NONE);
+    assert_ok(arena_init(&rig->arena, 1 << 22, &error));
     for (size_t b = 0; b < nfree; b++) {
         rig->body[b] = free_rig_box();
     }
@@ -202,12 +202,11 @@ static inline void free_rig_start(struct free_rig *rig)
     struct error error;
 
     if (!rig->dynamics.ops) {
-        assert_int_equal(dynamics_generic(&rig->toy.robot, &rig->arena, &rig->dynamics, &error),
-                         ERROR_NONE);
+        assert_ok(dynamics_generic(&rig->toy.robot, &rig->arena, &rig->dynamics, &error));
     }
-    assert_int_equal(plant_create(&rig->config, &rig->arena, &rig->plant, &error), ERROR_NONE);
+    assert_ok(plant_create(&rig->config, &rig->arena, &rig->plant, &error));
     rig->state = plant_state(rig->plant, &rig->count);
-    assert_int_equal(plant_reset(rig->plant, position, quaternion, joint), ERROR_NONE);
+    assert_ok(plant_reset(rig->plant, position, quaternion, joint));
     rig->free = rig->state + rig->toy.robot.nq + rig->toy.robot.nv;
     for (size_t j = 0; j < rig->toy.robot.njoint; j++) {
         rig->free += rig->toy.joint[j].sea.present ? 3 : 0;

@@ -39,7 +39,7 @@ static void bench_begin(struct bench *b, struct robot_sea sea, struct robot_effe
     b->state = b->on.state;
     b->motor = b->on.motor;
     b->drive = b->state + AT_DRIVE;
-    assert_int_equal(plant_reset(b->plant, NULL, NULL, (const double[1]){0.0}), ERROR_NONE);
+    assert_ok(plant_reset(b->plant, NULL, NULL, (const double[1]){0.0}));
 }
 
 static void bench_end(struct bench *b)
@@ -131,12 +131,12 @@ TEST(share_of_the_motor_slows_its_start)
     b.drive[DRIVE_CURRENT] = I;
     b.motor->bridge_on = true;
     b.motor->voltage_v = sea.R * I;
-    assert_int_equal(plant_restart_energy(b.plant), ERROR_NONE);
+    assert_ok(plant_restart_energy(b.plant));
     for (int k = 1; k <= 200; k++) {
-        assert_int_equal(plant_step(b.plant, 1), ERROR_NONE);
+        assert_ok(plant_step(b.plant, 1));
         assert_near(b.drive[DRIVE_MOTOR_SPEED], rate * 1e-3 * k, 1e-9 * rate);
     }
-    assert_int_equal(plant_energy(b.plant, &energy), ERROR_NONE);
+    assert_ok(plant_energy(b.plant, &energy));
     assert_near(energy.gear_friction, (F + a * M) * b.drive[DRIVE_MOTOR_POSITION], 1e-6);
     assert_near(energy.balance, 0.0, 1e-6);
     bench_end(&b);
@@ -156,7 +156,7 @@ TEST(friction_by_load_holds_exactly)
     b.drive[DRIVE_CURRENT] = 2.5 / sea.Kt;
     for (int k = 0; k < 10000; k++) {
         b.motor->voltage_v = sea.R / sea.Kt * (2.5 + sin(0.05 * k));
-        assert_int_equal(plant_step(b.plant, 1), ERROR_NONE);
+        assert_ok(plant_step(b.plant, 1));
         assert_true(b.drive[DRIVE_MOTOR_POSITION] == 0.03);
     }
     bench_end(&b);
@@ -178,12 +178,12 @@ TEST(integrators_agree_on_a_swinging_link)
         b.motor->bridge_on = true;
         for (int k = 0; k < 400; k++) {
             b.motor->voltage_v = 20.0 * sin(0.02 * k);
-            assert_int_equal(plant_step(b.plant, per_ms), ERROR_NONE);
+            assert_ok(plant_step(b.plant, per_ms));
             if (k % 100 == 99) {
                 q[n][k / 100] = b.state[0];
             }
         }
-        assert_int_equal(plant_energy(b.plant, &energy), ERROR_NONE);
+        assert_ok(plant_energy(b.plant, &energy));
         assert_near(energy.balance, 0.0, 5e-3 * energy.electrical_in);
         bench_end(&b);
     }

@@ -56,7 +56,7 @@ static void scene_init(struct scene *scene, const char *name, enum plant_integra
 
     memset(scene, 0, sizeof *scene);
     snprintf(path, sizeof path, "%s/config/rigs/%s.yaml", HIL_SOURCE_DIR, name);
-    assert_int_equal(arena_init(&scene->arena, (size_t)64 << 20, &error), ERROR_NONE);
+    assert_ok(arena_init(&scene->arena, (size_t)64 << 20, &error));
     if (rig_load(path, &scene->arena, &scene->rig, &error) ||
         robot_copy(scene->rig->robot, &scene->arena, &scene->robot, &error)) {
         fail_msg("%s", error.text);
@@ -70,11 +70,8 @@ static void scene_init(struct scene *scene, const char *name, enum plant_integra
         config.integrator = scene->rig->integrator;
         substep_ns = scene->rig->substep_ns;
     }
-    assert_int_equal(
-        contact_native_create(&scene->rig->contact, &scene->arena, &scene->contact, &error),
-        ERROR_NONE);
-    assert_int_equal(dynamics_generic(scene->robot, &scene->arena, &scene->dynamics, &error),
-                     ERROR_NONE);
+    assert_ok(contact_native_create(&scene->rig->contact, &scene->arena, &scene->contact, &error));
+    assert_ok(dynamics_generic(scene->robot, &scene->arena, &scene->dynamics, &error));
     config.robot = scene->robot;
     config.dynamics = &scene->dynamics;
     config.free = scene->rig->free;
@@ -84,12 +81,9 @@ static void scene_init(struct scene *scene, const char *name, enum plant_integra
     config.ncontact = scene->rig->contact.nbody;
     config.substep_ns = substep_ns;
     config.supply_v = scene->rig->supply_v;
-    if (plant_create(&config, &scene->arena, &scene->plant, &error)) {
-        fail_msg("%s", error.text);
-    }
-    assert_int_equal(plant_reset(scene->plant, scene->rig->base_position,
-                                 scene->rig->base_quaternion, scene->rig->joint),
-                     ERROR_NONE);
+    assert_no_error(plant_create(&config, &scene->arena, &scene->plant, &error), error.text);
+    assert_ok(plant_reset(scene->plant, scene->rig->base_position, scene->rig->base_quaternion,
+                          scene->rig->joint));
     scene->steps = (size_t)(1000000 / substep_ns);
 }
 
@@ -200,8 +194,8 @@ static void perform_one(struct scene *scene, int k, struct sample *sample)
 {
     follow_path(scene, 1e-3 * k);
     drive(scene);
-    assert_int_equal(plant_step(scene->plant, scene->steps), ERROR_NONE);
-    assert_int_equal(plant_sample(scene->plant), ERROR_NONE);
+    assert_ok(plant_step(scene->plant, scene->steps));
+    assert_ok(plant_sample(scene->plant));
     observe(scene, sample);
 }
 

@@ -154,7 +154,7 @@ TEST(steps_of_voltage_agree_with_dopri5)
         rig.config.integrator = run == 2 ? PLANT_DOPRI5 : PLANT_IMPLICIT;
         rig.config.substep_ns = MS / (int64_t)parts[run];
         run_voltages(&rig, q[run], p[run], parts[run]);
-        assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+        assert_ok(plant_energy(rig.plant, &energy));
         print_message("# run %d: in %g J, orifices %g, leakage %g, friction %g, relief %g, balance "
                       "%g, supply %g bar\n",
                       run, energy.hydraulic_in, energy.orifice_loss, energy.leakage_loss,
@@ -197,7 +197,7 @@ TEST(a_positive_voltage_turns_the_joint_positively)
         rig.motor->voltage_v = 3.0;
         step_oil(&rig, 20);
         q[side] = rig.state[0];
-        assert_int_equal(plant_sample(rig.plant), ERROR_NONE);
+        assert_ok(plant_sample(rig.plant));
         assert_near(plant_sensors(rig.plant)->motor[0].voltage_v, 3.0, 1e-12);
         assert_true(plant_sensors(rig.plant)->motor[0].valve_opening * (side ? -1.0 : 1.0) > 0.25);
         arena_fini(&rig.arena);

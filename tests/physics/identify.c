@@ -119,11 +119,9 @@ static void session_load(struct session *s, const struct way *way)
 
     snprintf(text, sizeof text, rig_file, way->personality, way->torque_board ? torque_board : "");
     write_text("arm.yaml", text);
-    assert_int_equal(arena_init(&s->arena, 1 << 28, &error), ERROR_NONE);
+    assert_ok(arena_init(&s->arena, 1 << 28, &error));
     s->input = (struct task_input){NULL, NULL};
-    if (rig_load(path_of("arm.yaml"), &s->arena, &s->rig, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(rig_load(path_of("arm.yaml"), &s->arena, &s->rig, &error), error.text);
 }
 
 static const struct task *session_run(struct session *s, const char *task,
@@ -141,10 +139,9 @@ static const struct task *session_run(struct session *s, const char *task,
     struct error error;
     char notice[256];
 
-    if (simulator_create(&config, &s->arena, &s->simulator, notice, &error)) {
-        fail_msg("%s", error.text);
-    }
-    assert_int_equal(simulator_start(s->simulator, &report, &error), ERROR_NONE);
+    assert_no_error(simulator_create(&config, &s->arena, &s->simulator, notice, &error),
+                    error.text);
+    assert_ok(simulator_start(s->simulator, &report, &error));
     simulator_run(s->simulator);
     task_runner_read(simulator_task_runner(s->simulator), &s->status);
     print_message("# %s: %s\n", s->rig->name, s->status.message);
@@ -350,10 +347,9 @@ TEST(a_joint_follows_within_the_bound)
         write_swing("swing.csv", i % 2 ? "deg" : "rad", i % 2 ? 180 / M_PI : 1);
         strcpy(path, path_of("swing.csv"));
         session_load(&s, &ways[i]);
-        if (rig_read_trajectory(s.rig, path, TRAJECTORY_CUBIC, &s.arena, &s.input.trajectory,
-                                &error)) {
-            fail_msg("%s", error.text);
-        }
+        assert_no_error(rig_read_trajectory(s.rig, path, TRAJECTORY_CUBIC, &s.arena,
+                                            &s.input.trajectory, &error),
+                        error.text);
         bound = follow_bound(s.input.trajectory);
         measure_swing(s.input.trajectory, &rate, &acceleration);
         task = session_run(&s, "follow", NULL, 0);
@@ -381,9 +377,8 @@ TEST(too_large_an_error_fails)
     write_swing("swing.csv", "rad", 1);
     strcpy(path, path_of("swing.csv"));
     session_load(&s, &ways[0]);
-    assert_int_equal(
-        rig_read_trajectory(s.rig, path, TRAJECTORY_LINEAR, &s.arena, &s.input.trajectory, &error),
-        ERROR_NONE);
+    assert_ok(
+        rig_read_trajectory(s.rig, path, TRAJECTORY_LINEAR, &s.arena, &s.input.trajectory, &error));
     session_run(&s, "follow", setting, 1);
     assert_int_equal(s.status.status, TASK_FAILED);
     assert_non_null(strstr(s.status.message, "allowed are 0.001 rad"));
@@ -400,9 +395,8 @@ TEST(a_drive_is_not_asked_for_more_than_it_reaches)
     strcpy(path, path_of("fast.csv"));
     session_load(&s, &ways[0]);
     write_text("fast.csv", "time_s,yaw_rad\n0,0\n0.1,1.19\n");
-    assert_int_equal(
-        rig_read_trajectory(s.rig, path, TRAJECTORY_LINEAR, &s.arena, &s.input.trajectory, &error),
-        ERROR_NONE);
+    assert_ok(
+        rig_read_trajectory(s.rig, path, TRAJECTORY_LINEAR, &s.arena, &s.input.trajectory, &error));
     write_text("fast.csv", "time_s,yaw_rad\n0,0\n0.1,1.21\n");
     assert_int_equal(
         rig_read_trajectory(s.rig, path, TRAJECTORY_LINEAR, &s.arena, &s.input.trajectory, &error),

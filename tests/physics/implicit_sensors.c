@@ -243,7 +243,7 @@ TEST(a_state_that_was_set_is_sensed_by_the_laws)
     to = plant_state(set.plant, &same);
     assert_int_equal(count, same);
     memcpy(to, from, count * sizeof *to);
-    assert_int_equal(plant_sample(set.plant), ERROR_NONE);
+    assert_ok(plant_sample(set.plant));
     of_step = plant_sensors(stepped.plant);
     of_laws = plant_sensors(set.plant);
     assert_int_equal(of_step->nft, of_laws->nft);
@@ -252,11 +252,11 @@ TEST(a_state_that_was_set_is_sensed_by_the_laws)
     assert_true(shear > 1e-6);
 
     /* Sampled twice it is the same; set to the same values, or pushed by nothing, see above */
-    assert_int_equal(plant_sample(stepped.plant), ERROR_NONE);
+    assert_ok(plant_sample(stepped.plant));
     assert_true(fabs(of_step->ft[0].force_n[0] - of_laws->ft[0].force_n[0]) == shear);
     to[7] = from[7] = from[7] + 1e-9;
-    assert_int_equal(plant_sample(stepped.plant), ERROR_NONE);
-    assert_int_equal(plant_sample(set.plant), ERROR_NONE);
+    assert_ok(plant_sample(stepped.plant));
+    assert_ok(plant_sample(set.plant));
     assert_memory_equal(of_step->ft, of_laws->ft, of_step->nft * sizeof *of_step->ft);
     assert_memory_equal(&of_step->imu, &of_laws->imu, sizeof of_step->imu);
 
@@ -266,7 +266,7 @@ TEST(a_state_that_was_set_is_sensed_by_the_laws)
     rig_scene_hold(&stepped);
     from = plant_state(stepped.plant, &count);
     memcpy(to, from, count * sizeof *to);
-    assert_int_equal(plant_sample(set.plant), ERROR_NONE);
+    assert_ok(plant_sample(set.plant));
     assert_memory_equal(of_step->ft, of_laws->ft, of_step->nft * sizeof *of_step->ft);
     assert_memory_equal(&of_step->imu, &of_laws->imu, sizeof of_step->imu);
     rig_scene_fini(&stepped);
@@ -287,8 +287,8 @@ TEST(a_state_that_was_handed_out_moves_as_another)
     for (int k = 0; k < 300; k++) {
         rig_scene_hold(&own);
         rig_scene_hold(&handed_out);
-        assert_int_equal(plant_sample(own.plant), ERROR_NONE);
-        assert_int_equal(plant_sample(handed_out.plant), ERROR_NONE);
+        assert_ok(plant_sample(own.plant));
+        assert_ok(plant_sample(handed_out.plant));
         assert_int_equal(plant_hash(own.plant), plant_hash(handed_out.plant));
     }
     rig_scene_fini(&own);

@@ -69,15 +69,15 @@ static double drive_radius(double link, double rotor)
     sea->J = link * link / (rotor * rotor);
     sea->Ds = sea->Dm = 0.0;
     toy_finish(&toy);
-    assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
-    assert_int_equal(dynamics_generic(&toy.robot, &arena, &dynamics, &error), ERROR_NONE);
-    assert_int_equal(plant_create(&config, &arena, &plant, &error), ERROR_NONE);
+    assert_ok(arena_init(&arena, 1 << 20, &error));
+    assert_ok(dynamics_generic(&toy.robot, &arena, &dynamics, &error));
+    assert_ok(plant_create(&config, &arena, &plant, &error));
     state = plant_state(plant, &count);
     assert_int_equal(count, 5);
     for (size_t j = 0; j < count; j++) {
-        assert_int_equal(plant_reset(plant, NULL, NULL, (const double[1]){0.0}), ERROR_NONE);
+        assert_ok(plant_reset(plant, NULL, NULL, (const double[1]){0.0}));
         state[j] = 1e-3;
-        assert_int_equal(plant_step(plant, 1), ERROR_NONE);
+        assert_ok(plant_step(plant, 1));
         for (size_t i = 0; i < count; i++) {
             A[i][j] = 1e3 * state[i];
         }

@@ -515,7 +515,7 @@ static struct differences compare_files(const char *path, const struct robot *ro
     if (own_inertias) {
         give_inertias(m, data, robot);
     }
-    assert_int_equal(dynamics_generic(robot, &arena, &dynamics, NULL), ERROR_NONE);
+    assert_ok(dynamics_generic(robot, &arena, &dynamics, NULL));
     d.joints = m->njnt;
     for (int i = 0; i < states; i++) {
         compare_state(m, data, &dynamics, &d);
@@ -745,12 +745,12 @@ static void plant_move_hand(const struct robot *robot, enum plant_integrator int
     size_t count;
 
     config.dynamics = &dynamics;
-    assert_int_equal(dynamics_generic(robot, &arena, &dynamics, &error), ERROR_NONE);
-    assert_int_equal(plant_create(&config, &arena, &plant, &error), ERROR_NONE);
-    assert_int_equal(plant_reset(plant, NULL, NULL, q), ERROR_NONE);
+    assert_ok(dynamics_generic(robot, &arena, &dynamics, &error));
+    assert_ok(plant_create(&config, &arena, &plant, &error));
+    assert_ok(plant_reset(plant, NULL, NULL, q));
     state = plant_state(plant, &count);
     memcpy(state + robot->nq, v, robot->nv * sizeof *v);
-    assert_int_equal(plant_step(plant, HAND_MS), ERROR_NONE);
+    assert_ok(plant_step(plant, HAND_MS));
     memcpy(end, state, robot->njoint * sizeof *end);
 }
 
@@ -918,9 +918,7 @@ static void file_is_that_of_mujoco(void **state)
     struct error error;
 
     (void)state;
-    if (robot_load(hand_robot, NULL, &arena, &robot, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(robot_load(hand_robot, NULL, &arena, &robot, &error), error.text);
     for (int own = 0; own < 2; own++) {
         dice = random_named(1, "hand");
         d = compare_files(hand_file, robot, 100, own);

@@ -50,12 +50,12 @@ void oil_rig_start(struct toy_plant *rig, double q)
         rig->motor[j].bridge_on = true;
         angle[j] = q;
     }
-    assert_int_equal(plant_reset(rig->plant, NULL, NULL, angle), ERROR_NONE);
+    assert_ok(plant_reset(rig->plant, NULL, NULL, angle));
 }
 
 void step_oil(struct toy_plant *rig, size_t steps)
 {
-    assert_int_equal(plant_step(rig->plant, steps), ERROR_NONE);
+    assert_ok(plant_step(rig->plant, steps));
 }
 
 struct robot_hydraulic_supply constant_supply(void)

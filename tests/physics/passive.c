@@ -61,12 +61,12 @@ TEST(wheel_swings_as_the_closed_form)
 
             sprung_init(&sprung, run[i].integrator, run[i].substep_ns, 0.0, passive,
                         (struct robot_sea){0});
-            assert_int_equal(plant_reset(sprung.plant, NULL, NULL, &joint), ERROR_NONE);
+            assert_ok(plant_reset(sprung.plant, NULL, NULL, &joint));
             for (int64_t ns = run[i].substep_ns; ns <= 1000000000; ns += run[i].substep_ns) {
                 const double t = 1e-9 * (double)ns;
                 const double x = x0 * exp(-a * t) * (cos(w * t) + a / w * sin(w * t));
 
-                assert_int_equal(plant_step(sprung.plant, 1), ERROR_NONE);
+                assert_ok(plant_step(sprung.plant, 1));
                 worst = fmax(worst, fabs(sprung.state[0] - REST - x) / x0);
             }
             print_message("# integrator %d, %lld ns, D %g: off by %.1e of the amplitude\n",
@@ -89,11 +89,11 @@ TEST(damper_takes_what_the_spring_had)
 
         sprung_init(&sprung, all[i], 200000, 0.0, (struct robot_passive){K, 0.5, REST},
                     (struct robot_sea){0});
-        assert_int_equal(plant_reset(sprung.plant, NULL, NULL, &joint), ERROR_NONE);
-        assert_int_equal(plant_energy(sprung.plant, &energy), ERROR_NONE);
+        assert_ok(plant_reset(sprung.plant, NULL, NULL, &joint));
+        assert_ok(plant_energy(sprung.plant, &energy));
         assert_near(energy.stored, stored, 1e-12);
-        assert_int_equal(plant_step(sprung.plant, 50000), ERROR_NONE);
-        assert_int_equal(plant_energy(sprung.plant, &energy), ERROR_NONE);
+        assert_ok(plant_step(sprung.plant, 50000));
+        assert_ok(plant_energy(sprung.plant, &energy));
         assert_near(sprung.state[0], REST, 1e-9);
         assert_near(energy.spring_damping, stored, 2e-4 * stored);
         assert_near(energy.balance, 0.0, 2e-4 * stored);
@@ -112,16 +112,14 @@ TEST(settled_arm_hangs_on_its_spring)
 
     sprung_init(&sprung, PLANT_IMPLICIT, 1000000, arm, (struct robot_passive){K, 1.0, REST},
                 (struct robot_sea){0});
-    assert_int_equal(plant_reset(sprung.plant, NULL, NULL, &start), ERROR_NONE);
-    if (plant_settle(sprung.plant, &sprung.arena, &settled, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_ok(plant_reset(sprung.plant, NULL, NULL, &start));
+    assert_no_error(plant_settle(sprung.plant, &sprung.arena, &settled, &error), error.text);
     assert_near(K * (sprung.state[0] - REST), 2.0 * 9.81 * arm * cos(sprung.state[0]), 1e-8);
-    assert_int_equal(plant_sample(sprung.plant), ERROR_NONE);
+    assert_ok(plant_sample(sprung.plant));
     assert_near(plant_sensors(sprung.plant)->motor[0].torque_nm, -K * (sprung.state[0] - REST),
                 1e-12);
     before = sprung.state[0];
-    assert_int_equal(plant_step(sprung.plant, 2000), ERROR_NONE);
+    assert_ok(plant_step(sprung.plant, 2000));
     assert_near(sprung.state[0], before, 1e-9);
     arena_fini(&sprung.arena);
 }
@@ -136,15 +134,13 @@ TEST(cable_helps_the_drive)
 
     sprung_init(&sprung, PLANT_IMPLICIT, 1000000, arm, (struct robot_passive){K, 0.1, REST},
                 toy_drive(400.0));
-    assert_int_equal(plant_reset(sprung.plant, NULL, NULL, &start), ERROR_NONE);
-    if (plant_settle(sprung.plant, &sprung.arena, &settled, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_ok(plant_reset(sprung.plant, NULL, NULL, &start));
+    assert_no_error(plant_settle(sprung.plant, &sprung.arena, &settled, &error), error.text);
     assert_near(sprung.state[0], start, 0.0);
-    assert_int_equal(plant_sample(sprung.plant), ERROR_NONE);
+    assert_ok(plant_sample(sprung.plant));
     assert_near(plant_sensors(sprung.plant)->motor[0].torque_nm,
                 K * (start - REST) - 2.0 * 9.81 * arm * cos(start), 1e-9);
-    assert_int_equal(plant_step(sprung.plant, 2000), ERROR_NONE);
+    assert_ok(plant_step(sprung.plant, 2000));
     assert_near(sprung.state[0], start, 1e-9);
     arena_fini(&sprung.arena);
 }

@@ -21,7 +21,7 @@ TEST(contact_failure_leaves_the_last_good_substep)
         plant_rig_reset(&rig, 0.52);
         memcpy(good, rig.state, rig.count * sizeof *good);
         if (n > 3) {
-            assert_int_equal(plant_step(rig.plant, 1), ERROR_NONE);
+            assert_ok(plant_step(rig.plant, 1));
             memcpy(good, rig.state, rig.count * sizeof *good);
             plant_rig_reset(&rig, 0.52);
         }
@@ -31,7 +31,7 @@ TEST(contact_failure_leaves_the_last_good_substep)
         assert_string_equal(plant_failure(rig.plant), "the toy ground gave way");
         assert_int_equal(plant_time_ns(rig.plant), expected);
         assert_memory_equal(rig.state, good, rig.count * sizeof *good);
-        assert_int_equal(plant_step(rig.plant, 5), ERROR_NONE); /* and it can go on */
+        assert_ok(plant_step(rig.plant, 5)); /* and it can go on */
         plant_rig_fini(&rig);
     }
 }
@@ -56,19 +56,19 @@ TEST(contact_is_evaluated_once_for_a_motion)
     assert_true(first[0].force[2] > 0.0);
 
     /* The sensors again, the energies, and the first of the four stages of a step */
-    assert_int_equal(plant_sample(rig.plant), ERROR_NONE);
-    assert_int_equal(plant_restart_energy(rig.plant), ERROR_NONE);
+    assert_ok(plant_sample(rig.plant));
+    assert_ok(plant_restart_energy(rig.plant));
     assert_int_equal(rig.ground.evaluations, before);
     assert_memory_equal(plant_contact_wrenches(rig.plant), first, sizeof first);
-    assert_int_equal(plant_step(rig.plant, 1), ERROR_NONE);
+    assert_ok(plant_step(rig.plant, 1));
     assert_int_equal(rig.ground.evaluations, before + 3);
     assert_int_equal(plant_contact_cost(rig.plant)->evaluations, before + 3);
 
     /* A motion that differs in one velocity */
-    assert_int_equal(plant_sample(rig.plant), ERROR_NONE);
+    assert_ok(plant_sample(rig.plant));
     before = rig.ground.evaluations;
     rig.state[rig.toy.robot.nq + BASE_V_LINEAR] += 1e-9;
-    assert_int_equal(plant_sample(rig.plant), ERROR_NONE);
+    assert_ok(plant_sample(rig.plant));
     assert_int_equal(rig.ground.evaluations, before + 1);
     plant_rig_fini(&rig);
 }
@@ -93,10 +93,10 @@ TEST(contact_is_timed_by_the_clock_that_is_given)
 
     plant_rig_walker(&rig, true, 100000);
     assert_int_equal(plant_contact_cost(rig.plant)->spent_ns, 0);
-    assert_int_equal(plant_create(&config, &rig.arena, &rig.plant, &error), ERROR_NONE);
+    assert_ok(plant_create(&config, &rig.arena, &rig.plant, &error));
     plant_rig_reset(&rig, 0.52);
     assert_int_equal(clock, 20);
-    assert_int_equal(plant_step(rig.plant, 2), ERROR_NONE);
+    assert_ok(plant_step(rig.plant, 2));
     assert_int_equal(plant_contact_cost(rig.plant)->evaluations, 8);
     assert_int_equal(plant_contact_cost(rig.plant)->spent_ns, 80);
 
@@ -115,7 +115,7 @@ TEST(contact_failure_reaches_sample_energy_and_reset)
 
     plant_rig_walker(&rig, true, 100000);
     plant_rig_reset(&rig, 0.52);
-    assert_int_equal(plant_step(rig.plant, 1), ERROR_NONE);
+    assert_ok(plant_step(rig.plant, 1));
     rig.ground.fail_at = rig.ground.evaluations + 1;
     assert_int_equal(plant_sample(rig.plant), ERROR_SYSTEM);
     assert_int_equal(plant_sensors(rig.plant)->time_ns, 0); /* the last good sample */

@@ -21,7 +21,7 @@ static struct plant_energy energy_now(struct plant_rig *rig)
 {
     struct plant_energy energy;
 
-    assert_int_equal(plant_energy(rig->plant, &energy), ERROR_NONE);
+    assert_ok(plant_energy(rig->plant, &energy));
     print_message(
         "# in %.3f J, pretension %.4f, push %.4f; joule %.3f, friction %.4f, springs %.4f, "
         "ropes %.4f, stops %.4f, contact %.4f; stored %.3f; balance %.2e (%.1e of the turnover)\n",
@@ -47,7 +47,7 @@ static void run_ticks(struct plant_rig *rig, int ticks, size_t steps)
             command->motor[j].bridge_on = true;
             command->motor[j].voltage_v = 12.0 * sin((0.012 + 7e-4 * (double)j) * k);
         }
-        assert_int_equal(plant_step(rig->plant, steps), ERROR_NONE);
+        assert_ok(plant_step(rig->plant, steps));
     }
 }
 
@@ -95,7 +95,7 @@ TEST(gap_of_the_balance_falls_with_the_fourth_power_of_the_step)
         plant_rig_reset(&rig, 1.0);
         for (int k = 0; k < 300; k++) {
             plant_rig_random_voltages(&rig, 20.0);
-            assert_int_equal(plant_step(rig.plant, (size_t)(1000000 / substep_ns)), ERROR_NONE);
+            assert_ok(plant_step(rig.plant, (size_t)(1000000 / substep_ns)));
         }
         energy = energy_now(&rig);
         gap = fabs(energy.balance) / turnover(&energy);
@@ -128,7 +128,7 @@ static struct plant_energy pull_push_and_open(enum plant_integrator integrator, 
         }
         command->motor[1].pretension_m = 0.02 * cos(0.03 * k);
         command->motor[4].pretension_m = -0.01 * sin(0.02 * k);
-        assert_int_equal(plant_step(rig.plant, (size_t)(1000000 / substep_ns)), ERROR_NONE);
+        assert_ok(plant_step(rig.plant, (size_t)(1000000 / substep_ns)));
     }
     energy = energy_now(&rig);
     assert_true(fabs(energy.pretension_work) > 0.01 && fabs(energy.push_work) > 1.0);
@@ -170,14 +170,14 @@ TEST(opening_bridge_turns_its_magnetic_energy_to_heat)
         command->motor[j].bridge_on = false;
         command->motor[j].voltage_v = 48.0;
     }
-    assert_int_equal(plant_restart_energy(rig.plant), ERROR_NONE);
-    assert_int_equal(plant_energy(rig.plant, &before), ERROR_NONE);
-    assert_int_equal(plant_step(rig.plant, 1), ERROR_NONE); /* one nanosecond */
-    assert_int_equal(plant_energy(rig.plant, &after), ERROR_NONE);
+    assert_ok(plant_restart_energy(rig.plant));
+    assert_ok(plant_energy(rig.plant, &before));
+    assert_ok(plant_step(rig.plant, 1)); /* one nanosecond */
+    assert_ok(plant_energy(rig.plant, &after));
     assert_near(after.joule_heat, magnetic, 1e-12);
     assert_near(after.electrical_in, 0.0, 0.0);
     assert_near(before.stored - after.stored, magnetic, 1e-9);
-    assert_int_equal(plant_sample(rig.plant), ERROR_NONE);
+    assert_ok(plant_sample(rig.plant));
     for (size_t j = 0; j < 7; j++) {
         assert_near(plant_sensors(rig.plant)->motor[j].current_a, 0.0, 0.0);
         assert_near(plant_sensors(rig.plant)->motor[j].voltage_v, 0.0, 0.0);
@@ -196,8 +196,8 @@ TEST(contact_dissipation_only_grows)
     for (int k = 0; k < 300; k++) {
         struct plant_energy energy;
 
-        assert_int_equal(plant_step(rig.plant, 10), ERROR_NONE);
-        assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+        assert_ok(plant_step(rig.plant, 10));
+        assert_ok(plant_energy(rig.plant, &energy));
         assert_true(energy.contact_dissipation >= last - 1e-6);
         last = energy.contact_dissipation;
     }
@@ -216,7 +216,7 @@ static void smooth_run(int64_t substep_ns, double *state, size_t max)
             .bridge_on = true, .voltage_v = j % 2 ? 12.0 : -9.0, .pretension_m = 1.0};
     }
     plant_rig_reset(&rig, 1.0);
-    assert_int_equal(plant_step(rig.plant, (size_t)(100000000 / substep_ns)), ERROR_NONE);
+    assert_ok(plant_step(rig.plant, (size_t)(100000000 / substep_ns)));
     assert_true(rig.count <= max);
     memcpy(state, rig.state, rig.count * sizeof *state);
     plant_rig_fini(&rig);

@@ -40,10 +40,9 @@ static inline void plant_rig_start(struct plant_rig *rig, bool on_ground,
         config.ncontact = 2;
     }
     rig->random = 88172645463325252u;
-    assert_int_equal(arena_init(&rig->arena, 1 << 22, &error), ERROR_NONE);
-    assert_int_equal(dynamics_generic(&rig->toy.robot, &rig->arena, &rig->dynamics, &error),
-                     ERROR_NONE);
-    assert_int_equal(plant_create(&config, &rig->arena, &rig->plant, &error), ERROR_NONE);
+    assert_ok(arena_init(&rig->arena, 1 << 22, &error));
+    assert_ok(dynamics_generic(&rig->toy.robot, &rig->arena, &rig->dynamics, &error));
+    assert_ok(plant_create(&config, &rig->arena, &rig->plant, &error));
     rig->state = plant_state(rig->plant, &rig->count);
 }
 
@@ -110,7 +109,7 @@ static inline void plant_rig_reset(struct plant_rig *rig, double height)
     static const double joint[8] = {-0.4, 0.8, -0.4, -0.35, 0.75, -0.4, 0.2, 0.05};
     const double position[3] = {0.1, -0.2, height};
 
-    assert_int_equal(plant_reset(rig->plant, position, quaternion, joint), ERROR_NONE);
+    assert_ok(plant_reset(rig->plant, position, quaternion, joint));
 }
 
 /* Every bridge on, with a random voltage of at most limit. */

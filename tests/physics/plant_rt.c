@@ -26,7 +26,7 @@ static void step_and_sample(enum plant_integrator integrator, bool coupled)
         plant_rig_walker_with(&rig, true, integrator, 100000, 0.0);
     }
     plant_rig_reset(&rig, 0.52);
-    assert_int_equal(arena_seal(&rig.arena, false, &error), ERROR_NONE);
+    assert_ok(arena_seal(&rig.arena, false, &error));
     before = counted_calls();
     for (int k = 0; k < 100 && code == ERROR_NONE; k++) {
         plant_rig_random_voltages(&rig, 20.0);
@@ -38,7 +38,7 @@ static void step_and_sample(enum plant_integrator integrator, bool coupled)
         plant_hash(rig.plant);
     }
     assert_int_equal(counted_calls() - before, 0);
-    assert_int_equal(code, ERROR_NONE);
+    assert_ok(code);
     plant_rig_fini(&rig);
 }
 
@@ -64,7 +64,7 @@ TEST(free_bodies_allocate_nothing)
     free_rig_walker_on_ground(&rig, 100000);
     rig.body[0].position[2] = 0.08;
     free_rig_start(&rig);
-    assert_int_equal(arena_seal(&rig.arena, false, &error), ERROR_NONE);
+    assert_ok(arena_seal(&rig.arena, false, &error));
     before = counted_calls();
     for (int k = 0; k < 100 && code == ERROR_NONE; k++) {
         plant_clamp(rig.plant, k % 3 == 0);
@@ -76,6 +76,6 @@ TEST(free_bodies_allocate_nothing)
         plant_hash(rig.plant);
     }
     assert_int_equal(counted_calls() - before, 0);
-    assert_int_equal(code, ERROR_NONE);
+    assert_ok(code);
     free_rig_fini(&rig);
 }

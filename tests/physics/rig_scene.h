@@ -71,9 +71,7 @@ static inline void rig_scene_reset(struct rig_scene *scene)
 {
     const struct rig *rig = scene->rig;
 
-    assert_int_equal(
-        plant_reset(scene->plant, rig->base_position, rig->base_quaternion, rig->joint),
-        ERROR_NONE);
+    assert_ok(plant_reset(scene->plant, rig->base_position, rig->base_quaternion, rig->joint));
 }
 
 static inline void rig_scene_init(struct rig_scene *scene, const struct rig_scene_choice *choice)
@@ -87,11 +85,9 @@ static inline void rig_scene_init(struct rig_scene *scene, const struct rig_scen
     struct error error = {0};
     char path[512];
 
-    assert_int_equal(arena_init(&scene->arena, (size_t)128 << 20, &error), ERROR_NONE);
+    assert_ok(arena_init(&scene->arena, (size_t)128 << 20, &error));
     snprintf(path, sizeof path, "%s/config/rigs/%s", HIL_SOURCE_DIR, choice->file);
-    if (rig_load(path, &scene->arena, &scene->rig, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(rig_load(path, &scene->arena, &scene->rig, &error), error.text);
     scene->robot = scene->rig->robot;
     assert_true(scene->robot->njoint <= RIG_SCENE_JOINTS);
     if (choice->below) {
@@ -107,10 +103,8 @@ static inline void rig_scene_init(struct rig_scene *scene, const struct rig_scen
     if (choice->regularized) {
         contact.friction = CONTACT_FRICTION_REGULARIZED;
     }
-    assert_int_equal(contact_native_create(&contact, &scene->arena, &scene->contact, &error),
-                     ERROR_NONE);
-    assert_int_equal(dynamics_generic(scene->robot, &scene->arena, &scene->dynamics, &error),
-                     ERROR_NONE);
+    assert_ok(contact_native_create(&contact, &scene->arena, &scene->contact, &error));
+    assert_ok(dynamics_generic(scene->robot, &scene->arena, &scene->dynamics, &error));
     config.robot = scene->robot;
     config.dynamics = &scene->dynamics;
     config.free = scene->rig->free;
@@ -121,9 +115,7 @@ static inline void rig_scene_init(struct rig_scene *scene, const struct rig_scen
     config.supply_v = scene->rig->supply_v;
     config.supply_ohm = scene->rig->supply_ohm;
     config.bus = scene->rig->supply_bus;
-    if (plant_create(&config, &scene->arena, &scene->plant, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(plant_create(&config, &scene->arena, &scene->plant, &error), error.text);
     scene->steps = (size_t)(1000000 / choice->substep_ns);
     rig_scene_reset(scene);
 }
@@ -139,9 +131,7 @@ static inline struct settled rig_scene_settle(struct rig_scene *scene)
     struct settled settled;
     struct error error = {0};
 
-    if (plant_settle(scene->plant, &scene->arena, &settled, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(plant_settle(scene->plant, &scene->arena, &settled, &error), error.text);
     for (size_t j = 0; j < scene->robot->njoint; j++) {
         scene->reference[j] = plant_sensors(scene->plant)->motor[j].qm;
         scene->holding[j] = plant_command(scene->plant)->motor[j].voltage_v;
@@ -160,8 +150,8 @@ static inline void rig_scene_hold(struct rig_scene *scene)
         command->motor[j].voltage_v =
             scene->holding[j] + 200.0 * (scene->reference[j] - motor[j].qm);
     }
-    assert_int_equal(plant_step(scene->plant, scene->steps), ERROR_NONE);
-    assert_int_equal(plant_sample(scene->plant), ERROR_NONE);
+    assert_ok(plant_step(scene->plant, scene->steps));
+    assert_ok(plant_sample(scene->plant));
 }
 
 /* Contact motion of a body of the robot or, from robot->nbody on, a free one. */

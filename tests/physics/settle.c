@@ -103,27 +103,21 @@ static enum error_code yard_settle(struct yard *yard)
         body[b] = 2 + (int)b;
     }
     toy_finish(&yard->toy);
-    assert_int_equal(arena_init(&yard->arena, 16 << 20, &yard->error), ERROR_NONE);
-    assert_int_equal(
-        dynamics_generic(&yard->toy.robot, &yard->arena, &yard->dynamics, &yard->error),
-        ERROR_NONE);
-    if (yard->nblock > 0 &&
-        contact_native_create(&contact, &yard->arena, &yard->contact, &yard->error)) {
-        fail_msg("%s", yard->error.text);
-    }
+    assert_ok(arena_init(&yard->arena, 16 << 20, &yard->error));
+    assert_ok(dynamics_generic(&yard->toy.robot, &yard->arena, &yard->dynamics, &yard->error));
+    assert_no_error(yard->nblock > 0 &&
+                        contact_native_create(&contact, &yard->arena, &yard->contact, &yard->error),
+                    yard->error.text);
     config.contact = yard->contact;
-    if (plant_create(&config, &yard->arena, &yard->plant, &yard->error)) {
-        fail_msg("%s", yard->error.text);
-    }
-    assert_int_equal(plant_reset(yard->plant, NULL, NULL, &yard->joint), ERROR_NONE);
+    assert_no_error(plant_create(&config, &yard->arena, &yard->plant, &yard->error),
+                    yard->error.text);
+    assert_ok(plant_reset(yard->plant, NULL, NULL, &yard->joint));
     return plant_settle(yard->plant, &yard->arena, &yard->settled, &yard->error);
 }
 
 static void yard_settle_well(struct yard *yard)
 {
-    if (yard_settle(yard)) {
-        fail_msg("%s", yard->error.text);
-    }
+    assert_no_error(yard_settle(yard), yard->error.text);
 }
 
 static void yard_fini(struct yard *yard)
@@ -138,7 +132,7 @@ static void assert_stays(struct yard *yard, double tolerance)
 
     for (size_t b = 0; b < yard->nblock; b++) {
         plant_free_pose(yard->plant, b, before);
-        assert_int_equal(plant_step(yard->plant, 300), ERROR_NONE);
+        assert_ok(plant_step(yard->plant, 300));
         plant_free_pose(yard->plant, b, after);
         for (int i = 0; i < 7; i++) {
             assert_near(after[i], before[i], tolerance);
@@ -289,8 +283,8 @@ TEST(arm_hangs_on_its_spring_and_current)
     assert_near(motor->qm - motor->q, torque / sea->Ks, 1e-12);
     assert_near(motor->current_a, torque / sea->Kt, 1e-12);
     assert_near(plant_command(yard.plant)->motor[0].voltage_v, sea->R * torque / sea->Kt, 1e-12);
-    assert_int_equal(plant_step(yard.plant, 500), ERROR_NONE);
-    assert_int_equal(plant_sample(yard.plant), ERROR_NONE);
+    assert_ok(plant_step(yard.plant, 500));
+    assert_ok(plant_sample(yard.plant));
     assert_near(motor->q, 0.3, 1e-9);
     yard_fini(&yard);
 }
@@ -362,7 +356,7 @@ TEST(blocks_on_a_slope_settle_with_their_bristles_bent)
         yard_settle_well(&yard);
         plant_free_pose(yard.plant, 0, pose);
         for (int k = 0; k < 100; k++) {
-            assert_int_equal(plant_step(yard.plant, 1), ERROR_NONE);
+            assert_ok(plant_step(yard.plant, 1));
             for (size_t b = 0; b < nblock; b++) {
                 const double *force = plant_contact_wrenches(yard.plant)[b].force;
                 const double *v = plant_free_motion(yard.plant)[b].v;
@@ -463,7 +457,7 @@ static void assert_refused(struct yard *yard, const char *name, const char *reas
     assert_non_null(strstr(yard->error.text, name));
     assert_non_null(strstr(yard->error.text, reason));
     after = plant_hash(yard->plant);
-    assert_int_equal(plant_reset(yard->plant, NULL, NULL, &yard->joint), ERROR_NONE);
+    assert_ok(plant_reset(yard->plant, NULL, NULL, &yard->joint));
     before = plant_hash(yard->plant);
     assert_true(before == after);
     assert_false(plant_command(yard->plant)->motor[0].bridge_on);

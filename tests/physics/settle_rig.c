@@ -162,15 +162,15 @@ TEST(a_jig_keeps_the_springs_loaded_until_it_lets_go)
         for (size_t j = 0; j < scene.robot->njoint; j++) {
             plant_command(scene.plant)->motor[j].bridge_on = false;
         }
-        assert_int_equal(plant_step(scene.plant, 50 * scene.steps), ERROR_NONE);
-        assert_int_equal(plant_sample(scene.plant), ERROR_NONE);
+        assert_ok(plant_step(scene.plant, 50 * scene.steps));
+        assert_ok(plant_sample(scene.plant));
         assert_near(rig_scene_feet(&scene), weight_of(&scene), 1e-6);
         for (size_t j = 0; j < scene.robot->njoint; j++) {
             assert_true(motor[j].q == before[j].q && motor[j].qm == before[j].qm);
             assert_near(motor[j].torque_nm, before[j].torque_nm, 1e-12);
             assert_near(motor[j].current_a, 0.0, 0.0);
         }
-        assert_int_equal(plant_energy(scene.plant, &energy), ERROR_NONE);
+        assert_ok(plant_energy(scene.plant, &energy));
         assert_near(energy.balance, 0.0, 1e-12);
         hold(&scene, 20); /* the currents come back while the clamp still holds */
         plant_clamp(scene.plant, false);
@@ -193,8 +193,8 @@ TEST(resetting_takes_the_jig_off_the_rotors)
     assert_true(plant_is_clamped(scene.plant));
     plant_command(scene.plant)->motor[0] =
         (struct motor_command){.bridge_on = true, .voltage_v = 1.0};
-    assert_int_equal(plant_step(scene.plant, 100 * scene.steps), ERROR_NONE);
-    assert_int_equal(plant_sample(scene.plant), ERROR_NONE);
+    assert_ok(plant_step(scene.plant, 100 * scene.steps));
+    assert_ok(plant_sample(scene.plant));
     assert_true(plant_sensors(scene.plant)->motor[0].qm - scene.rig->joint[0] > 1e-3);
     assert_near(rig_scene_feet(&scene), 0.0, 0.0);
     rig_scene_fini(&scene);
@@ -219,8 +219,7 @@ TEST(refuses_feet_too_soft_to_stand_on)
         surface[s].material.thickness_m = 1e-2;
     }
     contact.surface = surface;
-    assert_int_equal(contact_native_create(&contact, &scene.arena, &scene.contact, &error),
-                     ERROR_NONE);
+    assert_ok(contact_native_create(&contact, &scene.arena, &scene.contact, &error));
     config = (struct plant_config){.robot = scene.robot,
                                    .dynamics = &scene.dynamics,
                                    .contact = scene.contact,
@@ -228,7 +227,7 @@ TEST(refuses_feet_too_soft_to_stand_on)
                                    .ncontact = contact.nbody,
                                    .substep_ns = 1000000,
                                    .supply_v = 48.0};
-    assert_int_equal(plant_create(&config, &scene.arena, &scene.plant, &error), ERROR_NONE);
+    assert_ok(plant_create(&config, &scene.arena, &scene.plant, &error));
     rig_scene_reset(&scene);
     assert_int_equal(plant_settle(scene.plant, &scene.arena, &settled, &error), ERROR_INPUT);
     print_message("# %s\n", error.text);

@@ -50,9 +50,9 @@ static void wheel_init(struct toy_plant *wheel, enum plant_integrator integrator
 /* Turns at the given rate from the angle q. */
 static void wheel_throw(struct toy_plant *wheel, double q, double rate)
 {
-    assert_int_equal(plant_reset(wheel->plant, NULL, NULL, &q), ERROR_NONE);
+    assert_ok(plant_reset(wheel->plant, NULL, NULL, &q));
     wheel->state[1] = rate;
-    assert_int_equal(plant_restart_energy(wheel->plant), ERROR_NONE);
+    assert_ok(plant_restart_energy(wheel->plant));
 }
 
 /* What a throw against a stop comes to. */
@@ -69,10 +69,10 @@ static struct impact wheel_hit(struct toy_plant *wheel, int side, double rate)
 
     wheel_throw(wheel, limit - 0.1 * side, side * rate);
     for (int k = 0; k < 1000000 && (k == 0 || side * (wheel->state[0] - limit) > -0.1); k++) {
-        assert_int_equal(plant_step(wheel->plant, 1), ERROR_NONE);
+        assert_ok(plant_step(wheel->plant, 1));
         impact.depth = fmax(impact.depth, side * (wheel->state[0] - limit));
     }
-    assert_int_equal(plant_energy(wheel->plant, &energy), ERROR_NONE);
+    assert_ok(plant_energy(wheel->plant, &energy));
     impact.restitution = -side * wheel->state[1] / rate;
     impact.balance = energy.balance;
     impact.loss = energy.stop_loss;
@@ -176,11 +176,11 @@ TEST(a_stop_that_would_pull_is_left_out)
 
     wheel_init(&wheel, PLANT_IMPLICIT, 1000000, com);
     wheel_throw(&wheel, LOWER + 1e-6, -0.002);
-    assert_int_equal(plant_step(wheel.plant, 1), ERROR_NONE);
+    assert_ok(plant_step(wheel.plant, 1));
     with = wheel.state[1];
     wheel.toy.joint[0].stop = (struct robot_stop){0};
     wheel_throw(&wheel, LOWER + 1e-6, -0.002);
-    assert_int_equal(plant_step(wheel.plant, 1), ERROR_NONE);
+    assert_ok(plant_step(wheel.plant, 1));
     without = wheel.state[1];
     assert_true(without > 0.01);
     assert_near(with, without, 1e-12);
@@ -203,7 +203,7 @@ TEST(a_stop_meets_what_is_thrown_within_a_step)
         wheel_throw(&wheel, UPPER - 1e-4, 0.0);
         plant_set_push(wheel.plant, 1, force, blow);
         for (int64_t t = 0; t < 20000000; t += substep_ns) {
-            assert_int_equal(plant_step(wheel.plant, 1), ERROR_NONE);
+            assert_ok(plant_step(wheel.plant, 1));
             farthest[i] = fmax(farthest[i], wheel.state[0] - UPPER);
             if (t + substep_ns == 1000000) {
                 plant_set_push(wheel.plant, 1, force, none);
@@ -230,14 +230,14 @@ TEST(what_lies_on_a_stop_presses_it_by_its_weight)
 
         wheel_init(&wheel, all[i], 100000, com);
         wheel_throw(&wheel, UPPER, 0.0);
-        assert_int_equal(plant_step(wheel.plant, 10000), ERROR_NONE);
+        assert_ok(plant_step(wheel.plant, 10000));
         assert_near(wheel.state[0] - UPPER, depth, 1e-3 * depth);
 
         wheel_throw(&wheel, UPPER, 0.0);
-        assert_int_equal(plant_settle(wheel.plant, &wheel.arena, &settled, &error), ERROR_NONE);
+        assert_ok(plant_settle(wheel.plant, &wheel.arena, &settled, &error));
         assert_near(wheel.state[0] - UPPER, depth, 1e-3 * depth);
         depth = wheel.state[0] - UPPER;
-        assert_int_equal(plant_step(wheel.plant, 1000), ERROR_NONE);
+        assert_ok(plant_step(wheel.plant, 1000));
         assert_near(wheel.state[0] - UPPER, depth, 1e-9 * depth);
         arena_fini(&wheel.arena);
     }
@@ -295,9 +295,8 @@ TEST(energy_balances_over_stops)
         plant_rig_walker_with(&rig, true, run[i].integrator, run[i].substep_ns, 0.0);
         narrow_ranges(&rig);
         plant_rig_reset(&rig, 0.7);
-        assert_int_equal(plant_step(rig.plant, (size_t)(800000000 / run[i].substep_ns)),
-                         ERROR_NONE);
-        assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+        assert_ok(plant_step(rig.plant, (size_t)(800000000 / run[i].substep_ns)));
+        assert_ok(plant_energy(rig.plant, &energy));
         turnover = energy.motor_friction + energy.spring_damping + energy.parallel_damping +
                    energy.stop_loss + energy.contact_dissipation;
         print_message("# stops lost %.4f J of %.3f J; balance %.1e J\n", energy.stop_loss, turnover,
@@ -322,7 +321,7 @@ static struct robot_sea roomy_drive(void)
 
 static struct motor_sense clamped_motor(struct toy_plant *wheel)
 {
-    assert_int_equal(plant_sample(wheel->plant), ERROR_NONE);
+    assert_ok(plant_sample(wheel->plant));
     return plant_sensors(wheel->plant)->motor[0];
 }
 
@@ -347,7 +346,7 @@ TEST(a_spring_at_its_stop_carries_the_rest)
             plant_clamp(wheel.plant, true);
             plant_command(wheel.plant)->motor[0].bridge_on = true;
             plant_command(wheel.plant)->motor[0].voltage_v = volts;
-            assert_int_equal(plant_step(wheel.plant, 20000), ERROR_NONE);
+            assert_ok(plant_step(wheel.plant, 20000));
             motor = clamped_motor(&wheel);
             assert_near(motor.torque_nm, tau, 1e-6 * fabs(tau) + 1e-9);
             assert_near(motor.qm - motor.q, copysign(twist, tau), 1e-6 * twist + 1e-12);
@@ -381,17 +380,16 @@ TEST(a_spring_stop_balances)
         wheel_throw(&wheel, 0.5, 0.0);
         plant_clamp(wheel.plant, true);
         plant_state(wheel.plant, &count)[3] = 20.0; /* q, q', qm, qm' */
-        assert_int_equal(plant_restart_energy(wheel.plant), ERROR_NONE);
+        assert_ok(plant_restart_energy(wheel.plant));
         for (int k = 0; k < 100; k++) {
             double twist;
 
-            assert_int_equal(plant_step(wheel.plant, (size_t)(1000000 / run[i].substep_ns)),
-                             ERROR_NONE);
+            assert_ok(plant_step(wheel.plant, (size_t)(1000000 / run[i].substep_ns)));
             twist = plant_state(wheel.plant, &count)[2] - 0.5;
             reached[0] = fmin(reached[0], twist);
             reached[1] = fmax(reached[1], twist);
         }
-        assert_int_equal(plant_energy(wheel.plant, &energy), ERROR_NONE);
+        assert_ok(plant_energy(wheel.plant, &energy));
         turnover = energy.motor_friction + energy.spring_damping;
         print_message("# springs lost %.4f J of %.4f J, balance %.1e J; twist %.5f to %.5f rad\n",
                       energy.spring_damping, turnover, energy.balance, reached[0], reached[1]);

@@ -116,23 +116,23 @@ static void brake_rotor(enum plant_integrator integrator, const struct supply_bu
     sea.Ds = sea.Dm = 0.0;
     p.toy.joint[toy_add(&p.toy, 0, JOINT_REVOLUTE, z, none, 2.0, none, I)].sea = sea;
     toy_plant_open(&p);
-    assert_int_equal(plant_reset(p.plant, NULL, NULL, (const double[1]){0.0}), ERROR_NONE);
+    assert_ok(plant_reset(p.plant, NULL, NULL, (const double[1]){0.0}));
     plant_clamp(p.plant, true);
     state = p.state;
     state[2 + DRIVE_MOTOR_SPEED] = 10.0;
-    assert_int_equal(plant_restart_energy(p.plant), ERROR_NONE);
+    assert_ok(plant_restart_energy(p.plant));
     run->most = 0.0;
     for (int k = 0; k < 300; k++) {
         /* held a little below what the rotor makes, which brakes it evenly; then it stands */
         double V = fmax(0.0, 4.1 * state[2 + DRIVE_MOTOR_SPEED] - 5.0);
 
         p.motor[0] = (struct motor_command){.bridge_on = true, .voltage_v = V};
-        assert_int_equal(plant_step(p.plant, implicit ? 1 : 50), ERROR_NONE);
-        assert_int_equal(plant_sample(p.plant), ERROR_NONE);
+        assert_ok(plant_step(p.plant, implicit ? 1 : 50));
+        assert_ok(plant_sample(p.plant));
         run->end = plant_sensors(p.plant)->supply_v;
         run->most = fmax(run->most, run->end);
     }
-    assert_int_equal(plant_energy(p.plant, &run->energy), ERROR_NONE);
+    assert_ok(plant_energy(p.plant, &run->energy));
     arena_fini(&p.arena);
 }
 
@@ -188,14 +188,14 @@ TEST(a_bus_needs_a_source_with_a_resistance)
     struct error error;
 
     toy_walker(&toy);
-    assert_int_equal(arena_init(&arena, 1 << 22, &error), ERROR_NONE);
-    assert_int_equal(dynamics_generic(&toy.robot, &arena, &dynamics, &error), ERROR_NONE);
+    assert_ok(arena_init(&arena, 1 << 22, &error));
+    assert_ok(dynamics_generic(&toy.robot, &arena, &dynamics, &error));
     assert_int_equal(plant_create(&config, &arena, &plant, &error), ERROR_INPUT);
     config.supply_ohm = 0.1;
     config.bus = chopper;
     config.bus.off_v = 47.0;
     assert_int_equal(plant_create(&config, &arena, &plant, &error), ERROR_INPUT);
     config.bus.off_v = 54.0;
-    assert_int_equal(plant_create(&config, &arena, &plant, &error), ERROR_NONE);
+    assert_ok(plant_create(&config, &arena, &plant, &error));
     arena_fini(&arena);
 }

@@ -35,9 +35,9 @@ static inline void toy_plant_open(struct toy_plant *p)
     toy_finish(&p->toy);
     p->config.robot = &p->toy.robot;
     p->config.dynamics = &p->dynamics;
-    assert_int_equal(arena_init(&p->arena, 1 << 20, &error), ERROR_NONE);
-    assert_int_equal(dynamics_generic(&p->toy.robot, &p->arena, &p->dynamics, &error), ERROR_NONE);
-    assert_int_equal(plant_create(&p->config, &p->arena, &p->plant, &error), ERROR_NONE);
+    assert_ok(arena_init(&p->arena, 1 << 20, &error));
+    assert_ok(dynamics_generic(&p->toy.robot, &p->arena, &p->dynamics, &error));
+    assert_ok(plant_create(&p->config, &p->arena, &p->plant, &error));
     p->motor = plant_command(p->plant)->motor;
     p->state = plant_state(p->plant, &count);
 }

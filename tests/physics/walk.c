@@ -131,7 +131,7 @@ static void change_robot(struct walk *w)
     struct error error;
     double turn[9], old[9];
 
-    assert_int_equal(robot_copy(w->rig.robot, &w->arena, &robot, &error), ERROR_NONE);
+    assert_ok(robot_copy(w->rig.robot, &w->arena, &robot, &error));
     frame = &robot->frame[robot->imu_frame];
     memcpy(old, frame->rotation, sizeof old);
     mat3_about_axis(axis, w->turned_rad, turn);

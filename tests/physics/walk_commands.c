@@ -93,10 +93,8 @@ static enum error_code try_to_open(struct lead *lead, const char *task, struct a
     while (config.nsetting < ARRAY_COUNT(lead->setting) && lead->setting[config.nsetting]) {
         config.nsetting++;
     }
-    assert_int_equal(arena_init(arena, (size_t)1 << 29, error), ERROR_NONE);
-    assert_int_equal(
-        rig_load(HIL_SOURCE_DIR "/config/rigs/walk-flat.yaml", arena, &config.rig, error),
-        ERROR_NONE);
+    assert_ok(arena_init(arena, (size_t)1 << 29, error));
+    assert_ok(rig_load(HIL_SOURCE_DIR "/config/rigs/walk-flat.yaml", arena, &config.rig, error));
     config.hold = config.rig->hold;
     return simulator_create(&config, arena, &lead->simulator, notice, error);
 }
@@ -108,8 +106,8 @@ static void perform(struct lead *lead)
     struct arena arena;
     struct error error;
 
-    assert_int_equal(try_to_open(lead, "walk", &arena, &observer, &error), ERROR_NONE);
-    assert_int_equal(simulator_start(lead->simulator, &report, &error), ERROR_NONE);
+    assert_ok(try_to_open(lead, "walk", &arena, &observer, &error));
+    assert_ok(simulator_start(lead->simulator, &report, &error));
     simulator_run(lead->simulator);
     task_runner_read(simulator_task_runner(lead->simulator), &lead->status);
     lead->hash = plant_hash(simulator_plant(lead->simulator));
@@ -221,8 +219,8 @@ TEST(settings_are_checked_and_go_back_with_time)
     struct arena arena;
     struct error error;
 
-    assert_int_equal(try_to_open(&lead, "walk", &arena, &observer, &error), ERROR_NONE);
-    assert_int_equal(simulator_start(lead.simulator, &report, &error), ERROR_NONE);
+    assert_ok(try_to_open(&lead, "walk", &arena, &observer, &error));
+    assert_ok(simulator_start(lead.simulator, &report, &error));
     simulator_run(lead.simulator);
     for (size_t i = 0; i < lead.norder; i++) {
         assert_int_equal(lead.verdict[i], i >= 3 && i < 6 ? REQUEST_RANGE : REQUEST_OK);

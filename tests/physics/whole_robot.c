@@ -39,8 +39,7 @@ static void observe_all(struct all_bodies *all, struct rig_scene *scene)
         all->body[b].observed = true;
     }
     all->robot.body = all->body;
-    assert_int_equal(dynamics_generic(&all->robot, &scene->arena, &all->dynamics, &error),
-                     ERROR_NONE);
+    assert_ok(dynamics_generic(&all->robot, &scene->arena, &all->dynamics, &error));
 }
 
 /* Linear momentum, angular momentum about the world's origin, moment of the weight about it. */
@@ -197,9 +196,7 @@ static void run_begin(struct run *run, const char *file, const double *joint)
     rig_scene_init(&run->scene, &choice);
     rig = run->scene.rig;
     if (joint) {
-        assert_int_equal(
-            plant_reset(run->scene.plant, rig->base_position, rig->base_quaternion, joint),
-            ERROR_NONE);
+        assert_ok(plant_reset(run->scene.plant, rig->base_position, rig->base_quaternion, joint));
     }
     rig_scene_settle(&run->scene);
     observe_all(&run->all, &run->scene);
@@ -218,8 +215,8 @@ static void advance(struct run *run)
                 200.0 * (run->scene.reference[j] + run->arm_reference[j] - motor[j].qm);
         }
     }
-    assert_int_equal(plant_step(plant, 1), ERROR_NONE);
-    assert_int_equal(plant_sample(plant), ERROR_NONE);
+    assert_ok(plant_step(plant, 1));
+    assert_ok(plant_sample(plant));
     memmove(run->window, run->window + 1, (WINDOW - 1) * sizeof *run->window);
     remember(run, &run->window[WINDOW - 1]);
 }
@@ -335,7 +332,7 @@ static void check_energy(struct run *run, void (*act)(struct run *run, double t)
         contact += 0.5 * h * (last + now);
         last = now;
     }
-    assert_int_equal(plant_energy(run->scene.plant, &e), ERROR_NONE);
+    assert_ok(plant_energy(run->scene.plant, &e));
     print_message("# electrical %.4f J, windings %.4f, friction %.4f, springs %.5f, contact %.6f "
                   "(by the patches %.6f); balance %.2e J, %.1e of the turnover\n",
                   e.electrical_in, e.joule_heat, e.motor_friction, e.spring_damping,

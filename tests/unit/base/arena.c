@@ -13,7 +13,7 @@ TEST(hands_out_zeroed_aligned_memory_that_does_not_overlap)
     struct arena arena;
     unsigned char *last_end = NULL;
 
-    assert_int_equal(arena_init(&arena, 1 << 20, NULL), ERROR_NONE);
+    assert_ok(arena_init(&arena, 1 << 20, NULL));
     for (size_t size = 1; size < 500; size += 7) {
         unsigned char *p = arena_alloc(&arena, size, 1);
 
@@ -33,7 +33,7 @@ TEST(refuses_more_than_its_capacity_and_stays_usable)
 {
     struct arena arena;
 
-    assert_int_equal(arena_init(&arena, 4096, NULL), ERROR_NONE);
+    assert_ok(arena_init(&arena, 4096, NULL));
     assert_null(arena_alloc(&arena, 4097, 1));
     assert_non_null(arena_alloc(&arena, 4000, 1));
     assert_null(arena_alloc(&arena, 65, 1));
@@ -47,7 +47,7 @@ TEST(refuses_sizes_whose_product_overflows)
 {
     struct arena arena;
 
-    assert_int_equal(arena_init(&arena, 4096, NULL), ERROR_NONE);
+    assert_ok(arena_init(&arena, 4096, NULL));
     assert_null(arena_alloc(&arena, SIZE_MAX / 2, 3));
     assert_null(arena_alloc(&arena, SIZE_MAX, SIZE_MAX));
     assert_null(arena_alloc(&arena, SIZE_MAX, 1));
@@ -59,9 +59,9 @@ TEST(hands_out_nothing_once_it_is_sealed)
     struct arena arena;
     char *text;
 
-    assert_int_equal(arena_init(&arena, 1 << 20, NULL), ERROR_NONE);
+    assert_ok(arena_init(&arena, 1 << 20, NULL));
     text = arena_strdup(&arena, "kept");
-    assert_int_equal(arena_seal(&arena, false, NULL), ERROR_NONE);
+    assert_ok(arena_seal(&arena, false, NULL));
     assert_null(arena_alloc(&arena, 1, 1));
     assert_string_equal(text, "kept");
     arena_fini(&arena);
@@ -71,7 +71,7 @@ TEST(finishing_twice_does_no_harm)
 {
     struct arena arena;
 
-    assert_int_equal(arena_init(&arena, 4096, NULL), ERROR_NONE);
+    assert_ok(arena_init(&arena, 4096, NULL));
     arena_fini(&arena);
     arena_fini(&arena);
 }

@@ -63,7 +63,7 @@ static void assert_leads(const char *name, const char *folder, const char *file)
     char path[PATH_MAX], expected[PATH_MAX];
     struct error error;
 
-    assert_int_equal(config_locate_in(CONFIG_RIG, name, &trees, path, &error), ERROR_NONE);
+    assert_ok(config_locate_in(CONFIG_RIG, name, &trees, path, &error));
     snprintf(expected, sizeof expected, "%s%s%s", folder, folder[0] ? "/" : "", file);
     assert_string_equal(path, expected);
 }
@@ -152,9 +152,8 @@ TEST_WITH(a_list_has_each_name_once_in_order, start, stop)
     touch(installed, "README");
     touch(installed, ".yaml");
     touch(installed, "no.name.yaml");
-    assert_int_equal(arena_init(&arena, 1 << 24, NULL), ERROR_NONE);
-    assert_int_equal(config_list_in(CONFIG_RIG, &trees, &arena, &entries, &count, NULL),
-                     ERROR_NONE);
+    assert_ok(arena_init(&arena, 1 << 24, NULL));
+    assert_ok(config_list_in(CONFIG_RIG, &trees, &arena, &entries, &count, NULL));
     assert_int_equal(count, 3);
     for (size_t i = 0; i < count; i++) {
         assert_string_equal(entries[i].name, expected[i]);

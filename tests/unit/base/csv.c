@@ -16,14 +16,14 @@ TEST(rows_are_read_one_by_one)
     struct csv *csv;
     bool end;
 
-    assert_int_equal(csv_open_memory("x.csv", text, strlen(text), &csv, &error), ERROR_NONE);
+    assert_ok(csv_open_memory("x.csv", text, strlen(text), &csv, &error));
     assert_int_equal(csv->ncolumn, 2);
     assert_string_equal(csv->title[1], "a b");
-    assert_int_equal(csv_next(csv, &end, &error), ERROR_NONE);
+    assert_ok(csv_next(csv, &end, &error));
     assert_true(!end && csv->line == 2 && csv->cell[0] == 0 && csv->cell[1] == -1.5);
-    assert_int_equal(csv_next(csv, &end, &error), ERROR_NONE);
+    assert_ok(csv_next(csv, &end, &error));
     assert_true(!end && csv->line == 3 && csv->cell[0] == 1000 && csv->cell[1] == 2);
-    assert_int_equal(csv_next(csv, &end, &error), ERROR_NONE);
+    assert_ok(csv_next(csv, &end, &error));
     assert_true(end);
     csv_close(csv);
     csv_close(NULL);
@@ -46,9 +46,7 @@ TEST(what_is_wrong_has_a_line)
         enum error_code code = ERROR_NONE;
         bool end = false;
 
-        assert_int_equal(
-            csv_open_memory("x.csv", wrong[i].text, strlen(wrong[i].text), &csv, &error),
-            ERROR_NONE);
+        assert_ok(csv_open_memory("x.csv", wrong[i].text, strlen(wrong[i].text), &csv, &error));
         while (!code && !end) {
             code = csv_next(csv, &end, &error);
         }
@@ -73,7 +71,7 @@ TEST(limits_and_zero_bytes_are_refused)
     assert_int_equal(csv_open_memory("x.csv", "a\0b\n", 4, &csv, &error), ERROR_INPUT);
     assert_string_equal(error.text, "x.csv:1: found a zero byte, expected text");
     assert_int_equal(csv_open("/nowhere/x.csv", &csv, &error), ERROR_INPUT);
-    assert_int_equal(csv_open_memory("x.csv", NULL, 0, &csv, &error), ERROR_NONE);
+    assert_ok(csv_open_memory("x.csv", NULL, 0, &csv, &error));
     assert_true(csv->ncolumn == 1 && csv->title[0][0] == '\0');
     csv_close(csv);
 }

@@ -53,7 +53,7 @@ static void read_it(const char *name)
     size_t size;
     int fd;
 
-    assert_int_equal(input_file_open(name, &fd, &size, &error), ERROR_NONE);
+    assert_ok(input_file_open(name, &fd, &size, &error));
     close(fd);
 }
 
@@ -102,7 +102,7 @@ TEST_WITH(an_input_is_no_output_by_any_name, NULL, empty_folder)
     }
     unlink(link_name);
     unlink(other);
-    assert_int_equal(write_to(other, &error), ERROR_NONE);
+    assert_ok(write_to(other, &error));
 }
 
 /* The time limit of the test is the assertion that none of them waits. */
@@ -129,7 +129,7 @@ TEST_WITH(a_file_is_read_up_to_its_limit, NULL, empty_folder)
     char *text;
 
     put(path, "four");
-    assert_int_equal(input_file_load(path, 4, &text, &size, &error), ERROR_NONE);
+    assert_ok(input_file_load(path, 4, &text, &size, &error));
     assert_int_equal(size, 4);
     assert_string_equal(text, "four");
     free(text);
@@ -144,7 +144,7 @@ TEST_WITH(what_was_written_and_read_back_may_be_written_again, NULL, empty_folde
     struct error error;
 
     for (int i = 0; i < 3; i++) {
-        assert_int_equal(write_to(path, &error), ERROR_NONE);
+        assert_ok(write_to(path, &error));
         read_it(path);
     }
 }
@@ -159,7 +159,7 @@ TEST_WITH(a_file_in_the_place_of_an_input_that_is_gone_is_none, NULL, empty_fold
     read_it(path);
     assert_int_equal(rename(path, other), 0);
     assert_int_equal(stat(other, &there), 0);
-    assert_int_equal(input_file_check_output(other, &there, &error), ERROR_NONE);
+    assert_ok(input_file_check_output(other, &there, &error));
 }
 
 TEST_GROUP(make_folder, remove_folder)

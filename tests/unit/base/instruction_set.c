@@ -69,7 +69,7 @@ TEST(the_process_is_held_to_what_the_machine_has)
         assert_int_equal(code, set <= widest ? ERROR_NONE : ERROR_INPUT);
         assert_int_equal(instruction_set_used(), set <= widest ? set : before);
     }
-    assert_int_equal(instruction_set_hold("plain", &error), ERROR_NONE);
+    assert_ok(instruction_set_hold("plain", &error));
     assert_int_equal(instruction_set_used(), INSTRUCTIONS_PLAIN);
 }
 

@@ -14,7 +14,7 @@ TEST(what_is_written_stands_in_memory)
 
     assert_non_null(file);
     fprintf(file, "%d and %s", 1, "two");
-    assert_int_equal(memory_file_close(file, &memory, "a text", &error), ERROR_NONE);
+    assert_ok(memory_file_close(file, &memory, "a text", &error));
     assert_int_equal(memory.size, strlen("1 and two"));
     assert_string_equal(memory.text, "1 and two");
     free(memory.text);
@@ -27,7 +27,7 @@ TEST(nothing_written_is_the_empty_text)
     FILE *file = memory_file_open(&memory);
 
     assert_non_null(file);
-    assert_int_equal(memory_file_close(file, &memory, "a text", &error), ERROR_NONE);
+    assert_ok(memory_file_close(file, &memory, "a text", &error));
     assert_int_equal(memory.size, 0);
     assert_string_equal(memory.text, "");
     free(memory.text);
@@ -44,7 +44,7 @@ TEST(the_memory_grows_with_the_text)
     for (int i = 0; i < LINES; i++) {
         fprintf(file, "%06d\n", i);
     }
-    assert_int_equal(memory_file_close(file, &memory, "a text", &error), ERROR_NONE);
+    assert_ok(memory_file_close(file, &memory, "a text", &error));
     assert_int_equal(memory.size, 7 * LINES);
     for (int i = 0; i < LINES; i++) {
         char line[8];

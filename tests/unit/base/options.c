@@ -159,7 +159,7 @@ TEST_WITH(a_number_above_the_least_is_said_to_be_more, reset, NULL)
     struct error error;
     bool help;
 
-    assert_int_equal(options_parse(&one, 3, argv, &help, &error), ERROR_NONE);
+    assert_ok(options_parse(&one, 3, argv, &help, &error));
     assert_true(length_m == 1e-9);
     argv[2] = (char[]){"0"};
     assert_int_equal(options_parse(&one, 3, argv, &help, &error), ERROR_INPUT);
@@ -210,7 +210,7 @@ TEST_WITH(the_last_operand_may_stand_more_than_once, reset, NULL)
     struct error error;
     bool help;
 
-    assert_int_equal(options_parse(&many, 5, some, &help, &error), ERROR_NONE);
+    assert_ok(options_parse(&many, 5, some, &help, &error));
     assert_string_equal(files[0], "a");
     assert_string_equal(files[1], "b");
     assert_string_equal(files[2], "--c");

@@ -65,7 +65,7 @@ static enum error_code write_file(const char *name, const char *text, enum error
     struct whole_file file;
     struct error error;
 
-    assert_int_equal(whole_file_open(&file, name, &error), ERROR_NONE);
+    assert_ok(whole_file_open(&file, name, &error));
     fputs(text, file.out);
     return whole_file_close(&file, code, &error);
 }
@@ -75,17 +75,17 @@ TEST(has_its_name_when_it_is_whole)
     struct whole_file file;
     struct error error;
 
-    assert_int_equal(whole_file_open(&file, path, &error), ERROR_NONE);
+    assert_ok(whole_file_open(&file, path, &error));
     fputs("first", file.out);
     assert_null(content(path));
-    assert_int_equal(whole_file_close(&file, ERROR_NONE, &error), ERROR_NONE);
+    assert_ok(whole_file_close(&file, ERROR_NONE, &error));
     assert_string_equal(content(path), "first");
     assert_int_equal(count_entries(), 1);
 }
 
 TEST(leaves_what_was_there_when_writing_fails)
 {
-    assert_int_equal(write_file(path, "first", ERROR_NONE), ERROR_NONE);
+    assert_ok(write_file(path, "first", ERROR_NONE));
     assert_int_equal(write_file(path, "second", ERROR_MEMORY), ERROR_MEMORY);
     assert_string_equal(content(path), "first");
     assert_int_equal(count_entries(), 1);
@@ -95,10 +95,10 @@ TEST(replaces_a_link_and_leaves_what_it_points_to)
 {
     struct stat there;
 
-    assert_int_equal(write_file(other, "precious", ERROR_NONE), ERROR_NONE);
+    assert_ok(write_file(other, "precious", ERROR_NONE));
     unlink(path);
     assert_int_equal(symlink(other, path), 0);
-    assert_int_equal(write_file(path, "text", ERROR_NONE), ERROR_NONE);
+    assert_ok(write_file(path, "text", ERROR_NONE));
     assert_int_equal(lstat(path, &there), 0);
     assert_true(S_ISREG(there.st_mode));
     assert_string_equal(content(other), "precious");
@@ -111,7 +111,7 @@ TEST(is_never_writable_by_others)
     mode_t mask = umask(0);
     struct stat there;
 
-    assert_int_equal(write_file(path, "text", ERROR_NONE), ERROR_NONE);
+    assert_ok(write_file(path, "text", ERROR_NONE));
     umask(mask);
     assert_int_equal(stat(path, &there), 0);
     assert_int_equal(there.st_mode & 0777, 0664);
@@ -124,11 +124,11 @@ TEST(stays_in_the_folder_that_it_was_opened_in)
     struct error error;
 
     snprintf(moved, sizeof moved, "%s-moved", folder);
-    assert_int_equal(whole_file_open(&file, path, &error), ERROR_NONE);
+    assert_ok(whole_file_open(&file, path, &error));
     fputs("text", file.out);
     assert_int_equal(rename(folder, moved), 0);
     assert_int_equal(symlink("/", folder), 0);
-    assert_int_equal(whole_file_close(&file, ERROR_NONE, &error), ERROR_NONE);
+    assert_ok(whole_file_close(&file, ERROR_NONE, &error));
     assert_int_equal(unlink(folder), 0);
     assert_int_equal(rename(moved, folder), 0);
     assert_string_equal(content(path), "text");
@@ -168,7 +168,7 @@ TEST(writes_to_a_device_in_place_and_says_that_it_is_full)
 
     unlink(path);
     assert_int_equal(symlink("/dev/null", path), 0);
-    assert_int_equal(write_file(path, "text", ERROR_NONE), ERROR_NONE);
+    assert_ok(write_file(path, "text", ERROR_NONE));
     assert_int_equal(lstat(path, &link), 0);
     assert_true(S_ISLNK(link.st_mode));
     assert_int_equal(unlink(path), 0);
@@ -195,7 +195,7 @@ static void growing_write(const char *name, const char *text)
     struct error error;
     int descriptor;
 
-    assert_int_equal(growing_file_open(name, &descriptor, &error), ERROR_NONE);
+    assert_ok(growing_file_open(name, &descriptor, &error));
     assert_int_equal(write(descriptor, text, strlen(text)), (ssize_t)strlen(text));
     close(descriptor);
 }
@@ -219,7 +219,7 @@ TEST(growing_may_be_written_anew_after_it_was_read_back)
     FILE *file;
 
     growing_write(path, "first");
-    assert_int_equal(input_file_stream(path, &file, &error), ERROR_NONE);
+    assert_ok(input_file_stream(path, &file, &error));
     fclose(file);
     growing_write(path, "second");
     assert_string_equal(content(path), "second");
@@ -229,7 +229,7 @@ TEST(growing_may_be_written_anew_after_it_was_read_back)
 /* Else whoever has made the file, or has another name of it, would have a part in the new one. */
 TEST(growing_is_another_file_than_the_one_that_was_there)
 {
-    assert_int_equal(write_file(other, "precious", ERROR_NONE), ERROR_NONE);
+    assert_ok(write_file(other, "precious", ERROR_NONE));
     assert_int_equal(link(other, path), 0);
     growing_write(path, "text");
     assert_string_equal(content(other), "precious");
@@ -243,7 +243,7 @@ TEST(growing_refuses_links_to_files)
     struct error error;
     int descriptor;
 
-    assert_int_equal(write_file(other, "precious", ERROR_NONE), ERROR_NONE);
+    assert_ok(write_file(other, "precious", ERROR_NONE));
     assert_int_equal(symlink(other, path), 0);
     assert_int_equal(growing_file_open(path, &descriptor, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "found a symbolic link, expected a file"));
@@ -273,7 +273,7 @@ TEST(whole_into_a_pipe_that_nobody_reads_is_an_error_and_never_a_wait)
     assert_int_equal(mkfifo(path, 0600), 0);
     assert_int_equal(whole_file_open(&file, path, &error), ERROR_SYSTEM);
     assert_non_null(strstr(error.text, "a pipe that nobody reads"));
-    assert_int_equal(whole_file_probe(path, &error), ERROR_NONE);
+    assert_ok(whole_file_probe(path, &error));
     assert_int_equal(unlink(path), 0);
 }
 
@@ -281,7 +281,7 @@ TEST(a_probe_leaves_everything_as_it_is)
 {
     struct error error;
 
-    assert_int_equal(whole_file_probe(path, &error), ERROR_NONE);
+    assert_ok(whole_file_probe(path, &error));
     assert_int_equal(count_entries(), 0);
     assert_int_equal(whole_file_probe("/nowhere/file", &error), ERROR_SYSTEM);
     assert_int_equal(whole_file_probe(folder, &error), ERROR_SYSTEM);
@@ -302,8 +302,8 @@ TEST(links_below_the_folder_given_are_not_followed)
     snprintf(link, sizeof link, "%s/link", below);
     assert_int_equal(symlink(".", given), 0);
     folder_enclose(given, strlen(given));
-    assert_int_equal(folder_make_all(below, &error), ERROR_NONE);
-    assert_int_equal(folder_make(below, NULL, &error), ERROR_NONE);
+    assert_ok(folder_make_all(below, &error));
+    assert_ok(folder_make(below, NULL, &error));
     assert_int_equal(symlink(folder, link), 0);
     assert_int_equal(folder_make(link, NULL, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "found a symbolic link"));
@@ -315,14 +315,14 @@ TEST(links_below_the_folder_given_are_not_followed)
     assert_non_null(strstr(error.text, "found a symbolic link"));
     snprintf(link, sizeof link, "%s/link", below);
     assert_int_equal(unlink(link), 0);
-    assert_int_equal(write_file(link, "text", ERROR_NONE), ERROR_NONE);
+    assert_ok(write_file(link, "text", ERROR_NONE));
     assert_int_equal(unlink(link), 0);
 
     /* A folder that is named after what was given may itself be none */
     folder_enclose(given, (size_t)(strrchr(given, '/') - given) + 1);
     assert_int_equal(folder_make(given, NULL, &error), ERROR_INPUT);
     folder_enclose("", 0);
-    assert_int_equal(folder_make(given, NULL, &error), ERROR_NONE);
+    assert_ok(folder_make(given, NULL, &error));
     assert_int_equal(rmdir(below), 0);
     assert_int_equal(unlink(given), 0);
 }
@@ -337,15 +337,15 @@ TEST(folders_are_made_and_others_cannot_write_into_them)
 
     snprintf(deep, sizeof deep, "%s/a/b//c", folder);
     assert_int_equal(folder_make(deep, &made, &error), ERROR_SYSTEM);
-    assert_int_equal(folder_make_all(deep, &error), ERROR_NONE);
+    assert_ok(folder_make_all(deep, &error));
     umask(mask);
     for (int level = 0; level < 3; level++) {
         assert_int_equal(stat(deep, &there), 0);
         assert_int_equal(there.st_mode & 0777, 0775);
-        assert_int_equal(folder_make(deep, &made, &error), ERROR_NONE);
+        assert_ok(folder_make(deep, &made, &error));
         assert_false(made);
         assert_int_equal(rmdir(deep), 0);
-        assert_int_equal(folder_make(deep, &made, &error), ERROR_NONE);
+        assert_ok(folder_make(deep, &made, &error));
         assert_true(made);
         assert_int_equal(rmdir(deep), 0);
         *strrchr(deep, '/') = '\0';
@@ -360,7 +360,7 @@ TEST(a_folder_behind_the_link_of_another_user_is_not_taken)
     struct error error;
 
     assert_int_equal(symlink("/", path), 0);
-    assert_int_equal(folder_make(path, NULL, &error), ERROR_NONE);
+    assert_ok(folder_make(path, NULL, &error));
     if (geteuid() == 0) {
         assert_int_equal(lchown(path, NOBODY, NOBODY), 0);
         assert_int_equal(folder_make(path, NULL, &error), ERROR_INPUT);

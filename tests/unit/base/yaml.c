@@ -114,7 +114,7 @@ TEST_WITH(an_unknown_name_is_refused_with_the_nearest_or_all, open_arena, close_
     struct error error;
     int index = -1;
 
-    assert_int_equal(yaml_find_name(names, "owner", "Bob", &car.mark, &index, &error), ERROR_NONE);
+    assert_ok(yaml_find_name(names, "owner", "Bob", &car.mark, &index, &error));
     assert_int_equal(index, 1);
     yaml_find_name(names, "owner", "Anne", &car.mark, &index, &error);
     assert_string_equal(error.text, "f.yaml:1:1: found unknown owner \"Anne\", expected \"Ann\"");
@@ -198,8 +198,7 @@ TEST_WITH(reads_a_file_and_names_it_in_marks, make_directory, remove_directory)
 
     assert_non_null(file);
     assert_true(fputs(full, file) >= 0 && fclose(file) == 0);
-    assert_int_equal(yaml_read_file(file_path("car.yaml"), &car_schema, &arena, &car, &error),
-                     ERROR_NONE);
+    assert_ok(yaml_read_file(file_path("car.yaml"), &car_schema, &arena, &car, &error));
     assert_string_equal(car.mark.file, file_path("car.yaml"));
     assert_int_equal(car.nwheel, 2);
 }
@@ -235,8 +234,7 @@ TEST_WITH(one_key_is_read_whatever_else_is_in_the_file, make_directory, remove_d
 
         assert_non_null(file);
         assert_true(fputs(cases[i].text, file) >= 0 && fclose(file) == 0);
-        assert_int_equal(yaml_read_key(file_path("car.yaml"), "what", &arena, &text, &error),
-                         ERROR_NONE);
+        assert_ok(yaml_read_key(file_path("car.yaml"), "what", &arena, &text, &error));
         if (cases[i].found) {
             assert_non_null(text);
             assert_string_equal(text, cases[i].found);
@@ -305,7 +303,7 @@ TEST_WITH(paths_are_relative_to_the_file_and_stay_in_the_tree, open_arena, close
         enum error_code code = yaml_resolve_path(&mark, cases[i].reference, &arena, &path, &error);
 
         if (cases[i].path) {
-            assert_int_equal(code, ERROR_NONE);
+            assert_ok(code);
             assert_string_equal(path, cases[i].path);
         } else {
             assert_int_equal(code, ERROR_INPUT);

@@ -181,9 +181,7 @@ static inline struct car read_car(const char *text)
     struct error error = {0};
     struct car car;
 
-    if (read_bytes(text, strlen(text), &car, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(read_bytes(text, strlen(text), &car, &error), error.text);
     return car;
 }
 

@@ -132,9 +132,7 @@ static void assert_train(const char *expected)
 
 static void assert_extended(const char *base, const char *text, const char *expected)
 {
-    if (read_train(base, text)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(read_train(base, text), error.text);
     assert_train(expected);
 }
 

@@ -265,7 +265,7 @@ TEST_WITH(reports_an_arena_that_is_full, open_arena, close_arena)
 
     do {
         capacity += 64;
-        assert_int_equal(arena_init(&small, capacity, &error), ERROR_NONE);
+        assert_ok(arena_init(&small, capacity, &error));
         code = yaml_read_text("f.yaml", full, strlen(full), &car_schema, &small, &car, &error);
         assert_true(code == ERROR_NONE || code == ERROR_MEMORY);
         arena_fini(&small);

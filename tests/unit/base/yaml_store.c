@@ -40,7 +40,7 @@ static double weight_in(const char *path, int line)
     struct part part;
     struct error error;
 
-    assert_int_equal(yaml_read_file(path, &part_schema, &arena, &part, &error), ERROR_NONE);
+    assert_ok(yaml_read_file(path, &part_schema, &arena, &part, &error));
     assert_string_equal(part.mark.file, path);
     assert_int_equal(part.mark.line, line);
     return part.weight;
@@ -53,7 +53,7 @@ static bool store_has(const char *text)
     struct yaml_node *root;
     bool found;
 
-    assert_int_equal(arena_init(&reader.scratch, 1 << 20, NULL), ERROR_NONE);
+    assert_ok(arena_init(&reader.scratch, 1 << 20, NULL));
     found = yaml_store_find(&reader, text, strlen(text), &root);
     arena_fini(&reader.scratch);
     return found;
@@ -86,7 +86,7 @@ TEST_WITH(file_is_parsed_once_and_read_alike, open_folder, close_folder)
     write_file("base.yaml", base);
     write_file("heavy.yaml", "extends: base.yaml\nweight: 7\n");
     write_file("light.yaml", "extends: base.yaml\n");
-    assert_int_equal(yaml_store_open(NULL), ERROR_NONE);
+    assert_ok(yaml_store_open(NULL));
     assert_false(store_has(base));
 
     /* What one reading merges and removes, another one finds whole */
@@ -103,7 +103,7 @@ TEST_WITH(file_is_parsed_once_and_read_alike, open_folder, close_folder)
 
 TEST_WITH(changed_file_is_read_anew, open_folder, close_folder)
 {
-    assert_int_equal(yaml_store_open(NULL), ERROR_NONE);
+    assert_ok(yaml_store_open(NULL));
     write_file("part.yaml", "weight: 1\n");
     assert_true(weight_in("part.yaml", 1) == 1);
     write_file("part.yaml", "\nweight: 2\n");
@@ -120,7 +120,7 @@ TEST_WITH(fault_is_told_each_time, open_folder, close_folder)
     struct part part;
     struct error error;
 
-    assert_int_equal(yaml_store_open(NULL), ERROR_NONE);
+    assert_ok(yaml_store_open(NULL));
     write_file("bad.yaml", "weight: 1\nweigth: 2\n");
     for (int again = 0; again < 2; again++) {
         assert_int_equal(yaml_read_file("bad.yaml", &part_schema, &arena, &part, &error),

@@ -114,11 +114,10 @@ static inline void bench_start(struct board_bench *bench)
 {
     struct error error;
 
-    assert_int_equal(arena_init(&bench->arena, 64u << 20, &error), ERROR_NONE);
-    if (boards_create(&bench->config, &bench->arena, &bench->boards, &error)) {
-        fail_msg("%s", error.text);
-    }
-    assert_int_equal(arena_seal(&bench->arena, false, &error), ERROR_NONE);
+    assert_ok(arena_init(&bench->arena, 64u << 20, &error));
+    assert_no_error(boards_create(&bench->config, &bench->arena, &bench->boards, &error),
+                    error.text);
+    assert_ok(arena_seal(&bench->arena, false, &error));
 }
 
 /* A bench whose configuration is as bench_configure makes it. */

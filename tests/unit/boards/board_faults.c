@@ -224,9 +224,7 @@ TEST(power_cut_ends_a_hang)
     fault[1].from_ns = 40 * MS;
     fault[1].to_ns = 50 * MS;
     snprintf(fault[1].name, sizeof fault[1].name, "off");
-    assert_int_equal(
-        faults_create(fault, 2, 5, &bench.arena, &bench.faults, &(struct error){ERROR_NONE}),
-        ERROR_NONE);
+    assert_ok(faults_create(fault, 2, 5, &bench.arena, &bench.faults, &(struct error){ERROR_NONE}));
     bench.base.config.faults = bench.faults;
     bench_start(&bench.base);
     enable(&bench);
@@ -298,7 +296,7 @@ TEST(counter_of_an_incremental_encoder_starts_anew_with_the_power)
     }
     begin(&bench, "board leg1 off 0.1..0.12");
     bench_stop(&bench.base);
-    assert_int_equal(sensing_create(&config, &bench.arena, &sensing, &error), ERROR_NONE);
+    assert_ok(sensing_create(&config, &bench.arena, &sensing, &error));
     bench.base.config.restarted = joint_restarted;
     bench.base.config.context = sensing;
     bench_start(&bench.base);
@@ -368,7 +366,7 @@ TEST(calibration_takes_out_the_offset_of_an_encoder)
     }
     begin(&bench, NULL);
     truth = bench.base.sensors;
-    assert_int_equal(sensing_create(&config, &bench.arena, &sensing, &error), ERROR_NONE);
+    assert_ok(sensing_create(&config, &bench.arena, &sensing, &error));
     for (int i = 0; i < 300; i++) {
         bench.base.sensors = *sensing_sample(sensing, truth.time_ns, &truth);
         if (i == 100) {

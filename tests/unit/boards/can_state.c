@@ -157,8 +157,8 @@ static void begin(struct line *line)
 
     memset(line, 0, sizeof *line);
     start(&line->bench);
-    assert_int_equal(arena_init(&line->arena, 8u << 20, &error), ERROR_NONE);
-    assert_int_equal(wire_create(&config, &line->arena, &line->wire, &error), ERROR_NONE);
+    assert_ok(arena_init(&line->arena, 8u << 20, &error));
+    assert_ok(wire_create(&config, &line->arena, &line->wire, &error));
 }
 
 static void end(struct line *line)

@@ -31,10 +31,8 @@ static inline struct faults *arm(struct board_bench *base, struct arena *arena, 
     struct fault fault;
     struct error error;
 
-    if (line && fault_parse(line, &names, &fault, &error)) {
-        fail_msg("%s", error.text);
-    }
-    assert_int_equal(faults_create(&fault, line != NULL, 5, arena, &faults, &error), ERROR_NONE);
+    assert_no_error(line && fault_parse(line, &names, &fault, &error), error.text);
+    assert_ok(faults_create(&fault, line != NULL, 5, arena, &faults, &error));
     base->config.faults = faults;
     return faults;
 }
@@ -55,7 +53,7 @@ static inline void begin(struct fault_bench *bench, const char *line)
     for (int i = 0; i < BENCH_BOARDS; i++) {
         bench->base.board[i].transmit_at_start = true;
     }
-    assert_int_equal(arena_init(&bench->arena, 8u << 20, &error), ERROR_NONE);
+    assert_ok(arena_init(&bench->arena, 8u << 20, &error));
     bench->faults = arm(&bench->base, &bench->arena, line);
     bench_start(&bench->base);
     bench->ms = 0;

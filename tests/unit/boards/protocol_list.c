@@ -83,7 +83,7 @@ static void refuses(const struct protocol *protocol, uint8_t address, const char
     for (int i = 0; i < BENCH_BOARDS; i++) {
         bench.board[i].axis[2].joint = bench.board[i].axis[3].joint = -1;
     }
-    assert_int_equal(arena_init(&bench.arena, 1 << 22, &error), ERROR_NONE);
+    assert_ok(arena_init(&bench.arena, 1 << 22, &error));
     assert_int_equal(boards_create(&bench.config, &bench.arena, &bench.boards, &error),
                      ERROR_INPUT);
     assert_non_null(strstr(error.text, message));

@@ -81,7 +81,7 @@ TEST(more_than_a_thousand_ticks_are_refused)
 
     bench_configure(&bench);
     bench.config.voltage_delay_ticks = 1001;
-    assert_int_equal(arena_init(&arena, 1u << 20, &error), ERROR_NONE);
+    assert_ok(arena_init(&arena, 1u << 20, &error));
     assert_int_equal(boards_create(&bench.config, &arena, &bench.boards, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "1001 ticks late"));
     arena_fini(&arena);

@@ -246,15 +246,15 @@ TEST(reads_a_log_to_its_end)
     bool end;
 
     write_file(path, text, sizeof text - 1);
-    assert_int_equal(candump_open(&reader, path, &error), ERROR_NONE);
-    assert_int_equal(candump_next(&reader, &frame, bus, &end, &error), ERROR_NONE);
+    assert_ok(candump_open(&reader, path, &error));
+    assert_ok(candump_next(&reader, &frame, bus, &end, &error));
     assert_false(end);
     assert_int_equal(frame.id, 0x123);
-    assert_int_equal(candump_next(&reader, &frame, bus, &end, &error), ERROR_NONE);
+    assert_ok(candump_next(&reader, &frame, bus, &end, &error));
     assert_false(end);
     assert_string_equal(bus, "can1");
     for (int i = 0; i < 2; i++) {
-        assert_int_equal(candump_next(&reader, &frame, bus, &end, &error), ERROR_NONE);
+        assert_ok(candump_next(&reader, &frame, bus, &end, &error));
         assert_true(end);
     }
     candump_close(&reader);
@@ -287,8 +287,8 @@ TEST(names_file_line_and_column_of_a_fault)
 
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         write_file(path, cases[i].text, cases[i].size);
-        assert_int_equal(candump_open(&reader, path, &error), ERROR_NONE);
-        assert_int_equal(candump_next(&reader, &frame, bus, &end, &error), ERROR_NONE);
+        assert_ok(candump_open(&reader, path, &error));
+        assert_ok(candump_next(&reader, &frame, bus, &end, &error));
         assert_int_equal(candump_next(&reader, &frame, bus, &end, &error), ERROR_INPUT);
         snprintf(expected, sizeof expected, "%s%s", path, cases[i].where);
         if (strncmp(error.text, expected, strlen(expected)) != 0) {
@@ -299,7 +299,7 @@ TEST(names_file_line_and_column_of_a_fault)
     }
     memset(lengthy, '(', 5000);
     write_file(path, lengthy, 5000);
-    assert_int_equal(candump_open(&reader, path, &error), ERROR_NONE);
+    assert_ok(candump_open(&reader, path, &error));
     assert_int_equal(candump_next(&reader, &frame, bus, &end, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, ":1:257: the line is longer than any frame"));
     candump_close(&reader);

@@ -21,12 +21,12 @@ FIXTURE(start)
     const struct dbc_message message = {.name = "TELEMETRY", .id = 0x123, .length = 8, .sender = 1};
 
     assert_non_null(b);
-    assert_int_equal(arena_init(&b->arena, (size_t)64 << 20, &b->error), ERROR_NONE);
+    assert_ok(arena_init(&b->arena, (size_t)64 << 20, &b->error));
     b->dbc = dbc_create(&b->arena, "bench");
     assert_non_null(b->dbc);
-    assert_int_equal(dbc_add_node(b->dbc, "host", &b->error), ERROR_NONE);
-    assert_int_equal(dbc_add_node(b->dbc, "board", &b->error), ERROR_NONE);
-    assert_int_equal(dbc_add_message(b->dbc, &message, &b->message, &b->error), ERROR_NONE);
+    assert_ok(dbc_add_node(b->dbc, "host", &b->error));
+    assert_ok(dbc_add_node(b->dbc, "board", &b->error));
+    assert_ok(dbc_add_message(b->dbc, &message, &b->message, &b->error));
     *test_state = b;
     return 0;
 }
@@ -80,8 +80,8 @@ TEST_WITH(signals_stay_within_the_frame_and_off_each_other, start, stop)
     struct dbc_signal big = plain("big", 23, 16); /* bytes 2 and 3 */
 
     big.big_endian = true;
-    assert_int_equal(add(b, plain("first", 0, 16)), ERROR_NONE);
-    assert_int_equal(add(b, big), ERROR_NONE);
+    assert_ok(add(b, plain("first", 0, 16)));
+    assert_ok(add(b, big));
     assert_int_equal(add(b, plain("over", 15, 2)), ERROR_INPUT);
     assert_non_null(strstr(b->error.text, "than first in TELEMETRY"));
     assert_int_equal(add(b, plain("over", 24, 1)), ERROR_INPUT);
@@ -92,7 +92,7 @@ TEST_WITH(signals_stay_within_the_frame_and_off_each_other, start, stop)
     big = plain("big_last", 63, 9); /* would need byte 8 */
     big.big_endian = true;
     assert_int_equal(add(b, big), ERROR_INPUT);
-    assert_int_equal(add(b, plain("last", 32, 32)), ERROR_NONE);
+    assert_ok(add(b, plain("last", 32, 32)));
     assert_int_equal(b->message->nsignal, 3);
 }
 
@@ -107,11 +107,11 @@ TEST_WITH(multiplexed_signals_share_bits_only_with_other_selectors, start, stop)
     c.selector = 0xf2;
     assert_int_equal(add(b, a), ERROR_INPUT); /* no multiplexor yet */
     selector.role = DBC_MULTIPLEXOR;
-    assert_int_equal(add(b, selector), ERROR_NONE);
+    assert_ok(add(b, selector));
     late.role = DBC_MULTIPLEXOR;
     assert_int_equal(add(b, late), ERROR_INPUT);
-    assert_int_equal(add(b, a), ERROR_NONE);
-    assert_int_equal(add(b, c), ERROR_NONE);
+    assert_ok(add(b, a));
+    assert_ok(add(b, c));
     assert_int_equal(add(b, d), ERROR_INPUT);
     c.selector = 256;
     c.name = "e";
@@ -134,8 +134,8 @@ TEST_WITH(numbers_are_finite_and_values_fit, start, stop)
     s.type = DBC_FLOAT;
     assert_int_equal(add(b, s), ERROR_INPUT);
     s.type = DBC_SIGNED;
-    assert_int_equal(dbc_add_signal(b->dbc, b->message, &s, &added, &b->error), ERROR_NONE);
-    assert_int_equal(dbc_add_value(b->dbc, added, -128, "low", &b->error), ERROR_NONE);
+    assert_ok(dbc_add_signal(b->dbc, b->message, &s, &added, &b->error));
+    assert_ok(dbc_add_value(b->dbc, added, -128, "low", &b->error));
     assert_int_equal(dbc_add_value(b->dbc, added, -128, "again", &b->error), ERROR_INPUT);
     assert_int_equal(dbc_add_value(b->dbc, added, 128, "high", &b->error), ERROR_INPUT);
     assert_int_equal(dbc_add_value(b->dbc, added, 1, "quo\"te", &b->error), ERROR_INPUT);
@@ -162,7 +162,7 @@ TEST_WITH(messages_have_their_own_name_identifier_and_a_legal_length, start, sto
     m.length = 12;
     assert_int_equal(dbc_add_message(b->dbc, &m, &added, &b->error), ERROR_INPUT);
     m.sender = DBC_NO_NODE;
-    assert_int_equal(dbc_add_message(b->dbc, &m, &added, &b->error), ERROR_NONE);
+    assert_ok(dbc_add_message(b->dbc, &m, &added, &b->error));
 }
 
 /* The usual picture of a Motorola signal: start is the most significant bit, going down each
@@ -188,7 +188,7 @@ static char *text_of(const struct dbc *dbc, size_t *size)
     struct error error;
 
     assert_non_null(file);
-    assert_int_equal(dbc_write(dbc, file, &error), ERROR_NONE);
+    assert_ok(dbc_write(dbc, file, &error));
     fclose(file);
     return text;
 }
@@ -203,7 +203,7 @@ static void fill(struct bench *b)
 
     selector.role = DBC_MULTIPLEXOR;
     selector.receivers = 3;
-    assert_int_equal(add(b, selector), ERROR_NONE);
+    assert_ok(add(b, selector));
     s.role = DBC_MULTIPLEXED;
     s.selector = 0xf2;
     s.big_endian = true;
@@ -214,18 +214,18 @@ static void fill(struct bench *b)
     s.max = 1.7976931348623157e308;
     s.unit = "rad/s^2";
     s.frame_length = 3;
-    assert_int_equal(dbc_add_signal(b->dbc, b->message, &s, &added, &b->error), ERROR_NONE);
-    assert_int_equal(dbc_add_value(b->dbc, added, -5, "minus five", &b->error), ERROR_NONE);
-    assert_int_equal(dbc_add_value(b->dbc, added, 7, "", &b->error), ERROR_NONE);
+    assert_ok(dbc_add_signal(b->dbc, b->message, &s, &added, &b->error));
+    assert_ok(dbc_add_value(b->dbc, added, -5, "minus five", &b->error));
+    assert_ok(dbc_add_value(b->dbc, added, 7, "", &b->error));
     assert_int_equal(dbc_set_comment(b->dbc, &added->comment, "a; 'signal'", &b->error), 0);
     assert_int_equal(dbc_set_comment(b->dbc, &b->message->comment, "BO_ 1", &b->error), 0);
     assert_int_equal(dbc_set_comment(b->dbc, &b->dbc->node[1].comment, "", &b->error), 0);
     assert_int_equal(dbc_set_comment(b->dbc, &b->dbc->comment, "all", &b->error), 0);
-    assert_int_equal(dbc_add_message(b->dbc, &fd, &message, &b->error), ERROR_NONE);
+    assert_ok(dbc_add_message(b->dbc, &fd, &message, &b->error));
     s = plain("real", 480, 32);
     s.type = DBC_FLOAT;
     s.receivers = 0;
-    assert_int_equal(dbc_add_signal(b->dbc, message, &s, &added, &b->error), ERROR_NONE);
+    assert_ok(dbc_add_signal(b->dbc, message, &s, &added, &b->error));
     b->dbc->fd = true;
     b->dbc->bitrate = 1000000;
     b->dbc->data_bitrate = 8000000;
@@ -320,7 +320,7 @@ TEST_WITH(memory_that_runs_out_is_an_error, start, stop)
         struct arena small;
 
         assert_in_range(blocks, 0, 200);
-        assert_int_equal(arena_init(&small, (size_t)1 << 20, &b->error), ERROR_NONE);
+        assert_ok(arena_init(&small, (size_t)1 << 20, &b->error));
         assert_non_null(arena_alloc(&small, small.capacity / 64 - blocks, 64));
         code = build_small(&small, &b->error);
         assert_true(code == ERROR_MEMORY || code == ERROR_NONE);
@@ -348,9 +348,9 @@ TEST_WITH(signals_are_read_from_frames, start, stop)
     real.type = DBC_FLOAT;
     real.role = DBC_MULTIPLEXED;
     real.selector = 3;
-    assert_int_equal(add(b, by), ERROR_NONE);
-    assert_int_equal(add(b, big), ERROR_NONE);
-    assert_int_equal(add(b, real), ERROR_NONE);
+    assert_ok(add(b, by));
+    assert_ok(add(b, big));
+    assert_ok(add(b, real));
     assert_ptr_equal(dbc_find_frame(b->dbc, &frame), b->message);
     assert_true(dbc_read_signal(b->message, &big, &frame, &value));
     assert_true(value == 0xABC);

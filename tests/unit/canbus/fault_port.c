@@ -27,10 +27,10 @@ FIXTURE(set_up)
     struct error error;
 
     memset(&bench, 0, sizeof bench);
-    assert_int_equal(arena_init(&bench.arena, 64 << 20, &error), ERROR_NONE);
-    assert_int_equal(local_bus_create(&config, &bench.arena, &bench.bus, &error), ERROR_NONE);
-    assert_int_equal(local_bus_join(bench.bus, NULL, 0, &bench.near, &error), ERROR_NONE);
-    assert_int_equal(local_bus_join(bench.bus, NULL, 0, &bench.far, &error), ERROR_NONE);
+    assert_ok(arena_init(&bench.arena, 64 << 20, &error));
+    assert_ok(local_bus_create(&config, &bench.arena, &bench.bus, &error));
+    assert_ok(local_bus_join(bench.bus, NULL, 0, &bench.near, &error));
+    assert_ok(local_bus_join(bench.bus, NULL, 0, &bench.far, &error));
     *test_state = &bench;
     return 0;
 }
@@ -59,7 +59,7 @@ static void spoil(struct bench *bench, struct fault_port_rule rule, uint64_t see
     bench->rule = rule;
     bench->rule.active = &bench->active;
     bench->rule.stream = "1";
-    assert_int_equal(fault_port_create(&config, &bench->arena, &bench->near, &error), ERROR_NONE);
+    assert_ok(fault_port_create(&config, &bench->arena, &bench->near, &error));
 }
 
 static void send(struct can_port *port, uint32_t id, unsigned first, unsigned count)
@@ -264,7 +264,7 @@ static void spoil_by(struct bench *bench, struct fault_port_rule *rule, size_t c
         rule[i].active = &bench->active;
         rule[i].stream = "1";
     }
-    assert_int_equal(fault_port_create(&config, &bench->arena, &bench->near, &error), ERROR_NONE);
+    assert_ok(fault_port_create(&config, &bench->arena, &bench->near, &error));
 }
 
 TEST_WITH(each_rule_acts_on_the_frames_of_its_id, set_up, tear_down)

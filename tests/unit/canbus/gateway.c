@@ -459,7 +459,7 @@ TEST_WITH(a_port_may_be_looked_at_by_time, start, stop)
 
     gateway_stop(f->gateway);
     f->hand[0].asked = 0;
-    assert_int_equal(gateway_start(&config, &f->arena, &f->gateway, NULL), ERROR_NONE);
+    assert_ok(gateway_start(&config, &f->arena, &f->gateway, NULL));
     client = join_raw(f, "torso");
     give(&f->hand[0], &frame);
     hears(client, "\n< frame 111 0.000000  >");
@@ -502,7 +502,7 @@ TEST_WITH(a_step_is_passed_on_and_refused_without_the_lockstep_clock, start, sto
     int client;
 
     gateway_stop(f->gateway);
-    assert_int_equal(gateway_start(&config, &f->arena, &f->gateway, NULL), ERROR_NONE);
+    assert_ok(gateway_start(&config, &f->arena, &f->gateway, NULL));
     client = join_raw(f, "torso");
     say(client, "< send 6F0 5 0 0 0 0 2 >< send 6F0 6 0 0 0 0 2 0 >");
     hears(client, "< error STEP without effect: the clock of this run is not lockstep >");

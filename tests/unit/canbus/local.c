@@ -24,7 +24,7 @@ static struct can_port *join(struct local_bus *bus)
     struct can_port *port = NULL;
     struct error error;
 
-    assert_int_equal(local_bus_join(bus, NULL, 0, &port, &error), ERROR_NONE);
+    assert_ok(local_bus_join(bus, NULL, 0, &port, &error));
     return port;
 }
 
@@ -43,9 +43,8 @@ FIXTURE(set_up)
     struct error error;
 
     memset(&bench, 0, sizeof bench);
-    assert_int_equal(arena_init(&bench.arena, 64 << 20, &error), ERROR_NONE);
-    assert_int_equal(create("limb", NODES, INBOX, false, &bench.arena, &bench.bus, &error),
-                     ERROR_NONE);
+    assert_ok(arena_init(&bench.arena, 64 << 20, &error));
+    assert_ok(create("limb", NODES, INBOX, false, &bench.arena, &bench.bus, &error));
     *test_state = &bench;
     return 0;
 }
@@ -198,7 +197,7 @@ TEST_WITH(passes_what_a_filter_matches_and_every_error_frame, set_up, tear_down)
     struct bus_frame got[2];
     struct error error;
 
-    assert_int_equal(local_bus_join(bench->bus, filter, 3, &picky, &error), ERROR_NONE);
+    assert_ok(local_bus_join(bench->bus, filter, 3, &picky, &error));
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         struct bus_frame frame = {.id = cases[i].id, .flags = cases[i].flags};
 
@@ -240,7 +239,7 @@ TEST_WITH(carries_fd_frames_on_an_fd_bus, set_up, tear_down)
     struct error error;
 
     memset(sent.data, 0x5A, sizeof sent.data);
-    assert_int_equal(create("fd", 2, 8, true, &bench->arena, &bus, &error), ERROR_NONE);
+    assert_ok(create("fd", 2, 8, true, &bench->arena, &bus, &error));
     a = join(bus);
     b = join(bus);
     assert_true(a->fd);
@@ -354,7 +353,7 @@ TEST_WITH(refuses_impossible_sizes_with_a_message, set_up, tear_down)
     assert_string_equal(error.text, "local bus limb: all 4 places are taken");
     /* Every size of arena that is too small is survived */
     for (size_t size = 1 << 12; size < 1 << 20; size += 1 << 14) {
-        assert_int_equal(arena_init(&small, size, &error), ERROR_NONE);
+        assert_ok(arena_init(&small, size, &error));
         assert_int_equal(create("x", 16, 1024, false, &small, &bus, &error), ERROR_MEMORY);
         arena_fini(&small);
     }

@@ -20,10 +20,10 @@ TEST_WITH(frames_between_own_nodes_go_back_and_others_stay, open_arena, close_ar
     struct error error;
     void *memory;
 
-    assert_int_equal(local_bus_create(&config, &arena, &bus, &error), ERROR_NONE);
-    assert_int_equal(local_bus_join(bus, NULL, 0, &own[0], &error), ERROR_NONE);
-    assert_int_equal(local_bus_join(bus, NULL, 0, &own[1], &error), ERROR_NONE);
-    assert_int_equal(local_bus_join(bus, NULL, 0, &other, &error), ERROR_NONE);
+    assert_ok(local_bus_create(&config, &arena, &bus, &error));
+    assert_ok(local_bus_join(bus, NULL, 0, &own[0], &error));
+    assert_ok(local_bus_join(bus, NULL, 0, &own[1], &error));
+    assert_ok(local_bus_join(bus, NULL, 0, &other, &error));
     memory = arena_alloc(&arena, 1, local_bus_save_size(bus));
     send_numbered(own[0], 1);
     send_numbered(own[1], 2);
@@ -56,9 +56,9 @@ TEST_WITH(more_frames_than_a_copy_holds_are_refused, open_arena, close_arena)
     struct error error;
     void *memory;
 
-    assert_int_equal(local_bus_create(&config, &arena, &bus, &error), ERROR_NONE);
-    assert_int_equal(local_bus_join(bus, NULL, 0, &own[0], &error), ERROR_NONE);
-    assert_int_equal(local_bus_join(bus, NULL, 0, &own[1], &error), ERROR_NONE);
+    assert_ok(local_bus_create(&config, &arena, &bus, &error));
+    assert_ok(local_bus_join(bus, NULL, 0, &own[0], &error));
+    assert_ok(local_bus_join(bus, NULL, 0, &own[1], &error));
     memory = arena_alloc(&arena, 1, local_bus_save_size(bus));
     for (int i = 0; i < 2048; i++) {
         send_numbered(own[0], 1);
@@ -99,7 +99,7 @@ static struct can_port *join(struct local_bus *bus, size_t nodes)
     struct can_port *port = NULL;
     struct error error;
 
-    assert_int_equal(local_bus_join_nodes(bus, nodes, NULL, 0, &port, &error), ERROR_NONE);
+    assert_ok(local_bus_join_nodes(bus, nodes, NULL, 0, &port, &error));
     return port;
 }
 
@@ -115,7 +115,7 @@ static struct bench open_wire(void)
     struct bench bench;
     struct error error;
 
-    assert_int_equal(local_bus_create(&config, &arena, &bench.bus, &error), ERROR_NONE);
+    assert_ok(local_bus_create(&config, &arena, &bench.bus, &error));
     bench.boards = join(bench.bus, BOARDS);
     bench.host = join(bench.bus, 1);
     bench.other = join(bench.bus, 1);

@@ -19,9 +19,7 @@ static struct can_port *join(size_t nodes)
     struct can_port *port = NULL;
     struct error error;
 
-    if (local_bus_join_nodes(bus, nodes, NULL, 0, &port, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(local_bus_join_nodes(bus, nodes, NULL, 0, &port, &error), error.text);
     return port;
 }
 
@@ -39,7 +37,7 @@ static void open_bus(size_t queue)
                                             .nbypass = 2};
     struct error error;
 
-    assert_int_equal(local_bus_create(&config, &arena, &bus, &error), ERROR_NONE);
+    assert_ok(local_bus_create(&config, &arena, &bus, &error));
     boards = join(BOARDS);
     host = join(1);
     local_bus_advance(bus, MS);
@@ -250,7 +248,7 @@ TEST_WITH(controllers_are_given_out_once, set_up, tear_down)
     open_bus(0);
     assert_int_equal(local_bus_join_nodes(bus, 2, NULL, 0, &port, &error), ERROR_MEMORY);
     assert_non_null(strstr(error.text, "2 controllers wanted, 1 of 6 are left"));
-    assert_int_equal(local_bus_join_nodes(bus, 1, NULL, 0, &port, &error), ERROR_NONE);
+    assert_ok(local_bus_join_nodes(bus, 1, NULL, 0, &port, &error));
 }
 
 /* ---- senders in threads of their own ---- */

@@ -66,7 +66,7 @@ static struct can_port *open_paced(size_t queue)
     memset(&script, 0, sizeof script);
     script.port = (struct can_port){.ops = &ops, .bus = "can0"};
     config.port = &script.port;
-    assert_int_equal(paced_port_create(&config, &arena, &port, &error), ERROR_NONE);
+    assert_ok(paced_port_create(&config, &arena, &port, &error));
     return port;
 }
 

@@ -59,8 +59,8 @@ static void walk(int body)
     size_t met = 0;
 
     make_pairs(body);
-    assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
-    assert_int_equal(broad_phase_make(&config, &arena, &broad, &error), ERROR_NONE);
+    assert_ok(arena_init(&arena, 1 << 20, &error));
+    assert_ok(broad_phase_make(&config, &arena, &broad, &error));
     assert_int_equal(broad.nword, (config.npair + 63) / 64);
     for (int s = 0; s < SURFACES; s++) {
         broad.ball.reach[s] = 0.4 + 0.3 * random_number(&seed);
@@ -113,8 +113,8 @@ TEST(a_capsule_that_turns_is_found)
     }
     pair[0] = (struct contact_pair){.a = 0, .b = 1};
     config.npair = 1;
-    assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
-    assert_int_equal(broad_phase_make(&config, &arena, &broad, &error), ERROR_NONE);
+    assert_ok(arena_init(&arena, 1 << 20, &error));
+    assert_ok(broad_phase_make(&config, &arena, &broad, &error));
     for (int i = 0; i < 2; i++) {
         broad.ball.x[i] = 0.8 * i;
         broad.ball.y[i] = broad.ball.z[i] = 0;
@@ -144,8 +144,8 @@ TEST(long_capsules_side_by_side_are_apart_though_their_balls_meet)
     }
     pair[0] = (struct contact_pair){.a = 0, .b = 1};
     config.npair = 1;
-    assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
-    assert_int_equal(broad_phase_make(&config, &arena, &broad, &error), ERROR_NONE);
+    assert_ok(arena_init(&arena, 1 << 20, &error));
+    assert_ok(broad_phase_make(&config, &arena, &broad, &error));
     for (int i = 0; i < 2; i++) {
         broad.ball.x[i] = 0.3 * i;
         broad.ball.y[i] = broad.ball.z[i] = 0;
@@ -172,8 +172,8 @@ TEST(a_pair_with_a_slack_is_near_when_it_overlaps_by_more)
     }
     pair[0] = (struct contact_pair){.a = 0, .b = 1, .slack_m = 0.05};
     config.npair = 1;
-    assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
-    assert_int_equal(broad_phase_make(&config, &arena, &broad, &error), ERROR_NONE);
+    assert_ok(arena_init(&arena, 1 << 20, &error));
+    assert_ok(broad_phase_make(&config, &arena, &broad, &error));
 
     /* Radii of 0.1 each: they meet at 0.15 and not at 0.2, however they come there */
     for (int i = 0; i < 1000; i++) {
@@ -196,7 +196,7 @@ TEST(without_memory_it_is_not_made)
     struct broad_phase broad;
 
     make_pairs(-1);
-    assert_int_equal(arena_init(&arena, 4096, &error), ERROR_NONE);
+    assert_ok(arena_init(&arena, 4096, &error));
     assert_int_equal(broad_phase_make(&config, &arena, &broad, &error), ERROR_MEMORY);
     arena_fini(&arena);
 }

@@ -99,9 +99,9 @@ static void differ(struct contact_world *world, struct body_motion *motion, doub
     double before = *number;
 
     *number = before + step;
-    assert_int_equal(world->ops->evaluate(world, motion, NULL, &plus), ERROR_NONE);
+    assert_ok(world->ops->evaluate(world, motion, NULL, &plus));
     *number = before - step;
-    assert_int_equal(world->ops->evaluate(world, motion, NULL, &minus), ERROR_NONE);
+    assert_ok(world->ops->evaluate(world, motion, NULL, &minus));
     *number = before;
     for (int i = 0; i < 3; i++) {
         change[i] = (plus.force[i] - minus.force[i]) / (2.0 * step);
@@ -124,11 +124,11 @@ TEST(simbody_says_how_a_flat_box_resists)
     scene_add(&scene, -1, CONTACT_HALF_SPACE, &scene_ground);
     scene_add_box(&scene, 0, 0.1, 0.06, 0.05, 6, &scene_foot);
     scene_add_pair(&scene, 0, 1);
-    assert_int_equal(contact_simbody_create(&scene.config, &world, &error), ERROR_NONE);
+    assert_ok(contact_simbody_create(&scene.config, &world, &error));
     scene_place(&motion, 0.0, 0.0, 0.05 - 2e-4);
     motion.v[0] = 0.5 * SCENE_TRANSITION_M_S; /* where friction is steepest */
     motion.v[2] = -0.05;
-    assert_int_equal(world->ops->evaluate(world, &motion, NULL, &wrench), ERROR_NONE);
+    assert_ok(world->ops->evaluate(world, &motion, NULL, &wrench));
     assert_int_equal(world->ops->tangents(world, &tangent, 1), 1);
     assert_int_equal(tangent.body_a, -1);
     assert_int_equal(tangent.body_b, 0);
@@ -162,10 +162,10 @@ TEST(simbody_says_how_a_sphere_resists)
     scene_add(&scene, -1, CONTACT_HALF_SPACE, &scene_ground);
     scene_add(&scene, 0, CONTACT_SPHERE, &scene_foot)->radius_m = 0.05;
     scene_add_pair(&scene, 0, 1);
-    assert_int_equal(contact_simbody_create(&scene.config, &world, &error), ERROR_NONE);
+    assert_ok(contact_simbody_create(&scene.config, &world, &error));
     scene_place(&motion, 0.0, 0.0, 0.048);
     motion.v[2] = -0.05;
-    assert_int_equal(world->ops->evaluate(world, &motion, NULL, &wrench), ERROR_NONE);
+    assert_ok(world->ops->evaluate(world, &motion, NULL, &wrench));
     assert_int_equal(world->ops->tangents(world, &tangent, 1), 1);
     full(tangent.K, K);
     full(tangent.D, D);

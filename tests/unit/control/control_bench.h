@@ -209,24 +209,23 @@ static inline void bench_open(struct bench *bench, const struct bench_options *o
     snprintf(bench->folder, sizeof bench->folder, "/tmp/coman-hil-control-XXXXXX");
     assert_non_null(mkdtemp(bench->folder));
     snprintf(bench->path, sizeof bench->path, "%s/control", bench->folder);
-    assert_int_equal(arena_init(&bench->arena, (size_t)512 << 20, &error), ERROR_NONE);
+    assert_ok(arena_init(&bench->arena, (size_t)512 << 20, &error));
     snprintf(file, sizeof file, "%s/config/rigs/%s.yaml", HIL_SOURCE_DIR,
              options->rig ? options->rig : "coman");
-    assert_int_equal(rig_load(file, &bench->arena, &bench->rig, &error), ERROR_NONE);
+    assert_ok(rig_load(file, &bench->arena, &bench->rig, &error));
     config.rig = bench->rig;
-    assert_int_equal(simulator_create(&config, &bench->arena, &bench->simulator, notice, &error),
-                     ERROR_NONE);
+    assert_ok(simulator_create(&config, &bench->arena, &bench->simulator, notice, &error));
     if (options->guest) {
-        assert_int_equal(simulator_join(bench->simulator, &bench->ports, &error), ERROR_NONE);
+        assert_ok(simulator_join(bench->simulator, &bench->ports, &error));
     }
     if (!options->without_socket) {
         control.simulator = bench->simulator;
         control.requests = simulator_requests(bench->simulator);
-        assert_int_equal(control_start(&control, &bench->control, &error), ERROR_NONE);
+        assert_ok(control_start(&control, &bench->control, &error));
         client_open(&bench->client, bench->path);
         assert_true(bench->client.socket >= 0);
     }
-    assert_int_equal(simulator_start(bench->simulator, &report, &error), ERROR_NONE);
+    assert_ok(simulator_start(bench->simulator, &report, &error));
     control_serve(bench->control);
     if (bench->control && !options->runs) {
         struct bench_client *second = test_malloc(sizeof *second);

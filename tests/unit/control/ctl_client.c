@@ -23,7 +23,7 @@ TEST(the_reason_of_a_refusal_is_read_though_nothing_can_be_sent)
     client.interrupted = &interrupted;
     assert_int_equal(write(pair[1], refusal, strlen(refusal)), (ssize_t)strlen(refusal));
     close(pair[1]);
-    assert_int_equal(ctl_send(&client, request, &error), ERROR_NONE);
+    assert_ok(ctl_send(&client, request, &error));
     assert_int_equal(ctl_read_line(&client, &line, &error), CTL_LINE);
     assert_non_null(strstr(line, "too many clients"));
     assert_int_equal(ctl_read_line(&client, &line, &error), CTL_END);

@@ -34,7 +34,7 @@ FIXTURE(remove_folder)
 
 static void open_path(struct control_socket *socket)
 {
-    assert_int_equal(control_socket_open(path, socket, &error), ERROR_NONE);
+    assert_ok(control_socket_open(path, socket, &error));
 }
 
 /* a socket as a killed process leaves it */
@@ -72,7 +72,7 @@ TEST(a_stale_socket_is_replaced)
     leave_stale();
     assert_int_equal(control_socket_connect(path, &client, &error), ERROR_SYSTEM);
     open_path(&socket);
-    assert_int_equal(control_socket_connect(path, &client, &error), ERROR_NONE);
+    assert_ok(control_socket_connect(path, &client, &error));
     close(client);
     control_socket_close(&socket);
 }
@@ -86,7 +86,7 @@ TEST(a_living_one_is_not)
     assert_int_equal(control_socket_open(path, &second, &error), ERROR_SYSTEM);
     assert_non_null(strstr(error.text, "a running process listens at"));
     assert_int_equal(second.descriptor, -1);
-    assert_int_equal(control_socket_connect(path, &client, &error), ERROR_NONE);
+    assert_ok(control_socket_connect(path, &client, &error));
     close(client);
     control_socket_close(&first);
 }
@@ -144,7 +144,7 @@ TEST(the_peer_is_known)
     uid_t uid;
 
     open_path(&socket);
-    assert_int_equal(control_socket_connect(path, &client, &error), ERROR_NONE);
+    assert_ok(control_socket_connect(path, &client, &error));
     served = accept(socket.descriptor, NULL, NULL);
     assert_true(control_socket_peer(served, &pid, &uid));
     assert_int_equal(pid, getpid());
@@ -199,8 +199,8 @@ TEST(runs_of_one_rig_get_places_of_their_own)
     char found[CONTROL_FOUND_MAX][CONTROL_PATH_SIZE], place[128];
 
     setenv("XDG_RUNTIME_DIR", folder, 1);
-    assert_int_equal(control_socket_open_default("coman", &first, &error), ERROR_NONE);
-    assert_int_equal(control_socket_open_default("coman", &second, &error), ERROR_NONE);
+    assert_ok(control_socket_open_default("coman", &first, &error));
+    assert_ok(control_socket_open_default("coman", &second, &error));
     snprintf(place, sizeof place, "%s/coman-hil/coman.sock", folder);
     assert_string_equal(first.path, place);
     snprintf(place, sizeof place, "%s/coman-hil/coman-2.sock", folder);
@@ -302,7 +302,7 @@ TEST(both_ends_agree_without_a_runtime_directory)
     assert_int_equal(mkdir(fallback, 0777), 0);
     assert_int_equal(chmod(fallback, 0777), 0);
     snprintf(place, sizeof place, "%s/coman.sock", fallback);
-    assert_int_equal(control_socket_open(place, &trap, &error), ERROR_NONE);
+    assert_ok(control_socket_open(place, &trap, &error));
     assert_int_equal(chmod(place, 0666), 0);
     assert_true(nobody_succeeds(server_refuses));
     assert_true(nobody_succeeds(nothing_is_found));
@@ -328,7 +328,7 @@ TEST(a_service_has_its_own_place)
 
     snprintf(list, sizeof list, "%s:/somewhere/else", folder);
     setenv("RUNTIME_DIRECTORY", list, 1);
-    assert_int_equal(control_socket_open_default("coman", &socket, &error), ERROR_NONE);
+    assert_ok(control_socket_open_default("coman", &socket, &error));
     assert_string_equal(socket.path, path);
     control_socket_close(&socket);
     unsetenv("RUNTIME_DIRECTORY");

@@ -18,8 +18,8 @@ FIXTURE(set_up)
                                   parse("sensor imu off 0..0.001")};
     struct error error;
 
-    assert_int_equal(arena_init(&bench.arena, 1 << 20, &error), ERROR_NONE);
-    assert_int_equal(faults_create(fault, 3, 7, &bench.arena, &bench.faults, &error), ERROR_NONE);
+    assert_ok(arena_init(&bench.arena, 1 << 20, &error));
+    assert_ok(faults_create(fault, 3, 7, &bench.arena, &bench.faults, &error));
     *test_state = &bench;
     return 0;
 }
@@ -105,7 +105,7 @@ TEST_WITH(a_run_may_have_no_faults, set_up, tear_down)
     struct faults *faults;
     struct error error;
 
-    assert_int_equal(faults_create(NULL, 0, 7, &bench->arena, &faults, &error), ERROR_NONE);
+    assert_ok(faults_create(NULL, 0, 7, &bench->arena, &faults, &error));
     assert_int_equal(faults_count(faults), 0);
     faults_step(faults, SECOND);
     assert_false(faults_set(faults, SECOND, 0, true));
@@ -121,7 +121,7 @@ TEST_WITH(refuses_the_number_of_another_fault_as_a_name, set_up, tear_down)
     struct faults *faults;
     struct error error;
 
-    assert_int_equal(faults_create(fault, 2, 7, &bench->arena, &faults, &error), ERROR_NONE);
+    assert_ok(faults_create(fault, 2, 7, &bench->arena, &faults, &error));
     assert_int_equal(faults_find(faults, "a"), 0);
     assert_int_equal(faults_create(fault, 3, 7, &bench->arena, &faults, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "name 3 again"));

@@ -13,9 +13,7 @@ static inline struct fault parse(const char *text)
     struct fault fault;
     struct error error;
 
-    if (fault_parse(text, &names, &fault, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(fault_parse(text, &names, &fault, &error), error.text);
     return fault;
 }
 

@@ -82,9 +82,9 @@ TEST(a_board_may_have_the_address_0)
     struct error error;
 
     others.board_address = addresses;
-    assert_int_equal(fault_parse("board left_leg/0 off", &others, &fault, &error), ERROR_NONE);
+    assert_ok(fault_parse("board left_leg/0 off", &others, &fault, &error));
     assert_int_equal(fault.index, 0);
-    assert_int_equal(fault_parse("board left_leg/255 off", &others, &fault, &error), ERROR_NONE);
+    assert_ok(fault_parse("board left_leg/255 off", &others, &fault, &error));
     assert_int_equal(fault.index, 1);
     assert_int_equal(fault_parse("board left_leg/256 off", &others, &fault, &error), ERROR_INPUT);
     assert_int_equal(fault_parse("board torso/0 off", &others, &fault, &error), ERROR_INPUT);

@@ -16,9 +16,7 @@ static inline const struct robot *load_coman(const char *variant)
     const struct robot *robot;
     struct error error;
 
-    if (robot_load(COMAN, variant, &arena, &robot, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(robot_load(COMAN, variant, &arena, &robot, &error), error.text);
     return robot;
 }
 

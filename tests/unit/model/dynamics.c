@@ -17,18 +17,14 @@ static void make(const struct robot *robot, struct dynamics *d)
 {
     struct error error;
 
-    if (dynamics_generic(robot, &arena, d, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(dynamics_generic(robot, &arena, d, &error), error.text);
 }
 
 static void finish(struct robot *robot)
 {
     struct error error;
 
-    if (robot_finish(robot, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(robot_finish(robot, &error), error.text);
 }
 
 /* |a - b| / max(|b|, floor), Euclidean norms */
@@ -214,7 +210,7 @@ TEST_WITH(inverse_gives_back_the_forces_of_forward, open_arena, close_arena)
         double vdot[MAX_V], f[MAX_V], expected[MAX_V] = {0};
         struct dynamics d;
 
-        assert_int_equal(random_tree_make(&seed, &tree, NULL), ERROR_NONE);
+        assert_ok(random_tree_make(&seed, &tree, NULL));
         make(&tree.robot, &d);
         random_state_make(&seed, &tree.robot, &s);
         d.ops->forward(&d, s.q, s.v, s.tau, s.ext, vdot);
@@ -318,7 +314,7 @@ TEST_WITH(momentum_and_energy_change_by_what_acts_from_outside, open_arena, clos
         const struct robot *robot = &tree.robot;
         struct dynamics d;
 
-        assert_int_equal(random_tree_make(&seed, &tree, NULL), ERROR_NONE);
+        assert_ok(random_tree_make(&seed, &tree, NULL));
         make(robot, &d);
         random_state_make(&seed, robot, &s);
         d.ops->forward(&d, s.q, s.v, s.tau, s.ext, vdot);
@@ -363,7 +359,7 @@ TEST_WITH(accelerations_of_bodies_are_the_change_of_their_velocities, open_arena
         double vdot[MAX_V];
         struct dynamics d;
 
-        assert_int_equal(random_tree_make(&seed, &tree, NULL), ERROR_NONE);
+        assert_ok(random_tree_make(&seed, &tree, NULL));
         make(&tree.robot, &d);
         random_state_make(&seed, &tree.robot, &s);
         for (size_t i = 0; i < tree.robot.nv; i++) {
@@ -523,7 +519,7 @@ TEST_WITH(the_same_state_gives_the_same_bits, open_arena, close_arena)
 
     make(coman, &one);
     make(coman, &two);
-    assert_int_equal(arena_seal(&arena, false, NULL), ERROR_NONE);
+    assert_ok(arena_seal(&arena, false, NULL));
     for (int n = 0; n < 200; n++) {
         struct random_state s, disturbing;
         double first[MAX_V], again[MAX_V], other[MAX_V];

@@ -96,9 +96,9 @@ TEST_WITH(walkman_is_as_published, open_arena, close_arena)
 {
     struct error error;
 
-    if (robot_load(HIL_SOURCE_DIR "/config/robots/walkman.yaml", NULL, &arena, &robot, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(
+        robot_load(HIL_SOURCE_DIR "/config/robots/walkman.yaml", NULL, &arena, &robot, &error),
+        error.text);
     assert_int_equal(robot->nbody, ARRAY_COUNT(walkman_bodies) + 3); /* two elbows, the neck */
     check_bodies(walkman_bodies, ARRAY_COUNT(walkman_bodies));
     check_joints(walkman_joints, ARRAY_COUNT(walkman_joints));
@@ -152,7 +152,7 @@ TEST_WITH(left_capsules_mirror_right_ones, open_arena, close_arena)
         struct error error;
         size_t left = 0;
 
-        assert_int_equal(robot_load(files[f], NULL, &arena, &robot, &error), ERROR_NONE);
+        assert_ok(robot_load(files[f], NULL, &arena, &robot, &error));
         for (size_t c = 0; c < robot->ncapsule; c++) {
             double apart = capsule_without_image(&robot->capsule[c]);
 
@@ -174,7 +174,7 @@ TEST_WITH(springs_carry_a_tenth_more_than_their_joints, open_arena, close_arena)
     for (size_t f = 0; f < 2; f++) {
         struct error error;
 
-        assert_int_equal(robot_load(files[f], NULL, &arena, &robot, &error), ERROR_NONE);
+        assert_ok(robot_load(files[f], NULL, &arena, &robot, &error));
         for (size_t j = 0; j < robot->njoint; j++) {
             const struct robot_joint *joint = &robot->joint[j];
             const double room = joint->sea.deflection;
@@ -232,9 +232,9 @@ TEST_WITH(walkman_sensors_carry_what_is_published, open_arena, close_arena)
                                      0.000683333333333, 0.0, 0.000533333333333};
     struct error error;
 
-    if (robot_load(HIL_SOURCE_DIR "/config/robots/walkman.yaml", NULL, &arena, &robot, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(
+        robot_load(HIL_SOURCE_DIR "/config/robots/walkman.yaml", NULL, &arena, &robot, &error),
+        error.text);
     check_distal("r_leg_ft", 2.23134, foot_com, foot_I);
     check_mirrored_distal("l_leg_ft", 2.23134, foot_com, foot_I);
     check_distal("r_arm_ft", 0.5, hand_com, hand_I);
@@ -269,9 +269,7 @@ TEST_WITH(coman_s_sensors_carry_forearm_wrist_and_hand, open_arena, close_arena)
         I[5] += part[i].Izz;
     }
     I[3] = I[0];
-    if (robot_load(COMAN, "forearms", &arena, &robot, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(robot_load(COMAN, "forearms", &arena, &robot, &error), error.text);
     check_distal("r_arm_ft", mass, com, I);
     check_mirrored_distal("l_arm_ft", mass, com, I);
 }
@@ -290,7 +288,7 @@ TEST_WITH(the_waist_s_capsule_is_where_its_axes_meet, open_arena, close_arena)
     struct error error;
     double reach;
 
-    assert_int_equal(robot_load(COMAN, NULL, &arena, &robot, &error), ERROR_NONE);
+    assert_ok(robot_load(COMAN, NULL, &arena, &robot, &error));
     for (size_t c = 0; c < robot->ncapsule; c++) {
         capsule = strcmp(robot->capsule[c].name, "waist_joint") ? capsule : &robot->capsule[c];
         trunk = strcmp(robot->capsule[c].name, "trunk") ? trunk : &robot->capsule[c];

@@ -149,9 +149,8 @@ TEST(the_rig_of_the_paper_s_grasp_is_its_scene)
     const struct rig *rig = NULL;
     struct error error = {0};
 
-    if (rig_load(HIL_SOURCE_DIR "/config/rigs/grasp-paper.yaml", &arena, &rig, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(rig_load(HIL_SOURCE_DIR "/config/rigs/grasp-paper.yaml", &arena, &rig, &error),
+                    error.text);
     assert_int_equal(rig->nfree, 1);
     assert_true(rig->free[0].inertia.mass == 1.5);
     assert_true(fabs(rig->free[0].inertia.I[0] - 1.5 * 0.15 * 0.15 / 6.0) < 1e-15);
@@ -179,9 +178,7 @@ TEST(rigs_of_the_paper_s_experiments_keep_its_friction)
         char path[512];
 
         snprintf(path, sizeof path, "%s/config/rigs/%s.yaml", HIL_SOURCE_DIR, rigs[i].name);
-        if (rig_load(path, &arena, &rig, &error)) {
-            fail_msg("%s", error.text);
-        }
+        assert_no_error(rig_load(path, &arena, &rig, &error), error.text);
         assert_int_equal(rig->contact.friction, CONTACT_FRICTION_REGULARIZED);
         assert_true(rig->contact.transition_velocity_m_s == rigs[i].transition_velocity_m_s);
         assert_int_equal(rig->contact.mesh_law, CONTACT_ELASTIC_FOUNDATION);
@@ -199,9 +196,7 @@ TEST(friction_of_other_rigs_sticks)
         char path[512];
 
         snprintf(path, sizeof path, "%s/config/rigs/%s.yaml", HIL_SOURCE_DIR, names[i]);
-        if (rig_load(path, &arena, &rig, &error)) {
-            fail_msg("%s", error.text);
-        }
+        assert_no_error(rig_load(path, &arena, &rig, &error), error.text);
         assert_int_equal(rig->contact.friction, CONTACT_FRICTION_STICKING);
     }
 }

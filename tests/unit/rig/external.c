@@ -141,6 +141,5 @@ TEST_WITH(what_a_real_board_does_nobody_disturbs, open_rig_tree, close_rig_tree)
     assert_string_equal(error.text,
                         "--fault: \"board shin off\": found a fault of board shin, which is "
                         "external, expected one of the simulator's own");
-    assert_int_equal(rig_faults_create(rig, fault + 1, 1, 1, wire, &arena, &faults, &error),
-                     ERROR_NONE);
+    assert_ok(rig_faults_create(rig, fault + 1, 1, 1, wire, &arena, &faults, &error));
 }

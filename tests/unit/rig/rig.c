@@ -489,7 +489,7 @@ TEST_WITH(reports_an_arena_that_is_full, open_rig_tree, close_rig_tree)
         struct arena small;
         struct error error;
 
-        assert_int_equal(arena_init(&small, capacity, &error), ERROR_NONE);
+        assert_ok(arena_init(&small, capacity, &error));
         code = rig_load(rig_path, &small, &rig, &error);
         assert_true(code == ERROR_NONE || code == ERROR_MEMORY);
         arena_fini(&small);

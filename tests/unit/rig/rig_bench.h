@@ -31,9 +31,7 @@ static inline const struct rig *load_rig(const char *path)
     const struct rig *rig = NULL;
     struct error error = {0};
 
-    if (rig_load(path, &arena, &rig, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(rig_load(path, &arena, &rig, &error), error.text);
     return rig;
 }
 
@@ -53,9 +51,7 @@ static inline const struct rig *load_toy_rig_with(const char *lines)
     const struct rig *rig = NULL;
     struct error error = {0};
 
-    if (read_toy_rig_with(lines, &rig, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(read_toy_rig_with(lines, &rig, &error), error.text);
     return rig;
 }
 

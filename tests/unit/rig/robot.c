@@ -43,9 +43,7 @@ static const struct rig *load(const char *text)
     const struct rig *rig = NULL;
     struct error error = {0};
 
-    if (try_load(text, &rig, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(try_load(text, &rig, &error), error.text);
     return rig;
 }
 
@@ -277,7 +275,7 @@ static struct dynamics dynamics_of(const struct robot *robot)
     struct dynamics dynamics;
     struct error error = {0};
 
-    assert_int_equal(dynamics_generic(robot, &arena, &dynamics, &error), ERROR_NONE);
+    assert_ok(dynamics_generic(robot, &arena, &dynamics, &error));
     return dynamics;
 }
 
@@ -304,8 +302,8 @@ TEST(a_held_base_is_one_of_infinite_mass)
     memset(heavy->body[0].inertia.com, 0, sizeof heavy->body[0].inertia.com);
     memset(heavy->gravity, 0, sizeof heavy->gravity);
     memset(held->gravity, 0, sizeof held->gravity);
-    assert_int_equal(robot_finish(heavy, &error), ERROR_NONE);
-    assert_int_equal(robot_fix_base(held, p, quaternion, &error), ERROR_NONE);
+    assert_ok(robot_finish(heavy, &error));
+    assert_ok(robot_fix_base(held, p, quaternion, &error));
     assert_int_equal(held->nv, held->njoint);
     assert_true(held->hash != robot->hash);
     a = dynamics_of(heavy);
@@ -339,14 +337,11 @@ TEST(surfaces_and_frames_of_a_held_base_stay_where_they_were)
     struct error error = {0};
     int frame;
 
-    assert_int_equal(
-        robot_load(HIL_SOURCE_DIR "/config/robots/coman.yaml", NULL, &arena, &robot, &error),
-        ERROR_NONE);
-    assert_int_equal(robot_copy(robot, &arena, &held, &error), ERROR_NONE);
+    assert_ok(robot_load(HIL_SOURCE_DIR "/config/robots/coman.yaml", NULL, &arena, &robot, &error));
+    assert_ok(robot_copy(robot, &arena, &held, &error));
     /* A quarter turn about z, half a meter up */
-    assert_int_equal(robot_fix_base(held, (double[3]){0, 0, 0.5},
-                                    (double[4]){sqrt(0.5), 0, 0, sqrt(0.5)}, &error),
-                     ERROR_NONE);
+    assert_ok(robot_fix_base(held, (double[3]){0, 0, 0.5}, (double[4]){sqrt(0.5), 0, 0, sqrt(0.5)},
+                             &error));
     assert_near(held->body[0].inertia.com[0], -robot->body[0].inertia.com[1], 1e-15);
     assert_near(held->body[0].inertia.com[1], robot->body[0].inertia.com[0], 1e-15);
     assert_near(held->body[0].inertia.com[2], robot->body[0].inertia.com[2] + 0.5, 1e-15);

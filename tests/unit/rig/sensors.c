@@ -166,8 +166,7 @@ TEST(faults_are_lines_in_their_order)
     struct faults *faults;
     struct error error;
 
-    assert_int_equal(rig_faults_create(rig, extra, 2, rig->seed, wire, &arena, &faults, &error),
-                     ERROR_NONE);
+    assert_ok(rig_faults_create(rig, extra, 2, rig->seed, wire, &arena, &faults, &error));
     assert_int_equal(faults_count(faults), 4);
     assert_int_equal(faults_at(faults, 0)->kind, FAULT_JAM);
     assert_int_equal(faults_find(faults, "late"), 1);

@@ -113,9 +113,7 @@ static char *tell_rig(const char *name)
 
     assert_non_null(out);
     snprintf(path, sizeof path, "%s/config/rigs/%s.yaml", HIL_SOURCE_DIR, name);
-    if (rig_load(path, &arena, &rig, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(rig_load(path, &arena, &rig, &error), error.text);
     fprintf(out, "%s: %s, tick %g ms of %zu, clock %d, integrator %d, %g V, %g ohm\n", rig->name,
             rig->robot->name, (double)rig->tick_ns * 1e-6, rig->substeps, rig->clock,
             rig->integrator, rig->supply_v, rig->supply_ohm);

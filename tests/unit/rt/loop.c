@@ -73,12 +73,11 @@ static uint64_t frames_recorded(enum loop_recording recording)
     char path[64];
     struct error error;
 
-    assert_int_equal(recorder_open(&config, &bench->arena, &bench->config.recorder, &error),
-                     ERROR_NONE);
+    assert_ok(recorder_open(&config, &bench->arena, &bench->config.recorder, &error));
     bench->config.recording = recording;
     can_send(bench->host[0], &frame, 1);
     bench_run(bench);
-    assert_int_equal(recorder_close(bench->config.recorder, &counters, &error), ERROR_NONE);
+    assert_ok(recorder_close(bench->config.recorder, &counters, &error));
     bench_destroy(bench);
     snprintf(path, sizeof path, "%s/candump.log", folder);
     unlink(path);

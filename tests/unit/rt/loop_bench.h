@@ -203,12 +203,9 @@ static inline void bench_buses(struct bench *bench, size_t inbox)
 
         const struct local_bus_config config = {.name = names[b], .max_nodes = 2, .inbox = inbox};
 
-        assert_int_equal(local_bus_create(&config, &bench->arena, &bench->bus[b], &error),
-                         ERROR_NONE);
-        assert_int_equal(local_bus_join(bench->bus[b], NULL, 0, &bench->port[b], &error),
-                         ERROR_NONE);
-        assert_int_equal(local_bus_join(bench->bus[b], NULL, 0, &bench->host[b], &error),
-                         ERROR_NONE);
+        assert_ok(local_bus_create(&config, &bench->arena, &bench->bus[b], &error));
+        assert_ok(local_bus_join(bench->bus[b], NULL, 0, &bench->port[b], &error));
+        assert_ok(local_bus_join(bench->bus[b], NULL, 0, &bench->host[b], &error));
         bench->transmit_max[b] = 8;
     }
 }
@@ -228,7 +225,7 @@ static inline struct bench *bench_create(enum loop_clock clock, uint64_t ticks)
     bench->late_sleep = SIZE_MAX;
     bench->controller_ticks = UINT64_MAX;
     bench->send_count = 2;
-    assert_int_equal(arena_init(&bench->arena, (size_t)64 << 20, &error), ERROR_NONE);
+    assert_ok(arena_init(&bench->arena, (size_t)64 << 20, &error));
     bench_buses(bench, 4096);
     bench->config = (struct loop_config){
         .clock = clock,
@@ -262,8 +259,8 @@ static inline enum loop_end bench_run(struct bench *bench)
 {
     struct error error;
 
-    assert_int_equal(loop_create(&bench->config, &bench->arena, &bench->loop, &error), ERROR_NONE);
-    assert_int_equal(arena_seal(&bench->arena, false, &error), ERROR_NONE);
+    assert_ok(loop_create(&bench->config, &bench->arena, &bench->loop, &error));
+    assert_ok(arena_seal(&bench->arena, false, &error));
     return loop_run(bench->loop);
 }
 

@@ -39,7 +39,7 @@ static struct clock *paced(struct scripted *scripted)
     struct error error;
 
     *scripted = (struct scripted){.clock = {&scripted_ops}, .now = 7000000000, .change_at = -1};
-    assert_int_equal(pace_create(&scripted->clock, &arena, &scripted->pace, &error), ERROR_NONE);
+    assert_ok(pace_create(&scripted->clock, &arena, &scripted->pace, &error));
     return pace_clock(scripted->pace);
 }
 

@@ -142,7 +142,7 @@ static inline struct bench *requested_create(enum loop_clock clock, uint64_t tic
     sb.paused_at = UINT64_MAX;
     bench->on_tick = on_tick;
     bench->on_wait = on_wait;
-    assert_int_equal(requests_create(&machine, &bench->arena, &sb.requests, &error), ERROR_NONE);
+    assert_ok(requests_create(&machine, &bench->arena, &sb.requests, &error));
     bench->config.requests = sb.requests;
     return bench;
 }

@@ -56,8 +56,8 @@ TEST(readers_get_whole_values_while_the_writer_runs)
     struct error error;
     struct value value;
 
-    assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
-    assert_int_equal(snapshot_create(sizeof value, &arena, &snapshot, &error), ERROR_NONE);
+    assert_ok(arena_init(&arena, 1 << 20, &error));
+    assert_ok(snapshot_create(sizeof value, &arena, &snapshot, &error));
     for (int i = 0; i < READERS; i++) {
         reader[i].snapshot = snapshot;
         assert_int_equal(pthread_create(&reader[i].thread, NULL, read_all, &reader[i]), 0);
@@ -82,8 +82,8 @@ TEST(nothing_is_read_before_the_first_write)
     struct error error;
     struct value value;
 
-    assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
-    assert_int_equal(snapshot_create(sizeof value, &arena, &snapshot, &error), ERROR_NONE);
+    assert_ok(arena_init(&arena, 1 << 20, &error));
+    assert_ok(snapshot_create(sizeof value, &arena, &snapshot, &error));
     assert_int_equal(snapshot_read(snapshot, &value), 0);
     arena_fini(&arena);
 }
@@ -95,8 +95,8 @@ TEST(gaps_stay_zero)
     struct arena arena;
     struct error error;
 
-    assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
-    assert_int_equal(snapshot_create(sizeof value, &arena, &snapshot, &error), ERROR_NONE);
+    assert_ok(arena_init(&arena, 1 << 20, &error));
+    assert_ok(snapshot_create(sizeof value, &arena, &snapshot, &error));
     snapshot_leave_out(snapshot, 16, 32);
     snapshot_leave_out(snapshot, 56, 64);
     for (uint64_t i = 0; i < 8; i++) {

@@ -50,13 +50,11 @@ TEST_WITH(local_buses_bear_the_interface_names_and_carry_frames, open_arena, clo
     struct error error;
     char notice[256];
 
-    assert_int_equal(
-        buses_open(&rig, TRANSPORT_LOCAL, item, 1, 1, true, &arena, &buses, notice, &error),
-        ERROR_NONE);
+    assert_ok(buses_open(&rig, TRANSPORT_LOCAL, item, 1, 1, true, &arena, &buses, notice, &error));
     assert_string_equal(notice, "");
     assert_true(buses.local);
-    assert_int_equal(buses_join(&buses, &arena, &simulator, &error), ERROR_NONE);
-    assert_int_equal(buses_join(&buses, &arena, &task, &error), ERROR_NONE);
+    assert_ok(buses_join(&buses, &arena, &simulator, &error));
+    assert_ok(buses_join(&buses, &arena, &task, &error));
     assert_string_equal(simulator.port[0]->bus, "can0");
     assert_string_equal(simulator.port[1]->bus, "vcan7");
     assert_int_equal(can_send(task.port[1], &frame, 1), 1);
@@ -85,13 +83,12 @@ TEST_WITH(timed_local_buses_deliver_when_they_are_advanced, open_arena, close_ar
     struct error error;
     char notice[256];
 
-    assert_int_equal(
-        buses_open(&timed, TRANSPORT_LOCAL, NULL, 0, 1, true, &arena, &buses, notice, &error),
-        ERROR_NONE);
+    assert_ok(
+        buses_open(&timed, TRANSPORT_LOCAL, NULL, 0, 1, true, &arena, &buses, notice, &error));
     assert_true(buses.timed);
     assert_non_null(buses.wire[0]);
-    assert_int_equal(buses_join_boards(&buses, &arena, &simulator, &error), ERROR_NONE);
-    assert_int_equal(buses_join(&buses, &arena, &task, &error), ERROR_NONE);
+    assert_ok(buses_join_boards(&buses, &arena, &simulator, &error));
+    assert_ok(buses_join(&buses, &arena, &task, &error));
     frame.node = 2;
     assert_int_equal(can_send(simulator.port[0], &frame, 1), 1);
     assert_int_equal(can_receive(task.port[0], &found, 1), 0);
@@ -109,9 +106,7 @@ TEST_WITH(without_can_auto_is_local_and_says_so, open_arena, close_arena)
     struct error error;
     char notice[256];
 
-    assert_int_equal(
-        buses_open(&rig, TRANSPORT_AUTO, NULL, 0, 1, true, &arena, &buses, notice, &error),
-        ERROR_NONE);
+    assert_ok(buses_open(&rig, TRANSPORT_AUTO, NULL, 0, 1, true, &arena, &buses, notice, &error));
     assert_int_equal(buses.local, !socketcan_available());
     assert_int_equal(notice[0] != '\0', !socketcan_available());
     buses_close(&buses);
@@ -125,9 +120,7 @@ TEST_WITH(a_named_interface_is_never_replaced_by_a_local_bus, open_arena, close_
     struct error error;
     char notice[256];
 
-    assert_int_equal(
-        buses_open(&rig, TRANSPORT_AUTO, item, 1, 1, true, &arena, &buses, notice, &error),
-        ERROR_NONE);
+    assert_ok(buses_open(&rig, TRANSPORT_AUTO, item, 1, 1, true, &arena, &buses, notice, &error));
     assert_int_not_equal(buses_join(&buses, &arena, &ports, &error), ERROR_NONE);
     assert_int_equal(ports.count, 0);
     assert_non_null(strstr(error.text, "bus torso"));

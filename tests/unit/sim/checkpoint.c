@@ -21,8 +21,7 @@ TEST_WITH(copies_come_back_around_their_holes, open_arena, close_arena)
     struct checkpoint *checkpoint;
     struct error error;
 
-    assert_int_equal(checkpoint_create(moving, 2, hole, 5, 2, &arena, &checkpoint, &error),
-                     ERROR_NONE);
+    assert_ok(checkpoint_create(moving, 2, hole, 5, 2, &arena, &checkpoint, &error));
     memset(memory, 1, sizeof memory);
     memset(other, 1, sizeof other);
     checkpoint_save(checkpoint, 0);
@@ -68,12 +67,12 @@ TEST_WITH(a_wire_goes_back_with_its_bus, open_arena, close_arena)
     struct span moving;
     void *memory;
 
-    assert_int_equal(local_bus_create(&config, &arena, &bus, &error), ERROR_NONE);
-    assert_int_equal(local_bus_join(bus, NULL, 0, &own[0], &error), ERROR_NONE);
-    assert_int_equal(local_bus_join(bus, NULL, 0, &own[1], &error), ERROR_NONE);
+    assert_ok(local_bus_create(&config, &arena, &bus, &error));
+    assert_ok(local_bus_join(bus, NULL, 0, &own[0], &error));
+    assert_ok(local_bus_join(bus, NULL, 0, &own[1], &error));
     memory = arena_alloc(&arena, 1, local_bus_save_size(bus));
     moving.memory = wire_memory(local_bus_wire(bus), &moving.size);
-    assert_int_equal(checkpoint_create(&moving, 1, NULL, 0, 1, &arena, &wire, &error), ERROR_NONE);
+    assert_ok(checkpoint_create(&moving, 1, NULL, 0, 1, &arena, &wire, &error));
     local_bus_advance(bus, 1000000);
     send_numbered(own[0], 1);
     send_numbered(own[0], 2);
@@ -112,16 +111,15 @@ TEST_WITH(who_is_on_a_wire_does_not_go_back, open_arena, close_arena)
         struct wire_stats stats;
         void *memory;
 
-        assert_int_equal(local_bus_create(&config, &arena, &bus, &error), ERROR_NONE);
-        assert_int_equal(local_bus_join(bus, NULL, 0, &own, &error), ERROR_NONE);
+        assert_ok(local_bus_create(&config, &arena, &bus, &error));
+        assert_ok(local_bus_join(bus, NULL, 0, &own, &error));
         memory = arena_alloc(&arena, 1, local_bus_save_size(bus));
         moving.memory = wire_memory(local_bus_wire(bus), &moving.size);
-        assert_int_equal(checkpoint_create(&moving, 1, NULL, 0, 1, &arena, &wire, &error),
-                         ERROR_NONE);
+        assert_ok(checkpoint_create(&moving, 1, NULL, 0, 1, &arena, &wire, &error));
         for (int step = 0; step < 2; step++) {
             local_bus_advance(bus, (step + 1) * INT64_C(1000000));
             if (step == stays) { /* before the copy, or after it */
-                assert_int_equal(local_bus_join(bus, NULL, 0, &client, &error), ERROR_NONE);
+                assert_ok(local_bus_join(bus, NULL, 0, &client, &error));
             }
             if (step == 0) {
                 local_bus_advance(bus, 1500000);

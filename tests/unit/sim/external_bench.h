@@ -158,8 +158,7 @@ static inline void bench_run(struct bench *bench)
     bench_read_log(bench);
     bench->hash = plant_hash(simulator_plant(bench->simulator));
     if (bench->record) {
-        assert_int_equal(simulator_finish_recording(bench->simulator, &counters, &error),
-                         ERROR_NONE);
+        assert_ok(simulator_finish_recording(bench->simulator, &counters, &error));
     }
     rig_run_close(bench->simulator, &arena, &bench->ports);
 }

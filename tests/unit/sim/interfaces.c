@@ -123,7 +123,7 @@ TEST_WITH(takes_an_interface_as_it_is_when_the_bit_rate_fits, set_up, NULL)
     struct error error;
 
     bench->link.controller.timing.bitrate = 1004000; /* as near as some clocks come */
-    assert_int_equal(prepare(bench, &error), ERROR_NONE);
+    assert_ok(prepare(bench, &error));
     assert_int_equal(bench->configured, 0);
 }
 
@@ -149,7 +149,7 @@ TEST_WITH(refuses_another_data_bit_rate_even_where_it_may_configure, set_up, NUL
     assert_int_equal(prepare(bench, &error), ERROR_INPUT);
     assert_says(error.text, "dbitrate 8000000 fd on");
     bench->link.controller.data_timing.bitrate = 8000000;
-    assert_int_equal(prepare(bench, &error), ERROR_NONE);
+    assert_ok(prepare(bench, &error));
 }
 
 TEST_WITH(configures_what_differs_and_leaves_alone_what_does_not, set_up, NULL)
@@ -159,14 +159,14 @@ TEST_WITH(configures_what_differs_and_leaves_alone_what_does_not, set_up, NULL)
 
     bench->bus.configure = true;
     bench->bus.sample_point = 0.75;
-    assert_int_equal(prepare(bench, &error), ERROR_NONE);
+    assert_ok(prepare(bench, &error));
     assert_int_equal(bench->configured, 0);
     bench->bus.restart_ms = 100;
-    assert_int_equal(prepare(bench, &error), ERROR_NONE);
+    assert_ok(prepare(bench, &error));
     assert_int_equal(bench->configured, 1);
     assert_int_equal(bench->settings.restart_ms, 100);
     bench->link.up = false;
-    assert_int_equal(prepare(bench, &error), ERROR_NONE);
+    assert_ok(prepare(bench, &error));
     assert_int_equal(bench->configured, 2);
     bench->link.up = false;
     bench->refuses = true;
@@ -180,10 +180,10 @@ TEST_WITH(leaves_virtual_and_missing_interfaces_alone, set_up, NULL)
 
     bench->bus.configure = true;
     bench->link = (struct link_info){.index = 4, .up = true, .type = ARPHRD_CAN, .kind = "vcan"};
-    assert_int_equal(prepare(bench, &error), ERROR_NONE);
+    assert_ok(prepare(bench, &error));
     look(bench, "");
     bench->gone = true;
-    assert_int_equal(prepare(bench, &error), ERROR_NONE);
+    assert_ok(prepare(bench, &error));
     look(bench, "");
     assert_int_equal(bench->configured, 0);
     assert_int_equal(bench->box.post, 0);

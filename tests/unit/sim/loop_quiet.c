@@ -141,7 +141,7 @@ static size_t allocations_of(enum loop_clock clock, const char *directory, bool 
     assert_int_equal(simulator_run(simulator), LOOP_END_LENGTH);
     counting = false;
     found = allocations;
-    assert_int_equal(simulator_finish_recording(simulator, &counters, &error), ERROR_NONE);
+    assert_ok(simulator_finish_recording(simulator, &counters, &error));
     assert_true(!directory || counters.frames > 1000);
     assert_int_equal(counters.rows, directory ? 40 : 0);
     rig_run_close(simulator, &arena, NULL);

@@ -73,11 +73,11 @@ static void bench_init(struct bench *bench, bool floating)
     size_t count;
 
     memset(bench, 0, sizeof *bench);
-    assert_int_equal(arena_init(&bench->arena, 1 << 22, &error), ERROR_NONE);
+    assert_ok(arena_init(&bench->arena, 1 << 22, &error));
     toy_walker(&bench->toy);
     bench->toy.body[RIGHT_SHANK].observed = true;
     if (!floating) {
-        assert_int_equal(robot_fix_base(&bench->toy.robot, position, upright, &error), ERROR_NONE);
+        assert_ok(robot_fix_base(&bench->toy.robot, position, upright, &error));
     }
     for (size_t j = 0; j < bench->toy.robot.njoint; j++) {
         bench->toy.joint[j].stop = (struct robot_stop){.stiffness = 1e5, .damping = 100.0};
@@ -94,26 +94,22 @@ static void bench_init(struct bench *bench, bool floating)
                                                  .pair = bench->pair,
                                                  .transition_velocity_m_s = 0.1};
     bench->rig.contact_body = bench->contact_body;
-    assert_int_equal(
-        contact_native_create(&bench->rig.contact, &bench->arena, &bench->contact, &error),
-        ERROR_NONE);
-    assert_int_equal(dynamics_generic(&bench->toy.robot, &bench->arena, &bench->dynamics, &error),
-                     ERROR_NONE);
+    assert_ok(contact_native_create(&bench->rig.contact, &bench->arena, &bench->contact, &error));
+    assert_ok(dynamics_generic(&bench->toy.robot, &bench->arena, &bench->dynamics, &error));
     config.robot = &bench->toy.robot;
     config.dynamics = &bench->dynamics;
     config.contact = bench->contact;
     config.contact_body = bench->contact_body;
-    assert_int_equal(plant_create(&config, &bench->arena, &bench->plant, &error), ERROR_NONE);
-    assert_int_equal(plant_reset(bench->plant, position, upright, straight), ERROR_NONE);
+    assert_ok(plant_create(&config, &bench->arena, &bench->plant, &error));
+    assert_ok(plant_reset(bench->plant, position, upright, straight));
     bench->state = plant_state(bench->plant, &count);
-    assert_int_equal(watch_create(&bench->rig, bench->plant, &bench->arena, &bench->watch, &error),
-                     ERROR_NONE);
+    assert_ok(watch_create(&bench->rig, bench->plant, &bench->arena, &bench->watch, &error));
 }
 
 /* So many milliseconds in the state as it is. */
 static void stay(struct bench *bench, int ms)
 {
-    assert_int_equal(plant_sample(bench->plant), ERROR_NONE);
+    assert_ok(plant_sample(bench->plant));
     for (int k = 0; k < ms; k++) {
         watch_step(bench->watch, bench->now_ns);
         bench->now_ns += MS;

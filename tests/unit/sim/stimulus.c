@@ -49,7 +49,7 @@ static enum error_code load_from(const char *where, const char *name, bool locks
     assert_non_null(log);
     assert_true(fputs(text, log) >= 0 && fclose(log) == 0);
     snprintf(file, sizeof file, "%s/config/rigs/%s.yaml", HIL_SOURCE_DIR, name);
-    assert_int_equal(rig_load(file, &arena, &rig, &error), ERROR_NONE);
+    assert_ok(rig_load(file, &arena, &rig, &error));
     for (size_t b = 0; b < rig->nbus; b++) {
         interface[b] = rig->bus[b].interface;
     }
@@ -58,9 +58,7 @@ static enum error_code load_from(const char *where, const char *name, bool locks
 
 static void load(const char *name, bool lockstep, const char *text)
 {
-    if (load_from(path, name, lockstep, text)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(load_from(path, name, lockstep, text), error.text);
 }
 
 /* The log is refused: message is what follows the name of its file. */
@@ -159,7 +157,7 @@ TEST_WITH(identifiers_of_29_bits_are_told_apart, set_up, tear_down)
 
 TEST_WITH(a_folder_has_its_log, set_up, tear_down)
 {
-    assert_int_equal(load_from(folder, "coman", false, "(0.001000) can0 001#07\n"), ERROR_NONE);
+    assert_ok(load_from(folder, "coman", false, "(0.001000) can0 001#07\n"));
     assert_int_equal(stimulus.count[0], 1);
 }
 

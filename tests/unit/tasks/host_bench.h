@@ -44,7 +44,7 @@ static inline void bench_open(struct bench *bench, const struct host_config *con
     static const char *const names[BENCH_BUSES] = {"can0", "can1", "can2"};
     struct error error;
 
-    assert_int_equal(arena_init(&bench->arena, 32u << 20, &error), ERROR_NONE);
+    assert_ok(arena_init(&bench->arena, 32u << 20, &error));
     for (size_t b = 0; b < config->nbus; b++) {
         const struct local_bus_config bus = {
             .name = names[b], .max_nodes = 4, .inbox = 256, .fd = config->bus && config->bus[b].fd};
@@ -55,9 +55,7 @@ static inline void bench_open(struct bench *bench, const struct host_config *con
     }
     bench->config = *config;
     bench->config.port = bench->host_port;
-    if (host_create(&bench->config, &bench->arena, &bench->host, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(host_create(&bench->config, &bench->arena, &bench->host, &error), error.text);
 }
 
 static inline void bench_close(struct bench *bench)

@@ -194,7 +194,7 @@ TEST(a_bus_whose_protocol_has_no_host_is_refused)
     struct host *host;
     struct error error;
 
-    assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
+    assert_ok(arena_init(&arena, 1 << 20, &error));
     for (size_t i = 0; (protocol = protocol_at(i)); i++) {
         bus.protocol = protocol->name;
         if (host_create(&config, &arena, &host, &error)) {

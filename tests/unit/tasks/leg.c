@@ -122,7 +122,7 @@ TEST(inverse_kinematics_give_the_angles_back)
         struct error error;
         int link[LEG_JOINTS];
 
-        assert_int_equal(leg_find(&b->rig->body, side, link, &leg, &error), ERROR_NONE);
+        assert_ok(leg_find(&b->rig->body, side, link, &leg, &error));
         assert_true(fabs(leg.thigh_m - b->rig->squat.thigh_m) < 1e-12);
         assert_true(fabs(leg.shank_m - b->rig->squat.shank_m) < 1e-12);
         for (int n = 0; n < POSES; n++) {
@@ -161,7 +161,7 @@ TEST(a_leg_that_rolls_first_gives_its_angles_back_too)
         struct body_pose foot;
         struct error error;
 
-        assert_int_equal(leg_find(&b->walkman->body, side, link, &leg, &error), ERROR_NONE);
+        assert_ok(leg_find(&b->walkman->body, side, link, &leg, &error));
         assert_true(leg.roll_first && leg.thigh_m == 0.356 && leg.shank_m == 0.4);
         pose_rig_at_random(b, b->walkman);
         truth = &b->truth[link[LEG_ANKLE_ROLL]];
@@ -193,7 +193,7 @@ TEST(a_foot_out_of_reach_is_pointed_at)
     int link[LEG_JOINTS];
     double angle[LEG_JOINTS], to[3], reached[3];
 
-    assert_int_equal(leg_find(&b->rig->body, BODY_LEFT, link, &leg, &error), ERROR_NONE);
+    assert_ok(leg_find(&b->rig->body, BODY_LEFT, link, &leg, &error));
     vec3_add_scaled(leg.hip, 1, (const double[]){0.2, 0.1, -0.5}, foot.p);
     assert_false(leg_inverse(&leg, &foot, 0.1, 2, angle));
     assert_true(fabs(angle[LEG_KNEE] - 0.1) < 1e-12);
@@ -220,7 +220,7 @@ TEST(a_leg_with_other_axes_is_refused)
     memcpy(link, model.link, model.nlink * sizeof *link);
     model.link = link;
     link[body_find_link(&model, "LKneeSag")].origin[0] = 0.01;
-    assert_int_equal(leg_find(&model, BODY_RIGHT, found, &leg, &error), ERROR_NONE);
+    assert_ok(leg_find(&model, BODY_RIGHT, found, &leg, &error));
     assert_int_equal(leg_find(&model, BODY_LEFT, found, &leg, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "LKneeSag"));
     link[body_find_link(&model, "RHipYaw")].axis = -1;
@@ -259,7 +259,7 @@ TEST(static_torques_hold_weight_and_force)
     struct error error;
     int link[LEG_JOINTS];
 
-    assert_int_equal(leg_find(&b->rig->body, BODY_RIGHT, link, &leg, &error), ERROR_NONE);
+    assert_ok(leg_find(&b->rig->body, BODY_RIGHT, link, &leg, &error));
     for (int n = 0; n < 20; n++) {
         pose_at_random(b);
         for (int j = 0; j < LEG_JOINTS; j++) {

@@ -47,12 +47,10 @@ FIXTURE(set_up)
     };
     struct error error;
 
-    assert_int_equal(arena_init(&arena, 8u << 20, &error), ERROR_NONE);
-    assert_int_equal(local_bus_create(&local, &arena, &bus, &error), ERROR_NONE);
-    assert_int_equal(local_bus_join(bus, NULL, 0, &port, &error), ERROR_NONE);
-    if (task_create("pose", &config, &arena, &task, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_ok(arena_init(&arena, 8u << 20, &error));
+    assert_ok(local_bus_create(&local, &arena, &bus, &error));
+    assert_ok(local_bus_join(bus, NULL, 0, &port, &error));
+    assert_no_error(task_create("pose", &config, &arena, &task, &error), error.text);
     return 0;
 }
 

@@ -27,7 +27,7 @@ TEST(between_rows_it_is_linear_or_cubic)
     struct error error;
     double angle, rate;
 
-    assert_int_equal(read_text(text, TRAJECTORY_LINEAR, &t, &error), ERROR_NONE);
+    assert_ok(read_text(text, TRAJECTORY_LINEAR, &t, &error));
     assert_true(t->njoint == 2 && t->joint[0] == 1 && t->joint[1] == 0);
     assert_true(trajectory_length_s(t) == 3);
     trajectory_at(t, 0, 0.5, &angle, &rate);
@@ -36,7 +36,7 @@ TEST(between_rows_it_is_linear_or_cubic)
     assert_true(fabs(angle - M_PI * 0.75) < 1e-12 && fabs(rate - M_PI / 4) < 1e-12);
 
     /* At rest before, after and at both ends */
-    assert_int_equal(read_text(text, TRAJECTORY_CUBIC, &t, &error), ERROR_NONE);
+    assert_ok(read_text(text, TRAJECTORY_CUBIC, &t, &error));
     trajectory_at(t, 0, -1, &angle, &rate);
     assert_true(angle == 0 && rate == 0);
     trajectory_at(t, 0, 7, &angle, &rate);
@@ -58,7 +58,7 @@ TEST(a_cubic_is_smooth_and_never_leaves_the_rows)
     struct error error;
     double angle, rate, before, after, unused;
 
-    assert_int_equal(read_text(text, TRAJECTORY_CUBIC, &t, &error), ERROR_NONE);
+    assert_ok(read_text(text, TRAJECTORY_CUBIC, &t, &error));
     for (double time = 0.001; time < 1.999; time += 0.001) {
         trajectory_at(t, 0, time, &angle, &rate);
         trajectory_at(t, 0, time - 1e-6, &before, &unused);
@@ -78,7 +78,7 @@ TEST(the_peak_between_rows_counts)
     const struct trajectory *t;
     struct error error;
 
-    assert_int_equal(read_text(text, TRAJECTORY_LINEAR, &t, &error), ERROR_NONE);
+    assert_ok(read_text(text, TRAJECTORY_LINEAR, &t, &error));
     assert_int_equal(read_text(text, TRAJECTORY_CUBIC, &t, &error), ERROR_INPUT);
     assert_string_equal(error.text,
                         "walk.csv:3: column 2 (hip_rad): found 10.5 rad/s since the row "

@@ -37,8 +37,8 @@ static struct history *make_history(size_t columns)
 {
     struct history *history;
 
-    assert_int_equal(arena_init(&arena, (size_t)128 << 20, &error), ERROR_NONE);
-    assert_int_equal(history_create(SIGNALS, columns, &arena, &history, &error), ERROR_NONE);
+    assert_ok(arena_init(&arena, (size_t)128 << 20, &error));
+    assert_ok(history_create(SIGNALS, columns, &arena, &history, &error));
     return history;
 }
 
@@ -130,7 +130,7 @@ TEST_WITH(the_last_choices_count, NULL, tear_down)
     struct arena other;
     double value[HISTORY_CHOSEN + 1];
 
-    assert_int_equal(arena_init(&other, (size_t)64 << 20, &error), ERROR_NONE);
+    assert_ok(arena_init(&other, (size_t)64 << 20, &error));
     assert_int_equal(history_create(HISTORY_CHOSEN + 1, COLUMNS, &other, &history, &error), 0);
     for (size_t s = 0; s <= HISTORY_CHOSEN; s++) {
         history_choose(history, s); /* the first one falls out */
@@ -144,6 +144,6 @@ TEST_WITH(the_last_choices_count, NULL, tear_down)
     assert_true(isnan(history_value(history, LONG - 20 * HISTORY_ROWS, 0)));
     assert_true(history_value(history, LONG - 20 * HISTORY_ROWS, 1) > 0.0F);
     arena_fini(&other);
-    assert_int_equal(arena_init(&arena, 4096, &error), ERROR_NONE);
+    assert_ok(arena_init(&arena, 4096, &error));
     assert_int_equal(history_create(SIGNALS, 10, &arena, &history, &error), ERROR_MEMORY);
 }

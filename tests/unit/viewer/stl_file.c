@@ -65,7 +65,7 @@ TEST_WITH(a_sound_file_is_passed_on_byte_for_byte, open_viewer, close_viewer)
     const struct viewer_file *got;
 
     write_stl(2, 184);
-    assert_int_equal(viewer_check_visual(viewer->rig->robot->visual, &error), ERROR_NONE);
+    assert_ok(viewer_check_visual(viewer->rig->robot->visual, &error));
     got = viewer_visual_file(viewer, 0, &error);
     assert_non_null(got);
     assert_int_equal(got->size, 184);

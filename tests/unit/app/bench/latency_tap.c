@@ -83,7 +83,7 @@ FIXTURE(set_up)
     struct error error;
 
     bench = (struct bench){.played.port = {.ops = &played_ops, .bus = "can0"}};
-    assert_int_equal(arena_init(&bench.arena, 1 << 20, &error), ERROR_NONE);
+    assert_ok(arena_init(&bench.arena, 1 << 20, &error));
     assert_int_equal(latency_tap_create(&bench.played.port, &bench.arena, &bench.tap, &error), 0);
     *test_state = &bench;
     return 0;

@@ -72,11 +72,11 @@ TEST_WITH(it_writes_what_the_library_generates, open_folder, close_folder)
     assert_true(fread(found, 1, sizeof found - 1, file) > 100000);
     fclose(file);
 
-    assert_int_equal(arena_init(&arena, 1 << 26, &error), ERROR_NONE);
-    assert_int_equal(robot_load(COMAN, NULL, &arena, &robot, &error), ERROR_NONE);
+    assert_ok(arena_init(&arena, 1 << 26, &error));
+    assert_ok(robot_load(COMAN, NULL, &arena, &robot, &error));
     file = fmemopen(expected, sizeof expected, "w");
     assert_non_null(file);
-    assert_int_equal(symbolic_generate(robot, &options, file, NULL, &error), ERROR_NONE);
+    assert_ok(symbolic_generate(robot, &options, file, NULL, &error));
     fclose(file);
     arena_fini(&arena);
     assert_string_equal(found, expected);

@@ -29,9 +29,7 @@ static const struct rig *load(const char *path)
     const struct rig *rig;
     struct error error;
 
-    if (rig_load(path, &arena, &rig, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(rig_load(path, &arena, &rig, &error), error.text);
     return rig;
 }
 
@@ -44,8 +42,8 @@ static void append_expected(const struct rig *rig, size_t bus, char *text, size_
     struct error error;
     struct dbc *dbc;
 
-    assert_int_equal(rig_dbc(rig, bus, &arena, &dbc, &error), ERROR_NONE);
-    assert_int_equal(dbc_hash_write_text(dbc, &file, &error), ERROR_NONE);
+    assert_ok(rig_dbc(rig, bus, &arena, &dbc, &error));
+    assert_ok(dbc_hash_write_text(dbc, &file, &error));
     assert_memory_equal(file.text, "VERSION", 7);
     for (size_t i = 0; i < file.size; i++) {
         hash = (hash ^ (uint8_t)file.text[i]) * UINT64_C(1099511628211);
@@ -65,14 +63,14 @@ TEST_WITH(each_bus_has_the_hash_of_its_file, begin, end)
     for (size_t i = 0; i < rig->nbus; i++) {
         append_expected(rig, i, expected, sizeof expected);
     }
-    assert_int_equal(dbc_hash_rig(rig, &arena, &hashes, &error), ERROR_NONE);
+    assert_ok(dbc_hash_rig(rig, &arena, &hashes, &error));
     assert_string_equal(hashes, expected);
 
     /* The supply is in every file */
     struct rig changed = *rig;
 
     changed.supply_v += 1.0;
-    assert_int_equal(dbc_hash_rig(&changed, &arena, &again, &error), ERROR_NONE);
+    assert_ok(dbc_hash_rig(&changed, &arena, &again, &error));
     assert_int_equal(strlen(again), strlen(hashes));
     assert_null(strstr(again, strstr(hashes, "=") + 1));
     assert_string_not_equal(again, hashes);
@@ -88,7 +86,7 @@ TEST_WITH(a_bus_that_no_file_can_hold_is_left_out, begin, end)
     memcpy(bus, changed.bus, changed.nbus * sizeof *bus);
     bus[1].interface = "can\"1"; /* no text of a DBC has a quote */
     changed.bus = bus;
-    assert_int_equal(dbc_hash_rig(&changed, &arena, &hashes, &error), ERROR_NONE);
+    assert_ok(dbc_hash_rig(&changed, &arena, &hashes, &error));
     assert_null(strstr(hashes, bus[1].name));
     assert_non_null(strstr(hashes, bus[0].name));
     assert_non_null(strstr(hashes, bus[2].name));
@@ -101,7 +99,7 @@ TEST_WITH(no_memory_is_an_error, begin, end)
     struct arena small;
     struct error error;
 
-    assert_int_equal(arena_init(&small, 16, &error), ERROR_NONE);
+    assert_ok(arena_init(&small, 16, &error));
     assert_int_equal(dbc_hash_rig(rig, &small, &hashes, &error), ERROR_MEMORY);
     arena_fini(&small);
 }

@@ -125,9 +125,8 @@ TEST_WITH(says_nothing_where_it_does_not_listen, open_lab, close_lab)
     assert_int_equal(examine(lab, 0.1, found), 0);
 
     /* Nor does it wait where the rig has none */
-    assert_int_equal(rig_load(HIL_SOURCE_DIR "/config/rigs/coman-foc-leg.yaml", &lab->arena,
-                              &lab->rig, &(struct error){0}),
-                     ERROR_NONE);
+    assert_ok(rig_load(HIL_SOURCE_DIR "/config/rigs/coman-foc-leg.yaml", &lab->arena, &lab->rig,
+                       &(struct error){0}));
     start = lab->now_ns;
     assert_int_equal(examine(lab, 1.0, found), 0);
     assert_true(lab->now_ns == start);

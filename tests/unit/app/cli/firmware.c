@@ -47,9 +47,9 @@ static const struct rig *load_bench(struct arena *arena)
     const struct rig *loaded;
     struct error error;
 
-    if (rig_load(HIL_SOURCE_DIR "/config/rigs/coman-bench.yaml", arena, &loaded, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(
+        rig_load(HIL_SOURCE_DIR "/config/rigs/coman-bench.yaml", arena, &loaded, &error),
+        error.text);
     rig = *loaded;
     assert_true(rig.boards.nboard <= 64);
     memcpy(board, rig.boards.board, rig.boards.nboard * sizeof *board);
@@ -77,7 +77,7 @@ static enum error_code download_into(const char *folder, struct error *error)
     struct arena arena;
     enum error_code code;
 
-    assert_int_equal(arena_init(&arena, (size_t)1 << 30, error), ERROR_NONE);
+    assert_ok(arena_init(&arena, (size_t)1 << 30, error));
     config.rig = load_bench(&arena);
     if (simulator_create(&config, &arena, &simulator, notice, error) ||
         simulator_join(simulator, &host.ports, error) ||
@@ -104,7 +104,7 @@ TEST(what_was_downloaded_is_in_a_file)
     memcpy(expected + 2 * 0x84, (const unsigned char[]){0x11, 0x22, 0x33, 0x44, 0x55, 0x66}, 6);
     memcpy(expected + 2 * (0x10000 + 0x2000), (const unsigned char[]){0xab, 0xcd}, 2);
     assert_non_null(mkdtemp(folder));
-    assert_int_equal(download_into(folder, &error), ERROR_NONE);
+    assert_ok(download_into(folder, &error));
     snprintf(path, sizeof path, "%s/firmware-left_leg-0x02.bin", folder);
     file = fopen(path, "r");
     assert_non_null(file);
@@ -117,7 +117,7 @@ TEST(what_was_downloaded_is_in_a_file)
     assert_int_equal(access(command, F_OK), -1);
     assert_int_equal(unlink(path), 0);
     assert_int_equal(symlink("elsewhere", path), 0);
-    assert_int_equal(download_into(folder, &error), ERROR_NONE);
+    assert_ok(download_into(folder, &error));
     assert_int_equal(lstat(path, &there), 0);
     assert_true(S_ISREG(there.st_mode));
     assert_int_equal(there.st_size, IMAGE);

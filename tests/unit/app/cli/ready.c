@@ -57,7 +57,7 @@ TEST_WITH(a_shell_reads_what_was_written, begin, end)
     struct stat info;
     char pid[16];
 
-    assert_int_equal(ready_write(path, &ready, &error), ERROR_NONE);
+    assert_ok(ready_write(path, &ready, &error));
     assert_int_equal(stat(path, &info), 0);
     assert_int_equal(info.st_mode & 07777, 0600);
     snprintf(pid, sizeof pid, "%ld", (long)getpid());
@@ -75,7 +75,7 @@ TEST_WITH(what_a_run_has_not_has_no_line, begin, end)
 {
     struct error error;
 
-    assert_int_equal(ready_write(path, &(struct ready){.page_view = "a"}, &error), ERROR_NONE);
+    assert_ok(ready_write(path, &(struct ready){.page_view = "a"}, &error));
     assert_shell_reads("page_view", "a");
     assert_shell_reads("clock", "none");
     assert_shell_reads("control", "none");
@@ -88,12 +88,12 @@ TEST_WITH(it_is_gone_before_the_start_and_after_the_end, begin, end)
 {
     struct error error;
 
-    assert_int_equal(ready_begin(path, &error), ERROR_NONE); /* none is there */
+    assert_ok(ready_begin(path, &error)); /* none is there */
     for (int i = 0; i < 2; i++) {
-        assert_int_equal(ready_write(path, &(struct ready){.control = "x"}, &error), ERROR_NONE);
+        assert_ok(ready_write(path, &(struct ready){.control = "x"}, &error));
         assert_int_equal(access(path, F_OK), 0);
         if (i == 0) {
-            assert_int_equal(ready_begin(path, &error), ERROR_NONE);
+            assert_ok(ready_begin(path, &error));
         } else {
             ready_end(path);
         }
@@ -106,7 +106,7 @@ TEST_WITH(what_is_no_file_of_ours_stays, begin, end)
     struct error error;
 
     assert_int_equal(mkfifo(path, 0600), 0);
-    assert_int_equal(ready_begin(path, &error), ERROR_NONE);
+    assert_ok(ready_begin(path, &error));
     ready_end(path);
     assert_int_equal(access(path, F_OK), 0);
 }
@@ -125,7 +125,7 @@ TEST_WITH(a_file_of_somebody_else_stays, begin, end)
 
     /* An empty one, as mktemp makes it, is nobody's */
     assert_int_equal(truncate(path, 0), 0);
-    assert_int_equal(ready_begin(path, &error), ERROR_NONE);
+    assert_ok(ready_begin(path, &error));
     assert_int_equal(access(path, F_OK), -1);
 }
 
@@ -143,7 +143,7 @@ TEST_WITH(nothing_happens_without_a_path, begin, end)
 {
     struct error error;
 
-    assert_int_equal(ready_begin(NULL, &error), ERROR_NONE);
-    assert_int_equal(ready_write(NULL, &(struct ready){.control = "x"}, &error), ERROR_NONE);
+    assert_ok(ready_begin(NULL, &error));
+    assert_ok(ready_write(NULL, &(struct ready){.control = "x"}, &error));
     ready_end(NULL);
 }

@@ -44,12 +44,12 @@ TEST(what_is_written_is_read_again)
     struct page_tokens tokens = {{LOOK, CONTROL}, 8080}, found;
     struct stat status;
 
-    assert_int_equal(token_file_read(path, &found, &error), ERROR_NONE);
+    assert_ok(token_file_read(path, &found, &error));
     assert_int_equal(found.port, 0);
     for (int i = 0; i < 2; i++) {
         tokens.port++;
-        assert_int_equal(token_file_write(path, &tokens, &error), ERROR_NONE);
-        assert_int_equal(token_file_read(path, &found, &error), ERROR_NONE);
+        assert_ok(token_file_write(path, &tokens, &error));
+        assert_ok(token_file_read(path, &found, &error));
         assert_int_equal(found.port, tokens.port);
         assert_string_equal(found.token[0], LOOK);
         assert_string_equal(found.token[1], CONTROL);

@@ -59,8 +59,7 @@ static void make_recording(struct trial_robot *trial)
     fine.integrator = PLANT_RK4;
     fine.substep_ns = 20000;
     fine.substeps = 50;
-    assert_int_equal(simulate_recording(&fine, trial, &none, &recording, column[1], &error),
-                     ERROR_NONE);
+    assert_ok(simulate_recording(&fine, trial, &none, &recording, column[1], &error));
     for (size_t i = 0; i < ROWS; i++) {
         most = fmax(most, fabs(column[1][i]));
     }
@@ -78,7 +77,7 @@ TEST(known_numbers_come_back)
     struct trial_robot made;
     size_t known = 0;
 
-    assert_int_equal(identify_open_own(RIG, "pivot", &arena, &bench, &error), ERROR_NONE);
+    assert_ok(identify_open_own(RIG, "pivot", &arena, &bench, &error));
     bench.trial.effects.thermal = (struct robot_thermal){0};
     for (size_t i = 0; i < FREE; i++) {
         parameter[i] = parameter_find(keys[i]);
@@ -93,8 +92,8 @@ TEST(known_numbers_come_back)
                                    .recording = &recording,
                                    .nrecording = 1,
                                    .steps = 40};
-    assert_int_equal(fit_prepare(&bench.bench, keys, FREE, &problem, &error), ERROR_NONE);
-    assert_int_equal(fit_solve(&problem, &result, &error), ERROR_NONE);
+    assert_ok(fit_prepare(&bench.bench, keys, FREE, &problem, &error));
+    assert_ok(fit_solve(&problem, &result, &error));
     for (size_t i = 0; i < FREE; i++) {
         const double off = fabs(result.value[i] / truth[i] - 1.0);
 
@@ -125,8 +124,8 @@ TEST(what_the_recording_does_not_tell_is_said)
 
     assert_int_equal(fit_prepare(&bench.bench, swapped, 1, &problem, &error), ERROR_INPUT);
     assert_string_equal(error.text, "found \"R_omh\", expected \"R_ohm\"");
-    assert_int_equal(fit_prepare(&bench.bench, free, 2, &problem, &error), ERROR_NONE);
-    assert_int_equal(fit_solve(&problem, &result, &error), ERROR_NONE);
+    assert_ok(fit_prepare(&bench.bench, free, 2, &problem, &error));
+    assert_ok(fit_solve(&problem, &result, &error));
     assert_int_not_equal(result.verdict[1], FIT_KNOWN);
 }
 
@@ -182,9 +181,7 @@ TEST(points_follow_from_two_of_their_quantities)
     static struct validation validation;
     const char *path = HIL_SOURCE_DIR "/config/validation/robotis-xh430.yaml";
 
-    if (validation_run(path, &arena, &validation, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(validation_run(path, &arena, &validation, &error), error.text);
     assert_near(validation.ours[0], 11.1 / 9.2308 * 2.6154, 1e-9);
     assert_near(validation.ours[1], 11.1 / 9.2308, 1e-9);
     assert_near(validation.ours[2], 11.1 / (3.8197 + 0.002 * 9.2308 / 2.6154), 1e-9);
@@ -210,7 +207,7 @@ static void refuses_rows(const char *text, const char *expected)
 
 TEST(wrong_recordings_are_refused_with_their_line)
 {
-    assert_int_equal(identify_open(BENCH, &arena, &bench, &error), ERROR_NONE);
+    assert_ok(identify_open(BENCH, &arena, &bench, &error));
     refuses_rows("time_s,x\n", "no \"kp\" with a number");
     refuses_rows("# kp 100, so\ntime_s,position_rad\n0,1\n", "no column \"goal_rad\"");
     refuses_rows("# kp 100\ntime_s,position_rad,goal_rad,torque_enable,supply_v\n"
@@ -234,7 +231,7 @@ TEST(the_measured_servo_is_within_its_limit)
 {
     static struct validation validation;
 
-    assert_int_equal(validation_run(BENCH, &arena, &validation, &error), ERROR_NONE);
+    assert_ok(validation_run(BENCH, &arena, &validation, &error));
     assert_int_equal(validation.bench.nrecording, 8);
     assert_true(validation.passed);
     print_message("xl330: %.4f rad of what no identification has seen\n", validation.mean);

@@ -44,9 +44,7 @@ static enum error_code import_pendulum(const char *type, double lower, double up
 
 static const struct robot_joint *import_joint(double lower, double upper)
 {
-    if (import_pendulum("revolute", lower, upper)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(import_pendulum("revolute", lower, upper), error.text);
     assert_true(made.robot->joint[0].hydraulic.present && !made.robot->joint[0].sea.present);
     return &made.robot->joint[0];
 }
@@ -99,9 +97,9 @@ TEST_WITH(the_triangles_are_like_those_of_hyq, open_arena, close_arena)
 {
     const struct robot *hyq;
 
-    if (robot_load(HIL_SOURCE_DIR "/config/robots/hyq.yaml", NULL, &arena, &hyq, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(
+        robot_load(HIL_SOURCE_DIR "/config/robots/hyq.yaml", NULL, &arena, &hyq, &error),
+        error.text);
     for (size_t j = 0; j < hyq->njoint; j++) {
         const double lower = hyq->joint[j].lower, upper = hyq->joint[j].upper;
         const struct robot_joint *joint = import_joint(lower, upper);

@@ -209,8 +209,7 @@ TEST_WITH(leader_carries_what_two_joints_weigh, open_coupled, close_arena)
                                   JOINT("j", "revolute", "base", "a", "<axis xyz='0 1 0'/>" WEAK)
                                       JOINT("m", "fixed", "a", "b", "")));
         strength[i] = made.robot->joint[0].torque_limit;
-        assert_int_equal(import_find_gains(made.robot, made.rest, false, &arena, gains[i], &error),
-                         ERROR_NONE);
+        assert_ok(import_find_gains(made.robot, made.rest, false, &arena, gains[i], &error));
     }
     assert_near(strength[0], 3.0 * 2.0 * 9.81 * 0.2, 1e-9);
     assert_near(strength[1], strength[0], 1e-9);
@@ -231,7 +230,7 @@ TEST_WITH(trial_shows_what_follows, open_coupled, close_arena)
     import_good(
         ROBOT(LINK("base") LINK("a") LINK("b") JOINT("j", "revolute", "base", "a", LIMIT)
                   JOINT("m", "revolute", "base", "b", LIMIT "<mimic joint='j' multiplier='-3'/>")));
-    assert_int_equal(import_trial_make(made.robot, made.rest, &arena, &trial, &error), ERROR_NONE);
+    assert_ok(import_trial_make(made.robot, made.rest, &arena, &trial, &error));
     rotor = made.robot->joint[0].sea.J;
     assert_near(import_trial_held_inertia(&trial, 0), 0.1 + 9.0 * 0.1, 1e-12);
     assert_near(import_trial_held_inertia(&trial, 1), 0.1, 1e-12);

@@ -228,7 +228,7 @@ static enum error_code read_file(enum reader reader, const char *text, size_t si
     struct arena arena = {0};
     enum error_code code;
 
-    assert_int_equal(arena_init(&arena, (size_t)2 << 30, NULL), ERROR_NONE);
+    assert_ok(arena_init(&arena, (size_t)2 << 30, NULL));
     code = reader == READ_ROBOT ? read_robot(text, size, &arena, error)
            : reader == READ_SRDF
                ? read_srdf(text, size, &arena, error)

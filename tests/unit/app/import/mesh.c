@@ -64,7 +64,7 @@ static double mesh_signed_volume(void)
                                  .face = (const int(*)[3])mesh.face};
     struct mesh_finding finding;
 
-    assert_int_equal(mesh_check(&surface, &finding, NULL), ERROR_NONE);
+    assert_ok(mesh_check(&surface, &finding, NULL));
     assert_int_equal(finding.fault, MESH_SOUND);
     return mesh_volume(&surface);
 }
@@ -74,9 +74,7 @@ TEST_WITH(binary_stl_joins_its_corners, open_arena, close_arena)
     unsigned char bytes[512];
     size_t size = make_binary_stl(bytes);
 
-    assert_int_equal(
-        import_parse_mesh("x.STL", (const char *)bytes, size, one, &arena, &mesh, &error),
-        ERROR_NONE);
+    assert_ok(import_parse_mesh("x.STL", (const char *)bytes, size, one, &arena, &mesh, &error));
     assert_int_equal(mesh.nvertex, 4);
     assert_int_equal(mesh.nface, 4);
     assert_near(mesh_signed_volume(), 1.0 / 6.0, 1e-15);
@@ -88,13 +86,11 @@ TEST_WITH(scales_measure_and_mirror, open_arena, close_arena)
     unsigned char bytes[512];
     size_t size = make_binary_stl(bytes);
 
-    assert_int_equal(
-        import_parse_mesh("x.stl", (const char *)bytes, size, millimeters, &arena, &mesh, &error),
-        ERROR_NONE);
+    assert_ok(
+        import_parse_mesh("x.stl", (const char *)bytes, size, millimeters, &arena, &mesh, &error));
     assert_near(mesh_signed_volume(), 1e-9 / 6.0, 1e-20);
-    assert_int_equal(
-        import_parse_mesh("x.stl", (const char *)bytes, size, mirrored, &arena, &mesh, &error),
-        ERROR_NONE);
+    assert_ok(
+        import_parse_mesh("x.stl", (const char *)bytes, size, mirrored, &arena, &mesh, &error));
     assert_near(mesh_signed_volume(), 2.0 / 6.0, 1e-15);
 }
 
@@ -116,11 +112,9 @@ TEST_WITH(text_stl_and_obj_are_the_same, open_arena, close_arena)
         strcat(text, " endloop\r\nendfacet\r\n");
     }
     strcat(text, "endsolid x\n");
-    assert_int_equal(import_parse_mesh("x.stl", text, strlen(text), one, &arena, &mesh, &error),
-                     ERROR_NONE);
+    assert_ok(import_parse_mesh("x.stl", text, strlen(text), one, &arena, &mesh, &error));
     assert_near(mesh_signed_volume(), 1.0 / 6.0, 1e-15);
-    assert_int_equal(import_parse_mesh("x.obj", obj, strlen(obj), one, &arena, &mesh, &error),
-                     ERROR_NONE);
+    assert_ok(import_parse_mesh("x.obj", obj, strlen(obj), one, &arena, &mesh, &error));
     assert_int_equal(mesh.nface, 4);
     assert_near(mesh_signed_volume(), 1.0 / 6.0, 1e-15);
 }
@@ -162,7 +156,7 @@ TEST_WITH(an_obj_has_the_colors_of_its_materials, open_arena, close_arena)
                "# two\nKd 9 9 9\nnewmtl red\nKa 0 0 0\nKd 0.8 0.1 0\nmap_Kd skin.png\n\n"
                "newmtl sky\n  Kd 0.2 0.4 2\nnewmtl dull\nKd x\n");
     snprintf(path, sizeof path, "%s/b.obj", folder);
-    assert_int_equal(import_read_mesh(path, one, &arena, &mesh, &error), ERROR_NONE);
+    assert_ok(import_read_mesh(path, one, &arena, &mesh, &error));
     assert_int_equal(mesh.nface, 4);
     assert_int_equal(mesh.tint[0], -1);
     expect_color(mesh.tint[1], 0.8, 0.1, 0.0);
@@ -171,14 +165,13 @@ TEST_WITH(an_obj_has_the_colors_of_its_materials, open_arena, close_arena)
     assert_non_null(strstr(mesh.remark, "skin.png"));
 
     /* Without a path no file is read, and from a path only what is beside it */
-    assert_int_equal(import_parse_mesh("b.obj", obj, strlen(obj), one, &arena, &mesh, &error),
-                     ERROR_NONE);
+    assert_ok(import_parse_mesh("b.obj", obj, strlen(obj), one, &arena, &mesh, &error));
     assert_int_equal(mesh.ncolor, 0);
     write_text(folder, "b.obj", "mtllib ../m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
-    assert_int_equal(import_read_mesh(path, one, &arena, &mesh, &error), ERROR_NONE);
+    assert_ok(import_read_mesh(path, one, &arena, &mesh, &error));
     assert_non_null(strstr(mesh.remark, "expected a file beside it"));
     write_text(folder, "b.obj", "mtllib n.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
-    assert_int_equal(import_read_mesh(path, one, &arena, &mesh, &error), ERROR_NONE);
+    assert_ok(import_read_mesh(path, one, &arena, &mesh, &error));
     assert_non_null(strstr(mesh.remark, "cannot be read"));
     snprintf(path, sizeof path, "rm -r '%s'", folder);
     assert_int_equal(system(path), 0);
@@ -209,15 +202,13 @@ TEST_WITH(faces_of_a_tint_are_written_as_stl, open_arena, close_arena)
 
     assert_true(fd >= 0);
     close(fd);
-    assert_int_equal(
-        import_parse_mesh("x.stl", (const char *)bytes, size, one, &arena, &mesh, &error),
-        ERROR_NONE);
+    assert_ok(import_parse_mesh("x.stl", (const char *)bytes, size, one, &arena, &mesh, &error));
     mesh.tint[2] = 0;
     assert_int_equal(import_count_tint(&mesh, 0), 1);
     assert_int_equal(import_count_tint(&mesh, -1), 3);
-    assert_int_equal(import_write_tint(&mesh, -1, path, &error), ERROR_NONE);
+    assert_ok(import_write_tint(&mesh, -1, path, &error));
     mesh.tint[2] = -1;
-    assert_int_equal(import_read_mesh(path, one, &arena, &mesh, &error), ERROR_NONE);
+    assert_ok(import_read_mesh(path, one, &arena, &mesh, &error));
     assert_int_equal(mesh.nface, 3);
     assert_int_equal(mesh.nvertex, 4);
     unlink(path);
@@ -253,9 +244,7 @@ static enum error_code parse_dae(const char *text)
 
 static void expect_dae(const char *text, size_t faces, double volume)
 {
-    if (parse_dae(text)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(parse_dae(text), error.text);
     assert_int_equal(mesh.nface, faces);
     assert_near(mesh_signed_volume(), volume, 1e-15 + 1e-12 * volume);
 }
@@ -357,9 +346,7 @@ TEST_WITH(collada_faces_have_the_colors_that_are_bound, open_arena, close_arena)
                                                                         "translate>" DAE_SHOW
                                                                         "</node>" DAE_END;
 
-    if (parse_dae(text)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(parse_dae(text), error.text);
     assert_int_equal(mesh.nface, 8);
     expect_color(mesh.tint[0], 1.0, 0.0, 0.0);
     expect_color(mesh.tint[1], 0.0, 0.5, 1.0);
@@ -597,7 +584,7 @@ TEST_WITH(files_are_read_and_what_is_no_file_is_refused, open_arena, close_arena
     assert_non_null(file);
     assert_int_equal(fwrite(bytes, 1, size, file), size);
     assert_int_equal(fclose(file), 0);
-    assert_int_equal(import_read_mesh(path, one, &arena, &mesh, &error), ERROR_NONE);
+    assert_ok(import_read_mesh(path, one, &arena, &mesh, &error));
     assert_int_equal(unlink(path), 0);
 
     /* A pipe would wait for a writer for ever, a folder cannot be read */

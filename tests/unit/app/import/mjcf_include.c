@@ -64,7 +64,7 @@ static enum error_code read_main(void)
 
     snprintf(path, sizeof path, "%s/model/main.xml", folder);
     notes = (struct import_notes){.arena = &arena};
-    assert_int_equal(xml_file_open(&file, path, &arena, &error), ERROR_NONE);
+    assert_ok(xml_file_open(&file, path, &arena, &error));
     code = mjcf_read(&file, &packages, &arena, &model, &notes, &error);
     xml_file_close(&file);
     return code;
@@ -72,9 +72,7 @@ static enum error_code read_main(void)
 
 static void read_good(void)
 {
-    if (read_main()) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(read_main(), error.text);
 }
 
 static void read_bad(const char *place, const char *words)

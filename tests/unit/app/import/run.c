@@ -74,9 +74,7 @@ static void import_limbs(struct import_boards boards, struct import_result *resu
         .file = file, .folder = folder, .boards = boards, .force = true};
     struct error error;
 
-    if (import_run(&request, &arena, result, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(import_run(&request, &arena, result, &error), error.text);
 }
 
 TEST_WITH(no_bus_is_loaded_beyond_the_share, open_folder, remove_folder)
@@ -129,7 +127,7 @@ TEST_WITH(a_second_import_asks_before_it_writes_over_the_first, open_folder, rem
     FILE *edited;
 
     write_limbs(1, 3);
-    assert_int_equal(import_run(&request, &arena, &first, &error), ERROR_NONE);
+    assert_ok(import_run(&request, &arena, &first, &error));
     assert_non_null(edited = fopen(first.rig, "w"));
     fputs("mine\n", edited);
     fclose(edited);
@@ -147,7 +145,7 @@ TEST_WITH(a_second_import_asks_before_it_writes_over_the_first, open_folder, rem
     assert_int_equal(import_run(&request, &arena, &again, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "/robots/r.yaml: found it there already"));
     request.force = true;
-    assert_int_equal(import_run(&request, &arena, &again, &error), ERROR_NONE);
+    assert_ok(import_run(&request, &arena, &again, &error));
     assert_int_equal(access(again.rig, F_OK), 0);
 }
 

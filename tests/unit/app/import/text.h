@@ -42,9 +42,7 @@ static inline enum error_code import_text(const char *text)
 
 static inline void import_good(const char *text)
 {
-    if (import_text(text)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(import_text(text), error.text);
 }
 
 /* Refused as wrong input whose message begins with its place and has the words. */

@@ -482,12 +482,11 @@ TEST_WITH(poses_come_from_the_second_file, open_default, close_arena)
     struct xml_file file;
 
     import_good(text);
-    assert_int_equal(xml_text_open(&file, "x.srdf", srdf, strlen(srdf), &error), ERROR_NONE);
-    assert_int_equal(srdf_read(&file, &arena, &model, &notes, &error), ERROR_NONE);
+    assert_ok(xml_text_open(&file, "x.srdf", srdf, strlen(srdf), &error));
+    assert_ok(srdf_read(&file, &arena, &model, &notes, &error));
     xml_file_close(&file);
     assert_true(noted(IMPORT_DROPPED, 5, "no such joint"));
-    assert_int_equal(import_simplify_tree(&model, &options, &arena, &notes, &made, &error),
-                     ERROR_NONE);
+    assert_ok(import_simplify_tree(&model, &options, &arena, &notes, &made, &error));
     assert_true(made.robot->floating);
     assert_int_equal(made.robot->npose, 2);
     assert_string_equal(made.robot->pose[1].name, "standing");

@@ -64,14 +64,14 @@ TEST(a_report_escapes_text_and_quotes_cells)
     static struct report report;
     struct error error;
 
-    assert_int_equal(report_open(&report, folder, "a <title>", &error), ERROR_NONE);
+    assert_ok(report_open(&report, folder, "a <title>", &error));
     report_section(&report, "one", "First: & more");
     report_table(&report, "t", "", "a|b");
     report_row(&report, "1, 2|x<y");
     report_figure(&report, "f", "caption", &plot, 1);
     report_finding(&report, true, "speed|%d|%d|why", 3, 4);
     report_compared(&report);
-    assert_int_equal(report_close(&report, &error), ERROR_NONE);
+    assert_ok(report_close(&report, &error));
     assert_string_equal(read_file("t.csv"), "a,b\n\"1, 2\",x<y\n");
     assert_string_equal(read_file("f.csv"), "panel,series,x,y\n1,\"a, b\",0,2\n1,\"a, b\",1,3\n");
     assert_string_equal(read_file("compared.csv"),
@@ -90,7 +90,7 @@ TEST(the_first_error_comes_back_when_it_closes)
     struct svg_plot empty = {.title = "no series"};
     struct error error;
 
-    assert_int_equal(report_open(&report, folder, "title", &error), ERROR_NONE);
+    assert_ok(report_open(&report, folder, "title", &error));
     report_section(&report, "one", "One");
     report_figure(&report, "f", "", &empty, 1);
     assert_int_equal(report_close(&report, &error), ERROR_INPUT);
@@ -105,9 +105,7 @@ TEST(signals_are_read_by_title_within_a_time)
     struct error error;
 
     write_file("signals.csv", "time_s,a,b\n0,1,2\n1,3,4\n2,5,6\n");
-    assert_int_equal(
-        signals_read(path_of("signals.csv"), titles, 2, 0.5, INFINITY, &signals, &error),
-        ERROR_NONE);
+    assert_ok(signals_read(path_of("signals.csv"), titles, 2, 0.5, INFINITY, &signals, &error));
     assert_string_equal(signals.first_title, "time_s");
     assert_int_equal(signals.count, 2);
     assert_true(signals.value[0][0] == 1.0 && signals.value[1][0] == 4.0 &&

@@ -18,9 +18,7 @@ static char *draw(const struct svg_plot *plot)
     struct error error;
 
     assert_non_null(out);
-    if (svg_write(plot, out, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(svg_write(plot, out, &error), error.text);
     fclose(out);
     return text;
 }

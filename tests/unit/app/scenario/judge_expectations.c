@@ -58,7 +58,7 @@ static void expect(const char *expectation_text)
     size_t count;
 
     arena_fini(&arena);
-    assert_int_equal(arena_init(&arena, (size_t)64 << 20, &error), ERROR_NONE);
+    assert_ok(arena_init(&arena, (size_t)64 << 20, &error));
     snprintf(text, sizeof text,
              "name: x\ndescription: d\nrig: r.yaml\nduration_s: 1\n"
              "stimuli: [{label: mark}]\nexpectations:\n  - {name: e, %s}\n",

@@ -75,7 +75,7 @@ static bool file_is_taken(const char *before, const char *form, int many, const 
     used += (size_t)snprintf(text + used, sizeof text - used, "%s", after);
     assert_true(used < sizeof text);
     arena_fini(&arena);
-    assert_int_equal(arena_init(&arena, (size_t)64 << 20, NULL), ERROR_NONE);
+    assert_ok(arena_init(&arena, (size_t)64 << 20, NULL));
     return scenario_read_text("x.yaml", text, used, &arena, &cases, &count, &error) == ERROR_NONE;
 }
 

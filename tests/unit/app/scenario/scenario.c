@@ -47,23 +47,21 @@ TEST_WITH(reads_a_whole_scenario, open_arena, close_arena)
 {
     const struct scenario_expectation *expectation;
 
-    assert_int_equal(
-        read_text(
-            "name: whole\ndescription: all of it\nrig: ../rigs/coman.yaml\nclock: free\n"
-            "hold: always\nwire: wire\nsettle: true\nseed: 7\nduration_s: 2\nclean_up_s: 0.5\n"
-            "wall_limit_s: 3\nhost: enabled\nfaults: [\"supply sag 1\"]\n"
-            "stimuli:\n"
-            "  - {label: a, at_s: 0.1, frame: {bus: torso, id: 0x001, data: \"49 0D.00 0000\"}}\n"
-            "  - {after: a, push: {body: Waist, force_n: [1, 2, 3]}, for_s: 0.2}\n"
-            "clean_up:\n"
-            "  - {motor: {joint: all, on: false}}\n"
-            "expectations:\n"
-            "  - {name: one, after: a, from_s: 0.1, within_s: 0.2, frame: {bus: torso, id: 0x110,\n"
-            "     id_mask: 0x7f0, data: \"x1 2x\"}, count: [2, 4]}\n"
-            "  - {name: two, event: text, never: true}\n"
-            "mutations:\n"
-            "  - {name: m, without: a, fails: [one]}\n"),
-        ERROR_NONE);
+    assert_ok(read_text(
+        "name: whole\ndescription: all of it\nrig: ../rigs/coman.yaml\nclock: free\n"
+        "hold: always\nwire: wire\nsettle: true\nseed: 7\nduration_s: 2\nclean_up_s: 0.5\n"
+        "wall_limit_s: 3\nhost: enabled\nfaults: [\"supply sag 1\"]\n"
+        "stimuli:\n"
+        "  - {label: a, at_s: 0.1, frame: {bus: torso, id: 0x001, data: \"49 0D.00 0000\"}}\n"
+        "  - {after: a, push: {body: Waist, force_n: [1, 2, 3]}, for_s: 0.2}\n"
+        "clean_up:\n"
+        "  - {motor: {joint: all, on: false}}\n"
+        "expectations:\n"
+        "  - {name: one, after: a, from_s: 0.1, within_s: 0.2, frame: {bus: torso, id: 0x110,\n"
+        "     id_mask: 0x7f0, data: \"x1 2x\"}, count: [2, 4]}\n"
+        "  - {name: two, event: text, never: true}\n"
+        "mutations:\n"
+        "  - {name: m, without: a, fails: [one]}\n"));
     assert_int_equal(count, 1);
     assert_string_equal(cases->name, "whole");
     assert_string_equal(cases->rig_path, "config/rigs/coman.yaml");
@@ -96,10 +94,9 @@ TEST_WITH(a_pattern_matches_by_bits, open_arena, close_arena)
         {0x110, FRAME_ERROR, 2, {0x01, 0x20}, false},
     };
 
-    assert_int_equal(
+    assert_ok(
         read_text("name: x\ndescription: d\nrig: r.yaml\nduration_s: 1\nexpectations:\n"
-                  "  - {name: f, frame: {bus: b, id: 0x110, id_mask: 0x7f0, data: x1 2x}}\n"),
-        ERROR_NONE);
+                  "  - {name: f, frame: {bus: b, id: 0x110, id_mask: 0x7f0, data: x1 2x}}\n"));
     for (size_t i = 0; i < sizeof frames / sizeof frames[0]; i++) {
         struct bus_frame frame = {
             .id = frames[i].id, .flags = frames[i].flags, .len = frames[i].len};
@@ -112,9 +109,8 @@ TEST_WITH(a_pattern_matches_by_bits, open_arena, close_arena)
 
 TEST_WITH(words_are_parameters_too, open_arena, close_arena)
 {
-    assert_int_equal(read_with("parameters:\n  task: {words: [squat, walk]}\n"
-                               "faults: [\"bus ${task} loss 1\"]\n"),
-                     ERROR_NONE);
+    assert_ok(read_with("parameters:\n  task: {words: [squat, walk]}\n"
+                        "faults: [\"bus ${task} loss 1\"]\n"));
     assert_int_equal(count, 2);
     assert_string_equal(cases[1].values, "task=walk");
     assert_string_equal(cases[1].fault[0].name, "bus walk loss 1");
@@ -126,13 +122,12 @@ TEST_WITH(words_are_parameters_too, open_arena, close_arena)
 /* The rig is read as a file that extends it, whose lines are those of the scenario. */
 TEST_WITH(changes_are_a_file_that_extends_the_rig, open_arena, close_arena)
 {
-    assert_int_equal(read_with("parameters:\n  v: {values: [40]}\n"
-                               "changes:\n  # less\n  supply_v: ${v}\n"),
-                     ERROR_NONE);
+    assert_ok(read_with("parameters:\n  v: {values: [40]}\n"
+                        "changes:\n  # less\n  supply_v: ${v}\n"));
     assert_memory_equal(cases[0].changes,
                         "\n\n\n\n\n\n\n  extends: \"../rigs/coman.yaml\"\n\n  supply_v: 40\n",
                         cases[0].changes_size);
-    assert_int_equal(read_with(""), ERROR_NONE);
+    assert_ok(read_with(""));
     assert_null(cases[0].changes);
     assert_int_equal(read_with("changes: {supply_v: 40}\n"), ERROR_INPUT);
     assert_non_null(strstr(error.text, ":6:1: found changes on the line of their key"));
@@ -145,10 +140,9 @@ TEST_WITH(parameters_make_every_combination, open_arena, close_arena)
     static const char *const values[] = {"volts=1.5, seed=1", "volts=1.5, seed=2",
                                          "volts=-2, seed=1", "volts=-2, seed=2"};
 
-    assert_int_equal(read_with("parameters:\n  volts: {values: [1.5, -2]}\n\n  # seeds\n"
-                               "  seed: {values: [1, 2]}\nseed: ${seed}\nstimuli:\n"
-                               "  - {voltage: {joint: LElbj, volts: ${volts}}}\n"),
-                     ERROR_NONE);
+    assert_ok(read_with("parameters:\n  volts: {values: [1.5, -2]}\n\n  # seeds\n"
+                        "  seed: {values: [1, 2]}\nseed: ${seed}\nstimuli:\n"
+                        "  - {voltage: {joint: LElbj, volts: ${volts}}}\n"));
     assert_int_equal(count, 4);
     for (size_t i = 0; i < 4; i++) {
         assert_string_equal(cases[i].values, values[i]);
@@ -281,7 +275,7 @@ TEST_WITH(survives_damaged_files, open_arena, close_arena)
             }
         }
         arena_fini(&arena);
-        assert_int_equal(arena_init(&arena, (size_t)64 << 20, &error), ERROR_NONE);
+        assert_ok(arena_init(&arena, (size_t)64 << 20, &error));
         error.text[0] = '\0';
         if (scenario_read_text(FILE_NAME, text, size, &arena, &cases, &count, &error)) {
             refused++;
@@ -301,11 +295,9 @@ TEST_WITH(a_mutation_has_to_make_its_expectations_fail, open_arena, close_arena)
     static struct scenario_result result;
     const char *missed;
 
-    assert_int_equal(
-        read_text("name: x\ndescription: d\nrig: r.yaml\nduration_s: 1\nexpectations:\n"
-                  "  - {name: one, event: a}\n  - {name: two, event: b}\n"
-                  "mutations: [{name: m, fault: f, fails: [one]}, {name: n, fault: f}]\n"),
-        ERROR_NONE);
+    assert_ok(read_text("name: x\ndescription: d\nrig: r.yaml\nduration_s: 1\nexpectations:\n"
+                        "  - {name: one, event: a}\n  - {name: two, event: b}\n"
+                        "mutations: [{name: m, fault: f, fails: [one]}, {name: n, fault: f}]\n"));
     for (int i = 0; i < 2; i++) {
         jobs[i] = (struct scenario_job){.scenario = cases, .mutation = i - 1};
         jobs[i].outcome = (struct scenario_outcome){.ran = true, .nverdict = 2};

@@ -22,10 +22,9 @@ FIXTURE(load_coman)
 {
     struct error error;
 
-    assert_int_equal(arena_init(&arena, (size_t)1 << 30, &error), ERROR_NONE);
-    if (rig_load(HIL_SOURCE_DIR "/config/rigs/coman.yaml", &arena, &coman, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_ok(arena_init(&arena, (size_t)1 << 30, &error));
+    assert_no_error(rig_load(HIL_SOURCE_DIR "/config/rigs/coman.yaml", &arena, &coman, &error),
+                    error.text);
     return 0;
 }
 
@@ -161,8 +160,7 @@ TEST_WITH(the_error_counter_of_a_bus_is_the_largest_of_its_boards, load_coman, c
     config.rig = &rig;
     watcher.view.rig = &rig;
     assert_int_equal(rig.bus[LEFT_LEG].nboard, ARRAY_COUNT(watcher.largest));
-    assert_int_equal(scenario_signal_find("bus.left_leg.tec", &rig, &mark, &watcher.tec, &error),
-                     ERROR_NONE);
+    assert_ok(scenario_signal_find("bus.left_leg.tec", &rig, &mark, &watcher.tec, &error));
     if (simulator_create(&config, &arena, &watcher.view.simulator, notice, &error) ||
         simulator_join(watcher.view.simulator, &watcher.ports, &error) ||
         simulator_start(watcher.view.simulator, &report, &error)) {
@@ -203,10 +201,9 @@ TEST_WITH(copies_of_a_frame_reach_their_bus, load_coman, close_arena)
     struct error error;
     size_t count;
 
-    if (scenario_read_text(HIL_SOURCE_DIR "/config/rigs/x.yaml", text, sizeof text - 1, &arena,
-                           &cases, &count, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(scenario_read_text(HIL_SOURCE_DIR "/config/rigs/x.yaml", text, sizeof text - 1,
+                                       &arena, &cases, &count, &error),
+                    error.text);
     scenario_run(cases, &options, &outcome);
     if (!outcome.ran) {
         fail_msg("%s", outcome.text);

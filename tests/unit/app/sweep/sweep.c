@@ -65,9 +65,8 @@ TEST_WITH(latin_hypercube_has_one_sample_a_stratum, open_arena, close_arena)
     enum { COUNT = 200 };
     bool taken[2][COUNT] = {{false}};
 
-    assert_int_equal(read_sweep("samples: 200\nseed: 7\nparameters:\n"
-                                "  a: {uniform: [-1, 3]}\n  b: {normal: [2, 0.5]}\n"),
-                     ERROR_NONE);
+    assert_ok(read_sweep("samples: 200\nseed: 7\nparameters:\n"
+                         "  a: {uniform: [-1, 3]}\n  b: {normal: [2, 0.5]}\n"));
     for (size_t i = 0; i < COUNT; i++) {
         double a = (drawn(0, i) + 1.0) / 4.0;
         double b = 0.5 * erfc(-(drawn(1, i) - 2.0) / 0.5 / sqrt(2.0));
@@ -84,13 +83,12 @@ TEST_WITH(a_parameter_more_leaves_the_others_as_they_were, open_arena, close_are
 {
     double before[20];
 
-    assert_int_equal(read_sweep("samples: 20\nparameters:\n  b: {uniform: [0, 1]}\n"), ERROR_NONE);
+    assert_ok(read_sweep("samples: 20\nparameters:\n  b: {uniform: [0, 1]}\n"));
     for (size_t i = 0; i < 20; i++) {
         before[i] = drawn(0, i);
     }
-    assert_int_equal(read_sweep("samples: 20\nparameters:\n  a: {uniform: [0, 1]}\n"
-                                "  b: {uniform: [0, 1]}\n"),
-                     ERROR_NONE);
+    assert_ok(read_sweep("samples: 20\nparameters:\n  a: {uniform: [0, 1]}\n"
+                         "  b: {uniform: [0, 1]}\n"));
     for (size_t i = 0; i < 20; i++) {
         assert_true(drawn(1, i) == before[i] && drawn(0, i) != before[i]);
     }
@@ -98,9 +96,8 @@ TEST_WITH(a_parameter_more_leaves_the_others_as_they_were, open_arena, close_are
 
 TEST_WITH(a_normal_distribution_ends_at_its_limits, open_arena, close_arena)
 {
-    assert_int_equal(read_sweep("samples: 300\nsampling: random\nparameters:\n"
-                                "  a: {normal: [0, 1], limits: [0.5, 0.75]}\n"),
-                     ERROR_NONE);
+    assert_ok(read_sweep("samples: 300\nsampling: random\nparameters:\n"
+                         "  a: {normal: [0, 1], limits: [0.5, 0.75]}\n"));
     for (size_t i = 0; i < 300; i++) {
         assert_true(drawn(0, i) >= 0.5 && drawn(0, i) <= 0.75);
     }
@@ -111,11 +108,10 @@ TEST_WITH(the_last_of_grid_and_words_varies_fastest, open_arena, close_arena)
     static const char *const expected[][2] = {{"1", "x"}, {"1", "y"}, {"2.5", "x"}, {"2.5", "y"}};
     struct scenario_value value[2];
 
-    assert_int_equal(read_sweep("parameters:\n  a: {grid: [1, 2.5]}\n  b: {words: [x, y]}\n"),
-                     ERROR_NONE);
+    assert_ok(read_sweep("parameters:\n  a: {grid: [1, 2.5]}\n  b: {words: [x, y]}\n"));
     assert_int_equal(sweep.combinations, 4);
     for (size_t c = 0; c < 4; c++) {
-        assert_int_equal(sweep_values(&sweep, c, 0, &arena, value, &error), ERROR_NONE);
+        assert_ok(sweep_values(&sweep, c, 0, &arena, value, &error));
         assert_string_equal(value[0].text, expected[c][0]);
         assert_string_equal(value[1].text, expected[c][1]);
     }

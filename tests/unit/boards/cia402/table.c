@@ -85,9 +85,8 @@ static char *write_eds(const struct board_bench *bench, int board)
     struct arena arena;
     struct error error;
 
-    assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
-    assert_int_equal(cia402_eds_write(&bench->board[board], "x.eds", &arena, out, &error),
-                     ERROR_NONE);
+    assert_ok(arena_init(&arena, 1 << 20, &error));
+    assert_ok(cia402_eds_write(&bench->board[board], "x.eds", &arena, out, &error));
     assert_int_equal(fclose(out), 0);
     arena_fini(&arena);
     assert_true(strlen(text) > 1000 && strlen(text) < TEXT_MAX - 1);

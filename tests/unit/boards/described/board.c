@@ -68,15 +68,13 @@ static void read_protocol(struct described_bench *bench, const char *file)
     struct error error;
     enum error_code code;
 
-    assert_int_equal(arena_init(&bench->protocols, 8u << 20, &error), ERROR_NONE);
+    assert_ok(arena_init(&bench->protocols, 8u << 20, &error));
     code = file == checked   ? described_read_text("checked", file, strlen(file), &bench->protocols,
                                                    protocol, &error)
            : file == watched ? described_read_text("watched", text, read_watched(text, sizeof text),
                                                    &bench->protocols, protocol, &error)
                              : described_load(file, &bench->protocols, protocol, &error);
-    if (code) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(code, error.text);
 }
 
 /* Bus 0 with two drives of one axis, addresses 1 and 2, joints 0 and 2. */

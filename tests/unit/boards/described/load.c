@@ -227,9 +227,9 @@ TEST_WITH(fields_lie_where_the_file_says, open_arena, close_arena)
     struct error error;
     unsigned number;
 
-    if (described_read_text("toy.yaml", text, sizeof text - 1, &arena, &protocol, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(
+        described_read_text("toy.yaml", text, sizeof text - 1, &arena, &protocol, &error),
+        error.text);
     frame = &protocol->frame[0];
     assert_true(described_number(frame, 0x11f, false, &number));
     assert_int_equal(number, 31);
@@ -259,9 +259,8 @@ static const struct described_protocol *read_protocol(const char *text)
     const struct described_protocol *protocol;
     struct error error;
 
-    if (described_read_text("toy.yaml", text, strlen(text), &arena, &protocol, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(described_read_text("toy.yaml", text, strlen(text), &arena, &protocol, &error),
+                    error.text);
     return protocol;
 }
 

@@ -403,13 +403,9 @@ TEST(every_answer_to_a_real_host_is_the_protocols)
     bool end = false;
 
     open_leg(&replay);
-    if (candump_open(&reader, REPLAY_LOG, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(candump_open(&reader, REPLAY_LOG, &error), error.text);
     for (;;) {
-        if (candump_next(&reader, &frame, bus, &end, &error)) {
-            fail_msg("%s", error.text);
-        }
+        assert_no_error(candump_next(&reader, &frame, bus, &end, &error), error.text);
         if (end) {
             break;
         }

@@ -191,7 +191,7 @@ TEST(faults_of_boards_act_on_it)
         struct error error;
 
         configure(&bench.base, false);
-        assert_int_equal(arena_init(&bench.arena, 8u << 20, &error), ERROR_NONE);
+        assert_ok(arena_init(&bench.arena, 8u << 20, &error));
         bench.faults = arm(&bench.base, &bench.arena, cases[i].line);
         bench_start(&bench.base);
         bench_send(&bench.base, 0, 0x209, "34 04 00 01");

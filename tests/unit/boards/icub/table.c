@@ -131,7 +131,7 @@ static void refuses(struct board_bench *bench, const char *what)
     struct boards *boards = NULL;
     struct error error;
 
-    assert_int_equal(arena_init(&bench->arena, 64u << 20, &error), ERROR_NONE);
+    assert_ok(arena_init(&bench->arena, 64u << 20, &error));
     assert_int_equal(boards_create(&bench->config, &bench->arena, &boards, &error), ERROR_INPUT);
     if (!strstr(error.text, what)) {
         fail_msg("\"%s\" does not say \"%s\"", error.text, what);
@@ -204,7 +204,7 @@ TEST(too_small_an_arena_is_an_error_at_any_size)
     for (;; size += 4096) {
         enum error_code code;
 
-        assert_int_equal(arena_init(&bench.arena, size, &error), ERROR_NONE);
+        assert_ok(arena_init(&bench.arena, size, &error));
         code = boards_create(&bench.config, &bench.arena, &boards, &error);
         arena_fini(&bench.arena);
         if (!code) {

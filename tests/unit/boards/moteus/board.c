@@ -454,7 +454,7 @@ TEST(a_wrong_rig_is_refused)
         bench.board[1].axis[0].valve = i == 2;
         bench.board[1].axis[0].gear = i == 3 ? 0.0 : 10.0;
         bench.board[1].address = i == 4 ? 32 : 9;
-        assert_int_equal(arena_init(&bench.arena, 64u << 20, &error), ERROR_NONE);
+        assert_ok(arena_init(&bench.arena, 64u << 20, &error));
         assert_int_equal(boards_create(&bench.config, &bench.arena, &boards, &error), ERROR_INPUT);
         if (!strstr(error.text, wrong[i])) {
             fail_msg("\"%s\" does not say \"%s\"", error.text, wrong[i]);

@@ -136,7 +136,7 @@ TEST_WITH(instability_has_its_rms_and_correlation, set_up, tear_down)
 
         bench->config.seed = (uint64_t)round + 1;
         arena_fini(&bench->arena);
-        assert_int_equal(arena_init(&bench->arena, 1 << 20, &error), ERROR_NONE);
+        assert_ok(arena_init(&bench->arena, 1 << 20, &error));
         start(bench);
         for (int i = 0, k = 0; i <= lag[LAGS - 1]; i++) {
             tick(bench);

@@ -129,8 +129,8 @@ TEST(the_trip_comes_when_the_winding_s_law_says)
         joint[j].name = "other";
     }
     start(&bench);
-    assert_int_equal(arena_init(&arena, 8u << 20, &error), ERROR_NONE);
-    assert_int_equal(sensing_create(&config, &arena, &sensing, &error), ERROR_NONE);
+    assert_ok(arena_init(&arena, 8u << 20, &error));
+    assert_ok(sensing_create(&config, &arena, &sensing, &error));
     truth = bench.sensors;
     truth.motor = true_sense;
     do {

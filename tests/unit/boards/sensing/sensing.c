@@ -22,12 +22,9 @@ static void arm(struct bench *bench, const char *const *line)
     size_t count = 0;
 
     for (; line && line[count]; count++) {
-        if (fault_parse(line[count], &names, &fault[count], &error)) {
-            fail_msg("%s", error.text);
-        }
+        assert_no_error(fault_parse(line[count], &names, &fault[count], &error), error.text);
     }
-    assert_int_equal(faults_create(fault, count, 3, &bench->arena, &bench->faults, &error),
-                     ERROR_NONE);
+    assert_ok(faults_create(fault, count, 3, &bench->arena, &bench->faults, &error));
     bench->config.faults = bench->faults;
 }
 

@@ -38,7 +38,7 @@ static inline int set_up(void **state)
     struct error error;
 
     memset(&bench, 0, sizeof bench);
-    assert_int_equal(arena_init(&bench.arena, 8 << 20, &error), ERROR_NONE);
+    assert_ok(arena_init(&bench.arena, 8 << 20, &error));
     bench.joint[0].name = "hip";
     bench.joint[1].name = "knee";
     bench.ft[0].name = "foot";
@@ -64,9 +64,8 @@ static inline void start(struct bench *bench)
 {
     struct error error;
 
-    if (sensing_create(&bench->config, &bench->arena, &bench->sensing, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(sensing_create(&bench->config, &bench->arena, &bench->sensing, &error),
+                    error.text);
 }
 
 static inline void tick(struct bench *bench)

@@ -501,7 +501,7 @@ TEST(impossible_configurations_are_refused_with_a_reason)
     struct error error;
     struct wire *wire;
 
-    assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
+    assert_ok(arena_init(&arena, 1 << 20, &error));
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         assert_int_equal(wire_create(&cases[i].config, &arena, &wire, &error), ERROR_INPUT);
         assert_non_null(strstr(error.text, cases[i].message));
@@ -511,7 +511,7 @@ TEST(impossible_configurations_are_refused_with_a_reason)
     for (size_t size = 1 << 12; size < 1 << 17; size += 1 << 12) {
         const struct wire_config config = {.bitrate = 1000000, .nodes = 60, .queue = 64};
 
-        assert_int_equal(arena_init(&arena, size, &error), ERROR_NONE);
+        assert_ok(arena_init(&arena, size, &error));
         assert_int_equal(wire_create(&config, &arena, &wire, &error), ERROR_MEMORY);
         arena_fini(&arena);
     }

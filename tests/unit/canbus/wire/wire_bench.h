@@ -48,7 +48,7 @@ static inline void bench_open(struct wire_bench *bench, struct wire_config confi
     struct error error;
 
     memset(bench, 0, sizeof *bench);
-    assert_int_equal(arena_init(&bench->arena, (size_t)256 << 20, &error), ERROR_NONE);
+    assert_ok(arena_init(&bench->arena, (size_t)256 << 20, &error));
     bench->log = arena_alloc(&bench->arena, WIRE_LOG_MAX, sizeof *bench->log);
     assert_non_null(bench->log);
     config.bitrate = config.bitrate ? config.bitrate : 1000000;
@@ -56,9 +56,7 @@ static inline void bench_open(struct wire_bench *bench, struct wire_config confi
     config.queue = config.queue ? config.queue : 64;
     config.notify = bench_notify;
     config.context = bench;
-    if (wire_create(&config, &bench->arena, &bench->wire, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(wire_create(&config, &bench->arena, &bench->wire, &error), error.text);
     wire_tables_make(&bench->tables);
 }
 

@@ -19,9 +19,9 @@ TEST(encloses_what_the_capsule_does)
         struct mesh_finding finding;
         double side = pi * R * R * length[i], ends = 4 * pi * R * R * R / 3;
 
-        assert_int_equal(mesh_capsule(R, length[i], &arena, &mesh, NULL), ERROR_NONE);
+        assert_ok(mesh_capsule(R, length[i], &arena, &mesh, NULL));
         assert_int_equal(mesh->nface, 256);
-        assert_int_equal(mesh_check(mesh, &finding, NULL), ERROR_NONE);
+        assert_ok(mesh_check(mesh, &finding, NULL));
         assert_int_equal(finding.fault, MESH_SOUND);
         assert_near(mesh_volume(mesh), side + 0.975 * ends, 1e-3 * (side + ends));
         for (size_t v = 0; v < mesh->nvertex; v++) {
@@ -52,7 +52,7 @@ TEST(reports_an_arena_that_is_used_up)
     const struct mesh *mesh;
     struct error error;
 
-    assert_int_equal(arena_init(&small, 4096, &error), ERROR_NONE);
+    assert_ok(arena_init(&small, 4096, &error));
     assert_int_equal(mesh_capsule(1, 1, &small, &mesh, &error), ERROR_MEMORY);
     arena_fini(&small);
 }

@@ -23,7 +23,7 @@ static void assert_sorted(const struct mesh *mesh)
     bool *seen = arena_alloc(&arena, n, sizeof *seen);
 
     assert_true(edge && seen);
-    assert_int_equal(mesh_sort_half_edges(mesh, edge, NULL), ERROR_NONE);
+    assert_ok(mesh_sort_half_edges(mesh, edge, NULL));
     for (size_t i = 0; i < n; i++) {
         const struct half_edge *e = &edge[i];
         const int *face = mesh->face[e->number / 3];
@@ -43,7 +43,7 @@ TEST_WITH(half_edges_of_boxes_are_sorted, open_arena, close_arena)
     const struct mesh *mesh;
 
     for (int cells = 1; cells < 9; cells++) {
-        assert_int_equal(mesh_box(half, cells, &arena, &mesh, NULL), ERROR_NONE);
+        assert_ok(mesh_box(half, cells, &arena, &mesh, NULL));
         assert_sorted(mesh);
     }
 }

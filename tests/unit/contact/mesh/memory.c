@@ -45,7 +45,7 @@ TEST(every_allocation_that_fails_is_reported_and_nothing_leaks)
     enum error_code code = ERROR_MEMORY;
     int failures = 0;
 
-    assert_int_equal(arena_init(&arena, (size_t)1 << 20, NULL), ERROR_NONE);
+    assert_ok(arena_init(&arena, (size_t)1 << 20, NULL));
     while (code != ERROR_NONE) {
         const struct mesh *mesh = NULL;
         struct error error = {0};

@@ -15,7 +15,7 @@ static struct mesh_finding check(const struct mesh *mesh)
 {
     struct mesh_finding finding;
 
-    assert_int_equal(mesh_check(mesh, &finding, NULL), ERROR_NONE);
+    assert_ok(mesh_check(mesh, &finding, NULL));
     return finding;
 }
 
@@ -55,7 +55,7 @@ TEST(box_has_twelve_faces_a_square_cell_and_shares_its_vertices)
         const struct mesh *box;
         size_t n = (size_t)cells[i];
 
-        assert_int_equal(mesh_box(half, cells[i], &arena, &box, NULL), ERROR_NONE);
+        assert_ok(mesh_box(half, cells[i], &arena, &box, NULL));
         assert_int_equal(box->nface, 12 * n * n);
         assert_int_equal(box->nvertex, 6 * n * n + 2);
         assert_int_equal(check(box).fault, MESH_SOUND);
@@ -73,7 +73,7 @@ TEST(box_of_seven_cells_has_the_588_faces_of_the_paper)
 {
     const struct mesh *box;
 
-    assert_int_equal(mesh_box((double[3]){0.075, 0.075, 0.075}, 7, &arena, &box, NULL), ERROR_NONE);
+    assert_ok(mesh_box((double[3]){0.075, 0.075, 0.075}, 7, &arena, &box, NULL));
     assert_int_equal(box->nface, 588);
 }
 
@@ -82,7 +82,7 @@ TEST(every_box_face_lies_in_a_side_and_looks_outward)
     const double half[3] = {1, 2, 3};
     const struct mesh *box;
 
-    assert_int_equal(mesh_box(half, 3, &arena, &box, NULL), ERROR_NONE);
+    assert_ok(mesh_box(half, 3, &arena, &box, NULL));
     for (size_t f = 0; f < box->nface; f++) {
         const double *p[3];
         int sides = 0;
@@ -129,7 +129,7 @@ TEST(box_reports_an_arena_that_is_used_up)
     const struct mesh *box = NULL;
     struct error error;
 
-    assert_int_equal(arena_init(&small, 4096, NULL), ERROR_NONE);
+    assert_ok(arena_init(&small, 4096, NULL));
     assert_int_equal(mesh_box((double[3]){1, 1, 1}, 64, &small, &box, &error), ERROR_MEMORY);
     assert_null(box);
     arena_fini(&small);

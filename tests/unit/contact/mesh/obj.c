@@ -262,10 +262,10 @@ TEST(an_arena_that_is_used_up_is_reported)
     FILE *file = open_memstream(&text, &size);
 
     assert_non_null(file);
-    assert_int_equal(mesh_box((double[3]){1, 1, 1}, 16, &arena, &box, NULL), ERROR_NONE);
+    assert_ok(mesh_box((double[3]){1, 1, 1}, 16, &arena, &box, NULL));
     mesh_write_obj(box, file);
     fclose(file);
-    assert_int_equal(arena_init(&small, 4096, NULL), ERROR_NONE);
+    assert_ok(arena_init(&small, 4096, NULL));
     assert_int_equal(mesh_read_obj_text("a.obj", text, size, &small, &mesh, NULL), ERROR_MEMORY);
     assert_null(mesh);
     arena_fini(&small);

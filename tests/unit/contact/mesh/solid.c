@@ -20,9 +20,7 @@ static struct solid make(const struct mesh *mesh)
     struct error error = {0};
     struct solid solid;
 
-    if (solid_make(mesh, &arena, &solid, &error) != ERROR_NONE) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(solid_make(mesh, &arena, &solid, &error), error.text);
     return solid;
 }
 
@@ -31,7 +29,7 @@ static const struct mesh *box(double x, double y, double z, int cells)
     const double half[3] = {x, y, z};
     const struct mesh *mesh;
 
-    assert_int_equal(mesh_box(half, cells, &arena, &mesh, NULL), ERROR_NONE);
+    assert_ok(mesh_box(half, cells, &arena, &mesh, NULL));
     return mesh;
 }
 
@@ -39,9 +37,8 @@ static const struct mesh *foot(void)
 {
     const struct mesh *mesh;
 
-    assert_int_equal(
-        mesh_read_obj(HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj", &arena, &mesh, NULL),
-        ERROR_NONE);
+    assert_ok(
+        mesh_read_obj(HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj", &arena, &mesh, NULL));
     return mesh;
 }
 
@@ -65,7 +62,7 @@ static const struct mesh *bowl(void)
     }
     *mesh = *flat;
     mesh->vertex = (const double(*)[3])vertex;
-    assert_int_equal(mesh_check(mesh, &finding, NULL), ERROR_NONE);
+    assert_ok(mesh_check(mesh, &finding, NULL));
     assert_int_equal(finding.fault, MESH_SOUND);
     return mesh;
 }
@@ -253,8 +250,8 @@ TEST(boxes_and_capsules_are_found_convex)
     const double half[3] = {0.1, 0.2, 0.3};
     const struct mesh *mesh[2];
 
-    assert_int_equal(mesh_box(half, 4, &arena, &mesh[0], NULL), ERROR_NONE);
-    assert_int_equal(mesh_capsule(0.05, 0.2, &arena, &mesh[1], NULL), ERROR_NONE);
+    assert_ok(mesh_box(half, 4, &arena, &mesh[0], NULL));
+    assert_ok(mesh_capsule(0.05, 0.2, &arena, &mesh[1], NULL));
     assert_true(make(mesh[0]).convex && make(mesh[1]).convex);
 }
 

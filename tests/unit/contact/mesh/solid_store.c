@@ -17,7 +17,7 @@ static const struct mesh *make_box(double half)
     const double side[3] = {half, 2 * half, 3 * half};
     const struct mesh *mesh;
 
-    assert_int_equal(mesh_box(side, 3, &arena, &mesh, NULL), ERROR_NONE);
+    assert_ok(mesh_box(side, 3, &arena, &mesh, NULL));
     return mesh;
 }
 
@@ -25,7 +25,7 @@ static const struct solid *find(const struct mesh *mesh)
 {
     const struct solid *solid;
 
-    assert_int_equal(solid_store_find(mesh, &arena, &solid, NULL), ERROR_NONE);
+    assert_ok(solid_store_find(mesh, &arena, &solid, NULL));
     return solid;
 }
 
@@ -33,7 +33,7 @@ static const struct field *find_field(const struct solid *solid)
 {
     const struct field *field;
 
-    assert_int_equal(solid_store_find_field(solid, "box", &arena, &field, NULL), ERROR_NONE);
+    assert_ok(solid_store_find_field(solid, "box", &arena, &field, NULL));
     return field;
 }
 
@@ -41,7 +41,7 @@ TEST_WITH(equal_meshes_share_what_was_made, open_arena, close_arena)
 {
     const struct solid *first, *other;
 
-    assert_int_equal(solid_store_open(NULL), ERROR_NONE);
+    assert_ok(solid_store_open(NULL));
     first = find(make_box(0.1));
     other = find(make_box(0.2));
     assert_ptr_not_equal(first, other);
@@ -68,7 +68,7 @@ static const struct mesh *read_obj(const char *path)
 {
     const struct mesh *mesh;
 
-    assert_int_equal(solid_store_read_obj(path, &arena, &mesh, NULL), ERROR_NONE);
+    assert_ok(solid_store_read_obj(path, &arena, &mesh, NULL));
     return mesh;
 }
 
@@ -83,7 +83,7 @@ TEST_WITH(file_of_the_same_text_is_read_once, open_arena, close_arena)
     close(file);
     write_obj(path, "1");
     assert_ptr_not_equal(read_obj(path), read_obj(path));
-    assert_int_equal(solid_store_open(NULL), ERROR_NONE);
+    assert_ok(solid_store_open(NULL));
     first = read_obj(path);
     assert_ptr_equal(read_obj(path), first);
     assert_string_equal(first->name, path);
@@ -105,7 +105,7 @@ TEST_WITH(solid_outlives_the_mesh_it_was_made_of, open_arena, close_arena)
     const struct mesh *mesh = make_box(0.1), *again = make_box(0.1);
     const struct solid *solid;
 
-    assert_int_equal(solid_store_open(NULL), ERROR_NONE);
+    assert_ok(solid_store_open(NULL));
     solid = find(mesh);
     memset((void *)(uintptr_t)mesh->vertex, 0, mesh->nvertex * sizeof *mesh->vertex);
     memset((void *)(uintptr_t)mesh->face, 0, mesh->nface * sizeof *mesh->face);
@@ -155,8 +155,8 @@ static void find_wrench(struct contact_wrench wrench[2])
             surface[i].rotation[4 * k] = 1;
         }
     }
-    assert_int_equal(contact_native_create(&config, &arena, &world, NULL), ERROR_NONE);
-    assert_int_equal(world->ops->evaluate(world, motion, NULL, wrench), ERROR_NONE);
+    assert_ok(contact_native_create(&config, &arena, &world, NULL));
+    assert_ok(world->ops->evaluate(world, motion, NULL, wrench));
     assert_true(wrench[1].force[2] > 1);
     world->ops->destroy(world);
 }
@@ -166,9 +166,9 @@ TEST_WITH(last_user_closes_it, open_arena, close_arena)
     const struct mesh *mesh = make_box(0.1);
     const struct solid *solid;
 
-    assert_int_equal(solid_store_open(NULL), ERROR_NONE);
+    assert_ok(solid_store_open(NULL));
     solid = find(mesh);
-    assert_int_equal(solid_store_open(NULL), ERROR_NONE);
+    assert_ok(solid_store_open(NULL));
     assert_ptr_equal(find(mesh), solid);
     solid_store_close();
     assert_ptr_equal(find(mesh), solid);
@@ -177,7 +177,7 @@ TEST_WITH(last_user_closes_it, open_arena, close_arena)
 
     /* Allowed on a closed one, and counts for nothing */
     solid_store_close();
-    assert_int_equal(solid_store_open(NULL), ERROR_NONE);
+    assert_ok(solid_store_open(NULL));
     assert_int_equal(solid_store_made(), 0);
     solid_store_close();
 }
@@ -188,7 +188,7 @@ TEST_WITH(engine_gives_the_same_bits_with_the_store, open_arena, close_arena)
     size_t made;
 
     find_wrench(without);
-    assert_int_equal(solid_store_open(NULL), ERROR_NONE);
+    assert_ok(solid_store_open(NULL));
     find_wrench(with);
     made = solid_store_made();
     assert_true(made >= 3);

@@ -21,7 +21,7 @@ static void make_tree(uint64_t *seed, int leaf)
             boxes[i].high[k] = boxes[i].low[k] + 0.1 * fabs(random_number(seed));
         }
     }
-    assert_int_equal(tree_build(boxes, COUNT, leaf, &arena, &tree, NULL), ERROR_NONE);
+    assert_ok(tree_build(boxes, COUNT, leaf, &arena, &tree, NULL));
 }
 
 TEST(a_tree_collects_no_more_than_there_is_room_for)

@@ -71,8 +71,7 @@ static void make_prism(struct prism *prism, struct arena *arena, uint64_t *seed)
         .vertex = (const double(*)[3])prism->vertex,
         .face = (const int(*)[3])prism->face,
     };
-    assert_int_equal(solid_make(&prism->mesh, arena, &prism->solid, &(struct error){0}),
-                     ERROR_NONE);
+    assert_ok(solid_make(&prism->mesh, arena, &prism->solid, &(struct error){0}));
     for (size_t f = 0; f < prism->solid.nfacet; f++) {
         if (prism->solid.facet[f].normal[2] < -0.5) {
             prism->sole = &prism->solid.facet[f];
@@ -216,7 +215,7 @@ TEST(a_sunk_facet_is_what_its_springs_add_up_to)
         struct prism prism;
         struct arena arena;
 
-        assert_int_equal(arena_init(&arena, ARENA_BYTES, &(struct error){0}), ERROR_NONE);
+        assert_ok(arena_init(&arena, ARENA_BYTES, &(struct error){0}));
         make_prism(&prism, &arena, &seed);
         choose_case(&seed, n, &relative);
         depth = facet_below_plane_depth(&prism.solid, prism.sole, n, height, &deepest, &shallowest);
@@ -247,7 +246,7 @@ TEST(a_facet_of_which_a_part_leaves_fast_is_left_to_its_springs)
     struct arena arena;
     uint64_t seed = 7;
 
-    assert_int_equal(arena_init(&arena, ARENA_BYTES, &(struct error){0}), ERROR_NONE);
+    assert_ok(arena_init(&arena, ARENA_BYTES, &(struct error){0}));
     make_prism(&prism, &arena, &seed);
     depth = facet_below_plane_depth(&prism.solid, prism.sole, n, 0.01, &deepest, &shallowest);
 

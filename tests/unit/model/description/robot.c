@@ -71,9 +71,7 @@ static void assert_accepted(struct sample *s)
 {
     struct error error;
 
-    if (robot_finish(&s->robot, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(robot_finish(&s->robot, &error), error.text);
 }
 
 TEST(finish_counts_and_adds_up)

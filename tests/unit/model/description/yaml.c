@@ -86,7 +86,7 @@ TEST_WITH(every_pose_of_coman_stands_flat_on_the_ground, open_arena, close_arena
     double q[30], v[29] = {0};
     struct dynamics d;
 
-    assert_int_equal(dynamics_generic(robot, &arena, &d, NULL), ERROR_NONE);
+    assert_ok(dynamics_generic(robot, &arena, &d, NULL));
     assert_int_equal(robot->npose, 3);
     assert_true(robot_find_pose(robot, "zero") >= 0);
     assert_true(robot_find_pose(robot, "crouch_home") >= 0);
@@ -251,14 +251,11 @@ TEST_WITH(the_base_of_a_pose_is_turned_as_a_frame_is, open_arena, close_arena)
     struct error error;
     double R[9];
 
-    assert_int_equal(load_changed("base_xyz_m: [0, 0, 1]",
-                                  "base_xyz_m: [0, 0, 1], base_rpy_rad: [0.3, -0.5, 0.8]", NULL,
-                                  &robot, &error),
-                     ERROR_NONE);
-    assert_int_equal(load_changed("xyz_m: [0, 0, 0.1]",
-                                  "xyz_m: [0, 0, 0.1], rpy_rad: [0.3, -0.5, 0.8]", NULL, &framed,
-                                  &error),
-                     ERROR_NONE);
+    assert_ok(load_changed("base_xyz_m: [0, 0, 1]",
+                           "base_xyz_m: [0, 0, 1], base_rpy_rad: [0.3, -0.5, 0.8]", NULL, &robot,
+                           &error));
+    assert_ok(load_changed("xyz_m: [0, 0, 0.1]", "xyz_m: [0, 0, 0.1], rpy_rad: [0.3, -0.5, 0.8]",
+                           NULL, &framed, &error));
     mat3_from_quaternion(robot->pose[0].base_quaternion, R);
     for (int k = 0; k < 9; k++) {
         assert_near(R[k], framed->frame[0].rotation[k], 1e-15);
@@ -274,9 +271,7 @@ TEST_WITH(a_sound_file_becomes_a_robot, open_arena, close_arena)
     const struct robot *robot;
     struct error error;
 
-    if (load_changed("", "", "heavy", &robot, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(load_changed("", "", "heavy", &robot, &error), error.text);
     assert_int_equal(robot->nbody, 3);
     assert_string_equal(robot->body[1].name, "arm");
     assert_string_equal(robot->body[2].name, "hand");
@@ -301,7 +296,7 @@ TEST_WITH(visuals_are_read_and_change_no_dynamics, open_arena, close_arena)
     struct error error;
     double up[4] = {1, 0, 0, 0};
 
-    assert_int_equal(load_changed("", "", NULL, &plain, &error), ERROR_NONE);
+    assert_ok(load_changed("", "", NULL, &plain, &error));
     if (load_changed("ft_sensors:",
                      "visuals:\n"
                      "  - {name: a, body: trunk, shape: mesh, file: m/a.stl, xyz_m: [1, 2, 3],\n"
@@ -322,8 +317,8 @@ TEST_WITH(visuals_are_read_and_change_no_dynamics, open_arena, close_arena)
     assert_null(robot->visual[2].file);
 
     /* They stay where they were when the base is clamped half a meter up */
-    assert_int_equal(robot_copy(robot, &arena, &held, &error), ERROR_NONE);
-    assert_int_equal(robot_fix_base(held, (double[3]){0, 0, 0.5}, up, &error), ERROR_NONE);
+    assert_ok(robot_copy(robot, &arena, &held, &error));
+    assert_ok(robot_fix_base(held, (double[3]){0, 0, 0.5}, up, &error));
     assert_near(held->visual[0].position[2], 3.5, 0.0);
     assert_near(robot->visual[0].position[2], 3.0, 0.0);
 }
@@ -420,11 +415,10 @@ TEST_WITH(couplings_are_read_and_poses_follow_them, open_arena, close_arena)
     assert_near(robot->pose[0].joint[3], -0.3, 0.0);
 
     /* What a pose says of a follower may be rounded, and is made exact */
-    assert_int_equal(load_coupled(couplings,
-                                  "joints_rad: {shoulder: 0.6, bend: 0.1, pinch: -0.1000004}, "
-                                  "joints_m: {slide: 0.22}",
-                                  &robot, &error),
-                     ERROR_NONE);
+    assert_ok(load_coupled(couplings,
+                           "joints_rad: {shoulder: 0.6, bend: 0.1, pinch: -0.1000004}, "
+                           "joints_m: {slide: 0.22}",
+                           &robot, &error));
     assert_near(robot->pose[0].joint[3], -0.1, 0.0);
 }
 
@@ -524,9 +518,8 @@ TEST_WITH(limits_have_stops, open_arena, close_arena)
         const struct robot *robot;
         struct error error;
 
-        if (load_changed(cases[i].part, cases[i].other, NULL, &robot, &error)) {
-            fail_msg("%s", error.text);
-        }
+        assert_no_error(load_changed(cases[i].part, cases[i].other, NULL, &robot, &error),
+                        error.text);
         assert_stop(&robot->joint[0].stop, cases[i].shoulder[0], cases[i].shoulder[1]);
         assert_stop(&robot->joint[1].stop, cases[i].slide[0], cases[i].slide[1]);
     }
@@ -549,9 +542,8 @@ TEST_WITH(springs_with_room_have_stops, open_arena, close_arena)
         const struct robot *robot;
         struct error error;
 
-        if (load_changed("L_h: 0.0003", cases[i].other, NULL, &robot, &error)) {
-            fail_msg("%s", error.text);
-        }
+        assert_no_error(load_changed("L_h: 0.0003", cases[i].other, NULL, &robot, &error),
+                        error.text);
         assert_near(robot->joint[0].sea.deflection, cases[i].room, 0.0);
         assert_stop(&robot->joint[0].sea.stop, cases[i].stiffness, cases[i].damping);
     }
@@ -581,7 +573,7 @@ TEST_WITH(drives_have_the_effects_that_are_given, open_arena, close_arena)
     const struct robot *robot;
     struct error error;
 
-    assert_int_equal(load_changed("L_h: 0.0003", "L_h: 0.0003", NULL, &robot, &error), ERROR_NONE);
+    assert_ok(load_changed("L_h: 0.0003", "L_h: 0.0003", NULL, &robot, &error));
     assert_null(robot->joint[0].sea.effects);
     if (load_changed("L_h: 0.0003",
                      "L_h: 0.0003, coulomb_nm: 2, backlash_rad: 0.01, freewheel: true, "
@@ -605,10 +597,8 @@ TEST_WITH(drives_have_the_effects_that_are_given, open_arena, close_arena)
     assert_int_equal(effects->nerror, 0);
 
     /* 2^-12 s of 2^-10 s: just a quarter of the period */
-    assert_int_equal(load_changed("L_h: 0.0003",
-                                  "L_h: 0.0003, dead_time_s: 0.000244140625, pwm_hz: 1024", NULL,
-                                  &robot, &error),
-                     ERROR_NONE);
+    assert_ok(load_changed("L_h: 0.0003", "L_h: 0.0003, dead_time_s: 0.000244140625, pwm_hz: 1024",
+                           NULL, &robot, &error));
 }
 
 /* A variant's drive goes before the robot's own: all of COMAN's drives, and none without it. */
@@ -634,18 +624,15 @@ TEST_WITH(passive_springs_are_the_joints_or_the_robots, open_arena, close_arena)
     const struct robot *robot;
     struct error error;
 
-    assert_int_equal(load_changed("force_n: 20}",
-                                  "force_n: 20}\n    passive: {stiffness_n_m: 30, rest_m: 0.2}",
-                                  NULL, &robot, &error),
-                     ERROR_NONE);
+    assert_ok(load_changed("force_n: 20}",
+                           "force_n: 20}\n    passive: {stiffness_n_m: 30, rest_m: 0.2}", NULL,
+                           &robot, &error));
     assert_near(robot->joint[0].passive.stiffness, 0.0, 0.0);
     assert_near(robot->joint[1].passive.stiffness, 30.0, 0.0);
     assert_near(robot->joint[1].passive.rest, 0.2, 0.0);
-    assert_int_equal(
-        load_changed("joints:\n",
-                     "passive: {stiffness_nm_rad: 2, damping_nm_s_rad: 0.5}\njoints:\n", NULL,
-                     &robot, &error),
-        ERROR_NONE);
+    assert_ok(load_changed("joints:\n",
+                           "passive: {stiffness_nm_rad: 2, damping_nm_s_rad: 0.5}\njoints:\n", NULL,
+                           &robot, &error));
     assert_near(robot->joint[0].passive.stiffness, 2.0, 0.0);
     assert_near(robot->joint[0].passive.damping, 0.5, 0.0);
     assert_near(robot->joint[1].passive.stiffness, 0.0, 0.0);

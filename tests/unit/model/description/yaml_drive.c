@@ -81,9 +81,7 @@ static void load_sound_arm(const char *all, const char *own, const struct robot 
 {
     struct error error;
 
-    if (load_arm(all, own, robot, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(load_arm(all, own, robot, &error), error.text);
 }
 
 #define MINE                                                                                       \
@@ -118,9 +116,7 @@ TEST_WITH(shipped_drives_reach_their_ratings, open_arena, close_arena)
             continue;
         }
         snprintf(file, sizeof file, "%s/%s", path, entry->d_name);
-        if (robot_load_drive(file, &arena, &drive, &error)) {
-            fail_msg("%s", error.text);
-        }
+        assert_no_error(robot_load_drive(file, &arena, &drive, &error), error.text);
         snprintf(stem, sizeof stem, "%.*s", (int)strcspn(entry->d_name, "."), entry->d_name);
         assert_string_equal(drive->name, stem);
         assert_non_null(drive->source);
@@ -275,11 +271,11 @@ TEST_WITH(a_drive_is_described_with_its_kind, open_arena, close_arena)
 
     snprintf(path, sizeof path, "%s/drives/oil.yaml", folder);
     write_file("drives/oil.yaml", OIL);
-    assert_int_equal(robot_describe_drive(path, &arena, &text, &hydraulic, &error), ERROR_NONE);
+    assert_ok(robot_describe_drive(path, &arena, &text, &hydraulic, &error));
     assert_true(hydraulic);
     assert_string_equal(text, "a cylinder of one's own");
     write_file("drives/oil.yaml", "name: other\ndescription: half\ndrive: {R_ohm: 5}\n");
-    assert_int_equal(robot_describe_drive(path, &arena, &text, &hydraulic, &error), ERROR_NONE);
+    assert_ok(robot_describe_drive(path, &arena, &text, &hydraulic, &error));
     assert_false(hydraulic);
 }
 

@@ -23,9 +23,7 @@ TEST_WITH(the_leg_has_its_cylinders, open_arena, close_arena)
     struct error error;
     double lever[2];
 
-    if (robot_load(LEG, NULL, &arena, &robot, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(robot_load(LEG, NULL, &arena, &robot, &error), error.text);
     for (size_t j = 0; j < 2; j++) {
         const struct robot_joint *joint = &robot->joint[j];
         const struct robot_hydraulic *c = &joint->hydraulic;

@@ -98,7 +98,7 @@ TEST(the_equation_with_added_inertia_holds)
         struct arena arena;
         struct error error;
 
-        assert_int_equal(random_tree_make(&seed, &tree, &error), ERROR_NONE);
+        assert_ok(random_tree_make(&seed, &tree, &error));
         for (size_t b = 0; b < tree.robot.nbody; b++) {
             tree.body[b].observed = random_in(&seed, 0.0, 1.0) < 0.5;
             random_added(&seed, &added[b]);
@@ -107,8 +107,8 @@ TEST(the_equation_with_added_inertia_holds)
             extra[j] = random_in(&seed, 0.0, 2.0);
         }
         random_state_make(&seed, &tree.robot, &x);
-        assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
-        assert_int_equal(dynamics_generic(&tree.robot, &arena, &d, &error), ERROR_NONE);
+        assert_ok(arena_init(&arena, 1 << 20, &error));
+        assert_ok(dynamics_generic(&tree.robot, &arena, &d, &error));
         d.ops->implicit(&d, x.q, x.v, x.tau, x.ext, extra, added, vdot);
         worst = fmax(worst, residual(&d, &x, extra, added, vdot));
         arena_fini(&arena);
@@ -131,10 +131,10 @@ TEST(without_added_inertia_it_is_forward_dynamics)
         struct arena arena;
         struct error error;
 
-        assert_int_equal(random_tree_make(&seed, &tree, &error), ERROR_NONE);
+        assert_ok(random_tree_make(&seed, &tree, &error));
         random_state_make(&seed, &tree.robot, &x);
-        assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
-        assert_int_equal(dynamics_generic(&tree.robot, &arena, &d, &error), ERROR_NONE);
+        assert_ok(arena_init(&arena, 1 << 20, &error));
+        assert_ok(dynamics_generic(&tree.robot, &arena, &d, &error));
         d.ops->implicit(&d, x.q, x.v, x.tau, x.ext, nothing, none, vdot);
         d.ops->forward(&d, x.q, x.v, x.tau, x.ext, forward);
         for (size_t i = 0; i < tree.robot.nv; i++) {

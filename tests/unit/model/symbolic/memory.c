@@ -51,7 +51,7 @@ TEST(every_failed_allocation_is_an_error_and_loses_nothing)
     long n = 0;
     enum error_code code;
 
-    assert_int_equal(limbed_tree_make(&seed, &tree, &error), ERROR_NONE);
+    assert_ok(limbed_tree_make(&seed, &tree, &error));
     do {
         FILE *file = fmemopen(text, sizeof text, "w");
         long before = outstanding;
@@ -65,6 +65,6 @@ TEST(every_failed_allocation_is_an_error_and_loses_nothing)
         fclose(file);
     } while (code && n < 1000);
     print_message("# %ld allocations\n", n - 1);
-    assert_int_equal(code, ERROR_NONE);
+    assert_ok(code);
     assert_true(n > 20);
 }

@@ -27,9 +27,7 @@ static const struct robot *load_robot(const char *file)
     const struct robot *robot;
     struct error error;
 
-    if (robot_load(file, NULL, &arena, &robot, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(robot_load(file, NULL, &arena, &robot, &error), error.text);
     return robot;
 }
 
@@ -39,9 +37,7 @@ static struct robot *with_masses(const struct robot *robot, uint64_t *seed)
     struct robot *heavier;
     struct error error;
 
-    if (robot_copy(robot, &arena, &heavier, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(robot_copy(robot, &arena, &heavier, &error), error.text);
     for (size_t b = 0; b < heavier->nbody; b++) {
         struct robot_inertia *inertia = &heavier->body[b].inertia;
         double shift[3];
@@ -52,9 +48,7 @@ static struct robot *with_masses(const struct robot *robot, uint64_t *seed)
             inertia->com[m] += shift[m];
         }
     }
-    if (robot_finish(heavier, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(robot_finish(heavier, &error), error.text);
     assert_true(heavier->hash != robot->hash && heavier->massless_hash == robot->massless_hash);
     return heavier;
 }
@@ -223,7 +217,7 @@ TEST_WITH(a_robot_with_another_geometry_gets_none, open_arena, close_arena)
     struct error error;
 
     longer->joint[3].origin[2] += 1e-9;
-    assert_int_equal(robot_finish(longer, &error), ERROR_NONE);
+    assert_ok(robot_finish(longer, &error));
     assert_true(longer->massless_hash != coman->massless_hash);
     assert_null(symbolic_builtin(longer));
     assert_int_equal(dynamics_generated(longer, module, &arena, &d, &error), ERROR_UNSUPPORTED);
@@ -239,7 +233,7 @@ TEST_WITH(no_memory_is_said_only_of_memory, open_arena, close_arena)
     struct arena small;
     struct dynamics d;
 
-    assert_int_equal(arena_init(&small, 64, &error), ERROR_NONE);
+    assert_ok(arena_init(&small, 64, &error));
     while (arena_alloc(&small, 1, 64)) {
     }
     assert_int_equal(dynamics_generated(heavier, symbolic_builtin(heavier), &small, &d, &error),
@@ -320,9 +314,7 @@ static double far_difference(const struct robot *robot, const struct dynamics_mo
     uint64_t seed = 59;
     double worst = 0.0;
 
-    if (dynamics_generic(robot, &arena, &generic, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(dynamics_generic(robot, &arena, &generic, &error), error.text);
     for (int n = 0; n < 300; n++) {
         struct random_state x;
 
@@ -377,9 +369,7 @@ static void compare_compiled(const struct robot *robot, const struct robot *heav
     struct symbolic_library library;
     struct error error;
 
-    if (symbolic_compile(robot, options, "-O1", &library, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(symbolic_compile(robot, options, "-O1", &library, &error), error.text);
     compare_module(robot, library.module);
     if (heavier) {
         compare_module(heavier, library.module);
@@ -398,9 +388,8 @@ TEST_WITH(small_trees_compiled_here_have_the_same_equations, open_arena, close_a
     for (int tries = 0; made < 3 && tries < 1000; tries++) {
         const struct symbolic_options options = {.lanes = 4};
 
-        assert_int_equal(made % 2 ? limbed_tree_make(&seed, &tree, &error)
-                                  : random_tree_make(&seed, &tree, &error),
-                         ERROR_NONE);
+        assert_ok(made % 2 ? limbed_tree_make(&seed, &tree, &error)
+                           : random_tree_make(&seed, &tree, &error));
         if (tree.robot.njoint > (made % 2 ? 24 : 5)) {
             continue;
         }
@@ -443,8 +432,8 @@ TEST_WITH(long_functions_compute_the_same_in_pieces, open_arena, close_arena)
             tree.joint[b - 1].axis[b % 3] = 1.0;
         }
     }
-    assert_int_equal(robot_finish(robot, &error), ERROR_NONE);
-    assert_int_equal(symbolic_generate(robot, &options, nowhere, &report, &error), ERROR_NONE);
+    assert_ok(robot_finish(robot, &error));
+    assert_ok(symbolic_generate(robot, &options, nowhere, &report, &error));
     fclose(nowhere);
     assert_true(report.count[0].operations > 4000);
     compare_compiled(robot, NULL, &options);
@@ -463,7 +452,7 @@ TEST_WITH(a_fixed_base_with_a_slide_takes_masses_as_inputs, open_arena, close_ar
     need_compiler();
     do {
         slides = false;
-        assert_int_equal(limbed_tree_make(&seed, &tree, &error), ERROR_NONE);
+        assert_ok(limbed_tree_make(&seed, &tree, &error));
         for (size_t j = 0; j < tree.robot.njoint; j++) {
             slides = slides || tree.joint[j].type == JOINT_PRISMATIC;
         }
@@ -476,9 +465,7 @@ static void make_pendulum(struct random_tree *tree)
 {
     struct error error;
 
-    if (pendulum_make(tree, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(pendulum_make(tree, &error), error.text);
 }
 
 /* Compiles the robot's file with warnings as errors, without making code. */
@@ -491,9 +478,7 @@ static void assert_clean(const struct robot *robot)
 
     file = fdopen(mkstemp(path), "w");
     assert_non_null(file);
-    if (symbolic_generate(robot, &options, file, NULL, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(symbolic_generate(robot, &options, file, NULL, &error), error.text);
     fclose(file);
     snprintf(command, sizeof command,
              "cc -std=gnu11 -Wall -Wextra -Wshadow -Wundef -Wmissing-prototypes -Werror "
@@ -513,14 +498,14 @@ TEST_WITH(generated_code_compiles_without_warnings, open_arena, close_arena)
     make_pendulum(&tree);
     assert_clean(&tree.robot);
     for (int n = 0; n < 3; n++) {
-        assert_int_equal(limbed_tree_make(&seed, &tree, &error), ERROR_NONE);
+        assert_ok(limbed_tree_make(&seed, &tree, &error));
         assert_clean(&tree.robot);
     }
     /* A free body without a joint */
     tree.robot.floating = true;
     tree.robot.njoint = 0;
     tree.robot.nbody = 1;
-    assert_int_equal(robot_finish(&tree.robot, &error), ERROR_NONE);
+    assert_ok(robot_finish(&tree.robot, &error));
     assert_clean(&tree.robot);
 }
 

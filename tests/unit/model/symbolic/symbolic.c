@@ -118,10 +118,9 @@ static void subject_open(struct subject *s, const struct robot *robot, int lanes
     }
     for (int f = 0; f < DERIVE_COUNT; f++) {
         graph_init(&s->graph[f]);
-        if (derive((enum derive_function)f, &s->tree, false, &s->graph[f], &s->derivation[f],
-                   &error)) {
-            fail_msg("%s", error.text);
-        }
+        assert_no_error(derive((enum derive_function)f, &s->tree, false, &s->graph[f],
+                               &s->derivation[f], &error),
+                        error.text);
     }
 }
 
@@ -222,7 +221,7 @@ TEST_WITH(random_trees_have_the_numeric_algorithms_equations, open_arena, close_
     for (int t = 0; t < TREES; t++) {
         struct subject s;
 
-        assert_int_equal(random_tree_make(&seed, &tree, &error), ERROR_NONE);
+        assert_ok(random_tree_make(&seed, &tree, &error));
         subject_open(&s, &tree.robot, 1 << t % 3);
         for (int n = 0; n < STATES; n++) {
             random_state_make(&seed, &tree.robot, &x);
@@ -243,7 +242,7 @@ TEST_WITH(like_limbs_in_lanes_have_the_same_equations, open_arena, close_arena)
     for (int t = 0; t < TREES; t++) {
         struct subject s;
 
-        assert_int_equal(limbed_tree_make(&seed, &tree, &error), ERROR_NONE);
+        assert_ok(limbed_tree_make(&seed, &tree, &error));
         subject_open(&s, &tree.robot, 2 << t % 2);
         bodies += tree.robot.nbody;
         groups += s.tree.ngroup;
@@ -379,9 +378,8 @@ TEST_WITH(added_inertias_act_on_the_rates_of_the_velocities, open_arena, close_a
     for (int t = 0; t < TREES; t++) {
         struct subject s;
 
-        assert_int_equal(t % 2 ? limbed_tree_make(&seed, &tree, &error)
-                               : random_tree_make(&seed, &tree, &error),
-                         ERROR_NONE);
+        assert_ok(t % 2 ? limbed_tree_make(&seed, &tree, &error)
+                        : random_tree_make(&seed, &tree, &error));
         subject_open(&s, &tree.robot, 1 << t % 3);
         random_state_make(&seed, &tree.robot, &x);
         for (int j = 0; j < RANDOM_JOINTS; j++) {
@@ -408,9 +406,7 @@ static char *text_of(const struct robot *robot, int lanes, size_t *size,
     FILE *file = open_memstream(&text, size);
 
     assert_non_null(file);
-    if (symbolic_generate(robot, &options, file, report, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(symbolic_generate(robot, &options, file, report, &error), error.text);
     fclose(file);
     return text;
 }
@@ -421,7 +417,7 @@ TEST_WITH(the_same_robot_gives_the_same_bytes, open_arena, close_arena)
     struct error error;
     size_t first_size, second_size;
 
-    assert_int_equal(robot_load(COMAN, NULL, &arena, &robot, &error), ERROR_NONE);
+    assert_ok(robot_load(COMAN, NULL, &arena, &robot, &error));
     char *first = text_of(robot, 4, &first_size, NULL);
     char *second = text_of(robot, 4, &second_size, NULL);
     assert_int_equal(first_size, second_size);
@@ -437,7 +433,7 @@ TEST_WITH(coman_stays_within_its_budget_of_operations, open_arena, close_arena)
     struct error error;
     size_t size;
 
-    assert_int_equal(robot_load(COMAN, NULL, &arena, &robot, &error), ERROR_NONE);
+    assert_ok(robot_load(COMAN, NULL, &arena, &robot, &error));
     for (int lanes = 1; lanes <= 4; lanes *= 2) {
         free(text_of(robot, lanes, &size, &report));
         for (int f = 0; f < SYMBOLIC_FUNCTIONS; f++) {
@@ -473,9 +469,7 @@ static void make_chain(uint64_t *seed, struct robot *robot, size_t length)
             robot->joint[b - 1].axis[b * 2 % 3] = 1.0;
         }
     }
-    if (robot_finish(robot, &error)) {
-        fail_msg("%s", error.text);
-    }
+    assert_no_error(robot_finish(robot, &error), error.text);
 }
 
 enum { LONGEST = 120 };

@@ -41,12 +41,12 @@ static void file_open(struct file *file)
     uint16_t schema;
 
     *file = (struct file){.size = 0};
-    assert_int_equal(arena_init(&file->arena, (size_t)1 << 26, &error), ERROR_NONE);
-    assert_int_equal(mcap_create(&config, &file->arena, &file->mcap, &error), ERROR_NONE);
+    assert_ok(arena_init(&file->arena, (size_t)1 << 26, &error));
+    assert_ok(mcap_create(&config, &file->arena, &file->mcap, &error));
     schema = mcap_add_schema(file->mcap, "number", "{\"type\":\"object\"}");
     assert_int_equal(mcap_add_channel(file->mcap, schema, "/one"), 1);
     assert_int_equal(mcap_add_channel(file->mcap, schema, "/two"), 2);
-    assert_int_equal(mcap_prepare(file->mcap, &file->arena), ERROR_NONE);
+    assert_ok(mcap_prepare(file->mcap, &file->arena));
     mcap_start(file->mcap);
 }
 

@@ -32,7 +32,7 @@ FIXTURE(set_up)
 
     strcpy(f->directory, "/tmp/recorder-test-XXXXXX");
     assert_non_null(mkdtemp(f->directory));
-    assert_int_equal(arena_init(&f->arena, (size_t)64 << 20, &error), ERROR_NONE);
+    assert_ok(arena_init(&f->arena, (size_t)64 << 20, &error));
     f->config = (struct recorder_config){
         .directory = f->directory,
         .lossless = true,
@@ -77,7 +77,7 @@ static struct recorder *open_recorder(struct fixture *f)
     struct recorder *recorder;
     struct error error;
 
-    assert_int_equal(recorder_open(&f->config, &f->arena, &recorder, &error), ERROR_NONE);
+    assert_ok(recorder_open(&f->config, &f->arena, &recorder, &error));
     return recorder;
 }
 
@@ -125,20 +125,20 @@ TEST_WITH(every_frame_is_in_the_log_in_order, set_up, tear_down)
     f->config.frame_ring = 64;
     recorder = open_recorder(f);
     record_frames(recorder, 20000);
-    assert_int_equal(recorder_close(recorder, &counters, &error), ERROR_NONE);
+    assert_ok(recorder_close(recorder, &counters, &error));
     assert_int_equal(counters.frames, 20000);
     assert_int_equal(counters.frames_dropped, 0);
     assert_int_equal(counters.frames_unwritten, 0);
-    assert_int_equal(candump_open(&reader, path_in(f, "candump.log"), &error), ERROR_NONE);
+    assert_ok(candump_open(&reader, path_in(f, "candump.log"), &error));
     for (uint32_t i = 0; i < 20000; i++) {
-        assert_int_equal(candump_next(&reader, &frame, bus, &end, &error), ERROR_NONE);
+        assert_ok(candump_next(&reader, &frame, bus, &end, &error));
         assert_false(end);
         assert_int_equal(frame.id, i % 0x800);
         assert_int_equal(get_u32_le(frame.data), i);
         assert_int_equal(frame.time_ns, (int64_t)i * 1000000);
         assert_string_equal(bus, buses[i % 2]);
     }
-    assert_int_equal(candump_next(&reader, &frame, bus, &end, &error), ERROR_NONE);
+    assert_ok(candump_next(&reader, &frame, bus, &end, &error));
     assert_true(end);
     candump_close(&reader);
 }
@@ -154,7 +154,7 @@ TEST_WITH(rows_have_titles_and_a_time_in_seconds, set_up, tear_down)
 
     recorder_row(recorder, 0, (const double[]){0.5, -1e-9});
     recorder_row(recorder, 1234567000, (const double[]){1.0 / 3.0, 1e300});
-    assert_int_equal(recorder_close(recorder, &counters, &error), ERROR_NONE);
+    assert_ok(recorder_close(recorder, &counters, &error));
     assert_int_equal(counters.rows, 2);
     csv = fopen(path_in(f, "signals.csv"), "r");
     assert_non_null(fgets(line, sizeof line, csv));
@@ -292,7 +292,7 @@ TEST_WITH(what_is_recorded_is_on_the_disk_soon, set_up, tear_down)
     }
     assert_int_equal(lines_in(f, "candump.log"), 3);
     assert_int_equal(lines_in(f, "signals.csv"), 2);
-    assert_int_equal(recorder_close(recorder, &counters, &error), ERROR_NONE);
+    assert_ok(recorder_close(recorder, &counters, &error));
 }
 
 TEST_WITH(a_removed_file_is_noticed_and_given_up, set_up, tear_down)
@@ -342,7 +342,7 @@ TEST_WITH(a_renamed_file_is_noticed_and_goes_on, set_up, tear_down)
     assert_int_equal(rename(path_in(f, "candump.log"), path), 0);
     assert_true(comes_to_say(recorder, "another name"));
     record_frames(recorder, 100);
-    assert_int_equal(recorder_close(recorder, &counters, &error), ERROR_NONE);
+    assert_ok(recorder_close(recorder, &counters, &error));
     assert_int_equal(lines_in(f, "candump.log.1"), counters.frames);
     assert_int_equal(access(path_in(f, "candump.log"), F_OK), -1);
 }
@@ -472,7 +472,7 @@ TEST_WITH(in_virtual_time_a_slow_disk_is_waited_for, set_up, tear_down)
     recorder = open_recorder(f);
     assert_int_equal(pthread_create(&thread, NULL, read_slowly, &reader), 0);
     record_frames(recorder, 20000);
-    assert_int_equal(recorder_close(recorder, &counters, &error), ERROR_NONE);
+    assert_ok(recorder_close(recorder, &counters, &error));
     pthread_join(thread, NULL);
     assert_int_equal(counters.frames, 20000);
     assert_int_equal(reader.lines, 20000);
@@ -511,7 +511,7 @@ TEST_WITH(a_directory_that_holds_something_is_refused, set_up, tear_down)
     assert_int_not_equal(access(path_in(f, "candump.log"), F_OK), 0);
     f->config.overwrite = true;
     recorder = open_recorder(f);
-    assert_int_equal(recorder_close(recorder, &counters, &error), ERROR_NONE);
+    assert_ok(recorder_close(recorder, &counters, &error));
     assert_int_equal(access(path_in(f, "precious"), F_OK), 0);
 }
 
@@ -527,7 +527,7 @@ TEST_WITH(the_summary_of_an_earlier_recording_goes_with_it, set_up, tear_down)
     f->config.overwrite = true;
     recorder = open_recorder(f);
     assert_int_equal(access(path_in(f, RECORDER_SUMMARY), F_OK), -1);
-    assert_int_equal(recorder_close(recorder, &counters, &error), ERROR_NONE);
+    assert_ok(recorder_close(recorder, &counters, &error));
 }
 
 /* /dev/full above: a link to a device overwrites nothing. */
@@ -583,6 +583,6 @@ TEST_WITH(a_directory_is_made, set_up, tear_down)
 
     rmdir(f->directory);
     recorder = open_recorder(f);
-    assert_int_equal(recorder_close(recorder, &counters, &error), ERROR_NONE);
+    assert_ok(recorder_close(recorder, &counters, &error));
     assert_int_equal(access(path_in(f, "candump.log"), F_OK), 0);
 }

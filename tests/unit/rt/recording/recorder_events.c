@@ -30,7 +30,7 @@ FIXTURE(set_up)
 
     strcpy(f->directory, "/tmp/recorder-test-XXXXXX");
     assert_non_null(mkdtemp(f->directory));
-    assert_int_equal(arena_init(&f->arena, (size_t)64 << 20, &error), ERROR_NONE);
+    assert_ok(arena_init(&f->arena, (size_t)64 << 20, &error));
     f->config = (struct recorder_config){.directory = f->directory,
                                          .lossless = true,
                                          .nbus = 1,
@@ -66,14 +66,14 @@ static void begin(struct fixture *f)
 {
     struct error error;
 
-    assert_int_equal(recorder_open(&f->config, &f->arena, &f->recorder, &error), ERROR_NONE);
+    assert_ok(recorder_open(&f->config, &f->arena, &f->recorder, &error));
 }
 
 static void end(struct fixture *f)
 {
     struct error error;
 
-    assert_int_equal(recorder_close(f->recorder, &f->counters, &error), ERROR_NONE);
+    assert_ok(recorder_close(f->recorder, &f->counters, &error));
 }
 
 static const char *read_file(struct fixture *f, const char *name)
