@@ -7,6 +7,10 @@ if(NOT HIL_SANITIZE)
         /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/service/client.py ${CMAKE_COMMAND}
         $<TARGET_FILE:coman-hil>)
     set_tests_properties(service_client PROPERTIES RESOURCE_LOCK install)
+    hil_script_test(service_user_job LABELS service TIMEOUT 200
+        COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/service/user_job.sh ${CMAKE_COMMAND}
+                $<TARGET_FILE:coman-hil>)
+    set_tests_properties(service_user_job PROPERTIES RESOURCE_LOCK install)
     hil_script_test(client_vcan LABELS service TIMEOUT 190
         COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/service/client_vcan.sh $<TARGET_FILE:coman-hil>
                 $<TARGET_FILE:client_elbow>)

@@ -1,0 +1,8 @@
+#!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
+# usage: packages.sh SOURCE FOLDER
+# Builds the Debian packages of coman-hil from its source tree and copies them into FOLDER.
+set -eu
+mkdir -p "$2"
+(cd "$1" && ./dev setup && ./dev build && cmake --build build/release --target package)
+cp "$1"/build/release/*.deb "$2"
