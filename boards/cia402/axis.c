@@ -106,22 +106,13 @@ static void cia402_axis_stop_quickly(struct cia402_node *node, struct cia402_axi
                      option >= 5 ? CIA402_QUICK_STOP_ACTIVE : CIA402_SWITCH_ON_DISABLED);
 }
 
-/* Leaves operation for a state without drive function, with a ramp if the option code requires one.
- * A repeated controlword does not restart the ramp. */
-static void cia402_axis_leave_operation(struct cia402_node *node, struct cia402_axis *axis,
-                                        bool ramp, enum cia402_state state)
-{
-    if (!ramp) {
-        cia402_axis_enter(node, axis, state);
-    } else if (!axis->stopping || axis->stop_state != state) {
-        cia402_axis_stop(axis, CIA402_RAMP_SLOW, state);
-    }
-}
-
 /* Makes a transition by its number. */
 static void cia402_axis_make_transition(struct cia402_node *node, struct cia402_axis *axis,
                                         unsigned number)
 {
+    enum cia402_state state = number == 5 ? CIA402_SWITCHED_ON : CIA402_READY_TO_SWITCH_ON;
+    int64_t option = number == 5 ? axis->settings.disable_option : axis->settings.shutdown_option;
+
     /* Transition numbers of IEC 61800-7-201 */
     switch (number) {
     case 2:
@@ -134,13 +125,13 @@ static void cia402_axis_make_transition(struct cia402_node *node, struct cia402_
     case 4:
         cia402_axis_enter(node, axis, CIA402_OPERATION_ENABLED);
         break;
-    case 5:
-        cia402_axis_leave_operation(node, axis, axis->settings.disable_option == 1,
-                                    CIA402_SWITCHED_ON);
-        break;
+    case 5: /* with a ramp if the option code requires one, which a repeated controlword keeps */
     case 8:
-        cia402_axis_leave_operation(node, axis, axis->settings.shutdown_option == 1,
-                                    CIA402_READY_TO_SWITCH_ON);
+        if (option != 1) {
+            cia402_axis_enter(node, axis, state);
+        } else if (!axis->stopping || axis->stop_state != state) {
+            cia402_axis_stop(axis, CIA402_RAMP_SLOW, state);
+        }
         break;
     case 7:
     case 9:
@@ -204,20 +195,6 @@ enum cia402_abort cia402_axis_write_controlword(struct cia402_node *node,
     return CIA402_DONE;
 }
 
-/* Makes the transitions that need no command. */
-static void cia402_axis_step_state(struct cia402_node *node, struct cia402_axis *axis)
-{
-    if (axis->state == CIA402_NOT_READY) {
-        cia402_axis_enter(node, axis, CIA402_SWITCH_ON_DISABLED); /* transition 1 */
-    } else if (axis->state == CIA402_SWITCHED_ON) {
-        if (controlword_command(axis->controlword) == COMMAND_ENABLE_OPERATION) {
-            cia402_axis_enter(node, axis, CIA402_OPERATION_ENABLED); /* transition 4, after 3 */
-        }
-    } else if (axis->stopping && cia402_axis_has_stopped(axis)) {
-        cia402_axis_enter(node, axis, axis->stop_state); /* transition 5, 8, 12 or 14 */
-    }
-}
-
 /* ---- what does not come from the controlword ---- */
 
 /* Reacts to a fault. drivable: the bridge may stay closed for the reaction. */
@@ -260,15 +237,6 @@ void cia402_axis_lose_connection(struct cia402_node *node, struct cia402_axis *a
     default:
         break;
     }
-}
-
-static void cia402_axis_update_status(struct cia402_axis *axis)
-{
-    unsigned word = state_bits[axis->state] | CIA402_SW_REMOTE;
-
-    word |= axis->present & CIA402_FAULT_UNDER_VOLTAGE ? 0 : CIA402_SW_VOLTAGE_ENABLED;
-    word |= axis->present & WARNINGS ? CIA402_SW_WARNING : 0;
-    axis->statusword = word | cia402_axis_mode_status(axis);
 }
 
 /* Settings of an axis that are objects of the dictionary and that the simulator may also change. */
@@ -439,31 +407,27 @@ void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_c
     }
 }
 
-/* Resets the state, faults, targets and homing of an axis at power-up. */
-static void cia402_axis_power_up(struct cia402_axis *axis)
-{
-    axis->state = CIA402_NOT_READY;
-    axis->base.mode = CIA402_NOT_READY;
-    axis->latched = axis->present = 0;
-    axis->faults = axis->error_code = axis->controlword = axis->statusword = 0;
-    axis->target_voltage = axis->target_torque = axis->target_velocity = 0;
-    axis->target_position = axis->velocity_offset = axis->torque_offset = 0;
-    axis->mode = CIA402_NO_MODE;
-    axis->mode_display = 0;
-    axis->home = 0;
-    axis->homed = axis->homing_failed = axis->set_point_taken = axis->limited = false;
-    cia402_axis_stand(axis);
-}
-
-/* Powers up a drive (struct board_ops). */
+/* Powers up a drive: resets state, faults, targets and homing of its axes (struct board_ops). */
 static void cia402_motor_power_up(struct board *board)
 {
-    struct cia402_motor *motor = cia402_motor_of(board);
+    struct cia402_node *node = cia402_node_of(board);
 
-    motor->node.axes = board_config_axes(&board->config);
-    cia402_node_power_up(&motor->node);
-    for (unsigned i = 0; i < motor->node.axes; i++) {
-        cia402_axis_power_up(&motor->axis[i]);
+    node->axes = board_config_axes(&board->config);
+    cia402_node_power_up(node);
+    for (unsigned i = 0; i < node->axes; i++) {
+        struct cia402_axis *axis = &node->axis[i];
+
+        axis->state = CIA402_NOT_READY;
+        axis->base.mode = CIA402_NOT_READY;
+        axis->latched = axis->present = 0;
+        axis->faults = axis->error_code = axis->controlword = axis->statusword = 0;
+        axis->target_voltage = axis->target_torque = axis->target_velocity = 0;
+        axis->target_position = axis->velocity_offset = axis->torque_offset = 0;
+        axis->mode = CIA402_NO_MODE;
+        axis->mode_display = 0;
+        axis->home = 0;
+        axis->homed = axis->homing_failed = axis->set_point_taken = axis->limited = false;
+        cia402_axis_stand(axis);
     }
 }
 
@@ -501,11 +465,11 @@ static void cia402_axis_publish(struct cia402_axis *axis)
 /* Publishes the samples of all axes (struct board_ops). */
 static void cia402_motor_sample(struct board *board, const struct plant_sensors *sensors)
 {
-    struct cia402_motor *motor = cia402_motor_of(board);
+    struct cia402_node *node = cia402_node_of(board);
 
     (void)sensors;
-    for (unsigned i = 0; i < motor->node.axes; i++) {
-        struct cia402_axis *axis = &motor->axis[i];
+    for (unsigned i = 0; i < node->axes; i++) {
+        struct cia402_axis *axis = &node->axis[i];
 
         axis_find_angles(&axis->base);
         cia402_axis_publish(axis);
@@ -513,21 +477,14 @@ static void cia402_motor_sample(struct board *board, const struct plant_sensors 
         for (int64_t k = 0; k < axis->base.passed_ms; k++) {
             cia402_axis_count_times(axis);
         }
-        cia402_axis_update_status(axis);
+        axis->statusword =
+            state_bits[axis->state] | CIA402_SW_REMOTE |
+            (axis->present & CIA402_FAULT_UNDER_VOLTAGE ? 0 : CIA402_SW_VOLTAGE_ENABLED) |
+            (axis->present & WARNINGS ? CIA402_SW_WARNING : 0) | cia402_axis_mode_status(axis);
     }
 }
 
 /* ---- faults ---- */
-
-/* Returns whether the commands of an axis have timed out. */
-static bool cia402_axis_is_stale(const struct board *board, const struct cia402_axis *axis)
-{
-    bool expects = axis->mode == CIA402_VOLTAGE_MODE || axis->mode == CIA402_TORQUE ||
-                   axis->mode == CIA402_CYCLIC_TORQUE || axis->mode == CIA402_CYCLIC_VELOCITY;
-
-    return expects && axis->state == CIA402_OPERATION_ENABLED && axis->settings.timeout_ms > 0 &&
-           board->boards->now_ns - axis->command_ns > axis->settings.timeout_ms * MS;
-}
 
 /* Returns the faults and warnings that an axis has now. */
 static uint32_t cia402_axis_present_faults(const struct board *board, struct cia402_axis *axis)
@@ -537,32 +494,18 @@ static uint32_t cia402_axis_present_faults(const struct board *board, struct cia
             high = p->position_limit[1];
     bool enabled = axis->state == CIA402_OPERATION_ENABLED;
     bool off_course = axis->following_ms > p->following_timeout_ms;
-    uint32_t faults = axis_find_faults(board, &axis->base, (double)p->current_limit_ma * 1e-3);
+    bool expects_commands = axis->mode == CIA402_VOLTAGE_MODE || axis->mode == CIA402_TORQUE ||
+                            axis->mode == CIA402_CYCLIC_TORQUE ||
+                            axis->mode == CIA402_CYCLIC_VELOCITY;
+    bool stale = expects_commands && enabled && p->timeout_ms > 0 &&
+                 board->boards->now_ns - axis->command_ns > p->timeout_ms * MS;
 
-    faults |= axis->temperature_c > p->temperature_limit_c ? CIA402_FAULT_TEMPERATURE : 0;
-    faults |=
-        off_course && cia402_axis_controls_position(axis) && enabled ? CIA402_FAULT_FOLLOWING : 0;
-    faults |= cia402_axis_is_stale(board, axis) ? CIA402_FAULT_STALE : 0;
-    faults |= low < high && (link < low || link > high) ? CIA402_FAULT_LIMIT : 0;
-    return faults;
-}
-
-/* Sends emergency messages for new faults, and logs fatal ones. */
-static void cia402_axis_report_faults(struct cia402_node *node, struct cia402_axis *axis,
-                                      uint32_t risen)
-{
-    unsigned number = cia402_axis_number(node, axis);
-
-    for (size_t i = 0; i < sizeof error_codes / sizeof *error_codes; i++) {
-        if (risen & error_codes[i].fault) {
-            axis->error_code = error_codes[i].code;
-            cia402_emcy_raise(node, error_codes[i].code, error_codes[i].error_register, number,
-                              (uint32_t)axis->faults);
-        }
-    }
-    if (risen & FATAL) {
-        board_event(&node->board, BOARD_EVENT_FAULT, number, risen & FATAL, 0);
-    }
+    return axis_find_faults(board, &axis->base, (double)p->current_limit_ma * 1e-3) |
+           (axis->temperature_c > p->temperature_limit_c ? CIA402_FAULT_TEMPERATURE : 0u) |
+           (off_course && cia402_axis_controls_position(axis) && enabled ? CIA402_FAULT_FOLLOWING
+                                                                         : 0u) |
+           (stale ? CIA402_FAULT_STALE : 0u) |
+           (low < high && (link < low || link > high) ? CIA402_FAULT_LIMIT : 0u);
 }
 
 /* Finds the faults of an axis and reacts to new ones: events, emergencies, the fault reaction. */
@@ -586,7 +529,16 @@ static void cia402_axis_watch_faults(struct cia402_node *node, struct cia402_axi
     if (risen & CIA402_FAULT_LIMIT && cia402_axis_is_on(axis)) {
         board_event(board, BOARD_EVENT_LIMIT, number, (uint32_t)axis->link_encoder, 0);
     }
-    cia402_axis_report_faults(node, axis, risen);
+    for (size_t i = 0; i < ARRAY_COUNT(error_codes); i++) {
+        if (risen & error_codes[i].fault) {
+            axis->error_code = error_codes[i].code;
+            cia402_emcy_raise(node, error_codes[i].code, error_codes[i].error_register, number,
+                              (uint32_t)axis->faults);
+        }
+    }
+    if (risen & FATAL) {
+        board_event(board, BOARD_EVENT_FAULT, number, risen & FATAL, 0);
+    }
     if (present & FATAL) {
         cia402_axis_react(node, axis, !(present & OPENS_BRIDGE));
     }
@@ -597,14 +549,23 @@ static void cia402_axis_watch_faults(struct cia402_node *node, struct cia402_axi
 /* Runs a tick of a drive: services, faults, states and loops (struct board_ops). */
 static void cia402_motor_control(struct board *board, struct ms_span span)
 {
-    struct cia402_motor *motor = cia402_motor_of(board);
+    struct cia402_node *node = cia402_node_of(board);
 
-    cia402_node_step(&motor->node, span);
-    for (unsigned i = 0; i < motor->node.axes; i++) {
-        struct cia402_axis *axis = &motor->axis[i];
+    cia402_node_step(node, span);
+    for (unsigned i = 0; i < node->axes; i++) {
+        struct cia402_axis *axis = &node->axis[i];
 
-        cia402_axis_watch_faults(&motor->node, axis);
-        cia402_axis_step_state(&motor->node, axis);
+        cia402_axis_watch_faults(node, axis);
+        /* Transitions that need no command */
+        if (axis->state == CIA402_NOT_READY) {
+            cia402_axis_enter(node, axis, CIA402_SWITCH_ON_DISABLED); /* transition 1 */
+        } else if (axis->state == CIA402_SWITCHED_ON) {
+            if (controlword_command(axis->controlword) == COMMAND_ENABLE_OPERATION) {
+                cia402_axis_enter(node, axis, CIA402_OPERATION_ENABLED); /* transition 4, after 3 */
+            }
+        } else if (axis->stopping && cia402_axis_has_stopped(axis)) {
+            cia402_axis_enter(node, axis, axis->stop_state); /* transition 5, 8, 12 or 14 */
+        }
         for (int64_t ms = span.from; ms < span.to; ms++) {
             cia402_axis_step(axis);
         }
@@ -615,13 +576,13 @@ static void cia402_motor_control(struct board *board, struct ms_span span)
 /* Opens the bridges of a drive (struct board_ops). */
 static void cia402_motor_shut_down(struct board *board)
 {
-    struct cia402_motor *motor = cia402_motor_of(board);
+    struct cia402_node *node = cia402_node_of(board);
 
-    for (unsigned i = 0; i < motor->node.axes; i++) {
-        struct cia402_axis *axis = &motor->axis[i];
+    for (unsigned i = 0; i < node->axes; i++) {
+        struct cia402_axis *axis = &node->axis[i];
 
         if (cia402_axis_is_on(axis) || axis->state == CIA402_SWITCHED_ON) {
-            cia402_axis_enter(&motor->node, axis, CIA402_SWITCH_ON_DISABLED);
+            cia402_axis_enter(node, axis, CIA402_SWITCH_ON_DISABLED);
         }
     }
 }
@@ -644,7 +605,7 @@ struct board *cia402_motor_create(struct arena *arena)
     struct board *board = board_create(arena, sizeof(struct cia402_motor), &cia402_motor_ops);
 
     if (board) {
-        cia402_node_of(board)->axis = cia402_motor_of(board)->axis;
+        cia402_node_of(board)->axis = container_of(board, struct cia402_motor, node.board)->axis;
     }
     return board;
 }

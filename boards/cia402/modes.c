@@ -55,7 +55,7 @@ static void cia402_profile_move(struct cia402_profile *profile, double goal, dou
  * leaves the switch fast. Third, the axis crosses the edge slowly in the method's direction.
  */
 
-#define STEP_S 1e-3
+#define STEP_S 1e-3 /* of the loops */
 
 /* Bits of the digital inputs 0x60fd */
 enum {
@@ -194,30 +194,6 @@ static void cia402_homing_end(struct cia402_axis *axis, bool found)
     cia402_homing_enter(axis, CIA402_HOMING_STOPS, 0);
 }
 
-/* Makes the crossed edge the home position, or looks for the next pulse. */
-static void cia402_homing_reach_edge(struct cia402_axis *axis,
-                                     const struct cia402_homing_method *method)
-{
-    if (method->index) {
-        cia402_homing_enter(axis, CIA402_HOMING_INDEX, method->last);
-    } else {
-        cia402_homing_take(axis, axis->motor_encoder);
-        cia402_homing_end(axis, true);
-    }
-}
-
-/* Makes the first index pulse that the rotor passes the home position. */
-static void cia402_homing_watch_pulse(struct cia402_axis *axis)
-{
-    double pulses = cia402_homing_pulses(axis);
-    double at = axis->homing_direction > 0 ? pulses : axis->homing_pulses;
-
-    if (pulses != axis->homing_pulses) {
-        cia402_homing_take(axis, cia402_counts(at * axis->index_rad, CIA402_POSITION_RAD));
-        cia402_homing_end(axis, true);
-    }
-}
-
 /* Returns whether a limit switch that the method does not use blocks the way. */
 static bool cia402_homing_is_blocked(const struct cia402_axis *axis,
                                      const struct cia402_homing_method *method)
@@ -231,6 +207,7 @@ static bool cia402_homing_is_blocked(const struct cia402_axis *axis,
 static void cia402_homing_watch(struct cia402_axis *axis, const struct cia402_homing_method *method)
 {
     bool on = axis->digital_inputs & method->input;
+    double pulses;
 
     /* Conditions that end a part and start the next */
     switch (axis->homing) {
@@ -250,12 +227,21 @@ static void cia402_homing_watch(struct cia402_axis *axis, const struct cia402_ho
         }
         break;
     case CIA402_HOMING_EDGE:
-        if (on != method->from_on) {
-            cia402_homing_reach_edge(axis, method);
+        if (on != method->from_on && method->index) {
+            cia402_homing_enter(axis, CIA402_HOMING_INDEX, method->last);
+        } else if (on != method->from_on) {
+            cia402_homing_take(axis, axis->motor_encoder);
+            cia402_homing_end(axis, true);
         }
         break;
-    case CIA402_HOMING_INDEX:
-        cia402_homing_watch_pulse(axis);
+    case CIA402_HOMING_INDEX: /* home is the first index pulse that the rotor passes */
+        pulses = cia402_homing_pulses(axis);
+        if (pulses != axis->homing_pulses) {
+            double at = axis->homing_direction > 0 ? pulses : axis->homing_pulses;
+
+            cia402_homing_take(axis, cia402_counts(at * axis->index_rad, CIA402_POSITION_RAD));
+            cia402_homing_end(axis, true);
+        }
         break;
     default:
         break;
@@ -281,14 +267,6 @@ static void cia402_homing_start(struct cia402_axis *axis)
     } else {
         cia402_homing_enter(axis, method->input ? CIA402_HOMING_SEARCH : CIA402_HOMING_INDEX,
                             method->first);
-    }
-}
-
-static void cia402_homing_interrupt(struct cia402_axis *axis)
-{
-    if (axis->homing != CIA402_HOMING_RESTS && axis->homing != CIA402_HOMING_STOPS) {
-        axis->homing_found = false;
-        cia402_homing_enter(axis, CIA402_HOMING_STOPS, 0);
     }
 }
 
@@ -346,8 +324,6 @@ enum cia402_abort cia402_axis_write_homing(struct cia402_node *node,
  * The winding's resistance limits the voltage, so that the current stays within its limit. The
  * current loop of the torque modes is that of boards/axis.h.
  */
-
-#define STEP_S 1e-3 /* of the loops */
 
 enum { STOP_MAX_MS = 2000, TORQUE_NEAR = 50 };
 
@@ -453,7 +429,10 @@ void cia402_axis_take_set_point(struct cia402_axis *axis, int64_t before)
 
     if (!(axis->controlword & CIA402_CW_NEW_SET_POINT)) {
         axis->set_point_taken = false;
-        cia402_homing_interrupt(axis);
+        if (axis->homing != CIA402_HOMING_RESTS && axis->homing != CIA402_HOMING_STOPS) {
+            axis->homing_found = false;
+            cia402_homing_enter(axis, CIA402_HOMING_STOPS, 0);
+        }
     }
     if (rises && axis->mode == CIA402_PROFILE_POSITION && !axis->has_next) {
         cia402_axis_accept_goal(axis);
@@ -506,19 +485,6 @@ static double cia402_axis_position_law(struct cia402_axis *axis)
                                     axis->settings.velocity_gain[2]);
 }
 
-/* Returns the voltage of the current loop for a torque. */
-static double cia402_axis_current_law(struct cia402_axis *axis, double torque)
-{
-    const struct cia402_axis_settings *p = &axis->settings;
-    double wanted_a = torque * 1e-3 * (double)axis->rated_current_ma * 1e-3;
-
-    axis->torque_demand = cia402_counts(torque, 1.0);
-    return current_loop_step(&axis->integral_v, (double)p->current_gain[0] * 1e-3,
-                             (double)p->current_gain[1] * 1e-3, wanted_a - axis->base.current_a,
-                             axis->base.supply_v) +
-           (double)p->current_gain[2] * 1e-3 * axis->base.velocity_rad_s;
-}
-
 /* ---- modes ---- */
 
 /* Moves the profile towards the goal, or halts it. At the end, takes the next set point. */
@@ -545,49 +511,6 @@ static void cia402_axis_step_profile_position(struct cia402_axis *axis)
     }
 }
 
-/* Accelerates the profile to the target velocity, or halts it. */
-static void cia402_axis_step_profile_velocity(struct cia402_axis *axis)
-{
-    const struct cia402_axis_settings *p = &axis->settings;
-    bool halt = axis->controlword & CIA402_CW_HALT;
-    double wanted = halt ? 0.0 : cia402_axis_bound_velocity(axis, (double)axis->target_velocity);
-    double deceleration = halt && p->halt_option == 2 ? (double)p->quick_stop_deceleration
-                                                      : (double)p->profile_deceleration;
-
-    cia402_profile_accelerate(&axis->profile, wanted, (double)p->profile_acceleration, deceleration,
-                              STEP_S);
-}
-
-/* Moves the reference linearly to a cyclic position within the interpolation period. */
-static void cia402_axis_step_cyclic_position(struct cia402_axis *axis)
-{
-    double way = cia402_axis_bound(axis, (double)axis->target_position) - axis->profile.position;
-    int64_t left = axis->interpolation_left_ms > 1 ? axis->interpolation_left_ms : 1;
-    double velocity = cia402_axis_bound_velocity(axis, way / ((double)left * STEP_S));
-
-    axis->interpolation_left_ms = left - 1;
-    axis->profile.position += velocity * STEP_S;
-    axis->profile.velocity = velocity + (double)axis->velocity_offset;
-}
-
-/* Moves the torque reference to its target; in profile mode with the slope. */
-static void cia402_axis_step_torque(struct cia402_axis *axis)
-{
-    const struct cia402_axis_settings *p = &axis->settings;
-    double slope = (double)p->torque_slope * STEP_S;
-    bool halt = axis->mode == CIA402_TORQUE && axis->controlword & CIA402_CW_HALT;
-    double most = (double)(p->max_torque < p->max_current ? p->max_torque : p->max_current);
-    double torque = halt ? 0.0 : (double)(axis->target_torque + axis->torque_offset);
-    double wanted = fmax(fmin(torque, most), -most), change = wanted - axis->torque_reference;
-
-    axis->limited = axis->limited || fabs(torque) > most;
-    if (axis->mode == CIA402_CYCLIC_TORQUE || fabs(change) <= slope) {
-        axis->torque_reference = wanted;
-    } else {
-        axis->torque_reference += copysign(slope, change);
-    }
-}
-
 /* Returns `wanted`; beyond a limit only if it leads back, else 0. */
 static double cia402_axis_lead_back(struct cia402_axis *axis, double wanted)
 {
@@ -600,10 +523,39 @@ static double cia402_axis_lead_back(struct cia402_axis *axis, double wanted)
     return further ? 0.0 : wanted;
 }
 
+/* Moves the torque reference to its target, in profile mode with the slope. Returns the voltage of
+ * the current loop. */
+static double cia402_axis_step_torque(struct cia402_axis *axis)
+{
+    const struct cia402_axis_settings *p = &axis->settings;
+    double slope = (double)p->torque_slope * STEP_S;
+    bool halt = axis->mode == CIA402_TORQUE && axis->controlword & CIA402_CW_HALT;
+    double most = (double)(p->max_torque < p->max_current ? p->max_torque : p->max_current);
+    double torque = halt ? 0.0 : (double)(axis->target_torque + axis->torque_offset);
+    double wanted = fmax(fmin(torque, most), -most), change = wanted - axis->torque_reference;
+    double wanted_a;
+
+    axis->limited = axis->limited || fabs(torque) > most;
+    if (axis->mode == CIA402_CYCLIC_TORQUE || fabs(change) <= slope) {
+        axis->torque_reference = wanted;
+    } else {
+        axis->torque_reference += copysign(slope, change);
+    }
+    torque = cia402_axis_lead_back(axis, axis->torque_reference);
+    wanted_a = torque * 1e-3 * (double)axis->rated_current_ma * 1e-3;
+    axis->torque_demand = cia402_counts(torque, 1.0);
+    return current_loop_step(&axis->integral_v, (double)p->current_gain[0] * 1e-3,
+                             (double)p->current_gain[1] * 1e-3, wanted_a - axis->base.current_a,
+                             axis->base.supply_v) +
+           (double)p->current_gain[2] * 1e-3 * axis->base.velocity_rad_s;
+}
+
 /* Runs a step of the mode of operation. Returns the voltage. */
 static double cia402_axis_step_mode(struct cia402_axis *axis)
 {
-    int64_t ki = axis->settings.velocity_gain[1];
+    const struct cia402_axis_settings *p = &axis->settings;
+    bool halt = axis->controlword & CIA402_CW_HALT;
+    int64_t ki = p->velocity_gain[1], left;
     double velocity;
 
     switch (axis->mode) {
@@ -611,8 +563,13 @@ static double cia402_axis_step_mode(struct cia402_axis *axis)
     case CIA402_PROFILE_POSITION:
         cia402_axis_step_profile_position(axis);
         return cia402_axis_position_law(axis);
-    case CIA402_CYCLIC_POSITION:
-        cia402_axis_step_cyclic_position(axis);
+    case CIA402_CYCLIC_POSITION: /* linear within the interpolation period */
+        left = axis->interpolation_left_ms > 1 ? axis->interpolation_left_ms : 1;
+        velocity = cia402_axis_bound(axis, (double)axis->target_position) - axis->profile.position;
+        velocity = cia402_axis_bound_velocity(axis, velocity / ((double)left * STEP_S));
+        axis->interpolation_left_ms = left - 1;
+        axis->profile.position += velocity * STEP_S;
+        axis->profile.velocity = velocity + (double)axis->velocity_offset;
         return cia402_axis_position_law(axis);
     case CIA402_HOMING:
         cia402_homing_step(axis);
@@ -620,7 +577,11 @@ static double cia402_axis_step_mode(struct cia402_axis *axis)
 
     /* Velocity modes */
     case CIA402_PROFILE_VELOCITY:
-        cia402_axis_step_profile_velocity(axis);
+        velocity = halt ? 0.0 : cia402_axis_bound_velocity(axis, (double)axis->target_velocity);
+        cia402_profile_accelerate(&axis->profile, velocity, (double)p->profile_acceleration,
+                                  (double)(halt && p->halt_option == 2 ? p->quick_stop_deceleration
+                                                                       : p->profile_deceleration),
+                                  STEP_S);
         velocity = cia402_axis_lead_back(axis, axis->profile.velocity);
         return cia402_axis_velocity_law(axis, velocity, ki);
     case CIA402_CYCLIC_VELOCITY:
@@ -631,8 +592,7 @@ static double cia402_axis_step_mode(struct cia402_axis *axis)
     /* Torque or voltage modes */
     case CIA402_TORQUE:
     case CIA402_CYCLIC_TORQUE:
-        cia402_axis_step_torque(axis);
-        return cia402_axis_current_law(axis, cia402_axis_lead_back(axis, axis->torque_reference));
+        return cia402_axis_step_torque(axis);
     case CIA402_VOLTAGE_MODE:
         return cia402_axis_lead_back(axis, (double)axis->target_voltage * CIA402_VOLTAGE_V);
     default:
@@ -640,38 +600,18 @@ static double cia402_axis_step_mode(struct cia402_axis *axis)
     }
 }
 
-/* Activates a newly written mode. */
-static void cia402_axis_choose_mode(struct cia402_axis *axis)
-{
-    if (axis->mode != axis->settings.mode) {
-        bool stopping = axis->stopping;
-
-        axis->mode = (enum cia402_mode)axis->settings.mode;
-        axis->mode_display = axis->mode;
-        if (!stopping) {
-            cia402_axis_stand(axis);
-        }
-    }
-}
-
-/* Runs a step towards standstill. Returns the voltage. Without a ramp, the voltage is as high as
- * the current limit allows until the rotor stands; then it holds the position. */
-static double cia402_axis_step_stop(struct cia402_axis *axis)
-{
-    axis->stop_ms++;
-    if (axis->stop_by_current && llabs(axis->velocity) > axis->settings.velocity_threshold) {
-        axis->profile.position = (double)axis->position;
-    }
-    cia402_profile_accelerate(&axis->profile, 0.0, axis->stop_deceleration, axis->stop_deceleration,
-                              STEP_S);
-    return cia402_axis_position_law(axis);
-}
-
 void cia402_axis_step(struct cia402_axis *axis)
 {
     double v = 0.0;
 
-    cia402_axis_choose_mode(axis);
+    /* Activate a newly written mode */
+    if (axis->mode != axis->settings.mode) {
+        axis->mode = (enum cia402_mode)axis->settings.mode;
+        axis->mode_display = axis->mode;
+        if (!axis->stopping) {
+            cia402_axis_stand(axis);
+        }
+    }
     if (!cia402_axis_is_on(axis)) {
         axis->base.voltage_v = 0.0;
         return;
@@ -680,7 +620,15 @@ void cia402_axis_step(struct cia402_axis *axis)
     axis->torque_demand = axis->velocity_demand = 0;
     axis->position_demand = axis->position;
     if (axis->stopping) {
-        v = cia402_axis_step_stop(axis);
+        /* Without a ramp, the voltage is as high as the current limit allows until the rotor
+         * stands; then it holds the position */
+        axis->stop_ms++;
+        if (axis->stop_by_current && llabs(axis->velocity) > axis->settings.velocity_threshold) {
+            axis->profile.position = (double)axis->position;
+        }
+        cia402_profile_accelerate(&axis->profile, 0.0, axis->stop_deceleration,
+                                  axis->stop_deceleration, STEP_S);
+        v = cia402_axis_position_law(axis);
     } else {
         v = cia402_axis_step_mode(axis);
     }
@@ -777,27 +725,16 @@ unsigned cia402_axis_mode_status(const struct cia402_axis *axis)
 enum cia402_abort cia402_axis_write_mode(struct cia402_node *node, const struct cia402_entry *entry,
                                          int64_t value)
 {
-    /* A valve has no torque modes */
-    bool torque = value == CIA402_TORQUE || value == CIA402_CYCLIC_TORQUE;
+    struct cia402_axis *axis = &node->axis[entry->unit];
 
-    if (torque && node->board.config.axis[entry->unit].valve) {
+    /* Modes above 0 have a bit each in 0x6502; a valve has no torque modes there */
+    if (value != CIA402_VOLTAGE_MODE && value != CIA402_NO_MODE &&
+        (value < 0 || value > CIA402_CYCLIC_TORQUE ||
+         !(axis->supported_modes >> (value - 1) & 1))) {
         return CIA402_ABORT_VALUE;
     }
-    switch (value) {
-    case CIA402_VOLTAGE_MODE:
-    case CIA402_NO_MODE:
-    case CIA402_PROFILE_POSITION:
-    case CIA402_PROFILE_VELOCITY:
-    case CIA402_TORQUE:
-    case CIA402_HOMING:
-    case CIA402_CYCLIC_POSITION:
-    case CIA402_CYCLIC_VELOCITY:
-    case CIA402_CYCLIC_TORQUE:
-        node->axis[entry->unit].settings.mode = value;
-        return CIA402_DONE;
-    default:
-        return CIA402_ABORT_VALUE;
-    }
+    axis->settings.mode = value;
+    return CIA402_DONE;
 }
 
 enum cia402_abort cia402_axis_write_target(struct cia402_node *node,

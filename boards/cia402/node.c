@@ -705,9 +705,9 @@ enum cia402_abort cia402_nmt_write_consumer(struct cia402_node *node,
     return CIA402_DONE;
 }
 
-static void cia402_nmt_hear(struct cia402_node *node, unsigned producer)
+static void cia402_nmt_hear(struct cia402_node *node)
 {
-    if (producer == node->settings.consumer >> 16 && (node->settings.consumer & 0xffff) > 0) {
+    if ((node->settings.consumer & 0xffff) > 0) {
         node->consumes = true;
         node->consumer_lost = false;
         node->consumer_ns = node->board.boards->now_ns;
@@ -814,18 +814,12 @@ static void cia402_lss_switch(struct cia402_node *node, const uint8_t *data)
     }
 }
 
-/* Returns a part of a node's LSS address. */
-static uint32_t cia402_lss_part(const struct cia402_node *node, unsigned part)
-{
-    return (uint32_t)node->identity[part];
-}
-
 /* Compares a part of the LSS address; the four parts come in order. */
 static void cia402_lss_select(struct cia402_node *node, const uint8_t *data)
 {
     unsigned part = data[0] - CIA402_LSS_SELECT_VENDOR;
     bool fits = (part == 0 || part == node->lss.selected) &&
-                get_u32_le(data + 1) == cia402_lss_part(node, part);
+                get_u32_le(data + 1) == (uint32_t)node->identity[part];
 
     node->lss.selected = (uint8_t)(fits ? part + 1 : 0);
     if (node->lss.selected == ADDRESS_PARTS) {
@@ -849,7 +843,7 @@ static void cia402_lss_scan(struct cia402_node *node, const uint8_t *data)
     if (bit == SCAN_RESET) {
         lss->scanned = 0;
     } else if (lss->scanned != part ||
-               get_u32_le(data + 1) >> bit != cia402_lss_part(node, part) >> bit) {
+               get_u32_le(data + 1) >> bit != (uint32_t)node->identity[part] >> bit) {
         return;
     } else {
         lss->scanned = (uint8_t)next;
@@ -860,73 +854,57 @@ static void cia402_lss_scan(struct cia402_node *node, const uint8_t *data)
 
 /* ---- requests ---- */
 
-/* Obeys requests of the state LSS configuration; false = unknown request. */
-static bool cia402_lss_configure(struct cia402_node *node, const uint8_t *data)
-{
-    bool acts = node->lss.configuring;
-    unsigned command = data[0], error = 0;
-
-    switch (command) {
-    case CIA402_LSS_SET_NODE_ID:
-        error = acts ? cia402_lss_set_id(node, data[1]) : 0;
-        break;
-    case CIA402_LSS_SET_BIT_TIMING:
-        error = ERROR_NOT_SUPPORTED;
-        break;
-    case CIA402_LSS_STORE:
-        node->lss.stored = acts ? node->lss.next : node->lss.stored;
-        break;
-    case CIA402_LSS_ACTIVATE_BIT_TIMING:
-        return true; /* no answer; the bit rate cannot change */
-    default:
-        return false;
-    }
-    if (acts) {
-        cia402_lss_answer(node, command, error);
-    }
-    return true;
-}
-
-/* Answers an inquiry: an address part, or the Node-ID. */
-static void cia402_lss_tell(struct cia402_node *node, unsigned command)
-{
-    uint32_t value = command == CIA402_LSS_INQUIRE_NODE_ID
-                         ? (node->nameless ? CIA402_NO_NODE_ID : node->board.address)
-                         : cia402_lss_part(node, command - CIA402_LSS_INQUIRE_VENDOR);
-
-    cia402_lss_answer(node, command, value);
-}
-
-/* Obeys an LSS request of 8 bytes; false = unknown request. */
+/* Obeys an LSS request of 8 bytes; false = unknown request. Requests to the selected node have an
+ * effect only in the state LSS configuration, selection and fastscan only in LSS waiting. */
 static bool cia402_lss_receive(struct cia402_node *node, const uint8_t *data)
 {
-    /* Requests to all nodes: switching, selection and fastscan */
     bool configuring = node->lss.configuring;
+    unsigned command = data[0];
+    uint32_t answer = 0;
 
-    if (data[0] == CIA402_LSS_SWITCH_GLOBAL) {
+    switch (command) {
+    /* Requests to all nodes */
+    case CIA402_LSS_SWITCH_GLOBAL:
         cia402_lss_switch(node, data);
         return true;
-    }
-    if (data[0] >= CIA402_LSS_SELECT_VENDOR && data[0] <= CIA402_LSS_SELECT_SERIAL) {
-        if (!configuring) {
-            cia402_lss_select(node, data);
-        }
-        return true;
-    }
-    if (data[0] == CIA402_LSS_FASTSCAN) {
+    case CIA402_LSS_FASTSCAN:
         if (!configuring) {
             cia402_lss_scan(node, data);
         }
         return true;
-    }
+
     /* Requests to the selected node */
-    if (data[0] >= CIA402_LSS_INQUIRE_VENDOR && data[0] <= CIA402_LSS_INQUIRE_NODE_ID) {
-        if (configuring) {
-            cia402_lss_tell(node, data[0]);
+    case CIA402_LSS_SET_NODE_ID:
+        answer = configuring ? cia402_lss_set_id(node, data[1]) : 0;
+        break;
+    case CIA402_LSS_SET_BIT_TIMING:
+        answer = ERROR_NOT_SUPPORTED;
+        break;
+    case CIA402_LSS_STORE:
+        node->lss.stored = configuring ? node->lss.next : node->lss.stored;
+        break;
+    case CIA402_LSS_ACTIVATE_BIT_TIMING:
+        return true; /* no answer; the bit rate cannot change */
+    case CIA402_LSS_INQUIRE_NODE_ID:
+        answer = node->nameless ? CIA402_NO_NODE_ID : node->board.address;
+        break;
+    default:
+        if (command >= CIA402_LSS_SELECT_VENDOR && command <= CIA402_LSS_SELECT_SERIAL) {
+            if (!configuring) {
+                cia402_lss_select(node, data);
+            }
+            return true;
         }
-        return true;
+        if (command < CIA402_LSS_INQUIRE_VENDOR || command > CIA402_LSS_INQUIRE_SERIAL) {
+            return false;
+        }
+        answer = (uint32_t)node->identity[command - CIA402_LSS_INQUIRE_VENDOR];
+        break;
     }
-    return cia402_lss_configure(node, data);
+    if (configuring) {
+        cia402_lss_answer(node, command, answer);
+    }
+    return true;
 }
 
 /* Services of every node: power-up, stored parameters, transmission in a tick. */
@@ -1045,21 +1023,17 @@ static struct cia402_node *cia402_bus_node(const struct board_bus *bus, unsigned
     return board && !board_is_deaf(board) ? cia402_node_of(board) : NULL;
 }
 
-/* Returns whether a number is a command of NMT. */
-static bool cia402_bus_is_command(unsigned command)
-{
-    return command == CIA402_NMT_START || command == CIA402_NMT_STOP ||
-           command == CIA402_NMT_PRE_OPERATIONAL || command == CIA402_NMT_RESET_NODE ||
-           command == CIA402_NMT_RESET_COMMUNICATION;
-}
-
 /* Obeys a command of NMT, for one node or for all. */
 static void cia402_bus_receive_nmt(struct boards *boards, struct board_bus *bus,
                                    const struct bus_frame *frame)
 {
-    enum board_verdict verdict = frame->len != CIA402_NMT_LENGTH          ? BOARD_MALFORMED
-                                 : !cia402_bus_is_command(frame->data[0]) ? BOARD_UNKNOWN
-                                                                          : BOARD_OBEYED;
+    unsigned command = frame->data[0];
+    bool known = command == CIA402_NMT_START || command == CIA402_NMT_STOP ||
+                 command == CIA402_NMT_PRE_OPERATIONAL || command == CIA402_NMT_RESET_NODE ||
+                 command == CIA402_NMT_RESET_COMMUNICATION;
+    enum board_verdict verdict = frame->len != CIA402_NMT_LENGTH ? BOARD_MALFORMED
+                                 : known                         ? BOARD_OBEYED
+                                                                 : BOARD_UNKNOWN;
     struct board *listener = NULL;
 
     for (unsigned id = 1; id < NODES; id++) {
@@ -1069,7 +1043,7 @@ static void cia402_bus_receive_nmt(struct boards *boards, struct board_bus *bus,
             (frame->len < CIA402_NMT_LENGTH || frame->data[1] == 0 || frame->data[1] == id)) {
             listener = &node->board;
             if (verdict == BOARD_OBEYED) {
-                cia402_nmt_command(node, frame->data[0]);
+                cia402_nmt_command(node, command);
             }
         }
     }
@@ -1117,50 +1091,42 @@ static void cia402_bus_receive_lss(struct boards *boards, struct board_bus *bus,
     boards_count_frame(boards, listener, verdict, frame);
 }
 
-/* Passes a heartbeat or boot-up of a node to the nodes that monitor it. */
-static bool cia402_bus_hear(struct boards *boards, struct board_bus *bus,
-                            const struct bus_frame *frame)
+/* Passes a heartbeat or boot-up, a SYNC, process data, or a remote frame for a TPDO to all nodes.
+ * Returns false when no node uses the frame. It counts for the last node that accepts it, or for
+ * the first that refuses it. */
+static bool cia402_bus_offer(struct boards *boards, struct board_bus *bus,
+                             const struct bus_frame *frame)
 {
-    struct board *listener = NULL;
-
-    for (unsigned id = 1; id < NODES; id++) {
-        struct cia402_node *node = cia402_bus_node(bus, id);
-
-        if (node && (node->settings.consumer >> 16) == (frame->id & NODE_ID_MASK)) {
-            listener = &node->board;
-            cia402_nmt_hear(node, frame->id & NODE_ID_MASK);
-        }
-    }
-    if (listener) {
-        boards_count_frame(boards, listener, BOARD_OBEYED, frame);
-    }
-    return listener;
-}
-
-/* Passes SYNC and process data to all nodes. The frame counts for the last node that accepts it, or
- * for the first that refuses it. */
-static bool cia402_bus_receive_process(struct boards *boards, struct board_bus *bus,
-                                       const struct bus_frame *frame)
-{
+    unsigned producer = frame->id & NODE_ID_MASK;
+    bool heartbeat = (frame->id & ~(unsigned)NODE_ID_MASK) == CIA402_HEARTBEAT;
     enum board_verdict verdict = BOARD_OBEYED;
     struct board *listener = NULL;
 
     for (unsigned id = 1; id < NODES; id++) {
         struct cia402_node *node = cia402_bus_node(bus, id);
         enum board_verdict own = BOARD_OBEYED;
+        bool used = node;
 
-        if (!node || node->state == CIA402_STOPPED) {
+        if (!node) {
             continue;
         }
-        if (node->settings.cob_sync == (int64_t)frame->id) {
-            own = frame->len > 1 ? BOARD_MALFORMED : own;
-            if (frame->len <= 1) {
-                cia402_pdo_sync(node);
+        if (frame->flags & FRAME_REMOTE) {
+            used = cia402_pdo_request(node, frame->id);
+        } else if (heartbeat) {
+            used = node->settings.consumer >> 16 == producer;
+            if (used) {
+                cia402_nmt_hear(node);
             }
-        } else if (!cia402_pdo_receive(node, frame, &own)) {
-            continue;
+        } else if (node->state == CIA402_STOPPED) {
+            used = false;
+        } else if (node->settings.cob_sync != (int64_t)frame->id) {
+            used = cia402_pdo_receive(node, frame, &own);
+        } else if (frame->len > 1) {
+            own = BOARD_MALFORMED;
+        } else {
+            cia402_pdo_sync(node);
         }
-        if (verdict == BOARD_OBEYED) {
+        if (used && verdict == BOARD_OBEYED) {
             listener = &node->board;
             verdict = own;
         }
@@ -1171,74 +1137,42 @@ static bool cia402_bus_receive_process(struct boards *boards, struct board_bus *
     return listener;
 }
 
-/* Passes a remote frame for a TPDO to all nodes. */
-static bool cia402_bus_request(struct boards *boards, struct board_bus *bus,
-                               const struct bus_frame *frame)
-{
-    struct board *listener = NULL;
-
-    for (unsigned id = 1; id < NODES; id++) {
-        struct cia402_node *node = cia402_bus_node(bus, id);
-
-        if (node && cia402_pdo_request(node, frame->id)) {
-            listener = &node->board;
-        }
-    }
-    if (listener) {
-        boards_count_frame(boards, listener, BOARD_OBEYED, frame);
-    }
-    return listener;
-}
-
-/* Answers a remote frame: node guarding, or a request of a TPDO. */
-static bool cia402_bus_receive_remote(struct boards *boards, struct board_bus *bus,
-                                      const struct bus_frame *frame)
-{
-    struct cia402_node *node = cia402_bus_node(bus, frame->id & NODE_ID_MASK);
-
-    if ((frame->id & ~(unsigned)NODE_ID_MASK) != CIA402_HEARTBEAT) {
-        return cia402_bus_request(boards, bus, frame);
-    }
-    if (!node) {
-        return false;
-    }
-    cia402_nmt_guard(node);
-    boards_count_frame(boards, &node->board, BOARD_OBEYED, frame);
-    return true;
-}
-
 /* Passes on a frame by its identifier. Returns false when no node uses it. */
 static bool cia402_bus_dispatch(struct boards *boards, struct board_bus *bus,
                                 const struct bus_frame *frame)
 {
-    unsigned id = frame->id & NODE_ID_MASK;
+    unsigned id = frame->id & NODE_ID_MASK, service = frame->id & ~(unsigned)NODE_ID_MASK;
     struct cia402_node *node = cia402_bus_node(bus, id);
 
-    if (frame->flags & FRAME_REMOTE) {
-        return cia402_bus_receive_remote(boards, bus, frame);
+    /* A remote frame is node guarding, or a request of a TPDO */
+    if (frame->flags & FRAME_REMOTE && service == CIA402_HEARTBEAT) {
+        if (node) {
+            cia402_nmt_guard(node);
+            boards_count_frame(boards, &node->board, BOARD_OBEYED, frame);
+        }
+        return node;
     }
-    if (frame->id == CIA402_LSS_REQUEST) {
-        cia402_bus_receive_lss(boards, bus, frame);
-        return true;
-    }
-    switch (frame->id & ~(unsigned)NODE_ID_MASK) {
-    case CIA402_NMT:
-        if (id == 0) {
-            cia402_bus_receive_nmt(boards, bus, frame);
+    if (!(frame->flags & FRAME_REMOTE)) {
+        if (frame->id == CIA402_LSS_REQUEST) {
+            cia402_bus_receive_lss(boards, bus, frame);
             return true;
         }
-        return false;
-    case CIA402_SDO_REQUEST:
-        if (node && node->state != CIA402_STOPPED) {
-            cia402_bus_receive_sdo(boards, node, frame);
-            return true;
+        if (service == CIA402_NMT) {
+            if (id == 0) {
+                cia402_bus_receive_nmt(boards, bus, frame);
+            }
+            return id == 0;
         }
-        return false;
-    case CIA402_HEARTBEAT:
-        return cia402_bus_hear(boards, bus, frame);
-    default:
-        return cia402_bus_receive_process(boards, bus, frame);
+        if (service == CIA402_SDO_REQUEST) {
+            bool serves = node && node->state != CIA402_STOPPED;
+
+            if (serves) {
+                cia402_bus_receive_sdo(boards, node, frame);
+            }
+            return serves;
+        }
     }
+    return cia402_bus_offer(boards, bus, frame);
 }
 
 /* Receives a frame of the bus (struct protocol). */

@@ -159,11 +159,9 @@ static inline int64_t cia402_counts(double value, double worth)
 enum cia402_abort cia402_find(const struct cia402_node *node, unsigned index, unsigned sub,
                               struct cia402_entry *entry);
 
-/* Returns the address of an object's value. Not for texts, domains and counts. */
+/* Return the address of an object's value: of any object but a count; of a number. */
+void *cia402_place(const struct cia402_node *node, const struct cia402_entry *entry);
 int64_t *cia402_field(const struct cia402_node *node, const struct cia402_entry *entry);
-char *cia402_text(const struct cia402_node *node, const struct cia402_entry *entry);
-struct cia402_domain *cia402_domain(const struct cia402_node *node,
-                                    const struct cia402_entry *entry);
 
 int64_t cia402_value(const struct cia402_node *node, const struct cia402_entry *entry);
 cia402_write_fn cia402_write;
@@ -292,12 +290,6 @@ struct cia402_motor {
     struct cia402_node node;
     struct cia402_axis axis[CIA402_BOARD_AXES];
 };
-
-/* Returns the drive node of a board. */
-static inline struct cia402_motor *cia402_motor_of(const struct board *board)
-{
-    return container_of(board, struct cia402_motor, node.board);
-}
 
 /* Returns the index of an axis in its node. */
 static inline unsigned cia402_axis_number(const struct cia402_node *node,

@@ -59,43 +59,27 @@ static const struct {
                         VALUE(FIELD_I16, "bz", "uT", CIA402_MAGNETIC_UT))},
 };
 
-/* Services common to all nodes */
-static const struct service {
-    const char *name;
-    uint16_t cob_id;
-    bool from_host;
-    uint8_t length;
-    uint8_t cycle_ms; /* cycle as our host configures it; 0 = on demand */
-    const struct field *fields;
-    const char *answer; /* name of the answering frame; NULL = none */
-} services[] = {
-    {"EMCY", CIA402_EMCY, false, CIA402_EMCY_LENGTH, 0,
-     FIELDS(NUMBER(FIELD_U16, "code"), NUMBER(FIELD_U8, "error_register"),
-            NUMBER(FIELD_U8, "axis"), NUMBER(FIELD_U32, "faults")), NULL},
-    {"SDO_REQUEST", CIA402_SDO_REQUEST, true, CIA402_SDO_LENGTH, 0, sdo, "SDO_REPLY"},
-    {"SDO_REPLY", CIA402_SDO_REPLY, false, CIA402_SDO_LENGTH, 0, sdo, NULL},
-    {"HEARTBEAT", CIA402_HEARTBEAT, false, 1, CIA402_HEARTBEAT_MS,
-     FIELDS({.type = 7, .name = "state", .values = nmt_states}, {.type = 1, .name = "toggle"}),
-     NULL},
+/* Services of a node, and of the host to all nodes. The cycle is the one that our host sets; 0 = on
+ * demand */
+#define SERVICE(label, cob_id, host, size, cycle_ms, reply, list)                                  \
+    {.name = label, .base = cob_id, .from_host = host, .length = size, .cycle_ns = cycle_ms * MS,  \
+     .answer = reply, .fields = list, .repeats = 1, .slot = -1}
+
+static const struct message services[] = {
+    SERVICE("EMCY", CIA402_EMCY, false, CIA402_EMCY_LENGTH, 0, NULL,
+            FIELDS(NUMBER(FIELD_U16, "code"), NUMBER(FIELD_U8, "error_register"),
+                   NUMBER(FIELD_U8, "axis"), NUMBER(FIELD_U32, "faults"))),
+    SERVICE("SDO_REQUEST", CIA402_SDO_REQUEST, true, CIA402_SDO_LENGTH, 0, "SDO_REPLY", sdo),
+    SERVICE("SDO_REPLY", CIA402_SDO_REPLY, false, CIA402_SDO_LENGTH, 0, NULL, sdo),
+    SERVICE("HEARTBEAT", CIA402_HEARTBEAT, false, 1, CIA402_HEARTBEAT_MS, NULL,
+            FIELDS({.type = 7, .name = "state", .values = nmt_states},
+                   {.type = 1, .name = "toggle"})),
 }, broadcasts[] = {
-    {"NMT", CIA402_NMT, true, CIA402_NMT_LENGTH, 0,
-     FIELDS(NAMED(FIELD_U8, "command", nmt_commands), NUMBER(FIELD_U8, "node")), NULL},
-    {"SYNC", CIA402_SYNC, true, 0, 1, NULL, NULL},
+    SERVICE("NMT", CIA402_NMT, true, CIA402_NMT_LENGTH, 0, NULL,
+            FIELDS(NAMED(FIELD_U8, "command", nmt_commands), NUMBER(FIELD_U8, "node"))),
+    SERVICE("SYNC", CIA402_SYNC, true, 0, 1, NULL, NULL),
 };
 /* clang-format on */
-
-/* A frame of a bus after our host's PDO setup (struct cia402_plan). */
-struct cia402_frame {
-    const char *name;
-    uint32_t id;
-    bool from_host;
-    uint8_t length, repeats; /* repeats: repetitions of the fields */
-    uint32_t cycle_ns;       /* 0 = on demand */
-    const struct field *fields;
-    const char *answer; /* name of the answering frame; NULL = none */
-    int axis;           /* axis of the data; -1 = none or all */
-    bool list;          /* the fields repeat for all axes of the node */
-};
 
 enum cia402_kind cia402_kind_of(const struct board_config *board)
 {
@@ -114,118 +98,67 @@ const struct field *cia402_plan_fields(const struct cia402_plan *plan)
     return NULL;
 }
 
-/* Makes the frame of a service of a node. */
-static struct cia402_frame cia402_make_service(const struct service *service, unsigned node)
+/* Visits a message of a board, or of the host to all nodes (MESSAGE_NO_BOARD). Adds the address to
+ * its identifier, and sender and receiver. */
+static void cia402_visit(struct message_walk *walk, int board, struct message message)
 {
-    return (struct cia402_frame){
-        .name = service->name,
-        .id = service->cob_id + node,
-        .from_host = service->from_host,
-        .length = service->length,
-        .cycle_ns = service->cycle_ms * (uint32_t)MS,
-        .fields = service->fields,
-        .answer = service->answer,
-        .repeats = 1,
-        .axis = -1,
-    };
-}
-
-/* Makes the frame of a PDO. Telemetry comes with every SYNC, once a tick or at the rig's rate; so
- * do the voltages. */
-static struct cia402_frame cia402_make_pdo(const struct board_config *board,
-                                           const struct cia402_plan *plan)
-{
-    const struct field *fields = cia402_plan_fields(plan);
-    int64_t period_ns = board->period_ns > 0 ? board->period_ns : MS;
-
-    return (struct cia402_frame){
-        .name = plan->name,
-        .id = plan->cob_id + board->address,
-        .from_host = plan->receive,
-        .length = plan->length,
-        .cycle_ns = (uint32_t)(plan->event_ms      ? plan->event_ms * MS
-                               : plan->type <= 240 ? plan->type * period_ns
-                               : plan->number == 0 ? MS
-                                                   : 0),
-        .fields = fields,
-        .repeats = (uint8_t)(plan->length / fields_bytes(fields)),
-        .axis = plan->axis < CIA402_BOARD_AXES ? plan->axis : -1,
-        .list = board->kind == BOARD_MOTOR && plan->axis >= CIA402_BOARD_AXES &&
-                fields_count(fields) == 1,
-    };
-}
-
-/* Makes frame number `row` of a board, from 0; with board NULL, of the host to all nodes. false =
- * no more. */
-static bool cia402_frame_row(const struct board_config *board, unsigned row,
-                             struct cia402_frame *frame)
-{
-    struct cia402_plan plan;
-    unsigned rows = 0;
-
-    if (!board) {
-        if (row < ARRAY_COUNT(broadcasts)) {
-            *frame = cia402_make_service(&broadcasts[row], 0);
-        }
-        return row < ARRAY_COUNT(broadcasts);
+    if (board != MESSAGE_NO_BOARD) {
+        message.step = 1;
+        message.number = walk->config->board[board].address;
     }
-    if (cia402_plan_row(cia402_kind_of(board), board_config_axes(board), row, &plan)) {
-        *frame = cia402_make_pdo(board, &plan);
-        return true;
-    }
-    while (cia402_plan_row(cia402_kind_of(board), board_config_axes(board), rows, &plan)) {
-        rows++;
-    }
-    if (row - rows < ARRAY_COUNT(services)) {
-        *frame = cia402_make_service(&services[row - rows], board->address);
-    }
-    return row - rows < ARRAY_COUNT(services);
-}
-
-/* Visits the messages of a board; without a board, those of the host to all nodes. */
-static void cia402_visit(struct message_walk *walk, int index, unsigned first_slot)
-{
-    const struct board_config *board =
-        index == MESSAGE_NO_BOARD ? NULL : &walk->config->board[index];
-    struct cia402_frame frame;
-
-    for (unsigned row = 0; cia402_frame_row(board, row, &frame); row++) {
-        /* Split identifiers into a base and the parts of node and axis */
-        unsigned number = board ? board->address : 0, axis = frame.axis < 0 ? 0 : frame.axis;
-        const struct message message = {
-            .name = frame.name,
-            .id = frame.id,
-            .base = frame.id - number - AXIS_STEP * axis,
-            .step = board ? 1 : 0,
-            .axis_step = frame.axis < 0 ? 0 : AXIS_STEP,
-            .number = number,
-            .counts = MESSAGE_OF_NODE,
-            .sender = frame.from_host ? MESSAGE_NO_BOARD : index,
-            .receiver = frame.from_host ? index : MESSAGE_NO_BOARD,
-            .from_host = frame.from_host,
-            .length = frame.length,
-            .code = MESSAGE_NO_CODE,
-            .answer = frame.answer,
-            .section = frame.from_host ? MESSAGE_FROM_HOST : MESSAGE_FROM_BOARDS,
-            .cycle_ns = frame.cycle_ns,
-            .fields = frame.fields,
-            .repeats = frame.repeats,
-            .slot = frame.axis >= 0 || frame.list ? (int)(first_slot + axis) : -1,
-            .list = frame.list,
-        };
-
-        message_visit(walk, &message);
-    }
+    message.id += message.base + message.number;
+    message.counts = MESSAGE_OF_NODE;
+    message.sender = message.from_host ? MESSAGE_NO_BOARD : board;
+    message.receiver = message.from_host ? board : MESSAGE_NO_BOARD;
+    message.code = MESSAGE_NO_CODE;
+    message.section = message.from_host ? MESSAGE_FROM_HOST : MESSAGE_FROM_BOARDS;
+    message_visit(walk, &message);
 }
 
 static void cia402_visit_broadcasts(struct message_walk *walk)
 {
-    cia402_visit(walk, MESSAGE_NO_BOARD, 0);
+    for (size_t i = 0; i < ARRAY_COUNT(broadcasts); i++) {
+        cia402_visit(walk, MESSAGE_NO_BOARD, broadcasts[i]);
+    }
 }
 
-static void cia402_visit_board(struct message_walk *walk, int board, unsigned first_slot)
+/* Visits the messages of a board: the PDOs of our host's setup (struct cia402_plan), then the
+ * services. */
+static void cia402_visit_board(struct message_walk *walk, int index, unsigned first_slot)
 {
-    cia402_visit(walk, board, first_slot);
+    const struct board_config *board = &walk->config->board[index];
+    int64_t period_ns = board->period_ns > 0 ? board->period_ns : MS;
+    struct cia402_plan plan;
+
+    for (unsigned row = 0;
+         cia402_plan_row(cia402_kind_of(board), board_config_axes(board), row, &plan); row++) {
+        const struct field *fields = cia402_plan_fields(&plan);
+        bool of_axis = plan.axis < CIA402_BOARD_AXES;
+        bool list = board->kind == BOARD_MOTOR && !of_axis && fields_count(fields) == 1;
+        unsigned axis = of_axis ? plan.axis : 0;
+
+        /* Telemetry comes with every SYNC, once a tick or at the rig's rate; so do the voltages */
+        cia402_visit(walk, index,
+                     (struct message){
+                         .name = plan.name,
+                         .id = AXIS_STEP * axis,
+                         .base = plan.cob_id - AXIS_STEP * axis,
+                         .axis_step = of_axis ? AXIS_STEP : 0,
+                         .from_host = plan.receive,
+                         .length = plan.length,
+                         .cycle_ns = (uint32_t)(plan.event_ms      ? plan.event_ms * MS
+                                                : plan.type <= 240 ? plan.type * period_ns
+                                                : plan.number == 0 ? MS
+                                                                   : 0),
+                         .fields = fields,
+                         .repeats = (uint8_t)(plan.length / fields_bytes(fields)),
+                         .slot = of_axis || list ? (int)(first_slot + axis) : -1,
+                         .list = list,
+                     });
+    }
+    for (size_t i = 0; i < ARRAY_COUNT(services); i++) {
+        cia402_visit(walk, index, services[i]);
+    }
 }
 
 /* The CANopen drives, cia402, as a module. */

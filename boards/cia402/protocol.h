@@ -354,6 +354,22 @@ static inline struct cia402_plan cia402_plan_channels(const char *name, unsigned
 static inline bool cia402_plan_row(enum cia402_kind kind, unsigned axes, unsigned row,
                                    struct cia402_plan *plan)
 {
+    static const struct cia402_plan all[] = {
+        {.name = "STATUS",
+         .number = 1,
+         .type = 255,
+         .cob_id = 0x1c0,
+         .event_ms = CIA402_STATUS_EVENT_MS},
+        {.name = "VOLTAGE", .receive = true, .type = 255, .cob_id = CIA402_RPDO},
+        {.name = "CONTROL",
+         .receive = true,
+         .number = 1,
+         .type = 255,
+         .cob_id = CIA402_RPDO + 0x100},
+    };
+    static const uint16_t of_all[] = {CIA402_O_STATUSWORD, CIA402_O_TARGET_VOLTAGE,
+                                      CIA402_O_CONTROLWORD};
+
     /* Sensors */
     if (kind == CIA402_KIND_FT) {
         *plan = row == 0 ? cia402_plan_channels("FORCE", 0, 1, 3, 1)
@@ -367,36 +383,14 @@ static inline bool cia402_plan_row(enum cia402_kind kind, unsigned axes, unsigne
                            : cia402_plan_channels("MAGNETIC", 3, 11, 3, CIA402_MAGNETIC_SYNCS);
         return row < 4;
     }
-    /* Drives: telemetry of each axis, statuswords, voltages, controlwords */
+
+    /* Drives: telemetry of each axis; statuswords, voltages and controlwords of all axes */
     if (row < axes) {
         *plan = cia402_plan_telemetry(row);
         return true;
     }
-    if (row == axes) {
-        const struct cia402_plan status = {.name = "STATUS",
-                                           .number = 1,
-                                           .type = 255,
-                                           .cob_id = 0x1c0,
-                                           .event_ms = CIA402_STATUS_EVENT_MS};
-
-        *plan = cia402_plan_axes(status, axes, CIA402_O_STATUSWORD);
-        return true;
-    }
-    if (row == axes + 1) {
-        const struct cia402_plan voltage = {
-            .name = "VOLTAGE", .receive = true, .type = 255, .cob_id = CIA402_RPDO};
-
-        *plan = cia402_plan_axes(voltage, axes, CIA402_O_TARGET_VOLTAGE);
-        return true;
-    }
-    if (row == axes + 2) {
-        const struct cia402_plan control = {.name = "CONTROL",
-                                            .receive = true,
-                                            .number = 1,
-                                            .type = 255,
-                                            .cob_id = CIA402_RPDO + 0x100};
-
-        *plan = cia402_plan_axes(control, axes, CIA402_O_CONTROLWORD);
+    if (row - axes < sizeof all / sizeof *all) {
+        *plan = cia402_plan_axes(all[row - axes], axes, of_all[row - axes]);
         return true;
     }
     return false;

@@ -85,12 +85,12 @@ static enum cia402_abort cia402_sdo_load(struct cia402_node *node)
     }
     /* Copies a text, a domain or a number */
     if (entry->type == CIA402_TEXT) {
-        const char *text = cia402_text(node, entry);
+        const char *text = cia402_place(node, entry);
 
         transfer->size = (uint32_t)strlen(text);
         memcpy(transfer->data, text, transfer->size);
     } else if (entry->type == CIA402_DOMAIN) {
-        const struct cia402_domain *domain = cia402_domain(node, entry);
+        const struct cia402_domain *domain = cia402_place(node, entry);
 
         transfer->size = domain->size;
         memcpy(transfer->data, domain->data, transfer->size);
@@ -122,15 +122,6 @@ static enum cia402_abort cia402_sdo_upload_loaded(struct cia402_node *node, cons
     return CIA402_DONE;
 }
 
-/* Begins an upload. */
-static enum cia402_abort cia402_sdo_upload(struct cia402_node *node, const uint8_t *request)
-{
-    enum cia402_abort reason = cia402_sdo_load(node);
-
-    return reason ? cia402_sdo_abort_transfer(node, reason)
-                  : cia402_sdo_upload_loaded(node, request);
-}
-
 /* Answers with the next segment of an upload. */
 static enum cia402_abort cia402_sdo_upload_segment(struct cia402_node *node, const uint8_t *request)
 {
@@ -151,11 +142,6 @@ static enum cia402_abort cia402_sdo_upload_segment(struct cia402_node *node, con
 }
 
 /* ---- downloads: the host writes ---- */
-
-static bool cia402_sdo_is_writable(const struct cia402_entry *entry)
-{
-    return entry->object && (entry->object->access & CIA402_ACCESS_MASK) >= CIA402_RW;
-}
 
 static enum cia402_abort cia402_sdo_check_size(const struct cia402_entry *entry, uint32_t size)
 {
@@ -183,14 +169,14 @@ static enum cia402_abort cia402_sdo_store(struct cia402_node *node,
     }
     /* Writes a text, a domain or a number */
     if (entry->type == CIA402_TEXT) {
-        char *text = cia402_text(node, entry);
+        char *text = cia402_place(node, entry);
 
         memset(text, 0, CIA402_TEXT_MAX + 1);
         memcpy(text, data, size);
         return CIA402_DONE;
     }
     if (entry->type == CIA402_DOMAIN) {
-        struct cia402_domain *domain = cia402_domain(node, entry);
+        struct cia402_domain *domain = cia402_place(node, entry);
 
         memset(domain, 0, sizeof *domain);
         domain->size = size;
@@ -206,10 +192,6 @@ static enum cia402_abort cia402_sdo_download(struct cia402_node *node, const uin
     struct cia402_transfer *transfer = &node->transfer;
     enum cia402_abort reason = CIA402_DONE;
     bool sized = request[0] & CIA402_SIZED;
-
-    if (!cia402_sdo_is_writable(&transfer->entry)) {
-        return cia402_sdo_abort_transfer(node, CIA402_ABORT_READ_ONLY);
-    }
 
     /* Expedited; without a size, the length is that of the object */
     if (request[0] & CIA402_EXPEDITED) {
@@ -263,28 +245,6 @@ static enum cia402_abort cia402_sdo_download_segment(struct cia402_node *node,
 
 /* ---- requests ---- */
 
-static enum cia402_abort cia402_sdo_find(struct cia402_node *node, const uint8_t *request)
-{
-    struct cia402_transfer *transfer = &node->transfer;
-
-    memset(transfer, 0, sizeof *transfer);
-    transfer->index = get_u16_le(request + 1);
-    transfer->sub = request[3];
-    return cia402_find(node, transfer->index, transfer->sub, &transfer->entry);
-}
-
-/* Finds the object of a request and starts a transfer. */
-static enum cia402_abort cia402_sdo_initiate(struct cia402_node *node, const uint8_t *request,
-                                             bool upload)
-{
-    enum cia402_abort reason = cia402_sdo_find(node, request);
-
-    if (reason) {
-        return cia402_sdo_abort_transfer(node, reason);
-    }
-    return upload ? cia402_sdo_upload(node, request) : cia402_sdo_download(node, request);
-}
-
 /* Checks the toggle bit of a segment, which alternates from 0, and passes the segment on. */
 static enum cia402_abort cia402_sdo_segment(struct cia402_node *node, const uint8_t *request,
                                             bool upload)
@@ -300,13 +260,6 @@ static enum cia402_abort cia402_sdo_segment(struct cia402_node *node, const uint
     transfer->toggle = !transfer->toggle;
     return upload ? cia402_sdo_upload_segment(node, request)
                   : cia402_sdo_download_segment(node, request);
-}
-
-/* Returns whether every request except an abort is a segment of the present download. */
-static bool cia402_block_takes_all(const struct cia402_node *node)
-{
-    return node->transfer.kind == CIA402_BLOCK_DOWNLOADS ||
-           node->transfer.kind == CIA402_BLOCK_DOWNLOAD_ENDS;
 }
 
 /* Restarts the time-out of a transfer. */
@@ -399,9 +352,6 @@ static enum cia402_abort cia402_block_download(struct cia402_node *node, const u
     bool sized = request[0] & SIZE_INDICATED;
     enum cia402_abort reason = CIA402_DONE;
 
-    if (!cia402_sdo_is_writable(&transfer->entry)) {
-        return cia402_sdo_abort_transfer(node, CIA402_ABORT_READ_ONLY);
-    }
     transfer->size = sized ? get_u32_le(request + 4) : CIA402_SIZE_UNKNOWN;
     reason = sized ? cia402_sdo_check_size(&transfer->entry, transfer->size) : CIA402_DONE;
     if (reason) {
@@ -413,25 +363,6 @@ static enum cia402_abort cia402_block_download(struct cia402_node *node, const u
     cia402_block_refresh(node);
     cia402_sdo_answer(node, data);
     return CIA402_DONE;
-}
-
-/* Obeys a request of a block download. */
-static enum cia402_abort cia402_block_receive_download(struct cia402_node *node,
-                                                       const uint8_t *request)
-{
-    enum cia402_abort reason;
-
-    if (node->transfer.kind == CIA402_BLOCK_DOWNLOADS) {
-        return cia402_block_take_segment(node, request);
-    }
-    if (node->transfer.kind == CIA402_BLOCK_DOWNLOAD_ENDS) {
-        return cia402_block_end_download(node, request);
-    }
-    if ((request[0] & 1) != INITIATE) {
-        return cia402_sdo_abort_transfer(node, CIA402_ABORT_COMMAND);
-    }
-    reason = cia402_sdo_find(node, request);
-    return reason ? cia402_sdo_abort_transfer(node, reason) : cia402_block_download(node, request);
 }
 
 /* Returns whether a number of segments per block is allowed. */
@@ -447,13 +378,9 @@ static enum cia402_abort cia402_block_upload(struct cia402_node *node, const uin
     uint8_t data[CIA402_SDO_LENGTH] = {CIA402_BLOCK_UPLOAD_REPLY | CRC_SUPPORTED | SIZE_INDICATED |
                                            INITIATE,
                                        request[1], request[2], request[3]};
-    enum cia402_abort reason = cia402_sdo_load(node);
 
-    if (!reason && !cia402_block_size_is_right(request[4])) {
-        reason = CIA402_ABORT_BLOCK_SIZE;
-    }
-    if (reason) {
-        return cia402_sdo_abort_transfer(node, reason);
+    if (!cia402_block_size_is_right(request[4])) {
+        return cia402_sdo_abort_transfer(node, CIA402_ABORT_BLOCK_SIZE);
     }
     if (request[5] > 0 && transfer->size <= request[5]) {
         return cia402_sdo_upload_loaded(node, request);
@@ -467,10 +394,30 @@ static enum cia402_abort cia402_block_upload(struct cia402_node *node, const uin
     return CIA402_DONE;
 }
 
-/* Returns the number of unused bytes in the last segment. */
-static unsigned cia402_block_unused(uint32_t size)
+/* Finds the object of a request and starts a transfer; block: in blocks. */
+static enum cia402_abort cia402_sdo_initiate(struct cia402_node *node, const uint8_t *request,
+                                             bool upload, bool block)
 {
-    return size == 0 ? SEGMENT_MAX : (SEGMENT_MAX - size % SEGMENT_MAX) % SEGMENT_MAX;
+    struct cia402_transfer *transfer = &node->transfer;
+    enum cia402_abort reason;
+
+    memset(transfer, 0, sizeof *transfer);
+    transfer->index = get_u16_le(request + 1);
+    transfer->sub = request[3];
+    reason = cia402_find(node, transfer->index, transfer->sub, &transfer->entry);
+    if (!reason && upload) {
+        reason = cia402_sdo_load(node);
+    } else if (!reason && (!transfer->entry.object ||
+                           (transfer->entry.object->access & CIA402_ACCESS_MASK) < CIA402_RW)) {
+        reason = CIA402_ABORT_READ_ONLY;
+    }
+    if (reason) {
+        return cia402_sdo_abort_transfer(node, reason);
+    }
+    if (block) {
+        return upload ? cia402_block_upload(node, request) : cia402_block_download(node, request);
+    }
+    return upload ? cia402_sdo_upload_loaded(node, request) : cia402_sdo_download(node, request);
 }
 
 /* Obeys an acknowledgment of the client: sends the next block, or ends the upload. */
@@ -499,7 +446,11 @@ static enum cia402_abort cia402_block_acknowledge(struct cia402_node *node, cons
         transfer->kind = CIA402_BLOCK_UPLOADS;
         return CIA402_DONE;
     }
-    data[0] |= (uint8_t)(cia402_block_unused(transfer->size) << 2);
+    /* Unused bytes of the last segment */
+    data[0] |=
+        (uint8_t)((transfer->size == 0 ? SEGMENT_MAX
+                                       : (SEGMENT_MAX - transfer->size % SEGMENT_MAX) % SEGMENT_MAX)
+                  << 2);
     if (transfer->checked) {
         put_u16_le(data + 1, cia402_block_crc(transfer->data, transfer->size));
     }
@@ -512,14 +463,11 @@ static enum cia402_abort cia402_block_receive_upload(struct cia402_node *node,
                                                      const uint8_t *request)
 {
     struct cia402_transfer *transfer = &node->transfer;
-    enum cia402_abort reason;
 
     /* Each sub-command is valid in one state of the transfer */
     switch (request[0] & SUB_COMMAND_MASK) {
     case INITIATE:
-        reason = cia402_sdo_find(node, request);
-        return reason ? cia402_sdo_abort_transfer(node, reason)
-                      : cia402_block_upload(node, request);
+        return cia402_sdo_initiate(node, request, true, true);
     case START:
         if (transfer->kind != CIA402_BLOCK_UPLOAD_STARTS) {
             break;
@@ -540,21 +488,26 @@ static enum cia402_abort cia402_block_receive_upload(struct cia402_node *node,
 
 enum cia402_abort cia402_sdo_receive(struct cia402_node *node, const uint8_t *data)
 {
-    /* Byte 0 of a block segment can have any value but this one, which would be number 0 */
-    if (data[0] != CIA402_ABORT && cia402_block_takes_all(node)) {
-        return cia402_block_receive_download(node, data);
+    /* Every request but an abort is a segment of a block download. Byte 0 of a segment can have any
+     * value but that of the abort, which would be number 0 */
+    if (data[0] != CIA402_ABORT && node->transfer.kind == CIA402_BLOCK_DOWNLOADS) {
+        return cia402_block_take_segment(node, data);
+    }
+    if (data[0] != CIA402_ABORT && node->transfer.kind == CIA402_BLOCK_DOWNLOAD_ENDS) {
+        return cia402_block_end_download(node, data);
     }
     switch (data[0] & CIA402_COMMAND_MASK) {
     case CIA402_DOWNLOAD:
-        return cia402_sdo_initiate(node, data, false);
+        return cia402_sdo_initiate(node, data, false, false);
     case CIA402_UPLOAD:
-        return cia402_sdo_initiate(node, data, true);
+        return cia402_sdo_initiate(node, data, true, false);
     case CIA402_DOWNLOAD_SEGMENT:
         return cia402_sdo_segment(node, data, false);
     case CIA402_UPLOAD_SEGMENT:
         return cia402_sdo_segment(node, data, true);
     case CIA402_BLOCK_DOWNLOAD:
-        return cia402_block_receive_download(node, data);
+        return (data[0] & 1) == INITIATE ? cia402_sdo_initiate(node, data, false, true)
+                                         : cia402_sdo_abort_transfer(node, CIA402_ABORT_COMMAND);
     case CIA402_BLOCK_UPLOAD:
         return cia402_block_receive_upload(node, data);
     case CIA402_ABORT:
@@ -564,10 +517,6 @@ enum cia402_abort cia402_sdo_receive(struct cia402_node *node, const uint8_t *da
         return cia402_sdo_abort(node, get_u16_le(data + 1), data[3], CIA402_ABORT_COMMAND);
     }
 }
-
-/* ---- downloads: the host writes ---- */
-
-/* ---- uploads: the host reads ---- */
 
 /* Sends the next segment of an upload. */
 static void cia402_block_send_segment(struct cia402_node *node)
@@ -589,8 +538,6 @@ static void cia402_block_send_segment(struct cia402_node *node)
     }
     cia402_sdo_answer(node, data);
 }
-
-/* ---- both ---- */
 
 void cia402_block_step(struct cia402_node *node, struct ms_span span)
 {

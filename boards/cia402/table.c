@@ -390,7 +390,7 @@ enum cia402_abort cia402_find(const struct cia402_node *node, unsigned index, un
 /* ---- its value ---- */
 
 /* Returns the address of the value of an object's row at its first sub-index. */
-static void *cia402_place(const struct cia402_node *node, const struct cia402_entry *entry)
+void *cia402_place(const struct cia402_node *node, const struct cia402_entry *entry)
 {
     const struct cia402_object *object = entry->object;
     struct cia402_node *own = cia402_node_of(&node->board);
@@ -418,17 +418,6 @@ static void *cia402_place(const struct cia402_node *node, const struct cia402_en
 int64_t *cia402_field(const struct cia402_node *node, const struct cia402_entry *entry)
 {
     return (int64_t *)cia402_place(node, entry) + (entry->sub - entry->object->sub);
-}
-
-char *cia402_text(const struct cia402_node *node, const struct cia402_entry *entry)
-{
-    return cia402_place(node, entry);
-}
-
-struct cia402_domain *cia402_domain(const struct cia402_node *node,
-                                    const struct cia402_entry *entry)
-{
-    return cia402_place(node, entry);
 }
 
 int64_t cia402_value(const struct cia402_node *node, const struct cia402_entry *entry)
@@ -530,9 +519,9 @@ static void cia402_set_initial(struct cia402_node *node, const struct cia402_obj
         int64_t plus = object->access & CIA402_PLUS_NODE ? node->board.address : 0;
 
         if (object->type == CIA402_TEXT) {
-            memset(cia402_text(node, &entry), 0, CIA402_TEXT_MAX + 1);
+            memset(cia402_place(node, &entry), 0, CIA402_TEXT_MAX + 1);
         } else if (object->type == CIA402_DOMAIN) {
-            memset(cia402_domain(node, &entry), 0, sizeof(struct cia402_domain));
+            memset(cia402_place(node, &entry), 0, sizeof(struct cia402_domain));
         } else {
             *cia402_field(node, &entry) = object->initial + plus;
         }
@@ -584,6 +573,9 @@ void cia402_set_factory(struct cia402_node *node)
 
 /* Prints the rows of the dictionary for the protocol's page. */
 
+static const char *const access_names[] = {
+    [CIA402_CONST] = "const", [CIA402_RO] = "ro", [CIA402_RW] = "rw", [CIA402_WO] = "wo"};
+
 /* Prints a row as an item of a list. */
 static void object_print_row(const struct cia402_object *object, FILE *out)
 {
@@ -591,8 +583,6 @@ static void object_print_row(const struct cia402_object *object, FILE *out)
         [CIA402_I8] = "i8",     [CIA402_I16] = "i16",      [CIA402_I32] = "i32",
         [CIA402_U8] = "u8",     [CIA402_U16] = "u16",      [CIA402_U32] = "u32",
         [CIA402_TEXT] = "text", [CIA402_DOMAIN] = "domain"};
-    static const char *const access[] = {
-        [CIA402_CONST] = "const", [CIA402_RO] = "ro", [CIA402_RW] = "rw", [CIA402_WO] = "wo"};
     unsigned last = object->sub + object->count - 1u;
     char subs[16] = "", measure[48] = "", range[64] = "", initial[32] = "", line[256];
 
@@ -610,7 +600,7 @@ static void object_print_row(const struct cia402_object *object, FILE *out)
                  object->access & CIA402_PLUS_NODE ? " + n" : "");
     }
     snprintf(line, sizeof line, "- 0x%04x%s `%s`: %s, %s%s%s%s%s%s", object->index, subs,
-             object->name, types[object->type], access[object->access & CIA402_ACCESS_MASK],
+             object->name, types[object->type], access_names[object->access & CIA402_ACCESS_MASK],
              object->access & CIA402_MAP_TPDO ? ", TPDO" : "",
              object->access & CIA402_MAP_RPDO ? ", RPDO" : "", measure, range, initial);
     options_wrap(line, 0, 2, out);
@@ -644,19 +634,23 @@ enum {
 /* Sections of the list of objects. */
 enum section { MANDATORY, OPTIONAL, MANUFACTURER };
 
-/* Returns the section of an index: three objects are mandatory, 0x2000 to 0x5fff are ours. */
-static enum section eds_section_of(unsigned index)
-{
-    return index == 0x1000 || index == 0x1001 || index == 0x1018 ? MANDATORY
-           : index >= 0x2000 && index < 0x6000                   ? MANUFACTURER
-                                                                 : OPTIONAL;
-}
-
 /* Finds an object; returns whether the node has it. */
 static bool eds_has(const struct cia402_node *node, unsigned index, unsigned sub,
                     struct cia402_entry *entry)
 {
     return cia402_find(node, index, sub, entry) == CIA402_DONE;
+}
+
+/* Returns whether a node has an object in a section: three objects are mandatory, 0x2000 to 0x5fff
+ * are ours. */
+static bool eds_lists(const struct cia402_node *node, enum section section, unsigned index)
+{
+    enum section own = index == 0x1000 || index == 0x1001 || index == 0x1018 ? MANDATORY
+                       : index >= 0x2000 && index < 0x6000                   ? MANUFACTURER
+                                                                             : OPTIONAL;
+    struct cia402_entry entry;
+
+    return own == section && eds_has(node, index, 0, &entry);
 }
 
 /* ---- values ---- */
@@ -671,57 +665,6 @@ static void eds_put_number(const char *key, enum cia402_type type, int64_t value
     }
 }
 
-/* Returns whether a value is a COB-ID that includes the Node-ID. */
-static bool eds_is_of_node(const struct cia402_entry *entry, int64_t value)
-{
-    const struct cia402_object *object = entry->object;
-
-    return object->access & CIA402_PLUS_NODE ||
-           ((object->scope == CIA402_OF_RPDO || object->scope == CIA402_OF_TPDO) &&
-            object->type == CIA402_U32 && object->sub == 1 && object->count == 1 &&
-            value & CIA402_COB_MASK);
-}
-
-/* Writes the present value of an object as its default. */
-static void eds_put_default(const struct cia402_node *node, const struct cia402_entry *entry,
-                            FILE *out)
-{
-    int64_t value;
-
-    if (entry->type == CIA402_TEXT) {
-        fprintf(out, "DefaultValue=%s\n", cia402_text(node, entry));
-        return;
-    }
-    if (entry->type == CIA402_DOMAIN) {
-        return; /* has no default */
-    }
-    value = cia402_value(node, entry);
-    if (entry->object && eds_is_of_node(entry, value)) {
-        fprintf(out, "DefaultValue=$NODEID+0x%" PRIX64 "\n",
-                (uint64_t)(value - node->board.address));
-        return;
-    }
-    eds_put_number("DefaultValue", entry->type, value, out);
-}
-
-/* Returns the word for the access to an object. */
-static const char *eds_access(const struct cia402_object *object)
-{
-    if (!object) {
-        return "const";
-    }
-    switch (object->access & CIA402_ACCESS_MASK) {
-    case CIA402_CONST:
-        return "const";
-    case CIA402_RO:
-        return "ro";
-    case CIA402_WO:
-        return "wo";
-    default:
-        return object->access & CIA402_MAP_RPDO ? "rww" : "rw";
-    }
-}
-
 /* ---- objects ---- */
 
 /* Writes the keys of a variable, or of a sub-index. */
@@ -729,60 +672,48 @@ static void eds_put_variable(const struct cia402_node *node, const struct cia402
                              FILE *out)
 {
     const struct cia402_object *object = entry->object;
-    bool bounded = object && (object->min || object->max);
+    unsigned access = object ? object->access : CIA402_CONST;
+    bool cob = object && (object->scope == CIA402_OF_RPDO || object->scope == CIA402_OF_TPDO) &&
+               object->type == CIA402_U32 && object->sub == 1 && object->count == 1;
+    int64_t value = cia402_type_bits(entry->type) ? cia402_value(node, entry) : 0;
 
-    fprintf(out, "ObjectType=0x%X\nDataType=0x%04X\nAccessType=%s\n", OBJECT_VARIABLE, entry->type,
-            eds_access(object));
-    if (bounded) {
+    fprintf(out, "ObjectType=0x%X\nDataType=0x%04X\nAccessType=%s%s\n", OBJECT_VARIABLE,
+            entry->type, access_names[access & CIA402_ACCESS_MASK],
+            access & CIA402_MAP_RPDO ? "w" : "");
+    if (object && (object->min || object->max)) {
         eds_put_number("LowLimit", entry->type, object->min, out);
         eds_put_number("HighLimit", entry->type, object->max, out);
     }
-    eds_put_default(node, entry, out);
-    fprintf(out, "PDOMapping=%d\n\n",
-            object && object->access & (CIA402_MAP_TPDO | CIA402_MAP_RPDO) ? 1 : 0);
-}
 
-/* Returns the name of an object; with sub-indices, the name of the first. */
-static const char *eds_object_name(const struct cia402_node *node, unsigned index)
-{
-    struct cia402_entry entry;
-
-    for (unsigned sub = 0; sub < SUBS_MAX; sub++) {
-        if (eds_has(node, index, sub, &entry) && entry.object) {
-            return entry.object->name;
-        }
+    /* The default is the present value; a domain has none. A COB-ID may include the Node-ID */
+    if (entry->type == CIA402_TEXT) {
+        fprintf(out, "DefaultValue=%s\n", (const char *)cia402_place(node, entry));
+    } else if (access & CIA402_PLUS_NODE || (cob && value & CIA402_COB_MASK)) {
+        fprintf(out, "DefaultValue=$NODEID+0x%" PRIX64 "\n",
+                (uint64_t)(value - node->board.address));
+    } else if (entry->type != CIA402_DOMAIN) {
+        eds_put_number("DefaultValue", entry->type, value, out);
     }
-    return "";
-}
-
-/* Writes the section of a sub-index. */
-static void eds_put_sub(const struct cia402_node *node, unsigned index, unsigned sub,
-                        const struct cia402_entry *entry, FILE *out)
-{
-    fprintf(out, "[%Xsub%X]\n", index, sub);
-    if (!entry->object) {
-        fputs("ParameterName=Highest sub-index supported\n", out);
-    } else if (entry->object->count > 1) {
-        fprintf(out, "ParameterName=%s %u\n", entry->object->name, sub);
-    } else {
-        fprintf(out, "ParameterName=%s\n", entry->object->name);
-    }
-    eds_put_variable(node, entry, out);
+    fprintf(out, "PDOMapping=%d\n\n", access & (CIA402_MAP_TPDO | CIA402_MAP_RPDO) ? 1 : 0);
 }
 
 /* Writes the sections of an index, if the node has it. */
 static void eds_put_object(const struct cia402_node *node, unsigned index, FILE *out)
 {
+    const char *name = ""; /* of the object, or of its first sub-index */
     struct cia402_entry entry;
     unsigned subs = 0;
 
-    for (unsigned sub = 0; sub < SUBS_MAX; sub++) {
-        subs += eds_has(node, index, sub, &entry);
+    for (unsigned sub = SUBS_MAX; sub-- > 0;) {
+        if (eds_has(node, index, sub, &entry)) {
+            subs++;
+            name = entry.object ? entry.object->name : name;
+        }
     }
     if (!eds_has(node, index, 0, &entry)) {
         return;
     }
-    fprintf(out, "[%X]\nParameterName=%s\n", index, eds_object_name(node, index));
+    fprintf(out, "[%X]\nParameterName=%s\n", index, name);
     if (subs == 1) {
         eds_put_variable(node, &entry, out);
         return;
@@ -797,7 +728,10 @@ static void eds_put_object(const struct cia402_node *node, unsigned index, FILE 
             subs);
     for (unsigned sub = 0; sub < SUBS_MAX; sub++) {
         if (eds_has(node, index, sub, &entry)) {
-            eds_put_sub(node, index, sub, &entry, out);
+            fprintf(out, "[%Xsub%X]\nParameterName=%s", index, sub,
+                    entry.object ? entry.object->name : "Highest sub-index supported");
+            fprintf(out, entry.object && entry.object->count > 1 ? " %u\n" : "\n", sub);
+            eds_put_variable(node, &entry, out);
         }
     }
 }
@@ -808,16 +742,15 @@ static void eds_put_object(const struct cia402_node *node, unsigned index, FILE 
 static void eds_put_list(const struct cia402_node *node, const char *name, enum section section,
                          FILE *out)
 {
-    struct cia402_entry entry;
     unsigned count = 0;
 
     for (unsigned index = FIRST_INDEX; index <= LAST_INDEX; index++) {
-        count += eds_section_of(index) == section && eds_has(node, index, 0, &entry);
+        count += eds_lists(node, section, index);
     }
     fprintf(out, "[%s]\nSupportedObjects=%u\n", name, count);
     count = 0;
     for (unsigned index = FIRST_INDEX; index <= LAST_INDEX; index++) {
-        if (eds_section_of(index) == section && eds_has(node, index, 0, &entry)) {
+        if (eds_lists(node, section, index)) {
             fprintf(out, "%u=0x%04X\n", ++count, index);
         }
     }
