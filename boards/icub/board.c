@@ -7,38 +7,13 @@
 
 #include <string.h>
 
-/* START: begins a download and erases the image to ones, as in flash. */
-static void icub_loader_start(struct icub_loader *loader)
-{
-    loader->downloading = true;
-    loader->line_open = false;
-    loader->lines = loader->bytes = loader->crc = 0;
-    if (loader->image) {
-        memset(loader->image, 0xff, sizeof *loader->image * ICUB_MEMORIES * ICUB_MEMORY_WORDS);
-    }
-}
-
-/* Adds a complete line to counts, checksum and image. */
-static void icub_loader_keep_line(struct icub_loader *loader)
+/* DATA: appends bytes to the line. A complete line is added to counts, checksum and image. */
+static enum icub_line icub_loader_put(struct icub_loader *loader, const uint8_t *data, size_t size)
 {
     const uint8_t head[] = {(uint8_t)loader->address, (uint8_t)(loader->address >> 8),
                             loader->memory};
     size_t from = loader->memory ? ICUB_MEMORY_WORDS : 0;
 
-    loader->lines++;
-    loader->bytes += loader->length;
-    loader->crc = crc32_update(loader->crc, head, sizeof head);
-    loader->crc = crc32_update(loader->crc, loader->line, loader->length);
-    for (size_t i = 0; loader->image && i + 1 < loader->length; i += 2) {
-        uint16_t at = (uint16_t)(loader->address + i / 2);
-
-        loader->image[from + at] = (uint16_t)(loader->line[i] | loader->line[i + 1] << 8);
-    }
-}
-
-/* DATA: appends bytes to the line. */
-static enum icub_line icub_loader_put(struct icub_loader *loader, const uint8_t *data, size_t size)
-{
     if (!loader->line_open || size > (size_t)(loader->length - loader->filled)) {
         loader->line_open = false;
         return ICUB_LINE_REFUSED;
@@ -49,7 +24,15 @@ static enum icub_line icub_loader_put(struct icub_loader *loader, const uint8_t 
         return ICUB_LINE_GROWS;
     }
     loader->line_open = false;
-    icub_loader_keep_line(loader);
+    loader->lines++;
+    loader->bytes += loader->length;
+    loader->crc = crc32_update(loader->crc, head, sizeof head);
+    loader->crc = crc32_update(loader->crc, loader->line, loader->length);
+    for (size_t i = 0; loader->image && i + 1 < loader->length; i += 2) {
+        uint16_t at = (uint16_t)(loader->address + i / 2);
+
+        loader->image[from + at] = (uint16_t)(loader->line[i] | loader->line[i + 1] << 8);
+    }
     return ICUB_LINE_COMPLETE;
 }
 
@@ -90,25 +73,6 @@ void icub_board_report_firmware(const struct board *board, unsigned major, unsig
     reply[6] = acknowledged;
 }
 
-/* Answers discovery. */
-static void icub_board_discover(struct icub_board *icub, uint32_t reply_id)
-{
-    struct board *board = &icub->board;
-    const struct board_identity *identity = &board->ops->identity;
-    bool loader = board->in_bootloader;
-    const uint8_t data[] = {ICUB_DISCOVER, loader ? icub_ops_of(icub)->loader_type : identity->type,
-                            identity->major, identity->minor, identity->build};
-
-    /* A bootloader has no build number, so hosts recognize it, and discovery keeps it in the
-     * bootloader */
-    board_queue(board, reply_id, loader ? 4 : 5, data);
-    if (loader) {
-        board->application_ns = INT64_MAX;
-    } else if (icub_ops_of(icub)->discovered) {
-        icub_ops_of(icub)->discovered(icub);
-    }
-}
-
 /* ---- the bootloader ---- */
 
 /* Queues the acknowledgment of a bootloader command. */
@@ -116,21 +80,6 @@ static void icub_loader_acknowledge(struct icub_board *icub, const struct bus_fr
 {
     board_queue(&icub->board, icub_id(ICUB_MANAGEMENT, icub->board.address, frame->id >> 4), 2,
                 (const uint8_t[]){frame->data[0], 1});
-}
-
-/* Obeys START. The application restarts into the bootloader, which waits as after any reset. In the
- * bootloader, START ends the wait. */
-static void icub_board_start_update(struct icub_board *icub)
-{
-    struct board *board = &icub->board;
-
-    if (board->in_bootloader) {
-        board->application_ns = INT64_MAX;
-    } else {
-        board_enter_bootloader(board, BOOTLOADER_NS);
-    }
-    icub->loader.boot = board->boots;
-    icub_loader_start(&icub->loader);
 }
 
 /* Returns whether the bootloader has received START since it was entered. */
@@ -172,36 +121,33 @@ static bool icub_board_download(struct icub_board *icub, const struct bus_frame 
     return line != ICUB_LINE_REFUSED;
 }
 
-/* Obeys END, which starts the application. In the application END is a ping. */
-static void icub_board_end_update(struct icub_board *icub)
-{
-    struct icub_loader *loader = &icub->loader;
-
-    if (icub->board.in_bootloader) {
-        if (icub_board_is_downloading(icub) && loader->lines > 0) {
-            board_event(&icub->board, BOARD_EVENT_FIRMWARE, 0, loader->bytes, loader->crc);
-        }
-        loader->downloading = false;
-        board_leave_bootloader(&icub->board);
-    }
-}
-
 /* ---- commands ---- */
 
 /* Obeys a command of class 7; returns false when it is refused. */
 static bool icub_board_manage(struct icub_board *icub, const struct bus_frame *frame,
                               const int64_t *request)
 {
+    const struct icub_board_ops *ops = icub_ops_of(icub);
     struct board *board = &icub->board;
+    struct icub_loader *loader = &icub->loader;
+    const uint8_t identity[] = {
+        ICUB_DISCOVER, board->in_bootloader ? ops->loader_type : ops->base.identity.type,
+        ops->base.identity.major, ops->base.identity.minor, ops->base.identity.build};
     uint32_t reply_id = icub_id(ICUB_MANAGEMENT, board->address, frame->id >> 4);
 
     switch ((enum icub_management_command)frame->data[0]) {
-    /* Commands of both application and bootloader */
+    /* Commands of both application and bootloader. A bootloader has no build number, so hosts
+     * recognize it, and discovery keeps it in the bootloader */
     case ICUB_DISCOVER:
-        icub_board_discover(icub, reply_id);
+        board_queue(board, reply_id, board->in_bootloader ? 4 : 5, identity);
+        if (board->in_bootloader) {
+            board->application_ns = INT64_MAX;
+        } else if (ops->discovered) {
+            ops->discovered(icub);
+        }
         return true;
     case ICUB_GET_ADDITIONAL_INFO:
-        if (!icub_ops_of(icub)->no_info) {
+        if (!ops->no_info) {
             icub_board_queue_info(icub, reply_id);
         }
         return true;
@@ -211,34 +157,40 @@ static bool icub_board_manage(struct icub_board *icub, const struct bus_frame *f
     case ICUB_SET_CAN_ADDRESS:
         return board_set_address(board, (uint8_t)request[0]);
 
-    /* A firmware download */
+    /* A firmware download. At START the application restarts into the bootloader, which waits as
+     * after any reset; in the bootloader START ends the wait. The image is erased to ones, as in
+     * flash */
     case ICUB_START_UPDATE:
-        icub_board_start_update(icub);
+        if (board->in_bootloader) {
+            board->application_ns = INT64_MAX;
+        } else {
+            board_enter_bootloader(board, BOOTLOADER_NS);
+        }
+        loader->boot = board->boots;
+        loader->downloading = true;
+        loader->line_open = false;
+        loader->lines = loader->bytes = loader->crc = 0;
+        if (loader->image) {
+            memset(loader->image, 0xff, sizeof *loader->image * ICUB_MEMORIES * ICUB_MEMORY_WORDS);
+        }
         icub_loader_acknowledge(icub, frame);
         return true;
     case ICUB_UPDATE_ADDRESS:
     case ICUB_UPDATE_DATA:
     case ICUB_UPDATE_RUN:
         return icub_board_download(icub, frame, request);
-    case ICUB_UPDATE_END:
+    case ICUB_UPDATE_END: /* starts the application; in the application it is a ping */
         icub_loader_acknowledge(icub, frame);
-        icub_board_end_update(icub);
+        if (board->in_bootloader) {
+            if (icub_board_is_downloading(icub) && loader->lines > 0) {
+                board_event(board, BOARD_EVENT_FIRMWARE, 0, loader->bytes, loader->crc);
+            }
+            loader->downloading = false;
+            board_leave_bootloader(board);
+        }
         return true;
     }
     return false;
-}
-
-/* Returns the row of a command; NULL = unknown. */
-static const struct icub_command *icub_board_find_command(const struct icub_board *board,
-                                                          enum icub_class cls, uint8_t first)
-{
-    const struct icub_board_ops *ops = icub_ops_of(board);
-    uint8_t code = ops->axis_bit ? first & (uint8_t)~ICUB_AXIS_BIT : first;
-
-    if (cls == ICUB_MANAGEMENT) {
-        return icub_management_command(first);
-    }
-    return code < ops->command_count && ops->commands[code].kind ? &ops->commands[code] : NULL;
 }
 
 /* Obeys a command of the application and queues its answer. Returns false when it is refused. */
@@ -266,16 +218,22 @@ static bool icub_board_obey(struct icub_board *icub, const struct bus_frame *fra
 static enum board_verdict icub_board_receive(struct icub_board *icub, const struct bus_frame *frame)
 {
     enum icub_class cls = (enum icub_class)(frame->id >> 8);
-    const struct icub_command *command;
+    const struct icub_board_ops *ops = icub_ops_of(icub);
+    const struct icub_command *command = NULL;
     struct bus_frame cut;
     int64_t request[FIELDS_MAX] = {0};
+    uint8_t code = frame->data[0] & (uint8_t)(ops->axis_bit ? ~ICUB_AXIS_BIT : ~0);
     bool obeyed;
 
     /* Find the table row and check the length and values */
     if (frame->len == 0) {
         return BOARD_MALFORMED;
     }
-    command = icub_board_find_command(icub, cls, frame->data[0]);
+    if (cls == ICUB_MANAGEMENT) {
+        command = icub_management_command(frame->data[0]);
+    } else if (code < ops->command_count && ops->commands[code].kind) {
+        command = &ops->commands[code];
+    }
     if (!command) {
         return BOARD_UNKNOWN;
     }
@@ -301,14 +259,18 @@ static enum board_verdict icub_board_receive(struct icub_board *icub, const stru
 /* Buses with iCub boards: passes each frame to the addressed boards, and torques from one board to
  * another. */
 
-/* Returns whether a management broadcast is for this board. Discovery always is. The lines of a
- * download are, if the board's bootloader has received START: a loader program sends START to each
- * board and then the lines once to all boards. */
-static bool icub_board_takes_broadcast(const struct icub_board *board,
-                                       const struct bus_frame *frame)
+/* Returns whether the class and address of a command select this board. Of the management
+ * broadcasts, discovery does. The lines of a download do, if the board's bootloader has received
+ * START: a loader program sends START to each board and then the lines once to all boards. */
+static bool icub_board_is_addressed(const struct icub_board *board, const struct bus_frame *frame)
 {
-    if (frame->len == 0) {
-        return false;
+    enum icub_class cls = (enum icub_class)(frame->id >> 8);
+
+    if (cls != ICUB_MANAGEMENT) {
+        return cls == icub_ops_of(board)->command_class;
+    }
+    if ((frame->id & 0xf) != ICUB_EVERYONE || frame->len == 0) {
+        return (frame->id & 0xf) != ICUB_EVERYONE;
     }
     switch (frame->data[0]) {
     case ICUB_DISCOVER:
@@ -322,17 +284,6 @@ static bool icub_board_takes_broadcast(const struct icub_board *board,
     default:
         return false;
     }
-}
-
-/* Returns whether the class and address of a command select this board. */
-static bool icub_board_is_addressed(const struct icub_board *board, const struct bus_frame *frame)
-{
-    enum icub_class cls = (enum icub_class)(frame->id >> 8);
-
-    if (cls == ICUB_MANAGEMENT) {
-        return (frame->id & 0xf) != ICUB_EVERYONE || icub_board_takes_broadcast(board, frame);
-    }
-    return cls == icub_ops_of(board)->command_class;
 }
 
 /* Passes a command to the addressed board, or to all boards. */

@@ -74,28 +74,13 @@ static void inertial_board_convert(struct inertial_board *inertial, unsigned sen
     inertial->cut = (uint16_t)(inertial->cut | !whole << sensor);
 }
 
-/* Fills the status: two bits for each part of the chip, 3 = calibrated. */
-static void inertial_board_report(struct inertial_board *inertial, bool oriented)
-{
-    const struct {
-        unsigned sensor, bit;
-    } part[] = {{ICUB_SENSOR_MAGNETIC, 0}, {ICUB_SENSOR_ACCELERATION, 2}, {ICUB_SENSOR_GYRO, 4}};
-    int64_t *status = inertial->counts[ICUB_SENSOR_STATUS];
-
-    status[0] = oriented ? ICUB_CALIBRATED << 6 : 0;
-    for (size_t i = 0; i < sizeof part / sizeof *part; i++) {
-        status[0] |= inertial->bad >> part[i].sensor & 1 ? 0 : ICUB_CALIBRATED << part[i].bit;
-    }
-    status[1] = inertial->cut;
-    status[2] = inertial->bad;
-}
-
 /* Converts the values of all sensors (struct board_ops). */
 static void inertial_board_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct inertial_board *inertial = inertial_board_of(board);
     struct inertial_values v;
     const double degree = M_PI / 180.0;
+    int64_t *status = inertial->counts[ICUB_SENSOR_STATUS];
 
     inertial_derive(&sensors->imu, inertial->fusion != ICUB_FUSION_OFF, &v);
     inertial->bad = inertial->cut = 0;
@@ -109,7 +94,13 @@ static void inertial_board_sample(struct board *board, const struct plant_sensor
     inertial_board_convert(inertial, ICUB_SENSOR_LINEAR, v.linear_m_s2, 3, ICUB_ACCELERATION_M_S2);
     inertial_board_convert(inertial, ICUB_SENSOR_GRAVITY, v.gravity_m_s2, 3,
                            ICUB_ACCELERATION_M_S2);
-    inertial_board_report(inertial, v.oriented);
+    /* The status: two bits for each part of the chip, 3 = calibrated */
+    status[0] = (v.oriented ? ICUB_CALIBRATED << 6 : 0) |
+                (inertial->bad >> ICUB_SENSOR_MAGNETIC & 1 ? 0 : ICUB_CALIBRATED) |
+                (inertial->bad >> ICUB_SENSOR_ACCELERATION & 1 ? 0 : ICUB_CALIBRATED << 2) |
+                (inertial->bad >> ICUB_SENSOR_GYRO & 1 ? 0 : ICUB_CALIBRATED << 4);
+    status[1] = inertial->cut;
+    status[2] = inertial->bad;
 }
 
 /* ---- commands ---- */
@@ -155,21 +146,6 @@ static bool inertial_board_command(struct icub_board *icub, const struct bus_fra
 
 /* ---- periodic frames ---- */
 
-/* Sends the frame of a sensor. */
-static void inertial_board_send_frame(struct board *board, struct frame_sink *sink, unsigned sensor)
-{
-    const struct inertial_board *inertial = inertial_board_of(board);
-    bool four = sensor == ICUB_SENSOR_QUATERNION;
-    enum icub_inertial_type type = four ? ICUB_INERTIAL_QUATERNION : ICUB_INERTIAL_TRIPLE;
-    const int64_t *counts = inertial->counts[sensor];
-    const int64_t triple[] = {inertial->sequence, sensor, counts[0], counts[1], counts[2]};
-    uint8_t data[8] = {0};
-
-    fields_encode(icub_inertial_frames[type].fields, four ? counts : triple, data);
-    board_send(board, sink, icub_id(ICUB_PERIODIC_INERTIAL, board->address, type), sizeof data,
-               data);
-}
-
 /* Sends a frame for each selected sensor when due (struct board_ops). */
 static void inertial_board_transmit(struct board *board, struct ms_span span,
                                     struct frame_sink *sink)
@@ -182,8 +158,16 @@ static void inertial_board_transmit(struct board *board, struct ms_span span,
         return;
     }
     for (unsigned sensor = 0; sensor < ICUB_INERTIAL_SENSORS; sensor++) {
+        bool four = sensor == ICUB_SENSOR_QUATERNION;
+        enum icub_inertial_type type = four ? ICUB_INERTIAL_QUATERNION : ICUB_INERTIAL_TRIPLE;
+        const int64_t *counts = inertial->counts[sensor];
+        const int64_t triple[] = {inertial->sequence, sensor, counts[0], counts[1], counts[2]};
+        uint8_t data[8] = {0};
+
         if (inertial->mask & known & 1u << sensor) {
-            inertial_board_send_frame(board, sink, sensor);
+            fields_encode(icub_inertial_frames[type].fields, four ? counts : triple, data);
+            board_send(board, sink, icub_id(ICUB_PERIODIC_INERTIAL, board->address, type),
+                       sizeof data, data);
         }
     }
     inertial->sequence++;

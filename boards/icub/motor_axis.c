@@ -83,30 +83,6 @@ static int64_t motor_axis_torque_law(struct motor_axis *axis)
     return pwm_clamp(pwm + p[ICUB_P_TORQUE_OFFSET], p[ICUB_P_TORQUE_LIMIT]);
 }
 
-/* Returns the PWM of the current PID. */
-static int64_t motor_axis_current_law(struct motor_axis *axis)
-{
-    const int64_t *p = axis->parameter;
-    const struct pid_gains gains = {p[ICUB_P_CURRENT_KP], p[ICUB_P_CURRENT_KI],
-                                    p[ICUB_P_CURRENT_KD], p[ICUB_P_CURRENT_SHIFT], INT16_MAX};
-
-    return pid_step(&axis->current_pid, &gains,
-                    p[ICUB_P_DESIRED_TORQUE] - motor_axis_current_ma(axis));
-}
-
-/* Returns the PWM of the impedance law: stiffness and damping give a torque reference for the
- * torque law. */
-static int64_t motor_axis_impedance_law(struct motor_axis *axis)
-{
-    const int64_t *p = axis->parameter;
-    const struct pid_gains gains = {.kp = p[ICUB_P_STIFFNESS], .kd = p[ICUB_P_DAMPING]};
-
-    axis->torque_reference =
-        pid_step(&axis->impedance, &gains, (int64_t)axis->desired - motor_axis_position(axis)) +
-        p[ICUB_P_IMPEDANCE_OFFSET];
-    return motor_axis_torque_law(axis);
-}
-
 /* Returns the torque of the axis's source in counts: a STRAIN board on the bus, or its own
  * sensor. */
 static int64_t motor_axis_measured_torque(const struct board *board, const struct motor_axis *axis)
@@ -142,6 +118,9 @@ static bool motor_axis_is_impedance(const struct motor_axis *axis)
 void motor_axis_step(const struct board *board, struct motor_axis *axis)
 {
     const int64_t *p = axis->parameter;
+    const struct pid_gains current = {p[ICUB_P_CURRENT_KP], p[ICUB_P_CURRENT_KI],
+                                      p[ICUB_P_CURRENT_KD], p[ICUB_P_CURRENT_SHIFT], INT16_MAX};
+    const struct pid_gains impedance = {.kp = p[ICUB_P_STIFFNESS], .kd = p[ICUB_P_DAMPING]};
 
     axis->torque = motor_axis_measured_torque(board, axis);
 
@@ -151,7 +130,8 @@ void motor_axis_step(const struct board *board, struct motor_axis *axis)
         axis->output = p[ICUB_P_OPEN_LOOP];
         break;
     case ICUB_MODE_CURRENT:
-        axis->output = motor_axis_current_law(axis);
+        axis->output = pid_step(&axis->current_pid, &current,
+                                p[ICUB_P_DESIRED_TORQUE] - motor_axis_current_ma(axis));
         break;
     case ICUB_MODE_TORQUE:
         axis->torque_reference = p[ICUB_P_DESIRED_TORQUE];
@@ -164,8 +144,15 @@ void motor_axis_step(const struct board *board, struct motor_axis *axis)
         break;
     default: /* the position-like modes */
         motor_axis_advance_reference(axis);
-        axis->output = motor_axis_is_impedance(axis) ? motor_axis_impedance_law(axis)
-                                                     : motor_axis_position_law(axis);
+        if (!motor_axis_is_impedance(axis)) {
+            axis->output = motor_axis_position_law(axis);
+            break;
+        }
+        /* Stiffness and damping give the reference of the torque law */
+        axis->torque_reference = pid_step(&axis->impedance, &impedance,
+                                          (int64_t)axis->desired - motor_axis_position(axis)) +
+                                 p[ICUB_P_IMPEDANCE_OFFSET];
+        axis->output = motor_axis_torque_law(axis);
         break;
     }
 
@@ -216,20 +203,10 @@ void motor_axis_set_mode(struct board *board, struct motor_axis *axis, uint8_t m
 /* Returns whether a mode drives the motor. */
 static bool motor_is_control_mode(int64_t mode)
 {
-    switch (mode) {
-    case ICUB_MODE_POSITION:
-    case ICUB_MODE_VELOCITY:
-    case ICUB_MODE_TORQUE:
-    case ICUB_MODE_IMPEDANCE_POSITION:
-    case ICUB_MODE_IMPEDANCE_VELOCITY:
-    case ICUB_MODE_CURRENT:
-    case ICUB_MODE_MIXED:
-    case ICUB_MODE_DIRECT:
-    case ICUB_MODE_OPEN_LOOP:
-        return true;
-    default:
-        return false;
-    }
+    return mode == ICUB_MODE_POSITION || mode == ICUB_MODE_VELOCITY || mode == ICUB_MODE_TORQUE ||
+           mode == ICUB_MODE_IMPEDANCE_POSITION || mode == ICUB_MODE_IMPEDANCE_VELOCITY ||
+           mode == ICUB_MODE_CURRENT || mode == ICUB_MODE_MIXED || mode == ICUB_MODE_DIRECT ||
+           mode == ICUB_MODE_OPEN_LOOP;
 }
 
 /* Writes a text and a number to the host's log. */
@@ -412,76 +389,44 @@ uint8_t motor_board_can_status(const struct board *board)
                      (can->rec >= BOARD_CAN_WARNING ? ICUB_CAN_RX_WARNING : 0));
 }
 
-/* Notes new states of the CAN controller for the next STATUS. */
-static void motor_board_watch_can(struct board *board)
-{
-    struct motor_board *motor = motor_board_of(board);
-    uint8_t now = motor_board_can_status(board);
-
-    if (now & (uint8_t)~motor->can_reported) {
-        motor->status_due = true;
-    }
-    motor->can_reported &= now;
-    motor->can |= now & (uint8_t)~motor->can_reported;
-}
-
-/* Sets an expired reference to 0 and emits an event. */
-static void motor_axis_watch_reference(struct board *board, struct motor_axis *axis,
-                                       enum icub_parameter reference, int64_t since_ns,
-                                       int64_t timeout_ns, const char *text)
-{
-    if (axis->parameter[reference] != 0 && board->boards->now_ns - since_ns > timeout_ns) {
-        axis->parameter[reference] = 0;
-        board->boards->counters.timeouts++;
-        board_event(board, BOARD_EVENT_TIMEOUT, motor_axis_index(board, axis), axis->base.mode, 0);
-        motor_board_print(board, text);
-    }
-}
-
-/* Checks the firmware's time-out of the velocity reference, and the command time-out. The latter is
- * a safety of this simulator, which a strict board lacks. */
+/* Sets an expired reference to 0, by the firmware's time-out of the velocity reference or by the
+ * command time-out. The latter is a safety of this simulator, which a strict board lacks. */
 static void motor_axis_watch_references(struct board *board, struct motor_axis *axis)
 {
-    int64_t timeout_ns = board->config.strict ? 0 : board->config.command_timeout_ns;
+    bool velocity = motor_axis_has_velocity(axis), voltage = axis->base.mode == ICUB_MODE_OPEN_LOOP;
+    bool torque = axis->base.mode == ICUB_MODE_TORQUE || axis->base.mode == ICUB_MODE_CURRENT;
+    int64_t *reference = &axis->parameter[voltage  ? ICUB_P_OPEN_LOOP
+                                          : torque ? ICUB_P_DESIRED_TORQUE
+                                                   : ICUB_P_DESIRED_VELOCITY];
+    int64_t since_ns = voltage ? axis->voltage_ns : torque ? axis->torque_ns : axis->velocity_ns;
+    int64_t timeout_ns = velocity               ? axis->parameter[ICUB_P_VELOCITY_TIMEOUT] * MS
+                         : board->config.strict ? 0
+                                                : board->config.command_timeout_ns;
 
-    if (timeout_ns > 0 && axis->base.mode == ICUB_MODE_OPEN_LOOP) {
-        motor_axis_watch_reference(board, axis, ICUB_P_OPEN_LOOP, axis->voltage_ns, timeout_ns,
-                                   "REFERENCE TIMEOUT");
-    } else if (timeout_ns > 0 &&
-               (axis->base.mode == ICUB_MODE_TORQUE || axis->base.mode == ICUB_MODE_CURRENT)) {
-        motor_axis_watch_reference(board, axis, ICUB_P_DESIRED_TORQUE, axis->torque_ns, timeout_ns,
-                                   "REFERENCE TIMEOUT");
-    } else if (motor_axis_has_velocity(axis)) {
-        motor_axis_watch_reference(board, axis, ICUB_P_DESIRED_VELOCITY, axis->velocity_ns,
-                                   axis->parameter[ICUB_P_VELOCITY_TIMEOUT] * MS,
-                                   "VELOCITY TIMEOUT");
+    if ((velocity || ((voltage || torque) && timeout_ns > 0)) && *reference != 0 &&
+        board->boards->now_ns - since_ns > timeout_ns) {
+        *reference = 0;
+        board->boards->counters.timeouts++;
+        board_event(board, BOARD_EVENT_TIMEOUT, motor_axis_index(board, axis), axis->base.mode, 0);
+        motor_board_print(board, velocity ? "VELOCITY TIMEOUT" : "REFERENCE TIMEOUT");
     }
 }
 
-/* Returns whether the torque source has sent a frame recently. */
-static bool motor_axis_source_is_alive(const struct board *board, const struct motor_axis *axis)
+/* Switches off an axis whose torque loop has lost its source: the axis has no sensor, or the STRAIN
+ * board has sent no frame recently. */
+static void motor_axis_watch_source(struct board *board, struct motor_axis *axis)
 {
     int64_t address = axis->parameter[ICUB_P_TORQUE_SOURCE];
     const struct torque_source *source = &icub_bus_of(board->bus)->source[address];
-    int64_t since = axis->source_ns;
+    int64_t since =
+        source->heard && source->time_ns > axis->source_ns ? source->time_ns : axis->source_ns;
+    bool lost = address == 0 ? !(axis->base.config->torque_full_scale_nm > 0.0)
+                             : board->boards->now_ns - since > (int64_t)ICUB_STRAIN_SAFE_MS * MS;
 
-    if (address == 0) {
-        return axis->base.config->torque_full_scale_nm > 0.0;
-    }
-    if (source->heard && source->time_ns > since) {
-        since = source->time_ns;
-    }
-    return board->boards->now_ns - since <= (int64_t)ICUB_STRAIN_SAFE_MS * MS;
-}
-
-/* Switches off an axis whose torque loop has lost its source. */
-static void motor_axis_watch_source(struct board *board, struct motor_axis *axis)
-{
-    if ((axis->base.mode == ICUB_MODE_TORQUE || motor_axis_is_impedance(axis)) &&
-        !motor_axis_source_is_alive(board, axis)) {
+    if (lost && (axis->base.mode == ICUB_MODE_TORQUE || motor_axis_is_impedance(axis))) {
         board->boards->counters.timeouts++;
         board_event(board, BOARD_EVENT_SOURCE_LOST, motor_axis_index(board, axis),
-                    (uint32_t)axis->parameter[ICUB_P_TORQUE_SOURCE], 0);
+                    (uint32_t)address, 0);
         motor_board_print(board, "STRAIN WATCHDOG");
         motor_axis_set_mode(board, axis, ICUB_MODE_IDLE);
     }
@@ -509,9 +454,15 @@ static void motor_axis_watch_limits(struct board *board, struct motor_axis *axis
 
 void motor_board_watch(struct board *board)
 {
-    motor_board_watch_can(board);
+    struct motor_board *motor = motor_board_of(board);
+    uint8_t can = motor_board_can_status(board);
+
+    /* New states of the CAN controller, for the next STATUS */
+    motor->status_due = motor->status_due || can & (uint8_t)~motor->can_reported;
+    motor->can_reported &= can;
+    motor->can |= can & (uint8_t)~motor->can_reported;
     for (int i = 0; i < MOTOR_AXES; i++) {
-        struct motor_axis *axis = &motor_board_of(board)->axis[i];
+        struct motor_axis *axis = &motor->axis[i];
 
         motor_axis_watch_faults(board, axis);
         motor_axis_watch_temperature(board, axis);

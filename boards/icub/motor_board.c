@@ -82,12 +82,6 @@ static const struct board_settings motor_settings = {
 
 /* Sends the periodic frames of a motor board in their slots. */
 
-/* Returns whether the policy asks for a type of frame. */
-static bool motor_board_broadcasts(const struct motor_board *motor, enum icub_motor_type type)
-{
-    return motor->policy >> (type - 1) & 1;
-}
-
 /* Builds a frame from its row and sends it. */
 static void motor_board_send_frame(struct board *board, struct frame_sink *sink,
                                    enum icub_motor_type type, const int64_t *values)
@@ -104,7 +98,7 @@ static void motor_board_send_if_wanted(struct board *board, struct frame_sink *s
                                        enum icub_motor_type type, int64_t v0, int64_t v1,
                                        int64_t v2, int64_t v3)
 {
-    if (motor_board_broadcasts(motor_board_of(board), type)) {
+    if (motor_board_of(board)->policy >> (type - 1) & 1) {
         motor_board_send_frame(board, sink, type, (const int64_t[]){v0, v1, v2, v3});
     }
 }
@@ -119,26 +113,6 @@ static int64_t can_counter_change(unsigned counter, int *reported)
     return change & 0xff;
 }
 
-/* Sends STATUS and forgets what is reported once. */
-static void motor_board_send_status(struct board *board, struct frame_sink *sink)
-{
-    struct motor_board *motor = motor_board_of(board);
-    struct motor_axis *a = &motor->axis[0], *b = &motor->axis[1];
-
-    motor_board_send_frame(
-        board, sink, ICUB_STATUS,
-        (const int64_t[]){
-            a->faults | a->faults_once, a->base.mode, b->faults | b->faults_once, b->base.mode,
-            motor->can | motor_board_can_status(board) |
-                (board->lost_in_status ? ICUB_CAN_TX_OVERFLOW : 0),
-            a->heat | b->heat << 1, can_counter_change(board->can.tec, &motor->reported_tec),
-            can_counter_change(board->can.rec, &motor->reported_rec)});
-    a->faults_once = b->faults_once = 0;
-    motor->can = 0;
-    motor->can_reported = motor_board_can_status(board);
-    motor->status_due = board->lost_in_status = false;
-}
-
 /* Sends STATUS and ADDITIONAL_STATUS when they are due: periodically, on changes, while a fault
  * lasts. */
 static void motor_board_transmit_status(struct board *board, struct frame_sink *sink,
@@ -151,11 +125,23 @@ static void motor_board_transmit_status(struct board *board, struct frame_sink *
                       (ICUB_FAULT_UNDER_VOLTAGE | ICUB_FAULT_OVER_VOLTAGE | ICUB_FAULT_EXTERNAL);
     bool now = motor->status_due || periodic || lasting || board->lost_in_status;
 
-    if (!motor_board_broadcasts(motor, ICUB_STATUS) || board->can.bus_off) {
+    if (!(motor->policy >> (ICUB_STATUS - 1) & 1) || board->can.bus_off) {
         return; /* in bus-off it would be lost */
     }
     if (now) {
-        motor_board_send_status(board, sink);
+        motor_board_send_frame(
+            board, sink, ICUB_STATUS,
+            (const int64_t[]){
+                a->faults | a->faults_once, a->base.mode, b->faults | b->faults_once, b->base.mode,
+                motor->can | motor_board_can_status(board) |
+                    (board->lost_in_status ? ICUB_CAN_TX_OVERFLOW : 0),
+                a->heat | b->heat << 1, can_counter_change(board->can.tec, &motor->reported_tec),
+                can_counter_change(board->can.rec, &motor->reported_rec)});
+        /* Forget what is reported once */
+        a->faults_once = b->faults_once = 0;
+        motor->can = 0;
+        motor->can_reported = motor_board_can_status(board);
+        motor->status_due = board->lost_in_status = false;
         motor->status_ms = periodic ? now_ms : motor->status_ms;
     }
     if (now || motor->additional_due) {
@@ -166,36 +152,22 @@ static void motor_board_transmit_status(struct board *board, struct frame_sink *
     }
 }
 
-/* Sends speeds and accelerations of the joints. */
-static void motor_board_send_joint_speeds(struct board *board, struct frame_sink *sink)
+/* Sends speeds and accelerations of the joints or the motors. */
+static void motor_board_send_speeds(struct board *board, struct frame_sink *sink, bool of_motors)
 {
-    const struct motor_axis *a = &motor_board_of(board)->axis[0],
-                            *b = &motor_board_of(board)->axis[1];
-    const int64_t *p = a->parameter, *q = b->parameter;
+    int speed_shift = of_motors ? ICUB_P_MOTOR_SPEED_SHIFT : ICUB_P_JOINT_SPEED_SHIFT;
+    int64_t speed[MOTOR_AXES], acceleration[MOTOR_AXES];
 
-    motor_board_send_if_wanted(
-        board, sink, ICUB_VELOCITY, estimator_speed(&a->joint, p[ICUB_P_JOINT_SPEED_SHIFT]),
-        estimator_speed(&b->joint, q[ICUB_P_JOINT_SPEED_SHIFT]),
-        estimator_acceleration(&a->joint,
-                               p[ICUB_P_JOINT_SPEED_SHIFT] + p[ICUB_P_JOINT_ACCELERATION_SHIFT]),
-        estimator_acceleration(&b->joint,
-                               q[ICUB_P_JOINT_SPEED_SHIFT] + q[ICUB_P_JOINT_ACCELERATION_SHIFT]));
-}
+    for (int i = 0; i < MOTOR_AXES; i++) {
+        const struct motor_axis *axis = &motor_board_of(board)->axis[i];
+        const struct speed_estimator *of = of_motors ? &axis->motor : &axis->joint;
+        const int64_t *shift = &axis->parameter[speed_shift]; /* of speed, then of acceleration */
 
-/* Sends speeds and accelerations of the motors. */
-static void motor_board_send_motor_speeds(struct board *board, struct frame_sink *sink)
-{
-    const struct motor_axis *a = &motor_board_of(board)->axis[0],
-                            *b = &motor_board_of(board)->axis[1];
-    const int64_t *p = a->parameter, *q = b->parameter;
-
-    motor_board_send_if_wanted(
-        board, sink, ICUB_MOTOR_SPEED, estimator_speed(&a->motor, p[ICUB_P_MOTOR_SPEED_SHIFT]),
-        estimator_speed(&b->motor, q[ICUB_P_MOTOR_SPEED_SHIFT]),
-        estimator_acceleration(&a->motor,
-                               p[ICUB_P_MOTOR_SPEED_SHIFT] + p[ICUB_P_MOTOR_ACCELERATION_SHIFT]),
-        estimator_acceleration(&b->motor,
-                               q[ICUB_P_MOTOR_SPEED_SHIFT] + q[ICUB_P_MOTOR_ACCELERATION_SHIFT]));
+        speed[i] = estimator_speed(of, shift[0]);
+        acceleration[i] = estimator_acceleration(of, shift[0] + shift[1]);
+    }
+    motor_board_send_if_wanted(board, sink, of_motors ? ICUB_MOTOR_SPEED : ICUB_VELOCITY, speed[0],
+                               speed[1], acceleration[0], acceleration[1]);
 }
 
 /* Sends the frames of slot 3, as far as the policy asks for them. */
@@ -206,18 +178,18 @@ static void motor_board_transmit_slot_3(struct board *board, struct frame_sink *
 
     motor_board_send_if_wanted(board, sink, ICUB_CURRENT, motor_axis_current_ma(a),
                                motor_axis_current_ma(b), 0, 0);
-    if (board->lost_in_overflow && motor_board_broadcasts(motor_board_of(board), ICUB_OVERFLOW)) {
+    if (board->lost_in_overflow && motor_board_of(board)->policy >> (ICUB_OVERFLOW - 1) & 1) {
         board->lost_in_overflow = false;
         motor_board_send_frame(board, sink, ICUB_OVERFLOW, NULL);
     }
-    motor_board_send_joint_speeds(board, sink);
+    motor_board_send_speeds(board, sink, false);
     motor_board_send_if_wanted(board, sink, ICUB_PID_ERROR, a->position_pid.error,
                                b->position_pid.error, a->torque_pid.error, b->torque_pid.error);
     motor_board_send_if_wanted(board, sink, ICUB_DEBUG, a->torque, b->torque, a->torque_reference,
                                b->torque_reference);
     motor_board_send_if_wanted(board, sink, ICUB_MOTOR_POSITION, a->base.motor_ticks,
                                b->base.motor_ticks, 0, 0);
-    motor_board_send_motor_speeds(board, sink);
+    motor_board_send_speeds(board, sink, true);
 }
 
 /* Sends the periodic frames (motor_telemetry.c). */
@@ -262,39 +234,6 @@ static int64_t motor_axis_clamp_position(const struct motor_axis *axis, int64_t 
                                                : position;
 }
 
-/* Starts a trajectory to a target, in modes that have a generator. */
-static void motor_axis_start_move(struct motor_axis *axis, int64_t target, int64_t speed)
-{
-    if (!motor_axis_moves(axis)) {
-        return;
-    }
-    target = motor_axis_clamp_position(axis, target);
-    axis->parameter[ICUB_P_DESIRED_POSITION] = target;
-    axis->trajectory.position = axis->desired;
-    trajectory_start(&axis->trajectory, (int32_t)target, speed);
-}
-
-/* Stops the motion where the axis is. */
-static void motor_axis_stop_move(struct motor_axis *axis)
-{
-    if (motor_axis_moves(axis) || motor_axis_has_velocity(axis)) {
-        axis->parameter[ICUB_P_DESIRED_VELOCITY] = 0;
-        axis->desired_velocity = axis->velocity_rest = 0;
-        motor_axis_hold_position(axis);
-    }
-}
-
-/* Makes the present position read value; references keep their distance to it. */
-static void motor_axis_set_encoder(struct motor_axis *axis, int64_t value)
-{
-    int64_t change = value - motor_axis_position(axis);
-
-    axis->offset = (int32_t)control_clamp(axis->offset + change, INT32_MIN, INT32_MAX);
-    axis->desired = (int32_t)control_clamp(axis->desired + change, INT32_MIN, INT32_MAX);
-    axis->parameter[ICUB_P_DESIRED_POSITION] = axis->desired;
-    trajectory_stop(&axis->trajectory, axis->desired);
-}
-
 /* Obeys CALIBRATE_ENCODER. Returns false when the type is another than absolute. */
 static bool motor_axis_calibrate(struct board *board, struct motor_axis *axis,
                                  const int64_t *request)
@@ -312,58 +251,6 @@ static bool motor_axis_calibrate(struct board *board, struct motor_axis *axis,
         axis->calibrated_ns = board->boards->now_ns + (int64_t)CALIBRATION_MS * MS;
     }
     return true;
-}
-
-/* Returns the parameters of the position PID that a command sets, as bits of motor_axis's pids. */
-static uint8_t motor_axis_pid_bits(unsigned code)
-{
-    switch (code) {
-    case ICUB_SET_P_GAIN:
-        return PID_HAS_P;
-    case ICUB_SET_D_GAIN:
-        return PID_HAS_D;
-    case ICUB_SET_I_GAIN:
-        return PID_HAS_I;
-    case ICUB_SET_I_LIMIT:
-        return PID_HAS_INTEGRAL_LIMIT;
-    case ICUB_SET_OFFSET:
-        return PID_HAS_OFFSET;
-    case ICUB_SET_SCALE:
-        return PID_HAS_SCALE;
-    case ICUB_SET_OUTPUT_LIMIT:
-        return PID_HAS_LIMIT;
-    case ICUB_SET_POSITION_PID:
-        return PID_HAS_P | PID_HAS_D | PID_HAS_I | PID_HAS_SCALE;
-    case ICUB_SET_POSITION_PID_LIMITS:
-        return PID_HAS_INTEGRAL_LIMIT | PID_HAS_OFFSET | PID_HAS_LIMIT;
-    default:
-        return 0;
-    }
-}
-
-/* Does what follows from a parameter's new value, beyond storing it. */
-static void motor_axis_parameter_changed(struct board *board, struct motor_axis *axis,
-                                         unsigned code)
-{
-    int64_t now = board->boards->now_ns;
-
-    axis->pids |= motor_axis_pid_bits(code);
-    switch (code) {
-    case ICUB_SET_OPEN_LOOP:
-        axis->voltage_ns = now;
-        break;
-    case ICUB_SET_I_GAIN:
-        axis->position_pid.integral = 0;
-        break;
-    case ICUB_SET_TORQUE_SOURCE:
-        axis->source_ns = now;
-        break;
-    case ICUB_SET_INTERACTION_MODE:
-        motor_board_of(board)->additional_due = true;
-        break;
-    default:
-        break;
-    }
 }
 
 /* Answers commands that ask for the state of an axis; returns false when it is not one of them. */
@@ -419,6 +306,8 @@ static bool motor_axis_answer(const struct board *board, const struct motor_axis
 static bool motor_axis_act(struct board *board, struct motor_axis *axis, unsigned code,
                            const int64_t *request)
 {
+    int64_t change;
+
     switch (code) {
     /* Mode and calibration */
     case ICUB_CALIBRATE_ENCODER:
@@ -436,8 +325,14 @@ static bool motor_axis_act(struct board *board, struct motor_axis *axis, unsigne
         return true;
 
     /* References */
-    case ICUB_POSITION_MOVE:
-        motor_axis_start_move(axis, request[0], request[1]);
+    case ICUB_POSITION_MOVE: /* in modes that have a trajectory generator */
+        if (motor_axis_moves(axis)) {
+            int64_t target = motor_axis_clamp_position(axis, request[0]);
+
+            axis->parameter[ICUB_P_DESIRED_POSITION] = target;
+            axis->trajectory.position = axis->desired;
+            trajectory_start(&axis->trajectory, (int32_t)target, request[1]);
+        }
         return true;
     case ICUB_VELOCITY_MOVE:
         if (motor_axis_has_velocity(axis)) {
@@ -446,15 +341,23 @@ static bool motor_axis_act(struct board *board, struct motor_axis *axis, unsigne
             axis->velocity_ns = board->boards->now_ns;
         }
         return true;
-    case ICUB_SET_ENCODER_POSITION:
-        motor_axis_set_encoder(axis, request[0]);
+    case ICUB_SET_ENCODER_POSITION: /* references keep their distance to the position */
+        change = request[0] - motor_axis_position(axis);
+        axis->offset = (int32_t)control_clamp(axis->offset + change, INT32_MIN, INT32_MAX);
+        axis->desired = (int32_t)control_clamp(axis->desired + change, INT32_MIN, INT32_MAX);
+        axis->parameter[ICUB_P_DESIRED_POSITION] = axis->desired;
+        trajectory_stop(&axis->trajectory, axis->desired);
         return true;
     case ICUB_SET_DESIRED_TORQUE:
         axis->parameter[ICUB_P_DESIRED_TORQUE] = control_clamp(request[0], INT16_MIN, INT16_MAX);
         axis->torque_ns = board->boards->now_ns;
         return true;
     case ICUB_STOP_TRAJECTORY:
-        motor_axis_stop_move(axis);
+        if (motor_axis_moves(axis) || motor_axis_has_velocity(axis)) {
+            axis->parameter[ICUB_P_DESIRED_VELOCITY] = 0;
+            axis->desired_velocity = axis->velocity_rest = 0;
+            motor_axis_hold_position(axis);
+        }
         return true;
     case ICUB_SET_COMMAND_POSITION:
         if (axis->base.mode == ICUB_MODE_DIRECT) {
@@ -513,8 +416,19 @@ static bool motor_board_command(struct icub_board *icub, const struct bus_frame 
     switch (row->kind) {
     case ICUB_SET:
         memcpy(parameter, request, fields_count(row->request) * sizeof *parameter);
-        motor_axis_parameter_changed(board, axis, code);
         board->boards->settings_changes += row->parameter < ICUB_P_SAVED;
+        for (unsigned i = 0; i < fields_count(row->request); i++) {
+            axis->pids |= (uint8_t)(UINT64_C(1) << (row->parameter + i) & PID_HAS_ALL);
+        }
+        if (code == ICUB_SET_OPEN_LOOP) {
+            axis->voltage_ns = board->boards->now_ns;
+        } else if (code == ICUB_SET_I_GAIN) {
+            axis->position_pid.integral = 0;
+        } else if (code == ICUB_SET_TORQUE_SOURCE) {
+            axis->source_ns = board->boards->now_ns;
+        } else if (code == ICUB_SET_INTERACTION_MODE) {
+            motor->additional_due = true;
+        }
         return true;
     case ICUB_GET:
         memcpy(reply, parameter, fields_count(row->reply) * sizeof *parameter);

@@ -8,17 +8,8 @@
 
 enum { MOTOR_AXES = 2 };
 
-/* Parameters of the position PID that a host has set since power-up. */
-enum motor_pid_bit {
-    PID_HAS_P = 1 << 0,
-    PID_HAS_D = 1 << 1,
-    PID_HAS_I = 1 << 2,
-    PID_HAS_INTEGRAL_LIMIT = 1 << 3,
-    PID_HAS_OFFSET = 1 << 4,
-    PID_HAS_SCALE = 1 << 5,
-    PID_HAS_LIMIT = 1 << 6,
-    PID_HAS_ALL = 0x7f,
-};
+/* All bits of the parameters of the position PID, ICUB_P_POSITION_KP to ..._INTEGRAL_LIMIT */
+enum { PID_HAS_ALL = (1 << (ICUB_P_POSITION_INTEGRAL_LIMIT + 1)) - 1 };
 
 struct motor_axis {
     struct axis base;
@@ -26,7 +17,7 @@ struct motor_axis {
     int64_t saved[ICUB_P_SAVED]; /* contents of the flash */
     uint8_t faults;              /* present while their cause lasts */
     uint8_t faults_once;         /* present until STATUS reports them */
-    uint8_t pids;                /* enum motor_pid_bit */
+    uint8_t pids;                /* parameters of the position PID that the host has set */
     bool calibrated;             /* since power-up */
     uint8_t heat;                /* ICUB_BOARD_OVER_TEMPERATURE_0 and ..._ERROR_0, for this axis */
     bool limit_reported;         /* an event has reported the refused voltage beyond a limit */

@@ -80,17 +80,6 @@ static void visit_command(struct message_walk *walk, int index, enum icub_class 
     }
 }
 
-/* Visits the commands of a class. */
-static void visit_commands(struct message_walk *walk, int board, enum icub_class cls,
-                           const struct icub_command *rows, unsigned count, bool axis_bit)
-{
-    for (unsigned code = 0; code < count; code++) {
-        if (rows[code].kind) {
-            visit_command(walk, board, cls, code, &rows[code], axis_bit, true);
-        }
-    }
-}
-
 /* ---- discovery: a question to everyone, an answer of each ---- */
 
 void icub_visit_discovery(struct message_walk *walk)
@@ -118,16 +107,6 @@ void icub_visit_discovery(struct message_walk *walk)
 
 /* ---- periodic frames ---- */
 
-/* Returns the cycle of a sensor board's frame; 0 = none. */
-static uint32_t sensor_cycle_ns(const struct board_config *board, unsigned type)
-{
-    int64_t period_ns = board->period_ns > 0 ? board->period_ns : MS;
-
-    return board->kind == BOARD_INERTIAL || type == ICUB_FORCE || type == ICUB_TORQUE
-               ? (uint32_t)period_ns
-               : 0;
-}
-
 /* Visits the periodic frames of a board. */
 static void visit_frames(struct message_walk *walk, int index, const struct icub_dialect *dialect)
 {
@@ -142,6 +121,8 @@ static void visit_frames(struct message_walk *walk, int index, const struct icub
 
     /* One frame for each type in the board's table */
     for (unsigned type = 0; type < 16; type++) {
+        bool periodic = inertial || type == ICUB_FORCE || type == ICUB_TORQUE;
+        int64_t period_ns = !periodic ? 0 : board->period_ns > 0 ? board->period_ns : MS;
         struct message message = {
             .name = rows[type].name,
             .id = icub_id(cls, board->address, type),
@@ -156,7 +137,7 @@ static void visit_frames(struct message_walk *walk, int index, const struct icub
                        : inertial ? SECTION_INERTIAL_TELEMETRY
                                   : SECTION_STRAIN_TELEMETRY,
             .cycle_varies = motor && (int)type == dialect->spread_frame,
-            .cycle_ns = motor ? dialect->cycle_ns(board, type) : sensor_cycle_ns(board, type),
+            .cycle_ns = motor ? dialect->cycle_ns(board, type) : (uint32_t)period_ns,
             .fields = rows[type].fields,
             .repeats = 1,
             .slot = -1,
@@ -171,17 +152,19 @@ static void visit_frames(struct message_walk *walk, int index, const struct icub
 void icub_visit_messages(struct message_walk *walk, int board, const struct icub_dialect *dialect)
 {
     enum board_kind kind = walk->config->board[board].kind;
+    bool motor = kind == BOARD_MOTOR;
+    const struct icub_command *rows = motor                    ? dialect->commands
+                                      : kind == BOARD_INERTIAL ? icub_inertial_commands
+                                                               : icub_strain_commands;
 
     visit_command(walk, board, ICUB_MANAGEMENT, ICUB_DISCOVER,
                   icub_management_command(ICUB_DISCOVER), false, false);
     visit_frames(walk, board, dialect);
-    if (kind == BOARD_MOTOR) {
-        visit_commands(walk, board, ICUB_POLLING_MOTOR, dialect->commands, ICUB_MOTOR_COMMANDS,
-                       dialect->axis_bit);
-    } else {
-        visit_commands(walk, board, ICUB_POLLING_ANALOG,
-                       kind == BOARD_INERTIAL ? icub_inertial_commands : icub_strain_commands,
-                       ICUB_STRAIN_COMMANDS, false);
+    for (unsigned code = 0; code < (motor ? ICUB_MOTOR_COMMANDS : ICUB_STRAIN_COMMANDS); code++) {
+        if (rows[code].kind) {
+            visit_command(walk, board, motor ? ICUB_POLLING_MOTOR : ICUB_POLLING_ANALOG, code,
+                          &rows[code], motor && dialect->axis_bit, true);
+        }
     }
     for (unsigned code = 0; code < ICUB_DISCOVER; code++) {
         const struct icub_command *row = icub_management_command((uint8_t)code);
@@ -343,34 +326,28 @@ static void icub_visit_board(struct message_walk *walk, int board, unsigned firs
     icub_visit_messages(walk, board, &dialect);
 }
 
-/* Returns the axis of a field of a motor board; NULL = none. In telemetry, the digit at the end of
- * the field's name is the axis; the characters of a text are named c and a digit. */
-static const struct board_axis_config *icub_field_axis(const struct board_config *board,
-                                                       const struct message_field *field)
-{
-    size_t size = strlen(field->field->name);
-    char last = field->field->name[size - 1];
-
-    if (!board || board->kind != BOARD_MOTOR || field->message->id >> 8 == ICUB_MANAGEMENT) {
-        return NULL;
-    }
-    if (field->code != MESSAGE_NO_CODE) {
-        return &board->axis[field->code >= MESSAGE_AXIS_BIT];
-    }
-    return size > 2 && (last == '0' || last == '1') ? &board->axis[last - '0'] : NULL;
-}
-
 /* Describes a field: its axis or channel, and its unit (struct protocol). */
 static void icub_describe_field(const struct boards_config *config, int bus,
                                 const struct message_field *field, struct field_subject *subject)
 {
     const struct message *message = field->message;
+    const struct board_config *board = icub_message_board(config, message);
+    size_t size = strlen(field->field->name);
+    char last = field->field->name[size - 1];
     bool of_rotor =
         message->id >> 8 == ICUB_PERIODIC_MOTOR && (message->id & 0xf) == ICUB_MOTOR_POSITION;
     double ticks = 0.0;
 
     (void)bus;
-    subject->axis = icub_field_axis(icub_message_board(config, message), field);
+    /* In telemetry, the digit at the end of the field's name is the axis; the characters of a text
+     * are named c and a digit */
+    if (board && board->kind == BOARD_MOTOR && message->id >> 8 != ICUB_MANAGEMENT) {
+        if (field->code != MESSAGE_NO_CODE) {
+            subject->axis = &board->axis[field->code >= MESSAGE_AXIS_BIT];
+        } else if (size > 2 && (last == '0' || last == '1')) {
+            subject->axis = &board->axis[last - '0'];
+        }
+    }
     icub_describe_channel(config, field, subject);
     if (subject->axis && subject->axis->joint >= 0) {
         ticks = of_rotor ? subject->axis->motor_ticks_per_rad : subject->axis->joint_ticks_per_rad;

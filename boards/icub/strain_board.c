@@ -47,33 +47,26 @@ static struct strain_board *strain_board_of(const struct board *board)
     return container_of(board, struct strain_board, icub.board);
 }
 
-/* Fills the EEPROM of a new board: serial number, identity matrix, full scales of the rig. */
-static void strain_board_set_up_eeprom(const struct board *board)
-{
-    struct strain_board *strain = strain_board_of(board);
-    char serial[ICUB_SERIAL_LENGTH + 1];
-
-    snprintf(serial, sizeof serial, "SIM%02X%02X", (unsigned)board->config.bus & 0xff,
-             (unsigned)board->address & 0xff);
-    memcpy(strain->serial, serial, sizeof strain->serial);
-    for (int i = 0; i < BOARD_CHANNELS; i++) {
-        int32_t scale = 0;
-
-        strain->matrix[i][i] = MATRIX_ONE;
-        control_quantize(board->config.full_scale[i], &scale);
-        strain->full_scale[i] = (uint16_t)scale;
-    }
-    strain->saved = true;
-}
-
 /* Resets the volatile state (struct board_ops). */
 static void strain_board_power_up(struct board *board)
 {
     struct strain_board *strain = strain_board_of(board);
 
+    /* The EEPROM of a new board: serial number, identity matrix, full scales of the rig */
     if (!strain->powered) {
-        strain_board_set_up_eeprom(board);
-        strain->powered = true;
+        char serial[ICUB_SERIAL_LENGTH + 1];
+
+        snprintf(serial, sizeof serial, "SIM%02X%02X", (unsigned)board->config.bus & 0xff,
+                 (unsigned)board->address & 0xff);
+        memcpy(strain->serial, serial, sizeof strain->serial);
+        for (int i = 0; i < BOARD_CHANNELS; i++) {
+            int32_t scale = 0;
+
+            strain->matrix[i][i] = MATRIX_ONE;
+            control_quantize(board->config.full_scale[i], &scale);
+            strain->full_scale[i] = (uint16_t)scale;
+        }
+        strain->saved = strain->powered = true;
     }
     memset(strain->current_tare, 0, sizeof strain->current_tare);
     memset(strain->held, 0, sizeof strain->held);
@@ -123,42 +116,28 @@ static int32_t strain_board_add_tare(const struct strain_board *strain, int32_t 
     return (int32_t)control_clamp(value + strain->current_tare[channel], INT16_MIN, INT16_MAX);
 }
 
-/* Computes the converter's reading of a channel, 0 to UINT16_MAX; false = value not finite. */
-static bool strain_board_read_raw(const struct board *board, int channel, double value,
-                                  int64_t *raw)
-{
-    int32_t counts;
-
-    if (!control_quantize(value / board->config.full_scale[channel] * ICUB_STRAIN_ZERO, &counts)) {
-        return false;
-    }
-    *raw = control_clamp((int64_t)counts + ICUB_STRAIN_ZERO, 0, UINT16_MAX);
-    return true;
-}
-
-/* Returns whether a converter reading is saturated, and at which end. */
-static enum saturation strain_board_saturation(int64_t raw)
-{
-    return raw < ICUB_STRAIN_LOW    ? SATURATED_LOW
-           : raw > ICUB_STRAIN_HIGH ? SATURATED_HIGH
-                                    : SATURATED_NOT;
-}
-
-/* Converts a channel to counts, and notes whether it, or its peak within the tick, is saturated. A
- * value that is not finite keeps the old counts. */
+/* Converts a channel to counts from zero, and notes whether it, or its peak within the tick, is
+ * saturated. A value that is not finite keeps the old counts. */
 static void strain_board_convert(struct board *board, int channel, double value, double peak)
 {
     struct strain_board *strain = strain_board_of(board);
-    int64_t raw;
+    uint8_t *saturated = &strain->saturated[channel];
+    int32_t counts;
 
-    if (!strain_board_read_raw(board, channel, value, &raw)) {
-        return;
-    }
-    strain->adc[channel] = (int32_t)raw - ICUB_STRAIN_ZERO;
-    strain->saturated[channel] = strain_board_saturation(raw);
-    if (peak != value && strain->saturated[channel] == SATURATED_NOT &&
-        strain_board_read_raw(board, channel, peak, &raw)) {
-        strain->saturated[channel] = strain_board_saturation(raw);
+    for (int i = 0; i < 2; i++, value = peak) {
+        if (!control_quantize(value / board->config.full_scale[channel] * ICUB_STRAIN_ZERO,
+                              &counts)) {
+            return;
+        }
+        *saturated = counts < ICUB_STRAIN_LOW - ICUB_STRAIN_ZERO    ? SATURATED_LOW
+                     : counts > ICUB_STRAIN_HIGH - ICUB_STRAIN_ZERO ? SATURATED_HIGH
+                                                                    : SATURATED_NOT;
+        if (i == 0) {
+            strain->adc[channel] = (int32_t)control_clamp(counts, INT16_MIN, INT16_MAX);
+        }
+        if (*saturated || peak == value) {
+            return;
+        }
     }
 }
 
@@ -274,27 +253,7 @@ static bool strain_board_command_tare(struct strain_board *strain, const struct 
            strain_board_set_tare(strain, strain->current_tare, request, strain_board_calibrate);
 }
 
-/* Obeys SET_MATRIX and GET_MATRIX: one element. */
-static bool strain_board_command_matrix(struct strain_board *strain, unsigned code,
-                                        const int64_t *request, int64_t *reply)
-{
-    unsigned row;
-
-    if (!strain_board_split_channel(request[0], &row)) {
-        return false;
-    }
-    if (code == ICUB_STRAIN_SET_MATRIX) {
-        strain->matrix[row][request[1]] = (int16_t)request[2];
-        strain->saved = false;
-        return true;
-    }
-    reply[0] = request[0];
-    reply[1] = request[1];
-    reply[2] = strain->matrix[row][request[1]];
-    return true;
-}
-
-/* Obeys SET and GET of the data that the EEPROM stores per channel for the host. */
+/* Obeys SET and GET of the data that the EEPROM stores per channel, or per row of the matrix. */
 static bool strain_board_command_channel(struct strain_board *strain, unsigned code,
                                          const int64_t *request, int64_t *reply)
 {
@@ -305,6 +264,14 @@ static bool strain_board_command_channel(struct strain_board *strain, unsigned c
     }
     reply[0] = request[0];
     switch (code) {
+    case ICUB_STRAIN_SET_MATRIX:
+        strain->matrix[channel][request[1]] = (int16_t)request[2];
+        strain->saved = false;
+        break;
+    case ICUB_STRAIN_GET_MATRIX:
+        reply[1] = request[1];
+        reply[2] = strain->matrix[channel][request[1]];
+        break;
     case ICUB_STRAIN_SET_FULL_SCALE:
         strain->full_scale[channel] = (uint16_t)request[1];
         strain->saved = false;
@@ -433,7 +400,6 @@ static bool strain_board_command(struct icub_board *icub, const struct bus_frame
         return strain_board_command_tare(strain_board_of(board), frame, request);
     case ICUB_STRAIN_SET_MATRIX:
     case ICUB_STRAIN_GET_MATRIX:
-        return strain_board_command_matrix(strain_board_of(board), code, request, reply);
     case ICUB_STRAIN_SET_FULL_SCALE:
     case ICUB_STRAIN_GET_FULL_SCALE:
     case ICUB_STRAIN_SET_DAC:
