@@ -94,6 +94,10 @@ struct command_spec {
     const char *program; /* name of the program; NULL = "coman-hil" */
 };
 
+/* The members of a command_spec for an array of options, and for one of operands. */
+#define OPTION_TABLE(rows) .option = (rows), .noption = sizeof(rows) / sizeof *(rows)
+#define OPERAND_TABLE(rows) .operand = (rows), .noperand = sizeof(rows) / sizeof *(rows)
+
 /* Parses the arguments after argv[0]. --name VALUE and --name=VALUE are equal; -- ends the options.
  * A list of last operands stays in argv, whose words are moved, and ends with NULL. --help or -h
  * before any error sets *help and stops. The error names the option, what was found and what was

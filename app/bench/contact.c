@@ -2,13 +2,12 @@
 /*
  * coman-hil-bench contact: time of one evaluation of contact forces for the pairs of surfaces that
  * a robot meets and for the paper's five-body scene, the native engine beside Simbody in one
- * interleaved run; how it grows with the size of a mesh; and the slowest of many random poses.
+ * interleaved run; how it grows with the size of a mesh.
  */
 
 #include "app/bench/allocations.h"
 #include "app/bench/contact_scenes.h"
 #include "app/bench/output.h"
-#include "base/array.h"
 #include "base/options.h"
 #include "contact/contact.h"
 #include "manual/contact.h"
@@ -18,12 +17,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #define ARENA_BYTES ((size_t)2 << 30) /* address space */
 
-/* Motions of each scene; engines; rounds with --quick; index of the native engine. */
-enum { POSES = 16, ENGINES = 2, QUICK_ROUNDS = 5, NATIVE = 0 };
+/* Motions of each scene; engines; index of the native engine. */
+enum { POSES = 16, ENGINES = 2, NATIVE = 0 };
 
 static const char *const engine_name[ENGINES] = {"native", "simbody"};
 
@@ -38,7 +36,6 @@ struct result {
 /* The benchmark under way. */
 struct bench {
     size_t rounds, nscene;
-    int64_t random;
     struct arena arena;
     struct bench_scene scene[BENCH_SCENES];
     struct result result[BENCH_SCENES];
@@ -155,58 +152,6 @@ static void contact_bench_print_rounds(struct bench *bench)
     }
 }
 
-/* Times the native engine in n random motions, us: the fastest of three each, so that an interrupt
- * is not taken for work. */
-static void contact_bench_time_random(const struct bench_scene *s, struct contact_world *world,
-                                      size_t n, double *us)
-{
-    uint64_t seed = 1000003;
-
-    for (size_t i = 0; i < n; i++) {
-        struct body_motion motion[BENCH_BODIES];
-        struct contact_wrench wrench[BENCH_BODIES];
-
-        bench_scene_draw(s, &seed, motion);
-        us[i] = HUGE_VAL;
-        for (int again = 0; again < 3; again++) {
-            struct timespec start, end;
-            double took;
-
-            clock_gettime(CLOCK_MONOTONIC, &start);
-            world->ops->evaluate(world, motion, NULL, wrench);
-            clock_gettime(CLOCK_MONOTONIC, &end);
-            took = 1e6 * (double)(end.tv_sec - start.tv_sec) +
-                   1e-3 * (double)(end.tv_nsec - start.tv_nsec);
-            us[i] = took < us[i] ? took : us[i];
-        }
-    }
-}
-
-/* Prints percentiles of the native engine's time over many random motions of each scene. */
-static enum error_code contact_bench_run_random(struct bench *bench, struct error *error)
-{
-    size_t n = (size_t)bench->random;
-    double *us = malloc(n * sizeof *us);
-
-    if (!us) {
-        return error_set(error, ERROR_MEMORY, "no memory for %zu times", n);
-    }
-    printf("\nnative, microseconds of %zu random poses, each the fastest of three, clock included\n"
-           "\n%-26s %9s %8s %8s %8s %8s %8s\n",
-           n, "scene", "triangles", "median", "99 %", "99.9 %", "worst", "ratio");
-    for (size_t i = 0; i < bench->nscene; i++) {
-        const struct bench_scene *s = &bench->scene[i];
-
-        contact_bench_time_random(s, bench->result[i].world[NATIVE], n, us);
-        bench_sort(us, n);
-        printf("%-26s %9zu %8.3f %8.3f %8.3f %8.3f %8.1f\n", s->name, s->faces, us[n / 2],
-               us[n - 1 - n / 100], us[n - 1 - n / 1000], us[n - 1], us[n - 1] / us[n / 2]);
-        bench_progress("contact, random poses", i + 1, bench->nscene);
-    }
-    free(us);
-    return ERROR_NONE;
-}
-
 /* Makes the scenes and measures them. */
 static enum error_code contact_bench_run(struct bench *bench, const char *foot, struct error *error)
 {
@@ -222,7 +167,6 @@ static enum error_code contact_bench_run(struct bench *bench, const char *foot, 
     if (!code) {
         contact_bench_run_rounds(bench);
         contact_bench_print_rounds(bench);
-        code = bench->random > 0 ? contact_bench_run_random(bench, error) : ERROR_NONE;
     }
 
     /* Simbody's worlds have memory of their own; the native ones are in the arena */
@@ -239,15 +183,11 @@ static enum error_code contact_bench_run(struct bench *bench, const char *foot, 
 int bench_contact(int argc, char **argv)
 {
     static int64_t rounds = 200;
-    static bool quick;
     static const char *foot;
     static struct bench bench;
     static const struct option_spec options[] = {
         {"--rounds", OPTION_INT, "N", "interleaved rounds, 200 by default", &rounds, .min = 1,
          .max = 100000},
-        {"--random", OPTION_INT, "N", "also time N random poses, native only", &bench.random,
-         .min = 0, .max = 10000000},
-        {"--quick", OPTION_FLAG, NULL, "a few rounds, to see that it works", &quick, .min = 0},
     };
     static const struct operand_spec operands[] = {
         {"FOOT", "the foot's mesh, config/meshes/coman-foot-right.obj by default", false,
@@ -257,10 +197,8 @@ int bench_contact(int argc, char **argv)
         .program = "coman-hil-bench",
         .name = "contact",
         .summary = "Time the contact engines on the pairs of surfaces that a robot meets.",
-        .option = options,
-        .noption = ARRAY_COUNT(options),
-        .operand = operands,
-        .noperand = ARRAY_COUNT(operands),
+        OPTION_TABLE(options),
+        OPERAND_TABLE(operands),
         .manual = MANUAL_CONTACT,
     };
     struct error error;
@@ -271,7 +209,7 @@ int bench_contact(int argc, char **argv)
         return status;
     }
     /* The scenes take meshes of their own beside the foot's */
-    bench.rounds = quick ? QUICK_ROUNDS : (size_t)rounds;
+    bench.rounds = (size_t)rounds;
     code = arena_init(&bench.arena, ARENA_BYTES, &error);
     if (!code) {
         code =

@@ -7,7 +7,6 @@
 
 #include "app/bench/output.h"
 #include "app/report/report.h"
-#include "base/array.h"
 #include "base/options.h"
 #include "manual/dynamics.h"
 #include "manual/peers.h"
@@ -21,7 +20,7 @@
 
 #define BATCH_NS 200000.0 /* time of one measurement: many times what reading the clock takes */
 
-enum { ROUNDS_MAX = 100000, QUICK_ROUNDS = 20 };
+enum { ROUNDS_MAX = 100000 };
 
 /* Joints of parts of COMAN: waist and one leg, both legs, torso. The last size is the whole
  * robot. */
@@ -133,12 +132,6 @@ static void dynamics_bench_evaluate(struct dynamics_bench *bench)
     }
 }
 
-/* Returns the median of a cell, us. */
-static double median_of(const struct dynamics_bench *bench, size_t e, size_t s)
-{
-    return bench->cell[e][s].median;
-}
-
 /* Returns the engine that speeds are compared with: Simbody, as in the paper, or else the first
  * one. */
 size_t dynamics_bench_reference(const struct dynamics_bench *bench)
@@ -151,75 +144,33 @@ size_t dynamics_bench_reference(const struct dynamics_bench *bench)
     return 0;
 }
 
-/* Returns how many times as fast as the reference an engine is. */
-static double speed_of(const struct dynamics_bench *bench, size_t e, size_t s)
-{
-    return bench->cell[dynamics_bench_reference(bench)][s].median / bench->cell[e][s].median;
-}
-
-/* Returns the slope of an engine over the sizes. */
-static double slope_of(const struct dynamics_bench *bench, size_t e, size_t s)
-{
-    (void)s;
-    return bench->slope[e];
-}
-
-/* Returns the average relative difference of a cell from the first engine. */
-static double difference_of(const struct dynamics_bench *bench, size_t e, size_t s)
-{
-    return bench->cell[e][s].difference;
-}
-
-/* Prints a row of the table, with a number for every engine. */
-static void dynamics_bench_print_row(const struct dynamics_bench *bench, const char *head,
-                                     double (*value)(const struct dynamics_bench *, size_t e,
-                                                     size_t s),
-                                     size_t s)
-{
-    printf("%-24s", head);
-    for (size_t e = 0; e < bench->nengine; e++) {
-        double figure = value(bench, e, s);
-
-        if (value == difference_of) {
-            printf(" %14.1e", figure);
-        } else {
-            printf(" %14.3f", figure);
-        }
-    }
-    printf("\n");
-}
-
-/* Prints the table, what the generated code costs, and the paper's numbers. */
+/* Prints the table with a row for each engine, what the generated code costs, and the paper's
+ * numbers. */
 static void dynamics_bench_print_table(const struct dynamics_bench *bench)
 {
-    size_t last = bench->nsize - 1;
+    const size_t last = bench->nsize - 1, reference = dynamics_bench_reference(bench);
     const struct dynamics_module *module = symbolic_builtin(bench->robot[last]);
-    char head[64];
 
     printf("Generalized accelerations of %s, us of CPU time an evaluation, medians of %zu "
-           "interleaved rounds\n\n%-24s",
+           "interleaved rounds\n\n%-34s",
            bench->robot[last]->name, bench->rounds, "degrees of freedom");
-    for (size_t e = 0; e < bench->nengine; e++) {
-        printf(" %14s", bench->peer[e]->name);
-    }
-    printf("\n%-24s", "");
-    for (size_t e = 0; e < bench->nengine; e++) {
-        printf(" %14s", bench->peer[e]->version);
-    }
-    printf("\n");
-
-    /* A row for each size, then what is derived from them */
     for (size_t s = 0; s < bench->nsize; s++) {
-        snprintf(head, sizeof head, "%zu", bench->robot[s]->nv);
-        dynamics_bench_print_row(bench, head, median_of, s);
+        printf(" %9zu", bench->robot[s]->nv);
     }
-    if (bench->nsize > 1) {
-        dynamics_bench_print_row(bench, "us per freedom, slope", slope_of, 0);
+    printf(" %9s %9s  difference\n", "a freedom", "speed");
+    for (size_t e = 0; e < bench->nengine; e++) {
+        const struct dynamics_cell *cell = bench->cell[e];
+
+        printf("%-10s %-23s", bench->peer[e]->name, bench->peer[e]->version);
+        for (size_t s = 0; s < bench->nsize; s++) {
+            printf(" %9.3f", cell[s].median);
+        }
+        printf(" %9.4f %9.3f %11.1e\n", bench->slope[e],
+               bench->cell[reference][last].median / cell[last].median, cell[last].difference);
     }
-    snprintf(head, sizeof head, "%zu: times %s's speed", bench->robot[last]->nv,
-             bench->peer[dynamics_bench_reference(bench)]->name);
-    dynamics_bench_print_row(bench, head, speed_of, last);
-    dynamics_bench_print_row(bench, "difference, average", difference_of, last);
+    printf("a freedom: slope over the sizes; speed: of the whole robot, times %s's; difference: "
+           "average, relative\n",
+           bench->peer[reference]->name);
     if (module) {
         printf("\nThe generated code of %zu freedoms takes %u floating-point operations, %s lanes "
                "counted each, sines and\ncosines apart.\n",
@@ -249,12 +200,9 @@ static void write_csv(const struct dynamics_bench *bench, FILE *out)
 
 void dynamics_bench_draw(const struct dynamics_bench *bench, struct dynamics_plot *plot)
 {
-    plot->panel =
-        (struct svg_plot){.title = plot->title,
-                          .x = {.label = "degrees of freedom"},
-                          .y = {.label = "CPU time of one evaluation, us", .logarithmic = true},
-                          .series = plot->series,
-                          .nseries = bench->nengine};
+    plot->panel = svg_panel(plot->title, "degrees of freedom", "CPU time of one evaluation, us",
+                            plot->series, bench->nengine);
+    plot->panel.y.logarithmic = true;
     snprintf(plot->title, sizeof plot->title, "Generalized accelerations of %s",
              bench->robot[bench->nsize - 1]->name);
     for (size_t e = 0; e < bench->nengine; e++) {
@@ -262,11 +210,8 @@ void dynamics_bench_draw(const struct dynamics_bench *bench, struct dynamics_plo
             plot->x[s] = (double)bench->robot[s]->nv;
             plot->y[e][s] = bench->cell[e][s].median;
         }
-        plot->series[e] = (struct svg_series){.name = bench->peer[e]->name,
-                                              .x = plot->x,
-                                              .y = plot->y[e],
-                                              .count = bench->nsize,
-                                              .style = SVG_LINE_MARKERS};
+        plot->series[e] =
+            svg_line(bench->peer[e]->name, plot->x, plot->y[e], bench->nsize, SVG_LINE_MARKERS);
     }
 }
 
@@ -336,7 +281,6 @@ int bench_dynamics(int argc, char **argv)
 {
     static const char *file = "coman", *folder, *module;
     static int64_t rounds = 200;
-    static bool quick;
     static const struct option_spec options[] = {
         {.name = "--rounds",
          .type = OPTION_INT,
@@ -345,7 +289,6 @@ int bench_dynamics(int argc, char **argv)
          .value = &rounds,
          .min = 1.0,
          .max = ROUNDS_MAX},
-        {.name = "--quick", .type = OPTION_FLAG, .help = "20 rounds", .value = &quick},
         BENCH_OUT_OPTION(&folder, "dynamics.csv and dynamics.svg"),
         BENCH_PEERS_OPTION(&module),
     };
@@ -357,10 +300,8 @@ int bench_dynamics(int argc, char **argv)
         .name = "dynamics",
         .summary = "CPU time of a robot's generalized accelerations by number of degrees of "
                    "freedom, the paper's Fig. 4.",
-        .option = options,
-        .noption = ARRAY_COUNT(options),
-        .operand = operands,
-        .noperand = ARRAY_COUNT(operands),
+        OPTION_TABLE(options),
+        OPERAND_TABLE(operands),
         .manual = MANUAL_DYNAMICS "\n\n" MANUAL_PEERS,
     };
     static struct dynamics_bench bench;
@@ -373,7 +314,7 @@ int bench_dynamics(int argc, char **argv)
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
-    bench.rounds = quick ? QUICK_ROUNDS : (size_t)rounds;
+    bench.rounds = (size_t)rounds;
     code = bench_peers(module, "ours only", &library, &error);
     if (code) {
         goto end_peers;

@@ -1,14 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A port that tells when frames passed the kernel. */
-#include "app/bench/latency.h"
+#include "app/bench/latency_tap.h"
 
 #include <string.h>
-
-/* Returns the tap of which a port is the first member. */
-static struct latency_tap *latency_tap_of(struct can_port *port)
-{
-    return (struct latency_tap *)port;
-}
 
 /* Copies state and counters of the port behind the tap. */
 static void latency_tap_copy_state(struct latency_tap *tap)
@@ -40,7 +34,7 @@ static bool latency_tap_comes_back(struct latency_tap *tap, const struct bus_fra
 /* Hands on one received frame at most, without those that were sent here. */
 static size_t latency_tap_receive(struct can_port *port, struct bus_frame *frames, size_t max)
 {
-    struct latency_tap *tap = latency_tap_of(port);
+    struct latency_tap *tap = (struct latency_tap *)port;
 
     while (max > 0) {
         if (tap->first == tap->nwaiting) {
@@ -64,7 +58,7 @@ static size_t latency_tap_receive(struct can_port *port, struct bus_frame *frame
 /* Sends frames and remembers them until they come back. */
 static size_t latency_tap_send(struct can_port *port, const struct bus_frame *frames, size_t count)
 {
-    struct latency_tap *tap = latency_tap_of(port);
+    struct latency_tap *tap = (struct latency_tap *)port;
     size_t sent;
 
     /* Frames that never came back, as on an interface that is down, make room */
@@ -91,7 +85,7 @@ static int latency_tap_descriptor(const struct can_port *port)
 /* Closes the port behind the tap. */
 static void latency_tap_close(struct can_port *port)
 {
-    struct latency_tap *tap = latency_tap_of(port);
+    struct latency_tap *tap = (struct latency_tap *)port;
 
     tap->inner->ops->close(tap->inner);
 }

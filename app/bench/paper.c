@@ -5,7 +5,6 @@
 
 #include "app/bench/output.h"
 #include "app/bench/pendulum.h"
-#include "base/array.h"
 #include "base/options.h"
 #include "manual/paper.h"
 #include "manual/peers.h"
@@ -143,8 +142,7 @@ int bench_paper(int argc, char **argv)
         .program = "coman-hil-bench",
         .name = "paper",
         .summary = "A report with every table and figure of the paper that can be reproduced.",
-        .option = options,
-        .noption = ARRAY_COUNT(options),
+        OPTION_TABLE(options),
         .manual = MANUAL_PAPER "\n\n" MANUAL_PEERS,
     };
     static struct paper paper;

@@ -1,11 +1,112 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reproduces the paper's section 6: Table 2 and Figs. 9 to 11, COMAN takes a box from a table. */
-#include "app/bench/paper_grasp.h"
-
+/* Reproduces the paper's section 6: Table 2 and Figs. 8 to 11, COMAN takes a box from a table. */
 #include "app/bench/paper.h"
 
+#include "model/spatial.h"
+
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
+
+#define GRASP_TIME "time since the arms began to move, s"
+
+/* Columns of a result, after the time. */
+enum {
+    ARM = 1, /* the right arm's GRASP_JOINTS joints */
+    ELBOW_MOTOR = ARM + GRASP_JOINTS,
+    BOX_FORCE, /* vertical, of all contacts */
+    PRESS_RIGHT,
+    PRESS_LEFT,
+    CARRY_RIGHT,
+    CARRY_LEFT,
+    FOOT_RIGHT,
+    FOOT_LEFT,
+    TORQUE_RIGHT,
+    TORQUE_LEFT,
+    BOX_X,
+    BOX_Y,
+    BOX_HEIGHT,
+    BASE,                     /* position and quaternion */
+    GRASP_SIGNALS = BASE + 7, /* then the angle of every joint */
+};
+
+/* A recorded run of the task; pointers are valid until paper_run_end. */
+struct grasp_result {
+    const struct rig *rig;
+    size_t count;
+    double *time;               /* s since the arms began to move */
+    double *const *value;       /* pressing is positive */
+    double touch;               /* time at which the right wrist touches the box; NAN = never */
+    double box_kg, rest_height; /* height of the box's middle at the start, m */
+    double gravity;             /* m/s2 */
+};
+
+enum { MOMENTS = 3, POINTS_MAX = 512, VIEWS = 2 };
+
+/* Runs the task and takes the results out of run, which holds them until paper_run_end. */
+static enum error_code grasp_run(const struct paper *paper, const char *rig, struct paper_run *run,
+                                 struct grasp_result *result, struct error *error)
+{
+    static const char *const title[GRASP_SIGNALS - 1] = {"q_RShSag_rad",
+                                                         "q_RShLat_rad",
+                                                         "q_RShYaw_rad",
+                                                         "q_RElbj_rad",
+                                                         "qm_RElbj_rad",
+                                                         "fz_box_n",
+                                                         "fy_right_wrist_on_box_n",
+                                                         "fy_left_wrist_on_box_n",
+                                                         "fz_right_wrist_on_box_n",
+                                                         "fz_left_wrist_on_box_n",
+                                                         "fz_ground_on_right_foot_n",
+                                                         "fz_ground_on_left_foot_n",
+                                                         "my_right_wrist_on_box_nm",
+                                                         "my_left_wrist_on_box_nm",
+                                                         "box_x_m",
+                                                         "box_y_m",
+                                                         "box_z_m",
+                                                         "base_x_m",
+                                                         "base_y_m",
+                                                         "base_z_m",
+                                                         "base_qw",
+                                                         "base_qx",
+                                                         "base_qy",
+                                                         "base_qz"};
+    const struct paper_order order = {.rig = rig,
+                                      .task = "grasp",
+                                      .clock = LOOP_CLOCK_LOCKSTEP,
+                                      .title = title,
+                                      .ntitle = GRASP_SIGNALS - 1,
+                                      .joints = true,
+                                      .row_ms = 2};
+    enum error_code code = paper_run(paper, &order, run, error);
+    const struct grasp_config *grasp = &run->rig.grasp;
+    double begin;
+
+    if (code) {
+        return code;
+    }
+
+    /* The arms began to move when the path and the hold after it were still to come */
+    begin = run->seconds - grasp->hold_s - grasp->phase[grasp->nphase - 1].until_s;
+    *result = (struct grasp_result){.rig = &run->rig,
+                                    .count = run->signals.count,
+                                    .time = run->signals.value[0],
+                                    .value = run->signals.value,
+                                    .touch = NAN,
+                                    .box_kg = run->rig.free[0].inertia.mass,
+                                    .rest_height = run->rig.free[0].position[2],
+                                    .gravity = -run->rig.robot->gravity[2]};
+
+    /* Count times from there, make pressing positive on both sides, and find the first touch */
+    for (size_t i = 0; i < result->count; i++) {
+        result->time[i] -= begin;
+        result->value[PRESS_LEFT][i] = -result->value[PRESS_LEFT][i];
+        if (isnan(result->touch) && result->value[PRESS_RIGHT][i] > 0.0) {
+            result->touch = result->time[i];
+        }
+    }
+    return ERROR_NONE;
+}
 
 /* ---- Table 2 ---- */
 
@@ -85,7 +186,211 @@ static void put_table_2(struct report *report, const struct rig *rig)
     }
 }
 
+/* ---- Fig. 8 ---- */
+
+/* A line from point to point, with breaks, in both views: from the right side x and z, from the
+ * front y and z. */
+struct drawing {
+    double across[VIEWS][POINTS_MAX], up[POINTS_MAX];
+    size_t count;
+};
+
+/* Adds a point, m, to both views; NULL breaks the line. */
+static void put_point(struct drawing *drawing, const double point[3])
+{
+    if (drawing->count < POINTS_MAX) {
+        drawing->across[0][drawing->count] = point ? point[0] : (double)NAN;
+        drawing->across[1][drawing->count] = point ? point[1] : (double)NAN;
+        drawing->up[drawing->count++] = point ? point[2] : (double)NAN;
+    }
+}
+
+/* Adds a line between two points. */
+static void put_segment(struct drawing *drawing, const double from[3], const double to[3])
+{
+    put_point(drawing, from);
+    put_point(drawing, to);
+    put_point(drawing, NULL);
+}
+
+/* Adds the outline of an upright box, as seen from the side and from the front. */
+static void put_box(struct drawing *drawing, const double middle[3], const double half[3])
+{
+    static const double corner[5][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}, {-1, -1}};
+
+    for (size_t i = 0; i < 5; i++) {
+        const double point[3] = {middle[0] + corner[i][0] * half[0],
+                                 middle[1] + corner[i][0] * half[1],
+                                 middle[2] + corner[i][1] * half[2]};
+
+        put_point(drawing, point);
+    }
+    put_point(drawing, NULL);
+}
+
+/* Adds the spheres of the wrists, as lines from the body's origin to them. */
+static void draw_wrists(struct drawing *drawing, const struct rig *rig, double (*place)[3],
+                        double (*turn)[9])
+{
+    for (size_t i = 0; i < rig->contact.nsurface; i++) {
+        const struct contact_surface *surface = &rig->contact.surface[i];
+        int body = surface->body < 0 ? -1 : rig->contact_body[surface->body];
+        double offset[3], end[3];
+
+        if (body < 0 || (size_t)body >= rig->robot->nbody || surface->shape != CONTACT_SPHERE) {
+            continue;
+        }
+        mat3_apply(turn[body], surface->position, offset);
+        for (int k = 0; k < 3; k++) {
+            end[k] = place[body][k] + offset[k];
+        }
+        put_segment(drawing, place[body], end);
+    }
+}
+
+/* Adds the outlines of the soles. */
+static void draw_feet(struct drawing *drawing, const struct rig *rig, double (*place)[3],
+                      double (*turn)[9])
+{
+    for (size_t i = 0; i < rig->contact.nsurface; i++) {
+        const struct contact_surface *surface = &rig->contact.surface[i];
+        int body = surface->body < 0 ? -1 : rig->contact_body[surface->body];
+        double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
+        double middle[3], half[3];
+
+        if (body < 0 || (size_t)body >= rig->robot->nbody || surface->shape != CONTACT_MESH) {
+            continue;
+        }
+
+        /* The box around the vertices in the world */
+        for (size_t v = 0; v < surface->mesh->nvertex; v++) {
+            double local[3], world[3];
+
+            mat3_apply(surface->rotation, surface->mesh->vertex[v], local);
+            for (int k = 0; k < 3; k++) {
+                local[k] += surface->position[k];
+            }
+            mat3_apply(turn[body], local, world);
+            for (int k = 0; k < 3; k++) {
+                low[k] = fmin(low[k], place[body][k] + world[k]);
+                high[k] = fmax(high[k], place[body][k] + world[k]);
+            }
+        }
+        for (int k = 0; k < 3; k++) {
+            middle[k] = 0.5 * (low[k] + high[k]);
+            half[k] = 0.5 * (high[k] - low[k]);
+        }
+        put_box(drawing, middle, half);
+    }
+}
+
+/* Draws the robot in a row of the recording: lines between joints, wrists, feet, and the box. */
+static void draw_robot(struct drawing *drawing, const struct grasp_result *result, size_t row)
+{
+    const struct robot *robot = result->rig->robot;
+    double place[SIGNALS_MAX][3], turn[SIGNALS_MAX][9], q[SIGNALS_MAX], base[7], box[3];
+    static const double half[3] = {0.075, 0.075, 0.075};
+
+    for (int k = 0; k < 7; k++) {
+        base[k] = result->value[BASE + k][row];
+    }
+    for (size_t j = 0; j < robot->njoint; j++) {
+        q[j] = result->value[GRASP_SIGNALS + j][row];
+    }
+    paper_place_bodies(robot, base, q, place, turn);
+    for (size_t b = 1; b < robot->nbody; b++) {
+        put_segment(drawing, place[robot->body[b].parent], place[b]);
+    }
+    draw_wrists(drawing, result->rig, place, turn);
+    draw_feet(drawing, result->rig, place, turn);
+    for (int k = 0; k < 3; k++) {
+        box[k] = result->value[BOX_X + k][row];
+    }
+    put_box(drawing, box, half);
+}
+
+/* Draws the boxes that stand in the world: the table. */
+static void draw_table(struct drawing *drawing, const struct rig *rig)
+{
+    for (size_t i = 0; i < rig->contact.nsurface; i++) {
+        const struct contact_surface *surface = &rig->contact.surface[i];
+
+        if (surface->body < 0 && surface->shape == CONTACT_BOX) {
+            put_box(drawing, surface->position, surface->half_extent_m);
+        }
+    }
+}
+
+/* Returns the first row at a time or after it; the last one when there is none. */
+static size_t row_at(const struct grasp_result *result, double time)
+{
+    size_t row = 0;
+
+    while (row + 1 < result->count && result->time[row] < time) {
+        row++;
+    }
+    return row;
+}
+
+/* Draws Fig. 8, left: the robot at the start, at the touch and at the end, as lines between its
+ * joints. */
+static void draw_grasp(struct report *report, const struct grasp_result *result)
+{
+    static const char *const views[VIEWS] = {"From the right", "From the front"};
+    static const char *const across[VIEWS] = {"x, m", "y, m"};
+    static const char *const names[MOMENTS + 1] = {"at the start", "wrists touch", "box held",
+                                                   "table"};
+    struct drawing *drawing = calloc(MOMENTS + 1, sizeof *drawing);
+    struct svg_series series[VIEWS][MOMENTS + 1];
+    struct svg_plot panel[VIEWS];
+
+    report_section(report, "scene", "Fig. 8: COMAN takes a box from a table");
+    if (!drawing) {
+        return;
+    }
+
+    /* Draw three moments, and the table that is in all of them */
+    draw_robot(&drawing[0], result, 0);
+    draw_robot(&drawing[1], result, row_at(result, result->touch));
+    draw_robot(&drawing[2], result, result->count - 1);
+    draw_table(&drawing[3], result->rig);
+
+    /* A panel for each view */
+    for (size_t v = 0; v < VIEWS; v++) {
+        for (size_t i = 0; i <= MOMENTS; i++) {
+            series[v][i] = svg_line(names[i], drawing[i].across[v], drawing[i].up, drawing[i].count,
+                                    i == 0 ? SVG_DASHED : SVG_LINE);
+        }
+        /* The same scale on both axes: 404 x 520 px of drawing area for 0.8 m x 1.03 m */
+        panel[v] =
+            (struct svg_plot){.title = views[v],
+                              .x = {.label = across[v],
+                                    .fixed = true,
+                                    .min = v ? -0.40 : -0.35,
+                                    .max = v ? 0.40 : 0.45},
+                              .y = {.label = "z, m", .fixed = true, .min = -0.03, .max = 1.0},
+                              .series = series[v],
+                              .nseries = MOMENTS + 1,
+                              .width = 520,
+                              .height = 648};
+    }
+    report_figure(
+        report, "figure-8",
+        "Paper: pictures of the task, and of COMAN walking over a bump. Here: the robot as the "
+        "lines between its joints, its soles and the box, at three moments of the run. The "
+        "walk is not reproduced: its controller is another paper's.",
+        panel, VIEWS);
+    free(drawing);
+}
+
 /* ---- Fig. 9 ---- */
+
+/* Makes a series of a column over the time since the arms began to move. */
+static struct svg_series grasp_line(const char *name, const struct grasp_result *result,
+                                    size_t column, enum svg_style style)
+{
+    return svg_line(name, result->time, result->value[column], result->count, style);
+}
 
 static const char *const arm_name[GRASP_JOINTS] = {"q22, shoulder pitch", "q23, shoulder roll",
                                                    "q24, shoulder yaw", "q25, elbow"};
@@ -149,22 +454,9 @@ static void put_figure_9(struct report *report, const struct grasp_result *resul
         for (size_t i = 0; i < corners; i++) {
             y[k][i] = arm_reference(grasp, k, x[i]);
         }
-        series[k][0] = (struct svg_series){.name = "joint",
-                                           .x = result->time,
-                                           .y = result->value[ARM + k],
-                                           .count = result->count};
-        series[k][1] = (struct svg_series){.name = "reference of the motor",
-                                           .x = x,
-                                           .y = y[k],
-                                           .count = corners,
-                                           .style = SVG_DASHED};
-        panel[k] = (struct svg_plot){.title = arm_name[k],
-                                     .x = {.label = GRASP_TIME},
-                                     .y = {.label = "angle, rad"},
-                                     .series = series[k],
-                                     .nseries = 2,
-                                     .width = 560,
-                                     .height = 330};
+        series[k][0] = grasp_line("joint", result, ARM + k, SVG_LINE);
+        series[k][1] = svg_line("reference of the motor", x, y[k], corners, SVG_DASHED);
+        panel[k] = svg_panel(arm_name[k], GRASP_TIME, "angle, rad", series[k], 2);
     }
 
     report_section(report, "arms", "Fig. 9: the right arm's joints and their references");
@@ -184,72 +476,26 @@ static void put_figure_9(struct report *report, const struct grasp_result *resul
 
 /* ---- Fig. 10 ---- */
 
-/* Returns a panel over the time since the arms began to move. */
-static struct svg_plot grasp_panel(const char *title, const char *label,
-                                   const struct svg_series *series, size_t nseries)
-{
-    return (struct svg_plot){.title = title,
-                             .x = {.label = GRASP_TIME},
-                             .y = {.label = label},
-                             .series = series,
-                             .nseries = nseries,
-                             .width = 560,
-                             .height = 360};
-}
-
 /* Adds Fig. 10: our integrator and the paper's on the same four quantities. */
 static void put_figure_10(struct report *report, const struct grasp_result *ours,
                           const struct grasp_result *theirs)
 {
     /* Both integrators, where the paper's figure depends on them; right and left elsewhere */
     const struct svg_series box[] = {
-        {.name = "implicit, 1 ms",
-         .x = ours->time,
-         .y = ours->value[BOX_FORCE],
-         .count = ours->count},
-        {.name = "rk4, 0.1 ms (the paper's)",
-         .x = theirs->time,
-         .y = theirs->value[BOX_FORCE],
-         .count = theirs->count,
-         .style = SVG_DASHED},
-    };
-    const struct svg_series press[] = {
-        {.name = "right", .x = ours->time, .y = ours->value[PRESS_RIGHT], .count = ours->count},
-        {.name = "left",
-         .x = ours->time,
-         .y = ours->value[PRESS_LEFT],
-         .count = ours->count,
-         .style = SVG_DASHED},
-        {.name = "right, rk4",
-         .x = theirs->time,
-         .y = theirs->value[PRESS_RIGHT],
-         .count = theirs->count,
-         .style = SVG_DASHED},
-    };
-    const struct svg_series feet[] = {
-        {.name = "right", .x = ours->time, .y = ours->value[FOOT_RIGHT], .count = ours->count},
-        {.name = "left",
-         .x = ours->time,
-         .y = ours->value[FOOT_LEFT],
-         .count = ours->count,
-         .style = SVG_DASHED},
-    };
-    const struct svg_series torque[] = {
-        {.name = "right wrist",
-         .x = ours->time,
-         .y = ours->value[TORQUE_RIGHT],
-         .count = ours->count},
-        {.name = "left wrist",
-         .x = ours->time,
-         .y = ours->value[TORQUE_LEFT],
-         .count = ours->count,
-         .style = SVG_DASHED},
-    };
+        grasp_line("implicit, 1 ms", ours, BOX_FORCE, SVG_LINE),
+        grasp_line("rk4, 0.1 ms (the paper's)", theirs, BOX_FORCE, SVG_DASHED)};
+    const struct svg_series press[] = {grasp_line("right", ours, PRESS_RIGHT, SVG_LINE),
+                                       grasp_line("left", ours, PRESS_LEFT, SVG_DASHED),
+                                       grasp_line("right, rk4", theirs, PRESS_RIGHT, SVG_DASHED)};
+    const struct svg_series feet[] = {grasp_line("right", ours, FOOT_RIGHT, SVG_LINE),
+                                      grasp_line("left", ours, FOOT_LEFT, SVG_DASHED)};
+    const struct svg_series torque[] = {grasp_line("right wrist", ours, TORQUE_RIGHT, SVG_LINE),
+                                        grasp_line("left wrist", ours, TORQUE_LEFT, SVG_DASHED)};
     const struct svg_plot panels[] = {
-        grasp_panel("Box: all contact forces, vertical", "force, N", box, 2),
-        grasp_panel("Wrists pressing the box", "force, N", press, 3),
-        grasp_panel("Ground on the feet, vertical", "force, N", feet, 2),
-        grasp_panel("Friction torque of the wrists, y", "torque, N m", torque, 2),
+        svg_panel("Box: all contact forces, vertical", GRASP_TIME, "force, N", box, 2),
+        svg_panel("Wrists pressing the box", GRASP_TIME, "force, N", press, 3),
+        svg_panel("Ground on the feet, vertical", GRASP_TIME, "force, N", feet, 2),
+        svg_panel("Friction torque of the wrists, y", GRASP_TIME, "torque, N m", torque, 2),
     };
 
     report_figure(
@@ -362,25 +608,13 @@ static void put_figure_11(struct report *report, const struct grasp_result *stif
                           const struct grasp_result *soft)
 {
     const struct svg_series press[] = {
-        {.name = "Ks 120 N m/rad",
-         .x = stiff->time,
-         .y = stiff->value[PRESS_RIGHT],
-         .count = stiff->count},
-        {.name = "Ks 0.0012 N m/rad",
-         .x = soft->time,
-         .y = soft->value[PRESS_RIGHT],
-         .count = soft->count},
-    };
-    const struct svg_series elbow[] = {
-        {.name = "q25", .x = soft->time, .y = soft->value[ARM + 3], .count = soft->count},
-        {.name = "q25m, motor",
-         .x = soft->time,
-         .y = soft->value[ELBOW_MOTOR],
-         .count = soft->count},
-    };
+        grasp_line("Ks 120 N m/rad", stiff, PRESS_RIGHT, SVG_LINE),
+        grasp_line("Ks 0.0012 N m/rad", soft, PRESS_RIGHT, SVG_LINE)};
+    const struct svg_series elbow[] = {grasp_line("q25", soft, ARM + 3, SVG_LINE),
+                                       grasp_line("q25m, motor", soft, ELBOW_MOTOR, SVG_LINE)};
     const struct svg_plot panels[] = {
-        grasp_panel("Right wrist presses the box", "force, N", press, 2),
-        grasp_panel("Soft elbow: link and motor", "angle, rad", elbow, 2),
+        svg_panel("Right wrist presses the box", GRASP_TIME, "force, N", press, 2),
+        svg_panel("Soft elbow: link and motor", GRASP_TIME, "angle, rad", elbow, 2),
     };
 
     /* The force falls with the stiffness; the spring yields from the touch on */
@@ -430,31 +664,11 @@ static void compare_elbows(struct report *report, const struct grasp_result *sti
     report_compared(report);
 }
 
-/* ---- all ---- */
-
-/* Adds all sections: result has the runs of grasp, grasp-paper, grasp-light and grasp-soft. */
-static enum error_code put_all(struct paper *paper, const struct grasp_result *result)
-{
-    struct report *report = &paper->report;
-    const struct grasp_result *ours = &result[0], *theirs = &result[1];
-
-    put_table_2(report, ours->rig);
-    paper_draw_grasp(report, ours);
-    put_figure_9(report, ours);
-    report_section(report, "forces", "Fig. 10: the contact forces");
-    put_figure_10(report, ours, theirs);
-    compare_box(report, ours);
-    compare_forces(report, ours, theirs);
-    report_compared(report);
-    put_figure_11(report, &result[2], &result[3]);
-    compare_elbows(report, &result[2], &result[3]);
-    return ERROR_NONE;
-}
-
 enum error_code paper_grasp(struct paper *paper, struct error *error)
 {
     static const char *const rigs[] = {"grasp", "grasp-paper", "grasp-light", "grasp-soft"};
     enum { RUNS = sizeof rigs / sizeof rigs[0] };
+    struct report *report = &paper->report;
     struct grasp_result result[RUNS];
     struct paper_run run[RUNS];
     size_t count = 0;
@@ -462,11 +676,20 @@ enum error_code paper_grasp(struct paper *paper, struct error *error)
 
     while (!code && count < RUNS) {
         paper_progress(paper, rigs[count]);
-        code = paper_grasp_run(paper, rigs[count], &run[count], &result[count], error);
+        code = grasp_run(paper, rigs[count], &run[count], &result[count], error);
         count++;
     }
     if (!code) {
-        code = put_all(paper, result);
+        put_table_2(report, result[0].rig);
+        draw_grasp(report, &result[0]);
+        put_figure_9(report, &result[0]);
+        report_section(report, "forces", "Fig. 10: the contact forces");
+        put_figure_10(report, &result[0], &result[1]);
+        compare_box(report, &result[0]);
+        compare_forces(report, &result[0], &result[1]);
+        report_compared(report);
+        put_figure_11(report, &result[2], &result[3]);
+        compare_elbows(report, &result[2], &result[3]);
     }
     while (count-- > 0) {
         paper_run_end(paper, &run[count]);

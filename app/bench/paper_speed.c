@@ -138,8 +138,6 @@ static void put_dynamics_plot(struct report *report, const struct dynamics_bench
     struct dynamics_plot plot;
 
     dynamics_bench_draw(bench, &plot);
-    plot.panel.width = 640;
-    plot.panel.height = 420;
     report_figure(
         report, "figure-4",
         "Paper: time grows linearly with the degrees of freedom, Robotran's symbolic code with "

@@ -179,51 +179,25 @@ static double rms_error(const struct squat *squat, const double *a, const double
     return sqrt(sum / (double)n);
 }
 
-/* Returns a panel over the time since the first cycle began. */
-static struct svg_plot squat_panel(const char *title, const char *label,
-                                   const struct svg_series *series, size_t nseries)
-{
-    return (struct svg_plot){.title = title,
-                             .x = {.label = "time since the first cycle began, s"},
-                             .y = {.label = label},
-                             .series = series,
-                             .nseries = nseries,
-                             .width = 560,
-                             .height = 360};
-}
-
 /* Adds Fig. 12: height of the waist, hip, foot and knee. */
 static void squat_put_figure(struct report *report, const struct squat *squat)
 {
-    /* The reference, and what the board sends, stand beside the simulation */
-    const struct svg_series hip[] = {
-        {.name = "simulated", .x = squat->time, .y = squat->hip, .count = squat->count},
-        {.name = "reference",
-         .x = squat->time,
-         .y = squat->reference,
-         .count = squat->count,
-         .style = SVG_DASHED},
-    };
-    const struct svg_series knee[] = {
-        {.name = "right knee", .x = squat->time, .y = squat->knee, .count = squat->count}};
+    static const char time[] = "time since the first cycle began, s";
+    const double *t = squat->time;
+    const size_t n = squat->count;
+    const struct svg_series hip[] = {svg_line("simulated", t, squat->hip, n, SVG_LINE),
+                                     svg_line("reference", t, squat->reference, n, SVG_DASHED)};
+    const struct svg_series knee[] = {svg_line("right knee", t, squat->knee, n, SVG_LINE)};
     const struct svg_series foot[] = {
-        {.name = "F/T board, as sent on the bus",
-         .x = squat->board_time,
-         .y = squat->board_force,
-         .count = squat->nboard},
-        {.name = "ground on the foot",
-         .x = squat->time,
-         .y = squat->value[FOOT_RIGHT],
-         .count = squat->count,
-         .style = SVG_DASHED},
-    };
-    const struct svg_series height[] = {
-        {.name = "waist", .x = squat->time, .y = squat->height, .count = squat->count}};
+        svg_line("F/T board, as sent on the bus", squat->board_time, squat->board_force,
+                 squat->nboard, SVG_LINE),
+        svg_line("ground on the foot", t, squat->value[FOOT_RIGHT], n, SVG_DASHED)};
+    const struct svg_series height[] = {svg_line("waist", t, squat->height, n, SVG_LINE)};
     const struct svg_plot panels[] = {
-        squat_panel("Height of the waist", "height, m", height, 1),
-        squat_panel("Hip pitch, right", "angle, rad", hip, 2),
-        squat_panel("Right foot, vertical force", "vertical force, N", foot, 2),
-        squat_panel("Knee torque", "torque that straightens the knee, N m", knee, 1),
+        svg_panel("Height of the waist", time, "height, m", height, 1),
+        svg_panel("Hip pitch, right", time, "angle, rad", hip, 2),
+        svg_panel("Right foot, vertical force", time, "vertical force, N", foot, 2),
+        svg_panel("Knee torque", time, "torque that straightens the knee, N m", knee, 1),
     };
 
     report_figure(

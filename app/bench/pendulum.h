@@ -58,14 +58,6 @@ enum error_code pendulum_run_course(const struct peer_pendulum *peer,
 /* Returns the period of the synchronous motion by the elliptic integral, time units. */
 double pendulum_analytic_period(void);
 
-/* Compute by plain Runge-Kutta on the equation in closed form, to see where the paper's numbers
- * come from: the largest relative error of the energy over PENDULUM_TABLE_UNITS with bodies (1, or
- * 2 that turn as one), and the largest error of the synchronous motion's period with RK4 when the
- * ends of turns are interpolated linearly between steps of PENDULUM_PERIOD_STEP. */
-enum pendulum_order { PENDULUM_RK3, PENDULUM_RK4 };
-double pendulum_plain_energy(size_t bodies, enum pendulum_order order, double dt);
-double pendulum_linear_period_error(void);
-
 /* Returns the first time at which the heights differ by as much, or NAN. */
 double pendulum_apart_at(const struct pendulum_course *a, const struct pendulum_course *b,
                          double difference);

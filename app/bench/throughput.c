@@ -49,8 +49,8 @@ enum figure {
     FIGURE_START_MS,
     FIGURE_RANGE_MS,
     FIGURE_WHOLE_MS,
-    FIGURE_START_MB,
     FIGURE_WHOLE_MB,
+    FIGURE_START_MB,
     FIGURES
 };
 
@@ -76,7 +76,7 @@ struct measured_rig {
     char file[PATH_MAX]; /* rig from the root; empty for the name of a rig */
     size_t nbus, nboard, naxis, nv;
     double tick_s, step_s;
-    double figure[FIGURES][ROUNDS_MAX]; /* NAN = none */
+    double figure[FIGURES][ROUNDS_MAX]; /* sorted after the last round; NAN = none */
 };
 
 /* The command lines, and the measurement. */
@@ -223,22 +223,19 @@ static void put_rig_name(const struct measured_rig *rig, const char *folder, FIL
     json_text_put(name, scenario);
 }
 
-/* Opens a file in a folder for writing; NULL when it cannot. */
-static FILE *create_file(const char *folder, const char *name)
-{
-    char path[PATH_MAX + 64];
-
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    return fopen(path, "w");
-}
-
 /* Writes a scenario, and a sweep over it: first RANGE cases of one tick, then whole ones. */
 static enum error_code write_sweep(const struct throughput *t, const struct measured_rig *rig,
                                    const char *folder, struct error *error)
 {
-    FILE *scenario = create_file(folder, "case.yaml"), *sweep = create_file(folder, "sweep.yaml");
-    int failed = !scenario || !sweep;
+    char path[2][PATH_MAX + 64];
+    FILE *scenario, *sweep;
+    int failed;
 
+    snprintf(path[0], sizeof path[0], "%s/case.yaml", folder);
+    snprintf(path[1], sizeof path[1], "%s/sweep.yaml", folder);
+    scenario = fopen(path[0], "w");
+    sweep = fopen(path[1], "w");
+    failed = !scenario || !sweep;
     if (scenario) {
         fputs("name: throughput\ndescription: A rig with its task.\nrig: ", scenario);
         put_rig_name(rig, folder, scenario);
@@ -366,56 +363,52 @@ static enum error_code run_rounds(struct throughput *t, struct error *error)
 
 /* ---- tables ---- */
 
-/* Returns the median of a figure over the rounds, and its ends; NAN when a round has none. */
-static double find_median(const struct throughput *t, const struct measured_rig *rig,
-                          unsigned figure, double *low, double *high)
+/* Returns the median of a figure over the rounds; NAN when a round has none. */
+static double median_of(const struct throughput *t, const struct measured_rig *rig, unsigned figure)
 {
-    double value[ROUNDS_MAX];
-    const size_t count = (size_t)t->rounds;
+    return isfinite(rig->figure[figure][0]) ? rig->figure[figure][t->rounds / 2] : (double)NAN;
+}
 
-    for (size_t i = 0; i < count; i++) {
-        value[i] = rig->figure[figure][i];
-        if (!isfinite(value[i])) {
-            return NAN;
+/* Sorts the figures of each rig. A figure that a round lacks becomes NAN. */
+static void sort_figures(struct throughput *t)
+{
+    for (size_t i = 0; i < t->nmeasured * FIGURES; i++) {
+        double *value = t->measured[i / FIGURES].figure[i % FIGURES], sum = 0.0;
+
+        for (int64_t round = 0; round < t->rounds; round++) {
+            sum += value[round];
         }
+        bench_sort(value, (size_t)t->rounds);
+        value[0] = isfinite(sum) ? value[0] : (double)NAN;
     }
-    bench_sort(value, count);
-    *low = value[0];
-    *high = value[count - 1];
-    return bench_median(value, count);
 }
 
-/* Prints a figure as "12345 (12000 .. 13000)", or its median with so many digits; "-" for none. */
-static void print_figure(const struct throughput *t, const struct measured_rig *rig,
-                         unsigned figure, int digits)
+/* Prints a table of figures, a row for each rig: "12345 (12000 .. 13000)" with the ratio of the
+ * first to the last, or medians alone; "-" for none. */
+static void print_table(const struct throughput *t, unsigned first, unsigned last, bool alone)
 {
-    double low, high;
-    const double median = find_median(t, rig, figure, &low, &high);
-    char text[64] = "-";
-
-    if (isfinite(median) && digits < 0) {
-        snprintf(text, sizeof text, "%.0f (%.0f .. %.0f)", median, low, high);
-    } else if (isfinite(median)) {
-        snprintf(text, sizeof text, "%.*f", digits, median);
-    }
-    printf(" %*s", digits < 0 ? 26 : 9, text);
-}
-
-/* Prints rows of what the robot alone makes, each with the ratio of ours to MuJoCo's default. */
-static void print_alone(const struct throughput *t, unsigned first, unsigned last)
-{
-    double low, high;
-
     for (size_t i = 0; i < t->nmeasured; i++) {
         const struct measured_rig *rig = &t->measured[i];
-        const double ratio =
-            find_median(t, rig, first, &low, &high) / find_median(t, rig, last, &low, &high);
+        const double ratio = median_of(t, rig, first) / median_of(t, rig, last);
 
         printf("%-21s", rig->rig);
-        for (unsigned figure = first; figure <= last; figure++) {
-            print_figure(t, rig, figure, -1);
+        if (first == FIGURE_RATE) {
+            printf(" %-6s %5zu %5zu", rig->task, rig->nbus, rig->naxis);
         }
-        printf(isfinite(ratio) ? " %9.2f\n" : "         -\n", ratio);
+        for (unsigned figure = first; figure <= last; figure++) {
+            const double median = median_of(t, rig, figure);
+            char text[64] = "-";
+
+            if (isfinite(median)) {
+                snprintf(text, sizeof text, alone ? "%.1f" : "%.0f (%.0f .. %.0f)", median,
+                         rig->figure[figure][0], rig->figure[figure][t->rounds - 1]);
+            }
+            printf(" %*s", alone ? 9 : 26, text);
+        }
+        if (!alone && last > first) {
+            printf(isfinite(ratio) ? " %9.2f" : "         -", ratio);
+        }
+        putchar('\n');
     }
 }
 
@@ -423,32 +416,18 @@ static void print_tables(const struct throughput *t)
 {
     printf("cases of %g s; CPU time, median of %d rounds (least .. most)\n\n", t->seconds,
            (int)t->rounds);
-    printf("%-20s %-6s %5s %5s %26s\n", "simulated s/core-hour", "task", "buses", "axes",
+    printf("%-21s %-6s %5s %5s %26s\n", "simulated s/core-hour", "task", "buses", "axes",
            "with boards and task");
-    for (size_t i = 0; i < t->nmeasured; i++) {
-        const struct measured_rig *rig = &t->measured[i];
-
-        printf("%-21s %-6s %5zu %5zu", rig->rig, rig->task, rig->nbus, rig->naxis);
-        print_figure(t, rig, FIGURE_RATE, -1);
-        putchar('\n');
-    }
+    print_table(t, FIGURE_RATE, FIGURE_RATE, false);
     printf("\n%-21s %26s %26s %26s %9s\n", "bodies alone", "ours, implicit", "MuJoCo, implicit",
            "MuJoCo, Euler", "ratio");
-    print_alone(t, FIGURE_ALONE + ALONE_BODIES, FIGURE_ALONE + ALONE_BODIES_EULER);
+    print_table(t, FIGURE_ALONE + ALONE_BODIES, FIGURE_ALONE + ALONE_BODIES_EULER, false);
     printf("\n%-21s %26s %26s %9s\n", "standing on its feet", "ours, implicit", "MuJoCo, Euler",
            "ratio");
-    print_alone(t, FIGURE_ALONE + ALONE_STANDING, FIGURE_ALONE + ALONE_STANDING_EULER);
+    print_table(t, FIGURE_ALONE + ALONE_STANDING, FIGURE_ALONE + ALONE_STANDING_EULER, false);
     printf("\n%-21s %9s %9s %9s %9s %9s\n", "a case", "an hour", "start ms", "in range", "whole ms",
            "MB");
-    for (size_t i = 0; i < t->nmeasured; i++) {
-        printf("%-21s", t->measured[i].rig);
-        print_figure(t, &t->measured[i], FIGURE_HOURLY, 0);
-        print_figure(t, &t->measured[i], FIGURE_START_MS, 1);
-        print_figure(t, &t->measured[i], FIGURE_RANGE_MS, 1);
-        print_figure(t, &t->measured[i], FIGURE_WHOLE_MS, 1);
-        print_figure(t, &t->measured[i], FIGURE_WHOLE_MB, 1);
-        putchar('\n');
-    }
+    print_table(t, FIGURE_HOURLY, FIGURE_WHOLE_MB, true);
     printf("an hour: whole cases in a range, on one processor\n");
     printf(t->mujoco ? "bodies alone: at the rig's step, without contact, joint limits, drives, "
                        "boards or controller; standing: the same on the ground, with springs in "
@@ -480,13 +459,12 @@ static void write_json(const struct throughput *t, FILE *out)
                 rig->nbus, rig->nboard, rig->naxis, rig->nv);
         fprintf(out, ", \"tick_s\": %.9g, \"step_s\": %.9g", rig->tick_s, rig->step_s);
         for (unsigned figure = 0; figure < FIGURES; figure++) {
-            double low, high;
-            const double median = find_median(t, rig, figure, &low, &high);
+            const double median = median_of(t, rig, figure);
 
             fprintf(out, ",\n     \"%s\": ", figure_names[figure]);
             if (isfinite(median)) {
-                fprintf(out, "{\"median\": %.9g, \"low\": %.9g, \"high\": %.9g}", median, low,
-                        high);
+                fprintf(out, "{\"median\": %.9g, \"low\": %.9g, \"high\": %.9g}", median,
+                        rig->figure[figure][0], rig->figure[figure][t->rounds - 1]);
             } else {
                 fputs("null", out);
             }
@@ -537,6 +515,7 @@ static enum error_code measure_throughput(struct throughput *t, struct error *er
     }
     t->mujoco = alone_find_mujoco(t->library.peers);
     if (!(code = run_rounds(t, error))) {
+        sort_figures(t);
         print_tables(t);
         if (t->file && !(code = whole_file_open(&file, t->file, error))) {
             write_json(t, file.out);
@@ -565,8 +544,7 @@ int bench_throughput(int argc, char **argv)
     struct command_spec spec = {
         .name = "throughput",
         .summary = "Simulated seconds that a sweep gets out of a processor in an hour.",
-        .option = options,
-        .noption = ARRAY_COUNT(options),
+        OPTION_TABLE(options),
         .manual = MANUAL_THROUGHPUT,
     };
 
@@ -596,17 +574,15 @@ static void time_tick(void *context, int64_t now_ns)
     timer->begun_s = now_s;
 }
 
-/* Returns the median time of reading the clock of CPU time, s. */
+/* Returns the mean time of reading the clock of CPU time, s. */
 static double time_reading(void)
 {
-    double reading[READINGS];
+    const double begun_s = bench_cpu_s();
 
-    for (size_t i = 0; i < READINGS; i++) {
-        const double begun_s = bench_cpu_s();
-
-        reading[i] = bench_cpu_s() - begun_s;
+    for (int i = 1; i < READINGS; i++) {
+        bench_cpu_s();
     }
-    return bench_median(reading, READINGS);
+    return (bench_cpu_s() - begun_s) / READINGS;
 }
 
 /* Runs a rig for seconds beyond what is not counted, and prints its row. */
@@ -696,8 +672,7 @@ int bench_ticks(int argc, char **argv)
     struct command_spec spec = {
         .name = "ticks",
         .summary = "CPU time of each tick of a rig.",
-        .option = options,
-        .noption = ARRAY_COUNT(options),
+        OPTION_TABLE(options),
         .manual = MANUAL_TICKS,
     };
 

@@ -57,28 +57,14 @@ void identify_plot(struct report *report, const char *id, const struct recording
     find_spectrum(r, residual, frequency, amplitude);
 
     const struct svg_series angle[] = {
-        {.name = "measured", .x = r->time, .y = r->position, .count = r->count},
-        {.name = "simulated", .x = r->time, .y = position, .count = r->count},
-    };
-    const struct svg_series off = {.name = "", .x = r->time, .y = residual, .count = r->count};
-    const struct svg_series lines = {
-        .name = "", .x = frequency, .y = amplitude, .count = SPECTRUM_LINES};
+        svg_line("measured", r->time, r->position, r->count, SVG_LINE),
+        svg_line("simulated", r->time, position, r->count, SVG_LINE)};
+    const struct svg_series off = svg_line("", r->time, residual, r->count, SVG_LINE);
+    const struct svg_series lines = svg_line("", frequency, amplitude, SPECTRUM_LINES, SVG_LINE);
     const struct svg_plot panel[] = {
-        {.title = "",
-         .x = {.label = "time, s"},
-         .y = {.label = "angle, rad"},
-         .series = angle,
-         .nseries = 2},
-        {.title = "",
-         .x = {.label = "time, s"},
-         .y = {.label = "simulated - measured, rad"},
-         .series = &off,
-         .nseries = 1},
-        {.title = "",
-         .x = {.label = "frequency, Hz"},
-         .y = {.label = "amplitude, rad"},
-         .series = &lines,
-         .nseries = 1},
+        svg_panel("", "time, s", "angle, rad", angle, 2),
+        svg_panel("", "time, s", "simulated - measured, rad", &off, 1),
+        svg_panel("", "frequency, Hz", "amplitude, rad", &lines, 1),
     };
     char caption[256];
 

@@ -74,32 +74,17 @@ void point_diagram(struct report *report, const char *id, const struct robot_sea
     }
 
     const struct svg_series series[] = {
-        {.name = "turned by the motor", .x = motor, .y = turned, .count = DIAGRAM_STEPS},
-        {.name = "turns it back", .x = motor, .y = back, .count = DIAGRAM_STEPS},
-        {.name = "no friction",
-         .x = motor,
-         .y = motor,
-         .count = DIAGRAM_STEPS,
-         .style = SVG_DASHED},
-        {.name = "turned, published",
-         .x = x[0],
-         .y = y[0],
-         .count = count[0],
-         .style = SVG_MARKERS},
-        {.name = "turns back, published",
-         .x = x[1],
-         .y = y[1],
-         .count = count[1],
-         .style = SVG_MARKERS},
+        svg_line("turned by the motor", motor, turned, DIAGRAM_STEPS, SVG_LINE),
+        svg_line("turns it back", motor, back, DIAGRAM_STEPS, SVG_LINE),
+        svg_line("no friction", motor, motor, DIAGRAM_STEPS, SVG_DASHED),
+        svg_line("turned, published", x[0], y[0], count[0], SVG_MARKERS),
+        svg_line("turns back, published", x[1], y[1], count[1], SVG_MARKERS),
     };
-    const struct svg_plot panel = {
-        .title = "",
-        .x = {.label = "torque of the motor, N m", .fixed = true, .max = bench->diagram_nm},
-        .y = {.label = "load, N m", .fixed = true, .max = bench->diagram_nm},
-        .series = series,
-        .nseries = count[0] + count[1] > 0 ? ARRAY_COUNT(series) : 3,
-    };
+    struct svg_plot panel = svg_panel("", "torque of the motor, N m", "load, N m", series,
+                                      count[0] + count[1] > 0 ? ARRAY_COUNT(series) : 3);
 
+    panel.x.fixed = panel.y.fixed = true;
+    panel.x.max = panel.y.max = bench->diagram_nm;
     report_figure(report, id,
                   "Loads at rest: below the first line the motor turns the load, above "
                   "the second the load turns it back, between them nothing moves",

@@ -42,6 +42,18 @@ struct page {
     FILE *out;
 };
 
+struct svg_series svg_line(const char *name, const double *x, const double *y, size_t count,
+                           enum svg_style style)
+{
+    return (struct svg_series){name, x, y, count, style};
+}
+
+struct svg_plot svg_panel(const char *title, const char *x, const char *y,
+                          const struct svg_series *series, size_t nseries)
+{
+    return (struct svg_plot){title, {.label = x}, {.label = y}, series, nseries, 560, 360, NULL};
+}
+
 /* Computes where a value is on the page, px. */
 static double on_scale(const struct scale *scale, double value)
 {

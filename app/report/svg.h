@@ -52,6 +52,13 @@ struct svg_plot {
     const char *part;
 };
 
+/* Return a series, and a panel of 560 x 360 px with its title, the labels of its axes and its
+ * series. */
+struct svg_series svg_line(const char *name, const double *x, const double *y, size_t count,
+                           enum svg_style style);
+struct svg_plot svg_panel(const char *title, const char *x, const char *y,
+                          const struct svg_series *series, size_t nseries);
+
 /* Writes plots one below the other, as wide as the first, in one document. Errors as of
  * svg_write. */
 enum error_code svg_write_panels(const struct svg_plot *panel, size_t npanel, FILE *out,

@@ -113,7 +113,7 @@ problem=$refused
 conclude throughput_refuses_what_it_cannot_measure
 
 run 0 dynamics "$source/config/robots/coman.yaml" --rounds 2 --out results --peers "$module"
-says out "29: times "
+says out "speed: of the whole robot, times "
 says results/dynamics.csv 'engine,version,degrees_of_freedom,median_us,low_us,high_us,difference'
 version=$("$HIL_BINARY_DIR/coman-hil" --version | cut -d' ' -f2)
 for dof in 12 18 21 29; do says results/dynamics.csv "generic,$version,$dof,"; done

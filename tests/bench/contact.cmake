@@ -22,6 +22,6 @@ if(CMAKE_C_COMPILER_ID STREQUAL GNU AND NOT HIL_SANITIZE)
         TIMEOUT 180 LABELS bench)
 endif()
 hil_script_test(contact_bench
-    COMMAND $<TARGET_FILE:coman-hil-bench> contact --quick
+    COMMAND $<TARGET_FILE:coman-hil-bench> contact --rounds 5
         ${CMAKE_SOURCE_DIR}/config/meshes/coman-foot-right.obj
     TIMEOUT 180 LABELS bench)

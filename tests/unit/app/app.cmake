@@ -53,7 +53,6 @@ foreach(name report svg)
 endforeach()
 
 hil_test(bench_latency_tap SOURCES unit/app/bench/latency_tap.c LIBS bench LABELS unit)
-hil_test(bench_pendulum_plain SOURCES unit/app/bench/pendulum_plain.c LIBS bench LABELS unit)
 
 foreach(name scenario judge_expectations limits signal)
     hil_test(scenario_${name} SOURCES unit/app/scenario/${name}.c LIBS scenario LABELS unit)

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The port that tells when frames passed the kernel, on a port that the test plays. */
-#include "app/bench/latency.h"
+#include "app/bench/latency_tap.h"
 #include "tests/test.h"
 
 struct played_port {
