@@ -1,13 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil: the table of commands. */
-#include "app/cli/commands.h"
+#include "app/cli/cli.h"
 
 #include "base/array.h"
 #include "base/instruction_set.h"
-#include "base/options.h"
 #include "base/program.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -101,8 +99,7 @@ static int cmd_help(int argc, char **argv)
     static const struct command_spec spec = {
         .name = "help",
         .summary = "Print the manual of a command or a topic, or the list of both.",
-        .operand = operands,
-        .noperand = ARRAY_COUNT(operands),
+        OPERAND_TABLE(operands),
     };
     static char help_option[] = "--help";
     const char *topic_names[ARRAY_COUNT(topics)];

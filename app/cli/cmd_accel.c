@@ -3,19 +3,15 @@
  * coman-hil accel: reads states of a robot as text from standard input and prints its generalized
  * accelerations, so that other programs can check the dynamics.
  */
-#include "app/cli/commands.h"
+#include "app/cli/cli.h"
 
-#include "app/cli/rig_command.h"
 #include "base/arena.h"
-#include "base/array.h"
-#include "base/options.h"
 #include "base/text.h"
 #include "manual/accel.h"
 #include "model/dynamics.h"
 
 #include <errno.h>
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -253,10 +249,8 @@ int cmd_accel(int argc, char **argv)
     static const struct command_spec spec = {
         .name = "accel",
         .summary = "Compute accelerations of a robot from states on standard input.",
-        .option = options,
-        .noption = ARRAY_COUNT(options),
-        .operand = operands,
-        .noperand = ARRAY_COUNT(operands),
+        OPTION_TABLE(options),
+        OPERAND_TABLE(operands),
         .manual = MANUAL_ACCEL,
     };
     int status;

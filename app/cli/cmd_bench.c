@@ -1,14 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil bench: runs the benchmark program, which is in the same folder as this one. */
-#include "app/cli/commands.h"
+#include "app/cli/cli.h"
 
-#include "base/array.h"
-#include "base/options.h"
 #include "manual/bench.h"
 
 #include <errno.h>
 #include <limits.h>
-#include <stdio.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -49,8 +46,7 @@ int cmd_bench(int argc, char **argv)
     static const struct command_spec spec = {
         .name = "bench",
         .summary = "Repeat the paper's measurements on this machine, beside its numbers.",
-        .operand = operands,
-        .noperand = ARRAY_COUNT(operands),
+        OPERAND_TABLE(operands),
         .manual = MANUAL_BENCH,
     };
     static char name[] = "coman-hil-bench", help[] = "--help";

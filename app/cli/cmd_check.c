@@ -1,17 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil check: prints the contents of a rig or robot file, or its errors. */
-#include "app/cli/commands.h"
+#include "app/cli/cli.h"
 
-#include "app/cli/rig_command.h"
-#include "base/array.h"
-#include "base/options.h"
 #include "boards/board.h"
 #include "boards/protocol.h"
 #include "manual/check.h"
-#include "rig/rig.h"
 
 #include <inttypes.h>
-#include <stdio.h>
 #include <string.h>
 
 /* Prints size, mass, sensors and hash of a robot. */
@@ -369,10 +364,8 @@ int cmd_check(int argc, char **argv)
         .name = "check",
         .summary = "Check a rig or a robot file with everything it refers to, and print its "
                    "contents.",
-        .option = options,
-        .noption = ARRAY_COUNT(options),
-        .operand = operands,
-        .noperand = ARRAY_COUNT(operands),
+        OPTION_TABLE(options),
+        OPERAND_TABLE(operands),
         .manual = MANUAL_CHECK,
     };
     struct error error;

@@ -1,20 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil ctl: observes and controls a running simulator through its control socket. */
-#include "app/cli/commands.h"
-
+#include "app/cli/cli.h"
 #include "app/cli/ctl_request.h"
-#include "base/array.h"
-#include "base/options.h"
 #include "control/ctl_client.h"
 #include "control/ctl_print.h"
 #include "manual/ctl.h"
 
 #include <errno.h>
 #include <netdb.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/socket.h>
 #include <unistd.h>
 
 /* Longest host name; payload of the longest UDP datagram over IPv4, bytes. */
@@ -395,10 +390,8 @@ int cmd_ctl(int argc, char **argv)
     static const struct command_spec spec = {
         .name = "ctl",
         .summary = "Observe and control a running simulator.",
-        .option = options,
-        .noption = ARRAY_COUNT(options),
-        .operand = operands,
-        .noperand = ARRAY_COUNT(operands),
+        OPTION_TABLE(options),
+        OPERAND_TABLE(operands),
         .many = true,
         .manual = MANUAL_CTL,
     };

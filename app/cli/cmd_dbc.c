@@ -1,11 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil dbc: writes the meaning of the frames on a rig's buses as DBC files. */
-#include "app/cli/commands.h"
+#include "app/cli/cli.h"
 
-#include "app/cli/rig_command.h"
-#include "app/cli/dbc_hash.h"
-#include "base/array.h"
-#include "base/options.h"
 #include "base/whole_file.h"
 #include "manual/dbc.h"
 #include "rig/dbc.h"
@@ -148,10 +144,8 @@ int cmd_dbc(int argc, char **argv)
     static const struct command_spec spec = {
         .name = "dbc",
         .summary = "Write DBC files of the messages on a rig's buses.",
-        .option = options,
-        .noption = ARRAY_COUNT(options),
-        .operand = operands,
-        .noperand = ARRAY_COUNT(operands),
+        OPTION_TABLE(options),
+        OPERAND_TABLE(operands),
         .manual = MANUAL_DBC,
     };
     int status;

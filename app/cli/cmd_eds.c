@@ -1,10 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil eds: writes the object dictionaries of a rig's CANopen nodes as EDS files. */
-#include "app/cli/commands.h"
+#include "app/cli/cli.h"
 
-#include "app/cli/rig_command.h"
-#include "base/array.h"
-#include "base/options.h"
 #include "base/whole_file.h"
 #include "boards/protocol_list.h"
 #include "manual/eds.h"
@@ -129,10 +126,8 @@ int cmd_eds(int argc, char **argv)
     static const struct command_spec spec = {
         .name = "eds",
         .summary = "Write EDS files of the CANopen nodes on a rig's buses.",
-        .option = options,
-        .noption = ARRAY_COUNT(options),
-        .operand = operands,
-        .noperand = ARRAY_COUNT(operands),
+        OPTION_TABLE(options),
+        OPERAND_TABLE(operands),
         .manual = MANUAL_EDS,
     };
     int status;

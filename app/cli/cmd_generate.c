@@ -1,17 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil generate: writes the C code of a robot's dynamics. */
-#include "app/cli/commands.h"
+#include "app/cli/cli.h"
 
-#include "app/cli/rig_command.h"
 #include "base/arena.h"
-#include "base/array.h"
-#include "base/options.h"
 #include "base/whole_file.h"
 #include "manual/generate.h"
 #include "model/symbolic/symbolic.h"
 
 #include <inttypes.h>
-#include <stdio.h>
 #include <string.h>
 
 enum { PATH_SIZE = 1024 };
@@ -95,10 +91,8 @@ int cmd_generate(int argc, char **argv)
     const struct command_spec spec = {
         .name = "generate",
         .summary = "Write C code for the dynamics of a robot.",
-        .option = options,
-        .noption = ARRAY_COUNT(options),
-        .operand = operands,
-        .noperand = ARRAY_COUNT(operands),
+        OPTION_TABLE(options),
+        OPERAND_TABLE(operands),
         .manual = MANUAL_GENERATE,
     };
     int status;

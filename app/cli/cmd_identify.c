@@ -1,16 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil identify: fits a drive's parameters to recordings of it. */
-#include "app/cli/commands.h"
-
-#include "app/cli/rig_command.h"
+#include "app/cli/cli.h"
 #include "app/identify/identify.h"
 #include "base/config.h"
-#include "base/array.h"
-#include "base/options.h"
 #include "base/whole_file.h"
 #include "manual/identify.h"
 
-#include <stdio.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -178,10 +173,8 @@ int cmd_identify(int argc, char **argv)
     static const struct command_spec spec = {
         .name = "identify",
         .summary = "Fit a drive's numbers to recordings of it.",
-        .option = options,
-        .noption = ARRAY_COUNT(options),
-        .operand = operands,
-        .noperand = ARRAY_COUNT(operands),
+        OPTION_TABLE(options),
+        OPERAND_TABLE(operands),
         .manual = MANUAL_IDENTIFY,
     };
     struct arena arena;

@@ -1,16 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil import: makes a robot and a rig from a URDF or MJCF file. */
-#include "app/cli/commands.h"
-
-#include "app/cli/rig_command.h"
+#include "app/cli/cli.h"
 #include "app/import/import.h"
 #include "app/import/write.h"
-#include "base/array.h"
-#include "base/options.h"
 #include "boards/protocol_list.h"
 #include "manual/import.h"
-
-#include <stdio.h>
 
 /* Maximum number of printed notes per kind; the report has all. */
 enum { NOTES_SHOWN = 12 };
@@ -185,10 +179,8 @@ int cmd_import(int argc, char **argv)
     static const struct command_spec spec = {
         .name = "import",
         .summary = "Make a robot and a bench of a URDF or MJCF file.",
-        .option = options,
-        .noption = ARRAY_COUNT(options),
-        .operand = operands,
-        .noperand = ARRAY_COUNT(operands),
+        OPTION_TABLE(options),
+        OPERAND_TABLE(operands),
         .manual = MANUAL_IMPORT,
     };
     struct error error;

@@ -1,20 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil list: lists rigs, robots, tasks and other names that commands accept. */
-#include "app/cli/commands.h"
-
-#include "app/cli/rig_command.h"
+#include "app/cli/cli.h"
 #include "app/scenario/scenario.h"
 #include "base/arena.h"
-#include "base/array.h"
 #include "base/config.h"
-#include "base/options.h"
 #include "base/yaml.h"
 #include "manual/list.h"
 #include "model/robot.h"
-#include "rig/rig.h"
 #include "tasks/task.h"
 
-#include <stdio.h>
 #include <string.h>
 
 /* Receives a name and a line of text about it. */
@@ -296,10 +290,8 @@ int cmd_list(int argc, char **argv)
         .name = "list",
         .summary = "List the rigs, robots, scenarios, drives, protocols, validations and tasks "
                    "that can be given by name.",
-        .option = options,
-        .noption = ARRAY_COUNT(options),
-        .operand = operands,
-        .noperand = ARRAY_COUNT(operands),
+        OPTION_TABLE(options),
+        OPERAND_TABLE(operands),
         .manual = MANUAL_LIST,
     };
     struct error error;

@@ -1,17 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil plot: draws signals of a recording (signals.csv) as line plots, SVG or PNG. */
-#include "app/cli/commands.h"
-
+#include "app/cli/cli.h"
 #include "app/report/signals.h"
 #include "app/report/svg.h"
 #include "base/array.h"
-#include "base/options.h"
 #include "base/whole_file.h"
 #include "manual/plot.h"
 
 #include <fnmatch.h>
 #include <limits.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -107,9 +104,8 @@ static enum error_code plot_choose(const struct option_list *names, const char *
 
 /* Arranges the signals in panels: one per unit, in order of appearance, and another if a panel has
  * no color left. Returns the number of panels. */
-static size_t plot_arrange(const char *const *name, const struct signals *signals,
-                           const struct svg_axis *x, struct svg_series *series,
-                           struct svg_plot *panel)
+static size_t plot_arrange(const char *const *name, const struct signals *signals, const char *x,
+                           struct svg_series *series, struct svg_plot *panel)
 {
     size_t npanel = 0;
 
@@ -124,19 +120,13 @@ static size_t plot_arrange(const char *const *name, const struct signals *signal
             p++;
         }
         if (p == npanel) {
-            panel[npanel++] = (struct svg_plot){.title = "",
-                                                .x = *x,
-                                                .y = {.label = label},
-                                                .series = series + p * SVG_SERIES_MAX,
-                                                .width = PANEL_WIDTH,
-                                                .height = PANEL_HEIGHT};
+            panel[npanel] = svg_panel("", x, label, series + p * SVG_SERIES_MAX, 0);
+            panel[npanel].width = PANEL_WIDTH;
+            panel[npanel++].height = PANEL_HEIGHT;
         }
         own = series + p * SVG_SERIES_MAX + panel[p].nseries++;
-        *own = (struct svg_series){.name = name[i],
-                                   .x = signals->value[0],
-                                   .y = signals->value[i + 1],
-                                   .count = signals->count,
-                                   .style = SVG_LINE};
+        *own =
+            svg_line(name[i], signals->value[0], signals->value[i + 1], signals->count, SVG_LINE);
     }
     return npanel;
 }
@@ -215,9 +205,8 @@ static enum error_code plot_signals(const struct plot_options *o, const char *co
     if (!code && signals.count == 0) {
         code = plot_refuse_span(o, name, error);
     } else if (!code) {
-        const struct svg_axis x = {
-            .label = !strcmp(signals.first_title, "time_s") ? "time, s" : signals.first_title};
-        size_t npanel = plot_arrange(name, &signals, &x, series, panel);
+        const char *x = !strcmp(signals.first_title, "time_s") ? "time, s" : signals.first_title;
+        size_t npanel = plot_arrange(name, &signals, x, series, panel);
 
         code = plot_write(panel, npanel, o->output, error);
     }
@@ -291,10 +280,8 @@ int cmd_plot(int argc, char **argv)
     static const struct command_spec spec = {
         .name = "plot",
         .summary = "Plot signals of a recording.",
-        .option = options,
-        .noption = ARRAY_COUNT(options),
-        .operand = operands,
-        .noperand = ARRAY_COUNT(operands),
+        OPTION_TABLE(options),
+        OPERAND_TABLE(operands),
         .manual = MANUAL_PLOT,
     };
     struct error error;

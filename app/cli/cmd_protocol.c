@@ -1,11 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil protocol: prints the frames of a boards' protocol. */
-#include "app/cli/commands.h"
+#include "app/cli/cli.h"
 
 #include "base/arena.h"
 #include "base/array.h"
 #include "base/config.h"
-#include "base/options.h"
 #include "base/text.h"
 #include "boards/described/protocol.h"
 #include "boards/protocol_list.h"
@@ -425,8 +424,7 @@ int cmd_protocol(int argc, char **argv)
         .name = "protocol",
         .summary = "Print every frame of a personality of boards: fields, units, ranges, answers, "
                    "faults.",
-        .operand = operands,
-        .noperand = ARRAY_COUNT(operands),
+        OPERAND_TABLE(operands),
         .manual = MANUAL_PROTOCOL,
     };
     const struct protocol *protocol;

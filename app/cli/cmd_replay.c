@@ -1,16 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil replay: sends the frames of a recorded log on live buses at their times, or shows a
  * recording in the page. */
-#include "app/cli/commands.h"
-
-#include "app/cli/page.h"
-#include "app/cli/ready.h"
-#include "app/cli/rig_command.h"
+#include "app/cli/cli.h"
 #include "app/scenario/scenario.h"
-#include "base/array.h"
 #include "base/input_file.h"
 #include "base/journal.h"
-#include "base/options.h"
 #include "base/text.h"
 #include "canbus/candump.h"
 #include "canbus/port.h"
@@ -26,8 +20,6 @@
 #include <math.h>
 #include <semaphore.h>
 #include <stdatomic.h>
-#include <stdint.h>
-#include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -594,10 +586,8 @@ int cmd_replay(int argc, char **argv)
     static const struct command_spec spec = {
         .name = "replay",
         .summary = "Play a recording in a page, or its frames onto live buses.",
-        .option = options,
-        .noption = ARRAY_COUNT(options),
-        .operand = operands,
-        .noperand = ARRAY_COUNT(operands),
+        OPTION_TABLE(options),
+        OPERAND_TABLE(operands),
         .manual = MANUAL_REPLAY,
     };
     int status;

@@ -1,15 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil run: runs a rig from start to summary. */
-#include "app/cli/commands.h"
+#include "app/cli/cli.h"
 
-#include "app/cli/monitor.h"
-#include "app/cli/page.h"
-#include "app/cli/ready.h"
-#include "app/cli/recorded_run.h"
-#include "app/cli/rig_command.h"
-#include "app/cli/run_options.h"
-#include "app/cli/dbc_hash.h"
-#include "control/control.h"
 #include "base/journal.h"
 #include "sim/stimulus.h"
 #include "sim/summary.h"

@@ -1,17 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil task: runs a task in its own process, with simulated or real boards. */
-#include "app/cli/commands.h"
+#include "app/cli/cli.h"
 
-#include "app/cli/rig_command.h"
-#include "app/cli/task_input.h"
-#include "base/array.h"
-#include "base/options.h"
 #include "manual/task.h"
-#include "sim/buses.h"
 #include "sim/task_runner.h"
 
-#include <pthread.h>
-#include <stdio.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -51,10 +44,8 @@ static bool task_parse_options(int argc, char **argv, struct task_command *out, 
     static const struct command_spec spec = {
         .name = "task",
         .summary = "Run a task alone, on the other side of the buses.",
-        .option = options,
-        .noption = ARRAY_COUNT(options),
-        .operand = operands,
-        .noperand = ARRAY_COUNT(operands),
+        OPTION_TABLE(options),
+        OPERAND_TABLE(operands),
         .manual = MANUAL_TASK,
     };
 

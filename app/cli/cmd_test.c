@@ -1,19 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil test: runs scenarios, and writes their verdicts, recordings and JUnit results. */
-#include "app/cli/commands.h"
-
+#include "app/cli/cli.h"
 #include "app/scenario/jobs.h"
 #include "app/scenario/scenario.h"
 #include "app/sweep/plan.h"
-#include "base/array.h"
 #include "base/config.h"
 #include "base/input_file.h"
-#include "base/options.h"
 #include "base/whole_file.h"
 #include "manual/test.h"
 #include "rt/clock.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -206,10 +202,8 @@ static bool test_parse_options(int argc, char **argv, struct test_options *out, 
     static const struct command_spec spec = {
         .name = "test",
         .summary = "Run scenarios: tests of a rig with a verdict.",
-        .option = options,
-        .noption = ARRAY_COUNT(options),
-        .operand = operands,
-        .noperand = ARRAY_COUNT(operands),
+        OPTION_TABLE(options),
+        OPERAND_TABLE(operands),
         .many = true,
         .manual = manual,
     };

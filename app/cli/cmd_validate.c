@@ -1,15 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil validate: compares rigs with measured benches. */
-#include "app/cli/commands.h"
-
-#include "app/cli/rig_command.h"
+#include "app/cli/cli.h"
 #include "app/identify/identify.h"
 #include "base/config.h"
-#include "base/array.h"
-#include "base/options.h"
 #include "manual/validate.h"
-
-#include <stdio.h>
 
 struct validate_options {
     const char *const *bench;
@@ -108,10 +102,8 @@ int cmd_validate(int argc, char **argv)
     static const struct command_spec spec = {
         .name = "validate",
         .summary = "Hold simulated drives against measured ones.",
-        .option = options,
-        .noption = ARRAY_COUNT(options),
-        .operand = operands,
-        .noperand = ARRAY_COUNT(operands),
+        OPTION_TABLE(options),
+        OPERAND_TABLE(operands),
         .many = true,
         .manual = MANUAL_VALIDATE,
     };

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Writes and hashes the DBC files of a rig in memory. */
-#include "app/cli/dbc_hash.h"
+#include "app/cli/cli.h"
 
-#include "app/cli/rig_command.h"
 #include "base/hash.h"
 #include "rig/dbc.h"
 

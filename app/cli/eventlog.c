@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Limits the rate of log lines. */
-#include "app/cli/eventlog.h"
+#include "app/cli/cli.h"
 
 #include "rt/clock.h"
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Prints events and the status line in a thread. */
-#include "app/cli/monitor.h"
+#include "app/cli/cli.h"
 
 #include "base/journal.h"
 

@@ -1,12 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The protocol of sd_notify(3): lines of KEY=VALUE in datagrams to a unix socket. */
-#include "app/cli/notify.h"
+#include "app/cli/cli.h"
 
 #include "rt/clock.h"
 
 #include <errno.h>
-#include <stddef.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>

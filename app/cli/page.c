@@ -1,15 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Opens and closes the page of a run, and serves it after the run. */
-#include "app/cli/page.h"
+#include "app/cli/cli.h"
 
-#include "app/cli/rig_command.h"
 #include "sim/summary.h"
-#include "app/cli/token_file.h"
 #include "base/journal.h"
 
 #include <inttypes.h>
 #include <limits.h>
-#include <stdio.h>
 #include <string.h>
 
 /* Default time for which the page stays after a run, s; maximum number of robot parts listed as

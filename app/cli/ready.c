@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "app/cli/ready.h"
+#include "app/cli/cli.h"
 
 #include "base/whole_file.h"
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Compares the run of a stimulus with the recorded one, and stores downloaded firmware. */
-#include "app/cli/recorded_run.h"
+#include "app/cli/cli.h"
 
 #include "base/input_file.h"
 #include "base/journal.h"
@@ -10,7 +10,6 @@
 #include <inttypes.h>
 #include <jansson.h>
 #include <limits.h>
-#include <stdio.h>
 #include <string.h>
 
 /* Writes the words of an image, low byte first. */

@@ -1,17 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Functions common to the commands with a rig or a robot. */
-#include "app/cli/rig_command.h"
+#include "app/cli/cli.h"
 
 #include "base/array.h"
 #include "base/journal.h"
-#include "base/options.h"
 #include "base/config.h"
 #include "contact/mesh/solid_store.h"
 
 #include <signal.h>
 #include <stdatomic.h>
-#include <stdint.h>
-#include <stdio.h>
 #include <time.h>
 
 int rig_command(const char *name, const char *path, void *options,

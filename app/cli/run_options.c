@@ -1,15 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Reads the command line of coman-hil run. */
-#include "app/cli/run_options.h"
+#include "app/cli/cli.h"
 
 #include "base/config.h"
-#include "base/array.h"
 #include "base/text.h"
 #include "manual/run.h"
 
 #include <arpa/inet.h>
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
 
@@ -135,10 +133,8 @@ bool run_options_read(int argc, char **argv, struct run_options *out, int *statu
     static const struct command_spec spec = {
         .name = "run",
         .summary = "Run a rig: robot, boards and buses, in real time, lockstep or free run.",
-        .option = options,
-        .noption = ARRAY_COUNT(options),
-        .operand = operands,
-        .noperand = ARRAY_COUNT(operands),
+        OPTION_TABLE(options),
+        OPERAND_TABLE(operands),
         .manual = manual,
     };
     char kinds[KINDS_SIZE];

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Reads the options of the tasks sweep, excite and follow, and writes their reports: tables, Bode
  * plots, a page. */
-#include "app/cli/task_input.h"
-
+#include "app/cli/cli.h"
 #include "app/report/report.h"
 
 #include <math.h>
@@ -88,7 +87,6 @@ static void sweep_draw(struct report *report, const struct sweep_point *point, s
 {
     static const char *const angle_label[] = {"angle, rad/V", "phase, degrees", "coherence"};
     static const char *const torque_label[] = {"torque, N m/V", "phase, degrees", "coherence"};
-    const struct svg_axis x = {.label = "frequency, Hz", .logarithmic = true};
     double *frequency = value + SWEEP_COLUMNS * count;
     struct svg_series series[2 * PANELS][2];
     struct svg_plot panel[2 * PANELS];
@@ -105,21 +103,18 @@ static void sweep_draw(struct report *report, const struct sweep_point *point, s
         bool torque = p >= PANELS;
         size_t kind = p % PANELS;
 
-        panel[p] =
-            (struct svg_plot){.title = "", .x = x, .series = series[p], .nseries = torque ? 1 : 2};
-        panel[p].y = (struct svg_axis){.label = torque ? torque_label[kind] : angle_label[kind],
-                                       .logarithmic = kind == 0};
+        panel[p] = svg_panel("", "frequency, Hz", torque ? torque_label[kind] : angle_label[kind],
+                             series[p], torque ? 1 : 2);
+        panel[p].x.logarithmic = true;
+        panel[p].y.logarithmic = kind == 0;
         if (point->by_angle && kind == 0) {
             panel[p].y.label = torque ? "torque, N m/rad" : "angle, rad/rad";
         }
         for (size_t s = 0; s < panel[p].nseries; s++) {
             size_t k = torque ? SWEEP_TORQUE : s;
 
-            series[p][s] = (struct svg_series){.name = sweep_name[k],
-                                               .x = frequency,
-                                               .y = value + (k * PANELS + kind) * count,
-                                               .count = count,
-                                               .style = SVG_LINE_MARKERS};
+            series[p][s] = svg_line(sweep_name[k], frequency, value + (k * PANELS + kind) * count,
+                                    count, SVG_LINE_MARKERS);
         }
     }
     report_figure(report, "bode-angle", "Angles of link and rotor.", panel, PANELS);

@@ -1,9 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil help TOPIC: explains topics that belong to several commands, and real time. */
-#include "app/cli/commands.h"
-
+#include "app/cli/cli.h"
 #include "app/scenario/scenario.h"
-#include "base/options.h"
 #include "boards/protocol_list.h"
 #include "faults/faults.h"
 #include "manual/board.h"

@@ -9,7 +9,7 @@
 
 #include "canbus/lockstep.h"
 #include "base/markup.h"
-#include "app/cli/notify.h"
+#include "app/cli/cli.h"
 #include "base/options.h"
 #include "tests/fuzz/fuzz.h"
 #include "tests/unit/base/try_command.h"

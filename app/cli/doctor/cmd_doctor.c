@@ -1,17 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil doctor: checks whether this machine can meet a rig's deadlines, and suggests
  * remedies. */
-#include "app/cli/commands.h"
-
+#include "app/cli/cli.h"
 #include "app/cli/doctor/doctor.h"
-#include "app/cli/rig_command.h"
-#include "base/array.h"
-#include "base/options.h"
 #include "manual/doctor.h"
 #include "model/symbolic/symbolic.h"
 #include "rt/clock.h"
 #include "rt/histogram.h"
-#include "rt/realtime.h"
 
 #include <inttypes.h>
 #include <string.h>
@@ -158,10 +153,8 @@ int cmd_doctor(int argc, char **argv)
     static const struct command_spec spec = {
         .name = "doctor",
         .summary = "Say what keeps this machine from meeting a rig's deadlines.",
-        .option = options,
-        .noption = ARRAY_COUNT(options),
-        .operand = operands,
-        .noperand = ARRAY_COUNT(operands),
+        OPTION_TABLE(options),
+        OPERAND_TABLE(operands),
         .manual = MANUAL_DOCTOR,
     };
     int status;

@@ -42,7 +42,7 @@ struct doctor {
 
 /* ---- findings ---- */
 
-/* Adds a finding while there is room; format gives the finding. */
+/* Adds a finding while there is room; format gives the finding. One that is fine needs no fix. */
 __attribute__((format(printf, 4, 5))) static void
 doctor_add(struct doctor *d, enum doctor_verdict verdict, const char *fix, const char *format, ...)
 {
@@ -55,7 +55,7 @@ doctor_add(struct doctor *d, enum doctor_verdict verdict, const char *fix, const
     d->count++;
     finding->verdict = verdict;
     finding->subject = d->subject;
-    snprintf(finding->fix, sizeof finding->fix, "%s", fix);
+    snprintf(finding->fix, sizeof finding->fix, "%s", verdict == DOCTOR_OK ? "" : fix);
     va_start(args, format);
     vsnprintf(finding->found, sizeof finding->found, format, args);
     va_end(args);
@@ -198,53 +198,46 @@ static void examine_virtual_machine(struct doctor *d)
                       strcmp(text, "linux,dummy-virt") == 0) ||
                      strcmp(vendor, "QEMU") == 0 || strcmp(vendor, "Amazon EC2") == 0;
     }
-    if (is_virtual) {
-        doctor_add(
-            d, DOCTOR_WARN, "",
-            "virtual: its host may take the processor away at any time; use it for lockstep");
-    } else {
-        doctor_add(d, DOCTOR_OK, "", "no hypervisor seen");
-    }
+    doctor_add(d, is_virtual ? DOCTOR_WARN : DOCTOR_OK, "",
+               is_virtual ? "virtual: its host may take the processor away at any time; use it for "
+                            "lockstep"
+                          : "no hypervisor seen");
 }
 
 /* Examines whether the time is read without a system call. */
 static void examine_clock_source(struct doctor *d)
 {
-    static const char *const fast[] = {"tsc", "arch_sys_counter", "kvm-clock", "riscv_clocksource"};
+    static const char fast[] = " tsc arch_sys_counter kvm-clock riscv_clocksource ";
     static const char file[] = "/sys/devices/system/clocksource/clocksource0/current_clocksource";
-    char text[TEXT] = "unknown", fix[160];
+    char text[TEXT] = "unknown", word[TEXT + 2], fix[160];
+    bool is_fast;
 
     doctor_read_line(d, text, "%s", file);
-    for (size_t i = 0; i < ARRAY_COUNT(fast); i++) {
-        if (strcmp(text, fast[i]) == 0) {
-            doctor_add(d, DOCTOR_OK, "", "%.60s, read without a system call", text);
-            return;
-        }
-    }
+    snprintf(word, sizeof word, " %s ", text);
+    is_fast = strstr(fast, word) != NULL;
     snprintf(fix, sizeof fix, "echo %s > %s", doctor_is_arm(d) ? "arch_sys_counter" : "tsc", file);
-    doctor_add(d, DOCTOR_WARN, fix,
-               "%.60s: reading the time is slow, and the loop reads it eight times a tick", text);
+    doctor_add(d, is_fast ? DOCTOR_OK : DOCTOR_WARN, fix, "%.60s%s", text,
+               is_fast ? ", read without a system call"
+                       : ": reading the time is slow, and the loop reads it eight times a tick");
 }
 
 /* Examines RT throttling, which stops real-time threads after a share of each period. */
 static void examine_throttling(struct doctor *d)
 {
-    char runtime[TEXT] = "-1", period[TEXT] = "";
+    char runtime[TEXT] = "-1", period[TEXT] = "-1";
     double share;
 
     doctor_read_line(d, runtime, "/proc/sys/kernel/sched_rt_runtime_us");
-    if (!doctor_read_line(d, period, "/proc/sys/kernel/sched_rt_period_us")) {
-        doctor_add(d, DOCTOR_OK, "", "the kernel has none");
-        return;
-    }
+    doctor_read_line(d, period, "/proc/sys/kernel/sched_rt_period_us");
     share = 100.0 * strtod(runtime, NULL) / strtod(period, NULL);
-    if (share < 0.0) {
-        doctor_add(d, DOCTOR_OK, "", "off");
-    } else if (share >= 90.0) {
-        doctor_add(d, DOCTOR_OK, "", "after %.0f %% of a second: the loop stays below", share);
+    if (period[0] == '-' || share < 0.0) {
+        doctor_add(d, DOCTOR_OK, "", period[0] == '-' ? "the kernel has none" : "off");
     } else {
-        doctor_add(d, DOCTOR_WARN, "sysctl kernel.sched_rt_runtime_us=950000",
-                   "stops real-time threads after %.0f %% of a period", share);
+        doctor_add(d, share >= 90.0 ? DOCTOR_OK : DOCTOR_WARN,
+                   "sysctl kernel.sched_rt_runtime_us=950000",
+                   share >= 90.0 ? "after %.0f %% of a second: the loop stays below"
+                                 : "stops real-time threads after %.0f %% of a period",
+                   share);
     }
 }
 
@@ -340,11 +333,9 @@ static void examine_interrupts(struct doctor *d)
     snprintf(fix, sizeof fix,
              "systemctl disable --now irqbalance; add irqaffinity= with the other processors to %s",
              doctor_find_command_line(d));
-    if (count > 0) {
-        doctor_add(d, DOCTOR_WARN, fix, "%d come to processor %d", count, d->cpu);
-    } else {
-        doctor_add(d, DOCTOR_OK, "", "none come to processor %d", d->cpu);
-    }
+    doctor_add(d, count > 0 ? DOCTOR_WARN : DOCTOR_OK, fix,
+               count > 0 ? "%d come to processor %d" : "none of the %d come to processor %d", count,
+               d->cpu);
 }
 
 /* Examines the frequency governor of the loop's processor. */
@@ -355,11 +346,12 @@ static void examine_governor(struct doctor *d)
     if (!doctor_read_line(d, text, "/sys/devices/system/cpu/cpu%d/cpufreq/scaling_governor",
                           d->cpu < 0 ? 0 : d->cpu)) {
         doctor_add(d, DOCTOR_OK, "", "not scaled by this kernel");
-    } else if (strcmp(text, "performance") == 0) {
-        doctor_add(d, DOCTOR_OK, "", "governor performance");
     } else {
-        doctor_add(d, DOCTOR_WARN, "cpupower frequency-set -g performance",
-                   "governor %.60s: a tick after an idle period runs slowly", text);
+        bool fast = strcmp(text, "performance") == 0;
+
+        doctor_add(d, fast ? DOCTOR_OK : DOCTOR_WARN, "cpupower frequency-set -g performance",
+                   "governor %.60s%s", text,
+                   fast ? "" : ": a tick after an idle period runs slowly");
     }
 }
 
@@ -383,11 +375,9 @@ static void examine_idle_states(struct doctor *d)
         }
     }
     snprintf(text, sizeof text, "%.60s/dev/cpu_dma_latency", d->config->root);
-    if (worst <= SLOW_STATE_US) {
-        doctor_add(d, DOCTOR_OK, "", "slowest %.60s, %ld us to leave", name, worst);
-    } else if (access(text, W_OK) == 0) {
-        doctor_add(d, DOCTOR_OK, "",
-                   "slowest %.60s, %ld us to leave: a run in real time prevents it", name, worst);
+    if (worst <= SLOW_STATE_US || access(text, W_OK) == 0) {
+        doctor_add(d, DOCTOR_OK, "", "slowest %.60s, %ld us to leave%s", name, worst,
+                   worst <= SLOW_STATE_US ? "" : ": a run in real time prevents it");
     } else {
         doctor_add(d, DOCTOR_WARN,
                    "groupadd -r realtime; usermod -aG realtime $USER; cp "
@@ -416,11 +406,10 @@ static void examine_capacity(struct doctor *d)
         }
     }
     snprintf(fix, sizeof fix, "name a fast one in the rig: realtime: {cpu: %d}", fastest);
-    if (own > 0 && own < best) {
-        doctor_add(d, DOCTOR_WARN, fix, "number %d has %.0f %% of the speed of number %d", d->cpu,
+    if (own > 0) {
+        doctor_add(d, own < best ? DOCTOR_WARN : DOCTOR_OK, fix,
+                   "number %d has %.0f %% of the speed of number %d", d->cpu,
                    100.0 * (double)own / (double)best, fastest);
-    } else if (own > 0) {
-        doctor_add(d, DOCTOR_OK, "", "none is faster than number %d", d->cpu);
     }
 }
 
@@ -436,13 +425,11 @@ static void examine_supply(struct doctor *d)
             !doctor_read_line(d, text, "/sys/class/hwmon/hwmon%d/in0_lcrit_alarm", i)) {
             continue;
         }
-        if (strcmp(text, "0") == 0) {
-            doctor_add(d, DOCTOR_OK, "", "voltage is high enough");
-        } else {
-            doctor_add(d, DOCTOR_WARN,
-                       "use a supply and a cable for what the board and its hats draw",
-                       "under-voltage: the firmware lowers the clock of the processors");
-        }
+        doctor_add(d, strcmp(text, "0") == 0 ? DOCTOR_OK : DOCTOR_WARN,
+                   "use a supply and a cable for what the board and its hats draw",
+                   strcmp(text, "0") == 0
+                       ? "voltage is high enough"
+                       : "under-voltage: the firmware lowers the clock of the processors");
         return;
     }
 }
@@ -451,15 +438,14 @@ static void examine_supply(struct doctor *d)
 static void examine_engine(struct doctor *d)
 {
     char path[512];
+    bool found = contact_simbody_find(path, sizeof path);
 
-    if (d->rig->contact_engine != RIG_CONTACT_SIMBODY) {
-        return;
-    }
-    if (contact_simbody_find(path, sizeof path)) {
-        doctor_add(d, DOCTOR_OK, "", "simbody: %.160s", path);
-    } else {
-        doctor_add(d, DOCTOR_FAIL, "scene engine native, or a build with HIL_SIMBODY=ON",
-                   "the rig's engine simbody is not installed: no %.110s", path);
+    if (d->rig->contact_engine == RIG_CONTACT_SIMBODY) {
+        doctor_add(d, found ? DOCTOR_OK : DOCTOR_FAIL,
+                   "scene engine native, or a build with HIL_SIMBODY=ON",
+                   found ? "simbody: %.110s"
+                         : "the rig's engine simbody is not installed: no %.110s",
+                   path);
     }
 }
 
@@ -477,11 +463,12 @@ static bool doctor_has_can(const struct doctor *d)
 
 static void examine_can(struct doctor *d)
 {
-    if (doctor_has_can(d)) {
-        doctor_add(d, DOCTOR_OK, "", "the kernel has raw CAN sockets");
-    } else if (!d->config->local) {
-        doctor_add(d, DOCTOR_WARN, "modprobe can-raw vcan",
-                   "the kernel has no CAN now: buses stay inside the process");
+    bool there = doctor_has_can(d);
+
+    if (!d->config->local) {
+        doctor_add(d, there ? DOCTOR_OK : DOCTOR_WARN, "modprobe can-raw vcan",
+                   there ? "the kernel has raw CAN sockets"
+                         : "the kernel has no CAN now: buses stay inside the process");
     }
 }
 
@@ -497,14 +484,10 @@ static void examine_receive_buffer(struct doctor *d)
         return;
     }
     most = strtoll(text, NULL, 10);
-    if (most < RECEIVE_WANTED) {
-        doctor_add(d, DOCTOR_WARN, "sysctl -w net.core.rmem_max=4194304",
-                   "%lld bytes, about %lld frames, wait for the loop at most; more are lost, and "
-                   "counted",
-                   most, most / RECEIVE_FRAME);
-    } else {
-        doctor_add(d, DOCTOR_OK, "", "%lld bytes of frames may wait for the loop", most);
-    }
+    doctor_add(d, most < RECEIVE_WANTED ? DOCTOR_WARN : DOCTOR_OK,
+               "sysctl -w net.core.rmem_max=4194304",
+               "%lld bytes, about %lld frames, may wait for the loop%s", most, most / RECEIVE_FRAME,
+               most < RECEIVE_WANTED ? "; more are lost, and counted" : "");
 }
 
 /* Examines the interface of a bus: it must exist, be of type CAN, be up, and have a long enough
@@ -627,17 +610,13 @@ static void examine_interfaces(struct doctor *d)
 static void examine_loads(struct doctor *d)
 {
     for (size_t b = 0; b < d->rig->nbus; b++) {
-        static const char found[] = "%s needs %.0f %% of its wire in the worst case";
         double telemetry, commands, percent;
 
         rig_bus_load(d->rig, b, d->rig->servo.command_period_ns, &telemetry, &commands);
         percent = 100.0 * (telemetry + commands) / (double)d->rig->bus[b].bitrate;
-        if (percent > 100.0) {
-            doctor_add(d, DOCTOR_WARN, "coman-hil check tells which split or rate fits", found,
-                       d->rig->bus[b].name, percent);
-        } else {
-            doctor_add(d, DOCTOR_OK, "", found, d->rig->bus[b].name, percent);
-        }
+        doctor_add(d, percent > 100.0 ? DOCTOR_WARN : DOCTOR_OK,
+                   "coman-hil check tells which split or rate fits",
+                   "%s needs %.0f %% of its wire in the worst case", d->rig->bus[b].name, percent);
     }
 }
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil generate: the file that it writes, and its exit statuses. */
 #include "model/symbolic/symbolic.h"
-#include "app/cli/commands.h"
+#include "app/cli/cli.h"
 #include "base/options.h"
 #include "tests/test.h"
 

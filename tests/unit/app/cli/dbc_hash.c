@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The hashes of a rig's DBC files in the file of --ready. */
-#include "app/cli/dbc_hash.h"
+#include "app/cli/cli.h"
 
 #include <inttypes.h>
 #include <stdlib.h>

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Rate limiting of log lines, on a scripted clock. */
 #include "rt/clock.h"
-#include "app/cli/eventlog.h"
+#include "app/cli/cli.h"
 #include "tests/test.h"
 
 #include <string.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A download into the bootloader of a board of a running simulator ends up in a file. */
-#include "app/cli/recorded_run.h"
+#include "app/cli/cli.h"
 #include "tests/test.h"
 
 #include <stdio.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What a service manager hears, on a real socket of the kind that it opens. */
-#include "app/cli/notify.h"
+#include "app/cli/cli.h"
 #include "tests/test.h"
 
 #include <stdio.h>

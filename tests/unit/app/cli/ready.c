@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The file of --ready: whole, its owner's, read by a shell to the very bytes, gone at the end. */
-#include "app/cli/ready.h"
+#include "app/cli/cli.h"
 #include "tests/test.h"
 
 #include <stdio.h>

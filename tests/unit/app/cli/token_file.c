@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The file of a page's tokens: what is written is read again, and nothing else is believed. */
-#include "app/cli/token_file.h"
+#include "app/cli/cli.h"
 #include "tests/test.h"
 
 #include <stdio.h>
