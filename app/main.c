@@ -27,7 +27,7 @@ static const struct program_command commands[] = {
     {"check", "check a rig or a robot file and print its contents", cmd_check},
     {"dbc", "write DBC files of the messages on a rig's buses", cmd_dbc},
     {"eds", "write EDS files of the CANopen nodes on a rig's buses", cmd_eds},
-    {"protocol", "print every frame that a personality of boards speaks", cmd_protocol},
+    {"protocol", "print every frame of a protocol of boards", cmd_protocol},
     {"doctor", "say what keeps this machine from meeting a rig's deadlines", cmd_doctor},
     {"generate", "write C code for the dynamics of a robot", cmd_generate},
     {"bench", "repeat the paper's measurements on this machine", cmd_bench},

@@ -56,7 +56,17 @@ struct yaml_real_entry {
     double value;
 };
 
-#define YAML_NO_OFFSET ((size_t)-1)
+/* The place of a key with an old name. */
+struct yaml_old_key {
+    struct yaml_mark mark;
+    struct yaml_old_key *next; /* NULL = the last */
+};
+
+/* A key with a new name: a mapping of a schema with `now` may still use `was`. Beside `now`, the
+ * old key is ignored when it has the value `only`, and unknown otherwise. */
+struct yaml_renamed {
+    const char *was, *now, *only;
+};
 
 struct yaml_schema;
 
@@ -100,6 +110,10 @@ struct yaml_schema {
     /* For a file: the newest supported format. The file may give its format with the key
      * "format_version" (default 1); a newer one is refused. 0 = no versions. */
     int format_version;
+    /* for a file: a key with a new name, and the offset of a const struct yaml_old_key * that
+     * receives the list of the old one's places; NULL = none */
+    const struct yaml_renamed *renamed;
+    size_t old_offset;
     bool unmarked;   /* the struct belongs to another room and has no mark */
     bool extendable; /* for a file: the key "extends" names a file that this one extends */
     /* For an extendable file: finds the path of a file that `from` extends by a bare name, without

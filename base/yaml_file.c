@@ -174,6 +174,49 @@ static enum error_code yaml_check_format(struct yaml_reader *r, const struct yam
     return ERROR_NONE;
 }
 
+/* Gives the old keys of a mapping, or of all entries of a list or dictionary, their new name, and
+ * notes their places. */
+static enum error_code yaml_rename_keys(struct yaml_reader *r, const struct yaml_renamed *renamed,
+                                        const struct yaml_schema *schema, bool entries,
+                                        struct yaml_node *node)
+{
+    enum error_code code = ERROR_NONE;
+    struct yaml_old_key **note = &r->old;
+    struct yaml_node **old;
+
+    if (!entries && node->kind != YAML_KIND_MAP) {
+        return ERROR_NONE;
+    }
+    if (!entries && yaml_find_field(schema, renamed->now) &&
+        *(old = yaml_find_key(node, renamed->was))) {
+        while (*note) {
+            note = &(*note)->next;
+        }
+        *note = arena_alloc(r->arena, 1, sizeof **note);
+        if (!*note) {
+            return yaml_no_memory(r);
+        }
+        (*note)->mark = (*old)->mark;
+        if (!*yaml_find_key(node, renamed->now)) {
+            (*old)->text = renamed->now;
+        } else if ((*old)->next->kind == YAML_KIND_SCALAR &&
+                   strcmp((*old)->next->text, renamed->only) == 0) {
+            *old = (*old)->next->next;
+            node->count--;
+        }
+    }
+    for (struct yaml_node *at = node->first, *value; at && !code; at = value->next) {
+        const struct yaml_field *field = entries ? NULL : yaml_find_field(schema, at->text);
+
+        value = node->kind == YAML_KIND_MAP ? at->next : at;
+        if (entries || (field && field->schema)) {
+            code = yaml_rename_keys(r, renamed, entries ? schema : field->schema,
+                                    !entries && field->type != YAML_MAP, value);
+        }
+    }
+    return code;
+}
+
 /* Finds the path of the file that a document extends. */
 static enum error_code yaml_find_extended(struct yaml_reader *r, const struct yaml_schema *schema,
                                           const struct yaml_node *reference, const char **path)
@@ -283,6 +326,10 @@ static enum error_code yaml_read_extended(struct yaml_reader *r, const char *nam
     code = yaml_tree_read(r, text, size, root);
     if (!code && schema->format_version > 0) {
         code = yaml_check_format(r, schema, *root);
+    }
+    if (!code && schema->renamed &&
+        memmem(text, size, schema->renamed->was, strlen(schema->renamed->was))) {
+        code = yaml_rename_keys(r, schema->renamed, schema, false, *root);
     }
     return code || !schema->extendable ? code : yaml_follow_extends(r, schema, &chain, *root);
 }

@@ -597,6 +597,9 @@ static enum error_code yaml_read_document(const char *name, bool file, const cha
     if (!code && schema->hash_offset) {
         memcpy((unsigned char *)out + schema->hash_offset, &r.hash, sizeof r.hash);
     }
+    if (!code && schema->renamed) {
+        memcpy((unsigned char *)out + schema->old_offset, &r.old, sizeof r.old);
+    }
     arena_fini(&r.scratch);
     return code;
 }

@@ -35,8 +35,9 @@ struct yaml_reader {
     const char *file;
     bool store; /* uses the store and adds parsed texts to it */
     size_t nodes;
-    uint64_t hash; /* hash of all texts read */
-    void *parser;  /* parser of libyaml during the read */
+    uint64_t hash;            /* hash of all texts read */
+    struct yaml_old_key *old; /* keys with an old name */
+    void *parser;             /* parser of libyaml during the read */
     struct error *error;
 };
 

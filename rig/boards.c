@@ -13,12 +13,17 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Returns the protocol of a bus: its own, or the rig's. */
-static const struct protocol *raw_bus_protocol(const struct rig_builder *b,
-                                               const struct raw_bus *bus)
+/* Returns the name or file of a bus's protocol: its own, or the rig's. In a file of before the key
+ * "personality" was renamed, "described" stands for the rig's file, and a rig may have the
+ * personality of the other buses beside it. NULL = the default. */
+static const char *rig_bus_protocol(const struct rig_builder *b, const struct raw_bus *bus)
 {
-    return protocol_at(
-        (size_t)(yaml_has(&bus->mark, "personality") ? bus->personality : b->raw->personality));
+    const char *described = protocol_described.name, *own = bus->protocol;
+
+    if (!own && b->raw->personality) {
+        return b->raw->personality;
+    }
+    return own && strcmp(own, described) != 0 ? own : b->raw->protocol;
 }
 
 /* Refuses a full scale that is not whole. */
@@ -221,8 +226,8 @@ static enum error_code board_place_switches(struct rig_builder *b, const struct 
         if (!protocol->switches) {
             return yaml_error(
                 b->error, &raw->mark,
-                "found switches of joint \"%s\" on a board of personality %s, "
-                "expected them with personality %s only",
+                "found switches of joint \"%s\" on a board of protocol %s, "
+                "expected them with protocol %s only",
                 raw->joint, protocol->name,
                 protocols_list(offsetof(struct protocol, switches), list, sizeof list));
         }
@@ -291,7 +296,7 @@ static enum error_code board_check_external(struct rig_builder *b, const struct 
     }
     if (!protocol->external) {
         return yaml_error(b->error, yaml_place(&raw->mark, "external"),
-                          "found external: true with personality %s, expected it with %s only",
+                          "found external: true with protocol %s, expected it with %s only",
                           protocol->name,
                           protocols_list(offsetof(struct protocol, external), list, sizeof list));
     }
@@ -310,7 +315,7 @@ static enum error_code board_check_external(struct rig_builder *b, const struct 
     if (raw->external_torque && !protocol->external_torque) {
         return yaml_error(
             b->error, yaml_place(&raw->mark, "external_follows"),
-            "found external_follows: torque with personality %s, expected it with %s "
+            "found external_follows: torque with protocol %s, expected it with %s "
             "only, whose motor boards tell the torque of their joints",
             protocol->name,
             protocols_list(offsetof(struct protocol, external_torque), list, sizeof list));
@@ -407,20 +412,20 @@ static enum error_code board_check_address(struct rig_builder *b, const struct r
 
     if (raw->board.kind == BOARD_TORQUE && !protocol->torque_boards) {
         return yaml_error(b->error, &raw->mark,
-                          "found a torque board on a bus with personality %s, expected none: its "
+                          "found a torque board on a bus with protocol %s, expected none: its "
                           "motor boards report the torques",
                           protocol->name);
     }
     if (raw->board.kind != BOARD_MOTOR && protocol->motors_only) {
         return yaml_error(b->error, &raw->mark,
-                          "found a board of sensors on a bus with personality %s, expected motor "
+                          "found a board of sensors on a bus with protocol %s, expected motor "
                           "boards only",
                           protocol->name);
     }
     if (raw->address > max) {
         return yaml_error(b->error, yaml_place(&raw->mark, "address"),
-                          "found address %d, expected 1 to %d with personality %s",
-                          (int)raw->address, (int)max, protocol->name);
+                          "found address %d, expected 1 to %d with protocol %s", (int)raw->address,
+                          (int)max, protocol->name);
     }
     return ERROR_NONE;
 }
@@ -462,7 +467,7 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
 {
     const struct raw_bus *raw_bus = &b->raw->bus[bus];
     const struct board_config *motors = &b->raw->motors.board;
-    const struct protocol *protocol = raw_bus_protocol(b, raw_bus);
+    const struct protocol *protocol = b->bus[bus].protocol;
     enum error_code code = board_check_keys(b, raw);
 
     code = code ? code : board_check_address(b, raw, protocol);
@@ -523,9 +528,9 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
 }
 
 /* Checks the names of a bus, CAN FD, and the settings of its interface. */
-static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus *raw)
+static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus *raw,
+                                     const struct protocol *protocol)
 {
-    const struct protocol *protocol = raw_bus_protocol(b, raw);
     const struct rig_bus *bus = &raw->bus;
     enum error_code code;
     char list[RIG_LIST];
@@ -548,12 +553,12 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
     /* CAN FD needs boards that support it, and a second bit rate */
     if (bus->fd && !protocol->canfd) {
         return yaml_error(b->error, yaml_place(&raw->mark, "fd"),
-                          "found fd on bus \"%s\", expected it with personality %s only", bus->name,
+                          "found fd on bus \"%s\", expected it with protocol %s only", bus->name,
                           protocols_list(offsetof(struct protocol, canfd), list, sizeof list));
     }
     if (!bus->fd && protocol->canfd_only) {
         return yaml_error(b->error, yaml_place(&raw->mark, "name"),
-                          "found bus \"%s\" without fd, expected fd: true with personality %s",
+                          "found bus \"%s\" without fd, expected fd: true with protocol %s",
                           bus->name, protocol->name);
     }
     if (bus->fd != (bus->data_bitrate > 0) || (bus->fd && bus->data_bitrate < bus->bitrate)) {
@@ -570,7 +575,7 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
      * protocols give each command its own length */
     if (raw->padded && !protocol->padded) {
         return yaml_error(b->error, yaml_place(&raw->mark, "padded_frames"),
-                          "found padded_frames on bus \"%s\", expected it with personality %s only",
+                          "found padded_frames on bus \"%s\", expected it with protocol %s only",
                           bus->name,
                           protocols_list(offsetof(struct protocol, padded), list, sizeof list));
     }
@@ -590,18 +595,6 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
     return code ? code
                 : rig_check_name(b, yaml_place(&raw->mark, "interface"), "interface",
                                  bus->interface);
-}
-
-/* Finds the file of a protocol: a path from the rig's folder, or a name. */
-static enum error_code rig_find_protocol(struct rig_builder *b, const struct yaml_mark *mark,
-                                         const char *file, const char **path)
-{
-    if (strpbrk(file, "/.")) {
-        return yaml_resolve_path(mark, file, b->arena, path, b->error);
-    }
-    return config_locate_from(CONFIG_PROTOCOL, file, mark->file, b->arena, path, b->error)
-               ? error_prefix(b->error, "%s:%d:%d", mark->file, mark->line, mark->column)
-               : ERROR_NONE;
 }
 
 /* Checks that a protocol with CAN FD frames is on a CAN FD bus, and that no frame has a period
@@ -632,82 +625,71 @@ static enum error_code rig_check_format(struct rig_builder *b, const struct raw_
     return ERROR_NONE;
 }
 
-/* Returns the description of a bus's protocol: the text of its personality, or the name of its own
- * or the rig's file; NULL: none. */
-static const char *rig_protocol_source(const struct rig_builder *b, const struct raw_bus *raw)
+/* Finds the protocol of a bus by the name or the file that the rig gives. path: the file, relative
+ * to the rig's folder or of a name that the configuration has; NULL for a protocol in C. */
+static enum error_code rig_find_protocol(struct rig_builder *b, const struct yaml_mark *mark,
+                                         const char *name, const struct protocol **protocol,
+                                         const char **path)
 {
-    const struct protocol *protocol = raw_bus_protocol(b, raw);
+    enum { NAMES_MAX = 16 };
+    const char *words[NAMES_MAX], *nearest;
+    size_t count = 0;
 
-    return !protocol->needs_file ? raw->bus.fd ? protocol->text_fd : protocol->text
-           : raw->protocol       ? raw->protocol
-                                 : b->raw->protocol;
+    *path = NULL;
+    *protocol = name ? protocol_find(name) : protocol_at(0);
+    if (*protocol && !(*protocol)->needs_file) {
+        return ERROR_NONE;
+    }
+    if (*protocol) {
+        return yaml_error(b->error, mark,
+                          "found protocol %s, expected the name or the file of a protocol", name);
+    }
+    *protocol = &protocol_described;
+    if (strpbrk(name, "/.")) {
+        return yaml_resolve_path(mark, name, b->arena, path, b->error);
+    }
+    if (!config_locate_from(CONFIG_PROTOCOL, name, mark->file, b->arena, path, b->error)) {
+        return ERROR_NONE;
+    }
+    for (; count < NAMES_MAX && protocol_words[count].word; count++) {
+        words[count] = protocol_words[count].word;
+    }
+    nearest = text_nearest(name, words, count);
+    return nearest ? yaml_error(b->error, mark, "found unknown protocol \"%s\", expected \"%s\"",
+                                name, nearest)
+                   : error_prefix(b->error, "%s:%d:%d", mark->file, mark->line, mark->column);
 }
 
-/* Loads the protocol of a described bus. */
+/* Sets the protocol of a bus, and its description if a file or a built-in text gives one. */
 static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw_bus *raw,
-                                         const struct described_protocol **protocol)
+                                         struct rig_bus *bus)
 {
-    const struct protocol *of = raw_bus_protocol(b, raw);
-    const char *source = rig_protocol_source(b, raw), *path;
+    const char *source = rig_bus_protocol(b, raw), *path;
     const struct yaml_mark *mark =
-        raw->protocol ? yaml_place(&raw->mark, "protocol") : yaml_place(&b->raw->mark, "protocol");
-    enum error_code code;
+        yaml_place(raw->protocol == source ? &raw->mark : &b->raw->mark, "protocol");
+    enum error_code code = rig_find_protocol(b, mark, source, &bus->protocol, &path);
+    const char *text = code || path ? NULL : bus->fd ? bus->protocol->text_fd : bus->protocol->text;
 
-    if (raw->protocol && !of->needs_file) {
-        char list[RIG_LIST];
-
-        return yaml_error(b->error, yaml_place(&raw->mark, "protocol"),
-                          "found a protocol on bus \"%s\", expected it with personality %s",
-                          raw->bus.name,
-                          protocols_list(offsetof(struct protocol, needs_file), list, sizeof list));
-    }
-    if (!source) {
-        return of->needs_file
-                   ? yaml_error(
-                         b->error, &raw->mark,
-                         "found personality %s on bus \"%s\" without a protocol, expected the file "
-                         "that describes it",
-                         of->name, raw->bus.name)
-                   : ERROR_NONE;
+    if (code || (!path && !text)) {
+        return code;
     }
 
-    /* Buses with the same description share one table */
-    for (const struct raw_bus *other = b->raw->bus; other < raw && !raw->protocol; other++) {
-        if (rig_protocol_source(b, other) == source) {
-            *protocol = b->bus[other - b->raw->bus].described;
-            return rig_check_format(b, raw, *protocol);
+    /* Buses of the rig's protocol share one table */
+    for (const struct rig_bus *other = b->bus; other < bus; other++) {
+        const struct raw_bus *raw_other = &b->raw->bus[other - b->bus];
+
+        if (rig_bus_protocol(b, raw_other) == source && other->fd == bus->fd) {
+            bus->described = other->described;
+            return rig_check_format(b, raw, bus->described);
         }
     }
-    if (!of->needs_file) {
-        code = described_read_text(of->name, source, strlen(source), b->arena, protocol, b->error);
-        return code ? code : rig_check_format(b, raw, *protocol);
-    }
-    code = rig_find_protocol(b, mark, source, &path);
-    if (!code && (code = described_load(path, b->arena, protocol, b->error)) &&
-        access(path, R_OK)) {
+    code = text ? described_read_text(bus->protocol->name, text, strlen(text), b->arena,
+                                      &bus->described, b->error)
+                : described_load(path, b->arena, &bus->described, b->error);
+    if (code && path && access(path, R_OK)) {
         error_prefix(b->error, "%s:%d:%d", mark->file, mark->line, mark->column);
     }
-    return code ? code : rig_check_format(b, raw, *protocol);
-}
-
-/* Checks that at least one bus uses the rig's protocol. */
-static enum error_code rig_check_protocol_used(struct rig_builder *b)
-{
-    char list[RIG_LIST];
-
-    for (size_t i = 0; i < b->rig->nbus; i++) {
-        const struct raw_bus *bus = &b->raw->bus[i];
-
-        if (!bus->protocol && raw_bus_protocol(b, bus)->needs_file) {
-            return ERROR_NONE;
-        }
-    }
-    return b->raw->protocol
-               ? yaml_error(
-                     b->error, yaml_place(&b->raw->mark, "protocol"),
-                     "found a protocol that no bus speaks, expected it with personality %s",
-                     protocols_list(offsetof(struct protocol, needs_file), list, sizeof list))
-               : ERROR_NONE;
+    return code ? code : rig_check_format(b, raw, bus->described);
 }
 
 /* Computes the delay of voltages in ticks. */
@@ -746,10 +728,6 @@ enum error_code rig_build_boards(struct rig_builder *b)
     if (b->rig->nbus == 0) {
         return yaml_error(b->error, &raw->mark, "found no buses, expected at least one");
     }
-    code = rig_check_protocol_used(b);
-    if (code) {
-        return code;
-    }
     for (size_t i = 0; i < b->rig->nbus; i++) {
         count += raw->bus[i].bus.nboard;
     }
@@ -762,11 +740,10 @@ enum error_code rig_build_boards(struct rig_builder *b)
     for (size_t i = 0; i < b->rig->nbus; i++) {
         const struct raw_bus *from = &raw->bus[i];
 
-        code = rig_check_bus(b, from);
         bus[i] = from->bus;
-        bus[i].protocol = raw_bus_protocol(b, from);
         bus[i].first_board = n;
-        code = code ? code : rig_load_protocol(b, from, &bus[i].described);
+        code = rig_load_protocol(b, from, &bus[i]);
+        code = code ? code : rig_check_bus(b, from, bus[i].protocol);
         bus_config[i] =
             (struct boards_bus_config){bus[i].protocol, bus[i].fd, from->padded, bus[i].described};
         host_bus[i] = (struct host_bus){bus[i].protocol->name, bus[i].fd, bus[i].described};

@@ -567,19 +567,17 @@ static void dbc_export_nodes(struct dbc_exporter *e)
 static void dbc_describe_bus(struct dbc_exporter *e)
 {
     const struct rig_bus *bus = &e->rig->bus[e->bus];
-    char text[DBC_TEXT_MAX + 1], name[40] = "";
+    char text[DBC_TEXT_MAX + 1];
 
-    if (bus->protocol->needs_file) {
-        snprintf(name, sizeof name, " (%s)", bus->described->name);
-    }
     e->dbc->fd = bus->fd;
     e->dbc->bitrate = bus->bitrate;
     e->dbc->data_bitrate = bus->fd ? bus->data_bitrate : 0;
     snprintf(
         text, sizeof text,
-        "Rig %.40s, bus %.40s on %.15s: protocol %s%s, supply %.6g V. A number without a unit is "
+        "Rig %.40s, bus %.40s on %.15s: protocol %s, supply %.6g V. A number without a unit is "
         "bare or depends on a setting of the board. A command's frame has its FrameLength.",
-        e->rig->name, bus->name, bus->interface, e->protocol->name, name, e->rig->supply_v);
+        e->rig->name, bus->name, bus->interface,
+        bus->protocol->needs_file ? bus->described->name : bus->protocol->name, e->rig->supply_v);
     e->code = dbc_set_comment(e->dbc, &e->dbc->comment, text, e->error);
 }
 

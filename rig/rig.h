@@ -105,6 +105,7 @@ struct rig_left_pair {
 
 struct rig {
     const char *file, *name;
+    const struct yaml_old_key *old_key; /* keys with an old name, for a warning; NULL = none */
     /* hash of the bytes of its file and of all files that it refers to; for meshes, of vertices
      * and faces */
     uint64_t hash;

@@ -4,7 +4,6 @@
 #include "rig/schema.h"
 
 #include "base/array.h"
-#include "boards/protocol_list.h"
 #include "canbus/lockstep.h"
 #include "base/config.h"
 #include "rig/rig.h"
@@ -209,7 +208,6 @@ static const struct yaml_field bus_fields[] = {
     {"bitrate", YAML_INT, false, AT(raw_bus, bus.bitrate), .min = 10000, .max = 1000000},
     {"fd", YAML_BOOL, false, .offset = AT(raw_bus, bus.fd)},
     {"data_bitrate", YAML_INT, false, AT(raw_bus, bus.data_bitrate), .min = 10000, .max = 8000000},
-    {"personality", YAML_ENUM, false, AT(raw_bus, personality), .names = protocol_words},
     YAML_TEXT("protocol", false, raw_bus, protocol, 1, 400),
     {"padded_frames", YAML_BOOL, false, .offset = AT(raw_bus, padded)},
     {"configure", YAML_BOOL, false, .offset = AT(raw_bus, bus.configure)},
@@ -474,8 +472,8 @@ static const struct yaml_field rig_fields[] = {
     {"integrator", YAML_ENUM, false, AT(raw_rig, rig.integrator), .names = rig_integrator_words},
     YAML_NUMBER("tolerance", false, raw_rig, rig.tolerance, 1e-13, 0.1),
     {"dynamics", YAML_ENUM, false, AT(raw_rig, rig.dynamics), .names = rig_dynamics_words},
-    {"personality", YAML_ENUM, false, AT(raw_rig, personality), .names = protocol_words},
     YAML_TEXT("protocol", false, raw_rig, protocol, 1, 400),
+    {"personality", YAML_STRING, false, .offset = AT(raw_rig, personality)},
     YAML_NUMBER("supply_v", true, raw_rig, rig.supply_v, DBL_MIN, 1e4),
     YAML_SECTION("initial", true, raw_rig, initial, initial_schema),
     YAML_SECTION("scene", false, raw_rig, scene, scene_schema),
@@ -503,6 +501,8 @@ static const struct yaml_field rig_fields[] = {
 static const struct raw_rig rig_defaults = {
     .tick_s = 0.001,
     .rig = {.clock = LOOP_CLOCK_REAL, .integrator = PLANT_IMPLICIT, .tolerance = 1e-9}};
+static const struct yaml_renamed rig_renamed = {"personality", "protocol", "described"};
 const struct yaml_schema rig_file_schema = YAML_SCHEMA(
     "the rig", struct raw_rig, rig_fields, .hash_offset = AT(raw_rig, rig.hash),
-    .defaults = &rig_defaults, .format_version = 1, .extendable = true, .locate = rig_locate_from);
+    .defaults = &rig_defaults, .format_version = 1, .extendable = true, .locate = rig_locate_from,
+    .renamed = &rig_renamed, .old_offset = AT(raw_rig, rig.old_key));

@@ -104,8 +104,7 @@ struct raw_board {
 struct raw_bus {
     struct yaml_mark mark;
     struct rig_bus bus;
-    int personality;      /* default: the rig's */
-    const char *protocol; /* for BOARD_DESCRIBED; default: the rig's */
+    const char *protocol; /* name or file; NULL = the rig's */
     bool padded;
     struct raw_board *board;
 };
@@ -201,8 +200,7 @@ struct raw_rig {
     const char *description;
     struct raw_robot robot;
     double tick_s, substep_s, voltage_delay_s;
-    int personality;
-    const char *protocol;
+    const char *protocol, *personality; /* personality: see rig_bus_protocol */
     struct raw_initial initial;
     struct raw_scene scene;
     struct raw_motors motors;

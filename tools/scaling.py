@@ -80,7 +80,7 @@ def limbs(folder, joints, a_limb):
                      '<limit lower="-2" upper="2" effort="50" velocity="10"/></joint>')
     file = folder / "limbs.urdf"
     file.write_text(f'<robot name="limbs">{"".join(links)}</robot>')
-    run("import", file, "-o", folder, "--personality", "compact-fd",
+    run("import", file, "-o", folder, "--protocol", "compact-fd",
         "--force")
     return folder / "rigs" / "limbs.yaml"
 

@@ -251,8 +251,8 @@ static json_t *hello_buses(const struct viewer *viewer)
         json_array_append_new(array, json_pack("{s:o, s:o, s:I, s:b, s:s}", "name",
                                                control_text(bus->name), "interface",
                                                control_text(bus->interface), "bitrate",
-                                               (json_int_t)bus->bitrate, "fd", bus->fd,
-                                               "personality", bus->protocol->name));
+                                               (json_int_t)bus->bitrate, "fd", bus->fd, "protocol",
+                                               bus->protocol->name));
     }
     return array;
 }

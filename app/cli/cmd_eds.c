@@ -78,9 +78,9 @@ static enum error_code eds_export_all(const struct rig *rig, const char *folder,
         printf("%-16s %s\n", board->name, path);
         count++;
     }
-    return count ? ERROR_NONE
-                 : error_set(error, ERROR_INPUT, "%s: found no bus with personality cia402",
-                             rig->file);
+    return count
+               ? ERROR_NONE
+               : error_set(error, ERROR_INPUT, "%s: found no bus with protocol cia402", rig->file);
 }
 
 /* Writes one node or all nodes, as the options say. */

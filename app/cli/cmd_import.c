@@ -133,10 +133,10 @@ int cmd_import(int argc, char **argv)
                                          {"free", IMPORT_MIMIC_FREE},
                                          {NULL, 0}};
     static const struct word slides[] = {{"lock", 0}, {"free", 1}, {NULL, 0}};
-    static struct import_words personalities;
+    static struct import_words protocols;
     static struct import_request r;
     static struct option_list lock, packages, drives;
-    static int prismatic, personality;
+    static int prismatic, protocol;
     static bool trust;
     static const struct option_spec options[] = {
         {"--output", OPTION_STRING, "DIR", "folder to write into; it is made when it is not there",
@@ -147,8 +147,8 @@ int cmd_import(int argc, char **argv)
          .value = &r.options.base, .words = bases},
         {"--pose", OPTION_STRING, "NAME",
          "pose to start in: rest, or one of the SRDF or the keyframes", .value = &r.pose},
-        {"--personality", OPTION_ENUM, "NAME", personalities.help, .value = &personality,
-         .words = personalities.word},
+        {"--protocol", OPTION_ENUM, "NAME", protocols.help, .value = &protocol,
+         .words = protocols.word},
         {"--lock", OPTION_LIST, "JOINT", "fix this joint; may be given more than once",
          .value = &lock},
         {"--mimic", OPTION_ENUM, "HOW",
@@ -186,10 +186,10 @@ int cmd_import(int argc, char **argv)
     struct error error;
     int status;
 
-    /* The words of --personality are the protocols, so they are made first */
+    /* The words of --protocol are the protocols, so they are made first */
     r = (struct import_request){0};
     trust = false;
-    import_list_words(&personalities);
+    import_list_words(&protocols);
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
@@ -199,7 +199,7 @@ int cmd_import(int argc, char **argv)
         error_set(&error, ERROR_INPUT, "found no --output, expected the folder to write into");
         return options_fail(&spec, &error);
     }
-    r.boards = personalities.boards[personality];
+    r.boards = protocols.boards[protocol];
     r.options.free_slides = prismatic != 0;
     r.options.lock = lock.item;
     r.options.nlock = lock.count;

@@ -418,12 +418,11 @@ int cmd_protocol(int argc, char **argv)
     static const char *names[NAMES_MAX + 1], *name;
     static char help[240];
     static const struct operand_spec operands[] = {
-        {"PERSONALITY", help, true, .value = &name, .words = names},
+        {"PROTOCOL", help, true, .value = &name, .words = names},
     };
     static const struct command_spec spec = {
         .name = "protocol",
-        .summary = "Print every frame of a personality of boards: fields, units, ranges, answers, "
-                   "faults.",
+        .summary = "Print every frame of a protocol: fields, units, ranges, answers, faults.",
         OPERAND_TABLE(operands),
         .manual = MANUAL_PROTOCOL,
     };
@@ -446,7 +445,7 @@ int cmd_protocol(int argc, char **argv)
     }
     nearest = text_nearest(name, names, count);
     if (nearest) {
-        error_set(&error, ERROR_INPUT, "found unknown personality \"%.60s\", expected %s", name,
+        error_set(&error, ERROR_INPUT, "found unknown protocol \"%.60s\", expected %s", name,
                   nearest);
         return options_fail(&spec, &error);
     }

@@ -11,6 +11,18 @@
 #include <stdatomic.h>
 #include <time.h>
 
+/* Warns about keys with an old name. */
+static void rig_command_warn_old(const char *name, const struct rig *rig)
+{
+    for (const struct yaml_old_key *old = rig->old_key; old; old = old->next) {
+        fprintf(stderr,
+                "%scoman-hil %s: warning: %s:%d:%d: found old key \"personality\", expected "
+                "\"protocol\" with the name or the file of the protocol\n",
+                journal_prefix(JOURNAL_WARNING), name, old->mark.file, old->mark.line,
+                old->mark.column);
+    }
+}
+
 int rig_command(const char *name, const char *path, void *options,
                 int (*body)(void *options, const struct rig *rig, struct arena *arena))
 {
@@ -24,9 +36,12 @@ int rig_command(const char *name, const char *path, void *options,
     }
 
     /* The rig's check and the simulator share the solids of its meshes */
-    status = solid_store_open(&error) || rig_load(path, &arena, &rig, &error)
-                 ? command_fail(name, &error)
-                 : body(options, rig, &arena);
+    if (solid_store_open(&error) || rig_load(path, &arena, &rig, &error)) {
+        status = command_fail(name, &error);
+    } else {
+        rig_command_warn_old(name, rig);
+        status = body(options, rig, &arena);
+    }
     solid_store_close();
     arena_fini(&arena);
     return status;

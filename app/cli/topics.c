@@ -99,7 +99,7 @@ void topic_board(FILE *out)
     options_wrap(MANUAL_BOARD, 0, 0, out);
     putc('\n', out);
     for (size_t i = 0; (protocol = protocol_at(i)); i++) {
-        fprintf(out, "  %-10s ", protocol->name);
+        fprintf(out, "  %-10s ", protocol->needs_file ? "FILE" : protocol->name);
         options_wrap(protocol->summary, 13, 13, out);
     }
 }

@@ -57,7 +57,7 @@ static enum error_code plan_add_bus(struct import_plan *plan, struct import_bus 
 
         return error_set(error, ERROR_INPUT,
                          "found more joints than %d buses carry, expected fewer: give "
-                         "--personality %s, of which a bus carries %zu",
+                         "--protocol %s, of which a bus carries %zu",
                          IMPORT_BUSES_MAX, word, most);
     }
     *bus = &plan->bus[plan->nbus++];

@@ -113,8 +113,7 @@ static void write_buses(FILE *out, const struct import_rig *rig)
 
         /* A bus of valves has one board and no sensors */
         if (bus->valves) {
-            fputs(only_valves ? "" : "    personality: described\n    protocol: servo-valve\n",
-                  out);
+            fputs(only_valves ? "" : "    protocol: servo-valve\n", out);
             fputs("    boards:\n", out);
             write_valves(out, rig, bus);
             continue;
@@ -214,14 +213,14 @@ enum error_code import_write_rig(const struct import_rig *rig, const char *path,
             "substep_s: 0.001\n"
             "integrator: implicit\n"
             "dynamics: fastest\n"
-            "%s%s\n"
+            "protocol: %s\n"
             "supply_v: %g\n\n"
             "initial:\n  pose: \"%s\"\n",
             robot->floating ? "held by its base" : "its base fixed in the world", robot->name,
             robot->floating ? "hangs by its base" : "base fixed in the world", rig->plan->nbus,
             robot->name, robot->floating ? "  fixed_base: true\n" : "",
-            only_valves ? "personality: described\nprotocol: servo-valve" : "personality: ",
-            only_valves ? "" : rig->plan->boards.protocol->name, rig->supply_v, rig->pose);
+            only_valves ? "servo-valve" : rig->plan->boards.protocol->name, rig->supply_v,
+            rig->pose);
     if (robot->floating) {
         fprintf(file.out, "  base_xyz_m: [0.0, 0.0, %.4g]\n", rig->height_m);
     }

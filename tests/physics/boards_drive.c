@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Boards around the plant, at 1 kHz, of each personality that has a mode of voltage: a voltage
+ * Boards around the plant, at 1 kHz, of each protocol that has a mode of voltage: a voltage
  * gives the motor's speed, a current gives the torque N Kt I, and a current loop arrives in the
  * time it was made for. The references are the closed solutions of the paper's equations (2) to
  * (4).

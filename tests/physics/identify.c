@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Tasks sweep and follow on one drive, over every personality. What a sweep measures is the closed
+ * Tasks sweep and follow on one drive, over every protocol. What a sweep measures is the closed
  * frequency response of the paper's equations (2) to (4), written out here; what follow reports is
  * within a bound that follows from the same equations.
  */
@@ -44,7 +44,7 @@ static const char robot_file[] =
 static const char rig_file[] =
     "name: arm\n"
     "robot: {file: arm-robot.yaml}\n"
-    "personality: %s\n"
+    "protocol: %s\n"
     "clock: free\n"
     "dynamics: generic\n"
     "tick_s: 0.001\n"
@@ -73,7 +73,7 @@ static const char torque_board[] =
  * has steps of a thousandth of the supply, cut off towards 0 (boards/foc/private.h): a sine loses
  * half a step of either sign, a square wave with the sine 2 / pi step. */
 struct way {
-    const char *personality;
+    const char *protocol;
     bool torque_board, link_encoder;
     double step_v;
 };
@@ -117,7 +117,7 @@ static void session_load(struct session *s, const struct way *way)
     char text[2048];
     struct error error;
 
-    snprintf(text, sizeof text, rig_file, way->personality, way->torque_board ? torque_board : "");
+    snprintf(text, sizeof text, rig_file, way->protocol, way->torque_board ? torque_board : "");
     write_text("arm.yaml", text);
     assert_ok(arena_init(&s->arena, 1 << 28, &error));
     s->input = (struct task_input){NULL, NULL};
@@ -235,7 +235,7 @@ TEST(a_sweep_is_the_response_of_the_equations)
         session_load(&s, &ways[i]);
         s.input.joint = "yaw";
         task = session_run(&s, "sweep", setting, ARRAY_COUNT(setting));
-        print_message("# %s\n", ways[i].personality);
+        print_message("# %s\n", ways[i].protocol);
         assert_int_equal(s.status.status, TASK_DONE);
         judge_sweep(task, &ways[i], 0.005, 0.5, false);
         session_end(&s);
@@ -358,7 +358,7 @@ TEST(a_joint_follows_within_the_bound)
         print_message(
             "# %s: worst %.2f mrad at %.2f s, RMS %.2f mrad, bound %.2f mrad (%.2f rad/s, "
             "%.2f rad/s2)\n",
-            ways[i].personality, 1e3 * joint->worst_rad, joint->worst_s, 1e3 * joint->rms_rad,
+            ways[i].protocol, 1e3 * joint->worst_rad, joint->worst_s, 1e3 * joint->rms_rad,
             1e3 * bound, rate, acceleration);
         assert_true(joint->moves && joint->count >= 2000 / 10);
         assert_true(fabs(joint->worst_rad) <= bound && bound < 0.03);

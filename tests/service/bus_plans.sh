@@ -72,7 +72,7 @@ talks() { # RIG WHAT PATTERN LEAST
     result $? "$1: $2" "$count frames"
 }
 
-# Three personalities on five buses, and boards that boot longer than the controller waits before it
+# Three protocols on five buses, and boards that boot longer than the controller waits before it
 # asks again.
 make_mixed() {
     local full='full_scale_n: [2000, 2000, 2000], full_scale_nm: [40, 40, 40]'
@@ -81,7 +81,7 @@ extends: coman.yaml
 name: mixed
 motors: {boot_s: 0.7}
 buses:
-  - {name: torso, interface: can0, personality: foc, boards: [
+  - {name: torso, interface: can0, protocol: foc, boards: [
       {kind: motor, address: 1, axes: [WaistLat]}, {kind: motor, address: 2, axes: [WaistSag]},
       {kind: motor, address: 3, axes: [WaistYaw]},
       {kind: torque, address: 0x0c, joints: [WaistLat, WaistSag, WaistYaw], period_s: 0.01}]}
@@ -90,13 +90,13 @@ buses:
       {kind: motor, address: 2, axes: [LHipYaw, LKneeSag]},
       {kind: motor, address: 3, axes: [LAnkLat, LAnkSag]},
       {kind: ft, address: 0x0d, sensor: l_leg_ft, $full, period_s: 0.005}]}
-  - {name: right_hip, interface: can2, personality: compact, boards: [
+  - {name: right_hip, interface: can2, protocol: compact, boards: [
       {kind: motor, address: 1, axes: [RHipSag, RHipLat]},
       {kind: motor, address: 2, axes: [RHipYaw, RKneeSag]}]}
-  - {name: right_foot, interface: can3, personality: compact, boards: [
+  - {name: right_foot, interface: can3, protocol: compact, boards: [
       {kind: motor, address: 9, axes: [RAnkLat, RAnkSag]},
       {kind: ft, address: 31, sensor: r_leg_ft, $full}]}
-  - {name: arms, interface: can4, personality: compact, fd: true, data_bitrate: 5000000, boards: [
+  - {name: arms, interface: can4, protocol: compact, fd: true, data_bitrate: 5000000, boards: [
       {kind: motor, address: 1, axes: [LShSag, LShLat, LShYaw, LElbj]},
       {kind: motor, address: 2, axes: [RShSag, RShLat, RShYaw, RElbj]},
       {kind: ft, address: 3, sensor: l_arm_ft, $full},

@@ -1,7 +1,7 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # Protocols that a file describes, over the buses: the compact protocol by its file gives the bytes
-# of the personality, on every bus and through start-up, commands and telemetry; the frame of
+# of the one in the program, on every bus and through start-up, commands and telemetry; the frame of
 # quadruped actuators and ODrive's hold the robot; a file of one's own that is wrong is refused with
 # its place. Prints TAP.
 set -u
@@ -41,7 +41,7 @@ hold coman-described 400
 tap_show=$work/out
 diff "$work/coman-compact/candump.log" "$work/coman-described/candump.log" >"$work/out" &&
     [ "$(wc -l <"$work/coman-described/candump.log")" -gt 10000 ]
-result $? "the file of the compact protocol gives the bytes of its personality"
+result $? "the file of the compact protocol gives the bytes of its name"
 
 hold coman-mini-cheetah 1000
 still coman-mini-cheetah
@@ -109,7 +109,7 @@ signals()
 tap_show=$work/out
 diff <(signals coman-compact) <(signals coman-described) >"$work/out" &&
     [ "$(signals coman-odrive | grep -c pos_estimate)" -eq 23 ]
-result $? "the DBC of the file has the signals of the personality"
+result $? "the DBC of the file has the signals of its name"
 
 sed '/^```yaml$/,/^```$/!d' "$HIL_SOURCE_DIR/docs/own-boards.md" >"$work/yaml"
 awk '/^```/{n++; next} n==3' "$work/yaml" >"$work/my.yaml"
@@ -142,7 +142,7 @@ result $? "identifiers of two boards that collide are refused with both boards"
 # CAN FD with counters and checksums both ways: no board refuses a frame of the host's, every frame
 # has the checksum of another implementation and every count follows the one before it
 cp "$HIL_SOURCE_DIR/tests/service/checked.yaml" "$work/checked.yaml"
-printf 'extends: coman-fd\nname: checked\npersonality: described\nprotocol: checked.yaml\n' \
+printf 'extends: coman-fd\nname: checked\nprotocol: checked.yaml\n' \
     >"$work/checked-rig.yaml"
 tap_show=$work/out
 timeout -k 5 100 "$program" run "$work/checked-rig.yaml" --transport local --clock free \

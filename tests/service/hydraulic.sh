@@ -1,6 +1,6 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# Hydraulic joints over the buses: a leg held over every personality and identified by a sweep, a
+# Hydraulic joints over the buses: a leg held over every protocol and identified by a sweep, a
 # quadruped that stands and squats, pressures in recording, frames and DBC, and a protocol that has
 # nothing for a valve. Prints TAP.
 set -u
@@ -20,20 +20,20 @@ run() {
 echo 1..12
 
 # the leg, its two axes on one board, or on two where a board has one
-for personality in icub compact cia402; do
+for protocol in icub compact cia402; do
     {
-        printf 'extends: hyq-leg.yaml\nname: leg\npersonality: %s\n' $personality
+        printf 'extends: hyq-leg.yaml\nname: leg\nprotocol: %s\n' $protocol
         printf 'tasks: {hold: {duration_s: 2.0, tolerance_rad: 0.01}}\n'
-        if [ $personality != icub ]; then
+        if [ $protocol != icub ]; then
             printf 'buses:\n  - {name: leg, interface: can0, boards: [\n'
             printf '    {kind: motor, address: 1, axes: [hip, knee]}]}\n'
         fi
-    } >"$rigs/$personality.yaml"
-    run "$rigs/$personality.yaml" --task hold --duration 8 && grep -q 'held for 2.0 s' "$work/out"
-    result $? "the leg holds its pose within 10 mrad over $personality"
+    } >"$rigs/$protocol.yaml"
+    run "$rigs/$protocol.yaml" --task hold --duration 8 && grep -q 'held for 2.0 s' "$work/out"
+    result $? "the leg holds its pose within 10 mrad over $protocol"
 done
 {
-    printf 'extends: hyq-leg.yaml\nname: leg\npersonality: foc\n'
+    printf 'extends: hyq-leg.yaml\nname: leg\nprotocol: foc\n'
     printf 'motors: {rotor_poles: 8, status_period_s: 0.01}\n'
     printf 'buses:\n  - {name: leg, interface: can0, boards: [\n'
     printf '    {kind: motor, address: 1, axes: [hip]}, {kind: motor, address: 2, axes: [knee]},\n'
@@ -43,12 +43,12 @@ done
 run "$rigs/foc.yaml" --task hold --duration 8 && grep -q 'held for 2.0 s' "$work/out"
 result $? "the leg holds its pose within 10 mrad over foc"
 
-printf 'extends: hyq-leg.yaml\nname: leg\npersonality: described\nprotocol: %s\n' \
+printf 'extends: hyq-leg.yaml\nname: leg\nprotocol: %s\n' \
     ../protocols/mini-cheetah.yaml >"$rigs/cheetah.yaml"
 sed -n '/^buses/,$p' "$rigs/foc.yaml" >>"$rigs/cheetah.yaml"
 run "$rigs/cheetah.yaml" --task hold --duration 8
 [ $? -eq 2 ] &&
-    grep -q 'cheetah.yaml:7:.*: found hydraulic joint "hip", expected one with a' "$work/err"
+    grep -q 'cheetah.yaml:6:.*: found hydraulic joint "hip", expected one with a' "$work/err"
 result $? "a protocol that switches on into a law of torque is refused with the joint"
 
 # a valve is a source of speed: V to angle falls as 1/f, and lags by 90 degrees

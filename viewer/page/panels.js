@@ -59,7 +59,7 @@ export class Boards {
     });
     this.element = h('section', { class: 'panel', id: 'panel-boards' }, h('div', { class: 'scroll' },
       hello.buses.map((bus, b) => h('div', { class: 'shelf' },
-        h('h3', {}, bus.name, h('span', { class: 'muted' }, ` ${bus.personality}`)),
+        h('h3', {}, bus.name, h('span', { class: 'muted' }, ` ${bus.protocol}`)),
         h('div', { class: 'tiles' }, this.tiles.filter((_, i) => hello.boards[i].bus === b)
           .map((tile) => tile.element))))));
   }
@@ -70,7 +70,7 @@ export class Boards {
     if (state.away) return 'off the bus';
     if (state.loader) return 'bootloader';
     if (board.kind !== 'motor') return 'measures';
-    const words = this.hello.modes[this.hello.buses[board.bus].personality] ?? {};
+    const words = this.hello.modes[this.hello.buses[board.bus].protocol] ?? {};
     const names = state.mode.slice(0, state.naxis).map((mode) => words[mode] ?? `mode ${mode}`);
     return new Set(names).size === 1 ? names[0] : names.join(', ');
   }

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The buses of rigs: what each speaks, what that allows on it, how far it is loaded. */
+#include "boards/described/protocol.h"
 #include "boards/protocol_list.h"
 #include "rig/rig.h"
 
@@ -40,9 +41,9 @@ static const char *write_switches(const char *switches)
 
     snprintf(text, sizeof text,
              "%.*s  switches:\n%sbuses:\n"
-             "  - {name: left, interface: can0, personality: cia402,\n"
+             "  - {name: left, interface: can0, protocol: cia402,\n"
              "     boards: [{kind: motor, address: 4, axes: [hip]}]}\n"
-             "  - {name: right, interface: can1, personality: cia402,\n"
+             "  - {name: right, interface: can1, protocol: cia402,\n"
              "     boards: [{kind: motor, address: 5, axes: [knee]}]}\n%s",
              (int)(from - toy_rig), toy_rig, switches, strchr(to, '\n') + 1);
     write_rig_file(text);
@@ -81,18 +82,18 @@ TEST_WITH(a_bus_may_take_padded_frames, open_rig_tree, close_rig_tree)
     assert_true(rig->boards.bus[0].padded);
     assert_false(rig->boards.bus[1].padded);
     assert_buses_refused(
-        "  - {name: left, interface: can0, personality: compact, padded_frames: true,\n"
+        "  - {name: left, interface: can0, protocol: compact, padded_frames: true,\n"
         "     boards: [{kind: motor, address: 4, axes: [hip]}]}\n",
-        "28:72: found padded_frames on bus \"left\", expected it with personality icub or foc "
+        "28:69: found padded_frames on bus \"left\", expected it with protocol icub or foc "
         "only");
 }
 
-TEST_WITH(each_bus_speaks_its_own_personality, open_rig_tree, close_rig_tree)
+TEST_WITH(each_bus_speaks_its_own_protocol, open_rig_tree, close_rig_tree)
 {
     const struct rig *rig =
-        load_buses("  - {name: left, interface: can0, personality: foc,\n"
+        load_buses("  - {name: left, interface: can0, protocol: foc,\n"
                    "     boards: [{kind: motor, address: 4, axes: [hip]}]}\n"
-                   "  - {name: right, interface: can1, personality: compact, fd: true,\n"
+                   "  - {name: right, interface: can1, protocol: compact, fd: true,\n"
                    "     bitrate: 500000, data_bitrate: 2000000,\n"
                    "     boards: [{kind: motor, address: 31, axes: [knee]}]}\n");
 
@@ -110,7 +111,7 @@ TEST_WITH(each_bus_speaks_its_own_personality, open_rig_tree, close_rig_tree)
 TEST_WITH(the_controller_is_told_the_drives_of_foc_axes, open_rig_tree, close_rig_tree)
 {
     const struct rig *rig =
-        load_buses("  - {name: left, interface: can0, personality: foc, boards: [\n"
+        load_buses("  - {name: left, interface: can0, protocol: foc, boards: [\n"
                    "     {kind: motor, address: 1, axes: [hip], current_limit_a: 7},\n"
                    "     {kind: motor, address: 2, axes: [knee]},\n"
                    "     {kind: torque, address: 12, joints: [spare, hip], period_s: 0.008}]}\n");
@@ -124,33 +125,25 @@ TEST_WITH(the_controller_is_told_the_drives_of_foc_axes, open_rig_tree, close_ri
     assert_int_equal(rig->axis[1].torque_period_ns, 0);
 }
 
-TEST_WITH(a_personality_has_its_own_addresses_axes_and_boards, open_rig_tree, close_rig_tree)
+TEST_WITH(a_protocol_has_its_own_addresses_axes_and_boards, open_rig_tree, close_rig_tree)
 {
-    char message[160];
-
-    assert_buses_refused("  - {name: left, interface: can0, personality: foc,\n"
+    assert_buses_refused("  - {name: left, interface: can0, protocol: foc,\n"
                          "     boards: [{kind: motor, address: 5, axes: [hip]}]}\n",
-                         "29:38: found address 5, expected 1 to 4 with personality foc");
-    assert_buses_refused("  - {name: left, interface: can0, personality: foc,\n"
+                         "29:38: found address 5, expected 1 to 4 with protocol foc");
+    assert_buses_refused("  - {name: left, interface: can0, protocol: foc,\n"
                          "     boards: [{kind: motor, address: 4, axes: [hip, knee]}]}\n",
                          "29:47: found 2 axes, expected 1");
-    assert_buses_refused("  - {name: left, interface: can0, personality: foc,\n"
+    assert_buses_refused("  - {name: left, interface: can0, protocol: foc,\n"
                          "     boards: [{kind: ft, address: 15, sensor: foot_ft}]}\n",
                          "29:15: found an F/T board without key \"full_scale_n\", expected it");
     assert_buses_refused(
-        "  - {name: left, interface: can0, personality: compact,\n"
+        "  - {name: left, interface: can0, protocol: compact,\n"
         "     boards: [{kind: torque, address: 15, joints: [hip]}]}\n",
-        "29:15: found a torque board on a bus with personality compact, expected none: its "
+        "29:15: found a torque board on a bus with protocol compact, expected none: its "
         "motor boards report the torques");
-    strcpy(message, "28:48: found \"pdo\", expected ");
-    for (const struct word *word = protocol_words; word->word; word++) {
-        snprintf(message + strlen(message), sizeof message - strlen(message), "%s%s", word->word,
-                 !word[1].word   ? ""
-                 : !word[2].word ? " or "
-                                 : ", ");
-    }
-    assert_buses_refused("  - {name: left, interface: can0, personality: pdo, boards: []}\n",
-                         message);
+    assert_buses_refused("  - {name: left, interface: can0, protocol: pdo, boards: []}\n",
+                         "28:45: found no file \"pdo\", nor pdo.yaml in /etc/coman-hil/protocols; "
+                         "coman-hil list has the protocols that are there");
 }
 
 /* Each limit of a protocol has its place in the file. */
@@ -160,21 +153,20 @@ TEST_WITH(what_a_protocol_cannot_do_is_refused_with_its_place, open_rig_tree, cl
     char buses[160], message[160];
 
     for (size_t i = 0; (protocol = protocol_at(i)); i++) {
-        snprintf(buses, sizeof buses, "  - {name: left, interface: can0, personality: %s%s,\n%s",
+        snprintf(buses, sizeof buses, "  - {name: left, interface: can0, protocol: %s%s,\n%s",
                  protocol->name, protocol->canfd_only ? ", fd: true, data_bitrate: 5000000" : "",
                  "     boards: [{kind: inertial, address: 1}]}\n");
         snprintf(message, sizeof message,
-                 "29:15: found a board of sensors on a bus with personality %s, expected motor "
+                 "29:15: found a board of sensors on a bus with protocol %s, expected motor "
                  "boards only",
                  protocol->name);
         if (protocol->motors_only) {
             assert_buses_refused(buses, message);
         }
         snprintf(buses, sizeof buses,
-                 "  - {name: left, interface: can0, personality: %s, boards: []}\n",
-                 protocol->name);
+                 "  - {name: left, interface: can0, protocol: %s, boards: []}\n", protocol->name);
         snprintf(message, sizeof message,
-                 "28:12: found bus \"left\" without fd, expected fd: true with personality %s",
+                 "28:12: found bus \"left\" without fd, expected fd: true with protocol %s",
                  protocol->name);
         if (protocol->canfd_only) {
             assert_buses_refused(buses, message);
@@ -185,7 +177,7 @@ TEST_WITH(what_a_protocol_cannot_do_is_refused_with_its_place, open_rig_tree, cl
 /* TPDO 4, SDO, and what is free */
 TEST_WITH(lockstep_ids_keep_clear_of_cia402_nodes, open_rig_tree, close_rig_tree)
 {
-    static const char buses[] = "  - {name: left, interface: can0, personality: cia402,\n"
+    static const char buses[] = "  - {name: left, interface: can0, protocol: cia402,\n"
                                 "     boards: [{kind: motor, address: 1, axes: [hip, knee]}]}\n";
     static const char *const taken[] = {"0x481", "0x500", "0x59f", "0x600", "0x61f"};
     static const char *const free_ids[] = {"0x5a0", "0x620", "0x6c0"};
@@ -212,13 +204,13 @@ TEST_WITH(fd_belongs_to_some_protocols_and_has_a_data_bitrate, open_rig_tree, cl
     char list[80], message[160];
 
     snprintf(message, sizeof message,
-             "28:39: found fd on bus \"left\", expected it with personality %s only",
+             "28:39: found fd on bus \"left\", expected it with protocol %s only",
              protocols_list(offsetof(struct protocol, canfd), list, sizeof list));
     assert_buses_refused(
         "  - {name: left, interface: can0, fd: true, data_bitrate: 2000000, boards: []}\n",
         message);
     assert_buses_refused(
-        "  - {name: left, interface: can0, personality: compact, fd: true, boards: []}\n",
+        "  - {name: left, interface: can0, protocol: compact, fd: true, boards: []}\n",
         "28:5: found fd without data_bitrate on bus \"left\", expected fd: true and a "
         "data_bitrate of at least the bitrate together");
     assert_buses_refused(
@@ -226,7 +218,7 @@ TEST_WITH(fd_belongs_to_some_protocols_and_has_a_data_bitrate, open_rig_tree, cl
         "28:49: found data_bitrate without fd on bus \"left\", expected fd: true and a "
         "data_bitrate of at least the bitrate together");
     assert_buses_refused(
-        "  - {name: left, interface: can0, personality: compact, fd: true,\n"
+        "  - {name: left, interface: can0, protocol: compact, fd: true,\n"
         "     data_bitrate: 500000, boards: []}\n",
         "29:20: found a data_bitrate below the bitrate on bus \"left\", expected fd: true and a "
         "data_bitrate of at least the bitrate together");
@@ -376,64 +368,135 @@ TEST_WITH(a_described_bus_has_its_protocol, open_rig_tree, close_rig_tree)
     char path[128];
 
     assert_int_equal(write_file("config/rigs/own.yaml", protocol, sizeof protocol - 1), 0);
-    rig =
-        load_buses("  - {name: left, interface: can0, personality: described, protocol: own.yaml,\n"
-                   "     boards: [{kind: motor, address: 4, axes: [hip]}]}\n"
-                   "  - {name: right, interface: can1,\n"
-                   "     boards: [{kind: motor, address: 5, axes: [knee]}]}\n");
+    rig = load_buses("  - {name: left, interface: can0, protocol: own.yaml,\n"
+                     "     boards: [{kind: motor, address: 4, axes: [hip]}]}\n"
+                     "  - {name: right, interface: can1,\n"
+                     "     boards: [{kind: motor, address: 5, axes: [knee]}]}\n");
     assert_ptr_equal(rig->bus[0].protocol, &protocol_described);
     assert_ptr_equal(rig->boards.bus[0].described, rig->bus[0].described);
     assert_ptr_equal(rig->host_bus[0].described, rig->bus[0].described);
     assert_null(rig->bus[1].described);
 
     assert_buses_refused(
-        "  - {name: left, interface: can0, personality: described, boards: []}\n",
-        "28:5: found personality described on bus \"left\" without a protocol, expected the file "
-        "that describes it");
+        "  - {name: left, interface: can0, boards: []}\nprotocol: described\n",
+        "29:11: found protocol described, expected the name or the file of a protocol");
+    assert_buses_refused("  - {name: left, interface: can0, protocol: icup, boards: []}\n",
+                         "28:45: found unknown protocol \"icup\", expected \"icub\"");
     assert_buses_refused(
-        "  - {name: left, interface: can0, protocol: own.yaml, boards: []}\n",
-        "28:45: found a protocol on bus \"left\", expected it with personality described");
-    assert_buses_refused(
-        "  - {name: left, interface: can0, boards: []}\nprotocol: own.yaml\n",
-        "29:11: found a protocol that no bus speaks, expected it with personality described");
-    assert_buses_refused(
-        "  - {name: left, interface: can0, personality: described, protocol: nobody, boards: []}"
+        "  - {name: left, interface: can0, protocol: nobody, boards: []}"
         "\n",
-        "28:69: found no file \"nobody\", nor nobody.yaml in /etc/coman-hil/protocols; coman-hil "
+        "28:45: found no file \"nobody\", nor nobody.yaml in /etc/coman-hil/protocols; coman-hil "
         "list has the protocols that are there");
-    assert_buses_refused(
-        "  - {name: left, interface: can0, personality: described, protocol: own.yaml,\n"
-        "     boards: [{kind: motor, address: 5, axes: [hip]}]}\n",
-        "29:38: found address 5, expected 1 to 4 with protocol own");
-    assert_buses_refused(
-        "  - {name: left, interface: can0, personality: described, protocol: own.yaml,\n"
-        "     boards: [{kind: motor, address: 1, axes: [hip, knee]}]}\n",
-        "29:47: found 2 axes, expected at most 1 with protocol own");
+    assert_buses_refused("  - {name: left, interface: can0, protocol: own.yaml,\n"
+                         "     boards: [{kind: motor, address: 5, axes: [hip]}]}\n",
+                         "29:38: found address 5, expected 1 to 4 with protocol own");
+    assert_buses_refused("  - {name: left, interface: can0, protocol: own.yaml,\n"
+                         "     boards: [{kind: motor, address: 1, axes: [hip, knee]}]}\n",
+                         "29:47: found 2 axes, expected at most 1 with protocol own");
 
     /* The tick of this rig is 2 ms */
     assert_int_equal(write_file("config/rigs/fast.yaml", fast, sizeof fast - 1), 0);
     assert_buses_refused(
-        "  - {name: left, interface: can0, personality: described, protocol: fast.yaml,\n"
+        "  - {name: left, interface: can0, protocol: fast.yaml,\n"
         "     boards: [{kind: motor, address: 4, axes: [hip]}]}\n",
         "28:5: found frame A of protocol fast every 0.001 s on bus \"left\", expected the tick of "
         "0.002 s or more");
     assert_buses_refused(
-        "  - {name: left, interface: can0, personality: described, protocol: own.yaml,\n"
+        "  - {name: left, interface: can0, protocol: own.yaml,\n"
         "     boards: [{kind: inertial, address: 1}]}\n",
         "29:15: found a board of a kind that sends no frame in protocol own, expected another "
         "kind or such a frame");
-    write_buses_and_lockstep(
-        "  - {name: left, interface: can0, personality: described, protocol: own.yaml,\n"
-        "     boards: [{kind: motor, address: 4, axes: [hip]}]}\n"
-        "  - {name: right, interface: can1,\n"
-        "     boards: [{kind: motor, address: 5, axes: [knee]}]}\n",
-        "step_id: 0x6fc");
+    write_buses_and_lockstep("  - {name: left, interface: can0, protocol: own.yaml,\n"
+                             "     boards: [{kind: motor, address: 4, axes: [hip]}]}\n"
+                             "  - {name: right, interface: can1,\n"
+                             "     boards: [{kind: motor, address: 5, axes: [knee]}]}\n",
+                             "step_id: 0x6fc");
     assert_rig_refused("step_id",
                        "32:21: found id 0x6fc, which belongs to frame A of protocol own, "
                        "expected another");
     snprintf(path, sizeof path, "%s/config/rigs/own.yaml", tree);
     assert_int_equal(unlink(path), 0);
     snprintf(path, sizeof path, "%s/config/rigs/fast.yaml", tree);
+    assert_int_equal(unlink(path), 0);
+}
+
+/* What files of before the key "personality" was renamed mean. */
+TEST_WITH(the_old_key_of_a_protocol_is_read_and_its_place_kept, open_rig_tree, close_rig_tree)
+{
+    static const char own[] =
+        "name: own\nstates: [{name: idle, law: \"off\"}]\naddress_max: 4\n"
+        "frames: [{name: A, from: board, id: 0x6f8, by: address, period_s: 0.01}]\n";
+    static const char boards[] = "     boards: [{kind: motor, address: %d, axes: [%s]}]}\n";
+    /* Keys of the rig and of the buses, the protocols that these mean, and the places */
+    static const struct {
+        const char *rig, *left, *right, *of_left, *of_right;
+        int line[3], column;
+    } rows[] = {
+        {"personality: cia402", "", "", "cia402", "cia402", {32}, 1},
+        {"personality: described\nprotocol: own.yaml", "", "", "own", "own", {32}, 1},
+        {"protocol: own.yaml",
+         "personality: described,",
+         "personality: foc,",
+         "own",
+         "foc",
+         {28, 30},
+         35},
+        {"personality: foc\nprotocol: own.yaml",
+         "personality: described,",
+         "",
+         "own",
+         "foc",
+         {32, 28},
+         1},
+        {"protocol: foc",
+         "personality: described, protocol: own.yaml,",
+         "protocol: cia402,",
+         "own",
+         "cia402",
+         {28},
+         35},
+    };
+    char path[128], buses[600];
+
+    assert_int_equal(write_file("config/rigs/own.yaml", own, sizeof own - 1), 0);
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        const struct yaml_old_key *old;
+        const struct rig *rig;
+        int used;
+
+        used =
+            snprintf(buses, sizeof buses, "  - {name: left, interface: can0, %s\n", rows[i].left);
+        used += snprintf(buses + used, sizeof buses - (size_t)used, boards, 1, "hip");
+        used += snprintf(buses + used, sizeof buses - (size_t)used,
+                         "  - {name: right, interface: can1, %s\n", rows[i].right);
+        used += snprintf(buses + used, sizeof buses - (size_t)used, boards, 2, "knee");
+        snprintf(buses + used, sizeof buses - (size_t)used, "%s\n", rows[i].rig);
+        rig = load_buses(buses);
+        for (int bus = 0; bus < 2; bus++) {
+            const char *of = bus ? rows[i].of_right : rows[i].of_left;
+
+            assert_string_equal(rig->bus[bus].described ? rig->bus[bus].described->name
+                                                        : rig->bus[bus].protocol->name,
+                                of);
+        }
+        old = rig->old_key;
+        assert_non_null(old);
+        assert_int_equal(old->mark.column, rows[i].column);
+        for (int k = 0; k < 3 && rows[i].line[k]; k++, old = old->next) {
+            assert_non_null(old);
+            assert_int_equal(old->mark.line, rows[i].line[k]);
+        }
+        assert_null(old);
+    }
+    assert_null(load_buses("  - {name: left, interface: can0,\n"
+                           "     boards: [{kind: motor, address: 1, axes: [hip, knee]}]}\n")
+                    ->old_key);
+    assert_buses_refused("  - {name: left, interface: can0, personality: icub, protocol: foc,\n"
+                         "     boards: []}\n",
+                         "28:35: found unknown key \"personality\" in a bus, expected name, "
+                         "interface, bitrate, fd, data_bitrate, protocol, padded_frames, "
+                         "configure, sample_point, restart_ms or boards");
+    snprintf(path, sizeof path, "%s/config/rigs/own.yaml", tree);
     assert_int_equal(unlink(path), 0);
 }
 
@@ -448,16 +511,15 @@ TEST_WITH(a_bus_with_described_fd_frames_is_one_of_can_fd, open_rig_tree, close_
 
     assert_int_equal(write_file("config/rigs/long.yaml", protocol, sizeof protocol - 1), 0);
     assert_buses_refused(
-        "  - {name: left, interface: can0, personality: described, protocol: long.yaml,\n"
+        "  - {name: left, interface: can0, protocol: long.yaml,\n"
         "     boards: [{kind: motor, address: 1, axes: [hip]}]}\n",
         "28:5: found bus \"left\" of classic CAN, expected fd: true and a data_bitrate: frame A of "
         "protocol long is a CAN FD one");
-    rig = load_buses(
-        "  - {name: left, interface: can0, personality: described, protocol: long.yaml,\n"
-        "     fd: true, data_bitrate: 8000000,\n"
-        "     boards: [{kind: motor, address: 1, axes: [hip]}]}\n"
-        "  - {name: right, interface: can1,\n"
-        "     boards: [{kind: motor, address: 5, axes: [knee]}]}\n");
+    rig = load_buses("  - {name: left, interface: can0, protocol: long.yaml,\n"
+                     "     fd: true, data_bitrate: 8000000,\n"
+                     "     boards: [{kind: motor, address: 1, axes: [hip]}]}\n"
+                     "  - {name: right, interface: can1,\n"
+                     "     boards: [{kind: motor, address: 5, axes: [knee]}]}\n");
     assert_true(rig->bus[0].fd && rig->boards.bus[0].fd && rig->host_bus[0].fd);
 
     /* 98.9 us as in the study below, every 10 ms */

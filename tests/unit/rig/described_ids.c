@@ -29,10 +29,9 @@ static const char apart_by_address[] =
 /* Boards 1 and 3 do not meet. */
 TEST_WITH(boards_of_a_bus_do_not_share_identifiers, open_rig_tree, close_rig_tree)
 {
-    static const char buses[] =
-        "  - {name: left, interface: can0, personality: described, protocol: two.yaml,\n"
-        "     boards: [{kind: motor, address: 1, axes: [hip]},\n"
-        "     {kind: motor, address: %d, axes: [knee]}]}\n";
+    static const char buses[] = "  - {name: left, interface: can0, protocol: two.yaml,\n"
+                                "     boards: [{kind: motor, address: 1, axes: [hip]},\n"
+                                "     {kind: motor, address: %d, axes: [knee]}]}\n";
     char text[512];
 
     write_protocol(apart_by_address);
@@ -52,7 +51,7 @@ TEST_WITH(boards_of_a_second_bus_are_shown_at_their_place, open_rig_tree, close_
     assert_buses_refused(
         "  - {name: left, interface: can0, boards: [\n"
         "     " FT_BOARD "]}\n"
-        "  - {name: right, interface: can1, personality: described, protocol: two.yaml,\n"
+        "  - {name: right, interface: can1, protocol: two.yaml,\n"
         "     boards: [{kind: motor, address: 1, axes: [hip]},\n"
         "     {kind: motor, address: 2, axes: [knee]}]}\n",
         "32:29: found board right/0x02, whose frame A has the identifier 0x12 that frame B of "
@@ -71,12 +70,11 @@ TEST_WITH(one_identifier_does_for_boards_whose_data_has_the_address, open_rig_tr
         "     fields: [{name: sender, bits: 8%s}]}\n"
         "  - {name: B, from: board, of: ft, id: 0x20, period_s: 0.01,\n"
         "     fields: [{name: sender, bits: 8%s}]}\n";
-    static const char buses[] =
-        "  - {name: left, interface: can0, personality: described, protocol: two.yaml,\n"
-        "     boards: [{kind: motor, address: 1, axes: [hip]},\n"
-        "     " FT_BOARD "]}\n"
-        "  - {name: right, interface: can1,\n"
-        "     boards: [{kind: motor, address: 5, axes: [knee]}]}\n";
+    static const char buses[] = "  - {name: left, interface: can0, protocol: two.yaml,\n"
+                                "     boards: [{kind: motor, address: 1, axes: [hip]},\n"
+                                "     " FT_BOARD "]}\n"
+                                "  - {name: right, interface: can1,\n"
+                                "     boards: [{kind: motor, address: 5, axes: [knee]}]}\n";
     char text[640];
 
     for (int has = 0; has < 4; has++) {

@@ -7,17 +7,17 @@
 #define SHIN "{name: shin, kind: motor, address: 3, axes: [knee]}"
 #define RIGHT "  - name: right\n    interface: can1\n"
 
-/* The toy rig with another shin board (line 36, from column 9 on), its bus of some personality. */
-static void write_shin(const char *personality, const char *keys)
+/* The toy rig with another shin board (line 36, from column 9 on), its bus of some protocol. */
+static void write_shin(const char *protocol, const char *keys)
 {
     char text[sizeof toy_rig + 512], shin[256], bus[128];
 
     strcpy(text, toy_rig);
     snprintf(shin, sizeof shin, "{%s name: shin, kind: motor, address: 3, axes: [knee]}", keys);
-    snprintf(bus, sizeof bus, "  - {name: right, personality: %s, interface: can1, boards: [\n",
-             personality);
+    snprintf(bus, sizeof bus, "  - {name: right, protocol: %s, interface: can1, boards: [\n",
+             protocol);
     assert_true(replace(text, sizeof text, SHIN, shin));
-    if (personality[0]) {
+    if (protocol[0]) {
         /* One line less above it; the F/T board goes, which not all have there */
         assert_true(replace(text, sizeof text, RIGHT "    boards:\n      - ", bus));
         strcpy(strchr(strstr(text, shin), '\n'), "]}\n");
@@ -25,17 +25,17 @@ static void write_shin(const char *personality, const char *keys)
     write_rig_file(text);
 }
 
-static void refused(const char *personality, const char *keys, const char *message)
+static void refused(const char *protocol, const char *keys, const char *message)
 {
-    write_shin(personality, keys);
+    write_shin(protocol, keys);
     assert_rig_refused(keys, message);
 }
 
-static const struct board_config *load_shin(const char *personality, const char *keys)
+static const struct board_config *load_shin(const char *protocol, const char *keys)
 {
     const struct rig *rig;
 
-    write_shin(personality, keys);
+    write_shin(protocol, keys);
     rig = load_rig(rig_path);
     return &rig->boards.board[rig->bus[1].first_board];
 }
@@ -74,10 +74,10 @@ TEST_WITH(boards_that_cannot_be_read_are_refused, open_rig_tree, close_rig_tree)
     char text[sizeof toy_rig + 512];
 
     refused("cia402", "external: true,",
-            "34:12: found external: true with personality cia402, expected it with icub, "
+            "34:12: found external: true with protocol cia402, expected it with icub, "
             "compact or foc only");
     refused("icub", "external: true, external_follows: torque,",
-            "34:36: found external_follows: torque with personality icub, expected it with compact "
+            "34:36: found external_follows: torque with protocol icub, expected it with compact "
             "only, whose motor boards tell the torque of their joints");
 
     /* Kinds of boards, on the icub buses of the toy rig */

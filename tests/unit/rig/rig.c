@@ -49,8 +49,8 @@ TEST_WITH(motor_boards_may_be_strict_and_keep_firmware, open_rig_tree, close_rig
                  "27:24: found require_calibration without strict, expected both or none");
     refused_with("  current_limit_a: 12\n",
                  "  current_limit_a: 12\n  switches: {knee: {index_pulse: true}}\n",
-                 "27:20: found switches of joint \"knee\" on a board of personality icub, expected "
-                 "them with personality cia402 only");
+                 "27:20: found switches of joint \"knee\" on a board of protocol icub, expected "
+                 "them with protocol cia402 only");
 }
 
 /* ---- good rigs ---- */
@@ -379,7 +379,7 @@ TEST_WITH(rejects_an_address_twice_on_a_bus, open_rig_tree, close_rig_tree)
                  "32:33: found address 0x01 again on bus \"left\", expected another (line 31 "
                  "has it)");
     refused_with("address: 0x0c", "address: 15",
-                 "32:33: found address 15, expected 1 to 14 with personality icub");
+                 "32:33: found address 15, expected 1 to 14 with protocol icub");
     refused_with("address: 0x0c", "address: 32",
                  "32:33: found 32, expected an integer from 1 to 31");
 }

@@ -143,7 +143,7 @@ def main():
         tap.result(none.returncode == 2 and 'found "left_arm/0x02"' in none.stderr,
                    "a node that the rig has not is refused", none.stderr)
         other = run(str(SOURCE / "config/rigs/coman.yaml"), "-o", str(folder))
-        tap.result(other.returncode == 2 and "no bus with personality cia402" in other.stderr,
+        tap.result(other.returncode == 2 and "no bus with protocol cia402" in other.stderr,
                    "a rig without such nodes is refused", other.stderr)
     return tap.failed > 0
 

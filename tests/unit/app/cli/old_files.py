@@ -87,6 +87,8 @@ def test_loads(folder, which):
     status, text = run("check", folder + "/rigs/own.yaml")
     check(status == 0 and "robot       driven" in text, f"a drive and a protocol {which} load",
           text[:300])
+    check(f'own.yaml:{4 + (folder != OLD)}:1: found old key "personality", expected "protocol"'
+          in text, f"the old key {which} is read with a warning", text[:300])
     status, text = run("run", folder + "/rigs/arm.yaml", "--clock", "free", "--control", "none",
                        "--transport", "local", "--quiet", "--task", "follow", "--duration", "4",
                        "--trajectory", folder + "/trajectories/wave.csv")
@@ -163,7 +165,7 @@ def test_wrong(folder):
           "an old file does not extend a newer one", text)
 
 
-print("1..33")
+print("1..35")
 test_loads(OLD, "from before versions")
 test_loads(copy_with("first", 1, *YAML, *JSON), "of version 1")
 test_sweep("from before versions")

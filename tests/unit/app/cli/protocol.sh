@@ -11,7 +11,7 @@ trap 'rm -rf "$work"' EXIT
 . "$source/tests/service/tap.sh"
 tap_show="$work/out"
 
-# has_all_of RIG PERSONALITY: all frames that a rig's DBC files name are on the page
+# has_all_of RIG PROTOCOL: all frames that a rig's DBC files name are on the page
 has_all_of() {
     mkdir "$work/$1" && "$program" dbc "$1" -o "$work/$1" >/dev/null &&
         sed -n 's/^BO_ [0-9]* \([A-Za-z0-9_]*\).*/\1/p; s/^VAL_ [0-9]* command //p' \
@@ -28,10 +28,10 @@ has_all_of() {
 pages=$(cd "$source/docs/protocol" && echo *.md)
 echo 1..$(($(echo "$pages" | wc -w) + 12))
 for page in $pages; do
-    personality=${page%.md}
-    "$program" protocol $personality >"$work/$personality.md" 2>"$work/out" &&
-        diff "$source/docs/protocol/$personality.md" "$work/$personality.md" >"$work/out"
-    result $? "docs/protocol/$personality.md is what \`coman-hil protocol $personality\` prints"
+    name=${page%.md}
+    "$program" protocol $name >"$work/$name.md" 2>"$work/out" &&
+        diff "$source/docs/protocol/$name.md" "$work/$name.md" >"$work/out"
+    result $? "docs/protocol/$name.md is what \`coman-hil protocol $name\` prints"
 done
 
 # from another description of the protocol: the header that people read
@@ -87,7 +87,7 @@ result $? "every frame of the rig coman-cia402 is on the page"
 
 "$program" protocol icbu >"$work/out" 2>&1
 [ $? -eq 2 ] && grep -q 'expected icub' "$work/out"
-result $? "an unknown personality is refused with the nearest"
+result $? "an unknown protocol is refused with the nearest"
 "$program" protocol odrive >"$work/odrive" 2>"$work/out" &&
     "$program" protocol "$source/config/protocols/odrive.yaml" 2>"$work/out" | diff "$work/odrive" -
 result $? "a protocol that a file describes goes by its name"

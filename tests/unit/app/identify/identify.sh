@@ -140,7 +140,7 @@ result $? "a rig that was copied without its robot is told its line"
 cp -r "$work/guess" "$work/other"
 sed -i 's/J_kg_m2: [0-9.]*/J_kg_m2: 0.003/' "$work/other/drives/robotis-xl330-m288.yaml"
 for protocol in icub cia402 foc; do
-    sed "s/personality: .*/personality: $protocol/" "$source/config/rigs/xl330-pendulum.yaml" \
+    sed "s/^protocol: .*/protocol: $protocol/" "$source/config/rigs/xl330-pendulum.yaml" \
         >"$work/guess/rigs/$protocol.yaml"
     timeout -k 5 60 "$hil" run "$work/guess/rigs/$protocol.yaml" --transport local --clock free \
         --duration 16 --task excite --joint pivot --set excite.amplitude_v=5 --control none \

@@ -1,6 +1,6 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
-# From a URDF to frames on a bus by three commands and no edit, for each personality; what cannot be
+# From a URDF to frames on a bus by three commands and no edit, for each protocol; what cannot be
 # imported is refused with a place and leaves nothing. Prints TAP.
 set -u
 program=$1
@@ -42,14 +42,14 @@ inertia='<inertia ixx="0.02" iyy="0.02" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
 } >"$folder/arm.urdf"
 
 echo 1..28
-for personality in icub foc compact compact-fd; do
-    out=$folder/$personality
-    "$program" import "$folder/arm.urdf" -o "$out" --personality $personality >"$folder/log" 2>&1 &&
+for protocol in icub foc compact compact-fd; do
+    out=$folder/$protocol
+    "$program" import "$folder/arm.urdf" -o "$out" --protocol $protocol >"$folder/log" 2>&1 &&
         "$program" check "$out/rigs/arm.yaml" >"$folder/log" 2>&1
-    result $? "an_arm_is_imported_for_$personality"
+    result $? "an_arm_is_imported_for_$protocol"
     "$program" run "$out/rigs/arm.yaml" --task hold --clock free --transport local --quiet \
         >"$folder/log" 2>&1 && grep -q 'held for 10.0 s' "$folder/log"
-    result $? "an_imported_arm_holds_its_pose_with_$personality"
+    result $? "an_imported_arm_holds_its_pose_with_$protocol"
 done
 
 {
@@ -151,7 +151,7 @@ out=$folder/mixed
 sed 's/lower="-2" upper="2"/lower="-1.2" upper="1.2"/' "$folder/arm.urdf" >"$folder/narrow.urdf"
 "$program" import "$folder/narrow.urdf" -o "$out" --drive coman \
     --drive 'joint[123]=iso6020-25-g771' >"$folder/log" 2>&1 &&
-    grep -q '^personality: icub' "$out/rigs/arm.yaml" &&
+    grep -q '^protocol: icub' "$out/rigs/arm.yaml" &&
     grep -q '^    protocol: servo-valve' "$out/rigs/arm.yaml" && tolerance arm
 result $? an_arm_with_motors_and_cylinders_holds_its_pose_to_10_mrad
 "$program" import "$folder/arm.urdf" -o "$folder/none" --drive hyq >"$folder/log" 2>&1
@@ -215,7 +215,7 @@ result $? a_mesh_in_millimeters_is_doubted
     echo '</robot>'
 } >"$folder/snake.urdf"
 out=$folder/snake
-"$program" import "$folder/snake.urdf" -o "$out" --base fixed --personality compact-fd \
+"$program" import "$folder/snake.urdf" -o "$out" --base fixed --protocol compact-fd \
     >"$folder/log" 2>&1 && grep -q '100 joints, 100 drives' "$folder/log"
 result $? a_hundred_joints_are_imported
 "$program" run "$out/rigs/snake.yaml" --task hold --clock free --transport local --quiet \

@@ -111,7 +111,7 @@ TEST_WITH(too_many_joints_name_the_way_out, open_folder, remove_folder)
 
     write_limbs(11, 6);
     assert_int_equal(import_run(&request, &arena, &result, &error), ERROR_INPUT);
-    assert_non_null(strstr(error.text, "--personality compact-fd"));
+    assert_non_null(strstr(error.text, "--protocol compact-fd"));
     assert_int_not_equal(access(result.robot, F_OK), 0);
     import_limbs((struct import_boards){&protocol_compact, true}, &result);
 }

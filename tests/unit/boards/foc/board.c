@@ -434,7 +434,7 @@ TEST(restarting_forgets_the_configuration)
     bench_stop(&bench);
 }
 
-TEST(another_personality_on_another_bus_is_not_disturbed)
+TEST(another_protocol_on_another_bus_is_not_disturbed)
 {
     struct board_bench bench;
 

@@ -143,7 +143,7 @@ TEST(the_trip_comes_when_the_winding_s_law_says)
     bench_stop(&bench);
 }
 
-/* ---- the other personalities ---- */
+/* ---- the other protocols ---- */
 
 TEST(a_2foc_with_a_thermometer_trips_with_over_heating)
 {
