@@ -118,9 +118,7 @@ static bool motor_axis_is_impedance(const struct motor_axis *axis)
 void motor_axis_step(const struct board *board, struct motor_axis *axis)
 {
     const int64_t *p = axis->parameter;
-    const struct pid_gains current = {p[ICUB_P_CURRENT_KP], p[ICUB_P_CURRENT_KI],
-                                      p[ICUB_P_CURRENT_KD], p[ICUB_P_CURRENT_SHIFT], INT16_MAX};
-    const struct pid_gains impedance = {.kp = p[ICUB_P_STIFFNESS], .kd = p[ICUB_P_DAMPING]};
+    struct pid_gains gains;
 
     axis->torque = motor_axis_measured_torque(board, axis);
 
@@ -130,7 +128,9 @@ void motor_axis_step(const struct board *board, struct motor_axis *axis)
         axis->output = p[ICUB_P_OPEN_LOOP];
         break;
     case ICUB_MODE_CURRENT:
-        axis->output = pid_step(&axis->current_pid, &current,
+        gains = (struct pid_gains){p[ICUB_P_CURRENT_KP], p[ICUB_P_CURRENT_KI], p[ICUB_P_CURRENT_KD],
+                                   p[ICUB_P_CURRENT_SHIFT], INT16_MAX};
+        axis->output = pid_step(&axis->current_pid, &gains,
                                 p[ICUB_P_DESIRED_TORQUE] - motor_axis_current_ma(axis));
         break;
     case ICUB_MODE_TORQUE:
@@ -149,9 +149,10 @@ void motor_axis_step(const struct board *board, struct motor_axis *axis)
             break;
         }
         /* Stiffness and damping give the reference of the torque law */
-        axis->torque_reference = pid_step(&axis->impedance, &impedance,
-                                          (int64_t)axis->desired - motor_axis_position(axis)) +
-                                 p[ICUB_P_IMPEDANCE_OFFSET];
+        gains = (struct pid_gains){.kp = p[ICUB_P_STIFFNESS], .kd = p[ICUB_P_DAMPING]};
+        axis->torque_reference =
+            pid_step(&axis->impedance, &gains, (int64_t)axis->desired - motor_axis_position(axis)) +
+            p[ICUB_P_IMPEDANCE_OFFSET];
         axis->output = motor_axis_torque_law(axis);
         break;
     }
@@ -393,18 +394,26 @@ uint8_t motor_board_can_status(const struct board *board)
  * command time-out. The latter is a safety of this simulator, which a strict board lacks. */
 static void motor_axis_watch_references(struct board *board, struct motor_axis *axis)
 {
-    bool velocity = motor_axis_has_velocity(axis), voltage = axis->base.mode == ICUB_MODE_OPEN_LOOP;
-    bool torque = axis->base.mode == ICUB_MODE_TORQUE || axis->base.mode == ICUB_MODE_CURRENT;
-    int64_t *reference = &axis->parameter[voltage  ? ICUB_P_OPEN_LOOP
-                                          : torque ? ICUB_P_DESIRED_TORQUE
-                                                   : ICUB_P_DESIRED_VELOCITY];
-    int64_t since_ns = voltage ? axis->voltage_ns : torque ? axis->torque_ns : axis->velocity_ns;
-    int64_t timeout_ns = velocity               ? axis->parameter[ICUB_P_VELOCITY_TIMEOUT] * MS
-                         : board->config.strict ? 0
-                                                : board->config.command_timeout_ns;
+    int64_t timeout_ns = board->config.strict ? 0 : board->config.command_timeout_ns, since_ns;
+    int64_t *p = axis->parameter, *reference;
+    bool velocity = false;
 
-    if ((velocity || ((voltage || torque) && timeout_ns > 0)) && *reference != 0 &&
-        board->boards->now_ns - since_ns > timeout_ns) {
+    if (timeout_ns > 0 && axis->base.mode == ICUB_MODE_OPEN_LOOP) {
+        reference = &p[ICUB_P_OPEN_LOOP];
+        since_ns = axis->voltage_ns;
+    } else if (timeout_ns > 0 &&
+               (axis->base.mode == ICUB_MODE_TORQUE || axis->base.mode == ICUB_MODE_CURRENT)) {
+        reference = &p[ICUB_P_DESIRED_TORQUE];
+        since_ns = axis->torque_ns;
+    } else if (motor_axis_has_velocity(axis)) {
+        velocity = true;
+        reference = &p[ICUB_P_DESIRED_VELOCITY];
+        since_ns = axis->velocity_ns;
+        timeout_ns = p[ICUB_P_VELOCITY_TIMEOUT] * MS;
+    } else {
+        return;
+    }
+    if (*reference != 0 && board->boards->now_ns - since_ns > timeout_ns) {
         *reference = 0;
         board->boards->counters.timeouts++;
         board_event(board, BOARD_EVENT_TIMEOUT, motor_axis_index(board, axis), axis->base.mode, 0);
@@ -416,14 +425,17 @@ static void motor_axis_watch_references(struct board *board, struct motor_axis *
  * board has sent no frame recently. */
 static void motor_axis_watch_source(struct board *board, struct motor_axis *axis)
 {
-    int64_t address = axis->parameter[ICUB_P_TORQUE_SOURCE];
-    const struct torque_source *source = &icub_bus_of(board->bus)->source[address];
-    int64_t since =
-        source->heard && source->time_ns > axis->source_ns ? source->time_ns : axis->source_ns;
-    bool lost = address == 0 ? !(axis->base.config->torque_full_scale_nm > 0.0)
-                             : board->boards->now_ns - since > (int64_t)ICUB_STRAIN_SAFE_MS * MS;
+    int64_t address, since = axis->source_ns;
+    const struct torque_source *source;
 
-    if (lost && (axis->base.mode == ICUB_MODE_TORQUE || motor_axis_is_impedance(axis))) {
+    if (axis->base.mode != ICUB_MODE_TORQUE && !motor_axis_is_impedance(axis)) {
+        return;
+    }
+    address = axis->parameter[ICUB_P_TORQUE_SOURCE];
+    source = &icub_bus_of(board->bus)->source[address];
+    since = source->heard && source->time_ns > since ? source->time_ns : since;
+    if (address == 0 ? !(axis->base.config->torque_full_scale_nm > 0.0)
+                     : board->boards->now_ns - since > (int64_t)ICUB_STRAIN_SAFE_MS * MS) {
         board->boards->counters.timeouts++;
         board_event(board, BOARD_EVENT_SOURCE_LOST, motor_axis_index(board, axis),
                     (uint32_t)address, 0);

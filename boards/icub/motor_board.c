@@ -417,8 +417,10 @@ static bool motor_board_command(struct icub_board *icub, const struct bus_frame 
     case ICUB_SET:
         memcpy(parameter, request, fields_count(row->request) * sizeof *parameter);
         board->boards->settings_changes += row->parameter < ICUB_P_SAVED;
-        for (unsigned i = 0; i < fields_count(row->request); i++) {
-            axis->pids |= (uint8_t)(UINT64_C(1) << (row->parameter + i) & PID_HAS_ALL);
+        if (row->parameter <= ICUB_P_POSITION_INTEGRAL_LIMIT) {
+            unsigned bits = (1u << fields_count(row->request)) - 1;
+
+            axis->pids |= (uint8_t)(bits << row->parameter & PID_HAS_ALL);
         }
         if (code == ICUB_SET_OPEN_LOOP) {
             axis->voltage_ns = board->boards->now_ns;

@@ -116,28 +116,30 @@ static int32_t strain_board_add_tare(const struct strain_board *strain, int32_t 
     return (int32_t)control_clamp(value + strain->current_tare[channel], INT16_MIN, INT16_MAX);
 }
 
+/* Returns whether counts from zero are saturated, and at which end. */
+static enum saturation strain_board_saturation(int32_t counts)
+{
+    return counts < ICUB_STRAIN_LOW - ICUB_STRAIN_ZERO    ? SATURATED_LOW
+           : counts > ICUB_STRAIN_HIGH - ICUB_STRAIN_ZERO ? SATURATED_HIGH
+                                                          : SATURATED_NOT;
+}
+
 /* Converts a channel to counts from zero, and notes whether it, or its peak within the tick, is
  * saturated. A value that is not finite keeps the old counts. */
 static void strain_board_convert(struct board *board, int channel, double value, double peak)
 {
     struct strain_board *strain = strain_board_of(board);
-    uint8_t *saturated = &strain->saturated[channel];
+    const double full_scale = board->config.full_scale[channel];
     int32_t counts;
 
-    for (int i = 0; i < 2; i++, value = peak) {
-        if (!control_quantize(value / board->config.full_scale[channel] * ICUB_STRAIN_ZERO,
-                              &counts)) {
-            return;
-        }
-        *saturated = counts < ICUB_STRAIN_LOW - ICUB_STRAIN_ZERO    ? SATURATED_LOW
-                     : counts > ICUB_STRAIN_HIGH - ICUB_STRAIN_ZERO ? SATURATED_HIGH
-                                                                    : SATURATED_NOT;
-        if (i == 0) {
-            strain->adc[channel] = (int32_t)control_clamp(counts, INT16_MIN, INT16_MAX);
-        }
-        if (*saturated || peak == value) {
-            return;
-        }
+    if (!control_quantize(value / full_scale * ICUB_STRAIN_ZERO, &counts)) {
+        return;
+    }
+    strain->adc[channel] = (int32_t)control_clamp(counts, INT16_MIN, INT16_MAX);
+    strain->saturated[channel] = strain_board_saturation(counts);
+    if (peak != value && strain->saturated[channel] == SATURATED_NOT &&
+        control_quantize(peak / full_scale * ICUB_STRAIN_ZERO, &counts)) {
+        strain->saturated[channel] = strain_board_saturation(counts);
     }
 }
 
