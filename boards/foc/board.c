@@ -78,7 +78,7 @@ static int64_t foc_limiter_step(struct foc_board *foc, int64_t vq, int64_t curre
     return vq + change;
 }
 
-/* One millisecond; returns Vq. */
+/* One millisecond of the position law; returns Vq. */
 static int64_t foc_position_step(struct foc_position_law *law, double error)
 {
     const double *gain = law->gain;
@@ -148,24 +148,19 @@ static void foc_setting_describe(const struct board *board, unsigned axis, size_
 static bool foc_setting_set(struct board *board, unsigned axis, size_t index, double value)
 {
     struct foc_board *foc = foc_board_of(board);
+    enum kind kind = rows[index].kind;
 
     (void)axis;
-    switch (rows[index].kind) {
-    case LAW_CURRENT:
-        return foc_law_set_gain(&foc->current, rows[index].which, value);
-    case LAW_SPEED:
-        return foc_law_set_gain(&foc->speed, rows[index].which, value);
-    case LAW_POSITION:
-        foc->position_law.gain[rows[index].which] = (double)(float)value;
-        return true;
-    case NOMINAL_CURRENT:
-        foc->nominal_ma = (int64_t)value;
-        return true;
-    case PEAK_CURRENT:
-        foc->peak_ma = (int64_t)value;
-        return true;
+    if (kind == LAW_CURRENT || kind == LAW_SPEED) {
+        return foc_law_set_gain(kind == LAW_CURRENT ? &foc->current : &foc->speed,
+                                rows[index].which, value);
     }
-    return false;
+    if (kind == LAW_POSITION) {
+        foc->position_law.gain[rows[index].which] = (double)(float)value;
+    } else {
+        *(kind == NOMINAL_CURRENT ? &foc->nominal_ma : &foc->peak_ma) = (int64_t)value;
+    }
+    return true;
 }
 
 static const struct board_settings foc_settings = {
@@ -177,14 +172,6 @@ static const struct board_settings foc_settings = {
 /* Obeys each command of class 0 and DESIRED_TARGETS on a 2FOC board. */
 
 enum { TOLERANCE = 36 }; /* tolerance of the encoder, 0.1 deg */
-
-/* Returns whether a mode drives the motor. */
-static bool foc_is_control_mode(int64_t mode)
-{
-    return mode == ICUB_MODE_CURRENT || mode == ICUB_MODE_SPEED_VOLTAGE ||
-           mode == ICUB_MODE_SPEED_CURRENT || mode == ICUB_MODE_OPEN_LOOP ||
-           mode == ICUB_MODE_POSITION;
-}
 
 /* Reset the references; the second function also sets the mode, even if unchanged. */
 static void foc_board_forget_references(struct foc_board *foc)
@@ -218,8 +205,10 @@ static bool foc_board_command_mode(struct board *board, int64_t mode)
     struct foc_board *foc = foc_board_of(board);
     bool stop = mode == ICUB_MODE_IDLE || mode == ICUB_MODE_FORCE_IDLE;
     bool current = mode == ICUB_MODE_CURRENT || mode == ICUB_MODE_SPEED_CURRENT;
+    bool voltage = mode == ICUB_MODE_SPEED_VOLTAGE || mode == ICUB_MODE_OPEN_LOOP ||
+                   mode == ICUB_MODE_POSITION;
 
-    if (!stop && (!foc_is_control_mode(mode) || (current && board->config.axis[0].valve))) {
+    if (!stop && !voltage && !(current && !board->config.axis[0].valve)) {
         return false;
     }
     /* Not configured: ignored; in fault: only FORCE_IDLE, which clears it */
@@ -297,44 +286,6 @@ static bool foc_board_command_pid(struct foc_board *foc, const struct bus_frame 
     }
 }
 
-/* Obeys SET_CURRENT_LIMIT: nominal, peak and overload, or the peak alone. */
-static bool foc_board_command_limit(struct foc_board *foc, const struct bus_frame *frame,
-                                    const int64_t *request)
-{
-    if (frame->len == 5) {
-        foc->peak_ma = get_i16_le(frame->data + 1);
-        foc->nominal_ma = foc->peak_ma / 2;
-        foc->overload_ma = 20000;
-    } else if (frame->len == 8) {
-        foc->nominal_ma = request[0];
-        foc->peak_ma = request[1];
-        foc->overload_ma = request[2];
-    } else {
-        return false;
-    }
-    return true;
-}
-
-/* Obeys SET_MOTOR_CONFIG: the motor's sensors, resolution, poles. */
-static void foc_board_configure_motor(struct foc_board *foc, const struct bus_frame *frame,
-                                      const int64_t *request)
-{
-    foc->flags = (uint8_t)request[0];
-    foc->resolution = request[1];
-    foc->index_offset = request[2];
-    foc->poles = request[3];
-    foc->tolerance = frame->len == 8 ? request[4] : TOLERANCE;
-    foc->motor_set = true;
-    foc->encoder &= (uint8_t)~FOC_QE_NOT_CALIBRATED;
-    /* With Hall sensors there is no index; with an index the encoder waits for its pulse */
-    if (foc->flags & FOC_HAS_HALL) {
-        foc->flags &= (uint8_t) ~(FOC_HAS_INDEX | FOC_HAS_TEMPERATURE);
-    }
-    if (foc->flags & FOC_HAS_QE && foc->flags & FOC_HAS_INDEX) {
-        foc->encoder |= FOC_QE_NOT_CALIBRATED;
-    }
-}
-
 /* Obeys a configuration command. Returns false when it is refused. */
 static bool foc_board_configure(struct foc_board *foc, const struct bus_frame *frame,
                                 const int64_t *request)
@@ -345,10 +296,29 @@ static bool foc_board_configure(struct foc_board *foc, const struct bus_frame *f
         return foc_board_command_law(foc, frame, request);
     case FOC_SET_PID:
         return foc_board_command_pid(foc, frame, request);
-    case FOC_SET_CURRENT_LIMIT:
-        return foc_board_command_limit(foc, frame, request);
-    case FOC_SET_MOTOR_CONFIG:
-        foc_board_configure_motor(foc, frame, request);
+    case FOC_SET_CURRENT_LIMIT: /* nominal, peak and overload, or the peak alone */
+        if (frame->len != 5 && frame->len != 8) {
+            return false;
+        }
+        foc->peak_ma = frame->len == 5 ? get_i16_le(frame->data + 1) : request[1];
+        foc->nominal_ma = frame->len == 5 ? foc->peak_ma / 2 : request[0];
+        foc->overload_ma = frame->len == 5 ? 20000 : request[2];
+        return true;
+    case FOC_SET_MOTOR_CONFIG: /* the motor's sensors, resolution, poles */
+        foc->flags = (uint8_t)request[0];
+        foc->resolution = request[1];
+        foc->index_offset = request[2];
+        foc->poles = request[3];
+        foc->tolerance = frame->len == 8 ? request[4] : TOLERANCE;
+        foc->motor_set = true;
+        foc->encoder &= (uint8_t)~FOC_QE_NOT_CALIBRATED;
+        /* With Hall sensors there is no index; with an index the encoder waits for its pulse */
+        if (foc->flags & FOC_HAS_HALL) {
+            foc->flags &= (uint8_t) ~(FOC_HAS_INDEX | FOC_HAS_TEMPERATURE);
+        }
+        if (foc->flags & FOC_HAS_QE && foc->flags & FOC_HAS_INDEX) {
+            foc->encoder |= FOC_QE_NOT_CALIBRATED;
+        }
         return true;
     case FOC_SET_TEMPERATURE_LIMIT:
         foc->temperature_limit = request[0];
@@ -643,29 +613,17 @@ static void foc_board_watch_faults(struct board *board)
 
 /* ---- control laws, once a millisecond ---- */
 
-/* Returns the current reference of the speed loop, mA (incremental PI). */
-static int64_t foc_board_speed_law(struct foc_board *foc)
-{
-    int64_t error = foc->target - foc->velocity;
-
-    foc->speed_ma += (error - foc->speed.error) * 16 + error + foc->speed.error;
-    foc->speed_ma = control_clamp(foc->speed_ma, -foc->peak_ma, foc->peak_ma);
-    foc->speed.error = error;
-    return foc->speed_ma;
-}
-
 /* Computes the voltage of this millisecond by the law of the mode. */
 static void foc_board_step_laws(struct foc_board *foc)
 {
-    int64_t vq, current_ma = foc_board_current_ma(foc);
+    int64_t vq, current_ma = foc_board_current_ma(foc), error = foc->target - foc->velocity;
 
     switch (foc->axis.mode) {
     case ICUB_MODE_OPEN_LOOP:
         vq = foc_limiter_step(foc, foc->target / (1 << FOC_VQ_SHIFT), current_ma);
         break;
     case ICUB_MODE_SPEED_VOLTAGE:
-        vq = foc_limiter_step(foc, foc_law_step(&foc->speed, foc->target - foc->velocity),
-                              current_ma);
+        vq = foc_limiter_step(foc, foc_law_step(&foc->speed, error), current_ma);
         break;
     case ICUB_MODE_POSITION:
         vq = foc_limiter_step(
@@ -674,8 +632,11 @@ static void foc_board_step_laws(struct foc_board *foc)
                               (double)foc->target - ((double)foc->position - foc->start)),
             current_ma);
         break;
-    case ICUB_MODE_SPEED_CURRENT:
-        vq = foc_law_step(&foc->current, foc_board_speed_law(foc) - current_ma);
+    case ICUB_MODE_SPEED_CURRENT: /* an incremental PI gives the current */
+        foc->speed_ma += (error - foc->speed.error) * 16 + error + foc->speed.error;
+        foc->speed_ma = control_clamp(foc->speed_ma, -foc->peak_ma, foc->peak_ma);
+        foc->speed.error = error;
+        vq = foc_law_step(&foc->current, foc->speed_ma - current_ma);
         break;
     case ICUB_MODE_CURRENT:
         vq = foc_law_step(&foc->current, foc->target - current_ma);
@@ -721,41 +682,29 @@ static void foc_board_send_frame(struct board *board, struct frame_sink *sink, e
                foc_frames[type].length, data);
 }
 
-/* Returns the fault bits for the state of the CAN controller; none of them stops the motor. */
-static uint32_t foc_board_can_faults(const struct board *board)
-{
-    const struct board_can_state *can = &board->can;
-
-    return (can->rec >= BOARD_CAN_WARNING ? FOC_FAULT_CAN_RX_WARNING : 0) |
-           (can->tec >= BOARD_CAN_WARNING ? FOC_FAULT_CAN_TX_WARNING : 0) |
-           (can->rec >= BOARD_CAN_PASSIVE ? FOC_FAULT_CAN_RX_PASSIVE : 0) |
-           (can->tec >= BOARD_CAN_PASSIVE ? FOC_FAULT_CAN_TX_PASSIVE : 0);
-}
-
-/* Latches the bits that remain until the faults are cleared. */
-static void foc_board_latch_can_faults(struct foc_board *foc, uint32_t now)
-{
-    foc->faults |=
-        (now & (FOC_FAULT_CAN_RX_WARNING | FOC_FAULT_CAN_TX_WARNING) ? FOC_FAULT_CAN_WAS_WARNING
-                                                                     : 0) |
-        (now & FOC_FAULT_CAN_RX_PASSIVE ? FOC_FAULT_CAN_RX_WAS_PASSIVE : 0) |
-        (now & FOC_FAULT_CAN_TX_PASSIVE ? FOC_FAULT_CAN_TX_WAS_PASSIVE : 0);
-}
-
 /* Sends FOC and STATUS for each DESIRED_TARGETS, and ADDITIONAL_STATUS (struct board_ops). */
 static void foc_board_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
 {
     struct foc_board *foc = foc_board_of(board);
-    uint32_t can = foc_board_can_faults(board);
+    bool rx_warns = board->can.rec >= BOARD_CAN_WARNING,
+         tx_warns = board->can.tec >= BOARD_CAN_WARNING;
+    bool rx_passive = board->can.rec >= BOARD_CAN_PASSIVE,
+         tx_passive = board->can.tec >= BOARD_CAN_PASSIVE;
+    uint32_t can =
+        (rx_warns ? FOC_FAULT_CAN_RX_WARNING : 0u) | (tx_warns ? FOC_FAULT_CAN_TX_WARNING : 0u) |
+        (rx_passive ? FOC_FAULT_CAN_RX_PASSIVE : 0u) | (tx_passive ? FOC_FAULT_CAN_TX_PASSIVE : 0u);
     int64_t period_ms = board->config.status_period_ns / MS;
     int64_t additional_ms = foc_additional_status_ms(board->address);
 
-    /* Lost frames and errors of the CAN controller */
+    /* Lost frames and errors of the CAN controller, none of which stops the motor. Some bits remain
+     * until the faults are cleared */
     if (board->lost_in_status) {
         foc->faults |= FOC_FAULT_CAN_OVERRUN;
         board->lost_in_status = board->lost_in_overflow = false;
     }
-    foc_board_latch_can_faults(foc, can);
+    foc->faults |= (rx_warns || tx_warns ? FOC_FAULT_CAN_WAS_WARNING : 0u) |
+                   (rx_passive ? FOC_FAULT_CAN_RX_WAS_PASSIVE : 0u) |
+                   (tx_passive ? FOC_FAULT_CAN_TX_WAS_PASSIVE : 0u);
     /* Answer each DESIRED_TARGETS; send STATUS at the rig's rate */
     for (; foc->answers > 0; foc->answers--) {
         foc_board_send_frame(

@@ -78,20 +78,6 @@ static void foc_visit_board(struct message_walk *walk, int board, unsigned first
     icub_visit_messages(walk, board, &dialect);
 }
 
-/* Returns the axis of the motor board at an address of a bus; NULL when there is none. */
-static const struct board_axis_config *foc_find_axis(const struct boards_config *config, int bus,
-                                                     int address)
-{
-    for (size_t i = 0; i < config->nboard; i++) {
-        const struct board_config *board = &config->board[i];
-
-        if (board->bus == bus && board->kind == BOARD_MOTOR && board->address == address) {
-            return &board->axis[0];
-        }
-    }
-    return NULL;
-}
-
 /* Describes a field: its axis or channel, and its unit (struct protocol). */
 static void foc_describe_field(const struct boards_config *config, int bus,
                                const struct message_field *field, struct field_subject *subject)
@@ -100,9 +86,14 @@ static void foc_describe_field(const struct boards_config *config, int bus,
     double rotor;
 
     /* A field of DESIRED_TARGETS belongs to an address, other fields to the board's own motor */
-    if (!board) {
-        subject->axis = foc_find_axis(config, bus, field->index + 1);
-    } else if (board->kind == BOARD_MOTOR && field->message->id >> 8 != ICUB_MANAGEMENT) {
+    for (size_t i = 0; i < config->nboard && !board; i++) {
+        const struct board_config *at = &config->board[i];
+
+        if (at->bus == bus && at->kind == BOARD_MOTOR && at->address == field->index + 1) {
+            subject->axis = &at->axis[0];
+        }
+    }
+    if (board && board->kind == BOARD_MOTOR && field->message->id >> 8 != ICUB_MANAGEMENT) {
         subject->axis = &board->axis[0];
     }
     icub_describe_channel(config, field, subject);

@@ -20,17 +20,6 @@ static double path_clamp(double value, double limit)
     return fmax(fmin(value, limit), -limit);
 }
 
-/* Returns the speed towards the target at the end of a step. From this speed, the limit still
- * allows the axis to arrive at `speed`: the distance equals the way of the step plus the stopping
- * distance v^2 / 2a. */
-static double path_speed(double distance, double speed, double acceleration)
-{
-    double half = acceleration * STEP_S / 2.0;
-    double square = half * half + 2.0 * (acceleration * distance - half * speed);
-
-    return isnan(acceleration) ? distance / STEP_S : fmax(sqrt(fmax(square, 0.0)) - half, 0.0);
-}
-
 /* Advances the control position by a millisecond. A limit of NaN does not apply. */
 static void moteus_path_step(struct moteus_path *path, double target_velocity,
                              double velocity_limit, double acceleration_limit)
@@ -47,13 +36,17 @@ static void moteus_path_step(struct moteus_path *path, double target_velocity,
         return;
     }
 
-    /* Speed towards the target, or the commanded speed, within the limits */
+    /* Speed towards the target, or the commanded speed, within the limits. From the speed towards
+     * the target the axis can still arrive at the commanded speed: the distance equals the way of
+     * the step plus the stopping distance v^2 / 2a */
     if (!isnan(path->target)) {
-        double distance = path->target - path->position;
-
+        double distance = path->target - path->position, half = change / 2.0;
         double speed = (before - target_velocity) * (distance < 0.0 ? -1.0 : 1.0);
+        double square = half * half + 2.0 * (acceleration_limit * fabs(distance) - half * speed);
 
-        wanted += copysign(path_speed(fabs(distance), speed, acceleration_limit), distance);
+        wanted += isnan(acceleration_limit)
+                      ? distance / STEP_S
+                      : copysign(fmax(sqrt(fmax(square, 0.0)) - half, 0.0), distance);
         path->target += target_velocity * STEP_S;
     }
     wanted = path_clamp(wanted, velocity_limit);
@@ -81,7 +74,6 @@ static void moteus_path_step(struct moteus_path *path, double target_velocity,
  */
 
 #define TURN (2.0 * M_PI)
-#define STEP_S 1e-3
 
 enum { ENABLING_MS = 9 /* 256 PWM periods that measure the current offsets */ };
 
@@ -148,36 +140,30 @@ static void moteus_approach_mode(struct board *board)
     }
 }
 
-/* Fills in the defaults of values that a command omits. */
-static void moteus_apply_defaults(struct moteus_board *moteus)
-{
-    double timeout_s = moteus->command[MOTEUS_R_TIMEOUT];
-    double velocity = moteus->command[MOTEUS_R_VELOCITY_LIMIT];
-    double acceleration = moteus->command[MOTEUS_R_ACCELERATION_LIMIT];
-
-    moteus->timeout_s = timeout_s == 0.0 ? TIMEOUT_S : timeout_s;
-    moteus->acceleration_limit = isnan(acceleration)  ? ACCELERATION_LIMIT
-                                 : acceleration < 0.0 ? (double)NAN
-                                                      : acceleration;
-    /* An acceleration limit requires a speed limit */
-    moteus->velocity_limit = velocity < 0.0 ? (double)NAN : velocity;
-    if (!isnan(moteus->velocity_limit) || !isnan(moteus->acceleration_limit)) {
-        moteus->velocity_limit = fmin(moteus->velocity_limit, VELOCITY_MAX);
-    }
-}
-
 /* Puts the command of a frame in force. */
 static void moteus_board_command(struct board *board)
 {
     struct moteus_board *moteus = moteus_board_of(board);
     enum moteus_mode mode = (enum moteus_mode)moteus->commanded_mode;
+    double acceleration = moteus->value[MOTEUS_R_ACCELERATION_LIMIT];
+    double velocity = moteus->value[MOTEUS_R_VELOCITY_LIMIT];
+    double timeout_s = moteus->value[MOTEUS_R_TIMEOUT];
 
     if (mode >= MOTEUS_FAULT && mode <= MOTEUS_CALIBRATION_COMPLETE) {
         return; /* only the board itself enters these modes */
     }
     memcpy(moteus->command, moteus->value, sizeof moteus->command);
     moteus->wanted_mode = mode;
-    moteus_apply_defaults(moteus);
+
+    /* Defaults of values that the command omits; an acceleration limit requires a speed limit */
+    moteus->timeout_s = timeout_s == 0.0 ? TIMEOUT_S : timeout_s;
+    moteus->acceleration_limit = isnan(acceleration)  ? ACCELERATION_LIMIT
+                                 : acceleration < 0.0 ? (double)NAN
+                                                      : acceleration;
+    moteus->velocity_limit = velocity < 0.0 ? (double)NAN : velocity;
+    if (!isnan(moteus->velocity_limit) || !isnan(moteus->acceleration_limit)) {
+        moteus->velocity_limit = fmin(moteus->velocity_limit, VELOCITY_MAX);
+    }
     moteus->path.target = moteus->command[MOTEUS_R_POSITION_COMMAND];
     if (mode == MOTEUS_STOPPED) {
         moteus->value[MOTEUS_R_FAULT] = MOTEUS_NO_FAULT;
@@ -187,41 +173,7 @@ static void moteus_board_command(struct board *board)
     }
 }
 
-/* Executes a register that triggers an action, with the value written. */
-static void moteus_board_act(struct board *board, uint32_t number, double value)
-{
-    struct moteus_board *moteus = moteus_board_of(board);
-    double shown = moteus->motor - moteus->zero, gear = board->config.axis[0].gear;
-
-    if (number == MOTEUS_R_OUTPUT_EXACT && isfinite(value)) {
-        moteus->zero = moteus->motor - value;
-    } else if (number == MOTEUS_R_OUTPUT_NEAREST && isfinite(value)) {
-        /* change the zero by whole rotor turns */
-        moteus->zero -= round((value - shown) * gear) / gear;
-    }
-    moteus->path.position = NAN; /* capture the position again, as RECAPTURE does */
-}
-
 /* ---- power-up ---- */
-
-/* Fills the constant registers. */
-static void moteus_identify(struct moteus_board *moteus)
-{
-    moteus->value[MOTEUS_R_FIRMWARE] = MOTEUS_FIRMWARE;
-    moteus->value[MOTEUS_R_MAP_VERSION] = MOTEUS_MAP_VERSION;
-    moteus->value[MOTEUS_R_UUID_MASK_CAPABLE] = 1.0;
-    moteus->value[MOTEUS_R_HOME_STATE] = 2.0;        /* homed to the output */
-    moteus->value[MOTEUS_R_ENCODER_VALIDITY] = 0x0f; /* encoder sources 0 and 1 are valid */
-    for (unsigned i = 0; i < 4; i++) {
-        uint64_t hash = hash_bytes(HASH_START + i, moteus->board.config.name,
-                                   strlen(moteus->board.config.name));
-
-        moteus->value[MOTEUS_R_UUID + i] = (uint32_t)hash;
-        if (i < 3) {
-            moteus->value[MOTEUS_R_SERIAL + i] = (uint32_t)(hash >> 32);
-        }
-    }
-}
 
 /* Resets the board (struct board_ops). */
 static void moteus_power_up(struct board *board)
@@ -239,7 +191,19 @@ static void moteus_power_up(struct board *board)
     for (size_t i = 0; i < moteus_row_count; i++) {
         moteus->value[moteus_rows[i].number] = moteus_rows[i].initial;
     }
-    moteus_identify(moteus);
+    moteus->value[MOTEUS_R_FIRMWARE] = MOTEUS_FIRMWARE;
+    moteus->value[MOTEUS_R_MAP_VERSION] = MOTEUS_MAP_VERSION;
+    moteus->value[MOTEUS_R_UUID_MASK_CAPABLE] = 1.0;
+    moteus->value[MOTEUS_R_HOME_STATE] = 2.0;        /* homed to the output */
+    moteus->value[MOTEUS_R_ENCODER_VALIDITY] = 0x0f; /* encoder sources 0 and 1 are valid */
+    for (unsigned i = 0; i < 4; i++) {
+        uint64_t hash = hash_bytes(HASH_START + i, board->config.name, strlen(board->config.name));
+
+        moteus->value[MOTEUS_R_UUID + i] = (uint32_t)hash;
+        if (i < 3) {
+            moteus->value[MOTEUS_R_SERIAL + i] = (uint32_t)(hash >> 32);
+        }
+    }
     if (axis->winding_ohm > 0.0) {
         current_loop_tune(axis->winding_ohm, axis->winding_h, &moteus->kp_v_a, &moteus->ki_v_as);
         moteus->kd = moteus->torque_nm_a * axis->bemf_v_s_rad / axis->winding_ohm * TURN;
@@ -397,65 +361,52 @@ static double moteus_position_law(struct moteus_board *moteus)
                              scale, command[MOTEUS_R_MAX_TORQUE]);
 }
 
-/* Returns the voltage that keeps the motor between two bounds. Outside, the position loop returns
- * it to the nearer bound; inside, the feed-forward torque applies. */
-static double moteus_stay_within_law(struct moteus_board *moteus)
+/* Returns the voltage of the present mode. */
+static double moteus_law(struct moteus_board *moteus)
 {
     const double *command = moteus->command;
     double position = moteus->motor - moteus->zero;
     double lower = command[MOTEUS_R_STAY_LOWER], upper = command[MOTEUS_R_STAY_UPPER];
     double error = position < lower ? lower - position : position > upper ? upper - position : 0.0;
-    double scale[] = {number_or_0(command[MOTEUS_R_KP_SCALE]),
-                      error == 0.0 ? 0.0 : number_or_0(command[MOTEUS_R_KD_SCALE]),
-                      number_or_0(command[MOTEUS_R_FEEDFORWARD_TORQUE])};
+    double kd = number_or_0(command[MOTEUS_R_KD_SCALE]);
 
-    return moteus_torque_law(moteus, error, -moteus->velocity, scale, command[MOTEUS_R_MAX_TORQUE]);
-}
-
-/* Returns the voltage of the present mode. */
-static double moteus_law(struct moteus_board *moteus)
-{
     switch (moteus_mode(moteus)) {
     case MOTEUS_VOLTAGE_DQ:
-        return number_or_0(moteus->command[MOTEUS_R_Q_VOLTAGE_COMMAND]);
+        return number_or_0(command[MOTEUS_R_Q_VOLTAGE_COMMAND]);
     case MOTEUS_CURRENT:
-        return moteus_current_law(moteus, moteus->command[MOTEUS_R_Q_CURRENT_COMMAND]);
+        return moteus_current_law(moteus, command[MOTEUS_R_Q_CURRENT_COMMAND]);
     case MOTEUS_POSITION:
         return moteus_position_law(moteus);
     case MOTEUS_TIMEOUT:
     case MOTEUS_ZERO_VELOCITY:
+        return moteus_torque_law(moteus, 0.0, -moteus->velocity, (const double[]){0.0, kd, 0.0},
+                                 TIMEOUT_TORQUE_NM);
+    case MOTEUS_STAY_WITHIN: /* outside the bounds the position loop returns to the nearer one */
         return moteus_torque_law(
-            moteus, 0.0, -moteus->velocity,
-            (const double[]){0.0, number_or_0(moteus->command[MOTEUS_R_KD_SCALE]), 0.0},
-            TIMEOUT_TORQUE_NM);
-    case MOTEUS_STAY_WITHIN:
-        return moteus_stay_within_law(moteus);
+            moteus, error, -moteus->velocity,
+            (const double[]){number_or_0(command[MOTEUS_R_KP_SCALE]), error == 0.0 ? 0.0 : kd,
+                             number_or_0(command[MOTEUS_R_FEEDFORWARD_TORQUE])},
+            command[MOTEUS_R_MAX_TORQUE]);
     default:
         return 0.0; /* the brake shorts the motor; other modes open the bridge */
     }
 }
 
-/* Runs a millisecond: the watchdog, the mode, the law. */
-static void moteus_step(struct board *board)
-{
-    struct moteus_board *moteus = moteus_board_of(board);
-
-    moteus->timeout_s =
-        fmax(moteus->timeout_s - STEP_S, isnan(moteus->timeout_s) ? (double)NAN : 0.0);
-    moteus_approach_mode(board);
-    moteus_watch(board);
-    if (moteus_mode(moteus) != MOTEUS_FAULT) {
-        moteus->value[MOTEUS_R_FAULT] = MOTEUS_NO_FAULT;
-    }
-    moteus->axis.voltage_v =
-        fmax(fmin(moteus_law(moteus), moteus->axis.supply_v), -moteus->axis.supply_v);
-}
-
-/* Runs one tick (struct board_ops). */
+/* Runs one tick: in each millisecond the watchdog, the mode, the law (struct board_ops). */
 static void moteus_control(struct board *board, struct ms_span span)
 {
+    struct moteus_board *moteus = moteus_board_of(board);
+    double supply_v = moteus->axis.supply_v;
+
     for (int64_t ms = span.from; ms < span.to; ms++) {
-        moteus_step(board);
+        moteus->timeout_s =
+            fmax(moteus->timeout_s - STEP_S, isnan(moteus->timeout_s) ? (double)NAN : 0.0);
+        moteus_approach_mode(board);
+        moteus_watch(board);
+        if (moteus_mode(moteus) != MOTEUS_FAULT) {
+            moteus->value[MOTEUS_R_FAULT] = MOTEUS_NO_FAULT;
+        }
+        moteus->axis.voltage_v = fmax(fmin(moteus_law(moteus), supply_v), -supply_v);
     }
 }
 
@@ -559,36 +510,13 @@ static void moteus_write_error(struct moteus_exchange *x, enum moteus_subframe s
     }
 }
 
-/* Returns whether a mode can be commanded. Those that set single phases have none here, and there
- * is no winding whose inductance could be measured. */
-static bool moteus_has_mode(double mode)
-{
-    return mode >= 0.0 && mode < MOTEUS_MODES &&
-           !(mode >= MOTEUS_PWM && mode <= MOTEUS_VOLTAGE_FOC) && mode != MOTEUS_MEASURE_INDUCTANCE;
-}
-
-/* Begins a command with a mode and default values. Only the command stores the mode, because the
- * mode register shows the present one. */
-static void moteus_begin_command(struct moteus_board *moteus, double mode)
-{
-    for (size_t i = 0; i < moteus_row_count; i++) {
-        const struct moteus_row *row = &moteus_rows[i];
-
-        if (row->commanded && row->number != MOTEUS_R_MODE) {
-            moteus->value[row->number] = row->initial;
-        }
-    }
-    moteus->value[MOTEUS_R_TORQUE_FEEDFORWARD] = 0.0;
-    moteus->commanded_mode = mode;
-}
-
 /* Writes a register and returns the result. The frame continues after an error. */
 static enum moteus_reason moteus_write_register(struct moteus_exchange *x, uint32_t number,
                                                 enum moteus_type type, const uint8_t *data)
 {
     struct moteus_board *moteus = moteus_board_of(x->board);
     const struct moteus_row *row = moteus_find_row(number);
-    double value;
+    double value, gear = x->board->config.axis[0].gear;
 
     if (!row) {
         return MOTEUS_UNKNOWN_REGISTER;
@@ -598,17 +526,35 @@ static enum moteus_reason moteus_write_register(struct moteus_exchange *x, uint3
     }
     value = moteus_get(row->quantity, type, data);
     if (number == MOTEUS_R_MODE) {
-        if (!moteus_has_mode(trunc(value))) {
+        /* Modes that set single phases have no phases here, and no inductance can be measured */
+        value = trunc(value);
+        if (!(value >= 0.0 && value < MOTEUS_MODES) ||
+            (value >= MOTEUS_PWM && value <= MOTEUS_VOLTAGE_FOC) ||
+            value == MOTEUS_MEASURE_INDUCTANCE) {
             return MOTEUS_UNKNOWN_REGISTER;
         }
-        moteus_begin_command(moteus, trunc(value));
+        /* Begin a command with default values. Only the command stores the mode, because the mode
+         * register shows the present one */
+        for (size_t i = 0; i < moteus_row_count; i++) {
+            if (moteus_rows[i].commanded && moteus_rows[i].number != MOTEUS_R_MODE) {
+                moteus->value[moteus_rows[i].number] = moteus_rows[i].initial;
+            }
+        }
+        moteus->value[MOTEUS_R_TORQUE_FEEDFORWARD] = 0.0;
+        moteus->commanded_mode = value;
         x->commands = true;
     } else if (number >= MOTEUS_R_UUID_MASK && number < MOTEUS_R_UUID_MASK_CAPABLE) {
         x->discard =
             value !=
             (double)(int32_t)(uint32_t)moteus->value[MOTEUS_R_UUID + number - MOTEUS_R_UUID_MASK];
     } else if (row->access == MOTEUS_W) {
-        moteus_board_act(x->board, number, value);
+        if (number == MOTEUS_R_OUTPUT_EXACT && isfinite(value)) {
+            moteus->zero = moteus->motor - value;
+        } else if (number == MOTEUS_R_OUTPUT_NEAREST && isfinite(value)) {
+            /* Change the zero by whole rotor turns */
+            moteus->zero -= round((value - (moteus->motor - moteus->zero)) * gear) / gear;
+        }
+        moteus->path.position = NAN; /* capture the position again, as RECAPTURE does */
     } else {
         moteus->value[row->same_as ? row->same_as : number] = value;
     }
@@ -637,37 +583,29 @@ static bool moteus_serve_write(struct moteus_exchange *x, enum moteus_type type,
     return !x->discard;
 }
 
-/* Appends the value of a register. Returns false when it does not exist or has no such type. */
-static bool moteus_reply_register(struct moteus_exchange *x, uint32_t number, enum moteus_type type)
-{
-    const struct moteus_board *moteus = moteus_board_of(x->board);
-    const struct moteus_row *row = moteus_find_row(number);
-
-    if (!row || row->access == MOTEUS_W ||
-        !moteus_put(row->quantity, type, moteus->value[row->same_as ? row->same_as : number],
-                    x->reply + x->used)) {
-        return false;
-    }
-    x->used += moteus_bytes(type);
-    return true;
-}
-
 /* Serves a read. Returns false on an error, which ends the frame. */
 static bool moteus_serve_read(struct moteus_exchange *x, uint8_t subframe, uint32_t count,
                               uint32_t first)
 {
     enum moteus_type type = (enum moteus_type)(subframe & 0xc);
+    const struct moteus_board *moteus = moteus_board_of(x->board);
     unsigned used = x->used;
     bool room = moteus_write_varuint(x, MOTEUS_REPLY | (subframe & 0xf)) &&
                 (subframe & 3 || moteus_write_varuint(x, count)) && moteus_write_varuint(x, first);
 
     for (uint32_t i = 0; room && i < count; i++) {
+        const struct moteus_row *row = moteus_find_row(first + i);
+
         room = x->used + moteus_bytes(type) <= MOTEUS_DATA_MAX;
-        if (room && !moteus_reply_register(x, first + i, type)) {
+        if (room && (!row || row->access == MOTEUS_W ||
+                     !moteus_put(row->quantity, type,
+                                 moteus->value[row->same_as ? row->same_as : first + i],
+                                 x->reply + x->used))) {
             x->used = used;
             moteus_write_error(x, MOTEUS_READ_ERROR, first + i, MOTEUS_UNKNOWN_REGISTER);
             return false;
         }
+        x->used += room ? moteus_bytes(type) : 0;
     }
     x->used = room ? x->used : used;
     return room;
@@ -702,20 +640,6 @@ static bool moteus_serve_subframe(struct moteus_exchange *x)
     return false;
 }
 
-/* Queues the reply in the format of the request, or as CAN FD if it is too long. */
-static void moteus_queue_reply(struct moteus_exchange *x)
-{
-    uint32_t id = moteus_id(x->board->address, x->frame->id >> 8 & 0x7f);
-    uint8_t flags = x->frame->flags & (FRAME_FD | FRAME_BRS);
-    uint8_t length = frame_fd_length(x->used);
-
-    memset(x->reply + x->used, MOTEUS_NOP, length - x->used);
-    board_queue_as(
-        x->board, id,
-        (uint8_t)(flags | (length > 8 ? FRAME_FD : 0) | (id > 0x7ff ? FRAME_EXTENDED : 0)), length,
-        x->reply);
-}
-
 /* Obeys a frame for the board, queues the reply and returns the verdict. */
 static enum board_verdict moteus_board_serve(struct board *board, const struct bus_frame *frame)
 {
@@ -729,8 +653,15 @@ static enum board_verdict moteus_board_serve(struct board *board, const struct b
     if (x.commands && !x.discard) {
         moteus_board_command(board);
     }
+    /* Reply in the format of the request, or as CAN FD if the reply is too long */
     if (x.replies && !x.discard) {
-        moteus_queue_reply(&x);
+        uint32_t id = moteus_id(board->address, frame->id >> 8 & 0x7f);
+        uint8_t length = frame_fd_length(x.used);
+        unsigned flags = (frame->flags & (FRAME_FD | FRAME_BRS)) | (length > 8 ? FRAME_FD : 0) |
+                         (id > 0x7ff ? FRAME_EXTENDED : 0);
+
+        memset(x.reply + x.used, MOTEUS_NOP, length - x.used);
+        board_queue_as(board, id, (uint8_t)flags, length, x.reply);
     }
     return x.verdict;
 }

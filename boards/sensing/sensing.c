@@ -128,9 +128,9 @@ static size_t sensing_delay_line_length(int64_t delay_ns, int64_t tick_ns)
     return delay_ns > 0 ? (size_t)((delay_ns + tick_ns - 1) / tick_ns) + 1 : 0;
 }
 
-/* Checks that the terms of a sensor's error are finite and have valid signs. */
-static enum error_code sensor_error_check_terms(const struct sensor_error *e, const char *name,
-                                                struct error *error)
+/* Checks that the terms of a sensor's error are valid. */
+static enum error_code sensor_error_check(const struct sensor_error *e, const char *name,
+                                          int64_t tick_ns, struct error *error)
 {
     const double any[] = {e->gain_error, e->offset, e->ramp_per_s, e->offset_per_k, e->gain_per_k};
     const double positive[] = {e->noise_rms,    e->drift_per_sqrt_s, e->full_scale,     e->lsb,
@@ -143,20 +143,9 @@ static enum error_code sensor_error_check_terms(const struct sensor_error *e, co
     for (size_t i = 0; i < sizeof positive / sizeof *positive; i++) {
         good = good && sensing_is_not_negative(positive[i]);
     }
-    return good
-               ? ERROR_NONE
-               : error_set(error, ERROR_INPUT,
-                           "sensor %s: found an error term that is negative or not a number", name);
-}
-
-/* Checks that the terms of a sensor's error are valid. */
-static enum error_code sensor_error_check(const struct sensor_error *e, const char *name,
-                                          int64_t tick_ns, struct error *error)
-{
-    enum error_code code = sensor_error_check_terms(e, name, error);
-
-    if (code) {
-        return code;
+    if (!good) {
+        return error_set(error, ERROR_INPUT,
+                         "sensor %s: found an error term that is negative or not a number", name);
     }
     if (e->latency_ns < 0 || e->latency_ns > SENSING_LATENCY_MAX_NS) {
         return error_set(error, ERROR_INPUT,
@@ -188,25 +177,13 @@ static bool sensor_error_is_ideal(const struct sensor_error *e)
            e->instability_rms == 0.0 && e->offset_per_k == 0.0 && e->gain_per_k == 0.0;
 }
 
-/* Returns a second-order Butterworth low pass, by the bilinear transform with prewarping. */
-static struct low_pass low_pass_make(double bandwidth_hz, int64_t tick_ns)
-{
-    const double root_two = 1.4142135623730951;
-    double k = portable_tan(3.141592653589793 * bandwidth_hz * 1e-9 * (double)tick_ns);
-    double norm = 1.0 / (1.0 + root_two * k + k * k);
-
-    return (struct low_pass){.b0 = k * k * norm,
-                             .a1 = 2.0 * (k * k - 1.0) * norm,
-                             .a2 = (1.0 - root_two * k + k * k) * norm};
-}
-
-/* Returns the random stream of a channel for one of its errors. */
-static struct random_stream channel_stream(const struct sensing *s, const char *error,
-                                           const char *name, const char *what)
+/* Returns the random stream of an error of a sensor, a channel or a clock. */
+static struct random_stream sensing_stream(const struct sensing *s, const char *error,
+                                           const char *name)
 {
     char stream[160];
 
-    snprintf(stream, sizeof stream, "%s %s.%s", error, name, what);
+    snprintf(stream, sizeof stream, "%s %s", error, name);
     return random_named(s->config.seed, stream);
 }
 
@@ -221,10 +198,15 @@ static enum error_code sensing_make_channel(struct sensing *s, size_t index, con
     struct channel *channel = &s->channel[index];
     enum error_code code = sensor_error_check(from, name, tick_ns, error);
     int64_t oldest_ns = from->latency_ns;
+    const double root_two = 1.4142135623730951;
+    double k = portable_tan(3.141592653589793 * from->bandwidth_hz * 1e-9 * (double)tick_ns);
+    double norm = 1.0 / (1.0 + root_two * k + k * k);
+    char full_name[160];
 
     if (code) {
         return code;
     }
+    snprintf(full_name, sizeof full_name, "%s.%s", name, what);
     channel->error = *from;
     channel->device = device;
     /* A filtered attitude needs no clock: its readings already have the age of the last sample */
@@ -232,13 +214,16 @@ static enum error_code sensing_make_channel(struct sensing *s, size_t index, con
         device->clock && !(s->config.imu.ahrs.on && index >= sensing_imu_channel(s, 9));
     channel->ideal = sensor_error_is_ideal(from) && !channel->clocked;
     s->ideal = s->ideal && channel->ideal;
-    channel->noise = channel_stream(s, "noise", name, what);
-    channel->walk = channel_stream(s, "drift", name, what);
-    channel->wander = channel_stream(s, "instability", name, what);
+    channel->noise = sensing_stream(s, "noise", full_name);
+    channel->walk = sensing_stream(s, "drift", full_name);
+    channel->wander = sensing_stream(s, "instability", full_name);
     channel->bias_keep = from->instability_rms > 0.0
                              ? portable_exp(-1e-9 * (double)tick_ns / from->instability_s)
                              : 0.0;
-    channel->low_pass = low_pass_make(from->bandwidth_hz, tick_ns);
+    /* A second-order Butterworth low pass, by the bilinear transform with prewarping */
+    channel->low_pass = (struct low_pass){.b0 = k * k * norm,
+                                          .a1 = 2.0 * (k * k - 1.0) * norm,
+                                          .a2 = (1.0 - root_two * k + k * k) * norm};
 
     /* The delay line must reach back to the oldest sample */
     oldest_ns += channel->clocked ? (int64_t)device->clock->period_ns + 1 : 0;
@@ -274,8 +259,7 @@ static enum error_code sensing_make_device(struct sensing *s, struct sensor_devi
 static enum error_code sensing_make_eccentricity(struct sensing *s, size_t j, struct error *error)
 {
     const struct sensor_joint *joint = &s->joint[j];
-    struct random_stream random;
-    char stream[160];
+    struct random_stream random = sensing_stream(s, "eccentricity", joint->name);
 
     if (!sensing_is_not_negative(joint->eccentricity_rad[0]) ||
         !sensing_is_not_negative(joint->eccentricity_rad[1])) {
@@ -283,8 +267,6 @@ static enum error_code sensing_make_eccentricity(struct sensing *s, size_t j, st
                          "sensor %s: found an eccentricity that is negative or not a number",
                          joint->name);
     }
-    snprintf(stream, sizeof stream, "eccentricity %s", joint->name);
-    random = random_named(s->config.seed, stream);
     for (int k = 0; k < 2; k++) {
         s->state[j].eccentric_phase_rad[k] = 6.283185307179586 * random_uniform(&random);
         if (joint->eccentricity_rad[k] > 0.0) {
@@ -308,16 +290,13 @@ bool sensing_sees_bending(const struct sensing_config *config)
 static enum error_code sensing_make_bending(struct sensing *s, size_t j, struct error *error)
 {
     const struct sensor_joint *joint = &s->joint[j];
-    struct random_stream random;
-    char stream[160];
+    struct random_stream random = sensing_stream(s, "bending", joint->name);
 
     if (!sensing_is_not_negative(joint->crosstalk)) {
         return error_set(error, ERROR_INPUT,
                          "sensor %s: found a crosstalk that is negative or not a number",
                          joint->name);
     }
-    snprintf(stream, sizeof stream, "bending %s", joint->name);
-    random = random_named(s->config.seed, stream);
     for (int k = 0; k < 2; k++) {
         s->state[j].bending_part[k] =
             random_uniform(&random) < 0.5 ? -joint->crosstalk : joint->crosstalk;
@@ -375,8 +354,7 @@ static enum error_code sensing_make_crosstalk(struct sensing *s, size_t f, struc
     const struct sensor_ft *ft = &s->ft[f];
     double force = ft->force.full_scale, torque = ft->torque.full_scale;
     double range[SENSOR_FT_CHANNELS] = {force, force, force, torque, torque, torque};
-    struct random_stream sign;
-    char stream[160];
+    struct random_stream sign = sensing_stream(s, "crosstalk", ft->name);
 
     if (!sensing_is_not_negative(ft->crosstalk) ||
         (ft->crosstalk > 0.0 && (!(force > 0.0) || !(torque > 0.0)))) {
@@ -384,8 +362,6 @@ static enum error_code sensing_make_crosstalk(struct sensing *s, size_t f, struc
                          "sensor %s: found crosstalk without the full scales that it needs",
                          ft->name);
     }
-    snprintf(stream, sizeof stream, "crosstalk %s", ft->name);
-    sign = random_named(s->config.seed, stream);
     s->ideal = s->ideal && ft->crosstalk == 0.0;
     for (int to = 0; to < SENSOR_FT_CHANNELS; to++) {
         for (int from = 0; from < SENSOR_FT_CHANNELS; from++) {
@@ -491,6 +467,7 @@ static enum error_code sensing_make_faults(struct sensing *s, struct arena *aren
 {
     const struct faults *faults = s->config.faults;
     size_t count = 0, n = faults ? faults_count(faults) : 0;
+    enum error_code code = ERROR_NONE;
 
     for (size_t i = 0; i < n; i++) {
         const struct fault *fault = faults_at(faults, i);
@@ -501,19 +478,15 @@ static enum error_code sensing_make_faults(struct sensing *s, struct arena *aren
     if (!s->fault) {
         return error_set(error, ERROR_MEMORY, "no memory left for faults");
     }
-    for (size_t i = 0; i < n; i++) {
+    for (size_t i = 0; i < n && !code; i++) {
         const struct fault *fault = faults_at(faults, i);
 
-        for (size_t k = 0; fault->target == FAULT_SENSOR && k < fault->channels; k++) {
-            enum error_code code = sensing_add_fault(s, fault, k, arena, error);
-
-            if (code) {
-                return code;
-            }
+        for (size_t k = 0; fault->target == FAULT_SENSOR && k < fault->channels && !code; k++) {
+            code = sensing_add_fault(s, fault, k, arena, error);
         }
     }
     s->ideal = s->ideal && s->nfault == 0;
-    return ERROR_NONE;
+    return code;
 }
 
 /* Draws the rates and phases of the boards' clocks. */
@@ -546,13 +519,10 @@ static enum error_code sensing_make_clocks(struct sensing *s, struct arena *aren
     s->ideal = false;
     for (size_t c = 0; c < count; c++) {
         struct random_stream random;
-        char stream[160];
+        char number[24];
 
-        snprintf(stream, sizeof stream, "clock %zu", c);
-        if (clocks->name) {
-            snprintf(stream, sizeof stream, "clock %s", clocks->name[c]);
-        }
-        random = random_named(s->config.seed, stream);
+        snprintf(number, sizeof number, "%zu", c);
+        random = sensing_stream(s, "clock", clocks->name ? clocks->name[c] : number);
         s->clock[c].period_ns =
             (double)clocks->period_ns *
             (1.0 + 1e-6 * clocks->drift_ppm * (2.0 * random_uniform(&random) - 1.0));
@@ -609,31 +579,16 @@ enum error_code sensing_create(const struct sensing_config *config, struct arena
 
     /* Create the clocks, the sensors with their channels, then the faults */
     code = sensing_make_clocks(s, arena, error);
-    if (code) {
-        return code;
-    }
-    for (size_t j = 0; j < config->njoint; j++) {
+    for (size_t j = 0; j < config->njoint && !code; j++) {
         code = sensing_make_joint(s, j, arena, error);
-        if (code) {
-            return code;
-        }
     }
-    for (size_t f = 0; f < config->nft; f++) {
+    for (size_t f = 0; f < config->nft && !code; f++) {
         code = sensing_make_ft(s, f, arena, error);
-        if (code) {
-            return code;
-        }
     }
-    code = sensing_make_imu(s, arena, error);
-    if (code) {
-        return code;
-    }
-    code = sensing_make_faults(s, arena, error);
-    if (code) {
-        return code;
-    }
+    code = code ? code : sensing_make_imu(s, arena, error);
+    code = code ? code : sensing_make_faults(s, arena, error);
     *out = s;
-    return ERROR_NONE;
+    return code;
 }
 
 /* Returns x as it was delay_ns ago, linear between two ticks. The newest entry is line[at]. */
@@ -650,6 +605,18 @@ static double sensing_read_delay_line(const double *line, size_t length, size_t 
     return younger + part * (line[(at + length - whole - 1) % length] - younger);
 }
 
+/* Appends x to a delay line. Before the first sample, assumes a constant quantity. */
+static void sensing_push_delay_line(double *line, size_t length, size_t *at, double x, bool started)
+{
+    for (size_t i = 0; !started && i < length; i++) {
+        line[i] = x;
+    }
+    if (length > 0) {
+        *at = (*at + 1) % length;
+        line[*at] = x;
+    }
+}
+
 /* Appends x to a channel's delay line. Returns x as it was latency_ns before the board's last
  * sampling instant. */
 static double channel_delay(struct channel *channel, double x, int64_t tick_ns, bool started)
@@ -659,12 +626,7 @@ static double channel_delay(struct channel *channel, double x, int64_t tick_ns, 
     if (channel->length == 0) {
         return x;
     }
-    /* Before the first sample, assume a constant quantity */
-    for (size_t i = 0; !started && i < channel->length; i++) {
-        channel->line[i] = x;
-    }
-    channel->at = (channel->at + 1) % channel->length;
-    channel->line[channel->at] = x;
+    sensing_push_delay_line(channel->line, channel->length, &channel->at, x, started);
     return sensing_read_delay_line(channel->line, channel->length, channel->at,
                                    channel->error.latency_ns + age_ns, tick_ns);
 }
@@ -731,15 +693,6 @@ static double channel_wander(struct channel *channel, double tick_s, bool starte
     return channel->drift + channel->ramp + channel->bias;
 }
 
-/* Returns x after the converter: saturated to the full scale, rounded to steps of lsb. */
-static double sensor_error_convert(const struct sensor_error *e, double x)
-{
-    if (e->full_scale > 0.0) {
-        x = fmax(-e->full_scale, fmin(e->full_scale, x));
-    }
-    return e->lsb > 0.0 ? e->lsb * floor(x / e->lsb + 0.5) : x;
-}
-
 /* Shifts the memory of a channel after its input's zero has moved. */
 static void sensing_shift_channel(struct channel *channel, double shift)
 {
@@ -774,7 +727,9 @@ static double sensing_measure_channel(const struct sensing *s, struct channel *c
         }
         x += channel->noise_now;
     }
-    return sensor_error_convert(e, x);
+    /* The converter saturates at the full scale and rounds to steps of lsb */
+    x = e->full_scale > 0.0 ? fmax(-e->full_scale, fmin(e->full_scale, x)) : x;
+    return e->lsb > 0.0 ? e->lsb * floor(x / e->lsb + 0.5) : x;
 }
 
 /* Reading of the sensors: crosstalk and encoder errors before each channel's chain, faults after
@@ -818,19 +773,6 @@ static double sensor_fault_disturb(const struct sensing *s, struct sensor_fault 
     }
 }
 
-/* Feeds the delay line of a fault even while the fault is inactive, so that it holds past values
- * when it begins. */
-static void sensor_fault_remember(struct sensor_fault *f, double x, bool started)
-{
-    for (size_t i = 0; !started && i < f->length; i++) {
-        f->line[i] = x;
-    }
-    if (f->length > 0) {
-        f->at = (f->at + 1) % f->length;
-        f->line[f->at] = x;
-    }
-}
-
 /* Reads one channel: the sensor, then its faults in the order of the table. */
 static double sensing_read_channel(struct sensing *s, size_t index, double x)
 {
@@ -843,7 +785,8 @@ static double sensing_read_channel(struct sensing *s, size_t index, double x)
         if (f->channel != index) {
             continue;
         }
-        sensor_fault_remember(f, x, s->started);
+        /* The line is fed while the fault is inactive, to hold past values when it begins */
+        sensing_push_delay_line(f->line, f->length, &f->at, x, s->started);
         if (f->fault->active) {
             x = sensor_fault_disturb(s, f, x, s->started ? channel->last : x);
         }
@@ -855,15 +798,21 @@ static double sensing_read_channel(struct sensing *s, size_t index, double x)
 
 /* ---- the sensors ---- */
 
+/* Returns whether a channel has a fault, or one that acts now. */
+static bool sensing_channel_fails(const struct sensing *s, size_t channel, bool now)
+{
+    for (size_t i = 0; i < s->nfault; i++) {
+        if (s->fault[i].channel == channel && (!now || s->fault[i].fault->active)) {
+            return true;
+        }
+    }
+    return false;
+}
+
 /* Returns whether a channel shows the true value: it has neither errors nor faults. */
 static bool sensing_channel_is_plain(const struct sensing *s, size_t channel)
 {
-    for (size_t i = 0; i < s->nfault; i++) {
-        if (s->fault[i].channel == channel) {
-            return false;
-        }
-    }
-    return s->channel[channel].ideal;
+    return s->channel[channel].ideal && !sensing_channel_fails(s, channel, false);
 }
 
 /* Advances the temperature of a winding by a tick at current_a and returns it. Without a thermal
@@ -940,17 +889,6 @@ static void sensing_read_joint(struct sensing *s, size_t j, const struct motor_s
                                           sensing_heat_winding(s, j, truth));
 }
 
-/* Returns whether a fault acts on a channel now. */
-static bool sensing_channel_fails(const struct sensing *s, size_t channel)
-{
-    for (size_t i = 0; i < s->nfault; i++) {
-        if (s->fault[i].channel == channel && s->fault[i].fault->active) {
-            return true;
-        }
-    }
-    return false;
-}
-
 /* Sets the peak of a force-torque channel: its reading plus the true peak's excess. A fault on the
  * channel removes the excess; a saturated converter shows the true peak. */
 static void sensing_set_ft_peak(const struct sensing *s, size_t f, const struct ft_sense *truth,
@@ -960,7 +898,7 @@ static void sensing_set_ft_peak(const struct sensing *s, size_t f, const struct 
     const size_t i = channel % 3;
     const size_t number = sensing_ft_channel(s, f, channel);
     const double end = s->channel[number].error.full_scale;
-    const bool fails = sensing_channel_fails(s, number);
+    const bool fails = sensing_channel_fails(s, number, true);
     const double true_peak = channel < 3 ? truth->peak_n[i] : truth->peak_nm[i];
     const double *true_now = channel < 3 ? truth->force_n : truth->torque_nm;
     const double reading = channel < 3 ? out->force_n[i] : out->torque_nm[i];
@@ -1007,19 +945,6 @@ static void sensing_turn(const double R[9], const double angle_rad[3], const dou
     }
 }
 
-/* Advances the sensor's attitude filter with the readings of this tick. */
-static void sensing_update_ahrs(struct sensing *s)
-{
-    const struct imu_sense *imu = &s->measured.imu;
-
-    if (!s->started) {
-        ahrs_align(&s->ahrs, imu->accel_m_s2, imu->magnetic_t, imu->gyro_rad_s);
-    } else {
-        ahrs_update(&s->ahrs, &s->config.imu.ahrs, imu->gyro_rad_s, imu->accel_m_s2,
-                    imu->magnetic_t, 1e-9 * (double)s->config.tick_ns);
-    }
-}
-
 /* Reads the orientation. A quaternion and its negative are the same rotation: the channels
  * interpolate, so they get the one close to the last. The output is normalized; 0 stays 0, an
  * unknown orientation. */
@@ -1060,8 +985,11 @@ static void sensing_read_imu(struct sensing *s, const struct imu_sense *truth)
         out->magnetic_t[i] =
             sensing_read_channel(s, sensing_imu_channel(s, 6 + i), truth->magnetic_t[i]);
     }
-    if (imu->ahrs.on) {
-        sensing_update_ahrs(s);
+    if (imu->ahrs.on && !s->started) {
+        ahrs_align(&s->ahrs, out->accel_m_s2, out->magnetic_t, out->gyro_rad_s);
+    } else if (imu->ahrs.on) {
+        ahrs_update(&s->ahrs, &imu->ahrs, out->gyro_rad_s, out->accel_m_s2, out->magnetic_t,
+                    1e-9 * (double)s->config.tick_ns);
     }
     sensing_read_orientation(s, imu->ahrs.on ? s->ahrs.quaternion : truth->quaternion);
 }
@@ -1093,9 +1021,19 @@ void sensing_restart_counter(struct sensing *s, size_t joint)
     }
 }
 
-/* Updates the shared state of sensors: age of the boards' samples, warm-up. */
-static void sensing_update_devices(struct sensing *s, int64_t now_ns)
+const struct plant_sensors *sensing_sample(struct sensing *s, int64_t now_ns,
+                                           const struct plant_sensors *truth)
 {
+    if (s->ideal) {
+        return truth;
+    }
+    s->measured.time_ns = now_ns;
+    s->measured.supply_v = truth->supply_v;
+    s->measured.oil_pa = truth->oil_pa;
+    s->measured.njoint = truth->njoint;
+    s->measured.nft = truth->nft;
+
+    /* The shared state of sensors: age of the boards' samples, warm-up */
     for (size_t c = 0; c < s->nclock; c++) {
         struct sampling_clock *clock = &s->clock[c];
         double age = fmod((double)now_ns - clock->phase_ns, clock->period_ns);
@@ -1109,20 +1047,8 @@ static void sensing_update_devices(struct sensing *s, int64_t now_ns)
         device->warm_k =
             device->warm_up.rise_k + (device->warm_k - device->warm_up.rise_k) * device->keep;
     }
-}
 
-const struct plant_sensors *sensing_sample(struct sensing *s, int64_t now_ns,
-                                           const struct plant_sensors *truth)
-{
-    if (s->ideal) {
-        return truth;
-    }
-    s->measured.time_ns = now_ns;
-    s->measured.supply_v = truth->supply_v;
-    s->measured.oil_pa = truth->oil_pa;
-    s->measured.njoint = truth->njoint;
-    s->measured.nft = truth->nft;
-    sensing_update_devices(s, now_ns);
+    /* Readings */
     for (size_t j = 0; j < s->config.njoint; j++) {
         sensing_read_joint(s, j, &truth->motor[j]);
     }
