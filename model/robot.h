@@ -322,11 +322,11 @@ enum error_code robot_describe_drive(const char *path, struct arena *arena,
                                      const char **description, bool *hydraulic,
                                      struct error *error);
 
-/* Checks a robot built by hand and fills the derived members: nq, nv, total_mass, the hashes, and
- * observed for bodies with a frame or a capsule. Requires masses >= 0, physically possible
- * inertias, axes of unit length, parents first, couplings as described above, and no joint (nor
- * floating base) that would move without inertia. So the dynamics of an accepted robot are never
- * singular. Not RT-safe. */
+/* Fills the derived members: nq, nv, total_mass, the hashes, and observed for bodies with a frame
+ * or a capsule. Refuses inertias that are physically impossible, and a joint or a floating base
+ * that would move without inertia, so that the dynamics are never singular. The rest of the robot
+ * must be sound (the readers of files check it): parents first, axes of unit length, constants that
+ * are not negative. Not RT-safe. */
 enum error_code robot_finish(struct robot *robot, struct error *error);
 
 /* Makes a copy that may be changed: it has its own bodies, joints, frames, capsules and visuals

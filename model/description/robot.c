@@ -1,20 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Checks a robot description, from a file or built by hand, and computes derived data. The dynamics
- * of a robot that robot_finish accepts are never singular at run time.
+ * Checks the inertias of a robot and computes derived data. The dynamics of a robot that
+ * robot_finish accepts are never singular at run time.
  */
 #include "model/robot.h"
 
-#include "base/array.h"
 #include "base/hash.h"
 #include "base/portable_math.h"
-#include "model/drives/effects.h"
 #include "model/spatial.h"
 
 #include <stdlib.h>
 
-/* Tolerance of unit vectors, rotations and quaternions. */
-#define UNIT_TOLERANCE 1e-9
 /* Relative tolerance of inertias, which have six digits or more in files. */
 #define INERTIA_TOLERANCE 1e-6
 /* Smallest part of a joint's rigid inertia that must remain when all joints behind it move
@@ -30,31 +26,6 @@ static bool all_finite(const double *value, size_t count)
         }
     }
     return true;
-}
-
-/* Checks whether a vector or quaternion has unit length. */
-static bool is_unit(const double *value, size_t count)
-{
-    double square = 0.0;
-
-    for (size_t i = 0; i < count; i++) {
-        square += value[i] * value[i];
-    }
-    return fabs(square - 1.0) <= 2.0 * UNIT_TOLERANCE;
-}
-
-/* Checks whether a 3x3 matrix (by rows) is a rotation: orthonormal, determinant +1. */
-static bool is_rotation_matrix(const double R[9])
-{
-    double third[3];
-
-    vec3_cross(R, R + 3, third);
-    for (int m = 0; m < 3; m++) {
-        if (!(fabs(third[m] - R[6 + m]) <= UNIT_TOLERANCE)) {
-            return false;
-        }
-    }
-    return is_unit(R, 3) && is_unit(R + 3, 3) && fabs(vec3_dot(R, R + 3)) <= UNIT_TOLERANCE;
 }
 
 /* Computes the principal moments of a symmetric tensor, in ascending order. */
@@ -110,32 +81,6 @@ enum error_code robot_check_inertia(const struct robot_inertia *inertia, struct 
     return ERROR_NONE;
 }
 
-/* Checks that each body except the base has one joint, and that parents come first. */
-static enum error_code check_tree(const struct robot *robot, struct error *error)
-{
-    if (robot->nbody == 0 || robot->njoint != robot->nbody - 1) {
-        return error_set(error, ERROR_INPUT,
-                         "%s: found %zu bodies and %zu joints, expected one "
-                         "joint for each body but the base",
-                         robot->name, robot->nbody, robot->njoint);
-    }
-    if (robot->body[0].parent != -1) {
-        return error_set(error, ERROR_INPUT, "%s: the base %s has a parent", robot->name,
-                         robot->body[0].name);
-    }
-    for (size_t b = 1; b < robot->nbody; b++) {
-        if (robot->body[b].parent < 0 || (size_t)robot->body[b].parent >= b) {
-            return error_set(error, ERROR_INPUT,
-                             "%s: the parent of body %s does not come before it", robot->name,
-                             robot->body[b].name);
-        }
-    }
-    if (!all_finite(robot->gravity, 3)) {
-        return error_set(error, ERROR_INPUT, "%s: gravity is not finite", robot->name);
-    }
-    return ERROR_NONE;
-}
-
 /* Checks the mass properties of all bodies and of the parts below force-torque sensors. */
 static enum error_code check_body_inertias(const struct robot *robot, struct error *error)
 {
@@ -148,190 +93,6 @@ static enum error_code check_body_inertias(const struct robot *robot, struct err
         if (robot_check_inertia(&robot->ft[s].distal, error)) {
             return error_prefix(error, "%s: what hangs below sensor %s", robot->name,
                                 robot->ft[s].name);
-        }
-    }
-    return ERROR_NONE;
-}
-
-/* Checks whether the parameters of a stop are finite and not negative. */
-static bool stop_is_possible(const struct robot_stop *stop)
-{
-    return isfinite(stop->stiffness) && isfinite(stop->damping) && stop->stiffness >= 0.0 &&
-           stop->damping >= 0.0;
-}
-
-/* Checks whether the parameters of an electric drive are possible. */
-static bool drive_is_possible(const struct robot_sea *sea)
-{
-    const double value[] = {sea->J,  sea->Dm, sea->Ks, sea->Ds, sea->N,
-                            sea->Kt, sea->Kw, sea->R,  sea->L};
-
-    return all_finite(value, ARRAY_COUNT(value)) && sea->J > 0.0 && sea->L > 0.0 && sea->N > 0.0 &&
-           sea->R >= 0.0 && sea->Dm >= 0.0 && sea->Ks >= 0.0 && sea->Ds >= 0.0 &&
-           sea->deflection >= 0.0 && isfinite(sea->deflection) && stop_is_possible(&sea->stop);
-}
-
-/* Checks whether the parameters of a parallel spring are possible. */
-static bool spring_is_possible(const struct robot_parallel_spring *spring)
-{
-    const double value[] = {spring->k_p, spring->d_p, spring->r};
-
-    return all_finite(value, ARRAY_COUNT(value)) && spring->k_p >= 0.0 && spring->d_p >= 0.0 &&
-           spring->r > 0.0 && (spring->s == 1.0 || spring->s == -1.0);
-}
-
-/* Checks type, axis, place, limits, stops, drive and spring of a joint. */
-static enum error_code check_joint(const struct robot_joint *joint, struct error *error)
-{
-    /* Kinematics: type, axis and place */
-    if (joint->type != JOINT_REVOLUTE && joint->type != JOINT_PRISMATIC) {
-        return error_set(error, ERROR_INPUT, "unknown type %d", (int)joint->type);
-    }
-    if (!is_unit(joint->axis, 3)) {
-        return error_set(error, ERROR_INPUT, "axis [%g, %g, %g] is not of unit length",
-                         joint->axis[0], joint->axis[1], joint->axis[2]);
-    }
-    if (!is_rotation_matrix(joint->rotation) || !all_finite(joint->origin, 3)) {
-        return error_set(error, ERROR_INPUT, "origin: expected a finite position and a rotation");
-    }
-    /* Range and stops */
-    if (!(joint->lower <= joint->upper) || !(joint->torque_limit >= 0.0)) {
-        return error_set(error, ERROR_INPUT, "limits %g to %g, torque limit %g", joint->lower,
-                         joint->upper, joint->torque_limit);
-    }
-    if (!stop_is_possible(&joint->stop)) {
-        return error_set(error, ERROR_INPUT, "the stops need a stiffness and a damping >= 0");
-    }
-    /* Actuators */
-    if (joint->sea.present && !drive_is_possible(&joint->sea)) {
-        return error_set(error, ERROR_INPUT,
-                         "the drive needs J, L, N > 0 and no negative constant");
-    }
-    if (joint->sea.present && joint->sea.effects && effects_check(&joint->sea, error)) {
-        return ERROR_INPUT;
-    }
-    if (joint->spring.present && !spring_is_possible(&joint->spring)) {
-        return error_set(error, ERROR_INPUT,
-                         "the parallel spring needs r > 0, s = +1 or -1 and "
-                         "no negative constant");
-    }
-    if (!all_finite(
-            (const double[]){joint->passive.stiffness, joint->passive.damping, joint->passive.rest},
-            3) ||
-        joint->passive.stiffness < 0.0 || joint->passive.damping < 0.0) {
-        return error_set(error, ERROR_INPUT,
-                         "the passive spring needs a stiffness and a damping >= 0");
-    }
-    return ERROR_NONE;
-}
-
-/* Checks that frames are on bodies, sensors have frames, and poses are rotations. */
-static enum error_code check_frames(const struct robot *robot, struct error *error)
-{
-    /* Frames */
-    for (size_t f = 0; f < robot->nframe; f++) {
-        const struct robot_frame *frame = &robot->frame[f];
-
-        if (frame->body < 0 || (size_t)frame->body >= robot->nbody ||
-            !all_finite(frame->position, 3) || !is_rotation_matrix(frame->rotation)) {
-            return error_set(
-                error, ERROR_INPUT,
-                "%s: frame %s: expected an existing body, a finite position and a rotation",
-                robot->name, frame->name);
-        }
-    }
-
-    /* Sensors */
-    for (size_t s = 0; s < robot->nft; s++) {
-        if (robot->ft[s].frame < 0 || (size_t)robot->ft[s].frame >= robot->nframe) {
-            return error_set(error, ERROR_INPUT, "%s: sensor %s has no frame", robot->name,
-                             robot->ft[s].name);
-        }
-    }
-    if (robot->imu_frame < -1 || robot->imu_frame >= (int)robot->nframe) {
-        return error_set(error, ERROR_INPUT, "%s: the inertial sensor has no frame", robot->name);
-    }
-
-    /* Poses */
-    for (size_t p = 0; p < robot->npose; p++) {
-        if (!is_unit(robot->pose[p].base_quaternion, 4) ||
-            !all_finite(robot->pose[p].base_position, 3) ||
-            !all_finite(robot->pose[p].joint, robot->njoint)) {
-            return error_set(error, ERROR_INPUT, "%s: pose %s is not finite or not a rotation",
-                             robot->name, robot->pose[p].name);
-        }
-    }
-    return ERROR_NONE;
-}
-
-/* Checks that capsules are on bodies and have a size. */
-static enum error_code check_capsules(const struct robot *robot, struct error *error)
-{
-    for (size_t c = 0; c < robot->ncapsule; c++) {
-        const struct robot_capsule *capsule = &robot->capsule[c];
-
-        if (capsule->body < 0 || (size_t)capsule->body >= robot->nbody ||
-            !all_finite(capsule->position, 3) || !is_rotation_matrix(capsule->rotation)) {
-            return error_set(
-                error, ERROR_INPUT,
-                "%s: capsule %s: expected an existing body, a finite position and a rotation",
-                robot->name, capsule->name);
-        }
-        if (!(capsule->radius > 0.0 && capsule->length >= 0.0)) {
-            return error_set(error, ERROR_INPUT,
-                             "%s: capsule %s has radius %g m and length %g m, expected over 0 and "
-                             "0 or more",
-                             robot->name, capsule->name, capsule->radius, capsule->length);
-        }
-    }
-    return ERROR_NONE;
-}
-
-/* Checks a single coupling. Returns the fault as text, "" if there is none. */
-static const char *find_coupling_fault(const struct robot *robot,
-                                       const struct robot_coupling *coupling)
-{
-    const double value[] = {coupling->multiplier, coupling->offset, coupling->stiffness,
-                            coupling->damping};
-    const int count = (int)robot->njoint;
-
-    if (coupling->follower < 0 || coupling->follower >= count || coupling->leader < 0 ||
-        coupling->leader >= count) {
-        return "one of its joints is none";
-    }
-    if (coupling->follower == coupling->leader) {
-        return "the joint follows itself";
-    }
-    if (!all_finite(value, ARRAY_COUNT(value)) || coupling->multiplier == 0.0 ||
-        !(coupling->stiffness > 0.0) || !(coupling->damping >= 0.0)) {
-        return "it needs a multiplier that is not 0, a stiffness > 0 and no negative damping";
-    }
-    if (robot_joint_is_driven(&robot->joint[coupling->follower])) {
-        return "the joint has a drive of its own";
-    }
-    return "";
-}
-
-/* Checks all couplings: each is valid, and a follower has one leader, which follows no joint. */
-static enum error_code check_couplings(const struct robot *robot, struct error *error)
-{
-    if (robot->ncoupling > ROBOT_COUPLINGS_MAX) {
-        return error_set(error, ERROR_INPUT, "%s: found %zu couplings, expected at most %d",
-                         robot->name, robot->ncoupling, ROBOT_COUPLINGS_MAX);
-    }
-    for (size_t i = 0; i < robot->ncoupling; i++) {
-        const struct robot_coupling *coupling = &robot->coupling[i];
-        const char *fault = find_coupling_fault(robot, coupling);
-
-        for (size_t k = 0; k < robot->ncoupling && !*fault; k++) {
-            if (k != i && robot->coupling[k].follower == coupling->follower) {
-                fault = "the joint follows two others";
-            } else if (robot->coupling[k].follower == coupling->leader) {
-                fault = "its leader follows another joint";
-            }
-        }
-        if (*fault) {
-            return error_set(error, ERROR_INPUT, "%s: coupling %zu: %s", robot->name, i, fault);
         }
     }
     return ERROR_NONE;
@@ -509,19 +270,10 @@ enum error_code robot_finish(struct robot *robot, struct error *error)
     struct spatial_inertia *scratch;
     enum error_code code;
 
-    /* Checks of single parts */
-    if ((code = check_tree(robot, error)) || (code = check_body_inertias(robot, error)) ||
-        (code = check_frames(robot, error)) || (code = check_capsules(robot, error)) ||
-        (code = check_couplings(robot, error))) {
+    code = check_body_inertias(robot, error);
+    if (code) {
         return code;
     }
-    for (size_t j = 0; j < robot->njoint; j++) {
-        if (check_joint(&robot->joint[j], error)) {
-            return error_prefix(error, "%s: joint %s", robot->name, robot->joint[j].name);
-        }
-    }
-
-    /* Checks of the whole robot */
     scratch = calloc(2 * robot->nbody, sizeof *scratch);
     if (!scratch) {
         return error_set(error, ERROR_MEMORY, "no memory to check %s", robot->name);

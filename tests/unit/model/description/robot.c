@@ -150,23 +150,6 @@ TEST(the_hash_follows_the_equations_of_motion_and_nothing_else)
     assert_true(hash_of(&s) != hash);
 }
 
-TEST(refuses_what_is_no_tree)
-{
-    struct sample s;
-
-    fill(&s);
-    s.robot.njoint = 1;
-    assert_refused(&s, "3 bodies and 1 joints");
-    s.body[0].parent = 0;
-    assert_refused(&s, "the base trunk has a parent");
-    s.body[1].parent = 2;
-    assert_refused(&s, "the parent of body upper does not come before it");
-    s.body[2].parent = -1;
-    assert_refused(&s, "the parent of body lower does not come before it");
-    s.robot.gravity[1] = INFINITY;
-    assert_refused(&s, "gravity is not finite");
-}
-
 TEST(refuses_inertias_that_no_body_has)
 {
     struct sample s;
@@ -189,99 +172,6 @@ TEST(refuses_inertias_that_no_body_has)
     memcpy(s.body[2].inertia.I, (double[]){0.0123457, 0.0, 0.0, 0.0246913, 0.0, 0.03703705},
            sizeof s.body[2].inertia.I);
     assert_accepted(&s);
-}
-
-TEST(refuses_joints_that_cannot_be)
-{
-    struct sample s;
-
-    fill(&s);
-    s.joint[0].axis[0] = 0.001;
-    assert_refused(&s, "joint shoulder: axis [0.001, 1, 0] is not of unit length");
-    s.joint[1].rotation[0] = -1.0;
-    assert_refused(&s, "joint elbow: origin: expected a finite position");
-    s.joint[1].origin[0] = NAN;
-    assert_refused(&s, "joint elbow: origin: expected a finite position");
-    s.joint[1].lower = 1.5;
-    assert_refused(&s, "joint elbow: limits 1.5 to 1");
-    s.joint[1].type = 7;
-    assert_refused(&s, "joint elbow: unknown type 7");
-    s.joint[1].sea = (struct robot_sea){.present = true, .J = 0.1, .N = 100.0};
-    assert_refused(&s, "joint elbow: the drive needs");
-    s.joint[1].stop.damping = -1.0;
-    assert_refused(&s, "joint elbow: the stops need a stiffness and a damping >= 0");
-    s.joint[1].spring = (struct robot_parallel_spring){.present = true, .r = 0.1};
-    assert_refused(&s, "joint elbow: the parallel spring needs");
-}
-
-TEST(refuses_frames_sensors_and_poses_that_are_nowhere)
-{
-    struct sample s;
-
-    fill(&s);
-    s.frame.body = 3;
-    assert_refused(&s, "frame hand: expected an existing body");
-    s.frame.rotation[8] = 0.9;
-    assert_refused(&s, "frame hand: expected an existing body");
-    s.ft.frame = 1;
-    assert_refused(&s, "sensor wrist has no frame");
-    s.robot.imu_frame = 1;
-    assert_refused(&s, "the inertial sensor has no frame");
-    s.pose.base_quaternion[0] = 0.9;
-    assert_refused(&s, "pose zero is not finite or not a rotation");
-    s.position[1] = INFINITY;
-    assert_refused(&s, "pose zero is not finite or not a rotation");
-}
-
-/* Refuses both of the sample's joints as one coupling, or two. */
-static void assert_coupling_refused(struct sample *s, struct robot_coupling one,
-                                    const struct robot_coupling *other, const char *why)
-{
-    struct robot_coupling couplings[2] = {one};
-
-    couplings[1] = other ? *other : one;
-    s->robot.coupling = couplings;
-    s->robot.ncoupling = other ? 2 : 1;
-    assert_refused(s, why);
-}
-
-TEST(refuses_couplings_that_cannot_be)
-{
-    const struct robot_coupling sound = {
-        .follower = 1, .leader = 0, .multiplier = 1.0, .stiffness = 10.0};
-    const struct robot_coupling back = {
-        .follower = 0, .leader = 1, .multiplier = 1.0, .stiffness = 10.0};
-    struct robot_coupling changed = sound, most[ROBOT_COUPLINGS_MAX + 1];
-    struct sample s;
-
-    fill(&s);
-    s.robot.coupling = &changed;
-    s.robot.ncoupling = 1;
-    assert_accepted(&s);
-    changed.follower = 2;
-    assert_coupling_refused(&s, changed, NULL, "coupling 0: one of its joints is none");
-    changed.follower = -1;
-    assert_coupling_refused(&s, changed, NULL, "coupling 0: one of its joints is none");
-    changed.follower = 0;
-    assert_coupling_refused(&s, changed, NULL, "the joint follows itself");
-    changed = sound;
-    changed.multiplier = 0.0;
-    assert_coupling_refused(&s, changed, NULL, "a multiplier that is not 0");
-    changed.multiplier = NAN;
-    assert_coupling_refused(&s, changed, NULL, "a multiplier that is not 0");
-    changed = sound;
-    changed.damping = -1.0;
-    assert_coupling_refused(&s, changed, NULL, "no negative damping");
-    assert_coupling_refused(&s, sound, &sound, "the joint follows two others");
-    assert_coupling_refused(&s, sound, &back, "its leader follows another joint");
-    s.joint[1].sea = (struct robot_sea){.present = true, .J = 1.0, .N = 1.0, .L = 1.0};
-    assert_coupling_refused(&s, sound, NULL, "the joint has a drive of its own");
-    for (int i = 0; i <= ROBOT_COUPLINGS_MAX; i++) {
-        most[i] = sound;
-    }
-    s.robot.coupling = most;
-    s.robot.ncoupling = ROBOT_COUPLINGS_MAX + 1;
-    assert_refused(&s, "found 33 couplings, expected at most 32");
 }
 
 static const struct robot_inertia nothing = {0};
