@@ -1,6 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil: the table of commands. */
 #include "app/cli/cli.h"
+#include "manual/bus.h"
+#include "manual/rig.h"
+#include "manual/robot.h"
+#include "manual/scenario.h"
 
 #include "base/array.h"
 #include "base/instruction_set.h"
@@ -48,16 +52,17 @@ static const struct program coman_hil = {
 /* What the manual has beside the commands. */
 static const struct topic {
     const char *name, *summary;
+    const char *manual; /* NULL: print does it */
     void (*print)(FILE *out);
 } topics[] = {
-    {"rig", "a test bench: robot, scene, buses, boards, clock", topic_rig},
-    {"robot", "a robot's file", topic_robot},
-    {"scenario", "a test with a verdict", topic_scenario},
-    {"bus", "the CAN buses of a rig, and how programs join them", topic_bus},
-    {"board", "what controllers talk to, and its personalities", topic_board},
-    {"fault", "what can break, as a line of text", topic_fault},
-    {"signal", "the numbers that scenarios judge", topic_signal},
-    {"rt", "real time: the phases of a tick, their budget, overruns, probes", topic_rt},
+    {"rig", "a test bench: robot, scene, buses, boards, clock", MANUAL_RIG, NULL},
+    {"robot", "a robot's file", MANUAL_ROBOT, NULL},
+    {"scenario", "a test with a verdict", MANUAL_SCENARIO, NULL},
+    {"bus", "the CAN buses of a rig, and how programs join them", MANUAL_BUS, NULL},
+    {"board", "what controllers talk to, and its personalities", NULL, topic_board},
+    {"fault", "what can break, as a line of text", NULL, topic_fault},
+    {"signal", "the numbers that scenarios judge", NULL, topic_signal},
+    {"rt", "real time: the phases of a tick, their budget, overruns, probes", NULL, topic_rt},
 };
 
 static const char exit_manual[] =
@@ -124,7 +129,11 @@ static int cmd_help(int argc, char **argv)
     /* A topic, or a command with --help */
     topic = find_topic(name);
     if (topic) {
-        topic->print(stdout);
+        if (topic->manual) {
+            options_wrap(topic->manual, 0, 0, stdout);
+        } else {
+            topic->print(stdout);
+        }
         return STATUS_OK;
     }
     command = program_find(&coman_hil, name);

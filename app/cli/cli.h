@@ -46,15 +46,11 @@ int cmd_task(int argc, char **argv);
 int cmd_test(int argc, char **argv);
 int cmd_validate(int argc, char **argv);
 
-/* ---- topics of the manual that belong to no command: coman-hil help TOPIC prints one ---- */
+/* ---- topics of the manual with more than a text: coman-hil help TOPIC prints one ---- */
 
 void topic_board(FILE *out);
-void topic_bus(FILE *out);
 void topic_fault(FILE *out);
-void topic_rig(FILE *out);
-void topic_robot(FILE *out);
 void topic_rt(FILE *out);
-void topic_scenario(FILE *out);
 void topic_signal(FILE *out);
 
 /* ---- commands with a rig or a robot ---- */

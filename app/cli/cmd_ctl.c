@@ -340,7 +340,7 @@ static int ctl_run(const struct ctl_options *o)
                   o->command);
         command = NULL;
     }
-    if (!command || command->make(request, o, &error) ||
+    if (!command || ctl_make_request(command, o, request, &error) ||
         (o->udp && ctl_udp_open(o->udp, &udp, &error))) {
         json_decref(request);
         return command_fail("ctl", &error);

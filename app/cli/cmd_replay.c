@@ -24,12 +24,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-struct replay_page_options {
-    const char *directory;
-    const char *http;  /* "[HOST:]PORT" */
-    const char *ready; /* file of --ready, NULL = none */
-    const char *with;  /* second recording for comparison, NULL = none */
-    const char *rig;   /* NULL = the rig in the recording's summary */
+struct replay_options {
+    const char *log;  /* of frames, or the directory of a recording */
+    const char *http; /* "[HOST:]PORT" of the page; NULL = send the frames */
+    const char *ready, *rig, *with;
+    struct option_list onto, id;
     double from_s, to_s, speed;
 };
 
@@ -82,7 +81,7 @@ static enum error_code replay_page_load_case(const char *file, const json_t *val
 
 /* Loads the rig of --rig, or the one in the recording's summary: from its scenario or its file if
  * these still exist, else by its name. */
-static enum error_code replay_page_load_rig(const struct replay_page_options *options,
+static enum error_code replay_page_load_rig(const struct replay_options *options,
                                             struct arena *arena, const struct rig **rig,
                                             struct error *error)
 {
@@ -92,11 +91,11 @@ static enum error_code replay_page_load_rig(const struct replay_page_options *op
     const char *name, *file, *scenario;
     enum error_code code;
 
-    if (access(options->directory, F_OK)) {
-        return error_set_file(error, errno, options->directory, "cannot be read");
+    if (access(options->log, F_OK)) {
+        return error_set_file(error, errno, options->log, "cannot be read");
     }
     /* Without a summary the names stay NULL */
-    snprintf(path, sizeof path, "%s/" RECORDER_SUMMARY, options->directory);
+    snprintf(path, sizeof path, "%s/" RECORDER_SUMMARY, options->log);
     if (!input_file_stream(path, &in, NULL)) {
         summary = json_loadf(in, JSON_REJECT_DUPLICATES, NULL);
         fclose(in);
@@ -119,7 +118,7 @@ static enum error_code replay_page_load_rig(const struct replay_page_options *op
         code = error_set(error, ERROR_INPUT,
                          "%s: found no summary that names the rig, as of a run that was killed, "
                          "expected --rig RIG",
-                         options->directory);
+                         options->log);
     }
 done:
     json_decref(summary);
@@ -127,7 +126,7 @@ done:
 }
 
 /* Serves the recording until the program is stopped. */
-static enum error_code replay_page_serve(const struct replay_page_options *options,
+static enum error_code replay_page_serve(const struct replay_options *options,
                                          const struct rig *rig, const struct recording *recording,
                                          const struct recording *with, struct error *error)
 {
@@ -167,12 +166,11 @@ static enum error_code replay_page_serve(const struct replay_page_options *optio
 }
 
 /* Reads the recording, and the second one for comparison, and serves them. */
-static enum error_code replay_page_play(const struct replay_page_options *options,
-                                        const struct rig *rig, struct arena *arena,
-                                        struct error *error)
+static enum error_code replay_page_play(const struct replay_options *options, const struct rig *rig,
+                                        struct arena *arena, struct error *error)
 {
     const struct recording_config config = {
-        .directory = options->directory,
+        .directory = options->log,
         .rig = rig,
         .from_s = options->from_s,
         .to_s = options->to_s,
@@ -182,7 +180,7 @@ static enum error_code replay_page_play(const struct replay_page_options *option
     enum error_code code;
 
     if (isatty(STDERR_FILENO)) {
-        fprintf(stderr, "reading %s\n", options->directory);
+        fprintf(stderr, "reading %s\n", options->log);
     }
     code = recording_open(&config, arena, &recording, error);
 
@@ -211,7 +209,7 @@ static enum error_code replay_page_play(const struct replay_page_options *option
     return code;
 }
 
-static int replay_page(const struct replay_page_options *options)
+static int replay_page(const struct replay_options *options)
 {
     const struct rig *rig;
     struct arena arena;
@@ -233,12 +231,6 @@ enum { NAME_SIZE = 16, BUSES_MAX = OPTION_LIST_MAX };
 #define REPLAY_ARENA ((size_t)64 << 20)
 /* Highest 29-bit identifier. */
 #define EXTENDED_MAX 0x1fffffff
-
-struct replay_options {
-    const char *log, *http, *ready, *rig, *with;
-    struct option_list onto, id;
-    double from_s, to_s, speed;
-};
 
 /* An interface, and its name in the log. */
 struct replay_bus {
@@ -485,30 +477,6 @@ static enum error_code replay_prepare(struct replay *replay, struct arena *arena
     return code;
 }
 
-/* Shows the recording in the page; refuses options that are only for sending. */
-static int replay_show(const struct replay_options *options)
-{
-    const struct replay_page_options page = {
-        .directory = options->log,
-        .http = options->http,
-        .ready = options->ready,
-        .rig = options->rig,
-        .with = options->with,
-        .from_s = options->from_s,
-        .to_s = options->to_s,
-        .speed = options->speed,
-    };
-    struct error error;
-
-    if (options->onto.count > 0 || options->id.count > 0) {
-        error_set(&error, ERROR_INPUT,
-                  "found --http beside --onto or --id, expected one: a page shows the recording, "
-                  "and sends nothing");
-        return command_fail("replay", &error);
-    }
-    return replay_page(&page);
-}
-
 /* Sends a recording on buses, or shows it with --http; returns the exit status. */
 static int replay_run(const struct replay_options *options)
 {
@@ -517,8 +485,14 @@ static int replay_run(const struct replay_options *options)
     struct error error;
     int status = STATUS_OK;
 
+    if (options->http && (options->onto.count > 0 || options->id.count > 0)) {
+        error_set(&error, ERROR_INPUT,
+                  "found --http beside --onto or --id, expected one: a page shows the recording, "
+                  "and sends nothing");
+        return command_fail("replay", &error);
+    }
     if (options->http) {
-        return replay_show(options);
+        return replay_page(options);
     }
 
     /* Options only for the page */

@@ -82,15 +82,14 @@ static enum error_code test_read_range(const char *text, size_t range[2], struct
 static void test_case_ended(void *context, const struct plan_case *one,
                             const struct plan_result *result, const struct error *why)
 {
-    static const char *const word[] = {"passed", "failed", "broken"};
     int *status = context;
 
     if (!result) {
         *status = command_fail("test", why);
         return;
     }
-    printf("case %zu %s%s%s\n", one->number, word[result->status], *result->message ? ": " : "",
-           result->message);
+    printf("case %zu %s%s%s\n", one->number, plan_status_word[result->status],
+           *result->message ? ": " : "", result->message);
     fflush(stdout);
 }
 

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Makes the requests of ctl from words. A value for which there is no memory is omitted; the
- * server then refuses the request. */
+/* Makes the requests of ctl from words. */
 #include "app/cli/ctl_request.h"
 
 #include "control/ctl_print.h"
@@ -10,13 +9,6 @@
 #include <string.h>
 
 enum { WORD_COPY = 256 };
-
-/* Reports wrong arguments of a command, and the arguments that it takes. */
-static enum error_code ctl_usage_error(struct error *error, const char *command,
-                                       const char *expected)
-{
-    return error_set(error, ERROR_INPUT, "%s: expected %s", command, expected);
-}
 
 /* Converts a word to a number if it is one, else to a string; the server checks the type. */
 static json_t *value_of(const char *word)
@@ -60,171 +52,97 @@ static enum error_code put_pair(json_t *request, const char *command, const char
     return ERROR_NONE;
 }
 
-/* Puts the optional argument into the request, under a key. */
-static enum error_code put_optional(json_t *request, const struct ctl_options *o, const char *key,
-                                    struct error *error)
+static const struct ctl_command commands[] = {
+    {"hello", 0, 0, {0}, "no argument", ctl_print_hello},
+    {"status", 0, 0, {0}, "no argument", ctl_print_status},
+    {"statistics", 0, 0, {0}, "no argument", ctl_print_statistics},
+    {"list",
+     1,
+     2,
+     {"what", "match"},
+     "tunables, faults, bodies, signals, checkpoints or commands, and maybe a pattern",
+     ctl_print_list},
+    {"get", 1, 1, {"name"}, "the name of a tunable, or a pattern", NULL},
+    {"set", 1, 2, {"name", "value"}, "NAME=VALUE or NAME VALUE", NULL},
+    {"fault", 2, 2, {"name", "on"}, "the name of a fault, then on or off", NULL},
+    {"push", 1, SIZE_MAX, {"body"}, "BODY [force_n=X,Y,Z] [moment_nm=X,Y,Z] [duration_s=S]", NULL},
+    {"pause", 0, 0, {0}, "no argument", NULL},
+    {"resume", 0, 0, {0}, "no argument", NULL},
+    {"step", 0, 1, {"count"}, "at most one argument", NULL},
+    {"speed", 1, 1, {"factor"}, "a factor, or max", NULL},
+    {"reset", 0, 0, {0}, "no argument", NULL},
+    {"checkpoint", 0, 1, {"slot"}, "at most one argument", NULL},
+    {"restore", 0, 1, {"slot"}, "at most one argument", NULL},
+    {"wait", 1, 1, {0}, "tick=N or time_s=S", NULL},
+    {"subscribe",
+     1,
+     SIZE_MAX,
+     {0},
+     "names or patterns of signals; \"list signals\" has them",
+     NULL},
+    {"stop", 0, 0, {0}, "no argument", NULL},
+};
+
+/* Makes the value of a key from a word; NULL: the command does not take the word. */
+static json_t *ctl_value(const char *key, const char *word)
 {
-    if (o->nword > 1) {
-        return ctl_usage_error(error, o->command, "at most one argument");
+    if (strcmp(key, "on") == 0) {
+        return strcmp(word, "on") == 0    ? json_true()
+               : strcmp(word, "off") == 0 ? json_false()
+                                          : NULL;
     }
-    if (o->nword == 1) {
-        json_object_set_new(request, key, value_of(o->word[0]));
+    if (strcmp(key, "factor") == 0 && strcmp(word, "max") == 0) {
+        return json_integer(0);
     }
-    return ERROR_NONE;
+    return strstr(" value count slot factor ", key) ? value_of(word) : json_string(word);
 }
 
-/* Makes a request without arguments. */
-static enum error_code make_plain(json_t *request, const struct ctl_options *o, struct error *error)
+enum error_code ctl_make_request(const struct ctl_command *command, const struct ctl_options *o,
+                                 json_t *request, struct error *error)
 {
-    (void)request;
-    return o->nword > 0 ? ctl_usage_error(error, o->command, "no argument") : ERROR_NONE;
-}
+    const bool set = strcmp(command->name, "set") == 0;
+    const char *equals = set && o->nword == 1 ? strchr(o->word[0], '=') : NULL;
+    json_t *signals = json_array(), *value;
+    bool good = o->nword >= command->least && o->nword <= command->most &&
+                (!set || o->nword == 2 || equals);
 
-/* Makes `list WHAT [PATTERN]`. */
-static enum error_code make_list(json_t *request, const struct ctl_options *o, struct error *error)
-{
-    if (o->nword < 1 || o->nword > 2) {
-        return ctl_usage_error(
-            error, o->command,
-            "tunables, faults, bodies, signals, checkpoints or commands, and maybe a "
-            "pattern");
-    }
-    json_object_set_new(request, "what", json_string(o->word[0]));
-    if (o->nword == 2) {
-        json_object_set_new(request, "match", json_string(o->word[1]));
-    }
-    return ERROR_NONE;
-}
+    json_object_set_new(request, "signals", signals);
+    for (size_t i = 0; good && i < o->nword; i++) {
+        const char *key = i < ARRAY_COUNT(command->key) ? command->key[i] : NULL;
 
-/* Makes `get NAME`; for a pattern, a list of the matching tunables. */
-static enum error_code make_get(json_t *request, const struct ctl_options *o, struct error *error)
-{
-    if (o->nword != 1) {
-        return ctl_usage_error(error, o->command, "the name of a tunable, or a pattern");
+        if (key) {
+            value = ctl_value(key, o->word[i]);
+            good = value != NULL;
+            json_object_set_new(request, key, value);
+        } else if (strcmp(command->name, "subscribe") == 0) {
+            json_array_append_new(signals, json_string(o->word[i]));
+        } else if (put_pair(request, command->name, o->word[i], error)) {
+            return error->code;
+        }
     }
-    if (strpbrk(o->word[0], "*?")) {
+    if (!good) {
+        return error_set(error, ERROR_INPUT, "%s: expected %s", command->name, command->expected);
+    }
+
+    /* NAME=VALUE; a pattern lists the tunables that it matches; rows need a period */
+    if (equals) {
+        json_object_set_new(request, "name",
+                            json_stringn(o->word[0], (size_t)(equals - o->word[0])));
+        json_object_set_new(request, "value", value_of(equals + 1));
+    }
+    if (strcmp(command->name, "get") == 0 && strpbrk(o->word[0], "*?")) {
+        json_object_del(request, "name");
         json_object_set_new(request, "cmd", json_string("list"));
         json_object_set_new(request, "what", json_string("tunables"));
         json_object_set_new(request, "match", json_string(o->word[0]));
+    }
+    if (strcmp(command->name, "subscribe") == 0) {
+        json_object_set_new(request, "period_ms", json_real(o->period_ms));
     } else {
-        json_object_set_new(request, "name", json_string(o->word[0]));
+        json_object_del(request, "signals");
     }
     return ERROR_NONE;
 }
-
-/* Makes `set NAME=VALUE`, or `set NAME VALUE`. */
-static enum error_code make_set(json_t *request, const struct ctl_options *o, struct error *error)
-{
-    const char *equals = o->nword == 1 ? strchr(o->word[0], '=') : NULL;
-
-    if (o->nword != 2 && !equals) {
-        return ctl_usage_error(error, o->command, "NAME=VALUE or NAME VALUE");
-    }
-    json_object_set_new(request, "name",
-                        equals ? json_stringn(o->word[0], (size_t)(equals - o->word[0]))
-                               : json_string(o->word[0]));
-    json_object_set_new(request, "value", value_of(equals ? equals + 1 : o->word[1]));
-    return ERROR_NONE;
-}
-
-/* Makes `fault NAME on|off`. */
-static enum error_code make_fault(json_t *request, const struct ctl_options *o, struct error *error)
-{
-    bool on = o->nword == 2 && strcmp(o->word[1], "on") == 0;
-
-    if (o->nword != 2 || (!on && strcmp(o->word[1], "off") != 0)) {
-        return ctl_usage_error(error, o->command, "the name of a fault, then on or off");
-    }
-    json_object_set_new(request, "name", json_string(o->word[0]));
-    json_object_set_new(request, "on", json_boolean(on));
-    return ERROR_NONE;
-}
-
-/* Makes `push BODY KEY=VALUE...`. */
-static enum error_code make_push(json_t *request, const struct ctl_options *o, struct error *error)
-{
-    if (o->nword < 1) {
-        return ctl_usage_error(error, o->command,
-                               "BODY [force_n=X,Y,Z] [moment_nm=X,Y,Z] [duration_s=S]");
-    }
-    json_object_set_new(request, "body", json_string(o->word[0]));
-    for (size_t i = 1; i < o->nword; i++) {
-        enum error_code code = put_pair(request, o->command, o->word[i], error);
-
-        if (code) {
-            return code;
-        }
-    }
-    return ERROR_NONE;
-}
-
-static enum error_code make_step(json_t *request, const struct ctl_options *o, struct error *error)
-{
-    return put_optional(request, o, "count", error);
-}
-
-static enum error_code make_slot(json_t *request, const struct ctl_options *o, struct error *error)
-{
-    return put_optional(request, o, "slot", error);
-}
-
-/* Makes `speed FACTOR`; "max" is sent as 0. */
-static enum error_code make_speed(json_t *request, const struct ctl_options *o, struct error *error)
-{
-    if (o->nword != 1) {
-        return ctl_usage_error(error, o->command, "a factor, or max");
-    }
-    json_object_set_new(request, "factor",
-                        strcmp(o->word[0], "max") == 0 ? json_integer(0) : value_of(o->word[0]));
-    return ERROR_NONE;
-}
-
-/* Makes `wait tick=N`, or `wait time_s=S`. */
-static enum error_code make_wait(json_t *request, const struct ctl_options *o, struct error *error)
-{
-    return o->nword != 1 ? ctl_usage_error(error, o->command, "tick=N or time_s=S")
-                         : put_pair(request, o->command, o->word[0], error);
-}
-
-/* Makes `subscribe SIGNAL...` with the period. */
-static enum error_code make_subscribe(json_t *request, const struct ctl_options *o,
-                                      struct error *error)
-{
-    json_t *signals = json_array();
-
-    if (o->nword < 1) {
-        json_decref(signals);
-        return ctl_usage_error(error, o->command,
-                               "names or patterns of signals; \"list signals\" has them");
-    }
-    for (size_t i = 0; i < o->nword; i++) {
-        json_array_append_new(signals, json_string(o->word[i]));
-    }
-    json_object_set_new(request, "signals", signals);
-    json_object_set_new(request, "period_ms", json_real(o->period_ms));
-    return ERROR_NONE;
-}
-
-static const struct ctl_command commands[] = {
-    {"hello", make_plain, ctl_print_hello},
-    {"status", make_plain, ctl_print_status},
-    {"statistics", make_plain, ctl_print_statistics},
-    {"list", make_list, ctl_print_list},
-    {"get", make_get, NULL},
-    {"set", make_set, NULL},
-    {"fault", make_fault, NULL},
-    {"push", make_push, NULL},
-    {"pause", make_plain, NULL},
-    {"resume", make_plain, NULL},
-    {"step", make_step, NULL},
-    {"speed", make_speed, NULL},
-    {"reset", make_plain, NULL},
-    {"checkpoint", make_slot, NULL},
-    {"restore", make_slot, NULL},
-    {"wait", make_wait, NULL},
-    {"subscribe", make_subscribe, NULL},
-    {"stop", make_plain, NULL},
-};
 
 const char *const *ctl_command_names(void)
 {

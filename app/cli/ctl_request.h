@@ -27,11 +27,17 @@ struct ctl_options {
 /* A command of ctl. */
 struct ctl_command {
     const char *name;
-    /* Adds the arguments to the caller's request, which already has "cmd" */
-    enum error_code (*make)(json_t *request, const struct ctl_options *o, struct error *error);
+    size_t least, most;   /* number of arguments */
+    const char *key[2];   /* of the first arguments in the request; others are KEY=VALUE */
+    const char *expected; /* for messages: the arguments */
     /* Prints an answer; NULL: prints tick, time and hash */
     void (*print)(const json_t *answer, FILE *out);
 };
+
+/* Adds the arguments to a request that has "cmd". A value for which there is no memory is omitted;
+ * the server then refuses the request. */
+enum error_code ctl_make_request(const struct ctl_command *command, const struct ctl_options *o,
+                                 json_t *request, struct error *error);
 
 /* Returns the names of all commands, NULL at the end. */
 const char *const *ctl_command_names(void);

@@ -3,6 +3,7 @@
 #include "app/cli/cli.h"
 
 #include "base/hash.h"
+#include "base/whole_file.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -109,31 +110,18 @@ static void token_file_make_folders(const char *path)
 enum error_code token_file_write(const char *path, const struct page_tokens *tokens,
                                  struct error *error)
 {
-    char part[PATH_MAX], text[TOKEN_FILE_SIZE];
-    int size = snprintf(text, sizeof text, "port %u\nlook %s\ncontrol %s\n", tokens->port,
-                        tokens->token[0], tokens->token[1]);
-    int file, reason = 0;
+    struct whole_file file;
+    enum error_code code;
 
-    /* Writes to a unique temporary name, and renames it when it is complete */
-    if (snprintf(part, sizeof part, "%s.XXXXXX", path) >= (int)sizeof part) {
-        return error_set(error, ERROR_INPUT, "--token-file: the path is too long");
-    }
     token_file_make_folders(path);
-    file = mkostemp(part, O_CLOEXEC);
-    if (file < 0) {
-        return error_set_errno(error, errno, "--token-file: cannot write %s", path);
+    code = whole_file_open(&file, path, error);
+    if (code) {
+        return error_prefix(error, "--token-file");
     }
-    errno = EIO; /* for an incomplete write */
-    reason = write(file, text, (size_t)size) == size ? 0 : errno;
-    if (close(file) && !reason) {
-        reason = errno;
+    if (fchmod(fileno(file.out), S_IRUSR | S_IWUSR)) {
+        code = error_set_errno(error, errno, "--token-file: cannot write %s", path);
     }
-    if (!reason && rename(part, path)) {
-        reason = errno;
-    }
-    if (reason) {
-        unlink(part);
-        return error_set_errno(error, reason, "--token-file: cannot write %s", path);
-    }
-    return ERROR_NONE;
+    fprintf(file.out, "port %u\nlook %s\ncontrol %s\n", tokens->port, tokens->token[0],
+            tokens->token[1]);
+    return whole_file_close(&file, code, error);
 }

@@ -5,12 +5,8 @@
 #include "boards/protocol_list.h"
 #include "faults/faults.h"
 #include "manual/board.h"
-#include "manual/bus.h"
 #include "manual/fault.h"
-#include "manual/rig.h"
-#include "manual/robot.h"
 #include "manual/rt.h"
-#include "manual/scenario.h"
 #include "manual/signal.h"
 #include "rt/loop.h"
 
@@ -70,26 +66,6 @@ void topic_rt(FILE *out)
     text = print_until_mark(text, "@BUDGET@", out);
     topic_print_budget(out);
     options_wrap(text, 0, 0, out);
-}
-
-void topic_rig(FILE *out)
-{
-    options_wrap(MANUAL_RIG, 0, 0, out);
-}
-
-void topic_robot(FILE *out)
-{
-    options_wrap(MANUAL_ROBOT, 0, 0, out);
-}
-
-void topic_scenario(FILE *out)
-{
-    options_wrap(MANUAL_SCENARIO, 0, 0, out);
-}
-
-void topic_bus(FILE *out)
-{
-    options_wrap(MANUAL_BUS, 0, 0, out);
 }
 
 void topic_board(FILE *out)

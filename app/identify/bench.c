@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Reads benches and their recordings. */
-#include "app/identify/bench.h"
+
+#include "app/identify/identify.h"
 
 #include "base/array.h"
 #include "base/crc32.h"
@@ -9,7 +10,7 @@
 #include "base/text.h"
 
 #include <float.h>
-#include <stdio.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -27,17 +28,6 @@ enum { RECORDING_BYTES_MAX = 1 << 28 };
         .key = word, .type = YAML_REAL, .required = must, .offset = AT(member), .min = least,      \
         .max = most                                                                                \
     }
-#define GIVEN(word, member)                                                                        \
-    {                                                                                              \
-        .key = word, .type = YAML_REAL, .offset = AT(member), .min = -1e9, .max = 1e9,             \
-        .given_offset = AT(has_##member)                                                           \
-    }
-#define SCHEMA(text, table)                                                                        \
-    {                                                                                              \
-        .what = text, .size = sizeof(struct STRUCT), .fields = table,                              \
-        .field_count = ARRAY_COUNT(table)                                                          \
-    }
-
 #define STRUCT bench_columns
 static const struct yaml_field column_fields[] = {
     TEXT("time", true, time),
@@ -50,7 +40,8 @@ static const struct yaml_field column_fields[] = {
     TEXT("torque", false, torque),
     {"voltage_before", YAML_BOOL, false, .offset = AT(voltage_before)},
 };
-static const struct yaml_schema column_schema = SCHEMA("the columns of a recording", column_fields);
+static const struct yaml_schema column_schema =
+    YAML_SCHEMA("the columns of a recording", struct bench_columns, column_fields);
 #undef STRUCT
 
 #define STRUCT bench_law
@@ -59,44 +50,33 @@ static const struct yaml_field law_fields[] = {
     REAL("duty_max", false, duty_max, 1e-3, 1.0),
 };
 static const struct bench_law law_defaults = {.duty_max = 1.0};
-static const struct yaml_schema law_schema = {.what = "the law of a servo",
-                                              .size = sizeof(struct bench_law),
-                                              .fields = law_fields,
-                                              .field_count = ARRAY_COUNT(law_fields),
-                                              .defaults = &law_defaults};
+static const struct yaml_schema law_schema =
+    YAML_SCHEMA("the law of a servo", struct bench_law, law_fields, .defaults = &law_defaults);
 #undef STRUCT
 
 #define STRUCT bench_free
 static const struct yaml_field free_fields[] = {
-    TEXT("key", true, key), GIVEN("start", start),       GIVEN("lower", lower),
-    GIVEN("upper", upper),  GIVEN("expected", expected), GIVEN("sigma", sigma),
+    TEXT("key", true, key),
+    REAL("start", false, start, -1e9, 1e9),
+    REAL("lower", false, lower, -1e9, 1e9),
+    REAL("upper", false, upper, -1e9, 1e9),
+    REAL("expected", false, expected, -1e9, 1e9),
+    REAL("sigma", false, sigma, -1e9, 1e9),
 };
-static const struct yaml_schema free_schema = {.what = "a free number",
-                                               .size = sizeof(struct bench_free),
-                                               .fields = free_fields,
-                                               .field_count = ARRAY_COUNT(free_fields),
-                                               .alone = "key"};
+static const struct yaml_schema free_schema =
+    YAML_SCHEMA("a free number", struct bench_free, free_fields, .alone = "key");
 #undef STRUCT
 
 #define STRUCT bench_recording
 static const struct yaml_field recording_fields[] = {
-    {.key = "file",
-     .type = YAML_STRING,
-     .required = true,
-     .offset = AT(file),
-     .min = 1,
-     .max = 255,
-     .mark_offset = AT(file_mark)},
+    TEXT("file", true, file),
     TEXT("crc32", false, crc32),
     TEXT("group", false, group),
     {"judge", YAML_BOOL, false, .offset = AT(judge)},
 };
 static const struct bench_recording recording_defaults = {.group = ""};
-static const struct yaml_schema recording_schema = {.what = "a recording",
-                                                    .size = sizeof(struct bench_recording),
-                                                    .fields = recording_fields,
-                                                    .field_count = ARRAY_COUNT(recording_fields),
-                                                    .defaults = &recording_defaults};
+static const struct yaml_schema recording_schema = YAML_SCHEMA(
+    "a recording", struct bench_recording, recording_fields, .defaults = &recording_defaults);
 #undef STRUCT
 
 const struct word point_words[] = {{"voltage_v", POINT_VOLTAGE}, {"current_a", POINT_CURRENT},
@@ -104,23 +84,20 @@ const struct word point_words[] = {{"voltage_v", POINT_VOLTAGE}, {"current_a", P
                                    {"load_nm", POINT_LOAD},      {NULL, 0}};
 
 #define STRUCT bench_point
-#define KNOWN(word, quantity)                                                                      \
-    {                                                                                              \
-        .key = word, .type = YAML_REAL, .offset = AT(known[quantity]), .max = 1e6,                 \
-        .given_offset = AT(is_known[quantity])                                                     \
-    }
 static const struct yaml_field point_fields[] = {
     TEXT("what", true, what),
-    KNOWN("voltage_v", POINT_VOLTAGE),
-    KNOWN("current_a", POINT_CURRENT),
-    KNOWN("motor_nm", POINT_MOTOR),
-    KNOWN("speed_rad_s", POINT_SPEED),
-    KNOWN("load_nm", POINT_LOAD),
+    REAL("voltage_v", false, known[POINT_VOLTAGE], 0.0, 1e6),
+    REAL("current_a", false, known[POINT_CURRENT], 0.0, 1e6),
+    REAL("motor_nm", false, known[POINT_MOTOR], 0.0, 1e6),
+    REAL("speed_rad_s", false, known[POINT_SPEED], 0.0, 1e6),
+    REAL("load_nm", false, known[POINT_LOAD], 0.0, 1e6),
     {"backdriven", YAML_BOOL, false, .offset = AT(backdriven)},
     {"find", YAML_ENUM, true, .offset = AT(find), .names = point_words},
     REAL("value", true, value, DBL_MIN, 1e6),
 };
-static const struct yaml_schema point_schema = SCHEMA("a point", point_fields);
+static const struct bench_point point_defaults = {.known = {NAN, NAN, NAN, NAN, NAN}};
+static const struct yaml_schema point_schema =
+    YAML_SCHEMA("a point", struct bench_point, point_fields, .defaults = &point_defaults);
 #undef STRUCT
 
 #define STRUCT bench_published
@@ -129,7 +106,8 @@ static const struct yaml_field published_fields[] = {
     REAL("error_rad", false, error_rad, 0.0, 10.0),
     REAL("error_share", false, error_share, 0.0, 10.0),
 };
-static const struct yaml_schema published_schema = SCHEMA("a published error", published_fields);
+static const struct yaml_schema published_schema =
+    YAML_SCHEMA("a published error", struct bench_published, published_fields);
 #undef STRUCT
 
 #define STRUCT bench
@@ -138,25 +116,16 @@ static const struct yaml_schema published_schema = SCHEMA("a published error", p
         .key = word, .type = YAML_LIST, .offset = AT(member), .count_offset = AT(n##member),       \
         .schema = &entry                                                                           \
     }
-#define FILE_NAME(word, member)                                                                    \
-    {                                                                                              \
-        .key = word, .type = YAML_STRING, .offset = AT(member), .min = 1, .max = 255,              \
-        .mark_offset = AT(member##_mark)                                                           \
-    }
 static const struct yaml_field bench_fields[] = {
     TEXT("name", true, name),
     TEXT("description", false, description),
     TEXT("source", true, source),
     TEXT("license", true, license),
     TEXT("supports", false, supports),
-    FILE_NAME("rig", rig),
-    FILE_NAME("drive", drive),
-    {.key = "columns",
-     .type = YAML_MAP,
-     .offset = AT(columns),
-     .given_offset = AT(has_columns),
-     .schema = &column_schema},
-    {.key = "law", .type = YAML_MAP, .offset = AT(law), .schema = &law_schema},
+    TEXT("rig", false, rig),
+    TEXT("drive", false, drive),
+    YAML_SECTION("columns", false, bench, columns, column_schema),
+    YAML_SECTION("law", false, bench, law, law_schema),
     REAL("robust_rad", false, robust_rad, 0.0, 10.0),
     REAL("limit_rad", false, limit_rad, 0.0, 10.0),
     REAL("limit_share", false, limit_share, 0.0, 10.0),
@@ -167,7 +136,8 @@ static const struct yaml_field bench_fields[] = {
     LIST("points", point, point_schema),
     LIST("published", published, published_schema),
 };
-static const struct yaml_schema bench_schema = SCHEMA("a measured bench", bench_fields);
+static const struct yaml_schema bench_schema =
+    YAML_SCHEMA("a measured bench", struct bench, bench_fields);
 #undef STRUCT
 
 /* Refuses a key that no number has. */
@@ -184,18 +154,20 @@ static enum error_code refuse_key(const struct yaml_mark *mark, const char *key,
  * side, or speed and load; a current and a load leave the speed open. */
 static enum error_code check_point(const struct bench_point *point, struct error *error)
 {
-    const bool *known = point->is_known;
-    const int motor = known[POINT_VOLTAGE] + known[POINT_CURRENT] + known[POINT_MOTOR];
-    const int link = known[POINT_SPEED] + known[POINT_LOAD];
+    const double *known = point->known;
+    const int motor =
+        !isnan(known[POINT_VOLTAGE]) + !isnan(known[POINT_CURRENT]) + !isnan(known[POINT_MOTOR]);
+    const int link = !isnan(known[POINT_SPEED]) + !isnan(known[POINT_LOAD]);
 
-    if (motor + link != 2 || motor > 1 || known[point->find] ||
-        (known[POINT_LOAD] && (known[POINT_CURRENT] || known[POINT_MOTOR]))) {
+    if (motor + link != 2 || motor > 1 || !isnan(known[point->find]) ||
+        !isnan(known[POINT_LOAD] + known[POINT_CURRENT]) ||
+        !isnan(known[POINT_LOAD] + known[POINT_MOTOR])) {
         return yaml_error(error, &point->mark,
                           "found keys that do not tell one steady state, expected speed_rad_s with "
                           "one of voltage_v, current_a, motor_nm and load_nm, or load_nm with "
                           "voltage_v, and another to find");
     }
-    if (point->backdriven && known[POINT_LOAD] && known[POINT_VOLTAGE]) {
+    if (point->backdriven && !isnan(known[POINT_LOAD] + known[POINT_VOLTAGE])) {
         return yaml_error(error, &point->mark,
                           "found \"backdriven\" without a speed, expected speed_rad_s");
     }
@@ -224,7 +196,7 @@ static enum error_code check_points(const struct bench *bench, struct error *err
 /* Checks a bench of recordings. */
 static enum error_code check_recordings(const struct bench *bench, struct error *error)
 {
-    if (!bench->rig || !bench->has_columns || bench->drive) {
+    if (!bench->rig || !bench->columns.time || bench->drive) {
         return yaml_error(error, &bench->mark,
                           "found no %s, expected keys \"rig\" and \"columns\" for recordings, or "
                           "\"points\" of a \"rig\" or a \"drive\"",
@@ -267,8 +239,10 @@ static enum error_code check_bench(struct bench *bench, struct error *error)
         if (one->parameter == IDENTIFY_NONE) {
             return refuse_key(&one->mark, one->key, error);
         }
-        if ((one->has_expected != one->has_sigma) || (one->has_sigma && !(one->sigma > 0.0)) ||
-            (one->has_lower && one->has_upper && !(one->lower < one->upper))) {
+        if (yaml_has(&one->mark, "expected") != (one->sigma > 0.0) ||
+            yaml_has(&one->mark, "sigma") != (one->sigma > 0.0) ||
+            (yaml_has(&one->mark, "lower") && yaml_has(&one->mark, "upper") &&
+             !(one->lower < one->upper))) {
             return yaml_error(error, &one->mark,
                               "found \"%s\" with bounds or a prior that cannot be, expected lower "
                               "below upper, and an expected value with a sigma above zero",
@@ -295,7 +269,6 @@ enum error_code bench_of_own(const char *joint, struct arena *arena, struct benc
     snprintf(title[1], sizeof title[1], "voltage_%.63s_v", joint);
     *bench = (struct bench){
         .name = "own",
-        .has_columns = true,
         .columns = {.time = "time_s",
                     .position = arena_strdup(arena, title[0]),
                     .voltage = arena_strdup(arena, title[1]),

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Writes a drive that was identified as a file of the catalogue. */
+
 #include "app/identify/identify.h"
 
 #include "base/whole_file.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 /* Writes where the numbers come from, as comments. */

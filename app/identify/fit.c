@@ -4,11 +4,11 @@
  * p = lower + (upper - lower) (1 + sin u) / 2, on the logarithm of p where the bounds are a decade
  * apart and above zero.
  */
-#include "app/identify/fit.h"
+
+#include "app/identify/identify.h"
 
 #include "base/array.h"
 #include "base/text.h"
-#include "base/enum_names.h"
 
 #include <cminpack.h>
 #include <math.h>
@@ -403,13 +403,14 @@ static void prepare_free(const struct fit_problem *problem, const struct bench_f
     const int parameter = given->parameter;
 
     *free = (struct fit_free){.parameter = parameter,
-                              .start = given->has_start ? given->start
-                                                        : parameter_get(problem->trial, parameter),
+                              .start = yaml_has(&given->mark, "start")
+                                           ? given->start
+                                           : parameter_get(problem->trial, parameter),
                               .expected = given->expected,
-                              .sigma = given->has_sigma ? given->sigma : 0.0};
+                              .sigma = given->sigma};
     parameter_bounds(problem->trial, parameter, problem->rig->supply_v, &free->lower, &free->upper);
-    free->lower = given->has_lower ? given->lower : free->lower;
-    free->upper = given->has_upper ? given->upper : free->upper;
+    free->lower = yaml_has(&given->mark, "lower") ? given->lower : free->lower;
+    free->upper = yaml_has(&given->mark, "upper") ? given->upper : free->upper;
 }
 
 /* Sets the error for a key that names no number, with the nearest one that does. */

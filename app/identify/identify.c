@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Opens benches, fits and judges. */
-#include "app/identify/identify.h"
 
-#include "app/identify/bench.h"
+#include "app/identify/identify.h"
 
 #include <math.h>
 #include <string.h>
@@ -27,12 +26,12 @@ static enum error_code load_bench_drive(struct arena *arena, struct identify_ben
 {
     const struct robot_drive *drive;
     const char *path;
-    enum error_code code =
-        yaml_resolve_path(&bench->bench.drive_mark, bench->bench.drive, arena, &path, error);
+    enum error_code code = yaml_resolve_path(yaml_place(&bench->bench.mark, "drive"),
+                                             bench->bench.drive, arena, &path, error);
 
     code = code ? code : robot_load_drive(path, arena, &drive, error);
     if (!code && !drive->sea.present) {
-        code = yaml_error(error, &bench->bench.drive_mark,
+        code = yaml_error(error, yaml_place(&bench->bench.mark, "drive"),
                           "found a hydraulic drive, expected an electric one");
     }
     if (!code) {
@@ -115,7 +114,7 @@ static enum error_code read_recordings(struct identify_bench *bench, struct aren
         struct recording *recording = &bench->recording[i];
         const char *path;
 
-        code = yaml_resolve_path(&one->file_mark, one->file, arena, &path, error);
+        code = yaml_resolve_path(yaml_place(&one->mark, "file"), one->file, arena, &path, error);
         code = code ? code : read_recording(bench, path, one->crc32, arena, recording, error);
         recording->group = one->group;
         recording->judge = one->judge;
@@ -139,7 +138,8 @@ enum error_code identify_open(const char *path, struct arena *arena, struct iden
     if (bench->bench.drive) {
         return load_bench_drive(arena, bench, error);
     }
-    code = yaml_resolve_path(&bench->bench.rig_mark, bench->bench.rig, arena, &rig, error);
+    code = yaml_resolve_path(yaml_place(&bench->bench.mark, "rig"), bench->bench.rig, arena, &rig,
+                             error);
     code = code ? code : load_bench_rig(rig, arena, bench, error);
     return code ? code : read_recordings(bench, arena, error);
 }
@@ -168,7 +168,7 @@ enum error_code identify_take_files(struct identify_bench *bench, const char *co
     if (!all) {
         return error_set(error, ERROR_MEMORY, "no memory for recordings");
     }
-    if (!bench->bench.has_columns) {
+    if (!bench->bench.columns.time) {
         return yaml_error(error, &bench->bench.mark,
                           "found a bench of points, expected one of recordings");
     }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Turns the frames of a log into the rows of a recording. */
-#include "app/identify/bench.h"
+
+#include "app/identify/identify.h"
 
 #include "base/array.h"
 #include "base/input_file.h"

@@ -1,9 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Writes the pages of identifications and of validations. */
-#include "app/identify/identify.h"
 
-#include "app/report/report.h"
-#include "base/enum_names.h"
+#include "app/identify/identify.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The table of numbers that an identification may change. */
-#include "app/identify/parameters.h"
+
+#include "app/identify/identify.h"
 
 #include "base/array.h"
 

@@ -1,40 +1,40 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Computes steady states from what is known of them, and draws drive/back-drive diagrams. */
+
 #include "app/identify/identify.h"
 
 #include "base/array.h"
 #include "model/drives/steady.h"
 
 #include <math.h>
+#include <string.h>
 
 /* Points of a line of a diagram, and most points of a bench in one. */
 enum { DIAGRAM_STEPS = 101, DIAGRAM_POINTS = 64 };
 
 double point_compute(const struct robot_sea *sea, const struct bench_point *point)
 {
-    const bool *known = point->is_known;
+    const double *known = point->known;
     const int sense = point->backdriven ? -1 : 1;
     double q[POINT_QUANTITIES];
 
-    for (int i = 0; i < POINT_QUANTITIES; i++) {
-        q[i] = point->known[i];
-    }
+    memcpy(q, known, sizeof q);
 
     /* The speed, and the motor's torque */
-    if (!known[POINT_SPEED]) {
+    if (isnan(known[POINT_SPEED])) {
         q[POINT_SPEED] = steady_speed(sea, q[POINT_VOLTAGE], q[POINT_LOAD]);
     }
-    if (known[POINT_VOLTAGE]) {
+    if (!isnan(known[POINT_VOLTAGE])) {
         q[POINT_CURRENT] = (q[POINT_VOLTAGE] - (double)sense * sea->Kw * q[POINT_SPEED]) / sea->R;
     }
-    if (known[POINT_VOLTAGE] || known[POINT_CURRENT]) {
+    if (!isnan(known[POINT_VOLTAGE]) || !isnan(known[POINT_CURRENT])) {
         q[POINT_MOTOR] = sea->Kt * q[POINT_CURRENT];
-    } else if (!known[POINT_MOTOR]) {
+    } else if (isnan(known[POINT_MOTOR])) {
         q[POINT_MOTOR] = steady_motor(sea, q[POINT_LOAD], q[POINT_SPEED], sense);
     }
 
     /* What follows from them */
-    if (!known[POINT_LOAD]) {
+    if (isnan(known[POINT_LOAD])) {
         q[POINT_LOAD] = steady_load(sea, q[POINT_MOTOR], q[POINT_SPEED], sense);
     }
     q[POINT_CURRENT] = q[POINT_MOTOR] / sea->Kt;
@@ -50,7 +50,7 @@ static size_t take_points(const struct bench *bench, bool backdriven, double *mo
     for (size_t i = 0; i < bench->npoint && count < DIAGRAM_POINTS; i++) {
         const struct bench_point *point = &bench->point[i];
 
-        if (point->is_known[POINT_MOTOR] && point->known[POINT_SPEED] == 0.0 &&
+        if (!isnan(point->known[POINT_MOTOR]) && point->known[POINT_SPEED] == 0.0 &&
             point->find == POINT_LOAD && point->backdriven == backdriven) {
             motor[count] = point->known[POINT_MOTOR];
             load[count++] = point->value;

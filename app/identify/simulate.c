@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Runs the plant of a rig under the commands of a recording. */
-#include "app/identify/fit.h"
+
+#include "app/identify/identify.h"
 
 #include "model/plant.h"
 

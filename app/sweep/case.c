@@ -31,7 +31,7 @@ enum {
 #define BATCH_MEMORY ((size_t)1 << 30)
 #define RIG_MEMORY ((size_t)1 << 30)
 
-static const char *const status_word[] = {"passed", "failed", "broken"};
+const char *const plan_status_word[PLAN_STATUSES] = {"passed", "failed", "broken"};
 
 /* ---- which program ---- */
 
@@ -126,7 +126,7 @@ enum error_code plan_read_result(const char *path, struct arena *arena, struct p
     good = good && !newer && (!version || json_integer_value(version) >= 1);
     good = good && strlen(plan) < PLAN_HASH && strlen(hash) < PLAN_HASH && strlen(binary) < 64 &&
            number > 0;
-    while (good && s < 3 && strcmp(status, status_word[s]) != 0) {
+    while (good && s < 3 && strcmp(status, plan_status_word[s]) != 0) {
         s++;
     }
     if (good && s < 3) {
@@ -161,12 +161,12 @@ static enum error_code plan_write_result(const struct plan *plan, const struct p
     enum error_code code;
 
     snprintf(state, sizeof state, "%016" PRIx64, result->state_hash);
-    text =
-        json_pack("{s:i, s:I, s:s, s:s, s:s, s:s, s:s, s:f, s:o, s:f, s:s}", "format_version",
-                  PLAN_FORMAT_VERSION, "case", (json_int_t)result->number, "plan", result->plan,
-                  "hash", result->hash, "binary", result->binary, "status",
-                  status_word[result->status], "state_hash", state, "virtual_s", result->virtual_s,
-                  "margin", margin, "failed_s", result->failed_s, "message", result->message);
+    text = json_pack("{s:i, s:I, s:s, s:s, s:s, s:s, s:s, s:f, s:o, s:f, s:s}", "format_version",
+                     PLAN_FORMAT_VERSION, "case", (json_int_t)result->number, "plan", result->plan,
+                     "hash", result->hash, "binary", result->binary, "status",
+                     plan_status_word[result->status], "state_hash", state, "virtual_s",
+                     result->virtual_s, "margin", margin, "failed_s", result->failed_s, "message",
+                     result->message);
 
     /* The file appears complete or not at all: an engine repeats a case without one */
     plan_result_path(plan, result->number, path);

@@ -154,7 +154,6 @@ const char *plan_value(const struct plan_case *one, const char *name)
 static enum error_code merge_write_csv(const struct plan *plan, const struct plan_result *result,
                                        const char *path, struct error *error)
 {
-    static const char *const word[] = {"passed", "failed", "broken"};
     const char *name[PLAN_NAMES_MAX];
     size_t nname = plan_names(plan, name);
     struct whole_file file;
@@ -177,7 +176,7 @@ static enum error_code merge_write_csv(const struct plan *plan, const struct pla
         for (size_t k = 0; k < nname; k++) {
             fprintf(file.out, ",%s", plan_value(one, name[k]));
         }
-        fprintf(file.out, ",%" PRIu64 ",%s,", one->seed, word[result[i].status]);
+        fprintf(file.out, ",%" PRIu64 ",%s,", one->seed, plan_status_word[result[i].status]);
         if (result[i].has_margin) {
             fprintf(file.out, "%.9g", result[i].margin);
         }

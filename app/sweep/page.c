@@ -224,7 +224,6 @@ static int page_compare_results(const void *left, const void *right)
 /* Writes the table of the worst cases, with the commands that repeat them. */
 static enum error_code page_put_worst(const struct page *page, struct error *error)
 {
-    static const char *const word[] = {"passed", "failed", "broken"};
     size_t count = page->plan->ncase;
     const struct plan_result **sorted = calloc(count, sizeof *sorted);
     const char *slash = strrchr(page->plan->path, '/');
@@ -248,7 +247,8 @@ static enum error_code page_put_worst(const struct page *page, struct error *err
     for (size_t i = 0; i < count && i < WORST; i++) {
         const struct plan_case *one = &page->plan->list[sorted[i]->number - 1];
 
-        fprintf(page->out, "<tr><td>%zu</td><td>%s</td><td>", one->number, word[sorted[i]->status]);
+        fprintf(page->out, "<tr><td>%zu</td><td>%s</td><td>", one->number,
+                plan_status_word[sorted[i]->status]);
         if (sorted[i]->failed_s >= 0.0) {
             fprintf(page->out, "%.3f s", sorted[i]->failed_s);
         }

@@ -193,7 +193,8 @@ static enum error_code plan_check_ends(struct planner *planner, const char *path
 
     for (size_t i = 0; i < planner->sweep->nparameter; i++) {
         const struct sweep_parameter *parameter = &planner->sweep->parameter[i];
-        const double *ends = parameter->uniform_given ? parameter->uniform : parameter->limits;
+        const double *ends =
+            yaml_has(&parameter->mark, "uniform") ? parameter->uniform : parameter->limits;
         const char *drawn = value[i].text;
 
         for (int end = 0; parameter->drawn && end < 2 && !code; end++) {

@@ -79,6 +79,10 @@ struct plan_result {
     const char *message;
 };
 
+/* Words of the statuses. */
+enum { PLAN_STATUSES = SCENARIO_BROKEN + 1 };
+extern const char *const plan_status_word[PLAN_STATUSES];
+
 /* How cases are run. */
 struct plan_run_options {
     size_t parallel;    /* processes at a time */

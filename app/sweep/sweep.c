@@ -2,7 +2,6 @@
 /* Reads sweeps and draws their samples. */
 #include "app/sweep/sweep.h"
 
-#include "base/array.h"
 #include "base/portable_math.h"
 #include "base/random.h"
 #include "base/text.h"
@@ -13,8 +12,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define AT(member) offsetof(struct STRUCT, member)
-
 /* Standard deviations from the mean at which a normal distribution is cut off unless the file says
  * otherwise. */
 #define SWEEP_NORMAL_END 6.0
@@ -24,53 +21,41 @@
 static const struct word sampling_words[] = {
     {"random", SWEEP_RANDOM}, {"latin_hypercube", SWEEP_LATIN_HYPERCUBE}, {NULL, 0}};
 
-#define STRUCT sweep_parameter
 static const struct yaml_field parameter_fields[] = {
-    {"grid", YAML_REAL_LIST, false, .offset = AT(grid), .count_offset = AT(ngrid)},
-    {"words", YAML_NAME_LIST, false, .offset = AT(word), .count_offset = AT(nword)},
-    {"uniform", YAML_REALS, false, .offset = AT(uniform), .count = 2, .min = -1e9, .max = 1e9,
-     .given_offset = AT(uniform_given)},
-    {"normal", YAML_REALS, false, .offset = AT(normal), .count = 2, .min = -1e9, .max = 1e9,
-     .given_offset = AT(normal_given)},
-    {"limits", YAML_REALS, false, .offset = AT(limits), .count = 2, .min = -1e10, .max = 1e10,
-     .given_offset = AT(limits_given)},
+    {"grid", YAML_REAL_LIST, false, offsetof(struct sweep_parameter, grid),
+     .count_offset = offsetof(struct sweep_parameter, ngrid)},
+    {"words", YAML_NAME_LIST, false, offsetof(struct sweep_parameter, word),
+     .count_offset = offsetof(struct sweep_parameter, nword)},
+    YAML_NUMBERS("uniform", false, sweep_parameter, uniform, 2, -1e9, 1e9),
+    YAML_NUMBERS("normal", false, sweep_parameter, normal, 2, -1e9, 1e9),
+    YAML_NUMBERS("limits", false, sweep_parameter, limits, 2, -1e10, 1e10),
 };
-#undef STRUCT
-static const struct yaml_schema parameter_schema = {.what = "a parameter",
-                                                    .size = sizeof(struct sweep_parameter),
-                                                    .fields = parameter_fields,
-                                                    .field_count = ARRAY_COUNT(parameter_fields),
-                                                    .name_offset =
-                                                        offsetof(struct sweep_parameter, name)};
+static const struct yaml_schema parameter_schema =
+    YAML_SCHEMA("a parameter", struct sweep_parameter, parameter_fields,
+                .name_offset = offsetof(struct sweep_parameter, name));
 
-#define STRUCT sweep
 static const struct yaml_field sweep_fields[] = {
-    {"name", YAML_STRING, true, .offset = AT(name), .min = 1, .max = 63},
-    {"description", YAML_STRING, false, .offset = AT(description), .min = 1, .max = 1000},
-    {"scenarios", YAML_NAME_LIST, true, .offset = AT(scenario), .count_offset = AT(nscenario)},
-    {"program", YAML_STRING, false, .offset = AT(program), .min = 1, .max = 1000},
-    {"seed", YAML_INT, false, .offset = AT(seed), .min = 0, .max = 9e15},
-    {"samples", YAML_INT, false, .offset = AT(samples), .min = 1, .max = SWEEP_CASES_MAX},
-    {"sampling", YAML_ENUM, false, .offset = AT(sampling), .names = sampling_words},
-    {"parameters", YAML_DICT, false, .offset = AT(parameter), .count_offset = AT(nparameter),
-     .schema = &parameter_schema},
+    YAML_TEXT("name", true, sweep, name, 1, 63),
+    YAML_TEXT("description", false, sweep, description, 1, 1000),
+    {"scenarios", YAML_NAME_LIST, true, offsetof(struct sweep, scenario),
+     .count_offset = offsetof(struct sweep, nscenario)},
+    YAML_TEXT("program", false, sweep, program, 1, 1000),
+    {"seed", YAML_INT, false, offsetof(struct sweep, seed), .min = 0, .max = 9e15},
+    {"samples", YAML_INT, false, offsetof(struct sweep, samples), .min = 1, .max = SWEEP_CASES_MAX},
+    {"sampling", YAML_ENUM, false, offsetof(struct sweep, sampling), .names = sampling_words},
+    YAML_ENTRIES("parameters", YAML_DICT, false, sweep, parameter, nparameter, parameter_schema),
 };
-#undef STRUCT
 static const struct sweep sweep_defaults = {.samples = 1, .sampling = SWEEP_LATIN_HYPERCUBE};
-const struct yaml_schema sweep_file_schema = {.what = "the sweep",
-                                              .size = sizeof(struct sweep),
-                                              .fields = sweep_fields,
-                                              .field_count = ARRAY_COUNT(sweep_fields),
-                                              .hash_offset = offsetof(struct sweep, hash),
-                                              .defaults = &sweep_defaults,
-                                              .format_version = 1};
+const struct yaml_schema sweep_file_schema = YAML_SCHEMA(
+    "the sweep", struct sweep, sweep_fields, .hash_offset = offsetof(struct sweep, hash),
+    .defaults = &sweep_defaults, .format_version = 1);
 
 /* ---- checks ---- */
 
 /* Checks whether the values of a parameter are drawn. */
 static bool parameter_is_drawn(const struct sweep_parameter *parameter)
 {
-    return parameter->uniform_given || parameter->normal_given;
+    return yaml_has(&parameter->mark, "uniform") || yaml_has(&parameter->mark, "normal");
 }
 
 /* Checks the ends of a distribution, and sets the limits of a normal one. */
@@ -78,12 +63,12 @@ static enum error_code check_distribution(struct sweep_parameter *parameter, str
 {
     double *limits = parameter->limits;
 
-    if (parameter->uniform_given && !(parameter->uniform[0] < parameter->uniform[1])) {
+    if (yaml_has(&parameter->mark, "uniform") && !(parameter->uniform[0] < parameter->uniform[1])) {
         return yaml_error(error, &parameter->mark,
                           "found uniform [%g, %g], expected the lower end first",
                           parameter->uniform[0], parameter->uniform[1]);
     }
-    if (!parameter->normal_given) {
+    if (!yaml_has(&parameter->mark, "normal")) {
         return ERROR_NONE;
     }
     if (!(parameter->normal[1] > 0.0)) {
@@ -91,7 +76,7 @@ static enum error_code check_distribution(struct sweep_parameter *parameter, str
                           "found a standard deviation of %g, expected more than 0",
                           parameter->normal[1]);
     }
-    if (!parameter->limits_given) {
+    if (!yaml_has(&parameter->mark, "limits")) {
         limits[0] = parameter->normal[0] - SWEEP_NORMAL_END * parameter->normal[1];
         limits[1] = parameter->normal[0] + SWEEP_NORMAL_END * parameter->normal[1];
     }
@@ -111,11 +96,11 @@ static enum error_code check_distribution(struct sweep_parameter *parameter, str
 /* Checks that a parameter has a plain name and one form. */
 static enum error_code check_parameter(struct sweep_parameter *parameter, struct error *error)
 {
-    int forms = (parameter->ngrid > 0) + (parameter->nword > 0) + parameter->uniform_given +
-                parameter->normal_given;
+    int forms = (parameter->ngrid > 0) + (parameter->nword > 0) +
+                yaml_has(&parameter->mark, "uniform") + yaml_has(&parameter->mark, "normal");
 
     if (!text_is_name(parameter->name) || forms != 1 ||
-        (parameter->limits_given && !parameter->normal_given)) {
+        (yaml_has(&parameter->mark, "limits") && !yaml_has(&parameter->mark, "normal"))) {
         return yaml_error(error, &parameter->mark,
                           "found parameter \"%.40s\" of no known form, expected a plain name and "
                           "one of grid, words, uniform and normal, the last with limits or without",
@@ -203,7 +188,7 @@ static double parameter_quantile(const struct sweep_parameter *parameter, double
     const double *normal = parameter->normal, *limits = parameter->limits;
     double below, above, value;
 
-    if (parameter->uniform_given) {
+    if (yaml_has(&parameter->mark, "uniform")) {
         return parameter->uniform[0] + u * (parameter->uniform[1] - parameter->uniform[0]);
     }
     below = normal_probability(fmax(-8.0, (limits[0] - normal[0]) / normal[1]));

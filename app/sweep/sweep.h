@@ -32,7 +32,6 @@ enum sweep_sampling { SWEEP_RANDOM, SWEEP_LATIN_HYPERCUBE };
 struct sweep_parameter {
     struct yaml_mark mark;
     const char *name;
-    bool uniform_given, normal_given, limits_given;
     double uniform[2]; /* from, to */
     double normal[2];  /* mean, standard deviation */
     double limits[2];  /* where a normal distribution is cut off */
