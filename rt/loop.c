@@ -1,73 +1,22 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runs the ticks: the wait, then the phases in order, each with its duration measured. The loop
- * replaces each NULL function of a machine by an empty one, so that no phase checks for NULL. */
+/* Runs the ticks: the wait, then the phases in order, each with its duration measured. */
 #include "rt/loop_private.h"
 
 #include "rt/probes.h"
 
 #include <sys/resource.h>
 
-/* ---- a machine that does nothing ---- */
-
-static void idle_receive(void *context, int64_t now_ns, size_t bus, const struct bus_frame *frame)
-{
-    (void)context, (void)now_ns, (void)bus, (void)frame;
-}
-
-static void idle_phase(void *context, int64_t now_ns)
-{
-    (void)context, (void)now_ns;
-}
-
-static bool idle_model(void *context, int64_t now_ns)
-{
-    (void)context, (void)now_ns;
-    return true;
-}
-
-static size_t idle_transmit(void *context, int64_t now_ns, size_t bus, struct bus_frame *frames,
-                            size_t max)
-{
-    (void)context, (void)now_ns, (void)bus, (void)frames, (void)max;
-    return 0;
-}
-
-static bool idle_fault(void *context)
-{
-    (void)context;
-    return false;
-}
-
-static void idle_publish(void *context, int64_t now_ns, const struct loop_stats *stats)
-{
-    (void)context, (void)now_ns, (void)stats;
-}
-
-static void idle_wait(void *context)
-{
-    (void)context;
-}
-
-/* Replaces each NULL function of the machine by an empty one. */
-static void complete_machine(struct loop_machine *machine)
-{
-    machine->begin = machine->begin ? machine->begin : idle_phase;
-    machine->receive = machine->receive ? machine->receive : idle_receive;
-    machine->control = machine->control ? machine->control : idle_phase;
-    machine->plant = machine->plant ? machine->plant : idle_model;
-    machine->sample = machine->sample ? machine->sample : idle_model;
-    machine->transmit = machine->transmit ? machine->transmit : idle_transmit;
-    machine->fault = machine->fault ? machine->fault : idle_fault;
-    machine->publish = machine->publish ? machine->publish : idle_publish;
-    machine->idle = machine->idle ? machine->idle : idle_wait;
-    machine->shut_down = machine->shut_down ? machine->shut_down : idle_phase;
-}
-
 /* ---- the configuration ---- */
 
-/* Sets the default identifiers (equal ids mean unset) and the default time-out of lockstep. */
-static void complete_lockstep(struct loop_lockstep *lockstep)
+/* Sets the defaults of the configuration; false = out of memory. */
+static bool loop_complete_config(struct loop_config *config, struct arena *arena)
 {
+    struct loop_lockstep *lockstep = &config->lockstep;
+
+    config->tick_ns = config->tick_ns ? config->tick_ns : CLOCK_MS;
+    config->stop_after = config->stop_after ? config->stop_after : 1;
+    config->time = config->time ? config->time : clock_monotonic();
+    /* Equal identifiers mean unset ones */
     if (lockstep->step_id == lockstep->done_id) {
         lockstep->step_id = LOCKSTEP_STEP_ID;
         lockstep->done_id = LOCKSTEP_DONE_ID;
@@ -75,15 +24,6 @@ static void complete_lockstep(struct loop_lockstep *lockstep)
     if (lockstep->partner_timeout_ns == 0) {
         lockstep->partner_timeout_ns = CLOCK_SECOND;
     }
-}
-
-static bool loop_complete_config(struct loop_config *config, struct arena *arena)
-{
-    config->tick_ns = config->tick_ns ? config->tick_ns : CLOCK_MS;
-    config->stop_after = config->stop_after ? config->stop_after : 1;
-    config->time = config->time ? config->time : clock_monotonic();
-    complete_lockstep(&config->lockstep);
-    complete_machine(&config->machine);
     if (!config->transmit_max) {
         size_t *most = arena_alloc(arena, config->nbus + 1, sizeof *most);
 
@@ -187,14 +127,6 @@ bool loop_step_controller(struct loop *loop)
 
 /* ---- the wait for a tick's deadline, STEP frame (loop_lockstep.c) or nothing ---- */
 
-/* Returns when to check for requests again if the deadline is far off, ns of the clock. */
-static int64_t wait_next_look(const struct loop *loop, int64_t now_ns)
-{
-    int64_t slice = now_ns + WAIT_SLICE_NS, before = loop->deadline_ns - POLL_SLICE_NS;
-
-    return slice < before ? slice : before;
-}
-
 /* Sleeps until the tick's deadline. False = the run has ended, or a request must be carried out
  * first. */
 static bool wait_for_deadline(struct loop *loop)
@@ -220,8 +152,9 @@ static bool wait_for_deadline(struct loop *loop)
 
         /* Requests may interrupt the sleep far from the deadline, but not close to it */
         if (loop->config.requests && loop->deadline_ns - now > 2 * POLL_SLICE_NS) {
-            loop->config.machine.idle(loop->config.machine.context);
-            loop_requests_sleep(loop, NULL, wait_next_look(loop, now));
+            const int64_t slice = now + WAIT_SLICE_NS, before = loop->deadline_ns - POLL_SLICE_NS;
+
+            loop_requests_sleep(loop, NULL, slice < before ? slice : before);
             if (loop_request_waits(loop)) {
                 return false;
             }
@@ -278,7 +211,8 @@ void loop_deliver_frame(struct loop *loop, size_t bus, const struct bus_frame *f
     if (loop_records_frame(loop, frame)) {
         recorder_frame(loop->config.recorder, bus, frame, loop->stats.time_ns);
     }
-    if (loop->config.clock != LOOP_CLOCK_LOCKSTEP || frame->id != loop->config.lockstep.step_id) {
+    if (machine->receive &&
+        (loop->config.clock != LOOP_CLOCK_LOCKSTEP || frame->id != loop->config.lockstep.step_id)) {
         machine->receive(machine->context, loop->stats.time_ns, bus, frame);
     }
 }
@@ -295,15 +229,14 @@ LOOP_NOINLINE size_t loop_take_frames(struct loop *loop, size_t bus, struct bus_
 /* Receives the waiting frames of a bus, at most LOOP_RECEIVE_MAX, and hands them to the machine. */
 static void loop_drain_bus(struct loop *loop, size_t bus)
 {
-    size_t count, total = 0;
+    size_t count = BATCH;
 
-    do {
+    for (size_t total = 0; count == BATCH && total < LOOP_RECEIVE_MAX; total += count) {
         count = loop_take_frames(loop, bus, loop->batch, BATCH);
         for (size_t i = 0; i < count; i++) {
             loop_deliver_frame(loop, bus, &loop->batch[i]);
         }
-        total += count;
-    } while (count == BATCH && total < LOOP_RECEIVE_MAX);
+    }
 }
 
 /* Sends the first `count` outgoing frames, and records the frames that the port accepted. */
@@ -368,7 +301,9 @@ static bool loop_wait(struct loop *loop)
     bool go;
 
     /* Call begin before the wait, because in lockstep the wait already receives frames */
-    machine->begin(machine->context, loop->stats.time_ns);
+    if (machine->begin) {
+        machine->begin(machine->context, loop->stats.time_ns);
+    }
     go = (!loop->config.requests || loop_requests_carry_out(loop)) && loop_wait_by_clock(loop);
     if (!go && loop->end == LOOP_RUNNING) {
         return false;
@@ -417,7 +352,7 @@ static bool loop_advance_time(struct loop *loop)
     /* DONE reports frames lost since the last DONE, and boards in fault */
     loop_count_lost(loop, &rx, &tx);
     flags |= rx + tx > loop->lost_at_done ? LOCKSTEP_OVERRUN : 0;
-    flags |= machine->fault(machine->context) ? LOCKSTEP_FAULT : 0;
+    flags |= machine->fault && machine->fault(machine->context) ? LOCKSTEP_FAULT : 0;
     loop->lost_at_done = rx + tx;
     return lockstep_advance(&loop->lockstep, flags);
 }
@@ -434,8 +369,10 @@ static LOOP_NOINLINE void loop_transmit(struct loop *loop)
         machine->advance(machine->context, now_ns);
     }
     for (size_t b = 0; b < loop->config.nbus; b++) {
-        size_t count = machine->transmit(machine->context, now_ns, b, loop->outgoing,
-                                         loop->config.transmit_max[b]);
+        size_t count = machine->transmit
+                           ? machine->transmit(machine->context, now_ns, b, loop->outgoing,
+                                               loop->config.transmit_max[b])
+                           : 0;
 
         loop_send_frames(loop, b, count);
     }
@@ -474,7 +411,9 @@ static LOOP_NOINLINE void loop_publish(struct loop *loop)
 
     loop_watch_buses(loop);
     loop->stats.lockstep = loop->lockstep.counters;
-    machine->publish(machine->context, loop->stats.time_ns, &loop->stats);
+    if (machine->publish) {
+        machine->publish(machine->context, loop->stats.time_ns, &loop->stats);
+    }
     loop_phase_end(loop, PHASE_PUBLISH);
     histogram_add(&loop->stats.work, loop->mark_ns - loop->work_begin_ns);
 }
@@ -501,11 +440,13 @@ static void loop_run_tick(struct loop *loop)
 
     /* Frames to motor voltages to motion to measured values to frames */
     loop_receive(loop);
-    machine->control(machine->context, begin_ns);
+    if (machine->control) {
+        machine->control(machine->context, begin_ns);
+    }
     loop_phase_end(loop, PHASE_BOARDS);
-    sane = machine->plant(machine->context, begin_ns);
+    sane = !machine->plant || machine->plant(machine->context, begin_ns);
     loop_phase_end(loop, PHASE_PLANT);
-    sane = machine->sample(machine->context, end_ns) && sane;
+    sane = (!machine->sample || machine->sample(machine->context, end_ns)) && sane;
     loop_phase_end(loop, PHASE_SENSORS);
     loop_transmit(loop);
     loop_publish(loop);
@@ -564,7 +505,9 @@ enum loop_end loop_run(struct loop *loop)
     if (loop->config.requests) {
         loop_requests_end(loop);
     }
-    machine->shut_down(machine->context, loop->stats.time_ns);
+    if (machine->shut_down) {
+        machine->shut_down(machine->context, loop->stats.time_ns);
+    }
     if (loop->config.clock == LOOP_CLOCK_LOCKSTEP) {
         loop_send_done(loop, LOCKSTEP_STOPPING);
     }

@@ -61,7 +61,7 @@ static void loop_format_request(const struct loop *loop, const struct loop_event
                                 size_t size)
 {
     const struct requests *requests = loop->config.requests;
-    const struct request_machine *machine = requests_machine(requests);
+    const struct request_machine *machine = &requests->machine;
     const struct tunable *tunable;
     long long a = event->a, b = event->b;
     double value;

@@ -109,30 +109,26 @@ static void step_sleep(struct loop *loop, int64_t now_ns)
         loop_requests_sleep(loop, fd.fd >= 0 ? &fd : NULL, until);
         return;
     }
+    loop_idle(loop);
     clock_wait_readable(loop->config.time, &fd, fd.fd >= 0, until);
-}
-
-/* Checks whether a REQUEST_STEP replaces a STEP frame, and takes its ticks. An inline controller
- * sends its own STEPs, so a request never replaces them. */
-static bool step_was_requested(struct loop *loop)
-{
-    uint64_t left = loop->config.requests ? loop->requests.step_left : 0;
-
-    loop->step_asked = left > 0 && !loop->config.machine.controller;
-    if (loop->step_asked) {
-        loop->lockstep.ticks = left < UINT32_MAX ? (uint32_t)left : UINT32_MAX;
-    }
-    return loop->step_asked;
 }
 
 bool loop_wait_for_step(struct loop *loop)
 {
+    const uint64_t left = loop->config.requests ? loop->requests.step_left : 0;
     int bus = loop->config.lockstep.bus;
     int64_t now = loop->mark_ns, silent;
 
-    /* Do not wait when ticks of the last STEP are left, or when a request replaces a STEP */
+    /* Do not wait when ticks of the last STEP are left, or when a REQUEST_STEP replaces a STEP. An
+     * inline controller sends its own STEPs, so a request never replaces them */
     loop->step_begins = loop->lockstep.ticks == 0;
-    if (!loop->step_begins || step_was_requested(loop)) {
+    if (loop->step_begins) {
+        loop->step_asked = left > 0 && !loop->config.machine.controller;
+        loop->lockstep.ticks = !loop->step_asked   ? 0
+                               : left < UINT32_MAX ? (uint32_t)left
+                                                   : UINT32_MAX;
+    }
+    if (loop->lockstep.ticks > 0) {
         return !loop_stop_requested(loop);
     }
 
@@ -157,7 +153,6 @@ bool loop_wait_for_step(struct loop *loop)
         if (lockstep_wait_check(&loop->lockstep, now, &silent)) {
             loop_emit_event(loop, LOOP_EVENT_SILENT, bus, silent, 0);
         }
-        loop->config.machine.idle(loop->config.machine.context);
         step_sleep(loop, now);
         if (loop_request_waits(loop)) {
             return false;

@@ -46,6 +46,26 @@ struct loop_push {
     int64_t most_mn;  /* its greatest force */
 };
 
+/* Capacity of the ring of requests and of the ring of answers. */
+enum { REQUESTS = 64 };
+
+/* Bits of `sleep`. Both sides change it with atomic read-modify-write operations, so all changes
+ * have one order. Either the loop sees the request before it sleeps, or the client sees that the
+ * loop sleeps and wakes it. */
+enum { SLEEPING = 1, REQUESTED = 2 };
+
+struct requests {
+    struct request_machine machine;
+    struct ring requests, answers; /* struct loop_request, struct request_answer */
+    size_t open;                   /* number of requests taken and not yet answered */
+    int wake;                      /* eventfd that ends the loop's sleep */
+    _Atomic uint32_t sleep;
+    atomic_bool closed, paused;
+    _Atomic double speed;
+    _Atomic double *value; /* one per tunable */
+    uint64_t changes;      /* the machine's counter of changes at the last publication */
+};
+
 struct loop_requests {
     bool paused;
     double speed;         /* virtual seconds a second; 0 = as fast as possible */
@@ -94,34 +114,6 @@ struct loop {
     struct loop_requests requests; /* used with config.requests */
 };
 
-/* ---- requests.c: takes requests, answers them and publishes what other threads may read ---- */
-
-const struct request_machine *requests_machine(const struct requests *requests);
-
-/* Takes the next request. Returns false when none waits or the ring of answers has no room. */
-bool requests_next(struct requests *requests, struct loop_request *request);
-bool requests_waits(const struct requests *requests);
-
-/* Answers a request that was taken, with the present tick and virtual time. */
-void requests_reply(struct requests *requests, uint64_t ticket, enum request_verdict verdict,
-                    uint64_t tick, int64_t now_ns);
-
-/* Publishes whether the loop is paused and its speed. */
-void requests_publish(struct requests *requests, bool paused, double speed);
-
-/* Publishes the values of the tunables. Without `all`, does so only when a value may have
- * changed. */
-void requests_publish_values(struct requests *requests, bool all);
-
-/* Answers all waiting requests REQUEST_UNAVAILABLE. The loop calls it once, at the end of the
- * run. */
-void requests_close(struct requests *requests, uint64_t tick, int64_t now_ns);
-
-/* Begin and end a sleep that a request interrupts. Begin returns a descriptor that becomes readable
- * when a request comes; -1 = a request waits already. */
-int requests_sleep_begin(struct requests *requests);
-void requests_sleep_end(struct requests *requests, bool readable);
-
 /* ---- loop_events.c ---- */
 
 /* Queues an event for the log, or counts it as lost when the ring is full. */
@@ -154,10 +146,21 @@ static inline bool loop_is_paced(const struct loop *loop)
     return loop->config.clock == LOOP_CLOCK_FREE && loop->requests.speed > 0.0;
 }
 
-/* Checks whether a request waits. */
+/* Calls the machine before a sleep. */
+static inline void loop_idle(const struct loop *loop)
+{
+    if (loop->config.machine.idle) {
+        loop->config.machine.idle(loop->config.machine.context);
+    }
+}
+
+/* Checks whether a request waits and its answer has room. */
 static inline bool loop_request_waits(const struct loop *loop)
 {
-    return loop->config.requests && requests_waits(loop->config.requests);
+    const struct requests *requests = loop->config.requests;
+
+    return requests && ring_count(&requests->requests) > 0 &&
+           ring_count(&requests->answers) + requests->open < REQUESTS;
 }
 
 /* ---- loop_lockstep.c ---- */
@@ -187,6 +190,10 @@ void overrun_skip_pause(struct loop *loop, int64_t now_ns);
 void overrun_pace_tick(struct loop *loop, int64_t now_ns);
 
 /* ---- loop_requests.c; only with config.requests ---- */
+
+/* Publishes the values of the tunables. Without `all`, does so only when a value may have
+ * changed. */
+void requests_publish_values(struct requests *requests, bool all);
 
 /* Allocates the state of requests from arena; false = out of memory. Not RT-safe. */
 bool loop_requests_create(struct loop *loop, struct arena *arena);

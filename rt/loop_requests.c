@@ -2,8 +2,10 @@
 /* Carries out requests to a running loop between two ticks (rt/requests.h). */
 #include "rt/loop_private.h"
 
+#include <errno.h>
 #include <math.h>
 #include <string.h>
+#include <unistd.h>
 
 /* Range of the speed, in virtual seconds a second. */
 #define SPEED_MIN 0.001
@@ -33,10 +35,51 @@ bool loop_requests_create(struct loop *loop, struct arena *arena)
     return true;
 }
 
-/* Returns the machine's functions for requests. */
-static const struct request_machine *loop_request_machine(const struct loop *loop)
+/* ---- the rings ---- */
+
+/* Takes the next request. Returns false when none waits or the ring of answers has no room. */
+static bool request_take(struct loop *loop, struct loop_request *request)
 {
-    return requests_machine(loop->config.requests);
+    struct requests *requests = loop->config.requests;
+
+    if (!loop_request_waits(loop) || !ring_pop(&requests->requests, request)) {
+        return false;
+    }
+    requests->open++;
+    return true;
+}
+
+/* Answers a taken request with the present tick and time. The answer has room: request_take takes
+ * no request unless it fits. */
+static void request_reply(struct loop *loop, uint64_t ticket, enum request_verdict verdict)
+{
+    struct requests *requests = loop->config.requests;
+    const struct request_machine *machine = &requests->machine;
+    struct request_answer answer = {
+        .ticket = ticket,
+        .verdict = verdict,
+        .tick = loop->stats.ticks,
+        .time_ns = loop->stats.time_ns,
+        .state_hash = machine->hash ? machine->hash(machine->context) : 0,
+    };
+
+    requests->open--;
+    ring_push(&requests->answers, &answer);
+}
+
+void requests_publish_values(struct requests *requests, bool all)
+{
+    const struct request_machine *machine = &requests->machine;
+    uint64_t changes = machine->changes ? machine->changes(machine->context) : 0;
+
+    if (!all && machine->changes && changes == requests->changes) {
+        return;
+    }
+    requests->changes = changes;
+    for (size_t i = 0; i < machine->ntunable; i++) {
+        atomic_store_explicit(&requests->value[i], machine->get(machine->context, i),
+                              memory_order_relaxed);
+    }
 }
 
 /* ---- checkpoints ---- */
@@ -83,7 +126,7 @@ static void loop_restore_moment(struct loop *loop, const struct loop_moment *mom
 /* Saves machine and loop into a checkpoint slot. On failure the slot is empty. */
 static enum request_verdict loop_save_slot(struct loop *loop, size_t slot)
 {
-    const struct request_machine *machine = loop_request_machine(loop);
+    const struct request_machine *machine = &loop->config.requests->machine;
     enum request_verdict verdict = REQUEST_UNAVAILABLE;
 
     if (machine->save && machine->restore) {
@@ -115,7 +158,7 @@ static enum request_verdict request_checkpoint(struct loop *loop, size_t slot)
 /* Restores a slot. Refused while a recording runs, because time in a recording always increases. */
 static enum request_verdict request_restore(struct loop *loop, size_t slot)
 {
-    const struct request_machine *machine = loop_request_machine(loop);
+    const struct request_machine *machine = &loop->config.requests->machine;
 
     if (slot >= CHECKPOINT_SLOTS) {
         return REQUEST_RANGE;
@@ -150,19 +193,14 @@ static void loop_restart_grid(struct loop *loop)
 /* Publishes pause and speed to other threads and to the machine. */
 static void loop_publish_pace(struct loop *loop)
 {
-    const struct request_machine *machine = loop_request_machine(loop);
-    bool paused = loop->requests.paused;
+    struct requests *requests = loop->config.requests;
+    const struct request_machine *machine = &requests->machine;
 
-    requests_publish(loop->config.requests, paused, loop->requests.speed);
+    atomic_store_explicit(&requests->paused, loop->requests.paused, memory_order_relaxed);
+    atomic_store_explicit(&requests->speed, loop->requests.speed, memory_order_relaxed);
     if (machine->pace) {
-        machine->pace(machine->context, loop->requests.speed, paused);
+        machine->pace(machine->context, loop->requests.speed, loop->requests.paused);
     }
-}
-
-/* Answers a request with the present tick and time. */
-static void request_reply(struct loop *loop, uint64_t ticket, enum request_verdict verdict)
-{
-    requests_reply(loop->config.requests, ticket, verdict, loop->stats.ticks, loop->stats.time_ns);
 }
 
 /* Pauses the loop and emits an event about it. */
@@ -191,34 +229,10 @@ static enum request_verdict request_pause(struct loop *loop)
     return REQUEST_OK;
 }
 
-/* Resumes a paused loop. */
-static enum request_verdict request_resume(struct loop *loop)
-{
-    if (loop->requests.paused) {
-        loop->requests.paused = false;
-        loop_publish_pace(loop);
-        loop_emit_event(loop, LOOP_EVENT_RESUMED, -1, (int64_t)loop->stats.ticks, 0);
-    }
-    return REQUEST_OK;
-}
-
-/* Starts to run `count` ticks; loop_requests_tick_ended sends the answer after the last one. */
-static enum request_verdict request_step(struct loop *loop, const struct loop_request *request)
-{
-    if (request->count == 0) {
-        return REQUEST_RANGE;
-    }
-    loop->requests.step_left = request->count;
-    loop->requests.step_ticket = request->ticket;
-    loop->requests.paused = false;
-    loop_publish_pace(loop);
-    return REQUEST_OK;
-}
-
 /* Sets the speed (0 = as fast as possible) and restarts the grid of deadlines. */
 static enum request_verdict request_speed(struct loop *loop, double speed)
 {
-    const struct request_machine *machine = loop_request_machine(loop);
+    const struct request_machine *machine = &loop->config.requests->machine;
 
     if (loop->config.clock == LOOP_CLOCK_LOCKSTEP || (speed == 0.0 && machine->pace)) {
         return REQUEST_CLOCK;
@@ -237,16 +251,6 @@ static enum request_verdict request_speed(struct loop *loop, double speed)
 }
 
 /* ---- the machine: faults, pushes, tunables ---- */
-
-/* Switches a fault of the machine. */
-static enum request_verdict request_fault(struct loop *loop, const struct loop_request *request)
-{
-    const struct request_machine *machine = loop_request_machine(loop);
-
-    return request->index < machine->nfault
-               ? machine->fault(machine->context, request->index, request->on, loop->stats.time_ns)
-               : REQUEST_RANGE;
-}
 
 /* Returns the length of a vector in thousandths of its unit. */
 static int64_t vector_length_milli(const double v[3])
@@ -280,24 +284,10 @@ static void loop_tell_push(struct loop *loop, const struct loop_request *request
     }
 }
 
-/* Applies a force and a moment to a body of the machine. */
-static enum request_verdict request_push(struct loop *loop, const struct loop_request *request)
-{
-    const struct request_machine *machine = loop_request_machine(loop);
-    enum request_verdict verdict =
-        machine->push ? machine->push(machine->context, request, loop->stats.time_ns)
-                      : REQUEST_UNAVAILABLE;
-
-    if (verdict == REQUEST_OK) {
-        loop_tell_push(loop, request);
-    }
-    return verdict;
-}
-
 /* Sets a tunable within its range. The event carries the bits of the double. */
 static enum request_verdict request_set(struct loop *loop, const struct loop_request *request)
 {
-    const struct request_machine *machine = loop_request_machine(loop);
+    const struct request_machine *machine = &loop->config.requests->machine;
     const struct tunable *tunable = requests_tunable(loop->config.requests, request->index);
     enum request_verdict verdict;
     int64_t bits;
@@ -316,26 +306,38 @@ static enum request_verdict request_set(struct loop *loop, const struct loop_req
 
 /* ---- requests ---- */
 
-/* Checks whether a request is impossible while a REQUEST_STEP runs. */
-static bool request_conflicts_with_step(enum request_kind kind)
-{
-    return kind == REQUEST_RESUME || kind == REQUEST_STEP || kind == REQUEST_RESET ||
-           kind == REQUEST_RESTORE;
-}
-
 /* Carries out one request and returns its verdict. */
 static enum request_verdict request_dispatch(struct loop *loop, const struct loop_request *request)
 {
-    if (loop->requests.step_left > 0 && request_conflicts_with_step(request->kind)) {
+    const struct request_machine *machine = &loop->config.requests->machine;
+    const enum request_kind kind = request->kind;
+    enum request_verdict verdict;
+
+    /* A REQUEST_STEP that runs excludes these */
+    if (loop->requests.step_left > 0 && (kind == REQUEST_RESUME || kind == REQUEST_STEP ||
+                                         kind == REQUEST_RESET || kind == REQUEST_RESTORE)) {
         return REQUEST_BUSY;
     }
-    switch (request->kind) {
+    switch (kind) {
     case REQUEST_PAUSE:
         return request_pause(loop);
     case REQUEST_RESUME:
-        return request_resume(loop);
+        if (loop->requests.paused) {
+            loop->requests.paused = false;
+            loop_publish_pace(loop);
+            loop_emit_event(loop, LOOP_EVENT_RESUMED, -1, (int64_t)loop->stats.ticks, 0);
+        }
+        return REQUEST_OK;
     case REQUEST_STEP:
-        return request_step(loop, request);
+        /* loop_requests_tick_ended sends the answer after the last tick */
+        if (request->count == 0) {
+            return REQUEST_RANGE;
+        }
+        loop->requests.step_left = request->count;
+        loop->requests.step_ticket = request->ticket;
+        loop->requests.paused = false;
+        loop_publish_pace(loop);
+        return REQUEST_OK;
     case REQUEST_SPEED:
         return request_speed(loop, request->value);
     case REQUEST_RESET:
@@ -345,9 +347,16 @@ static enum request_verdict request_dispatch(struct loop *loop, const struct loo
     case REQUEST_RESTORE:
         return request_restore(loop, request->index);
     case REQUEST_FAULT:
-        return request_fault(loop, request);
+        return request->index < machine->nfault ? machine->fault(machine->context, request->index,
+                                                                 request->on, loop->stats.time_ns)
+                                                : REQUEST_RANGE;
     case REQUEST_PUSH:
-        return request_push(loop, request);
+        verdict = machine->push ? machine->push(machine->context, request, loop->stats.time_ns)
+                                : REQUEST_UNAVAILABLE;
+        if (verdict == REQUEST_OK) {
+            loop_tell_push(loop, request);
+        }
+        return verdict;
     case REQUEST_SET:
         return request_set(loop, request);
     }
@@ -357,10 +366,10 @@ static enum request_verdict request_dispatch(struct loop *loop, const struct loo
 /* Carries out and answers all waiting requests, in their order. */
 static void request_dispatch_all(struct loop *loop)
 {
-    const struct request_machine *machine = loop_request_machine(loop);
+    const struct request_machine *machine = &loop->config.requests->machine;
     struct loop_request request;
 
-    while (requests_next(loop->config.requests, &request)) {
+    while (request_take(loop, &request)) {
         enum request_verdict verdict = request_dispatch(loop, &request);
         bool back = request.kind == REQUEST_RESTORE || request.kind == REQUEST_RESET;
         bool went_back = back && verdict == REQUEST_OK;
@@ -400,7 +409,6 @@ bool loop_requests_carry_out(struct loop *loop)
             return false;
         }
         was_paused = true;
-        loop->config.machine.idle(loop->config.machine.context);
         loop_requests_sleep(loop, NULL, clock_now(loop->config.time) + WAIT_SLICE_NS);
         request_dispatch_all(loop);
     }
@@ -413,21 +421,32 @@ bool loop_requests_carry_out(struct loop *loop)
 void loop_requests_sleep(struct loop *loop, struct pollfd *fd, int64_t until_ns)
 {
     struct requests *requests = loop->config.requests;
-    struct pollfd fds[2] = {{.fd = -1, .events = POLLIN}, {.fd = -1}};
+    struct pollfd fds[2] = {{.fd = requests->wake, .events = POLLIN}, {.fd = -1}};
+    uint32_t before;
+    uint64_t count;
+    ssize_t got;
 
-    fds[0].fd = requests_sleep_begin(requests);
+    loop_idle(loop);
+    atomic_exchange_explicit(&requests->sleep, SLEEPING, memory_order_acq_rel);
     if (fd) {
         fds[1] = *fd;
     }
-    if (fds[0].fd >= 0) {
+    if (!loop_request_waits(loop)) {
         clock_wait_readable(loop->config.time, fds, fd ? 2 : 1, until_ns);
     }
-    requests_sleep_end(requests, (fds[0].revents & POLLIN) != 0);
+
+    /* Read the event of a request, so that the next sleep waits again */
+    before = atomic_exchange_explicit(&requests->sleep, 0, memory_order_acq_rel);
+    if ((before & REQUESTED) || (fds[0].revents & POLLIN)) {
+        do {
+            got = read(requests->wake, &count, sizeof count);
+        } while (got < 0 && errno == EINTR);
+    }
 }
 
 void loop_requests_tick_begins(struct loop *loop)
 {
-    const struct request_machine *machine = loop_request_machine(loop);
+    const struct request_machine *machine = &loop->config.requests->machine;
 
     if (machine->advance) {
         machine->advance(machine->context, loop->stats.time_ns);
@@ -445,9 +464,14 @@ void loop_requests_tick_ended(struct loop *loop)
 
 void loop_requests_end(struct loop *loop)
 {
+    struct loop_request request;
+
     if (loop->requests.step_left > 0) {
         loop->requests.step_left = 0;
         request_reply(loop, loop->requests.step_ticket, REQUEST_CUT);
     }
-    requests_close(loop->config.requests, loop->stats.ticks, loop->stats.time_ns);
+    atomic_store_explicit(&loop->config.requests->closed, true, memory_order_release);
+    while (request_take(loop, &request)) {
+        request_reply(loop, request.ticket, REQUEST_UNAVAILABLE);
+    }
 }

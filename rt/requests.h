@@ -40,8 +40,8 @@
  * checkpoint does not hold that thread's state. A checkpoint fails while more than 2,000 frames are
  * in transit between boards and an inline task on one local bus.
  *
- * All functions are RT-safe and never wait, except requests_find and request_verdict_text, which
- * are for other threads.
+ * All functions are RT-safe and never wait, except request_verdict_text, which is for other
+ * threads.
  */
 #ifndef RT_REQUESTS_H
 #define RT_REQUESTS_H
@@ -120,11 +120,8 @@ bool requests_answer(struct requests *requests, struct request_answer *answer);
 /* Returns the meaning of a verdict as a sentence for the user; static. */
 const char *request_verdict_text(enum request_verdict verdict);
 
-/* Return the number of tunables, one tunable (NULL = no such index), and the index of a name. From
- * any thread. */
-size_t requests_tunables(const struct requests *requests);
+/* Returns a tunable; NULL = no such index. From any thread. */
 const struct tunable *requests_tunable(const struct requests *requests, size_t index);
-int requests_find(const struct requests *requests, const char *name); /* -1 = none */
 
 /* Returns the value of a tunable after the last tick. From any thread. */
 double requests_value(const struct requests *requests, size_t index);

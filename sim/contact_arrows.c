@@ -4,7 +4,7 @@
 
 #include "base/vec3.h"
 #include "rt/clock.h"
-#include "rt/recording/recorder_schemas.h"
+#include "rt/recording/recorder.h"
 
 #include <inttypes.h>
 #include <math.h>

@@ -177,21 +177,6 @@ void line_file_remove(struct line_file *file)
 
 /* ---- opening ---- */
 
-/* Writes the whole title line. */
-static enum error_code line_file_write_title(struct line_file *file, const char *title,
-                                             struct error *error)
-{
-    for (size_t length = strlen(title); (size_t)file->size < length;) {
-        ssize_t count = write(file->descriptor, title + file->size, length - (size_t)file->size);
-
-        if (count < 0 && errno != EINTR) {
-            return error_set_errno(error, errno, "cannot write %s", file->path);
-        }
-        file->size += count > 0 ? count : 0;
-    }
-    return ERROR_NONE;
-}
-
 enum error_code line_file_open(struct line_file *file, const char *directory, const char *name,
                                const char *title, size_t longest, _Atomic uint64_t *beat,
                                struct arena *arena, struct error *error)
@@ -217,10 +202,17 @@ enum error_code line_file_open(struct line_file *file, const char *directory, co
         return code;
     }
     file->regular = fstat(file->descriptor, &info) == 0 && S_ISREG(info.st_mode);
-    code = line_file_write_title(file, title, error);
-    if (code) {
-        close(file->descriptor);
-        file->descriptor = -1;
+    /* Write the whole title line */
+    for (size_t length = strlen(title); (size_t)file->size < length;) {
+        ssize_t count = write(file->descriptor, title + file->size, length - (size_t)file->size);
+
+        if (count < 0 && errno != EINTR) {
+            error_set_errno(error, errno, "cannot write %s", file->path);
+            close(file->descriptor);
+            file->descriptor = -1;
+            return error->code;
+        }
+        file->size += count > 0 ? count : 0;
     }
-    return code;
+    return ERROR_NONE;
 }

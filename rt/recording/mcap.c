@@ -295,32 +295,26 @@ static uint8_t *mcap_put_message_index(const struct mcap *mcap, uint16_t channel
     return mcap_end_record(record, at);
 }
 
-/* Makes room for one more record in the index of chunks. NULL = no memory; the file then has no
- * index. */
-static uint8_t *mcap_grow_index(struct mcap *mcap)
-{
-    size_t need = mcap->index_size + SPARE;
-    uint8_t *grown;
-
-    if (need > mcap->index_capacity && !mcap->index_lost) {
-        grown = realloc(mcap->index, 2 * need);
-        mcap->index_lost = grown == NULL;
-        mcap->index = grown ? grown : mcap->index;
-        mcap->index_capacity = grown ? 2 * need : mcap->index_capacity;
-    }
-    return mcap->index_lost ? NULL : mcap->index + mcap->index_size;
-}
-
 /* Adds a chunk with a record of `chunk` bytes to the index of chunks. where[i] is the file offset
  * of the message index of channel i + 1; 0 = no index. */
 static void mcap_index_chunk(struct mcap *mcap, const uint64_t span[2], const uint64_t *where,
                              size_t chunk, size_t indexes, size_t compressed)
 {
-    uint8_t *record = mcap_grow_index(mcap), *at, *count;
+    size_t need = mcap->index_size + SPARE;
+    uint8_t *record, *at, *count;
 
-    if (!record) {
+    /* Make room for one more record; without memory the file has no index */
+    if (need > mcap->index_capacity && !mcap->index_lost) {
+        uint8_t *grown = realloc(mcap->index, 2 * need);
+
+        mcap->index_lost = grown == NULL;
+        mcap->index = grown ? grown : mcap->index;
+        mcap->index_capacity = grown ? 2 * need : mcap->index_capacity;
+    }
+    if (mcap->index_lost) {
         return;
     }
+    record = mcap->index + mcap->index_size;
     at = mcap_put_number(mcap_begin_record(record, MCAP_CHUNK_INDEX), span[0], 8);
     at = mcap_put_number(at, span[1], 8);
     at = mcap_put_number(at, mcap->offset, 8);

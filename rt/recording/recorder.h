@@ -71,6 +71,9 @@ enum {
     RECORDER_EVENT_TEXT = 320, /* longer event texts are cut */
 };
 
+/* The JSON Schema of foxglove.SceneUpdate. */
+extern const char recorder_schema_scene[];
+
 /* An additional channel of the MCAP file; messages in JSON. */
 struct recorder_channel {
     const char *topic, *type; /* "/scene", "foxglove.SceneUpdate" */

@@ -4,12 +4,63 @@
 
 #include "base/json_text.h"
 #include "rt/clock.h"
-#include "rt/recording/recorder_schemas.h"
 
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
+
+/* JSON Schemas of the channels. The foxglove.* schemas describe only the fields that the recorder
+ * writes. */
+/* clang-format off */
+#define OBJECT(properties) "{\"type\":\"object\",\"properties\":{" properties "}}"
+#define LIST(items) "{\"type\":\"array\",\"items\":" items "}"
+#define KEY(name, type) "\"" name "\":" type
+#define NUMBER "{\"type\":\"number\"}"
+#define COUNT "{\"type\":\"integer\",\"minimum\":0}"
+#define TEXT "{\"type\":\"string\"}"
+#define TRUTH "{\"type\":\"boolean\"}"
+#define EMPTY LIST("{\"type\":\"object\"}")
+
+#define TIME OBJECT(KEY("sec", COUNT) "," KEY("nsec", COUNT))
+#define VECTOR OBJECT(KEY("x", NUMBER) "," KEY("y", NUMBER) "," KEY("z", NUMBER))
+#define QUATERNION \
+    OBJECT(KEY("x", NUMBER) "," KEY("y", NUMBER) "," KEY("z", NUMBER) "," KEY("w", NUMBER))
+#define COLOR \
+    OBJECT(KEY("r", NUMBER) "," KEY("g", NUMBER) "," KEY("b", NUMBER) "," KEY("a", NUMBER))
+#define POSE OBJECT(KEY("position", VECTOR) "," KEY("orientation", QUATERNION))
+
+#define SOLID KEY("pose", POSE) "," KEY("size", VECTOR) "," KEY("color", COLOR)
+#define ARROW \
+    KEY("pose", POSE) "," KEY("shaft_length", NUMBER) "," KEY("shaft_diameter", NUMBER) "," \
+    KEY("head_length", NUMBER) "," KEY("head_diameter", NUMBER) "," KEY("color", COLOR)
+#define CYLINDER SOLID "," KEY("bottom_scale", NUMBER) "," KEY("top_scale", NUMBER)
+#define TRIANGLES \
+    KEY("pose", POSE) "," KEY("points", LIST(VECTOR)) "," KEY("color", COLOR) "," \
+    KEY("colors", LIST(COLOR)) "," KEY("indices", LIST(COUNT))
+
+static const char schema_frame[] = OBJECT(
+    KEY("timestamp", TIME) "," KEY("bus", TEXT) "," KEY("id", COUNT) "," KEY("extended", TRUTH) ","
+    KEY("fd", TRUTH) "," KEY("remote", TRUTH) "," KEY("error", TRUTH) "," KEY("length", COUNT) ","
+    KEY("data", TEXT));
+
+static const char schema_log[] = OBJECT(
+    KEY("timestamp", TIME) "," KEY("level", COUNT) "," KEY("message", TEXT) "," KEY("name", TEXT)
+    "," KEY("file", TEXT) "," KEY("line", COUNT));
+
+static const char schema_transforms[] = OBJECT(KEY("transforms", LIST(OBJECT(
+    KEY("timestamp", TIME) "," KEY("parent_frame_id", TEXT) "," KEY("child_frame_id", TEXT) ","
+    KEY("translation", VECTOR) "," KEY("rotation", QUATERNION)))));
+
+const char recorder_schema_scene[] = OBJECT(
+    KEY("deletions", EMPTY) "," KEY("entities", LIST(OBJECT(
+    KEY("timestamp", TIME) "," KEY("frame_id", TEXT) "," KEY("id", TEXT) "," KEY("lifetime", TIME)
+    "," KEY("frame_locked", TRUTH) "," KEY("metadata", EMPTY) ","
+    KEY("arrows", LIST(OBJECT(ARROW))) "," KEY("cubes", LIST(OBJECT(SOLID))) ","
+    KEY("spheres", LIST(OBJECT(SOLID))) "," KEY("cylinders", LIST(OBJECT(CYLINDER))) ","
+    KEY("triangles", LIST(OBJECT(TRIANGLES))) ","
+    KEY("lines", EMPTY) "," KEY("texts", EMPTY) "," KEY("models", EMPTY)))));
+/* clang-format on */
 
 enum {
     STAMP_SIZE = 96,  /* "timestamp":{...}, */
@@ -92,19 +143,6 @@ void recorder_mcap_frame(struct recorder_mcap *mcap, const struct frame_item *it
     mcap_hand_over(mcap, mcap->frames[item->bus], frame->time_ns, begin, at);
 }
 
-/* Writes one message with all signals of a row. */
-static void recorder_mcap_signals(struct recorder_mcap *mcap, int64_t time_ns, const double *value)
-{
-    char *begin = mcap_begin_message(mcap->mcap), *at = begin;
-
-    for (size_t i = 0; i < mcap->config->nsignal; i++) {
-        *at++ = i ? ',' : '{';
-        at = mcap_print_number(mcap_print_text(at, mcap->key[i]), value[i]);
-    }
-    *at++ = '}';
-    mcap_hand_over(mcap, mcap->signals, time_ns, begin, at);
-}
-
 /* Writes the transform from a body to the world. pose: position (m), quaternion (wxyz). */
 static char *mcap_print_transform(const struct recorder_mcap *mcap, char *at, int64_t time_ns,
                                   size_t body, const double *pose)
@@ -136,7 +174,13 @@ void recorder_mcap_row(struct recorder_mcap *mcap, const double *row)
     char *begin, *at;
 
     if (mcap->signals) {
-        recorder_mcap_signals(mcap, time_ns, row + 1);
+        begin = at = mcap_begin_message(mcap->mcap);
+        for (size_t i = 0; i < config->nsignal; i++) {
+            *at++ = i ? ',' : '{';
+            at = mcap_print_number(mcap_print_text(at, mcap->key[i]), row[1 + i]);
+        }
+        *at++ = '}';
+        mcap_hand_over(mcap, mcap->signals, time_ns, begin, at);
     }
     if (mcap->transforms) {
         begin = mcap_begin_message(mcap->mcap);
@@ -172,17 +216,6 @@ void recorder_mcap_event(struct recorder_mcap *mcap, const struct event_item *it
 
 /* ---- making it ---- */
 
-/* Returns a name as a JSON string followed by suffix; NULL = out of memory. */
-static const char *mcap_quote_name(const char *name, const char *suffix, struct arena *arena)
-{
-    char *text = arena_alloc(arena, JSON_TEXT_ROOM(strlen(name)) + strlen(suffix), 1);
-
-    if (text) {
-        strcpy(text + json_text_quote(name, text), suffix);
-    }
-    return text;
-}
-
 /* Quotes each name and appends suffix; NULL = out of memory. *longest grows by the lengths. */
 static const char **mcap_quote_names(const char *const *name, size_t count, const char *suffix,
                                      struct arena *arena, size_t *longest)
@@ -190,11 +223,14 @@ static const char **mcap_quote_names(const char *const *name, size_t count, cons
     const char **quoted = arena_alloc(arena, count + 1, sizeof *quoted);
 
     for (size_t i = 0; quoted && i < count; i++) {
-        quoted[i] = mcap_quote_name(name[i], suffix, arena);
-        if (!quoted[i]) {
+        char *text = arena_alloc(arena, JSON_TEXT_ROOM(strlen(name[i])) + strlen(suffix), 1);
+
+        if (!text) {
             return NULL;
         }
-        *longest += strlen(quoted[i]);
+        strcpy(text + json_text_quote(name[i], text), suffix);
+        quoted[i] = text;
+        *longest += strlen(text);
     }
     return quoted;
 }
@@ -228,7 +264,7 @@ static bool recorder_mcap_add_channels(struct recorder_mcap *mcap, struct arena 
     const struct recorder_config *config = mcap->config;
     const char *signals = mcap_make_signal_schema(mcap, arena);
     struct mcap *to = mcap->mcap;
-    uint16_t frame = mcap_add_schema(to, "coman_hil.Frame", recorder_schema_frame), schema = 0;
+    uint16_t frame = mcap_add_schema(to, "coman_hil.Frame", schema_frame), schema = 0;
 
     if (!signals) {
         return false;
@@ -238,12 +274,10 @@ static bool recorder_mcap_add_channels(struct recorder_mcap *mcap, struct arena 
         mcap->signals =
             mcap_add_channel(to, mcap_add_schema(to, "coman_hil.Signals", signals), "/signals");
     }
-    mcap->events =
-        mcap_add_channel(to, mcap_add_schema(to, "foxglove.Log", recorder_schema_log), "/events");
+    mcap->events = mcap_add_channel(to, mcap_add_schema(to, "foxglove.Log", schema_log), "/events");
     if (config->nbody) {
         mcap->transforms = mcap_add_channel(
-            to, mcap_add_schema(to, "foxglove.FrameTransforms", recorder_schema_transforms),
-            "/transforms");
+            to, mcap_add_schema(to, "foxglove.FrameTransforms", schema_transforms), "/transforms");
     }
     /* Channels of the configuration; neighbors of one type share its schema */
     for (size_t c = 0; c < config->nchannel; c++) {

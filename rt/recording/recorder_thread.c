@@ -17,17 +17,6 @@ enum {
 
 #define TEND_NS (250 * CLOCK_MS)
 
-/* Writes a frame to candump.log and to the MCAP file. */
-static void recorder_write_frame(struct recorder *recorder, const struct frame_item *item)
-{
-    size_t size = candump_format(&item->frame, recorder->config.bus[item->bus], recorder->line);
-
-    line_file_put(&recorder->file[FILE_FRAMES], recorder->line, size);
-    if (recorder->mcap) {
-        recorder_mcap_frame(recorder->mcap, item);
-    }
-}
-
 /* ---- rows ---- */
 
 /* Writes a line of a CSV file: the row's time (s), then `count` values. */
@@ -63,35 +52,24 @@ static void recorder_write_row(struct recorder *recorder, const double *row)
 
 /* ---- events ---- */
 
-/* Writes an event to events.log and to the MCAP file. */
-static void recorder_write_event(struct recorder *recorder, const struct event_item *item)
-{
-    int size = snprintf(recorder->line, RECORDER_LINE, "%.6f %s %s\n", (double)item->time_ns * 1e-9,
-                        journal_priority_name(item->priority), item->text);
-
-    line_file_put(&recorder->file[FILE_EVENTS], recorder->line, (size_t)size);
-    if (recorder->mcap) {
-        recorder_mcap_event(recorder->mcap, item);
-    }
-}
-
-/* Writes the first `count` of the waiting events. */
+/* Writes the first `count` of the waiting events to events.log and to the MCAP file. */
 static void recorder_release_events(struct recorder *recorder, size_t count)
 {
     struct recorder_order *order = &recorder->order;
 
     for (size_t i = 0; i < count; i++) {
-        recorder_write_event(recorder, &order->item[i]);
+        const struct event_item *item = &order->item[i];
+        int size =
+            snprintf(recorder->line, RECORDER_LINE, "%.6f %s %s\n", (double)item->time_ns * 1e-9,
+                     journal_priority_name(item->priority), item->text);
+
+        line_file_put(&recorder->file[FILE_EVENTS], recorder->line, (size_t)size);
+        if (recorder->mcap) {
+            recorder_mcap_event(recorder->mcap, item);
+        }
     }
     order->count -= count;
     memmove(order->item, order->item + count, order->count * sizeof *order->item);
-}
-
-/* Returns whether `item` must be written before `other`, although it was given later. */
-static bool recorder_goes_before(const struct event_item *item, const struct event_item *other)
-{
-    return item->time_ns != other->time_ns ? item->time_ns < other->time_ns
-                                           : item->rank < other->rank;
 }
 
 /* Inserts an event in order into the list of waiting events. A full list first writes its older
@@ -104,24 +82,18 @@ static void recorder_hold_event(struct recorder *recorder, const struct event_it
     if (order->count == RECORDER_HELD) {
         recorder_release_events(recorder, RECORDER_HELD / 2);
     }
-    for (at = order->count; at > 0 && recorder_goes_before(item, &order->item[at - 1]); at--) {
-        order->item[at] = order->item[at - 1];
+    /* It stands before others that are later, or that have a higher rank at the same time */
+    for (at = order->count; at > 0; at--) {
+        const struct event_item *other = &order->item[at - 1];
+
+        if (item->time_ns > other->time_ns ||
+            (item->time_ns == other->time_ns && item->rank >= other->rank)) {
+            break;
+        }
+        order->item[at] = *other;
     }
     order->item[at] = *item;
     order->count++;
-}
-
-/* Writes the events that already waited at the previous call, and newer ones with earlier times. */
-static void recorder_settle_events(struct recorder *recorder)
-{
-    struct recorder_order *order = &recorder->order;
-    size_t due = 0;
-
-    while (due < order->count && order->item[due].time_ns <= order->settled_ns) {
-        due++;
-    }
-    recorder_release_events(recorder, due);
-    order->settled_ns = order->count ? order->item[order->count - 1].time_ns : INT64_MIN;
 }
 
 /* ---- the thread ---- */
@@ -130,11 +102,18 @@ static void recorder_settle_events(struct recorder *recorder)
  * ring after it is written. The items that a hung thread leaves behind are therefore counted. */
 static bool recorder_drain_rings(struct recorder *recorder)
 {
+    const struct frame_item *frame;
     const void *item;
     int count = 0;
 
-    for (; count < ROUND && (item = ring_front(&recorder->frames)); count++) {
-        recorder_write_frame(recorder, item);
+    for (; count < ROUND && (frame = ring_front(&recorder->frames)); count++) {
+        size_t size =
+            candump_format(&frame->frame, recorder->config.bus[frame->bus], recorder->line);
+
+        line_file_put(&recorder->file[FILE_FRAMES], recorder->line, size);
+        if (recorder->mcap) {
+            recorder_mcap_frame(recorder->mcap, frame);
+        }
         ring_drop(&recorder->frames);
     }
     for (; count < 2 * ROUND && (item = ring_front(&recorder->rows)); count++) {
@@ -151,33 +130,28 @@ static bool recorder_drain_rings(struct recorder *recorder)
 /* Advances the beat. A few times a second, flushes the files and checks that they still exist. */
 static void recorder_tend_files(struct recorder *recorder)
 {
+    struct recorder_order *order = &recorder->order;
     int64_t now = clock_now(clock_monotonic());
+    size_t due = 0;
 
     atomic_fetch_add_explicit(&recorder->beat, 1, memory_order_relaxed);
     if (now < recorder->tend_ns) {
         return;
     }
     recorder->tend_ns = now + TEND_NS;
-    recorder_settle_events(recorder);
+    /* Write the events that already waited at the previous call, and newer ones with earlier
+     * times */
+    while (due < order->count && order->item[due].time_ns <= order->settled_ns) {
+        due++;
+    }
+    recorder_release_events(recorder, due);
+    order->settled_ns = order->count ? order->item[order->count - 1].time_ns : INT64_MIN;
     if (recorder->mcap) {
         recorder_mcap_tend(recorder->mcap, now);
     }
     for (int f = 0; f < RECORDER_FILES; f++) {
         line_file_flush(&recorder->file[f]);
         line_file_look(&recorder->file[f]);
-    }
-}
-
-/* Writes the remaining events, ends the MCAP file, and closes all files. */
-static void recorder_close_files(struct recorder *recorder)
-{
-    recorder_release_events(recorder, recorder->order.count);
-    if (recorder->mcap) {
-        recorder_mcap_finish(recorder->mcap);
-    }
-    for (int f = 0; f < RECORDER_FILES; f++) {
-        line_file_look(&recorder->file[f]);
-        line_file_close(&recorder->file[f]);
     }
 }
 
@@ -210,7 +184,15 @@ void *recorder_thread_main(void *context)
     while (recorder_drain_rings(recorder)) {
         recorder_tend_files(recorder);
     }
-    recorder_close_files(recorder);
+    /* Write the remaining events, end the MCAP file, and close all files */
+    recorder_release_events(recorder, recorder->order.count);
+    if (recorder->mcap) {
+        recorder_mcap_finish(recorder->mcap);
+    }
+    for (int f = 0; f < RECORDER_FILES; f++) {
+        line_file_look(&recorder->file[f]);
+        line_file_close(&recorder->file[f]);
+    }
     pthread_cleanup_pop(1);
     return NULL;
 }

@@ -7,6 +7,7 @@
 #include "rt/requests.h"
 #include "sim/simulator.h"
 #include "tests/test.h"
+#include "tests/tunables.h"
 
 #include <math.h>
 #include <stdio.h>

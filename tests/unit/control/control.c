@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The control socket on a running simulator: what each request does and answers. */
+#include "tests/tunables.h"
 #include "tests/unit/control/control_bench.h"
 
 #include "boards/foc/protocol.h"

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the loop makes of requests, by the scripted clock: speed, the way back, and what is set. */
+#include "tests/tunables.h"
 #include "tests/unit/rt/request_bench.h"
 
 #include <math.h>

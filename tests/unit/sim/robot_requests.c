@@ -4,6 +4,7 @@
  * host and requests see alike; and to take requests changes nothing by itself.
  */
 #include "boards/icub/protocol.h"
+#include "tests/tunables.h"
 #include "tests/unit/sim/robot_requests_scene.h"
 
 #include <math.h>

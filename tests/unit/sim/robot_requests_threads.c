@@ -9,6 +9,7 @@
 #include "rt/requests.h"
 #include "tests/rig_run.h"
 #include "tests/test.h"
+#include "tests/tunables.h"
 
 #include <pthread.h>
 #include <sched.h>

@@ -5,6 +5,7 @@
  * checkpoint, by requests that begin, change and end such activities, and goes back; from there on
  * it must follow the plain run bit by bit, beyond the end of every activity.
  */
+#include "tests/tunables.h"
 #include "tests/unit/sim/robot_requests_scene.h"
 
 enum { AT = 50, SPAN = 30, LENGTH = 100 }; /* checkpoint; ticks undone; ticks compared */
