@@ -1,33 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Checks whether a frame is legal and counts its bits on the wire, without stuff bits. */
+/* Checks whether a frame is legal, and counts its bits on the wire, without stuff bits. */
 #include "canbus/frame.h"
 
 #include <assert.h>
 #include <string.h>
 
-/* Checks whether a CAN FD frame can have this many bytes. */
-static bool frame_fd_length_is_legal(uint8_t len)
-{
-    switch (len) {
-    case 12:
-    case 16:
-    case 20:
-    case 24:
-    case 32:
-    case 48:
-    case 64:
-        return true;
-    default:
-        return len <= 8;
-    }
-}
+const uint8_t frame_lengths[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64};
 
 uint8_t frame_fd_length(unsigned bytes)
 {
-    while (bytes < 64 && !frame_fd_length_is_legal((uint8_t)bytes)) {
-        bytes++;
+    size_t code = 0;
+
+    while (code < 15 && frame_lengths[code] < bytes) {
+        code++;
     }
-    return (uint8_t)bytes;
+    return frame_lengths[code];
 }
 
 bool frame_valid(const struct bus_frame *frame)
@@ -55,7 +42,7 @@ bool frame_valid(const struct bus_frame *frame)
     if (frame->id > ((flags & (FRAME_EXTENDED | FRAME_ERROR)) ? 0x1FFFFFFFu : 0x7FFu)) {
         return false;
     }
-    return (flags & FRAME_FD) ? frame_fd_length_is_legal(frame->len) : frame->len <= 8;
+    return (flags & FRAME_FD) ? frame_fd_length(frame->len) == frame->len : frame->len <= 8;
 }
 
 uint32_t frame_fast_bits(const struct bus_frame *frame)

@@ -21,11 +21,14 @@ struct bus_frame {
     uint8_t flags;
     uint8_t len; /* bytes of data: 0-8 classic; 0-8, 12, 16, 20, 24, 32, 48, 64 FD */
     uint8_t data[64];
-    /* The sending node, if the sending port has several (local_bus_join_nodes); 0 on other ports.
+    /* The sending node, if the sending port has several (local_bus_join); 0 on other ports.
      * Unused in received frames. */
     uint16_t node;
     int64_t time_ns; /* time of reception or sending, on the port's clock */
 };
+
+/* The data lengths in bytes by their code (DLC). */
+extern const uint8_t frame_lengths[16];
 
 /* Returns the shortest FD length that holds `bytes` bytes (at most 64). */
 uint8_t frame_fd_length(unsigned bytes);
@@ -82,6 +85,19 @@ static inline int hex_value(char c)
            : c >= 'A' && c <= 'F' ? c - 'A' + 10
            : c >= 'a' && c <= 'f' ? c - 'a' + 10
                                   : -1;
+}
+
+/* Reads a number of `digits` hexadecimal digits; false = one of them is no digit. */
+static inline bool hex_read(const char *text, size_t digits, uint32_t *value)
+{
+    *value = 0;
+    for (size_t i = 0; i < digits; i++) {
+        if (hex_value(text[i]) < 0) {
+            return false;
+        }
+        *value = *value << 4 | (uint32_t)hex_value(text[i]);
+    }
+    return true;
 }
 
 /* Writes a number with `digits` hexadecimal digits. Returns the end. */

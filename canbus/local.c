@@ -790,9 +790,9 @@ static enum error_code local_add_node(struct local_bus *bus, size_t controllers,
     return ERROR_NONE;
 }
 
-enum error_code local_bus_join_nodes(struct local_bus *bus, size_t nodes,
-                                     const struct frame_filter *filter, size_t nfilter,
-                                     struct can_port **port, struct error *error)
+enum error_code local_bus_join(struct local_bus *bus, size_t nodes,
+                               const struct frame_filter *filter, size_t nfilter,
+                               struct can_port **port, struct error *error)
 {
     enum error_code code;
 
@@ -804,12 +804,6 @@ enum error_code local_bus_join_nodes(struct local_bus *bus, size_t nodes,
     code = local_add_node(bus, nodes, filter, nfilter, port, error);
     pthread_mutex_unlock(&bus->joining);
     return code;
-}
-
-enum error_code local_bus_join(struct local_bus *bus, const struct frame_filter *filter,
-                               size_t nfilter, struct can_port **port, struct error *error)
-{
-    return local_bus_join_nodes(bus, 1, filter, nfilter, port, error);
 }
 
 void local_bus_destroy(struct local_bus *bus)

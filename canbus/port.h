@@ -179,20 +179,18 @@ struct local_bus_config {
 enum error_code local_bus_create(const struct local_bus_config *config, struct arena *arena,
                                  struct local_bus **bus, struct error *error);
 
-/* Joins the bus as a node; earlier frames are not received. From any thread, while others send.
- * Copies the filters (at most LOCAL_BUS_FILTERS_MAX). The place of a closed port is not used again:
- * max_nodes limits all joins. A node signals its descriptor only after the first call of
- * descriptor(), so that a polling node costs no system call. Not RT-safe. */
-enum error_code local_bus_join(struct local_bus *bus, const struct frame_filter *filter,
-                               size_t nfilter, struct can_port **port, struct error *error);
-
-/* Joins with several controllers on the wire, as for the boards of a simulator. frame.node selects
- * the sending controller. Each controller has its own queue and error counters. They acknowledge
- * each other's frames but do not receive them. The port's state is the worst of its controllers on
- * the bus, bus-off if none is. In ideal mode the same as local_bus_join. */
-enum error_code local_bus_join_nodes(struct local_bus *bus, size_t nodes,
-                                     const struct frame_filter *filter, size_t nfilter,
-                                     struct can_port **port, struct error *error);
+/* Joins the bus; earlier frames are not received. From any thread, while others send. Copies the
+ * filters (at most LOCAL_BUS_FILTERS_MAX). The place of a closed port is not used again: max_nodes
+ * limits all joins. A port signals its descriptor only after the first call of descriptor(), so
+ * that a polling port costs no system call. Not RT-safe.
+ *
+ * `nodes` is the number of its controllers on the wire, several for the boards of a simulator.
+ * frame.node selects the sending controller. Each controller has its own queue and error counters.
+ * They acknowledge each other's frames but do not receive them. The port's state is the worst of
+ * its controllers on the bus, bus-off if none is. In ideal mode the number has no effect. */
+enum error_code local_bus_join(struct local_bus *bus, size_t nodes,
+                               const struct frame_filter *filter, size_t nfilter,
+                               struct can_port **port, struct error *error);
 
 /* Runs the wire up to a virtual time and delivers the frames that have arrived. No effect in ideal
  * mode. From one thread, which keeps time. RT-safe. */

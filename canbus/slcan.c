@@ -21,29 +21,11 @@ static const struct slcan_letter {
     {'B', FRAME_FD | FRAME_BRS | FRAME_EXTENDED},
 };
 
-/* Data lengths in bytes by their code (DLC). */
-static const uint8_t lengths[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64};
-
 /* Nominal bit rates in bit/s by the digit behind S. */
 static const int64_t bit_rates[] = {10000,  20000,  50000,  100000, 125000,
                                     250000, 500000, 800000, 1000000};
 
 /* ---- reading ---- */
-
-/* Reads `count` hexadecimal digits; false = one of them is no digit. */
-static bool slcan_read_digits(const char *text, size_t count, uint32_t *value)
-{
-    *value = 0;
-    for (size_t i = 0; i < count; i++) {
-        int digit = hex_value(text[i]);
-
-        if (digit < 0) {
-            return false;
-        }
-        *value = *value << 4 | (uint32_t)digit;
-    }
-    return true;
-}
 
 /* Reads a frame: letter, identifier, length code and data; false = it is malformed. */
 static bool slcan_read_frame(const struct slcan_letter *letter, const char *text, size_t size,
@@ -53,20 +35,20 @@ static bool slcan_read_frame(const struct slcan_letter *letter, const char *text
     uint32_t code, byte;
 
     *frame = (struct bus_frame){.flags = letter->flags};
-    if (size < at + 1 || !slcan_read_digits(text + 1, id_digits, &frame->id) ||
-        !slcan_read_digits(text + at, 1, &code)) {
+    if (size < at + 1 || !hex_read(text + 1, id_digits, &frame->id) ||
+        !hex_read(text + at, 1, &code)) {
         return false;
     }
     at++;
     if (!(letter->flags & FRAME_FD) && code > 8) {
         return false;
     }
-    frame->len = lengths[code];
+    frame->len = frame_lengths[code];
     if (size != at + (letter->flags & FRAME_REMOTE ? 0u : 2u * frame->len)) {
         return false;
     }
     for (size_t i = 0; i < frame->len && !(letter->flags & FRAME_REMOTE); i++) {
-        if (!slcan_read_digits(text + at + 2 * i, 2, &byte)) {
+        if (!hex_read(text + at + 2 * i, 2, &byte)) {
             return false;
         }
         frame->data[i] = (uint8_t)byte;
@@ -82,19 +64,11 @@ static bool slcan_read_setting(const char *text, size_t size, int most, int64_t 
     return *value >= 0 && *value <= most;
 }
 
-/* Checks whether a filter (M code, m mask) accepts everything; no other filter is supported. */
-static bool slcan_is_open_filter(const char *text, size_t size)
-{
-    uint32_t value;
-
-    return size == 9 && slcan_read_digits(text + 1, 8, &value) &&
-           value == (text[0] == 'M' ? 0 : UINT32_MAX);
-}
-
 /* Reads a command other than a frame, and its value; SLCAN_WRONG = unknown or malformed. */
 static enum slcan_command slcan_read_command(const char *text, size_t size, int64_t *value)
 {
     const bool alone = size == 1;
+    uint32_t filter;
 
     switch (text[0]) {
     /* Bit rates */
@@ -134,7 +108,11 @@ static enum slcan_command slcan_read_command(const char *text, size_t size, int6
         return slcan_read_setting(text, size, 1, value) ? SLCAN_ACCEPTED : SLCAN_WRONG;
     case 'M':
     case 'm':
-        return slcan_is_open_filter(text, size) ? SLCAN_ACCEPTED : SLCAN_WRONG;
+        /* Only the filter (code and mask) that accepts everything is supported */
+        return size == 9 && hex_read(text + 1, 8, &filter) &&
+                       filter == (text[0] == 'M' ? 0 : UINT32_MAX)
+                   ? SLCAN_ACCEPTED
+                   : SLCAN_WRONG;
     default:
         return SLCAN_WRONG;
     }
@@ -176,7 +154,7 @@ size_t slcan_format(const struct bus_frame *frame, bool stamped, char text[SLCAN
         }
     }
     to = hex_put(to, frame->id, frame->flags & FRAME_EXTENDED ? 8 : 3);
-    while (lengths[code] < frame->len) {
+    while (frame_lengths[code] < frame->len) {
         code++;
     }
     to = hex_put(to, code, 1);

@@ -215,7 +215,7 @@ static enum error_code bus_join(struct buses *buses, size_t bus, bool boards, st
     size_t nodes = boards ? bus_count_controllers(&buses->rig->bus[bus]) : 1;
 
     if (buses->local) {
-        return local_bus_join_nodes(buses->bus[bus], nodes, NULL, 0, port, error);
+        return local_bus_join(buses->bus[bus], nodes, NULL, 0, port, error);
     }
     if (socketcan_open(&config, arena, port, error)) {
         return error_prefix(error, "bus %s", buses->rig->bus[bus].name);

@@ -213,7 +213,6 @@ static void print_wires(const struct summary *summary, FILE *out)
     for (size_t b = 0; b < rig->nbus; b++) {
         const struct wire *wire = simulator_wire(summary->simulator, b);
         struct wire_stats w;
-        struct wire_latency worst;
 
         if (!wire) {
             continue;
@@ -223,12 +222,11 @@ static void print_wires(const struct summary *summary, FILE *out)
                     "peak", "worst ms", "of id", "queue", "drops", "errors", "bus-off");
         }
         wire_stats(wire, &w);
-        worst = wire_worst_latency(wire);
         fprintf(out,
                 "  %-10s %9" PRIu64 " %7.1f %% %7.1f %% %9.3f    0x%03x %6zu %8llu %8llu %8" PRIu64
                 "\n",
                 rig->bus[b].name, w.frames, 100.0 * w.load_mean, 100.0 * w.load_peak,
-                summary_us(worst.max_ns) * 1e-3, worst.id, w.queued_peak,
+                summary_us(w.latency_max_ns) * 1e-3, w.latency_max_id, w.queued_peak,
                 summary_sum(w.dropped, WIRE_DROPS), summary_sum(w.errors, WIRE_ERRORS), w.bus_offs);
     }
 }
@@ -360,21 +358,19 @@ static void json_phases(const struct loop_stats *stats, FILE *out)
 /* Writes the counters of a bus's wire, if it has one. */
 static void json_wire(const struct wire *wire, FILE *out)
 {
-    struct wire_latency worst;
     struct wire_stats w;
 
     if (!wire) {
         return;
     }
     wire_stats(wire, &w);
-    worst = wire_worst_latency(wire);
     fprintf(out,
             ",\n     \"wire\": {\"frames\": %" PRIu64 ", \"busy_ns\": %" PRId64
             ", \"load_peak_percent\": %.3f, \"queue_peak\": %zu, \"arbitration_lost\": %" PRIu64
             ", \"bus_offs\": %" PRIu64 ", \"worst_latency_ns\": %" PRId64
             ", \"worst_latency_id\": %u",
             w.frames, w.busy_ns, 100.0 * w.load_peak, w.queued_peak, w.arbitration_lost, w.bus_offs,
-            worst.max_ns, worst.id);
+            w.latency_max_ns, w.latency_max_id);
     for (int i = 0; i < WIRE_ERRORS; i++) {
         fprintf(out, ", \"%s_errors\": %" PRIu64, wire_error_name((enum wire_error)i), w.errors[i]);
     }

@@ -208,10 +208,10 @@ static double signal_read_wire(const struct scenario_view *view, size_t bus, siz
     if (word == 5) {
         return largest_tec(view, wire, bus);
     }
-    if (word == 11) {
-        return (double)wire_worst_latency(wire).max_ns * 1e-9;
-    }
     wire_stats(wire, &stats);
+    if (word == 11) {
+        return (double)stats.latency_max_ns * 1e-9;
+    }
     for (int i = 0; i < WIRE_ERRORS; i++) {
         errors += stats.errors[i];
     }

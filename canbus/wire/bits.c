@@ -76,20 +76,6 @@ static unsigned wire_data_bytes(const struct bus_frame *frame)
     return frame->flags & FRAME_REMOTE ? 0 : frame->len;
 }
 
-/* Returns the bits of stuff count and CRC of an FD frame, without fixed stuff bits. */
-static unsigned wire_fd_check_bits(uint8_t len)
-{
-    return 4 + (len <= CRC17_LAST ? 17 : 21);
-}
-
-/* Returns their number with the fixed stuff bits: one before each four bits. */
-static unsigned wire_fd_check_field_bits(uint8_t len)
-{
-    unsigned bits = wire_fd_check_bits(len);
-
-    return bits + (bits + 3) / 4;
-}
-
 uint32_t wire_priority(const struct bus_frame *frame)
 {
     const uint32_t remote = frame->flags & FRAME_REMOTE ? 1 : 0;
@@ -232,7 +218,10 @@ static inline struct wire_length wire_classic_length(const struct wire_tables *t
  * and its delimiter. */
 static unsigned wire_fd_fast_bits(uint8_t len)
 {
-    return 5 + 8u * len + wire_fd_check_field_bits(len) + 1;
+    /* Stuff count and CRC have a fixed stuff bit before each four bits */
+    const unsigned check = 4 + (len <= CRC17_LAST ? 17 : 21);
+
+    return 5 + 8u * len + check + (check + 3) / 4 + 1;
 }
 
 /* Computes the length of an FD frame, split into bits at the nominal and at the data rate. */
@@ -347,8 +336,10 @@ static uint32_t wire_crc_bit(uint32_t crc, unsigned bit, unsigned width, uint32_
     return top ^ bit ? crc ^ polynomial : crc;
 }
 
-/* Computes the CRC-15 over header and data before stuffing. */
-static uint32_t wire_frame_crc15(const struct wire_header *header, const struct bus_frame *frame)
+/* Appends the CRC-15 over header and data before stuffing, with its stuff bits, including one
+ * behind its last bit. */
+static void wire_put_crc15(struct wire_writing *writing, const struct wire_header *header,
+                           const struct bus_frame *frame)
 {
     uint32_t crc = 0;
 
@@ -358,12 +349,6 @@ static uint32_t wire_frame_crc15(const struct wire_header *header, const struct 
     for (unsigned i = 0; i < 8 * wire_data_bytes(frame); i++) {
         crc = wire_crc_bit(crc, frame->data[i / 8] >> (7 - i % 8) & 1, 15, CRC15_POLYNOMIAL);
     }
-    return crc;
-}
-
-/* Appends the CRC-15 with its stuff bits, including one behind its last bit. */
-static void wire_put_crc15(struct wire_writing *writing, uint32_t crc)
-{
     for (int i = 14; i >= 0; i--) {
         wire_put_stuffed_bit(writing, crc >> i & 1);
     }
@@ -430,7 +415,7 @@ void wire_frame_encode(const struct bus_frame *frame, struct wire_bits *bits)
     if (fd) {
         wire_put_fd_check(&writing, frame->len);
     } else {
-        wire_put_crc15(&writing, wire_frame_crc15(&header, frame));
+        wire_put_crc15(&writing, &header, frame);
     }
 
     /* CRC delimiter, ACK field and EOF: recessive, without stuff bits */

@@ -110,30 +110,6 @@ static struct wire_detection wire_detect_by_sender(const struct wire *wire, size
     };
 }
 
-/* Describes an error that a receiver finds at a bit; behind the ACK field it is a form error. */
-static struct wire_detection wire_detect_by_receiver(const struct wire *wire, size_t at,
-                                                     size_t receiver)
-{
-    return (struct wire_detection){
-        .after_ns = wire_time_of_bits(wire, &wire->bits[0], at + 1),
-        .flag_bits = wire_flag_bits_by_receiver(&wire->bits[0], at),
-        .error = at >= wire->bits[0].ack ? WIRE_FORM_ERROR : WIRE_BIT_ERROR,
-        .first = WIRE_BIT(receiver),
-    };
-}
-
-static struct wire_detection wire_detect_missing_ack(const struct wire *wire)
-{
-    const struct wire_bits *bits = &wire->bits[0];
-
-    return (struct wire_detection){
-        .after_ns = wire_time_of_bits(wire, bits, bits->ack + 1),
-        .flag_bits = FLAG,
-        .error = WIRE_ACK_ERROR,
-        .unacknowledged = true,
-    };
-}
-
 /* Finds the bit where a receiver detects its misread bit: at six equal bits, else by the CRC, which
  * it checks behind the ACK field. */
 static size_t wire_misread_detected_at(struct wire_bits *bits, size_t wrong)
@@ -151,20 +127,6 @@ static size_t wire_misread_detected_at(struct wire_bits *bits, size_t wrong)
     }
     bits->bit[wrong] ^= 1;
     return found;
-}
-
-/* Applies a receiver's misread bit: an error active receiver destroys the frame, a passive one only
- * misses it. */
-static void wire_misread_by_receiver(struct wire *wire, size_t receiver, size_t found_at,
-                                     struct wire_detection *kept)
-{
-    if (wire_is_passive(&wire->node[receiver])) {
-        wire->flight.blind |= WIRE_BIT(receiver);
-    } else {
-        struct wire_detection found = wire_detect_by_receiver(wire, found_at, receiver);
-
-        wire_keep_earliest(kept, &found);
-    }
 }
 
 /* ---- hitting frames ---- */
@@ -224,19 +186,6 @@ static bool wire_add_foreign_sender(struct wire *wire)
     return true;
 }
 
-static void wire_apply_collisions(struct wire *wire)
-{
-    for (size_t i = 0; i < WIRE_FAULTS_MAX; i++) {
-        struct wire_armed *armed = &wire->fault[i];
-
-        if (armed->fault.kind == WIRE_FAULT_COLLISION && wire_fault_matches(wire, armed) &&
-            wire_add_foreign_sender(wire)) {
-            armed->hits++;
-            return;
-        }
-    }
-}
-
 /* Returns a random bit between the arbitration field and the CRC delimiter. */
 static size_t wire_random_bit(struct wire *wire)
 {
@@ -260,6 +209,8 @@ static bool wire_apply_fault(struct wire *wire, const struct wire_fault *fault,
     size_t at;
 
     switch (fault->kind) {
+    case WIRE_FAULT_COLLISION:
+        return wire_add_foreign_sender(wire);
     case WIRE_FAULT_CORRUPT:
         /* The sender reads back a wrong bit */
         at = wire_random_bit(wire);
@@ -267,13 +218,24 @@ static bool wire_apply_fault(struct wire *wire, const struct wire_fault *fault,
         wire_keep_earliest(kept, &found);
         return true;
     case WIRE_FAULT_CORRUPT_AT:
-        /* One receiver, if it listens, detects it by stuffing or by the CRC */
+        /* One receiver, if it listens, detects it by stuffing or by the CRC. An error active one
+         * destroys the frame; a passive one only misses it. Behind the ACK field the error is a
+         * form error */
         if (!(wire_listeners(wire) & WIRE_BIT(fault->receiver))) {
             return false;
         }
-        wire_misread_by_receiver(wire, (size_t)fault->receiver,
-                                 wire_misread_detected_at(&wire->bits[0], wire_random_bit(wire)),
-                                 kept);
+        at = wire_misread_detected_at(&wire->bits[0], wire_random_bit(wire));
+        if (wire_is_passive(&wire->node[fault->receiver])) {
+            flight->blind |= WIRE_BIT(fault->receiver);
+            return true;
+        }
+        found = (struct wire_detection){
+            .after_ns = wire_time_of_bits(wire, &wire->bits[0], at + 1),
+            .flag_bits = wire_flag_bits_by_receiver(&wire->bits[0], at),
+            .error = at >= wire->bits[0].ack ? WIRE_FORM_ERROR : WIRE_BIT_ERROR,
+            .first = WIRE_BIT(fault->receiver),
+        };
+        wire_keep_earliest(kept, &found);
         return true;
     case WIRE_FAULT_LOSS:
         /* The bus carries the frame; its end decides which receivers miss it */
@@ -286,18 +248,22 @@ static bool wire_apply_fault(struct wire *wire, const struct wire_fault *fault,
     case WIRE_FAULT_DUPLICATE:
         flight->repeat = true;
         return true;
-    default:
-        return false;
     }
+    return false;
 }
 
-static void wire_apply_faults(struct wire *wire, struct wire_detection *kept)
+/* Applies the first collision that hits the frame, or all other faults. */
+static void wire_apply_faults(struct wire *wire, bool collision, struct wire_detection *kept)
 {
-    for (size_t i = 0; i < WIRE_FAULTS_MAX; i++) {
+    bool hit = false;
+
+    for (size_t i = 0; i < WIRE_FAULTS_MAX && !(collision && hit); i++) {
         struct wire_armed *armed = &wire->fault[i];
 
-        if (armed->fault.kind != WIRE_FAULT_COLLISION && wire_fault_matches(wire, armed)) {
-            armed->hits += wire_apply_fault(wire, &armed->fault, kept);
+        if ((armed->fault.kind == WIRE_FAULT_COLLISION) == collision &&
+            wire_fault_matches(wire, armed)) {
+            hit = wire_apply_fault(wire, &armed->fault, kept);
+            armed->hits += hit;
         }
     }
 }
@@ -325,11 +291,6 @@ int wire_inject(struct wire *wire, const struct wire_fault *fault)
     return -1;
 }
 
-uint64_t wire_fault_hits(const struct wire *wire, int fault)
-{
-    return wire->fault[fault].hits;
-}
-
 uint64_t wire_heal(struct wire *wire, int fault)
 {
     wire->armed -= wire->fault[fault].armed;
@@ -346,20 +307,6 @@ enum {
 };
 
 /* ---- collisions ---- */
-
-/* Finds the first bit in which two encoded frames differ; false = they are the same. */
-static bool wire_first_difference(const struct wire_bits *a, const struct wire_bits *b, size_t *at)
-{
-    size_t count = a->count < b->count ? a->count : b->count;
-
-    for (size_t i = 0; i < count; i++) {
-        if (a->bit[i] != b->bit[i]) {
-            *at = i;
-            return true;
-        }
-    }
-    return false;
-}
 
 /* Returns the senders whose bit at a position is recessive, as a mask. */
 static uint64_t wire_recessive_senders(struct wire *wire, size_t at)
@@ -383,7 +330,7 @@ static void wire_resolve_collision(struct wire *wire, struct wire_detection *kep
     struct wire_flight *flight = &wire->flight;
 
     for (;;) {
-        size_t at = WIRE_BITS_MAX, here, index;
+        size_t at = WIRE_BITS_MAX, index;
         uint64_t recessive;
 
         wire_frame_encode(&wire_flying(wire, (size_t)__builtin_ctzll(flight->senders))->frame,
@@ -393,8 +340,8 @@ static void wire_resolve_collision(struct wire *wire, struct wire_detection *kep
         WIRE_FOR_EACH(index, flight->senders & (flight->senders - 1))
         {
             wire_frame_encode(&wire_flying(wire, index)->frame, &wire->bits[1]);
-            if (wire_first_difference(&wire->bits[0], &wire->bits[1], &here) && here < at) {
-                at = here;
+            for (size_t i = 0; i < at && i < wire->bits[0].count && i < wire->bits[1].count; i++) {
+                at = wire->bits[0].bit[i] != wire->bits[1].bit[i] ? i : at;
             }
         }
         if (at == WIRE_BITS_MAX) {
@@ -423,13 +370,16 @@ void wire_disturb(struct wire *wire)
     struct wire_detection kept = {.after_ns = WIRE_NEVER}, found;
 
     /* Find all errors that may end the frame; keep the earliest */
-    if (wire->armed) {
-        wire_apply_collisions(wire);
-    }
+    wire_apply_faults(wire, true, &kept);
     wire_resolve_collision(wire, &kept);
-    wire_apply_faults(wire, &kept);
+    wire_apply_faults(wire, false, &kept);
     if (!(wire_listeners(wire) & ~flight->blind)) {
-        found = wire_detect_missing_ack(wire);
+        found = (struct wire_detection){
+            .after_ns = wire_time_of_bits(wire, &wire->bits[0], wire->bits[0].ack + 1),
+            .flag_bits = FLAG,
+            .error = WIRE_ACK_ERROR,
+            .unacknowledged = true,
+        };
         wire_keep_earliest(&kept, &found);
     }
 

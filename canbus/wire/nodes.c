@@ -177,23 +177,6 @@ void wire_count_errors(struct wire *wire, size_t index, int64_t time_ns, int tec
                                            .rec = stats->rec});
 }
 
-void wire_recover(struct wire *wire, size_t index, int64_t time_ns)
-{
-    struct wire_node_stats *stats = &wire->node[index].stats;
-
-    wire->off &= ~WIRE_BIT(index);
-    stats->tec = stats->rec = 0;
-    wire_count_errors(wire, index, time_ns, 0, 0);
-}
-
-void wire_force_bus_off(struct wire *wire, size_t node)
-{
-    if (!(wire->off & WIRE_BIT(node))) {
-        wire_count_errors(wire, node, wire->now_ns,
-                          WIRE_BUS_OFF_FROM - (int)wire->node[node].stats.tec, 0);
-    }
-}
-
 void wire_connect(struct wire *wire, size_t node, bool connected)
 {
     if (connected && wire->unplugged & WIRE_BIT(node)) {

@@ -14,7 +14,6 @@ enum {
     WIRE_SUSPEND_BITS = 8,
     WIRE_RECOVERY_RUNS = 128, /* number of runs of WIRE_RUN_BITS recessive bits */
     WIRE_RUN_BITS = 11,
-    WIRE_ID_SLOTS = 2048,
 };
 
 #define WIRE_NEVER INT64_MAX
@@ -116,9 +115,6 @@ struct wire {
 
     struct wire_load load;
     struct wire_stats stats;
-    struct wire_latency latency[WIRE_ID_SLOTS];
-    struct wire_latency others;
-    size_t nid;
 };
 
 /* Runs the following block with `node` set to the index of each bit in a mask. */
@@ -177,10 +173,9 @@ void wire_notify(const struct wire *wire, const struct wire_event *event);
 /* Changes the error counters and the resulting state; bus-off empties the queue. */
 void wire_count_errors(struct wire *wire, size_t node, int64_t time_ns, int tec, int rec);
 
-/* wire_recover ends bus-off when it is due. wire_recovery_end returns when bus-off ends if the bus
+/* wire_recovery_end returns when bus-off ends if the bus
  * stays idle. wire_count_runs counts the recessive bits that nodes in bus-off have seen when a
  * frame starts. */
-void wire_recover(struct wire *wire, size_t index, int64_t time_ns);
 int64_t wire_recovery_end(const struct wire *wire, const struct wire_node *node);
 void wire_count_runs(struct wire *wire, int64_t start_ns);
 
@@ -191,6 +186,5 @@ void wire_finish_error(struct wire *wire);
 
 /* stats.c */
 void wire_load_add(struct wire_load *load, int64_t window_ns, int64_t from_ns, int64_t to_ns);
-void wire_latency_add(struct wire *wire, const struct bus_frame *frame, int64_t latency_ns);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Statistics of the wire: load by time window, latency by identifier. */
+/* Statistics of the wire, with the load by time window. */
 #include "canbus/wire/private.h"
 
 const char *wire_error_name(enum wire_error error)
@@ -58,74 +58,6 @@ void wire_load_add(struct wire_load *load, int64_t window_ns, int64_t from_ns, i
         wire_close_windows(load, window_ns, border);
     }
     load->window_busy_ns += to_ns - from_ns;
-}
-
-/* ---- latency ---- */
-
-/* Returns the latency entry of an identifier (open addressing), or the shared entry when the table
- * is full. */
-static struct wire_latency *wire_latency_of(struct wire *wire, const struct bus_frame *frame)
-{
-    const bool extended = frame->flags & FRAME_EXTENDED;
-    /* Every standard identifier has its own slot */
-    size_t at = extended ? (frame->id * UINT32_C(2654435761)) >> 21 : frame->id;
-
-    for (;; at = (at + 1) % WIRE_ID_SLOTS) {
-        struct wire_latency *entry = &wire->latency[at];
-
-        if (entry->count && entry->id == frame->id && entry->extended == extended) {
-            return entry;
-        }
-        if (!entry->count) {
-            if (wire->nid == WIRE_IDS_MAX) {
-                wire->others.others = true;
-                return &wire->others;
-            }
-            wire->nid++;
-            entry->id = frame->id;
-            entry->extended = extended;
-            return entry;
-        }
-    }
-}
-
-void wire_latency_add(struct wire *wire, const struct bus_frame *frame, int64_t latency_ns)
-{
-    struct wire_latency *entry = wire_latency_of(wire, frame);
-
-    entry->min_ns = !entry->count || latency_ns < entry->min_ns ? latency_ns : entry->min_ns;
-    entry->max_ns = latency_ns > entry->max_ns ? latency_ns : entry->max_ns;
-    entry->sum_ns += latency_ns;
-    entry->count++;
-}
-
-size_t wire_latencies(const struct wire *wire, struct wire_latency *latency, size_t max)
-{
-    size_t count = 0;
-
-    for (size_t i = 0; i <= WIRE_ID_SLOTS; i++) {
-        const struct wire_latency *entry = i < WIRE_ID_SLOTS ? &wire->latency[i] : &wire->others;
-
-        if (entry->count) {
-            if (count < max) {
-                latency[count] = *entry;
-            }
-            count++;
-        }
-    }
-    return count;
-}
-
-struct wire_latency wire_worst_latency(const struct wire *wire)
-{
-    const struct wire_latency *worst = &wire->others;
-
-    for (size_t i = 0; i < WIRE_ID_SLOTS; i++) {
-        if (wire->latency[i].max_ns > worst->max_ns) {
-            worst = &wire->latency[i];
-        }
-    }
-    return *worst;
 }
 
 /* ---- looking ---- */

@@ -105,11 +105,6 @@ void *wire_memory(struct wire *wire, size_t *size)
     return wire;
 }
 
-int64_t wire_now(const struct wire *wire)
-{
-    return wire->now_ns;
-}
-
 void wire_notify(const struct wire *wire, const struct wire_event *event)
 {
     if (wire->config.notify && wire->config.events & 1u << event->kind) {
@@ -285,11 +280,13 @@ static void wire_confirm_frame(struct wire *wire, size_t index)
 {
     struct wire_node *node = &wire->node[index];
     struct wire_slot *slot = &node->slot[node->flying];
+    const int64_t latency_ns = wire->flight.end_ns - slot->ready_ns;
 
     slot->frame.time_ns = wire->flight.end_ns;
     node->stats.confirmed++;
-    if (index < wire->config.nodes) {
-        wire_latency_add(wire, &slot->frame, wire->flight.end_ns - slot->ready_ns);
+    if (index < wire->config.nodes && latency_ns > wire->stats.latency_max_ns) {
+        wire->stats.latency_max_ns = latency_ns;
+        wire->stats.latency_max_id = slot->frame.id;
     }
     if (wire->config.events & 1 << WIRE_CONFIRM) {
         wire_notify(wire, &(struct wire_event){.kind = WIRE_CONFIRM,
@@ -493,7 +490,10 @@ static bool wire_take_step(struct wire *wire, int64_t to_ns)
         wire_finish_frame(wire);
         break;
     case STEP_RECOVER:
-        wire_recover(wire, step.index, step.time_ns);
+        /* A node ends its bus-off with both error counters at 0 */
+        wire->off &= ~WIRE_BIT(step.index);
+        wire->node[step.index].stats.tec = wire->node[step.index].stats.rec = 0;
+        wire_count_errors(wire, step.index, step.time_ns, 0, 0);
         break;
     case STEP_LATE:
         /* A late frame arrives */

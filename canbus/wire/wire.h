@@ -41,7 +41,6 @@ enum {
     WIRE_NODES_MAX = 63,
     WIRE_FAULTS_MAX = 16,
     WIRE_LATE_MAX = 64, /* most frames that WIRE_FAULT_LATE holds back */
-    WIRE_IDS_MAX = 1536 /* most identifiers with a separate latency entry */
 };
 
 enum wire_order { WIRE_PRIORITY, WIRE_FIFO };
@@ -116,8 +115,6 @@ bool wire_transmit(struct wire *wire, size_t node, const struct bus_frame *frame
 /* Runs the bus up to a time. An earlier time than before has no effect. */
 void wire_advance(struct wire *wire, int64_t to_ns);
 
-int64_t wire_now(const struct wire *wire);
-
 /* Returns all memory of the wire, with faults, statistics and random numbers. A copy restores the
  * wire when it is copied back to the same address. */
 void *wire_memory(struct wire *wire, size_t *size);
@@ -164,15 +161,9 @@ int wire_inject(struct wire *wire, const struct wire_fault *fault);
 /* Ends a fault. Returns the number of frames that it has hit. */
 uint64_t wire_heal(struct wire *wire, int fault);
 
-/* Returns the number of frames that an armed fault has hit so far. */
-uint64_t wire_fault_hits(const struct wire *wire, int fault);
-
 /* Connects or disconnects a node. A disconnected node receives nothing, and its frames get no
  * acknowledgment. A connected one joins after 11 recessive bits. */
 void wire_connect(struct wire *wire, size_t node, bool connected);
-
-/* Puts a node into bus-off now, as after a short circuit. */
-void wire_force_bus_off(struct wire *wire, size_t node);
 
 /* ---- statistics ---- */
 
@@ -192,16 +183,9 @@ struct wire_stats {
     int64_t time_ns, busy_ns;              /* busy: frames, error frames and intermissions */
     double load_mean, load_now, load_peak; /* 0 to 1; now = the last complete window */
     size_t queued, queued_peak;            /* frames in all queues */
-};
-
-/* Latency of an identifier, from wire_transmit to reception; all identifiers beyond WIRE_IDS_MAX
- * share one entry. */
-struct wire_latency {
-    uint32_t id;
-    bool extended;
-    bool others; /* the shared entry of further identifiers */
-    uint64_t count;
-    int64_t min_ns, max_ns, sum_ns;
+    /* longest time from wire_transmit to reception, and the identifier of its frame */
+    int64_t latency_max_ns;
+    uint32_t latency_max_id;
 };
 
 void wire_stats(const struct wire *wire, struct wire_stats *stats);
@@ -210,12 +194,6 @@ void wire_node_stats(const struct wire *wire, size_t node, struct wire_node_stat
 
 /* Checks whether some node has an error counter above 0 or is in bus-off. RT-safe. */
 bool wire_has_errors(const struct wire *wire);
-
-/* Copies up to max entries in no particular order. Returns the number of entries. */
-size_t wire_latencies(const struct wire *wire, struct wire_latency *latency, size_t max);
-
-/* Returns the entry with the largest max_ns; its count is 0 before the first frame. */
-struct wire_latency wire_worst_latency(const struct wire *wire);
 
 const char *wire_error_name(enum wire_error error);
 const char *wire_drop_name(enum wire_drop drop);

@@ -41,8 +41,8 @@ static void start(void)
     fuzz_require(arena_init(&arena, (size_t)32 << 20, NULL) == ERROR_NONE, "no memory");
     fuzz_require(local_bus_create(&bus_config, &arena, &bus, &error) == ERROR_NONE, "%s",
                  error.text);
-    fuzz_require(local_bus_join(bus, NULL, 0, &port, &error) == ERROR_NONE, "%s", error.text);
-    fuzz_require(local_bus_join(bus, NULL, 0, &board, &error) == ERROR_NONE, "%s", error.text);
+    fuzz_require(local_bus_join(bus, 1, NULL, 0, &port, &error) == ERROR_NONE, "%s", error.text);
+    fuzz_require(local_bus_join(bus, 1, NULL, 0, &board, &error) == ERROR_NONE, "%s", error.text);
     entry.port = port;
     fuzz_require(gateway_start(&config, &arena, &gateway, &error) == ERROR_NONE, "%s", error.text);
     fuzz_require(atexit(stop) == 0, "no end");

@@ -9,6 +9,7 @@
 #include "canbus/wire/bits.h"
 #include "tests/fuzz/fuzz.h"
 #include "tests/unit/canbus/wire/wire_reference.h"
+#include "tests/unit/canbus/wire/wire_force.h"
 
 #include <inttypes.h>
 

@@ -42,8 +42,8 @@ int main(void)
     if (arena_init(&arena, 64 << 20, &error) ||
         local_bus_create(&(struct local_bus_config){.name = "can0", .max_nodes = 2, .inbox = 1024},
                          &arena, &bus, &error) ||
-        local_bus_join(bus, NULL, 0, &board, &error) ||
-        local_bus_join(bus, NULL, 0, &host, &error) ||
+        local_bus_join(bus, 1, NULL, 0, &board, &error) ||
+        local_bus_join(bus, 1, NULL, 0, &host, &error) ||
         loop_create(
             &(struct loop_config){
                 .clock = LOOP_CLOCK_FREE,

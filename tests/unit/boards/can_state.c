@@ -4,6 +4,7 @@
 #include "boards/protocol_list.h"
 #include "canbus/wire/wire.h"
 #include "tests/unit/boards/board_bench.h"
+#include "tests/unit/canbus/wire/wire_force.h"
 
 enum { CAN_STATUS = 4, TX_ERRORS = 6, RX_ERRORS = 7 };
 

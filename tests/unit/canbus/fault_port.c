@@ -29,8 +29,8 @@ FIXTURE(set_up)
     memset(&bench, 0, sizeof bench);
     assert_ok(arena_init(&bench.arena, 64 << 20, &error));
     assert_ok(local_bus_create(&config, &bench.arena, &bench.bus, &error));
-    assert_ok(local_bus_join(bench.bus, NULL, 0, &bench.near, &error));
-    assert_ok(local_bus_join(bench.bus, NULL, 0, &bench.far, &error));
+    assert_ok(local_bus_join(bench.bus, 1, NULL, 0, &bench.near, &error));
+    assert_ok(local_bus_join(bench.bus, 1, NULL, 0, &bench.far, &error));
     *test_state = &bench;
     return 0;
 }

@@ -132,8 +132,8 @@ FIXTURE(start)
         const struct local_bus_config of = {.name = bus_name[b], .max_nodes = 2, .inbox = 4096};
 
         if (local_bus_create(&of, &f.arena, &f.bus[b], NULL) ||
-            local_bus_join(f.bus[b], NULL, 0, &f.machine[b], NULL) ||
-            local_bus_join(f.bus[b], NULL, 0, &f.guest[b], NULL)) {
+            local_bus_join(f.bus[b], 1, NULL, 0, &f.machine[b], NULL) ||
+            local_bus_join(f.bus[b], 1, NULL, 0, &f.guest[b], NULL)) {
             return -1;
         }
         stalling = *f.guest[b]->ops;

@@ -24,7 +24,7 @@ static struct can_port *join(struct local_bus *bus)
     struct can_port *port = NULL;
     struct error error;
 
-    assert_ok(local_bus_join(bus, NULL, 0, &port, &error));
+    assert_ok(local_bus_join(bus, 1, NULL, 0, &port, &error));
     return port;
 }
 
@@ -197,7 +197,7 @@ TEST_WITH(passes_what_a_filter_matches_and_every_error_frame, set_up, tear_down)
     struct bus_frame got[2];
     struct error error;
 
-    assert_ok(local_bus_join(bench->bus, filter, 3, &picky, &error));
+    assert_ok(local_bus_join(bench->bus, 1, filter, 3, &picky, &error));
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         struct bus_frame frame = {.id = cases[i].id, .flags = cases[i].flags};
 
@@ -346,10 +346,11 @@ TEST_WITH(refuses_impossible_sizes_with_a_message, set_up, tear_down)
     assert_int_equal(create("x", 257, 8, false, &bench->arena, &bus, &error), ERROR_INPUT);
     assert_int_equal(create("x", 2, 7, false, &bench->arena, &bus, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "power of two"));
-    assert_int_equal(local_bus_join(bench->bus, filters, LOCAL_BUS_FILTERS_MAX + 1, &port, &error),
-                     ERROR_INPUT);
+    assert_int_equal(
+        local_bus_join(bench->bus, 1, filters, LOCAL_BUS_FILTERS_MAX + 1, &port, &error),
+        ERROR_INPUT);
     join_all(bench);
-    assert_int_equal(local_bus_join(bench->bus, NULL, 0, &port, &error), ERROR_MEMORY);
+    assert_int_equal(local_bus_join(bench->bus, 1, NULL, 0, &port, &error), ERROR_MEMORY);
     assert_string_equal(error.text, "local bus limb: all 4 places are taken");
     /* Every size of arena that is too small is survived */
     for (size_t size = 1 << 12; size < 1 << 20; size += 1 << 14) {

@@ -11,6 +11,7 @@
 #include "tests/unit/arena_fixture.h"
 #include "tests/unit/canbus/numbered_frames.h"
 #include "tests/test.h"
+#include "tests/unit/canbus/wire/wire_force.h"
 
 TEST_WITH(frames_between_own_nodes_go_back_and_others_stay, open_arena, close_arena)
 {
@@ -21,9 +22,9 @@ TEST_WITH(frames_between_own_nodes_go_back_and_others_stay, open_arena, close_ar
     void *memory;
 
     assert_ok(local_bus_create(&config, &arena, &bus, &error));
-    assert_ok(local_bus_join(bus, NULL, 0, &own[0], &error));
-    assert_ok(local_bus_join(bus, NULL, 0, &own[1], &error));
-    assert_ok(local_bus_join(bus, NULL, 0, &other, &error));
+    assert_ok(local_bus_join(bus, 1, NULL, 0, &own[0], &error));
+    assert_ok(local_bus_join(bus, 1, NULL, 0, &own[1], &error));
+    assert_ok(local_bus_join(bus, 1, NULL, 0, &other, &error));
     memory = arena_alloc(&arena, 1, local_bus_save_size(bus));
     send_numbered(own[0], 1);
     send_numbered(own[1], 2);
@@ -57,8 +58,8 @@ TEST_WITH(more_frames_than_a_copy_holds_are_refused, open_arena, close_arena)
     void *memory;
 
     assert_ok(local_bus_create(&config, &arena, &bus, &error));
-    assert_ok(local_bus_join(bus, NULL, 0, &own[0], &error));
-    assert_ok(local_bus_join(bus, NULL, 0, &own[1], &error));
+    assert_ok(local_bus_join(bus, 1, NULL, 0, &own[0], &error));
+    assert_ok(local_bus_join(bus, 1, NULL, 0, &own[1], &error));
     memory = arena_alloc(&arena, 1, local_bus_save_size(bus));
     for (int i = 0; i < 2048; i++) {
         send_numbered(own[0], 1);
@@ -99,7 +100,7 @@ static struct can_port *join(struct local_bus *bus, size_t nodes)
     struct can_port *port = NULL;
     struct error error;
 
-    assert_ok(local_bus_join_nodes(bus, nodes, NULL, 0, &port, &error));
+    assert_ok(local_bus_join(bus, nodes, NULL, 0, &port, &error));
     return port;
 }
 

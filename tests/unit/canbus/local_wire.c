@@ -2,6 +2,7 @@
 /* The local bus in wire mode. */
 #include "canbus/port.h"
 #include "tests/unit/canbus/wire/wire_bench.h"
+#include "tests/unit/canbus/wire/wire_force.h"
 
 #include <linux/can/error.h>
 #include <pthread.h>
@@ -19,7 +20,7 @@ static struct can_port *join(size_t nodes)
     struct can_port *port = NULL;
     struct error error;
 
-    assert_no_error(local_bus_join_nodes(bus, nodes, NULL, 0, &port, &error), error.text);
+    assert_no_error(local_bus_join(bus, nodes, NULL, 0, &port, &error), error.text);
     return port;
 }
 
@@ -246,9 +247,9 @@ TEST_WITH(controllers_are_given_out_once, set_up, tear_down)
     struct error error;
 
     open_bus(0);
-    assert_int_equal(local_bus_join_nodes(bus, 2, NULL, 0, &port, &error), ERROR_MEMORY);
+    assert_int_equal(local_bus_join(bus, 2, NULL, 0, &port, &error), ERROR_MEMORY);
     assert_non_null(strstr(error.text, "2 controllers wanted, 1 of 6 are left"));
-    assert_ok(local_bus_join_nodes(bus, 1, NULL, 0, &port, &error));
+    assert_ok(local_bus_join(bus, 1, NULL, 0, &port, &error));
 }
 
 /* ---- senders in threads of their own ---- */

@@ -204,8 +204,8 @@ static inline void bench_buses(struct bench *bench, size_t inbox)
         const struct local_bus_config config = {.name = names[b], .max_nodes = 2, .inbox = inbox};
 
         assert_ok(local_bus_create(&config, &bench->arena, &bench->bus[b], &error));
-        assert_ok(local_bus_join(bench->bus[b], NULL, 0, &bench->port[b], &error));
-        assert_ok(local_bus_join(bench->bus[b], NULL, 0, &bench->host[b], &error));
+        assert_ok(local_bus_join(bench->bus[b], 1, NULL, 0, &bench->port[b], &error));
+        assert_ok(local_bus_join(bench->bus[b], 1, NULL, 0, &bench->host[b], &error));
         bench->transmit_max[b] = 8;
     }
 }

@@ -11,6 +11,7 @@
 #include "tests/unit/arena_fixture.h"
 #include "tests/unit/canbus/numbered_frames.h"
 #include "tests/test.h"
+#include "tests/unit/canbus/wire/wire_force.h"
 
 TEST_WITH(copies_come_back_around_their_holes, open_arena, close_arena)
 {
@@ -68,8 +69,8 @@ TEST_WITH(a_wire_goes_back_with_its_bus, open_arena, close_arena)
     void *memory;
 
     assert_ok(local_bus_create(&config, &arena, &bus, &error));
-    assert_ok(local_bus_join(bus, NULL, 0, &own[0], &error));
-    assert_ok(local_bus_join(bus, NULL, 0, &own[1], &error));
+    assert_ok(local_bus_join(bus, 1, NULL, 0, &own[0], &error));
+    assert_ok(local_bus_join(bus, 1, NULL, 0, &own[1], &error));
     memory = arena_alloc(&arena, 1, local_bus_save_size(bus));
     moving.memory = wire_memory(local_bus_wire(bus), &moving.size);
     assert_ok(checkpoint_create(&moving, 1, NULL, 0, 1, &arena, &wire, &error));
@@ -112,14 +113,14 @@ TEST_WITH(who_is_on_a_wire_does_not_go_back, open_arena, close_arena)
         void *memory;
 
         assert_ok(local_bus_create(&config, &arena, &bus, &error));
-        assert_ok(local_bus_join(bus, NULL, 0, &own, &error));
+        assert_ok(local_bus_join(bus, 1, NULL, 0, &own, &error));
         memory = arena_alloc(&arena, 1, local_bus_save_size(bus));
         moving.memory = wire_memory(local_bus_wire(bus), &moving.size);
         assert_ok(checkpoint_create(&moving, 1, NULL, 0, 1, &arena, &wire, &error));
         for (int step = 0; step < 2; step++) {
             local_bus_advance(bus, (step + 1) * INT64_C(1000000));
             if (step == stays) { /* before the copy, or after it */
-                assert_ok(local_bus_join(bus, NULL, 0, &client, &error));
+                assert_ok(local_bus_join(bus, 1, NULL, 0, &client, &error));
             }
             if (step == 0) {
                 local_bus_advance(bus, 1500000);

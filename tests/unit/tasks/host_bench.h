@@ -50,8 +50,10 @@ static inline void bench_open(struct bench *bench, const struct host_config *con
             .name = names[b], .max_nodes = 4, .inbox = 256, .fd = config->bus && config->bus[b].fd};
 
         assert_int_equal(local_bus_create(&bus, &bench->arena, &bench->bus[b], &error), 0);
-        assert_int_equal(local_bus_join(bench->bus[b], NULL, 0, &bench->host_port[b], &error), 0);
-        assert_int_equal(local_bus_join(bench->bus[b], NULL, 0, &bench->board_port[b], &error), 0);
+        assert_int_equal(local_bus_join(bench->bus[b], 1, NULL, 0, &bench->host_port[b], &error),
+                         0);
+        assert_int_equal(local_bus_join(bench->bus[b], 1, NULL, 0, &bench->board_port[b], &error),
+                         0);
     }
     bench->config = *config;
     bench->config.port = bench->host_port;

@@ -49,7 +49,7 @@ FIXTURE(set_up)
 
     assert_ok(arena_init(&arena, 8u << 20, &error));
     assert_ok(local_bus_create(&local, &arena, &bus, &error));
-    assert_ok(local_bus_join(bus, NULL, 0, &port, &error));
+    assert_ok(local_bus_join(bus, 1, NULL, 0, &port, &error));
     assert_no_error(task_create("pose", &config, &arena, &task, &error), error.text);
     return 0;
 }

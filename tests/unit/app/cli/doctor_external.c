@@ -55,8 +55,8 @@ FIXTURE(open_lab)
     if (arena_init(&lab.arena, (size_t)64 << 20, &error) ||
         rig_load(HIL_SOURCE_DIR "/config/rigs/coman-rest-bus.yaml", &lab.arena, &lab.rig, &error) ||
         local_bus_create(&bus, &lab.arena, &lab.bus, &error) ||
-        local_bus_join(lab.bus, NULL, 0, &lab.port[0], &error) ||
-        local_bus_join(lab.bus, NULL, 0, &lab.real, &error)) {
+        local_bus_join(lab.bus, 1, NULL, 0, &lab.port[0], &error) ||
+        local_bus_join(lab.bus, 1, NULL, 0, &lab.real, &error)) {
         return -1;
     }
     return 0;

@@ -7,6 +7,7 @@
 #include "canbus/port.h"
 #include "canbus/wire/wire.h"
 #include "canbus/wire/bits.h"
+#include "tests/unit/canbus/wire/wire_force.h"
 #include "tests/unit/canbus/wire/wire_reference.h"
 #include "tests/test.h"
 
