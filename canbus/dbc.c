@@ -42,10 +42,7 @@ static const char *const dbc_symbols[DBC_SYMBOLS] = {
 
 /* ---- names and texts ---- */
 
-static bool dbc_is_letter(char c)
-{
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_';
-}
+#define DBC_LETTERS "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_"
 
 /* Checks whether a name is a keyword of the DBC format. */
 static bool dbc_is_reserved(const char *name)
@@ -68,27 +65,10 @@ static bool dbc_is_reserved(const char *name)
 
 bool dbc_is_name(const char *name)
 {
-    size_t size = 0;
+    const size_t size = strspn(name, DBC_LETTERS "0123456789");
 
-    for (; size <= DBC_NAME_MAX && name[size]; size++) {
-        if (!dbc_is_letter(name[size]) && !(size && name[size] >= '0' && name[size] <= '9')) {
-            return false;
-        }
-    }
-    return size > 0 && size <= DBC_NAME_MAX && !dbc_is_reserved(name);
-}
-
-/* Checks whether a text can be quoted: printable ASCII without " and \, not too long. */
-static bool dbc_is_text(const char *text)
-{
-    size_t size = 0;
-
-    for (; size <= DBC_TEXT_MAX && text[size]; size++) {
-        if (text[size] < ' ' || text[size] > '~' || text[size] == '"' || text[size] == '\\') {
-            return false;
-        }
-    }
-    return size <= DBC_TEXT_MAX;
+    return size > 0 && size <= DBC_NAME_MAX && !name[size] && strspn(name, DBC_LETTERS) > 0 &&
+           !dbc_is_reserved(name);
 }
 
 static enum error_code dbc_check_name(const char *what, const char *name, struct error *error)
@@ -103,7 +83,12 @@ static enum error_code dbc_check_name(const char *what, const char *name, struct
 
 static enum error_code dbc_check_text(const char *what, const char *text, struct error *error)
 {
-    return dbc_is_text(text)
+    size_t size = 0;
+
+    while (text[size] >= ' ' && text[size] <= '~' && text[size] != '"' && text[size] != '\\') {
+        size++;
+    }
+    return !text[size] && size <= DBC_TEXT_MAX
                ? ERROR_NONE
                : error_set(error, ERROR_INPUT,
                            "found %s \"%.40s\", expected at most %d printable ASCII characters "
@@ -187,48 +172,29 @@ struct dbc_message *dbc_find_message(const struct dbc *dbc, uint32_t id)
     return message;
 }
 
-/* Checks that a message has a valid length for its format (classic or FD). */
-static enum error_code dbc_check_length(const struct dbc_message *message, struct error *error)
-{
-    const unsigned most = message->fd ? FD_LENGTH : CLASSIC_LENGTH, length = message->length;
-
-    if (length > most || frame_fd_length(length) != length) {
-        return error_set(error, ERROR_INPUT,
-                         "found %u bytes, expected a length that %s frames can have", length,
-                         message->fd ? "CAN FD" : "classic CAN");
-    }
-    return ERROR_NONE;
-}
-
 /* Checks name, length, identifier, mask, cycle and sender of a message, and that its name and
  * identifier are new. */
 static enum error_code dbc_check_message(const struct dbc *dbc, const struct dbc_message *message,
                                          struct error *error)
 {
     const uint32_t most = message->id & DBC_EXTENDED ? EXTENDED_ID_MAX : ID_MAX;
+    const unsigned longest = message->fd ? FD_LENGTH : CLASSIC_LENGTH, length = message->length;
 
-    if (dbc_check_name("message", message->name, error) || dbc_check_length(message, error)) {
+    if (dbc_check_name("message", message->name, error)) {
         return ERROR_INPUT;
     }
-    /* The identifier and its mask must fit 11 or 29 bits */
-    if ((message->id & ~DBC_EXTENDED) > most) {
+    /* The format must be able to have the length; identifier and mask must fit 11 or 29 bits */
+    if (length > longest || frame_fd_length(length) != length ||
+        (message->id & ~DBC_EXTENDED) > most || message->id_mask > most ||
+        message->id & message->id_mask || message->cycle_ms > DBC_CYCLE_MAX_MS ||
+        message->sender < DBC_NO_NODE || message->sender >= (int)dbc->nnode) {
         return error_set(error, ERROR_INPUT,
-                         "found identifier %" PRIu32 ", expected at most %" PRIu32,
-                         message->id & ~DBC_EXTENDED, most);
-    }
-    if (message->id_mask > most || message->id & message->id_mask) {
-        return error_set(error, ERROR_INPUT,
-                         "found identifier mask 0x%" PRIx32 ", expected bits that are 0 in the "
-                         "identifier 0x%" PRIx32,
-                         message->id_mask, message->id & ~DBC_EXTENDED);
-    }
-    /* Cycle and sender */
-    if (message->cycle_ms > DBC_CYCLE_MAX_MS) {
-        return error_set(error, ERROR_INPUT, "found a cycle of %" PRIu32 " ms, expected at most %d",
-                         message->cycle_ms, DBC_CYCLE_MAX_MS);
-    }
-    if (message->sender < DBC_NO_NODE || message->sender >= (int)dbc->nnode) {
-        return error_set(error, ERROR_INPUT, "found a sender that is no node");
+                         "found message %s of %u bytes with identifier 0x%" PRIx32
+                         ", mask 0x%" PRIx32 ", cycle %" PRIu32 " ms and sender %d, expected at "
+                         "most %u bytes, 0x%" PRIx32
+                         ", mask bits that are 0 in it, %d ms and a node",
+                         message->name, length, message->id & ~DBC_EXTENDED, message->id_mask,
+                         message->cycle_ms, message->sender, longest, most, DBC_CYCLE_MAX_MS);
     }
     /* Names and identifiers are unique in a database */
     for (const struct dbc_message *other = dbc->message; other; other = other->next) {
@@ -306,31 +272,10 @@ static bool dbc_signal_fits(const struct dbc_signal *signal, unsigned length)
            dbc_bit(signal, signal->big_endian ? 0 : signal->bits - 1u) < 8 * length;
 }
 
-/* Returns the smallest raw value of a signal of whole numbers (not DBC_FLOAT). */
-static double dbc_lowest_raw(const struct dbc_signal *signal)
-{
-    return signal->type == DBC_SIGNED ? -ldexp(1.0, signal->bits - 1) : 0.0;
-}
-
 /* Returns the largest raw value of a signal of whole numbers (not DBC_FLOAT). */
 static double dbc_highest_raw(const struct dbc_signal *signal)
 {
     return ldexp(1.0, signal->bits - (signal->type == DBC_SIGNED)) - 1.0;
-}
-
-/* Checks whether two signals can be in the same frame: multiplexed ones only if they have the same
- * selector. */
-static bool dbc_signals_can_meet(const struct dbc_signal *a, const struct dbc_signal *b)
-{
-    return a->role != DBC_MULTIPLEXED || b->role != DBC_MULTIPLEXED || a->selector == b->selector;
-}
-
-/* Marks the bits of the frame that a signal occupies. */
-static void dbc_mark_bits(const struct dbc_signal *signal, bool *used)
-{
-    for (unsigned k = 0; k < signal->bits; k++) {
-        used[dbc_bit(signal, k)] = true;
-    }
 }
 
 /* Returns the first signal that shares a bit or the name with this one; NULL = none. */
@@ -339,9 +284,15 @@ static const struct dbc_signal *dbc_find_overlap(const struct dbc_message *messa
 {
     bool used[FRAME_BITS] = {false};
 
-    dbc_mark_bits(signal, used);
+    for (unsigned k = 0; k < signal->bits; k++) {
+        used[dbc_bit(signal, k)] = true;
+    }
     for (const struct dbc_signal *other = message->signal; other; other = other->next) {
-        for (unsigned k = 0; k < other->bits && dbc_signals_can_meet(signal, other); k++) {
+        /* Multiplexed signals are in the same frame only if they have the same selector */
+        const bool can_meet = signal->role != DBC_MULTIPLEXED || other->role != DBC_MULTIPLEXED ||
+                              signal->selector == other->selector;
+
+        for (unsigned k = 0; k < other->bits && can_meet; k++) {
             if (used[dbc_bit(other, k)]) {
                 return other;
             }
@@ -353,56 +304,34 @@ static const struct dbc_signal *dbc_find_overlap(const struct dbc_message *messa
     return NULL;
 }
 
-/* Checks scale, offset and range of a signal, and that a float has 32 bits. */
-static enum error_code dbc_check_numbers(const struct dbc_signal *signal, struct error *error)
-{
-    if (!isfinite(signal->scale) || signal->scale == 0.0 || !isfinite(signal->offset)) {
-        return error_set(error, ERROR_INPUT,
-                         "found factor %g and offset %g, expected finite numbers, the factor not 0",
-                         signal->scale, signal->offset);
-    }
-    if (!isfinite(signal->min) || !isfinite(signal->max) || signal->min > signal->max) {
-        return error_set(error, ERROR_INPUT, "found the range %g to %g, expected it to ascend",
-                         signal->min, signal->max);
-    }
-    if (signal->type == DBC_FLOAT && signal->bits != 32) {
-        return error_set(error, ERROR_INPUT, "found a float of %d bits, expected 32", signal->bits);
-    }
-    return ERROR_NONE;
-}
-
-/* Checks that a message has at most one multiplexor, and that multiplexed signals name a valid
- * value of it. */
-static enum error_code dbc_check_role(const struct dbc_message *message,
-                                      const struct dbc_signal *signal, struct error *error)
-{
-    const struct dbc_signal *by = message->multiplexor;
-
-    if (signal->role == DBC_MULTIPLEXOR && (by || signal->type != DBC_UNSIGNED)) {
-        return error_set(error, ERROR_INPUT,
-                         "found multiplexor %s, expected one unsigned signal to be it",
-                         signal->name);
-    }
-    if (signal->role == DBC_MULTIPLEXED && (!by || signal->selector > dbc_highest_raw(by))) {
-        return error_set(error, ERROR_INPUT,
-                         "found signal %s of multiplexor value %" PRIu32
-                         ", expected a multiplexor before it that can be this",
-                         signal->name, signal->selector);
-    }
-    return ERROR_NONE;
-}
-
 /* Checks a signal before it is added to a message. */
 static enum error_code dbc_check_signal(const struct dbc *dbc, const struct dbc_message *message,
                                         const struct dbc_signal *signal, struct error *error)
 {
-    const struct dbc_signal *clash;
+    const struct dbc_signal *by = message->multiplexor, *clash;
 
-    /* The signal by itself */
+    /* The signal by itself: names and numbers, and a float of 32 bits */
     if (dbc_check_name("signal", signal->name, error) ||
-        dbc_check_text("unit", signal->unit, error) || dbc_check_numbers(signal, error) ||
-        dbc_check_role(message, signal, error)) {
+        dbc_check_text("unit", signal->unit, error)) {
         return ERROR_INPUT;
+    }
+    if (!isfinite(signal->scale) || signal->scale == 0.0 || !isfinite(signal->offset) ||
+        !isfinite(signal->min) || !isfinite(signal->max) || signal->min > signal->max ||
+        (signal->type == DBC_FLOAT && signal->bits != 32)) {
+        return error_set(error, ERROR_INPUT,
+                         "found signal %s of %d bits with factor %g, offset %g and range %g to %g, "
+                         "expected finite numbers, a factor other than 0, a range that ascends, "
+                         "and 32 bits of a float",
+                         signal->name, signal->bits, signal->scale, signal->offset, signal->min,
+                         signal->max);
+    }
+    /* A message has at most one multiplexor; multiplexed signals name a value of it */
+    if ((signal->role == DBC_MULTIPLEXOR && (by || signal->type != DBC_UNSIGNED)) ||
+        (signal->role == DBC_MULTIPLEXED && (!by || signal->selector > dbc_highest_raw(by)))) {
+        return error_set(error, ERROR_INPUT,
+                         "found signal %s of multiplexor value %" PRIu32
+                         ", expected one unsigned multiplexor before it that can have this value",
+                         signal->name, signal->selector);
     }
 
     /* Its place in the message, and the nodes that receive it */
@@ -412,12 +341,12 @@ static enum error_code dbc_check_signal(const struct dbc *dbc, const struct dbc_
                          "bytes of %s",
                          signal->name, signal->bits, signal->start, message->length, message->name);
     }
-    if (signal->frame_length > message->length) {
-        return error_set(error, ERROR_INPUT, "found frame length %d, expected at most %d",
-                         signal->frame_length, message->length);
-    }
-    if (dbc->nnode < DBC_NODES_MAX && signal->receivers >> dbc->nnode) {
-        return error_set(error, ERROR_INPUT, "found a receiver that is no node");
+    if (signal->frame_length > message->length ||
+        (dbc->nnode < DBC_NODES_MAX && signal->receivers >> dbc->nnode)) {
+        return error_set(error, ERROR_INPUT,
+                         "found frame length %d and receivers 0x%" PRIx64 ", expected at most %d "
+                         "and only nodes",
+                         signal->frame_length, signal->receivers, message->length);
     }
 
     /* Compare it with the other signals */
@@ -475,7 +404,8 @@ static enum error_code dbc_check_value(const struct dbc_signal *signal, int64_t 
         return ERROR_INPUT;
     }
     if (signal->type == DBC_FLOAT || fabs((double)number) > EXACT ||
-        (double)number < dbc_lowest_raw(signal) || (double)number > dbc_highest_raw(signal)) {
+        (double)number < (signal->type == DBC_SIGNED ? -ldexp(1.0, signal->bits - 1) : 0.0) ||
+        (double)number > dbc_highest_raw(signal)) {
         return error_set(error, ERROR_INPUT,
                          "found value %" PRId64 ", expected one that signal %s can have", number,
                          signal->name);
@@ -630,12 +560,6 @@ static void dbc_put_number(FILE *file, double value)
     fputs(text, file);
 }
 
-/* Returns the name of a node, or the format's word for none. */
-static const char *dbc_sender_name(const struct dbc *dbc, int node)
-{
-    return node == DBC_NO_NODE ? DBC_NOBODY : dbc->node[node].name;
-}
-
 /* Writes the version, the symbols of the format, and the nodes (BU_). */
 static void dbc_put_head(const struct dbc *dbc, FILE *file)
 {
@@ -691,7 +615,7 @@ static void dbc_put_messages(const struct dbc *dbc, FILE *file)
 {
     for (const struct dbc_message *m = dbc->message; m; m = m->next) {
         fprintf(file, "\nBO_ %" PRIu32 " %s: %d %s\n", m->id, m->name, m->length,
-                dbc_sender_name(dbc, m->sender));
+                m->sender == DBC_NO_NODE ? DBC_NOBODY : dbc->node[m->sender].name);
         for (const struct dbc_signal *s = m->signal; s; s = s->next) {
             dbc_put_signal(dbc, s, file);
         }

@@ -98,45 +98,31 @@ static bool gateway_client_hears(const struct gateway *gateway, const struct gat
                : client->bus == bus;
 }
 
-/* Queues a frame as slcan text; frames that slcan cannot express are left out. */
-static void gateway_forward_slcan(struct gateway *gateway, struct gateway_client *client,
-                                  const struct bus_frame *frame)
-{
-    char text[SLCAN_TEXT_MAX];
-    size_t length = gateway_slcan_format(client, frame, text);
-
-    if (length > 0) {
-        gateway_queue_text(gateway, client, text, length);
-        gateway->counters.to_client++;
-    }
-}
-
 void gateway_forward_frame(struct gateway *gateway, size_t bus, const struct bus_frame *frame,
                            const struct gateway_client *from)
 {
     /* Text of the frame without [0] and with [1] the bus name, formatted once when a client needs
      * it */
-    char text[2][SOCKETCAND_TEXT_MAX];
+    char text[2][SOCKETCAND_TEXT_MAX], slcan[SLCAN_TEXT_MAX];
     size_t length[2] = {0, 0};
 
     for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
         struct gateway_client *client = &gateway->client[i];
         const bool named = client->bus == GATEWAY_EVERY_BUS;
+        size_t size;
 
         /* Skip the sender */
         if (client == from || !gateway_client_hears(gateway, client, bus, frame)) {
             continue;
         }
-        if (client->is_slcan) {
-            gateway_forward_slcan(gateway, client, frame);
-            continue;
-        }
-        if (length[named] == 0) {
+        if (!client->is_slcan && length[named] == 0) {
             length[named] =
                 socketcand_format(frame, named ? gateway->config.bus[bus].name : NULL, text[named]);
         }
-        if (length[named] > 0) {
-            gateway_queue_text(gateway, client, text[named], length[named]);
+        /* Leave out frames that the client's protocol cannot express */
+        size = client->is_slcan ? slcan_format(frame, client->slcan.stamps, slcan) : length[named];
+        if (size > 0) {
+            gateway_queue_text(gateway, client, client->is_slcan ? slcan : text[named], size);
             gateway->counters.to_client++;
         }
     }

@@ -132,10 +132,6 @@ void gateway_slcan_stop(struct gateway *gateway);
  * does. */
 void gateway_slcan_execute_inbox(struct gateway *gateway, struct gateway_client *client);
 
-/* Formats a frame for an slcan client. Returns its length; 0 = slcan has no such frame. */
-size_t gateway_slcan_format(const struct gateway_client *client, const struct bus_frame *frame,
-                            char text[SLCAN_TEXT_MAX]);
-
 /* Closes the channel of a terminal that is not read or has closed; F then reports an overrun. */
 void gateway_slcan_reset(struct gateway_client *client);
 

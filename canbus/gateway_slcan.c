@@ -29,16 +29,6 @@ static void gateway_slcan_answer(struct gateway *gateway, struct gateway_client 
     gateway_queue_text(gateway, client, text, strlen(text));
 }
 
-/* Checks whether a channel may be set to a bit rate: it is closed, and its bus has this rate. */
-static bool gateway_slcan_has_rate(const struct gateway *gateway,
-                                   const struct gateway_client *client, bool data, int64_t rate)
-{
-    const struct gateway_bus *bus = &gateway->config.bus[client->bus];
-    int64_t own = data ? bus->data_bitrate : bus->bitrate;
-
-    return client->mode != CLIENT_RAW && own == rate;
-}
-
 /* Sends a client's frame and acknowledges it (z or Z), or answers with the bell. A STEP waits for
  * its turn. */
 static void gateway_slcan_take_frame(struct gateway *gateway, struct gateway_client *client,
@@ -73,23 +63,11 @@ static void gateway_slcan_tell_status(struct gateway *gateway, struct gateway_cl
     gateway_slcan_answer(gateway, client, text);
 }
 
-/* Opens the channel, for listening only or for sending too. Refused after a bit rate that differs
- * from the bus. */
-static void gateway_slcan_open(struct gateway *gateway, struct gateway_client *client, bool listen)
-{
-    bool fits = client->mode != CLIENT_RAW && !client->slcan.refused;
-
-    if (fits) {
-        client->mode = CLIENT_RAW;
-        client->slcan.listens = listen;
-    }
-    gateway_slcan_answer(gateway, client, fits ? SLCAN_OK : SLCAN_BELL);
-}
-
 /* Executes one command of a client and answers it with \r (done) or the bell (refused). */
 static void gateway_slcan_execute(struct gateway *gateway, struct gateway_client *client,
                                   const char *text, size_t size)
 {
+    const struct gateway_bus *bus = &gateway->config.bus[client->bus];
     struct slcan_request request;
     bool fits;
 
@@ -105,12 +83,20 @@ static void gateway_slcan_execute(struct gateway *gateway, struct gateway_client
 
     /* Commands of a closed channel */
     case SLCAN_OPEN:
-        gateway_slcan_open(gateway, client, request.value);
+        /* For listening only, or for sending too */
+        fits = client->mode != CLIENT_RAW && !client->slcan.refused;
+        if (fits) {
+            client->mode = CLIENT_RAW;
+            client->slcan.listens = request.value;
+        }
+        gateway_slcan_answer(gateway, client, fits ? SLCAN_OK : SLCAN_BELL);
         return;
     case SLCAN_BIT_RATE:
     case SLCAN_DATA_RATE:
-        fits = gateway_slcan_has_rate(gateway, client, request.command == SLCAN_DATA_RATE,
-                                      request.value);
+        /* A bit rate other than the bus's is refused, and so is a later opening */
+        fits = client->mode != CLIENT_RAW &&
+               request.value ==
+                   (request.command == SLCAN_DATA_RATE ? bus->data_bitrate : bus->bitrate);
         client->slcan.refused = client->mode != CLIENT_RAW && !fits;
         gateway_slcan_answer(gateway, client, fits ? SLCAN_OK : SLCAN_BELL);
         return;
@@ -168,12 +154,6 @@ void gateway_slcan_execute_inbox(struct gateway *gateway, struct gateway_client 
     }
 }
 
-size_t gateway_slcan_format(const struct gateway_client *client, const struct bus_frame *frame,
-                            char text[SLCAN_TEXT_MAX])
-{
-    return slcan_format(frame, client->slcan.stamps, text);
-}
-
 /* ---- lines ---- */
 
 void gateway_slcan_reset(struct gateway_client *client)
@@ -213,16 +193,6 @@ static enum error_code slcan_make_link(const char *path, const char *name, struc
                            "to a terminal that is gone is replaced",
                            path)
                : error_set_errno(error, errno, "slcan: cannot make the link %.200s", path);
-}
-
-/* Removes the link if it still points to this terminal. */
-static void slcan_remove_link(const char *path, int line)
-{
-    char name[64], link[64];
-
-    if (!ptsname_r(line, name, sizeof name) && slcan_read_link(path, link) && !strcmp(name, link)) {
-        unlink(path);
-    }
 }
 
 /* Opens a pseudo-terminal and links its slave end to the configured path. The gateway keeps the
@@ -316,9 +286,15 @@ void gateway_slcan_stop(struct gateway *gateway)
 {
     for (size_t i = 0; i < gateway->config.nslcan; i++) {
         struct gateway_client *client = &gateway->client[i];
+        const char *path = gateway->config.slcan[i].path;
+        char name[64], link[64];
 
         if (client->is_terminal) {
-            slcan_remove_link(gateway->config.slcan[i].path, client->socket);
+            /* Remove the link if it still points to this terminal */
+            if (!ptsname_r(client->socket, name, sizeof name) && slcan_read_link(path, link) &&
+                !strcmp(name, link)) {
+                unlink(path);
+            }
             close(client->other);
             close(client->socket);
             client->socket = -1;

@@ -4,44 +4,34 @@
 
 #include "base/array.h"
 
-#include <ctype.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
-enum { WORDS_MAX = 72, WORD_MAX = 16, FLAG_BRS = 1, FLAG_ESI = 2 };
+enum { WORDS_MAX = 72, FLAG_BRS = 1, FLAG_ESI = 2 };
 
 struct socketcand_words {
     size_t count;
-    char word[WORDS_MAX][WORD_MAX + 1];
+    char *word[WORDS_MAX + 1];
+    char text[SOCKETCAND_TEXT_MAX];
 };
 
-/* Splits size bytes of text into words; false = too many words, or one is too long. */
+/* Splits size bytes of text into words; false = too many words, or the text is too long. */
 static bool socketcand_split_words(const char *text, size_t size, struct socketcand_words *words)
 {
-    size_t at = 0;
+    char *rest = words->text;
 
     words->count = 0;
-    while (at < size) {
-        size_t length = 0;
-
-        while (at < size && isspace((unsigned char)text[at])) {
-            at++;
-        }
-        while (at + length < size && !isspace((unsigned char)text[at + length])) {
-            length++;
-        }
-        if (length == 0) {
-            break;
-        }
-        if (words->count == WORDS_MAX || length > WORD_MAX ||
-            memchr(text + at, '\0', length) != NULL) {
-            return false;
-        }
-        memcpy(words->word[words->count], text + at, length);
-        words->word[words->count++][length] = '\0';
-        at += length;
+    if (size >= sizeof words->text || memchr(text, '\0', size)) {
+        return false;
     }
-    return true;
+    memcpy(words->text, text, size);
+    words->text[size] = '\0';
+    while (words->count <= WORDS_MAX &&
+           (words->word[words->count] = strtok_r(rest, " \t\n\v\f\r", &rest))) {
+        words->count++;
+    }
+    return words->count <= WORDS_MAX;
 }
 
 /* Parses a hexadecimal number of at most `digits` digits. */
@@ -49,54 +39,29 @@ static bool socketcand_parse_hex(const char *word, size_t digits, uint32_t *valu
 {
     size_t length = strlen(word);
 
-    *value = 0;
-    if (length == 0 || length > digits) {
-        return false;
-    }
-    for (size_t i = 0; i < length; i++) {
-        if (hex_value(word[i]) < 0) {
-            return false;
-        }
-        *value = *value << 4 | (uint32_t)hex_value(word[i]);
-    }
-    return true;
-}
-
-/* Parses an identifier; 8 digits or a value above 7FF mean an extended one. */
-static bool socketcand_parse_id(const char *word, struct bus_frame *frame)
-{
-    if (!socketcand_parse_hex(word, 8, &frame->id)) {
-        return false;
-    }
-    if (strlen(word) == 8 || frame->id > 0x7ff) {
-        frame->flags |= FRAME_EXTENDED;
-    }
-    return true;
+    return length > 0 && length <= digits && hex_read(word, length, value);
 }
 
 /* Parses a decimal number of one or two digits. */
 static bool socketcand_parse_decimal(const char *word, uint32_t *value)
 {
-    size_t length = strlen(word);
+    size_t length = strspn(word, "0123456789");
 
-    *value = 0;
-    for (size_t i = 0; i < length; i++) {
-        if (!isdigit((unsigned char)word[i])) {
-            return false;
-        }
-        *value = 10 * *value + (uint32_t)(word[i] - '0');
-    }
-    return length == 1 || length == 2;
+    *value = (uint32_t)strtoul(word, NULL, 10);
+    return (length == 1 || length == 2) && !word[length];
+}
+
+/* Copies the name of a bus; false = it is too long. */
+static bool socketcand_copy_bus(const char *word, char bus[SOCKETCAND_BUS_MAX + 1])
+{
+    return (size_t)snprintf(bus, SOCKETCAND_BUS_MAX + 1, "%s", word) <= SOCKETCAND_BUS_MAX;
 }
 
 /* Checks whether the words end here, optionally with a bus name, which is copied. */
 static bool socketcand_parse_end(const struct socketcand_words *words, size_t at, char *bus)
 {
-    if (words->count == at + 1) {
-        strcpy(bus, words->word[at]);
-        return true;
-    }
-    return words->count == at;
+    return words->count == at ||
+           (words->count == at + 1 && socketcand_copy_bus(words->word[at], bus));
 }
 
 /* Parses a length, that many data bytes, and an optional bus name, from word `first` on. */
@@ -136,32 +101,32 @@ static bool socketcand_parse_fd(const struct socketcand_words *words, struct bus
     return true;
 }
 
-/* Parses the word behind "sendrtr ID": the requested length of a remote frame. */
-static bool socketcand_parse_remote(const struct socketcand_words *words, struct bus_frame *frame,
-                                    char *bus)
-{
-    uint32_t length;
-
-    frame->flags |= FRAME_REMOTE;
-    /* A bus_frame does not hold the requested length */
-    return socketcand_parse_decimal(words->word[2], &length) && length <= 8 &&
-           socketcand_parse_end(words, 3, bus);
-}
-
 /* Parses send, fdsend and sendrtr into a frame. */
 static enum socketcand_command socketcand_parse_send(const struct socketcand_words *words,
                                                      struct socketcand_request *request)
 {
     struct bus_frame *frame = &request->frame;
     const char *name = words->word[0];
+    uint32_t length;
     bool good;
 
-    if (words->count < 3 || !socketcand_parse_id(words->word[1], frame)) {
+    if (words->count < 3 || !socketcand_parse_hex(words->word[1], 8, &frame->id)) {
         return SOCKETCAND_MALFORMED;
     }
-    good = strcmp(name, "send") == 0     ? socketcand_parse_data(words, 2, frame, request->bus)
-           : strcmp(name, "fdsend") == 0 ? socketcand_parse_fd(words, frame, request->bus)
-                                         : socketcand_parse_remote(words, frame, request->bus);
+    /* 8 digits or a value above 7FF mean an extended identifier */
+    if (strlen(words->word[1]) == 8 || frame->id > 0x7ff) {
+        frame->flags |= FRAME_EXTENDED;
+    }
+    if (strcmp(name, "sendrtr") == 0) {
+        /* The requested length, which a bus_frame does not hold */
+        frame->flags |= FRAME_REMOTE;
+        good = socketcand_parse_decimal(words->word[2], &length) && length <= 8 &&
+               socketcand_parse_end(words, 3, request->bus);
+    } else if (strcmp(name, "send") == 0) {
+        good = socketcand_parse_data(words, 2, frame, request->bus);
+    } else {
+        good = socketcand_parse_fd(words, frame, request->bus);
+    }
     return good && frame_valid(frame) ? SOCKETCAND_SEND : SOCKETCAND_MALFORMED;
 }
 
@@ -169,41 +134,34 @@ static enum socketcand_command socketcand_parse_send(const struct socketcand_wor
 static enum socketcand_command socketcand_parse_words(const struct socketcand_words *words,
                                                       struct socketcand_request *request)
 {
-    static const char *const other[] = {"add",       "update",      "delete",      "subscribe",
-                                        "filter",    "unsubscribe", "muxfilter",   "isotpmode",
-                                        "isotpconf", "sendpdu",     "controlmode", "statistics"};
-    const char *name = words->word[0];
+    /* Commands without arguments, and valid ones that the server does not support */
+    static const struct {
+        const char *name;
+        enum socketcand_command command;
+    } plain[] = {
+        {"rawmode", SOCKETCAND_RAWMODE},   {"bcmmode", SOCKETCAND_BCMMODE},
+        {"echo", SOCKETCAND_ECHO},         {"add", SOCKETCAND_OTHER},
+        {"update", SOCKETCAND_OTHER},      {"delete", SOCKETCAND_OTHER},
+        {"subscribe", SOCKETCAND_OTHER},   {"filter", SOCKETCAND_OTHER},
+        {"unsubscribe", SOCKETCAND_OTHER}, {"muxfilter", SOCKETCAND_OTHER},
+        {"isotpmode", SOCKETCAND_OTHER},   {"isotpconf", SOCKETCAND_OTHER},
+        {"sendpdu", SOCKETCAND_OTHER},     {"controlmode", SOCKETCAND_OTHER},
+        {"statistics", SOCKETCAND_OTHER},
+    };
+    const char *name = words->count ? words->word[0] : "";
 
-    if (words->count == 0) {
-        return SOCKETCAND_UNKNOWN;
-    }
-    /* Frames */
     if (strcmp(name, "send") == 0 || strcmp(name, "sendrtr") == 0 || strcmp(name, "fdsend") == 0) {
         return socketcand_parse_send(words, request);
     }
-
-    /* Commands of a connection */
     if (strcmp(name, "open") == 0) {
-        if (words->count != 2) {
-            return SOCKETCAND_MALFORMED;
-        }
-        strcpy(request->bus, words->word[1]);
-        return SOCKETCAND_OPEN;
+        return words->count == 2 && socketcand_copy_bus(words->word[1], request->bus)
+                   ? SOCKETCAND_OPEN
+                   : SOCKETCAND_MALFORMED;
     }
-    if (strcmp(name, "rawmode") == 0) {
-        return words->count == 1 ? SOCKETCAND_RAWMODE : SOCKETCAND_MALFORMED;
-    }
-    if (strcmp(name, "bcmmode") == 0) {
-        return words->count == 1 ? SOCKETCAND_BCMMODE : SOCKETCAND_MALFORMED;
-    }
-    if (strcmp(name, "echo") == 0) {
-        return words->count == 1 ? SOCKETCAND_ECHO : SOCKETCAND_MALFORMED;
-    }
-
-    /* Valid commands that the server does not support */
-    for (size_t i = 0; i < ARRAY_COUNT(other); i++) {
-        if (strcmp(name, other[i]) == 0) {
-            return SOCKETCAND_OTHER;
+    for (size_t i = 0; i < ARRAY_COUNT(plain); i++) {
+        if (strcmp(name, plain[i].name) == 0) {
+            return plain[i].command == SOCKETCAND_OTHER || words->count == 1 ? plain[i].command
+                                                                             : SOCKETCAND_MALFORMED;
         }
     }
     return SOCKETCAND_UNKNOWN;
