@@ -90,6 +90,7 @@ static enum error_code mesh_name_read(const struct import_geometry *shape, struc
 {
     static const char package[] = "package://", plain[] = "file://";
 
+    error->code = ERROR_NONE;
     *name = (struct mesh_name){.text = shape->mesh};
     if (!strncmp(name->text, package, sizeof package - 1)) {
         name->text += sizeof package - 1;
@@ -189,7 +190,7 @@ enum error_code import_read_mesh(const char *path, const double scale[3], struct
     if (code) {
         return code;
     }
-    code = mesh_parse(path, true, text, size, scale, arena, mesh, error);
+    code = import_parse_mesh(path, true, text, size, scale, arena, mesh, error);
     free(text);
     return code;
 }

@@ -13,6 +13,7 @@
 
 #include "app/import/model.h"
 
+#include <stdbool.h>
 #include <stddef.h>
 
 enum {
@@ -58,8 +59,9 @@ enum error_code import_find_mesh(const struct import_model *model,
 enum error_code import_read_mesh(const char *path, const double scale[3], struct arena *arena,
                                  struct import_mesh *mesh, struct error *error);
 
-/* Reads a mesh from memory. name is the file name in messages; its extension gives the format. */
-enum error_code import_parse_mesh(const char *name, const char *text, size_t size,
+/* Reads a mesh from memory. The extension of name gives the format. is_file: name is a path, in
+ * whose folder materials are searched. */
+enum error_code import_parse_mesh(const char *name, bool is_file, const char *text, size_t size,
                                   const double scale[3], struct arena *arena,
                                   struct import_mesh *mesh, struct error *error);
 

@@ -86,19 +86,6 @@ static struct mesh_material *mtl_find_material(struct mesh_reader *r, const char
     return &r->material[r->nmaterial++];
 }
 
-/* Reads red, green and blue from a line, 0 to 1; false where they are not numbers. */
-static bool mtl_read_color(struct mesh_reader *lines, double color[4])
-{
-    char word[MESH_WORD_MAX];
-
-    for (int m = 0; m < 3; m++) {
-        if (!mesh_next_word(lines, word) || !text_to_double(word, &color[m])) {
-            return false;
-        }
-    }
-    return true;
-}
-
 /* Reads the colors of all materials in the text of an MTL file: newmtl NAME, then Kd R G B. */
 static void mtl_read(struct mesh_reader *r, const char *text, size_t size)
 {
@@ -113,7 +100,7 @@ static void mtl_read(struct mesh_reader *r, const char *text, size_t size)
             /* an empty line */
         } else if (!strcmp(word, "newmtl")) {
             material = mesh_next_word(&lines, word) ? mtl_find_material(r, word, true) : NULL;
-        } else if (!strcmp(word, "Kd") && material && mtl_read_color(&lines, color)) {
+        } else if (!strcmp(word, "Kd") && material && mesh_read_numbers(&lines, color)) {
             material->tint = mesh_find_tint(r->mesh, color);
         } else if (!strcmp(word, "map_Kd") && mesh_next_word(&lines, word)) {
             mesh_remark(r, "the texture", word, "");

@@ -27,32 +27,31 @@ struct mesh_reader {
     const double *scale;
     struct arena *arena;
     struct import_mesh *mesh;
-    size_t capacity; /* allocated faces */
-    struct error *error;
+    size_t capacity;     /* allocated faces */
+    struct error *error; /* the first error stays */
 };
 
 /* ---- mesh_read.c ---- */
 
-enum error_code mesh_no_memory(const struct mesh_reader *r);
+void mesh_no_memory(const struct mesh_reader *r);
 
-/* Allocates space for this many vertices and faces; refuses more than a mesh may have. */
-enum error_code mesh_make_room(struct mesh_reader *r, size_t vertices, size_t faces);
+/* Allocates space for this many vertices and faces; refuses more than a mesh may have, and returns
+ * false with an error. */
+bool mesh_make_room(struct mesh_reader *r, size_t vertices, size_t faces);
 
 /* Adds a vertex in the file's units, which is scaled, or a face of three vertices, within the
  * allocated space. */
-enum error_code mesh_add_vertex(struct mesh_reader *r, const double xyz[3]);
+void mesh_add_vertex(struct mesh_reader *r, const double xyz[3]);
 void mesh_add_face(struct mesh_reader *r, int a, int b, int c);
-
-/* Parses a mesh like import_parse_mesh. is_file: name is a path, in whose folder materials are
- * searched. */
-enum error_code mesh_parse(const char *name, bool is_file, const char *text, size_t size,
-                           const double scale[3], struct arena *arena, struct import_mesh *mesh,
-                           struct error *error);
 
 /* Reads the next word of the line, truncated if it is too long; returns false at the line's end
  * and stays there. */
 bool mesh_next_word(struct mesh_reader *r, char word[MESH_WORD_MAX]);
 void mesh_skip_line(struct mesh_reader *r);
+
+/* Reads three numbers from the rest of a line; returns false for others, with an error if the
+ * reader has one. */
+bool mesh_read_numbers(struct mesh_reader *r, double value[3]);
 
 /* ---- mesh_materials.c ---- */
 
@@ -67,6 +66,6 @@ int mesh_read_material_line(void *reader, const char *keyword, const char *word,
 /* ---- mesh_collada.c ---- */
 
 /* Reads all geometries in a COLLADA document's scene. */
-enum error_code mesh_read_collada(struct mesh_reader *r);
+void mesh_read_collada(struct mesh_reader *r);
 
 #endif

@@ -16,41 +16,43 @@ enum { STL_HEADER = 80, STL_FACE = 50 };
 
 #define COORDINATE_MAX_M 1e6
 
-enum error_code mesh_no_memory(const struct mesh_reader *r)
+void mesh_no_memory(const struct mesh_reader *r)
 {
-    return error_set(r->error, ERROR_MEMORY, "%.200s: no memory left for this mesh", r->name);
+    error_set(r->error, ERROR_MEMORY, "%.200s: no memory left for this mesh", r->name);
 }
 
-enum error_code mesh_make_room(struct mesh_reader *r, size_t vertices, size_t faces)
+bool mesh_make_room(struct mesh_reader *r, size_t vertices, size_t faces)
 {
     if (faces > IMPORT_MESH_FACES_MAX || vertices > 3 * (size_t)IMPORT_MESH_FACES_MAX) {
-        return error_set(r->error, ERROR_INPUT,
-                         "%.200s: found %zu faces, expected at most %d: simplify the mesh", r->name,
-                         faces, IMPORT_MESH_FACES_MAX);
+        error_set(r->error, ERROR_INPUT,
+                  "%.200s: found %zu faces, expected at most %d: simplify the mesh", r->name, faces,
+                  IMPORT_MESH_FACES_MAX);
+        return false;
     }
     r->mesh->vertex = arena_alloc(r->arena, vertices + 1, sizeof *r->mesh->vertex);
     r->mesh->face = arena_alloc(r->arena, faces + 1, sizeof *r->mesh->face);
     r->mesh->tint = arena_alloc(r->arena, faces + 1, sizeof *r->mesh->tint);
     r->capacity = faces;
-    return r->mesh->vertex && r->mesh->face && r->mesh->tint ? ERROR_NONE : mesh_no_memory(r);
+    if (!r->mesh->vertex || !r->mesh->face || !r->mesh->tint) {
+        mesh_no_memory(r);
+        return false;
+    }
+    return true;
 }
 
-enum error_code mesh_add_vertex(struct mesh_reader *r, const double xyz[3])
+void mesh_add_vertex(struct mesh_reader *r, const double xyz[3])
 {
-    double *to = r->mesh->vertex[r->mesh->nvertex];
+    double *to = r->mesh->vertex[r->mesh->nvertex++];
 
     for (int m = 0; m < 3; m++) {
         to[m] = xyz[m] * r->scale[m];
         if (!isfinite(to[m]) || fabs(to[m]) > COORDINATE_MAX_M) {
-            return import_error(r->error, r->name, r->line,
-                                "found coordinate %g, expected one within %g m", to[m],
-                                COORDINATE_MAX_M);
+            import_error(r->error, r->name, r->line,
+                         "found coordinate %g, expected one within %g m", to[m], COORDINATE_MAX_M);
         }
         /* Write -0 as 0, so that equal places have equal bytes when vertices are joined */
         to[m] = to[m] == 0.0 ? 0.0 : to[m];
     }
-    r->mesh->nvertex++;
-    return ERROR_NONE;
 }
 
 void mesh_add_face(struct mesh_reader *r, int a, int b, int c)
@@ -73,16 +75,6 @@ static uint32_t stl_get_word(const char *at)
     return (uint32_t)p[0] | (uint32_t)p[1] << 8 | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
 }
 
-/* Reads a little-endian float. */
-static double stl_get_real(const char *at)
-{
-    uint32_t bits = stl_get_word(at);
-    float value;
-
-    memcpy(&value, &bits, sizeof value);
-    return (double)value;
-}
-
 /* Checks whether an STL is binary: its size matches the number of facets in its header. */
 static bool stl_is_binary(const char *text, size_t size)
 {
@@ -91,23 +83,29 @@ static bool stl_is_binary(const char *text, size_t size)
 }
 
 /* Reads a binary STL: after the normal, three corners of three floats in each facet. */
-static enum error_code stl_read_binary(struct mesh_reader *r)
+static void stl_read_binary(struct mesh_reader *r)
 {
     const char *at = r->at + STL_HEADER + 4;
-    size_t faces = stl_get_word(r->at + STL_HEADER);
-    enum error_code code = mesh_make_room(r, 3 * faces, faces);
+    const size_t faces = stl_get_word(r->at + STL_HEADER);
 
-    for (size_t f = 0; f < faces && !code; f++, at += STL_FACE) {
-        for (int corner = 0; corner < 3 && !code; corner++) {
-            const char *from = at + 12 * (corner + 1);
-            const double xyz[3] = {stl_get_real(from), stl_get_real(from + 4),
-                                   stl_get_real(from + 8)};
+    if (!mesh_make_room(r, 3 * faces, faces)) {
+        return;
+    }
+    for (size_t f = 0; f < faces && !r->error->code; f++, at += STL_FACE) {
+        for (int corner = 0; corner < 3; corner++) {
+            double xyz[3];
 
-            code = mesh_add_vertex(r, xyz);
+            for (int m = 0; m < 3; m++) {
+                const uint32_t bits = stl_get_word(at + 12 * (corner + 1) + 4 * m);
+                float value;
+
+                memcpy(&value, &bits, sizeof value);
+                xyz[m] = (double)value;
+            }
+            mesh_add_vertex(r, xyz);
         }
         mesh_add_face(r, 3 * (int)f, 3 * (int)f + 1, 3 * (int)f + 2);
     }
-    return code;
 }
 
 /* ---- text ---- */
@@ -142,80 +140,84 @@ void mesh_skip_line(struct mesh_reader *r)
     r->line++;
 }
 
-/* Reads three coordinates from the rest of a line. */
-static enum error_code mesh_read_xyz(struct mesh_reader *r, double xyz[3])
+bool mesh_read_numbers(struct mesh_reader *r, double value[3])
 {
     char word[MESH_WORD_MAX];
 
     for (int m = 0; m < 3; m++) {
-        if (!mesh_next_word(r, word) || !text_to_double(word, &xyz[m])) {
-            text_make_printable(word);
-            return import_error(r->error, r->name, r->line,
-                                "found \"%s\", expected three finite coordinates", word);
+        if (!mesh_next_word(r, word) || !text_to_double(word, &value[m])) {
+            if (r->error) {
+                import_error(r->error, r->name, r->line,
+                             "found \"%s\", expected three finite coordinates", word);
+            }
+            return false;
         }
     }
-    return ERROR_NONE;
+    return true;
 }
 
 /* Reads an ASCII STL: the corners of a facet are the vertices since the last one. */
-static enum error_code stl_read_text(struct mesh_reader *r)
+static void stl_read_text(struct mesh_reader *r)
 {
     struct mesh_reader counting = *r;
     char word[MESH_WORD_MAX];
     size_t vertices = 0;
-    enum error_code code;
     double xyz[3];
 
     while (counting.at < counting.end) {
         vertices += mesh_next_word(&counting, word) && !strcasecmp(word, "vertex");
         mesh_skip_line(&counting);
     }
-    code = mesh_make_room(r, vertices, vertices / 3);
-    while (!code && r->at < r->end) {
-        if (mesh_next_word(r, word) && !strcasecmp(word, "vertex")) {
-            code = mesh_read_xyz(r, xyz);
-            code = code ? code : mesh_add_vertex(r, xyz);
-        } else if (!strcasecmp(word, "endfacet") && r->mesh->nvertex != 3 * (r->mesh->nface + 1)) {
-            code = import_error(r->error, r->name, r->line,
-                                "found the end of a facet after %zu corners, expected 3",
-                                r->mesh->nvertex - 3 * r->mesh->nface);
-        } else if (!strcasecmp(word, "endfacet")) {
-            int first = 3 * (int)r->mesh->nface;
+    if (!mesh_make_room(r, vertices, vertices / 3)) {
+        return;
+    }
+    while (!r->error->code && r->at < r->end) {
+        const int first = 3 * (int)r->mesh->nface;
 
-            mesh_add_face(r, first, first + 1, first + 2);
+        if (mesh_next_word(r, word) && !strcasecmp(word, "vertex")) {
+            if (mesh_read_numbers(r, xyz)) {
+                mesh_add_vertex(r, xyz);
+            }
+        } else if (!strcasecmp(word, "endfacet")) {
+            if (r->mesh->nvertex == (size_t)first + 3) {
+                mesh_add_face(r, first, first + 1, first + 2);
+            } else {
+                import_error(r->error, r->name, r->line,
+                             "found the end of a facet after %zu corners, expected 3",
+                             r->mesh->nvertex - (size_t)first);
+            }
         }
         mesh_skip_line(r);
     }
-    if (!code && r->mesh->nvertex != 3 * r->mesh->nface) {
-        return import_error(r->error, r->name, r->line,
-                            "found the end of the file within a facet, expected \"endfacet\"");
+    if (r->mesh->nvertex != 3 * r->mesh->nface) {
+        import_error(r->error, r->name, r->line,
+                     "found the end of the file within a facet, expected \"endfacet\"");
     }
-    return code;
 }
 
 /* ---- OBJ ---- */
 
 /* Reads an OBJ; skips statements without shape, except those for materials. */
-static enum error_code mesh_read_obj_lines(struct mesh_reader *r)
+static void mesh_read_obj_lines(struct mesh_reader *r)
 {
     const struct obj_rules rules = {.max_vertices = 3 * (size_t)IMPORT_MESH_FACES_MAX,
                                     .max_faces = IMPORT_MESH_FACES_MAX,
                                     .handle = mesh_read_material_line,
                                     .context = r};
     struct obj_surface s;
-    enum error_code code = obj_read(r->name, r->at, (size_t)(r->end - r->at), &rules, &s, r->error);
 
-    code = code ? code : mesh_make_room(r, s.nvertex, s.nface);
-    for (size_t v = 0; v < s.nvertex && !code; v++) {
-        r->line = (int)s.vertex_place[v].line;
-        code = mesh_add_vertex(r, s.vertex[v]);
-    }
-    for (size_t f = 0; f < s.nface && !code; f++) {
-        r->tint = s.tag[f];
-        mesh_add_face(r, s.face[f][0], s.face[f][1], s.face[f][2]);
+    if (!obj_read(r->name, r->at, (size_t)(r->end - r->at), &rules, &s, r->error) &&
+        mesh_make_room(r, s.nvertex, s.nface)) {
+        for (size_t v = 0; v < s.nvertex && !r->error->code; v++) {
+            r->line = (int)s.vertex_place[v].line;
+            mesh_add_vertex(r, s.vertex[v]);
+        }
+        for (size_t f = 0; f < s.nface; f++) {
+            r->tint = s.tag[f];
+            mesh_add_face(r, s.face[f][0], s.face[f][1], s.face[f][2]);
+        }
     }
     obj_free(&s);
-    return code;
 }
 
 /* ---- the whole ---- */
@@ -241,7 +243,7 @@ static int joined_compare(const void *a, const void *b)
 
 /* Joins corners at the same place into one vertex, in the order of their first appearance;
  * drops vertices without a face and faces without area. */
-static enum error_code mesh_join_vertices(struct mesh_reader *r)
+static void mesh_join_vertices(const struct mesh_reader *r)
 {
     struct import_mesh *mesh = r->mesh;
     struct joined_vertex *sorted = arena_alloc(r->arena, mesh->nvertex + 1, sizeof *sorted);
@@ -250,7 +252,8 @@ static enum error_code mesh_join_vertices(struct mesh_reader *r)
     size_t nface = 0, nvertex = 0;
 
     if (!sorted || !same || !number) {
-        return mesh_no_memory(r);
+        mesh_no_memory(r);
+        return;
     }
     /* Sort by place, then give all vertices of one place the index of the first */
     for (size_t v = 0; v < mesh->nvertex; v++) {
@@ -292,46 +295,34 @@ static enum error_code mesh_join_vertices(struct mesh_reader *r)
     }
     mesh->nface = nface;
     mesh->nvertex = nvertex;
-    return ERROR_NONE;
-}
-
-/* Reverses all faces, because a mirroring scale has turned the surface inside out. */
-static void mesh_unmirror(struct mesh_reader *r)
-{
-    for (size_t f = 0; f < r->mesh->nface; f++) {
-        int *face = r->mesh->face[f], second = face[1];
-
-        face[1] = face[2];
-        face[2] = second;
-    }
 }
 
 /* Reads the faces of a file unchanged, in the format of its name's extension. */
-static enum error_code mesh_read_faces(struct mesh_reader *r)
+static void mesh_read_faces(struct mesh_reader *r)
 {
     const char *ending = strrchr(r->name, '.');
 
     ending = ending ? ending + 1 : "";
-    if (!strcasecmp(ending, "stl")) {
-        return stl_is_binary(r->at, (size_t)(r->end - r->at)) ? stl_read_binary(r)
-                                                              : stl_read_text(r);
+    if (!strcasecmp(ending, "stl") && stl_is_binary(r->at, (size_t)(r->end - r->at))) {
+        stl_read_binary(r);
+    } else if (!strcasecmp(ending, "stl")) {
+        stl_read_text(r);
+    } else if (!strcasecmp(ending, "obj")) {
+        mesh_read_obj_lines(r);
+    } else if (!strcasecmp(ending, "dae")) {
+        mesh_read_collada(r);
+    } else {
+        error_set(
+            r->error, ERROR_INPUT,
+            "%.200s: found a mesh of type \"%.20s\", expected stl, obj or dae; `assimp export "
+            "FILE.%.20s FILE.stl` (Debian package assimp-utils) converts it",
+            r->name, ending, ending);
     }
-    if (!strcasecmp(ending, "obj")) {
-        return mesh_read_obj_lines(r);
-    }
-    if (!strcasecmp(ending, "dae")) {
-        return mesh_read_collada(r);
-    }
-    return error_set(r->error, ERROR_INPUT,
-                     "%.200s: found a mesh of type \"%.20s\", expected stl, obj or dae; "
-                     "`assimp export FILE.%.20s FILE.stl` (Debian package assimp-utils) "
-                     "converts it",
-                     r->name, ending, ending);
 }
 
-enum error_code mesh_parse(const char *name, bool is_file, const char *text, size_t size,
-                           const double scale[3], struct arena *arena, struct import_mesh *mesh,
-                           struct error *error)
+enum error_code import_parse_mesh(const char *name, bool is_file, const char *text, size_t size,
+                                  const double scale[3], struct arena *arena,
+                                  struct import_mesh *mesh, struct error *error)
 {
     struct mesh_reader r = {.name = name,
                             .is_file = is_file,
@@ -343,28 +334,25 @@ enum error_code mesh_parse(const char *name, bool is_file, const char *text, siz
                             .arena = arena,
                             .mesh = mesh,
                             .error = error};
-    enum error_code code;
 
     *mesh = (struct import_mesh){0};
+    error->code = ERROR_NONE;
 
     /* Read the faces as they stand, then join the vertices that they share */
-    code = mesh_read_faces(&r);
-    code = code ? code : mesh_join_vertices(&r);
-    if (code) {
-        return code;
+    mesh_read_faces(&r);
+    if (!error->code) {
+        mesh_join_vertices(&r);
     }
-    if (mesh->nface == 0) {
-        return error_set(error, ERROR_INPUT, "%.200s: found no face, expected a surface", name);
+    if (!error->code && mesh->nface == 0) {
+        error_set(error, ERROR_INPUT, "%.200s: found no face, expected a surface", name);
     }
-    if (scale[0] * scale[1] * scale[2] < 0.0) {
-        mesh_unmirror(&r);
-    }
-    return ERROR_NONE;
-}
 
-enum error_code import_parse_mesh(const char *name, const char *text, size_t size,
-                                  const double scale[3], struct arena *arena,
-                                  struct import_mesh *mesh, struct error *error)
-{
-    return mesh_parse(name, false, text, size, scale, arena, mesh, error);
+    /* A mirroring scale has turned the surface inside out: reverses all faces */
+    for (size_t f = 0; f < mesh->nface && scale[0] * scale[1] * scale[2] < 0.0; f++) {
+        int *face = mesh->face[f], second = face[1];
+
+        face[1] = face[2];
+        face[2] = second;
+    }
+    return error->code;
 }

@@ -13,29 +13,22 @@
 
 /* ---- notes ---- */
 
-/* Checks for room for a note and doubles it when it is full; false at the bound or without
- * memory. */
-static bool notes_have_room(struct import_notes *notes)
+void *import_grow(struct arena *arena, void *array, size_t count, size_t *capacity, size_t size)
 {
-    size_t capacity = notes->capacity ? 2 * notes->capacity : 256;
-    struct import_note *grown;
+    const size_t wider = count ? 2 * count : 64;
+    void *grown;
 
-    if (notes->count < notes->capacity) {
-        return true;
+    if (count < *capacity) {
+        return array;
     }
-    if (notes->count >= IMPORT_NOTES_MAX) {
-        return false;
+    grown = arena_alloc(arena, wider, size);
+    if (grown) {
+        *capacity = wider;
+        if (count) {
+            memcpy(grown, array, count * size);
+        }
     }
-    grown = arena_alloc(notes->arena, capacity, sizeof *grown);
-    if (!grown) {
-        return false;
-    }
-    if (notes->count) {
-        memcpy(grown, notes->note, notes->count * sizeof *grown);
-    }
-    notes->note = grown;
-    notes->capacity = capacity;
-    return true;
+    return grown;
 }
 
 void import_note_add(struct import_notes *notes, enum import_fate fate, const char *file, int line,
@@ -43,22 +36,22 @@ void import_note_add(struct import_notes *notes, enum import_fate fate, const ch
 {
     char text[512];
     va_list arguments;
-    struct import_note note = {.fate = fate, .line = line};
+    struct import_note *grown = NULL, note = {.fate = fate, .line = line};
 
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
     text_make_printable(text);
-    if (!notes_have_room(notes)) {
-        notes->overflow = true;
-        return;
-    }
     note.text = arena_strdup(notes->arena, text);
     note.file = arena_strdup(notes->arena, file);
-    if (!note.text || !note.file) {
+    if (note.text && note.file && notes->count < IMPORT_NOTES_MAX) {
+        grown = import_grow(notes->arena, notes->note, notes->count, &notes->capacity, sizeof note);
+    }
+    if (!grown) {
         notes->overflow = true;
         return;
     }
+    notes->note = grown;
     notes->note[notes->count++] = note;
 }
 
@@ -80,7 +73,8 @@ enum error_code import_error(struct error *error, const char *file, int line, co
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
     text_make_printable(text);
-    return error_set(error, ERROR_INPUT, "%.200s:%d: %s", file, line, text);
+    return error->code ? error->code
+                       : error_set(error, ERROR_INPUT, "%.200s:%d: %s", file, line, text);
 }
 
 /* ---- places ---- */

@@ -162,10 +162,15 @@ struct import_model {
 void import_note_add(struct import_notes *notes, enum import_fate fate, const char *file, int line,
                      const char *format, ...) __attribute__((format(printf, 5, 6)));
 
+/* Returns the array with room for one more element: itself, or a copy of twice the capacity. NULL =
+ * no memory; then array and capacity stay. */
+void *import_grow(struct arena *arena, void *array, size_t count, size_t *capacity, size_t size);
+
 /* Returns the text of an error for a note at that place: without a leading "file:line: ". */
 const char *import_reason(const char *file, int line, const char *text);
 
-/* Reports an error "file:line: ..."; returns ERROR_INPUT. */
+/* Reports an error "file:line: ..." unless *error holds one already: the first error stays. Returns
+ * the code of *error. */
 enum error_code import_error(struct error *error, const char *file, int line, const char *format,
                              ...) __attribute__((format(printf, 4, 5)));
 

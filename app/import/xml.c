@@ -9,13 +9,13 @@
 #include <dlfcn.h>
 #include <libxml/parser.h>
 #include <libxml/parserInternals.h>
+#include <stdarg.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* Characters of one number, at most; characters of a value shown in a message. */
-enum { NUMBER_MAX = 64, SHOWN_MAX = 48 };
+enum { NUMBER_MAX = 64 }; /* characters of one number, at most */
 
 /* ---- libxml2 ---- */
 
@@ -91,23 +91,6 @@ static void xml_ignore_message(void *context, const char *format, ...)
 {
     (void)context;
     (void)format;
-}
-
-/* Reports what the parser found wrong, as one line. */
-static enum error_code xml_report(const char *name, const xmlParserCtxt *parser,
-                                  struct error *error)
-{
-    const xmlError *last = &parser->lastError;
-    char text[256];
-    size_t length;
-
-    snprintf(text, sizeof text, "%s", last->message ? last->message : "no element in it\n");
-    length = strlen(text);
-    while (length > 0 && (text[length - 1] == '\n' || text[length - 1] == ' ')) {
-        text[--length] = '\0';
-    }
-    return import_error(error, name, last->line > 0 ? last->line : 1,
-                        "found what is no well-formed XML (%s), expected an XML document", text);
 }
 
 /* Checks whether an '=' before text gives an attribute its value: a quote follows, after blanks. */
@@ -187,6 +170,7 @@ enum error_code xml_text_open(struct xml_file *file, const char *name, const cha
     enum error_code code;
 
     *file = (struct xml_file){.name = name, .error = error, .size = size};
+    error->code = ERROR_NONE;
     if (size > XML_FILE_MAX) {
         return error_set(error, ERROR_INPUT, "%.200s: found %zu bytes, expected at most %d", name,
                          size, XML_FILE_MAX);
@@ -213,7 +197,12 @@ enum error_code xml_text_open(struct xml_file *file, const char *name, const cha
                             "found a document type (DOCTYPE), expected none: it can define "
                             "entities and name other files");
     } else if (!file->root) {
-        code = xml_report(name, parser, error);
+        const xmlError *last = &parser->lastError;
+        const char *reason = last->message ? last->message : "no element in it";
+
+        code = import_error(error, name, last->line > 0 ? last->line : 1,
+                            "found what is no well-formed XML (%.*s), expected an XML document",
+                            (int)strcspn(reason, "\n"), reason);
     }
     library.xmlFreeParserCtxt(parser);
     if (code) {
@@ -271,19 +260,18 @@ static void xml_mark_copy(const struct xml_file *file, const xmlNode *from, xmlN
     }
 }
 
-enum error_code xml_insert_file(const struct xml_file *file, xmlNode *before,
-                                const struct xml_file *other, struct error *error)
+void xml_insert_file(const struct xml_file *file, xmlNode *before, const struct xml_file *other)
 {
     for (xmlNode *node = xml_child(other->root, NULL); node; node = xml_next(node, NULL)) {
         xmlNode *copy = library.xmlDocCopyNode(node, file->document, 1);
 
         if (!copy || !library.xmlAddPrevSibling(before, copy)) {
             library.xmlFreeNode(copy);
-            return error_set(error, ERROR_MEMORY, "%.200s: no memory to read it", other->name);
+            error_set(file->error, ERROR_MEMORY, "%.200s: no memory to read it", other->name);
+            return;
         }
         xml_mark_copy(other, node, copy);
     }
-    return ERROR_NONE;
 }
 
 void xml_remove(xmlNode *node)
@@ -309,20 +297,23 @@ const xmlNode *xml_walk(const xmlNode *at, const xmlNode *root)
     return at == root ? NULL : at->next;
 }
 
-enum error_code xml_check_elements(const struct xml_file *file, struct error *error)
+size_t xml_count(const xmlNode *root, const char *name)
 {
     size_t count = 0;
 
-    for (const xmlNode *at = file->root; at; at = xml_walk(at, file->root)) {
-        count += at->type == XML_ELEMENT_NODE;
-        if (count > XML_ELEMENTS_MAX) {
-            return import_error(error, xml_name(file, at), xml_line(at),
-                                "found more than %d elements, expected fewer: leave out what is "
-                                "no robot",
-                                XML_ELEMENTS_MAX);
-        }
+    for (const xmlNode *at = root; at; at = xml_walk(at, root)) {
+        count += name ? xml_is(at, name) : at->type == XML_ELEMENT_NODE;
     }
-    return ERROR_NONE;
+    return count;
+}
+
+void xml_check_elements(const struct xml_file *file)
+{
+    if (xml_count(file->root, NULL) > XML_ELEMENTS_MAX) {
+        xml_refuse(file, file->root,
+                   "found more than %d elements, expected fewer: leave out what is no robot",
+                   XML_ELEMENTS_MAX);
+    }
 }
 
 /* Returns the first element of that name (NULL: any) from a sibling on, or NULL. */
@@ -365,84 +356,146 @@ const char *xml_content(const xmlNode *node)
     return xml_text_of(node->children);
 }
 
-enum error_code xml_need(const struct xml_file *file, const xmlNode *node, const char *name,
-                         const char **text)
+void xml_refuse(const struct xml_file *file, const xmlNode *node, const char *format, ...)
 {
-    *text = xml_attribute(node, name);
-    if (!*text || !**text) {
-        return import_error(file->error, xml_name(file, node), xml_line(node),
-                            "found <%.40s> without %s, expected the attribute \"%s\"",
-                            (const char *)node->name, *text ? "a text" : "it", name);
+    char text[600];
+    va_list arguments;
+
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    import_error(file->error, xml_name(file, node), xml_line(node), "%s", text);
+}
+
+const char *xml_need(const struct xml_file *file, const xmlNode *node, const char *name)
+{
+    const char *text = xml_attribute(node, name);
+
+    if (!text || !*text) {
+        xml_refuse(file, node, "found <%.40s> without %s, expected the attribute \"%s\"",
+                   (const char *)node->name, text ? "a text" : "it", name);
     }
-    return ERROR_NONE;
+    return text ? text : "";
 }
 
 /* ---- numbers ---- */
 
-/* Reports numbers that cannot be read; "$" hints at xacro that has not been run. */
-static enum error_code xml_refuse_number(const struct xml_file *file, const xmlNode *node,
-                                         const char *what, const char *text, size_t count)
-{
-    char shown[SHOWN_MAX + 1];
-
-    snprintf(shown, sizeof shown, "%s", text);
-    if (strchr(text, '$')) {
-        return import_error(file->error, xml_name(file, node), xml_line(node),
-                            "found %s \"%s\" of <%.40s>, which xacro has yet to compute: run "
-                            "`xacro FILE >robot.urdf` and import that",
-                            what, shown, (const char *)node->name);
-    }
-    return import_error(file->error, xml_name(file, node), xml_line(node),
-                        "found %s \"%s\" of <%.40s>, expected %zu finite number%s", what, shown,
-                        (const char *)node->name, count, count == 1 ? "" : "s");
-}
-
-enum error_code xml_parse_reals(const struct xml_file *file, const xmlNode *node, const char *what,
-                                const char *text, size_t count, double *value)
+bool xml_try_reals(const char *text, size_t count, double *value)
 {
     static const char blanks[] = " \t\r\n";
-    const char *at = text;
     char word[NUMBER_MAX];
+    bool sound = true;
 
-    for (size_t i = 0; i < count; i++) {
+    for (size_t i = 0; i < count && sound; i++) {
         size_t length;
 
-        at += strspn(at, blanks);
-        length = strcspn(at, blanks);
-        if (length == 0 || length >= sizeof word) {
-            return xml_refuse_number(file, node, what, text, count);
-        }
-        memcpy(word, at, length);
-        word[length] = '\0';
-        if (!text_to_double(word, &value[i])) {
-            return xml_refuse_number(file, node, what, text, count);
-        }
-        at += length;
+        text += strspn(text, blanks);
+        length = strcspn(text, blanks);
+        snprintf(word, sizeof word, "%.*s", (int)length, text);
+        sound = length > 0 && length < sizeof word && text_to_double(word, &value[i]);
+        text += length;
     }
 
     /* More numbers than expected are as wrong as fewer */
-    if (at[strspn(at, blanks)] != '\0') {
-        return xml_refuse_number(file, node, what, text, count);
-    }
-    return ERROR_NONE;
+    return sound && text[strspn(text, blanks)] == '\0';
 }
 
-enum error_code xml_reals(const struct xml_file *file, const xmlNode *node, const char *name,
-                          size_t count, double *value, bool *given)
+void xml_parse_reals(const struct xml_file *file, const xmlNode *node, const char *what,
+                     const char *text, size_t count, double *value)
+{
+    if (xml_try_reals(text, count, value)) {
+        return;
+    }
+    memset(value, 0, count * sizeof *value);
+
+    /* "$" hints at xacro that has not been run */
+    if (strchr(text, '$')) {
+        xml_refuse(file, node,
+                   "found %s \"%.48s\" of <%.40s>, which xacro has yet to compute: run `xacro FILE "
+                   ">robot.urdf` and import that",
+                   what, text, (const char *)node->name);
+    } else {
+        xml_refuse(file, node, "found %s \"%.48s\" of <%.40s>, expected %zu finite number%s", what,
+                   text, (const char *)node->name, count, count == 1 ? "" : "s");
+    }
+}
+
+bool xml_reals(const struct xml_file *file, const xmlNode *node, const char *name, size_t count,
+               double *value)
 {
     const char *text = xml_attribute(node, name);
 
-    if (given) {
-        *given = text != NULL;
+    if (text) {
+        xml_parse_reals(file, node, name, text, count, value);
     }
-    return text ? xml_parse_reals(file, node, name, text, count, value) : ERROR_NONE;
+    return text != NULL;
 }
 
-enum error_code xml_need_real(const struct xml_file *file, const xmlNode *node, const char *name,
-                              double *value)
+double xml_need_real(const struct xml_file *file, const xmlNode *node, const char *name)
 {
-    const char *text;
-    enum error_code code = xml_need(file, node, name, &text);
+    const char *text = xml_need(file, node, name);
+    double value = 0.0;
 
-    return code ? code : xml_parse_reals(file, node, name, text, 1, value);
+    xml_parse_reals(file, node, name, text, 1, &value);
+    return value;
+}
+
+/* ---- names ---- */
+
+void xml_names_add(struct xml_names *names, const char *name, const char *above,
+                   const xmlNode *node, struct arena *arena, struct error *error)
+{
+    struct xml_name *entry =
+        import_grow(arena, names->entry, names->count, &names->capacity, sizeof *names->entry);
+
+    if (!entry) {
+        error_set(error, ERROR_MEMORY, "no memory left for the names of a file");
+        return;
+    }
+    entry[names->count] = (struct xml_name){name, above, node, names->count};
+    names->entry = entry;
+    names->count++;
+}
+
+/* Compares a name with a text, then its element with a kind (NULL: any). */
+static int xml_compare_name(const struct xml_name *name, const char *text, const char *kind)
+{
+    int order = strcmp(name->name, text);
+
+    return order || !kind ? order : strcmp((const char *)name->node->name, kind);
+}
+
+/* Orders names for qsort; equal ones keep the order of the file. */
+static int xml_compare_names(const void *a, const void *b)
+{
+    const struct xml_name *x = a, *y = b;
+    int order = xml_compare_name(x, y->name, (const char *)y->node->name);
+
+    return order ? order : (x->number > y->number) - (x->number < y->number);
+}
+
+void xml_names_sort(struct xml_names *names)
+{
+    if (names->count) {
+        qsort(names->entry, names->count, sizeof *names->entry, xml_compare_names);
+    }
+}
+
+const struct xml_name *xml_names_find(const struct xml_names *names, const char *name,
+                                      const char *kind)
+{
+    size_t low = 0, high = names->count;
+
+    while (low < high) {
+        size_t middle = (low + high) / 2;
+
+        if (xml_compare_name(&names->entry[middle], name, kind) < 0) {
+            low = middle + 1;
+        } else {
+            high = middle;
+        }
+    }
+    return low < names->count && !xml_compare_name(&names->entry[low], name, kind)
+               ? &names->entry[low]
+               : NULL;
 }

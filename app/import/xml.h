@@ -47,8 +47,7 @@ const char *xml_name(const struct xml_file *file, const xmlNode *node);
 
 /* Inserts copies of all elements in the root of another document before a node. The copies keep
  * the other document's name. */
-enum error_code xml_insert_file(const struct xml_file *file, xmlNode *before,
-                                const struct xml_file *other, struct error *error);
+void xml_insert_file(const struct xml_file *file, xmlNode *before, const struct xml_file *other);
 
 /* Removes a node with its subtree from its document. */
 void xml_remove(xmlNode *node);
@@ -59,9 +58,12 @@ bool xml_is(const xmlNode *node, const char *name);
 /* Returns the next node in a walk through root's subtree, parents first; NULL at the end. */
 const xmlNode *xml_walk(const xmlNode *at, const xmlNode *root);
 
+/* Counts the elements with this name (NULL: any) in root's subtree. */
+size_t xml_count(const xmlNode *root, const char *name);
+
 /* Refuses a robot file with more elements than any robot needs, because some work grows with the
  * square of their number. */
-enum error_code xml_check_elements(const struct xml_file *file, struct error *error);
+void xml_check_elements(const struct xml_file *file);
 
 /* Return the first child element, or the next sibling element, with this name (NULL: any); NULL =
  * none. */
@@ -73,22 +75,55 @@ xmlNode *xml_next(const xmlNode *node, const char *name);
 const char *xml_attribute(const xmlNode *node, const char *name);
 const char *xml_content(const xmlNode *node);
 
-/* Finds the text of an attribute that must exist and not be empty. */
-enum error_code xml_need(const struct xml_file *file, const xmlNode *node, const char *name,
-                         const char **text);
+/* ---- values ---- */
+
+/* Reports an error "file:line: ..." at a node. The first error of a file stays: readers may go on
+ * and are asked for file->error->code at the end of a step. */
+void xml_refuse(const struct xml_file *file, const xmlNode *node, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+/* Returns the text of an attribute that must exist and not be empty; "" with an error. */
+const char *xml_need(const struct xml_file *file, const xmlNode *node, const char *name);
 
 /* Parses exactly count numbers, separated by blanks, in a text of the node; `what` names them in
- * messages. */
-enum error_code xml_parse_reals(const struct xml_file *file, const xmlNode *node, const char *what,
-                                const char *text, size_t count, double *value);
+ * messages. With an error the values are 0. */
+void xml_parse_reals(const struct xml_file *file, const xmlNode *node, const char *what,
+                     const char *text, size_t count, double *value);
 
-/* Reads the numbers of an attribute. If it is missing, leaves them unchanged and sets *given to
- * false. given may be NULL. */
-enum error_code xml_reals(const struct xml_file *file, const xmlNode *node, const char *name,
-                          size_t count, double *value, bool *given);
+/* Parses numbers in the same way; returns false without an error if there are others. */
+bool xml_try_reals(const char *text, size_t count, double *value);
 
-/* Reads a number that must exist. */
-enum error_code xml_need_real(const struct xml_file *file, const xmlNode *node, const char *name,
-                              double *value);
+/* Reads the numbers of an attribute. Returns false if it is missing, which leaves them
+ * unchanged. */
+bool xml_reals(const struct xml_file *file, const xmlNode *node, const char *name, size_t count,
+               double *value);
+
+/* Returns a number that must exist; 0 with an error. */
+double xml_need_real(const struct xml_file *file, const xmlNode *node, const char *name);
+
+/* ---- names ---- */
+
+/* A name of an element. */
+struct xml_name {
+    const char *name, *above; /* for a class: above is the enclosing class, NULL = none */
+    const xmlNode *node;
+    size_t number; /* order in the file */
+};
+
+/* Names, after sorting by name, then by the kind of element, then as in the file. */
+struct xml_names {
+    struct xml_name *entry;
+    size_t count, capacity;
+};
+
+/* Adds a name, which must live as long as the list. */
+void xml_names_add(struct xml_names *names, const char *name, const char *above,
+                   const xmlNode *node, struct arena *arena, struct error *error);
+void xml_names_sort(struct xml_names *names);
+
+/* Returns the first entry with a name, of a kind of element (NULL: any); the following entries may
+ * have the same name. NULL = none. */
+const struct xml_name *xml_names_find(const struct xml_names *names, const char *name,
+                                      const char *kind);
 
 #endif

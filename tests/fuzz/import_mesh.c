@@ -17,7 +17,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 
     data += size > 0;
     size -= size > 0;
-    if (import_parse_mesh(name, (const char *)data, size, scale[how >> 1 & 1], arena, &mesh,
+    if (import_parse_mesh(name, false, (const char *)data, size, scale[how >> 1 & 1], arena, &mesh,
                           &error)) {
         fuzz_require(error.code != ERROR_NONE && fuzz_is_sentence(error.text) &&
                          !strncmp(error.text, name, 5),

@@ -232,7 +232,7 @@ static enum error_code read_file(enum reader reader, const char *text, size_t si
     code = reader == READ_ROBOT ? read_robot(text, size, &arena, error)
            : reader == READ_SRDF
                ? read_srdf(text, size, &arena, error)
-               : import_parse_mesh(name[reader], text, size, one, &arena, &mesh, error);
+               : import_parse_mesh(name[reader], false, text, size, one, &arena, &mesh, error);
     arena_fini(&arena);
     return code;
 }

@@ -74,7 +74,8 @@ TEST_WITH(binary_stl_joins_its_corners, open_arena, close_arena)
     unsigned char bytes[512];
     size_t size = make_binary_stl(bytes);
 
-    assert_ok(import_parse_mesh("x.STL", (const char *)bytes, size, one, &arena, &mesh, &error));
+    assert_ok(
+        import_parse_mesh("x.STL", false, (const char *)bytes, size, one, &arena, &mesh, &error));
     assert_int_equal(mesh.nvertex, 4);
     assert_int_equal(mesh.nface, 4);
     assert_near(mesh_signed_volume(), 1.0 / 6.0, 1e-15);
@@ -86,11 +87,11 @@ TEST_WITH(scales_measure_and_mirror, open_arena, close_arena)
     unsigned char bytes[512];
     size_t size = make_binary_stl(bytes);
 
-    assert_ok(
-        import_parse_mesh("x.stl", (const char *)bytes, size, millimeters, &arena, &mesh, &error));
+    assert_ok(import_parse_mesh("x.stl", false, (const char *)bytes, size, millimeters, &arena,
+                                &mesh, &error));
     assert_near(mesh_signed_volume(), 1e-9 / 6.0, 1e-20);
-    assert_ok(
-        import_parse_mesh("x.stl", (const char *)bytes, size, mirrored, &arena, &mesh, &error));
+    assert_ok(import_parse_mesh("x.stl", false, (const char *)bytes, size, mirrored, &arena, &mesh,
+                                &error));
     assert_near(mesh_signed_volume(), 2.0 / 6.0, 1e-15);
 }
 
@@ -112,9 +113,9 @@ TEST_WITH(text_stl_and_obj_are_the_same, open_arena, close_arena)
         strcat(text, " endloop\r\nendfacet\r\n");
     }
     strcat(text, "endsolid x\n");
-    assert_ok(import_parse_mesh("x.stl", text, strlen(text), one, &arena, &mesh, &error));
+    assert_ok(import_parse_mesh("x.stl", false, text, strlen(text), one, &arena, &mesh, &error));
     assert_near(mesh_signed_volume(), 1.0 / 6.0, 1e-15);
-    assert_ok(import_parse_mesh("x.obj", obj, strlen(obj), one, &arena, &mesh, &error));
+    assert_ok(import_parse_mesh("x.obj", false, obj, strlen(obj), one, &arena, &mesh, &error));
     assert_int_equal(mesh.nface, 4);
     assert_near(mesh_signed_volume(), 1.0 / 6.0, 1e-15);
 }
@@ -165,7 +166,7 @@ TEST_WITH(an_obj_has_the_colors_of_its_materials, open_arena, close_arena)
     assert_non_null(strstr(mesh.remark, "skin.png"));
 
     /* Without a path no file is read, and from a path only what is beside it */
-    assert_ok(import_parse_mesh("b.obj", obj, strlen(obj), one, &arena, &mesh, &error));
+    assert_ok(import_parse_mesh("b.obj", false, obj, strlen(obj), one, &arena, &mesh, &error));
     assert_int_equal(mesh.ncolor, 0);
     write_text(folder, "b.obj", "mtllib ../m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     assert_ok(import_read_mesh(path, one, &arena, &mesh, &error));
@@ -202,7 +203,8 @@ TEST_WITH(faces_of_a_tint_are_written_as_stl, open_arena, close_arena)
 
     assert_true(fd >= 0);
     close(fd);
-    assert_ok(import_parse_mesh("x.stl", (const char *)bytes, size, one, &arena, &mesh, &error));
+    assert_ok(
+        import_parse_mesh("x.stl", false, (const char *)bytes, size, one, &arena, &mesh, &error));
     mesh.tint[2] = 0;
     assert_int_equal(import_count_tint(&mesh, 0), 1);
     assert_int_equal(import_count_tint(&mesh, -1), 3);
@@ -239,7 +241,7 @@ TEST_WITH(faces_of_a_tint_are_written_as_stl, open_arena, close_arena)
 
 static enum error_code parse_dae(const char *text)
 {
-    return import_parse_mesh("x.dae", text, strlen(text), one, &arena, &mesh, &error);
+    return import_parse_mesh("x.dae", false, text, strlen(text), one, &arena, &mesh, &error);
 }
 
 static void expect_dae(const char *text, size_t faces, double volume)
@@ -466,8 +468,8 @@ TEST_WITH(wrong_meshes_are_refused, open_arena, close_arena)
     };
 
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        if (import_parse_mesh(cases[i].name, cases[i].text, strlen(cases[i].text), one, &arena,
-                              &mesh, &error) != ERROR_INPUT ||
+        if (import_parse_mesh(cases[i].name, false, cases[i].text, strlen(cases[i].text), one,
+                              &arena, &mesh, &error) != ERROR_INPUT ||
             !strstr(error.text, cases[i].words)) {
             fail_msg("case %zu: %s", i, error.text);
         }
@@ -482,7 +484,7 @@ TEST_WITH(binary_stl_with_a_false_count_is_refused, open_arena, close_arena)
 
     put_word(bytes + 80, 0xffffffff);
     assert_int_equal(
-        import_parse_mesh("x.stl", (const char *)bytes, size, one, &arena, &mesh, &error),
+        import_parse_mesh("x.stl", false, (const char *)bytes, size, one, &arena, &mesh, &error),
         ERROR_INPUT);
 }
 

@@ -1,0 +1,100 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Handles what all readers of robot files have in common. */
+#include "app/import/readers_private.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+void reader_note(const struct import_reader *r, enum import_fate fate, const xmlNode *node,
+                 const char *format, ...)
+{
+    char text[512];
+    va_list arguments;
+
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    import_note_add(r->notes, fate, xml_name(r->file, node), xml_line(node), "%s", text);
+}
+
+void *reader_alloc(const struct import_reader *r, size_t count, size_t size)
+{
+    void *memory = arena_alloc(r->arena, count, size);
+
+    if (!memory) {
+        error_set(r->error, ERROR_MEMORY, "%.200s: no memory left for this robot", r->file->name);
+    }
+    return memory;
+}
+
+const char *reader_copy(const struct import_reader *r, const char *text)
+{
+    char *copy = reader_alloc(r, strlen(text) + 1, 1);
+
+    return copy ? strcpy(copy, text) : "";
+}
+
+const char *reader_format(const struct import_reader *r, const char *format, ...)
+{
+    char text[512];
+    va_list arguments;
+
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    return reader_copy(r, text);
+}
+
+const char *reader_text(const xmlNode *node, const char *name)
+{
+    const char *text = xml_attribute(node, name);
+
+    return text ? text : "";
+}
+
+bool reader_is_one_of(const xmlNode *node, const char *const name[])
+{
+    while (*name && !xml_is(node, *name)) {
+        name++;
+    }
+    return *name;
+}
+
+void reader_make_room(const struct import_reader *r, size_t links, size_t joints, size_t shapes,
+                      size_t sensors)
+{
+    struct import_model *model = r->model;
+
+    model->link = reader_alloc(r, links + 1, sizeof *model->link);
+    model->joint = reader_alloc(r, joints + 1, sizeof *model->joint);
+    model->geometry = reader_alloc(r, shapes + 1, sizeof *model->geometry);
+    model->sensor = reader_alloc(r, sensors + 1, sizeof *model->sensor);
+}
+
+void reader_check_names(const struct import_reader *r, const char *what)
+{
+    const struct import_model *model = r->model;
+
+    /* The search finds the first one with a name, so another index is a duplicate */
+    for (size_t i = 0; i < model->nlink; i++) {
+        const struct import_link *link = &model->link[i];
+        const int first = import_find_link(model, link->name);
+
+        if ((size_t)first != i) {
+            import_error(r->error, link->file, link->line,
+                         "found %s \"%.63s\" again, expected it once (line %d)", what, link->name,
+                         model->link[first].line);
+        }
+    }
+    for (size_t i = 0; i < model->njoint; i++) {
+        const struct import_joint *joint = &model->joint[i];
+        const int first = import_find_joint(model, joint->name);
+
+        if ((size_t)first != i) {
+            import_error(r->error, joint->file, joint->line,
+                         "found joint \"%.63s\" again, expected it once (line %d)", joint->name,
+                         model->joint[first].line);
+        }
+    }
+}

@@ -1,0 +1,112 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Declarations shared by the readers of robot files. A reader goes on after an error: the first
+ * error stays in *error, and the model is then not used. Not RT-safe.
+ */
+#ifndef APP_IMPORT_READERS_PRIVATE_H
+#define APP_IMPORT_READERS_PRIVATE_H
+
+#include "app/import/readers.h"
+
+enum { MJCF_DEPTH_MAX = 200 };
+
+/* Source of a body's inertia: <inertial>, else its geoms (auto); or always one of the two. */
+enum mjcf_inertia { MJCF_INERTIA_AUTO, MJCF_INERTIA_OF_BODY, MJCF_INERTIA_OF_GEOMS };
+
+/* A robot file during reading. */
+struct import_reader {
+    const struct xml_file *file;
+    const struct import_packages *packages; /* NULL: no other file may be read */
+    struct arena *arena;
+    struct import_model *model;
+    struct import_notes *notes;
+    struct error *error;
+    struct xml_names materials; /* that have a color */
+
+    /* Global settings of an MJCF */
+    struct xml_names classes, meshes;
+    double angle; /* rad per unit of angle in the file */
+    char eulerseq[4];
+    bool autolimits, exact_meshes;
+    enum mjcf_inertia from_geom;
+    double groups[2];    /* range of geom groups that count for inertia */
+    const char *meshdir; /* "" = the file's folder */
+    const char *imu_site, *imu_name;
+    double *ref;    /* by joint: MuJoCo's position in the file's pose */
+    int *qpos;      /* by joint: index of its first coordinate in qpos */
+    int qpos_count; /* number of coordinates of the joints read so far */
+};
+
+/* Adds a note at a node. */
+void reader_note(const struct import_reader *r, enum import_fate fate, const xmlNode *node,
+                 const char *format, ...) __attribute__((format(printf, 4, 5)));
+
+/* Returns memory of the arena, or a copy of a text in it; NULL or "" with an error. */
+void *reader_alloc(const struct import_reader *r, size_t count, size_t size);
+const char *reader_copy(const struct import_reader *r, const char *text);
+
+/* Returns a formatted name in the arena, at most 511 bytes; "" with an error. */
+const char *reader_format(const struct import_reader *r, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+
+/* Returns the text of an attribute, "" without it; valid as long as the document. */
+const char *reader_text(const xmlNode *node, const char *name);
+
+/* Checks whether the name of an element is one of a list, which ends with NULL. */
+bool reader_is_one_of(const xmlNode *node, const char *const name[]);
+
+/* Allocates links, joints, shapes and sensors of the model. */
+void reader_make_room(const struct import_reader *r, size_t links, size_t joints, size_t shapes,
+                      size_t sensors);
+
+/* Refuses two links or two joints of one name. what: the file's word for a link. */
+void reader_check_names(const struct import_reader *r, const char *what);
+
+/* ---- MJCF ---- */
+
+/* Iterates over the elements `element` (NULL: all) of all sections `section`, which count as one.
+ * Pass NULL to start. Returns NULL at the end. */
+const xmlNode *mjcf_next(const struct import_reader *r, const char *section, const char *element,
+                         const xmlNode *after);
+
+/* Returns the name of a node's file; valid as long as the model. */
+const char *mjcf_file(const struct import_reader *r, const xmlNode *node);
+
+/* Replaces each <include> by the content of its file. */
+void mjcf_expand_includes(const struct import_reader *r);
+
+/* Lists default classes, meshes and materials by name. */
+void mjcf_index(struct import_reader *r);
+
+/* Returns an attribute of the element, else of its class or an enclosing class; NULL if none has
+ * it. */
+const char *mjcf_attribute(const struct import_reader *r, const xmlNode *node,
+                           const char *childclass, const char *name);
+
+/* Reads an attribute, found like mjcf_attribute, as numbers, like xml_reals. */
+bool mjcf_reals(const struct import_reader *r, const xmlNode *node, const char *childclass,
+                const char *name, size_t count, double *value);
+
+/* Reads all numbers of an attribute, 1 to most, if the element has it. */
+void mjcf_some_reals(const struct import_reader *r, const xmlNode *node, const char *childclass,
+                     const char *name, size_t most, double *value);
+
+/* Reads the pose given by pos and one of quat, axisangle, euler, xyaxes. */
+void mjcf_read_place(const struct import_reader *r, const xmlNode *node, const char *childclass,
+                     struct import_place *place);
+
+/* Computes the rotation with two axes as first columns; the second is made orthogonal to the
+ * first. Returns false if they are parallel. */
+bool mjcf_axes_to_rotation(const double axes[6], double R[9]);
+
+/* Adds a geom to a link, and its mass to a body without its own inertia (NULL: to none). */
+void mjcf_read_geom(const struct import_reader *r, const xmlNode *node, const char *childclass,
+                    int link, struct robot_inertia *inertia);
+
+/* Read actuators, equalities between joints, and keyframes; call them when all joints are
+ * known. */
+void mjcf_read_actuators(const struct import_reader *r);
+void mjcf_read_couplings(const struct import_reader *r);
+void mjcf_read_keys(const struct import_reader *r);
+
+#endif
