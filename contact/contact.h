@@ -294,15 +294,15 @@ struct contact_bristles {
     size_t npair;
 };
 
-/* Checks a configuration. Returns ERROR_INPUT for indices out of range; numbers that are not
- * finite or out of range (also dynamic friction above static); rotations that are not orthonormal
- * and right-handed; unsound meshes; pairs of one body with itself or of two half-spaces; and
- * repeated pairs. Not RT-safe. */
+/* Checks a configuration. Returns ERROR_INPUT for too many bodies, surfaces or pairs, and for pairs
+ * of two half-spaces. The reader of a rig has checked the rest, which the engines require: indices
+ * in range; names; finite numbers in the ranges above; dynamic friction not above static friction;
+ * right-handed orthonormal rotations; sound meshes; two bodies in each pair; no pair twice. Not
+ * RT-safe. */
 enum error_code contact_config_check(const struct contact_config *config, struct error *error);
 
-/* Checks n motions: numbers must be within 1e9, and R a rotation to within 1 %, the error that an
- * integrator's stage may leave in it. Otherwise returns ERROR_INPUT and writes the first invalid
- * number to failure (size bytes). RT-safe. */
+/* Checks the numbers of n motions: finite and within 1e9. Otherwise returns ERROR_INPUT and writes
+ * the first invalid number to failure (size bytes). RT-safe. */
 enum error_code contact_check_motions(const struct body_motion *motion, size_t n, char *failure,
                                       size_t size);
 

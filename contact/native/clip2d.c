@@ -168,3 +168,19 @@ void clip2d_moments(const struct polygon2d *g, bool second, struct moments *m)
         m->xy = m->xy * inverse / 12 - x * y;
     }
 }
+
+void clip2d_three_points(const struct moments *m, double x[3], double y[3])
+{
+    const double h = 0.86602540378443865; /* sqrt(3)/2 */
+
+    /* L, the Cholesky factor; rounding may make a mean square negative */
+    const double lx = sqrt(m->xx > 0 ? 2 * m->xx : 0), ly = lx > 0 ? 2 * m->xy / lx : 0;
+    const double rest = 2 * m->yy - ly * ly, lyy = sqrt(rest > 0 ? rest : 0);
+
+    x[0] = m->x;
+    x[1] = m->x - h * lx;
+    x[2] = m->x + h * lx;
+    y[0] = m->y + lyy;
+    y[1] = m->y - h * ly - lyy / 2;
+    y[2] = m->y + h * ly - lyy / 2;
+}

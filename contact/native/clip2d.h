@@ -42,4 +42,10 @@ void clip2d_outline(const struct solid *solid, const struct facet *facet, struct
  * Without area, sets only twice. */
 void clip2d_moments(const struct polygon2d *g, bool second, struct moments *m);
 
+/* Computes three points with the moments of a polygon up to the second. They integrate force and
+ * moment of a linear depth exactly. They are L times the corners of an equilateral triangle about
+ * the centroid; L L' is twice the matrix of mean squares about it. All lie inside a convex figure,
+ * because the ellipse through them does (Kannan, Lovasz, Simonovits 1995). */
+void clip2d_three_points(const struct moments *m, double x[3], double y[3]);
+
 #endif

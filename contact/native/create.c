@@ -147,26 +147,25 @@ static bool pair_is_turned(const struct contact_config *config, const struct con
     return shape_rank(b) < shape_rank(a);
 }
 
-const struct native_kernels *native_kernels_used(void)
+/* Returns the operations for the instruction set in use. */
+static const struct contact_ops *native_ops_used(void)
 {
 #if defined(NATIVE_VARIANTS)
     switch (instruction_set_used()) {
     case INSTRUCTIONS_AVX512:
-        return &native_kernels_avx512;
+        return &native_ops_avx512;
     case INSTRUCTIONS_AVX2:
-        return &native_kernels_avx2;
+        return &native_ops_avx2;
     default:
         break;
     }
 #endif
-    return &native_kernels;
+    return &native_ops;
 }
 
-/* Prepares a pair: order of its surfaces, law, kind and kernels (NULL: the best for this
- * machine). */
+/* Prepares a pair: order of its surfaces, law and kind. */
 static void pair_make(const struct contact_config *config, size_t index,
-                      const struct native_surface *surface, const struct native_kernels *kernels,
-                      struct native_pair *pair)
+                      const struct native_surface *surface, struct native_pair *pair)
 {
     const enum native_pair_kind meshes =
         config->mesh_law == CONTACT_PRESSURE_FIELD ? PAIR_FIELDS : PAIR_MESHES;
@@ -197,7 +196,6 @@ static void pair_make(const struct contact_config *config, size_t index,
                                               : 0;
     pair->anchored = pair->kind == PAIR_FIELDS || pair->kind == PAIR_MESH_SPHERE;
     pair->law.shear_root = sqrt(pair_shear_stiffness(a, b, pair, surface));
-    pair->kernels = kernels ? kernels : native_kernels_used();
 }
 
 /* ---- surfaces ---- */
@@ -456,8 +454,8 @@ static struct native_engine *engine_alloc(const struct contact_config *config, s
     e->near = arena_alloc(arena, e->npair / 64 + 1, sizeof *e->near);
     if (config->friction == CONTACT_FRICTION_STICKING) {
         e->world.nbristle = CONTACT_BRISTLE * e->npair;
-        e->grip = arena_alloc(arena, e->npair + 1, sizeof *e->grip);
-        if (!e->grip) {
+        e->sticking = arena_alloc(arena, e->npair + 1, sizeof *e->sticking);
+        if (!e->sticking) {
             return NULL;
         }
     }
@@ -466,57 +464,32 @@ static struct native_engine *engine_alloc(const struct contact_config *config, s
                : NULL;
 }
 
-enum error_code native_create_with_kernels(const struct contact_config *config,
-                                           const struct native_kernels *kernels,
-                                           struct arena *arena, struct contact_world **world,
-                                           struct error *error)
-{
-    enum error_code code = contact_config_check(config, error);
-    struct native_engine *e;
-
-    if (code != ERROR_NONE) {
-        return code;
-    }
-    e = engine_alloc(config, arena);
-    if (!e) {
-        return native_no_memory(error);
-    }
-
-    /* Surfaces, then the pairs of them */
-    for (size_t i = 0; i < e->nsurface; i++) {
-        code = surface_make(config, i, arena, e->surface, error);
-        if (code != ERROR_NONE) {
-            return code;
-        }
-    }
-    code = broad_phase_make(config, arena, &e->broad, error);
-    if (code != ERROR_NONE) {
-        return code;
-    }
-    e->world.ops = (kernels ? kernels : native_kernels_used())->ops;
-    e->find_near = (kernels ? kernels : native_kernels_used())->find_near;
-    native_place_fixed_surfaces(e);
-    for (size_t i = 0; i < e->npair; i++) {
-        pair_make(config, i, e->surface, kernels, &e->pair[i]);
-    }
-
-    /* Fields; these need the order of each pair's surfaces */
-    code = fields_make(config, arena, e, error);
-    if (code != ERROR_NONE) {
-        return code;
-    }
-
-    /* Working memory for the largest surface */
-    code = scratch_make(e, arena, error);
-    if (code != ERROR_NONE) {
-        return code;
-    }
-    *world = &e->world;
-    return ERROR_NONE;
-}
-
 enum error_code contact_native_create(const struct contact_config *config, struct arena *arena,
                                       struct contact_world **world, struct error *error)
 {
-    return native_create_with_kernels(config, NULL, arena, world, error);
+    struct native_engine *e = engine_alloc(config, arena);
+    enum error_code code = e ? ERROR_NONE : native_no_memory(error);
+
+    /* Surfaces, then the pairs of them */
+    for (size_t i = 0; !code && i < e->nsurface; i++) {
+        code = surface_make(config, i, arena, e->surface, error);
+    }
+    code = code ? code : broad_phase_make(config, arena, &e->broad, error);
+    if (code) {
+        return code;
+    }
+    e->world.ops = native_ops_used();
+    native_place_fixed_surfaces(e);
+    for (size_t i = 0; i < e->npair; i++) {
+        pair_make(config, i, e->surface, &e->pair[i]);
+    }
+
+    /* Fields, which need the order of each pair's surfaces; working memory for the largest
+     * surface */
+    code = fields_make(config, arena, e, error);
+    code = code ? code : scratch_make(e, arena, error);
+    if (!code) {
+        *world = &e->world;
+    }
+    return code;
 }

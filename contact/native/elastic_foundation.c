@@ -158,12 +158,6 @@ static const struct polygon2d *foundation_clip(const struct solid *solid,
 
 /* ---- springs ---- */
 
-/* Returns the root of x; 0 if rounding made x negative. */
-static double positive_root(double x)
-{
-    return sqrt(x > 0 ? x : 0);
-}
-
 /* Computes a point of the spring through a point in the base's plane. part 0 is at the first
  * mesh's facet, part 1 at the second's. */
 static void foundation_place_on_spring(const struct foundation *bed, double x, double y,
@@ -185,24 +179,6 @@ static void foundation_add_spring(const struct foundation_between *m, const stru
 
     foundation_place_on_spring(bed, x, y, depth, m->pair->law->share[0], p);
     batch_add_spring(&m->pair->scratch->batch, p, bed->along, rate, depth);
-}
-
-/* Adds three springs for a whole polygon, at L times the corners of an equilateral triangle about
- * the centroid, where L L' is twice the matrix of mean squares about the centroid. So they have
- * the polygon's moments up to the second, which integrates force and moment of a linear depth
- * exactly. All lie inside the polygon: the ellipse through them is inside any convex figure
- * (Kannan, Lovasz, Simonovits 1995), and in a triangle it touches the middles of the sides. */
-static void foundation_add_three(const struct foundation_between *m, const struct foundation *bed,
-                                 const struct moments *at, double rate)
-{
-    double lx = positive_root(2 * at->xx), ly = lx > 0 ? 2 * at->xy / lx : 0;
-    double lyy = positive_root(2 * at->yy - ly * ly);
-    const double h = 0.86602540378443865; /* sqrt(3)/2 */
-
-    native_make_room(m->pair, 3);
-    foundation_add_spring(m, bed, at->x, at->y + lyy, rate / 3);
-    foundation_add_spring(m, bed, at->x - h * lx, at->y - h * ly - lyy / 2, rate / 3);
-    foundation_add_spring(m, bed, at->x + h * lx, at->y + h * ly - lyy / 2, rate / 3);
 }
 
 /* Adds three springs for each triangle between the centroid and an edge. */
@@ -309,7 +285,13 @@ static void foundation_add_couple(const struct foundation_between *m,
     weight *= c->facing * native_ramp(c->facing, FACING_NONE, FACING_FULL);
     area = weight * bed.cosine * at.twice / 2;
     if (fine) {
-        foundation_add_three(m, &bed, &at, m->pair->law->stiffness * area);
+        double x[3], y[3];
+
+        clip2d_three_points(&at, x, y);
+        native_make_room(m->pair, 3);
+        for (int i = 0; i < 3; i++) {
+            foundation_add_spring(m, &bed, x[i], y[i], m->pair->law->stiffness * area / 3);
+        }
     } else {
         foundation_add_around(m, &bed, common, &at, m->pair->law->stiffness * area);
     }
@@ -507,13 +489,7 @@ void native_overlap_meshes(const struct native_overlap *o)
     size_t nsecond;
 
     /* The common box in the frame of the first (here) and of the second (there) */
-    for (int i = 0; i < 9; i++) {
-        back[i] = relative->R[i % 3 * 3 + i / 3];
-    }
-    mat3_apply(back, relative->p, origin);
-    for (int k = 0; k < 3; k++) {
-        origin[k] = -origin[k];
-    }
+    native_invert_pose(relative, back, origin);
     if (!box_intersect(&first->box, &moved, &here, &thin)) {
         return;
     }

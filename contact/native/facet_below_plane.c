@@ -8,7 +8,7 @@
 #include "contact/native/facet_below_plane.h"
 
 #include "contact/lanes.h"
-#include "contact/native/stick.h"
+#include "contact/native/friction_sums.h"
 #include "base/vec3.h"
 
 #include <float.h>

@@ -11,7 +11,7 @@
 #include "contact/friction_slope.h"
 #include "contact/lanes.h"
 #include "contact/native/law.h"
-#include "contact/native/stick.h"
+#include "contact/native/friction_sums.h"
 
 #include <float.h>
 
@@ -109,11 +109,11 @@ struct friction_bend {
 /* Computes the bend of the bristles at the springs and their stiffness: alpha sqrt(s) while they
  * stick, less where a spring slides at its Coulomb limit. */
 LANES_INLINE void friction_find_bend(const struct friction_spring *s, const struct native_law *law,
-                                     const struct native_grip *grip, struct friction_bend *out)
+                                     const struct sticking_patch *patch, struct friction_bend *out)
 {
-    const double *n = grip->normal, *c = grip->center, *y = grip->bristle;
-    const double twist = y[BRISTLE_TWIST] * grip->inverse_radius;
-    const double retarded = grip->delay_s * grip->root;
+    const double *n = patch->normal, *c = patch->center, *y = patch->bristle;
+    const double twist = y[BRISTLE_TWIST] * patch->inverse_radius;
+    const double retarded = patch->delay_s * patch->root;
     lanes arm[3], g[3], size, speed, along, part;
 
     /* Bend g = y_s + y_n n x (p - c)/r: one rigid motion for all, less its part along the spring */
@@ -132,12 +132,12 @@ LANES_INLINE void friction_find_bend(const struct friction_spring *s, const stru
 
     /* Friction min(alpha, l/|e|) sqrt(s) e: no more than the limit mu(v) f_n */
     speed = lanes_root(s->u[0] * s->u[0] + s->u[1] * s->u[1] + s->u[2] * s->u[2]);
-    out->share = s->rate * grip->inverse_area;
+    out->share = s->rate * patch->inverse_area;
     out->limit = (friction_fall(speed * law->transition_inverse, law) + law->uv * speed) *
-                 (s->normal * (grip->inverse_normal * grip->reach));
+                 (s->normal * (patch->inverse_normal * patch->reach));
     size = lanes_root(out->e[0] * out->e[0] + out->e[1] * out->e[1] + out->e[2] * out->e[2]);
     part = out->limit / (size + DBL_MIN);
-    out->stiffness = grip->root * lanes_pick(lanes_less(part, out->share), part, out->share);
+    out->stiffness = patch->root * lanes_pick(lanes_less(part, out->share), part, out->share);
 }
 
 #endif

@@ -63,20 +63,21 @@ static void springs_add(const struct springs *s, struct native_sum *sum)
     }
     batch->start = s->at.from;
     batch->n = s->at.to;
-    s->pair->kernels->sum(batch, &s->pair->law, s->relative, sum);
+    native_law_sum(batch, &s->pair->law, s->relative, sum);
 }
 
 /* Computes the friction of each spring's bristles, up to its limit, and adds it to sum. If sum is
- * NULL, only fills held, most and open of the grip. */
-static void springs_hold(const struct springs *s, struct native_grip *grip, struct native_sum *sum)
+ * NULL, only fills held, most and open of the patch. */
+static void springs_hold(const struct springs *s, struct sticking_patch *patch,
+                         struct native_sum *sum)
 {
     struct native_sum unused = {.depth = 0};
 
-    grip->keeps = sum;
+    patch->keeps = sum;
     sum = sum ? sum : &unused;
-    grip->power = grip->held = grip->most = grip->open = 0;
+    patch->power = patch->held = patch->most = patch->open = 0;
     sum->gather = NULL;
-    sum->grip = grip;
+    sum->sticking = patch;
     springs_add(s, sum);
 }
 
@@ -97,39 +98,39 @@ static double moments_find_radius(const struct moments *m, const double c[3], co
     return square > 1e-12 * vec3_dot(c, c) + DBL_MIN ? sqrt(square) : 0;
 }
 
-/* Computes mean normal, center of pressure and stiffness of a patch (grip). Computes centroid,
+/* Computes mean normal, center of pressure and stiffness of a patch (patch). Computes centroid,
  * normal and RMS radius of the area in touch (touch), the anchor that a new patch would get. */
 static void patch_find(const struct springs *s, const struct native_sum *sum,
-                       struct native_grip *grip, struct native_anchor *touch)
+                       struct sticking_patch *patch, struct native_anchor *touch)
 {
     const struct native_gather *gather = sum->gather;
     const struct moments *area = &gather->area;
     const double length = vec3_norm(gather->along);
     struct moments pressure = {.zeroth = sum->normal};
-    double *n = grip->normal, radius;
+    double *n = patch->normal, radius;
 
     /* Mean normal, center of pressure and centroid of the area */
-    *grip = (struct native_grip){.inverse_normal = 1 / sum->normal,
-                                 .inverse_area = area->zeroth > 0 ? 1 / area->zeroth : 0};
+    *patch = (struct sticking_patch){.inverse_normal = 1 / sum->normal,
+                                     .inverse_area = area->zeroth > 0 ? 1 / area->zeroth : 0};
     for (int k = 0; k < 3; k++) {
         n[k] = length > DBL_MIN ? gather->along[k] / length : k == 2;
-        grip->pressure[k] = sum->lever[k] / sum->normal;
-        touch->point[k] = area->zeroth > 0 ? area->first[k] / area->zeroth : grip->pressure[k];
+        patch->pressure[k] = sum->lever[k] / sum->normal;
+        touch->point[k] = area->zeroth > 0 ? area->first[k] / area->zeroth : patch->pressure[k];
     }
     memcpy(touch->axis, n, sizeof touch->axis);
 
     /* Constant stiffness s of the pair; reach is the bend at which a friction coefficient of 1
      * bears the load, J^0.5 */
-    grip->root = s->pair->law.shear_root;
-    grip->reach = sum->normal / grip->root;
+    patch->root = s->pair->law.shear_root;
+    patch->reach = sum->normal / patch->root;
 
     /* RMS radii of area and pressure about their centers; the second one is for the friction
      * moment */
     touch->radius = moments_find_radius(area, touch->point, n);
     memcpy(pressure.first, sum->lever, sizeof pressure.first);
     memcpy(pressure.second, gather->second, sizeof pressure.second);
-    radius = moments_find_radius(&pressure, grip->pressure, n);
-    grip->inverse_pressure_radius = radius > 0 ? 1 / radius : 0;
+    radius = moments_find_radius(&pressure, patch->pressure, n);
+    patch->inverse_pressure_radius = radius > 0 ? 1 / radius : 0;
 
     /* Springs act between the surfaces. When one surface rocks on the other, the point that does
      * not slide is on the surface that does not define the normals. So the centroid is moved there
@@ -169,11 +170,11 @@ static void anchor_leave(const struct springs *s, struct native_anchor *anchor)
     }
 }
 
-/* Sets the grip's bristles on the anchor of the given state, dragged along with the area in touch
+/* Sets the patch's bristles on the anchor of the given state, dragged along with the area in touch
  * if it is outside its play, or on a new anchor if there is none. Fills the anchor state for this
  * anchor (kept) and for a new one (anew). */
 static void patch_place_bristles(const struct springs *s, struct native_anchor touch,
-                                 const double given[CONTACT_BRISTLE], struct native_grip *grip,
+                                 const double given[CONTACT_BRISTLE], struct sticking_patch *patch,
                                  double kept[CONTACT_BRISTLE], double anew[CONTACT_BRISTLE])
 {
     struct native_anchor anchor;
@@ -194,31 +195,32 @@ static void patch_place_bristles(const struct springs *s, struct native_anchor t
      * normal n are fixed in different surfaces, so the integral of the twist rate depends only on
      * their relative rotation */
     anchor_leave(s, &anchor);
-    aligned = 1 / (1 + vec3_dot(anchor.axis, grip->normal));
+    aligned = 1 / (1 + vec3_dot(anchor.axis, patch->normal));
     for (int k = 0; k < 3; k++) {
-        grip->center[k] = anchor.point[k];
-        grip->axis[k] = aligned * (anchor.axis[k] + grip->normal[k]);
+        patch->center[k] = anchor.point[k];
+        patch->axis[k] = aligned * (anchor.axis[k] + patch->normal[k]);
     }
-    grip->inverse_radius = anchor.radius > 0 ? 1 / anchor.radius : 0;
+    patch->inverse_radius = anchor.radius > 0 ? 1 / anchor.radius : 0;
 }
 
 /* Computes the sliding velocity of the first body against the second at the anchor and about the
  * twist axis, and the bend rates sqrt(s) v and sqrt(s) r w_n. */
-static void slide_find(const struct springs *s, const struct native_grip *grip, struct slide *slide)
+static void slide_find(const struct springs *s, const struct sticking_patch *patch,
+                       struct slide *slide)
 {
     const struct native_relative *relative = s->relative;
     double along;
 
-    vec3_cross(relative->w, grip->center, slide->velocity);
+    vec3_cross(relative->w, patch->center, slide->velocity);
     vec3_add_scaled(slide->velocity, 1, relative->v, slide->velocity);
-    along = vec3_dot(grip->normal, slide->velocity);
-    vec3_add_scaled(slide->velocity, -along, grip->normal, slide->velocity);
-    slide->spin = vec3_dot(grip->axis, relative->w);
+    along = vec3_dot(patch->normal, slide->velocity);
+    vec3_add_scaled(slide->velocity, -along, patch->normal, slide->velocity);
+    slide->spin = vec3_dot(patch->axis, relative->w);
     for (int k = 0; k < 3; k++) {
-        slide->rate[BRISTLE_SHEAR + k] = grip->root * slide->velocity[k];
+        slide->rate[BRISTLE_SHEAR + k] = patch->root * slide->velocity[k];
     }
     slide->rate[BRISTLE_TWIST] =
-        grip->inverse_radius > 0 ? grip->root * slide->spin / grip->inverse_radius : 0;
+        patch->inverse_radius > 0 ? patch->root * slide->spin / patch->inverse_radius : 0;
 }
 
 /* Turns the shear into the plane across the normal n and keeps its length, so that a tilting patch
@@ -240,32 +242,32 @@ static double bristle_square(const double y[BRISTLE_BENT])
     return y[0] * y[0] + y[1] * y[1] + y[2] * y[2] + y[3] * y[3];
 }
 
-/* Returns the scale b of contact.h, at most 1, at which the grip's bristles begin to yield. Call
+/* Returns the scale b of contact.h, at most 1, at which the patch's bristles begin to yield. Call
  * it after springs_hold. Newton's method from below, on a concave piecewise linear function, does
  * not overshoot. */
-static double patch_find_yield(const struct springs *s, const struct native_grip *grip)
+static double patch_find_yield(const struct springs *s, const struct sticking_patch *patch)
 {
-    struct native_grip scaled = *grip;
+    struct sticking_patch scaled = *patch;
     double scale = 0, part = 0, slope;
 
     /* Without friction capacity no bend holds; within the limit nothing yields */
-    if (!(grip->most > 0)) {
-        return bristle_square(grip->bristle) > 0 ? 0 : 1;
+    if (!(patch->most > 0)) {
+        return bristle_square(patch->bristle) > 0 ? 0 : 1;
     }
-    if (grip->held <= YIELD_FROM * grip->most) {
+    if (patch->held <= YIELD_FROM * patch->most) {
         return 1;
     }
 
     /* part: held over most, the ratio of the friction at this scale to sliding friction. At scale
      * 0 it is 0, with the slope of bristles below their limits */
-    slope = bristle_square(grip->bristle) / grip->most;
+    slope = bristle_square(patch->bristle) / patch->most;
     for (int step = 0; step < SCALE_STEPS; step++) {
         scale += (YIELD_FROM - part) / slope;
         if (!(scale < 1)) {
             return 1;
         }
         for (int k = 0; k < BRISTLE_BENT; k++) {
-            scaled.bristle[k] = scale * grip->bristle[k];
+            scaled.bristle[k] = scale * patch->bristle[k];
         }
         springs_hold(s, &scaled, NULL);
         part = scaled.held / scaled.most;
@@ -293,20 +295,20 @@ static double law_find_coefficient(const struct native_law *law, double speed)
  * an ellipsoid that approximates the limit surface, the forces and moments at which the patch
  * slides (Howe, Cutkosky, Int. J. Robotics Research 15, 1996). INFINITY for a twist about a patch
  * that is a point. */
-static double patch_find_demand(const struct springs *s, const struct native_grip *grip,
+static double patch_find_demand(const struct springs *s, const struct sticking_patch *patch,
                                 const struct slide *slide, const double e[BRISTLE_BENT])
 {
     const double limit =
-        grip->reach * law_find_coefficient(&s->pair->law, vec3_norm(slide->velocity));
+        patch->reach * law_find_coefficient(&s->pair->law, vec3_norm(slide->velocity));
     double arm[3], turn[3], moment, square = vec3_dot(e, e);
 
     /* Moment about the center of pressure: from the shear at the anchor, and from the twist */
-    vec3_sub(grip->center, grip->pressure, arm);
+    vec3_sub(patch->center, patch->pressure, arm);
     vec3_cross(arm, e, turn);
-    moment = vec3_dot(grip->normal, turn);
-    moment += grip->inverse_radius > 0 ? e[BRISTLE_TWIST] / grip->inverse_radius : 0;
-    if (grip->inverse_pressure_radius > 0) {
-        square += moment * moment * grip->inverse_pressure_radius * grip->inverse_pressure_radius;
+    moment = vec3_dot(patch->normal, turn);
+    moment += patch->inverse_radius > 0 ? e[BRISTLE_TWIST] / patch->inverse_radius : 0;
+    if (patch->inverse_pressure_radius > 0) {
+        square += moment * moment * patch->inverse_pressure_radius * patch->inverse_pressure_radius;
     } else if (e[BRISTLE_TWIST] != 0) {
         return (double)INFINITY;
     }
@@ -316,74 +318,74 @@ static double patch_find_demand(const struct springs *s, const struct native_gri
 /* Adds a share of the friction force and moment of bristles e that hold as a whole: force at the
  * anchor's point c, moment about the twist axis. Returns their power, W, which bends the bristles
  * and is partly lost in their retardation. */
-static double patch_add_whole(const struct native_grip *grip, const struct slide *slide,
+static double patch_add_whole(const struct sticking_patch *patch, const struct slide *slide,
                               const double e[BRISTLE_BENT], double share, struct native_sum *sum)
 {
-    const double twist = grip->inverse_radius > 0 ? e[BRISTLE_TWIST] / grip->inverse_radius : 0;
+    const double twist = patch->inverse_radius > 0 ? e[BRISTLE_TWIST] / patch->inverse_radius : 0;
     double force[3], turn[3];
 
     for (int k = 0; k < 3; k++) {
-        force[k] = -share * grip->root * e[k];
+        force[k] = -share * patch->root * e[k];
     }
-    vec3_cross(grip->center, force, turn);
-    vec3_add_scaled(turn, -share * grip->root * twist, grip->axis, turn);
+    vec3_cross(patch->center, force, turn);
+    vec3_add_scaled(turn, -share * patch->root * twist, patch->axis, turn);
     vec3_add_scaled(sum->force, 1, force, sum->force);
     vec3_add_scaled(sum->moment, 1, turn, sum->moment);
-    return share * grip->root * (vec3_dot(e, slide->velocity) + twist * slide->spin);
+    return share * patch->root * (vec3_dot(e, slide->velocity) + twist * slide->spin);
 }
 
-/* Computes the friction of the grip's bristles and adds it to sum: for the patch as a whole if the
+/* Computes the friction of the patch's bristles and adds it to sum: for the patch as a whole if the
  * demand is well below the friction limit, else for each spring, with a blend between them. */
 static void patch_add_friction(const struct springs *s, const struct slide *slide,
-                               struct native_grip *grip, struct native_sum *sum)
+                               struct sticking_patch *patch, struct native_sum *sum)
 {
     struct native_sum apart = {.one_way = sum->one_way};
     double e[BRISTLE_BENT], demand, power = 0;
 
     for (int k = 0; k < BRISTLE_BENT; k++) {
-        e[k] = grip->bristle[k] + grip->delay_s * slide->rate[k];
+        e[k] = patch->bristle[k] + patch->delay_s * slide->rate[k];
     }
 
     /* Demand of the bristles with and without damping; the larger one counts */
-    demand = fmax(patch_find_demand(s, grip, slide, e),
-                  patch_find_demand(s, grip, slide, grip->bristle));
-    grip->whole = 1 - native_ramp(demand, WHOLE_UNTIL, WHOLE_NEVER);
-    if (grip->whole > 0) {
-        power = patch_add_whole(grip, slide, e, grip->whole, sum);
+    demand = fmax(patch_find_demand(s, patch, slide, e),
+                  patch_find_demand(s, patch, slide, patch->bristle));
+    patch->whole = 1 - native_ramp(demand, WHOLE_UNTIL, WHOLE_NEVER);
+    if (patch->whole > 0) {
+        power = patch_add_whole(patch, slide, e, patch->whole, sum);
     }
-    if (grip->whole < 1) {
-        springs_hold(s, grip, &apart);
-        power += (1 - grip->whole) * grip->power;
-        vec3_add_scaled(sum->force, 1 - grip->whole, apart.force, sum->force);
-        vec3_add_scaled(sum->moment, 1 - grip->whole, apart.moment, sum->moment);
+    if (patch->whole < 1) {
+        springs_hold(s, patch, &apart);
+        power += (1 - patch->whole) * patch->power;
+        vec3_add_scaled(sum->force, 1 - patch->whole, apart.force, sum->force);
+        vec3_add_scaled(sum->moment, 1 - patch->whole, apart.moment, sum->moment);
     } else {
         /* The tangent of a patch that holds as a whole uses the gathered moments */
-        grip->stiffness = sum->gather->stiffness;
-        grip->damping = sum->gather->damping;
-        grip->held = grip->most = grip->open = 0;
+        patch->stiffness = sum->gather->stiffness;
+        patch->damping = sum->gather->damping;
+        patch->held = patch->most = patch->open = 0;
     }
-    grip->power = power;
+    patch->power = power;
 }
 
-/* Returns whether the grip's bristles bear less friction than they yield at. Call it after
+/* Returns whether the patch's bristles bear less friction than they yield at. Call it after
  * patch_add_friction. */
-static bool patch_is_firm(const struct native_grip *grip)
+static bool patch_is_firm(const struct sticking_patch *patch)
 {
-    return grip->whole == 1 || grip->held <= YIELD_FROM * grip->most;
+    return patch->whole == 1 || patch->held <= YIELD_FROM * patch->most;
 }
 
 /* Models springs in the plane across the normal n, with the anchor's radius r about its point, at
  * x from the center. They resist v + w x x across n, and the spin about n with r^2. With m = x x n
  * the terms are I - n n^T, [x] - n m^T and |x|^2 I - x x^T - m m^T + r^2 n n^T. */
-void native_bristle_resist(const struct native_grip *grip, const double center[3],
+void native_bristle_resist(const struct sticking_patch *patch, const double center[3],
                            const double turn[9], struct contact_tangent *tangent)
 {
-    const double each = grip->whole * grip->root * grip->root * grip->follow_s;
-    const double radius = grip->inverse_radius > 0 ? 1 / grip->inverse_radius : 0;
+    const double each = patch->whole * patch->root * patch->root * patch->follow_s;
+    const double radius = patch->inverse_radius > 0 ? 1 / patch->inverse_radius : 0;
     double *T = tangent->friction_D, n[3], arm[3], x[3], m[3], square;
 
-    mat3_apply(turn, grip->normal, n);
-    vec3_sub(grip->center, center, arm);
+    mat3_apply(turn, patch->normal, n);
+    vec3_sub(patch->center, center, arm);
     mat3_apply(turn, arm, x);
     vec3_cross(x, n, m);
     square = vec3_dot(x, x);
@@ -403,12 +405,12 @@ void native_bristle_resist(const struct native_grip *grip, const double center[3
     }
 }
 
-void native_bristle_press(const struct native_grip *grip, const double center[3],
+void native_bristle_press(const struct sticking_patch *patch, const double center[3],
                           const double turn[9], struct contact_tangent *tangent)
 {
-    const struct moments *const of[2] = {&grip->stiffness, &grip->damping};
+    const struct moments *const of[2] = {&patch->stiffness, &patch->damping};
     double *const to[2] = {tangent->K, tangent->D};
-    const double *n = grip->normal;
+    const double *n = patch->normal;
     const double cross[9] = {0, n[2], -n[1], -n[2], 0,
                              /* matrix of r -> r x n */
                              n[0], n[1], -n[0], 0};
@@ -484,7 +486,7 @@ static void bristle_list(struct contact_bristles *bristles, size_t pair)
  * and W x y_s. W is the spin about the normal of the surface that defines the normals, the surface
  * from which the anchor's place is seen. */
 static void bend_bristles(const struct native_engine *e, const struct native_pair *pair,
-                          const struct native_grip *grip, const struct slide *slide,
+                          const struct sticking_patch *patch, const struct slide *slide,
                           const double y[BRISTLE_BENT], double rate[BRISTLE_BENT])
 {
     const struct native_pose *a = &e->pose[pair->surface[0]];
@@ -492,30 +494,30 @@ static void bend_bristles(const struct native_engine *e, const struct native_pai
     double spin[3], turn[3];
 
     mat3_apply_transposed(a->R, owner->w, spin);
-    vec3_cross(grip->normal, y, turn);
+    vec3_cross(patch->normal, y, turn);
     memcpy(rate, slide->rate, sizeof slide->rate);
-    vec3_add_scaled(rate, vec3_dot(grip->normal, spin), turn, rate);
+    vec3_add_scaled(rate, vec3_dot(patch->normal, spin), turn, rate);
 }
 
 /* Explicit integration: computes friction and rates of the bristles y, in the patch's plane, at
  * this moment. Returns their yield rate, 1/s. */
 static double hold_now(const struct springs *s, const struct slide *slide,
-                       const double y[BRISTLE_BENT], struct native_grip *grip,
+                       const double y[BRISTLE_BENT], struct sticking_patch *patch,
                        struct native_sum *sum, double rate[BRISTLE_BENT])
 {
     double square = bristle_square(y), gain, yield = 0;
 
-    memcpy(grip->bristle, y, sizeof grip->bristle);
-    grip->delay_s = grip->follow_s = DELAY_S;
-    patch_add_friction(s, slide, grip, sum);
+    memcpy(patch->bristle, y, sizeof patch->bristle);
+    patch->delay_s = patch->follow_s = DELAY_S;
+    patch_add_friction(s, slide, patch, sum);
 
     /* Yield is q of contact.h: above the friction limit (q_1), and if more would be stored than
      * friction takes from the motion (q_2) */
-    bend_bristles(s->e, s->pair, grip, slide, y, rate);
+    bend_bristles(s->e, s->pair, patch, slide, y, rate);
     gain = vec3_dot(y, rate) + y[BRISTLE_TWIST] * rate[BRISTLE_TWIST];
-    if (grip->whole < 1) {
-        yield = (1 - patch_find_yield(s, grip)) / YIELD_S;
-        yield = square > DBL_MIN ? fmax(yield, (gain - grip->power) / square) : yield;
+    if (patch->whole < 1) {
+        yield = (1 - patch_find_yield(s, patch)) / YIELD_S;
+        yield = square > DBL_MIN ? fmax(yield, (gain - patch->power) / square) : yield;
     }
     for (int k = 0; k < BRISTLE_BENT; k++) {
         rate[k] -= yield * y[k];
@@ -523,7 +525,7 @@ static double hold_now(const struct springs *s, const struct slide *slide,
 
     /* The part of the friction power that is not stored is dissipated */
     sum->potential += square / 2;
-    sum->power += fmax(0, grip->power - gain + yield * square);
+    sum->power += fmax(0, patch->power - gain + yield * square);
     return yield;
 }
 
@@ -531,44 +533,44 @@ static double hold_now(const struct springs *s, const struct slide *slide,
  * their mean rate. The friction power that bounds the stored energy is taken before yielding.
  * Returns the yield rate, 1/s. */
 static double hold_ahead(const struct springs *s, const struct slide *slide, double h,
-                         const double y[BRISTLE_BENT], struct native_grip *grip,
+                         const double y[BRISTLE_BENT], struct sticking_patch *patch,
                          struct native_sum *sum, double rate[BRISTLE_BENT])
 {
     struct native_sum unyielding = *sum;
     double before = bristle_square(y), after, most, scale = 1;
 
     /* Bends them for the whole time without yielding */
-    bend_bristles(s->e, s->pair, grip, slide, y, rate);
+    bend_bristles(s->e, s->pair, patch, slide, y, rate);
     for (int k = 0; k < BRISTLE_BENT; k++) {
-        grip->bristle[k] = y[k] + h * rate[k];
+        patch->bristle[k] = y[k] + h * rate[k];
     }
-    grip->delay_s = DELAY_S;
-    grip->follow_s = DELAY_S + h;
-    grip->bend_s = h;
-    after = bristle_square(grip->bristle);
-    patch_add_friction(s, slide, grip, &unyielding);
+    patch->delay_s = DELAY_S;
+    patch->follow_s = DELAY_S + h;
+    patch->bend_s = h;
+    after = bristle_square(patch->bristle);
+    patch_add_friction(s, slide, patch, &unyielding);
 
     /* |y|^2 may grow by no more than twice the work of friction */
-    most = fmax(0, before + 2 * h * grip->power);
+    most = fmax(0, before + 2 * h * patch->power);
 
-    if (grip->whole == 1 || (patch_is_firm(grip) && after <= most)) {
+    if (patch->whole == 1 || (patch_is_firm(patch) && after <= most)) {
         *sum = unyielding;
     } else {
         /* Scales them back to the friction limit, by an implicit step of the yield q_1, and to the
          * energy bound */
-        scale = (1 + h / YIELD_S * patch_find_yield(s, grip)) / (1 + h / YIELD_S);
+        scale = (1 + h / YIELD_S * patch_find_yield(s, patch)) / (1 + h / YIELD_S);
         scale = after > most ? fmin(scale, sqrt(most / after)) : scale;
         for (int k = 0; k < BRISTLE_BENT; k++) {
-            grip->bristle[k] *= scale;
-            rate[k] = (grip->bristle[k] - y[k]) / h;
+            patch->bristle[k] *= scale;
+            rate[k] = (patch->bristle[k] - y[k]) / h;
         }
-        grip->follow_s = DELAY_S + scale * h;
-        grip->bend_s = scale * h;
-        patch_add_friction(s, slide, grip, sum);
-        after = bristle_square(grip->bristle);
+        patch->follow_s = DELAY_S + scale * h;
+        patch->bend_s = scale * h;
+        patch_add_friction(s, slide, patch, sum);
+        after = bristle_square(patch->bristle);
     }
     sum->potential += after / 2;
-    sum->power += fmax(0, grip->power - (after - before) / (2 * h));
+    sum->power += fmax(0, patch->power - (after - before) / (2 * h));
     return (1 - scale) / h;
 }
 
@@ -594,7 +596,7 @@ void friction_sticking_add(struct native_engine *e, size_t index,
     const struct native_pair *pair = &e->pair[index];
     const struct springs springs = {e, pair, relative, at, lost};
     const double *given = bristles ? bristles->y + CONTACT_BRISTLE * index : relaxed;
-    struct native_grip *grip = &e->grip[e->npatch];
+    struct sticking_patch *patch = &e->sticking[e->npatch];
     double y[BRISTLE_BENT], start[BRISTLE_BENT], rate[CONTACT_BRISTLE], h, along, yield;
     double kept[CONTACT_BRISTLE], anew[CONTACT_BRISTLE];
     double force[3], moment[3]; /* wrench without friction */
@@ -606,7 +608,7 @@ void friction_sticking_add(struct native_engine *e, size_t index,
     if (!(sum->normal > 0)) {
         double square = bristle_square(given);
 
-        *grip = (struct native_grip){.root = 0};
+        *patch = (struct sticking_patch){.root = 0};
         sum->potential += square / 2;
         sum->power += square / YIELD_S;
         return;
@@ -614,21 +616,21 @@ void friction_sticking_add(struct native_engine *e, size_t index,
 
     /* Patch, anchor and sliding velocity; turns bristles into the first surface's frame and the
      * patch's plane */
-    patch_find(&springs, sum, grip, &touch);
-    patch_place_bristles(&springs, touch, given, grip, kept, anew);
-    slide_find(&springs, grip, &slide);
+    patch_find(&springs, sum, patch, &touch);
+    patch_place_bristles(&springs, touch, given, patch, kept, anew);
+    slide_find(&springs, patch, &slide);
     bristle_enter(e, pair, given, start);
     memcpy(y, start, sizeof y);
     memcpy(force, sum->force, sizeof force);
     memcpy(moment, sum->moment, sizeof moment);
-    shear_align(grip->normal, y);
+    shear_align(patch->normal, y);
 
     /* Friction, now or after the time ahead; its own wrench is the difference */
     h = bristles ? bristles->ahead_s : 0;
-    yield = h > 0 ? hold_ahead(&springs, &slide, h, y, grip, sum, rate)
-                  : hold_now(&springs, &slide, y, grip, sum, rate);
-    vec3_sub(sum->force, force, grip->force);
-    vec3_sub(sum->moment, moment, grip->moment);
+    yield = h > 0 ? hold_ahead(&springs, &slide, h, y, patch, sum, rate)
+                  : hold_now(&springs, &slide, y, patch, sum, rate);
+    vec3_sub(sum->force, force, patch->force);
+    vec3_sub(sum->moment, moment, patch->moment);
 
     /* The state turns into the plane too: within the time ahead, or in ALIGN_S */
     along = vec3_dot(start, start);

@@ -1,73 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Sums over springs for sticking friction (stiction), LANES at a time: the sums without friction
- * for a patch's normal, center of pressure and anchor, and the friction of each spring's bristles.
+ * Sums over springs for sticking friction (stiction), LANES at a time: the sums without friction of
+ * springs that all push in one direction, and the friction of each spring's bristles.
  */
-#include "contact/native/stick.h"
+#include "contact/native/friction_sums.h"
 
 #include "contact/native/friction.h"
 #include "contact/native/moments_sum.h"
 #include "base/vec3.h"
-
-/* Adds normal force, moment, energies and the sums of struct native_gather for springs with
- * individual directions. */
-static void gather_springs(const struct native_batch *b, const struct native_law *law,
-                           const struct native_relative *relative, struct native_sum *sum)
-{
-    struct native_gather *out = sum->gather;
-    const lanes zero = {0};
-    const double *const p[3] = {b->p[0] + b->start, b->p[1] + b->start, b->p[2] + b->start};
-    lanes along[3] = {zero, zero, zero}, lever[3] = {zero, zero, zero};
-    lanes moment[3] = {zero, zero, zero}, second[6] = {zero, zero, zero, zero, zero, zero};
-    lanes normal = zero, potential = zero, power = zero, elastic = zero;
-
-    for (size_t i = b->start; i < b->n; i += LANES) {
-        struct friction_spring s;
-        lanes f[3], fp[3], depth = lanes_load(b->depth + i);
-
-        /* Normal force, its moment p x f, and its first and second moments f p, f p p */
-        friction_load_spring(b, i, law, relative, &s);
-        for (int k = 0; k < 3; k++) {
-            f[k] = s.normal * s.d[k];
-            fp[k] = s.normal * s.p[k];
-            along[k] += f[k];
-            lever[k] += fp[k];
-        }
-        moment[0] += s.p[1] * f[2] - s.p[2] * f[1];
-        moment[1] += s.p[2] * f[0] - s.p[0] * f[2];
-        moment[2] += s.p[0] * f[1] - s.p[1] * f[0];
-        second[0] += fp[0] * s.p[0];
-        second[1] += fp[0] * s.p[1];
-        second[2] += fp[0] * s.p[2];
-        second[3] += fp[1] * s.p[1];
-        second[4] += fp[1] * s.p[2];
-        second[5] += fp[2] * s.p[2];
-
-        /* Stored energy (twice) and power of dissipation */
-        normal += s.normal;
-        elastic += s.force;
-        potential += s.force * depth;
-        power += (s.force - s.normal) * s.leaving;
-    }
-
-    /* Adds up the lanes; the stiffness is proportional to the area */
-    for (int k = 0; k < 3; k++) {
-        double push = lanes_sum(along[k]);
-
-        sum->force[k] += push;
-        sum->moment[k] += lanes_sum(moment[k]);
-        sum->lever[k] += lanes_sum(lever[k]);
-        out->along[k] += push;
-    }
-    for (int k = 0; k < 6; k++) {
-        out->second[k] += lanes_sum(second[k]);
-    }
-    moments_add_springs(p, b->rate + b->start, b->n - b->start, &out->area);
-    out->elastic += lanes_sum(elastic);
-    sum->normal += lanes_sum(normal);
-    sum->potential += lanes_sum(potential) / 2;
-    sum->power += lanes_sum(power);
-}
 
 /* ---- springs that all push in one direction ---- */
 
@@ -136,10 +76,8 @@ void native_gather_add(const struct moments *f, const double d[3], struct native
     }
 }
 
-/* Computes the sums of gather_springs for springs that all push along one direction, from moments
- * only, and adds the moments of their stiffness and damping. */
-static void gather_one_way(const struct native_batch *b, const struct native_law *law,
-                           const struct native_relative *relative, struct native_sum *sum)
+void friction_sums_gather(const struct native_batch *b, const struct native_law *law,
+                          const struct native_relative *relative, struct native_sum *sum)
 {
     struct moments normal = {.zeroth = 0};
     struct weights weights;
@@ -165,17 +103,7 @@ static void gather_one_way(const struct native_batch *b, const struct native_law
     native_gather_add(&normal, d, sum);
 }
 
-/* ---- functions of stick.h ---- */
-
-void native_stick_gather(const struct native_batch *b, const struct native_law *law,
-                         const struct native_relative *relative, struct native_sum *sum)
-{
-    if (sum->one_way) {
-        gather_one_way(b, law, relative, sum);
-    } else {
-        gather_springs(b, law, relative, sum);
-    }
-}
+/* ---- friction ---- */
 
 /* keeps: adds the friction of the springs. Otherwise computes only its utilization (held, most,
  * open). keeps is a constant in each call, so that the compiler makes two loops. */
@@ -183,7 +111,7 @@ LANES_INLINE void hold_springs(struct native_batch *b, const struct native_law *
                                const struct native_relative *relative, const bool keeps,
                                struct native_sum *sum)
 {
-    struct native_grip *grip = sum->grip;
+    struct sticking_patch *patch = sum->sticking;
     const lanes zero = {0};
     lanes force[3] = {zero, zero, zero}, moment[3] = {zero, zero, zero};
     lanes power = zero, held = zero, most = zero, open = zero;
@@ -195,7 +123,7 @@ LANES_INLINE void hold_springs(struct native_batch *b, const struct native_law *
         lanes_mask below;
 
         friction_load_spring(b, i, law, relative, &s);
-        friction_find_bend(&s, law, grip, &bend);
+        friction_find_bend(&s, law, patch, &bend);
 
         /* Friction force against the bend, its moment and its power */
         if (keeps) {
@@ -223,16 +151,16 @@ LANES_INLINE void hold_springs(struct native_batch *b, const struct native_law *
         sum->force[k] += lanes_sum(force[k]);
         sum->moment[k] += lanes_sum(moment[k]);
     }
-    grip->power += lanes_sum(power);
-    grip->held += lanes_sum(held);
-    grip->most += lanes_sum(most);
-    grip->open += lanes_sum(open);
+    patch->power += lanes_sum(power);
+    patch->held += lanes_sum(held);
+    patch->most += lanes_sum(most);
+    patch->open += lanes_sum(open);
 }
 
-void native_stick_hold(struct native_batch *b, const struct native_law *law,
-                       const struct native_relative *relative, struct native_sum *sum)
+void friction_sums_hold(struct native_batch *b, const struct native_law *law,
+                        const struct native_relative *relative, struct native_sum *sum)
 {
-    if (sum->grip->keeps) {
+    if (sum->sticking->keeps) {
         hold_springs(b, law, relative, true, sum);
     } else {
         hold_springs(b, law, relative, false, sum);

@@ -10,7 +10,7 @@
 #include "contact/lanes.h"
 #include "contact/native/friction.h"
 #include "contact/native/narrow_phase.h"
-#include "contact/native/stick.h"
+#include "contact/native/friction_sums.h"
 #include "contact/native/moments_sum.h"
 #include "base/vec3.h"
 
@@ -25,67 +25,82 @@ static void batch_pad(struct native_batch *b)
     }
 }
 
-/* Computes normal force and regularized friction of each spring (contact.h). Adds force, moment
- * about the frame's origin, sums for the center of pressure, and energies to sum. */
-static void law_add_forces(const struct native_batch *batch, const struct native_law *law,
-                           const struct native_relative *relative, struct native_sum *sum)
+/* Adds normal force, moment about the frame's origin, sums for the center of pressure, and energies
+ * of the springs to sum. gathers: without friction, and with the sums of struct native_gather;
+ * otherwise with regularized friction (contact.h). gathers is a constant in each call, so that the
+ * compiler makes two loops. */
+LANES_INLINE void law_add_springs(const struct native_batch *batch, const struct native_law *law,
+                                  const struct native_relative *relative, const bool gathers,
+                                  struct native_sum *sum)
 {
-    const double *w = relative->w, *v = relative->v;
-    lanes zero = {0}, force[3] = {zero, zero, zero}, moment[3] = {zero, zero, zero};
-    lanes lever[3] = {zero, zero, zero}, normal = zero, potential = zero, power = zero;
+    struct native_gather *out = sum->gather;
+    const double *const p[3] = {batch->p[0] + batch->start, batch->p[1] + batch->start,
+                                batch->p[2] + batch->start};
+    const lanes zero = {0};
+    lanes force[3] = {zero, zero, zero}, moment[3] = {zero, zero, zero};
+    lanes lever[3] = {zero, zero, zero}, second[6] = {zero, zero, zero, zero, zero, zero};
+    lanes normal = zero, potential = zero, power = zero, elastic = zero;
 
     for (size_t i = batch->start; i < batch->n; i += LANES) {
-        lanes px = lanes_load(batch->p[0] + i), py = lanes_load(batch->p[1] + i),
-              pz = lanes_load(batch->p[2] + i);
-        lanes dx = lanes_load(batch->d[0] + i), dy = lanes_load(batch->d[1] + i),
-              dz = lanes_load(batch->d[2] + i);
-        lanes f = lanes_load(batch->force + i), depth = lanes_load(batch->depth + i);
+        lanes f[3], fp[3], depth = lanes_load(batch->depth + i), lost;
+        struct friction_spring s;
 
-        /* Velocity of the first body relative to the second at the spring, and its component along
-         * the normal: the rate x' of the penetration depth is -leaving */
-        lanes ux = v[0] + (w[1] * pz - w[2] * py);
-        lanes uy = v[1] + (w[2] * px - w[0] * pz);
-        lanes uz = v[2] + (w[0] * py - w[1] * px);
-        lanes leaving = ux * dx + uy * dy + uz * dz;
+        /* Normal force and its first moments; dissipated power */
+        friction_load_spring(batch, i, law, relative, &s);
+        lost = (s.force - s.normal) * s.leaving;
+        for (int k = 0; k < 3; k++) {
+            f[k] = s.normal * s.d[k];
+            fp[k] = s.normal * s.p[k];
+            lever[k] += fp[k];
+        }
 
-        /* Normal force f (1 + c x'): elastic with damping, never negative */
-        lanes fn = f * (1 - law->dissipation * leaving);
-        lanes_mask pushes = lanes_less(zero, fn);
+        /* Friction force against the sliding velocity, or the second moments */
+        if (gathers) {
+            elastic += s.force;
+            second[0] += fp[0] * s.p[0];
+            second[1] += fp[0] * s.p[1];
+            second[2] += fp[0] * s.p[2];
+            second[3] += fp[1] * s.p[1];
+            second[4] += fp[1] * s.p[2];
+            second[5] += fp[2] * s.p[2];
+        } else {
+            lanes v2 = s.u[0] * s.u[0] + s.u[1] * s.u[1] + s.u[2] * s.u[2];
+            lanes drag = s.normal * friction_over_speed(lanes_root(v2), law);
 
-        fn = lanes_pick(pushes, fn, zero);
-
-        /* Friction force against the sliding velocity, the component across the normal */
-        ux -= leaving * dx;
-        uy -= leaving * dy;
-        uz -= leaving * dz;
-
-        lanes v2 = ux * ux + uy * uy + uz * uz;
-        lanes drag = fn * friction_over_speed(lanes_root(v2), law);
-        lanes fx = fn * dx - drag * ux;
-        lanes fy = fn * dy - drag * uy;
-        lanes fz = fn * dz - drag * uz;
-
-        /* Sums: force, moment p x f, center of pressure (lever over normal), stored and dissipated
-         * energy */
-        force[0] += fx;
-        force[1] += fy;
-        force[2] += fz;
-        moment[0] += py * fz - pz * fy;
-        moment[1] += pz * fx - px * fz;
-        moment[2] += px * fy - py * fx;
-        normal += fn;
-        lever[0] += fn * px;
-        lever[1] += fn * py;
-        lever[2] += fn * pz;
-        potential += f * depth;
-        power += (f - fn) * leaving + drag * v2;
+            lost += drag * v2;
+            for (int k = 0; k < 3; k++) {
+                f[k] -= drag * s.u[k];
+            }
+        }
+        for (int k = 0; k < 3; k++) {
+            force[k] += f[k];
+        }
+        moment[0] += s.p[1] * f[2] - s.p[2] * f[1];
+        moment[1] += s.p[2] * f[0] - s.p[0] * f[2];
+        moment[2] += s.p[0] * f[1] - s.p[1] * f[0];
+        normal += s.normal;
+        potential += s.force * depth;
+        power += lost;
     }
 
-    /* Adds up the lanes; half of force times depth is stored */
+    /* Adds up the lanes; half of force times depth is stored; the stiffness is proportional to the
+     * area */
     for (int k = 0; k < 3; k++) {
-        sum->force[k] += lanes_sum(force[k]);
+        double push = lanes_sum(force[k]);
+
+        sum->force[k] += push;
         sum->moment[k] += lanes_sum(moment[k]);
         sum->lever[k] += lanes_sum(lever[k]);
+        if (gathers) {
+            out->along[k] += push;
+        }
+    }
+    if (gathers) {
+        for (int k = 0; k < 6; k++) {
+            out->second[k] += lanes_sum(second[k]);
+        }
+        moments_add_springs(p, batch->rate + batch->start, batch->n - batch->start, &out->area);
+        out->elastic += lanes_sum(elastic);
     }
     sum->normal += lanes_sum(normal);
     sum->potential += lanes_sum(potential) / 2;
@@ -115,24 +130,6 @@ LANES_INLINE lanes lanes_turn(const double row[3], const lanes v[3])
     return row[0] * v[0] + row[1] * v[1] + row[2] * v[2];
 }
 
-/* Returns the stiffness over bend of the bristles at the springs from `from` on: friction force
- * over e of contact.h. Reads it from the batch, or computes it again if the batch had no room. */
-LANES_INLINE lanes bristle_stiffness(const struct native_batch *b, size_t from,
-                                     const struct native_law *law,
-                                     const struct native_relative *relative,
-                                     const struct native_grip *grip)
-{
-    struct friction_spring spring;
-    struct friction_bend bend;
-
-    if (!b->full) {
-        return lanes_load(b->held + from);
-    }
-    friction_load_spring(b, from, law, relative, &spring);
-    friction_find_bend(&spring, law, grip, &bend);
-    return bend.stiffness;
-}
-
 /* Computes stiffness, damping and points of action of the springs from start on, as many as there
  * is room for. The damping of regularized friction comes from contact_friction_damping. The
  * damping of bristles is their stiffness times the time by which they follow the velocity. */
@@ -141,60 +138,51 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
                                 const struct native_relative *relative,
                                 const struct native_sum *sum, struct resistance *out)
 {
-    const double *w = relative->w, *v = relative->v, *center = sum->tangent->center;
+    const double *center = sum->tangent->center;
     const double scale = law->us * law->transition_inverse;
     const lanes zero = {0};
     const double apart =
-        sum->grip ? 1 - sum->grip->whole : 0; /* share that each spring bears by itself */
-    const double follow = sum->grip ? apart * sum->grip->root * sum->grip->follow_s : 0;
+        sum->sticking ? 1 - sum->sticking->whole : 0; /* share that each spring bears by itself */
+    const double follow = sum->sticking ? apart * sum->sticking->root * sum->sticking->follow_s : 0;
 
     out->n = b->n - start < RESISTANCE_MAX ? b->n - start : RESISTANCE_MAX;
     for (size_t i = 0; i < out->n; i += LANES) {
         const size_t from = start + i;
-        lanes p[3], d[3], u[3], pushes, slope, friction;
-        lanes force = lanes_load(b->force + from);
-
-        for (int k = 0; k < 3; k++) {
-            p[k] = lanes_load(b->p[k] + from);
-            d[k] = lanes_load(b->d[k] + from);
-        }
-
-        /* Relative velocity of the first body against the second along the normal */
-        u[0] = v[0] + (w[1] * p[2] - w[2] * p[1]);
-        u[1] = v[1] + (w[2] * p[0] - w[0] * p[2]);
-        u[2] = v[2] + (w[0] * p[1] - w[1] * p[0]);
-        lanes leaving = u[0] * d[0] + u[1] * d[1] + u[2] * d[2];
+        lanes pushes, slope, friction = zero;
+        struct friction_spring s;
+        struct friction_bend bend;
 
         /* Factor of the elastic force with dissipation, 0 if the surfaces part fast; and the
-         * damping of no, sticking or regularized friction */
-        pushes = 1 - law->dissipation * leaving;
+         * damping of no, sticking or regularized friction. The stiffness of bristles is in the
+         * batch; it is computed again if the batch had no room */
+        friction_load_spring(b, from, law, relative, &s);
+        pushes = 1 - law->dissipation * s.leaving;
         pushes = lanes_pick(lanes_less(zero, pushes), pushes, zero);
-        if (sum->grip && !(apart > 0)) {
-            friction = zero;
-        } else if (sum->grip) {
-            friction = follow * bristle_stiffness(b, from, law, relative, sum->grip);
-        } else {
-            for (int k = 0; k < 3; k++) {
-                u[k] -= leaving * d[k];
-            }
-            slope = friction_slope_bound(lanes_root(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]), law);
-            friction = (slope * scale + law->uv) * (force * pushes);
+        if (!sum->sticking) {
+            slope = friction_slope_bound(
+                lanes_root(s.u[0] * s.u[0] + s.u[1] * s.u[1] + s.u[2] * s.u[2]), law);
+            friction = (slope * scale + law->uv) * (s.force * pushes);
+        } else if (apart > 0 && !b->full) {
+            friction = follow * lanes_load(b->held + from);
+        } else if (apart > 0) {
+            friction_find_bend(&s, law, sum->sticking, &bend);
+            friction = follow * bend.stiffness;
         }
 
         /* Friction damps in all directions, so its part along the normal is subtracted; for
          * bristles, tangent_add_bristles subtracts it */
-        lanes_store(lanes_load(b->rate + from) * pushes, out->stiffness + i);
+        lanes_store(s.rate * pushes, out->stiffness + i);
         lanes_store(friction, out->friction + i);
-        lanes_store(lanes_pick(lanes_less(zero, pushes), law->dissipation * force, zero) -
-                        (sum->grip ? zero : friction),
+        lanes_store(lanes_pick(lanes_less(zero, pushes), law->dissipation * s.force, zero) -
+                        (sum->sticking ? zero : friction),
                     out->damping + i);
 
         /* Arm from the tangent's center, turned into the world frame */
         for (int k = 0; k < 3; k++) {
-            p[k] -= center[k];
+            s.p[k] -= center[k];
         }
         for (int k = 0; k < 3; k++) {
-            lanes_store(lanes_turn(sum->turn + 3 * k, p), out->arm[k] + i);
+            lanes_store(lanes_turn(sum->turn + 3 * k, s.p), out->arm[k] + i);
         }
     }
 }
@@ -299,7 +287,7 @@ static void tangent_add_bristles(const struct resistance *by, bool one_way,
     struct moments friction;
 
     find_moments(by, by->friction, &friction);
-    tangent_add_across(&friction, tangent->friction_D);
+    tangent_add_across(1, &friction, tangent->friction_D);
     if (one_way) {
         tangent_add_along(-1, &friction, direction, tangent->friction_D);
     } else {
@@ -335,10 +323,10 @@ static void law_add_tangents(const struct native_batch *b, const struct native_l
 
         /* Damping of regularized friction, or of bristles that springs hold one by one;
          * native_bristle_resist adds a patch that holds as a whole */
-        if (!sum->grip) {
+        if (!sum->sticking) {
             find_moments(&by, by.friction, &friction);
-            tangent_add_across(&friction, sum->tangent->D);
-        } else if (sum->grip->whole < 1) {
+            tangent_add_across(1, &friction, sum->tangent->D);
+        } else if (sum->sticking->whole < 1) {
             tangent_add_bristles(&by, sum->one_way, direction, sum->tangent);
         }
     }
@@ -350,12 +338,14 @@ void native_law_sum(struct native_batch *batch, const struct native_law *law,
     batch_pad(batch);
     if (sum->tangent) {
         law_add_tangents(batch, law, relative, sum);
+    } else if (sum->gather && sum->one_way) {
+        friction_sums_gather(batch, law, relative, sum);
     } else if (sum->gather) {
-        native_stick_gather(batch, law, relative, sum);
-    } else if (sum->grip) {
-        native_stick_hold(batch, law, relative, sum);
+        law_add_springs(batch, law, relative, true, sum);
+    } else if (sum->sticking) {
+        friction_sums_hold(batch, law, relative, sum);
     } else {
-        law_add_forces(batch, law, relative, sum);
+        law_add_springs(batch, law, relative, false, sum);
     }
     batch->start = batch->n;
 }

@@ -76,9 +76,9 @@ struct native_sum {
     bool closed;
     bool one_way; /* all springs push in the same direction; needed with gather and tangent */
     /* Only with sticking friction, else NULL: gather is set for the first pass without friction,
-     * grip for the friction pass and the tangent. contact/native/stick.h. */
+     * sticking for the friction pass and the tangent. contact/native/friction_sums.h. */
     struct native_gather *gather;
-    struct native_grip *grip;
+    struct sticking_patch *sticking;
 };
 
 /* Appends a spring at p that pushes the first body along d; there must be room. rate: change of

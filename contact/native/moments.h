@@ -41,9 +41,10 @@ static inline void moments_apply_second(const double A[6], const double x[3], do
     y[2] = A[2] * x[0] + A[4] * x[1] + A[5] * x[2];
 }
 
-/* Adds to T an isotropic resistance against the velocity v + w x r at r: T += sum w [I, -[r]; [r],
- * r^2 I - r r']. */
-static inline void tangent_add_across(const struct moments *m, double T[CONTACT_TANGENT_SIZE])
+/* Adds to T an isotropic resistance against the velocity v + w x r at r: T += scale sum w [I, -[r];
+ * [r], r^2 I - r r']. */
+static inline void tangent_add_across(double scale, const struct moments *m,
+                                      double T[CONTACT_TANGENT_SIZE])
 {
     const double s = m->zeroth, x = m->first[0], y = m->first[1], z = m->first[2];
     const double xx = m->second[0], xy = m->second[1], xz = m->second[2];
@@ -52,7 +53,7 @@ static inline void tangent_add_across(const struct moments *m, double T[CONTACT_
         s, 0, 0, 0, z, -y, s, 0, -z, 0, x, s, y, -x, 0, yy + zz, -xy, -xz, xx + zz, -yz, xx + yy};
 
     for (int at = 0; at < CONTACT_TANGENT_SIZE; at++) {
-        T[at] += across[at];
+        T[at] += scale * across[at];
     }
 }
 

@@ -8,6 +8,7 @@
 #ifndef CONTACT_NATIVE_NARROW_PHASE_H
 #define CONTACT_NATIVE_NARROW_PHASE_H
 
+#include "base/vec3.h"
 #include "contact/native/law.h"
 #include "contact/mesh/field.h"
 
@@ -48,6 +49,17 @@ static inline double native_ramp(double x, double a, double b)
 
     t = t < 0 ? 0 : t > 1 ? 1 : t;
     return t * t * (3 - 2 * t);
+}
+
+/* Computes the pose of the first surface's frame in the frame of the second. */
+static inline void native_invert_pose(const struct native_relative *relative, double R[9],
+                                      double p[3])
+{
+    mat3_transpose(relative->R, R);
+    mat3_apply(R, relative->p, p);
+    for (int k = 0; k < 3; k++) {
+        p[k] = -p[k];
+    }
 }
 
 /* Kinds of pairs by their shapes. */

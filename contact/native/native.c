@@ -137,45 +137,6 @@ static void pose_relate(const struct native_pose *a, const struct native_pose *b
 
 /* ---- force of a pair ---- */
 
-/* Checks whether a capsule may touch a mesh: whether it reaches through the plane of any facet
- * near it. In the mesh's frame. Against a mesh, a capsule is a mesh up to 1.3 % wider than itself
- * (mesh_capsule), hence the factor 1.02. */
-static bool capsule_may_touch(const struct solid *mesh, const struct native_capsule *capsule,
-                              const struct native_relative *relative)
-{
-    const struct tree_node *node = mesh->facets.node, *end = tree_end(&mesh->facets);
-    const double axis[3] = {relative->R[2], relative->R[5], relative->R[8]};
-    const double radius = 1.02 * capsule->radius;
-    struct box box;
-
-    /* Box about the capsule */
-    for (int k = 0; k < 3; k++) {
-        double reach = capsule->half * fabs(axis[k]) + radius;
-
-        box.low[k] = relative->p[k] - reach;
-        box.high[k] = relative->p[k] + reach;
-    }
-
-    /* Distance of its center to the plane of each facet in the box, compared with its extent along
-     * the normal */
-    while (node != end) {
-        if (!boxes_meet(&node->box, &box)) {
-            node += node->size;
-            continue;
-        }
-        for (int i = 0; i < node->count; i++) {
-            const struct facet *f = &mesh->facet[mesh->facets.item[node->first + i]];
-            double reach = capsule->half * fabs(vec3_dot(f->normal, axis)) + radius;
-
-            if (fabs(vec3_dot(f->normal, relative->p) - f->offset) < reach) {
-                return true;
-            }
-        }
-        ++node;
-    }
-    return false;
-}
-
 void native_pair_find_force(const struct native_engine *e, const struct native_pair *pair,
                             const struct native_relative *relative, struct native_sum *sum)
 {
@@ -194,10 +155,7 @@ void native_pair_find_force(const struct native_engine *e, const struct native_p
         .sum = sum,
     };
 
-    if (pair->kind != PAIR_MESHES || b->shape != CONTACT_CAPSULE ||
-        capsule_may_touch(a->solid, &b->capsule, relative)) {
-        pair->kernels->overlap(pair->kind, &overlap);
-    }
+    native_overlap(pair->kind, &overlap);
 }
 
 /* Adds sign times a force and a moment at the point `at` (world frame) to the wrench of a
@@ -269,7 +227,7 @@ static void pair_evaluate(struct native_engine *e, size_t index, const struct bo
     const bool full = batch->full;
     struct native_relative relative;
     struct native_gather gather = {.along = {0, 0, 0}};
-    struct native_sum sum = {.gather = e->grip ? &gather : NULL,
+    struct native_sum sum = {.gather = e->sticking ? &gather : NULL,
                              .one_way = native_pair_is_one_way(pair)};
 
     /* Until the pair is done, full tells whether the batch lost springs of this pair */
@@ -280,7 +238,7 @@ static void pair_evaluate(struct native_engine *e, size_t index, const struct bo
     native_pair_find_force(e, pair, &relative, &sum);
     if (sum.area > 0) {
         e->springs[e->npatch] = (struct native_springs){from, batch->n};
-        if (e->grip) {
+        if (e->sticking) {
             friction_sticking_add(e, index, &relative, e->springs[e->npatch],
                                   batch->full || sum.closed, bristles, &sum);
             e->springs[e->npatch].to = batch->n; /* or more, once they are needed */
@@ -317,7 +275,7 @@ static void surfaces_move(struct native_engine *e, const struct body_motion *mot
 static enum error_code bristles_check(struct native_engine *e,
                                       const struct contact_bristles *bristles)
 {
-    for (size_t i = 0; e->grip && bristles && i < bristles->npair; i++) {
+    for (size_t i = 0; e->sticking && bristles && i < bristles->npair; i++) {
         const double *y = bristles->y + CONTACT_BRISTLE * (size_t)bristles->pair[i];
 
         for (int k = 0; k < CONTACT_BRISTLE; k++) {
@@ -384,16 +342,16 @@ static enum error_code native_evaluate(struct contact_world *world,
     e->scratch->visits = 0;
 
     /* Bristles of pairs without contact relax; pairs in contact overwrite their rates below */
-    if (e->grip && bristles && bristles->rate) {
+    if (e->sticking && bristles && bristles->rate) {
         native_bristle_relax(bristles);
     }
 
     /* Pairs that may touch, in ascending order, so that sums are reproducible */
-    e->find_near(&e->broad, e->near);
+    broad_phase_find(&e->broad, e->near);
     for (size_t w = 0; w < e->broad.nword; w++) {
         for (uint64_t near = e->near[w]; near; near &= near - 1) {
             pair_evaluate(e, 64 * w + (size_t)__builtin_ctzll(near), motion,
-                          e->grip ? bristles : NULL, wrench);
+                          e->sticking ? bristles : NULL, wrench);
         }
     }
     return ERROR_NONE;
@@ -423,7 +381,7 @@ static void patch_add_springs(const struct native_engine *e, size_t patch, const
     struct native_sum sum = {.tangent = tangent,
                              .turn = a->R,
                              .one_way = native_pair_is_one_way(pair),
-                             .grip = e->grip ? &e->grip[patch] : NULL};
+                             .sticking = e->sticking ? &e->sticking[patch] : NULL};
 
     pose_relate(a, &e->pose[pair->surface[1]], &relative);
     memcpy(tangent->center, center, sizeof tangent->center);
@@ -433,36 +391,36 @@ static void patch_add_springs(const struct native_engine *e, size_t patch, const
     } else {
         batch->start = e->springs[patch].from;
         batch->n = e->springs[patch].to;
-        pair->kernels->sum(batch, &pair->law, &relative, &sum);
+        native_law_sum(batch, &pair->law, &relative, &sum);
     }
 }
 
 /* Sets how a patch's bristles follow the motion and their friction wrench, and adds their damping
  * to D. center: the tangent's, in the first surface's frame; turn: rotation of that frame to the
  * world. */
-static void tangent_set_bristles(const struct native_grip *grip, const double center[3],
+static void tangent_set_bristles(const struct sticking_patch *sticking, const double center[3],
                                  const double turn[9], double sign, struct contact_tangent *tangent)
 {
-    double gain = grip->root * grip->bend_s, arm[3], about[3];
+    double gain = sticking->root * sticking->bend_s, arm[3], about[3];
 
     for (int i = 0; i < CONTACT_TANGENT_SIZE; i++) {
         tangent->D[i] += tangent->friction_D[i];
     }
 
     /* Friction wrench on b about the center, world frame */
-    vec3_cross(center, grip->force, arm);
-    vec3_sub(grip->moment, arm, about);
-    mat3_apply(turn, grip->force, tangent->friction + CONTACT_MOVE_X);
+    vec3_cross(center, sticking->force, arm);
+    vec3_sub(sticking->moment, arm, about);
+    mat3_apply(turn, sticking->force, tangent->friction + CONTACT_MOVE_X);
     mat3_apply(turn, about, tangent->friction + CONTACT_TURN_X);
     for (int k = 0; k < CONTACT_AXES; k++) {
         tangent->friction[k] *= sign;
     }
 
     /* Anchor of the bristles: arm from the center, normal and twist axis */
-    vec3_sub(grip->center, center, arm);
+    vec3_sub(sticking->center, center, arm);
     mat3_apply(turn, arm, tangent->bristle_arm);
-    mat3_apply(turn, grip->normal, tangent->normal);
-    mat3_apply(turn, grip->axis, tangent->bristle_axis);
+    mat3_apply(turn, sticking->normal, tangent->normal);
+    mat3_apply(turn, sticking->axis, tangent->bristle_axis);
     for (int k = 0; k < 3; k++) {
         tangent->normal[k] *= sign;
         tangent->bristle_axis[k] *= sign;
@@ -470,7 +428,7 @@ static void tangent_set_bristles(const struct native_grip *grip, const double ce
 
     /* Bend per velocity, J^0.5 over m/s and rad/s */
     tangent->bristle_per_m_s = gain;
-    tangent->bristle_per_rad_s = grip->inverse_radius > 0 ? gain / grip->inverse_radius : 0;
+    tangent->bristle_per_rad_s = sticking->inverse_radius > 0 ? gain / sticking->inverse_radius : 0;
 }
 
 /* Returns the largest ratio of friction to normal force at the pair's velocity at the center
@@ -500,7 +458,7 @@ static size_t native_tangents(struct contact_world *world, struct contact_tangen
         const struct native_pair *pair = &e->pair[e->patch[i].pair];
         const struct native_pose *a = &e->pose[pair->surface[0]];
         bool turned = pair->sign > 0; /* the configured pair's a is the second surface */
-        const struct native_grip *grip = e->grip ? &e->grip[i] : NULL;
+        const struct sticking_patch *sticking = e->sticking ? &e->sticking[i] : NULL;
         double arm[3], center[3]; /* in the first surface's frame */
 
         tangent[i] = (struct contact_tangent){
@@ -513,18 +471,18 @@ static size_t native_tangents(struct contact_world *world, struct contact_tangen
          * of its springs are already known */
         vec3_sub(e->patch[i].center, a->p, arm);
         mat3_apply_transposed(a->R, arm, center);
-        if (grip && grip->whole == 1 && native_pair_is_one_way(pair)) {
-            native_bristle_press(grip, center, a->R, &tangent[i]);
+        if (sticking && sticking->whole == 1 && native_pair_is_one_way(pair)) {
+            native_bristle_press(sticking, center, a->R, &tangent[i]);
         } else {
             patch_add_springs(e, i, center, &tangent[i]);
         }
-        if (grip && grip->whole > 0) {
-            native_bristle_resist(grip, center, a->R, &tangent[i]);
+        if (sticking && sticking->whole > 0) {
+            native_bristle_resist(sticking, center, a->R, &tangent[i]);
         }
         memcpy(tangent[i].center, e->patch[i].center, sizeof tangent[i].center);
-        if (grip) {
-            tangent_set_bristles(grip, center, a->R, pair->sign, &tangent[i]);
-            tangent[i].pressing = grip->root * grip->reach;
+        if (sticking) {
+            tangent_set_bristles(sticking, center, a->R, pair->sign, &tangent[i]);
+            tangent[i].pressing = sticking->root * sticking->reach;
             tangent[i].friction_max = patch_friction_max(e, pair, center);
         }
     }
@@ -549,19 +507,4 @@ const struct contact_ops native_ops = {
     .tangents = native_tangents,
     .failure = native_failure,
     .destroy = native_destroy,
-};
-
-#define STRING(x) #x
-#define EXPANDED_STRING(x) STRING(x)
-
-const struct native_kernels native_kernels = {
-#ifdef NATIVE_VARIANT
-    .name = EXPANDED_STRING(NATIVE_VARIANT),
-#else
-    .name = "plain",
-#endif
-    .ops = &native_ops,
-    .overlap = native_overlap,
-    .sum = native_law_sum,
-    .find_near = broad_phase_find,
 };

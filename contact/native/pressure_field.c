@@ -155,7 +155,7 @@ static void visit_add_pressure(const struct visit *v, const struct visit_facet *
     double x = mean * m->x + m->xx * depth->slope[0] + m->xy * depth->slope[1];
     double y = mean * m->y + m->xy * depth->slope[0] + m->yy * depth->slope[1];
 
-    if (v->pair->sum->tangent || v->pair->sum->grip) {
+    if (v->pair->sum->tangent || v->pair->sum->sticking) {
         return;
     }
     for (int k = 0; k < 3; k++) {
@@ -249,12 +249,6 @@ static void group_add(struct visit_group *g, const struct visit_depth *depth,
     }
 }
 
-/* Returns the root of a mean square, which rounding may have made slightly negative. */
-static double spread_root(double x)
-{
-    return sqrt(x > 0 ? x : 0);
-}
-
 /* Computes the moments of a group's area, and the linear depth with the same moments as the
  * group's; constant if the area is a line. */
 static void group_find_depth(const struct visit_group *g, struct moments *m,
@@ -279,19 +273,14 @@ static void group_find_depth(const struct visit_group *g, struct moments *m,
     depth->at = mean - depth->slope[0] * m->x - depth->slope[1] * m->y;
 }
 
-/* Adds three springs for a whole group, at L times the corners of an equilateral triangle about
- * the centroid, where L L' is twice the matrix of mean squares about it. They have the area's
- * moments up to the second, so force and moment of a linear depth are integrated exactly. In a
- * convex figure all lie inside: the ellipse through them does (Kannan, Lovasz, Simonovits
- * 1995). */
+/* Adds three springs for a whole group. */
 static void group_add_springs(const struct visit *v, const struct visit_facet *f,
                               struct visit_group *g)
 {
-    const double h = 0.86602540378443865; /* sqrt(3)/2 */
     const double facing = vec3_norm(g->inward), rate = v->pair->law->stiffness * facing;
     struct visit_depth depth;
     struct moments m;
-    double lx, ly, lyy;
+    double x[3], y[3];
 
     if (!(facing > 0)) {
         return;
@@ -301,14 +290,7 @@ static void group_add_springs(const struct visit *v, const struct visit_facet *f
     }
     group_find_depth(g, &m, &depth);
 
-    /* L, the Cholesky factor of twice the matrix of mean squares */
-    lx = spread_root(2 * m.xx);
-    ly = lx > 0 ? 2 * m.xy / lx : 0;
-    lyy = spread_root(2 * m.yy - ly * ly);
-
-    const double x[3] = {m.x, m.x - h * lx, m.x + h * lx};
-    const double y[3] = {m.y + lyy, m.y - h * ly - lyy / 2, m.y + h * ly - lyy / 2};
-
+    clip2d_three_points(&m, x, y);
     native_make_room(v->pair, 3);
     visit_add_springs(v, f, &depth, rate / 3, x, y, 3);
     visit_add_pressure(v, f, &depth, &m, depth.inward, -rate);
@@ -967,11 +949,7 @@ void native_overlap_fields(const struct native_overlap *o)
 
     /* Pose of the first in the second's frame, and both boxes; without overlap there is no
      * contact */
-    mat3_transpose(relative->R, back);
-    mat3_apply(back, relative->p, origin);
-    for (int k = 0; k < 3; k++) {
-        origin[k] = -origin[k];
-    }
+    native_invert_pose(relative, back, origin);
     moved = box_transform(&b->box, relative->R, relative->p);
     there = box_transform(&a->box, back, origin);
     if (!boxes_meet(&a->box, &moved) || !boxes_meet(&b->box, &there)) {

@@ -9,8 +9,8 @@
 
 #include "contact/broad_phase.h"
 #include "contact/contact.h"
-#include "contact/native/isa_table.h"
-#include "contact/native/stick.h"
+#include "contact/native/narrow_phase.h"
+#include "contact/native/friction_sums.h"
 
 /* A surface ready for contact: shape, place on its body, bounding volumes, mesh and field. */
 struct native_surface {
@@ -33,8 +33,7 @@ struct native_pose {
 struct native_pair {
     enum native_pair_kind kind;
     int surface[2]; /* in the order that contact/native/narrow_phase.h requires */
-    const struct native_kernels *kernels;
-    double slack; /* overlap that does not count, m; only for capsules */
+    double slack;   /* overlap that does not count, m; only for capsules */
     /* sign of the force on the configured pair's b relative to the force on the first surface */
     double sign;
     /* share of the depth along the push, from the point of action to the surface that does not
@@ -60,17 +59,21 @@ struct native_engine {
     /* by surface: placed in this evaluation; always true for surfaces fixed in the world */
     bool *placed;
     struct broad_phase broad;
-    void (*find_near)(struct broad_phase *broad, uint64_t *near);
     uint64_t *near; /* bits of the pairs that the broad phase found */
     struct native_pair *pair;
-    struct contact_patch *patch;    /* patches of the last evaluation */
-    struct native_springs *springs; /* of each patch */
-    struct native_grip *grip;       /* of each patch, with sticking friction; otherwise NULL */
+    struct contact_patch *patch;     /* patches of the last evaluation */
+    struct native_springs *springs;  /* of each patch */
+    struct sticking_patch *sticking; /* of each patch, with sticking friction; otherwise NULL */
     struct native_scratch *scratch;
     char failure[128];
 };
 
+/* The engine's operations, compiled for each instruction set; all give the same bits. The kernels
+ * of one instruction set call only each other. */
 extern const struct contact_ops native_ops;
+#if defined(NATIVE_VARIANTS)
+extern const struct contact_ops native_ops_avx2, native_ops_avx512;
+#endif
 
 /* Computes poses and bounding volumes of the surfaces that are fixed in the world, and the radii of
  * all bounding volumes, which do not change. */
@@ -89,15 +92,15 @@ static inline bool native_pair_is_one_way(const struct native_pair *pair)
 
 /* Adds the friction damping of a patch that holds as a whole, or its share, to a tangent. center:
  * the tangent's, in the first surface's frame; turn: rotation of that frame to the world. */
-void native_bristle_resist(const struct native_grip *grip, const double center[3],
+void native_bristle_resist(const struct sticking_patch *patch, const double center[3],
                            const double turn[9], struct contact_tangent *tangent);
 
 /* Adds stiffness and damping of the patch's springs along the normal from the gathered moments,
  * for springs that all push one way. */
-void native_bristle_press(const struct native_grip *grip, const double center[3],
+void native_bristle_press(const struct sticking_patch *patch, const double center[3],
                           const double turn[9], struct contact_tangent *tangent);
 
-/* Adds the sticking friction (stiction) of a pair in contact to sum. Fills the next patch's grip
+/* Adds the sticking friction (stiction) of a pair in contact to sum. Fills the next sticking patch
  * and the bristles' rates. sum already has the normal force and the gathered sums. The pair's
  * springs are in the batch, or lost because there was no room. bristles: may be NULL (all
  * relaxed). */

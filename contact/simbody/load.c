@@ -10,33 +10,21 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Writes the folder of the running program; returns false if it is unknown. */
-static bool simbody_find_program(char folder[PATH_MAX])
-{
-    ssize_t length = readlink("/proc/self/exe", folder, PATH_MAX - 1);
-    char *slash;
-
-    folder[length < 0 ? 0 : length] = '\0';
-    slash = strrchr(folder, '/');
-    if (slash) {
-        *slash = '\0';
-    }
-    return slash;
-}
-
 bool contact_simbody_find(char *path, size_t size)
 {
     /* Places relative to the program's folder: the installed one, the build's, and the tests' in
      * the build */
     static const char *const places[] = {("../" HIL_MODULE_FOLDER), "modules", "../modules"};
     char folder[PATH_MAX];
+    ssize_t length = readlink("/proc/self/exe", folder, PATH_MAX - 1);
+    char *slash;
 
-    if (!simbody_find_program(folder)) {
-        folder[0] = '\0';
-    }
+    /* The folder of the running program; empty if it is unknown */
+    folder[length < 0 ? 0 : length] = '\0';
+    slash = strrchr(folder, '/');
+    *(slash ? slash : folder) = '\0';
     for (size_t i = 0; i < ARRAY_COUNT(places); i++) {
-        int length = snprintf(path, size, "%s/%s/" SIMBODY_MODULE_FILE, folder, places[i]);
-
+        length = snprintf(path, size, "%s/%s/" SIMBODY_MODULE_FILE, folder, places[i]);
         if (length > 0 && (size_t)length < size && access(path, R_OK) == 0) {
             return true;
         }
@@ -76,11 +64,8 @@ enum error_code contact_simbody_create(const struct contact_config *config,
 {
     const struct simbody_module *module = NULL;
     char path[PATH_MAX];
-    enum error_code code = contact_config_check(config, error);
+    enum error_code code;
 
-    if (code) {
-        return code;
-    }
     if (!contact_simbody_find(path, sizeof path)) {
         return error_set(error, ERROR_UNSUPPORTED,
                          "contact: engine simbody: found no module %.300s, expected one (a build "

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The kernels of the native engine for each instruction set: the same bits as those of the plain
- * ones, also when asked again, and the machine takes its best or what the process is held to.
+ * ones, also when asked again.
  */
-#include "tests/physics/contact_variants.h"
+#include "base/instruction_set.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -11,7 +11,6 @@
 #include "tests/physics/contact_scene.h"
 #include "tests/test.h"
 
-enum { PLAIN, AVX2, AVX512 };
 enum { BODIES = 4, POSES = 400 };
 
 static struct arena arena;
@@ -20,8 +19,8 @@ static const struct mesh *foot;
 FIXTURE(set_up)
 {
     return arena_init(&arena, (size_t)64 << 20, NULL) != ERROR_NONE ||
-           mesh_read_obj(HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj", &arena, &foot,
-                         NULL) != ERROR_NONE;
+           solid_store_read_obj(HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj", &arena, &foot,
+                                NULL) != ERROR_NONE;
 }
 
 FIXTURE(tear_down)
@@ -59,13 +58,14 @@ static void draw(uint64_t *seed, struct body_motion motion[BODIES])
     }
 }
 
-static struct contact_world *make(const struct scene *scene, const struct native_kernels *kernels)
+/* The world with the kernels of an instruction set. */
+static struct contact_world *make(const struct scene *scene, enum instruction_set set)
 {
     struct contact_world *world = NULL;
     struct error error = {0};
 
-    assert_no_error(native_create_with_kernels(&scene->config, kernels, &arena, &world, &error),
-                    error.text);
+    assert_no_error(instruction_set_hold(instruction_set_names[set], &error), error.text);
+    assert_no_error(contact_native_create(&scene->config, &arena, &world, &error), error.text);
     return world;
 }
 
@@ -81,9 +81,8 @@ static double largest(const struct contact_wrench wrench[BODIES])
     return most;
 }
 
-static void agrees(size_t number)
+static void agrees(enum instruction_set set)
 {
-    struct contact_variant variant = contact_variant_at(number);
     struct contact_wrench expected[BODIES], found[BODIES], again[BODIES];
     struct contact_world *plain, *other;
     struct body_motion motion[BODIES];
@@ -91,13 +90,14 @@ static void agrees(size_t number)
     uint64_t seed = 53;
     int touching = 0;
 
-    if (!variant.runs) {
-        print_message("SKIP: this machine has no %s\n", variant.needs);
+    if (set > instruction_set_of_machine()) {
+        print_message("SKIP: this machine has no %s\n", instruction_set_names[set]);
         skip();
     }
     everything(&scene);
-    plain = make(&scene, &native_kernels);
-    other = make(&scene, variant.kernels);
+    plain = make(&scene, INSTRUCTIONS_PLAIN);
+    other = make(&scene, set);
+    assert_true(set == INSTRUCTIONS_PLAIN || plain->ops != other->ops);
     for (int n = 0; n < POSES; n++) {
         draw(&seed, motion);
         assert_ok(plain->ops->evaluate(plain, motion, NULL, expected));
@@ -112,30 +112,17 @@ static void agrees(size_t number)
 
 TEST(plain_kernels_repeat_themselves)
 {
-    agrees(PLAIN);
+    agrees(INSTRUCTIONS_PLAIN);
 }
 
 TEST(avx2_kernels_have_the_bits_of_plain_ones_and_repeat_themselves)
 {
-    agrees(AVX2);
+    agrees(INSTRUCTIONS_AVX2);
 }
 
 TEST(avx512_kernels_have_the_bits_of_plain_ones_and_repeat_themselves)
 {
-    agrees(AVX512);
-}
-
-TEST(the_widest_kernels_that_the_machine_runs_are_taken)
-{
-    const struct contact_variant widest = contact_variant_at(instruction_set_of_machine());
-    struct error error;
-
-    assert_true(widest.runs);
-    assert_ptr_equal(native_kernels_used(), widest.kernels);
-    assert_ok(instruction_set_hold("plain", &error));
-    assert_ptr_equal(native_kernels_used(), contact_variant_at(PLAIN).kernels);
-    assert_ok(instruction_set_hold(instruction_set_names[instruction_set_of_machine()], &error));
-    assert_ptr_equal(native_kernels_used(), widest.kernels);
+    agrees(INSTRUCTIONS_AVX512);
 }
 
 TEST_GROUP(set_up, tear_down)

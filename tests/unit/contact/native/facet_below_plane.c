@@ -9,7 +9,7 @@
 #include <string.h>
 
 #include "base/vec3.h"
-#include "contact/native/stick.h"
+#include "contact/native/friction_sums.h"
 #include "tests/physics/near.h"
 #include "tests/unit/contact/random_number.h"
 #include "tests/test.h"

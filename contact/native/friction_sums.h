@@ -4,8 +4,8 @@
  * kernels. Frame of the first surface, as in contact/native/law.h. The motion of the first body
  * against the second bends the bristles, in J^0.5. SI units. RT-safe; nothing fails.
  */
-#ifndef CONTACT_NATIVE_STICK_H
-#define CONTACT_NATIVE_STICK_H
+#ifndef CONTACT_NATIVE_FRICTION_SUMS_H
+#define CONTACT_NATIVE_FRICTION_SUMS_H
 
 #include "contact/native/law.h"
 #include "contact/native/moments.h"
@@ -24,7 +24,7 @@ struct native_gather {
 };
 
 /* The bristles of a patch: their anchor, their bend, and their friction force. */
-struct native_grip {
+struct sticking_patch {
     double normal[3];               /* mean unit direction in which the first body is pushed */
     double center[3];               /* anchor's point c */
     double axis[3];                 /* axis of the twist */
@@ -54,19 +54,18 @@ struct native_grip {
 };
 
 /* Adds normal force and energies of the springs from start on to sum, without friction, and the
- * sums for sticking friction to sum->gather. Springs that push one way are summed by their
- * moments. */
-void native_stick_gather(const struct native_batch *batch, const struct native_law *law,
-                         const struct native_relative *relative, struct native_sum *sum);
+ * sums for sticking friction to sum->gather, by the moments of the springs: all push one way. */
+void friction_sums_gather(const struct native_batch *batch, const struct native_law *law,
+                          const struct native_relative *relative, struct native_sum *sum);
 
 /* Adds force, moment and struct native_gather sums of springs that all push along d, from the
  * moments of their normal forces. */
 void native_gather_add(const struct moments *normal, const double d[3], struct native_sum *sum);
 
 /* keeps: adds the sticking friction of the springs, each up to its Coulomb limit, to force and
- * moment, and power, held, most and open to sum->grip. Otherwise computes only held, most and
+ * moment, and power, held, most and open to sum->sticking. Otherwise computes only held, most and
  * open. */
-void native_stick_hold(struct native_batch *batch, const struct native_law *law,
-                       const struct native_relative *relative, struct native_sum *sum);
+void friction_sums_hold(struct native_batch *batch, const struct native_law *law,
+                        const struct native_relative *relative, struct native_sum *sum);
 
 #endif
