@@ -10,6 +10,7 @@
 #include "app/bench/output.h"
 #include "base/options.h"
 #include "contact/contact.h"
+#include "contact/mesh/solid_store.h"
 #include "manual/contact.h"
 
 #include <inttypes.h>
@@ -156,7 +157,7 @@ static void contact_bench_print_rounds(struct bench *bench)
 static enum error_code contact_bench_run(struct bench *bench, const char *foot, struct error *error)
 {
     const struct mesh *mesh;
-    enum error_code code = mesh_read_obj(foot, &bench->arena, &mesh, error);
+    enum error_code code = solid_store_read_obj(foot, &bench->arena, &mesh, error);
 
     if (!code) {
         code = bench_scenes_make(bench->scene, &bench->nscene, mesh, &bench->arena, error);

@@ -55,8 +55,8 @@ static size_t capsule_add_face(int (*face)[3], size_t n, int a, int b, int c)
     return n + 1;
 }
 
-/* Writes the faces; returns the number of faces. */
-static size_t capsule_connect(int (*face)[3])
+/* Writes the faces. */
+static void capsule_connect(int (*face)[3])
 {
     const int last = (2 * RINGS - 1) * SIDES;
     size_t n = 0;
@@ -73,38 +73,22 @@ static size_t capsule_connect(int (*face)[3])
         }
         n = capsule_add_face(face, n, TOP, last + i, last + next);
     }
-    return n;
 }
 
 enum error_code mesh_capsule(double radius, double length, struct arena *arena,
                              const struct mesh **mesh, struct error *error)
 {
-    struct mesh *capsule;
     double(*vertex)[3];
     int(*face)[3];
+    struct mesh *capsule = mesh_alloc("capsule", VERTICES, FACES, arena, &vertex, &face, error);
 
-    if (!(radius > 0 && radius <= MESH_MAX_COORDINATE_M && length >= 0 &&
-          length <= MESH_MAX_COORDINATE_M)) {
-        return error_set(error, ERROR_INPUT,
-                         "capsule: found radius %g m and length %g m, expected over 0 and 0 or "
-                         "more, at most %g m",
-                         radius, length, MESH_MAX_COORDINATE_M);
-    }
-    capsule = arena_alloc(arena, 1, sizeof *capsule);
-    vertex = arena_alloc(arena, VERTICES, sizeof *vertex);
-    face = arena_alloc(arena, FACES, sizeof *face);
-    if (!capsule || !vertex || !face) {
-        return error_set(error, ERROR_MEMORY, "capsule: no memory for %d faces", FACES);
+    if (!capsule) {
+        return ERROR_MEMORY;
     }
 
     /* A shorter axis would give degenerate faces */
     capsule_place_vertices(radius, fmax(length, 1e-3 * radius), vertex);
-    *capsule = (struct mesh){.name = "capsule",
-                             .nvertex = VERTICES,
-                             .nface = capsule_connect(face),
-                             .vertex = (const double(*)[3])vertex,
-                             .face = (const int(*)[3])face,
-                             .sound = true};
+    capsule_connect(face);
     *mesh = capsule;
     return ERROR_NONE;
 }

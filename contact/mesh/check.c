@@ -16,17 +16,10 @@
 /* Minimum ratio of twice the area to the squared longest edge; a face below it is degenerate. */
 #define DEGENERATE_RATIO 1e-10
 
-/* The three vertices of a face, sorted. */
-struct face_key {
-    int vertex[3];
-    size_t face;
-};
-
 struct mesh_checker {
     const struct mesh *mesh;
     struct mesh_finding *finding;
     struct half_edge *half_edge; /* 3 * nface, sorted */
-    struct face_key *face_key;   /* nface */
     int *twin;                   /* 3 * nface: number of the opposite half-edge */
     unsigned char *seen;         /* 3 * nface */
     unsigned char *used;         /* nvertex */
@@ -203,46 +196,21 @@ static bool mesh_faces_have_area(struct mesh_checker *c)
     return true;
 }
 
-/* Compares two faces by their sorted vertices, then by number, for qsort. */
-static int compare_face_keys(const void *a, const void *b)
+/* Reports a face that has the same three vertices as another face of the same edge. half and other:
+ * half-edges of both faces on this edge. Returns whether the vertices are the same. */
+static bool mesh_report_duplicate(struct mesh_checker *c, int half, int other)
 {
-    const struct face_key *x = a, *y = b;
+    const int(*face)[3] = c->mesh->face;
+    bool same = face[half / 3][(half + 2) % 3] == face[other / 3][(other + 2) % 3];
 
-    for (int i = 0; i < 3; i++) {
-        if (x->vertex[i] != y->vertex[i]) {
-            return x->vertex[i] < y->vertex[i] ? -1 : 1;
-        }
+    if (same) {
+        mesh_report_fault(c, MESH_DUPLICATE_FACE, (size_t)half - (size_t)half % 3, (size_t)other);
     }
-    return (x->face > y->face) - (x->face < y->face);
+    return same;
 }
 
-/* Reports faces that have the same three vertices. */
-static void mesh_find_duplicates(struct mesh_checker *c)
-{
-    size_t n = c->mesh->nface;
-
-    /* Sorts the three vertices; XOR with smallest and largest leaves the middle one */
-    for (size_t f = 0; f < n; f++) {
-        const int *v = c->mesh->face[f];
-        int low = v[0] < v[1] ? v[0] : v[1], high = v[0] < v[1] ? v[1] : v[0];
-        int first = low < v[2] ? low : v[2], last = high > v[2] ? high : v[2];
-
-        c->face_key[f] = (struct face_key){{first, v[0] ^ v[1] ^ v[2] ^ first ^ last, last}, f};
-    }
-
-    /* After sorting, faces with the same vertices are neighbors */
-    qsort(c->face_key, n, sizeof *c->face_key, compare_face_keys);
-    for (size_t i = 1; i < n; i++) {
-        const struct face_key *last = &c->face_key[i - 1], *key = &c->face_key[i];
-
-        if (memcmp(key->vertex, last->vertex, sizeof key->vertex) == 0) {
-            mesh_report_fault(c, MESH_DUPLICATE_FACE, 3 * key->face, 3 * last->face);
-        }
-    }
-}
-
-/* Finds the twin of each half-edge, and reports edges that do not join two faces of the same
- * orientation. */
+/* Finds the twin of each half-edge. Reports edges that do not join two faces of the same
+ * orientation, and duplicate faces. */
 static void mesh_pair_half_edges(struct mesh_checker *c)
 {
     size_t n = 3 * c->mesh->nface;
@@ -252,8 +220,14 @@ static void mesh_pair_half_edges(struct mesh_checker *c)
     for (size_t i = 0, end; i < n; i = end) {
         const struct half_edge *e = all + i;
 
-        for (end = i + 1; end < n && all[end].low == e->low && all[end].high == e->high;) {
-            ++end;
+        bool duplicate = false;
+
+        for (end = i + 1; end < n && all[end].low == e->low && all[end].high == e->high; ++end) {
+            duplicate |= mesh_report_duplicate(c, all[end].number, e->number) ||
+                         mesh_report_duplicate(c, all[end].number, all[end - 1].number);
+        }
+        if (duplicate) {
+            continue;
         }
         if (end - i == 1) {
             mesh_report_fault(c, MESH_OPEN_EDGE, (size_t)e->number, (size_t)e->number);
@@ -317,22 +291,18 @@ enum error_code mesh_check(const struct mesh *mesh, struct mesh_finding *finding
     }
 
     c.half_edge = calloc(nhalf, sizeof *c.half_edge);
-    c.face_key = calloc(mesh->nface, sizeof *c.face_key);
     c.twin = calloc(nhalf, sizeof *c.twin);
     c.seen = calloc(nhalf, 1);
     c.used = calloc(mesh->nvertex, 1);
-    if (!c.half_edge || !c.face_key || !c.twin || !c.seen || !c.used) {
+    if (!c.half_edge || !c.twin || !c.seen || !c.used) {
         code = error_set(error, ERROR_MEMORY, "%s: no memory to check %zu faces", mesh->name,
                          mesh->nface);
         goto done;
     }
 
     /* Each step relies on the checks of the earlier steps */
-    mesh_find_duplicates(&c);
-    if (finding->fault == MESH_SOUND) {
-        code = mesh_sort_half_edges(mesh, c.half_edge, error);
-    }
-    if (!code && finding->fault == MESH_SOUND) {
+    code = mesh_sort_half_edges(mesh, c.half_edge, error);
+    if (!code) {
         mesh_pair_half_edges(&c);
     }
     if (!code && finding->fault == MESH_SOUND && mesh_vertices_have_one_fan(&c) &&
@@ -342,7 +312,6 @@ enum error_code mesh_check(const struct mesh *mesh, struct mesh_finding *finding
 
 done:
     free(c.half_edge);
-    free(c.face_key);
     free(c.twin);
     free(c.seen);
     free(c.used);

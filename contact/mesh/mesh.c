@@ -1,22 +1,40 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Measures of triangle meshes, and the box as a mesh. */
+/* Memory and volume of triangle meshes, and the box as a mesh. */
 #include "contact/mesh/mesh.h"
 #include "base/vec3.h"
 
-#include <math.h>
 #include <stdbool.h>
 #include <string.h>
 
-/* Computes the cross product of the two edges at a face's first corner: along the outward normal,
- * with twice the face's area as length. */
-static void mesh_face_cross(const struct mesh *mesh, size_t face, double out[3])
+struct mesh *mesh_alloc(const char *name, size_t nvertex, size_t nface, struct arena *arena,
+                        double (**vertex)[3], int (**face)[3], struct error *error)
 {
-    const int *corner = mesh->face[face];
-    double e1[3], e2[3];
+    struct mesh *mesh = arena_alloc(arena, 1, sizeof *mesh);
+    const char *copy = arena_strdup(arena, name);
 
-    vec3_sub(mesh->vertex[corner[1]], mesh->vertex[corner[0]], e1);
-    vec3_sub(mesh->vertex[corner[2]], mesh->vertex[corner[0]], e2);
-    vec3_cross(e1, e2, out);
+    *vertex = arena_alloc(arena, nvertex, sizeof **vertex);
+    *face = arena_alloc(arena, nface, sizeof **face);
+    if (!mesh || !copy || !*vertex || !*face) {
+        error_set(error, ERROR_MEMORY, "%s: no memory for %zu faces", name, nface);
+        return NULL;
+    }
+    *mesh = (struct mesh){copy, nvertex, nface, (const double(*)[3]) * vertex,
+                          (const int(*)[3]) * face};
+    return mesh;
+}
+
+const struct mesh *mesh_copy(const struct mesh *mesh, struct arena *arena, struct error *error)
+{
+    double(*vertex)[3];
+    int(*face)[3];
+    struct mesh *copy =
+        mesh_alloc(mesh->name, mesh->nvertex, mesh->nface, arena, &vertex, &face, error);
+
+    if (copy) {
+        memcpy(vertex, mesh->vertex, mesh->nvertex * sizeof *vertex);
+        memcpy(face, mesh->face, mesh->nface * sizeof *face);
+    }
+    return copy;
 }
 
 double mesh_volume(const struct mesh *mesh)
@@ -25,26 +43,17 @@ double mesh_volume(const struct mesh *mesh)
 
     /* Tetrahedra from one vertex, to avoid cancellation when the mesh is far from the origin */
     for (size_t f = 0; f < mesh->nface; f++) {
-        double normal[3], from[3];
+        const int *corner = mesh->face[f];
+        const double *at = mesh->vertex[corner[0]];
+        double e1[3], e2[3], normal[3], from[3];
 
-        mesh_face_cross(mesh, f, normal);
-        vec3_sub(mesh->vertex[mesh->face[f][0]], mesh->vertex[0], from);
+        vec3_sub(mesh->vertex[corner[1]], at, e1);
+        vec3_sub(mesh->vertex[corner[2]], at, e2);
+        vec3_cross(e1, e2, normal);
+        vec3_sub(at, mesh->vertex[0], from);
         six += vec3_dot(from, normal);
     }
     return six / 6;
-}
-
-double mesh_area(const struct mesh *mesh)
-{
-    double twice = 0;
-
-    for (size_t f = 0; f < mesh->nface; f++) {
-        double normal[3];
-
-        mesh_face_cross(mesh, f, normal);
-        twice += vec3_norm(normal);
-    }
-    return twice / 2;
 }
 
 /* ---- the box ---- */
@@ -118,34 +127,16 @@ static void mesh_box_add_cell(int n, int axis, int sign, int u, int v, int (*fac
 enum error_code mesh_box(const double half_extent[3], int cells, struct arena *arena,
                          const struct mesh **mesh, struct error *error)
 {
-    /* Checks the sizes */
-    if (cells < 1 || cells > MESH_MAX_BOX_CELLS) {
-        return error_set(error, ERROR_INPUT, "box: found %d cells per edge, expected 1 to %d",
-                         cells, MESH_MAX_BOX_CELLS);
-    }
-    for (int i = 0; i < 3; i++) {
-        if (!(half_extent[i] > 0 && half_extent[i] <= MESH_MAX_COORDINATE_M)) {
-            return error_set(error, ERROR_INPUT,
-                             "box: found half extent %g m on axis %c, expected over 0 and at most "
-                             "%g m",
-                             half_extent[i], "xyz"[i], MESH_MAX_COORDINATE_M);
-        }
-    }
+    size_t n = (size_t)cells, next = 0;
+    double(*vertex)[3];
+    int(*face)[3];
+    struct mesh *box = mesh_alloc("box", 6 * n * n + 2, 12 * n * n, arena, &vertex, &face, error);
 
-    /* Memory */
-    size_t n = (size_t)cells;
-    size_t nvertex = 6 * n * n + 2, nface = 12 * n * n;
-    struct mesh *box = arena_alloc(arena, 1, sizeof *box);
-    double(*vertex)[3] = arena_alloc(arena, nvertex, sizeof *vertex);
-    int(*face)[3] = arena_alloc(arena, nface, sizeof *face);
-
-    if (!box || !vertex || !face) {
-        return error_set(error, ERROR_MEMORY, "box: no memory for %zu faces", nface);
+    if (!box) {
+        return ERROR_MEMORY;
     }
 
     /* Vertices, then the cells of each side */
-    size_t next = 0;
-
     mesh_box_place_vertices(half_extent, cells, vertex);
     for (int axis = 0; axis < 3; axis++) {
         for (int sign = -1; sign <= 1; sign += 2) {
@@ -155,12 +146,6 @@ enum error_code mesh_box(const double half_extent[3], int cells, struct arena *a
             }
         }
     }
-    *box = (struct mesh){.name = "box",
-                         .nvertex = nvertex,
-                         .nface = nface,
-                         .vertex = (const double(*)[3])vertex,
-                         .face = (const int(*)[3])face,
-                         .sound = true};
     *mesh = box;
     return ERROR_NONE;
 }

@@ -37,7 +37,6 @@ struct mesh {
     size_t nvertex, nface;
     const double (*vertex)[3]; /* m */
     const int (*face)[3];
-    bool sound; /* true: mesh_check found no fault; false: not checked */
 };
 
 /* What can be wrong with a surface, in the order in which mesh_check looks for it. */
@@ -87,35 +86,37 @@ enum error_code mesh_sort_half_edges(const struct mesh *mesh, struct half_edge *
 /* Returns the fault in words. */
 const char *mesh_fault_text(enum mesh_fault fault);
 
-/* Reads an OBJ file. Each fault (NaN, index out of range, missing faces, open or non-manifold
- * surface, degenerate triangle, inward orientation, size limits) is an ERROR_INPUT with
- * file:line:column. Polygons are split into fans of triangles. Memory from arena. */
-enum error_code mesh_read_obj(const char *path, struct arena *arena, const struct mesh **mesh,
-                              struct error *error);
-
-/* Reads OBJ text from memory, like mesh_read_obj. name is the file name in messages and the name
- * of the mesh. */
+/* Reads OBJ text. Each fault (NaN, index out of range, missing faces, open or non-manifold surface,
+ * degenerate triangle, inward orientation, size limits) is an ERROR_INPUT with file:line:column.
+ * Polygons are split into fans of triangles. name is the file name in messages and the name of the
+ * mesh. Memory from arena. solid_store_read_obj reads a file. */
 enum error_code mesh_read_obj_text(const char *name, const char *text, size_t size,
                                    struct arena *arena, const struct mesh **mesh,
                                    struct error *error);
 
+/* Allocates a mesh with a copy of the name in the arena. The caller fills vertex and face. Returns
+ * NULL and sets ERROR_MEMORY without room. */
+struct mesh *mesh_alloc(const char *name, size_t nvertex, size_t nface, struct arena *arena,
+                        double (**vertex)[3], int (**face)[3], struct error *error);
+
+/* Copies a mesh into the arena, in the same way. */
+const struct mesh *mesh_copy(const struct mesh *mesh, struct arena *arena, struct error *error);
+
 /* Makes an axis-aligned box about the origin. Each side has cells x cells rectangles of two
- * triangles: 12 cells^2 faces in all, 588 for 7. Memory from arena. */
+ * triangles: 12 cells^2 faces in all, 588 for 7. Half extents are over 0 and at most
+ * MESH_MAX_COORDINATE_M, cells 1 to MESH_MAX_BOX_CELLS. Memory from arena. */
 enum error_code mesh_box(const double half_extent[3], int cells, struct arena *arena,
                          const struct mesh **mesh, struct error *error);
 
 /* Makes a capsule about the origin with its axis along z; length does not include the ends. It has
  * 16 sides, 4 rings per end, 256 faces. Its cross-section has the area of the circle: edges are
  * 1.3 % of the radius outside it, sides 0.7 % inside. The ends hold 2.5 % less volume than
- * half-spheres. Memory from arena. */
+ * half-spheres. The radius is over 0, the length 0 or more. Memory from arena. */
 enum error_code mesh_capsule(double radius, double length, struct arena *arena,
                              const struct mesh **mesh, struct error *error);
 
 /* Computes the enclosed volume (m3, by the divergence theorem; negative if normals point
  * inward). */
 double mesh_volume(const struct mesh *mesh);
-
-/* Computes the surface area (m2). */
-double mesh_area(const struct mesh *mesh);
 
 #endif

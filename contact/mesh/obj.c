@@ -5,7 +5,6 @@
  */
 #include "contact/mesh/obj.h"
 #include "base/array.h"
-#include "base/input_file.h"
 #include "base/text.h"
 #include "base/vec3.h"
 #include "contact/mesh/mesh.h"
@@ -526,31 +525,6 @@ static enum error_code obj_refuse_surface(const struct obj_reader *r, const stru
     }
 }
 
-/* Copies the vertices and faces into the arena. */
-static enum error_code obj_keep_mesh(const char *name, const struct obj_surface *s,
-                                     struct arena *arena, const struct mesh **mesh,
-                                     struct error *error)
-{
-    struct mesh *m = arena_alloc(arena, 1, sizeof *m);
-    double(*vertex)[3] = arena_alloc(arena, s->nvertex, sizeof *vertex);
-    int(*face)[3] = arena_alloc(arena, s->nface, sizeof *face);
-    const char *copy = arena_strdup(arena, name);
-
-    if (!m || !vertex || !face || !copy) {
-        return error_set(error, ERROR_MEMORY, "%s: no memory for the mesh", name);
-    }
-    memcpy(vertex, s->vertex, s->nvertex * sizeof *vertex);
-    memcpy(face, s->face, s->nface * sizeof *face);
-    *m = (struct mesh){.name = copy,
-                       .nvertex = s->nvertex,
-                       .nface = s->nface,
-                       .vertex = (const double(*)[3])vertex,
-                       .face = (const int(*)[3])face,
-                       .sound = true};
-    *mesh = m;
-    return ERROR_NONE;
-}
-
 enum error_code mesh_read_obj_text(const char *name, const char *text, size_t size,
                                    struct arena *arena, const struct mesh **mesh,
                                    struct error *error)
@@ -560,35 +534,24 @@ enum error_code mesh_read_obj_text(const char *name, const char *text, size_t si
     struct obj_surface surface;
     struct mesh_finding finding = {0};
     enum error_code code = obj_read(name, text, size, &rules, &surface, error);
+    const struct mesh draft = {name, surface.nvertex, surface.nface,
+                               (const double(*)[3])surface.vertex, (const int(*)[3])surface.face};
 
-    if (!code) {
-        const struct mesh draft = {.name = name,
-                                   .nvertex = surface.nvertex,
-                                   .nface = surface.nface,
-                                   .vertex = (const double(*)[3])surface.vertex,
-                                   .face = (const int(*)[3])surface.face};
-
-        /* Checks on the heap, so that a refused mesh leaves nothing in the arena */
-        code = mesh_check(&draft, &finding, error);
-    }
+    /* Checks on the heap, so that a refused mesh leaves nothing in the arena */
+    code = code ? code : mesh_check(&draft, &finding, error);
     if (!code && finding.fault != MESH_SOUND) {
         const struct obj_reader r = {.name = name, .surface = &surface, .error = error};
 
         code = obj_refuse_surface(&r, &finding);
     }
-    code = code ? code : obj_keep_mesh(name, &surface, arena, mesh, error);
+    if (!code) {
+        const struct mesh *copy = mesh_copy(&draft, arena, error);
+
+        if (copy) {
+            *mesh = copy;
+        }
+        code = copy ? ERROR_NONE : ERROR_MEMORY;
+    }
     obj_free(&surface);
-    return code;
-}
-
-enum error_code mesh_read_obj(const char *path, struct arena *arena, const struct mesh **mesh,
-                              struct error *error)
-{
-    char *text;
-    size_t size;
-    enum error_code code = input_file_load(path, MESH_MAX_FILE_BYTES, &text, &size, error);
-
-    code = code ? code : mesh_read_obj_text(path, text, size, arena, mesh, error);
-    free(text);
     return code;
 }

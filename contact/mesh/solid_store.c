@@ -11,7 +11,7 @@
 
 struct stored_solid {
     struct stored_solid *next;
-    struct mesh mesh;
+    const struct mesh *mesh;
     struct solid solid;
     bool has_field;
     struct field field;
@@ -72,9 +72,9 @@ static struct stored_solid *stored_solid_of_mesh(const struct mesh *mesh)
 {
     struct stored_solid *at = solid_store.first;
 
-    while (at && (at->mesh.nvertex != mesh->nvertex || at->mesh.nface != mesh->nface ||
-                  memcmp(at->mesh.vertex, mesh->vertex, mesh->nvertex * sizeof *mesh->vertex) ||
-                  memcmp(at->mesh.face, mesh->face, mesh->nface * sizeof *mesh->face))) {
+    while (at && (at->mesh->nvertex != mesh->nvertex || at->mesh->nface != mesh->nface ||
+                  memcmp(at->mesh->vertex, mesh->vertex, mesh->nvertex * sizeof *mesh->vertex) ||
+                  memcmp(at->mesh->face, mesh->face, mesh->nface * sizeof *mesh->face))) {
         at = at->next;
     }
     return at;
@@ -89,14 +89,6 @@ static struct stored_solid *stored_solid_of_solid(const struct solid *solid)
         at = at->next;
     }
     return at;
-}
-
-/* Copies a caller's array into the store; NULL if the store is full. */
-static void *solid_store_copy(const void *from, size_t count, size_t size)
-{
-    void *copy = arena_alloc(&solid_store.arena, count, size);
-
-    return copy ? memcpy(copy, from, count * size) : NULL;
 }
 
 /* ---- meshes ---- */
@@ -117,16 +109,18 @@ static const struct mesh *stored_mesh_read(const char *path, const char *text, s
 {
     struct stored_mesh *made = arena_alloc(&solid_store.arena, 1, sizeof *made);
     struct error unused;
+    char *copy;
 
     if (!made || mesh_read_obj_text(path, text, size, &solid_store.arena, &made->mesh, &unused)) {
         return NULL;
     }
+    copy = arena_alloc(&solid_store.arena, size, 1);
     made->path = arena_strdup(&solid_store.arena, path);
-    made->text = solid_store_copy(text, size, 1);
-    made->size = size;
-    if (!made->path || !made->text) {
+    if (!made->path || !copy) {
         return NULL;
     }
+    made->text = memcpy(copy, text, size);
+    made->size = size;
     made->next = solid_store.mesh;
     solid_store.mesh = made;
     return made->mesh;
@@ -162,15 +156,10 @@ static struct stored_solid *stored_solid_make(const struct mesh *mesh)
     struct stored_solid *made = arena_alloc(&solid_store.arena, 1, sizeof *made);
     struct error full;
 
-    if (!made) {
-        return NULL;
+    if (made) {
+        made->mesh = mesh_copy(mesh, &solid_store.arena, &full);
     }
-    made->mesh = *mesh;
-    made->mesh.name = arena_strdup(&solid_store.arena, mesh->name);
-    made->mesh.vertex = solid_store_copy(mesh->vertex, mesh->nvertex, sizeof *mesh->vertex);
-    made->mesh.face = solid_store_copy(mesh->face, mesh->nface, sizeof *mesh->face);
-    if (!made->mesh.name || !made->mesh.vertex || !made->mesh.face ||
-        solid_make(&made->mesh, &solid_store.arena, &made->solid, &full)) {
+    if (!made || !made->mesh || solid_make(made->mesh, &solid_store.arena, &made->solid, &full)) {
         return NULL;
     }
     made->next = solid_store.first;

@@ -24,8 +24,8 @@ void solid_store_close(void);
 /* Returns the number of solids and fields made since the store was opened. */
 size_t solid_store_made(void);
 
-/* Reads an OBJ file (mesh_read_obj), or returns the stored mesh with the same path and text. The
- * store owns the mesh; if the store is closed or full, the arena owns it. */
+/* Reads an OBJ file (mesh_read_obj_text), or returns the stored mesh with the same path and text.
+ * The store owns the mesh; if the store is closed or full, the arena owns it. */
 enum error_code solid_store_read_obj(const char *path, struct arena *arena,
                                      const struct mesh **mesh, struct error *error);
 

@@ -15,6 +15,7 @@
 #include <string.h>
 
 #include "app/bench/contact_scenes.h"
+#include "contact/mesh/solid_store.h"
 
 static struct bench_scene scene[BENCH_SCENES];
 
@@ -128,7 +129,8 @@ int main(int argc, char **argv)
     int status;
 
     if (argc <= SKIP || arena_init(&arena, (size_t)2 << 30, NULL) ||
-        mesh_read_obj(HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj", &arena, &foot, NULL) ||
+        solid_store_read_obj(HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj", &arena, &foot,
+                             NULL) ||
         bench_scenes_make(scene, &nscene, foot, &arena, NULL)) {
         return EXIT_FAILURE;
     }

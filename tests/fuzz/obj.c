@@ -20,8 +20,7 @@ static void check_mesh(const struct mesh *mesh)
 
     fuzz_require(mesh_check(mesh, &finding, &error) == ERROR_NONE, "%s", error.text);
     fuzz_require(finding.fault == MESH_SOUND, "%s", mesh_fault_text(finding.fault));
-    fuzz_require(isfinite(mesh_area(mesh)) && mesh_volume(mesh) > 0, "area %g, volume %g",
-                 mesh_area(mesh), mesh_volume(mesh));
+    fuzz_require(mesh_volume(mesh) > 0, "volume %g", mesh_volume(mesh));
 
     fuzz_text_open(&text);
     mesh_write_obj(mesh, text.file);

@@ -20,8 +20,8 @@ FIXTURE(fixture_set_up)
     struct error error;
 
     if (arena_init(&fixture_arena, (size_t)512 << 20, &error) != ERROR_NONE ||
-        mesh_read_obj(HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj", &fixture_arena,
-                      &fixture_foot, &error) != ERROR_NONE) {
+        solid_store_read_obj(HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj", &fixture_arena,
+                             &fixture_foot, &error) != ERROR_NONE) {
         print_error("%s\n", error.text);
         return -1;
     }

@@ -329,8 +329,7 @@ static const struct mesh *make_l(double thickness)
 {
     static double vertex[12][3];
     static int face[20][3];
-    static struct mesh mesh = {"l",  12, 0, (const double(*)[3])vertex, (const int(*)[3])face,
-                               false};
+    static struct mesh mesh = {"l", 12, 0, (const double(*)[3])vertex, (const int(*)[3])face};
     /* Counterclockwise in x and z, seen from -y */
     const double t = thickness;
     const double outline[6][2] = {{0, 0}, {0.2, 0}, {0.2, t}, {t, t}, {t, 0.2}, {0, 0.2}};

@@ -39,8 +39,8 @@ static const struct mesh *read_foot(struct arena *arena)
 {
     const struct mesh *foot;
 
-    assert_ok(
-        mesh_read_obj(HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj", arena, &foot, NULL));
+    assert_ok(solid_store_read_obj(HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj", arena,
+                                   &foot, NULL));
     return foot;
 }
 

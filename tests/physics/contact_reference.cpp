@@ -191,7 +191,7 @@ struct Meshes {
         assert_int_equal(arena_init(&arena, 1 << 20, nullptr), ERROR_NONE);
         assert_int_equal(mesh_box(big, 7, &arena, &large, nullptr), ERROR_NONE);
         assert_int_equal(mesh_box(little, 5, &arena, &small, nullptr), ERROR_NONE);
-        assert_int_equal(mesh_read_obj(path, &arena, &foot, nullptr), ERROR_NONE);
+        assert_int_equal(solid_store_read_obj(path, &arena, &foot, nullptr), ERROR_NONE);
     }
     Meshes(const Meshes &) = delete;
     Meshes &operator=(const Meshes &) = delete;

@@ -5,6 +5,7 @@
 
 #include "base/vec3.h"
 #include "contact/contact.h"
+#include "contact/mesh/solid_store.h"
 #include "tests/unit/contact/random_number.h"
 
 #include <math.h>

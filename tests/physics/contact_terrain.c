@@ -23,7 +23,7 @@ static const struct mesh *read_mesh(const char *name)
     char path[512];
 
     snprintf(path, sizeof path, "%s/config/meshes/%s.obj", HIL_SOURCE_DIR, name);
-    assert_no_error(mesh_read_obj(path, &arena, &mesh, &error), error.text);
+    assert_no_error(solid_store_read_obj(path, &arena, &mesh, &error), error.text);
     return mesh;
 }
 

@@ -33,19 +33,6 @@ TEST(encloses_what_the_capsule_does)
     }
 }
 
-TEST(refuses_sizes_that_make_none)
-{
-    const double size[][2] = {{0, 1},   {-1, 1},       {1, -1}, {NAN, 1},
-                              {1, NAN}, {INFINITY, 1}, {1, 1e7}};
-    const struct mesh *mesh;
-    struct error error;
-
-    for (size_t i = 0; i < sizeof size / sizeof *size; i++) {
-        assert_int_equal(mesh_capsule(size[i][0], size[i][1], &arena, &mesh, &error), ERROR_INPUT);
-        assert_non_null(strstr(error.text, "capsule"));
-    }
-}
-
 TEST(reports_an_arena_that_is_used_up)
 {
     struct arena small;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The OBJ reader when memory runs out: every allocation fails once, in turn. */
-#include "contact/mesh/mesh.h"
+#include "contact/mesh/solid_store.h"
 #include "tests/test.h"
 
 #include <stdbool.h>
@@ -51,7 +51,7 @@ TEST(every_allocation_that_fails_is_reported_and_nothing_leaks)
         struct error error = {0};
 
         until_failure = failures;
-        code = mesh_read_obj(path, &arena, &mesh, &error);
+        code = solid_store_read_obj(path, &arena, &mesh, &error);
         until_failure = -1;
         if (code != ERROR_NONE) {
             assert_int_equal(code, ERROR_MEMORY);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* OBJ text in all the forms that are taken, and every way to be refused with its place. */
-#include "contact/mesh/mesh.h"
+#include "contact/mesh/solid_store.h"
 
 #include <stdbool.h>
 #include <stdlib.h>
@@ -229,7 +229,7 @@ TEST(a_file_that_is_none_is_an_error_and_never_a_hang)
         const struct mesh *mesh = NULL;
         struct error error;
 
-        assert_int_equal(mesh_read_obj(path[i], &arena, &mesh, &error), ERROR_INPUT);
+        assert_int_equal(solid_store_read_obj(path[i], &arena, &mesh, &error), ERROR_INPUT);
         assert_int_equal(strncmp(error.text, path[i], strlen(path[i])), 0);
         assert_null(mesh);
     }
@@ -246,7 +246,7 @@ TEST(a_file_over_the_size_limit_is_refused_before_it_is_read)
 
     assert_true(fd >= 0);
     assert_int_equal(ftruncate(fd, (off_t)MESH_MAX_FILE_BYTES + 1), 0);
-    assert_int_equal(mesh_read_obj(path, &arena, &mesh, &error), ERROR_INPUT);
+    assert_int_equal(solid_store_read_obj(path, &arena, &mesh, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "found more than 268435456 bytes"));
     close(fd);
     unlink(path);
