@@ -38,55 +38,6 @@ TEST(a_box_at_rest_is_carried_with_its_weight)
     }
 }
 
-/* A block on a slope of tan = slope: gravity leans, the ground does not. */
-static struct bodies on_a_slope(struct scene *scene, bool table, double slope)
-{
-    struct contact_material stiff = plain;
-    struct bodies b;
-
-    /* Friction tilts a block on soft ground, and between two meshes springs lean by half of that */
-    stiff.young_pa = 1e7;
-    stiff.dissipation_s_per_m = 300;
-    cube_on_ground(scene, table, &stiff);
-    b = make(scene, 1.5);
-    b.gravity[0] = G * slope / sqrt(1 + slope * slope);
-    b.gravity[2] = -G / sqrt(1 + slope * slope);
-    b.motion[0].p[2] = 0.075 - 1.5 * -b.gravity[2] / (5e6 * 0.0225);
-    return b;
-}
-
-TEST(a_block_below_the_static_cone_creeps_slower_than_the_transition_velocity)
-{
-    for (int table = 0; table < 2; table++) {
-        struct scene scene;
-        struct bodies b = on_a_slope(&scene, table, 0.9 * 0.5);
-
-        run(&b, 0.5, 2e-4);
-        assert_true(b.motion[0].v[0] < SCENE_TRANSITION_M_S);
-        assert_true(b.motion[0].p[0] < 0.5 * SCENE_TRANSITION_M_S);
-        /* And steadily */
-        double before = b.motion[0].v[0];
-
-        run(&b, 0.2, 2e-4);
-        assert_near(b.motion[0].v[0], before, 1e-3 * SCENE_TRANSITION_M_S);
-    }
-}
-
-TEST(a_block_above_the_static_cone_slides_as_the_dynamic_one_lets_it)
-{
-    for (int table = 0; table < 2; table++) {
-        struct scene scene;
-        struct bodies b = on_a_slope(&scene, table, 1.1 * 0.5);
-        double before;
-
-        run(&b, 0.5, 2e-4);
-        assert_true(b.motion[0].v[0] > 3 * SCENE_TRANSITION_M_S);
-        before = b.motion[0].v[0];
-        run(&b, 0.1, 2e-4);
-        assert_near((b.motion[0].v[0] - before) / 0.1, b.gravity[0] + 0.4 * b.gravity[2], 2e-3 * G);
-    }
-}
-
 /* Any force f(x) (1 + d x') on a mass: the speeds before and after are tied by
  * v1/d + ln(1 - d v1)/d^2 = -v0/d + ln(1 + d v0)/d^2 (integrate x'' dx). */
 static double rebound(double d, double v0)

@@ -51,25 +51,6 @@ TEST(box_on_half_space_pushes_with_k_a_d)
     world->ops->destroy(world);
 }
 
-TEST(nothing_pushes_without_overlap)
-{
-    struct scene scene;
-    struct body_motion motion;
-    struct contact_wrench wrench = {{1, 1, 1}, {1, 1, 1}};
-
-    fixture_box_on_ground(&scene);
-
-    struct contact_world *world = fixture_simbody(&scene);
-
-    scene_place(&motion, 0, 0, 0.0751);
-    fixture_evaluate(world, &motion, &wrench);
-    for (int i = 0; i < 3; i++) {
-        assert_true(wrench.force[i] == 0 && wrench.moment[i] == 0);
-    }
-    assert_int_equal(world->ops->patches(world, NULL, 0), 0);
-    world->ops->destroy(world);
-}
-
 TEST(foot_pushes_with_its_sole_area_at_the_soles_centroid)
 {
     const double d = 0.0017;
@@ -259,59 +240,6 @@ TEST(friction_follows_the_stribeck_curve_against_the_motion)
     world->ops->destroy(world);
 }
 
-TEST(friction_peaks_at_the_transition_velocity)
-{
-    double us = scene_mean(scene_foot.static_friction, scene_ground.static_friction);
-    double peak = 0, at = 0;
-    struct scene scene;
-    struct body_motion motion;
-    struct contact_wrench wrench;
-
-    fixture_box_on_ground(&scene);
-    scene.surface[0].material.viscous_friction = 0;
-    scene.config.transition_velocity_m_s = 0.05;
-
-    struct contact_world *world = fixture_simbody(&scene);
-
-    for (int i = 1; i <= 400; i++) {
-        double speed = i * 5e-4;
-
-        scene_place(&motion, 0, 0, 0.074);
-        motion.v[0] = speed;
-        fixture_evaluate(world, &motion, &wrench);
-        if (-wrench.force[0] / wrench.force[2] > peak) {
-            peak = -wrench.force[0] / wrench.force[2];
-            at = speed;
-        }
-    }
-    assert_near(peak, us, 1e-12);
-    assert_near(at, 0.05, 1e-12);
-    world->ops->destroy(world);
-}
-
-TEST(a_spinning_box_is_braked_by_torsional_friction)
-{
-    struct scene scene;
-    struct body_motion motion;
-    struct contact_wrench wrench;
-    double ud = scene_mean(scene_foot.dynamic_friction, scene_ground.dynamic_friction);
-    /* Mean distance of a square's points from its center, side 0.15:
-     * side/6 (sqrt 2 + ln(1 + sqrt 2)) */
-    double lever = 0.15 / 6 * (sqrt(2) + log(1 + sqrt(2)));
-
-    fixture_box_on_ground(&scene)->cells_per_edge = 60;
-    scene.surface[1].material.viscous_friction = 0;
-
-    struct contact_world *world = fixture_simbody(&scene);
-
-    scene_place(&motion, 0, 0, 0.0749);
-    motion.w[2] = -400; /* fast enough that only the innermost cells are below 3 v_t */
-    fixture_evaluate(world, &motion, &wrench);
-    assert_near(wrench.moment[2], ud * wrench.force[2] * lever, 1e-3 * wrench.moment[2]);
-    assert_near(hypot(wrench.force[0], wrench.force[1]), 0, 1e-3 * wrench.force[2]);
-    world->ops->destroy(world);
-}
-
 /* ---- what is known to be off ---- */
 
 TEST(whole_triangles_of_a_coarse_table_push_too_hard_as_others_have_measured)
@@ -359,44 +287,6 @@ TEST(upright_faces_below_a_half_space_push_too)
     scene_place(&motion, 0, 0, 0.075 - d);
     fixture_evaluate(world, &motion, &wrench);
     assert_near(wrench.force[2], k * (0.0225 * d + column * (d - cell / 3)), 1e-9 * k * 0.0225);
-    world->ops->destroy(world);
-}
-
-/* ---- a block that falls ---- */
-
-TEST(a_dropped_block_comes_to_rest_with_its_weight)
-{
-    const double mass = 1.5, weight = mass * 9.81, h = 1e-4;
-    struct contact_material soft = {2e4, 5e-3, 2, 0.9, 0.6, 0, 0};
-    struct scene scene;
-    struct body_motion motion;
-    struct contact_wrench wrench;
-    double k, highest = 0;
-
-    fixture_box_on_ground(&scene);
-    scene.surface[0].material = scene.surface[1].material = soft;
-    k = scene_stiffness(&soft, &soft);
-
-    struct contact_world *world = fixture_simbody(&scene);
-
-    /* semi-implicit Euler; the block slides at 0.3 m/s when it lands from 2 cm */
-    scene_place(&motion, 0, 0, 0.095);
-    motion.v[0] = 0.3;
-    for (int step = 0; step < 20000; step++) {
-        fixture_evaluate(world, &motion, &wrench);
-        for (int i = 0; i < 3; i++) {
-            motion.v[i] += h * (wrench.force[i] - (i == 2 ? weight : 0)) / mass;
-            motion.p[i] += h * motion.v[i];
-        }
-        if (step > 2000) {
-            highest = fmax(highest, motion.p[2]);
-        }
-    }
-    assert_near(wrench.force[2], weight, 1e-6 * weight);
-    assert_near(motion.p[2], 0.075 - weight / (k * 0.0225), 1e-8);
-    assert_near(motion.v[2], 0, 1e-7);
-    assert_true(fabs(motion.v[0]) < 0.1 * SCENE_TRANSITION_M_S);
-    assert_true(highest < 0.095); /* it never bounced back to where it came from */
     world->ops->destroy(world);
 }
 
