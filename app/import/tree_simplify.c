@@ -3,6 +3,7 @@
  * tree_simplify_frames.c do the steps before and after. */
 #include "app/import/tree_simplify_private.h"
 
+#include "base/array.h"
 #include "base/portable_math.h"
 #include "base/text.h"
 #include "base/vec3.h"
@@ -17,43 +18,47 @@
 #define PLACE_MAX_M 1e3
 #define INERTIA_MAX_KG_M2 1e6
 
-enum error_code simplify_no_memory(const struct simplifier *r)
+void *simplify_alloc(const struct simplifier *r, size_t count, size_t size)
 {
-    return error_set(r->error, ERROR_MEMORY, "%.200s: no memory left for this robot",
-                     r->model->file);
+    void *memory = arena_alloc(r->arena, count, size);
+
+    if (!memory) {
+        error_set(r->error, ERROR_MEMORY, "%.200s: no memory left for this robot", r->model->file);
+    }
+    return memory;
 }
 
-enum error_code import_make_name(const char *file, const char *name, int line, const char *what,
-                                 struct arena *arena, struct import_notes *notes, const char **made,
-                                 struct error *error)
+const char *simplify_name(const struct simplifier *r, const char *file, int line, const char *what,
+                          const char *name)
 {
-    char *copy = arena_strdup(arena, name);
+    char *copy = simplify_alloc(r, strlen(name) + 1, 1);
 
     if (!copy) {
-        return error_set(error, ERROR_MEMORY, "%.200s: no memory left for this robot", file);
+        return "";
     }
-    *made = copy;
+    strcpy(copy, name);
     if (text_is_name(copy) && strcmp(copy, "spare") != 0) {
-        return ERROR_NONE;
+        return copy;
     }
 
     /* Too long or reserved: a change of characters would not help */
     if (strlen(copy) > 63 || !strcmp(copy, "spare") || !strcmp(copy, ".") || !strcmp(copy, "..")) {
-        return import_error(error, file, line,
-                            "found %s name \"%.80s\", expected at most 63 letters, digits and _ - "
-                            ". (and not \"spare\")",
-                            what, copy);
+        import_error(r->error, file, line,
+                     "found %s name \"%.80s\", expected at most 63 letters, digits and _ - . (and "
+                     "not \"spare\")",
+                     what, copy);
+        return "";
     }
     for (char *c = copy; *c; c++) {
         char letter[2] = {*c, '\0'};
 
-        if (*c == '.' || !text_is_name(letter)) {
-            *c = *c == '.' ? '.' : '_';
+        if (*c != '.' && !text_is_name(letter)) {
+            *c = '_';
         }
     }
-    import_note_add(notes, IMPORT_CHANGED, file, line, "%s \"%.63s\" is named \"%.63s\"", what,
+    import_note_add(r->notes, IMPORT_CHANGED, file, line, "%s \"%.63s\" is named \"%.63s\"", what,
                     name, copy);
-    return ERROR_NONE;
+    return copy;
 }
 
 /* ---- inertias ---- */
@@ -111,21 +116,22 @@ static void moments_repair(double moment[3])
 
 /* Checks a body's inertia; with --repair-inertia makes an impossible one possible, otherwise
  * refuses it. */
-static enum error_code simplify_check_inertia(struct simplifier *r, const struct import_link *link,
-                                              struct robot_inertia *inertia)
+static void simplify_check_inertia(struct simplifier *r, const struct import_link *link,
+                                   struct robot_inertia *inertia)
 {
+    const int line = link->inertia_line ? link->inertia_line : link->line;
     double moment[3], V[9], back[9];
-    struct error why;
+    struct error why, again;
 
     if (!robot_check_inertia(inertia, &why)) {
-        return ERROR_NONE;
+        return;
     }
     if (!r->options->repair_inertia) {
-        return import_error(r->error, link->file,
-                            link->inertia_line ? link->inertia_line : link->line,
-                            "found link \"%.63s\" with what is fixed to it: %s; correct the file, "
-                            "or give --repair-inertia to raise the moments that are too small",
-                            link->name, why.text);
+        import_error(r->error, link->file, line,
+                     "found link \"%.63s\" with what is fixed to it: %s; correct the file, or give "
+                     "--repair-inertia to raise the moments that are too small",
+                     link->name, why.text);
+        return;
     }
 
     /* Raise the principal moments and turn the tensor back into the link's frame */
@@ -138,24 +144,20 @@ static enum error_code simplify_check_inertia(struct simplifier *r, const struct
     mat3_transpose(V, back);
     sym3_rotate(back, inertia->I);
     import_note_add(
-        r->notes, IMPORT_CHANGED, link->file, link->inertia_line ? link->inertia_line : link->line,
+        r->notes, IMPORT_CHANGED, link->file, line,
         "inertia of link \"%.63s\" with what is fixed to it has now the moments %g, %g, "
         "%g kg m2: %s",
         link->name, moment[0], moment[1], moment[2], why.text);
-    return robot_check_inertia(inertia, r->error)
-               ? import_error(r->error, link->file, link->line,
-                              "found an inertia of link \"%.63s\" that cannot be repaired",
-                              link->name)
-               : ERROR_NONE;
+    if (robot_check_inertia(inertia, &again)) {
+        import_error(r->error, link->file, link->line,
+                     "found an inertia of link \"%.63s\" that cannot be repaired", link->name);
+    }
 }
 
 /* ---- bodies and joints ---- */
 
-/* Adds a body for a link that a joint moves, and the joint. parent_place: of the parent link in its
- * body. */
-static enum error_code simplify_add_body(struct simplifier *r, int link,
-                                         const struct import_joint *from, int parent,
-                                         const struct import_place *parent_place)
+/* Adds a body for a link that a joint moves, and the joint. */
+static void simplify_add_body(struct simplifier *r, int link, const struct import_joint *from)
 {
     struct robot *robot = r->out->robot;
     const struct import_link *source = &r->model->link[link];
@@ -163,15 +165,11 @@ static enum error_code simplify_add_body(struct simplifier *r, int link,
     const size_t own = (size_t)(from - r->model->joint);
     double length = vec3_norm(from->axis);
     struct import_place place;
-    enum error_code code;
 
-    robot->body[robot->nbody].parent = parent;
-    if ((code = import_make_name(source->file, source->name, source->line, "body", r->arena,
-                                 r->notes, &robot->body[robot->nbody].name, r->error)) ||
-        (code = import_make_name(from->file, from->name, from->line, "joint", r->arena, r->notes,
-                                 &joint->name, r->error))) {
-        return code;
-    }
+    robot->body[robot->nbody].parent = r->out->body[from->parent_link];
+    robot->body[robot->nbody].name =
+        simplify_name(r, source->file, source->line, "body", source->name);
+    joint->name = simplify_name(r, from->file, from->line, "joint", from->name);
     r->out->body[link] = (int)robot->nbody++;
     import_place_identity(&r->out->place[link]);
 
@@ -179,7 +177,7 @@ static enum error_code simplify_add_body(struct simplifier *r, int link,
     r->out->source[robot->njoint] = from;
     r->out->rest[robot->njoint] =
         simplify_is_coupled(r, own) ? simplify_follow(r, own) : simplify_rest(r, own);
-    import_place_compose(parent_place, &from->place, &place);
+    import_place_compose(&r->out->place[from->parent_link], &from->place, &place);
     memcpy(joint->origin, place.xyz, sizeof joint->origin);
     memcpy(joint->rotation, place.R, sizeof joint->rotation);
     joint->type = from->type == IMPORT_PRISMATIC ? JOINT_PRISMATIC : JOINT_REVOLUTE;
@@ -199,60 +197,54 @@ static enum error_code simplify_add_body(struct simplifier *r, int link,
                         from->name, SIMPLIFY_TURNS_MAX);
     }
     robot->njoint++;
-    return ERROR_NONE;
 }
 
 /* Finds the body of each link and the link's pose in it. Parents come first, so a link on a rigid
  * joint joins its parent's body. */
-static enum error_code simplify_place_links(struct simplifier *r)
+static void simplify_place_links(struct simplifier *r)
 {
     const struct import_model *model = r->model;
     struct robot *robot = r->out->robot;
-    enum error_code code;
+    int *body = r->out->body;
 
     for (size_t i = 0; i < r->norder; i++) {
-        int link = r->order[i], above = r->above[link];
+        const int at = r->order[i], above = r->above[at];
         const struct import_joint *joint = i == 0 ? NULL : &model->joint[above];
+        const struct import_link *link = &model->link[at];
         struct import_place place;
 
         /* The root is the base; a rigid joint's child is part of its parent's body; others move */
         if (!joint) {
             robot->nbody = 1;
             robot->body[0].parent = -1;
-            import_place_identity(&r->out->place[link]);
-            r->out->body[link] = 0;
-            code = import_make_name(model->link[link].file, model->link[link].name,
-                                    model->link[link].line, "body", r->arena, r->notes,
-                                    &robot->body[0].name, r->error);
-        } else if (simplify_is_rigid(r, (size_t)above)) {
-            simplify_place_child(joint, r->at[above], &place);
-            r->out->body[link] = r->out->body[joint->parent_link];
-            import_place_compose(&r->out->place[joint->parent_link], &place, &r->out->place[link]);
-            if (model->link[link].has_inertia) {
-                import_note_add(
-                    r->notes, IMPORT_MERGED, model->link[link].file, model->link[link].line,
-                    "link \"%.63s\" (%g kg) is part of body \"%.63s\"", model->link[link].name,
-                    model->link[link].inertia.mass, robot->body[r->out->body[link]].name);
-            }
-            code = ERROR_NONE;
+            import_place_identity(&r->out->place[at]);
+            body[at] = 0;
+            robot->body[0].name = simplify_name(r, link->file, link->line, "body", link->name);
+        } else if (!simplify_is_rigid(r, (size_t)above)) {
+            simplify_add_body(r, at, joint);
         } else {
-            code = simplify_add_body(r, link, joint, r->out->body[joint->parent_link],
-                                     &r->out->place[joint->parent_link]);
-        }
-        if (code) {
-            return code;
+            simplify_place_child(joint, r->at[above], &place);
+            body[at] = body[joint->parent_link];
+            import_place_compose(&r->out->place[joint->parent_link], &place, &r->out->place[at]);
+            if (link->has_inertia) {
+                import_note_add(r->notes, IMPORT_MERGED, link->file, link->line,
+                                "link \"%.63s\" (%g kg) is part of body \"%.63s\"", link->name,
+                                link->inertia.mass, robot->body[body[at]].name);
+            }
         }
     }
-    return ERROR_NONE;
 }
 
-/* Sums mass and inertia of the links of each body and checks them. */
-static enum error_code simplify_sum_inertias(struct simplifier *r)
+/* Names the robot; sums mass and inertia of the links of each body and checks them. */
+static void simplify_sum_inertias(struct simplifier *r)
 {
     const struct import_model *model = r->model;
     struct robot *robot = r->out->robot;
-    enum error_code code;
 
+    robot->file = model->file;
+    robot->name = simplify_name(r, model->file, 1, "robot", model->name);
+    robot->gravity[2] = -9.81;
+    robot->imu_frame = -1;
     for (size_t i = 0; i < r->norder; i++) {
         int link = r->order[i];
 
@@ -268,10 +260,7 @@ static enum error_code simplify_sum_inertias(struct simplifier *r)
         if (i > 0 && simplify_is_rigid(r, (size_t)r->above[link])) {
             continue;
         }
-        code = simplify_check_inertia(r, source, inertia);
-        if (code) {
-            return code;
-        }
+        simplify_check_inertia(r, source, inertia);
         if (inertia->mass == 0.0) {
             inertia->mass = NO_MASS_KG;
             import_note_add(r->notes, IMPORT_ASSUMED, source->file, source->line,
@@ -279,7 +268,6 @@ static enum error_code simplify_sum_inertias(struct simplifier *r)
                             NO_MASS_KG);
         }
     }
-    return ERROR_NONE;
 }
 
 /* ---- the base ---- */
@@ -346,78 +334,79 @@ static void simplify_choose_base(struct simplifier *r)
                     robot->floating ? "floats" : "is fixed in the world", why);
 }
 
-/* Allocates the robot for all joints of the model; links without a body have -1. */
-static enum error_code simplify_make_room(struct simplifier *r)
+/* Allocates what the reduction needs and makes; links without a body have -1. */
+static void simplify_make_room(struct simplifier *r)
 {
+    const size_t joints = r->model->njoint + 1, links = r->model->nlink;
     struct import_robot *out = r->out;
-    size_t bodies = r->model->njoint + 1;
 
-    out->model = r->model;
-    out->robot = arena_alloc(r->arena, 1, sizeof *out->robot);
-    out->source = arena_alloc(r->arena, bodies, sizeof *out->source);
-    out->rest = arena_alloc(r->arena, bodies, sizeof *out->rest);
-    out->body = arena_alloc(r->arena, r->model->nlink, sizeof *out->body);
-    out->place = arena_alloc(r->arena, r->model->nlink, sizeof *out->place);
-    if (!out->robot || !out->source || !out->rest || !out->body || !out->place) {
-        return simplify_no_memory(r);
+    *out = (struct import_robot){.model = r->model};
+    r->above = simplify_alloc(r, links, sizeof *r->above);
+    r->order = simplify_alloc(r, links, sizeof *r->order);
+    r->at = simplify_alloc(r, joints, sizeof *r->at);
+    r->mimic = simplify_alloc(r, joints, sizeof *r->mimic);
+    r->lower = simplify_alloc(r, joints, sizeof *r->lower);
+    r->upper = simplify_alloc(r, joints, sizeof *r->upper);
+    out->robot = simplify_alloc(r, 1, sizeof *out->robot);
+    out->source = simplify_alloc(r, joints, sizeof *out->source);
+    out->rest = simplify_alloc(r, joints, sizeof *out->rest);
+    out->fixed = simplify_alloc(r, joints, sizeof *out->fixed);
+    out->body = simplify_alloc(r, links, sizeof *out->body);
+    out->place = simplify_alloc(r, links, sizeof *out->place);
+    if (r->error->code) {
+        return;
     }
-    out->robot->body = arena_alloc(r->arena, bodies, sizeof *out->robot->body);
-    out->robot->joint = arena_alloc(r->arena, bodies, sizeof *out->robot->joint);
-    for (size_t i = 0; i < r->model->nlink; i++) {
+    out->robot->body = simplify_alloc(r, joints, sizeof *out->robot->body);
+    out->robot->joint = simplify_alloc(r, joints, sizeof *out->robot->joint);
+    for (size_t i = 0; i < links; i++) {
         out->body[i] = -1;
     }
-    return out->robot->body && out->robot->joint ? ERROR_NONE : simplify_no_memory(r);
 }
 
 /* Refuses a pose outside the range of robot files, with the line of the foreign file. */
-static enum error_code simplify_check_place(const struct simplifier *r, const double xyz[3],
-                                            const char *file, int line, const char *what,
-                                            const char *name)
+static void simplify_check_place(const struct simplifier *r, const double xyz[3], const char *file,
+                                 int line, const char *what, const char *name)
 {
     for (int i = 0; i < 3; i++) {
         if (fabs(xyz[i]) > PLACE_MAX_M) {
-            return import_error(r->error, file, line,
-                                "found %g m in %s \"%.63s\", expected -%g to %g", xyz[i], what,
-                                name, PLACE_MAX_M, PLACE_MAX_M);
+            import_error(r->error, file, line, "found %g m in %s \"%.63s\", expected -%g to %g",
+                         xyz[i], what, name, PLACE_MAX_M, PLACE_MAX_M);
         }
     }
-    return ERROR_NONE;
 }
 
 /* Refuses poses and inertias outside the ranges of robot files. So the error points to the user's
  * file, not to the generated one. */
-static enum error_code simplify_check_ranges(const struct simplifier *r)
+static void simplify_check_ranges(struct simplifier *r)
 {
     const struct import_model *model = r->model;
-    enum error_code code = ERROR_NONE;
 
-    for (size_t j = 0; j < model->njoint && !code; j++) {
-        code =
-            simplify_check_place(r, model->joint[j].place.xyz, model->joint[j].file,
-                                 model->joint[j].line, "the origin of joint", model->joint[j].name);
+    for (size_t j = 0; j < model->njoint; j++) {
+        const struct import_joint *joint = &model->joint[j];
+
+        simplify_check_place(r, joint->place.xyz, joint->file, joint->line, "the origin of joint",
+                             joint->name);
     }
-    for (size_t i = 0; i < model->nsensor && !code; i++) {
-        code = simplify_check_place(r, model->sensor[i].place.xyz, model->sensor[i].file,
-                                    model->sensor[i].line, "the place of sensor",
-                                    model->sensor[i].name);
+    for (size_t i = 0; i < model->nsensor; i++) {
+        const struct import_sensor *sensor = &model->sensor[i];
+
+        simplify_check_place(r, sensor->place.xyz, sensor->file, sensor->line,
+                             "the place of sensor", sensor->name);
     }
-    for (size_t i = 0; i < model->nlink && !code; i++) {
+    for (size_t i = 0; i < model->nlink; i++) {
         const struct import_link *link = &model->link[i];
         int line = link->inertia_line ? link->inertia_line : link->line;
 
-        code = simplify_check_place(r, link->inertia.com, link->file, line,
-                                    "the center of mass of link", link->name);
-        for (int k = 0; k < 6 && !code; k++) {
+        simplify_check_place(r, link->inertia.com, link->file, line, "the center of mass of link",
+                             link->name);
+        for (int k = 0; k < 6; k++) {
             if (fabs(link->inertia.I[k]) > INERTIA_MAX_KG_M2) {
-                code = import_error(r->error, link->file, line,
-                                    "found an inertia of %g kg m2 of link \"%.63s\", expected "
-                                    "-%g to %g",
-                                    link->inertia.I[k], link->name, INERTIA_MAX_KG_M2,
-                                    INERTIA_MAX_KG_M2);
+                import_error(r->error, link->file, line,
+                             "found an inertia of %g kg m2 of link \"%.63s\", expected -%g to %g",
+                             link->inertia.I[k], link->name, INERTIA_MAX_KG_M2, INERTIA_MAX_KG_M2);
             }
         }
     }
-    return code;
 }
 
 enum error_code import_simplify_tree(const struct import_model *model,
@@ -425,34 +414,27 @@ enum error_code import_simplify_tree(const struct import_model *model,
                                      struct import_notes *notes, struct import_robot *out,
                                      struct error *error)
 {
+    /* The tree and its moving joints first; inertias need the poses of links, the base needs the
+     * inertias */
+    static void (*const step[])(struct simplifier * r) = {
+        simplify_make_room,        simplify_check_ranges,   simplify_find_parents,
+        simplify_find_root,        simplify_check_cycles,   simplify_enter_world,
+        simplify_order_links,      simplify_find_followers, simplify_check_joints,
+        simplify_fix_named,        simplify_narrow_leaders, simplify_fix_massless,
+        simplify_settle_followers, simplify_check_count,    simplify_place_links,
+        simplify_add_couplings,    simplify_sum_inertias,   simplify_choose_base,
+        simplify_add_frames,       simplify_add_poses,
+    };
     struct simplifier r = {.model = model,
                            .options = options,
                            .arena = arena,
                            .notes = notes,
                            .out = out,
                            .error = error};
-    enum error_code code;
 
-    *out = (struct import_robot){0};
-
-    /* The tree and its moving joints first; inertias need the poses of links, the base needs the
-     * inertias */
-    if ((code = simplify_make_room(&r)) || (code = simplify_check_ranges(&r)) ||
-        (code = simplify_find_tree(&r)) || (code = simplify_fix_joints(&r)) ||
-        (code = simplify_place_links(&r)) || (code = simplify_add_couplings(&r))) {
-        return code;
+    error->code = ERROR_NONE;
+    for (size_t i = 0; i < ARRAY_COUNT(step) && !error->code; i++) {
+        step[i](&r);
     }
-    out->robot->file = model->file;
-    out->robot->gravity[2] = -9.81;
-    out->robot->imu_frame = -1;
-    if ((code = import_make_name(model->file, model->name, 1, "robot", arena, notes,
-                                 &out->robot->name, error))) {
-        return code;
-    }
-    if ((code = simplify_sum_inertias(&r))) {
-        return code;
-    }
-    simplify_choose_base(&r);
-    code = simplify_add_frames(&r);
-    return code ? code : simplify_add_poses(&r);
+    return error->code;
 }

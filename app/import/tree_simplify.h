@@ -55,10 +55,4 @@ enum error_code import_simplify_tree(const struct import_model *model,
                                      struct import_notes *notes, struct import_robot *out,
                                      struct error *error);
 
-/* Makes a name that robot files accept: replaces other characters by '_', with a note. Refuses
- * names that are too long or reserved. */
-enum error_code import_make_name(const char *file, const char *name, int line, const char *what,
-                                 struct arena *arena, struct import_notes *notes, const char **made,
-                                 struct error *error);
-
 #endif

@@ -2,148 +2,97 @@
 /* Makes frames, sensors and poses of the robot. */
 #include "app/import/tree_simplify_private.h"
 
+#include "base/vec3.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
 /* ---- frames ---- */
 
-/* Adds a frame at a pose in a body and returns its index; refuses a name that is already used. */
-static enum error_code simplify_add_frame(struct simplifier *r, const char *name, const char *file,
-                                          int line, int body, const struct import_place *place,
-                                          int *frame)
+/* Adds a frame at a pose in a link and returns its index; refuses a name that is already used. */
+static int simplify_add_frame(struct simplifier *r, const char *name, const char *file, int line,
+                              int link, const struct import_place *place)
 {
     struct robot *robot = r->out->robot;
     struct robot_frame *f = &robot->frame[robot->nframe];
-    enum error_code code =
-        import_make_name(file, name, line, "frame", r->arena, r->notes, &f->name, r->error);
+    struct import_place at;
 
-    if (code) {
-        return code;
+    f->name = simplify_name(r, file, line, "frame", name);
+    if (robot_find_frame(robot, f->name) >= 0) {
+        import_error(r->error, file, line,
+                     "found a second frame named \"%.63s\", expected other names", f->name);
     }
-    *frame = robot_find_frame(robot, f->name);
-    if (*frame >= 0) {
-        return import_error(r->error, file, line,
-                            "found a second frame named \"%.63s\", expected other names", f->name);
-    }
-    f->body = body;
-    memcpy(f->position, place->xyz, sizeof f->position);
-    memcpy(f->rotation, place->R, sizeof f->rotation);
-    *frame = (int)robot->nframe++;
-    return ERROR_NONE;
+    f->body = r->out->body[link];
+    import_place_compose(&r->out->place[link], place, &at);
+    memcpy(f->position, at.xyz, sizeof f->position);
+    memcpy(f->rotation, at.R, sizeof f->rotation);
+    return (int)robot->nframe++;
 }
 
-/* Makes the name of a sensor's frame, NAME-sensor. */
-static const char *frame_choose_name(const struct simplifier *r, const char *name)
+/* ---- sensors ---- */
+
+/* Adds the frame of a sensor, NAME-sensor. */
+static int simplify_add_sensor_frame(struct simplifier *r, const struct import_sensor *sensor,
+                                     const char *name, int link)
 {
     static const char suffix[] = "-sensor";
     char text[64];
 
     snprintf(text, sizeof text, "%.*s%s", (int)(sizeof text - sizeof suffix), name, suffix);
-    return arena_strdup(r->arena, text);
+    return simplify_add_frame(r, text, sensor->file, sensor->line, link, &sensor->place);
 }
 
-/* ---- sensors ---- */
-
-/* Sums the inertia below a force-torque sensor within its body, in the body's frame. *ends is
- * false if other bodies are attached there, whose forces the model's sensor does not include. One
- * pass down the tree: parents come first. */
-static enum error_code sensor_sum_distal(const struct simplifier *r, int top,
-                                         struct robot_inertia *distal, bool *ends)
+/* Sums the inertia below a force-torque sensor within its body, in the body's frame. Returns false
+ * if other bodies are attached there, whose forces the model's sensor does not include. One pass
+ * down the tree: parents come first. */
+static bool sensor_sum_distal(const struct simplifier *r, int top, struct robot_inertia *distal)
 {
     const struct import_robot *out = r->out;
-    bool *below = arena_alloc(r->arena, r->model->nlink, sizeof *below);
+    bool *below = simplify_alloc(r, r->model->nlink, sizeof *below), ends = true;
 
-    if (!below) {
-        return simplify_no_memory(r);
-    }
-    *ends = true;
-    for (size_t i = 0; i < r->norder; i++) {
+    for (size_t i = 0; i < r->norder && below; i++) {
         int link = r->order[i], above = i > 0 ? r->above[link] : -1;
 
         below[link] = link == top || (above >= 0 && below[r->model->joint[above].parent_link]);
         if (below[link] && out->body[link] == out->body[top]) {
             import_add_inertia(distal, &r->model->link[link].inertia, &out->place[link]);
         }
-        *ends = *ends && (!below[link] || out->body[link] == out->body[top]);
+        ends = ends && (!below[link] || out->body[link] == out->body[top]);
     }
-    return ERROR_NONE;
+    return ends;
 }
 
 /* Adds a force-torque sensor at the child link of its joint; drops one that is not at the end of a
  * limb, with a note. */
-static enum error_code simplify_add_ft(struct simplifier *r, const struct import_sensor *sensor)
+static void simplify_add_ft(struct simplifier *r, const struct import_sensor *sensor, int link)
 {
     struct robot *robot = r->out->robot;
-    const struct import_joint *joint = &r->model->joint[import_find_joint(r->model, sensor->joint)];
     struct robot_ft_sensor *ft = &robot->ft[robot->nft];
+    const struct robot_frame *frame;
     struct robot_inertia below = {0};
-    struct import_place place, back;
-    const char *name;
-    bool ends = true;
-    enum error_code code = sensor_sum_distal(r, joint->child_link, &below, &ends);
+    struct import_place back;
 
-    if (code) {
-        return code;
-    }
-    if (!ends) {
+    if (!sensor_sum_distal(r, link, &below)) {
         import_note_add(
             r->notes, IMPORT_DROPPED, sensor->file, sensor->line,
             "force-torque sensor \"%.63s\" in joint \"%.63s\": joints move below it, and "
             "sensors here are at the end of a limb",
             sensor->name, sensor->joint);
-        return ERROR_NONE;
+        return;
     }
-
-    /* Place the sensor in the frame of the child link, moved by its own offset */
-    import_place_compose(&r->out->place[joint->child_link], &sensor->place, &place);
-    name = frame_choose_name(r, sensor->joint);
-    if (!name) {
-        return simplify_no_memory(r);
-    }
-    if ((code = import_make_name(sensor->file, sensor->joint, sensor->line, "sensor", r->arena,
-                                 r->notes, &ft->name, r->error)) ||
-        (code = simplify_add_frame(r, name, sensor->file, sensor->line,
-                                   r->out->body[joint->child_link], &place, &ft->frame))) {
-        return code;
-    }
+    ft->name = simplify_name(r, sensor->file, sensor->line, "sensor", sensor->joint);
+    ft->frame = simplify_add_sensor_frame(r, sensor, sensor->joint, link);
+    frame = &robot->frame[ft->frame];
 
     /* Transforms the part below it from the body's frame to the sensor's: R^T and -R^T p */
+    mat3_transpose(frame->rotation, back.R);
+    mat3_apply(back.R, frame->position, back.xyz);
     for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++) {
-            back.R[3 * i + j] = place.R[3 * j + i];
-        }
-        back.xyz[i] = -(place.R[i] * place.xyz[0] + place.R[3 + i] * place.xyz[1] +
-                        place.R[6 + i] * place.xyz[2]);
+        back.xyz[i] = -back.xyz[i];
     }
     import_add_inertia(&ft->distal, &below, &back);
     robot->nft++;
-    return ERROR_NONE;
-}
-
-/* Adds the first inertial sensor; drops others with a note. */
-static enum error_code simplify_add_imu(struct simplifier *r, const struct import_sensor *sensor)
-{
-    struct robot *robot = r->out->robot;
-    int link = import_find_link(r->model, sensor->link);
-    struct import_place place;
-    const char *name;
-
-    if (robot->imu_frame >= 0) {
-        import_note_add(
-            r->notes, IMPORT_DROPPED, sensor->file, sensor->line,
-            "inertial sensor \"%.63s\" on link \"%.63s\": a robot has one, and the first "
-            "is it",
-            sensor->name, sensor->link);
-        return ERROR_NONE;
-    }
-    import_place_compose(&r->out->place[link], &sensor->place, &place);
-    name = frame_choose_name(r, sensor->name);
-    if (!name) {
-        return simplify_no_memory(r);
-    }
-    return simplify_add_frame(r, name, sensor->file, sensor->line, r->out->body[link], &place,
-                              &robot->imu_frame);
 }
 
 /* Checks whether an earlier entry is a force-torque sensor in the same joint, because some files
@@ -159,29 +108,24 @@ static bool ft_is_known(const struct simplifier *r, size_t sensor)
     return false;
 }
 
-enum error_code simplify_add_frames(struct simplifier *r)
+void simplify_add_frames(struct simplifier *r)
 {
     const struct import_model *model = r->model;
     struct robot *robot = r->out->robot;
-    enum error_code code = ERROR_NONE;
-    int frame;
+    struct import_place here;
 
-    robot->frame = arena_alloc(r->arena, model->nlink + model->nsensor, sizeof *robot->frame);
-    robot->ft = arena_alloc(r->arena, model->nsensor + 1, sizeof *robot->ft);
-    if (!robot->frame || !robot->ft) {
-        return simplify_no_memory(r);
-    }
-    for (size_t i = 0; i < r->norder && !code; i++) {
-        int link = r->order[i];
+    robot->frame = simplify_alloc(r, model->nlink + model->nsensor, sizeof *robot->frame);
+    robot->ft = simplify_alloc(r, model->nsensor + 1, sizeof *robot->ft);
+    import_place_identity(&here);
+    for (size_t i = 0; i < r->norder && !r->error->code; i++) {
+        const struct import_link *link = &model->link[r->order[i]];
 
         /* The first link of a body is the body's own frame; the others become frames */
-        if (strcmp(model->link[link].name, robot->body[r->out->body[link]].name) != 0) {
-            code = simplify_add_frame(r, model->link[link].name, model->link[link].file,
-                                      model->link[link].line, r->out->body[link],
-                                      &r->out->place[link], &frame);
+        if (strcmp(link->name, robot->body[r->out->body[r->order[i]]].name) != 0) {
+            simplify_add_frame(r, link->name, link->file, link->line, r->order[i], &here);
         }
     }
-    for (size_t i = 0; i < model->nsensor && !code; i++) {
+    for (size_t i = 0; i < model->nsensor && !r->error->code; i++) {
         const struct import_sensor *sensor = &model->sensor[i];
         int link = sensor->kind == IMPORT_IMU
                        ? import_find_link(model, sensor->link)
@@ -190,13 +134,19 @@ enum error_code simplify_add_frames(struct simplifier *r)
         if (r->out->body[link] < 0) {
             import_note_add(r->notes, IMPORT_DROPPED, sensor->file, sensor->line,
                             "sensor \"%.63s\": it is fixed in the world", sensor->name);
-        } else if (sensor->kind == IMPORT_IMU) {
-            code = simplify_add_imu(r, sensor);
-        } else if (!ft_is_known(r, i)) {
-            code = simplify_add_ft(r, sensor);
+        } else if (sensor->kind == IMPORT_FT) {
+            if (!ft_is_known(r, i)) {
+                simplify_add_ft(r, sensor, link);
+            }
+        } else if (robot->imu_frame < 0) {
+            robot->imu_frame = simplify_add_sensor_frame(r, sensor, sensor->name, link);
+        } else {
+            import_note_add(r->notes, IMPORT_DROPPED, sensor->file, sensor->line,
+                            "inertial sensor \"%.63s\" on link \"%.63s\": a robot has one, and the "
+                            "first is it",
+                            sensor->name, sensor->link);
         }
     }
-    return code;
 }
 
 /* ---- poses ---- */
@@ -214,29 +164,21 @@ static const struct import_value *pose_find_value(const struct import_pose *pose
 
 /* Adds a pose of the file. Joints that it does not name are at rest, and all are moved into their
  * limits. */
-static enum error_code simplify_add_pose(struct simplifier *r, const struct import_pose *source)
+static void simplify_add_pose(struct simplifier *r, const struct import_pose *source)
 {
     struct robot *robot = r->out->robot;
     struct robot_pose *pose = &robot->pose[robot->npose];
-    double *position = arena_alloc(r->arena, robot->njoint + 1, sizeof *position);
-    enum error_code code;
+    double *position = simplify_alloc(r, robot->njoint + 1, sizeof *position);
 
-    if (!position) {
-        return simplify_no_memory(r);
-    }
-    code = import_make_name(source->file, source->name, source->line, "pose", r->arena, r->notes,
-                            &pose->name, r->error);
-    if (code) {
-        return code;
-    }
+    pose->name = simplify_name(r, source->file, source->line, "pose", source->name);
     if (robot_find_pose(robot, pose->name) >= 0) {
         import_note_add(r->notes, IMPORT_DROPPED, source->file, source->line,
                         "pose \"%.63s\": the name is taken", pose->name);
-        return ERROR_NONE;
+        return;
     }
 
     /* These limits are those of the joint and of all joints coupled to it */
-    for (size_t j = 0; j < robot->njoint; j++) {
+    for (size_t j = 0; j < robot->njoint && position; j++) {
         const struct import_value *value = pose_find_value(source, r->out->source[j]->name);
         const struct robot_joint *joint = &robot->joint[j];
         const size_t own = (size_t)(r->out->source[j] - r->model->joint);
@@ -251,26 +193,23 @@ static enum error_code simplify_add_pose(struct simplifier *r, const struct impo
                             pose->name, joint->name, position[j], value ? value->value : 0.0);
         }
     }
-    simplify_align_pose(r, source, position);
+    if (position) {
+        simplify_align_pose(r, source, position);
+    }
     pose->base_quaternion[0] = 1.0;
     pose->joint = position;
     robot->npose++;
-    return ERROR_NONE;
 }
 
-enum error_code simplify_add_poses(struct simplifier *r)
+void simplify_add_poses(struct simplifier *r)
 {
     const struct import_pose rest = {.name = "rest", .file = r->model->file};
-    struct robot *robot = r->out->robot;
-    enum error_code code;
 
-    robot->pose = arena_alloc(r->arena, r->model->npose + 1, sizeof *robot->pose);
-    if (!robot->pose) {
-        return simplify_no_memory(r);
+    r->out->robot->pose = simplify_alloc(r, r->model->npose + 1, sizeof *r->out->robot->pose);
+    if (!r->error->code) {
+        simplify_add_pose(r, &rest);
     }
-    code = simplify_add_pose(r, &rest);
-    for (size_t i = 0; i < r->model->npose && !code; i++) {
-        code = simplify_add_pose(r, &r->model->pose[i]);
+    for (size_t i = 0; i < r->model->npose && !r->error->code; i++) {
+        simplify_add_pose(r, &r->model->pose[i]);
     }
-    return code;
 }

@@ -21,16 +21,10 @@ bool simplify_is_rigid(const struct simplifier *r, size_t j)
     return r->out->fixed[j] || r->model->joint[j].type == IMPORT_FIXED;
 }
 
-enum error_code simplify_find_followers(struct simplifier *r)
+void simplify_find_followers(struct simplifier *r)
 {
     const struct import_model *model = r->model;
 
-    r->mimic = arena_alloc(r->arena, model->njoint + 1, sizeof *r->mimic);
-    r->lower = arena_alloc(r->arena, model->njoint + 1, sizeof *r->lower);
-    r->upper = arena_alloc(r->arena, model->njoint + 1, sizeof *r->upper);
-    if (!r->mimic || !r->lower || !r->upper) {
-        return simplify_no_memory(r);
-    }
     for (size_t j = 0; j < model->njoint; j++) {
         const struct import_joint *joint = &model->joint[j];
 
@@ -47,13 +41,12 @@ enum error_code simplify_find_followers(struct simplifier *r)
             up = r->mimic[up];
         }
         if (up >= 0) {
-            return import_error(r->error, model->joint[j].mimic_file, model->joint[j].mimic_line,
-                                "found joint \"%.63s\" that follows \"%.63s\", which ends in a "
-                                "circle, expected a joint that follows none",
-                                model->joint[j].name, model->joint[j].mimic);
+            import_error(r->error, model->joint[j].mimic_file, model->joint[j].mimic_line,
+                         "found joint \"%.63s\" that follows \"%.63s\", which ends in a circle, "
+                         "expected a joint that follows none",
+                         model->joint[j].name, model->joint[j].mimic);
         }
     }
-    return ERROR_NONE;
 }
 
 /* Finds the leader of joint j: the first joint up the chain that follows none or is fixed, -1 =
@@ -112,34 +105,11 @@ bool simplify_is_coupled(const struct simplifier *r, size_t j)
     return r->options->mimic == IMPORT_MIMIC_COUPLE && r->mimic[j] >= 0 && !simplify_is_rigid(r, j);
 }
 
-/* Refuses couplings that a robot file cannot hold: polynomials of higher order, and numbers
- * outside its limits. */
-static enum error_code check_coupling(const struct simplifier *r, const struct import_joint *joint,
-                                      double multiplier, double offset)
-{
-    if (joint->bends) {
-        return import_error(
-            r->error, joint->mimic_file, joint->mimic_line,
-            "found joint \"%.63s\" that follows \"%.63s\" by a polynomial, expected "
-            "a straight line (polycoef \"a b 0 0 0\"): --lock %.63s fixes it, "
-            "--mimic free lets all such joints move on their own",
-            joint->name, joint->mimic, joint->name);
-    }
-    if (!(fabs(multiplier) >= MULTIPLIER_LEAST && fabs(multiplier) <= MULTIPLIER_MOST) ||
-        !(fabs(offset) <= OFFSET_MOST)) {
-        return import_error(r->error, joint->mimic_file, joint->mimic_line,
-                            "found joint \"%.63s\" that follows with multiplier %g and offset %g, "
-                            "expected %g to %g, positive or negative, and an offset within %g",
-                            joint->name, multiplier, offset, MULTIPLIER_LEAST, MULTIPLIER_MOST,
-                            OFFSET_MOST);
-    }
-    return ERROR_NONE;
-}
-
-/* Narrows a leader's range to positions that its follower can follow, also at rest and in poses;
- * refuses ranges that exclude each other. */
-static enum error_code narrow_leader(struct simplifier *r, size_t j, size_t leader,
-                                     double multiplier, double offset)
+/* Narrows a leader's range to positions that its follower can follow, also at rest and in poses.
+ * Refuses ranges that exclude each other, and couplings that a robot file cannot hold: polynomials
+ * of higher order, and numbers outside its limits. */
+static void narrow_leader(struct simplifier *r, size_t j, size_t leader, double multiplier,
+                          double offset)
 {
     const struct import_joint *joint = &r->model->joint[j];
     /* The follower's limits, converted to positions of its leader */
@@ -148,52 +118,48 @@ static enum error_code narrow_leader(struct simplifier *r, size_t j, size_t lead
 
     r->lower[leader] = fmax(r->lower[leader], fmin(end[0], end[1]));
     r->upper[leader] = fmin(r->upper[leader], fmax(end[0], end[1]));
-    if (r->lower[leader] > r->upper[leader]) {
-        return import_error(r->error, joint->mimic_file, joint->mimic_line,
-                            "found joint \"%.63s\" with limits %g to %g that exclude where "
-                            "\"%.63s\" leads it, %g times that joint's position + %g, expected a "
-                            "place where both can be",
-                            joint->name, r->lower[j], r->upper[j], r->model->joint[leader].name,
-                            multiplier, offset);
+    if (joint->bends) {
+        import_error(r->error, joint->mimic_file, joint->mimic_line,
+                     "found joint \"%.63s\" that follows \"%.63s\" by a polynomial, expected a "
+                     "straight line (polycoef \"a b 0 0 0\"): --lock %.63s fixes it, --mimic free "
+                     "lets all such joints move on their own",
+                     joint->name, joint->mimic, joint->name);
+    } else if (!(fabs(multiplier) >= MULTIPLIER_LEAST && fabs(multiplier) <= MULTIPLIER_MOST) ||
+               !(fabs(offset) <= OFFSET_MOST)) {
+        import_error(
+            r->error, joint->mimic_file, joint->mimic_line,
+            "found joint \"%.63s\" that follows with multiplier %g and offset %g, expected "
+            "%g to %g, positive or negative, and an offset within %g",
+            joint->name, multiplier, offset, MULTIPLIER_LEAST, MULTIPLIER_MOST, OFFSET_MOST);
+    } else if (r->lower[leader] > r->upper[leader]) {
+        import_error(
+            r->error, joint->mimic_file, joint->mimic_line,
+            "found joint \"%.63s\" with limits %g to %g that exclude where \"%.63s\" leads "
+            "it, %g times that joint's position + %g, expected a place where both can be",
+            joint->name, r->lower[j], r->upper[j], r->model->joint[leader].name, multiplier,
+            offset);
     }
-    return ERROR_NONE;
 }
 
-enum error_code simplify_narrow_leaders(struct simplifier *r)
+void simplify_narrow_leaders(struct simplifier *r)
 {
-    enum error_code code = ERROR_NONE;
+    for (size_t j = 0; j < r->model->njoint; j++) {
+        if (simplify_is_coupled(r, j)) {
+            double multiplier, offset;
+            const int leader = find_leader(r, j, &multiplier, &offset);
 
-    for (size_t j = 0; j < r->model->njoint && !code; j++) {
-        double multiplier, offset;
-        int leader;
-
-        if (!simplify_is_coupled(r, j)) {
-            continue;
-        }
-        leader = find_leader(r, j, &multiplier, &offset);
-        if (!simplify_is_rigid(r, (size_t)leader) && multiplier != 0.0) {
-            code = check_coupling(r, &r->model->joint[j], multiplier, offset);
-            code = code ? code : narrow_leader(r, j, (size_t)leader, multiplier, offset);
+            if (!simplify_is_rigid(r, (size_t)leader) && multiplier != 0.0) {
+                narrow_leader(r, j, (size_t)leader, multiplier, offset);
+            }
         }
     }
-    return code;
 }
 
 /* ---- what becomes of them ---- */
 
-/* Refuses a follower by default; the error lists the options. */
-static enum error_code refuse_follower(const struct simplifier *r, const struct import_joint *joint)
-{
-    return import_error(r->error, joint->mimic_file, joint->mimic_line,
-                        "found joint \"%.63s\" that follows \"%.63s\": give --mimic couple to have "
-                        "it follow, driven by that joint's drive, --mimic lock to fix all such "
-                        "joints where they rest, or --mimic free to let them move on their own",
-                        joint->name, joint->mimic);
-}
-
 /* Decides the treatment of a follower: fixed with its leader, or by --mimic locked, free or
- * coupled. couplings counts the coupled ones. */
-static enum error_code settle_follower(struct simplifier *r, size_t j, size_t *couplings)
+ * coupled; refused by default. couplings counts the coupled ones. */
+static void settle_follower(struct simplifier *r, size_t j, size_t *couplings)
 {
     const struct import_joint *joint = &r->model->joint[j];
     double multiplier, offset;
@@ -201,93 +167,85 @@ static enum error_code settle_follower(struct simplifier *r, size_t j, size_t *c
 
     /* A follower of a fixed joint has nothing to follow, for any --mimic */
     if (leader < 0 || simplify_is_rigid(r, j)) {
-        return ERROR_NONE;
+        return;
     }
     if (simplify_is_rigid(r, (size_t)leader)) {
         simplify_fix_joint(r, j, simplify_follow(r, j), "it follows a joint that is fixed");
-        return ERROR_NONE;
+        return;
     }
     switch (r->options->mimic) {
     case IMPORT_MIMIC_LOCK:
         simplify_fix_joint(r, j, simplify_follow(r, j),
                            "it follows another, and --mimic lock holds it there");
-        return ERROR_NONE;
+        return;
     case IMPORT_MIMIC_FREE:
         import_note_add(r->notes, IMPORT_CHANGED, joint->mimic_file, joint->mimic_line,
                         "joint \"%.63s\" no longer follows \"%.63s\": it moves on its own "
                         "(--mimic free)",
                         joint->name, joint->mimic);
-        return ERROR_NONE;
+        return;
     case IMPORT_MIMIC_COUPLE:
         if (multiplier == 0.0) {
             simplify_fix_joint(r, j, simplify_follow(r, j), "it follows another 0 times");
         } else if (++*couplings > ROBOT_COUPLINGS_MAX) {
-            return import_error(r->error, joint->mimic_file, joint->mimic_line,
-                                "found joint \"%.63s\" that follows, which is one more than the %d "
-                                "that may, expected fewer: --lock JOINT fixes what need not move",
-                                joint->name, ROBOT_COUPLINGS_MAX);
+            import_error(r->error, joint->mimic_file, joint->mimic_line,
+                         "found joint \"%.63s\" that follows, which is one more than the %d that "
+                         "may, expected fewer: --lock JOINT fixes what need not move",
+                         joint->name, ROBOT_COUPLINGS_MAX);
         }
-        return ERROR_NONE;
+        return;
     default:
-        return refuse_follower(r, joint);
+        import_error(r->error, joint->mimic_file, joint->mimic_line,
+                     "found joint \"%.63s\" that follows \"%.63s\": give --mimic couple to have it "
+                     "follow, driven by that joint's drive, --mimic lock to fix all such joints "
+                     "where they rest, or --mimic free to let them move on their own",
+                     joint->name, joint->mimic);
+        return;
     }
 }
 
-enum error_code simplify_settle_followers(struct simplifier *r)
+void simplify_settle_followers(struct simplifier *r)
 {
-    enum error_code code = ERROR_NONE;
     size_t couplings = 0;
 
-    for (size_t j = 0; j < r->model->njoint && !code; j++) {
-        code = settle_follower(r, j, &couplings);
+    for (size_t j = 0; j < r->model->njoint; j++) {
+        settle_follower(r, j, &couplings);
     }
-    return code;
 }
 
 /* ---- the robot's couplings ---- */
 
-/* Returns the index of the robot's joint made from a joint of the model; -1 if there is none. */
-static int find_made(const struct simplifier *r, const struct import_joint *joint)
-{
-    for (size_t j = 0; j < r->out->robot->njoint; j++) {
-        if (r->out->source[j] == joint) {
-            return (int)j;
-        }
-    }
-    return -1;
-}
-
-enum error_code simplify_add_couplings(struct simplifier *r)
+void simplify_add_couplings(struct simplifier *r)
 {
     const struct import_model *model = r->model;
     struct robot *robot = r->out->robot;
 
-    robot->coupling = arena_alloc(r->arena, ROBOT_COUPLINGS_MAX, sizeof *robot->coupling);
-    if (!robot->coupling) {
-        return simplify_no_memory(r);
-    }
-    for (size_t j = 0; j < robot->njoint; j++) {
-        const size_t own = (size_t)(r->out->source[j] - model->joint);
+    robot->coupling = simplify_alloc(r, ROBOT_COUPLINGS_MAX, sizeof *robot->coupling);
+    for (size_t j = 0; j < robot->njoint && robot->coupling; j++) {
+        const struct import_joint *own = r->out->source[j];
         struct robot_coupling *coupling = &robot->coupling[robot->ncoupling];
+        int leader;
 
-        if (simplify_is_coupled(r, own)) {
-            int leader = find_leader(r, own, &coupling->multiplier, &coupling->offset);
-
-            coupling->follower = (int)j;
-            coupling->leader = find_made(r, &model->joint[leader]);
-            if (coupling->leader < 0) {
-                return import_error(r->error, model->joint[own].mimic_file,
-                                    model->joint[own].mimic_line,
-                                    "found joint \"%.63s\" that follows \"%.63s\", which is no "
-                                    "joint of the robot's, expected one that turns or slides",
-                                    model->joint[own].name, model->joint[leader].name);
-            }
-            /* placeholder until the drive is known: app/import/drive.h */
-            coupling->stiffness = 1.0;
-            robot->ncoupling++;
+        if (!simplify_is_coupled(r, (size_t)(own - model->joint))) {
+            continue;
         }
+        leader =
+            find_leader(r, (size_t)(own - model->joint), &coupling->multiplier, &coupling->offset);
+        coupling->follower = (int)j;
+        coupling->leader = (int)robot->njoint;
+        while (coupling->leader-- > 0 &&
+               r->out->source[coupling->leader] != &model->joint[leader]) {
+        }
+        if (coupling->leader < 0) {
+            import_error(r->error, own->mimic_file, own->mimic_line,
+                         "found joint \"%.63s\" that follows \"%.63s\", which is no joint of the "
+                         "robot's, expected one that turns or slides",
+                         own->name, model->joint[leader].name);
+        }
+        /* placeholder until the drive is known: app/import/drive.h */
+        coupling->stiffness = 1.0;
+        robot->ncoupling++;
     }
-    return ERROR_NONE;
 }
 
 void simplify_align_pose(const struct simplifier *r, const struct import_pose *pose,

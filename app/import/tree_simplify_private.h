@@ -15,7 +15,7 @@ struct simplifier {
     struct arena *arena;
     struct import_notes *notes;
     struct import_robot *out;
-    struct error *error;
+    struct error *error; /* the first error stays */
 
     int *above;    /* by link: its parent joint, -1 = none */
     int *order;    /* links, parents first, children in the order of their joints */
@@ -28,37 +28,61 @@ struct simplifier {
     double *lower, *upper;
 };
 
-enum error_code simplify_no_memory(const struct simplifier *r);
+/* Returns memory of the arena; NULL with an error. */
+void *simplify_alloc(const struct simplifier *r, size_t count, size_t size);
 
-/* Finds above, order and the root; refuses loops and separate trees. */
-enum error_code simplify_find_tree(struct simplifier *r);
+/*
+ * ---- steps, in their order: the reduction ends after the first one that leaves an error ----
+ *
+ * The tree: finds the joint that each link is the child of, and the only link that is no joint's
+ * child; refuses loops, separate trees, and joints that form a cycle without a root. The root is
+ * the world if it has no mass and a floating joint is attached to it: then the base is that joint's
+ * child, and all other parts of that world must be fixed, and are left out. Orders links by a walk
+ * down the tree: parents before children, children in the order of their joints in the file.
+ */
+void simplify_find_parents(struct simplifier *r);
+void simplify_find_root(struct simplifier *r);
+void simplify_check_cycles(struct simplifier *r);
+void simplify_enter_world(struct simplifier *r);
+void simplify_order_links(struct simplifier *r);
 
-/* Decides which joints are fixed, and at which positions. */
-enum error_code simplify_fix_joints(struct simplifier *r);
+/* Joints that follow others, in tree_simplify_mimic.c: finds mimic, lower and upper; refuses
+ * cycles. */
+void simplify_find_followers(struct simplifier *r);
+
+/* Which joints are fixed, and at which positions: refuses joints that a robot cannot have, fixes
+ * those that cannot move and those that --lock names. Narrows lower and upper of leaders to the
+ * ranges in which their coupled followers can follow; refuses impossible couplings. Fixes joints
+ * without mass behind them, because their motion has no equation. Decides the treatment of each
+ * follower. Refuses more moving joints than a rig supports. */
+void simplify_check_joints(struct simplifier *r);
+void simplify_fix_named(struct simplifier *r);
+void simplify_narrow_leaders(struct simplifier *r);
+void simplify_fix_massless(struct simplifier *r);
+void simplify_settle_followers(struct simplifier *r);
+void simplify_check_count(struct simplifier *r);
+
+/* Adds the couplings to the robot, whose joints must exist; frames for links that are part of a
+ * body, and sensors; poses. */
+void simplify_add_couplings(struct simplifier *r);
+void simplify_add_frames(struct simplifier *r);
+void simplify_add_poses(struct simplifier *r);
+
+/* ---- */
 
 /* Fixes a joint at a position, rad or m, and adds a note with the reason. */
 void simplify_fix_joint(struct simplifier *r, size_t j, double at, const char *why);
 
-/* ---- joints that follow others: tree_simplify_mimic.c ---- */
+/* Makes a name that robot files accept: replaces other characters by '_', with a note. Refuses
+ * names that are too long or reserved. "" with an error. */
+const char *simplify_name(const struct simplifier *r, const char *file, int line, const char *what,
+                          const char *name);
 
 /* Checks whether a joint is fixed, by its type or by the reduction. */
 bool simplify_is_rigid(const struct simplifier *r, size_t j);
 
-/* Finds mimic, lower and upper; refuses cycles. */
-enum error_code simplify_find_followers(struct simplifier *r);
-
-/* Narrows lower and upper of leaders to the ranges in which their coupled followers can follow;
- * refuses impossible couplings. */
-enum error_code simplify_narrow_leaders(struct simplifier *r);
-
-/* Decides the treatment of each follower. */
-enum error_code simplify_settle_followers(struct simplifier *r);
-
 /* Checks whether a joint is coupled to its leader; valid after that decision. */
 bool simplify_is_coupled(const struct simplifier *r, size_t j);
-
-/* Adds the couplings to the robot, whose joints must exist. */
-enum error_code simplify_add_couplings(struct simplifier *r);
 
 /* Moves the coupled followers of a pose to the positions that their leaders give; adds a note for
  * each that the pose had elsewhere. */
@@ -69,12 +93,6 @@ void simplify_align_pose(const struct simplifier *r, const struct import_pose *p
  * limits exclude 0; for a follower, the position given by its leader's rest, within its limits. */
 double simplify_rest(const struct simplifier *r, size_t j);
 double simplify_follow(const struct simplifier *r, size_t j);
-
-/* ---- */
-
-/* Add frames for links that are part of a body, sensors and poses. */
-enum error_code simplify_add_frames(struct simplifier *r);
-enum error_code simplify_add_poses(struct simplifier *r);
 
 /* Computes the pose of a joint's child in its parent with the joint at q, rad or m. */
 void simplify_place_child(const struct import_joint *joint, double q, struct import_place *place);
