@@ -442,15 +442,18 @@ static enum error_code import_write_files(struct importer *m)
 {
     struct import_result *result = m->result;
     char meshes[PATH_MAX];
+    const struct import_builder builder = {.from = &m->robot,
+                                           .packages = &m->request->packages,
+                                           .folder = meshes,
+                                           .arena = m->arena,
+                                           .notes = &result->notes,
+                                           .written = &result->meshes,
+                                           .error = m->error};
     enum error_code code;
 
     /* The robot with its shapes and visuals; later steps use the file as read back */
-    if ((code = path_make(m, "meshes", "", "", meshes)) ||
-        (code = import_add_shapes(&m->robot, &m->request->packages, meshes, m->arena,
-                                  &result->notes, &result->meshes, m->error)) ||
-        (code = import_add_visuals(&m->robot, &m->request->packages, meshes, m->arena,
-                                   &result->notes, m->error)) ||
-        (code = import_copy_drives(m)) ||
+    if ((code = path_make(m, "meshes", "", "", meshes)) || (code = import_add_shapes(&builder)) ||
+        (code = import_add_visuals(&builder)) || (code = import_copy_drives(m)) ||
         (code = import_write_robot(&m->robot, result->robot, m->error)) ||
         (code = robot_load(result->robot, NULL, m->arena, &result->loaded, m->error))) {
         return code;
@@ -474,6 +477,7 @@ enum error_code import_run(const struct import_request *request, struct arena *a
     enum error_code code;
 
     *result = (struct import_result){.notes.arena = arena};
+    error->code = ERROR_NONE;
     /* Reads and checks everything before the first file is written */
     if ((code = import_read_files(&m)) ||
         (code = import_make_robot(&m.model, &request->options, arena, &result->notes, &m.robot,

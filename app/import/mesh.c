@@ -18,13 +18,6 @@
 
 /* ---- where a mesh is ---- */
 
-static bool mesh_file_exists(const char *path)
-{
-    struct stat status;
-
-    return !stat(path, &status) && S_ISREG(status.st_mode);
-}
-
 /* Checks whether a path has ".." among its names. */
 static bool path_has_parent(const char *path)
 {
@@ -43,9 +36,10 @@ static bool path_has_parent(const char *path)
  * regular file. */
 static bool path_try(const char *folder, int length, const char *rest, char path[PATH_MAX])
 {
+    struct stat status;
     int used = snprintf(path, PATH_MAX, "%.*s/%s", length, folder, rest);
 
-    return used > 0 && used < PATH_MAX && mesh_file_exists(path);
+    return used > 0 && used < PATH_MAX && !stat(path, &status) && S_ISREG(status.st_mode);
 }
 
 /* Finds package://NAME/REST as NAME/REST in the given folders and in the folders above the robot
@@ -77,105 +71,47 @@ static bool package_find(const char *reference, const char *above,
     return false;
 }
 
-/* A mesh's name as the robot file writes it: in a package, or a path. */
-struct mesh_name {
-    const char *text; /* without package:// or file:// */
-    bool is_package;
-};
-
-/* Removes the scheme of a mesh's name; refuses other schemes, and packages with ".." in the
- * name. */
-static enum error_code mesh_name_read(const struct import_geometry *shape, struct mesh_name *name,
-                                      struct error *error)
+enum import_path import_find_mesh(const struct import_model *model,
+                                  const struct import_geometry *shape,
+                                  const struct import_packages *packages, char path[PATH_MAX],
+                                  struct error *error)
 {
     static const char package[] = "package://", plain[] = "file://";
-
-    error->code = ERROR_NONE;
-    *name = (struct mesh_name){.text = shape->mesh};
-    if (!strncmp(name->text, package, sizeof package - 1)) {
-        name->text += sizeof package - 1;
-        name->is_package = true;
-    } else if (!strncmp(name->text, plain, sizeof plain - 1)) {
-        name->text += sizeof plain - 1;
-    } else if (strstr(name->text, "://")) {
-        return import_error(error, shape->file, shape->line,
-                            "found mesh \"%.200s\", expected package://, file:// or a path",
-                            shape->mesh);
-    }
-    if (name->is_package && path_has_parent(name->text)) {
-        return import_error(error, shape->file, shape->line,
-                            "found mesh \"%.200s\", expected no \"..\" in it", shape->mesh);
-    }
-    return ERROR_NONE;
-}
-
-/* Finds the path of a mesh and whether it exists; returns an error only for names that are not
- * allowed. */
-static enum error_code mesh_look(const struct import_model *model,
-                                 const struct import_geometry *shape,
-                                 const struct import_packages *packages, char path[PATH_MAX],
-                                 enum import_path *where, struct error *error)
-{
+    const char *name = shape->mesh;
+    const bool is_package = !strncmp(name, package, sizeof package - 1);
+    enum import_path where = IMPORT_PATH_MISSING;
     char folder[PATH_MAX];
-    struct mesh_name name;
-    enum error_code code = mesh_name_read(shape, &name, error);
-
-    *where = IMPORT_PATH_MISSING;
-    if (code) {
-        return code;
-    }
-    if (!import_find_folder(model->file, folder)) {
-        return error_set_file(error, errno, model->file, "cannot be found again");
-    }
 
     /* Packages are searched; other paths are relative to the robot file's folder */
-    if (name.is_package) {
-        *where = package_find(name.text, folder, packages, path) ? IMPORT_PATH_FOUND
-                                                                 : IMPORT_PATH_MISSING;
-        return ERROR_NONE;
+    error->code = ERROR_NONE;
+    name += !strncmp(name, plain, sizeof plain - 1) ? sizeof plain - 1 : 0;
+    if (!import_find_folder(model->file, folder)) {
+        error_set_file(error, errno, model->file, "cannot be found again");
+    } else if (is_package && path_has_parent(name)) {
+        import_error(error, shape->file, shape->line,
+                     "found mesh \"%.200s\", expected no \"..\" in it", shape->mesh);
+    } else if (is_package) {
+        where = package_find(name + sizeof package - 1, folder, packages, path)
+                    ? IMPORT_PATH_FOUND
+                    : IMPORT_PATH_MISSING;
+    } else if (strstr(name, "://")) {
+        import_error(error, shape->file, shape->line,
+                     "found mesh \"%.200s\", expected package://, file:// or a path", shape->mesh);
+    } else {
+        where = import_resolve_path(folder, folder, name, packages->trust, path);
     }
-    *where = import_resolve_path(folder, folder, name.text, packages->trust, path);
-    return *where == IMPORT_PATH_OUTSIDE
-               ? import_error(error, shape->file, shape->line,
-                              "found mesh \"%.200s\", which is outside the folder of %.200s, "
-                              "expected one in it: give --trust if you trust whoever wrote it",
-                              shape->mesh, model->file)
-               : ERROR_NONE;
-}
-
-enum error_code import_check_mesh(const struct import_model *model,
-                                  const struct import_geometry *shape,
-                                  const struct import_packages *packages, struct error *error)
-{
-    char path[PATH_MAX];
-    enum import_path where;
-    enum error_code code = mesh_look(model, shape, packages, path, &where, error);
-
-    return where == IMPORT_PATH_OUTSIDE ? code : ERROR_NONE;
-}
-
-enum error_code import_find_mesh(const struct import_model *model,
-                                 const struct import_geometry *shape,
-                                 const struct import_packages *packages, struct arena *arena,
-                                 const char **path, struct error *error)
-{
-    char text[PATH_MAX];
-    enum import_path where;
-    enum error_code code = mesh_look(model, shape, packages, text, &where, error);
-
-    if (code) {
-        return code;
+    if (where == IMPORT_PATH_OUTSIDE) {
+        import_error(
+            error, shape->file, shape->line,
+            "found mesh \"%.200s\", which is outside the folder of %.200s, expected one in "
+            "it: give --trust if you trust whoever wrote it",
+            shape->mesh, model->file);
+    } else if (where == IMPORT_PATH_MISSING) {
+        import_error(error, shape->file, shape->line, "found no file for mesh \"%.200s\"%s",
+                     shape->mesh,
+                     is_package ? "; --package-path names the folder that holds the package" : "");
     }
-    if (where == IMPORT_PATH_MISSING) {
-        return import_error(error, shape->file, shape->line, "found no file for mesh \"%.200s\"%s",
-                            shape->mesh,
-                            !strncmp(shape->mesh, "package:", 8)
-                                ? "; --package-path names the folder that holds the package"
-                                : "");
-    }
-    *path = arena_strdup(arena, text);
-    return *path ? ERROR_NONE
-                 : error_set(error, ERROR_MEMORY, "%.200s: no memory for a path", model->file);
+    return where;
 }
 
 /* ---- reading and writing ---- */
@@ -225,20 +161,8 @@ static void stl_put_word(unsigned char *to, uint32_t word)
     }
 }
 
-/* Writes three coordinates as little-endian floats. */
-static void stl_put_vector(unsigned char *to, const double value[3])
-{
-    for (int m = 0; m < 3; m++) {
-        float real = (float)value[m];
-        uint32_t word;
-
-        memcpy(&word, &real, sizeof word);
-        stl_put_word(to + 4 * m, word);
-    }
-}
-
-/* Writes a facet of 50 bytes: the unit normal (0 for a face without area), three corners, and
- * two bytes that are 0. */
+/* Writes a facet of 50 bytes: the unit normal (0 for a face without area), three corners, all as
+ * little-endian floats, and two bytes that are 0. */
 static void stl_put_face(unsigned char to[50], const double *const corner[3])
 {
     double a[3], b[3], normal[3], length;
@@ -247,13 +171,14 @@ static void stl_put_face(unsigned char to[50], const double *const corner[3])
     vec3_sub(corner[2], corner[0], b);
     vec3_cross(a, b, normal);
     length = vec3_norm(normal);
-    for (int m = 0; m < 3; m++) {
-        normal[m] = length > 0.0 ? normal[m] / length : 0.0;
-    }
     memset(to, 0, 50);
-    stl_put_vector(to, normal);
-    for (int c = 0; c < 3; c++) {
-        stl_put_vector(to + 12 + 12 * c, corner[c]);
+    for (int i = 0; i < 12; i++) {
+        const double unit = length > 0.0 ? normal[i % 3] / length : 0.0;
+        const float real = (float)(i < 3 ? unit : corner[i / 3 - 1][i % 3]);
+        uint32_t word;
+
+        memcpy(&word, &real, sizeof word);
+        stl_put_word(to + 4 * i, word);
     }
 }
 

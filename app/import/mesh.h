@@ -12,6 +12,7 @@
 #define APP_IMPORT_MESH_H
 
 #include "app/import/model.h"
+#include "app/import/path.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -44,16 +45,12 @@ struct import_mesh {
     const char *remark; /* missing parts of its appearance, NULL = none */
 };
 
-/* Refuses a mesh whose name leads outside the allowed folders, whether or not the file exists. */
-enum error_code import_check_mesh(const struct import_model *model,
+/* Finds the path of a mesh. Reports one whose name leads outside the allowed folders, whether or not
+ * the file exists, and one that is missing, with the reason. */
+enum import_path import_find_mesh(const struct import_model *model,
                                   const struct import_geometry *shape,
-                                  const struct import_packages *packages, struct error *error);
-
-/* Finds the path of a mesh, in the arena. ERROR_INPUT lists the searched places. */
-enum error_code import_find_mesh(const struct import_model *model,
-                                 const struct import_geometry *shape,
-                                 const struct import_packages *packages, struct arena *arena,
-                                 const char **path, struct error *error);
+                                  const struct import_packages *packages, char path[PATH_MAX],
+                                  struct error *error);
 
 /* Reads a mesh file and scales it. Memory from the arena. */
 enum error_code import_read_mesh(const char *path, const double scale[3], struct arena *arena,

@@ -55,19 +55,18 @@ static void solid_take_mesh(const struct import_reader *r, const struct import_g
     struct arena scratch = {0};
     struct import_mesh mesh;
     struct error why = {.code = ERROR_NONE};
-    const char *path;
+    char path[PATH_MAX];
 
     if (!r->packages) {
         import_error(r->error, g->file, g->line,
                      "found a body that weighs what mesh \"%.100s\" does, in a text without a "
                      "folder, expected <inertial>",
                      g->mesh);
-    } else if (!arena_init(&scratch, IMPORT_MESH_ARENA, &why) &&
-               !import_find_mesh(r->model, g, r->packages, &scratch, &path, r->error)) {
+    } else if (import_find_mesh(r->model, g, r->packages, path, r->error) == IMPORT_PATH_FOUND &&
+               !arena_init(&scratch, IMPORT_MESH_ARENA, &why) &&
+               !import_read_mesh(path, g->scale, &scratch, &mesh, &why)) {
         /* The mesh is needed only for its integrals, so its memory is freed immediately */
-        if (!import_read_mesh(path, g->scale, &scratch, &mesh, &why)) {
-            solid->volume = import_measure_mesh(&mesh, r->exact_meshes, solid->center, solid->I);
-        }
+        solid->volume = import_measure_mesh(&mesh, r->exact_meshes, solid->center, solid->I);
     }
     if (why.code) {
         import_error(r->error, g->file, g->line,

@@ -8,22 +8,36 @@
 #include <errno.h>
 #include <limits.h>
 #include <math.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
 
 enum { SIZE_DOUBT = 20 }; /* a shape larger than so many joint distances is probably a mistake */
 
-/* Data for fitting the shapes; written counts OBJ files in folder. */
-struct shape_builder {
-    struct import_robot *from;
-    const struct import_packages *packages;
-    const char *folder;
-    struct arena *arena;
-    struct import_notes *notes;
-    size_t *written;
-    struct error *error;
-};
+void import_place_shape(const struct import_builder *b, const struct import_geometry *shape,
+                        const struct import_place *own, double position[3], double rotation[9])
+{
+    struct import_place in_body, place;
+
+    import_place_compose(&b->from->place[shape->link], &shape->place, &in_body);
+    import_place_compose(&in_body, own, &place);
+    memcpy(position, place.xyz, sizeof place.xyz);
+    memcpy(rotation, place.R, sizeof place.R);
+}
+
+void import_shape_note(const struct import_builder *b, const struct import_geometry *shape,
+                       enum import_fate fate, const char *what, const char *format, ...)
+{
+    char text[400];
+    va_list arguments;
+
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    import_note_add(b->notes, fate, shape->file, shape->line, "%s of link \"%.63s\"%s", what,
+                    b->from->model->link[shape->link].name, text);
+}
 
 /* ---- fitting ---- */
 
@@ -84,19 +98,6 @@ static void capsule_hold_points(const double (*point)[3], size_t count,
     capsule->length = 2.0 * half;
 }
 
-/* Fits an enclosing capsule of a box with these half edges, m. */
-static void capsule_hold_box(const double half[3], struct robot_capsule *capsule)
-{
-    double corner[8][3];
-
-    for (int c = 0; c < 8; c++) {
-        for (int m = 0; m < 3; m++) {
-            corner[c][m] = c & 1 << m ? half[m] : -half[m];
-        }
-    }
-    capsule_hold_points(corner, 8, capsule);
-}
-
 /* Fits a capsule along the longest semi-axis with the next one as radius. It encloses the
  * ellipsoid, which is slimmer toward the ends than the half-spheres. */
 static void capsule_hold_ellipsoid(const double half[3], struct robot_capsule *capsule)
@@ -108,19 +109,6 @@ static void capsule_hold_ellipsoid(const double half[3], struct robot_capsule *c
     axis_to_rotation(along, capsule->rotation);
     capsule->radius = fmax(half[(along + 1) % 3], half[(along + 2) % 3]);
     capsule->length = 2.0 * (half[along] - capsule->radius);
-}
-
-/* Fits a capsule into a cylinder, of the same radius and overall length; a capsule stays as it
- * is. */
-static void capsule_from_cylinder(const struct import_geometry *shape,
-                                  struct robot_capsule *capsule)
-{
-    memset(capsule->position, 0, sizeof capsule->position);
-    mat3_identity(capsule->rotation);
-    capsule->radius = shape->radius;
-    capsule->length = shape->shape == IMPORT_CYLINDER
-                          ? fmax(shape->length - 2.0 * shape->radius, 0.0)
-                          : shape->length;
 }
 
 /* ---- meshes ---- */
@@ -143,23 +131,20 @@ static const char *mesh_judge(const struct import_mesh *mesh)
 
 /* Reads a mesh, fits a capsule and writes the OBJ file; false, with a note, when one of these
  * fails. */
-static bool shape_fit_mesh(const struct shape_builder *b, const struct import_geometry *shape,
+static bool shape_fit_mesh(const struct import_builder *b, const struct import_geometry *shape,
                            struct robot_capsule *capsule)
 {
-    const struct import_model *model = b->from->model;
-    char path[PATH_MAX];
     struct import_mesh mesh;
     struct arena scratch = {0};
-    struct error why;
-    const char *file;
+    struct error why = {.code = ERROR_NONE};
+    char path[PATH_MAX];
     bool fitted = false;
 
     if (arena_init(&scratch, IMPORT_MESH_ARENA, &why) ||
-        import_find_mesh(model, shape, b->packages, &scratch, &file, &why) ||
-        import_read_mesh(file, shape->scale, &scratch, &mesh, &why)) {
-        import_note_add(b->notes, IMPORT_MISSING, shape->file, shape->line,
-                        "collision mesh of link \"%.63s\": %.300s", model->link[shape->link].name,
-                        import_reason(shape->file, shape->line, why.text));
+        import_find_mesh(b->from->model, shape, b->packages, path, &why) != IMPORT_PATH_FOUND ||
+        import_read_mesh(path, shape->scale, &scratch, &mesh, &why)) {
+        import_shape_note(b, shape, IMPORT_MISSING, "collision mesh", ": %.300s",
+                          import_reason(shape->file, shape->line, why.text));
         arena_fini(&scratch);
         return false;
     }
@@ -184,114 +169,90 @@ static bool shape_fit_mesh(const struct shape_builder *b, const struct import_ge
 
 /* ---- the whole ---- */
 
-/* Makes the name of a capsule, BODY-shellNUMBER. */
-static enum error_code shape_make_name(const struct shape_builder *b,
-                                       const struct import_geometry *shape, int number,
-                                       const char **name)
-{
-    const struct import_robot *from = b->from;
-    char text[64];
-
-    snprintf(text, sizeof text, "%.40s-shell%d", from->robot->body[from->body[shape->link]].name,
-             number);
-    *name = arena_strdup(b->arena, text);
-    return *name ? ERROR_NONE
-                 : error_set(b->error, ERROR_MEMORY, "no memory for the shapes of the robot");
-}
-
 /* Fits a capsule to one shape, in the shape's own frame, and adds a note if it is inexact; returns
- * false if there is none. */
-static bool shape_fit(const struct shape_builder *b, const struct import_geometry *shape,
+ * false if there is none. Boxes, ellipsoids and meshes get the capsule that holds them; a cylinder
+ * gets one of the same radius and overall length. */
+static bool shape_fit(const struct import_builder *b, const struct import_geometry *shape,
                       struct robot_capsule *capsule)
 {
-    const struct import_model *model = b->from->model;
+    double corner[8][3];
 
     switch (shape->shape) {
-    /* Boxes, ellipsoids and meshes get the capsule that holds them; round shapes are close to
-     * one */
     case IMPORT_MESH:
         return b->folder && shape_fit_mesh(b, shape, capsule);
     case IMPORT_BOX:
-        capsule_hold_box(shape->half, capsule);
-        import_note_add(b->notes, IMPORT_SHAPED, shape->file, shape->line,
-                        "collision box of link \"%.63s\" is the capsule that holds it",
-                        model->link[shape->link].name);
+        for (int c = 0; c < 8; c++) {
+            for (int m = 0; m < 3; m++) {
+                corner[c][m] = c & 1 << m ? shape->half[m] : -shape->half[m];
+            }
+        }
+        capsule_hold_points(corner, 8, capsule);
+        import_shape_note(b, shape, IMPORT_SHAPED, "collision box",
+                          " is the capsule that holds it");
         return true;
     case IMPORT_ELLIPSOID:
         capsule_hold_ellipsoid(shape->half, capsule);
-        import_note_add(b->notes, IMPORT_SHAPED, shape->file, shape->line,
-                        "collision ellipsoid of link \"%.63s\" is the capsule that holds it",
-                        model->link[shape->link].name);
-        return true;
-    case IMPORT_CYLINDER:
-        import_note_add(b->notes, IMPORT_SHAPED, shape->file, shape->line,
-                        "collision cylinder of link \"%.63s\" has round ends%s",
-                        model->link[shape->link].name,
-                        shape->length < 2.0 * shape->radius ? ", and is a sphere: it is wider than "
-                                                              "long"
-                                                            : "");
-        capsule_from_cylinder(shape, capsule);
+        import_shape_note(b, shape, IMPORT_SHAPED, "collision ellipsoid",
+                          " is the capsule that holds it");
         return true;
     default:
-        capsule_from_cylinder(shape, capsule);
-        return true;
+        mat3_identity(capsule->rotation);
+        capsule->radius = shape->radius;
+        capsule->length = shape->length;
+        break;
     }
+    if (shape->shape == IMPORT_CYLINDER) {
+        capsule->length = fmax(shape->length - 2.0 * shape->radius, 0.0);
+        import_shape_note(
+            b, shape, IMPORT_SHAPED, "collision cylinder", " has round ends%s",
+            shape->length < 2.0 * shape->radius ? ", and is a sphere: it is wider than long" : "");
+    }
+    return true;
 }
 
-/* Returns the largest distance between a joint and its parent link, m. */
-static double shape_find_reach(const struct import_model *model)
+/* Adds a note on a capsule much larger than the largest distance between a joint and its parent
+ * link, as from a mesh in mm without a scale. */
+static void shape_doubt_size(const struct import_builder *b, const struct import_geometry *shape,
+                             const struct robot_capsule *capsule)
 {
+    const double length = capsule->length + 2.0 * capsule->radius;
     double reach = 0.0;
 
-    for (size_t i = 0; i < model->njoint; i++) {
-        const double *xyz = model->joint[i].place.xyz;
+    for (size_t i = 0; i < b->from->model->njoint; i++) {
+        const double *xyz = b->from->model->joint[i].place.xyz;
 
         reach = fmax(reach, hypot(hypot(xyz[0], xyz[1]), xyz[2]));
     }
-    return reach;
-}
-
-/* Adds a note on a capsule much larger than the robot, as from a mesh in mm without a scale. */
-static void shape_doubt_size(const struct shape_builder *b, const struct import_geometry *shape,
-                             const struct robot_capsule *capsule)
-{
-    const double reach = shape_find_reach(b->from->model);
-    const double length = capsule->length + 2.0 * capsule->radius;
-
     if (reach > 0.0 && length > SIZE_DOUBT * reach) {
-        import_note_add(
-            b->notes, IMPORT_DOUBTED, shape->file, shape->line,
-            "collision shape of link \"%.63s\" is %.3g m long, the largest distance of "
-            "two joints is %.3g m%s",
-            b->from->model->link[shape->link].name, length, reach,
+        import_shape_note(
+            b, shape, IMPORT_DOUBTED, "collision shape",
+            " is %.3g m long, the largest distance of two joints is %.3g m%s", length, reach,
             shape->shape == IMPORT_MESH ? ": a mesh in mm needs scale=\"0.001 0.001 0.001\"" : "");
     }
 }
 
-/* Adds the capsule of one shape to the robot. */
-static enum error_code shape_add(const struct shape_builder *b, const struct import_geometry *shape,
-                                 int number)
+/* Adds the capsule of one shape to the robot, named BODY-shellNUMBER. */
+static enum error_code shape_add(const struct import_builder *b,
+                                 const struct import_geometry *shape)
 {
     struct robot *robot = b->from->robot;
-    struct robot_capsule capsule = {0};
-    struct import_place own, in_body, place;
-    enum error_code code = shape_make_name(b, shape, number, &capsule.name);
+    struct robot_capsule capsule = {.body = b->from->body[shape->link]};
+    struct import_place own;
+    char name[64];
 
-    if (code || !shape_fit(b, shape, &capsule)) {
-        return code;
+    snprintf(name, sizeof name, "%.40s-shell%zu", robot->body[capsule.body].name,
+             robot->ncapsule + 1);
+    capsule.name = arena_strdup(b->arena, name);
+    if (!capsule.name) {
+        return error_set(b->error, ERROR_MEMORY, "no memory for the shapes of the robot");
     }
-    shape_doubt_size(b, shape, &capsule);
-
-    /* Compose places: the link's in the body, the shape's in the link, the capsule's in the
-     * shape */
-    memcpy(own.xyz, capsule.position, sizeof own.xyz);
-    memcpy(own.R, capsule.rotation, sizeof own.R);
-    import_place_compose(&b->from->place[shape->link], &shape->place, &in_body);
-    import_place_compose(&in_body, &own, &place);
-    memcpy(capsule.position, place.xyz, sizeof capsule.position);
-    memcpy(capsule.rotation, place.R, sizeof capsule.rotation);
-    capsule.body = b->from->body[shape->link];
-    robot->capsule[robot->ncapsule++] = capsule;
+    if (shape_fit(b, shape, &capsule)) {
+        shape_doubt_size(b, shape, &capsule);
+        memcpy(own.xyz, capsule.position, sizeof own.xyz);
+        memcpy(own.R, capsule.rotation, sizeof own.R);
+        import_place_shape(b, shape, &own, capsule.position, capsule.rotation);
+        robot->capsule[robot->ncapsule++] = capsule;
+    }
     return ERROR_NONE;
 }
 
@@ -299,33 +260,34 @@ enum error_code import_check_shapes(const struct import_robot *from,
                                     const struct import_packages *packages, struct error *error)
 {
     const struct import_model *model = from->model;
-    enum error_code code = ERROR_NONE;
+    struct error why = {.code = ERROR_NONE};
+    char path[PATH_MAX];
 
-    for (size_t i = 0; i < model->ngeometry && !code; i++) {
+    for (size_t i = 0; i < model->ngeometry; i++) {
         const struct import_geometry *shape = &model->geometry[i];
 
-        if (shape->collision && shape->shape == IMPORT_MESH) {
-            code = import_check_mesh(model, shape, packages, error);
+        if (shape->collision && shape->shape == IMPORT_MESH &&
+            import_find_mesh(model, shape, packages, path, &why) == IMPORT_PATH_OUTSIDE) {
+            *error = why;
+            return why.code;
         }
     }
-    return code;
+    return ERROR_NONE;
 }
 
-enum error_code import_add_shapes(struct import_robot *from, const struct import_packages *packages,
-                                  const char *folder, struct arena *arena,
-                                  struct import_notes *notes, size_t *written, struct error *error)
+enum error_code import_add_shapes(const struct import_builder *b)
 {
-    const struct import_model *model = from->model;
-    const struct shape_builder b = {from, packages, folder, arena, notes, written, error};
+    const struct import_model *model = b->from->model;
+    struct robot *robot = b->from->robot;
     enum error_code code = ERROR_NONE;
 
-    from->robot->capsule = arena_alloc(arena, model->ngeometry + 1, sizeof *from->robot->capsule);
-    if (!from->robot->capsule) {
-        return error_set(error, ERROR_MEMORY, "no memory for the shapes of the robot");
+    robot->capsule = arena_alloc(b->arena, model->ngeometry + 1, sizeof *robot->capsule);
+    if (!robot->capsule) {
+        return error_set(b->error, ERROR_MEMORY, "no memory for the shapes of the robot");
     }
     for (size_t i = 0; i < model->ngeometry && !code; i++) {
-        if (model->geometry[i].collision && from->body[model->geometry[i].link] >= 0) {
-            code = shape_add(&b, &model->geometry[i], (int)from->robot->ncapsule + 1);
+        if (model->geometry[i].collision && b->from->body[model->geometry[i].link] >= 0) {
+            code = shape_add(b, &model->geometry[i]);
         }
     }
     return code;

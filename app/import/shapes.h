@@ -12,16 +12,24 @@
 #include "app/import/mesh.h"
 #include "app/import/tree_simplify.h"
 
-/* Refuses collision meshes whose names lead outside the allowed folders (import_check_mesh). */
+/* Data for shapes and visuals. */
+struct import_builder {
+    struct import_robot *from;
+    const struct import_packages *packages;
+    const char *folder; /* for OBJ and STL files; NULL: no meshes are read or written */
+    struct arena *arena;
+    struct import_notes *notes;
+    size_t *written; /* number of OBJ files */
+    struct error *error;
+};
+
+/* Refuses collision meshes whose names lead outside the allowed folders (import_find_mesh). */
 enum error_code import_check_shapes(const struct import_robot *from,
                                     const struct import_packages *packages, struct error *error);
 
-/* Fills the capsules of the robot from the collision shapes. OBJ files go to folder (NULL: none
- * are read or written); *written is their number. A mesh that cannot be read is dropped with a
- * note. */
-enum error_code import_add_shapes(struct import_robot *from, const struct import_packages *packages,
-                                  const char *folder, struct arena *arena,
-                                  struct import_notes *notes, size_t *written, struct error *error);
+/* Fills the capsules of the robot from the collision shapes. A mesh that cannot be read is dropped
+ * with a note. */
+enum error_code import_add_shapes(const struct import_builder *b);
 
 /* Computes the height of a capsule's lowest point, m, for given poses of the bodies. */
 double import_capsule_bottom(const struct robot_capsule *capsule, const struct body_motion *bodies);
@@ -43,10 +51,17 @@ bool import_find_lowest(const struct robot *robot, const double *joint, struct b
 
 enum { IMPORT_VISUAL_FACES_MAX = 2 << 20 }; /* maximum for all visuals together */
 
-/* Fills the visuals of the robot; STL files go to folder, which robot files name ../meshes. */
-enum error_code import_add_visuals(struct import_robot *from,
-                                   const struct import_packages *packages, const char *folder,
-                                   struct arena *arena, struct import_notes *notes,
-                                   struct error *error);
+/* Fills the visuals of the robot; robot files name the folder of the STL files ../meshes. */
+enum error_code import_add_visuals(const struct import_builder *b);
+
+/* Adds a capsule's or a visual's frame: the pose of a shape in its body, after a pose in the
+ * shape. */
+void import_place_shape(const struct import_builder *b, const struct import_geometry *shape,
+                        const struct import_place *own, double position[3], double rotation[9]);
+
+/* Adds a note on a shape that begins with what the shape is: "collision box of link "NAME"". */
+void import_shape_note(const struct import_builder *b, const struct import_geometry *shape,
+                       enum import_fate fate, const char *what, const char *format, ...)
+    __attribute__((format(printf, 5, 6)));
 
 #endif

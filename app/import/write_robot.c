@@ -7,39 +7,79 @@
 #include "base/whole_file.h"
 #include "model/stop.h"
 
-#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* ---- numbers ---- */
+enum { DRIVE_BYTES_MAX = 16 << 20 };
 
-/* Writes a number with as many digits as it takes to read the same value back. */
-static void import_write_real(FILE *out, double value)
+/* ---- values as text ---- */
+
+/* Numbers as text, a list when there are several. */
+struct written {
+    char text[400];
+};
+
+/* Returns numbers as a YAML list, each with as many digits as it takes to read the same value
+ * back. */
+static struct written write_list(const double *value, size_t count)
 {
-    char text[32];
+    struct written list = {"["};
+    size_t used = 1;
 
-    value = value == 0.0 ? 0.0 : value; /* no -0 */
-    for (int digits = 15; digits <= 17; digits++) {
-        snprintf(text, sizeof text, "%.*g", digits, value);
-        if (strtod(text, NULL) == value) {
-            break;
+    for (size_t i = 0; i < count; i++) {
+        const double real = value[i] == 0.0 ? 0.0 : value[i]; /* no -0 */
+        char text[32];
+
+        for (int digits = 15; digits <= 17; digits++) {
+            snprintf(text, sizeof text, "%.*g", digits, real);
+            if (strtod(text, NULL) == real) {
+                break;
+            }
         }
+        used += (size_t)snprintf(list.text + used, sizeof list.text - used, "%s%s%s", i ? ", " : "",
+                                 text, strpbrk(text, ".e") ? "" : ".0");
     }
-    fputs(text, out);
-    if (!strpbrk(text, ".e")) {
-        fputs(".0", out);
-    }
+    snprintf(list.text + used, sizeof list.text - used, "]");
+    return list;
 }
 
-/* Writes numbers as a YAML list. */
-static void import_write_reals(FILE *out, const double *value, size_t count)
+/* Returns one number in the same way. */
+static struct written write_real(double value)
 {
-    fputc('[', out);
-    for (size_t i = 0; i < count; i++) {
-        fputs(i ? ", " : "", out);
-        import_write_real(out, value[i]);
+    struct written real = write_list(&value, 1);
+    const size_t length = strlen(real.text) - 2;
+
+    memmove(real.text, real.text + 1, length);
+    real.text[length] = '\0';
+    return real;
+}
+
+/* Returns a place as position and fixed-axis roll, pitch, yaw. */
+static struct written write_place(const double xyz[3], const double R[9])
+{
+    struct written place;
+    double rpy[3];
+
+    import_rpy(R, rpy);
+    snprintf(place.text, sizeof place.text, "xyz_m: %.110s, rpy_rad: %.110s",
+             write_list(xyz, 3).text, write_list(rpy, 3).text);
+    return place;
+}
+
+/* Returns a text between double quotes; leaves out quotes, backslashes and non-ASCII characters. */
+static struct written write_quoted(const char *text)
+{
+    struct written quoted = {"\""};
+    size_t used = 1;
+
+    for (; *text && used < sizeof quoted.text - 2; text++) {
+        if (*text != '"' && *text != '\\' && *text >= ' ' && *text < 0x7f) {
+            quoted.text[used++] = *text;
+        }
     }
-    fputc(']', out);
+    quoted.text[used] = '"';
+    quoted.text[used + 1] = '\0';
+    return quoted;
 }
 
 /* ---- parts ---- */
@@ -47,90 +87,32 @@ static void import_write_reals(FILE *out, const double *value, size_t count)
 /* Writes mass, center of mass and inertia, each on a line behind the indent. */
 static void write_inertia(FILE *out, const struct robot_inertia *inertia, const char *indent)
 {
-    fprintf(out, "%smass_kg: ", indent);
-    import_write_real(out, inertia->mass);
-    fprintf(out, "\n%scom_m: ", indent);
-    import_write_reals(out, inertia->com, 3);
-    fprintf(out, "\n%sinertia_kg_m2: ", indent);
-    import_write_reals(out, inertia->I, 6);
-    fputc('\n', out);
+    fprintf(out, "%smass_kg: %s\n%scom_m: %s\n%sinertia_kg_m2: %s\n", indent,
+            write_real(inertia->mass).text, indent, write_list(inertia->com, 3).text, indent,
+            write_list(inertia->I, 6).text);
 }
 
-/* Writes a place as position and fixed-axis roll, pitch, yaw. */
-static void write_robot_place(FILE *out, const double xyz[3], const double R[9])
+/* Writes a drive: one of the catalogue by its file, and a hydraulic one with its triangle; an
+ * assumed one by its numbers. */
+static void write_drive(FILE *out, const struct robot_joint *joint, const char *file)
 {
-    double rpy[3];
+    const struct robot_hydraulic *cylinder = &joint->hydraulic;
+    const struct robot_sea *sea = &joint->sea;
 
-    import_rpy(R, rpy);
-    fputs("xyz_m: ", out);
-    import_write_reals(out, xyz, 3);
-    fputs(", rpy_rad: ", out);
-    import_write_reals(out, rpy, 3);
-}
-
-/* Writes the bodies with their inertias. */
-static void write_bodies(FILE *out, const struct robot *robot)
-{
-    fputs("\nbodies:\n", out);
-    for (size_t b = 0; b < robot->nbody; b++) {
-        fprintf(out, "  - name: \"%s\"\n", robot->body[b].name);
-        write_inertia(out, &robot->body[b].inertia, "    ");
-    }
-}
-
-/* Writes the parameters of an electric drive. */
-static void write_drive(FILE *out, const struct robot_sea *sea)
-{
-    const struct {
-        const char *key;
-        double value;
-    } parameter[] = {
-        {"J_kg_m2", sea->J},
-        {"Dm_nm_s_rad", sea->Dm},
-        {"Ks_nm_rad", sea->Ks},
-        {"Ds_nm_s_rad", sea->Ds},
-        {"N", sea->N},
-        {"NKt_nm_a", sea->Kt},
-        {"NKw_v_s_rad", sea->Kw},
-        {"R_ohm", sea->R},
-        {"L_h", sea->L},
-    };
-
-    fputs("    drive:\n", out);
-    for (size_t i = 0; i < ARRAY_COUNT(parameter); i++) {
-        fprintf(out, "      %s: %.6g\n", parameter[i].key, parameter[i].value);
-    }
-}
-
-/* Writes the reference to a drive of the catalogue, and of a hydraulic one the triangle. */
-static void write_catalogue_drive(FILE *out, const char *file,
-                                  const struct robot_hydraulic *cylinder)
-{
-    if (!cylinder->present) {
-        fprintf(out, "    drive: \"%s\"\n", file);
-        return;
-    }
-    fprintf(out, "    drive: {file: \"%s\", base_m: ", file);
-    import_write_real(out, cylinder->base);
-    fputs(", arm_m: ", out);
-    import_write_real(out, cylinder->arm);
-    fputs(",\n            offset_rad: ", out);
-    import_write_real(out, cylinder->offset);
-    fputs(", closed_m: ", out);
-    import_write_real(out, cylinder->closed);
-    fputs("}\n", out);
-}
-
-/* Writes the hydraulic supply, if the robot has one. */
-static void write_hydraulic_supply(FILE *out, const struct robot_hydraulic_supply *supply)
-{
-    if (supply->pressure > 0.0) {
+    if (file && cylinder->present) {
         fprintf(out,
-                "\nhydraulic_supply:\n  pressure_pa: %.6g\n  return_pa: %.6g\n  pump_m3_s: %.6g\n"
-                "  accumulator_m3: %.6g\n  precharge_pa: %.6g\n  relief_pa: %.6g\n"
-                "  relief_m3_s_pa: %.6g\n",
-                supply->pressure, supply->back, supply->pump, supply->accumulator,
-                supply->precharge, supply->relief, supply->relief_flow);
+                "    drive: {file: \"%s\", base_m: %s, arm_m: %s,\n            offset_rad: %s, "
+                "closed_m: %s}\n",
+                file, write_real(cylinder->base).text, write_real(cylinder->arm).text,
+                write_real(cylinder->offset).text, write_real(cylinder->closed).text);
+    } else if (file) {
+        fprintf(out, "    drive: \"%s\"\n", file);
+    } else if (sea->present) {
+        fprintf(out,
+                "    drive:\n      J_kg_m2: %.6g\n      Dm_nm_s_rad: %.6g\n      Ks_nm_rad: %.6g\n"
+                "      Ds_nm_s_rad: %.6g\n      N: %.6g\n      NKt_nm_a: %.6g\n"
+                "      NKw_v_s_rad: %.6g\n      R_ohm: %.6g\n      L_h: %.6g\n",
+                sea->J, sea->Dm, sea->Ks, sea->Ds, sea->N, sea->Kt, sea->Kw, sea->R, sea->L);
     }
 }
 
@@ -139,42 +121,28 @@ static void write_joint(FILE *out, const struct import_robot *from, size_t j)
 {
     const struct robot *robot = from->robot;
     const struct robot_joint *joint = &robot->joint[j];
-    bool turns = joint->type == JOINT_REVOLUTE;
+    const struct robot_passive *passive = &joint->passive;
+    const bool turns = joint->type == JOINT_REVOLUTE;
 
-    fprintf(out, "  - name: \"%s\"\n    type: %s\n    parent: \"%s\"\n    child: \"%s\"\n",
+    fprintf(out,
+            "  - name: \"%s\"\n    type: %s\n    parent: \"%s\"\n    child: \"%s\"\n    axis: %s\n"
+            "    origin: {%s}\n    limits: {lower_%s: %s, upper_%s: %s, %s: %.6g}\n",
             joint->name, turns ? "revolute" : "prismatic",
-            robot->body[robot->body[j + 1].parent].name, robot->body[j + 1].name);
-    fputs("    axis: ", out);
-    import_write_reals(out, joint->axis, 3);
-    fputs("\n    origin: {", out);
-    write_robot_place(out, joint->origin, joint->rotation);
-    fprintf(out, "}\n    limits: {lower_%s: ", turns ? "rad" : "m");
-    import_write_real(out, joint->lower);
-    fprintf(out, ", upper_%s: ", turns ? "rad" : "m");
-    import_write_real(out, joint->upper);
-    fprintf(out, ", %s: %.6g}\n", turns ? "torque_nm" : "force_n", joint->torque_limit);
+            robot->body[robot->body[j + 1].parent].name, robot->body[j + 1].name,
+            write_list(joint->axis, 3).text, write_place(joint->origin, joint->rotation).text,
+            turns ? "rad" : "m", write_real(joint->lower).text, turns ? "rad" : "m",
+            write_real(joint->upper).text, turns ? "torque_nm" : "force_n", joint->torque_limit);
 
     /* A joint without limits has no stops to run into */
     if (from->source[j]->type == IMPORT_CONTINUOUS) {
         fputs("    stops: {enabled: false}\n", out);
     }
-
-    /* A drive of the catalogue goes by its file, an assumed one by its numbers */
-    if (from->drive_file[j]) {
-        write_catalogue_drive(out, from->drive_file[j], &joint->hydraulic);
-    } else if (joint->sea.present) {
-        write_drive(out, &joint->sea);
-    }
-    if (passive_is_present(&joint->passive)) {
-        const struct robot_passive *passive = &joint->passive;
-
-        fprintf(out, "    passive: {%s: ", turns ? "stiffness_nm_rad" : "stiffness_n_m");
-        import_write_real(out, passive->stiffness);
-        fprintf(out, ", %s: ", turns ? "damping_nm_s_rad" : "damping_n_s_m");
-        import_write_real(out, passive->damping);
-        fprintf(out, ", %s: ", turns ? "rest_rad" : "rest_m");
-        import_write_real(out, passive->rest);
-        fputs("}\n", out);
+    write_drive(out, joint, from->drive_file[j]);
+    if (passive_is_present(passive)) {
+        fprintf(out, "    passive: {%s: %s, %s: %s, %s: %s}\n",
+                turns ? "stiffness_nm_rad" : "stiffness_n_m", write_real(passive->stiffness).text,
+                turns ? "damping_nm_s_rad" : "damping_n_s_m", write_real(passive->damping).text,
+                turns ? "rest_rad" : "rest_m", write_real(passive->rest).text);
     }
 }
 
@@ -186,12 +154,11 @@ static void write_couplings(FILE *out, const struct robot *robot)
         const struct robot_coupling *coupling = &robot->coupling[i];
         const bool turns = robot->joint[coupling->follower].type == JOINT_REVOLUTE;
 
-        fprintf(out, "  - {follower: \"%s\", leader: \"%s\", multiplier: ",
-                robot->joint[coupling->follower].name, robot->joint[coupling->leader].name);
-        import_write_real(out, coupling->multiplier);
+        fprintf(out, "  - {follower: \"%s\", leader: \"%s\", multiplier: %s",
+                robot->joint[coupling->follower].name, robot->joint[coupling->leader].name,
+                write_real(coupling->multiplier).text);
         if (coupling->offset != 0.0) {
-            fprintf(out, ", offset_%s: ", turns ? "rad" : "m");
-            import_write_real(out, coupling->offset);
+            fprintf(out, ", offset_%s: %s", turns ? "rad" : "m", write_real(coupling->offset).text);
         }
         fprintf(out, ",\n     %s: %.6g, %s: %.6g}\n", turns ? "stiffness_nm_rad" : "stiffness_n_m",
                 coupling->stiffness, turns ? "damping_nm_s_rad" : "damping_n_s_m",
@@ -199,54 +166,35 @@ static void write_couplings(FILE *out, const struct robot *robot)
     }
 }
 
-/* Writes the frames. */
+/* Writes the frames, and the collision capsules. */
 static void write_frames(FILE *out, const struct robot *robot)
 {
     fputs(robot->nframe ? "\nframes:\n" : "", out);
     for (size_t f = 0; f < robot->nframe; f++) {
         const struct robot_frame *frame = &robot->frame[f];
 
-        fprintf(out, "  - {name: \"%s\", body: \"%s\", ", frame->name,
-                robot->body[frame->body].name);
-        write_robot_place(out, frame->position, frame->rotation);
-        fputs("}\n", out);
+        fprintf(out, "  - {name: \"%s\", body: \"%s\", %s}\n", frame->name,
+                robot->body[frame->body].name, write_place(frame->position, frame->rotation).text);
     }
-}
-
-/* Writes the collision capsules. */
-static void write_capsules(FILE *out, const struct robot *robot)
-{
     fputs(robot->ncapsule ? "\ncapsules:\n" : "", out);
     for (size_t c = 0; c < robot->ncapsule; c++) {
         const struct robot_capsule *capsule = &robot->capsule[c];
 
-        fprintf(out, "  - {name: \"%s\", body: \"%s\", ", capsule->name,
-                robot->body[capsule->body].name);
-        write_robot_place(out, capsule->position, capsule->rotation);
-        fprintf(out, ", radius_m: %.9g, length_m: %.9g}\n", capsule->radius, capsule->length);
+        fprintf(out, "  - {name: \"%s\", body: \"%s\", %s, radius_m: %.9g, length_m: %.9g}\n",
+                capsule->name, robot->body[capsule->body].name,
+                write_place(capsule->position, capsule->rotation).text, capsule->radius,
+                capsule->length);
     }
 }
 
-/* Writes a text between double quotes; leaves out quotes, backslashes and non-ASCII characters. */
-static void write_quoted(FILE *out, const char *text)
+/* Writes a visual: its place, its shape with dimensions, and its color. */
+static void write_visual(FILE *out, const struct robot *robot, const struct robot_visual *visual)
 {
-    fputc('"', out);
-    for (; *text; text++) {
-        if (*text != '"' && *text != '\\' && (unsigned char)*text >= ' ' &&
-            (unsigned char)*text < 0x7f) {
-            fputc(*text, out);
-        }
-    }
-    fputc('"', out);
-}
-
-/* Writes the shape of a visual with its dimensions. */
-static void write_visual_shape(FILE *out, const struct robot_visual *visual)
-{
+    fprintf(out, "  - {name: \"%s\", body: \"%s\", %s,\n     ", visual->name,
+            robot->body[visual->body].name, write_place(visual->position, visual->rotation).text);
     switch (visual->shape) {
     case VISUAL_BOX:
-        fputs("shape: box, half_extents_m: ", out);
-        import_write_reals(out, visual->half, 3);
+        fprintf(out, "shape: box, half_extents_m: %s", write_list(visual->half, 3).text);
         break;
     case VISUAL_SPHERE:
         fprintf(out, "shape: sphere, radius_m: %.9g", visual->radius);
@@ -258,30 +206,15 @@ static void write_visual_shape(FILE *out, const struct robot_visual *visual)
                 visual->length);
         break;
     default:
-        fprintf(out, "shape: mesh, %s: ", visual->missing ? "missing" : "file");
-        write_quoted(out, visual->missing ? visual->missing : visual->file);
+        fprintf(out, "shape: mesh, %s: %s", visual->missing ? "missing" : "file",
+                write_quoted(visual->missing ? visual->missing : visual->file).text);
         break;
     }
-}
-
-/* Writes the visuals. */
-static void write_visuals(FILE *out, const struct robot *robot)
-{
-    fputs(robot->nvisual ? "\nvisuals:\n" : "", out);
-    for (size_t v = 0; v < robot->nvisual; v++) {
-        const struct robot_visual *visual = &robot->visual[v];
-
-        fprintf(out, "  - {name: \"%s\", body: \"%s\", ", visual->name,
-                robot->body[visual->body].name);
-        write_robot_place(out, visual->position, visual->rotation);
-        fputs(",\n     ", out);
-        write_visual_shape(out, visual);
-        if (visual->colored) {
-            fprintf(out, ", color: [%.4g, %.4g, %.4g, %.4g]", visual->color[0], visual->color[1],
-                    visual->color[2], visual->color[3]);
-        }
-        fputs("}\n", out);
+    if (visual->colored) {
+        fprintf(out, ", color: [%.4g, %.4g, %.4g, %.4g]", visual->color[0], visual->color[1],
+                visual->color[2], visual->color[3]);
     }
+    fputs("}\n", out);
 }
 
 /* Writes the force-torque sensors with what hangs on them, and the inertial sensor's frame. */
@@ -304,20 +237,15 @@ static void write_sensors(FILE *out, const struct robot *robot)
 static void write_pose_joints(FILE *out, const struct robot *robot, const struct robot_pose *pose,
                               enum joint_type type)
 {
-    bool any = false;
+    const char *before = type == JOINT_REVOLUTE ? "    joints_rad:\n" : "    joints_m:\n";
 
     for (size_t j = 0; j < robot->njoint; j++) {
         if (robot->joint[j].type == type && pose->joint[j] != 0.0) {
-            fprintf(out, "%s\n      \"%s\": ",
-                    any                      ? ""
-                    : type == JOINT_REVOLUTE ? "    joints_rad:"
-                                             : "    joints_m:",
-                    robot->joint[j].name);
-            import_write_real(out, pose->joint[j]);
-            any = true;
+            fprintf(out, "%s      \"%s\": %s\n", before, robot->joint[j].name,
+                    write_real(pose->joint[j]).text);
+            before = "";
         }
     }
-    fputs(any ? "\n" : "", out);
 }
 
 /* Writes the poses; one in which nothing moves is an empty map. */
@@ -331,27 +259,19 @@ static void write_poses(FILE *out, const struct robot *robot)
         for (size_t j = 0; j < robot->njoint; j++) {
             any |= pose->joint[j] != 0.0;
         }
-        fprintf(out, "  \"%s\":%s\n", pose->name, any ? "" : " {}");
-        if (robot->floating) {
-            fputs("    base_xyz_m: [0.0, 0.0, 0.0]\n", out);
-        }
+        fprintf(out, "  \"%s\":%s\n%s", pose->name, any ? "" : " {}",
+                robot->floating ? "    base_xyz_m: [0.0, 0.0, 0.0]\n" : "");
         write_pose_joints(out, robot, pose, JOINT_REVOLUTE);
         write_pose_joints(out, robot, pose, JOINT_PRISMATIC);
     }
-}
-
-/* Returns the file's name at the end of a path. */
-static const char *path_find_name(const char *path)
-{
-    const char *slash = strrchr(path, '/');
-
-    return slash ? slash + 1 : path;
 }
 
 enum error_code import_write_robot(const struct import_robot *from, const char *path,
                                    struct error *error)
 {
     const struct robot *robot = from->robot;
+    const struct robot_hydraulic_supply *supply = &robot->hydraulic_supply;
+    const char *source = strrchr(from->model->file, '/');
     struct whole_file file;
     enum error_code code = whole_file_open(&file, path, error);
 
@@ -363,23 +283,34 @@ enum error_code import_write_robot(const struct import_robot *from, const char *
     fprintf(file.out,
             "# Made by `coman-hil import`; what was merged, dropped and assumed stands in the "
             "report\n# beside it, %s-import.txt. Drives are assumed: no such file has their "
-            "constants.\n# The format is that of coman-hil-robot(5).\nname: \"%s\"\nsource: ",
-            robot->name, robot->name);
-    write_quoted(file.out, path_find_name(from->model->file));
-    fputs("\ngravity_m_s2: ", file.out);
-    import_write_reals(file.out, robot->gravity, 3);
-    fprintf(file.out, "\nbase: {type: %s, body: \"%s\"}\n", robot->floating ? "floating" : "fixed",
+            "constants.\n# The format is that of coman-hil-robot(5).\nname: \"%s\"\nsource: %s\n"
+            "gravity_m_s2: %s\nbase: {type: %s, body: \"%s\"}\n",
+            robot->name, robot->name, write_quoted(source ? source + 1 : from->model->file).text,
+            write_list(robot->gravity, 3).text, robot->floating ? "floating" : "fixed",
             robot->body[0].name);
-    write_hydraulic_supply(file.out, &robot->hydraulic_supply);
-    write_bodies(file.out, robot);
+    if (supply->pressure > 0.0) {
+        fprintf(file.out,
+                "\nhydraulic_supply:\n  pressure_pa: %.6g\n  return_pa: %.6g\n  pump_m3_s: %.6g\n"
+                "  accumulator_m3: %.6g\n  precharge_pa: %.6g\n  relief_pa: %.6g\n"
+                "  relief_m3_s_pa: %.6g\n",
+                supply->pressure, supply->back, supply->pump, supply->accumulator,
+                supply->precharge, supply->relief, supply->relief_flow);
+    }
+    fputs("\nbodies:\n", file.out);
+    for (size_t b = 0; b < robot->nbody; b++) {
+        fprintf(file.out, "  - name: \"%s\"\n", robot->body[b].name);
+        write_inertia(file.out, &robot->body[b].inertia, "    ");
+    }
     fputs(robot->njoint ? "\njoints:\n" : "", file.out);
     for (size_t j = 0; j < robot->njoint; j++) {
         write_joint(file.out, from, j);
     }
     write_couplings(file.out, robot);
     write_frames(file.out, robot);
-    write_capsules(file.out, robot);
-    write_visuals(file.out, robot);
+    fputs(robot->nvisual ? "\nvisuals:\n" : "", file.out);
+    for (size_t v = 0; v < robot->nvisual; v++) {
+        write_visual(file.out, robot, &robot->visual[v]);
+    }
     write_sensors(file.out, robot);
     write_poses(file.out, robot);
     return whole_file_close(&file, ERROR_NONE, error);
@@ -387,24 +318,17 @@ enum error_code import_write_robot(const struct import_robot *from, const char *
 
 enum error_code import_copy_drive(const char *from, const char *path, struct error *error)
 {
-    FILE *in;
-    struct whole_file file;
-    enum error_code code = input_file_stream(from, &in, error);
-    char block[4096];
+    char *text;
     size_t size;
+    struct whole_file file;
+    enum error_code code = input_file_load(from, DRIVE_BYTES_MAX, &text, &size, error);
 
-    if (code) {
-        return code;
-    }
-    code = whole_file_open(&file, path, error);
+    code = code ? code : whole_file_open(&file, path, error);
     if (!code) {
-        while ((size = fread(block, 1, sizeof block, in)) > 0) {
-            fwrite(block, 1, size, file.out);
-        }
-        code = ferror(in) ? error_set_file(error, errno, from, "cannot be read") : ERROR_NONE;
-        code = whole_file_close(&file, code, error);
+        fwrite(text, 1, size, file.out);
+        code = whole_file_close(&file, ERROR_NONE, error);
     }
-    fclose(in);
+    free(text);
     return code;
 }
 

@@ -497,9 +497,10 @@ static const char *find(const char *file, const char *name, const char *folder)
     const struct import_model model = {.file = file};
     const struct import_geometry shape = {.file = file, .mesh = name, .line = 7};
     const struct import_packages packages = {&folder, folder != NULL, trust};
-    const char *path;
+    static char path[PATH_MAX];
 
-    return import_find_mesh(&model, &shape, &packages, &arena, &path, &error) ? NULL : path;
+    return import_find_mesh(&model, &shape, &packages, path, &error) == IMPORT_PATH_FOUND ? path
+                                                                                          : NULL;
 }
 
 /* Names that leave the folder urdf of the file: by "..", from the root, by a symbolic link; whether
