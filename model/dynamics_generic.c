@@ -117,19 +117,6 @@ static void gravity_up(const struct dynamics *d, const double *q, double up[3])
     mat3_apply_transposed(R, minus, up);
 }
 
-/* Unpacks an added inertia and rotates it into the body's inner frame. */
-static void inner_inertia(const struct link *link, const struct added_inertia *added,
-                          struct spatial_inertia *A)
-{
-    spatial_inertia_unpack(added->A, A);
-    if (link->inner) {
-        double body_to_inner[9];
-
-        mat3_transpose(link->align, body_to_inner);
-        spatial_inertia_rotate(body_to_inner, A);
-    }
-}
-
 /* Adds the given inertia to the observed bodies. It resists only the accelerations due to vdot,
  * not their drift. */
 static void add_observed_inertia(const struct dynamics *d, const double up[3],
@@ -151,7 +138,15 @@ static void add_observed_inertia(const struct dynamics *d, const double up[3],
         if (!d->robot->body[b].observed) {
             continue;
         }
-        inner_inertia(link, added++, &A);
+
+        /* Unpacks an added inertia and rotates it into the body's inner frame */
+        spatial_inertia_unpack((added++)->A, &A);
+        if (link->inner) {
+            double body_to_inner[9];
+
+            mat3_transpose(link->align, body_to_inner);
+            spatial_inertia_rotate(body_to_inner, &A);
+        }
         spatial_inertia_add(&A, &state[b].A);
         spatial_inertia_apply(&A, &state[b].drift, &f);
         for (int m = 0; m < 3; m++) {

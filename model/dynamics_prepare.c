@@ -44,62 +44,52 @@ static void rotation_to_axis(const double axis[3], double R[9])
     }
 }
 
-/* Computes the inertia of a body in its inner frame. */
-static void prepare_link_inertia(const struct robot_inertia *inertia, struct link *link)
-{
-    double I[6], com[3], body_to_inner[9];
-
-    memcpy(I, inertia->I, sizeof I);
-    mat3_transpose(link->align, body_to_inner);
-    mat3_apply(body_to_inner, inertia->com, com);
-    if (link->inner) {
-        sym3_rotate(body_to_inner, I);
-    }
-    link->mass = inertia->mass;
-    for (int m = 0; m < 3; m++) {
-        link->moment[m] = inertia->mass * com[m];
-    }
-    spatial_inertia_rigid(inertia->mass, com, I, &link->rigid);
-    memcpy(link->I, link->rigid.J, sizeof link->I);
-}
-
-/* Converts the joint of a body to a fixed rotation and a coordinate axis. */
-static void prepare_link_joint(const struct robot_joint *joint, const struct link *parent,
-                               struct link *link)
-{
-    double parent_to_inner[9], turned[9];
-    int k = axis_number(joint->axis);
-
-    /* The inner frame: the body's frame, or one with the joint axis as z */
-    link->type = joint->type;
-    link->inner = k < 0;
-    link->axis = link->inner ? 2 : k;
-    if (link->inner) {
-        rotation_to_axis(joint->axis, link->align);
-    } else {
-        mat3_identity(link->align);
-    }
-
-    /* Its pose in the parent's inner frame */
-    mat3_transpose(parent->align, parent_to_inner);
-    mat3_mul(parent_to_inner, joint->rotation, turned);
-    mat3_mul(turned, link->align, link->fixed);
-    link->turned = !mat3_is_identity(link->fixed);
-    mat3_apply(parent_to_inner, joint->origin, link->origin);
-    for (int m = 0; m < 3; m++) {
-        link->slide[m] = link->fixed[3 * m + link->axis];
-    }
-    link->offset = joint->type == JOINT_PRISMATIC || vec3_dot(link->origin, link->origin) > 0.0;
-}
-
 void generic_prepare_link(const struct robot_body *body, const struct robot_joint *joint,
                           const struct link *parent, struct link *link)
 {
     link->parent = body->parent;
     if (joint) {
-        prepare_link_joint(joint, parent, link);
+        /* Converts the joint of a body to a fixed rotation and a coordinate axis */
+        double parent_to_inner[9], turned[9];
+        int k = axis_number(joint->axis);
+
+        /* The inner frame: the body's frame, or one with the joint axis as z */
+        link->type = joint->type;
+        link->inner = k < 0;
+        link->axis = link->inner ? 2 : k;
+        if (link->inner) {
+            rotation_to_axis(joint->axis, link->align);
+        } else {
+            mat3_identity(link->align);
+        }
+
+        /* Its pose in the parent's inner frame */
+        mat3_transpose(parent->align, parent_to_inner);
+        mat3_mul(parent_to_inner, joint->rotation, turned);
+        mat3_mul(turned, link->align, link->fixed);
+        link->turned = !mat3_is_identity(link->fixed);
+        mat3_apply(parent_to_inner, joint->origin, link->origin);
+        for (int m = 0; m < 3; m++) {
+            link->slide[m] = link->fixed[3 * m + link->axis];
+        }
+        link->offset = joint->type == JOINT_PRISMATIC || vec3_dot(link->origin, link->origin) > 0.0;
     } else {
         mat3_identity(link->align);
     }
-    prepare_link_inertia(&body->inertia, link);
+
+    /* Computes the inertia of a body in its inner frame */
+    double I[6], com[3], body_to_inner[9];
+
+    memcpy(I, body->inertia.I, sizeof I);
+    mat3_transpose(link->align, body_to_inner);
+    mat3_apply(body_to_inner, body->inertia.com, com);
+    if (link->inner) {
+        sym3_rotate(body_to_inner, I);
+    }
+    link->mass = body->inertia.mass;
+    for (int m = 0; m < 3; m++) {
+        link->moment[m] = body->inertia.mass * com[m];
+    }
+    spatial_inertia_rigid(body->inertia.mass, com, I, &link->rigid);
+    memcpy(link->I, link->rigid.J, sizeof link->I);
 }

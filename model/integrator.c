@@ -85,21 +85,6 @@ size_t integrator_dopri5_scratch(size_t n)
     return (DOPRI5_STAGES + 1) * n; /* slopes, and the state for the next slope */
 }
 
-/* Computes slopes 2 to 7; the state of the last one is the result of the step. */
-static void dopri5_stages(integrator_function *f, void *context, double t, double h, size_t n,
-                          const double *y, double *k, double *stage)
-{
-    for (int s = 1; s < DOPRI5_STAGES; s++) {
-        memcpy(stage, y, n * sizeof *y);
-        for (int m = 0; m < s; m++) {
-            for (size_t i = 0; i < n; i++) {
-                stage[i] += h * dopri5_a[s][m] * k[(size_t)m * n + i];
-            }
-        }
-        f(context, t + dopri5_c[s] * h, stage, k + (size_t)s * n);
-    }
-}
-
 /* Returns the root mean square of the step's error over the state, relative to the tolerances. */
 static double dopri5_error(const struct integrator_dopri5 *control, double h, size_t n,
                            const double *y, const double *end, const double *k)
@@ -144,7 +129,17 @@ bool integrator_dopri5(integrator_function *f, void *context, double t, double h
         /* Tries a step that ends no later than the end */
         control->next = step;
         step = final ? h - done : step;
-        dopri5_stages(f, context, t + done, step, n, y, k, stage);
+
+        /* Computes slopes 2 to 7; the state of the last one is the result of the step */
+        for (int s = 1; s < DOPRI5_STAGES; s++) {
+            memcpy(stage, y, n * sizeof *y);
+            for (int m = 0; m < s; m++) {
+                for (size_t i = 0; i < n; i++) {
+                    stage[i] += step * dopri5_a[s][m] * k[(size_t)m * n + i];
+                }
+            }
+            f(context, (t + done) + dopri5_c[s] * step, stage, k + (size_t)s * n);
+        }
         control->evaluations += DOPRI5_STAGES - 1;
         error = dopri5_error(control, step, n, y, stage, k);
 

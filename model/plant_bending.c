@@ -17,23 +17,6 @@ bool plant_bending_create(struct plant *plant, struct arena *arena)
     return plant->bending_acceleration && plant->bending_load;
 }
 
-/* Fills axes with two unit vectors orthogonal to an axis and to each other. The first is the
- * coordinate axis most orthogonal to it, minus its component along the axis. */
-static void find_axes_across(const double axis[3], double axes[2][3])
-{
-    double length;
-    int most = 0;
-
-    for (int i = 1; i < 3; i++) {
-        most = fabs(axis[i]) < fabs(axis[most]) ? i : most;
-    }
-    length = sqrt(1.0 - axis[most] * axis[most]);
-    for (int i = 0; i < 3; i++) {
-        axes[0][i] = ((i == most) - axis[most] * axis[i]) / length;
-    }
-    vec3_cross(axis, axes[0], axes[1]);
-}
-
 /* Computes the wrench that accelerates body b, minus external wrenches, in the world frame about
  * its origin. */
 static void find_own_load(const struct plant *plant, size_t b, struct wrench *load)
@@ -86,7 +69,21 @@ void plant_sample_bending(struct plant *plant)
         double axes[2][3], moment[3], arm[3];
 
         mat3_apply_transposed(plant->whole_motion[b].R, load->moment, moment);
-        find_axes_across(robot->joint[b - 1].axis, axes);
+
+        /* Fills axes with two unit vectors orthogonal to an axis and to each other. The first is
+         * the coordinate axis most orthogonal to it, minus its component along the axis. */
+        const double *axis = robot->joint[b - 1].axis;
+        double length;
+        int most = 0;
+
+        for (int i = 1; i < 3; i++) {
+            most = fabs(axis[i]) < fabs(axis[most]) ? i : most;
+        }
+        length = sqrt(1.0 - axis[most] * axis[most]);
+        for (int i = 0; i < 3; i++) {
+            axes[0][i] = ((i == most) - axis[most] * axis[i]) / length;
+        }
+        vec3_cross(axis, axes[0], axes[1]);
         for (int k = 0; k < 2; k++) {
             plant->sensors.motor[b - 1].bending_nm[k] = vec3_dot(moment, axes[k]);
         }

@@ -75,9 +75,15 @@ static enum error_code check_plant_bodies(const struct plant_config *config, str
                                error);
 }
 
-/* Checks that the integrator exists and that its requirements are met. */
-static enum error_code check_integrator(const struct plant_config *config, struct error *error)
+/* Checks robot, dynamics, time, supply and contact of a configuration, then its bodies. */
+static enum error_code check_plant_config(const struct plant_config *config, struct error *error)
 {
+    if (config->dynamics->robot != config->robot) {
+        return error_set(error, ERROR_INPUT, "the dynamics are not those of robot %s",
+                         config->robot->name);
+    }
+
+    /* Checks that the integrator exists and that its requirements are met */
     if (config->integrator != PLANT_RK4 && config->integrator != PLANT_IMPLICIT &&
         config->integrator != PLANT_DOPRI5) {
         return error_set(error, ERROR_INPUT, "unknown integrator %d", (int)config->integrator);
@@ -91,44 +97,6 @@ static enum error_code check_integrator(const struct plant_config *config, struc
     if (config->integrator == PLANT_DOPRI5 && !(config->rtol > 0.0 && config->atol > 0.0)) {
         return error_set(error, ERROR_INPUT, "tolerances are %g and %g, expected more than 0",
                          config->rtol, config->atol);
-    }
-    return ERROR_NONE;
-}
-
-/* Checks the parameters of the bus, if there is one. */
-static enum error_code check_bus(const struct plant_config *config, struct error *error)
-{
-    const struct supply_bus *bus = &config->bus;
-
-    if (!(bus->capacitance_f >= 0.0) || !isfinite(bus->capacitance_f)) {
-        return error_set(error, ERROR_INPUT, "the supply's capacitance is %g F, expected 0 or more",
-                         bus->capacitance_f);
-    }
-    if (bus->capacitance_f > 0.0 && config->supply_ohm == 0.0) {
-        return error_set(error, ERROR_INPUT,
-                         "a supply with a capacitance needs a source with a resistance");
-    }
-    if (bus->on_v != 0.0 && (bus->capacitance_f == 0.0 || !(bus->on_v > bus->off_v) ||
-                             !(bus->off_v > config->supply_v) || !(bus->brake_ohm > 0.0))) {
-        return error_set(error, ERROR_INPUT,
-                         "a brake chopper that switches on at %g V and off at %g V through %g ohm, "
-                         "expected on > off > the supply's %g V, a resistance, and a capacitance",
-                         bus->on_v, bus->off_v, bus->brake_ohm, config->supply_v);
-    }
-    return ERROR_NONE;
-}
-
-/* Checks robot, dynamics, time, supply and contact of a configuration, then its bodies. */
-static enum error_code check_plant_config(const struct plant_config *config, struct error *error)
-{
-    enum error_code code;
-
-    if (config->dynamics->robot != config->robot) {
-        return error_set(error, ERROR_INPUT, "the dynamics are not those of robot %s",
-                         config->robot->name);
-    }
-    if ((code = check_integrator(config, error))) {
-        return code;
     }
 
     /* Time and supply */
@@ -146,8 +114,23 @@ static enum error_code check_plant_config(const struct plant_config *config, str
                          config->supply_ohm);
     }
 
-    if ((code = check_bus(config, error))) {
-        return code;
+    /* Checks the parameters of the bus, if there is one */
+    const struct supply_bus *bus = &config->bus;
+
+    if (!(bus->capacitance_f >= 0.0) || !isfinite(bus->capacitance_f)) {
+        return error_set(error, ERROR_INPUT, "the supply's capacitance is %g F, expected 0 or more",
+                         bus->capacitance_f);
+    }
+    if (bus->capacitance_f > 0.0 && config->supply_ohm == 0.0) {
+        return error_set(error, ERROR_INPUT,
+                         "a supply with a capacitance needs a source with a resistance");
+    }
+    if (bus->on_v != 0.0 && (bus->capacitance_f == 0.0 || !(bus->on_v > bus->off_v) ||
+                             !(bus->off_v > config->supply_v) || !(bus->brake_ohm > 0.0))) {
+        return error_set(error, ERROR_INPUT,
+                         "a brake chopper that switches on at %g V and off at %g V through %g ohm, "
+                         "expected on > off > the supply's %g V, a resistance, and a capacitance",
+                         bus->on_v, bus->off_v, bus->brake_ohm, config->supply_v);
     }
 
     /* Contact, and all objects attached to bodies */

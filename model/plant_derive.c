@@ -77,23 +77,6 @@ void plant_apply_loads(struct plant *plant, const double *v, struct plant_load *
     }
 }
 
-/* Adds the torques of joint couplings. */
-static void apply_couplings(struct plant *plant, const double *state)
-{
-    const struct robot *robot = plant->config.robot;
-    const double *q = state + plant->at.v - robot->njoint;
-    const double *qd = state + plant->at.drive - robot->njoint;
-
-    for (size_t i = 0; i < robot->ncoupling; i++) {
-        const struct robot_coupling *coupling = &robot->coupling[i];
-
-        coupling_press(
-            coupling,
-            coupling_force(coupling, coupling_error(coupling, q), coupling_rate(coupling, qd)),
-            plant->tau);
-    }
-}
-
 /* Computes the torques on the joints: drives, eq. (3), parallel springs, eq. (5), passive springs,
  * end stops and couplings. */
 static void apply_joint_torques(struct plant *plant, const double *state)
@@ -132,7 +115,19 @@ static void apply_joint_torques(struct plant *plant, const double *state)
                 stop_torque(&robot->joint[j].stop, depth, plant_joint_rate(plant, state, j));
         }
     }
-    apply_couplings(plant, state);
+
+    /* Adds the torques of joint couplings */
+    const double *q = state + plant->at.v - robot->njoint;
+    const double *qd = state + plant->at.drive - robot->njoint;
+
+    for (size_t i = 0; i < robot->ncoupling; i++) {
+        const struct robot_coupling *coupling = &robot->coupling[i];
+
+        coupling_press(
+            coupling,
+            coupling_force(coupling, coupling_error(coupling, q), coupling_rate(coupling, qd)),
+            plant->tau);
+    }
 }
 
 /* Removes accelerations and wrenches of a clamped robot, because the clamp takes them, unless it
@@ -225,25 +220,6 @@ static void derive_drives(const struct plant *plant, const double *state, double
     }
 }
 
-/* Computes the same for the parallel springs, eq. (5), whose pretension moves at a constant
- * rate. */
-static void derive_springs(const struct plant *plant, const double *state, double *derivative,
-                           double *work)
-{
-    for (size_t s = 0; s < plant->nspring; s++) {
-        size_t j = plant->spring_joint[s];
-        const struct robot_parallel_spring *spring = &plant->config.robot->joint[j].spring;
-        double q = plant_joint_position(plant, state, j), qd = plant_joint_rate(plant, state, j);
-        double p = state[plant->at.pretension + s], pd = plant->pretension_rate[s];
-
-        derivative[plant->at.pretension + s] = pd;
-        if (work) {
-            work[WORK_PRETENSION] += pd * parallel_spring_force(spring, p, pd, q, qd);
-            work[WORK_PARALLEL_DAMPING] += parallel_spring_damping(spring, p, pd, q, qd);
-        }
-    }
-}
-
 double plant_stop_loss(const struct plant *plant, const double *state)
 {
     const struct robot *robot = plant->config.robot;
@@ -298,7 +274,20 @@ void plant_derivative(void *context, double t, const double *state, double *deri
     dynamics_qdot(robot, plant->q, state + plant->at.v, derivative);
     memcpy(derivative + plant->at.v, plant->vdot, robot->nv * sizeof *derivative);
     derive_drives(plant, state, derivative, work);
-    derive_springs(plant, state, derivative, work);
+
+    /* The parallel springs, eq. (5), whose pretension moves at a constant rate */
+    for (size_t s = 0; s < plant->nspring; s++) {
+        size_t j = plant->spring_joint[s];
+        const struct robot_parallel_spring *spring = &plant->config.robot->joint[j].spring;
+        double q = plant_joint_position(plant, state, j), qd = plant_joint_rate(plant, state, j);
+        double p = state[plant->at.pretension + s], pd = plant->pretension_rate[s];
+
+        derivative[plant->at.pretension + s] = pd;
+        if (work) {
+            work[WORK_PRETENSION] += pd * parallel_spring_force(spring, p, pd, q, qd);
+            work[WORK_PARALLEL_DAMPING] += parallel_spring_damping(spring, p, pd, q, qd);
+        }
+    }
     plant_free_derive(plant, state, derivative);
     if (plant->config.bus.capacitance_f > 0.0) {
         plant_supply_derive(plant, state, derivative, work);

@@ -56,27 +56,6 @@ static double stored_mechanical(struct plant *plant)
     return energy;
 }
 
-/* Returns the energy in bristles of pairs that no longer touch, J. They relax after some time, and
- * push again if the surfaces meet before that. */
-static double stored_apart(const struct plant *plant, size_t npatch)
-{
-    const double *y = plant->state + plant->at.bristle;
-    double square = 0.0;
-
-    for (size_t i = 0; i < plant->nlive; i++) {
-        const double *own = y + CONTACT_BRISTLE * (size_t)plant->live[i];
-        size_t p = 0;
-
-        while (p < npatch && plant->patch[p].pair != plant->live[i]) {
-            p++;
-        }
-        for (int k = 0; k < BRISTLE_BENT && p == npatch; k++) {
-            square += own[k] * own[k];
-        }
-    }
-    return square / 2.0;
-}
-
 /* Computes the energy stored in contact, J: in layers as the engine reports it, and in
  * bristles. */
 static enum error_code stored_contact(struct plant *plant, double *energy)
@@ -104,7 +83,24 @@ static enum error_code stored_contact(struct plant *plant, double *energy)
     for (size_t p = 0; p < count; p++) {
         *energy += plant->patch[p].potential_j;
     }
-    *energy += stored_apart(plant, count);
+
+    /* The energy in bristles of pairs that no longer touch, J. They relax after some time, and push
+     * again if the surfaces meet before that. */
+    const double *y = plant->state + plant->at.bristle;
+    double square = 0.0;
+
+    for (size_t i = 0; i < plant->nlive; i++) {
+        const double *own = y + CONTACT_BRISTLE * (size_t)plant->live[i];
+        size_t p = 0;
+
+        while (p < count && plant->patch[p].pair != plant->live[i]) {
+            p++;
+        }
+        for (int k = 0; k < BRISTLE_BENT && p == count; k++) {
+            square += own[k] * own[k];
+        }
+    }
+    *energy += square / 2.0;
     return ERROR_NONE;
 }
 
@@ -115,33 +111,6 @@ enum error_code plant_restart_energy(struct plant *plant)
     }
     plant->start_mechanical = stored_mechanical(plant);
     return stored_contact(plant, &plant->start_contact);
-}
-
-/* Fills in the accounts of effects and bus. */
-static void fill_effect_energies(const struct plant *plant, struct plant_energy *energy)
-{
-    const double *work = plant->state + plant->at.work;
-
-    energy->gear_friction = work[WORK_GEAR];
-    energy->gear_hysteresis = work[WORK_HYSTERESIS];
-    energy->bridge_loss = work[WORK_BRIDGE];
-    if (plant->config.bus.capacitance_f > 0.0) {
-        energy->electrical_in = work[WORK_SOURCE];
-        energy->source_loss = work[WORK_SOURCE_LOSS];
-        energy->chopper_heat = work[WORK_CHOPPER];
-    }
-}
-
-/* Fills in the accounts of hydraulic joints. */
-static void fill_hydraulic_energies(const struct plant *plant, struct plant_energy *energy)
-{
-    const double *work = plant->state + plant->at.work;
-
-    energy->hydraulic_in = work[WORK_HYDRAULIC];
-    energy->orifice_loss = work[WORK_ORIFICE];
-    energy->leakage_loss = work[WORK_LEAKAGE];
-    energy->cylinder_friction = work[WORK_CYLINDER];
-    energy->relief_loss = work[WORK_RELIEF];
 }
 
 enum error_code plant_energy(struct plant *plant, struct plant_energy *energy)
@@ -168,10 +137,23 @@ enum error_code plant_energy(struct plant *plant, struct plant_energy *energy)
     energy->stop_loss = work[WORK_STOPS];
     energy->contact_dissipation = -work[WORK_CONTACT] - (contact - plant->start_contact);
     if (plant->nwork > WORK_GEAR) {
-        fill_effect_energies(plant, energy);
+        /* Fills in the accounts of effects and bus */
+        energy->gear_friction = work[WORK_GEAR];
+        energy->gear_hysteresis = work[WORK_HYSTERESIS];
+        energy->bridge_loss = work[WORK_BRIDGE];
+        if (plant->config.bus.capacitance_f > 0.0) {
+            energy->electrical_in = work[WORK_SOURCE];
+            energy->source_loss = work[WORK_SOURCE_LOSS];
+            energy->chopper_heat = work[WORK_CHOPPER];
+        }
     }
     if (plant->nhydraulic > 0) {
-        fill_hydraulic_energies(plant, energy);
+        /* Fills in the accounts of hydraulic joints */
+        energy->hydraulic_in = work[WORK_HYDRAULIC];
+        energy->orifice_loss = work[WORK_ORIFICE];
+        energy->leakage_loss = work[WORK_LEAKAGE];
+        energy->cylinder_friction = work[WORK_CYLINDER];
+        energy->relief_loss = work[WORK_RELIEF];
     }
     /* Input, minus growth of the stored energy, minus losses */
     energy->balance = energy->electrical_in + energy->pretension_work + energy->push_work +

@@ -46,9 +46,21 @@ static bool invert_inertia(const double S[6], double inverse[6])
     return true;
 }
 
-/* Checks that pose and velocities of a free body's start are finite. */
-static enum error_code check_free_start(const struct plant_free_body *body, struct error *error)
+enum error_code plant_check_free_body(const struct plant_free_body *body, struct error *error)
 {
+    double inverse[6];
+
+    if (robot_check_inertia(&body->inertia, error)) {
+        return error_prefix(error, "free body %s", body->name);
+    }
+    if (!(body->inertia.mass > 0.0) || !invert_inertia(body->inertia.I, inverse)) {
+        return error_set(error, ERROR_INPUT,
+                         "free body %s: expected a mass and three principal moments of inertia "
+                         "above zero",
+                         body->name);
+    }
+
+    /* Checks that pose and velocities of a free body's start are finite */
     double square = 0.0;
     bool finite = true;
 
@@ -66,22 +78,6 @@ static enum error_code check_free_start(const struct plant_free_body *body, stru
                          body->name);
     }
     return ERROR_NONE;
-}
-
-enum error_code plant_check_free_body(const struct plant_free_body *body, struct error *error)
-{
-    double inverse[6];
-
-    if (robot_check_inertia(&body->inertia, error)) {
-        return error_prefix(error, "free body %s", body->name);
-    }
-    if (!(body->inertia.mass > 0.0) || !invert_inertia(body->inertia.I, inverse)) {
-        return error_set(error, ERROR_INPUT,
-                         "free body %s: expected a mass and three principal moments of inertia "
-                         "above zero",
-                         body->name);
-    }
-    return check_free_start(body, error);
 }
 
 void plant_free_prepare(struct plant *plant)

@@ -153,21 +153,6 @@ static void sample_ft_peak(const struct plant *plant, const struct robot_ft_sens
     }
 }
 
-/* Adds the coupling's torque on each follower. */
-static void sample_couplings(const struct plant *plant, struct motor_sense *motor)
-{
-    const struct robot *robot = plant->config.robot;
-    const double *q = plant->state + plant->at.v - robot->njoint;
-    const double *qd = plant->state + plant->at.drive - robot->njoint;
-
-    for (size_t i = 0; i < robot->ncoupling; i++) {
-        const struct robot_coupling *coupling = &robot->coupling[i];
-
-        motor[coupling->follower].torque_nm -=
-            coupling_force(coupling, coupling_error(coupling, q), coupling_rate(coupling, qd));
-    }
-}
-
 /* Fills the joints' readings. A joint without a drive reads as if its motor followed the link. */
 static void sample_motors(struct plant *plant)
 {
@@ -185,7 +170,17 @@ static void sample_motors(struct plant *plant)
 
         motor[j].torque_nm = passive_torque(&robot->joint[j].passive, motor[j].q, motor[j].qd);
     }
-    sample_couplings(plant, motor);
+
+    /* Adds the coupling's torque on each follower */
+    const double *q = plant->state + plant->at.v - robot->njoint;
+    const double *qd = plant->state + plant->at.drive - robot->njoint;
+
+    for (size_t i = 0; i < robot->ncoupling; i++) {
+        const struct robot_coupling *coupling = &robot->coupling[i];
+
+        motor[coupling->follower].torque_nm -=
+            coupling_force(coupling, coupling_error(coupling, q), coupling_rate(coupling, qd));
+    }
     if (plant->nhydraulic > 0) {
         plant_hydraulic_sample(plant);
     }
@@ -204,15 +199,6 @@ static void sample_motors(struct plant *plant)
     }
 }
 
-/* Returns whether the present state is the result of an implicit step under the same pushes, and
- * was not set or written since. */
-static bool state_is_stepped(const struct plant *plant)
-{
-    return plant->stepped &&
-           (!plant->handed_out ||
-            memcmp(plant->state, plant->last_good, plant->at.count * sizeof *plant->state) == 0);
-}
-
 /* Computes vdot, ext and contact_wrench: those of the last implicit step, or from the laws. */
 static enum error_code find_sampled_forces(struct plant *plant)
 {
@@ -220,7 +206,11 @@ static enum error_code find_sampled_forces(struct plant *plant)
     const double *v = plant->state + plant->at.v;
     struct plant_load load = {0.0, 0.0};
 
-    plant->sampled_step = state_is_stepped(plant);
+    /* Whether the present state is the result of an implicit step under the same pushes,
+     * and was not set or written since */
+    plant->sampled_step = plant->stepped && (!plant->handed_out ||
+                                             memcmp(plant->state, plant->last_good,
+                                                    plant->at.count * sizeof *plant->state) == 0);
     if (!plant->sampled_step) {
         plant_list_bristles(plant);
         return plant_evaluate(plant, plant->state, &load);

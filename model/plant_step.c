@@ -66,16 +66,6 @@ void plant_balance(struct plant *plant, bool balanced)
     }
 }
 
-/* Sets the speed of an imposed rotor; its large inertia keeps the speed over the steps. */
-static void hold_imposed_speed(struct plant *plant, size_t d, const struct motor_command *motor)
-{
-    size_t speed = plant_drive_offset(plant, d) + DRIVE_MOTOR_SPEED;
-    bool led = !(motor->condition & DRIVE_JAM) && !plant->balanced;
-
-    plant->state[speed] = led && isfinite(motor->rotor_rad_s) ? motor->rotor_rad_s : 0.0;
-    plant->lost[speed] = 0.0;
-}
-
 /* Sets the command for the next steps, which last this many seconds in total. */
 static void hold_command(struct plant *plant, double seconds)
 {
@@ -93,7 +83,13 @@ static void hold_command(struct plant *plant, double seconds)
             set_drive_condition(plant, d, motor->condition);
         }
         if (motor->condition & DRIVE_IMPOSED) {
-            hold_imposed_speed(plant, d, motor);
+            /* Sets the speed of an imposed rotor; its large inertia keeps the speed over the
+             * steps */
+            size_t speed = plant_drive_offset(plant, d) + DRIVE_MOTOR_SPEED;
+            bool led = !(motor->condition & DRIVE_JAM) && !plant->balanced;
+
+            plant->state[speed] = led && isfinite(motor->rotor_rad_s) ? motor->rotor_rad_s : 0.0;
+            plant->lost[speed] = 0.0;
         }
         plant->bridge_on[d] = (motor->bridge_on || shorted) && !open;
         plant->voltage[d] = plant->bridge_on[d] && !shorted ? voltage : 0.0;

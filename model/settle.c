@@ -569,7 +569,23 @@ enum error_code plant_settle(struct plant *plant, struct arena *arena, struct se
     if (!(vec3_dot(robot->gravity, robot->gravity) > 0.0)) {
         return error_set(error, ERROR_INPUT, "nothing comes to rest without gravity");
     }
-    settle_choose_axes(robot->gravity, &s);
+
+    /* Computes up, against gravity, and two directions across */
+    double length = sqrt(vec3_dot(robot->gravity, robot->gravity));
+    int least = 0;
+    double pick[3] = {0.0, 0.0, 0.0};
+
+    for (int i = 0; i < 3; i++) {
+        s.up[i] = -robot->gravity[i] / length;
+        least = fabs(s.up[i]) < fabs(s.up[least]) ? i : least;
+    }
+    pick[least] = 1.0;
+    vec3_cross(s.up, pick, s.across[1]);
+    length = sqrt(vec3_dot(s.across[1], s.across[1]));
+    for (int i = 0; i < 3; i++) {
+        s.across[1][i] /= length;
+    }
+    vec3_cross(s.across[1], s.up, s.across[0]);
     plant_find_bristles(plant);
     memcpy(start, plant->state, plant->at.count * sizeof *start);
 

@@ -29,25 +29,6 @@ enum { HALVINGS = 40 }; /* largest number of halvings of a step */
 
 /* ---- geometry ---- */
 
-void settle_choose_axes(const double gravity[3], struct settle *s)
-{
-    double length = sqrt(vec3_dot(gravity, gravity));
-    int least = 0;
-    double pick[3] = {0.0, 0.0, 0.0};
-
-    for (int i = 0; i < 3; i++) {
-        s->up[i] = -gravity[i] / length;
-        least = fabs(s->up[i]) < fabs(s->up[least]) ? i : least;
-    }
-    pick[least] = 1.0;
-    vec3_cross(s->up, pick, s->across[1]);
-    length = sqrt(vec3_dot(s->across[1], s->across[1]));
-    for (int i = 0; i < 3; i++) {
-        s->across[1][i] /= length;
-    }
-    vec3_cross(s->across[1], s->up, s->across[0]);
-}
-
 /* Rotates a quaternion in the world: quaternion <- rotation by the vector angle (world frame)
  * after quaternion. */
 static void turn_quaternion_in_world(const double angle[3], double quaternion[4])
@@ -177,24 +158,6 @@ void settle_weigh_robot(struct settle *s, struct rest *rest)
     }
 }
 
-/* Computes the remaining force and moment on a free body about its center of mass, world frame. */
-static void weigh_free_body(const struct settle *s, struct rest *rest)
-{
-    const struct plant *plant = s->plant;
-    const struct robot_inertia *inertia = &plant->config.free[rest->free].inertia;
-    size_t body = plant->config.robot->nbody + rest->free;
-    const struct wrench *ext = &plant->ext[body];
-    double moment[3];
-
-    memcpy(moment, ext->moment, sizeof moment);
-    vec3_add_cross(ext->force, inertia->com, moment);
-    mat3_apply(plant->motion[body].R, ext->force, rest->force);
-    mat3_apply(plant->motion[body].R, moment, rest->moment);
-    for (int i = 0; i < 3; i++) {
-        rest->force[i] += inertia->mass * plant->config.robot->gravity[i];
-    }
-}
-
 enum error_code settle_weigh(struct settle *s, double *g)
 {
     struct plant_load load;
@@ -211,7 +174,21 @@ enum error_code settle_weigh(struct settle *s, double *g)
         if (rest->robot) {
             settle_weigh_robot(s, rest);
         } else {
-            weigh_free_body(s, rest);
+            /* Computes the remaining force and moment on a free body about its center of mass,
+             * world frame */
+            const struct plant *plant = s->plant;
+            const struct robot_inertia *inertia = &plant->config.free[rest->free].inertia;
+            size_t body = plant->config.robot->nbody + rest->free;
+            const struct wrench *ext = &plant->ext[body];
+            double moment[3];
+
+            memcpy(moment, ext->moment, sizeof moment);
+            vec3_add_cross(ext->force, inertia->com, moment);
+            mat3_apply(plant->motion[body].R, ext->force, rest->force);
+            mat3_apply(plant->motion[body].R, moment, rest->moment);
+            for (int i = 0; i < 3; i++) {
+                rest->force[i] += inertia->mass * plant->config.robot->gravity[i];
+            }
         }
         g[UNKNOWN_UP] = vec3_dot(rest->force, s->up);
         g[UNKNOWN_FIRST_TILT] = vec3_dot(rest->moment, s->across[0]) / rest->radius;

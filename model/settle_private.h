@@ -55,9 +55,6 @@ struct settle {
     double *before;     /* copy of the state */
 };
 
-/* Computes up, against gravity, and two directions across. */
-void settle_choose_axes(const double gravity[3], struct settle *s);
-
 /* Starts a search with or without sticking friction: lists its bodies and unknowns. */
 void settle_begin(struct settle *s, bool holds);
 

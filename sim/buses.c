@@ -26,27 +26,6 @@ enum {
     SEEK_NS = 1000000000,
 };
 
-/* Refuses a --bus option whose bus the rig does not have, and suggests the nearest name. */
-static enum error_code bus_refuse_name(const struct rig *rig, const char *item, const char *name,
-                                       struct error *error)
-{
-    const char *names[RIG_BUSES_MAX], *nearest;
-    char list[256] = "";
-
-    for (size_t b = 0; b < rig->nbus; b++) {
-        size_t used = strlen(list);
-
-        names[b] = rig->bus[b].name;
-        snprintf(list + used, sizeof list - used, "%s%s", b ? ", " : "", names[b]);
-    }
-    nearest = text_nearest(name, names, rig->nbus);
-    return error_set(
-        error, ERROR_INPUT,
-        "--bus: found \"%.100s\", but the rig has no bus \"%.50s\"; expected one of %s%s%s%s", item,
-        name, list, nearest ? "; did you mean \"" : "", nearest ? nearest : "",
-        nearest ? "\"?" : "");
-}
-
 /* Applies a --bus option, "NAME=INTERFACE", to the interface of a bus. */
 static enum error_code bus_apply_override(struct buses *buses, const char *item,
                                           struct error *error)
@@ -69,7 +48,22 @@ static enum error_code bus_apply_override(struct buses *buses, const char *item,
     snprintf(name, sizeof name, "%.*s", (int)(equals - item), item);
     bus = rig_find_bus(buses->rig, name);
     if (bus < 0) {
-        return bus_refuse_name(buses->rig, item, name, error);
+        /* Refuses a --bus option whose bus the rig does not have, and suggests the nearest name */
+        const char *names[RIG_BUSES_MAX], *nearest;
+        char list[256] = "";
+
+        for (size_t b = 0; b < buses->rig->nbus; b++) {
+            size_t used = strlen(list);
+
+            names[b] = buses->rig->bus[b].name;
+            snprintf(list + used, sizeof list - used, "%s%s", b ? ", " : "", names[b]);
+        }
+        nearest = text_nearest(name, names, buses->rig->nbus);
+        return error_set(
+            error, ERROR_INPUT,
+            "--bus: found \"%.100s\", but the rig has no bus \"%.50s\"; expected one of %s%s%s%s",
+            item, name, list, nearest ? "; did you mean \"" : "", nearest ? nearest : "",
+            nearest ? "\"?" : "");
     }
     buses->interface[bus] = equals + 1;
     return ERROR_NONE;

@@ -36,24 +36,6 @@ static const struct span *span_first_hole(const struct span *hole, size_t nhole,
     return first;
 }
 
-/* Cuts a span at the holes and adds its parts; each hole adds at most one span. */
-static void checkpoint_cut_span(struct checkpoint *c, const struct span *moving,
-                                const struct span *hole, size_t nhole)
-{
-    unsigned char *from = moving->memory, *to = span_end(moving);
-
-    while (from < to) {
-        const struct span *gap = span_first_hole(hole, nhole, from, to);
-        unsigned char *until = gap ? gap->memory : to;
-
-        if (until > from) {
-            c->span[c->nspan++] = (struct span){from, (size_t)(until - from)};
-            c->size += (size_t)(until - from);
-        }
-        from = gap ? span_end(gap) : to;
-    }
-}
-
 enum error_code checkpoint_create(const struct span *moving, size_t nmoving,
                                   const struct span *hole, size_t nhole, size_t copies,
                                   struct arena *arena, struct checkpoint **out, struct error *error)
@@ -65,7 +47,20 @@ enum error_code checkpoint_create(const struct span *moving, size_t nmoving,
     }
     for (size_t i = 0; i < nmoving; i++) {
         arena_join(moving[i].memory, moving[i].size);
-        checkpoint_cut_span(made, &moving[i], hole, nhole);
+
+        /* Cuts a span at the holes and adds its parts; each hole adds at most one span */
+        unsigned char *from = moving[i].memory, *to = span_end(&moving[i]);
+
+        while (from < to) {
+            const struct span *gap = span_first_hole(hole, nhole, from, to);
+            unsigned char *until = gap ? gap->memory : to;
+
+            if (until > from) {
+                made->span[made->nspan++] = (struct span){from, (size_t)(until - from)};
+                made->size += (size_t)(until - from);
+            }
+            from = gap ? span_end(gap) : to;
+        }
     }
     made->copy = arena_alloc(arena, copies, made->size);
     if (!made->copy) {

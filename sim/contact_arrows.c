@@ -59,16 +59,6 @@ static bool wrench_meets_ground(const struct contact_arrows *arrows, const doubl
     return true;
 }
 
-/* Finds the point of the wrench's axis nearest to the body's origin: r = f x m / (f . f).
- */
-static void wrench_nearest_point(const double origin[3], const double wrench[6], double at[3])
-{
-    double arm[3];
-
-    vec3_cross(wrench, wrench + 3, arm);
-    vec3_add_scaled(origin, 1.0 / vec3_dot(wrench, wrench), arm, at);
-}
-
 size_t contact_arrows_find(const struct contact_arrows *arrows, const double *value,
                            const double *pose, struct contact_arrow arrow[CONTACT_ARROWS])
 {
@@ -89,7 +79,12 @@ size_t contact_arrows_find(const struct contact_arrows *arrows, const double *va
             next->along[k] = wrench[k] / force;
         }
         if (!wrench_meets_ground(arrows, origin, wrench, next->at)) {
-            wrench_nearest_point(origin, wrench, next->at);
+            /* Finds the point of the wrench's axis nearest to the body's origin: r = f x m / (f .
+             * f). */
+            double arm[3];
+
+            vec3_cross(wrench, wrench + 3, arm);
+            vec3_add_scaled(origin, 1.0 / vec3_dot(wrench, wrench), arm, next->at);
         }
 
         /* A nearly pure moment has an axis far away: its arrow is shown at the body's origin */

@@ -25,21 +25,6 @@ static uint64_t event_key(enum event_source source, uint64_t topic)
     return (uint64_t)source << 32 | topic;
 }
 
-/* Returns the priority of a board's event: changes requested by a host are information. */
-static enum journal_priority board_event_priority(enum board_event_kind kind)
-{
-    switch (kind) {
-    case BOARD_EVENT_MODE:
-    case BOARD_EVENT_ADDRESS:
-    case BOARD_EVENT_RESTART:
-    case BOARD_EVENT_FIRMWARE:
-    case BOARD_EVENT_HEARD:
-        return JOURNAL_INFO;
-    default:
-        return JOURNAL_WARNING;
-    }
-}
-
 enum journal_priority simulator_event_priority(uint64_t key)
 {
     switch (key >> 32) {
@@ -48,7 +33,18 @@ enum journal_priority simulator_event_priority(uint64_t key)
                : key >> 8 >= LOOP_EVENT_PAUSED ? JOURNAL_NOTICE
                                                : JOURNAL_WARNING;
     case EVENT_BOARD:
-        return board_event_priority((enum board_event_kind)(key >> 16 & 0xffff));
+
+        /* Changes requested by a host are information */
+        switch ((enum board_event_kind)(key >> 16 & 0xffff)) {
+        case BOARD_EVENT_MODE:
+        case BOARD_EVENT_ADDRESS:
+        case BOARD_EVENT_RESTART:
+        case BOARD_EVENT_FIRMWARE:
+        case BOARD_EVENT_HEARD:
+            return JOURNAL_INFO;
+        default:
+            return JOURNAL_WARNING;
+        }
     case EVENT_RECORDER:
         return JOURNAL_ERROR;
     case EVENT_RELEASE:

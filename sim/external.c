@@ -70,40 +70,6 @@ static void external_add_motor(struct external *external, const struct rig *rig,
     }
 }
 
-/* Adds the sensor of an external force/torque board, to detect its frames. */
-static void external_add_sensor(struct external *external, const struct rig *rig, size_t board)
-{
-    const struct board_config *of = &rig->boards.board[board];
-    struct external_axis *to = &external->axis[external->count++];
-
-    *to = (struct external_axis){.board = board, .sensor = true, .heard_ns = -1};
-    while (rig->ft[to->index].bus != of->bus || rig->ft[to->index].address != of->address) {
-        to->index++;
-    }
-}
-
-/* Adds the axes and sensors of a bus's external boards, in the order of the boards. */
-static void external_add_bus(struct external *external, const struct rig *rig, size_t bus)
-{
-    const size_t first = rig->bus[bus].first_board;
-
-    external->by_bus[bus] = external->count;
-    for (size_t i = first; i < first + rig->bus[bus].nboard; i++) {
-        const struct board_config *board = &rig->boards.board[i];
-
-        for (size_t k = 0; board->external && board->kind == BOARD_MOTOR && k < BOARD_AXES_MAX;
-             k++) {
-            if (board->axis[k].joint >= 0) {
-                external_add_motor(external, rig, i, k);
-            }
-        }
-        if (board->external && board->kind == BOARD_FT) {
-            external_add_sensor(external, rig, i);
-        }
-    }
-    external->by_bus[bus + 1] = external->count;
-}
-
 enum error_code external_create(const struct rig *rig, struct boards *boards, struct plant *plant,
                                 struct arena *arena, struct external **out, struct error *error)
 {
@@ -133,7 +99,32 @@ enum error_code external_create(const struct rig *rig, struct boards *boards, st
     external->plant = plant;
     external->tick_ns = rig->tick_ns;
     for (size_t b = 0; b < rig->nbus; b++) {
-        external_add_bus(external, rig, b);
+        /* Adds the axes and sensors of a bus's external boards, in the order of the boards */
+        const size_t first = rig->bus[b].first_board;
+
+        external->by_bus[b] = external->count;
+        for (size_t i = first; i < first + rig->bus[b].nboard; i++) {
+            const struct board_config *board = &rig->boards.board[i];
+
+            for (size_t k = 0; board->external && board->kind == BOARD_MOTOR && k < BOARD_AXES_MAX;
+                 k++) {
+                if (board->axis[k].joint >= 0) {
+                    external_add_motor(external, rig, i, k);
+                }
+            }
+            if (board->external && board->kind == BOARD_FT) {
+                /* Adds the sensor of an external force/torque board, to detect its frames */
+                const struct board_config *of = &rig->boards.board[i];
+                struct external_axis *to = &external->axis[external->count++];
+
+                *to = (struct external_axis){.board = i, .sensor = true, .heard_ns = -1};
+                while (rig->ft[to->index].bus != of->bus ||
+                       rig->ft[to->index].address != of->address) {
+                    to->index++;
+                }
+            }
+        }
+        external->by_bus[b + 1] = external->count;
     }
 
     /* A host's codec reads the boards' frames */

@@ -24,12 +24,6 @@ struct fault_injection {
 
 /* ---- buses ---- */
 
-/* Checks whether only a wire can execute a fault of a bus. */
-static bool fault_needs_wire(const struct fault *fault)
-{
-    return fault->kind == FAULT_ERROR_BURST || fault->kind == FAULT_ID_COLLISION;
-}
-
 /* Returns the kind of port rule for a fault; FAULT_PORT_LOSS by default. */
 static enum fault_port_kind fault_port_kind_of(enum fault_kind kind)
 {
@@ -87,7 +81,7 @@ static enum error_code injection_create_port(struct fault_injection *injection, 
         if (fault->target != FAULT_BUS || fault->index != bus) {
             continue;
         }
-        if (fault_needs_wire(fault)) {
+        if (fault->kind == FAULT_ERROR_BURST || fault->kind == FAULT_ID_COLLISION) {
             injection->wire[i].wire = config->wire[bus];
             on_wire++;
         } else {
@@ -135,33 +129,6 @@ enum error_code fault_injection_create(const struct fault_injection_config *conf
     }
     *out = injection;
     return ERROR_NONE;
-}
-
-/* Arms a wire's fault at its start, and removes it at its end. */
-static void injection_step_wire(struct fault_injection *injection, size_t index)
-{
-    const struct fault *fault = faults_at(injection->config.faults, index);
-    struct wire_injection *state = &injection->wire[index];
-    bool begins = fault->active && !state->was_active, ends = !fault->active && state->was_active;
-
-    state->was_active = fault->active;
-    if (begins) {
-        const struct wire_fault noise = {
-            .kind = fault->kind == FAULT_ERROR_BURST ? WIRE_FAULT_CORRUPT : WIRE_FAULT_COLLISION,
-            .node = WIRE_ANY,
-            .receiver = WIRE_ANY,
-            .id = fault->id >= 0 ? (uint32_t)fault->id : 0,
-            .id_mask = fault->id >= 0 ? UINT32_MAX : 0,
-            .probability = fault->value[0],
-            .from_ns = injection->now_ns,
-        };
-
-        state->armed = wire_inject(state->wire, &noise);
-    }
-    if (ends && state->armed >= 0) {
-        wire_heal(state->wire, state->armed);
-        state->armed = -1;
-    }
 }
 
 /* ---- motors, valves and supplies ---- */
@@ -221,33 +188,6 @@ static void break_hydraulic_supply(const struct fault *fault, double pressure,
     }
 }
 
-/* Clears the plant's command and writes all active faults of drives, valves and supplies to it. */
-static void injection_step_command(struct fault_injection *injection)
-{
-    const double pressure = injection->config.rig->robot->hydraulic_supply.pressure;
-    struct plant_command *command = injection->config.command;
-
-    command->supply_sag_v = 0.0;
-    command->oil = (struct hydraulic_supply_condition){0};
-    for (size_t j = 0; j < command->njoint; j++) {
-        command->motor[j].condition = 0;
-        command->motor[j].valve_shift = command->motor[j].piston_leak = 0.0;
-    }
-    for (size_t i = 0; i < faults_count(injection->config.faults); i++) {
-        const struct fault *fault = faults_at(injection->config.faults, i);
-
-        if (fault->active && fault->target == FAULT_MOTOR) {
-            command->motor[fault->index].condition |= fault_drive_condition(fault->kind);
-        } else if (fault->active && fault->target == FAULT_SUPPLY) {
-            command->supply_sag_v += fault->value[0];
-        } else if (fault->active && fault->target == FAULT_VALVE) {
-            break_valve(fault, pressure, &command->motor[fault->index]);
-        } else if (fault->active && fault->target == FAULT_HYDRAULIC_SUPPLY) {
-            break_hydraulic_supply(fault, pressure, &command->oil);
-        }
-    }
-}
-
 /* Sets the virtual time of the fault ports. */
 static void injection_set_port_time(struct fault_injection *injection)
 {
@@ -272,10 +212,58 @@ void fault_injection_step(struct fault_injection *injection, int64_t now_ns)
     }
     injection->now_ns = now_ns;
     faults_step(injection->config.faults, now_ns);
-    injection_step_command(injection);
+
+    /* Clears the plant's command and writes all active faults of drives, valves and supplies to
+     * it */
+    const double pressure = injection->config.rig->robot->hydraulic_supply.pressure;
+    struct plant_command *command = injection->config.command;
+
+    command->supply_sag_v = 0.0;
+    command->oil = (struct hydraulic_supply_condition){0};
+    for (size_t j = 0; j < command->njoint; j++) {
+        command->motor[j].condition = 0;
+        command->motor[j].valve_shift = command->motor[j].piston_leak = 0.0;
+    }
+    for (size_t i = 0; i < faults_count(injection->config.faults); i++) {
+        const struct fault *fault = faults_at(injection->config.faults, i);
+
+        if (fault->active && fault->target == FAULT_MOTOR) {
+            command->motor[fault->index].condition |= fault_drive_condition(fault->kind);
+        } else if (fault->active && fault->target == FAULT_SUPPLY) {
+            command->supply_sag_v += fault->value[0];
+        } else if (fault->active && fault->target == FAULT_VALVE) {
+            break_valve(fault, pressure, &command->motor[fault->index]);
+        } else if (fault->active && fault->target == FAULT_HYDRAULIC_SUPPLY) {
+            break_hydraulic_supply(fault, pressure, &command->oil);
+        }
+    }
     for (size_t i = 0; i < count; i++) {
         if (injection->wire[i].wire) {
-            injection_step_wire(injection, i);
+            /* Arms a wire's fault at its start, and removes it at its end */
+            const struct fault *fault = faults_at(injection->config.faults, i);
+            struct wire_injection *state = &injection->wire[i];
+            bool begins = fault->active && !state->was_active,
+                 ends = !fault->active && state->was_active;
+
+            state->was_active = fault->active;
+            if (begins) {
+                const struct wire_fault noise = {
+                    .kind = fault->kind == FAULT_ERROR_BURST ? WIRE_FAULT_CORRUPT
+                                                             : WIRE_FAULT_COLLISION,
+                    .node = WIRE_ANY,
+                    .receiver = WIRE_ANY,
+                    .id = fault->id >= 0 ? (uint32_t)fault->id : 0,
+                    .id_mask = fault->id >= 0 ? UINT32_MAX : 0,
+                    .probability = fault->value[0],
+                    .from_ns = injection->now_ns,
+                };
+
+                state->armed = wire_inject(state->wire, &noise);
+            }
+            if (ends && state->armed >= 0) {
+                wire_heal(state->wire, state->armed);
+                state->armed = -1;
+            }
         }
     }
     injection_set_port_time(injection);

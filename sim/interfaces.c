@@ -139,23 +139,6 @@ static bool watch_configure(struct interface_watch *watch, const struct interfac
     return true;
 }
 
-/* Repairs or reports a bit rate that differs from the rig's. */
-static void watch_check_bitrate(struct interface_watch *watch, const struct interface_ops *ops)
-{
-    const uint32_t actual = watch->info.controller.timing.bitrate;
-    const bool wrong = watch->info.up && !interface_bitrate_fits(actual, watch->bus->bitrate);
-    char found[64];
-
-    snprintf(found, sizeof found, "runs at %u bit/s", actual);
-    if (wrong && watch->bus->configure) {
-        watch_configure(watch, ops, found);
-    } else if (wrong && !watch->mismatch) {
-        watch_report(watch, "%s, the rig says %" PRId64 ": it disturbs the bus", found,
-                     watch->bus->bitrate);
-    }
-    watch->mismatch = wrong;
-}
-
 /* Restarts a controller in bus-off, unless the limit per minute is reached. */
 static void watch_restart(struct interface_watch *watch, const struct interface_ops *ops,
                           int64_t now_ns)
@@ -181,29 +164,6 @@ static void watch_restart(struct interface_watch *watch, const struct interface_
     watch_report(watch, "was in bus-off: restarted, number %" PRIu64, watch->restarts);
 }
 
-/* Restarts or reports a controller in bus-off. */
-static void watch_check_bus_off(struct interface_watch *watch, const struct interface_ops *ops,
-                                int64_t now_ns)
-{
-    const struct link_controller *controller = &watch->info.controller;
-    const bool off = watch->info.up && controller->state == CAN_STATE_BUS_OFF;
-
-    if (off && watch->bus->configure && !controller->restart_ms) {
-        watch_restart(watch, ops, now_ns);
-    } else if (off && !watch->off) {
-        if (controller->restart_ms) {
-            watch_report(watch, "is in bus-off; the kernel restarts it after %u ms",
-                         controller->restart_ms);
-        } else {
-            watch_report(watch,
-                         "is in bus-off until it is restarted (`ip link set %s type can "
-                         "restart`)",
-                         watch->name);
-        }
-    }
-    watch->off = off;
-}
-
 /* Polls an interface, repairs it as far as allowed, and posts the controller's state to its
  * ports. */
 static void watch_poll(struct interface_watch *watch, const struct interface_ops *ops,
@@ -225,8 +185,38 @@ static void watch_poll(struct interface_watch *watch, const struct interface_ops
             watch->info.index = before; /* tries again at the next poll */
         }
     } else {
-        watch_check_bitrate(watch, ops);
-        watch_check_bus_off(watch, ops, now_ns);
+        /* Repairs or reports a bit rate that differs from the rig's */
+        const uint32_t actual = watch->info.controller.timing.bitrate;
+        const bool wrong = watch->info.up && !interface_bitrate_fits(actual, watch->bus->bitrate);
+        char found[64];
+
+        snprintf(found, sizeof found, "runs at %u bit/s", actual);
+        if (wrong && watch->bus->configure) {
+            watch_configure(watch, ops, found);
+        } else if (wrong && !watch->mismatch) {
+            watch_report(watch, "%s, the rig says %" PRId64 ": it disturbs the bus", found,
+                         watch->bus->bitrate);
+        }
+        watch->mismatch = wrong;
+
+        /* Restarts or reports a controller in bus-off */
+        const struct link_controller *controller = &watch->info.controller;
+        const bool off = watch->info.up && controller->state == CAN_STATE_BUS_OFF;
+
+        if (off && watch->bus->configure && !controller->restart_ms) {
+            watch_restart(watch, ops, now_ns);
+        } else if (off && !watch->off) {
+            if (controller->restart_ms) {
+                watch_report(watch, "is in bus-off; the kernel restarts it after %u ms",
+                             controller->restart_ms);
+            } else {
+                watch_report(watch,
+                             "is in bus-off until it is restarted (`ip link set %s type can "
+                             "restart`)",
+                             watch->name);
+            }
+        }
+        watch->off = off;
     }
     watch->seen = true;
     if (interface_port_state(&info, &state)) {

@@ -82,9 +82,17 @@ static bool simulator_all_motors_on(const struct simulator *simulator)
     return simulator_count_motors(simulator, &on) == on;
 }
 
-/* Records for the log that an axis has tripped because its link is clamped. */
-static void simulator_note_clamped_trip(struct simulator *simulator, int64_t now_ns)
+/* Runs the boards' control, and sets the motion of external boards' rotors. */
+static void machine_control(void *context, int64_t now_ns)
 {
+    struct simulator *simulator = context;
+
+    boards_control(simulator->boards, now_ns, plant_command(simulator->plant));
+    if (simulator->external) {
+        external_control(simulator->external, now_ns);
+    }
+
+    /* Records for the log that an axis has tripped because its link is clamped */
     struct release *release = &simulator->release;
     struct boards_counters counters;
     size_t on;
@@ -96,13 +104,8 @@ static void simulator_note_clamped_trip(struct simulator *simulator, int64_t now
         atomic_store(&simulator->clamped_trip, now_ns);
     }
     release->trips = counters.trips;
-}
 
-/* Releases a clamped robot when all its motors are on; a settled robot BRAKE_NS later. */
-static void simulator_release_robot(struct simulator *simulator, int64_t now_ns)
-{
-    struct release *release = &simulator->release;
-
+    /* Releases a clamped robot when all its motors are on; a settled robot BRAKE_NS later */
     if (release->due && simulator_all_motors_on(simulator)) {
         release->due = false;
         release->at_ns = now_ns + (simulator->config.settle ? BRAKE_NS : 0);
@@ -112,19 +115,6 @@ static void simulator_release_robot(struct simulator *simulator, int64_t now_ns)
         release->at_ns = -1;
         atomic_store(&simulator->released, now_ns);
     }
-}
-
-/* Runs the boards' control, and sets the motion of external boards' rotors. */
-static void machine_control(void *context, int64_t now_ns)
-{
-    struct simulator *simulator = context;
-
-    boards_control(simulator->boards, now_ns, plant_command(simulator->plant));
-    if (simulator->external) {
-        external_control(simulator->external, now_ns);
-    }
-    simulator_note_clamped_trip(simulator, now_ns);
-    simulator_release_robot(simulator, now_ns);
 }
 
 /* Stores the reason if the model has failed; returns whether it is valid. */

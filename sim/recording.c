@@ -18,28 +18,24 @@ struct bus_tap {
 
 /* ---- rows ---- */
 
-/* Writes the poses of the robot's bodies, then of the free bodies: position (m), quaternion
- * wxyz. */
-static void recording_fill_poses(const struct simulator *simulator, double *to)
-{
-    const struct rig *rig = simulator->config.rig;
-    const struct body_motion *motion = plant_whole_motion(simulator->plant);
-
-    for (size_t b = 0; b < rig->robot->nbody; b++) {
-        memcpy(to, motion[b].p, sizeof motion[b].p);
-        quaternion_from_mat3(motion[b].R, to + 3);
-        to += RECORDER_POSE;
-    }
-    for (size_t i = 0; i < rig->nfree; i++) {
-        plant_free_pose(simulator->plant, i, to);
-        to += RECORDER_POSE;
-    }
-}
-
 void simulator_record_row(struct simulator *simulator)
 {
     if (simulator->recorder && simulator->status.tick % simulator->row_ticks == 0) {
-        recording_fill_poses(simulator, simulator_fill_signals(simulator, simulator->row));
+        /* Writes the poses of the robot's bodies, then of the free bodies: position (m), quaternion
+         * wxyz */
+        double *to = simulator_fill_signals(simulator, simulator->row);
+        const struct rig *rig = simulator->config.rig;
+        const struct body_motion *motion = plant_whole_motion(simulator->plant);
+
+        for (size_t b = 0; b < rig->robot->nbody; b++) {
+            memcpy(to, motion[b].p, sizeof motion[b].p);
+            quaternion_from_mat3(motion[b].R, to + 3);
+            to += RECORDER_POSE;
+        }
+        for (size_t i = 0; i < rig->nfree; i++) {
+            plant_free_pose(simulator->plant, i, to);
+            to += RECORDER_POSE;
+        }
         recorder_row(simulator->recorder, simulator->status.time_ns, simulator->row);
     }
 }

@@ -85,21 +85,6 @@ static enum request_verdict robot_push_body(void *context, const struct loop_req
     return REQUEST_OK;
 }
 
-/* Ends the pushes whose duration has passed. */
-static void robot_end_pushes(struct robot_requests *s, int64_t now_ns)
-{
-    const double none[3] = {0.0, 0.0, 0.0};
-
-    s->moving.pushing = false;
-    for (size_t b = 0; b < robot_body_count(s); b++) {
-        if (s->push_until[b] > 0 && now_ns >= s->push_until[b]) {
-            s->push_until[b] = 0;
-            plant_set_push(s->config.plant, (int)b, none, none);
-        }
-        s->moving.pushing = s->moving.pushing || s->push_until[b] > 0;
-    }
-}
-
 /* Returns the name of a body: the robot's first, then free ones. */
 static const char *robot_body_name(void *context, size_t index)
 {
@@ -281,35 +266,40 @@ static uint64_t tunable_changes(void *context)
            (s->config.task ? task_changes(s->config.task) : 0);
 }
 
-/* Moves each winch by at most its speed times a tick, so that the rope does not jerk. */
-static void robot_wind_winches(struct robot_requests *s)
-{
-    struct plant_command *command = plant_command(s->config.plant);
-    double most = ROBOT_REQUESTS_WINCH_M_S * 1e-9 * (double)s->config.rig->tick_ns;
-
-    s->moving.winding = false;
-    for (size_t j = 0; j < command->njoint; j++) {
-        double *is = &command->motor[j].pretension_m, left = s->pretension[j] - *is;
-
-        if (fabs(left) > most) {
-            *is += copysign(most, left);
-            s->moving.winding = true;
-        } else {
-            *is = s->pretension[j];
-        }
-    }
-}
-
 /* Advances pushes and winches by a tick. */
 static void robot_advance_requests(void *context, int64_t now_ns)
 {
     struct robot_requests *s = context;
 
     if (s->moving.pushing) {
-        robot_end_pushes(s, now_ns);
+        /* Ends the pushes whose duration has passed */
+        const double none[3] = {0.0, 0.0, 0.0};
+
+        s->moving.pushing = false;
+        for (size_t b = 0; b < robot_body_count(s); b++) {
+            if (s->push_until[b] > 0 && now_ns >= s->push_until[b]) {
+                s->push_until[b] = 0;
+                plant_set_push(s->config.plant, (int)b, none, none);
+            }
+            s->moving.pushing = s->moving.pushing || s->push_until[b] > 0;
+        }
     }
     if (s->moving.winding) {
-        robot_wind_winches(s);
+        /* Moves each winch by at most its speed times a tick, so that the rope does not jerk */
+        struct plant_command *command = plant_command(s->config.plant);
+        double most = ROBOT_REQUESTS_WINCH_M_S * 1e-9 * (double)s->config.rig->tick_ns;
+
+        s->moving.winding = false;
+        for (size_t j = 0; j < command->njoint; j++) {
+            double *is = &command->motor[j].pretension_m, left = s->pretension[j] - *is;
+
+            if (fabs(left) > most) {
+                *is += copysign(most, left);
+                s->moving.winding = true;
+            } else {
+                *is = s->pretension[j];
+            }
+        }
     }
 }
 

@@ -138,30 +138,6 @@ static int surface_count_primitives(const struct contact_surface *s, enum scene_
     return 0;
 }
 
-/* Writes primitive i of a surface in a list. */
-static void scene_put_surface(FILE *out, const struct contact_surface *s, enum scene_list list,
-                              int i)
-{
-    const struct scene_color *color = s->body < 0                ? &color_world
-                                      : s->shape == CONTACT_MESH ? &color_sole
-                                                                 : &color_body;
-    double size[3] = {2.0 * s->radius_m, 2.0 * s->radius_m, s->length_m};
-
-    if (s->shape == CONTACT_HALF_SPACE) {
-        scene_put_ground(out, s);
-    } else if (s->shape == CONTACT_MESH) {
-        scene_put_mesh(out, s, color);
-    } else if (s->shape == CONTACT_CAPSULE && list == LIST_SPHERES) {
-        scene_put_capsule_end(out, s, i ? -1.0 : 1.0, color);
-    } else {
-        for (int k = 0; k < 3 && s->shape == CONTACT_BOX; k++) {
-            size[k] = 2.0 * s->half_extent_m[k];
-        }
-        size[2] = s->shape == CONTACT_SPHERE ? 2.0 * s->radius_m : size[2];
-        scene_put_solid(out, s->position, s->rotation, size, color, list == LIST_CYLINDERS);
-    }
-}
-
 /* ---- bodies ---- */
 
 /* Returns the rig's body (the robot's, then free ones) with this surface; -1 = the world. */
@@ -227,7 +203,27 @@ static void scene_put_list(const struct scene_writer *w, int body, enum scene_li
 
         for (int i = 0; i < count && scene_surface_body(w->rig, surface) == body; i++) {
             fputs(separator, w->out);
-            scene_put_surface(w->out, surface, list, i);
+
+            /* Writes primitive i of a surface in a list */
+            const struct scene_color *color = surface->body < 0                ? &color_world
+                                              : surface->shape == CONTACT_MESH ? &color_sole
+                                                                               : &color_body;
+            double size[3] = {2.0 * surface->radius_m, 2.0 * surface->radius_m, surface->length_m};
+
+            if (surface->shape == CONTACT_HALF_SPACE) {
+                scene_put_ground(w->out, surface);
+            } else if (surface->shape == CONTACT_MESH) {
+                scene_put_mesh(w->out, surface, color);
+            } else if (surface->shape == CONTACT_CAPSULE && list == LIST_SPHERES) {
+                scene_put_capsule_end(w->out, surface, i ? -1.0 : 1.0, color);
+            } else {
+                for (int k = 0; k < 3 && surface->shape == CONTACT_BOX; k++) {
+                    size[k] = 2.0 * surface->half_extent_m[k];
+                }
+                size[2] = surface->shape == CONTACT_SPHERE ? 2.0 * surface->radius_m : size[2];
+                scene_put_solid(w->out, surface->position, surface->rotation, size, color,
+                                list == LIST_CYLINDERS);
+            }
             separator = ",";
         }
     }

@@ -24,26 +24,6 @@ enum { STREAM_ROWS = 1024 }; /* rows of a stream: one second at 1 kHz */
 
 /* ---- rows ---- */
 
-/* Writes force and moment of each listed pair of surfaces on its second surface; the moment is
- * about the middle of the patch. The bodies' wrenches also include other pairs of the robot's
- * surfaces. */
-static void signals_fill_pairs(const struct simulator *simulator, double *to)
-{
-    size_t npair = simulator->config.rig->nlisted_pair, count;
-
-    memset(to, 0, npair * SIGNALS_PER_PAIR * sizeof *to);
-    count = npair ? plant_patches(simulator->plant, simulator->patch, simulator->npatch) : 0;
-    for (size_t i = 0; i < count && i < simulator->npatch; i++) {
-        const struct contact_patch *patch = &simulator->patch[i];
-        double *row = to + (size_t)patch->pair * SIGNALS_PER_PAIR;
-
-        for (int k = 0; k < 3 && (size_t)patch->pair < npair; k++) {
-            row[k] += patch->force[k];
-            row[3 + k] += patch->moment[k];
-        }
-    }
-}
-
 /* Writes force/torque and inertial sensors, true or measured; returns the address after the last
  * value. */
 static double *signals_fill_sensors(const struct robot *robot, const struct plant_sensors *sensors,
@@ -64,23 +44,6 @@ static double *signals_fill_sensors(const struct robot *robot, const struct plan
         to += SIGNALS_PER_IMU;
     }
     return to;
-}
-
-/* Writes the true values of the robot's sensors outside the joints, then all measured values of
- * the boards. */
-static double *signals_fill_sensed(const struct simulator *simulator, double *to)
-{
-    const struct robot *robot = simulator->config.rig->robot;
-    const struct plant_sensors *seen = simulator->measured;
-
-    to = signals_fill_sensors(robot, plant_sensors(simulator->plant), to);
-    for (size_t j = 0; j < robot->njoint; j++) {
-        *to++ = seen->motor[j].q;
-        *to++ = seen->motor[j].qm;
-        *to++ = seen->motor[j].torque_nm;
-        *to++ = seen->motor[j].current_a;
-    }
-    return signals_fill_sensors(robot, seen, to);
 }
 
 /* Writes pressures (Pa) and valve openings of hydraulic joints, and the pressure of their
@@ -136,7 +99,23 @@ double *simulator_fill_signals(const struct simulator *simulator, double *to)
         plant_contact_mean(simulator->plant, c, to + 7);
         to += SIGNALS_PER_CONTACT;
     }
-    signals_fill_pairs(simulator, to);
+
+    /* Writes force and moment of each listed pair of surfaces on its second surface; the moment is
+     * about the middle of the patch. The bodies' wrenches also include other pairs of the robot's
+     * surfaces. */
+    size_t npair = simulator->config.rig->nlisted_pair, count;
+
+    memset(to, 0, npair * SIGNALS_PER_PAIR * sizeof *to);
+    count = npair ? plant_patches(simulator->plant, simulator->patch, simulator->npatch) : 0;
+    for (size_t i = 0; i < count && i < simulator->npatch; i++) {
+        const struct contact_patch *patch = &simulator->patch[i];
+        double *row = to + (size_t)patch->pair * SIGNALS_PER_PAIR;
+
+        for (int k = 0; k < 3 && (size_t)patch->pair < npair; k++) {
+            row[k] += patch->force[k];
+            row[3 + k] += patch->moment[k];
+        }
+    }
     to += rig->nlisted_pair * SIGNALS_PER_PAIR;
 
     /* Poses of the base and of free bodies */
@@ -148,7 +127,20 @@ double *simulator_fill_signals(const struct simulator *simulator, double *to)
         plant_free_pose(simulator->plant, i, to);
         to += SIGNALS_PER_FREE;
     }
-    to = signals_fill_sensed(simulator, to);
+
+    /* Writes the true values of the robot's sensors outside the joints, then all measured values of
+     * the boards */
+    const struct robot *robot = simulator->config.rig->robot;
+    const struct plant_sensors *seen = simulator->measured;
+
+    to = signals_fill_sensors(robot, plant_sensors(simulator->plant), to);
+    for (size_t j = 0; j < robot->njoint; j++) {
+        *to++ = seen->motor[j].q;
+        *to++ = seen->motor[j].qm;
+        *to++ = seen->motor[j].torque_nm;
+        *to++ = seen->motor[j].current_a;
+    }
+    to = signals_fill_sensors(robot, seen, to);
     to = signals_fill_hydraulics(simulator, to);
 
     /* Estimates and plans of an inline task; a task in its own thread is not read */
@@ -325,14 +317,6 @@ static void title_add_recorded(struct title_list *list, const struct rig *rig)
     title_add_hydraulics(list, rig->robot);
 }
 
-/* Appends the titles of a task that the loop steps. */
-static void title_add_task(struct title_list *list, const struct simulator *simulator)
-{
-    if (simulator->task_inline) {
-        title_add_group(list, simulator->task->signal_name, simulator->task->nsignal, "");
-    }
-}
-
 /* Makes the titles of the columns of signals.csv, then of those only in the stream; returns false
  * without memory. */
 static bool signals_make_titles(struct simulator *simulator)
@@ -351,7 +335,11 @@ static bool signals_make_titles(struct simulator *simulator)
     list.title = arena_alloc(simulator->arena, count + 1, sizeof *list.title);
     list.good = list.title != NULL;
     title_add_recorded(&list, rig);
-    title_add_task(&list, simulator);
+
+    /* Appends the titles of a task that the loop steps */
+    if (simulator->task_inline) {
+        title_add_group(&list, simulator->task->signal_name, simulator->task->nsignal, "");
+    }
     simulator->nrecorded = list.count;
     for (size_t b = 0; b < rig->nbus; b++) {
         title_add_group(&list, bus, SIGNALS_PER_BUS, rig->bus[b].name);

@@ -153,18 +153,6 @@ enum error_code simulator_finish_recording(struct simulator *simulator,
     return recorder ? recorder_close(recorder, counters, error) : ERROR_NONE;
 }
 
-/* Counts frames that clients have sent since the last tick as received or lost. No board receives
- * them, but the sums of sent and counted frames then agree. */
-static void simulator_receive_rest(struct simulator *simulator)
-{
-    struct bus_frame frame[64];
-
-    for (size_t b = 0; simulator->buses.local && b < simulator->ports.count; b++) {
-        while (can_receive(simulator->ports.port[b], frame, 64)) {
-        }
-    }
-}
-
 bool simulator_close_gateway(struct simulator *simulator, struct gateway_counters *counters)
 {
     struct gateway *gateway = simulator->gateway;
@@ -174,7 +162,15 @@ bool simulator_close_gateway(struct simulator *simulator, struct gateway_counter
     }
     simulator->gateway = NULL;
     gateway_stop(gateway);
-    simulator_receive_rest(simulator);
+
+    /* Counts frames that clients have sent since the last tick as received or lost. No board
+     * receives them, but the sums of sent and counted frames then agree. */
+    struct bus_frame frame[64];
+
+    for (size_t b = 0; simulator->buses.local && b < simulator->ports.count; b++) {
+        while (can_receive(simulator->ports.port[b], frame, 64)) {
+        }
+    }
     gateway_counters(gateway, counters);
     return true;
 }

@@ -107,9 +107,6 @@ void simulator_fill_start(struct simulator *simulator);
 /* Creates the view; call it after the signals, because it needs their number. */
 enum error_code simulator_create_view(struct simulator *simulator, struct error *error);
 
-/* Publishes a view of the last tick if one is wanted. RT-safe. */
-void simulator_offer_view(struct simulator *simulator);
-
 /* Returns the signals in the last tick's view; NULL without one. RT-safe. */
 const double *simulator_view_signals(const struct simulator *simulator);
 
@@ -133,7 +130,7 @@ double *simulator_fill_signals(const struct simulator *simulator, double *to);
 /* Writes a row of the stream: the recorded signals, then those of the buses. RT-safe. */
 void simulator_fill_stream(const struct simulator *simulator, double *to);
 
-/* Writes a row for each reader with a due row; call it after simulator_offer_view. RT-safe. */
+/* Writes a row for each reader with a due row; call it after simulator_publish. RT-safe. */
 void simulator_stream_row(struct simulator *simulator);
 
 /* ---- recording.c ---- */

@@ -66,24 +66,6 @@ static void status_fill_external(struct simulator *simulator)
     }
 }
 
-/* Copies the loop's accounts. */
-static void status_fill_counters(struct simulator *simulator, const struct loop_stats *stats)
-{
-    struct simulator_status *status = &simulator->status;
-
-    status->tick = stats->ticks;
-    status->start_ns = stats->start_ns;
-    status->elapsed_ns = clock_now(simulator->time) - stats->start_ns;
-    status->overruns = stats->overrun_total;
-    memcpy(status->overruns_by, stats->overruns, sizeof status->overruns_by);
-    status->late_ticks = stats->late_ticks;
-    status->lost_ticks = stats->lost_ticks;
-    status->pauses = stats->pauses;
-    status->pause_ticks = stats->pause_ticks;
-    status->events_lost = stats->events_lost;
-    status->lockstep = stats->lockstep;
-}
-
 /* Copies the active faults, one bit each. */
 static void status_fill_faults(struct simulator *simulator)
 {
@@ -131,7 +113,21 @@ void simulator_publish(void *context, int64_t now_ns, const struct loop_stats *s
     struct simulator *simulator = context;
 
     simulator->status.time_ns = now_ns;
-    status_fill_counters(simulator, stats);
+
+    /* Copies the loop's accounts */
+    struct simulator_status *status = &simulator->status;
+
+    status->tick = stats->ticks;
+    status->start_ns = stats->start_ns;
+    status->elapsed_ns = clock_now(simulator->time) - stats->start_ns;
+    status->overruns = stats->overrun_total;
+    memcpy(status->overruns_by, stats->overruns, sizeof status->overruns_by);
+    status->late_ticks = stats->late_ticks;
+    status->lost_ticks = stats->lost_ticks;
+    status->pauses = stats->pauses;
+    status->pause_ticks = stats->pause_ticks;
+    status->events_lost = stats->events_lost;
+    status->lockstep = stats->lockstep;
     status_fill_faults(simulator);
     status_fill_buses(simulator);
     status_fill_plant(simulator);
@@ -139,5 +135,8 @@ void simulator_publish(void *context, int64_t now_ns, const struct loop_stats *s
         status_fill_external(simulator);
     }
     snapshot_write(simulator->published, &simulator->status);
-    simulator_offer_view(simulator);
+
+    /* Publishes a view of the last tick if one is wanted */
+    simulator->view_stale = true;
+    simulator_renew_view(simulator);
 }

@@ -51,22 +51,6 @@ static uint64_t state_hash(const struct summary *summary)
 
 /* ---- text ---- */
 
-/* Prints how the run ended, its times and the state hash. */
-static void summary_print_time(const struct summary *summary, FILE *out)
-{
-    const struct simulator_config *config = simulator_configuration(summary->simulator);
-    const struct loop_stats *stats = simulator_stats(summary->simulator);
-
-    fprintf(out, "%s (%s clock, %s buses): %s\n", config->rig->name,
-            word_of(loop_clock_words, config->clock),
-            simulator_is_local(summary->simulator) ? "local" : "SocketCAN",
-            summary_end_text(summary->end));
-    fprintf(out, "  %" PRIu64 " ticks, %.3f s virtual in %.3f s, real-time factor %.3f\n",
-            stats->ticks, summary_seconds(stats->time_ns),
-            summary_seconds(stats->end_ns - stats->start_ns), summary_real_time_factor(stats));
-    fprintf(out, "  state hash %016" PRIx64 "\n", state_hash(summary));
-}
-
 /* Prints the accounts of the real clock, and a hint if the machine is too slow. */
 static void print_overruns(const struct loop_stats *stats, FILE *out)
 {
@@ -157,43 +141,6 @@ static double summary_bus_load(const struct summary *summary, size_t bus)
                            : 0.0;
 }
 
-/* Prints a table of the buses. */
-static void summary_print_buses(const struct summary *summary, FILE *out)
-{
-    const struct rig *rig = simulator_configuration(summary->simulator)->rig;
-
-    fprintf(out, "  %-10s %-10s %10s %10s %9s %9s %8s %8s  %s\n", "bus", "interface", "rx", "tx",
-            "rx lost", "tx lost", "errors", "load", "state");
-    for (size_t b = 0; b < rig->nbus; b++) {
-        const struct can_port *port = simulator_port(summary->simulator, b);
-        const struct can_counters *c = &port->counters;
-
-        fprintf(out,
-                "  %-10s %-10s %10" PRIu64 " %10" PRIu64 " %9" PRIu64 " %9" PRIu64 " %8" PRIu64
-                " %6.1f %%  %s\n",
-                rig->bus[b].name, port->bus, c->rx_frames, c->tx_frames, c->rx_dropped,
-                c->tx_dropped, c->error_frames, summary_bus_load(summary, b),
-                can_port_state_name(port->state));
-    }
-}
-
-/* Prints the final state of the CAN controllers of real interfaces, and of their queues. */
-static void print_can_controllers(const struct summary *summary, FILE *out)
-{
-    const struct rig *rig = simulator_configuration(summary->simulator)->rig;
-    char text[320];
-
-    for (size_t b = 0; b < rig->nbus; b++) {
-        const struct can_port *port = simulator_port(summary->simulator, b);
-
-        if (simulator_can_controller_state(summary->simulator, b, text, sizeof text)) {
-            fprintf(out,
-                    "  %s: %s; queue full %" PRIu64 " times, frames kept for later %" PRIu64 "\n",
-                    port->bus, text, port->counters.tx_queue_full, port->counters.tx_held);
-        }
-    }
-}
-
 /* Returns the sum of n counters. */
 static unsigned long long summary_sum(const uint64_t *count, size_t n)
 {
@@ -203,32 +150,6 @@ static unsigned long long summary_sum(const uint64_t *count, size_t n)
         sum += count[i];
     }
     return sum;
-}
-
-/* Prints a table of the wires in virtual time. */
-static void print_wires(const struct summary *summary, FILE *out)
-{
-    const struct rig *rig = simulator_configuration(summary->simulator)->rig;
-
-    for (size_t b = 0; b < rig->nbus; b++) {
-        const struct wire *wire = simulator_wire(summary->simulator, b);
-        struct wire_stats w;
-
-        if (!wire) {
-            continue;
-        }
-        if (b == 0) {
-            fprintf(out, "  %-10s %9s %9s %9s %9s %8s %6s %8s %8s %8s\n", "wire", "frames", "mean",
-                    "peak", "worst ms", "of id", "queue", "drops", "errors", "bus-off");
-        }
-        wire_stats(wire, &w);
-        fprintf(out,
-                "  %-10s %9" PRIu64 " %7.1f %% %7.1f %% %9.3f    0x%03x %6zu %8llu %8llu %8" PRIu64
-                "\n",
-                rig->bus[b].name, w.frames, 100.0 * w.load_mean, 100.0 * w.load_peak,
-                summary_us(w.latency_max_ns) * 1e-3, w.latency_max_id, w.queued_peak,
-                summary_sum(w.dropped, WIRE_DROPS), summary_sum(w.errors, WIRE_ERRORS), w.bus_offs);
-    }
 }
 
 /* Prints the counters of boards, lockstep and recorder, and the number of lost events. */
@@ -308,14 +229,73 @@ static void print_energy(const struct summary *summary, FILE *out)
 
 void summary_print(const struct summary *summary, FILE *out)
 {
-    summary_print_time(summary, out);
+    /* Prints how the run ended, its times and the state hash */
+    const struct simulator_config *config = simulator_configuration(summary->simulator);
+    const struct loop_stats *stats = simulator_stats(summary->simulator);
+
+    fprintf(out, "%s (%s clock, %s buses): %s\n", config->rig->name,
+            word_of(loop_clock_words, config->clock),
+            simulator_is_local(summary->simulator) ? "local" : "SocketCAN",
+            summary_end_text(summary->end));
+    fprintf(out, "  %" PRIu64 " ticks, %.3f s virtual in %.3f s, real-time factor %.3f\n",
+            stats->ticks, summary_seconds(stats->time_ns),
+            summary_seconds(stats->end_ns - stats->start_ns), summary_real_time_factor(stats));
+    fprintf(out, "  state hash %016" PRIx64 "\n", state_hash(summary));
     if (simulator_configuration(summary->simulator)->clock == LOOP_CLOCK_REAL) {
         print_overruns(simulator_stats(summary->simulator), out);
     }
     summary_print_phases(summary, out);
-    summary_print_buses(summary, out);
-    print_can_controllers(summary, out);
-    print_wires(summary, out);
+
+    /* Prints a table of the buses */
+    const struct rig *rig = simulator_configuration(summary->simulator)->rig;
+
+    fprintf(out, "  %-10s %-10s %10s %10s %9s %9s %8s %8s  %s\n", "bus", "interface", "rx", "tx",
+            "rx lost", "tx lost", "errors", "load", "state");
+    for (size_t b = 0; b < rig->nbus; b++) {
+        const struct can_port *port = simulator_port(summary->simulator, b);
+        const struct can_counters *c = &port->counters;
+
+        fprintf(out,
+                "  %-10s %-10s %10" PRIu64 " %10" PRIu64 " %9" PRIu64 " %9" PRIu64 " %8" PRIu64
+                " %6.1f %%  %s\n",
+                rig->bus[b].name, port->bus, c->rx_frames, c->tx_frames, c->rx_dropped,
+                c->tx_dropped, c->error_frames, summary_bus_load(summary, b),
+                can_port_state_name(port->state));
+    }
+
+    /* Prints the final state of the CAN controllers of real interfaces, and of their queues */
+    char text[320];
+
+    for (size_t b = 0; b < rig->nbus; b++) {
+        const struct can_port *port = simulator_port(summary->simulator, b);
+
+        if (simulator_can_controller_state(summary->simulator, b, text, sizeof text)) {
+            fprintf(out,
+                    "  %s: %s; queue full %" PRIu64 " times, frames kept for later %" PRIu64 "\n",
+                    port->bus, text, port->counters.tx_queue_full, port->counters.tx_held);
+        }
+    }
+
+    /* Prints a table of the wires in virtual time */
+    for (size_t b = 0; b < rig->nbus; b++) {
+        const struct wire *wire = simulator_wire(summary->simulator, b);
+        struct wire_stats w;
+
+        if (!wire) {
+            continue;
+        }
+        if (b == 0) {
+            fprintf(out, "  %-10s %9s %9s %9s %9s %8s %6s %8s %8s %8s\n", "wire", "frames", "mean",
+                    "peak", "worst ms", "of id", "queue", "drops", "errors", "bus-off");
+        }
+        wire_stats(wire, &w);
+        fprintf(out,
+                "  %-10s %9" PRIu64 " %7.1f %% %7.1f %% %9.3f    0x%03x %6zu %8llu %8llu %8" PRIu64
+                "\n",
+                rig->bus[b].name, w.frames, 100.0 * w.load_mean, 100.0 * w.load_peak,
+                summary_us(w.latency_max_ns) * 1e-3, w.latency_max_id, w.queued_peak,
+                summary_sum(w.dropped, WIRE_DROPS), summary_sum(w.errors, WIRE_ERRORS), w.bus_offs);
+    }
     print_energy(summary, out);
     print_rest(summary, out);
 }
@@ -330,29 +310,6 @@ static void json_histogram(const char *name, const struct histogram *h, const ch
             ", \"max_ns\": %" PRId64 ", \"sum_ns\": %" PRId64 "}%s\n",
             name, h->count, histogram_percentile(h, 0.5), histogram_percentile(h, 0.99), h->max,
             h->sum, end);
-}
-
-/* Writes the accounts of the real clock and the durations of the phases. */
-static void json_phases(const struct loop_stats *stats, FILE *out)
-{
-    fprintf(out, "  \"overruns\": {");
-    for (int p = 0; p < PHASE_COUNT; p++) {
-        fprintf(out, "\"%s\": %" PRIu64 ", ", loop_phase_name((enum loop_phase)p),
-                stats->overruns[p]);
-    }
-    fprintf(out, "\"total\": %" PRIu64 "},\n", stats->overrun_total);
-    fprintf(out,
-            "  \"late_ticks\": %" PRIu64 ", \"dropped_deadlines\": %" PRIu64
-            ", \"pauses\": %" PRIu64 ", \"pause_ticks\": %" PRIu64 ", \"page_faults\": %" PRIu64
-            ",\n  \"durations\": {\n",
-            stats->late_ticks, stats->lost_ticks, stats->pauses, stats->pause_ticks,
-            stats->page_faults);
-    for (int p = 0; p < PHASE_COUNT; p++) {
-        json_histogram(loop_phase_name((enum loop_phase)p), &stats->phase[p], ",", out);
-    }
-    json_histogram("wakeup", &stats->wakeup, ",", out);
-    json_histogram("tick", &stats->work, "", out);
-    fprintf(out, "  },\n");
 }
 
 /* Writes the counters of a bus's wire, if it has one. */
@@ -379,32 +336,6 @@ static void json_wire(const struct wire *wire, FILE *out)
                 w.dropped[i]);
     }
     fprintf(out, "}");
-}
-
-/* Writes the counters of the buses and of their wires. */
-static void json_buses(const struct summary *summary, FILE *out)
-{
-    const struct rig *rig = simulator_configuration(summary->simulator)->rig;
-
-    fprintf(out, "  \"buses\": [\n");
-    for (size_t b = 0; b < rig->nbus; b++) {
-        const struct can_counters *c = &simulator_port(summary->simulator, b)->counters;
-
-        fprintf(out, "    {\"name\": ");
-        json_text_put(rig->bus[b].name, out);
-        fprintf(out,
-                ", \"rx_frames\": %" PRIu64 ", \"tx_frames\": %" PRIu64 ", \"rx_dropped\": %" PRIu64
-                ", \"tx_dropped\": %" PRIu64 ", \"tx_queue_full\": %" PRIu64
-                ", \"tx_held\": %" PRIu64 ", \"error_frames\": %" PRIu64
-                ", \"down_events\": %" PRIu64 ", \"state\": \"%s\", \"load_percent\": %.3f",
-                c->rx_frames, c->tx_frames, c->rx_dropped, c->tx_dropped, c->tx_queue_full,
-                c->tx_held, c->error_frames, c->down_events,
-                can_port_state_name(simulator_port(summary->simulator, b)->state),
-                summary_bus_load(summary, b));
-        json_wire(simulator_wire(summary->simulator, b), out);
-        fprintf(out, "}%s\n", b + 1 < rig->nbus ? "," : "");
-    }
-    fprintf(out, "  ],\n");
 }
 
 /* Writes the counters of boards and recorder. */
@@ -478,8 +409,49 @@ static void json_write(const struct summary *summary, FILE *out)
     fprintf(out, "  \"dynamics\": ");
     json_text_put(simulator_dynamics(summary->simulator), out);
     fprintf(out, ",\n");
-    json_phases(stats, out);
-    json_buses(summary, out);
+
+    /* Writes the accounts of the real clock and the durations of the phases */
+    fprintf(out, "  \"overruns\": {");
+    for (int p = 0; p < PHASE_COUNT; p++) {
+        fprintf(out, "\"%s\": %" PRIu64 ", ", loop_phase_name((enum loop_phase)p),
+                stats->overruns[p]);
+    }
+    fprintf(out, "\"total\": %" PRIu64 "},\n", stats->overrun_total);
+    fprintf(out,
+            "  \"late_ticks\": %" PRIu64 ", \"dropped_deadlines\": %" PRIu64
+            ", \"pauses\": %" PRIu64 ", \"pause_ticks\": %" PRIu64 ", \"page_faults\": %" PRIu64
+            ",\n  \"durations\": {\n",
+            stats->late_ticks, stats->lost_ticks, stats->pauses, stats->pause_ticks,
+            stats->page_faults);
+    for (int p = 0; p < PHASE_COUNT; p++) {
+        json_histogram(loop_phase_name((enum loop_phase)p), &stats->phase[p], ",", out);
+    }
+    json_histogram("wakeup", &stats->wakeup, ",", out);
+    json_histogram("tick", &stats->work, "", out);
+    fprintf(out, "  },\n");
+
+    /* Writes the counters of the buses and of their wires */
+    const struct rig *rig = simulator_configuration(summary->simulator)->rig;
+
+    fprintf(out, "  \"buses\": [\n");
+    for (size_t b = 0; b < rig->nbus; b++) {
+        const struct can_counters *c = &simulator_port(summary->simulator, b)->counters;
+
+        fprintf(out, "    {\"name\": ");
+        json_text_put(rig->bus[b].name, out);
+        fprintf(out,
+                ", \"rx_frames\": %" PRIu64 ", \"tx_frames\": %" PRIu64 ", \"rx_dropped\": %" PRIu64
+                ", \"tx_dropped\": %" PRIu64 ", \"tx_queue_full\": %" PRIu64
+                ", \"tx_held\": %" PRIu64 ", \"error_frames\": %" PRIu64
+                ", \"down_events\": %" PRIu64 ", \"state\": \"%s\", \"load_percent\": %.3f",
+                c->rx_frames, c->tx_frames, c->rx_dropped, c->tx_dropped, c->tx_queue_full,
+                c->tx_held, c->error_frames, c->down_events,
+                can_port_state_name(simulator_port(summary->simulator, b)->state),
+                summary_bus_load(summary, b));
+        json_wire(simulator_wire(summary->simulator, b), out);
+        fprintf(out, "}%s\n", b + 1 < rig->nbus ? "," : "");
+    }
+    fprintf(out, "  ],\n");
     json_energy(summary, out);
     json_rest(summary, out);
     fprintf(out, "}\n");

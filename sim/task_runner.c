@@ -92,19 +92,6 @@ enum task_status task_runner_step(struct task_runner *runner, int64_t now_ns)
     return status;
 }
 
-/* Sleeps until a bus has frames (lockstep). */
-static void task_runner_wait_for_frames(struct task_runner *runner)
-{
-    struct pollfd fds[POLLED_MAX];
-    size_t count = 0;
-
-    for (size_t b = 0; b < runner->nbus && b < POLLED_MAX; b++) {
-        fds[count].fd = runner->port[b]->ops->descriptor(runner->port[b]);
-        fds[count++].events = POLLIN;
-    }
-    clock_wait_readable(runner->time, fds, count, clock_now(runner->time) + DONE_WAIT_NS);
-}
-
 /* Sleeps until the next deadline in the future (real time); skips missed ones, the grid stays. */
 static void task_runner_wait_for_deadline(struct task_runner *runner, int64_t *deadline_ns)
 {
@@ -143,7 +130,15 @@ enum task_status task_runner_run(struct task_runner *runner)
             return status;
         }
         if (runner->lockstep) {
-            task_runner_wait_for_frames(runner);
+            /* Sleeps until a bus has frames (lockstep) */
+            struct pollfd fds[POLLED_MAX];
+            size_t count = 0;
+
+            for (size_t b = 0; b < runner->nbus && b < POLLED_MAX; b++) {
+                fds[count].fd = runner->port[b]->ops->descriptor(runner->port[b]);
+                fds[count++].events = POLLIN;
+            }
+            clock_wait_readable(runner->time, fds, count, clock_now(runner->time) + DONE_WAIT_NS);
         } else {
             task_runner_wait_for_deadline(runner, &deadline);
         }

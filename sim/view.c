@@ -40,12 +40,6 @@ static void view_publish(struct simulator *simulator)
     simulator->view_stale = false;
 }
 
-void simulator_offer_view(struct simulator *simulator)
-{
-    simulator->view_stale = true;
-    simulator_renew_view(simulator);
-}
-
 const double *simulator_view_signals(const struct simulator *simulator)
 {
     return simulator->view_stale ? NULL : view_signals(simulator->view);

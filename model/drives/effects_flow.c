@@ -237,25 +237,6 @@ static void add_power(const struct effects_span *span, double q, const struct ef
     work->spring_damping += weight * power.spring_damping;
 }
 
-/* Adds the integrals for a current that came to zero in the part. */
-static void account_charge(const struct effects_span *span, const struct effects_mode *mode,
-                           const struct part_events *events, double winding_c,
-                           struct effects_power *work)
-{
-    const struct effects_bridge *bridge = &span->bridge;
-    const double R = effects_resistance(span->sea, winding_c);
-    const double heat =
-        R > 0.0 ? events->heat * effects_winding(span->sea, winding_c) / R : events->heat;
-    const double switching = bridge->switching * fabs(events->charge);
-
-    work->electrical +=
-        (bridge->voltage - (bridge->hold - bridge->diodes) * mode->flow) * events->charge +
-        switching;
-    work->bridge +=
-        bridge->diodes * mode->flow * events->charge + switching + (events->heat - heat);
-    work->joule += heat;
-}
-
 /* Adds the integrals of a part by Simpson's rule over the cubic through its ends; in a part with
  * an event, over the line through them. Friction's is its force times the distance. */
 static void account_part(const struct effects_span *span, double q, double h,
@@ -270,7 +251,21 @@ static void account_part(const struct effects_span *span, double q, double h,
     /* A current with an event has its own account, so the rest excludes it */
     if (events->current) {
         from.sea.I = to.sea.I = 0.0;
-        account_charge(span, mode, events, begin->winding_c, work);
+
+        /* Adds the integrals for a current that came to zero in the part */
+        const struct effects_bridge *bridge = &span->bridge;
+        const double R = effects_resistance(span->sea, begin->winding_c);
+        const double heat = R > 0.0
+                                ? events->heat * effects_winding(span->sea, begin->winding_c) / R
+                                : events->heat;
+        const double switching = bridge->switching * fabs(events->charge);
+
+        work->electrical +=
+            (bridge->voltage - (bridge->hold - bridge->diodes) * mode->flow) * events->charge +
+            switching;
+        work->bridge +=
+            bridge->diodes * mode->flow * events->charge + switching + (events->heat - heat);
+        work->joule += heat;
     }
     /* Rates at both ends make the cubic */
     if (!events->any && span->all_powers) {

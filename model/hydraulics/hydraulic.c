@@ -194,16 +194,6 @@ static void find_chamber_flows(const struct robot_hydraulic *cylinder, double sp
     flows->leak = flows->leak_slope * (p[0] - p[1]);
 }
 
-/* Updates the flows for a small step of the pressures, by their slopes. */
-static void follow_chamber_flows(const double step[2], struct chamber_flows *flows)
-{
-    for (int i = 0; i < 2; i++) {
-        flows->valve[i] += flows->valve_slope[i] * step[i];
-        flows->suction[i] += flows->suction_slope[i] * step[i];
-    }
-    flows->leak += flows->leak_slope * (step[0] - step[1]);
-}
-
 /* Computes the powers of those flows, W, with the piston at speed v, m/s. */
 static void find_hydraulic_power(const struct robot_hydraulic *cylinder,
                                  const struct chamber_flows *flows,
@@ -267,15 +257,6 @@ static struct spool_motion find_spool_motion(const struct robot_hydraulic *cylin
          {-shrink * (decay * decay + w * w) / w * sine, shrink * (cosine - decay / w * sine)}}};
 }
 
-/* Advances the spool's opening and rate by this motion. */
-static void advance_spool(const struct spool_motion *motion, double target, double *state)
-{
-    const double off = state[HYDRAULIC_SPOOL] - target, rate = state[HYDRAULIC_SPOOL_RATE];
-
-    state[HYDRAULIC_SPOOL] = target + motion->M[0][0] * off + motion->M[0][1] * rate;
-    state[HYDRAULIC_SPOOL_RATE] = motion->M[1][0] * off + motion->M[1][1] * rate;
-}
-
 void hydraulic_derive(const struct robot_hydraulic *cylinder, const double *state,
                       const struct hydraulic_port *port, double *derivative,
                       struct hydraulic_power *power)
@@ -299,20 +280,6 @@ void hydraulic_derive(const struct robot_hydraulic *cylinder, const double *stat
 }
 
 /* ---- through a span ---- */
-
-/* Fills the matrix 1 - h J of both pressures' rates. */
-static void fill_stage_matrix(const struct robot_hydraulic *cylinder,
-                              const struct chamber_flows *flows, const double V[2], double h,
-                              double M[2][2])
-{
-    for (int i = 0; i < 2; i++) {
-        const double stiff = h * cylinder->beta / V[i];
-
-        M[i][i] =
-            1.0 - stiff * (flows->valve_slope[i] + flows->suction_slope[i] - flows->leak_slope);
-        M[i][1 - i] = -stiff * flows->leak_slope;
-    }
-}
 
 /* Solves two linear equations M x = b by Cramer's rule. */
 static void solve_two(double M[2][2], const double b[2], double x[2])
@@ -354,7 +321,15 @@ static void solve_pressure_stage(const struct robot_hydraulic *cylinder,
     for (int k = 0; k < NEWTON_STEPS; k++) {
         find_chamber_flows(cylinder, spool, port, p, flows);
         find_pressure_rates(cylinder, flows, V, lever * port->qd, rate);
-        fill_stage_matrix(cylinder, flows, V, h, M);
+
+        /* Fills the matrix 1 - h J of both pressures' rates */
+        for (int i = 0; i < 2; i++) {
+            const double stiff = h * cylinder->beta / V[i];
+
+            M[i][i] =
+                1.0 - stiff * (flows->valve_slope[i] + flows->suction_slope[i] - flows->leak_slope);
+            M[i][1 - i] = -stiff * flows->leak_slope;
+        }
         for (int i = 0; i < 2; i++) {
             left[i] = base[i] + h * rate[i] - p[i];
         }
@@ -366,7 +341,13 @@ static void solve_pressure_stage(const struct robot_hydraulic *cylinder,
         }
     }
     /* The flows after the last step; the derivatives from the same matrix */
-    follow_chamber_flows(step, flows);
+
+    /* Updates the flows for a small step of the pressures, by their slopes */
+    for (int i = 0; i < 2; i++) {
+        flows->valve[i] += flows->valve_slope[i] * step[i];
+        flows->suction[i] += flows->suction_slope[i] * step[i];
+    }
+    flows->leak += flows->leak_slope * (step[0] - step[1]);
     begin[0] -= h * cylinder->beta / V[0] * cylinder->A1 * lever;
     begin[1] += h * cylinder->beta / V[1] * cylinder->A2 * lever;
     solve_two(M, begin, bend);
@@ -418,7 +399,13 @@ void hydraulic_advance(const struct robot_hydraulic *cylinder, const struct hydr
                 bend[i] = bent[i] + share[0] / share[1] * (first[i] - bent[i]);
             }
             if (!port->stuck) {
-                advance_spool(&motion[s], target, state);
+                /* Advances the spool's opening and rate by this motion */
+                const double off = state[HYDRAULIC_SPOOL] - target,
+                             rate = state[HYDRAULIC_SPOOL_RATE];
+
+                state[HYDRAULIC_SPOOL] =
+                    target + motion[s].M[0][0] * off + motion[s].M[0][1] * rate;
+                state[HYDRAULIC_SPOOL_RATE] = motion[s].M[1][0] * off + motion[s].M[1][1] * rate;
             }
             turn_place(cylinder, sine[s], cosine[s], &place);
             solve_pressure_stage(cylinder, port, &place, state[HYDRAULIC_SPOOL], base,

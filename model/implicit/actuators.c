@@ -10,6 +10,7 @@
  * include the stop. It has its own flow about the deflection d + offset/Ks. One law holds for a
  * whole span; the predicted place of the free spring decides which one.
  */
+#include "model/coupling.h"
 #include "model/implicit/private.h"
 #include "model/stop.h"
 
@@ -294,35 +295,6 @@ bool implicit_revise_stops(struct plant *plant)
     return revised;
 }
 
-void implicit_keep_stops(struct plant *plant, double weight)
-{
-    struct implicit *im = plant->implicit;
-    const struct robot *robot = plant->config.robot;
-    const double *a = im->a + robot->nv - robot->njoint;
-
-    im->stops_acted = !im->stops_rest;
-    for (size_t j = 0; j < robot->njoint && im->stops_acted; j++) {
-        im->stop_torque[j] = weight * (im->stop[j].torque - im->stop[j].extra * a[j]);
-    }
-}
-
-/* Adds the passive springs to torque and extra: at the stage's end their torque is tau(q + h q',
- * q') - h (D + h K) a. */
-static void linearize_passive(struct plant *plant)
-{
-    struct implicit *im = plant->implicit;
-
-    for (size_t i = 0; i < plant->npassive; i++) {
-        const size_t j = plant->passive_joint[i];
-        const struct robot_passive *passive = &plant->config.robot->joint[j].passive;
-        const double rate = plant_joint_rate(plant, im->base, j);
-
-        im->torque[j] += passive_torque(
-            passive, plant_joint_position(plant, im->base, j) + im->stage_h * rate, rate);
-        im->extra[j] += im->stage_h * (passive->damping + im->stage_h * passive->stiffness);
-    }
-}
-
 void implicit_linearize_actuators(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -341,12 +313,36 @@ void implicit_linearize_actuators(struct plant *plant)
         im->torque[j] += torque;
         im->extra[j] += extra;
     }
-    linearize_passive(plant);
+
+    /* Adds the passive springs to torque and extra: at the stage's end their torque is tau(q + h
+     * q', q') - h (D + h K) a */
+    for (size_t i = 0; i < plant->npassive; i++) {
+        const size_t j = plant->passive_joint[i];
+        const struct robot_passive *passive = &plant->config.robot->joint[j].passive;
+        const double rate = plant_joint_rate(plant, im->base, j);
+
+        im->torque[j] += passive_torque(
+            passive, plant_joint_position(plant, im->base, j) + im->stage_h * rate, rate);
+        im->extra[j] += im->stage_h * (passive->damping + im->stage_h * passive->stiffness);
+    }
     if (plant->nhydraulic > 0) {
         implicit_linearize_hydraulics(plant);
     }
     linearize_stops(plant);
-    implicit_linearize_couplings(plant);
+
+    /* Fills compliance and pull of the stage from base */
+    const double *q = im->base + plant->at.v - robot->njoint;
+    const double *qd = im->base + plant->at.drive - robot->njoint;
+
+    for (size_t i = 0; i < robot->ncoupling; i++) {
+        const struct robot_coupling *coupling = &robot->coupling[i];
+        const double rate = coupling_rate(coupling, qd);
+        const double ahead = coupling_error(coupling, q) + im->stage_h * rate;
+
+        im->compliance[i] =
+            1.0 / (im->stage_h * (coupling->damping + im->stage_h * coupling->stiffness));
+        im->pull[i] = im->compliance[i] * coupling_force(coupling, ahead, rate);
+    }
 }
 
 /* ---- end of a span, and the accounts ---- */

@@ -23,22 +23,6 @@ static double bent_square(const double y[BRISTLE_BENT])
     return square;
 }
 
-/* Adds the velocity of the body on one side at the pair's center; b counts positive. */
-static void add_velocity(const struct plant *plant, const struct active_pair *pair, int side,
-                         struct spatial *velocity)
-{
-    const struct body_motion *motion = implicit_motion(plant, pair->body[side]);
-    const double sign = side == PAIR_B ? 1.0 : -1.0;
-    double arm[3], turn[3];
-
-    implicit_arm(plant, pair->body[side], pair->center, arm);
-    vec3_cross(motion->w, arm, turn);
-    for (int i = 0; i < 3; i++) {
-        velocity->a[i] += sign * motion->w[i];
-        velocity->l[i] += sign * (motion->v[i] + turn[i]);
-    }
-}
-
 /* Returns the power that a pair's friction takes from the motion at the stage, W. */
 static double friction_power(const struct plant *plant, const struct contact_tangent *tangent,
                              const struct active_pair *pair)
@@ -52,7 +36,17 @@ static double friction_power(const struct plant *plant, const struct contact_tan
     /* The velocity at the point, and the difference of the stage's velocity */
     for (int side = PAIR_A; side <= PAIR_B; side++) {
         if (pair->body[side] >= 0) {
-            add_velocity(plant, pair, side, &velocity);
+            /* Adds the velocity of the body on one side at the pair's center; b counts positive */
+            const struct body_motion *motion = implicit_motion(plant, pair->body[side]);
+            const double sign = side == PAIR_B ? 1.0 : -1.0;
+            double arm[3], turn[3];
+
+            implicit_arm(plant, pair->body[side], pair->center, arm);
+            vec3_cross(motion->w, arm, turn);
+            for (int i = 0; i < 3; i++) {
+                velocity.a[i] += sign * motion->w[i];
+                velocity.l[i] += sign * (motion->v[i] + turn[i]);
+            }
         }
     }
     for (int i = 0; i < 3; i++) {
@@ -67,23 +61,6 @@ static double friction_power(const struct plant *plant, const struct contact_tan
     spatial_inertia_apply(&D, &beyond, &decrease);
     return vec3_dot(decrease.l, velocity.l) + vec3_dot(decrease.a, velocity.a) -
            vec3_dot(force, velocity.l) - vec3_dot(moment, velocity.a);
-}
-
-/* Bends a pair's bristles over h seconds by the difference between the velocities at the stage and
- * at the point. */
-static void bend_beyond(const struct contact_tangent *tangent, const struct spatial *beyond,
-                        double h, double y[BRISTLE_BENT])
-{
-    double velocity[3], along;
-
-    vec3_cross(beyond->a, tangent->bristle_arm, velocity);
-    vec3_add_scaled(velocity, 1, beyond->l, velocity);
-    along = vec3_dot(tangent->normal, velocity);
-    for (int k = 0; k < 3; k++) {
-        y[BRISTLE_SHEAR + k] +=
-            h * tangent->bristle_per_m_s * (velocity[k] - along * tangent->normal[k]);
-    }
-    y[BRISTLE_TWIST] += h * tangent->bristle_per_rad_s * vec3_dot(tangent->bristle_axis, beyond->a);
 }
 
 void implicit_advance_bristles(struct plant *plant, double h)
@@ -107,7 +84,20 @@ void implicit_advance_bristles(struct plant *plant, double h)
         double *own = y + CONTACT_BRISTLE * (size_t)pair->index;
         double after, most;
 
-        bend_beyond(&im->tangent[t], &pair->beyond, h, own);
+        /* Bends a pair's bristles over h seconds by the difference between the velocities at the
+         * stage and at the point */
+        const struct contact_tangent *tangent = &im->tangent[t];
+        double velocity[3], along;
+
+        vec3_cross(pair->beyond.a, tangent->bristle_arm, velocity);
+        vec3_add_scaled(velocity, 1, pair->beyond.l, velocity);
+        along = vec3_dot(tangent->normal, velocity);
+        for (int k = 0; k < 3; k++) {
+            own[BRISTLE_SHEAR + k] +=
+                h * tangent->bristle_per_m_s * (velocity[k] - along * tangent->normal[k]);
+        }
+        own[BRISTLE_TWIST] +=
+            h * tangent->bristle_per_rad_s * vec3_dot(tangent->bristle_axis, pair->beyond.a);
         after = bent_square(own);
         most = pair->bent + 2.0 * h * friction_power(plant, &im->tangent[t], pair);
         for (int k = 0; k < BRISTLE_BENT && after > most; k++) {

@@ -11,22 +11,6 @@
 static const char too_many_pairs[] =
     "contact: more pairs are active than the implicit integrator takes";
 
-/* Adds to x the motion at the pair's center that follows from the motion y of the body on one
- * side; b counts positive, a negative. */
-static void add_relative(const struct plant *plant, const struct active_pair *pair, int side,
-                         const struct spatial *y, struct spatial *x)
-{
-    struct spatial at;
-    double arm[3];
-
-    implicit_arm(plant, pair->body[side], pair->center, arm);
-    at = spatial_motion_at(y, arm);
-    for (int i = 0; i < 3; i++) {
-        x->a[i] += side == PAIR_B ? at.a[i] : -at.a[i];
-        x->l[i] += side == PAIR_B ? at.l[i] : -at.l[i];
-    }
-}
-
 /* Returns the relative motion of b against a at the center from the twists of the contact
  * bodies. */
 static struct spatial relative_twist(const struct plant *plant, const struct active_pair *pair,
@@ -36,7 +20,17 @@ static struct spatial relative_twist(const struct plant *plant, const struct act
 
     for (int side = PAIR_A; side <= PAIR_B; side++) {
         if (pair->body[side] >= 0) {
-            add_relative(plant, pair, side, &twist[pair->body[side]], &x);
+            /* Adds to x the motion at the pair's center that follows from the motion y of the body
+             * on one side; b counts positive, a negative */
+            struct spatial at;
+            double arm[3];
+
+            implicit_arm(plant, pair->body[side], pair->center, arm);
+            at = spatial_motion_at(&twist[pair->body[side]], arm);
+            for (int i = 0; i < 3; i++) {
+                x.a[i] += side == PAIR_B ? at.a[i] : -at.a[i];
+                x.l[i] += side == PAIR_B ? at.l[i] : -at.l[i];
+            }
         }
     }
     return x;
@@ -87,11 +81,23 @@ static void linearize_pair(struct plant *plant, const struct contact_tangent *ta
         implicit_moves(plant, pair->body[PAIR_A]) && implicit_moves(plant, pair->body[PAIR_B]);
 }
 
-/* Lists the contact bodies of the active pairs and sets their added inertias to zero. */
-static void list_touched_bodies(struct plant *plant)
+enum error_code implicit_linearize_contact(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
 
+    im->coupled = false;
+    im->nactive = im->ntouched = 0;
+    if (!plant->config.contact || (plant->clamped && plant->config.nfree == 0)) {
+        return ERROR_NONE;
+    }
+    im->nactive = plant_contact_tangents(plant, im->tangent, IMPLICIT_TANGENTS);
+    if (im->nactive > IMPLICIT_TANGENTS) {
+        plant->failure = too_many_pairs;
+        im->nactive = 0;
+        return ERROR_INPUT;
+    }
+
+    /* Lists the contact bodies of the active pairs and sets their added inertias to zero */
     memset(im->is_touched, 0, plant->config.ncontact * sizeof *im->is_touched);
     for (size_t t = 0; t < im->nactive; t++) {
         const struct contact_tangent *tangent = &im->tangent[t];
@@ -110,24 +116,6 @@ static void list_touched_bodies(struct plant *plant)
             memset(&im->contact_inertia[c], 0, sizeof im->contact_inertia[c]);
         }
     }
-}
-
-enum error_code implicit_linearize_contact(struct plant *plant)
-{
-    struct implicit *im = plant->implicit;
-
-    im->coupled = false;
-    im->nactive = im->ntouched = 0;
-    if (!plant->config.contact || (plant->clamped && plant->config.nfree == 0)) {
-        return ERROR_NONE;
-    }
-    im->nactive = plant_contact_tangents(plant, im->tangent, IMPLICIT_TANGENTS);
-    if (im->nactive > IMPLICIT_TANGENTS) {
-        plant->failure = too_many_pairs;
-        im->nactive = 0;
-        return ERROR_INPUT;
-    }
-    list_touched_bodies(plant);
     if (im->nactive > 0) {
         implicit_contact_accelerations(plant, im->a_point, im->twist_point);
     }
@@ -135,54 +123,6 @@ enum error_code implicit_linearize_contact(struct plant *plant)
         linearize_pair(plant, &im->tangent[t], &im->active[t]);
     }
     return ERROR_NONE;
-}
-
-void implicit_add_contact_inertia(struct plant *plant)
-{
-    struct implicit *im = plant->implicit;
-
-    memset(im->added, 0, im->nobserved * sizeof *im->added);
-    for (size_t t = 0; t < im->ntouched; t++) {
-        int c = im->touched[t];
-
-        if (!implicit_is_free(plant, c)) {
-            struct spatial_inertia own = im->contact_inertia[c];
-            double back[9], S[21];
-
-            mat3_transpose(implicit_motion(plant, c)->R, back);
-            spatial_inertia_rotate(back, &own);
-            spatial_inertia_pack(&own, S);
-            add_scaled(1.0, S, im->added[im->number[c]].A, 21);
-        }
-    }
-}
-
-/* Computes the wrench of a pair at the stage, on both bodies. */
-static void end_pair(struct plant *plant, struct active_pair *pair)
-{
-    struct implicit *im = plant->implicit;
-    struct spatial *beyond = &pair->beyond;
-
-    /* It decreases by A times the relative acceleration in excess of the point's */
-    *beyond = relative_twist(plant, pair, im->twist_z);
-    for (int i = 0; i < 3; i++) {
-        beyond->l[i] -= pair->point.l[i];
-        beyond->a[i] -= pair->point.a[i];
-    }
-    spatial_inertia_apply(&pair->A, beyond, &pair->decrease);
-    im->jump = fmax(im->jump, im->stage_h * sqrt(vec3_dot(beyond->l, beyond->l)));
-    for (int side = PAIR_A; side <= PAIR_B; side++) {
-        if (pair->body[side] >= 0) {
-            struct contact_wrench *wrench = &im->wrench[pair->body[side]];
-            struct spatial sum = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
-            double arm[3];
-
-            implicit_arm(plant, pair->body[side], pair->center, arm);
-            spatial_add_wrench(side == PAIR_B ? -1.0 : 1.0, &pair->decrease, arm, &sum);
-            add_scaled(1.0, sum.l, wrench->force, 3);
-            add_scaled(1.0, sum.a, wrench->moment, 3);
-        }
-    }
 }
 
 void implicit_end_contact(struct plant *plant)
@@ -196,7 +136,30 @@ void implicit_end_contact(struct plant *plant)
     }
     implicit_contact_accelerations(plant, im->a, im->twist_z);
     for (size_t t = 0; t < im->nactive; t++) {
-        end_pair(plant, &im->active[t]);
+        /* Computes the wrench of a pair at the stage, on both bodies */
+        struct active_pair *pair = &im->active[t];
+        struct spatial *beyond = &pair->beyond;
+
+        /* It decreases by A times the relative acceleration in excess of the point's */
+        *beyond = relative_twist(plant, pair, im->twist_z);
+        for (int i = 0; i < 3; i++) {
+            beyond->l[i] -= pair->point.l[i];
+            beyond->a[i] -= pair->point.a[i];
+        }
+        spatial_inertia_apply(&pair->A, beyond, &pair->decrease);
+        im->jump = fmax(im->jump, im->stage_h * sqrt(vec3_dot(beyond->l, beyond->l)));
+        for (int side = PAIR_A; side <= PAIR_B; side++) {
+            if (pair->body[side] >= 0) {
+                struct contact_wrench *wrench = &im->wrench[pair->body[side]];
+                struct spatial sum = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+                double arm[3];
+
+                implicit_arm(plant, pair->body[side], pair->center, arm);
+                spatial_add_wrench(side == PAIR_B ? -1.0 : 1.0, &pair->decrease, arm, &sum);
+                add_scaled(1.0, sum.l, wrench->force, 3);
+                add_scaled(1.0, sum.a, wrench->moment, 3);
+            }
+        }
     }
 
     /* Power of the wrenches, with the bodies' velocities at the stage */
@@ -259,38 +222,6 @@ static void take_off_pair(struct plant *plant, struct active_pair *pair, double 
     }
 }
 
-/* Computes the wrench of a pair on b at its center, at the stage. */
-static void find_pair_wrench(const struct plant *plant, const struct active_pair *pair,
-                             struct spatial *wrench)
-{
-    struct contact_world *engine = plant->config.contact;
-    const size_t count = engine->ops->patches(engine, plant->patch, PLANT_PATCHES);
-
-    memset(wrench, 0, sizeof *wrench);
-    for (size_t i = 0; i < count && i < PLANT_PATCHES; i++) {
-        if (plant->patch[i].pair == pair->index) {
-            vec3_sub(plant->patch[i].force, pair->decrease.l, wrench->l);
-            vec3_sub(plant->patch[i].moment, pair->decrease.a, wrench->a);
-        }
-    }
-}
-
-/* Computes the wrench of a pair's friction on b at its center, at the stage. */
-static void find_friction_wrench(const struct plant *plant, const struct contact_tangent *tangent,
-                                 const struct active_pair *pair, struct spatial *wrench)
-{
-    const double h = plant->implicit->stage_h;
-    struct spatial_inertia D;
-    struct spatial decrease;
-
-    spatial_inertia_unpack(tangent->friction_D, &D);
-    spatial_inertia_apply(&D, &pair->beyond, &decrease);
-    for (int i = 0; i < 3; i++) {
-        wrench->l[i] = tangent->friction[CONTACT_MOVE_X + i] - h * decrease.l[i];
-        wrench->a[i] = tangent->friction[CONTACT_TURN_X + i] - h * decrease.a[i];
-    }
-}
-
 void implicit_clamp_friction(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -306,11 +237,32 @@ void implicit_clamp_friction(struct plant *plant)
             continue; /* no bristles */
         }
         if (normal <= 0.0) {
-            find_pair_wrench(plant, pair, &wrench);
+            /* Computes the wrench of a pair on b at its center, at the stage */
+            struct contact_world *engine = plant->config.contact;
+            const size_t count = engine->ops->patches(engine, plant->patch, PLANT_PATCHES);
+
+            memset(&wrench, 0, sizeof wrench);
+            for (size_t i = 0; i < count && i < PLANT_PATCHES; i++) {
+                if (plant->patch[i].pair == pair->index) {
+                    vec3_sub(plant->patch[i].force, pair->decrease.l, wrench.l);
+                    vec3_sub(plant->patch[i].moment, pair->decrease.a, wrench.a);
+                }
+            }
             take_off_pair(plant, pair, 1.0, &wrench);
             continue;
         }
-        find_friction_wrench(plant, tangent, pair, &wrench);
+
+        /* Computes the wrench of a pair's friction on b at its center, at the stage */
+        const double h = plant->implicit->stage_h;
+        struct spatial_inertia D;
+        struct spatial decrease;
+
+        spatial_inertia_unpack(tangent->friction_D, &D);
+        spatial_inertia_apply(&D, &pair->beyond, &decrease);
+        for (int i = 0; i < 3; i++) {
+            wrench.l[i] = tangent->friction[CONTACT_MOVE_X + i] - h * decrease.l[i];
+            wrench.a[i] = tangent->friction[CONTACT_TURN_X + i] - h * decrease.a[i];
+        }
         friction = vec3_norm(wrench.l);
         most = tangent->friction_max * normal;
         if (friction > most) {

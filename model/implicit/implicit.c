@@ -21,7 +21,7 @@
  *   drives      solved exactly for joints that move at a stage's rates (drives/drive_flow.h): on
  *               its joint remain a torque and an inertia; parallel springs likewise by implicit
  *               Euler;
- *   couplings   of joints by implicit Euler too, beside the tree (model/implicit/coupling.c);
+ *   couplings   of joints by implicit Euler too, beside the tree (model/implicit/solve.c);
  *   end stops   likewise, those that the joints press at the stage; where one turns out to pull, or
  *               to be missing, the stage is solved again without it or with it; one that has
  *               pushed in the first stage may take that much back in the second (model/stop.h);
@@ -104,7 +104,16 @@ static enum error_code take_first_stage(struct plant *plant)
     implicit_move(plant, im->u, im->stage_h, im->point);
     implicit_set_rates(plant, im->u, im->point);
     implicit_account_joints(plant, rest, im->point, im->stage_h);
-    implicit_keep_stops(plant, rest / im->stage_h);
+
+    /* Keeps the action of end stops in the solved first stage for the second stage. weight: weight
+     * of the second stage relative to the first one. */
+    const struct robot *robot = plant->config.robot;
+    const double *a = im->a + robot->nv - robot->njoint;
+
+    im->stops_acted = !im->stops_rest;
+    for (size_t j = 0; j < robot->njoint && im->stops_acted; j++) {
+        im->stop_torque[j] = (rest / im->stage_h) * (im->stop[j].torque - im->stop[j].extra * a[j]);
+    }
 
     /* Base of the second stage */
     implicit_advance_actuators(plant, SPAN_TO_BASE, im->u);

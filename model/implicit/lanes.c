@@ -31,17 +31,6 @@ static size_t count_groups(const struct plant *plant)
 
 /* ---- constants of a step ---- */
 
-/* Copies a drive's flow into its lane. */
-static void fill_lane_flow(const struct drive_flow *flow, int lane, struct drive_lane_flow *lanes)
-{
-    lanes->t[lane] = flow->t;
-    for (int k = 0; k < FLOW_INPUTS; k++) {
-        lanes->qm[k][lane] = flow->qm[k];
-        lanes->qmd[k][lane] = flow->qmd[k];
-        lanes->I[k][lane] = flow->I[k];
-    }
-}
-
 /* Fills a drive's lane: its parameters, its flows, and the inertia that it adds to the joint (the
  * slope of its spring's torque against the rate at the stage, times the stage's length). */
 static void fill_lane(const struct plant *plant, size_t d, int lane, struct drive_group *group)
@@ -60,7 +49,15 @@ static void fill_lane(const struct plant *plant, size_t d, int lane, struct driv
         const struct drive_flow *stage = &flow[SPAN_STAGE];
 
         for (int span = 0; span < SPANS; span++) {
-            fill_lane_flow(&flow[span], lane, &group->flow[level][span]);
+            /* Copies a drive's flow into its lane */
+            struct drive_lane_flow *lanes = &group->flow[level][span];
+
+            lanes->t[lane] = flow[span].t;
+            for (int k = 0; k < FLOW_INPUTS; k++) {
+                lanes->qm[k][lane] = flow[span].qm[k];
+                lanes->qmd[k][lane] = flow[span].qmd[k];
+                lanes->I[k][lane] = flow[span].I[k];
+            }
         }
         group->extra[level][lane] = -(sea->Ks * (stage->qm[FLOW_RATE] - stage_h) +
                                       sea->Ds * (stage->qmd[FLOW_RATE] - 1.0)) *

@@ -2,10 +2,10 @@
 /*
  * What the parts of the implicit integrator share: implicit.c (steps and their length), stage.c
  * (one stage), actuators.c (drives and springs), lanes.c (drives side by side), effects.c (drives
- * with effects), contact.c (pairs in touch), bristle.c (their bristles), coupling.c (joint
- * couplings), solve.c (the linear system). The scheme and its symbols: implicit.c. A contact body's
- * index is the index of its motion in the array given to the engine. SI units. The plant owns the
- * memory. All errors are returned. RT-safe.
+ * with effects), contact.c (pairs in touch), bristle.c (their bristles), solve.c (the linear system
+ * with the joint couplings). The scheme and its symbols: implicit.c. A contact body's index is the
+ * index of its motion in the array given to the engine. SI units. The plant owns the memory. All
+ * errors are returned. RT-safe.
  */
 #ifndef MODEL_IMPLICIT_PRIVATE_H
 #define MODEL_IMPLICIT_PRIVATE_H
@@ -241,10 +241,6 @@ void implicit_linearize_actuators(struct plant *plant);
  * again. */
 bool implicit_revise_stops(struct plant *plant);
 
-/* Keeps the action of end stops in the solved first stage for the second stage. weight: weight of
- * the second stage relative to the first one. */
-void implicit_keep_stops(struct plant *plant, double weight);
-
 /* Advances drives and pretensions of base through a span with the joints at the rates u, from the
  * positions and linearizations at base. Adds the drives' powers to work. */
 void implicit_advance_actuators(struct plant *plant, enum implicit_span span, const double *u);
@@ -291,28 +287,12 @@ void implicit_advance_effects(struct plant *plant, size_t d, enum implicit_span 
 void implicit_linearize_hydraulics(struct plant *plant);
 void implicit_advance_hydraulics(struct plant *plant, double t, const double *rates);
 
-/* ---- joint couplings: coupling.c ---- */
-
-/* Fills compliance and pull of the stage from base. */
-void implicit_linearize_couplings(struct plant *plant);
-
-/* Fills column and factor. Inputs: extra, torque, added, ext and the accelerations a of the tree
- * without couplings. */
-void implicit_find_columns(struct plant *plant, const double *a);
-
-/* Corrects the accelerations of the tree without couplings, under any loads, to those with
- * couplings. */
-void implicit_hold_couplings(struct plant *plant, double *a);
-
 /* ---- active pairs: contact.c ---- */
 
 /* Linearizes contact at the point: fills active, adds A times the acceleration that leads to the
  * point to plant->ext, and A to contact_inertia. Returns ERROR_INPUT for more than
  * IMPLICIT_TANGENTS pairs. */
 enum error_code implicit_linearize_contact(struct plant *plant);
-
-/* Passes contact_inertia to the dynamics: fills added. */
-void implicit_add_contact_inertia(struct plant *plant);
 
 /* Computes the wrenches at the stage and their power, from the wrenches at the point and the
  * accelerations a; raises jump. */

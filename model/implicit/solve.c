@@ -4,7 +4,16 @@
  * of the robot's tree with its joint couplings, and of the free bodies; it is solved directly. C
  * couples them by pairs between two moving bodies; it needs conjugate gradients (Golub, Van Loan,
  * Matrix Computations, 11.5) preconditioned by P.
+ *
+ * Joint couplings are solved by implicit Euler. Let h be the stage's length, e and e' the error and
+ * its rate at the base, a the accelerations of the stage and w = +1 on the follower, -m on the
+ * leader. The force of a coupling is
+ *   F = K (e + h e') + D e' + h (D + h K) w^T a,
+ * for any stiffness. This is a rank-one term added to the tree's matrix, outside the tree's
+ * structure. So the tree is solved once more for each coupling (a column), and the forces follow
+ * from a linear system with one row per coupling (model/coupling.h).
  */
+#include "model/coupling.h"
 #include "model/implicit/private.h"
 
 #include <string.h>
@@ -116,17 +125,6 @@ static void prepare_free_bodies(struct plant *plant)
     }
 }
 
-/* Corrects the accelerations of the tree without couplings to those with its joint couplings. */
-static void solve_couplings(struct plant *plant, bool first, double *a)
-{
-    if (plant->config.robot->ncoupling > 0) {
-        if (first) {
-            implicit_find_columns(plant, a);
-        }
-        implicit_hold_couplings(plant, a);
-    }
-}
-
 /* Solves a = P^-1 (right-hand side + w), with wrenches w on the contact bodies. w NULL means none;
  * a stage must call it with NULL first. */
 static void solve_uncoupled(struct plant *plant, const struct spatial *w, double *a)
@@ -150,7 +148,40 @@ static void solve_uncoupled(struct plant *plant, const struct spatial *w, double
     } else {
         dynamics->ops->implicit(dynamics, plant->q, v, im->torque, im->ext, im->extra, im->added,
                                 a);
-        solve_couplings(plant, !w, a);
+
+        /* Corrects the accelerations of the tree without couplings to those with its joint
+         * couplings */
+        if (plant->config.robot->ncoupling > 0) {
+            if (!w) {
+                /* Fills column and factor. Inputs: extra, torque, added, ext and the accelerations
+                 * a of the tree without couplings. */
+                const struct robot *robot = plant->config.robot;
+
+                /* Change of the accelerations by a unit load on the joints */
+                for (size_t i = 0; i < robot->ncoupling; i++) {
+                    const struct robot_coupling *coupling = &robot->coupling[i];
+                    double *follower = &im->torque[coupling->follower],
+                           *leader = &im->torque[coupling->leader];
+                    double *column = im->column + i * robot->nv;
+                    const double before[2] = {*follower, *leader};
+
+                    *follower += 1.0;
+                    *leader -= coupling->multiplier;
+                    dynamics->ops->implicit(dynamics, plant->q, v, im->torque, im->ext, im->extra,
+                                            im->added, column);
+                    *follower = before[0];
+                    *leader = before[1];
+                    add_scaled(-1.0, a, column, robot->nv);
+                }
+
+                /* Without a positive pivot the factor is NAN, and so is the resulting state */
+                coupling_factorize(robot, im->column, im->compliance, im->factor);
+            }
+
+            /* Corrects the accelerations of the tree without couplings, under any loads, to those
+             * with couplings */
+            coupling_correct(plant->config.robot, im->column, im->factor, im->pull, im->force, a);
+        }
     }
 
     /* Each free body: its own 6x6 system, in its frame about its center of mass */

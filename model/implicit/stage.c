@@ -210,7 +210,22 @@ enum error_code implicit_solve_stage(struct plant *plant)
         return code;
     }
     implicit_linearize_actuators(plant);
-    implicit_add_contact_inertia(plant);
+
+    /* Passes contact_inertia to the dynamics: fills added */
+    memset(im->added, 0, im->nobserved * sizeof *im->added);
+    for (size_t t = 0; t < im->ntouched; t++) {
+        int c = im->touched[t];
+
+        if (!implicit_is_free(plant, c)) {
+            struct spatial_inertia own = im->contact_inertia[c];
+            double back[9], S[21];
+
+            mat3_transpose(implicit_motion(plant, c)->R, back);
+            spatial_inertia_rotate(back, &own);
+            spatial_inertia_pack(&own, S);
+            add_scaled(1.0, S, im->added[im->number[c]].A, 21);
+        }
+    }
 
     /* Accelerations; then contact and rates at the stage */
     implicit_solve(plant);

@@ -126,35 +126,6 @@ static void motion_outward(struct derive *d, size_t group, bool given)
     rate_matrix(d, state);
 }
 
-/* Subtracts the external wrench on the group's bodies, in their working frames. */
-static void subtract_given_wrench(struct derive *d, size_t group, expr n[3], expr f[3])
-{
-    const struct tree_group *lanes = &d->tree->group[group];
-    expr lane[6][TREE_LANES];
-
-    for (int l = 0; l < lanes->width; l++) {
-        int body = lanes->body[l];
-        expr in[6], out[6], at[3];
-
-        for (int m = 0; m < 6; m++) {
-            int index = 6 * body + m;
-
-            in[m] = graph_input(d->g, DERIVE_EXT, 1, &index);
-        }
-        derive_apply_transposed(d, d->tree->body[body].align, in, out);
-        derive_apply_transposed(d, d->tree->body[body].align, in + 3, out + 3);
-        derive_body_origin(d, body, at);
-        derive_add_cross(d, out + 3, at, out);
-        for (int m = 0; m < 6; m++) {
-            lane[m][l] = out[m];
-        }
-    }
-    for (int m = 0; m < 3; m++) {
-        f[m] = sub(d, f[m], graph_pack(d->g, lanes->width, lane[m]));
-        n[m] = sub(d, n[m], graph_pack(d->g, lanes->width, lane[3 + m]));
-    }
-}
-
 /* Computes the force and moment for the bodies' own motion: f = m a + G h, n = h x a + skew(G
  * K). */
 static void body_force(struct derive *d, size_t group, bool ext)
@@ -180,7 +151,32 @@ static void body_force(struct derive *d, size_t group, bool ext)
     }
     derive_add_cross(d, state->n, h, state->a);
     if (ext) {
-        subtract_given_wrench(d, group, state->n, state->f);
+        /* Subtracts the external wrench on the group's bodies, in their working frames */
+        const struct tree_group *lanes = &d->tree->group[group];
+
+        expr lane[6][TREE_LANES];
+
+        for (int l = 0; l < lanes->width; l++) {
+            int body = lanes->body[l];
+            expr in[6], out[6], at[3];
+
+            for (int m = 0; m < 6; m++) {
+                int index = 6 * body + m;
+
+                in[m] = graph_input(d->g, DERIVE_EXT, 1, &index);
+            }
+            derive_apply_transposed(d, d->tree->body[body].align, in, out);
+            derive_apply_transposed(d, d->tree->body[body].align, in + 3, out + 3);
+            derive_body_origin(d, body, at);
+            derive_add_cross(d, out + 3, at, out);
+            for (int m = 0; m < 6; m++) {
+                lane[m][l] = out[m];
+            }
+        }
+        for (int m = 0; m < 3; m++) {
+            state->f[m] = sub(d, state->f[m], graph_pack(d->g, lanes->width, lane[m]));
+            state->n[m] = sub(d, state->n[m], graph_pack(d->g, lanes->width, lane[3 + m]));
+        }
     }
 }
 
@@ -249,34 +245,31 @@ static void eliminate_joint(struct derive *d, size_t group, struct state *A)
     }
 }
 
-/* Transforms inertia A from the bodies' frames to the parents'. */
-static void inertia_up(struct derive *d, size_t group, struct state *A)
-{
-    const struct tree_body *body = derive_first_body(d, group);
-    expr r[3];
-
-    if (body->prismatic) {
-        derive_shift_inertia(d, body->axis, d->state[group].d, A);
-    } else {
-        derive_turn_inertia(d, body->axis, d->state[group].c, d->state[group].s, A);
-    }
-    for (int n = body->nturn - 1; n >= 0; n--) {
-        derive_turn_inertia(d, body->turn[n].axis, derive_turn_const(d, group, n, false),
-                            derive_turn_const(d, group, n, true), A);
-    }
-    derive_origin(d, group, r);
-    for (int m = 0; m < 3; m++) {
-        derive_shift_inertia(d, m, r[m], A);
-    }
-}
-
 /* Eliminates the group's joints and adds the remaining inertia and force to the parents. */
 static void articulated_inward(struct derive *d, size_t group)
 {
     struct state A = d->state[group];
 
     eliminate_joint(d, group, &A);
-    inertia_up(d, group, &A);
+
+    /* Transforms inertia A from the bodies' frames to the parents' */
+    const struct tree_body *body = derive_first_body(d, group);
+
+    expr r[3];
+
+    if (body->prismatic) {
+        derive_shift_inertia(d, body->axis, d->state[group].d, &A);
+    } else {
+        derive_turn_inertia(d, body->axis, d->state[group].c, d->state[group].s, &A);
+    }
+    for (int n = body->nturn - 1; n >= 0; n--) {
+        derive_turn_inertia(d, body->turn[n].axis, derive_turn_const(d, group, n, false),
+                            derive_turn_const(d, group, n, true), &A);
+    }
+    derive_origin(d, group, r);
+    for (int m = 0; m < 3; m++) {
+        derive_shift_inertia(d, m, r[m], &A);
+    }
     for (int a = 0; a < 6; a++) {
         for (int b = a; b < 6; b++) {
             expr *element = derive_inertia_element(&A, a, b);
@@ -480,27 +473,6 @@ static void derive_inverse(struct derive *d)
 
 /* ---- the derivation ---- */
 
-/* Derives the equations of d->function. */
-static void derive_equations(struct derive *d)
-{
-    switch (d->function) {
-    case DERIVE_INVERSE:
-        derive_inverse(d);
-        break;
-    case DERIVE_KINEMATICS:
-    case DERIVE_VELOCITIES:
-    case DERIVE_ACCELERATION:
-        derive_motion(d);
-        break;
-    case DERIVE_ENERGY:
-        derive_energy(d);
-        break;
-    default:
-        derive_forward(d);
-        break;
-    }
-}
-
 enum error_code derive(enum derive_function function, const struct tree *tree, bool inertia_inputs,
                        struct graph *graph, struct derivation *out, struct error *error)
 {
@@ -527,7 +499,24 @@ enum error_code derive(enum derive_function function, const struct tree *tree, b
     for (size_t b = 0; b < tree->nbody; b++) {
         d.observed[b] = tree->body[b].observed ? observed++ : -1;
     }
-    derive_equations(&d);
+
+    /* Derives the equations of d->function */
+    switch (d.function) {
+    case DERIVE_INVERSE:
+        derive_inverse(&d);
+        break;
+    case DERIVE_KINEMATICS:
+    case DERIVE_VELOCITIES:
+    case DERIVE_ACCELERATION:
+        derive_motion(&d);
+        break;
+    case DERIVE_ENERGY:
+        derive_energy(&d);
+        break;
+    default:
+        derive_forward(&d);
+        break;
+    }
     if (graph->failed) {
         code = error_set(error, ERROR_MEMORY, "no memory for the expression graph");
     }

@@ -205,21 +205,6 @@ static void put_vector(struct derive *d, int index, const expr x[3])
     }
 }
 
-/* Extracts one lane of a body's motion state. */
-static void lane_state(struct derive *d, const struct state *state, int l, struct state *lane)
-{
-    for (int m = 0; m < 3; m++) {
-        for (int n = 0; n < 3; n++) {
-            lane->R[m][n] = graph_lane(d->g, state->R[m][n], l);
-        }
-        lane->p[m] = graph_lane(d->g, state->p[m], l);
-        lane->v[m] = graph_lane(d->g, state->v[m], l);
-        lane->w[m] = graph_lane(d->g, state->w[m], l);
-        lane->a[m] = graph_lane(d->g, state->a[m], l);
-        lane->alpha[m] = graph_lane(d->g, state->alpha[m], l);
-    }
-}
-
 /* Writes the motion of a body's own frame, computed from its working frame; the function for
  * velocities omits the pose. */
 static void put_motion(struct derive *d, int body, struct state *lane)
@@ -281,7 +266,18 @@ void derive_motion(struct derive *d)
             if (d->observed[body] < 0) {
                 continue;
             }
-            lane_state(d, state, l, &lane);
+
+            /* Extracts one lane of a body's motion state */
+            for (int m = 0; m < 3; m++) {
+                for (int n = 0; n < 3; n++) {
+                    lane.R[m][n] = graph_lane(d->g, state->R[m][n], l);
+                }
+                lane.p[m] = graph_lane(d->g, state->p[m], l);
+                lane.v[m] = graph_lane(d->g, state->v[m], l);
+                lane.w[m] = graph_lane(d->g, state->w[m], l);
+                lane.a[m] = graph_lane(d->g, state->a[m], l);
+                lane.alpha[m] = graph_lane(d->g, state->alpha[m], l);
+            }
             if (accelerations) {
                 put_acceleration(d, body, &lane);
             } else {

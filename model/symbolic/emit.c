@@ -57,25 +57,6 @@ static int operand_count(enum graph_op op, int width)
     }
 }
 
-/* Marks the nodes that the outputs need. Operands have lower numbers than their users. */
-static void mark_reached(struct emission *e)
-{
-    for (size_t o = 0; o < e->derivation->count; o++) {
-        e->reached[expr_node(e->derivation->output[o].value)] = true;
-        e->keeps = e->keeps || e->derivation->output[o].pose;
-    }
-    for (size_t n = e->graph->count; n-- > 0;) {
-        const struct graph_node *node = &e->graph->node[n];
-
-        for (int m = 0; e->reached[n] && m < operand_count(node->op, node->width); m++) {
-            e->reached[expr_node(node->operand[m])] = true;
-        }
-        if (e->reached[n] && node->op == GRAPH_INPUT) {
-            e->reads[node->array] = true;
-        }
-    }
-}
-
 bool emission_keeps(const struct emission *e)
 {
     return e->keeps;
@@ -170,25 +151,6 @@ static void write_input(const struct emission *e, const struct graph_node *node)
     fprintf(e->file, "}");
 }
 
-/* Writes one-lane expressions side by side. */
-static void write_pack(const struct emission *e, const struct graph_node *node)
-{
-    fprintf(e->file, "(%s){", vector_type_name(node->width));
-    for (int l = 0; l < node->width; l++) {
-        fprintf(e->file, "%s", l ? ", " : "");
-        write_operand(e, node->operand[l]);
-    }
-    fprintf(e->file, "}");
-}
-
-/* Writes the reference to a sine or cosine computed at the start. */
-static void write_trig(const struct emission *e, const struct graph_node *node)
-{
-    const char *array = node->op == GRAPH_SIN ? "sine" : "cosine";
-
-    write_place(e->file, true, node->width, array, e->slot[expr_node(node->operand[0])]);
-}
-
 /* Writes the expression of one node. */
 static void write_value(const struct emission *e, const struct graph_node *node)
 {
@@ -215,14 +177,25 @@ static void write_value(const struct emission *e, const struct graph_node *node)
     /* Angles and lanes */
     case GRAPH_SIN:
     case GRAPH_COS:
-        write_trig(e, node);
+
+        /* Writes the reference to a sine or cosine computed at the start */
+        const char *array = node->op == GRAPH_SIN ? "sine" : "cosine";
+
+        write_place(e->file, true, node->width, array, e->slot[expr_node(node->operand[0])]);
         break;
     case GRAPH_LANE:
         write_operand(e, node->operand[0]);
         fprintf(e->file, "[%d]", node->index[0]);
         break;
     case GRAPH_PACK:
-        write_pack(e, node);
+
+        /* Writes one-lane expressions side by side */
+        fprintf(e->file, "(%s){", vector_type_name(node->width));
+        for (int l = 0; l < node->width; l++) {
+            fprintf(e->file, "%s", l ? ", " : "");
+            write_operand(e, node->operand[l]);
+        }
+        fprintf(e->file, "}");
         break;
     }
 }
@@ -265,36 +238,6 @@ static void write_node_value(struct emission *e, uint32_t n)
         fprintf(e->file, "    ");
         write_place(e->file, false, node->width, "work", e->scratch[n]);
         fprintf(e->file, " = t%u;\n", n);
-    }
-}
-
-/* Assigns an index to each angle, wide ones first for alignment. */
-static void place_angles(struct emission *e)
-{
-    for (int width = GRAPH_LANES; width >= 1; width /= 2) {
-        for (size_t n = 0; n < e->graph->count; n++) {
-            const struct graph_node *node = &e->graph->node[n];
-            uint32_t angle = expr_node(node->operand[0]);
-
-            if (e->reached[n] && (node->op == GRAPH_SIN || node->op == GRAPH_COS) &&
-                node->width == width && e->slot[angle] < 0) {
-                e->slot[angle] = e->nslot;
-                e->nslot += width;
-                e->early[angle] = true;
-            }
-        }
-    }
-    /* Pads to whole chunks for the vector function */
-    while (e->nslot % TRIG_CHUNK) {
-        e->nslot++;
-    }
-    /* Operands of angles are needed early too */
-    for (size_t n = e->graph->count; n-- > 0;) {
-        const struct graph_node *node = &e->graph->node[n];
-
-        for (int m = 0; e->early[n] && m < operand_count(node->op, node->width); m++) {
-            e->early[expr_node(node->operand[m])] = true;
-        }
     }
 }
 
@@ -374,32 +317,6 @@ static void place_scratch(struct emission *e, int *unused)
     }
 }
 
-/* Writes all sines and cosines at once, at the start. */
-static void write_angles(struct emission *e)
-{
-    int used = 0;
-
-    e->current = e->npiece;
-    for (uint32_t n = 0; n < e->graph->count; n++) {
-        if (e->slot[n] >= 0) {
-            int width = e->graph->node[n].width;
-
-            write_node_value(e, n);
-            fprintf(e->file, "    ");
-            write_place(e->file, false, width, "angle", e->slot[n]);
-            fprintf(e->file, " = t%u;\n", n);
-            used += width;
-        }
-    }
-    /* Fills the last chunk, then calls the vector function for each chunk */
-    for (int s = used; s < e->nslot; s++) {
-        fprintf(e->file, "    angle[%d] = 0.0;\n", s);
-    }
-    for (int s = 0; s < e->nslot; s += TRIG_CHUNK) {
-        fprintf(e->file, "    NAME(sincos)(angle + %d, sine + %d, cosine + %d);\n", s, s, s);
-    }
-}
-
 /* Writes the operations of one piece and the outputs that are ready with it. */
 static void write_piece(struct emission *e, int piece)
 {
@@ -446,19 +363,6 @@ static void write_arguments(const struct emission *e, bool types, bool inside)
     fprintf(e->file, "%sout)", types ? "double *restrict " : "");
 }
 
-/* Writes void casts of arguments that a piece may not use. */
-static void write_unused(const struct emission *e)
-{
-    for (int a = 0; a < DERIVE_ARRAYS; a++) {
-        if (e->reads[a]) {
-            fprintf(e->file, "    (void)%s;\n", array_name[a]);
-        }
-    }
-    fprintf(e->file, "%s%s%s    (void)out;\n", e->keeps ? "    (void)pose;\n" : "",
-            e->nslot ? "    (void)sine;\n    (void)cosine;\n" : "",
-            e->nscratch ? "    (void)work;\n" : "");
-}
-
 void emission_write(struct emission *e, FILE *file)
 {
     e->file = file;
@@ -469,7 +373,16 @@ void emission_write(struct emission *e, FILE *file)
                 piece);
         write_arguments(e, true, true);
         fprintf(e->file, "\n{\n");
-        write_unused(e);
+
+        /* Writes void casts of arguments that a piece may not use */
+        for (int a = 0; a < DERIVE_ARRAYS; a++) {
+            if (e->reads[a]) {
+                fprintf(e->file, "    (void)%s;\n", array_name[a]);
+            }
+        }
+        fprintf(e->file, "%s%s%s    (void)out;\n", e->keeps ? "    (void)pose;\n" : "",
+                e->nslot ? "    (void)sine;\n    (void)cosine;\n" : "",
+                e->nscratch ? "    (void)work;\n" : "");
         write_piece(e, piece);
         fprintf(e->file, "}\n");
     }
@@ -490,7 +403,29 @@ void emission_write(struct emission *e, FILE *file)
     }
 
     /* All angles, then the pieces in order */
-    write_angles(e);
+
+    /* Writes all sines and cosines at once, at the start */
+    int used = 0;
+
+    e->current = e->npiece;
+    for (uint32_t n = 0; n < e->graph->count; n++) {
+        if (e->slot[n] >= 0) {
+            int width = e->graph->node[n].width;
+
+            write_node_value(e, n);
+            fprintf(e->file, "    ");
+            write_place(e->file, false, width, "angle", e->slot[n]);
+            fprintf(e->file, " = t%u;\n", n);
+            used += width;
+        }
+    }
+    /* Fills the last chunk, then calls the vector function for each chunk */
+    for (int s = used; s < e->nslot; s++) {
+        fprintf(e->file, "    angle[%d] = 0.0;\n", s);
+    }
+    for (int s = 0; s < e->nslot; s += TRIG_CHUNK) {
+        fprintf(e->file, "    NAME(sincos)(angle + %d, sine + %d, cosine + %d);\n", s, s, s);
+    }
     for (int piece = 0; e->npiece > 1 && piece < e->npiece; piece++) {
         fprintf(e->file, "    NAME(%s_%d)(", e->name, piece);
         write_arguments(e, false, true);
@@ -547,8 +482,49 @@ enum error_code emission_create(const char *name, const struct graph *graph,
     }
 
     /* Finds the needed nodes, their pieces and their scratch indices */
-    mark_reached(e);
-    place_angles(e);
+
+    /* Marks the nodes that the outputs need. Operands have lower numbers than their users. */
+    for (size_t o = 0; o < e->derivation->count; o++) {
+        e->reached[expr_node(e->derivation->output[o].value)] = true;
+        e->keeps = e->keeps || e->derivation->output[o].pose;
+    }
+    for (size_t n = e->graph->count; n-- > 0;) {
+        const struct graph_node *node = &e->graph->node[n];
+
+        for (int m = 0; e->reached[n] && m < operand_count(node->op, node->width); m++) {
+            e->reached[expr_node(node->operand[m])] = true;
+        }
+        if (e->reached[n] && node->op == GRAPH_INPUT) {
+            e->reads[node->array] = true;
+        }
+    }
+
+    /* Assigns an index to each angle, wide ones first for alignment */
+    for (int width = GRAPH_LANES; width >= 1; width /= 2) {
+        for (size_t n = 0; n < e->graph->count; n++) {
+            const struct graph_node *node = &e->graph->node[n];
+            uint32_t angle = expr_node(node->operand[0]);
+
+            if (e->reached[n] && (node->op == GRAPH_SIN || node->op == GRAPH_COS) &&
+                node->width == width && e->slot[angle] < 0) {
+                e->slot[angle] = e->nslot;
+                e->nslot += width;
+                e->early[angle] = true;
+            }
+        }
+    }
+    /* Pads to whole chunks for the vector function */
+    while (e->nslot % TRIG_CHUNK) {
+        e->nslot++;
+    }
+    /* Operands of angles are needed early too */
+    for (size_t n = e->graph->count; n-- > 0;) {
+        const struct graph_node *node = &e->graph->node[n];
+
+        for (int m = 0; e->early[n] && m < operand_count(node->op, node->width); m++) {
+            e->early[expr_node(node->operand[m])] = true;
+        }
+    }
     cut_pieces(e, longest);
     find_uses(e);
     place_scratch(e, e->memory + 5 * nodes);

@@ -250,28 +250,6 @@ static void try_bundle(struct limbs *limbs, struct tree *tree, int lanes, int a,
     }
 }
 
-/* Bundles the limbs, best matches first, and makes the groups. */
-static void bundle_limbs(struct limbs *limbs, struct tree *tree, int lanes,
-                         struct tree_group *sorted, int *place)
-{
-    /* Equal limbs with one parent first, then equal limbs anywhere, then partial matches */
-    for (int round = 0; round < 3; round++) {
-        for (int a = 0; a < limbs->count; a++) {
-            for (int b = a + 1; b < limbs->count; b++) {
-                const struct limb *x = &limbs->limb[a], *y = &limbs->limb[b];
-                bool siblings = tree->body[x->first].parent == tree->body[y->first].parent;
-
-                if ((round > 1 || x->length == y->length) && (round > 0 || siblings) &&
-                    limbs_match(limbs, x, y)) {
-                    try_bundle(limbs, tree, lanes, a, b, sorted, place);
-                }
-            }
-        }
-    }
-    make_groups(limbs, tree);
-    sort_groups(tree, sorted, place);
-}
-
 enum error_code tree_assign_lanes(struct tree *tree, int lanes, struct error *error)
 {
     struct limbs limbs = {.tree = tree};
@@ -284,7 +262,24 @@ enum error_code tree_assign_lanes(struct tree *tree, int lanes, struct error *er
     limbs.moved = calloc(tree->nbody, sizeof *limbs.moved);
     if (sorted && place && limbs.limb && limbs.next && limbs.moved) {
         find_limbs(&limbs);
-        bundle_limbs(&limbs, tree, lanes, sorted, place);
+
+        /* Bundles the limbs, best matches first, and makes the groups */
+        /* Equal limbs with one parent first, then equal limbs anywhere, then partial matches */
+        for (int round = 0; round < 3; round++) {
+            for (int a = 0; a < limbs.count; a++) {
+                for (int b = a + 1; b < limbs.count; b++) {
+                    const struct limb *x = &limbs.limb[a], *y = &limbs.limb[b];
+                    bool siblings = tree->body[x->first].parent == tree->body[y->first].parent;
+
+                    if ((round > 1 || x->length == y->length) && (round > 0 || siblings) &&
+                        limbs_match(&limbs, x, y)) {
+                        try_bundle(&limbs, tree, lanes, a, b, sorted, place);
+                    }
+                }
+            }
+        }
+        make_groups(&limbs, tree);
+        sort_groups(tree, sorted, place);
     } else {
         code = error_set(error, ERROR_MEMORY, "no memory for %zu limbs", tree->nbody);
     }

@@ -136,7 +136,18 @@ static enum error_code bind_inertia(const struct robot *robot, struct arena *are
     if ((code = tree_create(robot, (int)module->lanes, &tree, error))) {
         return code;
     }
-    tree_write_inertia(&tree, inertia);
+
+    /* Fills the ninertia numbers with the mass properties; each lane has its own, gaps are zero */
+    memset(inertia, 0, tree.ninertia * sizeof *inertia);
+    for (size_t g = 0; g < tree.ngroup; g++) {
+        const struct tree_group *group = &tree.group[g];
+
+        for (int p = 0; p < TREE_INERTIA; p++) {
+            for (int l = 0; group->place[p] >= 0 && l < group->width; l++) {
+                inertia[group->place[p] + l] = tree_inertia(&tree.body[group->body[l]], p);
+            }
+        }
+    }
     generated->inertia = inertia;
     tree_destroy(&tree);
     return ERROR_NONE;

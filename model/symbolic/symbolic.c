@@ -141,13 +141,6 @@ static void write_header(const struct generation *g)
     fprintf(g->file, " */\n");
 }
 
-static void write_lines(FILE *file, const char *const *line, size_t count)
-{
-    for (size_t n = 0; n < count; n++) {
-        fprintf(file, "%s\n", line[n]);
-    }
-}
-
 /* Writes code by which the file includes itself for a variant. plainer: the previous variant, or
  * none. */
 static void write_variant(FILE *file, int variant, int plainer)
@@ -158,25 +151,6 @@ static void write_variant(FILE *file, int variant, int plainer)
             "#undef VARIANT\n#undef VARIANT_NAME\n#undef TARGET\n#undef PLAINER\n",
             variants[variant].name, variants[variant].name, variants[variant].target,
             plainer < 0 ? "NULL" : "&module_", plainer < 0 ? "" : variants[plainer].name);
-}
-
-/* Writes the variants, and the function that selects one. */
-static void write_variants(const struct generation *g)
-{
-    write_variant(g->file, INSTRUCTIONS_PLAIN, -1);
-    fprintf(g->file, "#if defined __x86_64__\n");
-    write_variant(g->file, INSTRUCTIONS_AVX2, INSTRUCTIONS_PLAIN);
-    write_variant(g->file, INSTRUCTIONS_AVX512, INSTRUCTIONS_AVX2);
-    fprintf(g->file,
-            "#endif\n\nconst struct dynamics_module *%s(void);\n\n"
-            "const struct dynamics_module *%s(void)\n{\n"
-            "#if defined __x86_64__\n    __builtin_cpu_init();\n",
-            g->symbol, g->symbol);
-    for (int n = INSTRUCTIONS_AVX512; n > INSTRUCTIONS_PLAIN; n--) {
-        fprintf(g->file, "    if (%s) {\n        return &module_%s;\n    }\n", variants[n].test,
-                variants[n].name);
-    }
-    fprintf(g->file, "#endif\n    return &module_%s;\n}\n", variants[INSTRUCTIONS_PLAIN].name);
 }
 
 /* Writes the call of a derived function with the arguments that it needs, in the order of its
@@ -269,9 +243,29 @@ static void write_dynamics_module(const struct generation *g)
             g->derivation[DERIVE_KINEMATICS].npose, g->report.count[DERIVE_FORWARD].operations);
 }
 
-/* Writes the constants used by the functions and the table. */
-static void write_tables(const struct generation *g)
+/* Writes the whole file and checks for write errors. */
+static enum error_code write_file(const struct generation *g, struct error *error)
 {
+    write_header(g);
+
+    /* GCC's vectorizer of straight-line code fuses products with alternating sums (vfmaddsub) even
+     * if contraction is off. It also gains little, because the code already uses lanes */
+    fprintf(g->file, "#if !defined VARIANT\n"
+                     "#include <math.h>\n#include <stddef.h>\n#include <stdint.h>\n\n"
+                     "#if defined __clang__\n#pragma STDC FP_CONTRACT OFF\n"
+                     "#elif defined __GNUC__\n#pragma GCC optimize(\"fp-contract=off\")\n"
+                     "#pragma GCC optimize(\"no-tree-slp-vectorize\")\n"
+                     "#endif\n\n");
+    /* Declarations and tables once; then, per inclusion, the functions of a variant */
+    const size_t count = ARRAY_COUNT(module_declaration);
+
+    for (size_t n = 0; n < count; n++) {
+        fprintf(g->file, "%s\n", module_declaration[n]);
+    }
+    fprintf(g->file, "\n");
+    emit_preamble(g->file);
+
+    /* Writes the constants used by the functions and the table */
     const struct robot *robot = g->robot;
 
     fprintf(g->file, "static const double no_wrench[%zu];\n", 6 * robot->nbody);
@@ -291,28 +285,23 @@ static void write_tables(const struct generation *g)
         }
     }
     fprintf(g->file, "\";\n");
-}
-
-/* Writes the whole file and checks for write errors. */
-static enum error_code write_file(const struct generation *g, struct error *error)
-{
-    write_header(g);
-
-    /* GCC's vectorizer of straight-line code fuses products with alternating sums (vfmaddsub) even
-     * if contraction is off. It also gains little, because the code already uses lanes */
-    fprintf(g->file, "#if !defined VARIANT\n"
-                     "#include <math.h>\n#include <stddef.h>\n#include <stdint.h>\n\n"
-                     "#if defined __clang__\n#pragma STDC FP_CONTRACT OFF\n"
-                     "#elif defined __GNUC__\n#pragma GCC optimize(\"fp-contract=off\")\n"
-                     "#pragma GCC optimize(\"no-tree-slp-vectorize\")\n"
-                     "#endif\n\n");
-    /* Declarations and tables once; then, per inclusion, the functions of a variant */
-    write_lines(g->file, module_declaration, ARRAY_COUNT(module_declaration));
     fprintf(g->file, "\n");
-    emit_preamble(g->file);
-    write_tables(g);
-    fprintf(g->file, "\n");
-    write_variants(g);
+
+    /* Writes the variants, and the function that selects one */
+    write_variant(g->file, INSTRUCTIONS_PLAIN, -1);
+    fprintf(g->file, "#if defined __x86_64__\n");
+    write_variant(g->file, INSTRUCTIONS_AVX2, INSTRUCTIONS_PLAIN);
+    write_variant(g->file, INSTRUCTIONS_AVX512, INSTRUCTIONS_AVX2);
+    fprintf(g->file,
+            "#endif\n\nconst struct dynamics_module *%s(void);\n\n"
+            "const struct dynamics_module *%s(void)\n{\n"
+            "#if defined __x86_64__\n    __builtin_cpu_init();\n",
+            g->symbol, g->symbol);
+    for (int n = INSTRUCTIONS_AVX512; n > INSTRUCTIONS_PLAIN; n--) {
+        fprintf(g->file, "    if (%s) {\n        return &module_%s;\n    }\n", variants[n].test,
+                variants[n].name);
+    }
+    fprintf(g->file, "#endif\n    return &module_%s;\n}\n", variants[INSTRUCTIONS_PLAIN].name);
     fprintf(g->file, "\n#else\n\n");
     emit_sincos(g->file);
     for (int f = 0; f < DERIVE_COUNT; f++) {

@@ -58,9 +58,28 @@ static void turn_append(double R[9], const struct tree_turn *turn)
     memcpy(R, product, sizeof product);
 }
 
-/* Finds the smallest number of fixed turns after which the unit vector a is +-axis. */
-static void find_turns(const double a[3], struct placement *place)
+/* Computes the placement of joint in its parent's working frame. align and at: alignment of that
+ * frame and the parent's origin in it. */
+static void place_joint(const struct robot_joint *joint, const double align[9], const double at[3],
+                        struct placement *place)
 {
+    double in_parent[3], a[3], norm;
+
+    mat3_apply_transposed(align, joint->origin, place->r);
+    clean_vector(place->r);
+    for (int m = 0; m < 3; m++) {
+        place->r[m] += at[m];
+    }
+    clean_vector(place->r);
+    mat3_apply(joint->rotation, joint->axis, in_parent);
+    mat3_apply_transposed(align, in_parent, a);
+    norm = vec3_norm(a);
+    for (int m = 0; m < 3; m++) {
+        a[m] /= norm;
+    }
+    clean_vector(a);
+
+    /* Finds the smallest number of fixed turns after which the unit vector a is +-axis */
     int k = 0, zero = -1;
 
     /* The coordinate axis nearest to a */
@@ -88,29 +107,6 @@ static void find_turns(const double a[3], struct placement *place)
         place->turn[place->nturn++] = (struct tree_turn){k, ai / perpendicular, aj / perpendicular};
         place->turn[place->nturn++] = (struct tree_turn){j, ak, perpendicular};
     }
-}
-
-/* Computes the placement of joint in its parent's working frame. align and at: alignment of that
- * frame and the parent's origin in it. */
-static void place_joint(const struct robot_joint *joint, const double align[9], const double at[3],
-                        struct placement *place)
-{
-    double in_parent[3], a[3], norm;
-
-    mat3_apply_transposed(align, joint->origin, place->r);
-    clean_vector(place->r);
-    for (int m = 0; m < 3; m++) {
-        place->r[m] += at[m];
-    }
-    clean_vector(place->r);
-    mat3_apply(joint->rotation, joint->axis, in_parent);
-    mat3_apply_transposed(align, in_parent, a);
-    norm = vec3_norm(a);
-    for (int m = 0; m < 3; m++) {
-        a[m] /= norm;
-    }
-    clean_vector(a);
-    find_turns(a, place);
 }
 
 /* Computes how far the joint's origin can move so that r has no component along the axis, or is
@@ -423,24 +419,6 @@ static bool is_lumped(const struct tree_body *body, int property)
                                  property == TREE_K + sym3_index[k][k];
 }
 
-/* Assigns array indices to the groups' mass properties. */
-static void place_inertia(struct tree *tree)
-{
-    tree->ninertia = 0;
-    for (size_t g = 0; g < tree->ngroup; g++) {
-        struct tree_group *group = &tree->group[g];
-        size_t width = (size_t)group->width;
-
-        tree->ninertia = (tree->ninertia + width - 1) / width * width;
-        for (int p = 0; p < TREE_INERTIA; p++) {
-            bool lumped = is_lumped(&tree->body[group->body[0]], p);
-
-            group->place[p] = lumped ? -1 : (int)tree->ninertia;
-            tree->ninertia += lumped ? 0 : width;
-        }
-    }
-}
-
 enum error_code tree_create(const struct robot *robot, int lanes, struct tree *tree,
                             struct error *error)
 {
@@ -478,7 +456,21 @@ enum error_code tree_create(const struct robot *robot, int lanes, struct tree *t
         tree_destroy(tree);
         return ERROR_MEMORY;
     }
-    place_inertia(tree);
+
+    /* Assigns array indices to the groups' mass properties */
+    tree->ninertia = 0;
+    for (size_t g = 0; g < tree->ngroup; g++) {
+        struct tree_group *group = &tree->group[g];
+        size_t width = (size_t)group->width;
+
+        tree->ninertia = (tree->ninertia + width - 1) / width * width;
+        for (int p = 0; p < TREE_INERTIA; p++) {
+            bool lumped = is_lumped(&tree->body[group->body[0]], p);
+
+            group->place[p] = lumped ? -1 : (int)tree->ninertia;
+            tree->ninertia += lumped ? 0 : width;
+        }
+    }
     return ERROR_NONE;
 }
 
@@ -487,20 +479,6 @@ double tree_inertia(const struct tree_body *body, int property)
     return property == TREE_MASS ? body->mass
            : property < TREE_K   ? body->h[property - TREE_H]
                                  : body->K[property - TREE_K];
-}
-
-void tree_write_inertia(const struct tree *tree, double *inertia)
-{
-    memset(inertia, 0, tree->ninertia * sizeof *inertia);
-    for (size_t g = 0; g < tree->ngroup; g++) {
-        const struct tree_group *group = &tree->group[g];
-
-        for (int p = 0; p < TREE_INERTIA; p++) {
-            for (int l = 0; group->place[p] >= 0 && l < group->width; l++) {
-                inertia[group->place[p] + l] = tree_inertia(&tree->body[group->body[l]], p);
-            }
-        }
-    }
 }
 
 void tree_destroy(struct tree *tree)

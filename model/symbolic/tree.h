@@ -86,9 +86,6 @@ void tree_destroy(struct tree *tree);
 /* Returns a mass property of a body. */
 double tree_inertia(const struct tree_body *body, int property);
 
-/* Fills the ninertia numbers with the mass properties; each lane has its own, gaps are zero. */
-void tree_write_inertia(const struct tree *tree, double *inertia);
-
 /* Groups the bodies into at most `lanes` lanes (limb_lanes.c); tree->body must be complete. */
 enum error_code tree_assign_lanes(struct tree *tree, int lanes, struct error *error);
 
