@@ -61,7 +61,7 @@ void axes_read_sensors(const struct board *board, const struct plant_sensors *se
 {
     const int64_t now_ms = board->boards->now_ns / MS;
 
-    for (unsigned i = 0, count = board_axes(board); i < count; i++) {
+    for (unsigned i = 0; i < board->axes; i++) {
         struct axis *axis = board_axis(board, i);
 
         if (axis->config->joint >= 0) {
@@ -83,7 +83,7 @@ void axis_find_angles(struct axis *axis)
 
 void axes_drive_bridges(const struct board *board, struct plant_command *command)
 {
-    for (unsigned i = 0, count = board_axes(board); i < count; i++) {
+    for (unsigned i = 0; i < board->axes; i++) {
         const struct axis *axis = board_axis(board, i);
 
         if (axis->config->joint >= 0) {

@@ -214,9 +214,11 @@ struct boards_counters {
 struct boards;
 struct ring;
 
-/* Checks the configuration (addresses unique per bus, joints known and driven by one axis only,
- * ...) and creates the boards. Copies the configuration, except where a field says otherwise.
- * Memory from arena. Not RT-safe. */
+/* Creates the boards of a configuration that the caller has checked, as rig/boards.c does:
+ * addresses are unique on a bus and within the protocol's limits, indices exist, each joint has one
+ * axis. Refuses only too many axes on a bus and servo valves that the protocol does not move.
+ * Copies the configuration, except where a field says otherwise. Memory from arena. Not
+ * RT-safe. */
 enum error_code boards_create(const struct boards_config *config, struct arena *arena,
                               struct boards **boards, struct error *error);
 

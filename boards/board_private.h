@@ -118,6 +118,7 @@ struct board {
     uint16_t index;             /* index in the configuration */
     uint16_t node;              /* CAN node: index among the boards of its bus */
     uint8_t address;
+    uint8_t axes; /* number of axes, including spare ones; 0 for sensors */
     bool in_bootloader;
     bool away; /* disconnected from the bus by a fault, or external */
     /* external: present within its time-out; its silence has been reported */
@@ -159,12 +160,7 @@ static inline int board_joint(const struct board *board, size_t axis)
                : -1;
 }
 
-/* Return the number of axes of a board, including spare ones, and one axis. */
-static inline unsigned board_axes(const struct board *board)
-{
-    return board->ops->axis_size ? board->bus->config.protocol->axes_max : 0;
-}
-
+/* Returns an axis of a board. */
 static inline struct axis *board_axis(const struct board *board, unsigned index)
 {
     return (struct axis *)((uintptr_t)board + board->ops->axes + index * board->ops->axis_size);
@@ -196,9 +192,6 @@ static inline bool board_is_deaf(const struct board *board)
 struct board *board_create(struct arena *arena, size_t size, const struct board_ops *ops);
 struct board_bus *board_bus_create(struct arena *arena, size_t size,
                                    const struct board_bus_ops *ops);
-
-/* Checks the configuration of the boards (config_check.c). Not RT-safe. */
-enum error_code boards_check(const struct boards_config *config, struct error *error);
 
 /* Return the configuration and the protocol of a bus, with defaults filled in. */
 const struct boards_bus_config *boards_bus(const struct boards_config *config, int bus);
@@ -245,12 +238,11 @@ void board_queue_as(struct board *board, uint32_t id, uint8_t flags, uint8_t len
 /* Moves the board to another address; false = the address is taken. */
 bool board_set_address(struct board *board, uint8_t address);
 
-/* Send a periodic frame in the format of the bus, or with the given flags. When sink is full the
- * frame is lost and counted. */
+/* Send a periodic frame: with the given data in the format of the bus, or an empty frame that the
+ * caller fills. When sink is full the frame is lost and counted; board_add_frame returns NULL. */
 void board_send(struct board *board, struct frame_sink *sink, uint32_t id, uint8_t len,
                 const uint8_t *data);
-void board_send_as(struct board *board, struct frame_sink *sink, uint32_t id, uint8_t flags,
-                   uint8_t len, const uint8_t *data);
+struct bus_frame *board_add_frame(struct board *board, struct frame_sink *sink);
 
 /* Whether the electronics of a board work in this tick. */
 enum board_health {

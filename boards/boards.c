@@ -362,7 +362,7 @@ struct board_bus *board_bus_create(struct arena *arena, size_t size,
 static void board_power_up(struct board *board)
 {
     board->ops->power_up(board);
-    for (unsigned i = 0; i < board_axes(board); i++) {
+    for (unsigned i = 0; i < board->axes; i++) {
         axis_power_up(board, i);
     }
 }
@@ -373,6 +373,7 @@ static bool boards_make_board(struct boards *boards, size_t index,
 {
     struct board_bus *bus = boards->bus[config->bus];
     struct board *board = bus->config.protocol->make_board(config, arena);
+    unsigned axes = board_config_axes(config);
 
     if (!board) {
         return false;
@@ -389,6 +390,10 @@ static bool boards_make_board(struct boards *boards, size_t index,
     }
 
     /* Its place on the bus, with room for what it may have to say in a tick */
+    board->axes = board->ops->axis_size ? bus->config.protocol->axes_max : 0;
+    if (axes > 0 && axes < board->axes && !bus->config.protocol->spare_axes) {
+        board->axes = (uint8_t)axes;
+    }
     board->address = config->address;
     board->node = bus->nodes++;
     bus->by_address[board->address] = board;
@@ -466,6 +471,37 @@ static bool boards_make(struct boards *boards, const struct boards_config *confi
     }
     return voltage_delay_create(boards, config, arena) &&
            board_faults_create(boards, config->faults, arena);
+}
+
+/* Refuses what a rig's schema cannot: a servo valve on boards that move none, and too many axes on
+ * a bus that numbers them. */
+static enum error_code boards_check(const struct boards_config *config, struct error *error)
+{
+    for (size_t bus = 0; bus < config->nbus; bus++) {
+        const struct protocol *protocol = boards_protocol(config, (int)bus);
+        size_t slots = 0;
+
+        for (size_t i = 0; i < config->nboard; i++) {
+            const struct board_config *board = &config->board[i];
+            unsigned axes = board->bus == (int)bus ? board_config_axes(board) : 0;
+
+            slots += axes;
+            for (unsigned k = 0; protocol->no_valves && k < axes; k++) {
+                if (board->axis[k].valve) {
+                    return error_set(error, ERROR_INPUT,
+                                     "board %s: found a servo valve on a bus that speaks %s, "
+                                     "expected a motor",
+                                     board->name, protocol->name);
+                }
+            }
+        }
+        if (protocol->slots_max > 0 && slots > protocol->slots_max) {
+            return error_set(error, ERROR_INPUT,
+                             "found %zu axes on a bus that speaks %s, expected at most %d", slots,
+                             protocol->name, protocol->slots_max);
+        }
+    }
+    return ERROR_NONE;
 }
 
 enum error_code boards_create(const struct boards_config *config, struct arena *arena,
@@ -692,7 +728,7 @@ static bool board_is_faulty(const struct board *board)
 {
     bool faulty = false;
 
-    for (unsigned i = 0; i < board_axes(board); i++) {
+    for (unsigned i = 0; i < board->axes; i++) {
         faulty = faulty || board_axis(board, i)->faulty;
     }
     return faulty && !board->config.external;
@@ -768,19 +804,29 @@ bool boards_have_can_errors(const struct boards *boards, size_t bus)
     return boards->bus[bus]->can_errors > 0;
 }
 
-/* Appends a frame to a sink with room. */
-static void board_put_frame(const struct board *board, struct frame_sink *sink, uint32_t id,
-                            uint8_t flags, uint8_t len, const uint8_t *data)
+struct bus_frame *board_add_frame(struct board *board, struct frame_sink *sink)
 {
-    struct bus_frame *frame = &sink->frames[sink->count++];
+    struct bus_frame *frame = &sink->frames[sink->count];
 
-    memset(frame, 0, sizeof *frame);
-    frame->id = id;
-    frame->flags = flags;
-    frame->len = len;
-    frame->node = board->node;
-    frame->time_ns = sink->time_ns;
-    if (len) {
+    if (sink->count == sink->max) {
+        board_lose(board);
+        return NULL;
+    }
+    *frame = (struct bus_frame){.node = board->node, .time_ns = sink->time_ns};
+    sink->count++;
+    return frame;
+}
+
+/* Sends a frame with these flags. */
+static void board_send_as(struct board *board, struct frame_sink *sink, uint32_t id, uint8_t flags,
+                          uint8_t len, const uint8_t *data)
+{
+    struct bus_frame *frame = board_add_frame(board, sink);
+
+    if (frame) {
+        frame->id = id;
+        frame->flags = flags;
+        frame->len = len;
         memcpy(frame->data, data, len);
     }
 }
@@ -789,16 +835,6 @@ void board_send(struct board *board, struct frame_sink *sink, uint32_t id, uint8
                 const uint8_t *data)
 {
     board_send_as(board, sink, id, bus_flags(board->bus), len, data);
-}
-
-void board_send_as(struct board *board, struct frame_sink *sink, uint32_t id, uint8_t flags,
-                   uint8_t len, const uint8_t *data)
-{
-    if (sink->count == sink->max) {
-        board_lose(board);
-        return;
-    }
-    board_put_frame(board, sink, id, flags, len, data);
 }
 
 /* Sends waiting answers, oldest first, as far as the sink has room. */
@@ -810,7 +846,7 @@ static void bus_send_replies(struct board_bus *bus, struct frame_sink *sink)
         if (!reply->lost) {
             size_t from = sink->count;
 
-            board_put_frame(reply->board, sink, reply->id, reply->flags, reply->len, reply->data);
+            board_send_as(reply->board, sink, reply->id, reply->flags, reply->len, reply->data);
             if (reply->board->faults) {
                 board_faults_filter(reply->board, sink, from);
             }
@@ -852,11 +888,10 @@ size_t boards_transmit(struct boards *boards, int64_t now_ns, size_t bus_index,
     bus_send_replies(bus, &sink);
     span = (struct ms_span){.from = bus->sent_ms, .to = now_ns / MS};
     bus->sent_ms = span.to;
-    for (unsigned address = 1; address < BOARD_ADDRESSES; address++) {
-        struct board *board = bus->by_address[address];
-
-        if (board && !board_is_deaf(board)) {
-            board_transmit(board, span, &sink);
+    for (struct board **board = &bus->by_address[1]; board < &bus->by_address[BOARD_ADDRESSES];
+         board++) {
+        if (*board && !board_is_deaf(*board)) {
+            board_transmit(*board, span, &sink);
         }
     }
     return sink.count;

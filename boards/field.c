@@ -45,78 +45,55 @@ int64_t field_highest(const struct field *field)
     return (INT64_C(1) << bits) - 1;
 }
 
-/* A run of bits of a field within one byte. */
-struct run {
+/* The bytes that hold a field which starts at bit `start`: the first one, their number, the bits
+ * below the field in the number that they form in the field's byte order. */
+struct place {
     size_t byte;
-    unsigned from;  /* first bit in the byte */
-    unsigned value; /* first bit in the value */
-    unsigned bits;
+    unsigned bytes, below;
 };
 
-/* Returns the next run of a field's bits within one byte, when `done` bits are already copied. */
-static struct run field_next_run(const struct field *field, size_t start, unsigned done)
+static struct place field_place(const struct field *field, size_t start)
 {
-    unsigned bits = field_bits(field), from = (start + done) % 8;
-    struct run run = {.byte = (start + done) / 8, .from = from, .value = done};
+    unsigned bits = field_bits(field), before = start % 8, bytes = (before + bits + 7) / 8;
 
-    run.bits = bits - done < 8 - from ? bits - done : 8 - from;
-    if (field->type & FIELD_BIG_ENDIAN) {
-        run.from = 8 - from - run.bits;
-        run.value = bits - done - run.bits;
-    }
-    return run;
+    return (struct place){.byte = start / 8,
+                          .bytes = bytes,
+                          .below =
+                              field->type & FIELD_BIG_ENDIAN ? 8 * bytes - before - bits : before};
 }
 
-/* Returns the signed value of a field's bits. */
-static int64_t field_extend_sign(const struct field *field, uint64_t bits)
+/* Returns the weight of byte `i` of a place, in bits. */
+static unsigned place_shift(const struct field *field, struct place place, unsigned i)
 {
-    const uint64_t sign = UINT64_C(1) << (field_bits(field) - 1);
-
-    return (int64_t)(field->type & FIELD_SIGNED ? (bits ^ sign) - sign : bits);
+    return 8 * (field->type & FIELD_BIG_ENDIAN ? place.bytes - 1 - i : i);
 }
 
 /* Reads the value of a field that starts at a bit of the data. */
 static int64_t field_get_value(const struct field *field, size_t start, const uint8_t *data)
 {
-    unsigned bits = field_bits(field);
+    const struct place place = field_place(field, start);
+    const uint64_t sign = UINT64_C(1) << (field_bits(field) - 1);
     uint64_t value = 0;
 
-    /* Most fields are whole bytes: a fast path */
-    if ((start | bits) % 8 == 0 && !(field->type & FIELD_BIG_ENDIAN)) {
-        for (unsigned done = 0; done < bits; done += 8) {
-            value |= (uint64_t)data[(start + done) / 8] << done;
-        }
-        return field_extend_sign(field, value);
+    for (unsigned i = 0; i < place.bytes; i++) {
+        value |= (uint64_t)data[place.byte + i] << place_shift(field, place, i);
     }
-    for (unsigned done = 0; done < bits;) {
-        struct run run = field_next_run(field, start, done);
-        uint64_t part = data[run.byte] >> run.from & ((1u << run.bits) - 1);
-
-        value |= part << run.value;
-        done += run.bits;
-    }
-    return field_extend_sign(field, value);
+    value = value >> place.below & (2 * sign - 1);
+    return (int64_t)(field->type & FIELD_SIGNED ? (value ^ sign) - sign : value);
 }
 
 /* Writes the value of a field that starts at a bit of the data. */
 static void field_put_value(const struct field *field, int64_t value, size_t start, uint8_t *data)
 {
-    unsigned bits = field_bits(field);
+    const struct place place = field_place(field, start);
+    const uint64_t mask = ((UINT64_C(1) << field_bits(field)) - 1) << place.below;
+    const uint64_t bits = (uint64_t)value << place.below & mask;
 
-    /* Most fields are whole bytes: a fast path */
-    if ((start | bits) % 8 == 0 && !(field->type & FIELD_BIG_ENDIAN)) {
-        for (unsigned done = 0; done < bits; done += 8) {
-            data[(start + done) / 8] = (uint8_t)((uint64_t)value >> done);
-        }
-        return;
-    }
-    for (unsigned done = 0; done < bits;) {
-        struct run run = field_next_run(field, start, done);
-        unsigned mask = (1u << run.bits) - 1;
-        unsigned part = (unsigned)((uint64_t)value >> run.value) & mask;
+    for (unsigned i = 0; i < place.bytes; i++) {
+        unsigned shift = place_shift(field, place, i);
+        uint8_t *byte = &data[place.byte + i];
 
-        data[run.byte] = (uint8_t)((data[run.byte] & ~(mask << run.from)) | part << run.from);
-        done += run.bits;
+        *byte = (uint8_t)((*byte & ~(mask >> shift)) | bits >> shift);
     }
 }
 

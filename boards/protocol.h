@@ -47,6 +47,7 @@ struct protocol {
     bool canfd;         /* frames may be CAN FD */
     bool canfd_only;    /* frames must be CAN FD */
     bool motors_only;   /* has no pure sensor boards */
+    bool no_valves;     /* its boards move no servo valves */
     bool padded;        /* commands may be padded to 8 bytes */
     /* a host can read the frames without configuring the boards, so that real boards may be on
      * the bus */
@@ -58,13 +59,9 @@ struct protocol {
     /* Text of the built-in protocol files, for classic CAN and CAN FD; NULL = none */
     const char *text, *text_fd;
 
-    /* Both return NULL when out of memory. boards/config_check.c has checked the configuration. */
+    /* Both return NULL when out of memory. */
     struct board_bus *(*make_bus)(struct arena *arena);
     struct board *(*make_board)(const struct board_config *config, struct arena *arena);
-
-    /* Checks conditions beyond the limits above; NULL = none. */
-    enum error_code (*check_board)(const struct boards_bus_config *bus,
-                                   const struct board_config *board, struct error *error);
 
     /* Gets the last firmware download (boards_firmware); NULL = the bootloader accepts none. */
     bool (*firmware)(const struct board *board, struct board_firmware *firmware);

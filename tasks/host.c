@@ -701,6 +701,7 @@ void host_set_motor(struct host *host, size_t axis, bool on)
 
     host->volts[axis] = 0;
     host->want[axis].referred = false;
+    host->want[axis].rad_s = 0.0;
     line->driving = line->driving || on;
     line->ops->set_motor(host, axis, on);
 }

@@ -8,6 +8,7 @@
  */
 #include "tasks/host_private.h"
 
+#include "base/array.h"
 #include "boards/described/protocol.h"
 
 #include <math.h>
@@ -58,12 +59,6 @@ static double described_wanted_rad(const struct host *host, size_t axis)
     return host->want[axis].referred ? host->want[axis].rad : host->joint[axis].motor_rad;
 }
 
-/* Returns the rate of the reference, rad/s; 0 without a reference. */
-static double described_wanted_rad_s(const struct host *host, size_t axis)
-{
-    return host->want[axis].referred ? host->want[axis].rad_s : 0.0;
-}
-
 /* Returns the steady-state current (A) that the voltage drives through the winding against the
  * back-EMF. */
 static double described_wanted_a(const struct host *host, size_t axis)
@@ -83,7 +78,7 @@ static double described_wanted_nm(const struct host *host, size_t axis,
 
     return host->config.axis[axis].drive.torque_nm_a * described_wanted_a(host, axis) -
            kp * (described_wanted_rad(host, axis) - host->joint[axis].motor_rad) -
-           kd * (described_wanted_rad_s(host, axis) - host->want[axis].motor_rad_s);
+           kd * (host->want[axis].rad_s - host->want[axis].motor_rad_s);
 }
 
 /* Returns a set point in SI units, or the file's value (otherwise) if the task has none. Drives
@@ -106,30 +101,12 @@ static double described_target(const struct host *host, const struct described_p
                    ? otherwise
                    : described_wanted_nm(host, axis, row);
     case DESCRIBED_TO_VELOCITY:
-        return described_wanted_rad_s(host, axis);
+        return host->want[axis].rad_s;
     case DESCRIBED_TO_POSITION:
         return described_wanted_rad(host, axis);
     default:
         return otherwise;
     }
-}
-
-/* Returns the set-point of the state that the host commands, in counts of its field. */
-static int64_t described_set_point(const struct host *host, size_t axis,
-                                   const struct described_protocol *protocol,
-                                   const struct described_frame *row,
-                                   const struct described_field *field)
-{
-    static const enum described_meaning of_law[] = {
-        [DESCRIBED_VOLTAGE] = DESCRIBED_TO_VOLTAGE,   [DESCRIBED_CURRENT] = DESCRIBED_TO_CURRENT,
-        [DESCRIBED_TORQUE] = DESCRIBED_TO_TORQUE,     [DESCRIBED_VELOCITY] = DESCRIBED_TO_VELOCITY,
-        [DESCRIBED_POSITION] = DESCRIBED_TO_POSITION, [DESCRIBED_IMPEDANCE] = DESCRIBED_TO_POSITION,
-        [DESCRIBED_FAULT] = DESCRIBED_NOTHING,        [DESCRIBED_SELECTED] = DESCRIBED_NOTHING,
-    };
-    const struct described_state *state = &protocol->state[protocol->host.on_state];
-    double target = described_target(host, protocol, axis, row, of_law[state->law], field->host);
-
-    return llrint(target / state->set_point_scale);
 }
 
 /* Returns the count of field i of a frame to send. */
@@ -141,6 +118,7 @@ static int64_t described_letter_count(const struct host *host,
     /* The axis of the frame, or the field's own axis in a frame for a whole board */
     int axis =
         letter->row->of_one || !letter->node ? letter->axis : letter->node->axis[field->axis];
+    const struct described_state *state = &protocol->state[protocol->host.on_state];
 
     switch (field->meaning) {
     /* Identity of the frame: constants, selections, addresses, states */
@@ -154,37 +132,31 @@ static int64_t described_letter_count(const struct host *host,
         return letter->axis < 0 ? 0 : host->config.axis[letter->axis].axis;
     case DESCRIBED_STATE:
         return protocol->state[letter->state].value;
-    /* Physical values, with the field's scale */
+    /* Physical values: in the scale of the state's law, or of the field */
     case DESCRIBED_TELEMETRY_PERIOD:
         return described_count(field, (double)letter->period_ns * 1e-9);
     case DESCRIBED_SET_POINT:
-        return axis < 0 ? 0 : described_set_point(host, (size_t)axis, protocol, letter->row, field);
-    case DESCRIBED_TO_VOLTAGE:
-    case DESCRIBED_TO_DUTY:
-    case DESCRIBED_TO_CURRENT:
-    case DESCRIBED_TO_TORQUE:
-    case DESCRIBED_TO_VELOCITY:
-    case DESCRIBED_TO_POSITION:
+        return axis < 0 ? 0
+                        : llrint(described_target(host, protocol, (size_t)axis, letter->row,
+                                                  described_law_target(state->law), field->host) /
+                                 state->set_point_scale);
+    default:
         return described_count(field, axis < 0 ? field->host
                                                : described_target(host, protocol, (size_t)axis,
                                                                   letter->row, field->meaning,
                                                                   field->host));
-    /* Other fields have the file's values */
-    default:
-        return described_count(field, field->host);
     }
 }
 
-/* Writes the data of a frame, or of one repetition, and advances its counter. Returns the
- * identifier. */
-static uint32_t described_fill(const struct host *host, size_t bus,
-                               const struct described_letter *letter, unsigned number,
-                               unsigned part, uint8_t *data)
+/* Writes the identifier and the data of a frame, or of one repetition, and advances its counter. */
+static void described_fill(const struct host *host, size_t bus,
+                           const struct described_letter *letter, unsigned number, unsigned part,
+                           struct bus_frame *frame)
 {
     const struct described_protocol *protocol = described_line_protocol(host, bus);
     const struct described_frame *row = letter->row;
-    uint32_t id = described_id(row, number);
 
+    frame->id = described_id(row, number);
     for (size_t i = 0; i < row->nfield; i++) {
         const struct described_field *field = &row->field[i];
         int64_t count =
@@ -192,10 +164,9 @@ static uint32_t described_fill(const struct host *host, size_t bus,
                 ? described_wrap(field, host->line[bus].sent[row - protocol->frame][number]++)
                 : described_letter_count(host, protocol, letter, i);
 
-        described_put(field, count, part * row->length, data, &id);
+        described_put(field, count, part * row->length, frame);
     }
-    described_close(row, data);
-    return id;
+    described_close(row, frame->data);
 }
 
 /* Makes a frame; remote frames have no data. */
@@ -207,7 +178,7 @@ static struct bus_frame described_write(const struct host *host, size_t bus,
                               .len = letter->row->length};
 
     if (!letter->row->remote) {
-        frame.id = described_fill(host, bus, letter, number, 0, frame.data);
+        described_fill(host, bus, letter, number, 0, &frame);
     }
     return frame;
 }
@@ -350,7 +321,7 @@ static void described_send_group(struct host *host, size_t bus, const struct des
         const struct described_letter letter = {
             .row = row, .axis = host->line[bus].slot[first + k], .state = protocol->host.on_state};
 
-        described_fill(host, bus, &letter, first / row->repeats, k, frame.data);
+        described_fill(host, bus, &letter, first / row->repeats, k, &frame);
         parts = k + 1;
     }
     frame.len = described_length(row, parts);
@@ -410,37 +381,26 @@ static int64_t described_news_count(const struct described_news *news,
 static bool described_find_node(const struct host *host, struct host_line *line, unsigned number,
                                 struct described_news *news)
 {
-    const struct host_axis *axis;
-    int64_t address;
+    int slot = news->row->by == DESCRIBED_BY_SLOT ? line->slot[number] : 0;
+    int64_t address = number, axis = 0;
 
-    news->axis = 0;
-    /* The identifier contains the address or the axis of the bus; otherwise a field does */
-    switch (news->row->by) {
-    case DESCRIBED_BY_ADDRESS:
-        news->node = &line->node[number];
-        break;
-    case DESCRIBED_BY_SLOT:
-        if (line->slot[number] < 0) {
-            return false;
-        }
-        axis = &host->config.axis[line->slot[number]];
-        news->node = &line->node[axis->address];
-        news->axis = axis->axis;
-        break;
-    default:
+    /* The identifier contains the axis of the bus or the address; otherwise a field does */
+    if (slot < 0) {
+        return false;
+    }
+    if (news->row->by == DESCRIBED_BY_SLOT) {
+        address = host->config.axis[slot].address;
+        axis = host->config.axis[slot].axis;
+    } else if (news->row->by != DESCRIBED_BY_ADDRESS) {
         address = described_news_count(news, DESCRIBED_ADDRESS, 0);
-        if (address < 1 || address >= HOST_ADDRESSES) {
-            return false;
-        }
-        news->node = &line->node[address];
-        break;
     }
     /* A field may contain the axis of the board */
-    if (described_find_field(news->row, DESCRIBED_AXIS) >= 0) {
-        int64_t of = described_news_count(news, DESCRIBED_AXIS, 0);
-
-        news->axis = of < HOST_AXES ? (int)of : 0;
+    axis = described_news_count(news, DESCRIBED_AXIS, axis);
+    if (address < 1 || address >= HOST_ADDRESSES) {
+        return false;
     }
+    news->node = &line->node[address];
+    news->axis = axis < HOST_AXES ? (int)axis : 0;
     return described_node_kind(news->node) & news->row->of;
 }
 
@@ -479,27 +439,20 @@ static bool described_is_answer(const struct described_protocol *protocol,
     return false;
 }
 
-/* Translates a state of the protocol into the state of a motor. */
+/* Stores the state of a motor from its state's value and its faults. A motor that is off with a
+ * fault is in fault, if the protocol has no such state. */
 static void described_read_state(const struct described_protocol *protocol,
                                  struct host_joint *joint, int64_t value)
 {
     int state = described_find_state(protocol->state, protocol->nstate, value, false);
     enum described_law law = state < 0 ? DESCRIBED_SELECTED : protocol->state[state].law;
+    bool told = protocol->fault_state != protocol->off_state;
 
-    joint->motor = law == DESCRIBED_OFF               ? HOST_MOTOR_OFF
-                   : law == DESCRIBED_FAULT           ? HOST_MOTOR_FAULT
+    joint->motor = law == DESCRIBED_FAULT ? HOST_MOTOR_FAULT
+                   : law == DESCRIBED_OFF
+                       ? !told && joint->fault & DESCRIBED_FATAL ? HOST_MOTOR_FAULT : HOST_MOTOR_OFF
                    : state == protocol->host.on_state ? HOST_MOTOR_ON
                                                       : HOST_MOTOR_OTHER;
-}
-
-/* Sets a motor that is off with a fault to the state fault, if the protocol has no such state. */
-static void described_judge_fault(const struct described_protocol *protocol,
-                                  struct host_joint *joint)
-{
-    if (joint->motor == HOST_MOTOR_OFF && protocol->fault_state == protocol->off_state &&
-        joint->fault & DESCRIBED_FATAL) {
-        joint->motor = HOST_MOTOR_FAULT;
-    }
 }
 
 /* Stores the rotor's angle. If no frame reports them, computes the link's angle from the spring's
@@ -573,11 +526,13 @@ static void described_read_motor_field(struct host *host, const struct described
     /* States and faults, which depend on each other */
     case DESCRIBED_STATE:
         described_read_state(protocol, joint, count);
-        described_judge_fault(protocol, joint);
         break;
     case DESCRIBED_FAULTS:
         joint->fault = described_known_faults(protocol, count);
-        described_judge_fault(protocol, joint);
+        if (joint->motor == HOST_MOTOR_OFF && protocol->fault_state == protocol->off_state &&
+            joint->fault & DESCRIBED_FATAL) {
+            joint->motor = HOST_MOTOR_FAULT;
+        }
         break;
     default:
         break;
@@ -589,16 +544,14 @@ static void described_read_force(struct host *host, const struct described_news 
                                  const struct described_field *of, int64_t count)
 {
     struct host_force *force = &host->force[news->node->ft];
-    int channel = (int)of->meaning - DESCRIBED_FT_CHANNEL;
+    unsigned channel = of->meaning - DESCRIBED_FT_CHANNEL;
 
     if (of->meaning == DESCRIBED_SATURATED) {
         force->overflow = count != 0;
-    } else if (channel >= 0 && channel < 3) {
-        force->force_n[channel] = described_value(of, count);
-        force->force_time_ns = host->now_ns;
-    } else if (channel >= 3 && channel < HOST_CHANNELS) {
-        force->torque_nm[channel - 3] = described_value(of, count);
-        force->torque_time_ns = host->now_ns;
+    } else if (channel < HOST_CHANNELS) {
+        *(channel < 3 ? &force->force_n[channel] : &force->torque_nm[channel - 3]) =
+            described_value(of, count);
+        *(channel < 3 ? &force->force_time_ns : &force->torque_time_ns) = host->now_ns;
     }
 }
 
@@ -606,18 +559,22 @@ static void described_read_force(struct host *host, const struct described_news 
 static void described_read_motion(struct host *host, const struct described_field *of,
                                   int64_t count)
 {
-    double value = described_value(of, count);
     struct host_motion *motion = &host->motion;
+    const struct {
+        unsigned first, count;
+        double *to;
+        int64_t *time_ns;
+    } channels[] = {
+        {DESCRIBED_ACCELERATION, 3, motion->acceleration_m_s2, &motion->acceleration_time_ns},
+        {DESCRIBED_RATE, 3, motion->rate_rad_s, &motion->rate_time_ns},
+        {DESCRIBED_QUATERNION, 4, motion->quaternion, &motion->quaternion_time_ns},
+    };
 
-    if (of->meaning >= DESCRIBED_ACCELERATION && of->meaning < DESCRIBED_RATE) {
-        motion->acceleration_m_s2[of->meaning - DESCRIBED_ACCELERATION] = value;
-        motion->acceleration_time_ns = host->now_ns;
-    } else if (of->meaning >= DESCRIBED_RATE && of->meaning < DESCRIBED_QUATERNION) {
-        motion->rate_rad_s[of->meaning - DESCRIBED_RATE] = value;
-        motion->rate_time_ns = host->now_ns;
-    } else if (of->meaning >= DESCRIBED_QUATERNION && of->meaning < DESCRIBED_MAGNETIC) {
-        motion->quaternion[of->meaning - DESCRIBED_QUATERNION] = value;
-        motion->quaternion_time_ns = host->now_ns;
+    for (size_t i = 0; i < ARRAY_COUNT(channels); i++) {
+        if (of->meaning - channels[i].first < channels[i].count) {
+            channels[i].to[of->meaning - channels[i].first] = described_value(of, count);
+            *channels[i].time_ns = host->now_ns;
+        }
     }
 }
 
@@ -639,24 +596,6 @@ static void described_note_answer(const struct described_protocol *protocol,
     }
 }
 
-/* Stores the fields of a repetition. */
-static void described_read_fields(struct host *host, const struct described_protocol *protocol,
-                                  const struct described_news *news)
-{
-    for (size_t i = 0; i < news->row->nread; i++) {
-        const struct described_field *field = &news->row->field[news->row->read[i]];
-        int64_t count = described_get(field, news->frame, news->part * news->row->length);
-
-        if (news->node->kind == HOST_MOTOR_BOARD) {
-            described_read_motor_field(host, protocol, news, field, count);
-        } else if (news->node->kind == HOST_FT_BOARD) {
-            described_read_force(host, news, field, count);
-        } else {
-            described_read_motion(host, field, count);
-        }
-    }
-}
-
 /* Reads a frame that has arrived (struct host_ops). */
 static void host_described_read(struct host *host, size_t bus, const struct bus_frame *frame)
 {
@@ -669,7 +608,18 @@ static void host_described_read(struct host *host, size_t bus, const struct bus_
     described_note_answer(protocol, &news);
     /* A frame with repetitions has one for each axis of the board, in order */
     do {
-        described_read_fields(host, protocol, &news);
+        for (size_t i = 0; i < news.row->nread; i++) {
+            const struct described_field *field = &news.row->field[news.row->read[i]];
+            int64_t count = described_get(field, frame, news.part * news.row->length);
+
+            if (news.node->kind == HOST_MOTOR_BOARD) {
+                described_read_motor_field(host, protocol, &news, field, count);
+            } else if (news.node->kind == HOST_FT_BOARD) {
+                described_read_force(host, &news, field, count);
+            } else {
+                described_read_motion(host, field, count);
+            }
+        }
         news.part++;
         news.axis++;
     } while (news.part < news.row->repeats && (news.part + 1) * news.row->length <= frame->len);

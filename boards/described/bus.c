@@ -175,7 +175,7 @@ static void described_board_receive(struct described_node *node, unsigned first,
     }
     /* The selected axes obey the frame */
     for (unsigned axis = first; axis < first + count; axis++) {
-        if (!described_is_selected(a, node, axis)) {
+        if (a->row->selects && !described_is_selected(a, node, axis)) {
             continue;
         }
         a->listener = &node->board;
@@ -193,7 +193,7 @@ static void described_board_receive(struct described_node *node, unsigned first,
 
         /* An answer by slot comes from each axis, others once per board */
         if (reply >= 0 && (!replied || node->protocol->frame[reply].by == DESCRIBED_BY_SLOT)) {
-            described_node_reply(node, axis, a->row, a->values);
+            described_node_answer(node, axis, (size_t)reply, a->row, a->values);
             replied = true;
         }
     }
@@ -210,7 +210,7 @@ static void described_read_part(const struct described_protocol *protocol,
     const struct described_frame *row = a->row;
 
     described_decode(row, a->frame, part, a->values);
-    a->verdict = !described_has_constants(row, a->frame, part)          ? BOARD_UNKNOWN
+    a->verdict = row->nconstant > 0 && !described_has_constants(row, a->frame, part) ? BOARD_UNKNOWN
                  : row->checked && !described_values_exist(protocol, a) ? BOARD_MALFORMED
                                                                         : BOARD_OBEYED;
 }
@@ -272,8 +272,11 @@ static void described_bus_receive(struct boards *boards, struct board_bus *of,
                                   const struct bus_frame *frame)
 {
     struct described_bus *bus = described_bus_of(of);
-    struct described_arrival a = {.frame = frame};
+    struct described_arrival a;
 
+    a.frame = frame;
+    a.refused = false;
+    a.listener = NULL;
     if (!described_identify(bus_protocol(bus), &a)) {
         boards->counters.foreign++;
         return;
@@ -334,11 +337,5 @@ static const struct board_bus_ops described_bus_ops = {
 
 struct board_bus *described_bus_create(struct arena *arena)
 {
-    struct described_bus *described = arena_alloc(arena, 1, sizeof *described);
-
-    if (!described) {
-        return NULL;
-    }
-    described->bus.ops = &described_bus_ops;
-    return &described->bus;
+    return board_bus_create(arena, sizeof(struct described_bus), &described_bus_ops);
 }

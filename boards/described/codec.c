@@ -17,65 +17,54 @@ const char *const described_fault_names[32] = {
 
 const char *described_unit(enum described_meaning meaning)
 {
+    /* A meaning without an entry is a count */
+    static const char *const units[DESCRIBED_FT_CHANNEL] = {[DESCRIBED_NOTHING] = "",
+                                                            [DESCRIBED_SET_POINT] = "",
+                                                            [DESCRIBED_TO_DUTY] = "",
+                                                            [DESCRIBED_AXIS_DUTY] = "",
+                                                            [DESCRIBED_VALVE_OPENING] = "",
+                                                            [DESCRIBED_TO_VOLTAGE] = "V",
+                                                            [DESCRIBED_AXIS_VOLTAGE] = "V",
+                                                            [DESCRIBED_SUPPLY] = "V",
+                                                            [DESCRIBED_TO_CURRENT] = "A",
+                                                            [DESCRIBED_AXIS_CURRENT] = "A",
+                                                            [DESCRIBED_CURRENT_LIMIT] = "A",
+                                                            [DESCRIBED_CURRENT_TARGET] = "A",
+                                                            [DESCRIBED_SUPPLY_CURRENT] = "A",
+                                                            [DESCRIBED_TO_TORQUE] = "Nm",
+                                                            [DESCRIBED_AXIS_TORQUE] = "Nm",
+                                                            [DESCRIBED_DRIVE_TORQUE] = "Nm",
+                                                            [DESCRIBED_TORQUE_TARGET] = "Nm",
+                                                            [DESCRIBED_ELECTRICAL_POWER] = "W",
+                                                            [DESCRIBED_MECHANICAL_POWER] = "W",
+                                                            [DESCRIBED_POSITION_GAIN] = "1/s",
+                                                            [DESCRIBED_PISTON_PRESSURE] = "bar",
+                                                            [DESCRIBED_ROD_PRESSURE] = "bar",
+                                                            [DESCRIBED_TO_POSITION] = "rad",
+                                                            [DESCRIBED_MOTOR_POSITION] = "rad",
+                                                            [DESCRIBED_LINK_POSITION] = "rad",
+                                                            [DESCRIBED_DEFLECTION] = "rad",
+                                                            [DESCRIBED_PRESENT_POSITION] = "rad",
+                                                            [DESCRIBED_TO_VELOCITY] = "rad/s",
+                                                            [DESCRIBED_MOTOR_VELOCITY] = "rad/s",
+                                                            [DESCRIBED_VELOCITY_LIMIT] = "rad/s",
+                                                            [DESCRIBED_TO_KP] = "Nm/rad",
+                                                            [DESCRIBED_INTEGRAL_GAIN] = "Nm/rad",
+                                                            [DESCRIBED_TO_KD] = "Nm s/rad",
+                                                            [DESCRIBED_VELOCITY_GAIN] = "Nm s/rad",
+                                                            [DESCRIBED_TEMPERATURE] = "degC",
+                                                            [DESCRIBED_UPTIME] = "s",
+                                                            [DESCRIBED_TELEMETRY_PERIOD] = "s"};
+
     /* Channels of sensors */
-    if (meaning >= DESCRIBED_FT_CHANNEL) {
-        return meaning < DESCRIBED_FT_CHANNEL + 3 ? "N"
-               : meaning < DESCRIBED_ACCELERATION ? "Nm"
-               : meaning < DESCRIBED_RATE         ? "m/s2"
-               : meaning < DESCRIBED_QUATERNION   ? "rad/s"
-               : meaning < DESCRIBED_MAGNETIC     ? ""
-               : meaning < DESCRIBED_EULER        ? "T"
-                                                  : "rad";
-    }
-    /* Fields of axes and boards */
-    switch (meaning) {
-    case DESCRIBED_TO_VOLTAGE:
-    case DESCRIBED_AXIS_VOLTAGE:
-    case DESCRIBED_SUPPLY:
-        return "V";
-    case DESCRIBED_TO_CURRENT:
-    case DESCRIBED_AXIS_CURRENT:
-    case DESCRIBED_CURRENT_LIMIT:
-    case DESCRIBED_CURRENT_TARGET:
-    case DESCRIBED_SUPPLY_CURRENT:
-        return "A";
-    case DESCRIBED_TO_TORQUE:
-    case DESCRIBED_AXIS_TORQUE:
-    case DESCRIBED_DRIVE_TORQUE:
-    case DESCRIBED_TORQUE_TARGET:
-        return "Nm";
-    case DESCRIBED_ELECTRICAL_POWER:
-    case DESCRIBED_MECHANICAL_POWER:
-        return "W";
-    case DESCRIBED_POSITION_GAIN:
-        return "1/s";
-    case DESCRIBED_PISTON_PRESSURE:
-    case DESCRIBED_ROD_PRESSURE:
-        return "bar";
-    case DESCRIBED_TO_POSITION:
-    case DESCRIBED_MOTOR_POSITION:
-    case DESCRIBED_LINK_POSITION:
-    case DESCRIBED_DEFLECTION:
-    case DESCRIBED_PRESENT_POSITION:
-        return "rad";
-    case DESCRIBED_TO_VELOCITY:
-    case DESCRIBED_MOTOR_VELOCITY:
-    case DESCRIBED_VELOCITY_LIMIT:
-        return "rad/s";
-    case DESCRIBED_TO_KP:
-    case DESCRIBED_INTEGRAL_GAIN:
-        return "Nm/rad";
-    case DESCRIBED_TO_KD:
-    case DESCRIBED_VELOCITY_GAIN:
-        return "Nm s/rad";
-    case DESCRIBED_TEMPERATURE:
-        return "degC";
-    case DESCRIBED_UPTIME:
-    case DESCRIBED_TELEMETRY_PERIOD:
-        return "s";
-    default:
-        return "";
-    }
+    return meaning < DESCRIBED_FT_CHANNEL       ? units[meaning]
+           : meaning < DESCRIBED_FT_CHANNEL + 3 ? "N"
+           : meaning < DESCRIBED_ACCELERATION   ? "Nm"
+           : meaning < DESCRIBED_RATE           ? "m/s2"
+           : meaning < DESCRIBED_QUATERNION     ? "rad/s"
+           : meaning < DESCRIBED_MAGNETIC       ? ""
+           : meaning < DESCRIBED_EULER          ? "T"
+                                                : "rad";
 }
 
 uint32_t described_known_faults(const struct described_protocol *protocol, int64_t bits)
@@ -174,24 +163,14 @@ uint8_t described_checksum(enum described_checksum checksum, const uint8_t *data
     return crc ? sum ^ 0xff : sum;
 }
 
-void described_close(const struct described_frame *frame, uint8_t *data)
+void described_encode(const struct described_frame *frame, unsigned number, unsigned part,
+                      const int64_t *counts, struct bus_frame *out)
 {
-    if (frame->checksum) {
-        data[frame->checksum_byte] =
-            described_checksum(frame->checksum, data, frame->length, frame->checksum_byte);
-    }
-}
-
-uint32_t described_encode(const struct described_frame *frame, unsigned number, unsigned part,
-                          const int64_t *counts, uint8_t *data)
-{
-    uint32_t id = described_id(frame, number);
-
+    out->id = described_id(frame, number);
     for (size_t i = 0; i < frame->nfield; i++) {
-        described_put(&frame->field[i], counts[i], part * frame->length, data, &id);
+        described_put(&frame->field[i], counts[i], part * frame->length, out);
     }
-    described_close(frame, data);
-    return id;
+    described_close(frame, out->data);
 }
 
 void described_decode(const struct described_frame *frame, const struct bus_frame *sent,
@@ -222,7 +201,7 @@ static bool described_has_length(const struct described_frame *frame, uint8_t le
 bool described_has_constants(const struct described_frame *frame, const struct bus_frame *sent,
                              unsigned part)
 {
-    for (size_t i = 0; i < frame->nfield && frame->nconstant > 0; i++) {
+    for (size_t i = 0; i < frame->nfield; i++) {
         const struct described_field *field = &frame->field[i];
 
         if (field->meaning == DESCRIBED_CONSTANT &&
@@ -243,7 +222,7 @@ enum described_match described_match_frame(const struct described_frame *frame,
     if ((frame->flags ^ sent->flags) & FRAME_FD || !described_has_length(frame, sent->len)) {
         return DESCRIBED_BAD_LENGTH;
     }
-    if (!described_has_constants(frame, sent, 0)) {
+    if (frame->nconstant > 0 && !described_has_constants(frame, sent, 0)) {
         return DESCRIBED_BAD_CONSTANT;
     }
     if (frame->checksum &&
@@ -255,8 +234,8 @@ enum described_match described_match_frame(const struct described_frame *frame,
 }
 
 /* Finds the bits of a frame's data that are constant, and their values. */
-static void described_find_constants(const struct described_frame *frame, uint8_t *mask,
-                                     uint8_t *value)
+static void described_find_constants(const struct described_frame *frame, struct bus_frame *mask,
+                                     struct bus_frame *value)
 {
     struct described_frame constants = *frame;
     int64_t bits[DESCRIBED_FIELDS_MAX] = {0}, counts[DESCRIBED_FIELDS_MAX] = {0};
@@ -283,7 +262,7 @@ static bool described_may_be_empty(const struct described_frame *a, const struct
 
 bool described_told_apart(const struct described_frame *a, const struct described_frame *b)
 {
-    uint8_t mask[2][DESCRIBED_LENGTH_MAX] = {{0}}, value[2][DESCRIBED_LENGTH_MAX] = {{0}};
+    struct bus_frame mask[2] = {{0}}, value[2] = {{0}};
 
     if (a->from_host != b->from_host || a->remote != b->remote) {
         return a->from_host != b->from_host ? a->remote != b->remote
@@ -297,10 +276,10 @@ bool described_told_apart(const struct described_frame *a, const struct describe
          (a->shortest > b->longest || b->shortest > a->longest))) {
         return true;
     }
-    described_find_constants(a, mask[0], value[0]);
-    described_find_constants(b, mask[1], value[1]);
+    described_find_constants(a, &mask[0], &value[0]);
+    described_find_constants(b, &mask[1], &value[1]);
     for (size_t i = 0; i < DESCRIBED_LENGTH_MAX; i++) {
-        if (mask[0][i] & (~mask[1][i] | (value[0][i] ^ value[1][i]))) {
+        if (mask[0].data[i] & (~mask[1].data[i] | (value[0].data[i] ^ value[1].data[i]))) {
             return true;
         }
     }

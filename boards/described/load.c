@@ -3,7 +3,7 @@
  * checks. */
 #include "boards/described/load.h"
 
-#include "base/text.h"
+#include "base/array.h"
 
 #include <float.h>
 #include <math.h>
@@ -33,22 +33,14 @@ enum error_code described_check_word(struct described_loader *l, const struct ya
 
 /* ---- states ---- */
 
-/* Finds a state by its name. */
+/* Finds a state by its name under a key, if the file gives one. */
 static enum error_code described_find_name(struct described_loader *l, const struct yaml_mark *mark,
-                                           const char *name, int *index)
+                                           const char *key, const char *name, int *index)
 {
-    const char *names[DESCRIBED_STATES_MAX], *nearest;
+    const struct yaml_names states = YAML_NAMES(l->made->state, l->made->nstate, name);
 
-    for (size_t i = 0; i < l->made->nstate; i++) {
-        names[i] = l->made->state[i].name;
-        if (!strcmp(names[i], name)) {
-            *index = (int)i;
-            return ERROR_NONE;
-        }
-    }
-    nearest = text_nearest(name, names, l->made->nstate);
-    return yaml_error(l->error, mark, "found unknown state \"%s\", expected %s%s", name,
-                      nearest ? nearest : "one of the list", nearest ? "" : " \"states\"");
+    return name ? yaml_find_name(states, "state", name, yaml_place(mark, key), index, l->error)
+                : ERROR_NONE;
 }
 
 /* Checks the states, or the selectable laws. */
@@ -113,11 +105,9 @@ static enum error_code described_build_states(struct described_loader *l)
     if (made->fault_state < 0) {
         made->fault_state = made->off_state;
     }
-    if (!code && l->raw->timeout_state) {
-        code = described_find_name(l, yaml_place(&l->raw->mark, "on_timeout"),
-                                   l->raw->timeout_state, &made->timeout_state);
-    }
-    return code;
+    return code ? code
+                : described_find_name(l, &l->raw->mark, "on_timeout", l->raw->timeout_state,
+                                      &made->timeout_state);
 }
 
 /* Refuses two names for one value, because a reader of the field would find only the first. */
@@ -145,68 +135,36 @@ static enum error_code described_check_values(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* Finds the bits of the reported faults. */
-static enum error_code described_build_faults(struct described_loader *l)
+/* Returns the bits of a field that carries faults; 0 = it carries others. */
+static uint64_t described_fault_mask(const struct described_field *field)
 {
-    static const char *const words[DESCRIBED_FAULT_KINDS] = {
-        "under_voltage",  "over_voltage", "over_current",   "motor_encoder",   "link_encoder",
-        "torque_sensor",  "temperature",  "under_pressure", "over_pressure",   "stale",
-        "position_limit", "frames_lost",  "saturated",      "inertial_sensor", "emergency_stop",
-    };
-
-    for (int k = 0; k < DESCRIBED_FAULT_KINDS; k++) {
-        l->made->fault_bit[k] = -1;
-    }
-    for (size_t i = 0; i < l->raw->nfault; i++) {
-        const struct raw_described_fault *raw = &l->raw->fault[i];
-        const char *nearest;
-        int k = 0;
-
-        while (k < DESCRIBED_FAULT_KINDS && strcmp(words[k], raw->name) != 0) {
-            k++;
-        }
-        if (k == DESCRIBED_FAULT_KINDS) {
-            nearest = text_nearest(raw->name, words, DESCRIBED_FAULT_KINDS);
-            return yaml_error(l->error, &raw->mark, "found unknown fault \"%s\", expected %s",
-                              raw->name, nearest ? nearest : "one of docs/own-boards.md");
-        }
-        l->made->fault_bit[k] = (int)raw->bit;
-    }
-    return ERROR_NONE;
-}
-
-/* Sets the width to the longest of these fields that carries faults. */
-static void described_widen_faults(const struct raw_described_field *field, size_t count,
-                                   int64_t *width)
-{
-    for (size_t i = 0; i < count; i++) {
-        if (yaml_has(&field[i].mark, "source") && field[i].bits > *width &&
-            (field[i].source == DESCRIBED_FAULTS || field[i].source == DESCRIBED_LATCHED_FAULTS)) {
-            *width = field[i].bits;
-        }
-    }
+    return field->meaning == DESCRIBED_FAULTS || field->meaning == DESCRIBED_LATCHED_FAULTS
+               ? field->mask
+               : 0;
 }
 
 /* Refuses a fault bit beyond every field of faults, if there are such fields. */
 static enum error_code described_check_faults(const struct described_loader *l)
 {
-    const struct raw_described *raw = l->raw;
-    int64_t width = 0;
+    uint64_t bits = 0;
+    char key[40];
 
-    for (size_t f = 0; f < raw->nframe; f++) {
-        described_widen_faults(raw->frame[f].field, raw->frame[f].nfield, &width);
-        described_widen_faults(raw->frame[f].id_field, raw->frame[f].nid_field, &width);
+    for (size_t f = 0; f < l->made->nframe; f++) {
+        for (size_t i = 0; i < l->made->frame[f].nfield; i++) {
+            bits |= described_fault_mask(&l->made->frame[f].field[i]);
+        }
     }
-    for (size_t i = 0; i < raw->nparameter; i++) {
-        described_widen_faults(&raw->parameter[i].field, 1, &width);
+    for (size_t i = 0; i < l->made->nparameter; i++) {
+        bits |= described_fault_mask(&l->made->parameter[i].field);
     }
-    for (size_t i = 0; i < raw->nfault && width > 0; i++) {
-        if (raw->fault[i].bit >= width) {
-            return yaml_error(l->error, &raw->fault[i].mark,
-                              "found bit %lld of fault \"%s\", but the longest field of faults has "
-                              "the bits 0 to %lld",
-                              (long long)raw->fault[i].bit, raw->fault[i].name,
-                              (long long)width - 1);
+    for (int k = 0; k < DESCRIBED_FAULT_KINDS && bits; k++) {
+        if (l->made->fault_bit[k] >= 0 && !(bits >> l->made->fault_bit[k] & 1)) {
+            snprintf(key, sizeof key, "faults.%s", described_faults_schema.fields[k].key);
+            return yaml_error(l->error, yaml_place(&l->raw->mark, key),
+                              "found bit %d of fault \"%s\", but the longest field of faults has "
+                              "the bits 0 to %d",
+                              l->made->fault_bit[k], key + strlen("faults."),
+                              63 - __builtin_clzll(bits));
         }
     }
     return ERROR_NONE;
@@ -236,58 +194,54 @@ static enum error_code described_check_frame(struct described_loader *l,
                                              const struct raw_described_frame *raw,
                                              const struct described_frame *made)
 {
-    int64_t most = raw->extended ? DESCRIBED_EXTENDED_ID_MAX : DESCRIBED_STANDARD_ID_MAX;
+    const unsigned most = raw->extended ? DESCRIBED_EXTENDED_ID_MAX : DESCRIBED_STANDARD_ID_MAX;
+    const uint64_t highest = made->base + (uint64_t)made->step * made->most;
+    const bool period = made->period_ns > 0;
+    const struct {
+        bool wrong;
+        const char *key, *message;
+    } checks[] = {
+        {yaml_has(&raw->mark, "step") && made->by != DESCRIBED_BY_ADDRESS, "step",
+         "found step, expected it with by: address only"},
+        {made->by == DESCRIBED_BY_SLOT && raw->row.of && made->of != DESCRIBED_MOTOR, "of",
+         "found of beside by: slot, expected motor: only axes have slots"},
+        {yaml_has(&raw->mark, "bit_rate_switch") && !raw->fd, "bit_rate_switch",
+         "found bit_rate_switch without fd: true, expected both or none"},
+        {made->or_empty && !made->remote, "",
+         "found or_empty without remote: true, expected both or none"},
+        {raw->fd && made->remote, "",
+         "found fd beside remote, expected one of them: CAN FD has no remote frames"},
+        {made->from_host && (made->telemetry || period || made->on_change || made->on_restart), "",
+         "found a key of frames from the board in one from the host: period_s, telemetry, "
+         "on_change or on_restart"},
+        {!made->from_host &&
+             (raw->reply || raw->enter || made->zero || made->remote || made->stop || made->clear ||
+              made->restart || yaml_has(&raw->mark, "lengths")),
+         "",
+         "found a key of frames from the host in one from the board: reply, enter, zero, stop, "
+         "clear_faults, restart, lengths or remote"},
+        {made->telemetry && period, "period_s",
+         "found period_s beside telemetry, expected one of them"},
+    };
 
-    /* The identifier: step, slots and range */
-    if (yaml_has(&raw->mark, "step") && made->by != DESCRIBED_BY_ADDRESS) {
-        return yaml_error(l->error, yaml_place(&raw->mark, "step"),
-                          "found step, expected it with by: address only");
-    }
-    if (made->by == DESCRIBED_BY_SLOT && yaml_has(&raw->mark, "of") &&
-        made->of != DESCRIBED_MOTOR) {
-        return yaml_error(l->error, yaml_place(&raw->mark, "of"),
-                          "found of beside by: slot, expected motor: only axes have slots");
-    }
-    if (raw->id + raw->step * made->most > most) {
+    if (highest > most) {
         return yaml_error(l->error, yaml_place(&raw->mark, "id"),
                           "found ids up to 0x%llx, expected them within 0x%x: lower id, step or "
                           "address_max%s",
-                          (unsigned long long)(raw->id + raw->step * made->most), (unsigned)most,
+                          (unsigned long long)highest, most,
                           raw->extended ? "" : ", or set extended: true for 29 bits");
     }
-    /* The format of CAN */
-    if (yaml_has(&raw->mark, "bit_rate_switch") && !raw->fd) {
-        return yaml_error(l->error, yaml_place(&raw->mark, "bit_rate_switch"),
-                          "found bit_rate_switch without fd: true, expected both or none");
+    for (size_t i = 0; i < ARRAY_COUNT(checks); i++) {
+        if (checks[i].wrong) {
+            return yaml_error(l->error,
+                              *checks[i].key ? yaml_place(&raw->mark, checks[i].key) : &raw->mark,
+                              "%s", checks[i].message);
+        }
     }
-    if (made->or_empty && !made->remote) {
-        return yaml_error(l->error, &raw->mark,
-                          "found or_empty without remote: true, expected both or none");
-    }
-    if (raw->fd && made->remote) {
-        return yaml_error(l->error, &raw->mark,
-                          "found fd beside remote, expected one of them: CAN FD has no remote "
-                          "frames");
-    }
-    /* The direction, and the period of a board's frame */
-    if (made->from_host ? made->telemetry || yaml_has(&raw->mark, "period_s") || made->on_change ||
-                              made->on_restart
-                        : raw->reply || raw->enter || made->zero || made->remote || made->stop ||
-                              made->clear || made->restart || yaml_has(&raw->mark, "lengths")) {
-        return yaml_error(l->error, &raw->mark,
-                          "found a key of frames from the %s in one from the %s: period_s, "
-                          "telemetry, on_change and on_restart are of boards, reply, enter, zero, "
-                          "stop, clear_faults, restart, lengths and remote of the host",
-                          made->from_host ? "board" : "host", made->from_host ? "host" : "board");
-    }
-    if (made->telemetry && yaml_has(&raw->mark, "period_s")) {
+    if (made->period_ns % 1000000 != 0) {
         return yaml_error(l->error, yaml_place(&raw->mark, "period_s"),
-                          "found period_s beside telemetry, expected one of them");
-    }
-    if (yaml_has(&raw->mark, "period_s") &&
-        fabs(raw->period_s * 1e3 - rint(raw->period_s * 1e3)) > 1e-9) {
-        return yaml_error(l->error, yaml_place(&raw->mark, "period_s"),
-                          "found a period of %.15g s, expected whole milliseconds", raw->period_s);
+                          "found a period of %.15g s, expected whole milliseconds",
+                          (double)made->period_ns * 1e-9);
     }
     return ERROR_NONE;
 }
@@ -300,26 +254,19 @@ static enum error_code described_build_frame(struct described_loader *l,
     enum error_code code;
 
     *made = raw->row;
-    made->from_host = raw->from == 1;
+    made->from_host = raw->from_host;
     made->flags =
         (uint8_t)((raw->extended ? FRAME_EXTENDED : 0) | (made->remote ? FRAME_REMOTE : 0) |
                   (raw->fd ? FRAME_FD | (raw->brs ? FRAME_BRS : 0) : 0));
-    made->of = yaml_has(&raw->mark, "of") ? (unsigned)raw->of
-               : made->from_host          ? DESCRIBED_ANY
-                                          : DESCRIBED_MOTOR;
-    made->base = (uint32_t)raw->id;
-    made->step = (uint32_t)raw->step;
-    made->period_ns = llround(raw->period_s * 1e3) * 1000000;
-    made->spread_ms = (unsigned)llround(raw->spread_s * 1e3);
+    made->of = raw->row.of ? raw->row.of : made->from_host ? DESCRIBED_ANY : DESCRIBED_MOTOR;
+    made->spread_ms = (unsigned)((raw->spread_ns + 500000) / 1000000);
     made->reply[0] = made->reply[1] = made->reply[2] = made->enter = -1;
     made->repeats = (uint8_t)raw->repeat;
     made->most = (uint8_t)described_most_numbers(l, made);
     code = described_check_word(l, &raw->mark, made->name);
     code = code ? code : described_check_frame(l, raw, made);
     code = code ? code : described_lay_out(l, raw, made);
-    if (!code && raw->enter) {
-        code = described_find_name(l, yaml_place(&raw->mark, "enter"), raw->enter, &made->enter);
-    }
+    code = code ? code : described_find_name(l, &raw->mark, "enter", raw->enter, &made->enter);
 
     /* Properties of the row that follow from the meanings of its fields */
     made->switches = made->clear || made->stop || made->enter >= 0;
@@ -332,6 +279,8 @@ static enum error_code described_build_frame(struct described_loader *l,
                            meaning == DESCRIBED_PARAMETER || meaning == DESCRIBED_PRESENT_POSITION;
         made->checked = made->checked || meaning == DESCRIBED_STATE || meaning == DESCRIBED_LAW ||
                         meaning == DESCRIBED_PARAMETER || meaning == DESCRIBED_TELEMETRY_PERIOD;
+        made->selects = made->selects || meaning == DESCRIBED_SLOTS_MASK ||
+                        meaning == DESCRIBED_ADDRESS || meaning == DESCRIBED_AXIS;
         made->of_one = made->of_one || meaning == DESCRIBED_AXIS ||
                        meaning == DESCRIBED_SLOTS_MASK || made->by >= DESCRIBED_BY_SLOT;
         if (made->from_host) {
@@ -394,7 +343,7 @@ static enum error_code described_link_reply(struct described_loader *l, size_t i
     const struct raw_described_frame *raw = &l->raw->frame[index];
     struct described_frame *made = &l->made->frame[index];
     enum error_code code = ERROR_NONE;
-    bool found = false;
+    bool found = !raw->reply;
 
     for (unsigned k = 0; raw->reply && k < 3 && !code; k++) {
         if (made->of >> k & 1) {
@@ -405,26 +354,11 @@ static enum error_code described_link_reply(struct described_loader *l, size_t i
             code = described_link_echo(l, raw, made, &l->made->frame[made->reply[k]]);
         }
     }
-    if (!code && raw->reply && !found) {
-        return yaml_error(l->error, yaml_place(&raw->mark, "reply"),
-                          "found reply \"%s\", expected the name of a frame from the same boards",
-                          raw->reply);
-    }
-    return code;
-}
-
-/* Refuses two frames with one name for the same kind of board. */
-static enum error_code described_check_twins(struct described_loader *l, size_t a, size_t b)
-{
-    const struct described_frame *x = &l->made->frame[a], *y = &l->made->frame[b];
-
-    if (!strcmp(x->name, y->name) && x->from_host == y->from_host && x->of & y->of) {
-        return yaml_error(l->error, &l->raw->frame[b].mark,
-                          "found frame \"%s\" again, expected one of the name (line %d) for a kind "
-                          "of board",
-                          y->name, l->raw->frame[a].mark.line);
-    }
-    return ERROR_NONE;
+    return found ? code
+                 : yaml_error(l->error, yaml_place(&raw->mark, "reply"),
+                              "found reply \"%s\", expected the name of a frame from the same "
+                              "boards",
+                              raw->reply);
 }
 
 /* Builds all frames, then finds their answers. */
@@ -440,7 +374,14 @@ static enum error_code described_build_frames(struct described_loader *l)
         code = described_build_frame(l, &l->raw->frame[i], &l->made->frame[i]);
         l->made->nframe = i + 1;
         for (size_t k = 0; k < i && !code; k++) {
-            code = described_check_twins(l, k, i);
+            const struct described_frame *x = &l->made->frame[k], *y = &l->made->frame[i];
+
+            if (!strcmp(x->name, y->name) && x->from_host == y->from_host && x->of & y->of) {
+                return yaml_error(l->error, &l->raw->frame[i].mark,
+                                  "found frame \"%s\" again, expected one of the name (line %d) "
+                                  "for a kind of board",
+                                  y->name, l->raw->frame[k].mark.line);
+            }
         }
     }
     for (size_t i = 0; i < l->raw->nframe && !code; i++) {
@@ -451,30 +392,18 @@ static enum error_code described_build_frames(struct described_loader *l)
 
 /* ---- identifiers ---- */
 
-/* Returns the first number of a frame; addresses begin with 1. */
-static unsigned described_first_number(const struct described_frame *frame)
-{
-    return frame->by == DESCRIBED_BY_ADDRESS;
-}
-
-/* Returns whether equal numbers of two frames always mean the same board, or one frame has no
- * number. */
-static bool described_always_meet(const struct described_frame *a, unsigned na,
-                                  const struct described_frame *b, unsigned nb)
-{
-    return a->by == DESCRIBED_BY_NONE || b->by == DESCRIBED_BY_NONE || (a->by == b->by && na == nb);
-}
-
-/* Finds numbers with which two frames have the same identifier on every bus. */
+/* Finds numbers with which two frames have the same identifier on every bus: equal numbers of one
+ * kind mean the same board. Addresses begin with 1. */
 static bool described_find_meeting(const struct described_frame *a, const struct described_frame *b,
                                    unsigned *na, unsigned *nb)
 {
     uint32_t fixed = ~(a->mask | b->mask);
+    bool any = a->by == DESCRIBED_BY_NONE || b->by == DESCRIBED_BY_NONE;
 
-    for (*na = described_first_number(a); *na <= a->most; ++*na) {
-        for (*nb = described_first_number(b); *nb <= b->most; ++*nb) {
+    for (*na = a->by == DESCRIBED_BY_ADDRESS; *na <= a->most; ++*na) {
+        for (*nb = b->by == DESCRIBED_BY_ADDRESS; *nb <= b->most; ++*nb) {
             if (!((described_id(a, *na) ^ described_id(b, *nb)) & fixed) &&
-                described_always_meet(a, *na, b, *nb)) {
+                (any || (a->by == b->by && *na == *nb))) {
                 return true;
             }
         }
@@ -482,43 +411,37 @@ static bool described_find_meeting(const struct described_frame *a, const struct
     return false;
 }
 
-/* Returns whether two frames belong to different kinds of boards. Whether their identifiers collide
- * depends on the rig. */
-static bool described_of_other_boards(const struct described_frame *a,
-                                      const struct described_frame *b)
-{
-    return !a->from_host && !b->from_host && !(a->of & b->of);
-}
-
-/* Refuses two frames with one identifier that no receiver can distinguish. */
+/* Refuses two frames with one identifier that no receiver can distinguish. Frames of boards of
+ * different kinds, and collisions that depend on board addresses, are found when the rig is read
+ * (rig/described_ids.c). */
 static enum error_code described_check_pair(struct described_loader *l, size_t first, size_t second)
 {
     const struct described_frame *a = &l->made->frame[first], *b = &l->made->frame[second];
-    const struct yaml_mark *mark = yaml_place(&l->raw->frame[second].mark, "id");
+    const bool same = a->from_host == b->from_host;
     unsigned na, nb;
 
-    if ((a->flags ^ b->flags) & FRAME_EXTENDED || described_of_other_boards(a, b) ||
+    if ((a->flags ^ b->flags) & FRAME_EXTENDED || (same && !a->from_host && !(a->of & b->of)) ||
         described_told_apart(a, b) || !described_find_meeting(a, b, &na, &nb)) {
         return ERROR_NONE;
     }
-    if (a->from_host == b->from_host) {
-        return yaml_error(l->error, mark,
-                          "found identifier 0x%x of frame \"%s\" again, which frame \"%s\" (line "
-                          "%d) has and takes all frames of: expected another identifier, another "
-                          "length, or constants that tell it apart in the first of the two",
-                          (unsigned)described_id(b, nb), b->name, a->name,
-                          l->raw->frame[first].mark.line);
-    }
-    return yaml_error(l->error, mark,
-                      "found identifier 0x%x of frame \"%s\" from the %s, which frame \"%s\" (line "
-                      "%d) from the %s has (number %u): expected identifiers of their own",
-                      (unsigned)described_id(b, nb), b->name, b->from_host ? "host" : "board",
-                      a->name, l->raw->frame[first].mark.line, a->from_host ? "host" : "board", na);
+    return yaml_error(l->error, yaml_place(&l->raw->frame[second].mark, "id"),
+                      "found identifier 0x%x of frame \"%s\" %s%s, which frame \"%s\" (line %d) "
+                      "%s%s has: expected another identifier%s",
+                      (unsigned)described_id(b, nb), b->name, same ? "again" : "from the ",
+                      same           ? ""
+                      : b->from_host ? "host"
+                                     : "board",
+                      a->name, l->raw->frame[first].mark.line,
+                      same ? "of the same sender" : "from the ",
+                      same           ? ""
+                      : a->from_host ? "host"
+                                     : "board",
+                      same ? ", another length, or constants that tell it apart in the first of "
+                             "the two"
+                           : "");
 }
 
-/* Refuses indistinguishable frames with the same identifier of one board, or of the host and a
- * board. Also refuses frames that always match another row first. Collisions that depend on board
- * addresses are found when the rig is read (rig/described_ids.c). */
+/* Refuses indistinguishable frames, and frames that always match another row first. */
 static enum error_code described_check_ids(struct described_loader *l)
 {
     enum error_code code = ERROR_NONE;
@@ -552,32 +475,13 @@ static enum error_code described_build_parameters(struct described_loader *l)
                               (long long)raw->parameter[i].number);
         }
         made->number = (uint32_t)raw->parameter[i].number;
-        code = described_lay_out_parameter(l, &raw->parameter[i].field, made);
+        code = described_lay_out_parameter(l, &raw->parameter[i].field, &made->field);
         l->made->nparameter = i + 1;
     }
     return code;
 }
 
 /* ---- the host ---- */
-
-/* Builds a list of frames that the host sends in one step. */
-static enum error_code described_build_list(struct described_loader *l,
-                                            const struct yaml_name *name, size_t count,
-                                            struct described_list *list)
-{
-    for (size_t i = 0; i < count; i++) {
-        int frame = described_frame_index(l->made, name[i].name, true, DESCRIBED_ANY);
-
-        if (frame < 0 || list->count == DESCRIBED_LIST_MAX) {
-            return yaml_error(l->error, &name[i].mark,
-                              "found \"%s\", expected the name of a frame from the host, at most "
-                              "%d of them",
-                              name[i].name, DESCRIBED_LIST_MAX);
-        }
-        list->frame[list->count++] = (uint8_t)frame;
-    }
-    return ERROR_NONE;
-}
 
 /* Refuses a host that switches axes on but sends no set point: a task would wait forever for
  * motion. */
@@ -586,15 +490,11 @@ static enum error_code described_check_commands(const struct described_loader *l
     const struct raw_described_host *raw = &l->raw->host;
 
     for (size_t f = 0; f < l->made->nframe && raw->non > 0 && raw->ncommand == 0; f++) {
-        const struct described_frame *frame = &l->made->frame[f];
-
-        for (size_t i = 0; frame->from_host && i < frame->nfield; i++) {
-            if (described_is_set_point(frame->field[i].meaning)) {
-                return yaml_error(l->error, &raw->mark,
-                                  "found a host without command, expected the frames that carry "
-                                  "set-points, as \"%s\"",
-                                  frame->name);
-            }
+        if (l->made->frame[f].from_host && l->made->frame[f].commands) {
+            return yaml_error(l->error, &raw->mark,
+                              "found a host without command, expected the frames that carry "
+                              "set-points, as \"%s\"",
+                              l->made->frame[f].name);
         }
     }
     return ERROR_NONE;
@@ -622,15 +522,32 @@ static enum error_code described_build_host(struct described_loader *l)
 {
     const struct raw_described_host *raw = &l->raw->host;
     struct described_protocol *made = l->made;
-    enum error_code code =
-        described_build_list(l, raw->discover, raw->ndiscover, &made->host.discover);
+    const struct {
+        const struct yaml_name *name;
+        size_t count;
+        struct described_list *list;
+    } steps[] = {{raw->discover, raw->ndiscover, &made->host.discover},
+                 {raw->configure, raw->nconfigure, &made->host.configure},
+                 {raw->on, raw->non, &made->host.on},
+                 {raw->off, raw->noff, &made->host.off},
+                 {raw->command, raw->ncommand, &made->host.command}};
+    enum error_code code = ERROR_NONE;
 
-    code = code ? code
-                : described_build_list(l, raw->configure, raw->nconfigure, &made->host.configure);
-    code = code ? code : described_build_list(l, raw->on, raw->non, &made->host.on);
-    code = code ? code : described_build_list(l, raw->off, raw->noff, &made->host.off);
-    code = code ? code : described_build_list(l, raw->command, raw->ncommand, &made->host.command);
-    code = code ? code : described_check_commands(l);
+    for (size_t s = 0; s < ARRAY_COUNT(steps); s++) {
+        for (size_t i = 0; i < steps[s].count; i++) {
+            const struct yaml_name *name = &steps[s].name[i];
+            int frame = described_frame_index(made, name->name, true, DESCRIBED_ANY);
+
+            if (frame < 0 || i == DESCRIBED_LIST_MAX) {
+                return yaml_error(l->error, &name->mark,
+                                  "found \"%s\", expected the name of a frame from the host, at "
+                                  "most %d of them",
+                                  name->name, DESCRIBED_LIST_MAX);
+            }
+            steps[s].list->frame[steps[s].list->count++] = (uint8_t)frame;
+        }
+    }
+    code = described_check_commands(l);
 
     /* States that the host commands: the first that drives and the first that is off */
     made->host.off_state = made->host.on_state = made->off_state;
@@ -639,14 +556,12 @@ static enum error_code described_build_host(struct described_loader *l)
             made->host.on_state = i;
         }
     }
-    if (!code && raw->on_state) {
-        code = described_find_name(l, yaml_place(&raw->mark, "on_state"), raw->on_state,
-                                   &made->host.on_state);
-    }
-    if (!code && raw->off_state) {
-        code = described_find_name(l, yaml_place(&raw->mark, "off_state"), raw->off_state,
-                                   &made->host.off_state);
-    }
+    code =
+        code ? code
+             : described_find_name(l, &raw->mark, "on_state", raw->on_state, &made->host.on_state);
+    code = code ? code
+                : described_find_name(l, &raw->mark, "off_state", raw->off_state,
+                                      &made->host.off_state);
     made->host.law = described_host_law(made);
     return code;
 }
@@ -713,9 +628,9 @@ static enum error_code described_build(struct described_loader *l)
         .axes = (unsigned)raw->axes,
         .address_max = (unsigned)raw->address_max,
         .command_timeout_ns =
-            yaml_has(&raw->mark, "command_timeout_s") && raw->command_timeout_s == 0.0
+            yaml_has(&raw->mark, "command_timeout_s") && raw->command_timeout_ns == 0
                 ? -1
-                : llround(raw->command_timeout_s * 1e9),
+                : raw->command_timeout_ns,
         .gains = raw->gains,
     };
     if (strspn(raw->name, "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-") !=
@@ -724,10 +639,10 @@ static enum error_code described_build(struct described_loader *l)
                           "found the name \"%.60s\", expected letters, digits, _ and -", raw->name);
     }
     code = described_build_states(l);
-    code = code ? code : described_build_faults(l);
-    code = code ? code : described_check_faults(l);
+    memcpy(l->made->fault_bit, raw->fault_bit, sizeof raw->fault_bit);
     code = code ? code : described_build_frames(l);
     code = code ? code : described_build_parameters(l);
+    code = code ? code : described_check_faults(l);
     code = code ? code : described_check_ids(l);
     code = code ? code : described_check_values(l, DESCRIBED_STATE, raw->state, raw->nstate);
     code = code ? code : described_check_values(l, DESCRIBED_LAW, raw->law, raw->nlaw);

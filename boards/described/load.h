@@ -9,12 +9,12 @@
 
 struct raw_described_field {
     struct yaml_mark mark;
+    struct described_field field; /* meaning, constant, scale, offset, host, axis */
     const char *name;
-    int64_t bits, at_bit, value, axis;
+    int bits, at_bit;
     bool counter;
-    int type, order, checksum; /* enum described_type; 1 = big-endian; enum described_checksum */
-    double scale, offset, range[2], host;
-    int source, target; /* enum described_meaning */
+    int type, order, checksum; /* flags of enum field_type; enum described_checksum */
+    double range[2];
     struct yaml_real_entry *entry;
     size_t nentry;
 };
@@ -23,18 +23,12 @@ struct raw_described_frame {
     struct yaml_mark mark;
     struct described_frame row; /* keys that are stored as they are */
     const char *payload, *reply, *enter;
-    int from, of;
-    int64_t id, step, length, repeat;
+    int from_host, length, repeat;
     bool extended, fd, brs;
-    double period_s, spread_s, lengths[2];
+    int64_t spread_ns;
+    double lengths[2];
     struct raw_described_field *field, *id_field;
     size_t nfield, nid_field;
-};
-
-struct raw_described_fault {
-    struct yaml_mark mark;
-    const char *name;
-    int64_t bit;
 };
 
 struct raw_described_parameter {
@@ -53,21 +47,21 @@ struct raw_described_host {
 struct raw_described {
     struct yaml_mark mark;
     const char *name, *description, *timeout_state;
-    int64_t axes, address_max;
-    double command_timeout_s;
+    int axes, address_max, fault_bit[DESCRIBED_FAULT_KINDS];
+    int64_t command_timeout_ns;
     struct raw_described_frame *frame;
     struct described_state *state, *law;
-    struct raw_described_fault *fault;
     struct raw_described_parameter *parameter;
-    size_t nframe, nstate, nlaw, nfault, nparameter;
+    size_t nframe, nstate, nlaw, nparameter;
     struct described_gains gains;
     struct raw_described_host host;
 };
 
-enum { RAW_DESCRIBED_UNSIGNED, RAW_DESCRIBED_SIGNED, RAW_DESCRIBED_FLOAT };
-
 /* Schema of a whole file: fills a struct raw_described. */
 extern const struct yaml_schema described_file_schema;
+
+/* Schema of the key `faults`: a row for each fault, in the order of enum described_fault. */
+extern const struct yaml_schema described_faults_schema;
 
 struct described_loader {
     const struct raw_described *raw;
@@ -91,6 +85,6 @@ enum error_code described_lay_out(struct described_loader *l, const struct raw_d
  * setting. */
 enum error_code described_lay_out_parameter(struct described_loader *l,
                                             const struct raw_described_field *raw,
-                                            struct described_parameter *made);
+                                            struct described_field *made);
 
 #endif

@@ -9,58 +9,26 @@
 
 enum { GAP_BITS = 32, GAPS_MAX = 8 * DESCRIBED_LENGTH_MAX / GAP_BITS }; /* pieces of padding */
 
-/* Sets the place of a field and the range of its count. */
-static void described_place(struct described_field *made, const struct field *layout, unsigned bit,
-                            bool in_id)
+/* Sets the place of a field and the range of its count. type: as in struct field. */
+static void described_place(struct described_field *made, unsigned type, unsigned bit, bool in_id)
 {
-    unsigned bits = layout->type & FIELD_BITS_MASK, most = DESCRIBED_LENGTH_MAX - DESCRIBED_WINDOW;
+    const struct field layout = {.type = type};
+    unsigned bits = type & FIELD_BITS_MASK;
 
-    /* The window starts at the field's first byte, or ends at the end of the longest frame */
+    /* The window starts at the field's first byte */
     made->in_id = in_id;
-    made->big_endian = layout->type & FIELD_BIG_ENDIAN;
-    made->byte = (uint8_t)(in_id ? 0 : bit / 8 < most ? bit / 8 : most);
+    made->big_endian = type & FIELD_BIG_ENDIAN;
+    made->byte = (uint8_t)(in_id ? 0 : bit / 8);
     made->end = (uint8_t)((bit + bits + 7) / 8);
     made->shift = (uint8_t)(bit - 8 * made->byte);
     if (made->big_endian) {
         made->shift = (uint8_t)(8 * DESCRIBED_WINDOW - made->shift - bits);
     }
     made->mask = (UINT64_C(1) << bits) - 1;
-    made->sign = layout->type & FIELD_SIGNED ? UINT64_C(1) << (bits - 1) : 0;
-    made->real = layout->type & FIELD_FLOAT;
-    made->low = field_lowest(layout);
-    made->high = field_highest(layout);
-}
-
-/* Returns whether a meaning is a dimensionless integer. */
-static bool described_is_integer(enum described_meaning meaning)
-{
-    switch (meaning) {
-    case DESCRIBED_CONSTANT:
-    case DESCRIBED_SLOTS_MASK:
-    case DESCRIBED_ADDRESS:
-    case DESCRIBED_AXIS:
-    case DESCRIBED_STATE:
-    case DESCRIBED_LAW:
-    case DESCRIBED_COUNTER:
-    case DESCRIBED_CHECKSUM:
-    case DESCRIBED_PARAMETER:
-    case DESCRIBED_PARAMETER_VALUE:
-    case DESCRIBED_RESULT:
-    case DESCRIBED_LATCHED_FAULTS:
-    case DESCRIBED_SERIAL:
-    case DESCRIBED_COMMANDS:
-    case DESCRIBED_SLOT:
-    case DESCRIBED_FAULTS:
-    case DESCRIBED_FAULTY:
-    case DESCRIBED_SEQUENCE:
-    case DESCRIBED_FIRST_SLOT:
-    case DESCRIBED_AXES_COUNT:
-    case DESCRIBED_ECHO:
-    case DESCRIBED_SATURATED:
-        return true;
-    default:
-        return false;
-    }
+    made->sign = type & FIELD_SIGNED ? UINT64_C(1) << (bits - 1) : 0;
+    made->real = type & FIELD_FLOAT;
+    made->low = field_lowest(&layout);
+    made->high = field_highest(&layout);
 }
 
 /* Checks a deflection: a host computes the link's count as the difference of two counts in one
@@ -82,79 +50,57 @@ static enum error_code described_check_deflection(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* Sets the scale of a field. A range maps its ends to the smallest and the largest count. */
-static enum error_code described_measure_field(struct described_loader *l,
-                                               const struct raw_described_field *raw,
-                                               struct described_field *made)
-{
-    made->scale = raw->scale;
-    made->offset = raw->offset;
-    made->host = raw->host;
-    made->axis = (uint8_t)raw->axis;
-    /* A range spans all counts */
-    if (yaml_has(&raw->mark, "range")) {
-        double low = (double)made->low, high = (double)made->high;
-
-        if (yaml_has(&raw->mark, "scale") || yaml_has(&raw->mark, "offset") ||
-            raw->type == RAW_DESCRIBED_FLOAT || !(raw->range[0] < raw->range[1])) {
-            return yaml_error(l->error, yaml_place(&raw->mark, "range"),
-                              "found range beside scale or offset, on a float or with its ends "
-                              "the wrong way round, expected [least, greatest] alone");
-        }
-        made->scale = (raw->range[1] - raw->range[0]) / (high - low);
-        made->offset = raw->range[0] - low * made->scale;
-    }
-    /* A scale must not be 0; a dimensionless integer has no scale */
-    if (!(fabs(made->scale) >= 1e-12)) {
-        return yaml_error(l->error, yaml_place(&raw->mark, "scale"),
-                          "found a scale of %g, expected one of at least 1e-12 either way",
-                          made->scale);
-    }
-    if (described_is_integer(made->meaning) &&
-        (yaml_has(&raw->mark, "scale") || yaml_has(&raw->mark, "offset") ||
-         yaml_has(&raw->mark, "range") || raw->type == RAW_DESCRIBED_FLOAT)) {
-        return yaml_error(l->error, &raw->mark,
-                          "found a scale, an offset, a range or a float of field \"%s\", expected "
-                          "none: it is a count",
-                          raw->name);
-    }
-    return ERROR_NONE;
-}
-
-/* Finds the meaning of a field from one of: source (boards), target (host), value, counter,
- * checksum. */
+/* Finds the meaning and the scale of a field. Its source (boards) or target (host) is its meaning,
+ * unless it is a constant, a counter or a checksum. A range maps its ends to the smallest and the
+ * largest count. */
 static enum error_code described_mean_field(struct described_loader *l, bool from_host,
                                             const struct raw_described_field *raw,
                                             struct described_field *made)
 {
-    if (yaml_has(&raw->mark, "source") + yaml_has(&raw->mark, "target") +
-                yaml_has(&raw->mark, "value") + raw->counter +
+    const bool value = yaml_has(&raw->mark, "value"), range = yaml_has(&raw->mark, "range");
+    const bool scaled = yaml_has(&raw->mark, "scale") || yaml_has(&raw->mark, "offset");
+    const double low = (double)made->low, high = (double)made->high;
+
+    made->meaning = value           ? DESCRIBED_CONSTANT
+                    : raw->counter  ? DESCRIBED_COUNTER
+                    : raw->checksum ? DESCRIBED_CHECKSUM
+                                    : made->meaning;
+    if (range) {
+        made->scale = (raw->range[1] - raw->range[0]) / (high - low);
+        made->offset = raw->range[0] - low * made->scale;
+    }
+    if (yaml_has(&raw->mark, "source") + yaml_has(&raw->mark, "target") + value + raw->counter +
                 (raw->checksum != DESCRIBED_NO_CHECKSUM) >
             1 ||
-        (from_host ? yaml_has(&raw->mark, "source") : yaml_has(&raw->mark, "target"))) {
+        yaml_has(&raw->mark, from_host ? "source" : "target")) {
         return yaml_error(l->error, &raw->mark,
                           "found field \"%s\" of a frame from the %s with the wrong or several of "
                           "source, target, value, counter and checksum, expected %s or one of the "
                           "last three, or none of them",
                           raw->name, from_host ? "host" : "board", from_host ? "target" : "source");
     }
-    if (yaml_has(&raw->mark, "value")) {
-        made->meaning = DESCRIBED_CONSTANT;
-        made->constant = raw->value;
-        if (raw->value < made->low || raw->value > made->high) {
-            return yaml_error(l->error, yaml_place(&raw->mark, "value"),
-                              "found value %lld, expected one that %d bits hold",
-                              (long long)raw->value, (int)raw->bits);
-        }
-    } else {
-        made->meaning = (enum described_meaning)(yaml_has(&raw->mark, "source")   ? raw->source
-                                                 : yaml_has(&raw->mark, "target") ? raw->target
-                                                 : raw->counter  ? DESCRIBED_COUNTER
-                                                 : raw->checksum ? DESCRIBED_CHECKSUM
-                                                                 : DESCRIBED_NOTHING);
-        made->constant = -1; /* for an echo: resolved later */
+    if (value && (made->constant < made->low || made->constant > made->high)) {
+        return yaml_error(l->error, yaml_place(&raw->mark, "value"),
+                          "found value %lld, expected one that %d bits hold",
+                          (long long)made->constant, raw->bits);
     }
-    return described_measure_field(l, raw, made);
+    if (range && (scaled || made->real || !(raw->range[0] < raw->range[1]))) {
+        return yaml_error(l->error, yaml_place(&raw->mark, "range"),
+                          "found range beside scale or offset, on a float or with its ends the "
+                          "wrong way round, expected [least, greatest] alone");
+    }
+    if (!(fabs(made->scale) >= 1e-12)) {
+        return yaml_error(l->error, yaml_place(&raw->mark, "scale"),
+                          "found a scale of %g, expected one of at least 1e-12 either way",
+                          made->scale);
+    }
+    if (!described_unit(made->meaning) && (scaled || range || made->real)) {
+        return yaml_error(l->error, &raw->mark,
+                          "found a scale, an offset, a range or a float of field \"%s\", expected "
+                          "none: it is a count",
+                          raw->name);
+    }
+    return ERROR_NONE;
 }
 
 /* Returns whether a DBC file can hold a text in quotes. */
@@ -210,7 +156,7 @@ static enum error_code described_name_values(struct described_loader *l,
     if (!values) {
         return described_no_memory(l);
     }
-    values[0] = (struct field_value){raw->value, raw->nentry ? NULL : "always"};
+    values[0] = (struct field_value){raw->field.constant, raw->nentry ? NULL : "always"};
     /* Each value fits into the field and has one name */
     for (size_t i = 0; i < raw->nentry; i++) {
         double value = raw->entry[i].value;
@@ -219,7 +165,7 @@ static enum error_code described_name_values(struct described_loader *l,
             value > (double)field_highest(layout)) {
             return yaml_error(l->error, &raw->entry[i].mark,
                               "found %.15g for \"%s\", expected an integer that %d bits hold",
-                              value, raw->entry[i].name, (int)raw->bits);
+                              value, raw->entry[i].name, raw->bits);
         }
         if (described_check_word(l, &raw->entry[i].mark, raw->entry[i].name)) {
             return ERROR_INPUT;
@@ -265,17 +211,12 @@ static void described_add_gap(struct described_plan *plan, unsigned bits)
 /* Sets the unit of a set point to that of the first state that drives. */
 static void described_measure_set_point(const struct described_protocol *made, struct field *layout)
 {
-    static const char *const units[] = {
-        [DESCRIBED_VOLTAGE] = "V",    [DESCRIBED_CURRENT] = "A",
-        [DESCRIBED_TORQUE] = "Nm",    [DESCRIBED_VELOCITY] = "rad/s",
-        [DESCRIBED_POSITION] = "rad", [DESCRIBED_IMPEDANCE] = "rad"};
-
     for (size_t i = 0; i < made->nstate; i++) {
         enum described_law law = made->state[i].law;
 
         if (law > DESCRIBED_OFF && law < DESCRIBED_FAULT) {
             layout->scale = made->state[i].set_point_scale;
-            layout->unit = units[law];
+            layout->unit = described_unit(described_law_target(law));
             return;
         }
     }
@@ -298,12 +239,14 @@ static enum error_code described_add_field(struct described_loader *l,
                                            const struct raw_described_field *raw,
                                            struct described_plan *plan)
 {
-    struct field layout = {.type = (unsigned)raw->bits, .name = raw->name};
+    struct field layout = {.type = (unsigned)(raw->bits | raw->type | raw->order),
+                           .name = raw->name};
     unsigned at = yaml_has(&raw->mark, "at_bit") ? (unsigned)raw->at_bit : plan->bit;
-    struct described_field made = {.meaning = DESCRIBED_NOTHING};
+    struct described_field made = raw->field;
+    bool big = raw->order != 0;
     enum error_code code;
 
-    if (plan->nfield == DESCRIBED_FIELDS_MAX || at + raw->bits > plan->bits) {
+    if (plan->nfield == DESCRIBED_FIELDS_MAX || at + (unsigned)raw->bits > plan->bits) {
         return yaml_error(l->error, &raw->mark,
                           "found field \"%s\" as the %zuth or beyond bit %u, expected at most %d "
                           "fields within %u bits%s",
@@ -321,36 +264,34 @@ static enum error_code described_add_field(struct described_loader *l,
                           "listed in the order of their bits",
                           at, plan->bit);
     }
-    if (raw->type == RAW_DESCRIBED_FLOAT && raw->bits != 32) {
+    if (raw->type == FIELD_FLOAT && raw->bits != 32) {
         return yaml_error(l->error, yaml_place(&raw->mark, "bits"),
-                          "found a float of %d bits, expected 32", (int)raw->bits);
+                          "found a float of %d bits, expected 32", raw->bits);
     }
 
     /* A gap has the byte order of the field before it; two orders cannot meet within a byte */
-    if (plan->nfield > 0 && plan->big != (raw->order == 1) && plan->bit % 8 != 0) {
+    if (plan->nfield > 0 && plan->big != big && plan->bit % 8 != 0) {
         described_add_gap(plan, 8 - plan->bit % 8);
         if (at < plan->bit) {
             return yaml_error(l->error, &raw->mark,
                               "found fields of both orders in one byte, expected one order");
         }
     }
-    plan->big = raw->order == 1;
+    plan->big = big;
     described_add_gap(plan, at - plan->bit);
-    layout.type |= (raw->type == RAW_DESCRIBED_SIGNED ? FIELD_SIGNED : 0u) |
-                   (raw->type == RAW_DESCRIBED_FLOAT ? FIELD_FLOAT : 0u) |
-                   (plan->big ? FIELD_BIG_ENDIAN : 0u);
     code = described_check_word(l, &raw->mark, raw->name);
-    described_place(&made, &layout, plan->bit, plan->other);
-    code = code ? code : described_mean_field(l, frame->from == 1, raw, &made);
+    described_place(&made, layout.type, plan->bit, plan->other);
+    code = code ? code : described_mean_field(l, frame->from_host, raw, &made);
     code = code ? code : described_name_values(l, raw, &layout);
     if (!code && !layout.values &&
         (made.meaning == DESCRIBED_STATE || made.meaning == DESCRIBED_LAW)) {
-        code = described_name_states(l, made.meaning, frame->from == 1, &layout);
+        code = described_name_states(l, made.meaning, frame->from_host, &layout);
     }
     layout.scale = made.scale;
     layout.offset = made.offset;
-    if (*described_unit(made.meaning)) {
-        layout.unit = described_unit(made.meaning);
+    layout.unit = described_unit(made.meaning);
+    if (layout.unit && !*layout.unit) {
+        layout.unit = NULL;
     }
     if (made.meaning == DESCRIBED_SET_POINT) {
         described_measure_set_point(l->made, &layout);
@@ -393,8 +334,7 @@ static enum error_code described_add_payload(struct described_loader *l,
         plan->layout[plan->nlayout++].values = only;
         plan->field[plan->nfield] =
             (struct described_field){.meaning = DESCRIBED_CONSTANT, .constant = byte, .scale = 1.0};
-        described_place(&plan->field[plan->nfield++], &plan->layout[plan->nlayout - 1], plan->bit,
-                        false);
+        described_place(&plan->field[plan->nfield++], FIELD_U8, plan->bit, false);
         plan->bit += 8;
         text += used;
         text += strspn(text, " ");
@@ -402,121 +342,97 @@ static enum error_code described_add_payload(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* Sets the length of a frame: that of its fields or longer; for CAN FD a valid length. */
+/* Sets the length of a frame: that of its fields or longer, for CAN FD a valid one; and the lengths
+ * that a board accepts: this length, or a range around it. */
 static enum error_code described_measure_length(struct described_loader *l,
                                                 const struct raw_described_frame *raw,
                                                 struct described_frame *made, unsigned bits)
 {
-    int64_t most = raw->fd ? DESCRIBED_LENGTH_MAX : DESCRIBED_CLASSIC_MAX;
-    unsigned least = (bits + 7) / 8;
-    bool group = raw->row.by == DESCRIBED_BY_GROUP, repeats = group || raw->repeat > 1;
+    const unsigned most = raw->fd ? DESCRIBED_LENGTH_MAX : DESCRIBED_CLASSIC_MAX;
+    const unsigned repeat = (unsigned)raw->repeat, least = (bits + 7) / 8;
+    const bool group = made->by == DESCRIBED_BY_GROUP, repeats = group || repeat > 1;
+    const bool given = yaml_has(&raw->mark, "length");
+    const double *range = raw->lengths;
+    unsigned length = given                 ? (unsigned)raw->length
+                      : raw->fd && !repeats ? frame_fd_length(least)
+                                            : least;
 
-    /* A given length must hold the fields and be valid */
-    if (yaml_has(&raw->mark, "length") && raw->length < (int64_t)least) {
+    if (given && length < least) {
         return yaml_error(l->error, yaml_place(&raw->mark, "length"),
-                          "found length %d, expected at least the %u bytes of the fields",
-                          (int)raw->length, least);
+                          "found length %u, expected at least the %u bytes of the fields", length,
+                          least);
     }
-    if (yaml_has(&raw->mark, "length") && raw->length > most) {
+    if (length > most || (given && raw->fd && !repeats && frame_fd_length(length) != length)) {
         return yaml_error(l->error, yaml_place(&raw->mark, "length"),
-                          "found length %d, expected at most 8, or fd: true for up to 64",
-                          (int)raw->length);
+                          "found length %u, expected %s", length,
+                          raw->fd ? "one of CAN FD: 0 to 8, 12, 16, 20, 24, 32, 48 or 64"
+                                  : "at most 8, or fd: true for up to 64");
     }
-    if (yaml_has(&raw->mark, "length") && raw->fd && !repeats &&
-        frame_fd_length((unsigned)raw->length) != raw->length) {
-        return yaml_error(l->error, yaml_place(&raw->mark, "length"),
-                          "found length %d, expected one of CAN FD: 0 to 8, 12, 16, 20, 24, 32, 48 "
-                          "or 64",
-                          (int)raw->length);
-    }
-    made->length = yaml_has(&raw->mark, "length") ? (uint8_t)raw->length
-                   : raw->fd && !repeats          ? frame_fd_length(least)
-                                                  : (uint8_t)least;
     /* A frame repeats its fields for the slots of a group, or for the axes of a board */
-    if (raw->repeat * made->length > most || (repeats && made->length == 0) ||
-        (raw->from == 1
-             ? (raw->repeat > 1) != group
-             : group || (repeats && (raw->row.by != DESCRIBED_BY_ADDRESS ||
-                                     made->of != DESCRIBED_MOTOR || raw->repeat < l->raw->axes)))) {
-        return yaml_error(
-            l->error, yaml_place(&raw->mark, "repeat"),
-            "found repeat %d, expected it of a frame from the host with by: group, or "
-            "from motor boards with by: address as many as the board has axes, %d "
-            "bytes in all",
-            (int)raw->repeat, (int)most);
+    if (repeat * length > most || (repeats && length == 0) ||
+        (made->from_host
+             ? (repeat > 1) != group
+             : group || (repeats && (made->by != DESCRIBED_BY_ADDRESS ||
+                                     made->of != DESCRIBED_MOTOR || repeat < l->made->axes)))) {
+        return yaml_error(l->error, yaml_place(&raw->mark, "repeat"),
+                          "found repeat %u, expected it of a frame from the host with by: group, "
+                          "or from motor boards with by: address as many as the board has axes, "
+                          "%u bytes in all",
+                          repeat, most);
     }
-    return ERROR_NONE;
-}
-
-/* Sets the lengths that a board accepts: the length of the fields, or a range around it. */
-static enum error_code described_measure_lengths(struct described_loader *l,
-                                                 const struct raw_described_frame *raw,
-                                                 struct described_frame *made)
-{
-    double least = raw->lengths[0], most = raw->lengths[1];
-
-    made->shortest = made->longest = made->length;
+    made->length = made->shortest = made->longest = (uint8_t)length;
     if (!yaml_has(&raw->mark, "lengths")) {
         return ERROR_NONE;
     }
-    if (least != rint(least) || most != rint(most) || least > made->length || most < made->length ||
-        most > DESCRIBED_CLASSIC_MAX || raw->fd || raw->row.remote || raw->repeat > 1) {
-        return yaml_error(
-            l->error, yaml_place(&raw->mark, "lengths"),
-            "found lengths [%g, %g], expected whole numbers about the %u bytes of the "
-            "frame, at most 8, of a classic frame that is not remote and not repeated",
-            least, most, made->length);
+    if (range[0] != rint(range[0]) || range[1] != rint(range[1]) || range[0] > length ||
+        range[1] < length || range[1] > DESCRIBED_CLASSIC_MAX || raw->fd || made->remote ||
+        repeat > 1) {
+        return yaml_error(l->error, yaml_place(&raw->mark, "lengths"),
+                          "found lengths [%g, %g], expected whole numbers about the %u bytes of "
+                          "the frame, at most 8, of a classic frame that is not remote and not "
+                          "repeated",
+                          range[0], range[1], length);
     }
-    made->shortest = (uint8_t)least;
-    made->longest = (uint8_t)most;
+    made->shortest = (uint8_t)range[0];
+    made->longest = (uint8_t)range[1];
     return ERROR_NONE;
 }
 
-/* Finds the counter and the checksum among the fields. */
+/* Finds the first field of each meaning, the counter and the checksum. */
 static enum error_code described_find_checks(struct described_loader *l,
                                              const struct raw_described_frame *raw,
                                              struct described_frame *made)
 {
-    unsigned bit = 0;
-    size_t i = 0;
-
-    /* The first field of each meaning */
     memset(made->first, -1, sizeof made->first);
     for (size_t k = made->nfield; k-- > 0;) {
-        made->first[made->field[k].meaning] = (int8_t)k;
-        made->nconstant += made->field[k].meaning == DESCRIBED_CONSTANT;
-    }
-    made->counter = described_find_field(made, DESCRIBED_COUNTER);
-    /* The checksum is a byte of the data */
-    for (const struct field *layout = made->layout; i < made->ndata; layout++) {
-        const struct raw_described_field *field =
-            yaml_has(&raw->mark, "payload") ? NULL : &raw->field[i];
+        const struct described_field *field = &made->field[k];
+        enum described_meaning meaning = field->meaning;
 
-        if (!(layout->type & FIELD_PADDING) && field && field->checksum) {
-            if (layout->type & FIELD_SIGNED || field->bits != 8 || bit % 8 || made->checksum) {
-                return yaml_error(l->error, yaml_place(&field->mark, "checksum"),
+        if (made->first[meaning] >= 0 &&
+            (meaning == DESCRIBED_COUNTER || meaning == DESCRIBED_CHECKSUM)) {
+            return yaml_error(l->error, &raw->mark, "found two %ss in frame \"%s\", expected one",
+                              meaning == DESCRIBED_COUNTER ? "counter" : "checksum", made->name);
+        }
+        made->first[meaning] = (int8_t)k;
+        made->nconstant += meaning == DESCRIBED_CONSTANT;
+        if (meaning == DESCRIBED_CHECKSUM && k < made->ndata) {
+            const struct raw_described_field *from = &raw->field[k];
+
+            if (field->sign || from->bits != 8 || field->shift % 8) {
+                return yaml_error(l->error, yaml_place(&from->mark, "checksum"),
                                   "found checksum of field \"%s\", expected one of a frame, a byte "
                                   "of its own without a sign",
-                                  field->name);
+                                  from->name);
             }
-            made->checksum = (enum described_checksum)field->checksum;
-            made->checksum_byte = (uint8_t)(bit / 8);
-        }
-        i += !(layout->type & FIELD_PADDING);
-        bit += layout->type & FIELD_BITS_MASK;
-    }
-    /* There is one counter, and its frame has one length */
-    for (size_t k = 0; k < made->nfield; k++) {
-        if (made->field[k].meaning == DESCRIBED_COUNTER && (int)k != made->counter) {
-            return yaml_error(l->error, &raw->mark,
-                              "found two counters in frame \"%s\", expected one", raw->row.name);
+            made->checksum = (enum described_checksum)from->checksum;
+            made->checksum_byte = (uint8_t)(field->end - 1);
         }
     }
+    made->counter = described_find_field(made, DESCRIBED_COUNTER);
     if ((made->counter >= 0 || made->checksum) &&
-        (raw->repeat > 1 || yaml_has(&raw->mark, "lengths"))) {
+        (made->repeats > 1 || yaml_has(&raw->mark, "lengths"))) {
         return yaml_error(l->error,
-                          raw->repeat > 1 ? yaml_place(&raw->mark, "repeat")
-                                          : yaml_place(&raw->mark, "lengths"),
+                          yaml_place(&raw->mark, made->repeats > 1 ? "repeat" : "lengths"),
                           "found repeat or lengths beside a counter or a checksum, expected one of "
                           "them");
     }
@@ -525,35 +441,8 @@ static enum error_code described_find_checks(struct described_loader *l,
 
 /* ---- fields in the identifier ---- */
 
-/* Adds a field of the identifier to the mask, or to the base if it is constant. */
-static enum error_code described_place_in_id(struct described_loader *l,
-                                             const struct raw_described_field *raw, unsigned at,
-                                             const struct described_field *field,
-                                             struct described_frame *made)
-{
-    uint32_t bits = (uint32_t)(((UINT64_C(1) << raw->bits) - 1) << at);
-
-    if (raw->order == 1 || raw->type == RAW_DESCRIBED_FLOAT || raw->checksum) {
-        return yaml_error(l->error, &raw->mark,
-                          "found a field of the identifier that is big-endian, a float or a "
-                          "checksum, expected a whole number, whose bits count from the least "
-                          "significant on");
-    }
-    for (unsigned number = 0; number <= made->most; number++) {
-        if ((made->base + made->step * number) & bits) {
-            return yaml_error(l->error, &raw->mark,
-                              "found field \"%s\" in bits of the identifier that id or its number "
-                              "%u fills (0x%x), expected these to be 0 there",
-                              raw->name, number, (unsigned)(made->base + made->step * number));
-        }
-    }
-    if (field->meaning != DESCRIBED_CONSTANT) {
-        made->mask |= bits;
-    }
-    return ERROR_NONE;
-}
-
-/* Lays out the fields of the identifier; in the list they follow the fields of the data. */
+/* Lays out the fields of the identifier; in the list they follow the fields of the data. Constant
+ * fields go into the base, others into the mask. */
 static enum error_code described_lay_out_id(struct described_loader *l,
                                             const struct raw_described_frame *raw,
                                             struct described_frame *made)
@@ -571,33 +460,46 @@ static enum error_code described_lay_out_id(struct described_loader *l,
     if (!plan.layout) {
         return described_no_memory(l);
     }
-    if (raw->repeat > 1 || raw->row.remote) {
+    if (made->repeats > 1 || made->remote) {
         return yaml_error(l->error, yaml_place(&raw->mark, "id_fields"),
                           "found id_fields of a frame with repeat or remote, expected none");
     }
-    /* Constant fields go into the base, others into the mask */
-    for (size_t i = 0; i < raw->nid_field && !code; i++) {
-        const struct raw_described_field *field = &raw->id_field[i];
+    for (size_t i = 0; i < raw->nid_field; i++) {
+        const struct raw_described_field *from = &raw->id_field[i];
+        const struct described_field *field = &plan.field[plan.nfield];
+        uint32_t bits;
 
-        code = described_add_field(l, raw, field, &plan);
-        /* The layout must cover the whole identifier */
-        if (!code) {
-            unsigned at = plan.bit - (unsigned)field->bits;
-            const struct described_field *last = &plan.field[plan.nfield - 1];
-
-            code = described_place_in_id(l, field, at, last, made);
-            constant |= last->meaning == DESCRIBED_CONSTANT
-                            ? (uint32_t)(last->constant & ((INT64_C(1) << field->bits) - 1)) << at
-                            : 0;
+        code = described_add_field(l, raw, from, &plan);
+        if (code) {
+            return code;
+        }
+        if (from->order || from->type == FIELD_FLOAT || from->checksum) {
+            return yaml_error(l->error, &from->mark,
+                              "found a field of the identifier that is big-endian, a float or a "
+                              "checksum, expected a whole number, whose bits count from the least "
+                              "significant on");
+        }
+        bits = (uint32_t)(field->mask << field->shift);
+        for (unsigned number = 0; number <= made->most; number++) {
+            if (described_id(made, number) & bits) {
+                return yaml_error(l->error, &from->mark,
+                                  "found field \"%s\" in bits of the identifier that id or its "
+                                  "number %u fills (0x%x), expected these to be 0 there",
+                                  from->name, number, (unsigned)described_id(made, number));
+            }
+        }
+        if (field->meaning == DESCRIBED_CONSTANT) {
+            constant |= (uint32_t)field->constant << field->shift & bits;
+        } else {
+            made->mask |= bits;
         }
     }
-    if (!code) {
-        described_add_gap(&plan, 32 - plan.bit);
-        made->base |= constant;
-        made->id_layout = plan.layout;
-        made->nfield = plan.nfield;
-    }
-    return code;
+    /* The layout must cover the whole identifier */
+    described_add_gap(&plan, 32 - plan.bit);
+    made->base |= constant;
+    made->id_layout = plan.layout;
+    made->nfield = plan.nfield;
+    return ERROR_NONE;
 }
 
 enum error_code described_lay_out(struct described_loader *l, const struct raw_described_frame *raw,
@@ -626,13 +528,11 @@ enum error_code described_lay_out(struct described_loader *l, const struct raw_d
         code = described_add_field(l, raw, &raw->field[i], &plan);
     }
     code = code ? code : described_measure_length(l, raw, made, plan.bit);
-    code = code ? code : described_measure_lengths(l, raw, made);
     if (code) {
         return code;
     }
     /* The rest of the data is padding */
     described_add_gap(&plan, 8u * made->length - plan.bit);
-    made->repeats = (uint8_t)raw->repeat;
     made->nfield = made->ndata = plan.nfield;
     made->layout = plan.layout;
     made->field = plan.field;
@@ -646,31 +546,25 @@ enum error_code described_lay_out(struct described_loader *l, const struct raw_d
 
 enum error_code described_lay_out_parameter(struct described_loader *l,
                                             const struct raw_described_field *raw,
-                                            struct described_parameter *made)
+                                            struct described_field *made)
 {
     enum error_code code = described_check_word(l, &raw->mark, raw->name);
-    enum described_meaning meaning;
 
+    *made = raw->field;
     /* A parameter is not in a frame */
     if (!code && (yaml_has(&raw->mark, "target") || raw->counter || raw->checksum ||
-                  yaml_has(&raw->mark, "at_bit") || raw->order == 1 ||
-                  (raw->type == RAW_DESCRIBED_FLOAT && raw->bits != 32))) {
+                  yaml_has(&raw->mark, "at_bit") || raw->order ||
+                  (raw->type == FIELD_FLOAT && raw->bits != 32))) {
         return yaml_error(l->error, &raw->mark,
                           "found a target, a counter, a checksum, at_bit, order: big or a float of "
                           "other than 32 bits in a parameter, expected a source or a value");
     }
-    described_place(&made->field,
-                    &(struct field){.type = (unsigned)raw->bits |
-                                            (raw->type == RAW_DESCRIBED_SIGNED  ? FIELD_SIGNED
-                                             : raw->type == RAW_DESCRIBED_FLOAT ? FIELD_FLOAT
-                                                                                : 0u)},
-                    0, false);
-    code = code ? code : described_mean_field(l, false, raw, &made->field);
-    meaning = made->field.meaning;
-    if (!code && (meaning == DESCRIBED_ECHO || meaning == DESCRIBED_PARAMETER_VALUE)) {
+    described_place(made, (unsigned)(raw->bits | raw->type), 0, false);
+    code = code ? code : described_mean_field(l, false, raw, made);
+    if (!code && (made->meaning == DESCRIBED_ECHO || made->meaning == DESCRIBED_PARAMETER_VALUE)) {
         return yaml_error(l->error, yaml_place(&raw->mark, "source"),
                           "found source: %s in a parameter, expected another: it is no answer",
-                          meaning == DESCRIBED_ECHO ? "echo" : "parameter_value");
+                          made->meaning == DESCRIBED_ECHO ? "echo" : "parameter_value");
     }
     return code;
 }

@@ -107,17 +107,12 @@ static void axis_command_state(struct described_node *node, struct described_axi
 static void axis_set_target(const struct described_node *node, struct described_axis *axis,
                             const struct described_field *field, int64_t count)
 {
-    static const enum described_meaning of_law[] = {
-        [DESCRIBED_VOLTAGE] = DESCRIBED_TO_VOLTAGE,   [DESCRIBED_CURRENT] = DESCRIBED_TO_CURRENT,
-        [DESCRIBED_TORQUE] = DESCRIBED_TO_TORQUE,     [DESCRIBED_VELOCITY] = DESCRIBED_TO_VELOCITY,
-        [DESCRIBED_POSITION] = DESCRIBED_TO_POSITION, [DESCRIBED_IMPEDANCE] = DESCRIBED_TO_POSITION,
-    };
     const struct described_state *state = &node->protocol->state[axis->state];
 
     /* A set point belongs to the law in force */
     if (field->meaning == DESCRIBED_SET_POINT) {
         state = state->law == DESCRIBED_SELECTED ? &node->protocol->law[axis->law] : state;
-        axis->target[of_law[state->law] - DESCRIBED_SET_POINT] =
+        axis->target[described_law_target(state->law) - DESCRIBED_SET_POINT] =
             (double)count * state->set_point_scale;
     } else {
         axis->target[field->meaning - DESCRIBED_SET_POINT] = described_value(field, count);
@@ -554,7 +549,7 @@ static void described_motor_shut_down(struct board *board)
     }
 }
 
-static const struct board_ops described_motor_ops = {
+const struct board_ops described_motor_ops = {
     .identity = {.type = 2, .major = 1},
     .periodic_max = DESCRIBED_FRAMES_MAX * DESCRIBED_AXES,
     .power_up = described_motor_power_up,
@@ -565,8 +560,3 @@ static const struct board_ops described_motor_ops = {
     .axes = offsetof(struct described_node, axis),
     .axis_size = sizeof(struct described_axis),
 };
-
-struct board *described_motor_create(struct arena *arena)
-{
-    return described_node_create(arena, &described_motor_ops, DESCRIBED_MOTOR);
-}

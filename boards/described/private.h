@@ -83,6 +83,14 @@ static inline struct described_node *described_node_of(const struct board *board
     return container_of(board, struct described_node, board);
 }
 
+/* Returns the kind of a board. */
+static inline unsigned described_kind(enum board_kind kind)
+{
+    return kind == BOARD_MOTOR ? DESCRIBED_MOTOR
+           : kind == BOARD_FT  ? DESCRIBED_FT
+                               : DESCRIBED_INERTIAL;
+}
+
 /* Returns the index of a kind in arrays by kind. */
 static inline unsigned described_kind_index(unsigned kind)
 {
@@ -90,10 +98,6 @@ static inline unsigned described_kind_index(unsigned kind)
 }
 
 /* ---- node.c ---- */
-
-/* Creates a board of a kind. Returns NULL when out of memory. Not RT-safe. */
-struct board *described_node_create(struct arena *arena, const struct board_ops *ops,
-                                    unsigned kind);
 
 /* Powers up a node. Returns true the first time. */
 bool described_node_power_up(struct described_node *node);
@@ -108,20 +112,20 @@ void described_node_announce(struct described_node *node);
 /* Sends the periodic frames. */
 void described_node_transmit(struct board *board, struct ms_span span, struct frame_sink *sink);
 
-/* Queues the answer to request, whose counts are `values`. */
-void described_node_reply(struct described_node *node, unsigned axis,
-                          const struct described_frame *request, const int64_t *values);
+/* Queues frame `index` for an axis, as an answer to request, whose counts are `values`; NULL = it
+ * is no answer. */
+void described_node_answer(struct described_node *node, unsigned axis, size_t index,
+                           const struct described_frame *request, const int64_t *values);
 
 /* Sets the telemetry period; 0 = no telemetry. */
 void described_node_set_period(struct described_node *node, int64_t period_ms);
 
 /* ---- for protocol.c ---- */
 
-/* Create a bus and boards; NULL = out of memory. Not RT-safe. */
+/* Creates a bus; NULL = out of memory. Not RT-safe. */
 struct board_bus *described_bus_create(struct arena *arena);
-struct board *described_motor_create(struct arena *arena);
-struct board *described_ft_create(struct arena *arena);
-struct board *described_inertial_create(struct arena *arena);
+
+extern const struct board_ops described_motor_ops, described_ft_ops, described_inertial_ops;
 
 /* ---- axes (motor_board.c) ---- */
 

@@ -53,9 +53,9 @@ static const char *frame_answer(const struct described_protocol *protocol,
                                 const struct described_frame *frame,
                                 const struct board_config *board)
 {
-    const int kind = !board || board->kind == BOARD_MOTOR ? 0 : board->kind == BOARD_FT ? 1 : 2;
+    const unsigned kind = board ? described_kind_index(described_kind(board->kind)) : 0;
 
-    for (int i = 0; frame->from_host && i < 3; i++) {
+    for (unsigned i = 0; frame->from_host && i < 3; i++) {
         int reply = frame->reply[(kind + i) % 3];
 
         if (reply >= 0) {
@@ -126,9 +126,7 @@ static void described_visit_board(struct message_walk *walk, int index, unsigned
     const struct described_protocol *protocol = walk->bus->described;
     const struct board_config *board = &walk->config->board[index];
     unsigned axes = board_config_axes(board);
-    unsigned kind = board->kind == BOARD_MOTOR ? DESCRIBED_MOTOR
-                    : board->kind == BOARD_FT  ? DESCRIBED_FT
-                                               : DESCRIBED_INERTIAL;
+    unsigned kind = described_kind(board->kind);
 
     for (size_t i = 0; i < protocol->nframe; i++) {
         const struct described_frame *frame = &protocol->frame[i];
@@ -241,26 +239,10 @@ static void described_note_field(const struct message *message, size_t field, ch
 /* Creates a board by its kind (struct protocol). */
 static struct board *described_make_board(const struct board_config *config, struct arena *arena)
 {
-    return config->kind == BOARD_MOTOR      ? described_motor_create(arena)
-           : config->kind == BOARD_INERTIAL ? described_inertial_create(arena)
-                                            : described_ft_create(arena);
-}
-
-/* Checks address and number of axes of a board (struct protocol). */
-static enum error_code described_check_board(const struct boards_bus_config *bus,
-                                             const struct board_config *board, struct error *error)
-{
-    const char *name = board->name ? board->name : "(no name)";
-
-    if (board->address > bus->described->address_max) {
-        return error_set(error, ERROR_INPUT,
-                         "board %s: the address is beyond those of its protocol", name);
-    }
-    if (board_config_axes(board) > bus->described->axes) {
-        return error_set(error, ERROR_INPUT,
-                         "board %s: it has more axes than boards of its protocol", name);
-    }
-    return ERROR_NONE;
+    return board_create(arena, sizeof(struct described_node),
+                        config->kind == BOARD_MOTOR      ? &described_motor_ops
+                        : config->kind == BOARD_INERTIAL ? &described_inertial_ops
+                                                         : &described_ft_ops);
 }
 
 /* Returns whether a frame of the protocol uses an identifier (struct protocol). */
@@ -303,11 +285,11 @@ static const char *described_law_name(uint32_t law)
     .motor_address_max = DESCRIBED_ADDRESS_MAX, .address_max = DESCRIBED_ADDRESS_MAX,              \
     .axes_max = DESCRIBED_AXES, .slots_max = DESCRIBED_SLOTS, .canfd = true,                       \
     .make_bus = described_bus_create, .make_board = described_make_board,                          \
-    .check_board = described_check_board, .visit_broadcasts = described_visit_broadcasts,          \
-    .visit_board = described_visit_board, .comment_message = described_comment_message,            \
-    .note_field = described_note_field, .claims_id = described_claims_id,                          \
-    .mode_name = described_law_name, .fault_names = described_fault_names,                         \
-    .timeout_text = "as its protocol has it", .limit_text = "ticks, voltage set to 0"
+    .visit_broadcasts = described_visit_broadcasts, .visit_board = described_visit_board,          \
+    .comment_message = described_comment_message, .note_field = described_note_field,              \
+    .claims_id = described_claims_id, .mode_name = described_law_name,                             \
+    .fault_names = described_fault_names, .timeout_text = "as its protocol has it",                \
+    .limit_text = "ticks, voltage set to 0"
 
 const struct protocol protocol_described = {
     .name = "described",

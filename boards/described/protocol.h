@@ -197,7 +197,7 @@ struct described_field {
     uint8_t byte, shift, end;     /* end: number of bytes up to its last one */
     bool in_id, big_endian, real; /* real: a float */
     uint64_t mask, sign;          /* mask of the count; sign bit, or 0 */
-    uint8_t axis;                 /* axis of the board, if a frame reports several */
+    unsigned axis;                /* axis of the board, if a frame reports several */
     int64_t low, high;            /* range of the count */
     int64_t constant; /* DESCRIBED_CONSTANT: count; DESCRIBED_ECHO: field of the request */
     double scale, offset;
@@ -250,6 +250,7 @@ struct described_frame {
     bool clear;    /* clears faults */
     bool restart;  /* restarts the board */
     bool commands; /* carries a set point, which resets the time-out */
+    bool selects;  /* has a field that selects boards or axes */
     bool of_one;   /* by slot, or with a selecting field: all fields belong to one axis */
 };
 
@@ -323,6 +324,16 @@ static inline enum described_law described_state_law(const struct described_prot
     return of == DESCRIBED_SELECTED ? protocol->law[law].law : of;
 }
 
+/* Returns the meaning of a set point under a law; DESCRIBED_NOTHING = the law has none. */
+static inline enum described_meaning described_law_target(enum described_law law)
+{
+    return law == DESCRIBED_IMPEDANCE ? DESCRIBED_TO_POSITION
+           : law == DESCRIBED_VOLTAGE ? DESCRIBED_TO_VOLTAGE
+           : law > DESCRIBED_OFF && law < DESCRIBED_IMPEDANCE
+               ? (enum described_meaning)(DESCRIBED_TO_CURRENT + (law - DESCRIBED_CURRENT))
+               : DESCRIBED_NOTHING;
+}
+
 /* Reads a protocol file. Errors begin with file:line:column. Not RT-safe. */
 enum error_code described_load(const char *path, struct arena *arena,
                                const struct described_protocol **protocol, struct error *error);
@@ -332,7 +343,7 @@ enum error_code described_read_text(const char *name, const char *text, size_t s
                                     struct arena *arena, const struct described_protocol **protocol,
                                     struct error *error);
 
-/* Returns the unit of a meaning; "" = dimensionless. */
+/* Returns the unit of a meaning; "" = dimensionless, NULL = a count without scale. */
 const char *described_unit(enum described_meaning meaning);
 
 /* Convert fault bits of the protocol to bits of enum described_fault, and back. */
@@ -415,22 +426,12 @@ static inline bool described_number(const struct described_frame *frame, uint32_
 
 /* ---- fields ---- */
 
-enum { DESCRIBED_WINDOW = 8 }; /* bytes read and written at once; a field lies within them */
-
-/* Returns the first byte of a field's window, moved by `after` bytes, and in *shift the window's
- * bits behind the field. */
-static inline unsigned described_window(const struct described_field *field, unsigned after,
-                                        unsigned *shift)
-{
-    unsigned most = DESCRIBED_LENGTH_MAX - DESCRIBED_WINDOW, first = field->byte + after;
-
-    *shift = field->shift;
-    if (first > most) {
-        *shift += field->big_endian ? 8 * (most - first) : 8 * (first - most);
-        first = most;
-    }
-    return first;
-}
+/* Bytes read and written at once; a field lies within them. Beyond the last byte of the data they
+ * are bytes of the same frame, which stay as they are. */
+enum { DESCRIBED_WINDOW = 8 };
+_Static_assert(sizeof(struct bus_frame) >=
+                   offsetof(struct bus_frame, data) + DESCRIBED_LENGTH_MAX + DESCRIBED_WINDOW,
+               "room for the window of the last byte");
 
 /* Loads the window at a byte, in the byte order of a field. */
 static inline uint64_t described_load_window(const struct described_field *field,
@@ -446,57 +447,59 @@ static inline uint64_t described_load_window(const struct described_field *field
 static inline int64_t described_get(const struct described_field *field,
                                     const struct bus_frame *sent, unsigned after)
 {
-    uint64_t bits;
-    unsigned shift;
+    uint64_t bits = sent->id;
 
-    if (field->in_id) {
-        bits = sent->id >> field->shift;
-    } else if (after + field->end > sent->len) {
-        return 0;
-    } else {
-        const uint8_t *byte = sent->data + described_window(field, after, &shift);
-
-        bits = described_load_window(field, byte) >> shift;
+    if (!field->in_id) {
+        if (after + field->end > sent->len) {
+            return 0;
+        }
+        bits = described_load_window(field, sent->data + field->byte + after);
     }
-    return (int64_t)(((bits & field->mask) ^ field->sign) - field->sign);
+    bits = bits >> field->shift & field->mask;
+    return (int64_t)((bits ^ field->sign) - field->sign);
 }
 
-/* Writes a count, clamped to the field, into data or the identifier. data has DESCRIBED_LENGTH_MAX
- * bytes, with zeros at the place of the field. */
+/* Writes a count, clamped to the field, into data or identifier, where the field is 0. */
 static inline void described_put(const struct described_field *field, int64_t count, unsigned after,
-                                 uint8_t *data, uint32_t *id)
+                                 struct bus_frame *out)
 {
     uint64_t bits = (uint64_t)(count < field->low    ? field->low
                                : count > field->high ? field->high
                                                      : count) &
                     field->mask;
-    unsigned shift, first;
+    uint8_t *byte = out->data + field->byte + after;
 
+    bits <<= field->shift;
     if (field->in_id) {
-        *id |= (uint32_t)bits << field->shift;
+        out->id |= (uint32_t)bits;
         return;
     }
-    first = described_window(field, after, &shift);
-    bits = described_load_window(field, data + first) | bits << shift;
+    bits |= described_load_window(field, byte);
     bits = field->big_endian ? htobe64(bits) : htole64(bits);
-    memcpy(data + first, &bits, sizeof bits);
+    memcpy(byte, &bits, sizeof bits);
 }
-
-/* Writes the checksum of a frame, if it has one. */
-void described_close(const struct described_frame *frame, uint8_t *data);
-
-/* Writes the counts of all fields as repetition `part` into data, then the checksum. data has
- * DESCRIBED_LENGTH_MAX bytes, initially 0. Returns the identifier. */
-uint32_t described_encode(const struct described_frame *frame, unsigned number, unsigned part,
-                          const int64_t *counts, uint8_t *data);
-
-/* Reads the counts of all fields of repetition `part`; fields beyond the frame's end are 0. */
-void described_decode(const struct described_frame *frame, const struct bus_frame *sent,
-                      unsigned part, int64_t *counts);
 
 /* Returns the checksum of length bytes, without the byte at index skip. */
 uint8_t described_checksum(enum described_checksum checksum, const uint8_t *data, size_t length,
                            size_t skip);
+
+/* Writes the checksum of a frame, if it has one. */
+static inline void described_close(const struct described_frame *frame, uint8_t *data)
+{
+    if (frame->checksum) {
+        data[frame->checksum_byte] =
+            described_checksum(frame->checksum, data, frame->length, frame->checksum_byte);
+    }
+}
+
+/* Writes the identifier and the counts of all fields as repetition `part` into a zeroed frame, then
+ * the checksum. */
+void described_encode(const struct described_frame *frame, unsigned number, unsigned part,
+                      const int64_t *counts, struct bus_frame *out);
+
+/* Reads the counts of all fields of repetition `part`; fields beyond the frame's end are 0. */
+void described_decode(const struct described_frame *frame, const struct bus_frame *sent,
+                      unsigned part, int64_t *counts);
 
 /* Returns the name of a checksum in DBC and pages; "" = none. */
 const char *described_checksum_name(enum described_checksum checksum);

@@ -4,11 +4,9 @@
 
 #define AT(member) offsetof(struct STRUCT, member)
 
-static const struct word type_names[] = {{"unsigned", RAW_DESCRIBED_UNSIGNED},
-                                         {"signed", RAW_DESCRIBED_SIGNED},
-                                         {"float", RAW_DESCRIBED_FLOAT},
-                                         {NULL, 0}};
-static const struct word order_names[] = {{"little", 0}, {"big", 1}, {NULL, 0}};
+static const struct word type_names[] = {
+    {"unsigned", 0}, {"signed", FIELD_SIGNED}, {"float", FIELD_FLOAT}, {NULL, 0}};
+static const struct word order_names[] = {{"little", 0}, {"big", FIELD_BIG_ENDIAN}, {NULL, 0}};
 static const struct word checksum_names[] = {
     {"xor", DESCRIBED_XOR}, {"crc8_sae_j1850", DESCRIBED_CRC8_SAE_J1850}, {NULL, 0}};
 static const struct word from_names[] = {{"board", 0}, {"host", 1}, {NULL, 0}};
@@ -132,23 +130,26 @@ static const struct word source_names[] = {
 #define STRUCT raw_described_field
 static const struct yaml_field field_fields[] = {
     {"name", YAML_STRING, true, AT(name), .min = 1, .max = 31},
-    {"bits", YAML_INT, true, AT(bits), .min = 1, .max = 32},
-    {"at_bit", YAML_INT, false, AT(at_bit), .min = 0, .max = 8 * DESCRIBED_LENGTH_MAX - 1},
+    {"bits", YAML_INT, true, AT(bits), .count = sizeof(int), .min = 1, .max = 32},
+    {"at_bit", YAML_INT, false, AT(at_bit), .count = sizeof(int), .min = 0,
+     .max = 8 * DESCRIBED_LENGTH_MAX - 1},
     {"type", YAML_ENUM, false, AT(type), .names = type_names},
     {"order", YAML_ENUM, false, AT(order), .names = order_names},
-    {"scale", YAML_REAL, false, AT(scale), .min = -1e12, .max = 1e12},
-    {"offset", YAML_REAL, false, AT(offset), .min = -1e12, .max = 1e12},
+    {"scale", YAML_REAL, false, AT(field.scale), .min = -1e12, .max = 1e12},
+    {"offset", YAML_REAL, false, AT(field.offset), .min = -1e12, .max = 1e12},
     {"range", YAML_REALS, false, AT(range), .count = 2, .min = -1e12, .max = 1e12},
-    {"source", YAML_ENUM, false, AT(source), .names = source_names},
-    {"target", YAML_ENUM, false, AT(target), .names = target_names},
-    {"value", YAML_INT, false, AT(value), .min = INT32_MIN, .max = UINT32_MAX},
+    {"source", YAML_ENUM, false, AT(field.meaning), .names = source_names},
+    {"target", YAML_ENUM, false, AT(field.meaning), .names = target_names},
+    {"value", YAML_INT, false, AT(field.constant), .min = INT32_MIN, .max = UINT32_MAX},
     {"counter", YAML_BOOL, false, .offset = AT(counter)},
     {"checksum", YAML_ENUM, false, AT(checksum), .names = checksum_names},
-    {"host_value", YAML_REAL, false, AT(host), .min = -1e12, .max = 1e12},
-    {"axis", YAML_INT, false, AT(axis), .min = 0, .max = DESCRIBED_AXES - 1},
+    {"host_value", YAML_REAL, false, AT(field.host), .min = -1e12, .max = 1e12},
+    {"axis", YAML_INT, false, AT(field.axis), .count = sizeof(int), .min = 0,
+     .max = DESCRIBED_AXES - 1},
     {"values", YAML_REAL_DICT, false, AT(entry), .count_offset = AT(nentry)},
 };
-static const struct raw_described_field field_defaults = {.scale = 1.0};
+/* constant: of an echo, found later */
+static const struct raw_described_field field_defaults = {.field = {.constant = -1, .scale = 1.0}};
 static const struct yaml_schema field_schema =
     YAML_SCHEMA("a field", struct raw_described_field, field_fields, .defaults = &field_defaults);
 
@@ -156,24 +157,28 @@ static const struct yaml_schema field_schema =
 #define STRUCT raw_described_frame
 static const struct yaml_field frame_fields[] = {
     {"name", YAML_STRING, true, AT(row.name), .min = 1, .max = 31},
-    {"from", YAML_ENUM, true, AT(from), .names = from_names},
-    {"id", YAML_INT, true, AT(id), .min = 0, .max = DESCRIBED_EXTENDED_ID_MAX},
+    {"from", YAML_ENUM, true, AT(from_host), .names = from_names},
+    {"id", YAML_INT, true, AT(row.base), .count = sizeof(int), .min = 0,
+     .max = DESCRIBED_EXTENDED_ID_MAX},
     {"extended", YAML_BOOL, false, .offset = AT(extended)},
     {"id_fields", YAML_LIST, false, AT(id_field), AT(nid_field), .schema = &field_schema},
     {"fd", YAML_BOOL, false, .offset = AT(fd)},
     {"bit_rate_switch", YAML_BOOL, false, .offset = AT(brs)},
     {"by", YAML_ENUM, false, AT(row.by), .names = by_names},
-    {"step", YAML_INT, false, AT(step), .min = 1, .max = DESCRIBED_EXTENDED_ID_MAX},
-    {"of", YAML_ENUM, false, AT(of), .names = of_names},
+    {"step", YAML_INT, false, AT(row.step), .count = sizeof(int), .min = 1,
+     .max = DESCRIBED_EXTENDED_ID_MAX},
+    {"of", YAML_ENUM, false, AT(row.of), .names = of_names},
     {"remote", YAML_BOOL, false, .offset = AT(row.remote)},
-    {"length", YAML_INT, false, AT(length), .min = 0, .max = DESCRIBED_LENGTH_MAX},
+    {"length", YAML_INT, false, AT(length), .count = sizeof(int), .min = 0,
+     .max = DESCRIBED_LENGTH_MAX},
     {"lengths", YAML_REALS, false, AT(lengths), .count = 2, .min = 0.0,
      .max = DESCRIBED_LENGTH_MAX},
-    {"repeat", YAML_INT, false, AT(repeat), .min = 1, .max = DESCRIBED_LENGTH_MAX},
+    {"repeat", YAML_INT, false, AT(repeat), .count = sizeof(int), .min = 1,
+     .max = DESCRIBED_LENGTH_MAX},
     {"fields", YAML_LIST, false, AT(field), AT(nfield), .schema = &field_schema},
     {"payload", YAML_STRING, false, AT(payload), .min = 2, .max = 3 * DESCRIBED_LENGTH_MAX - 1},
-    {"period_s", YAML_REAL, false, AT(period_s), .min = 0.001, .max = 60.0},
-    {"spread_s", YAML_REAL, false, AT(spread_s), .min = 0.0, .max = 1.0},
+    {"period_s", YAML_REAL, false, AT(row.period_ns), .ns = true, .min = 0.001, .max = 60.0},
+    {"spread_s", YAML_REAL, false, AT(spread_ns), .ns = true, .min = 0.0, .max = 1.0},
     {"telemetry", YAML_BOOL, false, .offset = AT(row.telemetry)},
     {"on_change", YAML_BOOL, false, .offset = AT(row.on_change)},
     {"on_restart", YAML_BOOL, false, .offset = AT(row.on_restart)},
@@ -185,7 +190,8 @@ static const struct yaml_field frame_fields[] = {
     {"or_empty", YAML_BOOL, false, .offset = AT(row.or_empty)},
     {"restart", YAML_BOOL, false, .offset = AT(row.restart)},
 };
-static const struct raw_described_frame frame_defaults = {.step = 1, .repeat = 1, .brs = true};
+static const struct raw_described_frame frame_defaults = {
+    .row = {.step = 1}, .repeat = 1, .brs = true};
 static const struct yaml_schema frame_schema =
     YAML_SCHEMA("a frame", struct raw_described_frame, frame_fields, .defaults = &frame_defaults);
 
@@ -202,14 +208,35 @@ static const struct described_state state_defaults = {.set_point_scale = 1.0};
 static const struct yaml_schema state_schema =
     YAML_SCHEMA("a state", struct described_state, state_fields, .defaults = &state_defaults);
 
-#undef STRUCT
-#define STRUCT raw_described_fault
-static const struct yaml_field fault_fields[] = {
-    {"bit", YAML_INT, true, AT(bit), .min = 0, .max = 31},
+static const struct yaml_field bit_fields[] = {
+    {"bit", YAML_INT, true, 0, .count = sizeof(int), .min = 0, .max = 31},
 };
-static const struct yaml_schema fault_schema =
-    YAML_SCHEMA("a fault", struct raw_described_fault, fault_fields,
-                .name_offset = offsetof(struct raw_described_fault, name));
+static const int no_bit = -1;
+static const struct yaml_schema bit_schema =
+    YAML_SCHEMA("a fault", int, bit_fields, .defaults = &no_bit, .unmarked = true);
+#define FAULT(name, kind)                                                                          \
+    {                                                                                              \
+        name, YAML_MAP, false, (kind) * sizeof(int), .schema = &bit_schema                         \
+    }
+static const struct yaml_field fault_fields[] = {
+    FAULT("under_voltage", DESCRIBED_UNDER_VOLTAGE),
+    FAULT("over_voltage", DESCRIBED_OVER_VOLTAGE),
+    FAULT("over_current", DESCRIBED_OVER_CURRENT),
+    FAULT("motor_encoder", DESCRIBED_MOTOR_ENCODER),
+    FAULT("link_encoder", DESCRIBED_LINK_ENCODER),
+    FAULT("torque_sensor", DESCRIBED_TORQUE_SENSOR),
+    FAULT("temperature", DESCRIBED_OVER_TEMPERATURE),
+    FAULT("under_pressure", DESCRIBED_UNDER_PRESSURE),
+    FAULT("over_pressure", DESCRIBED_OVER_PRESSURE),
+    FAULT("stale", DESCRIBED_STALE),
+    FAULT("position_limit", DESCRIBED_LIMIT),
+    FAULT("frames_lost", DESCRIBED_OVERFLOW),
+    FAULT("saturated", DESCRIBED_CHANNEL_SATURATED),
+    FAULT("inertial_sensor", DESCRIBED_INERTIAL_SENSOR),
+    FAULT("emergency_stop", DESCRIBED_STOPPED),
+};
+const struct yaml_schema described_faults_schema =
+    YAML_SCHEMA("the faults", int[DESCRIBED_FAULT_KINDS], fault_fields, .unmarked = true);
 
 #undef STRUCT
 #define STRUCT raw_described_parameter
@@ -217,10 +244,8 @@ static const struct yaml_field parameter_fields[] = {
     {"number", YAML_INT, true, AT(number), .min = 0, .max = UINT32_MAX},
     {"field", YAML_MAP, true, AT(field), .schema = &field_schema},
 };
-static const struct raw_described_parameter parameter_defaults = {.field = {.scale = 1.0}};
 static const struct yaml_schema parameter_schema =
-    YAML_SCHEMA("a parameter", struct raw_described_parameter, parameter_fields,
-                .defaults = &parameter_defaults);
+    YAML_SCHEMA("a parameter", struct raw_described_parameter, parameter_fields);
 
 #undef STRUCT
 #define STRUCT described_gains
@@ -251,13 +276,15 @@ static const struct yaml_schema host_schema =
 static const struct yaml_field described_fields[] = {
     {"name", YAML_STRING, true, AT(name), .min = 1, .max = 31},
     {"description", YAML_STRING, false, AT(description), .min = 1, .max = 1000},
-    {"axes", YAML_INT, false, AT(axes), .min = 1, .max = DESCRIBED_AXES},
-    {"address_max", YAML_INT, false, AT(address_max), .min = 1, .max = DESCRIBED_ADDRESS_MAX},
-    {"command_timeout_s", YAML_REAL, false, AT(command_timeout_s), .min = 0.0, .max = 60.0},
+    {"axes", YAML_INT, false, AT(axes), .count = sizeof(int), .min = 1, .max = DESCRIBED_AXES},
+    {"address_max", YAML_INT, false, AT(address_max), .count = sizeof(int), .min = 1,
+     .max = DESCRIBED_ADDRESS_MAX},
+    {"command_timeout_s", YAML_REAL, false, AT(command_timeout_ns), .ns = true, .min = 0.0,
+     .max = 60.0},
     {"on_timeout", YAML_STRING, false, AT(timeout_state), .min = 1, .max = 31},
     {"states", YAML_LIST, true, AT(state), AT(nstate), .schema = &state_schema},
     {"laws", YAML_LIST, false, AT(law), AT(nlaw), .schema = &state_schema},
-    {"faults", YAML_DICT, false, AT(fault), AT(nfault), .schema = &fault_schema},
+    {"faults", YAML_MAP, false, AT(fault_bit), .schema = &described_faults_schema},
     {"parameters", YAML_LIST, false, AT(parameter), AT(nparameter), .schema = &parameter_schema},
     {"gains", YAML_MAP, false, AT(gains), .schema = &gains_schema},
     {"frames", YAML_LIST, true, AT(frame), AT(nframe), .schema = &frame_schema},

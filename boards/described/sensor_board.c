@@ -92,7 +92,7 @@ static void described_inertial_sample(struct board *board, const struct plant_se
     described_sensor_note(node, bad, DESCRIBED_INERTIAL_SENSOR);
 }
 
-static const struct board_ops described_ft_ops = {
+const struct board_ops described_ft_ops = {
     .identity = {.type = 3, .major = 1},
     .periodic_max = DESCRIBED_FRAMES_MAX,
     .power_up = described_sensor_power_up,
@@ -100,20 +100,10 @@ static const struct board_ops described_ft_ops = {
     .transmit = described_node_transmit,
 };
 
-static const struct board_ops described_inertial_ops = {
+const struct board_ops described_inertial_ops = {
     .identity = {.type = 4, .major = 1},
     .periodic_max = DESCRIBED_FRAMES_MAX,
     .power_up = described_sensor_power_up,
     .sample = described_inertial_sample,
     .transmit = described_node_transmit,
 };
-
-struct board *described_ft_create(struct arena *arena)
-{
-    return described_node_create(arena, &described_ft_ops, DESCRIBED_FT);
-}
-
-struct board *described_inertial_create(struct arena *arena)
-{
-    return described_node_create(arena, &described_inertial_ops, DESCRIBED_INERTIAL);
-}

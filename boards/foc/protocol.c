@@ -16,20 +16,6 @@ static struct board *foc_make_board(const struct board_config *config, struct ar
     return config->kind == BOARD_MOTOR ? foc_board_create(arena) : icub_make_sensor(config, arena);
 }
 
-/* Checks that a motor has a gear (struct protocol). */
-static enum error_code foc_check_board(const struct boards_bus_config *bus,
-                                       const struct board_config *board, struct error *error)
-{
-    double gear = board->axis[0].gear;
-
-    (void)bus;
-    if (board->kind == BOARD_MOTOR && board->axis[0].joint >= 0 && !(isfinite(gear) && gear > 0)) {
-        return error_set(error, ERROR_INPUT, "board %s: the gear must be above 0",
-                         board->name ? board->name : "(no name)");
-    }
-    return ERROR_NONE;
-}
-
 /* ---- messages ---- */
 
 /* Returns the cycle of a class 1 frame. */
@@ -156,7 +142,6 @@ const struct protocol protocol_foc = {
     .external = true,
     .make_bus = icub_bus_create,
     .make_board = foc_make_board,
-    .check_board = foc_check_board,
     .firmware = icub_firmware,
     .visit_broadcasts = foc_visit_broadcasts,
     .visit_board = foc_visit_board,

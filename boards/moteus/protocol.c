@@ -6,22 +6,6 @@
 #include "boards/protocol_list.h"
 #include "manual/protocol_moteus.h"
 
-/* Checks that a motor drives a joint through a gear (struct protocol). */
-static enum error_code moteus_check_board(const struct boards_bus_config *bus,
-                                          const struct board_config *board, struct error *error)
-{
-    const struct board_axis_config *axis = &board->axis[0];
-    const char *wrong = axis->joint < 0 ? NULL
-                        : axis->valve   ? "a moteus moves no servo valve"
-                        : !(isfinite(axis->gear) && axis->gear > 0.0) ? "the gear must be above 0"
-                                                                      : NULL;
-
-    (void)bus;
-    return wrong ? error_set(error, ERROR_INPUT, "board %s: %s",
-                             board->name ? board->name : "(no name)", wrong)
-                 : ERROR_NONE;
-}
-
 /* ---- messages ---- */
 
 /* Visits nothing: no message is for all boards (struct protocol). */
@@ -130,7 +114,7 @@ const struct protocol protocol_moteus = {
     .motors_only = true,
     .make_bus = moteus_bus_create,
     .make_board = moteus_make_board,
-    .check_board = moteus_check_board,
+    .no_valves = true,
     .visit_broadcasts = moteus_visit_broadcasts,
     .visit_board = moteus_visit_board,
     .claims_id = moteus_claims_id,

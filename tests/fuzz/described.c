@@ -46,7 +46,7 @@ static void check_fields(const struct described_frame *frame)
                          (counts[i] >= field_lowest(layout) && counts[i] <= field_highest(layout)),
                      "count %lld of %s", (long long)counts[i], layout->name);
     }
-    sent.id = described_encode(frame, frame->most, 0, counts, sent.data);
+    described_encode(frame, frame->most, 0, counts, &sent);
     fuzz_require(described_number(frame, sent.id, frame->flags & FRAME_EXTENDED, &number) &&
                      number == frame->most,
                  "%s has another number", frame->name);
@@ -161,7 +161,7 @@ static void receive(struct described_run *run, struct fuzz_bytes *bytes)
             row->field[i].meaning == DESCRIBED_CONSTANT ? row->field[i].constant : counts[i];
     }
     memset(frame.data, 0, row->length);
-    frame.id = described_encode(row, how & 3, 0, counts, frame.data);
+    described_encode(row, how & 3, 0, counts, &frame);
     frame.data[how >> 2 & 7] ^= how >> 5 == 7 ? 1 << (how & 7) : 0;
     boards_receive(run->base.boards, run->base.now_ns, 0, &frame);
 }

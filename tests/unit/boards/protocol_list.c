@@ -71,30 +71,30 @@ TEST(a_mode_that_a_board_reports_has_a_name)
     assert_string_equal(protocol_described.mode_name(6), "impedance");
 }
 
-static void refuses(const struct protocol *protocol, uint8_t address, const char *message)
+TEST(boards_that_a_protocol_cannot_have_are_refused)
 {
-    const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = protocol}};
-    struct board_bench bench;
+    const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_moteus},
+                                                         {.protocol = &protocol_described}};
+    struct board_config board[9];
+    const struct boards_config config = {
+        .nboard = 9, .board = board, .nbus = BENCH_BUSES, .bus = buses, .tick_ns = 1000000};
+    struct boards *boards;
+    struct arena arena;
     struct error error;
 
-    bench_configure(&bench);
-    bench.config.bus = buses;
-    bench.board[0].address = address;
-    for (int i = 0; i < BENCH_BOARDS; i++) {
-        bench.board[i].axis[2].joint = bench.board[i].axis[3].joint = -1;
+    assert_ok(arena_init(&arena, 1 << 22, &error));
+    for (int i = 0; i < 9; i++) {
+        board[i] = bench_motor("hip", 1, (uint8_t)(i + 1), 0, 1);
+        board[i].axis[2].joint = 2;
+        board[i].axis[3].joint = i < 8 ? 3 : -1;
     }
-    assert_ok(arena_init(&bench.arena, 1 << 22, &error));
-    assert_int_equal(boards_create(&bench.config, &bench.arena, &bench.boards, &error),
-                     ERROR_INPUT);
-    assert_non_null(strstr(error.text, message));
-    arena_fini(&bench.arena);
-}
-
-TEST(addresses_and_boards_are_those_of_the_protocol)
-{
-    refuses(&protocol_icub, 15, "the address must be 1 to 14 on a bus that speaks icub");
-    refuses(&protocol_foc, 5, "the address must be 1 to 4 on a bus that speaks foc");
-    refuses(&protocol_compact, 3, "a compact bus without its protocol");
-    refuses(&protocol_cia402, 3, "a bus that speaks cia402 has no torque boards");
-    refuses(&protocol_described, 3, "a described bus without its protocol");
+    assert_int_equal(boards_create(&config, &arena, &boards, &error), ERROR_INPUT);
+    assert_string_equal(error.text,
+                        "found 35 axes on a bus that speaks described, expected at most 32");
+    board[8] = bench_motor("knee", 0, 1, 0, -1);
+    board[8].axis[0].valve = true;
+    assert_int_equal(boards_create(&config, &arena, &boards, &error), ERROR_INPUT);
+    assert_string_equal(error.text, "board knee: found a servo valve on a bus that speaks moteus, "
+                                    "expected a motor");
+    arena_fini(&arena);
 }

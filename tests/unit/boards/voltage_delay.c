@@ -72,17 +72,3 @@ TEST(bridges_open_at_once_and_external_boards_are_left_alone)
     }
     end(&bench);
 }
-
-TEST(more_than_a_thousand_ticks_are_refused)
-{
-    struct board_bench bench;
-    struct arena arena;
-    struct error error;
-
-    bench_configure(&bench);
-    bench.config.voltage_delay_ticks = 1001;
-    assert_ok(arena_init(&arena, 1u << 20, &error));
-    assert_int_equal(boards_create(&bench.config, &arena, &bench.boards, &error), ERROR_INPUT);
-    assert_non_null(strstr(error.text, "1001 ticks late"));
-    arena_fini(&arena);
-}

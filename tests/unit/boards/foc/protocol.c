@@ -242,29 +242,3 @@ TEST(each_motor_loads_the_bus_with_its_frames)
     boards_load(&bench.config, 0, 1e-3, keep, &loads);
     assert_int_equal(count_of(&loads, true, 8, 1e-3), 0);
 }
-
-/* ---- checks ---- */
-
-TEST(a_motor_needs_a_gear)
-{
-    static const struct {
-        enum board_kind kind;
-        int joint;
-        double gear;
-        enum error_code code;
-    } cases[] = {
-        {BOARD_MOTOR, 0, 1.0, ERROR_NONE},  {BOARD_MOTOR, 0, 0.5, ERROR_NONE},
-        {BOARD_MOTOR, 0, 0.0, ERROR_INPUT}, {BOARD_MOTOR, 0, -1.0, ERROR_INPUT},
-        {BOARD_MOTOR, 0, NAN, ERROR_INPUT}, {BOARD_MOTOR, 0, (double)INFINITY, ERROR_INPUT},
-        {BOARD_MOTOR, -1, 0.0, ERROR_NONE}, {BOARD_FT, 0, 0.0, ERROR_NONE}};
-    struct error error;
-
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        struct board_config board = bench_motor("hip", 0, 1, cases[i].joint, -1);
-
-        board.kind = cases[i].kind;
-        board.axis[0].gear = cases[i].gear;
-        assert_int_equal(protocol_foc.check_board(&buses[0], &board, &error), cases[i].code);
-        assert_true(cases[i].code == ERROR_NONE || strstr(error.text, "board hip: the gear"));
-    }
-}

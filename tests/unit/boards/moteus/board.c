@@ -434,31 +434,3 @@ TEST_WITH(the_position_can_be_set, set_up, tear_down)
     bench_tick(bench);
     assert_near(value_of(bench, 0x001), 0.3, 1e-6);
 }
-
-TEST(a_wrong_rig_is_refused)
-{
-    static const char *const wrong[] = {"a bus that speaks moteus must be CAN FD",
-                                        "a bus that speaks moteus has motor boards only",
-                                        "a moteus moves no servo valve", "the gear must be above 0",
-                                        "the address must be 1 to 31 on a bus that speaks moteus"};
-    static const struct boards_bus_config classic[BENCH_BUSES] = {{.protocol = &protocol_moteus}};
-
-    for (int i = 0; i < 5; i++) {
-        struct board_bench bench;
-        struct boards *boards;
-        struct error error;
-
-        configure(&bench);
-        bench.config.bus = i == 0 ? classic : buses;
-        bench.board[1].kind = i == 1 ? BOARD_FT : BOARD_MOTOR;
-        bench.board[1].axis[0].valve = i == 2;
-        bench.board[1].axis[0].gear = i == 3 ? 0.0 : 10.0;
-        bench.board[1].address = i == 4 ? 32 : 9;
-        assert_ok(arena_init(&bench.arena, 64u << 20, &error));
-        assert_int_equal(boards_create(&bench.config, &bench.arena, &boards, &error), ERROR_INPUT);
-        if (!strstr(error.text, wrong[i])) {
-            fail_msg("\"%s\" does not say \"%s\"", error.text, wrong[i]);
-        }
-        arena_fini(&bench.arena);
-    }
-}
