@@ -64,66 +64,38 @@ struct balance {
 
 /* ---- the feet ---- */
 
-/* Returns the estimated foothold of a foot's sole. Its yaw is unwrapped to the turn of the plan's
- * yaw, rad. */
-static struct gait_foothold balance_foothold(const struct estimate_foot *foot, double plan_yaw)
-{
-    const double *R = foot->sole.R;
-    double turns = round((plan_yaw - foot->yaw_rad) / (2 * M_PI));
-
-    return (struct gait_foothold){
-        .p = {foot->anchor[0], foot->anchor[1], foot->anchor[2]},
-        .yaw = foot->yaw_rad + 2 * M_PI * turns,
-        .roll = portable_atan2(R[7], R[8]),
-        .pitch = portable_asin(fmin(fmax(-R[6], -1), 1)),
-    };
-}
-
-/* Returns whether a sole lies flat: it carries load, and its center of pressure is inside its
- * edges. On a sole that stands on an edge, the center of pressure is at this edge. */
-static bool balance_foot_flat(const struct balance *balance, const struct estimate_foot *foot)
-{
-    const struct balance_config *config = &balance->config;
-
-    return foot->force_n[2] > config->flat_n &&
-           foot->cop_m[0] < config->gait.sole_front_m - config->gait.sole_margin_m &&
-           foot->cop_m[0] > config->gait.sole_back_m + config->gait.sole_margin_m &&
-           fabs(foot->cop_m[1]) < config->gait.sole_side_m - config->gait.sole_margin_m;
-}
-
 /* Fills the gait's measurements: footholds, contact, vertical forces, center of mass and DCM. */
 static void balance_measure(struct balance *balance, struct gait_measured *measured, double dt_s)
 {
     const struct estimate *estimate = estimator_read(balance->estimator);
+    const struct gait_config *gait = &balance->config.gait;
 
     for (int i = 0; i < BODY_SIDES; i++) {
         struct balance_leg *leg = &balance->leg[i];
         const struct estimate_foot *foot = &estimate->foot[i];
+        const double *R = foot->sole.R;
+        double turns = round((balance->gait.now.yaw - foot->yaw_rad) / (2 * M_PI));
 
         leg->touched_s = foot->force_n[2] > balance->config.touch_n ? leg->touched_s + dt_s : 0;
-        measured->foot[i] = balance_foothold(foot, balance->gait.now.yaw);
+        /* The yaw is unwrapped to the turn of the plan's yaw */
+        measured->foot[i] = (struct gait_foothold){
+            .p = {foot->anchor[0], foot->anchor[1], foot->anchor[2]},
+            .yaw = foot->yaw_rad + 2 * M_PI * turns,
+            .roll = portable_atan2(R[7], R[8]),
+            .pitch = portable_asin(fmin(fmax(-R[6], -1), 1)),
+        };
         measured->touches[i] = leg->touched_s > balance->config.touch_s;
         measured->force_n[i] = foot->force_n[2];
-        measured->flat[i] = balance_foot_flat(balance, foot);
+        /* A flat sole carries load, and its center of pressure is inside its edges. On a sole that
+         * stands on an edge, the center of pressure is at this edge */
+        measured->flat[i] = foot->force_n[2] > balance->config.flat_n &&
+                            foot->cop_m[0] < gait->sole_front_m - gait->sole_margin_m &&
+                            foot->cop_m[0] > gait->sole_back_m + gait->sole_margin_m &&
+                            fabs(foot->cop_m[1]) < gait->sole_side_m - gait->sole_margin_m;
     }
     for (int k = 0; k < 2; k++) {
         measured->com[k] = estimate->com_m[k];
         measured->dcm[k] = estimate->com_m[k] + estimate->com_m_s[k] / balance->omega;
-    }
-}
-
-/* Computes the desired zero-moment point: the planned one plus proportional feedback on the error
- * of the divergent component of motion (DCM). */
-static void balance_want_zmp(struct balance *balance)
-{
-    const struct estimate *estimate = estimator_read(balance->estimator);
-    const struct gait_reference *plan = &balance->gait.now;
-
-    for (int k = 0; k < 2; k++) {
-        double dcm = estimate->com_m[k] + estimate->com_m_s[k] / balance->omega;
-        double error = dcm - plan->dcm[k];
-
-        balance->zmp[k] = plan->zmp[k] + balance->config.dcm_gain * error;
     }
 }
 
@@ -258,18 +230,6 @@ static void balance_com_offset(struct balance *balance, const double R[9], doubl
     mat3_apply(R, com, offset);
 }
 
-/* Updates and returns the smoothed load of a foot, 0 to 1; 1 = at least 30 % of the weight. */
-static double balance_carries(struct balance *balance, int side, double dt_s)
-{
-    struct balance_leg *leg = &balance->leg[side];
-    const struct estimate_foot *foot = &estimator_read(balance->estimator)->foot[side];
-    double weight = balance->model->mass_kg * balance->model->gravity_m_s2;
-    double goal = fmin(fmax(foot->force_n[2] / (0.3 * weight), 0), 1);
-
-    leg->carries += (goal - leg->carries) * dt_s / (balance->config.carry_s + dt_s);
-    return leg->carries;
-}
-
 /* Computes the poses of pelvis and feet for this period, then the joint angles of the legs. */
 static void balance_pose_legs(struct balance *balance, double dt_s)
 {
@@ -277,6 +237,7 @@ static void balance_pose_legs(struct balance *balance, double dt_s)
     const struct estimate *estimate = estimator_read(balance->estimator);
     const struct gait_reference *plan = &balance->gait.now;
     double error[2] = {estimate->roll_rad, estimate->pitch_rad - config->lean_rad};
+    double weight = balance->model->mass_kg * balance->model->gravity_m_s2;
     double askew = estimate->yaw_rad - plan->yaw;
     double upright[9], offset[3], ground = 0;
     const double rpy[3] = {0, config->lean_rad, plan->yaw};
@@ -298,8 +259,11 @@ static void balance_pose_legs(struct balance *balance, double dt_s)
 
     for (int i = 0; i < BODY_SIDES; i++) {
         struct balance_leg *leg = &balance->leg[i];
-        double carries = balance_carries(balance, i, dt_s), R[9], sole_R[9], sole_p[3],
-               angle[LEG_JOINTS];
+        /* The smoothed load of the foot, 0 to 1; 1 = at least 30 % of the weight */
+        double load = fmin(fmax(estimate->foot[i].force_n[2] / (0.3 * weight), 0), 1);
+        double carries = leg->carries +=
+            (load - leg->carries) * dt_s / (balance->config.carry_s + dt_s);
+        double R[9], sole_R[9], sole_p[3], angle[LEG_JOINTS];
         /* A loaded leg uses the planned attitude of the pelvis, so that the foot corrects attitude
          * errors. A leg in the air uses the measured one, so that the foot reaches its planned
          * place */
@@ -361,22 +325,6 @@ static void balance_load_legs(struct balance *balance)
     }
 }
 
-/* Adds the hip torque that accelerates the swinging leg, modeled as a rod with its inertia about
- * the hip. The standing leg's hip gets the reaction, so that the trunk gets none. */
-static void balance_load_swing(struct balance *balance)
-{
-    const struct gait_reference *plan = &balance->gait.now;
-    struct balance_leg *stance = &balance->leg[plan->stance];
-    struct balance_leg *swing = &balance->leg[BODY_SIDES - 1 - plan->stance];
-    double ahead =
-        portable_cos(plan->yaw) * plan->foot_m_s2[0] + portable_sin(plan->yaw) * plan->foot_m_s2[1];
-    double torque = -balance->config.swing_torque * swing->inertia_kg_m2 * ahead /
-                    (swing->geometry.thigh_m + swing->geometry.shank_m);
-
-    swing->torque_nm[LEG_HIP_PITCH] += torque;
-    stance->torque_nm[LEG_HIP_PITCH] -= torque;
-}
-
 /* Sets the references of all motors: link angle plus the deflection of the spring under its load.
  * take: compensated fraction of the load; loose: fraction of the way from the initial pose; both 0
  * to 1. */
@@ -418,25 +366,6 @@ static void balance_drive(struct balance *balance, double take, double loose, do
 }
 
 /* ---- creation ---- */
-
-/* Finds the geometry, axes and link chain of both legs. ERROR_INPUT for an unknown kind of leg. */
-static enum error_code balance_find_legs(struct balance *balance, struct error *error)
-{
-    for (int side = 0; side < BODY_SIDES; side++) {
-        struct balance_leg *leg = &balance->leg[side];
-        enum error_code code = leg_find(balance->model, side, leg->link, &leg->geometry, error);
-
-        if (code) {
-            return code;
-        }
-        for (int j = 0; j < LEG_JOINTS; j++) {
-            leg->axis[j] = (size_t)balance->model->link[leg->link[j]].axis;
-            leg->chain[j] = leg->link[leg->geometry.chain[j]];
-        }
-        memcpy(leg->sole_m, balance->model->sole[side].position, sizeof leg->sole_m);
-    }
-    return ERROR_NONE;
-}
 
 /* Computes the standing posture: center of mass above the middle of the soles. Returns false when
  * the legs cannot reach it. */
@@ -516,7 +445,16 @@ enum error_code balance_create(const struct balance_config *config, const struct
                                 .gains = gains};
     /* Boards, legs and posture: errors of the rig appear here */
     code = estimator_create(&config->estimate, model, host, arena, &balance->estimator, error);
-    code = code ? code : balance_find_legs(balance, error);
+    for (int side = 0; side < BODY_SIDES && !code; side++) {
+        struct balance_leg *leg = &balance->leg[side];
+
+        code = leg_find(model, side, leg->link, &leg->geometry, error);
+        for (int j = 0; j < LEG_JOINTS && !code; j++) {
+            leg->axis[j] = (size_t)model->link[leg->link[j]].axis;
+            leg->chain[j] = leg->link[leg->geometry.chain[j]];
+        }
+        memcpy(leg->sole_m, model->sole[side].position, sizeof leg->sole_m);
+    }
     if (code) {
         return code;
     }
@@ -529,33 +467,18 @@ enum error_code balance_create(const struct balance_config *config, const struct
     return ERROR_NONE;
 }
 
-/* Chooses the gains, with separate ones for the ankle rolls. On slow buses the position loops get a
- * proportionally lower crossover frequency, so that the phase lost to the delay stays the same. */
-static void balance_choose_gains(struct balance *balance)
-{
-    const struct balance_config *config = &balance->config;
-    double round_trip_ns = (double)host_round_trip_ns(balance->host);
-    double share = fmin(1.0, ROUND_TRIP_NS / fmax(round_trip_ns, 1.0));
-
-    for (size_t i = 0; i < host_configuration(balance->host)->naxis; i++) {
-        balance->gains[i] = config->gains[i];
-        balance->gains[i].kp_v_per_rad *= share;
-    }
-    for (int side = 0; side < BODY_SIDES; side++) {
-        size_t axis = balance->leg[side].axis[LEG_ANKLE_ROLL];
-        double own = config->ankle_roll_kp_v_per_rad;
-
-        balance->gains[axis].kp_v_per_rad =
-            fmin(own, share * fmax(own, config->gains[axis].kp_v_per_rad));
-    }
-}
-
 void balance_start(struct balance *balance)
 {
-    size_t naxis = host_configuration(balance->host)->naxis;
+    const struct balance_config *config = &balance->config;
+    double round_trip_ns = (double)host_round_trip_ns(balance->host), own;
+    double share = fmin(1.0, ROUND_TRIP_NS / fmax(round_trip_ns, 1.0));
 
-    for (size_t i = 0; i < naxis; i++) {
+    /* On slow buses the position loops get a proportionally lower crossover frequency, so that the
+     * phase lost to the delay stays the same. The ankle rolls have separate gains */
+    for (size_t i = 0; i < host_configuration(balance->host)->naxis; i++) {
         balance->from[i] = host_joint(balance->host, i)->joint_rad;
+        balance->gains[i] = config->gains[i];
+        balance->gains[i].kp_v_per_rad *= share;
     }
     for (int side = 0; side < BODY_SIDES; side++) {
         struct balance_leg *leg = &balance->leg[side];
@@ -563,8 +486,11 @@ void balance_start(struct balance *balance)
         for (int j = 0; j < LEG_JOINTS; j++) {
             leg->motor_rad[j] = host_joint(balance->host, leg->axis[j])->motor_rad;
         }
+        own = fmax(config->ankle_roll_kp_v_per_rad,
+                   config->gains[leg->axis[LEG_ANKLE_ROLL]].kp_v_per_rad);
+        balance->gains[leg->axis[LEG_ANKLE_ROLL]].kp_v_per_rad =
+            fmin(config->ankle_roll_kp_v_per_rad, share * own);
     }
-    balance_choose_gains(balance);
     servo_use(balance->servo, balance->gains);
     estimator_start(balance->estimator);
     balance->t_s = 0;
@@ -573,31 +499,14 @@ void balance_start(struct balance *balance)
 
 /* ---- a period ---- */
 
-/* Starts the gait at the measured footholds after the posture is reached. */
-static void balance_begin(struct balance *balance, struct gait_measured *measured)
-{
-    struct gait_foothold *foot = measured->foot;
-    double com[2];
-
-    /* Assume level ground until the soles have measured it */
-    for (int i = 0; i < BODY_SIDES; i++) {
-        foot[i].roll = foot[i].pitch = 0;
-        balance->leg[i].foot = foot[i];
-        balance->leg[i].carries = 1;
-    }
-    /* The plan starts at rest, with the center of mass above the middle of the feet */
-    balance->ground_m = (foot[0].p[2] + foot[1].p[2]) / 2;
-    com[0] = (foot[0].p[0] + foot[1].p[0]) / 2 + balance->config.gait.zmp_ahead_m;
-    com[1] = (foot[0].p[1] + foot[1].p[1]) / 2;
-    gait_start(&balance->gait, &balance->config.gait, balance->omega, foot, com);
-    balance->ready = true;
-}
-
 void balance_update(struct balance *balance, const struct gait_command *command, double dt_s)
 {
     const struct estimate *estimate;
+    const struct gait_reference *plan = &balance->gait.now;
+    struct balance_leg *stance, *swing;
     struct gait_measured measured;
-    double ramp = fmin(balance->t_s / RAMP_S, 1);
+    struct gait_foothold *foot = measured.foot;
+    double ramp = fmin(balance->t_s / RAMP_S, 1), ahead, torque, com[2];
 
     balance->t_s += dt_s;
     /* Estimate the state; the observer's bandwidth depends on the commanded speed */
@@ -609,7 +518,18 @@ void balance_update(struct balance *balance, const struct gait_command *command,
     estimate = estimator_read(balance->estimator);
     balance_measure(balance, &measured, dt_s);
     if (!balance->ready && balance->t_s > RAMP_S + SETTLE_S) {
-        balance_begin(balance, &measured);
+        /* Assume level ground until the soles have measured it */
+        for (int i = 0; i < BODY_SIDES; i++) {
+            foot[i].roll = foot[i].pitch = 0;
+            balance->leg[i].foot = foot[i];
+            balance->leg[i].carries = 1;
+        }
+        /* The plan starts at rest, with the center of mass above the middle of the feet */
+        balance->ground_m = (foot[0].p[2] + foot[1].p[2]) / 2;
+        com[0] = (foot[0].p[0] + foot[1].p[0]) / 2 + balance->config.gait.zmp_ahead_m;
+        com[1] = (foot[0].p[1] + foot[1].p[1]) / 2;
+        gait_start(&balance->gait, &balance->config.gait, balance->omega, foot, com);
+        balance->ready = true;
     }
     /* Until then: equal load on both feet, references ramped from the initial pose (smooth step) */
     if (!balance->ready) {
@@ -628,14 +548,29 @@ void balance_update(struct balance *balance, const struct gait_command *command,
     /* Plan, feedback on the DCM, distribution to the feet, compliance, poses; each step uses the
      * one before */
     gait_update(&balance->gait, command, &measured, dt_s);
-    balance_want_zmp(balance);
+    /* The desired zero-moment point: the planned one plus feedback on the error of the DCM */
+    for (int k = 0; k < 2; k++) {
+        double dcm = estimate->com_m[k] + estimate->com_m_s[k] / balance->omega;
+
+        balance->zmp[k] =
+            balance->gait.now.zmp[k] + balance->config.dcm_gain * (dcm - balance->gait.now.dcm[k]);
+    }
     balance_share(balance);
     balance_yield(balance, dt_s);
     balance_pose_legs(balance, dt_s);
     /* Compute the torques in the new pose; the servo uses them to compensate the springs */
     body_place(balance->model, balance->angle, balance->pose);
     balance_load_legs(balance);
-    balance_load_swing(balance);
+    /* Add the hip torque that accelerates the swinging leg, modeled as a rod with its inertia about
+     * the hip. The standing leg's hip gets the reaction, so that the trunk gets none */
+    stance = &balance->leg[plan->stance];
+    swing = &balance->leg[BODY_SIDES - 1 - plan->stance];
+    ahead =
+        portable_cos(plan->yaw) * plan->foot_m_s2[0] + portable_sin(plan->yaw) * plan->foot_m_s2[1];
+    torque = -balance->config.swing_torque * swing->inertia_kg_m2 * ahead /
+             (swing->geometry.thigh_m + swing->geometry.shank_m);
+    swing->torque_nm[LEG_HIP_PITCH] += torque;
+    stance->torque_nm[LEG_HIP_PITCH] -= torque;
     balance_drive(balance, 1, 1, dt_s);
 }
 

@@ -83,34 +83,27 @@ enum error_code estimator_create(const struct estimate_config *config,
 
 /* ---- attitude ---- */
 
-/* Turns R back by the tilt of the board, about horizontal axes of the world. */
-static void estimate_upright(const struct estimator *estimator, double R[9])
+/* Computes the rotation from pelvis to world from the inertial board's quaternion, corrected by its
+ * tilt. */
+static void estimate_board_attitude(const struct estimator *estimator, double R[9])
 {
+    const struct host_motion *motion = host_motion(estimator->host);
     const double lean[3] = {estimator->lean[0], estimator->lean[1], 0.0};
-    double angle = vec3_norm(lean), axis[3], back[9], old[9];
+    double angle = vec3_norm(lean), sensor[9], back[9], axis[3], old[9];
 
+    mat3_from_quaternion(motion->quaternion, sensor);
+    mat3_transpose(estimator->model->imu.rotation, back);
+    mat3_mul(sensor, back, R);
     if (!(angle > 0.0)) {
         return;
     }
+    /* Turn it back by the tilt of the board, about horizontal axes of the world */
     for (int k = 0; k < 3; k++) {
         axis[k] = lean[k] / angle;
     }
     mat3_about_axis(axis, -angle, back);
     memcpy(old, R, sizeof old);
     mat3_mul(back, old, R);
-}
-
-/* Computes the rotation from pelvis to world from the inertial board's quaternion, corrected by its
- * tilt. */
-static void estimate_board_attitude(const struct estimator *estimator, double R[9])
-{
-    const struct host_motion *motion = host_motion(estimator->host);
-    double sensor[9], back[9];
-
-    mat3_from_quaternion(motion->quaternion, sensor);
-    mat3_transpose(estimator->model->imu.rotation, back);
-    mat3_mul(sensor, back, R);
-    estimate_upright(estimator, R);
 }
 
 /* Rotates R by a rotation vector in its own frame, rad: R <- R * exp(turn). */
@@ -265,30 +258,15 @@ static void estimate_odometry(struct estimator *estimator)
 
 /* ---- center of mass ---- */
 
-/* Updates the tilt of the board. In a frame that is tilted by e about y, forces seem to accelerate
- * the center of mass by g e along x, but the encoders see no motion. The observer's error settles
- * at -g e / l^2; about x with the opposite sign. Correcting the attitude also moves the center of
- * mass above the standing foot, which is a feedback: COMAN's loop is stable up to a lean_per_s of
- * about 1.3. */
-static void estimate_lean(struct estimator *estimator, const double apart[3], double l, double dt_s)
-{
-    const double rate = estimator->config.lean_per_s * l * l / estimator->model->gravity_m_s2;
-    const double most = LEAN_MAX_RAD;
-
-    if (!isfinite(apart[0] + apart[1])) {
-        return;
-    }
-    estimator->lean[0] = fmax(-most, fmin(most, estimator->lean[0] + rate * apart[1] * dt_s));
-    estimator->lean[1] = fmax(-most, fmin(most, estimator->lean[1] - rate * apart[0] * dt_s));
-}
-
 /* Updates the observer of the center of mass from the forces' acceleration and the encoders'
  * position (Luenberger observer, critically damped). l: its double pole, 1/s. */
 static void estimate_center_of_mass(struct estimator *estimator, double l, double dt_s)
 {
     const struct body_model *model = estimator->model;
     struct estimate *now = &estimator->now;
-    double com[3], seen[3], apart[3];
+    const double rate = estimator->config.lean_per_s * l * l / model->gravity_m_s2;
+    const double most = LEAN_MAX_RAD;
+    double com[3], seen[3], apart[3], *lean = estimator->lean;
 
     body_center_of_mass(model, estimator->pose, com);
     mat3_apply(now->R, com, seen);
@@ -305,7 +283,15 @@ static void estimate_center_of_mass(struct estimator *estimator, double l, doubl
         now->com_m[k] += (now->com_m_s[k] + 2 * l * apart[k]) * dt_s;
         now->com_m_s[k] += (acceleration + l * l * apart[k]) * dt_s;
     }
-    estimate_lean(estimator, apart, l, dt_s);
+    /* The tilt of the board. In a frame that is tilted by e about y, forces seem to accelerate the
+     * center of mass by g e along x, but the encoders see no motion. The observer's error settles
+     * at -g e / l^2; about x with the opposite sign. Correcting the attitude also moves the center of
+     * mass above the standing foot, which is a feedback: COMAN's loop is stable up to a lean_per_s
+     * of about 1.3 */
+    if (isfinite(apart[0] + apart[1])) {
+        lean[0] = fmax(-most, fmin(most, lean[0] + rate * apart[1] * dt_s));
+        lean[1] = fmax(-most, fmin(most, lean[1] - rate * apart[0] * dt_s));
+    }
 }
 
 /* Computes the zero-moment point of both feet: the mean of the centers of pressure, weighted by the
@@ -368,27 +354,20 @@ void estimator_start(struct estimator *estimator)
     estimator->located = false;
 }
 
-/* Returns the bandwidth of the observer of the center of mass, 1/s. Impacts of steps are noise that
- * grows with the speed. Between half and all of com_walking_m_s the bandwidth changes to
- * com_walking_per_s. */
-static double estimate_bandwidth(const struct estimate_config *config, bool walks, double speed_m_s)
-{
-    const double fast_m_s = config->com_walking_m_s;
-    double share = 1.0;
-
-    if (!walks || config->com_walking_per_s <= 0.0) {
-        return config->com_per_s;
-    }
-    if (fast_m_s > 0.0) {
-        share = fmin(fmax(2.0 * speed_m_s / fast_m_s - 1.0, 0.0), 1.0);
-    }
-    return config->com_per_s + share * (config->com_walking_per_s - config->com_per_s);
-}
-
 void estimator_update(struct estimator *estimator, bool walks, double speed_m_s, double dt_s)
 {
-    const double l = estimate_bandwidth(&estimator->config, walks, speed_m_s);
+    const struct estimate_config *config = &estimator->config;
+    double share = 1.0, l = config->com_per_s;
 
+    /* The bandwidth of the observer of the center of mass, 1/s. Impacts of steps are noise that
+     * grows with the speed: between half and all of com_walking_m_s it changes to
+     * com_walking_per_s */
+    if (walks && config->com_walking_per_s > 0.0) {
+        if (config->com_walking_m_s > 0.0) {
+            share = fmin(fmax(2.0 * speed_m_s / config->com_walking_m_s - 1.0, 0.0), 1.0);
+        }
+        l = config->com_per_s + share * (config->com_walking_per_s - config->com_per_s);
+    }
     estimate_attitude(estimator, dt_s);
     estimate_place(estimator);
     estimate_odometry(estimator);

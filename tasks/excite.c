@@ -145,30 +145,22 @@ static void excite_move(struct task *task, double t_s)
     }
 }
 
-/* Checks that the joint is within its limits and, without a voltage, that all motors follow; false
- * with a message. */
-static bool excite_is_safe(struct task *task)
-{
-    const struct excite *excite = task->state;
-    const struct host_axis *axis = &task->config.host.axis[excite->axis];
-    const double angle = host_joint(task->host, excite->axis)->joint_rad;
-    double worst = 0;
-
-    if (!(angle > axis->lower_rad && angle < axis->upper_rad)) {
-        snprintf(task->message, sizeof task->message,
-                 "joint %s: %.3g rad is at its limits, %.3g to %.3g rad; less amplitude is needed",
-                 axis->joint, angle, axis->lower_rad, axis->upper_rad);
-        return false;
-    }
-    return (excite->nsine > 0 && !excite->by_angle) || task_motors_follow(task, &worst);
-}
-
 /* Runs one period: the pose, then the excitation. */
 static enum task_status excite_step(struct task *task, double t_s)
 {
     struct excite *excite = task->state;
+    const struct host_axis *axis = &task->config.host.axis[excite->axis];
+    const double angle = host_joint(task->host, excite->axis)->joint_rad;
+    double worst = 0;
 
-    if (!excite_is_safe(task)) {
+    /* The joint must be within its limits and, without a voltage, all motors must follow */
+    if (!(angle > axis->lower_rad && angle < axis->upper_rad)) {
+        snprintf(task->message, sizeof task->message,
+                 "joint %s: %.3g rad is at its limits, %.3g to %.3g rad; less amplitude is needed",
+                 axis->joint, angle, axis->lower_rad, axis->upper_rad);
+        return TASK_FAILED;
+    }
+    if ((excite->nsine == 0 || excite->by_angle) && !task_motors_follow(task, &worst)) {
         return TASK_FAILED;
     }
     if (t_s < EXCITE_POSE_S) {

@@ -135,15 +135,6 @@ static bool follow_judge(struct task *task, size_t axis, double begin_s)
     return true;
 }
 
-static void follow_tell_end(struct task *task)
-{
-    const struct follow *follow = task->state;
-
-    snprintf(task->message, sizeof task->message, "followed %.2f s, largest errors:",
-             trajectory_length_s(task->config.input.trajectory));
-    task_tell_worst(task, follow->worst);
-}
-
 /* Runs one period: the ramp into the first row, then the trajectory with its error checks. */
 static enum task_status follow_step(struct task *task, double t_s)
 {
@@ -169,7 +160,8 @@ static enum task_status follow_step(struct task *task, double t_s)
         servo_set(task->servo, i, angle, rate);
     }
     if (at_s >= length_s + FOLLOW_END_S) {
-        follow_tell_end(task);
+        snprintf(task->message, sizeof task->message, "followed %.2f s, largest errors:", length_s);
+        task_tell_worst(task, follow->worst);
         return TASK_DONE;
     }
     if (task->tells) {

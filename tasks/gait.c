@@ -157,21 +157,6 @@ static void gait_middle_zmp(const struct gait *gait, const struct gait_foothold 
     zmp[1] = (side[0][1] + side[1][1]) / 2;
 }
 
-/* Predicts height and tilt of a future foothold, as if the ground of the standing sole
- * continued. */
-static void gait_foresee_ground(const struct gait *gait, const struct gait_foothold *stance,
-                                struct gait_foothold *to)
-{
-    double part = gait->config.ground_follow, x = to->p[0] - stance->p[0];
-    double y = to->p[1] - stance->p[1];
-    double ahead = portable_cos(stance->yaw) * x + portable_sin(stance->yaw) * y;
-    double left = -portable_sin(stance->yaw) * x + portable_cos(stance->yaw) * y;
-
-    to->roll = part * stance->roll;
-    to->pitch = part * stance->pitch;
-    to->p[2] = stance->p[2] - portable_tan(to->pitch) * ahead + portable_tan(to->roll) * left;
-}
-
 /* Computes the next foothold of foot `side`, while the other foot stands, from the commanded
  * velocity. close: beside the standing foot. */
 static void gait_foothold_of(const struct gait *gait, int side, const struct gait_foothold *stance,
@@ -183,7 +168,7 @@ static void gait_foothold_of(const struct gait *gait, int side, const struct gai
     double left = out * config->width_m + (close ? 0 : gait->command.left_m_s * period);
     double turn = close ? 0 : gait->command.turn_rad_s * period;
     struct gait_foothold center = *stance;
-    double middle[2];
+    double middle[2], away[2];
 
     /* Feet must not collide */
     if (out * left < config->least_width_m) {
@@ -195,7 +180,11 @@ static void gait_foothold_of(const struct gait *gait, int side, const struct gai
     center.yaw = stance->yaw + turn;
     gait_offset(&center, ahead, left - out * config->width_m / 2, to->p);
     to->yaw = center.yaw;
-    gait_foresee_ground(gait, stance, to);
+    /* Predict height and tilt, as if the ground of the standing sole continued */
+    gait_into_foot(stance, to->p, away);
+    to->roll = config->ground_follow * stance->roll;
+    to->pitch = config->ground_follow * stance->pitch;
+    to->p[2] = stance->p[2] - portable_tan(to->pitch) * away[0] + portable_tan(to->roll) * away[1];
 }
 
 void gait_start(struct gait *gait, const struct gait_config *config, double omega,
@@ -315,20 +304,6 @@ static void gait_begin_step(struct gait *gait, int stance, double transfer_s)
     gait_begin(gait, GAIT_TRANSFER, transfer_s);
 }
 
-/* Adopts the commanded duration of a step, at most TIME_CHANGE per step. It does so at the
- * beginning of a swing, when later parts of the old plan have little effect: the planned DCM jumps
- * by one or two millimeters. */
-static void gait_take_time(struct gait *gait)
-{
-    double scale = gait->command.step_s / (gait->config.swing_s + gait->config.transfer_s);
-
-    if (gait->command.step_s > 0) {
-        scale = fmin(fmax(scale, 1 - TIME_CHANGE), 1 + TIME_CHANGE);
-        gait->config.swing_s *= scale;
-        gait->config.transfer_s *= scale;
-    }
-}
-
 /* Makes the measured place of the foot in the air its foothold. gait_feel_ground sets its tilt. */
 static void gait_land(struct gait *gait, const struct gait_measured *measured)
 {
@@ -342,22 +317,15 @@ static void gait_land(struct gait *gait, const struct gait_measured *measured)
     gait->landed = true;
 }
 
-/* Presses an early foot lightly onto the ground until the swing ends, so that it neither bounces
- * nor pushes the robot up. */
-static void gait_press(struct gait *gait, const struct gait_measured *measured, double dt_s)
-{
-    int swing = gait_other(gait->now.stance);
-    double lacks = 1 - measured->force_n[swing] / gait->config.press_n;
-
-    gait->now.foot[swing].p[2] -= gait->config.lower_m_s * fmax(lacks, -1) * dt_s;
-}
-
-/* Returns whether the swing is over: its time has passed, and the foot has landed or has been
- * lowered completely. */
-static bool gait_swing_over(const struct gait *gait)
+/* Returns whether the present phase is over. A swing ends when its time has passed, and the foot
+ * has landed or has been lowered completely. */
+static bool gait_phase_over(const struct gait *gait)
 {
     double late = gait->elapsed_s - gait->duration_s;
 
+    if (gait->now.phase != GAIT_SWING) {
+        return gait->elapsed_s >= gait->duration_s;
+    }
     if (gait->catches) {
         return gait->landed || late >= CATCH_LATE_S;
     }
@@ -428,17 +396,6 @@ static double gait_beyond_soles(const struct gait *gait, const double dcm[2])
     return fmax(in[0] - config->sole_front_m, config->sole_back_m - in[0]) + config->sole_margin_m;
 }
 
-/* Returns whether a standing robot must step. */
-static bool gait_must_catch(const struct gait *gait, const struct gait_measured *measured)
-{
-    enum gait_phase phase = gait->now.phase;
-    bool stands = phase == GAIT_STAND ||
-                  (phase == GAIT_TRANSFER && gait->closing && gait->elapsed_s > SETTLE_S);
-
-    return gait->config.catch_swing_s > 0 && stands &&
-           gait_beyond_soles(gait, measured->dcm) > -gait->config.catch_margin_m;
-}
-
 /* Begins the swing of the foot farther from the DCM, at once. */
 static void gait_begin_catch(struct gait *gait, const struct gait_measured *measured)
 {
@@ -463,12 +420,6 @@ static void gait_begin_catch(struct gait *gait, const struct gait_measured *meas
     gait_foothold_of(gait, swing, &now->foot[now->stance], true, &gait->next);
     memset(gait->shift, 0, sizeof gait->shift);
     gait_begin(gait, GAIT_SWING, gait->config.catch_swing_s);
-}
-
-/* Returns the share of the weight on the standing foot while the other one lifts off. */
-static double gait_catch_share(const struct gait *gait)
-{
-    return gait->bore + (1 - gait->bore) * fmin(gait->elapsed_s / LOAD_S, 1);
 }
 
 /* Moves the foothold to the DCM at the predicted landing. It only moves outward: a foot that moves
@@ -523,24 +474,6 @@ static void gait_plan_catch(struct gait *gait, const struct gait_measured *measu
     }
 }
 
-/* Ends the catching swing: the other foot follows, or both stay where they are. */
-static void gait_end_catch(struct gait *gait, const struct gait_measured *measured)
-{
-    int swing = gait_other(gait->now.stance);
-    double left = gait_left_share(gait, measured->dcm);
-
-    gait->catches = false;
-    /* If the DCM has moved to the new foot, the other one follows with a step; else the feet stay
-     * apart */
-    if ((swing == BODY_LEFT ? left : 1 - left) > ON_PART) {
-        gait_begin_step(gait, swing, ON_TRANSFER_S);
-        return;
-    }
-    gait->closing = true;
-    gait_begin(gait, GAIT_TRANSFER, gait->config.start_s);
-    gait_begin_at(gait, measured->dcm);
-}
-
 /* Returns whether the robot has come to rest with its feet apart. */
 static bool gait_rests_apart(const struct gait *gait, const struct gait_measured *measured)
 {
@@ -561,6 +494,7 @@ static bool gait_rests_apart(const struct gait *gait, const struct gait_measured
 static void gait_end_phase(struct gait *gait, const struct gait_measured *measured)
 {
     int swing = gait_other(gait->now.stance);
+    double scale, left;
 
     switch (gait->now.phase) {
     /* Standing has no end; gait_update begins a step */
@@ -573,7 +507,15 @@ static void gait_end_phase(struct gait *gait, const struct gait_measured *measur
             gait_begin(gait, GAIT_STAND, 1);
             return;
         }
-        gait_take_time(gait);
+        /* Adopt the commanded duration of a step, at most TIME_CHANGE per step. At the beginning
+         * of a swing, later parts of the old plan have little effect: the planned DCM jumps by one
+         * or two millimeters */
+        if (gait->command.step_s > 0) {
+            scale = gait->command.step_s / (gait->config.swing_s + gait->config.transfer_s);
+            scale = fmin(fmax(scale, 1 - TIME_CHANGE), 1 + TIME_CHANGE);
+            gait->config.swing_s *= scale;
+            gait->config.transfer_s *= scale;
+        }
         gait->lift = gait->now.foot[swing];
         gait->closing = !gait->command.step;
         gait->landed = gait->catches = false;
@@ -587,8 +529,17 @@ static void gait_end_phase(struct gait *gait, const struct gait_measured *measur
         if (!gait->landed) {
             gait_land(gait, measured);
         }
-        if (gait->catches) {
-            gait_end_catch(gait, measured);
+        /* After a catching swing, if the DCM has moved to the new foot, the other one follows with
+         * a step; else the feet stay apart */
+        left = gait_left_share(gait, measured->dcm);
+        if (gait->catches && (swing == BODY_LEFT ? left : 1 - left) > ON_PART) {
+            gait->catches = false;
+            gait_begin_step(gait, swing, ON_TRANSFER_S);
+        } else if (gait->catches) {
+            gait->catches = false;
+            gait->closing = true;
+            gait_begin(gait, GAIT_TRANSFER, gait->config.start_s);
+            gait_begin_at(gait, measured->dcm);
         } else if (gait->closing) {
             memcpy(gait->zmp_from, gait->now.zmp, sizeof gait->zmp_from);
             gait_begin(gait, GAIT_TRANSFER, gait->config.start_s);
@@ -601,15 +552,6 @@ static void gait_end_phase(struct gait *gait, const struct gait_measured *measur
 
 /* ---- the foot in the air ---- */
 
-/* Returns the part of a DCM error (m) at the end of the swing that the center of pressure cannot
- * remove, if it moves by at most ankle_m from now on. */
-static double gait_beyond_ankle(const struct gait *gait, double error, double left_s)
-{
-    double able = gait->config.ankle_m * (portable_exp(gait->omega * left_s) - 1);
-
-    return error > able ? error - able : error < -able ? error + able : 0;
-}
-
 /* Moves the next foothold by the predicted error of the DCM at the end of the swing. */
 static void gait_adjust_foothold(struct gait *gait, const double dcm[2], double dt_s)
 {
@@ -619,18 +561,20 @@ static void gait_adjust_foothold(struct gait *gait, const double dcm[2], double 
     double left_s = fmax(gait->duration_s - gait->elapsed_s, 0), out = gait_outward(swing);
     double lasts = gait->omega * config->transfer_s, follow = (1 - portable_exp(-lasts)) / lasts;
     double after[2], move[2], ahead, left, goal[2];
+    double able = config->ankle_m * (portable_exp(gait->omega * left_s) - 1);
     struct gait_foothold plain;
 
     /* dcm_end is the plan for the present foothold. A foothold 1 m farther starts its transfer with
      * a DCM that is `follow` farther, so divide the error by follow */
     dcm_advance(gait->omega, left_s, gait->now.zmp, dcm, after);
     gait_foothold_of(gait, swing, at, gait->closing, &plain);
-    /* Compute the step that removes the rest of the error beyond the ankle's reach */
+    /* Compute the step that removes the rest of the error, which the center of pressure cannot
+     * remove if it moves by at most ankle_m from now on */
     for (int k = 0; k < 2; k++) {
         double error = after[k] - (gait->dcm_end[k] - follow * gait->shift[k]);
 
-        move[k] = plain.p[k] - at->p[k] +
-                  config->adjust * gait_beyond_ankle(gait, error, left_s) / follow;
+        error = error > able ? error - able : error < -able ? error + able : 0;
+        move[k] = plain.p[k] - at->p[k] + config->adjust * error / follow;
     }
 
     /* Limit it to the reach of the standing leg, in the foot's heading */
@@ -655,18 +599,14 @@ static double gait_ease(double s)
     return s * s * s * (10 - 15 * s + 6 * s * s);
 }
 
-/* Returns the second derivative of gait_ease. */
-static double gait_ease_acceleration(double s)
-{
-    return s <= 0 || s >= 1 ? 0 : s * (60 + s * (-180 + 120 * s));
-}
-
 /* Updates the pose and acceleration of the foot in the air from the progress of the swing. */
 static void gait_swing_foot(struct gait *gait)
 {
     int swing = gait_other(gait->now.stance);
     struct gait_foothold *foot = &gait->now.foot[swing];
-    double s = gait->now.progress, along = gait_ease((s - 0.05) / 0.85);
+    double s = gait->now.progress, way = (s - 0.05) / 0.85, along = gait_ease(way);
+    /* The second derivative of gait_ease */
+    double bend = way <= 0 || way >= 1 ? 0 : way * (60 + way * (-180 + 120 * way));
     double stretch = 1 / (0.85 * gait->duration_s);
     /* Up in the first 45 %, down in the second half; horizontally between 5 % and 90 % of the
      * swing */
@@ -684,8 +624,7 @@ static void gait_swing_foot(struct gait *gait)
     }
     /* Its acceleration: the second derivative by time */
     for (int k = 0; k < 2; k++) {
-        gait->now.foot_m_s2[k] = (gait->next.p[k] - gait->lift.p[k]) * stretch * stretch *
-                                 gait_ease_acceleration((s - 0.05) / 0.85);
+        gait->now.foot_m_s2[k] = (gait->next.p[k] - gait->lift.p[k]) * stretch * stretch * bend;
     }
     foot->yaw = gait->lift.yaw + along * (gait->next.yaw - gait->lift.yaw);
     foot->roll = gait->lift.roll + along * (gait->next.roll - gait->lift.roll);
@@ -696,29 +635,13 @@ static void gait_swing_foot(struct gait *gait)
 
 /* ---- all of it ---- */
 
-/* Computes the shares of the weight: one foot in a swing, else in proportion to the position of the
- * zero-moment point. */
-static void gait_share_weight(struct gait *gait)
-{
-    struct gait_reference *now = &gait->now;
-    double left;
-
-    if (now->phase == GAIT_SWING) {
-        now->share[now->stance] = gait->catches ? gait_catch_share(gait) : 1;
-        now->share[gait_other(now->stance)] = 1 - now->share[now->stance];
-        return;
-    }
-    left = gait_left_share(gait, now->zmp);
-    now->share[BODY_LEFT] = fmin(fmax(left, 0), 1);
-    now->share[BODY_RIGHT] = 1 - now->share[BODY_LEFT];
-}
-
 void gait_update(struct gait *gait, const struct gait_command *command,
                  const struct gait_measured *measured, double dt_s)
 {
     struct gait_reference *now = &gait->now;
     struct dcm_plan plan;
     double decay = portable_exp(-gait->omega * dt_s);
+    bool stands;
 
     /* Start to walk; end a phase when its time is over; step at once when the robot falls */
     gait->command = *command;
@@ -727,11 +650,13 @@ void gait_update(struct gait *gait, const struct gait_command *command,
         gait_set_out(gait, command->left_m_s > 0 ? BODY_RIGHT : BODY_LEFT);
     } else if (gait_rests_apart(gait, measured)) {
         gait_set_out(gait, now->stance);
-    } else if (now->phase == GAIT_SWING ? gait_swing_over(gait)
-                                        : gait->elapsed_s >= gait->duration_s) {
+    } else if (gait_phase_over(gait)) {
         gait_end_phase(gait, measured);
     }
-    if (gait_must_catch(gait, measured)) {
+    stands = now->phase == GAIT_STAND ||
+             (now->phase == GAIT_TRANSFER && gait->closing && gait->elapsed_s > SETTLE_S);
+    if (gait->config.catch_swing_s > 0 && stands &&
+        gait_beyond_soles(gait, measured->dcm) > -gait->config.catch_margin_m) {
         gait_begin_catch(gait, measured);
     }
     /* Measure the ground; press a landed foot; land or steer a foot in the air */
@@ -739,7 +664,11 @@ void gait_update(struct gait *gait, const struct gait_command *command,
 
     gait_feel_ground(gait, measured, dt_s);
     if (now->phase == GAIT_SWING && gait->landed) {
-        gait_press(gait, measured, dt_s);
+        /* Press an early foot lightly until the swing ends, so that it neither bounces nor pushes
+         * the robot up */
+        double lacks = 1 - measured->force_n[gait_other(now->stance)] / gait->config.press_n;
+
+        now->foot[gait_other(now->stance)].p[2] -= gait->config.lower_m_s * fmax(lacks, -1) * dt_s;
     } else if (now->phase == GAIT_SWING) {
         if (now->progress > EARLIEST && measured->touches[gait_other(now->stance)]) {
             gait_land(gait, measured);
@@ -756,10 +685,17 @@ void gait_update(struct gait *gait, const struct gait_command *command,
     /* Place the foot in the air */
     now->height_m = 0;
     memset(now->foot_m_s2, 0, sizeof now->foot_m_s2);
+    /* The shares of the weight: one foot in a swing, taken over gradually when it catches the
+     * robot; else in proportion to the position of the zero-moment point */
     if (now->phase == GAIT_SWING) {
         gait_swing_foot(gait);
+        now->share[now->stance] =
+            gait->catches ? gait->bore + (1 - gait->bore) * fmin(gait->elapsed_s / LOAD_S, 1) : 1;
+        now->share[gait_other(now->stance)] = 1 - now->share[now->stance];
+    } else {
+        now->share[BODY_LEFT] = fmin(fmax(gait_left_share(gait, now->zmp), 0), 1);
+        now->share[BODY_RIGHT] = 1 - now->share[BODY_LEFT];
     }
-    gait_share_weight(gait);
 
     /* The center of mass follows the DCM: c' = omega (xi - c) */
     for (int k = 0; k < 2; k++) {

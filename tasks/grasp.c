@@ -70,9 +70,20 @@ static enum error_code grasp_find_arm(struct task *task, int side, struct error 
     return ERROR_NONE;
 }
 
-/* Checks that the rig has a path and that its phases end one after the other. */
-static enum error_code grasp_check_path(const struct grasp_config *config, struct error *error)
+/* Creates the task's state and finds arms, wrists and feet. ERROR_INPUT when the rig lacks one. */
+static enum error_code grasp_create(struct task *task, struct arena *arena, struct error *error)
 {
+    const struct grasp_config *config = &task->config.grasp;
+    struct grasp *grasp = arena_alloc(arena, 1, sizeof *grasp);
+    enum error_code code = ERROR_NONE;
+
+    if (!grasp) {
+        return error_set(error, ERROR_MEMORY, "no memory for the grasp");
+    }
+    grasp->least_n = HUGE_VAL;
+    task->state = grasp;
+
+    /* Check that the rig has a path whose phases end one after the other */
     if (config->nphase == 0) {
         return error_set(error, ERROR_INPUT, "grasp: the rig has no path for it (tasks: grasp)");
     }
@@ -85,37 +96,11 @@ static enum error_code grasp_check_path(const struct grasp_config *config, struc
                              phase->name, phase->until_s);
         }
     }
-    return ERROR_NONE;
-}
-
-/* Creates the task's state and finds arms, wrists and feet. ERROR_INPUT when the rig lacks one. */
-static enum error_code grasp_create(struct task *task, struct arena *arena, struct error *error)
-{
-    struct grasp *grasp = arena_alloc(arena, 1, sizeof *grasp);
-    enum error_code code;
-
-    if (!grasp) {
-        return error_set(error, ERROR_MEMORY, "no memory for the grasp");
-    }
-    grasp->least_n = HUGE_VAL;
-    task->state = grasp;
-
-    /* Check the path, then find arms, wrists and feet */
-    code = grasp_check_path(&task->config.grasp, error);
-    if (code) {
-        return code;
-    }
-    for (int side = 0; side < SIDES; side++) {
+    for (int side = 0; side < SIDES && !code; side++) {
         code = grasp_find_arm(task, side, error);
-        if (code) {
-            return code;
-        }
-        code = task_find_force(task, wrist_name[side], &grasp->wrist[side], error);
-        if (code) {
-            return code;
-        }
+        code = code ? code : task_find_force(task, wrist_name[side], &grasp->wrist[side], error);
     }
-    return task_find_feet(task, error);
+    return code ? code : task_find_feet(task, error);
 }
 
 /* Sets the references of both arms at time t of the piecewise linear path, and grasp->phase. */
@@ -139,15 +124,6 @@ static void grasp_move_arms(struct task *task, double t)
     }
 }
 
-/* Rotates v about the x, y or z axis (0, 1, 2). */
-static void grasp_rotate_axis(double v[3], int axis, double angle)
-{
-    double *a = &v[(axis + 1) % 3], *b = &v[(axis + 2) % 3], old = *a;
-
-    *a = portable_cos(angle) * old - portable_sin(angle) * *b;
-    *b = portable_sin(angle) * old + portable_cos(angle) * *b;
-}
-
 /* Computes the force on a wrist's sensor in the torso's axes, N. Pitch, roll and yaw of the
  * shoulder and the elbow turn the forearm. */
 static void grasp_wrist_force(const struct task *task, int side, double force[3])
@@ -157,7 +133,11 @@ static void grasp_wrist_force(const struct task *task, int side, double force[3]
 
     memcpy(force, host_force(task->host, grasp->wrist[side])->force_n, 3 * sizeof *force);
     for (int k = GRASP_JOINTS - 1; k >= 0; k--) {
-        grasp_rotate_axis(force, about[k], host_joint(task->host, grasp->axis[side][k])->joint_rad);
+        double angle = host_joint(task->host, grasp->axis[side][k])->joint_rad;
+        double *a = &force[(about[k] + 1) % 3], *b = &force[(about[k] + 2) % 3], old = *a;
+
+        *a = portable_cos(angle) * old - portable_sin(angle) * *b;
+        *b = portable_sin(angle) * old + portable_cos(angle) * *b;
     }
 }
 
@@ -181,38 +161,11 @@ static double grasp_press_force(const struct task *task, int side)
     return side == RIGHT ? -force[1] : force[1];
 }
 
-/* Returns the force that both wrists carry, N. */
-static double grasp_carried_force(const struct task *task)
-{
-    double right[3], left[3];
-
-    grasp_hand_force(task, RIGHT, right);
-    grasp_hand_force(task, LEFT, left);
-    return -right[2] - left[2];
-}
-
 /* Returns the robot's weight on its feet before the grasp, N; 0 if the feet hang because the base
  * is held. */
 static double grasp_weight(const struct grasp *grasp)
 {
     return fmax(grasp->feet_sum / (double)grasp->weighed, 0);
-}
-
-/* Adds one period to the sums of wrist and foot forces before the grasp. */
-static void grasp_weigh(struct task *task)
-{
-    struct grasp *grasp = task->state;
-
-    for (int side = 0; side < SIDES; side++) {
-        double force[3];
-
-        grasp_wrist_force(task, side, force);
-        for (int k = 0; k < 3; k++) {
-            grasp->wrist_sum[side][k] += force[k];
-        }
-    }
-    grasp->feet_sum += task_feet_force(task);
-    grasp->weighed++;
 }
 
 /* Checks motors, feet and grip. Returns false with a message when the robot no longer stands or
@@ -252,16 +205,14 @@ static bool grasp_is_healthy(struct task *task, double t)
     return true;
 }
 
-/* Moves the arms along the path, in the phase that t is in. */
-static void grasp_follow_path(struct task *task, double t)
+/* Returns the force that both wrists carry, N. */
+static double grasp_carried_force(const struct task *task)
 {
-    const struct grasp_config *config = &task->config.grasp;
-    struct grasp *grasp = task->state;
+    double right[3], left[3];
 
-    while (grasp->phase + 1 < config->nphase && t >= config->phase[grasp->phase].until_s) {
-        grasp->phase++;
-    }
-    grasp_move_arms(task, t);
+    grasp_hand_force(task, RIGHT, right);
+    grasp_hand_force(task, LEFT, left);
+    return -right[2] - left[2];
 }
 
 static void grasp_describe(struct task *task, const char *doing)
@@ -297,14 +248,21 @@ static enum task_status grasp_step(struct task *task, double t)
 {
     struct grasp *grasp = task->state;
     const struct grasp_config *config = &task->config.grasp;
-    double end = config->phase[config->nphase - 1].until_s;
+    double end = config->phase[config->nphase - 1].until_s, force[3];
 
     /* Stand; the sensors show the robot's own weight */
     task_move_pose(task, NULL, config->settle_s / 2, t);
     /* Weigh at least once, even if the computer stalls during the time for it */
     if (t < config->settle_s || !grasp->weighed) {
         if (t > config->settle_s - WEIGH_S) {
-            grasp_weigh(task);
+            for (int side = 0; side < SIDES; side++) {
+                grasp_wrist_force(task, side, force);
+                for (int k = 0; k < 3; k++) {
+                    grasp->wrist_sum[side][k] += force[k];
+                }
+            }
+            grasp->feet_sum += task_feet_force(task);
+            grasp->weighed++;
         }
         if (task->tells) {
             snprintf(task->message, sizeof task->message, "settling, feet carry %.1f N",
@@ -315,7 +273,10 @@ static enum task_status grasp_step(struct task *task, double t)
 
     /* The path, then standing still with the object */
     t -= config->settle_s;
-    grasp_follow_path(task, t);
+    while (grasp->phase + 1 < config->nphase && t >= config->phase[grasp->phase].until_s) {
+        grasp->phase++;
+    }
+    grasp_move_arms(task, t);
     if (!grasp_is_healthy(task, t)) {
         return TASK_FAILED;
     }

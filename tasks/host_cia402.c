@@ -22,14 +22,6 @@ enum { NODE_ID_MASK = 0x7f, SYNCS_MAX = 240 };
 static const int64_t SYNC_APART_NS = 3 * HOST_MS / 4;
 static const int64_t CONTROL_REPEAT_NS = 10 * HOST_MS;
 
-/* Returns the protocol's kind of a node. */
-static enum cia402_kind host_cia402_kind(const struct host_node *node)
-{
-    return node->kind == HOST_MOTOR_BOARD      ? CIA402_KIND_DRIVE
-           : node->kind == HOST_INERTIAL_BOARD ? CIA402_KIND_INERTIAL
-                                               : CIA402_KIND_FT;
-}
-
 /* Returns the number of axes of a motor board up to the last one that the host uses; 0 for other
  * boards. */
 static unsigned host_cia402_axes(const struct host_node *node)
@@ -63,99 +55,58 @@ static void host_cia402_read_status(struct host *host, struct host_node *node,
     }
 }
 
-/* Reads the telemetry of an axis: rotor angle, deflection of the spring, torque. */
-static void host_cia402_read_telemetry(struct host *host, struct host_joint *joint,
-                                       const struct bus_frame *frame)
-{
-    int32_t motor = get_i32_le(frame->data);
-
-    joint->motor_rad = motor * CIA402_POSITION_RAD;
-    joint->joint_rad = (motor - get_i16_le(frame->data + 4)) * CIA402_POSITION_RAD;
-    joint->torque_nm = get_i16_le(frame->data + 6) * CIA402_SPRING_NM;
-    joint->motor_time_ns = joint->joint_time_ns = joint->torque_time_ns = host->now_ns;
-}
-
-/* Reads the forces (TPDO number 0) or moments (1) of a force-torque board. */
-static void host_cia402_read_wrench(struct host *host, const struct host_node *node,
-                                    const struct bus_frame *frame, unsigned number)
-{
-    struct host_force *force = &host->force[node->ft];
-
-    for (int c = 0; c < 3 && frame->len == 6; c++) {
-        double count = get_i16_le(frame->data + 2 * c);
-
-        if (number == 0) {
-            force->force_n[c] = count * CIA402_FORCE_N;
-            force->force_time_ns = host->now_ns;
-        } else {
-            force->torque_nm[c] = count * CIA402_MOMENT_NM;
-            force->torque_time_ns = host->now_ns;
-        }
-    }
-}
-
-/* Reads a TPDO of the inertial board, by its number from 0. */
-static void host_inertial_read_cia402(struct host *host, unsigned number,
-                                      const struct bus_frame *frame)
-{
-    struct host_motion *motion = &host->motion;
-
-    if (number == 0 && frame->len == 6) {
-        host_motion_take(host, motion->acceleration_m_s2, &motion->acceleration_time_ns,
-                         frame->data, 3, CIA402_ACCELERATION_M_S2);
-    } else if (number == 1 && frame->len == 6) {
-        host_motion_take(host, motion->rate_rad_s, &motion->rate_time_ns, frame->data, 3,
-                         CIA402_RATE_RAD_S);
-    } else if (number == 2 && frame->len == 8) {
-        host_motion_take(host, motion->quaternion, &motion->quaternion_time_ns, frame->data, 4,
-                         CIA402_QUATERNION);
-    }
-}
-
 /* Reads a TPDO of the predefined connection set, by its number from 0. */
 static void host_cia402_read_pdo(struct host *host, struct host_node *node, unsigned number,
                                  const struct bus_frame *frame)
 {
+    struct host_force *force = &host->force[node->ft];
+    struct host_motion *motion = &host->motion;
     struct host_joint *joint;
+    int32_t motor;
 
     switch (node->kind) {
+    /* Rotor angle, deflection of the spring, torque of an axis */
     case HOST_MOTOR_BOARD:
         joint = number < HOST_AXES ? host_node_joint(host, node, (int)number) : NULL;
         if (joint && frame->len == 8) {
-            host_cia402_read_telemetry(host, joint, frame);
+            motor = get_i32_le(frame->data);
+            joint->motor_rad = motor * CIA402_POSITION_RAD;
+            joint->joint_rad = (motor - get_i16_le(frame->data + 4)) * CIA402_POSITION_RAD;
+            joint->torque_nm = get_i16_le(frame->data + 6) * CIA402_SPRING_NM;
+            joint->motor_time_ns = joint->joint_time_ns = joint->torque_time_ns = host->now_ns;
         }
         break;
     case HOST_FT_BOARD:
-        host_cia402_read_wrench(host, node, frame, number);
+        if (number == 0 && frame->len == 6) {
+            host_read_values(host, force->force_n, &force->force_time_ns, frame->data, 3,
+                             CIA402_FORCE_N);
+        } else if (frame->len == 6) {
+            host_read_values(host, force->torque_nm, &force->torque_time_ns, frame->data, 3,
+                             CIA402_MOMENT_NM);
+        }
         break;
     case HOST_INERTIAL_BOARD:
-        host_inertial_read_cia402(host, number, frame);
+        if (number == 0 && frame->len == 6) {
+            host_read_values(host, motion->acceleration_m_s2, &motion->acceleration_time_ns,
+                             frame->data, 3, CIA402_ACCELERATION_M_S2);
+        } else if (number == 1 && frame->len == 6) {
+            host_read_values(host, motion->rate_rad_s, &motion->rate_time_ns, frame->data, 3,
+                             CIA402_RATE_RAD_S);
+        } else if (number == 2 && frame->len == 8) {
+            host_read_values(host, motion->quaternion, &motion->quaternion_time_ns, frame->data, 4,
+                             CIA402_QUATERNION);
+        }
         break;
     default:
         break;
     }
 }
 
-/* Reads an EMCY: the faults of one axis, or the end of all faults of the board. */
-static void host_cia402_read_emergency(struct host *host, struct host_node *node,
-                                       const struct bus_frame *frame)
+/* Queues a frame for the end of the period. */
+static void host_cia402_queue(struct host *host, size_t bus, uint32_t id, uint8_t len,
+                              const uint8_t *data)
 {
-    bool gone = frame->len == CIA402_EMCY_LENGTH && get_u16_le(frame->data) == 0;
-
-    for (int k = 0; k < HOST_AXES && frame->len == CIA402_EMCY_LENGTH; k++) {
-        struct host_joint *joint = host_node_joint(host, node, k);
-
-        if (joint && (gone || frame->data[3] == k)) {
-            joint->fault = gone ? 0 : get_u32_le(frame->data + 4);
-        }
-    }
-}
-
-/* Queues the NMT command that starts a node. */
-static void host_cia402_start_node(struct host *host, size_t bus, unsigned id)
-{
-    const uint8_t data[CIA402_NMT_LENGTH] = {CIA402_NMT_START, (uint8_t)id};
-    struct bus_frame frame = frame_make(CIA402_NMT, sizeof data, data);
+    struct bus_frame frame = frame_make(id, len, data);
 
     host_queue(host, bus, &frame);
 }
@@ -169,7 +120,10 @@ static void host_cia402_read_heartbeat(struct host *host, size_t bus, struct hos
         return;
     }
     if (frame->data[0] == CIA402_PRE_OPERATIONAL) {
-        host_cia402_start_node(host, bus, frame->id & NODE_ID_MASK);
+        const uint8_t start[CIA402_NMT_LENGTH] = {CIA402_NMT_START,
+                                                  (uint8_t)(frame->id & NODE_ID_MASK)};
+
+        host_cia402_queue(host, bus, CIA402_NMT, sizeof start, start);
     }
     for (int k = 0; k < HOST_AXES && frame->data[0] == CIA402_BOOT_UP; k++) {
         struct host_joint *joint = host_node_joint(host, node, k);
@@ -222,6 +176,7 @@ static void host_cia402_read_frame(struct host *host, size_t bus, const struct b
 {
     unsigned id = frame->id & NODE_ID_MASK, function = frame->id & ~(unsigned)NODE_ID_MASK;
     struct host_node *node = id < HOST_ADDRESSES ? &host->line[bus].node[id] : NULL;
+    bool gone;
 
     /* Statuswords have identifiers of their own above those of the first TPDOs */
     if (id >= 0x40 && id - 0x40 < HOST_ADDRESSES && function == CIA402_TPDO) {
@@ -235,8 +190,15 @@ static void host_cia402_read_frame(struct host *host, size_t bus, const struct b
         return;
     }
     switch (function) {
-    case CIA402_EMCY:
-        host_cia402_read_emergency(host, node, frame);
+    case CIA402_EMCY: /* the faults of one axis, or the end of all faults of the board */
+        gone = get_u16_le(frame->data) == 0;
+        for (int k = 0; k < HOST_AXES && frame->len == CIA402_EMCY_LENGTH; k++) {
+            struct host_joint *joint = host_node_joint(host, node, k);
+
+            if (joint && (gone || frame->data[3] == k)) {
+                joint->fault = gone ? 0 : get_u32_le(frame->data + 4);
+            }
+        }
         break;
     case CIA402_TPDO:
     case CIA402_TPDO + 0x100:
@@ -256,15 +218,6 @@ static void host_cia402_read_frame(struct host *host, size_t bus, const struct b
 }
 
 /* ---- the start-up ---- */
-
-/* Queues a frame for the end of the period. */
-static void host_cia402_queue(struct host *host, size_t bus, uint32_t id, uint8_t len,
-                              const uint8_t *data)
-{
-    struct bus_frame frame = frame_make(id, len, data);
-
-    host_queue(host, bus, &frame);
-}
 
 /* Resets the communication of all nodes to their stored state, for any earlier host, then requests
  * their device types. */
@@ -327,12 +280,15 @@ static unsigned host_cia402_plan_pdo(const struct cia402_plan *plan, unsigned id
 static bool host_cia402_find_setting(const struct host *host, const struct host_node *node,
                                      unsigned id, unsigned number, struct setting *setting)
 {
+    enum cia402_kind kind = node->kind == HOST_MOTOR_BOARD      ? CIA402_KIND_DRIVE
+                            : node->kind == HOST_INERTIAL_BOARD ? CIA402_KIND_INERTIAL
+                                                                : CIA402_KIND_FT;
     unsigned axes = host_cia402_axes(node);
     int64_t sync_ns = host->config.period_ns > HOST_MS ? host->config.period_ns : HOST_MS;
     struct cia402_plan plan;
 
     /* PDOs follow every n-th SYNC, by the rig's period */
-    for (unsigned row = 0; cia402_plan_row(host_cia402_kind(node), axes, row, &plan); row++) {
+    for (unsigned row = 0; cia402_plan_row(kind, axes, row, &plan); row++) {
         int64_t syncs = node->period_ns / sync_ns * plan.type;
         unsigned type = plan.type > SYNCS_MAX || syncs < 1 ? plan.type
                         : syncs > SYNCS_MAX                ? SYNCS_MAX
@@ -452,22 +408,6 @@ static void host_cia402_queue_control(struct host *host, size_t bus, unsigned id
     }
 }
 
-/* Queues the voltages of all axes of a node in one RPDO. */
-static void host_cia402_queue_voltages(struct host *host, size_t bus, unsigned id)
-{
-    const struct host_node *node = &host->line[bus].node[id];
-    unsigned axes = host_cia402_axes(node);
-    uint8_t data[8] = {0};
-
-    for (unsigned k = 0; k < axes; k++) {
-        double volts = node->axis[k] < 0 ? 0.0 : host->volts[node->axis[k]];
-        double counts = fmin(fmax(volts / CIA402_VOLTAGE_V, -INT16_MAX), INT16_MAX);
-
-        put_u16_le(data + 2 * k, (uint16_t)lrint(counts));
-    }
-    host_cia402_queue(host, bus, CIA402_RPDO + id, (uint8_t)(2 * axes), data);
-}
-
 /* Queues the frames of a period: controlwords and voltages of every motor board, then SYNC. */
 static void host_cia402_end_period(struct host *host, size_t bus)
 {
@@ -479,14 +419,22 @@ static void host_cia402_end_period(struct host *host, size_t bus)
     }
     line->targets_due_ns = host->now_ns + SYNC_APART_NS;
     for (unsigned id = 1; id < HOST_ADDRESSES; id++) {
-        if (line->node[id].kind != HOST_MOTOR_BOARD) {
-            continue;
-        }
-        if (line->node[id].status_seen) {
+        const struct host_node *node = &line->node[id];
+        unsigned axes = host_cia402_axes(node);
+        uint8_t data[8] = {0};
+
+        if (axes > 0 && node->status_seen) {
             host_cia402_queue_control(host, bus, id);
         }
-        if (line->driving) {
-            host_cia402_queue_voltages(host, bus, id);
+        /* The voltages of all axes in one RPDO */
+        for (unsigned k = 0; k < axes; k++) {
+            double volts = node->axis[k] < 0 ? 0.0 : host->volts[node->axis[k]];
+            double counts = fmin(fmax(volts / CIA402_VOLTAGE_V, -INT16_MAX), INT16_MAX);
+
+            put_u16_le(data + 2 * k, (uint16_t)lrint(counts));
+        }
+        if (axes > 0 && line->driving) {
+            host_cia402_queue(host, bus, CIA402_RPDO + id, (uint8_t)(2 * axes), data);
         }
     }
     host_cia402_queue(host, bus, CIA402_SYNC, 0, nothing);

@@ -9,10 +9,7 @@
 #include <math.h>
 #include <string.h>
 
-/* The host's side of the inertial board, in the icub, compact and cia402 protocols. */
-
-/* Stores count signed 16-bit values with a scale, and their time. */
-void host_motion_take(struct host *host, double *to, int64_t *time_ns, const uint8_t *data,
+void host_read_values(struct host *host, double *to, int64_t *time_ns, const uint8_t *data,
                       int count, double worth)
 {
     for (int i = 0; i < count; i++) {
@@ -23,6 +20,7 @@ void host_motion_take(struct host *host, double *to, int64_t *time_ns, const uin
 
 /* ---- icub ---- */
 
+/* Reads a frame of the inertial board. */
 static void host_inertial_read(struct host *host, const struct bus_frame *frame)
 {
     struct host_motion *motion = &host->motion;
@@ -33,13 +31,13 @@ static void host_inertial_read(struct host *host, const struct bus_frame *frame)
         return;
     }
     if (type == ICUB_INERTIAL_QUATERNION) {
-        host_motion_take(host, motion->quaternion, &motion->quaternion_time_ns, data, 4,
+        host_read_values(host, motion->quaternion, &motion->quaternion_time_ns, data, 4,
                          ICUB_QUATERNION);
     } else if (type == ICUB_INERTIAL_TRIPLE && data[1] == ICUB_SENSOR_ACCELERATION) {
-        host_motion_take(host, motion->acceleration_m_s2, &motion->acceleration_time_ns, data + 2,
+        host_read_values(host, motion->acceleration_m_s2, &motion->acceleration_time_ns, data + 2,
                          3, ICUB_ACCELERATION_M_S2);
     } else if (type == ICUB_INERTIAL_TRIPLE && data[1] == ICUB_SENSOR_GYRO) {
-        host_motion_take(host, motion->rate_rad_s, &motion->rate_time_ns, data + 2, 3,
+        host_read_values(host, motion->rate_rad_s, &motion->rate_time_ns, data + 2, 3,
                          ICUB_INERTIAL_DEG * M_PI / 180.0);
     }
 }
@@ -214,32 +212,22 @@ static const int64_t TARGET_PERIOD_NS = 1000000;
 
 /* ---- what arrives ---- */
 
-/* Reads current and rotor angle of an axis. Computes the link's angle from the measured torque and
- * the spring. */
-static void host_foc_read_feedback(struct host *host, const struct host_node *node,
-                                   const struct bus_frame *frame)
-{
-    const struct host_axis *axis = &host->config.axis[node->axis[0]];
-    struct host_joint *joint = &host->joint[node->axis[0]];
-
-    joint->current_a = get_i16_le(frame->data) * 1e-3;
-    joint->motor_rad =
-        get_i32_le(frame->data + 4) * (2 * M_PI / FOC_ICUBDEG_PER_REV) / axis->drive.gear;
-    joint->motor_time_ns = host->now_ns;
-    joint->joint_rad = axis->drive.valve
-                           ? joint->motor_rad
-                           : joint->motor_rad - joint->torque_nm / axis->drive.spring_nm_rad;
-    joint->joint_time_ns = host->now_ns;
-}
-
-/* Reads a periodic frame of a 2FOC board. */
+/* Reads a periodic frame of a 2FOC board: current and rotor angle, or faults and mode. The link's
+ * angle is computed from the measured torque and the spring. */
 static void host_foc_read_periodic(struct host *host, const struct host_node *node,
                                    const struct bus_frame *frame)
 {
+    const struct host_drive *drive = &host->config.axis[node->axis[0]].drive;
     struct host_joint *joint = &host->joint[node->axis[0]];
 
     if ((frame->id & 0xf) == FOC_FEEDBACK && frame->len == FOC_FEEDBACK_LENGTH) {
-        host_foc_read_feedback(host, node, frame);
+        joint->current_a = get_i16_le(frame->data) * 1e-3;
+        joint->motor_rad =
+            get_i32_le(frame->data + 4) * (2 * M_PI / FOC_ICUBDEG_PER_REV) / drive->gear;
+        joint->joint_rad = drive->valve
+                               ? joint->motor_rad
+                               : joint->motor_rad - joint->torque_nm / drive->spring_nm_rad;
+        joint->motor_time_ns = joint->joint_time_ns = host->now_ns;
     } else if ((frame->id & 0xf) == FOC_STATUS && frame->len == FOC_STATUS_LENGTH) {
         joint->fault = get_u32_le(frame->data + 4);
         joint->motor = host_motor_of_mode(frame->data[0]);
@@ -353,22 +341,6 @@ static const uint32_t POLICY = 1u << (ICUB_POSITION - 1) | 1u << (ICUB_STATUS - 
 
 /* ---- what arrives ---- */
 
-/* Stores the rotor's or link's encoder of axis k of a board. */
-static void host_icub_read_position(struct host *host, const struct host_node *node, int k,
-                                    int32_t ticks, bool rotor)
-{
-    const struct host_axis *axis = &host->config.axis[node->axis[k]];
-    struct host_joint *joint = &host->joint[node->axis[k]];
-
-    if (rotor) {
-        joint->motor_rad = ticks / axis->motor_ticks_per_rad;
-        joint->motor_time_ns = host->now_ns;
-    } else {
-        joint->joint_rad = ticks / axis->joint_ticks_per_rad;
-        joint->joint_time_ns = host->now_ns;
-    }
-}
-
 /* Reads a periodic message of a motor board, which has both axes. */
 static void host_icub_read_periodic(struct host *host, const struct host_node *node,
                                     const struct bus_frame *frame)
@@ -384,9 +356,14 @@ static void host_icub_read_periodic(struct host *host, const struct host_node *n
         if (!joint) {
             continue;
         }
-        if (type == ICUB_POSITION || type == ICUB_MOTOR_POSITION) {
-            host_icub_read_position(host, node, k, get_i32_le(frame->data + 4 * k),
-                                    type == ICUB_MOTOR_POSITION);
+        if (type == ICUB_MOTOR_POSITION) {
+            joint->motor_rad = get_i32_le(frame->data + 4 * k) /
+                               host->config.axis[node->axis[k]].motor_ticks_per_rad;
+            joint->motor_time_ns = host->now_ns;
+        } else if (type == ICUB_POSITION) {
+            joint->joint_rad = get_i32_le(frame->data + 4 * k) /
+                               host->config.axis[node->axis[k]].joint_ticks_per_rad;
+            joint->joint_time_ns = host->now_ns;
         } else if (type == ICUB_STATUS) {
             joint->fault = frame->data[2 * k];
             joint->motor = host_motor_of_mode(frame->data[2 * k + 1]);

@@ -37,25 +37,6 @@ static unsigned reply_read_varuint(const struct bus_frame *frame, unsigned at, u
     return frame->len + 1u;
 }
 
-/* Stores the value of a register, a whole number or a float. */
-static void reply_keep(struct moteus_reply *reply, unsigned number, unsigned type,
-                       const uint8_t *data)
-{
-    uint32_t bits = type == MOTEUS_INT8 ? data[0] : get_u32_le(data);
-
-    if (number > MOTEUS_R_FAULT || (type != MOTEUS_INT8 && type != MOTEUS_FLOAT)) {
-        return;
-    }
-    if (type == MOTEUS_INT8) {
-        reply->value[number] = (int8_t)bits;
-    } else {
-        memcpy(&reply->value[number], &bits, sizeof bits);
-    }
-    if (isfinite(reply->value[number])) {
-        reply->has |= UINT32_C(1) << number;
-    }
-}
-
 /* Reads the subframes of a reply, up to an invalid or truncated one. */
 static struct moteus_reply moteus_read_reply(const struct bus_frame *frame)
 {
@@ -70,7 +51,18 @@ static struct moteus_reply moteus_read_reply(const struct bus_frame *frame)
         at = count ? at + 1 : reply_read_varuint(frame, at + 1, &count);
         at = reply_read_varuint(frame, at, &first);
         for (unsigned i = 0; i < count && at + bytes <= frame->len; i++, at += bytes) {
-            reply_keep(&reply, first + i, type, frame->data + at);
+            float value = (int8_t)frame->data[at];
+            uint32_t bits;
+
+            if (first + i > MOTEUS_R_FAULT || (type != MOTEUS_INT8 && type != MOTEUS_FLOAT)) {
+                continue;
+            }
+            if (type == MOTEUS_FLOAT) {
+                bits = get_u32_le(frame->data + at);
+                memcpy(&value, &bits, sizeof value);
+            }
+            reply.value[first + i] = value;
+            reply.has |= (isfinite(value) ? UINT32_C(1) : 0) << (first + i);
         }
     }
     return reply;
@@ -82,47 +74,15 @@ static bool moteus_has(const struct moteus_reply *reply, uint32_t registers)
     return (reply->has & registers) == registers;
 }
 
-/* Sets mode and faults of a joint. */
-static void moteus_set_joint_mode(struct host_joint *joint, int mode, int code)
-{
-    bool timed_out = mode == MOTEUS_TIMEOUT;
-
-    joint->motor = mode == MOTEUS_POSITION               ? HOST_MOTOR_ON
-                   : timed_out || mode == MOTEUS_FAULT   ? HOST_MOTOR_FAULT
-                   : mode <= MOTEUS_CALIBRATION_COMPLETE ? HOST_MOTOR_OFF /* or about to be on */
-                                                         : HOST_MOTOR_OTHER;
-    joint->fault =
-        mode == MOTEUS_FAULT && code >= MOTEUS_FAULT_FIRST && code < MOTEUS_FAULT_FIRST + 32
-            ? UINT32_C(1) << (code - MOTEUS_FAULT_FIRST)
-            : 0;
-}
-
-/* Sets angles, current and torque of a joint. The absolute encoder gives the link's angle within a
- * turn; the turn nearest to the motor is used. Both encoders give the spring's torque. */
-static void moteus_set_joint_motion(struct host *host, size_t axis,
-                                    const struct moteus_reply *reply)
-{
-    const struct host_drive *drive = &host->config.axis[axis].drive;
-    double motor = (double)reply->value[MOTEUS_R_POSITION];
-    double link = (double)reply->value[MOTEUS_R_ABS_POSITION];
-    double torque_nm = (double)reply->value[MOTEUS_R_TORQUE];
-    struct host_joint *joint = &host->joint[axis];
-
-    joint->motor_rad = motor * TURN_RAD;
-    joint->joint_rad = (link + round(motor - link)) * TURN_RAD;
-    joint->current_a = drive->torque_nm_a > 0.0 ? torque_nm / drive->torque_nm_a : 0.0;
-    joint->torque_nm = drive->spring_nm_rad > 0.0
-                           ? drive->spring_nm_rad * (joint->motor_rad - joint->joint_rad)
-                           : torque_nm;
-    joint->motor_time_ns = joint->joint_time_ns = joint->torque_time_ns = host->now_ns;
-}
-
 /* Reads a reply to the host (struct host_ops). */
 static void host_moteus_read(struct host *host, size_t bus, const struct bus_frame *frame)
 {
     unsigned address = frame->id >> 8;
+    const struct host_drive *drive;
+    struct host_joint *joint;
     struct moteus_reply reply;
     struct host_node *node;
+    int mode, code;
 
     if ((frame->id & 0xff) != 0 || address < 1 || address > MOTEUS_ADDRESS_MAX ||
         host->line[bus].node[address].kind != HOST_MOTOR_BOARD) {
@@ -131,13 +91,33 @@ static void host_moteus_read(struct host *host, size_t bus, const struct bus_fra
     node = &host->line[bus].node[address];
     node->found = true;
     reply = moteus_read_reply(frame);
+    joint = &host->joint[node->axis[0]];
+    drive = &host->config.axis[node->axis[0]].drive;
     if (moteus_has(&reply, 1u << MOTEUS_R_MODE | 1u << MOTEUS_R_FAULT)) {
-        moteus_set_joint_mode(&host->joint[node->axis[0]], (int)reply.value[MOTEUS_R_MODE],
-                              (int)reply.value[MOTEUS_R_FAULT]);
+        mode = (int)reply.value[MOTEUS_R_MODE];
+        code = mode == MOTEUS_FAULT ? (int)reply.value[MOTEUS_R_FAULT] - MOTEUS_FAULT_FIRST : -1;
+        joint->motor = mode == MOTEUS_POSITION               ? HOST_MOTOR_ON
+                       : mode == MOTEUS_TIMEOUT              ? HOST_MOTOR_FAULT
+                       : mode == MOTEUS_FAULT                ? HOST_MOTOR_FAULT
+                       : mode <= MOTEUS_CALIBRATION_COMPLETE ? HOST_MOTOR_OFF /* or soon on */
+                                                             : HOST_MOTOR_OTHER;
+        joint->fault = code >= 0 && code < 32 ? UINT32_C(1) << code : 0;
     }
+    /* The absolute encoder gives the link's angle within a turn; the turn nearest to the motor is
+     * used. Both encoders give the spring's torque */
     if (moteus_has(&reply,
                    1u << MOTEUS_R_POSITION | 1u << MOTEUS_R_TORQUE | 1u << MOTEUS_R_ABS_POSITION)) {
-        moteus_set_joint_motion(host, (size_t)node->axis[0], &reply);
+        double motor = (double)reply.value[MOTEUS_R_POSITION];
+        double link = (double)reply.value[MOTEUS_R_ABS_POSITION];
+        double torque_nm = (double)reply.value[MOTEUS_R_TORQUE];
+
+        joint->motor_rad = motor * TURN_RAD;
+        joint->joint_rad = (link + round(motor - link)) * TURN_RAD;
+        joint->current_a = drive->torque_nm_a > 0.0 ? torque_nm / drive->torque_nm_a : 0.0;
+        joint->torque_nm = drive->spring_nm_rad > 0.0
+                               ? drive->spring_nm_rad * (joint->motor_rad - joint->joint_rad)
+                               : torque_nm;
+        joint->motor_time_ns = joint->joint_time_ns = joint->torque_time_ns = host->now_ns;
     }
 }
 

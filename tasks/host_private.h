@@ -146,8 +146,8 @@ void host_fail_node(struct host *host, size_t bus, unsigned address, const char 
  * HOST_FAILED. */
 enum host_phase host_fail_joint(struct host *host, size_t axis, const char *what);
 
-/* Stores count signed 16-bit values of the inertial sensor with a scale, and their time. */
-void host_motion_take(struct host *host, double *to, int64_t *time_ns, const uint8_t *data,
+/* Stores count signed 16-bit values with a scale, and their time. */
+void host_read_values(struct host *host, double *to, int64_t *time_ns, const uint8_t *data,
                       int count, double worth);
 
 #endif

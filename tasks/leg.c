@@ -68,23 +68,6 @@ static int leg_find_root(const struct body_model *model, int link, double hip[3]
     return link;
 }
 
-/* Computes the lengths of a leg, adding to leg->hip; at: links in the order of the chain. */
-static void leg_measure(const struct body_link *const at[LEG_JOINTS], struct leg_geometry *leg)
-{
-    vec3_add_scaled(leg->hip, 1, at[0]->origin, leg->hip);
-    memset(leg->offset, 0, sizeof leg->offset);
-    if (leg->roll_first) {
-        memcpy(leg->offset, at[1]->origin, sizeof leg->offset);
-        leg->offset[2] += at[2]->origin[2];
-        vec3_add_scaled(leg->hip, 1, leg->offset, leg->hip);
-        leg->thigh_m = -at[3]->origin[2];
-    } else {
-        leg->hip[1] += at[1]->origin[1];
-        leg->thigh_m = -(at[2]->origin[2] + at[3]->origin[2]);
-    }
-    leg->shank_m = -at[4]->origin[2];
-}
-
 enum error_code leg_find(const struct body_model *model, int side, int link[LEG_JOINTS],
                          struct leg_geometry *leg, struct error *error)
 {
@@ -122,7 +105,19 @@ enum error_code leg_find(const struct body_model *model, int side, int link[LEG_
                              leg_joint_name[side][joint]);
         }
     }
-    leg_measure(at, leg);
+    /* The lengths */
+    vec3_add_scaled(leg->hip, 1, at[0]->origin, leg->hip);
+    memset(leg->offset, 0, sizeof leg->offset);
+    if (leg->roll_first) {
+        memcpy(leg->offset, at[1]->origin, sizeof leg->offset);
+        leg->offset[2] += at[2]->origin[2];
+        vec3_add_scaled(leg->hip, 1, leg->offset, leg->hip);
+        leg->thigh_m = -at[3]->origin[2];
+    } else {
+        leg->hip[1] += at[1]->origin[1];
+        leg->thigh_m = -(at[2]->origin[2] + at[3]->origin[2]);
+    }
+    leg->shank_m = -at[4]->origin[2];
     if (!(leg->thigh_m > 0 && leg->shank_m > 0)) {
         return error_set(error, ERROR_INPUT, "found a leg that points up, expected one below");
     }

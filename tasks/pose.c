@@ -27,19 +27,15 @@ struct pose {
 
 /* ---- a joint's motion ---- */
 
-/* Returns the largest rate from which the axis can stop within a distance when the rate falls by a
- * dt in each step. The steps cover v dt + (v - a dt) dt + ... = v^2 / (2 a) + v dt / 2. */
-static double stopping_rate(double distance, double acceleration, double dt)
-{
-    return acceleration * (sqrt(dt * dt / 4 + 2 * distance / acceleration) - dt / 2);
-}
-
 void motion_profile_step(struct motion_profile *profile, double goal_rad, double rate_rad_s,
                          double acceleration_rad_s2, double dt_s)
 {
     double away = goal_rad - profile->angle_rad, most = acceleration_rad_s2 * dt_s;
-    double wanted =
-        copysign(fmin(rate_rad_s, stopping_rate(fabs(away), acceleration_rad_s2, dt_s)), away);
+    /* The largest rate from which the axis can stop within the distance, when the rate falls by
+     * a dt in each step: the steps cover v dt + (v - a dt) dt + ... = v^2 / (2 a) + v dt / 2 */
+    double stopping = acceleration_rad_s2 *
+                      (sqrt(dt_s * dt_s / 4 + 2 * fabs(away) / acceleration_rad_s2) - dt_s / 2);
+    double wanted = copysign(fmin(rate_rad_s, stopping), away);
     double change = fmin(fmax(wanted - profile->rate_rad_s, -most), most);
 
     profile->rate_rad_s += change;
@@ -113,26 +109,12 @@ static void pose_start(struct task *task)
     }
 }
 
-/* Writes the message: how many joints move, and which deviate most. */
-static void pose_tell(struct task *task)
-{
-    const struct pose *pose = task->state;
-    size_t moving = 0;
-
-    for (size_t i = 0; i < task->config.host.naxis; i++) {
-        moving += pose->profile[i].angle_rad != task->value[POSE_JOINTS + i];
-        pose->deviation[i] =
-            fabs(host_joint(task->host, i)->joint_rad - pose->profile[i].angle_rad);
-    }
-    snprintf(task->message, sizeof task->message, "%zu joints move, largest deviations:", moving);
-    task_tell_worst(task, pose->deviation);
-}
-
 /* Moves every reference toward its setting, with bounded rate and acceleration. */
 static enum task_status pose_step(struct task *task, double t_s)
 {
     struct pose *pose = task->state;
     double dt_s = fmin(t_s - pose->last_s, POSE_LONGEST_STEP_S), rate = task->value[POSE_RATE];
+    size_t moving = 0;
 
     pose->last_s = t_s;
     for (size_t i = 0; i < task->config.host.naxis; i++) {
@@ -144,16 +126,18 @@ static enum task_status pose_step(struct task *task, double t_s)
         }
         servo_set(task->servo, i, profile->angle_rad, profile->rate_rad_s);
     }
+    /* How many joints move, and which deviate most */
     if (task->tells) {
-        pose_tell(task);
+        for (size_t i = 0; i < task->config.host.naxis; i++) {
+            moving += pose->profile[i].angle_rad != task->value[POSE_JOINTS + i];
+            pose->deviation[i] =
+                fabs(host_joint(task->host, i)->joint_rad - pose->profile[i].angle_rad);
+        }
+        snprintf(task->message, sizeof task->message,
+                 "%zu joints move, largest deviations:", moving);
+        task_tell_worst(task, pose->deviation);
     }
     return TASK_RUNNING;
-}
-
-static bool pose_endless(const struct task *task)
-{
-    (void)task;
-    return true;
 }
 
 const struct task_ops task_pose = {
@@ -162,5 +146,5 @@ const struct task_ops task_pose = {
     .create = pose_create,
     .start = pose_start,
     .step = pose_step,
-    .endless = pose_endless,
+    .endless = true,
 };

@@ -112,39 +112,6 @@ double servo_reference(const struct servo *servo, size_t axis)
     return servo->loop[axis].wanted + servo->loop[axis].trim;
 }
 
-/* Returns the error of the link's angle with a dead zone of one encoder tick. Without it,
- * integrated rounding errors would press two legs on the same ground against each other more and
- * more. */
-static double servo_link_error(const struct servo *servo, size_t axis)
-{
-    double step = 1 / host_configuration(servo->host)->axis[axis].joint_ticks_per_rad;
-    double error = servo->loop[axis].wanted - host_joint(servo->host, axis)->joint_rad;
-
-    return error > step ? error - step : error < -step ? error + step : 0;
-}
-
-/* Updates the mean deflection of an axis; returns the deflection above the mean, rad. */
-static double servo_sway(struct servo *servo, size_t axis, double dt)
-{
-    struct loop *loop = &servo->loop[axis];
-    double deflection = servo_deflection(servo, axis);
-
-    loop->mean_deflection += (deflection - loop->mean_deflection) * dt / (SWAY_S + dt);
-    return deflection - loop->mean_deflection;
-}
-
-/* Updates the motor's rate by the difference of two messages. */
-static void servo_estimate_rate(struct loop *loop, const struct host_joint *joint)
-{
-    int64_t span = joint->motor_time_ns - loop->motor_time_ns;
-
-    if (span >= RATE_SPAN_NS) {
-        loop->motor_rate = (joint->motor_rad - loop->motor_rad) / ((double)span * 1e-9);
-        loop->motor_rad = joint->motor_rad;
-        loop->motor_time_ns = joint->motor_time_ns;
-    }
-}
-
 /* Computes the voltage of an axis by the law of struct servo_gains. The integrals stop while the
  * voltage saturates in the error's direction (anti-windup). */
 static double servo_axis_voltage(struct servo *servo, size_t axis, double dt)
@@ -155,14 +122,22 @@ static double servo_axis_voltage(struct servo *servo, size_t axis, double dt)
     struct loop *loop = &servo->loop[axis];
     const struct host_joint *joint = host_joint(servo->host, axis);
     double error = servo_reference(servo, axis) - joint->motor_rad;
-    double sway = servo_sway(servo, axis, dt);
+    double deflection = servo_deflection(servo, axis), sway, off;
+    /* A dead zone of one encoder tick for the link's angle. Without it, integrated rounding errors
+     * would press two legs on the same ground against each other more and more */
+    double tick = 1 / host_configuration(servo->host)->axis[axis].joint_ticks_per_rad;
     double V = gains->kp_v_per_rad * error + gains->ki_v_per_rad_s * loop->integral +
                gains->kd_v_s_per_rad * (loop->rate - loop->motor_rate) +
                gains->kw_v_s_per_rad * loop->rate + loop->load_v + loop->excitation_v;
 
+    /* Sway is the deflection above its mean */
+    loop->mean_deflection += (deflection - loop->mean_deflection) * dt / (SWAY_S + dt);
+    sway = deflection - loop->mean_deflection;
     if (fabs(V) < limit || V * error < 0) {
+        off = loop->wanted - joint->joint_rad;
+        off = off > tick ? off - tick : off < -tick ? off + tick : 0;
         loop->integral += error * dt;
-        loop->trim += gains->trim_per_s * servo_link_error(servo, axis) * dt;
+        loop->trim += gains->trim_per_s * off * dt;
         loop->trim -= gains->sway_damping_per_s * sway * dt;
     }
     /* Limit the torque: the voltage beyond the back-EMF is proportional to it */
@@ -185,7 +160,16 @@ void servo_update(struct servo *servo)
     }
     servo->last_ns = now;
     for (size_t i = 0; i < host_configuration(servo->host)->naxis; i++) {
-        servo_estimate_rate(&servo->loop[i], host_joint(servo->host, i));
+        const struct host_joint *joint = host_joint(servo->host, i);
+        struct loop *loop = &servo->loop[i];
+        int64_t span = joint->motor_time_ns - loop->motor_time_ns;
+
+        /* The motor's rate is the difference of two messages */
+        if (span >= RATE_SPAN_NS) {
+            loop->motor_rate = (joint->motor_rad - loop->motor_rad) / ((double)span * 1e-9);
+            loop->motor_rad = joint->motor_rad;
+            loop->motor_time_ns = joint->motor_time_ns;
+        }
         host_set_reference(servo->host, i, servo_reference(servo, i), servo->loop[i].rate);
         host_set_voltage(servo->host, i, servo_axis_voltage(servo, i, dt));
     }

@@ -84,22 +84,6 @@ static bool squat_leg_inverse(const struct squat_config *config, const struct le
     return true;
 }
 
-/* Returns the desired depth of the hips below the initial height at time t, m; sinking: its rate,
- * m/s. */
-static double squat_depth_at(const struct squat_config *config, double t, double *sinking)
-{
-    const double length = config->period_s * config->cycles, pace = 2 * M_PI / config->period_s;
-    double sine, cosine;
-
-    *sinking = 0;
-    if (t <= 0 || t >= length) {
-        return 0;
-    }
-    portable_sincos(pace * t, &sine, &cosine);
-    *sinking = config->depth_m / 2 * pace * sine;
-    return config->depth_m / 2 * (1 - cosine);
-}
-
 /* Finds the axes of a leg and checks its limits at the deepest point. */
 static enum error_code squat_find_leg(struct task *task, int side, struct leg *leg,
                                       struct error *error)
@@ -179,8 +163,16 @@ static void squat_bend_legs(struct task *task, double t)
 {
     const struct squat *squat = task->state;
     const struct squat_config *config = &task->config.squat;
-    double sinking, depth = squat_depth_at(config, t, &sinking);
+    const double length = config->period_s * config->cycles, pace = 2 * M_PI / config->period_s;
+    double sine, cosine, sinking = 0, depth = 0;
     struct leg_pose pose;
+
+    /* The desired depth of the hips below the initial height, m, and its rate, m/s */
+    if (t > 0 && t < length) {
+        portable_sincos(pace * t, &sine, &cosine);
+        sinking = config->depth_m / 2 * pace * sine;
+        depth = config->depth_m / 2 * (1 - cosine);
+    }
 
     for (int side = 0; side < LEGS; side++) {
         const struct leg *leg = &squat->leg[side];
@@ -196,52 +188,13 @@ static void squat_bend_legs(struct task *task, double t)
     }
 }
 
-/* Returns the measured depth of the hips below the initial height, m: mean of both legs from the
- * link encoders. */
-static double squat_measured_depth(const struct task *task)
-{
-    const struct squat *squat = task->state;
-    double sum = 0;
-
-    for (int side = 0; side < LEGS; side++) {
-        const struct leg *leg = &squat->leg[side];
-
-        sum += leg->hip_height -
-               squat_hip_height(&task->config.squat,
-                                leg->lean + host_joint(task->host, leg->axis[HIP])->joint_rad,
-                                host_joint(task->host, leg->axis[KNEE])->joint_rad);
-    }
-    return sum / LEGS;
-}
-
-/* Checks motors and feet. Returns false with a message when the robot no longer stands or a
- * motor does not follow its reference. */
-static bool squat_is_healthy(struct task *task, double t, double weight)
-{
-    struct squat *squat = task->state;
-
-    if (!task_motors_follow(task, &squat->worst_error_rad)) {
-        return false;
-    }
-    if (task_feet_force(task) > LIGHT * weight) {
-        squat->light_since_s = -1;
-    } else if (squat->light_since_s < 0) {
-        squat->light_since_s = t;
-    } else if (t - squat->light_since_s > LIGHT_S) {
-        snprintf(task->message, sizeof task->message,
-                 "the robot fell: the feet carry %.0f N of %.0f N", task_feet_force(task), weight);
-        return false;
-    }
-    return true;
-}
-
 /* Runs one period: stand and weigh, bend and stretch, stand again. */
 static enum task_status squat_step(struct task *task, double t)
 {
     struct squat *squat = task->state;
     const struct squat_config *config = &task->config.squat;
     double begin = RAMP_S + SETTLE_S, length = config->period_s * config->cycles;
-    double weight = squat->weighed ? squat->weight_sum / (double)squat->weighed : 0, depth;
+    double weight = squat->weighed ? squat->weight_sum / (double)squat->weighed : 0, depth = 0;
 
     /* Stand, then weigh the robot */
     task_move_pose(task, NULL, RAMP_S, t);
@@ -259,10 +212,28 @@ static enum task_status squat_step(struct task *task, double t)
 
     /* Bend and stretch, then stand again */
     squat_bend_legs(task, t - begin);
-    if (!squat_is_healthy(task, t, weight)) {
+    if (!task_motors_follow(task, &squat->worst_error_rad)) {
         return TASK_FAILED;
     }
-    depth = squat_measured_depth(task);
+    if (task_feet_force(task) > LIGHT * weight) {
+        squat->light_since_s = -1;
+    } else if (squat->light_since_s < 0) {
+        squat->light_since_s = t;
+    } else if (t - squat->light_since_s > LIGHT_S) {
+        snprintf(task->message, sizeof task->message,
+                 "the robot fell: the feet carry %.0f N of %.0f N", task_feet_force(task), weight);
+        return TASK_FAILED;
+    }
+    /* Depth of the hips by the link encoders, mean of both legs */
+    for (int side = 0; side < LEGS; side++) {
+        const struct leg *leg = &squat->leg[side];
+
+        depth +=
+            leg->hip_height -
+            squat_hip_height(config, leg->lean + host_joint(task->host, leg->axis[HIP])->joint_rad,
+                             host_joint(task->host, leg->axis[KNEE])->joint_rad);
+    }
+    depth /= LEGS;
     squat->deepest_m = fmax(squat->deepest_m, depth);
     if (t < begin + length + SETTLE_S) {
         if (task->tells) {

@@ -97,26 +97,18 @@ static enum error_code sweep_create(struct task *task, struct arena *arena, stru
     return task_find_input_axis(task, &sweep->axis, error);
 }
 
-/* Returns the frequency of a point, Hz; points have equal ratios. */
-static double sweep_frequency(const struct task *task, size_t point)
-{
-    double from = task->value[SWEEP_FROM], to = task->value[SWEEP_TO];
-    double last = task->value[SWEEP_POINTS] - 1;
-
-    return last > 0 ? from * portable_pow(to / from, fmin((double)point / last, 1)) : from;
-}
-
 /* Begins the next frequency at t_s. Returns false with a message when the amplitude is 0 or
  * leaves the joint's limits. */
 static bool sweep_begin_point(struct task *task, double t_s)
 {
     struct sweep *sweep = task->state;
     const struct host_axis *axis = &task->config.host.axis[sweep->axis];
-    double hz, settle;
+    double from = task->value[SWEEP_FROM], ratio = task->value[SWEEP_TO] / from;
+    double last = task->value[SWEEP_POINTS] - 1, share = fmin((double)sweep->npoint / last, 1);
+    double hz = last > 0 ? from * portable_pow(ratio, share) : from, settle;
     struct sweep_now *now = &sweep->now;
 
     /* Whole periods, so that the excitation never jumps */
-    hz = sweep_frequency(task, sweep->npoint);
     settle = fmax(task->value[SWEEP_SETTLE_PERIODS], ceil(task->value[SWEEP_SETTLE] * hz));
     *now = (struct sweep_now){.hz = hz, .from_s = t_s};
     now->measure_s = t_s + settle / hz;
@@ -133,19 +125,6 @@ static bool sweep_begin_point(struct task *task, double t_s)
         return false;
     }
     return !(now->radians > 0) || task_can_swing(task, sweep->axis, now->radians);
-}
-
-/* Sets the excitation of this step: a voltage, or the reference. */
-static void sweep_excite(struct task *task, double t_s)
-{
-    const struct sweep *sweep = task->state;
-    double w = 2 * M_PI * sweep->now.hz, sine, cosine;
-
-    portable_sincos(w * (t_s - sweep->now.from_s), &sine, &cosine);
-    servo_excite(task->servo, sweep->axis, sweep->now.volts * sine);
-    servo_set(task->servo, sweep->axis,
-              task->config.initial_rad[sweep->axis] + sweep->now.radians * sine,
-              sweep->now.radians * w * cosine);
 }
 
 /* ---- measuring ---- */
@@ -197,33 +176,29 @@ static void sweep_measure(struct task *task, double t_s)
     }
 }
 
-/* Returns the ratio of two sines as complex numbers a - i b. */
-static struct sweep_response sweep_divide(const struct sine *output, const struct sine *input)
-{
-    double square = input->cosine * input->cosine + input->sine * input->sine;
-    double re = output->cosine * input->cosine + output->sine * input->sine;
-    double im = output->cosine * input->sine - output->sine * input->cosine;
-
-    return (struct sweep_response){
-        .magnitude = square > 0 ? sqrt(re * re + im * im) / square : 0,
-        .phase_rad = portable_atan2(im, re),
-        .coherence = square > 0 ? output->coherence : 0,
-    };
-}
-
 /* Computes the responses of the point that has ended. */
 static void sweep_end_point(struct sweep *sweep)
 {
     struct sweep_point *point = &sweep->point[sweep->npoint++];
     struct sine input, output;
+    double square;
 
     sine_fit_solve(&sweep->input, &input);
+    square = input.cosine * input.cosine + input.sine * input.sine;
     point->frequency_hz = sweep->now.hz;
     point->by_angle = sweep->now.radians > 0;
-    point->input = sqrt(input.cosine * input.cosine + input.sine * input.sine);
+    point->input = sqrt(square);
     for (int k = 0; k < SWEEP_RESPONSES; k++) {
+        double re, im;
+
         sine_fit_solve(&sweep->output[k], &output);
-        point->response[k] = sweep_divide(&output, &input);
+        re = output.cosine * input.cosine + output.sine * input.sine;
+        im = output.cosine * input.sine - output.sine * input.cosine;
+        point->response[k] = (struct sweep_response){
+            .magnitude = square > 0 ? sqrt(re * re + im * im) / square : 0,
+            .phase_rad = portable_atan2(im, re),
+            .coherence = square > 0 ? output.coherence : 0,
+        };
     }
 }
 
@@ -251,7 +226,7 @@ static void sweep_tell_end(struct task *task)
 static enum task_status sweep_step(struct task *task, double t_s)
 {
     struct sweep *sweep = task->state;
-    double worst = 0;
+    double worst = 0, w, sine, cosine;
 
     /* Move into the pose; from then on only the one joint moves */
     if (sweep->now.hz > 0) {
@@ -278,7 +253,12 @@ static enum task_status sweep_step(struct task *task, double t_s)
     }
     /* Excite, and report the progress */
     if (sweep->now.hz > 0) {
-        sweep_excite(task, t_s);
+        w = 2 * M_PI * sweep->now.hz;
+        portable_sincos(w * (t_s - sweep->now.from_s), &sine, &cosine);
+        servo_excite(task->servo, sweep->axis, sweep->now.volts * sine);
+        servo_set(task->servo, sweep->axis,
+                  task->config.initial_rad[sweep->axis] + sweep->now.radians * sine,
+                  sweep->now.radians * w * cosine);
     }
     if (task->tells && sweep->now.hz > 0) {
         snprintf(task->message, sizeof task->message, "joint %s: frequency %zu of %.0f, %.3g Hz",

@@ -57,9 +57,10 @@ enum error_code task_create(const char *name, const struct task_config *config, 
                             struct task **out, struct error *error)
 {
     struct task *task = arena_alloc(arena, 1, sizeof *task);
+    double *from = arena_alloc(arena, config->host.naxis, sizeof *from);
     enum error_code code;
 
-    if (!task) {
+    if (!task || !from) {
         return error_set(error, ERROR_MEMORY, "no memory for the task");
     }
     task->ops = task_find_ops(name);
@@ -67,26 +68,14 @@ enum error_code task_create(const char *name, const struct task_config *config, 
         return error_set(error, ERROR_INPUT, "found unknown task \"%.100s\"", name);
     }
     task->config = *config;
-    task->from = arena_alloc(arena, config->host.naxis, sizeof *task->from);
-    if (!task->from) {
-        return error_set(error, ERROR_MEMORY, "no memory for the task");
-    }
+    task->from = from;
 
     /* From the bus upward: host, servo loops, behavior */
     code = host_create(&config->host, arena, &task->host, error);
-    if (code) {
-        return code;
-    }
-    code = servo_create(&config->servo, task->host, arena, &task->servo, error);
-    if (code) {
-        return code;
-    }
-    code = task->ops->create(task, arena, error);
-    if (code) {
-        return code;
-    }
+    code = code ? code : servo_create(&config->servo, task->host, arena, &task->servo, error);
+    code = code ? code : task->ops->create(task, arena, error);
     *out = task;
-    return ERROR_NONE;
+    return code;
 }
 
 /* ---- what tasks share ---- */
@@ -179,35 +168,25 @@ void task_move_pose(struct task *task, const double *to, double ramp_s, double t
     }
 }
 
-/* Returns the axis with the largest deviation that is not among the count axes of told; -1 = none
- * left. */
-static int task_next_worst(const struct task *task, const double *worst, const int *told, int count)
-{
-    int next = -1;
-
-    for (size_t i = 0; i < task->config.host.naxis; i++) {
-        bool told_of = false;
-
-        for (int k = 0; k < count; k++) {
-            told_of |= told[k] == (int)i;
-        }
-        if (!told_of && (next < 0 || worst[i] > worst[next])) {
-            next = (int)i;
-        }
-    }
-    return next;
-}
-
 void task_tell_worst(struct task *task, const double *worst)
 {
-    int told[WORST_TOLD], count = 0, next;
+    size_t told[WORST_TOLD], naxis = task->config.host.naxis;
 
-    while (count < WORST_TOLD && (next = task_next_worst(task, worst, told, count)) >= 0) {
-        size_t used = strlen(task->message);
+    for (size_t count = 0; count < WORST_TOLD && count < naxis; count++) {
+        size_t used = strlen(task->message), next = naxis;
 
+        /* The largest deviation of the axes that are not told yet */
+        for (size_t i = 0; i < naxis; i++) {
+            bool is_told = false;
+
+            for (size_t k = 0; k < count; k++) {
+                is_told |= told[k] == i;
+            }
+            next = !is_told && (next == naxis || worst[i] > worst[next]) ? i : next;
+        }
         snprintf(task->message + used, sizeof task->message - used, "%s %.30s %.2f mrad",
                  count ? "," : "", task->config.host.axis[next].joint, 1e3 * worst[next]);
-        told[count++] = next;
+        told[count] = next;
     }
 }
 
@@ -302,7 +281,7 @@ enum task_status task_step(struct task *task, int64_t now_ns)
 
 bool task_is_endless(const struct task *task)
 {
-    return task->ops->endless && task->ops->endless(task);
+    return task->ops->endless && (task->ops != &task_walk || task->config.walk->distance_m <= 0);
 }
 
 void task_stop(struct task *task)
@@ -370,19 +349,6 @@ uint64_t task_changes(const struct task *task)
     return atomic_load(&task->changes);
 }
 
-/* Refuses an unknown setting; the message names the nearest one. */
-static enum error_code task_refuse_setting(const struct task *task, const char *name,
-                                           struct error *error)
-{
-    const struct task_setting *setting;
-    size_t count = task_settings(task, &setting);
-    const char *nearest = text_nearest_first(name, setting, sizeof *setting, count);
-
-    return error_set(error, ERROR_INPUT, "found no setting \"%.80s\" of the task %s%s%s%s", name,
-                     task->ops->name, count == 0 ? ", which has none" : "",
-                     nearest ? "; the nearest is " : "", nearest ? nearest : "");
-}
-
 /* Changes a setting from "NAME=VALUE". ERROR_INPUT for an unknown setting or a value out of
  * range. */
 static enum error_code task_set_pair(struct task *task, const char *pair, struct error *error)
@@ -401,7 +367,11 @@ static enum error_code task_set_pair(struct task *task, const char *pair, struct
         i++;
     }
     if (i == count) {
-        return task_refuse_setting(task, name, error);
+        const char *nearest = text_nearest_first(name, setting, sizeof *setting, count);
+
+        return error_set(error, ERROR_INPUT, "found no setting \"%.80s\" of the task %s%s%s%s",
+                         name, task->ops->name, count == 0 ? ", which has none" : "",
+                         nearest ? "; the nearest is " : "", nearest ? nearest : "");
     }
     if (!text_to_double(equals + 1, &value) || !task_set(task, i, value)) {
         return error_set(error, ERROR_INPUT, "%s: found \"%.80s\", expected %s%.6g to %.6g%s%s",
@@ -415,14 +385,12 @@ static enum error_code task_set_pair(struct task *task, const char *pair, struct
 enum error_code task_set_all(struct task *task, const char *const *pair, size_t npair,
                              struct error *error)
 {
-    for (size_t i = 0; i < npair; i++) {
-        enum error_code code = task_set_pair(task, pair[i], error);
+    enum error_code code = ERROR_NONE;
 
-        if (code) {
-            return code;
-        }
+    for (size_t i = 0; i < npair && !code; i++) {
+        code = task_set_pair(task, pair[i], error);
     }
-    return ERROR_NONE;
+    return code;
 }
 
 /* ---- what it tells ---- */

@@ -22,8 +22,8 @@ struct task_ops {
     /* Sets the servo's references for t_s. Writes task->message at the end, or when task->tells is
      * set: text in every step would cost a tenth of the time. */
     enum task_status (*step)(struct task *task, double t_s);
-    /* Returns whether the task runs until it is stopped or fails; NULL = it ends. */
-    bool (*endless)(const struct task *task);
+    /* The task runs until it is stopped or fails, unless it walks a distance that the rig gives */
+    bool endless;
     /* Estimated and planned signals, for recordings; nsignal 0 = none. */
     const char *const *signal_name;
     size_t nsignal;

@@ -32,53 +32,33 @@ struct reader {
 
 /* ---- the titles ---- */
 
-/* Finds the unit at the end of a title. Returns the length of the text before it; 0 = no unit. */
-static size_t trajectory_split_title(const char *title, double *unit)
-{
-    size_t length = strlen(title);
-
-    if (length > 4 && strcmp(title + length - 4, "_rad") == 0) {
-        *unit = 1;
-    } else if (length > 4 && strcmp(title + length - 4, "_deg") == 0) {
-        *unit = M_PI / 180;
-    } else {
-        return 0;
-    }
-    return length - 4;
-}
-
-/* Refuses a joint that the rig does not drive; the message names the nearest one. */
-static enum error_code trajectory_refuse_joint(const struct reader *reader, size_t column,
-                                               const char *name, struct error *error)
-{
-    const char *nearest =
-        text_nearest_first(name, reader->limit, sizeof *reader->limit, reader->nlimit);
-
-    return error_set(error, ERROR_INPUT,
-                     "%s:1: column %zu: found joint \"%.60s\", which the rig does not drive%s%s",
-                     reader->csv->path, column + 1, name, nearest ? "; the nearest is " : "",
-                     nearest ? nearest : "");
-}
-
 /* Finds the joint and unit of a column's title; a joint may have only one column. */
 static enum error_code trajectory_find_joint(struct reader *reader, size_t column,
                                              struct error *error)
 {
     const char *title = reader->csv->title[column];
-    size_t length = trajectory_split_title(title, &reader->unit[column]), joint = 0;
+    size_t all = strlen(title), length = all > 4 ? all - 4 : 0, joint = 0;
+    const char *unit = title + length, *nearest;
+    bool degrees = strcmp(unit, "_deg") == 0;
     char name[64];
 
-    if (length == 0 || length >= sizeof name) {
+    if (length == 0 || length >= sizeof name || (!degrees && strcmp(unit, "_rad") != 0)) {
         return error_set(error, ERROR_INPUT,
                          "%s:1: column %zu: found \"%.60s\", expected JOINT_rad or JOINT_deg",
                          reader->csv->path, column + 1, title);
     }
+    reader->unit[column] = degrees ? M_PI / 180 : 1;
     snprintf(name, sizeof name, "%.*s", (int)length, title);
     while (joint < reader->nlimit && strcmp(reader->limit[joint].joint, name) != 0) {
         joint++;
     }
     if (joint == reader->nlimit) {
-        return trajectory_refuse_joint(reader, column, name, error);
+        nearest = text_nearest_first(name, reader->limit, sizeof *reader->limit, reader->nlimit);
+        return error_set(
+            error, ERROR_INPUT,
+            "%s:1: column %zu: found joint \"%.60s\", which the rig does not drive%s%s",
+            reader->csv->path, column + 1, name, nearest ? "; the nearest is " : "",
+            nearest ? nearest : "");
     }
     for (size_t k = 1; k < column; k++) {
         if (reader->joint[k] == joint) {
@@ -91,45 +71,7 @@ static enum error_code trajectory_find_joint(struct reader *reader, size_t colum
     return ERROR_NONE;
 }
 
-/* Reads the line of titles: time_s, then a column for each joint. */
-static enum error_code trajectory_read_titles(struct reader *reader, struct error *error)
-{
-    if (strcmp(reader->csv->title[0], "time_s") != 0 || reader->csv->ncolumn < 2) {
-        return error_set(error, ERROR_INPUT,
-                         "%s:1: found \"%.60s\", expected titles: time_s, then JOINT_rad or "
-                         "JOINT_deg for each joint",
-                         reader->csv->path, reader->csv->title[0]);
-    }
-    for (size_t column = 1; column < reader->csv->ncolumn; column++) {
-        enum error_code code = trajectory_find_joint(reader, column, error);
-
-        if (code) {
-            return code;
-        }
-    }
-    return ERROR_NONE;
-}
-
 /* ---- the rows ---- */
-
-/* Doubles the capacity for rows. ERROR_INPUT beyond VALUES_MAX. */
-static enum error_code trajectory_grow(struct reader *reader, struct error *error)
-{
-    size_t capacity = reader->capacity ? 2 * reader->capacity : 256;
-    double *row;
-
-    if (reader->count * reader->csv->ncolumn > VALUES_MAX) {
-        return error_set(error, ERROR_INPUT, "%s:%ld: found more than %d values, expected fewer",
-                         reader->csv->path, reader->csv->line, VALUES_MAX);
-    }
-    row = realloc(reader->row, capacity * reader->csv->ncolumn * sizeof *row);
-    if (!row) {
-        return error_set(error, ERROR_MEMORY, "no memory for the rows of %s", reader->csv->path);
-    }
-    reader->row = row;
-    reader->capacity = capacity;
-    return ERROR_NONE;
-}
 
 /* Checks that times increase and angles are within their limits. */
 static enum error_code trajectory_check_row(const struct reader *reader, const double *row,
@@ -170,11 +112,23 @@ static enum error_code trajectory_read_rows(struct reader *reader, struct error 
         if (!code && end) {
             break;
         }
-        if (!code && reader->count == reader->capacity) {
-            code = trajectory_grow(reader, error);
-        }
         if (code) {
             return code;
+        }
+        if (reader->count * csv->ncolumn > VALUES_MAX) {
+            return error_set(error, ERROR_INPUT,
+                             "%s:%ld: found more than %d values, expected fewer", csv->path,
+                             csv->line, VALUES_MAX);
+        }
+        if (reader->count == reader->capacity) {
+            size_t capacity = reader->capacity ? 2 * reader->capacity : 256;
+
+            row = realloc(reader->row, capacity * csv->ncolumn * sizeof *row);
+            if (!row) {
+                return error_set(error, ERROR_MEMORY, "no memory for the rows of %s", csv->path);
+            }
+            reader->row = row;
+            reader->capacity = capacity;
         }
 
         /* The row in radians */
@@ -197,35 +151,12 @@ static enum error_code trajectory_read_rows(struct reader *reader, struct error 
 
 /* ---- between the rows ---- */
 
-/* Returns the rate at an inner row from the rates of the segments before and after it: their
- * weighted harmonic mean, or 0 if the joint reverses (Fritsch and Butland). */
-static double trajectory_slope(double h0, double rate0, double h1, double rate1)
-{
-    double w0 = 2 * h1 + h0, w1 = h1 + 2 * h0;
-
-    return rate0 * rate1 > 0 ? (w0 + w1) / (w0 / rate0 + w1 / rate1) : 0;
-}
-
 /* Returns the mean rate between a row and the next, rad/s. */
 static double trajectory_segment_rate(const struct trajectory *t, size_t row, size_t joint)
 {
     const double *angle = t->angle + row * t->njoint + joint;
 
     return (angle[t->njoint] - angle[0]) / (t->time_s[row + 1] - t->time_s[row]);
-}
-
-/* Computes the rates at all inner rows; the first and last stay 0. */
-static void trajectory_find_slopes(const struct trajectory *t, double *slope)
-{
-    for (size_t row = 1; row + 1 < t->count; row++) {
-        double h0 = t->time_s[row] - t->time_s[row - 1], h1 = t->time_s[row + 1] - t->time_s[row];
-
-        for (size_t joint = 0; joint < t->njoint; joint++) {
-            slope[row * t->njoint + joint] =
-                trajectory_slope(h0, trajectory_segment_rate(t, row - 1, joint), h1,
-                                 trajectory_segment_rate(t, row, joint));
-        }
-    }
 }
 
 /* Returns the largest rate between two rows, rad/s. The rate of a cubic is a parabola. */
@@ -298,7 +229,20 @@ static enum error_code trajectory_keep(const struct reader *reader, struct arena
     }
     *t = (struct trajectory){reader->csv->path, njoint, joint, count, time, angle, NULL};
     if (interpolation == TRAJECTORY_CUBIC) {
-        trajectory_find_slopes(t, slope);
+        /* Weighted harmonic means of the rates before and after a row (Fritsch and Butland); 0 at
+         * the ends and at extremes */
+        for (size_t row = 1; row + 1 < count; row++) {
+            double h0 = time[row] - time[row - 1], h1 = time[row + 1] - time[row];
+            double w0 = 2 * h1 + h0, w1 = h1 + 2 * h0;
+
+            for (size_t k = 0; k < njoint; k++) {
+                double rate0 = trajectory_segment_rate(t, row - 1, k);
+                double rate1 = trajectory_segment_rate(t, row, k);
+
+                slope[row * njoint + k] =
+                    rate0 * rate1 > 0 ? (w0 + w1) / (w0 / rate0 + w1 / rate1) : 0;
+            }
+        }
         t->slope = slope;
     }
     *out = t;
@@ -321,7 +265,16 @@ static enum error_code trajectory_take(struct csv *csv, enum trajectory_interpol
     reader->csv = csv;
     reader->limit = limit;
     reader->nlimit = nlimit;
-    code = trajectory_read_titles(reader, error);
+    code = ERROR_NONE;
+    if (strcmp(csv->title[0], "time_s") != 0 || csv->ncolumn < 2) {
+        code = error_set(error, ERROR_INPUT,
+                         "%s:1: found \"%.60s\", expected titles: time_s, then JOINT_rad or "
+                         "JOINT_deg for each joint",
+                         csv->path, csv->title[0]);
+    }
+    for (size_t column = 1; column < csv->ncolumn && !code; column++) {
+        code = trajectory_find_joint(reader, column, error);
+    }
     code = code ? code : trajectory_read_rows(reader, error);
     code = code ? code : trajectory_keep(reader, arena, interpolation, out, error);
     free(reader->row);
@@ -360,30 +313,28 @@ double trajectory_length_s(const struct trajectory *t)
     return t->time_s[t->count - 1];
 }
 
-/* Returns the row at or before a time within the trajectory, at most the last but one, by
- * bisection. */
-static size_t trajectory_find_row(const struct trajectory *t, double t_s)
+void trajectory_at(const struct trajectory *t, size_t joint, double t_s, double *angle_rad,
+                   double *rate_rad_s)
 {
-    size_t low = 0, high = t->count - 1;
+    size_t row = 0, high = t->count - 1, at;
+    double h, s, q0, q1, rate, m0, m1;
 
-    while (high - low > 1) {
-        size_t middle = (low + high) / 2;
+    /* Find the last row that is not later, but not the last of all */
+    while (high - row > 1) {
+        size_t middle = (row + high) / 2;
 
         if (t->time_s[middle] <= t_s) {
-            low = middle;
+            row = middle;
         } else {
             high = middle;
         }
     }
-    return low;
-}
-
-void trajectory_at(const struct trajectory *t, size_t joint, double t_s, double *angle_rad,
-                   double *rate_rad_s)
-{
-    size_t row = trajectory_find_row(t, t_s), at = row * t->njoint + joint;
-    double h = t->time_s[row + 1] - t->time_s[row], s = (t_s - t->time_s[row]) / h, m0, m1;
-    double q0 = t->angle[at], q1 = t->angle[at + t->njoint], rate = (q1 - q0) / h;
+    at = row * t->njoint + joint;
+    h = t->time_s[row + 1] - t->time_s[row];
+    s = (t_s - t->time_s[row]) / h;
+    q0 = t->angle[at];
+    q1 = t->angle[at + t->njoint];
+    rate = (q1 - q0) / h;
 
     /* Outside the trajectory the joint is at rest */
     if (!(t_s > 0) || t_s >= trajectory_length_s(t)) {

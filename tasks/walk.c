@@ -186,28 +186,24 @@ static void walk_command(struct walk *walk, const struct walk_config *config, do
     }
 }
 
-/* Returns whether the steps or the distance that the rig asks for are done. */
-static bool walk_is_complete(struct walk *walk, const struct walk_config *config)
-{
-    const struct gait *gait = balance_gait(walk->balance);
-    const double *at = balance_estimate(walk->balance)->pelvis_m;
-    double x = at[0] - walk->from_m[0], y = at[1] - walk->from_m[1];
-
-    walk->arrived = walk->arrived || (config->distance_m > 0 &&
-                                      x * x + y * y > config->distance_m * config->distance_m);
-    return walk->arrived ||
-           (config->steps > 0 && gait->steps - walk->from_steps >= (uint64_t)config->steps);
-}
-
 /* Begins and ends stepping, by the user's setting or where the rig's walk is complete. */
 static void walk_begin_or_halt(struct task *task, double t_s)
 {
     struct walk *walk = task->state;
     const struct walk_config *config = task->config.walk;
     const struct gait *gait = balance_gait(walk->balance);
+    const double *at = balance_estimate(walk->balance)->pelvis_m;
+    double x = at[0] - walk->from_m[0], y = at[1] - walk->from_m[1];
     bool on = walk->value[WALK_ON] > 0 && balance_ready(walk->balance) && t_s > config->begin_s;
 
-    if (walk->command.step && walk_is_complete(walk, config)) {
+    /* The steps or the distance that the rig asks for are done */
+    if (walk->command.step) {
+        walk->arrived = walk->arrived || (config->distance_m > 0 &&
+                                          x * x + y * y > config->distance_m * config->distance_m);
+    }
+    if (walk->command.step &&
+        (walk->arrived ||
+         (config->steps > 0 && gait->steps - walk->from_steps >= (uint64_t)config->steps))) {
         walk->value[WALK_ON] = 0;
         atomic_fetch_add(&task->changes, 1);
         on = false;
@@ -220,7 +216,7 @@ static void walk_begin_or_halt(struct task *task, double t_s)
         }
         walk->from_steps = gait->steps;
         walk->kept_rad = gait->now.yaw;
-        memcpy(walk->from_m, balance_estimate(walk->balance)->pelvis_m, sizeof walk->from_m);
+        memcpy(walk->from_m, at, sizeof walk->from_m);
         walk->arrived = false;
         walk->command = (struct gait_command){.step = true};
     }
@@ -228,7 +224,7 @@ static void walk_begin_or_halt(struct task *task, double t_s)
 }
 
 /* Runs one period of standing or walking: command, balance, verdict. */
-static enum task_status walk_advance(struct task *task, double t_s, bool walks)
+static enum task_status walk_step(struct task *task, double t_s)
 {
     struct walk *walk = task->state;
     const struct estimate *estimate = balance_estimate(walk->balance);
@@ -236,7 +232,7 @@ static enum task_status walk_advance(struct task *task, double t_s, bool walks)
     double dt = t_s - walk->last_s;
 
     walk->last_s = t_s;
-    if (walks) {
+    if (task->ops == &task_walk) {
         walk_begin_or_halt(task, t_s);
         walk_command(walk, task->config.walk, dt);
     }
@@ -254,21 +250,6 @@ static enum task_status walk_advance(struct task *task, double t_s, bool walks)
     return walk->stood_s > STOOD_S ? TASK_DONE : TASK_RUNNING;
 }
 
-static enum task_status walk_step(struct task *task, double t_s)
-{
-    return walk_advance(task, t_s, true);
-}
-
-static enum task_status stand_step(struct task *task, double t_s)
-{
-    return walk_advance(task, t_s, false);
-}
-
-static bool walk_is_endless(const struct task *task)
-{
-    return task->ops == &task_stand || task->config.walk->distance_m <= 0;
-}
-
 static void walk_signals(const struct task *task, double *value)
 {
     const struct walk *walk = task->state;
@@ -281,8 +262,8 @@ const struct task_ops task_stand = {
     .summary = "keeps its balance on both feet when it is pushed",
     .create = walk_create,
     .start = walk_start,
-    .step = stand_step,
-    .endless = walk_is_endless,
+    .step = walk_step,
+    .endless = true,
     .signal_name = balance_signal_name,
     .nsignal = BALANCE_SIGNALS,
     .signals = walk_signals,
@@ -294,7 +275,7 @@ const struct task_ops task_walk = {
     .create = walk_create,
     .start = walk_start,
     .step = walk_step,
-    .endless = walk_is_endless,
+    .endless = true,
     .signal_name = balance_signal_name,
     .nsignal = BALANCE_SIGNALS,
     .signals = walk_signals,
