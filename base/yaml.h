@@ -171,13 +171,6 @@ enum error_code yaml_read_text(const char *name, const char *text, size_t size,
                                const struct yaml_schema *schema, struct arena *arena, void *out,
                                struct error *error);
 
-/* Opens the store. While it is open, files with known bytes are not parsed again, which helps
- * programs that read the same files many times. Results do not depend on it. A forked process uses
- * the contents of its parent's store. One reading thread opens and closes it. Close it once per
- * opening, even after an error (ERROR_SYSTEM: no memory can be reserved). */
-enum error_code yaml_store_open(struct error *error);
-void yaml_store_close(void);
-
 /* Reads the text of one top-level key of a file; other keys are ignored; NULL = missing or
  * not a text. Ignores files that it extends. The text is in arena. */
 enum error_code yaml_read_key(const char *path, const char *key, struct arena *arena,

@@ -23,10 +23,6 @@ struct yaml_chain {
     ino_t inode;
 };
 
-static enum error_code yaml_read_extended(struct yaml_reader *r, const char *name, const char *text,
-                                          size_t size, const struct yaml_schema *schema,
-                                          const struct yaml_chain *by, struct yaml_node **root);
-
 /* Returns the link that points to a key of a mapping, or to the end of its list. */
 static struct yaml_node **yaml_find_key(struct yaml_node *map, const char *name)
 {
@@ -288,8 +284,7 @@ static enum error_code yaml_follow_extends(struct yaml_reader *r, const struct y
     }
 
     /* Add the values of the base, with its own bases, that this document omits */
-    r->store = true;
-    code = yaml_read_extended(r, path, text, size, schema, chain, &base);
+    code = yaml_document_read(r, path, text, size, schema, chain, &base);
     if (!code && base->kind == YAML_KIND_MAP) {
         yaml_merge_maps(schema, root, base);
     }
@@ -298,10 +293,9 @@ done:
     return code;
 }
 
-/* Reads a document with all that it extends. */
-static enum error_code yaml_read_extended(struct yaml_reader *r, const char *name, const char *text,
-                                          size_t size, const struct yaml_schema *schema,
-                                          const struct yaml_chain *by, struct yaml_node **root)
+enum error_code yaml_document_read(struct yaml_reader *r, const char *name, const char *text,
+                                   size_t size, const struct yaml_schema *schema,
+                                   const struct yaml_chain *by, struct yaml_node **root)
 {
     struct yaml_chain chain = {.by = by, .depth = by ? by->depth + 1 : 1};
     struct stat status;
@@ -332,13 +326,6 @@ static enum error_code yaml_read_extended(struct yaml_reader *r, const char *nam
         code = yaml_rename_keys(r, schema->renamed, schema, false, *root);
     }
     return code || !schema->extendable ? code : yaml_follow_extends(r, schema, &chain, *root);
-}
-
-enum error_code yaml_document_read(struct yaml_reader *r, const char *name, const char *text,
-                                   size_t size, const struct yaml_schema *schema,
-                                   struct yaml_node **root)
-{
-    return yaml_read_extended(r, name, text, size, schema, NULL, root);
 }
 
 /* ---- references ---- */

@@ -577,19 +577,18 @@ enum error_code yaml_find_name(struct yaml_names names, const char *what, const 
 
 /* ---- entry points ---- */
 
-/* Reads a document from memory; file: the text is the content of the file of this name. */
-static enum error_code yaml_read_document(const char *name, bool file, const char *text,
-                                          size_t size, const struct yaml_schema *schema,
-                                          struct arena *arena, void *out, struct error *error)
+enum error_code yaml_read_text(const char *name, const char *text, size_t size,
+                               const struct yaml_schema *schema, struct arena *arena, void *out,
+                               struct error *error)
 {
-    struct yaml_reader r = {.arena = arena, .file = name, .store = file, .error = error};
+    struct yaml_reader r = {.arena = arena, .file = name, .error = error};
     enum error_code code = arena_init(&r.scratch, SCRATCH, error);
     struct yaml_node *root;
 
     if (code) {
         return code;
     }
-    code = yaml_document_read(&r, name, text, size, schema, &root);
+    code = yaml_document_read(&r, name, text, size, schema, NULL, &root);
     if (!code) {
         memset(out, 0, schema->size);
         code = yaml_read_struct(&r, schema, root, out);
@@ -604,13 +603,6 @@ static enum error_code yaml_read_document(const char *name, bool file, const cha
     return code;
 }
 
-enum error_code yaml_read_text(const char *name, const char *text, size_t size,
-                               const struct yaml_schema *schema, struct arena *arena, void *out,
-                               struct error *error)
-{
-    return yaml_read_document(name, false, text, size, schema, arena, out, error);
-}
-
 enum error_code yaml_read_file(const char *path, const struct yaml_schema *schema,
                                struct arena *arena, void *out, struct error *error)
 {
@@ -619,27 +611,10 @@ enum error_code yaml_read_file(const char *path, const struct yaml_schema *schem
     enum error_code code = input_file_load(path, YAML_MAX_FILE, &text, &size, error);
 
     if (!code) {
-        code = yaml_read_document(path, true, text, size, schema, arena, out, error);
+        code = yaml_read_text(path, text, size, schema, arena, out, error);
     }
     free(text);
     return code;
-}
-
-/* Finds the text of a key at the top of a document, ignoring other keys; *text stays NULL if
- * there is none. */
-static enum error_code yaml_find_text(struct yaml_reader *r, const struct yaml_node *root,
-                                      const char *key, const char **text)
-{
-    const struct yaml_node *at = root->kind == YAML_KIND_MAP ? root->first : NULL;
-
-    while (at && strcmp(at->text, key) != 0) {
-        at = at->next->next;
-    }
-    if (at && at->next->kind == YAML_KIND_SCALAR && !yaml_is_null(at->next)) {
-        *text = arena_strdup(r->arena, at->next->text);
-        return *text ? ERROR_NONE : yaml_no_memory(r);
-    }
-    return ERROR_NONE;
 }
 
 enum error_code yaml_read_key(const char *path, const char *key, struct arena *arena,
@@ -647,7 +622,7 @@ enum error_code yaml_read_key(const char *path, const char *key, struct arena *a
 {
     struct yaml_reader r = {.arena = arena, .file = path, .error = error};
     enum error_code code = arena_init(&r.scratch, SCRATCH, error);
-    struct yaml_node *root;
+    struct yaml_node *root, *at;
     char *content = NULL;
     size_t size = 0;
 
@@ -657,7 +632,14 @@ enum error_code yaml_read_key(const char *path, const char *key, struct arena *a
     }
     code = input_file_load(path, YAML_MAX_FILE, &content, &size, error);
     if (!code && !(code = yaml_tree_read(&r, content, size, &root))) {
-        code = yaml_find_text(&r, root, key, text);
+        at = root->kind == YAML_KIND_MAP ? root->first : NULL;
+        while (at && strcmp(at->text, key) != 0) {
+            at = at->next->next;
+        }
+        if (at && at->next->kind == YAML_KIND_SCALAR && !yaml_is_null(at->next)) {
+            *text = arena_strdup(arena, at->next->text);
+            code = *text ? ERROR_NONE : yaml_no_memory(&r);
+        }
     }
     free(content);
     arena_fini(&r.scratch);

@@ -319,51 +319,33 @@ static enum error_code yaml_build_document(struct yaml_reader *r, struct yaml_no
     yaml_event_t event;
     enum error_code code;
 
-    /* Before the root */
-    code = yaml_expect_event(r, YAML_STREAM_START_EVENT, "found no stream, expected a document");
-    if (code) {
-        return code;
-    }
-    code =
-        yaml_expect_event(r, YAML_DOCUMENT_START_EVENT, "found an empty file, expected a mapping");
-    if (code) {
-        return code;
-    }
-
-    /* The root with all below it */
-    code = yaml_next_event(r, &event);
-    if (code) {
+    if ((code = yaml_expect_event(r, YAML_STREAM_START_EVENT,
+                                  "found no stream, expected a document")) ||
+        (code = yaml_expect_event(r, YAML_DOCUMENT_START_EVENT,
+                                  "found an empty file, expected a mapping")) ||
+        (code = yaml_next_event(r, &event))) {
         return code;
     }
     code = yaml_build_node(r, &event, 0, root);
     yaml_event_delete(&event);
-    if (code) {
-        return code;
-    }
-
-    /* Behind the root */
-    code = yaml_expect_event(r, YAML_DOCUMENT_END_EVENT, "found more, expected the document's end");
-    if (code) {
-        return code;
-    }
-    return yaml_expect_event(r, YAML_STREAM_END_EVENT,
-                             "found a second document, expected one document in a file");
+    code = code ? code
+                : yaml_expect_event(r, YAML_DOCUMENT_END_EVENT,
+                                    "found more, expected the document's end");
+    return code ? code
+                : yaml_expect_event(r, YAML_STREAM_END_EVENT,
+                                    "found a second document, expected one document in a file");
 }
 
 enum error_code yaml_tree_read(struct yaml_reader *r, const char *text, size_t size,
                                struct yaml_node **root)
 {
     static const char bom[] = "\xef\xbb\xbf";
-    const size_t before = r->nodes;
     yaml_parser_t parser;
     enum error_code code;
 
     if (size >= 3 && !memcmp(text, bom, 3)) {
         text += 3;
         size -= 3;
-    }
-    if (r->store && yaml_store_find(r, text, size, root)) {
-        return ERROR_NONE;
     }
     code = yaml_check_bytes(r, text, size);
     if (code) {
@@ -378,8 +360,5 @@ enum error_code yaml_tree_read(struct yaml_reader *r, const char *text, size_t s
     code = yaml_build_document(r, root);
     r->parser = NULL;
     yaml_parser_delete(&parser);
-    if (!code && r->store) {
-        yaml_store_add(text, size, *root, r->nodes - before);
-    }
     return code;
 }

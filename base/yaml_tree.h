@@ -33,7 +33,6 @@ struct yaml_reader {
     struct arena *arena;  /* the caller's arena, for the results */
     struct arena scratch; /* nodes, freed after the read */
     const char *file;
-    bool store; /* uses the store and adds parsed texts to it */
     size_t nodes;
     uint64_t hash;            /* hash of all texts read */
     struct yaml_old_key *old; /* keys with an old name */
@@ -47,16 +46,11 @@ enum error_code yaml_tree_read(struct yaml_reader *reader, const char *text, siz
                                struct yaml_node **root);
 
 /* Does the same for a file of this name (kept in reader->arena). If the schema is extendable,
- * merges all files that it extends: see yaml_read_file. */
+ * merges all files that it extends: see yaml_read_file. by: NULL. */
+struct yaml_chain;
 enum error_code yaml_document_read(struct yaml_reader *reader, const char *name, const char *text,
                                    size_t size, const struct yaml_schema *schema,
-                                   struct yaml_node **root);
-
-/* Find a text's tree in the store, as copied nodes in reader->scratch, and add one. false = not
- * found, or no room. count: number of the tree's nodes. */
-bool yaml_store_find(struct yaml_reader *reader, const char *text, size_t size,
-                     struct yaml_node **root);
-void yaml_store_add(const char *text, size_t size, const struct yaml_node *root, size_t count);
+                                   const struct yaml_chain *by, struct yaml_node **root);
 
 /* Finds the field of a key; NULL = unknown key, or no schema. */
 const struct yaml_field *yaml_find_field(const struct yaml_schema *schema, const char *key);

@@ -477,13 +477,11 @@ enum error_code plan_run_cases(const struct plan *plan, const struct plan_run_op
     const char *slash;
     char path[PATH_MAX];
     enum error_code code = solid_store_open(error);
-    enum error_code reading = yaml_store_open(error);
 
     /* The folder of results is not given but named after the plan: it is no link */
     plan_results_folder(plan, path);
     slash = strrchr(path, '/');
     folder_enclose(path, slash ? (size_t)(slash - path) + 1 : 0);
-    code = code ? code : reading;
     code = code ? code : folder_make(path, NULL, error);
     for (size_t from = 0; !code && from < plan->nlist; from += BATCH) {
         struct arena arena;
@@ -499,7 +497,6 @@ enum error_code plan_run_cases(const struct plan *plan, const struct plan_run_op
             arena_fini(&arena);
         }
     }
-    yaml_store_close();
     solid_store_close();
     return code;
 }
