@@ -312,42 +312,33 @@ const struct robot_coupling *robot_find_coupling(const struct robot *robot, size
     return NULL;
 }
 
-int robot_find_body(const struct robot *robot, const char *name)
+/* Returns the index of a name in structs that begin with a name, or -1. */
+static int find_first_name(const void *structs, size_t size, size_t count, const char *name)
 {
-    for (size_t b = 0; b < robot->nbody; b++) {
-        if (strcmp(robot->body[b].name, name) == 0) {
-            return (int)b;
+    for (size_t i = 0; i < count; i++) {
+        if (strcmp(*(const char *const *)((const char *)structs + i * size), name) == 0) {
+            return (int)i;
         }
     }
     return -1;
+}
+
+int robot_find_body(const struct robot *robot, const char *name)
+{
+    return find_first_name(robot->body, sizeof *robot->body, robot->nbody, name);
 }
 
 int robot_find_joint(const struct robot *robot, const char *name)
 {
-    for (size_t j = 0; j < robot->njoint; j++) {
-        if (strcmp(robot->joint[j].name, name) == 0) {
-            return (int)j;
-        }
-    }
-    return -1;
+    return find_first_name(robot->joint, sizeof *robot->joint, robot->njoint, name);
 }
 
 int robot_find_frame(const struct robot *robot, const char *name)
 {
-    for (size_t f = 0; f < robot->nframe; f++) {
-        if (strcmp(robot->frame[f].name, name) == 0) {
-            return (int)f;
-        }
-    }
-    return -1;
+    return find_first_name(robot->frame, sizeof *robot->frame, robot->nframe, name);
 }
 
 int robot_find_pose(const struct robot *robot, const char *name)
 {
-    for (size_t p = 0; p < robot->npose; p++) {
-        if (strcmp(robot->pose[p].name, name) == 0) {
-            return (int)p;
-        }
-    }
-    return -1;
+    return find_first_name(robot->pose, sizeof *robot->pose, robot->npose, name);
 }

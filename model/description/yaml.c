@@ -33,16 +33,6 @@ enum error_code robot_no_memory(struct robot_builder *b)
                      b->file.mark.file);
 }
 
-enum error_code robot_unknown_name(struct robot_builder *b, const struct yaml_mark *mark,
-                                   const char *what, const char *name, const void *array,
-                                   size_t count, size_t stride)
-{
-    const struct yaml_names names = {array, count, stride, offsetof(struct named, name)};
-    int unused;
-
-    return yaml_find_name(names, what, name, mark, &unused, b->error);
-}
-
 /* Checks that names are words and unique in their list. */
 static enum error_code check_named(struct robot_builder *b, const char *what, const void *array,
                                    size_t count, size_t stride)
@@ -195,6 +185,7 @@ static enum error_code apply_variant(struct robot_builder *b, struct variant_yam
 static enum error_code choose_variant(struct robot_builder *b, const char *name)
 {
     const struct robot_yaml *file = &b->file;
+    const struct yaml_mark nowhere = {0};
     int at;
 
     if (!name || name[0] == '\0') {
@@ -205,14 +196,9 @@ static enum error_code choose_variant(struct robot_builder *b, const char *name)
                          "%.200s: found no variants, expected one named \"%.63s\"", file->mark.file,
                          name);
     }
-    at = find_named_entry(file->variant, file->nvariant, sizeof *file->variant, name);
-    if (at < 0) {
-        const struct yaml_mark nowhere = {0};
-
-        if (robot_unknown_name(b, &nowhere, "variant", name, file->variant, file->nvariant,
-                               sizeof *file->variant)) {
-            return error_prefix(b->error, "%.200s", file->mark.file);
-        }
+    if (yaml_find_name(YAML_NAMES(file->variant, file->nvariant, name), "variant", name, &nowhere,
+                       &at, b->error)) {
+        return error_prefix(b->error, "%.200s", file->mark.file);
     }
     return apply_variant(b, &file->variant[at]);
 }

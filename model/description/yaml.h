@@ -177,15 +177,7 @@ struct robot_builder {
 /* Returns the index of name in an array of named structs, each of stride bytes, or -1. */
 int find_named_entry(const void *array, size_t count, size_t stride, const char *name);
 
-/* Sets the error of yaml_find_name for a name that none of the named structs has. */
-enum error_code robot_unknown_name(struct robot_builder *b, const struct yaml_mark *mark,
-                                   const char *what, const char *name, const void *array,
-                                   size_t count, size_t stride);
 enum error_code robot_no_memory(struct robot_builder *b);
-
-/* Finds the body that the key "body" of a file entry names. */
-enum error_code robot_find_key_body(struct robot_builder *b, const struct yaml_mark *entry,
-                                    const char *name, int *body);
 
 /* Returns an error at mark if mass properties are physically impossible. */
 enum error_code robot_refuse_inertia(struct robot_builder *b, const struct yaml_mark *mark,

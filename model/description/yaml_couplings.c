@@ -8,16 +8,6 @@
  * has 1e-4 m/rad. */
 #define LEAST_MULTIPLIER 1e-6
 
-/* Finds a joint by name. */
-static enum error_code find_coupled_joint(struct robot_builder *b, const char *name,
-                                          const struct yaml_mark *mark, int *joint)
-{
-    *joint = robot_find_joint(b->robot, name);
-    return *joint >= 0 ? ERROR_NONE
-                       : robot_unknown_name(b, mark, "joint", name, b->file.joint, b->file.njoint,
-                                            sizeof *b->file.joint);
-}
-
 /* Checks a coupling against earlier ones: each joint follows one joint, and no leader is a
  * follower. */
 static enum error_code check_chain(struct robot_builder *b, size_t i)
@@ -55,14 +45,16 @@ static enum error_code check_chain(struct robot_builder *b, size_t i)
 /* Finds the two joints of a coupling and checks their roles. */
 static enum error_code build_coupled_joints(struct robot_builder *b, size_t i)
 {
+    const struct yaml_names joints = YAML_NAMES(b->robot->joint, b->robot->njoint, name);
     const struct coupling_yaml *given = &b->file.coupling[i];
     struct robot_coupling *coupling = &b->robot->coupling[i];
     enum error_code code;
 
-    if ((code = find_coupled_joint(b, given->follower, yaml_place(&given->mark, "follower"),
-                                   &coupling->follower)) ||
-        (code = find_coupled_joint(b, given->leader, yaml_place(&given->mark, "leader"),
-                                   &coupling->leader))) {
+    if ((code =
+             yaml_find_name(joints, "joint", given->follower, yaml_place(&given->mark, "follower"),
+                            &coupling->follower, b->error)) ||
+        (code = yaml_find_name(joints, "joint", given->leader, yaml_place(&given->mark, "leader"),
+                               &coupling->leader, b->error))) {
         return code;
     }
     if (coupling->follower == coupling->leader) {

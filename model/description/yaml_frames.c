@@ -9,13 +9,12 @@
 #include <math.h>
 #include <string.h>
 
-enum error_code robot_find_key_body(struct robot_builder *b, const struct yaml_mark *entry,
-                                    const char *name, int *body)
+/* Finds the body that the key "body" of an entry names. */
+static enum error_code find_key_body(struct robot_builder *b, const struct yaml_mark *entry,
+                                     const char *name, int *body)
 {
-    *body = robot_find_body(b->robot, name);
-    return *body >= 0 ? ERROR_NONE
-                      : robot_unknown_name(b, yaml_place(entry, "body"), "body", name, b->file.body,
-                                           b->file.nbody, sizeof *b->file.body);
+    return yaml_find_name(YAML_NAMES(b->robot->body, b->robot->nbody, name), "body", name,
+                          yaml_place(entry, "body"), body, b->error);
 }
 
 enum error_code robot_build_frames(struct robot_builder *b)
@@ -32,7 +31,7 @@ enum error_code robot_build_frames(struct robot_builder *b)
         const struct frame_yaml *given = &b->file.frame[i];
 
         robot->frame[i] = given->frame;
-        code = robot_find_key_body(b, &given->mark, given->body, &robot->frame[i].body);
+        code = find_key_body(b, &given->mark, given->body, &robot->frame[i].body);
         mat3_from_rpy(given->rpy, robot->frame[i].rotation);
     }
     return code;
@@ -52,7 +51,7 @@ enum error_code robot_build_capsules(struct robot_builder *b)
         const struct capsule_yaml *given = &b->file.capsule[i];
 
         robot->capsule[i] = given->capsule;
-        code = robot_find_key_body(b, &given->mark, given->body, &robot->capsule[i].body);
+        code = find_key_body(b, &given->mark, given->body, &robot->capsule[i].body);
         mat3_from_rpy(given->rpy, robot->capsule[i].rotation);
     }
     return code;
@@ -101,7 +100,7 @@ static enum error_code build_visual(struct robot_builder *b, const struct visual
     enum error_code code = check_visual_keys(b, given);
 
     *visual = given->visual;
-    code = code ? code : robot_find_key_body(b, &given->mark, given->body, &visual->body);
+    code = code ? code : find_key_body(b, &given->mark, given->body, &visual->body);
     mat3_from_rpy(given->rpy, visual->rotation);
     visual->colored = yaml_has(&given->mark, "color");
     return code || !given->file ? code
@@ -133,22 +132,11 @@ enum error_code robot_build_visuals(struct robot_builder *b)
 
 /* ---- sensors ---- */
 
-/* Finds the frame of a sensor by name. */
-static enum error_code find_sensor_frame(struct robot_builder *b, const char *name,
-                                         const struct yaml_mark *mark, int *frame)
-{
-    *frame = robot_find_frame(b->robot, name);
-    if (*frame < 0) {
-        return robot_unknown_name(b, mark, "frame", name, b->file.frame, b->file.nframe,
-                                  sizeof *b->file.frame);
-    }
-    return ERROR_NONE;
-}
-
 enum error_code robot_build_sensors(struct robot_builder *b)
 {
     const struct robot_yaml *file = &b->file;
     struct robot *robot = b->robot;
+    const struct yaml_names frames = YAML_NAMES(robot->frame, robot->nframe, name);
     enum error_code code;
 
     robot->ft = arena_alloc(b->arena, file->nft, sizeof *robot->ft);
@@ -160,8 +148,8 @@ enum error_code robot_build_sensors(struct robot_builder *b)
         struct robot_ft_sensor *sensor = &robot->ft[i];
 
         *sensor = given->sensor;
-        if ((code = find_sensor_frame(b, given->frame, yaml_place(&given->mark, "frame"),
-                                      &sensor->frame)) ||
+        if ((code = yaml_find_name(frames, "frame", given->frame, yaml_place(&given->mark, "frame"),
+                                   &sensor->frame, b->error)) ||
             (code = robot_refuse_inertia(b, yaml_place(&given->mark, "distal"), &sensor->distal))) {
             return code;
         }
@@ -169,8 +157,8 @@ enum error_code robot_build_sensors(struct robot_builder *b)
     robot->nft = file->nft;
     robot->imu_frame = -1;
     return file->imu_frame
-               ? find_sensor_frame(b, file->imu_frame, yaml_place(&file->mark, "imu.frame"),
-                                   &robot->imu_frame)
+               ? yaml_find_name(frames, "frame", file->imu_frame,
+                                yaml_place(&file->mark, "imu.frame"), &robot->imu_frame, b->error)
                : ERROR_NONE;
 }
 
@@ -182,12 +170,13 @@ static enum error_code build_joint_positions(struct robot_builder *b, enum joint
                                              double *position)
 {
     for (size_t i = 0; i < count; i++) {
-        int j = robot_find_joint(b->robot, entry[i].name);
         const struct robot_joint *joint;
+        int j;
+        enum error_code code = yaml_find_name(YAML_NAMES(b->robot->joint, b->robot->njoint, name),
+                                              "joint", entry[i].name, &entry[i].mark, &j, b->error);
 
-        if (j < 0) {
-            return robot_unknown_name(b, &entry[i].mark, "joint", entry[i].name, b->file.joint,
-                                      b->file.njoint, sizeof *b->file.joint);
+        if (code) {
+            return code;
         }
         joint = &b->robot->joint[j];
         if (joint->type != type) {
@@ -208,14 +197,12 @@ static enum error_code build_joint_positions(struct robot_builder *b, enum joint
 /* Returns a pose's position entry of a joint, or NULL. */
 static const struct yaml_real_entry *find_position(const struct pose_yaml *pose, const char *joint)
 {
-    for (size_t i = 0; i < pose->njoint_rad; i++) {
-        if (strcmp(pose->joint_rad[i].name, joint) == 0) {
-            return &pose->joint_rad[i];
-        }
-    }
-    for (size_t i = 0; i < pose->njoint_m; i++) {
-        if (strcmp(pose->joint_m[i].name, joint) == 0) {
-            return &pose->joint_m[i];
+    for (size_t i = 0; i < pose->njoint_rad + pose->njoint_m; i++) {
+        const struct yaml_real_entry *entry =
+            i < pose->njoint_rad ? &pose->joint_rad[i] : &pose->joint_m[i - pose->njoint_rad];
+
+        if (strcmp(entry->name, joint) == 0) {
+            return entry;
         }
     }
     return NULL;

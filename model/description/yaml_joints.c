@@ -52,17 +52,25 @@ static int joint_that_moves(const struct robot_yaml *file, const char *body)
     return -1;
 }
 
+/* Finds a body of the file; the place is that of a key in a mapping. */
+static enum error_code find_file_body(struct robot_builder *b, const struct yaml_mark *mapping,
+                                      const char *key, const char *name, int *at)
+{
+    return yaml_find_name(YAML_NAMES(b->file.body, b->file.nbody, body.name), "body", name,
+                          yaml_place(mapping, key), at, b->error);
+}
+
 /* Refuses joint j, whose parent is moved by no earlier joint; the error gives the reason. */
 static enum error_code refuse_parent(struct robot_builder *b, size_t j)
 {
     const struct robot_yaml *file = &b->file;
     const struct joint_yaml *joint = &file->joint[j];
-    int up = joint_that_moves(file, joint->parent);
+    int up = joint_that_moves(file, joint->parent), at;
+    enum error_code code = find_file_body(b, &joint->mark, "parent", joint->parent, &at);
 
     /* The parent does not exist, or no joint moves it */
-    if (find_named_entry(file->body, file->nbody, sizeof *file->body, joint->parent) < 0) {
-        return robot_unknown_name(b, yaml_place(&joint->mark, "parent"), "body", joint->parent,
-                                  file->body, file->nbody, sizeof *file->body);
+    if (code) {
+        return code;
     }
     if (up < 0) {
         return yaml_error(
@@ -95,11 +103,10 @@ static enum error_code check_joint_child(struct robot_builder *b, size_t j, int 
     const struct robot_yaml *file = &b->file;
     const struct joint_yaml *joint = &file->joint[j];
     int first = joint_that_moves(file, joint->child);
+    enum error_code code = find_file_body(b, &joint->mark, "child", joint->child, at);
 
-    *at = find_named_entry(file->body, file->nbody, sizeof *file->body, joint->child);
-    if (*at < 0) {
-        return robot_unknown_name(b, yaml_place(&joint->mark, "child"), "body", joint->child,
-                                  file->body, file->nbody, sizeof *file->body);
+    if (code) {
+        return code;
     }
     if (strcmp(joint->child, file->base) == 0) {
         return yaml_error(b->error, yaml_place(&joint->mark, "child"),
@@ -113,22 +120,6 @@ static enum error_code check_joint_child(struct robot_builder *b, size_t j, int 
                           "%d moves it)",
                           joint->child, file->joint[first].joint.name,
                           file->joint[first].mark.line);
-    }
-    return ERROR_NONE;
-}
-
-/* Normalizes the axis of a joint. */
-static enum error_code build_joint_axis(struct robot_builder *b, const struct joint_yaml *given,
-                                        struct robot_joint *joint)
-{
-    double length = vec3_norm(joint->axis);
-
-    if (!(fabs(length - 1.0) <= AXIS_TOLERANCE)) {
-        return yaml_error(b->error, yaml_place(&given->mark, "axis"),
-                          "found an axis of length %.9g, expected a unit vector", length);
-    }
-    for (int m = 0; m < 3; m++) {
-        joint->axis[m] /= length;
     }
     return ERROR_NONE;
 }
@@ -237,6 +228,7 @@ static enum error_code build_joint(struct robot_builder *b, size_t j)
     struct joint_yaml *given = &b->file.joint[j];
     struct robot *robot = b->robot;
     struct robot_joint *joint = &robot->joint[j];
+    const double length = vec3_norm(given->joint.axis);
     enum error_code code;
     int at, parent;
 
@@ -253,8 +245,15 @@ static enum error_code build_joint(struct robot_builder *b, size_t j)
     /* The joint, then the body that it moves */
     *joint = given->joint;
     mat3_from_rpy(given->rpy, joint->rotation);
-    if ((code = build_joint_axis(b, given, joint)) || (code = check_limits(b, given)) ||
-        (code = build_stops(b, given, joint)) || (code = robot_build_drive(b, given, joint)) ||
+    if (!(fabs(length - 1.0) <= AXIS_TOLERANCE)) {
+        return yaml_error(b->error, yaml_place(&given->mark, "axis"),
+                          "found an axis of length %.9g, expected a unit vector", length);
+    }
+    for (int m = 0; m < 3; m++) {
+        joint->axis[m] /= length;
+    }
+    if ((code = check_limits(b, given)) || (code = build_stops(b, given, joint)) ||
+        (code = robot_build_drive(b, given, joint)) ||
         (code = build_spring(b, given, &joint->spring)) ||
         (code = build_passive(b, given, joint))) {
         return code;
@@ -268,20 +267,17 @@ enum error_code robot_build_tree(struct robot_builder *b)
     const struct robot_yaml *file = &b->file;
     struct robot *robot = b->robot;
     enum error_code code;
-    int base = find_named_entry(file->body, file->nbody, sizeof *file->body, file->base);
+    int base;
 
     robot->body = arena_alloc(b->arena, file->njoint + 1, sizeof *robot->body);
     robot->joint = arena_alloc(b->arena, file->njoint, sizeof *robot->joint);
     if (!robot->body || !robot->joint) {
         return robot_no_memory(b);
     }
-    if (base < 0) {
-        return robot_unknown_name(b, yaml_place(&file->mark, "base.body"), "body", file->base,
-                                  file->body, file->nbody, sizeof *file->body);
-    }
 
     /* The base, then the body of each joint */
-    if ((code = build_tree_body(b, base, -1, &robot->body[0]))) {
+    if ((code = find_file_body(b, &file->mark, "base.body", file->base, &base)) ||
+        (code = build_tree_body(b, base, -1, &robot->body[0]))) {
         return code;
     }
     for (size_t j = 0; j < file->njoint; j++) {
