@@ -272,16 +272,6 @@ json_t *control_tunable(const struct control *control, size_t index)
                      control_number(tunable->max), "whole", (int)tunable->whole);
 }
 
-/* Makes the entry of a fault, active or not. */
-static json_t *list_fault(const struct control *control, const struct simulator_status *now,
-                          size_t index)
-{
-    const struct fault *fault = faults_at(simulator_faults(control->config.simulator), index);
-
-    return json_pack("{s:o, s:o, s:b}", "name", control_text(fault->name), "line",
-                     control_text(fault->text), "active", (int)fault_is_active(now, index));
-}
-
 /* Makes the list of checkpoint slots that are in use; slot 0 is the start. */
 static json_t *list_checkpoints(const struct control *control)
 {
@@ -331,6 +321,7 @@ const char *control_list_entry(const struct control *control, enum control_list 
 json_t *control_list(const struct control *control, const struct control_request *request)
 {
     const enum control_list list = request->list;
+    const struct faults *faults = simulator_faults(control->config.simulator);
     struct simulator_status now = {0};
     json_t *array = list == CONTROL_LIST_CHECKPOINTS ? list_checkpoints(control) : json_array();
     const char *name;
@@ -339,8 +330,11 @@ json_t *control_list(const struct control *control, const struct control_request
     for (size_t i = 0; (name = control_list_entry(control, list, i)); i++) {
         if (!request->match || control_matches(request->match, name)) {
             control_append(&array, list == CONTROL_LIST_TUNABLES ? control_tunable(control, i)
-                                   : list == CONTROL_LIST_FAULTS ? list_fault(control, &now, i)
-                                                                 : control_text(name));
+                                   : list == CONTROL_LIST_FAULTS
+                                       ? json_pack("{s:o, s:o, s:b}", "name", control_text(name),
+                                                   "line", control_text(faults_at(faults, i)->text),
+                                                   "active", (int)fault_is_active(&now, i))
+                                       : control_text(name));
         }
     }
     return json_pack("{s:o}", control_list_name(list), array);

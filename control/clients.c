@@ -323,17 +323,6 @@ void control_check(struct control *control, struct control_client *client)
 
 /* ---- new connections ---- */
 
-/* Returns a free place; NULL = all are taken. */
-static struct control_client *client_free_place(struct control *control)
-{
-    for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
-        if (control->client[i].socket < 0) {
-            return &control->client[i];
-        }
-    }
-    return NULL;
-}
-
 /* Answers a connection with an error and closes it. */
 static void client_refuse_connection(struct control *control, int socket, pid_t pid,
                                      const char *code, const char *reason)
@@ -352,14 +341,18 @@ static void client_refuse_connection(struct control *control, int socket, pid_t 
 /* Accepts a connection of the owner or root, if there is a place. */
 static void client_accept(struct control *control, int socket)
 {
-    struct control_client *client = client_free_place(control);
+    struct control_client *client = control->client;
     pid_t pid;
     uid_t uid;
+
+    while (client < control->client + CONTROL_CLIENTS && client->socket >= 0) {
+        client++;
+    }
 
     if (!control_socket_peer(socket, &pid, &uid)) {
         client_refuse_connection(control, socket, pid, "owner",
                                  "this socket is for its owner and root");
-    } else if (!client) {
+    } else if (client == control->client + CONTROL_CLIENTS) {
         client_refuse_connection(control, socket, pid, "busy", "too many clients");
     } else {
         const struct control_client fresh = {

@@ -66,27 +66,21 @@ static bool control_serve_client(struct control *control, struct control_client 
            control_read_requests(control, client);
 }
 
-/* Waits for the order to serve or to stop. */
-static void wait_for_order(struct control *control)
-{
-    struct pollfd fd = {.fd = control->event, .events = POLLIN};
-    uint64_t orders;
-
-    while (atomic_load(&control->order) == CONTROL_ORDER_WAIT) {
-        poll(&fd, 1, -1);
-    }
-    (void)!read(control->event, &orders, sizeof orders);
-}
-
 /* Serves the clients from the first order until the order to stop; the thread's main function. */
 static void *control_thread_main(void *context)
 {
     struct control *control = context;
     struct clock *clock = clock_monotonic();
+    struct pollfd order = {.fd = control->event, .events = POLLIN};
     int64_t accept_ns = 0;
+    uint64_t orders;
     bool more = false;
 
-    wait_for_order(control);
+    /* The order to serve or to stop */
+    while (atomic_load(&control->order) == CONTROL_ORDER_WAIT) {
+        poll(&order, 1, -1);
+    }
+    (void)!read(control->event, &orders, sizeof orders);
     while (atomic_load(&control->order) != CONTROL_ORDER_STOP) {
         struct pollfd fd[POLL_COUNT];
         int timeout_ms;
@@ -152,29 +146,13 @@ static enum error_code control_allocate(const struct control_config *config, str
     return ERROR_NONE;
 }
 
-/* Creates the event by which orders arrive, and starts the thread. */
-static enum error_code control_start_thread(struct control *control, struct error *error)
-{
-    int reason;
-
-    control->event = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-    if (control->event < 0) {
-        return error_set_errno(error, errno, "control socket: cannot create an event descriptor");
-    }
-    reason = pthread_create(&control->thread, NULL, control_thread_main, control);
-    if (reason) {
-        close(control->event);
-        return error_set_errno(error, reason, "control socket: cannot start its thread");
-    }
-    return ERROR_NONE;
-}
-
 enum error_code control_start(const struct control_config *config, struct control **out,
                               struct error *error)
 {
     struct arena arena;
     struct control *control = NULL;
     enum error_code code = arena_init(&arena, MEMORY, error);
+    int reason;
 
     if (code) {
         return code;
@@ -189,14 +167,22 @@ enum error_code control_start(const struct control_config *config, struct contro
     if (code) {
         goto fail_allocate;
     }
-    code = control_start_thread(control, error);
-    if (code) {
+    control->event = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (control->event < 0) {
+        code = error_set_errno(error, errno, "control socket: cannot create an event descriptor");
+        goto fail_event;
+    }
+    reason = pthread_create(&control->thread, NULL, control_thread_main, control);
+    if (reason) {
+        code = error_set_errno(error, reason, "control socket: cannot start its thread");
         goto fail_thread;
     }
     *out = control;
     return ERROR_NONE;
 
 fail_thread:
+    close(control->event);
+fail_event:
     control_socket_close(&control->socket);
 fail_allocate:
     arena_fini(&arena);

@@ -38,12 +38,6 @@ static enum error_code find_name(const struct control *control, enum control_lis
                      nearest ? "\"" : "");
 }
 
-static enum error_code find_tunable(const struct control *control, const char *name, size_t *index,
-                                    struct error *error)
-{
-    return find_name(control, CONTROL_LIST_TUNABLES, "tunable", name, index, error);
-}
-
 /* ---- requests to the loop ---- */
 
 /* Completes a loop's request to set a tunable, within its range. */
@@ -51,7 +45,8 @@ static enum error_code request_complete_set(const struct control *control,
                                             const struct control_request *request,
                                             struct loop_request *to, struct error *error)
 {
-    enum error_code code = find_tunable(control, request->name, &to->index, error);
+    enum error_code code =
+        find_name(control, CONTROL_LIST_TUNABLES, "tunable", request->name, &to->index, error);
     const struct tunable *tunable;
 
     if (code) {
@@ -68,52 +63,39 @@ static enum error_code request_complete_set(const struct control *control,
     return ERROR_NONE;
 }
 
-/* Makes the loop's request from a client's; names become indices. */
+/* The kinds of the commands that the loop carries out, plus one; 0 = others. */
+static const int loop_kinds[CONTROL_COMMANDS] = {
+    [CONTROL_PAUSE] = REQUEST_PAUSE + 1,     [CONTROL_RESUME] = REQUEST_RESUME + 1,
+    [CONTROL_RESET] = REQUEST_RESET + 1,     [CONTROL_STEP] = REQUEST_STEP + 1,
+    [CONTROL_SPEED] = REQUEST_SPEED + 1,     [CONTROL_CHECKPOINT] = REQUEST_CHECKPOINT + 1,
+    [CONTROL_RESTORE] = REQUEST_RESTORE + 1, [CONTROL_FAULT] = REQUEST_FAULT + 1,
+    [CONTROL_PUSH] = REQUEST_PUSH + 1,       [CONTROL_SET] = REQUEST_SET + 1,
+};
+
+/* Makes the loop's request from a client's; names become indices here, outside the loop. */
 static enum error_code make_loop_request(const struct control *control,
                                          const struct control_request *request,
                                          struct loop_request *to, struct error *error)
 {
-    switch (request->command) {
-    /* Commands of the clock */
-    case CONTROL_PAUSE:
-        to->kind = REQUEST_PAUSE;
-        return ERROR_NONE;
-    case CONTROL_RESUME:
-        to->kind = REQUEST_RESUME;
-        return ERROR_NONE;
-    case CONTROL_RESET:
-        to->kind = REQUEST_RESET;
-        return ERROR_NONE;
-    case CONTROL_STEP:
-        to->kind = REQUEST_STEP;
-        to->count = (uint64_t)request->count;
-        return ERROR_NONE;
-    case CONTROL_SPEED:
-        to->kind = REQUEST_SPEED;
-        to->value = request->value;
-        return ERROR_NONE;
-
-    /* Commands on checkpoints */
-    case CONTROL_CHECKPOINT:
-    case CONTROL_RESTORE:
-        to->kind = request->command == CONTROL_RESTORE ? REQUEST_RESTORE : REQUEST_CHECKPOINT;
-        to->index = (size_t)request->count;
-        return ERROR_NONE;
-
-    /* Commands that act on the robot: names become indices here, outside the loop */
-    case CONTROL_FAULT:
-        to->kind = REQUEST_FAULT;
-        to->on = request->on;
+    *to = (struct loop_request){
+        .kind = (enum request_kind)(loop_kinds[request->command] - 1),
+        .index = (size_t)request->count, /* the slot of a checkpoint */
+        .count = (uint64_t)request->count,
+        .value = request->value,
+        .on = request->on,
+        .duration_ns = (int64_t)llround(request->time_s * 1e9),
+    };
+    memcpy(to->force_n, request->force_n, sizeof to->force_n);
+    memcpy(to->moment_nm, request->moment_nm, sizeof to->moment_nm);
+    switch (to->kind) {
+    case REQUEST_FAULT:
         return find_name(control, CONTROL_LIST_FAULTS, "fault", request->name, &to->index, error);
-    case CONTROL_PUSH:
-        to->kind = REQUEST_PUSH;
-        memcpy(to->force_n, request->force_n, sizeof to->force_n);
-        memcpy(to->moment_nm, request->moment_nm, sizeof to->moment_nm);
-        to->duration_ns = (int64_t)llround(request->time_s * 1e9);
+    case REQUEST_PUSH:
         return find_name(control, CONTROL_LIST_BODIES, "body", request->name, &to->index, error);
-    default:
-        to->kind = REQUEST_SET;
+    case REQUEST_SET:
         return request_complete_set(control, request, to, error);
+    default:
+        return ERROR_NONE;
     }
 }
 
@@ -129,7 +111,6 @@ static void begin_loop_request(struct control *control, struct control_client *c
 {
     struct error error;
 
-    client->loop_request = (struct loop_request){.ticket = 0};
     if (make_loop_request(control, &client->request, &client->loop_request, &error)) {
         control_refuse(control, client, client->request.id, "input", error.text, NULL);
         control_request_clear(&client->request);
@@ -170,7 +151,7 @@ static void answer_now(struct control *control, struct control_client *client)
         body = control_list(control, &request);
         break;
     case CONTROL_GET:
-        body = find_tunable(control, request.name, &index, &error)
+        body = find_name(control, CONTROL_LIST_TUNABLES, "tunable", request.name, &index, &error)
                    ? NULL
                    : control_tunable(control, index);
         break;
@@ -200,46 +181,16 @@ static void answer_now(struct control *control, struct control_client *client)
 
 void control_execute(struct control *control, struct control_client *client)
 {
-    switch (client->request.command) {
-    case CONTROL_SET:
-    case CONTROL_FAULT:
-    case CONTROL_PUSH:
-    case CONTROL_PAUSE:
-    case CONTROL_RESUME:
-    case CONTROL_STEP:
-    case CONTROL_SPEED:
-    case CONTROL_RESET:
-    case CONTROL_CHECKPOINT:
-    case CONTROL_RESTORE:
+    if (loop_kinds[client->request.command]) {
         begin_loop_request(control, client);
-        break;
-    case CONTROL_WAIT:
+    } else if (client->request.command == CONTROL_WAIT) {
         client->waiting = WAITING_TICK;
-        break;
-    default:
+    } else {
         answer_now(control, client);
-        break;
     }
 }
 
 /* ---- waiting ---- */
-
-/* Returns the protocol's code for a verdict of the loop. */
-static const char *verdict_code(enum request_verdict verdict)
-{
-    static const char *const codes[] = {
-        [REQUEST_OK] = "",
-        [REQUEST_RANGE] = "input",
-        [REQUEST_EMPTY] = "empty",
-        [REQUEST_RECORDING] = "recording",
-        [REQUEST_CLOCK] = "clock",
-        [REQUEST_BUSY] = "busy",
-        [REQUEST_UNAVAILABLE] = "unavailable",
-        [REQUEST_CUT] = "cut",
-    };
-
-    return codes[verdict];
-}
 
 /* Returns the reason of a refusal by the loop, in terms of this run. */
 static const char *verdict_text(const struct control *control, enum control_command command,
@@ -265,6 +216,17 @@ static const char *verdict_text(const struct control *control, enum control_comm
 static void finish_loop_request(struct control *control, struct control_client *client,
                                 const struct request_answer *answer)
 {
+    /* The protocol's codes for the verdicts */
+    static const char *const codes[] = {
+        [REQUEST_OK] = "",
+        [REQUEST_RANGE] = "input",
+        [REQUEST_EMPTY] = "empty",
+        [REQUEST_RECORDING] = "recording",
+        [REQUEST_CLOCK] = "clock",
+        [REQUEST_BUSY] = "busy",
+        [REQUEST_UNAVAILABLE] = "unavailable",
+        [REQUEST_CUT] = "cut",
+    };
     struct control_request request = client->request;
     json_t *body =
         json_pack("{s:I, s:f, s:o}", "tick", (json_int_t)answer->tick, "time_s",
@@ -275,7 +237,7 @@ static void finish_loop_request(struct control *control, struct control_client *
     if (answer->verdict == REQUEST_OK) {
         control_answer(control, client, request.id, body);
     } else {
-        control_refuse(control, client, request.id, verdict_code(answer->verdict),
+        control_refuse(control, client, request.id, codes[answer->verdict],
                        verdict_text(control, request.command, answer->verdict), body);
     }
     control_request_clear(&request);

@@ -124,16 +124,13 @@ static enum error_code fault_read_motor(struct fault_reader *r, const char *name
                          name);
     }
     if (r->names->hydraulic[fault->index] != (fault->target == FAULT_VALVE)) {
-        return fault->target == FAULT_VALVE
-                   ? error_set(
-                         r->error, ERROR_UNSUPPORTED,
-                         "fault \"%.159s\": joint %.64s has a motor, expected \"motor %.64s\" "
-                         "or a hydraulic joint",
-                         r->line, name, name)
-                   : error_set(r->error, ERROR_UNSUPPORTED,
-                               "fault \"%.159s\": joint %.64s has a hydraulic cylinder, expected "
-                               "\"valve %.64s\" or a joint with a motor",
-                               r->line, name, name);
+        const bool motor = fault->target == FAULT_VALVE;
+
+        return error_set(r->error, ERROR_UNSUPPORTED,
+                         "fault \"%.159s\": joint %.64s has %s, expected \"%s %.64s\" or %s",
+                         r->line, name, motor ? "a motor" : "a hydraulic cylinder",
+                         motor ? "motor" : "valve", name,
+                         motor ? "a hydraulic joint" : "a joint with a motor");
     }
     return ERROR_NONE;
 }
@@ -423,27 +420,11 @@ enum error_code fault_parse(const char *text, const struct fault_names *names, s
     fault->to_ns = INT64_MAX;
 
     /* [NAME:] TARGET KIND [PARAMETER...] [WHEN] */
-    code = fault_split_line(&r);
-    if (code) {
+    if ((code = fault_split_line(&r)) || (code = fault_read_name(&r, fault)) ||
+        (code = fault_read_target(&r, fault)) || (code = fault_read_kind(&r, fault, &rule)) ||
+        (code = fault_read_parameters(&r, rule, fault))) {
         return code;
     }
-    code = fault_read_name(&r, fault);
-    if (code) {
-        return code;
-    }
-    code = fault_read_target(&r, fault);
-    if (code) {
-        return code;
-    }
-    code = fault_read_kind(&r, fault, &rule);
-    if (code) {
-        return code;
-    }
-    code = fault_read_parameters(&r, rule, fault);
-    if (code) {
-        return code;
-    }
-
     snprintf(fault->text, sizeof fault->text, "%s", text);
     return ERROR_NONE;
 }

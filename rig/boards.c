@@ -26,17 +26,27 @@ static const char *rig_bus_protocol(const struct rig_builder *b, const struct ra
     return own && strcmp(own, described) != 0 ? own : b->raw->protocol;
 }
 
+/* Refuses a key whose protocol cannot do what it says. capability: offset of a bool in struct
+ * protocol. */
+static enum error_code rig_refuse_protocol(struct rig_builder *b, const struct yaml_mark *mark,
+                                           const char *found, const struct protocol *protocol,
+                                           size_t capability)
+{
+    char list[80];
+
+    return yaml_error(b->error, mark, "found %s with protocol %s, expected it with %s only", found,
+                      protocol->name, protocols_list(capability, list, sizeof list));
+}
+
 /* Refuses a full scale that is not whole. */
 static enum error_code board_check_full_scale(struct rig_builder *b, const struct yaml_mark *mark,
                                               double value)
 {
-    if (value != floor(value)) {
-        return yaml_error(b->error, mark,
-                          "found full scale %.15g, expected an integer: boards report it "
-                          "as one",
-                          value);
-    }
-    return ERROR_NONE;
+    return value == floor(value) ? ERROR_NONE
+                                 : yaml_error(b->error, mark,
+                                              "found full scale %.15g, expected an integer: boards "
+                                              "report it as one",
+                                              value);
 }
 
 /* Checks that a board has the keys of its kind and no others. */
@@ -88,12 +98,10 @@ static enum error_code board_build_ft(struct rig_builder *b, const struct raw_bo
                           raw->sensor, b->ft[board->ft]->mark.line);
     }
     b->ft[board->ft] = raw;
-    for (int i = 0; i < 3 && !code; i++) {
-        code =
-            board_check_full_scale(b, yaml_place(&raw->mark, "full_scale_n"), board->full_scale[i]);
-        code = code ? code
-                    : board_check_full_scale(b, yaml_place(&raw->mark, "full_scale_nm"),
-                                             board->full_scale[3 + i]);
+    for (int i = 0; i < 6 && !code; i++) {
+        code = board_check_full_scale(
+            b, yaml_place(&raw->mark, i < 3 ? "full_scale_n" : "full_scale_nm"),
+            board->full_scale[i]);
     }
     return code ? code : board_check_period(b, raw);
 }
@@ -213,7 +221,6 @@ static enum error_code board_place_switches(struct rig_builder *b, const struct 
                                             struct board_axis_config *axis)
 {
     const struct raw_motors *motors = &b->raw->motors;
-    char list[RIG_LIST];
 
     for (size_t i = 0; i < motors->nswitches; i++) {
         const struct raw_switches *raw = &motors->switches[i];
@@ -224,12 +231,8 @@ static enum error_code board_place_switches(struct rig_builder *b, const struct 
 
         /* The protocol supports switches, and their angles are in order */
         if (!protocol->switches) {
-            return yaml_error(
-                b->error, &raw->mark,
-                "found switches of joint \"%s\" on a board of protocol %s, "
-                "expected them with protocol %s only",
-                raw->joint, protocol->name,
-                protocols_list(offsetof(struct protocol, switches), list, sizeof list));
+            return rig_refuse_protocol(b, &raw->mark, "a joint's switches", protocol,
+                                       offsetof(struct protocol, switches));
         }
         if (yaml_has(&raw->mark, "home_rad") &&
             !(raw->switches.home_rad[0] < raw->switches.home_rad[1])) {
@@ -257,48 +260,25 @@ static enum error_code board_place_switches(struct rig_builder *b, const struct 
     return ERROR_NONE;
 }
 
-/* Checks that our host can enable a valve with this protocol. */
-static enum error_code board_check_valve(struct rig_builder *b, const struct described_protocol *of,
-                                         const struct yaml_name *name)
-{
-    if (described_law_suits_valve(described_state_law(of, of->host.on_state, 0))) {
-        return ERROR_NONE;
-    }
-    return yaml_error(b->error, &name->mark,
-                      "found hydraulic joint \"%s\", expected one with a motor: protocol %s "
-                      "switches on into a law of current or torque",
-                      name->name, of->name);
-}
-
-/* Refuses keys that only an external board may have. */
-static enum error_code board_check_external_keys(struct rig_builder *b, const struct raw_board *raw)
-{
-    if (!raw->board.external && yaml_has(&raw->mark, "external_timeout_s")) {
-        return yaml_error(b->error, yaml_place(&raw->mark, "external_timeout_s"),
-                          "found external_timeout_s without external: true, expected both or none");
-    }
-    if (!raw->board.external && yaml_has(&raw->mark, "external_follows")) {
-        return yaml_error(b->error, yaml_place(&raw->mark, "external_follows"),
-                          "found external_follows without external: true, expected both or none");
-    }
-    return ERROR_NONE;
-}
-
 /* Checks an external board: the host's codec must be able to read its frames without configuring
  * it. */
 static enum error_code board_check_external(struct rig_builder *b, const struct raw_board *raw,
                                             const struct protocol *protocol)
 {
-    char list[RIG_LIST];
+    static const char *const keys[] = {"external_timeout_s", "external_follows"};
 
+    for (size_t i = 0; i < ARRAY_COUNT(keys) && !raw->board.external; i++) {
+        if (yaml_has(&raw->mark, keys[i])) {
+            return yaml_error(b->error, yaml_place(&raw->mark, keys[i]),
+                              "found %s without external: true, expected both or none", keys[i]);
+        }
+    }
     if (!raw->board.external) {
-        return board_check_external_keys(b, raw);
+        return ERROR_NONE;
     }
     if (!protocol->external) {
-        return yaml_error(b->error, yaml_place(&raw->mark, "external"),
-                          "found external: true with protocol %s, expected it with %s only",
-                          protocol->name,
-                          protocols_list(offsetof(struct protocol, external), list, sizeof list));
+        return rig_refuse_protocol(b, yaml_place(&raw->mark, "external"), "external: true",
+                                   protocol, offsetof(struct protocol, external));
     }
     if (raw->board.kind != BOARD_MOTOR && raw->board.kind != BOARD_FT) {
         return yaml_error(b->error, yaml_place(&raw->mark, "external"),
@@ -312,35 +292,38 @@ static enum error_code board_check_external(struct rig_builder *b, const struct 
                           "found external_follows on an F/T board, expected it on a motor board: "
                           "no joint follows a sensor");
     }
-    if (raw->external_torque && !protocol->external_torque) {
-        return yaml_error(
-            b->error, yaml_place(&raw->mark, "external_follows"),
-            "found external_follows: torque with protocol %s, expected it with %s "
-            "only, whose motor boards tell the torque of their joints",
-            protocol->name,
-            protocols_list(offsetof(struct protocol, external_torque), list, sizeof list));
-    }
-    return ERROR_NONE;
+    return raw->external_torque && !protocol->external_torque
+               ? rig_refuse_protocol(b, yaml_place(&raw->mark, "external_follows"),
+                                     "external_follows: torque", protocol,
+                                     offsetof(struct protocol, external_torque))
+               : ERROR_NONE;
 }
 
-/* Checks an axis of an external board. */
-static enum error_code board_check_external_axis(struct rig_builder *b, const struct raw_board *raw,
-                                                 const struct yaml_name *name,
-                                                 const struct robot_joint *joint)
+/* Checks that protocol and board suit the drive of an axis. */
+static enum error_code board_check_axis(struct rig_builder *b, const struct raw_board *raw,
+                                        const struct yaml_name *name,
+                                        const struct described_protocol *described,
+                                        const struct robot_joint *joint)
 {
-    if (raw->board.external && joint->hydraulic.present) {
+    if (joint->hydraulic.present && described &&
+        !described_law_suits_valve(described_state_law(described, described->host.on_state, 0))) {
+        return yaml_error(b->error, &name->mark,
+                          "found hydraulic joint \"%s\", expected one with a motor: protocol %s "
+                          "switches on into a law of current or torque",
+                          name->name, described->name);
+    }
+    if (joint->hydraulic.present && raw->board.external) {
         return yaml_error(b->error, &name->mark,
                           "found joint \"%s\" with a hydraulic drive on an external board, "
                           "expected one with a motor: there is no rotor that could follow",
                           name->name);
     }
-    if (raw->external_torque && joint->sea.Ks <= 0.0) {
-        return yaml_error(b->error, &name->mark,
-                          "found joint \"%s\" without a spring on a board with external_follows: "
-                          "torque, expected one with a spring, which exerts it",
-                          name->name);
-    }
-    return ERROR_NONE;
+    return raw->external_torque && joint->sea.Ks <= 0.0
+               ? yaml_error(b->error, &name->mark,
+                            "found joint \"%s\" without a spring on a board with "
+                            "external_follows: torque, expected one with a spring, which exerts it",
+                            name->name)
+               : ERROR_NONE;
 }
 
 /* Builds a motor board: its axes, each with its checks. */
@@ -349,58 +332,32 @@ static enum error_code board_build_motor(struct rig_builder *b, const struct raw
                                          struct board_config *board)
 {
     static const struct yaml_name spare = {.name = "spare"};
-    const size_t most = protocol->axes_max;
-    char list[RIG_LIST];
+    const struct described_protocol *described = b->bus[board->bus].described;
+    enum error_code code = ERROR_NONE;
 
     board->period_ns = 0; /* motor boards have other rules for sending */
 
     /* As many axes as the protocol allows */
-    if (raw->naxis < 1 || raw->naxis > most) {
-        return most == 1 ? yaml_error(b->error, yaml_place(&raw->mark, "axes"),
-                                      "found %zu axes, expected 1", raw->naxis)
-                         : yaml_error(b->error, yaml_place(&raw->mark, "axes"),
-                                      "found %zu axes, expected 1 to %zu", raw->naxis, most);
+    if (raw->naxis < 1 || raw->naxis > protocol->axes_max) {
+        return yaml_error(b->error, yaml_place(&raw->mark, "axes"), "found %zu axes, expected %s%d",
+                          raw->naxis, protocol->axes_max > 1 ? "1 to " : "", protocol->axes_max);
     }
-    for (size_t i = 0; i < BOARD_AXES_MAX; i++) {
-        enum error_code code;
+    for (size_t i = 0; i < BOARD_AXES_MAX && !code; i++) {
+        struct board_axis_config *axis = &board->axis[i];
 
         /* Axes after the listed ones are unused */
-        code = board_build_axis(b, raw, i < raw->naxis ? &raw->axis[i] : &spare, &board->axis[i]);
-        if (!code && board->axis[i].valve && b->bus[board->bus].described) {
-            code = board_check_valve(b, b->bus[board->bus].described, &raw->axis[i]);
-        }
-        if (!code && board->axis[i].joint >= 0) {
-            code = board_place_switches(b, protocol, &b->robot->joint[board->axis[i].joint],
-                                        &board->axis[i]);
-        }
-        if (!code && board->axis[i].joint >= 0) {
-            code = board_check_external_axis(b, raw, &raw->axis[i],
-                                             &b->robot->joint[board->axis[i].joint]);
-        }
-        if (code) {
-            return code;
-        }
-        if (i < raw->naxis && board->axis[i].joint < 0 && !protocol->spare_axes) {
-            return yaml_error(
-                b->error, &raw->axis[i].mark,
-                "found a spare axis, expected a joint: only %s boards have axes to spare",
-                protocols_list(offsetof(struct protocol, spare_axes), list, sizeof list));
+        code = board_build_axis(b, raw, i < raw->naxis ? &raw->axis[i] : &spare, axis);
+        if (!code && axis->joint >= 0) {
+            const struct robot_joint *joint = &b->robot->joint[axis->joint];
+
+            code = board_check_axis(b, raw, &raw->axis[i], described, joint);
+            code = code ? code : board_place_switches(b, protocol, joint, axis);
+        } else if (!code && i < raw->naxis && !protocol->spare_axes) {
+            code = rig_refuse_protocol(b, &raw->axis[i].mark, "a spare axis", protocol,
+                                       offsetof(struct protocol, spare_axes));
         }
     }
-    return ERROR_NONE;
-}
-
-/* Returns the name of a board: its own, or one made of its bus and address. */
-static const char *board_make_name(struct rig_builder *b, const struct rig_bus *bus,
-                                   const struct raw_board *raw)
-{
-    char text[80];
-
-    if (raw->board.name) {
-        return raw->board.name;
-    }
-    snprintf(text, sizeof text, "%.60s/0x%02x", bus->name, (unsigned)raw->address);
-    return arena_strdup(b->arena, text);
+    return code;
 }
 
 /* Checks that the protocol allows the address and the kind of a board. */
@@ -411,10 +368,8 @@ static enum error_code board_check_address(struct rig_builder *b, const struct r
         raw->board.kind == BOARD_MOTOR ? protocol->motor_address_max : protocol->address_max;
 
     if (raw->board.kind == BOARD_TORQUE && !protocol->torque_boards) {
-        return yaml_error(b->error, &raw->mark,
-                          "found a torque board on a bus with protocol %s, expected none: its "
-                          "motor boards report the torques",
-                          protocol->name);
+        return rig_refuse_protocol(b, &raw->mark, "a torque board", protocol,
+                                   offsetof(struct protocol, torque_boards));
     }
     if (raw->board.kind != BOARD_MOTOR && protocol->motors_only) {
         return yaml_error(b->error, &raw->mark,
@@ -466,9 +421,10 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
                                        struct board_config *board)
 {
     const struct raw_bus *raw_bus = &b->raw->bus[bus];
-    const struct board_config *motors = &b->raw->motors.board;
     const struct protocol *protocol = b->bus[bus].protocol;
     enum error_code code = board_check_keys(b, raw);
+    struct raw_board merged;
+    char name[80];
 
     code = code ? code : board_check_address(b, raw, protocol);
     code = code ? code : board_check_external(b, raw, protocol);
@@ -490,29 +446,22 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
     }
 
     /* Values common to all kinds, then values of this kind */
-    *board = raw->board;
-    board->name = board_make_name(b, &raw_bus->bus, raw);
+    merged.board = b->raw->motors.board;
+    yaml_override(&rig_board_schema, &raw->mark, raw, &merged);
+    *board = merged.board;
+    snprintf(name, sizeof name, "%.60s/0x%02x", raw_bus->bus.name, (unsigned)raw->address);
+    board->name = raw->board.name ? raw->board.name : arena_strdup(b->arena, name);
     board->bus = bus;
     board->address = (uint8_t)raw->address;
-    board->strict = motors->strict;
-    board->require_calibration = motors->require_calibration;
-    board->keep_firmware = motors->keep_firmware;
-    board->command_timeout_ns = motors->command_timeout_ns;
-    board->status_period_ns = motors->status_period_ns;
-    board->boot_ns = motors->boot_ns;
     board->under_voltage_v = BOARD_UNDER_VOLTAGE_RATIO * b->rig->supply_v;
     board->over_voltage_v = BOARD_OVER_VOLTAGE_RATIO * b->rig->supply_v;
     board->under_pressure_pa = BOARD_UNDER_PRESSURE_RATIO * b->robot->hydraulic_supply.pressure;
     board->over_pressure_pa = BOARD_OVER_PRESSURE_RATIO * b->robot->hydraulic_supply.pressure;
-    board->discovery_stops_motors = motors->discovery_stops_motors;
     board->external_torque = raw->external_torque != 0;
     if (!board->name) {
         return rig_no_memory(b);
     }
-    if (raw->board.name) {
-        code = rig_check_name(b, &raw->mark, "board", raw->board.name);
-    }
-    if (code) {
+    if (raw->board.name && (code = rig_check_name(b, &raw->mark, "board", raw->board.name))) {
         return code;
     }
     switch (board->kind) {
@@ -533,7 +482,6 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
 {
     const struct rig_bus *bus = &raw->bus;
     enum error_code code;
-    char list[RIG_LIST];
 
     /* Name and interface must be unique */
     for (const struct raw_bus *other = b->raw->bus; other < raw; other++) {
@@ -552,9 +500,8 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
 
     /* CAN FD needs boards that support it, and a second bit rate */
     if (bus->fd && !protocol->canfd) {
-        return yaml_error(b->error, yaml_place(&raw->mark, "fd"),
-                          "found fd on bus \"%s\", expected it with protocol %s only", bus->name,
-                          protocols_list(offsetof(struct protocol, canfd), list, sizeof list));
+        return rig_refuse_protocol(b, yaml_place(&raw->mark, "fd"), "fd", protocol,
+                                   offsetof(struct protocol, canfd));
     }
     if (!bus->fd && protocol->canfd_only) {
         return yaml_error(b->error, yaml_place(&raw->mark, "name"),
@@ -574,10 +521,8 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
     /* Padding applies only to iCub boards: their DBC gives all commands one length, while other
      * protocols give each command its own length */
     if (raw->padded && !protocol->padded) {
-        return yaml_error(b->error, yaml_place(&raw->mark, "padded_frames"),
-                          "found padded_frames on bus \"%s\", expected it with protocol %s only",
-                          bus->name,
-                          protocols_list(offsetof(struct protocol, padded), list, sizeof list));
+        return rig_refuse_protocol(b, yaml_place(&raw->mark, "padded_frames"), "padded_frames",
+                                   protocol, offsetof(struct protocol, padded));
     }
 
     /* Settings of the interface need configure: true */
@@ -692,20 +637,6 @@ static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw
     return code ? code : rig_check_format(b, raw, bus->described);
 }
 
-/* Computes the delay of voltages in ticks. */
-static enum error_code rig_find_voltage_delay(struct rig_builder *b, size_t *ticks)
-{
-    int64_t delay_ns;
-
-    if (!rig_whole_ns(b->raw->voltage_delay_s, &delay_ns) || delay_ns % b->rig->tick_ns != 0) {
-        return yaml_error(b->error, yaml_place(&b->raw->mark, "voltage_delay_s"),
-                          "found a delay of %.15g s, expected whole ticks of %.15g s",
-                          b->raw->voltage_delay_s, b->raw->tick_s);
-    }
-    *ticks = (size_t)(delay_ns / b->rig->tick_ns);
-    return ERROR_NONE;
-}
-
 enum error_code rig_build_boards(struct rig_builder *b)
 {
     const struct raw_rig *raw = b->raw;
@@ -715,6 +646,7 @@ enum error_code rig_build_boards(struct rig_builder *b)
     struct board_config *board;
     size_t count = 0, n = 0;
     enum error_code code;
+    int64_t delay_ns;
 
     code = board_check_full_scale(b, yaml_place(&raw->motors.mark, "torque_full_scale_nm"),
                                   raw->motors.axis.torque_full_scale_nm);
@@ -725,8 +657,14 @@ enum error_code rig_build_boards(struct rig_builder *b)
         return yaml_error(b->error, yaml_place(&raw->motors.mark, "require_calibration"),
                           "found require_calibration without strict, expected both or none");
     }
-    if (b->rig->nbus == 0) {
-        return yaml_error(b->error, &raw->mark, "found no buses, expected at least one");
+    if (b->rig->nbus < 1 || b->rig->nbus > RIG_BUSES_MAX) {
+        return yaml_error(b->error, yaml_place(&raw->mark, "buses"),
+                          "found %zu buses, expected 1 to %d", b->rig->nbus, RIG_BUSES_MAX);
+    }
+    if (!rig_whole_ns(raw->voltage_delay_s, &delay_ns) || delay_ns % b->rig->tick_ns != 0) {
+        return yaml_error(b->error, yaml_place(&raw->mark, "voltage_delay_s"),
+                          "found a delay of %.15g s, expected whole ticks of %.15g s",
+                          raw->voltage_delay_s, raw->tick_s);
     }
     for (size_t i = 0; i < b->rig->nbus; i++) {
         count += raw->bus[i].bus.nboard;
@@ -765,8 +703,8 @@ enum error_code rig_build_boards(struct rig_builder *b)
         .njoint = b->robot->njoint,
         .nft = b->robot->nft,
         .tick_ns = b->rig->tick_ns,
+        .voltage_delay_ticks = (size_t)(delay_ns / b->rig->tick_ns),
     };
-    code = rig_find_voltage_delay(b, &b->rig->boards.voltage_delay_ticks);
     for (size_t i = 0; i < b->rig->nbus && !code; i++) {
         code = bus[i].described ? rig_check_described_ids(b, i) : ERROR_NONE;
     }

@@ -24,8 +24,6 @@ struct rig_place {
     double rotation[9]; /* rotation, row-major */
 };
 
-enum { RIG_LIST = 80 }; /* buffer size for names of protocols in a message */
-
 struct rig_builder {
     struct rig *rig;
     const struct raw_rig *raw;

@@ -81,27 +81,6 @@ static enum error_code rig_parse_fault(const struct rig *rig, const char *text,
     return code;
 }
 
-/* Parses the lines of the rig, then those of the command line. */
-static enum error_code rig_parse_faults(const struct rig *rig, const struct fault_names *names,
-                                        const char *const *extra, size_t nextra,
-                                        struct fault *fault, struct error *error)
-{
-    for (size_t i = 0; i < rig->nfault + nextra; i++) {
-        const struct yaml_name *line = i < rig->nfault ? &rig->fault[i] : NULL;
-        const char *text = line ? line->name : extra[i - rig->nfault];
-
-        if (!rig_parse_fault(rig, text, names, &fault[i], error)) {
-            continue;
-        }
-        if (line) {
-            return error_prefix(error, "%.200s:%d:%d", line->mark.file, line->mark.line,
-                                line->mark.column);
-        }
-        return error_prefix(error, "--fault");
-    }
-    return ERROR_NONE;
-}
-
 enum error_code rig_faults_create(const struct rig *rig, const char *const *extra, size_t nextra,
                                   uint64_t seed, const bool *wire, struct arena *arena,
                                   struct faults **faults, struct error *error)
@@ -109,48 +88,52 @@ enum error_code rig_faults_create(const struct rig *rig, const char *const *extr
     size_t count = rig->nfault + nextra;
     struct fault *fault = arena_alloc(arena, count + 1, sizeof *fault);
     struct fault_names names;
-    enum error_code code;
 
     if (!fault || !rig_collect_fault_names(rig, wire, arena, &names)) {
         return error_set(error, ERROR_MEMORY, "no memory left for %zu faults", count);
     }
-    code = rig_parse_faults(rig, &names, extra, nextra, fault, error);
-    return code ? code : faults_create(fault, count, seed, arena, faults, error);
+
+    /* The lines of the rig, then those of the command line */
+    for (size_t i = 0; i < count; i++) {
+        const struct yaml_name *line = i < rig->nfault ? &rig->fault[i] : NULL;
+
+        if (rig_parse_fault(rig, line ? line->name : extra[i - rig->nfault], &names, &fault[i],
+                            error)) {
+            return line ? error_prefix(error, "%.200s:%d:%d", line->mark.file, line->mark.line,
+                                       line->mark.column)
+                        : error_prefix(error, "--fault");
+        }
+    }
+    return faults_create(fault, count, seed, arena, faults, error);
 }
 
-/* Names of a rig, for which each bus may be a wire. */
-struct rig_fault_names {
-    bool wire[RIG_BUSES_MAX];
-    struct fault_names names;
-    struct arena arena;
-};
+/* Each bus may be a wire. */
+static const bool wires[RIG_BUSES_MAX] = {[0 ... RIG_BUSES_MAX - 1] = true};
 
-/* Collects the names in an arena; after success the caller must call arena_fini. */
-static enum error_code rig_open_fault_names(const struct rig *rig, struct rig_fault_names *open,
-                                            struct error *error)
+/* Collects the names in an arena, where each bus may be a wire; after success the caller must call
+ * arena_fini. */
+static enum error_code rig_open_fault_names(const struct rig *rig, struct arena *arena,
+                                            struct fault_names *names, struct error *error)
 {
-    enum error_code code = arena_init(&open->arena, NAMES_ARENA, error);
+    enum error_code code = arena_init(arena, NAMES_ARENA, error);
 
-    if (code) {
-        return code;
-    }
-    memset(open->wire, true, sizeof open->wire);
-    if (!rig_collect_fault_names(rig, open->wire, &open->arena, &open->names)) {
-        arena_fini(&open->arena);
+    if (!code && !rig_collect_fault_names(rig, wires, arena, names)) {
+        arena_fini(arena);
         return error_set(error, ERROR_MEMORY, "no memory left for the names of faults");
     }
-    return ERROR_NONE;
+    return code;
 }
 
 enum error_code rig_list_faults(const struct rig *rig, fault_list_put put, void *context,
                                 struct error *error)
 {
-    struct rig_fault_names open;
-    enum error_code code = rig_open_fault_names(rig, &open, error);
+    struct fault_names names;
+    struct arena arena;
+    enum error_code code = rig_open_fault_names(rig, &arena, &names, error);
 
     if (!code) {
-        faults_list(&open.names, put, context);
-        arena_fini(&open.arena);
+        faults_list(&names, put, context);
+        arena_fini(&arena);
     }
     return code;
 }
@@ -158,17 +141,18 @@ enum error_code rig_list_faults(const struct rig *rig, fault_list_put put, void 
 enum error_code rig_check_fault(const struct rig *rig, const struct yaml_name *line,
                                 struct fault *fault, struct error *error)
 {
-    struct rig_fault_names open;
-    enum error_code code = rig_open_fault_names(rig, &open, error);
+    struct fault_names names;
+    struct arena arena;
+    enum error_code code = rig_open_fault_names(rig, &arena, &names, error);
 
     if (code) {
         return code;
     }
-    code = rig_parse_fault(rig, line->name, &open.names, fault, error);
+    code = rig_parse_fault(rig, line->name, &names, fault, error);
     if (code) {
         error_prefix(error, "%.200s:%d:%d", line->mark.file, line->mark.line, line->mark.column);
     }
-    arena_fini(&open.arena);
+    arena_fini(&arena);
     return code;
 }
 
@@ -176,14 +160,9 @@ enum error_code rig_check_fault(const struct rig *rig, const struct yaml_name *l
  * each bus may be one here. */
 enum error_code rig_build_faults(struct rig_builder *b)
 {
-    bool *wire = arena_alloc(b->arena, b->rig->nbus + 1, sizeof *wire);
     struct faults *unused;
 
-    if (!wire) {
-        return rig_no_memory(b);
-    }
-    memset(wire, true, b->rig->nbus * sizeof *wire);
-    if (rig_faults_create(b->rig, NULL, 0, b->rig->seed, wire, b->arena, &unused, b->error)) {
+    if (rig_faults_create(b->rig, NULL, 0, b->rig->seed, wires, b->arena, &unused, b->error)) {
         bool placed = !strncmp(b->error->text, b->raw->mark.file, strlen(b->raw->mark.file));
 
         return placed ? b->error->code : error_prefix(b->error, "%.200s", b->raw->mark.file);

@@ -197,9 +197,8 @@ static const struct yaml_field board_fields[] = {
     {"external_follows", YAML_ENUM, false, AT(raw_board, external_torque), .names = follows_names},
     YAML_SECONDS("external_timeout_s", false, raw_board, board.external_timeout_ns, 0.001, 60.0),
 };
-static const struct raw_board board_defaults = {.board.period_ns = 1000000,
-                                                .board.external_timeout_ns = 20000000};
-static const struct yaml_schema board_schema =
+static const struct raw_board board_defaults = {.board.period_ns = 1000000};
+const struct yaml_schema rig_board_schema =
     YAML_SCHEMA("a board", struct raw_board, board_fields, .defaults = &board_defaults);
 
 static const struct yaml_field bus_fields[] = {
@@ -214,7 +213,7 @@ static const struct yaml_field bus_fields[] = {
     YAML_NUMBER("sample_point", false, raw_bus, bus.sample_point, 0.5, 0.95),
     {"restart_ms", YAML_INT, false, AT(raw_bus, bus.restart_ms), .min = 0, .max = 60000},
     {"boards", YAML_LIST, true, AT(raw_bus, board), AT(raw_bus, bus.nboard),
-     .schema = &board_schema, .entry_key = "address"},
+     .schema = &rig_board_schema, .entry_key = "address"},
 };
 static const struct raw_bus bus_defaults = {.bus.bitrate = 1000000};
 static const struct yaml_schema bus_schema =
@@ -248,8 +247,11 @@ static const struct yaml_field motors_fields[] = {
      .offset = AT(raw_motors, board.discovery_stops_motors)},
     YAML_ENTRIES("switches", YAML_DICT, false, raw_motors, switches, nswitches, switches_schema),
 };
-static const struct raw_motors motors_defaults = {
-    .rotor_poles = 8, .board.command_timeout_ns = 100000000, .axis.temperature_limit_c = 70.0};
+static const struct raw_motors motors_defaults = {.rotor_poles = 8,
+                                                  .board = {.command_timeout_ns = 100000000,
+                                                            .period_ns = 1000000,
+                                                            .external_timeout_ns = 20000000},
+                                                  .axis.temperature_limit_c = 70.0};
 static const struct yaml_schema motors_schema =
     YAML_SCHEMA("the motor boards", struct raw_motors, motors_fields, .defaults = &motors_defaults);
 

@@ -216,6 +216,6 @@ struct raw_rig {
 
 /* Schema of a rig file: fills a struct raw_rig. */
 extern const struct yaml_schema rig_file_schema;
-extern const struct yaml_schema gains_schema, rig_sensors_schema;
+extern const struct yaml_schema rig_board_schema, gains_schema, rig_sensors_schema;
 
 #endif

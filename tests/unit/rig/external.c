@@ -78,7 +78,7 @@ TEST_WITH(boards_that_cannot_be_read_are_refused, open_rig_tree, close_rig_tree)
             "compact or foc only");
     refused("icub", "external: true, external_follows: torque,",
             "34:36: found external_follows: torque with protocol icub, expected it with compact "
-            "only, whose motor boards tell the torque of their joints");
+            "only");
 
     /* Kinds of boards, on the icub buses of the toy rig */
     strcpy(text, toy_rig);

@@ -47,10 +47,10 @@ TEST_WITH(motor_boards_may_be_strict_and_keep_firmware, open_rig_tree, close_rig
     assert_true(load_rig(rig_path)->boards.board[0].keep_firmware);
     refused_with("  current_limit_a: 12\n", "  current_limit_a: 12\n  require_calibration: true\n",
                  "27:24: found require_calibration without strict, expected both or none");
-    refused_with("  current_limit_a: 12\n",
-                 "  current_limit_a: 12\n  switches: {knee: {index_pulse: true}}\n",
-                 "27:20: found switches of joint \"knee\" on a board of protocol icub, expected "
-                 "them with protocol cia402 only");
+    refused_with(
+        "  current_limit_a: 12\n",
+        "  current_limit_a: 12\n  switches: {knee: {index_pulse: true}}\n",
+        "27:20: found a joint's switches with protocol icub, expected it with cia402 only");
 }
 
 /* ---- good rigs ---- */
@@ -469,13 +469,19 @@ TEST_WITH(rejects_a_command_period_off_the_ticks, open_rig_tree, close_rig_tree)
                  "of 0.002 s");
 }
 
-TEST_WITH(rejects_a_rig_without_buses, open_rig_tree, close_rig_tree)
+TEST_WITH(rejects_a_rig_without_buses_and_with_too_many, open_rig_tree, close_rig_tree)
 {
     const char *from = strstr(toy_rig, "buses:\n"), *to = strstr(toy_rig, "lockstep:");
-    char text[2048];
+    char text[2048], buses[2048] = "";
+    size_t used = 0;
 
     snprintf(text, sizeof text, "%.*s", (int)(to - from), from);
-    refused_with(text, "buses: []\n", "1:1: found no buses, expected at least one");
+    refused_with(text, "buses: []\n", "27:8: found 0 buses, expected 1 to 32");
+    for (int i = 0; i <= RIG_BUSES_MAX; i++) {
+        used += (size_t)snprintf(buses + used, sizeof buses - used,
+                                 "  - {name: b%d, interface: can%d, boards: []}\n", i, i);
+    }
+    assert_buses_refused(buses, "28:3: found 33 buses, expected 1 to 32");
 }
 
 TEST_WITH(reports_an_arena_that_is_full, open_rig_tree, close_rig_tree)
