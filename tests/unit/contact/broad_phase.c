@@ -189,6 +189,178 @@ TEST(a_pair_with_a_slack_is_near_when_it_overlaps_by_more)
     arena_fini(&arena);
 }
 
+/* ---- the list, which is kept until a surface has moved too far ---- */
+
+/* Two surfaces far from the origin along all axes, with this distance along axis k. */
+static void place_two(struct broad_phase *broad, int k, double distance)
+{
+    for (int i = 0; i < 2; i++) {
+        double *const at[] = {&broad->ball.x[i], &broad->ball.y[i], &broad->ball.z[i]};
+
+        *at[0] = 3;
+        *at[1] = 4;
+        *at[2] = 5;
+        *at[k] += i * distance;
+    }
+}
+
+/* Makes the broad phase of one pair: a surface of this shape and body, and a capsule. */
+static void make_two(enum contact_shape first, int body, struct arena *arena,
+                     struct broad_phase *broad)
+{
+    struct error error;
+
+    for (int i = 2; i < SURFACES; i++) {
+        surface[i] = (struct contact_surface){.shape = CONTACT_SPHERE};
+    }
+    surface[0] = (struct contact_surface){.shape = first, .body = body};
+    surface[1] = (struct contact_surface){.shape = CONTACT_CAPSULE};
+    pair[0] = (struct contact_pair){.a = 0, .b = 1};
+    config.npair = 1;
+    assert_ok(arena_init(arena, 1 << 20, &error));
+    assert_ok(broad_phase_make(&config, arena, broad, &error));
+}
+
+/* Two capsules that move and turn toward each other along axis k: each center by x, each end by x
+ * too, as much as the bound of their motion allows. */
+static void approach(struct broad_phase *broad, int k, double distance, double x)
+{
+    place_two(broad, k, distance - 2 * x);
+    for (int i = 0; i < 2; i++) {
+        double *const at[] = {&broad->ball.x[i], &broad->ball.y[i], &broad->ball.z[i]};
+        double *half = broad->capsule[i].half;
+
+        *at[k] += x;
+        half[k] = i ? -x : x;
+        half[(k + 1) % 3] = sqrt(1 - x * x);
+        half[(k + 2) % 3] = 0;
+        broad->capsule[i].radius = 0.1;
+        broad->ball.reach[i] = 1.1;
+    }
+}
+
+TEST(capsules_that_approach_and_turn_at_once_are_found_in_the_kept_list)
+{
+    for (int k = 0; k < 3; k++) {
+        struct arena arena;
+        struct broad_phase broad;
+        uint64_t near[1];
+
+        /* A gap of 3 cm, within the margin of 4 cm */
+        make_two(CONTACT_CAPSULE, -1, &arena, &broad);
+        approach(&broad, k, 0.23, 0);
+        broad_phase_find(&broad, near);
+        assert_int_equal(near[0], 0);
+
+        /* The list is kept: another one would be empty without rows */
+        broad.nrow = 0;
+        approach(&broad, k, 0.23, 0.00749);
+        broad_phase_find(&broad, near);
+        assert_int_equal(near[0], 0);
+        approach(&broad, k, 0.23, 0.00751);
+        broad_phase_find(&broad, near);
+        assert_int_equal(near[0], 1);
+        approach(&broad, k, 0.23, 0.00999);
+        broad_phase_find(&broad, near);
+        assert_int_equal(near[0], 1);
+
+        /* Beyond the margin it is made again */
+        approach(&broad, k, 0.23, 0.01001);
+        broad_phase_find(&broad, near);
+        assert_int_equal(near[0], 0);
+        arena_fini(&arena);
+    }
+}
+
+/* A ball comes near another ball, or a half-space, by less than the margin. */
+TEST(balls_are_found_in_the_kept_list)
+{
+    for (int plane = 0; plane < 2; plane++) {
+        for (int k = 0; k < 3; k++) {
+            const double far = plane ? 0.113 : 0.22, close = plane ? 0.0999 : 0.1999;
+            struct arena arena;
+            struct broad_phase broad;
+            uint64_t near[1];
+
+            make_two(plane ? CONTACT_HALF_SPACE : CONTACT_SPHERE, -1, &arena, &broad);
+            for (int step = 0; step < 2; step++) {
+                place_two(&broad, k, step ? close : far);
+                for (int i = 0; i < 2; i++) {
+                    broad.ball.reach[i] = broad.capsule[i].radius = 0.1;
+                }
+                if (plane) {
+                    /* The surface of a half-space at 3, 4 or 5 m, solid below it */
+                    broad.ball.x[0] = k == 0;
+                    broad.ball.y[0] = k == 1;
+                    broad.ball.z[0] = k == 2;
+                    broad.ball.reach[0] = -(3 + k);
+                } else if (step) {
+                    /* Half of the way by each of them */
+                    double *const at[] = {broad.ball.x, broad.ball.y, broad.ball.z};
+
+                    at[k][0] += (far - close) / 2;
+                    at[k][1] += (far - close) / 2;
+                }
+                broad_phase_find(&broad, near);
+                assert_int_equal(near[0], step);
+                broad.nrow = 0;
+            }
+            arena_fini(&arena);
+        }
+    }
+}
+
+/* A capsule that leans over a plane reaches down by its radius and the height of its end, or by the
+ * radius of its ball if that is less. */
+TEST(a_leaning_capsule_is_near_a_plane_when_its_end_is)
+{
+    for (int side = -1; side <= 1; side += 2) {
+        for (int ball = 0; ball < 2; ball++) {
+            const double reach = ball ? 0.5 : 1.1;
+            struct arena arena;
+            struct broad_phase broad;
+            uint64_t near[1];
+
+            make_two(CONTACT_HALF_SPACE, -1, &arena, &broad);
+            broad.ball.x[0] = broad.ball.y[0] = broad.ball.reach[0] = 0;
+            broad.ball.z[0] = 1;
+            broad.ball.x[1] = broad.ball.y[1] = 0;
+            broad.ball.reach[1] = reach;
+            broad.capsule[1].radius = 0.1;
+            for (double lean = 0; lean < 1.5; lean += 0.1) {
+                const double below = fmin(reach, sin(lean) + 0.1);
+
+                broad.capsule[1].half[0] = cos(lean);
+                broad.capsule[1].half[2] = side * sin(lean);
+                for (int i = -1; i <= 1; i += 2) {
+                    broad.ball.z[1] = below + 1e-6 * i;
+                    broad_phase_find(&broad, near);
+                    assert_int_equal(near[0], i < 0);
+                }
+            }
+            arena_fini(&arena);
+        }
+    }
+}
+
+TEST(a_half_space_that_rises_to_a_ball_is_found)
+{
+    struct arena arena;
+    struct broad_phase broad;
+    uint64_t near[1];
+
+    make_two(CONTACT_HALF_SPACE, 0, &arena, &broad);
+    broad.ball.x[0] = broad.ball.y[0] = broad.ball.x[1] = broad.ball.y[1] = 0;
+    broad.ball.z[0] = broad.ball.z[1] = 1;
+    broad.ball.reach[1] = broad.capsule[1].radius = 0.1;
+    for (double height = 0; height < 1; height += 0.05) {
+        broad.ball.reach[0] = -height;
+        broad_phase_find(&broad, near);
+        assert_int_equal(near[0], height > 0.9);
+    }
+    arena_fini(&arena);
+}
+
 TEST(without_memory_it_is_not_made)
 {
     struct arena arena;
