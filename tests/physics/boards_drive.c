@@ -105,27 +105,6 @@ static void stop(struct bench *bench)
     plant_rig_fini(&bench->rig);
 }
 
-/* Gains of the 2FOC's current loop as boards/foc/private.h says, for g = 0.5 and shift 15. */
-static void configure_foc(struct bench *bench, double nominal_a)
-{
-    double a = exp(-1e-3 * bench->sea.R / bench->sea.L);
-    double sum = 0.5 * bench->sea.R / ((1.0 - a) * 48.0); /* kp + ki / 2 */
-    int kp = (int)lrint(sum * (1.0 + a) / 2.0 * 32768.0);
-    int half_ki = (int)lrint(sum * (1.0 - a) / 2.0 * 32768.0);
-    uint8_t pid[8] = {FOC_SET_CURRENT_PID, 0, 0, 0, 0, 0, 0, 15};
-    uint8_t limit[8] = {FOC_SET_CURRENT_LIMIT};
-
-    put_u16_le(pid + 1, (uint16_t)kp);
-    put_u16_le(pid + 3, (uint16_t)(2 * half_ki));
-    put_u16_le(limit + 2, (uint16_t)(nominal_a * 1e3));
-    put_u16_le(limit + 4, 30000);
-    put_u16_le(limit + 6, 32000);
-    send(bench, 0x001, 3, (const uint8_t[]){FOC_GET_FIRMWARE_VERSION, 1, 6});
-    send(bench, 0x001, 7, (const uint8_t[]){FOC_SET_MOTOR_CONFIG, 1, 0, 16, 0, 0, 14});
-    send(bench, 0x001, 8, limit);
-    send(bench, 0x001, 8, pid);
-}
-
 /* An object of one or two bytes is written. */
 static void write_object(struct bench *bench, unsigned index, unsigned bytes, uint16_t value)
 {
@@ -134,15 +113,6 @@ static void write_object(struct bench *bench, unsigned index, unsigned bytes, ui
     put_u16_le(data + 1, (uint16_t)index);
     put_u16_le(data + 4, value);
     send(bench, CIA402_SDO_REQUEST + 1, 8, data);
-}
-
-static void enable_cia402(struct bench *bench, bool current)
-{
-    tick(bench); /* it switches itself to "switch on disabled" */
-    write_object(bench, 0x6060, 1, (uint8_t)(current ? CIA402_CYCLIC_TORQUE : CIA402_VOLTAGE_MODE));
-    write_object(bench, 0x6040, 2, CIA402_CW_SHUTDOWN);
-    write_object(bench, 0x6040, 2, CIA402_CW_SWITCH_ON_ONLY);
-    write_object(bench, 0x6040, 2, CIA402_CW_ENABLE);
 }
 
 static void enable(struct bench *bench, bool current)
@@ -155,11 +125,34 @@ static void enable(struct bench *bench, bool current)
         return;
     }
     if (bench->protocol == &protocol_cia402) {
-        enable_cia402(bench, current);
+        tick(bench); /* it switches itself to "switch on disabled" */
+        write_object(bench, 0x6060, 1,
+                     (uint8_t)(current ? CIA402_CYCLIC_TORQUE : CIA402_VOLTAGE_MODE));
+        write_object(bench, 0x6040, 2, CIA402_CW_SHUTDOWN);
+        write_object(bench, 0x6040, 2, CIA402_CW_SWITCH_ON_ONLY);
+        write_object(bench, 0x6040, 2, CIA402_CW_ENABLE);
         return;
     }
     if (bench->protocol == &protocol_foc) {
-        configure_foc(bench, 20.0);
+        /* Gains of the 2FOC's current loop as boards/foc/private.h says, for g = 0.5 and shift
+         * 15 */
+        double a = exp(-1e-3 * bench->sea.R / bench->sea.L);
+        double sum = 0.5 * bench->sea.R / ((1.0 - a) * 48.0);
+        /* kp + ki / 2 */
+        int kp = (int)lrint(sum * (1.0 + a) / 2.0 * 32768.0);
+        int half_ki = (int)lrint(sum * (1.0 - a) / 2.0 * 32768.0);
+        uint8_t pid[8] = {FOC_SET_CURRENT_PID, 0, 0, 0, 0, 0, 0, 15};
+        uint8_t limit[8] = {FOC_SET_CURRENT_LIMIT};
+
+        put_u16_le(pid + 1, (uint16_t)kp);
+        put_u16_le(pid + 3, (uint16_t)(2 * half_ki));
+        put_u16_le(limit + 2, (uint16_t)(20.0 * 1e3));
+        put_u16_le(limit + 4, 30000);
+        put_u16_le(limit + 6, 32000);
+        send(bench, 0x001, 3, (const uint8_t[]){FOC_GET_FIRMWARE_VERSION, 1, 6});
+        send(bench, 0x001, 7, (const uint8_t[]){FOC_SET_MOTOR_CONFIG, 1, 0, 16, 0, 0, 14});
+        send(bench, 0x001, 8, limit);
+        send(bench, 0x001, 8, pid);
     }
     send(bench, 0x001, 2, (const uint8_t[]){ICUB_SET_CONTROL_MODE, mode});
 }

@@ -116,17 +116,6 @@ static void place_at_random(struct rig_scene *scene, const struct drop *drop, do
     assert_ok(plant_restart_energy(scene->plant));
 }
 
-/* A place where nothing touches. */
-static void start_fall(struct rig_scene *scene, const struct drop *drop, double top, uint64_t seed)
-{
-    for (int i = 0; i < 10; i++) {
-        random_number(&seed);
-    }
-    do {
-        place_at_random(scene, drop, top, &seed);
-    } while (plant_patches(scene->plant, NULL, 0) > 0);
-}
-
 /* Whether surfaces meet in the pressure field of a mesh: of what it stores, which is less than its
  * force times its depth, only a part is told (docs/contact.md). */
 static bool have_field(const struct contact_surface *a, const struct contact_surface *b)
@@ -175,19 +164,6 @@ static double note_patches(const struct rig_scene *scene, int ms, struct fall *f
     return stored;
 }
 
-static void note_joints(const struct rig_scene *scene, struct fall *fall)
-{
-    size_t count;
-    const struct robot *robot = scene->robot;
-    const double *q = plant_state(scene->plant, &count) + robot->nq - robot->njoint;
-
-    for (size_t j = 0; j < robot->njoint; j++) {
-        const struct robot_joint *joint = &robot->joint[j];
-
-        fall->past = fmax(fall->past, fabs(stop_depth(joint->lower, joint->upper, q[j])));
-    }
-}
-
 static struct fall run_fall(struct rig_scene *scene, const struct drop *drop, double top,
                             uint64_t seed)
 {
@@ -195,7 +171,13 @@ static struct fall run_fall(struct rig_scene *scene, const struct drop *drop, do
     struct plant_energy energy;
     double before = 0, fields_before = 0;
 
-    start_fall(scene, drop, top, seed);
+    /* A place where nothing touches */
+    for (int i = 0; i < 10; i++) {
+        random_number(&seed);
+    }
+    do {
+        place_at_random(scene, drop, top, &seed);
+    } while (plant_patches(scene->plant, NULL, 0) > 0);
     for (int ms = 0; ms < FALL_MS; ms++) {
         enum error_code code = plant_step(scene->plant, scene->steps);
         double fields;
@@ -209,7 +191,15 @@ static struct fall run_fall(struct rig_scene *scene, const struct drop *drop, do
             fail_msg("fall %llu, %d ms: the energy is not finite", (unsigned long long)seed, ms);
         }
         fields = note_patches(scene, ms, &fall);
-        note_joints(scene, &fall);
+        size_t count;
+        const struct robot *robot = scene->robot;
+        const double *q = plant_state(scene->plant, &count) + robot->nq - robot->njoint;
+
+        for (size_t j = 0; j < robot->njoint; j++) {
+            const struct robot_joint *joint = &robot->joint[j];
+
+            fall.past = fmax(fall.past, fabs(stop_depth(joint->lower, joint->upper, q[j])));
+        }
         if (ms > 0) {
             fall.growth = fmax(fall.growth, energy.stored - before);
             fall.beyond = fmax(fall.beyond, energy.stored - before - fmax(fields, fields_before));

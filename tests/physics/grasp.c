@@ -119,21 +119,6 @@ static void follow_path(struct scene *scene, double t)
     }
 }
 
-/* The law and the gains of the rig's tasks: servo. */
-static void drive(struct scene *scene)
-{
-    const struct motor_sense *motor = plant_sensors(scene->plant)->motor;
-
-    for (size_t j = 0; j < scene->robot->njoint; j++) {
-        struct motor_command *command = &plant_command(scene->plant)->motor[j];
-        double error = scene->wanted[j] - motor[j].qm;
-
-        scene->integral[j] += 1e-3 * error;
-        command->bridge_on = true;
-        command->voltage_v = 200.0 * error + 40.0 * scene->integral[j] + 4.1 * scene->rate[j];
-    }
-}
-
 static double wrist_height(const struct scene *scene)
 {
     const struct contact_config *contact = &scene->rig->contact;
@@ -193,7 +178,18 @@ static void observe(const struct scene *scene, struct sample *sample)
 static void perform_one(struct scene *scene, int k, struct sample *sample)
 {
     follow_path(scene, 1e-3 * k);
-    drive(scene);
+
+    /* The law and the gains of the rig's tasks: servo */
+    const struct motor_sense *motor = plant_sensors(scene->plant)->motor;
+
+    for (size_t j = 0; j < scene->robot->njoint; j++) {
+        struct motor_command *command = &plant_command(scene->plant)->motor[j];
+        double error = scene->wanted[j] - motor[j].qm;
+
+        scene->integral[j] += 1e-3 * error;
+        command->bridge_on = true;
+        command->voltage_v = 200.0 * error + 40.0 * scene->integral[j] + 4.1 * scene->rate[j];
+    }
     assert_ok(plant_step(scene->plant, scene->steps));
     assert_ok(plant_sample(scene->plant));
     observe(scene, sample);

@@ -128,18 +128,6 @@ TEST(a_closed_valve_makes_a_spring)
     arena_fini(&rig.arena);
 }
 
-/* What a load of the cylinder does in 0.4 s of steps of voltage. */
-static void run_voltages(struct toy_plant *rig, double *q, double *p1, size_t per_ms)
-{
-    oil_rig_start(rig, -0.4);
-    for (int k = 0; k < 400; k++) {
-        rig->motor->voltage_v = k < 120 ? 3.0 : k < 160 ? 0.0 : k < 300 ? -2.0 : 1.0;
-        step_oil(rig, per_ms);
-        q[k] = rig->state[0];
-        p1[k] = rig->state[AT_P1];
-    }
-}
-
 TEST(steps_of_voltage_agree_with_dopri5)
 {
     static double q[3][400], p[3][400];
@@ -153,7 +141,15 @@ TEST(steps_of_voltage_agree_with_dopri5)
         oil_rig_begin(&rig, real_cylinder(), real_supply());
         rig.config.integrator = run == 2 ? PLANT_DOPRI5 : PLANT_IMPLICIT;
         rig.config.substep_ns = MS / (int64_t)parts[run];
-        run_voltages(&rig, q[run], p[run], parts[run]);
+
+        /* What a load of the cylinder does in 0.4 s of steps of voltage */
+        oil_rig_start(&rig, -0.4);
+        for (int k = 0; k < 400; k++) {
+            rig.motor->voltage_v = k < 120 ? 3.0 : k < 160 ? 0.0 : k < 300 ? -2.0 : 1.0;
+            step_oil(&rig, parts[run]);
+            q[run][k] = rig.state[0];
+            p[run][k] = rig.state[AT_P1];
+        }
         assert_ok(plant_energy(rig.plant, &energy));
         print_message("# run %d: in %g J, orifices %g, leakage %g, friction %g, relief %g, balance "
                       "%g, supply %g bar\n",

@@ -238,19 +238,6 @@ TEST(an_empty_supply_agrees_with_dopri5)
     assert_true(pressure[0] < 25.0 * BAR && pressure[1] < 0.5 * pressure[0]);
 }
 
-/* Adds a second link like the first beside it. */
-static void add_link(struct toy_plant *rig)
-{
-    const double none[3] = {0.0, 0.0, 0.0}, z[3] = {0.0, 0.0, 1.0};
-    const double I[6] = {0.3, 0.0, 0.0, 0.3, 0.0, 0.3};
-    const size_t second = toy_add(&rig->toy, 0, JOINT_REVOLUTE, z, none, 5.0, none, I);
-
-    rig->toy.joint[second].hydraulic = rig->toy.joint[0].hydraulic;
-    rig->toy.joint[second].lower = rig->toy.joint[0].lower;
-    rig->toy.joint[second].upper = rig->toy.joint[0].upper;
-    toy_finish(&rig->toy);
-}
-
 /* Of a pump, a line and an accumulator twice as large, two links get what one does of the others,
  * also when nothing is left. */
 TEST(two_links_on_twice_the_supply_move_as_one)
@@ -271,7 +258,16 @@ TEST(two_links_on_twice_the_supply_move_as_one)
     s.line *= 2.0;
     s.relief_flow *= 2.0;
     oil_rig_begin(&rig, real_cylinder(), s);
-    add_link(&rig);
+
+    /* Adds a second link like the first beside it */
+    const double none[3] = {0.0, 0.0, 0.0}, z[3] = {0.0, 0.0, 1.0};
+    const double I[6] = {0.3, 0.0, 0.0, 0.3, 0.0, 0.3};
+    const size_t second = toy_add(&rig.toy, 0, JOINT_REVOLUTE, z, none, 5.0, none, I);
+
+    rig.toy.joint[second].hydraulic = rig.toy.joint[0].hydraulic;
+    rig.toy.joint[second].lower = rig.toy.joint[0].lower;
+    rig.toy.joint[second].upper = rig.toy.joint[0].upper;
+    toy_finish(&rig.toy);
     oil_rig_start(&rig, -0.6);
     for (int k = 0; k < 500; k++) {
         plant_command(rig.plant)->oil.pump_loss = k < 50 ? 0.0 : 1.0;

@@ -235,13 +235,6 @@ TEST(block_that_starts_deep_in_the_ground_rises)
     yard_fini(&yard);
 }
 
-/* How deep equal blocks are in each other by the pressure field, which near an edge is as deep as
- * the edge is far: load = k 4/3 (a^3 - (a - x)^3), half of a block's side a. */
-static double pile_depth(double load)
-{
-    return half - cbrt(half * half * half - 0.75 * load / stiffness);
-}
-
 TEST(each_block_of_a_pile_carries_those_above)
 {
     struct yard yard;
@@ -257,7 +250,8 @@ TEST(each_block_of_a_pile_carries_those_above)
         }
         plant_free_pose(yard.plant, b, pose);
         load = (double)(BLOCKS - b) * mass * gravity;
-        depth = b ? pile_depth(load) : load / (stiffness * 4.0 * half * half);
+        depth = b ? (half - cbrt(half * half * half - 0.75 * load / stiffness))
+                  : load / (stiffness * 4.0 * half * half);
         assert_near(below - pose[2], depth, 1e-6 * depth);
         assert_near(plant_contact_wrenches(yard.plant)[b].force[2], mass * gravity, 1e-6);
     }

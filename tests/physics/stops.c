@@ -265,20 +265,6 @@ TEST(what_a_stop_cannot_hold_does_not_settle)
 
 /* ---- a robot ---- */
 
-/* Narrow, uneven ranges around the pose it starts in, and springs with little room. */
-static void narrow_ranges(struct plant_rig *rig)
-{
-    static const double joint[8] = {-0.4, 0.8, -0.4, -0.35, 0.75, -0.4, 0.2, 0.05};
-
-    for (size_t j = 0; j < rig->toy.robot.njoint; j++) {
-        struct robot_joint *to = &rig->toy.joint[j];
-
-        to->lower = joint[j] - 0.03 - 0.01 * (double)j;
-        to->upper = joint[j] + 0.12 - 0.01 * (double)j;
-        to->stop = (struct robot_stop){.stiffness = 3e4, .damping = 15.0};
-    }
-}
-
 TEST(energy_balances_over_stops)
 {
     const struct {
@@ -293,7 +279,17 @@ TEST(energy_balances_over_stops)
         double turnover;
 
         plant_rig_walker_with(&rig, true, run[i].integrator, run[i].substep_ns, 0.0);
-        narrow_ranges(&rig);
+
+        /* Narrow, uneven ranges around the pose it starts in, and springs with little room */
+        static const double joint[8] = {-0.4, 0.8, -0.4, -0.35, 0.75, -0.4, 0.2, 0.05};
+
+        for (size_t j = 0; j < rig.toy.robot.njoint; j++) {
+            struct robot_joint *to = &rig.toy.joint[j];
+
+            to->lower = joint[j] - 0.03 - 0.01 * (double)j;
+            to->upper = joint[j] + 0.12 - 0.01 * (double)j;
+            to->stop = (struct robot_stop){.stiffness = 3e4, .damping = 15.0};
+        }
         plant_rig_reset(&rig, 0.7);
         assert_ok(plant_step(rig.plant, (size_t)(800000000 / run[i].substep_ns)));
         assert_ok(plant_energy(rig.plant, &energy));
@@ -319,12 +315,6 @@ static struct robot_sea roomy_drive(void)
     return sea;
 }
 
-static struct motor_sense clamped_motor(struct toy_plant *wheel)
-{
-    assert_ok(plant_sample(wheel->plant));
-    return plant_sensors(wheel->plant)->motor[0];
-}
-
 /* At stall the current is V/R and the spring carries Kt V/R, beyond its room with its stop. */
 TEST(a_spring_at_its_stop_carries_the_rest)
 {
@@ -347,7 +337,8 @@ TEST(a_spring_at_its_stop_carries_the_rest)
             plant_command(wheel.plant)->motor[0].bridge_on = true;
             plant_command(wheel.plant)->motor[0].voltage_v = volts;
             assert_ok(plant_step(wheel.plant, 20000));
-            motor = clamped_motor(&wheel);
+            assert_ok(plant_sample(wheel.plant));
+            motor = plant_sensors(wheel.plant)->motor[0];
             assert_near(motor.torque_nm, tau, 1e-6 * fabs(tau) + 1e-9);
             assert_near(motor.qm - motor.q, copysign(twist, tau), 1e-6 * twist + 1e-12);
             assert_near(sea_deflection(&sea, tau), copysign(twist, tau), 1e-12);

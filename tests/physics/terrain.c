@@ -38,14 +38,6 @@ static void find_load(const struct rig_scene *scene, int foot, struct foot_load 
     }
 }
 
-static void open_rig(struct rig_scene *scene, const char *file)
-{
-    const struct rig_scene_choice choice = {
-        .file = file, .integrator = PLANT_IMPLICIT, .substep_ns = 1000000};
-
-    rig_scene_init(scene, &choice);
-}
-
 /* Force on both feet and gravity: what is left over, N. */
 static double imbalance(const struct rig_scene *scene)
 {
@@ -72,7 +64,10 @@ TEST(level_mesh_carries_as_a_half_space)
     for (int r = 0; r < 4; r++) {
         static struct rig_scene scene;
 
-        open_rig(&scene, files[r]);
+        const struct rig_scene_choice choice = {
+            .file = files[r], .integrator = PLANT_IMPLICIT, .substep_ns = 1000000};
+
+        rig_scene_init(&scene, &choice);
         rig_scene_settle(&scene);
         for (int k = 0; k < SECOND / 4; k++) {
             rig_scene_hold(&scene);

@@ -140,24 +140,6 @@ void toy_walker(struct toy *toy)
     toy_finish(toy);
 }
 
-/* The point's tangent, in the place of the patch that is about to be counted */
-static void note_tangent(struct toy_ground *ground, const struct toy_point *point,
-                         const struct body_motion *motion, const double arm[3], double normal,
-                         double depth)
-{
-    struct contact_tangent *tangent = &ground->tangent[ground->npatch];
-    struct contact_element element = {.normal = {0.0, 0.0, 1.0},
-                                      .stiffness = normal / depth,
-                                      .damping = normal > 0.0 ? ground->k * depth * ground->c : 0.0,
-                                      .friction = ground->slip * normal};
-
-    *tangent = (struct contact_tangent){.body_a = -1, .body_b = point->body};
-    for (int i = 0; i < 3; i++) {
-        element.point[i] = tangent->center[i] = motion->p[i] + arm[i];
-    }
-    contact_tangent_add(tangent, &element);
-}
-
 /* Force and moment of one point; adds to the body's wrench */
 static void press(struct toy_ground *ground, const struct toy_point *point,
                   const struct body_motion *motion, struct contact_wrench *wrench)
@@ -181,7 +163,19 @@ static void press(struct toy_ground *ground, const struct toy_point *point,
         wrench->force[i] += force[i];
         wrench->moment[i] += moment[i];
     }
-    note_tangent(ground, point, motion, arm, normal, depth);
+
+    /* The point's tangent, in the place of the patch that is about to be counted */
+    struct contact_tangent *tangent = &ground->tangent[ground->npatch];
+    struct contact_element element = {.normal = {0.0, 0.0, 1.0},
+                                      .stiffness = normal / depth,
+                                      .damping = normal > 0.0 ? ground->k * depth * ground->c : 0.0,
+                                      .friction = ground->slip * normal};
+
+    *tangent = (struct contact_tangent){.body_a = -1, .body_b = point->body};
+    for (int i = 0; i < 3; i++) {
+        element.point[i] = tangent->center[i] = motion->p[i] + arm[i];
+    }
+    contact_tangent_add(tangent, &element);
     ground->patch[ground->npatch++] =
         (struct contact_patch){.potential_j = 0.5 * ground->k * depth * depth};
 }

@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Each number of the robot files' bodies and joints against what is published: a digit that slips
  * in a file, an axis that is swapped or a row in the wrong place shows here. */
-#include "tests/unit/model/published.h"
 #include "base/array.h"
 #include "tests/unit/model/coman.h"
 
 #include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 static const struct robot *robot;
@@ -18,53 +19,86 @@ static void expect(const char *of, const char *what, double is, double published
     }
 }
 
-static void check_bodies(const struct published_body *body, size_t count)
+/* Checks an inertia against mass, center of mass and moments. */
+static void check_inertia(const char *of, const struct robot_inertia *is, const double v[10])
 {
-    for (size_t i = 0; i < count; i++) {
-        int b = robot_find_body(robot, body[i].name);
-
-        if (b < 0) {
-            fail_msg("there is no body %s", body[i].name);
-            return;
-        }
-        expect(body[i].name, "mass", robot->body[b].inertia.mass, body[i].mass);
-        for (int k = 0; k < 3; k++) {
-            expect(body[i].name, "center of mass", robot->body[b].inertia.com[k], body[i].com[k]);
-        }
-        for (int k = 0; k < 6; k++) {
-            expect(body[i].name, "inertia", robot->body[b].inertia.I[k], body[i].I[k]);
-        }
+    expect(of, "mass", is->mass, v[0]);
+    for (int k = 0; k < 3; k++) {
+        expect(of, "center of mass", is->com[k], v[1 + k]);
+    }
+    for (int k = 0; k < 6; k++) {
+        expect(of, "inertia", is->I[k], v[4 + k]);
     }
 }
 
-/* Joints in this order, which is that of the generalized coordinates. */
-static void check_joints(const struct published_joint *joint, size_t count)
+/* Checks a joint against its row: axis, origin, yaw, lower, upper, torque, Ks, Ds. */
+static void check_joint(const struct robot_joint *is, const double v[12])
 {
-    assert_int_equal(robot->njoint, count);
-    for (size_t j = 0; j < count; j++) {
-        const struct robot_joint *is = &robot->joint[j];
-        const struct robot_body *child = &robot->body[j + 1];
+    const double c = cos(v[6]), s = sin(v[6]);
+    const double turned[9] = {c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0};
 
-        assert_string_equal(is->name, joint[j].name);
-        assert_string_equal(child->name, joint[j].child);
-        assert_string_equal(robot->body[child->parent].name, joint[j].parent);
-        assert_int_equal(is->type, JOINT_REVOLUTE);
-        for (int k = 0; k < 3; k++) {
-            expect(is->name, "axis", is->axis[k], joint[j].axis[k]);
-            expect(is->name, "origin", is->origin[k], joint[j].origin[k]);
-        }
-        for (int k = 0; k < 9; k++) {
-            const double c = cos(joint[j].yaw), s = sin(joint[j].yaw);
-            const double turned[9] = {c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0};
-
-            expect(is->name, "rotation", is->rotation[k], turned[k]);
-        }
-        expect(is->name, "lower limit", is->lower, joint[j].lower);
-        expect(is->name, "upper limit", is->upper, joint[j].upper);
-        expect(is->name, "torque limit", is->torque_limit, joint[j].torque);
-        expect(is->name, "spring", is->sea.Ks, joint[j].Ks);
-        expect(is->name, "spring damping", is->sea.Ds, joint[j].Ds);
+    assert_int_equal(is->type, JOINT_REVOLUTE);
+    for (int k = 0; k < 3; k++) {
+        expect(is->name, "axis", is->axis[k], v[k]);
+        expect(is->name, "origin", is->origin[k], v[3 + k]);
     }
+    for (int k = 0; k < 9; k++) {
+        expect(is->name, "rotation", is->rotation[k], turned[k]);
+    }
+    expect(is->name, "lower limit", is->lower, v[7]);
+    expect(is->name, "upper limit", is->upper, v[8]);
+    expect(is->name, "torque limit", is->torque_limit, v[9]);
+    expect(is->name, "spring", is->sea.Ks, v[10]);
+    expect(is->name, "spring damping", is->sea.Ds, v[11]);
+}
+
+/* Checks the robot against its rows in published.txt. Returns the number of bodies. */
+static size_t check_published(const char *name)
+{
+    FILE *in = fopen(HIL_SOURCE_DIR "/tests/unit/model/published.txt", "r");
+    char line[512], of[32], what[16], text[3][32];
+    size_t bodies = 0, joints = 0;
+
+    assert_non_null(in);
+    while (fgets(line, sizeof line, in)) {
+        double v[12];
+        int used = 0, count = 0;
+
+        if (line[0] == '#' || sscanf(line, "%31s %15s %31s %n", of, what, text[0], &used) != 3 ||
+            strcmp(of, name) != 0) {
+            continue;
+        }
+        if (strcmp(what, "joint") == 0) {
+            int more = 0;
+
+            assert_int_equal(sscanf(line + used, "%31s %31s %n", text[1], text[2], &more), 2);
+            used += more;
+        }
+        for (char *at = line + used, *end; count < 12; count++, at = end) {
+            v[count] = strtod(at, &end);
+            if (end == at) {
+                break;
+            }
+        }
+        if (strcmp(what, "joint") == 0) {
+            const struct robot_joint *joint = &robot->joint[joints];
+            const struct robot_body *child = &robot->body[++joints];
+
+            assert_int_equal(count, 12);
+            assert_true(joints <= robot->njoint);
+            assert_string_equal(joint->name, text[0]);
+            assert_string_equal(robot->body[child->parent].name, text[1]);
+            assert_string_equal(child->name, text[2]);
+            check_joint(joint, v);
+        } else {
+            assert_int_equal(count, 10);
+            bodies++;
+            check_inertia(text[0], &robot->body[robot_find_body(robot, text[0])].inertia, v);
+        }
+    }
+    fclose(in);
+    assert_int_equal(joints, robot->njoint);
+    return bodies;
 }
 
 TEST_WITH(coman_is_as_published, open_arena, close_arena)
@@ -74,8 +108,7 @@ TEST_WITH(coman_is_as_published, open_arena, close_arena)
     assert_int_equal(robot->nbody, 24);
     assert_true(fabs(robot->total_mass - 28.3574) < 1e-4);
     expect("COMAN", "gravity", robot->gravity[2], -9.81);
-    check_bodies(coman_bodies, ARRAY_COUNT(coman_bodies));
-    check_joints(coman_joints, ARRAY_COUNT(coman_joints));
+    assert_int_equal(check_published("coman"), 24);
 
     /* One drive, link side of a gear of 100: CoManRobotranSimulator 6b3cc1b */
     for (size_t j = 0; j < robot->njoint; j++) {
@@ -99,9 +132,7 @@ TEST_WITH(walkman_is_as_published, open_arena, close_arena)
     assert_no_error(
         robot_load(HIL_SOURCE_DIR "/config/robots/walkman.yaml", NULL, &arena, &robot, &error),
         error.text);
-    assert_int_equal(robot->nbody, ARRAY_COUNT(walkman_bodies) + 3); /* two elbows, the neck */
-    check_bodies(walkman_bodies, ARRAY_COUNT(walkman_bodies));
-    check_joints(walkman_joints, ARRAY_COUNT(walkman_joints));
+    assert_int_equal(robot->nbody, check_published("walkman") + 3); /* two elbows, the neck */
 }
 
 /* How far a capsule is from being the mirror image in y of another. Its axis is a line: its sense
@@ -189,34 +220,21 @@ TEST_WITH(springs_carry_a_tenth_more_than_their_joints, open_arena, close_arena)
 
 /* ---- what hangs below the force-torque sensors ---- */
 
-static void check_distal(const char *sensor, double mass, const double com[3], const double I[6])
+/* Checks the inertia below a sensor; the sensors of the left side carry the mirror image. */
+static void check_distal(const char *sensor, const double right[10])
 {
-    for (size_t i = 0; i < robot->nft; i++) {
-        const struct robot_inertia *distal = &robot->ft[i].distal;
+    const double mirror = sensor[0] == 'l' ? -1.0 : 1.0;
+    const double v[10] = {right[0],          right[1],          mirror * right[2], right[3],
+                          right[4],          mirror * right[5], right[6],          right[7],
+                          mirror * right[8], right[9]};
 
-        if (strcmp(robot->ft[i].name, sensor) != 0) {
-            continue;
+    for (size_t i = 0; i < robot->nft; i++) {
+        if (strcmp(robot->ft[i].name, sensor) == 0) {
+            check_inertia(sensor, &robot->ft[i].distal, v);
+            return;
         }
-        expect(sensor, "mass", distal->mass, mass);
-        for (int k = 0; k < 3; k++) {
-            expect(sensor, "center of mass", distal->com[k], com[k]);
-        }
-        for (int k = 0; k < 6; k++) {
-            expect(sensor, "inertia", distal->I[k], I[k]);
-        }
-        return;
     }
     fail_msg("no sensor %s", sensor);
-}
-
-/* The left one of a pair. */
-static void check_mirrored_distal(const char *sensor, double mass, const double com[3],
-                                  const double I[6])
-{
-    const double left_com[3] = {com[0], -com[1], com[2]};
-    const double left_I[6] = {I[0], -I[1], I[2], I[3], -I[4], I[5]};
-
-    check_distal(sensor, mass, left_com, left_I);
 }
 
 /* Of a leg the part of the foot below the sensor, body RFoot of walkman_robotran_edu_2017's .mbs,
@@ -224,21 +242,20 @@ static void check_mirrored_distal(const char *sensor, double mass, const double 
  * the sensor. */
 TEST_WITH(walkman_sensors_carry_what_is_published, open_arena, close_arena)
 {
-    static const double foot_com[3] = {-3.027e-05, -0.00732204, -0.02652797};
-    static const double foot_I[6] = {0.00404802, 4.015e-05, 4.5e-06,
-                                     0.01506731, 9.115e-05, 0.01850301};
-    static const double hand_com[3] = {0.011908576, 0.0021833446, -0.15361558 + 0.0565};
-    static const double hand_I[6] = {0.000683333333333, 0.0, 0.0,
-                                     0.000683333333333, 0.0, 0.000533333333333};
+    static const double foot[10] = {2.23134,   -3.027e-05, -0.00732204, -0.02652797, 0.00404802,
+                                    4.015e-05, 4.5e-06,    0.01506731,  9.115e-05,   0.01850301};
+    static const double hand[10] = {
+        0.5, 0.011908576,       0.0021833446, -0.15361558 + 0.0565, 0.000683333333333, 0.0,
+        0.0, 0.000683333333333, 0.0,          0.000533333333333};
     struct error error;
 
     assert_no_error(
         robot_load(HIL_SOURCE_DIR "/config/robots/walkman.yaml", NULL, &arena, &robot, &error),
         error.text);
-    check_distal("r_leg_ft", 2.23134, foot_com, foot_I);
-    check_mirrored_distal("l_leg_ft", 2.23134, foot_com, foot_I);
-    check_distal("r_arm_ft", 0.5, hand_com, hand_I);
-    check_mirrored_distal("l_arm_ft", 0.5, hand_com, hand_I);
+    check_distal("r_leg_ft", foot);
+    check_distal("l_leg_ft", foot);
+    check_distal("r_arm_ft", hand);
+    check_distal("l_arm_ft", hand);
 }
 
 /* Forearm, wrist (two bodies) and hand of coman_urdf/urdf/parts/{forearms,soft_hand}.urdf.xacro,
@@ -254,24 +271,24 @@ TEST_WITH(coman_s_sensors_carry_forearm_wrist_and_hand, open_arena, close_arena)
         {0.054007518, 0.08688, 2.16e-05, 2.16e-05},
         {0.3, 0.08688 + 0.07, 0.001, 0.001},
     };
-    double mass = 0.0, com[3] = {0.0}, I[6] = {0.0};
+    double all[10] = {0.0}, *mass = &all[0], *z = &all[3];
     struct error error;
 
     for (size_t i = 0; i < ARRAY_COUNT(part); i++) {
-        mass += part[i].mass;
-        com[2] -= part[i].mass * part[i].below;
+        *mass += part[i].mass;
+        *z -= part[i].mass * part[i].below;
     }
-    com[2] /= mass;
+    *z /= *mass;
     for (size_t i = 0; i < ARRAY_COUNT(part); i++) {
-        const double off = -part[i].below - com[2];
+        const double off = -part[i].below - *z;
 
-        I[0] += part[i].Ixx + part[i].mass * off * off;
-        I[5] += part[i].Izz;
+        all[4] += part[i].Ixx + part[i].mass * off * off;
+        all[9] += part[i].Izz;
     }
-    I[3] = I[0];
+    all[7] = all[4];
     assert_no_error(robot_load(COMAN, "forearms", &arena, &robot, &error), error.text);
-    check_distal("r_arm_ft", mass, com, I);
-    check_mirrored_distal("l_arm_ft", mass, com, I);
+    check_distal("r_arm_ft", all);
+    check_distal("l_arm_ft", all);
 }
 
 /* ---- the capsule about the waist's joints ---- */

@@ -18,11 +18,6 @@ struct script {
     int foreign;
 };
 
-static bool script_speaks(int64_t ms)
-{
-    return (ms >= BEGIN && ms < END) || (ms >= AGAIN && ms < LAST);
-}
-
 static double tell_swing(const struct bench *bench, int64_t ms)
 {
     const struct script *script = bench->test;
@@ -37,9 +32,14 @@ static double tell_far(const struct bench *bench, int64_t ms)
     return 9.0;
 }
 
-/* What the tick before has done, with the frame that it had. */
-static void script_note(struct script *script, double qm, int64_t ms)
+static void script_step(struct bench *bench, int64_t ms)
 {
+    struct script *script = bench->test;
+    struct bus_frame frame;
+
+    /* What the tick before has done, with the frame that it had */
+    const double qm = bench_motor(bench)->qm;
+
     if (ms == 0) {
         script->start = script->last = script->told = qm;
     } else if (ms <= BEGIN) {
@@ -56,20 +56,12 @@ static void script_note(struct script *script, double qm, int64_t ms)
         script->fastest = fmax(script->fastest, fabs(qm - script->last) / 1e-3);
     }
     script->last = qm;
-}
-
-static void script_step(struct bench *bench, int64_t ms)
-{
-    struct script *script = bench->test;
-    struct bus_frame frame;
-
-    script_note(script, bench_motor(bench)->qm, ms);
 
     /* Nobody but us sends its frames */
     while (can_receive(bench->ports.port[BUS], &frame, 1) == 1) {
         script->foreign += frame.id == script->write(bench, 0.0).id;
     }
-    if (script_speaks(ms) && ms % script->period_ms == 0) {
+    if (((ms >= BEGIN && ms < END) || (ms >= AGAIN && ms < LAST)) && ms % script->period_ms == 0) {
         script->told = script->tell(bench, ms);
         frame = script->write(bench, script->told);
         bench_send(bench, &frame);

@@ -57,23 +57,6 @@ static void limb_host_step(void *context, int64_t now_ns)
     host->q_max = fmax(host->q_max, host->q);
 }
 
-static void read_log(struct limb_host *host)
-{
-    char line[512];
-    uint64_t key;
-
-    while (simulator_next_event(host->simulator, &key, line, sizeof line)) {
-        if (strstr(line, "clamp")) {
-            assert_string_equal(host->clamp, ""); /* once */
-            assert_int_equal(simulator_event_priority(key), JOURNAL_WARNING);
-            snprintf(host->clamp, sizeof host->clamp, "%s", line);
-        }
-        if (strstr(line, "not switched on")) {
-            snprintf(host->owed, sizeof host->owed, "%s", strstr(line, "axis 0"));
-        }
-    }
-}
-
 static void run_limb(struct limb_host *host)
 {
     const struct simulator_observer observer = {host, limb_host_step};
@@ -93,7 +76,19 @@ static void run_limb(struct limb_host *host)
     host->joint = config.rig->boards.board[config.rig->bus[LEFT_LEG].first_board].axis[0].joint;
     host->simulator = rig_run_open(&config, &arena, &host->ports);
     assert_int_equal(simulator_run(host->simulator), LOOP_END_LENGTH);
-    read_log(host);
+    char line[512];
+    uint64_t key;
+
+    while (simulator_next_event(host->simulator, &key, line, sizeof line)) {
+        if (strstr(line, "clamp")) {
+            assert_string_equal(host->clamp, ""); /* once */
+            assert_int_equal(simulator_event_priority(key), JOURNAL_WARNING);
+            snprintf(host->clamp, sizeof host->clamp, "%s", line);
+        }
+        if (strstr(line, "not switched on")) {
+            snprintf(host->owed, sizeof host->owed, "%s", strstr(line, "axis 0"));
+        }
+    }
     boards_counters(simulator_boards(host->simulator), &host->counters);
     rig_run_close(host->simulator, &arena, &host->ports);
 }

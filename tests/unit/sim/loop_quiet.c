@@ -56,18 +56,6 @@ void *realloc(void *block, size_t size)
     return __libc_realloc(block, size);
 }
 
-static void remove_directory(const char *path)
-{
-    static const char *const names[] = {"candump.log", "signals.csv"};
-    char file[200];
-
-    for (size_t i = 0; i < 2; i++) {
-        snprintf(file, sizeof file, "%s/%s", path, names[i]);
-        unlink(file);
-    }
-    rmdir(path);
-}
-
 /* Every kind of request, over and over, in the loop's own thread. */
 static void ask_all(void *context, int64_t time_ns)
 {
@@ -155,7 +143,14 @@ TEST(a_tick_does_not_allocate)
     assert_non_null(mkdtemp(directory));
     assert_int_equal(allocations_of(LOOP_CLOCK_FREE, directory, false), 0);
     assert_int_equal(allocations_of(LOOP_CLOCK_LOCKSTEP, directory, false), 0);
-    remove_directory(directory);
+    static const char *const names[] = {"candump.log", "signals.csv"};
+    char file[200];
+
+    for (size_t i = 0; i < 2; i++) {
+        snprintf(file, sizeof file, "%s/%s", directory, names[i]);
+        unlink(file);
+    }
+    rmdir(directory);
 }
 
 TEST(a_request_does_not_allocate)

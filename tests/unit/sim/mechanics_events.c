@@ -49,19 +49,6 @@ static void add_ball(struct bench *bench, size_t i, const char *name, int body)
     bench->pair[i] = (struct contact_pair){.a = 0, .b = (int)i + 1};
 }
 
-static void add_contact(struct bench *bench)
-{
-    bench->surface[0] = (struct contact_surface){
-        .name = "floor",
-        .body = -1,
-        .shape = CONTACT_HALF_SPACE,
-        .material = {.young_pa = 1e5, .thickness_m = 1e-3, .dissipation_s_per_m = 1.0},
-    };
-    mat3_identity(bench->surface[0].rotation);
-    add_ball(bench, 0, "right_shin", RIGHT_SHANK);
-    add_ball(bench, 1, "right_sole", TOY_RIGHT_FOOT);
-}
-
 /* Straight and upright with its feet on the floor, at rest. */
 static void bench_init(struct bench *bench, bool floating)
 {
@@ -85,7 +72,15 @@ static void bench_init(struct bench *bench, bool floating)
     bench->toy.joint[RIGHT_KNEE].sea.deflection = 0.14;
     bench->toy.joint[RIGHT_KNEE].sea.stop = (struct robot_stop){.stiffness = 8e3, .damping = 4.0};
 
-    add_contact(bench);
+    bench->surface[0] = (struct contact_surface){
+        .name = "floor",
+        .body = -1,
+        .shape = CONTACT_HALF_SPACE,
+        .material = {.young_pa = 1e5, .thickness_m = 1e-3, .dissipation_s_per_m = 1.0},
+    };
+    mat3_identity(bench->surface[0].rotation);
+    add_ball(bench, 0, "right_shin", RIGHT_SHANK);
+    add_ball(bench, 1, "right_sole", TOY_RIGHT_FOOT);
     bench->rig.robot = &bench->toy.robot;
     bench->rig.contact = (struct contact_config){.nbody = 2,
                                                  .nsurface = 3,

@@ -6,26 +6,6 @@
  */
 #include "tests/unit/sim/robot_requests_scene.h"
 
-static void take_answers(struct witness *w, int64_t tick)
-{
-    struct request_answer answer;
-
-    while (requests_answer(simulator_requests(w->simulator), &answer)) {
-        if (answer.verdict != REQUEST_OK) {
-            fail_msg("%s: %s", w->scene->rig, request_verdict_text(answer.verdict));
-        }
-        assert_int_equal((int64_t)answer.tick, tick);
-        if (w->scene->at > 0 && answer.ticket == 1) {
-            w->checkpoint = answer;
-        } else {
-            assert_true(w->scene->at == 0 || answer.state_hash == w->checkpoint.state_hash);
-            w->goes++;
-            w->pass = w->again;
-        }
-        w->asked = false;
-    }
-}
-
 static void step(void *context, int64_t time_ns)
 {
     struct witness *w = context;
@@ -45,7 +25,22 @@ static void step(void *context, int64_t time_ns)
         note(w, &unused); /* of the tick that was undone */
     }
     w->tick = tick;
-    take_answers(w, tick);
+    struct request_answer answer;
+
+    while (requests_answer(simulator_requests(w->simulator), &answer)) {
+        if (answer.verdict != REQUEST_OK) {
+            fail_msg("%s: %s", w->scene->rig, request_verdict_text(answer.verdict));
+        }
+        assert_int_equal((int64_t)answer.tick, tick);
+        if (w->scene->at > 0 && answer.ticket == 1) {
+            w->checkpoint = answer;
+        } else {
+            assert_true(w->scene->at == 0 || answer.state_hash == w->checkpoint.state_hash);
+            w->goes++;
+            w->pass = w->again;
+        }
+        w->asked = false;
+    }
     if (tick == (int64_t)w->scene->at - 1 && w->goes == 0) {
         w->asked = true;
         ask(w, REQUEST_CHECKPOINT, 1);

@@ -53,20 +53,6 @@ static struct robot *with_masses(const struct robot *robot, uint64_t *seed)
     return heavier;
 }
 
-/* Numbers that make the added inertias of implicit integration positive. */
-static void random_added(uint64_t *seed, double *extra, double *added)
-{
-    for (int j = 0; j < RANDOM_JOINTS; j++) {
-        extra[j] = random_in(seed, 0.0, 0.2);
-    }
-    for (int m = 0; m < 21 * BODIES; m++) {
-        int at = m % 21;
-        bool diagonal = at == 0 || at == 6 || at == 11 || at == 15 || at == 18 || at == 20;
-
-        added[m] = diagonal ? 1.0 : random_in(seed, -0.1, 0.1);
-    }
-}
-
 /* Everything that struct dynamics has, side by side. */
 struct answers {
     double forward[VELOCITIES], wrenches[VELOCITIES], implicit[VELOCITIES], inverse[VELOCITIES];
@@ -143,7 +129,17 @@ static void compare_module(const struct robot *robot, const struct dynamics_modu
             struct random_state x;
 
             random_state_make(&seed, robot, &x);
-            random_added(&seed, extra, added);
+
+            /* Numbers that make the added inertias of implicit integration positive */
+            for (int j = 0; j < RANDOM_JOINTS; j++) {
+                extra[j] = random_in(&seed, 0.0, 0.2);
+            }
+            for (int m = 0; m < 21 * BODIES; m++) {
+                int at = m % 21;
+                bool diagonal = at == 0 || at == 6 || at == 11 || at == 15 || at == 18 || at == 20;
+
+                added[m] = diagonal ? 1.0 : random_in(&seed, -0.1, 0.1);
+            }
             /* Some angles are beyond the fast reduction of sine and cosine */
             if (n % 10 == 0 && robot->joint[robot->njoint - 1].type == JOINT_REVOLUTE) {
                 x.q[robot->nq - 1] *= 1e7;

@@ -276,17 +276,6 @@ static void solve(size_t n, double A[VELOCITIES][VELOCITIES], double b[VELOCITIE
     }
 }
 
-/* Velocity of a body in its own frame, linear first, for the generalized velocity v. */
-static void body_velocity(const struct dynamics *g, const double *q, const double *v, size_t body,
-                          double out[6])
-{
-    struct body_motion motion[BODIES];
-
-    g->ops->kinematics(g, q, v, motion);
-    mat3_apply_transposed(motion[body].R, motion[body].v, out);
-    mat3_apply_transposed(motion[body].R, motion[body].w, out + 3);
-}
-
 /* Adds Jb^T A Jb of a body's 21 numbers to the mass matrix. */
 static void add_body_inertia(const struct dynamics *g, const double *q, size_t body,
                              const double *added, double mass[VELOCITIES][VELOCITIES])
@@ -298,7 +287,13 @@ static void add_body_inertia(const struct dynamics *g, const double *q, size_t b
         double v[VELOCITIES] = {0};
 
         v[i] = 1.0;
-        body_velocity(g, q, v, body, J[i]);
+
+        /* Velocity of a body in its own frame, linear first, for the generalized velocity v */
+        struct body_motion motion[BODIES];
+
+        g->ops->kinematics(g, q, v, motion);
+        mat3_apply_transposed(motion[body].R, motion[body].v, J[i]);
+        mat3_apply_transposed(motion[body].R, motion[body].w, J[i] + 3);
     }
     for (int row = 0; row < 6; row++) {
         for (int column = row; column < 6; column++) {
@@ -450,28 +445,6 @@ TEST_WITH(coman_stays_within_its_budget_of_operations, open_arena, close_arena)
     assert_int_equal(report.groups, 10);
 }
 
-/* A chain of turning joints, axes in turn, hanging from a floating base. */
-static void make_chain(uint64_t *seed, struct robot *robot, size_t length)
-{
-    struct error error;
-
-    robot->njoint = length;
-    robot->nbody = length + 1;
-    for (size_t b = 0; b < robot->nbody; b++) {
-        robot->body[b] = (struct robot_body){.name = "body", .parent = (int)b - 1};
-        random_inertia(seed, &robot->body[b].inertia);
-        if (b > 0) {
-            robot->joint[b - 1] = (struct robot_joint){.name = "joint",
-                                                       .lower = -9.0,
-                                                       .upper = 9.0,
-                                                       .origin = {0.0, 0.0, -0.2},
-                                                       .rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
-            robot->joint[b - 1].axis[b * 2 % 3] = 1.0;
-        }
-    }
-    assert_no_error(robot_finish(robot, &error), error.text);
-}
-
 enum { LONGEST = 120 };
 
 /* Forward dynamics of a robot of any length at one random state. */
@@ -517,7 +490,25 @@ TEST_WITH(operations_grow_linearly_with_the_chain, open_arena, close_arena)
         struct symbolic_report report;
         size_t size;
 
-        make_chain(&seed, &robot, (size_t)LONGEST / 4 << n);
+        /* A chain of turning joints, axes in turn, hanging from a floating base */
+        const size_t length = (size_t)LONGEST / 4 << n;
+        struct error error;
+
+        robot.njoint = length;
+        robot.nbody = length + 1;
+        for (size_t b = 0; b < robot.nbody; b++) {
+            robot.body[b] = (struct robot_body){.name = "body", .parent = (int)b - 1};
+            random_inertia(&seed, &robot.body[b].inertia);
+            if (b > 0) {
+                robot.joint[b - 1] = (struct robot_joint){.name = "joint",
+                                                          .lower = -9.0,
+                                                          .upper = 9.0,
+                                                          .origin = {0.0, 0.0, -0.2},
+                                                          .rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+                robot.joint[b - 1].axis[b * 2 % 3] = 1.0;
+            }
+        }
+        assert_no_error(robot_finish(&robot, &error), error.text);
         free(text_of(&robot, 4, &size, &report));
         operations[n] = report.count[DERIVE_FORWARD].operations;
         print_message("# chain of %zu joints: %zu operations\n", robot.njoint, operations[n]);
