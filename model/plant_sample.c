@@ -160,10 +160,9 @@ static void sample_motors(struct plant *plant)
     struct motor_sense *motor = plant->sensors.motor;
 
     for (size_t j = 0; j < robot->njoint; j++) {
-        double q = plant_joint_position(plant, plant->state, j);
-        double qd = plant_joint_rate(plant, plant->state, j);
-
-        motor[j] = (struct motor_sense){.q = q, .qd = qd, .qm = q, .qmd = qd};
+        motor[j].q = motor[j].qm = plant_joint_position(plant, plant->state, j);
+        motor[j].qd = motor[j].qmd = plant_joint_rate(plant, plant->state, j);
+        motor[j].torque_nm = 0.0;
     }
     for (size_t i = 0; i < plant->npassive; i++) {
         size_t j = plant->passive_joint[i];

@@ -54,11 +54,10 @@ struct watch {
 /* ---- joints and springs ---- */
 
 /* Tracks a joint past its limit, and emits one event per occurrence with the largest depth. */
-static void watch_joint_limit(struct watch *watch, int64_t now_ns, size_t j)
+static void watch_joint_limit(struct watch *watch, int64_t now_ns, size_t j, double q)
 {
     const struct robot_joint *joint = &watch->rig->robot->joint[j];
     struct watch_joint *seen = &watch->joint[j];
-    double q = plant_sensors(watch->plant)->motor[j].q;
     double above = q - joint->upper, below = joint->lower - q;
     double depth = above > below ? above : below;
 
@@ -99,10 +98,10 @@ static void watch_joint_limit(struct watch *watch, int64_t now_ns, size_t j)
 }
 
 /* Tracks a joint's series spring to its stop, and emits one event per occurrence. */
-static void watch_spring(struct watch *watch, int64_t now_ns, size_t j)
+static void watch_spring(struct watch *watch, int64_t now_ns, size_t j,
+                         const struct motor_sense *motor)
 {
     const struct robot_sea *sea = &watch->rig->robot->joint[j].sea;
-    const struct motor_sense *motor = &plant_sensors(watch->plant)->motor[j];
     double deflection = fabs(motor->qm - motor->q);
     struct watch_joint *seen = &watch->joint[j];
 
@@ -267,12 +266,13 @@ static void watch_fall(struct watch *watch, int64_t now_ns)
 void watch_step(struct watch *watch, int64_t now_ns)
 {
     const struct robot *robot = watch->rig->robot;
+    const struct motor_sense *motor = plant_sensors(watch->plant)->motor;
     size_t count;
 
     for (size_t j = 0; j < robot->njoint; j++) {
-        watch_joint_limit(watch, now_ns, j);
+        watch_joint_limit(watch, now_ns, j, motor[j].q);
         if (robot->joint[j].sea.present && robot->joint[j].sea.stop.stiffness > 0.0) {
-            watch_spring(watch, now_ns, j);
+            watch_spring(watch, now_ns, j, &motor[j]);
         }
     }
     if (watch->falls && plant_is_clamped(watch->plant)) {

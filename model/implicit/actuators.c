@@ -213,16 +213,16 @@ static bool joints_stay_within(const struct plant *plant, const double *a)
     const size_t njoint = plant->config.robot->njoint;
     const double *q = im->base + plant->at.v - njoint;
     const double *rate = im->base + plant->at.drive - njoint;
+    const double h = im->stage_h, *lower = im->lower, *upper = im->upper;
 
-    int outside = 0;
-
-    /* Checks all joints: vectorized, this is faster than an early exit, which is rare */
     for (size_t j = 0; j < njoint; j++) {
-        const double end = q[j] + im->stage_h * (a ? rate[j] + im->stage_h * a[j] : rate[j]);
+        const double end = q[j] + h * (a ? rate[j] + h * a[j] : rate[j]);
 
-        outside |= !(end >= im->lower[j]) | !(end <= im->upper[j]);
+        if (!(end >= lower[j] && end <= upper[j])) {
+            return false;
+        }
     }
-    return !outside;
+    return true;
 }
 
 /* Adds the end stops that the joints press at the stage to torque and extra. */

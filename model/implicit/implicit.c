@@ -291,7 +291,8 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->changed, plant->ndrive);
     TAKE(im->flows, plant->ndrive);
     TAKE(im->law, plant->ndrive);
-    TAKE(im->group, (plant->ndrive + DRIVE_LANES - 1) / DRIVE_LANES);
+    im->ngroup = (plant->ndrive + DRIVE_LANES - 1) / DRIVE_LANES;
+    TAKE(im->group, im->ngroup);
     TAKE(im->lane_bridge, plant->ndrive);
     TAKE(im->effects_sound, plant->has_effects ? plant->ndrive : 0);
     TAKE(im->effects_changed, plant->has_effects ? plant->ndrive : 0);
@@ -331,7 +332,11 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->ext, robot->nbody);
     TAKE(im->motion, robot->nbody);
 
-    /* Ranges of the joints, as arrays */
+    /* Drives of the groups; ranges of the joints, as arrays */
+    for (size_t d = 0; ok && d < DRIVE_LANES * im->ngroup; d++) {
+        im->group[d / DRIVE_LANES].drive[d % DRIVE_LANES] =
+            d < plant->ndrive ? d : plant->ndrive - 1;
+    }
     for (size_t j = 0; ok && j < robot->njoint; j++) {
         im->lower[j] = robot->joint[j].lower;
         im->upper[j] = robot->joint[j].upper;

@@ -15,20 +15,6 @@
 /* A bridge state that no drive has: its lane must be filled. */
 enum { BRIDGE_UNKNOWN = -1 };
 
-/* Returns the drive of a lane; unused lanes repeat the last drive. */
-static size_t lane_drive(const struct plant *plant, size_t group, int lane)
-{
-    const size_t d = DRIVE_LANES * group + (size_t)lane;
-
-    return d < plant->ndrive ? d : plant->ndrive - 1;
-}
-
-/* Returns the number of groups of drives. */
-static size_t count_groups(const struct plant *plant)
-{
-    return (plant->ndrive + DRIVE_LANES - 1) / DRIVE_LANES;
-}
-
 /* ---- constants of a step ---- */
 
 /* Fills a drive's lane: its parameters, its flows, and the inertia that it adds to the joint (the
@@ -74,9 +60,9 @@ void implicit_hold_lanes(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
 
-    for (size_t g = 0; g < count_groups(plant); g++) {
+    for (size_t g = 0; g < im->ngroup; g++) {
         struct drive_group *group = &im->group[g];
-        const size_t d[DRIVE_LANES] = {lane_drive(plant, g, 0), lane_drive(plant, g, 1)};
+        const size_t *d = group->drive;
         bool stale = false;
 
         group->V = (drive_lanes){plant->voltage[d[0]], plant->voltage[d[1]]};
@@ -149,10 +135,10 @@ void implicit_linearize_drives(struct plant *plant)
     struct implicit *im = plant->implicit;
     const drive_lanes h = {im->stage_h, im->stage_h};
 
-    for (size_t g = 0; g < count_groups(plant); g++) {
+    for (size_t g = 0; g < im->ngroup; g++) {
         struct drive_group *group = &im->group[g];
         const struct drive_lane_flow *flow = &group->flow[im->level][SPAN_STAGE];
-        const size_t d[DRIVE_LANES] = {lane_drive(plant, g, 0), lane_drive(plant, g, 1)};
+        const size_t *d = group->drive;
         const drive_lanes rate = take_lanes(plant, d, group), extra = group->extra[im->level];
         const struct lane_state end = advance_lanes(group, flow, rate);
         const drive_lanes torque =
@@ -179,10 +165,10 @@ void implicit_advance_drives(struct plant *plant, enum implicit_span span, const
 {
     struct implicit *im = plant->implicit;
 
-    for (size_t g = 0; g < count_groups(plant); g++) {
+    for (size_t g = 0; g < im->ngroup; g++) {
         const struct drive_group *group = &im->group[g];
         const struct drive_lane_flow *flow = &group->flow[im->level][span];
-        const size_t d[DRIVE_LANES] = {lane_drive(plant, g, 0), lane_drive(plant, g, 1)};
+        const size_t *d = group->drive;
         const drive_lanes rate = {rates[plant->drive_joint[d[0]]], rates[plant->drive_joint[d[1]]]};
         const struct lane_state end = advance_lanes(group, flow, rate);
         const drive_lanes_mask is_free =

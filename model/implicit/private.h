@@ -73,6 +73,8 @@ struct drive_lane_flow {
 
 /* The drives of one register: model/implicit/lanes.c. */
 struct drive_group {
+    size_t drive[DRIVE_LANES]; /* unused lanes repeat the last drive */
+
     /* Constant over a step */
     drive_lanes V, Ks, Ds;
     drive_lanes
@@ -123,14 +125,15 @@ struct implicit {
     /* The same three, for drives of a robot with effects */
     struct implicit_effects *effects_sound, *effects_changed;
     const struct implicit_effects **effects;
-    struct drive_group *group; /* groups of DRIVE_LANES drives each */
-    signed char *lane_bridge;  /* of each drive: bridge state for which its lane was filled */
-    double *extra, *torque;    /* by joint */
-    struct stop_step *stop;    /* by joint */
-    bool stops_rest;           /* all of stop are 0 */
-    bool stops_acted;          /* some stop acted in the first stage, with stop_torque */
-    double *stop_torque;       /* by joint, weighted for the second stage */
-    double *lower, *upper;     /* by joint: its range */
+    struct drive_group *group; /* ngroup groups of DRIVE_LANES drives each */
+    size_t ngroup;
+    signed char *lane_bridge; /* of each drive: bridge state for which its lane was filled */
+    double *extra, *torque;   /* by joint */
+    struct stop_step *stop;   /* by joint */
+    bool stops_rest;          /* all of stop are 0 */
+    bool stops_acted;         /* some stop acted in the first stage, with stop_torque */
+    double *stop_torque;      /* by joint, weighted for the second stage */
+    double *lower, *upper;    /* by joint: its range */
 
     /* By joint coupling */
     /* reciprocal of h (D + h K), and the force for a = 0 times the reciprocal */
