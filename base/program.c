@@ -8,8 +8,12 @@
 
 #include <stdbool.h>
 #include <string.h>
+#include <sys/resource.h>
 
 enum { NAMES_MAX = 64, SUMMARY_COLUMN = 14 };
+
+/* Stack that every command and its threads can rely on: the loop touches 256 KiB in advance. */
+enum { STACK_LEAST = 512 * 1024 };
 
 const struct program_command *program_find(const struct program *program, const char *name)
 {
@@ -64,6 +68,7 @@ int program_refuse(const struct program *program, const char *name, const char *
 int program_main(const struct program *program, int argc, char **argv)
 {
     const struct program_command *command;
+    struct rlimit stack;
     bool help;
 
     if (argc < 2) {
@@ -79,6 +84,13 @@ int program_main(const struct program *program, int argc, char **argv)
     }
     help = !strcmp(argv[1], "--help") || !strcmp(argv[1], "-h");
     command = program_find(program, help ? "help" : argv[1]);
+    if (command && !getrlimit(RLIMIT_STACK, &stack) && stack.rlim_cur < STACK_LEAST) {
+        fprintf(stderr,
+                "%s: found a stack limit of %llu KiB (RLIMIT_STACK), expected at least %d KiB: "
+                "raise it with \"ulimit -s 8192\"\n",
+                program->name, (unsigned long long)stack.rlim_cur / 1024, STACK_LEAST / 1024);
+        return STATUS_SYSTEM;
+    }
     if (command) {
         return options_flush_output(command->run(argc - 1, argv + 1));
     }
