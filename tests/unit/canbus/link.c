@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Answers of the kernel about an interface, right and wrong. */
+#include "base/array.h"
 #include "canbus/link.h"
 #include "tests/test.h"
 
@@ -130,7 +131,7 @@ TEST(only_controllers_have_the_attributes_of_one)
 
 TEST(long_kinds_and_unknown_states_stay_in_bounds)
 {
-    const uint32_t unknown = 99;
+    const uint32_t unknown = 99, stopped = CAN_STATE_SLEEPING, beyond = CAN_STATE_MAX;
     struct answer answer;
     struct link_info info;
     size_t nested, data;
@@ -146,27 +147,48 @@ TEST(long_kinds_and_unknown_states_stay_in_bounds)
     data = put(&answer, IFLA_INFO_DATA, NULL, 0);
     put(&answer, IFLA_CAN_STATE, &unknown, sizeof unknown);
     put(&answer, IFLA_CAN_RESTART_MS, &unknown, 2); /* too short */
+    put(&answer, IFLA_CAN_BERR_COUNTER, &unknown, 3);
+    put(&answer, IFLA_CAN_STATE, &stopped, sizeof stopped);
+    put(&answer, IFLA_CAN_STATE, &beyond, sizeof beyond);
     end_nested(&answer, data);
+    put(&answer, IFLA_INFO_KIND, "", 0); /* changes nothing */
     end_nested(&answer, nested);
+    put(&answer, IFLA_MTU, &unknown, 3);
     assert_int_equal(link_parse(answer.bytes, answer.size, &info), 0);
-    assert_int_equal(info.controller.state, CAN_STATE_ERROR_ACTIVE);
+    assert_int_equal(info.controller.state, CAN_STATE_SLEEPING);
     assert_int_equal(info.controller.restart_ms, 0);
+    assert_false(info.controller.counts);
+    assert_int_equal(info.controller.errors.txerr, 0);
+    assert_int_equal(info.mtu, 0);
+    assert_string_equal(info.kind, "can");
 }
 
 TEST(an_error_of_the_kernel_is_its_number)
 {
-    const struct nlmsgerr refused = {.error = -ENODEV}, nonsense = {.error = 1};
+    /* Numbers of errors are negative, and no error is one too */
+    static const struct {
+        int error, result;
+    } cases[] = {{-ENODEV, ENODEV},
+                 {-1, 1},
+                 {-INT16_MAX, INT16_MAX},
+                 {0, EPROTO},
+                 {1, EPROTO},
+                 {-INT16_MAX - 1, EPROTO},
+                 {INT32_MIN, EPROTO},
+                 {INT32_MAX, EPROTO}};
     struct answer answer;
     struct link_info info;
 
-    begin(&answer, 0);
-    header_of(&answer)->nlmsg_type = NLMSG_ERROR;
-    header_of(&answer)->nlmsg_len = NLMSG_LENGTH(sizeof refused);
-    memcpy(answer.bytes + NLMSG_HDRLEN, &refused, sizeof refused);
-    assert_int_equal(link_parse(answer.bytes, sizeof answer.bytes, &info), ENODEV);
-    memcpy(answer.bytes + NLMSG_HDRLEN, &nonsense, sizeof nonsense);
-    assert_int_equal(link_parse(answer.bytes, sizeof answer.bytes, &info), EPROTO);
-    header_of(&answer)->nlmsg_len = NLMSG_LENGTH(sizeof refused) - 1;
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
+        const struct nlmsgerr failure = {.error = cases[i].error};
+
+        begin(&answer, 0);
+        header_of(&answer)->nlmsg_type = NLMSG_ERROR;
+        header_of(&answer)->nlmsg_len = NLMSG_LENGTH(sizeof failure);
+        memcpy(answer.bytes + NLMSG_HDRLEN, &failure, sizeof failure);
+        assert_int_equal(link_parse(answer.bytes, sizeof answer.bytes, &info), cases[i].result);
+    }
+    header_of(&answer)->nlmsg_len = NLMSG_LENGTH(sizeof(struct nlmsgerr)) - 1;
     assert_int_equal(link_parse(answer.bytes, sizeof answer.bytes, &info), EPROTO);
 }
 

@@ -21,6 +21,7 @@ struct bench {
     int64_t deadline[BENCH_SLEEPS]; /* asked of sleep_until */
     size_t sleeps;
     size_t waits;      /* of wait_readable */
+    size_t woken;      /* waits that a descriptor ended */
     int64_t wake_late; /* of every sleep */
     size_t late_sleep; /* this sleep (from 0) wakes late_by late instead */
     int64_t late_by;
@@ -79,6 +80,7 @@ static inline void bench_wait_readable(struct clock *clock, struct pollfd *fds, 
     if (bench->on_wait) {
         bench->on_wait(bench);
     }
+    bench->woken += poll(fds, count, 0) > 0;
 }
 
 static inline void bench_call(struct bench *bench, char letter, enum loop_phase phase)

@@ -46,6 +46,45 @@ TEST(the_grid_begins_anew_at_resume)
     requested_destroy(bench);
 }
 
+/* A request that comes while the loop sleeps ends the sleep, once; one that comes in a tick does
+ * not end a later sleep. */
+TEST(a_request_wakes_a_loop_that_sleeps)
+{
+    struct bench *bench = requested_create(LOOP_CLOCK_REAL, 100);
+
+    sb.paused_at = 40;
+    sb.waits_left = 5;
+    sb.on_paused = go_on;
+    assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
+    assert_int_equal(sb.waits, 6);
+    assert_int_equal(bench->woken, 1);
+    requested_destroy(bench);
+}
+
+static void ask_69(struct request_bench *unused)
+{
+    (void)unused;
+    if (sb.tickets < 69) {
+        ask(REQUEST_FAULT, 1, 0, 0.0);
+    }
+}
+
+/* The ring of answers has room for 64. The others wait, and are carried out when it has again. */
+TEST(requests_wait_until_their_answers_have_room)
+{
+    struct bench *bench = requested_create(LOOP_CLOCK_FREE, 100);
+    struct request_answer unread;
+
+    sb.each_tick = ask_69;
+    bench_run(bench);
+    assert_int_equal(sb.faults, 64);
+    for (uint64_t ticket = 1; ticket <= 64; ticket++) {
+        answer(ticket, REQUEST_OK);
+    }
+    assert_false(requests_answer(sb.requests, &unread));
+    requested_destroy(bench);
+}
+
 static void stop_it(struct request_bench *unused)
 {
     (void)unused;
