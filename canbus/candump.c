@@ -1,11 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Reads and writes the log format of `candump -L`, and reads its printed format. Writes without
- * printf, so that the loop may write lines. Parses strictly. */
+ * printf, so that the loop may write lines. */
 #include "canbus/candump.h"
 
 #include "base/input_file.h"
 
+#include <ctype.h>
 #include <errno.h>
+#include <inttypes.h>
+#include <stdlib.h>
 #include <string.h>
 
 #define ID_ERROR_FLAG 0x20000000u /* marks the 8-digit identifier of an error frame */
@@ -15,7 +18,6 @@ enum {
     SECONDS_DIGITS = 10,
     FD_FLAG_BRS = 1, /* bits of the digit behind ## */
     FD_FLAG_ESI = 2,
-    FD_FLAG_FDF = 4, /* "this is FD", set by kernels from 6.1 on; redundant */
 };
 
 /* Writes a decimal number with at least `digits` digits, padded with leading zeros. */
@@ -112,151 +114,10 @@ static bool candump_reject(struct candump_cursor *cursor, size_t at, const char 
     return false;
 }
 
-static bool candump_next_is(const struct candump_cursor *cursor, char wanted)
+/* Returns the next character without consuming it; '\0' at the end of the line. */
+static char candump_next_char(const struct candump_cursor *cursor)
 {
-    return cursor->at < cursor->size && cursor->text[cursor->at] == wanted;
-}
-
-/* Consumes the given character, or rejects another one. */
-static bool candump_expect(struct candump_cursor *cursor, char wanted, const char *expected)
-{
-    if (!candump_next_is(cursor, wanted)) {
-        return candump_reject(cursor, cursor->at, expected);
-    }
-    cursor->at++;
-    return true;
-}
-
-static bool candump_is_digit(char c)
-{
-    return c >= '0' && c <= '9';
-}
-
-/* Returns the value of the next hexadecimal digit without consuming it, or -1. */
-static int candump_next_hex(const struct candump_cursor *cursor)
-{
-    return cursor->at < cursor->size ? hex_value(cursor->text[cursor->at]) : -1;
-}
-
-static void candump_skip_spaces(struct candump_cursor *cursor)
-{
-    while (candump_next_is(cursor, ' ')) {
-        cursor->at++;
-    }
-}
-
-/* Parses the time, "(seconds.microseconds) ", into nanoseconds. */
-static bool candump_parse_time(struct candump_cursor *cursor, int64_t *time_ns)
-{
-    const int64_t max_seconds = INT64_MAX / 1000000000 - 1;
-    const size_t start = cursor->at + 1;
-    int64_t seconds = 0, us = 0;
-
-    /* Seconds, as many digits as there are */
-    if (!candump_expect(cursor, '(', "'(' before the time")) {
-        return false;
-    }
-    while (cursor->at < cursor->size && candump_is_digit(cursor->text[cursor->at])) {
-        seconds = seconds * 10 + (cursor->text[cursor->at] - '0');
-        if (seconds > max_seconds) {
-            return candump_reject(cursor, start, "a time of less than 292 years");
-        }
-        cursor->at++;
-    }
-    if (cursor->at == start) {
-        return candump_reject(cursor, cursor->at, "the seconds of the time");
-    }
-
-    /* Microseconds, six digits */
-    if (!candump_expect(cursor, '.', "'.' between seconds and microseconds")) {
-        return false;
-    }
-    for (int i = 0; i < 6; i++, cursor->at++) {
-        if (cursor->at >= cursor->size || !candump_is_digit(cursor->text[cursor->at])) {
-            return candump_reject(cursor, cursor->at, "six digits of microseconds");
-        }
-        us = us * 10 + (cursor->text[cursor->at] - '0');
-    }
-    *time_ns = seconds * 1000000000 + us * 1000;
-    return candump_expect(cursor, ')', "')' after six digits of microseconds") &&
-           candump_expect(cursor, ' ', "a space after the time");
-}
-
-/* Parses the interface name, "name ". candump right-aligns the names of several interfaces, so
- * more spaces may come before. */
-static bool candump_parse_name(struct candump_cursor *cursor, char bus[16])
-{
-    size_t length = 0;
-
-    candump_skip_spaces(cursor);
-    while (cursor->at < cursor->size && cursor->text[cursor->at] > ' ' &&
-           cursor->text[cursor->at] < 0x7F) {
-        if (length == NAME_MAX_LENGTH) {
-            return candump_reject(cursor, cursor->at, "an interface name of at most 15 characters");
-        }
-        bus[length++] = cursor->text[cursor->at++];
-    }
-    bus[length] = '\0';
-    if (!length) {
-        return candump_reject(cursor, cursor->at, "the name of the interface");
-    }
-    return candump_expect(cursor, ' ', "a space after the name of the interface");
-}
-
-/* Parses the identifier: "123", "12345678" and, for error frames, "2000xxxx". */
-static bool candump_parse_id(struct candump_cursor *cursor, struct bus_frame *frame)
-{
-    const size_t start = cursor->at;
-    uint32_t id = 0;
-    size_t digits;
-    int value;
-
-    /* The number of digits distinguishes standard from extended identifiers */
-    while ((value = candump_next_hex(cursor)) >= 0 && cursor->at - start < 8) {
-        id = id << 4 | (uint32_t)value;
-        cursor->at++;
-    }
-    digits = cursor->at - start;
-    if (digits != 3 && digits != 8) {
-        return candump_reject(cursor, cursor->at, "an identifier of 3 or 8 hexadecimal digits");
-    }
-
-    /* Checks the range; a flag bit in an identifier of 8 digits marks an error frame */
-    if (digits == 3) {
-        if (id > 0x7FF) {
-            return candump_reject(cursor, start, "a standard identifier of at most 7FF");
-        }
-    } else if (id & ID_ERROR_FLAG) {
-        frame->flags = FRAME_ERROR;
-        id &= ~ID_ERROR_FLAG;
-    } else {
-        frame->flags = FRAME_EXTENDED;
-    }
-    if (id > 0x1FFFFFFF) {
-        return candump_reject(cursor, start,
-                              "an extended identifier of at most 1FFFFFFF, or 2xxxxxxx for errors");
-    }
-    frame->id = id;
-    return true;
-}
-
-/* Parses a data byte of two hexadecimal digits, if there is one. */
-static bool candump_parse_byte(struct candump_cursor *cursor, struct bus_frame *frame)
-{
-    const int high = candump_next_hex(cursor);
-    int low;
-
-    if (high < 0) {
-        return true;
-    }
-    cursor->at++;
-    low = candump_next_hex(cursor);
-    if (low < 0) {
-        return candump_reject(cursor, cursor->at, "the second hexadecimal digit of a byte");
-    }
-    cursor->at++;
-    frame->data[frame->len++] = (uint8_t)(high << 4 | low);
-    return true;
+    return cursor->at < cursor->size ? cursor->text[cursor->at] : '\0';
 }
 
 /* Consumes a word if it stands next. */
@@ -271,107 +132,150 @@ static bool candump_take(struct candump_cursor *cursor, const char *word)
     return true;
 }
 
-/* Parses the printed format behind an identifier: "[4]  DE AD BE EF", with two digits of an FD
- * frame; "[4]  remote request"; and "ERRORFRAME" behind an error frame's data. */
-static bool candump_parse_printed(struct candump_cursor *cursor, struct bus_frame *frame)
+/* Consumes the given word, or rejects another one. */
+static bool candump_expect(struct candump_cursor *cursor, const char *word, const char *expected)
 {
-    size_t digits = 0, length = 0;
+    return candump_take(cursor, word) || candump_reject(cursor, cursor->at, expected);
+}
 
-    /* The length */
-    candump_skip_spaces(cursor);
-    if (!candump_expect(cursor, '[', "'[' before the length")) {
+static void candump_skip_spaces(struct candump_cursor *cursor)
+{
+    while (candump_next_char(cursor) == ' ') {
+        cursor->at++;
+    }
+}
+
+/* Consumes a decimal number of at most `most` digits. Returns the number of its digits. */
+static size_t candump_take_decimal(struct candump_cursor *cursor, size_t most, int64_t *value)
+{
+    const size_t start = cursor->at;
+
+    *value = 0;
+    while (cursor->at - start < most && isdigit((unsigned char)candump_next_char(cursor))) {
+        *value = *value * 10 + (cursor->text[cursor->at++] - '0');
+    }
+    return cursor->at - start;
+}
+
+/* Parses the time, "(seconds.fraction)", into nanoseconds. Tools write six or nine digits. */
+static bool candump_parse_time(struct candump_cursor *cursor, int64_t *time_ns)
+{
+    int64_t seconds, ns;
+    size_t digits;
+
+    if (!candump_expect(cursor, "(", "'(' before the time")) {
         return false;
     }
-    for (; cursor->at < cursor->size && candump_is_digit(cursor->text[cursor->at]) && digits < 2;
-         cursor->at++, digits++) {
-        length = 10 * length + (size_t)(cursor->text[cursor->at] - '0');
+    if (!candump_take_decimal(cursor, 18, &seconds)) {
+        return candump_reject(cursor, cursor->at, "the seconds of the time");
     }
+    if (seconds >= INT64_MAX / 1000000000) {
+        return candump_reject(cursor, cursor->at, "a time of less than 292 years");
+    }
+    if (!candump_expect(cursor, ".", "'.' between seconds and their fraction")) {
+        return false;
+    }
+    digits = candump_take_decimal(cursor, 9, &ns);
+    if (!digits) {
+        return candump_reject(cursor, cursor->at, "one to nine digits of a second's fraction");
+    }
+    for (; digits < 9; digits++) {
+        ns *= 10;
+    }
+    *time_ns = seconds * 1000000000 + ns;
+    return candump_expect(cursor, ")", "')' after at most nine digits of the fraction");
+}
+
+/* Parses the interface name. candump right-aligns the names of several interfaces with spaces. */
+static bool candump_parse_name(struct candump_cursor *cursor, char bus[16])
+{
+    size_t length = 0;
+
+    candump_skip_spaces(cursor);
+    while (isgraph((unsigned char)candump_next_char(cursor))) {
+        if (length == NAME_MAX_LENGTH) {
+            return candump_reject(cursor, cursor->at, "an interface name of at most 15 characters");
+        }
+        bus[length++] = cursor->text[cursor->at++];
+    }
+    bus[length] = '\0';
+    return length ? candump_expect(cursor, " ", "a space after the name of the interface")
+                  : candump_reject(cursor, cursor->at, "the name of the interface");
+}
+
+/* Parses the identifier: "123", "12345678" and, for error frames, "2000xxxx". */
+static bool candump_parse_id(struct candump_cursor *cursor, struct bus_frame *frame)
+{
+    const char *text = cursor->text + cursor->at;
+    const size_t start = cursor->at;
+
+    /* The number of digits distinguishes standard from extended identifiers */
+    while (cursor->at - start < 8 && hex_value(candump_next_char(cursor)) >= 0) {
+        cursor->at++;
+    }
+    if (cursor->at - start != 3 && cursor->at - start != 8) {
+        return candump_reject(cursor, cursor->at, "an identifier of 3 or 8 hexadecimal digits");
+    }
+    hex_read(text, cursor->at - start, &frame->id);
+
+    /* Checks the range; a flag bit in an identifier of 8 digits marks an error frame */
+    if (cursor->at - start == 3) {
+        return frame->id <= 0x7FF ||
+               candump_reject(cursor, start, "a standard identifier of at most 7FF");
+    }
+    frame->flags = frame->id & ID_ERROR_FLAG ? FRAME_ERROR : FRAME_EXTENDED;
+    frame->id &= ~ID_ERROR_FLAG;
+    return frame->id <= 0x1FFFFFFF ||
+           candump_reject(cursor, start,
+                          "an extended identifier of at most 1FFFFFFF, or 2xxxxxxx for errors");
+}
+
+/* Parses a data byte of two hexadecimal digits, the first of which stands next. */
+static bool candump_parse_byte(struct candump_cursor *cursor, struct bus_frame *frame)
+{
+    const int high = hex_value(candump_next_char(cursor));
+    int low;
+
+    cursor->at++;
+    low = hex_value(candump_next_char(cursor));
+    if (low < 0) {
+        return candump_reject(cursor, cursor->at, "the second hexadecimal digit of a byte");
+    }
+    cursor->at++;
+    frame->data[frame->len++] = (uint8_t)(high << 4 | low);
+    return true;
+}
+
+/* Parses the printed format behind an identifier: "[4]  DE AD BE EF", with two digits of an FD
+ * frame; "[4]  remote request". */
+static bool candump_parse_printed(struct candump_cursor *cursor, struct bus_frame *frame)
+{
+    int64_t length;
+    size_t digits;
+
+    candump_skip_spaces(cursor);
+    if (!candump_expect(cursor, "[", "'#' or a '[' before the length after the identifier")) {
+        return false;
+    }
+    digits = candump_take_decimal(cursor, 2, &length);
     if (digits == 0 || length > (digits == 2 ? 64 : 8)) {
         return candump_reject(cursor, cursor->at, "a length of 0 to 8, or 00 to 64");
     }
-    frame->flags |= digits == 2 ? FRAME_FD : 0;
-    if (!candump_expect(cursor, ']', "']' after the length")) {
+    if (!candump_expect(cursor, "]", "']' after the length")) {
         return false;
     }
-
-    /* The data */
     candump_skip_spaces(cursor);
     if (candump_take(cursor, "remote request")) {
         frame->flags |= FRAME_REMOTE;
         frame->len = (uint8_t)length;
         return true;
     }
-    for (size_t i = 0; i < length; i++) {
-        const size_t before = frame->len;
-
+    frame->flags |= digits == 2 ? FRAME_FD : 0;
+    while (frame->len < length) {
         candump_skip_spaces(cursor);
-        if (!candump_parse_byte(cursor, frame)) {
-            return false;
-        }
-        if (frame->len == before) {
+        if (hex_value(candump_next_char(cursor)) < 0) {
             return candump_reject(cursor, cursor->at, "as many bytes as the length says");
         }
-    }
-    candump_skip_spaces(cursor);
-    if ((frame->flags & FRAME_ERROR) && candump_take(cursor, "ERRORFRAME")) {
-        candump_skip_spaces(cursor);
-    }
-    return true;
-}
-
-/* Parses the text behind "R" of a remote frame: nothing, or the requested length. */
-static bool candump_parse_remote(struct candump_cursor *cursor, struct bus_frame *frame)
-{
-    int len;
-
-    if (frame->flags & FRAME_ERROR) {
-        return candump_reject(cursor, cursor->at, "data: an error frame is no remote frame");
-    }
-    cursor->at++;
-    frame->flags |= FRAME_REMOTE;
-    if (cursor->at == cursor->size) {
-        return true;
-    }
-    len = candump_next_hex(cursor);
-    if (len < 0 || len > 8) {
-        return candump_reject(cursor, cursor->at, "the length of the remote frame, 0 to 8");
-    }
-    frame->len = (uint8_t)len;
-    cursor->at++;
-    return true;
-}
-
-/* Parses the flags of a CAN FD frame: the digit behind "##". */
-static bool candump_parse_fd_flags(struct candump_cursor *cursor, struct bus_frame *frame)
-{
-    int flags;
-
-    if (frame->flags & FRAME_ERROR) {
-        return candump_reject(cursor, cursor->at, "data: an error frame is no FD frame");
-    }
-    cursor->at++;
-    flags = candump_next_hex(cursor);
-    if (flags < 0 || flags > (FD_FLAG_BRS | FD_FLAG_ESI | FD_FLAG_FDF)) {
-        return candump_reject(cursor, cursor->at, "the flags of the FD frame, 0 to 7");
-    }
-    frame->flags |= FRAME_FD;
-    frame->flags |= (flags & FD_FLAG_BRS) ? FRAME_BRS : 0;
-    frame->flags |= (flags & FD_FLAG_ESI) ? FRAME_ESI : 0;
-    cursor->at++;
-    return true;
-}
-
-/* Parses the data bytes up to the first character that is no digit. */
-static bool candump_parse_data(struct candump_cursor *cursor, struct bus_frame *frame)
-{
-    const size_t max = (frame->flags & FRAME_FD) ? 64 : 8;
-
-    while (candump_next_hex(cursor) >= 0) {
-        if (frame->len == max) {
-            return candump_reject(cursor, cursor->at,
-                                  max == 8 ? "at most 8 bytes of data"
-                                           : "at most 64 bytes of data");
-        }
         if (!candump_parse_byte(cursor, frame)) {
             return false;
         }
@@ -379,70 +283,101 @@ static bool candump_parse_data(struct candump_cursor *cursor, struct bus_frame *
     return true;
 }
 
-/* Checks that the line ends and that the frame's length is legal. */
-static bool candump_parse_end(struct candump_cursor *cursor, const struct bus_frame *frame)
+/* Parses the text behind "ID#": data, "R" and a length of a remote frame, or "#" and the flags and
+ * data of a CAN FD frame. Bytes may have '.' between them. */
+static bool candump_parse_data(struct candump_cursor *cursor, struct bus_frame *frame)
 {
-    if (cursor->at != cursor->size) {
-        return candump_reject(cursor, cursor->at, "hexadecimal data or the end of the line");
+    size_t most = 8;
+
+    if (candump_take(cursor, "R") || candump_take(cursor, "r")) {
+        const int length = hex_value(candump_next_char(cursor));
+
+        frame->flags |= FRAME_REMOTE;
+        if (frame->flags & FRAME_ERROR || length > 8) {
+            return candump_reject(cursor, cursor->at, "a remote frame of 0 to 8 bytes");
+        }
+        frame->len = length < 0 ? 0 : (uint8_t)length;
+        cursor->at += length >= 0;
+        return true;
     }
-    if (!frame_valid(frame)) {
-        return candump_reject(cursor, cursor->at,
-                              "more data: FD has 0-8, 12, 16, 20, 24, 32, 48 or 64 bytes");
+    if (candump_take(cursor, "#")) {
+        const int flags = hex_value(candump_next_char(cursor));
+
+        if (frame->flags & FRAME_ERROR || flags < 0) {
+            return candump_reject(cursor, cursor->at, "the flags of an FD frame, one digit");
+        }
+        frame->flags |= FRAME_FD | (flags & FD_FLAG_BRS ? FRAME_BRS : 0) |
+                        (flags & FD_FLAG_ESI ? FRAME_ESI : 0);
+        cursor->at++;
+        most = 64;
+    }
+    while (hex_value(candump_next_char(cursor)) >= 0 ||
+           (frame->len > 0 && candump_take(cursor, "."))) {
+        if (frame->len == most) {
+            return candump_reject(cursor, cursor->at,
+                                  most == 8 ? "at most 8 bytes of data"
+                                            : "at most 64 bytes of data");
+        }
+        if (hex_value(candump_next_char(cursor)) >= 0 && !candump_parse_byte(cursor, frame)) {
+            return false;
+        }
+    }
+    /* A length code above 8, "_9" to "_F", means 8 bytes too */
+    if (frame->len == 8 && most == 8 && candump_take(cursor, "_")) {
+        cursor->at += hex_value(candump_next_char(cursor)) > 8;
     }
     return true;
 }
 
-/* Parses a frame from its identifier to the end of the line. */
-static bool candump_parse_frame(struct candump_cursor *cursor, struct bus_frame *frame)
+/* Consumes what `candump -x` prints before the identifier: "RX" or "TX", then 'B' and 'E' of an FD
+ * frame, or '-'. */
+static void candump_take_direction(struct candump_cursor *cursor, uint8_t *flags)
 {
-    if (!candump_parse_id(cursor, frame) ||
-        !candump_expect(cursor, '#', "'#' after the identifier")) {
-        return false;
+    candump_skip_spaces(cursor);
+    if (!candump_take(cursor, "RX ") && !candump_take(cursor, "TX ")) {
+        return;
     }
-    if (candump_next_is(cursor, 'R') || candump_next_is(cursor, 'r')) {
-        if (!candump_parse_remote(cursor, frame)) {
-            return false;
-        }
-    } else {
-        if (candump_next_is(cursor, '#') && !candump_parse_fd_flags(cursor, frame)) {
-            return false;
-        }
-        if (!candump_parse_data(cursor, frame)) {
-            return false;
-        }
-    }
-    /* Direction from "candump -x": sent or received */
-    if (!candump_take(cursor, " T")) {
-        candump_take(cursor, " R");
-    }
-    return candump_parse_end(cursor, frame);
+    candump_skip_spaces(cursor);
+    *flags |= candump_take(cursor, "B ") ? FRAME_BRS : 0;
+    candump_take(cursor, "- ");
+    candump_skip_spaces(cursor);
+    *flags |= candump_take(cursor, "E ") ? FRAME_ESI : 0;
+    candump_take(cursor, "- ");
+    candump_skip_spaces(cursor);
 }
 
-/* Parses a whole line, with or without its newline. On false, the cursor has the error. */
+/* Parses a whole line, with or without its newline. On false, the cursor has the error. What
+ * stands behind a frame and a space is skipped: the direction from `candump -x`, ERRORFRAME, the
+ * data as text. */
 static bool candump_parse_line(struct candump_cursor *cursor, struct bus_frame *frame, char bus[16])
 {
-    if (cursor->size && cursor->text[cursor->size - 1] == '\n') {
-        cursor->size--;
-    }
-    if (cursor->size && cursor->text[cursor->size - 1] == '\r') {
+    uint8_t rates = 0;
+
+    while (cursor->size &&
+           (cursor->text[cursor->size - 1] == '\n' || cursor->text[cursor->size - 1] == '\r')) {
         cursor->size--;
     }
     memset(frame, 0, sizeof *frame);
     bus[0] = '\0';
-
-    /* Printed lines begin with spaces. The length stands in brackets behind the name, which may
-     * contain a bracket too */
     candump_skip_spaces(cursor);
     if (!candump_parse_time(cursor, &frame->time_ns) || !candump_parse_name(cursor, bus)) {
         return false;
     }
-    if (memchr(cursor->text + cursor->at, '[', cursor->size - cursor->at)) {
-        candump_skip_spaces(cursor);
-        return candump_parse_id(cursor, frame) && candump_parse_printed(cursor, frame) &&
-               candump_parse_end(cursor, frame);
+    candump_take_direction(cursor, &rates);
+    if (!candump_parse_id(cursor, frame) ||
+        !(candump_take(cursor, "#") ? candump_parse_data(cursor, frame)
+                                    : candump_parse_printed(cursor, frame))) {
+        return false;
     }
-    return cursor->text[0] == ' ' ? candump_reject(cursor, 0, "'(' before the time")
-                                  : candump_parse_frame(cursor, frame);
+    if (cursor->at < cursor->size && !isspace((unsigned char)cursor->text[cursor->at])) {
+        return candump_reject(cursor, cursor->at, "hexadecimal data or the end of the line");
+    }
+    /* Fill up an FD frame to the next length that it can have, as can-utils do */
+    if (frame->flags & FRAME_FD) {
+        frame->flags |= rates;
+        frame->len = frame_fd_length(frame->len);
+    }
+    return true;
 }
 
 enum error_code candump_parse(const char *line, size_t size, struct bus_frame *frame, char bus[16],
@@ -463,17 +398,17 @@ enum error_code candump_open(struct candump_reader *reader, const char *path, st
 }
 
 /* Reads the next line; returns its size with the newline, 0 at the end of the file, and
- * CANDUMP_LINE_MAX + 1 if the line is longer than the buffer. */
+ * CANDUMP_LINE_MAX + 1 if the line is longer than the buffer, which then has its beginning. */
 static size_t candump_read_line(FILE *file, char line[CANDUMP_LINE_MAX])
 {
     size_t size = 0;
     int c;
 
     while ((c = getc(file)) != EOF) {
-        if (size == CANDUMP_LINE_MAX) {
-            return CANDUMP_LINE_MAX + 1;
+        if (size < CANDUMP_LINE_MAX) {
+            line[size] = (char)c;
         }
-        line[size++] = (char)c;
+        size += size <= CANDUMP_LINE_MAX;
         if (c == '\n') {
             break;
         }
@@ -481,21 +416,40 @@ static size_t candump_read_line(FILE *file, char line[CANDUMP_LINE_MAX])
     return size;
 }
 
+/* Counts a line without a frame, such as a comment, and what it says of lost frames. */
+static void candump_skip_line(struct candump_reader *reader, const char *line, size_t size)
+{
+    static const char lost[] = "DROPCOUNT: dropped ";
+
+    reader->skipped_line = reader->skipped++ ? reader->skipped_line : reader->line;
+    if (size > sizeof lost && !memcmp(line, lost, sizeof lost - 1)) {
+        reader->lost += strtoull(line + sizeof lost - 1, NULL, 10);
+    }
+}
+
 enum error_code candump_next(struct candump_reader *reader, struct bus_frame *frame, char bus[16],
                              bool *end, struct error *error)
 {
-    char line[CANDUMP_LINE_MAX];
-    struct candump_cursor cursor = {.text = line, .size = candump_read_line(reader->file, line)};
+    char line[CANDUMP_LINE_MAX + 1];
+    struct candump_cursor cursor;
 
-    *end = false;
-    if (ferror(reader->file)) {
-        return error_set_errno(error, errno, "cannot read the log %s", reader->path);
+    for (;;) {
+        cursor = (struct candump_cursor){.text = line};
+        cursor.size = candump_read_line(reader->file, line);
+        *end = !cursor.size;
+        if (ferror(reader->file)) {
+            return error_set_errno(error, errno, "cannot read the log %s", reader->path);
+        }
+        if (*end) {
+            return ERROR_NONE;
+        }
+        reader->line++;
+        line[cursor.size < CANDUMP_LINE_MAX ? cursor.size : CANDUMP_LINE_MAX] = '\0';
+        if (line[strspn(line, " ")] == '(') {
+            break;
+        }
+        candump_skip_line(reader, line, cursor.size);
     }
-    if (!cursor.size) {
-        *end = true;
-        return ERROR_NONE;
-    }
-    reader->line++;
     if (cursor.size > CANDUMP_LINE_MAX) {
         return error_set(error, ERROR_INPUT, "%s:%d:%d: the line is longer than any frame",
                          reader->path, reader->line, CANDUMP_LINE_MAX + 1);
@@ -505,6 +459,19 @@ enum error_code candump_next(struct candump_reader *reader, struct bus_frame *fr
                          cursor.fault_column, cursor.fault);
     }
     return ERROR_NONE;
+}
+
+bool candump_skipped(const struct candump_reader *reader, char *text, size_t size)
+{
+    int at =
+        snprintf(text, size, "%" PRIu64 " line%s without a frame skipped, the first is line %d",
+                 reader->skipped, reader->skipped == 1 ? "" : "s", reader->skipped_line);
+
+    if (reader->lost && at > 0 && (size_t)at < size) {
+        snprintf(text + at, size - (size_t)at,
+                 "; %" PRIu64 " frames were lost when it was written (DROPCOUNT)", reader->lost);
+    }
+    return reader->skipped > 0;
 }
 
 void candump_close(struct candump_reader *reader)

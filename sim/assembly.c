@@ -102,8 +102,18 @@ static enum error_code simulator_load_stimulus(struct simulator *simulator, stru
                          config->clock == LOOP_CLOCK_LOCKSTEP, simulator->arena,
                          &simulator->stimulus, error);
     if (!code && !config->ticks) {
-        config->ticks = (uint64_t)((simulator->stimulus.end_ns + tick_ns - 1) / tick_ns);
-        config->ticks += config->ticks == 0;
+        const struct stimulus *stimulus = &simulator->stimulus;
+        const int64_t ticks = (stimulus->end_ns + tick_ns - 1) / tick_ns;
+        /* The first tick that begins at or after the last frame to play receives it. A recording
+         * of the simulator ends with its last tick, and the STEPs of lockstep count the ticks */
+        const int64_t played = (stimulus->last_ns + tick_ns - 1) / tick_ns + 1;
+        const bool own = stimulus->start_ns == 0 && stimulus->last_ns < stimulus->end_ns &&
+                         stimulus->end_ns % tick_ns == 0;
+
+        config->ticks = (uint64_t)(ticks > 0 ? ticks : 1);
+        if (played > ticks && !own && config->clock != LOOP_CLOCK_LOCKSTEP) {
+            config->ticks = (uint64_t)played;
+        }
     }
     return code;
 }

@@ -96,6 +96,10 @@ static bool stimulus_takes_frame(const struct stimulus_reader *reader, size_t bu
     if (frame->flags & FRAME_ERROR) {
         return false;
     }
+    /* A remote frame asks for a board's frame of the same identifier. Boards only answer */
+    if (frame->flags & FRAME_REMOTE) {
+        return true;
+    }
     if (frame->flags & FRAME_EXTENDED) {
         return !stimulus_is_extended_of_boards(reader, bus, frame->id);
     }
@@ -110,10 +114,10 @@ static bool stimulus_takes_frame(const struct stimulus_reader *reader, size_t bu
 /* Shifts a frame's time to the start of the run if the log begins with wall-clock time. Returns
  * ERROR_INPUT if the log is longer than any run. */
 static enum error_code stimulus_place_frame(const struct stimulus_reader *reader, int line,
-                                            struct stimulus *stimulus, struct bus_frame *frame,
-                                            struct error *error)
+                                            bool first, struct stimulus *stimulus,
+                                            struct bus_frame *frame, struct error *error)
 {
-    if (line == 1) {
+    if (first) {
         stimulus->start_ns = frame->time_ns >= WALL_CLOCK_NS ? frame->time_ns : 0;
     }
     frame->time_ns -= stimulus->start_ns;
@@ -135,15 +139,19 @@ static enum error_code stimulus_keep_frame(const struct stimulus_reader *reader,
 {
     if (stimulus->count[bus] && frame->time_ns < last_ns[bus]) {
         return error_set(error, ERROR_INPUT,
-                         "%s:%d: found a frame %.6f s earlier than the one before it on %s, "
-                         "expected the order of time; \"sort -s -k 1,1\" makes it",
+                         "%s:%d: found a frame %.6f s earlier than the one before it on %s: the "
+                         "clock of the log stepped back; expected later times from this line on, "
+                         "in the same order: awk 'NR >= %d { $1 = sprintf(\"(%%.6f)\", "
+                         "substr($1, 2) + %.6f) } 1' makes them",
                          reader->path, line, (double)(last_ns[bus] - frame->time_ns) * 1e-9,
-                         reader->rig->bus[bus].name);
+                         reader->rig->bus[bus].name, line,
+                         (double)(last_ns[bus] - frame->time_ns) * 1e-9);
     }
     last_ns[bus] = frame->time_ns;
     if (stimulus->frame[bus]) {
         stimulus->frame[bus][stimulus->count[bus]] = *frame;
     }
+    stimulus->last_ns = frame->time_ns > stimulus->last_ns ? frame->time_ns : stimulus->last_ns;
     stimulus->count[bus]++;
     return ERROR_NONE;
 }
@@ -161,6 +169,7 @@ static enum error_code stimulus_pass(const struct stimulus_reader *reader,
         return code;
     }
     memset(stimulus->count, 0, sizeof stimulus->count);
+    stimulus->end_ns = stimulus->gap_ns = 0;
     while (!code) {
         struct bus_frame frame;
         char name[16];
@@ -169,7 +178,8 @@ static enum error_code stimulus_pass(const struct stimulus_reader *reader,
         /* Assigns each frame to the bus whose interface or name the log gives */
         code = candump_next(&log, &frame, name, &end, error);
         if (code || end ||
-            (code = stimulus_place_frame(reader, log.line, stimulus, &frame, error))) {
+            (code = stimulus_place_frame(reader, log.line, log.line == 1 + (int)log.skipped,
+                                         stimulus, &frame, error))) {
             break;
         }
         bus = stimulus_find_bus(reader, name);
@@ -182,8 +192,14 @@ static enum error_code stimulus_pass(const struct stimulus_reader *reader,
             code = stimulus_keep_frame(reader, log.line, (size_t)bus, &frame, last_ns, stimulus,
                                        error);
         }
+        if (frame.time_ns - stimulus->end_ns > stimulus->gap_ns) {
+            stimulus->gap_ns = frame.time_ns - stimulus->end_ns;
+            stimulus->gap_line = log.line;
+        }
         stimulus->end_ns = frame.time_ns > stimulus->end_ns ? frame.time_ns : stimulus->end_ns;
     }
+    candump_skipped(&log, stimulus->skipped, sizeof stimulus->skipped);
+    stimulus->skipped[0] = log.skipped ? stimulus->skipped[0] : '\0';
     candump_close(&log);
     return code;
 }
@@ -207,7 +223,8 @@ static enum error_code stimulus_check_count(const struct stimulus_reader *reader
         }
         if (b + 1 == reader->rig->nbus && total == 0) {
             return error_set(error, ERROR_INPUT,
-                             "%s: found no frame of a controller, expected some", reader->path);
+                             "%s: found no frame of a controller, expected some%s%s", reader->path,
+                             stimulus->skipped[0] ? "; " : "", stimulus->skipped);
         }
     }
     return !stimulus->frame[0] || !reader->lockstep || steps

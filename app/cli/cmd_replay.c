@@ -229,6 +229,9 @@ static int replay_page(const struct replay_options *options)
 enum { NAME_SIZE = 16, BUSES_MAX = OPTION_LIST_MAX };
 
 #define REPLAY_ARENA ((size_t)64 << 20)
+
+/* Frames of different buses may lie a tick apart. A larger step back is one of the log's clock */
+#define REPLAY_STEP_NS INT64_C(200000000)
 /* Highest 29-bit identifier. */
 #define EXTENDED_MAX 0x1fffffff
 
@@ -252,6 +255,7 @@ struct replay {
     size_t nbus;
     struct replay_range range[OPTION_LIST_MAX];
     int64_t first_ns;  /* log time of the first frame sent */
+    int64_t last_ns;   /* log time of the last frame sent */
     int64_t origin_ns; /* clock time of that frame; INT64_MIN = none yet */
 };
 
@@ -368,9 +372,10 @@ static struct replay_bus *replay_find_bus(const struct replay *replay, const cha
 
 /* Waits for a frame's time, scaled by the speed, and sends it; the first frame sets the origin of
  * time. */
-static void replay_send_frame(struct replay *replay, struct replay_bus *bus,
+static void replay_send_frame(struct replay *replay, struct replay_bus *bus, int line,
                               const struct bus_frame *frame)
 {
+    const int64_t step_ns = frame->time_ns - replay->last_ns;
     struct clock *clock = clock_monotonic();
     int64_t due, now = clock_now(clock);
 
@@ -378,7 +383,17 @@ static void replay_send_frame(struct replay *replay, struct replay_bus *bus,
     if (replay->origin_ns == INT64_MIN) {
         replay->origin_ns = now;
         replay->first_ns = frame->time_ns;
+    } else if (step_ns < -REPLAY_STEP_NS) {
+        replay->first_ns += step_ns;
+        fprintf(stderr,
+                "replay: %s:%d: the clock of the log stepped back by %.3f s; the frames from "
+                "this line on follow at once\n",
+                replay->path, line, (double)-step_ns * 1e-9);
+    } else if (step_ns > LOG_GAP_NS) {
+        fprintf(stderr, "replay: %s:%d: no frame for %.3f s before this line\n", replay->path, line,
+                (double)step_ns * 1e-9);
     }
+    replay->last_ns = frame->time_ns;
     due = replay->origin_ns +
           (int64_t)((double)(frame->time_ns - replay->first_ns) / replay->options.speed);
 
@@ -403,6 +418,7 @@ static enum error_code replay_play(struct replay *replay, struct error *error)
 {
     struct candump_reader log;
     enum error_code code = candump_open(&log, replay->path, error);
+    char skipped[160];
     bool end = false;
 
     if (code) {
@@ -415,8 +431,11 @@ static enum error_code replay_play(struct replay *replay, struct error *error)
 
         code = candump_next(&log, &frame, name, &end, error);
         if (!code && !end && (bus = replay_find_bus(replay, name, &frame))) {
-            replay_send_frame(replay, bus, &frame);
+            replay_send_frame(replay, bus, log.line, &frame);
         }
+    }
+    if (candump_skipped(&log, skipped, sizeof skipped)) {
+        fprintf(stderr, "replay: %s\n", skipped);
     }
     candump_close(&log);
     return code;

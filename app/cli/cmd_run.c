@@ -3,6 +3,7 @@
 #include "app/cli/cli.h"
 
 #include "base/journal.h"
+#include "canbus/candump.h"
 #include "sim/stimulus.h"
 #include "sim/summary.h"
 
@@ -418,6 +419,14 @@ static void print_stimulus(const struct simulator *simulator)
     }
     fprintf(stderr, "stimulus: %zu frames, the first at %.3f s; the log ends at %.3f s\n", frames,
             (double)first_ns * 1e-9, (double)stimulus->end_ns * 1e-9);
+    if (stimulus->skipped[0]) {
+        fprintf(stderr, "stimulus: %s\n", stimulus->skipped);
+    }
+    if (stimulus->gap_ns > LOG_GAP_NS) {
+        fprintf(stderr,
+                "stimulus: no frame for %.3f s before line %d; the run simulates this time\n",
+                (double)stimulus->gap_ns * 1e-9, stimulus->gap_line);
+    }
 }
 
 /* Prints information for the user before the first tick. */

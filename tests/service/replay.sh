@@ -36,7 +36,7 @@ wrong()
     result $? "$name" "status $status"
 }
 
-echo 1..20
+echo 1..24
 
 for rig in coman coman-fd coman-foc coman-compact; do
     for wire in ideal wire; do
@@ -102,6 +102,30 @@ wrong 2 "a log that jumps to the wall clock is refused" \
 tac "$work/real/candump.log" >"$work/back.log"
 wrong 2 "a log whose times run backwards is refused" "back.log:[0-9]*: found a frame .* earlier" \
     run coman --clock free --transport local --stimulus "$work/back.log"
+
+# A foreign log is played to its last frame, often the one that switches off, whatever the log is
+# written with: comments, lost frames, nine digits, candump -x -ta
+printf '%s\n' "# mine" "(1790000000.000000001) can0 001#490D020000" "" \
+    "DROPCOUNT: dropped 2 CAN frames on 'can0' socket (total drops 2)" \
+    " (1790000000.020000)  can0  RX - -  001   [2]  09 50" >"$work/foreign.log"
+hash coman --clock free --stimulus "$work/foreign.log" >/dev/null
+grep -q "^boards: 2 frames for them" "$work/out" && grep -q "  21 ticks" "$work/out" &&
+    grep -q "3 lines without a frame skipped, the first is line 1; 2 frames were lost" "$work/err"
+result $? "the last frame of a foreign log is received, and lines without a frame are counted"
+
+# A master that guards a CANopen node with remote frames and falls silent: EMCY 0x8130
+{ echo "(0.010000) torso 601#2B0C100064000000" && echo "(0.020000) torso 601#2F0D100002000000"
+  echo "(0.030000) torso 000#0101" && echo "(0.050000) torso 701#R1"
+  echo "(0.100000) torso 701#R1" && echo "(4.000000) torso 000#0101"; } >"$work/guard.log"
+hash coman-cia402 --clock free --stimulus "$work/guard.log" --record "$work/guard" >/dev/null
+grep -q "^(0000000000.3[0-9]*) can0 081#3081" "$work/guard/candump.log"
+result $? "remote frames of a controller are played"
+grep -q "no frame for 3.9[0-9]* s before line 6; the run simulates this time" "$work/err"
+result $? "a long time without a frame is named before it is simulated"
+
+(ulimit -s 400 && "$program" run coman >"$work/out" 2>"$work/err")
+test $? -eq 3 && grep -q "found a stack limit of 400 KiB" "$work/err"
+result $? "a stack that is too small is refused as other limits are"
 
 # What a client of the control socket has done is in no frame
 timeout 60 "$program" run coman-compact --clock real --task hold --duration 3 --transport local \

@@ -155,6 +155,39 @@ TEST_WITH(identifiers_of_29_bits_are_told_apart, set_up, tear_down)
     assert_played(0, 1, 0x0300fd01, 4000000);
 }
 
+/* A controller asks for a frame of a board with a remote frame of the same identifier: by 11 and by
+ * 29 bits. */
+TEST_WITH(remote_frames_are_the_controllers, set_up, tear_down)
+{
+    load("coman", false, "(0.001000) can0 11A#R8\n(0.002000) can0 11A#0102030405060708\n");
+    assert_int_equal(stimulus.count[0], 1);
+    assert_played(0, 0, 0x11a, 1000000);
+    assert_true(stimulus.frame[0][0].flags & FRAME_REMOTE);
+    load("coman-robstride", false, "(0.001000) can0 020001FD#R\n(0.002000) can0 020001FD#00\n");
+    assert_int_equal(stimulus.count[0], 1);
+    assert_played(0, 0, 0x020001fd, 1000000);
+}
+
+/* The first frame of a log may stand behind a comment. The longest time without a frame, from the
+ * start of the run on, and the line at its end are known. */
+TEST_WITH(lines_without_a_frame_and_gaps_are_known, set_up, tear_down)
+{
+    load("coman", false,
+         "# mine\n(1700000000.0) can0 001#07\nDROPCOUNT: dropped 1 CAN frames on 'can0' socket\n"
+         "(1700000004.0) can0 11A#00\n(1700000004.5) can0 001#08\n(1700000004.6) can0 11A#00\n");
+    assert_int_equal(stimulus.start_ns, INT64_C(1700000000000000000));
+    assert_string_equal(stimulus.skipped, "2 lines without a frame skipped, the first is line 1; 1 "
+                                          "frames were lost when it was written (DROPCOUNT)");
+    assert_int_equal(stimulus.gap_ns, INT64_C(4000000000));
+    assert_int_equal(stimulus.gap_line, 4);
+    assert_int_equal(stimulus.last_ns, INT64_C(4500000000));
+    assert_int_equal(stimulus.end_ns, INT64_C(4600000000));
+    load("coman", false, "(5.0) can0 001#07\n(6.0) can0 001#07\n");
+    assert_int_equal(stimulus.gap_ns, INT64_C(5000000000));
+    assert_int_equal(stimulus.gap_line, 1);
+    assert_string_equal(stimulus.skipped, "");
+}
+
 TEST_WITH(a_folder_has_its_log, set_up, tear_down)
 {
     assert_ok(load_from(folder, "coman", false, "(0.001000) can0 001#07\n"));
@@ -169,11 +202,15 @@ TEST_WITH(a_log_that_cannot_be_played_is_refused, set_up, tear_down)
             "2: found a frame on vcan7, expected an interface or a bus of " HIL_SOURCE_DIR
             "/config/rigs/coman.yaml; --bus NAME=vcan7 says which it is");
     refused(false, "(0.002000) can0 001#07\n(0.001500) can1 001#07\n(0.001000) can0 001#07\n",
-            "3: found a frame 0.001000 s earlier than the one before it on torso, expected the "
-            "order of time; \"sort -s -k 1,1\" makes it");
+            "3: found a frame 0.001000 s earlier than the one before it on torso: the clock of the "
+            "log stepped back; expected later times from this line on, in the same order: awk 'NR "
+            ">= 3 { $1 = sprintf(\"(%.6f)\", substr($1, 2) + 0.001000) } 1' makes them");
     refused(false, "(0.001000) can0 001#07\n(100000000.000000) can0 001#07\n",
             "2: found a time 100000000 s after the start of the log, expected less than 100000000 "
             "s");
     refused(false, "(0.001000) can0 11A#00\n", " found no frame of a controller, expected some");
+    refused(false, "  can0  001   [1]  07\n",
+            " found no frame of a controller, expected some; 1 line without a frame skipped, the "
+            "first is line 1");
     assert_int_equal(load_from("/nowhere", "coman", false, ""), ERROR_INPUT);
 }
