@@ -40,23 +40,18 @@ static enum error_code bind_body(const struct rig *rig, const char *name,
                           index, error);
 }
 
-/* Refuses a stimulus with a repetition period below a tick. */
-static enum error_code bind_repetition(const struct scenario_stimulus *stimulus,
-                                       const struct rig *rig, struct error *error)
-{
-    double tick_s = (double)rig->tick_ns * 1e-9;
-
-    return stimulus->every_s <= 0.0 || stimulus->every_s > tick_s * (1.0 - 1e-9)
-               ? ERROR_NONE
-               : yaml_error(error, &stimulus->mark,
-                            "found every_s %g, expected the tick of %g s or more",
-                            stimulus->every_s, tick_s);
-}
-
 /* Finds the bus, joint or body that a stimulus acts on. */
 static enum error_code bind_stimulus(struct scenario_stimulus *stimulus, const struct rig *rig,
                                      struct error *error)
 {
+    const double tick_s = (double)rig->tick_ns * 1e-9;
+
+    if (stimulus->every_s > 0.0 && stimulus->every_s <= tick_s * (1.0 - 1e-9)) {
+        return yaml_error(error, &stimulus->mark,
+                          "found every_s %g, expected the tick of %g s or "
+                          "more",
+                          stimulus->every_s, tick_s);
+    }
     switch (stimulus->action) {
     case SCENARIO_FRAME:
         if (bind_bus(rig, stimulus->frame.bus, &stimulus->frame.mark, &stimulus->frame.bus_index,
@@ -86,24 +81,6 @@ static enum error_code bind_stimulus(struct scenario_stimulus *stimulus, const s
     }
 }
 
-/* Checks the fault line of a stimulus; the stimulus gives the fault's name and time. */
-static enum error_code bind_stimulus_fault(const struct scenario_stimulus *stimulus,
-                                           const struct rig *rig, struct error *error)
-{
-    const struct yaml_name line = {stimulus->mark, stimulus->fault};
-    struct fault fault;
-    enum error_code code = rig_check_fault(rig, &line, &fault, error);
-
-    if (!code && (fault.timed || fault.name[0])) {
-        code = yaml_error(error, &stimulus->mark,
-                          "found fault \"%.140s\" with a %s, expected one without: %s",
-                          stimulus->fault, fault.timed ? "time" : "name",
-                          fault.timed ? "it is active from at_s of the stimulus on, for for_s"
-                                      : "it is switched by the stimulus");
-    }
-    return code;
-}
-
 /* Checks the fault lines of the scenario itself, of its stimuli and of its mutations. */
 static enum error_code bind_faults(const struct scenario *scenario, const struct rig *rig,
                                    struct error *error)
@@ -117,8 +94,18 @@ static enum error_code bind_faults(const struct scenario *scenario, const struct
     for (size_t i = 0; !code && i < scenario->nstimulus; i++) {
         const struct scenario_stimulus *stimulus = &scenario->stimulus[i];
 
-        if (stimulus->action == SCENARIO_FAULT) {
-            code = bind_stimulus_fault(stimulus, rig, error);
+        if (stimulus->action != SCENARIO_FAULT) {
+            continue;
+        }
+        code = rig_check_fault(rig, &(struct yaml_name){stimulus->mark, stimulus->fault}, &fault,
+                               error);
+        /* The stimulus gives the fault's name and time */
+        if (!code && (fault.timed || fault.name[0])) {
+            code = yaml_error(error, &stimulus->mark,
+                              "found fault \"%.140s\" with a %s, expected one without: %s",
+                              stimulus->fault, fault.timed ? "time" : "name",
+                              fault.timed ? "it is active from at_s of the stimulus on, for for_s"
+                                          : "it is switched by the stimulus");
         }
     }
     for (size_t i = 0; !code && i < scenario->nmutation; i++) {
@@ -140,8 +127,7 @@ enum error_code scenario_bind(struct scenario *scenario, const struct rig *rig, 
         return code;
     }
     for (size_t i = 0; i < scenario->nstimulus; i++) {
-        if (bind_repetition(&scenario->stimulus[i], rig, error) ||
-            bind_stimulus(&scenario->stimulus[i], rig, error)) {
+        if (bind_stimulus(&scenario->stimulus[i], rig, error)) {
             return ERROR_INPUT;
         }
     }

@@ -14,15 +14,6 @@ enum { BYTES_MAX = 64 }; /* bytes of a CAN FD frame */
 
 /* ---- bytes ---- */
 
-/* Returns the value of a hexadecimal digit; -1 for other characters. */
-static int pattern_digit(char c)
-{
-    return c >= '0' && c <= '9'   ? c - '0'
-           : c >= 'a' && c <= 'f' ? c - 'a' + 10
-           : c >= 'A' && c <= 'F' ? c - 'A' + 10
-                                  : -1;
-}
-
 /* Parses two hexadecimal digits per byte, with spaces or dots between bytes. If `any` is not NULL,
  * x stands for any digit, and `any` receives the mask of the fixed digits. */
 static enum error_code parse_bytes(const char *text, const struct yaml_mark *mark,
@@ -33,7 +24,7 @@ static enum error_code parse_bytes(const char *text, const struct yaml_mark *mar
 
     for (const char *c = text ? text : ""; *c; c++) {
         bool wild = any && (*c == 'x' || *c == 'X');
-        int value = wild ? 0 : pattern_digit(*c);
+        int value = wild ? 0 : hex_value(*c);
 
         /* Skips separators between bytes; each digit is half a byte and half a mask */
         if ((*c == ' ' || *c == '.') && digits % 2 == 0) {
@@ -59,13 +50,6 @@ static enum error_code parse_bytes(const char *text, const struct yaml_mark *mar
     }
     *len = (uint8_t)(digits / 2);
     return ERROR_NONE;
-}
-
-/* Parses the data of a pattern. */
-static enum error_code check_pattern(struct scenario_pattern *pattern, struct error *error)
-{
-    return parse_bytes(pattern->data, &pattern->mark, pattern->byte, pattern->mask, &pattern->len,
-                       error);
 }
 
 /* Makes the CAN frame of a stimulus, and checks that its type of bus can carry it. */
@@ -107,17 +91,6 @@ bool scenario_pattern_matches(const struct scenario_pattern *pattern, const stru
 
 /* ---- labels ---- */
 
-/* Returns the index of a label, or -1. */
-static int find_label(const struct scenario *scenario, const char *name)
-{
-    for (size_t i = 0; i < scenario->nlabel; i++) {
-        if (strcmp(scenario->label[i], name) == 0) {
-            return (int)i;
-        }
-    }
-    return -1;
-}
-
 /* Finds the label that a time is relative to; the default is the start. */
 static enum error_code resolve_after(const struct scenario *scenario, const char *after,
                                      const struct yaml_mark *mark, int *index, struct error *error)
@@ -130,12 +103,6 @@ static enum error_code resolve_after(const struct scenario *scenario, const char
 }
 
 /* ---- stimuli ---- */
-
-/* Checks whether an action has a duration. */
-static bool takes_time(enum scenario_action action)
-{
-    return action != SCENARIO_MOTOR && action != SCENARIO_MARK;
-}
 
 /* Derives the action of a stimulus, and refuses incompatible keys and actions. */
 static enum error_code check_stimulus(const struct scenario *scenario,
@@ -162,7 +129,8 @@ static enum error_code check_stimulus(const struct scenario *scenario,
     }
 
     /* Refuses keys that the action does not have */
-    if (stimulus->for_s > 0.0 && !takes_time(stimulus->action)) {
+    if (stimulus->for_s > 0.0 &&
+        (stimulus->action == SCENARIO_MOTOR || stimulus->action == SCENARIO_MARK)) {
         return yaml_error(error, &stimulus->mark, "found for_s, expected none: this takes no time");
     }
     if (stimulus->every_s > 0.0 && stimulus->action != SCENARIO_FRAME &&
@@ -225,23 +193,23 @@ static enum error_code join_clean_up(struct scenario *scenario, struct arena *ar
 static enum error_code add_label(struct scenario *scenario, struct scenario_stimulus *stimulus,
                                  struct error *error)
 {
-    int known;
+    size_t index = 0;
 
     stimulus->label_index = -1;
     if (!stimulus->label) {
         return ERROR_NONE;
     }
-    known = find_label(scenario, stimulus->label);
-    if (known >= 0 && known < SCENARIO_LABELS) {
+    while (index < scenario->nlabel && strcmp(scenario->label[index], stimulus->label) != 0) {
+        index++;
+    }
+    if (index < SCENARIO_LABELS) {
         return yaml_error(error, &stimulus->mark,
                           "found label \"%s\", expected another: that is the runner's own",
                           stimulus->label);
     }
-    if (known < 0) {
-        known = (int)scenario->nlabel;
-        scenario->label[scenario->nlabel++] = stimulus->label;
-    }
-    stimulus->label_index = known;
+    scenario->nlabel += index == scenario->nlabel;
+    scenario->label[index] = stimulus->label;
+    stimulus->label_index = (int)index;
     return ERROR_NONE;
 }
 
@@ -276,18 +244,6 @@ static enum error_code check_stimuli(struct scenario *scenario, struct error *er
 
 /* ---- expectations ---- */
 
-/* Refuses an expectation without a valid form, and lists the forms. */
-static enum error_code wrong_form(const struct scenario_expectation *expectation,
-                                  struct error *error)
-{
-    return yaml_error(
-        error, &expectation->mark,
-        "found expectation \"%.60s\" of no known form, expected signal with between or "
-        "reaches; frame with nothing more, never, count or period_s; or event with "
-        "nothing more, never or count",
-        expectation->name);
-}
-
 /* Derives what an expectation observes, its band and its window from the given keys. */
 static enum error_code check_form(struct scenario_expectation *e, struct error *error)
 {
@@ -313,7 +269,13 @@ static enum error_code check_form(struct scenario_expectation *e, struct error *
     of_signal = e->look == SCENARIO_BETWEEN || e->look == SCENARIO_REACHES;
     if (!!e->signal + !!e->frame.bus + !!e->event != 1 || how > 1 || !!e->signal != of_signal ||
         (e->relative && !e->signal) || (e->look == SCENARIO_PERIOD && !e->frame.bus)) {
-        return wrong_form(e, error);
+        return yaml_error(
+            error, &e->mark,
+            "found expectation \"%.60s\" of no known form, expected signal with between or "
+            "reaches; "
+            "frame with nothing more, never, count or period_s; or event with nothing more, never "
+            "or count",
+            e->name);
     }
     if (!(e->band[0] <= e->band[1])) {
         return yaml_error(error, &e->mark, "found the band [%g, %g], expected the lower end first",
@@ -332,45 +294,34 @@ static enum error_code check_form(struct scenario_expectation *e, struct error *
     if (e->ends && e->to_s < e->from_s) {
         return yaml_error(error, &e->mark, "found to_s %g before from_s %g", e->to_s, e->from_s);
     }
-    return e->frame.bus ? check_pattern(&e->frame, error) : ERROR_NONE;
+    return e->frame.bus ? parse_bytes(e->frame.data, &e->frame.mark, e->frame.byte, e->frame.mask,
+                                      &e->frame.len, error)
+                        : ERROR_NONE;
 }
 
-/* Checks an expectation: its form, its unique name, and its label. */
-static enum error_code check_expectation(const struct scenario *scenario, size_t index,
-                                         struct error *error)
-{
-    struct scenario_expectation *expectation = &scenario->expectation[index];
-    enum error_code code = check_form(expectation, error);
-
-    if (code) {
-        return code;
-    }
-    for (size_t k = 0; k < index; k++) {
-        if (strcmp(scenario->expectation[k].name, expectation->name) == 0) {
-            return yaml_error(error, &expectation->mark,
-                              "found expectation \"%.60s\" twice, expected names of their own",
-                              expectation->name);
-        }
-    }
-    return resolve_after(scenario, expectation->after, &expectation->mark,
-                         &expectation->after_index, error);
-}
-
-/* Checks the number of expectations, and each expectation. */
+/* Checks the number of expectations, and each one: its form, its unique name, and its label. */
 static enum error_code check_expectations(struct scenario *scenario, struct error *error)
 {
+    enum error_code code = ERROR_NONE;
+
     if (scenario->nexpectation == 0 || scenario->nexpectation > SCENARIO_EXPECTATIONS_MAX) {
         return yaml_error(error, &scenario->mark, "found %zu expectations, expected 1 to %d",
                           scenario->nexpectation, SCENARIO_EXPECTATIONS_MAX);
     }
-    for (size_t i = 0; i < scenario->nexpectation; i++) {
-        enum error_code code = check_expectation(scenario, i, error);
+    for (size_t i = 0; i < scenario->nexpectation && !code; i++) {
+        struct scenario_expectation *e = &scenario->expectation[i];
 
-        if (code) {
-            return code;
+        code = check_form(e, error);
+        for (size_t k = 0; k < i && !code; k++) {
+            if (!strcmp(scenario->expectation[k].name, e->name)) {
+                code = yaml_error(error, &e->mark,
+                                  "found expectation \"%.60s\" twice, expected names of their own",
+                                  e->name);
+            }
         }
+        code = code ? code : resolve_after(scenario, e->after, &e->mark, &e->after_index, error);
     }
-    return ERROR_NONE;
+    return code;
 }
 
 /* ---- mutations ---- */

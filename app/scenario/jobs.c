@@ -180,6 +180,7 @@ static void job_end(struct pool *pool, struct process *process, const char *why)
                  WIFSIGNALED(status) ? strsignal(WTERMSIG(status)) : "");
     }
     job->seconds = (double)(clock_now(pool->time) - process->begin_ns) * 1e-9;
+    job->ended = true;
     process->job = NULL;
     pool->running--;
 }
@@ -248,17 +249,6 @@ static void jobs_attend(struct pool *pool)
     }
 }
 
-/* Checks whether a job is running. */
-static bool is_running(const struct pool *pool, const struct scenario_job *job)
-{
-    for (size_t i = 0; i < pool->options->parallel; i++) {
-        if (pool->process[i].job == job) {
-            return true;
-        }
-    }
-    return false;
-}
-
 enum error_code scenario_jobs_run(struct scenario_job *job, size_t count,
                                   const struct scenario_jobs_options *given, struct error *error)
 {
@@ -284,7 +274,7 @@ enum error_code scenario_jobs_run(struct scenario_job *job, size_t count,
         if (!code) {
             jobs_attend(pool);
         }
-        for (; told < started && !is_running(pool, &job[told]); told++) {
+        for (; told < started && job[told].ended; told++) {
             options.ended(options.context, &job[told]);
         }
     }

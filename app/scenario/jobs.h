@@ -22,6 +22,7 @@ struct scenario_job {
     char record[PATH_MAX]; /* directory for the recorded repeat of a failed run; "" = none */
     struct scenario_outcome outcome;
     double seconds; /* wall-clock time of the process */
+    bool ended;     /* the outcome is final */
 };
 
 struct scenario_jobs_options {

@@ -112,15 +112,6 @@ static const char *expectation_subject(const struct judged *judged)
                                  : "frames";
 }
 
-/* Fails an expectation whose signal has left its band. */
-static void expectation_fail_band(struct judged *judged, double value, int64_t time_ns)
-{
-    expectation_decide(judged, false, time_ns);
-    snprintf(judged->text, sizeof judged->text, "%.96s%s is %.6g at %.4f s, expected %.6g to %.6g",
-             expectation_subject(judged), judged->what->relative ? " has moved: it" : "", value,
-             (double)time_ns * 1e-9, judged->what->band[0], judged->what->band[1]);
-}
-
 /* Fails an expectation with too many or too few matches. */
 static void expectation_fail_count(struct judged *judged, int64_t time_ns)
 {
@@ -155,7 +146,11 @@ static void expectation_judge_signal(struct judged *judged, double value, int64_
     judged->lowest = fmin(judged->lowest, value);
     judged->highest = fmax(judged->highest, value);
     if (judged->what->look == SCENARIO_BETWEEN && !inside) {
-        expectation_fail_band(judged, value, time_ns);
+        expectation_decide(judged, false, time_ns);
+        snprintf(judged->text, sizeof judged->text,
+                 "%.96s%s is %.6g at %.4f s, expected %.6g to %.6g", expectation_subject(judged),
+                 judged->what->relative ? " has moved: it" : "", value, (double)time_ns * 1e-9,
+                 band[0], band[1]);
     } else if (judged->what->look == SCENARIO_REACHES && inside) {
         expectation_decide(judged, true, time_ns);
     }
@@ -176,21 +171,11 @@ static void expectation_judge_period(struct judged *judged, int64_t time_ns)
     }
 }
 
-/* Judges the number of matches: too many, or enough if there is no upper bound. */
-static void expectation_judge_count(struct judged *judged, int64_t time_ns)
-{
-    const double *band = judged->what->band;
-
-    if ((double)judged->count > band[1]) {
-        expectation_fail_count(judged, time_ns);
-    } else if (band[1] == DBL_MAX && (double)judged->count >= band[0]) {
-        expectation_decide(judged, true, time_ns);
-    }
-}
-
 /* Judges the frames or events of this tick. */
 static void expectation_judge_matches(struct judged *judged, int64_t time_ns)
 {
+    const double *band = judged->what->band;
+
     if (judged->what->look == SCENARIO_PERIOD) {
         expectation_judge_period(judged, time_ns);
     }
@@ -198,8 +183,13 @@ static void expectation_judge_matches(struct judged *judged, int64_t time_ns)
         judged->count += judged->fresh;
         judged->last_ns = time_ns;
     }
-    if (judged->what->look == SCENARIO_SEEN) {
-        expectation_judge_count(judged, time_ns);
+
+    /* Too many, or enough if there is no upper bound */
+    if (judged->what->look == SCENARIO_SEEN && (double)judged->count > band[1]) {
+        expectation_fail_count(judged, time_ns);
+    } else if (judged->what->look == SCENARIO_SEEN && band[1] == DBL_MAX &&
+               (double)judged->count >= band[0]) {
+        expectation_decide(judged, true, time_ns);
     }
 }
 
@@ -285,20 +275,6 @@ bool scenario_expectations_step(struct scenario_expectations *expectations,
     return missed;
 }
 
-/* Computes the margin of a signal: its smallest distance from the bounds, as a share of the
- * distance between them. */
-static void expectation_measure_margin(const struct judged *judged,
-                                       struct scenario_verdict *verdict)
-{
-    const double *band = judged->what->band, width = band[1] - band[0];
-
-    verdict->has_margin = judged->what->look == SCENARIO_BETWEEN && width > 0.0 &&
-                          judged->lowest <= judged->highest && isfinite(width);
-    if (verdict->has_margin) {
-        verdict->margin = fmin(judged->lowest - band[0], band[1] - judged->highest) / width;
-    }
-}
-
 void scenario_expectations_finish(struct scenario_expectations *expectations,
                                   const struct scenario_clock *clock, int64_t time_ns,
                                   int64_t planned_ns, bool early, struct scenario_outcome *outcome)
@@ -308,12 +284,14 @@ void scenario_expectations_finish(struct scenario_expectations *expectations,
         struct judged *judged = &expectations->judged[i];
         const struct scenario_expectation *what = judged->what;
         int64_t label = clock->label_ns[what->after_index];
+        const double *band = what->band, width = band[1] - band[0];
+        struct scenario_verdict *verdict = &outcome->verdict[i];
         int64_t until_ns = what->ends ? label + scenario_ns(what->to_s) : planned_ns;
 
         /* If the run ended early, undecided expectations get no verdict; otherwise open windows
          * are closed or ended too early */
-        outcome->verdict[i].judged = !early || judged->progress == DECIDED;
-        if (!outcome->verdict[i].judged) {
+        verdict->judged = !early || judged->progress == DECIDED;
+        if (!verdict->judged) {
             snprintf(judged->text, sizeof judged->text,
                      "not judged: the run ended at %.4f s, at a failure", (double)time_ns * 1e-9);
         } else if (judged->progress == OPEN && time_ns < until_ns) {
@@ -328,10 +306,17 @@ void scenario_expectations_finish(struct scenario_expectations *expectations,
                      expectations->scenario->label[what->after_index],
                      label < 0 ? "did not happen" : "was too late in the run");
         }
-        outcome->verdict[i].met = judged->met;
-        outcome->verdict[i].time_ns = judged->decided_ns;
-        expectation_measure_margin(judged, &outcome->verdict[i]);
-        memcpy(outcome->verdict[i].text, judged->text, sizeof judged->text);
+        verdict->met = judged->met;
+        verdict->time_ns = judged->decided_ns;
+        memcpy(verdict->text, judged->text, sizeof judged->text);
+
+        /* The margin: the smallest distance from the bounds, as a share of the distance between
+         * them */
+        verdict->has_margin = what->look == SCENARIO_BETWEEN && width > 0.0 &&
+                              judged->lowest <= judged->highest && isfinite(width);
+        if (verdict->has_margin) {
+            verdict->margin = fmin(judged->lowest - band[0], band[1] - judged->highest) / width;
+        }
     }
 }
 

@@ -3,29 +3,11 @@
 #include "app/scenario/jobs.h"
 
 #include "base/markup.h"
-#include "base/memory_file.h"
 #include "base/whole_file.h"
 
 #include <inttypes.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
-
-enum { SUITES_MAX = 4096, SUITE_NAME = 256 };
-
-/* The testcases of one scenario, with their totals. */
-struct suite {
-    char name[SUITE_NAME]; /* name of the scenario, which needs no escapes */
-    size_t tests, failures, errors;
-    double seconds;
-    struct memory_file body; /* the testcases */
-    FILE *to;
-};
-
-struct suites {
-    size_t count;
-    struct suite suite[SUITES_MAX];
-};
 
 /* ---- writing ---- */
 
@@ -33,26 +15,6 @@ struct suites {
 static void junit_put_text(const char *text, FILE *out)
 {
     markup_put_flags(out, text, MARKUP_ASCII | MARKUP_LINE_BREAKS);
-}
-
-/* Returns the suite with a name, a new one if needed; NULL without room or memory. */
-static struct suite *junit_find_suite(struct suites *suites, const char *name)
-{
-    struct suite *suite;
-
-    for (size_t i = 0; i < suites->count; i++) {
-        if (strcmp(suites->suite[i].name, name) == 0) {
-            return &suites->suite[i];
-        }
-    }
-    if (suites->count == SUITES_MAX) {
-        return NULL;
-    }
-    suite = &suites->suite[suites->count];
-    snprintf(suite->name, sizeof suite->name, "%s", name);
-    suite->to = memory_file_open(&suite->body);
-    suites->count += suite->to != NULL;
-    return suite->to ? suite : NULL;
 }
 
 /* Writes a property of a testcase. */
@@ -102,83 +64,63 @@ static void junit_write_case(const struct scenario_result *result, FILE *out)
     fputs("    </testcase>\n", out);
 }
 
-/* Frees all suites; suites may be NULL. */
-static void junit_free_suites(struct suites *suites)
+/* Checks whether two results are of one scenario, and so of one suite. */
+static bool junit_is_same_suite(const struct scenario_result *a, const struct scenario_result *b)
 {
-    for (size_t i = 0; suites && i < suites->count; i++) {
-        if (suites->suite[i].to) {
-            fclose(suites->suite[i].to);
-        }
-        free(suites->suite[i].body.text);
-    }
-    free(suites);
+    return !strcmp(a->scenario->name, b->scenario->name);
 }
 
-/* Writes the suites with their totals; `all` receives the sums. */
-static enum error_code junit_write_suites(struct suites *suites, const char *path,
-                                          struct suite *all, struct error *error)
+/* Writes the totals of all results, or of those of one scenario, as attributes. */
+static void junit_put_totals(const struct scenario_result *result, size_t count,
+                             const struct scenario_result *of, FILE *out)
 {
-    struct whole_file file;
-    enum error_code code = whole_file_open(&file, path, error);
-    FILE *out = file.out;
+    size_t tests = 0, failures = 0, errors = 0;
+    double seconds = 0.0;
 
-    if (code) {
-        return code;
+    for (size_t i = 0; i < count; i++) {
+        if (!of || junit_is_same_suite(&result[i], of)) {
+            tests++;
+            failures += result[i].status == SCENARIO_FAILED;
+            errors += result[i].status == SCENARIO_BROKEN;
+            seconds += result[i].seconds;
+        }
     }
-
-    /* The totals precede the suites */
-    for (size_t i = 0; i < suites->count; i++) {
-        const struct suite *suite = &suites->suite[i];
-
-        all->tests += suite->tests;
-        all->failures += suite->failures;
-        all->errors += suite->errors;
-        all->seconds += suite->seconds;
-    }
-    fprintf(out,
-            "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
-            "<testsuites tests=\"%zu\" failures=\"%zu\" errors=\"%zu\" time=\"%.3f\">\n",
-            all->tests, all->failures, all->errors, all->seconds);
-    for (size_t i = 0; i < suites->count && !code; i++) {
-        struct suite *suite = &suites->suite[i];
-
-        fprintf(out,
-                "  <testsuite name=\"%s\" tests=\"%zu\" failures=\"%zu\" errors=\"%zu\" "
-                "time=\"%.3f\">\n",
-                suite->name, suite->tests, suite->failures, suite->errors, suite->seconds);
-        code = memory_file_close(suite->to, &suite->body, "the results", error);
-        suite->to = NULL;
-        fputs(code ? "" : suite->body.text, out);
-        fputs("  </testsuite>\n", out);
-    }
-    fputs("</testsuites>\n", out);
-    return whole_file_close(&file, code, error);
+    fprintf(out, " tests=\"%zu\" failures=\"%zu\" errors=\"%zu\" time=\"%.3f\">\n", tests, failures,
+            errors, seconds);
 }
 
 enum error_code scenario_junit_write(const char *path, const struct scenario_result *result,
                                      size_t count, struct error *error)
 {
-    struct suites *suites = calloc(1, sizeof *suites);
-    enum error_code code = ERROR_NONE;
-    struct suite all = {.tests = 0};
+    struct whole_file file;
+    enum error_code code = whole_file_open(&file, path, error);
 
-    for (size_t i = 0; i < count && !code; i++) {
-        struct suite *suite = suites ? junit_find_suite(suites, result[i].scenario->name) : NULL;
+    if (code) {
+        return code;
+    }
+    fputs("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites", file.out);
+    junit_put_totals(result, count, NULL, file.out);
+    for (size_t i = 0; i < count; i++) {
+        size_t first = 0;
 
-        if (!suite) {
-            code = error_set(error, ERROR_MEMORY, "no memory left for %zu results", count);
-            break;
+        /* The first result of a scenario opens a suite for all of them */
+        while (!junit_is_same_suite(&result[first], &result[i])) {
+            first++;
         }
-        junit_write_case(&result[i], suite->to);
-        suite->tests++;
-        suite->failures += result[i].status == SCENARIO_FAILED;
-        suite->errors += result[i].status == SCENARIO_BROKEN;
-        suite->seconds += result[i].seconds;
+        if (first < i) {
+            continue;
+        }
+        fputs("  <testsuite name=\"", file.out);
+        junit_put_text(result[i].scenario->name, file.out);
+        fputs("\"", file.out);
+        junit_put_totals(result, count, &result[i], file.out);
+        for (size_t k = i; k < count; k++) {
+            if (junit_is_same_suite(&result[k], &result[i])) {
+                junit_write_case(&result[k], file.out);
+            }
+        }
+        fputs("  </testsuite>\n", file.out);
     }
-    if (!suites) {
-        code = error_set(error, ERROR_MEMORY, "no memory left for results");
-    }
-    code = code ? code : junit_write_suites(suites, path, &all, error);
-    junit_free_suites(suites);
-    return code;
+    fputs("</testsuites>\n", file.out);
+    return whole_file_close(&file, ERROR_NONE, error);
 }

@@ -5,19 +5,13 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Names a result after its scenario, with the values of its parameters. */
-static void name_case(const struct scenario *scenario, struct scenario_result *result)
+/* Names a result after its scenario, with the values of its parameters, a text and a name. */
+static void name_case(const struct scenario *scenario, const char *text, const char *name,
+                      struct scenario_result *result)
 {
-    snprintf(result->name, sizeof result->name, "%s%s%s%s", scenario->name,
-             scenario->values[0] ? " [" : "", scenario->values, scenario->values[0] ? "]" : "");
-}
-
-/* Adds a text and a name to a result's name. */
-static void add_name(struct scenario_result *result, const char *text, const char *name)
-{
-    size_t used = strlen(result->name);
-
-    snprintf(result->name + used, sizeof result->name - used, "%s%s", text, name);
+    snprintf(result->name, sizeof result->name, "%s%s%s%s%s%s", scenario->name,
+             scenario->values[0] ? " [" : "", scenario->values, scenario->values[0] ? "]" : "",
+             text, name);
 }
 
 /* Sets the status of a result and adds a line to its message. */
@@ -45,10 +39,8 @@ void scenario_judge(const struct scenario_job *job, struct scenario_result *resu
                                        .seed = outcome->seed,
                                        .state_hash = outcome->state_hash,
                                        .seconds = job->seconds};
-    name_case(scenario, result);
-    if (job->mutation >= 0) {
-        add_name(result, ", mutation ", scenario->mutation[job->mutation].name);
-    }
+    name_case(scenario, job->mutation >= 0 ? ", mutation " : "",
+              job->mutation >= 0 ? scenario->mutation[job->mutation].name : "", result);
 
     /* A run without verdicts; a mutation that must fail; or a run that must not fail */
     if (!outcome->ran) {
@@ -90,8 +82,7 @@ void scenario_judge_mutations(const struct scenario_job *job, size_t count,
     const struct scenario *scenario = job->scenario;
 
     *result = (struct scenario_result){.scenario = scenario, .record = ""};
-    name_case(scenario, result);
-    add_name(result, ", every expectation can fail", "");
+    name_case(scenario, ", every expectation can fail", "", result);
 
     /* At least one mutation must make each expectation fail */
     for (size_t i = 0; i < scenario->nexpectation; i++) {

@@ -264,77 +264,74 @@ static double signal_read_lockstep(const struct scenario_view *view, size_t a, s
 
 /* ---- names ---- */
 
-static size_t joint_names(const struct rig *rig, const char **name)
+/* Return the name with an index, NULL behind the last one. */
+
+static const char *joint_name(const struct rig *rig, size_t i)
 {
-    for (size_t i = 0; i < rig->robot->njoint && i < NAMES_MAX; i++) {
-        name[i] = rig->robot->joint[i].name;
-    }
-    return rig->robot->njoint;
+    return i < rig->robot->njoint ? rig->robot->joint[i].name : NULL;
 }
 
-static size_t axis_names(const struct rig *rig, const char **name)
+static const char *axis_name(const struct rig *rig, size_t i)
 {
-    for (size_t i = 0; i < rig->naxis && i < NAMES_MAX; i++) {
-        name[i] = rig->axis[i].joint;
-    }
-    return rig->naxis;
+    return i < rig->naxis ? rig->axis[i].joint : NULL;
 }
 
-static size_t ft_names(const struct rig *rig, const char **name)
+static const char *ft_name(const struct rig *rig, size_t i)
 {
-    for (size_t i = 0; i < rig->robot->nft && i < NAMES_MAX; i++) {
-        name[i] = rig->robot->ft[i].name;
-    }
-    return rig->robot->nft;
+    return i < rig->robot->nft ? rig->robot->ft[i].name : NULL;
 }
 
-static size_t host_ft_names(const struct rig *rig, const char **name)
+static const char *host_ft_name(const struct rig *rig, size_t i)
 {
-    for (size_t i = 0; i < rig->nft && i < NAMES_MAX; i++) {
-        name[i] = rig->ft[i].name;
-    }
-    return rig->nft;
+    return i < rig->nft ? rig->ft[i].name : NULL;
 }
 
-static size_t contact_names(const struct rig *rig, const char **name)
+static const char *contact_name(const struct rig *rig, size_t i)
 {
-    for (size_t i = 0; i < rig->contact.nbody && i < NAMES_MAX; i++) {
-        name[i] = rig_contact_name(rig, i);
-    }
-    return rig->contact.nbody;
+    return i < rig->contact.nbody ? rig_contact_name(rig, i) : NULL;
 }
 
-static size_t bus_names(const struct rig *rig, const char **name)
+static const char *bus_name(const struct rig *rig, size_t i)
 {
-    for (size_t i = 0; i < rig->nbus && i < NAMES_MAX; i++) {
-        name[i] = rig->bus[i].name;
+    return i < rig->nbus ? rig->bus[i].name : NULL;
+}
+
+/* Lists names of a rig, at most NAMES_MAX; returns their number. */
+static size_t signal_list_names(const struct rig *rig,
+                                const char *(*name_at)(const struct rig *rig, size_t i),
+                                const char *name[NAMES_MAX])
+{
+    size_t count = 0;
+
+    while (count < NAMES_MAX && (name[count] = name_at(rig, count))) {
+        count++;
     }
-    return rig->nbus;
+    return count;
 }
 
 /* Form of a name, PREFIX.NAME.WORD. An empty prefix is omitted, and so is NAME in forms without
  * names. Forms with longer prefixes come first. */
 static const struct form {
     const char *prefix;
-    size_t (*names)(const struct rig *rig, const char **name);
+    const char *(*name)(const struct rig *rig, size_t i);
     const char *const *word;
     size_t nword;
     double (*read)(const struct scenario_view *view, size_t a, size_t b);
     bool host, floating; /* needs a host; needs a floating base */
 } forms[] = {
-    {"measured.ft", ft_names, wrench_words, ARRAY_COUNT(wrench_words), signal_read_measured_ft,
+    {"measured.ft", ft_name, wrench_words, ARRAY_COUNT(wrench_words), signal_read_measured_ft,
      false, false},
-    {"host.ft", host_ft_names, host_force_words, ARRAY_COUNT(host_force_words), signal_read_host_ft,
+    {"host.ft", host_ft_name, host_force_words, ARRAY_COUNT(host_force_words), signal_read_host_ft,
      true, false},
-    {"measured", joint_names, joint_words, ARRAY_COUNT(joint_words), signal_read_measured_joint,
+    {"measured", joint_name, joint_words, ARRAY_COUNT(joint_words), signal_read_measured_joint,
      false, false},
-    {"host", axis_names, host_joint_words, ARRAY_COUNT(host_joint_words), signal_read_host_joint,
+    {"host", axis_name, host_joint_words, ARRAY_COUNT(host_joint_words), signal_read_host_joint,
      true, false},
-    {"ft", ft_names, wrench_words, ARRAY_COUNT(wrench_words), signal_read_ft, false, false},
-    {"contact", contact_names, wrench_words, ARRAY_COUNT(wrench_words), signal_read_contact, false,
+    {"ft", ft_name, wrench_words, ARRAY_COUNT(wrench_words), signal_read_ft, false, false},
+    {"contact", contact_name, wrench_words, ARRAY_COUNT(wrench_words), signal_read_contact, false,
      false},
-    {"bus", bus_names, bus_words, ARRAY_COUNT(bus_words), signal_read_bus, false, false},
-    {"", joint_names, joint_words, ARRAY_COUNT(joint_words), signal_read_joint, false, false},
+    {"bus", bus_name, bus_words, ARRAY_COUNT(bus_words), signal_read_bus, false, false},
+    {"", joint_name, joint_words, ARRAY_COUNT(joint_words), signal_read_joint, false, false},
     {"base", NULL, base_words, ARRAY_COUNT(base_words), signal_read_base, false, true},
     {"com", NULL, com_words, ARRAY_COUNT(com_words), signal_read_com, false, false},
     {"boards", NULL, boards_words, ARRAY_COUNT(boards_words), signal_read_boards, false, false},
@@ -374,7 +371,7 @@ static bool signal_fits_form(const struct form *form, const char *name, char mid
     }
     *word = last ? last + 1 : "";
     middle[0] = '\0';
-    if (!form->names) {
+    if (!form->name) {
         return last == name + prefix;
     }
     if (!last || last <= from) {
@@ -415,9 +412,8 @@ enum error_code scenario_signal_find(const char *name, const struct rig *rig,
         if (!signal_fits_form(form, name, middle, &word)) {
             continue;
         }
-        if (form->names) {
-            n = form->names(rig, names);
-            n = n < NAMES_MAX ? n : NAMES_MAX;
+        if (form->name) {
+            n = signal_list_names(rig, form->name, names);
         }
         if (form->floating && !rig->robot->floating) {
             return yaml_error(error, mark, "found signal \"%.80s\", but the robot's base is fixed",
@@ -425,7 +421,7 @@ enum error_code scenario_signal_find(const char *name, const struct rig *rig,
         }
 
         /* The name must exist in the rig, and the quantity in the form */
-        if (!form->names || signal_find_word(names, n, middle, &a)) {
+        if (!form->name || signal_find_word(names, n, middle, &a)) {
             if (signal_find_word(form->word, form->nword, word, &b)) {
                 *signal = (struct scenario_signal){form->read, a, b, form->host};
                 return ERROR_NONE;
@@ -444,9 +440,8 @@ enum error_code scenario_signal_find(const char *name, const struct rig *rig,
     if (words) {
         return signal_unknown(name, part, words, count, mark, error);
     }
-    count = unnamed ? unnamed->names(rig, names) : joint_names(rig, names);
-    return signal_unknown(name, unnamed ? unknown : name, names,
-                          count < NAMES_MAX ? count : NAMES_MAX, mark, error);
+    count = signal_list_names(rig, unnamed ? unnamed->name : joint_name, names);
+    return signal_unknown(name, unnamed ? unknown : name, names, count, mark, error);
 }
 
 const char *const *scenario_signal_help(void)
