@@ -32,6 +32,8 @@ __asm__(".section .rodata\n"
     "Cache-Control: no-store\r\n"                                                                  \
     "Connection: close\r\n"
 
+#define TEXT "text/plain; charset=utf-8"
+
 enum { RESPONSE_MAX = 1024 + sizeof(struct error) }; /* a header and a message */
 
 static const char index_page[] =
@@ -110,18 +112,12 @@ static void respond_with(struct viewer *viewer, struct viewer_client *client, in
     client_flush(viewer, client);
 }
 
-static void respond_file(struct viewer *viewer, struct viewer_client *client, int status,
-                         const struct viewer_file *file)
+/* Sends a status with a text (NULL = the status's own). */
+static void respond_text(struct viewer *viewer, struct viewer_client *client, int status,
+                         const char *text)
 {
-    respond_with(viewer, client, status, file, NULL);
-}
-
-static void respond_text(struct viewer *viewer, struct viewer_client *client, int status)
-{
-    const char *text = find_status_text(status)->text;
-
-    respond_file(viewer, client, status,
-                 &(struct viewer_file){"text/plain; charset=utf-8", text, strlen(text), false});
+    respond_with(viewer, client, status, &(struct viewer_file){.type = TEXT},
+                 text ? text : find_status_text(status)->text);
 }
 
 /* ---- tokens ---- */
@@ -149,72 +145,74 @@ enum viewer_right viewer_token_right(const struct viewer *viewer, const char *to
 
 /* ---- available resources ---- */
 
-/* Answers with the meaning of the buses' messages. */
-static void respond_database(struct viewer *viewer, struct viewer_client *client)
+/* Finds a file of the page, which is public. */
+static bool respond_find_page(const char *path, struct viewer_file *file)
 {
-    if (!viewer_make_database(viewer)) {
-        respond_text(viewer, client, 500);
-        return;
+    if (strcmp(path, "/") == 0) {
+        *file = (struct viewer_file){"text/html; charset=utf-8", index_page, sizeof index_page - 1,
+                                     false};
+    } else if (strcmp(path, "/page.js") == 0) {
+        *file = (struct viewer_file){"text/javascript; charset=utf-8", viewer_page_begin,
+                                     (size_t)(viewer_page_end - viewer_page_begin), true};
+    } else if (strcmp(path, "/icon.svg") == 0) {
+        *file = (struct viewer_file){"image/svg+xml", icon, sizeof icon - 1, false};
+    } else {
+        return false;
     }
-    respond_file(
-        viewer, client, 200,
-        &(struct viewer_file){"application/json", viewer->database, viewer->database_size, false});
+    return true;
 }
 
-/* Answers with the mesh of a surface, by number. */
-static void respond_mesh(struct viewer *viewer, struct viewer_client *client, const char *number)
+/* Finds what a path of the form PREFIX NUMBER counts; returns false for other paths. */
+static bool respond_find_number(const char *path, const char *prefix, size_t count, int64_t *number)
 {
-    const struct viewer_file *file = NULL;
-    int64_t surface;
+    const size_t length = strlen(prefix);
 
-    if (text_to_int(number, 0, (int64_t)viewer->rig->contact.nsurface - 1, &surface)) {
-        file = viewer_mesh_file(viewer, (size_t)surface);
-    }
-    if (file) {
-        respond_file(viewer, client, 200, file);
-    } else {
-        respond_text(viewer, client, 404);
-    }
+    return strncmp(path, prefix, length) == 0 &&
+           text_to_int(path + length, 0, (int64_t)count - 1, number);
 }
 
-/* Answers with the mesh of a visual, or with the reason why there is none. */
-static void respond_visual(struct viewer *viewer, struct viewer_client *client, const char *number)
+/* Finds data of the run, which need a token: the meaning of the buses' messages, events, files of
+ * the recording, rows of a second recording, meshes of surfaces and of visuals. Returns the status;
+ * why: the reason why a visual has no mesh. */
+static int respond_find_data(struct viewer *viewer, const char *path, struct viewer_file *file,
+                             struct error *why)
 {
-    const struct viewer_file *file = NULL;
-    struct error why = {.text = ""};
-    int64_t visual;
+    const struct recording *shown = viewer->config.recording, *with = viewer->config.with;
+    const struct recorded_file *recorded = NULL;
+    const struct viewer_file *found = file;
+    int64_t number;
 
-    if (text_to_int(number, 0, (int64_t)viewer->rig->robot->nvisual - 1, &visual)) {
-        file = viewer_visual_file(viewer, (size_t)visual, &why);
+    *file = (struct viewer_file){.type = "text/csv; charset=utf-8"};
+    if (strcmp(path, "/messages.json") == 0) {
+        if (!viewer_make_database(viewer)) {
+            return 500;
+        }
+        *file = (struct viewer_file){"application/json", viewer->database, viewer->database_size,
+                                     false};
+        return 200;
     }
-    if (file) {
-        respond_file(viewer, client, 200, file);
-    } else if (why.text[0]) {
-        respond_with(viewer, client, 404,
-                     &(struct viewer_file){"text/plain; charset=utf-8", NULL, 0, false}, why.text);
-    } else {
-        respond_text(viewer, client, 404);
+    if (strcmp(path, "/events.log") == 0 && shown) {
+        recorded = &shown->events;
+        file->type = TEXT;
+    } else if (strcmp(path, "/with/signals.csv") == 0 && with) {
+        recorded = &with->signals.file;
+    } else if (strcmp(path, "/with/poses.csv") == 0 && with) {
+        recorded = &with->poses.file;
+    } else if (respond_find_number(path, "/mesh/", viewer->rig->contact.nsurface, &number)) {
+        found = viewer_mesh_file(viewer, (size_t)number);
+    } else if (respond_find_number(path, "/visual/", viewer->rig->robot->nvisual, &number)) {
+        found = viewer_visual_file(viewer, (size_t)number, why);
+    } else if (strncmp(path, "/recording/", 11) != 0 || !viewer->ended ||
+               !viewer_find_file(viewer, path + 11, file)) {
+        return 404;
     }
-}
-
-/* Answers with the unchanged rows of the second recording. */
-static void respond_compared(struct viewer *viewer, struct viewer_client *client, const char *name)
-{
-    const struct recording *with = viewer->config.with;
-    const struct recorded_file *file = NULL;
-
-    if (with && strcmp(name, "signals.csv") == 0) {
-        file = &with->signals.file;
-    } else if (with && strcmp(name, "poses.csv") == 0) {
-        file = &with->poses.file;
+    if (recorded) {
+        file->data = recorded->data;
+        file->size = recorded->size;
+    } else if (found) {
+        *file = *found;
     }
-    if (file) {
-        respond_file(
-            viewer, client, 200,
-            &(struct viewer_file){"text/csv; charset=utf-8", file->data, file->size, false});
-    } else {
-        respond_text(viewer, client, 404);
-    }
+    return found ? 200 : 404;
 }
 
 /* Changes the connection to a WebSocket, which carries messages from now on. */
@@ -224,7 +222,7 @@ static void respond_upgrade(struct viewer *viewer, struct viewer_client *client,
     char accept[WEBSOCKET_ACCEPT], *to = (char *)client_room(viewer, client, 256);
 
     if (!request->upgrade || !to) {
-        respond_text(viewer, client, 426);
+        respond_text(viewer, client, 426, NULL);
         return;
     }
     websocket_accept(request->key, accept);
@@ -240,56 +238,29 @@ static void respond_upgrade(struct viewer *viewer, struct viewer_client *client,
 void viewer_respond(struct viewer *viewer, struct viewer_client *client, int status,
                     const struct http_request *request)
 {
-    const char *path = request->path;
+    struct error why = {.text = ""};
     struct viewer_file file;
 
-    /* Refuses invalid requests and requests to another server */
-    if (status != 200) {
-        respond_text(viewer, client, status);
-        return;
-    }
-    if (!http_request_is_ours(request, &viewer->bound)) {
+    /* Invalid requests, and requests to another server, are refused. The page itself is public; its
+     * data need a token */
+    if (status == 200 && !http_request_is_ours(request, &viewer->bound)) {
         viewer->counters.refused++;
-        respond_text(viewer, client, 403);
-        return;
-    }
-
-    /* The page itself is public; its data need a token */
-    if (strcmp(path, "/") == 0) {
-        respond_file(viewer, client, 200,
-                     &(struct viewer_file){"text/html; charset=utf-8", index_page,
-                                           sizeof index_page - 1, false});
-    } else if (strcmp(path, "/page.js") == 0) {
-        respond_file(viewer, client, 200,
-                     &(struct viewer_file){"text/javascript; charset=utf-8", viewer_page_begin,
-                                           (size_t)(viewer_page_end - viewer_page_begin), true});
-    } else if (strcmp(path, "/icon.svg") == 0) {
-        respond_file(viewer, client, 200,
-                     &(struct viewer_file){"image/svg+xml", icon, sizeof icon - 1, false});
-    } else if (strcmp(path, "/socket") == 0) {
+        status = 403;
+    } else if (status == 200 && strcmp(request->path, "/socket") == 0) {
         respond_upgrade(viewer, client, request);
-    } else if (strncmp(request->authorization, "Bearer ", 7) != 0 ||
-               viewer_token_right(viewer, request->authorization + 7) == RIGHT_NONE) {
-        viewer->counters.refused++;
-        respond_text(viewer, client, 401);
-    } else if (strcmp(path, "/messages.json") == 0) {
-        respond_database(viewer, client);
-    } else if (strcmp(path, "/events.log") == 0 && viewer->config.recording) {
-        const struct recorded_file *events = &viewer->config.recording->events;
-
-        respond_file(
-            viewer, client, 200,
-            &(struct viewer_file){"text/plain; charset=utf-8", events->data, events->size, false});
-    } else if (strncmp(path, "/with/", 6) == 0) {
-        respond_compared(viewer, client, path + 6);
-    } else if (strncmp(path, "/recording/", 11) == 0 && viewer->ended &&
-               viewer_find_file(viewer, path + 11, &file)) {
-        respond_file(viewer, client, 200, &file);
-    } else if (strncmp(path, "/mesh/", 6) == 0) {
-        respond_mesh(viewer, client, path + 6);
-    } else if (strncmp(path, "/visual/", 8) == 0) {
-        respond_visual(viewer, client, path + 8);
+        return;
+    } else if (status == 200 && !respond_find_page(request->path, &file)) {
+        if (strncmp(request->authorization, "Bearer ", 7) == 0 &&
+            viewer_token_right(viewer, request->authorization + 7) != RIGHT_NONE) {
+            status = respond_find_data(viewer, request->path, &file, &why);
+        } else {
+            viewer->counters.refused++;
+            status = 401;
+        }
+    }
+    if (status == 200) {
+        respond_with(viewer, client, status, &file, NULL);
     } else {
-        respond_text(viewer, client, 404);
+        respond_text(viewer, client, status, why.text[0] ? why.text : NULL);
     }
 }

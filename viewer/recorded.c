@@ -183,21 +183,27 @@ void recorded_table_close(struct recorded_table *table)
     table->nrow = 0;
 }
 
-size_t recorded_table_find(const struct recorded_table *table, int64_t time_ns)
+/* Finds the last of count rows at or before a time, or the first one; 0 if there are none. */
+static size_t rows_find(const struct recorded_row *row, size_t count, int64_t time_ns)
 {
-    size_t low = 0, high = table->nrow;
+    size_t low = 0, high = count;
 
     /* Rows before low are at or before the time; rows from high on are after it */
     while (low < high) {
         size_t middle = low + (high - low) / 2;
 
-        if (table->row[middle].time_ns <= time_ns) {
+        if (row[middle].time_ns <= time_ns) {
             low = middle + 1;
         } else {
             high = middle;
         }
     }
     return low > 0 ? low - 1 : 0;
+}
+
+size_t recorded_table_find(const struct recorded_table *table, int64_t time_ns)
+{
+    return rows_find(table->row, table->nrow, time_ns);
 }
 
 void recorded_table_read(const struct recorded_table *table, size_t row, size_t count,
@@ -250,7 +256,7 @@ static bool log_add_mark(struct recorded_log *log, int64_t time_ns, size_t at,
 {
     if (log->nmark == log->capacity) {
         size_t larger = log->capacity ? 2 * log->capacity : 1024;
-        struct recorded_mark *mark = realloc(log->mark, larger * sizeof *mark);
+        struct recorded_row *mark = realloc(log->mark, larger * sizeof *mark);
         struct recorded_traffic *counts =
             mark ? realloc(log->traffic, larger * (log->nbus + 1) * sizeof *counts) : NULL;
 
@@ -261,7 +267,7 @@ static bool log_add_mark(struct recorded_log *log, int64_t time_ns, size_t at,
         log->traffic = counts;
         log->capacity = larger;
     }
-    log->mark[log->nmark] = (struct recorded_mark){time_ns, at};
+    log->mark[log->nmark] = (struct recorded_row){time_ns, at};
     memcpy(&log->traffic[log->nmark * log->nbus], traffic, log->nbus * sizeof *traffic);
     log->nmark++;
     return true;
@@ -325,23 +331,6 @@ void recorded_log_close(struct recorded_log *log)
     log->nmark = log->capacity = 0;
 }
 
-/* Finds the last mark at or before a time, or the first mark; 0 if there are no marks. */
-static size_t log_find_mark(const struct recorded_log *log, int64_t time_ns)
-{
-    size_t low = 0, high = log->nmark;
-
-    while (low < high) {
-        size_t middle = low + (high - low) / 2;
-
-        if (log->mark[middle].time_ns <= time_ns) {
-            low = middle + 1;
-        } else {
-            high = middle;
-        }
-    }
-    return low > 0 ? low - 1 : 0;
-}
-
 bool recorded_log_next(const struct recorded_log *log, size_t *at, size_t *bus,
                        struct bus_frame *frame)
 {
@@ -360,7 +349,8 @@ bool recorded_log_next(const struct recorded_log *log, size_t *at, size_t *bus,
 
 size_t recorded_log_find(const struct recorded_log *log, int64_t time_ns)
 {
-    size_t at = log->nmark > 0 ? log->mark[log_find_mark(log, time_ns)].at : 0, next = at, bus;
+    size_t at = log->nmark > 0 ? log->mark[rows_find(log->mark, log->nmark, time_ns)].at : 0,
+           next = at, bus;
     struct bus_frame frame;
 
     while (recorded_log_next(log, &next, &bus, &frame) && frame.time_ns < time_ns) {
@@ -372,7 +362,7 @@ size_t recorded_log_find(const struct recorded_log *log, int64_t time_ns)
 void recorded_log_count(const struct recorded_log *log, int64_t time_ns,
                         struct recorded_traffic *traffic)
 {
-    size_t mark = log_find_mark(log, time_ns), at, bus;
+    size_t mark = rows_find(log->mark, log->nmark, time_ns), at, bus;
     struct bus_frame frame;
 
     memset(traffic, 0, log->nbus * sizeof *traffic);

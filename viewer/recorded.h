@@ -33,9 +33,10 @@ void recorded_file_close(struct recorded_file *file); /* safe on a zeroed struct
 
 enum { RECORDED_COLUMNS = 8192, RECORDED_TITLE = 128 };
 
+/* A row of a table, or a mark in a log: a time, and where the file goes on after it. */
 struct recorded_row {
     int64_t time_ns;
-    size_t at; /* offset in the file of its first cell after the time */
+    size_t at; /* offset in the file: of a row's first cell after the time, of a mark's line */
 };
 
 struct recorded_table {
@@ -65,12 +66,6 @@ void recorded_table_read(const struct recorded_table *table, size_t row, size_t 
 
 #define RECORDED_MARK_NS INT64_C(100000000)
 
-/* A mark in the log: the position and the traffic at a time. */
-struct recorded_mark {
-    int64_t time_ns;
-    size_t at;
-};
-
 struct recorded_traffic {
     uint64_t frames, bits;
 };
@@ -80,7 +75,7 @@ struct recorded_log {
     const char *const *bus; /* borrowed: names of the buses in the log */
     size_t nbus;
     int64_t first_ns, last_ns;
-    struct recorded_mark *mark;       /* at least one every RECORDED_MARK_NS */
+    struct recorded_row *mark;        /* at least one every RECORDED_MARK_NS */
     struct recorded_traffic *traffic; /* traffic of each bus at each mark */
     size_t nmark, capacity;
     uint64_t strange; /* number of frames with other bus names */

@@ -111,16 +111,6 @@ static void viewer_update_wish(struct viewer *viewer)
     simulator_want_views(viewer->config.simulator, wanted);
 }
 
-/* Waits for the order to serve or to stop. */
-static void viewer_wait_for_order(struct viewer *viewer)
-{
-    struct pollfd fd = {.fd = viewer->event, .events = POLLIN};
-
-    while (atomic_load(&viewer->order) == VIEWER_ORDER_WAIT) {
-        poll(&fd, 1, -1);
-    }
-}
-
 /* Handles the end of the loop: reads its last rows; its last view is that of the end. */
 static void viewer_note_end(struct viewer *viewer)
 {
@@ -170,7 +160,9 @@ static void *viewer_thread_main(void *context)
     struct viewer *viewer = context;
     struct clock *clock = clock_monotonic();
 
-    viewer_wait_for_order(viewer);
+    while (atomic_load(&viewer->order) == VIEWER_ORDER_WAIT) {
+        poll(&(struct pollfd){.fd = viewer->event, .events = POLLIN}, 1, -1);
+    }
     if (viewer->stream) {
         stream_want(viewer->stream, 1);
     }
@@ -219,11 +211,16 @@ static void *viewer_thread_main(void *context)
 
 /* ---- start ---- */
 
-/* Makes a random token of hexadecimal digits; returns false without random numbers. */
-static bool viewer_make_token(char token[VIEWER_TOKEN])
+/* Copies a given token, or makes a random one of hexadecimal digits (given NULL); returns false
+ * without random numbers. */
+static bool viewer_set_token(char token[VIEWER_TOKEN], const char *given)
 {
     uint8_t random[(VIEWER_TOKEN - 1) / 2];
 
+    if (given) {
+        snprintf(token, VIEWER_TOKEN, "%s", given);
+        return true;
+    }
     if (getrandom(random, sizeof random, 0) != sizeof random) {
         return false;
     }
@@ -231,21 +228,6 @@ static bool viewer_make_token(char token[VIEWER_TOKEN])
         snprintf(token + 2 * i, 3, "%02x", random[i]);
     }
     return true;
-}
-
-/* Sets the tokens, given or new, and a name for this run; returns false without random numbers. */
-static bool viewer_set_tokens(struct viewer *viewer)
-{
-    for (int right = 0; right < 2; right++) {
-        const char *given = viewer->config.token[right];
-
-        if (given) {
-            snprintf(viewer->token[right], VIEWER_TOKEN, "%s", given);
-        } else if (!viewer_make_token(viewer->token[right])) {
-            return false;
-        }
-    }
-    return viewer_make_token(viewer->run);
 }
 
 /* Opens the listening socket, and stores how its address can be reached. */
@@ -321,6 +303,7 @@ static enum error_code viewer_allocate(const struct viewer_config *config, struc
     if (!viewer->histogram || !viewer->mesh || !viewer->visual) {
         return error_set(error, ERROR_MEMORY, "page: no memory");
     }
+
     /* All places are unused and have their buffers */
     for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
         struct viewer_client *client = &viewer->client[i];
@@ -345,25 +328,35 @@ static enum error_code viewer_allocate(const struct viewer_config *config, struc
     return ERROR_NONE;
 }
 
-/* Makes the description that each client gets first. */
-static enum error_code viewer_make_hello(struct viewer *viewer, struct error *error)
+/* Makes all that the thread needs, the description of the run and the socket last; then starts
+ * it. */
+static enum error_code viewer_open(struct viewer *viewer, struct error *error)
 {
-    json_t *hello = viewer_hello(viewer);
+    enum error_code code;
+    json_t *hello;
+    int reason;
 
+    if (!viewer_set_token(viewer->token[0], viewer->config.token[0]) ||
+        !viewer_set_token(viewer->token[1], viewer->config.token[1]) ||
+        !viewer_set_token(viewer->run, NULL)) {
+        return error_set_errno(error, errno, "page: no random numbers for its tokens");
+    }
+    if ((code = viewer_create_state(viewer, error)) ||
+        (code = viewer_create_history(viewer, error))) {
+        return code;
+    }
+    hello = viewer_hello(viewer);
     viewer->hello = hello ? json_dumps(hello, JSON_COMPACT | JSON_REAL_PRECISION(9)) : NULL;
     json_decref(hello);
     if (!viewer->hello) {
         return error_set(error, ERROR_MEMORY, "page: no memory for the description of the rig");
     }
     viewer->hello_size = strlen(viewer->hello);
-    return ERROR_NONE;
-}
-
-/* Creates the event descriptor for orders, and starts the thread. */
-static enum error_code viewer_start_thread(struct viewer *viewer, struct error *error)
-{
-    int reason;
-
+    code = viewer_listen(viewer, error);
+    if (code) {
+        return code;
+    }
+    viewer_make_addresses(viewer);
     viewer->event = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     if (viewer->event < 0) {
         return error_set_errno(error, errno, "page: cannot create an event descriptor");
@@ -387,31 +380,16 @@ enum error_code viewer_start(const struct viewer_config *config, struct viewer *
         arena_fini(&arena);
         return code;
     }
-    if (!viewer_set_tokens(viewer)) {
-        code = error_set_errno(error, errno, "page: no random numbers for its tokens");
-        goto fail;
+    code = viewer_open(viewer, error);
+    if (code && viewer->event >= 0) {
+        close(viewer->event);
     }
-
-    /* The description, then the socket, then the thread that serves it */
-    if ((code = viewer_create_state(viewer, error)) ||
-        (code = viewer_create_history(viewer, error)) ||
-        (code = viewer_make_hello(viewer, error)) || (code = viewer_listen(viewer, error))) {
-        goto fail;
-    }
-    viewer_make_addresses(viewer);
-    code = viewer_start_thread(viewer, error);
     if (code) {
-        goto fail;
+        viewer_destroy(viewer);
+        return code;
     }
     *out = viewer;
     return ERROR_NONE;
-
-fail:
-    if (viewer->event >= 0) {
-        close(viewer->event);
-    }
-    viewer_destroy(viewer);
-    return code;
 }
 
 /* ---- control of the thread ---- */

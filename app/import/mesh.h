@@ -45,8 +45,8 @@ struct import_mesh {
     const char *remark; /* missing parts of its appearance, NULL = none */
 };
 
-/* Finds the path of a mesh. Reports one whose name leads outside the allowed folders, whether or not
- * the file exists, and one that is missing, with the reason. */
+/* Finds the path of a mesh. Reports one whose name leads outside the allowed folders, whether or
+ * not the file exists, and one that is missing, with the reason. */
 enum import_path import_find_mesh(const struct import_model *model,
                                   const struct import_geometry *shape,
                                   const struct import_packages *packages, char path[PATH_MAX],

@@ -266,32 +266,32 @@ static double signal_read_lockstep(const struct scenario_view *view, size_t a, s
 
 /* Return the name with an index, NULL behind the last one. */
 
-static const char *joint_name(const struct rig *rig, size_t i)
+static const char *signal_joint_name(const struct rig *rig, size_t i)
 {
     return i < rig->robot->njoint ? rig->robot->joint[i].name : NULL;
 }
 
-static const char *axis_name(const struct rig *rig, size_t i)
+static const char *signal_axis_name(const struct rig *rig, size_t i)
 {
     return i < rig->naxis ? rig->axis[i].joint : NULL;
 }
 
-static const char *ft_name(const struct rig *rig, size_t i)
+static const char *signal_ft_name(const struct rig *rig, size_t i)
 {
     return i < rig->robot->nft ? rig->robot->ft[i].name : NULL;
 }
 
-static const char *host_ft_name(const struct rig *rig, size_t i)
+static const char *signal_host_ft_name(const struct rig *rig, size_t i)
 {
     return i < rig->nft ? rig->ft[i].name : NULL;
 }
 
-static const char *contact_name(const struct rig *rig, size_t i)
+static const char *signal_contact_name(const struct rig *rig, size_t i)
 {
     return i < rig->contact.nbody ? rig_contact_name(rig, i) : NULL;
 }
 
-static const char *bus_name(const struct rig *rig, size_t i)
+static const char *signal_bus_name(const struct rig *rig, size_t i)
 {
     return i < rig->nbus ? rig->bus[i].name : NULL;
 }
@@ -319,19 +319,19 @@ static const struct form {
     double (*read)(const struct scenario_view *view, size_t a, size_t b);
     bool host, floating; /* needs a host; needs a floating base */
 } forms[] = {
-    {"measured.ft", ft_name, wrench_words, ARRAY_COUNT(wrench_words), signal_read_measured_ft,
+    {"measured.ft", signal_ft_name, wrench_words, ARRAY_COUNT(wrench_words),
+     signal_read_measured_ft, false, false},
+    {"host.ft", signal_host_ft_name, host_force_words, ARRAY_COUNT(host_force_words),
+     signal_read_host_ft, true, false},
+    {"measured", signal_joint_name, joint_words, ARRAY_COUNT(joint_words),
+     signal_read_measured_joint, false, false},
+    {"host", signal_axis_name, host_joint_words, ARRAY_COUNT(host_joint_words),
+     signal_read_host_joint, true, false},
+    {"ft", signal_ft_name, wrench_words, ARRAY_COUNT(wrench_words), signal_read_ft, false, false},
+    {"contact", signal_contact_name, wrench_words, ARRAY_COUNT(wrench_words), signal_read_contact,
      false, false},
-    {"host.ft", host_ft_name, host_force_words, ARRAY_COUNT(host_force_words), signal_read_host_ft,
-     true, false},
-    {"measured", joint_name, joint_words, ARRAY_COUNT(joint_words), signal_read_measured_joint,
-     false, false},
-    {"host", axis_name, host_joint_words, ARRAY_COUNT(host_joint_words), signal_read_host_joint,
-     true, false},
-    {"ft", ft_name, wrench_words, ARRAY_COUNT(wrench_words), signal_read_ft, false, false},
-    {"contact", contact_name, wrench_words, ARRAY_COUNT(wrench_words), signal_read_contact, false,
-     false},
-    {"bus", bus_name, bus_words, ARRAY_COUNT(bus_words), signal_read_bus, false, false},
-    {"", joint_name, joint_words, ARRAY_COUNT(joint_words), signal_read_joint, false, false},
+    {"bus", signal_bus_name, bus_words, ARRAY_COUNT(bus_words), signal_read_bus, false, false},
+    {"", signal_joint_name, joint_words, ARRAY_COUNT(joint_words), signal_read_joint, false, false},
     {"base", NULL, base_words, ARRAY_COUNT(base_words), signal_read_base, false, true},
     {"com", NULL, com_words, ARRAY_COUNT(com_words), signal_read_com, false, false},
     {"boards", NULL, boards_words, ARRAY_COUNT(boards_words), signal_read_boards, false, false},
@@ -440,7 +440,7 @@ enum error_code scenario_signal_find(const char *name, const struct rig *rig,
     if (words) {
         return signal_unknown(name, part, words, count, mark, error);
     }
-    count = signal_list_names(rig, unnamed ? unnamed->name : joint_name, names);
+    count = signal_list_names(rig, unnamed ? unnamed->name : signal_joint_name, names);
     return signal_unknown(name, unnamed ? unknown : name, names, count, mark, error);
 }
 
