@@ -3,7 +3,6 @@
 #include "app/cli/cli.h"
 #include "app/import/import.h"
 #include "app/import/write.h"
-#include "boards/protocol_list.h"
 #include "manual/import.h"
 
 /* Maximum number of printed notes per kind; the report has all. */
@@ -84,46 +83,6 @@ static int import_run_request(const struct command_spec *spec, const struct impo
     return options_end(spec, code, &error);
 }
 
-enum { WORDS_MAX = 16 };
-
-/* The protocols with which an import can lay out a rig, as words of an option and in its help. */
-struct import_words {
-    char text[WORDS_MAX][40];
-    struct import_boards boards[WORDS_MAX]; /* by value of the word */
-    struct word word[WORDS_MAX + 1];        /* ends with a NULL word */
-    char help[240];
-};
-
-/* Lists the protocols that have a bench, over CAN and over CAN FD ("-fd"). */
-static void import_list_words(struct import_words *words)
-{
-    const struct protocol *protocol;
-    size_t used = (size_t)snprintf(words->help, sizeof words->help,
-                                   "what boards of motors and sensors speak (-fd: over CAN FD):");
-    int count = 0;
-
-    for (size_t i = 0; (protocol = protocol_at(i)); i++) {
-        for (int fd = 0; fd < 2 && count < WORDS_MAX; fd++) {
-            /* A protocol without axes per bus cannot carry an import */
-            if ((fd ? &protocol->bench_fd : &protocol->bench)->bus_axes > 0) {
-                snprintf(words->text[count], sizeof words->text[count], "%s%s", protocol->name,
-                         fd ? "-fd" : "");
-                words->boards[count] = (struct import_boards){protocol, fd};
-                words->word[count] = (struct word){words->text[count], count};
-                if (used < sizeof words->help) {
-                    used += (size_t)snprintf(words->help + used, sizeof words->help - used, "%s %s",
-                                             count ? "," : "", words->text[count]);
-                }
-                count++;
-            }
-        }
-    }
-    words->word[count] = (struct word){NULL, 0};
-    if (used < sizeof words->help) {
-        snprintf(words->help + used, sizeof words->help - used, "; the first by default");
-    }
-}
-
 int cmd_import(int argc, char **argv)
 {
     static const struct word bases[] = {
@@ -133,10 +92,9 @@ int cmd_import(int argc, char **argv)
                                          {"free", IMPORT_MIMIC_FREE},
                                          {NULL, 0}};
     static const struct word slides[] = {{"lock", 0}, {"free", 1}, {NULL, 0}};
-    static struct import_words protocols;
     static struct import_request r;
-    static struct option_list lock, packages, drives;
-    static int prismatic, protocol;
+    static struct option_list lock, packages, drives, addresses;
+    static int prismatic;
     static bool trust;
     static const struct option_spec options[] = {
         {"--output", OPTION_STRING, "DIR", "folder to write into; it is made when it is not there",
@@ -147,8 +105,13 @@ int cmd_import(int argc, char **argv)
          .value = &r.options.base, .words = bases},
         {"--pose", OPTION_STRING, "NAME",
          "pose to start in: rest, or one of the SRDF or the keyframes", .value = &r.pose},
-        {"--protocol", OPTION_ENUM, "NAME", protocols.help, .value = &protocol,
-         .words = protocols.word},
+        {"--protocol", OPTION_STRING, "NAME|FILE",
+         "what the boards of motors speak: a protocol (coman-hil list protocols; with -fd over CAN "
+         "FD), or the file of one; icub by default",
+         .noun = "protocols", .value = &r.protocol},
+        {"--address", OPTION_LIST, "JOINT=NUMBER",
+         "address of the board of this joint; the others are counted; may be given more than once",
+         .value = &addresses},
         {"--lock", OPTION_LIST, "JOINT", "fix this joint; may be given more than once",
          .value = &lock},
         {"--mimic", OPTION_ENUM, "HOW",
@@ -186,10 +149,8 @@ int cmd_import(int argc, char **argv)
     struct error error;
     int status;
 
-    /* The words of --protocol are the protocols, so they are made first */
     r = (struct import_request){0};
     trust = false;
-    import_list_words(&protocols);
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
@@ -199,7 +160,8 @@ int cmd_import(int argc, char **argv)
         error_set(&error, ERROR_INPUT, "found no --output, expected the folder to write into");
         return options_fail(&spec, &error);
     }
-    r.boards = protocols.boards[protocol];
+    r.address = addresses.item;
+    r.naddress = addresses.count;
     r.options.free_slides = prismatic != 0;
     r.options.lock = lock.item;
     r.options.nlock = lock.count;

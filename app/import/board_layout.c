@@ -2,32 +2,90 @@
 /* Plans which joint is on which bus. */
 #include "app/import/board_layout.h"
 
+#include "base/config.h"
+#include "base/text.h"
+#include "boards/described/protocol.h"
 #include "boards/protocol_list.h"
 
-#include <stdio.h>
+#include <limits.h>
+#include <stdlib.h>
+#include <string.h>
 
 /* Servo valves of one bus: one board, which loads it to 70 %, below IMPORT_BUS_LOAD. */
 enum { VALVES_MOST = 4 };
 
-/* Returns the largest number of axes on a bus with any protocol; word receives the option's name
- * of that protocol. */
-static size_t find_roomiest(char *word, size_t size)
+/* Layout of a protocol that has none: one board a joint. */
+static const struct protocol_bench one_each = {.bus_axes = IMPORT_BUS_AXES,
+                                               .board_axes = 1,
+                                               .ft_address = 1,
+                                               .ft_period_s = "0.005",
+                                               .command_period_s = "0.001"};
+
+/* ---- the protocol ---- */
+
+/* Reads a protocol file for its largest address, and whether it needs CAN FD. */
+static enum error_code boards_read_file(const char *path, struct arena *arena,
+                                        struct import_boards *boards, struct error *error)
 {
-    const struct protocol *protocol;
-    size_t most = 0;
+    const struct described_protocol *protocol;
+    enum error_code code = described_load(path, arena, &protocol, error);
 
-    for (size_t i = 0; (protocol = protocol_at(i)); i++) {
-        for (int fd = 0; fd < 2; fd++) {
-            size_t axes = fd ? protocol->bench_fd.bus_axes : protocol->bench.bus_axes;
-
-            if (axes > most) {
-                most = axes;
-                snprintf(word, size, "%s%s", protocol->name, fd ? "-fd" : "");
-            }
-        }
+    for (size_t i = 0; !code && i < protocol->nframe; i++) {
+        boards->fd = boards->fd || protocol->frame[i].flags & FRAME_FD;
     }
-    return most;
+    boards->protocol = &protocol_described;
+    boards->address_max = code ? 0 : protocol->address_max;
+    return code;
 }
+
+enum error_code import_find_boards(const char *name, struct arena *arena,
+                                   struct import_boards *boards, struct error *error)
+{
+    const size_t length = name ? strlen(name) : 0;
+    const bool fd = length > 3 && !strcmp(name + length - 3, "-fd");
+    char word[64], real[PATH_MAX], *file;
+    const char *path;
+
+    /* A protocol of the program; "-fd" for one that CAN FD carries */
+    snprintf(word, sizeof word, "%.*s", (int)(fd ? length - 3 : length), name ? name : "");
+    boards->protocol = name ? protocol_find(word) : protocol_at(0);
+    if (boards->protocol && !boards->protocol->needs_file && (!fd || boards->protocol->canfd)) {
+        boards->fd = fd || boards->protocol->canfd_only;
+        boards->address_max = boards->protocol->motor_address_max;
+        return ERROR_NONE;
+    }
+
+    /* The name of a protocol file, or a user's own file, which is named ../protocols/ and its file
+     * name in the rig file */
+    if (!strpbrk(name, "/.")) {
+        boards->name = name;
+        return config_locate_from(CONFIG_PROTOCOL, name, "", arena, &path, error)
+                   ? error_prefix(error, "--protocol")
+                   : boards_read_file(path, arena, boards, error);
+    }
+    if (!realpath(name, real)) {
+        return error_set(error, ERROR_INPUT,
+                         "--protocol: found \"%.200s\", expected a protocol or its file: no such "
+                         "file; `coman-hil list protocols` lists the protocols",
+                         name);
+    }
+    file = strrchr(real, '/') + 1;
+    if (!text_is_name(file)) {
+        return error_set(error, ERROR_INPUT,
+                         "--protocol: found \"%.200s\", expected letters, digits and _ - . only in "
+                         "the name of a protocol's file",
+                         file);
+    }
+    boards->copy = arena_strdup(arena, real);
+    snprintf(real, sizeof real, "../protocols/%.200s",
+             strrchr(boards->copy ? boards->copy : "/", '/') + 1);
+    boards->name = arena_strdup(arena, real);
+    return boards->copy && boards->name
+               ? boards_read_file(boards->copy, arena, boards, error)
+               : error_set(error, ERROR_MEMORY, "no memory for the protocol");
+}
+
+/* ---- buses ---- */
 
 /* Returns the first body of a body's limb: the one directly after the last branch of the tree. */
 static int body_find_limb(const struct robot *robot, int body)
@@ -48,20 +106,17 @@ static int body_find_limb(const struct robot *robot, int body)
 }
 
 /* Adds an empty bus to the plan; refuses more than IMPORT_BUSES_MAX. */
-static enum error_code plan_add_bus(struct import_plan *plan, struct import_bus **bus,
-                                    struct error *error)
+static enum error_code plan_add_bus(struct import_plan *plan, const char *protocol,
+                                    struct import_bus **bus, struct error *error)
 {
     if (plan->nbus == IMPORT_BUSES_MAX) {
-        char word[40];
-        size_t most = find_roomiest(word, sizeof word);
-
         return error_set(error, ERROR_INPUT,
-                         "found more joints than %d buses carry, expected fewer: give "
-                         "--protocol %s, of which a bus carries %zu",
-                         IMPORT_BUSES_MAX, word, most);
+                         "found more joints than %d buses carry, expected fewer: give --protocol "
+                         "compact-fd, of which a bus carries %u",
+                         IMPORT_BUSES_MAX, protocol_compact.bench_fd.bus_axes);
     }
     *bus = &plan->bus[plan->nbus++];
-    **bus = (struct import_bus){.ft = -1};
+    **bus = (struct import_bus){.protocol = protocol};
     return ERROR_NONE;
 }
 
@@ -93,21 +148,18 @@ static enum error_code plan_add_joints(const struct robot *robot, size_t most, b
 
     for (size_t j = 0; j < robot->njoint; j++) {
         int own = body_find_limb(robot, (int)j + 1);
-        bool fits;
 
         if (!joint_is_for(&robot->joint[j], valves)) {
             continue;
         }
 
         /* For a limb in progress one more joint must fit, for a new limb all its joints */
-        fits = bus && bus->njoint + (own == limb ? 1 : limb_count_axes(robot, own, valves)) <= most;
-        if (!fits) {
-            enum error_code code = plan_add_bus(plan, &bus, error);
+        if (!bus || bus->njoint + (own == limb ? 1 : limb_count_axes(robot, own, valves)) > most) {
+            enum error_code code = plan_add_bus(plan, valves ? "servo-valve" : NULL, &bus, error);
 
             if (code) {
                 return code;
             }
-            bus->valves = valves;
         }
         limb = own;
         bus->joint[bus->njoint++] = j;
@@ -124,7 +176,7 @@ static struct import_bus *plan_find_limb_bus(const struct robot *robot, struct i
         for (size_t i = 0; i < plan->nbus; i++) {
             struct import_bus *bus = &plan->bus[i];
 
-            for (size_t k = 0; k < bus->njoint && bus->ft < 0 && !bus->valves; k++) {
+            for (size_t k = 0; k < bus->njoint && bus->nft == 0 && !bus->protocol; k++) {
                 if ((int)bus->joint[k] == up - 1) {
                     return bus;
                 }
@@ -135,24 +187,27 @@ static struct import_bus *plan_find_limb_bus(const struct robot *robot, struct i
 }
 
 /* Puts each force-torque sensor on its limb's bus, or a new one; the inertial board gets a bus of
- * its own. */
+ * its own. Sensors beside a protocol without a layout share buses that speak compact. */
 static enum error_code plan_add_sensors(const struct robot *robot, struct import_plan *plan,
                                         struct error *error)
 {
+    const char *protocol = plan->counted ? protocol_compact.name : NULL;
     enum error_code code = ERROR_NONE;
     struct import_bus *bus = NULL;
 
     for (size_t s = 0; s < robot->nft && !code; s++) {
-        bus = plan_find_limb_bus(robot, plan, robot->frame[robot->ft[s].frame].body);
-        if (!bus) {
-            code = plan_add_bus(plan, &bus, error);
+        if (!plan->counted) {
+            bus = plan_find_limb_bus(robot, plan, robot->frame[robot->ft[s].frame].body);
+        }
+        if (!bus || bus->nft == IMPORT_BUS_FT) {
+            code = plan_add_bus(plan, protocol, &bus, error);
         }
         if (!code) {
-            bus->ft = (int)s;
+            bus->ft[bus->nft++] = (int)s;
         }
     }
     if (!code && robot->imu_frame >= 0) {
-        code = plan_add_bus(plan, &bus, error);
+        code = plan_add_bus(plan, protocol, &bus, error);
         if (!code) {
             bus->imu = true;
         }
@@ -160,16 +215,103 @@ static enum error_code plan_add_sensors(const struct robot *robot, struct import
     return code;
 }
 
-enum error_code import_plan_buses(const struct robot *robot, const struct import_boards *boards,
+/* ---- addresses ---- */
+
+/* Reads an --address option, JOINT=NUMBER; returns the joint's index, -1 for another option. */
+static int address_read(const char *option, const struct robot *robot, unsigned most,
+                        unsigned *address)
+{
+    const char *equals = strrchr(option, '=');
+    int64_t number;
+
+    for (size_t j = 0; equals && j < robot->njoint; j++) {
+        if (strlen(robot->joint[j].name) == (size_t)(equals - option) &&
+            !strncmp(robot->joint[j].name, option, (size_t)(equals - option)) &&
+            text_to_int(equals + 1, 1, most, &number)) {
+            *address = (unsigned)number;
+            return (int)j;
+        }
+    }
+    return -1;
+}
+
+/* Checks whether a board of a bus has an address. */
+static bool bus_has_address(const struct import_bus *bus, unsigned address)
+{
+    for (size_t k = 0; k < bus->njoint; k++) {
+        if (bus->address[k] == address) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Gives each joint of a bus the address of its board: the given one, else the next free one. */
+static enum error_code bus_number_boards(const struct robot *robot, const struct import_plan *plan,
+                                         struct import_bus *bus, struct error *error)
+{
+    const struct import_boards *boards = &plan->boards;
+    unsigned next = 1, given;
+
+    for (size_t i = 0; i < boards->naddress; i++) {
+        int joint = address_read(boards->address[i], robot, boards->address_max, &given);
+
+        for (size_t k = 0; k < bus->njoint; k++) {
+            if ((int)bus->joint[k] == joint && bus_has_address(bus, given)) {
+                return error_set(
+                    error, ERROR_INPUT,
+                    "--address: found %u twice on the bus of joint \"%.63s\", expected "
+                    "addresses of their own",
+                    given, robot->joint[joint].name);
+            }
+            bus->address[k] = (int)bus->joint[k] == joint ? given : bus->address[k];
+        }
+    }
+    for (size_t k = 0; k < bus->njoint; k++) {
+        while (bus_has_address(bus, next)) {
+            next++;
+        }
+        bus->address[k] = bus->address[k] ? bus->address[k] : next;
+    }
+    return ERROR_NONE;
+}
+
+/* ---- the plan ---- */
+
+enum error_code import_plan_begin(const struct robot *robot, const struct import_boards *boards,
                                   struct import_plan *plan, struct error *error)
+{
+    const struct protocol_bench *bench =
+        boards->fd ? &boards->protocol->bench_fd : &boards->protocol->bench;
+    unsigned unused;
+
+    *plan = (struct import_plan){.boards = *boards, .counted = bench->bus_axes == 0};
+    plan->boards.name = boards->name ? boards->name : boards->protocol->name;
+    plan->bench = plan->counted ? &one_each : bench;
+    plan->bus_axes = plan->bench->bus_axes;
+    for (size_t i = 0; i < boards->naddress; i++) {
+        if (plan->bench->board_axes > 1 ||
+            address_read(boards->address[i], robot, boards->address_max, &unused) < 0) {
+            return error_set(
+                error, ERROR_INPUT,
+                "--address: found \"%.80s\", expected JOINT=NUMBER with a joint of the "
+                "robot and 1 to %u, and a protocol of one board a joint",
+                boards->address[i], boards->address_max);
+        }
+    }
+    return ERROR_NONE;
+}
+
+enum error_code import_plan_buses(const struct robot *robot, struct import_plan *plan,
+                                  struct error *error)
 {
     enum error_code code;
 
-    *plan = (struct import_plan){
-        .boards = *boards,
-        .bench = boards->fd ? &boards->protocol->bench_fd : &boards->protocol->bench,
-    };
-    code = plan_add_joints(robot, plan->bench->bus_axes, false, plan, error);
+    plan->nbus = 0;
+    code = plan_add_joints(robot, plan->bus_axes, false, plan, error);
+    for (size_t i = 0; i < plan->nbus && !code; i++) {
+        code = bus_number_boards(robot, plan, &plan->bus[i], error);
+    }
     code = code ? code : plan_add_joints(robot, VALVES_MOST, true, plan, error);
     if (!code && plan->nbus == 0) {
         return error_set(error, ERROR_INPUT,

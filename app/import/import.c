@@ -23,8 +23,16 @@
 /* Clearance between the ground and the lowest point of a robot that hangs by its base, m. */
 #define HANG_CLEARANCE_M 0.3
 
-/* Folders of an import: its own, robots, rigs, meshes, drives. */
-enum { IMPORT_FOLDERS = 5 };
+/* The output folder and the folders in it. Those of copies are made only if they are needed. */
+static const char *const import_folder[] = {"",        "/robots", "/rigs",
+                                            "/meshes", "/drives", "/protocols"};
+enum { IMPORT_FOLDERS = ARRAY_COUNT(import_folder), IMPORT_OWN_FOLDERS = 4 };
+
+/* A copy of a user's own file, which the written files name "../drives/NAME" or
+ * "../protocols/NAME". */
+struct import_copy {
+    const char *from, *name;
+};
 
 /* An import under way. */
 struct importer {
@@ -35,6 +43,9 @@ struct importer {
     struct import_model model;
     struct import_robot robot;
     struct import_plan plan;
+    struct import_boards boards;
+    struct import_copy *copy;
+    size_t ncopy;
     double supply_v;           /* of the drives */
     bool made[IMPORT_FOLDERS]; /* folders that did not exist */
 };
@@ -162,18 +173,36 @@ static enum error_code import_check_new(const struct importer *m, const char *pa
                            path);
 }
 
-/* Makes the path of a copy of the user's own drive file; *own is whether the file is already at
- * that path. */
-static enum error_code import_name_drive(const struct importer *m, size_t joint,
-                                         char path[PATH_MAX], bool *own)
+/* Lists the copies of the user's own files: of the protocol, and of drives. */
+static enum error_code import_list_copies(struct importer *m)
 {
-    /* Named ../drives/NAME in the robot's file, even if that folder does not exist yet */
-    const char *name = strrchr(m->robot.drive_file[joint], '/');
-    enum error_code code = path_make(m, "drives", name, "", path);
+    const struct import_robot *robot = &m->robot;
+
+    m->copy = arena_alloc(m->arena, robot->robot->njoint + 1, sizeof *m->copy);
+    if (!m->copy) {
+        return error_set(m->error, ERROR_MEMORY, "no memory for the names of files");
+    }
+    if (m->boards.copy) {
+        m->copy[m->ncopy++] = (struct import_copy){m->boards.copy, m->boards.name};
+    }
+    for (size_t j = 0; j < robot->robot->njoint; j++) {
+        if (robot->drive_copy[j]) {
+            m->copy[m->ncopy++] = (struct import_copy){robot->drive_copy[j], robot->drive_file[j]};
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* Makes the path of a copy, even if its folder does not exist yet; *own is whether the user's file
+ * is already at that path. */
+static enum error_code import_name_copy(const struct importer *m, const struct import_copy *copy,
+                                        char path[PATH_MAX], bool *own)
+{
+    enum error_code code = path_make(m, copy->name + strlen("../"), "", "", path);
     struct stat from, to;
 
-    *own = !code && !stat(m->robot.drive_copy[joint], &from) && !stat(path, &to) &&
-           from.st_dev == to.st_dev && from.st_ino == to.st_ino;
+    *own = !code && !stat(copy->from, &from) && !stat(path, &to) && from.st_dev == to.st_dev &&
+           from.st_ino == to.st_ino;
     return code;
 }
 
@@ -237,11 +266,9 @@ static enum error_code import_check_folder(const struct importer *m)
     for (size_t i = 0; i < ARRAY_COUNT(made) && !code; i++) {
         code = import_check_new(m, made[i]);
     }
-    for (size_t j = 0; j < m->robot.robot->njoint && !code; j++) {
-        if (m->robot.drive_copy[j]) {
-            code = import_name_drive(m, j, path, &own);
-            code = code || own ? code : import_check_new(m, path);
-        }
+    for (size_t i = 0; i < m->ncopy && !code; i++) {
+        code = import_name_copy(m, &m->copy[i], path, &own);
+        code = code || own ? code : import_check_new(m, path);
     }
     return code ? code : import_visit_meshes(m, import_check_new);
 }
@@ -266,32 +293,32 @@ static void import_remove_files(const struct importer *m)
     if (result->standing[0]) {
         unlink(result->standing);
     }
-    for (size_t j = 0; j < m->robot.robot->njoint; j++) {
-        if (m->robot.drive_copy[j] && !import_name_drive(m, j, path, &own) && !own) {
+    for (size_t i = 0; i < m->ncopy; i++) {
+        if (!import_name_copy(m, &m->copy[i], path, &own) && !own) {
             unlink(path);
         }
     }
     import_visit_meshes(m, import_remove_file);
 }
 
-/* The output folder and the folders in it. */
-static const char *const import_folder[] = {"", "/robots", "/rigs", "/meshes", "/drives"};
-
-/* Creates the output folder and its subfolders, drives only if needed; made records the new
- * ones. */
+/* Creates the output folder and its subfolders; made records the new ones. */
 static enum error_code import_make_folders(struct importer *m)
 {
     char path[PATH_MAX];
     enum error_code code = ERROR_NONE;
-    bool drives = false;
 
     folder_enclose(m->request->folder, strlen(m->request->folder));
-    for (size_t j = 0; j < m->robot.robot->njoint; j++) {
-        drives = drives || m->robot.drive_copy[j];
-    }
-    for (size_t i = 0; i < (size_t)IMPORT_FOLDERS - !drives && !code; i++) {
-        snprintf(path, sizeof path, "%s%s", m->request->folder, import_folder[i]);
-        code = folder_make(path, &m->made[i], m->error);
+    for (size_t i = 0; i < IMPORT_FOLDERS && !code; i++) {
+        const char *name = import_folder[i];
+        bool needed = i < IMPORT_OWN_FOLDERS;
+
+        for (size_t k = 0; k < m->ncopy; k++) {
+            needed = needed || !strncmp(m->copy[k].name + strlen(".."), name, strlen(name));
+        }
+        if (needed) {
+            snprintf(path, sizeof path, "%s%s", m->request->folder, name);
+            code = folder_make(path, &m->made[i], m->error);
+        }
     }
     return code;
 }
@@ -360,9 +387,8 @@ static enum error_code import_choose_poses(struct importer *m, struct import_rig
     return ERROR_NONE;
 }
 
-/* Loads the rig that was written; with loads, stores the load of its fullest bus and refuses an
- * overload. */
-static enum error_code import_check_rig(struct importer *m, const char *path, bool loads)
+/* Loads the rig that was written; *load: of its fullest bus, 0 to 1 (NULL: not asked for). */
+static enum error_code import_check_rig(struct importer *m, const char *path, double *load)
 {
     struct arena arena = {0};
     const struct rig *rig;
@@ -370,22 +396,41 @@ static enum error_code import_check_rig(struct importer *m, const char *path, bo
     enum error_code code = arena_init(&arena, RIG_ARENA, m->error);
 
     code = code ? code : rig_load(path, &arena, &rig, m->error);
-    for (size_t i = 0; !code && loads && i < rig->nbus; i++) {
+    for (size_t i = 0; !code && load && i < rig->nbus; i++) {
         rig_bus_load(rig, i, rig->servo.command_period_ns, &telemetry, &commands);
-        m->result->worst_load =
-            fmax(m->result->worst_load, (telemetry + commands) / (double)rig->bus[i].bitrate);
+        *load = fmax(*load, (telemetry + commands) / (double)rig->bus[i].bitrate);
     }
     arena_fini(&arena);
-    if (!code && m->result->worst_load > IMPORT_BUS_LOAD) {
-        return error_set(m->error, ERROR_UNSUPPORTED,
-                         "%.200s: a bus is loaded to %.1f %%, expected at most %.0f %%", path,
-                         100.0 * m->result->worst_load, 100.0 * IMPORT_BUS_LOAD);
-    }
     return code;
 }
 
-/* Plans the buses, finds the gains, writes the hanging rig and the standing one, if it has a
- * pose to stand in. */
+/* Plans the buses and writes the hanging rig, which is read back for the load of its buses. A
+ * protocol without a layout of its own gets fewer boards on a bus until no load is too high. */
+static enum error_code import_write_hanging(struct importer *m, const struct import_rig *rig)
+{
+    struct import_plan *plan = &m->plan;
+    double *load = &m->result->worst_load;
+    enum error_code code;
+
+    do {
+        *load = 0.0;
+        if ((code = import_plan_buses(rig->robot, plan, m->error))) {
+            return error_prefix(m->error, "%.200s", m->model.file);
+        }
+        if ((code = import_write_rig(rig, m->result->rig, m->error)) ||
+            (code = import_check_rig(m, m->result->rig, load))) {
+            return code;
+        }
+    } while (*load > IMPORT_BUS_LOAD && plan->counted && --plan->bus_axes > 0);
+    m->result->nbus = plan->nbus;
+    return *load > IMPORT_BUS_LOAD
+               ? error_set(m->error, ERROR_UNSUPPORTED,
+                           "%.200s: a bus is loaded to %.1f %%, expected at most %.0f %%",
+                           m->result->rig, 100.0 * *load, 100.0 * IMPORT_BUS_LOAD)
+               : ERROR_NONE;
+}
+
+/* Finds the gains, writes the hanging rig and the standing one, if it has a pose to stand in. */
 static enum error_code import_write_bench(struct importer *m)
 {
     struct import_rig rig = {.robot = m->result->loaded, .plan = &m->plan, .supply_v = m->supply_v};
@@ -397,42 +442,34 @@ static enum error_code import_write_bench(struct importer *m)
     }
     rig.gains = gains;
     /* Gains depend on the pose and on standing; each file is read back immediately */
-    code = import_plan_buses(rig.robot, &m->request->boards, &m->plan, m->error);
-    if (code) {
-        return error_prefix(m->error, "%.200s", m->model.file);
-    }
-    if ((code = import_choose_poses(m, &rig)) ||
+    if ((code = import_plan_begin(rig.robot, &m->boards, &m->plan, m->error)) ||
+        (code = import_choose_poses(m, &rig)) ||
         (code = import_find_gains(rig.robot,
                                   rig.robot->pose[robot_find_pose(rig.robot, rig.pose)].joint,
                                   rig.standing != NULL, m->arena, gains, m->error)) ||
-        (code = import_write_rig(&rig, m->result->rig, m->error)) ||
-        (code = import_check_rig(m, m->result->rig, true))) {
+        (code = import_write_hanging(m, &rig))) {
         return code;
     }
-    m->result->nbus = m->plan.nbus;
     if (!rig.standing) {
         m->result->standing[0] = '\0';
         return ERROR_NONE;
     }
     code = import_write_standing(&rig, m->result->standing, m->error);
-    return code ? code : import_check_rig(m, m->result->standing, false);
+    return code ? code : import_check_rig(m, m->result->standing, NULL);
 }
 
 /* ---- the whole ---- */
 
-/* Copies the drive files of the user's own into the output's folder drives. */
-static enum error_code import_copy_drives(struct importer *m)
+/* Copies the files of the user's own into the output's folders. */
+static enum error_code import_write_copies(const struct importer *m)
 {
-    const struct import_robot *from = &m->robot;
     enum error_code code = ERROR_NONE;
     char path[PATH_MAX];
     bool own;
 
-    for (size_t j = 0; j < from->robot->njoint && !code; j++) {
-        if (from->drive_copy[j]) {
-            code = import_name_drive(m, j, path, &own);
-            code = code || own ? code : import_copy_drive(from->drive_copy[j], path, m->error);
-        }
+    for (size_t i = 0; i < m->ncopy && !code; i++) {
+        code = import_name_copy(m, &m->copy[i], path, &own);
+        code = code || own ? code : import_copy_file(m->copy[i].from, path, m->error);
     }
     return code;
 }
@@ -453,7 +490,7 @@ static enum error_code import_write_files(struct importer *m)
 
     /* The robot with its shapes and visuals; later steps use the file as read back */
     if ((code = path_make(m, "meshes", "", "", meshes)) || (code = import_add_shapes(&builder)) ||
-        (code = import_add_visuals(&builder)) || (code = import_copy_drives(m)) ||
+        (code = import_add_visuals(&builder)) || (code = import_write_copies(m)) ||
         (code = import_write_robot(&m->robot, result->robot, m->error)) ||
         (code = robot_load(result->robot, NULL, m->arena, &result->loaded, m->error))) {
         return code;
@@ -473,17 +510,24 @@ static enum error_code import_write_files(struct importer *m)
 enum error_code import_run(const struct import_request *request, struct arena *arena,
                            struct import_result *result, struct error *error)
 {
-    struct importer m = {.request = request, .result = result, .arena = arena, .error = error};
+    struct importer m = {.request = request,
+                         .result = result,
+                         .arena = arena,
+                         .error = error,
+                         .boards.address = request->address,
+                         .boards.naddress = request->naddress};
     enum error_code code;
 
     *result = (struct import_result){.notes.arena = arena};
     error->code = ERROR_NONE;
     /* Reads and checks everything before the first file is written */
-    if ((code = import_read_files(&m)) ||
+    if ((code = import_find_boards(request->protocol, arena, &m.boards, error)) ||
+        (code = import_read_files(&m)) ||
         (code = import_make_robot(&m.model, &request->options, arena, &result->notes, &m.robot,
                                   &m.supply_v, error)) ||
         (code = import_check_shapes(&m.robot, &request->packages, error)) ||
-        (code = import_name_files(&m)) || (code = import_check_folder(&m))) {
+        (code = import_list_copies(&m)) || (code = import_name_files(&m)) ||
+        (code = import_check_folder(&m))) {
         return code;
     }
     code = import_make_folders(&m);

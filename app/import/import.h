@@ -15,10 +15,12 @@
 #include <limits.h>
 
 struct import_request {
-    const char *file, *srdf; /* srdf may be NULL */
-    const char *folder;      /* output folder, created if missing; its parent must exist */
-    const char *pose;        /* name of the initial pose; NULL: chosen by the import */
-    struct import_boards boards;
+    const char *file, *srdf;    /* srdf may be NULL */
+    const char *folder;         /* output folder, created if missing; its parent must exist */
+    const char *pose;           /* name of the initial pose; NULL: chosen by the import */
+    const char *protocol;       /* of the boards, as --protocol gives it; NULL: the default */
+    const char *const *address; /* --address options: JOINT=NUMBER */
+    size_t naddress;
     bool force; /* overwrite the files of an earlier import */
     struct import_options options;
     struct import_packages packages;

@@ -18,8 +18,8 @@
 enum error_code import_write_robot(const struct import_robot *from, const char *path,
                                    struct error *error);
 
-/* Copies a user's own drive file. */
-enum error_code import_copy_drive(const char *from, const char *path, struct error *error);
+/* Copies a user's own file, of a drive or of a protocol. */
+enum error_code import_copy_file(const char *from, const char *path, struct error *error);
 
 /* Contents of the rig files; robot is the one read back. */
 struct import_rig {

@@ -18,50 +18,45 @@ static double drive_current_limit(const struct robot_joint *joint)
     return 1.5 * joint->torque_limit / joint->sea.Kt;
 }
 
-/* Writes the one board of a bus of servo valves. */
-static void write_valves(FILE *out, const struct import_rig *rig, const struct import_bus *bus)
+/* Writes a key with a list of joints from first to last - 1 of a bus. */
+static void write_joints(FILE *out, const struct import_rig *rig, const struct import_bus *bus,
+                         const char *key, size_t first, size_t last)
 {
-    fputs("      - {kind: motor, address: 1, axes: [", out);
-    for (size_t k = 0; k < bus->njoint; k++) {
-        fprintf(out, "%s\"%s\"", k ? ", " : "", rig->robot->joint[bus->joint[k]].name);
+    fprintf(out, "%s: [", key);
+    for (size_t k = first; k < last; k++) {
+        fprintf(out, "%s\"%s\"", k > first ? ", " : "", rig->robot->joint[bus->joint[k]].name);
     }
-    fputs("]}\n", out);
+    fputs("]", out);
 }
 
-/* Writes the motor boards of a bus, with as many axes each as the protocol allows. */
-static void write_motors(FILE *out, const struct import_rig *rig, const struct import_bus *bus)
+/* Writes the boards of the joints of a bus: one board of servo valves, or motor boards with as many
+ * axes each as the protocol allows and, for protocols that have one, the board that sends joint
+ * torques. */
+static void write_axes(FILE *out, const struct import_rig *rig, const struct import_bus *bus)
 {
-    const size_t step = rig->plan->bench->board_axes;
-    unsigned address = 1;
+    const struct protocol_bench *bench = rig->plan->bench;
+    const size_t step = bus->protocol ? bus->njoint : bench->board_axes;
 
-    for (size_t first = 0; first < bus->njoint; first += step, address++) {
-        size_t last = first + step < bus->njoint ? first + step : bus->njoint;
+    for (size_t first = 0; first < bus->njoint; first += step) {
+        const size_t last = first + step < bus->njoint ? first + step : bus->njoint;
         double current = 0.0;
 
-        fprintf(out, "      - {kind: motor, address: %u, axes: [", address);
-        for (size_t k = first; k < last; k++) {
-            const struct robot_joint *joint = &rig->robot->joint[bus->joint[k]];
-
-            current = fmax(current, drive_current_limit(joint));
-            fprintf(out, "%s\"%s\"", k > first ? ", " : "", joint->name);
+        fprintf(out, "      - {kind: motor, address: %u",
+                step == 1 ? bus->address[first] : (unsigned)(first / step) + 1);
+        write_joints(out, rig, bus, ", axes", first, last);
+        for (size_t k = first; k < last && !bus->protocol; k++) {
+            current = fmax(current, drive_current_limit(&rig->robot->joint[bus->joint[k]]));
         }
-        fprintf(out, "], current_limit_a: %.4g}\n", current);
+        if (!bus->protocol) {
+            fprintf(out, ", current_limit_a: %.4g", current);
+        }
+        fputs("}\n", out);
     }
-}
-
-/* Writes the board that sends joint torques, for protocols that have one. */
-static void write_torque_board(FILE *out, const struct import_rig *rig,
-                               const struct import_bus *bus)
-{
-    if (bus->njoint == 0 || !rig->plan->boards.protocol->torque_boards) {
-        return;
+    if (bus->njoint > 0 && !bus->protocol && rig->plan->boards.protocol->torque_boards) {
+        fprintf(out, "      - {kind: torque, address: 0x%02x", bench->torque_address);
+        write_joints(out, rig, bus, ", joints", 0, bus->njoint);
+        fprintf(out, ", period_s: %s}\n", bench->torque_period_s);
     }
-    fprintf(out, "      - {kind: torque, address: 0x%02x, joints: [",
-            rig->plan->bench->torque_address);
-    for (size_t k = 0; k < bus->njoint; k++) {
-        fprintf(out, "%s\"%s\"", k ? ", " : "", rig->robot->joint[bus->joint[k]].name);
-    }
-    fprintf(out, "], period_s: %s}\n", rig->plan->bench->torque_period_s);
 }
 
 /* Writes the boards of the sensors. Full scales are assumed: five times the robot's weight, N, and
@@ -75,12 +70,12 @@ static void write_sensor_boards(FILE *out, const struct import_rig *rig,
 
     force = fmin(force, 65535.0);
     moment = fmin(moment, 65535.0);
-    if (bus->ft >= 0) {
+    for (size_t i = 0; i < bus->nft; i++) {
         fprintf(out,
                 "      - {kind: ft, address: 0x%02x, sensor: \"%s\", full_scale_n: [%g, %g, %g],\n"
                 "         full_scale_nm: [%g, %g, %g], period_s: %s}\n",
-                bench->ft_address, rig->robot->ft[bus->ft].name, force, force, force, moment,
-                moment, moment, bench->ft_period_s);
+                (unsigned)(bench->ft_address + i), rig->robot->ft[bus->ft[i]].name, force, force,
+                force, moment, moment, moment, bench->ft_period_s);
     }
     if (bus->imu) {
         fprintf(out, "      - {kind: inertial, address: %u, period_s: 0.005}\n",
@@ -94,36 +89,29 @@ static bool plan_has_only_valves(const struct import_plan *plan)
     size_t count = 0;
 
     for (size_t i = 0; i < plan->nbus; i++) {
-        count += plan->bus[i].valves;
+        count += plan->bus[i].protocol && plan->bus[i].njoint > 0;
     }
     return count == plan->nbus;
 }
 
-/* Writes all buses with their boards; a bus of valves names its protocol unless all buses are for
- * valves. */
+/* Writes all buses with their boards; a bus of another protocol than the rig's names it. */
 static void write_buses(FILE *out, const struct import_rig *rig)
 {
-    const bool only_valves = plan_has_only_valves(rig->plan);
+    const struct import_plan *plan = rig->plan;
+    const bool only_valves = plan_has_only_valves(plan);
 
     fputs("\nbuses:\n", out);
-    for (size_t i = 0; i < rig->plan->nbus; i++) {
-        const struct import_bus *bus = &rig->plan->bus[i];
+    for (size_t i = 0; i < plan->nbus; i++) {
+        const struct import_bus *bus = &plan->bus[i];
 
         fprintf(out, "  - name: bus%zu\n    interface: can%zu\n", i, i);
-
-        /* A bus of valves has one board and no sensors */
-        if (bus->valves) {
-            fputs(only_valves ? "" : "    protocol: servo-valve\n", out);
-            fputs("    boards:\n", out);
-            write_valves(out, rig, bus);
-            continue;
-        }
-        if (rig->plan->boards.fd) {
-            fputs("    fd: true\n    data_bitrate: 8000000\n", out);
+        if (bus->protocol && !only_valves) {
+            fprintf(out, "    protocol: %s\n", bus->protocol);
+        } else if (!bus->protocol && plan->boards.fd) {
+            fprintf(out, "    fd: true\n    data_bitrate: %d\n", plan->counted ? 5000000 : 8000000);
         }
         fputs("    boards:\n", out);
-        write_motors(out, rig, bus);
-        write_torque_board(out, rig, bus);
+        write_axes(out, rig, bus);
         write_sensor_boards(out, rig, bus);
     }
 }
@@ -219,8 +207,7 @@ enum error_code import_write_rig(const struct import_rig *rig, const char *path,
             robot->floating ? "held by its base" : "its base fixed in the world", robot->name,
             robot->floating ? "hangs by its base" : "base fixed in the world", rig->plan->nbus,
             robot->name, robot->floating ? "  fixed_base: true\n" : "",
-            only_valves ? "servo-valve" : rig->plan->boards.protocol->name, rig->supply_v,
-            rig->pose);
+            only_valves ? "servo-valve" : rig->plan->boards.name, rig->supply_v, rig->pose);
     if (robot->floating) {
         fprintf(file.out, "  base_xyz_m: [0.0, 0.0, %.4g]\n", rig->height_m);
     }

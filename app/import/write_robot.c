@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { DRIVE_BYTES_MAX = 16 << 20 };
+enum { COPY_BYTES_MAX = 16 << 20 };
 
 /* ---- values as text ---- */
 
@@ -316,12 +316,12 @@ enum error_code import_write_robot(const struct import_robot *from, const char *
     return whole_file_close(&file, ERROR_NONE, error);
 }
 
-enum error_code import_copy_drive(const char *from, const char *path, struct error *error)
+enum error_code import_copy_file(const char *from, const char *path, struct error *error)
 {
     char *text;
     size_t size;
     struct whole_file file;
-    enum error_code code = input_file_load(from, DRIVE_BYTES_MAX, &text, &size, error);
+    enum error_code code = input_file_load(from, COPY_BYTES_MAX, &text, &size, error);
 
     code = code ? code : whole_file_open(&file, path, error);
     if (!code) {

@@ -10,7 +10,6 @@
  * more with the inertias of the robot in both, which shows what import has repaired.
  */
 #include "app/import/import.h"
-#include "boards/protocol_list.h"
 #include "base/random.h"
 #include "base/vec3.h"
 #include "model/plant.h"
@@ -528,7 +527,6 @@ static struct differences compare_files(const char *path, const struct robot *ro
 /* ---- tests ---- */
 
 static char folder[64];
-static const struct import_boards icub = {&protocol_icub, false};
 
 FIXTURE(open_folder)
 {
@@ -564,12 +562,12 @@ static void write_text(const char *name, const char *text)
 
 /* Returns what becomes of a file of the folder. */
 static struct robot *import_file(const char *name, struct import_options options,
-                                 struct import_boards boards)
+                                 const char *protocol)
 {
     const struct import_request request = {.file = path_of(name),
                                            .folder = folder,
                                            .options = options,
-                                           .boards = boards,
+                                           .protocol = protocol,
                                            .force = true};
     struct import_result result;
     struct robot *robot;
@@ -597,7 +595,7 @@ TEST_WITH(random_trees_are_those_of_mujoco, open_folder, close_folder)
             "tree.urdf",
             (struct import_options){.base = floats ? IMPORT_BASE_FLOATING : IMPORT_BASE_FIXED,
                                     .free_slides = true},
-            (struct import_boards){&protocol_compact, true});
+            "compact-fd");
         assert_true(robot->floating == floats);
         d = compare_files(path_of("tree.urdf"), robot, STATES, false);
         worst.mass = fmax(worst.mass, d.mass);
@@ -647,7 +645,7 @@ TEST_WITH(bodies_of_mjcf_are_those_of_mujoco, open_folder, close_folder)
     struct differences d;
 
     write_text("toy.xml", toy);
-    robot = import_file("toy.xml", (struct import_options){.free_slides = true}, icub);
+    robot = import_file("toy.xml", (struct import_options){.free_slides = true}, "icub");
     assert_true(robot->floating);
     assert_int_equal(robot->njoint, 4);
     assert_true(robot->imu_frame >= 0);
@@ -788,7 +786,7 @@ TEST_WITH(couplings_move_joints_as_tendons_of_mujoco_do, open_folder, close_fold
     struct robot *robot;
 
     write_text("hand.xml", hand);
-    robot = import_file("hand.xml", (struct import_options){.mimic = IMPORT_MIMIC_COUPLE}, icub);
+    robot = import_file("hand.xml", (struct import_options){.mimic = IMPORT_MIMIC_COUPLE}, "icub");
     assert_int_equal(robot->njoint, HAND_JOINTS);
     assert_int_equal(robot->ncoupling, 2);
     compare_motion("hand.xml", robot, q, v, 0.0, 1e-10, 5e-5);
@@ -819,7 +817,7 @@ TEST_WITH(springs_move_joints_as_those_of_mujoco, open_folder, close_folder)
     struct robot *robot;
 
     write_text("leg.xml", spring_leg);
-    robot = import_file("leg.xml", (struct import_options){0}, icub);
+    robot = import_file("leg.xml", (struct import_options){0}, "icub");
     assert_int_equal(robot->njoint, LEG_JOINTS);
     for (size_t j = 0; j < robot->njoint; j++) {
         assert_int_equal(robot->joint[j].sea.present, j == 2);
@@ -891,7 +889,7 @@ TEST_WITH(included_files_and_inertias_of_geoms_are_those_of_mujoco, open_folder,
         write_text("common.xml", text);
         snprintf(text, sizeof text, suite_leg, mass[exact]);
         write_text("parts/leg.xml", text);
-        robot = import_file("suite.xml", (struct import_options){0}, icub);
+        robot = import_file("suite.xml", (struct import_options){0}, "icub");
         dice = random_named(1, "suite");
         d = compare_files(path_of("suite.xml"), robot, 50, false);
         print_message("# geoms%s: %d bodies, masses %.1e, centers %.1e m, inertias %.1e, "

@@ -41,16 +41,46 @@ inertia='<inertia ixx="0.02" iyy="0.02" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
     echo '</robot>'
 } >"$folder/arm.urdf"
 
-echo 1..28
-for protocol in icub foc compact compact-fd; do
+echo 1..42
+for protocol in icub foc compact compact-fd moteus cia402 odrive mini-cheetah \
+    "$config/protocols/odrive.yaml"; do
+    file=$protocol
+    protocol=$(basename "$file")
     out=$folder/$protocol
-    "$program" import "$folder/arm.urdf" -o "$out" --protocol $protocol >"$folder/log" 2>&1 &&
+    "$program" import "$folder/arm.urdf" -o "$out" --protocol "$file" >"$folder/log" 2>&1 &&
         "$program" check "$out/rigs/arm.yaml" >"$folder/log" 2>&1
     result $? "an_arm_is_imported_for_$protocol"
     "$program" run "$out/rigs/arm.yaml" --task hold --clock free --transport local --quiet \
         >"$folder/log" 2>&1 && grep -q 'held for 10.0 s' "$folder/log"
     result $? "an_imported_arm_holds_its_pose_with_$protocol"
 done
+
+
+# A protocol file of the user's is copied; addresses are given or counted
+grep -q '^protocol: \.\./protocols/odrive\.yaml' "$folder/odrive.yaml/rigs/arm.yaml" &&
+    cmp -s "$config/protocols/odrive.yaml" "$folder/odrive.yaml/protocols/odrive.yaml"
+result $? a_protocol_file_is_copied_beside_the_rig
+out=$folder/addresses
+"$program" import "$folder/arm.urdf" -o "$out" --protocol cia402 --address joint2=1 \
+    --address joint1=27 >"$folder/log" 2>&1 &&
+    sed -n 's/.*address: \([0-9]*\), axes: \["joint\([0-9]\)"\].*/\2=\1/p' "$out/rigs/arm.yaml" \
+        >"$folder/log" && grep -qx 1=27 "$folder/log" && grep -qx 2=1 "$folder/log" &&
+    grep -qx 3=2 "$folder/log"
+result $? addresses_are_given_or_counted
+for wrong in joint9=1 joint1=0 joint1=128 joint1 "joint1=3 --address joint2=3"; do
+    # shellcheck disable=SC2086
+    "$program" import "$folder/arm.urdf" -o "$folder/wrong" --protocol cia402 --address $wrong \
+        >"$folder/log" 2>&1
+    [ $? -eq 2 ] && grep -q -- '--address: found' "$folder/log" && [ ! -e "$folder/wrong" ] || break
+done
+[ "$wrong" = "joint1=3 --address joint2=3" ] && [ ! -e "$folder/wrong" ]
+result $? wrong_addresses_are_refused_and_leave_nothing
+for wrong in none ./none.yaml described icub-fd; do
+    "$program" import "$folder/arm.urdf" -o "$folder/wrong" --protocol $wrong >"$folder/log" 2>&1
+    [ $? -eq 2 ] && grep -q -- '--protocol: found' "$folder/log" || break
+done
+[ "$wrong" = icub-fd ] && [ ! -e "$folder/wrong" ]
+result $? unknown_protocols_are_refused
 
 {
     echo "extends: arm.yaml"

@@ -4,7 +4,6 @@
 #include "app/import/import.h"
 #include "app/import/write.h"
 #include "base/array.h"
-#include "boards/protocol_list.h"
 #include "rig/rig.h"
 #include "tests/test.h"
 
@@ -68,10 +67,10 @@ static void write_limbs(int limbs, int joints)
     assert_int_equal(fclose(out), 0);
 }
 
-static void import_limbs(struct import_boards boards, struct import_result *result)
+static void import_limbs(const char *protocol, struct import_result *result)
 {
     const struct import_request request = {
-        .file = file, .folder = folder, .boards = boards, .force = true};
+        .file = file, .folder = folder, .protocol = protocol, .force = true};
     struct error error;
 
     assert_no_error(import_run(&request, &arena, result, &error), error.text);
@@ -82,10 +81,8 @@ TEST_WITH(no_bus_is_loaded_beyond_the_share, open_folder, remove_folder)
     static const struct {
         int limbs, joints;
     } robots[] = {{1, 1}, {1, 6}, {1, 7}, {4, 3}, {5, 6}, {3, 13}};
-    static const struct import_boards benches[] = {{&protocol_icub, false},
-                                                   {&protocol_foc, false},
-                                                   {&protocol_compact, false},
-                                                   {&protocol_compact, true}};
+    static const char *const benches[] = {"icub",       "foc",    "compact",
+                                          "compact-fd", "moteus", "cia402"};
 
     for (size_t i = 0; i < sizeof robots / sizeof *robots; i++) {
         write_limbs(robots[i].limbs, robots[i].joints);
@@ -104,8 +101,7 @@ TEST_WITH(no_bus_is_loaded_beyond_the_share, open_folder, remove_folder)
 
 TEST_WITH(too_many_joints_name_the_way_out, open_folder, remove_folder)
 {
-    const struct import_request request = {
-        .file = file, .folder = folder, .boards = {&protocol_foc, false}};
+    const struct import_request request = {.file = file, .folder = folder, .protocol = "foc"};
     struct import_result result;
     struct error error;
 
@@ -113,14 +109,13 @@ TEST_WITH(too_many_joints_name_the_way_out, open_folder, remove_folder)
     assert_int_equal(import_run(&request, &arena, &result, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "--protocol compact-fd"));
     assert_int_not_equal(access(result.robot, F_OK), 0);
-    import_limbs((struct import_boards){&protocol_compact, true}, &result);
+    import_limbs("compact-fd", &result);
 }
 
 /* What was edited after the first import is there after the second. */
 TEST_WITH(a_second_import_asks_before_it_writes_over_the_first, open_folder, remove_folder)
 {
-    struct import_request request = {
-        .file = file, .folder = folder, .boards = {&protocol_icub, false}};
+    struct import_request request = {.file = file, .folder = folder, .protocol = "icub"};
     struct import_result first, again;
     struct error error;
     char line[64] = "";
@@ -158,7 +153,7 @@ TEST_WITH(same_file_gives_the_same_bytes, open_folder, remove_folder)
 
     write_limbs(2, 3);
     for (int i = 0; i < 2; i++) {
-        import_limbs((struct import_boards){&protocol_icub, false}, &result);
+        import_limbs("icub", &result);
         assert_non_null(in = fopen(result.rig, "r"));
         size[i] = fread(i ? second : first, 1, sizeof first, in);
         fclose(in);
@@ -185,7 +180,7 @@ TEST_WITH(a_box_gets_the_capsule_that_holds_it, open_folder, remove_folder)
     assert_non_null(out);
     fprintf(out, text, inertial);
     assert_int_equal(fclose(out), 0);
-    import_limbs((struct import_boards){&protocol_icub, false}, &result);
+    import_limbs("icub", &result);
     assert_int_equal(result.loaded->ncapsule, 1);
     capsule = &result.loaded->capsule[0];
     assert_true(fabs(capsule->radius - 0.05) < 1e-6);
@@ -262,10 +257,10 @@ TEST_WITH(visuals_come_with_their_places_and_colors, open_folder, remove_folder)
     write_file("bad.obj", "v 0 0 0\nv 1 zero 0\n");
     snprintf(text, sizeof text, "%s%s%s", begin, middle, end);
     write_file("r.urdf", text);
-    import_limbs((struct import_boards){&protocol_icub, false}, &plain);
+    import_limbs("icub", &plain);
     snprintf(text, sizeof text, "%s%s%s%s%s", begin, looks, middle, more, end);
     write_file("r.urdf", text);
-    import_limbs((struct import_boards){&protocol_icub, false}, &result);
+    import_limbs("icub", &result);
     assert_int_equal(result.loaded->nvisual, 6);
     assert_true(result.loaded->hash == plain.loaded->hash);
     assert_int_equal(import_count_notes(&result.notes, IMPORT_MISSING), 2);
@@ -313,7 +308,7 @@ TEST_WITH(geoms_of_mjcf_are_seen_as_in_its_viewer, open_folder, remove_folder)
         "conaffinity='0' material='steel'/><geom type='box' size='1 2 3' contype='0' "
         "conaffinity='0' rgba='0 1 0 0.5' material='steel'/></body></body></worldbody>"
         "</mujoco>\n");
-    import_limbs((struct import_boards){&protocol_icub, false}, &result);
+    import_limbs("icub", &result);
     visual = result.loaded->visual;
     assert_int_equal(result.loaded->nvisual, 3);
     assert_int_equal(result.loaded->ncapsule, 2);
@@ -345,8 +340,7 @@ TEST_WITH(ankles_hold_up_what_stands_on_them, open_folder, remove_folder)
         "<motor joint='right_ankle' ctrlrange='-40 40'/><motor joint='elbow' ctrlrange='-9 9'/>"
         "</actuator><keyframe><key name='stand' qpos='0 0 0.9 1 0 0 0 0 0 0'/></keyframe></mujoco>";
     const double tips = 0.5 * 9.81 * (40.01 * 0.85 - 1.0 * 0.88);
-    struct import_request request = {
-        .file = file, .folder = folder, .boards = {&protocol_icub, false}};
+    struct import_request request = {.file = file, .folder = folder, .protocol = "icub"};
     struct import_result result;
     const struct rig *rig;
     struct error error;
