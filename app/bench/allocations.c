@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Replaces malloc, calloc and realloc in the whole program by functions that count. */
-#include "app/bench/allocations.h"
+#include "app/bench/bench.h"
 
 #include <stdlib.h>
 

@@ -5,9 +5,7 @@
  * interleaved run; how it grows with the size of a mesh.
  */
 
-#include "app/bench/allocations.h"
-#include "app/bench/contact_scenes.h"
-#include "app/bench/output.h"
+#include "app/bench/bench.h"
 #include "base/options.h"
 #include "contact/contact.h"
 #include "contact/mesh/solid_store.h"
@@ -15,7 +13,6 @@
 
 #include <inttypes.h>
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Makes the contact scenes that are measured. */
-#include "app/bench/contact_scenes.h"
+#include "app/bench/bench.h"
 
 #include "base/array.h"
 

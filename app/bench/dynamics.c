@@ -3,17 +3,14 @@
  * coman-hil-bench dynamics: CPU time of a robot's generalized accelerations by number of degrees of
  * freedom, ours and other simulators' in one interleaved run (the paper's section 3.2 and Fig. 4).
  */
-#include "app/bench/dynamics.h"
+#include "app/bench/bench.h"
 
-#include "app/bench/output.h"
-#include "app/report/report.h"
 #include "base/options.h"
 #include "manual/dynamics.h"
 #include "manual/peers.h"
 #include "model/symbolic/symbolic.h"
 #include "base/config.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>

@@ -1,15 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Wraps our dynamics as engines beside those of other simulators. */
-#include "app/bench/dynamics.h"
+#include "app/bench/bench.h"
 
 #include "model/dynamics.h"
 #include "model/symbolic/symbolic.h"
 
 #include <dirent.h>
 #include <errno.h>
-#include <limits.h>
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>

@@ -7,12 +7,10 @@
  * each in turn.
  */
 #include "app/bench/latency_tap.h"
-#include "app/bench/output.h"
-#include "app/report/report.h"
+#include "app/bench/bench.h"
 #include "base/array.h"
 #include "base/options.h"
 #include "manual/latency.h"
-#include "rig/rig.h"
 #include "rt/clock.h"
 #include "rt/histogram.h"
 #include "rt/realtime.h"
@@ -117,15 +115,6 @@ static bool latency_read_until(const struct latency_boards *boards, enum host_mo
 }
 
 /* ---- one sample of each kind ---- */
-
-/* Takes a sample of how late a timer wakes this thread. */
-static void latency_sample_wake_up(struct latency_result *result)
-{
-    int64_t at = clock_now(clock_monotonic()) + CLOCK_MS;
-
-    clock_sleep_until(clock_monotonic(), at);
-    histogram_add(&result->of[LATENCY_WAKE_UP], clock_now(clock_monotonic()) - at);
-}
 
 /* Takes a sample of the time from a ping to its pong on a bare interface. */
 static void latency_sample_echo(struct latency_tap *ping, uint32_t number,
@@ -262,7 +251,11 @@ static enum error_code latency_measure(const struct latency_boards *boards,
         return error_set_errno(error, code, "cannot start the echo");
     }
     for (size_t i = 0; i < count && !latency_stopped; i++) {
-        latency_sample_wake_up(result);
+        int64_t at = clock_now(clock_monotonic()) + CLOCK_MS;
+
+        /* How late a timer wakes this thread */
+        clock_sleep_until(clock_monotonic(), at);
+        histogram_add(&result->of[LATENCY_WAKE_UP], clock_now(clock_monotonic()) - at);
         latency_sample_echo(ping, (uint32_t)i, result);
         if (boards) {
             latency_shift(boards, i);
@@ -458,20 +451,6 @@ static enum error_code latency_join_rig(const struct latency_command *options,
     return ERROR_NONE;
 }
 
-/* Writes latency.csv into a folder. */
-static enum error_code latency_write_files(const struct latency_result *result, const char *folder,
-                                           struct error *error)
-{
-    struct report_file file;
-    enum error_code code = report_file_open(&file, folder, "latency.csv", error);
-
-    if (code) {
-        return code;
-    }
-    latency_write_csv(result, file.whole.out);
-    return whole_file_close(&file.whole, ERROR_NONE, error);
-}
-
 /* Measures and prints, once everything is open. */
 static enum error_code latency_run(const struct latency_command *options, const char *interface,
                                    const struct latency_boards *boards, struct latency_tap *ping,
@@ -480,6 +459,7 @@ static enum error_code latency_run(const struct latency_command *options, const 
     const struct realtime_config realtime = {(int)options->priority, true, -1};
     static struct latency_result result;
     struct realtime_report report;
+    struct report_file file;
     enum error_code code;
 
     realtime_apply(&realtime, &report);
@@ -500,7 +480,12 @@ static enum error_code latency_run(const struct latency_command *options, const 
     }
     printf("latency on %s\n", interface);
     latency_print(&result, boards ? boards->joint : NULL, stdout);
-    return options->folder ? latency_write_files(&result, options->folder, error) : ERROR_NONE;
+    if (!options->folder ||
+        (code = report_file_open(&file, options->folder, "latency.csv", error))) {
+        return code;
+    }
+    latency_write_csv(&result, file.whole.out);
+    return whole_file_close(&file.whole, ERROR_NONE, error);
 }
 
 /* Opens the buses of the rig, or the interface, and measures; closes all ports. */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil-bench: lists the benchmarks and runs one. */
-#include "app/bench/output.h"
+#include "app/bench/bench.h"
 
 #include "base/array.h"
 #include "base/program.h"

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Does what the benchmarks share. */
-#include "app/bench/output.h"
+#include "app/bench/bench.h"
 
 #include <stdlib.h>
 #include <time.h>

@@ -1,10 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil-bench paper: reproduces every table and figure of the paper that can be reproduced, in
  * one report. */
-#include "app/bench/paper.h"
+#include "app/bench/bench.h"
 
-#include "app/bench/output.h"
-#include "app/bench/pendulum.h"
 #include "base/options.h"
 #include "manual/paper.h"
 #include "manual/peers.h"
@@ -20,14 +18,6 @@ void paper_progress(struct paper *paper, const char *what)
     paper->step++;
     if (isatty(STDERR_FILENO)) {
         fprintf(stderr, "\r\033[Kbench paper: %zu of %zu: %s", paper->step, paper->nstep, what);
-    }
-}
-
-/* Clears the progress line. */
-static void clear_progress(void)
-{
-    if (isatty(STDERR_FILENO)) {
-        fprintf(stderr, "\r\033[K");
     }
 }
 
@@ -111,7 +101,9 @@ static enum error_code make_report(struct paper *paper, struct error *error)
         return code;
     }
     code = paper_measure_all(paper, error);
-    clear_progress();
+    if (isatty(STDERR_FILENO)) {
+        fprintf(stderr, "\r\033[K");
+    }
     if (code) {
         report_abandon(&paper->report);
         return code;

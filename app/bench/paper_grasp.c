@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Reproduces the paper's section 6: Table 2 and Figs. 8 to 11, COMAN takes a box from a table. */
-#include "app/bench/paper.h"
+#include "app/bench/bench.h"
 
 #include "model/spatial.h"
 
@@ -309,18 +309,6 @@ static void draw_robot(struct drawing *drawing, const struct grasp_result *resul
     put_box(drawing, box, half);
 }
 
-/* Draws the boxes that stand in the world: the table. */
-static void draw_table(struct drawing *drawing, const struct rig *rig)
-{
-    for (size_t i = 0; i < rig->contact.nsurface; i++) {
-        const struct contact_surface *surface = &rig->contact.surface[i];
-
-        if (surface->body < 0 && surface->shape == CONTACT_BOX) {
-            put_box(drawing, surface->position, surface->half_extent_m);
-        }
-    }
-}
-
 /* Returns the first row at a time or after it; the last one when there is none. */
 static size_t row_at(const struct grasp_result *result, double time)
 {
@@ -353,7 +341,13 @@ static void draw_grasp(struct report *report, const struct grasp_result *result)
     draw_robot(&drawing[0], result, 0);
     draw_robot(&drawing[1], result, row_at(result, result->touch));
     draw_robot(&drawing[2], result, result->count - 1);
-    draw_table(&drawing[3], result->rig);
+    for (size_t i = 0; i < result->rig->contact.nsurface; i++) {
+        const struct contact_surface *surface = &result->rig->contact.surface[i];
+
+        if (surface->body < 0 && surface->shape == CONTACT_BOX) {
+            put_box(&drawing[3], surface->position, surface->half_extent_m);
+        }
+    }
 
     /* A panel for each view */
     for (size_t v = 0; v < VIEWS; v++) {

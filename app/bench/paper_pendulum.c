@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Reproduces the paper's Table 1 and Fig. 3: relative and absolute coordinates. */
-#include "app/bench/paper.h"
-
-#include "app/bench/pendulum.h"
+#include "app/bench/bench.h"
 
 #include <math.h>
 

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Runs rigs for the report, and computes numbers from their recordings. */
-#include "app/bench/paper.h"
+#include "app/bench/bench.h"
 
-#include "app/bench/output.h"
 #include "model/spatial.h"
 #include "sim/simulator.h"
 

@@ -1,13 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Measures every timing of the paper: Fig. 4, the real-time factors of Table 1 and of section 6. */
-#include "app/bench/paper.h"
-
-#include "app/bench/dynamics.h"
-#include "app/bench/output.h"
-#include "app/bench/pendulum.h"
+#include "app/bench/bench.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/utsname.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Reproduces the paper's Fig. 12: WALK-MAN squats. */
-#include "app/bench/paper.h"
+#include "app/bench/bench.h"
 
 #include "boards/icub/protocol.h"
 #include "canbus/candump.h"

@@ -12,9 +12,8 @@
  * which only m2 = 2 does, with a'' = -(5/24.5) sin a. Started at speed w0 = 2.1 they turn over with
  * the period 4 K(m)/w0, m = 4 (5/24.5)/w0^2, K the complete elliptic integral of the first kind.
  */
-#include "app/bench/pendulum.h"
+#include "app/bench/bench.h"
 
-#include "app/bench/output.h"
 #include "model/plant.h"
 
 #include <math.h>
@@ -356,24 +355,13 @@ static double turn_end_fraction(const double before[2], const double after[2], d
     return s;
 }
 
-/* Notes the end of a turn and its period. */
-static void end_turn(struct pendulum_course *course, double now)
-{
-    double last = course->nturn ? course->end[course->nturn - 1] : 0.0;
-
-    if (course->nturn < PENDULUM_TURNS_MAX) {
-        course->end[course->nturn] = now;
-        course->period[course->nturn++] = now - last;
-    }
-}
-
 enum error_code pendulum_run_course(const struct peer_pendulum *peer,
                                     struct pendulum_course *course, struct arena *arena,
                                     struct error *error)
 {
     size_t steps = (size_t)llround(PENDULUM_PERIOD_UNITS / PENDULUM_PERIOD_STEP);
     struct peer_chain_body body[2];
-    double before[2], after[2];
+    double before[2], after[2], end = 0.0;
     enum error_code code;
     void *engine;
 
@@ -406,9 +394,12 @@ enum error_code pendulum_run_course(const struct peer_pendulum *peer,
         /* The angle is continuous, although the engine's may jump by a turn */
         after[0] = before[0] + remainder(body[0].angle - before[0], 2.0 * M_PI);
         after[1] = body[0].rate;
-        if (after[0] >= goal) {
-            end_turn(course,
-                     PENDULUM_PERIOD_STEP * ((double)k + turn_end_fraction(before, after, goal)));
+        if (after[0] >= goal && course->nturn < PENDULUM_TURNS_MAX) {
+            double now = (double)k + turn_end_fraction(before, after, goal);
+
+            course->end[course->nturn] = PENDULUM_PERIOD_STEP * now;
+            course->period[course->nturn] = course->end[course->nturn] - end;
+            end = course->end[course->nturn++];
         }
     }
     peer->destroy(engine);

@@ -1,13 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Strips a rig's robot of all but bodies and joints, and times it. */
-#include "app/bench/robot_alone.h"
+#include "app/bench/bench.h"
 
-#include "app/bench/output.h"
 #include "base/vec3.h"
-#include "contact/contact.h"
 #include "model/plant.h"
 #include "model/symbolic/symbolic.h"
-#include "rig/rig.h"
 
 #include <math.h>
 #include <string.h>

@@ -4,8 +4,7 @@
  * hour, by rig. Cases run by coman-hil test as in a sweep; beside them the robot without its bench.
  * coman-hil-bench ticks: the CPU time of each tick of a rig, by percentiles.
  */
-#include "app/bench/output.h"
-#include "app/bench/robot_alone.h"
+#include "app/bench/bench.h"
 #include "base/array.h"
 #include "base/json_text.h"
 #include "base/options.h"
@@ -18,7 +17,6 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <ftw.h>
-#include <limits.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -9,27 +9,17 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Finds the path of the benchmark program: this program's path with "-bench" appended. */
-static enum error_code bench_find_program(char path[PATH_MAX], struct error *error)
+/* Replaces this process by the benchmark program; returns only on an error. */
+static enum error_code bench_become(char **argv, struct error *error)
 {
     static const char end[] = "-bench";
+    char path[PATH_MAX];
     ssize_t length = readlink("/proc/self/exe", path, PATH_MAX - sizeof end);
 
     if (length < 0) {
         return error_set_errno(error, errno, "cannot tell where this program is");
     }
     strcpy(path + length, end);
-    return ERROR_NONE;
-}
-
-/* Replaces this process by the benchmark program; returns only on an error. */
-static enum error_code bench_become(char **argv, struct error *error)
-{
-    char path[PATH_MAX];
-
-    if (bench_find_program(path, error)) {
-        return error->code;
-    }
     fflush(stdout);
     execv(path, argv);
     return errno == ENOENT ? error_set(error, ERROR_UNSUPPORTED,

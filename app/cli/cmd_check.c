@@ -249,18 +249,12 @@ static void check_print_buses(const struct rig *rig)
     }
 }
 
-/* Checks whether a sensor has no errors. */
-static bool sensor_is_ideal(const struct sensor_error *e)
-{
-    static const struct sensor_error none;
-
-    return memcmp(e, &none, sizeof none) == 0;
-}
-
 /* Prints the errors of a sensor, unless it is ideal. */
 static void print_error(const char *what, const char *unit, const struct sensor_error *e)
 {
-    if (!sensor_is_ideal(e)) {
+    static const struct sensor_error ideal;
+
+    if (memcmp(e, &ideal, sizeof ideal) != 0) {
         printf("  %-16s noise %g, offset %g, gain error %g, step %g %s, %g ms late\n", what,
                e->noise_rms, e->offset, e->gain_error, e->lsb, unit, (double)e->latency_ns * 1e-6);
     }

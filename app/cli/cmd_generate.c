@@ -30,22 +30,6 @@ static void print_report(const struct robot *robot, const struct symbolic_report
     printf("written   %s\n", path);
 }
 
-/* Generates the C source of a robot's dynamics into a file. */
-static enum error_code generate_write_module(const struct robot *robot,
-                                             const struct symbolic_options *options,
-                                             const char *path, struct symbolic_report *report,
-                                             struct error *error)
-{
-    struct whole_file file;
-    enum error_code code = whole_file_open(&file, path, error);
-
-    if (code) {
-        return code;
-    }
-    code = symbolic_generate(robot, options, file.out, report, error);
-    return whole_file_close(&file, code, error);
-}
-
 struct generate_options {
     const char *robot, *variant, *folder;
     struct symbolic_options symbolic;
@@ -58,6 +42,7 @@ static enum error_code generate_file(const void *context, const struct robot *ro
     const struct generate_options *o = context;
     char path[PATH_SIZE], symbol[SYMBOLIC_SYMBOL];
     struct symbolic_report report;
+    struct whole_file file;
     enum error_code code;
 
     (void)arena;
@@ -65,12 +50,16 @@ static enum error_code generate_file(const void *context, const struct robot *ro
     if ((size_t)snprintf(path, sizeof path, "%s/%s.c", o->folder, symbol) >= sizeof path) {
         return error_set(error, ERROR_INPUT, "the folder's name is too long");
     }
-    code = generate_write_module(robot, &o->symbolic, path, &report, error);
+    code = whole_file_open(&file, path, error);
     if (code) {
         return code;
     }
-    print_report(robot, &report, path);
-    return ERROR_NONE;
+    code = symbolic_generate(robot, &o->symbolic, file.out, &report, error);
+    code = whole_file_close(&file, code, error);
+    if (!code) {
+        print_report(robot, &report, path);
+    }
+    return code;
 }
 
 int cmd_generate(int argc, char **argv)

@@ -14,19 +14,6 @@
 /* Receives a name and a line of text about it. */
 typedef void (*list_put)(const char *name, const char *text);
 
-/* Lists each driven joint with its bus. */
-static enum error_code list_put_joints(const struct rig *rig, list_put put, struct error *error)
-{
-    char text[256];
-
-    (void)error;
-    for (size_t a = 0; a < rig->naxis; a++) {
-        snprintf(text, sizeof text, "on the bus %s", rig->bus[rig->axis[a].bus].name);
-        put(rig->axis[a].joint, text);
-    }
-    return ERROR_NONE;
-}
-
 static void list_put_fault(void *context, const char *line, const char *means)
 {
     const list_put *put = context;
@@ -34,38 +21,27 @@ static void list_put_fault(void *context, const char *line, const char *means)
     (*put)(line, means);
 }
 
-static enum error_code list_put_faults(const struct rig *rig, list_put put, struct error *error)
-{
-    return rig_list_faults(rig, list_put_fault, &put, error);
-}
-
-/* Loads a rig, lists a part of it by body, and frees the rig. */
-static enum error_code list_rig(const char *name, list_put put,
-                                enum error_code (*body)(const struct rig *rig, list_put put,
-                                                        struct error *error),
-                                struct error *error)
+/* Lists the driven joints of a rig with their buses, or its faults. */
+static enum error_code list_rig(const char *name, bool faults, list_put put, struct error *error)
 {
     const struct rig *rig;
     struct arena arena;
+    char text[256];
     enum error_code code = arena_init(&arena, RIG_COMMAND_ARENA, error);
 
     if (code) {
         return code;
     }
     code = rig_load(name, &arena, &rig, error);
-    code = code ? code : body(rig, put, error);
+    if (!code && faults) {
+        code = rig_list_faults(rig, list_put_fault, &put, error);
+    }
+    for (size_t a = 0; !code && !faults && a < rig->naxis; a++) {
+        snprintf(text, sizeof text, "on the bus %s", rig->bus[rig->axis[a].bus].name);
+        put(rig->axis[a].joint, text);
+    }
     arena_fini(&arena);
     return code;
-}
-
-static enum error_code list_rig_joints(const char *rig, list_put put, struct error *error)
-{
-    return list_rig(rig, put, list_put_joints, error);
-}
-
-static enum error_code list_rig_faults(const char *rig, list_put put, struct error *error)
-{
-    return list_rig(rig, put, list_put_faults, error);
 }
 
 #define LIST_ARENA_BYTES ((size_t)1 << 30) /* reserved address space */
@@ -95,32 +71,23 @@ static void list_print_line(const char *name, const char *text)
     options_wrap(text, NAME_COLUMN, NAME_COLUMN, stdout);
 }
 
-/* Reads the description of a scenario, which is valid YAML only with its parameters inserted. */
-static enum error_code list_read_scenario(const char *path, struct arena *arena,
-                                          const char **description, struct error *error)
-{
-    struct scenario *cases;
-    size_t count;
-    enum error_code code = scenario_read(path, arena, &cases, &count, error);
-
-    if (!code) {
-        *description = cases[0].description;
-    }
-    return code;
-}
-
 /* Reads the description of an entry's file; for a drive, before receives its kind, which precedes
  * the description. */
 static enum error_code list_read_description(enum config_kind kind, const char *path,
                                              struct arena *arena, const char **before,
                                              const char **description, struct error *error)
 {
+    struct scenario *cases;
+    size_t count;
     enum error_code code;
     bool hydraulic;
 
     switch (kind) {
     case CONFIG_SCENARIO:
-        return list_read_scenario(path, arena, description, error);
+        /* Valid YAML only with its parameters inserted */
+        code = scenario_read(path, arena, &cases, &count, error);
+        *description = code ? NULL : cases[0].description;
+        return code;
     case CONFIG_DRIVE:
         code = robot_describe_drive(path, arena, description, &hydraulic, error);
         *before = code ? "" : hydraulic ? "hydraulic: " : "electric: ";
@@ -182,14 +149,6 @@ static void list_print_name(const char *name, const char *text)
     puts(name);
 }
 
-/* Lists the tasks with their summaries. */
-static void list_print_tasks(list_put put)
-{
-    for (const char *const *name = task_names(); *name; name++) {
-        put(*name, task_summary(*name));
-    }
-}
-
 /* Lists the settings of all tasks. */
 static void list_print_settings(list_put put)
 {
@@ -210,7 +169,9 @@ static enum error_code list_print_noun(int noun, const char *rig, bool names, st
 
     switch (noun) {
     case LIST_TASKS:
-        list_print_tasks(put);
+        for (const char *const *name = task_names(); *name; name++) {
+            put(*name, task_summary(*name));
+        }
         return ERROR_NONE;
     case LIST_SETTINGS:
         list_print_settings(put);
@@ -221,8 +182,7 @@ static enum error_code list_print_noun(int noun, const char *rig, bool names, st
             return error_set(error, ERROR_INPUT, "found no RIG behind %s, expected one",
                              nouns[noun]);
         }
-        return noun == LIST_JOINTS ? list_rig_joints(rig, put, error)
-                                   : list_rig_faults(rig, put, error);
+        return list_rig(rig, noun == LIST_FAULTS, put, error);
     default:
         return list_print_kind((enum config_kind)noun, names, error);
     }

@@ -81,20 +81,6 @@ static void print_control(const struct control *control)
     }
 }
 
-/* Writes the report of the task, if it has one. Returns the run's status; if that is 0, the status
- * of writing. */
-static int run_report_task(const struct simulator *simulator, const char *folder, int status)
-{
-    const struct task_runner *runner = simulator_task_runner(simulator);
-    struct error error;
-
-    if (!runner || !task_report_write(runner->task, folder, &error)) {
-        return status;
-    }
-    command_fail("run", &error);
-    return status ? status : (int)exit_status_of(error.code);
-}
-
 /* Prints what clients have done; call it after control_stop. */
 static void print_clients(const struct control *control, const struct page *page)
 {
@@ -110,6 +96,7 @@ static int run_finish(struct simulator *simulator, const struct control *control
                       const struct page *page, enum loop_end end, const char *report)
 {
     const char *directory = simulator_configuration(simulator)->record;
+    const struct task_runner *runner = simulator_task_runner(simulator);
     struct summary summary = {.simulator = simulator, .end = end, .recorded = directory != NULL};
     struct error error;
     int status = run_exit_status(simulator, end), incomplete = STATUS_OK;
@@ -130,7 +117,10 @@ static int run_finish(struct simulator *simulator, const struct control *control
     if (directory && firmware_write(simulator, directory, &error)) {
         incomplete = command_fail("run", &error);
     }
-    return run_report_task(simulator, report, status ? status : incomplete);
+    if (runner && task_report_write(runner->task, report, &error)) {
+        incomplete = command_fail("run", &error);
+    }
+    return status ? status : incomplete;
 }
 
 /* Finishes a run while pages are open: sends them the end, and serves them until they are
@@ -450,15 +440,6 @@ static void print_start(const struct simulator *simulator, const char *host, con
     }
 }
 
-/* Checks whether only the user can end the run. */
-static bool run_is_endless(const struct simulator *simulator)
-{
-    const struct task_runner *runner = simulator_task_runner(simulator);
-
-    return simulator_configuration(simulator)->ticks == 0 &&
-           (!runner || task_is_endless(runner->task));
-}
-
 /* Reads --gateway and --slcan; *used is whether one of them is given. */
 static enum error_code run_read_gateway(const struct run_options *options, char host[RUN_HOST_SIZE],
                                         struct run_slcan *slcan, struct gateway_config *gateway,
@@ -531,7 +512,9 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
         return command_fail("run", &error);
     }
     print_start(simulator, host, notice);
-    if (run_is_endless(simulator)) {
+    if (simulator_configuration(simulator)->ticks == 0 &&
+        (!simulator_task_runner(simulator) ||
+         task_is_endless(simulator_task_runner(simulator)->task))) {
         fputs("the run goes on until it is stopped (Ctrl-C, or coman-hil ctl stop); --duration S "
               "ends it\n",
               stderr);

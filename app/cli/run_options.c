@@ -156,15 +156,6 @@ bool run_options_read(int argc, char **argv, struct run_options *out, int *statu
     return true;
 }
 
-/* Checks whether a host is a numeric address; names are not resolved. */
-static bool run_options_is_numeric(const char *host)
-{
-    struct in6_addr v6;
-    struct in_addr v4;
-
-    return inet_pton(AF_INET, host, &v4) == 1 || inet_pton(AF_INET6, host, &v6) == 1;
-}
-
 enum error_code run_options_parse_address(const char *option, const char *text, const char *example,
                                           char host[RUN_HOST_SIZE], const char **given,
                                           uint16_t *port, struct error *error)
@@ -172,6 +163,8 @@ enum error_code run_options_parse_address(const char *option, const char *text, 
     const char *colon = strrchr(text, ':');
     size_t length = colon ? (size_t)(colon - text) : 0;
     int64_t number;
+    struct in6_addr v6;
+    struct in_addr v4;
 
     /* Removes the brackets of an IPv6 address */
     if (length > 2 && text[0] == '[' && text[length - 1] == ']') {
@@ -191,7 +184,7 @@ enum error_code run_options_parse_address(const char *option, const char *text, 
     if (!strcmp(host, "localhost")) {
         snprintf(host, RUN_HOST_SIZE, "127.0.0.1");
     }
-    if (colon && !run_options_is_numeric(host)) {
+    if (colon && inet_pton(AF_INET, host, &v4) != 1 && inet_pton(AF_INET6, host, &v6) != 1) {
         return error_set(error, ERROR_INPUT,
                          "%s: found host \"%.60s\", expected localhost or a numeric address, for "
                          "example 127.0.0.1",

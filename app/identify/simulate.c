@@ -74,12 +74,6 @@ static enum error_code make_plant(const struct rig *rig, const struct trial_robo
 /* Parts of the state of a plant of one joint: behind its angle and rate. */
 enum { STATE_MOTOR_SPEED = 2 + DRIVE_MOTOR_SPEED };
 
-/* Returns the voltage by which a current loop holds the current of a torque. */
-static double torque_voltage(const struct robot_sea *sea, double torque, double speed)
-{
-    return sea->R * torque / sea->Kt + sea->Kw * speed;
-}
-
 /* Sets the command that holds from a time on; row is the last one at that time; position is as the
  * recording counts it. */
 static void set_command(const struct bench_law *law, const struct robot_sea *sea,
@@ -96,7 +90,9 @@ static void set_command(const struct bench_law *law, const struct robot_sea *sea
     } else {
         command->voltage_v = r->voltage[r->voltage_before && row + 1 < r->count ? row + 1 : row];
         if (r->is_torque) {
-            command->voltage_v = torque_voltage(sea, command->voltage_v, state[STATE_MOTOR_SPEED]);
+            /* The voltage by which a current loop holds the current of a torque */
+            command->voltage_v =
+                sea->R * command->voltage_v / sea->Kt + sea->Kw * state[STATE_MOTOR_SPEED];
         }
     }
 }

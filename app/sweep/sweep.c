@@ -52,12 +52,6 @@ const struct yaml_schema sweep_file_schema = YAML_SCHEMA(
 
 /* ---- checks ---- */
 
-/* Checks whether the values of a parameter are drawn. */
-static bool parameter_is_drawn(const struct sweep_parameter *parameter)
-{
-    return yaml_has(&parameter->mark, "uniform") || yaml_has(&parameter->mark, "normal");
-}
-
 /* Checks the ends of a distribution, and sets the limits of a normal one. */
 static enum error_code check_distribution(struct sweep_parameter *parameter, struct error *error)
 {
@@ -238,7 +232,7 @@ enum error_code sweep_read(const char *path, struct arena *arena, struct sweep *
 
     code = code ? code : check_sweep(sweep, error);
     for (size_t i = 0; i < sweep->nparameter && !code; i++) {
-        if (parameter_is_drawn(&sweep->parameter[i])) {
+        if (!sweep->parameter[i].ngrid && !sweep->parameter[i].nword) {
             code = draw_parameter(sweep, &sweep->parameter[i], arena, error);
         }
     }

@@ -14,7 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/bench/contact_scenes.h"
+#include "app/bench/bench.h"
 #include "contact/mesh/solid_store.h"
 
 static struct bench_scene scene[BENCH_SCENES];

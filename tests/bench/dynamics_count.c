@@ -2,7 +2,7 @@
 /* dynamics-count ROBOT ENGINE N [MODULE]: N evaluations of the robot's accelerations by one
  * engine, for an instruction counter. The engines are ours, and those of the module with other
  * simulators. */
-#include "app/bench/dynamics.h"
+#include "app/bench/bench.h"
 
 #include "base/text.h"
 

@@ -4,7 +4,7 @@
  * random states, on the robots of config/ and on their parts, as the benchmark computes them. The
  * paper found an average relative difference of 1.9e-13.
  */
-#include "app/bench/dynamics.h"
+#include "app/bench/bench.h"
 #include "tests/unit/model/random_robot.h"
 #include "tests/test.h"
 

@@ -11,17 +11,6 @@
 #include <inttypes.h>
 #include <string.h>
 
-/* Prints a finding with its fix. */
-static void print_finding(const struct doctor_finding *finding)
-{
-    static const char *const words[] = {"ok", "warn", "fail"};
-
-    printf("%-5s%-15s%s\n", words[finding->verdict], finding->subject, finding->found);
-    if (finding->fix[0]) {
-        printf("%20s-> %s\n", "", finding->fix);
-    }
-}
-
 /* Prints the implementation of the dynamics that a run would use now. */
 static void doctor_print_robot(const struct rig *rig, struct arena *arena)
 {
@@ -92,19 +81,10 @@ static void doctor_open_ports(const struct rig *rig, struct arena *arena, struct
     }
 }
 
-/* Closes the ports that were opened. */
-static void doctor_close_ports(const struct rig *rig, struct can_port **port)
-{
-    for (size_t b = 0; b < rig->nbus; b++) {
-        if (port[b]) {
-            port[b]->ops->close(port[b]);
-        }
-    }
-}
-
 /* Examines the machine for a rig, prints all findings, and measures; returns the exit status. */
 static int doctor_examine_rig(void *context, const struct rig *rig, struct arena *arena)
 {
+    static const char *const words[] = {"ok", "warn", "fail"};
     static struct doctor_finding findings[DOCTOR_FINDINGS_MAX];
     const struct doctor_options *options = context;
     struct can_port *port[RIG_BUSES_MAX] = {NULL};
@@ -122,9 +102,16 @@ static int doctor_examine_rig(void *context, const struct rig *rig, struct arena
         doctor_open_ports(rig, arena, port);
     }
     count = doctor_examine(&config, findings, DOCTOR_FINDINGS_MAX);
-    doctor_close_ports(rig, port);
+    for (size_t b = 0; b < rig->nbus; b++) {
+        if (port[b]) {
+            port[b]->ops->close(port[b]);
+        }
+    }
     for (size_t i = 0; i < count; i++) {
-        print_finding(&findings[i]);
+        printf("%-5s%-15s%s\n", words[findings[i].verdict], findings[i].subject, findings[i].found);
+        if (findings[i].fix[0]) {
+            printf("%20s-> %s\n", "", findings[i].fix);
+        }
     }
     doctor_print_robot(rig, arena);
 
