@@ -451,8 +451,8 @@ static int run_plan(struct test_runs *plan, const struct test_options *options)
         .ended = on_end,
         .context = plan,
     };
-    struct clock *time = clock_monotonic();
-    int64_t begin = clock_now(time);
+    const time_t begun = time(NULL);
+    int64_t begin = clock_now(clock_monotonic());
     struct error error;
 
     /* Refuses a file that cannot be written before the runs, which may take long */
@@ -471,9 +471,10 @@ static int run_plan(struct test_runs *plan, const struct test_options *options)
     /* Prints the totals, and writes the file */
     printf("%zu case%s in %zu run%s: %zu passed, %zu failed, %zu did not run; %.1f s\n",
            plan->ncase, plan->ncase == 1 ? "" : "s", plan->njob, plan->njob == 1 ? "" : "s",
-           plan->passed, plan->failed, plan->broken, (double)(clock_now(time) - begin) * 1e-9);
+           plan->passed, plan->failed, plan->broken,
+           (double)(clock_now(clock_monotonic()) - begin) * 1e-9);
     if (options->junit &&
-        scenario_junit_write(options->junit, plan->result, plan->nresult, &error)) {
+        scenario_junit_write(options->junit, plan->result, plan->nresult, begun, &error)) {
         return command_fail("test", &error);
     }
     return plan->failed + plan->broken ? STATUS_FAILED : STATUS_OK;

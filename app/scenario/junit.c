@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Writes results as JUnit XML, one element per line. */
+/* Writes results as JUnit XML, one element per line, by the rules of the schemas of Ant and of
+ * Jenkins' plugin xUnit (tests/service/junit.py): a testcase has neither properties nor output. */
 #include "app/scenario/jobs.h"
 
 #include "base/markup.h"
@@ -7,9 +8,11 @@
 
 #include <inttypes.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
-/* ---- writing ---- */
+static const char *const element[] = {"", "failure", "error"};
 
 /* Writes any text as an attribute's value or as content, on one line. */
 static void junit_put_text(const char *text, FILE *out)
@@ -17,110 +20,138 @@ static void junit_put_text(const char *text, FILE *out)
     markup_put_flags(out, text, MARKUP_ASCII | MARKUP_LINE_BREAKS);
 }
 
-/* Writes a property of a testcase. */
-static void junit_put_property(const char *name, const char *value, FILE *out)
+/* Writes a property of a suite: about the case of a name, or "" for all. */
+static void junit_put_property(const char *name, const char *what, const char *value, FILE *out)
 {
-    fprintf(out, "        <property name=\"%s\" value=\"", name);
+    fputs("      <property name=\"", out);
+    junit_put_text(name, out);
+    fprintf(out, "%s%s\" value=\"", *name ? " " : "", what);
     junit_put_text(value, out);
     fputs("\"/>\n", out);
 }
 
-/* Writes a testcase with its properties and its failure. */
-static void junit_write_case(const struct scenario_result *result, FILE *out)
+/* Writes the data that repeat a case, as properties. */
+static void junit_put_data(const struct scenario_result *result, FILE *out)
 {
-    static const char *const element[] = {"", "failure", "error"};
     char number[32];
 
-    /* The case, and the data to repeat it */
+    if (result->scenario->values[0]) {
+        junit_put_property(result->name, "parameters", result->scenario->values, out);
+    }
+    if (result->ran) {
+        snprintf(number, sizeof number, "%" PRIu64, result->seed);
+        junit_put_property(result->name, "seed", number, out);
+        snprintf(number, sizeof number, "%016" PRIx64, result->state_hash);
+        junit_put_property(result->name, "state_hash", number, out);
+    }
+}
+
+/* Writes a testcase; a failure names its recording. */
+static void junit_put_case(const struct scenario_result *result, FILE *out)
+{
     fputs("    <testcase classname=\"scenarios.", out);
     junit_put_text(result->scenario->name, out);
     fputs("\" name=\"", out);
     junit_put_text(result->name, out);
-    fprintf(out, "\" time=\"%.3f\">\n      <properties>\n", result->seconds);
-    junit_put_property("file", result->scenario->file, out);
-    if (result->scenario->values[0]) {
-        junit_put_property("parameters", result->scenario->values, out);
+    fprintf(out, "\" time=\"%.3f\"", result->seconds);
+    if (result->status == SCENARIO_PASSED) {
+        fputs("/>\n", out);
+        return;
     }
-    if (result->ran) {
-        snprintf(number, sizeof number, "%" PRIu64, result->seed);
-        junit_put_property("seed", number, out);
-        snprintf(number, sizeof number, "%016" PRIx64, result->state_hash);
-        junit_put_property("state_hash", number, out);
-    }
-    fputs("      </properties>\n", out);
-
-    /* The failure, and the place of the recording */
-    if (result->status != SCENARIO_PASSED) {
-        fprintf(out, "      <%s message=\"", element[result->status]);
-        junit_put_text(result->message, out);
-        fprintf(out, "\" type=\"%s\"/>\n",
-                result->status == SCENARIO_FAILED ? "expectation" : "run");
-    }
+    fprintf(out, ">\n      <%s type=\"%s\" message=\"", element[result->status],
+            result->status == SCENARIO_FAILED ? "expectation" : "run");
+    junit_put_text(result->message, out);
+    fputs("\">", out);
+    junit_put_text(result->message, out);
     if (result->record[0]) {
-        fputs("      <system-out>", out);
+        fputs("&#10;recording: ", out);
         junit_put_text(result->record, out);
-        fputs("/candump.log</system-out>\n", out);
     }
-    fputs("    </testcase>\n", out);
+    fprintf(out, "</%s>\n    </testcase>\n", element[result->status]);
 }
 
-/* Checks whether two results are of one scenario, and so of one suite. */
-static bool junit_is_same_suite(const struct scenario_result *a, const struct scenario_result *b)
+/* Writes the suite of the results whose place in `of` is this one. */
+static void junit_put_suite(const struct scenario_result *result, const size_t *of, size_t count,
+                            size_t suite, const char *place, FILE *out)
 {
-    return !strcmp(a->scenario->name, b->scenario->name);
-}
-
-/* Writes the totals of all results, or of those of one scenario, as attributes. */
-static void junit_put_totals(const struct scenario_result *result, size_t count,
-                             const struct scenario_result *of, FILE *out)
-{
-    size_t tests = 0, failures = 0, errors = 0;
+    const struct scenario_result *first = NULL;
+    size_t tests[3] = {0};
     double seconds = 0.0;
 
-    for (size_t i = 0; i < count; i++) {
-        if (!of || junit_is_same_suite(&result[i], of)) {
-            tests++;
-            failures += result[i].status == SCENARIO_FAILED;
-            errors += result[i].status == SCENARIO_BROKEN;
+    for (size_t i = count; i-- > 0;) {
+        if (of[i] == suite) {
+            first = &result[i];
+            tests[result[i].status]++;
             seconds += result[i].seconds;
         }
     }
-    fprintf(out, " tests=\"%zu\" failures=\"%zu\" errors=\"%zu\" time=\"%.3f\">\n", tests, failures,
-            errors, seconds);
+    fprintf(out,
+            "  <testsuite id=\"%zu\" package=\"scenarios\" name=\"%s\" %s tests=\"%zu\" "
+            "failures=\"%zu\" errors=\"%zu\" time=\"%.3f\">\n    <properties>\n",
+            suite, first->scenario->name, place, tests[0] + tests[1] + tests[2],
+            tests[SCENARIO_FAILED], tests[SCENARIO_BROKEN], seconds);
+    junit_put_property("", "file", first->scenario->file, out);
+    for (size_t i = 0; i < count; i++) {
+        if (of[i] == suite) {
+            junit_put_data(&result[i], out);
+        }
+    }
+    fputs("    </properties>\n", out);
+    for (size_t i = 0; i < count; i++) {
+        if (of[i] == suite) {
+            junit_put_case(&result[i], out);
+        }
+    }
+    fputs("    <system-out>", out);
+    for (size_t i = 0; i < count; i++) {
+        if (of[i] == suite && result[i].record[0]) {
+            junit_put_text(result[i].record, out);
+            fputs("/candump.log&#10;", out);
+        }
+    }
+    fputs("</system-out>\n    <system-err></system-err>\n  </testsuite>\n", out);
 }
 
 enum error_code scenario_junit_write(const char *path, const struct scenario_result *result,
-                                     size_t count, struct error *error)
+                                     size_t count, time_t begun, struct error *error)
 {
+    size_t *of = calloc(count + 1, sizeof *of), *first = calloc(count + 1, sizeof *first);
+    size_t suites = 0;
     struct whole_file file;
-    enum error_code code = whole_file_open(&file, path, error);
+    char host[65] = "localhost", place[128];
+    struct tm time;
+    enum error_code code =
+        of && first ? whole_file_open(&file, path, error)
+                    : error_set(error, ERROR_MEMORY, "no memory left for %zu results", count);
 
     if (code) {
-        return code;
+        goto done;
     }
-    fputs("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites", file.out);
-    junit_put_totals(result, count, NULL, file.out);
-    for (size_t i = 0; i < count; i++) {
-        size_t first = 0;
 
-        /* The first result of a scenario opens a suite for all of them */
-        while (!junit_is_same_suite(&result[first], &result[i])) {
-            first++;
+    /* A suite for each scenario, in the order of the results */
+    for (size_t i = 0; i < count; i++) {
+        while (of[i] < suites &&
+               strcmp(result[first[of[i]]].scenario->name, result[i].scenario->name) != 0) {
+            of[i]++;
         }
-        if (first < i) {
-            continue;
+        if (of[i] == suites) {
+            first[suites++] = i;
         }
-        fputs("  <testsuite name=\"", file.out);
-        junit_put_text(result[i].scenario->name, file.out);
-        fputs("\"", file.out);
-        junit_put_totals(result, count, &result[i], file.out);
-        for (size_t k = i; k < count; k++) {
-            if (junit_is_same_suite(&result[k], &result[i])) {
-                junit_write_case(&result[k], file.out);
-            }
-        }
-        fputs("  </testsuite>\n", file.out);
+    }
+    gmtime_r(&begun, &time);
+    if (begun && gethostname(host, sizeof host - 1)) {
+        snprintf(host, sizeof host, "localhost");
+    }
+    strftime(place, sizeof place, "timestamp=\"%FT%T\" hostname=\"", &time);
+    strcat(strcat(place, *host ? host : "localhost"), "\"");
+    fputs("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites>\n", file.out);
+    for (size_t suite = 0; suite < suites; suite++) {
+        junit_put_suite(result, of, count, suite, place, file.out);
     }
     fputs("</testsuites>\n", file.out);
-    return whole_file_close(&file, ERROR_NONE, error);
+    code = whole_file_close(&file, code, error);
+done:
+    free(of);
+    free(first);
+    return code;
 }

@@ -223,7 +223,7 @@ static enum error_code merge_write_junit(const struct plan *plan, const struct p
         snprintf(all[i].name, sizeof all[i].name, "case %zu", one->number);
         snprintf(all[i].message, sizeof all[i].message, "%s", result[i].message);
     }
-    return all ? scenario_junit_write(path, all, plan->ncase, error)
+    return all ? scenario_junit_write(path, all, plan->ncase, 0, error)
                : error_set(error, ERROR_MEMORY, "no memory left for %zu results", plan->ncase);
 }
 
