@@ -284,15 +284,16 @@ struct ready {
     const char *page, *page_view;
 };
 
-/* Removes the file of an earlier run that was killed. Returns ERROR_INPUT if it belongs to another
- * user or program, or ERROR_SYSTEM. All functions do nothing without a path. */
+/* Removes the file of an earlier run that was killed. ERROR_INPUT: a link, a file that no run has
+ * written, or a file of a run that goes on stays. ERROR_SYSTEM. All functions do nothing without a
+ * path. */
 enum error_code ready_begin(const char *path, struct error *error);
 
-/* Writes the file under a temporary name, and renames it when it is complete. ERROR_INPUT,
- * ERROR_SYSTEM: as whole_file_close. */
+/* Writes the file under a temporary name, and renames it when it is complete. ERROR_INPUT as of
+ * ready_begin; ERROR_INPUT, ERROR_SYSTEM: as whole_file_close. */
 enum error_code ready_write(const char *path, const struct ready *ready, struct error *error);
 
-/* Removes the file, because clients can no longer connect. */
+/* Removes the file of this process, because clients can no longer connect. */
 void ready_end(const char *path);
 
 /* ---- hashes of DBC files ---- */

@@ -5,21 +5,10 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <signal.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
-
-/* Removes a regular file; does not remove a pipe with a reader. Returns false with errno on
- * failure. */
-static bool remove_file(const char *path)
-{
-    struct stat info;
-
-    if (!path || lstat(path, &info) || !S_ISREG(info.st_mode)) {
-        return true;
-    }
-    return unlink(path) == 0 || errno == ENOENT;
-}
 
 /* Writes NAME='VALUE', with each ' in the value as '\''; writes nothing for NULL or "". */
 static void put_entry(const char *name, const char *value, FILE *out)
@@ -38,37 +27,67 @@ static void put_entry(const char *name, const char *value, FILE *out)
     fputs("'\n", out);
 }
 
-/* Returns whether a file was written by --ready, is empty, or is not a regular file. */
-static bool may_be_removed(const char *path)
+/* Reads the process that a regular file of --ready names. 0: the file is empty, or there is no such
+ * file; -1: no run has written it, or it cannot be read. */
+static long ready_read_owner(const char *path)
 {
-    static const char begin[] = "pid='";
-    char text[sizeof begin - 1];
+    char text[32] = "";
     struct stat info;
     ssize_t size;
+    long pid = -1;
     int fd;
 
-    if (!path || lstat(path, &info) || !S_ISREG(info.st_mode)) {
-        return true;
+    if (lstat(path, &info) || !S_ISREG(info.st_mode)) {
+        return 0;
     }
     fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
-    if (fd < 0) {
-        return false;
+    size = fd < 0 ? -1 : read(fd, text, sizeof text - 1);
+    if (fd >= 0) {
+        close(fd);
     }
-    size = read(fd, text, sizeof text);
-    close(fd);
-    return size == 0 || (size == (ssize_t)sizeof text && !memcmp(text, begin, sizeof text));
+    return size == 0 ? 0 : sscanf(text, "pid='%ld'", &pid) == 1 && pid > 0 ? pid : -1;
 }
 
-enum error_code ready_begin(const char *path, struct error *error)
+/* Refuses a link to a file, a file that no run has written, and a file of a run that goes on. */
+static enum error_code ready_check(const char *path, struct error *error)
 {
-    if (!may_be_removed(path)) {
+    const long owner = ready_read_owner(path);
+    struct stat link, there;
+
+    if (!lstat(path, &link) && S_ISLNK(link.st_mode) &&
+        (stat(path, &there) || S_ISREG(there.st_mode))) {
+        return error_set(error, ERROR_INPUT,
+                         "--ready: found the symbolic link %s, expected the name of a new file",
+                         path);
+    }
+    if (owner < 0) {
         return error_set(error, ERROR_INPUT,
                          "--ready: found %s, which no run has written, expected the name of a new "
                          "file",
                          path);
     }
-    return remove_file(path) ? ERROR_NONE
-                             : error_set_errno(error, errno, "--ready: cannot remove %s", path);
+    if (owner > 0 && owner != getpid() && (!kill((pid_t)owner, 0) || errno == EPERM)) {
+        return error_set(error, ERROR_INPUT,
+                         "--ready: found %s of process %ld, which is running, expected the name of "
+                         "a new file: stop that run, or choose another name",
+                         path, owner);
+    }
+    return ERROR_NONE;
+}
+
+enum error_code ready_begin(const char *path, struct error *error)
+{
+    struct stat info;
+
+    if (!path || lstat(path, &info)) {
+        return ERROR_NONE;
+    }
+    if (ready_check(path, error)) {
+        return error->code;
+    }
+    return S_ISREG(info.st_mode) && unlink(path) && errno != ENOENT
+               ? error_set_errno(error, errno, "--ready: cannot remove %s", path)
+               : ERROR_NONE;
 }
 
 enum error_code ready_write(const char *path, const struct ready *ready, struct error *error)
@@ -80,7 +99,9 @@ enum error_code ready_write(const char *path, const struct ready *ready, struct 
     if (!path) {
         return ERROR_NONE;
     }
-    code = whole_file_open(&file, path, error);
+    /* Another run may have written it since ready_begin */
+    code = ready_check(path, error);
+    code = code ? code : whole_file_open(&file, path, error);
     if (code) {
         return code;
     }
@@ -106,5 +127,7 @@ enum error_code ready_write(const char *path, const struct ready *ready, struct 
 
 void ready_end(const char *path)
 {
-    remove_file(path);
+    if (path && ready_read_owner(path) == getpid()) {
+        unlink(path);
+    }
 }

@@ -59,8 +59,9 @@ says 0 run coman "${quick[@]}" --record first --record-format both &&
     cp "$HIL_SOURCE_DIR"/examples/sweep/*.yaml . &&
     sed -i 's/^samples: .*/samples: 1/' sweep.yaml &&
     sed -i 's/^duration_s: .*/duration_s: 0.05/' squat.yaml &&
-    says 0 test --plan sweep.yaml -o out/plan && says 0 run coman "${quick[@]}" --ready out/ready
-result $? "plots, generated code, plans and the file of --ready too"
+    says 0 test --plan sweep.yaml -o out/plan && says 2 run coman "${quick[@]}" --ready out/ready &&
+    grep -q 'found the symbolic link out/ready' said && [ -L out/ready ]
+result $? "plots, generated code and plans too; --ready leaves a link alone"
 kept "and leave what the links point to" out
 [ -z "$(find first -mindepth 1 -perm -o+w)" ] && [ "$(stat -c %a first)" = 775 ]
 result $? "a recording is not writable by others"

@@ -3,10 +3,12 @@
 #include "app/cli/cli.h"
 #include "tests/test.h"
 
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 static char folder[64], path[96];
@@ -99,6 +101,54 @@ TEST_WITH(it_is_gone_before_the_start_and_after_the_end, begin, end)
         }
         assert_int_equal(access(path, F_OK), -1);
     }
+}
+
+/* The file of a run that goes on, until it has ended: a start and a slower start leave it alone. */
+TEST_WITH(a_file_of_a_living_run_stays, begin, end)
+{
+    const pid_t child = fork();
+    struct error error;
+    FILE *file;
+
+    if (child == 0) {
+        pause();
+        _exit(0);
+    }
+    assert_true(child > 0);
+    file = fopen(path, "w");
+    assert_non_null(file);
+    fprintf(file, "pid='%ld'\nclock='real'\n", (long)child);
+    fclose(file);
+    assert_int_equal(ready_begin(path, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "is running"));
+    assert_int_equal(ready_write(path, &(struct ready){.clock = "free"}, &error), ERROR_INPUT);
+    ready_end(path);
+    assert_shell_reads("clock", "real");
+    kill(child, SIGKILL);
+    assert_int_equal(waitpid(child, NULL, 0), child);
+    assert_ok(ready_begin(path, &error));
+    assert_int_equal(access(path, F_OK), -1);
+}
+
+/* A link to a file, to nothing, and to a device, of which only the last may be written. */
+TEST_WITH(a_link_stays, begin, end)
+{
+    static const char *const to[] = {"there", "not-there", "/dev/null"};
+    char file[128], where[128];
+    struct error error;
+
+    snprintf(file, sizeof file, "%s/there", folder);
+    fclose(fopen(file, "w"));
+    for (int i = 0; i < 3; i++) {
+        assert_int_equal(symlink(to[i], path), 0);
+        assert_int_equal(ready_begin(path, &error), i < 2 ? ERROR_INPUT : ERROR_NONE);
+        assert_int_equal(ready_write(path, &(struct ready){.clock = "free"}, &error),
+                         i < 2 ? ERROR_INPUT : ERROR_NONE);
+        ready_end(path);
+        assert_int_equal(readlink(path, where, sizeof where), strlen(to[i]));
+        assert_int_equal(unlink(path), 0);
+    }
+    unlink(file);
 }
 
 TEST_WITH(what_is_no_file_of_ours_stays, begin, end)
