@@ -11,7 +11,8 @@ An object file that does not change tells that a mutant is equivalent; others th
 named, with the reason, in tests/equivalent_mutants.txt. What the compiler refuses, as it does a
 number for a pointer, is no mutant. A mutant that takes too much CPU time is killed; one that does
 not end for a limit of wall-clock time that no load makes up for is killed by time, which the table
-shows apart. Fails when a room's tests kill fewer than nine of ten."""
+shows apart. The table also tells kills by the mirrored test from those by other tests, and from those
+by the hashes of service_same_bits alone, which runs last. Fails when a room's tests kill fewer than nine of ten."""
 import argparse
 import collections
 import hashlib
@@ -49,7 +50,11 @@ ENOUGH = 90
 MEMORY = 12 << 30
 
 Mutant = collections.namedtuple("Mutant", "line operator old new")
-Verdict = collections.namedtuple("Verdict", "word by", defaults=("",))
+# by: the test that failed; how: one of KILLERS
+Verdict = collections.namedtuple("Verdict", "word by how", defaults=("", ""))
+# the mirrored test, another test, or the hashes of runs when every other test passed
+KILLERS = ("own test", "others", "same_bits alone")
+SAME_BITS = "service_same_bits"
 
 
 # ---- mutants of a text ----
@@ -272,7 +277,7 @@ class Suite:
     def of(self, path, seconds):
         """Tests that depend on a file: all of the file (rank 0), and as many as take so long
         together of its folder and of what includes its header (1), of the folders of these (2),
-        others (3), scripts (4)."""
+        others (3), scripts (4), service_same_bits (5)."""
         header = f'"{path.with_suffix(".h")}"'
         users = [user.relative_to(SOURCE) for folder in (*ROOMS, "tests")
                  for user in (SOURCE / folder).rglob("*.c") if header in user.read_text()]
@@ -285,6 +290,8 @@ class Suite:
                 continue
             if own.match(name):
                 rank = 0
+            elif name == SAME_BITS:
+                rank = 5
             elif program == "coman-hil":
                 rank = 1 if name in SCRIPTS.get(path.parts[0], ()) else 4
             elif used.match(name) or name.startswith(folder):
@@ -360,6 +367,14 @@ def verdict_of(suite, tests):
     return Verdict("survived")
 
 
+def killer_of(verdict, tests):
+    """Which of KILLERS a verdict is of; nothing for what survived."""
+    ranks = {test.name: test.rank for test in tests}
+    if verdict.word == "survived":
+        return ""
+    return KILLERS[0 if ranks.get(verdict.by) == 0 else 2 if verdict.by == SAME_BITS else 1]
+
+
 def try_mutant(path, text, mutant, suite, options):
     """Returns the verdict of a change that the compiler takes; tests that fail without it too are
     left out."""
@@ -371,7 +386,7 @@ def try_mutant(path, text, mutant, suite, options):
         finally:
             (SOURCE / path).write_text(text)
         if not verdict.by or suite.passes(verdict.by):
-            return verdict
+            return verdict._replace(how=killer_of(verdict, tests))
 
 
 def compiled(path, entry, text, mutant):
@@ -445,21 +460,25 @@ def counts_of_rooms(results):
     rooms = collections.defaultdict(collections.Counter)
     for name, result in sorted(results.items()):
         for key in (name.split("/")[0], "all"):
-            rooms[key].update([verdict[0] for _, verdict in result["verdicts"]])
+            for _, verdict in result["verdicts"]:
+                rooms[key].update(Verdict(*verdict)[::2])
             rooms[key]["files"] += 1
     return rooms
 
 
 def table_of(rooms):
     """Counts by room, as Markdown."""
-    lines = ["| room | files | mutants tried | equivalent | killed | of them by time | survived "
-             "| killed % |", "|---|---|---|---|---|---|---|---|"]
+    heads = ("room", "files", "mutants tried", "equivalent", "killed",
+             *(f"by {killer}" for killer in KILLERS), "by time", "survived", "killed %")
+    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for room in sorted(rooms, key=lambda key: (key == "all", key)):
         counts = rooms[room]
         killed, late = counts["killed"] + counts["killed by time"], counts["killed by time"]
         survived, equivalent = counts["survived"], counts["equivalent"]
         lines.append(f"| {room} | {counts['files']} | {killed + survived + equivalent} "
-                     f"| {equivalent} | {killed} | {late} | {survived} "
+                     f"| {equivalent} | {killed} "
+                     f"| {' | '.join(str(counts[killer]) for killer in KILLERS)} | {late} "
+                     f"| {survived} "
                      f"| {killed_share(counts):.0f} |")
     return "\n".join(lines)
 
@@ -514,6 +533,9 @@ def main():
         return 0
 
     copy_tree()
+    made = BUILD / "CMakeCache.txt"
+    if made.exists() and f"CMAKE_HOME_DIRECTORY:INTERNAL={SOURCE}\n" not in made.read_text():
+        shutil.rmtree(BUILD)  # of the tree that this one is a copy of
     cache = run(["ccache", "-k", "cache_dir"]).stdout.strip() if shutil.which("ccache") else ""
     LAUNCHER.write_text(LAUNCH.format(cache=shlex.quote(cache)))
     LAUNCHER.chmod(0o755)
