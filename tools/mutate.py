@@ -11,8 +11,9 @@ An object file that does not change tells that a mutant is equivalent; others th
 named, with the reason, in tests/equivalent_mutants.txt. What the compiler refuses, as it does a
 number for a pointer, is no mutant. A mutant that takes too much CPU time is killed; one that does
 not end for a limit of wall-clock time that no load makes up for is killed by time, which the table
-shows apart. The table also tells kills by the mirrored test from those by other tests, and from those
-by the hashes of service_same_bits alone, which runs last. Fails when a room's tests kill fewer than nine of ten."""
+shows apart. The table also tells kills by the mirrored test from those by other tests, and from
+those by the hashes of service_same_bits alone, which runs last. Fails when a room's tests kill
+fewer than nine of ten."""
 import argparse
 import collections
 import hashlib

@@ -44,7 +44,8 @@ with tempfile.TemporaryDirectory() as place:
              kept(place + "/copied", lambda tree, folder: (other, other.parents[1])),
              kept(place + "/moved", lambda tree, folder: ("/gone/build/release", "/gone")),
              kept(place + "/build", lambda tree, folder: (folder, other.parents[1]))]
-check(found == [True, True, False, False, False], "a build of a copied or moved tree is removed", found)
+check(found == [True, True, False, False, False], "a build of a copied or moved tree is removed",
+      found)
 
 tests = [mutate.Test("a_own", "p", 0, 1.0), mutate.Test("b", "p", 3, 1.0),
          mutate.Test(mutate.SAME_BITS, "coman-hil", 5, 1.0)]
@@ -62,4 +63,5 @@ rows = [[cell.strip() for cell in line.split("|")[1:-1]]
 row = collections.OrderedDict(zip(rows[0], rows[2]))
 check(len({len(line) for line in rows}) == 1 and row["room"] == "app" and row["killed"] == "4"
       and [row[f"by {killer}"] for killer in mutate.KILLERS] == ["1", "2", "1"]
-      and row["survived"] == "1" and row["killed %"] == "80", "the table has a column for each", rows)
+      and row["survived"] == "1" and row["killed %"] == "80", "the table has a column for each",
+      rows)

@@ -260,3 +260,42 @@ TEST(a_run_that_ends_early_meets_only_what_was_decided)
     }
     arena_fini(&arena);
 }
+
+/* The least distance from a bound, as a share of the room between both; of a signal in a band
+ * alone. */
+TEST(measures_the_margin_of_a_band)
+{
+    const double none = (double)NAN;
+    const struct {
+        const char *expectation;
+        double usual, other, margin;
+    } table[] = {
+        {"signal: s, between: [0, 10]", 4.0, 3.0, 0.3},
+        {"signal: s, between: [0, 10]", 6.0, 9.0, 0.1},
+        {"signal: s, between: [0, 10]", 5.0, 5.0, 0.5},
+        {"signal: s, between: [2, 6]", 5.0, 3.0, 0.25},
+        {"signal: s, between: [-6, -2]", -5.0, -2.5, 0.125},
+        {"signal: s, between: [2, 6]", 4.0, 2.0, 0.0},
+        {"signal: s, between: [2, 6]", 4.0, 6.0, 0.0},
+        {"signal: s, between: [0, 10]", 5.0, 12.0, -0.2},
+        {"signal: s, between: [0, 10]", 5.0, -3.0, -0.3},
+        {"signal: s, between: [0, 10], from_s: 0.041", 6.0, 9.0, 0.4},
+        {"signal: s, between: [0, 10], to_s: 0.039", 6.0, 9.0, 0.4},
+        {"signal: s, between: [-1, 1], relative: true", 7.0, 7.5, 0.25},
+        {"signal: s, between: [0, 0]", 0.0, 0.0, none},
+        {"signal: s, between: [0, 10], after: mark", 5.0, 5.0, none},
+        {"signal: s, reaches: [0, 10]", 5.0, 5.0, none},
+        {"event: boom, never: true", 5.0, 5.0, none},
+    };
+
+    for (size_t i = 0; i < sizeof table / sizeof table[0]; i++) {
+        const struct scenario_verdict *verdict;
+
+        print_message("# %s, %g and %g\n", table[i].expectation, table[i].usual, table[i].other);
+        expect(table[i].expectation);
+        verdict = run_signal(table[i].usual, 40, table[i].other);
+        assert_int_equal(verdict->has_margin, !isnan(table[i].margin));
+        assert_true(!verdict->has_margin || fabs(verdict->margin - table[i].margin) < 1e-12);
+    }
+    arena_fini(&arena);
+}
