@@ -181,6 +181,19 @@ static inline void mat3_from_rpy(const double rpy[3], double R[9])
     memcpy(R, value, sizeof value);
 }
 
+/* Computes the quaternion wxyz of Rz(yaw) Ry(pitch) Rx(roll). */
+static inline void quaternion_from_rpy(const double rpy[3], double q[4])
+{
+    double cr = portable_cos(0.5 * rpy[0]), sr = portable_sin(0.5 * rpy[0]);
+    double cp = portable_cos(0.5 * rpy[1]), sp = portable_sin(0.5 * rpy[1]);
+    double cy = portable_cos(0.5 * rpy[2]), sy = portable_sin(0.5 * rpy[2]);
+
+    q[0] = cy * cp * cr + sy * sp * sr;
+    q[1] = cy * cp * sr - sy * sp * cr;
+    q[2] = cy * sp * cr + sy * cp * sr;
+    q[3] = sy * cp * cr - cy * sp * sr;
+}
+
 /* Computes the body-to-world rotation of a quaternion (wxyz) of any non-zero length. */
 static inline void mat3_from_quaternion(const double quaternion[4], double R[9])
 {

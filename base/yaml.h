@@ -79,10 +79,6 @@ struct yaml_field {
     size_t count;        /* for YAML_REALS, YAML_INT */
     bool ns;             /* for YAML_REAL */
     double min, max;     /* inclusive range of numbers; both 0 = any; min DBL_MIN = above zero */
-    /* 0 = none, else offset of a struct yaml_mark that receives the value's place */
-    size_t mark_offset;
-    /* 0 = none, else offset of a bool that is set to true when the key is present */
-    size_t given_offset;
     const struct yaml_schema *schema; /* for YAML_MAP, YAML_LIST, YAML_DICT */
     const struct word *names;         /* for YAML_ENUM, ends with word NULL */
     /* YAML_LIST: a unique key by which entries may also be written as a mapping; NULL = none */
@@ -90,9 +86,8 @@ struct yaml_field {
 };
 
 /* A struct begins with `struct yaml_mark mark` (offset 0): the place of its mapping, with its keys.
- * Offset 0 can therefore mean "none" in mark_offset and given_offset. An omitted value (a nested
- * map, or a value with a mark_offset) gets its parent's place, so that every message has one. An
- * omitted nested map holds its schema's defaults. */
+ * An omitted nested map gets its parent's place, so that every message has one, and holds its
+ * schema's defaults. */
 struct yaml_schema {
     const char *what; /* for messages: "a joint" */
     size_t size;      /* size of the struct */

@@ -348,18 +348,12 @@ static enum error_code yaml_read_array(struct yaml_reader *r, const struct yaml_
     return yaml_read_many(r, field, node, size, form[type].read, out, count);
 }
 
-/* Reads the value of a field, and notes its place and that it was given. */
+/* Reads the value of a field. */
 static enum error_code yaml_read_value(struct yaml_reader *r, const struct yaml_field *field,
                                        struct yaml_node *node, void *out)
 {
     void *value = yaml_member(out, field->offset);
 
-    if (field->mark_offset) {
-        *(struct yaml_mark *)yaml_member(out, field->mark_offset) = node->mark;
-    }
-    if (field->given_offset) {
-        *(bool *)yaml_member(out, field->given_offset) = true;
-    }
     switch (field->type) {
     case YAML_BOOL:
         return yaml_read_bool(r, field, node, value);
@@ -415,9 +409,6 @@ static void yaml_set_defaults(const struct yaml_schema *schema, const struct yam
 
         if (field->type == YAML_MAP) {
             yaml_set_defaults(field->schema, mark, yaml_member(out, field->offset));
-        }
-        if (field->mark_offset) {
-            *(struct yaml_mark *)yaml_member(out, field->mark_offset) = *mark;
         }
     }
 }

@@ -64,7 +64,7 @@ static enum error_code scene_build_free_body(struct rig_builder *b, const struct
     if (!given) {
         memcpy(body->inertia.I, box, sizeof box);
     }
-    rig_quaternion_of_rpy(raw->rpy_rad, body->quaternion);
+    quaternion_from_rpy(raw->rpy_rad, body->quaternion);
     if (plant_check_free_body(body, &why)) {
         return yaml_error(b->error, yaml_place(&raw->mark, given ? "inertia_kg_m2" : "mass_kg"),
                           "%s", why.text);

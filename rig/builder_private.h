@@ -98,9 +98,6 @@ enum error_code rig_check_keys(struct rig_builder *b, const struct yaml_mark *ma
                                const char *what, int kind, const struct rig_key *keys,
                                size_t count);
 
-/* Computes the quaternion (w, x, y, z) of fixed-axis angles: Rz(yaw) Ry(pitch) Rx(roll). */
-void rig_quaternion_of_rpy(const double rpy[3], double q[4]);
-
 /* Returns whether seconds are a whole number of nanoseconds, written to *ns. */
 bool rig_whole_ns(double seconds, int64_t *ns);
 

@@ -350,13 +350,11 @@ static enum error_code rig_build(struct rig_builder *b)
         rig_check_drives,   rig_build_host,   rig_build_task_body, rig_build_servo,
         rig_build_lockstep,
     };
-    const struct raw_wire *wire = &b->raw->wire;
     enum error_code code = rig_check_name(b, &b->raw->mark, "rig", b->rig->name);
 
     for (size_t i = 0; i < ARRAY_COUNT(step) && !code; i++) {
         code = step[i](b);
     }
-    b->rig->wire = (struct rig_wire){.timed = wire->mode, .paced = wire->pace, .fifo = wire->order};
     b->rig->record.mark = *yaml_place(&b->raw->mark, "record.directory");
     b->rig->page.mark = *yaml_place(&b->raw->mark, "page.listen");
     return code;

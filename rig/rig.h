@@ -63,13 +63,13 @@ struct rig_bus {
     size_t naxis;                               /* number of joints driven from this bus */
 };
 
-/* The timing of frames. */
+/* The timing of frames; each member is 0 or 1. */
 struct rig_wire {
-    /* local buses: frames pass a wire in virtual time (canbus/wire/wire.h); false = immediate
+    /* local buses: frames pass a wire in virtual time (canbus/wire/wire.h); 0 = immediate
      * delivery */
-    bool timed;
-    bool paced; /* SocketCAN: the boards' frames are sent at the times of such a wire */
-    bool fifo;  /* controllers send frames in order; false = by priority of the identifier */
+    int timed;
+    int paced; /* SocketCAN: the boards' frames are sent at the times of such a wire */
+    int fifo;  /* controllers send frames in order; 0 = by priority of the identifier */
 };
 
 struct rig_realtime {

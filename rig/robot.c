@@ -271,18 +271,6 @@ static enum error_code rig_build_joints(struct rig_builder *b, const struct robo
     return rig_align_followers(b, joint);
 }
 
-void rig_quaternion_of_rpy(const double rpy[3], double q[4])
-{
-    double cr = portable_cos(rpy[0] / 2), sr = portable_sin(rpy[0] / 2),
-           cp = portable_cos(rpy[1] / 2), sp = portable_sin(rpy[1] / 2);
-    double cy = portable_cos(rpy[2] / 2), sy = portable_sin(rpy[2] / 2);
-
-    q[0] = cy * cp * cr + sy * sp * sr;
-    q[1] = cy * cp * sr - sy * sp * cr;
-    q[2] = cy * sp * cr + sy * cp * sr;
-    q[3] = sy * cp * cr - cy * sp * sr;
-}
-
 /* Fixes the base to the world at its place, if the rig says so. */
 static enum error_code rig_fix_base(struct rig_builder *b)
 {
@@ -342,7 +330,7 @@ enum error_code rig_build_pose(struct rig_builder *b)
         rig->base_position[2] = raw->base_height_m;
     }
     if (yaml_has(&raw->mark, "base_rpy_rad")) {
-        rig_quaternion_of_rpy(raw->base_rpy_rad, rig->base_quaternion);
+        quaternion_from_rpy(raw->base_rpy_rad, rig->base_quaternion);
     }
     code = rig_build_joints(b, pose);
     return code ? code : rig_fix_base(b);

@@ -256,11 +256,12 @@ static const struct yaml_schema motors_schema =
     YAML_SCHEMA("the motor boards", struct raw_motors, motors_fields, .defaults = &motors_defaults);
 
 static const struct yaml_field wire_fields[] = {
-    {"mode", YAML_ENUM, false, AT(raw_wire, mode), .names = rig_wire_words},
-    {"pace", YAML_ENUM, false, AT(raw_wire, pace), .names = wire_pace_names},
-    {"order", YAML_ENUM, false, AT(raw_wire, order), .names = wire_order_names},
+    {"mode", YAML_ENUM, false, AT(rig_wire, timed), .names = rig_wire_words},
+    {"pace", YAML_ENUM, false, AT(rig_wire, paced), .names = wire_pace_names},
+    {"order", YAML_ENUM, false, AT(rig_wire, fifo), .names = wire_order_names},
 };
-static const struct yaml_schema wire_schema = YAML_SCHEMA("the wire", struct raw_wire, wire_fields);
+static const struct yaml_schema wire_schema =
+    YAML_SCHEMA("the wire", struct rig_wire, wire_fields, .unmarked = true);
 
 static const struct yaml_field lockstep_fields[] = {
     {"bus", YAML_STRING, false, .offset = AT(raw_lockstep, bus)},
@@ -484,7 +485,7 @@ static const struct yaml_field rig_fields[] = {
      .entry_key = "name"},
     {"undriven", YAML_NAME_LIST, false, .offset = AT(raw_rig, undriven),
      .count_offset = AT(raw_rig, nundriven)},
-    YAML_SECTION("wire", false, raw_rig, wire, wire_schema),
+    YAML_SECTION("wire", false, raw_rig, rig.wire, wire_schema),
     YAML_SECTION("lockstep", false, raw_rig, lockstep, lockstep_schema),
     YAML_SECTION("realtime", false, raw_rig, rig.realtime, realtime_schema),
     YAML_SECTION("record", false, raw_rig, rig.record, record_schema),

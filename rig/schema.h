@@ -128,11 +128,6 @@ struct raw_motors {
     size_t nswitches;
 };
 
-struct raw_wire {
-    struct yaml_mark mark;
-    int mode, pace, order;
-};
-
 struct raw_lockstep {
     struct yaml_mark mark;
     const char *bus; /* NULL = the first */
@@ -207,7 +202,6 @@ struct raw_rig {
     struct raw_bus *bus;
     struct yaml_name *undriven;
     size_t nundriven;
-    struct raw_wire wire;
     struct raw_lockstep lockstep;
     struct raw_servo servo;
     struct raw_walk walk;

@@ -266,19 +266,6 @@ static enum error_code align_followers(struct robot_builder *b, const struct pos
     return ERROR_NONE;
 }
 
-/* Computes the quaternion wxyz of Rz(yaw) Ry(pitch) Rx(roll). */
-static void quaternion_from_rpy(const double rpy[3], double quaternion[4])
-{
-    double cr = portable_cos(0.5 * rpy[0]), sr = portable_sin(0.5 * rpy[0]);
-    double cp = portable_cos(0.5 * rpy[1]), sp = portable_sin(0.5 * rpy[1]);
-    double cy = portable_cos(0.5 * rpy[2]), sy = portable_sin(0.5 * rpy[2]);
-
-    quaternion[0] = cr * cp * cy + sr * sp * sy;
-    quaternion[1] = sr * cp * cy - cr * sp * sy;
-    quaternion[2] = cr * sp * cy + sr * cp * sy;
-    quaternion[3] = cr * cp * sy - sr * sp * cy;
-}
-
 /* Builds a pose: base, joints, followers. */
 static enum error_code build_pose(struct robot_builder *b, const struct pose_yaml *given,
                                   struct robot_pose *pose)

@@ -23,9 +23,8 @@ struct part {
 
 struct thing {
     struct yaml_mark mark;
-    bool on, on_given;
+    bool on;
     int64_t number;
-    struct yaml_mark number_mark;
     double real, any;
     const char *text, *bounded;
     int word;
@@ -62,13 +61,8 @@ static const struct yaml_schema part_schema = {
 
 #define AT(member) offsetof(struct thing, member)
 static const struct yaml_field thing_fields[] = {
-    {.key = "on", .type = YAML_BOOL, .offset = AT(on), .given_offset = AT(on_given)},
-    {.key = "number",
-     .type = YAML_INT,
-     .offset = AT(number),
-     .min = 0,
-     .max = 9,
-     .mark_offset = AT(number_mark)},
+    {.key = "on", .type = YAML_BOOL, .offset = AT(on)},
+    {.key = "number", .type = YAML_INT, .offset = AT(number), .min = 0, .max = 9},
     {.key = "real", .type = YAML_REAL, .offset = AT(real), .min = -1.0, .max = 100.0},
     {.key = "any", .type = YAML_REAL, .offset = AT(any)},
     {.key = "text", .type = YAML_STRING, .offset = AT(text)},
@@ -122,7 +116,7 @@ static void put_thing(FILE *file, const struct thing *thing)
 {
     fprintf(file, "number: %lld\nreal: %.17g\nany: %.17g\nword: %s\n", (long long)thing->number,
             thing->real, thing->any, word_names[thing->word]);
-    if (thing->on_given) {
+    if (yaml_has(&thing->mark, "on")) {
         fprintf(file, "on: %s\n", thing->on ? "true" : "false");
     }
     if (thing->text) {
@@ -183,7 +177,7 @@ static void check_part(const struct part *part)
 static void check_thing(const struct thing *thing)
 {
     check_mark(&thing->mark);
-    check_mark(&thing->number_mark);
+    check_mark(yaml_place(&thing->mark, "number"));
     fuzz_require(thing->number >= 0 && thing->number <= 9, "%lld", (long long)thing->number);
     fuzz_require(thing->real >= -1.0 && thing->real <= 100.0, "%g", thing->real);
     fuzz_require(isfinite(thing->any), "%g", thing->any);

@@ -46,8 +46,8 @@ TEST_WITH(marks_say_where_values_stand, open_arena, close_arena)
     assert_string_equal(car.mark.file, "f.yaml");
     assert_int_equal(car.mark.line, 2);
     assert_int_equal(car.mark.column, 1);
-    assert_int_equal(car.doors_mark.line, 4);
-    assert_int_equal(car.doors_mark.column, 8);
+    assert_int_equal(yaml_place(&car.mark, "doors")->line, 4);
+    assert_int_equal(yaml_place(&car.mark, "doors")->column, 8);
     assert_int_equal(car.drivers[1].mark.line, 13);
     assert_int_equal(car.drivers[1].mark.column, 15);
     assert_int_equal(car.wheels[1].mark.line, 17);
@@ -61,7 +61,7 @@ TEST_WITH(columns_count_characters_not_bytes, open_arena, close_arena)
     struct car car = read_car("{plate: \"\xc3\xa4\xe2\x82\xac\", mass_kg: 1, doors: 2}");
 
     assert_string_equal(car.plate, "\xc3\xa4\xe2\x82\xac");
-    assert_int_equal(car.doors_mark.column, 34);
+    assert_int_equal(yaml_place(&car.mark, "doors")->column, 34);
 }
 
 TEST_WITH(what_is_left_out_keeps_its_default_and_gets_its_parents_mark, open_arena, close_arena)
@@ -70,18 +70,20 @@ TEST_WITH(what_is_left_out_keeps_its_default_and_gets_its_parents_mark, open_are
 
     assert_int_equal(car.doors, 4);
     assert_int_equal(car.color, 1);
-    assert_false(car.electric_given);
+    assert_false(yaml_has(&car.mark, "electric"));
     assert_null(car.plate);
     assert_int_equal(car.engine.cylinders, 4);
     assert_int_equal(car.wheels[0].spokes, 32);
-    assert_int_equal(car.doors_mark.line, 2);
+    assert_int_equal(yaml_place(&car.mark, "doors")->line, 2);
     assert_string_equal(car.engine.mark.file, "f.yaml");
     assert_int_equal(car.nowner, 0);
 }
 
 TEST_WITH(a_key_that_is_given_is_known_to_be, open_arena, close_arena)
 {
-    assert_true(read_car("{mass_kg: 1, electric: false}").electric_given);
+    struct car car = read_car("{mass_kg: 1, electric: false}");
+
+    assert_true(yaml_has(&car.mark, "electric"));
 }
 
 TEST_WITH(a_key_is_found_by_its_path, open_arena, close_arena)
@@ -135,7 +137,7 @@ TEST_WITH(a_byte_order_mark_and_document_markers_are_taken, open_arena, close_ar
     struct car car = read_car("\xef\xbb\xbf%YAML 1.1\n---\nmass_kg: 1\ndoors: 2\n...\n");
 
     assert_int_equal(car.doors, 2);
-    assert_int_equal(car.doors_mark.line, 4);
+    assert_int_equal(yaml_place(&car.mark, "doors")->line, 4);
 }
 
 TEST_WITH(json_is_taken, open_arena, close_arena)

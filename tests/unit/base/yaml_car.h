@@ -32,9 +32,8 @@ struct engine {
 
 struct car {
     struct yaml_mark mark;
-    bool electric, electric_given;
+    bool electric;
     int64_t doors;
-    struct yaml_mark doors_mark;
     double mass_kg, drag;
     const char *plate;
     int color;
@@ -103,16 +102,8 @@ static const struct yaml_field car_fields[] = {
      .offset = CAR(mass_kg),
      .min = 0.0,
      .max = 100.0},
-    {.key = "electric",
-     .type = YAML_BOOL,
-     .offset = CAR(electric),
-     .given_offset = CAR(electric_given)},
-    {.key = "doors",
-     .type = YAML_INT,
-     .offset = CAR(doors),
-     .min = 0,
-     .max = 9,
-     .mark_offset = CAR(doors_mark)},
+    {.key = "electric", .type = YAML_BOOL, .offset = CAR(electric)},
+    {.key = "doors", .type = YAML_INT, .offset = CAR(doors), .min = 0, .max = 9},
     {.key = "drag", .type = YAML_REAL, .offset = CAR(drag)},
     {.key = "plate", .type = YAML_STRING, .offset = CAR(plate), .min = 2, .max = 8},
     {.key = "color", .type = YAML_ENUM, .offset = CAR(color), .names = colors},
