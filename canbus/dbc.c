@@ -378,7 +378,7 @@ enum error_code dbc_add_signal(struct dbc *dbc, struct dbc_message *message,
     /* The copy has its own strings and starts without comment and value names */
     *made = *signal;
     made->next = NULL;
-    made->comment = NULL;
+    made->comment = made->long_name = NULL;
     made->value = made->last_value = NULL;
     made->nvalue = 0;
     made->name = arena_strdup(dbc->arena, signal->name);
@@ -519,6 +519,9 @@ bool dbc_read_signal(const struct dbc_message *message, const struct dbc_signal 
 #define DBC_FORMAT "VFrameFormat"
 #define DBC_LENGTH "FrameLength"
 #define DBC_MASK "IdentifierMask"
+#define DBC_LONG_NODE "SystemNodeLongSymbol"
+#define DBC_LONG_MESSAGE "SystemMessageLongSymbol"
+#define DBC_LONG_SIGNAL "SystemSignalLongSymbol"
 
 /* Values of BusType and VFrameFormat */
 #define DBC_BUS_CLASSIC "CAN"
@@ -538,6 +541,9 @@ static const char dbc_definitions[] =
     "\"reserved\",\"reserved\",\"reserved\",\"StandardCAN_FD\",\"ExtendedCAN_FD\";\n"
     "BA_DEF_ BO_ \"" DBC_MASK "\" INT 0 536870911;\n"
     "BA_DEF_ SG_ \"" DBC_LENGTH "\" INT 0 64;\n"
+    "BA_DEF_ BU_ \"" DBC_LONG_NODE "\" STRING ;\n"
+    "BA_DEF_ BO_ \"" DBC_LONG_MESSAGE "\" STRING ;\n"
+    "BA_DEF_ SG_ \"" DBC_LONG_SIGNAL "\" STRING ;\n"
     "BA_DEF_DEF_ \"" DBC_NAME "\" \"\";\n"
     "BA_DEF_DEF_ \"" DBC_BUS_TYPE "\" \"" DBC_BUS_CLASSIC "\";\n"
     "BA_DEF_DEF_ \"" DBC_BITRATE "\" 0;\n"
@@ -545,7 +551,10 @@ static const char dbc_definitions[] =
     "BA_DEF_DEF_ \"" DBC_CYCLE "\" 0;\n"
     "BA_DEF_DEF_ \"" DBC_FORMAT "\" \"StandardCAN\";\n"
     "BA_DEF_DEF_ \"" DBC_MASK "\" 0;\n"
-    "BA_DEF_DEF_ \"" DBC_LENGTH "\" 0;\n";
+    "BA_DEF_DEF_ \"" DBC_LENGTH "\" 0;\n"
+    "BA_DEF_DEF_ \"" DBC_LONG_NODE "\" \"\";\n"
+    "BA_DEF_DEF_ \"" DBC_LONG_MESSAGE "\" \"\";\n"
+    "BA_DEF_DEF_ \"" DBC_LONG_SIGNAL "\" \"\";\n";
 /* clang-format on */
 
 /* Writes a number in the shortest notation (15 to 17 digits) that reads back as the same double. */
@@ -656,6 +665,12 @@ static void dbc_put_attributes(const struct dbc *dbc, FILE *file)
     fprintf(file, "BA_ \"" DBC_BITRATE "\" %" PRId64 ";\n", dbc->bitrate);
     fprintf(file, "BA_ \"" DBC_DATA_BITRATE "\" %" PRId64 ";\n", dbc->data_bitrate);
     /* An attribute is written only where it differs from its default */
+    for (size_t i = 0; i < dbc->nnode; i++) {
+        if (dbc->node[i].long_name) {
+            fprintf(file, "BA_ \"" DBC_LONG_NODE "\" BU_ %s \"%s\";\n", dbc->node[i].name,
+                    dbc->node[i].long_name);
+        }
+    }
     for (const struct dbc_message *m = dbc->message; m; m = m->next) {
         if (m->cycle_ms) {
             fprintf(file, "BA_ \"" DBC_CYCLE "\" BO_ %" PRIu32 " %" PRIu32 ";\n", m->id,
@@ -668,10 +683,18 @@ static void dbc_put_attributes(const struct dbc *dbc, FILE *file)
         if (m->id_mask) {
             fprintf(file, "BA_ \"" DBC_MASK "\" BO_ %" PRIu32 " %" PRIu32 ";\n", m->id, m->id_mask);
         }
+        if (m->long_name) {
+            fprintf(file, "BA_ \"" DBC_LONG_MESSAGE "\" BO_ %" PRIu32 " \"%s\";\n", m->id,
+                    m->long_name);
+        }
         for (const struct dbc_signal *s = m->signal; s; s = s->next) {
             if (s->frame_length) {
                 fprintf(file, "BA_ \"" DBC_LENGTH "\" SG_ %" PRIu32 " %s %d;\n", m->id, s->name,
                         s->frame_length);
+            }
+            if (s->long_name) {
+                fprintf(file, "BA_ \"" DBC_LONG_SIGNAL "\" SG_ %" PRIu32 " %s \"%s\";\n", m->id,
+                        s->name, s->long_name);
             }
         }
     }

@@ -11,6 +11,8 @@
  *                    written identifier; 0 = none. Ours; tools show it.
  *   FrameLength      of a multiplexed signal: length of its frame, if frames of a message have
  *                    different lengths; 0 = length of the message. Ours; tools show it.
+ *   SystemNodeLongSymbol, SystemMessageLongSymbol, SystemSignalLongSymbol  the whole name, if it is
+ *                    longer than DBC_NAME_MAX or was shortened for another reason
  *   DBName, BusType, Baudrate, BaudrateCANFD  of the database
  */
 #ifndef CANBUS_DBC_H
@@ -66,6 +68,7 @@ struct dbc_signal {
     uint64_t receivers;             /* bit i = node i */
     uint8_t frame_length;           /* FrameLength */
     const char *comment;            /* NULL = none */
+    const char *long_name;          /* NULL = none */
     struct dbc_value *value;        /* linked list; NULL = plain numbers */
     struct dbc_value *last_value;
     size_t nvalue;
@@ -81,6 +84,7 @@ struct dbc_message {
     int sender; /* index of a node; DBC_NO_NODE = none */
     uint32_t cycle_ms;
     const char *comment;       /* NULL = none */
+    const char *long_name;     /* NULL = none */
     struct dbc_signal *signal; /* linked list */
     struct dbc_signal *last_signal;
     const struct dbc_signal *multiplexor; /* NULL = none */
@@ -89,7 +93,8 @@ struct dbc_message {
 
 struct dbc_node {
     const char *name;
-    const char *comment; /* NULL = none */
+    const char *comment;   /* NULL = none */
+    const char *long_name; /* NULL = none */
 };
 
 struct dbc {
@@ -123,7 +128,7 @@ enum error_code dbc_add_signal(struct dbc *dbc, struct dbc_message *message,
 enum error_code dbc_add_value(struct dbc *dbc, struct dbc_signal *signal, int64_t number,
                               const char *text, struct error *error);
 
-/* Copies text into a comment, which can be set only once. */
+/* Copies text into a comment or a long name, which can be set only once. */
 enum error_code dbc_set_comment(struct dbc *dbc, const char **comment, const char *text,
                                 struct error *error);
 

@@ -33,7 +33,8 @@ enum {
     BOARDS_MAX = 512,
     JOINTS_MAX = 512,
     SENSORS_MAX = 128,
-    NAME_SIZE = 33,
+    NAME_SIZE = 33,        /* of a name in the lines of a DBC file */
+    LONG_SIZE = 128,       /* of a name by which it is found */
     FILE_SIZE = 1 << 22,   /* of a DBC file, at most */
     STREAM_SIZE = 1 << 16, /* of what has come from the gateway, and of what goes there */
     READS_MAX = 64,        /* in a call that takes in what has come */
@@ -63,8 +64,9 @@ enum source {
 };
 
 struct signal {
-    char name[NAME_SIZE], unit[16];
-    const char *about; /* the joint or sensor; "" = none */
+    char name[LONG_SIZE], unit[16];
+    const char *about;     /* the joint or sensor; "" = none */
+    const char *long_name; /* NULL = none */
     double scale, offset;
     struct message *message;
     size_t first, count;   /* names of its values */
@@ -75,8 +77,9 @@ struct signal {
 };
 
 struct message {
-    char name[NAME_SIZE], sender[NAME_SIZE];
-    uint32_t id; /* bit 31: it has 29 bits */
+    char name[LONG_SIZE], sender[LONG_SIZE];
+    const char *long_name; /* NULL = none */
+    uint32_t id;           /* bit 31: it has 29 bits */
     struct bus *bus;
     size_t first, count; /* its signals */
     bool fd, pending;
@@ -92,7 +95,7 @@ struct name {
 };
 
 struct board {
-    char name[NAME_SIZE];
+    char name[LONG_SIZE];
     struct bus *bus;
     bool has_motors;
 };
@@ -586,6 +589,52 @@ static bool table_read_float(struct hil_client_core *core, struct bus *bus, char
     return signal && signal->bits == 32;
 }
 
+/* Gives a node its long name: NAME "LONG NAME"; */
+static bool table_read_long_node(struct hil_client_core *core, struct bus *bus, char *line)
+{
+    char *rest, *text = table_take_text(line, &rest), name[NAME_SIZE];
+
+    if (!text || sscanf(line, WORD, name) != 1) {
+        return false;
+    }
+    for (size_t i = 0; i < core->nboard; i++) {
+        if (core->board[i].bus == bus && !strcmp(core->board[i].name, name)) {
+            snprintf(core->board[i].name, LONG_SIZE, "%s", text);
+        }
+    }
+    for (size_t i = 0; i < bus->count; i++) {
+        if (!strcmp(core->message[bus->first + i].sender, name)) {
+            snprintf(core->message[bus->first + i].sender, LONG_SIZE, "%s", text);
+        }
+    }
+    return true;
+}
+
+/* Reads the long name of a message, ID "LONG NAME"; */
+static bool table_read_long_message(struct hil_client_core *core, struct bus *bus, char *line)
+{
+    char *rest, *text = table_take_text(line, &rest);
+    struct message *message =
+        text ? message_find_id(core, bus, (uint32_t)strtoul(line, NULL, 10)) : NULL;
+
+    if (message) {
+        message->long_name = text;
+    }
+    return message;
+}
+
+/* Reads the long name of a signal, ID SIGNAL "LONG NAME"; */
+static bool table_read_long_signal(struct hil_client_core *core, struct bus *bus, char *line)
+{
+    char *rest;
+    struct signal *signal = table_find_signal(core, bus, line, &rest);
+
+    if (signal) {
+        signal->long_name = table_take_text(rest, &rest);
+    }
+    return signal && signal->long_name;
+}
+
 /* The lines of a DBC file that are read, by how they begin; others are skipped. */
 static const struct {
     const char *begin;
@@ -599,6 +648,9 @@ static const struct {
     {"BA_ \"FrameLength\" SG_ ", table_read_length},
     {"BA_ \"VFrameFormat\" BO_ ", table_read_format},
     {"SIG_VALTYPE_ ", table_read_float},
+    {"BA_ \"SystemNodeLongSymbol\" BU_ ", table_read_long_node},
+    {"BA_ \"SystemMessageLongSymbol\" BO_ ", table_read_long_message},
+    {"BA_ \"SystemSignalLongSymbol\" SG_ ", table_read_long_signal},
 };
 
 /* Reads the lines of a bus's file into messages and signals. */
@@ -617,6 +669,21 @@ static enum hil_client_code table_read(struct hil_client *client, struct bus *bu
                 return client_fail(client, HIL_CLIENT_TABLES,
                                    "%.200s:%zu: expected a line \"%s\" of coman-hil dbc", bus->file,
                                    number, lines[i].begin);
+            }
+        }
+    }
+    /* Names are long from here on; the lines of the file have the short ones */
+    for (size_t i = bus->first; i < client->core->nmessage; i++) {
+        struct message *message = &client->core->message[i];
+
+        if (message->long_name) {
+            snprintf(message->name, LONG_SIZE, "%s", message->long_name);
+        }
+        for (size_t k = message->first; k < message->first + message->count; k++) {
+            struct signal *signal = &client->core->signal[k];
+
+            if (signal->long_name) {
+                snprintf(signal->name, LONG_SIZE, "%s", signal->long_name);
             }
         }
     }
@@ -1289,7 +1356,7 @@ static void joint_take_source(struct joint *joint, const struct signal *signal,
     const struct message *message = signal->message;
     const size_t sender = strlen(message->sender);
     const char *kind = message->name;
-    char key[2 * NAME_SIZE + 4];
+    char key[2 * LONG_SIZE + 4];
     size_t length;
 
     /* The name of the message without that of its sender and a number at the end */

@@ -35,7 +35,11 @@ struct dbc_field {
 
 /* ---- names ---- */
 
-enum { NODE_LETTERS = 14 };
+enum {
+    LONG_SIZE = 128,
+    /* letters of a board that leave room for the names of its messages */
+    NODE_LETTERS = 15,
+};
 
 static const char everyone[] = "ALL"; /* replaces the board in messages for all boards */
 
@@ -69,30 +73,22 @@ static void dbc_fit_name(char name[NAME_SIZE], const char *before, const char *w
     }
 }
 
-/* Makes a unique identifier from a board's name. */
-static void dbc_make_node_name(const struct dbc *dbc, const char *board, char name[NAME_SIZE])
+/* Copies a name with only letters, digits and _, which are legal. A digit gets a _ before it. */
+static size_t dbc_clean_name(const char *name, char clean[LONG_SIZE])
 {
-    char clean[NODE_LETTERS + 2];
     size_t size = 0;
 
-    /* Only letters, digits and _ are legal */
-    if (*board >= '0' && *board <= '9') {
+    if (*name >= '0' && *name <= '9') {
         clean[size++] = '_';
     }
-    for (; *board && size <= NODE_LETTERS; board++) {
-        bool legal = (*board >= 'a' && *board <= 'z') || (*board >= 'A' && *board <= 'Z') ||
-                     (*board >= '0' && *board <= '9');
+    for (; *name && size < LONG_SIZE - 1; name++) {
+        bool legal = (*name >= 'a' && *name <= 'z') || (*name >= 'A' && *name <= 'Z') ||
+                     (*name >= '0' && *name <= '9');
 
-        clean[size++] = legal ? *board : '_';
+        clean[size++] = legal ? *name : '_';
     }
     clean[size] = '\0';
-    snprintf(name, NAME_SIZE, "%s", clean);
-    /* Appends a number to make it unique */
-    for (unsigned n = 2;
-         !dbc_is_name(name) || !strcmp(name, everyone) || dbc_find_node(dbc, name) != DBC_NO_NODE;
-         n++) {
-        snprintf(name, NAME_SIZE, "%.11s_%u", clean, n);
-    }
+    return size;
 }
 
 /* Returns the board that sends or receives a message; NULL = all. */
@@ -122,50 +118,51 @@ static const char *dbc_board_name(const struct dbc_exporter *e, const struct boa
                  : everyone;
 }
 
-/* Makes the name of a message: its board, its words, its number. */
+/* Makes the name of a message: its board, its words, its number. whole: its long name; "" = it
+ * needs none. */
 static void dbc_make_message_name(const struct dbc_exporter *e, const struct message *message,
-                                  char name[NAME_SIZE])
+                                  char name[NAME_SIZE], char whole[LONG_SIZE])
 {
     const struct board_config *board = dbc_message_board(e, message);
-    char before[NAME_SIZE + 1], after[16] = "";
+    const char *words = message->code != MESSAGE_NO_CODE ? message->family : message->name;
+    char before[LONG_SIZE + 1] = "ALL_", after[16] = "";
 
-    snprintf(before, sizeof before, "%.*s_", DBC_NAME_MAX, dbc_board_name(e, board));
-    if (message->code != MESSAGE_NO_CODE) {
-        dbc_fit_name(name, before, message->family, after);
-        return;
+    if (board) {
+        dbc_clean_name(board->name, before);
+        strcat(before, "_");
     }
-    if (message->list && !board) {
+    if (message->code == MESSAGE_NO_CODE && message->list && !board) {
         snprintf(after, sizeof after, "_%u", message->number);
-    } else if (message->slot >= 0 && !message->list && board) {
+    } else if (message->code == MESSAGE_NO_CODE && message->slot >= 0 && !message->list && board) {
         unsigned first = boards_first_slot(&e->rig->boards, (int)(board - e->rig->boards.board));
 
         snprintf(after, sizeof after, "_%u", (unsigned)message->slot - first);
     }
-    dbc_fit_name(name, before, message->name, after);
+
+    /* A message of a board with a long name has a shorter name and a long one */
+    snprintf(whole, LONG_SIZE, "%.80s%.30s%s", before, words, after);
+    if (board && strlen(before) > NODE_LETTERS + 1 && strlen(whole) > DBC_NAME_MAX) {
+        snprintf(before, sizeof before, "%.11s_%u_", whole, (unsigned)board->address % 10000);
+    } else {
+        whole[0] = '\0';
+        snprintf(before, sizeof before, "%s_", dbc_board_name(e, board));
+    }
+    dbc_fit_name(name, before, words, after);
 }
 
 /* Makes the name JOINT_QUANTITY. Leaves out the digit at the end of a field's name (position0,
  * target1), which is the axis of the board or the bus, because the joint identifies it. */
-static void dbc_make_joint_name(const struct dbc_field *p, char name[NAME_SIZE])
+static void dbc_make_joint_name(const struct dbc_field *p, char name[NAME_SIZE],
+                                char whole[LONG_SIZE])
 {
-    char words[256];
-    size_t size = 0;
+    size_t size = dbc_clean_name(p->joint, whole);
 
-    if (p->joint[0] >= '0' && p->joint[0] <= '9') {
-        words[size++] = '_';
+    size += (size_t)snprintf(whole + size, LONG_SIZE - size, "_%s", p->quantity);
+    size = size < LONG_SIZE ? size : LONG_SIZE - 1;
+    while (whole[size - 1] >= '0' && whole[size - 1] <= '9') {
+        whole[--size] = '\0';
     }
-    for (const char *c = p->joint; *c && size < sizeof words / 2; c++) {
-        bool legal =
-            (*c >= 'a' && *c <= 'z') || (*c >= 'A' && *c <= 'Z') || (*c >= '0' && *c <= '9');
-
-        words[size++] = legal ? *c : '_';
-    }
-    size += (size_t)snprintf(words + size, sizeof words - size, "_%s", p->quantity);
-    size = size < sizeof words ? size : sizeof words - 1;
-    while (words[size - 1] >= '0' && words[size - 1] <= '9') {
-        words[--size] = '\0';
-    }
-    dbc_fit_name(name, "", words, "");
+    dbc_fit_name(name, "", whole, "");
 }
 
 /* Makes a name from the boards' message tables. */
@@ -194,12 +191,12 @@ static void dbc_make_table_name(const struct dbc_exporter *e, const struct dbc_f
 
 /* Makes a signal name that is unique in the message `to`. JOINT_QUANTITY for a joint's value from
  * a board and for targets of all boards in one frame; the component for a force-torque sensor;
- * otherwise the name in the boards' tables. */
+ * otherwise the name in the boards' tables. whole: the joint's name before it was shortened. */
 static void dbc_make_signal_name(const struct dbc_exporter *e, const struct dbc_message *to,
-                                 const struct dbc_field *p, char name[NAME_SIZE])
+                                 const struct dbc_field *p, char name[NAME_SIZE],
+                                 char whole[LONG_SIZE])
 {
     char made[NAME_SIZE];
-
     bool to_one = p->of.message->from_host && dbc_message_board(e, p->of.message);
 
     if (p->of.code != MESSAGE_NO_CODE || to_one || (!p->joint && !p->component)) {
@@ -209,7 +206,7 @@ static void dbc_make_signal_name(const struct dbc_exporter *e, const struct dbc_
     if (p->component) {
         snprintf(name, NAME_SIZE, "%s", p->component);
     } else {
-        dbc_make_joint_name(p, name);
+        dbc_make_joint_name(p, name, whole);
     }
 
     /* Equal shortened names get a number */
@@ -279,7 +276,7 @@ static void dbc_export_signal(struct dbc_exporter *e, struct dbc_message *to,
     const struct field *field = p->of.field;
     bool limited = field->min || field->max, big = field->type & FIELD_BIG_ENDIAN;
     const struct field_subject *measure = &p->subject;
-    char name[NAME_SIZE];
+    char name[NAME_SIZE], whole[LONG_SIZE] = "";
     struct dbc_signal *added,
         signal = {
             .name = name,
@@ -307,8 +304,11 @@ static void dbc_export_signal(struct dbc_exporter *e, struct dbc_message *to,
         signal.max = high * measure->scale + measure->offset;
     }
 
-    dbc_make_signal_name(e, to, p, name);
+    dbc_make_signal_name(e, to, p, name, whole);
     e->code = dbc_add_signal(e->dbc, to, &signal, &added, e->error);
+    if (!e->code && strlen(whole) > DBC_NAME_MAX) {
+        e->code = dbc_set_comment(e->dbc, &added->long_name, whole, e->error);
+    }
     for (const struct field_value *v = field->values; !e->code && v && v->name; v++) {
         e->code = dbc_add_value(e->dbc, added, v->value, v->name, e->error);
     }
@@ -351,7 +351,7 @@ static uint32_t dbc_id(const struct message *message)
 /* Adds a message without its signals. */
 static struct dbc_message *dbc_export_message(struct dbc_exporter *e, const struct message *message)
 {
-    char name[NAME_SIZE];
+    char name[NAME_SIZE], whole[LONG_SIZE];
     struct dbc_message *added = NULL,
                        made = {
                            .name = name,
@@ -363,8 +363,11 @@ static struct dbc_message *dbc_export_message(struct dbc_exporter *e, const stru
                            .cycle_ms = (uint32_t)((message->cycle_ns + 500000) / 1000000),
                        };
 
-    dbc_make_message_name(e, message, name);
+    dbc_make_message_name(e, message, name, whole);
     e->code = dbc_add_message(e->dbc, &made, &added, e->error);
+    if (!e->code && whole[0]) {
+        e->code = dbc_set_comment(e->dbc, &added->long_name, whole, e->error);
+    }
     return added;
 }
 
@@ -533,13 +536,18 @@ static void dbc_describe_board(const struct dbc_exporter *e, const struct board_
     }
 }
 
-/* Adds a node with a comment. */
-static void dbc_export_node(struct dbc_exporter *e, const char *name, const char *comment)
+/* Adds a node with a comment; whole: its long name, if it has a shorter one. */
+static void dbc_export_node(struct dbc_exporter *e, const char *name, const char *whole,
+                            const char *comment)
 {
     e->code = dbc_add_node(e->dbc, name, e->error);
     if (!e->code) {
-        e->code =
-            dbc_set_comment(e->dbc, &e->dbc->node[e->dbc->nnode - 1].comment, comment, e->error);
+        struct dbc_node *node = &e->dbc->node[e->dbc->nnode - 1];
+
+        e->code = dbc_set_comment(e->dbc, &node->comment, comment, e->error);
+        if (!e->code && strlen(whole) > DBC_NAME_MAX) {
+            e->code = dbc_set_comment(e->dbc, &node->long_name, whole, e->error);
+        }
     }
 }
 
@@ -548,17 +556,24 @@ static void dbc_export_nodes(struct dbc_exporter *e)
 {
     const struct boards_config *boards = &e->rig->boards;
 
-    dbc_export_node(e, "host", "the controller");
+    dbc_export_node(e, "host", "", "the controller");
     if (!e->code) {
-        dbc_export_node(e, "simulator", "sends DONE with the lockstep clock");
+        dbc_export_node(e, "simulator", "", "sends DONE with the lockstep clock");
     }
     for (size_t i = 0; i < boards->nboard && !e->code; i++) {
-        char name[NAME_SIZE], text[DBC_TEXT_MAX + 1];
+        char name[NAME_SIZE], whole[LONG_SIZE], text[DBC_TEXT_MAX + 1];
+        unsigned number = (unsigned)boards->board[i].address;
 
         if (boards->board[i].bus == (int)e->bus) {
-            dbc_make_node_name(e->dbc, boards->board[i].name, name);
+            /* A name that is too long or not unique is cut, and gets the board's address */
+            dbc_clean_name(boards->board[i].name, whole);
+            snprintf(name, sizeof name, "%.32s", strlen(whole) > DBC_NAME_MAX ? "" : whole);
+            while (!dbc_is_name(name) || !strcmp(name, everyone) ||
+                   dbc_find_node(e->dbc, name) != DBC_NO_NODE) {
+                snprintf(name, sizeof name, "%.26s_%u", whole, number++ % 10000);
+            }
             dbc_describe_board(e, &boards->board[i], text, sizeof text);
-            dbc_export_node(e, name, text);
+            dbc_export_node(e, name, whole, text);
         }
     }
 }

@@ -221,6 +221,9 @@ static void fill(struct bench *b)
     assert_int_equal(dbc_set_comment(b->dbc, &b->message->comment, "BO_ 1", &b->error), 0);
     assert_int_equal(dbc_set_comment(b->dbc, &b->dbc->node[1].comment, "", &b->error), 0);
     assert_int_equal(dbc_set_comment(b->dbc, &b->dbc->comment, "all", &b->error), 0);
+    assert_ok(dbc_set_comment(b->dbc, &added->long_name, "a signal", &b->error));
+    assert_ok(dbc_set_comment(b->dbc, &b->message->long_name, "a message", &b->error));
+    assert_ok(dbc_set_comment(b->dbc, &b->dbc->node[1].long_name, "a board", &b->error));
     assert_ok(dbc_add_message(b->dbc, &fd, &message, &b->error));
     s = plain("real", 480, 32);
     s.type = DBC_FLOAT;
@@ -250,11 +253,17 @@ TEST_WITH(a_database_is_written_line_by_line, start, stop)
                                    "CM_ SG_ 291 value \"a; 'signal'\";\n"
                                    "BA_DEF_ \"DBName\" STRING ;\n";
     static const char end[] = "BA_DEF_DEF_ \"FrameLength\" 0;\n"
+                              "BA_DEF_DEF_ \"SystemNodeLongSymbol\" \"\";\n"
+                              "BA_DEF_DEF_ \"SystemMessageLongSymbol\" \"\";\n"
+                              "BA_DEF_DEF_ \"SystemSignalLongSymbol\" \"\";\n"
                               "BA_ \"DBName\" \"bench\";\n"
                               "BA_ \"BusType\" \"CAN FD\";\n"
                               "BA_ \"Baudrate\" 1000000;\n"
                               "BA_ \"BaudrateCANFD\" 8000000;\n"
+                              "BA_ \"SystemNodeLongSymbol\" BU_ board \"a board\";\n"
+                              "BA_ \"SystemMessageLongSymbol\" BO_ 291 \"a message\";\n"
                               "BA_ \"FrameLength\" SG_ 291 value 3;\n"
+                              "BA_ \"SystemSignalLongSymbol\" SG_ 291 value \"a signal\";\n"
                               "BA_ \"GenMsgCycleTime\" BO_ 2047 50;\n"
                               "BA_ \"VFrameFormat\" BO_ 2047 14;\n"
                               "VAL_ 291 value -5 \"minus five\" 7 \"\" ;\n"
