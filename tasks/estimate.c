@@ -285,9 +285,9 @@ static void estimate_center_of_mass(struct estimator *estimator, double l, doubl
     }
     /* The tilt of the board. In a frame that is tilted by e about y, forces seem to accelerate the
      * center of mass by g e along x, but the encoders see no motion. The observer's error settles
-     * at -g e / l^2; about x with the opposite sign. Correcting the attitude also moves the center of
-     * mass above the standing foot, which is a feedback: COMAN's loop is stable up to a lean_per_s
-     * of about 1.3 */
+     * at -g e / l^2; about x with the opposite sign. Correcting the attitude also moves the center
+     * of mass above the standing foot, which is a feedback: COMAN's loop is stable up to a
+     * lean_per_s of about 1.3 */
     if (isfinite(apart[0] + apart[1])) {
         lean[0] = fmax(-most, fmin(most, lean[0] + rate * apart[1] * dt_s));
         lean[1] = fmax(-most, fmin(most, lean[1] - rate * apart[0] * dt_s));
