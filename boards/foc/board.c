@@ -498,6 +498,7 @@ static void foc_board_power_up(struct board *board)
         .speed = {.kp = 0x0c, .ki = 0x08, .shift = 0x0a}, /* the firmware's gains */
         .target_ns = board->boards->now_ns,
         .status_ms = INT64_MIN / 2,
+        .additional_ms = INT64_MIN / 2,
     };
 
     control_quantize(board->config.axis[0].temperature_limit_c / ICUB_TEMPERATURE_C,
@@ -682,7 +683,9 @@ static void foc_board_send_frame(struct board *board, struct frame_sink *sink, e
                foc_frames[type].length, data);
 }
 
-/* Sends FOC and STATUS for each DESIRED_TARGETS, and ADDITIONAL_STATUS (struct board_ops). */
+/* Sends FOC, and when they are due STATUS and ADDITIONAL_STATUS, for each DESIRED_TARGETS (struct
+ * board_ops). Nothing comes unasked: the loader of this family takes any frame of type C for an
+ * acknowledgment. */
 static void foc_board_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
 {
     struct foc_board *foc = foc_board_of(board);
@@ -705,7 +708,7 @@ static void foc_board_transmit(struct board *board, struct ms_span span, struct 
     foc->faults |= (rx_warns || tx_warns ? FOC_FAULT_CAN_WAS_WARNING : 0u) |
                    (rx_passive ? FOC_FAULT_CAN_RX_WAS_PASSIVE : 0u) |
                    (tx_passive ? FOC_FAULT_CAN_TX_WAS_PASSIVE : 0u);
-    /* Answer each DESIRED_TARGETS; send STATUS at the rig's rate */
+    /* STATUS comes at the rig's rate, ADDITIONAL_STATUS if there is a thermometer */
     for (; foc->answers > 0; foc->answers--) {
         foc_board_send_frame(
             board, sink, FOC_FEEDBACK,
@@ -717,10 +720,11 @@ static void foc_board_transmit(struct board *board, struct ms_span span, struct 
                                                    foc->vq * (1 << FOC_VQ_SHIFT),
                                                    foc->faults | can});
         }
-    }
-    if (span.to / additional_ms > span.from / additional_ms) {
-        foc_board_send_frame(board, sink, FOC_ADDITIONAL_STATUS,
-                             (const int64_t[]){foc->temperature});
+        if (foc->flags & FOC_HAS_TEMPERATURE && span.to - foc->additional_ms >= additional_ms) {
+            foc->additional_ms = span.to;
+            foc_board_send_frame(board, sink, FOC_ADDITIONAL_STATUS,
+                                 (const int64_t[]){foc->temperature});
+        }
     }
 }
 

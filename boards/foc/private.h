@@ -76,7 +76,7 @@ struct foc_board {
     bool started;
 
     unsigned answers;
-    int64_t status_ms;
+    int64_t status_ms, additional_ms; /* time of the last frame */
 };
 
 static inline struct foc_board *foc_board_of(const struct board *board)

@@ -25,7 +25,8 @@
  *
  * An icubdeg is 1/65536 of a revolution of the ROTOR, before the gear: with a gear of 100, 1 rad at
  * the link is 1043038 icubdeg. Every board answers each DESIRED_TARGETS with one FOC and one STATUS
- * frame (the rig can lower the rate of STATUS). The set point expires 50 ms after the last
+ * frame (the rig can lower the rate of STATUS). If SET_MOTOR_CONFIG says that there is a
+ * thermometer, some answers also have ADDITIONAL_STATUS. The set point expires 50 ms after the last
  * DESIRED_TARGETS. This is a fault with the mode ICUB_MODE_HARDWARE_FAULT; ICUB_MODE_FORCE_IDLE
  * leaves it.
  *
@@ -157,7 +158,7 @@ enum foc_encoder_state {
 
 enum { FOC_BOARD_2FOC = 8 }; /* class 7 discovery */
 
-/* Returns the period of a board's ADDITIONAL_STATUS, ms. */
+/* Returns the least period of a board's ADDITIONAL_STATUS, ms. */
 static inline unsigned foc_additional_status_ms(unsigned address)
 {
     return 100 + 100 * address;

@@ -92,7 +92,6 @@ static void expect_periodic(struct board_bench *bench, const struct periodic *fr
 TEST(telemetry_keeps_its_period_whatever_the_tick)
 {
     static const struct periodic strain[] = {{0, 0x3ca, 4, 4}, {0, 0x3da, 5, 5}};
-    static const struct periodic temperature[] = {{0, 0x11c, 200, 200}};
     static const struct periodic compact[] = {
         {0, 0x100, 3, 3}, {0, 0x101, 3, 3}, {0, 0x200, 50, 1}, {0, 0x201, 50, 2}};
 
@@ -104,8 +103,6 @@ TEST(telemetry_keeps_its_period_whatever_the_tick)
         bench.config.tick_ns = ticks_ns[t];
         bench_start(&bench);
         expect_periodic(&bench, strain, ARRAY_COUNT(strain));
-        start_foc(&bench, ticks_ns[t]);
-        expect_periodic(&bench, temperature, ARRAY_COUNT(temperature));
         start_compact(&bench, ticks_ns[t]);
         expect_periodic(&bench, compact, ARRAY_COUNT(compact));
     }

@@ -360,24 +360,45 @@ TEST(status_can_be_thinned_out)
     bench_stop(&bench);
 }
 
-TEST(the_temperature_comes_every_200_ms_of_board_1)
+/* In answers to DESIRED_TARGETS, every 200 ms of board 1 and 400 ms of board 3, of a board that has
+ * a thermometer: real boards send nothing that nobody asked for. */
+TEST(the_temperature_comes_with_answers_of_boards_with_a_thermometer)
 {
-    struct board_bench bench;
-    size_t one = 0, three = 0;
+    static const struct {
+        const char *motor_1, *motor_3;
+        bool asked;
+        size_t sent_1, sent_3;
+    } cases[] = {{"77 05 00 10 00 00 0E", "77 04 00 10 00 00 0E", false, 0, 0},
+                 {"77 01 00 10 00 00 0E", "77 06 00 10 00 00 0E", true, 0, 0}, /* none; Hall */
+                 {"77 05 00 10 00 00 0E", "77 01 00 10 00 00 0E", true, 6, 0},
+                 {"77 05 00 10 00 00 0E", "77 0D 00 10 00 00 0E", true, 6, 3}};
 
-    start(&bench);
-    bench.sense[0].winding_c = 41.5;
-    for (int t = 0; t < 1200; t++) {
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct board_bench bench;
+        size_t one = 0, three = 0;
+
+        start(&bench);
+        bench_send(&bench, 0, 0x001, cases[i].motor_1);
+        bench_send(&bench, 0, 0x003, cases[i].motor_3);
+        bench.sense[0].winding_c = 41.5;
         bench_tick(&bench);
-        one += bench_sent(&bench, 0, 0x11c);
-        three += bench_sent(&bench, 0, 0x13c);
-        if (bench_sent(&bench, 0, 0x11c)) {
-            bench_expect(&bench, 0, 0x11c, "00 00 9F 01");
+        for (int t = 0; t < 1200; t++) {
+            if (cases[i].asked) {
+                bench_send(&bench, 0, 0x10f, "00 00 00 00 00 00 00 00");
+            }
+            bench_tick(&bench);
+            if (bench_sent(&bench, 0, 0x11c)) {
+                assert_int_equal(bench_sent(&bench, 0, 0x110), 1);
+                bench_expect(&bench, 0, 0x11c, "00 00 9F 01");
+            }
+            one += bench_sent(&bench, 0, 0x11c);
+            three += bench_sent(&bench, 0, 0x13c);
+            assert_true(cases[i].asked || bench.count[0] == 0);
         }
+        assert_int_equal(one, cases[i].sent_1);
+        assert_int_equal(three, cases[i].sent_3);
+        bench_stop(&bench);
     }
-    assert_int_equal(one, 6);
-    assert_int_equal(three, 3);
-    bench_stop(&bench);
 }
 
 TEST(wrong_lengths_are_refused)
