@@ -18,6 +18,13 @@ TEST(text_is_quoted_so_that_any_reader_takes_it)
         {"line\nbell\a", "\"line\\u000abell\\u0007\""},
         {"\xc3\xa9 \xe2\x82\xac", "\"\xc3\xa9 \xe2\x82\xac\""},
         {"\xff\xc3", "\"\?\?\""},
+        /* The last control character, the first that is none, and the one that may stay */
+        {"\x1f \x7f", "\"\\u001f \x7f\""},
+        {"\x01/", "\"\\u0001/\""},
+        /* Characters of two, three and four bytes, and beginnings of such */
+        {"\xf0\x9f\xa4\x96", "\"\xf0\x9f\xa4\x96\""},
+        {"\xf0\x9f\xa4", "\"\?\?\?\""},
+        {"\xe2\x82\"", "\"\?\?\\\"\""},
     };
 
     for (size_t i = 0; i < sizeof variants / sizeof variants[0]; i++) {

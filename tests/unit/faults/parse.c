@@ -214,25 +214,56 @@ TEST(a_supply_without_accumulator_cannot_break)
     assert_non_null(strstr(error.text, "with an accumulator"));
 }
 
-TEST(any_text_is_refused_or_read_and_nothing_else)
+/* Changes some bytes of good lines: what is refused has a message in words, and what is read is
+ * read again from its own text as the same fault. */
+TEST(any_text_is_refused_with_words_or_read_the_same_again)
 {
     static const char alphabet[] = "sensor motor LKneeSag. jam 0.1..2=:/ left_leg\t\x01\xff bus id";
+    static const char *const lines[] = {
+        "motor LKneeSag jam 2.0..2.5",         "sensor imu.gyro_x wrong gain=2 offset=1 0..1",
+        "knee: valve lf_kfe shifted 0.1",      "bus left_leg loss p=0.5 id=0x1a 1..",
+        "supply sag volts=3 manual",           "sensor l_leg_ft delayed delay=0.5",
+        "hydraulic_supply pump_loss 0.5 1..2",
+    };
     uint32_t random = 1;
+    size_t refused = 0, read = 0;
 
-    for (int i = 0; i < 20000; i++) {
-        char text[FAULT_TEXT_SIZE + 40];
-        struct fault fault;
-        struct error error;
-        size_t length = (random >> 8) % sizeof text;
+    for (size_t i = 0; i < 20000; i++) {
+        char text[FAULT_TEXT_SIZE + 40] = "";
+        struct fault fault, again;
+        struct error error = {0};
+        enum error_code code;
+        size_t length, changes = (random >> 8) % 4;
 
-        for (size_t k = 0; k < length; k++) {
-            random = random * 1664525u + 1013904223u;
-            text[k] = alphabet[(random >> 16) % (sizeof alphabet - 1)];
+        snprintf(text, sizeof text, "%s", lines[i % (sizeof lines / sizeof *lines)]);
+        length = strlen(text);
+        if (i % 4 == 0) {
+            length = changes = (random >> 8) % (sizeof text - 1);
         }
-        text[length ? length - 1 : 0] = '\0';
+        for (size_t k = 0; k < changes; k++) {
+            random = random * 1664525u + 1013904223u;
+            text[i % 4 == 0 ? k : (random >> 4) % length] =
+                alphabet[(random >> 16) % (sizeof alphabet - 1)];
+        }
         random = random * 1664525u + 1013904223u;
-        fault_parse(text, &names, &fault, &error);
+        code = fault_parse(text, &names, &fault, &error);
+        if (code) {
+            refused++;
+            assert_true(code == ERROR_INPUT || code == ERROR_UNSUPPORTED);
+            assert_true(strncmp(error.text, "fault", 5) == 0 && strlen(error.text) > 20);
+            for (const char *c = error.text; *c; c++) {
+                assert_true((unsigned char)*c >= 0x20 && *c != 0x7f);
+            }
+            continue;
+        }
+        read++;
+        assert_string_equal(fault.text, text);
+        assert_no_error(fault_parse(fault.text, &names, &again, &error), error.text);
+        assert_memory_equal(&fault, &again, sizeof fault);
+        assert_true(fault.from_ns < fault.to_ns || fault.from_ns == INT64_MAX);
+        assert_true(fault.index < 1000 && fault.channels < 100);
     }
+    assert_true(refused > 5000 && read > 1000);
 }
 
 TEST(help_lists_every_kind_once)

@@ -355,6 +355,38 @@ TEST(surfaces_and_frames_of_a_held_base_stay_where_they_were)
     assert_true(robot->floating); /* the original is as it was */
 }
 
+/* Surfaces on the base of a robot that the rig holds are where the rig places the base: 0.1 m along
+ * x of a base that is turned by 90 degrees about z is 0.1 m along the world's y. */
+TEST(surfaces_of_a_base_that_a_rig_holds_are_in_the_world)
+{
+    static const char text[] =
+        "extends: coman.yaml\nname: held\n"
+        "robot: {file: ../robots/coman.yaml, fixed_base: true}\n"
+        "initial: {base_xyz_m: [1, 2, 3], base_rpy_rad: [0, 0, 1.5707963267948966]}\n"
+        "scene:\n"
+        "  surfaces:\n"
+        "    - {name: ground, body: world, shape: half_space, material: ground}\n"
+        "    - {name: plate, body: Waist, shape: sphere, radius_m: 0.01, material: ground,\n"
+        "       xyz_m: [0.1, 0, 0.5]}\n"
+        "  pairs: []\n  robot_surfaces: {exclude: []}\n";
+    const struct contact_surface *plate;
+    const struct rig *rig = NULL;
+    struct error error = {0};
+
+    assert_no_error(rig_load_text(HIL_SOURCE_DIR "/config/rigs/held.yaml", text, sizeof text - 1,
+                                  &arena, &rig, &error),
+                    error.text);
+    plate = &rig->contact.surface[1];
+    assert_string_equal(plate->name, "plate");
+    assert_near(plate->position[0], 1.0, 1e-15);
+    assert_near(plate->position[1], 2.1, 1e-15);
+    assert_near(plate->position[2], 3.5, 1e-15);
+    assert_near(plate->rotation[1], -1.0, 1e-15);
+    assert_near(plate->rotation[3], 1.0, 1e-15);
+    assert_near(plate->rotation[8], 1.0, 1e-15);
+    assert_near(plate->rotation[0], 0.0, 1e-15);
+}
+
 TEST(a_base_that_is_fixed_already_stays_so)
 {
     const struct rig *rig = load("extends: toy.yaml\nrobot: {fixed_base: true}\n");

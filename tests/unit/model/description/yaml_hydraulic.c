@@ -33,6 +33,7 @@ TEST_WITH(the_leg_has_its_cylinders, open_arena, close_arena)
         assert_true(fabs(c->A2 * robot->hydraulic_supply.pressure - 1960.0) < 0.5);
         assert_true(fabs(c->K * sqrt(3.5e6) - 1.25e-4) < 1e-12);
         assert_true(fabs(c->valve_w - 1570.796) < 1e-2);
+        assert_true(c->coulomb_speed == 0.01); /* the leg's file has none */
 
         /* half out in the middle of the range */
         assert_true(fabs(hydraulic_length(c, 0.5 * (joint->lower + joint->upper), &lever[j]) -
@@ -104,6 +105,96 @@ TEST_WITH(a_faulty_cylinder_is_refused_at_its_place, open_arena, close_arena)
         snprintf(place, sizeof place, "%s:", path);
         if (!strstr(error.text, fault[i].text) || !strstr(error.text, place)) {
             fail_msg("%s\n  is not %s", error.text, fault[i].text);
+        }
+    }
+}
+
+/* The leg of before the catalogue with this supply: NULL and an error, or the robot. */
+static const struct robot *load_supply(const char *keys, struct error *error)
+{
+    static char text[16384];
+    char path[] = "/tmp/hil-hydraulic-XXXXXX";
+    const struct robot *robot = NULL;
+    FILE *leg = fopen(OLD_LEG, "re"), *file = fdopen(mkstemp(path), "w");
+    const char *from, *to;
+
+    assert_true(leg && file);
+    text[fread(text, 1, sizeof text - 1, leg)] = '\0';
+    fclose(leg);
+    from = strstr(text, "hydraulic_supply:");
+    to = strstr(text, "bodies:");
+    fprintf(file, "%.*shydraulic_supply: {%s}\n%s", (int)(from - text), text, keys, to);
+    assert_int_equal(fclose(file), 0);
+    if (robot_load(path, NULL, &arena, &robot, error)) {
+        robot = NULL;
+    }
+    unlink(path);
+    return robot;
+}
+
+/* Each key fills its own member; what is left out is 0, and the line a tenth of the accumulator. */
+TEST_WITH(a_supply_is_as_its_keys_say, open_arena, close_arena)
+{
+    const struct robot_hydraulic_supply *supply;
+    struct error error = {0};
+    const struct robot *robot = load_supply(
+        "pressure_pa: 1.6e+7, return_pa: 2.0e+5, pump_m3_s: 5.0e-5, accumulator_m3: 2.0e-4, "
+        "precharge_pa: 9.0e+6, line_m3: 3.0e-5, relief_pa: 1.7e+7, relief_m3_s_pa: 1.0e-9",
+        &error);
+
+    assert_non_null(robot);
+    supply = &robot->hydraulic_supply;
+    assert_true(supply->pressure == 1.6e7 && supply->back == 2e5 && supply->pump == 5e-5);
+    assert_true(supply->accumulator == 2e-4 && supply->precharge == 9e6 && supply->line == 3e-5);
+    assert_true(supply->relief == 1.7e7 && supply->relief_flow == 1e-9);
+    robot = load_supply("pressure_pa: 1.6e+7", &error);
+    assert_non_null(robot);
+    supply = &robot->hydraulic_supply;
+    assert_true(supply->pressure == 1.6e7 && supply->back == 0.0 && supply->pump == 0.0);
+    assert_true(supply->accumulator == 0.0 && supply->precharge == 0.0 && supply->line == 0.0);
+    assert_true(supply->relief == 0.0 && supply->relief_flow == 0.0);
+    robot = load_supply("pressure_pa: 1.6e+7, accumulator_m3: 2.0e-4, precharge_pa: 9.0e+6, "
+                        "relief_pa: 1.7e+7",
+                        &error);
+    assert_non_null(robot);
+    assert_true(fabs(robot->hydraulic_supply.line - 2e-5) < 1e-18);
+}
+
+/* Both sides of each limit that two keys make together. */
+TEST_WITH(a_supply_has_pressures_in_their_order, open_arena, close_arena)
+{
+    static const struct {
+        const char *keys, *text; /* NULL: taken */
+    } rows[] = {
+        {"pressure_pa: 3.0e+6, return_pa: 2999999", NULL},
+        {"pressure_pa: 3.0e+6, return_pa: 3.0e+6", "found a supply of 3e+06 Pa"},
+        {"pressure_pa: 3e+6, return_pa: 1e+6, accumulator_m3: 1e-3, precharge_pa: 3e+6, "
+         "relief_pa: 4e+6",
+         NULL},
+        {"pressure_pa: 3e+6, return_pa: 1e+6, accumulator_m3: 1e-3, precharge_pa: 3000001, "
+         "relief_pa: 4e+6",
+         "found an accumulator of"},
+        {"pressure_pa: 3e+6, return_pa: 1e+6, accumulator_m3: 1e-3, precharge_pa: 1000001, "
+         "relief_pa: 4e+6",
+         NULL},
+        {"pressure_pa: 3e+6, return_pa: 1e+6, accumulator_m3: 1e-3, precharge_pa: 1e+6, "
+         "relief_pa: 4e+6",
+         "found an accumulator of"},
+        {"pressure_pa: 3e+6, accumulator_m3: 1e-3, precharge_pa: 1e+6, relief_pa: 0",
+         "found an accumulator of"},
+        {"pressure_pa: 3e+6, accumulator_m3: 1e-3, precharge_pa: 1e+6, relief_pa: 1", NULL},
+        /* Without an accumulator the others mean nothing */
+        {"pressure_pa: 3e+6, accumulator_m3: 0, precharge_pa: 5e+6, relief_pa: 0", NULL},
+        {"pressure_pa: 3e+6, precharge_pa: 5e+6", NULL},
+    };
+
+    for (size_t i = 0; i < ARRAY_COUNT(rows); i++) {
+        struct error error = {0};
+        const struct robot *robot = load_supply(rows[i].keys, &error);
+
+        if ((robot == NULL) != (rows[i].text != NULL) ||
+            (rows[i].text && !strstr(error.text, rows[i].text))) {
+            fail_msg("%s: %s", rows[i].keys, error.text);
         }
     }
 }
