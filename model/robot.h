@@ -297,6 +297,11 @@ struct robot {
 enum error_code robot_load(const char *path, const char *variant, struct arena *arena,
                            const struct robot **robot, struct error *error);
 
+/* Does the same for a variant that another file names: mark is the place of its name there. */
+enum error_code robot_load_named(const char *path, const char *variant,
+                                 const struct yaml_mark *mark, struct arena *arena,
+                                 const struct robot **robot, struct error *error);
+
 /* A drive of the catalogue, electric (sea is present) or hydraulic. Ratings are on the link side;
  * 0 = not in the file. */
 struct robot_drive {

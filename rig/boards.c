@@ -11,7 +11,6 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
-#include <unistd.h>
 
 /* Returns the name or file of a bus's protocol: its own, or the rig's. In a file of before the key
  * "personality" was renamed, "described" stands for the rig's file, and a rig may have the
@@ -631,9 +630,7 @@ static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw
     code = text ? described_read_text(bus->protocol->name, text, strlen(text), b->arena,
                                       &bus->described, b->error)
                 : described_load(path, b->arena, &bus->described, b->error);
-    if (code && path && access(path, R_OK)) {
-        error_prefix(b->error, "%s:%d:%d", mark->file, mark->line, mark->column);
-    }
+    code = path ? rig_place_file(b, mark, path, code) : code;
     return code ? code : rig_check_format(b, raw, bus->described);
 }
 

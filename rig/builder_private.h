@@ -88,6 +88,11 @@ enum error_code rig_find(struct rig_builder *b, const struct yaml_mark *mark, co
 enum error_code rig_check_name(struct rig_builder *b, const struct yaml_mark *mark,
                                const char *what, const char *name);
 
+/* Adds the place that names a file to the error of reading it, if the file cannot be read; otherwise
+ * the error has a place in the file. Returns code. */
+enum error_code rig_place_file(struct rig_builder *b, const struct yaml_mark *mark,
+                               const char *path, enum error_code code);
+
 /* A key that only some kinds allow or require; masks have bit 1 << kind. */
 struct rig_key {
     const char *key;

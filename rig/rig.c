@@ -17,6 +17,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 /* ---- helpers ---- */
 
@@ -41,6 +42,14 @@ enum error_code rig_check_name(struct rig_builder *b, const struct yaml_mark *ma
                           name);
     }
     return ERROR_NONE;
+}
+
+enum error_code rig_place_file(struct rig_builder *b, const struct yaml_mark *mark,
+                               const char *path, enum error_code code)
+{
+    return code && access(path, R_OK)
+               ? error_prefix(b->error, "%s:%d:%d", mark->file, mark->line, mark->column)
+               : code;
 }
 
 bool rig_whole_ns(double seconds, int64_t *ns)

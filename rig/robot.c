@@ -8,7 +8,6 @@
 
 #include <math.h>
 #include <string.h>
-#include <unistd.h>
 
 /* Replaces series springs of the robot by those of the rig. */
 static enum error_code rig_replace_springs(struct rig_builder *b, struct robot *robot)
@@ -185,13 +184,13 @@ static enum error_code rig_find_robot(struct rig_builder *b, const char **path)
 enum error_code rig_build_robot(struct rig_builder *b)
 {
     const struct raw_robot *raw = &b->raw->robot;
-    const struct yaml_mark *mark = yaml_place(&raw->mark, "file");
     const char *path;
     enum error_code code = rig_find_robot(b, &path);
 
-    if (!code && (code = robot_load(path, raw->variant, b->arena, &b->robot, b->error)) &&
-        access(path, R_OK)) {
-        error_prefix(b->error, "%s:%d:%d", mark->file, mark->line, mark->column);
+    if (!code) {
+        code = robot_load_named(path, raw->variant, yaml_place(&raw->mark, "variant"), b->arena,
+                                &b->robot, b->error);
+        code = rig_place_file(b, yaml_place(&raw->mark, "file"), path, code);
     }
     code = code ? code : rig_change_robot(b);
     if (code) {

@@ -110,7 +110,9 @@ static enum error_code surface_set_shape(struct rig_builder *b, const struct raw
         return code;
     }
     code = yaml_resolve_path(yaml_place(&raw->mark, "mesh"), raw->mesh, b->arena, &path, b->error);
-    return code ? code : solid_store_read_obj(path, b->arena, &surface->mesh, b->error);
+    return code ? code
+                : rig_place_file(b, yaml_place(&raw->mark, "mesh"), path,
+                                 solid_store_read_obj(path, b->arena, &surface->mesh, b->error));
 }
 
 /* Finds a material by its name. */

@@ -181,24 +181,29 @@ static enum error_code apply_variant(struct robot_builder *b, struct variant_yam
     return ERROR_NONE;
 }
 
-/* Applies the variant with this name; NULL or "" is the robot without a variant. */
-static enum error_code choose_variant(struct robot_builder *b, const char *name)
+/* Applies the variant with this name, whose place is mark; NULL or "" is the robot without a
+ * variant. */
+static enum error_code choose_variant(struct robot_builder *b, const char *name,
+                                      const struct yaml_mark *mark)
 {
     const struct robot_yaml *file = &b->file;
-    const struct yaml_mark nowhere = {0};
-    int at;
+    enum error_code code = ERROR_NONE;
+    int at = 0;
 
     if (!name || name[0] == '\0') {
         return ERROR_NONE;
     }
     if (file->nvariant == 0) {
-        return error_set(b->error, ERROR_INPUT,
-                         "%.200s: found no variants, expected one named \"%.63s\"", file->mark.file,
-                         name);
+        code = yaml_error(b->error, mark,
+                          "found variant \"%.63s\" of a robot without variants, "
+                          "expected none",
+                          name);
+    } else {
+        code = yaml_find_name(YAML_NAMES(file->variant, file->nvariant, name), "variant", name,
+                              mark, &at, b->error);
     }
-    if (yaml_find_name(YAML_NAMES(file->variant, file->nvariant, name), "variant", name, &nowhere,
-                       &at, b->error)) {
-        return error_prefix(b->error, "%.200s", file->mark.file);
+    if (code) {
+        return mark->file ? code : error_prefix(b->error, "%.200s", file->mark.file);
     }
     return apply_variant(b, &file->variant[at]);
 }
@@ -207,6 +212,13 @@ static enum error_code choose_variant(struct robot_builder *b, const char *name)
 
 enum error_code robot_load(const char *path, const char *variant, struct arena *arena,
                            const struct robot **robot, struct error *error)
+{
+    return robot_load_named(path, variant, &(struct yaml_mark){0}, arena, robot, error);
+}
+
+enum error_code robot_load_named(const char *path, const char *variant,
+                                 const struct yaml_mark *mark, struct arena *arena,
+                                 const struct robot **robot, struct error *error)
 {
     struct robot_builder b = {.arena = arena, .error = error};
     enum error_code code = yaml_read_file(path, &robot_file_schema, arena, &b.file, error);
@@ -226,7 +238,7 @@ enum error_code robot_load(const char *path, const char *variant, struct arena *
     b.robot->floating = b.file.floating;
     memcpy(b.robot->gravity, b.file.gravity, sizeof b.robot->gravity);
     if ((code = check_all_names(&b)) || (code = robot_take_drive(&b, &b.file.drive)) ||
-        (code = choose_variant(&b, variant)) || (code = robot_check_own_drives(&b)) ||
+        (code = choose_variant(&b, variant, mark)) || (code = robot_check_own_drives(&b)) ||
         (code = robot_build_hydraulic_supply(&b)) || (code = robot_build_tree(&b)) ||
         (code = robot_build_couplings(&b)) || (code = robot_build_frames(&b)) ||
         (code = robot_build_capsules(&b)) || (code = robot_build_visuals(&b)) ||

@@ -71,9 +71,8 @@ static void write_files(const char *text, size_t size)
 /* A place in one of the files; what is wrong with a file as a whole has none. */
 static bool has_place(const char *message)
 {
-    static const char *const whole[] = {"cannot be read",        "cannot be opened",
-                                        "found a directory",     "no regular file",
-                                        "found unknown variant", "found no variants"};
+    static const char *const whole[] = {"cannot be read", "cannot be opened", "found a directory",
+                                        "no regular file"};
     char prefix[96];
     int line, column;
 

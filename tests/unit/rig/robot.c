@@ -355,6 +355,35 @@ TEST(surfaces_and_frames_of_a_held_base_stay_where_they_were)
     assert_true(robot->floating); /* the original is as it was */
 }
 
+/* What another file lacks is told where the rig asks for it. */
+TEST(what_a_rig_names_in_vain_is_refused_with_its_line)
+{
+    static const struct {
+        const char *text, *expected;
+    } rows[] = {
+        {"extends: toy.yaml\nrobot: {variant: x}\n",
+         "more.yaml:2:18: found variant \"x\" of a robot without variants, expected none"},
+        {"extends: toy.yaml\nrobot:\n  variant: x\n", "more.yaml:3:12: found variant"},
+        {"extends: toy.yaml\nrobot: {file: ../robots/none.yaml}\n", "more.yaml:2:15: "},
+        {"extends: toy.yaml\nscene:\n  surfaces:\n    - {name: a, body: world, shape: mesh,\n"
+         "       mesh: ../meshes/none.obj, material: rubber}\n",
+         "more.yaml:5:14: "},
+    };
+    static const char coman[] = "extends: coman.yaml\nname: x\nrobot:\n  variant: real_driwes\n";
+    const struct rig *rig;
+    struct error error = {0};
+
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        refused(rows[i].text, rows[i].expected);
+    }
+    assert_int_equal(rig_load_text(HIL_SOURCE_DIR "/config/rigs/x.yaml", coman, sizeof coman - 1,
+                                   &arena, &rig, &error),
+                     ERROR_INPUT);
+    assert_string_equal(error.text, HIL_SOURCE_DIR
+                        "/config/rigs/x.yaml:4:12: found unknown variant \"real_driwes\", "
+                        "expected \"real_drives\"");
+}
+
 /* Surfaces on the base of a robot that the rig holds are where the rig places the base: 0.1 m along
  * x of a base that is turned by 90 degrees about z is 0.1 m along the world's y. */
 TEST(surfaces_of_a_base_that_a_rig_holds_are_in_the_world)
