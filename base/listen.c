@@ -25,6 +25,9 @@ enum error_code listen_at(const char *who, const char *host, uint16_t port, int 
     if (failed == EAI_MEMORY) {
         return error_set(error, ERROR_MEMORY, "%s: no memory to listen", who);
     }
+    if (failed == EAI_SYSTEM) {
+        return error_set_errno(error, errno, "%s: cannot listen at %.60s", who, host);
+    }
     if (failed) {
         return error_set(error, ERROR_INPUT,
                          "%s: found host \"%.60s\", expected a numeric address, for example "

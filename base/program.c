@@ -59,9 +59,14 @@ int program_refuse(const struct program *program, const char *name, const char *
         names[count++] = more[i];
     }
     nearest = text_nearest(name, names, count);
-    fprintf(stderr, "%s: found unknown %s \"%.100s\", expected %s%s%s\n", program->name,
-            program->noun, name, nearest ? "\"" : "one that is listed by --help",
-            nearest ? nearest : "", nearest ? "\"" : "");
+    fprintf(stderr, "%s: found unknown %s%s \"%.100s\", expected %s%s%s", program->name,
+            program->noun, nmore ? " or topic" : "", name,
+            nearest ? "\"" : "one that is listed by --help", nearest ? nearest : "",
+            nearest ? "\"" : "");
+    for (size_t i = 0; i < nmore && !nearest; i++) {
+        fprintf(stderr, "%s%s", i ? ", " : "; the topics are ", more[i]);
+    }
+    fputc('\n', stderr);
     return STATUS_INPUT;
 }
 

@@ -1157,7 +1157,12 @@ static enum hil_client_code stream_connect(struct hil_client *client, const char
     int error = 0, one = 1;
 
     snprintf(service, sizeof service, "%u", port);
-    if (getaddrinfo(host, service, &hints, &address)) {
+    error = getaddrinfo(host, service, &hints, &address);
+    if (error == EAI_MEMORY || error == EAI_SYSTEM) {
+        return client_fail(client, HIL_CLIENT_SYSTEM, "host: %s",
+                           error == EAI_MEMORY ? "no memory" : strerror(errno));
+    }
+    if (error) {
         return client_fail(client, HIL_CLIENT_INPUT, "host: found \"%.60s\", expected an address",
                            host);
     }

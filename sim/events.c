@@ -27,11 +27,13 @@ static uint64_t event_key(enum event_source source, uint64_t topic)
 
 enum journal_priority simulator_event_priority(uint64_t key)
 {
+    const uint64_t kind = (key & UINT32_MAX) >> 8; /* of an event of the loop */
+
     switch (key >> 32) {
     case EVENT_LOOP:
-        return key >> 8 == LOOP_EVENT_BACK     ? JOURNAL_INFO
-               : key >> 8 >= LOOP_EVENT_PAUSED ? JOURNAL_NOTICE
-                                               : JOURNAL_WARNING;
+        return kind == LOOP_EVENT_BACK     ? JOURNAL_INFO
+               : kind >= LOOP_EVENT_PAUSED ? JOURNAL_NOTICE
+                                           : JOURNAL_WARNING;
     case EVENT_BOARD:
 
         /* Changes requested by a host are information */

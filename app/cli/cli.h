@@ -19,6 +19,7 @@
 #include "tasks/trajectory.h"
 #include "viewer/viewer.h"
 
+#include <limits.h>
 #include <pthread.h>
 #include <stdbool.h>
 #include <stddef.h>
@@ -73,6 +74,11 @@ int rig_command(const char *name, const char *path, void *options,
 int robot_command(const char *name, const char *path, const char *variant, const void *options,
                   enum error_code (*body)(const void *options, const struct robot *robot,
                                           struct arena *arena, struct error *error));
+
+/* Adds the names of the installed rigs that can run a task to the error of a rig that cannot; leaves
+ * other errors as they are. task and input may be NULL. */
+void rig_command_suggest(const char *rig, const char *task, const struct task_input *input,
+                         struct error *error);
 
 /* Warns on stderr if periodic traffic exceeds the capacity of its bus. */
 void rig_command_warn_load(const char *name, const struct rig *rig);
@@ -375,6 +381,7 @@ struct eventlog_entry {
 struct eventlog {
     FILE *out;
     const char *clear; /* printed before each line: "" or the sequence that wipes a status line */
+    const char *where; /* printed in a summary: where all lines are; NULL = nothing */
     const char *(*prefix)(uint64_t key); /* printed after clear; NULL = nothing */
     uint64_t printed, held;
     struct eventlog_entry entry[EVENTLOG_KEYS + 1]; /* the last one is shared */
@@ -446,7 +453,7 @@ struct monitor_config {
     struct simulator *simulator;
     struct notify *manager;      /* owned by the caller */
     FILE *out;                   /* stderr, or a test's file */
-    bool terminal, quiet;        /* quiet: events, but no status */
+    bool terminal, quiet;        /* quiet: warnings and errors alone */
     void (*each)(void *context); /* called in the thread once per period; NULL = none */
     /* Called in the thread with each event; NULL = none */
     void (*event)(void *context, uint64_t key, const char *text);
@@ -460,6 +467,7 @@ struct monitor {
     bool replaced; /* another run will follow, so this one is no longer ready; `each` sets it */
     pthread_t thread;
     int64_t next_status_ns;
+    char where[PATH_MAX + 32]; /* of the log */
     /* Values at the last status line, for the real-time factor and the loads */
     struct simulator_status last;
 };
@@ -467,6 +475,10 @@ struct monitor {
 /* Starts the thread. */
 enum error_code monitor_start(struct monitor *monitor, const struct monitor_config *config,
                               struct error *error);
+
+/* Prints a line of the log, in the thread or after it; not when the run is quiet, and it is neither a
+ * warning nor an error. */
+void monitor_put(struct monitor *monitor, int64_t now_ns, uint64_t key, const char *text);
 
 /* Prints the remaining events and joins the thread. */
 void monitor_stop(struct monitor *monitor);

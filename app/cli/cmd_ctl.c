@@ -48,7 +48,14 @@ static enum error_code ctl_udp_open(const char *to, int *descriptor, struct erro
     }
     reason = getaddrinfo(host, port, &hints, &found);
     if (reason) {
-        return error_set(error, ERROR_INPUT, "--udp: %.100s: %s", to, gai_strerror(reason));
+        return error_set(error,
+                         reason == EAI_MEMORY                          ? ERROR_MEMORY
+                         : reason == EAI_SYSTEM || reason == EAI_AGAIN ? ERROR_SYSTEM
+                                                                       : ERROR_INPUT,
+                         "--udp: %.100s: %s", to,
+                         reason == EAI_MEMORY   ? "no memory left"
+                         : reason == EAI_SYSTEM ? strerror(errno)
+                                                : gai_strerror(reason));
     }
 
     /* A connected socket needs no address for each datagram */
@@ -258,7 +265,7 @@ static int ctl_wait_for_end(struct ctl_client *client)
 
 /* Prints an answer in its command's format; with --json the line was printed before. */
 static void print_answer(const struct ctl_options *o, const struct ctl_command *command,
-                         const json_t *answer)
+                         const json_t *request, const json_t *answer)
 {
     if (o->json || strcmp(command->name, "stop") == 0) {
         return;
@@ -271,6 +278,11 @@ static void print_answer(const struct ctl_options *o, const struct ctl_command *
         } else {
             ctl_print_tunable(answer, stdout);
         }
+    } else if (strcmp(command->name, "push") == 0 && !json_object_get(request, "force_n") &&
+               !json_object_get(request, "moment_nm")) {
+        printf("the push on %s ends, if one acted: found neither force_n nor moment_nm\n",
+               o->word[0]);
+        ctl_print_moment(command->name, answer, stdout);
     } else {
         ctl_print_moment(command->name, answer, stdout);
     }
@@ -312,7 +324,7 @@ static int ctl_converse(struct ctl_client *client, const struct ctl_options *o, 
                   json_string_value(json_object_get(request, "what")));
         status = command_fail("ctl", &error);
     } else {
-        print_answer(o, command, answer);
+        print_answer(o, command, request, answer);
     }
     if (strcmp(command->name, "stop") == 0) {
         status = ctl_wait_for_end(client);

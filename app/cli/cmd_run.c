@@ -221,11 +221,15 @@ static enum error_code open_control(const struct run_options *options, struct si
         if (options->control) {
             return error->code;
         }
-        fprintf(stderr, "%snotice: %s: \"coman-hil ctl\" cannot reach this run\n",
-                journal_prefix(JOURNAL_NOTICE), error->text);
+        if (!options->quiet) {
+            fprintf(stderr, "%snotice: %s: \"coman-hil ctl\" cannot reach this run\n",
+                    journal_prefix(JOURNAL_NOTICE), error->text);
+        }
         return ERROR_NONE;
     }
-    fprintf(stderr, "control: %s\n", control_path(*control));
+    if (!options->quiet) {
+        fprintf(stderr, "control: %s\n", control_path(*control));
+    }
     return ERROR_NONE;
 }
 
@@ -280,7 +284,7 @@ static void log_control(struct background *background)
     while (background->control &&
            control_next_event(background->control, &key, text, sizeof text)) {
         run_show_event(background, key, text);
-        eventlog_put(&background->monitor->log, clock_now(clock_monotonic()), key, text);
+        monitor_put(background->monitor, clock_now(clock_monotonic()), key, text);
         simulator_record_event(background->simulator, key, text);
     }
 }
@@ -385,7 +389,7 @@ static void print_settled(const struct simulator *simulator)
 }
 
 /* Prints the differences of the run from the recorded one. */
-static void print_stimulus(const struct simulator *simulator)
+static void print_stimulus(const struct simulator *simulator, bool quiet)
 {
     const struct stimulus *stimulus = simulator_stimulus(simulator);
     int64_t first_ns = INT64_MAX;
@@ -395,6 +399,9 @@ static void print_stimulus(const struct simulator *simulator)
         return;
     }
     recorded_run_warn(&recorded, simulator_configuration(simulator)->stimulus, stderr);
+    if (quiet) {
+        return;
+    }
     if (stimulus->start_ns > 0) {
         fprintf(stderr,
                 "stimulus: the times of the log are of the wall clock; the run starts at that of "
@@ -419,13 +426,16 @@ static void print_stimulus(const struct simulator *simulator)
     }
 }
 
-/* Prints information for the user before the first tick. */
-static void print_start(const struct simulator *simulator, const char *host, const char *notice)
+/* Prints information for the user before the first tick; when quiet, warnings and addresses alone. */
+static void print_start(const struct simulator *simulator, const char *host, const char *notice,
+                        bool quiet)
 {
-    fprintf(stderr, "dynamics: %s\n", simulator_dynamics(simulator));
-    print_settled(simulator);
-    print_stimulus(simulator);
-    if (notice[0]) {
+    if (!quiet) {
+        fprintf(stderr, "dynamics: %s\n", simulator_dynamics(simulator));
+        print_settled(simulator);
+    }
+    print_stimulus(simulator, quiet);
+    if (notice[0] && !quiet) {
         fprintf(stderr, "%snotice: %s\n", journal_prefix(JOURNAL_NOTICE), notice);
     }
     if (simulator_gateway(simulator) && gateway_port(simulator_gateway(simulator))) {
@@ -509,10 +519,11 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
     /* Creates the simulator, its control socket and its page, then runs */
     code = simulator_create(&config, arena, &simulator, notice, &error);
     if (code) {
+        rig_command_suggest(options->rig, options->task, &input, &error);
         return command_fail("run", &error);
     }
-    print_start(simulator, host, notice);
-    if (simulator_configuration(simulator)->ticks == 0 &&
+    print_start(simulator, host, notice, options->quiet);
+    if (simulator_configuration(simulator)->ticks == 0 && !options->quiet &&
         (!simulator_task_runner(simulator) ||
          task_is_endless(simulator_task_runner(simulator)->task))) {
         fputs("the run goes on until it is stopped (Ctrl-C, or coman-hil ctl stop); --duration S "

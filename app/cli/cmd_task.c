@@ -35,7 +35,8 @@ static bool task_parse_options(int argc, char **argv, struct task_command *out, 
         TASK_OPTION_ROWS(o.input),
         {"--reconnect", OPTION_FLAG, NULL,
          "start again when the boards are lost, until the task is done", .value = &o.reconnect},
-        {"--quiet", OPTION_FLAG, NULL, "no status line", .value = &o.quiet},
+        {"--quiet", OPTION_FLAG, NULL, "print warnings, errors and how it ended only",
+         .value = &o.quiet},
     };
     static const struct operand_spec operands[] = {
         {"NAME", "the task; coman-hil list tasks has them", true, &o.task, .noun = "tasks"},
@@ -177,6 +178,7 @@ static int task_run_rig(void *context, const struct rig *rig, struct arena *aren
                            arena, &runner, &error) ||
         task_set_all(runner->task, options->set.item, options->set.count, &error) ||
         arena_seal(arena, false, &error)) {
+        rig_command_suggest(options->rig, options->task, &input, &error);
         status = command_fail("task", &error);
     } else {
         status = task_run_to_end(runner, rig, options->quiet);
@@ -204,7 +206,7 @@ int cmd_task(int argc, char **argv)
     do {
         boards_lost = false;
         status = rig_command("task", options.rig, &options, task_run_rig);
-        if (boards_lost && options.reconnect && !rig_command_stop_requested()) {
+        if (boards_lost && options.reconnect && !options.quiet && !rig_command_stop_requested()) {
             fprintf(stderr, "looking for the boards again\n");
         }
     } while (boards_lost && options.reconnect && !rig_command_stop_requested());

@@ -14,17 +14,6 @@ static const char *eventlog_prefix(const struct eventlog *log, uint64_t key)
     return log->prefix ? log->prefix(key) : "";
 }
 
-/* Prints the suppressed lines: a single line itself, or the number of lines and the last one. */
-static void eventlog_sum_up(struct eventlog *log, const struct eventlog_entry *entry)
-{
-    if (entry->held == 1) {
-        fprintf(log->out, "%s%s%s\n", log->clear, eventlog_prefix(log, entry->key), entry->last);
-    } else if (entry->held > 1) {
-        fprintf(log->out, "%s%s... and %llu more like it, the last: %s\n", log->clear,
-                eventlog_prefix(log, entry->key), (unsigned long long)entry->held, entry->last);
-    }
-}
-
 /* Ends the entry's window; a flood gets another window of twice the length, in which all lines are
  * suppressed. */
 static void eventlog_end_window(struct eventlog *log, struct eventlog_entry *entry, int64_t now_ns)
@@ -32,7 +21,13 @@ static void eventlog_end_window(struct eventlog *log, struct eventlog_entry *ent
     bool flood = entry->held > 0;
     int64_t next = 2 * entry->window_ns;
 
-    eventlog_sum_up(log, entry);
+    if (entry->held == 1) {
+        fprintf(log->out, "%s%s%s\n", log->clear, eventlog_prefix(log, entry->key), entry->last);
+    } else if (entry->held > 1) {
+        fprintf(log->out, "%s%s... and %llu more like it%s, the last: %s\n", log->clear,
+                eventlog_prefix(log, entry->key), (unsigned long long)entry->held,
+                log->where ? log->where : "", entry->last);
+    }
     entry->held = 0;
     entry->used = flood;
     entry->lines = EVENTLOG_BURST;

@@ -91,6 +91,13 @@ static const char *event_prefix(uint64_t key)
     return journal_prefix(simulator_event_priority(key));
 }
 
+void monitor_put(struct monitor *monitor, int64_t now_ns, uint64_t key, const char *text)
+{
+    if (!monitor->config.quiet || simulator_event_priority(key) <= JOURNAL_WARNING) {
+        eventlog_put(&monitor->log, now_ns, key, text);
+    }
+}
+
 /* Prints the simulator's events through the log, and passes them to the event function. */
 static void print_events(struct monitor *monitor, int64_t now)
 {
@@ -101,7 +108,7 @@ static void print_events(struct monitor *monitor, int64_t now)
         if (monitor->config.event) {
             monitor->config.event(monitor->config.context, key, text);
         }
-        eventlog_put(&monitor->log, now, key, text);
+        monitor_put(monitor, now, key, text);
     }
     eventlog_flush(&monitor->log, now, false);
 }
@@ -148,6 +155,7 @@ static void *monitor_main(void *context)
 enum error_code monitor_start(struct monitor *monitor, const struct monitor_config *config,
                               struct error *error)
 {
+    const char *record = simulator_configuration(config->simulator)->record;
     bool terminal = config->terminal;
     int reason;
 
@@ -155,6 +163,10 @@ enum error_code monitor_start(struct monitor *monitor, const struct monitor_conf
     monitor->config = *config;
     monitor->log.out = config->out;
     monitor->log.prefix = event_prefix;
+    monitor->log.where = monitor->where;
+    snprintf(monitor->where, sizeof monitor->where,
+             record ? " (%s/events.log has all)" : " (run --record DIR: DIR/events.log has all)",
+             record);
     monitor->log.clear = terminal && !config->quiet ? "\r\033[K" : "";
     monitor->next_status_ns = clock_now(clock_monotonic()) + (terminal ? TERMINAL_NS : LOG_NS);
     reason = pthread_create(&monitor->thread, NULL, monitor_main, monitor);

@@ -52,24 +52,14 @@ void page_print_lacks(const struct robot *robot)
 
 /* ---- tokens ---- */
 
-/* Finds the file for tokens, "" if none is kept. */
-static void page_find_token_file(const struct run_options *options, bool service,
-                                 char path[PATH_MAX])
-{
-    path[0] = '\0';
-    if (options->token_file) {
-        snprintf(path, PATH_MAX, "%s",
-                 strcmp(options->token_file, "none") == 0 ? "" : options->token_file);
-    } else if (!service && !token_file_default(path, PATH_MAX)) {
-        path[0] = '\0';
-    }
-}
-
 /* Handles an error of the token file. A file that the user has named must be usable; an error of
  * the default file is only a notice. */
 static enum error_code page_judge_token_file(const struct run_options *options,
                                              enum error_code code, const struct error *error)
 {
+    if (code && !options->token_file && options->quiet) {
+        return ERROR_NONE;
+    }
     if (code && !options->token_file) {
         fprintf(stderr, "%snotice: %s: this run's page has an address of its own\n",
                 journal_prefix(JOURNAL_NOTICE), error->text);
@@ -88,7 +78,14 @@ static enum error_code page_start(struct page *page, const struct run_options *o
     bool any = config->port == 0;
     enum error_code code = ERROR_NONE;
 
-    page_find_token_file(options, service, path);
+    /* Finds the file for tokens, "" if none is kept */
+    path[0] = '\0';
+    if (options->token_file) {
+        snprintf(path, PATH_MAX, "%s",
+                 strcmp(options->token_file, "none") == 0 ? "" : options->token_file);
+    } else if (!service && !token_file_default(path, PATH_MAX)) {
+        path[0] = '\0';
+    }
     if (path[0]) {
         code = page_judge_token_file(options, token_file_read(path, &tokens, error), error);
     }
@@ -146,7 +143,9 @@ enum error_code page_open(struct page *page, const struct run_options *options, 
         return code;
     }
     page_print_addresses(page, config.host);
-    page_print_lacks(simulator_configuration(simulator)->rig->robot);
+    if (!options->quiet) {
+        page_print_lacks(simulator_configuration(simulator)->rig->robot);
+    }
     return ERROR_NONE;
 }
 

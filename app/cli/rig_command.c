@@ -69,6 +69,62 @@ int robot_command(const char *name, const char *path, const char *variant, const
     return code ? command_fail(name, &error) : STATUS_OK;
 }
 
+/* Checks whether a rig can be simulated with a task; NULL: without. */
+static bool rig_can(const char *name, const char *task, const struct task_input *input)
+{
+    struct simulator_config config = {
+        .clock = LOOP_CLOCK_FREE, .transport = TRANSPORT_LOCAL, .task = task, .task_input = input};
+    struct simulator *simulator = NULL;
+    struct error unused;
+    struct arena arena;
+    char notice[256];
+
+    if (arena_init(&arena, RIG_COMMAND_ARENA, &unused)) {
+        return false;
+    }
+    if (rig_load(name, &arena, &config.rig, &unused) ||
+        simulator_create(&config, &arena, &simulator, notice, &unused)) {
+        simulator = NULL;
+    } else {
+        simulator_destroy(simulator);
+    }
+    arena_fini(&arena);
+    return simulator != NULL;
+}
+
+void rig_command_suggest(const char *rig, const char *task, const struct task_input *input,
+                         struct error *error)
+{
+    struct error unused, first = *error;
+    struct config_entry *entry;
+    char names[300] = "", others[32];
+    size_t count = 0, used = 0, more = 0;
+    struct arena arena;
+
+    /* Only when it is the task that the rig lacks something for */
+    if (error->code != ERROR_INPUT || !task || rig_can(rig, task, input) ||
+        !rig_can(rig, NULL, NULL) || arena_init(&arena, RIG_COMMAND_ARENA, &unused)) {
+        return;
+    }
+    if (!config_list(CONFIG_RIG, &arena, &entry, &count, &unused)) {
+        for (size_t i = 0; i < count; i++) {
+            bool can = rig_can(entry[i].path, task, input);
+            bool room = used + strlen(entry[i].name) + 2 < sizeof names;
+
+            if (can && room) {
+                used += (size_t)sprintf(names + used, "%s%s", used ? ", " : "", entry[i].name);
+            }
+            more += can && !room;
+        }
+    }
+    if (used) {
+        snprintf(others, sizeof others, more ? " and %zu more" : "", more);
+        error_set(error, first.code, "%.400s; rigs that can run the task %s: %s%s", first.text,
+                  task, names, others);
+    }
+    arena_fini(&arena);
+}
+
 void rig_command_warn_load(const char *name, const struct rig *rig)
 {
     char text[384];

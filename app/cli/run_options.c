@@ -109,7 +109,9 @@ static const struct option_spec options[] = {
      "let a rig that is not installed record outside this folder and serve its page to other "
      "machines",
      .value = &read.trust},
-    {"--quiet", OPTION_FLAG, NULL, "no status line", .value = &read.quiet},
+    {"--quiet", OPTION_FLAG, NULL,
+     "print warnings, errors, the addresses that options ask for, and the summary only",
+     .value = &read.quiet},
 };
 
 /* Writes the help on faults: one line per kind. */

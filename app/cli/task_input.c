@@ -123,19 +123,6 @@ static void sweep_draw(struct report *report, const struct sweep_point *point, s
     }
 }
 
-/* Writes the table of tracking errors, a row for each joint. */
-static void follow_write_table(struct report *report, const struct follow_error *joint,
-                               size_t count)
-{
-    report_table(report, "follow", "Measured less wanted angles of the links.",
-                 "joint|in_file|samples|rms_rad|worst_rad|worst_at_s");
-    for (size_t i = 0; i < count; i++) {
-        report_row(report, "%s|%s|%zu|%.6g|%.6g|%.3f", joint[i].joint,
-                   joint[i].moves ? "yes" : "no", joint[i].count, joint[i].rms_rad,
-                   joint[i].worst_rad, joint[i].worst_s);
-    }
-}
-
 enum error_code task_report_write(const struct task *task, const char *folder, struct error *error)
 {
     const struct sweep_point *point;
@@ -161,7 +148,14 @@ enum error_code task_report_write(const struct task *task, const char *folder, s
             sweep_draw(&report, point, points, value);
             sweep_write_table(&report, point, points);
         } else {
-            follow_write_table(&report, joint, joints);
+            /* Writes the table of tracking errors, a row for each joint */
+            report_table(&report, "follow", "Measured less wanted angles of the links.",
+                         "joint|in_file|samples|rms_rad|worst_rad|worst_at_s");
+            for (size_t i = 0; i < joints; i++) {
+                report_row(&report, "%s|%s|%zu|%.6g|%.6g|%.3f", joint[i].joint,
+                           joint[i].moves ? "yes" : "no", joint[i].count, joint[i].rms_rad,
+                           joint[i].worst_rad, joint[i].worst_s);
+            }
         }
         code = report_close(&report, error);
     }

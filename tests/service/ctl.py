@@ -32,7 +32,7 @@ class Run:
         self.ready, self.known = work + "/" + name + ".ready", None
         with open(self.err, "w") as err, open(self.out, "w") as out:
             self.process = subprocess.Popen(
-                [PROGRAM, "run", RIG, "--transport", "local", "--ready", self.ready, "--quiet",
+                [PROGRAM, "run", RIG, "--transport", "local", "--ready", self.ready,
                  *options], env=self.env, stdin=subprocess.DEVNULL, stdout=out, stderr=err)
 
     def says(self, what, file=None):
@@ -288,6 +288,11 @@ def command(work):
         result("what changes something says when",
                all(a.returncode == 0 and ": tick " in a.stdout for a in answers),
                answers)
+        pushes = [run.ctl("push", "Waist", *words, *at)
+                  for words in (("force_n=10,0,0",), ("moment_nm=0,0,0",), ("duration_s=1",), ())]
+        result("a push without force and moment says what it ends",
+               [("the push on Waist ends, if one acted" in a.stdout, a.returncode, ": tick " in
+                 a.stdout) for a in pushes] == [(False, 0, True)] * 2 + [(True, 0, True)] * 2, pushes)
         answer = run.ctl("get", "supply_v", *at)
         result("a tunable has value, unit and range", answer.returncode == 0
                and " V " in answer.stdout, answer)
@@ -361,7 +366,7 @@ def places(work):
 
 
 def main():
-    print("1..26")
+    print("1..27")
     for part in (session, push, command, places):
         with tempfile.TemporaryDirectory() as work:
             part(work)

@@ -155,6 +155,8 @@ CASES = [
     Case("test --merge", ["test", "--merge", "../one.xml", "--junit", "j.xml"], r"$^"),
     Case("bench ticks", ["ticks", rig("hyq-leg"), "--seconds", "0.1"], r"$^",
          program="coman-hil-bench"),
+    Case("ctl subscribe", ["ctl", "--socket", "none", "subscribe", "x", "--udp", "127.0.0.1:9"],
+         r"$^", status=(1,)),
     Case("accel", ["accel", COMAN, "--list"]),
     Case("version", ["version"]),
 ]

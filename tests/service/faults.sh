@@ -18,7 +18,7 @@ go()
 {
     local to=$1 file=$2 status
     shift 2
-    timeout -k 5 100 "$program" run "$file" --transport local --clock free --task squat --quiet \
+    timeout -k 5 100 "$program" run "$file" --transport local --clock free --task squat \
         --record "$work/$to" "$@" >"$work/out" 2>"$work/err" </dev/null
     status=$?
     [ $status -le 1 ] || return $status
@@ -133,7 +133,7 @@ then ok "$name"; else not_ok "$name"; fi
 
 # ---- real sensors ----
 name="the squat stands on real sensors, all four cycles"
-if timeout -k 5 100 "$program" run "$real" --transport local --clock free --task squat --quiet \
+if timeout -k 5 100 "$program" run "$real" --transport local --clock free --task squat \
     --record "$work/real" >"$work/out" 2>"$work/err" </dev/null &&
     rows real 'min(r["base_z_m"] for r in rows) > 0.3 and rows[-1]["time_s"] > 17'
 then ok "$name"; else not_ok "$name"; fi

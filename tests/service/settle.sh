@@ -16,7 +16,7 @@ start()
     shift
     tap_show=$work/$name.err
     timeout -k 5 100 "$HIL_BINARY_DIR/coman-hil" run "$rig" --transport local --clock free \
-        --task squat --ticks 3500 --energy --quiet --record "$work/$name" --record-period 1 "$@" \
+        --task squat --ticks 3500 --energy --record "$work/$name" --record-period 1 "$@" \
         >"$work/$name.out" 2>"$work/$name.err" </dev/null
     result $? "the run from the start $name ends with status 0"
 }
@@ -54,7 +54,7 @@ open(sys.argv[1] + "/slide.yaml", "w").write(
     .replace("dynamic_friction: 0.9", "dynamic_friction: 0.2", 1))
 END
 "$HIL_BINARY_DIR/coman-hil" run "$work/config/rigs/slide.yaml" --transport local --clock free \
-    --ticks 1 --settle --quiet >"$work/slide.err" 2>&1
+    --ticks 1 --settle >"$work/slide.err" 2>&1
 [ $? -eq 2 ] && grep -q "box would slide: it stands on a slope of 0.35 rad, where 5.37 N push it \
 sideways, and friction holds it up to 0.326 rad" "$work/slide.err"
 tap_show=$work/slide.err result $? "of a robot that stands and a box that slides the box is named"

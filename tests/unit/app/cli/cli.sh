@@ -32,7 +32,7 @@ conclude() {
     problem=
 }
 
-echo 1..38
+echo 1..41
 
 run 0 --help
 says out 'usage: coman-hil COMMAND'
@@ -328,6 +328,41 @@ for shell in bash zsh; do
 done
 run 2 --completion=tcsh
 conclude completion_scripts_are_printed
+
+run 2 help fooo
+says err 'found unknown command or topic "fooo"'
+says err 'the topics are rig, robot, scenario, bus, board, fault, signal, rt'
+run 2 help scenaro
+says err 'expected "scenario"'
+conclude help_speaks_of_topics
+
+# quiet: the summary, and warnings; not quiet: where the lines are that a flood leaves out
+run 0 run coman --clock free --duration 0.2 --task squat --quiet
+says out 'state hash'
+silent err
+run 0 run coman --clock free --duration 0.3 --hold none --quiet --fault 'board left_leg/2 hung 0.1..'
+says out 'state hash'
+! grep -Ev 'warning|time-out|limit|ground|left_leg' "$work/err" ||
+    problem="$problem; more than warnings"
+run 0 run coman --clock free --duration 0.2 --task squat --record "$work/flood"
+says err "more like it ($work/flood/events.log has all), the last:"
+run 0 run coman --clock free --duration 0.2 --task squat
+says err 'more like it (run --record DIR: DIR/events.log has all), the last:'
+conclude quiet_is_quiet_and_a_flood_says_where_its_lines_are
+
+# a rig that lacks something for a task; not when something else is wrong
+run 2 run coman --clock free --duration 0.1 --task walk
+says err 'no inertial board, expected one on the pelvis; rigs that can run the task walk: '
+says err 'walk-flat'
+run 2 run hyq --clock free --duration 0.1 --task grasp
+says err 'rigs that can run the task grasp: '
+! grep -q 'walk-flat' "$work/err" || problem="$problem; walk-flat grasps"
+for wrong in '--task walkk' '--task sweep' '--task squat --set squat.nonsense=1'; do
+    # shellcheck disable=SC2086  # words
+    run 2 run coman --clock free --duration 0.1 $wrong
+    ! grep -q 'rigs that can' "$work/err" || problem="$problem; $wrong is of the rig"
+done
+conclude a_task_names_the_rigs_that_can
 
 problem=
 if [ -e /dev/full ]; then

@@ -46,6 +46,21 @@ TEST(a_flood_is_summed_up_in_one_line)
     fclose(bench.log.out);
 }
 
+TEST(a_summary_says_where_all_lines_are)
+{
+    static struct bench bench;
+
+    bench_init(&bench);
+    bench.log.where = " (there)";
+    for (int i = 0; i < 9; i++) {
+        eventlog_put(&bench.log, 0, 42, "bus lost");
+    }
+    eventlog_flush(&bench.log, 0, true);
+    assert_int_equal(lines(&bench), EVENTLOG_BURST + 1);
+    assert_non_null(strstr(bench.text, "... and 4 more like it (there), the last: bus lost\n"));
+    fclose(bench.log.out);
+}
+
 TEST(other_keys_are_not_held_back)
 {
     static struct bench bench;
