@@ -7,7 +7,6 @@
 
 #include "app/bench/bench.h"
 #include "base/options.h"
-#include "contact/contact.h"
 #include "contact/mesh/solid_store.h"
 #include "manual/contact.h"
 
@@ -94,20 +93,6 @@ static double contact_bench_time_engine(struct result *r, int engine)
     return us;
 }
 
-/* Times every engine on every scene in each round, so that both see the same state of the
- * machine. */
-static void contact_bench_run_rounds(struct bench *bench)
-{
-    for (size_t round = 0; round < bench->rounds; round++) {
-        for (size_t i = 0; i < bench->nscene; i++) {
-            for (int e = 0; e < ENGINES; e++) {
-                bench->result[i].us[e][round] = contact_bench_time_engine(&bench->result[i], e);
-            }
-        }
-        bench_progress("contact", round + 1, bench->rounds);
-    }
-}
-
 /* Prints a table of medians, with the engines' ratio and the native engine's target. */
 static void contact_bench_print_rounds(struct bench *bench)
 {
@@ -163,7 +148,14 @@ static enum error_code contact_bench_run(struct bench *bench, const char *foot, 
         code = contact_bench_create_worlds(bench, error);
     }
     if (!code) {
-        contact_bench_run_rounds(bench);
+        for (size_t round = 0; round < bench->rounds; round++) {
+            for (size_t i = 0; i < bench->nscene; i++) {
+                for (int e = 0; e < ENGINES; e++) {
+                    bench->result[i].us[e][round] = contact_bench_time_engine(&bench->result[i], e);
+                }
+            }
+            bench_progress("contact", round + 1, bench->rounds);
+        }
         contact_bench_print_rounds(bench);
     }
 

@@ -54,17 +54,6 @@ static enum error_code take_sizes(struct dynamics_bench *bench, const struct rob
     return ERROR_NONE;
 }
 
-/* Lists our implementations, then those of other simulators. */
-static void take_engines(struct dynamics_bench *bench, const struct peers *peers)
-{
-    for (size_t i = 0; i < BENCH_OURS; i++) {
-        bench->peer[bench->nengine++] = &bench_ours[i];
-    }
-    for (size_t i = 0; peers && i < peers->ndynamics && bench->nengine < DYNAMICS_ENGINES; i++) {
-        bench->peer[bench->nengine++] = &peers->dynamics[i];
-    }
-}
-
 /* Creates an engine for a size, puts the states into it, compares it with the first engine, and
  * finds how often a measurement repeats all states. */
 static enum error_code create_cell(struct dynamics_bench *bench, size_t e, size_t s,
@@ -89,20 +78,6 @@ static enum error_code create_cell(struct dynamics_bench *bench, size_t e, size_
     cell->repeat = 1;
     cell->repeat = 1 + (size_t)(BATCH_NS / (dynamics_bench_time_cell(peer, cell) * PEER_SLOTS));
     return ERROR_NONE;
-}
-
-/* Measures every engine and size in each round, so that all see the same state of the machine. */
-static void dynamics_bench_run_rounds(struct dynamics_bench *bench)
-{
-    for (size_t round = 0; round < bench->rounds; round++) {
-        for (size_t s = 0; s < bench->nsize; s++) {
-            for (size_t e = 0; e < bench->nengine; e++) {
-                bench->cell[e][s].ns[round] =
-                    dynamics_bench_time_cell(bench->peer[e], &bench->cell[e][s]);
-            }
-        }
-        bench_progress("dynamics", round + 1, bench->rounds);
-    }
 }
 
 /* Computes medians and spreads of the cells, us, and the least-squares slope over the sizes, us a
@@ -180,21 +155,6 @@ static void dynamics_bench_print_table(const struct dynamics_bench *bench)
         "is about 1.8 times as fast.\n");
 }
 
-/* Writes all cells as CSV. */
-static void write_csv(const struct dynamics_bench *bench, FILE *out)
-{
-    fprintf(out, "engine,version,degrees_of_freedom,median_us,low_us,high_us,difference\n");
-    for (size_t e = 0; e < bench->nengine; e++) {
-        for (size_t s = 0; s < bench->nsize; s++) {
-            const struct dynamics_cell *cell = &bench->cell[e][s];
-
-            fprintf(out, "%s,%s,%zu,%.4f,%.4f,%.4f,%.3e\n", bench->peer[e]->name,
-                    bench->peer[e]->version, bench->robot[s]->nv, cell->median, cell->low,
-                    cell->high, cell->difference);
-        }
-    }
-}
-
 void dynamics_bench_draw(const struct dynamics_bench *bench, struct dynamics_plot *plot)
 {
     plot->panel = svg_panel(plot->title, "degrees of freedom", "CPU time of one evaluation, us",
@@ -223,7 +183,19 @@ static enum error_code write_files(const struct dynamics_bench *bench, const cha
     if (code) {
         return code;
     }
-    write_csv(bench, file.whole.out);
+
+    /* Writes all cells as CSV */
+    fprintf(file.whole.out,
+            "engine,version,degrees_of_freedom,median_us,low_us,high_us,difference\n");
+    for (size_t e = 0; e < bench->nengine; e++) {
+        for (size_t s = 0; s < bench->nsize; s++) {
+            const struct dynamics_cell *cell = &bench->cell[e][s];
+
+            fprintf(file.whole.out, "%s,%s,%zu,%.4f,%.4f,%.4f,%.3e\n", bench->peer[e]->name,
+                    bench->peer[e]->version, bench->robot[s]->nv, cell->median, cell->low,
+                    cell->high, cell->difference);
+        }
+    }
     if ((code = whole_file_close(&file.whole, ERROR_NONE, error)) ||
         (code = report_file_open(&file, folder, "dynamics.svg", error))) {
         return code;
@@ -250,14 +222,28 @@ enum error_code dynamics_bench_run(struct dynamics_bench *bench, const char *fil
     }
 
     /* The first engine, our numeric one, is what the others are compared with */
-    take_engines(bench, peers);
+    /* Lists our implementations, then those of other simulators */
+    for (size_t i = 0; i < BENCH_OURS; i++) {
+        bench->peer[bench->nengine++] = &bench_ours[i];
+    }
+    for (size_t i = 0; peers && i < peers->ndynamics && bench->nengine < DYNAMICS_ENGINES; i++) {
+        bench->peer[bench->nengine++] = &peers->dynamics[i];
+    }
     for (size_t e = 0; !code && e < bench->nengine; e++) {
         for (size_t s = 0; !code && s < bench->nsize; s++) {
             code = create_cell(bench, e, s, arena, error);
         }
     }
     if (!code) {
-        dynamics_bench_run_rounds(bench);
+        for (size_t round = 0; round < bench->rounds; round++) {
+            for (size_t s = 0; s < bench->nsize; s++) {
+                for (size_t e = 0; e < bench->nengine; e++) {
+                    bench->cell[e][s].ns[round] =
+                        dynamics_bench_time_cell(bench->peer[e], &bench->cell[e][s]);
+                }
+            }
+            bench_progress("dynamics", round + 1, bench->rounds);
+        }
         dynamics_bench_evaluate(bench);
     }
     return code;

@@ -345,23 +345,6 @@ static void latency_print(const struct latency_result *result, const char *joint
     }
 }
 
-/* Writes every bucket that is not empty: its upper edge in us, and the counts. */
-static void latency_write_csv(const struct latency_result *result, FILE *out)
-{
-    fprintf(out, "upto_us,wake_up,echo,boards\n");
-    for (unsigned i = 0; i < HISTOGRAM_BUCKETS; i++) {
-        uint64_t of[LATENCY_KINDS], any = 0;
-
-        for (int kind = 0; kind < LATENCY_KINDS; kind++) {
-            any |= of[kind] = result->of[kind].bucket[i];
-        }
-        if (any) {
-            fprintf(out, "%.3f,%" PRIu64 ",%" PRIu64 ",%" PRIu64 "\n",
-                    1e-3 * (double)histogram_edge(i), of[0], of[1], of[2]);
-        }
-    }
-}
-
 /* ---- the run ---- */
 
 /* The command line. */
@@ -484,7 +467,20 @@ static enum error_code latency_run(const struct latency_command *options, const 
         (code = report_file_open(&file, options->folder, "latency.csv", error))) {
         return code;
     }
-    latency_write_csv(&result, file.whole.out);
+
+    /* Writes every bucket that is not empty: its upper edge in us, and the counts */
+    fprintf(file.whole.out, "upto_us,wake_up,echo,boards\n");
+    for (unsigned i = 0; i < HISTOGRAM_BUCKETS; i++) {
+        uint64_t of[LATENCY_KINDS], any = 0;
+
+        for (int kind = 0; kind < LATENCY_KINDS; kind++) {
+            any |= of[kind] = result.of[kind].bucket[i];
+        }
+        if (any) {
+            fprintf(file.whole.out, "%.3f,%" PRIu64 ",%" PRIu64 ",%" PRIu64 "\n",
+                    1e-3 * (double)histogram_edge(i), of[0], of[1], of[2]);
+        }
+    }
     return whole_file_close(&file.whole, ERROR_NONE, error);
 }
 

@@ -470,37 +470,6 @@ static void put_figure_9(struct report *report, const struct grasp_result *resul
 
 /* ---- Fig. 10 ---- */
 
-/* Adds Fig. 10: our integrator and the paper's on the same four quantities. */
-static void put_figure_10(struct report *report, const struct grasp_result *ours,
-                          const struct grasp_result *theirs)
-{
-    /* Both integrators, where the paper's figure depends on them; right and left elsewhere */
-    const struct svg_series box[] = {
-        grasp_line("implicit, 1 ms", ours, BOX_FORCE, SVG_LINE),
-        grasp_line("rk4, 0.1 ms (the paper's)", theirs, BOX_FORCE, SVG_DASHED)};
-    const struct svg_series press[] = {grasp_line("right", ours, PRESS_RIGHT, SVG_LINE),
-                                       grasp_line("left", ours, PRESS_LEFT, SVG_DASHED),
-                                       grasp_line("right, rk4", theirs, PRESS_RIGHT, SVG_DASHED)};
-    const struct svg_series feet[] = {grasp_line("right", ours, FOOT_RIGHT, SVG_LINE),
-                                      grasp_line("left", ours, FOOT_LEFT, SVG_DASHED)};
-    const struct svg_series torque[] = {grasp_line("right wrist", ours, TORQUE_RIGHT, SVG_LINE),
-                                        grasp_line("left wrist", ours, TORQUE_LEFT, SVG_DASHED)};
-    const struct svg_plot panels[] = {
-        svg_panel("Box: all contact forces, vertical", GRASP_TIME, "force, N", box, 2),
-        svg_panel("Wrists pressing the box", GRASP_TIME, "force, N", press, 3),
-        svg_panel("Ground on the feet, vertical", GRASP_TIME, "force, N", feet, 2),
-        svg_panel("Friction torque of the wrists, y", GRASP_TIME, "torque, N m", torque, 2),
-    };
-
-    report_figure(
-        report, "figure-10",
-        "Paper: the vertical force on the box relaxes in the first 0.2 s, is its weight until the "
-        "wrists touch it and moves with its acceleration then; pressing forces; force of the "
-        "foot; torque of dry friction about the horizontal axis between the wrists. Here: the "
-        "same four, the first 0.2 s being those from -0.5 s on.",
-        panels, 4);
-}
-
 /* Compares the box's vertical force and height with the paper's. */
 static void compare_box(struct report *report, const struct grasp_result *ours)
 {
@@ -678,7 +647,36 @@ enum error_code paper_grasp(struct paper *paper, struct error *error)
         draw_grasp(report, &result[0]);
         put_figure_9(report, &result[0]);
         report_section(report, "forces", "Fig. 10: the contact forces");
-        put_figure_10(report, &result[0], &result[1]);
+
+        /* Adds Fig */
+        /* Both integrators, where the paper's figure depends on them; right and left elsewhere */
+        const struct svg_series box[] = {
+            grasp_line("implicit, 1 ms", &result[0], BOX_FORCE, SVG_LINE),
+            grasp_line("rk4, 0.1 ms (the paper's)", &result[1], BOX_FORCE, SVG_DASHED)};
+        const struct svg_series press[] = {
+            grasp_line("right", &result[0], PRESS_RIGHT, SVG_LINE),
+            grasp_line("left", &result[0], PRESS_LEFT, SVG_DASHED),
+            grasp_line("right, rk4", &result[1], PRESS_RIGHT, SVG_DASHED)};
+        const struct svg_series feet[] = {grasp_line("right", &result[0], FOOT_RIGHT, SVG_LINE),
+                                          grasp_line("left", &result[0], FOOT_LEFT, SVG_DASHED)};
+        const struct svg_series torque[] = {
+            grasp_line("right wrist", &result[0], TORQUE_RIGHT, SVG_LINE),
+            grasp_line("left wrist", &result[0], TORQUE_LEFT, SVG_DASHED)};
+        const struct svg_plot panels[] = {
+            svg_panel("Box: all contact forces, vertical", GRASP_TIME, "force, N", box, 2),
+            svg_panel("Wrists pressing the box", GRASP_TIME, "force, N", press, 3),
+            svg_panel("Ground on the feet, vertical", GRASP_TIME, "force, N", feet, 2),
+            svg_panel("Friction torque of the wrists, y", GRASP_TIME, "torque, N m", torque, 2),
+        };
+
+        report_figure(
+            report, "figure-10",
+            "Paper: the vertical force on the box relaxes in the first 0.2 s, is its weight until "
+            "the "
+            "wrists touch it and moves with its acceleration then; pressing forces; force of the "
+            "foot; torque of dry friction about the horizontal axis between the wrists. Here: the "
+            "same four, the first 0.2 s being those from -0.5 s on.",
+            panels, 4);
         compare_box(report, &result[0]);
         compare_forces(report, &result[0], &result[1]);
         report_compared(report);

@@ -75,29 +75,6 @@ struct speed {
     double cpu[ROUNDS], wall[ROUNDS];
 };
 
-/* Adds the table of real-time factors, with the medians of all rounds. */
-static void put_settings(struct report *report, struct speed speed[PAPER_SPEEDS], size_t rounds)
-{
-    report_table(
-        report, "real-time-factors",
-        "The manipulation task with its controller, 23 motor axes and 4 F/T boards on five buses "
-        "inside the process.",
-        "settings|rig|paper|here, CPU time|here, clock|times the paper's");
-    for (size_t i = 0; i < PAPER_SPEEDS; i++) {
-        double cpu = bench_median(speed[i].cpu, rounds), wall = bench_median(speed[i].wall, rounds);
-        char said[32] = "-", times[32] = "-";
-
-        if (isfinite(settings[i].said)) {
-            snprintf(said, sizeof said, "%g", settings[i].said);
-            snprintf(times, sizeof times, "%.0f", cpu / settings[i].said);
-        }
-        report_row(report, "%s|%s|%s|%.2f|%.2f|%s", settings[i].what, settings[i].rig, said, cpu,
-                   wall, times);
-        report_finding(report, true, "real-time factor, grasp, %s|%s|%.1f|", settings[i].what, said,
-                       cpu);
-    }
-}
-
 /* Runs all settings in each round, so that all see the same state of the machine. */
 static enum error_code measure_settings(struct paper *paper, struct error *error)
 {
@@ -121,7 +98,26 @@ static enum error_code measure_settings(struct paper *paper, struct error *error
             }
         }
     }
-    put_settings(&paper->report, speed, rounds);
+
+    /* Adds the table of real-time factors, with the medians of all rounds */
+    report_table(
+        &paper->report, "real-time-factors",
+        "The manipulation task with its controller, 23 motor axes and 4 F/T boards on five buses "
+        "inside the process.",
+        "settings|rig|paper|here, CPU time|here, clock|times the paper's");
+    for (size_t i = 0; i < PAPER_SPEEDS; i++) {
+        double cpu = bench_median(speed[i].cpu, rounds), wall = bench_median(speed[i].wall, rounds);
+        char said[32] = "-", times[32] = "-";
+
+        if (isfinite(settings[i].said)) {
+            snprintf(said, sizeof said, "%g", settings[i].said);
+            snprintf(times, sizeof times, "%.0f", cpu / settings[i].said);
+        }
+        report_row(&paper->report, "%s|%s|%s|%.2f|%.2f|%s", settings[i].what, settings[i].rig, said,
+                   cpu, wall, times);
+        report_finding(&paper->report, true, "real-time factor, grasp, %s|%s|%.1f|",
+                       settings[i].what, said, cpu);
+    }
     return ERROR_NONE;
 }
 
@@ -211,29 +207,6 @@ static enum error_code measure_dynamics(struct paper *paper, struct error *error
 
 /* ---- Table 1 ---- */
 
-/* Adds the real-time factors of Table 1. */
-static void put_pendulum_speed(struct report *report, const struct pendulum_table *table)
-{
-    report_table(report, "table-1-speed",
-                 "Table 1: real-time factors, simulated time units over seconds of CPU time.",
-                 "bodies|dt|Robotran (paper)|coman-hil|ODE (paper)|ODE here");
-    for (size_t n = 0; n < 2; n++) {
-        for (size_t k = 0; k < table->nstep; k++) {
-            char theirs[32] = "-";
-
-            if (table->absolute) {
-                snprintf(theirs, sizeof theirs, "%.3g", table->theirs[n][k].rtf);
-            }
-            report_row(report, "%zu|%g|%g|%.3g|%g|%s", n + 1, pendulum_step_sizes[k],
-                       pendulum_paper[n][k].robotran_rtf, table->ours[n][k].rtf,
-                       pendulum_paper[n][k].ode_rtf, theirs);
-        }
-    }
-    report_finding(report, true, "real-time factor, double pendulum, dt %g|%g|%.0f|",
-                   pendulum_step_sizes[1], pendulum_paper[1][1].robotran_rtf,
-                   table->ours[1][1].rtf);
-}
-
 enum error_code paper_speed(struct paper *paper, const struct pendulum_table *table,
                             struct error *error)
 {
@@ -247,7 +220,25 @@ enum error_code paper_speed(struct paper *paper, const struct pendulum_table *ta
         code = measure_dynamics(paper, error);
     }
     if (!code) {
-        put_pendulum_speed(report, table);
+        /* Adds the real-time factors of Table 1 */
+        report_table(report, "table-1-speed",
+                     "Table 1: real-time factors, simulated time units over seconds of CPU time.",
+                     "bodies|dt|Robotran (paper)|coman-hil|ODE (paper)|ODE here");
+        for (size_t n = 0; n < 2; n++) {
+            for (size_t k = 0; k < table->nstep; k++) {
+                char theirs[32] = "-";
+
+                if (table->absolute) {
+                    snprintf(theirs, sizeof theirs, "%.3g", table->theirs[n][k].rtf);
+                }
+                report_row(report, "%zu|%g|%g|%.3g|%g|%s", n + 1, pendulum_step_sizes[k],
+                           pendulum_paper[n][k].robotran_rtf, table->ours[n][k].rtf,
+                           pendulum_paper[n][k].ode_rtf, theirs);
+            }
+        }
+        report_finding(report, true, "real-time factor, double pendulum, dt %g|%g|%.0f|",
+                       pendulum_step_sizes[1], pendulum_paper[1][1].robotran_rtf,
+                       table->ours[1][1].rtf);
         report_compared(report);
     }
     return code;

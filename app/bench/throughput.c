@@ -367,20 +367,6 @@ static double median_of(const struct throughput *t, const struct measured_rig *r
     return isfinite(rig->figure[figure][0]) ? rig->figure[figure][t->rounds / 2] : (double)NAN;
 }
 
-/* Sorts the figures of each rig. A figure that a round lacks becomes NAN. */
-static void sort_figures(struct throughput *t)
-{
-    for (size_t i = 0; i < t->nmeasured * FIGURES; i++) {
-        double *value = t->measured[i / FIGURES].figure[i % FIGURES], sum = 0.0;
-
-        for (int64_t round = 0; round < t->rounds; round++) {
-            sum += value[round];
-        }
-        bench_sort(value, (size_t)t->rounds);
-        value[0] = isfinite(sum) ? value[0] : (double)NAN;
-    }
-}
-
 /* Prints a table of figures, a row for each rig: "12345 (12000 .. 13000)" with the ratio of the
  * first to the last, or medians alone; "-" for none. */
 static void print_table(const struct throughput *t, unsigned first, unsigned last, bool alone)
@@ -408,30 +394,6 @@ static void print_table(const struct throughput *t, unsigned first, unsigned las
         }
         putchar('\n');
     }
-}
-
-static void print_tables(const struct throughput *t)
-{
-    printf("cases of %g s; CPU time, median of %d rounds (least .. most)\n\n", t->seconds,
-           (int)t->rounds);
-    printf("%-21s %-6s %5s %5s %26s\n", "simulated s/core-hour", "task", "buses", "axes",
-           "with boards and task");
-    print_table(t, FIGURE_RATE, FIGURE_RATE, false);
-    printf("\n%-21s %26s %26s %26s %9s\n", "bodies alone", "ours, implicit", "MuJoCo, implicit",
-           "MuJoCo, Euler", "ratio");
-    print_table(t, FIGURE_ALONE + ALONE_BODIES, FIGURE_ALONE + ALONE_BODIES_EULER, false);
-    printf("\n%-21s %26s %26s %9s\n", "standing on its feet", "ours, implicit", "MuJoCo, Euler",
-           "ratio");
-    print_table(t, FIGURE_ALONE + ALONE_STANDING, FIGURE_ALONE + ALONE_STANDING_EULER, false);
-    printf("\n%-21s %9s %9s %9s %9s %9s\n", "a case", "an hour", "start ms", "in range", "whole ms",
-           "MB");
-    print_table(t, FIGURE_HOURLY, FIGURE_WHOLE_MB, true);
-    printf("an hour: whole cases in a range, on one processor\n");
-    printf(t->mujoco ? "bodies alone: at the rig's step, without contact, joint limits, drives, "
-                       "boards or controller; standing: the same on the ground, with springs in "
-                       "the joints; MuJoCo %s; ratio of ours to its default, Euler\n"
-                     : "no MuJoCo was found\n",
-           t->mujoco ? t->mujoco->version : "");
 }
 
 static void write_json(const struct throughput *t, FILE *out)
@@ -513,8 +475,37 @@ static enum error_code measure_throughput(struct throughput *t, struct error *er
     }
     t->mujoco = alone_find_mujoco(t->library.peers);
     if (!(code = run_rounds(t, error))) {
-        sort_figures(t);
-        print_tables(t);
+        /* Sorts the figures of each rig */
+        for (size_t i = 0; i < t->nmeasured * FIGURES; i++) {
+            double *value = t->measured[i / FIGURES].figure[i % FIGURES], sum = 0.0;
+
+            for (int64_t round = 0; round < t->rounds; round++) {
+                sum += value[round];
+            }
+            bench_sort(value, (size_t)t->rounds);
+            value[0] = isfinite(sum) ? value[0] : (double)NAN;
+        }
+        printf("cases of %g s; CPU time, median of %d rounds (least .. most)\n\n", t->seconds,
+               (int)t->rounds);
+        printf("%-21s %-6s %5s %5s %26s\n", "simulated s/core-hour", "task", "buses", "axes",
+               "with boards and task");
+        print_table(t, FIGURE_RATE, FIGURE_RATE, false);
+        printf("\n%-21s %26s %26s %26s %9s\n", "bodies alone", "ours, implicit", "MuJoCo, implicit",
+               "MuJoCo, Euler", "ratio");
+        print_table(t, FIGURE_ALONE + ALONE_BODIES, FIGURE_ALONE + ALONE_BODIES_EULER, false);
+        printf("\n%-21s %26s %26s %9s\n", "standing on its feet", "ours, implicit", "MuJoCo, Euler",
+               "ratio");
+        print_table(t, FIGURE_ALONE + ALONE_STANDING, FIGURE_ALONE + ALONE_STANDING_EULER, false);
+        printf("\n%-21s %9s %9s %9s %9s %9s\n", "a case", "an hour", "start ms", "in range",
+               "whole ms", "MB");
+        print_table(t, FIGURE_HOURLY, FIGURE_WHOLE_MB, true);
+        printf("an hour: whole cases in a range, on one processor\n");
+        printf(t->mujoco
+                   ? "bodies alone: at the rig's step, without contact, joint limits, drives, "
+                     "boards or controller; standing: the same on the ground, with springs in "
+                     "the joints; MuJoCo %s; ratio of ours to its default, Euler\n"
+                   : "no MuJoCo was found\n",
+               t->mujoco ? t->mujoco->version : "");
         if (t->file && !(code = whole_file_open(&file, t->file, error))) {
             write_json(t, file.out);
             code = whole_file_close(&file, ERROR_NONE, error);

@@ -78,30 +78,6 @@ static void print_free_bodies(const struct rig *rig)
     }
 }
 
-/* Prints each surface with the later surfaces that it may touch, first those of the file, then the
- * robot's. */
-static void print_pairs(const struct contact_config *contact)
-{
-    for (size_t s = 0; s < contact->nsurface; s++) {
-        size_t count = 0;
-
-        for (size_t p = 0; p < contact->npair; p++) {
-            const struct contact_pair *pair = &contact->pair[p];
-            int other = pair->a < pair->b ? pair->b : pair->a;
-
-            if ((pair->a < pair->b ? pair->a : pair->b) == (int)s) {
-                if (count++ == 0) {
-                    printf("  %-16s with ", contact->surface[s].name);
-                }
-                printf("%s%s", count > 1 ? ", " : "", contact->surface[other].name);
-            }
-        }
-        if (count) {
-            printf("\n");
-        }
-    }
-}
-
 /* Prints the pairs with a slack, and the excluded pairs of the robot's surfaces with the
  * reasons. */
 static void print_exceptions(const struct rig *rig)
@@ -166,7 +142,24 @@ static void check_print_scene(const struct rig *rig)
         printf(", friction %g static %g dynamic\n", m->static_friction, m->dynamic_friction);
     }
     printf("pairs       %zu\n", contact->npair);
-    print_pairs(contact);
+    for (size_t s = 0; s < contact->nsurface; s++) {
+        size_t count = 0;
+
+        for (size_t p = 0; p < contact->npair; p++) {
+            const struct contact_pair *pair = &contact->pair[p];
+            int other = pair->a < pair->b ? pair->b : pair->a;
+
+            if ((pair->a < pair->b ? pair->a : pair->b) == (int)s) {
+                if (count++ == 0) {
+                    printf("  %-16s with ", contact->surface[s].name);
+                }
+                printf("%s%s", count > 1 ? ", " : "", contact->surface[other].name);
+            }
+        }
+        if (count) {
+            printf("\n");
+        }
+    }
     print_exceptions(rig);
 }
 

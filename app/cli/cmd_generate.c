@@ -12,24 +12,6 @@
 
 enum { PATH_SIZE = 1024 };
 
-/* Prints the number of operations of each generated function. */
-static void print_report(const struct robot *robot, const struct symbolic_report *report,
-                         const char *path)
-{
-    printf("robot     %s, %zu degrees of freedom, hash %016" PRIx64 "\n", robot->name, robot->nv,
-           robot->hash);
-    printf("groups    %zu of %zu bodies (identical limbs side by side)\n", report->groups,
-           robot->nbody);
-    printf("function            add  multiply  divide   total  angles\n");
-    for (int f = 0; f < SYMBOLIC_FUNCTIONS; f++) {
-        const struct symbolic_count *count = &report->count[f];
-
-        printf("  %-16s %5zu  %8zu  %6zu  %6zu  %6zu\n", count->function, count->add,
-               count->multiply, count->divide, count->operations, count->sincos);
-    }
-    printf("written   %s\n", path);
-}
-
 struct generate_options {
     const char *robot, *variant, *folder;
     struct symbolic_options symbolic;
@@ -57,7 +39,19 @@ static enum error_code generate_file(const void *context, const struct robot *ro
     code = symbolic_generate(robot, &o->symbolic, file.out, &report, error);
     code = whole_file_close(&file, code, error);
     if (!code) {
-        print_report(robot, &report, path);
+        /* Prints the number of operations of each generated function */
+        printf("robot     %s, %zu degrees of freedom, hash %016" PRIx64 "\n", robot->name,
+               robot->nv, robot->hash);
+        printf("groups    %zu of %zu bodies (identical limbs side by side)\n", report.groups,
+               robot->nbody);
+        printf("function            add  multiply  divide   total  angles\n");
+        for (int f = 0; f < SYMBOLIC_FUNCTIONS; f++) {
+            const struct symbolic_count *count = &report.count[f];
+
+            printf("  %-16s %5zu  %8zu  %6zu  %6zu  %6zu\n", count->function, count->add,
+                   count->multiply, count->divide, count->operations, count->sincos);
+        }
+        printf("written   %s\n", path);
     }
     return code;
 }

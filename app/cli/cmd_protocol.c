@@ -99,20 +99,6 @@ protocol_add_text(struct protocol_line *line, const char *format, ...)
     line->used += length < 0 ? 0 : (size_t)length < room ? (size_t)length : room - 1;
 }
 
-/* Adds a field's place: in bits if it does not consist of whole bytes. */
-static void protocol_add_place(struct protocol_line *line, unsigned bit, unsigned bits)
-{
-    if (bits == 1) {
-        protocol_add_text(line, "- bit %u", bit);
-    } else if (bit % 8 || bits % 8) {
-        protocol_add_text(line, "- bits %u-%u", bit, bit + bits - 1);
-    } else if (bits == 8) {
-        protocol_add_text(line, "- byte %u", bit / 8);
-    } else {
-        protocol_add_text(line, "- bytes %u-%u", bit / 8, (bit + bits) / 8 - 1);
-    }
-}
-
 /* Adds unit and scale, and the range if it is not the range of the type. */
 static void protocol_add_measure(struct protocol_line *line, const struct field *field)
 {
@@ -159,7 +145,16 @@ static void protocol_put_field(const struct field *field, unsigned bit, bool in_
         protocol_add_text(&line, bits == 1 ? "- identifier bit %u" : "- identifier bits %u-%u", bit,
                           bit + bits - 1);
     } else {
-        protocol_add_place(&line, bit, bits);
+        /* Adds a field's place: in bits if it does not consist of whole bytes */
+        if (bits == 1) {
+            protocol_add_text(&line, "- bit %u", bit);
+        } else if (bit % 8 || bits % 8) {
+            protocol_add_text(&line, "- bits %u-%u", bit, bit + bits - 1);
+        } else if (bits == 8) {
+            protocol_add_text(&line, "- byte %u", bit / 8);
+        } else {
+            protocol_add_text(&line, "- bytes %u-%u", bit / 8, (bit + bits) / 8 - 1);
+        }
     }
     protocol_add_text(&line, " `%s`: %c%u%s", field->name,
                       field->type & FIELD_FLOAT    ? 'f'
@@ -330,15 +325,6 @@ static void protocol_put_sections(struct protocol_frames *frames, FILE *out)
     }
 }
 
-/* Prints the fault bits of an axis. */
-static void protocol_put_faults(const struct protocol *protocol, FILE *out)
-{
-    fputs("\n## Faults\n\nThe bits of the fields `fault` and `faults` of an axis:\n\n", out);
-    for (int bit = 0; protocol->fault_names[bit]; bit++) {
-        fprintf(out, "- bit %d: %s\n", bit, protocol->fault_names[bit]);
-    }
-}
-
 static void protocol_page_print(const struct protocol *protocol, FILE *out)
 {
     static struct protocol_frames frames;
@@ -347,7 +333,12 @@ static void protocol_page_print(const struct protocol *protocol, FILE *out)
     options_wrap(protocol->help, 0, 0, out);
     protocol_collect(&(struct boards_bus_config){.protocol = protocol}, &frames);
     protocol_put_sections(&frames, out);
-    protocol_put_faults(protocol, out);
+
+    /* Prints the fault bits of an axis */
+    fputs("\n## Faults\n\nThe bits of the fields `fault` and `faults` of an axis:\n\n", out);
+    for (int bit = 0; protocol->fault_names[bit]; bit++) {
+        fprintf(out, "- bit %d: %s\n", bit, protocol->fault_names[bit]);
+    }
     if (protocol->print_appendix) {
         protocol->print_appendix(out);
     }

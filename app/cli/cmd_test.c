@@ -286,18 +286,6 @@ static void add_jobs(struct test_runs *plan, struct scenario *scenario, size_t n
     }
 }
 
-/* Plans the runs of all cases, with their mutations. */
-static void plan_jobs(struct test_runs *plan, struct scenario *const *cases, const size_t *ncases,
-                      size_t nfile, const struct test_options *options)
-{
-    for (size_t f = 0; f < nfile; f++) {
-        for (size_t i = 0; i < ncases[f]; i++) {
-            add_jobs(plan, &cases[f][i], i, ncases[f], options);
-            plan->ncase++;
-        }
-    }
-}
-
 /* Reads and checks a scenario. Refuses a sweep or a plan; the error names the right options. */
 static enum error_code test_read_scenario(const char *file, struct arena *arena,
                                           struct scenario **cases, size_t *ncase,
@@ -361,7 +349,14 @@ static enum error_code make_plan(struct test_runs *plan, const struct test_optio
     if (!plan->job || !plan->result) {
         return error_set(error, ERROR_MEMORY, "no memory left for %zu runs", njob);
     }
-    plan_jobs(plan, cases, ncases, nfile, options);
+
+    /* Plans the runs of all cases, with their mutations */
+    for (size_t f = 0; f < nfile; f++) {
+        for (size_t i = 0; i < ncases[f]; i++) {
+            add_jobs(plan, &cases[f][i], i, ncases[f], options);
+            plan->ncase++;
+        }
+    }
     return ERROR_NONE;
 }
 
@@ -402,37 +397,6 @@ static void on_end(void *context, const struct scenario_job *job)
     print_result(plan, result);
 }
 
-/* Judges the mutations of each case, which are adjacent in the plan. */
-static void judge_mutations(struct test_runs *plan)
-{
-    for (size_t from = 0, to = 0; from < plan->njob; from = to) {
-        struct scenario_result *result = &plan->result[plan->nresult++];
-
-        /* The runs of one case are consecutive jobs with the same scenario */
-        for (to = from; to < plan->njob && plan->job[to].scenario == plan->job[from].scenario;
-             to++) {
-        }
-        scenario_judge_mutations(plan->job + from, to - from, result);
-        print_result(plan, result);
-    }
-}
-
-/* Lists the cases, and the mutations below each. */
-static void test_list_cases(const struct test_runs *plan)
-{
-    for (size_t i = 0; i < plan->njob; i++) {
-        const struct scenario *scenario = plan->job[i].scenario;
-        int mutation = plan->job[i].mutation;
-
-        if (mutation < 0) {
-            printf("%s%s%s: %s\n", scenario->name, scenario->values[0] ? " " : "", scenario->values,
-                   scenario->description);
-        } else {
-            printf("  mutation %s\n", scenario->mutation[mutation].name);
-        }
-    }
-}
-
 /* Returns the number of parallel runs: the given one, or one per processor. */
 static size_t test_parallel(const struct test_options *options)
 {
@@ -465,7 +429,17 @@ static int run_plan(struct test_runs *plan, const struct test_options *options)
         return command_fail("test", &error);
     }
     if (options->mutate) {
-        judge_mutations(plan);
+        /* Judges the mutations of each case, which are adjacent in the plan */
+        for (size_t from = 0, to = 0; from < plan->njob; from = to) {
+            struct scenario_result *result = &plan->result[plan->nresult++];
+
+            /* The runs of one case are consecutive jobs with the same scenario */
+            for (to = from; to < plan->njob && plan->job[to].scenario == plan->job[from].scenario;
+                 to++) {
+            }
+            scenario_judge_mutations(plan->job + from, to - from, result);
+            print_result(plan, result);
+        }
     }
 
     /* Prints the totals, and writes the file */
@@ -493,7 +467,18 @@ static int test_run_scenarios(const struct test_options *options)
     if (make_plan(&plan, options, &error)) {
         status = command_fail("test", &error);
     } else if (options->list) {
-        test_list_cases(&plan);
+        /* Lists the cases, and the mutations below each */
+        for (size_t i = 0; i < plan.njob; i++) {
+            const struct scenario *scenario = plan.job[i].scenario;
+            int mutation = plan.job[i].mutation;
+
+            if (mutation < 0) {
+                printf("%s%s%s: %s\n", scenario->name, scenario->values[0] ? " " : "",
+                       scenario->values, scenario->description);
+            } else {
+                printf("  mutation %s\n", scenario->mutation[mutation].name);
+            }
+        }
         status = STATUS_OK;
     } else {
         status = run_plan(&plan, options);

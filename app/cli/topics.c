@@ -30,15 +30,6 @@ static const char *print_until_mark(const char *text, const char *mark, FILE *ou
     return at + strlen(mark) + strlen("\n");
 }
 
-/* Prints the work of each phase of the loop. */
-static void topic_print_phases(FILE *out)
-{
-    for (int p = 0; p < PHASE_COUNT; p++) {
-        fprintf(out, "  %-10s", loop_phase_name((enum loop_phase)p));
-        options_wrap(phase_budgets[p].does, NAME_COLUMN, NAME_COLUMN, out);
-    }
-}
-
 /* Prints each phase's budget in instructions, and its measured time. */
 static void topic_print_budget(FILE *out)
 {
@@ -62,7 +53,11 @@ void topic_rt(FILE *out)
 {
     const char *text = print_until_mark(MANUAL_RT, "@PHASES@", out);
 
-    topic_print_phases(out);
+    /* Prints the work of each phase of the loop */
+    for (int p = 0; p < PHASE_COUNT; p++) {
+        fprintf(out, "  %-10s", loop_phase_name((enum loop_phase)p));
+        options_wrap(phase_budgets[p].does, NAME_COLUMN, NAME_COLUMN, out);
+    }
     text = print_until_mark(text, "@BUDGET@", out);
     topic_print_budget(out);
     options_wrap(text, 0, 0, out);

@@ -379,45 +379,6 @@ void report_figure(struct report *report, const char *id, const char *caption,
 
 /* ---- the whole ---- */
 
-/* Writes the table of the main findings. */
-static void put_summary(const struct report *report, FILE *out)
-{
-    fputs("<h2 id=\"short\">In short</h2>\n<div class=\"scroll\"><table><thead><tr><th>in the "
-          "paper</th>"
-          "<th>quantity</th><th>paper</th><th>here</th></tr></thead><tbody>\n",
-          out);
-    for (size_t i = 0; i < report->nfinding; i++) {
-        if (report->finding[i].main) {
-            put_finding(out, &report->finding[i], true);
-        }
-    }
-    fputs("</tbody></table></div>\n", out);
-}
-
-/* Writes the page: head, links to the sections, summary, then the sections. */
-static void put_page(const struct report *report, FILE *out)
-{
-    fputs("<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
-          "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>",
-          out);
-    markup_put(out, report->title);
-    fprintf(out, "</title>\n<style>\n%s</style>\n</head>\n<body>\n<h1>", style);
-    markup_put(out, report->title);
-    fprintf(out, "</h1>\n<nav>\n<ul>\n%s",
-            report->nfinding ? "<li><a href=\"#short\">In short</a></li>\n" : "");
-    for (size_t i = 0; i < report->nsection; i++) {
-        fprintf(out, "<li><a href=\"#%s\">", report->section[i].id);
-        markup_put(out, report->section[i].title);
-        fputs("</a></li>\n", out);
-    }
-    fputs("</ul>\n</nav>\n", out);
-    if (report->nfinding) {
-        put_summary(report, out);
-    }
-    fwrite(report->text.text, 1, report->text.size, out);
-    fprintf(out, "%s</body>\n</html>\n", report->nsection ? "</section>\n" : "");
-}
-
 /* Writes all findings into compared.csv, if there are any. */
 static void write_findings(struct report *report)
 {
@@ -467,7 +428,37 @@ enum error_code report_close(struct report *report, struct error *error)
     write_findings(report);
     out = open_file(report, "index.html");
     if (out) {
-        put_page(report, out);
+        /* Writes the page: head, links to the sections, summary, then the sections */
+        fputs("<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
+              "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>",
+              out);
+        markup_put(out, report->title);
+        fprintf(out, "</title>\n<style>\n%s</style>\n</head>\n<body>\n<h1>", style);
+        markup_put(out, report->title);
+        fprintf(out, "</h1>\n<nav>\n<ul>\n%s",
+                report->nfinding ? "<li><a href=\"#short\">In short</a></li>\n" : "");
+        for (size_t i = 0; i < report->nsection; i++) {
+            fprintf(out, "<li><a href=\"#%s\">", report->section[i].id);
+            markup_put(out, report->section[i].title);
+            fputs("</a></li>\n", out);
+        }
+        fputs("</ul>\n</nav>\n", out);
+        if (report->nfinding) {
+            /* Writes the table of the main findings */
+            fputs("<h2 id=\"short\">In short</h2>\n<div class=\"scroll\"><table><thead><tr><th>in "
+                  "the "
+                  "paper</th>"
+                  "<th>quantity</th><th>paper</th><th>here</th></tr></thead><tbody>\n",
+                  out);
+            for (size_t i = 0; i < report->nfinding; i++) {
+                if (report->finding[i].main) {
+                    put_finding(out, &report->finding[i], true);
+                }
+            }
+            fputs("</tbody></table></div>\n", out);
+        }
+        fwrite(report->text.text, 1, report->text.size, out);
+        fprintf(out, "%s</body>\n</html>\n", report->nsection ? "</section>\n" : "");
         close_file(report);
     }
     report_free(report);

@@ -357,48 +357,6 @@ static int legend_place(const struct svg_plot *plot, size_t s, double from, doub
     }
 }
 
-/* Draws the legend: line or marker and name of each series. */
-static void put_legend(const struct page *page)
-{
-    for (size_t s = 0; s < page->plot->nseries; s++) {
-        const struct svg_series *series = &page->plot->series[s];
-        double x, y;
-
-        y = TOP + LEGEND_LINE * legend_place(page->plot, s, page->x.from, page->x.to, &x) - 10.0;
-        if (series->style != SVG_MARKERS) {
-            open_line(page, s);
-            fprintf(page->out, "M%.2f %.2fh24\"/>", x, y - 4.0);
-        }
-        if (series->style == SVG_MARKERS || series->style == SVG_LINE_MARKERS) {
-            put_dot(page, s, x + 12.0, y - 4.0);
-        }
-        fprintf(page->out, "<text x=\"%.2f\" y=\"%.2f\">", x + 30.0, y);
-        markup_put(page->out, series->name);
-        fputs("</text>\n", page->out);
-    }
-}
-
-/* Draws all series, cut off at the drawing area. */
-static void put_series(const struct page *page)
-{
-    fprintf(page->out,
-            "<clipPath id=\"%s\"><rect x=\"%.2f\" y=\"%.2f\" width=\"%.2f\" height=\"%.2f\"/>"
-            "</clipPath>\n<g clip-path=\"url(#%s)\">\n",
-            page->area, page->x.from, page->y.to, page->x.to - page->x.from,
-            page->y.from - page->y.to, page->area);
-    for (size_t s = 0; s < page->plot->nseries; s++) {
-        const struct svg_series *series = &page->plot->series[s];
-
-        if (series->style != SVG_MARKERS) {
-            put_line(page, s);
-        }
-        if (series->style == SVG_MARKERS || series->style == SVG_LINE_MARKERS) {
-            put_markers(page, s);
-        }
-    }
-    fputs("</g>\n", page->out);
-}
-
 /* Begins a document, or the part of a page, with its paper. */
 static void open_svg(const struct svg_plot *plot, int width, int height, FILE *out)
 {
@@ -449,8 +407,42 @@ static enum error_code put_plot(const struct svg_plot *plot, const char *area, F
     page.y.to =
         TOP + LEGEND_LINE * legend_place(plot, plot->nseries - 1, LEFT, width - RIGHT, &unused);
     put_axes(&page);
-    put_series(&page);
-    put_legend(&page);
+
+    /* Draws all series, cut off at the drawing area */
+    fprintf(page.out,
+            "<clipPath id=\"%s\"><rect x=\"%.2f\" y=\"%.2f\" width=\"%.2f\" height=\"%.2f\"/>"
+            "</clipPath>\n<g clip-path=\"url(#%s)\">\n",
+            page.area, page.x.from, page.y.to, page.x.to - page.x.from, page.y.from - page.y.to,
+            page.area);
+    for (size_t s = 0; s < page.plot->nseries; s++) {
+        const struct svg_series *series = &page.plot->series[s];
+
+        if (series->style != SVG_MARKERS) {
+            put_line(&page, s);
+        }
+        if (series->style == SVG_MARKERS || series->style == SVG_LINE_MARKERS) {
+            put_markers(&page, s);
+        }
+    }
+    fputs("</g>\n", page.out);
+
+    /* Draws the legend: line or marker and name of each series */
+    for (size_t s = 0; s < page.plot->nseries; s++) {
+        const struct svg_series *series = &page.plot->series[s];
+        double x, y;
+
+        y = TOP + LEGEND_LINE * legend_place(page.plot, s, page.x.from, page.x.to, &x) - 10.0;
+        if (series->style != SVG_MARKERS) {
+            open_line(&page, s);
+            fprintf(page.out, "M%.2f %.2fh24\"/>", x, y - 4.0);
+        }
+        if (series->style == SVG_MARKERS || series->style == SVG_LINE_MARKERS) {
+            put_dot(&page, s, x + 12.0, y - 4.0);
+        }
+        fprintf(page.out, "<text x=\"%.2f\" y=\"%.2f\">", x + 30.0, y);
+        markup_put(page.out, series->name);
+        fputs("</text>\n", page.out);
+    }
     return ERROR_NONE;
 }
 

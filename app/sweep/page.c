@@ -274,28 +274,6 @@ static enum error_code page_put_worst(const struct page *page, struct error *err
 
 /* ---- the page ---- */
 
-/* Writes a table of shares for each parameter that has more than one bin. */
-static void page_put_parameters(const struct page *page)
-{
-    fputs("<h2>By parameter</h2>\n", page->out);
-    for (size_t i = 0; i < page->count; i++) {
-        const struct page_parameter *parameter = &page->parameter[i];
-
-        if (parameter->nbin < 2) {
-            continue;
-        }
-        fprintf(page->out,
-                "<h3>%s</h3>\n<p>Shares differ by %.1f %%.</p>\n<table><tr><th>range</th>"
-                "<th>passed</th><th>share</th><th>95 %% interval</th><th></th></tr>\n",
-                parameter->name, 100.0 * parameter->spread);
-        for (size_t k = 0; k < parameter->nbin; k++) {
-            page_put_share(page, parameter->bin[k].label, parameter->bin[k].passed,
-                           parameter->bin[k].count);
-        }
-        fputs("</table>\n", page->out);
-    }
-}
-
 enum error_code plan_page_write(const struct plan *plan, const struct plan_result *result,
                                 const char *path, struct error *error)
 {
@@ -334,7 +312,25 @@ enum error_code plan_page_write(const struct plan *plan, const struct plan_resul
     fprintf(file.out, "</p>\n<p>Plan %s, program %s.</p>\n<table>\n", plan->id, result[0].binary);
     page_put_share(page, "all cases", passed, plan->ncase);
     fputs("</table>\n", file.out);
-    page_put_parameters(page);
+
+    /* Writes a table of shares for each parameter that has more than one bin */
+    fputs("<h2>By parameter</h2>\n", page->out);
+    for (size_t i = 0; i < page->count; i++) {
+        const struct page_parameter *parameter = &page->parameter[i];
+
+        if (parameter->nbin < 2) {
+            continue;
+        }
+        fprintf(page->out,
+                "<h3>%s</h3>\n<p>Shares differ by %.1f %%.</p>\n<table><tr><th>range</th>"
+                "<th>passed</th><th>share</th><th>95 %% interval</th><th></th></tr>\n",
+                parameter->name, 100.0 * parameter->spread);
+        for (size_t k = 0; k < parameter->nbin; k++) {
+            page_put_share(page, parameter->bin[k].label, parameter->bin[k].passed,
+                           parameter->bin[k].count);
+        }
+        fputs("</table>\n", page->out);
+    }
     page_put_map(page);
     code = page_put_worst(page, error);
     fputs("</body></html>\n", file.out);
