@@ -3,7 +3,9 @@
 #include "client/coman_hil_client.h"
 #include "tests/test.h"
 
+#include <errno.h>
 #include <math.h>
+#include <netdb.h>
 #include <netinet/in.h>
 #include <pthread.h>
 #include <stdatomic.h>
@@ -115,6 +117,21 @@ void *__wrap_realloc(void *memory, size_t size)
 {
     allocations++;
     return __real_realloc(memory, size);
+}
+
+/* What getaddrinfo fails with; 0 = it does not. */
+static int address_reason;
+
+int __real_getaddrinfo(const char *node, const char *service, const struct addrinfo *hints,
+                       struct addrinfo **found);
+int __wrap_getaddrinfo(const char *node, const char *service, const struct addrinfo *hints,
+                       struct addrinfo **found);
+
+int __wrap_getaddrinfo(const char *node, const char *service, const struct addrinfo *hints,
+                       struct addrinfo **found)
+{
+    errno = EMFILE;
+    return address_reason ? address_reason : __real_getaddrinfo(node, service, hints, found);
 }
 
 /* ---- the gateway ---- */
@@ -256,6 +273,30 @@ static void close_client(struct hil_client *client)
 }
 
 /* ---- tests ---- */
+
+TEST_WITH(an_address_without_memory_is_no_wrong_address, make_folder, remove_folder)
+{
+    static const struct {
+        int reason;
+        enum hil_client_code code;
+        const char *text;
+    } known[] = {
+        {EAI_MEMORY, HIL_CLIENT_SYSTEM, "host: no memory"},
+        {EAI_SYSTEM, HIL_CLIENT_SYSTEM, "host: Too many open files"},
+        {EAI_NONAME, HIL_CLIENT_INPUT, "host: found \"::7\", expected an address"},
+    };
+    const struct hil_client_options options = {.tables = folder, .host = "::7", .port = 1};
+
+    for (size_t i = 0; i < sizeof known / sizeof *known; i++) {
+        struct hil_client client;
+
+        address_reason = known[i].reason;
+        assert_int_equal(hil_client_open(&client, &options), known[i].code);
+        assert_string_equal(client.message, known[i].text);
+        hil_client_close(&client);
+    }
+    address_reason = 0;
+}
 
 TEST_WITH(a_controller_in_lockstep_says_what_the_firmware_understands, make_folder, remove_folder)
 {
