@@ -14,7 +14,10 @@
 enum { FRAMES_A_TURN = 32, ACCEPTS_A_TURN = 8 };
 
 #define SILENCE_NS (10 * CLOCK_SECOND) /* timeout for a request, and for the token */
+
+/* Longest time without progress: of messages, and of a file, which a busy browser reads in pieces. */
 #define PATIENCE_NS (10 * CLOCK_SECOND)
+#define FILE_PATIENCE_NS (120 * CLOCK_SECOND)
 
 /* ---- out ---- */
 
@@ -262,6 +265,8 @@ void client_check(struct viewer *viewer, struct viewer_client *client)
 {
     bool silent = client->mode == CLIENT_HTTP ||
                   (client->mode == CLIENT_SOCKET && client->right == RIGHT_NONE);
+    int64_t patience_ns =
+        client->mode == CLIENT_CLOSING && client->body_size > 0 ? FILE_PATIENCE_NS : PATIENCE_NS;
 
     if (client->socket < 0) {
         return;
@@ -270,7 +275,7 @@ void client_check(struct viewer *viewer, struct viewer_client *client)
         client_tell_end(viewer, client);
     }
     /* Disconnects a client that reads nothing, sends nothing, or got its last message */
-    if (client_waiting(client) > 0 && viewer->now_ns - client->taken_ns > PATIENCE_NS) {
+    if (client_waiting(client) > 0 && viewer->now_ns - client->taken_ns > patience_ns) {
         viewer->counters.cut_slow++;
         client_close(viewer, client);
     } else if (silent && viewer->now_ns - client->since_ns > SILENCE_NS) {

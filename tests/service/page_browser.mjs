@@ -8,7 +8,7 @@ import { begin, check, test, variance, WAIT_MS } from './browser.mjs';
 
 const [program, folder] = process.argv.slice(2);
 const source = process.env.HIL_SOURCE_DIR;
-const TESTS = 12;
+const TESTS = 15;
 const PATIENCE_MS = 3 * WAIT_MS; // the processor draws, and simulates in real time
 
 /** A rig whose squat outlasts the slowest browser. */
@@ -74,10 +74,20 @@ async function judge(browser, work) {
   await page.click('#live');
   check(await page.evaluate(() => window.coman.page.past.shown === null), 'and comes back to now');
 
+  // 900 pixels are enough for the table of joints
+  const table = await page.evaluate(() => {
+    const { scrollWidth, clientWidth } = document.querySelector('#panel-joints .scroll');
+    return { scrollWidth, clientWidth };
+  });
+  check(table.scrollWidth <= table.clientWidth && table.clientWidth > 0, 'the table of joints is not cut', table);
+
   // A click pauses, a click trips a fault
   await page.click('#pause');
   await wait(() => window.coman.state.paused);
   check(true, 'a click pauses');
+  await page.waitForTimeout(1500);
+  const pace = await page.textContent('#figure-pace');
+  check(pace === '×0.00', 'a run that is paused has no pace, whatever the picture does', pace);
   await page.click('#tab-panel-actions');
   await page.click('[data-fault="jam"] input');
   await wait(() => window.coman.state.faults[0]);
@@ -111,6 +121,13 @@ async function judge(browser, work) {
   const look = await browser.newPage({ viewport: { width: 400, height: 700 } });
   await look.goto(`${run.page_view}&quality=low`);
   await look.waitForFunction(() => window.coman?.page.pause, null, { timeout: WAIT_MS });
+  await look.waitForFunction(() => document.querySelector('.joints td'));
+  const narrow = await look.evaluate(() => {
+    const at = (name) => document.querySelector(name).getBoundingClientRect();
+    return { robot: at('#view').bottom, buttons: Math.min(at('.toggles.left').top, at('.past').top),
+      above: at('.toggles').bottom, top: at('#view').top };
+  });
+  check(narrow.robot <= narrow.buttons && narrow.above <= narrow.top, 'on a telephone no button covers the robot', narrow);
   const refused = await look.evaluate(async () => ({ disabled: window.coman.page.pause.disabled,
     push: await window.coman.link.ask('push', { body: 'Waist', force_n: [100, 0, 0] })
       .then(() => 'pushed', (error) => error.message) }));

@@ -10,7 +10,7 @@ import { begin, check, lookAt, test, WAIT_MS } from './browser.mjs';
 
 const [program, folder] = process.argv.slice(2);
 const rig = join(process.env.HIL_SOURCE_DIR, 'config/rigs/coman.yaml');
-const TESTS = 13;
+const TESTS = 15;
 const KNEE = 'q_RKneeSag_rad';
 const ELBOW = 'q_LElbj_rad';
 
@@ -135,6 +135,19 @@ async function judge(browser, work) {
   const four = await page.evaluate(shown);
   check(four[3].names[0] === ELBOW && four[2].names.length === 1 && four[3].names[1] === first[2].names[0],
     'a plot is added, a signal moves to it', four.map(({ names }) => names));
+
+  // A search reads joints as people call them, and says when it finds nothing
+  await page.fill('#signal-search', 'elbow torque');
+  const words = await page.evaluate(() => [...document.querySelectorAll('#signals-found li')].map((li) => li.dataset.name));
+  check(words.includes('torque_LElbj_nm') && words.includes('torque_RElbj_nm') && words.every((name) => /elb/i.test(name)),
+    'a search matches the joints that people mean', words);
+  await page.fill('#signal-search', 'elbow flux');
+  await page.keyboard.press('Enter');
+  const none = await page.textContent('#signals-found');
+  check(/No signal has “elbow flux”/.test(none) && await page.locator('.plot').count() === 4,
+    'a search that finds nothing says so, and adds nothing', none);
+  await page.fill('#signal-search', '');
+  await page.keyboard.press('Escape');
 
   // What is shown is saved
   await wait(() => !document.querySelector('.plot:nth-child(4) .chip b').textContent.includes('–'));

@@ -6,6 +6,8 @@ import { makeBodies } from './bodies.js';
 import { h, setText } from './dom.js';
 import { nearest } from './plot.js';
 
+const TRIES = 5; // to read a file of the server
+const AGAIN_MS = 1000;
 const POSE = 7; // columns of a body in poses.csv: position, quaternion wxyz
 const GHOST = { color: 0x8e5bd6, transparent: true, opacity: 0.35, depthWrite: false };
 
@@ -94,6 +96,30 @@ export class Compare {
     } catch (error) {
       this.complain(error.message);
     }
+  }
+
+  /** The recording of replay --with, whose files are long: tells how far it is, and tries again what breaks off. */
+  async fetch(link, directory) {
+    const read = async (name) => {
+      for (let left = TRIES - 1; ; left--) {
+        try {
+          return await link.fetchText(`/with/${name}`,
+            (share) => setText(this.text, `Loading ${name} ${Math.round(100 * share)} %`));
+        } catch (error) {
+          if (!left) throw error;
+          setText(this.text, `Loading ${name} again`);
+          await new Promise((resolve) => { setTimeout(resolve, AGAIN_MS); });
+        }
+      }
+    };
+    this.button.disabled = true;
+    try {
+      this.load(directory, await read('signals.csv'), await read('poses.csv'));
+    } catch (error) {
+      setText(this.text, 'Compare with…');
+      this.complain(`${directory} cannot be compared with: ${error.message}. Reload the page to try again.`, false, true);
+    }
+    this.button.disabled = false;
   }
 
   /** Takes the texts of its files; poses may be undefined. */

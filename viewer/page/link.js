@@ -132,4 +132,21 @@ export class Link extends EventTarget {
     if (!answer.ok) throw new Error(await answer.text() || `${path}: ${answer.status}`);
     return answer;
   }
+
+  /** The text of such a file; told(share, 0 to 1) hears how much of it has come. */
+  async fetchText(path, told) {
+    const answer = await this.fetch(path);
+    const all = Number(answer.headers.get('Content-Length'));
+    const parts = [];
+    let size = 0;
+    for (const reader = answer.body.getReader();;) {
+      const { done, value } = await reader.read();
+      if (done) break;
+      parts.push(value);
+      size += value.length;
+      told(all ? size / all : 0);
+    }
+    if (size < all) throw new Error(`${path}: only ${size} of ${all} bytes came`);
+    return new Blob(parts).text();
+  }
 }

@@ -19,6 +19,7 @@ import style from './style.css';
 import { Trace } from './trace.js';
 
 const TABLES_MS = 120;
+const PACE_S = 0.5; // over which the pace is measured
 const KEYS = [['Space', 'pause, go on'], ['.', 'one tick'], [',', 'ten ticks'], ['L', 'live again'],
   ['1 … 6', 'panels'],
   ['J', 'sliders of the task pose'], ['B', 'drag bodies, or turn the camera'], ['Ctrl drag', 'pushes a body']];
@@ -42,10 +43,12 @@ let newest = null;
 
 // ---- words for people ----
 
-function complain(text, good = false) {
-  const toast = h('div', { class: good ? 'toast good' : 'toast', role: 'status' }, text);
+/** stays: until it is closed. */
+function complain(text, good = false, stays = false) {
+  const toast = h('div', { class: good ? 'toast good' : 'toast', role: stays ? 'alert' : 'status' }, text,
+    stays ? h('button', { class: 'icon', 'aria-label': 'close', onclick: () => toast.remove() }, '×') : null);
   page.toasts.append(toast);
-  setTimeout(() => toast.remove(), 5000);
+  if (!stays) setTimeout(() => toast.remove(), 5000);
 }
 
 async function act(cmd, keys) {
@@ -251,12 +254,6 @@ function makeHelp(hello) {
   return page.help;
 }
 
-/** The recording of replay --with. */
-async function loadOther(directory) {
-  const text = async (name) => (await link.fetch(`/with/${name}`)).text();
-  page.compare.load(directory, await text('signals.csv'), await text('poses.csv'));
-}
-
 function build(hello) {
   document.title = `${hello.run.rig} · coman-hil`;
   page.hello = hello;
@@ -282,7 +279,7 @@ function build(hello) {
   page.panels = [['Joints', page.joints], ['Buses', page.buses]];
   if (hello.run.replay) {
     page.plots.seek = (time) => page.past.show(time);
-    if (hello.run.replay.with) loadOther(hello.run.replay.with).catch((error) => complain(error.message));
+    if (hello.run.replay.with) page.compare.fetch(link, hello.run.replay.with);
     page.events.load(link).catch((error) => complain(error.message));
   } else {
     page.boards = new Boards(hello);
@@ -407,12 +404,14 @@ link.addEventListener('gone', ({ detail }) => {
 });
 link.addEventListener('complaint', ({ detail }) => complain(detail));
 
-const pace = { time: 0, wall: 0, factor: NaN };
+/** Virtual seconds a second of the simulator's clock, which states carry: drawing does not count. */
+const pace = { time: NaN, clock: NaN, factor: NaN };
 
 link.addEventListener('state', ({ detail }) => {
   const { state } = detail;
   if (!page.built) return;
   newest = state;
+  updatePace(state);
   page.delay = Date.now() - state.sent;
   page.past.take(state);
   page.plots.take(state);
@@ -420,11 +419,11 @@ link.addEventListener('state', ({ detail }) => {
 });
 
 function updatePace(state) {
-  const wall = performance.now();
-  if (wall - pace.wall < 500) return;
-  if (pace.wall > 0 && state.time >= pace.time) pace.factor = 1e3 * (state.time - pace.time) / (wall - pace.wall);
+  const span = state.elapsed - pace.clock;
+  if (span >= 0 && span < PACE_S) return;
+  if (span > 0 && state.time >= pace.time) pace.factor = (state.time - pace.time) / span;
   pace.time = state.time;
-  pace.wall = wall;
+  pace.clock = state.elapsed;
 }
 
 /** The signs over the picture: what everybody has to see at once. */
@@ -441,8 +440,7 @@ function statusOf(state) {
 function renderLoad(state) {
   const tick = 1e6 * page.hello.run.tick_s;
   const part = Math.min(1, state.workMean / tick);
-  updatePace(state);
-  setText(page.figures.factor, page.over ? '–' : `×${fixed(pace.factor, 2)}`);
+  setText(page.figures.factor, page.over ? '–' : `×${fixed(state.paused ? 0 : pace.factor, 2)}`);
   setText(page.figures.tick, `${fixed(state.workMean, 0)} / ${fixed(state.work99, 0)} / ${fixed(state.workMax, 0)} us`);
   setText(page.figures.overruns, state.lost ? `${count(state.overruns)}, ${count(state.lost)} dropped` : count(state.overruns));
   setClass(page.figures.overruns, 'late', state.overruns > 0);

@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tables and tiles beside the picture: joints, boards, buses, faults and pushes, parameters.
 import { count, fixed, h, setClass, setText, short } from './dom.js';
+import { describe } from './words.js';
+
+/** A name that may go on in the next line behind its dots and underscores. */
+const breakable = (name) => name.split(/(?<=[._])/).map((part) => [part, h('wbr')]);
 
 const STATES = ['up', 'warning', 'passive', 'bus off', 'down', 'gone', 'stuck'];
 
@@ -15,7 +19,7 @@ export class Joints {
           if (event.key === 'Enter') pick(joint.name);
         },
         ondragstart: (event) => event.dataTransfer.setData('text/plain', `q_${joint.name}_rad\ntorque_${joint.name}_nm`) },
-      h('td', {}, joint.name), row.angle,
+      h('td', { title: describe(joint.name) }, breakable(joint.name)), row.angle,
         h('td', { class: 'range' }, h('span', {}, row.mark)), row.torque,
         h('td', { class: 'load' }, h('span', {}, row.bar)));
       return row;
@@ -248,9 +252,6 @@ export class Actions {
   }
 }
 
-/** A name that may go on in the next line behind its dots and underscores. */
-const breakable = (name) => name.split(/(?<=[._])/).map((part) => [part, h('wbr')]);
-
 export class Parameters {
   constructor(link, hello, complain) {
     this.link = link;
@@ -277,8 +278,14 @@ export class Parameters {
 
   #draw() {
     const words = this.search.value.toLowerCase().split(/[\s._]+/).filter(Boolean);
-    this.body.replaceChildren(...(this.list ?? []).filter(({ name }) =>
-      words.every((word) => name.toLowerCase().includes(word))).slice(0, 120).map((tunable) => {
+    const found = (this.list ?? []).filter(({ name }) =>
+      words.every((word) => describe(name).includes(word))).slice(0, 120);
+    if (this.list && !found.length) {
+      this.body.replaceChildren(h('tr', {}, h('td', { class: 'muted none', colSpan: 4 },
+        `No parameter has “${this.search.value.trim()}” in its name or description.`)));
+      return;
+    }
+    this.body.replaceChildren(...found.map((tunable) => {
       const input = h('input', { type: 'number', step: tunable.whole ? 1 : 'any', disabled: !this.can,
         value: String(tunable.value), onchange: async () => {
           try {

@@ -5,6 +5,7 @@ import { cutTable } from './compare.js';
 import { count, h, setText, short } from './dom.js';
 import { nearest, Plot, SIGNALS_MOST } from './plot.js';
 import { saveCurves, savePicture } from './plot_export.js';
+import { describe } from './words.js';
 
 const SPAN_S = 10; // that is shown of a run
 const KEPT_S = 600;
@@ -50,6 +51,7 @@ export class Plots {
     this.replay = hello.run.replay;
     if (this.replay) this.#range = [this.replay.from_s, this.replay.to_s];
     this.units = new Map(hello.signals.map(({ name, unit }) => [name, unit]));
+    this.described = new Map(hello.signals.map(({ name }) => [name, describe(name)]));
     this.store = store;
     store?.listen(() => { this.#stale = true; });
     this.compare = h('span');
@@ -159,11 +161,11 @@ export class Plots {
     return this.units.get(name) || '–';
   }
 
-  /** Signals whose names have all the words, the first ones. */
+  /** Signals whose names or descriptions have all the words, the first ones; else says that there are none. */
   #list() {
     const words = this.search.value.toLowerCase().split(/[\s_]+/).filter(Boolean);
     const names = this.hello.signals.map(({ name }) => name).filter((name) =>
-      !this.#chosen.names.includes(name) && words.every((word) => name.toLowerCase().includes(word)));
+      !this.#chosen.names.includes(name) && words.every((word) => this.described.get(name).includes(word)));
     this.found.replaceChildren(...names.slice(0, LISTED).map((name, i) => h('li', { role: 'option',
       'data-name': name, 'aria-selected': String(i === 0), id: `found-${i}`, draggable: true,
       onclick: () => this.add(name), ondragend: () => this.#clearFound(),
@@ -171,6 +173,11 @@ export class Plots {
         event.dataTransfer.setData('text/plain', name);
         event.dataTransfer.effectAllowed = 'copyMove';
       } }, name, h('span', { class: 'muted' }, this.units.get(name)))));
+    if (!names.length) {
+      this.found.replaceChildren(h('li', { class: 'muted none', role: 'status' },
+        words.length ? `No signal has “${this.search.value.trim()}” in its name or description.`
+          : 'All signals are in this plot.'));
+    }
     this.#pick(0);
   }
 
@@ -181,7 +188,7 @@ export class Plots {
   }
 
   #pick(index) {
-    const items = [...this.found.children];
+    const items = [...this.found.querySelectorAll('[role=option]')];
     this.picked = Math.min(Math.max(index, 0), items.length - 1);
     items.forEach((item, i) => item.setAttribute('aria-selected', String(i === this.picked)));
     this.search.setAttribute('aria-expanded', String(items.length > 0));
@@ -194,7 +201,7 @@ export class Plots {
     if (way) {
       event.preventDefault();
       this.#pick(this.picked + way);
-    } else if (event.key === 'Enter' && this.found.children[this.picked]) {
+    } else if (event.key === 'Enter' && this.found.children[this.picked]?.dataset.name) {
       this.add(this.found.children[this.picked].dataset.name);
     } else if (event.key === 'Escape') {
       this.#clearFound();

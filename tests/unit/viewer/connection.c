@@ -95,6 +95,29 @@ TEST_WITH(who_takes_a_little_now_and_then_stays, set_up, tear_down)
     assert_int_equal(viewer->counters.cut_slow, 1);
 }
 
+/* A browser that draws reads a long file in pieces */
+TEST_WITH(who_reads_a_file_has_two_minutes_for_each_piece, set_up, tear_down)
+{
+    static uint8_t file[200000], some[8192];
+
+    client->mode = CLIENT_CLOSING;
+    client->body = file;
+    client->body_size = sizeof file;
+    client_flush(viewer, client);
+    assert_true(client_waiting(client) > 0);
+    for (int i = 0; i < 3; i++) {
+        pass_time(12 * PATIENCE_NS - CLOCK_SECOND);
+        assert_true(client->socket >= 0 && client_waiting(client) > 0);
+        assert_true(read(far_end, some, sizeof some) > 0);
+        pass_time(CLOCK_SECOND / 2);
+    }
+    pass_time(12 * PATIENCE_NS);
+    assert_true(client->socket >= 0);
+    pass_time(1);
+    assert_int_equal(client->socket, -1);
+    assert_int_equal(viewer->counters.cut_slow, 1);
+}
+
 TEST_WITH(who_is_sent_nothing_may_be_quiet, set_up, tear_down)
 {
     pass_time(100 * PATIENCE_NS);
