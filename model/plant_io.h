@@ -51,6 +51,9 @@ struct plant_command {
 };
 
 /* True state of one joint; link side of the gear. */
+/* Temperature of a winding without a thermal model, deg C: the default ambient of those models */
+#define PLANT_AMBIENT_C 25.0
+
 struct motor_sense {
     double q, qd;     /* joint, rad, rad/s */
     double qm, qmd;   /* motor behind the gear (the paper's q^m), rad, rad/s */
@@ -62,7 +65,7 @@ struct motor_sense {
      * plant_config's bending is set */
     double bending_nm[2];
     double voltage_v; /* applied, after saturation */
-    double winding_c; /* deg C; only if effects of the drive or boards/sensing/ model it */
+    double winding_c; /* deg C; PLANT_AMBIENT_C where nothing models it */
     /* For a hydraulic joint; its motor angle is the joint's angle and its current is 0 */
     double pressure_pa[2]; /* gauge pressure on the piston side and on the rod side */
     double valve_opening;  /* -1 to 1 of its full opening, positive toward the piston side */

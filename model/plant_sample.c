@@ -163,6 +163,7 @@ static void sample_motors(struct plant *plant)
         motor[j].q = motor[j].qm = plant_joint_position(plant, plant->state, j);
         motor[j].qd = motor[j].qmd = plant_joint_rate(plant, plant->state, j);
         motor[j].torque_nm = 0.0;
+        motor[j].winding_c = PLANT_AMBIENT_C;
     }
     for (size_t i = 0; i < plant->npassive; i++) {
         size_t j = plant->passive_joint[i];
@@ -186,13 +187,14 @@ static void sample_motors(struct plant *plant)
     for (size_t d = 0; d < plant->ndrive; d++) {
         size_t j = plant->drive_joint[d];
         struct sea_state drive = plant_drive_state(plant, plant->state, d);
+        const struct robot_effects *effects = robot->joint[j].sea.effects;
 
         motor[j].qm = drive.qm;
         motor[j].qmd = drive.qmd;
         motor[j].current_a = drive.I;
         motor[j].torque_nm = plant_drive_torque(plant, plant->state, d);
         motor[j].voltage_v = plant->voltage[d];
-        if (plant->has_effects) {
+        if (plant->has_effects && effects && effects->thermal.winding_k_w > 0.0) {
             motor[j].winding_c = plant_effects_state(plant, plant->state, d).winding_c;
         }
     }
