@@ -194,8 +194,9 @@ static int64_t described_node_count(const struct described_node *node, unsigned 
                     : 0.0;
         break;
     /* Settings of an axis */
-    case DESCRIBED_CURRENT_LIMIT:
-        value = described_axis_current_limit(node, index);
+    case DESCRIBED_CURRENT_LIMIT: /* as written, even above the limit of the drive */
+        value = axis->setting[DESCRIBED_CURRENT_LIMIT - DESCRIBED_SETTING];
+        value = isfinite(value) ? value : described_axis_current_limit(node, index);
         break;
     case DESCRIBED_VELOCITY_LIMIT:
     case DESCRIBED_POSITION_GAIN:
