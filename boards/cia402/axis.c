@@ -67,23 +67,23 @@ static enum command controlword_command(int64_t word)
 static void cia402_axis_enter(struct cia402_node *node, struct cia402_axis *axis,
                               enum cia402_state state)
 {
-    bool was_on = cia402_axis_is_on(axis);
+    bool was_on = cia402_axis_is_on(axis), is_on = cia402_state_is_on(state);
 
     if (state == axis->state) {
         return;
     }
+    if (is_on != was_on) {
+        axis->command_ns = is_on ? node->board.boards->now_ns : axis->command_ns;
+        cia402_axis_stand(axis);
+    }
     board_event(&node->board, BOARD_EVENT_MODE, cia402_axis_number(node, axis), axis->state, state);
     axis->state = state;
     axis->base.mode = (uint8_t)state;
-    axis->base.on = cia402_axis_is_on(axis);
+    axis->base.on = is_on;
     axis->base.faulty = state == CIA402_FAULT || state == CIA402_FAULT_REACTION_ACTIVE;
-    if (cia402_axis_is_on(axis) && !was_on) {
-        axis->command_ns = node->board.boards->now_ns;
-        cia402_axis_stand(axis);
-    } else if (was_on && !cia402_axis_is_on(axis)) {
+    if (was_on && !is_on) {
         axis->target_voltage = axis->target_torque = 0;
         axis->base.overload_ms = 0.0;
-        cia402_axis_stand(axis);
     }
 }
 
@@ -257,30 +257,6 @@ static const struct {
     {"temperature_limit", "degree C", 0x4013, 0},
 };
 
-/* Returns the largest value of a limit that the configuration allows. */
-static int64_t cia402_most(const struct board *board, unsigned axis,
-                           const struct cia402_object *object)
-{
-    const struct board_axis_config *config = &board->config.axis[axis];
-    int64_t most = cia402_highest(object);
-
-    if (object->index == 0x4012) {
-        most = cia402_counts(config->current_limit_a, 1e-3);
-    } else if (object->index == 0x4013 && config->temperature_limit_c > 0.0) {
-        most = control_clamp(cia402_counts(config->temperature_limit_c, 1.0), 1, most);
-    }
-    return most;
-}
-
-enum cia402_abort cia402_axis_write_limit(struct cia402_node *node,
-                                          const struct cia402_entry *entry, int64_t value)
-{
-    if (value > cia402_most(&node->board, entry->unit, entry->object)) {
-        return CIA402_ABORT_TOO_HIGH;
-    }
-    return cia402_axis_write_when_off(node, entry, value);
-}
-
 /* Returns the object of a setting. */
 static struct cia402_entry cia402_setting_entry(unsigned axis, size_t index)
 {
@@ -298,7 +274,7 @@ static void cia402_setting_describe(const struct board *board, unsigned axis, si
     *setting = (struct board_setting){.name = rows[index].name,
                                       .unit = rows[index].unit,
                                       .min = (double)cia402_lowest(entry.object),
-                                      .max = (double)cia402_most(board, axis, entry.object),
+                                      .max = (double)cia402_most(cia402_node_of(board), &entry),
                                       .whole = true,
                                       .value = (double)cia402_value(cia402_node_of(board), &entry)};
 }
@@ -333,7 +309,6 @@ enum {
     /* 12/s: behind a valve, the load oscillates on the oil at about 10 Hz with little damping */
     VALVE_POSITION_GAIN = 120,
     TORQUE_MODES = 1 << (CIA402_TORQUE - 1) | 1 << (CIA402_CYCLIC_TORQUE - 1),
-    TEMPERATURE_MAX_C = 125,
 };
 
 /* Velocity loop, in multiples of the back-EMF. An error decays in half the motor's own time
@@ -373,10 +348,6 @@ void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_c
 
     /* Limits, time-out and position gain */
     p->current_limit_ma = cia402_counts(config->current_limit_a, 1e-3);
-    p->temperature_limit_c =
-        config->temperature_limit_c > 0.0
-            ? control_clamp(cia402_counts(config->temperature_limit_c, 1.0), 1, TEMPERATURE_MAX_C)
-            : TEMPERATURE_MAX_C;
     p->position_limit[0] = cia402_counts(config->lower_rad, CIA402_POSITION_RAD);
     p->position_limit[1] = cia402_counts(config->upper_rad, CIA402_POSITION_RAD);
     p->timeout_ms = control_clamp(board->command_timeout_ns / MS, 0, UINT16_MAX);
@@ -427,6 +398,7 @@ static void cia402_motor_power_up(struct board *board)
         axis->mode_display = 0;
         axis->home = 0;
         axis->homed = axis->homing_failed = axis->set_point_taken = axis->limited = false;
+        axis->has_target = false;
         cia402_axis_stand(axis);
     }
 }

@@ -335,6 +335,8 @@ void cia402_axis_stand(struct cia402_axis *axis)
     axis->goal = (double)axis->position;
     axis->moving = axis->has_next = axis->stopping = false;
     axis->homing = CIA402_HOMING_RESTS;
+    /* Targets of an axis that is on are over; those before it is switched on count */
+    axis->has_target = axis->has_target && !cia402_axis_is_on(axis);
     axis->interpolation_left_ms = 0;
     axis->torque_reference = 0.0;
     axis->integral_v = axis->velocity_integral_v = axis->base.voltage_v = 0.0;
@@ -565,7 +567,9 @@ static double cia402_axis_step_mode(struct cia402_axis *axis)
         return cia402_axis_position_law(axis);
     case CIA402_CYCLIC_POSITION: /* linear within the interpolation period */
         left = axis->interpolation_left_ms > 1 ? axis->interpolation_left_ms : 1;
-        velocity = cia402_axis_bound(axis, (double)axis->target_position) - axis->profile.position;
+        velocity = axis->has_target ? cia402_axis_bound(axis, (double)axis->target_position) -
+                                          axis->profile.position
+                                    : 0.0;
         velocity = cia402_axis_bound_velocity(axis, velocity / ((double)left * STEP_S));
         axis->interpolation_left_ms = left - 1;
         axis->profile.position += velocity * STEP_S;
@@ -744,6 +748,7 @@ enum cia402_abort cia402_axis_write_target(struct cia402_node *node,
 
     *cia402_field(node, entry) = value;
     axis->command_ns = node->board.boards->now_ns;
+    axis->has_target = axis->has_target || entry->object->index == CIA402_O_TARGET_POSITION;
     axis->interpolation_left_ms = axis->settings.interpolation_ms;
     return CIA402_DONE;
 }
@@ -757,25 +762,6 @@ enum cia402_abort cia402_axis_write_option(struct cia402_node *node,
     }
     *cia402_field(node, entry) = value;
     return CIA402_DONE;
-}
-
-/* Writes a profile type; only the linear ramp exists, for position, velocity and torque. */
-enum cia402_abort cia402_axis_write_profile_type(struct cia402_node *node,
-                                                 const struct cia402_entry *entry, int64_t value)
-{
-    if (value != 0) {
-        return CIA402_ABORT_VALUE;
-    }
-    *cia402_field(node, entry) = value;
-    return CIA402_DONE;
-}
-
-/* Accepts only its own range of positions, because joints do not turn endlessly and positions do
- * not wrap. */
-enum cia402_abort cia402_axis_write_range(struct cia402_node *node,
-                                          const struct cia402_entry *entry, int64_t value)
-{
-    return value == *cia402_field(node, entry) ? CIA402_DONE : CIA402_ABORT_VALUE;
 }
 
 enum cia402_abort cia402_axis_write_when_off(struct cia402_node *node,

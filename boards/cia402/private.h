@@ -164,6 +164,10 @@ void *cia402_place(const struct cia402_node *node, const struct cia402_entry *en
 int64_t *cia402_field(const struct cia402_node *node, const struct cia402_entry *entry);
 
 int64_t cia402_value(const struct cia402_node *node, const struct cia402_entry *entry);
+
+/* Returns the largest value of an object on a node: its row's, or less if the configuration limits
+ * it. */
+int64_t cia402_most(const struct cia402_node *node, const struct cia402_entry *entry);
 cia402_write_fn cia402_write;
 
 /* Returns whether an identifier is in CiA 301's table "restricted CAN-IDs": not allowed for PDOs,
@@ -274,6 +278,7 @@ struct cia402_axis {
     double stop_deceleration;
     enum cia402_state stop_state;  /* state after the ramp */
     int64_t interpolation_left_ms; /* time left of the present cyclic set point */
+    bool has_target;               /* a target position was written; else a cyclic axis holds */
     /* time of the last command of voltage, torque, position or velocity */
     int64_t command_ns;
     double torque_reference;                                  /* thousandths, after the slope */
@@ -298,11 +303,16 @@ static inline unsigned cia402_axis_number(const struct cia402_node *node,
     return (unsigned)(axis - node->axis);
 }
 
-/* Returns whether the bridge is closed. */
+/* Return whether the bridge is closed, in a state and in the present state. */
+static inline bool cia402_state_is_on(enum cia402_state state)
+{
+    return state == CIA402_OPERATION_ENABLED || state == CIA402_QUICK_STOP_ACTIVE ||
+           state == CIA402_FAULT_REACTION_ACTIVE;
+}
+
 static inline bool cia402_axis_is_on(const struct cia402_axis *axis)
 {
-    return axis->state == CIA402_OPERATION_ENABLED || axis->state == CIA402_QUICK_STOP_ACTIVE ||
-           axis->state == CIA402_FAULT_REACTION_ACTIVE;
+    return cia402_state_is_on(axis->state);
 }
 
 /* Sets the settings from the configuration of a board. */
@@ -337,7 +347,6 @@ cia402_write_fn cia402_write_cob, cia402_write_emcy_cob, cia402_emcy_write_histo
     cia402_pdo_write_inhibit, cia402_pdo_write_count, cia402_pdo_write_object,
     cia402_axis_write_controlword, cia402_axis_write_mode, cia402_axis_write_target,
     cia402_axis_write_option, cia402_axis_write_homing, cia402_axis_write_when_off,
-    cia402_axis_write_profile_type, cia402_axis_write_range, cia402_axis_write_limit,
     cia402_sensor_write_tare;
 
 /* ---- sensors ---- */

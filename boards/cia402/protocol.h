@@ -257,6 +257,7 @@ enum cia402_index {
     CIA402_O_CONTROLWORD = 0x6040,
     CIA402_O_STATUSWORD = 0x6041,
     CIA402_O_MODE = 0x6060,
+    CIA402_O_TARGET_POSITION = 0x607a,
     CIA402_O_CHANNEL = 0x7130, /* of sensor nodes: process values as in CiA 404 */
 };
 

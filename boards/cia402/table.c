@@ -52,7 +52,7 @@
 #define MILLIS "s", 1e-3
 #define VOLTS "V", CIA402_VOLTAGE_V
 #define NO_UNIT NULL, 0.0
-#define ANY 0, 0
+#define ANY 1, 0
 
 enum {
     GAIN_MAX = 1000000000,
@@ -130,10 +130,11 @@ const struct cia402_object cia402_objects[] = {
     AXIS(valve_opening, 0x4009, ONE, I16, RO_MAP, "Valve opening", PER_MILLE, 0, ANY),
     AXIS(faults, 0x4010, ONE, U32, RO_MAP, "Faults", NO_UNIT, 0, ANY),
     OPTION(timeout_ms, 0x4011, ONE, U16, RW, "Command time-out", MILLIS, 0, ANY),
-    OPTION(current_limit_ma, 0x4012, ONE, U32, RW_BY(axis_write_limit), "Current limit", UNIT("A",
-        1e-3), 1, IN(1, INT32_MAX)),
-    OPTION(temperature_limit_c, 0x4013, ONE, I16, RW_BY(axis_write_limit), "Temperature limit",
-        UNIT("degC", 1.0), 125, IN(1, 125)),
+    OPTION(current_limit_ma, 0x4012, ONE, U32, RW_BY(axis_write_when_off), "Current limit",
+        UNIT("A", 1e-3), 1, IN(1, INT32_MAX)),
+    /* A limit that is not above the ambient temperature would be a fault at once */
+    OPTION(temperature_limit_c, 0x4013, ONE, I16, RW_BY(axis_write_when_off), "Temperature limit",
+        UNIT("degC", 1.0), 125, IN(26, 125)),
     OPTION(current_gain, 0x4014, SUBS(3), I32, RW_BY(axis_write_when_off), "Current loop gain",
         NO_UNIT, 0, IN(0, GAIN_MAX)),
     OPTION(velocity_gain, 0x4015, SUBS(3), I32, RW_BY(axis_write_when_off), "Velocity loop gain",
@@ -156,7 +157,7 @@ const struct cia402_object cia402_objects[] = {
     OPTION(halt_option, 0x605d, ONE, I16, RW, "Halt option code", NO_UNIT, 1, IN(1, 2)),
     OPTION(fault_option, 0x605e, ONE, I16, RW, "Fault reaction option code", NO_UNIT, 2, IN(0, 2)),
     OPTION(mode, 0x6060, ONE, I8, RW_MAP_BY(axis_write_mode), "Modes of operation", NO_UNIT, 0,
-        ANY),
+        IN(CIA402_VOLTAGE_MODE, CIA402_CYCLIC_TORQUE)),
     AXIS(mode_display, 0x6061, ONE, I8, RO_MAP, "Modes of operation display", NO_UNIT, 0, ANY),
     AXIS(position_demand, 0x6062, ONE, I32, RO_MAP, "Position demand value", RAD, 0, ANY),
     AXIS(position, 0x6064, ONE, I32, RO_MAP, "Position actual value", RAD, 0, ANY),
@@ -182,10 +183,11 @@ const struct cia402_object cia402_objects[] = {
     AXIS(supply_mv, 0x6079, ONE, U32, RO_MAP, "DC link circuit voltage", UNIT("V", 1e-3), 0, ANY),
     AXIS(target_position, 0x607a, ONE, I32, RW_MAP_BY(axis_write_target), "Target position", RAD,
         0, ANY),
-    OPTION(position_range[0], 0x607b, SUB(1), I32, RW_BY(axis_write_range),
-        "Min position range limit", RAD, INT32_MIN, ANY),
-    OPTION(position_range[1], 0x607b, SUB(2), I32, RW_BY(axis_write_range),
-        "Max position range limit", RAD, INT32_MAX, ANY),
+    /* Joints do not turn endlessly, and positions do not wrap: there is one range */
+    OPTION(position_range[0], 0x607b, SUB(1), I32, RW, "Min position range limit", RAD, INT32_MIN,
+        IN(INT32_MIN, INT32_MIN)),
+    OPTION(position_range[1], 0x607b, SUB(2), I32, RW, "Max position range limit", RAD, INT32_MAX,
+        IN(INT32_MAX, INT32_MAX)),
     OPTION(home_offset, 0x607c, ONE, I32, RW, "Home offset", RAD, 0, ANY),
     OPTION(position_limit, 0x607d, SUBS(2), I32, RW, "Software position limit", RAD, 0, ANY),
     OPTION(max_profile_velocity, 0x607f, ONE, U32, RW, "Max profile velocity", RAD_S, 1000000, ANY),
@@ -197,14 +199,15 @@ const struct cia402_object cia402_objects[] = {
         IN(1, UINT32_MAX)),
     OPTION(quick_stop_deceleration, 0x6085, ONE, U32, RW_MAP, "Quick stop deceleration", RAD_S2,
         5000000, IN(1, UINT32_MAX)),
-    OPTION(motion_profile_type, 0x6086, ONE, I16, RW_MAP_BY(axis_write_profile_type),
-        "Motion profile type", NO_UNIT, 0, ANY),
+    /* Only the linear ramp exists, for position, velocity and torque */
+    OPTION(motion_profile_type, 0x6086, ONE, I16, RW_MAP, "Motion profile type", NO_UNIT, 0,
+        IN(0, 0)),
     OPTION(torque_slope, 0x6087, ONE, U32, RW_MAP, "Torque slope", PER_MILLE, 1000000, IN(1,
         UINT32_MAX)),
-    OPTION(torque_profile_type, 0x6088, ONE, I16, RW_MAP_BY(axis_write_profile_type),
-        "Torque profile type", NO_UNIT, 0, ANY),
+    OPTION(torque_profile_type, 0x6088, ONE, I16, RW_MAP, "Torque profile type", NO_UNIT, 0,
+        IN(0, 0)),
     OPTION(homing_method, 0x6098, ONE, I8, RW_BY(axis_write_homing), "Homing method", NO_UNIT, 37,
-        ANY),
+        IN(0, 37)),
     OPTION(homing_speed, 0x6099, SUBS(2), U32, RW, "Homing speed", RAD_S, 10000, ANY),
     OPTION(homing_acceleration, 0x609a, ONE, U32, RW, "Homing acceleration", RAD_S2, 100000, ANY),
     AXIS(velocity_offset, 0x60b1, ONE, I32, RW_MAP, "Velocity offset", RAD_S, 0, ANY),
@@ -257,7 +260,7 @@ static bool cia402_type_is_signed(enum cia402_type type)
 
 int64_t cia402_lowest(const struct cia402_object *object)
 {
-    if (object->min || object->max) {
+    if (object->min <= object->max) {
         return object->min;
     }
     return cia402_type_is_signed(object->type)
@@ -269,10 +272,29 @@ int64_t cia402_highest(const struct cia402_object *object)
 {
     unsigned bits = cia402_type_bits(object->type);
 
-    if (object->min || object->max) {
+    if (object->min <= object->max) {
         return object->max;
     }
     return (INT64_C(1) << (cia402_type_is_signed(object->type) ? bits - 1 : bits)) - 1;
+}
+
+int64_t cia402_most(const struct cia402_node *node, const struct cia402_entry *entry)
+{
+    const struct board_axis_config *config = &node->board.config.axis[entry->unit];
+    int64_t most = cia402_highest(entry->object);
+
+    switch (entry->object->index) {
+    case 0x4012:
+        return cia402_counts(config->current_limit_a, 1e-3);
+    case 0x4013:
+        return config->temperature_limit_c > 0.0
+                   ? control_clamp(cia402_counts(config->temperature_limit_c, 1.0), 1, most)
+                   : most;
+    case 0x6060: /* a valve has no torque modes */
+        return config->valve ? CIA402_CYCLIC_VELOCITY : most;
+    default:
+        return most;
+    }
 }
 
 const struct cia402_object *cia402_object_at(unsigned index, unsigned sub)
@@ -433,7 +455,7 @@ enum cia402_abort cia402_write(struct cia402_node *node, const struct cia402_ent
     if (!object || (object->access & CIA402_ACCESS_MASK) < CIA402_RW) {
         return CIA402_ABORT_READ_ONLY;
     }
-    if (value > cia402_highest(object)) {
+    if (value > cia402_most(node, entry)) {
         return CIA402_ABORT_TOO_HIGH;
     }
     if (value < cia402_lowest(object)) {
@@ -500,7 +522,7 @@ int64_t cia402_get(enum cia402_type type, const uint8_t *data)
  * it. */
 void cia402_put(enum cia402_type type, int64_t value, uint8_t *data)
 {
-    const struct cia402_object bounds = {.type = type};
+    const struct cia402_object bounds = {.type = type, .min = 1}; /* any value of the type */
 
     value = control_clamp(value, cia402_lowest(&bounds), cia402_highest(&bounds));
     for (unsigned i = 0; i < cia402_type_bits(type) / 8; i++) {
@@ -523,7 +545,8 @@ static void cia402_set_initial(struct cia402_node *node, const struct cia402_obj
         } else if (object->type == CIA402_DOMAIN) {
             memset(cia402_place(node, &entry), 0, sizeof(struct cia402_domain));
         } else {
-            *cia402_field(node, &entry) = object->initial + plus;
+            *cia402_field(node, &entry) = control_clamp(
+                object->initial + plus, cia402_lowest(object), cia402_most(node, &entry));
         }
     }
 }
@@ -592,7 +615,7 @@ static void object_print_row(const struct cia402_object *object, FILE *out)
     if (object->unit) {
         snprintf(measure, sizeof measure, ", in %g %s", object->scale, object->unit);
     }
-    if (object->min || object->max) {
+    if (object->min <= object->max) {
         snprintf(range, sizeof range, ", %" PRId64 " to %" PRId64, object->min, object->max);
     }
     if (object->initial) {
@@ -680,9 +703,9 @@ static void eds_put_variable(const struct cia402_node *node, const struct cia402
     fprintf(out, "ObjectType=0x%X\nDataType=0x%04X\nAccessType=%s%s\n", OBJECT_VARIABLE,
             entry->type, access_names[access & CIA402_ACCESS_MASK],
             access & CIA402_MAP_RPDO ? "w" : "");
-    if (object && (object->min || object->max)) {
+    if (object && object->min <= object->max) {
         eds_put_number("LowLimit", entry->type, object->min, out);
-        eds_put_number("HighLimit", entry->type, object->max, out);
+        eds_put_number("HighLimit", entry->type, cia402_most(node, entry), out);
     }
 
     /* The default is the present value; a domain has none. A COB-ID may include the Node-ID */

@@ -68,7 +68,7 @@ struct cia402_object {
     const char *unit; /* unit of value * scale; NULL = dimensionless */
     double scale;     /* 0 means 1 */
     int64_t initial;  /* at the first power-up, unless the configuration sets it */
-    int64_t min, max; /* both 0 = any value of the type */
+    int64_t min, max; /* min > max = any value of the type */
 };
 
 /* An object of a node: its row, sub-index, and axis or PDO. */

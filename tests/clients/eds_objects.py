@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every object that the EDS of a CANopen node names, asked of the node by SDO: it is there, has the
 size of its type and the value that the EDS promises; what is read-only refuses a write, what has
-limits refuses what is beyond. And the EDS has the objects that CiA 301 and 402-2 make mandatory.
+limits accepts them and refuses what is beyond. And the EDS has the objects that CiA 301 and 402-2 make mandatory.
 Prints TAP.
 
 eds_objects.py PROGRAM"""
@@ -93,15 +93,19 @@ def complaints(node, name, keys):
         if node.write(index, sub, found) != READ_ONLY:
             yield f"{name}: a write of what is {keys['AccessType']} is not refused"
         return
+    bits, signed = 8 * size, kind in SIGNED
     for key, step, reason in (("LowLimit", -1, TOO_LOW), ("HighLimit", 1, TOO_HIGH)):
-        if key in keys:
-            beyond = int(keys[key], 0) + step
-            bits = 8 * size
-            if -(1 << bits - 1) <= beyond < 1 << (bits - 1 if kind in SIGNED else bits) and (
-                    beyond >= 0 or kind in SIGNED):
-                data = beyond.to_bytes(size, "little", signed=kind in SIGNED)
-                if node.write(index, sub, data) not in (reason, VALUE):
-                    yield f"{name}: {beyond} is not refused"
+        if key not in keys:
+            continue
+        own = int(keys[key], 0)
+        if node.write(index, sub, own.to_bytes(size, "little", signed=signed)) != 0:
+            yield f"{name}: its {key} {own} is refused"
+        beyond = own + step
+        if (-(1 << bits - 1) if signed else 0) <= beyond < 1 << (bits - 1 if signed else bits):
+            data = beyond.to_bytes(size, "little", signed=signed)
+            if node.write(index, sub, data) not in (reason, VALUE):
+                yield f"{name}: {beyond} is not refused"
+        node.write(index, sub, found)
 
 
 def main():
@@ -112,7 +116,7 @@ def main():
     eds.read_string(text)
     variables = [s for s in eds.sections() if re.fullmatch("[0-9A-F]{4}(sub[0-9A-F]+)?", s)
                  and "DataType" in eds[s]]
-    print(f"1..{len(MANDATORY) + 1}")
+    print(f"1..{len(MANDATORY) + 2}")
     with coman_hil.Simulator(RIG, program=PROGRAM, hold="always", joints=False) as simulator:
         node = Node(simulator)
         simulator.step(5)
@@ -124,6 +128,8 @@ def main():
         wrong = [c for name in variables for c in complaints(node, name, eds[name])]
         result(not wrong and len(variables) > 500, f"{len(variables)} objects are as the EDS says",
                "\n".join(wrong))
+        result(node.read(0x4006, 0) == bytes([25, 0]),
+               "a winding without a thermal model is at 25 degrees C")
     return tap.failed > 0
 
 

@@ -236,6 +236,75 @@ TEST(a_stale_cyclic_position_is_approached_slowly)
     bench_stop(&motor.bench);
 }
 
+/* A cyclic axis moves to targets alone that came since it was switched off: not to 0, not to an old
+ * one, not to the way of a relative move. */
+TEST(a_cyclic_axis_without_a_target_holds_its_place)
+{
+    struct motor motor;
+
+    memset(&motor, 0, sizeof motor);
+    configure(&motor.bench);
+    motor.angle = motor.bench.sense[0].q = motor.bench.sense[0].qm = 0.4;
+    start_motor(&motor, 8);
+    turn(&motor, 300);
+    assert_near(motor.angle, 0.4, 1e-3);
+    assert_near((double)get(&motor, 0x6062), 40000.0, 100.0);
+    put(&motor, 0x607a, 0, 4, 60000);
+    turn(&motor, 500);
+    assert_near(motor.angle, 0.6, 1e-3);
+
+    /* Off, moved by hand, on again */
+    put(&motor, 0x6040, 0, 2, 0x06);
+    motor.angle = 0.1;
+    motor.velocity = 0.0;
+    turn(&motor, 20);
+    put(&motor, 0x6040, 0, 2, 0x07);
+    put(&motor, 0x6040, 0, 2, 0x0f);
+    turn(&motor, 300);
+    assert_near(motor.angle, 0.1, 2e-3);
+
+    /* A quick stop ends the target, too; so does another mode */
+    put(&motor, 0x605a, 0, 2, 6);
+    put(&motor, 0x607a, 0, 4, 90000);
+    put(&motor, 0x6040, 0, 2, 0x02);
+    turn(&motor, 300);
+    put(&motor, 0x6040, 0, 2, 0x0f);
+    turn(&motor, 300);
+    assert_true(motor.angle < 0.3);
+    put(&motor, 0x6060, 0, 1, 1);
+    put(&motor, 0x607a, 0, 4, 20000);
+    put(&motor, 0x6040, 0, 2, 0x5f); /* relative */
+    turn(&motor, 1000);
+    put(&motor, 0x6060, 0, 1, 8);
+    {
+        const double before = motor.angle;
+
+        turn(&motor, 300);
+        assert_near(motor.angle, before, 2e-3);
+    }
+    bench_stop(&motor.bench);
+}
+
+/* A target that is written before the axis is switched on counts. */
+TEST(a_cyclic_target_may_come_before_the_axis_is_on)
+{
+    struct motor motor;
+
+    memset(&motor, 0, sizeof motor);
+    configure(&motor.bench);
+    bench_start(&motor.bench);
+    turn(&motor, 1);
+    put(&motor, 0x607a, 0, 4, 30000);
+    put(&motor, 0x6060, 0, 1, 8);
+    turn(&motor, 5);
+    for (int word = 6; word <= 0x0f; word += word == 6 ? 1 : 8) {
+        put(&motor, 0x6040, 0, 2, word);
+    }
+    turn(&motor, 500);
+    assert_near(motor.angle, 0.3, 1e-3);
+    bench_stop(&motor.bench);
+}
+
 /* ---- torque and voltage ---- */
 
 TEST(torque_follows_its_slope_and_the_cyclic_one_at_once)

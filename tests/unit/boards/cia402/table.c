@@ -254,7 +254,7 @@ TEST(a_valve_tells_its_pressures_and_has_no_torque_modes)
     assert_int_equal(READ(0x4014, 3), 360);
     assert_int_equal(READ(0x6502, 0) & torque_modes, 0);
     assert_int_equal(sdo_write(&bench, 0, 4, 0x6060, 0, 1, 4), 0x06090030);
-    assert_int_equal(sdo_write(&bench, 0, 4, 0x6060, 0, 1, 10), 0x06090030);
+    assert_int_equal(sdo_write(&bench, 0, 4, 0x6060, 0, 1, 10), 0x06090031); /* 9 is the highest */
     WRITE(0x6060, 0, 1, 8);
 
     /* The axis beside it has a motor */
