@@ -168,7 +168,8 @@ static void moteus_board_command(struct board *board)
     if (mode == MOTEUS_STOPPED) {
         moteus->value[MOTEUS_R_FAULT] = MOTEUS_NO_FAULT;
         moteus_set_mode(board, MOTEUS_STOPPED);
-    } else if (isfinite(moteus->command[MOTEUS_R_STOP_POSITION])) {
+    } else if (mode == MOTEUS_POSITION && isfinite(moteus->command[MOTEUS_R_STOP_POSITION]) &&
+               (isfinite(moteus->velocity_limit) || isfinite(moteus->acceleration_limit))) {
         moteus_raise_fault(board, MOTEUS_STOP_POSITION);
     }
 }
@@ -184,6 +185,7 @@ static void moteus_power_up(struct board *board)
                                                                               : axis->bemf_v_s_rad,
                                        .timeout_s = NAN,
                                        .before = NAN,
+                                       .link_before = NAN,
                                        .path = {.position = NAN, .target = NAN}};
     struct moteus_board *moteus = moteus_board_of(board);
 
@@ -224,7 +226,7 @@ static void moteus_sample(struct board *board, const struct plant_sensors *senso
 {
     struct moteus_board *moteus = moteus_board_of(board);
     struct axis *axis = &moteus->axis;
-    double *value = moteus->value;
+    double *value = moteus->value, link;
 
     (void)sensors;
     axis_find_angles(axis);
@@ -240,8 +242,11 @@ static void moteus_sample(struct board *board, const struct plant_sensors *senso
     value[MOTEUS_R_TORQUE] = axis->current_a * moteus->torque_nm_a;
     value[MOTEUS_R_TORQUE_ERROR] = value[MOTEUS_R_TORQUE] - value[MOTEUS_R_CONTROL_TORQUE];
     value[MOTEUS_R_Q_CURRENT] = axis->current_a;
-    value[MOTEUS_R_ABS_POSITION] = value[MOTEUS_R_ENCODER_1_POSITION] =
-        moteus_fraction(axis->link_rad / TURN);
+    link = axis->link_rad / TURN;
+    moteus->link_before = isnan(moteus->link_before) ? link : moteus->link_before;
+    axis_update_rate(&value[MOTEUS_R_ENCODER_1_VELOCITY], &moteus->link_before, link,
+                     axis->passed_ms);
+    value[MOTEUS_R_ABS_POSITION] = value[MOTEUS_R_ENCODER_1_POSITION] = moteus_fraction(link);
     value[MOTEUS_R_ENCODER_0_POSITION] = moteus_fraction(moteus->motor * axis->config->gear);
     value[MOTEUS_R_POWER] = axis->current_a * axis->voltage_v;
     value[MOTEUS_R_VOLTAGE] = axis->supply_v;
@@ -348,6 +353,13 @@ static double moteus_position_law(struct moteus_board *moteus)
     }
     moteus_path_step(path, number_or_0(command[MOTEUS_R_VELOCITY_COMMAND]), moteus->velocity_limit,
                      moteus->acceleration_limit);
+    /* An axis that moves away from its stop position stands there; without one it is NaN */
+    if ((path->position - command[MOTEUS_R_STOP_POSITION]) *
+            number_or_0(command[MOTEUS_R_VELOCITY_COMMAND]) >
+        0.0) {
+        path->position = command[MOTEUS_R_STOP_POSITION];
+        path->velocity = 0.0;
+    }
     if (command[MOTEUS_R_IGNORE_BOUNDS] == 0.0 &&
         !(path->position >= lower && path->position <= upper)) {
         path->position = fmax(fmin(path->position, upper), lower);

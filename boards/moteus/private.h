@@ -36,6 +36,7 @@ struct moteus_board {
     double zero; /* motor position displayed as 0 */
 
     double motor, velocity, before; /* motor position, its speed, and the position one sample ago */
+    double link_before;             /* link position one sample ago */
     double integral_v;
 };
 

@@ -371,9 +371,68 @@ TEST_WITH(a_fault_stays_until_a_stop, set_up, tear_down)
     command(bench, "01 00 00");
     ask(bench, "11 00", "21 00 00");
     bench->sense[0].qm = 0.0;
-    /* A stop position is no use with the default limit of acceleration */
-    command(bench, "01 00 0A 0D 26 00 00 00 00");
-    ask(bench, "11 00 11 0F", "21 00 01 21 0F 2D");
+}
+
+/* A stop position is refused with a limit of speed or acceleration, also the default one; in other
+ * modes it has no meaning. */
+TEST_WITH(a_stop_position_needs_both_limits_lifted, set_up, tear_down)
+{
+    static const struct {
+        const char *command, *reply;
+    } cases[] = {
+        {"01 00 0A 0D 26 00 00 00 00", "21 00 01 21 0F 2D"},
+        {"01 00 0A 0D 26 00 00 00 00 0D 28 00 00 80 BF", "21 00 01 21 0F 2D"},
+        {"01 00 0A 0D 26 00 00 00 00 0D 29 00 00 80 BF", "21 00 0A 21 0F 00"}, /* no speed limit */
+        {"01 00 0A 0D 26 00 00 00 00 0E 28 00 00 00 40 00 00 80 BF", "21 00 01 21 0F 2D"},
+        {"01 00 0A 0D 26 00 00 00 00 0E 28 00 00 80 BF 00 00 80 BF", "21 00 0A 21 0F 00"},
+        {"01 00 0A 0D 26 00 00 C0 7F", "21 00 0A 21 0F 00"},
+        {"01 00 0C 0D 26 00 00 00 00", "21 00 0C 21 0F 00"},
+    };
+    struct board_bench *bench = *test_state;
+
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        keep(bench, cases[i].command, 20);
+        ask(bench, "11 00 11 0F", cases[i].reply);
+        command(bench, "01 00 00");
+        ask(bench, "11 00 11 0F", "21 00 00 21 0F 00");
+    }
+}
+
+/* From 0 with 1 turn/s to the stop at 0.125 turn, and from there back with -1 turn/s to -0.125. */
+TEST_WITH(a_velocity_ends_at_the_stop_position, set_up, tear_down)
+{
+    struct board_bench *bench = *test_state;
+
+    keep(bench, "01 00 0A", 20);
+    for (int back = 0; back < 2; back++) {
+        const char *moves = back ? "01 00 0A 0E 20 00 00 C0 7F 00 00 80 BF 0D 26 00 00 00 BE "
+                                   "0E 28 00 00 80 BF 00 00 80 BF"
+                                 : "01 00 0A 0E 20 00 00 C0 7F 00 00 80 3F 0D 26 00 00 00 3E "
+                                   "0E 28 00 00 80 BF 00 00 80 BF";
+        double way = back ? -0.25 : 0.125;
+
+        keep(bench, moves, back ? 200 : 100);
+        assert_near(value_of(bench, 0x038), back ? -0.075 : 0.1, 0.003);
+        assert_near(value_of(bench, 0x039), way > 0.0 ? 1.0 : -1.0, 1e-6);
+        keep(bench, moves, 100);
+        assert_near(value_of(bench, 0x038), back ? -0.125 : 0.125, 1e-6);
+        assert_true(value_of(bench, 0x039) == 0.0);
+    }
+}
+
+/* Both encoders have a speed: the motor's of the output, the link's of the joint. */
+TEST_WITH(each_encoder_tells_its_own_speed, set_up, tear_down)
+{
+    struct board_bench *bench = *test_state;
+
+    for (int t = 0; t < 100; t++) {
+        bench->sense[0].qm = 2.0 * M_PI * 2e-3 * t; /* 2 turn/s */
+        bench->sense[0].q = 2.0 * M_PI * 0.5e-3 * t;
+        bench_tick(bench);
+    }
+    assert_near(value_of(bench, 0x051), 2.0, 0.02);
+    bench->sense[0].q += 2.0 * M_PI * 0.5e-3;
+    assert_near(value_of(bench, 0x053), 0.5, 0.3);
 }
 
 /* With an acceleration of 1 turn/s2 a quarter of a turn takes 1 s: half of it up to 0.5 turn/s. */
