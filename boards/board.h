@@ -60,6 +60,10 @@ struct boards_bus_config {
 
 enum { BOARD_AXES_MAX = 4, BOARD_CHANNELS = 6, BOARD_REPLIES_MAX = 64 };
 
+/* Time from a restart until a board answers, unless the rig has boot_s. A client that resets a node
+ * has time to listen for its boot-up. */
+#define BOARD_RESTART_NS INT64_C(50000000)
+
 /* Limits of the supply as multiples of the rig's supply; beyond them a board has an under-voltage
  * or over-voltage fault. Our choice: 24 V and 60 V for 48 V. */
 #define BOARD_UNDER_VOLTAGE_RATIO 0.5
@@ -134,8 +138,9 @@ struct board_config {
     int64_t period_ns;
     /* foc motors: shortest period of STATUS; 0 = STATUS with every FOC */
     int64_t status_period_ns;
-    /* time from power-up to the start of the application; 0 = starts at once */
-    int64_t boot_ns;
+    /* time from power-up to the start of the application, at the start of a run and after a
+     * restart; a restart takes restart_ns at least; 0 = starts at once */
+    int64_t boot_ns, restart_ns;
     /* sends telemetry without a host's command: STRAIN calibrated frames, inertial acceleration,
      * rate and quaternion, icub motors with the policy 0x7f, compact telemetry */
     bool transmit_at_start;

@@ -606,7 +606,10 @@ bool board_set_address(struct board *board, uint8_t address)
 
 void board_enter_bootloader(struct board *board, int64_t duration_ns)
 {
-    board->application_ns = board->boards->now_ns + duration_ns;
+    int64_t restart_ns = board->config.restart_ns;
+
+    board->application_ns =
+        board->boards->now_ns + (duration_ns > restart_ns ? duration_ns : restart_ns);
     board->boots++;
     if (!board->in_bootloader) {
         board->in_bootloader = true;

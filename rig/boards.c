@@ -452,6 +452,9 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
     board->name = raw->board.name ? raw->board.name : arena_strdup(b->arena, name);
     board->bus = bus;
     board->address = (uint8_t)raw->address;
+    /* Without boot_s a run begins with boards that are up */
+    board->restart_ns = board->boot_ns < 0 ? BOARD_RESTART_NS : board->boot_ns;
+    board->boot_ns = board->boot_ns > 0 ? board->boot_ns : 0;
     board->under_voltage_v = BOARD_UNDER_VOLTAGE_RATIO * b->rig->supply_v;
     board->over_voltage_v = BOARD_OVER_VOLTAGE_RATIO * b->rig->supply_v;
     board->under_pressure_pa = BOARD_UNDER_PRESSURE_RATIO * b->robot->hydraulic_supply.pressure;

@@ -249,6 +249,7 @@ static const struct yaml_field motors_fields[] = {
 };
 static const struct raw_motors motors_defaults = {.rotor_poles = 8,
                                                   .board = {.command_timeout_ns = 100000000,
+                                                            .boot_ns = -1,
                                                             .period_ns = 1000000,
                                                             .external_timeout_ns = 20000000},
                                                   .axis.temperature_limit_c = 70.0};

@@ -139,6 +139,9 @@ TEST_WITH(hands_every_board_what_it_needs, open_rig_tree, close_rig_tree)
     assert_true(fabs(board[0].axis[1].joint_ticks_per_rad * 2 * M_PI - 4096) < 1e-9);
     assert_true(board[0].axis[1].upper_rad == 2.0);
     assert_int_equal(board[0].command_timeout_ns, 100000000);
+    /* Without boot_s a run begins with boards that are up, and a restart takes 50 ms */
+    assert_int_equal(board[0].boot_ns, 0);
+    assert_int_equal(board[0].restart_ns, 50000000);
     assert_int_equal(board[1].torque_joint[2], 0);
     assert_int_equal(board[1].torque_joint[3], -1);
     assert_true(board[1].full_scale[0] == 55.0);

@@ -41,10 +41,12 @@ TEST(a_held_signal_is_what_it_was_held_from)
         double p = width * (i + 0.5);
 
         sine_fit_add(&fit, p, place(i), sin(width / 2) / (width / 2),
-                     2 * (cos(p - width / 2) - cos(p + width / 2)) / width);
+                     (2 * (cos(p - width / 2) - cos(p + width / 2)) +
+                      1.5 * (sin(p + width / 2) - sin(p - width / 2))) /
+                         width);
     }
     assert_true(sine_fit_solve(&fit, &sine));
-    assert_true(fabs(sine.cosine) < 1e-9 && fabs(sine.sine - 2) < 1e-9);
+    assert_true(fabs(sine.cosine - 1.5) < 1e-9 && fabs(sine.sine - 2) < 1e-9);
 }
 
 TEST(coherence_is_the_part_that_is_the_sine)

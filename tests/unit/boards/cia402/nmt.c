@@ -34,6 +34,26 @@ TEST(a_node_boots_into_pre_operational)
     bench_stop(&bench);
 }
 
+/* After a reset it boots for restart_ns, so that a client can wait for the boot-up. */
+TEST(a_node_that_is_reset_takes_its_time)
+{
+    struct board_bench bench;
+    int ticks = 0;
+
+    configure(&bench);
+    bench.board[0].restart_ns = 50000000;
+    bench_start(&bench);
+    bench_tick(&bench);
+    bench_expect(&bench, 0, 0x704, "00"); /* a run begins with a node that is up */
+    nmt(&bench, CIA402_NMT_RESET_NODE, 4);
+    do {
+        bench_tick(&bench);
+        ticks++;
+    } while (!bench_sent(&bench, 0, 0x704) && ticks < 1000);
+    assert_in_range(ticks, 50, 52);
+    bench_stop(&bench);
+}
+
 /* Which services a node has in which state (CiA 301, 7.3.2.2.5): PDO, SDO, NMT. */
 TEST(states_have_their_services)
 {

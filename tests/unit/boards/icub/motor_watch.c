@@ -89,6 +89,25 @@ TEST(a_velocity_without_fresh_commands_becomes_zero)
     bench_stop(&bench);
 }
 
+/* The time-out of 100 ms is over in the tick that begins later, not in the one that begins then. */
+TEST(a_velocity_lives_as_long_as_its_time_out)
+{
+    struct board_bench bench;
+    int ticks = 0;
+
+    bench_open(&bench);
+    bench_send(&bench, 0, 0x001, "56 64 00");
+    set_mode(&bench, 0x02);
+    bench_tick(&bench);
+    bench_send(&bench, 0, 0x001, "1C 20 00 00 01");
+    while (bench_counters(&bench).timeouts == 0 && ticks < 1000) {
+        bench_tick(&bench);
+        ticks++;
+    }
+    assert_int_equal(ticks, 101);
+    bench_stop(&bench);
+}
+
 TEST(a_silent_torque_source_disables_torque_modes)
 {
     static const unsigned modes[] = {0x03, 0x04, 0x05};
@@ -233,6 +252,83 @@ TEST(the_inrush_of_a_voltage_step_does_not_trip)
     bench_ticks(&bench, 100);
     assert_int_equal(bench_counters(&bench).trips, 0);
     bench_stop(&bench);
+}
+
+/* An axis that rests saves no heat for later: twice the limit trips in the fourth tick. */
+TEST(a_rest_gives_no_credit_to_an_over_current)
+{
+    struct board_bench bench;
+    int ticks = 0;
+
+    bench_open(&bench);
+    bench_send(&bench, 0, 0x001, "48 E8 03 00 00"); /* 1000 mA */
+    set_mode(&bench, 0x50);
+    bench_ticks(&bench, 1000);
+    bench.sense[0].current_a = 2.0;
+    boards_sample(bench.boards, bench.now_ns, &bench.sensors);
+    while (bench_counters(&bench).trips == 0 && ticks < 1000) {
+        bench_tick(&bench);
+        ticks++;
+    }
+    assert_int_equal(ticks, 4);
+    bench_stop(&bench);
+}
+
+/* 0.1 degree C a count: 100.0 is the limit, 100.1 is above it. A thermometer without a number trips
+ * nothing, whatever it said before, and STATUS says so. */
+TEST(a_hot_winding_trips_and_a_failed_thermometer_does_not)
+{
+    struct board_event event;
+    struct board_bench bench;
+
+    bench_open(&bench);
+    bench_send(&bench, 0, 0x001, "49 04 00 00 00");
+    bench_send(&bench, 0, 0x001, "79 E8 03"); /* SET_TEMPERATURE_LIMIT */
+    set_mode(&bench, 0x50);
+    bench.sense[0].winding_c = 100.0;
+    bench_ticks(&bench, 8);
+    assert_true(bench.motor[0].bridge_on);
+    bench.sense[0].winding_c = 100.1;
+    bench_ticks(&bench, 3);
+    assert_false(bench.motor[0].bridge_on);
+    assert_int_equal(bench_counters(&bench).trips, 1);
+    assert_true(bench_event(&bench, BOARD_EVENT_OVER_HEATED, &event));
+    assert_int_equal(event.axis, 0);
+    assert_int_equal(event.a, 1001);
+    bench_ticks(&bench, 4);
+    bench.sense[0].winding_c = (double)NAN;
+    bench_expect_frame(bench_next_status(&bench), BENCH_STATUS, "00 A0 00 00 00 08 00 00");
+    set_mode(&bench, 0x09);
+    set_mode(&bench, 0x50);
+    bench_ticks(&bench, 20);
+    assert_true(bench.motor[0].bridge_on);
+    assert_int_equal(bench_counters(&bench).trips, 1);
+    bench_stop(&bench);
+}
+
+/* The state of the CAN controller begins at 96 and at 128, of each counter by itself. */
+TEST(can_states_begin_at_their_counts)
+{
+    static const struct {
+        unsigned tec, rec, status;
+    } cases[] = {{127, 0, 0x00}, {128, 0, 0x04}, {0, 95, 0x00},
+                 {0, 96, 0x20},  {0, 127, 0x20}, {0, 128, 0x28}};
+
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const struct board_can_state can = {.tec = cases[i].tec, .rec = cases[i].rec};
+        const struct bus_frame *frame;
+        struct board_bench bench;
+
+        bench_open(&bench);
+        bench_send(&bench, 0, 0x001, "49 04 00 00 00");
+        bench_ticks(&bench, 8);
+        boards_set_can_state(bench.boards, 0, &can);
+        set_mode(&bench, 0x50); /* a change of mode is told in any state */
+        frame = bench_next_status(&bench);
+        assert_non_null(frame);
+        assert_int_equal(frame->data[4], cases[i].status);
+        bench_stop(&bench);
+    }
 }
 
 TEST(under_voltage_is_a_fault_as_long_as_it_lasts)

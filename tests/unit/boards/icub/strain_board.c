@@ -311,6 +311,31 @@ TEST(tares_take_the_present_load_away)
     bench_stop(&bench);
 }
 
+/* Readings and tares end at 16 bits, they do not wrap: 0xF9FF and 0x03E8 are the last good ones. */
+TEST(tares_end_where_16_bits_end)
+{
+    struct board_bench bench;
+
+    bench_open(&bench);
+    bench_send(&bench, 0, 0x20d, "07 04");
+    bench_send(&bench, 0, 0x20d, "08 01");
+    for (int i = 0; i < 2; i++) {
+        bench.ft.force_n[0] = (i ? -31000.0 : 31000.0) / 32768.0 * 1500.0;
+        bench_send(&bench, 0, 0x20d, i ? "13 02 00 F8 30" : "13 02 00 07 D0"); /* 2000 further */
+        bench_tick(&bench);
+        bench_expect(&bench, 0, 0x3d8, i ? "00 00 00 80 00 80" : "FF FF 00 80 00 80");
+        bench_expect(&bench, 0, 0x3da, i ? "00 00 00 80 00 80" : "FF FF 00 80 00 80");
+        ft_ask(&bench, "0C 00 00", i ? "0C 00 00 00 00" : "0C 00 00 FF FF");
+        bench_send(&bench, 0, 0x20d, i ? "15 02 00 FF FF" : "15 02 00 00 01"); /* and 1 more */
+        bench_tick(&bench);
+        bench_expect(&bench, 0, 0x3da, i ? "00 00 00 80 00 80" : "FF FF 00 80 00 80");
+        bench_send(&bench, 0, 0x20d, "15 00");
+    }
+    bench_send(&bench, 0, 0x20d, "13 01"); /* an automatic tare of -0x8000 would be 0x8000 */
+    ft_ask(&bench, "14 00", "14 00 79 18");
+    bench_stop(&bench);
+}
+
 TEST(the_matrix_mixes_the_channels)
 {
     struct board_bench bench;
@@ -375,5 +400,26 @@ TEST(settings_survive_a_restart_and_the_tare_does_not)
     ft_ask(&bench, "16 00", "16 00 00 00");
     bench_ticks(&bench, 20);
     assert_int_equal(bench.count[0], 0);
+    bench_stop(&bench);
+}
+
+/* Nothing was good since the restart: saturated frames hold zeros, not the values of before. */
+TEST(what_is_held_is_forgotten_by_a_restart)
+{
+    struct board_bench bench;
+
+    bench_open(&bench);
+    bench.ft.force_n[0] = 750.0;
+    bench_send(&bench, 0, 0x20d, "07 00");
+    bench_send(&bench, 0, 0x20d, "08 01");
+    bench_tick(&bench);
+    bench_expect(&bench, 0, 0x3da, "00 C0 00 80 00 80");
+    bench_send(&bench, 0, 0x70d, "00");
+    bench.ft.force_n[1] = 1600.0;
+    bench_ticks(&bench, 5001);
+    bench_send(&bench, 0, 0x20d, "07 00");
+    bench_send(&bench, 0, 0x20d, "08 01");
+    bench_tick(&bench);
+    bench_expect(&bench, 0, 0x3da, "00 80 00 80 00 80 21");
     bench_stop(&bench);
 }
