@@ -177,7 +177,8 @@ enum board_event_kind {
     BOARD_EVENT_SOURCE_LOST, /* the torque source of an axis timed out: a = its address */
     BOARD_EVENT_LIMIT,       /* refused a voltage beyond a joint limit: a = position in ticks */
     BOARD_EVENT_UNKNOWN,     /* unknown command: a = id, b = first byte */
-    BOARD_EVENT_MALFORMED,   /* wrong length or value: a = id, b = first byte */
+    /* wrong length or value: a = id, b = first byte, or the reason below */
+    BOARD_EVENT_MALFORMED,
     BOARD_EVENT_ADDRESS,     /* a board moved to another address: a = old, b = new */
     BOARD_EVENT_RESTART,     /* a board entered its bootloader: a = 1, or left it: a = 0 */
     BOARD_EVENT_FIRMWARE,    /* a download into the bootloader ended: a = bytes, b = CRC-32 */
@@ -201,7 +202,10 @@ struct board_event {
     uint8_t address; /* address at the time of the event */
     uint8_t axis;    /* axis, for kinds of events that have one */
     uint16_t board;  /* index of the board in the configuration */
-    uint32_t a, b;
+    /* MALFORMED: row of the frame and enum described_wrong; then b = found, c = expected. why 0 =
+     * b is the first byte */
+    uint8_t row, why;
+    uint32_t a, b, c;
 };
 
 /* Counts since the start. */
@@ -335,5 +339,8 @@ void board_event_format(const struct boards *boards, const struct board_event *e
                         size_t size);
 
 void boards_counters(const struct boards *boards, struct boards_counters *counters);
+
+/* Gets the event of the last malformed frame; false = there was none. */
+bool boards_last_malformed(const struct boards *boards, struct board_event *event);
 
 #endif

@@ -134,8 +134,16 @@ struct board {
     struct board_can_state can;
 };
 
+/* Why a frame is malformed, for struct board_event. */
+struct board_reason {
+    uint8_t row, why;
+    uint32_t found, expected;
+};
+
 struct boards {
     struct boards_counters counters;
+    struct board_reason reason;   /* of the frame that is counted next */
+    struct board_event malformed; /* of the last malformed frame */
     struct ring events;
     int64_t tick_ns;
     /* Each phase sets both from its now_ns: the time stamp of events, and the time of the board's

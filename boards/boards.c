@@ -181,13 +181,17 @@ static void event_list_faults(const struct protocol *protocol, uint32_t bits, ch
 }
 
 /* Writes what an event says, without time and board. */
-static void event_describe(const struct protocol *protocol, const struct board_event *event,
+static void event_describe(const struct boards_bus_config *bus, const struct board_event *event,
                            char *text, size_t size)
 {
+    const struct protocol *protocol = bus->protocol;
     char faults[128];
     unsigned axis = event->axis;
     uint32_t a = event->a, b = event->b;
 
+    if (protocol->describe_event && protocol->describe_event(bus, event, text, size)) {
+        return;
+    }
     switch (event->kind) {
     /* Of an axis */
     case BOARD_EVENT_MODE:
@@ -259,7 +263,7 @@ void board_event_format(const struct boards *boards, const struct board_event *e
     const struct board *board = boards->board[event->board];
     char what[192];
 
-    event_describe(board->bus->config.protocol, event, what, sizeof what);
+    event_describe(&board->bus->config, event, what, sizeof what);
     snprintf(text, size, "%.6f s: %s (bus %d, address %d): %s", (double)event->time_ns * 1e-9,
              board->config.name, event->bus, event->address, what);
 }
@@ -534,10 +538,16 @@ void board_event(const struct board *board, enum board_event_kind kind, unsigned
         .address = board->address,
         .axis = (uint8_t)axis,
         .board = board->index,
+        .row = boards->reason.row,
+        .why = boards->reason.why,
         .a = a,
-        .b = b,
+        .b = boards->reason.why ? boards->reason.found : b,
+        .c = boards->reason.expected,
     };
 
+    if (kind == BOARD_EVENT_MALFORMED) {
+        boards->malformed = event;
+    }
     if (!ring_push(&boards->events, &event)) {
         boards->counters.events_lost++;
     }
@@ -650,6 +660,7 @@ void boards_count_frame(struct boards *boards, struct board *listener, enum boar
         boards->counters.malformed += !unknown;
         board_event(listener, unknown ? BOARD_EVENT_UNKNOWN : BOARD_EVENT_MALFORMED, 0, frame->id,
                     frame->len ? frame->data[0] : 0);
+        boards->reason = (struct board_reason){0};
     }
 }
 
@@ -915,6 +926,12 @@ bool boards_next_event(struct boards *boards, struct board_event *event)
 const struct ring *boards_event_ring(const struct boards *boards)
 {
     return &boards->events;
+}
+
+bool boards_last_malformed(const struct boards *boards, struct board_event *event)
+{
+    *event = boards->malformed;
+    return boards->counters.malformed > 0;
 }
 
 void boards_counters(const struct boards *boards, struct boards_counters *counters)

@@ -95,6 +95,10 @@ struct protocol {
      * bit, terminated by NULL. */
     const char *(*mode_name)(uint32_t mode);
     const char *const *fault_names;
+    /* Writes an event in the words of the bus's protocol file; returns false for other events.
+     * NULL = writes none. */
+    bool (*describe_event)(const struct boards_bus_config *bus, const struct board_event *event,
+                           char *text, size_t size);
     bool modes_are_states;    /* modes are states of the drive; no command selects one */
     const char *timeout_text; /* what happens after a command time-out */
     const char *limit_text;   /* text after a position beyond its limit: unit and consequence */

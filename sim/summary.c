@@ -156,13 +156,19 @@ static unsigned long long summary_sum(const uint64_t *count, size_t n)
 static void print_rest(const struct summary *summary, FILE *out)
 {
     const struct loop_stats *stats = simulator_stats(summary->simulator);
+    struct board_event malformed;
     struct boards_counters b;
+    char text[256];
 
     boards_counters(simulator_boards(summary->simulator), &b);
     fprintf(out,
             "boards: %" PRIu64 " frames for them, %" PRIu64 " foreign, %" PRIu64
             " unknown commands, %" PRIu64 " malformed, %" PRIu64 " time-outs, %" PRIu64 " trips\n",
             b.frames, b.foreign, b.unknown, b.malformed, b.timeouts, b.trips);
+    if (boards_last_malformed(simulator_boards(summary->simulator), &malformed)) {
+        board_event_format(simulator_boards(summary->simulator), &malformed, text, sizeof text);
+        fprintf(out, "last malformed frame: %s\n", text);
+    }
     if (simulator_configuration(summary->simulator)->clock == LOOP_CLOCK_LOCKSTEP) {
         fprintf(out,
                 "lockstep: %" PRIu64 " STEP frames run, %" PRIu64 " of another tick, %" PRIu64

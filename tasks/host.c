@@ -5,6 +5,7 @@
 #include "base/array.h"
 #include "canbus/lockstep.h"
 
+#include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -16,11 +17,29 @@ static const int64_t TELEMETRY_TIMEOUT_NS = 200 * HOST_MS;
 static const int64_t SENSOR_TIMEOUT_NS = 100 * HOST_MS;
 enum { SENSOR_TIMEOUT_PERIODS = 10 }; /* ... or this number of its periods, if that is longer */
 
+enum { TRAFFIC_TEXT = 96 };
+
+/* Writes how many frames the host has exchanged on a bus, if it fails while it starts up. Returns
+ * text. */
+static const char *host_list_traffic(const struct host *host, size_t bus, char text[TRAFFIC_TEXT])
+{
+    const struct host_line *line = &host->line[bus];
+
+    text[0] = '\0';
+    if (host->phase < HOST_READY) {
+        snprintf(text, TRAFFIC_TEXT, " (%" PRIu64 " frames sent on this bus, %" PRIu64 " received)",
+                 line->frames_sent, line->frames_received);
+    }
+    return text;
+}
+
 void host_fail_node(struct host *host, size_t bus, unsigned address, const char *what)
 {
+    char traffic[TRAFFIC_TEXT];
+
     if (host->phase != HOST_FAILED) { /* keep the first failure, which caused the others */
-        snprintf(host->message, sizeof host->message, "board %u on %s %s", address,
-                 host->config.port[bus]->bus, what);
+        snprintf(host->message, sizeof host->message, "board %u on %s %s%s", address,
+                 host->config.port[bus]->bus, what, host_list_traffic(host, bus, traffic));
         host->phase = HOST_FAILED;
     }
 }
@@ -52,15 +71,16 @@ static const char *host_list_faults(const struct host *host, size_t axis, char t
 enum host_phase host_fail_joint(struct host *host, size_t axis, const char *what)
 {
     const struct host_joint *joint = &host->joint[axis];
-    char names[FAULTS_TEXT];
+    char names[FAULTS_TEXT], traffic[TRAFFIC_TEXT];
 
     if (joint->motor == HOST_MOTOR_FAULT) {
         snprintf(host->message, sizeof host->message, "joint %s is in fault 0x%02X%s",
                  host->config.axis[axis].joint, (unsigned)joint->fault,
                  host_list_faults(host, axis, names));
     } else {
-        snprintf(host->message, sizeof host->message, "joint %s %s", host->config.axis[axis].joint,
-                 what);
+        snprintf(host->message, sizeof host->message, "joint %s %s%s",
+                 host->config.axis[axis].joint, what,
+                 host_list_traffic(host, (size_t)host->config.axis[axis].bus, traffic));
     }
     return host->phase = HOST_FAILED;
 }
@@ -198,7 +218,8 @@ static bool host_fail_missing(struct host *host, size_t bus, unsigned address)
 /* Sends discovery until all boards have answered; fails after DISCOVERY_TIMEOUT_NS. */
 static enum host_phase host_discover(struct host *host)
 {
-    if (host_every_node(host, host_node_found)) {
+    /* Boards may have reported before the first request, which they need all the same */
+    if (host->asked && host_every_node(host, host_node_found)) {
         host_enter_phase(host, HOST_CONFIGURING);
         return host->phase;
     }
@@ -249,7 +270,11 @@ static bool host_configure_node(struct host *host, size_t bus, unsigned address)
         return false;
     }
     if (waits && node->tries == REQUEST_TRIES) {
-        host_fail_node(host, bus, address, "does not answer a start-up request");
+        char what[64];
+
+        snprintf(what, sizeof what, "does not answer the start-up request 0x%03" PRIx32,
+                 node->request_id);
+        host_fail_node(host, bus, address, what);
         host->lost = true;
         return false;
     }
@@ -259,6 +284,7 @@ static bool host_configure_node(struct host *host, size_t bus, unsigned address)
     }
     /* Requests without an answer count as answered */
     host_queue(host, bus, &request.frame);
+    node->request_id = request.frame.id;
     node->requested = node->answered + 1;
     node->answered += !request.reply;
     node->tries = waits ? node->tries + 1 : 1;
@@ -275,6 +301,10 @@ static enum host_phase host_enable_motors(struct host *host)
     /* Off first, to clear old faults; then on, and repeat for motors that have not followed */
     if (host->enabling < 2 || host->now_ns - host->asked_ns >= REPLY_TIMEOUT_NS) {
         for (size_t i = 0; i < host->config.naxis; i++) {
+            /* A motor that an earlier host left on must report that it was off */
+            if (host->enabling == 0 && host->joint[i].motor == HOST_MOTOR_ON) {
+                host->joint[i].motor = HOST_MOTOR_UNKNOWN;
+            }
             if (host->enabling < 2 || host->joint[i].motor != HOST_MOTOR_ON) {
                 host_set_motor(host, i, host->enabling > 0);
             }
@@ -290,13 +320,18 @@ static enum host_phase host_enable_motors(struct host *host)
             joint->motor == HOST_MOTOR_ON && joint->motor_time_ns >= 0 && joint->joint_time_ns >= 0;
 
         if (!ready && host->now_ns - host->phase_since_ns > ENABLE_TIMEOUT_NS) {
-            return host_fail_joint(host, i,
-                                   joint->motor == HOST_MOTOR_ON ? "reports no position"
-                                                                 : "does not switch its motor on");
+            return host_fail_joint(
+                host, i,
+                joint->motor == HOST_MOTOR_UNKNOWN
+                    ? "does not switch its motor on: no frame has reported its state"
+                : joint->motor != HOST_MOTOR_ON
+                    ? "does not switch its motor on: its board still reports another state"
+                : joint->motor_time_ns < 0 ? "reports no position of its motor"
+                                           : "reports no position of its link");
         }
         all = all && ready;
     }
-    if (all) {
+    if (all && host->enabling > 1) {
         host_enter_phase(host, HOST_READY);
     }
     return host->phase;
@@ -606,6 +641,7 @@ static void host_read_frame(struct host *host, size_t bus, const struct bus_fram
     if (host->config.lockstep && frame_has_standard_id(frame, &host->config.done_id, 1)) {
         host_read_done(host, line, frame);
     } else {
+        line->frames_received++;
         line->ops->read(host, bus, frame);
     }
 }
@@ -754,6 +790,7 @@ void host_send(struct host *host)
         }
         if (line->queued) {
             can_send(host->config.port[b], line->queue, line->queued);
+            line->frames_sent += line->queued;
             line->queued = 0;
         }
     }

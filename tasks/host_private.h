@@ -38,6 +38,7 @@ struct host_node {
     bool found;                 /* has answered discovery */
     int requested, answered;    /* start-up requests sent and answered */
     int tries;                  /* attempts of the last request */
+    uint32_t request_id;        /* identifier of the last request */
     int64_t request_time_ns;
     bool timed;                       /* the last request was sent once and is answered */
     double full_scale[HOST_CHANNELS]; /* full scales that the board reported */
@@ -63,6 +64,7 @@ struct host_line {
     struct host_node node[HOST_ADDRESSES];
     struct bus_frame queue[HOST_QUEUE];
     size_t queued;
+    uint64_t frames_sent, frames_received;
     bool done;            /* DONE of the present tick has arrived (lockstep) */
     bool driving;         /* motors are on: set points are sent every period */
     int slot[HOST_SLOTS]; /* host axes of the bus in the rig's order; -1 = none */
@@ -94,7 +96,7 @@ struct host {
     bool step_waits;      /* a STEP is sent, and DONE has not arrived on every bus */
     bool step_refused;    /* the simulator refused its tick */
     bool lost;            /* HOST_FAILED: the boards are gone or have restarted */
-    char message[192];
+    char message[256];
 };
 
 /* A start-up request to one board. */

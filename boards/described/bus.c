@@ -14,8 +14,20 @@ struct described_arrival {
     enum board_verdict verdict;
     bool refused; /* an axis lacks the requested law */
     struct board *listener;
+    struct board_reason reason; /* why it is malformed */
     int64_t values[DESCRIBED_FIELDS_MAX];
 };
+
+/* Notes why a frame is malformed. */
+static void described_note_reason(const struct described_protocol *protocol,
+                                  struct described_arrival *a, enum described_wrong why,
+                                  int64_t found, int64_t expected)
+{
+    a->reason = (struct board_reason){.row = (uint8_t)(a->row - protocol->frame),
+                                      .why = (uint8_t)why,
+                                      .found = (uint32_t)found,
+                                      .expected = (uint32_t)expected};
+}
 
 /* Returns the protocol of a bus. */
 static const struct described_protocol *bus_protocol(const struct described_bus *bus)
@@ -35,7 +47,7 @@ static bool described_parameter_exists(const struct described_protocol *protocol
 
 /* Returns whether the states, laws, parameters and periods in the frame are valid. */
 static bool described_values_exist(const struct described_protocol *protocol,
-                                   const struct described_arrival *a)
+                                   struct described_arrival *a)
 {
     /* States, laws and parameters must be in their lists, a period in its range */
     for (size_t i = 0; i < a->row->nfield; i++) {
@@ -46,6 +58,7 @@ static bool described_values_exist(const struct described_protocol *protocol,
         switch (field->meaning) {
         case DESCRIBED_STATE:
             exists =
+                protocol->unknown_state >= 0 ||
                 described_find_state(protocol->state, protocol->nstate, a->values[i], true) >= 0;
             break;
         case DESCRIBED_LAW:
@@ -62,6 +75,7 @@ static bool described_values_exist(const struct described_protocol *protocol,
             break;
         }
         if (!exists) {
+            described_note_reason(protocol, a, DESCRIBED_WRONG_VALUE, a->values[i], (int64_t)i);
             return false;
         }
     }
@@ -93,6 +107,17 @@ static bool described_identify(const struct described_protocol *protocol,
         a->verdict = match == DESCRIBED_IS             ? BOARD_OBEYED
                      : match == DESCRIBED_BAD_CONSTANT ? BOARD_UNKNOWN
                                                        : BOARD_MALFORMED;
+        if (match == DESCRIBED_BAD_LENGTH) {
+            bool format = (row->flags ^ a->frame->flags) & FRAME_FD;
+
+            described_note_reason(protocol, a,
+                                  format ? DESCRIBED_WRONG_FORMAT : DESCRIBED_WRONG_LENGTH,
+                                  a->frame->len, row->length);
+        } else if (match == DESCRIBED_BAD_CHECKSUM) {
+            described_note_reason(
+                protocol, a, DESCRIBED_WRONG_CHECKSUM, a->frame->data[row->checksum_byte],
+                described_checksum(row->checksum, a->frame->data, row->length, row->checksum_byte));
+        }
         /* The parts of a group are checked one by one */
         if (!row->remote && match != DESCRIBED_BAD_LENGTH &&
             (row->by != DESCRIBED_BY_GROUP || match == DESCRIBED_BAD_CONSTANT)) {
@@ -138,7 +163,7 @@ static bool described_is_selected(const struct described_arrival *a,
 
 /* Returns whether the counter repeats its last value. Any other value is valid, because frames may
  * be lost and a host may restart. */
-static bool described_is_stuck(struct described_bus *bus, const struct described_arrival *a)
+static bool described_is_stuck(struct described_bus *bus, struct described_arrival *a)
 {
     uint32_t *heard = &bus->heard[a->row - bus_protocol(bus)->frame][a->number];
     uint32_t before = *heard;
@@ -147,6 +172,10 @@ static bool described_is_stuck(struct described_bus *bus, const struct described
         return false;
     }
     *heard = (uint32_t)a->values[a->row->counter] + 1;
+    if (*heard == before) {
+        described_note_reason(bus_protocol(bus), a, DESCRIBED_WRONG_COUNTER, *heard - 1,
+                              described_wrap(&a->row->field[a->row->counter], *heard));
+    }
     return *heard == before;
 }
 
@@ -187,8 +216,9 @@ static void described_board_receive(struct described_node *node, unsigned first,
             described_obey_period(node, a);
             obeyed = true;
         }
-        if (axis < node->axes) {
-            a->refused = !described_axis_obey(node, axis, a->row, a->values) || a->refused;
+        if (axis < node->axes && !described_axis_obey(node, axis, a->row, a->values)) {
+            a->refused = true;
+            described_note_reason(node->protocol, a, DESCRIBED_WRONG_LAW, 0, 0);
         }
 
         /* An answer by slot comes from each axis, others once per board */
@@ -294,6 +324,9 @@ static void described_bus_receive(struct boards *boards, struct board_bus *of,
         }
     } else {
         described_bus_receive_all(bus, &a);
+    }
+    if (a.refused || a.verdict == BOARD_MALFORMED) {
+        boards->reason = a.reason;
     }
     boards_count_frame(boards, a.listener, a.refused ? BOARD_MALFORMED : a.verdict, frame);
 }

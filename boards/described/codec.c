@@ -53,6 +53,7 @@ const char *described_unit(enum described_meaning meaning)
                                                             [DESCRIBED_TO_KD] = "Nm s/rad",
                                                             [DESCRIBED_VELOCITY_GAIN] = "Nm s/rad",
                                                             [DESCRIBED_TEMPERATURE] = "degC",
+                                                            [DESCRIBED_AMBIENT] = "degC",
                                                             [DESCRIBED_UPTIME] = "s",
                                                             [DESCRIBED_TELEMETRY_PERIOD] = "s"};
 
@@ -97,7 +98,7 @@ int64_t described_count(const struct described_field *field, double value)
     int32_t count = 0;
 
     if (field->real) {
-        float real = isfinite(scaled) ? (float)scaled : 0.0f;
+        float real = isnan(scaled) ? 0.0f : (float)scaled;
         uint32_t bits;
 
         memcpy(&bits, &real, sizeof bits);
@@ -105,6 +106,9 @@ int64_t described_count(const struct described_field *field, double value)
     }
     if (scaled > INT32_MAX && scaled <= UINT32_MAX) {
         return (int64_t)(scaled + 0.5); /* for 32 unsigned bits */
+    }
+    if (isinf(scaled)) {
+        return scaled > 0.0 ? field->high : field->low;
     }
     control_quantize(scaled, &count);
     return control_clamp(count, field->low, field->high);

@@ -39,8 +39,17 @@ static enum error_code described_find_name(struct described_loader *l, const str
 {
     const struct yaml_names states = YAML_NAMES(l->made->state, l->made->nstate, name);
 
-    return name ? yaml_find_name(states, "state", name, yaml_place(mark, key), index, l->error)
-                : ERROR_NONE;
+    enum error_code code =
+        name ? yaml_find_name(states, "state", name, yaml_place(mark, key), index, l->error)
+             : ERROR_NONE;
+
+    if (name && !code &&
+        (l->made->state[*index].law == DESCRIBED_REFUSED) != !strcmp(key, "unknown_state")) {
+        return yaml_error(l->error, yaml_place(mark, key),
+                          "found state \"%s\", expected one %s law: refused", name,
+                          strcmp(key, "unknown_state") != 0 ? "without" : "with");
+    }
+    return code;
 }
 
 /* Checks the states, or the selectable laws. */
@@ -58,10 +67,10 @@ static enum error_code described_check_states(struct described_loader *l,
                                   "found the name \"%s\" again, expected another", each->name);
             }
         }
-        if (of_laws && (open || each->law == DESCRIBED_SELECTED)) {
+        if (of_laws && (open || each->law >= DESCRIBED_SELECTED)) {
             return yaml_error(
                 l->error, &each->mark,
-                "found a law that is off, fault or selected, expected one that drives");
+                "found a law that is off, fault, selected or refused, expected one that drives");
         }
         if (each->law == DESCRIBED_SELECTED && l->raw->nlaw == 0) {
             return yaml_error(l->error, &each->mark,
@@ -93,7 +102,7 @@ static enum error_code described_build_states(struct described_loader *l)
     code = code ? code : described_check_states(l, made->law, made->nlaw, true);
 
     /* The first off state, where an axis starts, and the first fault state */
-    made->off_state = made->fault_state = made->timeout_state = -1;
+    made->off_state = made->fault_state = made->timeout_state = made->unknown_state = -1;
     for (int i = (int)made->nstate - 1; i >= 0; i--) {
         made->off_state = made->state[i].law == DESCRIBED_OFF ? i : made->off_state;
         made->fault_state = made->state[i].law == DESCRIBED_FAULT ? i : made->fault_state;
@@ -105,9 +114,12 @@ static enum error_code described_build_states(struct described_loader *l)
     if (made->fault_state < 0) {
         made->fault_state = made->off_state;
     }
-    return code ? code
+    code = code ? code
                 : described_find_name(l, &l->raw->mark, "on_timeout", l->raw->timeout_state,
                                       &made->timeout_state);
+    return code ? code
+                : described_find_name(l, &l->raw->mark, "unknown_state", l->raw->unknown_state,
+                                      &made->unknown_state);
 }
 
 /* Refuses two names for one value, because a reader of the field would find only the first. */
@@ -220,6 +232,7 @@ static enum error_code described_check_frame(struct described_loader *l,
          "",
          "found a key of frames from the host in one from the board: reply, enter, zero, stop, "
          "clear_faults, restart, lengths or remote"},
+        {made->optional && !period, "optional", "found optional without period_s, expected both"},
         {made->telemetry && period, "period_s",
          "found period_s beside telemetry, expected one of them"},
     };
@@ -552,7 +565,8 @@ static enum error_code described_build_host(struct described_loader *l)
     /* States that the host commands: the first that drives and the first that is off */
     made->host.off_state = made->host.on_state = made->off_state;
     for (int i = (int)made->nstate - 1; i >= 0; i--) {
-        if (made->state[i].law != DESCRIBED_OFF && made->state[i].law != DESCRIBED_FAULT) {
+        if (made->state[i].law != DESCRIBED_OFF && made->state[i].law != DESCRIBED_FAULT &&
+            made->state[i].law != DESCRIBED_REFUSED) {
             made->host.on_state = i;
         }
     }

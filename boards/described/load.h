@@ -46,7 +46,7 @@ struct raw_described_host {
 
 struct raw_described {
     struct yaml_mark mark;
-    const char *name, *description, *timeout_state;
+    const char *name, *description, *timeout_state, *unknown_state;
     int axes, address_max, fault_bit[DESCRIBED_FAULT_KINDS];
     int64_t command_timeout_ns;
     struct raw_described_frame *frame;

@@ -70,18 +70,27 @@ static void axis_show(struct described_axis *axis)
     axis->base.mode = (uint8_t)(axis->latched ? DESCRIBED_FAULT : axis->active);
 }
 
+/* Returns state and law of an axis for an event: described_describe_event reads them. */
+static uint32_t axis_mode(const struct described_axis *axis)
+{
+    return (uint32_t)axis->state | (uint32_t)axis->law << 8;
+}
+
 /* Enters a state with the host's selected law. A change of state or law resets set points and
  * loops. */
 static void axis_enter(struct described_node *node, struct described_axis *axis, int state, int law)
 {
     enum described_law before = axis->active;
     bool changed = state != axis->state;
+    uint32_t old = axis_mode(axis);
 
+    axis->entered_ns = changed ? node->board.boards->now_ns : axis->entered_ns;
     axis->state = state;
     axis->law = law;
+    axis->result = node->protocol->state[state].result;
     axis->active = described_state_law(node->protocol, state, law);
     if (changed || axis->active != before) {
-        board_event(&node->board, BOARD_EVENT_MODE, axis_index(node, axis), before, axis->active);
+        board_event(&node->board, BOARD_EVENT_MODE, axis_index(node, axis), old, axis_mode(axis));
         axis_forget(node, axis);
     }
     axis_show(axis);
@@ -91,8 +100,13 @@ static void axis_enter(struct described_node *node, struct described_axis *axis,
  * frame for that. */
 static void axis_command_state(struct described_node *node, struct described_axis *axis, int state)
 {
-    bool off = node->protocol->state[state].law == DESCRIBED_OFF;
+    const struct described_state *to = &node->protocol->state[state];
+    bool off = to->law == DESCRIBED_OFF && to->lasts_ns == 0;
 
+    if (to->law == DESCRIBED_REFUSED) {
+        axis->result = to->result;
+        return;
+    }
     if (off && !node->protocol->clears) {
         axis->latched = 0;
     }
@@ -188,7 +202,12 @@ static bool axis_switch(struct described_node *node, struct described_axis *axis
     const struct described_protocol *protocol = node->protocol;
     int law = frame_names(frame, DESCRIBED_LAW, protocol->law, protocol->nlaw, values, -1);
     int state = frame_names(frame, DESCRIBED_STATE, protocol->state, protocol->nstate, values, -1);
-    int wanted = state < 0 ? frame->enter : state;
+    int wanted;
+
+    if (state < 0 && described_find_field(frame, DESCRIBED_STATE) >= 0) {
+        state = protocol->unknown_state;
+    }
+    wanted = state < 0 ? frame->enter : state;
 
     /* A motor has all laws; a valve has no law that controls a current */
     if (axis_config(node, axis)->valve &&
@@ -523,7 +542,11 @@ static void described_motor_control(struct board *board, struct ms_span span)
 
     for (unsigned i = 0; i < node->axes; i++) {
         struct described_axis *axis = &node->axis[i];
+        int64_t lasts_ns = node->protocol->state[axis->state].lasts_ns;
 
+        if (lasts_ns > 0 && node->board.boards->now_ns - axis->entered_ns >= lasts_ns) {
+            axis_enter(node, axis, node->protocol->off_state, axis->law);
+        }
         axis_watch_faults(node, axis);
         axis_heed_limits(node, axis);
         for (int64_t ms = span.from; ms < span.to; ms++) {

@@ -4,6 +4,7 @@
 
 #include "base/hash.h"
 
+#include <math.h>
 #include <string.h>
 
 /* ---- power-up ---- */
@@ -25,8 +26,10 @@ bool described_node_power_up(struct described_node *node)
     for (unsigned axis = 0; axis < DESCRIBED_AXES; axis++) {
         node->axis[axis].state = node->protocol->off_state;
         node->axis[axis].faults = 0;
+        node->axis[axis].result = node->protocol->state[node->protocol->off_state].result;
         for (size_t i = 0; i < DESCRIBED_FRAMES_MAX; i++) {
-            node->report[axis][i] = (struct described_report){.state = node->protocol->off_state};
+            node->report[axis][i] = (struct described_report){.state = node->protocol->off_state,
+                                                              .result = node->axis[axis].result};
         }
     }
     /* A sensor has no slot; its first slot is 0 */
@@ -112,7 +115,7 @@ static int64_t described_node_count(const struct described_node *node, unsigned 
     case DESCRIBED_STATE:
         return protocol->state[axis->state].value;
     case DESCRIBED_RESULT:
-        return protocol->state[axis->state].result;
+        return axis->result;
     case DESCRIBED_LAW:
         return node->kind == DESCRIBED_MOTOR && protocol->nlaw ? protocol->law[axis->law].value : 0;
     case DESCRIBED_FAULTS:
@@ -166,9 +169,6 @@ static int64_t described_node_count(const struct described_node *node, unsigned 
     case DESCRIBED_VALVE_OPENING:
         value = axis->base.valve_opening;
         break;
-    case DESCRIBED_TEMPERATURE:
-        value = axis->temperature_c;
-        break;
     /* Targets and outputs of an axis */
     case DESCRIBED_AXIS_VOLTAGE:
         value = axis->base.voltage_v;
@@ -204,6 +204,13 @@ static int64_t described_node_count(const struct described_node *node, unsigned 
     case DESCRIBED_INTEGRAL_GAIN:
         value = axis->setting[field->meaning - DESCRIBED_SETTING];
         break;
+    case DESCRIBED_TEMPERATURE:
+        if (node->kind == DESCRIBED_MOTOR) {
+            return described_count(field, axis->temperature_c);
+        }
+        return described_count(field, PLANT_AMBIENT_C);
+    case DESCRIBED_AMBIENT:
+        return described_count(field, PLANT_AMBIENT_C);
     /* Channels of a sensor */
     default:
         return node->kind != DESCRIBED_MOTOR && field->meaning >= DESCRIBED_CHANNEL
@@ -293,6 +300,7 @@ static void described_node_send(struct described_node *node, unsigned axis, size
     struct bus_frame lost = {0}, *frame = board_add_frame(&node->board, sink);
 
     report->state = node->axis[axis].state;
+    report->result = node->axis[axis].result;
     report->faults = node->axis[axis].faults;
     described_node_fill(node, axis, index, NULL, NULL, frame ? frame : &lost);
 }
@@ -307,10 +315,11 @@ static bool described_frame_due(const struct described_node *node, unsigned axis
     int64_t period_ms = frame->period_ns / MS, since_ms;
 
     if (frame->on_change &&
-        (report->state != node->axis[axis].state || report->faults != node->axis[axis].faults)) {
+        (report->state != node->axis[axis].state || report->faults != node->axis[axis].faults ||
+         report->result != node->axis[axis].result)) {
         return true;
     }
-    if (period_ms == 0) {
+    if (period_ms == 0 || (frame->optional && !node->board.config.transmit_at_start)) {
         return false;
     }
     since_ms = (span.to - 1 - number * frame->spread_ms) % period_ms;

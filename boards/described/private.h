@@ -36,6 +36,8 @@ enum {
 struct described_axis {
     struct axis base;                 /* base.mode: the law in force, or the fault law */
     int state, law;                   /* law: selected by the host */
+    int64_t result;                   /* of the last state that was requested */
+    int64_t entered_ns;               /* time of the last change of state */
     enum described_law active;        /* the law in force */
     uint32_t latched;                 /* faults that opened the bridge */
     uint32_t faults;                  /* latched and present faults */
@@ -53,6 +55,7 @@ struct described_axis {
 /* State of an axis or a sensor in its last report, and the number of frames that reported it. */
 struct described_report {
     int state;
+    int64_t result;
     uint32_t faults, sent;
 };
 

@@ -6,6 +6,7 @@
 #include "boards/protocol_list.h"
 #include "manual/protocol_compact.h"
 
+#include <inttypes.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -21,7 +22,7 @@ static uint32_t frame_cycle_ns(const struct message_walk *walk, size_t index,
     const struct described_frame *frame = &protocol->frame[index];
     int64_t tick_ns = walk->config->tick_ns > MS ? walk->config->tick_ns : MS;
 
-    if (frame->period_ns > 0) {
+    if (frame->period_ns > 0 && (!frame->optional || (board && board->transmit_at_start))) {
         return (uint32_t)frame->period_ns;
     }
     if (frame->telemetry) {
@@ -263,6 +264,66 @@ static bool described_claims_id(const struct boards_bus_config *bus, uint32_t id
     return false;
 }
 
+/* Writes the name of a state, with the selected law if the state has one. */
+static void write_state(const struct described_protocol *protocol, uint32_t mode, char *text,
+                        size_t size)
+{
+    const struct described_state *state = &protocol->state[mode & 0xff];
+    bool selected = state->law == DESCRIBED_SELECTED;
+
+    snprintf(text, size, "%s%s%s%s", state->name, selected ? " (" : "",
+             selected ? protocol->law[mode >> 8].name : "", selected ? ")" : "");
+}
+
+/* Writes a change of state and a malformed frame in the file's names (struct protocol). */
+static bool described_describe_event(const struct boards_bus_config *bus,
+                                     const struct board_event *event, char *text, size_t size)
+{
+    const struct described_protocol *protocol = bus->described;
+    const struct described_frame *row = &protocol->frame[event->row];
+    char from[80], to[80];
+    int used;
+
+    if (event->kind == BOARD_EVENT_MODE) {
+        write_state(protocol, event->a, from, sizeof from);
+        write_state(protocol, event->b, to, sizeof to);
+        snprintf(text, size, "axis %u from %s to %s", event->axis, from, to);
+        return true;
+    }
+    if (event->kind != BOARD_EVENT_MALFORMED || !event->why) {
+        return false;
+    }
+    used = snprintf(text, size, "frame %s (id 0x%03" PRIx32 "): ", row->name, event->a);
+    text += used;
+    size -= (size_t)used;
+    switch ((enum described_wrong)event->why) {
+    case DESCRIBED_WRONG_LENGTH:
+        snprintf(text, size, "length is %" PRIu32 ", expected %" PRIu32, event->b, event->c);
+        break;
+    case DESCRIBED_WRONG_FORMAT:
+        snprintf(text, size, "format is %s, expected %s",
+                 row->flags & FRAME_FD ? "classic CAN" : "CAN FD",
+                 row->flags & FRAME_FD ? "CAN FD" : "classic CAN");
+        break;
+    case DESCRIBED_WRONG_CHECKSUM:
+        snprintf(text, size, "checksum is 0x%02" PRIx32 ", expected 0x%02" PRIx32, event->b,
+                 event->c);
+        break;
+    case DESCRIBED_WRONG_COUNTER:
+        snprintf(text, size, "counter %s is %" PRIu32 " again, expected %" PRIu32,
+                 described_layout(row, (size_t)row->counter)->name, event->b, event->c);
+        break;
+    case DESCRIBED_WRONG_VALUE:
+        snprintf(text, size, "%s is %" PRIu32 ", expected a value that protocol %s lists",
+                 described_layout(row, event->c)->name, event->b, protocol->name);
+        break;
+    case DESCRIBED_WRONG_LAW:
+        snprintf(text, size, "its law controls a current, expected one that a servo valve has");
+        break;
+    }
+    return true;
+}
+
 /* Returns the name of the law in force; the file names only states. */
 static const char *described_law_name(uint32_t law)
 {
@@ -288,6 +349,7 @@ static const char *described_law_name(uint32_t law)
     .visit_broadcasts = described_visit_broadcasts, .visit_board = described_visit_board,          \
     .comment_message = described_comment_message, .note_field = described_note_field,              \
     .claims_id = described_claims_id, .mode_name = described_law_name,                             \
+    .describe_event = described_describe_event, .modes_are_states = true,                          \
     .fault_names = described_fault_names, .timeout_text = "as its protocol has it",                \
     .limit_text = "ticks, voltage set to 0"
 

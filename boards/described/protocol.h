@@ -68,6 +68,7 @@ enum described_law {
     DESCRIBED_IMPEDANCE, /* torque = kp (p* - p) + kd (v* - v) + torque* */
     DESCRIBED_FAULT,     /* bridge open until OFF is commanded */
     DESCRIBED_SELECTED,  /* in a state: the law that the host has selected */
+    DESCRIBED_REFUSED,   /* the axis stays in its state and reports the result of this one */
 };
 
 /* Returns whether an axis with a servo valve has a law: any law that does not control a current. */
@@ -139,8 +140,9 @@ enum described_meaning {
     DESCRIBED_FAULTS,
     DESCRIBED_FAULTY, /* 1 = a fault has opened the bridge, or would */
     DESCRIBED_SUPPLY,
-    DESCRIBED_TEMPERATURE,
-    DESCRIBED_SEQUENCE, /* number of telemetry periods */
+    DESCRIBED_TEMPERATURE, /* of the winding; of a sensor board that of the air */
+    DESCRIBED_AMBIENT,     /* temperature of the air */
+    DESCRIBED_SEQUENCE,    /* number of telemetry periods */
     DESCRIBED_UPTIME,
     DESCRIBED_FIRST_SLOT,
     DESCRIBED_AXES_COUNT,
@@ -241,6 +243,7 @@ struct described_frame {
     bool telemetry;     /* sent every telemetry period of the rig or the host */
     bool on_change;     /* also sent when state or faults change */
     bool on_restart;
+    bool optional; /* its period holds only on boards with transmit_at_start */
 
     /* From the host */
     int reply[3];  /* answering frame by kind of board; -1 = none */
@@ -260,6 +263,7 @@ struct described_state {
     int64_t value, result; /* result: a second value of the state, which a field may report */
     enum described_law law;
     double set_point_scale;
+    int64_t lasts_ns; /* then the axis enters the first state with law off; 0 = it stays */
 };
 
 /* A parameter that a host reads by its number, and writes if it is a setting. */
@@ -296,6 +300,7 @@ struct described_protocol {
     int fault_bit[DESCRIBED_FAULT_KINDS]; /* -1 = not reported */
     int64_t command_timeout_ns;           /* 0 = the rig's; -1 = none */
     int timeout_state;                    /* -1 = set points become 0, the state stays */
+    int unknown_state; /* refused state for values of no state; -1 = the frame is malformed */
     /* only frames clear faults, the state off does not */
     bool clears;
     bool period_settable;           /* no telemetry before the host sets a period */
@@ -351,7 +356,7 @@ uint32_t described_known_faults(const struct described_protocol *protocol, int64
 int64_t described_fault_bits(const struct described_protocol *protocol, uint32_t faults);
 
 /* Returns the count of a field for a value, clamped to the field; for a float its bits. A NaN gives
- * 0. */
+ * 0, an infinity the end of the field. */
 int64_t described_count(const struct described_field *field, double value);
 
 /* Returns the value of a float's bits; 0 when it is not finite. */
@@ -508,6 +513,16 @@ const char *described_checksum_name(enum described_checksum checksum);
  * direction and remote flag, by length, or by constants of a that b does not match. Row a comes
  * first in the file. Rows from opposite sides differ only by the remote flag. */
 bool described_told_apart(const struct described_frame *a, const struct described_frame *b);
+
+/* Why a board does not obey a frame (struct board_event). */
+enum described_wrong {
+    DESCRIBED_WRONG_LENGTH = 1,
+    DESCRIBED_WRONG_FORMAT, /* classic CAN instead of CAN FD, or reverse */
+    DESCRIBED_WRONG_CHECKSUM,
+    DESCRIBED_WRONG_COUNTER,
+    DESCRIBED_WRONG_VALUE, /* expected: index of the field */
+    DESCRIBED_WRONG_LAW,   /* a valve lacks the law */
+};
 
 /* Result of comparing a frame with a row. */
 enum described_match {

@@ -30,6 +30,7 @@ static const struct word law_names[] = {
     {"impedance", DESCRIBED_IMPEDANCE},
     {"fault", DESCRIBED_FAULT},
     {"selected", DESCRIBED_SELECTED},
+    {"refused", DESCRIBED_REFUSED},
     {NULL, 0},
 };
 static const struct word target_names[] = {
@@ -95,6 +96,7 @@ static const struct word source_names[] = {
     {"faulty", DESCRIBED_FAULTY},
     {"supply", DESCRIBED_SUPPLY},
     {"temperature", DESCRIBED_TEMPERATURE},
+    {"ambient", DESCRIBED_AMBIENT},
     {"sequence", DESCRIBED_SEQUENCE},
     {"uptime", DESCRIBED_UPTIME},
     {"first_slot", DESCRIBED_FIRST_SLOT},
@@ -182,6 +184,7 @@ static const struct yaml_field frame_fields[] = {
     {"telemetry", YAML_BOOL, false, .offset = AT(row.telemetry)},
     {"on_change", YAML_BOOL, false, .offset = AT(row.on_change)},
     {"on_restart", YAML_BOOL, false, .offset = AT(row.on_restart)},
+    {"optional", YAML_BOOL, false, .offset = AT(row.optional)},
     {"reply", YAML_STRING, false, AT(reply), .min = 1, .max = 31},
     {"enter", YAML_STRING, false, AT(enter), .min = 1, .max = 31},
     {"zero", YAML_BOOL, false, .offset = AT(row.zero)},
@@ -203,6 +206,7 @@ static const struct yaml_field state_fields[] = {
     {"result", YAML_INT, false, AT(result), .min = 0, .max = UINT32_MAX},
     {"law", YAML_ENUM, true, AT(law), .names = law_names},
     {"set_point_scale", YAML_REAL, false, AT(set_point_scale), .min = -1e12, .max = 1e12},
+    {"lasts_s", YAML_REAL, false, AT(lasts_ns), .ns = true, .min = 0.0, .max = 60.0},
 };
 static const struct described_state state_defaults = {.set_point_scale = 1.0};
 static const struct yaml_schema state_schema =
@@ -282,6 +286,7 @@ static const struct yaml_field described_fields[] = {
     {"command_timeout_s", YAML_REAL, false, AT(command_timeout_ns), .ns = true, .min = 0.0,
      .max = 60.0},
     {"on_timeout", YAML_STRING, false, AT(timeout_state), .min = 1, .max = 31},
+    {"unknown_state", YAML_STRING, false, AT(unknown_state), .min = 1, .max = 31},
     {"states", YAML_LIST, true, AT(state), AT(nstate), .schema = &state_schema},
     {"laws", YAML_LIST, false, AT(law), AT(nlaw), .schema = &state_schema},
     {"faults", YAML_MAP, false, AT(fault_bit), .schema = &described_faults_schema},

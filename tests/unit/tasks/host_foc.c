@@ -209,7 +209,9 @@ TEST_WITH(a_motor_that_stays_off_is_named, set_up, bench_tear_down)
 
     bench->mute = true;
     assert_int_equal(start_up(bench, 3000), HOST_FAILED);
-    assert_string_equal(host_message(bench->host), "joint pitch does not switch its motor on");
+    assert_string_equal(host_message(bench->host),
+                        "joint pitch does not switch its motor on: its board still reports another "
+                        "state (1039 frames sent on this bus, 8002 received)");
 }
 
 TEST_WITH(stopping_sends_force_idle_and_targets_of_zero, set_up, bench_tear_down)

@@ -206,3 +206,87 @@ TEST(a_bus_whose_protocol_has_no_host_is_refused)
     assert_string_equal(error.text, "host: bus 0 speaks nobody, which no host knows");
     arena_fini(&arena);
 }
+
+/* ---- described boards that report unasked ---- */
+
+/* Board 1 reports its state every millisecond, asked or not. */
+static uint8_t told_state;
+
+static void play_status(struct bench *bench, int bus, const struct bus_frame *frame)
+{
+    told_state = frame->id == 0x101 && !bench->mute ? frame->data[0] : told_state;
+    say(bench, bus, 0x301, 8, (const uint8_t[8]){told_state});
+}
+
+FIXTURE(set_up_status)
+{
+    static const char text[] =
+        "name: my\nstates:\n  - {name: idle, law: \"off\"}\n  - {name: run, value: 1, law: "
+        "voltage}\nframes:\n  - {name: HELLO, from: host, id: 0x10, reply: STATUS}\n"
+        "  - {name: SWITCH, from: host, id: 0x100, by: address, fields: [{name: state, bits: 8, "
+        "target: state}]}\n"
+        "  - {name: SET, from: host, id: 0x200, by: address, fields: [{name: voltage, bits: 16, "
+        "target: voltage}]}\n"
+        "  - {name: STATUS, from: board, id: 0x300, by: address, period_s: 0.001, fields: [{name: "
+        "state, bits: 8, source: state}, {name: position, bits: 32, source: motor_position}, "
+        "{name: spare, bits: 24}]}\n"
+        "host: {discover: [HELLO], \"off\": [SWITCH], \"on\": [SWITCH], command: [SET]}\n";
+    static struct bench bench;
+    static struct arena arena;
+    static struct host_axis axis = {.joint = "one",
+                                    .address = 1,
+                                    .joint_ticks_per_rad = 100,
+                                    .motor_ticks_per_rad = 1000,
+                                    .torque_address = -1};
+    static struct host_bus bus = {.protocol = "described"};
+    const struct host_config config = {
+        .nbus = 1, .bus = &bus, .naxis = 1, .axis = &axis, .supply_v = 48, .period_ns = 1000000};
+    struct error error;
+
+    if (!arena.memory) {
+        assert_ok(arena_init(&arena, 1 << 20, &error));
+        assert_no_error(
+            described_read_text("my.yaml", text, sizeof text - 1, &arena, &bus.described, &error),
+            error.text);
+    }
+    memset(&bench, 0, sizeof bench);
+    told_state = 0;
+    bench.play[0] = play_status;
+    bench_open(&bench, &config);
+    *test_state = &bench;
+    return 0;
+}
+
+/* The boards of a running bench were heard, and one is on, before the host sends its first frame:
+ * it is asked, switched off and on all the same. */
+TEST_WITH(a_host_joins_boards_that_report_unasked, set_up_status, bench_tear_down)
+{
+    struct bench *bench = *test_state;
+    int off, on;
+
+    told_state = 1;
+    for (int i = 0; i < 3; i++) {
+        say(bench, 0, 0x301, 8, (const uint8_t[8]){told_state});
+    }
+    assert_int_equal(start_up(bench, 100), HOST_READY);
+    assert_true(was_sent(bench, 0, 0x010, 0, NULL));
+    off = find_sent(bench, 0, 0, 0x101, 1, (const uint8_t[]){0});
+    on = find_sent(bench, 0, 0, 0x101, 1, (const uint8_t[]){1});
+    assert_true(off >= 0 && on > off);
+}
+
+TEST_WITH(a_board_that_stays_off_is_told_with_the_frames_sent, set_up_status, bench_tear_down)
+{
+    struct bench *bench = *test_state;
+    size_t sent = 0;
+
+    bench->mute = true;
+    say(bench, 0, 0x301, 8, (const uint8_t[8]){0});
+    assert_int_equal(start_up(bench, 3000), HOST_FAILED);
+    assert_int_equal(sscanf(host_message(bench->host),
+                            "joint one does not switch its motor on: its board still reports "
+                            "another state (%zu frames sent",
+                            &sent),
+                     1);
+    assert_in_range(sent, bench->nseen - 2, bench->nseen);
+}

@@ -4,6 +4,7 @@
  * the actuators (ranges of the file, value = count * (max - min) / (2^bits - 1) + min), laws from
  * the torque that they have to make.
  */
+#include "base/array.h"
 #include "boards/described/protocol.h"
 #include "boards/protocol_list.h"
 
@@ -254,7 +255,7 @@ TEST(an_odrive_tells_its_state_when_it_changes)
     /* A state that it does not have leaves it alone */
     bench_send(base, 0, 0x027, "0b 00 00 00");
     bench_tick(base);
-    assert_int_equal(bench_counters(base).malformed, 1);
+    bench_expect(base, 0, 0x021, "00 00 00 00 08 0c 00 00");
     assert_true(base->motor[0].bridge_on);
 
     /* IDLE by the host is no error */
@@ -353,27 +354,94 @@ TEST(an_odrive_tells_versions_errors_and_powers)
     close_bench(&bench);
 }
 
-TEST(an_odrive_says_by_itself_what_ros_odrive_waits_for)
+/* A new drive sends heartbeat and estimates; one configured for ros_odrive what that waits for. */
+TEST(an_odrive_sends_by_itself_what_it_was_configured_for)
 {
-    static const uint8_t periodic[] = {0x01, 0x03, 0x09, 0x14, 0x15, 0x17, 0x1c};
-    size_t sent[0x20] = {0};
+    static const uint8_t periodic[] = {0x01, 0x09, 0x03, 0x14, 0x15, 0x17, 0x1c};
+
+    for (size_t configured = 0; configured < 2; configured++) {
+        size_t sent[0x20] = {0};
+        struct described_bench bench;
+        struct board_bench *base = &bench.base;
+
+        open_bench(&bench, odrive, 0);
+        bench_stop(base);
+        base->board[0].transmit_at_start = configured;
+        bench_start(base);
+        for (int t = 0; t < 200; t++) {
+            bench_tick(base);
+            for (size_t i = 0; i < base->count[0]; i++) {
+                sent[base->frame[0][i].id & 0x1f] += base->frame[0][i].id >> 5 == 1;
+            }
+        }
+        for (size_t i = 0; i < (configured ? sizeof periodic : 2); i++) {
+            assert_true(sent[periodic[i]] >= 2);
+            sent[periodic[i]] = 0;
+        }
+        for (size_t i = 0; i < 0x20; i++) {
+            assert_int_equal(sent[i], 0); /* ros_odrive warns of others */
+        }
+        close_bench(&bench);
+    }
+}
+
+/* Results of ODrive.ProcedureResult, told in a heartbeat. A calibration is busy, then done. */
+TEST(an_odrive_answers_requests_for_any_state_with_a_result)
+{
+    static const struct {
+        const char *request, *told, *later;
+    } cases[] = {
+        {"0b 00 00 00", "00 00 00 00 01 0c 00 00", NULL}, /* homing without an end stop */
+        {"05 00 00 00", "00 00 00 00 01 0d 00 00", NULL}, /* no such state */
+        {"ff ff ff ff", "00 00 00 00 01 0d 00 00", NULL},
+        {"03 00 00 00", "00 00 00 00 03 01 00 00", "00 00 00 00 01 00 00 00"},
+        {"04 00 00 00", "00 00 00 00 04 01 00 00", "00 00 00 00 01 00 00 00"},
+        {"07 00 00 00", "00 00 00 00 07 01 00 00", "00 00 00 00 01 00 00 00"},
+        {"01 00 00 00", "00 00 00 00 01 00 00 00", NULL},
+        {"08 00 00 00", "00 00 00 00 08 01 00 00", NULL},
+    };
+
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
+        struct described_bench bench;
+        struct board_bench *base = &bench.base;
+        const struct bus_frame request = {.id = 0x021, .flags = FRAME_REMOTE};
+
+        open_bench(&bench, odrive, 0);
+        bench_send(base, 0, 0x027, cases[i].request);
+        bench_ticks(base, 2);
+        boards_receive(base->boards, base->now_ns, 0, &request);
+        bench_tick(base);
+        bench_expect(base, 0, 0x021, cases[i].told);
+        assert_int_equal(base->motor[0].bridge_on, cases[i].request[1] == '8');
+        bench_ticks(base, 600);
+        boards_receive(base->boards, base->now_ns, 0, &request);
+        bench_tick(base);
+        bench_expect(base, 0, 0x021, cases[i].later ? cases[i].later : cases[i].told);
+        assert_int_equal(bench_counters(base).malformed, 0);
+        close_bench(&bench);
+    }
+}
+
+/* An ODrive without limit tells infinity, a drive without thermal model 25 degree C. */
+TEST(defaults_in_replies_are_those_of_a_drive)
+{
     struct described_bench bench;
     struct board_bench *base = &bench.base;
 
     open_bench(&bench, odrive, 0);
-    for (int t = 0; t < 200; t++) {
-        bench_tick(base);
-        for (size_t i = 0; i < base->count[0]; i++) {
-            sent[base->frame[0][i].id & 0x1f] += base->frame[0][i].id >> 5 == 1;
-        }
-    }
-    for (size_t i = 0; i < sizeof periodic; i++) {
-        assert_true(sent[periodic[i]] >= 2);
-        sent[periodic[i]] = 0;
-    }
-    for (size_t i = 0; i < 0x20; i++) {
-        assert_int_equal(sent[i], 0); /* it warns of others */
-    }
+    base->sense[0].winding_c = PLANT_AMBIENT_C;
+    bench_tick(base);
+    ask_odrive(base, 0x035, "00 00 c8 41 00 00 c8 41"); /* bridge and winding */
+    bench_send(base, 0, 0x024, "00 84 01 00");
+    bench_tick(base);
+    bench_expect(base, 0, 0x025, "00 84 01 00 00 00 80 7f"); /* vel_limit */
+    bench_send(base, 0, 0x02f, "00 00 80 3f 00 00 48 41");   /* 12.5 A, above the drive's 12 A */
+    bench_send(base, 0, 0x024, "00 0f 01 00");
+    bench_tick(base);
+    bench_expect(base, 0, 0x025, "00 0f 01 00 00 00 48 41"); /* current_soft_max */
+    base->sense[0].winding_c = 61.0;
+    bench_tick(base);
+    ask_odrive(base, 0x035, "00 00 c8 41 00 00 74 42");
     close_bench(&bench);
 }
 
@@ -747,6 +815,7 @@ TEST(a_wrong_checksum_or_a_stuck_counter_is_malformed)
     struct described_bench bench;
     struct board_bench *base = &bench.base;
     struct board_event event;
+    char text[256];
 
     open_bench(&bench, checked, 0);
     bench_send(base, 0, 0x201, "3b 10 f4 01");
@@ -764,6 +833,9 @@ TEST(a_wrong_checksum_or_a_stuck_counter_is_malformed)
     bench_tick(base);
     assert_near(base->motor[0].voltage_v, 5.0, 1e-9);
     assert_int_equal(bench_counters(base).malformed, 2);
+    assert_true(boards_last_malformed(base->boards, &event));
+    board_event_format(base->boards, &event, text, sizeof text);
+    assert_non_null(strstr(text, "frame SET (id 0x201): counter alive is 0 again, expected 1"));
     bench_send(base, 0, 0x201, "20 13 bc 02");
     bench_tick(base);
     assert_near(base->motor[0].voltage_v, 7.0, 1e-9);
@@ -775,6 +847,54 @@ TEST(a_wrong_checksum_or_a_stuck_counter_is_malformed)
     assert_near(base->motor[2].voltage_v, 7.0, 1e-9);
     assert_int_equal(bench_counters(base).malformed, 2);
     close_bench(&bench);
+}
+
+/* The log names frame, field, found and expected value, and states as the file does. */
+TEST(the_log_speaks_in_the_names_of_the_file)
+{
+    static const struct {
+        const char *file, *bytes;
+        uint32_t id;
+        const char *text;
+    } cases[] = {
+        {checked, "3b 10 f4 01", 0x201, "axis 0 from idle to run"},
+        {checked, "b4 10 f4 01", 0x201, "frame SET (id 0x201): checksum is 0xb4, expected 0x3b"},
+        {checked, "3b 10 f4", 0x201, "frame SET (id 0x201): length is 3, expected 4"},
+        {checked, "07 05 f4 01", 0x400,
+         "frame ALL (id 0x400): state is 5, expected a value that protocol checked lists"},
+        {odrive, "08 00 00 00", 0x027, "axis 0 from idle to closed_loop_control (position)"},
+        {odrive, "09 00 00 00 01 00 00 00", 0x02b,
+         "frame SET_CONTROLLER_MODE (id 0x02b): control_mode is 9, expected a value that protocol "
+         "odrive lists"},
+        {odrive, "00 09 00 00", 0x024,
+         "frame READ_SDO (id 0x024): endpoint is 9, expected a value that protocol odrive lists"},
+        {robstride, "00", 0x101, NULL},
+    };
+
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
+        struct described_bench bench;
+        struct board_bench *base = &bench.base;
+        struct board_event event, last;
+        char text[256], again[256];
+
+        open_bench(&bench, cases[i].file, 0);
+        bench_send(base, 0, cases[i].id, cases[i].bytes);
+        bench_tick(base);
+        if (!cases[i].text) {
+            assert_false(boards_last_malformed(base->boards, &last));
+            close_bench(&bench);
+            continue;
+        }
+        assert_true(boards_next_event(base->boards, &event));
+        board_event_format(base->boards, &event, text, sizeof text);
+        assert_string_equal(strstr(text, "): ") + 3, cases[i].text);
+        if (event.kind == BOARD_EVENT_MALFORMED) {
+            assert_true(boards_last_malformed(base->boards, &last));
+            board_event_format(base->boards, &last, again, sizeof again);
+            assert_string_equal(again, text);
+        }
+        close_bench(&bench);
+    }
 }
 
 /* What is wrong in one part of it, a state or a constant, stops no other drive. */
