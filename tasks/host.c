@@ -243,30 +243,25 @@ static enum host_phase host_discover(struct host *host)
     return host->phase;
 }
 
-/* Measures the round trip time with a request that was sent only once. */
-static void host_time_reply(struct host_line *line, struct host_node *node, int64_t now_ns)
+/* Sends a board its requests in order, each repeated until answered. Returns true when all are
+ * answered. */
+static bool host_configure_node(struct host *host, size_t bus, unsigned address)
 {
-    int64_t took_ns = now_ns - node->request_time_ns;
+    struct host_line *line = &host->line[bus];
+    struct host_node *node = &line->node[address];
+    struct host_request request = {0};
+    bool waits = node->answered < node->requested;
+    int64_t took_ns = host->now_ns - node->request_time_ns;
 
-    if (node->timed && node->answered == node->requested) {
+    /* The round trip time is that of a request that was sent only once */
+    if (node->timed && !waits) {
         node->timed = false;
         if (line->round_trip_ns == 0 || took_ns < line->round_trip_ns) {
             line->round_trip_ns = took_ns;
         }
     }
-}
-
-/* Sends a board its requests in order, each repeated until answered. Returns true when all are
- * answered. */
-static bool host_configure_node(struct host *host, size_t bus, unsigned address)
-{
-    struct host_node *node = &host->line[bus].node[address];
-    struct host_request request = {0};
-    bool waits = node->answered < node->requested;
-
-    host_time_reply(&host->line[bus], node, host->now_ns);
     /* An answer is missing: wait, give up, or repeat the request */
-    if (waits && host->now_ns - node->request_time_ns <= REPLY_TIMEOUT_NS) {
+    if (waits && took_ns <= REPLY_TIMEOUT_NS) {
         return false;
     }
     if (waits && node->tries == REQUEST_TRIES) {
@@ -278,8 +273,7 @@ static bool host_configure_node(struct host *host, size_t bus, unsigned address)
         host->lost = true;
         return false;
     }
-    if (!host->line[bus].ops->request ||
-        !host->line[bus].ops->request(host, bus, address, node->answered, &request)) {
+    if (!line->ops->request || !line->ops->request(host, bus, address, node->answered, &request)) {
         return true;
     }
     /* Requests without an answer count as answered */

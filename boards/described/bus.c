@@ -35,16 +35,6 @@ static const struct described_protocol *bus_protocol(const struct described_bus 
     return bus->bus.config.described;
 }
 
-/* Returns whether a parameter exists, and is writable if the frame has a value for it. */
-static bool described_parameter_exists(const struct described_protocol *protocol,
-                                       const struct described_frame *row, int64_t number)
-{
-    const struct described_parameter *parameter = described_find_parameter(protocol, number);
-    bool writes = described_find_field(row, DESCRIBED_PARAMETER_VALUE) >= 0;
-
-    return parameter && (!writes || described_is_setting(parameter->field.meaning));
-}
-
 /* Returns whether the states, laws, parameters and periods in the frame are valid. */
 static bool described_values_exist(const struct described_protocol *protocol,
                                    struct described_arrival *a)
@@ -52,6 +42,7 @@ static bool described_values_exist(const struct described_protocol *protocol,
     /* States, laws and parameters must be in their lists, a period in its range */
     for (size_t i = 0; i < a->row->nfield; i++) {
         const struct described_field *field = &a->row->field[i];
+        const struct described_parameter *parameter;
         bool exists = true;
         double value;
 
@@ -65,7 +56,10 @@ static bool described_values_exist(const struct described_protocol *protocol,
             exists = described_find_state(protocol->law, protocol->nlaw, a->values[i], true) >= 0;
             break;
         case DESCRIBED_PARAMETER:
-            exists = described_parameter_exists(protocol, a->row, a->values[i]);
+            /* A frame with a value writes it */
+            parameter = described_find_parameter(protocol, a->values[i]);
+            exists = parameter && (described_find_field(a->row, DESCRIBED_PARAMETER_VALUE) < 0 ||
+                                   described_is_setting(parameter->field.meaning));
             break;
         case DESCRIBED_TELEMETRY_PERIOD:
             value = described_value(field, a->values[i]);
@@ -179,24 +173,12 @@ static bool described_is_stuck(struct described_bus *bus, struct described_arriv
     return *heard == before;
 }
 
-/* Sets the telemetry period that the frame carries, if any. */
-static void described_obey_period(struct described_node *node, const struct described_arrival *a)
-{
-    int field = described_find_field(a->row, DESCRIBED_TELEMETRY_PERIOD);
-    int32_t period_ms = 0;
-
-    if (field >= 0) {
-        control_quantize(described_value(&a->row->field[field], a->values[field]) * 1e3,
-                         &period_ms);
-        described_node_set_period(node, period_ms);
-    }
-}
-
 /* Obeys a frame for `count` axes of a board from `first` on. A sensor counts as one axis. */
 static void described_board_receive(struct described_node *node, unsigned first, unsigned count,
                                     struct described_arrival *a)
 {
     int reply = a->row->reply[described_kind_index(node->kind)];
+    int period = described_find_field(a->row, DESCRIBED_TELEMETRY_PERIOD);
     bool replied = false, obeyed = false;
 
     if (!(a->row->of & node->kind)) {
@@ -212,10 +194,12 @@ static void described_board_receive(struct described_node *node, unsigned first,
         if (a->verdict != BOARD_OBEYED) {
             continue;
         }
-        if (!obeyed) {
-            described_obey_period(node, a);
-            obeyed = true;
+        if (!obeyed && period >= 0) {
+            double period_s = described_value(&a->row->field[period], a->values[period]);
+
+            described_node_set_period(node, (int64_t)(period_s * 1e3 + 0.5));
         }
+        obeyed = true;
         if (axis < node->axes && !described_axis_obey(node, axis, a->row, a->values)) {
             a->refused = true;
             described_note_reason(node->protocol, a, DESCRIBED_WRONG_LAW, 0, 0);
@@ -231,18 +215,6 @@ static void described_board_receive(struct described_node *node, unsigned first,
     if (obeyed && a->row->restart) {
         board_enter_bootloader(&node->board, node->board.config.boot_ns);
     }
-}
-
-/* Reads one part of a group's frame and sets its verdict. */
-static void described_read_part(const struct described_protocol *protocol,
-                                struct described_arrival *a, unsigned part)
-{
-    const struct described_frame *row = a->row;
-
-    described_decode(row, a->frame, part, a->values);
-    a->verdict = row->nconstant > 0 && !described_has_constants(row, a->frame, part) ? BOARD_UNKNOWN
-                 : row->checked && !described_values_exist(protocol, a) ? BOARD_MALFORMED
-                                                                        : BOARD_OBEYED;
 }
 
 /* Obeys a group's frame: one repetition per slot. An invalid part is not obeyed, but the other
@@ -267,7 +239,11 @@ static void described_bus_receive_group(struct described_bus *bus, struct descri
             continue;
         }
         if (whole == BOARD_OBEYED) {
-            described_read_part(bus_protocol(bus), a, k);
+            described_decode(row, a->frame, k, a->values);
+            a->verdict =
+                row->nconstant > 0 && !described_has_constants(row, a->frame, k) ? BOARD_UNKNOWN
+                : row->checked && !described_values_exist(bus_protocol(bus), a)  ? BOARD_MALFORMED
+                                                                                 : BOARD_OBEYED;
         }
         described_board_receive(node, bus->slot[first + k].axis, 1, a);
         if (a->verdict != BOARD_OBEYED) {
@@ -279,21 +255,6 @@ static void described_bus_receive_group(struct described_bus *bus, struct descri
     a->listener = wrong ? wrong : a->listener;
     if (count == 0 && first < bus->slots) {
         a->listener = &bus->slot[first].node->board;
-    }
-}
-
-/* Obeys a frame for the board with an address, or for all boards. */
-static void described_bus_receive_all(struct described_bus *bus, struct described_arrival *a)
-{
-    for (unsigned address = 1; address < BOARD_ADDRESSES; address++) {
-        struct board *board = bus->bus.by_address[address];
-        bool meant = a->row->by == DESCRIBED_BY_NONE || a->number == address;
-
-        if (board && meant && !board_is_deaf(board)) {
-            struct described_node *node = described_node_of(board);
-
-            described_board_receive(node, 0, node->axes ? node->axes : 1, a);
-        }
     }
 }
 
@@ -323,7 +284,17 @@ static void described_bus_receive(struct boards *boards, struct board_bus *of,
             described_board_receive(slot->node, slot->axis, 1, &a);
         }
     } else {
-        described_bus_receive_all(bus, &a);
+        /* The board with an address, or all boards */
+        for (unsigned address = 1; address < BOARD_ADDRESSES; address++) {
+            struct board *board = bus->bus.by_address[address];
+            bool meant = a.row->by == DESCRIBED_BY_NONE || a.number == address;
+
+            if (board && meant && !board_is_deaf(board)) {
+                struct described_node *node = described_node_of(board);
+
+                described_board_receive(node, 0, node->axes ? node->axes : 1, &a);
+            }
+        }
     }
     if (a.refused || a.verdict == BOARD_MALFORMED) {
         boards->reason = a.reason;

@@ -38,17 +38,6 @@ static uint32_t frame_cycle_ns(const struct message_walk *walk, size_t index,
     return 0;
 }
 
-/* Returns whether a frame has no variable content, such as "switch on" or a request. */
-static bool frame_is_constant(const struct described_frame *frame)
-{
-    for (size_t k = 0; k < frame->nfield; k++) {
-        if (frame->field[k].meaning != DESCRIBED_CONSTANT) {
-            return false;
-        }
-    }
-    return true;
-}
-
 /* Returns the name of the first frame that answers a frame. */
 static const char *frame_answer(const struct described_protocol *protocol,
                                 const struct described_frame *frame,
@@ -109,7 +98,7 @@ static void visit_frame(struct message_walk *walk, size_t index, int board, unsi
         .answer = frame_answer(protocol, frame, config),
         .section = frame->from_host ? MESSAGE_FROM_HOST : MESSAGE_FROM_BOARDS,
         .cycle_ns = frame_cycle_ns(walk, index, config),
-        .constant = frame_is_constant(frame),
+        .constant = frame->nconstant == frame->nfield,
         .row = frame,
         .fields = frame->layout,
         .id_fields = frame->id_layout,

@@ -34,11 +34,13 @@ static const char checked[] =
     "1.0e-5}\n"
     "      - {name: crc, at_bit: 88, bits: 8, checksum: crc8_sae_j1850}\n";
 
-struct described_bench {
+/* The bench of the test that runs */
+static struct described_bench {
     struct board_bench base;
     struct boards_bus_config bus[BENCH_BUSES];
     struct arena protocols;
-};
+} bench;
+static struct board_bench *const base = &bench.base;
 
 static const char odrive[] = HIL_SOURCE_DIR "/config/protocols/odrive.yaml";
 static const char watched[] = "odrive.yaml with a watchdog of 10 ms";
@@ -62,33 +64,31 @@ static size_t read_watched(char *text, size_t size)
     return strlen(text);
 }
 
-static void read_protocol(struct described_bench *bench, const char *file)
+static void read_protocol(const char *file)
 {
     static char text[1 << 16];
-    const struct described_protocol **protocol = &bench->bus[0].described;
+    const struct described_protocol **protocol = &bench.bus[0].described;
     struct error error;
     enum error_code code;
 
-    assert_ok(arena_init(&bench->protocols, 8u << 20, &error));
-    code = file == checked   ? described_read_text("checked", file, strlen(file), &bench->protocols,
+    assert_ok(arena_init(&bench.protocols, 8u << 20, &error));
+    code = file == checked   ? described_read_text("checked", file, strlen(file), &bench.protocols,
                                                    protocol, &error)
            : file == watched ? described_read_text("watched", text, read_watched(text, sizeof text),
-                                                   &bench->protocols, protocol, &error)
-                             : described_load(file, &bench->protocols, protocol, &error);
+                                                   &bench.protocols, protocol, &error)
+                             : described_load(file, &bench.protocols, protocol, &error);
     assert_no_error(code, error.text);
 }
 
 /* Bus 0 with two drives of one axis, addresses 1 and 2, joints 0 and 2. */
-static void open_bench(struct described_bench *bench, const char *file, int64_t timeout_ns)
+static void open_bench(const char *file, int64_t timeout_ns)
 {
-    struct board_bench *base = &bench->base;
-
-    memset(bench, 0, sizeof *bench);
+    memset(&bench, 0, sizeof bench);
     bench_configure(base);
-    bench->bus[0].protocol = &protocol_described;
-    bench->bus[0].fd = file == checked;
-    read_protocol(bench, file);
-    base->config.bus = bench->bus;
+    bench.bus[0].protocol = &protocol_described;
+    bench.bus[0].fd = file == checked;
+    read_protocol(file);
+    base->config.bus = bench.bus;
     base->config.nboard = DRIVES;
     for (int i = 0; i < DRIVES; i++) {
         base->board[i] = bench_motor(i ? "two" : "one", 0, (uint8_t)(i + 1), 2 * i, -1);
@@ -106,10 +106,10 @@ static void open_bench(struct described_bench *bench, const char *file, int64_t 
     bench_tick(base);
 }
 
-static void close_bench(struct described_bench *bench)
+static void close_bench(void)
 {
-    bench_stop(&bench->base);
-    arena_fini(&bench->protocols);
+    bench_stop(&bench.base);
+    arena_fini(&bench.protocols);
 }
 
 static const char cheetah[] = HIL_SOURCE_DIR "/config/protocols/mini-cheetah.yaml";
@@ -119,10 +119,7 @@ static const char robstride[] = HIL_SOURCE_DIR "/config/protocols/robstride.yaml
 
 TEST(a_cheetah_drive_answers_the_frames_that_switch_it)
 {
-    struct described_bench bench;
-    struct board_bench *base = &bench.base;
-
-    open_bench(&bench, cheetah, 0);
+    open_bench(cheetah, 0);
     assert_false(base->motor[0].bridge_on);
     bench_send(base, 0, 1, "ff ff ff ff ff ff ff fc");
     bench_tick(base);
@@ -139,7 +136,7 @@ TEST(a_cheetah_drive_answers_the_frames_that_switch_it)
     bench_tick(base);
     bench_expect(base, 0, 0, "01 80 00 80 08 00");
     assert_false(base->motor[0].bridge_on);
-    close_bench(&bench);
+    close_bench();
 }
 
 /* The current loop is at rest just where the current makes the torque of the law. */
@@ -148,10 +145,8 @@ TEST(a_cheetah_drive_has_the_impedance_of_its_command)
     /* 0.7 rad, 0 rad/s, 100 Nm/rad, 0 Nm s/rad, 5 Nm in counts 34602, 2048, 819, 0, 2116 */
     static const char command[] = "87 2a 80 03 33 00 08 44";
     const double torque = 100.0 * (34602 * 25.0 / 65535 - 12.5 - 0.5) + 2116 * 300.0 / 4095 - 150.0;
-    struct described_bench bench;
-    struct board_bench *base = &bench.base;
 
-    open_bench(&bench, cheetah, 0);
+    open_bench(cheetah, 0);
     bench_send(base, 0, 1, "ff ff ff ff ff ff ff fc");
     base->sense[0].current_a = torque / TORQUE_NM_A;
     bench_tick(base);
@@ -169,17 +164,15 @@ TEST(a_cheetah_drive_has_the_impedance_of_its_command)
     assert_true(base->motor[0].voltage_v < -1e-3);
 
     /* Damping brakes a motor that moves: 12.01 Nm s/rad at 1 rad/s in a running mean */
-    close_bench(&bench);
+    close_bench();
 }
 
 /* Counts of the firmware's ranges: 2 A of 4.1 Nm/A in 36 Nm, 24 V in 40. */
 TEST(the_present_firmware_tells_its_bus_voltage)
 {
     static const char motorcontrol[] = HIL_SOURCE_DIR "/config/protocols/motorcontrol.yaml";
-    struct described_bench bench;
-    struct board_bench *base = &bench.base;
 
-    open_bench(&bench, motorcontrol, 0);
+    open_bench(motorcontrol, 0);
     base->sense[0].current_a = 2.0;
     base->sense[0].torque_nm = 3.0; /* what the spring has is not told */
     base->sensors.supply_v = 24.0;
@@ -187,17 +180,15 @@ TEST(the_present_firmware_tells_its_bus_voltage)
     bench_send(base, 0, 1, "ff ff ff ff ff ff ff fd");
     bench_tick(base);
     bench_expect(base, 0, 0, "01 85 1e 80 0b a4 99");
-    close_bench(&bench);
+    close_bench();
 }
 
 TEST(a_cheetah_drive_brakes_by_its_damping)
 {
     /* 0.5 rad, 2048: 0.0073 rad/s, no stiffness, 983: 12.0024 Nm s/rad, 2048: 0.0366 Nm */
     static const char command[] = "85 1e 80 00 00 3d 78 00";
-    struct described_bench bench;
-    struct board_bench *base = &bench.base;
 
-    open_bench(&bench, cheetah, 0);
+    open_bench(cheetah, 0);
     bench_send(base, 0, 1, "ff ff ff ff ff ff ff fc");
     bench_send(base, 0, 1, command);
     for (int i = 0; i < 40; i++) { /* to 1 rad/s in the mean of encoder steps of 65 ticks a ms */
@@ -219,14 +210,12 @@ TEST(a_cheetah_drive_brakes_by_its_damping)
         bench_tick(base);
         assert_near(base->motor[0].voltage_v, before, 1e-3);
     }
-    close_bench(&bench);
+    close_bench();
 }
 
 TEST(a_frame_of_another_length_is_malformed)
 {
-    struct described_bench bench;
-
-    open_bench(&bench, cheetah, 0);
+    open_bench(cheetah, 0);
     bench_send(&bench.base, 0, 1, "ff ff ff ff ff ff fc");
     bench_send(&bench.base, 0, 3, "ff ff ff ff ff ff ff fc"); /* no such drive */
     bench_send(&bench.base, 0, 0, "00");                      /* that of the answers */
@@ -234,17 +223,14 @@ TEST(a_frame_of_another_length_is_malformed)
     assert_int_equal(bench_counters(&bench.base).malformed, 1);
     assert_int_equal(bench_counters(&bench.base).foreign, 2);
     assert_false(bench.base.motor[0].bridge_on);
-    close_bench(&bench);
+    close_bench();
 }
 
 /* ---- ODrive ---- */
 
 TEST(an_odrive_tells_its_state_when_it_changes)
 {
-    struct described_bench bench;
-    struct board_bench *base = &bench.base;
-
-    open_bench(&bench, odrive, 0);
+    open_bench(odrive, 0);
     bench_send(base, 0, 0x02b, "03 00 00 00 01 00 00 00");
     bench_send(base, 0, 0x027, "08 00 00 00");
     bench_tick(base);
@@ -263,16 +249,13 @@ TEST(an_odrive_tells_its_state_when_it_changes)
     bench_tick(base);
     bench_expect(base, 0, 0x021, "00 00 00 00 01 00 00 00");
     assert_false(base->motor[0].bridge_on);
-    close_bench(&bench);
+    close_bench();
 }
 
 /* ESTOP_REQUESTED is bit 25, and stays through every state until CLEAR_ERRORS. */
 TEST(an_odrive_that_was_stopped_arms_when_errors_are_cleared)
 {
-    struct described_bench bench;
-    struct board_bench *base = &bench.base;
-
-    open_bench(&bench, odrive, 0);
+    open_bench(odrive, 0);
     bench_send(base, 0, 0x027, "08 00 00 00 00 00 00 00"); /* eight bytes, as official clients */
     bench_tick(base);
     assert_true(base->motor[0].bridge_on);
@@ -311,11 +294,11 @@ TEST(an_odrive_that_was_stopped_arms_when_errors_are_cleared)
     bench_tick(base);
     bench_expect(base, 0, 0x041, "00 00 00 02 01 03 00 00");
     assert_int_equal(bench_counters(base).malformed, 0);
-    close_bench(&bench);
+    close_bench();
 }
 
 /* Asks for a frame and checks it. */
-static void ask_odrive(struct board_bench *base, uint32_t id, const char *answer)
+static void ask_odrive(uint32_t id, const char *answer)
 {
     const struct bus_frame request = {.id = id, .flags = FRAME_REMOTE};
 
@@ -327,14 +310,12 @@ static void ask_odrive(struct board_bench *base, uint32_t id, const char *answer
 TEST(an_odrive_tells_versions_errors_and_powers)
 {
     const struct bus_frame everyone = {.id = 0x7e6, .flags = FRAME_REMOTE};
-    struct described_bench bench;
-    struct board_bench *base = &bench.base;
 
-    open_bench(&bench, odrive, 0);
-    ask_odrive(base, 0x020, "02 04 04 3a 00 06 0a 00");
-    ask_odrive(base, 0x023, "00 00 00 00 00 00 00 00");
-    ask_odrive(base, 0x03d, "00 00 00 00 00 00 00 00");
-    ask_odrive(base, 0x02e + 6, "00 00 00 00 00 00 00 00"); /* IQ */
+    open_bench(odrive, 0);
+    ask_odrive(0x020, "02 04 04 3a 00 06 0a 00");
+    ask_odrive(0x023, "00 00 00 00 00 00 00 00");
+    ask_odrive(0x03d, "00 00 00 00 00 00 00 00");
+    ask_odrive(0x02e + 6, "00 00 00 00 00 00 00 00"); /* IQ */
 
     /* both say who they are, by serial numbers of their own */
     boards_receive(base->boards, base->now_ns, 0, &everyone);
@@ -349,9 +330,9 @@ TEST(an_odrive_tells_versions_errors_and_powers)
     /* 2 A at 5.125 Nm (4.1 Nm/A at the link): 8.2 Nm, of the rotor 0.082 */
     base->sense[0].current_a = 2.0;
     bench_tick(base);
-    ask_odrive(base, 0x034, "00 00 00 00 00 00 00 40");
-    ask_odrive(base, 0x03c, "00 00 00 00 9e ef a7 3d");
-    close_bench(&bench);
+    ask_odrive(0x034, "00 00 00 00 00 00 00 40");
+    ask_odrive(0x03c, "00 00 00 00 9e ef a7 3d");
+    close_bench();
 }
 
 /* A new drive sends heartbeat and estimates; one configured for ros_odrive what that waits for. */
@@ -361,10 +342,8 @@ TEST(an_odrive_sends_by_itself_what_it_was_configured_for)
 
     for (size_t configured = 0; configured < 2; configured++) {
         size_t sent[0x20] = {0};
-        struct described_bench bench;
-        struct board_bench *base = &bench.base;
 
-        open_bench(&bench, odrive, 0);
+        open_bench(odrive, 0);
         bench_stop(base);
         base->board[0].transmit_at_start = configured;
         bench_start(base);
@@ -381,7 +360,7 @@ TEST(an_odrive_sends_by_itself_what_it_was_configured_for)
         for (size_t i = 0; i < 0x20; i++) {
             assert_int_equal(sent[i], 0); /* ros_odrive warns of others */
         }
-        close_bench(&bench);
+        close_bench();
     }
 }
 
@@ -402,11 +381,9 @@ TEST(an_odrive_answers_requests_for_any_state_with_a_result)
     };
 
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
-        struct described_bench bench;
-        struct board_bench *base = &bench.base;
         const struct bus_frame request = {.id = 0x021, .flags = FRAME_REMOTE};
 
-        open_bench(&bench, odrive, 0);
+        open_bench(odrive, 0);
         bench_send(base, 0, 0x027, cases[i].request);
         bench_ticks(base, 2);
         boards_receive(base->boards, base->now_ns, 0, &request);
@@ -418,20 +395,17 @@ TEST(an_odrive_answers_requests_for_any_state_with_a_result)
         bench_tick(base);
         bench_expect(base, 0, 0x021, cases[i].later ? cases[i].later : cases[i].told);
         assert_int_equal(bench_counters(base).malformed, 0);
-        close_bench(&bench);
+        close_bench();
     }
 }
 
 /* An ODrive without limit tells infinity, a drive without thermal model 25 degree C. */
 TEST(defaults_in_replies_are_those_of_a_drive)
 {
-    struct described_bench bench;
-    struct board_bench *base = &bench.base;
-
-    open_bench(&bench, odrive, 0);
+    open_bench(odrive, 0);
     base->sense[0].winding_c = PLANT_AMBIENT_C;
     bench_tick(base);
-    ask_odrive(base, 0x035, "00 00 c8 41 00 00 c8 41"); /* bridge and winding */
+    ask_odrive(0x035, "00 00 c8 41 00 00 c8 41"); /* bridge and winding */
     bench_send(base, 0, 0x024, "00 84 01 00");
     bench_tick(base);
     bench_expect(base, 0, 0x025, "00 84 01 00 00 00 80 7f"); /* vel_limit */
@@ -441,17 +415,14 @@ TEST(defaults_in_replies_are_those_of_a_drive)
     bench_expect(base, 0, 0x025, "00 0f 01 00 00 00 48 41"); /* current_soft_max */
     base->sense[0].winding_c = 61.0;
     bench_tick(base);
-    ask_odrive(base, 0x035, "00 00 c8 41 00 00 74 42");
-    close_bench(&bench);
+    ask_odrive(0x035, "00 00 c8 41 00 00 74 42");
+    close_bench();
 }
 
 /* Endpoint 384 is pos_gain, 1 vbus_voltage. */
 TEST(an_odrive_has_endpoints)
 {
-    struct described_bench bench;
-    struct board_bench *base = &bench.base;
-
-    open_bench(&bench, odrive, 0);
+    open_bench(odrive, 0);
     bench_send(base, 0, 0x024, "00 01 00 00");
     bench_tick(base);
     bench_expect(base, 0, 0x025, "00 01 00 00 00 00 40 42");
@@ -483,15 +454,12 @@ TEST(an_odrive_has_endpoints)
     bench_send(base, 0, 0x024, "00 80 01 00");
     bench_tick(base);
     bench_expect(base, 0, 0x025, "00 80 01 00 00 00 a0 41");
-    close_bench(&bench);
+    close_bench();
 }
 
 TEST(an_odrive_heeds_limits_and_where_it_is_said_to_be)
 {
-    struct described_bench bench;
-    struct board_bench *base = &bench.base;
-
-    open_bench(&bench, odrive, 0);
+    open_bench(odrive, 0);
     bench_send(base, 0, 0x02f, "00 00 80 3f 00 00 00 3f"); /* 1 turn/s, 0.5 A */
     bench_send(base, 0, 0x031, "00 00 80 3f 00 00 00 00"); /* of trajectories: taken */
     bench_send(base, 0, 0x032, "00 00 80 3f 00 00 80 3f");
@@ -500,36 +468,31 @@ TEST(an_odrive_heeds_limits_and_where_it_is_said_to_be)
     bench_send(base, 0, 0x027, "08 00 00 00");
     bench_send(base, 0, 0x02e, "00 00 80 3f 00 00 00 00"); /* 1 Nm of the rotor: 24 A */
     bench_tick(base);
-    ask_odrive(base, 0x034, "00 00 00 3f 00 00 00 00"); /* target 0.5 A */
+    ask_odrive(0x034, "00 00 00 3f 00 00 00 00"); /* target 0.5 A */
 
     bench_send(base, 0, 0x039, "00 00 20 41"); /* it is at 10 turns */
     bench_ticks(base, 2);
-    ask_odrive(base, 0x029, "00 00 20 41 00 00 00 00");
+    ask_odrive(0x029, "00 00 20 41 00 00 00 00");
     assert_int_equal(bench_counters(base).malformed, 0);
-    close_bench(&bench);
+    close_bench();
 }
 
 TEST(an_odrive_answers_remote_frames)
 {
     struct bus_frame request = {.id = 0x037, .len = 8, .flags = FRAME_REMOTE};
-    struct described_bench bench;
-    struct board_bench *base = &bench.base;
 
-    open_bench(&bench, odrive, 0);
+    open_bench(odrive, 0);
     boards_receive(base->boards, base->now_ns, 0, &request);
     bench_tick(base);
     bench_expect(base, 0, 0x037, "00 00 40 42 00 00 00 00"); /* 48 V */
     bench_ticks(base, 1);
     bench_expect(base, 0, 0x029, "dd a5 fe 40 00 00 00 00"); /* 7.957747 turns */
-    close_bench(&bench);
+    close_bench();
 }
 
 TEST(an_odrive_holds_its_position_in_counts_of_turns)
 {
-    struct described_bench bench;
-    struct board_bench *base = &bench.base;
-
-    open_bench(&bench, odrive, 0);
+    open_bench(odrive, 0);
     bench_send(base, 0, 0x02b, "03 00 00 00 01 00 00 00");
     bench_send(base, 0, 0x027, "08 00 00 00");
     bench_send(base, 0, 0x02c, "dd a5 fe 40 00 00 00 00"); /* where it is */
@@ -538,21 +501,18 @@ TEST(an_odrive_holds_its_position_in_counts_of_turns)
     bench_send(base, 0, 0x02c, "00 00 00 41 00 00 00 00"); /* 8 turns: 0.50265 rad */
     bench_ticks(base, 3);
     assert_true(base->motor[0].voltage_v > 0.05);
-    close_bench(&bench);
+    close_bench();
 }
 
 TEST(a_watchdog_disarms_until_errors_are_cleared)
 {
-    struct described_bench bench;
-    struct board_bench *base = &bench.base;
-
-    open_bench(&bench, odrive, 10000000); /* what the rig says is nothing to the file's 0 */
+    open_bench(odrive, 10000000); /* what the rig says is nothing to the file's 0 */
     bench_send(base, 0, 0x027, "08 00 00 00");
     bench_ticks(base, 20);
     assert_true(base->motor[0].bridge_on);
-    close_bench(&bench);
+    close_bench();
 
-    open_bench(&bench, watched, 0);
+    open_bench(watched, 0);
     bench_send(base, 0, 0x027, "08 00 00 00");
     bench_ticks(base, 9);
     assert_true(base->motor[0].bridge_on);
@@ -570,15 +530,12 @@ TEST(a_watchdog_disarms_until_errors_are_cleared)
     bench_send(base, 0, 0x027, "08 00 00 00");
     bench_tick(base);
     assert_true(base->motor[0].bridge_on);
-    close_bench(&bench);
+    close_bench();
 }
 
 TEST(a_fault_opens_the_bridge_and_its_bit_is_told)
 {
-    struct described_bench bench;
-    struct board_bench *base = &bench.base;
-
-    open_bench(&bench, odrive, 0);
+    open_bench(odrive, 0);
     bench_send(base, 0, 0x027, "08 00 00 00");
     bench_tick(base);
     base->sensors.supply_v = 20.0;
@@ -589,7 +546,7 @@ TEST(a_fault_opens_the_bridge_and_its_bit_is_told)
     bench_send(base, 0, 0x038, "00");
     bench_ticks(base, 3);
     assert_false(boards_fault(base->boards));
-    close_bench(&bench);
+    close_bench();
 }
 
 /* ---- servo valves ---- */
@@ -597,10 +554,8 @@ TEST(a_fault_opens_the_bridge_and_its_bit_is_told)
 TEST(a_valve_tells_its_pressures_and_takes_speeds_as_voltages)
 {
     static const char valves[] = HIL_SOURCE_DIR "/config/protocols/servo-valve.yaml";
-    struct described_bench bench;
-    struct board_bench *base = &bench.base;
 
-    open_bench(&bench, valves, 0);
+    open_bench(valves, 0);
     bench_stop(base);
     base->board[0].axis[0].valve = true;
     base->board[0].axis[0].bemf_v_s_rad = 0.36;
@@ -630,7 +585,7 @@ TEST(a_valve_tells_its_pressures_and_takes_speeds_as_voltages)
     bench_tick(base);
     assert_true(base->motor[0].bridge_on);
     assert_near(base->motor[0].voltage_v, 12.0 * 0.1 * 0.36, 1e-4);
-    close_bench(&bench);
+    close_bench();
 }
 
 /* A supply below half or above 1.25 times the nominal pressure closes the valves of the axes that
@@ -642,10 +597,8 @@ TEST(a_lost_oil_pressure_closes_the_valve)
         double pa;
         unsigned bit;
     } wrong[] = {{79.9e5, 7}, {200.1e5, 8}, {NAN, 7}};
-    struct described_bench bench;
-    struct board_bench *base = &bench.base;
 
-    open_bench(&bench, valves, 0);
+    open_bench(valves, 0);
     bench_stop(base);
     base->board[0].axis[0].valve = true;
     base->board[0].under_pressure_pa = 80e5;
@@ -682,16 +635,14 @@ TEST(a_lost_oil_pressure_closes_the_valve)
     base->sensors.oil_pa = 0.0;
     bench_ticks(base, 2);
     assert_true(base->motor[2].bridge_on);
-    close_bench(&bench);
+    close_bench();
 }
 
 TEST(a_valve_refuses_laws_of_current)
 {
     static const char compact[] = HIL_SOURCE_DIR "/config/protocols/compact.yaml";
-    struct described_bench bench;
-    struct board_bench *base = &bench.base;
 
-    open_bench(&bench, compact, 0);
+    open_bench(compact, 0);
     bench_stop(base);
     base->board[0].axis[0].valve = true;
     bench_start(base);
@@ -705,26 +656,25 @@ TEST(a_valve_refuses_laws_of_current)
     bench_tick(base);
     assert_true(base->motor[0].bridge_on);
     assert_int_equal(bench_counters(base).malformed, 1);
-    close_bench(&bench);
+    close_bench();
 }
 
 /* ---- RobStride: fields in identifiers of 29 bits ---- */
 
-static void send_extended(struct described_bench *bench, uint32_t id, const char *hex)
+static void send_extended(uint32_t id, const char *hex)
 {
     struct bus_frame frame = {.id = id, .flags = FRAME_EXTENDED};
 
     frame.len = bench_bytes(hex, frame.data);
-    boards_receive(bench->base.boards, bench->base.now_ns, 0, &frame);
+    boards_receive(bench.base.boards, bench.base.now_ns, 0, &frame);
 }
 
 /* The first frame of the last tick has this identifier and format. */
-static void expect_as(const struct described_bench *bench, uint32_t id, uint8_t flags,
-                      const char *hex)
+static void expect_as(uint32_t id, uint8_t flags, const char *hex)
 {
-    struct bus_frame frame = bench->base.frame[0][0];
+    struct bus_frame frame = bench.base.frame[0][0];
 
-    assert_true(bench->base.count[0] > 0);
+    assert_true(bench.base.count[0] > 0);
     assert_int_equal(frame.flags, flags);
     frame.flags = 0;
     bench_expect_frame(&frame, id, hex);
@@ -734,10 +684,7 @@ static void expect_as(const struct described_bench *bench, uint32_t id, uint8_t 
  * next to no torque; but for its speed, which turned slowly and here stands still. */
 TEST(a_robstride_drive_answers_as_one_that_was_recorded)
 {
-    struct described_bench bench;
-    struct board_bench *base = &bench.base;
-
-    open_bench(&bench, robstride, 0);
+    open_bench(robstride, 0);
     bench_stop(base);
     base->board[0].address = 10;
     base->sense[0].qm = base->sense[0].q = 3.812192;
@@ -745,15 +692,15 @@ TEST(a_robstride_drive_answers_as_one_that_was_recorded)
     base->sense[0].winding_c = 32.0;
     bench_start(base);
     bench_ticks(base, 2);
-    send_extended(&bench, 0x0400fd0a, "00 00 00 00 00 00 00 00");
+    send_extended(0x0400fd0a, "00 00 00 00 00 00 00 00");
     bench_tick(base);
     assert_int_equal(base->count[0], 1);
-    expect_as(&bench, 0x02000afd, FRAME_EXTENDED, "a6 d4 80 00 7f ff 01 40");
+    expect_as(0x02000afd, FRAME_EXTENDED, "a6 d4 80 00 7f ff 01 40");
 
     /* The same number with 11 bits is nobody's */
     bench_send(base, 0, 0x10a, "00 00 00 00 00 00 00 00");
     assert_int_equal(bench_counters(base).foreign, 1);
-    close_bench(&bench);
+    close_bench();
 }
 
 /* 0.7 rad, 0 rad/s, 100 Nm/rad, 0 Nm s/rad in the data, 5 Nm in the identifier: counts 34593,
@@ -763,17 +710,15 @@ TEST(a_robstride_drive_takes_its_torque_from_the_identifier)
     const double pi = 3.14159265358979324;
     const double torque = 1311 * 5000.0 / 65535 * (34593 * 8 * pi / 65535 - 4 * pi - 0.5) +
                           34133 * 240.0 / 65535 - 120.0;
-    struct described_bench bench;
-    struct board_bench *base = &bench.base;
 
-    open_bench(&bench, robstride, 0);
-    send_extended(&bench, 0x0300fd01, "00 00 00 00 00 00 00 00");
+    open_bench(robstride, 0);
+    send_extended(0x0300fd01, "00 00 00 00 00 00 00 00");
     base->sense[0].current_a = torque / TORQUE_NM_A;
     bench_tick(base);
-    expect_as(&bench, 0x028001fd, FRAME_EXTENDED, "85 17 80 00 80 00 00 00");
+    expect_as(0x028001fd, FRAME_EXTENDED, "85 17 80 00 80 00 00 00");
     assert_true(base->motor[0].bridge_on);
     assert_false(base->motor[2].bridge_on);
-    send_extended(&bench, 0x01855501, "87 21 80 00 05 1f 00 00");
+    send_extended(0x01855501, "87 21 80 00 05 1f 00 00");
     bench_tick(base);
     assert_near(base->motor[0].voltage_v, 0.0, 1e-2);
     base->sense[0].current_a = 0.99 * torque / TORQUE_NM_A;
@@ -783,11 +728,11 @@ TEST(a_robstride_drive_takes_its_torque_from_the_identifier)
     /* A lost supply opens the bridge; bit 16 of the identifier tells it */
     base->sensors.supply_v = 10.0;
     bench_ticks(base, 2);
-    send_extended(&bench, 0x01800001, "85 17 80 00 00 00 00 00");
+    send_extended(0x01800001, "85 17 80 00 00 00 00 00");
     bench_tick(base);
-    expect_as(&bench, 0x020101fd, FRAME_EXTENDED, "85 17 80 00 80 00 00 00");
+    expect_as(0x020101fd, FRAME_EXTENDED, "85 17 80 00 80 00 00 00");
     assert_false(base->motor[0].bridge_on);
-    close_bench(&bench);
+    close_bench();
 }
 
 /* ---- counters and checksums; the bytes by long division of polynomials ---- */
@@ -798,26 +743,23 @@ TEST(a_board_counts_and_signs_its_frames)
         "00 00 50 c3 00 00 00 00 00 00 00 87", "00 01 50 c3 00 00 00 00 00 00 00 7a",
         "00 02 50 c3 00 00 00 00 00 00 00 60", "00 03 50 c3 00 00 00 00 00 00 00 9d",
         "00 00 50 c3 00 00 00 00 00 00 00 87"};
-    struct described_bench bench;
 
-    open_bench(&bench, checked, 0);
+    open_bench(checked, 0);
     for (size_t i = 0; i < sizeof told / sizeof *told; i++) {
-        expect_as(&bench, 0x301, FRAME_FD | FRAME_BRS, told[i]);
+        expect_as(0x301, FRAME_FD | FRAME_BRS, told[i]);
         assert_int_equal(bench.base.frame[0][1].id, 0x302); /* counts for itself */
         assert_int_equal(bench.base.frame[0][1].data[1], i % 4);
         bench_tick(&bench.base);
     }
-    close_bench(&bench);
+    close_bench();
 }
 
 TEST(a_wrong_checksum_or_a_stuck_counter_is_malformed)
 {
-    struct described_bench bench;
-    struct board_bench *base = &bench.base;
     struct board_event event;
     char text[256];
 
-    open_bench(&bench, checked, 0);
+    open_bench(checked, 0);
     bench_send(base, 0, 0x201, "3b 10 f4 01");
     bench_tick(base);
     assert_near(base->motor[0].voltage_v, 5.0, 1e-9);
@@ -846,7 +788,7 @@ TEST(a_wrong_checksum_or_a_stuck_counter_is_malformed)
     bench_tick(base);
     assert_near(base->motor[2].voltage_v, 7.0, 1e-9);
     assert_int_equal(bench_counters(base).malformed, 2);
-    close_bench(&bench);
+    close_bench();
 }
 
 /* The log names frame, field, found and expected value, and states as the file does. */
@@ -872,17 +814,15 @@ TEST(the_log_speaks_in_the_names_of_the_file)
     };
 
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
-        struct described_bench bench;
-        struct board_bench *base = &bench.base;
         struct board_event event, last;
         char text[256], again[256];
 
-        open_bench(&bench, cases[i].file, 0);
+        open_bench(cases[i].file, 0);
         bench_send(base, 0, cases[i].id, cases[i].bytes);
         bench_tick(base);
         if (!cases[i].text) {
             assert_false(boards_last_malformed(base->boards, &last));
-            close_bench(&bench);
+            close_bench();
             continue;
         }
         assert_true(boards_next_event(base->boards, &event));
@@ -893,7 +833,7 @@ TEST(the_log_speaks_in_the_names_of_the_file)
             board_event_format(base->boards, &last, again, sizeof again);
             assert_string_equal(again, text);
         }
-        close_bench(&bench);
+        close_bench();
     }
 }
 
@@ -911,11 +851,9 @@ TEST(each_drive_judges_its_part_of_a_frame_for_all)
         {"07 01 bc 02 08 01 f4 01", {7.0, 7.0}, 2, 1, 1},
         {"07 01 f4 01 07 01 f4 01", {5.0, 5.0}, 2, 1, 0},
     };
-    struct described_bench bench;
-    struct board_bench *base = &bench.base;
     struct board_event event;
 
-    open_bench(&bench, checked, 0);
+    open_bench(checked, 0);
     for (size_t i = 0; i < sizeof sent / sizeof *sent; i++) {
         bench_send(base, 0, 0x400, sent[i].bytes);
         bench_tick(base);
@@ -930,5 +868,5 @@ TEST(each_drive_judges_its_part_of_a_frame_for_all)
             assert_int_equal(event.board, sent[i].drive);
         }
     }
-    close_bench(&bench);
+    close_bench();
 }
