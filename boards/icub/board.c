@@ -349,7 +349,6 @@ void icub_bus_hear_strain(struct board_bus *bus, uint8_t address, enum icub_anal
         source->value[first + i] = (int16_t)(get_u16_le(data + 2 * i) - ICUB_STRAIN_ZERO);
     }
     source->time_ns = time_ns;
-    source->heard = true;
 }
 
 /* Stores a frame of a real STRAIN board on the bus; a motor board may use its torques. */

@@ -45,8 +45,7 @@ enum icub_line { ICUB_LINE_REFUSED, ICUB_LINE_GROWS, ICUB_LINE_COMPLETE };
 /* The last frames of a STRAIN board, as received by motor boards on the bus. */
 struct torque_source {
     int16_t value[BOARD_CHANNELS]; /* counts, 0x8000 = its full scale */
-    int64_t time_ns;               /* time of the newest frame, since power-up */
-    bool heard;
+    int64_t time_ns;               /* time of the newest frame, 0 = none yet */
 };
 
 enum { ICUB_SOURCES = 16 }; /* one per four-bit address */

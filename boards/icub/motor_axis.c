@@ -433,7 +433,7 @@ static void motor_axis_watch_source(struct board *board, struct motor_axis *axis
     }
     address = axis->parameter[ICUB_P_TORQUE_SOURCE];
     source = &icub_bus_of(board->bus)->source[address];
-    since = source->heard && source->time_ns > since ? source->time_ns : since;
+    since = source->time_ns > since ? source->time_ns : since;
     if (address == 0 ? !(axis->base.config->torque_full_scale_nm > 0.0)
                      : board->boards->now_ns - since > (int64_t)ICUB_STRAIN_SAFE_MS * MS) {
         board->boards->counters.timeouts++;

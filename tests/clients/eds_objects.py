@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Every object that the EDS of a CANopen node names, asked of the node by SDO: it is there, has the
-size of its type and the value that the EDS promises; what is read-only refuses a write, what has
-limits accepts them and refuses what is beyond. And the EDS has the objects that CiA 301 and 402-2 make mandatory.
-Prints TAP.
+size of its type and the value that the EDS promises. What is read-only refuses a write. What has
+limits accepts them and refuses what is beyond. And the EDS has the objects that CiA 301 and 402-2
+make mandatory. Prints TAP.
 
 eds_objects.py PROGRAM"""
 import configparser

@@ -65,6 +65,27 @@ TEST(coherence_is_the_part_that_is_the_sine)
     assert_true(fabs(sine.coherence - 0.5) < 0.01);
 }
 
+/* Five samples have five terms; a small sine on a large drift is a sine. */
+TEST(few_samples_and_small_sines_are_enough)
+{
+    struct sine_fit fit;
+    struct sine sine;
+
+    sine_fit_start(&fit);
+    for (int i = 0; i < 5; i++) {
+        assert_false(sine_fit_solve(&fit, &sine));
+        sine_fit_add(&fit, 1.3 * i, place(100 * i), 1, sin(1.3 * i));
+    }
+    assert_true(sine_fit_solve(&fit, &sine));
+    assert_true(fabs(sine.sine - 1) < 1e-9);
+    sine_fit_start(&fit);
+    for (int i = 0; i < SAMPLES; i++) {
+        sine_fit_add(&fit, 0.1 * i, place(i), 1, 100 * place(i) + 0.01 * sin(0.1 * i));
+    }
+    assert_true(sine_fit_solve(&fit, &sine));
+    assert_true(sine.coherence > 0.99 && fabs(sine.sine - 0.01) < 1e-6);
+}
+
 TEST(samples_that_do_not_tell_are_refused)
 {
     struct sine_fit fit;

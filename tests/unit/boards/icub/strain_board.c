@@ -331,8 +331,38 @@ TEST(tares_end_where_16_bits_end)
         bench_expect(&bench, 0, 0x3da, i ? "00 00 00 80 00 80" : "FF FF 00 80 00 80");
         bench_send(&bench, 0, 0x20d, "15 00");
     }
-    bench_send(&bench, 0, 0x20d, "13 01"); /* an automatic tare of -0x8000 would be 0x8000 */
-    ft_ask(&bench, "14 00", "14 00 79 18");
+    for (int i = 0; i < 2; i++) { /* automatic tares are the negative readings */
+        bench.ft.force_n[0] = i ? -1600.0 : 1600.0;
+        bench_tick(&bench);
+        bench_send(&bench, 0, 0x20d, "13 01");
+        ft_ask(&bench, "14 00", i ? "14 00 7F FF" : "14 00 80 01");
+    }
+    bench_stop(&bench);
+}
+
+/* The matrix takes readings with their tares as they end, and its rows end at 16 bits, too: fy is
+ * -fx, fz half of fx, ty is fx + ty less a tare of 100. */
+TEST(the_matrix_takes_what_16_bits_hold)
+{
+    struct board_bench bench;
+
+    bench_open(&bench);
+    bench_send(&bench, 0, 0x20d, "07 00");
+    bench_send(&bench, 0, 0x20d, "08 01");
+    bench_send(&bench, 0, 0x20d, "03 01 00 80 01");
+    bench_send(&bench, 0, 0x20d, "03 02 00 40 00");
+    bench_send(&bench, 0, 0x20d, "03 04 00 7F FF");
+    bench_send(&bench, 0, 0x20d, "15 02 04 FF 9C");
+    bench.ft.torque_nm[1] = 20.0;
+    bench.ft.force_n[0] = 31000.0 / 32768.0 * 1500.0;
+    bench_send(&bench, 0, 0x20d, "13 02 00 07 D0");
+    bench_tick(&bench);
+    bench_expect(&bench, 0, 0x3da, "FF FF 01 00 00 C0");
+    bench_expect(&bench, 0, 0x3db, "00 80 9B FF 00 80");
+    bench.ft.force_n[0] = -31000.0 / 32768.0 * 1500.0;
+    bench_send(&bench, 0, 0x20d, "13 02 00 F8 30");
+    bench_tick(&bench);
+    bench_expect(&bench, 0, 0x3da, "00 00 FF FF 00 40");
     bench_stop(&bench);
 }
 
@@ -414,6 +444,8 @@ TEST(what_is_held_is_forgotten_by_a_restart)
     bench_send(&bench, 0, 0x20d, "08 01");
     bench_tick(&bench);
     bench_expect(&bench, 0, 0x3da, "00 C0 00 80 00 80");
+    bench_send(&bench, 0, 0x20d, "08 FF"); /* the next frames would come much later */
+    bench_ticks(&bench, 3);
     bench_send(&bench, 0, 0x70d, "00");
     bench.ft.force_n[1] = 1600.0;
     bench_ticks(&bench, 5001);
