@@ -177,12 +177,13 @@ static json_t *status_control(const struct control *control)
 {
     const struct control_counters *c = &control->counters;
 
-    return json_pack("{s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I}", "clients",
+    return json_pack("{s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I}", "clients",
                      (json_int_t)c->clients, "requests", (json_int_t)c->requests,
                      "refused_requests", (json_int_t)c->refused_requests, "turned_away",
                      (json_int_t)c->refused, "cut_junk", (json_int_t)c->cut_junk, "cut_slow",
-                     (json_int_t)c->cut_slow, "cut_silent", (json_int_t)c->cut_silent, "rows",
-                     (json_int_t)c->rows, "missed_rows", (json_int_t)c->missed_rows);
+                     (json_int_t)c->cut_slow, "cut_silent", (json_int_t)c->cut_silent, "cut_idle",
+                     (json_int_t)c->cut_idle, "rows", (json_int_t)c->rows, "missed_rows",
+                     (json_int_t)c->missed_rows);
 }
 
 json_t *control_status(const struct control *control, struct control_client *client)

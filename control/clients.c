@@ -3,6 +3,7 @@
 #include "control/private.h"
 
 #include <errno.h>
+#include <poll.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -210,6 +211,14 @@ static void client_obey_line(struct control *control, struct control_client *cli
         control_request_clear(&client->request);
         return;
     }
+    if (client == &control->client[CONTROL_CLIENTS] && client->request.command != CONTROL_PAUSE &&
+        client->request.command != CONTROL_RESUME && client->request.command != CONTROL_STOP &&
+        client->request.command != CONTROL_HELLO) {
+        control_refuse(control, client, client->request.id, "busy",
+                       "too many clients: this connection may only pause, resume and stop", NULL);
+        control_request_clear(&client->request);
+        return;
+    }
     control_execute(control, client);
 }
 
@@ -287,6 +296,7 @@ bool control_read_requests(struct control *control, struct control_client *clien
         if (count > 0) {
             client->received += (size_t)count;
             client->last_byte_ns = control->now_ns;
+            client->activity = ++control->activities;
         } else if (count == 0) {
             client->ended = true;
         } else if (errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR) {
@@ -323,6 +333,40 @@ void control_check(struct control *control, struct control_client *client)
 
 /* ---- new connections ---- */
 
+/* Checks whether a client waits for nothing, and nothing of it waits to be read. */
+static bool client_is_idle(const struct control_client *client)
+{
+    char byte;
+
+    return client->waiting == WAITING_NOT && client->subscription.count == 0 &&
+           client->received == 0 && client_unsent(client) == 0 &&
+           recv(client->socket, &byte, 1, MSG_PEEK | MSG_DONTWAIT) <= 0;
+}
+
+/* Returns a place for a new client: a free one, that of the client that has been idle for the
+ * longest time, or the last one, for urgent commands; NULL = no place. */
+static struct control_client *control_find_place(struct control *control)
+{
+    struct control_client *last = &control->client[CONTROL_CLIENTS], *oldest = NULL;
+
+    for (struct control_client *client = control->client; client < last; client++) {
+        if (client->socket < 0) {
+            return client;
+        }
+        if (client_is_idle(client) && (!oldest || client->activity < oldest->activity)) {
+            oldest = client;
+        }
+    }
+    if (!oldest && (last->socket < 0 || !client_is_idle(last))) {
+        return last->socket < 0 ? last : NULL;
+    }
+    oldest = oldest ? oldest : last;
+    control_refuse(control, oldest, NULL, "busy",
+                   "this connection was idle, and another client takes its place", NULL);
+    client_disconnect(control, oldest, &control->counters.cut_idle, "it was idle too long");
+    return oldest;
+}
+
 /* Answers a connection with an error and closes it. */
 static void client_refuse_connection(struct control *control, int socket, pid_t pid,
                                      const char *code, const char *reason)
@@ -341,23 +385,20 @@ static void client_refuse_connection(struct control *control, int socket, pid_t 
 /* Accepts a connection of the owner or root, if there is a place. */
 static void client_accept(struct control *control, int socket)
 {
-    struct control_client *client = control->client;
+    struct control_client *client;
     pid_t pid;
     uid_t uid;
-
-    while (client < control->client + CONTROL_CLIENTS && client->socket >= 0) {
-        client++;
-    }
 
     if (!control_socket_peer(socket, &pid, &uid)) {
         client_refuse_connection(control, socket, pid, "owner",
                                  "this socket is for its owner and root");
-    } else if (client == control->client + CONTROL_CLIENTS) {
+    } else if (!(client = control_find_place(control))) {
         client_refuse_connection(control, socket, pid, "busy", "too many clients");
     } else {
         const struct control_client fresh = {
             .socket = socket,
             .pid = pid,
+            .activity = ++control->activities,
             .inbox = client->inbox,
             .outbox = client->outbox,
             .subscription.signal = client->subscription.signal,
@@ -367,9 +408,27 @@ static void client_accept(struct control *control, int socket)
     }
 }
 
+/* Checks whether all places are taken and a client has hung up: the next turns free its place. */
+static bool control_is_about_to_free(const struct control *control)
+{
+    struct pollfd fd[CONTROL_CLIENTS];
+    bool gone = false;
+
+    for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
+        fd[i] = (struct pollfd){.fd = control->client[i].socket};
+        if (fd[i].fd < 0) {
+            return false;
+        }
+    }
+    for (int i = poll(fd, CONTROL_CLIENTS, 0) > 0 ? CONTROL_CLIENTS : 0; i > 0; i--) {
+        gone |= (fd[i - 1].revents & POLLHUP) != 0;
+    }
+    return gone;
+}
+
 bool control_accept(struct control *control)
 {
-    for (int i = 0; i < ACCEPTS_A_TURN; i++) {
+    for (int i = 0; i < ACCEPTS_A_TURN && !control_is_about_to_free(control); i++) {
         int socket = accept4(control->socket.descriptor, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
 
         if (socket < 0) {

@@ -22,7 +22,7 @@ enum {
 
 /* ---- the thread ---- */
 
-enum { POLL_FIXED = 2, POLL_COUNT = POLL_FIXED + CONTROL_CLIENTS };
+enum { POLL_FIXED = 2, POLL_COUNT = POLL_FIXED + CONTROL_PLACES };
 
 /* Fills in the descriptors to poll, and for how long at most, ms. */
 static void control_prepare_poll(const struct control *control, bool accepts,
@@ -31,7 +31,7 @@ static void control_prepare_poll(const struct control *control, bool accepts,
     *timeout_ms = accepts ? IDLE_MS : ACCEPT_PAUSE_MS;
     fd[0] = (struct pollfd){.fd = control->event, .events = POLLIN};
     fd[1] = (struct pollfd){.fd = accepts ? control->socket.descriptor : -1, .events = POLLIN};
-    for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
+    for (size_t i = 0; i < CONTROL_PLACES; i++) {
         const struct control_client *client = &control->client[i];
         bool reads = control_may_read(client) && !client->ended && client->received < CONTROL_LINE;
         bool writes = client->socket >= 0 && client->filled > client->sent;
@@ -94,14 +94,14 @@ static void *control_thread_main(void *context)
          * rows */
         control->now_ns = clock_now(clock);
         more = control_pump(control);
-        for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
+        for (size_t i = 0; i < CONTROL_PLACES; i++) {
             more = control_serve_client(control, &control->client[i], fd[POLL_FIXED + i].revents) ||
                    more;
         }
         more = control_rows(control) || more;
 
         /* Drop finished and slow clients to make room for new ones */
-        for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
+        for (size_t i = 0; i < CONTROL_PLACES; i++) {
             control_check(control, &control->client[i]);
         }
         if (fd[1].revents && !control_accept(control)) {
@@ -120,9 +120,9 @@ static enum error_code control_allocate(const struct control_config *config, str
 {
     struct control *control = arena_alloc(arena, 1, sizeof *control);
     size_t nsignal = simulator_signals(config->simulator);
-    char *inbox = arena_alloc(arena, CONTROL_CLIENTS, CONTROL_LINE);
-    char *outbox = arena_alloc(arena, CONTROL_CLIENTS, CONTROL_OUTBOX);
-    uint16_t *signal = arena_alloc(arena, CONTROL_CLIENTS, (nsignal + 1) * sizeof *signal);
+    char *inbox = arena_alloc(arena, CONTROL_PLACES, CONTROL_LINE);
+    char *outbox = arena_alloc(arena, CONTROL_PLACES, CONTROL_OUTBOX);
+    uint16_t *signal = arena_alloc(arena, CONTROL_PLACES, (nsignal + 1) * sizeof *signal);
     void *events = arena_alloc(arena, EVENTS, sizeof(struct control_event));
 
     if (!control || !inbox || !outbox || !signal || !events) {
@@ -134,7 +134,7 @@ static enum error_code control_allocate(const struct control_config *config, str
     control->socket.descriptor = control->event = -1;
     control->patience_ns = config->patience_ns ? config->patience_ns : PATIENCE_NS;
     ring_init(&control->events, events, sizeof(struct control_event), EVENTS);
-    for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
+    for (size_t i = 0; i < CONTROL_PLACES; i++) {
         struct control_client *client = &control->client[i];
 
         client->socket = -1;

@@ -68,7 +68,9 @@
  *   - when it does not read its answers for 30 s.
  *
  * It receives no further requests of a client while more than half of the client's CONTROL_OUTBOX
- * bytes are unsent. At most CONTROL_CLIENTS are connected. A half-closed connection is served until
+ * bytes are unsent. At most CONTROL_CLIENTS are connected. One more takes the place of the client
+ * that has been idle for the longest time: that waits for no answer and has no subscription. If none
+ * is idle, one more may pause, resume and stop the run. A half-closed connection is served until
  * its last answer or row has been sent.
  *
  * The server has its own thread. It uses only rt/requests.h and data that the loop publishes
@@ -100,8 +102,8 @@ struct control_config {
 struct control_counters {
     uint64_t clients; /* clients that have sent a request */
     uint64_t requests, refused_requests;
-    uint64_t refused; /* refused connections: too many, or of another user */
-    uint64_t cut_junk, cut_slow, cut_silent;
+    uint64_t refused; /* refused connections: too many that are busy, or of another user */
+    uint64_t cut_junk, cut_slow, cut_silent, cut_idle;
     uint64_t rows, missed_rows;
 };
 

@@ -255,7 +255,7 @@ static void take_loop_answers(struct control *control)
         if (slot > 0 && answer.verdict == REQUEST_OK) {
             control->slot[slot] = answer;
         }
-        for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
+        for (size_t i = 0; i < CONTROL_PLACES; i++) {
             struct control_client *client = &control->client[i];
 
             if (client->socket >= 0 && client->waiting == WAITING_LOOP &&
@@ -289,7 +289,7 @@ bool control_pump(struct control *control)
     bool more = false;
 
     take_loop_answers(control);
-    for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
+    for (size_t i = 0; i < CONTROL_PLACES; i++) {
         struct control_client *client = &control->client[i];
 
         if (client->socket < 0) {
@@ -310,7 +310,7 @@ bool control_pump(struct control *control)
 void control_end(struct control *control)
 {
     take_loop_answers(control);
-    for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
+    for (size_t i = 0; i < CONTROL_PLACES; i++) {
         struct control_client *client = &control->client[i];
 
         if (client->socket >= 0 && client->waiting != WAITING_NOT) {

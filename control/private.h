@@ -15,7 +15,8 @@
 
 #include <pthread.h>
 
-enum { CONTROL_EVENT_TEXT = 240 };
+/* One place more than clients: whoever gets it may only pause, resume and stop. */
+enum { CONTROL_EVENT_TEXT = 240, CONTROL_PLACES = CONTROL_CLIENTS + 1 };
 
 /* The event that an answer to a client's request waits for. */
 enum control_waiting {
@@ -50,6 +51,7 @@ struct control_client {
     size_t sent, filled;
     char *outbox;         /* CONTROL_OUTBOX bytes; those from sent to filled wait */
     int64_t last_byte_ns; /* time of the last received byte */
+    uint64_t activity;    /* number of its connection, or of its last received bytes */
     /* time when the client last took a byte, or when the outbox began to fill */
     int64_t taken_ns;
 
@@ -81,13 +83,13 @@ struct control {
     pthread_t thread;
     int64_t patience_ns;
     int64_t now_ns; /* time of this turn */
-    uint64_t tickets;
+    uint64_t tickets, activities;
     struct control_counters counters;
     /* the moment of each checkpoint; ticket 0 = empty */
     struct request_answer slot[CHECKPOINT_SLOTS];
     struct ring events;         /* struct control_event */
     struct histogram histogram; /* copy for statistics */
-    struct control_client client[CONTROL_CLIENTS];
+    struct control_client client[CONTROL_PLACES];
 };
 
 /* ---- clients.c ---- */

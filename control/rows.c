@@ -35,7 +35,7 @@ static void want_rows(struct control *control)
 {
     uint64_t period = 0;
 
-    for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
+    for (size_t i = 0; i < CONTROL_PLACES; i++) {
         const struct control_client *client = &control->client[i];
 
         if (client->socket >= 0 && client->subscription.count > 0) {
@@ -236,7 +236,7 @@ bool control_rows(struct control *control)
     const struct stream_row *row = stream_front(stream);
 
     for (int n = 0; row && n < ROWS_A_TURN; n++) {
-        for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
+        for (size_t i = 0; i < CONTROL_PLACES; i++) {
             struct control_client *client = &control->client[i];
 
             if (client->socket >= 0 && client->subscription.count > 0 &&
@@ -247,7 +247,7 @@ bool control_rows(struct control *control)
         stream_drop(stream);
         row = stream_front(stream);
     }
-    for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
+    for (size_t i = 0; i < CONTROL_PLACES; i++) {
         control_flush(control, &control->client[i]);
     }
     return row != NULL;

@@ -76,8 +76,8 @@ static void print_control(const struct control *control)
                " disconnected; %" PRIu64 " requests, %" PRIu64 " refused; %" PRIu64
                " rows, %" PRIu64 " missed\n",
                counters.clients, counters.refused,
-               counters.cut_junk + counters.cut_slow + counters.cut_silent, counters.requests,
-               counters.refused_requests, counters.rows, counters.missed_rows);
+               counters.cut_junk + counters.cut_slow + counters.cut_silent + counters.cut_idle,
+               counters.requests, counters.refused_requests, counters.rows, counters.missed_rows);
     }
 }
 

@@ -178,7 +178,7 @@ TEST(status_says_what_is_simulated_and_that_nothing_is_lost)
     }
     assert_counts(json_object_get(answer, "control"),
                   NAMES("refused_requests", "turned_away", "cut_junk", "cut_slow", "cut_silent",
-                        "rows", "missed_rows"),
+                        "cut_idle", "rows", "missed_rows"),
                   0);
     assert_true(whole_of(json_object_get(answer, "control"), "clients") >= 1);
     assert_true(whole_of(json_object_get(answer, "control"), "requests") >= 4);

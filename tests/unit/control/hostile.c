@@ -285,40 +285,88 @@ TEST(rows_that_are_not_taken_are_counted)
     assert_true(bench.counters.missed_rows > 0);
 }
 
-TEST(one_too_many_is_turned_away)
+static struct bench_client many[CONTROL_CLIENTS + 2];
+
+/* Opens clients; each sends a line, unless NULL, and hears its answer. */
+static void open_many(int count, const char *line)
 {
-    static struct bench_client more[CONTROL_CLIENTS];
+    for (int i = 0; i < count; i++) {
+        client_open(&many[i], bench.path);
+        if (line) {
+            json_t *answer = client_ask(&many[i], line);
+
+            assert_true(is_ok(answer));
+            json_decref(answer);
+        }
+    }
+}
+
+/* Clients that say nothing, or have had their answers, lock nobody out: the first to be silent goes,
+ * and knows why. */
+TEST(idle_clients_make_room_for_new_ones)
+{
+    static const char *const lines[] = {NULL, "{\"cmd\":\"hello\"}", "{\"cmd\":\"status\"}"};
+    json_t *answer;
+
+    for (size_t k = 0; k < sizeof lines / sizeof *lines; k++) {
+        open_bench(0);
+        client_close(&hostile);
+        open_many(CONTROL_CLIENTS, lines[k]);
+        client_open(&hostile, bench.path);
+        answer = client_ask(&hostile, "{\"cmd\":\"status\"}");
+        assert_true(is_ok(answer));
+        json_decref(answer);
+        answer = client_ask(&many[CONTROL_CLIENTS - 1], "{\"cmd\":\"hello\"}");
+        assert_true(is_ok(answer));
+        json_decref(answer);
+        for (int i = 0; i < CONTROL_CLIENTS; i++) {
+            client_close(&many[i]);
+        }
+        client_close(&bench.client);
+        answer = client_ask(&hostile, "{\"cmd\":\"stop\"}");
+        assert_true(is_ok(answer));
+        json_decref(answer);
+        client_close(&hostile);
+        bench_close(&bench);
+        assert_true(bench.counters.cut_idle >= 1);
+        assert_int_equal(bench.counters.refused, 0);
+    }
+}
+
+/* When every client is busy, one more may pause, resume and stop, and nothing else. */
+TEST(busy_clients_leave_a_place_for_what_is_urgent)
+{
+    struct bench_client *late = &many[CONTROL_CLIENTS];
     json_t *answer;
 
     open_bench(0);
-    /* two are there */
-    for (int i = 0; i < CONTROL_CLIENTS - 2; i++) {
-        client_open(&more[i], bench.path);
-        answer = client_ask(&more[i], "{\"cmd\":\"hello\"}");
-        assert_true(is_ok(answer));
-        json_decref(answer);
-    }
     client_close(&hostile);
-    client_open(&hostile, bench.path);
-    /* its place may still be taken by its former self */
-    while (!is_ok(answer = client_ask(&hostile, "{\"cmd\":\"hello\"}"))) {
-        json_decref(answer);
-        client_close(&hostile);
-        client_open(&hostile, bench.path);
-    }
+    client_close(&bench.client);
+    open_many(CONTROL_CLIENTS, "{\"cmd\":\"subscribe\",\"signals\":[\"q_*\"]}");
+    client_open(late, bench.path);
+    answer = client_ask(late, "{\"cmd\":\"status\",\"id\":7}");
+    assert_string_equal(string_of(answer, "code"), "busy");
+    assert_int_equal(whole_of(answer, "id"), 7);
     json_decref(answer);
-    client_open(&more[CONTROL_CLIENTS - 1], bench.path);
-    answer = client_hear(&more[CONTROL_CLIENTS - 1]);
+    answer = client_ask(late, "{\"cmd\":\"resume\"}");
+    assert_true(is_ok(answer));
+    json_decref(answer);
+    answer = client_ask(late, "{\"cmd\":\"pause\"}");
+    assert_true(is_ok(answer));
+    json_decref(answer);
+
+    /* The next one takes that place, and stops the run */
+    client_open(&many[CONTROL_CLIENTS + 1], bench.path);
+    answer = client_ask(&many[CONTROL_CLIENTS + 1], "{\"cmd\":\"stop\"}");
+    assert_true(is_ok(answer));
+    json_decref(answer);
+    answer = client_hear(late);
     assert_string_equal(string_of(answer, "code"), "busy");
     json_decref(answer);
-    assert_true(client_is_cut(&more[CONTROL_CLIENTS - 1]));
-    for (int i = 0; i < CONTROL_CLIENTS; i++) {
-        if (i != CONTROL_CLIENTS - 2) {
-            client_close(&more[i]);
-        }
+    for (int i = 0; i < CONTROL_CLIENTS + 2; i++) {
+        client_close(&many[i]);
     }
-    close_bench();
-    assert_true(bench.counters.refused >= 1);
+    bench_close(&bench);
 }
 
 TEST(half_closed_connections_get_their_answers)
