@@ -105,9 +105,14 @@ static int request_read_header(const char *line, size_t size, struct http_reques
     size_t name = colon ? (size_t)(colon - line) : 0, rest = colon ? size - name - 1 : 0;
     char word[REQUEST_TEXT];
 
-    /* The name has no blanks, and the value is printable */
+    /* The name has no blanks, and neither has a control character: a zero would hide the rest */
     if (name == 0 || memchr(line, ' ', name) || memchr(line, '\t', name)) {
         return 400;
+    }
+    for (size_t i = 0; i < size; i++) {
+        if (((unsigned char)line[i] < 0x20 && line[i] != '\t') || line[i] == 0x7f) {
+            return 400;
+        }
     }
 
 #define IS(text) (name == sizeof text - 1 && strncasecmp(line, text, name) == 0)

@@ -8,6 +8,7 @@
 
 #include <stdio.h>
 #include <string.h>
+#include <strings.h>
 
 extern const unsigned char viewer_page_begin[], viewer_page_end[];
 __asm__(".section .rodata\n"
@@ -250,8 +251,10 @@ void viewer_respond(struct viewer *viewer, struct viewer_client *client, int sta
         respond_upgrade(viewer, client, request);
         return;
     } else if (status == 200 && !respond_find_page(request->path, &file)) {
-        if (strncmp(request->authorization, "Bearer ", 7) == 0 &&
-            viewer_token_right(viewer, request->authorization + 7) != RIGHT_NONE) {
+        const char *token = request->authorization + 6 + strspn(request->authorization + 6, " ");
+
+        if (strncasecmp(request->authorization, "Bearer ", 7) == 0 &&
+            viewer_token_right(viewer, token) != RIGHT_NONE) {
             status = respond_find_data(viewer, request->path, &file, &why);
         } else {
             viewer->counters.refused++;

@@ -213,13 +213,14 @@ const char *run_options_http(const struct run_options *given, const struct rig *
 struct page {
     struct viewer *viewer; /* NULL = none */
     struct bus_ports ports;
-    double linger_s; /* longest time for which it serves open pages after the run */
+    double linger_s;       /* longest time for which it serves open pages after the run */
+    char tokens[PATH_MAX]; /* file with the tokens; "" = none */
 };
 
 /* Joins the buses, starts the server, and prints each address on stderr; does nothing if no page
  * is requested. control: path of the control socket, NULL = none. service: the run is under a
- * service manager. Then the page neither stays after a run nor keeps its tokens, unless the
- * options say so. */
+ * service manager. Then the page does not stay after a run, its tokens are in the manager's runtime
+ * directory, and no token is printed, as into any journal. The options may say otherwise. */
 enum error_code page_open(struct page *page, const struct run_options *options, bool service,
                           struct simulator *simulator, const char *control, struct error *error);
 

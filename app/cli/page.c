@@ -7,6 +7,7 @@
 
 #include <inttypes.h>
 #include <limits.h>
+#include <stdlib.h>
 #include <string.h>
 
 /* Default time for which the page stays after a run, s; maximum number of robot parts listed as
@@ -15,15 +16,20 @@
 
 enum { LACKS_LISTED = 8 };
 
-/* Prints the page's addresses; warns if other machines can reach one. */
-static void page_print_addresses(const struct page *page, const char *host)
+/* Prints the page's addresses; warns if other machines can reach one. A journal has many readers,
+ * so there the address has no token, and the line names the file that has it. */
+static void page_print_addresses(const struct page *page, const char *host, bool secret)
 {
     const char *control = viewer_address(page->viewer, true);
+    const char *look = viewer_address(page->viewer, false);
 
-    if (control[0]) {
-        fprintf(stderr, "page: %s\n", control);
+    if (secret) {
+        fprintf(stderr, "page: %.*s, its tokens: %s\n", (int)strcspn(look, "#"), look,
+                page->tokens[0] ? page->tokens : "kept nowhere, give --token-file FILE");
+    } else {
+        fprintf(stderr, "%s%s%s", control[0] ? "page: " : "", control, control[0] ? "\n" : "");
+        fprintf(stderr, "page, to look only: %s\n", look);
     }
-    fprintf(stderr, "page, to look only: %s\n", viewer_address(page->viewer, false));
     if (host && !run_options_is_loopback(host)) {
         fprintf(
             stderr,
@@ -73,16 +79,18 @@ static enum error_code page_judge_token_file(const struct run_options *options,
 static enum error_code page_start(struct page *page, const struct run_options *options,
                                   bool service, struct viewer_config *config, struct error *error)
 {
+    const char *runtime = getenv("RUNTIME_DIRECTORY"); /* of the service manager: a list */
     struct page_tokens tokens = {.port = 0};
-    char path[PATH_MAX];
+    char *path = page->tokens;
     bool any = config->port == 0;
     enum error_code code = ERROR_NONE;
 
     /* Finds the file for tokens, "" if none is kept */
-    path[0] = '\0';
     if (options->token_file) {
         snprintf(path, PATH_MAX, "%s",
                  strcmp(options->token_file, "none") == 0 ? "" : options->token_file);
+    } else if (service && runtime && *runtime) {
+        snprintf(path, PATH_MAX, "%.*s/page", (int)strcspn(runtime, ":"), runtime);
     } else if (!service && !token_file_default(path, PATH_MAX)) {
         path[0] = '\0';
     }
@@ -142,7 +150,7 @@ enum error_code page_open(struct page *page, const struct run_options *options, 
     if (code) {
         return code;
     }
-    page_print_addresses(page, config.host);
+    page_print_addresses(page, config.host, service || *journal_prefix(JOURNAL_INFO));
     if (!options->quiet) {
         page_print_lacks(simulator_configuration(simulator)->rig->robot);
     }

@@ -35,6 +35,10 @@ def judge_requests(run):
     found = [ask_http(port, path, headers=bearer)[0]
              for path in ("/messages.json", "/mesh/1", "/mesh/0", "/mesh/99", "/mesh/-1", "/x")]
     check(found == [200, 200, 404, 404, 404, 404], "and is there with one", found)
+    found = [ask_http(port, "/messages.json", headers=[f"authorization: {text}"])[0] for text in (
+        f"bearer {token(run.look)}", f"BEARER   {token(run.look)}", f"bearer{token(run.look)}",
+        f"basic {token(run.look)}", "bearer", "bearer ")]
+    check(found == [200, 200, 401, 401, 401, 401], "the scheme is written in any case", found)
     found = [ask_http(port, send=text)[0] for text in (
         b"POST / HTTP/1.1\r\n\r\n", b"\x16\x03\x01\r\n\r\n", b"GET / HTTP/1.1\r\n" + b"a" * 9000)]
     check(found == [405, 400, 431], "other requests are told what they are", found)
@@ -290,7 +294,7 @@ def judge_pauses(run):
 
 
 def main():
-    print("1..56")
+    print("1..57")
     with Simulator("coman", "--clock", "real", "--task", "squat", "--fault",
                    "jam: motor LKneeSag jam manual") as run:
         judge_states(run)

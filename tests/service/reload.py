@@ -17,7 +17,7 @@ PATIENCE_S = 30
 
 
 class Service:
-    def __init__(self, program, work, *more):
+    def __init__(self, program, work, *more, environment=()):
         self.work = work
         self.heard = []
         shutil.copytree(os.environ["HIL_SOURCE_DIR"] + "/config", work + "/config")
@@ -28,7 +28,8 @@ class Service:
         self.log = open(work + "/err", "w")
         self.process = subprocess.Popen(
             [program, "run", self.rig, "--transport", "local", "--clock", "real", *more],
-            env=dict(os.environ, NOTIFY_SOCKET=work + "/notify", WATCHDOG_USEC="500000"),
+            env=dict(os.environ, NOTIFY_SOCKET=work + "/notify", WATCHDOG_USEC="500000",
+                     **dict(environment)),
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=self.log)
 
     def hears(self, what):
@@ -64,6 +65,10 @@ class Service:
                     return True
             time.sleep(0.05)
         return False
+
+    def says_now(self, what):
+        with open(self.work + "/err") as log:
+            return what in log.read()
 
 
 def end(service):
@@ -127,8 +132,40 @@ def stop_between_two_runs(program, work):
         end(service)
 
 
+def keep_tokens_from_the_journal(program, work):
+    """The page's tokens are in the runtime directory, for its owner, and nowhere in the log."""
+    run = work + "/run"
+    os.mkdir(run, 0o700)
+    service = Service(program, work, "--http", "127.0.0.1:0",
+                      environment={"RUNTIME_DIRECTORY": run + ":/nowhere"})
+    try:
+        good = service.hears("READY=1") and service.says("page: http://127.0.0.1:")
+        with open(run + "/page") as file:
+            tokens = [line.split()[1] for line in file if not line.startswith("port")]
+        with open(work + "/err") as log:
+            text = log.read()
+        result("a service's page has its tokens in a file of its owner",
+               good and len(tokens) == 2 and min(map(len, tokens)) >= 32
+               and os.stat(run + "/page").st_mode & 0o777 == 0o600
+               and f"its tokens: {run}/page\n" in text, service)
+        result("and no token in what it prints",
+               "token=" not in text and not any(token in text for token in tokens), service)
+    finally:
+        end(service)
+    shutil.rmtree(work + "/config")
+    os.remove(work + "/notify")
+    service = Service(program, work, "--http", "127.0.0.1:0", "--control", "none",
+                      environment={"RUNTIME_DIRECTORY": ""})
+    try:
+        result("without such a directory it says how to get them",
+               service.hears("READY=1") and service.says("give --token-file FILE")
+               and not service.says_now("token="), service)
+    finally:
+        end(service)
+
+
 def main():
-    print("1..10")
+    print("1..13")
     with tempfile.TemporaryDirectory() as work:
         service = Service(sys.argv[1], work)
         try:
@@ -163,6 +200,8 @@ def main():
         stop_while_the_rig_is_read(sys.argv[1], work)
     with tempfile.TemporaryDirectory() as work:
         stop_between_two_runs(sys.argv[1], work)
+    with tempfile.TemporaryDirectory() as work:
+        keep_tokens_from_the_journal(sys.argv[1], work)
 
 
 main()

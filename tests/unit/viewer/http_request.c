@@ -48,6 +48,29 @@ TEST(an_upgrade_needs_all_its_headers)
     assert_false(request.upgrade);
 }
 
+/* A zero or another control character in a header ends the request, wherever it is: for a reader of
+ * texts a zero would end the value, and hide what follows. */
+TEST(control_characters_in_a_header_are_refused)
+{
+    /* The character goes to the place of the percent sign */
+    static const char *const heads[] = {"Host: a%b", "Ho%st: a",  "X-Other: a%",
+                                        "%Host: a",  "Cookie:%%", "Authorization: Bearer abc%def"};
+    char text[128];
+
+    for (size_t i = 0; i < sizeof heads / sizeof *heads; i++) {
+        const int size = snprintf(text, sizeof text, "GET / HTTP/1.1\r\n%s\r\n\r\n", heads[i]);
+        char *at = strchr(text, '%');
+
+        for (int c = 0; c <= 0x7f; c++) {
+            *at = (char)c;
+            if ((c < 0x20 && c != '\t') || c == 0x7f) {
+                assert_int_equal(http_request_parse(text, (size_t)size, &request, &used), 400);
+            }
+        }
+    }
+    assert_int_equal(parse("GET / HTTP/1.1\r\nX-Other:\ta\xe4 b\t\r\n\r\n"), 200);
+}
+
 TEST(other_requests_have_their_status)
 {
     static char big[REQUEST_SIZE_MAX + 200];
