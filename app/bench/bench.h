@@ -310,9 +310,8 @@ struct paper_run {
 struct paper_order {
     const char *rig, *task;
     enum loop_clock clock;
-    const char *const *title; /* signals to record; NULL = nothing is recorded */
-    size_t ntitle;
-    bool joints; /* record the angle of every joint, too */
+    const char *titles; /* signals to record, separated by '|'; NULL = nothing is recorded */
+    bool joints;        /* record the angle of every joint, too */
     int64_t row_ms;
     bool one_cycle; /* run one cycle of the squat only */
 };

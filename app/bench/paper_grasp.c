@@ -43,39 +43,21 @@ struct grasp_result {
 
 enum { MOMENTS = 3, POINTS_MAX = 512, VIEWS = 2 };
 
+/* The recorded signals, in the order of the columns. */
+static const char titles[] =
+    "q_RShSag_rad|q_RShLat_rad|q_RShYaw_rad|q_RElbj_rad|qm_RElbj_rad|fz_box_n|fy_right_wrist_on_"
+    "box_n|fy_left_wrist_on_box_n|fz_right_wrist_on_box_n|fz_left_wrist_on_box_n|fz_ground_on_"
+    "right_foot_n|fz_ground_on_left_foot_n|my_right_wrist_on_box_nm|my_left_wrist_on_box_nm|box_x_"
+    "m|box_y_m|box_z_m|base_x_m|base_y_m|base_z_m|base_qw|base_qx|base_qy|base_qz";
+
 /* Runs the task and takes the results out of run, which holds them until paper_run_end. */
 static enum error_code grasp_run(const struct paper *paper, const char *rig, struct paper_run *run,
                                  struct grasp_result *result, struct error *error)
 {
-    static const char *const title[GRASP_SIGNALS - 1] = {"q_RShSag_rad",
-                                                         "q_RShLat_rad",
-                                                         "q_RShYaw_rad",
-                                                         "q_RElbj_rad",
-                                                         "qm_RElbj_rad",
-                                                         "fz_box_n",
-                                                         "fy_right_wrist_on_box_n",
-                                                         "fy_left_wrist_on_box_n",
-                                                         "fz_right_wrist_on_box_n",
-                                                         "fz_left_wrist_on_box_n",
-                                                         "fz_ground_on_right_foot_n",
-                                                         "fz_ground_on_left_foot_n",
-                                                         "my_right_wrist_on_box_nm",
-                                                         "my_left_wrist_on_box_nm",
-                                                         "box_x_m",
-                                                         "box_y_m",
-                                                         "box_z_m",
-                                                         "base_x_m",
-                                                         "base_y_m",
-                                                         "base_z_m",
-                                                         "base_qw",
-                                                         "base_qx",
-                                                         "base_qy",
-                                                         "base_qz"};
     const struct paper_order order = {.rig = rig,
                                       .task = "grasp",
                                       .clock = LOOP_CLOCK_LOCKSTEP,
-                                      .title = title,
-                                      .ntitle = GRASP_SIGNALS - 1,
+                                      .titles = titles,
                                       .joints = true,
                                       .row_ms = 2};
     enum error_code code = paper_run(paper, &order, run, error);

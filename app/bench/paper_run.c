@@ -76,7 +76,7 @@ static enum error_code paper_run_simulate(const struct paper *paper,
         .overrun = run->rig.realtime.overrun,
         .transport = TRANSPORT_LOCAL,
         .task = order->task,
-        .record = order->title ? directory : NULL,
+        .record = order->titles ? directory : NULL,
         .overwrite = true,
         .row_period_ns = order->row_ms * CLOCK_MS,
     };
@@ -101,14 +101,18 @@ static enum error_code read_signals(const struct paper *paper, const struct pape
 {
     const struct robot *robot = run->rig.robot;
     const char *title[SIGNALS_MAX];
-    char name[SIGNALS_MAX][80], path[PATH_MAX];
-    size_t count = order->ntitle;
+    char name[SIGNALS_MAX][80], titles[1024], *at = titles, path[PATH_MAX];
+    size_t count = 0;
+
+    snprintf(titles, sizeof titles, "%s", order->titles);
+    while (at) {
+        title[count++] = strsep(&at, "|");
+    }
 
     if (order->joints && count + robot->njoint > SIGNALS_MAX) {
         return error_set(error, ERROR_INPUT, "%s: found %zu joints, expected at most %zu",
                          order->rig, robot->njoint, SIGNALS_MAX - count);
     }
-    memcpy(title, order->title, count * sizeof *title);
     for (size_t j = 0; order->joints && j < robot->njoint; j++) {
         snprintf(name[j], sizeof name[j], "q_%s_rad", robot->joint[j].name);
         title[count++] = name[j];
@@ -134,7 +138,7 @@ enum error_code paper_run(const struct paper *paper, const struct paper_order *o
         run->rig.squat.cycles = 1;
     }
     code = paper_run_simulate(paper, order, run, error);
-    if (!code && order->title) {
+    if (!code && order->titles) {
         code = read_signals(paper, order, run, error);
     }
     return code;

@@ -300,14 +300,11 @@ static enum error_code squat_put_section(struct paper *paper, struct paper_run *
 
 enum error_code paper_squat(struct paper *paper, struct error *error)
 {
-    static const char *const title[JOINTS - 1] = {
-        "torque_RKneeSag_nm", "fz_RFoot_n", "fz_LFoot_n", "base_x_m", "base_y_m",
-        "base_z_m",           "base_qw",    "base_qx",    "base_qy",  "base_qz"};
     const struct paper_order order = {.rig = "walkman",
                                       .task = "squat",
                                       .clock = LOOP_CLOCK_LOCKSTEP,
-                                      .title = title,
-                                      .ntitle = JOINTS - 1,
+                                      .titles = "torque_RKneeSag_nm|fz_RFoot_n|fz_LFoot_n|base_x_m|"
+                                                "base_y_m|base_z_m|base_qw|base_qx|base_qy|base_qz",
                                       .joints = true,
                                       .row_ms = ROW_MS,
                                       .one_cycle = paper->quick};

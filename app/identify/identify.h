@@ -346,10 +346,6 @@ enum error_code identify_write_page(const struct identify_bench *bench,
                                     const struct identify_result *result, const char *folder,
                                     struct error *error);
 
-/* Adds plots of a recording to a page: measured beside simulated, the residual and its spectrum. */
-void identify_plot(struct report *report, const char *id, const struct recording *recording,
-                   const double *position);
-
 /* A bench judged by the rig as it is. */
 struct validation {
     struct identify_bench bench;

@@ -37,8 +37,9 @@ static void find_spectrum(const struct recording *r, const double *residual, dou
     }
 }
 
-void identify_plot(struct report *report, const char *id, const struct recording *r,
-                   const double *position)
+/* Adds plots of a recording to a page: measured beside simulated, the residual and its spectrum. */
+static void identify_plot(struct report *report, const char *id, const struct recording *r,
+                          const double *position)
 {
     double frequency[SPECTRUM_LINES], amplitude[SPECTRUM_LINES];
     double *residual = calloc(r->count, sizeof *residual);

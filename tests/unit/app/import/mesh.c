@@ -285,69 +285,33 @@ TEST_WITH(collada_scenes_are_put_together, open_arena, close_arena)
 /* By symbol, binding, material, effect and shader; each link that leads nowhere is no color. */
 TEST_WITH(collada_faces_have_the_colors_that_are_bound, open_arena, close_arena)
 {
-    static const char text[] = DAE_BEGIN DAE_FACE("a", "0 0 0 2 0 1") DAE_FACE("b", "0 0 0 1 0 3")
-        DAE_FACE("c", "0 0 0 3 0 2")
-            DAE_FACE("d", "0 1 0 2 0 3") "</mesh></geometry></"
-                                         "library_geometries><library_effects>" DAE_EFFECT(
-                                             "red", "<phong>" DAE_COLOR("1 0 0 0.5") "</phong>")
-                                             DAE_EFFECT("lit", "<constant><emission><color>0 0.5 1 "
-                                                               "1</color></emission></constant>")
-                                                 DAE_EFFECT("skin",
-                                                            "<lambert><diffuse><texture "
-                                                            "texture='t'/></diffuse></"
-                                                            "lambert>") "</"
-                                                                        "library_effects><"
-                                                                        "library_materials>"
-                                                                        "<material "
-                                                                        "id='A'><instance_"
-                                                                        "effect "
-                                                                        "url='#red'/></"
-                                                                        "material>"
-                                                                        "<material "
-                                                                        "id='B'><instance_"
-                                                                        "effect "
-                                                                        "url='#lit'/></"
-                                                                        "material>"
-                                                                        "<material "
-                                                                        "id='C'><instance_"
-                                                                        "effect "
-                                                                        "url='#skin'/></"
-                                                                        "material>"
-                                                                        "<material "
-                                                                        "id='D'><instance_"
-                                                                        "effect "
-                                                                        "url='#none'/></"
-                                                                        "material></"
-                                                                        "library_materials>"
-                                                                        "<library_visual_"
-                                                                        "scenes><visual_scene "
-                                                                        "id='x'><node><"
-                                                                        "instance_geometry "
-                                                                        "url='#g'>"
-                                                                        "<bind_material><"
-                                                                        "technique_common><"
-                                                                        "instance_material "
-                                                                        "symbol='b' "
-                                                                        "target='#B'/>"
-                                                                        "<instance_material "
-                                                                        "symbol='a' "
-                                                                        "target='#A'/"
-                                                                        "><instance_material "
-                                                                        "symbol='c' "
-                                                                        "target='#C'/>"
-                                                                        "<instance_material "
-                                                                        "symbol='d' "
-                                                                        "target='#D'/></"
-                                                                        "technique_common></"
-                                                                        "bind_material>"
-                                                                        "</"
-                                                                        "instance_geometry></"
-                                                                        "node><node><"
-                                                                        "translate>5 0 "
-                                                                        "0</"
-                                                                        "translate>" DAE_SHOW
-                                                                        "</node>" DAE_END;
+    static const char *const part[] = {
+        DAE_BEGIN,
+        DAE_FACE("a", "0 0 0 2 0 1"),
+        DAE_FACE("b", "0 0 0 1 0 3"),
+        DAE_FACE("c", "0 0 0 3 0 2"),
+        DAE_FACE("d", "0 1 0 2 0 3"),
+        "</mesh></geometry></library_geometries><library_effects>",
+        DAE_EFFECT("red", "<phong>" DAE_COLOR("1 0 0 0.5") "</phong>"),
+        DAE_EFFECT("lit", "<constant><emission><color>0 0.5 1 1</color></emission></constant>"),
+        DAE_EFFECT("skin", "<lambert><diffuse><texture texture='t'/></diffuse></lambert>"),
+        "</library_effects><library_materials>",
+        "<material id='A'><instance_effect url='#red'/></material>",
+        "<material id='B'><instance_effect url='#lit'/></material>",
+        "<material id='C'><instance_effect url='#skin'/></material>",
+        "<material id='D'><instance_effect url='#none'/></material></library_materials>",
+        "<library_visual_scenes><visual_scene id='x'><node><instance_geometry url='#g'>",
+        "<bind_material><technique_common><instance_material symbol='b' target='#B'/>",
+        "<instance_material symbol='a' target='#A'/><instance_material symbol='c' target='#C'/>",
+        "<instance_material symbol='d' target='#D'/></technique_common></bind_material>",
+        "</instance_geometry></node><node><translate>5 0 0</translate>" DAE_SHOW "</node>",
+        DAE_END,
+    };
+    char text[4096] = "";
 
+    for (size_t i = 0; i < sizeof part / sizeof *part; i++) {
+        strcat(text, part[i]);
+    }
     assert_no_error(parse_dae(text), error.text);
     assert_int_equal(mesh.nface, 8);
     expect_color(mesh.tint[0], 1.0, 0.0, 0.0);
