@@ -4,6 +4,7 @@
 
 #include "base/whole_file.h"
 #include "manual/dbc.h"
+#include "rig/client_table.h"
 #include "rig/dbc.h"
 
 #include <stdlib.h>
@@ -62,7 +63,27 @@ static enum error_code export_bus(const struct rig *rig, size_t bus, const char 
 
 /* ---- the command ---- */
 
-/* Writes the DBC of each bus into a folder, RIG-BUS.dbc. */
+/* Writes the table for clients of a bus into a folder, RIG-BUS.json, if its protocol has one. */
+static enum error_code export_table(const struct rig *rig, size_t bus, const char *folder,
+                                    struct error *error)
+{
+    char path[PATH_SIZE];
+    struct whole_file file;
+    enum error_code code;
+
+    if (!rig->bus[bus].described) {
+        return ERROR_NONE;
+    }
+    snprintf(path, sizeof path, "%s/%s-%s.json", folder, rig->name, rig->bus[bus].name);
+    code = whole_file_open(&file, path, error);
+    if (code) {
+        return code;
+    }
+    rig_client_table(rig, bus, file.out);
+    return whole_file_close(&file, ERROR_NONE, error);
+}
+
+/* Writes the DBC of each bus into a folder, RIG-BUS.dbc, and its table for clients. */
 static enum error_code export_all(const struct rig *rig, const char *folder, struct arena *arena,
                                   struct error *error)
 {
@@ -75,6 +96,7 @@ static enum error_code export_all(const struct rig *rig, const char *folder, str
             return error_set(error, ERROR_INPUT, "--output: the folder's name is too long");
         }
         code = export_bus(rig, i, path, arena, error);
+        code = code ? code : export_table(rig, i, folder, error);
         if (code) {
             return code;
         }

@@ -348,6 +348,11 @@ enum error_code described_read_text(const char *name, const char *text, size_t s
                                     struct arena *arena, const struct described_protocol **protocol,
                                     struct error *error);
 
+/* Return the words of a protocol file for a law, and for the meaning of a field of a frame from the
+ * host or from boards: "constant", "counter" and "checksum" for what has no word; "" = nothing. */
+const char *described_law_word(enum described_law law);
+const char *described_meaning_name(enum described_meaning meaning, bool from_host);
+
 /* Returns the unit of a meaning; "" = dimensionless, NULL = a count without scale. */
 const char *described_unit(enum described_meaning meaning);
 

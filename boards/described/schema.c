@@ -129,6 +129,25 @@ static const struct word source_names[] = {
     {NULL, 0},
 };
 
+const char *described_law_word(enum described_law law)
+{
+    return word_of(law_names, (int)law);
+}
+
+const char *described_meaning_name(enum described_meaning meaning, bool from_host)
+{
+    const struct word *word = from_host ? target_names : source_names;
+
+    while (word->word && word->value != (int)meaning) {
+        word++;
+    }
+    return word->word                      ? word->word
+           : meaning == DESCRIBED_CONSTANT ? "constant"
+           : meaning == DESCRIBED_COUNTER  ? "counter"
+           : meaning == DESCRIBED_CHECKSUM ? "checksum"
+                                           : "";
+}
+
 #define STRUCT raw_described_field
 static const struct yaml_field field_fields[] = {
     {"name", YAML_STRING, true, AT(name), .min = 1, .max = 31},

@@ -3,6 +3,7 @@
 read and write values quickly. All scales, units and names come from there."""
 from __future__ import annotations
 
+import json
 import logging
 import pathlib
 import re
@@ -16,7 +17,7 @@ from typing import Iterator, Mapping
 from .errors import ProgramNotFound, RigError, SimulatorTimeout, UnknownName
 
 HOST = "host"
-TITLE = re.compile(r'^CM_ "Rig (\S+), bus (\S+) on (\S+): protocol (\w+)', re.M)
+TITLE = re.compile(r'^CM_ "Rig (\S+), bus (\S+) on (\S+): protocol ([\w-]+)', re.M)
 # what makes a unit one of SI
 SI = {"mA": 1e-3, "ms": 1e-3, "deg": 3.141592653589793 / 180}
 
@@ -189,6 +190,7 @@ class Bus:
     messages: dict[str, Message] = field(default_factory=dict)
     by_identifier: dict[int, Message] = field(default_factory=dict)     # of 11 bits
     boards: dict[str, str] = field(default_factory=dict)
+    table: dict | None = None       # of a protocol that a file describes (described.py)
 
     def find(self, identifier: int, extended: bool = False) -> Message | None:
         """The message that a frame is; None: of no message."""
@@ -292,7 +294,11 @@ def load(program: str, rig: str, timeout_s: float = 60.0) -> Database:
                            f"{done.returncode}")
         # the order of its lines is that of the rig
         order = [line.split()[0] for line in done.stdout.splitlines() if line.split()]
-        parsed = [parse_bus(path.read_text()) for path in pathlib.Path(folder).glob("*.dbc")]
+        parsed = []
+        for path in pathlib.Path(folder).glob("*.dbc"):
+            parsed.append(parse_bus(path.read_text()))
+            table = path.with_suffix(".json")
+            parsed[-1][1].table = json.loads(table.read_text()) if table.exists() else None
     buses = sorted((bus for _, bus in parsed),
                    key=lambda bus: order.index(bus.name) if bus.name in order else len(order))
     return Database(parsed[0][0], {bus.name: bus for bus in buses})

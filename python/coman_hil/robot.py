@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 from typing import Dict, Generic, Iterable, Mapping, TypeVar
 
+from .boards import Boards
 from .database import HOST, Bus, Message, Signal
 from .errors import BoardError, NoTelemetry, UnknownName
 from .gateway import RawFrame
@@ -57,23 +58,32 @@ def _value(latest: Latest, source: Source) -> float | None:
 class Joint:
     """A joint with its motor.
 
-    name: the rig's. bus: that of its motor board. voltage_v: the voltage for the motor (V), told to
-    its board with every step; its supply is the most that acts. BoardError for one other than 0
-    while the motor is not enabled (Simulator.enable), for its board would ignore it."""
+    name: the rig's. bus: that of its motor board. quantity: what its motor takes since
+    Simulator.enable, None = it is off. voltage_v, current_a, torque_nm, velocity_rad_s,
+    position_rad: read, the last value that its board has told (voltage_v: the set point); set, the
+    set point, sent with every step; the supply is the most that acts of a voltage. BoardError for
+    one of a kind that the motor is not enabled for, other than 0 V, for its board would ignore
+    it."""
 
     # a misspelled voltage_v is an error
-    __slots__ = ("name", "bus", "enabled", "_volts", "_on", "_protocol", "_latest", "_all",
+    __slots__ = ("name", "bus", "quantity", "value", "_boards", "_protocol", "_latest", "_all",
                  "_found")
 
-    def __init__(self, name: str, bus: Bus, buses: Iterable[Bus], on: str, latest: Latest) -> None:
-        self.name, self.bus = name, bus.name
-        self.enabled = False
-        self._volts, self._on, self._protocol = 0.0, on, bus.protocol
+    def __init__(self, name: str, boards: Boards, buses: Iterable[Bus], latest: Latest) -> None:
+        self.name, self.bus = name, boards.bus.name
+        self.quantity: str | None = None
+        self.value = 0.0
+        self._boards, self._protocol = boards, boards.bus.protocol
         self._latest = latest
         self._all = [source for b in buses for source in _sources(b, name)]
         self._found = {quantity: [source for place in places for source in self._all
                                   if self._is_at(source[2], source[1], place)]
                        for quantity, places in QUANTITIES.items()}
+
+    @property
+    def enabled(self) -> bool:
+        """Whether Simulator.enable has switched it on."""
+        return self.quantity is not None
 
     @staticmethod
     def _is_at(message: Message, signal: Signal, place: tuple[str, str]) -> bool:
@@ -82,21 +92,33 @@ class Joint:
     def __repr__(self) -> str:
         return f"<joint {self.name} on {self.bus}>"
 
+    def _set(self, quantity: str, value: float, unit: str) -> None:
+        value = float(value)
+        if value - value != 0.0:
+            raise ValueError(f"{self.name}: found {value} {unit}, expected a number")
+        if self.quantity != quantity:
+            if quantity == "voltage" and not value:
+                return
+            if quantity not in self._boards.quantities:
+                raise BoardError(f"{self.name}: {self._protocol} boards take no {quantity}, "
+                                 f"expected {', '.join(self._boards.quantities)}")
+            kind = "" if quantity == self._boards.quantities[0] else f", quantity={quantity!r}"
+            raise BoardError(f"{self.name}: found {value:g} {unit} for a motor that is not enabled"
+                             f"{' for it' if self.enabled else ''}, expected "
+                             f"enable({self.name!r}{kind}) before")
+        self.value = value
+
     @property
     def voltage_v(self) -> float:
-        return self._volts
+        return self.value if self.quantity == "voltage" else 0.0
 
     @voltage_v.setter
     def voltage_v(self, volts: float) -> None:
-        volts = float(volts)
-        if volts - volts != 0.0:
-            raise ValueError(f"{self.name}: found {volts} V, expected a number")
-        if volts and not self.enabled:
-            raise BoardError(f"{self.name}: found {volts:g} V for a motor that is not enabled, "
-                             f"expected enable({self.name!r}) before")
-        self._volts = volts
+        self._set("voltage", volts, "V")
 
     def _read(self, quantity: str) -> float:
+        if quantity in self._boards.extra[self.name]:
+            return self._boards.extra[self.name][quantity]
         sources = self._found[quantity]
         for source in sources:
             value = _value(self._latest, source)
@@ -109,10 +131,25 @@ class Joint:
 
     @property
     def position_rad(self) -> float:
-        """Angle of the link (rad). 2FOC boards read no link encoder: NoTelemetry."""
-        if self._found["deflection"]:
+        """Angle of the link (rad). 2FOC boards read no link encoder: NoTelemetry. Set: the angle
+        that the board's own loop holds."""
+        if self._found["deflection"] and "position" not in self._boards.extra[self.name]:
             return self._read("motor position") - self._read("deflection")
         return self._read("position")
+
+    @position_rad.setter
+    def position_rad(self, rad: float) -> None:
+        self._set("position", rad, "rad")
+
+    @property
+    def velocity_rad_s(self) -> float:
+        """Velocity of the motor (rad/s), as motor_velocity_rad_s. Set: the one that the board's own
+        loop holds."""
+        return self._read("motor velocity")
+
+    @velocity_rad_s.setter
+    def velocity_rad_s(self, rad_s: float) -> None:
+        self._set("velocity", rad_s, "rad/s")
 
     @property
     def motor_position_rad(self) -> float:
@@ -129,14 +166,24 @@ class Joint:
         """Current of the motor (A)."""
         return self._read("current")
 
+    @current_a.setter
+    def current_a(self, ampere: float) -> None:
+        self._set("current", ampere, "A")
+
     @property
     def torque_nm(self) -> float:
-        """Torque on the link, of its sensor (N m)."""
+        """Torque on the link, of its sensor (N m); of the motor where boards have no sensor."""
         return self._read("torque")
+
+    @torque_nm.setter
+    def torque_nm(self, nm: float) -> None:
+        self._set("torque", nm, "N m")
 
     @property
     def mode(self) -> str:
         """The board's word for what its motor does: "voltage", "open_loop", "off", "fault", ..."""
+        if "mode" in self._boards.extra[self.name]:
+            return self._boards.extra[self.name]["mode"]
         for source in self._found["mode"]:
             frame = self._latest.get(source[0])
             raw = None if frame is None else source[1].decode_raw(bytes.fromhex(frame[4]))
@@ -151,11 +198,25 @@ class Joint:
 
     @property
     def is_on(self) -> bool:
-        """Whether the board says that its motor takes voltages."""
+        """Whether the board says that its motor takes set points of the enabled kind."""
         try:
-            return self.mode == self._on
+            return self.mode == self._boards.on_word(self.quantity or self._boards.quantities[0])
         except NoTelemetry:
             return False
+
+    def held_rad(self) -> float:
+        """The present angle, to begin to hold: of the motor where it is told."""
+        try:
+            return self.motor_position_rad
+        except NoTelemetry:
+            return self.position_rad
+
+    def keep_extra(self) -> dict:
+        """What `take` of its boards has found, for a checkpoint."""
+        return dict(self._boards.extra[self.name])
+
+    def restore_extra(self, kept: dict) -> None:
+        self._boards.extra[self.name] = dict(kept)
 
     def state_text(self) -> str:
         """Its mode and faults in words."""

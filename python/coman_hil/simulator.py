@@ -161,7 +161,9 @@ class Simulator:
         self.joints: Names[Joint] = Names("joint")
         for boards in self._boards:
             for name in boards.joints:
-                self.joints[name] = Joint(name, boards.bus, buses, boards.on, self._latest)
+                self.joints[name] = Joint(name, boards, buses, self._latest)
+        self._taking = {boards.bus.name: boards.take for boards in self._boards
+                        if type(boards).take is not Boards.take}
         self.sensors: Names[ForceSensor] = force_sensors(buses, self._latest)
         self._kept[0] = self._keep()
 
@@ -211,21 +213,21 @@ class Simulator:
             raise ValueError(f"found {ticks} ticks, expected 1 or more")
         self._frames.clear()
         while ticks > 0:
-            volts = {j.name: j.voltage_v for j in self.joints.values() if j.enabled} \
+            points = {j.name: (j.quantity, j.value) for j in self.joints.values() if j.enabled} \
                 if refresh else {}
-            count = min(ticks, self._refresh_ticks(volts))
-            text = "".join(boards.set_points(volts) for boards in self._boards
-                           if any(joint in volts for joint in boards.joints))
+            count = min(ticks, self._refresh_ticks(points))
+            text = "".join(boards.set_points(points) for boards in self._boards
+                           if any(joint in points for joint in boards.joints) or
+                           (boards.cyclic and refresh and self._listening))
             self._run("".join(self._queued) + text, count)
             self._queued.clear()
             ticks -= count
 
-    def _refresh_ticks(self, volts: Mapping[str, float]) -> int:
-        if not volts:
-            return STEP_TICKS
-        ticks = max(1, round(self._refresh_s / self.tick_s))
+    def _refresh_ticks(self, points: Mapping[str, Any]) -> int:
+        ticks = max(1, round(self._refresh_s / self.tick_s)) if points else STEP_TICKS
         return min([boards.refresh_ticks for boards in self._boards if boards.refresh_ticks and
-                    any(joint in volts for joint in boards.joints)] + [ticks, STEP_TICKS])
+                    (any(joint in points for joint in boards.joints) or
+                     (boards.cyclic and self._listening))] + [ticks, STEP_TICKS])
 
     def _run(self, commands: str, ticks: int) -> None:
         """One STEP, and all frames until its DONE."""
@@ -282,6 +284,8 @@ class Simulator:
         latest, key = self._latest, self._done_key
         for frame in frames:
             latest[frame[5], frame[1]] = frame
+            if frame[5] in self._taking:
+                self._taking[frame[5]](frame)
         if key not in latest:
             self._frames.extend(frames)
             return []
@@ -313,9 +317,14 @@ class Simulator:
                 **values: float | str) -> None:
         """Sends a message of the DBC with its signals in their units, or by the names of values:
         command("torso", "torso_0x01_COMMAND", command="SET_OPEN_LOOP_0", SET_OPEN_LOOP_pwm_0=4).
-        It takes part in the next step."""
+        Counters and checksums of a protocol file that are not given are filled in. It takes part in
+        the next step."""
         found = self.buses.bus(bus).message(message)
-        self._queued.append(frame_text(found, found.encode(values, length)))
+        data = found.encode(values, length)
+        for boards in self._boards:
+            if boards.bus.name == bus:
+                data = boards.close(message, data, list(values))
+        self._queued.append(frame_text(found, data))
 
     def frames(self, bus: str | None = None) -> list[can.Message]:
         """What the boards sent during the last step (the newest 100,000 frames), as python-can has
@@ -340,22 +349,23 @@ class Simulator:
             self._queued += [text for stage in stages if number < len(stage)
                              for text in stage[number]]
             self.step(2)
-        self.step(SWITCH_TICKS)
         self._listening = True
-
-    def enable(self, *joints: str, timeout_s: float = 1.0) -> None:
-        """Switches motors on, those of all joints when none is named: faults are cleared, voltages
-        are 0 until they are set. Runs ticks until the boards say so; raises BoardError when one
-        does not within timeout_s of virtual time."""
-        chosen = [self.joints[name] for name in joints or self.joints]
-        self.listen()
-        for joint in chosen:
-            joint.voltage_v, joint.enabled = 0.0, False
-        self._switch(chosen, False)
         self.step(SWITCH_TICKS)
-        for joint in chosen:
-            joint.enabled = True
-        self._switch(chosen, True)
+
+    def enable(self, *joints: str, quantity: str | None = None, timeout_s: float = 1.0) -> None:
+        """Switches motors on, those of all joints when none is named: faults are cleared, set
+        points are 0 until they are set, but for positions, which are the present ones. quantity:
+        their kind, "voltage", "current", "torque", "velocity" or "position"; the boards' usual one
+        by default. Runs ticks until the boards say so; raises BoardError when one does not within
+        timeout_s of virtual time, when boards take no such set points, and for a loop whose gains
+        are 0."""
+        chosen = [self.joints[name] for name in joints or self.joints]
+        self._check_quantity(chosen, quantity)
+        self.listen()
+        self._check_gains(chosen, quantity)
+        self._switch(chosen, None)
+        self.step(SWITCH_TICKS)
+        self._switch(chosen, quantity, on=True)
         end = self.tick + round(timeout_s / self.tick_s)
         while True:
             self.step(SWITCH_TICKS)
@@ -375,16 +385,43 @@ class Simulator:
     def disable(self, *joints: str) -> None:
         """Switches motors off, those of all joints when none is named; runs some ticks."""
         chosen = [self.joints[name] for name in joints or self.joints]
-        for joint in chosen:
-            joint.voltage_v, joint.enabled = 0.0, False
-        self._switch(chosen, False)
+        self._switch(chosen, None)
         self.step(SWITCH_TICKS)
 
-    def _switch(self, joints: Sequence[Joint], on: bool) -> None:
+    def _check_quantity(self, joints: Sequence[Joint], quantity: str | None) -> None:
+        """Whether the boards take such set points."""
+        for boards in self._boards:
+            for name in {joint.name for joint in joints} & set(boards.joints):
+                wanted = quantity or boards.quantities[0]
+                if wanted not in boards.quantities:
+                    raise BoardError(f"{name}: {boards.bus.protocol} boards take no {wanted}, "
+                                     f"expected {', '.join(boards.quantities)}")
+
+    def _check_gains(self, joints: Sequence[Joint], quantity: str | None) -> None:
+        """Whether the loop that gets the set points has gains, where the run tells them."""
+        if quantity not in ("position", "velocity", "current"):
+            return
+        answer = self._ask(self.control.request, "list", what="tunables")
+        tunables = {row["name"]: row["value"] for row in answer["tunables"]}
+        for joint in joints:
+            names = [f"joint.{joint.name}.{quantity}_{gain}" for gain in ("kp", "ki", "kd")]
+            known = [tunables[name] for name in names if name in tunables]
+            if known and not any(known):
+                raise BoardError(f"{joint.name}: the {quantity} loop of its board has gains of 0 "
+                                 f"and would do nothing: sim.set({names[0]!r}, ...), or a message "
+                                 "with its gains, sets them")
+
+    def _switch(self, joints: Sequence[Joint], quantity: str | None, on: bool = False) -> None:
         names = {joint.name for joint in joints}
         for boards in self._boards:
             mine = [joint for joint in boards.joints if joint in names]
-            self._queued += boards.switch(mine, on) if mine else []
+            wanted = (quantity or boards.quantities[0]) if on else None
+            for name in mine:
+                joint = self.joints[name]
+                joint.quantity, joint.value = wanted, 0.0
+                if wanted == "position":
+                    joint.value = joint.held_rad()
+            self._queued += boards.switch(mine, wanted) if mine else []
 
     # ---- control ----
 
@@ -439,8 +476,9 @@ class Simulator:
         self._frames.clear()
         self._latest.clear()
         self._latest.update(latest)
-        for name, (enabled, volts) in joints.items():
-            self.joints[name].enabled, self.joints[name].voltage_v = enabled, volts
+        for name, (quantity, value, extra) in joints.items():
+            self.joints[name].quantity, self.joints[name].value = quantity, value
+            self.joints[name].restore_extra(extra)
 
     def reset(self) -> None:
         """Goes back to the start."""
@@ -448,4 +486,5 @@ class Simulator:
 
     def _keep(self) -> tuple:
         return (dict(self._latest), self._listening,
-                {joint.name: (joint.enabled, joint.voltage_v) for joint in self.joints.values()})
+                {joint.name: (joint.quantity, joint.value, joint.keep_extra())
+                 for joint in self.joints.values()})

@@ -360,12 +360,81 @@ def test_a_hydraulic_leg_moves_by_its_valves():
         assert truth(sim, "hydraulic_supply_pa")[0] < 2e6
 
 
-def test_a_protocol_of_a_file_is_refused():
-    """Which boards speak what a rig describes is not in the package."""
+QUANTITIES = {"coman": ("voltage", "current", "position"), "coman-foc": ("voltage", "current"),
+              "coman-compact": ("voltage", "current"), "coman-fd": ("voltage", "current"),
+              "coman-cia402": ("voltage", "torque", "velocity", "position"),
+              **dict.fromkeys(("coman-odrive", "coman-robstride", "coman-mini-cheetah",
+                               "coman-moteus"), ("torque", "velocity", "position"))}
+
+
+def test_every_protocol_has_joints_that_take_its_set_points():
+    """Each kind of set point moves the joint the right way, and its board tells how it moves."""
     from coman_hil import BoardError, Simulator
-    with raises(BoardError, "found protocol described, expected one of icub, foc, compact"):
-        with Simulator(RIGS / "hyq.yaml"):
-            pass
+    for name, quantities in QUANTITIES.items():
+        with Simulator(rig(name), changes=BENCH) as sim:
+            assert len(sim.joints) == 23, name
+            joint = sim.joints["LElbj"]
+            for quantity in quantities:
+                if name == "coman" and quantity != "voltage":
+                    with raises(BoardError, f"the {quantity} loop of its board has gains of 0"):
+                        sim.enable("LElbj", quantity=quantity)
+                    sim.set(f"joint.LElbj.{quantity}_shift", 10)
+                    sim.set(f"joint.LElbj.{quantity}_kp", 1)
+                    sim.enable("LElbj", quantity=quantity)
+                    sim.step(20)
+                    assert joint.is_on and joint.quantity == quantity
+                    continue
+                sim.enable("LElbj", quantity=quantity)
+                start = sim.status()["joints"]["LElbj"]
+                if quantity == "position":
+                    sim.step(50)        # held where it was
+                    assert abs(sim.status()["joints"]["LElbj"] - start) < 0.1, (name, start)
+                attribute, value = {
+                    "voltage": ("voltage_v", 3), "current": ("current_a", 0.5),
+                    "torque": ("torque_nm", 3), "velocity": ("velocity_rad_s", 1),
+                    "position": ("position_rad", joint.motor_position_rad - 0.2)}[quantity]
+                setattr(joint, attribute, value)
+                sim.step(60)
+                end = sim.status()["joints"]["LElbj"]
+                assert 0.01 < (start - end if quantity == "position" else end - start) < 1.2, (
+                    name, quantity, start, end)
+                assert joint.is_on, (name, quantity, joint.mode)
+                assert name == "coman-mini-cheetah" or joint.faults == 0, (name, quantity)
+                assert abs(joint.motor_position_rad - end) < 0.1, (name, quantity, end)
+                sim.disable("LElbj")
+                assert not joint.enabled and (name == "coman-foc" or not joint.is_on), name
+            with raises(BoardError, "boards take no", "expected"):
+                sim.enable("LElbj", quantity="speed")
+
+
+def test_counters_and_checksums_are_filled_in():
+    """In what sim.command sends of a protocol file, unless they are given."""
+    from coman_hil import Simulator
+    with Simulator(RIGS / "hyq.yaml", hold="always") as sim:
+        table = sim.buses.bus("left_front").table
+        assert table["protocol"] == "servo-valve"
+        frame = next(f for f in table["frames"] if f["name"] == "MODE")
+        # a checksum in the last byte, and a counter in the one before
+        frame["fields"] += [
+            dict(frame["fields"][0], name="number", meaning="counter", byte=5, shift=0, mask=255),
+            dict(frame["fields"][0], name="sum", meaning="checksum", byte=6, shift=0, mask=255)]
+        frame.update(length=7, checksum=2, checksum_byte=6)
+        boards = next(b for b in sim._boards if b.bus.name == "left_front")
+        first = boards.close("ALL_MODE", bytes(7), ["mode"])
+        second = boards.close("ALL_MODE", bytes(7), ["mode"])
+        assert (first[5], second[5]) == (0, 1) and first[6] != second[6]
+        assert second[6] == crc8(second[:6]), second.hex()
+        assert boards.close("ALL_MODE", bytes(7), ["mode", "sum"])[6] == 0
+
+
+def crc8(data):
+    """CRC-8 SAE J1850 as its text has it: polynomial 0x1d, from 0xff, inverted at the end."""
+    register = 0xff
+    for byte in data:
+        for bit in range(7, -1, -1):
+            top = register >> 7 ^ byte >> bit & 1
+            register = register << 1 & 0xff ^ (0x1d if top else 0)
+    return register ^ 0xff
 
 
 def test_steps_a_second():
