@@ -14,6 +14,8 @@
 #define GRAVITY 9.81 /* m/s2 */
 /* an effort above this multiple of the gravity load is a placeholder */
 #define PLACEHOLDER_TIMES 20.0
+/* lever of the robot's weight, below which no load tells what is a placeholder: wheels have none */
+#define WEIGHT_ARM_M 0.1
 #define STRENGTH_TIMES 3.0 /* assumed strength over the gravity load */
 #define CARRY_TIMES 1.5    /* least strength over the torque that a joint bears in a pose */
 /* least stiffness over that at which a standing robot tips over a joint */
@@ -231,16 +233,11 @@ static void limit_followers(struct robot *robot)
     }
 }
 
-/* Returns whether only a spring moves joint j: the file has actuators, but none for it, and no
- * --drive option names it. */
+/* Checks whether joint j has no drive: the file has actuators, all of them for joints, but none for
+ * it, and no --drive option names it. */
 static bool is_passive(const struct import_robot *from, size_t j)
 {
-    bool actuated = false;
-
-    for (size_t k = 0; k < from->robot->njoint; k++) {
-        actuated = actuated || from->source[k]->driven;
-    }
-    return from->source[j]->stiffness > 0.0 && actuated && !from->source[j]->driven &&
+    return from->model->actuated && !from->model->drives_others && !from->source[j]->driven &&
            !from->drive[j];
 }
 
@@ -267,6 +264,7 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
     }
     robot_find_loads(robot, reach, load);
     import_lead_loads(robot, load);
+    most = WEIGHT_ARM_M * GRAVITY * robot->total_mass;
     for (size_t j = 0; j < robot->njoint; j++) {
         most = fmax(most, load[j]);
     }
@@ -301,6 +299,13 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
             (struct robot_passive){.stiffness = source->stiffness, .rest = source->rest};
         if (joint->type != JOINT_REVOLUTE || is_passive(from, j)) {
             joint->passive.damping = source->damping; /* that of others is their motor's */
+            if (joint->type == JOINT_REVOLUTE && !(source->stiffness > 0.0)) {
+                import_note_add(
+                    notes, IMPORT_CHANGED, source->file, source->line,
+                    "joint \"%.63s\" has no actuator: it turns freely; --drive gives it "
+                    "a drive",
+                    source->name);
+            }
             continue;
         }
         if (from->drive[j]) {

@@ -10,6 +10,7 @@
 #include "base/whole_file.h"
 #include "rig/rig.h"
 
+#include <ctype.h>
 #include <dirent.h>
 #include <math.h>
 #include <stdio.h>
@@ -338,14 +339,26 @@ static void import_remove_folders(const struct importer *m)
 
 /* ---- the bench ---- */
 
+/* Checks whether a name has a word between its ends and other characters than letters. */
+static bool name_has_word(const char *name, const char *word)
+{
+    const char *at = strstr(name, word);
+
+    while (at && ((at > name && isalpha((unsigned char)at[-1])) ||
+                  isalpha((unsigned char)at[strlen(word)]))) {
+        at = strstr(at + 1, word);
+    }
+    return at;
+}
+
 /* Returns the name of a pose that sounds like standing; NULL if there is none. */
 static const char *pose_find_like(const struct robot *robot)
 {
-    static const char *const like[] = {"stand", "half_sitting", "home", "crouch"};
+    static const char *const like[] = {"stand", "standing", "half_sitting", "home", "crouch"};
 
     for (size_t i = 0; i < ARRAY_COUNT(like); i++) {
         for (size_t p = 0; p < robot->npose; p++) {
-            if (strstr(robot->pose[p].name, like[i])) {
+            if (name_has_word(robot->pose[p].name, like[i])) {
                 return robot->pose[p].name;
             }
         }

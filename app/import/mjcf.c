@@ -8,6 +8,9 @@
 #include <math.h>
 #include <string.h>
 
+/* Range of a slide without limits. */
+#define SLIDE_MAX_M 100.0
+
 const xmlNode *mjcf_next(const struct import_reader *r, const char *section, const char *element,
                          const xmlNode *after)
 {
@@ -96,7 +99,10 @@ static void mjcf_check_equality(const struct import_reader *r, const xmlNode *eq
     for (const xmlNode *node = xml_child(equality, NULL); node; node = xml_next(node, NULL)) {
         const char *first = xml_attribute(node, "body1"), *second = xml_attribute(node, "body2");
 
-        if (xml_is(node, "connect") || xml_is(node, "weld")) {
+        if (!xml_is(node, "joint") && !strcmp(reader_text(node, "active"), "false")) {
+            reader_note(r, IMPORT_DROPPED, node, "equality <%.40s>: it is not active",
+                        (const char *)node->name);
+        } else if (xml_is(node, "connect") || xml_is(node, "weld")) {
             xml_refuse(r->file, node,
                        "found <%s> %.63s between \"%.63s\" and \"%.63s\", which closes a loop, "
                        "expected a tree: loops are not imported; remove it and drive the open tree",
@@ -221,6 +227,13 @@ static void mjcf_read_joint_numbers(const struct import_reader *r, const xmlNode
     joint->upper = joint->has_limit ? range[1] * unit - *ref : 0.0;
     if (joint->type == IMPORT_REVOLUTE && !joint->has_limit) {
         joint->type = IMPORT_CONTINUOUS;
+    } else if (!joint->has_limit) {
+        joint->has_limit = true;
+        joint->lower = -SLIDE_MAX_M;
+        joint->upper = SLIDE_MAX_M;
+        reader_note(r, IMPORT_CHANGED, node,
+                    "joint \"%.63s\" slides without limits: it has the range of %g m either way",
+                    joint->name, SLIDE_MAX_M);
     }
     joint->rest = joint->rest * unit - *ref;
 

@@ -200,40 +200,32 @@ static bool geom_read_type(const struct import_reader *r, const xmlNode *node,
     return i < ARRAY_COUNT(words);
 }
 
-/* Reads the dimensions of a geom, by size or, for round ones, by the ends fromto. */
+/* Reads the dimensions of a geom, by size or by the ends fromto. */
 static void geom_read_size(const struct import_reader *r, const xmlNode *node,
                            const char *childclass, struct import_geometry *g)
 {
-    double size[3] = {0, 0, 0}, ends[6], along[6] = {0};
+    double size[3] = {0, 0, 0}, ends[6], along[3];
     const bool round = g->shape == IMPORT_CYLINDER || g->shape == IMPORT_CAPSULE;
     int need = g->shape == IMPORT_SPHERE ? 1 : round ? 2 : 3;
 
     mjcf_some_reals(r, node, childclass, "size", 3, size);
+    if (g->shape != IMPORT_SPHERE && mjcf_reals(r, node, childclass, "fromto", 6, ends)) {
+        /* From one end to the other: place the geom in the middle, with z along it. One size is
+         * given, the other ones across are the same */
+        vec3_sub(ends, ends + 3, along);
+        for (int m = 0; m < 3; m++) {
+            g->place.xyz[m] = 0.5 * (ends[m] + ends[3 + m]);
+        }
+        if (!mjcf_z_to_rotation(along, g->place.R)) {
+            xml_refuse(r->file, node, "found a fromto of length 0, expected two ends");
+        }
+        size[1] = round ? 0.5 * vec3_norm(along) : size[0];
+        size[2] = 0.5 * vec3_norm(along);
+        need = 1;
+    }
     memcpy(g->half, size, sizeof g->half);
     g->radius = size[0];
     g->length = 2.0 * size[1];
-    if (mjcf_reals(r, node, childclass, "fromto", 6, ends) && round) {
-        /* From one end to the other: place the geom in the middle, with z along it */
-        vec3_sub(ends + 3, ends, along);
-        g->length = vec3_norm(along);
-        for (int m = 0; m < 3; m++) {
-            g->place.xyz[m] = 0.5 * (ends[m] + ends[3 + m]);
-            /* A second axis not along the first: along the smallest components of the direction */
-            along[3 + m] = fabs(along[m]) < 0.6 * g->length;
-        }
-
-        /* The columns come out as z, x, y: move the first one to the end */
-        if (g->length > 0 && mjcf_axes_to_rotation(along, g->place.R)) {
-            const double x[3] = {g->place.R[0], g->place.R[3], g->place.R[6]};
-
-            for (int m = 0; m < 3; m++) {
-                g->place.R[3 * m] = g->place.R[3 * m + 1];
-                g->place.R[3 * m + 1] = g->place.R[3 * m + 2];
-                g->place.R[3 * m + 2] = x[m];
-            }
-        }
-        need = 1;
-    }
     for (int i = 0; i < need; i++) {
         if (!(size[i] > 0 && size[i] < 1e3)) {
             xml_refuse(r->file, node, "found size %g of a geom, expected %d above 0", size[i],

@@ -3,6 +3,7 @@
  * keyframes. */
 #include "app/import/readers_private.h"
 
+#include "base/portable_math.h"
 #include "base/vec3.h"
 
 #include <ctype.h>
@@ -139,7 +140,9 @@ static void euler_turn(char letter, double angle, double R[9])
     memcpy(R, product, sizeof product);
 }
 
-bool mjcf_axes_to_rotation(const double axes[6], double R[9])
+/* Computes the rotation with two axes as first columns; the second is made orthogonal to the
+ * first. Returns false if they are parallel. */
+static bool axes_to_rotation(const double axes[6], double R[9])
 {
     double x[3], y[3], z[3], length = vec3_norm(axes);
 
@@ -158,6 +161,16 @@ bool mjcf_axes_to_rotation(const double axes[6], double R[9])
         R[3 * m + 2] = z[m];
     }
     return isfinite(R[0] + R[4] + R[8]);
+}
+
+bool mjcf_z_to_rotation(const double z[3], double R[9])
+{
+    const double across = hypot(z[0], z[1]), least = 1e-10 * vec3_norm(z);
+    const double axis[3] = {across > least ? -z[1] / across : 1.0,
+                            across > least ? z[0] / across : 0.0, 0.0};
+
+    mat3_about_axis(axis, portable_atan2(across, z[2]), R);
+    return least > 0.0;
 }
 
 void mjcf_read_place(const struct import_reader *r, const xmlNode *node, const char *childclass,
@@ -183,43 +196,76 @@ void mjcf_read_place(const struct import_reader *r, const xmlNode *node, const c
             euler_turn(r->eulerseq[i], value[i] * r->angle, place->R);
         }
     } else if (mjcf_reals(r, node, childclass, "xyaxes", 6, value)) {
-        sound = mjcf_axes_to_rotation(value, place->R);
+        sound = axes_to_rotation(value, place->R);
+    } else if (mjcf_reals(r, node, childclass, "zaxis", 3, value)) {
+        sound = mjcf_z_to_rotation(value, place->R);
     }
-    if (!sound || mjcf_attribute(r, node, childclass, "zaxis")) {
+    if (!sound) {
         xml_refuse(r->file, node,
-                   "found %s of <%.40s>, expected a quat, axisangle, euler or xyaxes that is a "
-                   "rotation",
-                   sound ? "a zaxis" : "an orientation", (const char *)node->name);
+                   "found an orientation of <%.40s>, expected a quat, axisangle, euler, xyaxes or "
+                   "zaxis that is a rotation",
+                   (const char *)node->name);
     }
 }
 
 /* ---- actuators and poses ---- */
 
+/* Returns the larger magnitude of a range that limits an actuator; 0 = no limit. */
+static double actuator_limit(const struct import_reader *r, const xmlNode *node, const char *range,
+                             const char *limited)
+{
+    const char *word = mjcf_attribute(r, node, NULL, limited);
+    double value[2] = {0, 0};
+    const bool given = mjcf_reals(r, node, NULL, range, 2, value);
+
+    if (word && strcmp(word, "auto") != 0 ? strcmp(word, "true") != 0 : !given || !r->autolimits) {
+        return 0.0;
+    }
+    return fmax(fabs(value[0]), fabs(value[1]));
+}
+
 void mjcf_read_actuators(const struct import_reader *r)
 {
-    for (const xmlNode *node = mjcf_next(r, "actuator", NULL, NULL); node;
+    struct import_model *model = r->model;
+    double *sum = reader_alloc(r, model->njoint + 1, sizeof *sum);
+
+    for (const xmlNode *node = mjcf_next(r, "actuator", NULL, NULL); node && sum;
          node = mjcf_next(r, "actuator", NULL, node)) {
         const char *name = xml_attribute(node, "joint");
-        int joint = name ? import_find_joint(r->model, name) : -1;
-        double force[2] = {0, 0}, control[2] = {0, 0}, gear[6] = {1}, most;
+        int joint = name ? import_find_joint(model, name) : -1;
+        double gear[6] = {1}, most;
 
         if (joint < 0) {
+            model->drives_others = true;
             reader_note(r, IMPORT_DROPPED, node, "actuator <%.40s>: it drives no joint",
                         (const char *)node->name);
             continue;
         }
-        mjcf_reals(r, node, NULL, "forcerange", 2, force);
-        mjcf_reals(r, node, NULL, "ctrlrange", 2, control);
-        mjcf_some_reals(r, node, NULL, "gear", 6, gear);
 
         /* The gear converts the actuator's force to the joint's; for a motor, control is force */
-        most = fmax(fabs(force[0]), fabs(force[1]));
+        mjcf_some_reals(r, node, NULL, "gear", 6, gear);
+        most = actuator_limit(r, node, "forcerange", "forcelimited");
         if (most == 0.0 && xml_is(node, "motor")) {
-            most = fmax(fabs(control[0]), fabs(control[1]));
+            most = actuator_limit(r, node, "ctrlrange", "ctrllimited");
         }
-        most *= fabs(gear[0]);
-        r->model->joint[joint].driven = true;
-        r->model->joint[joint].effort = most > 0.0 ? most : r->model->joint[joint].effort;
+        if (model->joint[joint].driven) {
+            reader_note(r, IMPORT_CHANGED, node,
+                        "joint \"%.63s\" has several actuators: one drive has the sum of their "
+                        "limits",
+                        name);
+        }
+
+        /* Forces of several actuators add up; one without a limit leaves the sum without one */
+        model->joint[joint].driven = true;
+        sum[joint] += most > 0.0 ? most * fabs(gear[0]) : (double)INFINITY;
+    }
+    for (size_t j = 0; j < model->njoint && sum; j++) {
+        struct import_joint *joint = &model->joint[j];
+
+        if (sum[j] > 0.0 && isfinite(sum[j])) {
+            joint->effort = joint->effort > 0.0 ? fmin(joint->effort, sum[j]) : sum[j];
+        }
+        model->actuated = model->actuated || joint->driven;
     }
 }
 

@@ -154,8 +154,9 @@ struct import_model {
     size_t nsensor;
     struct import_pose *pose;
     size_t npose;
-    bool floating_base; /* an SRDF says that the base floats */
-    bool fixed_base;    /* ... or that it is fixed */
+    bool actuated, drives_others; /* actuators drive joints; they drive other things, as tendons */
+    bool floating_base;           /* an SRDF says that the base floats */
+    bool fixed_base;              /* ... or that it is fixed */
 };
 
 /* Adds a note; file and the text's arguments need not outlive the call. */

@@ -91,13 +91,13 @@ bool mjcf_reals(const struct import_reader *r, const xmlNode *node, const char *
 void mjcf_some_reals(const struct import_reader *r, const xmlNode *node, const char *childclass,
                      const char *name, size_t most, double *value);
 
-/* Reads the pose given by pos and one of quat, axisangle, euler, xyaxes. */
+/* Reads the pose given by pos and one of quat, axisangle, euler, xyaxes, zaxis. */
 void mjcf_read_place(const struct import_reader *r, const xmlNode *node, const char *childclass,
                      struct import_place *place);
 
-/* Computes the rotation with two axes as first columns; the second is made orthogonal to the
- * first. Returns false if they are parallel. */
-bool mjcf_axes_to_rotation(const double axes[6], double R[9]);
+/* Computes the smallest rotation that turns the axis z into a direction, as MuJoCo does. Returns
+ * false for a direction of length 0. */
+bool mjcf_z_to_rotation(const double z[3], double R[9]);
 
 /* Adds a geom to a link, and its mass to a body without its own inertia (NULL: to none). */
 void mjcf_read_geom(const struct import_reader *r, const xmlNode *node, const char *childclass,

@@ -9,6 +9,8 @@
 #include "base/vec3.h"
 
 #include <math.h>
+#include <stdint.h>
+#include <stdio.h>
 #include <string.h>
 
 /* Mass of a body to which the file gives none: robot files require more than 0. */
@@ -28,37 +30,58 @@ void *simplify_alloc(const struct simplifier *r, size_t count, size_t size)
     return memory;
 }
 
-const char *simplify_name(const struct simplifier *r, const char *file, int line, const char *what,
+/* Checks whether a part of the file has a name, or a part of this kind got it. */
+static bool simplify_name_is_taken(const struct simplifier *r, const char *what, const char *name)
+{
+    bool taken = import_find_link(r->model, name) >= 0 || import_find_joint(r->model, name) >= 0;
+
+    for (size_t i = 0; i < r->nmade && !taken; i++) {
+        taken = !strcmp(r->made[i].what, what) && !strcmp(r->made[i].name, name);
+    }
+    return taken;
+}
+
+const char *simplify_name(struct simplifier *r, const char *file, int line, const char *what,
                           const char *name)
 {
-    char *copy = simplify_alloc(r, strlen(name) + 1, 1);
+    char clean[64], made[64];
+    struct simplify_made *list;
+    size_t length = strlen(name);
 
-    if (!copy) {
-        return "";
-    }
-    strcpy(copy, name);
-    if (text_is_name(copy) && strcmp(copy, "spare") != 0) {
-        return copy;
+    if (text_is_name(name) && strcmp(name, "spare") != 0) {
+        char *copy = simplify_alloc(r, length + 1, 1);
+
+        return copy ? strcpy(copy, name) : "";
     }
 
     /* Too long or reserved: a change of characters would not help */
-    if (strlen(copy) > 63 || !strcmp(copy, "spare") || !strcmp(copy, ".") || !strcmp(copy, "..")) {
+    if (length > 63 || !strcmp(name, "spare") || !strcmp(name, ".") || !strcmp(name, "..")) {
         import_error(r->error, file, line,
                      "found %s name \"%.80s\", expected at most 63 letters, digits and _ - . (and "
                      "not \"spare\")",
-                     what, copy);
+                     what, name);
         return "";
     }
-    for (char *c = copy; *c; c++) {
-        char letter[2] = {*c, '\0'};
+    for (size_t i = 0; i <= length; i++) {
+        const char letter[2] = {name[i], '\0'};
 
-        if (*c != '.' && !text_is_name(letter)) {
-            *c = '_';
-        }
+        clean[i] = name[i] == '\0' || name[i] == '.' || text_is_name(letter) ? name[i] : '_';
+    }
+    strcpy(made, clean);
+    for (unsigned number = 2; simplify_name_is_taken(r, what, made); number++) {
+        snprintf(made, sizeof made, "%.52s-%u", clean, number);
     }
     import_note_add(r->notes, IMPORT_CHANGED, file, line, "%s \"%.63s\" is named \"%.63s\"", what,
-                    name, copy);
-    return copy;
+                    name, made);
+    list = import_grow(r->arena, r->made, r->nmade, &r->made_capacity, sizeof *list);
+    name = arena_strdup(r->arena, made);
+    if (!list || !name) {
+        simplify_alloc(r, SIZE_MAX, 1);
+        return "";
+    }
+    r->made = list;
+    r->made[r->nmade++] = (struct simplify_made){what, name};
+    return name;
 }
 
 /* ---- inertias ---- */

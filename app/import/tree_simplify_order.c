@@ -259,6 +259,11 @@ void simplify_fix_massless(struct simplifier *r)
 
         mass[link] += model->link[link].inertia.mass;
         if (i == 0) {
+            if (mass[link] == 0.0) {
+                import_error(r->error, model->link[link].file, model->link[link].line,
+                             "found no mass in the whole robot, expected links with <inertial>: "
+                             "without masses nothing has dynamics");
+            }
             continue;
         }
         mass[model->joint[above].parent_link] += mass[link];

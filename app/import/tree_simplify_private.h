@@ -8,6 +8,11 @@
 /* Range of a joint without limits, turns in each direction: far more than in any run. */
 #define SIMPLIFY_TURNS_MAX 50.0
 
+/* A name that differs from the file's, of a kind of part. */
+struct simplify_made {
+    const char *what, *name;
+};
+
 /* A reduction under way. */
 struct simplifier {
     const struct import_model *model;
@@ -16,6 +21,8 @@ struct simplifier {
     struct import_notes *notes;
     struct import_robot *out;
     struct error *error; /* the first error stays */
+    struct simplify_made *made;
+    size_t nmade, made_capacity;
 
     int *above;    /* by link: its parent joint, -1 = none */
     int *order;    /* links, parents first, children in the order of their joints */
@@ -73,9 +80,10 @@ void simplify_add_poses(struct simplifier *r);
 /* Fixes a joint at a position, rad or m, and adds a note with the reason. */
 void simplify_fix_joint(struct simplifier *r, size_t j, double at, const char *why);
 
-/* Makes a name that robot files accept: replaces other characters by '_', with a note. Refuses
- * names that are too long or reserved. "" with an error. */
-const char *simplify_name(const struct simplifier *r, const char *file, int line, const char *what,
+/* Makes a name that robot files accept: replaces other characters by '_', and adds a number if
+ * another part has the name then, with a note. Refuses names that are too long or reserved. "" with
+ * an error. */
+const char *simplify_name(struct simplifier *r, const char *file, int line, const char *what,
                           const char *name);
 
 /* Checks whether a joint is fixed, by its type or by the reduction. */

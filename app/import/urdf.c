@@ -170,15 +170,13 @@ static void urdf_read_inertial(const struct import_reader *r, const xmlNode *nod
     }
 }
 
-/* Reads a length that must be above 0, m; 0 is accepted for a point. */
-static double urdf_read_length(const struct import_reader *r, const xmlNode *node, const char *name,
-                               bool point)
+/* Reads a length, m; 0 is accepted for a shape that is not there. */
+static double urdf_read_length(const struct import_reader *r, const xmlNode *node, const char *name)
 {
     const double value = xml_need_real(r->file, node, name);
 
-    if (!(value > 0 && value <= LENGTH_MAX_M) && !(point && value == 0)) {
-        xml_refuse(r->file, node, "found %s %g m, expected more than 0 and at most %g", name, value,
-                   LENGTH_MAX_M);
+    if (!(value >= 0 && value <= LENGTH_MAX_M)) {
+        xml_refuse(r->file, node, "found %s %g m, expected 0 to %g", name, value, LENGTH_MAX_M);
     }
     return value;
 }
@@ -206,20 +204,19 @@ static bool urdf_read_shape(const struct import_reader *r, const xmlNode *node,
         shape->shape = IMPORT_BOX;
         xml_parse_reals(r->file, node, "size", text, 3, shape->half);
         for (int m = 0; m < 3; m++) {
-            if (!(shape->half[m] > 0 && shape->half[m] <= LENGTH_MAX_M)) {
-                xml_refuse(r->file, node,
-                           "found box size \"%.60s\", expected three lengths above 0", text);
+            if (!(shape->half[m] >= 0 && shape->half[m] <= LENGTH_MAX_M)) {
+                xml_refuse(r->file, node, "found box size \"%.60s\", expected three lengths", text);
             }
             shape->half[m] *= 0.5;
         }
     } else if (xml_is(node, "sphere")) {
         /* Some files mark points with spheres of radius 0 */
         shape->shape = IMPORT_SPHERE;
-        shape->radius = urdf_read_length(r, node, "radius", true);
+        shape->radius = urdf_read_length(r, node, "radius");
     } else if (xml_is(node, "cylinder") || xml_is(node, "capsule")) {
         shape->shape = xml_is(node, "cylinder") ? IMPORT_CYLINDER : IMPORT_CAPSULE;
-        shape->radius = urdf_read_length(r, node, "radius", false);
-        shape->length = urdf_read_length(r, node, "length", false);
+        shape->radius = urdf_read_length(r, node, "radius");
+        shape->length = urdf_read_length(r, node, "length");
     } else {
         return false;
     }
@@ -241,6 +238,15 @@ static void urdf_read_geometry(const struct import_reader *r, const xmlNode *nod
     urdf_read_origin(r, node, &shape.place);
     if (!geometry || !urdf_read_shape(r, xml_child(geometry, NULL), &shape)) {
         reader_note(r, IMPORT_DROPPED, node, "%s of link \"%.63s\": no shape that URDF knows",
+                    (const char *)node->name, model->link[link].name);
+        return;
+    }
+
+    /* Some files write boxes and cylinders of size 0 for nothing */
+    if ((shape.shape == IMPORT_BOX && shape.half[0] * shape.half[1] * shape.half[2] == 0) ||
+        ((shape.shape == IMPORT_CYLINDER || shape.shape == IMPORT_CAPSULE) &&
+         shape.radius * shape.length == 0)) {
+        reader_note(r, IMPORT_DROPPED, node, "%s of link \"%.63s\": a shape of size 0",
                     (const char *)node->name, model->link[link].name);
         return;
     }

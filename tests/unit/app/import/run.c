@@ -368,3 +368,40 @@ TEST_WITH(ankles_hold_up_what_stands_on_them, open_folder, remove_folder)
         }
     }
 }
+
+/* "footstand" is no standing, "home" and "low-stand" are */
+TEST_WITH(poses_are_chosen_by_whole_words, open_folder, remove_folder)
+{
+    static const char robot[] =
+        "<mujoco model='kb'><worldbody><body name='base'><freejoint/><inertial pos='0 0 0' "
+        "mass='5' "
+        "diaginertia='.1 .1 .1'/><geom type='sphere' size='.05'/><body name='a'><joint name='j' "
+        "axis='0 1 0' range='-90 90'/><inertial pos='0 0 -.1' mass='1' diaginertia='.01 .01 .01'/>"
+        "</body></body></worldbody><keyframe>%s</keyframe></mujoco>";
+    static const char *const cases[][2] = {{"home", "footstand"},
+                                           {"low-stand", "handstand"},
+                                           {"stand_2", "home"},
+                                           {"standing", "homeless"}};
+
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
+        struct import_result result;
+        char keys[400], text[4096];
+        size_t size;
+        FILE *out = fopen(file, "w");
+
+        snprintf(keys, sizeof keys,
+                 "<key name='%s' qpos='0 0 0 1 0 0 0 1'/><key name='%s' qpos='0 0 0 1 0 0 0 0'/>",
+                 cases[i][1], cases[i][0]);
+        assert_non_null(out);
+        fprintf(out, robot, keys);
+        assert_int_equal(fclose(out), 0);
+        import_limbs("icub", &result);
+        out = fopen(result.rig, "r");
+        assert_non_null(out);
+        size = fread(text, 1, sizeof text - 1, out);
+        text[size] = '\0';
+        fclose(out);
+        snprintf(keys, sizeof keys, "pose: \"%s\"", cases[i][0]);
+        assert_non_null(strstr(text, keys));
+    }
+}

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "tests/physics/near.h"
+#include "base/vec3.h"
 #include "tests/unit/app/import/text.h"
 #include "tests/test.h"
 
@@ -343,7 +344,7 @@ TEST_WITH(sphere_without_radius_is_a_point, open_default, close_arena)
     assert_true(noted(IMPORT_CHANGED, 3, "collision sphere of link \"a\", a point"));
     import_bad(ROBOT("<link name='a'><collision><geometry><sphere radius='-1'/>"
                      "</geometry></collision></link>"),
-               "x.urdf:2: ", "found radius -1 m, expected more than 0");
+               "x.urdf:2: ", "found radius -1 m, expected 0 to 1000");
 }
 
 TEST_WITH(floating_joint_makes_its_child_the_base, open_default, close_arena)
@@ -571,4 +572,188 @@ TEST_WITH(placeholders_are_no_strength, open_default, close_arena)
     assert_near(made.robot->joint[0].torque_limit, 3.0 * 9.81 * 0.2, 1e-9);
     assert_true(noted(IMPORT_ASSUMED, 4, "effort 1000 is a placeholder"));
     assert_true(noted(IMPORT_ASSUMED, 4, "velocity 1000 is a placeholder"));
+}
+
+/* ---- what MuJoCo means ---- */
+
+/* A capsule along any direction has its inertia there, by its ends or by zaxis */
+TEST_WITH(capsules_lie_along_their_direction, open_default, close_arena)
+{
+    static const double directions[][3] = {{1, 1, 1}, {1, -1, 1}, {-1, -1, -1},   {0, 0, 1},
+                                           {1, 0, 0}, {0, 0, -1}, {0.6, 0.6, 0.5}};
+    const double r = 0.03, length = 0.4, density = 1000.0;
+    const double rod = density * M_PI * r * r * length,
+                 ball = density * 4.0 / 3.0 * M_PI * r * r * r;
+    const double along = rod * r * r / 2.0 + ball * 0.4 * r * r;
+    const double across = rod * (3.0 * r * r + length * length) / 12.0 +
+                          ball * (0.4 * r * r + 0.375 * r * length + 0.25 * length * length);
+
+    for (size_t i = 0; i < 2 * sizeof directions / sizeof *directions; i++) {
+        const double *d = directions[i / 2];
+        const double size = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+        char text[1024], geom[256];
+
+        if (i % 2) {
+            snprintf(geom, sizeof geom, "size='0.03 0.2' zaxis='%g %g %g'", d[0], d[1], d[2]);
+        } else {
+            snprintf(geom, sizeof geom, "size='0.03' fromto='0 0 0 %.17g %.17g %.17g'",
+                     length * d[0] / size, length * d[1] / size, length * d[2] / size);
+        }
+        snprintf(text, sizeof text,
+                 MJCF("", "<body name='b'><joint name='j'/><geom type='capsule' %s/></body>", ""),
+                 geom);
+        import_good(text);
+        for (int a = 0; a < 3; a++) {
+            for (int b = a; b < 3; b++) {
+                const double expected =
+                    (a == b ? across : 0.0) + (along - across) * d[a] * d[b] / (size * size);
+
+                assert_near(made.robot->body[1].inertia.I[sym3_index[a][b]], expected,
+                            1e-12 * across);
+            }
+        }
+    }
+}
+
+/* Boxes and ellipsoids by their ends too: one size is given, the ones across are the same */
+TEST_WITH(blocks_are_placed_by_their_ends, open_default, close_arena)
+{
+    import_good(MJCF("",
+                     "<body name='b'><joint name='j'/><geom type='box' size='0.1' "
+                     "fromto='0 0 0 0.6 0 0'/></body>",
+                     ""));
+    assert_near(made.robot->body[1].inertia.mass, 0.6 * 0.2 * 0.2 * 1000.0, 1e-9);
+    assert_near(made.robot->body[1].inertia.com[0], 0.3, 1e-12);
+    assert_near(made.robot->body[1].inertia.I[0], 24.0 * (0.04 + 0.04) / 12.0, 1e-9);
+    import_bad(
+        MJCF("", "<body name='b'><geom type='capsule' size='1' fromto='1 1 1 1 1 1'/></body>", ""),
+        "x.urdf:4: ", "fromto of length 0");
+    import_bad(MJCF("", "<body name='b'><geom type='sphere' size='1' zaxis='0 0 0'/></body>", ""),
+               "x.urdf:4: ", "found an orientation of <geom>");
+}
+
+TEST_WITH(limits_of_actuators_add_up, open_default, close_arena)
+{
+    static const struct {
+        const char *joint, *actuators;
+        double torque;
+    } cases[] = {
+        {"", "<position joint='j' forcerange='-15 15'/><velocity joint='j' forcerange='-5 4'/>",
+         20},
+        {"", "<motor joint='j' gear='10' ctrlrange='-4 4'/><motor joint='j' ctrlrange='-2 2'/>",
+         42},
+        {"actuatorfrcrange='-8 8'", "<motor joint='j' ctrlrange='-12 12'/>", 8},
+        {"actuatorfrcrange='-9 9'", "<motor joint='j' ctrlrange='-6 6'/>", 6},
+        {"actuatorfrcrange='-7 7'", "<motor joint='j' ctrlrange='-6 6'/><position joint='j'/>", 7},
+        {"actuatorfrcrange='-7 7'", "<motor joint='j' ctrlrange='-2 2' ctrllimited='false'/>", 7},
+    };
+
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char text[1024];
+
+        snprintf(text, sizeof text,
+                 MJCF("",
+                      "<body name='b'><inertial mass='1' pos='0.3 0 0' diaginertia='1 1 1'/>"
+                      "<joint name='j' axis='0 1 0' %s/></body>",
+                      "<actuator>%s</actuator>"),
+                 cases[i].joint, cases[i].actuators);
+        import_good(text);
+        assert_near(made.robot->joint[0].torque_limit, cases[i].torque, 1e-9);
+    }
+}
+
+#define TWO_LINKS                                                                                  \
+    "<body name='b'><inertial mass='1' pos='0.3 0 0' diaginertia='1 1 1'/><joint name='j' "        \
+    "axis='0 1 0'/><body name='c'><inertial mass='1' pos='0.3 0 0' diaginertia='1 1 1'/>"          \
+    "<joint name='k' axis='0 1 0'/></body></body>"
+
+TEST_WITH(joints_without_an_actuator_turn_freely, open_default, close_arena)
+{
+    import_good(MJCF("", TWO_LINKS, "<actuator><motor joint='k'/></actuator>"));
+    assert_false(made.robot->joint[0].sea.present);
+    assert_true(made.robot->joint[1].sea.present);
+    assert_true(noted(IMPORT_CHANGED, 4, "joint \"j\" has no actuator"));
+
+    /* Without actuators, or with those of tendons, nobody knows: all are driven */
+    import_good(MJCF("", TWO_LINKS, ""));
+    assert_true(made.robot->joint[0].sea.present && made.robot->joint[1].sea.present);
+    import_good(MJCF("", TWO_LINKS, "<actuator><motor joint='k'/><motor tendon='t'/></actuator>"));
+    assert_true(made.robot->joint[0].sea.present && made.robot->joint[1].sea.present);
+}
+
+TEST_WITH(constraints_that_are_not_active_close_no_loop, open_default, close_arena)
+{
+    import_good(MJCF("", TWO_LINKS,
+                     "<equality>\n<weld body1='b' active='false'/>"
+                     "<connect body1='b' body2='c' active='false'/></equality>"));
+    assert_true(noted(IMPORT_DROPPED, 5, "equality <weld>: it is not active"));
+    assert_true(noted(IMPORT_DROPPED, 5, "equality <connect>: it is not active"));
+    import_bad(MJCF("", TWO_LINKS, "<equality>\n<weld body1='b' active='true'/></equality>"),
+               "x.urdf:5: ", "closes a loop");
+}
+
+TEST_WITH(slides_without_range_slide_far, open_default, close_arena)
+{
+    options.free_slides = true;
+    import_good(MJCF("",
+                     "<body name='b'><inertial mass='1' pos='0 0 0' diaginertia='1 1 1'/>"
+                     "<joint name='j' type='slide' axis='1 0 0'/></body>",
+                     ""));
+    assert_near(made.robot->joint[0].upper, 100.0, 0.0);
+    assert_true(noted(IMPORT_CHANGED, 4, "slides without limits"));
+}
+
+/* ---- efforts, sizes and names ---- */
+
+/* A balanced wheel bears nothing, which does not make its effort a placeholder */
+TEST_WITH(effort_of_a_balanced_wheel_counts, open_default, close_arena)
+{
+    import_good(ROBOT(LINK("base") LINK("w") JOINT(
+        "j", "continuous", "base", "w", "<axis xyz='0 1 0'/><limit effort='5' velocity='20'/>")));
+    assert_near(made.robot->joint[0].torque_limit, 5.0, 0.0);
+    import_good(ROBOT(LINK("base") LINK("w")
+                          JOINT("j", "continuous", "base", "w",
+                                "<axis xyz='0 1 0'/><limit effort='1000' velocity='20'/>")));
+    assert_true(noted(IMPORT_ASSUMED, 4, "the file's effort 1000 is a placeholder"));
+}
+
+TEST_WITH(shapes_of_size_0_are_dropped, open_default, close_arena)
+{
+    static const char *const shapes[] = {"<box size='0 0 0'/>", "<box size='1 0 1'/>",
+                                         "<cylinder radius='0' length='1'/>",
+                                         "<cylinder radius='1' length='0'/>"};
+
+    for (size_t i = 0; i < sizeof shapes / sizeof *shapes; i++) {
+        for (int collision = 0; collision < 2; collision++) {
+            const char *kind = collision ? "collision" : "visual";
+            char text[2048];
+
+            snprintf(
+                text, sizeof text,
+                ROBOT(LINK("base") "<link name='a'><inertial><mass value='1'/>" INERTIA
+                                   "</inertial><%s><geometry>%s</geometry></%s></link>\n" JOINT(
+                                       "j", "revolute", "base", "a", LIMIT)),
+                kind, shapes[i], kind);
+            import_good(text);
+            assert_int_equal(model.ngeometry, 0);
+            assert_true(noted(IMPORT_DROPPED, 3, "a shape of size 0"));
+        }
+    }
+}
+
+TEST_WITH(names_that_would_become_one_stay_apart, open_default, close_arena)
+{
+    import_good(ROBOT(LINK("base") LINK("l/a") LINK("l_a") LINK("l:a") JOINT(
+        "j", "revolute", "base", "l/a", LIMIT) JOINT("k", "revolute", "l/a", "l_a", LIMIT)
+                          JOINT("m", "revolute", "l_a", "l:a", LIMIT)));
+    assert_string_equal(made.robot->body[1].name, "l_a-2");
+    assert_string_equal(made.robot->body[2].name, "l_a");
+    assert_string_equal(made.robot->body[3].name, "l_a-3");
+    assert_true(noted(IMPORT_CHANGED, 3, "body \"l/a\" is named \"l_a-2\""));
+}
+
+TEST_WITH(robots_without_masses_are_refused_for_that, open_default, close_arena)
+{
+    import_bad(ROBOT(HOLLOW("base") HOLLOW("a") JOINT("j", "revolute", "base", "a", LIMIT)),
+               "x.urdf:2: ", "found no mass in the whole robot");
 }
