@@ -15,7 +15,7 @@ enum { FRAMES_A_TURN = 32, ACCEPTS_A_TURN = 8 };
 
 #define SILENCE_NS (10 * CLOCK_SECOND) /* timeout for a request, and for the token */
 
-/* Longest time without progress: of messages, and of a file, which a busy browser reads in pieces. */
+/* Longest time without progress: of messages; of a file, which a busy browser reads in pieces. */
 #define PATIENCE_NS (10 * CLOCK_SECOND)
 #define FILE_PATIENCE_NS (120 * CLOCK_SECOND)
 

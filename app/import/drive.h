@@ -4,9 +4,9 @@
  * gains for position loops. Numbers that are not in the file follow these rules:
  *
  * Strength: the file's effort. If it is 0 or more than 20 times the gravity torque of the robot's
- * strongest joint (at least the robot's weight at 0.1 m), it is a placeholder; then three times the worst gravity torque of the joint. In
- * any case at least 1.5 times the joint's load in each of the robot's poses. Speed: the file's
- * velocity; if it is 0 or above 100 rad/s, 2 pi rad/s.
+ * strongest joint (at least the robot's weight at 0.1 m), it is a placeholder; then three times the
+ * worst gravity torque of the joint. In any case at least 1.5 times the joint's load in each of the
+ * robot's poses. Speed: the file's velocity; if it is 0 or above 100 rad/s, 2 pi rad/s.
  *
  * Drive, all on the link side: at the supply voltage V the no-load speed is 1.5 times the speed,
  * and the full strength is available at the speed: N Kw = N Kt = V / (1.5 speed), R = N Kt V / (3
