@@ -165,17 +165,15 @@ bool boards_external_present(const struct boards *boards, size_t board)
 
 /* Writes events of boards as lines of a log. Not called in the loop. */
 
-/* Writes the names of fault bits, separated by commas. */
-static void event_list_faults(const struct protocol *protocol, uint32_t bits, char *text,
-                              size_t size)
+void protocol_list_faults(const struct protocol *protocol, uint32_t bits, char *text, size_t size)
 {
-    const char *const *names = protocol->fault_names;
     size_t used = 0;
 
     text[0] = '\0';
-    for (size_t i = 0; names[i]; i++) {
-        if (bits >> i & 1 && used < size) {
-            used += (size_t)snprintf(text + used, size - used, "%s%s", used ? ", " : "", names[i]);
+    for (size_t i = 0; protocol->fault_names[i] && used < size; i++) {
+        if (bits >> i & 1) {
+            used += (size_t)snprintf(text + used, size - used, "%s%s", used ? ", " : "",
+                                     protocol->fault_names[i]);
         }
     }
 }
@@ -199,7 +197,7 @@ static void event_describe(const struct boards_bus_config *bus, const struct boa
                  protocol->mode_name(b), protocol->modes_are_states ? "" : " mode");
         return;
     case BOARD_EVENT_FAULT:
-        event_list_faults(protocol, a, faults, sizeof faults);
+        protocol_list_faults(protocol, a, faults, sizeof faults);
         snprintf(text, size, "axis %u has a fault: %s", axis, faults);
         return;
     case BOARD_EVENT_TIMEOUT:

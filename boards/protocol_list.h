@@ -19,6 +19,9 @@ const struct protocol *protocol_at(size_t index);
 /* Returns the protocol with this name; NULL = none. */
 const struct protocol *protocol_find(const char *name);
 
+/* Writes the names of fault bits, separated by commas. */
+void protocol_list_faults(const struct protocol *protocol, uint32_t bits, char *text, size_t size);
+
 /* The names of the protocols with their index, for a schema. */
 extern const struct word protocol_words[];
 

@@ -46,37 +46,21 @@ void host_fail_node(struct host *host, size_t bus, unsigned address, const char 
 
 enum { FAULTS_TEXT = 128 };
 
-/* Writes the names of a joint's faults, ": over-current, under-voltage"; or the possible cause of a
- * fault without a bit; or nothing. Returns text. */
-static const char *host_list_faults(const struct host *host, size_t axis, char text[FAULTS_TEXT])
-{
-    const struct host_line *line = &host->line[host->config.axis[axis].bus];
-    const char *const *name = line->protocol->fault_names;
-    uint32_t fault = host->joint[axis].fault;
-    size_t used = 0;
-
-    text[0] = '\0';
-    if (fault == 0 && line->ops->unnamed_fault) {
-        snprintf(text, FAULTS_TEXT, ": %s", line->ops->unnamed_fault);
-    }
-    for (int bit = 0; name[bit] && used < FAULTS_TEXT - 1; bit++) {
-        if (fault >> bit & 1) {
-            used += (size_t)snprintf(text + used, FAULTS_TEXT - used, "%s%s", used ? ", " : ": ",
-                                     name[bit]);
-        }
-    }
-    return text;
-}
-
 enum host_phase host_fail_joint(struct host *host, size_t axis, const char *what)
 {
     const struct host_joint *joint = &host->joint[axis];
     char names[FAULTS_TEXT], traffic[TRAFFIC_TEXT];
 
     if (joint->motor == HOST_MOTOR_FAULT) {
-        snprintf(host->message, sizeof host->message, "joint %s is in fault 0x%02X%s",
-                 host->config.axis[axis].joint, (unsigned)joint->fault,
-                 host_list_faults(host, axis, names));
+        const struct host_line *line = &host->line[host->config.axis[axis].bus];
+
+        /* Name the faults, or the possible cause of a fault without a bit */
+        protocol_list_faults(line->protocol, joint->fault, names, sizeof names);
+        if (joint->fault == 0 && line->ops->unnamed_fault) {
+            snprintf(names, sizeof names, "%s", line->ops->unnamed_fault);
+        }
+        snprintf(host->message, sizeof host->message, "joint %s is in fault 0x%02X%s%s",
+                 host->config.axis[axis].joint, (unsigned)joint->fault, *names ? ": " : "", names);
     } else {
         snprintf(host->message, sizeof host->message, "joint %s %s%s",
                  host->config.axis[axis].joint, what,
@@ -484,42 +468,12 @@ static enum error_code host_map_axis(struct host *host, size_t index, struct err
     return ERROR_NONE;
 }
 
-/* Maps a force-torque sensor to its board. */
-static enum error_code host_map_force(struct host *host, size_t index, struct error *error)
-{
-    const struct host_ft *ft = &host->config.ft[index];
-    struct host_node *node;
-    enum error_code code = host_claim_node(host, ft->bus, ft->address, HOST_FT_BOARD, &node, error);
-
-    if (code) {
-        return code;
-    }
-    node->ft = (int)index;
-    node->period_ns = ft->period_ns;
-    return ERROR_NONE;
-}
-
-/* Maps the inertial sensor, if the rig has one, to its board. */
-static enum error_code host_map_inertial(struct host *host, struct error *error)
-{
-    const struct host_imu *imu = &host->config.imu;
-    struct host_node *node;
-    enum error_code code;
-
-    if (!imu->present) {
-        return ERROR_NONE;
-    }
-    code = host_claim_node(host, imu->bus, imu->address, HOST_INERTIAL_BOARD, &node, error);
-    if (!code) {
-        node->period_ns = imu->period_ns;
-    }
-    return code;
-}
-
 enum error_code host_create(const struct host_config *config, struct arena *arena,
                             struct host **out, struct error *error)
 {
     struct host *host = arena_alloc(arena, 1, sizeof *host);
+    struct host_node *node;
+    enum error_code code;
 
     if (host) {
         host->line = arena_alloc(arena, config->nbus, sizeof *host->line);
@@ -536,8 +490,7 @@ enum error_code host_create(const struct host_config *config, struct arena *aren
     }
     host->config = *config;
     for (size_t b = 0; b < config->nbus; b++) {
-        enum error_code code = host_open_line(host, b, arena, error);
-
+        code = host_open_line(host, b, arena, error);
         if (code) {
             return code;
         }
@@ -545,8 +498,7 @@ enum error_code host_create(const struct host_config *config, struct arena *aren
 
     /* Map the rig: which axis or sensor is at which address */
     for (size_t i = 0; i < config->naxis; i++) {
-        enum error_code code = host_map_axis(host, i, error);
-
+        code = host_map_axis(host, i, error);
         if (code) {
             return code;
         }
@@ -555,17 +507,28 @@ enum error_code host_create(const struct host_config *config, struct arena *aren
         host->joint[i].torque_time_ns = -1;
     }
     for (size_t i = 0; i < config->nft; i++) {
-        enum error_code code = host_map_force(host, i, error);
+        const struct host_ft *ft = &host->config.ft[i];
 
+        code = host_claim_node(host, ft->bus, ft->address, HOST_FT_BOARD, &node, error);
         if (code) {
             return code;
         }
+        node->ft = (int)i;
+        node->period_ns = ft->period_ns;
         host->force[i].force_time_ns = host->force[i].torque_time_ns = -1;
     }
     host->motion.acceleration_time_ns = -1;
     host->motion.rate_time_ns = host->motion.quaternion_time_ns = -1;
     *out = host;
-    return host_map_inertial(host, error);
+    if (!config->imu.present) {
+        return ERROR_NONE;
+    }
+    code = host_claim_node(host, config->imu.bus, config->imu.address, HOST_INERTIAL_BOARD, &node,
+                           error);
+    if (!code) {
+        node->period_ns = config->imu.period_ns;
+    }
+    return code;
 }
 
 /* ---- what arrives ---- */

@@ -184,23 +184,6 @@ static enum error_code described_check_faults(const struct described_loader *l)
 
 /* ---- frames ---- */
 
-/* Returns whether a field is a target of an axis. */
-static bool described_is_set_point(enum described_meaning meaning)
-{
-    return meaning >= DESCRIBED_SET_POINT && meaning <= DESCRIBED_TO_KD;
-}
-
-/* Returns the highest number in the identifier of a frame. */
-static unsigned described_most_numbers(const struct described_loader *l,
-                                       const struct described_frame *made)
-{
-    return made->by == DESCRIBED_BY_ADDRESS ? l->made->address_max
-           : made->by == DESCRIBED_BY_SLOT  ? DESCRIBED_SLOTS - 1u
-           : made->by == DESCRIBED_BY_GROUP && made->repeats > 0
-               ? (DESCRIBED_SLOTS - 1u) / made->repeats
-               : 0;
-}
-
 /* Checks the keys of a frame against each other. */
 static enum error_code described_check_frame(struct described_loader *l,
                                              const struct raw_described_frame *raw,
@@ -275,7 +258,10 @@ static enum error_code described_build_frame(struct described_loader *l,
     made->spread_ms = (unsigned)((raw->spread_ns + 500000) / 1000000);
     made->reply[0] = made->reply[1] = made->reply[2] = made->enter = -1;
     made->repeats = (uint8_t)raw->repeat;
-    made->most = (uint8_t)described_most_numbers(l, made);
+    made->most = (uint8_t)(made->by == DESCRIBED_BY_ADDRESS ? l->made->address_max
+                           : made->by == DESCRIBED_BY_SLOT  ? DESCRIBED_SLOTS - 1u
+                           : made->by == DESCRIBED_BY_GROUP ? (DESCRIBED_SLOTS - 1u) / made->repeats
+                                                            : 0u);
     code = described_check_word(l, &raw->mark, made->name);
     code = code ? code : described_check_frame(l, raw, made);
     code = code ? code : described_lay_out(l, raw, made);
@@ -286,7 +272,8 @@ static enum error_code described_build_frame(struct described_loader *l,
     for (size_t i = 0; i < made->nfield && !code; i++) {
         enum described_meaning meaning = made->field[i].meaning;
 
-        made->commands = made->commands || described_is_set_point(meaning);
+        made->commands =
+            made->commands || (meaning >= DESCRIBED_SET_POINT && meaning <= DESCRIBED_TO_KD);
         made->switches = made->switches || meaning == DESCRIBED_STATE || meaning == DESCRIBED_LAW;
         made->configures = made->configures || described_is_setting(meaning) ||
                            meaning == DESCRIBED_PARAMETER || meaning == DESCRIBED_PRESENT_POSITION;
@@ -496,23 +483,6 @@ static enum error_code described_build_parameters(struct described_loader *l)
 
 /* ---- the host ---- */
 
-/* Refuses a host that switches axes on but sends no set point: a task would wait forever for
- * motion. */
-static enum error_code described_check_commands(const struct described_loader *l)
-{
-    const struct raw_described_host *raw = &l->raw->host;
-
-    for (size_t f = 0; f < l->made->nframe && raw->non > 0 && raw->ncommand == 0; f++) {
-        if (l->made->frame[f].from_host && l->made->frame[f].commands) {
-            return yaml_error(l->error, &raw->mark,
-                              "found a host without command, expected the frames that carry "
-                              "set-points, as \"%s\"",
-                              l->made->frame[f].name);
-        }
-    }
-    return ERROR_NONE;
-}
-
 /* Returns the law of the host's state, given the law that its switch-on frames select. */
 static enum described_law described_host_law(const struct described_protocol *made)
 {
@@ -544,7 +514,7 @@ static enum error_code described_build_host(struct described_loader *l)
                  {raw->on, raw->non, &made->host.on},
                  {raw->off, raw->noff, &made->host.off},
                  {raw->command, raw->ncommand, &made->host.command}};
-    enum error_code code = ERROR_NONE;
+    enum error_code code;
 
     for (size_t s = 0; s < ARRAY_COUNT(steps); s++) {
         for (size_t i = 0; i < steps[s].count; i++) {
@@ -560,7 +530,15 @@ static enum error_code described_build_host(struct described_loader *l)
             steps[s].list->frame[steps[s].list->count++] = (uint8_t)frame;
         }
     }
-    code = described_check_commands(l);
+    /* A host that switches axes on without set points would wait forever for motion */
+    for (size_t f = 0; f < made->nframe && raw->non > 0 && raw->ncommand == 0; f++) {
+        if (made->frame[f].from_host && made->frame[f].commands) {
+            return yaml_error(l->error, &raw->mark,
+                              "found a host without command, expected the frames that carry "
+                              "set-points, as \"%s\"",
+                              made->frame[f].name);
+        }
+    }
 
     /* States that the host commands: the first that drives and the first that is off */
     made->host.off_state = made->host.on_state = made->off_state;
@@ -570,9 +548,7 @@ static enum error_code described_build_host(struct described_loader *l)
             made->host.on_state = i;
         }
     }
-    code =
-        code ? code
-             : described_find_name(l, &raw->mark, "on_state", raw->on_state, &made->host.on_state);
+    code = described_find_name(l, &raw->mark, "on_state", raw->on_state, &made->host.on_state);
     code = code ? code
                 : described_find_name(l, &raw->mark, "off_state", raw->off_state,
                                       &made->host.off_state);

@@ -274,27 +274,20 @@ bool described_axis_obey(struct described_node *node, unsigned index,
 
 /* ---- power-up ---- */
 
-/* Resets the settings to the file's values; limits stay those of the rig. */
-static void axis_reset_settings(const struct described_protocol *protocol,
-                                struct described_axis *axis)
-{
-    const double setting[] = {
-        [DESCRIBED_VELOCITY_LIMIT - DESCRIBED_SETTING] = HUGE_VAL,
-        [DESCRIBED_CURRENT_LIMIT - DESCRIBED_SETTING] = HUGE_VAL,
-        [DESCRIBED_POSITION_GAIN - DESCRIBED_SETTING] = protocol->gains.position_per_s,
-        [DESCRIBED_VELOCITY_GAIN - DESCRIBED_SETTING] = protocol->gains.velocity_nm_s_rad,
-        [DESCRIBED_INTEGRAL_GAIN - DESCRIBED_SETTING] = protocol->gains.velocity_nm_rad,
-    };
-
-    memcpy(axis->setting, setting, sizeof axis->setting);
-    axis->wanted_a = 0.0;
-}
-
 /* Powers up a motor board (struct board_ops). */
 static void described_motor_power_up(struct board *board)
 {
     struct described_node *node = described_node_of(board);
     bool first = described_node_power_up(node);
+    const struct described_gains *gains = &node->protocol->gains;
+    /* Limits stay those of the rig */
+    const double setting[] = {
+        [DESCRIBED_VELOCITY_LIMIT - DESCRIBED_SETTING] = HUGE_VAL,
+        [DESCRIBED_CURRENT_LIMIT - DESCRIBED_SETTING] = HUGE_VAL,
+        [DESCRIBED_POSITION_GAIN - DESCRIBED_SETTING] = gains->position_per_s,
+        [DESCRIBED_VELOCITY_GAIN - DESCRIBED_SETTING] = gains->velocity_nm_s_rad,
+        [DESCRIBED_INTEGRAL_GAIN - DESCRIBED_SETTING] = gains->velocity_nm_rad,
+    };
 
     for (unsigned i = 0; i < node->axes; i++) {
         const struct board_axis_config *config = &board->config.axis[i];
@@ -311,7 +304,8 @@ static void described_motor_power_up(struct board *board)
         axis->latched = axis->faults = 0;
         axis->commands = 0;
         axis->zero_rad = 0.0;
-        axis_reset_settings(node->protocol, axis);
+        axis->wanted_a = 0.0;
+        memcpy(axis->setting, setting, sizeof axis->setting);
         axis_forget(node, axis);
     }
     if (!first) {
@@ -336,16 +330,6 @@ static void described_motor_sample(struct board *board, const struct plant_senso
 
 /* ---- faults ---- */
 
-/* Returns whether the commands of an axis have timed out. */
-static bool axis_is_stale(const struct described_node *node, const struct described_axis *axis)
-{
-    int64_t own_ns = node->protocol->command_timeout_ns;
-    int64_t timeout_ns = own_ns != 0 ? own_ns : node->board.config.command_timeout_ns;
-
-    return described_axis_runs(axis) && timeout_ns > 0 &&
-           node->board.boards->now_ns - axis->command_ns > timeout_ns;
-}
-
 /* Returns the bit of a fault if it is present. */
 static uint32_t fault_if(bool present, enum described_fault fault)
 {
@@ -360,12 +344,16 @@ static uint32_t axis_present_faults(const struct described_node *node, struct de
     double hottest_c =
         config->temperature_limit_c > 0.0 ? config->temperature_limit_c : TEMPERATURE_MAX_C;
     const uint32_t common = axis_find_faults(board, &axis->base, config->current_limit_a);
+    const int64_t own_ns = node->protocol->command_timeout_ns;
+    const int64_t timeout_ns = own_ns != 0 ? own_ns : board->config.command_timeout_ns;
+    const bool stale = described_axis_runs(axis) && timeout_ns > 0 &&
+                       board->boards->now_ns - axis->command_ns > timeout_ns;
 
     /* Common faults have the same bits; pressure faults are six bits lower */
     return (common & ((1u << DESCRIBED_OVER_TEMPERATURE) - 1)) |
            (common & (AXIS_UNDER_PRESSURE | AXIS_OVER_PRESSURE)) >> 6 |
            fault_if(axis->temperature_c > hottest_c, DESCRIBED_OVER_TEMPERATURE) |
-           fault_if(axis_is_stale(node, axis), DESCRIBED_STALE) |
+           fault_if(stale, DESCRIBED_STALE) |
            fault_if(axis->base.link_rad < config->lower_rad ||
                         axis->base.link_rad > config->upper_rad,
                     DESCRIBED_LIMIT) |

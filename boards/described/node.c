@@ -49,19 +49,6 @@ void described_node_set_period(struct described_node *node, int64_t period_ms)
     node->next_ns = node->board.boards->now_ns + period_ms * MS;
 }
 
-/* Returns whether telemetry is due, and sets the next time. */
-static bool described_node_due(struct described_node *node)
-{
-    int64_t period_ns = node->telemetry_ms * MS;
-    int64_t late = node->board.boards->now_ns - node->next_ns;
-
-    if (period_ns == 0 || late < 0) {
-        return false;
-    }
-    node->next_ns += (late / period_ns + 1) * period_ns;
-    return true;
-}
-
 /* ---- frames ---- */
 
 /* Returns the parameter that a request reads; NULL = none. */
@@ -336,7 +323,7 @@ void described_node_transmit(struct board *board, struct ms_span span, struct fr
     bool lost = board->lost_in_status, told = false;
 
     /* Frames by slot are sent once per axis, each at its own time */
-    if (described_node_due(node)) {
+    if (node->telemetry_ms > 0 && board_is_due(board, &node->next_ns, node->telemetry_ms * MS)) {
         for (size_t i = 0; i < telemetry->count; i++) {
             size_t index = telemetry->frame[i];
             unsigned count = described_frame_copies(node, &protocol->frame[index]);

@@ -55,16 +55,6 @@ static const char *frame_answer(const struct described_protocol *protocol,
     return NULL;
 }
 
-/* Returns the length of a message: the longest that a board accepts, or 0 for a frame without
- * fields. */
-static uint8_t frame_message_length(const struct described_frame *frame, unsigned repeats)
-{
-    if (frame->flags & FRAME_FD || repeats > 1) {
-        return described_length(frame, repeats);
-    }
-    return frame->length > 0 ? frame->longest : 0;
-}
-
 /* Visits a frame with its number; for a group, with the existing slots. */
 static void visit_frame(struct message_walk *walk, size_t index, int board, unsigned number,
                         unsigned repeats, int slot)
@@ -92,7 +82,10 @@ static void visit_frame(struct message_walk *walk, size_t index, int board, unsi
         .sender = frame->from_host ? MESSAGE_NO_BOARD : board,
         .receiver = frame->from_host ? board : MESSAGE_NO_BOARD,
         .from_host = frame->from_host,
-        .length = frame_message_length(frame, repeats),
+        /* the longest that a board accepts; 0 without fields */
+        .length = frame->flags & FRAME_FD || repeats > 1 ? described_length(frame, repeats)
+                  : frame->length > 0                    ? frame->longest
+                                                         : 0,
         .shortest = frame->length > 0 && frame->shortest < frame->longest ? frame->shortest : 0,
         .code = MESSAGE_NO_CODE,
         .answer = frame_answer(protocol, frame, config),
@@ -316,18 +309,9 @@ static bool described_describe_event(const struct boards_bus_config *bus,
 /* Returns the name of the law in force; the file names only states. */
 static const char *described_law_name(uint32_t law)
 {
-    static const char *const names[] = {
-        [DESCRIBED_OFF] = "off",
-        [DESCRIBED_VOLTAGE] = "voltage",
-        [DESCRIBED_CURRENT] = "current",
-        [DESCRIBED_TORQUE] = "torque",
-        [DESCRIBED_VELOCITY] = "velocity",
-        [DESCRIBED_POSITION] = "position",
-        [DESCRIBED_IMPEDANCE] = "impedance",
-        [DESCRIBED_FAULT] = "fault",
-    };
+    const char *name = described_law_word(law);
 
-    return law <= DESCRIBED_FAULT ? names[law] : "unknown";
+    return name ? name : "unknown";
 }
 
 /* Members common to all described protocols. */
