@@ -132,6 +132,21 @@ static inline void bench_stop(struct board_bench *bench)
     arena_fini(&bench->arena);
 }
 
+FIXTURE(bench_set_up)
+{
+    static struct board_bench bench;
+
+    bench_open(&bench);
+    *test_state = &bench;
+    return 0;
+}
+
+FIXTURE(bench_tear_down)
+{
+    bench_stop(*test_state);
+    return 0;
+}
+
 /* "72 4D 01" -> three bytes */
 static inline uint8_t bench_bytes(const char *hex, uint8_t *data)
 {

@@ -73,9 +73,7 @@ TEST(board_without_power_is_silent_deaf_and_limp_and_boots_anew)
     begin(&bench, "board leg/1 off 0.02..0.04");
     bench.base.board[0].boot_ns = 0;
     enable(&bench);
-    while (bench.ms < 20) {
-        tick(&bench);
-    }
+    run_to(&bench, 20);
     assert_true(bench.base.motor[0].bridge_on);
     boards_counters(bench.base.boards, &counters);
     foreign = counters.foreign;
@@ -126,9 +124,7 @@ TEST(hung_board_keeps_its_share_of_the_supply_until_the_watchdog_resets_it)
 
     begin(&bench, "board leg1 hung watchdog=0.03 0.02..0.021");
     enable(&bench);
-    while (bench.ms < 20) {
-        tick(&bench);
-    }
+    run_to(&bench, 20);
     assert_near(bench.base.motor[0].voltage_v, 333.0 / 1333.0 * SUPPLY_V, 1e-12);
     while (bench.ms < 50) {
         bench.base.sensors.supply_v = bench.ms < 30 ? SUPPLY_V : 40.0;
@@ -180,9 +176,7 @@ TEST(emergency_stop_opens_the_bridges_of_a_hung_board)
 
     begin(&bench, "board leg1 hung watchdog=1 0.02..");
     enable(&bench);
-    while (bench.ms < 30) {
-        tick(&bench);
-    }
+    run_to(&bench, 30);
     assert_true(bench.base.motor[0].bridge_on);
     boards_shut_down(bench.base.boards, bench.base.now_ns, &bench.base.command);
     for (int i = 0; i < 5; i++) {
@@ -200,9 +194,7 @@ TEST(hung_board_leaves_the_bridges_of_others_alone)
 
     begin(&bench, "board leg2 hung watchdog=1 0.02..");
     enable(&bench);
-    while (bench.ms < 30) {
-        tick(&bench);
-    }
+    run_to(&bench, 30);
     bench_send(&bench.base, 0, 0x001, "72 00 01");
     tick(&bench);
     assert_near(bench.base.motor[0].voltage_v, 256.0 / 1333.0 * SUPPLY_V, 1e-12);
@@ -228,13 +220,9 @@ TEST(power_cut_ends_a_hang)
     bench.base.config.faults = bench.faults;
     bench_start(&bench.base);
     enable(&bench);
-    while (bench.ms < 45) {
-        tick(&bench);
-    }
+    run_to(&bench, 45);
     assert_false(bench.base.motor[0].bridge_on);
-    while (bench.ms < 60) {
-        tick(&bench);
-    }
+    run_to(&bench, 60);
     while (bench_event(&bench.base, BOARD_EVENT_RESTART, &event)) {
         restarts++;
     }

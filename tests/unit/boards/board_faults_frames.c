@@ -116,13 +116,9 @@ TEST(neighbors_hear_the_faulty_torque_of_a_strain_board)
     begin(&bench, "board torques off 0.05..");
     bench_send(&bench.base, 0, 0x001, "34 0C 00 00 00 00 00 00");
     bench_send(&bench.base, 0, 0x001, "09 03"); /* torque mode lives on the source */
-    while (bench.ms < 50) {
-        tick(&bench);
-    }
+    run_to(&bench, 50);
     assert_true(bench.base.motor[0].bridge_on);
-    while (bench.ms < 400) {
-        tick(&bench);
-    }
+    run_to(&bench, 400);
     assert_false(bench.base.motor[0].bridge_on); /* silent for 200 ms: watchdog */
     end(&bench);
 }

@@ -17,50 +17,47 @@ static int node_of(unsigned address)
     }
 }
 
-TEST(every_frame_bears_the_number_of_its_board_on_its_bus)
+TEST_WITH(every_frame_bears_the_number_of_its_board_on_its_bus, bench_set_up, bench_tear_down)
 {
     size_t seen[4] = {0};
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
     /* telemetry of the motor boards, then of the others, which send what the host starts */
-    bench_send(&bench, 0, 0x001, "49 7F 00 00 00");
-    bench_send(&bench, 0, 0x002, "49 7F 00 00 00");
-    bench_send(&bench, 0, 0x20c, "07 00");
-    bench_send(&bench, 0, 0x20d, "07 00");
+    bench_send(bench, 0, 0x001, "49 7F 00 00 00");
+    bench_send(bench, 0, 0x002, "49 7F 00 00 00");
+    bench_send(bench, 0, 0x20c, "07 00");
+    bench_send(bench, 0, 0x20d, "07 00");
     for (int tick = 0; tick < 40; tick++) {
-        bench_send(&bench, 0, 0x70f, "FF"); /* each board answers */
-        bench_tick(&bench);
-        for (size_t i = 0; i < bench.count[0]; i++) {
-            const int node = node_of(bench.frame[0][i].id >> 4 & 0xf);
+        bench_send(bench, 0, 0x70f, "FF"); /* each board answers */
+        bench_tick(bench);
+        for (size_t i = 0; i < bench->count[0]; i++) {
+            const int node = node_of(bench->frame[0][i].id >> 4 & 0xf);
 
-            assert_int_equal(bench.frame[0][i].node, node);
+            assert_int_equal(bench->frame[0][i].node, node);
             seen[node]++;
         }
     }
     for (int node = 0; node < 4; node++) {
         assert_true(seen[node] > 40);
     }
-    bench_stop(&bench);
 }
 
-TEST(nodes_are_counted_anew_on_each_bus_and_stay_when_the_address_changes)
+TEST_WITH(nodes_are_counted_anew_on_each_bus_and_stay_when_the_address_changes, bench_set_up,
+          bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_send(&bench, 1, 0x70f, "FF");
-    bench_tick(&bench);
-    assert_int_equal(bench.count[1], 1);
-    assert_int_equal(bench.frame[1][0].node, 0);
-    bench_send(&bench, 0, 0x002, "32 05"); /* SET_BOARD_ID */
-    bench_tick(&bench);
-    bench_send(&bench, 0, 0x705, "FF");
-    bench_tick(&bench);
-    assert_int_equal(bench.count[0], 1);
-    assert_int_equal(bench.frame[0][0].id >> 4 & 0xf, 5);
-    assert_int_equal(bench.frame[0][0].node, 1);
-    bench_stop(&bench);
+    bench_send(bench, 1, 0x70f, "FF");
+    bench_tick(bench);
+    assert_int_equal(bench->count[1], 1);
+    assert_int_equal(bench->frame[1][0].node, 0);
+    bench_send(bench, 0, 0x002, "32 05"); /* SET_BOARD_ID */
+    bench_tick(bench);
+    bench_send(bench, 0, 0x705, "FF");
+    bench_tick(bench);
+    assert_int_equal(bench->count[0], 1);
+    assert_int_equal(bench->frame[0][0].id >> 4 & 0xf, 5);
+    assert_int_equal(bench->frame[0][0].node, 1);
 }
 
 TEST(frames_show_what_was_sampled_whatever_the_sensors_do_afterwards)
@@ -83,23 +80,21 @@ TEST(frames_show_what_was_sampled_whatever_the_sensors_do_afterwards)
 }
 
 /* A frame at the beginning of a tick, a fault that is seen in it. */
-TEST(events_bear_the_time_of_their_phase)
+TEST_WITH(events_bear_the_time_of_their_phase, bench_set_up, bench_tear_down)
 {
     struct board_event event;
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_ticks(&bench, 5);
-    bench_send(&bench, 0, 0x001, "6B");
-    assert_true(bench_event(&bench, BOARD_EVENT_UNKNOWN, &event));
+    bench_ticks(bench, 5);
+    bench_send(bench, 0, 0x001, "6B");
+    assert_true(bench_event(bench, BOARD_EVENT_UNKNOWN, &event));
     assert_int_equal(event.time_ns, 5000000);
-    bench.sensors.supply_v = 10.0;
-    bench_tick(&bench); /* sampled at its end */
-    assert_false(bench_event(&bench, BOARD_EVENT_FAULT, &event));
-    bench_tick(&bench);
-    assert_true(bench_event(&bench, BOARD_EVENT_FAULT, &event));
+    bench->sensors.supply_v = 10.0;
+    bench_tick(bench); /* sampled at its end */
+    assert_false(bench_event(bench, BOARD_EVENT_FAULT, &event));
+    bench_tick(bench);
+    assert_true(bench_event(bench, BOARD_EVENT_FAULT, &event));
     assert_int_equal(event.time_ns, 6000000);
-    bench_stop(&bench);
 }
 
 TEST(a_board_boots_by_the_time_of_its_caller)

@@ -16,6 +16,15 @@ static void start(struct board_bench *bench)
     bench_ticks(bench, 8);
 }
 
+FIXTURE(set_up)
+{
+    static struct board_bench bench;
+
+    start(&bench);
+    *test_state = &bench;
+    return 0;
+}
+
 static void set(struct board_bench *bench, unsigned tec, unsigned rec, bool bus_off)
 {
     const struct board_can_state can = {.tec = tec, .rec = rec, .bus_off = bus_off};
@@ -23,42 +32,39 @@ static void set(struct board_bench *bench, unsigned tec, unsigned rec, bool bus_
     boards_set_can_state(bench->boards, 0, &can);
 }
 
-TEST(status_tells_a_new_state_once_and_at_once)
+TEST_WITH(status_tells_a_new_state_once_and_at_once, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    set(&bench, 95, 95, false); /* nothing to tell before its time */
-    assert_null(bench_next_status(&bench));
-    set(&bench, 95, 96, false);
-    bench_expect_frame(bench_next_status(&bench), BENCH_STATUS, "00 00 00 00 20 00 5F 60");
-    assert_null(bench_next_status(&bench));
-    set(&bench, 128, 130, false);
-    bench_expect_frame(bench_next_status(&bench), BENCH_STATUS, "00 00 00 00 2C 00 21 22");
-    assert_null(bench_next_status(&bench));
-    set(&bench, 0, 0, false); /* better: no hurry */
-    assert_null(bench_next_status(&bench));
-    set(&bench, 0, 96, false); /* but worse again is news */
-    bench_expect_frame(bench_next_status(&bench), BENCH_STATUS, "00 00 00 00 20 00 80 DE");
-    bench_stop(&bench);
+    set(bench, 95, 95, false); /* nothing to tell before its time */
+    assert_null(bench_next_status(bench));
+    set(bench, 95, 96, false);
+    bench_expect_frame(bench_next_status(bench), BENCH_STATUS, "00 00 00 00 20 00 5F 60");
+    assert_null(bench_next_status(bench));
+    set(bench, 128, 130, false);
+    bench_expect_frame(bench_next_status(bench), BENCH_STATUS, "00 00 00 00 2C 00 21 22");
+    assert_null(bench_next_status(bench));
+    set(bench, 0, 0, false); /* better: no hurry */
+    assert_null(bench_next_status(bench));
+    set(bench, 0, 96, false); /* but worse again is news */
+    bench_expect_frame(bench_next_status(bench), BENCH_STATUS, "00 00 00 00 20 00 80 DE");
 }
 
 /* Hosts add up bytes 6 and 7 as signed numbers; what they get is the counter. */
-TEST(error_bytes_add_up_to_the_counters)
+TEST_WITH(error_bytes_add_up_to_the_counters, set_up, bench_tear_down)
 {
     static const struct {
         unsigned tec, rec;
     } steps[] = {{8, 1}, {16, 9}, {250, 135}, {250, 135}, {0, 127}, {0, 0}, {0, 0}};
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
     int tec = 0, rec = 0;
 
-    start(&bench);
     for (size_t i = 0; i < sizeof steps / sizeof *steps; i++) {
         const struct bus_frame *frame;
 
-        set(&bench, steps[i].tec, steps[i].rec, false);
-        bench_send(&bench, 0, 0x001, i % 2 ? "09 09" : "09 50"); /* a change of mode makes it due */
-        frame = bench_next_status(&bench);
+        set(bench, steps[i].tec, steps[i].rec, false);
+        bench_send(bench, 0, 0x001, i % 2 ? "09 09" : "09 50"); /* a change of mode makes it due */
+        frame = bench_next_status(bench);
         assert_non_null(frame);
         tec += (int8_t)frame->data[TX_ERRORS];
         rec += (int8_t)frame->data[RX_ERRORS];
@@ -67,24 +73,21 @@ TEST(error_bytes_add_up_to_the_counters)
     }
     assert_int_equal(tec, 0);
     assert_int_equal(rec, 0);
-    bench_stop(&bench);
 }
 
-TEST(bus_off_is_told_when_the_board_is_back)
+TEST_WITH(bus_off_is_told_when_the_board_is_back, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    set(&bench, 256, 0, true);
-    bench_send(&bench, 0, 0x001, "89 50");
+    set(bench, 256, 0, true);
+    bench_send(bench, 0, 0x001, "89 50");
     for (int i = 0; i < 10; i++) {
-        assert_null(bench_next_status(&bench));
+        assert_null(bench_next_status(bench));
     }
-    set(&bench, 0, 0, false);
-    bench_expect_frame(bench_next_status(&bench), BENCH_STATUS, "00 00 00 50 06 00 00 00");
-    bench_send(&bench, 0, 0x001, "89 09");
-    bench_expect_frame(bench_next_status(&bench), BENCH_STATUS, "00 00 00 00 00 00 00 00");
-    bench_stop(&bench);
+    set(bench, 0, 0, false);
+    bench_expect_frame(bench_next_status(bench), BENCH_STATUS, "00 00 00 50 06 00 00 00");
+    bench_send(bench, 0, 0x001, "89 09");
+    bench_expect_frame(bench_next_status(bench), BENCH_STATUS, "00 00 00 00 00 00 00 00");
 }
 
 static uint32_t foc_faults(struct board_bench *bench)

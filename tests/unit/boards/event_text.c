@@ -5,37 +5,35 @@
 #include <pthread.h>
 #include <stdatomic.h>
 
-TEST(events_read_as_sentences)
+TEST_WITH(events_read_as_sentences, bench_set_up, bench_tear_down)
 {
     char text[256];
     struct board_event event;
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_ticks(&bench, 1500);
-    bench_send(&bench, 0, 0x001, "89 50");
-    assert_true(bench_event(&bench, BOARD_EVENT_MODE, &event));
+    bench_ticks(bench, 1500);
+    bench_send(bench, 0, 0x001, "89 50");
+    assert_true(bench_event(bench, BOARD_EVENT_MODE, &event));
     assert_int_equal(event.a, 0x00);
     assert_int_equal(event.b, 0x50);
-    board_event_format(bench.boards, &event, text, sizeof text);
+    board_event_format(bench->boards, &event, text, sizeof text);
     assert_string_equal(text, "1.500000 s: leg 1 (bus 0, address 1): axis 1 from idle to voltage "
                               "mode");
-    bench.sense[1].current_a = 99.0;
-    bench_ticks(&bench, 2);
-    assert_true(bench_event(&bench, BOARD_EVENT_FAULT, &event));
-    board_event_format(bench.boards, &event, text, sizeof text);
+    bench->sense[1].current_a = 99.0;
+    bench_ticks(bench, 2);
+    assert_true(bench_event(bench, BOARD_EVENT_FAULT, &event));
+    board_event_format(bench->boards, &event, text, sizeof text);
     assert_non_null(strstr(text, "axis 1 has a fault: over-current"));
-    assert_true(boards_fault(bench.boards));
-    bench_send(&bench, 0, 0x001, "89 09");
-    assert_false(boards_fault(bench.boards));
-    bench_send(&bench, 1, 0x001, "6B");
-    assert_true(bench_event(&bench, BOARD_EVENT_UNKNOWN, &event));
-    board_event_format(bench.boards, &event, text, sizeof text);
+    assert_true(boards_fault(bench->boards));
+    bench_send(bench, 0, 0x001, "89 09");
+    assert_false(boards_fault(bench->boards));
+    bench_send(bench, 1, 0x001, "6B");
+    assert_true(bench_event(bench, BOARD_EVENT_UNKNOWN, &event));
+    board_event_format(bench->boards, &event, text, sizeof text);
     assert_non_null(strstr(text, "arm 1 (bus 1, address 1): unknown command 0x6b (id 0x001)"));
-    bench_stop(&bench);
 }
 
-TEST(every_kind_of_event_has_its_sentence)
+TEST_WITH(every_kind_of_event_has_its_sentence, bench_set_up, bench_tear_down)
 {
     static const struct {
         struct board_event event;
@@ -72,38 +70,34 @@ TEST(every_kind_of_event_has_its_sentence)
          "axis 1 is too hot: 70.5 degree C"},
     };
     char text[256];
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const char *what;
 
-        board_event_format(bench.boards, &cases[i].event, text, sizeof text);
+        board_event_format(bench->boards, &cases[i].event, text, sizeof text);
         what = strstr(text, "): ");
         assert_non_null(what);
         assert_string_equal(what + 3, cases[i].text);
     }
-    board_event_format(bench.boards, &cases[0].event, text, 10); /* cut, not overrun */
+    board_event_format(bench->boards, &cases[0].event, text, 10); /* cut, not overrun */
     assert_int_equal(strlen(text), 9);
-    bench_stop(&bench);
 }
 
-TEST(events_that_nobody_reads_are_counted_as_lost)
+TEST_WITH(events_that_nobody_reads_are_counted_as_lost, bench_set_up, bench_tear_down)
 {
     struct board_event event;
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
     int read = 0;
 
-    bench_open(&bench);
     for (int i = 0; i < 3000; i++) {
-        bench_send(&bench, 0, 0x001, "6B");
+        bench_send(bench, 0, 0x001, "6B");
     }
-    while (boards_next_event(bench.boards, &event)) {
+    while (boards_next_event(bench->boards, &event)) {
         read++;
     }
     assert_true(read > 0);
-    assert_int_equal((uint64_t)read + bench_counters(&bench).events_lost, 3000);
-    bench_stop(&bench);
+    assert_int_equal((uint64_t)read + bench_counters(bench).events_lost, 3000);
 }
 
 struct reader {
@@ -134,25 +128,23 @@ static void *read_events(void *argument)
     return NULL;
 }
 
-TEST(another_thread_reads_events_while_the_loop_runs)
+TEST_WITH(another_thread_reads_events_while_the_loop_runs, bench_set_up, bench_tear_down)
 {
     static const uint8_t unknown[] = {0x00, 0x01, 0x02, 0x35, 0x36, 0x38, 0x3b, 0x6b, 0x7b, 0x7f};
     struct reader reader = {.in_order = true};
     pthread_t thread;
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    reader.boards = bench.boards;
+    reader.boards = bench->boards;
     assert_int_equal(pthread_create(&thread, NULL, read_events, &reader), 0);
     for (int i = 0; i < 10000; i++) {
         struct bus_frame frame = {.id = 0x001, .len = 1, .data = {unknown[i / 1000]}};
 
-        boards_receive(bench.boards, bench.now_ns, 0, &frame);
-        bench_tick(&bench);
+        boards_receive(bench->boards, bench->now_ns, 0, &frame);
+        bench_tick(bench);
     }
     atomic_store(&reader.done, true);
     pthread_join(thread, NULL);
     assert_true(reader.in_order);
-    assert_int_equal(reader.read + bench_counters(&bench).events_lost, 10000);
-    bench_stop(&bench);
+    assert_int_equal(reader.read + bench_counters(bench).events_lost, 10000);
 }

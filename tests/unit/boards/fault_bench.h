@@ -75,6 +75,13 @@ static inline void tick(struct fault_bench *bench)
     bench->ms++;
 }
 
+static inline void run_to(struct fault_bench *bench, int64_t ms)
+{
+    while (bench->ms < ms) {
+        tick(bench);
+    }
+}
+
 static inline int32_t position(const struct fault_bench *bench)
 {
     const struct bus_frame *frame = bench_find(&bench->base, 0, POSITION);

@@ -33,55 +33,49 @@ static bool set(struct board_bench *bench, size_t board, size_t axis, const char
     return boards_set(bench->boards, board, axis, find(bench, board, axis, name, &setting), value);
 }
 
-TEST(icub_boards_have_what_the_host_sets)
+TEST_WITH(icub_boards_have_what_the_host_sets, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
     uint64_t changes;
 
-    bench_open(&bench);
-    changes = boards_settings_changes(bench.boards);
-    bench_send(&bench, 0, 0x001, "D2 10 00 20 00 30 00 04"); /* SET_POSITION_PID, axis 1 */
-    bench_tick(&bench);
-    assert_true(boards_settings_changes(bench.boards) > changes);
-    assert_true(get(&bench, 0, 1, "position_kp") == 0x10);
-    assert_true(get(&bench, 0, 1, "position_ki") == 0x20);
-    assert_true(get(&bench, 0, 1, "position_kd") == 0x30);
-    assert_true(get(&bench, 0, 1, "position_shift") == 4.0);
-    assert_true(get(&bench, 0, 0, "position_kp") == 0.0);
-    assert_true(set(&bench, 0, 1, "position_kp", -32768.0));
-    assert_false(set(&bench, 0, 1, "position_kp", -32769.0));
-    assert_false(set(&bench, 0, 1, "position_kp", 0.5));
-    assert_false(set(&bench, 0, 1, "position_kp", (double)NAN));
-    assert_false(set(&bench, 0, 1, "current_limit", -1.0));
-    assert_true(get(&bench, 0, 1, "position_kp") == -32768.0);
-    bench_stop(&bench);
+    changes = boards_settings_changes(bench->boards);
+    bench_send(bench, 0, 0x001, "D2 10 00 20 00 30 00 04"); /* SET_POSITION_PID, axis 1 */
+    bench_tick(bench);
+    assert_true(boards_settings_changes(bench->boards) > changes);
+    assert_true(get(bench, 0, 1, "position_kp") == 0x10);
+    assert_true(get(bench, 0, 1, "position_ki") == 0x20);
+    assert_true(get(bench, 0, 1, "position_kd") == 0x30);
+    assert_true(get(bench, 0, 1, "position_shift") == 4.0);
+    assert_true(get(bench, 0, 0, "position_kp") == 0.0);
+    assert_true(set(bench, 0, 1, "position_kp", -32768.0));
+    assert_false(set(bench, 0, 1, "position_kp", -32769.0));
+    assert_false(set(bench, 0, 1, "position_kp", 0.5));
+    assert_false(set(bench, 0, 1, "position_kp", (double)NAN));
+    assert_false(set(bench, 0, 1, "current_limit", -1.0));
+    assert_true(get(bench, 0, 1, "position_kp") == -32768.0);
 }
 
-TEST(voltages_are_no_settings)
+TEST_WITH(voltages_are_no_settings, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
     uint64_t changes;
 
-    bench_open(&bench);
-    changes = boards_settings_changes(bench.boards);
+    changes = boards_settings_changes(bench->boards);
     for (int i = 0; i < 10; i++) {
-        bench_send(&bench, 0, 0x001, i & 1 ? "72 10 00" : "F2 10 00"); /* SET_OPEN_LOOP */
-        bench_tick(&bench);
+        bench_send(bench, 0, 0x001, i & 1 ? "72 10 00" : "F2 10 00"); /* SET_OPEN_LOOP */
+        bench_tick(bench);
     }
-    assert_int_equal(boards_settings_changes(bench.boards), changes);
-    bench_stop(&bench);
+    assert_int_equal(boards_settings_changes(bench->boards), changes);
 }
 
-TEST(spare_axes_and_sensors_have_none)
+TEST_WITH(spare_axes_and_sensors_have_none, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    assert_true(boards_settings(bench.boards, 0, 0) > 10);
-    assert_int_equal(boards_settings(bench.boards, 1, 1), 0);
-    assert_int_equal(boards_settings(bench.boards, 2, 0), 0);
-    assert_int_equal(boards_settings(bench.boards, 3, 0), 0);
-    bench_stop(&bench);
+    assert_true(boards_settings(bench->boards, 0, 0) > 10);
+    assert_int_equal(boards_settings(bench->boards, 1, 1), 0);
+    assert_int_equal(boards_settings(bench->boards, 2, 0), 0);
+    assert_int_equal(boards_settings(bench->boards, 3, 0), 0);
 }
 
 TEST(foc_gains_are_the_same_however_they_were_set)

@@ -138,6 +138,13 @@ static inline enum host_phase start_up(struct bench *bench, int periods)
     return phase;
 }
 
+/* The bench of a test, its host ready. */
+static inline struct bench *started(void **state)
+{
+    assert_int_equal(start_up(*state, 1000), HOST_READY);
+    return *state;
+}
+
 /* Starts the host up as often as there are frames in a start-up, each time with another of them
  * lost on its way; set_up opens a bench anew. */
 static inline void check_start_up_without_each_frame(void **state, int (*set_up)(void **state))

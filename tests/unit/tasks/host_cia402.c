@@ -155,9 +155,8 @@ FIXTURE(set_up)
 
 TEST_WITH(start_up_configures_starts_and_enables, set_up, bench_tear_down)
 {
-    struct bench *bench = *test_state;
+    struct bench *bench = started(test_state);
 
-    assert_int_equal(start_up(bench, 1000), HOST_READY);
     assert_true(was_sent(bench, 0, NMT, 2, (const uint8_t[]){130, 0}));
     assert_true(was_sent(bench, 0, NMT, 2, (const uint8_t[]){1, 31}));
     for (int i = 0; i < DRIVES; i++) {
@@ -183,11 +182,10 @@ TEST_WITH(a_lost_frame_does_not_stop_the_start_up, set_up, bench_tear_down)
 
 TEST_WITH(telemetry_is_in_si_units, set_up, bench_tear_down)
 {
-    struct bench *bench = *test_state;
+    struct bench *bench = started(test_state);
     const struct host_joint *joint;
     const struct host_force *force;
 
-    assert_int_equal(start_up(bench, 1000), HOST_READY);
     one_period(bench);
     for (size_t i = 0; i < AXES; i++) {
         joint = host_joint(bench->host, i);
@@ -204,9 +202,8 @@ TEST_WITH(telemetry_is_in_si_units, set_up, bench_tear_down)
 
 TEST_WITH(voltages_go_out_by_node_with_a_sync, set_up, bench_tear_down)
 {
-    struct bench *bench = *test_state;
+    struct bench *bench = started(test_state);
 
-    assert_int_equal(start_up(bench, 1000), HOST_READY);
     host_set_voltage(bench->host, 0, 5.0);
     host_set_voltage(bench->host, 1, -100.0); /* within the supply */
     host_set_voltage(bench->host, 2, 0.002);
@@ -221,9 +218,8 @@ TEST_WITH(voltages_go_out_by_node_with_a_sync, set_up, bench_tear_down)
 
 TEST_WITH(a_fault_is_named_with_its_cause, set_up, bench_tear_down)
 {
-    struct bench *bench = *test_state;
+    struct bench *bench = started(test_state);
 
-    assert_int_equal(start_up(bench, 1000), HOST_READY);
     nodes[0].status[1] = 0x08;
     say(bench, 0, EMCY + 1, 8, (const uint8_t[]){0x20, 0x32, 0x05, 1, 0x01, 0, 0, 0});
     say_status(bench, 0);
@@ -236,9 +232,8 @@ TEST_WITH(a_fault_is_named_with_its_cause, set_up, bench_tear_down)
 
 TEST_WITH(a_node_that_boots_is_lost, set_up, bench_tear_down)
 {
-    struct bench *bench = *test_state;
+    struct bench *bench = started(test_state);
 
-    assert_int_equal(start_up(bench, 1000), HOST_READY);
     say(bench, 0, HEARTBEAT + 5, 1, (const uint8_t[]){0});
     bench->play[0] = play;
     nodes[1].operational = false;
@@ -272,9 +267,8 @@ TEST_WITH(what_contradicts_the_rig_ends_the_start_up, set_up, bench_tear_down)
 
 TEST_WITH(a_motor_is_switched_off_and_on, set_up, bench_tear_down)
 {
-    struct bench *bench = *test_state;
+    struct bench *bench = started(test_state);
 
-    assert_int_equal(start_up(bench, 1000), HOST_READY);
     host_set_motor(bench->host, 0, false);
     for (int i = 0; i < 5; i++) {
         one_period(bench);

@@ -80,9 +80,8 @@ FIXTURE(set_up)
 
 TEST_WITH(start_up_discovers_configures_and_enables, set_up, bench_tear_down)
 {
-    struct bench *bench = *test_state;
+    struct bench *bench = started(test_state);
 
-    assert_int_equal(start_up(bench, 100), HOST_READY);
     assert_true(was_sent(bench, 0, 0x70f, 1, (const uint8_t[]){0xff}));
     for (uint32_t a = 1; a <= AXES; a++) {
         int off = find_sent(bench, 0, 0, a, 2, (const uint8_t[]){0x09, 0x09});
@@ -113,10 +112,9 @@ TEST_WITH(a_lost_frame_does_not_stop_the_start_up, set_up, bench_tear_down)
 
 TEST_WITH(no_target_goes_out_before_the_motors_are_switched_on, set_up, bench_tear_down)
 {
-    struct bench *bench = *test_state;
+    struct bench *bench = started(test_state);
     int on;
 
-    assert_int_equal(start_up(bench, 100), HOST_READY);
     on = find_sent(bench, 0, 0, 0x001, 2, (const uint8_t[]){0x09, 0x50});
     for (int i = 0; i < on; i++) {
         assert_true(bench->seen[i].id != 0x10f);
@@ -126,9 +124,8 @@ TEST_WITH(no_target_goes_out_before_the_motors_are_switched_on, set_up, bench_te
 
 TEST_WITH(half_of_the_supply_is_16000_counts, set_up, bench_tear_down)
 {
-    struct bench *bench = *test_state;
+    struct bench *bench = started(test_state);
 
-    assert_int_equal(start_up(bench, 100), HOST_READY);
     host_set_voltage(bench->host, 0, 24);
     host_set_voltage(bench->host, 1, -48);
     host_set_voltage(bench->host, 2, 480);
@@ -143,9 +140,8 @@ TEST_WITH(half_of_the_supply_is_16000_counts, set_up, bench_tear_down)
 
 TEST_WITH(the_last_targets_are_repeated_every_millisecond, set_up, bench_tear_down)
 {
-    struct bench *bench = *test_state;
+    struct bench *bench = started(test_state);
 
-    assert_int_equal(start_up(bench, 100), HOST_READY);
     host_set_voltage(bench->host, 0, 24);
     bench->nseen = 0;
     for (int i = 0; i < 20; i++) {
@@ -172,10 +168,9 @@ TEST_WITH(half_a_millisecond_of_period_sends_every_other_time, NULL, bench_tear_
 
 TEST_WITH(rotor_angles_pass_the_gear_and_the_spring_tells_the_link, set_up, bench_tear_down)
 {
-    struct bench *bench = *test_state;
+    struct bench *bench = started(test_state);
     const struct host_joint *roll;
 
-    assert_int_equal(start_up(bench, 100), HOST_READY);
     roll = host_joint(bench->host, 1);
     assert_near(host_joint(bench->host, 0)->motor_rad, 1, 1e-6);
     assert_near(host_joint(bench->host, 0)->joint_rad, 1, 1e-6);
@@ -191,9 +186,8 @@ TEST_WITH(rotor_angles_pass_the_gear_and_the_spring_tells_the_link, set_up, benc
 
 TEST_WITH(an_expired_set_point_is_named, set_up, bench_tear_down)
 {
-    struct bench *bench = *test_state;
+    struct bench *bench = started(test_state);
 
-    assert_int_equal(start_up(bench, 100), HOST_READY);
     assert_true(host_healthy(bench->host));
     /* bit 14, and bit 4 */
     say(bench, 0, 0x133, 8, (const uint8_t[]){0xa0, 0, 0, 0, 0x10, 0x40, 0, 0});
@@ -216,9 +210,8 @@ TEST_WITH(a_motor_that_stays_off_is_named, set_up, bench_tear_down)
 
 TEST_WITH(stopping_sends_force_idle_and_targets_of_zero, set_up, bench_tear_down)
 {
-    struct bench *bench = *test_state;
+    struct bench *bench = started(test_state);
 
-    assert_int_equal(start_up(bench, 100), HOST_READY);
     host_set_voltage(bench->host, 2, 24);
     one_period(bench);
     bench->nseen = 0;
@@ -233,11 +226,10 @@ TEST_WITH(stopping_sends_force_idle_and_targets_of_zero, set_up, bench_tear_down
 
 TEST_WITH(frames_of_wrong_length_and_from_nobody_change_nothing, set_up, bench_tear_down)
 {
-    struct bench *bench = *test_state;
+    struct bench *bench = started(test_state);
     static const uint8_t data[8] = {9, 9, 9, 9, 9, 9, 9, 9};
     double before;
 
-    assert_int_equal(start_up(bench, 100), HOST_READY);
     host_receive(bench->host, bench->now_ns);
     before = host_joint(bench->host, 0)->motor_rad;
     say(bench, 0, 0x110, 7, data);

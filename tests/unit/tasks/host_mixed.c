@@ -82,9 +82,8 @@ FIXTURE(set_up)
 
 TEST_WITH(each_bus_is_spoken_to_in_its_own_way, set_up, bench_tear_down)
 {
-    struct bench *bench = *test_state;
+    struct bench *bench = started(test_state);
 
-    assert_int_equal(start_up(bench, 100), HOST_READY);
     assert_true(host_healthy(bench->host));
     for (size_t i = 0; i < 3; i++) {
         host_set_voltage(bench->host, i, 12);

@@ -104,11 +104,10 @@ TEST_WITH(a_lost_frame_does_not_stop_the_start_up, set_up, bench_tear_down)
 
 TEST_WITH(a_voltage_is_a_torque, set_up, bench_tear_down)
 {
-    struct bench *bench = *test_state;
+    struct bench *bench = started(test_state);
     const struct bus_frame *frame;
     float torque;
 
-    assert_int_equal(start_up(bench, 100), HOST_READY);
     bench->nseen = 0;
     host_set_voltage(bench->host, 0, 6);
     one_period(bench);
@@ -122,10 +121,9 @@ TEST_WITH(a_voltage_is_a_torque, set_up, bench_tear_down)
 
 TEST_WITH(replies_are_angles_current_and_torque, set_up, bench_tear_down)
 {
-    struct bench *bench = *test_state;
+    struct bench *bench = started(test_state);
     const struct host_joint *hip = host_joint(bench->host, 0), *knee = host_joint(bench->host, 1);
 
-    assert_int_equal(start_up(bench, 100), HOST_READY);
     assert_near(hip->motor_rad, M_PI / 2, 1e-6);
     assert_near(hip->joint_rad, -0.02 * 2 * M_PI, 1e-6);
     assert_near(hip->torque_nm, 200 * 0.27 * 2 * M_PI, 1e-4); /* the spring's */
@@ -136,9 +134,8 @@ TEST_WITH(replies_are_angles_current_and_torque, set_up, bench_tear_down)
 
 TEST_WITH(a_fault_and_the_watchdog_are_told, set_up, bench_tear_down)
 {
-    struct bench *bench = *test_state;
+    struct bench *bench = started(test_state);
 
-    assert_int_equal(start_up(bench, 100), HOST_READY);
     mode[1] = 1;
     fault[1] = 34;
     one_period(bench);
@@ -170,10 +167,9 @@ TEST_WITH(odd_frames_change_nothing, set_up, bench_tear_down)
     static const uint8_t odd[][8] = {
         {0x2f, 0x01, 1, 2, 3},    {0x2c, 0xff, 0xff, 0xff},       {0x23, 0x0d, 1, 2},
         {0x24, 0x80, 0x80, 0x80}, {0x2d, 0x01, 0, 0, 0xc0, 0x7f}, {0x31, 0x01, 0x01}};
-    struct bench *bench = *test_state;
+    struct bench *bench = started(test_state);
     struct host_joint before;
 
-    assert_int_equal(start_up(bench, 100), HOST_READY);
     before = *host_joint(bench->host, 0);
     for (size_t i = 0; i < sizeof odd / sizeof *odd; i++) {
         for (uint8_t len = 0; len <= 8; len++) {

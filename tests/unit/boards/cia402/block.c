@@ -21,93 +21,85 @@ static void say(struct board_bench *bench, const char *request)
 /* ---- exchanges ---- */
 
 /* 31C3 is the checksum that the standard gives for these nine bytes. */
-TEST(blocks_carry_the_check_value_of_the_standard)
+TEST_WITH(blocks_carry_the_check_value_of_the_standard, set_up, bench_tear_down)
 {
-    struct board_bench bench;
-
-    start(&bench);
+    struct board_bench *bench = *test_state;
 
     /* down: 7 and 2 bytes, n = 5 */
-    sdo(&bench, 4, "C6 00 20 00 09 00 00 00", "A4 00 20 00 7F 00 00 00");
-    say(&bench, "01 31 32 33 34 35 36 37");
-    sdo(&bench, 4, "82 38 39 00 00 00 00 00", "A2 02 7F 00 00 00 00 00");
-    sdo(&bench, 4, "D5 C3 31 00 00 00 00 00", "A1 00 00 00 00 00 00 00");
+    sdo(bench, 4, "C6 00 20 00 09 00 00 00", "A4 00 20 00 7F 00 00 00");
+    say(bench, "01 31 32 33 34 35 36 37");
+    sdo(bench, 4, "82 38 39 00 00 00 00 00", "A2 02 7F 00 00 00 00 00");
+    sdo(bench, 4, "D5 C3 31 00 00 00 00 00", "A1 00 00 00 00 00 00 00");
 
     /* up: a segment a millisecond */
-    sdo(&bench, 4, "A4 00 20 00 7F 00 00 00", "C6 00 20 00 09 00 00 00");
-    sdo(&bench, 4, "A3 00 00 00 00 00 00 00", "01 31 32 33 34 35 36 37");
-    bench_tick(&bench);
-    bench_expect(&bench, 0, REPLY, "82 38 39 00 00 00 00 00");
-    bench_tick(&bench);
-    assert_int_equal(bench_sent(&bench, 0, REPLY), 0);
-    sdo(&bench, 4, "A2 02 7F 00 00 00 00 00", "D5 C3 31 00 00 00 00 00");
-    say(&bench, "A1 00 00 00 00 00 00 00");
+    sdo(bench, 4, "A4 00 20 00 7F 00 00 00", "C6 00 20 00 09 00 00 00");
+    sdo(bench, 4, "A3 00 00 00 00 00 00 00", "01 31 32 33 34 35 36 37");
+    bench_tick(bench);
+    bench_expect(bench, 0, REPLY, "82 38 39 00 00 00 00 00");
+    bench_tick(bench);
+    assert_int_equal(bench_sent(bench, 0, REPLY), 0);
+    sdo(bench, 4, "A2 02 7F 00 00 00 00 00", "D5 C3 31 00 00 00 00 00");
+    say(bench, "A1 00 00 00 00 00 00 00");
 
     /* without a checksum, and without a size */
-    sdo(&bench, 4, "C0 00 20 00 00 00 00 00", "A4 00 20 00 7F 00 00 00");
-    sdo(&bench, 4, "81 61 62 63 00 00 00 00", "A2 01 7F 00 00 00 00 00");
-    sdo(&bench, 4, "D1 00 00 00 00 00 00 00", "A1 00 00 00 00 00 00 00");
-    sdo(&bench, 4, "A0 00 20 00 7F 00 00 00", "C6 00 20 00 03 00 00 00");
-    sdo(&bench, 4, "A3 00 00 00 00 00 00 00", "81 61 62 63 00 00 00 00");
-    sdo(&bench, 4, "A2 01 7F 00 00 00 00 00", "D1 00 00 00 00 00 00 00");
-    say(&bench, "A1 00 00 00 00 00 00 00");
+    sdo(bench, 4, "C0 00 20 00 00 00 00 00", "A4 00 20 00 7F 00 00 00");
+    sdo(bench, 4, "81 61 62 63 00 00 00 00", "A2 01 7F 00 00 00 00 00");
+    sdo(bench, 4, "D1 00 00 00 00 00 00 00", "A1 00 00 00 00 00 00 00");
+    sdo(bench, 4, "A0 00 20 00 7F 00 00 00", "C6 00 20 00 03 00 00 00");
+    sdo(bench, 4, "A3 00 00 00 00 00 00 00", "81 61 62 63 00 00 00 00");
+    sdo(bench, 4, "A2 01 7F 00 00 00 00 00", "D1 00 00 00 00 00 00 00");
+    say(bench, "A1 00 00 00 00 00 00 00");
 
     /* a number, and nothing at all: a segment of seven unused bytes */
-    sdo(&bench, 4, "C2 17 10 00 02 00 00 00", "A4 17 10 00 7F 00 00 00");
-    sdo(&bench, 4, "81 E8 03 00 00 00 00 00", "A2 01 7F 00 00 00 00 00");
-    sdo(&bench, 4, "D5 00 00 00 00 00 00 00", "A1 00 00 00 00 00 00 00");
+    sdo(bench, 4, "C2 17 10 00 02 00 00 00", "A4 17 10 00 7F 00 00 00");
+    sdo(bench, 4, "81 E8 03 00 00 00 00 00", "A2 01 7F 00 00 00 00 00");
+    sdo(bench, 4, "D5 00 00 00 00 00 00 00", "A1 00 00 00 00 00 00 00");
     assert_int_equal(READ(0x1017, 0), 1000);
-    sdo(&bench, 4, "A4 01 20 00 7F 00 00 00", "C6 01 20 00 00 00 00 00");
-    sdo(&bench, 4, "A3 00 00 00 00 00 00 00", "81 00 00 00 00 00 00 00");
-    sdo(&bench, 4, "A2 01 7F 00 00 00 00 00", "DD 00 00 00 00 00 00 00");
-    say(&bench, "A1 00 00 00 00 00 00 00");
-    assert_int_equal(bench_counters(&bench).unknown + bench_counters(&bench).malformed, 0);
-    bench_stop(&bench);
+    sdo(bench, 4, "A4 01 20 00 7F 00 00 00", "C6 01 20 00 00 00 00 00");
+    sdo(bench, 4, "A3 00 00 00 00 00 00 00", "81 00 00 00 00 00 00 00");
+    sdo(bench, 4, "A2 01 7F 00 00 00 00 00", "DD 00 00 00 00 00 00 00");
+    say(bench, "A1 00 00 00 00 00 00 00");
+    assert_int_equal(bench_counters(bench).unknown + bench_counters(bench).malformed, 0);
 }
 
 /* Up to the client's threshold the answer is that of an upload without blocks. */
-TEST(few_bytes_go_without_blocks)
+TEST_WITH(few_bytes_go_without_blocks, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    sdo(&bench, 4, "A4 08 10 00 7F 0F 00 00", "41 08 10 00 0F 00 00 00");
-    sdo(&bench, 4, "60 00 00 00 00 00 00 00", "00 63 6F 6D 61 6E 2D 68");
-    sdo(&bench, 4, "70 00 00 00 00 00 00 00", "10 69 6C 20 64 72 69 76");
-    sdo(&bench, 4, "60 00 00 00 00 00 00 00", "0D 65 00 00 00 00 00 00");
-    sdo(&bench, 4, "A4 00 10 00 7F 04 00 00", "43 00 10 00 92 01 FF FF");
-    sdo(&bench, 4, "A4 08 10 00 7F 0E 00 00", "C6 08 10 00 0F 00 00 00");
-    bench_stop(&bench);
+    sdo(bench, 4, "A4 08 10 00 7F 0F 00 00", "41 08 10 00 0F 00 00 00");
+    sdo(bench, 4, "60 00 00 00 00 00 00 00", "00 63 6F 6D 61 6E 2D 68");
+    sdo(bench, 4, "70 00 00 00 00 00 00 00", "10 69 6C 20 64 72 69 76");
+    sdo(bench, 4, "60 00 00 00 00 00 00 00", "0D 65 00 00 00 00 00 00");
+    sdo(bench, 4, "A4 00 10 00 7F 04 00 00", "43 00 10 00 92 01 FF FF");
+    sdo(bench, 4, "A4 08 10 00 7F 0E 00 00", "C6 08 10 00 0F 00 00 00");
 }
 
 /* What a gap leaves out comes again, from either side. */
-TEST(a_block_goes_on_after_the_last_that_was_taken)
+TEST_WITH(a_block_goes_on_after_the_last_that_was_taken, set_up, bench_tear_down)
 {
-    struct board_bench bench;
-
-    start(&bench);
+    struct board_bench *bench = *test_state;
 
     /* the second of three is lost; the third, being the last, has the block acknowledged */
-    sdo(&bench, 4, "C6 00 20 00 0F 00 00 00", "A4 00 20 00 7F 00 00 00");
-    say(&bench, "01 63 6F 6D 61 6E 2D 68");
-    sdo(&bench, 4, "83 65 00 00 00 00 00 00", "A2 01 7F 00 00 00 00 00");
-    say(&bench, "01 69 6C 20 64 72 69 76");
-    sdo(&bench, 4, "82 65 00 00 00 00 00 00", "A2 02 7F 00 00 00 00 00");
-    sdo(&bench, 4, "D9 B3 44 00 00 00 00 00", "80 00 20 00 04 00 04 05");
+    sdo(bench, 4, "C6 00 20 00 0F 00 00 00", "A4 00 20 00 7F 00 00 00");
+    say(bench, "01 63 6F 6D 61 6E 2D 68");
+    sdo(bench, 4, "83 65 00 00 00 00 00 00", "A2 01 7F 00 00 00 00 00");
+    say(bench, "01 69 6C 20 64 72 69 76");
+    sdo(bench, 4, "82 65 00 00 00 00 00 00", "A2 02 7F 00 00 00 00 00");
+    sdo(bench, 4, "D9 B3 44 00 00 00 00 00", "80 00 20 00 04 00 04 05");
 
     /* blocks of two; the client takes one, then blocks of one */
-    sdo(&bench, 4, "A0 08 10 00 02 00 00 00", "C6 08 10 00 0F 00 00 00");
-    sdo(&bench, 4, "A3 00 00 00 00 00 00 00", "01 63 6F 6D 61 6E 2D 68");
-    bench_tick(&bench);
-    bench_expect(&bench, 0, REPLY, "02 69 6C 20 64 72 69 76");
-    sdo(&bench, 4, "A2 00 02 00 00 00 00 00", "01 63 6F 6D 61 6E 2D 68");
-    bench_tick(&bench);
-    sdo(&bench, 4, "A2 01 01 00 00 00 00 00", "01 69 6C 20 64 72 69 76");
-    sdo(&bench, 4, "A2 01 01 00 00 00 00 00", "81 65 00 00 00 00 00 00");
-    sdo(&bench, 4, "A2 00 01 00 00 00 00 00", "81 65 00 00 00 00 00 00");
-    sdo(&bench, 4, "A2 01 01 00 00 00 00 00", "D9 00 00 00 00 00 00 00");
-    say(&bench, "A1 00 00 00 00 00 00 00");
-    bench_stop(&bench);
+    sdo(bench, 4, "A0 08 10 00 02 00 00 00", "C6 08 10 00 0F 00 00 00");
+    sdo(bench, 4, "A3 00 00 00 00 00 00 00", "01 63 6F 6D 61 6E 2D 68");
+    bench_tick(bench);
+    bench_expect(bench, 0, REPLY, "02 69 6C 20 64 72 69 76");
+    sdo(bench, 4, "A2 00 02 00 00 00 00 00", "01 63 6F 6D 61 6E 2D 68");
+    bench_tick(bench);
+    sdo(bench, 4, "A2 01 01 00 00 00 00 00", "01 69 6C 20 64 72 69 76");
+    sdo(bench, 4, "A2 01 01 00 00 00 00 00", "81 65 00 00 00 00 00 00");
+    sdo(bench, 4, "A2 00 01 00 00 00 00 00", "81 65 00 00 00 00 00 00");
+    sdo(bench, 4, "A2 01 01 00 00 00 00 00", "D9 00 00 00 00 00 00 00");
+    say(bench, "A1 00 00 00 00 00 00 00");
 }
 
 /* ---- abort codes ---- */
@@ -157,24 +149,22 @@ static const struct refusal {
       "A2 01 7F 00 00 00 00 00", "D9 00 00 00 00 00 00 00", "80 29 10 01 31 00 09 06"}},
 };
 
-TEST(every_refusal_of_blocks_has_its_abort_code)
+TEST_WITH(every_refusal_of_blocks_has_its_abort_code, set_up, bench_tear_down)
 {
     const size_t count = sizeof refusals / sizeof *refusals;
     struct boards_counters counters;
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
     for (size_t i = 0; i < count; i++) {
         for (int line = 0; line < 8 && refusals[i].line[line]; line += 2) {
-            sdo(&bench, 4, refusals[i].line[line], refusals[i].line[line + 1]);
+            sdo(bench, 4, refusals[i].line[line], refusals[i].line[line + 1]);
         }
-        bench_tick(&bench); /* and nothing after it */
-        assert_int_equal(bench_sent(&bench, 0, REPLY), 0);
+        bench_tick(bench); /* and nothing after it */
+        assert_int_equal(bench_sent(bench, 0, REPLY), 0);
     }
-    counters = bench_counters(&bench);
+    counters = bench_counters(bench);
     assert_int_equal(counters.unknown + counters.malformed, count);
     assert_int_equal(READ(0x1017, 0), 0);
-    bench_stop(&bench);
 }
 
 /* 147 segments are more than a domain has; whether they were too many is seen at the end. */
@@ -206,29 +196,27 @@ TEST(what_no_size_announced_is_held_within_the_object)
 
 /* ---- ends ---- */
 
-TEST(an_abort_or_a_new_request_ends_a_block_transfer)
+TEST_WITH(an_abort_or_a_new_request_ends_a_block_transfer, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    sdo(&bench, 4, DOWN);
-    say(&bench, "01 31 32 33 34 35 36 37");
-    say(&bench, "80 00 20 00 00 00 00 08");
-    sdo(&bench, 4, "40 01 10 00 00 00 00 00", "4F 01 10 00 00 00 00 00");
+    sdo(bench, 4, DOWN);
+    say(bench, "01 31 32 33 34 35 36 37");
+    say(bench, "80 00 20 00 00 00 00 08");
+    sdo(bench, 4, "40 01 10 00 00 00 00 00", "4F 01 10 00 00 00 00 00");
 
     /* an upload of blocks of 127 is under way */
-    sdo(&bench, 4, "A4 08 10 00 7F 00 00 00", "C6 08 10 00 0F 00 00 00");
-    sdo(&bench, 4, FIRST);
-    sdo(&bench, 4, "40 01 10 00 00 00 00 00", "4F 01 10 00 00 00 00 00");
-    bench_tick(&bench);
-    assert_int_equal(bench_sent(&bench, 0, REPLY), 0);
+    sdo(bench, 4, "A4 08 10 00 7F 00 00 00", "C6 08 10 00 0F 00 00 00");
+    sdo(bench, 4, FIRST);
+    sdo(bench, 4, "40 01 10 00 00 00 00 00", "4F 01 10 00 00 00 00 00");
+    bench_tick(bench);
+    assert_int_equal(bench_sent(bench, 0, REPLY), 0);
 
     /* neither does a reset of communication leave one */
-    sdo(&bench, 4, DOWN);
-    nmt(&bench, CIA402_NMT_RESET_COMMUNICATION, 4);
-    bench_tick(&bench);
-    sdo(&bench, 4, "40 01 10 00 00 00 00 00", "4F 01 10 00 00 00 00 00");
-    bench_stop(&bench);
+    sdo(bench, 4, DOWN);
+    nmt(bench, CIA402_NMT_RESET_COMMUNICATION, 4);
+    bench_tick(bench);
+    sdo(bench, 4, "40 01 10 00 00 00 00 00", "4F 01 10 00 00 00 00 00");
 }
 
 TEST(a_silent_client_has_its_block_transfer_aborted_after_a_second)
@@ -252,17 +240,15 @@ TEST(a_silent_client_has_its_block_transfer_aborted_after_a_second)
 }
 
 /* A stopped node has no SDO. */
-TEST(a_stopped_node_sends_no_segments)
+TEST_WITH(a_stopped_node_sends_no_segments, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    sdo(&bench, 4, "A4 08 10 00 7F 00 00 00", "C6 08 10 00 0F 00 00 00");
-    sdo(&bench, 4, FIRST);
-    nmt(&bench, CIA402_NMT_STOP, 4);
-    bench_tick(&bench);
-    assert_int_equal(bench_sent(&bench, 0, REPLY), 0);
-    bench_stop(&bench);
+    sdo(bench, 4, "A4 08 10 00 7F 00 00 00", "C6 08 10 00 0F 00 00 00");
+    sdo(bench, 4, FIRST);
+    nmt(bench, CIA402_NMT_STOP, 4);
+    bench_tick(bench);
+    assert_int_equal(bench_sent(bench, 0, REPLY), 0);
 }
 
 /* ---- back in time ---- */
@@ -290,41 +276,38 @@ static void return_to_moment(struct board_bench *bench, struct kept *kept)
 }
 
 /* Whatever came of the transfer meanwhile, from the checkpoint on it ends as it would have. */
-TEST(a_block_transfer_goes_on_from_a_checkpoint)
+TEST_WITH(a_block_transfer_goes_on_from_a_checkpoint, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
     struct kept kept;
 
-    start(&bench);
-
     /* down, after the first of two segments: the other way it is aborted, and another text comes */
-    sdo(&bench, 4, DOWN);
-    say(&bench, "01 31 32 33 34 35 36 37");
-    kept = keep_moment(&bench);
-    say(&bench, "80 00 20 00 00 00 00 08");
-    sdo(&bench, 4, "C0 00 20 00 00 00 00 00", "A4 00 20 00 7F 00 00 00");
-    sdo(&bench, 4, "81 61 62 63 00 00 00 00", "A2 01 7F 00 00 00 00 00");
-    sdo(&bench, 4, "D1 00 00 00 00 00 00 00", "A1 00 00 00 00 00 00 00");
-    return_to_moment(&bench, &kept);
-    sdo(&bench, 4, "82 38 39 00 00 00 00 00", "A2 02 7F 00 00 00 00 00");
-    sdo(&bench, 4, "D5 C3 31 00 00 00 00 00", "A1 00 00 00 00 00 00 00");
+    sdo(bench, 4, DOWN);
+    say(bench, "01 31 32 33 34 35 36 37");
+    kept = keep_moment(bench);
+    say(bench, "80 00 20 00 00 00 00 08");
+    sdo(bench, 4, "C0 00 20 00 00 00 00 00", "A4 00 20 00 7F 00 00 00");
+    sdo(bench, 4, "81 61 62 63 00 00 00 00", "A2 01 7F 00 00 00 00 00");
+    sdo(bench, 4, "D1 00 00 00 00 00 00 00", "A1 00 00 00 00 00 00 00");
+    return_to_moment(bench, &kept);
+    sdo(bench, 4, "82 38 39 00 00 00 00 00", "A2 02 7F 00 00 00 00 00");
+    sdo(bench, 4, "D5 C3 31 00 00 00 00 00", "A1 00 00 00 00 00 00 00");
     free(kept.memory);
 
     /* up, with one segment sent and one to come: twice the same, then the check value */
-    sdo(&bench, 4, "A4 00 20 00 7F 00 00 00", "C6 00 20 00 09 00 00 00");
-    sdo(&bench, 4, "A3 00 00 00 00 00 00 00", "01 31 32 33 34 35 36 37");
-    kept = keep_moment(&bench);
+    sdo(bench, 4, "A4 00 20 00 7F 00 00 00", "C6 00 20 00 09 00 00 00");
+    sdo(bench, 4, "A3 00 00 00 00 00 00 00", "01 31 32 33 34 35 36 37");
+    kept = keep_moment(bench);
     for (int pass = 0; pass < 2; pass++) {
-        bench_tick(&bench);
-        bench_expect(&bench, 0, REPLY, "82 38 39 00 00 00 00 00");
-        sdo(&bench, 4, "A2 02 7F 00 00 00 00 00", "D5 C3 31 00 00 00 00 00");
-        say(&bench, "A1 00 00 00 00 00 00 00");
+        bench_tick(bench);
+        bench_expect(bench, 0, REPLY, "82 38 39 00 00 00 00 00");
+        sdo(bench, 4, "A2 02 7F 00 00 00 00 00", "D5 C3 31 00 00 00 00 00");
+        say(bench, "A1 00 00 00 00 00 00 00");
         if (pass == 0) {
-            return_to_moment(&bench, &kept);
+            return_to_moment(bench, &kept);
         }
     }
     free(kept.memory);
-    bench_stop(&bench);
 }
 
 /* ---- a client on a lossy line ---- */

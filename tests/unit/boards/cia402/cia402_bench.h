@@ -43,6 +43,15 @@ static inline void start(struct board_bench *bench)
     bench_tick(bench);
 }
 
+FIXTURE(set_up)
+{
+    static struct board_bench bench;
+
+    start(&bench);
+    *test_state = &bench;
+    return 0;
+}
+
 /* ---- SDO ---- */
 
 /* Sends a request to a node of bus 0 and checks its one answer. */
@@ -100,8 +109,8 @@ static inline uint32_t sdo_read(struct board_bench *bench, size_t bus, unsigned 
 }
 
 #define WRITE(index, sub, bytes, value)                                                            \
-    assert_int_equal(sdo_write(&bench, 0, 4, index, sub, bytes, (uint32_t)(value)), 0)
-#define READ(index, sub) sdo_read(&bench, 0, 4, index, sub)
+    assert_int_equal(sdo_write(bench, 0, 4, index, sub, bytes, (uint32_t)(value)), 0)
+#define READ(index, sub) sdo_read(bench, 0, 4, index, sub)
 
 static inline void nmt(struct board_bench *bench, unsigned command, unsigned node)
 {

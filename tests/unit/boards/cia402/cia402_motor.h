@@ -87,4 +87,12 @@ static inline void enable(struct motor *motor, int mode)
     start_motor(motor, mode);
 }
 
+static struct motor the_motor; /* of the present test */
+
+FIXTURE(motor_tear_down)
+{
+    bench_stop(&the_motor.bench);
+    return 0;
+}
+
 #endif

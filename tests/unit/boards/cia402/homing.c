@@ -96,45 +96,40 @@ TEST(every_method_finds_its_place)
     }
 }
 
-TEST(a_search_into_a_limit_switch_is_an_error)
+TEST_WITH(a_search_into_a_limit_switch_is_an_error, NULL, motor_tear_down)
 {
-    struct motor motor;
-
-    open_motor(&motor, 0.7);
-    assert_int_equal(home(&motor, 19), 0x2400);
-    assert_near(motor.velocity, 0.0, 0.05);
-    assert_near(motor.angle, POSITIVE_RAD, 0.1);
-    assert_int_equal(get(&motor, 0x6041) & 0x6f, 0x27); /* enabled, no fault */
-    bench_stop(&motor.bench);
+    open_motor(&the_motor, 0.7);
+    assert_int_equal(home(&the_motor, 19), 0x2400);
+    assert_near(the_motor.velocity, 0.0, 0.05);
+    assert_near(the_motor.angle, POSITIVE_RAD, 0.1);
+    assert_int_equal(get(&the_motor, 0x6041) & 0x6f, 0x27); /* enabled, no fault */
 }
 
-TEST(homing_stops_when_it_is_no_longer_asked_for)
+TEST_WITH(homing_stops_when_it_is_no_longer_asked_for, NULL, motor_tear_down)
 {
-    struct motor motor;
     double before;
 
-    open_motor(&motor, -0.5);
-    put(&motor, 0x6098, 0, 1, 17);
-    put(&motor, 0x6040, 0, 2, START);
-    turn(&motor, 200);
-    assert_int_equal(get(&motor, 0x6041) & 0x3400, 0); /* on its way */
-    assert_near(motor.velocity, -1.0, 0.05);
+    open_motor(&the_motor, -0.5);
+    put(&the_motor, 0x6098, 0, 1, 17);
+    put(&the_motor, 0x6040, 0, 2, START);
+    turn(&the_motor, 200);
+    assert_int_equal(get(&the_motor, 0x6041) & 0x3400, 0); /* on its way */
+    assert_near(the_motor.velocity, -1.0, 0.05);
 
     /* halt keeps it waiting */
-    put(&motor, 0x6040, 0, 2, START | 0x100);
-    turn(&motor, 200);
-    assert_near(motor.velocity, 0.0, 1e-2);
-    put(&motor, 0x6040, 0, 2, START);
-    turn(&motor, 120);
-    assert_near(motor.velocity, -1.0, 0.05);
+    put(&the_motor, 0x6040, 0, 2, START | 0x100);
+    turn(&the_motor, 200);
+    assert_near(the_motor.velocity, 0.0, 1e-2);
+    put(&the_motor, 0x6040, 0, 2, START);
+    turn(&the_motor, 120);
+    assert_near(the_motor.velocity, -1.0, 0.05);
 
-    put(&motor, 0x6040, 0, 2, REST);
-    turn(&motor, 200);
-    before = motor.angle;
-    turn(&motor, 200);
-    assert_near(motor.angle, before, 1e-3);
-    assert_int_equal(get(&motor, 0x6041) & 0x3400, 0x0400); /* neither home nor an error */
-    bench_stop(&motor.bench);
+    put(&the_motor, 0x6040, 0, 2, REST);
+    turn(&the_motor, 200);
+    before = the_motor.angle;
+    turn(&the_motor, 200);
+    assert_near(the_motor.angle, before, 1e-3);
+    assert_int_equal(get(&the_motor, 0x6041) & 0x3400, 0x0400); /* neither home nor an error */
 }
 
 TEST(inputs_and_methods_are_those_of_the_switches)
@@ -145,7 +140,7 @@ TEST(inputs_and_methods_are_those_of_the_switches)
     } rows[] = {{-1.2, 1}, {-0.5, 0}, {0.3, 4}, {0.5, 0}, {1.1, 2}};
     static const int8_t all[] = {1,  2,  3,  4,  5,  6,  7,  8,  9,  10, 11, 12, 13, 14, 17, 18,
                                  19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 33, 34, 35, 37};
-    struct board_bench bench;
+    struct board_bench base, *bench = &base;
     struct motor motor;
 
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
@@ -162,10 +157,10 @@ TEST(inputs_and_methods_are_those_of_the_switches)
     bench_stop(&motor.bench);
 
     /* a joint without switches is home where it stands */
-    start(&bench);
+    start(bench);
     assert_int_equal(READ(0x60e3, 1) & 0xff, 35);
     assert_int_equal(READ(0x60e3, 2) & 0xff, 37);
     assert_int_equal(READ(0x60e3, 3) & 0xff, 0);
-    assert_int_equal(sdo_write(&bench, 0, 4, 0x6098, 0, 1, 33), 0x06090030);
-    bench_stop(&bench);
+    assert_int_equal(sdo_write(bench, 0, 4, 0x6098, 0, 1, 33), 0x06090030);
+    bench_stop(bench);
 }

@@ -58,132 +58,120 @@ static uint32_t device_type(struct board_bench *bench, unsigned node)
 
 /* ---- states ---- */
 
-TEST(requests_are_obeyed_in_the_state_of_configuration_only)
+TEST_WITH(requests_are_obeyed_in_the_state_of_configuration_only, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    say_unanswered(&bench, "5E 00 00 00 00 00 00 00");
-    say_unanswered(&bench, "11 07 00 00 00 00 00 00");
-    say_unanswered(&bench, "17 00 00 00 00 00 00 00");
+    say_unanswered(bench, "5E 00 00 00 00 00 00 00");
+    say_unanswered(bench, "11 07 00 00 00 00 00 00");
+    say_unanswered(bench, "17 00 00 00 00 00 00 00");
 
     /* all three of the bus at once, and back */
-    say_unanswered(&bench, "04 01 00 00 00 00 00 00");
-    say(&bench, "5E 00 00 00 00 00 00 00");
-    assert_int_equal(bench_sent(&bench, 0, CIA402_LSS_REPLY), 3);
-    say_unanswered(&bench, "04 02 00 00 00 00 00 00"); /* no such state */
-    say_unanswered(&bench, "04 00 00 00 00 00 00 00");
-    say_unanswered(&bench, "5E 00 00 00 00 00 00 00");
+    say_unanswered(bench, "04 01 00 00 00 00 00 00");
+    say(bench, "5E 00 00 00 00 00 00 00");
+    assert_int_equal(bench_sent(bench, 0, CIA402_LSS_REPLY), 3);
+    say_unanswered(bench, "04 02 00 00 00 00 00 00"); /* no such state */
+    say_unanswered(bench, "04 00 00 00 00 00 00 00");
+    say_unanswered(bench, "5E 00 00 00 00 00 00 00");
 
     /* one of them: the answer is 0x44, and its address what 0x1018 has */
-    assert_true(select_node(&bench, address_20));
-    bench_expect(&bench, 0, CIA402_LSS_REPLY, "44 00 00 00 00 00 00 00");
-    ask(&bench, "5A 00 00 00 00 00 00 00", "5A 00 00 00 00 00 00 00");
-    ask(&bench, "5B 00 00 00 00 00 00 00", "5B 00 4C 49 48 00 00 00");
-    ask(&bench, "5C 00 00 00 00 00 00 00", "5C 00 00 01 00 00 00 00");
-    ask(&bench, "5D 00 00 00 00 00 00 00", "5D 14 00 00 00 00 00 00");
-    ask(&bench, "5E 00 00 00 00 00 00 00", "5E 14 00 00 00 00 00 00");
+    assert_true(select_node(bench, address_20));
+    bench_expect(bench, 0, CIA402_LSS_REPLY, "44 00 00 00 00 00 00 00");
+    ask(bench, "5A 00 00 00 00 00 00 00", "5A 00 00 00 00 00 00 00");
+    ask(bench, "5B 00 00 00 00 00 00 00", "5B 00 4C 49 48 00 00 00");
+    ask(bench, "5C 00 00 00 00 00 00 00", "5C 00 00 01 00 00 00 00");
+    ask(bench, "5D 00 00 00 00 00 00 00", "5D 14 00 00 00 00 00 00");
+    ask(bench, "5E 00 00 00 00 00 00 00", "5E 14 00 00 00 00 00 00");
     assert_int_equal(READ(0x1018, 4), 4);
-    bench_stop(&bench);
 }
 
-TEST(an_address_is_taken_whole_and_in_order)
+TEST_WITH(an_address_is_taken_whole_and_in_order, set_up, bench_tear_down)
 {
     uint32_t wrong[4];
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
     for (int part = 0; part < 4; part++) {
         memcpy(wrong, address_4, sizeof wrong);
         wrong[part] ^= 0x80;
-        assert_false(select_node(&bench, wrong));
+        assert_false(select_node(bench, wrong));
     }
-    send_part(&bench, 0x41, address_4[1]);
-    send_part(&bench, 0x40, address_4[0]);
-    send_part(&bench, 0x42, address_4[2]);
-    assert_int_equal(send_part(&bench, 0x43, address_4[3]), 0);
-    assert_true(select_node(&bench, address_4));
-    bench_stop(&bench);
+    send_part(bench, 0x41, address_4[1]);
+    send_part(bench, 0x40, address_4[0]);
+    send_part(bench, 0x42, address_4[2]);
+    assert_int_equal(send_part(bench, 0x43, address_4[3]), 0);
+    assert_true(select_node(bench, address_4));
 }
 
-TEST(what_is_no_request_is_counted)
+TEST_WITH(what_is_no_request_is_counted, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    say_unanswered(&bench, "04 01");
-    assert_int_equal(bench_counters(&bench).malformed, 1);
-    say_unanswered(&bench, "99 00 00 00 00 00 00 00");
-    assert_int_equal(bench_counters(&bench).unknown, 1);
-    bench_stop(&bench);
+    say_unanswered(bench, "04 01");
+    assert_int_equal(bench_counters(bench).malformed, 1);
+    say_unanswered(bench, "99 00 00 00 00 00 00 00");
+    assert_int_equal(bench_counters(bench).unknown, 1);
 }
 
 /* ---- settings ---- */
 
-TEST(a_node_id_takes_effect_with_a_reset_of_communication)
+TEST_WITH(a_node_id_takes_effect_with_a_reset_of_communication, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
     WRITE(0x1801, 1, 4, 0x80000000 | 0x2a0); /* one that does not contain the Node-ID */
     WRITE(0x1010, 1, 4, 0x65766173);
-    assert_true(select_node(&bench, address_4));
-    ask(&bench, "11 00 00 00 00 00 00 00", "11 01 00 00 00 00 00 00");
-    ask(&bench, "11 20 00 00 00 00 00 00", "11 01 00 00 00 00 00 00"); /* 31 is the highest */
-    ask(&bench, "11 14 00 00 00 00 00 00", "11 FF 01 00 00 00 00 00"); /* another's */
-    ask(&bench, "11 07 00 00 00 00 00 00", "11 00 00 00 00 00 00 00");
-    ask(&bench, "5E 00 00 00 00 00 00 00", "5E 04 00 00 00 00 00 00");
-    assert_int_equal(device_type(&bench, 4), 0xffff0192);
+    assert_true(select_node(bench, address_4));
+    ask(bench, "11 00 00 00 00 00 00 00", "11 01 00 00 00 00 00 00");
+    ask(bench, "11 20 00 00 00 00 00 00", "11 01 00 00 00 00 00 00"); /* 31 is the highest */
+    ask(bench, "11 14 00 00 00 00 00 00", "11 FF 01 00 00 00 00 00"); /* another's */
+    ask(bench, "11 07 00 00 00 00 00 00", "11 00 00 00 00 00 00 00");
+    ask(bench, "5E 00 00 00 00 00 00 00", "5E 04 00 00 00 00 00 00");
+    assert_int_equal(device_type(bench, 4), 0xffff0192);
 
-    nmt(&bench, CIA402_NMT_RESET_COMMUNICATION, 4);
-    bench_tick(&bench);
-    bench_expect(&bench, 0, 0x707, "00");
-    assert_int_equal(device_type(&bench, 4), UINT32_MAX);
-    assert_int_equal(device_type(&bench, 7), 0xffff0192);
+    nmt(bench, CIA402_NMT_RESET_COMMUNICATION, 4);
+    bench_tick(bench);
+    bench_expect(bench, 0, 0x707, "00");
+    assert_int_equal(device_type(bench, 4), UINT32_MAX);
+    assert_int_equal(device_type(bench, 7), 0xffff0192);
 
     /* what contained the old one contains the new one */
-    assert_int_equal(sdo_read(&bench, 0, 7, 0x1014, 0), 0x87);
-    assert_int_equal(sdo_read(&bench, 0, 7, 0x1200, 1), 0x607);
-    assert_int_equal(sdo_read(&bench, 0, 7, 0x1800, 1), 0x187);
-    assert_int_equal(sdo_read(&bench, 0, 7, 0x1403, 1), 0x80000507);
-    assert_int_equal(sdo_read(&bench, 0, 7, 0x1801, 1), 0x800002a0);
-    assert_int_equal(sdo_read(&bench, 0, 7, 0x1018, 4), 4);
+    assert_int_equal(sdo_read(bench, 0, 7, 0x1014, 0), 0x87);
+    assert_int_equal(sdo_read(bench, 0, 7, 0x1200, 1), 0x607);
+    assert_int_equal(sdo_read(bench, 0, 7, 0x1800, 1), 0x187);
+    assert_int_equal(sdo_read(bench, 0, 7, 0x1403, 1), 0x80000507);
+    assert_int_equal(sdo_read(bench, 0, 7, 0x1801, 1), 0x800002a0);
+    assert_int_equal(sdo_read(bench, 0, 7, 0x1018, 4), 4);
 
     /* it was not stored */
-    nmt(&bench, CIA402_NMT_RESET_NODE, 7);
-    bench_ticks(&bench, 3);
-    assert_int_equal(device_type(&bench, 7), UINT32_MAX);
+    nmt(bench, CIA402_NMT_RESET_NODE, 7);
+    bench_ticks(bench, 3);
+    assert_int_equal(device_type(bench, 7), UINT32_MAX);
     assert_int_equal(READ(0x1014, 0), 0x84);
     assert_int_equal(READ(0x1801, 1), 0x800002a0);
-    bench_stop(&bench);
 }
 
-TEST(a_stored_node_id_is_that_of_the_next_power_up)
+TEST_WITH(a_stored_node_id_is_that_of_the_next_power_up, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    assert_true(select_node(&bench, address_4));
-    ask(&bench, "11 07 00 00 00 00 00 00", "11 00 00 00 00 00 00 00");
-    ask(&bench, "17 00 00 00 00 00 00 00", "17 00 00 00 00 00 00 00");
-    nmt(&bench, CIA402_NMT_RESET_NODE, 4);
-    bench_ticks(&bench, 3);
-    assert_int_equal(device_type(&bench, 7), 0xffff0192);
-    say_unanswered(&bench, "5E 00 00 00 00 00 00 00"); /* and it waits again */
-    bench_stop(&bench);
+    assert_true(select_node(bench, address_4));
+    ask(bench, "11 07 00 00 00 00 00 00", "11 00 00 00 00 00 00 00");
+    ask(bench, "17 00 00 00 00 00 00 00", "17 00 00 00 00 00 00 00");
+    nmt(bench, CIA402_NMT_RESET_NODE, 4);
+    bench_ticks(bench, 3);
+    assert_int_equal(device_type(bench, 7), 0xffff0192);
+    say_unanswered(bench, "5E 00 00 00 00 00 00 00"); /* and it waits again */
 }
 
-TEST(other_bit_rates_are_refused)
+TEST_WITH(other_bit_rates_are_refused, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    assert_true(select_node(&bench, address_4));
-    ask(&bench, "13 00 00 00 00 00 00 00", "13 01 00 00 00 00 00 00");
-    say_unanswered(&bench, "15 0A 00 00 00 00 00 00");
-    assert_int_equal(device_type(&bench, 4), 0xffff0192);
-    assert_int_equal(bench_counters(&bench).unknown + bench_counters(&bench).malformed, 0);
-    bench_stop(&bench);
+    assert_true(select_node(bench, address_4));
+    ask(bench, "13 00 00 00 00 00 00 00", "13 01 00 00 00 00 00 00");
+    say_unanswered(bench, "15 0A 00 00 00 00 00 00");
+    assert_int_equal(device_type(bench, 4), 0xffff0192);
+    assert_int_equal(bench_counters(bench).unknown + bench_counters(bench).malformed, 0);
 }
 
 /* ---- nodes without a Node-ID ---- */
@@ -197,58 +185,54 @@ static void unname(struct board_bench *bench, const uint32_t address[4], unsigne
     bench_tick(bench);
 }
 
-TEST(a_node_without_a_node_id_does_nothing_but_lss)
+TEST_WITH(a_node_without_a_node_id_does_nothing_but_lss, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
     WRITE(0x1017, 0, 2, 10);
-    unname(&bench, address_4, 4);
-    nmt(&bench, CIA402_NMT_START, 0);
+    unname(bench, address_4, 4);
+    nmt(bench, CIA402_NMT_START, 0);
     for (int ms = 0; ms < 50; ms++) {
-        bench_send(&bench, 0, CIA402_SYNC, "");
-        bench_tick(&bench);
-        assert_int_equal(bench_sent(&bench, 0, 0x704) + bench_sent(&bench, 0, 0x084), 0);
+        bench_send(bench, 0, CIA402_SYNC, "");
+        bench_tick(bench);
+        assert_int_equal(bench_sent(bench, 0, 0x704) + bench_sent(bench, 0, 0x084), 0);
     }
-    assert_int_equal(device_type(&bench, 4), UINT32_MAX);
-    assert_true(select_node(&bench, address_4));
-    ask(&bench, "5E 00 00 00 00 00 00 00", "5E FF 00 00 00 00 00 00");
+    assert_int_equal(device_type(bench, 4), UINT32_MAX);
+    assert_true(select_node(bench, address_4));
+    ask(bench, "5E 00 00 00 00 00 00 00", "5E FF 00 00 00 00 00 00");
 
     /* with the end of the configuration it boots, of itself */
-    ask(&bench, "11 04 00 00 00 00 00 00", "11 00 00 00 00 00 00 00");
-    assert_int_equal(device_type(&bench, 4), UINT32_MAX);
-    say_unanswered(&bench, "04 00 00 00 00 00 00 00");
-    bench_expect(&bench, 0, 0x704, "00");
-    assert_int_equal(device_type(&bench, 4), 0xffff0192);
-    bench_stop(&bench);
+    ask(bench, "11 04 00 00 00 00 00 00", "11 00 00 00 00 00 00 00");
+    assert_int_equal(device_type(bench, 4), UINT32_MAX);
+    say_unanswered(bench, "04 00 00 00 00 00 00 00");
+    bench_expect(bench, 0, 0x704, "00");
+    assert_int_equal(device_type(bench, 4), 0xffff0192);
 }
 
 /* Two nodes change places, which needs a third Node-ID; an address that was taken meanwhile leaves
  * its old owner without one. */
-TEST(a_node_id_belongs_to_one_node)
+TEST_WITH(a_node_id_belongs_to_one_node, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    assert_true(select_node(&bench, address_4));
-    ask(&bench, "11 05 00 00 00 00 00 00", "11 00 00 00 00 00 00 00");
-    nmt(&bench, CIA402_NMT_RESET_COMMUNICATION, 4);
-    bench_tick(&bench);
-    assert_true(select_node(&bench, address_20));
-    ask(&bench, "11 04 00 00 00 00 00 00", "11 00 00 00 00 00 00 00");
-    nmt(&bench, CIA402_NMT_RESET_COMMUNICATION, 20);
-    bench_tick(&bench);
-    assert_int_equal(sdo_read(&bench, 0, 5, 0x1018, 4), 4);
-    assert_int_equal(sdo_read(&bench, 0, 4, 0x1018, 4), 20);
+    assert_true(select_node(bench, address_4));
+    ask(bench, "11 05 00 00 00 00 00 00", "11 00 00 00 00 00 00 00");
+    nmt(bench, CIA402_NMT_RESET_COMMUNICATION, 4);
+    bench_tick(bench);
+    assert_true(select_node(bench, address_20));
+    ask(bench, "11 04 00 00 00 00 00 00", "11 00 00 00 00 00 00 00");
+    nmt(bench, CIA402_NMT_RESET_COMMUNICATION, 20);
+    bench_tick(bench);
+    assert_int_equal(sdo_read(bench, 0, 5, 0x1018, 4), 4);
+    assert_int_equal(sdo_read(bench, 0, 4, 0x1018, 4), 20);
 
     /* node 4 of the rig comes up with what it has stored, 4, which is node 20's now */
-    nmt(&bench, CIA402_NMT_RESET_NODE, 5);
-    bench_ticks(&bench, 3);
-    assert_int_equal(device_type(&bench, 5), UINT32_MAX);
-    assert_int_equal(sdo_read(&bench, 0, 4, 0x1018, 4), 20);
-    assert_true(select_node(&bench, address_4));
-    ask(&bench, "5E 00 00 00 00 00 00 00", "5E FF 00 00 00 00 00 00");
-    bench_stop(&bench);
+    nmt(bench, CIA402_NMT_RESET_NODE, 5);
+    bench_ticks(bench, 3);
+    assert_int_equal(device_type(bench, 5), UINT32_MAX);
+    assert_int_equal(sdo_read(bench, 0, 4, 0x1018, 4), 20);
+    assert_true(select_node(bench, address_4));
+    ask(bench, "5E 00 00 00 00 00 00 00", "5E FF 00 00 00 00 00 00");
 }
 
 /* ---- fastscan ---- */
@@ -289,43 +273,39 @@ static bool find_node(struct board_bench *bench, uint32_t address[4])
     return true;
 }
 
-TEST(a_master_finds_every_node_without_a_node_id)
+TEST_WITH(a_master_finds_every_node_without_a_node_id, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
     uint32_t found[4];
 
-    start(&bench);
-    assert_false(find_node(&bench, found)); /* all have one */
-    unname(&bench, address_20, 20);
-    unname(&bench, address_4, 4);
-    assert_true(find_node(&bench, found));
+    assert_false(find_node(bench, found)); /* all have one */
+    unname(bench, address_20, 20);
+    unname(bench, address_4, 4);
+    assert_true(find_node(bench, found));
     assert_memory_equal(found, address_4, sizeof found);
-    ask(&bench, "11 09 00 00 00 00 00 00", "11 00 00 00 00 00 00 00");
-    say_unanswered(&bench, "04 00 00 00 00 00 00 00");
-    assert_int_equal(device_type(&bench, 9), 0xffff0192);
+    ask(bench, "11 09 00 00 00 00 00 00", "11 00 00 00 00 00 00 00");
+    say_unanswered(bench, "04 00 00 00 00 00 00 00");
+    assert_int_equal(device_type(bench, 9), 0xffff0192);
 
-    assert_true(find_node(&bench, found));
+    assert_true(find_node(bench, found));
     assert_memory_equal(found, address_20, sizeof found);
-    ask(&bench, "11 0A 00 00 00 00 00 00", "11 00 00 00 00 00 00 00");
-    say_unanswered(&bench, "04 00 00 00 00 00 00 00");
-    assert_int_equal(device_type(&bench, 10), 0x20192); /* of one axis */
-    assert_false(find_node(&bench, found));
-    bench_stop(&bench);
+    ask(bench, "11 0A 00 00 00 00 00 00", "11 00 00 00 00 00 00 00");
+    say_unanswered(bench, "04 00 00 00 00 00 00 00");
+    assert_int_equal(device_type(bench, 10), 0x20192); /* of one axis */
+    assert_false(find_node(bench, found));
 }
 
-TEST(a_scan_out_of_order_finds_nothing)
+TEST_WITH(a_scan_out_of_order_finds_nothing, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    unname(&bench, address_4, 4);
-    assert_true(scan(&bench, 0, 0x80, 0, 0));
-    assert_false(scan(&bench, address_4[1], 0, 1, 2)); /* the vendor comes first */
-    assert_false(scan(&bench, 0, 32, 0, 0));           /* no such bit */
-    assert_false(scan(&bench, 0, 31, 4, 0));           /* no such part */
-    assert_false(scan(&bench, 0, 31, 0, 4));
-    assert_true(scan(&bench, 0, 0, 0, 1));
-    assert_true(scan(&bench, address_4[1], 0, 1, 2));
-    say_unanswered(&bench, "5E 00 00 00 00 00 00 00");
-    bench_stop(&bench);
+    unname(bench, address_4, 4);
+    assert_true(scan(bench, 0, 0x80, 0, 0));
+    assert_false(scan(bench, address_4[1], 0, 1, 2)); /* the vendor comes first */
+    assert_false(scan(bench, 0, 32, 0, 0));           /* no such bit */
+    assert_false(scan(bench, 0, 31, 4, 0));           /* no such part */
+    assert_false(scan(bench, 0, 31, 0, 4));
+    assert_true(scan(bench, 0, 0, 0, 1));
+    assert_true(scan(bench, address_4[1], 0, 1, 2));
+    say_unanswered(bench, "5E 00 00 00 00 00 00 00");
 }

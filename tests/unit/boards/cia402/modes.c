@@ -17,30 +17,28 @@ static int ticks_until(struct motor *motor, unsigned bit, int most)
 /* ---- profile position ---- */
 
 /* d = 1 rad, v = 1 rad/s, a = 10 rad/s2: v/a + d/v = 1.1 s */
-TEST(a_profile_takes_the_time_of_its_trapezoid)
+TEST_WITH(a_profile_takes_the_time_of_its_trapezoid, NULL, motor_tear_down)
 {
-    struct motor motor;
     double most = 0.0;
     int reached;
 
-    enable(&motor, 1);
-    put(&motor, 0x607a, 0, 4, 100000);
-    put(&motor, 0x6040, 0, 2, 0x1f);
-    assert_true(get(&motor, 0x6041) & 0x1000); /* acknowledged */
-    put(&motor, 0x6040, 0, 2, 0x0f);
-    assert_false(get(&motor, 0x6041) & 0x1400);
+    enable(&the_motor, 1);
+    put(&the_motor, 0x607a, 0, 4, 100000);
+    put(&the_motor, 0x6040, 0, 2, 0x1f);
+    assert_true(get(&the_motor, 0x6041) & 0x1000); /* acknowledged */
+    put(&the_motor, 0x6040, 0, 2, 0x0f);
+    assert_false(get(&the_motor, 0x6041) & 0x1400);
     for (int t = 0; t < 500; t++) {
-        turn(&motor, 1);
-        most = fmax(most, motor.velocity);
+        turn(&the_motor, 1);
+        most = fmax(most, the_motor.velocity);
     }
     assert_near(most, 1.0, 0.05); /* twice the lag of 10 rad/s2 over half the time constant */
-    assert_near(motor.angle, 0.45, 0.03);
-    reached = 504 + ticks_until(&motor, 0x400, 1000);
+    assert_near(the_motor.angle, 0.45, 0.03);
+    reached = 504 + ticks_until(&the_motor, 0x400, 1000);
     assert_near((double)reached, 1100.0, 40.0); /* within 10 mrad of the goal */
-    turn(&motor, 200);
-    assert_near(motor.angle, 1.0, 1e-3);
-    assert_near((double)get(&motor, 0x6064), 100000.0, 100.0);
-    bench_stop(&motor.bench);
+    turn(&the_motor, 200);
+    assert_near(the_motor.angle, 1.0, 1e-3);
+    assert_near((double)get(&the_motor, 0x6064), 100000.0, 100.0);
 }
 
 TEST(a_second_set_point_waits_or_is_taken_at_once)
@@ -68,241 +66,213 @@ TEST(a_second_set_point_waits_or_is_taken_at_once)
     }
 }
 
-TEST(relative_goals_halt_and_limits)
+TEST_WITH(relative_goals_halt_and_limits, NULL, motor_tear_down)
 {
-    struct motor motor;
-
-    enable(&motor, 1);
+    enable(&the_motor, 1);
     for (int i = 0; i < 2; i++) {
-        put(&motor, 0x607a, 0, 4, 30000);
-        put(&motor, 0x6040, 0, 2, 0x5f);
-        put(&motor, 0x6040, 0, 2, 0x4f);
-        turn(&motor, 600);
+        put(&the_motor, 0x607a, 0, 4, 30000);
+        put(&the_motor, 0x6040, 0, 2, 0x5f);
+        put(&the_motor, 0x6040, 0, 2, 0x4f);
+        turn(&the_motor, 600);
     }
-    assert_near(motor.angle, 0.6, 2e-3);
+    assert_near(the_motor.angle, 0.6, 2e-3);
 
     /* a halt in the middle, and on */
-    put(&motor, 0x607a, 0, 4, 120000);
-    put(&motor, 0x6040, 0, 2, 0x1f);
-    turn(&motor, 200);
-    put(&motor, 0x6040, 0, 2, 0x11f);
-    turn(&motor, 300);
-    assert_near(motor.velocity, 0.0, 5e-3);
-    assert_true(motor.angle > 0.7 && motor.angle < 1.0);
-    assert_true(get(&motor, 0x6041) & 0x400);
-    put(&motor, 0x6040, 0, 2, 0x1f);
-    turn(&motor, 1000);
-    assert_near(motor.angle, 1.2, 2e-3);
+    put(&the_motor, 0x607a, 0, 4, 120000);
+    put(&the_motor, 0x6040, 0, 2, 0x1f);
+    turn(&the_motor, 200);
+    put(&the_motor, 0x6040, 0, 2, 0x11f);
+    turn(&the_motor, 300);
+    assert_near(the_motor.velocity, 0.0, 5e-3);
+    assert_true(the_motor.angle > 0.7 && the_motor.angle < 1.0);
+    assert_true(get(&the_motor, 0x6041) & 0x400);
+    put(&the_motor, 0x6040, 0, 2, 0x1f);
+    turn(&the_motor, 1000);
+    assert_near(the_motor.angle, 1.2, 2e-3);
 
     /* the software limit of 2.5 rad */
-    put(&motor, 0x6040, 0, 2, 0x0f);
-    put(&motor, 0x607a, 0, 4, 400000);
-    put(&motor, 0x6040, 0, 2, 0x1f);
-    turn(&motor, 2500);
-    assert_near(motor.angle, 2.5, 3e-3);
-    assert_true(get(&motor, 0x6041) & 0x800);
-    bench_stop(&motor.bench);
+    put(&the_motor, 0x6040, 0, 2, 0x0f);
+    put(&the_motor, 0x607a, 0, 4, 400000);
+    put(&the_motor, 0x6040, 0, 2, 0x1f);
+    turn(&the_motor, 2500);
+    assert_near(the_motor.angle, 2.5, 3e-3);
+    assert_true(get(&the_motor, 0x6041) & 0x800);
 }
 
-TEST(a_following_error_is_a_fault)
+TEST_WITH(a_following_error_is_a_fault, NULL, motor_tear_down)
 {
-    struct motor motor;
-
-    enable(&motor, 1);
-    put(&motor, 0x6065, 0, 4, 5000);
-    put(&motor, 0x6066, 0, 2, 20);
-    motor.jammed = true;
-    put(&motor, 0x607a, 0, 4, 100000);
-    put(&motor, 0x6040, 0, 2, 0x1f);
-    turn(&motor, 500);
-    assert_int_equal(get(&motor, 0x603f) & 0xffff, 0x8611);
-    assert_int_equal(get(&motor, 0x6041) & 0x4f, 0x08);
-    bench_stop(&motor.bench);
+    enable(&the_motor, 1);
+    put(&the_motor, 0x6065, 0, 4, 5000);
+    put(&the_motor, 0x6066, 0, 2, 20);
+    the_motor.jammed = true;
+    put(&the_motor, 0x607a, 0, 4, 100000);
+    put(&the_motor, 0x6040, 0, 2, 0x1f);
+    turn(&the_motor, 500);
+    assert_int_equal(get(&the_motor, 0x603f) & 0xffff, 0x8611);
+    assert_int_equal(get(&the_motor, 0x6041) & 0x4f, 0x08);
 }
 
 /* ---- velocity ---- */
 
-TEST(profile_velocity_ramps_and_carries_a_load)
+TEST_WITH(profile_velocity_ramps_and_carries_a_load, NULL, motor_tear_down)
 {
-    struct motor motor;
-
-    enable(&motor, 3);
-    put(&motor, 0x6083, 0, 4, 500000);
-    put(&motor, 0x60ff, 0, 4, 200000); /* 2 rad/s at 5 rad/s2: 0.4 s */
-    turn(&motor, 200);
-    assert_near(motor.velocity, 1.0, 0.03);
-    turn(&motor, 220);
-    assert_near(motor.velocity, 2.0, 0.02);
-    assert_true(get(&motor, 0x6041) & 0x400);
-    motor.load_nm = 20.0;
-    turn(&motor, 300);
-    assert_near(motor.velocity, 2.0, 0.01);
-    motor.load_nm = 0.0;
-    put(&motor, 0x6040, 0, 2, 0x10f); /* halt: 10 rad/s2 */
-    turn(&motor, 260);
-    assert_near(motor.velocity, 0.0, 0.01);
-    assert_true(get(&motor, 0x6041) & 0x1000); /* stands */
-    bench_stop(&motor.bench);
+    enable(&the_motor, 3);
+    put(&the_motor, 0x6083, 0, 4, 500000);
+    put(&the_motor, 0x60ff, 0, 4, 200000); /* 2 rad/s at 5 rad/s2: 0.4 s */
+    turn(&the_motor, 200);
+    assert_near(the_motor.velocity, 1.0, 0.03);
+    turn(&the_motor, 220);
+    assert_near(the_motor.velocity, 2.0, 0.02);
+    assert_true(get(&the_motor, 0x6041) & 0x400);
+    the_motor.load_nm = 20.0;
+    turn(&the_motor, 300);
+    assert_near(the_motor.velocity, 2.0, 0.01);
+    the_motor.load_nm = 0.0;
+    put(&the_motor, 0x6040, 0, 2, 0x10f); /* halt: 10 rad/s2 */
+    turn(&the_motor, 260);
+    assert_near(the_motor.velocity, 0.0, 0.01);
+    assert_true(get(&the_motor, 0x6041) & 0x1000); /* stands */
 }
 
-TEST(cyclic_velocity_follows_at_once_with_its_offset)
+TEST_WITH(cyclic_velocity_follows_at_once_with_its_offset, NULL, motor_tear_down)
 {
-    struct motor motor;
-
-    enable(&motor, 9);
-    put(&motor, 0x60b1, 0, 4, 10000);
+    enable(&the_motor, 9);
+    put(&the_motor, 0x60b1, 0, 4, 10000);
     for (int i = 0; i < 4; i++) {
-        put(&motor, 0x60ff, 0, 4, 40000);
-        turn(&motor, 10);
-        assert_near(motor.velocity, 0.5, 0.05);
-        turn(&motor, 20);
-        assert_true(get(&motor, 0x6041) & 0x1000); /* follows the command */
+        put(&the_motor, 0x60ff, 0, 4, 40000);
+        turn(&the_motor, 10);
+        assert_near(the_motor.velocity, 0.5, 0.05);
+        turn(&the_motor, 20);
+        assert_true(get(&the_motor, 0x6041) & 0x1000); /* follows the command */
     }
-    assert_near(motor.velocity, 0.5, 0.005);
-    turn(&motor, 100); /* the command is old: only the offset is left */
-    assert_near(motor.velocity, 0.1, 0.01);
-    assert_int_equal(get(&motor, 0x6041) & 0x1080, 0x80);
-    bench_stop(&motor.bench);
+    assert_near(the_motor.velocity, 0.5, 0.005);
+    turn(&the_motor, 100); /* the command is old: only the offset is left */
+    assert_near(the_motor.velocity, 0.1, 0.01);
+    assert_int_equal(get(&the_motor, 0x6041) & 0x1080, 0x80);
 }
 
 /* A motor's own greatest speed bounds as the profile's does: 6080h is in revolutions a minute. */
-TEST(the_motor_s_speed_bounds_a_velocity)
+TEST_WITH(the_motor_s_speed_bounds_a_velocity, NULL, motor_tear_down)
 {
-    struct motor motor;
-
-    enable(&motor, 9);
-    put(&motor, 0x6080, 0, 4, 3); /* no gear on this bench: 0.314 rad/s */
+    enable(&the_motor, 9);
+    put(&the_motor, 0x6080, 0, 4, 3); /* no gear on this bench: 0.314 rad/s */
     for (int i = 0; i < 10; i++) {
-        put(&motor, 0x60ff, 0, 4, 100000);
-        turn(&motor, 40);
+        put(&the_motor, 0x60ff, 0, 4, 100000);
+        turn(&the_motor, 40);
     }
-    assert_near(motor.velocity, 0.314, 0.01);
-    assert_true(get(&motor, 0x6041) & 0x800);
-    bench_stop(&motor.bench);
+    assert_near(the_motor.velocity, 0.314, 0.01);
+    assert_true(get(&the_motor, 0x6041) & 0x800);
 }
 
 /* ---- cyclic position ---- */
 
-TEST(cyclic_position_follows_a_sine)
+TEST_WITH(cyclic_position_follows_a_sine, NULL, motor_tear_down)
 {
-    struct motor motor;
     double worst = 0.0;
 
-    enable(&motor, 8);
-    put(&motor, 0x60c2, 1, 1, 2); /* a set-point every 2 ms */
+    enable(&the_motor, 8);
+    put(&the_motor, 0x60c2, 1, 1, 2); /* a set-point every 2 ms */
     for (int t = 0; t < 1000; t++) {
         double wanted = 0.3 * (1.0 - cos(2.0 * M_PI * 2e-3 * t));
 
-        put(&motor, 0x607a, 0, 4, lrint(wanted * 1e5));
-        turn(&motor, 1);
-        worst = fmax(worst, fabs(motor.angle - wanted));
+        put(&the_motor, 0x607a, 0, 4, lrint(wanted * 1e5));
+        turn(&the_motor, 1);
+        worst = fmax(worst, fabs(the_motor.angle - wanted));
     }
     assert_true(worst < 0.012); /* 1.9 rad/s: 6 ms */
-    bench_stop(&motor.bench);
 }
 
 /* What sways on the motor at 1 Hz must lose work to it, or it grows; a load is taken over */
-TEST(a_held_position_damps_what_sways)
+TEST_WITH(a_held_position_damps_what_sways, NULL, motor_tear_down)
 {
-    struct motor motor;
     double taken_j = 0.0;
 
-    enable(&motor, 8);
+    enable(&the_motor, 8);
     for (int t = 0; t < 10000; t++) {
-        motor.load_nm = 10.0 * sin(2.0 * M_PI * t * 1e-3);
-        turn(&motor, 1);
-        taken_j += t < 5000 ? 0.0 : -motor.load_nm * motor.velocity * 1e-3;
+        the_motor.load_nm = 10.0 * sin(2.0 * M_PI * t * 1e-3);
+        turn(&the_motor, 1);
+        taken_j += t < 5000 ? 0.0 : -the_motor.load_nm * the_motor.velocity * 1e-3;
     }
     /* Torque over speed is z = 2 b - 40 b / w^2 - j (81 b / w - J w) with b = Kw^2 / R; the work of
      * five cycles is 5/2 (10 / |z|)^2 Re z */
     assert_near(taken_j, 0.0586, 0.006);
-    motor.load_nm = 20.0;
-    turn(&motor, 10000);
-    assert_near(motor.angle, 0.0, 1e-3);
-    bench_stop(&motor.bench);
+    the_motor.load_nm = 20.0;
+    turn(&the_motor, 10000);
+    assert_near(the_motor.angle, 0.0, 1e-3);
 }
 
-TEST(a_stale_cyclic_position_is_approached_slowly)
+TEST_WITH(a_stale_cyclic_position_is_approached_slowly, NULL, motor_tear_down)
 {
-    struct motor motor;
-
-    enable(&motor, 8);
-    put(&motor, 0x607f, 0, 4, 50000); /* 0.5 rad/s */
-    put(&motor, 0x607a, 0, 4, 100000);
-    turn(&motor, 1000);
-    assert_near(motor.angle, 0.5, 0.03);
-    turn(&motor, 1200);
-    assert_near(motor.angle, 1.0, 1e-3);
-    bench_stop(&motor.bench);
+    enable(&the_motor, 8);
+    put(&the_motor, 0x607f, 0, 4, 50000); /* 0.5 rad/s */
+    put(&the_motor, 0x607a, 0, 4, 100000);
+    turn(&the_motor, 1000);
+    assert_near(the_motor.angle, 0.5, 0.03);
+    turn(&the_motor, 1200);
+    assert_near(the_motor.angle, 1.0, 1e-3);
 }
 
 /* A cyclic axis moves to targets alone that came since it was switched off: not to 0, not to an old
  * one, not to the way of a relative move. */
-TEST(a_cyclic_axis_without_a_target_holds_its_place)
+TEST_WITH(a_cyclic_axis_without_a_target_holds_its_place, NULL, motor_tear_down)
 {
-    struct motor motor;
-
-    memset(&motor, 0, sizeof motor);
-    configure(&motor.bench);
-    motor.angle = motor.bench.sense[0].q = motor.bench.sense[0].qm = 0.4;
-    start_motor(&motor, 8);
-    turn(&motor, 300);
-    assert_near(motor.angle, 0.4, 1e-3);
-    assert_near((double)get(&motor, 0x6062), 40000.0, 100.0);
-    put(&motor, 0x607a, 0, 4, 60000);
-    turn(&motor, 500);
-    assert_near(motor.angle, 0.6, 1e-3);
+    memset(&the_motor, 0, sizeof the_motor);
+    configure(&the_motor.bench);
+    the_motor.angle = the_motor.bench.sense[0].q = the_motor.bench.sense[0].qm = 0.4;
+    start_motor(&the_motor, 8);
+    turn(&the_motor, 300);
+    assert_near(the_motor.angle, 0.4, 1e-3);
+    assert_near((double)get(&the_motor, 0x6062), 40000.0, 100.0);
+    put(&the_motor, 0x607a, 0, 4, 60000);
+    turn(&the_motor, 500);
+    assert_near(the_motor.angle, 0.6, 1e-3);
 
     /* Off, moved by hand, on again */
-    put(&motor, 0x6040, 0, 2, 0x06);
-    motor.angle = 0.1;
-    motor.velocity = 0.0;
-    turn(&motor, 20);
-    put(&motor, 0x6040, 0, 2, 0x07);
-    put(&motor, 0x6040, 0, 2, 0x0f);
-    turn(&motor, 300);
-    assert_near(motor.angle, 0.1, 2e-3);
+    put(&the_motor, 0x6040, 0, 2, 0x06);
+    the_motor.angle = 0.1;
+    the_motor.velocity = 0.0;
+    turn(&the_motor, 20);
+    put(&the_motor, 0x6040, 0, 2, 0x07);
+    put(&the_motor, 0x6040, 0, 2, 0x0f);
+    turn(&the_motor, 300);
+    assert_near(the_motor.angle, 0.1, 2e-3);
 
     /* A quick stop ends the target, too; so does another mode */
-    put(&motor, 0x605a, 0, 2, 6);
-    put(&motor, 0x607a, 0, 4, 90000);
-    put(&motor, 0x6040, 0, 2, 0x02);
-    turn(&motor, 300);
-    put(&motor, 0x6040, 0, 2, 0x0f);
-    turn(&motor, 300);
-    assert_true(motor.angle < 0.3);
-    put(&motor, 0x6060, 0, 1, 1);
-    put(&motor, 0x607a, 0, 4, 20000);
-    put(&motor, 0x6040, 0, 2, 0x5f); /* relative */
-    turn(&motor, 1000);
-    put(&motor, 0x6060, 0, 1, 8);
+    put(&the_motor, 0x605a, 0, 2, 6);
+    put(&the_motor, 0x607a, 0, 4, 90000);
+    put(&the_motor, 0x6040, 0, 2, 0x02);
+    turn(&the_motor, 300);
+    put(&the_motor, 0x6040, 0, 2, 0x0f);
+    turn(&the_motor, 300);
+    assert_true(the_motor.angle < 0.3);
+    put(&the_motor, 0x6060, 0, 1, 1);
+    put(&the_motor, 0x607a, 0, 4, 20000);
+    put(&the_motor, 0x6040, 0, 2, 0x5f); /* relative */
+    turn(&the_motor, 1000);
+    put(&the_motor, 0x6060, 0, 1, 8);
     {
-        const double before = motor.angle;
+        const double before = the_motor.angle;
 
-        turn(&motor, 300);
-        assert_near(motor.angle, before, 2e-3);
+        turn(&the_motor, 300);
+        assert_near(the_motor.angle, before, 2e-3);
     }
-    bench_stop(&motor.bench);
 }
 
 /* A target that is written before the axis is switched on counts. */
-TEST(a_cyclic_target_may_come_before_the_axis_is_on)
+TEST_WITH(a_cyclic_target_may_come_before_the_axis_is_on, NULL, motor_tear_down)
 {
-    struct motor motor;
-
-    memset(&motor, 0, sizeof motor);
-    configure(&motor.bench);
-    bench_start(&motor.bench);
-    turn(&motor, 1);
-    put(&motor, 0x607a, 0, 4, 30000);
-    put(&motor, 0x6060, 0, 1, 8);
-    turn(&motor, 5);
+    memset(&the_motor, 0, sizeof the_motor);
+    configure(&the_motor.bench);
+    bench_start(&the_motor.bench);
+    turn(&the_motor, 1);
+    put(&the_motor, 0x607a, 0, 4, 30000);
+    put(&the_motor, 0x6060, 0, 1, 8);
+    turn(&the_motor, 5);
     for (int word = 6; word <= 0x0f; word += word == 6 ? 1 : 8) {
-        put(&motor, 0x6040, 0, 2, word);
+        put(&the_motor, 0x6040, 0, 2, word);
     }
-    turn(&motor, 500);
-    assert_near(motor.angle, 0.3, 1e-3);
-    bench_stop(&motor.bench);
+    turn(&the_motor, 500);
+    assert_near(the_motor.angle, 0.3, 1e-3);
 }
 
 /* ---- torque and voltage ---- */
@@ -340,24 +310,21 @@ TEST(torque_follows_its_slope_and_the_cyclic_one_at_once)
     }
 }
 
-TEST(voltage_mode_is_the_bridge_and_leads_back_beyond_limits)
+TEST_WITH(voltage_mode_is_the_bridge_and_leads_back_beyond_limits, NULL, motor_tear_down)
 {
-    struct motor motor;
-
-    enable(&motor, -1);
-    put(&motor, 0x4000, 0, 2, 2500); /* 5 V */
-    assert_near(motor.bench.motor[0].voltage_v, 5.0, 1e-12);
-    assert_int_equal(get(&motor, 0x4001), 2500);
-    motor.angle = 2.6; /* beyond 2.5 rad */
-    turn(&motor, 2);
-    assert_near(motor.bench.motor[0].voltage_v, 0.0, 1e-12);
-    put(&motor, 0x4000, 0, 2, -2500);
-    assert_near(motor.bench.motor[0].voltage_v, -5.0, 1e-12);
-    put(&motor, 0x4000, 0, 2, -32768);
-    assert_near(motor.bench.motor[0].voltage_v, -SUPPLY_V, 1e-12);
-    turn(&motor, 60); /* time-out */
-    assert_near(motor.bench.motor[0].voltage_v, 0.0, 1e-12);
-    bench_stop(&motor.bench);
+    enable(&the_motor, -1);
+    put(&the_motor, 0x4000, 0, 2, 2500); /* 5 V */
+    assert_near(the_motor.bench.motor[0].voltage_v, 5.0, 1e-12);
+    assert_int_equal(get(&the_motor, 0x4001), 2500);
+    the_motor.angle = 2.6; /* beyond 2.5 rad */
+    turn(&the_motor, 2);
+    assert_near(the_motor.bench.motor[0].voltage_v, 0.0, 1e-12);
+    put(&the_motor, 0x4000, 0, 2, -2500);
+    assert_near(the_motor.bench.motor[0].voltage_v, -5.0, 1e-12);
+    put(&the_motor, 0x4000, 0, 2, -32768);
+    assert_near(the_motor.bench.motor[0].voltage_v, -SUPPLY_V, 1e-12);
+    turn(&the_motor, 60); /* time-out */
+    assert_near(the_motor.bench.motor[0].voltage_v, 0.0, 1e-12);
 }
 
 /* ---- homing ---- */
@@ -385,32 +352,27 @@ TEST(homing_takes_the_present_position)
     }
 }
 
-TEST(homing_without_a_method_is_an_error)
+TEST_WITH(homing_without_a_method_is_an_error, NULL, motor_tear_down)
 {
-    struct motor motor;
-
-    enable(&motor, 6);
-    put(&motor, 0x6098, 0, 1, 0);
-    put(&motor, 0x6040, 0, 2, 0x1f);
-    assert_int_equal(get(&motor, 0x6041) & 0x3000, 0x2000);
-    bench_stop(&motor.bench);
+    enable(&the_motor, 6);
+    put(&the_motor, 0x6098, 0, 1, 0);
+    put(&the_motor, 0x6040, 0, 2, 0x1f);
+    assert_int_equal(get(&the_motor, 0x6041) & 0x3000, 0x2000);
 }
 
-TEST(a_mode_change_while_enabled_does_not_jump)
+TEST_WITH(a_mode_change_while_enabled_does_not_jump, NULL, motor_tear_down)
 {
     static const int modes[] = {1, 8, 9, 10, 4, 3, 6, 0, 1};
-    struct motor motor;
 
-    enable(&motor, 1);
-    put(&motor, 0x607a, 0, 4, 20000);
-    put(&motor, 0x6040, 0, 2, 0x1f);
-    turn(&motor, 800);
+    enable(&the_motor, 1);
+    put(&the_motor, 0x607a, 0, 4, 20000);
+    put(&the_motor, 0x6040, 0, 2, 0x1f);
+    turn(&the_motor, 800);
     for (size_t i = 0; i < sizeof modes / sizeof *modes; i++) {
-        put(&motor, 0x60ff, 0, 4, 0);
-        put(&motor, 0x6060, 0, 1, modes[i]);
-        turn(&motor, 100);
-        assert_int_equal(get(&motor, 0x6061) & 0xff, modes[i]);
-        assert_near(motor.angle, 0.2, 3e-3);
+        put(&the_motor, 0x60ff, 0, 4, 0);
+        put(&the_motor, 0x6060, 0, 1, modes[i]);
+        turn(&the_motor, 100);
+        assert_int_equal(get(&the_motor, 0x6061) & 0xff, modes[i]);
+        assert_near(the_motor.angle, 0.2, 3e-3);
     }
-    bench_stop(&motor.bench);
 }

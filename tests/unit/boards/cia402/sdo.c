@@ -10,88 +10,80 @@
 
 /* ---- exchanges ---- */
 
-TEST(expedited_transfers_read_and_write)
+TEST_WITH(expedited_transfers_read_and_write, set_up, bench_tear_down)
 {
-    struct board_bench bench;
-
-    start(&bench);
+    struct board_bench *bench = *test_state;
 
     /* 4, 2 and 1 bytes up: n = 0, 2, 3 */
-    sdo(&bench, 4, "40 00 10 00 00 00 00 00", "43 00 10 00 92 01 FF FF");
-    sdo(&bench, 4, "40 17 10 00 00 00 00 00", "4B 17 10 00 00 00 00 00");
-    sdo(&bench, 4, "40 01 10 00 00 00 00 00", "4F 01 10 00 00 00 00 00");
-    sdo(&bench, 4, "40 18 10 00 00 00 00 00", "4F 18 10 00 04 00 00 00");
+    sdo(bench, 4, "40 00 10 00 00 00 00 00", "43 00 10 00 92 01 FF FF");
+    sdo(bench, 4, "40 17 10 00 00 00 00 00", "4B 17 10 00 00 00 00 00");
+    sdo(bench, 4, "40 01 10 00 00 00 00 00", "4F 01 10 00 00 00 00 00");
+    sdo(bench, 4, "40 18 10 00 00 00 00 00", "4F 18 10 00 04 00 00 00");
 
     /* down, with a size and without */
-    sdo(&bench, 4, "2B 17 10 00 E8 03 00 00", "60 17 10 00 00 00 00 00");
-    sdo(&bench, 4, "40 17 10 00 00 00 00 00", "4B 17 10 00 E8 03 00 00");
-    sdo(&bench, 4, "22 17 10 00 0A 00 00 00", "60 17 10 00 00 00 00 00");
-    sdo(&bench, 4, "40 17 10 00 00 00 00 00", "4B 17 10 00 0A 00 00 00");
-    sdo(&bench, 4, "23 81 60 00 40 0D 03 00", "60 81 60 00 00 00 00 00");
-    sdo(&bench, 4, "40 81 60 00 00 00 00 00", "43 81 60 00 40 0D 03 00");
+    sdo(bench, 4, "2B 17 10 00 E8 03 00 00", "60 17 10 00 00 00 00 00");
+    sdo(bench, 4, "40 17 10 00 00 00 00 00", "4B 17 10 00 E8 03 00 00");
+    sdo(bench, 4, "22 17 10 00 0A 00 00 00", "60 17 10 00 00 00 00 00");
+    sdo(bench, 4, "40 17 10 00 00 00 00 00", "4B 17 10 00 0A 00 00 00");
+    sdo(bench, 4, "23 81 60 00 40 0D 03 00", "60 81 60 00 00 00 00 00");
+    sdo(bench, 4, "40 81 60 00 00 00 00 00", "43 81 60 00 40 0D 03 00");
 
     /* the second axis is another one, and so is another node */
-    sdo(&bench, 4, "40 81 68 00 00 00 00 00", "43 81 68 00 A0 86 01 00");
-    sdo(&bench, 20, "40 81 60 00 00 00 00 00", "43 81 60 00 A0 86 01 00");
-    sdo(&bench, 31, "40 00 10 00 00 00 00 00", "43 00 10 00 94 01 02 00");
+    sdo(bench, 4, "40 81 68 00 00 00 00 00", "43 81 68 00 A0 86 01 00");
+    sdo(bench, 20, "40 81 60 00 00 00 00 00", "43 81 60 00 A0 86 01 00");
+    sdo(bench, 31, "40 00 10 00 00 00 00 00", "43 00 10 00 94 01 02 00");
 
     /* signed values */
-    sdo(&bench, 4, "2F 60 60 00 FF 00 00 00", "60 60 60 00 00 00 00 00");
-    sdo(&bench, 4, "40 60 60 00 00 00 00 00", "4F 60 60 00 FF 00 00 00");
-    bench_stop(&bench);
+    sdo(bench, 4, "2F 60 60 00 FF 00 00 00", "60 60 60 00 00 00 00 00");
+    sdo(bench, 4, "40 60 60 00 00 00 00 00", "4F 60 60 00 FF 00 00 00");
 }
 
-TEST(segments_carry_what_is_longer)
+TEST_WITH(segments_carry_what_is_longer, set_up, bench_tear_down)
 {
-    struct board_bench bench;
-
-    start(&bench);
+    struct board_bench *bench = *test_state;
 
     /* "coman-hil drive" is 15 bytes: 7, 7 and 1 with n = 6, c = 1; t alternates from 0 */
-    sdo(&bench, 4, "40 08 10 00 00 00 00 00", "41 08 10 00 0F 00 00 00");
-    sdo(&bench, 4, "60 00 00 00 00 00 00 00", "00 63 6F 6D 61 6E 2D 68");
-    sdo(&bench, 4, "70 00 00 00 00 00 00 00", "10 69 6C 20 64 72 69 76");
-    sdo(&bench, 4, "60 00 00 00 00 00 00 00", "0D 65 00 00 00 00 00 00");
+    sdo(bench, 4, "40 08 10 00 00 00 00 00", "41 08 10 00 0F 00 00 00");
+    sdo(bench, 4, "60 00 00 00 00 00 00 00", "00 63 6F 6D 61 6E 2D 68");
+    sdo(bench, 4, "70 00 00 00 00 00 00 00", "10 69 6C 20 64 72 69 76");
+    sdo(bench, 4, "60 00 00 00 00 00 00 00", "0D 65 00 00 00 00 00 00");
 
     /* "abcdefghij" down: 10 bytes, 7 and 3 with n = 4 */
-    sdo(&bench, 4, "21 00 20 00 0A 00 00 00", "60 00 20 00 00 00 00 00");
-    sdo(&bench, 4, "00 61 62 63 64 65 66 67", "20 00 00 00 00 00 00 00");
-    sdo(&bench, 4, "19 68 69 6A 00 00 00 00", "30 00 00 00 00 00 00 00");
-    sdo(&bench, 4, "40 00 20 00 00 00 00 00", "41 00 20 00 0A 00 00 00");
-    sdo(&bench, 4, "60 00 00 00 00 00 00 00", "00 61 62 63 64 65 66 67");
-    sdo(&bench, 4, "70 00 00 00 00 00 00 00", "19 68 69 6A 00 00 00 00");
+    sdo(bench, 4, "21 00 20 00 0A 00 00 00", "60 00 20 00 00 00 00 00");
+    sdo(bench, 4, "00 61 62 63 64 65 66 67", "20 00 00 00 00 00 00 00");
+    sdo(bench, 4, "19 68 69 6A 00 00 00 00", "30 00 00 00 00 00 00 00");
+    sdo(bench, 4, "40 00 20 00 00 00 00 00", "41 00 20 00 0A 00 00 00");
+    sdo(bench, 4, "60 00 00 00 00 00 00 00", "00 61 62 63 64 65 66 67");
+    sdo(bench, 4, "70 00 00 00 00 00 00 00", "19 68 69 6A 00 00 00 00");
 
     /* a number may come in a segment, with a size or without; a short text in one go */
-    sdo(&bench, 4, "21 17 10 00 02 00 00 00", "60 17 10 00 00 00 00 00");
-    sdo(&bench, 4, "0B 34 12 00 00 00 00 00", "20 00 00 00 00 00 00 00");
-    sdo(&bench, 4, "40 17 10 00 00 00 00 00", "4B 17 10 00 34 12 00 00");
-    sdo(&bench, 4, "20 17 10 00 00 00 00 00", "60 17 10 00 00 00 00 00");
-    sdo(&bench, 4, "0B 00 00 00 00 00 00 00", "20 00 00 00 00 00 00 00");
-    sdo(&bench, 4, "40 17 10 00 00 00 00 00", "4B 17 10 00 00 00 00 00");
-    sdo(&bench, 4, "27 00 20 00 68 69 21 00", "60 00 20 00 00 00 00 00");
-    sdo(&bench, 4, "40 00 20 00 00 00 00 00", "47 00 20 00 68 69 21 00");
+    sdo(bench, 4, "21 17 10 00 02 00 00 00", "60 17 10 00 00 00 00 00");
+    sdo(bench, 4, "0B 34 12 00 00 00 00 00", "20 00 00 00 00 00 00 00");
+    sdo(bench, 4, "40 17 10 00 00 00 00 00", "4B 17 10 00 34 12 00 00");
+    sdo(bench, 4, "20 17 10 00 00 00 00 00", "60 17 10 00 00 00 00 00");
+    sdo(bench, 4, "0B 00 00 00 00 00 00 00", "20 00 00 00 00 00 00 00");
+    sdo(bench, 4, "40 17 10 00 00 00 00 00", "4B 17 10 00 00 00 00 00");
+    sdo(bench, 4, "27 00 20 00 68 69 21 00", "60 00 20 00 00 00 00 00");
+    sdo(bench, 4, "40 00 20 00 00 00 00 00", "47 00 20 00 68 69 21 00");
 
     /* an empty text is a transfer of no bytes */
-    sdo(&bench, 20, "40 00 20 00 00 00 00 00", "41 00 20 00 00 00 00 00");
-    sdo(&bench, 20, "60 00 00 00 00 00 00 00", "0F 00 00 00 00 00 00 00");
-    bench_stop(&bench);
+    sdo(bench, 20, "40 00 20 00 00 00 00 00", "41 00 20 00 00 00 00 00");
+    sdo(bench, 20, "60 00 00 00 00 00 00 00", "0F 00 00 00 00 00 00 00");
 }
 
-TEST(an_abort_or_a_new_request_ends_a_transfer)
+TEST_WITH(an_abort_or_a_new_request_ends_a_transfer, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    sdo(&bench, 4, "40 08 10 00 00 00 00 00", "41 08 10 00 0F 00 00 00");
-    bench_send(&bench, 0, 0x604, "80 08 10 00 00 00 04 05");
-    bench_tick(&bench);
-    assert_int_equal(bench_sent(&bench, 0, 0x584), 0);
-    sdo(&bench, 4, "60 00 00 00 00 00 00 00", "80 08 10 00 01 00 04 05");
+    sdo(bench, 4, "40 08 10 00 00 00 00 00", "41 08 10 00 0F 00 00 00");
+    bench_send(bench, 0, 0x604, "80 08 10 00 00 00 04 05");
+    bench_tick(bench);
+    assert_int_equal(bench_sent(bench, 0, 0x584), 0);
+    sdo(bench, 4, "60 00 00 00 00 00 00 00", "80 08 10 00 01 00 04 05");
 
-    sdo(&bench, 4, "21 00 20 00 0A 00 00 00", "60 00 20 00 00 00 00 00");
-    sdo(&bench, 4, "40 01 10 00 00 00 00 00", "4F 01 10 00 00 00 00 00");
-    sdo(&bench, 4, "00 61 62 63 64 65 66 67", "80 01 10 00 01 00 04 05");
-    bench_stop(&bench);
+    sdo(bench, 4, "21 00 20 00 0A 00 00 00", "60 00 20 00 00 00 00 00");
+    sdo(bench, 4, "40 01 10 00 00 00 00 00", "4F 01 10 00 00 00 00 00");
+    sdo(bench, 4, "00 61 62 63 64 65 66 67", "80 01 10 00 01 00 04 05");
 }
 
 /* ---- abort codes ---- */
@@ -138,83 +130,74 @@ static const struct refusal {
     {"state: an object of a mapping in use", "23 01 1A 01 20 00 64 60", "80 01 1A 01 22 00 00 08"},
 };
 
-TEST(every_refusal_has_its_abort_code)
+TEST_WITH(every_refusal_has_its_abort_code, set_up, bench_tear_down)
 {
     struct boards_counters counters;
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
     const size_t count = sizeof refusals / sizeof *refusals;
 
-    start(&bench);
     for (size_t i = 0; i < count; i++) {
-        sdo(&bench, 4, refusals[i].request, refusals[i].answer);
+        sdo(bench, 4, refusals[i].request, refusals[i].answer);
     }
-    counters = bench_counters(&bench);
+    counters = bench_counters(bench);
     assert_int_equal(counters.unknown + counters.malformed, count);
-    bench_stop(&bench);
 }
 
-TEST(segments_out_of_order_are_aborted)
+TEST_WITH(segments_out_of_order_are_aborted, set_up, bench_tear_down)
 {
-    struct board_bench bench;
-
-    start(&bench);
+    struct board_bench *bench = *test_state;
 
     /* the toggle bit, up and down */
-    sdo(&bench, 4, "40 08 10 00 00 00 00 00", "41 08 10 00 0F 00 00 00");
-    sdo(&bench, 4, "70 00 00 00 00 00 00 00", "80 08 10 00 00 00 03 05");
-    sdo(&bench, 4, "21 00 20 00 0A 00 00 00", "60 00 20 00 00 00 00 00");
-    sdo(&bench, 4, "00 61 62 63 64 65 66 67", "20 00 00 00 00 00 00 00");
-    sdo(&bench, 4, "09 68 69 6A 00 00 00 00", "80 00 20 00 00 00 03 05");
+    sdo(bench, 4, "40 08 10 00 00 00 00 00", "41 08 10 00 0F 00 00 00");
+    sdo(bench, 4, "70 00 00 00 00 00 00 00", "80 08 10 00 00 00 03 05");
+    sdo(bench, 4, "21 00 20 00 0A 00 00 00", "60 00 20 00 00 00 00 00");
+    sdo(bench, 4, "00 61 62 63 64 65 66 67", "20 00 00 00 00 00 00 00");
+    sdo(bench, 4, "09 68 69 6A 00 00 00 00", "80 00 20 00 00 00 03 05");
 
     /* more and less than announced, and more than there is room for */
-    sdo(&bench, 4, "21 00 20 00 03 00 00 00", "60 00 20 00 00 00 00 00");
-    sdo(&bench, 4, "01 61 62 63 64 65 66 67", "80 00 20 00 10 00 07 06");
-    sdo(&bench, 4, "21 00 20 00 09 00 00 00", "60 00 20 00 00 00 00 00");
-    sdo(&bench, 4, "01 61 62 63 64 65 66 67", "80 00 20 00 10 00 07 06");
-    sdo(&bench, 4, "20 00 20 00 00 00 00 00", "60 00 20 00 00 00 00 00");
+    sdo(bench, 4, "21 00 20 00 03 00 00 00", "60 00 20 00 00 00 00 00");
+    sdo(bench, 4, "01 61 62 63 64 65 66 67", "80 00 20 00 10 00 07 06");
+    sdo(bench, 4, "21 00 20 00 09 00 00 00", "60 00 20 00 00 00 00 00");
+    sdo(bench, 4, "01 61 62 63 64 65 66 67", "80 00 20 00 10 00 07 06");
+    sdo(bench, 4, "20 00 20 00 00 00 00 00", "60 00 20 00 00 00 00 00");
     for (int i = 0; i < 4; i++) {
-        sdo(&bench, 4, i % 2 ? "10 61 62 63 64 65 66 67" : "00 61 62 63 64 65 66 67",
+        sdo(bench, 4, i % 2 ? "10 61 62 63 64 65 66 67" : "00 61 62 63 64 65 66 67",
             i % 2 ? "30 00 00 00 00 00 00 00" : "20 00 00 00 00 00 00 00");
     }
-    sdo(&bench, 4, "01 61 62 63 64 65 66 67", "80 00 20 00 12 00 07 06");
+    sdo(bench, 4, "01 61 62 63 64 65 66 67", "80 00 20 00 12 00 07 06");
 
     /* a number in segments of a wrong length in all */
-    sdo(&bench, 4, "20 17 10 00 00 00 00 00", "60 17 10 00 00 00 00 00");
-    sdo(&bench, 4, "0D 01 00 00 00 00 00 00", "80 17 10 00 13 00 07 06");
+    sdo(bench, 4, "20 17 10 00 00 00 00 00", "60 17 10 00 00 00 00 00");
+    sdo(bench, 4, "0D 01 00 00 00 00 00 00", "80 17 10 00 13 00 07 06");
 
     /* segments of nothing */
-    sdo(&bench, 4, "60 00 00 00 00 00 00 00", "80 17 10 00 01 00 04 05");
-    bench_stop(&bench);
+    sdo(bench, 4, "60 00 00 00 00 00 00 00", "80 17 10 00 01 00 04 05");
 }
 
-TEST(a_request_of_another_length_is_counted_and_not_answered)
+TEST_WITH(a_request_of_another_length_is_counted_and_not_answered, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    bench_send(&bench, 0, 0x604, "40 00 10 00 00 00 00");
-    bench_tick(&bench);
-    assert_int_equal(bench_sent(&bench, 0, 0x584), 0);
-    assert_int_equal(bench_counters(&bench).malformed, 1);
-    bench_stop(&bench);
+    bench_send(bench, 0, 0x604, "40 00 10 00 00 00 00");
+    bench_tick(bench);
+    assert_int_equal(bench_sent(bench, 0, 0x584), 0);
+    assert_int_equal(bench_counters(bench).malformed, 1);
 }
 
-TEST(gains_change_only_while_the_bridge_is_open)
+TEST_WITH(gains_change_only_while_the_bridge_is_open, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
     WRITE(0x4014, 1, 4, 100);
     WRITE(0x6060, 0, 1, 0xff);
     WRITE(0x6040, 0, 2, 6);
     WRITE(0x6040, 0, 2, 7);
     WRITE(0x6040, 0, 2, 15);
-    assert_int_equal(sdo_write(&bench, 0, 4, 0x4014, 1, 4, 200), 0x08000022);
-    assert_int_equal(sdo_write(&bench, 0, 4, 0x1010, 1, 4, 0x65766173), 0x08000022);
+    assert_int_equal(sdo_write(bench, 0, 4, 0x4014, 1, 4, 200), 0x08000022);
+    assert_int_equal(sdo_write(bench, 0, 4, 0x1010, 1, 4, 0x65766173), 0x08000022);
     WRITE(0x6040, 0, 2, 0);
     WRITE(0x4014, 1, 4, 200);
     assert_int_equal(READ(0x4014, 1), 200);
-    bench_stop(&bench);
 }
 
 /* ---- a simple model of the whole dictionary ---- */
@@ -373,25 +356,23 @@ static void exchange_process_data(struct board_bench *bench, struct random_strea
                                                                           : deflection * 20);
 }
 
-TEST(random_exchanges_agree_with_a_simple_model)
+TEST_WITH(random_exchanges_agree_with_a_simple_model, set_up, bench_tear_down)
 {
     const char *wanted = getenv("CIA402_EXCHANGES");
     long exchanges = wanted ? atol(wanted) : 1000000;
     struct random_stream random = random_named(1, "cia402 exchanges");
     int64_t value[2][VARIABLES];
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    map_process_data(&bench);
+    map_process_data(bench);
     for (int i = 0; i < VARIABLES; i++) {
         value[0][i] = value[1][i] = variables[i].initial;
     }
     for (long i = 0; i < exchanges; i++) {
         if (random_bits(&random) >> 62) {
-            exchange_at_random(&bench, &random, value);
+            exchange_at_random(bench, &random, value);
         } else {
-            exchange_process_data(&bench, &random, value);
+            exchange_process_data(bench, &random, value);
         }
     }
-    bench_stop(&bench);
 }

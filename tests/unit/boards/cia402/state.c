@@ -103,21 +103,21 @@ TEST(every_command_in_every_state_makes_its_transition)
         for (int w = 0; w < WORDS; w++) {
             const int number = table[i].transition[w];
             const enum cia402_state wanted = number ? to[number] : table[i].from;
-            struct board_bench bench;
+            struct board_bench base, *bench = &base;
             bool passed;
 
-            bring_to(&bench, table[i].from);
-            control(&bench, words[w].word);
-            bench_ticks(&bench, 3);
-            passed = is_in(&bench, wanted);
+            bring_to(bench, table[i].from);
+            control(bench, words[w].word);
+            bench_ticks(bench, 3);
+            passed = is_in(bench, wanted);
             report(codes[table[i].from].name, words[w].name, number, passed ? "passed" : "FAILED");
             if (!passed) {
                 fail_msg("from %s by %s: status 0x%04x, not %s", codes[table[i].from].name,
-                         words[w].name, sdo_read(&bench, 0, 4, 0x6041, 0), codes[wanted].name);
+                         words[w].name, READ(0x6041, 0), codes[wanted].name);
             }
-            assert_int_equal(bench.motor[0].bridge_on, wanted == CIA402_OPERATION_ENABLED ||
-                                                           wanted == CIA402_QUICK_STOP_ACTIVE);
-            bench_stop(&bench);
+            assert_int_equal(bench->motor[0].bridge_on, wanted == CIA402_OPERATION_ENABLED ||
+                                                            wanted == CIA402_QUICK_STOP_ACTIVE);
+            bench_stop(bench);
         }
     }
 
@@ -129,30 +129,26 @@ TEST(every_command_in_every_state_makes_its_transition)
     report("fault reaction active", "any controlword", 0, "not applicable in voltage mode");
 }
 
-TEST(a_drive_starts_not_ready_and_then_disabled)
+TEST_WITH(a_drive_starts_not_ready_and_then_disabled, set_up, bench_tear_down)
 {
     struct board_event event;
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    assert_true(bench_event(&bench, BOARD_EVENT_MODE, &event));
+    assert_true(bench_event(bench, BOARD_EVENT_MODE, &event));
     assert_int_equal(event.a, CIA402_NOT_READY); /* 0 and 1 */
     assert_int_equal(event.b, CIA402_SWITCH_ON_DISABLED);
-    assert_true(is_in(&bench, CIA402_SWITCH_ON_DISABLED));
-    bench_stop(&bench);
+    assert_true(is_in(bench, CIA402_SWITCH_ON_DISABLED));
 }
 
 /* Bit 4 voltage enabled, 9 remote */
-TEST(the_statusword_tells_supply_and_remote)
+TEST_WITH(the_statusword_tells_supply_and_remote, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    assert_int_equal(sdo_read(&bench, 0, 4, 0x6041, 0) & 0x0290, 0x0210);
-    bench.sensors.supply_v = 10.0;
-    bench_ticks(&bench, 3);
-    assert_int_equal(sdo_read(&bench, 0, 4, 0x6041, 0) & 0x0290, 0x0200);
-    bench_stop(&bench);
+    assert_int_equal(sdo_read(bench, 0, 4, 0x6041, 0) & 0x0290, 0x0210);
+    bench->sensors.supply_v = 10.0;
+    bench_ticks(bench, 3);
+    assert_int_equal(sdo_read(bench, 0, 4, 0x6041, 0) & 0x0290, 0x0200);
 }
 
 TEST(a_fault_reset_needs_an_edge_and_the_cause_gone)
@@ -212,23 +208,22 @@ TEST(ramps_end_when_the_axis_stands)
     };
 
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
-        struct board_bench bench;
+        struct board_bench base, *bench = &base;
 
-        bring_to(&bench, CIA402_OPERATION_ENABLED);
-        assert_int_equal(sdo_write(&bench, 0, 4, rows[i].option, 0, 2, rows[i].value), 0);
-        turn(&bench, 2.0, 20);
-        control(&bench, rows[i].word);
-        turn(&bench, 1.0, 20);
-        if (!is_in(&bench, rows[i].during)) {
-            fail_msg("%s: status 0x%04x on the ramp", rows[i].what,
-                     sdo_read(&bench, 0, 4, 0x6041, 0));
+        bring_to(bench, CIA402_OPERATION_ENABLED);
+        assert_int_equal(sdo_write(bench, 0, 4, rows[i].option, 0, 2, rows[i].value), 0);
+        turn(bench, 2.0, 20);
+        control(bench, rows[i].word);
+        turn(bench, 1.0, 20);
+        if (!is_in(bench, rows[i].during)) {
+            fail_msg("%s: status 0x%04x on the ramp", rows[i].what, READ(0x6041, 0));
         }
-        turn(&bench, 0.0, 400); /* 2 rad/s at 10 rad/s2 is 0.2 s */
-        if (!is_in(&bench, rows[i].after)) {
-            fail_msg("%s: status 0x%04x after it", rows[i].what, sdo_read(&bench, 0, 4, 0x6041, 0));
+        turn(bench, 0.0, 400); /* 2 rad/s at 10 rad/s2 is 0.2 s */
+        if (!is_in(bench, rows[i].after)) {
+            fail_msg("%s: status 0x%04x after it", rows[i].what, READ(0x6041, 0));
         }
         report(rows[i].what, "turning", 0, "passed");
-        bench_stop(&bench);
+        bench_stop(bench);
     }
 }
 
@@ -349,16 +344,16 @@ TEST(an_axis_that_does_not_stop_is_given_up_after_two_seconds)
 
 TEST(axes_of_a_node_are_on_their_own)
 {
-    struct board_bench bench;
+    struct board_bench base, *bench = &base;
 
-    bring_to(&bench, CIA402_OPERATION_ENABLED);
-    assert_int_equal(sdo_read(&bench, 0, 4, 0x6841, 0) & 0x6f, 0x40);
-    bench.sense[1].winding_c = 200.0;
-    bench_ticks(&bench, 3);
-    assert_int_equal(sdo_read(&bench, 0, 4, 0x6841, 0) & 0x4f, 0x08);
-    assert_true(is_in(&bench, CIA402_OPERATION_ENABLED));
-    assert_true(bench.motor[0].bridge_on);
-    boards_shut_down(bench.boards, bench.now_ns, &bench.command);
-    assert_false(bench.motor[0].bridge_on);
-    bench_stop(&bench);
+    bring_to(bench, CIA402_OPERATION_ENABLED);
+    assert_int_equal(READ(0x6841, 0) & 0x6f, 0x40);
+    bench->sense[1].winding_c = 200.0;
+    bench_ticks(bench, 3);
+    assert_int_equal(READ(0x6841, 0) & 0x4f, 0x08);
+    assert_true(is_in(bench, CIA402_OPERATION_ENABLED));
+    assert_true(bench->motor[0].bridge_on);
+    boards_shut_down(bench->boards, bench->now_ns, &bench->command);
+    assert_false(bench->motor[0].bridge_on);
+    bench_stop(bench);
 }

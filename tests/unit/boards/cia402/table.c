@@ -235,17 +235,17 @@ TEST(a_node_answers_what_its_eds_file_says)
  * torque is the cylinder's. */
 TEST(a_valve_tells_its_pressures_and_has_no_torque_modes)
 {
-    struct board_bench bench;
+    struct board_bench base, *bench = &base;
     const uint32_t torque_modes = 1u << 3 | 1u << 9;
 
-    configure(&bench);
-    bench.board[0].axis[0] = bench_axis(0);
-    bench.board[0].axis[0].valve = true;
-    bench.board[0].axis[0].bemf_v_s_rad = 0.36;
-    bench.sense[0] = (struct motor_sense){
+    configure(bench);
+    bench->board[0].axis[0] = bench_axis(0);
+    bench->board[0].axis[0].valve = true;
+    bench->board[0].axis[0].bemf_v_s_rad = 0.36;
+    bench->sense[0] = (struct motor_sense){
         .torque_nm = 11.0, .pressure_pa = {60.6e5, 7e7}, .valve_opening = -0.25};
-    bench_start(&bench);
-    bench_tick(&bench);
+    bench_start(bench);
+    bench_tick(bench);
     assert_int_equal(READ(0x4008, 1), 6060);
     assert_int_equal(READ(0x4008, 2), 65535); /* no more fits */
     assert_int_equal((int16_t)READ(0x4009, 0), -250);
@@ -253,13 +253,13 @@ TEST(a_valve_tells_its_pressures_and_has_no_torque_modes)
     assert_int_equal(READ(0x6076, 0), 55000);
     assert_int_equal(READ(0x4014, 3), 360);
     assert_int_equal(READ(0x6502, 0) & torque_modes, 0);
-    assert_int_equal(sdo_write(&bench, 0, 4, 0x6060, 0, 1, 4), 0x06090030);
-    assert_int_equal(sdo_write(&bench, 0, 4, 0x6060, 0, 1, 10), 0x06090031); /* 9 is the highest */
+    assert_int_equal(sdo_write(bench, 0, 4, 0x6060, 0, 1, 4), 0x06090030);
+    assert_int_equal(sdo_write(bench, 0, 4, 0x6060, 0, 1, 10), 0x06090031); /* 9 is the highest */
     WRITE(0x6060, 0, 1, 8);
 
     /* The axis beside it has a motor */
     assert_int_equal(READ(0x4808, 1), 0);
     assert_int_equal(READ(0x6d02, 0) & torque_modes, torque_modes);
-    assert_int_equal(sdo_write(&bench, 0, 4, 0x6860, 0, 1, 4), 0);
-    bench_stop(&bench);
+    assert_int_equal(sdo_write(bench, 0, 4, 0x6860, 0, 1, 4), 0);
+    bench_stop(bench);
 }

@@ -2,52 +2,48 @@
 /* A bus of 2FOC boards: configuration, targets, answers, modes, limits and faults. */
 #include "tests/unit/boards/foc/foc_bench.h"
 
-TEST(every_target_is_answered_by_every_board_with_two_frames)
+TEST_WITH(every_target_is_answered_by_every_board_with_two_frames, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    bench_tick(&bench);
-    assert_null(bench_find(&bench, 0, 0x110)); /* silence without targets */
-    bench.sense[0].qm = 2.0 * M_PI / GEAR;     /* one revolution of the rotor */
-    bench.sense[0].current_a = -1.234;
-    bench_tick(&bench);
-    bench_ticks(&bench, 40); /* the estimate of the velocity comes to rest */
-    target(&bench, "00 00 00 00 00 00 00 00");
-    bench_expect(&bench, 0, 0x110, "2E FB 00 00 00 00 01 00");
-    bench_expect(&bench, 0, 0x113, "00 00 00 00 00 00 00 00");
-    bench_expect(&bench, 0, 0x130, "00 00 00 00 00 00 00 00");
-    bench_expect(&bench, 0, 0x133, "00 00 00 00 00 00 00 00");
-    bench_send(&bench, 0, 0x10f, "00 00 00 00 00 00 00 00");
-    target(&bench, "00 00 00 00 00 00 00 00");
-    assert_int_equal(bench_sent(&bench, 0, 0x110), 2);
+    bench_tick(bench);
+    assert_null(bench_find(bench, 0, 0x110)); /* silence without targets */
+    bench->sense[0].qm = 2.0 * M_PI / GEAR;   /* one revolution of the rotor */
+    bench->sense[0].current_a = -1.234;
+    bench_tick(bench);
+    bench_ticks(bench, 40); /* the estimate of the velocity comes to rest */
+    target(bench, "00 00 00 00 00 00 00 00");
+    bench_expect(bench, 0, 0x110, "2E FB 00 00 00 00 01 00");
+    bench_expect(bench, 0, 0x113, "00 00 00 00 00 00 00 00");
+    bench_expect(bench, 0, 0x130, "00 00 00 00 00 00 00 00");
+    bench_expect(bench, 0, 0x133, "00 00 00 00 00 00 00 00");
+    bench_send(bench, 0, 0x10f, "00 00 00 00 00 00 00 00");
+    target(bench, "00 00 00 00 00 00 00 00");
+    assert_int_equal(bench_sent(bench, 0, 0x110), 2);
     /* a frame of two targets is none for address 3 */
-    target(&bench, "00 00 00 00");
-    assert_int_equal(bench_sent(&bench, 0, 0x110), 1);
-    assert_int_equal(bench_sent(&bench, 0, 0x130), 0);
-    assert_int_equal(bench_counters(&bench).malformed, 1);
+    target(bench, "00 00 00 00");
+    assert_int_equal(bench_sent(bench, 0, 0x110), 1);
+    assert_int_equal(bench_sent(bench, 0, 0x130), 0);
+    assert_int_equal(bench_counters(bench).malformed, 1);
     for (int i = 0; i < 20; i++) {
-        bench_send(&bench, 0, 0x10f, "00 00 00 00 00 00 00 00");
+        bench_send(bench, 0, 0x10f, "00 00 00 00 00 00 00 00");
     }
-    bench_tick(&bench);
-    assert_int_equal(bench_sent(&bench, 0, 0x110), 8); /* the board's buffer */
-    assert_int_equal(bench_counters(&bench).overflows, 24);
-    bench_stop(&bench);
+    bench_tick(bench);
+    assert_int_equal(bench_sent(bench, 0, 0x110), 8); /* the board's buffer */
+    assert_int_equal(bench_counters(bench).overflows, 24);
 }
 
-TEST(velocity_is_in_icubdeg_a_millisecond)
+TEST_WITH(velocity_is_in_icubdeg_a_millisecond, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
     for (int i = 1; i <= 30; i++) {
-        bench.sense[0].qm = i * 1e-3 * 2.0; /* 2 rad/s at the link */
-        bench_tick(&bench);
+        bench->sense[0].qm = i * 1e-3 * 2.0; /* 2 rad/s at the link */
+        bench_tick(bench);
     }
-    target(&bench, "00 00");
+    target(bench, "00 00");
     /* 2 rad/s * 100 / 2 pi * 65.536 icubdeg/ms a rev/s = 2086; the last tick it stood */
-    assert_near((double)get_i16_le(bench_find(&bench, 0, 0x110)->data + 2), 2086.0 / 2.0, 10.0);
-    bench_stop(&bench);
+    assert_near((double)get_i16_le(bench_find(bench, 0, 0x110)->data + 2), 2086.0 / 2.0, 10.0);
 }
 
 TEST(a_board_is_idle_only_when_it_has_everything)
@@ -94,46 +90,42 @@ TEST(only_the_very_protocol_is_acknowledged)
     bench_stop(&bench);
 }
 
-TEST(discovery_tells_a_2foc_and_asks_of_more_are_not_answered)
+TEST_WITH(discovery_tells_a_2foc_and_asks_of_more_are_not_answered, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    bench_send(&bench, 0, 0x70f, "FF");
-    bench_tick(&bench);
-    bench_expect(&bench, 0, 0x710, "FF 08 03 06 1F");
-    bench_expect(&bench, 0, 0x730, "FF 08 03 06 1F");
-    bench_expect(&bench, 0, 0x7d0, "FF 06 03 00 05"); /* the STRAIN board beside them */
-    bench_send(&bench, 0, 0x701, "0C");
-    bench_tick(&bench);
-    assert_int_equal(bench_sent(&bench, 0, 0x710), 0);
+    bench_send(bench, 0, 0x70f, "FF");
+    bench_tick(bench);
+    bench_expect(bench, 0, 0x710, "FF 08 03 06 1F");
+    bench_expect(bench, 0, 0x730, "FF 08 03 06 1F");
+    bench_expect(bench, 0, 0x7d0, "FF 06 03 00 05"); /* the STRAIN board beside them */
+    bench_send(bench, 0, 0x701, "0C");
+    bench_tick(bench);
+    assert_int_equal(bench_sent(bench, 0, 0x710), 0);
     /* bit 7 of a command is no axis here, and most GETs are not there */
-    bench_send(&bench, 0, 0x001, "89 50");
-    bench_send(&bench, 0, 0x001, "14");
-    bench_send(&bench, 0, 0x001, "53");
-    assert_int_equal(bench_counters(&bench).unknown, 3);
-    bench_stop(&bench);
+    bench_send(bench, 0, 0x001, "89 50");
+    bench_send(bench, 0, 0x001, "14");
+    bench_send(bench, 0, 0x001, "53");
+    assert_int_equal(bench_counters(bench).unknown, 3);
 }
 
-TEST(open_loop_is_a_share_of_the_supply_up_to_95_percent)
+TEST_WITH(open_loop_is_a_share_of_the_supply_up_to_95_percent, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    enter(&bench, "09 50");
-    target(&bench, "80 3E"); /* 16000: 50 % */
-    assert_true(bench.motor[0].bridge_on);
-    assert_near(bench.motor[0].voltage_v, 0.5 * SUPPLY_V, 1e-9);
-    bench_expect(&bench, 0, 0x113, "50 00 80 3E 00 00 00 00");
-    target(&bench, "00 83"); /* -32000 */
-    assert_near(bench.motor[0].voltage_v, -0.95 * SUPPLY_V, 1e-9);
-    bench_expect(&bench, 0, 0x113, "50 00 40 89 00 00 00 00");
-    assert_false(bench.motor[1].bridge_on);
-    enter(&bench, "09 00");
-    target(&bench, "00 10");
-    assert_false(bench.motor[0].bridge_on);
-    assert_true(bench.motor[0].voltage_v == 0.0);
-    bench_stop(&bench);
+    enter(bench, "09 50");
+    target(bench, "80 3E"); /* 16000: 50 % */
+    assert_true(bench->motor[0].bridge_on);
+    assert_near(bench->motor[0].voltage_v, 0.5 * SUPPLY_V, 1e-9);
+    bench_expect(bench, 0, 0x113, "50 00 80 3E 00 00 00 00");
+    target(bench, "00 83"); /* -32000 */
+    assert_near(bench->motor[0].voltage_v, -0.95 * SUPPLY_V, 1e-9);
+    bench_expect(bench, 0, 0x113, "50 00 40 89 00 00 00 00");
+    assert_false(bench->motor[1].bridge_on);
+    enter(bench, "09 00");
+    target(bench, "00 10");
+    assert_false(bench->motor[0].bridge_on);
+    assert_true(bench->motor[0].voltage_v == 0.0);
 }
 
 TEST(a_mode_begins_with_set_point_0)
@@ -154,53 +146,49 @@ TEST(a_mode_begins_with_set_point_0)
     }
 }
 
-TEST(modes_that_a_2foc_has_not_are_refused)
+TEST_WITH(modes_that_a_2foc_has_not_are_refused, set_up, bench_tear_down)
 {
     static const char *const modes[] = {"09 02", "09 03", "09 04", "09 08", "09 60", "09 A0"};
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
     for (int m = 0; m < 6; m++) {
-        enter(&bench, modes[m]);
-        target(&bench, "00 10 00 00 00 00 00 00");
-        assert_int_equal(bench_find(&bench, 0, 0x113)->data[0], 0);
+        enter(bench, modes[m]);
+        target(bench, "00 10 00 00 00 00 00 00");
+        assert_int_equal(bench_find(bench, 0, 0x113)->data[0], 0);
     }
-    assert_int_equal(bench_counters(&bench).malformed, 6);
-    bench_stop(&bench);
+    assert_int_equal(bench_counters(bench).malformed, 6);
 }
 
-TEST(a_set_point_expires_after_50_ms)
+TEST_WITH(a_set_point_expires_after_50_ms, set_up, bench_tear_down)
 {
     struct board_event event;
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
     char text[256];
 
-    start(&bench);
-    enter(&bench, "09 50");
-    target(&bench, "80 3E");
-    bench_ticks(&bench, 49);
-    assert_true(bench.motor[0].bridge_on);
-    bench_ticks(&bench, 2);
-    assert_false(bench.motor[0].bridge_on);
-    assert_true(boards_fault(bench.boards));
-    assert_true(bench_event(&bench, BOARD_EVENT_TIMEOUT, &event));
-    board_event_format(bench.boards, &event, text, sizeof text);
+    enter(bench, "09 50");
+    target(bench, "80 3E");
+    bench_ticks(bench, 49);
+    assert_true(bench->motor[0].bridge_on);
+    bench_ticks(bench, 2);
+    assert_false(bench->motor[0].bridge_on);
+    assert_true(boards_fault(bench->boards));
+    assert_true(bench_event(bench, BOARD_EVENT_TIMEOUT, &event));
+    board_event_format(bench->boards, &event, text, sizeof text);
     assert_non_null(strstr(text, "axis 0: the voltage command timed out, a fault"));
-    assert_true(bench_event(&bench, BOARD_EVENT_FAULT, &event));
+    assert_true(bench_event(bench, BOARD_EVENT_FAULT, &event));
     assert_int_equal(event.a, FOC_FAULT_SET_POINT_EXPIRED);
-    board_event_format(bench.boards, &event, text, sizeof text);
+    board_event_format(bench->boards, &event, text, sizeof text);
     assert_non_null(strstr(text, "hip (bus 0, address 1): axis 0 has a fault: set-point expired"));
-    target(&bench, "80 3E");
-    bench_expect(&bench, 0, 0x113, "A0 00 00 00 00 40 00 00");
-    enter(&bench, "09 50"); /* no way out */
-    target(&bench, "00 00");
-    assert_int_equal(bench_find(&bench, 0, 0x113)->data[0], 0xa0);
-    enter(&bench, "09 09");
-    target(&bench, "00 00");
-    bench_expect(&bench, 0, 0x113, "00 00 00 00 00 00 00 00");
-    bench_ticks(&bench, 200); /* nothing expires in idle */
-    assert_false(boards_fault(bench.boards));
-    bench_stop(&bench);
+    target(bench, "80 3E");
+    bench_expect(bench, 0, 0x113, "A0 00 00 00 00 40 00 00");
+    enter(bench, "09 50"); /* no way out */
+    target(bench, "00 00");
+    assert_int_equal(bench_find(bench, 0, 0x113)->data[0], 0xa0);
+    enter(bench, "09 09");
+    target(bench, "00 00");
+    bench_expect(bench, 0, 0x113, "00 00 00 00 00 00 00 00");
+    bench_ticks(bench, 200); /* nothing expires in idle */
+    assert_false(boards_fault(bench->boards));
 }
 
 TEST(faults_have_their_bits)
@@ -245,14 +233,13 @@ TEST(faults_have_their_bits)
 }
 
 /* v += kp (e - e') + ki / 2 (e + e'), kp 146, ki 227, in 2^-15 thousandths of the supply a mA */
-TEST(the_current_law_is_the_firmware_s)
+TEST_WITH(the_current_law_is_the_firmware_s, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
     int64_t v = 0, before = 0;
     int32_t current = 0; /* mA, as the board has sampled it */
 
-    start(&bench);
-    enter(&bench, "09 06");
+    enter(bench, "09 06");
     for (int t = 0; t < 300; t++) {
         int64_t error = 1500 - current;
 
@@ -260,34 +247,31 @@ TEST(the_current_law_is_the_firmware_s)
         v = v > 950 * 32768 ? 950 * 32768 : v < -950 * 32768 ? -950 * 32768 : v;
         before = error;
         current = 7 * t % 4000 - (t > 200 ? 0 : 2500);
-        bench.sense[0].current_a = current * 1e-3;
-        target(&bench, "DC 05");
-        assert_near(bench.motor[0].voltage_v, floor((double)v / 32768.0) * 1e-3 * SUPPLY_V, 1e-9);
+        bench->sense[0].current_a = current * 1e-3;
+        target(bench, "DC 05");
+        assert_near(bench->motor[0].voltage_v, floor((double)v / 32768.0) * 1e-3 * SUPPLY_V, 1e-9);
     }
-    bench_stop(&bench);
 }
 
-TEST(open_loop_holds_the_current_at_its_peak)
+TEST_WITH(open_loop_holds_the_current_at_its_peak, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
     double before;
 
-    start(&bench);
-    enter(&bench, "09 50");
-    target(&bench, "80 3E");
-    before = bench.motor[0].voltage_v;
-    bench.sense[0].current_a = 9.0; /* peak 8 */
-    target(&bench, "80 3E");
+    enter(bench, "09 50");
+    target(bench, "80 3E");
+    before = bench->motor[0].voltage_v;
+    bench->sense[0].current_a = 9.0; /* peak 8 */
+    target(bench, "80 3E");
     for (int t = 0; t < 50; t++) {
-        target(&bench, "80 3E");
+        target(bench, "80 3E");
     }
-    assert_true(bench.motor[0].voltage_v < before - 1.0);
-    bench.sense[0].current_a = 1.0;
+    assert_true(bench->motor[0].voltage_v < before - 1.0);
+    bench->sense[0].current_a = 1.0;
     for (int t = 0; t < 50; t++) {
-        target(&bench, "80 3E");
+        target(bench, "80 3E");
     }
-    assert_near(bench.motor[0].voltage_v, before, 1e-9);
-    bench_stop(&bench);
+    assert_near(bench->motor[0].voltage_v, before, 1e-9);
 }
 
 TEST(floats_set_the_same_gains_as_integers)
@@ -311,35 +295,31 @@ TEST(floats_set_the_same_gains_as_integers)
     bench_stop(&b);
 }
 
-TEST(position_mode_counts_from_where_it_began)
+TEST_WITH(position_mode_counts_from_where_it_began, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    bench.sense[0].qm = 0.5;
-    bench_ticks(&bench, 2);
-    bench_send(&bench, 0, 0x001, "7D 02 02 00 00 00 80 3F"); /* kp 1 of +-32000 an icubdeg */
-    enter(&bench, "09 01");
-    target(&bench, "00 00");
-    assert_near(bench.motor[0].voltage_v, 0.0, 1e-9);
-    target(&bench, "80 0C"); /* 3200: 10 % */
-    assert_near(bench.motor[0].voltage_v, 0.1 * SUPPLY_V, 1e-9);
-    bench_stop(&bench);
+    bench->sense[0].qm = 0.5;
+    bench_ticks(bench, 2);
+    bench_send(bench, 0, 0x001, "7D 02 02 00 00 00 80 3F"); /* kp 1 of +-32000 an icubdeg */
+    enter(bench, "09 01");
+    target(bench, "00 00");
+    assert_near(bench->motor[0].voltage_v, 0.0, 1e-9);
+    target(bench, "80 0C"); /* 3200: 10 % */
+    assert_near(bench->motor[0].voltage_v, 0.1 * SUPPLY_V, 1e-9);
 }
 
-TEST(the_index_calibrates_the_encoder)
+TEST_WITH(the_index_calibrates_the_encoder, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    bench_send(&bench, 0, 0x001, "77 09 00 10 00 00 0E");
-    target(&bench, "00 00");
-    assert_int_equal(bench_find(&bench, 0, 0x113)->data[1], FOC_QE_NOT_CALIBRATED);
-    bench.sense[0].qm = 1.01 * 2.0 * M_PI / GEAR;
-    bench_tick(&bench);
-    target(&bench, "00 00");
-    assert_int_equal(bench_find(&bench, 0, 0x113)->data[1], 0);
-    bench_stop(&bench);
+    bench_send(bench, 0, 0x001, "77 09 00 10 00 00 0E");
+    target(bench, "00 00");
+    assert_int_equal(bench_find(bench, 0, 0x113)->data[1], FOC_QE_NOT_CALIBRATED);
+    bench->sense[0].qm = 1.01 * 2.0 * M_PI / GEAR;
+    bench_tick(bench);
+    target(bench, "00 00");
+    assert_int_equal(bench_find(bench, 0, 0x113)->data[1], 0);
 }
 
 TEST(status_can_be_thinned_out)
@@ -401,7 +381,7 @@ TEST(the_temperature_comes_with_answers_of_boards_with_a_thermometer)
     }
 }
 
-TEST(wrong_lengths_are_refused)
+TEST_WITH(wrong_lengths_are_refused, set_up, bench_tear_down)
 {
     static const char *const frames[] = {"09",
                                          "09 50 00",
@@ -423,51 +403,45 @@ TEST(wrong_lengths_are_refused)
                                          "65 01 00 00 C0 7F" /* not a number */,
                                          "02 09 00 00 80 3F",
                                          "32 00"};
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
     for (size_t i = 0; i < sizeof frames / sizeof *frames; i++) {
         struct bus_frame frame = {.id = 0x001};
-        uint64_t before = bench_counters(&bench).malformed;
+        uint64_t before = bench_counters(bench).malformed;
 
         frame.len = bench_bytes(frames[i], frame.data);
         if (frame.len <= 8) {
-            boards_receive(bench.boards, bench.now_ns, 0, &frame);
-            if (bench_counters(&bench).malformed != before + 1) {
+            boards_receive(bench->boards, bench->now_ns, 0, &frame);
+            if (bench_counters(bench).malformed != before + 1) {
                 fail_msg("%s was taken", frames[i]);
             }
         }
     }
-    bench_stop(&bench);
 }
 
-TEST(restarting_forgets_the_configuration)
+TEST_WITH(restarting_forgets_the_configuration, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    bench_send(&bench, 0, 0x701, "00");
-    target(&bench, "00 00");
-    assert_int_equal(bench_sent(&bench, 0, 0x110), 0);
-    bench_ticks(&bench, 5001);
-    target(&bench, "00 00");
-    assert_int_equal(bench_find(&bench, 0, 0x113)->data[0], 0xb0);
-    bench_stop(&bench);
+    bench_send(bench, 0, 0x701, "00");
+    target(bench, "00 00");
+    assert_int_equal(bench_sent(bench, 0, 0x110), 0);
+    bench_ticks(bench, 5001);
+    target(bench, "00 00");
+    assert_int_equal(bench_find(bench, 0, 0x113)->data[0], 0xb0);
 }
 
-TEST(another_protocol_on_another_bus_is_not_disturbed)
+TEST_WITH(another_protocol_on_another_bus_is_not_disturbed, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    bench_send(&bench, 1, 0x10f, "00 10 00 10 00 10 00 10"); /* no such frame among iCub boards */
-    assert_int_equal(bench_counters(&bench).foreign, 1);
-    bench_send(&bench, 1, 0x001, "09 50");
-    bench_send(&bench, 1, 0x001, "72 35 05");
-    bench_tick(&bench);
-    assert_near(bench.motor[3].voltage_v, SUPPLY_V, 1e-9);
-    assert_false(bench.motor[0].bridge_on);
-    bench_stop(&bench);
+    bench_send(bench, 1, 0x10f, "00 10 00 10 00 10 00 10"); /* no such frame among iCub boards */
+    assert_int_equal(bench_counters(bench).foreign, 1);
+    bench_send(bench, 1, 0x001, "09 50");
+    bench_send(bench, 1, 0x001, "72 35 05");
+    bench_tick(bench);
+    assert_near(bench->motor[3].voltage_v, SUPPLY_V, 1e-9);
+    assert_false(bench->motor[0].bridge_on);
 }
 
 /* Of a servo valve: those modes that end in a voltage. */

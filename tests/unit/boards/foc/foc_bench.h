@@ -44,6 +44,15 @@ static inline void start(struct board_bench *bench)
     make_idle(bench, 0x003);
 }
 
+FIXTURE(set_up)
+{
+    static struct board_bench bench;
+
+    start(&bench);
+    *test_state = &bench;
+    return 0;
+}
+
 static inline void enter(struct board_bench *bench, const char *mode)
 {
     bench_send(bench, 0, 0x001, mode);

@@ -17,33 +17,31 @@ static void loader_ask(struct board_bench *bench, const char *request, const cha
     }
 }
 
-TEST(start_resets_into_a_bootloader_of_a_dsp)
+TEST_WITH(start_resets_into_a_bootloader_of_a_dsp, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_send(&bench, 0, 0x001, "1E 64 00");
-    bench_send(&bench, 0, 0x001, "49 7F 00 00 00");
-    bench_send(&bench, 0, 0x001, "09 50");
-    loader_ask(&bench, "04", "04 01"); /* a ping of the application */
-    assert_true(bench.motor[0].bridge_on);
-    loader_ask(&bench, "00", "00 01");
-    assert_false(bench.motor[0].bridge_on);
-    bench_send(&bench, 0, 0x001, "1F"); /* the application is not there */
-    loader_ask(&bench, "FF", "FF 00 02 51");
-    assert_int_equal(bench.count[0], 1);
-    bench_send(&bench, 0, 0x70f, "FF"); /* nor for what goes to everyone */
-    bench_tick(&bench);
-    bench_expect(&bench, 0, 0x710, "FF 00 02 51");
-    bench_expect(&bench, 0, 0x720, "FF 04 02 51 57");
-    bench_expect(&bench, 0, 0x7d0, "FF 06 03 00 05");
-    loader_ask(&bench, "02 00 00 00 00", "02 01"); /* does not lead back ... */
-    loader_ask(&bench, "FF", "FF 00 02 51");
-    loader_ask(&bench, "04", "04 01"); /* ... this does, to a board after power-up */
-    loader_ask(&bench, "FF", "FF 04 02 51 57");
-    bench_ask(&bench, "1F", "1F 00 00");
-    bench_ask(&bench, "07", "07 00 00");
-    bench_stop(&bench);
+    bench_send(bench, 0, 0x001, "1E 64 00");
+    bench_send(bench, 0, 0x001, "49 7F 00 00 00");
+    bench_send(bench, 0, 0x001, "09 50");
+    loader_ask(bench, "04", "04 01"); /* a ping of the application */
+    assert_true(bench->motor[0].bridge_on);
+    loader_ask(bench, "00", "00 01");
+    assert_false(bench->motor[0].bridge_on);
+    bench_send(bench, 0, 0x001, "1F"); /* the application is not there */
+    loader_ask(bench, "FF", "FF 00 02 51");
+    assert_int_equal(bench->count[0], 1);
+    bench_send(bench, 0, 0x70f, "FF"); /* nor for what goes to everyone */
+    bench_tick(bench);
+    bench_expect(bench, 0, 0x710, "FF 00 02 51");
+    bench_expect(bench, 0, 0x720, "FF 04 02 51 57");
+    bench_expect(bench, 0, 0x7d0, "FF 06 03 00 05");
+    loader_ask(bench, "02 00 00 00 00", "02 01"); /* does not lead back ... */
+    loader_ask(bench, "FF", "FF 00 02 51");
+    loader_ask(bench, "04", "04 01"); /* ... this does, to a board after power-up */
+    loader_ask(bench, "FF", "FF 04 02 51 57");
+    bench_ask(bench, "1F", "1F 00 00");
+    bench_ask(bench, "07", "07 00 00");
 }
 
 TEST(without_a_host_the_application_starts_after_five_seconds)
@@ -227,16 +225,14 @@ TEST(a_download_to_everyone_is_for_boards_that_were_started)
     bench_stop(&bench);
 }
 
-TEST(other_boards_say_in_the_bootloader_what_they_are)
+TEST_WITH(other_boards_say_in_the_bootloader_what_they_are, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_send(&bench, 0, 0x70d, "00 00"); /* STRAIN: with a byte whether the EEPROM goes too */
-    bench_tick(&bench);
-    bench_expect(&bench, 0, 0x7d0, "00 01");
-    bench_send(&bench, 0, 0x70d, "FF");
-    bench_tick(&bench);
-    bench_expect(&bench, 0, 0x7d0, "FF 06 03 00");
-    bench_stop(&bench);
+    bench_send(bench, 0, 0x70d, "00 00"); /* STRAIN: with a byte whether the EEPROM goes too */
+    bench_tick(bench);
+    bench_expect(bench, 0, 0x7d0, "00 01");
+    bench_send(bench, 0, 0x70d, "FF");
+    bench_tick(bench);
+    bench_expect(bench, 0, 0x7d0, "FF 06 03 00");
 }

@@ -5,91 +5,81 @@
  */
 #include "tests/unit/boards/board_bench.h"
 
-TEST(discovery_finds_every_board_with_its_type)
+TEST_WITH(discovery_finds_every_board_with_its_type, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_send(&bench, 0, 0x70f, "FF");
-    bench_tick(&bench);
-    assert_int_equal(bench.count[0], 4);
-    assert_int_equal(bench.count[1], 0);
-    bench_expect_frame(&bench.frame[0][0], 0x710, "FF 04 02 51 57");
-    bench_expect_frame(&bench.frame[0][1], 0x720, "FF 04 02 51 57");
-    bench_expect_frame(&bench.frame[0][2], 0x7c0, "FF 06 03 00 05");
-    bench_expect_frame(&bench.frame[0][3], 0x7d0, "FF 06 03 00 05");
+    bench_send(bench, 0, 0x70f, "FF");
+    bench_tick(bench);
+    assert_int_equal(bench->count[0], 4);
+    assert_int_equal(bench->count[1], 0);
+    bench_expect_frame(&bench->frame[0][0], 0x710, "FF 04 02 51 57");
+    bench_expect_frame(&bench->frame[0][1], 0x720, "FF 04 02 51 57");
+    bench_expect_frame(&bench->frame[0][2], 0x7c0, "FF 06 03 00 05");
+    bench_expect_frame(&bench->frame[0][3], 0x7d0, "FF 06 03 00 05");
     /* one board alone, asked by host address 3 */
-    bench_send(&bench, 1, 0x731, "FF");
-    bench_tick(&bench);
-    bench_expect(&bench, 1, 0x713, "FF 04 02 51 57");
-    bench_stop(&bench);
+    bench_send(bench, 1, 0x731, "FF");
+    bench_tick(bench);
+    bench_expect(bench, 1, 0x713, "FF 04 02 51 57");
 }
 
-TEST(firmware_version_has_protocol_and_acknowledge)
+TEST_WITH(firmware_version_has_protocol_and_acknowledge, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_ask(&bench, "5B 01 06", "5B 04 02 51 57 01 06 01");
-    bench_ask(&bench, "DB 01 06", "DB 04 02 51 57 01 06 01"); /* the other axis */
-    bench_ask(&bench, "5B 01 05", "5B 04 02 51 57 01 06 01"); /* the host is older */
-    bench_ask(&bench, "5B 01 07", "5B 04 02 51 57 01 06 00");
-    bench_ask(&bench, "5B 02 00", "5B 04 02 51 57 01 06 00");
-    bench_ask(&bench, "5B 00 00", "5B 04 02 51 57 01 06 00");
-    bench_stop(&bench);
+    bench_ask(bench, "5B 01 06", "5B 04 02 51 57 01 06 01");
+    bench_ask(bench, "DB 01 06", "DB 04 02 51 57 01 06 01"); /* the other axis */
+    bench_ask(bench, "5B 01 05", "5B 04 02 51 57 01 06 01"); /* the host is older */
+    bench_ask(bench, "5B 01 07", "5B 04 02 51 57 01 06 00");
+    bench_ask(bench, "5B 02 00", "5B 04 02 51 57 01 06 00");
+    bench_ask(bench, "5B 00 00", "5B 04 02 51 57 01 06 00");
 }
 
-TEST(additional_information_is_read_and_written_in_eight_parts)
+TEST_WITH(additional_information_is_read_and_written_in_eight_parts, bench_set_up, bench_tear_down)
 {
     static const char *const parts[] = {"0C 00 6C 65 67 20", "0C 01 31 00 00 00"}; /* "leg 1" */
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_send(&bench, 0, 0x701, "0C");
-    bench_tick(&bench);
-    assert_int_equal(bench.count[0], 8);
-    bench_expect_frame(&bench.frame[0][0], 0x710, parts[0]);
-    bench_expect_frame(&bench.frame[0][1], 0x710, parts[1]);
-    bench_expect_frame(&bench.frame[0][7], 0x710, "0C 07 00 00 00 00");
-    bench_send(&bench, 0, 0x701, "0D 07 61 62 63 64");
-    bench_send(&bench, 0, 0x001, "0D 00 41 42 43 44"); /* class 0 has the same */
-    bench_send(&bench, 0, 0x701, "0D 08 41 42 43 44"); /* no such part */
-    bench_send(&bench, 0, 0x001, "0C");
-    bench_tick(&bench);
-    assert_int_equal(bench.count[0], 8);
-    bench_expect_frame(&bench.frame[0][0], 0x010, "0C 00 41 42 43 44");
-    bench_expect_frame(&bench.frame[0][7], 0x010, "0C 07 61 62 63 64");
-    assert_int_equal(bench_counters(&bench).malformed, 1);
-    bench_stop(&bench);
+    bench_send(bench, 0, 0x701, "0C");
+    bench_tick(bench);
+    assert_int_equal(bench->count[0], 8);
+    bench_expect_frame(&bench->frame[0][0], 0x710, parts[0]);
+    bench_expect_frame(&bench->frame[0][1], 0x710, parts[1]);
+    bench_expect_frame(&bench->frame[0][7], 0x710, "0C 07 00 00 00 00");
+    bench_send(bench, 0, 0x701, "0D 07 61 62 63 64");
+    bench_send(bench, 0, 0x001, "0D 00 41 42 43 44"); /* class 0 has the same */
+    bench_send(bench, 0, 0x701, "0D 08 41 42 43 44"); /* no such part */
+    bench_send(bench, 0, 0x001, "0C");
+    bench_tick(bench);
+    assert_int_equal(bench->count[0], 8);
+    bench_expect_frame(&bench->frame[0][0], 0x010, "0C 00 41 42 43 44");
+    bench_expect_frame(&bench->frame[0][7], 0x010, "0C 07 61 62 63 64");
+    assert_int_equal(bench_counters(bench).malformed, 1);
 }
 
-TEST(replies_go_to_whoever_asked)
+TEST_WITH(replies_go_to_whoever_asked, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_send(&bench, 0, 0x052, "33");
-    bench_tick(&bench);
-    bench_expect(&bench, 0, 0x025, "33 02");
-    bench_stop(&bench);
+    bench_send(bench, 0, 0x052, "33");
+    bench_tick(bench);
+    bench_expect(bench, 0, 0x025, "33 02");
 }
 
-TEST(replies_keep_the_order_of_requests)
+TEST_WITH(replies_keep_the_order_of_requests, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_send(&bench, 0, 0x002, "33");
-    bench_send(&bench, 0, 0x20d, "1B");
-    bench_send(&bench, 0, 0x001, "33");
-    bench_send(&bench, 0, 0x002, "B3");
-    bench_tick(&bench);
-    assert_int_equal(bench.count[0], 4);
-    bench_expect_frame(&bench.frame[0][0], 0x020, "33 02");
-    bench_expect_frame(&bench.frame[0][1], 0x2d0, "1B 01");
-    bench_expect_frame(&bench.frame[0][2], 0x010, "33 01");
-    bench_expect_frame(&bench.frame[0][3], 0x020, "B3 02");
-    bench_stop(&bench);
+    bench_send(bench, 0, 0x002, "33");
+    bench_send(bench, 0, 0x20d, "1B");
+    bench_send(bench, 0, 0x001, "33");
+    bench_send(bench, 0, 0x002, "B3");
+    bench_tick(bench);
+    assert_int_equal(bench->count[0], 4);
+    bench_expect_frame(&bench->frame[0][0], 0x020, "33 02");
+    bench_expect_frame(&bench->frame[0][1], 0x2d0, "1B 01");
+    bench_expect_frame(&bench->frame[0][2], 0x010, "33 01");
+    bench_expect_frame(&bench->frame[0][3], 0x020, "B3 02");
 }
 
 /* Every SET with the GET that gives it back; replies must not be those of power-up. */
@@ -138,57 +128,51 @@ static void with_axis_bit(const char *hex, char *text, size_t size)
     snprintf(text, size, "%02lX%s", strtoul(hex, NULL, 16) | 0x80, hex + 2);
 }
 
-TEST(every_set_is_given_back_by_its_get_on_either_axis)
+TEST_WITH(every_set_is_given_back_by_its_get_on_either_axis, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
     char set[64], get[64], reply[64];
 
-    bench_open(&bench);
-    bench_tick(&bench);
+    bench_tick(bench);
     for (size_t i = 0; i < sizeof pairs / sizeof *pairs; i++) {
-        bench_send(&bench, 0, 0x001, pairs[i].set);
-        bench_ask(&bench, pairs[i].get, pairs[i].reply);
+        bench_send(bench, 0, 0x001, pairs[i].set);
+        bench_ask(bench, pairs[i].get, pairs[i].reply);
         with_axis_bit(pairs[i].set, set, sizeof set);
         with_axis_bit(pairs[i].get, get, sizeof get);
         with_axis_bit(pairs[i].reply, reply, sizeof reply);
-        bench_send(&bench, 0, 0x001, set);
-        bench_ask(&bench, get, reply);
+        bench_send(bench, 0, 0x001, set);
+        bench_ask(bench, get, reply);
     }
-    assert_int_equal(bench_counters(&bench).malformed, 0);
-    assert_int_equal(bench_counters(&bench).unknown, 0);
-    bench_stop(&bench);
+    assert_int_equal(bench_counters(bench).malformed, 0);
+    assert_int_equal(bench_counters(bench).unknown, 0);
 }
 
-TEST(axes_keep_their_own_values)
+TEST_WITH(axes_keep_their_own_values, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_send(&bench, 0, 0x001, "1E 10 00");
-    bench_send(&bench, 0, 0x001, "9E 20 00");
-    bench_ask(&bench, "1F", "1F 10 00");
-    bench_ask(&bench, "9F", "9F 20 00");
-    bench_send(&bench, 0, 0x002, "1F");
-    bench_tick(&bench);
-    bench_expect(&bench, 0, 0x020, "1F 00 00"); /* zero at power-up */
-    bench_stop(&bench);
+    bench_send(bench, 0, 0x001, "1E 10 00");
+    bench_send(bench, 0, 0x001, "9E 20 00");
+    bench_ask(bench, "1F", "1F 10 00");
+    bench_ask(bench, "9F", "9F 20 00");
+    bench_send(bench, 0, 0x002, "1F");
+    bench_tick(bench);
+    bench_expect(bench, 0, 0x020, "1F 00 00"); /* zero at power-up */
 }
 
-TEST(a_pid_and_its_single_gains_are_the_same_values)
+TEST_WITH(a_pid_and_its_single_gains_are_the_same_values, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_send(&bench, 0, 0x001, "52 64 00 02 00 C8 00 06"); /* kp ki kd shift */
-    bench_ask(&bench, "1F", "1F 64 00");
-    bench_ask(&bench, "23", "23 02 00");
-    bench_ask(&bench, "21", "21 C8 00");
-    bench_ask(&bench, "29", "29 06 00");
-    bench_send(&bench, 0, 0x001, "54 01 00 02 00 03 00"); /* offset, output, integral */
-    bench_ask(&bench, "27", "27 01 00");
-    bench_ask(&bench, "2B", "2B 02 00");
-    bench_ask(&bench, "25", "25 03 00");
-    bench_stop(&bench);
+    bench_send(bench, 0, 0x001, "52 64 00 02 00 C8 00 06"); /* kp ki kd shift */
+    bench_ask(bench, "1F", "1F 64 00");
+    bench_ask(bench, "23", "23 02 00");
+    bench_ask(bench, "21", "21 C8 00");
+    bench_ask(bench, "29", "29 06 00");
+    bench_send(bench, 0, 0x001, "54 01 00 02 00 03 00"); /* offset, output, integral */
+    bench_ask(bench, "27", "27 01 00");
+    bench_ask(bench, "2B", "2B 02 00");
+    bench_ask(bench, "25", "25 03 00");
 }
 
 TEST(state_is_told_when_asked)
@@ -218,32 +202,30 @@ TEST(state_is_told_when_asked)
 
 /* Integrators of 1 and 2 counts a count and ms, errors of 10 and -7 counts: each axis tells its
  * own error, reference and output. */
-TEST(the_state_of_running_axes_is_told)
+TEST_WITH(the_state_of_running_axes_is_told, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_send(&bench, 0, 0x001, "52 00 00 01 00 00 00 00");
-    bench_send(&bench, 0, 0x001, "D2 00 00 02 00 00 00 00");
-    bench_send(&bench, 0, 0x001, "54 00 00 35 05 FF 7F");
-    bench_send(&bench, 0, 0x001, "D4 00 00 35 05 FF 7F");
-    bench_tick(&bench);
-    bench_send(&bench, 0, 0x001, "09 08");
-    bench_send(&bench, 0, 0x001, "89 08");
-    bench_tick(&bench);
-    bench.sense[0].q = -10.0 / TICKS_PER_RAD;
-    bench.sense[1].q = 7.0 / TICKS_PER_RAD;
-    boards_sample(bench.boards, bench.now_ns, &bench.sensors);
-    bench_ticks(&bench, 5);
-    bench_ask(&bench, "3F", "3F 32 00"); /* 5 * 10 */
-    bench_ask(&bench, "BF", "BF AC FF"); /* 6 * 2 * -7 */
-    bench_ask(&bench, "37", "37 0A 00");
-    bench_ask(&bench, "B7", "B7 F9 FF");
+    bench_send(bench, 0, 0x001, "52 00 00 01 00 00 00 00");
+    bench_send(bench, 0, 0x001, "D2 00 00 02 00 00 00 00");
+    bench_send(bench, 0, 0x001, "54 00 00 35 05 FF 7F");
+    bench_send(bench, 0, 0x001, "D4 00 00 35 05 FF 7F");
+    bench_tick(bench);
+    bench_send(bench, 0, 0x001, "09 08");
+    bench_send(bench, 0, 0x001, "89 08");
+    bench_tick(bench);
+    bench->sense[0].q = -10.0 / TICKS_PER_RAD;
+    bench->sense[1].q = 7.0 / TICKS_PER_RAD;
+    boards_sample(bench->boards, bench->now_ns, &bench->sensors);
+    bench_ticks(bench, 5);
+    bench_ask(bench, "3F", "3F 32 00"); /* 5 * 10 */
+    bench_ask(bench, "BF", "BF AC FF"); /* 6 * 2 * -7 */
+    bench_ask(bench, "37", "37 0A 00");
+    bench_ask(bench, "B7", "B7 F9 FF");
     /* Moved by -10 and 7 ticks in the 32 ms of the estimate */
-    bench_ask(&bench, "14", "14 F6 FF FF FF F6 FF");
-    bench_ask(&bench, "94", "94 07 00 00 00 07 00");
-    bench_ask(&bench, "39", "39 00 00 00 00");
-    bench_stop(&bench);
+    bench_ask(bench, "14", "14 F6 FF FF FF F6 FF");
+    bench_ask(bench, "94", "94 07 00 00 00 07 00");
+    bench_ask(bench, "39", "39 00 00 00 00");
 }
 
 TEST(the_encoder_reads_what_it_is_set_to)
@@ -278,48 +260,44 @@ TEST(the_encoder_reads_what_it_is_set_to)
     bench_stop(&bench);
 }
 
-TEST(flash_keeps_parameters_until_they_are_read)
+TEST_WITH(flash_keeps_parameters_until_they_are_read, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_send(&bench, 0, 0x001, "1E 64 00");
-    bench_send(&bench, 0, 0x001, "0A");
-    bench_send(&bench, 0, 0x001, "1E 07 00");
-    bench_ask(&bench, "1F", "1F 07 00");
-    bench_send(&bench, 0, 0x001, "0B");
-    bench_ask(&bench, "1F", "1F 64 00");
-    bench_stop(&bench);
+    bench_send(bench, 0, 0x001, "1E 64 00");
+    bench_send(bench, 0, 0x001, "0A");
+    bench_send(bench, 0, 0x001, "1E 07 00");
+    bench_ask(bench, "1F", "1F 07 00");
+    bench_send(bench, 0, 0x001, "0B");
+    bench_ask(bench, "1F", "1F 64 00");
 }
 
-TEST(the_address_moves_and_never_onto_another_board)
+TEST_WITH(the_address_moves_and_never_onto_another_board, bench_set_up, bench_tear_down)
 {
     struct board_event event;
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_send(&bench, 0, 0x001, "32 05");
-    assert_true(bench_event(&bench, BOARD_EVENT_ADDRESS, &event));
+    bench_send(bench, 0, 0x001, "32 05");
+    assert_true(bench_event(bench, BOARD_EVENT_ADDRESS, &event));
     assert_int_equal(event.a, 1);
     assert_int_equal(event.b, 5);
-    bench_send(&bench, 0, 0x001, "33"); /* nobody there any more */
-    bench_send(&bench, 0, 0x005, "33");
-    bench_tick(&bench);
-    assert_int_equal(bench.count[0], 1);
-    bench_expect(&bench, 0, 0x050, "33 05");
-    bench_send(&bench, 0, 0x005, "32 02");
-    bench_send(&bench, 0, 0x705, "32 0D");
-    bench_send(&bench, 0, 0x005, "32 00");
-    bench_send(&bench, 0, 0x005, "32 0F");
-    assert_int_equal(bench_counters(&bench).malformed, 4);
-    bench_send(&bench, 0, 0x705, "32 01");
-    bench_send(&bench, 0, 0x20d, "32 0E");
-    bench_send(&bench, 0, 0x70f, "FF");
-    bench_tick(&bench);
-    assert_int_equal(bench_sent(&bench, 0, 0x710), 1);
-    assert_int_equal(bench_sent(&bench, 0, 0x7e0), 1);
-    assert_int_equal(bench_sent(&bench, 0, 0x7d0), 0);
-    bench_stop(&bench);
+    bench_send(bench, 0, 0x001, "33"); /* nobody there any more */
+    bench_send(bench, 0, 0x005, "33");
+    bench_tick(bench);
+    assert_int_equal(bench->count[0], 1);
+    bench_expect(bench, 0, 0x050, "33 05");
+    bench_send(bench, 0, 0x005, "32 02");
+    bench_send(bench, 0, 0x705, "32 0D");
+    bench_send(bench, 0, 0x005, "32 00");
+    bench_send(bench, 0, 0x005, "32 0F");
+    assert_int_equal(bench_counters(bench).malformed, 4);
+    bench_send(bench, 0, 0x705, "32 01");
+    bench_send(bench, 0, 0x20d, "32 0E");
+    bench_send(bench, 0, 0x70f, "FF");
+    bench_tick(bench);
+    assert_int_equal(bench_sent(bench, 0, 0x710), 1);
+    assert_int_equal(bench_sent(bench, 0, 0x7e0), 1);
+    assert_int_equal(bench_sent(bench, 0, 0x7d0), 0);
 }
 
 /* A tool that goes by a DBC sends every command with 8 bytes, whatever it pads with. */
@@ -356,7 +334,7 @@ TEST(padding_is_ignored_where_the_bus_allows_it)
 }
 
 /* Every command of the table with a wrong length; none may have an effect or an answer. */
-TEST(wrong_lengths_are_ignored_and_counted)
+TEST_WITH(wrong_lengths_are_ignored_and_counted, bench_set_up, bench_tear_down)
 {
     static const struct {
         uint32_t id;
@@ -375,28 +353,26 @@ TEST(wrong_lengths_are_ignored_and_counted)
         {0x701, 0x0c, 1}, {0x701, 0x0d, 6}, {0x701, 0x32, 2},
     };
     uint64_t sent = 0;
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
     for (size_t i = 0; i < sizeof commands / sizeof *commands; i++) {
         for (uint8_t len = 1; len <= 8; len++) {
             struct bus_frame frame = {.id = commands[i].id, .len = len, .data = {commands[i].code}};
 
             if (len != commands[i].length) {
-                boards_receive(bench.boards, bench.now_ns, 0, &frame);
+                boards_receive(bench->boards, bench->now_ns, 0, &frame);
                 sent++;
             }
         }
     }
-    bench_tick(&bench);
-    assert_int_equal(bench.count[0], 0);
-    assert_int_equal(bench_counters(&bench).malformed, sent);
-    assert_int_equal(bench_counters(&bench).frames, sent);
-    assert_int_equal(bench_counters(&bench).unknown, 0);
-    bench_stop(&bench);
+    bench_tick(bench);
+    assert_int_equal(bench->count[0], 0);
+    assert_int_equal(bench_counters(bench).malformed, sent);
+    assert_int_equal(bench_counters(bench).frames, sent);
+    assert_int_equal(bench_counters(bench).unknown, 0);
 }
 
-TEST(unwelcome_frames_are_counted_by_what_they_are)
+TEST_WITH(unwelcome_frames_are_counted_by_what_they_are, bench_set_up, bench_tear_down)
 {
     static const struct bus_frame foreign[] = {
         {.id = 0x003, .len = 1, .data = {0x07}},          /* no board 3 */
@@ -416,63 +392,59 @@ TEST(unwelcome_frames_are_counted_by_what_they_are)
     };
     struct board_event event;
     struct boards_counters counters;
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
     for (size_t i = 0; i < sizeof foreign / sizeof *foreign; i++) {
-        boards_receive(bench.boards, bench.now_ns, 0, &foreign[i]);
+        boards_receive(bench->boards, bench->now_ns, 0, &foreign[i]);
     }
-    boards_receive(bench.boards, bench.now_ns, 7, &foreign[0]); /* no such bus */
-    counters = bench_counters(&bench);
+    boards_receive(bench->boards, bench->now_ns, 7, &foreign[0]); /* no such bus */
+    counters = bench_counters(bench);
     assert_int_equal(counters.foreign, sizeof foreign / sizeof *foreign + 1);
     assert_int_equal(counters.frames, 0);
-    assert_false(boards_next_event(bench.boards, &event));
+    assert_false(boards_next_event(bench->boards, &event));
 
-    bench_send(&bench, 0, 0x001, "7F");
-    assert_true(bench_event(&bench, BOARD_EVENT_UNKNOWN, &event));
+    bench_send(bench, 0, 0x001, "7F");
+    assert_true(bench_event(bench, BOARD_EVENT_UNKNOWN, &event));
     assert_int_equal(event.a, 0x001);
     assert_int_equal(event.b, 0x7f);
     assert_int_equal(event.address, 1);
-    bench_send(&bench, 0, 0x001, "");
-    assert_true(bench_event(&bench, BOARD_EVENT_MALFORMED, &event));
-    bench_send(&bench, 0, 0x20d, "FE");
-    bench_send(&bench, 0, 0x701, "55");
-    counters = bench_counters(&bench);
+    bench_send(bench, 0, 0x001, "");
+    assert_true(bench_event(bench, BOARD_EVENT_MALFORMED, &event));
+    bench_send(bench, 0, 0x20d, "FE");
+    bench_send(bench, 0, 0x701, "55");
+    counters = bench_counters(bench);
     assert_int_equal(counters.frames, 4);
     assert_int_equal(counters.unknown, 3);
     assert_int_equal(counters.malformed, 1);
-    bench_stop(&bench);
 }
 
-TEST(a_full_reply_queue_is_told_in_status_and_overflow)
+TEST_WITH(a_full_reply_queue_is_told_in_status_and_overflow, bench_set_up, bench_tear_down)
 {
     struct board_event event;
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_send(&bench, 0, 0x001, "49 14 00 00 00"); /* STATUS and OVERFLOW */
+    bench_send(bench, 0, 0x001, "49 14 00 00 00"); /* STATUS and OVERFLOW */
     for (int i = 0; i < BOARD_REPLIES_MAX + 3; i++) {
-        bench_send(&bench, 0, 0x001, "33");
-        bench_send(&bench, 0, 0x002, i < 2 ? "33" : "0B"); /* another board has its own quota */
+        bench_send(bench, 0, 0x001, "33");
+        bench_send(bench, 0, 0x002, i < 2 ? "33" : "0B"); /* another board has its own quota */
     }
-    bench_tick(&bench);
-    assert_int_equal(bench_sent(&bench, 0, 0x010), BOARD_REPLIES_MAX);
-    assert_int_equal(bench_sent(&bench, 0, 0x020), 2);
-    assert_int_equal(bench_counters(&bench).overflows, 3);
-    assert_true(bench_event(&bench, BOARD_EVENT_OVERFLOW, &event));
-    bench_ticks(&bench, 2); /* slot 2 */
-    bench_expect(&bench, 0, 0x113, "00 00 00 00 01 00 00 00");
-    bench_tick(&bench); /* slot 3 */
-    bench_expect(&bench, 0, 0x115, "");
+    bench_tick(bench);
+    assert_int_equal(bench_sent(bench, 0, 0x010), BOARD_REPLIES_MAX);
+    assert_int_equal(bench_sent(bench, 0, 0x020), 2);
+    assert_int_equal(bench_counters(bench).overflows, 3);
+    assert_true(bench_event(bench, BOARD_EVENT_OVERFLOW, &event));
+    bench_ticks(bench, 2); /* slot 2 */
+    bench_expect(bench, 0, 0x113, "00 00 00 00 01 00 00 00");
+    bench_tick(bench); /* slot 3 */
+    bench_expect(bench, 0, 0x115, "");
     for (int i = 0; i < 8; i++) {
-        bench_tick(&bench);
-        assert_int_equal(bench.count[0], 0);
+        bench_tick(bench);
+        assert_int_equal(bench->count[0], 0);
     }
-    bench_stop(&bench);
 }
 
 /* The real host's start-up of one axis and an F/T board, as measured. */
-TEST(the_hosts_start_up_sequence_is_accepted)
+TEST_WITH(the_hosts_start_up_sequence_is_accepted, bench_set_up, bench_tear_down)
 {
     static const char *const axis[] = {
         "1E 40 1F",
@@ -499,41 +471,39 @@ TEST(the_hosts_start_up_sequence_is_accepted)
         "09 00",
     };
     char text[64];
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
     for (size_t i = 0; i < sizeof axis / sizeof *axis; i++) {
-        bench_send(&bench, 0, 0x001, axis[i]);
+        bench_send(bench, 0, 0x001, axis[i]);
         with_axis_bit(axis[i], text, sizeof text);
-        bench_send(&bench, 0, 0x001, text);
-        bench_tick(&bench);
-        assert_int_equal(bench_sent(&bench, 0, 0x010), 0);
+        bench_send(bench, 0, 0x001, text);
+        bench_tick(bench);
+        assert_int_equal(bench_sent(bench, 0, 0x010), 0);
     }
-    bench_ask(&bench, "5B 01 06", "5B 04 02 51 57 01 06 01");
-    bench_send(&bench, 0, 0x20d, "08 05");
+    bench_ask(bench, "5B 01 06", "5B 04 02 51 57 01 06 01");
+    bench_send(bench, 0, 0x20d, "08 05");
     for (unsigned i = 0; i < 6; i++) {
         static const char *const scale[] = {"18 00 05 DC", "18 01 05 DC", "18 02 07 D0",
                                             "18 03 00 28", "18 04 00 28", "18 05 00 28"};
 
         snprintf(text, sizeof text, "18 %02X", i);
-        bench_send(&bench, 0, 0x20d, text);
-        bench_tick(&bench);
-        bench_expect(&bench, 0, 0x2d0, scale[i]);
+        bench_send(bench, 0, 0x20d, text);
+        bench_tick(bench);
+        bench_expect(bench, 0, 0x2d0, scale[i]);
     }
-    bench_send(&bench, 0, 0x20d, "07 00");
+    bench_send(bench, 0, 0x20d, "07 00");
     /* later: open loop, a quarter of the supply, stop */
-    bench_send(&bench, 0, 0x001, "09 50");
-    bench_tick(&bench);
-    bench_send(&bench, 0, 0x001, "72 4D 01");
-    bench_tick(&bench);
-    assert_true(bench.motor[0].bridge_on);
-    assert_near(bench.motor[0].voltage_v, SUPPLY_V * 333.0 / 1333.0, 1e-12);
-    bench_send(&bench, 0, 0x001, "09 09");
-    bench_tick(&bench);
-    assert_false(bench.motor[0].bridge_on);
-    assert_near(bench.motor[0].voltage_v, 0.0, 0.0);
-    assert_int_equal(bench_counters(&bench).malformed, 0);
-    assert_int_equal(bench_counters(&bench).unknown, 0);
-    assert_int_equal(bench_counters(&bench).foreign, 0);
-    bench_stop(&bench);
+    bench_send(bench, 0, 0x001, "09 50");
+    bench_tick(bench);
+    bench_send(bench, 0, 0x001, "72 4D 01");
+    bench_tick(bench);
+    assert_true(bench->motor[0].bridge_on);
+    assert_near(bench->motor[0].voltage_v, SUPPLY_V * 333.0 / 1333.0, 1e-12);
+    bench_send(bench, 0, 0x001, "09 09");
+    bench_tick(bench);
+    assert_false(bench->motor[0].bridge_on);
+    assert_near(bench->motor[0].voltage_v, 0.0, 0.0);
+    assert_int_equal(bench_counters(bench).malformed, 0);
+    assert_int_equal(bench_counters(bench).unknown, 0);
+    assert_int_equal(bench_counters(bench).foreign, 0);
 }

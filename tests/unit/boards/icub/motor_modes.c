@@ -22,92 +22,84 @@ TEST(any_running_mode_is_entered_from_idle_with_the_bridge_on)
     }
 }
 
-TEST(one_running_mode_follows_another_directly)
+TEST_WITH(one_running_mode_follows_another_directly, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
     for (size_t i = 0; i < RUNNING; i++) {
         for (size_t j = 0; j < RUNNING; j++) {
-            set_mode(&bench, running[i]);
-            set_mode(&bench, running[j]);
-            assert_int_equal(mode_of(&bench), running[j]);
-            assert_true(bench.motor[0].bridge_on);
+            set_mode(bench, running[i]);
+            set_mode(bench, running[j]);
+            assert_int_equal(mode_of(bench), running[j]);
+            assert_true(bench->motor[0].bridge_on);
         }
     }
-    bench_stop(&bench);
 }
 
-TEST(values_that_are_no_mode_are_refused)
+TEST_WITH(values_that_are_no_mode_are_refused, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
     unsigned refused = 0;
 
-    bench_open(&bench);
     for (unsigned mode = 0; mode < 256; mode++) {
         bool known = mode <= 0x09 || mode == 0x50;
 
         if (!known) {
-            set_mode(&bench, mode);
+            set_mode(bench, mode);
             refused++;
         }
     }
-    assert_int_equal(mode_of(&bench), 0x00);
-    assert_int_equal(bench_counters(&bench).malformed, refused);
-    bench_stop(&bench);
+    assert_int_equal(mode_of(bench), 0x00);
+    assert_int_equal(bench_counters(bench).malformed, refused);
 }
 
-TEST(only_force_idle_leaves_a_fault)
+TEST_WITH(only_force_idle_leaves_a_fault, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    set_mode(&bench, 0x50);
-    bench_tick(&bench);
-    bench.sense[0].current_a = -60.0;
-    bench_ticks(&bench, 2);
-    bench.sense[0].current_a = 0.0;
-    assert_int_equal(mode_of(&bench), 0xa0);
+    set_mode(bench, 0x50);
+    bench_tick(bench);
+    bench->sense[0].current_a = -60.0;
+    bench_ticks(bench, 2);
+    bench->sense[0].current_a = 0.0;
+    assert_int_equal(mode_of(bench), 0xa0);
     for (size_t i = 0; i < RUNNING; i++) {
-        set_mode(&bench, running[i]);
-        assert_int_equal(mode_of(&bench), 0xa0);
+        set_mode(bench, running[i]);
+        assert_int_equal(mode_of(bench), 0xa0);
     }
-    set_mode(&bench, 0x00);
-    assert_int_equal(mode_of(&bench), 0xa0);
-    bench_send(&bench, 0, 0x001, "04 03 00 00 01 00 00 00");
-    assert_int_equal(mode_of(&bench), 0xa0);
-    assert_false(bench.motor[0].bridge_on);
-    set_mode(&bench, 0x09);
-    assert_int_equal(mode_of(&bench), 0x00);
-    assert_false(bench.motor[0].bridge_on);
-    set_mode(&bench, 0x50);
-    assert_int_equal(mode_of(&bench), 0x50);
-    bench_stop(&bench);
+    set_mode(bench, 0x00);
+    assert_int_equal(mode_of(bench), 0xa0);
+    bench_send(bench, 0, 0x001, "04 03 00 00 01 00 00 00");
+    assert_int_equal(mode_of(bench), 0xa0);
+    assert_false(bench->motor[0].bridge_on);
+    set_mode(bench, 0x09);
+    assert_int_equal(mode_of(bench), 0x00);
+    assert_false(bench->motor[0].bridge_on);
+    set_mode(bench, 0x50);
+    assert_int_equal(mode_of(bench), 0x50);
 }
 
-TEST(a_mode_change_clears_the_voltage_and_holds_the_position)
+TEST_WITH(a_mode_change_clears_the_voltage_and_holds_the_position, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_tick(&bench);
-    bench_send(&bench, 0, 0x001, "72 4D 01"); /* kept in any mode ... */
-    bench_ask(&bench, "73", "73 4D 01");
-    bench.sense[0].q = 0.5;
-    bench_tick(&bench);
-    set_mode(&bench, 0x50); /* ... and cleared by a change */
-    bench_ask(&bench, "73", "73 00 00");
-    bench_ask(&bench, "16", "16 88 13 00 00"); /* 5000 */
-    bench_send(&bench, 0, 0x001, "72 4D 01");
-    bench_tick(&bench);
-    assert_near(bench.motor[0].voltage_v, SUPPLY_V * 333.0 / 1333.0, 1e-12);
-    set_mode(&bench, 0x01);
-    bench_ask(&bench, "73", "73 00 00");
-    assert_near(bench.motor[0].voltage_v, 0.0, 0.0);
-    bench_send(&bench, 0, 0x001, "72 4D 01"); /* acts in mode 0x50 only */
-    bench_tick(&bench);
-    assert_near(bench.motor[0].voltage_v, 0.0, 0.0);
-    bench_stop(&bench);
+    bench_tick(bench);
+    bench_send(bench, 0, 0x001, "72 4D 01"); /* kept in any mode ... */
+    bench_ask(bench, "73", "73 4D 01");
+    bench->sense[0].q = 0.5;
+    bench_tick(bench);
+    set_mode(bench, 0x50); /* ... and cleared by a change */
+    bench_ask(bench, "73", "73 00 00");
+    bench_ask(bench, "16", "16 88 13 00 00"); /* 5000 */
+    bench_send(bench, 0, 0x001, "72 4D 01");
+    bench_tick(bench);
+    assert_near(bench->motor[0].voltage_v, SUPPLY_V * 333.0 / 1333.0, 1e-12);
+    set_mode(bench, 0x01);
+    bench_ask(bench, "73", "73 00 00");
+    assert_near(bench->motor[0].voltage_v, 0.0, 0.0);
+    bench_send(bench, 0, 0x001, "72 4D 01"); /* acts in mode 0x50 only */
+    bench_tick(bench);
+    assert_near(bench->motor[0].voltage_v, 0.0, 0.0);
 }
 
 TEST(discovery_stops_motors_when_asked_to)
@@ -297,30 +289,26 @@ TEST(a_strict_board_prints_what_the_firmware_prints)
     bench_stop(&bench);
 }
 
-TEST(modes_of_the_table_that_no_firmware_has_are_refused)
+TEST_WITH(modes_of_the_table_that_no_firmware_has_are_refused, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    ask_mode(&bench, "09 0A", "07 00 00", false);
-    ask_mode(&bench, "09 0B", "07 00 00", false);
-    ask_mode(&bench, "09 60", "07 00 00", false);
-    assert_int_equal(bench_counters(&bench).malformed, 3);
-    bench_stop(&bench);
+    ask_mode(bench, "09 0A", "07 00 00", false);
+    ask_mode(bench, "09 0B", "07 00 00", false);
+    ask_mode(bench, "09 60", "07 00 00", false);
+    assert_int_equal(bench_counters(bench).malformed, 3);
 }
 
-TEST(calibration_is_that_of_the_absolute_encoder)
+TEST_WITH(calibration_is_that_of_the_absolute_encoder, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_send(&bench, 0, 0x001, "04 00 00 00 01 00 00 00"); /* hard stops: not on this board */
-    assert_int_equal(bench_counters(&bench).malformed, 1);
-    bench_ask(&bench, "07", "07 00 00");
-    bench_send(&bench, 0, 0x001, "04 03 00 00 00 00 00 00"); /* p2 = 0 */
-    bench_ask(&bench, "07", "07 A0 00");
-    assert_int_equal(bench_counters(&bench).malformed, 1);
-    bench_stop(&bench);
+    bench_send(bench, 0, 0x001, "04 00 00 00 01 00 00 00"); /* hard stops: not on this board */
+    assert_int_equal(bench_counters(bench).malformed, 1);
+    bench_ask(bench, "07", "07 00 00");
+    bench_send(bench, 0, 0x001, "04 03 00 00 00 00 00 00"); /* p2 = 0 */
+    bench_ask(bench, "07", "07 A0 00");
+    assert_int_equal(bench_counters(bench).malformed, 1);
 }
 
 /* Of a servo valve: all but the current mode; torque is that of its sensor. */

@@ -70,42 +70,38 @@ TEST(a_fresh_voltage_resumes_after_the_time_out)
     bench_stop(&bench);
 }
 
-TEST(a_velocity_without_fresh_commands_becomes_zero)
+TEST_WITH(a_velocity_without_fresh_commands_becomes_zero, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_send(&bench, 0, 0x001, "56 64 00"); /* 100 ms */
-    set_mode(&bench, 0x02);
-    bench_send(&bench, 0, 0x001, "1C 20 00 00 01"); /* 32/16 = 2 ticks/ms, reached at once */
-    bench_ticks(&bench, 50);
-    bench_ask(&bench, "3A", "3A 20 00");
-    bench_send(&bench, 0, 0x001, "1C 20 00 00 01");
-    bench_ticks(&bench, 101);
-    bench_ask(&bench, "18", "18 00 00");
-    assert_int_equal(bench_counters(&bench).timeouts, 1);
-    bench_ask(&bench, "3A", "3A 00 00");
-    assert_int_equal(mode_of(&bench), 0x02);
-    bench_stop(&bench);
+    bench_send(bench, 0, 0x001, "56 64 00"); /* 100 ms */
+    set_mode(bench, 0x02);
+    bench_send(bench, 0, 0x001, "1C 20 00 00 01"); /* 32/16 = 2 ticks/ms, reached at once */
+    bench_ticks(bench, 50);
+    bench_ask(bench, "3A", "3A 20 00");
+    bench_send(bench, 0, 0x001, "1C 20 00 00 01");
+    bench_ticks(bench, 101);
+    bench_ask(bench, "18", "18 00 00");
+    assert_int_equal(bench_counters(bench).timeouts, 1);
+    bench_ask(bench, "3A", "3A 00 00");
+    assert_int_equal(mode_of(bench), 0x02);
 }
 
 /* The time-out of 100 ms is over in the tick that begins later, not in the one that begins then. */
-TEST(a_velocity_lives_as_long_as_its_time_out)
+TEST_WITH(a_velocity_lives_as_long_as_its_time_out, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
     int ticks = 0;
 
-    bench_open(&bench);
-    bench_send(&bench, 0, 0x001, "56 64 00");
-    set_mode(&bench, 0x02);
-    bench_tick(&bench);
-    bench_send(&bench, 0, 0x001, "1C 20 00 00 01");
-    while (bench_counters(&bench).timeouts == 0 && ticks < 1000) {
-        bench_tick(&bench);
+    bench_send(bench, 0, 0x001, "56 64 00");
+    set_mode(bench, 0x02);
+    bench_tick(bench);
+    bench_send(bench, 0, 0x001, "1C 20 00 00 01");
+    while (bench_counters(bench).timeouts == 0 && ticks < 1000) {
+        bench_tick(bench);
         ticks++;
     }
     assert_int_equal(ticks, 101);
-    bench_stop(&bench);
 }
 
 TEST(a_silent_torque_source_disables_torque_modes)
@@ -138,18 +134,16 @@ TEST(a_silent_torque_source_disables_torque_modes)
     }
 }
 
-TEST(torque_of_real_strain_boards_on_the_bus_is_heard)
+TEST_WITH(torque_of_real_strain_boards_on_the_bus_is_heard, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_send(&bench, 0, 0x001, "34 05 04 00 00 00 00 00");
-    bench_send(&bench, 0, 0x001, "49 00 01 00 00"); /* DEBUG */
-    to_slot_0(&bench);
-    bench_send(&bench, 0, 0x35b, "00 80 10 80 F0 7F"); /* channels 3 4 5 */
-    bench_ticks(&bench, 4);
-    bench_expect(&bench, 0, 0x119, "10 00 00 00 00 00 00 00");
-    bench_stop(&bench);
+    bench_send(bench, 0, 0x001, "34 05 04 00 00 00 00 00");
+    bench_send(bench, 0, 0x001, "49 00 01 00 00"); /* DEBUG */
+    to_slot_0(bench);
+    bench_send(bench, 0, 0x35b, "00 80 10 80 F0 7F"); /* channels 3 4 5 */
+    bench_ticks(bench, 4);
+    bench_expect(bench, 0, 0x119, "10 00 00 00 00 00 00 00");
 }
 
 /* What axis 0 takes its torque for, from the DEBUG frame. */
@@ -162,36 +156,34 @@ static int torque_of(struct board_bench *bench)
 }
 
 /* 0x0C is the address of our own pseudo-STRAIN: whoever else sends as it is an impostor. */
-TEST(strain_frames_with_an_address_of_ours_are_not_believed)
+TEST_WITH(strain_frames_with_an_address_of_ours_are_not_believed, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_send(&bench, 0, 0x001, "34 0C 00 00 00 00 00 00");
-    bench_send(&bench, 0, 0x001, "49 00 01 00 00"); /* DEBUG */
-    bench_send(&bench, 0, 0x3ca, "10 80 00 80 00 80");
-    assert_int_equal(torque_of(&bench), 0);
-    bench.sense[0].torque_nm = 27.5; /* half of the full scale: what the board itself sends */
-    bench_send(&bench, 0, 0x20c, "07 00");
-    bench_ticks(&bench, 8);
-    bench_send(&bench, 0, 0x3ca, "10 80 00 80 00 80");
-    assert_int_equal(torque_of(&bench), 0x4000);
+    bench_send(bench, 0, 0x001, "34 0C 00 00 00 00 00 00");
+    bench_send(bench, 0, 0x001, "49 00 01 00 00"); /* DEBUG */
+    bench_send(bench, 0, 0x3ca, "10 80 00 80 00 80");
+    assert_int_equal(torque_of(bench), 0);
+    bench->sense[0].torque_nm = 27.5; /* half of the full scale: what the board itself sends */
+    bench_send(bench, 0, 0x20c, "07 00");
+    bench_ticks(bench, 8);
+    bench_send(bench, 0, 0x3ca, "10 80 00 80 00 80");
+    assert_int_equal(torque_of(bench), 0x4000);
 
     /* where it moves is its own too, and what it left is not */
-    bench_send(&bench, 0, 0x20c, "32 05");
-    bench_send(&bench, 0, 0x001, "34 05 00 00 00 00 00 00");
-    bench_ticks(&bench, 8);
-    bench_send(&bench, 0, 0x35a, "10 80 00 80 00 80");
-    assert_int_equal(torque_of(&bench), 0x4000);
-    bench_send(&bench, 0, 0x001, "34 0C 00 00 00 00 00 00");
-    bench_send(&bench, 0, 0x3ca, "10 80 00 80 00 80");
-    assert_int_equal(torque_of(&bench), 0x10);
-    bench_send(&bench, 0, 0x3ca, "20 80 00 80 00 80 05"); /* saturated, and it is heard still */
-    assert_int_equal(torque_of(&bench), 0x20);
-    bench_send(&bench, 0, 0x3ca, "30 80 00 80 00"); /* no length of theirs */
-    bench_send(&bench, 0, 0x3ca, "30 80 00 80 00 80 00 00");
-    assert_int_equal(torque_of(&bench), 0x20);
-    bench_stop(&bench);
+    bench_send(bench, 0, 0x20c, "32 05");
+    bench_send(bench, 0, 0x001, "34 05 00 00 00 00 00 00");
+    bench_ticks(bench, 8);
+    bench_send(bench, 0, 0x35a, "10 80 00 80 00 80");
+    assert_int_equal(torque_of(bench), 0x4000);
+    bench_send(bench, 0, 0x001, "34 0C 00 00 00 00 00 00");
+    bench_send(bench, 0, 0x3ca, "10 80 00 80 00 80");
+    assert_int_equal(torque_of(bench), 0x10);
+    bench_send(bench, 0, 0x3ca, "20 80 00 80 00 80 05"); /* saturated, and it is heard still */
+    assert_int_equal(torque_of(bench), 0x20);
+    bench_send(bench, 0, 0x3ca, "30 80 00 80 00"); /* no length of theirs */
+    bench_send(bench, 0, 0x3ca, "30 80 00 80 00 80 00 00");
+    assert_int_equal(torque_of(bench), 0x20);
 }
 
 /* ---- faults ---- */
@@ -215,8 +207,7 @@ TEST(over_current_trips_once_and_is_told_once)
         bench_ticks(&bench, 1000);
         assert_int_equal(bench_counters(&bench).trips, 0);
         bench.sense[axis].current_a = -4.0;
-        bench_tick(&bench);
-        bench_tick(&bench);
+        bench_ticks(&bench, 2);
         assert_false(bench.motor[axis].bridge_on);
         assert_near(bench.motor[axis].voltage_v, 0.0, 0.0);
         assert_int_equal(bench_counters(&bench).trips, 1);
@@ -239,21 +230,19 @@ TEST(over_current_trips_once_and_is_told_once)
 }
 
 /* COMAN's drive with a quarter of 48 V from standstill: 15 A, above 12 A for 3 ms. */
-TEST(the_inrush_of_a_voltage_step_does_not_trip)
+TEST_WITH(the_inrush_of_a_voltage_step_does_not_trip, bench_set_up, bench_tear_down)
 {
     static const double inrush_a[] = {14.88, 14.44, 12.17, 10.03, 8.27, 6.85};
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    set_mode(&bench, 0x50);
-    bench_send(&bench, 0, 0x001, "72 4D 01");
+    set_mode(bench, 0x50);
+    bench_send(bench, 0, 0x001, "72 4D 01");
     for (size_t i = 0; i < sizeof inrush_a / sizeof *inrush_a; i++) {
-        bench_tick(&bench);
-        bench.sense[0].current_a = inrush_a[i];
+        bench_tick(bench);
+        bench->sense[0].current_a = inrush_a[i];
     }
-    bench_ticks(&bench, 100);
-    assert_int_equal(bench_counters(&bench).trips, 0);
-    bench_stop(&bench);
+    bench_ticks(bench, 100);
+    assert_int_equal(bench_counters(bench).trips, 0);
 }
 
 /* An axis that rests saves no heat for later. It trips above 10 ms of heat: twice the limit heats
@@ -281,36 +270,34 @@ TEST(a_rest_gives_no_credit_to_an_over_current)
 
 /* 0.1 degree C a count: 100.0 is the limit, 100.1 is above it. A thermometer without a number trips
  * nothing, whatever it said before, and STATUS says so. */
-TEST(a_hot_winding_trips_and_a_failed_thermometer_does_not)
+TEST_WITH(a_hot_winding_trips_and_a_failed_thermometer_does_not, bench_set_up, bench_tear_down)
 {
     struct board_event event;
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_send(&bench, 0, 0x001, "49 04 00 00 00");
-    set_mode(&bench, 0x50);
-    bench.sense[0].winding_c = 100.0;
-    bench_ticks(&bench, 8); /* a limit of 0 is none */
-    assert_true(bench.motor[0].bridge_on);
-    bench_send(&bench, 0, 0x001, "79 E8 03"); /* SET_TEMPERATURE_LIMIT */
-    bench_ticks(&bench, 8);
-    assert_true(bench.motor[0].bridge_on);
-    bench.sense[0].winding_c = 100.1;
-    bench_ticks(&bench, 3);
-    assert_false(bench.motor[0].bridge_on);
-    assert_int_equal(bench_counters(&bench).trips, 1);
-    assert_true(bench_event(&bench, BOARD_EVENT_OVER_HEATED, &event));
+    bench_send(bench, 0, 0x001, "49 04 00 00 00");
+    set_mode(bench, 0x50);
+    bench->sense[0].winding_c = 100.0;
+    bench_ticks(bench, 8); /* a limit of 0 is none */
+    assert_true(bench->motor[0].bridge_on);
+    bench_send(bench, 0, 0x001, "79 E8 03"); /* SET_TEMPERATURE_LIMIT */
+    bench_ticks(bench, 8);
+    assert_true(bench->motor[0].bridge_on);
+    bench->sense[0].winding_c = 100.1;
+    bench_ticks(bench, 3);
+    assert_false(bench->motor[0].bridge_on);
+    assert_int_equal(bench_counters(bench).trips, 1);
+    assert_true(bench_event(bench, BOARD_EVENT_OVER_HEATED, &event));
     assert_int_equal(event.axis, 0);
     assert_int_equal(event.a, 1001);
-    bench_ticks(&bench, 4);
-    bench.sense[0].winding_c = (double)NAN;
-    bench_expect_frame(bench_next_status(&bench), BENCH_STATUS, "00 A0 00 00 00 08 00 00");
-    set_mode(&bench, 0x09);
-    set_mode(&bench, 0x50);
-    bench_ticks(&bench, 20);
-    assert_true(bench.motor[0].bridge_on);
-    assert_int_equal(bench_counters(&bench).trips, 1);
-    bench_stop(&bench);
+    bench_ticks(bench, 4);
+    bench->sense[0].winding_c = (double)NAN;
+    bench_expect_frame(bench_next_status(bench), BENCH_STATUS, "00 A0 00 00 00 08 00 00");
+    set_mode(bench, 0x09);
+    set_mode(bench, 0x50);
+    bench_ticks(bench, 20);
+    assert_true(bench->motor[0].bridge_on);
+    assert_int_equal(bench_counters(bench).trips, 1);
 }
 
 /* The state of the CAN controller begins at 96 and at 128, of each counter by itself. */
@@ -338,30 +325,28 @@ TEST(can_states_begin_at_their_counts)
     }
 }
 
-TEST(under_voltage_is_a_fault_as_long_as_it_lasts)
+TEST_WITH(under_voltage_is_a_fault_as_long_as_it_lasts, bench_set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_send(&bench, 0, 0x001, "49 04 00 00 00");
-    set_mode(&bench, 0x50);
-    bench_ticks(&bench, 4);
-    bench.sensors.supply_v = 20.0;
-    bench_ticks(&bench, 3);
-    bench_expect(&bench, 0, 0x113, "01 A0 01 00 00 00 00 00");
-    bench_ticks(&bench, 4);
-    bench_expect(&bench, 0, 0x113, "01 A0 01 00 00 00 00 00");
-    set_mode(&bench, 0x09);
-    set_mode(&bench, 0x50); /* trips again at once */
-    bench_ticks(&bench, 4);
-    bench_expect(&bench, 0, 0x113, "01 A0 01 00 00 00 00 00");
-    bench.sensors.supply_v = 48.0;
-    bench_ticks(&bench, 4);
-    assert_int_equal(bench_sent(&bench, 0, 0x113), 0);
-    bench_send(&bench, 0, 0x001, "09 09");
-    bench_ticks(&bench, 4);
-    bench_expect(&bench, 0, 0x113, "00 00 00 00 00 00 00 00");
-    bench_stop(&bench);
+    bench_send(bench, 0, 0x001, "49 04 00 00 00");
+    set_mode(bench, 0x50);
+    bench_ticks(bench, 4);
+    bench->sensors.supply_v = 20.0;
+    bench_ticks(bench, 3);
+    bench_expect(bench, 0, 0x113, "01 A0 01 00 00 00 00 00");
+    bench_ticks(bench, 4);
+    bench_expect(bench, 0, 0x113, "01 A0 01 00 00 00 00 00");
+    set_mode(bench, 0x09);
+    set_mode(bench, 0x50); /* trips again at once */
+    bench_ticks(bench, 4);
+    bench_expect(bench, 0, 0x113, "01 A0 01 00 00 00 00 00");
+    bench->sensors.supply_v = 48.0;
+    bench_ticks(bench, 4);
+    assert_int_equal(bench_sent(bench, 0, 0x113), 0);
+    bench_send(bench, 0, 0x001, "09 09");
+    bench_ticks(bench, 4);
+    bench_expect(bench, 0, 0x113, "00 00 00 00 00 00 00 00");
 }
 
 TEST(a_sensor_without_a_number_is_an_encoder_fault)
@@ -385,42 +370,39 @@ TEST(a_sensor_without_a_number_is_an_encoder_fault)
     bench_stop(&bench);
 }
 
-TEST(voltage_beyond_a_joint_limit_is_refused_both_ways)
+TEST_WITH(voltage_beyond_a_joint_limit_is_refused_both_ways, bench_set_up, bench_tear_down)
 {
     struct board_event event;
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_open(&bench);
-    bench_send(&bench, 0, 0x001, "49 20 00 00 00"); /* PRINT */
-    set_mode(&bench, 0x50);
-    bench.sense[0].q = 2.5; /* at the limit */
-    bench_send(&bench, 0, 0x001, "72 4D 01");
-    bench_ticks(&bench, 3);
-    assert_true(bench.motor[0].voltage_v > 11.0);
-    bench.sense[0].q = 2.5002;
-    bench_tick(&bench);
-    bench_tick(&bench);
-    assert_near(bench.motor[0].voltage_v, 0.0, 0.0);
-    assert_int_equal(bench_sent(&bench, 0, 0x116), 3);
-    bench_expect_frame(&bench.frame[0][0], 0x116, "06 00 4F 55 54 20 4F 46"); /* "OUT OF" */
-    bench_expect_frame(&bench.frame[0][1], 0x116, "06 01 20 4C 49 4D 49 54"); /* " LIMIT" */
-    bench_expect_frame(&bench.frame[0][2], 0x116, "86 02 53");                /* "S", the last */
-    bench_ask(&bench, "73", "73 00 00");
-    bench_send(&bench, 0, 0x001, "72 B3 FE"); /* back is refused, too */
-    bench_tick(&bench);
-    assert_near(bench.motor[0].voltage_v, 0.0, 0.0);
-    assert_int_equal(bench_sent(&bench, 0, 0x116), 0); /* told once */
-    assert_true(bench_event(&bench, BOARD_EVENT_LIMIT, &event));
-    assert_false(bench_event(&bench, BOARD_EVENT_LIMIT, &event));
-    bench.sense[0].q = -2.1;
-    bench_tick(&bench);
-    bench_send(&bench, 0, 0x001, "72 4D 01");
-    bench_tick(&bench);
-    assert_near(bench.motor[0].voltage_v, 0.0, 0.0);
-    bench.sense[0].q = 0.0;
-    bench_tick(&bench);
-    bench_send(&bench, 0, 0x001, "72 4D 01");
-    bench_tick(&bench);
-    assert_true(bench.motor[0].voltage_v > 11.0);
-    bench_stop(&bench);
+    bench_send(bench, 0, 0x001, "49 20 00 00 00"); /* PRINT */
+    set_mode(bench, 0x50);
+    bench->sense[0].q = 2.5; /* at the limit */
+    bench_send(bench, 0, 0x001, "72 4D 01");
+    bench_ticks(bench, 3);
+    assert_true(bench->motor[0].voltage_v > 11.0);
+    bench->sense[0].q = 2.5002;
+    bench_ticks(bench, 2);
+    assert_near(bench->motor[0].voltage_v, 0.0, 0.0);
+    assert_int_equal(bench_sent(bench, 0, 0x116), 3);
+    bench_expect_frame(&bench->frame[0][0], 0x116, "06 00 4F 55 54 20 4F 46"); /* "OUT OF" */
+    bench_expect_frame(&bench->frame[0][1], 0x116, "06 01 20 4C 49 4D 49 54"); /* " LIMIT" */
+    bench_expect_frame(&bench->frame[0][2], 0x116, "86 02 53");                /* "S", the last */
+    bench_ask(bench, "73", "73 00 00");
+    bench_send(bench, 0, 0x001, "72 B3 FE"); /* back is refused, too */
+    bench_tick(bench);
+    assert_near(bench->motor[0].voltage_v, 0.0, 0.0);
+    assert_int_equal(bench_sent(bench, 0, 0x116), 0); /* told once */
+    assert_true(bench_event(bench, BOARD_EVENT_LIMIT, &event));
+    assert_false(bench_event(bench, BOARD_EVENT_LIMIT, &event));
+    bench->sense[0].q = -2.1;
+    bench_tick(bench);
+    bench_send(bench, 0, 0x001, "72 4D 01");
+    bench_tick(bench);
+    assert_near(bench->motor[0].voltage_v, 0.0, 0.0);
+    bench->sense[0].q = 0.0;
+    bench_tick(bench);
+    bench_send(bench, 0, 0x001, "72 4D 01");
+    bench_tick(bench);
+    assert_true(bench->motor[0].voltage_v > 11.0);
 }

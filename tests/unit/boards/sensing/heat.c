@@ -24,91 +24,87 @@ static void configure(struct board_bench *bench)
     }
 }
 
-static void start(struct board_bench *bench)
+FIXTURE(set_up)
 {
-    configure(bench);
-    bench_start(bench);
-    bench_send(bench, 0, 0x001, "09 50");
-    bench_send(bench, 0, 0x001, "89 50");
-    bench_ticks(bench, 8);
-    assert_true(bench->motor[0].bridge_on && bench->motor[1].bridge_on);
+    static struct board_bench bench;
+
+    configure(&bench);
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x001, "09 50");
+    bench_send(&bench, 0, 0x001, "89 50");
+    bench_ticks(&bench, 8);
+    assert_true(bench.motor[0].bridge_on && bench.motor[1].bridge_on);
+    *test_state = &bench;
+    return 0;
 }
 
-TEST(an_axis_above_its_limit_stops_and_says_so_in_status)
+TEST_WITH(an_axis_above_its_limit_stops_and_says_so_in_status, set_up, bench_tear_down)
 {
     struct board_event event;
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    bench.sense[0].winding_c = LIMIT_C; /* not yet above */
-    assert_null(bench_next_status(&bench));
-    assert_true(bench.motor[0].bridge_on);
-    bench.sense[0].winding_c = LIMIT_C + 0.1;
-    bench_expect_frame(bench_next_status(&bench), BENCH_STATUS, "00 A0 00 50 00 02 00 00");
-    assert_false(bench.motor[0].bridge_on);
-    assert_true(bench.motor[1].bridge_on);
-    assert_true(bench_event(&bench, BOARD_EVENT_OVER_HEATED, &event));
+    bench->sense[0].winding_c = LIMIT_C; /* not yet above */
+    assert_null(bench_next_status(bench));
+    assert_true(bench->motor[0].bridge_on);
+    bench->sense[0].winding_c = LIMIT_C + 0.1;
+    bench_expect_frame(bench_next_status(bench), BENCH_STATUS, "00 A0 00 50 00 02 00 00");
+    assert_false(bench->motor[0].bridge_on);
+    assert_true(bench->motor[1].bridge_on);
+    assert_true(bench_event(bench, BOARD_EVENT_OVER_HEATED, &event));
     assert_int_equal(event.axis, 0);
     assert_int_equal(event.a, 701);
-    bench.sense[1].winding_c = 90.0;
-    bench_expect_frame(bench_next_status(&bench), BENCH_STATUS, "00 A0 00 A0 00 06 00 00");
-    assert_int_equal(bench_counters(&bench).trips, 2);
-    bench_stop(&bench);
+    bench->sense[1].winding_c = 90.0;
+    bench_expect_frame(bench_next_status(bench), BENCH_STATUS, "00 A0 00 A0 00 06 00 00");
+    assert_int_equal(bench_counters(bench).trips, 2);
 }
 
-TEST(a_hot_axis_trips_again_until_it_has_cooled)
+TEST_WITH(a_hot_axis_trips_again_until_it_has_cooled, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    bench.sense[0].winding_c = 80.0;
-    bench_ticks(&bench, 8);
-    bench_send(&bench, 0, 0x001, "09 09");
-    bench_send(&bench, 0, 0x001, "09 50");
-    bench_tick(&bench);
-    assert_false(bench.motor[0].bridge_on);
-    bench.sense[0].winding_c = 69.9;
-    bench_ticks(&bench, 8);
-    bench_send(&bench, 0, 0x001, "09 09");
-    bench_send(&bench, 0, 0x001, "09 50");
-    bench_expect_frame(bench_next_status(&bench), BENCH_STATUS, "00 50 00 50 00 00 00 00");
-    bench_stop(&bench);
+    bench->sense[0].winding_c = 80.0;
+    bench_ticks(bench, 8);
+    bench_send(bench, 0, 0x001, "09 09");
+    bench_send(bench, 0, 0x001, "09 50");
+    bench_tick(bench);
+    assert_false(bench->motor[0].bridge_on);
+    bench->sense[0].winding_c = 69.9;
+    bench_ticks(bench, 8);
+    bench_send(bench, 0, 0x001, "09 09");
+    bench_send(bench, 0, 0x001, "09 50");
+    bench_expect_frame(bench_next_status(bench), BENCH_STATUS, "00 50 00 50 00 00 00 00");
 }
 
-TEST(the_host_reads_and_moves_the_limit)
+TEST_WITH(the_host_reads_and_moves_the_limit, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    bench_ask(&bench, "7A", "7A BC 02"); /* 700: 0.1 degree C a count */
-    bench_send(&bench, 0, 0x001, "79 2C 01");
-    bench_ask(&bench, "7A", "7A 2C 01");
-    bench_ask(&bench, "FA", "FA BC 02"); /* the other axis has its own */
-    bench.sense[0].winding_c = bench.sense[1].winding_c = 30.1;
-    bench_ticks(&bench, 2);
-    assert_false(bench.motor[0].bridge_on);
-    assert_true(bench.motor[1].bridge_on);
-    bench_send(&bench, 0, 0x001, "F9 00 00"); /* no limit at all */
-    bench.sense[1].winding_c = 500.0;
-    bench_ticks(&bench, 10);
-    assert_true(bench.motor[1].bridge_on);
-    bench_stop(&bench);
+    bench_ask(bench, "7A", "7A BC 02"); /* 700: 0.1 degree C a count */
+    bench_send(bench, 0, 0x001, "79 2C 01");
+    bench_ask(bench, "7A", "7A 2C 01");
+    bench_ask(bench, "FA", "FA BC 02"); /* the other axis has its own */
+    bench->sense[0].winding_c = bench->sense[1].winding_c = 30.1;
+    bench_ticks(bench, 2);
+    assert_false(bench->motor[0].bridge_on);
+    assert_true(bench->motor[1].bridge_on);
+    bench_send(bench, 0, 0x001, "F9 00 00"); /* no limit at all */
+    bench->sense[1].winding_c = 500.0;
+    bench_ticks(bench, 10);
+    assert_true(bench->motor[1].bridge_on);
 }
 
-TEST(a_thermometer_without_a_number_is_told_and_stops_nothing)
+TEST_WITH(a_thermometer_without_a_number_is_told_and_stops_nothing, set_up, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    start(&bench);
-    bench.sense[1].winding_c = NAN;
-    bench_expect_frame(bench_next_status(&bench), BENCH_STATUS, "00 50 00 50 00 10 00 00");
-    assert_true(bench.motor[1].bridge_on);
-    bench_stop(&bench);
+    bench->sense[1].winding_c = NAN;
+    bench_expect_frame(bench_next_status(bench), BENCH_STATUS, "00 50 00 50 00 10 00 00");
+    assert_true(bench->motor[1].bridge_on);
 }
 
 /* T(t) = ambient + R I^2 Rth (1 - exp(-t / tau)); from 70.05 C on a reading rounds up to 70.1 C,
  * which is above the limit. */
-TEST(the_trip_comes_when_the_winding_s_law_says)
+TEST_WITH(the_trip_comes_when_the_winding_s_law_says, set_up, bench_tear_down)
 {
     const struct sensor_thermal thermal = {
         .ambient_c = 25.0, .resistance_ohm = 0.664, .k_per_w = 1.5, .time_constant_s = 0.5};
@@ -122,25 +118,23 @@ TEST(the_trip_comes_when_the_winding_s_law_says)
     struct sensing *sensing;
     struct arena arena;
     struct error error;
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
     int ms = 0;
 
     for (int j = 1; j < BENCH_JOINTS; j++) {
         joint[j].name = "other";
     }
-    start(&bench);
     assert_ok(arena_init(&arena, 8u << 20, &error));
     assert_ok(sensing_create(&config, &arena, &sensing, &error));
-    truth = bench.sensors;
+    truth = bench->sensors;
     truth.motor = true_sense;
     do {
-        bench.sensors = *sensing_sample(sensing, truth.time_ns, &truth);
-        bench_tick(&bench);
+        bench->sensors = *sensing_sample(sensing, truth.time_ns, &truth);
+        bench_tick(bench);
         truth.time_ns += config.tick_ns;
-    } while (bench.motor[0].bridge_on && ms++ < 1000);
+    } while (bench->motor[0].bridge_on && ms++ < 1000);
     assert_near(ms * 1e-3, expected_s, 0.002);
     arena_fini(&arena);
-    bench_stop(&bench);
 }
 
 /* ---- the other protocols ---- */
