@@ -109,6 +109,8 @@ struct yaml_schema {
      * receives the list of the old one's places; NULL = none */
     const struct yaml_renamed *renamed;
     size_t old_offset;
+    /* for a file: its numbers, true and false may stand in quotes, as parameters of a scenario do */
+    bool quoted_values;
     bool unmarked;   /* the struct belongs to another room and has no mark */
     bool extendable; /* for a file: the key "extends" names a file that this one extends */
     /* For an extendable file: finds the path of a file that `from` extends by a bare name, without

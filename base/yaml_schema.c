@@ -97,8 +97,11 @@ static bool yaml_in_range(const struct yaml_field *field, double value)
 static enum error_code yaml_read_bool(struct yaml_reader *r, const struct yaml_field *field,
                                       const struct yaml_node *node, void *out)
 {
+    struct yaml_node plain = *node;
+
     (void)field;
-    if (!yaml_is_bool(node)) {
+    plain.quoted &= !r->quoted_values;
+    if (!yaml_is_bool(&plain)) {
         return yaml_unexpected(r, node, "true or false");
     }
     *(bool *)out = node->text[0] == 't';
@@ -113,7 +116,7 @@ static enum error_code yaml_read_int(struct yaml_reader *r, const struct yaml_fi
     char expected[96];
     int64_t value;
 
-    if (node->kind != YAML_KIND_SCALAR || node->quoted ||
+    if (node->kind != YAML_KIND_SCALAR || (node->quoted && !r->quoted_values) ||
         !text_to_int(node->text, INT64_MIN, INT64_MAX, &value)) {
         yaml_describe_range("an integer", field, expected, sizeof expected);
         return yaml_unexpected(r, node, expected);
@@ -142,8 +145,8 @@ static enum error_code yaml_read_real(struct yaml_reader *r, const struct yaml_f
     char expected[96];
     double value;
 
-    if (node->kind != YAML_KIND_SCALAR || node->quoted || !text_to_double(node->text, &value) ||
-        !yaml_in_range(field, value)) {
+    if (node->kind != YAML_KIND_SCALAR || (node->quoted && !r->quoted_values) ||
+        !text_to_double(node->text, &value) || !yaml_in_range(field, value)) {
         yaml_describe_range("a number", field, expected, sizeof expected);
         return yaml_unexpected(r, node, expected);
     }
@@ -568,11 +571,33 @@ enum error_code yaml_find_name(struct yaml_names names, const char *what, const 
 
 /* ---- entry points ---- */
 
+/* Refuses a file of another kind: no mapping, or one without any key of the schema. It may be
+ * private, so the message repeats nothing of it. */
+static enum error_code yaml_check_root(struct yaml_reader *r, const struct yaml_schema *schema,
+                                       const struct yaml_node *root)
+{
+    const struct yaml_node *key = root->first;
+
+    while (root->kind == YAML_KIND_MAP && key && !yaml_find_field(schema, key->text)) {
+        key = key->next->next;
+    }
+    return root->kind == YAML_KIND_MAP && (key || !root->first)
+               ? ERROR_NONE
+               : yaml_error(r->error, &root->mark,
+                            "found %s, expected a mapping (%s): the file is of another kind",
+                            root->kind == YAML_KIND_MAP    ? "no known key"
+                            : root->kind == YAML_KIND_LIST ? "a list"
+                            : yaml_is_null(root)           ? "nothing"
+                                                           : "a text",
+                            schema->what);
+}
+
 enum error_code yaml_read_text(const char *name, const char *text, size_t size,
                                const struct yaml_schema *schema, struct arena *arena, void *out,
                                struct error *error)
 {
-    struct yaml_reader r = {.arena = arena, .file = name, .error = error};
+    struct yaml_reader r = {
+        .arena = arena, .file = name, .quoted_values = schema->quoted_values, .error = error};
     enum error_code code = arena_init(&r.scratch, SCRATCH, error);
     struct yaml_node *root;
 
@@ -580,6 +605,7 @@ enum error_code yaml_read_text(const char *name, const char *text, size_t size,
         return code;
     }
     code = yaml_document_read(&r, name, text, size, schema, NULL, &root);
+    code = code ? code : yaml_check_root(&r, schema, root);
     if (!code) {
         memset(out, 0, schema->size);
         code = yaml_read_struct(&r, schema, root, out);

@@ -33,6 +33,7 @@ struct yaml_reader {
     struct arena *arena;  /* the caller's arena, for the results */
     struct arena scratch; /* nodes, freed after the read */
     const char *file;
+    bool quoted_values; /* as in the schema */
     size_t nodes;
     uint64_t hash;            /* hash of all texts read */
     struct yaml_old_key *old; /* keys with an old name */

@@ -437,8 +437,12 @@ enum error_code rig_load(const char *path, struct arena *arena, const struct rig
 enum error_code rig_load_text(const char *name, const char *text, size_t size, struct arena *arena,
                               const struct rig **rig, struct error *error)
 {
+    struct yaml_schema schema = rig_file_schema;
     struct raw_rig raw;
-    enum error_code code = yaml_read_text(name, text, size, &rig_file_schema, arena, &raw, error);
+    enum error_code code;
+
+    schema.quoted_values = true;
+    code = yaml_read_text(name, text, size, &schema, arena, &raw, error);
 
     if (!code) {
         raw.rig.hash -= hash_bytes(HASH_START, text, size);

@@ -180,7 +180,8 @@ enum error_code rig_load(const char *path, struct arena *arena, const struct rig
                          struct error *error);
 
 /* Reads a rig from memory. name is used as its file name, also to find files with relative paths.
- * rig->hash covers these files, but not the text itself. */
+ * rig->hash covers these files, but not the text itself. A scenario's parameters may stand in quotes
+ * in the text, so numbers may. */
 enum error_code rig_load_text(const char *name, const char *text, size_t size, struct arena *arena,
                               const struct rig **rig, struct error *error);
 

@@ -268,9 +268,9 @@ static enum error_code trajectory_take(struct csv *csv, enum trajectory_interpol
     code = ERROR_NONE;
     if (strcmp(csv->title[0], "time_s") != 0 || csv->ncolumn < 2) {
         code = error_set(error, ERROR_INPUT,
-                         "%s:1: found \"%.60s\", expected titles: time_s, then JOINT_rad or "
-                         "JOINT_deg for each joint",
-                         csv->path, csv->title[0]);
+                         "%s:1: found other titles, expected time_s, then JOINT_rad or JOINT_deg "
+                         "for each joint",
+                         csv->path);
     }
     for (size_t column = 1; column < csv->ncolumn && !code; column++) {
         code = trajectory_find_joint(reader, column, error);

@@ -148,4 +148,4 @@ static const struct scenario scenario_defaults = {
 };
 const struct yaml_schema scenario_file_schema =
     YAML_SCHEMA("the scenario", struct scenario, scenario_fields, .defaults = &scenario_defaults,
-                .format_version = 1);
+                .format_version = 1, .quoted_values = true);

@@ -151,9 +151,20 @@ TEST_WITH(rejects_documents_that_are_no_mapping, open_arena, close_arena)
 {
     refused_with("", "f.yaml:1:1: found an empty file, expected a mapping");
     refused_with("# nothing\n", "f.yaml:2:1: found an empty file, expected a mapping");
-    refused_with("---\n", "f.yaml:2:1: found nothing, expected a mapping (a car)");
-    refused_with("- a\n", "f.yaml:1:1: found a list, expected a mapping (a car)");
-    refused_with("hello", "f.yaml:1:1: found \"hello\", expected a mapping (a car)");
+    refused_with("---\n", "f.yaml:2:1: found nothing, expected a mapping (a car): the file is of "
+                          "another kind");
+    /* Files of others, which may be private: nothing of them is repeated */
+    refused_with("- a\n", "f.yaml:1:1: found a list, expected a mapping (a car): the file is of "
+                          "another kind");
+    refused_with("root:x:0:0:root:/root:/bin/bash\ndaemon:x:1:1\n",
+                 "f.yaml:1:1: found a text, expected a mapping (a car): the file is of another "
+                 "kind");
+    refused_with("\"secret\"", "f.yaml:1:1: found a text, expected a mapping (a car): the file is "
+                               "of another kind");
+    refused_with(
+        "root:$6$secret:20228:0:99999:7::: \nuser: $6$secret\n",
+        "f.yaml:1:1: found no known key, expected a mapping (a car): the file is of another "
+        "kind");
 }
 
 TEST_WITH(rejects_malformed_yaml_with_the_parsers_reason, open_arena, close_arena)

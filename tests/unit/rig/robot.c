@@ -384,6 +384,22 @@ TEST(what_a_rig_names_in_vain_is_refused_with_its_line)
                         "expected \"real_drives\"");
 }
 
+/* A scenario puts its parameters into the text of a rig, perhaps in quotes; a file has no such. */
+TEST(numbers_in_quotes_are_of_texts_alone)
+{
+    static const char text[] = "extends: coman.yaml\nname: x\nsupply_v: \"40\"\n"
+                               "initial: {settle: 'true', base_rpy_rad: ['0', \"0.1\", 0]}\n";
+    const struct rig *rig = NULL;
+    struct error error = {0};
+
+    assert_no_error(rig_load_text(HIL_SOURCE_DIR "/config/rigs/x.yaml", text, sizeof text - 1,
+                                  &arena, &rig, &error),
+                    error.text);
+    assert_true(rig->supply_v == 40.0 && rig->settle);
+    refused("extends: toy.yaml\nsupply_v: \"40\"\n",
+            "more.yaml:2:11: found quoted text \"40\", expected a number");
+}
+
 /* Surfaces on the base of a robot that the rig holds are where the rig places the base: 0.1 m along
  * x of a base that is turned by 90 degrees about z is 0.1 m along the world's y. */
 TEST(surfaces_of_a_base_that_a_rig_holds_are_in_the_world)

@@ -90,9 +90,9 @@ TEST(what_is_wrong_is_said_with_its_place)
     static const struct {
         const char *text, *expected;
     } wrong[] = {
-        {"", "walk.csv:1: found \"\", expected titles: time_s"},
-        {"time_s\n0\n1\n", "walk.csv:1: found \"time_s\", expected titles"},
-        {"t,hip_rad\n", "walk.csv:1: found \"t\", expected titles"},
+        {"", "walk.csv:1: found other titles, expected time_s"},
+        {"time_s\n0\n1\n", "walk.csv:1: found other titles, expected time_s"},
+        {"t,hip_rad\n", "walk.csv:1: found other titles, expected time_s"},
         {"time_s,hip\n", "walk.csv:1: column 2: found \"hip\", expected JOINT_rad or JOINT_deg"},
         {"time_s,_rad\n", "walk.csv:1: column 2: found \"_rad\", expected"},
         {"time_s,hipp_rad\n", "walk.csv:1: column 2: found joint \"hipp\", which the rig does not "

@@ -151,6 +151,34 @@ TEST_WITH(parameters_make_every_combination, open_arena, close_arena)
     }
 }
 
+/* An editor that knows YAML wants quotes around what begins with a brace. */
+TEST_WITH(parameters_may_stand_in_quotes, open_arena, close_arena)
+{
+    static const char *const quotes[] = {"", "\"", "'"};
+    char text[600];
+
+    for (size_t i = 0; i < sizeof quotes / sizeof *quotes; i++) {
+        const char *q = quotes[i];
+
+        snprintf(text, sizeof text,
+                 "parameters:\n  volts: {values: [1.5, -2]}\n  seed: {values: [7]}\n"
+                 "  side: {words: [torso]}\nseed: %s${seed}%s\nstimuli:\n"
+                 "  - {at_s: %s${seed}%s, voltage: {joint: LElbj, volts: %s${volts}%s}}\n"
+                 "  - {push: {body: LFoot, force_n: [0, %s${volts}%s, 0]}, for_s: 0.1}\n"
+                 "faults: [\"bus ${side} loss 1\"]\n",
+                 q, q, q, q, q, q, q, q);
+        assert_no_error(read_with(text), error.text);
+        assert_int_equal(cases[1].seed, 7);
+        assert_true(cases[0].stimulus[0].voltage.volts == 1.5);
+        assert_true(cases[1].stimulus[0].voltage.volts == -2.0);
+        assert_true(cases[1].stimulus[1].push.force_n[1] == -2.0);
+        assert_string_equal(cases[1].fault[0].name, "bus torso loss 1");
+    }
+    /* Other texts are no numbers, in quotes or not */
+    assert_int_equal(read_with("parameters:\n  w: {words: [x]}\nseed: \"${w}\"\n"), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "expected an integer"));
+}
+
 /* ---- what is refused ---- */
 
 TEST_WITH(refuses_with_place_and_reason, open_arena, close_arena)
