@@ -75,8 +75,8 @@ int robot_command(const char *name, const char *path, const char *variant, const
                   enum error_code (*body)(const void *options, const struct robot *robot,
                                           struct arena *arena, struct error *error));
 
-/* Adds the names of the installed rigs that can run a task to the error of a rig that cannot; leaves
- * other errors as they are. task and input may be NULL. */
+/* Adds the names of the installed rigs that can run a task to the error of a rig that cannot.
+ * Leaves other errors as they are. task and input may be NULL. */
 void rig_command_suggest(const char *rig, const char *task, const struct task_input *input,
                          struct error *error);
 
@@ -477,8 +477,8 @@ struct monitor {
 enum error_code monitor_start(struct monitor *monitor, const struct monitor_config *config,
                               struct error *error);
 
-/* Prints a line of the log, in the thread or after it; not when the run is quiet, and it is neither a
- * warning nor an error. */
+/* Prints a line of the log, in the thread or after it. A quiet run prints warnings and errors
+ * alone. */
 void monitor_put(struct monitor *monitor, int64_t now_ns, uint64_t key, const char *text);
 
 /* Prints the remaining events and joins the thread. */

@@ -5,11 +5,12 @@
 #include "app/import/write.h"
 #include "manual/import.h"
 
-/* Maximum number of printed notes per kind; the report has all. */
+/* Maximum number of printed notes per kind. */
 enum { NOTES_SHOWN = 12 };
 
-/* Prints the notes of a fate that change the robot from its file. */
-static void import_print_notes(const struct import_notes *notes, enum import_fate fate)
+/* Prints the notes of a fate that change the robot from its file; the report has all. */
+static void import_print_notes(const struct import_notes *notes, enum import_fate fate,
+                               const char *report)
 {
     size_t shown = 0;
 
@@ -22,7 +23,7 @@ static void import_print_notes(const struct import_notes *notes, enum import_fat
         }
     }
     if (shown > NOTES_SHOWN) {
-        printf("... and %zu more\n", shown - NOTES_SHOWN);
+        printf("... and %zu more: %s has all\n", shown - NOTES_SHOWN, report);
     }
 }
 
@@ -61,9 +62,9 @@ static void import_print_result(const struct import_result *result)
     }
     printf("\n");
 
-    import_print_notes(notes, IMPORT_MISSING);
-    import_print_notes(notes, IMPORT_DOUBTED);
-    import_print_notes(notes, IMPORT_CHANGED);
+    import_print_notes(notes, IMPORT_MISSING, result->report);
+    import_print_notes(notes, IMPORT_DOUBTED, result->report);
+    import_print_notes(notes, IMPORT_CHANGED, result->report);
     printf("next      coman-hil run %s --task hold\n", result->rig);
 }
 

@@ -426,7 +426,7 @@ static void print_stimulus(const struct simulator *simulator, bool quiet)
     }
 }
 
-/* Prints information for the user before the first tick; when quiet, warnings and addresses alone. */
+/* Prints information for the user before the first tick; quiet: warnings and addresses alone. */
 static void print_start(const struct simulator *simulator, const char *host, const char *notice,
                         bool quiet)
 {

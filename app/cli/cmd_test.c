@@ -239,24 +239,6 @@ static enum error_code test_check_names(struct scenario *const *scenario, size_t
     return ERROR_NONE;
 }
 
-/* Checks that the rig has the names of the scenario, for one of the cases. */
-static enum error_code test_check_rig(struct scenario *scenario, struct error *error)
-{
-    const struct rig *rig;
-    struct arena arena;
-    enum error_code code = arena_init(&arena, MEMORY, error);
-
-    if (code) {
-        return code;
-    }
-    code = scenario_load_rig(scenario, &arena, &rig, error);
-    if (!code) {
-        code = scenario_bind(scenario, rig, error);
-    }
-    arena_fini(&arena);
-    return code;
-}
-
 /* Returns the folder for recordings of failures. */
 static const char *test_output(const struct test_options *options)
 {
@@ -294,6 +276,7 @@ static enum error_code test_read_scenario(const char *file, struct arena *arena,
     char path[PATH_MAX];
     enum error_code code = config_locate(CONFIG_SCENARIO, file, path, error);
     const char *wanted;
+    uint64_t hash;
 
     if (code) {
         return code;
@@ -303,7 +286,7 @@ static enum error_code test_read_scenario(const char *file, struct arena *arena,
     if (wanted) {
         return error_set(error, ERROR_INPUT, "%.200s: found %s", path, wanted);
     }
-    return code ? code : test_check_rig(*cases, error);
+    return code ? code : plan_check_rig(*cases, &hash, error);
 }
 
 /* Reads and checks all scenarios, and makes the list of runs. */

@@ -140,14 +140,13 @@ static const struct yaml_schema bench_schema =
     YAML_SCHEMA("a measured bench", struct bench, bench_fields);
 #undef STRUCT
 
-/* Refuses a key that no number has. */
-static enum error_code refuse_key(const struct yaml_mark *mark, const char *key,
-                                  struct error *error)
+/* Finds the number of a key; an unknown key is an error at its place. */
+static enum error_code find_number(const struct yaml_mark *mark, const char *key, int *parameter,
+                                   struct error *error)
 {
-    return yaml_error(error, mark,
-                      "found no number \"%.63s\" that can be identified, expected a key of a "
-                      "drive's file, or offset_rad, delay_s, arm_kg",
-                      key);
+    return parameter_check(key, parameter, error)
+               ? error_prefix(error, "%s:%d:%d", mark->file, mark->line, mark->column)
+               : ERROR_NONE;
 }
 
 /* Checks which two quantities of a point are known: one of the motor's and one of the load's
@@ -228,16 +227,17 @@ static enum error_code check_bench(struct bench *bench, struct error *error)
                           "found more than %d free numbers, expected fewer", IDENTIFY_FREE_MAX);
     }
     for (size_t i = 0; i < bench->nnumber; i++) {
-        if (parameter_find(bench->number[i].name) == IDENTIFY_NONE) {
-            return refuse_key(&bench->number[i].mark, bench->number[i].name, error);
+        int parameter;
+
+        if (find_number(&bench->number[i].mark, bench->number[i].name, &parameter, error)) {
+            return ERROR_INPUT;
         }
     }
     for (size_t i = 0; i < bench->nfree; i++) {
         struct bench_free *one = &bench->free[i];
 
-        one->parameter = parameter_find(one->key);
-        if (one->parameter == IDENTIFY_NONE) {
-            return refuse_key(&one->mark, one->key, error);
+        if (find_number(&one->mark, one->key, &one->parameter, error)) {
+            return ERROR_INPUT;
         }
         if (yaml_has(&one->mark, "expected") != (one->sigma > 0.0) ||
             yaml_has(&one->mark, "sigma") != (one->sigma > 0.0) ||

@@ -413,23 +413,6 @@ static void prepare_free(const struct fit_problem *problem, const struct bench_f
     free->upper = yaml_has(&given->mark, "upper") ? given->upper : free->upper;
 }
 
-/* Sets the error for a key that names no number, with the nearest one that does. */
-static enum error_code fit_refuse_key(const char *key, struct error *error)
-{
-    const char *known[64], *near;
-    size_t count = 0;
-
-    for (; count < parameter_count() && count < ARRAY_COUNT(known); count++) {
-        known[count] = parameter_key((int)count);
-    }
-    near = text_nearest(key, known, count);
-    return near ? error_set(error, ERROR_INPUT, "found \"%.63s\", expected \"%s\"", key, near)
-                : error_set(error, ERROR_INPUT,
-                            "found \"%.63s\", expected a number that can be identified: a key of a "
-                            "drive's file, offset_rad, delay_s, arm_kg",
-                            key);
-}
-
 enum error_code fit_prepare(const struct bench *bench, const char *const *key, size_t nkey,
                             struct fit_problem *problem, struct error *error)
 {
@@ -438,9 +421,8 @@ enum error_code fit_prepare(const struct bench *bench, const char *const *key, s
         struct bench_free one = {.key = nkey ? key[i] : bench->free[i].key};
         struct fit_free *free;
 
-        one.parameter = parameter_find(one.key);
-        if (one.parameter == IDENTIFY_NONE) {
-            return fit_refuse_key(one.key, error);
+        if (parameter_check(one.key, &one.parameter, error)) {
+            return ERROR_INPUT;
         }
         for (size_t k = 0; k < problem->nfree; k++) {
             if (problem->free[k].parameter == one.parameter) {

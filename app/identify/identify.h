@@ -33,6 +33,9 @@ enum { IDENTIFY_NONE = -1 };
 /* Returns the index of the parameter of that key, or IDENTIFY_NONE. */
 int parameter_find(const char *key);
 
+/* Does the same; an unknown key is ERROR_INPUT, with the nearest one. */
+enum error_code parameter_check(const char *key, int *parameter, struct error *error);
+
 /* Returns the number of parameters, the key of one ("R_ohm"), and what it is for a reader. */
 size_t parameter_count(void);
 const char *parameter_key(int parameter);

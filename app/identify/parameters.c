@@ -4,6 +4,7 @@
 #include "app/identify/identify.h"
 
 #include "base/array.h"
+#include "base/text.h"
 
 #include <math.h>
 #include <string.h>
@@ -93,6 +94,25 @@ int parameter_find(const char *key)
         }
     }
     return IDENTIFY_NONE;
+}
+
+enum error_code parameter_check(const char *key, int *parameter, struct error *error)
+{
+    const char *known[ARRAY_COUNT(parameters)], *near;
+
+    *parameter = parameter_find(key);
+    if (*parameter != IDENTIFY_NONE) {
+        return ERROR_NONE;
+    }
+    for (size_t i = 0; i < ARRAY_COUNT(parameters); i++) {
+        known[i] = parameters[i].key;
+    }
+    near = text_nearest(key, known, ARRAY_COUNT(parameters));
+    return error_set(error, ERROR_INPUT, "found \"%.63s\", expected %s", key,
+                     near
+                         ? near
+                         : "a key of a drive's file, or offset_rad, delay_s, arm_kg: a number that "
+                           "can be identified");
 }
 
 size_t parameter_count(void)

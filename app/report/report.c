@@ -242,8 +242,9 @@ void report_row(struct report *report, const char *format, ...)
 void report_finding(struct report *report, bool main, const char *format, ...)
 {
     struct report_finding *finding = &report->finding[report->nfinding];
-    char line[LINE_BYTES], *cell[CELLS_MAX];
+    char line[LINE_BYTES], *cell[CELLS_MAX], *copy;
     va_list arguments;
+    size_t count;
 
     va_start(arguments, format);
     vsnprintf(line, sizeof line, format, arguments);
@@ -251,52 +252,40 @@ void report_finding(struct report *report, bool main, const char *format, ...)
     if (report->nfinding == REPORT_FINDINGS_MAX || report->nsection == 0) {
         report_fail(report, ERROR_MEMORY, "too many findings in the report");
     }
-
-    /* Cells that are left out are empty */
-    for (size_t count = report_split_cells(line, cell); count < 4; count++) {
-        cell[count] = line + strlen(line);
-    }
+    copy = report_copy_text(report, line);
     if (!report_is_good(report)) {
+        free(copy);
         return;
     }
-    *finding = (struct report_finding){.main = main,
-                                       .where = report->section[report->nsection - 1].title,
-                                       .what = report_copy_text(report, cell[0]),
-                                       .theirs = report_copy_text(report, cell[1]),
-                                       .ours = report_copy_text(report, cell[2]),
-                                       .remark = report_copy_text(report, cell[3])};
-    memcpy(finding->section, report->section[report->nsection - 1].id, sizeof finding->section);
+
+    /* Cells that are left out are empty */
+    for (count = report_split_cells(copy, cell); count < 4; count++) {
+        cell[count] = copy + strlen(copy);
+    }
+    *finding = (struct report_finding){.main = main, .section = report->nsection - 1, .line = copy};
+    memcpy(finding->cell, cell, sizeof finding->cell);
     report->nfinding++;
 }
 
-/* Writes a section's title up to its colon, as "Fig. 3". */
-static void put_start(FILE *out, const char *title)
+/* Writes a finding as a row: in the summary with a link to its section, else with its remark. */
+static void put_finding(const struct report *report, const struct report_finding *finding,
+                        bool summary, FILE *out)
 {
+    static const char *const kinds[] = {"what", "value", "value", "remark"};
+    const char *title = report->section[finding->section].title;
     char start[64];
 
-    snprintf(start, sizeof start, "%.*s", (int)strcspn(title, ":"), title);
-    markup_put(out, start);
-}
-
-/* Writes a finding as a row: in the summary with a link to its section, else with its remark. */
-static void put_finding(FILE *out, const struct report_finding *finding, bool summary)
-{
     fputs("<tr>", out);
     if (summary) {
-        fprintf(out, "<td><a href=\"#%s\">", finding->section);
-        put_start(out, finding->where);
+        /* The title up to its colon, as "Fig. 3" */
+        fprintf(out, "<td><a href=\"#%s\">", report->section[finding->section].id);
+        snprintf(start, sizeof start, "%.*s", (int)strcspn(title, ":"), title);
+        markup_put(out, start);
         fputs("</a></td>", out);
     }
-    fputs("<td class=\"what\">", out);
-    markup_put(out, finding->what);
-    fputs("</td><td class=\"value\">", out);
-    markup_put(out, finding->theirs);
-    fputs("</td><td class=\"value\">", out);
-    markup_put(out, finding->ours);
-    fputs("</td>", out);
-    if (!summary) {
-        fputs("<td class=\"remark\">", out);
-        markup_put(out, finding->remark);
+    for (size_t i = 0; i < (summary ? 3 : 4); i++) {
+        fprintf(out, "<td class=\"%s\">", kinds[i]);
+        markup_put(out, finding->cell[i]);
         fputs("</td>", out);
     }
     fputs("</tr>\n", out);
@@ -309,7 +298,7 @@ void report_compared(struct report *report)
           "<th>remark</th></tr></thead><tbody>\n",
           report->body);
     for (; report_is_good(report) && report->compared < report->nfinding; report->compared++) {
-        put_finding(report->body, &report->finding[report->compared], false);
+        put_finding(report, &report->finding[report->compared], false, report->body);
     }
     fputs("</tbody></table></div>\n", report->body);
 }
@@ -390,13 +379,13 @@ static void write_findings(struct report *report)
     fputs("section,quantity,paper,here,remark\n", out);
     for (size_t i = 0; i < report->nfinding; i++) {
         const struct report_finding *finding = &report->finding[i];
-        const char *cell[] = {finding->section, finding->what, finding->theirs, finding->ours,
-                              finding->remark};
 
-        for (size_t k = 0; k < 5; k++) {
-            put_csv(out, cell[k]);
-            putc(k < 4 ? ',' : '\n', out);
+        put_csv(out, report->section[finding->section].id);
+        for (size_t k = 0; k < 4; k++) {
+            putc(',', out);
+            put_csv(out, finding->cell[k]);
         }
+        putc('\n', out);
     }
     close_file(report);
 }
@@ -405,10 +394,7 @@ static void write_findings(struct report *report)
 static void report_free(struct report *report)
 {
     for (size_t i = 0; i < report->nfinding; i++) {
-        free(report->finding[i].what);
-        free(report->finding[i].theirs);
-        free(report->finding[i].ours);
-        free(report->finding[i].remark);
+        free(report->finding[i].line);
     }
     for (size_t i = 0; i < report->nsection; i++) {
         free(report->section[i].title);
@@ -445,14 +431,13 @@ enum error_code report_close(struct report *report, struct error *error)
         fputs("</ul>\n</nav>\n", out);
         if (report->nfinding) {
             /* Writes the table of the main findings */
-            fputs("<h2 id=\"short\">In short</h2>\n<div class=\"scroll\"><table><thead><tr><th>in "
-                  "the "
-                  "paper</th>"
-                  "<th>quantity</th><th>paper</th><th>here</th></tr></thead><tbody>\n",
+            fputs("<h2 id=\"short\">In short</h2>\n<div class=\"scroll\"><table><thead><tr>"
+                  "<th>in the paper</th><th>quantity</th><th>paper</th><th>here</th></tr></thead>"
+                  "<tbody>\n",
                   out);
             for (size_t i = 0; i < report->nfinding; i++) {
                 if (report->finding[i].main) {
-                    put_finding(out, &report->finding[i], true);
+                    put_finding(report, &report->finding[i], true, out);
                 }
             }
             fputs("</tbody></table></div>\n", out);

@@ -23,9 +23,10 @@ enum { REPORT_SECTIONS_MAX = 24, REPORT_FINDINGS_MAX = 96, REPORT_PANELS_MAX = 8
 
 /* A published value beside ours. */
 struct report_finding {
-    char section[32]; /* id of the section */
-    char *where, *what, *theirs, *ours, *remark;
-    bool main; /* shown in the summary too */
+    bool main;      /* shown in the summary too */
+    size_t section; /* its number */
+    char *line;     /* holds the cells: what, theirs, ours, remark */
+    char *cell[4];
 };
 
 /* A file of results being written. */

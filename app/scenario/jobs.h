@@ -64,8 +64,8 @@ void scenario_judge(const struct scenario_job *job, struct scenario_result *resu
 void scenario_judge_mutations(const struct scenario_job *job, size_t count,
                               struct scenario_result *result);
 
-/* Writes one testsuite per scenario, and one testcase per result. begun: when the runs began on this
- * host; 0 for results that are the same on every host. */
+/* Writes one testsuite per scenario, and one testcase per result. begun: when the runs began on
+ * this host; 0 for results that are the same on every host. */
 enum error_code scenario_junit_write(const char *path, const struct scenario_result *result,
                                      size_t count, time_t begun, struct error *error);
 

@@ -62,9 +62,7 @@ static enum error_code plan_relate_path(const char *folder, const char *file, ch
     return ERROR_NONE;
 }
 
-/* Loads the rig of a scenario, binds the scenario to it, and returns the rig's hash. */
-static enum error_code plan_check_rig(struct scenario *scenario, uint64_t *hash,
-                                      struct error *error)
+enum error_code plan_check_rig(struct scenario *scenario, uint64_t *hash, struct error *error)
 {
     const struct rig *rig;
     struct arena arena;

@@ -54,6 +54,10 @@ struct plan {
  * file:line:column. */
 enum error_code plan_write(const char *sweep, const char *path, size_t *ncase, struct error *error);
 
+/* Loads the rig of a scenario, binds the scenario to it, and returns the rig's hash. Errors carry
+ * file:line:column. */
+enum error_code plan_check_rig(struct scenario *scenario, uint64_t *hash, struct error *error);
+
 /* Reports a file in a newer format. */
 enum error_code plan_newer(const char *path, struct error *error);
 

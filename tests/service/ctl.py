@@ -291,8 +291,9 @@ def command(work):
         pushes = [run.ctl("push", "Waist", *words, *at)
                   for words in (("force_n=10,0,0",), ("moment_nm=0,0,0",), ("duration_s=1",), ())]
         result("a push without force and moment says what it ends",
-               [("the push on Waist ends, if one acted" in a.stdout, a.returncode, ": tick " in
-                 a.stdout) for a in pushes] == [(False, 0, True)] * 2 + [(True, 0, True)] * 2, pushes)
+               [("the push on Waist ends, if one acted" in a.stdout, a.returncode,
+                 ": tick " in a.stdout) for a in pushes]
+               == [(False, 0, True)] * 2 + [(True, 0, True)] * 2, pushes)
         answer = run.ctl("get", "supply_v", *at)
         result("a tunable has value, unit and range", answer.returncode == 0
                and " V " in answer.stdout, answer)

@@ -123,7 +123,7 @@ TEST(what_the_recording_does_not_tell_is_said)
     static struct fit_result result;
 
     assert_int_equal(fit_prepare(&bench.bench, swapped, 1, &problem, &error), ERROR_INPUT);
-    assert_string_equal(error.text, "found \"R_omh\", expected \"R_ohm\"");
+    assert_string_equal(error.text, "found \"R_omh\", expected R_ohm");
     assert_ok(fit_prepare(&bench.bench, free, 2, &problem, &error));
     assert_ok(fit_solve(&problem, &result, &error));
     assert_int_not_equal(result.verdict[1], FIT_KNOWN);
@@ -154,7 +154,7 @@ TEST(wrong_benches_are_refused_with_their_place)
             "identify-bench.yaml:5:10: found none or several");
     refuses(HEAD "columns: {time: t, position: q, goal: g}\n", "without key \"law\"");
     refuses(HEAD "columns: {time: t, position: q, voltage: v}\nfree: [R_omh]\n",
-            "identify-bench.yaml:6:8: found no number \"R_omh\"");
+            "identify-bench.yaml:6:8: found \"R_omh\"");
     refuses(HEAD "columns: {time: t, position: q, voltage: v}\n"
                  "free: [{key: R_ohm, expected: 3}]\n",
             "bounds or a prior");

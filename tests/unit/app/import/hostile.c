@@ -293,33 +293,6 @@ static void check_growth(const char *name, enum reader reader, const char *words
     }
 }
 
-TEST(work_grows_with_the_size_of_the_file)
-{
-    failures = 0;
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        size_t size[2];
-        char *file[2] = {make_file(&cases[i], SIZE / SHARE, &size[0]),
-                         make_file(&cases[i], SIZE, &size[1])};
-
-        check_growth(cases[i].name, cases[i].reader, cases[i].words, file, size);
-        free(file[0]);
-        free(file[1]);
-    }
-    assert_int_equal(failures, 0);
-}
-
-TEST(scene_of_many_long_geometries_is_refused)
-{
-    size_t size[2];
-    char *file[2] = {make_instances(SIZE / SHARE, &size[0]), make_instances(SIZE, &size[1])};
-
-    failures = 0;
-    check_growth("a long geometry in many places", READ_COLLADA, "too often", file, size);
-    free(file[0]);
-    free(file[1]);
-    assert_int_equal(failures, 0);
-}
-
 /* As many faces as a binary STL of that size has, all of them at one place but for the last. */
 static char *make_binary(size_t size, size_t *used)
 {
@@ -333,15 +306,31 @@ static char *make_binary(size_t size, size_t *used)
     return file;
 }
 
-TEST(binary_faces_without_area_go)
+TEST(work_grows_with_the_size_of_the_file)
 {
-    size_t size[2];
-    char *file[2] = {make_binary(SIZE / SHARE, &size[0]), make_binary(SIZE, &size[1])};
+    static const struct hostile made[] = {
+        {.name = "a long geometry in many places", .reader = READ_COLLADA, .words = "too often"},
+        {.name = "faces of a binary STL", .reader = READ_STL, .words = NULL},
+    };
+    const size_t count = sizeof cases / sizeof *cases;
 
     failures = 0;
-    check_growth("faces of a binary STL", READ_STL, NULL, file, size);
-    free(file[0]);
-    free(file[1]);
+    for (size_t i = 0; i < count + 2; i++) {
+        const struct hostile *h = i < count ? &cases[i] : &made[i - count];
+        size_t size[2];
+        char *file[2];
+
+        for (int k = 0; k < 2; k++) {
+            const size_t whole = k ? SIZE : SIZE / SHARE;
+
+            file[k] = i < count    ? make_file(h, whole, &size[k])
+                      : i == count ? make_instances(whole, &size[k])
+                                   : make_binary(whole, &size[k]);
+        }
+        check_growth(h->name, h->reader, h->words, file, size);
+        free(file[0]);
+        free(file[1]);
+    }
     assert_int_equal(failures, 0);
 }
 

@@ -41,7 +41,7 @@ inertia='<inertia ixx="0.02" iyy="0.02" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
     echo '</robot>'
 } >"$folder/arm.urdf"
 
-echo 1..42
+echo 1..43
 for protocol in icub foc compact compact-fd moteus cia402 odrive mini-cheetah \
     "$config/protocols/odrive.yaml"; do
     file=$protocol
@@ -252,4 +252,19 @@ result $? a_hundred_joints_are_imported
     --duration 0.2 >"$folder/log" 2>&1
 [ $? -le 1 ] && ! grep -q 'found 100 joints' "$folder/log"
 result $? a_hundred_joints_run
+
+# Fourteen wheels without mass, each of which changes the robot from its file
+{
+    sed '$d' "$folder/snake.urdf" | sed 's/snake/cart/'
+    for i in $(seq 14); do
+        echo "<link name=\"w$i\"/><joint name=\"spin$i\" type=\"continuous\"><parent link=\"l1\"/>"
+        echo "<child link=\"w$i\"/></joint>"
+    done
+    echo '</robot>'
+} >"$folder/cart.urdf"
+"$program" import "$folder/cart.urdf" -o "$folder/cart" --base fixed --protocol compact-fd \
+    >"$folder/log" 2>&1 && [ "$(grep -c 'nothing that it moves has mass' "$folder/log")" -eq 12 ] &&
+    report=$(sed -n 's/^\.\.\. and [0-9]* more: \(.*\) has all$/\1/p' "$folder/log") &&
+    [ "$(grep -c 'nothing that it moves has mass' "$report")" -eq 14 ]
+result $? notes_that_are_left_out_are_in_the_report
 exit $((failures > 0))
