@@ -198,7 +198,7 @@ json_t *control_status(const struct control *control, struct control_client *cli
     /* What is simulated, its time and its parts; loads are means since this client's last status */
     body = json_pack(
         "{s:o, s:o, s:o, s:o, s:o, s:s, s:o, s:b, s:b, s:I, s:f, s:f, s:f, s:I, s:I, s:o, s:o, "
-        "s:o, s:o, s:o, s:o}",
+        "s:o, s:o, s:o, s:{s:I, s:I, s:I, s:I}, s:o}",
         "rig", control_text(rig->name), "file", control_text(rig->file), "robot_hash",
         control_hash(rig->robot->hash), "task", status_task(control), "recording",
         config->record ? control_text(config->record) : json_null(), "clock",
@@ -210,8 +210,10 @@ json_t *control_status(const struct control *control, struct control_client *cli
         (json_int_t)now.overruns, "lost_ticks", (json_int_t)now.lost_ticks, "buses",
         status_buses(control, &now, client->seen ? &client->before : &start), "joints",
         status_joints(control, &now), "contacts", status_contacts(control, &now), "faults",
-        status_faults(control, &now), "external", status_external(control, &now), "control",
-        status_control(control));
+        status_faults(control, &now), "external", status_external(control, &now), "boards",
+        "frames", (json_int_t)now.boards.frames, "foreign", (json_int_t)now.boards.foreign,
+        "unknown", (json_int_t)now.boards.unknown, "malformed", (json_int_t)now.boards.malformed,
+        "control", status_control(control));
     client->before = now;
     client->seen = true;
     return body;

@@ -101,6 +101,7 @@ struct simulator_status {
      * one bit for each silent board */
     int64_t external_heard_ns[SIMULATOR_EXTERNAL_MAX];
     uint64_t external_silent;
+    struct boards_counters boards;
 };
 
 struct simulator;

@@ -4,11 +4,12 @@
 
 #include <string.h>
 
-/* Copies counters and states of the buses. */
+/* Copies counters and states of the buses, and the boards' counters. */
 static void status_fill_buses(struct simulator *simulator)
 {
     const struct rig *rig = simulator->config.rig;
 
+    boards_counters(simulator->boards, &simulator->status.boards);
     for (size_t b = 0; b < rig->nbus; b++) {
         const struct can_port *port = simulator->ports.port[b];
         const struct can_counters *counters = &port->counters;

@@ -421,7 +421,8 @@ static void print_stimulus(const struct simulator *simulator, bool quiet)
     }
     if (stimulus->gap_ns > LOG_GAP_NS) {
         fprintf(stderr,
-                "stimulus: no frame for %.3f s before line %d; the run simulates this time\n",
+                "stimulus: no frame for %.3f s before line %d; the run simulates this "
+                "time\n",
                 (double)stimulus->gap_ns * 1e-9, stimulus->gap_line);
     }
 }

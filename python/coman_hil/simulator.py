@@ -23,6 +23,9 @@ from .robot import ForceSensor, Joint, Latest, Names, force_sensors
 
 BOARD_FAULT, MISMATCH, STOPPING = 2, 4, 8      # flags of DONE
 MOVED = "somebody else moves its time (ctl step, restore, another client's STEP)"
+# what the log says of a command that a board drops
+DROPPED = re.compile(r"^[\d.]+ s: (\S+ \(bus \d+, address \d+\): (?:wrong|unknown|frame) .*)$",
+                     re.M)
 STEP_TICKS = 1000           # at most in one STEP, so that a time-out is soon enough
 SWITCH_TICKS = 5            # until a new mode has been reported
 FRAMES_KEPT = 100_000
@@ -381,6 +384,14 @@ class Simulator:
         """The joints that are enabled and whose boards no longer say so, as after a trip or a
         restart. Steps succeed all the same: ask after each."""
         return [joint.name for joint in self.joints.values() if joint.enabled and not joint.is_on]
+
+    def dropped(self) -> tuple[int, str]:
+        """How many commands boards have dropped, for a wrong length, value or checksum or as
+        unknown, and what the log says of the last one ("" = nothing yet; the log comes a little
+        later than the count)."""
+        counts = self.status()["boards"]
+        reasons = DROPPED.findall(self.log)
+        return counts["unknown"] + counts["malformed"], reasons[-1] if reasons else ""
 
     def disable(self, *joints: str) -> None:
         """Switches motors off, those of all joints when none is named; runs some ticks."""

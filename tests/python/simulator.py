@@ -407,6 +407,26 @@ def test_every_protocol_has_joints_that_take_its_set_points():
                 sim.enable("LElbj", quantity="speed")
 
 
+def test_a_command_that_a_board_drops_is_told():
+    from coman_hil import Simulator
+    for name, message, length in (("coman", "torso_0x01_COMMAND", 1),
+                                  ("coman-compact", "ALL_COMMAND_0", 1)):
+        with Simulator(rig(name), hold="always") as sim:
+            sim.listen()
+            assert sim.dropped() == (0, "")
+            found = sim.buses.bus("torso").message(message)
+            data = bytes((0xf2,) * length)      # a set point of which the rest is missing
+            sim._queued.append(f"< send {found.word} {length} {data.hex(' ')} torso >")
+            sim.step(2)
+            for _ in range(100):
+                count, reason = sim.dropped()
+                if reason:
+                    break
+                time.sleep(0.05)
+            assert count == 1 and "torso/" in reason and found.word.lower() in reason, (
+                name, count, reason)
+
+
 def test_counters_and_checksums_are_filled_in():
     """In what sim.command sends of a protocol file, unless they are given."""
     from coman_hil import Simulator
