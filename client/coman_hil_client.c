@@ -1949,6 +1949,48 @@ static enum hil_client_code client_fail_enable(struct hil_client *client, const 
                        joint, state->mode, state->faults);
 }
 
+/* Asks icub boards for the gains of the loops that get the set-points: a loop whose gains are 0
+ * does nothing. A board that does not answer is believed. */
+static enum hil_client_code client_check_gains(struct hil_client *client, const bool *chosen,
+                                               enum hil_client_quantity quantity)
+{
+    static const char *const loops[HIL_CLIENT_QUANTITIES] = {
+        [HIL_CLIENT_CURRENT] = "CURRENT", [HIL_CLIENT_POSITION] = "POSITION"};
+    struct hil_client_core *core = client->core;
+    enum hil_client_code code = HIL_CLIENT_OK;
+
+    for (size_t i = 0; i < core->njoint && loops[quantity] && !code; i++) {
+        const struct joint *joint = &core->joint[i];
+        const struct board *board = joint->board;
+        const struct message *reply = message_find(core, board->bus, board->name, "_REPLY");
+        const struct signal *point = joint->set_point[quantity].signal, *gain[3] = {NULL};
+        struct hil_client_value command = {"command", 0.0};
+
+        /* Names of an axis end alike, in _0 or _1 */
+        for (int k = 0; k < 3 && chosen[i] && board->bus->protocol == ICUB; k++) {
+            char name[NAME_SIZE];
+
+            snprintf(name, sizeof name, "GET_%s_PID_k%c%s", loops[quantity], "pid"[k],
+                     strrchr(point->name, '_'));
+            gain[k] = signal_find(core, reply, name);
+        }
+        if (!gain[0] || !gain[1] || !gain[2]) {
+            continue;
+        }
+        command.value = gain[0]->selector;
+        code = board_command(client, board, 0, &command, 1);
+        code = code ? code : client_pass(client, 2);
+        if (!code && signal_value(gain[0]) == 0.0 && signal_value(gain[1]) == 0.0 &&
+            signal_value(gain[2]) == 0.0) {
+            code = client_fail(client, HIL_CLIENT_BOARD,
+                               "%s: its loop has gains of 0 and would do nothing: send "
+                               "SET_%s_PID before, or set them in the rig",
+                               joint->name, loops[quantity]);
+        }
+    }
+    return code;
+}
+
 enum hil_client_code hil_client_enable(struct hil_client *client, const char *const *joints,
                                        size_t njoint, enum hil_client_quantity quantity)
 {
@@ -1957,6 +1999,8 @@ enum hil_client_code hil_client_enable(struct hil_client *client, const char *co
     enum hil_client_code code = client_choose(client, joints, njoint, quantity, chosen);
 
     code = code ? code : hil_client_listen(client);
+    client_limit_time(core, core->timeout_ms);
+    code = code ? code : client_check_gains(client, chosen, quantity);
     /* Off first, which clears faults, then on */
     code = code ? code : client_switch(client, chosen, HIL_CLIENT_OFF);
     if (code || quantity == HIL_CLIENT_OFF) {

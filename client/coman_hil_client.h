@@ -37,9 +37,11 @@
  *     compact  yes      yes      -         -      | yes    yes          FD        yes      yes
  *
  * "gains": the board's own loop, whose gains are 0 until the rig or the controller sets them
- * (hil_client_send: SET_CURRENT_PID, SET_POSITION_PID). "sensor": where a board of the rig measures
- * the joint. No protocol takes a torque by joint in N m: command currents. Buses of cia402 and
- * described boards have no joints here; hil_client_send and hil_client_signal do their messages.
+ * (hil_client_send: SET_CURRENT_PID, SET_POSITION_PID); until then hil_client_enable fails with
+ * HIL_CLIENT_BOARD. "sensor": where a board of the rig measures the joint. No protocol takes a
+ * torque by joint in N m: command currents. Buses of cia402, moteus and other described boards have
+ * no joints here (the Python package has them); hil_client_send and hil_client_signal do their
+ * messages.
  *
  * Errors. What can fail returns HIL_CLIENT_OK, which is 0, or a code, and leaves a sentence in
  * client->message. After HIL_CLIENT_CONNECTION and HIL_CLIENT_SYSTEM a client can only be closed.

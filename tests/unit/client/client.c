@@ -29,6 +29,11 @@ static const char arm[] =
     " SG_ SET_COMMAND_POSITION_position_1 m190 : 8|32@1- (0.001,0) [0|0] \"rad\" b\n"
     " SG_ SET_BROADCAST_POLICY_mask_0 m73 : 8|32@1+ (1,0) [0|0] \"\" b\n"
     " SG_ SET_GAIN_value m3 : 31|16@0- (1,0) [-32768|32767] \"\" b\n\n"
+    "BO_ 16 b_REPLY: 8 b\n"
+    " SG_ command M : 0|8@1+ (1,0) [0|255] \"\" host\n"
+    " SG_ GET_POSITION_PID_kp_1 m211 : 8|16@1- (1,0) [0|0] \"\" host\n"
+    " SG_ GET_POSITION_PID_ki_1 m211 : 24|16@1- (1,0) [0|0] \"\" host\n"
+    " SG_ GET_POSITION_PID_kd_1 m211 : 40|16@1- (1,0) [0|0] \"\" host\n\n"
     "BO_ 273 b_POSITION: 8 b\n"
     " SG_ L_Elb_position : 32|32@1- (0.001,0) [0|0] \"rad\" host\n\n"
     "BO_ 276 b_CURRENT: 8 b\n"
@@ -375,6 +380,35 @@ TEST_WITH(a_step_joins_a_run_on_its_way_and_sees_that_others_move_it, make_folde
     assert_int_equal(hil_client_step(&client, 1), HIL_CLIENT_STOPPED);
     assert_int_equal(hil_client_step(&client, 1), HIL_CLIENT_CONNECTION);
     close_client(&client);
+}
+
+/* A position for a loop that does nothing is an error; each of the gains makes it one that does. */
+TEST_WITH(a_loop_without_gains_is_named, make_folder, remove_folder)
+{
+    static const char *const gains[] = {"D300000000000000", "D301000000000000", "D300000100000000",
+                                        "D300000000010000"};
+    static const char *const names[] = {"L-Elb"};
+
+    for (size_t i = 0; i < sizeof gains / sizeof *gains; i++) {
+        char reply[160];
+        const char *answers[] = {"< frame 6FF 0.002 020000000000 arm >",
+                                 "< frame 6FF 0.007 070000000000 arm >",
+                                 reply,
+                                 "< frame 6FF 0.0 0E0000000000 arm >",
+                                 NULL,
+                                 NULL};
+        struct hil_client client;
+
+        snprintf(reply, sizeof reply,
+                 "< frame 010 0.009 %s arm >< frame 6FF 0.009 090000000000 arm >", gains[i]);
+        open_client(&client, answers, true, LONG_MS);
+        assert_int_equal(hil_client_enable(&client, names, 1, HIL_CLIENT_POSITION),
+                         i == 0 ? HIL_CLIENT_BOARD : HIL_CLIENT_CONNECTION);
+        assert_int_equal(strstr(client.message, "L-Elb: its loop has gains of 0") != NULL, i == 0);
+        hil_client_close(&client);
+        close_client(&client);
+        assert_non_null(strstr(gateway.heard, "< send 001 1 d3 arm >"));
+    }
 }
 
 TEST_WITH(silence_refusals_and_noise_are_errors, make_folder, remove_folder)
