@@ -66,7 +66,7 @@ static void solid_take_mesh(const struct import_reader *r, const struct import_g
                !arena_init(&scratch, IMPORT_MESH_ARENA, &why) &&
                !import_read_mesh(path, g->scale, &scratch, &mesh, &why)) {
         /* The mesh is needed only for its integrals, so its memory is freed immediately */
-        solid->volume = import_measure_mesh(&mesh, r->exact_meshes, solid->center, solid->I);
+        solid->volume = import_measure_mesh(&mesh, g->exact, solid->center, solid->I);
     }
     if (why.code) {
         import_error(r->error, g->file, g->line,
@@ -130,7 +130,7 @@ static void geom_add_inertia(const struct import_reader *r, const xmlNode *node,
                    own.mass, solid.volume, shell ? " of a shell" : "");
         return;
     }
-    if (g->shape == IMPORT_MESH && !by_mass && !r->exact_meshes) {
+    if (g->shape == IMPORT_MESH && !by_mass && !g->exact) {
         reader_note(
             r, IMPORT_ASSUMED, node,
             "mesh \"%.100s\" weighs %g kg, by its volume; MuJoCo 2.2 takes that of a box of "
@@ -151,7 +151,7 @@ static void geom_add_inertia(const struct import_reader *r, const xmlNode *node,
 static void geom_read_mesh(const struct import_reader *r, const xmlNode *node,
                            const char *childclass, struct import_geometry *g)
 {
-    const char *name = mjcf_attribute(r, node, childclass, "mesh"), *file;
+    const char *name = mjcf_attribute(r, node, childclass, "mesh"), *file, *how;
     const struct xml_name *mesh = name ? xml_names_find(&r->meshes, name, NULL) : NULL;
     bool below;
 
@@ -166,6 +166,15 @@ static void geom_read_mesh(const struct import_reader *r, const xmlNode *node,
         xml_refuse(r->file, mesh->node,
                    "found refpos or refquat of a mesh, expected it where its file has it: move the "
                    "geom instead");
+    }
+    /* MuJoCo 3 says by mesh how it weighs */
+    how = reader_text(mesh->node, "inertia");
+    g->exact = *how ? !strcmp(how, "exact") : r->exact_meshes;
+    if (!strcmp(how, "convex") || !strcmp(how, "shell")) {
+        reader_note(r, IMPORT_DOUBTED, mesh->node,
+                    "inertia \"%s\" of mesh \"%.63s\" is not computed: it weighs as a solid inside "
+                    "its surface",
+                    how, name);
     }
     file = xml_attribute(mesh->node, "file");
     below = *r->meshdir != '\0' && file[0] != '/';

@@ -53,6 +53,7 @@ struct import_geometry {
     double half[3];        /* half edge lengths of a box, semi-axes of an ellipsoid, m */
     const char *mesh;      /* file name of the mesh, as in the robot file */
     double scale[3];
+    bool exact;                /* the mesh weighs by signed volumes: import_measure_mesh */
     struct import_place place; /* in the link */
     bool colored;              /* the file gives a color */
     bool repaints;             /* ... which overrides the mesh's own colors */

@@ -63,6 +63,19 @@ static bool sensor_sum_distal(const struct simplifier *r, int top, struct robot_
     return ends;
 }
 
+/* Checks whether no other sensor has a sensor's name, as those that the file names by their type
+ * have. */
+static bool sensor_has_own_name(const struct import_model *model,
+                                const struct import_sensor *sensor)
+{
+    size_t count = 0;
+
+    for (size_t i = 0; i < model->nsensor; i++) {
+        count += !strcmp(model->sensor[i].name, sensor->name);
+    }
+    return count == 1;
+}
+
 /* Adds a force-torque sensor at the child link of its joint; drops one that is not at the end of a
  * limb, with a note. */
 static void simplify_add_ft(struct simplifier *r, const struct import_sensor *sensor, int link)
@@ -81,7 +94,8 @@ static void simplify_add_ft(struct simplifier *r, const struct import_sensor *se
             sensor->name, sensor->joint);
         return;
     }
-    ft->name = simplify_name(r, sensor->file, sensor->line, "sensor", sensor->joint);
+    ft->name = simplify_name(r, sensor->file, sensor->line, "sensor",
+                             sensor_has_own_name(r->model, sensor) ? sensor->name : sensor->joint);
     ft->frame = simplify_add_sensor_frame(r, sensor, sensor->joint, link);
     frame = &robot->frame[ft->frame];
 

@@ -422,6 +422,36 @@ static void urdf_read_joint(const struct import_reader *r, const xmlNode *node)
 
 /* ---- sensors ---- */
 
+/* Returns the content of an element of a <force_torque>, "" without it. */
+static const char *sensor_word(const xmlNode *force_torque, const char *name)
+{
+    const xmlNode *node = xml_child(force_torque, name);
+    const char *text = node ? xml_content(node) : "";
+
+    return text + strspn(text, " \t\r\n");
+}
+
+/* Turns a force-torque sensor as Gazebo's <force_torque> says: into the frame of the child (the
+ * default), of the parent, or of the sensor's own pose. Ours measure from child to parent. */
+static void sensor_turn(const struct import_reader *r, const xmlNode *force_torque,
+                        const struct import_joint *joint, struct import_sensor *sensor)
+{
+    const char *frame = sensor_word(force_torque, "frame");
+
+    if (!strncmp(frame, "parent", 6)) {
+        mat3_transpose(joint->place.R, sensor->place.R);
+    } else if (strncmp(frame, "sensor", 6) != 0) {
+        mat3_identity(sensor->place.R);
+    }
+    if (!strncmp(sensor_word(force_torque, "measure_direction"), "parent_to_child", 15)) {
+        reader_note(
+            r, IMPORT_CHANGED, force_torque,
+            "force-torque sensor \"%.63s\" measures what the child exerts on the parent: its "
+            "signs are opposite to the file's",
+            sensor->name);
+    }
+}
+
 /* Reads a <sensor> of URDF or of Gazebo. reference: link or joint named by <gazebo>, or NULL.
  * Drops sensors that our robots cannot have, with a note. */
 static void urdf_read_sensor(const struct import_reader *r, const xmlNode *node,
@@ -450,6 +480,10 @@ static void urdf_read_sensor(const struct import_reader *r, const xmlNode *node,
         sensor.name = reader_copy(r, *name ? name : type);
         sensor.link = link ? reader_copy(r, link) : NULL;
         sensor.joint = joint ? reader_copy(r, joint) : NULL;
+        if (ft && xml_child(node, "force_torque")) {
+            sensor_turn(r, xml_child(node, "force_torque"),
+                        &r->model->joint[import_find_joint(r->model, joint)], &sensor);
+        }
         r->model->sensor[r->model->nsensor++] = sensor;
     } else {
         reader_note(r, IMPORT_DROPPED, node, "sensor \"%.63s\" of type \"%.40s\" at \"%.63s\"",

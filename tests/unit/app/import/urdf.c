@@ -463,7 +463,7 @@ TEST_WITH(force_sensor_bears_what_is_below_it, open_default, close_arena)
                                                    "type='camera'/></gazebo>"));
     assert_int_equal(made.robot->nft, 2);
     ft = &made.robot->ft[0];
-    assert_string_equal(ft->name, "wrist");
+    assert_string_equal(ft->name, "s");
     assert_near(ft->distal.mass, 1.0, 0.0);
     assert_near(ft->distal.com[0], 0.0, 1e-15);
     assert_near(made.robot->frame[ft->frame].position[0], 0.5, 1e-15);
@@ -471,6 +471,47 @@ TEST_WITH(force_sensor_bears_what_is_below_it, open_default, close_arena)
     assert_true(made.robot->imu_frame >= 0);
     assert_true(noted(IMPORT_DROPPED, 9, "mu1"));
     assert_true(noted(IMPORT_DROPPED, 10, "type \"camera\""));
+}
+
+/* Gazebo's frame: child (the default), parent, or the sensor's own pose */
+TEST_WITH(force_sensors_are_turned_as_the_file_says, open_default, close_arena)
+{
+    static const struct {
+        const char *words;
+        double up[3]; /* where z of the sensor points in the body */
+        bool opposite;
+    } cases[] = {
+        {"", {0, -1, 0}, false},
+        {"<frame>child</frame><measure_direction>child_to_parent</measure_direction>",
+         {0, -1, 0},
+         false},
+        {"<frame>parent</frame>", {0, 0, 1}, false},
+        {"<frame> sensor </frame><measure_direction>parent_to_child</measure_direction>",
+         {1, 0, 0},
+         true},
+    };
+
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char text[2048];
+
+        snprintf(text, sizeof text,
+                 ROBOT(LINK("base") LINK("arm") LINK("hand")
+                           JOINT("j", "revolute", "base",
+                                 "arm", LIMIT) JOINT("wrist", "fixed", "arm", "hand",
+                                                     "<origin xyz='0 0 0' rpy='1.5707963267948966 "
+                                                     "0 0'/>") "<gazebo reference='wrist'><sensor "
+                                                               "name='s' type='force_torque'>"
+                                                               "<pose>0 0 0 0 1.5707963267948966 "
+                                                               "0</pose><force_torque>%s"
+                                                               "</force_torque></sensor></gazebo>"),
+                 cases[i].words);
+        import_good(text);
+        for (int m = 0; m < 3; m++) {
+            assert_near(made.robot->frame[made.robot->ft[0].frame].rotation[3 * m + 2],
+                        cases[i].up[m], 1e-12);
+        }
+        assert_int_equal(noted(IMPORT_CHANGED, 7, "signs are opposite"), cases[i].opposite);
+    }
 }
 
 TEST_WITH(poses_come_from_the_second_file, open_default, close_arena)
