@@ -90,7 +90,7 @@ static enum error_code robot_find_statics(const struct robot *robot, struct aren
             q[robot->nq - robot->njoint + j] = robot->pose[p].joint[j];
         }
         d.ops->inverse(&d, q, v, vdot, NULL, f);
-        import_lead_torques(robot, f + first);
+        import_lead(robot, IMPORT_LEAD_TORQUES, f + first);
         for (size_t j = 0; j < robot->njoint; j++) {
             bears[j] = fmax(bears[j], fabs(f[first + j]));
         }
@@ -161,36 +161,25 @@ static void drive_assume(const struct import_joint *source, double strength, dou
     };
 }
 
-/* Returns the lowest of the usual supply voltages that feeds the strongest joint with at most
- * 25 A. */
-static double drive_choose_supply(const struct robot *robot, const double *strength,
+/* Returns the highest supply voltage of the chosen catalogue drives; without any, the lowest of the
+ * usual voltages that feeds the strongest joint with at most 25 A. */
+static double drive_choose_supply(const struct import_robot *from, const double *strength,
                                   const double *speed)
 {
-    static const double usual[] = {24.0, 48.0, 80.0, 150.0, 300.0, 600.0};
-    double power = 0.0;
-
-    for (size_t j = 0; j < robot->njoint; j++) {
-        if (robot->joint[j].type == JOINT_REVOLUTE) {
-            power = fmax(power, strength[j] * 1.5 * speed[j]);
-        }
-    }
-    for (size_t i = 0; i < ARRAY_COUNT(usual); i++) {
-        if (power <= 25.0 * usual[i]) {
-            return usual[i];
-        }
-    }
-    return 1000.0;
-}
-
-/* Returns the highest supply voltage of the chosen catalogue drives, else the assumed one. */
-static double drive_agree_supply(const struct import_robot *from, double assumed_v)
-{
-    double supply_v = 0.0;
+    static const double usual[] = {24.0, 48.0, 80.0, 150.0, 300.0, 600.0, 1000.0};
+    double power = 0.0, supply_v = 0.0;
+    size_t i = 0;
 
     for (size_t j = 0; j < from->robot->njoint; j++) {
         supply_v = from->drive[j] ? fmax(supply_v, from->drive[j]->supply_v) : supply_v;
+        if (from->robot->joint[j].type == JOINT_REVOLUTE) {
+            power = fmax(power, strength[j] * 1.5 * speed[j]);
+        }
     }
-    return supply_v > 0.0 ? supply_v : assumed_v;
+    while (i + 1 < ARRAY_COUNT(usual) && power > 25.0 * usual[i]) {
+        i++;
+    }
+    return supply_v > 0.0 ? supply_v : usual[i];
 }
 
 /* Sets a joint's drive from the catalogue; adds a note if it is too weak for a pose or made for
@@ -218,18 +207,6 @@ static void drive_take(const struct import_robot *from, size_t j, double bears, 
         import_note_add(notes, IMPORT_CHANGED, file, source->line,
                         "joint \"%.63s\" has a drive for %g V, %.63s, on a supply of %g V",
                         source->name, drive->supply_v, drive->name, supply_v);
-    }
-}
-
-/* Limits each follower's torque to what its leader can pass on to it. */
-static void limit_followers(struct robot *robot)
-{
-    for (size_t i = 0; i < robot->ncoupling; i++) {
-        const struct robot_coupling *coupling = &robot->coupling[i];
-
-        robot->joint[coupling->follower].torque_limit =
-            fmin(robot->joint[coupling->leader].torque_limit / fabs(coupling->multiplier),
-                 STRENGTH_MOST_NM);
     }
 }
 
@@ -263,7 +240,7 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
         return code;
     }
     robot_find_loads(robot, reach, load);
-    import_lead_loads(robot, load);
+    import_lead(robot, IMPORT_LEAD_LOADS, load);
     most = WEIGHT_ARM_M * GRAVITY * robot->total_mass;
     for (size_t j = 0; j < robot->njoint; j++) {
         most = fmax(most, load[j]);
@@ -280,7 +257,7 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
             drive_choose_limits(from, j, load[j], most, bears[j], notes, &strength[j], &speed[j]);
         }
     }
-    *supply_v = drive_agree_supply(from, drive_choose_supply(robot, strength, speed));
+    *supply_v = drive_choose_supply(from, strength, speed);
     code = import_take_cylinders(from, bears, notes, error);
     if (code) {
         return code;
@@ -327,21 +304,19 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
                             source->friction, source->name);
         }
     }
-    limit_followers(robot);
+
+    /* A follower has at most what its leader can pass on to it */
+    for (size_t i = 0; i < robot->ncoupling; i++) {
+        const struct robot_coupling *coupling = &robot->coupling[i];
+
+        robot->joint[coupling->follower].torque_limit =
+            fmin(robot->joint[coupling->leader].torque_limit / fabs(coupling->multiplier),
+                 STRENGTH_MOST_NM);
+    }
     return import_stiffen_couplings(from, arena, notes, error);
 }
 
 /* ---- gains ---- */
-
-/* Computes the inertia that oscillates on the oil of a joint, kg m2: all bodies behind it, or half
- * of the mass of a robot that may stand on it, at the end of the leg. */
-static double find_oil_load(struct import_trial *t, size_t j, double reach)
-{
-    const struct robot *robot = t->dynamics.robot;
-    const double held = import_trial_held_inertia(t, j);
-
-    return robot->floating ? fmax(held, 0.5 * robot->total_mass * reach * reach) : held;
-}
 
 /* Computes the stiffness below which the robot tips over each joint above its feet, N m/rad: its
  * weight times the height of its center of mass above the joint, divided by the number of feet.
@@ -394,6 +369,7 @@ static struct import_gains gains_choose(const struct robot_sea *sea, double I, d
     double own = sea->Dm + sea->Kt * sea->Kw / sea->R, most = own + sea->J / DELAYED_DAMPING_S;
     double least = fmax(fmax(5.0 * load, UPRIGHT_TIMES * tips), 30.0 * 30.0 * I);
     double K = fmin(least, 60.0 * 60.0 * I), D;
+    const double holds = UPRIGHT_TIMES * fmax(load, tips);
 
     /* Above the resonance with its spring the loop moves only the rotor, which limits K */
     K = fmin(K, fmin(most * most / I, 100.0 * 100.0 * sea->J));
@@ -401,7 +377,8 @@ static struct import_gains gains_choose(const struct robot_sea *sea, double I, d
     return (struct import_gains){.kp_v_per_rad = K * sea->R / sea->Kt,
                                  .kd_v_s_per_rad = fmax(D, 0.0) * sea->R / sea->Kt,
                                  .kw_v_s_per_rad = sea->Kw,
-                                 .load_v_per_nm = sea->R / sea->Kt};
+                                 .load_v_per_nm = sea->R / sea->Kt,
+                                 .short_of = K < holds ? K / holds : 0.0};
 }
 
 enum error_code import_find_gains(const struct robot *robot, const double *joint, bool stands,
@@ -425,8 +402,8 @@ enum error_code import_find_gains(const struct robot *robot, const double *joint
         return code;
     }
     robot_find_loads(robot, reach, load);
-    import_lead_stiffnesses(robot, load);
-    import_lead_stiffnesses(robot, tips);
+    import_lead(robot, IMPORT_LEAD_STIFFNESSES, load);
+    import_lead(robot, IMPORT_LEAD_STIFFNESSES, tips);
     /* Each joint with a drive gets gains by the kind of the drive */
     for (size_t j = 0; j < robot->njoint; j++) {
         double I = import_trial_inertia(&trial, j);
@@ -434,8 +411,13 @@ enum error_code import_find_gains(const struct robot *robot, const double *joint
         if (robot->joint[j].sea.present && I > 0.0 && isfinite(I)) {
             gains[j] = gains_choose(&robot->joint[j].sea, I, load[j], tips[j]);
         } else if (robot->joint[j].hydraulic.present) {
-            gains[j] =
-                import_cylinder_gains(robot, j, joint[j], find_oil_load(&trial, j, reach[j]));
+            /* On its oil oscillate all bodies behind it, or half of the mass of a robot that may
+             * stand on it, at the end of the leg */
+            I = import_trial_held_inertia(&trial, j);
+            if (robot->floating) {
+                I = fmax(I, 0.5 * robot->total_mass * reach[j] * reach[j]);
+            }
+            gains[j] = import_cylinder_gains(robot, j, joint[j], I);
         }
     }
     return ERROR_NONE;

@@ -35,6 +35,8 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
  * initial torque; unused for joints without a drive. */
 struct import_gains {
     double kp_v_per_rad, ki_v_per_rad_s, kd_v_s_per_rad, kw_v_s_per_rad, load_v_per_nm;
+    /* stiffness of the loop as a share of 1.5 times that at which the joint tips; 0 = enough */
+    double short_of;
 };
 
 /* Computes gains from the drives and from the inertia I of each joint in the given pose with the
@@ -132,10 +134,11 @@ struct import_gains import_cylinder_gains(const struct robot *robot, size_t j, d
 enum error_code import_stiffen_couplings(struct import_robot *from, struct arena *arena,
                                          struct import_notes *notes, struct error *error);
 
-/* Add the loads of followers to their leaders, by joint: torques with their signs, times the
+/* What followers pass on to their leaders. */
+enum import_lead { IMPORT_LEAD_TORQUES, IMPORT_LEAD_LOADS, IMPORT_LEAD_STIFFNESSES };
+
+/* Adds the loads of followers to their leaders, by joint: torques with their signs, times the
  * multiplier; magnitudes, times its magnitude; stiffnesses, times its square. */
-void import_lead_torques(const struct robot *robot, double *torque);
-void import_lead_loads(const struct robot *robot, double *load);
-void import_lead_stiffnesses(const struct robot *robot, double *stiffness);
+void import_lead(const struct robot *robot, enum import_lead what, double *value);
 
 #endif

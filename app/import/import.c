@@ -463,6 +463,18 @@ static enum error_code import_write_bench(struct importer *m)
         (code = import_write_hanging(m, &rig))) {
         return code;
     }
+    for (size_t j = 0; j < rig.robot->njoint; j++) {
+        const struct import_joint *source = m->robot.source[j];
+
+        if (gains[j].short_of > 0.0) {
+            import_note_add(
+                &m->result->notes, IMPORT_DOUBTED, source->file, source->line,
+                "joint \"%.63s\": its loop has %.2g of the stiffness that keeps it from "
+                "tipping with a margin of 1.5; inertia, rotor and the delay of the buses "
+                "allow no more",
+                source->name, gains[j].short_of);
+        }
+    }
     if (!rig.standing) {
         m->result->standing[0] = '\0';
         return ERROR_NONE;

@@ -4,6 +4,7 @@
 #include "app/import/joint_inertia.h"
 #include "app/import/drive.h"
 
+#include "base/array.h"
 #include "model/coupling.h"
 
 #include <math.h>
@@ -42,26 +43,23 @@ enum error_code import_trial_make(const struct robot *robot, const double *joint
                                   struct arena *arena, struct import_trial *t, struct error *error)
 {
     const size_t n = robot->njoint + BASE_Q_COUNT, k = robot->ncoupling;
+    double **const part[] = {&t->q, &t->v, &t->tau, &t->extra, &t->still, &t->vdot, &t->force};
+    double *next = arena_alloc(arena, ARRAY_COUNT(part) * n + k * (n + k + 2) + 1, sizeof *next);
     enum error_code code;
 
     /* State, torques and accelerations; then what couplings need */
-    t->q = arena_alloc(arena, n, sizeof *t->q);
-    t->v = arena_alloc(arena, n, sizeof *t->v);
-    t->tau = arena_alloc(arena, n, sizeof *t->tau);
-    t->extra = arena_alloc(arena, n, sizeof *t->extra);
-    t->still = arena_alloc(arena, n, sizeof *t->still);
-    t->vdot = arena_alloc(arena, n, sizeof *t->vdot);
-    t->force = arena_alloc(arena, n, sizeof *t->force);
     t->none = arena_alloc(arena, robot->nbody, sizeof *t->none);
     t->ext = arena_alloc(arena, robot->nbody, sizeof *t->ext);
-    t->column = arena_alloc(arena, k * n + 1, sizeof *t->column);
-    t->factor = arena_alloc(arena, k * k + 1, sizeof *t->factor);
-    t->zero = arena_alloc(arena, k + 1, sizeof *t->zero);
-    t->press = arena_alloc(arena, k + 1, sizeof *t->press);
-    if (!t->q || !t->v || !t->tau || !t->extra || !t->still || !t->vdot || !t->force || !t->none ||
-        !t->ext || !t->column || !t->factor || !t->zero || !t->press) {
+    if (!next || !t->none || !t->ext) {
         return error_set(error, ERROR_MEMORY, "no memory for a trial of %s", robot->name);
     }
+    for (size_t i = 0; i < ARRAY_COUNT(part); i++, next += n) {
+        *part[i] = next;
+    }
+    t->column = next;
+    t->factor = t->column + k * n;
+    t->zero = t->factor + k * k;
+    t->press = t->zero + k;
 
     /* The base is upright; rotors count as inertia added to their joints */
     if (robot->floating) {
@@ -140,48 +138,17 @@ double import_trial_held_inertia(struct import_trial *t, size_t j)
 #define STIFFNESS_LEAST 1e-6
 #define STIFFNESS_MOST 1e8
 
-void import_lead_torques(const struct robot *robot, double *torque)
+void import_lead(const struct robot *robot, enum import_lead what, double *value)
 {
     for (size_t i = 0; i < robot->ncoupling; i++) {
         const struct robot_coupling *coupling = &robot->coupling[i];
+        const double m = coupling->multiplier;
 
-        torque[coupling->leader] += coupling->multiplier * torque[coupling->follower];
+        value[coupling->leader] += (what == IMPORT_LEAD_TORQUES ? m
+                                    : what == IMPORT_LEAD_LOADS ? fabs(m)
+                                                                : m * m) *
+                                   value[coupling->follower];
     }
-}
-
-void import_lead_loads(const struct robot *robot, double *load)
-{
-    for (size_t i = 0; i < robot->ncoupling; i++) {
-        const struct robot_coupling *coupling = &robot->coupling[i];
-
-        load[coupling->leader] += fabs(coupling->multiplier) * load[coupling->follower];
-    }
-}
-
-void import_lead_stiffnesses(const struct robot *robot, double *stiffness)
-{
-    for (size_t i = 0; i < robot->ncoupling; i++) {
-        const struct robot_coupling *coupling = &robot->coupling[i];
-
-        stiffness[coupling->leader] +=
-            coupling->multiplier * coupling->multiplier * stiffness[coupling->follower];
-    }
-}
-
-/* Chooses a coupling's stiffness by the follower's inertia and the strength of the leader's drive;
- * damping is critical. */
-static void choose_stiffness(const struct robot *robot, double inertia,
-                             struct robot_coupling *coupling)
-{
-    const struct robot_joint *leader = &robot->joint[coupling->leader];
-    const double square = coupling->multiplier * coupling->multiplier;
-    double K = SWINGS_RAD_S * SWINGS_RAD_S * inertia;
-
-    if (robot_joint_is_driven(leader)) {
-        K = fmax(K, leader->torque_limit / (GIVES * square));
-    }
-    coupling->stiffness = fmin(fmax(K, STIFFNESS_LEAST), STIFFNESS_MOST);
-    coupling->damping = 2.0 * sqrt(coupling->stiffness * fmax(inertia, 0.0));
 }
 
 /* Notes a coupling that was assumed. */
@@ -208,7 +175,7 @@ static void tell_coupling(const struct import_robot *from, const struct robot_co
 enum error_code import_stiffen_couplings(struct import_robot *from, struct arena *arena,
                                          struct import_notes *notes, struct error *error)
 {
-    struct robot *robot = from->robot;
+    const struct robot *robot = from->robot;
     struct import_trial trial;
     enum error_code code;
 
@@ -216,11 +183,20 @@ enum error_code import_stiffen_couplings(struct import_robot *from, struct arena
         return ERROR_NONE;
     }
     code = import_trial_make(robot, from->rest, arena, &trial, error);
+
+    /* Stiffness by the follower's inertia and the strength of the leader's drive; critical damping */
     for (size_t i = 0; i < robot->ncoupling && !code; i++) {
         struct robot_coupling *coupling = &robot->coupling[i];
-        const size_t follower = (size_t)coupling->follower;
+        const struct robot_joint *leader = &robot->joint[coupling->leader];
+        const double square = coupling->multiplier * coupling->multiplier;
+        const double inertia = import_trial_held_inertia(&trial, (size_t)coupling->follower);
+        double K = SWINGS_RAD_S * SWINGS_RAD_S * inertia;
 
-        choose_stiffness(robot, import_trial_held_inertia(&trial, follower), coupling);
+        if (robot_joint_is_driven(leader)) {
+            K = fmax(K, leader->torque_limit / (GIVES * square));
+        }
+        coupling->stiffness = fmin(fmax(K, STIFFNESS_LEAST), STIFFNESS_MOST);
+        coupling->damping = 2.0 * sqrt(coupling->stiffness * fmax(inertia, 0.0));
         tell_coupling(from, coupling, notes);
     }
     return code;
