@@ -16,6 +16,8 @@
 /* Mass of a body to which the file gives none: robot files require more than 0. */
 #define NO_MASS_KG 1e-15
 
+enum { NAME_TRIES = 64 };
+
 /* Bounds of a robot file's places and inertias: coman-hil-robot(5). */
 #define PLACE_MAX_M 1e3
 #define INERTIA_MAX_KG_M2 1e6
@@ -67,9 +69,18 @@ const char *simplify_name(struct simplifier *r, const char *file, int line, cons
 
         clean[i] = name[i] == '\0' || name[i] == '.' || text_is_name(letter) ? name[i] : '_';
     }
+
+    /* Numbers go on from the names made before, so that few tries are enough */
     strcpy(made, clean);
-    for (unsigned number = 2; simplify_name_is_taken(r, what, made); number++) {
-        snprintf(made, sizeof made, "%.52s-%u", clean, number);
+    for (int i = 0; i < NAME_TRIES && simplify_name_is_taken(r, what, made); i++) {
+        snprintf(made, sizeof made, "%.42s-%zu", clean, r->nmade + 2 + (size_t)i);
+    }
+    if (simplify_name_is_taken(r, what, made)) {
+        import_error(r->error, file, line,
+                     "found %s name \"%.63s\", expected letters, digits and _ - . only: too many "
+                     "names are like it",
+                     what, name);
+        return "";
     }
     import_note_add(r->notes, IMPORT_CHANGED, file, line, "%s \"%.63s\" is named \"%.63s\"", what,
                     name, made);
