@@ -17,7 +17,7 @@ enum {
     TURNS = 256,
     IDLE_MS = 1000,
     POLL_MS = 1,
-    LOOK_MS = 20, /* poll interval when no client waits for frames */
+    LOOK_MS = 20, /* how often the ports are emptied when no client waits for frames */
 };
 
 /* ---- what the buses have received ---- */
@@ -97,32 +97,23 @@ static short gateway_client_events(const struct gateway *gateway,
     return (short)((held ? 0 : POLLIN) | (client->waiting && !quiet ? POLLOUT : 0));
 }
 
-/* Checks whether poll waits on the descriptor of a bus. In lockstep, poll waits only on the bus of
- * the DONE. */
-static bool gateway_sleeps_on_bus(const struct gateway *gateway, size_t bus)
-{
-    const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
-
-    return lockstep->on ? bus == lockstep->bus : !gateway->config.by_time;
-}
-
-/* Returns the time until the next check of buses outside the poll set, ms: short if a client
- * listens and they are busy. */
-static int gateway_look_ms(const struct gateway *gateway)
+/* Checks whether a client receives the frames of a bus. */
+static bool gateway_is_heard(const struct gateway *gateway)
 {
     bool heard = false;
 
     for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
         heard = heard || (gateway->client[i].socket >= 0 && gateway->client[i].mode == CLIENT_RAW);
     }
-    return heard && (!gateway->config.lockstep.on || gateway_step_runs(gateway)) ? POLL_MS
-                                                                                 : LOOK_MS;
+    return heard;
 }
 
 /* Fills in the descriptors and the timeout of poll: listeners, clients, then ports. */
 static size_t gateway_prepare_poll(const struct gateway *gateway, struct pollfd fd[POLL_MAX],
                                    int *timeout_ms)
 {
+    const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
+    const bool heard = gateway_is_heard(gateway);
     size_t count = POLL_FIXED;
     bool look = false;
 
@@ -139,14 +130,19 @@ static size_t gateway_prepare_poll(const struct gateway *gateway, struct pollfd 
                                       .events = gateway_client_events(gateway, client, timeout_ms)};
     }
     for (size_t b = 0; b < gateway->config.nbus; b++) {
+        /* Wait on the buses when a client hears them; in lockstep only on the bus of the DONE.
+         * Without a client the thread only empties the ports, now and then. */
         struct can_port *port = gateway->config.bus[b].port;
-        int descriptor = gateway_sleeps_on_bus(gateway, b) ? port->ops->descriptor(port) : -1;
+        int descriptor =
+            (lockstep->on ? b == lockstep->bus : heard) ? port->ops->descriptor(port) : -1;
 
         fd[count++] = (struct pollfd){.fd = descriptor, .events = POLLIN};
         look = look || descriptor < 0;
     }
-    if (look && gateway_look_ms(gateway) < *timeout_ms) {
-        *timeout_ms = gateway_look_ms(gateway);
+    if (look) {
+        int look_ms = heard && (!lockstep->on || gateway_step_runs(gateway)) ? POLL_MS : LOOK_MS;
+
+        *timeout_ms = look_ms < *timeout_ms ? look_ms : *timeout_ms;
     }
     return count;
 }

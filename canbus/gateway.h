@@ -79,9 +79,6 @@ struct gateway_config {
     size_t nslcan;                     /* at most GATEWAY_SLCAN */
     const struct gateway_slcan *slcan; /* not copied */
     bool slcan_only;                   /* no socketcand server: host and port are unused */
-    /* Polls the ports every millisecond instead of waiting on their descriptors. Senders on a local
-     * bus, such as a real-time loop, then need no system call to signal */
-    bool by_time;
     /* In lockstep: after a STEP, passes nothing to clients until gateway_release_done. An observer
      * of the buses thus sees the frames of a STEP before a client can answer */
     bool hold_done;

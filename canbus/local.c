@@ -30,8 +30,9 @@ enum { LOCAL_NODES_MAX = 256 };
 
 /* Bits of node.signal. */
 enum {
-    SIGNAL_WANTED = 1, /* a thread may sleep on the descriptor */
+    SIGNAL_WANTED = 1, /* the next frame makes the descriptor readable */
     SIGNAL_RAISED = 2, /* frames have arrived since the node last found none */
+    SIGNAL_EVENT = 4,  /* the descriptor is readable, or will be within an instant */
 };
 
 /* The frames in transit from one sender to one receiver. */
@@ -47,6 +48,7 @@ struct local_node {
     size_t index;
     int event;
     _Atomic uint32_t signal;
+    bool event_late; /* the node has cleared SIGNAL_EVENT before the sender wrote to `event` */
     _Atomic bool open;
     struct frame_filter filter[LOCAL_BUS_FILTERS_MAX];
     size_t nfilter;
@@ -124,8 +126,8 @@ static void local_raise_event(int event)
     } while (written < 0 && errno == EINTR);
 }
 
-/* Makes an event descriptor unreadable until it is raised again. */
-static void local_clear_event(int event)
+/* Makes an event descriptor unreadable until it is raised again. Returns whether it was readable. */
+static bool local_clear_event(int event)
 {
     uint64_t count;
     ssize_t got;
@@ -133,6 +135,7 @@ static void local_clear_event(int event)
     do {
         got = read(event, &count, sizeof count);
     } while (got < 0 && errno == EINTR);
+    return got > 0;
 }
 
 static bool local_put_frame(const struct local_bus *bus, size_t receiver, size_t sender,
@@ -159,13 +162,24 @@ static bool local_put_frame(const struct local_bus *bus, size_t receiver, size_t
 
 /* Signals a node that frames have arrived. Both sides change `signal` with atomic read-modify-write
  * operations, so all changes have one order. Either the node sees the frames, or the sender sees
- * that the node found nothing, and wakes it. */
+ * that the node waits, and wakes it once. */
 static void local_signal_node(struct local_node *node)
 {
     uint32_t before = atomic_fetch_or_explicit(&node->signal, SIGNAL_RAISED, memory_order_acq_rel);
 
-    if ((before & SIGNAL_WANTED) && !(before & SIGNAL_RAISED)) {
-        local_raise_event(node->event);
+    if (before & SIGNAL_WANTED) {
+        uint32_t now = before | SIGNAL_RAISED;
+
+        /* Of several senders, the one that takes SIGNAL_WANTED away writes to the descriptor */
+        while (now & SIGNAL_WANTED) {
+            const uint32_t next = (now & ~(uint32_t)SIGNAL_WANTED) | SIGNAL_EVENT;
+
+            if (atomic_compare_exchange_weak_explicit(&node->signal, &now, next,
+                                                      memory_order_acq_rel, memory_order_relaxed)) {
+                local_raise_event(node->event);
+                return;
+            }
+        }
     }
 }
 
@@ -610,16 +624,15 @@ static size_t local_receive(struct can_port *port, struct bus_frame *frames, siz
     size_t count = local_take_frames(node, frames, max);
 
     if (count < max) {
-        uint32_t signal = atomic_load_explicit(&node->signal, memory_order_relaxed);
+        const uint32_t seen = SIGNAL_RAISED | SIGNAL_EVENT;
+        const uint32_t signal = atomic_load_explicit(&node->signal, memory_order_relaxed);
 
-        /* Clear the signal of an empty inbox, then check once more for new frames. The call that
-         * finds none also clears a late wake-up */
-        if ((signal & SIGNAL_RAISED) || !count) {
-            if (signal & SIGNAL_WANTED) {
-                local_clear_event(node->event);
+        /* Clear the signal of an empty inbox, then check once more for new frames */
+        if ((signal & seen) || node->event_late) {
+            if ((signal & SIGNAL_EVENT) || node->event_late) {
+                node->event_late = !local_clear_event(node->event);
             }
-            atomic_fetch_and_explicit(&node->signal, ~(uint32_t)SIGNAL_RAISED,
-                                      memory_order_acq_rel);
+            atomic_fetch_and_explicit(&node->signal, ~seen, memory_order_acq_rel);
             count += local_take_frames(node, frames + count, max - count);
         }
     }
@@ -628,14 +641,15 @@ static size_t local_receive(struct can_port *port, struct bus_frame *frames, siz
     return count;
 }
 
-/* Returns the event descriptor. From now on, arriving frames wake the node. */
+/* Returns the event descriptor, which the next frame makes readable. */
 static int local_descriptor(const struct can_port *port)
 {
     struct local_node *node = local_node_of_port(port);
     uint32_t before = atomic_fetch_or_explicit(&node->signal, SIGNAL_WANTED, memory_order_acq_rel);
 
-    if (!(before & SIGNAL_WANTED) && (before & SIGNAL_RAISED)) {
-        local_raise_event(node->event);
+    /* Frames that wait already make it readable at once */
+    if ((before & SIGNAL_RAISED) && !(before & SIGNAL_EVENT)) {
+        local_signal_node(node);
     }
     return node->event;
 }

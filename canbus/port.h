@@ -64,8 +64,8 @@ struct can_port_ops {
      * interface holds some frames when the queue is full, see socketcan_open. Never waits.
      * RT-safe. */
     size_t (*send)(struct can_port *port, const struct bus_frame *frames, size_t count);
-    /* Returns a descriptor that polls readable when frames wait; -1 = none. For threads that may
-     * sleep. RT-safe. */
+    /* Returns a descriptor that polls readable when frames wait; -1 = none. Call it before each
+     * poll: on a local bus one call pays for one wake-up. RT-safe. */
     int (*descriptor)(const struct can_port *port);
     /* Not RT-safe. */
     void (*close)(struct can_port *port);
@@ -181,8 +181,8 @@ enum error_code local_bus_create(const struct local_bus_config *config, struct a
 
 /* Joins the bus; earlier frames are not received. From any thread, while others send. Copies the
  * filters (at most LOCAL_BUS_FILTERS_MAX). The place of a closed port is not used again: max_nodes
- * limits all joins. A port signals its descriptor only after the first call of descriptor(), so
- * that a polling port costs no system call. Not RT-safe.
+ * limits all joins. After a call of descriptor() a port signals its descriptor once, so that a port
+ * that never waits costs no system call. Not RT-safe.
  *
  * `nodes` is the number of its controllers on the wire, several for the boards of a simulator.
  * frame.node selects the sending controller. Each controller has its own queue and error counters.

@@ -421,7 +421,6 @@ static enum error_code simulator_create_gateway(struct simulator *simulator, str
     gateway = *config->gateway;
     gateway.nbus = config->rig->nbus;
     gateway.bus = bus;
-    gateway.by_time = simulator->buses.local && config->clock == LOOP_CLOCK_REAL;
     gateway.lockstep = (struct gateway_lockstep){
         .on = config->clock == LOOP_CLOCK_LOCKSTEP,
         .bus = (size_t)config->rig->lockstep.bus,

@@ -180,11 +180,12 @@ static void *latency_echo_main(void *context)
     struct latency_echo *echo = context;
     const struct realtime_config realtime = {echo->priority, true, -1};
     struct realtime_report report;
-    struct pollfd fd = {echo->port->ops->descriptor(echo->port), POLLIN, 0};
     struct bus_frame frame;
 
     realtime_apply(&realtime, &report);
     while (!atomic_load(&echo->stop)) {
+        struct pollfd fd = {echo->port->ops->descriptor(echo->port), POLLIN, 0};
+
         while (can_receive(echo->port, &frame, 1) == 1) {
             if (frame.id == LATENCY_PING && frame.flags & FRAME_EXTENDED) {
                 frame.id = LATENCY_PONG;

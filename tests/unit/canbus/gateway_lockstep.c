@@ -85,10 +85,11 @@ static void *machine_main(void *context)
 {
     struct fixture *f = context;
     struct can_port *port = f->machine[STEP_BUS];
-    struct pollfd fd = {.fd = port->ops->descriptor(port), .events = POLLIN};
     struct bus_frame frame;
 
     while (!atomic_load(&f->stop)) {
+        struct pollfd fd = {.fd = port->ops->descriptor(port), .events = POLLIN};
+
         poll(&fd, 1, 20);
         while (can_receive(port, &frame, 1)) {
             if (frame.id == LOCKSTEP_STEP_ID) {
