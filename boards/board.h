@@ -242,7 +242,8 @@ enum error_code boards_create(const struct boards_config *config, struct arena *
  * at most max frames and returns their number: replies in the order of the requests, then periodic
  * frames by board address. If max is below boards_transmit_max, replies wait and periodic frames
  * may be lost. The node of a frame is the index of its board among the boards of the bus, in the
- * order of the configuration. Each board is a CAN node.
+ * order of the configuration. Each board is a CAN node. boards_answer, between ticks of real time,
+ * collects only the answers to what boards_receive has delivered.
  */
 void boards_receive(struct boards *boards, int64_t now_ns, size_t bus,
                     const struct bus_frame *frame);
@@ -250,6 +251,8 @@ void boards_control(struct boards *boards, int64_t now_ns, struct plant_command 
 void boards_sample(struct boards *boards, int64_t now_ns, const struct plant_sensors *sensors);
 size_t boards_transmit(struct boards *boards, int64_t now_ns, size_t bus, struct bus_frame *frames,
                        size_t max);
+size_t boards_answer(struct boards *boards, int64_t now_ns, size_t bus, struct bus_frame *frames,
+                     size_t max);
 
 /* Sets the state of a board's CAN controller, on a wire that simulates one; board: index in the
  * configuration. iCub boards report it in STATUS. RT-safe; call it once a tick before

@@ -909,6 +909,16 @@ size_t boards_transmit(struct boards *boards, int64_t now_ns, size_t bus_index,
     return sink.count;
 }
 
+size_t boards_answer(struct boards *boards, int64_t now_ns, size_t bus, struct bus_frame *frames,
+                     size_t max)
+{
+    struct frame_sink sink = {.frames = frames, .max = max, .time_ns = now_ns};
+
+    boards->event_ns = boards->now_ns = now_ns;
+    bus_send_replies(boards->bus[bus], &sink);
+    return sink.count;
+}
+
 size_t boards_transmit_max(const struct boards *boards, size_t bus)
 {
     return bus < boards->nbus ? boards->bus[bus]->transmit_max : 0;

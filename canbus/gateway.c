@@ -97,23 +97,24 @@ static short gateway_client_events(const struct gateway *gateway,
     return (short)((held ? 0 : POLLIN) | (client->waiting && !quiet ? POLLOUT : 0));
 }
 
-/* Checks whether a client receives the frames of a bus. */
-static bool gateway_is_heard(const struct gateway *gateway)
+/* Finds out whether a client receives the frames of a bus. */
+static bool gateway_look_for_hearers(struct gateway *gateway)
 {
     bool heard = false;
 
     for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
         heard = heard || (gateway->client[i].socket >= 0 && gateway->client[i].mode == CLIENT_RAW);
     }
+    atomic_store_explicit(&gateway->heard, heard, memory_order_relaxed);
     return heard;
 }
 
 /* Fills in the descriptors and the timeout of poll: listeners, clients, then ports. */
-static size_t gateway_prepare_poll(const struct gateway *gateway, struct pollfd fd[POLL_MAX],
+static size_t gateway_prepare_poll(struct gateway *gateway, struct pollfd fd[POLL_MAX],
                                    int *timeout_ms)
 {
     const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
-    const bool heard = gateway_is_heard(gateway);
+    const bool heard = gateway_look_for_hearers(gateway);
     size_t count = POLL_FIXED;
     bool look = false;
 
@@ -372,6 +373,11 @@ void gateway_stop(struct gateway *gateway)
     (void)!write(gateway->stop_event, &one, sizeof one);
     pthread_join(gateway->thread, NULL);
     gateway_close_all(gateway);
+}
+
+bool gateway_is_heard(const struct gateway *gateway)
+{
+    return atomic_load_explicit(&gateway->heard, memory_order_relaxed);
 }
 
 void gateway_counters(const struct gateway *gateway, struct gateway_counters *counters)

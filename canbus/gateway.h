@@ -113,6 +113,9 @@ void gateway_release_done(struct gateway *gateway);
  * bus are queued behind them. From any thread; RT-safe. */
 uint64_t gateway_done_count(const struct gateway *gateway);
 
+/* Returns whether a client hears a bus, and so may send frames. From any thread; RT-safe. */
+bool gateway_is_heard(const struct gateway *gateway);
+
 /* Ends the thread and all connections. NULL is allowed. */
 void gateway_stop(struct gateway *gateway);
 

@@ -54,6 +54,7 @@ struct gateway {
     int64_t *time_ns;      /* time of the newest frame of each bus, on its clock */
     int64_t step_until_ms; /* a STEP runs and clients wait until this time; 0 = none runs */
     _Atomic uint64_t done_count;
+    atomic_bool heard;  /* a client hears a bus */
     _Atomic bool holds; /* holds back the frames of a STEP until released */
     int listener, stop_event;
     int slcan_listener[GATEWAY_SLCAN]; /* -1 = a terminal */

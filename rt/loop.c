@@ -59,7 +59,8 @@ static bool loop_allocate(struct loop *loop, struct arena *arena)
     loop->batch = arena_alloc(arena, BATCH, sizeof *loop->batch);
     loop->outgoing = arena_alloc(arena, most + 1, sizeof *loop->outgoing);
     loop->state = arena_alloc(arena, config->nbus, sizeof *loop->state);
-    if (!events || !loop->held || !loop->batch || !loop->outgoing || !loop->state) {
+    if (!events || !loop->held || !loop->batch || !loop->outgoing || !loop->state ||
+        !loop_arrivals_create(loop, arena)) {
         return false;
     }
     ring_init(&loop->events, events, sizeof(struct loop_event), EVENT_RING);
@@ -138,8 +139,8 @@ bool loop_step_controller(struct loop *loop)
  * first. */
 static bool wait_for_deadline(struct loop *loop)
 {
-    int64_t now = clock_now(loop->config.time);
-    bool slept = false;
+    int64_t now = clock_now(loop->config.time), until;
+    bool slept = false, asks, listens;
 
     /* Speed 0, as fast as possible: the deadline is always now */
     if (loop->period_ns == 0) {
@@ -157,20 +158,29 @@ static bool wait_for_deadline(struct loop *loop)
             break;
         }
 
-        /* Requests may interrupt the sleep far from the deadline, but not close to it */
-        if (loop->config.requests && loop->deadline_ns - now > 2 * POLL_SLICE_NS) {
-            const int64_t slice = now + WAIT_SLICE_NS, before = loop->deadline_ns - POLL_SLICE_NS;
-
-            loop_requests_sleep(loop, NULL, slice < before ? slice : before);
-            if (loop_request_waits(loop)) {
-                return false;
-            }
+        /* Requests may interrupt the sleep far from the deadline, but not close to it; frames
+         * until shortly before it */
+        asks = loop->config.requests && loop->deadline_ns - now > 2 * POLL_SLICE_NS;
+        until = loop->deadline_ns - (asks ? POLL_SLICE_NS : 0);
+        until = asks && now + WAIT_SLICE_NS < until ? now + WAIT_SLICE_NS : until;
+        listens = loop_arrivals_begin(loop, now, &until);
+        if (asks) {
+            loop_requests_sleep(loop, listens ? loop->config.nbus : 0, until);
+        } else if (listens) {
+            clock_wait_readable(loop->config.time, loop->poll, loop->config.nbus, until);
         } else {
             clock_sleep_until(loop->config.time, loop->deadline_ns);
             slept = true;
         }
         now = clock_now(loop->config.time);
+        if (listens) {
+            now = loop_arrivals_serve(loop, now);
+        }
+        if (asks && loop_request_waits(loop)) {
+            return false;
+        }
     }
+    loop_arrivals_end(loop);
 
     /* The tick is charged from its reference time on; the histogram counts the late wake-up */
     loop->reference_ns =
@@ -245,8 +255,7 @@ static void loop_drain_bus(struct loop *loop, size_t bus)
     }
 }
 
-/* Sends the first `count` outgoing frames, and records the frames that the port accepted. */
-static LOOP_NOINLINE void loop_send_frames(struct loop *loop, size_t bus, size_t count)
+LOOP_NOINLINE void loop_send_frames(struct loop *loop, size_t bus, size_t count)
 {
     size_t sent = count ? can_send(loop->config.port[bus], loop->outgoing, count) : 0;
 
@@ -318,7 +327,7 @@ static bool loop_wait(struct loop *loop)
     loop_phase_end(loop, PHASE_WAIT);
     if (loop->config.clock == LOOP_CLOCK_REAL) {
         /* Charge an overrun only with the late wake-up, not with the sleep */
-        loop->spent[PHASE_WAIT] = loop->mark_ns - loop->reference_ns;
+        loop->spent[PHASE_WAIT] = loop->mark_ns - loop->reference_ns - loop->spent[PHASE_ARRIVALS];
     }
     loop->work_begin_ns = loop->mark_ns;
     return go;

@@ -31,6 +31,12 @@
  * order, and counts the lost ones. If the controller did not survive the pause, its motors are at 0
  * V one command time-out later.
  *
+ * Between two ticks of the real clock the loop receives too, while somebody listens (machine.listens)
+ * and the machine can answer. A frame goes to the machine at once, and its answers leave at once.
+ * Set-points take effect in the next tick. The work ends LOOP_ARRIVALS_MAX frames after the last
+ * tick, or shortly before the deadline; later frames wait for the tick. Its time is in
+ * PHASE_ARRIVALS, not in PHASE_WAIT. Periodic frames stay in the tick.
+ *
  * No bus can stall the loop. A tick takes at most LOOP_RECEIVE_MAX frames from each bus; the rest
  * waits, or is lost and counted. The same limit holds between two checks for a STEP.
  *
@@ -69,12 +75,16 @@ enum loop_phase {
     PHASE_SENSORS,
     PHASE_TRANSMIT,
     PHASE_PUBLISH,
+    PHASE_ARRIVALS, /* within the wait; last, because it is no phase of the tick */
     PHASE_COUNT,
 };
 
 #define LOOP_PAUSE_NS CLOCK_SECOND
 
-enum { LOOP_RECEIVE_MAX = 16384 }; /* most frames taken from a bus in one tick */
+enum {
+    LOOP_RECEIVE_MAX = 16384, /* most frames taken from a bus in one tick */
+    LOOP_ARRIVALS_MAX = 256,  /* most frames taken from all buses between two ticks */
+};
 
 /* The accounts of a run. Only the loop's thread writes them. */
 struct loop_stats {
@@ -85,6 +95,8 @@ struct loop_stats {
     uint64_t late_ticks;          /* ended late because an earlier tick was late (slip) */
     uint64_t lost_ticks;          /* deadlines dropped by skip and stop */
     uint64_t pauses, pause_ticks; /* deadlines that the pauses dropped */
+    uint64_t arrivals;            /* frames received between ticks */
+    uint64_t arrivals_full;       /* how often LOOP_ARRIVALS_MAX frames came between two ticks */
     uint64_t events_lost;         /* events dropped because their ring was full */
     uint64_t page_faults;         /* page faults of the loop's thread during the run */
     struct lockstep_counters lockstep;
@@ -112,6 +124,12 @@ struct loop_machine {
      * tick that its last frames request, then ends. */
     bool (*controller)(void *context, int64_t now_ns);
     void (*receive)(void *context, int64_t now_ns, size_t bus, const struct bus_frame *frame);
+    /* Collects the frames that answer what receive has delivered between two ticks. NULL = answers
+     * leave with transmit, and the loop receives in ticks only. */
+    size_t (*answer)(void *context, int64_t now_ns, size_t bus, struct bus_frame *frames,
+                     size_t max);
+    /* Whether anybody may send between ticks. False saves the loop the system calls. */
+    bool (*listens)(void *context);
     void (*control)(void *context, int64_t now_ns);
     bool (*plant)(void *context, int64_t now_ns);  /* false = the model failed; ends the run */
     bool (*sample)(void *context, int64_t now_ns); /* as plant */
@@ -173,6 +191,7 @@ enum loop_event_kind {
     LOOP_EVENT_OVERRUN,        /* a = phase, b = ns over */
     LOOP_EVENT_PAUSE,          /* a = ns behind the deadline */
     LOOP_EVENT_BUS_STATE,      /* a = old, b = new enum can_port_state */
+    LOOP_EVENT_ARRIVALS,       /* a = frames of the bus and others between two ticks: the most */
     LOOP_EVENT_FRAMES_LOST,    /* a = receive losses, b = send losses, since the last such event */
     LOOP_EVENT_SILENT,         /* a = ns without STEP */
     LOOP_EVENT_BACK,           /* STEP again after a silence of a ns */

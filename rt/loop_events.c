@@ -33,6 +33,10 @@ const struct phase_budget phase_budgets[PHASE_COUNT] = {
                         34.8},
     [PHASE_PUBLISH] = {"hands state and counters to other threads, a row to the recorder", 1550,
                        0.8, 3.0},
+    [PHASE_ARRIVALS] =
+        {"in real time, between two ticks: hands frames to their boards and sends the "
+         "answers; part of no tick",
+         0, 0.0, 0.0},
 };
 
 void loop_emit_event(struct loop *loop, enum loop_event_kind kind, int bus, int64_t a, int64_t b)
@@ -50,7 +54,7 @@ bool loop_next_event(struct loop *loop, struct loop_event *event)
 const char *loop_phase_name(enum loop_phase phase)
 {
     static const char *const names[PHASE_COUNT] = {
-        "wait", "receive", "boards", "plant", "sensors", "transmit", "publish",
+        "wait", "receive", "boards", "plant", "sensors", "transmit", "publish", "arrivals",
     };
 
     return names[phase];
@@ -128,6 +132,10 @@ void loop_event_format(const struct loop *loop, const struct loop_event *event, 
         snprintf(text, size, "bus %s is %s (was %s)", bus,
                  can_port_state_name((enum can_port_state)b),
                  can_port_state_name((enum can_port_state)a));
+        break;
+    case LOOP_EVENT_ARRIVALS:
+        snprintf(text, size,
+                 "flood on %s: %lld frames between two ticks; the rest waits for the tick", bus, a);
         break;
     case LOOP_EVENT_FRAMES_LOST:
         snprintf(text, size, "lost %lld frames on receiving and %lld on sending", a, b);

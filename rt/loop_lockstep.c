@@ -98,19 +98,20 @@ static bool step_find_frame(struct loop *loop)
 static void step_sleep(struct loop *loop, int64_t now_ns)
 {
     struct can_port *port = loop->config.port[loop->config.lockstep.bus];
-    struct pollfd fd = {.fd = port->ops->descriptor(port), .events = POLLIN};
-    int64_t slice = fd.fd >= 0 ? WAIT_SLICE_NS : POLL_SLICE_NS;
-    int64_t until = now_ns + slice;
+    const int descriptor = port->ops->descriptor(port);
+    const size_t count = descriptor >= 0;
+    int64_t until = now_ns + (count ? WAIT_SLICE_NS : POLL_SLICE_NS);
 
     if (loop->lockstep.report_at_ns < until) {
         until = loop->lockstep.report_at_ns;
     }
+    loop->poll[0] = (struct pollfd){.fd = descriptor, .events = POLLIN};
     if (loop->config.requests) {
-        loop_requests_sleep(loop, fd.fd >= 0 ? &fd : NULL, until);
+        loop_requests_sleep(loop, count, until);
         return;
     }
     loop_idle(loop);
-    clock_wait_readable(loop->config.time, &fd, fd.fd >= 0, until);
+    clock_wait_readable(loop->config.time, loop->poll, count, until);
 }
 
 bool loop_wait_for_step(struct loop *loop)

@@ -104,6 +104,12 @@ struct loop {
     /* number of held frames examined; up to and including the STEP once it is found */
     size_t held_seen;
 
+    /* Frames between ticks */
+    struct pollfd *poll;                   /* descriptor of each bus, and room for one more */
+    size_t arrivals;                       /* frames since the last tick */
+    int64_t arrivals_ns, arrivals_late_ns; /* time spent on them; part of it behind the deadline */
+    bool arrivals_ended;                   /* the loop receives no more before the tick */
+
     struct bus_frame *batch;    /* BATCH received frames */
     struct bus_frame *outgoing; /* frames to send: largest transmit_max + DONE */
     enum can_port_state *state; /* last reported state of each bus */
@@ -126,6 +132,9 @@ bool loop_stop_requested(struct loop *loop);
 
 /* Steps the inline controller, if any. Returns false when it has finished. */
 bool loop_step_controller(struct loop *loop);
+
+/* Sends the first `count` outgoing frames, and records the frames that the port accepted. */
+void loop_send_frames(struct loop *loop, size_t bus, size_t count);
 
 /* Receives up to max frames of a bus. */
 size_t loop_take_frames(struct loop *loop, size_t bus, struct bus_frame *frames, size_t max);
@@ -162,6 +171,21 @@ static inline bool loop_request_waits(const struct loop *loop)
     return requests && ring_count(&requests->requests) > 0 &&
            ring_count(&requests->answers) + requests->open < REQUESTS;
 }
+
+/* ---- loop_arrivals.c ---- */
+
+/* Allocates the descriptors; false = out of memory. Not RT-safe. */
+bool loop_arrivals_create(struct loop *loop, struct arena *arena);
+
+/* Begins a sleep that arriving frames end: fills in the descriptors of loop->poll and lowers
+ * *until_ns. Returns false when the loop receives in the tick only. */
+bool loop_arrivals_begin(struct loop *loop, int64_t now_ns, int64_t *until_ns);
+
+/* Receives and answers frames of the readable buses, within its limits. Returns the time. */
+int64_t loop_arrivals_serve(struct loop *loop, int64_t begin_ns);
+
+/* Accounts for the arrivals of a wait that has ended. */
+void loop_arrivals_end(struct loop *loop);
 
 /* ---- loop_lockstep.c ---- */
 
@@ -205,8 +229,9 @@ void loop_requests_begin(struct loop *loop);
  * run is to end. */
 bool loop_requests_carry_out(struct loop *loop);
 
-/* Sleeps until a request comes, fd (NULL = none) is readable, or until_ns. */
-void loop_requests_sleep(struct loop *loop, struct pollfd *fd, int64_t until_ns);
+/* Sleeps until a request comes, one of the first `count` descriptors of loop->poll is readable, or
+ * until_ns. */
+void loop_requests_sleep(struct loop *loop, size_t count, int64_t until_ns);
 
 /* Advance requests at the beginning of a tick; count down a REQUEST_STEP at its end. */
 void loop_requests_tick_begins(struct loop *loop);

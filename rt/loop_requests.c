@@ -409,7 +409,7 @@ bool loop_requests_carry_out(struct loop *loop)
             return false;
         }
         was_paused = true;
-        loop_requests_sleep(loop, NULL, clock_now(loop->config.time) + WAIT_SLICE_NS);
+        loop_requests_sleep(loop, 0, clock_now(loop->config.time) + WAIT_SLICE_NS);
         request_dispatch_all(loop);
     }
     if (was_paused) {
@@ -418,28 +418,26 @@ bool loop_requests_carry_out(struct loop *loop)
     return true;
 }
 
-void loop_requests_sleep(struct loop *loop, struct pollfd *fd, int64_t until_ns)
+void loop_requests_sleep(struct loop *loop, size_t count, int64_t until_ns)
 {
     struct requests *requests = loop->config.requests;
-    struct pollfd fds[2] = {{.fd = requests->wake, .events = POLLIN}, {.fd = -1}};
+    struct pollfd *wake = &loop->poll[count];
     uint32_t before;
-    uint64_t count;
+    uint64_t events;
     ssize_t got;
 
     loop_idle(loop);
     atomic_exchange_explicit(&requests->sleep, SLEEPING, memory_order_acq_rel);
-    if (fd) {
-        fds[1] = *fd;
-    }
+    *wake = (struct pollfd){.fd = requests->wake, .events = POLLIN};
     if (!loop_request_waits(loop)) {
-        clock_wait_readable(loop->config.time, fds, fd ? 2 : 1, until_ns);
+        clock_wait_readable(loop->config.time, loop->poll, count + 1, until_ns);
     }
 
     /* Read the event of a request, so that the next sleep waits again */
     before = atomic_exchange_explicit(&requests->sleep, 0, memory_order_acq_rel);
-    if ((before & REQUESTED) || (fds[0].revents & POLLIN)) {
+    if ((before & REQUESTED) || (wake->revents & POLLIN)) {
         do {
-            got = read(requests->wake, &count, sizeof count);
+            got = read(requests->wake, &events, sizeof events);
         } while (got < 0 && errno == EINTR);
     }
 }

@@ -191,6 +191,23 @@ static size_t machine_transmit(void *context, int64_t now_ns, size_t bus, struct
     return boards_transmit(simulator->boards, now_ns, bus, frames, max);
 }
 
+/* Collects the answers of boards between two ticks of real time. */
+static size_t machine_answer(void *context, int64_t now_ns, size_t bus, struct bus_frame *frames,
+                             size_t max)
+{
+    const struct simulator *simulator = context;
+
+    return boards_answer(simulator->boards, now_ns, bus, frames, max);
+}
+
+/* Checks whether programs may send: always on SocketCAN, on local buses through the gateway. */
+static bool machine_listens(void *context)
+{
+    const struct simulator *simulator = context;
+
+    return !simulator->buses.local || (simulator->gateway && gateway_is_heard(simulator->gateway));
+}
+
 static bool machine_fault(void *context)
 {
     const struct simulator *simulator = context;
@@ -228,6 +245,9 @@ struct loop_machine simulator_machine(struct simulator *simulator)
         .controller =
             simulator->task_inline || simulator->config.observer ? machine_controller : NULL,
         .receive = machine_receive,
+        /* On a wire in virtual time, frames arrive in ticks only */
+        .answer = simulator->buses.timed ? NULL : machine_answer,
+        .listens = machine_listens,
         .control = machine_control,
         .plant = machine_plant,
         .sample = machine_sample,

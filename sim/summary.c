@@ -99,6 +99,9 @@ static void summary_print_phases(const struct summary *summary, FILE *out)
 
     fprintf(out, "  %-10s %10s %10s %10s %10s %10s\n", "us", "p50", "p99", "max", "mean", "share");
     for (int p = 0; p < PHASE_COUNT; p++) {
+        if (p == PHASE_ARRIVALS && stats->phase[p].count == 0) {
+            continue;
+        }
         /* The loop steps an inline task in the phase in which it would otherwise wait */
         summary_print_histogram(p == PHASE_WAIT && task_waits ? "task"
                                                               : loop_phase_name((enum loop_phase)p),

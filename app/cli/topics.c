@@ -37,7 +37,7 @@ static void topic_print_budget(FILE *out)
 
     fprintf(out, "  %-10s%14s%9s%12s%9s%9s\n", "phase", "instructions", "share", "measured", "99 %",
             "share");
-    for (int p = PHASE_RECEIVE; p < PHASE_COUNT; p++) {
+    for (int p = PHASE_RECEIVE; p <= PHASE_PUBLISH; p++) {
         const struct phase_budget *budget = &phase_budgets[p];
 
         fprintf(out, "  %-10s%14" PRIu32 "%7.2f %%%12.1f%9.1f%7.2f %%\n",
