@@ -128,7 +128,7 @@ struct loop_machine {
      * leave with transmit, and the loop receives in ticks only. */
     size_t (*answer)(void *context, int64_t now_ns, size_t bus, struct bus_frame *frames,
                      size_t max);
-    /* Whether anybody may send between ticks. False saves the loop the system calls. */
+    /* Whether anybody may send between ticks; false saves the loop the system calls. NULL = yes. */
     bool (*listens)(void *context);
     void (*control)(void *context, int64_t now_ns);
     bool (*plant)(void *context, int64_t now_ns);  /* false = the model failed; ends the run */

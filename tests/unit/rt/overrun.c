@@ -96,7 +96,7 @@ TEST(stop_ends_the_run_at_the_nth_overrun)
 
 TEST(an_overrun_is_charged_to_the_phase_that_caused_it)
 {
-    for (int p = PHASE_WAIT; p < PHASE_COUNT; p++) {
+    for (int p = PHASE_WAIT; p <= PHASE_PUBLISH; p++) {
         struct bench *bench = bench_create(LOOP_CLOCK_REAL, 10);
 
         if (p == PHASE_WAIT) {
@@ -201,7 +201,7 @@ static void throw_the_dice(struct bench *bench)
     bench->wake_late = (int64_t)roll(TICK / 5);
     if (roll(10) == 0) {
         bench->slow_tick = bench->tick;
-        bench->slow_phase = (enum loop_phase)(PHASE_BOARDS + roll(PHASE_COUNT - PHASE_BOARDS));
+        bench->slow_phase = (enum loop_phase)(PHASE_BOARDS + roll(PHASE_ARRIVALS - PHASE_BOARDS));
         bench->slow_by = (int64_t)roll(roll(20) == 0 ? 3 * CLOCK_SECOND : 30 * TICK);
     }
     if (roll(20) == 0) {

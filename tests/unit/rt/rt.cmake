@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-foreach(name histogram loop loop_events loop_lockstep overrun pace loop_requests
+foreach(name histogram loop loop_arrivals loop_events loop_lockstep overrun pace loop_requests
         loop_requests_speed realtime snapshot stream)
     hil_test(rt_${name} SOURCES unit/rt/${name}.c LIBS rt LABELS unit)
 endforeach()
