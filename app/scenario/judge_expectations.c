@@ -331,25 +331,22 @@ static enum error_code expectation_plot(const struct scenario_expectations *expe
     double span[2] = {(double)judged->open_ns * 1e-9, (double)judged->decided_ns * 1e-9};
     double lower[2] = {band[0], band[0]}, upper[2] = {band[1], band[1]};
     double found[2] = {span[1], 0.0};
-    struct svg_series series[4] = {{expectation_subject(judged), expectations->time_s,
-                                    judged->trace, expectations->nsample, SVG_LINE}};
-    struct svg_plot plot = {
-        .title = judged->what->name,
-        .x = {.label = "time (s)"},
-        .y = {.label = judged->what->signal ? expectation_subject(judged) : "count"},
-        .series = series,
-        .nseries = 1,
-        .width = 900,
-        .height = 360};
+    struct svg_series series[4] = {svg_line(expectation_subject(judged), expectations->time_s,
+                                            judged->trace, expectations->nsample, SVG_LINE)};
+    struct svg_plot plot =
+        svg_panel(judged->what->name, "time (s)",
+                  judged->what->signal ? expectation_subject(judged) : "count", series, 1);
     char name[64];
     struct report_file file;
     enum error_code code;
 
+    plot.width = 900;
+
     /* Draws the band, if the expectation has a band of values */
     if (judged->progress != WAITING && judged->what->look != SCENARIO_PERIOD) {
-        series[plot.nseries++] = (struct svg_series){"at least", span, lower, 2, SVG_DASHED};
+        series[plot.nseries++] = svg_line("at least", span, lower, 2, SVG_DASHED);
         if (band[1] < DBL_MAX) {
-            series[plot.nseries++] = (struct svg_series){"at most", span, upper, 2, SVG_DASHED};
+            series[plot.nseries++] = svg_line("at most", span, upper, 2, SVG_DASHED);
         }
     }
 
@@ -360,7 +357,7 @@ static enum error_code expectation_plot(const struct scenario_expectations *expe
         }
     }
     if (judged->decided_ns >= 0) {
-        series[plot.nseries++] = (struct svg_series){"decided", found, found + 1, 1, SVG_MARKERS};
+        series[plot.nseries++] = svg_line("decided", found, found + 1, 1, SVG_MARKERS);
     }
 
     snprintf(name, sizeof name, "expectation-%zu.svg", index + 1);

@@ -4,10 +4,11 @@
 #include "app/scenario/private.h"
 #include "tests/test.h"
 
-#include <stdio.h>
-#include <string.h>
-
 #include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
 
 enum { TICKS = 100 };
 
@@ -297,5 +298,128 @@ TEST(measures_the_margin_of_a_band)
         assert_int_equal(verdict->has_margin, !isnan(table[i].margin));
         assert_true(!verdict->has_margin || fabs(verdict->margin - table[i].margin) < 1e-12);
     }
+    arena_fini(&arena);
+}
+
+TEST(a_failure_says_what_was_found_and_what_was_expected)
+{
+    static const struct {
+        const char *expectation;
+        int ticks[8];
+        double usual, other; /* of the signal, the other at 40 ms */
+        const char *text;
+    } table[] = {
+        {"event: boom, count: [2, 3]",
+         {10},
+         0,
+         0,
+         "boom seen 1 times until 0.1000 s, expected 2 to 3"},
+        {"event: boom, count: [1, 2]",
+         {10, 20, 30},
+         0,
+         0,
+         "boom seen 3 times until 0.0300 s, expected 1 to 2"},
+        {"event: boom, never: true",
+         {30},
+         0,
+         0,
+         "boom seen 1 times until 0.0300 s, expected 0 to 0"},
+        {"event: doom", {30}, 0, 0, "doom seen 0 times until 0.1000 s, expected 1 or more"},
+        {"frame: {bus: b, id: 0x11}",
+         {30},
+         0,
+         0,
+         "frames seen 0 times until 0.1000 s, expected 1 or more"},
+        {"frame: {bus: b, id: 0x10}, period_s: [0.02, 0.03]",
+         {10, 40, 59},
+         0,
+         0,
+         "0.019 s without a frame, or between two, at 0.0590 s, expected 0.02 to 0.03 s"},
+        {"signal: s, between: [-1, 2]", {0}, 0, 2.5, "s is 2.5 at 0.0400 s, expected -1 to 2"},
+        {"signal: s, between: [-1, 2], relative: true",
+         {0},
+         7,
+         5,
+         "s has moved: it is -2 at 0.0400 s, expected -1 to 2"},
+        {"signal: s, reaches: [2, 3]",
+         {0},
+         1,
+         4,
+         "s stayed between 1 and 4 until 0.1000 s, expected it to reach 2 to 3"},
+        {"event: boom, after: mark", {30}, 0, 0, "never looked: mark did not happen"},
+    };
+
+    for (size_t i = 0; i < sizeof table / sizeof table[0]; i++) {
+        expect(table[i].expectation);
+        if (strstr(table[i].expectation, "signal")) {
+            run_signal(table[i].usual, 40, table[i].other);
+        } else {
+            run(table[i].ticks, -1);
+        }
+        assert_string_equal(outcome.verdict[0].text, table[i].text);
+    }
+    arena_fini(&arena);
+}
+
+/* The band of a failure as dashed lines while it was looked at, and the sample that decided. */
+TEST(a_failure_is_plotted_with_its_band)
+{
+    static const struct {
+        const char *expectation;
+        int lines; /* dashed */
+        double from, to;
+        bool decided;
+    } table[] = {
+        {"signal: s, between: [2, 6]", 2, 0.0, 0.04, true},
+        {"signal: s, between: [2, 6], from_s: 0.02", 2, 0.02, 0.04, true},
+        {"signal: s, reaches: [20, 30]", 2, 0.0, 0.1, true},
+        {"event: doom", 1, 0.0, 0.1, true},
+        {"frame: {bus: b, id: 0x10}, period_s: [0.02, 0.03]", 0, 0, 0, true},
+        {"signal: s, between: [2, 6], after: mark", 0, 0, 0, false},
+    };
+    char folder[] = "/tmp/judge-XXXXXX", path[64], text[65536];
+
+    assert_non_null(mkdtemp(folder));
+    snprintf(path, sizeof path, "%s/expectation-1.svg", folder);
+    for (size_t i = 0; i < sizeof table / sizeof table[0]; i++) {
+        double x0 = 0, x1 = 0, y = 0, end[4] = {0}, last = 0;
+        const char *at;
+        int lines = 0;
+        FILE *file;
+
+        print_message("# %s\n", table[i].expectation);
+        expect(table[i].expectation);
+        run_signal(4.0, 40, 8.0);
+        assert_ok(scenario_expectations_plot(expectations, &outcome, folder, &error));
+        file = fopen(path, "r");
+        assert_non_null(file);
+        text[fread(text, 1, sizeof text - 1, file)] = '\0';
+        fclose(file);
+        unlink(path);
+
+        /* The first line is the trace, over 0.1 s. Those of the legend do not have two points */
+        at = strstr(strstr(text, "class=\"line\""), " d=\"M");
+        assert_int_equal(sscanf(at, " d=\"M%lf %lf", &x0, &y), 2);
+        for (; *at != '/'; at++) {
+            x1 = *at == 'L' && sscanf(at, "L%lf %lf", &last, &y) == 2 ? last : x1;
+        }
+        for (at = text; (at = strstr(at, "stroke-dasharray")); at++) {
+            double p[4];
+
+            if (sscanf(at, "stroke-dasharray=\"6 4\" d=\"M%lf %lfL%lf %lf", &p[0], &p[1], &p[2],
+                       &p[3]) == 4) {
+                assert_true(p[1] == p[3]);
+                assert_true(fabs((p[0] - x0) / (x1 - x0) - table[i].from / 0.1) < 1e-3);
+                assert_true(fabs((p[2] - x0) / (x1 - x0) - table[i].to / 0.1) < 1e-3);
+                end[lines++] = p[1];
+            }
+        }
+        assert_int_equal(lines, table[i].lines);
+        assert_true(lines < 2 || end[0] > end[1]); /* the lower bound is below */
+        assert_int_equal(strstr(text, ">decided<") != NULL, table[i].decided);
+        assert_int_equal(strstr(text, ">at least<") != NULL, lines > 0);
+        assert_int_equal(strstr(text, ">at most<") != NULL, lines > 1);
+    }
+    assert_int_equal(rmdir(folder), 0);
     arena_fini(&arena);
 }
