@@ -256,8 +256,7 @@ int cmd_accel(int argc, char **argv)
     int status;
 
     /* Reads states only if the robot is valid */
-    if (!options_read(&spec, argc, argv, &status)) {
-        return status;
-    }
-    return robot_command("accel", robot, NULL, &list, accel_run);
+    return options_read(&spec, argc, argv, &status)
+               ? robot_command("accel", robot, NULL, &list, accel_run)
+               : status;
 }

@@ -172,8 +172,6 @@ int cmd_dbc(int argc, char **argv)
     };
     int status;
 
-    if (!options_read(&spec, argc, argv, &status)) {
-        return status;
-    }
-    return rig_command("dbc", o.rig, &o, dbc_run);
+    return options_read(&spec, argc, argv, &status) ? rig_command("dbc", o.rig, &o, dbc_run)
+                                                    : status;
 }

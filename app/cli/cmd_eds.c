@@ -132,8 +132,6 @@ int cmd_eds(int argc, char **argv)
     };
     int status;
 
-    if (!options_read(&spec, argc, argv, &status)) {
-        return status;
-    }
-    return rig_command("eds", o.rig, &o, eds_run);
+    return options_read(&spec, argc, argv, &status) ? rig_command("eds", o.rig, &o, eds_run)
+                                                    : status;
 }

@@ -878,8 +878,7 @@ int cmd_doctor(int argc, char **argv)
     };
     int status;
 
-    if (!options_read(&spec, argc, argv, &status)) {
-        return status;
-    }
-    return rig_command("doctor", o.rig, &o, doctor_examine_rig);
+    return options_read(&spec, argc, argv, &status)
+               ? rig_command("doctor", o.rig, &o, doctor_examine_rig)
+               : status;
 }
