@@ -340,7 +340,8 @@ conclude help_speaks_of_topics
 run 0 run coman --clock free --duration 0.2 --task squat --quiet
 says out 'state hash'
 silent err
-run 0 run coman --clock free --duration 0.3 --hold none --quiet --fault 'board left_leg/2 hung 0.1..'
+run 0 run coman --clock free --duration 0.3 --hold none --quiet \
+    --fault 'board left_leg/2 hung 0.1..'
 says out 'state hash'
 ! grep -Ev 'warning|time-out|limit|ground|left_leg' "$work/err" ||
     problem="$problem; more than warnings"

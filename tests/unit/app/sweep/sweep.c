@@ -113,7 +113,7 @@ TEST_WITH(a_seed_draws_its_own_samples, open_arena, close_arena)
     }
 }
 
-/* Counts how many strata of 100 have a sample, and how often a sample is followed by a larger one. */
+/* Counts the strata of 100 that have a sample, and the samples that are followed by larger ones. */
 static void count_strata(const char *sampling, size_t *taken, size_t *rises, size_t *alike)
 {
     bool seen[100] = {false};
