@@ -45,38 +45,37 @@ int64_t field_highest(const struct field *field)
     return (INT64_C(1) << bits) - 1;
 }
 
-/* The bytes that hold a field which starts at bit `start`: the first one, their number, the bits
- * below the field in the number that they form in the field's byte order. */
+/* The bytes that hold a field which starts at bit `start`, as a number in the field's byte order:
+ * the first byte, their count, the bits below the field; the shift of the first byte, and how much
+ * larger that of the next one is. */
 struct place {
     size_t byte;
     unsigned bytes, below;
+    int shift, step;
 };
 
 static struct place field_place(const struct field *field, size_t start)
 {
     unsigned bits = field_bits(field), before = start % 8, bytes = (before + bits + 7) / 8;
+    struct place place = {.byte = start / 8, .bytes = bytes, .below = before, .step = 8};
 
-    return (struct place){.byte = start / 8,
-                          .bytes = bytes,
-                          .below =
-                              field->type & FIELD_BIG_ENDIAN ? 8 * bytes - before - bits : before};
-}
-
-/* Returns the weight of byte `i` of a place, in bits. */
-static unsigned place_shift(const struct field *field, struct place place, unsigned i)
-{
-    return 8 * (field->type & FIELD_BIG_ENDIAN ? place.bytes - 1 - i : i);
+    if (field->type & FIELD_BIG_ENDIAN) {
+        place.below = 8 * bytes - before - bits;
+        place.shift = 8 * (int)bytes - 8;
+        place.step = -8;
+    }
+    return place;
 }
 
 /* Reads the value of a field that starts at a bit of the data. */
 static int64_t field_get_value(const struct field *field, size_t start, const uint8_t *data)
 {
-    const struct place place = field_place(field, start);
+    struct place place = field_place(field, start);
     const uint64_t sign = UINT64_C(1) << (field_bits(field) - 1);
     uint64_t value = 0;
 
-    for (unsigned i = 0; i < place.bytes; i++) {
-        value |= (uint64_t)data[place.byte + i] << place_shift(field, place, i);
+    for (unsigned i = 0; i < place.bytes; i++, place.shift += place.step) {
+        value |= (uint64_t)data[place.byte + i] << place.shift;
     }
     value = value >> place.below & (2 * sign - 1);
     return (int64_t)(field->type & FIELD_SIGNED ? (value ^ sign) - sign : value);
@@ -85,15 +84,14 @@ static int64_t field_get_value(const struct field *field, size_t start, const ui
 /* Writes the value of a field that starts at a bit of the data. */
 static void field_put_value(const struct field *field, int64_t value, size_t start, uint8_t *data)
 {
-    const struct place place = field_place(field, start);
+    struct place place = field_place(field, start);
     const uint64_t mask = ((UINT64_C(1) << field_bits(field)) - 1) << place.below;
     const uint64_t bits = (uint64_t)value << place.below & mask;
 
-    for (unsigned i = 0; i < place.bytes; i++) {
-        unsigned shift = place_shift(field, place, i);
+    for (unsigned i = 0; i < place.bytes; i++, place.shift += place.step) {
         uint8_t *byte = &data[place.byte + i];
 
-        *byte = (uint8_t)((*byte & ~(mask >> shift)) | bits >> shift);
+        *byte = (uint8_t)((*byte & ~(mask >> place.shift)) | bits >> place.shift);
     }
 }
 
