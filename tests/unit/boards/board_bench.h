@@ -141,6 +141,16 @@ FIXTURE(bench_set_up)
     return 0;
 }
 
+/* A test with this set-up calls bench_start itself. */
+FIXTURE(bench_configured)
+{
+    static struct board_bench bench;
+
+    bench_configure(&bench);
+    *test_state = &bench;
+    return 0;
+}
+
 FIXTURE(bench_tear_down)
 {
     bench_stop(*test_state);

@@ -60,23 +60,23 @@ TEST_WITH(nodes_are_counted_anew_on_each_bus_and_stay_when_the_address_changes, 
     assert_int_equal(bench->frame[0][0].node, 1);
 }
 
-TEST(frames_show_what_was_sampled_whatever_the_sensors_do_afterwards)
+TEST_WITH(frames_show_what_was_sampled_whatever_the_sensors_do_afterwards, bench_configured,
+          bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
     const struct bus_frame *frame;
 
-    bench_configure(&bench);
-    bench.board[0].transmit_at_start = true;
-    bench_start(&bench);
-    bench.sense[0].q = 0.5;
-    bench_control(&bench);
-    boards_sample(bench.boards, bench.now_ns, &bench.sensors);
-    bench.sense[0].q = 0.7;
-    bench.count[0] = boards_transmit(bench.boards, bench.now_ns, 0, bench.frame[0], BENCH_FRAMES);
-    frame = bench_find(&bench, 0, 0x111);
+    bench->board[0].transmit_at_start = true;
+    bench_start(bench);
+    bench->sense[0].q = 0.5;
+    bench_control(bench);
+    boards_sample(bench->boards, bench->now_ns, &bench->sensors);
+    bench->sense[0].q = 0.7;
+    bench->count[0] =
+        boards_transmit(bench->boards, bench->now_ns, 0, bench->frame[0], BENCH_FRAMES);
+    frame = bench_find(bench, 0, 0x111);
     assert_non_null(frame);
     assert_int_equal(get_i32_le(frame->data), 0.5 * TICKS_PER_RAD);
-    bench_stop(&bench);
 }
 
 /* A frame at the beginning of a tick, a fault that is seen in it. */
@@ -97,19 +97,17 @@ TEST_WITH(events_bear_the_time_of_their_phase, bench_set_up, bench_tear_down)
     assert_int_equal(event.time_ns, 6000000);
 }
 
-TEST(a_board_boots_by_the_time_of_its_caller)
+TEST_WITH(a_board_boots_by_the_time_of_its_caller, bench_configured, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_configure(&bench);
-    bench.board[0].transmit_at_start = true;
-    bench.board[0].boot_ns = 10000000;
-    bench_start(&bench);
-    boards_sample(bench.boards, 0, &bench.sensors);
-    boards_control(bench.boards, 8000000, &bench.command); /* until 9 ms */
-    assert_int_equal(boards_transmit(bench.boards, 9000000, 0, bench.frame[0], BENCH_FRAMES), 0);
-    boards_control(bench.boards, 9000000, &bench.command);
-    boards_sample(bench.boards, 10000000, &bench.sensors);
-    assert_true(boards_transmit(bench.boards, 10000000, 0, bench.frame[0], BENCH_FRAMES) > 0);
-    bench_stop(&bench);
+    bench->board[0].transmit_at_start = true;
+    bench->board[0].boot_ns = 10000000;
+    bench_start(bench);
+    boards_sample(bench->boards, 0, &bench->sensors);
+    boards_control(bench->boards, 8000000, &bench->command); /* until 9 ms */
+    assert_int_equal(boards_transmit(bench->boards, 9000000, 0, bench->frame[0], BENCH_FRAMES), 0);
+    boards_control(bench->boards, 9000000, &bench->command);
+    boards_sample(bench->boards, 10000000, &bench->sensors);
+    assert_true(boards_transmit(bench->boards, 10000000, 0, bench->frame[0], BENCH_FRAMES) > 0);
 }

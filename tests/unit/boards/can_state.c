@@ -97,31 +97,30 @@ static uint32_t foc_faults(struct board_bench *bench)
     return get_u32_le(bench_find(bench, 0, 0x113)->data + 4);
 }
 
-TEST(a_2foc_tells_states_in_its_fault_bits_and_remembers_them)
+TEST_WITH(a_2foc_tells_states_in_its_fault_bits_and_remembers_them, bench_configured,
+          bench_tear_down)
 {
     static const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_foc}};
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
     uint32_t was;
 
-    bench_configure(&bench);
-    bench.config.bus = buses;
-    bench.config.nboard = 1;
-    bench.board[0].axis[0].gear = 100.0;
-    bench_start(&bench);
-    bench_send(&bench, 0, 0x001, "5B 01 06");
-    assert_int_equal(foc_faults(&bench), 0);
-    set(&bench, 0, 96, false);
-    assert_int_equal(foc_faults(&bench), UINT32_C(1) << 10 | UINT32_C(1) << 28);
-    set(&bench, 128, 0, false);
-    assert_int_equal(foc_faults(&bench),
+    bench->config.bus = buses;
+    bench->config.nboard = 1;
+    bench->board[0].axis[0].gear = 100.0;
+    bench_start(bench);
+    bench_send(bench, 0, 0x001, "5B 01 06");
+    assert_int_equal(foc_faults(bench), 0);
+    set(bench, 0, 96, false);
+    assert_int_equal(foc_faults(bench), UINT32_C(1) << 10 | UINT32_C(1) << 28);
+    set(bench, 128, 0, false);
+    assert_int_equal(foc_faults(bench),
                      UINT32_C(1) << 11 | UINT32_C(1) << 13 | UINT32_C(1) << 28 | UINT32_C(1) << 31);
-    set(&bench, 0, 128, false);
+    set(bench, 0, 128, false);
     was = UINT32_C(1) << 28 | UINT32_C(1) << 30 | UINT32_C(1) << 31;
-    assert_int_equal(foc_faults(&bench), UINT32_C(1) << 10 | UINT32_C(1) << 12 | was);
-    set(&bench, 0, 0, false);
-    assert_int_equal(foc_faults(&bench), was);
-    assert_false(boards_fault(bench.boards)); /* none of them stops the motor */
-    bench_stop(&bench);
+    assert_int_equal(foc_faults(bench), UINT32_C(1) << 10 | UINT32_C(1) << 12 | was);
+    set(bench, 0, 0, false);
+    assert_int_equal(foc_faults(bench), was);
+    assert_false(boards_fault(bench->boards)); /* none of them stops the motor */
 }
 
 /* ---- with a wire ---- */

@@ -78,33 +78,31 @@ TEST_WITH(spare_axes_and_sensors_have_none, bench_set_up, bench_tear_down)
     assert_int_equal(boards_settings(bench->boards, 3, 0), 0);
 }
 
-TEST(foc_gains_are_the_same_however_they_were_set)
+TEST_WITH(foc_gains_are_the_same_however_they_were_set, bench_configured, bench_tear_down)
 {
     static const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_foc},
                                                                 {.protocol = &protocol_icub}};
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_configure(&bench);
-    bench.board[0] = bench_motor("hip", 0, 1, 0, -1);
-    bench.board[1] = bench_motor("knee", 0, 3, 1, -1);
-    bench.board[2].torque_joint[2] = -1;
+    bench->board[0] = bench_motor("hip", 0, 1, 0, -1);
+    bench->board[1] = bench_motor("knee", 0, 3, 1, -1);
+    bench->board[2].torque_joint[2] = -1;
     for (int i = 0; i < 2; i++) {
-        bench.board[i].axis[0].gear = 100.0;
+        bench->board[i].axis[0].gear = 100.0;
     }
-    bench.config.bus = buses;
-    bench_start(&bench);
-    bench_send(&bench, 0, 0x001, "5B 01 06");
-    bench_send(&bench, 0, 0x001, "65 92 00 E3 00 00 00 0F"); /* mantissas 146 and 227, shift 15 */
-    bench_tick(&bench);
-    assert_true(get(&bench, 0, 0, "current_kp") == 146.0 / 32768.0);
-    assert_true(get(&bench, 0, 0, "current_ki") == 227.0 / 32768.0);
+    bench->config.bus = buses;
+    bench_start(bench);
+    bench_send(bench, 0, 0x001, "5B 01 06");
+    bench_send(bench, 0, 0x001, "65 92 00 E3 00 00 00 0F"); /* mantissas 146 and 227, shift 15 */
+    bench_tick(bench);
+    assert_true(get(bench, 0, 0, "current_kp") == 146.0 / 32768.0);
+    assert_true(get(bench, 0, 0, "current_ki") == 227.0 / 32768.0);
     /* one of them anew leaves the other */
-    assert_true(set(&bench, 0, 0, "current_kp", 0.01));
-    assert_true(get(&bench, 0, 0, "current_kp") == 0.01);
-    assert_true(get(&bench, 0, 0, "current_ki") == 227.0 / 32768.0);
-    assert_false(set(&bench, 0, 0, "current_kp", 40000.0));
-    assert_true(set(&bench, 0, 0, "current_peak", 9000.0));
-    assert_true(get(&bench, 0, 0, "current_peak") == 9000.0);
-    assert_true(get(&bench, 1, 0, "current_kp") == 0.0);
-    bench_stop(&bench);
+    assert_true(set(bench, 0, 0, "current_kp", 0.01));
+    assert_true(get(bench, 0, 0, "current_kp") == 0.01);
+    assert_true(get(bench, 0, 0, "current_ki") == 227.0 / 32768.0);
+    assert_false(set(bench, 0, 0, "current_kp", 40000.0));
+    assert_true(set(bench, 0, 0, "current_peak", 9000.0));
+    assert_true(get(bench, 0, 0, "current_peak") == 9000.0);
+    assert_true(get(bench, 1, 0, "current_kp") == 0.0);
 }

@@ -107,21 +107,20 @@ static void send_download(struct board_bench *bench)
 }
 
 /* The checksum is that of zlib.crc32 over 84 00 00, the fourteen, 00 20 01, the four. */
-TEST(a_download_is_kept_and_told)
+TEST_WITH(a_download_is_kept_and_told, bench_configured, bench_tear_down)
 {
     struct board_firmware firmware;
     struct board_event event;
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_configure(&bench);
-    bench.board[0].keep_firmware = true;
-    bench_start(&bench);
-    assert_false(boards_firmware(bench.boards, 0, &firmware));
-    loader_ask(&bench, "00", "00 01");
-    bench_ticks(&bench, 250);
-    loader_ask(&bench, "00", "00 01"); /* as canLoader does */
-    send_download(&bench);
-    assert_true(boards_firmware(bench.boards, 0, &firmware));
+    bench->board[0].keep_firmware = true;
+    bench_start(bench);
+    assert_false(boards_firmware(bench->boards, 0, &firmware));
+    loader_ask(bench, "00", "00 01");
+    bench_ticks(bench, 250);
+    loader_ask(bench, "00", "00 01"); /* as canLoader does */
+    send_download(bench);
+    assert_true(boards_firmware(bench->boards, 0, &firmware));
     assert_int_equal(firmware.lines, 2);
     assert_int_equal(firmware.bytes, 18);
     assert_int_equal(firmware.crc, 0xd7312c31);
@@ -135,94 +134,89 @@ TEST(a_download_is_kept_and_told)
         }
         assert_int_equal(firmware.image[word], expected);
     }
-    loader_ask(&bench, "04", "04 01");
-    assert_true(bench_event(&bench, BOARD_EVENT_FIRMWARE, &event));
+    loader_ask(bench, "04", "04 01");
+    assert_true(bench_event(bench, BOARD_EVENT_FIRMWARE, &event));
     assert_int_equal(event.a, 18);
     assert_int_equal(event.b, 0xd7312c31);
-    assert_false(bench_event(&bench, BOARD_EVENT_FIRMWARE, &event));
-    assert_true(boards_firmware(bench.boards, 0, &firmware)); /* still there in the application */
+    assert_false(bench_event(bench, BOARD_EVENT_FIRMWARE, &event));
+    assert_true(boards_firmware(bench->boards, 0, &firmware)); /* still there in the application */
 
     /* the next one begins with nothing, and may end without anything */
-    loader_ask(&bench, "00", "00 01");
-    assert_false(boards_firmware(bench.boards, 0, &firmware));
+    loader_ask(bench, "00", "00 01");
+    assert_false(boards_firmware(bench->boards, 0, &firmware));
     assert_int_equal(firmware.image[0x84], 0xffff);
-    loader_ask(&bench, "04", "04 01");
-    assert_false(bench_event(&bench, BOARD_EVENT_FIRMWARE, &event));
-    bench_stop(&bench);
+    loader_ask(bench, "04", "04 01");
+    assert_false(bench_event(bench, BOARD_EVENT_FIRMWARE, &event));
 }
 
-TEST(what_is_no_download_is_not_acknowledged)
+TEST_WITH(what_is_no_download_is_not_acknowledged, bench_configured, bench_tear_down)
 {
     struct board_firmware firmware;
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_configure(&bench);
-    bench.board[0].boot_ns = INT64_C(5000000000);
-    bench_start(&bench);
-    loader_ask(&bench, "01 02 00 00 00", NULL); /* without START */
-    loader_ask(&bench, "03 01 02", NULL);
-    loader_ask(&bench, "02 00 00 00 00", NULL);
-    assert_int_equal(bench_counters(&bench).malformed, 3);
-    loader_ask(&bench, "00", "00 01");
-    loader_ask(&bench, "03 01 02", NULL);       /* without ADDRESS */
-    loader_ask(&bench, "01 02 00 00", NULL);    /* too short */
-    loader_ask(&bench, "01 04 00 00 00", NULL); /* a line of four bytes gets five */
-    loader_ask(&bench, "03 01 02", NULL);
-    loader_ask(&bench, "03 03 04 05", NULL);
-    loader_ask(&bench, "03 03 04", NULL); /* that line is lost */
-    loader_ask(&bench, "01 00 00 00 00", NULL);
-    loader_ask(&bench, "03", NULL);
-    assert_int_equal(bench_counters(&bench).malformed, 8);
-    assert_false(boards_firmware(bench.boards, 0, &firmware));
+    bench->board[0].boot_ns = INT64_C(5000000000);
+    bench_start(bench);
+    loader_ask(bench, "01 02 00 00 00", NULL); /* without START */
+    loader_ask(bench, "03 01 02", NULL);
+    loader_ask(bench, "02 00 00 00 00", NULL);
+    assert_int_equal(bench_counters(bench).malformed, 3);
+    loader_ask(bench, "00", "00 01");
+    loader_ask(bench, "03 01 02", NULL);       /* without ADDRESS */
+    loader_ask(bench, "01 02 00 00", NULL);    /* too short */
+    loader_ask(bench, "01 04 00 00 00", NULL); /* a line of four bytes gets five */
+    loader_ask(bench, "03 01 02", NULL);
+    loader_ask(bench, "03 03 04 05", NULL);
+    loader_ask(bench, "03 03 04", NULL); /* that line is lost */
+    loader_ask(bench, "01 00 00 00 00", NULL);
+    loader_ask(bench, "03", NULL);
+    assert_int_equal(bench_counters(bench).malformed, 8);
+    assert_false(boards_firmware(bench->boards, 0, &firmware));
 
     /* the longest line, over the end of the memory */
-    loader_ask(&bench, "01 FF FF FF 00", NULL);
+    loader_ask(bench, "01 FF FF FF 00", NULL);
     for (int i = 0; i < 36; i++) {
-        loader_ask(&bench, "03 01 02 03 04 05 06 07", NULL);
+        loader_ask(bench, "03 01 02 03 04 05 06 07", NULL);
     }
-    loader_ask(&bench, "03 01 02 03", "03 01");
-    assert_true(boards_firmware(bench.boards, 0, &firmware));
+    loader_ask(bench, "03 01 02 03", "03 01");
+    assert_true(boards_firmware(bench->boards, 0, &firmware));
     assert_int_equal(firmware.bytes, 255);
     assert_null(firmware.image);
-    loader_ask(&bench, "04", "04 01");
-    loader_ask(&bench, "01 02 00 00 00", NULL); /* nothing to the application */
-    assert_int_equal(bench_counters(&bench).malformed, 8);
-    bench_stop(&bench);
+    loader_ask(bench, "04", "04 01");
+    loader_ask(bench, "01 02 00 00 00", NULL); /* nothing to the application */
+    assert_int_equal(bench_counters(bench).malformed, 8);
 }
 
 /* Loader programs address START to a board, and the lines of the file to everyone. */
-TEST(a_download_to_everyone_is_for_boards_that_were_started)
+TEST_WITH(a_download_to_everyone_is_for_boards_that_were_started, bench_configured, bench_tear_down)
 {
     struct board_firmware firmware;
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_configure(&bench);
-    bench.board[1].boot_ns = INT64_C(5000000000); /* in its bootloader, but not started */
-    bench_start(&bench);
-    loader_ask(&bench, "00", "00 01");
-    loader_ask(&bench, "00", "00 01");
-    bench_send(&bench, 0, 0x70f, "01 04 00 20 01");
-    bench_send(&bench, 0, 0x70f, "03 FF EE DD CC");
-    bench_tick(&bench);
-    bench_expect(&bench, 0, ANSWER, "03 01");
-    bench_send(&bench, 0, 0x70f, "02 84 00 00 00");
-    bench_tick(&bench);
-    bench_expect(&bench, 0, ANSWER, "02 01");
-    assert_int_equal(bench.count[0], 1);
-    assert_true(boards_firmware(bench.boards, 0, &firmware));
+    bench->board[1].boot_ns = INT64_C(5000000000); /* in its bootloader, but not started */
+    bench_start(bench);
+    loader_ask(bench, "00", "00 01");
+    loader_ask(bench, "00", "00 01");
+    bench_send(bench, 0, 0x70f, "01 04 00 20 01");
+    bench_send(bench, 0, 0x70f, "03 FF EE DD CC");
+    bench_tick(bench);
+    bench_expect(bench, 0, ANSWER, "03 01");
+    bench_send(bench, 0, 0x70f, "02 84 00 00 00");
+    bench_tick(bench);
+    bench_expect(bench, 0, ANSWER, "02 01");
+    assert_int_equal(bench->count[0], 1);
+    assert_true(boards_firmware(bench->boards, 0, &firmware));
     assert_int_equal(firmware.bytes, 4);
 
     /* END leads every board out of its bootloader, and is nothing to an application */
-    bench_send(&bench, 0, 0x70f, "04");
-    bench_tick(&bench);
-    bench_expect(&bench, 0, ANSWER, "04 01");
-    bench_expect(&bench, 0, 0x720, "04 01");
-    bench_send(&bench, 0, 0x70f, "04");
-    bench_send(&bench, 0, 0x70f, "00");
-    bench_tick(&bench);
-    assert_int_equal(bench.count[0], 0);
-    assert_int_equal(bench_counters(&bench).malformed, 0);
-    bench_stop(&bench);
+    bench_send(bench, 0, 0x70f, "04");
+    bench_tick(bench);
+    bench_expect(bench, 0, ANSWER, "04 01");
+    bench_expect(bench, 0, 0x720, "04 01");
+    bench_send(bench, 0, 0x70f, "04");
+    bench_send(bench, 0, 0x70f, "00");
+    bench_tick(bench);
+    assert_int_equal(bench->count[0], 0);
+    assert_int_equal(bench_counters(bench).malformed, 0);
 }
 
 TEST_WITH(other_boards_say_in_the_bootloader_what_they_are, bench_set_up, bench_tear_down)

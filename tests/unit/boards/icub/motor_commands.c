@@ -175,29 +175,27 @@ TEST_WITH(a_pid_and_its_single_gains_are_the_same_values, bench_set_up, bench_te
     bench_ask(bench, "25", "25 03 00");
 }
 
-TEST(state_is_told_when_asked)
+TEST_WITH(state_is_told_when_asked, bench_configured, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_configure(&bench);
-    bench.sense[0].q = 1.0; /* 10000 = 0x2710 ticks */
-    bench_start(&bench);
-    bench_tick(&bench);
-    bench_ask(&bench, "14", "14 10 27 00 00 00 00");
-    bench_ask(&bench, "07", "07 00 00");
-    bench_ask(&bench, "08", "08 01 00");
-    bench_ask(&bench, "16", "16 10 27 00 00");
-    bench_ask(&bench, "37", "37 00 00");
-    bench_ask(&bench, "39", "39 10 27 00 00");
-    bench_ask(&bench, "3A", "3A 00 00");
-    bench_ask(&bench, "3C", "3C 00 00");
-    bench_ask(&bench, "3D", "3D 00 00");
-    bench_ask(&bench, "3F", "3F 00 00");
-    bench_ask(&bench, "41", "41 E0 B1 FF FF"); /* -2 rad */
-    bench_ask(&bench, "43", "43 A8 61 00 00"); /* 2.5 rad */
-    bench_send(&bench, 0, 0x001, "09 50");
-    bench_ask(&bench, "07", "07 50 00");
-    bench_stop(&bench);
+    bench->sense[0].q = 1.0; /* 10000 = 0x2710 ticks */
+    bench_start(bench);
+    bench_tick(bench);
+    bench_ask(bench, "14", "14 10 27 00 00 00 00");
+    bench_ask(bench, "07", "07 00 00");
+    bench_ask(bench, "08", "08 01 00");
+    bench_ask(bench, "16", "16 10 27 00 00");
+    bench_ask(bench, "37", "37 00 00");
+    bench_ask(bench, "39", "39 10 27 00 00");
+    bench_ask(bench, "3A", "3A 00 00");
+    bench_ask(bench, "3C", "3C 00 00");
+    bench_ask(bench, "3D", "3D 00 00");
+    bench_ask(bench, "3F", "3F 00 00");
+    bench_ask(bench, "41", "41 E0 B1 FF FF"); /* -2 rad */
+    bench_ask(bench, "43", "43 A8 61 00 00"); /* 2.5 rad */
+    bench_send(bench, 0, 0x001, "09 50");
+    bench_ask(bench, "07", "07 50 00");
 }
 
 /* Integrators of 1 and 2 counts a count and ms, errors of 10 and -7 counts: each axis tells its
@@ -228,36 +226,34 @@ TEST_WITH(the_state_of_running_axes_is_told, bench_set_up, bench_tear_down)
     bench_ask(bench, "39", "39 00 00 00 00");
 }
 
-TEST(the_encoder_reads_what_it_is_set_to)
+TEST_WITH(the_encoder_reads_what_it_is_set_to, bench_configured, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_configure(&bench);
-    bench.sense[0].q = 1.0;
-    bench_start(&bench);
-    bench_tick(&bench);
-    bench_send(&bench, 0, 0x001, "1D E8 03 00 00");
-    bench_ask(&bench, "14", "14 E8 03 00 00 00 00");
-    bench.sense[0].q = 1.1;
-    bench_tick(&bench);
-    bench_ask(&bench, "39", "39 E8 03 00 00"); /* the reference kept its distance */
-    bench_ask(&bench, "14", "14 D0 07 00 00 E8 03");
+    bench->sense[0].q = 1.0;
+    bench_start(bench);
+    bench_tick(bench);
+    bench_send(bench, 0, 0x001, "1D E8 03 00 00");
+    bench_ask(bench, "14", "14 E8 03 00 00 00 00");
+    bench->sense[0].q = 1.1;
+    bench_tick(bench);
+    bench_ask(bench, "39", "39 E8 03 00 00"); /* the reference kept its distance */
+    bench_ask(bench, "14", "14 D0 07 00 00 E8 03");
     /* calibration: 0x60 for a while, then idle with p3 as the zero */
-    bench_send(&bench, 0, 0x001, "04 03 00 00 01 00 E8 03");
-    bench_ask(&bench, "07", "07 60 00");
-    bench_ask(&bench, "08", "08 00 00");
-    assert_false(bench.motor[0].bridge_on);
-    bench_ticks(&bench, 100);
-    bench_ask(&bench, "07", "07 00 00");
-    bench_ask(&bench, "08", "08 01 00");
-    bench_ask(&bench, "14", "14 10 27 00 00 00 00"); /* 11000 - 1000 */
-    bench_send(&bench, 0, 0x001, "9D FE FF FF FF");  /* axis 1 at -2 */
-    bench_send(&bench, 0, 0x001, "49 01 00 00 00");
-    while (bench_sent(&bench, 0, 0x111) == 0) {
-        bench_tick(&bench);
+    bench_send(bench, 0, 0x001, "04 03 00 00 01 00 E8 03");
+    bench_ask(bench, "07", "07 60 00");
+    bench_ask(bench, "08", "08 00 00");
+    assert_false(bench->motor[0].bridge_on);
+    bench_ticks(bench, 100);
+    bench_ask(bench, "07", "07 00 00");
+    bench_ask(bench, "08", "08 01 00");
+    bench_ask(bench, "14", "14 10 27 00 00 00 00"); /* 11000 - 1000 */
+    bench_send(bench, 0, 0x001, "9D FE FF FF FF");  /* axis 1 at -2 */
+    bench_send(bench, 0, 0x001, "49 01 00 00 00");
+    while (bench_sent(bench, 0, 0x111) == 0) {
+        bench_tick(bench);
     }
-    bench_expect(&bench, 0, 0x111, "10 27 00 00 FE FF FF FF");
-    bench_stop(&bench);
+    bench_expect(bench, 0, 0x111, "10 27 00 00 FE FF FF FF");
 }
 
 TEST_WITH(flash_keeps_parameters_until_they_are_read, bench_set_up, bench_tear_down)
@@ -301,36 +297,34 @@ TEST_WITH(the_address_moves_and_never_onto_another_board, bench_set_up, bench_te
 }
 
 /* A tool that goes by a DBC sends every command with 8 bytes, whatever it pads with. */
-TEST(padding_is_ignored_where_the_bus_allows_it)
+TEST_WITH(padding_is_ignored_where_the_bus_allows_it, bench_configured, bench_tear_down)
 {
     static const struct boards_bus_config buses[BENCH_BUSES] = {{.padded = true}};
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_configure(&bench);
-    bench.config.bus = buses;
-    bench_start(&bench);
-    bench_send(&bench, 0, 0x001, "1E 64 00 AA AA AA AA AA");
-    bench_ask(&bench, "1F AA AA AA AA AA AA AA", "1F 64 00");
-    bench_ask(&bench, "1F", "1F 64 00");
-    bench_send(&bench, 0, 0x001, "09 50 00 00 00 00 00 00");
-    bench_ask(&bench, "07 FF FF FF FF FF FF FF", "07 50 00");
-    bench_send(&bench, 0, 0x20d, "13 02 03 FF F0 CC CC CC");
-    bench_send(&bench, 0, 0x20d, "15 01 CC CC CC CC CC CC"); /* the longest: with a channel */
-    bench_send(&bench, 0, 0x20d, "14 03 00 00 00 00 00 00");
-    bench_send(&bench, 0, 0x70f, "FF 00 00 00 00 00 00 00");
-    bench_tick(&bench);
-    bench_expect(&bench, 0, 0x2d0, "14 03 FF F0");
-    bench_expect(&bench, 0, 0x710, "FF 04 02 51 57");
-    assert_int_equal(bench_counters(&bench).malformed, 0);
+    bench->config.bus = buses;
+    bench_start(bench);
+    bench_send(bench, 0, 0x001, "1E 64 00 AA AA AA AA AA");
+    bench_ask(bench, "1F AA AA AA AA AA AA AA", "1F 64 00");
+    bench_ask(bench, "1F", "1F 64 00");
+    bench_send(bench, 0, 0x001, "09 50 00 00 00 00 00 00");
+    bench_ask(bench, "07 FF FF FF FF FF FF FF", "07 50 00");
+    bench_send(bench, 0, 0x20d, "13 02 03 FF F0 CC CC CC");
+    bench_send(bench, 0, 0x20d, "15 01 CC CC CC CC CC CC"); /* the longest: with a channel */
+    bench_send(bench, 0, 0x20d, "14 03 00 00 00 00 00 00");
+    bench_send(bench, 0, 0x70f, "FF 00 00 00 00 00 00 00");
+    bench_tick(bench);
+    bench_expect(bench, 0, 0x2d0, "14 03 FF F0");
+    bench_expect(bench, 0, 0x710, "FF 04 02 51 57");
+    assert_int_equal(bench_counters(bench).malformed, 0);
 
     /* to eight bytes, not to any other length; and on no other bus */
-    bench_send(&bench, 0, 0x001, "1E 65 00 00");
-    bench_send(&bench, 0, 0x001, "1E 65 00 00 00 00 00");
-    bench_send(&bench, 0, 0x001, "1E 65"); /* too short stays too short */
-    bench_send(&bench, 1, 0x001, "1E 65 00 00 00 00 00 00");
-    assert_int_equal(bench_counters(&bench).malformed, 4);
-    bench_ask(&bench, "1F", "1F 64 00");
-    bench_stop(&bench);
+    bench_send(bench, 0, 0x001, "1E 65 00 00");
+    bench_send(bench, 0, 0x001, "1E 65 00 00 00 00 00");
+    bench_send(bench, 0, 0x001, "1E 65"); /* too short stays too short */
+    bench_send(bench, 1, 0x001, "1E 65 00 00 00 00 00 00");
+    assert_int_equal(bench_counters(bench).malformed, 4);
+    bench_ask(bench, "1F", "1F 64 00");
 }
 
 /* Every command of the table with a wrong length; none may have an effect or an answer. */

@@ -41,25 +41,23 @@ TEST_WITH(the_pwm_limit_cuts_the_voltage, bench_set_up, bench_tear_down)
     assert_near(bench->motor[0].voltage_v, 0.0, 0.0);
 }
 
-TEST(joints_without_a_board_are_left_alone)
+TEST_WITH(joints_without_a_board_are_left_alone, bench_configured, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_configure(&bench);
-    bench.config.nboard = 4;
-    bench.motor[3] =
+    bench->config.nboard = 4;
+    bench->motor[3] =
         (struct motor_command){.bridge_on = true, .voltage_v = 7.0, .pretension_m = 0.25};
-    bench.motor[0].pretension_m = 0.5;
-    bench_start(&bench);
-    set_mode(&bench, 0x50);
-    bench_send(&bench, 0, 0x002, "89 50"); /* the spare axis may run, too */
-    bench_send(&bench, 0, 0x002, "F2 35 05");
-    bench_ticks(&bench, 10);
-    assert_true(bench.motor[3].bridge_on);
-    assert_near(bench.motor[3].voltage_v, 7.0, 0.0);
-    assert_near(bench.motor[0].pretension_m, 0.5, 0.0);
-    boards_shut_down(bench.boards, bench.now_ns, &bench.command);
-    assert_false(bench.motor[0].bridge_on);
-    assert_true(bench.motor[3].bridge_on);
-    bench_stop(&bench);
+    bench->motor[0].pretension_m = 0.5;
+    bench_start(bench);
+    set_mode(bench, 0x50);
+    bench_send(bench, 0, 0x002, "89 50"); /* the spare axis may run, too */
+    bench_send(bench, 0, 0x002, "F2 35 05");
+    bench_ticks(bench, 10);
+    assert_true(bench->motor[3].bridge_on);
+    assert_near(bench->motor[3].voltage_v, 7.0, 0.0);
+    assert_near(bench->motor[0].pretension_m, 0.5, 0.0);
+    boards_shut_down(bench->boards, bench->now_ns, &bench->command);
+    assert_false(bench->motor[0].bridge_on);
+    assert_true(bench->motor[3].bridge_on);
 }

@@ -312,21 +312,19 @@ TEST_WITH(calibration_is_that_of_the_absolute_encoder, bench_set_up, bench_tear_
 }
 
 /* Of a servo valve: all but the current mode; torque is that of its sensor. */
-TEST(a_valve_has_no_current_mode)
+TEST_WITH(a_valve_has_no_current_mode, bench_configured, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_configure(&bench);
-    bench.board[0].axis[0].valve = true;
-    bench_start(&bench);
-    set_mode(&bench, ICUB_MODE_CURRENT);
-    assert_int_equal(mode_of(&bench), ICUB_MODE_IDLE);
-    assert_false(bench.motor[0].bridge_on);
-    set_mode(&bench, ICUB_MODE_TORQUE);
-    assert_int_equal(mode_of(&bench), ICUB_MODE_TORQUE);
-    set_mode(&bench, ICUB_MODE_CURRENT);
-    assert_int_equal(mode_of(&bench), ICUB_MODE_TORQUE);
-    set_mode(&bench, ICUB_MODE_OPEN_LOOP);
-    assert_int_equal(mode_of(&bench), ICUB_MODE_OPEN_LOOP);
-    bench_stop(&bench);
+    bench->board[0].axis[0].valve = true;
+    bench_start(bench);
+    set_mode(bench, ICUB_MODE_CURRENT);
+    assert_int_equal(mode_of(bench), ICUB_MODE_IDLE);
+    assert_false(bench->motor[0].bridge_on);
+    set_mode(bench, ICUB_MODE_TORQUE);
+    assert_int_equal(mode_of(bench), ICUB_MODE_TORQUE);
+    set_mode(bench, ICUB_MODE_CURRENT);
+    assert_int_equal(mode_of(bench), ICUB_MODE_TORQUE);
+    set_mode(bench, ICUB_MODE_OPEN_LOOP);
+    assert_int_equal(mode_of(bench), ICUB_MODE_OPEN_LOOP);
 }

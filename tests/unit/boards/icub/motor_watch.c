@@ -39,35 +39,33 @@ TEST(a_stale_voltage_becomes_zero_after_our_time_out)
     assert_int_equal(ticks, 10000);
 }
 
-TEST(a_fresh_voltage_resumes_after_the_time_out)
+TEST_WITH(a_fresh_voltage_resumes_after_the_time_out, bench_configured, bench_tear_down)
 {
     struct board_event event;
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_configure(&bench);
-    bench.board[0].command_timeout_ns = 50000000;
-    bench_start(&bench);
-    set_mode(&bench, 0x50);
+    bench->board[0].command_timeout_ns = 50000000;
+    bench_start(bench);
+    set_mode(bench, 0x50);
     for (int i = 0; i < 500; i++) { /* fresh often enough: no time-out */
         if (i % 40 == 0) {
-            bench_send(&bench, 0, 0x001, "72 4D 01");
+            bench_send(bench, 0, 0x001, "72 4D 01");
         }
-        bench_tick(&bench);
-        assert_true(bench.motor[0].voltage_v > 11.0);
+        bench_tick(bench);
+        assert_true(bench->motor[0].voltage_v > 11.0);
     }
-    assert_int_equal(bench_counters(&bench).timeouts, 0);
-    bench_ticks(&bench, 60);
-    assert_near(bench.motor[0].voltage_v, 0.0, 0.0);
-    assert_int_equal(bench_counters(&bench).timeouts, 1);
-    assert_true(bench_event(&bench, BOARD_EVENT_TIMEOUT, &event));
+    assert_int_equal(bench_counters(bench).timeouts, 0);
+    bench_ticks(bench, 60);
+    assert_near(bench->motor[0].voltage_v, 0.0, 0.0);
+    assert_int_equal(bench_counters(bench).timeouts, 1);
+    assert_true(bench_event(bench, BOARD_EVENT_TIMEOUT, &event));
     assert_int_equal(event.a, 0x50);
     assert_int_equal(event.axis, 0);
-    bench_ticks(&bench, 500); /* once, not again and again */
-    assert_int_equal(bench_counters(&bench).timeouts, 1);
-    bench_send(&bench, 0, 0x001, "72 4D 01");
-    bench_tick(&bench);
-    assert_true(bench.motor[0].voltage_v > 11.0);
-    bench_stop(&bench);
+    bench_ticks(bench, 500); /* once, not again and again */
+    assert_int_equal(bench_counters(bench).timeouts, 1);
+    bench_send(bench, 0, 0x001, "72 4D 01");
+    bench_tick(bench);
+    assert_true(bench->motor[0].voltage_v > 11.0);
 }
 
 TEST_WITH(a_velocity_without_fresh_commands_becomes_zero, bench_set_up, bench_tear_down)
@@ -349,25 +347,23 @@ TEST_WITH(under_voltage_is_a_fault_as_long_as_it_lasts, bench_set_up, bench_tear
     bench_expect(bench, 0, 0x113, "00 00 00 00 00 00 00 00");
 }
 
-TEST(a_sensor_without_a_number_is_an_encoder_fault)
+TEST_WITH(a_sensor_without_a_number_is_an_encoder_fault, bench_configured, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_configure(&bench);
-    bench.sense[0].q = 0.25;
-    bench_start(&bench);
-    bench_send(&bench, 0, 0x001, "49 04 00 00 00");
-    set_mode(&bench, 0x50);
-    bench_ticks(&bench, 4);
-    bench.sense[0].q = (double)NAN;
-    bench_ticks(&bench, 3);
-    bench_expect(&bench, 0, 0x113, "20 A0 00 00 00 00 00 00");
-    bench_ask(&bench, "14", "14 C4 09 00 00 00 00"); /* the last that it knew */
-    bench.sense[0].q = 0.25;
-    bench.sense[0].current_a = (double)INFINITY;
-    bench_ticks(&bench, 8);
-    assert_int_equal(mode_of(&bench), 0xa0);
-    bench_stop(&bench);
+    bench->sense[0].q = 0.25;
+    bench_start(bench);
+    bench_send(bench, 0, 0x001, "49 04 00 00 00");
+    set_mode(bench, 0x50);
+    bench_ticks(bench, 4);
+    bench->sense[0].q = (double)NAN;
+    bench_ticks(bench, 3);
+    bench_expect(bench, 0, 0x113, "20 A0 00 00 00 00 00 00");
+    bench_ask(bench, "14", "14 C4 09 00 00 00 00"); /* the last that it knew */
+    bench->sense[0].q = 0.25;
+    bench->sense[0].current_a = (double)INFINITY;
+    bench_ticks(bench, 8);
+    assert_int_equal(mode_of(bench), 0xa0);
 }
 
 TEST_WITH(voltage_beyond_a_joint_limit_is_refused_both_ways, bench_set_up, bench_tear_down)

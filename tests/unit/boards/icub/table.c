@@ -148,17 +148,15 @@ TEST(too_small_an_arena_is_an_error_at_any_size)
     assert_true(size > 4096); /* it did fail before */
 }
 
-TEST(a_rig_without_boards_does_nothing)
+TEST_WITH(a_rig_without_boards_does_nothing, bench_configured, bench_tear_down)
 {
-    struct board_bench bench;
+    struct board_bench *bench = *test_state;
 
-    bench_configure(&bench);
-    bench.config.nboard = 0;
-    bench_start(&bench);
-    bench_send(&bench, 0, 0x70f, "FF");
-    bench_tick(&bench);
-    assert_int_equal(bench.count[0], 0);
-    assert_int_equal(bench_counters(&bench).foreign, 1);
-    boards_shut_down(bench.boards, bench.now_ns, &bench.command);
-    bench_stop(&bench);
+    bench->config.nboard = 0;
+    bench_start(bench);
+    bench_send(bench, 0, 0x70f, "FF");
+    bench_tick(bench);
+    assert_int_equal(bench->count[0], 0);
+    assert_int_equal(bench_counters(bench).foreign, 1);
+    boards_shut_down(bench->boards, bench->now_ns, &bench->command);
 }
