@@ -82,6 +82,7 @@ static bool described_identify(const struct described_protocol *protocol,
 {
     bool remote = a->frame->flags & FRAME_REMOTE, extended = a->frame->flags & FRAME_EXTENDED;
     bool empty = !remote && a->frame->len == 0;
+    const struct described_frame *wrong = NULL;
 
     a->row = NULL;
     /* Rows from the host with this identifier, in the order of the file */
@@ -117,13 +118,21 @@ static bool described_identify(const struct described_protocol *protocol,
             (row->by != DESCRIBED_BY_GROUP || match == DESCRIBED_BAD_CONSTANT)) {
             described_decode(row, a->frame, 0, a->values);
         }
-        if (match == DESCRIBED_IS) {
-            if (row->by != DESCRIBED_BY_GROUP && row->checked &&
-                !described_values_exist(protocol, a)) {
-                a->verdict = BOARD_MALFORMED;
-            }
+        if (match != DESCRIBED_IS) {
+            continue;
+        }
+        if (row->by == DESCRIBED_BY_GROUP || !row->checked || described_values_exist(protocol, a)) {
             return true;
         }
+        /* A later row may take what this one does not list */
+        wrong = row;
+    }
+    if (wrong) {
+        a->row = wrong;
+        a->verdict = BOARD_MALFORMED;
+        described_number(wrong, a->frame->id, extended, &a->number);
+        described_decode(wrong, a->frame, 0, a->values);
+        described_values_exist(protocol, a);
     }
     return a->row;
 }

@@ -275,6 +275,9 @@ bool described_told_apart(const struct described_frame *a, const struct describe
     if (a->remote) {
         return false; /* lengths do not distinguish them */
     }
+    if (described_find_field(a, DESCRIBED_PARAMETER) >= 0) {
+        return true; /* unlisted parameters are left to b */
+    }
     if ((a->flags ^ b->flags) & FRAME_FD ||
         (a->repeats == 1 && b->repeats == 1 &&
          (a->shortest > b->longest || b->shortest > a->longest))) {

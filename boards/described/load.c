@@ -258,6 +258,7 @@ static enum error_code described_build_frame(struct described_loader *l,
     made->spread_ms = (unsigned)((raw->spread_ns + 500000) / 1000000);
     made->reply[0] = made->reply[1] = made->reply[2] = made->enter = -1;
     made->repeats = (uint8_t)raw->repeat;
+    memset(made->echo, -1, sizeof made->echo);
     made->most = (uint8_t)(made->by == DESCRIBED_BY_ADDRESS ? l->made->address_max
                            : made->by == DESCRIBED_BY_SLOT  ? DESCRIBED_SLOTS - 1u
                            : made->by == DESCRIBED_BY_GROUP ? (DESCRIBED_SLOTS - 1u) / made->repeats
@@ -307,32 +308,37 @@ static int described_frame_index(const struct described_protocol *made, const ch
     return -1;
 }
 
-/* Finds the fields of the answered frame that a reply echoes. */
+/* Finds the fields of the answered frame that a reply echoes. An echo with a host_value needs no such
+ * field. */
 static enum error_code described_link_echo(struct described_loader *l,
                                            const struct raw_described_frame *raw,
-                                           const struct described_frame *request,
+                                           struct described_frame *request,
                                            const struct described_frame *reply)
 {
+    int64_t echoes = 0;
+
     for (size_t i = 0; i < reply->nfield; i++) {
         struct described_field *echo = &reply->field[i];
         const char *name = described_layout(reply, i)->name;
-        int64_t found = -1;
+        int8_t found = -1;
 
         if (echo->meaning != DESCRIBED_ECHO) {
             continue;
         }
         for (size_t j = 0; j < request->nfield; j++) {
             if (!strcmp(described_layout(request, j)->name, name)) {
-                found = (int64_t)j;
+                found = (int8_t)j;
             }
         }
-        if (found < 0 || (echo->constant >= 0 && echo->constant != found)) {
+        if (echoes == DESCRIBED_ECHOES || (found < 0 && echo->host == 0.0) ||
+            (request->echo[echoes] >= 0 && request->echo[echoes] != found)) {
             return yaml_error(l->error, yaml_place(&raw->mark, "reply"),
                               "found reply \"%s\", whose field \"%s\" echoes one that this frame "
-                              "does not have, or has in another place than others so answered",
-                              raw->reply, name);
+                              "does not have, or is beyond the %d echoes of a frame",
+                              raw->reply, name, DESCRIBED_ECHOES);
         }
-        echo->constant = found;
+        echo->constant = echoes;
+        request->echo[echoes++] = found;
     }
     return ERROR_NONE;
 }

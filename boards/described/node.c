@@ -73,6 +73,7 @@ static int64_t described_node_count(const struct described_node *node, unsigned 
     const struct described_axis *axis = &node->axis[index];
     const double supply_v = node->board.boards->supply_v;
     int32_t motor = 0, link = 0;
+    int echoed;
     double value;
 
     switch (field->meaning) {
@@ -82,9 +83,8 @@ static int64_t described_node_count(const struct described_node *node, unsigned 
     case DESCRIBED_CONSTANT:
         return field->constant;
     case DESCRIBED_ECHO:
-        return request && field->constant >= 0 && (size_t)field->constant < request->nfield
-                   ? values[field->constant]
-                   : 0;
+        echoed = request && field->constant >= 0 ? request->echo[field->constant] : -1;
+        return echoed < 0 ? (int64_t)field->host : values[echoed];
     case DESCRIBED_ADDRESS:
         return node->board.address;
     case DESCRIBED_AXIS:

@@ -30,6 +30,7 @@ enum {
     DESCRIBED_STATES_MAX = 16,
     DESCRIBED_LAWS_MAX = 8,
     DESCRIBED_LIST_MAX = 8, /* frames in one step of the host */
+    DESCRIBED_ECHOES = 4,   /* echoing fields of a frame */
     DESCRIBED_ADDRESS_MAX = 31,
     DESCRIBED_SLOTS = 32,      /* axes of a bus */
     DESCRIBED_AXES = 4,        /* most axes of a motor board */
@@ -201,9 +202,9 @@ struct described_field {
     uint64_t mask, sign;          /* mask of the count; sign bit, or 0 */
     unsigned axis;                /* axis of the board, if a frame reports several */
     int64_t low, high;            /* range of the count */
-    int64_t constant; /* DESCRIBED_CONSTANT: count; DESCRIBED_ECHO: field of the request */
+    int64_t constant; /* DESCRIBED_CONSTANT: count; DESCRIBED_ECHO: index in the request's echo */
     double scale, offset;
-    double host; /* default that our host sends */
+    double host; /* default that our host sends; DESCRIBED_ECHO: count without such a field */
 };
 
 struct described_frame {
@@ -246,15 +247,16 @@ struct described_frame {
     bool optional; /* its period holds only on boards with transmit_at_start */
 
     /* From the host */
-    int reply[3];  /* answering frame by kind of board; -1 = none */
-    int enter;     /* state to enter; -1 = none */
-    bool zero;     /* sets the present position to 0 */
-    bool stop;     /* emergency stop */
-    bool clear;    /* clears faults */
-    bool restart;  /* restarts the board */
-    bool commands; /* carries a set point, which resets the time-out */
-    bool selects;  /* has a field that selects boards or axes */
-    bool of_one;   /* by slot, or with a selecting field: all fields belong to one axis */
+    int reply[3];                  /* answering frame by kind of board; -1 = none */
+    int8_t echo[DESCRIBED_ECHOES]; /* fields that the answer's echoes copy; -1 = none */
+    int enter;                     /* state to enter; -1 = none */
+    bool zero;                     /* sets the present position to 0 */
+    bool stop;                     /* emergency stop */
+    bool clear;                    /* clears faults */
+    bool restart;                  /* restarts the board */
+    bool commands;                 /* carries a set point, which resets the time-out */
+    bool selects;                  /* has a field that selects boards or axes */
+    bool of_one; /* by slot, or with a selecting field: all fields belong to one axis */
 };
 
 struct described_state {
@@ -515,8 +517,8 @@ void described_decode(const struct described_frame *frame, const struct bus_fram
 const char *described_checksum_name(enum described_checksum checksum);
 
 /* Returns whether a receiver can distinguish frames of two rows with the same identifier: by
- * direction and remote flag, by length, or by constants of a that b does not match. Row a comes
- * first in the file. Rows from opposite sides differ only by the remote flag. */
+ * direction and remote flag, by length, by constants of a that b does not match, or by parameters.
+ * Row a comes first in the file. Rows from opposite sides differ only by the remote flag. */
 bool described_told_apart(const struct described_frame *a, const struct described_frame *b);
 
 /* Why a board does not obey a frame (struct board_event). */

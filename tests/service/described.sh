@@ -81,7 +81,7 @@ tap_show=$work/robstride.dbc
 result $? "its DBC has extended identifiers and says which bits carry values"
 tap_show=$work/out
 "$program" protocol robstride >"$work/out" 2>&1 &&
-    grep -q '^Answer: FEEDBACK, id 0x020000fd + 0x100 a, 8 bytes, 29-bit identifier' "$work/out" &&
+    grep -q '^Answer: FEEDBACK, id 0x02000080 + 0x100 a, 8 bytes, 29-bit identifier' "$work/out" &&
     grep -q '^- identifier bits 16-21 `faults`: u6$' "$work/out"
 result $? "its page has the fields of the identifier"
 

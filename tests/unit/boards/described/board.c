@@ -703,6 +703,33 @@ TEST(a_robstride_drive_answers_as_one_that_was_recorded)
     close_bench();
 }
 
+/* A host other than RobStride's gets its answers, and values by their number; zeroes for one that no
+ * drive has, with a 1 above the drive's number. */
+TEST(a_robstride_drive_answers_the_host_that_asks)
+{
+    static const struct {
+        uint32_t id, answer;
+        const char *data, *told;
+    } cases[] = {
+        {0x0300aa01, 0x028001aa, "00 00 00 00 00 00 00 00", "8a 2f 80 00 80 00 00 00"},
+        {0x1100aa01, 0x110001aa, "19 70 00 00 00 00 00 00", "19 70 00 00 00 00 00 3f"},
+        {0x1100fd01, 0x110001fd, "1c 70 00 00 00 00 00 00", "1c 70 00 00 00 00 40 42"},
+        {0x1100fd01, 0x110101fd, "03 10 00 00 00 00 00 00", "00 00 00 00 00 00 00 00"},
+    };
+
+    open_bench(robstride, 0);
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
+        send_extended(cases[i].id, cases[i].data);
+        bench_tick(base);
+        if (i > 0) {
+            expect_as(cases[i].answer, FRAME_EXTENDED, cases[i].told);
+        }
+        assert_int_equal(base->frame[0][0].id, cases[i].answer);
+    }
+    assert_int_equal(bench_counters(base).malformed + bench_counters(base).foreign, 0);
+    close_bench();
+}
+
 /* 0.7 rad, 0 rad/s, 100 Nm/rad, 0 Nm s/rad in the data, 5 Nm in the identifier: counts 34593,
  * 32768, 1311, 0 and 34133 of 65535, worked out by the ranges of the manual. */
 TEST(a_robstride_drive_takes_its_torque_from_the_identifier)
