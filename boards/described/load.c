@@ -155,6 +155,30 @@ static uint64_t described_fault_mask(const struct described_field *field)
                : 0;
 }
 
+/* Refuses a law of position whose gain is 0 and that no host can set: targets would have no
+ * effect. */
+static enum error_code described_check_gains(const struct described_loader *l,
+                                             const struct described_state *list, size_t count)
+{
+    bool settable = l->made->gains.position_per_s > 0.0;
+
+    for (size_t f = 0; f < l->made->nframe; f++) {
+        settable =
+            settable || described_find_field(&l->made->frame[f], DESCRIBED_POSITION_GAIN) >= 0;
+    }
+    for (size_t i = 0; i < l->made->nparameter; i++) {
+        settable = settable || l->made->parameter[i].field.meaning == DESCRIBED_POSITION_GAIN;
+    }
+    for (size_t i = 0; i < count && !settable; i++) {
+        if (list[i].law == DESCRIBED_POSITION) {
+            return yaml_error(l->error, yaml_place(&list[i].mark, "law"),
+                              "found law: position with the gain 0, expected gains: "
+                              "{position_per_s: ...}, or a frame or parameter that sets it");
+        }
+    }
+    return ERROR_NONE;
+}
+
 /* Refuses a fault bit beyond every field of faults, if there are such fields. */
 static enum error_code described_check_faults(const struct described_loader *l)
 {
@@ -308,8 +332,8 @@ static int described_frame_index(const struct described_protocol *made, const ch
     return -1;
 }
 
-/* Finds the fields of the answered frame that a reply echoes. An echo with a host_value needs no such
- * field. */
+/* Finds the fields of the answered frame that a reply echoes. An echo with a host_value needs no
+ * such field. */
 static enum error_code described_link_echo(struct described_loader *l,
                                            const struct raw_described_frame *raw,
                                            struct described_frame *request,
@@ -639,6 +663,8 @@ static enum error_code described_build(struct described_loader *l)
     code = code ? code : described_build_frames(l);
     code = code ? code : described_build_parameters(l);
     code = code ? code : described_check_faults(l);
+    code = code ? code : described_check_gains(l, raw->state, raw->nstate);
+    code = code ? code : described_check_gains(l, raw->law, raw->nlaw);
     code = code ? code : described_check_ids(l);
     code = code ? code : described_check_values(l, DESCRIBED_STATE, raw->state, raw->nstate);
     code = code ? code : described_check_values(l, DESCRIBED_LAW, raw->law, raw->nlaw);

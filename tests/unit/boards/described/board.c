@@ -703,8 +703,8 @@ TEST(a_robstride_drive_answers_as_one_that_was_recorded)
     close_bench();
 }
 
-/* A host other than RobStride's gets its answers, and values by their number; zeroes for one that no
- * drive has, with a 1 above the drive's number. */
+/* A host other than RobStride's gets its answers, and values by their number. A number that no
+ * drive has gives zeroes, with a 1 above the drive's number. */
 TEST(a_robstride_drive_answers_the_host_that_asks)
 {
     static const struct {

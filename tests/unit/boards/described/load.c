@@ -19,6 +19,9 @@ static const struct {
     {HEAD "frames: []\n", "toy.yaml:1:1: found 0 frames"},
     {HEAD "on_timeout: runn\nframes: [{name: A, from: host, id: 0}]\n",
      "toy.yaml:5:13: found unknown state \"runn\", expected \"run\""},
+    {"name: toy\nstates: [{name: idle, law: \"off\"}, {name: run, law: position}]\n"
+     "frames: [{name: A, from: host, id: 0}]\n",
+     "toy.yaml:2:53: found law: position with the gain 0"},
     {HEAD "unknown_state: run\nframes: [{name: A, from: host, id: 0}]\n",
      "toy.yaml:5:16: found state \"run\", expected one with law: refused"},
     {FRAME "  - {name: A, from: board, id: 1, optional: true}\n",
