@@ -3,8 +3,11 @@
 #include "app/cli/cli.h"
 #include "manual/bus.h"
 #include "manual/rig.h"
+#include "manual/rig_page.h"
 #include "manual/robot.h"
+#include "manual/robot_page.h"
 #include "manual/scenario.h"
+#include "manual/scenario_page.h"
 
 #include "base/array.h"
 #include "base/instruction_set.h"
@@ -54,15 +57,16 @@ static const struct topic {
     const char *name, *summary;
     const char *manual; /* NULL: print does it */
     void (*print)(FILE *out);
+    const char *keys; /* all keys of such a file, as Markdown; NULL: it is no file */
 } topics[] = {
-    {"rig", "a test bench: robot, scene, buses, boards, clock", MANUAL_RIG, NULL},
-    {"robot", "a robot's file", MANUAL_ROBOT, NULL},
-    {"scenario", "a test with a verdict", MANUAL_SCENARIO, NULL},
-    {"bus", "the CAN buses of a rig, and how programs join them", MANUAL_BUS, NULL},
-    {"board", "what controllers talk to, and its personalities", NULL, topic_board},
-    {"fault", "what can break, as a line of text", NULL, topic_fault},
-    {"signal", "the numbers that scenarios judge", NULL, topic_signal},
-    {"rt", "real time: the phases of a tick, their budget, overruns, probes", NULL, topic_rt},
+    {"rig", "a robot, its scene, buses and boards, its clock", MANUAL_RIG, NULL, MANUAL_RIG_PAGE},
+    {"robot", "a robot's file", MANUAL_ROBOT, NULL, MANUAL_ROBOT_PAGE},
+    {"scenario", "a test with a verdict", MANUAL_SCENARIO, NULL, MANUAL_SCENARIO_PAGE},
+    {"bus", "the CAN buses of a rig, and how programs join them", MANUAL_BUS, NULL, NULL},
+    {"board", "what controllers talk to, and its protocols", NULL, topic_board, NULL},
+    {"fault", "what can break, as a line of text", NULL, topic_fault, NULL},
+    {"signal", "the numbers that scenarios judge", NULL, topic_signal, NULL},
+    {"rt", "real time: the phases of a tick, their budget, overruns, probes", NULL, topic_rt, NULL},
 };
 
 static const char exit_manual[] =
@@ -101,9 +105,15 @@ static int cmd_help(int argc, char **argv)
     static const struct operand_spec operands[] = {
         {"COMMAND|TOPIC", "a command or a topic that coman-hil --help lists", false, .value = &name,
          .words = words}};
+    static bool markdown;
+    static const struct option_spec options[] = {
+        {"--markdown", OPTION_FLAG, NULL,
+         "all keys of a rig, robot or scenario file, as the page of docs/reference",
+         .value = &markdown}};
     static const struct command_spec spec = {
         .name = "help",
         .summary = "Print the manual of a command or a topic, or the list of both.",
+        OPTION_TABLE(options),
         OPERAND_TABLE(operands),
     };
     static char help_option[] = "--help";
@@ -128,8 +138,16 @@ static int cmd_help(int argc, char **argv)
 
     /* A topic, or a command with --help */
     topic = find_topic(name);
+    if (markdown && !(topic && topic->keys)) {
+        struct error error;
+
+        error_set(&error, ERROR_INPUT, "--markdown: expected the topic rig, robot or scenario");
+        return options_fail(&spec, &error);
+    }
     if (topic) {
-        if (topic->manual) {
+        if (markdown) {
+            puts(topic->keys);
+        } else if (topic->manual) {
             options_wrap(topic->manual, 0, 0, stdout);
         } else {
             topic->print(stdout);

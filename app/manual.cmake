@@ -19,6 +19,19 @@ if(NOT CMAKE_SCRIPT_MODE_FILE)
             target_sources(${target} PRIVATE ${header})
         endforeach()
     endfunction()
+
+    # embed_pages(TARGET NAME...): generated/manual/NAME_page.h with the manual page
+    # coman-hil-NAME(5) as Markdown, MANUAL_NAME_PAGE
+    function(embed_pages target)
+        foreach(name ${ARGN})
+            set(text ${PROJECT_SOURCE_DIR}/docs/man/coman-hil-${name}.5.scd)
+            set(header ${CMAKE_BINARY_DIR}/generated/manual/${name}_page.h)
+            add_custom_command(OUTPUT ${header} DEPENDS ${text} ${manual_script} VERBATIM
+                COMMAND ${CMAKE_COMMAND} -D TEXT=${text} -D HEADER=${header} -D RAW=RAW
+                        -D PAGE=${name} -P ${manual_script})
+            target_sources(${target} PRIVATE ${header})
+        endforeach()
+    endfunction()
     return()
 endif()
 
@@ -31,6 +44,22 @@ string(TOUPPER ${name} symbol)
 string(REGEX REPLACE "\n+$" "" text "${text}")
 if(NOT RAW)
     string(REGEX REPLACE "([^\n])\n([^\n ])" "\\1 \\2" text "${text}")
+endif()
+
+# scdoc to Markdown: headings, a key with its paragraphs as an entry of a list, emphasis
+if(PAGE)
+    set(name ${PAGE}_page)
+    string(TOUPPER ${name} symbol)
+    string(FIND "${text}" "\n" end)
+    string(SUBSTRING "${text}" ${end} -1 text)
+    string(REGEX REPLACE "\n# " "\n## " text "${text}")
+    string(REGEX REPLACE "\n\t" "\n  " text "${text}")
+    string(REGEX REPLACE "\n[*]" "\n- *" text "${text}")
+    string(REGEX REPLACE "[*]([^*\n]+)[*]" "`\\1`" text "${text}")
+    string(REGEX REPLACE "([^a-zA-Z0-9`])_([^_ \n][^_\n]*)_([^a-zA-Z0-9])" "\\1*\\2*\\3"
+           text "${text}")
+    string(REGEX REPLACE "\\\\([_*.#-])" "\\1" text "${text}")
+    string(PREPEND text "# Keys of a ${PAGE} file\n\nMade by `coman-hil help ${PAGE} --markdown`.\n")
 endif()
 
 # A literal a line

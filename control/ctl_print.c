@@ -223,7 +223,7 @@ void ctl_print_statistics(const json_t *answer, FILE *out)
             fprintf(out, ", %lld by %s", (long long)json_integer_value(value), name);
         }
     }
-    fprintf(out, "; late after them %lld, deadlines dropped %lld, pauses %lld\n",
+    fprintf(out, "; late after them %lld, deadlines skipped %lld, pauses %lld\n",
             integer_of(answer, "late_ticks"), integer_of(answer, "lost_ticks"),
             integer_of(answer, "pauses"));
     if (integer_of(lockstep, "steps") > 0) {

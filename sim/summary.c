@@ -62,7 +62,7 @@ static void print_overruns(const struct loop_stats *stats, FILE *out)
         }
     }
     fprintf(out,
-            "; late after them %" PRIu64 ", deadlines dropped %" PRIu64 ", pauses %" PRIu64
+            "; late after them %" PRIu64 ", deadlines skipped %" PRIu64 ", pauses %" PRIu64
             " of %" PRIu64 " ticks\n",
             stats->late_ticks, stats->lost_ticks, stats->pauses, stats->pause_ticks);
     fprintf(out, "  page faults in the loop %" PRIu64 "\n", stats->page_faults);

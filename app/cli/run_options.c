@@ -20,25 +20,14 @@ static const struct word transport_words[] = {
 static struct run_options read;
 
 static const struct option_spec options[] = {
-    {"--clock", OPTION_ENUM, "CLOCK", "real, lockstep or free; the rig's by default",
-     .value = &read.clock, .words = loop_clock_words},
+    {"--task", OPTION_STRING, "NAME", "start this task on the other side of the buses",
+     .value = &read.task, .noun = "tasks"},
     {"--duration", OPTION_REAL, "S",
      "end after S seconds of virtual time, more than 0; without it and --ticks when the task does, "
      "else never",
      .value = &read.duration_s, .min = 0.0, .above_min = true, .max = 1e7, .unit = "seconds"},
-    {"--ticks", OPTION_INT, "N", "end after N ticks", .value = &read.ticks, .min = 1.0,
-     .max = 1e12},
-    {"--task", OPTION_STRING, "NAME", "start this task on the other side of the buses",
-     .value = &read.task, .noun = "tasks"},
-    {"--set", OPTION_LIST, "NAME=VALUE",
-     "a setting that the task begins with, as walk.forward_m_s=0.1; \"ctl set\" changes it later; "
-     "may be given more than once",
-     .value = &read.set, .noun = "settings"},
-    TASK_OPTION_ROWS(read.input),
-    {"--stimulus", OPTION_STRING, "LOG",
-     "feed the boards what the controller has sent in this candump log, or recording, at the same "
-     "ticks; the run is as long as the log unless --duration or --ticks say otherwise",
-     .value = &read.stimulus},
+    {"--clock", OPTION_ENUM, "CLOCK", "real, lockstep or free; the rig's by default",
+     .value = &read.clock, .words = loop_clock_words},
     {"--bus", OPTION_LIST, "NAME=INTERFACE",
      "put a bus of the rig on this interface; may be given more than once", .value = &read.bus},
     {"--transport", OPTION_ENUM, "HOW",
@@ -49,6 +38,26 @@ static const struct option_spec options[] = {
      "let other programs join the buses over TCP, with any socketcand client; HOST is a numeric "
      "address, 127.0.0.1 by default; PORT 0 is any that is free",
      .value = &read.gateway},
+    {"--http", OPTION_STRING, "[HOST:]PORT",
+     "serve a page that shows and controls the run; HOST is a numeric address, 127.0.0.1 by "
+     "default; PORT 0 is any that is free; none: no page, whatever the rig says; see below",
+     .value = &read.http},
+    {"--fault", OPTION_LIST, "LINE",
+     "arm a fault, as 'motor LKneeSag jam 2..2.5'; may be given more than once; see below",
+     .value = &read.fault, .noun = "faults"},
+    {"--record", OPTION_STRING, "DIR", "record into this directory, new or empty",
+     .value = &read.record},
+    {"--set", OPTION_LIST, "NAME=VALUE",
+     "a setting that the task begins with, as walk.forward_m_s=0.1; \"ctl set\" changes it later; "
+     "may be given more than once",
+     .value = &read.set, .noun = "settings"},
+    {"--ticks", OPTION_INT, "N", "end after N ticks", .value = &read.ticks, .min = 1.0,
+     .max = 1e12},
+    TASK_OPTION_ROWS(read.input),
+    {"--stimulus", OPTION_STRING, "LOG",
+     "feed the boards what the controller has sent in this candump log, or recording, at the same "
+     "ticks; the run is as long as the log unless --duration or --ticks say otherwise",
+     .value = &read.stimulus},
     {"--slcan", OPTION_LIST, "BUS=PATH|tcp:[HOST:]PORT",
      "let programs that know serial adapters (slcan, Lawicel) join a bus: PATH becomes a link to a "
      "pseudo-terminal, tcp: a port; BUS is a name or an interface; may be given more than once",
@@ -57,10 +66,6 @@ static const struct option_spec options[] = {
      "path of the socket for \"coman-hil ctl\"; none: no socket; a default path otherwise, see "
      "below",
      .value = &read.control},
-    {"--http", OPTION_STRING, "[HOST:]PORT",
-     "serve a page that shows and controls the run; HOST is a numeric address, 127.0.0.1 by "
-     "default; PORT 0 is any that is free; none: no page, whatever the rig says; see below",
-     .value = &read.http},
     {"--http-linger", OPTION_REAL, "S",
      "how long the page stays after the run for those who look at it, until they have closed it; "
      "600 by default, 0 under a service manager; see below",
@@ -89,13 +94,8 @@ static const struct option_spec options[] = {
      .value = &read.energy},
     {"--overrun", OPTION_ENUM, "POLICY", "skip, slip or stop; the rig's by default",
      .value = &read.overrun, .words = loop_overrun_words},
-    {"--fault", OPTION_LIST, "LINE",
-     "arm a fault, as 'motor LKneeSag jam 2..2.5'; may be given more than once; see below",
-     .value = &read.fault, .noun = "faults"},
     {"--seed", OPTION_INT, "N", "seed of sensor noise and faults; the rig's by default",
      .value = &read.seed, .min = 0.0, .max = 9e15},
-    {"--record", OPTION_STRING, "DIR", "record into this directory, new or empty",
-     .value = &read.record},
     {"--record-format", OPTION_ENUM, "FORMAT",
      "csv: signals.csv and poses.csv; mcap: recording.mcap, for Foxglove, Lichtblick and "
      "PlotJuggler; both; the rig's by default, which is csv",

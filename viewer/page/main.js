@@ -104,7 +104,7 @@ function makeFigures(hello) {
   return { time: figure('time', 'virtual time'),
     factor: figure('pace', 'virtual seconds a second'),
     tick: figure('tick', 'what a tick takes: mean of late, 99th percentile and greatest of all'),
-    overruns: figure('overruns', 'ticks that missed their deadline, and ticks that were dropped') };
+    overruns: figure('overruns', 'ticks that missed their deadline, and deadlines that were skipped') };
 }
 
 const SPEEDS = [[0.05, '×0.05'], [0.1, '×0.1'], [0.25, '×0.25'], [0.5, '×0.5'], [1, '×1'], [2, '×2'],
@@ -442,7 +442,7 @@ function renderLoad(state) {
   const part = Math.min(1, state.workMean / tick);
   setText(page.figures.factor, page.over ? '–' : `×${fixed(state.paused ? 0 : pace.factor, 2)}`);
   setText(page.figures.tick, `${fixed(state.workMean, 0)} / ${fixed(state.work99, 0)} / ${fixed(state.workMax, 0)} us`);
-  setText(page.figures.overruns, state.lost ? `${count(state.overruns)}, ${count(state.lost)} dropped` : count(state.overruns));
+  setText(page.figures.overruns, state.lost ? `${count(state.overruns)}, ${count(state.lost)} skipped` : count(state.overruns));
   setClass(page.figures.overruns, 'late', state.overruns > 0);
   page.budget.style.width = `${fixed(100 * part, 1)}%`;
   page.budget.className = part > 0.8 ? 'hot' : part > 0.5 ? 'warm' : '';

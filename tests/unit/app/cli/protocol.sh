@@ -26,12 +26,17 @@ has_all_of() {
 }
 
 pages=$(cd "$source/docs/protocol" && echo *.md)
-echo 1..$(($(echo "$pages" | wc -w) + 12))
+echo 1..$(($(echo "$pages" | wc -w) + 15))
 for page in $pages; do
     name=${page%.md}
     "$program" protocol $name >"$work/$name.md" 2>"$work/out" &&
         diff "$source/docs/protocol/$name.md" "$work/$name.md" >"$work/out"
     result $? "docs/protocol/$name.md is what \`coman-hil protocol $name\` prints"
+done
+
+for topic in rig robot scenario; do
+    "$program" help $topic --markdown 2>&1 | diff "$source/docs/reference/$topic.md" - >"$work/out"
+    result $? "docs/reference/$topic.md is what \`coman-hil help $topic --markdown\` prints"
 done
 
 # from another description of the protocol: the header that people read
