@@ -298,7 +298,7 @@ int cmd_validate(int argc, char **argv)
          .list = &o.bench, .noun = "validations"}};
     static const struct command_spec spec = {
         .name = "validate",
-        .summary = "Hold simulated drives against measured ones.",
+        .summary = "Compare simulated drives with measured ones.",
         OPTION_TABLE(options),
         OPERAND_TABLE(operands),
         .many = true,

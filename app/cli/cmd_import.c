@@ -142,7 +142,7 @@ int cmd_import(int argc, char **argv)
         {"FILE", "the URDF or MJCF file", true, .value = &r.file}};
     static const struct command_spec spec = {
         .name = "import",
-        .summary = "Make a robot and a bench of a URDF or MJCF file.",
+        .summary = "Make a robot and a rig of a URDF or MJCF file.",
         OPTION_TABLE(options),
         OPERAND_TABLE(operands),
         .manual = MANUAL_IMPORT,

@@ -191,7 +191,7 @@ enum error_code import_write_rig(const struct import_rig *rig, const char *path,
 
     /* Head, clock and integrator, then what the boards and the task need */
     fprintf(file.out,
-            "# Made by `coman-hil import`: a first bench for this robot, %s.\n"
+            "# Made by `coman-hil import`: a first rig for this robot, %s.\n"
             "# Supply, currents, encoders, full scales and gains are assumed.\n"
             "name: \"%s\"\n"
             "description: imported, %s; %zu buses\n\n"
