@@ -59,7 +59,8 @@ if(PAGE)
     string(REGEX REPLACE "([^a-zA-Z0-9`])_([^_ \n][^_\n]*)_([^a-zA-Z0-9])" "\\1*\\2*\\3"
            text "${text}")
     string(REGEX REPLACE "\\\\([_*.#-])" "\\1" text "${text}")
-    string(PREPEND text "# Keys of a ${PAGE} file\n\nMade by `coman-hil help ${PAGE} --markdown`.\n")
+    string(PREPEND text
+           "# Keys of a ${PAGE} file\n\nMade by `coman-hil help ${PAGE} --markdown`.\n")
 endif()
 
 # A literal a line

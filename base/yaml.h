@@ -109,7 +109,7 @@ struct yaml_schema {
      * receives the list of the old one's places; NULL = none */
     const struct yaml_renamed *renamed;
     size_t old_offset;
-    /* for a file: its numbers, true and false may stand in quotes, as parameters of a scenario do */
+    /* for a file: numbers, true and false may stand in quotes, as parameters of a scenario do */
     bool quoted_values;
     bool unmarked;   /* the struct belongs to another room and has no mark */
     bool extendable; /* for a file: the key "extends" names a file that this one extends */

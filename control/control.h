@@ -69,9 +69,9 @@
  *
  * It receives no further requests of a client while more than half of the client's CONTROL_OUTBOX
  * bytes are unsent. At most CONTROL_CLIENTS are connected. One more takes the place of the client
- * that has been idle for the longest time: that waits for no answer and has no subscription. If none
- * is idle, one more may pause, resume and stop the run. A half-closed connection is served until
- * its last answer or row has been sent.
+ * that has been idle for the longest time. An idle client waits for no answer and has no
+ * subscription. If none is idle, one more may pause, resume and stop the run. A half-closed
+ * connection is served until its last answer or row has been sent.
  *
  * The server has its own thread. It uses only rt/requests.h and data that the loop publishes
  * (simulator_read, stream, histograms), so that no client can delay a tick. Not RT-safe.

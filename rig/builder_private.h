@@ -88,8 +88,8 @@ enum error_code rig_find(struct rig_builder *b, const struct yaml_mark *mark, co
 enum error_code rig_check_name(struct rig_builder *b, const struct yaml_mark *mark,
                                const char *what, const char *name);
 
-/* Adds the place that names a file to the error of reading it, if the file cannot be read; otherwise
- * the error has a place in the file. Returns code. */
+/* Adds the place that names a file to the error of reading it, if the file cannot be read. Other
+ * errors have a place in the file. Returns code. */
 enum error_code rig_place_file(struct rig_builder *b, const struct yaml_mark *mark,
                                const char *path, enum error_code code);
 

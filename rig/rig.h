@@ -180,8 +180,8 @@ enum error_code rig_load(const char *path, struct arena *arena, const struct rig
                          struct error *error);
 
 /* Reads a rig from memory. name is used as its file name, also to find files with relative paths.
- * rig->hash covers these files, but not the text itself. A scenario's parameters may stand in quotes
- * in the text, so numbers may. */
+ * rig->hash covers these files, but not the text itself. Numbers in the text may stand in quotes,
+ * as parameters of a scenario do. */
 enum error_code rig_load_text(const char *name, const char *text, size_t size, struct arena *arena,
                               const struct rig **rig, struct error *error);
 

@@ -301,8 +301,8 @@ static void open_many(int count, const char *line)
     }
 }
 
-/* Clients that say nothing, or have had their answers, lock nobody out: the first to be silent goes,
- * and knows why. */
+/* Clients that say nothing, or have had their answers, lock nobody out. The first to be silent is
+ * disconnected, and hears why. */
 TEST(idle_clients_make_room_for_new_ones)
 {
     static const char *const lines[] = {NULL, "{\"cmd\":\"hello\"}", "{\"cmd\":\"status\"}"};
