@@ -117,30 +117,6 @@ TEST(box_over_the_edge_pushes_with_what_is_on_the_table)
     }
 }
 
-TEST(box_on_half_space_pushes_with_k_a_d_and_not_with_its_sides)
-{
-    const double depth[] = {1e-7, 1e-4, 1e-3, 1e-2, 0.05};
-    struct scene scene;
-    struct body_motion motion;
-    struct contact_wrench wrench;
-
-    scene_init(&scene, 1);
-    scene_add(&scene, -1, CONTACT_HALF_SPACE, &hard);
-    scene_add_box(&scene, 0, 0.075, 0.075, 0.075, 7, &hard);
-    scene_add_pair(&scene, 0, 1);
-
-    struct contact_world *world = fixture_native(&scene);
-
-    for (int i = 0; i < 5; i++) {
-        double force = 5e5 * 0.0225 * depth[i];
-
-        scene_place(&motion, 0.3, -0.2, 0.075 - depth[i]);
-        fixture_evaluate(world, &motion, &wrench);
-        assert_near(wrench.force[2], force, 1e-9 * force);
-        assert_near(vec3_norm(wrench.moment), 0, 1e-9 * force);
-    }
-}
-
 TEST(a_tilted_box_meets_half_space_and_table_alike)
 {
     /* a wedge: the lower edge of a box that is turned by t about y, d deep: its bottom is b = d/sin
