@@ -99,6 +99,15 @@ static enum error_code refuse_toppling(const struct settle *s, struct error *err
                      s->rest[s->weak].name);
 }
 
+/* Puts before a cause that the search did not converge, because it may not be the true one. */
+static enum error_code not_converged(const struct settled *settled, struct error *error)
+{
+    return error_prefix(error,
+                        "the search did not converge in %zu iterations (%.2g of the weight is "
+                        "unbalanced)",
+                        settled->iterations, settled->residual);
+}
+
 /* Iterates to rest by damped Newton steps. Returns ERROR_INPUT if there is no equilibrium within
  * the limits. */
 static enum error_code iterate_to_rest(struct settle *s, struct settled *settled,
@@ -123,8 +132,8 @@ static enum error_code iterate_to_rest(struct settle *s, struct settled *settled
             break;
         }
         before = settled->residual;
-        if ((code = check_search_bounds(s, error))) {
-            return code;
+        if (check_search_bounds(s, error)) {
+            return not_converged(settled, error);
         }
         if ((code = settle_differentiate(s))) {
             goto fail;
@@ -144,16 +153,13 @@ static enum error_code iterate_to_rest(struct settle *s, struct settled *settled
         return ERROR_NONE;
     }
     if (s->holds && find_push(s, &s->rest[worst]) > 0.5 * vec3_norm(s->rest[worst].force)) {
-        return refuse_sliding(s, &s->rest[worst], error);
+        refuse_sliding(s, &s->rest[worst], error);
+    } else if (!settle_factorize(s, LEAST_DAMPING)) {
+        refuse_toppling(s, error);
+    } else {
+        error_set(error, ERROR_INPUT, "%s: no equilibrium found", s->rest[worst].name);
     }
-    if (!settle_factorize(s, LEAST_DAMPING)) {
-        return refuse_toppling(s, error);
-    }
-    return error_set(error, ERROR_INPUT,
-                     "%s: no equilibrium found: %.2g of its weight of %.4g N is unbalanced after "
-                     "%zu iterations",
-                     s->rest[worst].name, settled->residual, s->rest[worst].weight,
-                     settled->iterations);
+    return not_converged(settled, error);
 
 fail:
     return engine_failed(s, code, error);
@@ -478,13 +484,16 @@ static enum error_code find_equilibrium(struct settle *s, bool holds, struct set
 
     /* Joints that press their stops shift the weight, less in each round */
     settle_begin(s, holds);
-    for (int k = 0; k < LEANINGS; k++) {
+    for (int k = 0; k == 0 || lean_on_stops(s); k++) {
+        if (k == LEANINGS) {
+            return error_set(error, ERROR_INPUT,
+                             "the search did not converge: joints at their limits still move after "
+                             "%d rounds",
+                             LEANINGS);
+        }
         if ((code = iterate_to_rest(s, settled, error)) ||
             (code = check_equilibrium(s, settled, error))) {
             return code;
-        }
-        if (!lean_on_stops(s)) {
-            break;
         }
     }
     if ((code = load_drives(s, error))) {

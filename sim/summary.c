@@ -12,6 +12,9 @@
 #include <math.h>
 #include <stdlib.h>
 
+/* Least turnover of which the balance is a share, J. */
+#define SHARE_LEAST_J 1e-6
+
 const char *summary_end_text(enum loop_end end)
 {
     static const char *const texts[] = {
@@ -231,8 +234,12 @@ static void print_energy(const struct summary *summary, FILE *out)
                     e.gear_friction, e.gear_hysteresis, e.bridge_loss, e.source_loss,
                     e.chopper_heat);
         }
-        fprintf(out, "  unbalanced %.3g J, %.2g of the turnover\n", e.balance,
-                turnover > 0.0 ? fabs(e.balance) / turnover : 0.0);
+        fprintf(out, "  unbalanced %.3g J", e.balance);
+        if (turnover > SHARE_LEAST_J) {
+            fprintf(out, ", %.2g of the turnover\n", fabs(e.balance) / turnover);
+        } else {
+            fprintf(out, ", no share: less than %g J has flowed\n", SHARE_LEAST_J);
+        }
     }
 }
 
