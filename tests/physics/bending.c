@@ -62,7 +62,8 @@ TEST(weight_bends_what_is_held)
     arena_fini(&arm.arena);
 }
 
-/* Thrown: at each moment the joint bears what a sensor in it feels, with the other sign. */
+/* Thrown, and pushed from the middle on: at each moment the joint bears what a sensor in it feels,
+ * with the other sign. */
 TEST(joint_bears_what_a_sensor_in_it_feels)
 {
     static const double start[2] = {0.4, -0.7};
@@ -77,6 +78,10 @@ TEST(joint_bears_what_a_sensor_in_it_feels)
     for (int k = 0; k < 300; k++) {
         const struct plant_sensors *sensors = plant_sensors(arm.plant);
 
+        if (k == 150) {
+            plant_set_push(arm.plant, 2, (const double[3]){4.0, -7.0, 5.0},
+                           (const double[3]){0.6, 0.9, -0.5});
+        }
         assert_ok(plant_step(arm.plant, 1));
         assert_ok(plant_sample(arm.plant));
         for (int i = 0; i < 2; i++) {

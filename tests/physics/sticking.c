@@ -5,6 +5,7 @@
 #include <math.h>
 #include <stdio.h>
 
+#include "model/plant_private.h"
 #include "tests/figure.h"
 #include "tests/physics/near.h"
 #include "tests/physics/rig_scene.h"
@@ -154,5 +155,50 @@ TEST(coman_that_sways_and_squats_does_not_walk)
     print_message("# T/N up to %.2f; the feet moved by %.1e m in 60 s\n", most, worst);
     assert_true(most < 0.3);
     assert_true(worst < 1e-6);
+    rig_scene_fini(&scene);
+}
+
+/* Evaluates the present motion with bristles and time ahead; returns how many evaluations of the
+ * engine that takes. */
+static uint64_t evaluate(struct plant *plant, double ahead_s)
+{
+    const uint64_t before = plant_contact_cost(plant)->evaluations;
+    struct plant_load load;
+
+    plant_list_bristles(plant);
+    assert_ok(
+        plant_load_bodies(plant, plant->state, plant->state + plant->at.bristle, ahead_s, &load));
+    return plant_contact_cost(plant)->evaluations - before;
+}
+
+/* The memory of the last evaluation answers for the same motion, bristles and time ahead only. */
+TEST(memory_of_contact_answers_for_the_same_bristles)
+{
+    static struct rig_scene scene;
+    double *bristle;
+    size_t count, other = 0;
+
+    rig_scene_init(&scene, &coman);
+    rig_scene_settle(&scene);
+    rig_scene_hold(&scene);
+    bristle = plant_state(scene.plant, &count) + scene.plant->at.bristle;
+    evaluate(scene.plant, 0.0);
+    assert_int_equal(evaluate(scene.plant, 0.0), 0);
+    assert_true(scene.plant->nlive >= FEET);
+
+    /* Another time ahead, one bristle bent further, one more pair with bristles, one less */
+    assert_int_equal(evaluate(scene.plant, 1e-4), 1);
+    assert_int_equal(evaluate(scene.plant, 1e-4), 0);
+    assert_int_equal(evaluate(scene.plant, 0.0), 1);
+    bristle[CONTACT_BRISTLE * (size_t)scene.plant->live[0]] += 1e-9;
+    assert_int_equal(evaluate(scene.plant, 0.0), 1);
+    while (scene.plant->live[0] == (int)other || scene.plant->live[1] == (int)other) {
+        other++;
+    }
+    bristle[CONTACT_BRISTLE * other] = 1e-9;
+    assert_int_equal(evaluate(scene.plant, 0.0), 1);
+    assert_int_equal(evaluate(scene.plant, 0.0), 0);
+    bristle[CONTACT_BRISTLE * other] = 0.0;
+    assert_int_equal(evaluate(scene.plant, 0.0), 1);
     rig_scene_fini(&scene);
 }

@@ -7,6 +7,7 @@
 #include "tests/test.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 enum { POINTS = 4 };
@@ -135,6 +136,77 @@ TEST(odd_wrenches_show_nothing_or_at_the_body)
     row.value[2] = 1e9;
     contact_arrows_find(&contacts, row.value, row.pose, arrow);
     assert_true(arrow[0].length_m < 1.0);
+}
+
+/* Each bound from both sides, of a force whose axis goes through the body's origin: on the plane
+ * the arrow begins where the axis meets it, elsewhere at the origin. */
+TEST(arrows_keep_each_of_their_bounds)
+{
+    static const struct {
+        double height, force[3]; /* of the body above the plane, m; N */
+        size_t count;
+        bool on_plane;
+        double length_m;
+    } row[] = {
+        {0.05, {0.0, 0.0, 3.99}, 0, false, 0.0}, /* the shortest, 4 mm */
+        {0.05, {0.0, 0.0, 4.01}, 1, true, 0.00401},
+        {0.05, {0.0, 0.0, 899.0}, 1, true, 0.899}, /* the longest, 0.9 m */
+        {0.05, {0.0, 0.0, 901.0}, 1, true, 0.9},
+        {0.05, {97.9, 0.0, 20.1}, 1, true, 0.09994}, /* a fifth of the force presses */
+        {0.05, {98.1, 0.0, 19.9}, 1, false, 0.1001},
+        {0.299, {0.0, 0.0, 100.0}, 1, true, 0.1}, /* near the ground: 0.3 m */
+        {0.301, {0.0, 0.0, 100.0}, 1, false, 0.1},
+        {0.29, {180.0, 0.0, 100.0}, 1, true, 0.2059}, /* far from the body: 0.6 m */
+        {0.29, {183.0, 0.0, 100.0}, 1, false, 0.2085},
+    };
+    struct contact_arrows contacts = contacts_on((const double[3]){0.0, 0.0, 1.0});
+
+    for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
+        struct contact_arrow arrow[CONTACT_ARROWS];
+        struct row at = {.pose = {[RECORDER_POSE + 2] = contacts.ground_point[2] + row[i].height}};
+        const double *origin = at.pose + RECORDER_POSE;
+
+        memcpy(at.value + 2, row[i].force, sizeof row[i].force);
+        if (contact_arrows_find(&contacts, at.value, at.pose, arrow) != row[i].count) {
+            fail_msg("row %zu: not %zu arrows", i, row[i].count);
+        }
+        if (row[i].count > 0) {
+            double meets = row[i].on_plane ? row[i].height / row[i].force[2] : 0.0;
+
+            for (int k = 0; k < 3; k++) {
+                assert_true(fabs(arrow[0].at[k] - (origin[k] - meets * row[i].force[k])) < 1e-12);
+            }
+            assert_true(fabs(arrow[0].length_m - row[i].length_m) < 1e-4);
+        }
+    }
+}
+
+/* The printed orientation turns the x axis onto the force. */
+TEST(arrows_are_printed_along_their_forces)
+{
+    static const double along[][3] = {{1.0, 0.0, 0.0},  {0.0, 1.0, 0.0},    {0.0, 0.0, 1.0},
+                                      {0.0, 0.0, -1.0}, {0.48, -0.6, 0.64}, {-0.8, 0.36, -0.48},
+                                      {-1.0, 0.0, 0.0}};
+
+    for (size_t i = 0; i < sizeof along / sizeof *along; i++) {
+        struct contact_arrow arrow = {.at = {0.5, -0.25, 2.0}, .length_m = 0.2};
+        char text[CONTACT_ARROW_SIZE];
+        double x, y, z, w, p[3];
+
+        memcpy(arrow.along, along[i], sizeof arrow.along);
+        *contact_arrows_print(&arrow, 1, text) = '\0';
+        assert_int_equal(sscanf(text,
+                                "{\"pose\":{\"position\":{\"x\":%lf,\"y\":%lf,\"z\":%lf},"
+                                "\"orientation\":{\"x\":%lf,\"y\":%lf,\"z\":%lf,\"w\":%lf",
+                                &p[0], &p[1], &p[2], &x, &y, &z, &w),
+                         7);
+        assert_near(p, arrow.at);
+        assert_true(fabs(1.0 - 2.0 * (y * y + z * z) - along[i][0]) < 1e-5);
+        assert_true(fabs(2.0 * (x * y + w * z) - along[i][1]) < 1e-5);
+        assert_true(fabs(2.0 * (x * z - w * y) - along[i][2]) < 1e-5);
+        assert_non_null(strstr(text, "\"shaft_length\":0.14,")); /* 0.2 m less the head */
+        assert_non_null(strstr(text, "\"head_length\":0.06,"));
+    }
 }
 
 TEST(the_longest_numbers_fit)
