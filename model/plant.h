@@ -234,6 +234,20 @@ uint64_t plant_hash(const struct plant *plant);
  * PLANT_PATCHES patches. RT-safe when the contact engine is. */
 enum error_code plant_energy(struct plant *plant, struct plant_energy *energy);
 
+/* Energy that appeared from nowhere. */
+struct plant_created {
+    double energy_j, turnover_j; /* and the work and losses in the same span */
+    int64_t span_ns;             /* up to the present state */
+    bool contact;                /* contacts gave it; otherwise the motion gained it */
+};
+
+/* Checks the energy account since the last check, and since it began (plant_account.c). Returns
+ * true, and fills created, if more than a fifth of the turnover and the energy that lifts the robot
+ * by 2 cm appeared from nowhere: the integrator diverges, or a law is too stiff for its steps. The
+ * account then begins anew; it also does so after a clamp. Robots with hydraulic joints have none.
+ * Call it after plant_sample. RT-safe. */
+bool plant_check_energy(struct plant *plant, struct plant_created *created);
+
 /* Makes energies count from the present state, after it was written through plant_state. Returns
  * as plant_energy. RT-safe when the contact engine is. */
 enum error_code plant_restart_energy(struct plant *plant);

@@ -269,6 +269,7 @@ void plant_derivative(void *context, double t, const double *state, double *deri
     if (plant->step_code != ERROR_NONE) {
         return;
     }
+    plant->account.load = load;
 
     /* Rates of all parts of the state, in their order */
     dynamics_qdot(robot, plant->q, state + plant->at.v, derivative);

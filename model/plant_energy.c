@@ -7,9 +7,7 @@
 
 #include <string.h>
 
-/* Returns the stored energy of motion, gravity, springs, stops, couplings, oil, windings and bus,
- * J. */
-static double stored_mechanical(struct plant *plant)
+double plant_stored_mechanical(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
     const struct dynamics *dynamics = plant->config.dynamics;
@@ -109,14 +107,15 @@ enum error_code plant_restart_energy(struct plant *plant)
     if (plant->config.account_energy) {
         memset(plant->state + plant->at.work, 0, plant->nwork * sizeof *plant->state);
     }
-    plant->start_mechanical = stored_mechanical(plant);
+    plant->account.runs = false;
+    plant->start_mechanical = plant_stored_mechanical(plant);
     return stored_contact(plant, &plant->start_contact);
 }
 
 enum error_code plant_energy(struct plant *plant, struct plant_energy *energy)
 {
     const double *work = plant->state + plant->at.work;
-    double mechanical = stored_mechanical(plant), contact;
+    double mechanical = plant_stored_mechanical(plant), contact;
     enum error_code code = stored_contact(plant, &contact);
 
     if (code != ERROR_NONE) {
@@ -135,7 +134,7 @@ enum error_code plant_energy(struct plant *plant, struct plant_energy *energy)
     energy->spring_damping = work[WORK_SPRING_DAMPING];
     energy->parallel_damping = work[WORK_PARALLEL_DAMPING];
     energy->stop_loss = work[WORK_STOPS];
-    energy->contact_dissipation = -work[WORK_CONTACT] - (contact - plant->start_contact);
+    energy->contact_dissipation = 0.0 - work[WORK_CONTACT] - (contact - plant->start_contact);
     if (plant->nwork > WORK_GEAR) {
         /* Fills in the accounts of effects and bus */
         energy->gear_friction = work[WORK_GEAR];

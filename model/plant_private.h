@@ -65,6 +65,31 @@ struct plant_contact_memory {
     struct body_motion motion[]; /* ncontact; more arrays follow: plant_contact.c */
 };
 
+/* Powers of external forces on the bodies, W. */
+struct plant_load {
+    double contact, push;
+};
+
+/* The always-on energy account: plant_account.c. Sums in J: work of drives and pushes, work of
+ * contact on the bodies, losses, and the magnitudes of all. */
+enum plant_account_sum {
+    ACCOUNT_IN,
+    ACCOUNT_CONTACT,
+    ACCOUNT_LOST,
+    ACCOUNT_TURNOVER,
+    ACCOUNT_SUMS
+};
+struct plant_account_moment {
+    int64_t time_ns;
+    double sum[ACCOUNT_SUMS], stored, contact; /* stored in motion and springs, and in contacts */
+};
+struct plant_account {
+    bool runs;                /* start and window are valid */
+    double sum[ACCOUNT_SUMS]; /* up to the present state */
+    struct plant_account_moment start, window;
+    struct plant_load load; /* at the last evaluation of an integrator that is not implicit */
+};
+
 /* Arrays by body have nbody entries for the robot, then nfree for the free bodies. */
 struct plant {
     struct plant_config config; /* contact_body and free are the plant's own copies */
@@ -141,14 +166,10 @@ struct plant {
     struct wrench *bending_load;
 
     double start_mechanical, start_contact; /* stored at the start, J */
+    struct plant_account account;
     struct contact_patch *patch;
     enum error_code step_code; /* error of the current substep */
     const char *failure;
-};
-
-/* Powers of external forces on the bodies, W. */
-struct plant_load {
-    double contact, push;
 };
 
 /* Returns the offset of a drive's state; its parts are enum plant_drive_part. */
@@ -241,6 +262,17 @@ double plant_supply(const struct plant *plant);
 /* balanced: makes the clamp of a clamped robot hold the rotors and carry no load; otherwise makes
  * it an ordinary clamp. Rotors stop. */
 void plant_balance(struct plant *plant, bool balanced);
+
+/* ---- energy: plant_energy.c, plant_account.c ---- */
+
+/* Returns the stored energy of motion, gravity, springs, stops, couplings, oil, windings and bus,
+ * J. */
+double plant_stored_mechanical(struct plant *plant);
+
+/* plant_account_step adds the powers in the state after a substep of h seconds to the account;
+ * plant_account_load those of external forces over h seconds. */
+void plant_account_step(struct plant *plant, double h);
+void plant_account_load(struct plant *plant, double h, const struct plant_load *load);
 
 /* ---- hydraulic joints: plant_hydraulic.c ---- */
 

@@ -36,6 +36,7 @@ static void set_drive_condition(struct plant *plant, size_t d, unsigned conditio
         plant->state[plant_drive_offset(plant, d) + DRIVE_MOTOR_SPEED] = 0.0;
     }
     plant->condition[d] = condition;
+    plant->account.runs = false; /* parts that break or jam take energy away */
     plant->lost[plant_drive_offset(plant, d) + DRIVE_MOTOR_SPEED] = 0.0;
 
     /* Parameters of the drive without faults, minus the broken parts */
@@ -191,6 +192,7 @@ static enum error_code advance_substep(struct plant *plant)
     }
     plant_free_normalize(plant);
     plant->time_ns += plant->config.substep_ns;
+    plant_account_step(plant, h);
     return ERROR_NONE;
 }
 

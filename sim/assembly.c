@@ -155,11 +155,12 @@ static int64_t simulator_wall_time_ns(void *clock)
     return clock_now(clock);
 }
 
-/* Clamps the robot if the rig says so, sets its pose, and settles it. */
+/* Clamps the robot if the rig says so, sets its pose, creates the watch, and settles the robot. */
 static enum error_code simulator_place_robot(struct simulator *simulator, struct error *error)
 {
     const struct rig *rig = simulator->config.rig;
     const enum rig_hold hold = simulator->config.hold;
+    enum error_code code;
 
     simulator->release = (struct release){.due = hold == RIG_HOLD_ENABLED, .at_ns = -1};
     atomic_store(&simulator->released, -1);
@@ -168,6 +169,10 @@ static enum error_code simulator_place_robot(struct simulator *simulator, struct
     if (plant_reset(simulator->plant, rig->base_position, rig->base_quaternion, rig->joint)) {
         return error_set(error, ERROR_INPUT, "%s: the robot cannot be put into pose %s: %s",
                          rig->file, rig->pose, plant_failure(simulator->plant));
+    }
+    code = watch_create(rig, simulator->plant, simulator->arena, &simulator->watch, error);
+    if (code) {
+        return code;
     }
     if (simulator->config.settle &&
         plant_settle(simulator->plant, simulator->arena, &simulator->settled, error)) {
@@ -282,7 +287,7 @@ static void simulator_restart_counter(void *context, int joint)
 }
 
 /* Creates the boards with their first measured values, the limits of what they send in a tick, the
- * listener to external boards, and the watch for limits, stops and falls. */
+ * listener to external boards. */
 static enum error_code simulator_create_boards(struct simulator *simulator, struct error *error)
 {
     const struct rig *rig = simulator->config.rig;
@@ -307,10 +312,8 @@ static enum error_code simulator_create_boards(struct simulator *simulator, stru
     }
 
     /* The listener to external boards stays NULL if the rig has none */
-    code = external_create(rig, simulator->boards, simulator->plant, simulator->arena,
+    return external_create(rig, simulator->boards, simulator->plant, simulator->arena,
                            &simulator->external, error);
-    return code ? code
-                : watch_create(rig, simulator->plant, simulator->arena, &simulator->watch, error);
 }
 
 /* ---- the other side: task, requests, gateway ---- */

@@ -117,11 +117,14 @@ static void machine_control(void *context, int64_t now_ns)
     }
 }
 
-/* Stores the reason if the model has failed; returns whether it is valid. */
-static bool simulator_check_plant(struct simulator *simulator, enum error_code code)
+/* Stores the reason if the model has failed, and whether its energy came from nowhere; returns
+ * whether it is valid. */
+static bool simulator_check_plant(struct simulator *simulator, enum error_code code, int64_t now_ns)
 {
     if (code) {
-        snprintf(simulator->failure, sizeof simulator->failure, "%s",
+        watch_check_energy(simulator->watch, now_ns);
+        snprintf(simulator->failure, sizeof simulator->failure, "%s%s",
+                 watch_found_energy(simulator->watch) ? "the integrator diverges: " : "",
                  plant_failure(simulator->plant));
     }
     return !code;
@@ -132,9 +135,8 @@ static bool machine_plant(void *context, int64_t now_ns)
 {
     struct simulator *simulator = context;
 
-    (void)now_ns; /* the plant has its own time */
-    return simulator_check_plant(simulator,
-                                 plant_step(simulator->plant, simulator->config.rig->substeps));
+    return simulator_check_plant(
+        simulator, plant_step(simulator->plant, simulator->config.rig->substeps), now_ns);
 }
 
 /* Samples plant and sensors for the boards at the tick's end; returns false if the model
@@ -143,7 +145,7 @@ static bool machine_sample(void *context, int64_t now_ns)
 {
     struct simulator *simulator = context;
 
-    if (!simulator_check_plant(simulator, plant_sample(simulator->plant))) {
+    if (!simulator_check_plant(simulator, plant_sample(simulator->plant), now_ns)) {
         return false;
     }
     watch_step(simulator->watch, now_ns);

@@ -7,6 +7,7 @@
 #include "base/vec3.h"
 
 #include <math.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -17,6 +18,9 @@ enum { EVENT_SLOTS = 256 };
 #define SUNK 0.5
 /* part of the deflection at the stop below which the spring is off the stop */
 #define SPRING_BACK 0.9
+
+/* Smallest depth, in addition to the layers, that means an error, m. */
+#define WATCH_DEEP_M 0.02
 
 /* The watch's state of a joint: whether it is past a limit, and whether its series spring is at
  * its stop. */
@@ -47,6 +51,10 @@ struct watch {
     double base_up[3]; /* up direction at that time, in the base's frame */
     /* height of the base above the lowest observed body at that time, m */
     double height;
+
+    /* Energy and depth: time of the next check, last time of a finding; -1 = none */
+    int64_t energy_ns, created_ns, depth_ns, deep_ns;
+    _Atomic bool found_energy;
 
     struct ring events;
 };
@@ -261,6 +269,161 @@ static void watch_fall(struct watch *watch, int64_t now_ns)
     }
 }
 
+/* ---- energy ---- */
+
+void watch_check_energy(struct watch *watch, int64_t now_ns)
+{
+    struct plant_created created;
+
+    watch->energy_ns = now_ns + WATCH_ENERGY_NS;
+    if (!plant_check_energy(watch->plant, &created)) {
+        return;
+    }
+    if (watch->created_ns < 0 || now_ns - watch->created_ns >= WATCH_CALM_NS) {
+        const struct watch_event event = {.time_ns = now_ns,
+                                          .kind = WATCH_ENERGY,
+                                          .index = created.contact,
+                                          .span_ns = created.span_ns,
+                                          .value = created.energy_j,
+                                          .limit = created.turnover_j};
+
+        ring_push(&watch->events, &event);
+    }
+    watch->created_ns = now_ns;
+    atomic_store(&watch->found_energy, true);
+}
+
+/* ---- depth ---- */
+
+/* Returns how far a surface reaches below a half-space of the world, m. */
+static double depth_below(const struct watch *watch, const struct contact_surface *surface,
+                          const struct contact_surface *plane)
+{
+    const struct body_motion *motion =
+        &plant_motion(watch->plant)[watch->rig->contact_body[surface->body]];
+    double normal[3], up[3], n[3], center[3], reach = surface->radius_m;
+
+    /* The plane's normal in the axes of body and surface, and the surface's place */
+    for (int k = 0; k < 3; k++) {
+        normal[k] = plane->rotation[3 * k + 2];
+    }
+    mat3_apply_transposed(motion->R, normal, up);
+    mat3_apply_transposed(surface->rotation, up, n);
+    mat3_apply(motion->R, surface->position, center);
+    for (int k = 0; k < 3; k++) {
+        center[k] += motion->p[k] - plane->position[k];
+    }
+    if (surface->shape == CONTACT_CAPSULE) {
+        reach += 0.5 * surface->length_m * fabs(n[2]);
+    } else if (surface->shape == CONTACT_BOX) {
+        reach = fabs(surface->half_extent_m[0] * n[0]) + fabs(surface->half_extent_m[1] * n[1]) +
+                fabs(surface->half_extent_m[2] * n[2]);
+    } else if (surface->shape == CONTACT_MESH) {
+        reach = -(double)INFINITY;
+        for (size_t i = 0; i < surface->mesh->nvertex; i++) {
+            reach = fmax(reach, -vec3_dot(surface->mesh->vertex[i], n));
+        }
+    }
+    return reach - vec3_dot(center, normal);
+}
+
+/* Returns the depth that the layers of two surfaces can mean, m: both thicknesses, and the larger
+ * of WATCH_DEEP_M and a quarter of a radius or half extent. */
+static double watch_limit(const struct contact_surface *a, const struct contact_surface *b)
+{
+    const struct contact_surface *const side[2] = {a, b};
+    double layers = 0.0, size = 0.0;
+
+    for (int i = 0; i < 2; i++) {
+        const double *half = side[i]->half_extent_m;
+
+        layers += side[i]->material.thickness_m;
+        size = fmax(size, side[i]->shape == CONTACT_BOX ? fmin(half[0], fmin(half[1], half[2]))
+                                                        : side[i]->radius_m);
+    }
+    return layers + fmax(WATCH_DEEP_M, 0.25 * size);
+}
+
+/* Keeps a depth of a pair in event if it is beyond its limit by more than *worst. */
+static void note_depth(const struct watch *watch, const struct contact_pair *pair, double depth,
+                       double *worst, struct watch_event *event)
+{
+    const struct contact_surface *surface = watch->rig->contact.surface;
+    const bool swap = surface[pair->a].body < 0;
+    const double limit = watch_limit(&surface[pair->a], &surface[pair->b]);
+
+    if (depth - limit > *worst) {
+        *worst = depth - limit;
+        event->index = (size_t)(swap ? pair->b : pair->a);
+        event->surface = (size_t)(swap ? pair->a : pair->b);
+        event->value = depth;
+        event->limit = limit;
+    }
+}
+
+/* Finds the pair that is deepest beyond its limit, by the depths of the engine; planes: also by the
+ * depths of surfaces below half-spaces, which an engine may not report. Returns false if there is
+ * none. */
+static bool find_deepest(const struct watch *watch, bool planes, struct watch_event *event)
+{
+    const struct contact_config *contact = &watch->rig->contact;
+    const size_t count = plant_patches(watch->plant, watch->patch, watch->npatch);
+    double worst = 0.0;
+
+    for (size_t i = 0; i < count && i < watch->npatch; i++) {
+        note_depth(watch, &contact->pair[watch->patch[i].pair], watch->patch[i].penetration_m,
+                   &worst, event);
+    }
+    for (size_t p = 0; planes && p < contact->npair; p++) {
+        const struct contact_pair *pair = &contact->pair[p];
+        const struct contact_surface *a = &contact->surface[pair->a],
+                                     *b = &contact->surface[pair->b];
+
+        if (a->body < 0 && a->shape == CONTACT_HALF_SPACE) {
+            note_depth(watch, pair, depth_below(watch, b, a), &worst, event);
+        } else if (b->body < 0 && b->shape == CONTACT_HALF_SPACE) {
+            note_depth(watch, pair, depth_below(watch, a, b), &worst, event);
+        }
+    }
+    return worst > 0.0;
+}
+
+/* Emits one event while some pair is too deep, until none was for WATCH_CALM_NS. */
+static void watch_depth(struct watch *watch, int64_t now_ns)
+{
+    struct watch_event event = {.time_ns = now_ns, .kind = WATCH_DEEP};
+
+    watch->depth_ns = now_ns + WATCH_DEPTH_NS;
+    if (find_deepest(watch, watch->rig->contact_engine == RIG_CONTACT_SIMBODY, &event)) {
+        if (watch->deep_ns < 0 || now_ns - watch->deep_ns >= WATCH_CALM_NS) {
+            ring_push(&watch->events, &event);
+        }
+        watch->deep_ns = now_ns;
+    }
+}
+
+/* Refuses a surface that starts deeper in a surface of the world than layers and backing can mean.
+ */
+static enum error_code check_start(const struct watch *watch, struct error *error)
+{
+    const struct rig *rig = watch->rig;
+    struct watch_event event;
+    int body;
+
+    if (rig->contact_engine == RIG_CONTACT_NONE || !find_deepest(watch, true, &event) ||
+        rig->contact.surface[event.surface].body >= 0) {
+        return ERROR_NONE;
+    }
+    body = rig->contact_body[rig->contact.surface[event.index].body];
+    return error_set(error, ERROR_INPUT,
+                     "%s: surface %s of body %s starts %.4g m deep in %s, expected at most %.2g m: "
+                     "raise it by base_xyz_m or base_height_m",
+                     rig->file, rig->contact.surface[event.index].name,
+                     body < (int)rig->robot->nbody ? rig->robot->body[body].name
+                                                   : rig->free[body - (int)rig->robot->nbody].name,
+                     event.value, rig->contact.surface[event.surface].name, event.limit);
+}
+
 /* ---- the whole watch ---- */
 
 void watch_step(struct watch *watch, int64_t now_ns)
@@ -280,6 +443,17 @@ void watch_step(struct watch *watch, int64_t now_ns)
     } else if (watch->falls) {
         watch_fall(watch, now_ns);
     }
+    if (now_ns >= watch->energy_ns) {
+        watch_check_energy(watch, now_ns);
+    }
+    if (now_ns >= watch->depth_ns && watch->rig->contact_engine != RIG_CONTACT_NONE) {
+        watch_depth(watch, now_ns);
+    }
+}
+
+bool watch_found_energy(const struct watch *watch)
+{
+    return atomic_load(&watch->found_energy);
 }
 
 /* Finds the ends of limbs: bodies without children. */
@@ -312,6 +486,7 @@ enum error_code watch_create(const struct rig *rig, struct plant *plant, struct 
     watch->rig = rig;
     watch->plant = plant;
     watch->npatch = 2 * rig->contact.npair;
+    watch->created_ns = watch->deep_ns = -1;
     watch->joint = arena_alloc(arena, robot->njoint + 1, sizeof *watch->joint);
     watch->patch = arena_alloc(arena, watch->npatch + 1, sizeof *watch->patch);
     watch->limb_end = arena_alloc(arena, robot->nbody, sizeof *watch->limb_end);
@@ -331,7 +506,7 @@ enum error_code watch_create(const struct rig *rig, struct plant *plant, struct 
         remember_standing(watch, plant_values(plant, &count), plant_time_ns(plant));
     }
     *out = watch;
-    return ERROR_NONE;
+    return check_start(watch, error);
 }
 
 const struct ring *watch_event_ring(const struct watch *watch)
@@ -348,6 +523,7 @@ void watch_event_format(const struct watch *watch, const struct watch_event *eve
                         size_t size)
 {
     const struct robot *robot = watch->rig->robot;
+    const struct contact_surface *surface = watch->rig->contact.surface;
     double seconds = (double)event->time_ns * 1e-9;
 
     switch (event->kind) {
@@ -372,7 +548,25 @@ void watch_event_format(const struct watch *watch, const struct watch_event *eve
         break;
     case WATCH_TOUCH:
         snprintf(text, size, "%.6f s: fell: body %s touched %s", seconds,
-                 robot->body[event->index].name, watch->rig->contact.surface[event->surface].name);
+                 robot->body[event->index].name, surface[event->surface].name);
+        break;
+    case WATCH_ENERGY:
+        snprintf(text, size,
+                 "%.6f s: energy from nowhere: %s gained %.3g J in %.4g s, with a turnover of "
+                 "%.3g J: %s; shorten substep_s (%g)%s",
+                 seconds, event->index ? "bodies in contact" : "the motion", event->value,
+                 (double)event->span_ns * 1e-9, event->limit,
+                 event->index ? "materials are too stiff for the steps" : "the integrator diverges",
+                 (double)watch->rig->substep_ns * 1e-9,
+                 event->index                               ? " or soften the materials"
+                 : watch->rig->integrator == PLANT_IMPLICIT ? ""
+                                                            : " or use integrator: implicit");
+        break;
+    case WATCH_DEEP:
+        snprintf(text, size,
+                 "%.6f s: %s is %.4g m deep in %s, more than layers and backing can mean (%.2g m)",
+                 seconds, surface[event->index].name, event->value, surface[event->surface].name,
+                 event->limit);
         break;
     }
 }

@@ -294,6 +294,11 @@ const char *simulator_failure(const struct simulator *simulator)
     return simulator->failure;
 }
 
+bool simulator_found_energy(const struct simulator *simulator)
+{
+    return watch_found_energy(simulator->watch);
+}
+
 const struct settled *simulator_settled(const struct simulator *simulator)
 {
     return simulator->config.settle ? &simulator->settled : NULL;

@@ -185,6 +185,8 @@ struct gateway *simulator_gateway(const struct simulator *simulator); /* NULL = 
 const struct task_runner *
 simulator_task_runner(const struct simulator *simulator);         /* NULL = none */
 const char *simulator_failure(const struct simulator *simulator); /* valid after LOOP_END_MODEL */
+/* Returns whether energy appeared from nowhere (sim/mechanics_events.h): the results are wrong. */
+bool simulator_found_energy(const struct simulator *simulator);
 /* Result of plant_settle at the start; NULL without settle. */
 const struct settled *simulator_settled(const struct simulator *simulator);
 /* The recorded controller's frames; NULL without config.stimulus. */

@@ -411,6 +411,11 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
     } else if (end == LOOP_END_MODEL) {
         outcome->ran = false;
         snprintf(outcome->text, sizeof outcome->text, "%.200s", simulator_failure(simulator));
+    } else if (simulator_found_energy(simulator)) {
+        outcome->ran = false;
+        snprintf(
+            outcome->text, sizeof outcome->text,
+            "energy appeared from nowhere: shorten substep_s, or soften materials and springs");
     }
     if (scenario_run_finish_recording(run, options->record, end, outcome, &error)) {
         snprintf(outcome->unrecorded, sizeof outcome->unrecorded, "%.200s", error.text);

@@ -182,6 +182,8 @@ void implicit_gather_wrenches(struct plant *plant)
     const struct implicit *im = plant->implicit;
 
     plant->impulse_s += im->h;
+    plant_account_load(plant, 1.0,
+                       &(struct plant_load){im->work[WORK_CONTACT], im->work[WORK_PUSH]});
     for (size_t c = 0; c < plant->config.ncontact; c++) {
         const double *w = im->wrench[c].force, *w_1 = im->wrench_1[c].force;
         struct contact_wrench mean;

@@ -301,7 +301,8 @@ enum error_code implicit_linearize_contact(struct plant *plant);
  * accelerations a; raises jump. */
 void implicit_end_contact(struct plant *plant);
 
-/* Adds the mean wrenches of the solved part of a step to the plant's peaks and impulses. */
+/* Adds the mean wrenches of the solved part of a step to the plant's peaks and impulses, and their
+ * work to its account. */
 void implicit_gather_wrenches(struct plant *plant);
 
 /* Limits the wrenches at the end of the step for output: surfaces do not pull, and friction is

@@ -21,7 +21,7 @@ start()
     result $? "the run from the start $name ends with status 0"
 }
 
-echo 1..10
+echo 1..11
 start rig
 start settled --settle
 
@@ -58,4 +58,26 @@ END
 [ $? -eq 2 ] && grep -q "box would slide: it stands on a slope of 0.35 rad, where 5.37 N push it \
 sideways, and friction holds it up to 0.326 rad" "$work/slide.err"
 tap_show=$work/slide.err result $? "of a robot that stands and a box that slides the box is named"
+
+# Steps too long for rk4: the verdict names the cause, beside a test of what cannot be wrong
+sed -e "s|^integrator: implicit.*|integrator: rk4|" "$rig" >"$work/config/rigs/diverges.yaml"
+cat >"$work/config/scenarios/diverges.yaml" <<'END'
+name: diverges
+description: COMAN, limp, with steps that are too long for its integrator
+rig: ../rigs/diverges.yaml
+hold: none
+duration_s: DURATION
+expectations:
+  - {name: the knee has an angle, signal: LKneeSag.q, between: [-100, 100]}
+END
+judge()
+{
+    sed -i "s|DURATION|$1|" "$work/config/scenarios/diverges.yaml"
+    "$HIL_BINARY_DIR/coman-hil" test "$work/config/scenarios/diverges.yaml" \
+        >"$work/diverges.out" 2>&1
+    [ $? -eq 1 ] && grep -q "$2" "$work/diverges.out" &&
+        sed -i "s|^duration_s: .*|duration_s: DURATION|" "$work/config/scenarios/diverges.yaml"
+}
+judge 0.07 "energy appeared from nowhere" && judge 0.2 "the integrator diverges: "
+tap_show=$work/diverges.out result $? "a test whose integrator diverges does not pass"
 python3 "$HIL_SOURCE_DIR/tests/service/settle_judge.py" "$work/rig" "$work/settled" 5

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-foreach(name buses checkpoint contact_arrows external external_runs interfaces
+foreach(name buses checkpoint contact_arrows energy_and_depth external external_runs interfaces
              limb_host loop_quiet published robot_requests robot_requests_restore
              robot_requests_threads robot_requests_timed stimulus task_trouble)
     hil_test(sim_${name} SOURCES unit/sim/${name}.c LIBS sim LABELS unit)
