@@ -224,8 +224,10 @@ class Described(Boards):
         return texts
 
     def reporting(self) -> list[list[str]]:
-        return [[text for i in self.table["discover"] for text in self._to_boards(i, False)],
-                [text for i in self.table["configure"] for text in self._to_boards(i, True)]]
+        # a question makes boards answer that do not report by themselves once they are configured
+        if not self.table["configure"]:
+            return [[text for i in self.table["discover"] for text in self._to_boards(i, False)]]
+        return [[text for i in self.table["configure"] for text in self._to_boards(i, True)]]
 
     def _to_axis(self, index: int, slot: int, point: tuple[str, float] | None,
                  state: Mapping[str, Any], points: Mapping[str, tuple[str, float]]) -> str:
