@@ -10,6 +10,7 @@
 #include <net/if.h>
 #include <net/if_arp.h>
 #include <string.h>
+#include <unistd.h>
 
 /* An answer under construction, as large as the kernel's. */
 struct answer {
@@ -206,4 +207,26 @@ TEST(answers_of_another_length_or_type_are_refused)
     begin(&answer, IFF_UP);
     header_of(&answer)->nlmsg_type = RTM_DELLINK;
     assert_int_equal(link_parse(answer.bytes, answer.size, &info), EPROTO);
+}
+
+/* Every system has lo, which is no CAN interface. A second question gets its own answer, although
+ * the first one's was not the last in the socket. */
+TEST(the_kernel_is_asked_by_name)
+{
+    const int descriptor = link_open();
+    struct link_info info;
+
+    if (descriptor < 0) {
+        print_message("SKIP: no netlink socket\n");
+        skip();
+    }
+    for (int i = 0; i < 2; i++) {
+        assert_int_equal(link_query(descriptor, "lo", &info), 0);
+        assert_int_equal(info.type, ARPHRD_LOOPBACK);
+        assert_true(info.index > 0 && info.mtu > 0);
+        assert_int_equal(link_query(descriptor, "hil_none", &info), ENODEV);
+    }
+    assert_int_equal(link_query(descriptor, "", &info), ENODEV);
+    assert_int_equal(link_query(descriptor, "sixteen_letters_", &info), ENODEV);
+    close(descriptor);
 }

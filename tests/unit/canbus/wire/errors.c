@@ -117,6 +117,96 @@ TEST_WITH(overlapping_flags_last_six_to_twelve_bits, NULL, tear_down)
     memset(&bench, 0, sizeof bench);
 }
 
+/* The bit behind all flags and their delimiter when one receiver misreads a bit: every node by
+ * itself, bit by bit. It finds six equal bits, else a wrong CRC behind the ACK field. */
+static int64_t misread_end(const struct reference *bits, int64_t wrong)
+{
+    int64_t found = (int64_t)bits->delimiter + 2, sender = -1, other = -1, end;
+    int run = 0, last = -1;
+
+    for (int64_t i = 0; i < (int64_t)bits->delimiter; i++) {
+        const int read = reference_value(bits->bit[i]) ^ (i == wrong);
+
+        run = read == last ? run + 1 : 1;
+        last = read;
+        if (run == 6 && i >= wrong) {
+            found = i;
+            break;
+        }
+    }
+    if (found > (int64_t)bits->delimiter) {
+        return found + 1 + 7 + 8; /* all others answer to its first bit */
+    }
+    /* The sender sends on until it reads a recessive bit of its own as dominant; the other receiver
+     * until it has read six dominant bits */
+    run = 0;
+    for (int64_t i = found; i >= 0 && !reference_value(bits->bit[i]); i--) {
+        run++;
+    }
+    for (int64_t t = found + 1; sender < 0 || other < 0; t++) {
+        other = other < 0 && run >= 6 ? t : other;
+        sender = sender < 0 && reference_value(bits->bit[t]) ? t + 1 : sender;
+        run++;
+    }
+    end = sender > other ? sender : other;
+    return (end > found + 1 ? end : found + 1) + 6 + 8;
+}
+
+TEST_WITH(a_receivers_error_ends_where_each_node_by_itself_says, NULL, tear_down)
+{
+    struct bus_frame frame = {.id = 0x555, .len = 8};
+    bool predicted[256] = {false}, seen[256] = {false};
+    struct reference bits;
+
+    memset(frame.data, 0xA3, sizeof frame.data);
+    reference_encode(&frame, &bits);
+    for (int64_t wrong = 13; wrong < (int64_t)bits.delimiter; wrong++) {
+        predicted[misread_end(&bits, wrong)] = true;
+    }
+    for (uint64_t seed = 0; seed < 2000; seed++) {
+        bench_open(&bench, (struct wire_config){.seed = seed});
+        inject(WIRE_FAULT_CORRUPT_AT, 1, 1);
+        wire_transmit(bench.wire, 0, &frame);
+        wire_advance(bench.wire, MS);
+        seen[bench_event(&bench, WIRE_BUS_ERROR, 0)->event.time_ns / US] = true;
+        assert_int_equal(bench_node(&bench, 1).rec_peak, 9);
+        assert_int_equal(bench_node(&bench, 2).rec_peak, 1);
+        bench_close(&bench);
+    }
+    for (int end = 0; end < 256; end++) {
+        if (predicted[end] != seen[end]) {
+            fail_msg("an error that ends behind bit %d: predicted %d, seen %d", end, predicted[end],
+                     seen[end]);
+        }
+    }
+    memset(&bench, 0, sizeof bench);
+}
+
+/* The bits of an FD frame behind its rate switch are short, also before an error. */
+TEST_WITH(an_error_in_an_fd_frame_ends_before_the_frame_would, NULL, tear_down)
+{
+    struct bus_frame frame = {.id = 0x123, .flags = FRAME_FD | FRAME_BRS, .len = 64};
+    int64_t earliest = INT64_MAX, latest = 0;
+
+    for (uint64_t seed = 0; seed < 200; seed++) {
+        int64_t end;
+
+        bench_open(&bench, (struct wire_config){.seed = seed, .fd = true, .data_bitrate = 4000000});
+        inject(WIRE_FAULT_CORRUPT, WIRE_ANY, 1);
+        wire_transmit(bench.wire, 0, &frame);
+        wire_advance(bench.wire, MS);
+        end = bench_event(&bench, WIRE_BUS_ERROR, 0)->event.time_ns;
+        earliest = end < earliest ? end : earliest;
+        latest = end > latest ? end : latest;
+        bench_close(&bench);
+    }
+    /* Error flags and delimiter are 14 to 20 bits at the nominal rate; EOF and more are 10 */
+    assert_in_range(latest, bench_duration(&frame, 1000000, 4000000) - 12 * US,
+                    bench_duration(&frame, 1000000, 4000000) + 10 * US);
+    assert_in_range(earliest, (14 + 14) * US, (20 + 20) * US);
+    memset(&bench, 0, sizeof bench);
+}
+
 TEST_WITH(a_node_alone_gets_passive_but_never_bus_off, NULL, tear_down)
 {
     struct bus_frame frame = bench_frame(0x123, 8);
