@@ -75,72 +75,41 @@ static void option_describe_value(const struct option_spec *option, char *out, s
     }
 }
 
-static bool option_parse_enum(const struct option_spec *option, const char *text)
-{
-    for (const struct word *w = option->words; w->word; w++) {
-        if (!strcmp(w->word, text)) {
-            *(int *)option->value = w->value;
-            return true;
-        }
-    }
-    return false;
-}
-
-static bool option_parse_real(const struct option_spec *option, const char *text)
-{
-    double value;
-
-    if (!text_to_double(text, &value) || value < option->min || value > option->max ||
-        (option->above_min && !(value > option->min))) {
-        return false;
-    }
-    *(double *)option->value = value;
-    return true;
-}
-
-/* Appends a value to a list; false = it is empty or the list is full. */
-static bool option_parse_list(const struct option_spec *option, const char *text)
-{
-    struct option_list *list = option->value;
-
-    if (*text == '\0' || list->count == OPTION_LIST_MAX) {
-        return false;
-    }
-    list->item[list->count++] = text;
-    return true;
-}
-
 /* Parses and stores the value of an option; false = invalid. */
 static bool option_parse_value(const struct option_spec *option, const char *text)
 {
+    struct option_list *list = option->value;
+    const struct word *word = option->words;
+    double value;
+
     switch (option->type) {
     case OPTION_REAL:
-        return option_parse_real(option, text);
+        if (!text_to_double(text, &value) || value < option->min || value > option->max ||
+            (option->above_min && !(value > option->min))) {
+            return false;
+        }
+        *(double *)option->value = value;
+        return true;
     case OPTION_INT:
         return text_to_int(text, (int64_t)option->min, (int64_t)option->max, option->value);
     case OPTION_ENUM:
-        return option_parse_enum(option, text);
+        while (word->word && strcmp(word->word, text) != 0) {
+            word++;
+        }
+        if (word->word) {
+            *(int *)option->value = word->value;
+        }
+        return word->word != NULL;
     case OPTION_LIST:
-        return option_parse_list(option, text);
+        if (*text == '\0' || list->count == OPTION_LIST_MAX) {
+            return false;
+        }
+        list->item[list->count++] = text;
+        return true;
     default:
         *(const char **)option->value = text;
         return *text != '\0';
     }
-}
-
-/* Refuses the value of an option, with a message about what was expected. */
-static enum error_code option_reject_value(const struct option_spec *option, const char *text,
-                                           struct error *error)
-{
-    char expected[256];
-
-    if (option->type == OPTION_LIST && *text) {
-        return error_set(error, ERROR_INPUT, "%s: found it more than %d times, expected fewer",
-                         option->name, OPTION_LIST_MAX);
-    }
-    option_describe_value(option, expected, sizeof expected);
-    return error_set(error, ERROR_INPUT, "%s: found \"%.100s\", expected %s", option->name, text,
-                     expected);
 }
 
 /* Parses the option at argv[*at] with its argument; *at moves to the last word used. */
@@ -182,7 +151,16 @@ static enum error_code options_parse_option(const struct command_spec *spec, int
                          text ? text : "nothing", expected);
     }
     *at += !equals;
-    return option_parse_value(option, text) ? ERROR_NONE : option_reject_value(option, text, error);
+    if (option_parse_value(option, text)) {
+        return ERROR_NONE;
+    }
+    if (option->type == OPTION_LIST && *text) {
+        return error_set(error, ERROR_INPUT, "%s: found it more than %d times, expected fewer",
+                         option->name, OPTION_LIST_MAX);
+    }
+    option_describe_value(option, expected, sizeof expected);
+    return error_set(error, ERROR_INPUT, "%s: found \"%.100s\", expected %s", option->name, text,
+                     expected);
 }
 
 /* Stores the next operand; *count: number of earlier ones. Operands of a list move to the beginning
