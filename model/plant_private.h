@@ -3,8 +3,8 @@
  * Declarations shared by the parts of the plant: plant_create.c (configuration, memory),
  * plant_step.c (stepping), plant_derive.c (right-hand side), plant_effects.c (drives with effects,
  * the supply), plant_contact.c, plant_free.c (free bodies), plant_sample.c (sensors),
- * plant_energy.c, implicit/, settle.c. Units and frames as in model/plant.h. RT-safe unless said
- * otherwise.
+ * plant_energy.c, plant_account.c, implicit/, settle.c. Units and frames as in model/plant.h.
+ * RT-safe unless said otherwise.
  */
 #ifndef MODEL_PLANT_PRIVATE_H
 #define MODEL_PLANT_PRIVATE_H
