@@ -399,6 +399,14 @@ static void print_stimulus(const struct simulator *simulator, bool quiet)
         return;
     }
     recorded_run_warn(&recorded, simulator_configuration(simulator)->stimulus, stderr);
+    if (stimulus->skipped[0]) {
+        fprintf(stderr, "%swarning: %s\n", journal_prefix(JOURNAL_WARNING), stimulus->skipped);
+    }
+    if (stimulus->gap_ns > LOG_GAP_NS) {
+        fprintf(
+            stderr, "%swarning: no frame for %.3f s before line %d; the run simulates this time\n",
+            journal_prefix(JOURNAL_WARNING), (double)stimulus->gap_ns * 1e-9, stimulus->gap_line);
+    }
     if (quiet) {
         return;
     }
@@ -416,15 +424,6 @@ static void print_stimulus(const struct simulator *simulator, bool quiet)
     }
     fprintf(stderr, "stimulus: %zu frames, the first at %.3f s; the log ends at %.3f s\n", frames,
             (double)first_ns * 1e-9, (double)stimulus->end_ns * 1e-9);
-    if (stimulus->skipped[0]) {
-        fprintf(stderr, "stimulus: %s\n", stimulus->skipped);
-    }
-    if (stimulus->gap_ns > LOG_GAP_NS) {
-        fprintf(stderr,
-                "stimulus: no frame for %.3f s before line %d; the run simulates this "
-                "time\n",
-                (double)stimulus->gap_ns * 1e-9, stimulus->gap_line);
-    }
 }
 
 /* Prints information for the user before the first tick; quiet: warnings and addresses alone. */

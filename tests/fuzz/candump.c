@@ -12,7 +12,7 @@
 static void check_frame(const struct bus_frame *frame, const char bus[16])
 {
     char text[CANDUMP_LINE_MAX], bus_again[16];
-    struct bus_frame again;
+    struct bus_frame again, written = *frame;
     struct error error;
     size_t size;
 
@@ -25,7 +25,8 @@ static void check_frame(const struct bus_frame *frame, const char bus[16])
                  text);
     fuzz_require(candump_parse(text, size, &again, bus_again, &error) == ERROR_NONE, "%s: %s", text,
                  error.text);
-    fuzz_require(memcmp(frame, &again, sizeof again) == 0 && strcmp(bus, bus_again) == 0, "%s",
+    written.time_ns -= written.time_ns % 1000; /* a line has microseconds */
+    fuzz_require(memcmp(&written, &again, sizeof again) == 0 && strcmp(bus, bus_again) == 0, "%s",
                  text);
 }
 

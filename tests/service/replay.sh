@@ -93,6 +93,8 @@ result $? "a recording that was played ends with a comparison"
 { echo "(1700000000.000000) can0 6FF#000000000000" && shift_log 1700000000; } >"$work/wall.log"
 again=$(hash coman --clock free --wire ideal --duration 1.2 --stimulus "$work/wall.log")
 same "a log of the wall clock is played from its first frame on" "$then" "$again"
+"$program" run coman --clock free --duration 0.01 --transport local --control none \
+    --stimulus "$work/wall.log" >"$work/out" 2>"$work/err" </dev/null
 grep -q "the run starts at that of its first frame, 1700000000.000" "$work/err"
 result $? "and says so"
 shift_log 1700000000 | cat "$work/real/candump.log" - >"$work/jump.log"
