@@ -126,7 +126,8 @@ static void local_raise_event(int event)
     } while (written < 0 && errno == EINTR);
 }
 
-/* Makes an event descriptor unreadable until it is raised again. Returns whether it was readable. */
+/* Makes an event descriptor unreadable until it is raised again. Returns whether it was
+ * readable. */
 static bool local_clear_event(int event)
 {
     uint64_t count;

@@ -31,8 +31,8 @@
  * order, and counts the lost ones. If the controller did not survive the pause, its motors are at 0
  * V one command time-out later.
  *
- * Between two ticks of the real clock the loop receives too, while somebody listens (machine.listens)
- * and the machine can answer. A frame goes to the machine at once, and its answers leave at once.
+ * Between two ticks of the real clock the loop receives too, if the machine can answer and somebody
+ * may send (machine.listens). A frame goes to the machine at once, and its answers leave at once.
  * Set-points take effect in the next tick. The work ends LOOP_ARRIVALS_MAX frames after the last
  * tick, or shortly before the deadline; later frames wait for the tick. Its time is in
  * PHASE_ARRIVALS, not in PHASE_WAIT. Periodic frames stay in the tick.

@@ -184,7 +184,7 @@ enum error_code import_stiffen_couplings(struct import_robot *from, struct arena
     }
     code = import_trial_make(robot, from->rest, arena, &trial, error);
 
-    /* Stiffness by the follower's inertia and the strength of the leader's drive; critical damping */
+    /* Stiffness by the follower's inertia and the leader's drive; critical damping */
     for (size_t i = 0; i < robot->ncoupling && !code; i++) {
         struct robot_coupling *coupling = &robot->coupling[i];
         const struct robot_joint *leader = &robot->joint[coupling->leader];

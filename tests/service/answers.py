@@ -56,8 +56,8 @@ def measure(rig, request, answer):
     work = tempfile.TemporaryDirectory()
     file, ready = os.path.join(work.name, "rig.yaml"), os.path.join(work.name, "ready")
     with open(file, "w") as out:
-        json.dump({"extends": rig, "tick_s": TICK_S, "substep_s": 0.001, "scene": {"engine": "none"},
-                   "tasks": {"servo": {"command_period_s": TICK_S}},
+        json.dump({"extends": rig, "tick_s": TICK_S, "substep_s": 0.001,
+                   "scene": {"engine": "none"}, "tasks": {"servo": {"command_period_s": TICK_S}},
                    "robot": {"fixed_base": True}, "initial": {"hold": "always"}}, out)
     log = open(os.path.join(work.name, "log"), "w+")
     process = subprocess.Popen(

@@ -496,14 +496,14 @@ TEST_WITH(force_sensors_are_turned_as_the_file_says, open_default, close_arena)
 
         snprintf(text, sizeof text,
                  ROBOT(LINK("base") LINK("arm") LINK("hand")
-                           JOINT("j", "revolute", "base",
-                                 "arm", LIMIT) JOINT("wrist", "fixed", "arm", "hand",
-                                                     "<origin xyz='0 0 0' rpy='1.5707963267948966 "
-                                                     "0 0'/>") "<gazebo reference='wrist'><sensor "
-                                                               "name='s' type='force_torque'>"
-                                                               "<pose>0 0 0 0 1.5707963267948966 "
-                                                               "0</pose><force_torque>%s"
-                                                               "</force_torque></sensor></gazebo>"),
+                           JOINT("j", "revolute", "base", "arm", LIMIT)
+                               JOINT("wrist", "fixed", "arm", "hand",
+                                     "<origin xyz='0 0 0' rpy='1.5707963267948966 "
+                                     "0 0'/>") "<gazebo reference='wrist'><sensor "
+                                               "name='s' type='force_torque'>"
+                                               "<pose>0 0 0 0 1.5707963267948966 "
+                                               "0</pose><force_torque>%s"
+                                               "</force_torque></sensor></gazebo>"),
                  cases[i].words);
         import_good(text);
         for (int m = 0; m < 3; m++) {
