@@ -528,7 +528,9 @@ enum error_code boards_create(const struct boards_config *config, struct arena *
 void board_event(const struct board *board, enum board_event_kind kind, unsigned axis, uint32_t a,
                  uint32_t b)
 {
+    static const struct board_reason none;
     struct boards *boards = board->boards;
+    const struct board_reason *reason = kind == BOARD_EVENT_MALFORMED ? &boards->reason : &none;
     struct board_event event = {
         .time_ns = boards->event_ns,
         .kind = kind,
@@ -536,11 +538,11 @@ void board_event(const struct board *board, enum board_event_kind kind, unsigned
         .address = board->address,
         .axis = (uint8_t)axis,
         .board = board->index,
-        .row = boards->reason.row,
-        .why = boards->reason.why,
+        .row = reason->row,
+        .why = reason->why,
         .a = a,
-        .b = boards->reason.why ? boards->reason.found : b,
-        .c = boards->reason.expected,
+        .b = reason->why ? reason->found : b,
+        .c = reason->expected,
     };
 
     if (kind == BOARD_EVENT_MALFORMED) {

@@ -305,9 +305,9 @@ static void described_bus_receive(struct boards *boards, struct board_bus *of,
             }
         }
     }
-    if (a.refused || a.verdict == BOARD_MALFORMED) {
-        boards->reason = a.reason;
-    }
+    /* Keep no reason of the last frame, which may have had no listener */
+    boards->reason =
+        a.refused || a.verdict == BOARD_MALFORMED ? a.reason : (struct board_reason){0};
     boards_count_frame(boards, a.listener, a.refused ? BOARD_MALFORMED : a.verdict, frame);
 }
 

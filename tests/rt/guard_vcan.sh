@@ -35,8 +35,8 @@ guarded "$rigs/coman.yaml" --transport socketcan --clock real --ticks 300 --wire
     --record "$work/record"
 kill $! 2>/dev/null
 wait $!
-verdict "real time on vcan, recorded: batches of frames, and the sleep for the deadline" only \
-    clock_nanosleep recvmmsg sendmmsg getsockopt clock_gettime
+verdict "real time on vcan, recorded: batches of frames, and sleeps for frames and deadlines" only \
+    clock_nanosleep ppoll recvmmsg sendmmsg getsockopt clock_gettime
 
 task &
 guarded "$rigs/coman.yaml" --transport socketcan --clock real --ticks 300 --wire wire

@@ -150,7 +150,7 @@ hash_of()
 {
     python3 -c 'import sys, xml.etree.ElementTree as tree
 print(*[p.get("value") for p in tree.parse(sys.argv[1]).iter("property")
-        if p.get("name") in ("seed", "state_hash")])' "$1"
+        if p.get("name").endswith((" seed", " state_hash"))])' "$1"
 }
 if run 0 --seed 7 --junit "$work/a.xml" "$scenarios/noisy_sensors_squat.yaml" &&
     run 0 --seed 7 --jobs 1 --junit "$work/b.xml" "$scenarios/noisy_sensors_squat.yaml" &&

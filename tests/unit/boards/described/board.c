@@ -864,6 +864,23 @@ TEST(the_log_speaks_in_the_names_of_the_file)
     }
 }
 
+/* Its reason must not become that of the next event. */
+TEST(a_wrong_frame_for_no_board_leaves_no_trace)
+{
+    struct board_event event;
+    char text[256];
+
+    open_bench(checked, 0);
+    bench_send(base, 0, 0x20f, "3b 10 f4");
+    bench_send(base, 0, 0x201, "3b 10 f4 01");
+    bench_tick(base);
+    assert_true(boards_next_event(base->boards, &event));
+    board_event_format(base->boards, &event, text, sizeof text);
+    assert_non_null(strstr(text, "axis 0 from idle to run"));
+    assert_int_equal(event.why, 0);
+    close_bench();
+}
+
 /* What is wrong in one part of it, a state or a constant, stops no other drive. */
 TEST(each_drive_judges_its_part_of_a_frame_for_all)
 {
