@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The arena: a bump allocator over reserved address space. */
+/* Implements the arena: a bump allocator over reserved address space. */
 #include "base/arena.h"
 
 #include <errno.h>
@@ -7,8 +7,8 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-/* The address sanitizer detects use of unallocated arena memory, even within a page. Without the
- * sanitizer these macros are empty. */
+/* The address sanitizer detects accesses to arena memory that is not allocated, even inside a page.
+ * Without the sanitizer these macros are empty. */
 #if __has_include(<sanitizer/asan_interface.h>)
 #include <sanitizer/asan_interface.h>
 #else
@@ -18,15 +18,15 @@
 
 enum {
     ALIGNMENT = 64,
-    POISONED = 4096,    /* poisoned bytes behind the allocated ones */
-    PRESENT = 256 << 10 /* bytes made present with one call */
+    POISONED = 4096,    /* poisoned bytes after the allocated bytes */
+    PRESENT = 256 << 10 /* bytes that one call maps */
 };
 
-/* Arenas of at least this address space, bytes, hold the data of a run. They get huge pages if the
- * system has them, which avoids page-table misses. */
+/* An arena of at least this size, in bytes, holds the data of a run. It uses huge pages if the
+ * system has them: they reduce TLB misses. */
 #define HUGE_FROM ((size_t)256 << 20)
 
-/* Returns where the poisoned part behind the used memory ends. */
+/* Returns the offset where the poisoned bytes after the used memory end. */
 static size_t arena_poison_end(const struct arena *arena)
 {
     return arena->capacity - arena->used < POISONED ? arena->capacity : arena->used + POISONED;
@@ -68,9 +68,9 @@ void arena_fini(struct arena *arena)
     memset(arena, 0, sizeof *arena);
 }
 
-/* Maps pages before their use, many with one call instead of a page fault each. It maps up to the
- * end of a small allocation, but not large ones, which may never be used. Kernels before 5.14
- * refuse. */
+/* Maps the next pages with one call, instead of one page fault for each page. A large allocation is
+ * not mapped in advance, because the program may never use it. Kernels before 5.14 refuse the call,
+ * which is harmless. */
 static void arena_prepare_pages(const struct arena *arena, size_t used_before, size_t bytes)
 {
     size_t from = (used_before + PRESENT - 1) / PRESENT * PRESENT;
@@ -112,9 +112,9 @@ void arena_join(void *memory, size_t size)
     ASAN_UNPOISON_MEMORY_REGION(memory, size);
 }
 
-/* Maps every page: with a kernel call that keeps the content, or before Linux 5.14 by a write.
- * There the byte may belong to a running thread (the recorder's), so it is atomically exchanged for
- * itself. */
+/* Maps every used page and keeps its content. Kernels before 5.14 lack the call; then the function
+ * writes one byte in each page. Another running thread may own this byte, so an atomic exchange
+ * writes its present value. */
 __attribute__((no_sanitize("address"))) static void arena_touch_pages(const struct arena *arena)
 {
     size_t page = (size_t)sysconf(_SC_PAGESIZE);

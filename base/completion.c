@@ -19,8 +19,8 @@ static const struct completion_script {
     {"fish", MANUAL_COMPLETE_FISH},
 };
 
-/* Ends a row with the part of a text before its first semicolon, enough for a menu line. The table
- * is in single quotes, so an apostrophe becomes a typographic one. */
+/* Ends a row with the part of `text` before its first semicolon, which is enough for a menu line.
+ * Replaces apostrophes by typographic ones, because the scripts put the table in single quotes. */
 static void completion_put_text(const char *text, FILE *out)
 {
     putc(';', out);
@@ -91,7 +91,8 @@ bool completion_print(const struct program *program, const char *shell)
         text = strcmp(shell, scripts[i].shell) == 0 ? scripts[i].text : text;
     }
 
-    /* @@N is the program's name, @@F the prefix of its functions, @@T the table */
+    /* Replace @@N by the program's name, @@F by the prefix of its functions, and @@T by the
+     * table */
     for (; text && (mark = strstr(text, "@@")); text = mark + 3) {
         printf("%.*s", (int)(mark - text), text);
         if (mark[2] == 'N') {

@@ -26,7 +26,7 @@ struct program;
 /* Prints a program's script for a shell on standard output; false = unknown shell. */
 bool completion_print(const struct program *program, const char *shell);
 
-/* Writes the rows of a command, which options_read prints for --help=table. */
+/* Writes the rows of a command. options_read prints them for --help=table. */
 void completion_put_rows(const struct command_spec *spec, FILE *out);
 
 #endif

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Finds configuration by name: next to the caller, in /etc, or installed with the program. */
+/* Finds configuration files by name: in the working directory, in /etc, or in the program's
+ * trees. */
 #include "base/config.h"
 
 #include "base/text.h"
@@ -14,7 +15,7 @@
 
 enum { ENTRIES_MAX = 1024 };
 
-#define LIST_ARENA ((size_t)16 << 20) /* of address space */
+#define LIST_ARENA ((size_t)16 << 20) /* bytes of reserved address space */
 
 static const char suffix[] = ".yaml";
 static const char *const kinds[CONFIG_KINDS] = {"rig",   "robot",    "scenario",
@@ -24,8 +25,8 @@ static const char *const folders[CONFIG_KINDS] = {"rigs",   "robots",    "scenar
 
 /* ---- the trees ---- */
 
-/* Finds PREFIX/share/coman-hil of a program in PREFIX/bin, and the folder config beside it; "" =
- * unknown. */
+/* For a program PREFIX/bin/NAME, finds PREFIX/share/coman-hil. Also finds the folder `config` in
+ * the program's own folder. "" = unknown. */
 static void config_find_program_trees(char installed[PATH_MAX], char built[PATH_MAX])
 {
     static const char below[] = "/share/coman-hil", beside[] = "/config";
@@ -59,7 +60,7 @@ static void config_find_trees(struct config_trees *trees)
 
 /* ---- one name ---- */
 
-/* Checks whether a path exists and is no directory. */
+/* Checks whether a path exists and is not a directory. */
 static bool path_is_file(const char *path)
 {
     struct stat found;
@@ -67,7 +68,7 @@ static bool path_is_file(const char *path)
     return stat(path, &found) == 0 && !S_ISDIR(found.st_mode);
 }
 
-/* Makes the path of a name in a tree; false = there is no such file. */
+/* Writes the path of a name in a tree. Returns false if this file does not exist. */
 static bool config_try_path(enum config_kind kind, const char *tree, const char *name,
                             char path[PATH_MAX])
 {
@@ -85,7 +86,7 @@ static bool path_same_file(const char *a, const char *b)
            of_a.st_ino == of_b.st_ino;
 }
 
-/* Finds the name nearest to an unknown one, in buffer; NULL = none is near. */
+/* Writes the existing name nearest to `name` into `buffer`. Returns NULL if no name is near. */
 static const char *config_find_nearest(enum config_kind kind, const struct config_trees *trees,
                                        const char *name, char buffer[NAME_MAX + 1])
 {
@@ -111,7 +112,8 @@ static const char *config_find_nearest(enum config_kind kind, const struct confi
     return nearest ? buffer : NULL;
 }
 
-/* Refuses an unknown name with the nearest one, or with the places that were searched. */
+/* Refuses an unknown name. The error names the nearest name, or else the places that were
+ * searched. */
 static enum error_code config_refuse_name(enum config_kind kind, const struct config_trees *trees,
                                           const char *name, struct error *error)
 {
@@ -125,7 +127,8 @@ static enum error_code config_refuse_name(enum config_kind kind, const struct co
                          kinds[kind], name, nearest);
     }
     for (int i = 0; i < CONFIG_TREES_MAX && used < sizeof places; i++) {
-        /* A program is either installed or built: it has one of its two trees */
+        /* Name only existing trees: a program is either installed or built, so it has one of the
+         * two */
         if (trees->folder[i][0] && (i == 0 || access(trees->folder[i], F_OK) == 0)) {
             used += (size_t)snprintf(places + used, sizeof places - used, "%s%.150s/%s",
                                      used ? " or " : "", trees->folder[i], folders[kind]);
@@ -137,7 +140,7 @@ static enum error_code config_refuse_name(enum config_kind kind, const struct co
                      name, name, places, kinds[kind]);
 }
 
-/* Checks whether a missing file NAME.yaml probably means the name NAME, which a tree has. */
+/* Checks whether `name` is NAME.yaml, this file is missing, and a tree has the name NAME. */
 static bool config_is_suffixed_name(enum config_kind kind, const struct config_trees *trees,
                                     const char *name, char bare[NAME_MAX + 1])
 {
@@ -247,7 +250,7 @@ enum error_code rig_locate_from(const char *name, const char *from, struct arena
 
 /* ---- all names ---- */
 
-/* Checks whether a list of entries has a name. */
+/* Checks whether a list of entries contains a name. */
 static bool config_has_entry(const struct config_entry *entries, size_t count, const char *name)
 {
     for (size_t i = 0; i < count; i++) {
@@ -258,7 +261,8 @@ static bool config_has_entry(const struct config_entry *entries, size_t count, c
     return false;
 }
 
-/* Adds NAME.yaml of a folder, unless an earlier tree has it or NAME is not a valid name. */
+/* Adds the file NAME.yaml of a folder. Skips it if an earlier tree has NAME, or if NAME is not a
+ * valid name. */
 static enum error_code config_add_entry(const char *folder, const char *file, struct arena *arena,
                                         struct config_entry *entries, size_t *count)
 {
@@ -282,7 +286,7 @@ static enum error_code config_add_entry(const char *folder, const char *file, st
     return ERROR_NONE;
 }
 
-/* Adds all names of a folder; a missing folder counts as empty. */
+/* Adds all names of a folder. A missing folder counts as empty. */
 static enum error_code config_add_folder(const char *folder, struct arena *arena,
                                          struct config_entry *entries, size_t *count)
 {

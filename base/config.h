@@ -21,8 +21,8 @@ enum config_kind {
     CONFIG_ROBOT,
     CONFIG_SCENARIO,
     CONFIG_DRIVE,
-    CONFIG_PROTOCOL,   /* of boards that a file describes */
-    CONFIG_VALIDATION, /* measured test benches, in a folder of this name */
+    CONFIG_PROTOCOL,   /* protocols of boards that a file describes */
+    CONFIG_VALIDATION, /* measured test benches, in the folder `validation` */
     CONFIG_KINDS
 };
 
@@ -43,34 +43,34 @@ struct config_entry {
 enum error_code config_locate(enum config_kind kind, const char *name, char path[PATH_MAX],
                               struct error *error);
 
-/* Does the same with given trees, for tests. */
+/* Does the same as config_locate in the given trees, for tests. */
 enum error_code config_locate_in(enum config_kind kind, const char *name,
                                  const struct config_trees *trees, char path[PATH_MAX],
                                  struct error *error);
 
-/* Finds a file that the file `from` names. As config_locate, but never a file of the working
- * directory and never `from` itself, so that /etc/coman-hil's coman.yaml may extend the installed
- * one. The path is in arena. */
+/* Finds a file that the file `from` refers to. Works like config_locate, with two differences. It
+ * never finds a file of the working directory. It never finds `from` itself, so that
+ * /etc/coman-hil's coman.yaml can extend the installed coman.yaml. The path is in arena. */
 enum error_code config_locate_from(enum config_kind kind, const char *name, const char *from,
                                    struct arena *arena, const char **path, struct error *error);
 
-/* Does the same for a rig to extend or to run. */
+/* Does the same as config_locate_from for rigs. */
 enum error_code rig_locate_from(const char *name, const char *from, struct arena *arena,
                                 const char **path, struct error *error);
 
-/* Checks whether a file is in one of the trees. Anyone who may put it there could also replace the
- * program. A link counts by its own place, not by its target. */
+/* Checks whether a file is in one of the trees. A person who can write to a tree could also replace
+ * the program. For a symbolic link, the place of the link counts, not its target. */
 bool config_is_installed(const char *file);
 
-/* Does the same with given trees, for tests. */
+/* Does the same as config_is_installed with the given trees, for tests. */
 bool config_is_installed_in(const struct config_trees *trees, const char *file);
 
-/* Lists all names of a kind in alphabetical order, each once. The entries are in arena.
- * ERROR_MEMORY; a missing tree or folder counts as empty. */
+/* Lists all names of a kind in alphabetical order, each once. The entries are in arena. A missing
+ * tree or folder counts as empty. Returns ERROR_MEMORY if no memory is left. */
 enum error_code config_list(enum config_kind kind, struct arena *arena,
                             struct config_entry **entries, size_t *count, struct error *error);
 
-/* Does the same with given trees, for tests. */
+/* Does the same as config_list with the given trees, for tests. */
 enum error_code config_list_in(enum config_kind kind, const struct config_trees *trees,
                                struct arena *arena, struct config_entry **entries, size_t *count,
                                struct error *error);

@@ -6,7 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Continues crc, initially 0, over size bytes of data. */
+/* Returns `crc` continued over `size` bytes of data. The initial `crc` is 0. */
 uint32_t crc32_update(uint32_t crc, const void *data, size_t size);
 
 #endif

@@ -16,7 +16,7 @@ struct csv_source {
     char line[CSV_LINE_BYTES], titles[CSV_LINE_BYTES];
 };
 
-/* Reads the next line without its end; the last line may have none. */
+/* Reads the next line without its line end. The last line may lack a line end. */
 static enum error_code csv_read_line(struct csv *csv, bool *end, struct error *error)
 {
     struct csv_source *source = csv->source;
@@ -44,7 +44,7 @@ static enum error_code csv_read_line(struct csv *csv, bool *end, struct error *e
     return ERROR_NONE;
 }
 
-/* Reads the line of titles; they point into a copy of it. */
+/* Reads the line of titles. The titles point into a copy of this line. */
 static enum error_code csv_read_titles(struct csv *csv, struct error *error)
 {
     bool end;
@@ -64,7 +64,7 @@ static enum error_code csv_read_titles(struct csv *csv, struct error *error)
     return ERROR_NONE;
 }
 
-/* Creates a table on an open stream, which it owns from now on, and reads the titles. */
+/* Creates a table on an open stream and reads the titles. The table owns the stream. */
 static enum error_code csv_begin(const char *path, FILE *file, struct csv **out,
                                  struct error *error)
 {
@@ -101,7 +101,7 @@ enum error_code csv_open(const char *path, struct csv **csv, struct error *error
 enum error_code csv_open_memory(const char *path, const void *bytes, size_t size, struct csv **csv,
                                 struct error *error)
 {
-    /* A stream of no bytes is refused by some libraries */
+    /* Use /dev/null for 0 bytes, because some C libraries refuse an empty stream */
     FILE *file = size > 0 ? fmemopen((void *)(uintptr_t)bytes, size, "r") : fopen("/dev/null", "r");
 
     return file ? csv_begin(path, file, csv, error)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Reads a file of numbers row by row: one line of titles, columns separated by commas. Any error in
- * the file is ERROR_INPUT with file:line. Not RT-safe.
+ * Reads a table of numbers row by row from a text file. The first line has the titles. Commas
+ * separate the columns. Any error in the file is ERROR_INPUT with file:line. Not RT-safe.
  */
 #ifndef BASE_CSV_H
 #define BASE_CSV_H
@@ -17,14 +17,14 @@ struct csv {
     const char *path;
     size_t ncolumn; /* number of columns, 1 or more */
     const char *title[CSV_COLUMNS_MAX];
-    double cell[CSV_COLUMNS_MAX]; /* last row; ncolumn numbers */
+    double cell[CSV_COLUMNS_MAX]; /* values of the last row read (ncolumn) */
     long line;                    /* number of the last line read, from 1 */
     struct csv_source *source;
 };
 
-/* Open a file, or size bytes of memory (messages use `path` as the name), and read the titles. The
- * arguments must outlive the table. After an error there is nothing to close. ERROR_INPUT,
- * ERROR_SYSTEM, ERROR_MEMORY. */
+/* Open a table and read its titles: from a file, or from `size` bytes of memory. For memory,
+ * messages use `path` as the name. The arguments must outlive the table. After an error nothing is
+ * open. Errors: ERROR_INPUT, ERROR_SYSTEM, ERROR_MEMORY. */
 enum error_code csv_open(const char *path, struct csv **csv, struct error *error);
 enum error_code csv_open_memory(const char *path, const void *bytes, size_t size, struct csv **csv,
                                 struct error *error);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The names of an enum's values: one table, beside the enum, for files, command lines and output.
+ * Names of an enum's values. One table beside the enum serves files, command lines and output.
  * RT-safe.
  */
 #ifndef BASE_ENUM_NAMES_H
@@ -8,13 +8,13 @@
 
 #include <stddef.h>
 
-/* A table ends with word NULL. */
+/* One name of a value. The last entry of a table has `word` NULL. */
 struct word {
     const char *word;
     int value;
 };
 
-/* Returns the first name of a value; NULL = none. */
+/* Returns the first name of a value, or NULL if the value has no name. */
 static inline const char *word_of(const struct word *table, int value)
 {
     while (table->word && table->value != value) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Errors as values: formatting of the message. */
+/* Formats the messages of errors. */
 #include "base/error.h"
 
 #include <errno.h>
@@ -8,8 +8,8 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Replaces control characters: messages quote input, which a terminal or a log must not
- * interpret. */
+/* Replaces control characters. Messages quote input, and a terminal or a log must not interpret
+ * it. */
 static void error_replace_control_characters(struct error *error)
 {
     for (char *at = error->text; *at; at++) {

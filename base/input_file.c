@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Opens regular files for reading, and remembers which. */
+/* Opens regular files for reading, and records which files were opened. */
 #include "base/input_file.h"
 
 #include "base/array.h"
@@ -12,23 +12,23 @@
 #include <time.h>
 #include <unistd.h>
 
-/* The files that this process has read, in a ring. A file that changed after the first read is not
- * one of them: this process wrote it, or a new file has its inode. */
+/* The last files that this process has read. A file that changed after the first read does not
+ * count as read: either this process wrote it, or a new file reuses its inode. */
 static struct {
     dev_t device;
     ino_t inode;
 } inputs[256];
 static size_t ninput;
 static struct timespec first_read;
-/* threads open files concurrently */
+/* for threads that open files at the same time */
 static pthread_mutex_t inputs_lock = PTHREAD_MUTEX_INITIALIZER;
 
-/* Adds a file to the inputs. */
+/* Adds a file to the files that this process has read. */
 static void input_remember(const struct stat *status)
 {
     pthread_mutex_lock(&inputs_lock);
     if (ninput == 0) {
-        clock_gettime(CLOCK_REALTIME_COARSE, &first_read); /* the clock of file systems */
+        clock_gettime(CLOCK_REALTIME_COARSE, &first_read); /* file systems use this clock */
     }
     inputs[ninput % ARRAY_COUNT(inputs)].device = status->st_dev;
     inputs[ninput++ % ARRAY_COUNT(inputs)].inode = status->st_ino;
@@ -58,7 +58,7 @@ enum error_code input_file_check_output(const char *path, const struct stat *the
 enum error_code input_file_open(const char *path, int *descriptor, size_t *size,
                                 struct error *error)
 {
-    /* O_NONBLOCK: a pipe must not hang the open; it is refused below */
+    /* O_NONBLOCK: opening a pipe must not wait. A pipe is refused below */
     int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
     enum error_code code = ERROR_NONE;
     struct stat status;
@@ -67,7 +67,7 @@ enum error_code input_file_open(const char *path, int *descriptor, size_t *size,
         return error_set_file(error, errno, path, "cannot be read");
     }
 
-    /* ENXIO: a socket, or a device that is not there */
+    /* ENXIO: the path is a socket, or a device without hardware */
     if (fd >= 0 && fstat(fd, &status)) {
         code = error_set_file(error, errno, path, "cannot be read");
     } else if (fd < 0 || !S_ISREG(status.st_mode)) {
@@ -102,7 +102,7 @@ enum error_code input_file_stream(const char *path, FILE **file, struct error *e
     return code;
 }
 
-/* Reads size bytes. Fewer bytes are an error, because the file has become shorter. */
+/* Reads `size` bytes. Fewer bytes are an error: another process has shortened the file. */
 static enum error_code input_read(int fd, const char *path, char *text, size_t size,
                                   struct error *error)
 {

@@ -13,21 +13,23 @@
 #include <stdio.h>
 #include <sys/stat.h>
 
-/* Opens a regular file for reading; the caller closes the descriptor. *size, in bytes, may be NULL.
- * Errors begin with the path: ERROR_INPUT (no such file, not a regular file), ERROR_SYSTEM. */
+/* Opens a regular file for reading. The caller closes the descriptor. *size is in bytes; `size` may
+ * be NULL. Errors begin with the path: ERROR_INPUT (no such file, not a regular file),
+ * ERROR_SYSTEM. */
 enum error_code input_file_open(const char *path, int *descriptor, size_t *size,
                                 struct error *error);
 
-/* Does the same and makes a stream, which the caller closes; NULL after an error. */
+/* Does the same as input_file_open and makes a stream. The caller closes it. NULL after an
+ * error. */
 enum error_code input_file_stream(const char *path, FILE **file, struct error *error);
 
-/* Reads a whole file of at most `most` bytes; a larger one is ERROR_INPUT before any memory is
- * allocated. *text has a zero byte at its end, and the caller frees it; NULL after an error. */
+/* Reads a whole file of at most `most` bytes. A larger file is ERROR_INPUT, before any memory is
+ * allocated. *text ends with a zero byte, and the caller frees it. *text is NULL after an error. */
 enum error_code input_file_load(const char *path, size_t most, char **text, size_t *size,
                                 struct error *error);
 
-/* Refuses (ERROR_INPUT) an output to `path` when this process has read the file there, by any
- * name. */
+/* Checks an output to `path`, where `there` describes the present file. Refuses it (ERROR_INPUT) if
+ * this process has read the same file, under any name. */
 enum error_code input_file_check_output(const char *path, const struct stat *there,
                                         struct error *error);
 

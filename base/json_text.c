@@ -8,7 +8,7 @@
 
 enum { UTF8_MAX = 4, ESCAPED_MAX = 8 };
 
-/* Escapes the next character; *text moves behind it. Returns the number of bytes written. */
+/* Escapes the next character and moves *text behind it. Returns the number of bytes written. */
 static size_t json_text_escape(const char **text, char to[ESCAPED_MAX])
 {
     const char *at = *text;

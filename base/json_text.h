@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Quotes text as a JSON string. The result is valid for any input: bytes that are not UTF-8 become
+ * Quotes text as a JSON string. The result is valid for any input. A byte that is not UTF-8 becomes
  * "?".
  */
 #ifndef BASE_JSON_TEXT_H
@@ -9,14 +9,14 @@
 #include <stddef.h>
 #include <stdio.h>
 
-/* Largest buffer for a text of size bytes, with quotes and terminating zero. */
+/* Size of a buffer that is large enough for any text of `size` bytes, with quotes and final
+ * zero. */
 #define JSON_TEXT_ROOM(size) (6 * (size) + 3)
 
-/* Writes a text as a JSON string with terminating zero. Returns its length without the zero.
- * RT-safe. */
+/* Writes text as a JSON string with a final zero. Returns its length without the zero. RT-safe. */
 size_t json_text_quote(const char *text, char *to);
 
-/* Writes a text as a JSON string into a stream. Not RT-safe. */
+/* Writes text as a JSON string to a stream. Not RT-safe. */
 void json_text_put(const char *text, FILE *out);
 
 #endif

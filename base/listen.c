@@ -46,6 +46,6 @@ enum error_code listen_at(const char *who, const char *host, uint16_t port, int 
 
 uint16_t listen_port(const struct sockaddr_storage *address)
 {
-    /* The port stands at the same place in both families */
+    /* IPv4 and IPv6 addresses have the port at the same offset */
     return ntohs(((const struct sockaddr_in *)(const void *)address)->sin_port);
 }

@@ -8,14 +8,14 @@
 #include <stdint.h>
 #include <sys/socket.h>
 
-/* Listens at a numeric IPv4 or IPv6 address; the socket is non-blocking and not inherited. host
- * NULL = 127.0.0.1, port 0 = any free port. bound receives the address with its port. Messages
- * begin with who. ERROR_INPUT: not an address; ERROR_SYSTEM: refused, and the caller must still
- * close *listener if it is open. */
+/* Listens at a numeric IPv4 or IPv6 address. `host` NULL = 127.0.0.1; `port` 0 = any free port. The
+ * socket is non-blocking and closed on exec. `bound` receives the address and its port. Messages
+ * begin with `who`. ERROR_INPUT: `host` is not an address. ERROR_SYSTEM: the system refused a call;
+ * the caller must close *listener if it is open. */
 enum error_code listen_at(const char *who, const char *host, uint16_t port, int *listener,
                           struct sockaddr_storage *bound, struct error *error);
 
-/* Returns the port of an address of either family. */
+/* Returns the port of an IPv4 or IPv6 address. */
 uint16_t listen_port(const struct sockaddr_storage *address);
 
 #endif

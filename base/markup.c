@@ -8,14 +8,14 @@
 #include <stddef.h>
 #include <string.h>
 
-enum { UTF8_MAX = 4 /* bytes of a character */ };
+enum { UTF8_MAX = 4 /* longest character, bytes */ };
 
-/* Returns the length of the character at the beginning of text; 0 = invalid in XML. */
+/* Returns the length in bytes of the first character of `text`; 0 = invalid in XML. */
 static size_t markup_character_bytes(const char *text)
 {
     const unsigned char first = (unsigned char)*text;
 
-    /* U+FFFE and U+FFFF are UTF-8, but no characters of XML */
+    /* XML excludes U+FFFE and U+FFFF, although their UTF-8 is valid */
     if (first < 0x20 || first == 0x7f || strncmp(text, "\xef\xbf\xbe", 3) == 0 ||
         strncmp(text, "\xef\xbf\xbf", 3) == 0) {
         return 0;
@@ -23,8 +23,8 @@ static size_t markup_character_bytes(const char *text)
     return text_utf8_length(text, strnlen(text, UTF8_MAX));
 }
 
-/* Writes a character's entity or its replacement by a space; false = the character needs
- * neither. */
+/* Writes the entity of a character, or a space in its place. Returns false if the character needs
+ * no escape. */
 static bool markup_put_entity(FILE *out, char character, unsigned flags)
 {
     switch (character) {

@@ -14,13 +14,13 @@
 
 enum markup_flag {
     MARKUP_ASCII = 1,       /* each non-ASCII byte becomes ? */
-    MARKUP_LINE_BREAKS = 2, /* a line break becomes &#10;, which a reader converts back */
+    MARKUP_LINE_BREAKS = 2, /* a line break becomes &#10;, from which a reader restores it */
 };
 
 /* Writes escaped text; NULL = empty. */
 void markup_put(FILE *out, const char *text);
 
-/* Does the same; flags are a bit mask of enum markup_flag. */
+/* Does the same as markup_put; `flags` is a bit mask of enum markup_flag. */
 void markup_put_flags(FILE *out, const char *text, unsigned flags);
 
 #endif

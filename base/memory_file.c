@@ -8,7 +8,7 @@
 
 enum { FIRST_CAPACITY = 4096 };
 
-/* Makes room for count bytes and a terminating zero; false = no memory. */
+/* Ensures room for `count` more bytes and a final zero. Returns false if no memory is left. */
 static bool memory_file_reserve(struct memory_file *memory, size_t count)
 {
     size_t capacity = memory->capacity;
@@ -33,7 +33,7 @@ static ssize_t memory_file_append(void *cookie, const char *bytes, size_t count)
 {
     struct memory_file *memory = cookie;
 
-    /* After a loss append nothing, so that the text has no gaps */
+    /* After lost bytes append nothing more, so that the text has no gap */
     if (memory->failed || !memory_file_reserve(memory, count)) {
         memory->failed = true;
         errno = ENOMEM;

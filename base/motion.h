@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The motion of a rigid body, which the model computes and the contact engines use. They share one
- * struct, so that an array passes between them without conversion.
+ * The motion of a rigid body. The model computes it, and the contact engines read it. Both use this
+ * struct, so arrays pass between them without conversion.
  *
- * World frame throughout, SI units. The matrix is row-major (base/vec3.h). Plain data; RT-safe.
+ * All quantities are in the world frame, in SI units. The matrix is row-major (base/vec3.h). Plain
+ * data; RT-safe.
  */
 #ifndef BASE_MOTION_H
 #define BASE_MOTION_H

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Parses command lines by a table, and prints --help from it. */
+/* Parses command lines with a table of options, and prints --help from the same table. */
 #include "base/options.h"
 
 #include "base/completion.h"
@@ -32,7 +32,7 @@ static const struct option_spec *options_find(const struct command_spec *spec, c
     return NULL;
 }
 
-/* Refuses an unknown option with the nearest one. */
+/* Refuses an unknown option. The error suggests the nearest known option. */
 static enum error_code options_reject_unknown(const struct command_spec *spec, const char *name,
                                               size_t length, struct error *error)
 {
@@ -51,7 +51,7 @@ static enum error_code options_reject_unknown(const struct command_spec *spec, c
                      nearest ? " or another that is listed by --help" : "");
 }
 
-/* Describes the values that an option takes: "a number of seconds from 0 to 1000000". */
+/* Describes the allowed values of an option: "a number of seconds from 0 to 1000000". */
 static void option_describe_value(const struct option_spec *option, char *out, size_t size)
 {
     size_t used = 0;
@@ -75,7 +75,7 @@ static void option_describe_value(const struct option_spec *option, char *out, s
     }
 }
 
-/* Parses and stores the value of an option; false = invalid. */
+/* Parses and stores the value of an option. Returns false if the value is invalid. */
 static bool option_parse_value(const struct option_spec *option, const char *text)
 {
     struct option_list *list = option->value;
@@ -112,7 +112,7 @@ static bool option_parse_value(const struct option_spec *option, const char *tex
     }
 }
 
-/* Parses the option at argv[*at] with its argument; *at moves to the last word used. */
+/* Parses the option at argv[*at] with its value. Moves *at to the last word that it used. */
 static enum error_code options_parse_option(const struct command_spec *spec, int argc, char **argv,
                                             int *at, uint64_t *seen, struct error *error)
 {
@@ -127,7 +127,7 @@ static enum error_code options_parse_option(const struct command_spec *spec, int
         return options_reject_unknown(spec, word, length, error);
     }
 
-    /* Lists alone may be repeated */
+    /* Only a list may be given more than once */
     bit = UINT64_C(1) << (option - spec->option);
     if (*seen & bit && option->type != OPTION_LIST) {
         return error_set(error, ERROR_INPUT, "%s: found it again, expected it once", option->name);
@@ -142,8 +142,8 @@ static enum error_code options_parse_option(const struct command_spec *spec, int
                       : ERROR_NONE;
     }
 
-    /* The value follows = or is the next word. A next word that is an option means that the value
-     * is missing; --name=--value is valid */
+    /* The value follows '=', or it is the next word. If the next word is an option, the value is
+     * missing. --name=--value is valid */
     text = equals ? equals + 1 : *at + 1 < argc ? argv[*at + 1] : NULL;
     if (!text || (!equals && !strncmp(text, "--", 2))) {
         option_describe_value(option, expected, sizeof expected);
@@ -163,8 +163,8 @@ static enum error_code options_parse_option(const struct command_spec *spec, int
                      expected);
 }
 
-/* Stores the next operand; *count: number of earlier ones. Operands of a list move to the beginning
- * of argv, whose words are already parsed. */
+/* Stores the next operand. *count is the number of earlier operands. Operands of a list move to the
+ * beginning of argv, over words that are already parsed. */
 static enum error_code options_parse_operand(const struct command_spec *spec, char **argv,
                                              char *word, size_t *count, struct error *error)
 {
@@ -200,7 +200,7 @@ enum error_code options_parse(const struct command_spec *spec, int argc, char **
         const char *word = argv[i];
         enum error_code code;
 
-        /* --help has priority over later errors */
+        /* --help stops the parsing, before any later error */
         if (!only_operands && (!strcmp(word, "--help") || !strcmp(word, "-h"))) {
             *help = true;
             return ERROR_NONE;
@@ -209,7 +209,7 @@ enum error_code options_parse(const struct command_spec *spec, int argc, char **
             only_operands = true;
             continue;
         }
-        /* A lone dash is an operand: standard input by convention */
+        /* A single dash is an operand: by convention it means standard input */
         code = !only_operands && word[0] == '-' && word[1]
                    ? options_parse_option(spec, argc, argv, &i, &seen, error)
                    : options_parse_operand(spec, argv, argv[i], &noperand, error);
@@ -225,7 +225,7 @@ enum error_code options_parse(const struct command_spec *spec, int argc, char **
         *spec->operand[spec->noperand - 1].list = (const char *const *)(argv + 1);
     }
 
-    /* Required operands come first, so the next one shows whether one is missing */
+    /* Required operands come first, so only the next operand needs a check */
     if (noperand < spec->noperand && spec->operand[noperand].required) {
         return error_set(error, ERROR_INPUT, "found no %s, expected %s",
                          spec->operand[noperand].name, spec->operand[noperand].help);
@@ -237,7 +237,7 @@ enum error_code options_parse(const struct command_spec *spec, int argc, char **
 
 void options_wrap(const char *text, int used, int indent, FILE *out)
 {
-    int column = used, hang = indent; /* hang: indentation of a continued line */
+    int column = used, hang = indent; /* `hang`: indentation of a continued line */
     bool start = true;
 
     while (*text) {
@@ -265,7 +265,7 @@ void options_wrap(const char *text, int used, int indent, FILE *out)
     putc('\n', out);
 }
 
-/* Prints an option or operand of --help; letter is a second name, NULL = none. */
+/* Prints an option or operand of --help. `letter` is its second name; NULL = none. */
 static void options_put_help_line(const char *letter, const char *name, const char *argument,
                                   const char *help, FILE *out)
 {
@@ -318,7 +318,7 @@ void options_insert(char *out, size_t size, const char *text, const char *mark, 
     const char *at = strstr(text, mark), *line = at, *rest = at + strlen(mark);
     size_t length = strlen(list);
 
-    /* Remove the mark's line with its indentation; the list ends with its own line end */
+    /* Remove the line of the mark with its indentation and line end; `list` has its own line end */
     while (line > text && line[-1] == ' ') {
         line--;
     }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What every command shares: a table of options that parses the command line and prints the
- * command's --help and manual page, and the exit statuses. Not RT-safe.
+ * Options of a command. One table parses the command line, and prints the command's --help and its
+ * manual page. The exit statuses of all commands are also here. Not RT-safe.
  *
  *     static bool quiet;
  *     static double duration = 10.0;
@@ -54,37 +54,38 @@ struct option_list {
     const char *item[OPTION_LIST_MAX];
 };
 
-/* *value initially holds the default; it stays if the option is not given. */
+/* One option. *value has the default before the parsing. It keeps the default if the option is
+ * absent. */
 struct option_spec {
-    const char *name; /* "--duration" */
+    const char *name; /* for example "--duration" */
     enum option_type type;
-    const char *argument; /* name of the argument in --help: "S"; NULL for a flag */
-    const char *help;     /* effect and default; wrapped when printed */
+    const char *argument; /* name of the value in --help: "S"; NULL for a flag */
+    const char *help;     /* effect and default; wrapped at print */
     void *value;
     double min, max;          /* range of OPTION_REAL and OPTION_INT, inclusive; both required */
-    bool above_min;           /* OPTION_REAL: min itself is excluded */
-    const char *unit;         /* for messages: "seconds"; NULL = none */
+    bool above_min;           /* OPTION_REAL: min itself is not allowed */
+    const char *unit;         /* unit in messages: "seconds"; NULL = none */
     const struct word *words; /* for OPTION_ENUM, ends with word NULL */
-    const char *noun;         /* as in struct operand_spec */
+    const char *noun;         /* noun for completion, as in operand_spec */
     const char *letter;       /* a second name, "-o"; NULL = none */
 };
 
-/* An argument without dashes. Required ones come first. */
+/* An argument without dashes. Required operands come before optional ones. */
 struct operand_spec {
-    const char *name; /* "RIG" */
+    const char *name; /* for example "RIG" */
     const char *help;
     bool required;
-    const char **value;       /* stays NULL when an optional operand is not given */
-    const char *const **list; /* instead of value, for several operands: NULL at the end */
-    /* Completion in a shell, besides files: the output of "coman-hil list NOUN --names", or these
-     * words, NULL at the end. Neither: files only. */
+    const char **value;       /* stays NULL if an optional operand is absent */
+    const char *const **list; /* for several operands, in place of value; ends with NULL */
+    /* What a shell completes, besides files: the names that "coman-hil list NOUN --names" prints,
+     * or these words (NULL at the end). If both are NULL, only files. */
     const char *noun;
     const char *const *words;
 };
 
 struct command_spec {
-    const char *name;                 /* "run" */
-    const char *summary;              /* one line, as in the table of commands */
+    const char *name;                 /* for example "run" */
+    const char *summary;              /* one line for the list of commands */
     const struct option_spec *option; /* at most 64 */
     size_t noption;
     const struct operand_spec *operand;
@@ -94,51 +95,52 @@ struct command_spec {
     const char *program; /* name of the program; NULL = "coman-hil" */
 };
 
-/* The members of a command_spec for an array of options, and for one of operands. */
+/* Set the members of a command_spec for an array of options or of operands. */
 #define OPTION_TABLE(rows) .option = (rows), .noption = sizeof(rows) / sizeof *(rows)
 #define OPERAND_TABLE(rows) .operand = (rows), .noperand = sizeof(rows) / sizeof *(rows)
 
-/* Parses the arguments after argv[0]. --name VALUE and --name=VALUE are equal; -- ends the options.
- * A list of last operands stays in argv, whose words are moved, and ends with NULL. --help or -h
- * before any error sets *help and stops. The error names the option, what was found and what was
- * expected. */
+/* Parses the arguments after argv[0]. "--name VALUE" and "--name=VALUE" mean the same. "--" ends
+ * the options. If the last operand may be repeated, its words stay in argv, moved to the front, and
+ * end with NULL. --help or -h sets *help and stops, unless an error comes first. An error names the
+ * option, what was found and what was expected. */
 enum error_code options_parse(const struct command_spec *spec, int argc, char **argv, bool *help,
                               struct error *error);
 
-/* Prints the command's manual from the table. */
+/* Prints the manual of a command from its table. */
 void options_help(const struct command_spec *spec, FILE *out);
 
 /* Prints the manual page as source for scdoc(1). */
 void options_page(const struct command_spec *spec, FILE *out);
 
-/* Runs options_parse for the main of a command. Returns false when the command must return *status
- * at once: the manual was printed (by --help, or for other programs by --help=scdoc or =table
- * alone), or the error was printed on stderr. */
+/* Parses the arguments of a command's main with options_parse. Returns false if the command must
+ * return *status immediately. Then it has printed the manual, or the error on stderr. Alone on the
+ * command line, --help=scdoc prints the manual page's source, and --help=table the rows for
+ * completion. */
 bool options_read(const struct command_spec *spec, int argc, char **argv, int *status);
 
-/* Returns the exit status of a command that ended with an error. */
+/* Returns the exit status that belongs to an error code. */
 enum exit_status exit_status_of(enum error_code code);
 
 /* Prints "coman-hil COMMAND: text" on stderr and returns the exit status of the error. */
 int command_fail(const char *command, const struct error *error);
 
-/* Does the same with the names of program and command from the table. */
+/* Does the same as command_fail, with the names of program and command from the table. */
 int options_fail(const struct command_spec *spec, const struct error *error);
 
-/* Ends a command. Returns STATUS_OK, or the result of options_fail. */
+/* Ends a command. Returns STATUS_OK, or the result of options_fail for an error. */
 int options_end(const struct command_spec *spec, enum error_code code, const struct error *error);
 
-/* Flushes standard output at the end of a program and returns its exit status, because a full disk
- * or a closed pipe must not look like success. */
+/* Flushes standard output at the end of a program and returns the exit status. A full disk or a
+ * closed pipe thus does not look like success. */
 int options_flush_output(int status);
 
-/* Prints text wrapped at 80 columns; all lines but the first are indented. The continuation of a
- * line that begins with spaces is indented by these spaces and two more. used: column where the
- * first line starts. */
+/* Prints text wrapped at 80 columns. `used` is the column where the first line starts. All other
+ * lines are indented by `indent`. If a line begins with spaces, its continuation is indented by
+ * these spaces plus two. */
 void options_wrap(const char *text, int used, int indent, FILE *out);
 
-/* Copies a manual and replaces the line "  @MARK@" (mark is "@MARK@"), which must exist, by list:
- * complete lines, or "". Truncates at size. */
+/* Copies a manual into `out`, at most `size` bytes. Replaces the line " @MARK@" by `list`. `mark`
+ * is "@MARK@"; the manual must contain it. `list` consists of complete lines, or is "". */
 void options_insert(char *out, size_t size, const char *text, const char *mark, const char *list);
 
 #endif

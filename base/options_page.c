@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Writes the manual page of a command in scdoc(5), from the same table as its --help. */
+/* Writes the manual page of a command in scdoc(5), from the table that also gives its --help. */
 #include "base/options.h"
 
 #include <ctype.h>
 #include <string.h>
 
-/* Writes text with all punctuation escaped, as some of it is markup to scdoc. */
+/* Writes text and escapes all punctuation, because scdoc reads some of it as markup. */
 static void manpage_put_text(const char *text, size_t length, FILE *out)
 {
     for (size_t i = 0; i < length; i++) {
@@ -16,8 +16,8 @@ static void manpage_put_text(const char *text, size_t length, FILE *out)
     }
 }
 
-/* Writes paragraphs, divided by blank lines; a line that begins with two blanks is an item of a
- * list. */
+/* Writes paragraphs. Blank lines separate them. A line that begins with two spaces is a list
+ * item. */
 static void manpage_put_manual(const char *text, FILE *out)
 {
     while (*text) {
@@ -37,7 +37,7 @@ static void manpage_put_manual(const char *text, FILE *out)
     }
 }
 
-/* Writes an option or operand with its help; letter is a second name, NULL = none. */
+/* Writes an option or operand with its help. `letter` is its second name; NULL = none. */
 static void manpage_put_term(const char *letter, const char *name, const char *argument,
                              const char *help, FILE *out)
 {
@@ -58,7 +58,7 @@ static void manpage_put_term(const char *letter, const char *name, const char *a
     fputs("\n", out);
 }
 
-/* Writes the line of usage. */
+/* Writes the usage line. */
 static void manpage_put_synopsis(const struct command_spec *spec, FILE *out)
 {
     fprintf(out, "\n# SYNOPSIS\n\n*%s %s*%s", spec->program ? spec->program : "coman-hil",

@@ -8,14 +8,14 @@
 
 __extension__ typedef unsigned __int128 uint128;
 
-/* Arguments are reduced with parts of pi/2 and of log 2 (Cody and Waite, Software Manual for the
- * Elementary Functions, 1980). Large angles are reduced with as many digits of 2/pi as necessary
- * (Payne and Hanek, SIGNUM Newsletter 18, 1983). All polynomials are Taylor series, long enough for
- * their interval. */
+/* Arguments are reduced by parts of pi/2 and of log 2 (Cody and Waite, Software Manual for the
+ * Elementary Functions, 1980). For large angles the reduction multiplies by 2/pi, with as many
+ * digits as necessary (Payne and Hanek, SIGNUM Newsletter 18, 1983). All polynomials are Taylor
+ * series. Their number of terms suits their interval. */
 #define PI 0x1.921fb54442d18p+1
 #define PI_REST 0x1.1a62633145c07p-53  /* pi = PI + PI_REST */
-#define REACH 1e5                      /* largest angle for the reduction by three parts, rad */
-#define LOG2_HIGH 0x1.62e42fee00000p-1 /* 32 bits */
+#define REACH 1e5                      /* largest angle that reduce_near accepts, rad */
+#define LOG2_HIGH 0x1.62e42fee00000p-1 /* rounded to 32 bits */
 #define LOG2_LOW 0x1.a39ef35793c76p-33
 
 enum { EXPONENT_BIAS = 1023, MANTISSA = 52 };
@@ -38,15 +38,16 @@ static double power_of_two(int n)
     return x;
 }
 
-/* An angle x = quadrant pi/2 + r + e with |r| <= pi/4; e is the rounding error of r. */
+/* A reduced angle: x = quadrant pi/2 + r + e with |r| <= pi/4. e is the rounding error of r. */
 struct reduced_angle {
     unsigned int quadrant;
     double r, e;
 };
 
 /*
- * Reduces an angle with |x| <= REACH by pi/2 in 33 + 33 + 53 bits. The first two products are exact
- * (n < 2^16). e holds the rounding of the second difference and the third product.
+ * Reduces an angle with |x| <= REACH. It subtracts n pi/2, with pi/2 in three parts of 33, 33 and
+ * 53 bits. The first two products are exact, because n < 2^16. e holds the rounding error of the
+ * second difference, and the third product.
  */
 static struct reduced_angle reduce_near(double x)
 {
@@ -57,8 +58,8 @@ static struct reduced_angle reduce_near(double x)
     return (struct reduced_angle){(unsigned int)(double_bits(shifted) & 3), r, e};
 }
 
-/* Returns 64 bits of 2/pi from its bit `first` on, counted from 1 behind the point; bits before
- * it are zeros. */
+/* Returns 64 bits of 2/pi, starting at its bit `first`. Bit 1 is the first after the binary point.
+ * Bits before bit 1 are zero. */
 static uint64_t two_over_pi_bits(int first)
 {
     static const uint64_t two_over_pi[] = {
@@ -74,11 +75,11 @@ static uint64_t two_over_pi_bits(int first)
 }
 
 /*
- * Reduces an angle with |x| > REACH. With x = m 2^e the bits of 2/pi before the one of weight
- * 2^(1-e) give whole turns: the 192 bits from there on, times m, modulo 2^192, are x 2/pi modulo 4
- * as a fixed-point number with 190 bits behind the point, wrong by less than m 2^-190. No double
- * comes closer to a multiple of pi/2 than 2^-62 (Muller, Elementary Functions, 2016, ch. 11): 75
- * bits are left at least.
+ * Reduces an angle with |x| > REACH. Let x = m 2^e with an integer m. The bits of 2/pi with weights
+ * above 2^(1-e) add only whole turns to x 2/pi, so they are skipped. The next 192 bits, times m and
+ * modulo 2^192, give x 2/pi modulo 4. This product is a fixed-point number with 190 fractional
+ * bits. Its error is below m 2^-190. No double is closer to a multiple of pi/2 than 2^-62 (Muller,
+ * Elementary Functions, 2016, ch. 11). At least 75 correct bits therefore remain.
  */
 static struct reduced_angle reduce_far(double x)
 {
@@ -96,7 +97,7 @@ static struct reduced_angle reduce_far(double x)
     uint128 product;
     int zeros = 0;
 
-    /* To the nearest multiple, from above or below */
+    /* Round to the nearest multiple of pi/2; the rest may be negative */
     if (fraction >> 127) {
         angle.quadrant++;
         rest = ~rest + 1;
@@ -109,13 +110,14 @@ static struct reduced_angle reduce_far(double x)
         zeros++;
     }
 
-    /* Times pi/2: both with 128 bits, the product's upper half is right to 1 in 2^125 */
+    /* Multiply by pi/2. Both factors have 128 bits. The upper half of the product has a relative
+     * error below 2^-125 */
     product = (uint128)(uint64_t)(fraction >> 64) * (uint64_t)(half_pi >> 64) +
               ((uint128)(uint64_t)(fraction >> 64) * (uint64_t)half_pi >> 64) +
               ((uint128)(uint64_t)fraction * (uint64_t)(half_pi >> 64) >> 64);
     scale = ldexp(bits >> 63 ? -sign : sign, -127 - zeros);
 
-    /* 53 bits, then the next 53 */
+    /* r gets the upper 53 bits, e the next 53 */
     angle.r = (double)(uint64_t)(product >> 75) * 0x1p75 * scale;
     angle.e = (double)((uint64_t)(product >> 22) & (UINT64_MAX >> 11)) * 0x1p22 * scale;
     angle.quadrant = bits >> 63 ? 0U - angle.quadrant : angle.quadrant;
@@ -134,7 +136,8 @@ void portable_sincos(double x, double *sine, double *cosine)
     angle = fabs(x) <= REACH ? reduce_near(x) : reduce_far(x);
     z = angle.r * angle.r;
 
-    /* The terms left out are below (pi/4)^18/19! = 1.1e-19 of r, (pi/4)^18/18! = 2.1e-18 of 1 */
+    /* Truncation errors: (pi/4)^18/19! = 1.1e-19 relative to r, (pi/4)^18/18! = 2.1e-18 relative to
+     * 1 */
     s = z * 2.8114572543455206e-15 - 7.647163731819816e-13;
     c = z * 4.779477332387385e-14 - 1.1470745597729725e-11;
     s = z * s + 1.6059043836821613e-10;
@@ -186,8 +189,9 @@ double portable_tan(double x)
     return sine / cosine;
 }
 
-/* Computes the angle of a slope 0 <= t <= 1 as high + low: that of the nearest eighth from the
- * table, the rest |d| < 3/32 by a series (the first term left out is 2e-18 of d). */
+/* Computes atan(t) as high + low for 0 <= t <= 1. The table gives the angle of the nearest multiple
+ * of 1/8. A series in the tangent d of the rest, |d| < 3/32, gives the rest. Its truncation error
+ * is 2e-18 d. */
 static void slope_angle(double t, double *high, double *low)
 {
     static const double eighth[9][2] = {{0, 0},
@@ -220,7 +224,7 @@ double portable_atan2(double y, double x)
     if (isnan(x) || isnan(y)) {
         return x + y;
     }
-    /* In the first octant: zeros and infinities have slopes of 0 and 1 */
+    /* Reduce to the first octant. Zeros and infinities get the slope 0 or 1 */
     if (a <= b) {
         slope_angle(a == b ? (a == 0.0 ? 0.0 : 1.0) : a / b, &high, &low);
         angle = signbit(x) ? PI - (high - (PI_REST - low)) : high + low;
@@ -242,8 +246,8 @@ double portable_acos(double x)
     return 2.0 * portable_atan2(sqrt(1.0 - x), sqrt(1.0 + x));
 }
 
-/* Reduces x = k log 2 + r with |r| <= log(2)/2 and returns exp(r) - 1 - r; the series' first
- * term left out is 4e-18 of r. */
+/* Reduces x = k log 2 + r with |r| <= log(2)/2. Returns exp(r) - 1 - r from a series with a
+ * truncation error of 4e-18 r. */
 static double exp_rest(double x, int *k, double *r)
 {
     const double n = floor(x * 0x1.71547652b82fep+0 + 0.5);
@@ -282,7 +286,7 @@ double portable_exp(double x)
     rest = exp_rest(x, &k, &r);
     r = 1.0 + (r + rest);
 
-    /* In two steps where 2^k has no exponent of its own; only the second rounds */
+    /* Scale in two steps if 2^k is not a normal double. Only the second step rounds */
     if (k > EXPONENT_BIAS) {
         return r * 2.0 * power_of_two(k - 1);
     }
@@ -312,9 +316,9 @@ double portable_expm1(double x)
 }
 
 /*
- * Returns log(1 + f) + k log 2 + c for sqrt(1/2) - 1 <= f <= sqrt(2) - 1: with s = f/(2 + f) it is
- * 2 artanh s = f - f^2/2 + s (f^2/2 + R), R = 2 s^2 (1/3 + s^2/5 + ...), whose first term left out
- * is 1e-18 of f.
+ * Returns log(1 + f) + k log 2 + c for sqrt(1/2) - 1 <= f <= sqrt(2) - 1. With s = f/(2 + f), log(1
+ * + f) = 2 artanh s = f - f^2/2 + s (f^2/2 + R). R is the series 2 s^2 (1/3 + s^2/5 + ...). Its
+ * truncation error is 1e-18 f.
  */
 static double log_sum(double f, int k, double c)
 {
@@ -384,7 +388,7 @@ double portable_log1p(double x)
         return log_sum(x, 0, 0.0);
     }
 
-    /* 1 + x is rounded: add the relative rounding error to the logarithm */
+    /* Correct the logarithm by the relative rounding error of 1 + x */
     u = 1.0 + x;
     m = split_power(u, &k);
     return log_sum(m - 1.0, k, (u > 2.0 ? 1.0 - (u - x) : x - (u - 1.0)) / u);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runs programs of several commands. */
+/* Runs a program that has several commands. */
 #include "base/program.h"
 
 #include "base/completion.h"
@@ -12,7 +12,8 @@
 
 enum { NAMES_MAX = 64, SUMMARY_COLUMN = 14 };
 
-/* Stack that every command and its threads can rely on: the loop touches 256 KiB in advance. */
+/* Minimum stack of every command and its threads, bytes. The loop touches 256 KiB of it in
+ * advance. */
 enum { STACK_LEAST = 512 * 1024 };
 
 const struct program_command *program_find(const struct program *program, const char *name)

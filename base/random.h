@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Seeded random numbers for noise and faults: splitmix64 (Steele, Lea, Flood 2014). Each user has
- * its own stream, independent of draws from other streams. Equal seed and name give equal numbers
- * on every machine (Gaussian ones by base/portable_math.h). RT-safe.
+ * its own stream, and draws from one stream do not change the others. The same seed and name give
+ * the same numbers on every machine. Gaussian numbers use base/portable_math.h for this. RT-safe.
  */
 #ifndef BASE_RANDOM_H
 #define BASE_RANDOM_H
@@ -28,7 +28,7 @@ static inline uint64_t random_bits(struct random_stream *stream)
     return z ^ z >> 31;
 }
 
-/* Returns the stream of a name, independent of those of other names. */
+/* Returns the stream of a name. Streams of different names are independent. */
 static inline struct random_stream random_named(uint64_t seed, const char *name)
 {
     struct random_stream stream = {hash_bytes(HASH_START, name, strlen(name))};
@@ -38,14 +38,14 @@ static inline struct random_stream random_named(uint64_t seed, const char *name)
     return stream;
 }
 
-/* Draws a number uniform in [0, 1). */
+/* Draws a uniform number in [0, 1). */
 static inline double random_uniform(struct random_stream *stream)
 {
     return (double)(random_bits(stream) >> 11) * 0x1p-53;
 }
 
-/* Draws a Gaussian number of mean 0 and variance 1 (Box and Muller). It discards the second number,
- * so that every draw consumes two. */
+/* Draws a Gaussian number with mean 0 and variance 1 (Box and Muller). Every draw consumes two
+ * uniform numbers; the method's second Gaussian number is discarded. */
 static inline double random_gaussian(struct random_stream *stream)
 {
     double radius = sqrt(-2.0 * portable_log(1.0 - random_uniform(stream)));
@@ -53,9 +53,9 @@ static inline double random_gaussian(struct random_stream *stream)
     return radius * portable_cos(6.283185307179586 * random_uniform(stream));
 }
 
-/* Draws whether an intermittent contact is open in the next step; gap: whether it is open now. Gaps
- * have the mean length `dwell` and fill the fraction `share` of the time. dwell and step have the
- * same unit. */
+/* Draws the state of an intermittent contact for the next step. `gap` and the result: true = open.
+ * Open times have the mean length `dwell`. The contact is open for the fraction `share` of the
+ * time. dwell and step have the same unit. */
 static inline bool random_gap(struct random_stream *stream, bool gap, double share, double dwell,
                               double step)
 {

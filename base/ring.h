@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A lock-free ring for one writing and one reading thread: frames to the recorder, events to the
- * log, frames between the nodes of a local bus. The caller owns the memory. All functions are
- * RT-safe.
+ * A lock-free ring between one writing and one reading thread. It carries frames to the recorder,
+ * events to the log, and frames between the nodes of a local bus. The caller owns the memory. All
+ * functions are RT-safe.
  */
 #ifndef BASE_RING_H
 #define BASE_RING_H
@@ -17,11 +17,11 @@ struct ring {
     unsigned char *slots;
     size_t slot_size;
     uint32_t mask;                      /* number of slots - 1 */
-    _Alignas(64) _Atomic uint32_t head; /* next slot to write, owned by the writer */
-    _Alignas(64) _Atomic uint32_t tail; /* next slot to read, owned by the reader */
+    _Alignas(64) _Atomic uint32_t head; /* next slot to write; only the writer changes it */
+    _Alignas(64) _Atomic uint32_t tail; /* next slot to read; only the reader changes it */
 };
 
-/* Initializes an empty ring in memory of count * slot_size bytes; count is a power of two. */
+/* Initializes an empty ring in memory of count * slot_size bytes. count is a power of two. */
 static inline void ring_init(struct ring *ring, void *slots, size_t slot_size, uint32_t count)
 {
     ring->slots = slots;
@@ -31,7 +31,7 @@ static inline void ring_init(struct ring *ring, void *slots, size_t slot_size, u
     atomic_store_explicit(&ring->tail, 0, memory_order_release);
 }
 
-/* Copies one item in; false when the ring is full. Writer only. */
+/* Copies an item into the ring. Returns false if the ring is full. Only for the writer. */
 static inline bool ring_push(struct ring *ring, const void *item)
 {
     uint32_t head = atomic_load_explicit(&ring->head, memory_order_relaxed);
@@ -45,7 +45,8 @@ static inline bool ring_push(struct ring *ring, const void *item)
     return true;
 }
 
-/* Copies one item out; false when the ring is empty. Reader only. */
+/* Copies the oldest item out and removes it. Returns false if the ring is empty. Only for the
+ * reader. */
 static inline bool ring_pop(struct ring *ring, void *item)
 {
     uint32_t tail = atomic_load_explicit(&ring->tail, memory_order_relaxed);
@@ -59,8 +60,8 @@ static inline bool ring_pop(struct ring *ring, void *item)
     return true;
 }
 
-/* Returns the slot of the next item; fill it and call ring_commit. NULL = the ring is full. Writer
- * only. */
+/* Returns the slot for the next item. Fill it, then call ring_commit. Returns NULL if the ring is
+ * full. Only for the writer. */
 static inline void *ring_back(const struct ring *ring)
 {
     uint32_t head = atomic_load_explicit(&ring->head, memory_order_relaxed);
@@ -76,7 +77,8 @@ static inline void ring_commit(struct ring *ring)
                           memory_order_release);
 }
 
-/* Returns the oldest item, valid until ring_drop; NULL = the ring is empty. Reader only. */
+/* Returns the oldest item, which is valid until ring_drop. Returns NULL if the ring is empty. Only
+ * for the reader. */
 static inline const void *ring_front(const struct ring *ring)
 {
     uint32_t tail = atomic_load_explicit(&ring->tail, memory_order_relaxed);
@@ -91,7 +93,8 @@ static inline void ring_drop(struct ring *ring)
                           memory_order_release);
 }
 
-/* Returns the number of waiting items, exact at the time of the call for writer and reader. */
+/* Returns the number of items in the ring. Writer and reader may both call it; the number is exact
+ * at the call. */
 static inline uint32_t ring_count(const struct ring *ring)
 {
     uint32_t head = atomic_load_explicit(&ring->head, memory_order_acquire);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads numbers strictly, checks UTF-8, and finds the nearest word. */
+/* Parses numbers strictly, checks UTF-8, and finds the nearest word. */
 #include "base/text.h"
 
 #include "base/array.h"
@@ -15,7 +15,7 @@ bool text_to_double(const char *text, double *value)
     char *end;
     double parsed;
 
-    /* strtod also accepts spaces, inf, nan and hexadecimal */
+    /* Refuse spaces, inf, nan and hexadecimal numbers, which strtod accepts */
     if (*text == '\0' || strspn(text, "+-.0123456789eE") != strlen(text)) {
         return false;
     }
@@ -61,8 +61,8 @@ bool text_is_name(const char *text)
 
 size_t text_utf8_length(const char *text, size_t size)
 {
-    /* For 1 to 4 bytes: the bits of the first byte that encode the length, and the lowest code of
-     * this length */
+    /* For a length of 1 to 4 bytes: the bits of the first byte that encode the length, and the
+     * lowest code with this length */
     static const struct {
         unsigned char mask, lead;
         uint32_t min;
@@ -89,19 +89,20 @@ size_t text_utf8_length(const char *text, size_t size)
     return 0;
 }
 
-/* Computes the edit distance of two words: how many letters must be inserted, deleted, replaced
- * or swapped with their neighbor (optimal string alignment). Both have at most LONGEST_WORD
+/* Returns the edit distance of two words: the least number of letters to insert, delete, replace,
+ * or swap with a neighbor (optimal string alignment). Both words have at most LONGEST_WORD
  * letters. */
 static size_t text_edit_distance(const char *a, const char *b)
 {
     size_t rows[3][LONGEST_WORD + 1], na = strlen(a), nb = strlen(b);
     size_t *before = rows[0], *above = rows[1], *row = rows[2];
 
-    /* Distance from the empty word to the first j letters of b */
+    /* Set the distances from the empty word to the first j letters of b */
     for (size_t j = 0; j <= nb; j++) {
         row[j] = j;
     }
-    /* Dynamic programming row by row; a swap looks two rows back */
+    /* Fill the table row by row (dynamic programming); a swap needs the row before the previous
+     * one */
     for (size_t i = 1; i <= na; i++) {
         size_t *spare = before;
 
@@ -123,7 +124,7 @@ static size_t text_edit_distance(const char *a, const char *b)
     return row[nb];
 }
 
-/* Checks whether a character of `length` bytes is a control character other than tab. */
+/* Checks whether a character of `length` bytes is a control character. A tab is allowed. */
 static bool text_is_control(const char *text, size_t length)
 {
     unsigned char first = (unsigned char)text[0];

@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Vectors of three, 3x3 matrices and rotations: the one place for their arithmetic, shared by the
- * model and the contact engines, in C and in C++.
+ * Arithmetic of 3-vectors, 3x3 matrices and rotations, in C and C++. The model and the contact
+ * engines share it.
  *
- * Shapes: double[3]; double[9] row-major; symmetric matrices double[6] as xx xy xz yy yz zz;
- * quaternions double[4] as wxyz. Units are the caller's, angles in rad. A result never shares
- * memory with an argument unless it is said ("S <- ..."). The order of operations is part of the
- * contract: what the simulator computes is compared bit by bit. No errors, no memory. RT-safe.
+ * Shapes: vectors double[3]; matrices double[9], row-major; symmetric matrices double[6] as xx xy
+ * xz yy yz zz; quaternions double[4] as wxyz. The caller chooses the units; angles are in rad. A
+ * result must not overlap an argument, unless the comment permits it ("S <- ..."). The order of
+ * operations is part of the contract, because runs of the simulator are compared bit by bit. The
+ * functions allocate no memory and cannot fail. RT-safe.
  */
 #ifndef BASE_VEC3_H
 #define BASE_VEC3_H
@@ -29,7 +30,7 @@ static inline double vec3_norm(const double x[3])
     return sqrt(vec3_dot(x, x));
 }
 
-/* z = x - y; z may be one of them */
+/* z = x - y; z may be x or y */
 static inline void vec3_sub(const double x[3], const double y[3], double z[3])
 {
     z[0] = x[0] - y[0];
@@ -37,7 +38,7 @@ static inline void vec3_sub(const double x[3], const double y[3], double z[3])
     z[2] = x[2] - y[2];
 }
 
-/* z = x + s y; z may be one of them */
+/* z = x + s y; z may be x or y */
 static inline void vec3_add_scaled(const double x[3], double s, const double y[3], double z[3])
 {
     z[0] = x[0] + s * y[0];
@@ -106,7 +107,7 @@ static inline void mat3_identity(double A[9])
     }
 }
 
-/* Checks whether A is the identity to the last bit. */
+/* Checks whether A is exactly the identity matrix. */
 static inline bool mat3_is_identity(const double A[9])
 {
     for (int i = 0; i < 9; i++) {
@@ -119,7 +120,7 @@ static inline bool mat3_is_identity(const double A[9])
 
 /* ---- symmetric matrices ---- */
 
-/* Index of element (row, column) of a symmetric matrix. */
+/* Gives the index of element [row][column] of a symmetric matrix. */
 static const unsigned char sym3_index[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
 
 /* y = S x, S symmetric */
@@ -194,7 +195,8 @@ static inline void quaternion_from_rpy(const double rpy[3], double q[4])
     q[3] = sy * cp * cr - cy * sp * sr;
 }
 
-/* Computes the body-to-world rotation of a quaternion (wxyz) of any non-zero length. */
+/* Computes the body-to-world rotation from a quaternion (wxyz). The quaternion may have any
+ * non-zero length. */
 static inline void mat3_from_quaternion(const double quaternion[4], double R[9])
 {
     double w = quaternion[0], x = quaternion[1], y = quaternion[2], z = quaternion[3];
@@ -208,8 +210,9 @@ static inline void mat3_from_quaternion(const double quaternion[4], double R[9])
     memcpy(R, value, sizeof value);
 }
 
-/* Computes the unit quaternion (wxyz) of a rotation, w not negative. Each component is taken
- * from the largest, so that no digits are lost (Shepperd, J. Guidance and Control 1(3), 1978). */
+/* Computes the unit quaternion (wxyz) of a rotation, with w >= 0. It derives the other components
+ * from the largest one, which avoids a loss of digits (Shepperd, J. Guidance and Control 1(3),
+ * 1978). */
 static inline void quaternion_from_mat3(const double R[9], double quaternion[4])
 {
     const double square[4] = {1.0 + R[0] + R[4] + R[8], 1.0 + R[0] - R[4] - R[8],

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Writes files under a temporary name until they are complete, opens files that grow, and makes
+/* Writes files under a temporary name until they are complete. Opens files that grow. Makes
  * folders. */
 #include "base/whole_file.h"
 
@@ -14,7 +14,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* Returns the name of a path in its folder. */
+/* Returns the last component of a path. */
 static const char *whole_file_name(const char *path)
 {
     const char *slash = strrchr(path, '/');
@@ -22,10 +22,10 @@ static const char *whole_file_name(const char *path)
     return slash ? slash + 1 : path;
 }
 
-/* A folder below which no symbolic link is followed; "" = none. */
+/* Below this folder no symbolic link is followed; "" = no such folder. */
 static struct {
     char path[PATH_MAX];
-    size_t given; /* leading bytes of the path, given by a person, in which links are followed */
+    size_t given; /* leading bytes of the path that a person gave; links in them are followed */
 } enclosure;
 
 void folder_enclose(const char *path, size_t given)
@@ -34,7 +34,7 @@ void folder_enclose(const char *path, size_t given)
     enclosure.given = given;
 }
 
-/* Returns how many bytes of a path may lead through symbolic links. */
+/* Returns the number of leading bytes of a path in which symbolic links are followed. */
 static size_t folder_given(const char *path)
 {
     const size_t length = strlen(enclosure.path);
@@ -44,8 +44,8 @@ static size_t folder_given(const char *path)
     return inside ? enclosure.given : strlen(path);
 }
 
-/* Opens a folder. Follows links only in the given part of the path, and opens the rest name by
- * name; -1 with errno, ENOTDIR for a link in the rest. */
+/* Opens a folder. Follows links in the part of the path that a person gave. Opens the rest name by
+ * name without following links. Returns -1 with errno; ENOTDIR for a link in the rest. */
 static int folder_open(const char *path)
 {
     enum { FOLDER = O_RDONLY | O_DIRECTORY | O_CLOEXEC };
@@ -73,7 +73,7 @@ static int folder_open(const char *path)
     return folder;
 }
 
-/* Writes the error of a folder that cannot be made or written; errno has the cause. */
+/* Writes the error of a folder that cannot be made or written. errno has the cause. */
 static enum error_code folder_refuse(const char *path, const char *what, struct error *error)
 {
     const int reason = errno;
@@ -87,7 +87,7 @@ static enum error_code folder_refuse(const char *path, const char *what, struct 
     return error_set_errno(error, reason, "cannot %s %.300s", what, path);
 }
 
-/* Opens the folder of the file, so that no other user can replace it meanwhile. */
+/* Opens the folder of the file, so that no other user can replace the folder before the rename. */
 static enum error_code whole_file_open_folder(struct whole_file *file, struct error *error)
 {
     size_t length = (size_t)(whole_file_name(file->path) - file->path);
@@ -104,7 +104,7 @@ static enum error_code whole_file_open_folder(struct whole_file *file, struct er
     return file->folder >= 0 ? ERROR_NONE : folder_refuse(file->path, "write", error);
 }
 
-/* Creates a file with an unpredictable random name; returns its descriptor, -1 with errno. */
+/* Creates a file with an unpredictable random name. Returns its descriptor, or -1 with errno. */
 static int whole_file_create(struct whole_file *file)
 {
     for (;;) {
@@ -123,8 +123,8 @@ static int whole_file_create(struct whole_file *file)
     }
 }
 
-/* Opens a pipe or a character device without waiting; -1 with errno. A pipe without a reader is
- * ENXIO. Also fails if the path is no longer a pipe or device. */
+/* Opens a pipe or a character device without waiting. Returns -1 with errno: ENXIO for a pipe
+ * without a reader. Also fails if another object has replaced the pipe or device. */
 static int whole_file_open_device(const struct whole_file *file)
 {
     int descriptor = openat(file->folder, whole_file_name(file->path),
@@ -143,7 +143,7 @@ static int whole_file_open_device(const struct whole_file *file)
     return descriptor;
 }
 
-/* Writes the error of a file that cannot be opened; errno says why. */
+/* Writes the error of a file that cannot be opened. errno has the cause. */
 static enum error_code whole_file_refuse(const char *path, struct error *error)
 {
     return errno == ENXIO
@@ -151,13 +151,14 @@ static enum error_code whole_file_refuse(const char *path, struct error *error)
                : error_set_errno(error, errno, "cannot write %s", path);
 }
 
-/* Checks whether a symbolic link was made by another user than this one and root. */
+/* Checks whether the owner of a symbolic link is neither this user nor root. */
 static bool whole_file_is_foreign(const struct stat *link)
 {
     return S_ISLNK(link->st_mode) && link->st_uid != 0 && link->st_uid != geteuid();
 }
 
-/* Decides whether to write the path in place, and refuses other kinds of objects. */
+/* Decides whether to write the path in place. Refuses folders, sockets, block devices, files that
+ * this process has read, and links of other users to a pipe or device. */
 static enum error_code whole_file_look(struct whole_file *file, struct error *error)
 {
     const char *name = whole_file_name(file->path);
@@ -185,7 +186,7 @@ static enum error_code whole_file_look(struct whole_file *file, struct error *er
     return ERROR_NONE;
 }
 
-/* Opens the folder and checks the present object with this name. */
+/* Opens the folder of the path and checks the existing object of this name. */
 static enum error_code whole_file_begin(struct whole_file *file, const char *path,
                                         struct error *error)
 {
@@ -252,7 +253,7 @@ enum error_code whole_file_probe(const char *path, struct error *error)
     if (code) {
         return code;
     }
-    /* Do not open a pipe: closing it again would send EOF to its reader */
+    /* Do not open a pipe here: closing it again would send EOF to its reader */
     descriptor = file.in_place ? -1 : whole_file_create(&file);
     if (descriptor >= 0) {
         close(descriptor);
@@ -266,7 +267,7 @@ enum error_code whole_file_probe(const char *path, struct error *error)
 
 /* ---- files that grow ---- */
 
-/* Creates a file in place of an existing one; -1 with errno, ELOOP for a link. */
+/* Creates a file and removes an existing one first. Returns -1 with errno; ELOOP for a link. */
 static int growing_file_create(const struct whole_file *file)
 {
     const char *name = whole_file_name(file->path);
@@ -306,7 +307,7 @@ enum error_code growing_file_open(const char *path, int *descriptor, struct erro
 
 /* ---- folders ---- */
 
-/* Makes a folder; -1 with errno. */
+/* Makes a folder. Returns -1 with errno. */
 static int folder_mkdir(const char *path)
 {
     const char *name = whole_file_name(path);

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Reads YAML files by a schema table directly into C structs. Every error names file:line:column,
- * what was found and what was expected. Unknown keys are refused with the nearest known one. Also
- * refused: wrong types, values out of range, duplicates, missing keys, anchors/aliases, tags,
- * several documents, and too deep or too large files. Units are in the key names. Not RT-safe.
+ * Reads YAML files directly into C structs, with a schema table. Every error names
+ * file:line:column, what was found and what was expected. An unknown key is refused, and the error
+ * suggests the nearest known key. These are also refused: wrong types, values out of range,
+ * duplicate or missing keys, anchors, aliases, tags, several documents, and files that are too deep
+ * or too large. Units are in the key names. Not RT-safe.
  */
 #ifndef BASE_YAML_H
 #define BASE_YAML_H
@@ -17,31 +18,31 @@
 
 struct yaml_key;
 
-/* The place of a value. The arena of the read owns file and keys. */
+/* The place of a value in a file. The arena of the read owns `file` and `keys`. */
 struct yaml_mark {
     const char *file;
-    int line, column;            /* from 1 */
+    int line, column;            /* both from 1 */
     const struct yaml_key *keys; /* for a mapping: its keys; NULL = none */
 };
 
 /* A key of a mapping and the place of its value. */
 struct yaml_key {
-    const char *key; /* NULL ends the keys */
+    const char *key; /* NULL = end of the keys */
     struct yaml_mark mark;
 };
 
 enum yaml_type {
     YAML_BOOL,      /* bool */
     YAML_INT,       /* int64_t, or int with count sizeof(int) */
-    YAML_REAL,      /* double, finite; or with ns an int64_t in nanoseconds, written in seconds */
-    YAML_STRING,    /* const char *, in the arena; min/max bound its length when max > 0 */
-    YAML_ENUM,      /* int: the value of one of the names */
+    YAML_REAL,      /* double, finite; with `ns` an int64_t in ns, in the file in seconds */
+    YAML_STRING,    /* const char * in the arena; min and max bound its length if max > 0 */
+    YAML_ENUM,      /* int: the value of one of `names` */
     YAML_REALS,     /* double[count], exactly count entries */
-    YAML_REAL_LIST, /* double * in the arena and size_t at count_offset, any length */
-    YAML_NAME_LIST, /* texts with places: struct yaml_name * and size_t at count_offset */
-    YAML_MAP,       /* a nested struct, read with schema */
-    YAML_LIST,      /* list of mappings: struct * in the arena, size_t at count_offset */
-    YAML_DICT, /* mapping name -> mapping: as YAML_LIST; the name goes to schema->name_offset */
+    YAML_REAL_LIST, /* double * in the arena, any length, and size_t at count_offset */
+    YAML_NAME_LIST, /* list of names: struct yaml_name * and size_t at count_offset */
+    YAML_MAP,       /* a nested struct, read with `schema` */
+    YAML_LIST,      /* list of mappings: struct * in the arena and size_t at count_offset */
+    YAML_DICT,      /* mapping name -> mapping, like YAML_LIST; name at schema->name_offset */
     YAML_REAL_DICT, /* mapping name -> real: struct yaml_real_entry * and size_t at count_offset */
 };
 
@@ -56,14 +57,14 @@ struct yaml_real_entry {
     double value;
 };
 
-/* The place of a key with an old name. */
+/* The place of a key that still has its old name in the file. */
 struct yaml_old_key {
     struct yaml_mark mark;
-    struct yaml_old_key *next; /* NULL = the last */
+    struct yaml_old_key *next; /* NULL = end of the list */
 };
 
-/* A key with a new name: a mapping of a schema with `now` may still use `was`. Beside `now`, the
- * old key is ignored when it has the value `only`, and unknown otherwise. */
+/* A renamed key. A file may use the old name `was` in place of the new name `now`. If a mapping has
+ * both, the old key is ignored if its value is `only`, and refused otherwise. */
 struct yaml_renamed {
     const char *was, *now, *only;
 };
@@ -74,53 +75,54 @@ struct yaml_field {
     const char *key;
     enum yaml_type type;
     bool required;
-    size_t offset;       /* of the field in the struct */
-    size_t count_offset; /* of the size_t of a list */
-    size_t count;        /* for YAML_REALS, YAML_INT */
-    bool ns;             /* for YAML_REAL */
-    double min, max;     /* inclusive range of numbers; both 0 = any; min DBL_MIN = above zero */
+    size_t offset;                    /* offset of the field in the struct */
+    size_t count_offset;              /* for lists: offset of the size_t with the length */
+    size_t count;                     /* YAML_REALS: entries; YAML_INT: sizeof(int) for an int */
+    bool ns;                          /* YAML_REAL: store nanoseconds */
+    double min, max;                  /* inclusive range; both 0 = any; min DBL_MIN = above zero */
     const struct yaml_schema *schema; /* for YAML_MAP, YAML_LIST, YAML_DICT */
     const struct word *names;         /* for YAML_ENUM, ends with word NULL */
-    /* YAML_LIST: a unique key by which entries may also be written as a mapping; NULL = none */
+    /* YAML_LIST: a key that identifies an entry. The file may then give a mapping in place of the
+     * list: from the values of this key to the entries. NULL = list only */
     const char *entry_key;
 };
 
-/* A struct begins with `struct yaml_mark mark` (offset 0): the place of its mapping, with its keys.
- * An omitted nested map gets its parent's place, so that every message has one, and holds its
- * schema's defaults. */
+/* A schema of a struct. The struct begins with `struct yaml_mark mark` (offset 0), the place of its
+ * mapping with its keys, unless `unmarked` is set. If a nested mapping is omitted, its struct has
+ * the defaults and the place of the parent mapping, so that messages always have a place. */
 struct yaml_schema {
-    const char *what; /* for messages: "a joint" */
+    const char *what; /* name in messages: "a joint" */
     size_t size;      /* size of the struct */
     const struct yaml_field *fields;
     size_t field_count;
-    size_t name_offset; /* offset of the const char * for the name of a YAML_DICT entry */
-    /* for a file: 0 = none, else offset of a uint64_t that receives the sum of the hashes of the
-     * file and of all files that it extends */
+    size_t name_offset; /* YAML_DICT: offset of the const char * for the name of an entry */
+    /* For a file: offset of a uint64_t for the sum of the hashes of this file and of all files that
+     * it extends. 0 = none */
     size_t hash_offset;
-    /* size bytes of defaults; NULL = zeroes, or for a nested map the parent's defaults */
+    /* Defaults, `size` bytes. NULL = zeros; for a nested mapping, the parent's defaults */
     const void *defaults;
-    /* key of a text that may replace the mapping ("drive: NAME"); no key is required then; NULL
-     * = none */
+    /* Key that a bare text in place of the mapping sets: "drive: NAME". Then no other key is
+     * required. NULL = none */
     const char *alone;
-    /* For a file: the newest supported format. The file may give its format with the key
-     * "format_version" (default 1); a newer one is refused. 0 = no versions. */
+    /* For a file: the newest supported format version. The file may give its version with the key
+     * "format_version" (default 1). A newer version is refused. 0 = no versions. */
     int format_version;
-    /* for a file: a key with a new name, and the offset of a const struct yaml_old_key * that
-     * receives the list of the old one's places; NULL = none */
+    /* For a file: a renamed key. A const struct yaml_old_key * at the offset receives the list of
+     * places that use the old name. NULL = none */
     const struct yaml_renamed *renamed;
     size_t old_offset;
-    /* for a file: numbers, true and false may stand in quotes, as parameters of a scenario do */
+    /* For a file: numbers, true and false may be in quotes, as in the parameters of a scenario */
     bool quoted_values;
-    bool unmarked;   /* the struct belongs to another room and has no mark */
-    bool extendable; /* for a file: the key "extends" names a file that this one extends */
-    /* For an extendable file: finds the path of a file that `from` extends by a bare name, without
-     * slash and dot. NULL = no such names. */
+    bool unmarked;   /* the struct is from another room and has no `mark` */
+    bool extendable; /* for a file: the key "extends" names a base file */
+    /* For an extendable file: finds the path of a base file that the file `from` names without a
+     * slash or a dot. NULL = such names are not supported. */
     enum error_code (*locate)(const char *name, const char *from, struct arena *arena,
                               const char **path, struct error *error);
 };
 
-/* Rows of a schema for keys of a struct type: a number, seconds as nanoseconds, n numbers, a text,
- * a nested mapping, a list or dictionary of mappings. */
+/* Rows of a schema, each for a key and a member of a struct. The types are: a number, seconds as
+ * nanoseconds, n numbers, a text, a nested mapping, a list or dictionary of mappings. */
 #define YAML_NUMBER(word, must, type, member, low, high)                                           \
     {                                                                                              \
         word, YAML_REAL, must, offsetof(struct type, member), .min = low, .max = high              \
@@ -147,65 +149,66 @@ struct yaml_schema {
             .schema = &of                                                                          \
     }
 
-/* A schema from the array of its rows, with further members. */
+/* Defines a schema with the array of its rows and further members. */
 #define YAML_SCHEMA(text, type, rows, ...)                                                         \
     {                                                                                              \
         .what = text, .size = sizeof(type), .fields = rows,                                        \
         .field_count = sizeof(rows) / sizeof *(rows), __VA_ARGS__                                  \
     }
 
-/* Reads the file into *out, initialized with schema->defaults. Strings and lists are in arena.
+/* Reads a file into *out, which starts with schema->defaults. Strings and lists are in arena.
  *
- * With schema->extendable a file may extend another: "extends: FILE", or a name that schema->locate
- * finds. Its values replace the other file's; mappings merge key by key. Lists are replaced as a
- * whole. A mapping in place of a list with an entry_key changes the entries that it names and
- * appends others. Each value keeps the place and the directory (for references) of its own file. */
+ * If schema->extendable is set, a file may extend a base file: "extends: FILE", or a name that
+ * schema->locate finds. Values of the file replace values of the base. Mappings merge key by key.
+ * Lists are replaced as a whole. For a list with an entry_key, the file may give a mapping instead:
+ * it changes the entries that it names and appends new entries. Each value keeps the place and the
+ * directory (for references) of the file that contains it. */
 enum error_code yaml_read_file(const char *path, const struct yaml_schema *schema,
                                struct arena *arena, void *out, struct error *error);
 
-/* Does the same from memory; messages use `name` for the file. */
+/* Does the same as yaml_read_file from memory. Messages use `name` as the file's name. */
 enum error_code yaml_read_text(const char *name, const char *text, size_t size,
                                const struct yaml_schema *schema, struct arena *arena, void *out,
                                struct error *error);
 
-/* Reads the text of one top-level key of a file; other keys are ignored; NULL = missing or
- * not a text. Ignores files that it extends. The text is in arena. */
+/* Reads the text of one top-level key of a file. Ignores all other keys, and base files. *text is
+ * NULL if the key is missing or its value is not a text. The text is in arena. */
 enum error_code yaml_read_key(const char *path, const char *key, struct arena *arena,
                               const char **text, struct error *error);
 
-/* Writes "file:line:column: …" for a semantic error found after reading. Returns ERROR_INPUT. */
+/* Writes "file:line:column: ..." for an error that is found after the read. Returns ERROR_INPUT. */
 enum error_code yaml_error(struct error *error, const struct yaml_mark *mark, const char *format,
                            ...) __attribute__((format(printf, 3, 4)));
 
-/* Returns the place of a key's value, by its path in a mapping ("motors.strict"). For an omitted
- * key, returns the place of the mapping that lacks it. */
+/* Returns the place of the value at a path of keys in a mapping ("motors.strict"). If a key is
+ * omitted, returns the place of the mapping without this key. */
 const struct yaml_mark *yaml_place(const struct yaml_mark *mapping, const char *path);
 
-/* Returns whether a mapping contains the key of a path. */
+/* Returns whether a mapping contains the key at a path of keys. */
 bool yaml_has(const struct yaml_mark *mapping, const char *path);
 
-/* Copies the values that a mapping gives from one struct to another of the same schema; lists are
- * shared. */
+/* Copies values between two structs of the same schema, but only values that `mapping` contains.
+ * Lists are shared, not copied. */
 void yaml_override(const struct yaml_schema *schema, const struct yaml_mark *mapping,
                    const void *from, void *to);
 
-/* Names in an array of structs. */
+/* Names of the elements of an array of structs. */
 struct yaml_names {
     const void *array;
-    size_t count, stride, offset; /* offset: offset of the name in a struct */
+    size_t count, stride, offset; /* `offset`: offset of the name in a struct */
 };
 
 #define YAML_NAMES(array, count, member)                                                           \
     ((struct yaml_names){(array), (count), sizeof *(array), offsetof(__typeof__(*(array)), member)})
 
-/* Finds the index of a name from a file; mark: its place. The error says that the `what` ("joint")
- * is unknown, and the nearest name or all names. */
+/* Finds the index of a name that a file uses. `mark` is the place of the name. `what` is its kind
+ * ("joint"). If the name is unknown, the error suggests the nearest name or lists all names. */
 enum error_code yaml_find_name(struct yaml_names names, const char *what, const char *name,
                                const struct yaml_mark *mark, int *index, struct error *error);
 
-/* Resolves a file reference relative to the directory of mark->file. Refuses absolute paths and
- * files outside the configuration tree, which is the parent of that directory. The path is in
- * arena. */
+/* Resolves a file reference relative to the directory of mark->file. Refuses absolute paths.
+ * Refuses files outside the configuration tree, which is the parent of this directory. The path is
+ * in arena. */
 enum error_code yaml_resolve_path(const struct yaml_mark *mark, const char *reference,
                                   struct arena *arena, const char **path, struct error *error);
 

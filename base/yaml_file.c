@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads YAML files: their bytes, paths that they refer to, and files that extend others. */
+/* Reads YAML files: loads their bytes, resolves paths in them, and merges base files. */
 #include "base/hash.h"
 #include "base/input_file.h"
 #include "base/text.h"
@@ -10,20 +10,21 @@
 #include <string.h>
 #include <sys/stat.h>
 
-enum { MAX_CHAIN = 256 /* longest chain of files that extend each other, to limit the stack */ };
+enum { MAX_CHAIN = 256 /* longest chain of base files; it limits the stack */ };
 
 /* ---- files that extend others ---- */
 
-/* A file that is being read because another file, `by`, extends it (NULL = the first file). */
+/* A file that is being read. `by` is the file that extends it; NULL for the first file. */
 struct yaml_chain {
     const struct yaml_chain *by;
     int depth;
-    /* identity of the file, independent of its name; 0 and 0 for a text from memory */
+    /* identity of the file under any name; 0 and 0 for a text in memory */
     dev_t device;
     ino_t inode;
 };
 
-/* Returns the link that points to a key of a mapping, or to the end of its list. */
+/* Returns the link to a key of a mapping. If the key is missing, returns the link at the list's
+ * end. */
 static struct yaml_node **yaml_find_key(struct yaml_node *map, const char *name)
 {
     struct yaml_node **at = &map->first;
@@ -34,8 +35,8 @@ static struct yaml_node **yaml_find_key(struct yaml_node *map, const char *name)
     return at;
 }
 
-/* Converts a list of mappings into one mapping, keyed by each entry's value of `key`. A list with
- * an entry without this value stays. */
+/* Converts a list of mappings into one mapping. Its keys are the entries' values of `key`. If an
+ * entry lacks this value, the list does not change. */
 static void yaml_list_to_map(struct yaml_node *list, const char *key)
 {
     struct yaml_node **link = &list->first, **at, *next;
@@ -61,7 +62,7 @@ static void yaml_list_to_map(struct yaml_node *list, const char *key)
     list->kind = YAML_KIND_MAP;
 }
 
-/* Checks whether two keys of entries are the same text or the same number. */
+/* Checks whether two keys are the same text or the same number. */
 static bool yaml_same_key(const struct yaml_node *a, const struct yaml_node *b)
 {
     int64_t x, y;
@@ -74,8 +75,8 @@ static bool yaml_same_key(const struct yaml_node *a, const struct yaml_node *b)
 static void yaml_merge_maps(const struct yaml_schema *schema, struct yaml_node *map,
                             struct yaml_node *base);
 
-/* Merges the entries of a mapping into those of the base: first the base's entries in their order,
- * then new ones. */
+/* Merges the entries of a mapping into the base's entries. The base's entries come first, in their
+ * order; new entries follow. */
 static void yaml_merge_entries(const struct yaml_schema *schema, struct yaml_node *map,
                                struct yaml_node *base)
 {
@@ -111,8 +112,8 @@ static void yaml_merge_entries(const struct yaml_schema *schema, struct yaml_nod
     map->count = base->count;
 }
 
-/* Adds the base's missing keys to a mapping. Mappings in both are merged recursively, and so is a
- * mapping of entries with a list of them. */
+/* Adds the keys that only the base has to a mapping. Merges the values of a key if both files give
+ * a mapping. A mapping in place of a list of the base changes single entries of this list. */
 static void yaml_merge_maps(const struct yaml_schema *schema, struct yaml_node *map,
                             struct yaml_node *base)
 {
@@ -143,8 +144,8 @@ static void yaml_merge_maps(const struct yaml_schema *schema, struct yaml_node *
     }
 }
 
-/* Removes the key format_version from a document, and refuses a version newer than this program
- * reads. */
+/* Removes the key format_version from a document. Refuses a version that is newer than this
+ * program. */
 static enum error_code yaml_check_format(struct yaml_reader *r, const struct yaml_schema *schema,
                                          struct yaml_node *root)
 {
@@ -170,8 +171,8 @@ static enum error_code yaml_check_format(struct yaml_reader *r, const struct yam
     return ERROR_NONE;
 }
 
-/* Gives the old keys of a mapping, or of all entries of a list or dictionary, their new name, and
- * notes their places. */
+/* Renames old keys in a mapping, or in all entries of a list or dictionary, to their new names.
+ * Records their places. */
 static enum error_code yaml_rename_keys(struct yaml_reader *r, const struct yaml_renamed *renamed,
                                         const struct yaml_schema *schema, bool entries,
                                         struct yaml_node *node)
@@ -213,7 +214,7 @@ static enum error_code yaml_rename_keys(struct yaml_reader *r, const struct yaml
     return code;
 }
 
-/* Finds the path of the file that a document extends. */
+/* Finds the path of the base file that a document extends. */
 static enum error_code yaml_find_extended(struct yaml_reader *r, const struct yaml_schema *schema,
                                           const struct yaml_node *reference, const char **path)
 {
@@ -228,7 +229,8 @@ static enum error_code yaml_find_extended(struct yaml_reader *r, const struct ya
                 : ERROR_NONE;
 }
 
-/* Refuses a file that extends itself through others, at the line that names it. */
+/* Refuses a file that extends itself through other files. The error has the line of the
+ * reference. */
 static enum error_code yaml_check_chain(struct yaml_reader *r, const struct yaml_chain *chain,
                                         const struct yaml_node *reference, const char *path)
 {
@@ -250,7 +252,7 @@ static enum error_code yaml_check_chain(struct yaml_reader *r, const struct yaml
                             MAX_CHAIN);
 }
 
-/* Follows the key extends, if the document has it, and merges the base into the document. */
+/* Merges the base file into the document if the document has the key `extends`. */
 static enum error_code yaml_follow_extends(struct yaml_reader *r, const struct yaml_schema *schema,
                                            const struct yaml_chain *chain, struct yaml_node *root)
 {
@@ -275,7 +277,7 @@ static enum error_code yaml_follow_extends(struct yaml_reader *r, const struct y
         return code;
     }
 
-    /* Report a file that cannot be loaded at the line that names it */
+    /* Load the base file; the place of a failure is the line of the reference */
     code = input_file_load(path, YAML_MAX_FILE, &text, &size, r->error);
     if (code) {
         error_prefix(r->error, "%s:%d:%d", reference->mark.file, reference->mark.line,
@@ -283,7 +285,7 @@ static enum error_code yaml_follow_extends(struct yaml_reader *r, const struct y
         goto done;
     }
 
-    /* Add the values of the base, with its own bases, that this document omits */
+    /* Read the base, which may extend other files, and add values that this document omits */
     code = yaml_document_read(r, path, text, size, schema, chain, &base);
     if (!code && base->kind == YAML_KIND_MAP) {
         yaml_merge_maps(schema, root, base);
@@ -330,7 +332,8 @@ enum error_code yaml_document_read(struct yaml_reader *r, const char *name, cons
 
 /* ---- references ---- */
 
-/* Returns the lowest level of a relative path: 0 = the starting directory, -1 = its parent. */
+/* Returns the lowest level that a relative path reaches: 0 = the starting directory, -1 = its
+ * parent. */
 static int path_lowest_level(const char *reference)
 {
     int level = 0, lowest = 0;
@@ -349,15 +352,14 @@ static int path_lowest_level(const char *reference)
     return lowest;
 }
 
-/* Removes "." and "name/.." from a path, without asking the file system, so that messages read
- * well. */
+/* Removes "." and "name/.." from a path, for readable messages. Does not access the file system. */
 static void path_normalize(char *path)
 {
     char *out = path;
 
     for (const char *part = path; *part;) {
         size_t n = strcspn(part, "/"), slash = part[n] == '/';
-        /* beginning of the last component, without its slash */
+        /* start of the last component, without the slash before it */
         char *last = out > path ? out - 1 : out;
         bool up = n == 2 && part[0] == '.' && part[1] == '.';
 
@@ -383,7 +385,7 @@ enum error_code yaml_resolve_path(const struct yaml_mark *mark, const char *refe
     size_t size = directory + strlen(reference) + 1;
     char text[YAML_SHOWN + 4], *joined;
 
-    /* Relative, and at most one directory up */
+    /* The reference must be relative, and at most one directory up */
     if (*reference == '\0') {
         return yaml_error(error, mark,
                           "found an empty text, expected a path relative to this file");
@@ -399,7 +401,7 @@ enum error_code yaml_resolve_path(const struct yaml_mark *mark, const char *refe
                           yaml_shown(reference, text));
     }
 
-    /* Join it to the directory of the referring file */
+    /* Append it to the directory of the referring file */
     joined = arena_alloc(arena, size, 1);
     if (!joined) {
         return error_set(error, ERROR_MEMORY, "%.200s: no memory left", mark->file);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Reads YAML: applies the caller's schema to the nodes of a document and fills structs.
+ * Applies a schema to the nodes of a YAML document and fills structs.
  */
 #include "base/yaml.h"
 
@@ -18,9 +18,9 @@
 #include <string.h>
 
 enum {
-    SCRATCH = 64 << 20, /* nodes and their text: 2 * 64 bytes a node and the file's text */
-    MAX_WORDS = 128,    /* keys or enum words offered to text_nearest */
-    MAX_NAMES = 512,    /* names offered to text_nearest */
+    SCRATCH = 64 << 20, /* scratch memory, bytes: 2 * 64 per node, and the text of the file */
+    MAX_WORDS = 128,    /* most keys or enum words given to text_nearest */
+    MAX_NAMES = 512,    /* most names given to text_nearest */
 };
 
 /* ---- messages ---- */
@@ -50,7 +50,7 @@ static void yaml_join_words(const char *const *words, size_t count, char *out, s
     for (size_t i = 0; i < count; i++) {
         const char *separator = i == 0 ? "" : i + 1 == count ? " or " : ", ";
 
-        /* Truncate a long list after a word */
+        /* End a long list after a complete word */
         if (used + strlen(separator) + strlen(words[i]) + sizeof ", ..." > size) {
             snprintf(out + used, size - used, ", ...");
             return;
@@ -67,7 +67,7 @@ static void *yaml_member(void *out, size_t offset)
     return (unsigned char *)out + offset;
 }
 
-/* Describes the values that a field takes: "a number from 0 to 100". */
+/* Describes the allowed values of a field: "a number from 0 to 100". */
 static void yaml_describe_range(const char *what, const struct yaml_field *field, char *out,
                                 size_t size)
 {
@@ -88,7 +88,7 @@ static void yaml_describe_range(const char *what, const struct yaml_field *field
     }
 }
 
-/* Checks whether a number is in a field's range; min and max both 0 mean any. */
+/* Checks whether a number is in the range of a field. min = max = 0 allows any number. */
 static bool yaml_in_range(const struct yaml_field *field, double value)
 {
     return (field->min == 0 && field->max == 0) || (value >= field->min && value <= field->max);
@@ -108,7 +108,7 @@ static enum error_code yaml_read_bool(struct yaml_reader *r, const struct yaml_f
     return ERROR_NONE;
 }
 
-/* Reads an integer; leading zeros are refused, since YAML 1.1 and 1.2 differ about them. */
+/* Reads an integer. Refuses leading zeros, because YAML 1.1 and 1.2 interpret them differently. */
 static enum error_code yaml_read_int(struct yaml_reader *r, const struct yaml_field *field,
                                      const struct yaml_node *node, void *out)
 {
@@ -121,7 +121,7 @@ static enum error_code yaml_read_int(struct yaml_reader *r, const struct yaml_fi
         yaml_describe_range("an integer", field, expected, sizeof expected);
         return yaml_unexpected(r, node, expected);
     }
-    /* 010 is eight to YAML 1.1 and ten to YAML 1.2 */
+    /* 010 means 8 in YAML 1.1 and 10 in YAML 1.2 */
     digits = node->text + (*node->text == '-' || *node->text == '+');
     if (digits[0] == '0' && digits[1] >= '0' && digits[1] <= '9') {
         return yaml_unexpected(r, node, "an integer without leading zeros");
@@ -158,7 +158,7 @@ static enum error_code yaml_read_real(struct yaml_reader *r, const struct yaml_f
     return ERROR_NONE;
 }
 
-/* Reads a text into the arena; plain numbers and true or false need quotes. */
+/* Reads a text into the arena. A text that looks like a number, true or false needs quotes. */
 static enum error_code yaml_read_string(struct yaml_reader *r, const struct yaml_field *field,
                                         struct yaml_node *node, void *out)
 {
@@ -179,7 +179,7 @@ static enum error_code yaml_read_string(struct yaml_reader *r, const struct yaml
     return *string ? ERROR_NONE : yaml_no_memory(r);
 }
 
-/* Reads one of the field's words. */
+/* Reads a word and stores its enum value. */
 static enum error_code yaml_read_enum(struct yaml_reader *r, const struct yaml_field *field,
                                       const struct yaml_node *node, void *out)
 {
@@ -201,7 +201,7 @@ static enum error_code yaml_read_enum(struct yaml_reader *r, const struct yaml_f
                       nearest ? "\"?)" : "");
 }
 
-/* Reads a list of exactly the field's count of numbers. */
+/* Reads a list of numbers, exactly field->count long. */
 static enum error_code yaml_read_reals(struct yaml_reader *r, const struct yaml_field *field,
                                        const struct yaml_node *node, void *out)
 {
@@ -250,7 +250,7 @@ static enum error_code yaml_read_name_entry(struct yaml_reader *r, const struct 
     return yaml_read_string(r, field, node, &entry->name);
 }
 
-/* Reads an entry of a mapping as a struct, with the key as its name. */
+/* Reads an entry of a mapping as a struct. The entry's key becomes the name in the struct. */
 static enum error_code yaml_read_dict_entry(struct yaml_reader *r, const struct yaml_field *field,
                                             struct yaml_node *key, void *out)
 {
@@ -267,8 +267,8 @@ static enum error_code yaml_read_list_entry(struct yaml_reader *r, const struct 
     return yaml_read_struct(r, field->schema, node, out);
 }
 
-/* Reads an entry of a list that is written as a mapping: its key counts as one of the entry's
- * own keys. */
+/* Reads an entry of a list that the file gives as a mapping. Inserts the entry's key as the value
+ * of field->entry_key. */
 static enum error_code yaml_read_keyed_entry(struct yaml_reader *r, const struct yaml_field *field,
                                              struct yaml_node *key, void *out)
 {
@@ -295,8 +295,7 @@ static enum error_code yaml_read_keyed_entry(struct yaml_reader *r, const struct
 typedef enum error_code read_function(struct yaml_reader *r, const struct yaml_field *field,
                                       struct yaml_node *node, void *out);
 
-/* Reads the entries of a list, or the keys of a mapping with their values, into an array in the
- * arena. */
+/* Reads the entries of a list or of a mapping into an array in the arena. */
 static enum error_code yaml_read_many(struct yaml_reader *r, const struct yaml_field *field,
                                       struct yaml_node *node, size_t size, read_function *read,
                                       void *out, size_t *count)
@@ -320,11 +319,11 @@ static enum error_code yaml_read_many(struct yaml_reader *r, const struct yaml_f
     return ERROR_NONE;
 }
 
-/* Reads a value that becomes an array. */
+/* Reads a list or a mapping into an array. */
 static enum error_code yaml_read_array(struct yaml_reader *r, const struct yaml_field *field,
                                        struct yaml_node *node, void *out, size_t *count)
 {
-    /* For each type: the required kind of node, the size of an entry, and its reader */
+    /* By type: the expected kind of node, the size of an entry, and the reader of an entry */
     static const struct {
         const char *expected;
         enum yaml_kind kind;
@@ -377,7 +376,7 @@ static enum error_code yaml_read_value(struct yaml_reader *r, const struct yaml_
     }
 }
 
-/* Refuses an unknown key with the nearest one, or with all that there are. */
+/* Refuses an unknown key. The error suggests the nearest key or lists all keys. */
 static enum error_code yaml_reject_unknown_key(struct yaml_reader *r,
                                                const struct yaml_schema *schema,
                                                const struct yaml_node *key)
@@ -396,8 +395,8 @@ static enum error_code yaml_reject_unknown_key(struct yaml_reader *r,
                       nearest ? nearest : list, nearest ? "\"" : "");
 }
 
-/* Sets the defaults of a struct and of the structs in it. A key that is left out gets its
- * parent's place, so that messages about it have one. */
+/* Sets the defaults of a struct and of its nested structs. Gives the nested structs the parent's
+ * place, so that messages about an omitted mapping have a place. */
 static void yaml_set_defaults(const struct yaml_schema *schema, const struct yaml_mark *mark,
                               void *out)
 {
@@ -426,7 +425,7 @@ const struct yaml_field *yaml_find_field(const struct yaml_schema *schema, const
     return NULL;
 }
 
-/* Reads the values of a mapping and keeps the places of its keys. */
+/* Reads the values of a mapping and stores the places of its keys. */
 static enum error_code yaml_read_keys(struct yaml_reader *r, const struct yaml_schema *schema,
                                       struct yaml_node *node, void *out)
 {
@@ -468,7 +467,7 @@ static enum error_code yaml_read_struct(struct yaml_reader *r, const struct yaml
         return yaml_unexpected(r, node, expected);
     }
 
-    /* Set the defaults; present keys then replace them */
+    /* Set the defaults; the keys of the mapping then replace them */
     yaml_set_defaults(schema, &node->mark, out);
     code = yaml_read_keys(r, schema, node, out);
     if (code) {
@@ -487,7 +486,8 @@ static enum error_code yaml_read_struct(struct yaml_reader *r, const struct yaml
 
 /* ---- after reading ---- */
 
-/* Returns the key of a path; NULL = omitted, and *mark is the mapping that lacks it. */
+/* Returns the key at a path of keys. If a key is omitted, returns NULL and sets *mark to the
+ * mapping without this key. */
 static const struct yaml_key *yaml_find_path(const struct yaml_mark **mark, const char *path)
 {
     const size_t n = strcspn(path, ".");
@@ -571,8 +571,8 @@ enum error_code yaml_find_name(struct yaml_names names, const char *what, const 
 
 /* ---- entry points ---- */
 
-/* Refuses a file of another kind: no mapping, or one without any key of the schema. It may be
- * private, so the message repeats nothing of it. */
+/* Refuses a file of another kind, without a mapping or without any key of the schema. The error
+ * quotes no content, because the file may be private. */
 static enum error_code yaml_check_root(struct yaml_reader *r, const struct yaml_schema *schema,
                                        const struct yaml_node *root)
 {

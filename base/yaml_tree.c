@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Builds a small tree of nodes from libyaml's events, after checks of the text. Each stage ends at
+ * Checks the text of a document, then builds a small tree of nodes from libyaml's events. Stops at
  * the first error.
  */
 #include "base/yaml_tree.h"
@@ -13,8 +13,8 @@
 #include <yaml.h>
 
 enum {
-    MAX_DEPTH = 16,  /* nested lists and mappings */
-    MAX_KEYS = 4096, /* keys in a mapping; bounds the search for duplicates */
+    MAX_DEPTH = 16,  /* depth of nested lists and mappings */
+    MAX_KEYS = 4096, /* keys of a mapping; it limits the search for duplicates */
 };
 
 /* ---- messages ---- */
@@ -31,7 +31,7 @@ const char *yaml_shown(const char *text, char out[YAML_SHOWN + 4])
     if (n > YAML_SHOWN) {
         n = YAML_SHOWN;
         while (n > 0 && ((unsigned char)text[n] & 0xc0) == 0x80) {
-            n--; /* do not split a character */
+            n--; /* keep whole UTF-8 characters */
         }
     }
     for (size_t i = 0; i < n; i++) {
@@ -93,8 +93,8 @@ enum error_code yaml_unexpected(struct yaml_reader *r, const struct yaml_node *n
 
 /* ---- bytes ---- */
 
-/* Checks that the text is UTF-8 without control characters, because libyaml's message has a less
- * exact place. */
+/* Checks that the text is UTF-8 without control characters. libyaml's own error has a less exact
+ * place. */
 static enum error_code yaml_check_bytes(struct yaml_reader *r, const char *text, size_t size)
 {
     const unsigned char *p = (const unsigned char *)text;
@@ -122,14 +122,14 @@ static enum error_code yaml_check_bytes(struct yaml_reader *r, const char *text,
 
 /* ---- document ---- */
 
-/* Converts libyaml's mark, which counts from 0. */
+/* Converts a mark of libyaml. Its lines and columns count from 0. */
 static struct yaml_mark yaml_mark_at(const struct yaml_reader *r, yaml_mark_t at)
 {
     return (struct yaml_mark){
         .file = r->file, .line = (int)at.line + 1, .column = (int)at.column + 1};
 }
 
-/* Takes libyaml's next event, or explains why the text is malformed. */
+/* Gets the next event of libyaml. Explains the error if the text is malformed. */
 static enum error_code yaml_next_event(struct yaml_reader *r, yaml_event_t *event)
 {
     yaml_parser_t *p = r->parser;
@@ -147,7 +147,7 @@ static enum error_code yaml_next_event(struct yaml_reader *r, yaml_event_t *even
                       p->problem ? p->problem : "unreadable", "a well-formed document");
 }
 
-/* Refuses anchors and tags, which YAML allows at any value and a configuration does not need. */
+/* Refuses anchors and tags. YAML allows them at any value, but a configuration needs none. */
 static enum error_code yaml_check_plain(struct yaml_reader *r, const struct yaml_mark *mark,
                                         const yaml_char_t *anchor, const yaml_char_t *tag)
 {
@@ -164,8 +164,8 @@ static enum error_code yaml_check_plain(struct yaml_reader *r, const struct yaml
     return ERROR_NONE;
 }
 
-/* Checks what an event may begin: bounded numbers and depth of values, no anchors, tags and
- * aliases. */
+/* Checks an event that begins a value. Limits the number and the depth of values. Refuses anchors,
+ * tags and aliases. */
 static enum error_code yaml_check_event(struct yaml_reader *r, const yaml_event_t *event,
                                         const struct yaml_mark *mark, int depth)
 {
@@ -196,7 +196,7 @@ static enum error_code yaml_check_event(struct yaml_reader *r, const yaml_event_
     }
 }
 
-/* Checks that a mapping's keys are names, each once. */
+/* Checks that the keys of a mapping are non-empty scalars, each present once. */
 static enum error_code yaml_check_keys(struct yaml_reader *r, const struct yaml_node *map)
 {
     char text[YAML_SHOWN + 4];
@@ -223,7 +223,7 @@ static enum error_code yaml_check_keys(struct yaml_reader *r, const struct yaml_
 static enum error_code yaml_build_node(struct yaml_reader *r, const yaml_event_t *event, int depth,
                                        struct yaml_node **out);
 
-/* Builds the entries of a list or mapping until its end event; MAX_DEPTH bounds the recursion. */
+/* Builds the entries of a list or mapping up to its end event. MAX_DEPTH limits the recursion. */
 static enum error_code yaml_build_children(struct yaml_reader *r, struct yaml_node *parent,
                                            int depth)
 {
@@ -241,7 +241,7 @@ static enum error_code yaml_build_children(struct yaml_reader *r, struct yaml_no
             return code;
         }
 
-        /* The end of the list or mapping, or its next child */
+        /* Get the next child, or the end of the list or mapping */
         done = event.type == end;
         if (!done) {
             code = yaml_build_node(r, &event, depth + 1, link);
@@ -251,7 +251,7 @@ static enum error_code yaml_build_children(struct yaml_reader *r, struct yaml_no
             return code;
         }
 
-        /* A mapping's children are keys and values in turn */
+        /* Keys and values alternate as the children of a mapping */
         if (done) {
             parent->count = parent->kind == YAML_KIND_LIST ? count : count / 2;
             return parent->kind == YAML_KIND_LIST ? ERROR_NONE : yaml_check_keys(r, parent);
@@ -261,7 +261,7 @@ static enum error_code yaml_build_children(struct yaml_reader *r, struct yaml_no
     }
 }
 
-/* Builds the node that an event begins, with all below it. */
+/* Builds the node that an event begins, with all nodes below it. */
 static enum error_code yaml_build_node(struct yaml_reader *r, const yaml_event_t *event, int depth,
                                        struct yaml_node **out)
 {
@@ -281,7 +281,7 @@ static enum error_code yaml_build_node(struct yaml_reader *r, const yaml_event_t
     if (event->type == YAML_SCALAR_EVENT) {
         const char *text = (const char *)event->data.scalar.value;
 
-        /* An escape can still bring a zero into the text */
+        /* Refuse a zero byte, which an escape sequence can produce */
         if (strlen(text) != event->data.scalar.length) {
             return yaml_error(r->error, &mark, "found a zero byte in a text, expected none");
         }
@@ -294,7 +294,7 @@ static enum error_code yaml_build_node(struct yaml_reader *r, const yaml_event_t
     return yaml_build_children(r, node, depth);
 }
 
-/* Reads an event around the root value, and refuses one of another type. */
+/* Reads an event outside the root value. Refuses an event of another type. */
 static enum error_code yaml_expect_event(struct yaml_reader *r, yaml_event_type_t type,
                                          const char *message)
 {
@@ -313,7 +313,7 @@ static enum error_code yaml_expect_event(struct yaml_reader *r, yaml_event_type_
     return code;
 }
 
-/* Builds the tree of the one document in a file. */
+/* Builds the tree of a file, which must contain one document. */
 static enum error_code yaml_build_document(struct yaml_reader *r, struct yaml_node **root)
 {
     yaml_event_t event;
