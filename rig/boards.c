@@ -12,9 +12,10 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Returns the name or file of a bus's protocol: its own, or the rig's. In a file of before the key
- * "personality" was renamed, "described" stands for the rig's file, and a rig may have the
- * personality of the other buses beside it. NULL = the default. */
+/* Returns the name or the file of a bus's protocol, or NULL for the default. The bus's own key
+ * comes first, then the rig's. Files with the old key "personality" differ in two ways. On a bus,
+ * "described" means the protocol file of the rig. A rig may give this file, and also a personality
+ * for all buses without a key. */
 static const char *rig_bus_protocol(const struct rig_builder *b, const struct raw_bus *bus)
 {
     const char *described = protocol_described.name, *own = bus->protocol;
@@ -25,8 +26,8 @@ static const char *rig_bus_protocol(const struct rig_builder *b, const struct ra
     return own && strcmp(own, described) != 0 ? own : b->raw->protocol;
 }
 
-/* Refuses a key whose protocol cannot do what it says. capability: offset of a bool in struct
- * protocol. */
+/* Refuses a key that the protocol of a bus does not support. `capability`: offset of a bool in
+ * struct protocol. */
 static enum error_code rig_refuse_protocol(struct rig_builder *b, const struct yaml_mark *mark,
                                            const char *found, const struct protocol *protocol,
                                            size_t capability)
@@ -37,7 +38,7 @@ static enum error_code rig_refuse_protocol(struct rig_builder *b, const struct y
                       protocol->name, protocols_list(capability, list, sizeof list));
 }
 
-/* Refuses a full scale that is not whole. */
+/* Refuses a full scale that is not an integer. */
 static enum error_code board_check_full_scale(struct rig_builder *b, const struct yaml_mark *mark,
                                               double value)
 {
@@ -69,7 +70,8 @@ static enum error_code board_check_keys(struct rig_builder *b, const struct raw_
                           ARRAY_COUNT(keys));
 }
 
-/* Checks the period of a STRAIN or inertial board: whole milliseconds, the unit of its command. */
+/* Checks the period of a STRAIN or inertial board. It must be a multiple of 1 ms, because the
+ * board's command has this unit. */
 static enum error_code board_check_period(struct rig_builder *b, const struct raw_board *raw)
 {
     const int64_t period_ns = raw->board.period_ns;
@@ -81,7 +83,7 @@ static enum error_code board_check_period(struct rig_builder *b, const struct ra
                             (double)period_ns * 1e-9);
 }
 
-/* Builds a force-torque board: its sensor and full scales. */
+/* Builds a force-torque board with its sensor and its full scales. */
 static enum error_code board_build_ft(struct rig_builder *b, const struct raw_board *raw,
                                       struct board_config *board)
 {
@@ -105,7 +107,7 @@ static enum error_code board_build_ft(struct rig_builder *b, const struct raw_bo
     return code ? code : board_check_period(b, raw);
 }
 
-/* Builds a torque board: the joints of its channels. */
+/* Builds a torque board with the joints of its channels. */
 static enum error_code board_build_torque(struct rig_builder *b, const struct raw_board *raw,
                                           struct board_config *board)
 {
@@ -114,7 +116,7 @@ static enum error_code board_build_torque(struct rig_builder *b, const struct ra
                           "found %zu joints, expected 1 to %d", raw->njoint, BOARD_CHANNELS);
     }
 
-    /* All channels are unused until a joint claims one */
+    /* Mark all channels as unused */
     for (int i = 0; i < BOARD_CHANNELS; i++) {
         board->torque_joint[i] = -1;
         board->full_scale[i] = b->raw->motors.axis.torque_full_scale_nm;
@@ -143,7 +145,7 @@ static enum error_code board_build_torque(struct rig_builder *b, const struct ra
     return board_check_period(b, raw);
 }
 
-/* Builds the inertial board; a rig has at most one. */
+/* Builds the inertial board. A rig has at most one. */
 static enum error_code board_build_inertial(struct rig_builder *b, const struct raw_board *raw)
 {
     if (b->robot->imu_frame < 0) {
@@ -159,7 +161,7 @@ static enum error_code board_build_inertial(struct rig_builder *b, const struct 
     return board_check_period(b, raw);
 }
 
-/* Builds an axis of a motor board, or an unused one. */
+/* Builds an axis of a motor board. The axis may be unused. */
 static enum error_code board_build_axis(struct rig_builder *b, const struct raw_board *raw,
                                         const struct yaml_name *name,
                                         struct board_axis_config *axis)
@@ -168,7 +170,7 @@ static enum error_code board_build_axis(struct rig_builder *b, const struct raw_
     const struct robot_joint *joint;
     enum error_code code;
 
-    /* Values common to all axes, also unused ones */
+    /* Set the common values, also for an unused axis */
     *axis = motors->axis;
     axis->joint = -1;
     axis->joint_ticks_per_rad = motors->joint_ticks_per_rev / (2.0 * M_PI);
@@ -180,7 +182,7 @@ static enum error_code board_build_axis(struct rig_builder *b, const struct raw_
         return ERROR_NONE;
     }
 
-    /* The joint has a drive, and no other board drives it */
+    /* Check that the joint has a drive and that no other board drives it */
     code = rig_find(b, &name->mark, "joint", name->name,
                     RIG_NAMES(b->robot->joint, b->robot->njoint), &axis->joint);
     if (code) {
@@ -199,7 +201,7 @@ static enum error_code board_build_axis(struct rig_builder *b, const struct raw_
     }
     b->driver[axis->joint] = raw;
 
-    /* Values of the drive that the board needs */
+    /* Copy the values of the drive that the board needs */
     axis->lower_rad = joint->lower;
     axis->upper_rad = joint->upper;
     axis->valve = joint->hydraulic.present;
@@ -214,7 +216,7 @@ static enum error_code board_build_axis(struct rig_builder *b, const struct raw_
     return ERROR_NONE;
 }
 
-/* Sets the switches of an axis's joint; the board's protocol must support them. */
+/* Sets the switches of an axis's joint. The board's protocol must support switches. */
 static enum error_code board_place_switches(struct rig_builder *b, const struct protocol *protocol,
                                             const struct robot_joint *joint,
                                             struct board_axis_config *axis)
@@ -228,7 +230,7 @@ static enum error_code board_place_switches(struct rig_builder *b, const struct 
             continue;
         }
 
-        /* The protocol supports switches, and their angles are in order */
+        /* Check that the protocol supports switches, and that their angles are in order */
         if (!protocol->switches) {
             return rig_refuse_protocol(b, &raw->mark, "a joint's switches", protocol,
                                        offsetof(struct protocol, switches));
@@ -249,7 +251,8 @@ static enum error_code board_place_switches(struct rig_builder *b, const struct 
                               raw->switches.negative_rad, raw->switches.positive_rad);
         }
 
-        /* The index pulse comes once per revolution of the rotor */
+        /* Convert the distance of index pulses to the joint: one pulse per revolution of the
+         * rotor */
         axis->switches = raw->switches;
         axis->switches.negative = yaml_has(&raw->mark, "negative_limit_rad");
         axis->switches.positive = yaml_has(&raw->mark, "positive_limit_rad");
@@ -259,8 +262,8 @@ static enum error_code board_place_switches(struct rig_builder *b, const struct 
     return ERROR_NONE;
 }
 
-/* Checks an external board: the host's codec must be able to read its frames without configuring
- * it. */
+/* Checks an external board. The host's codec must be able to read its frames, without configuring
+ * the board. */
 static enum error_code board_check_external(struct rig_builder *b, const struct raw_board *raw,
                                             const struct protocol *protocol)
 {
@@ -285,7 +288,7 @@ static enum error_code board_check_external(struct rig_builder *b, const struct 
                           "or an F/T board");
     }
 
-    /* Only joints of motor boards can follow an external board */
+    /* Check that only a motor board has joints that follow an external board */
     if (yaml_has(&raw->mark, "external_follows") && raw->board.kind != BOARD_MOTOR) {
         return yaml_error(b->error, yaml_place(&raw->mark, "external_follows"),
                           "found external_follows on an F/T board, expected it on a motor board: "
@@ -298,7 +301,7 @@ static enum error_code board_check_external(struct rig_builder *b, const struct 
                : ERROR_NONE;
 }
 
-/* Checks that protocol and board suit the drive of an axis. */
+/* Checks that the protocol and the board support the drive of an axis. */
 static enum error_code board_check_axis(struct rig_builder *b, const struct raw_board *raw,
                                         const struct yaml_name *name,
                                         const struct described_protocol *described,
@@ -325,7 +328,7 @@ static enum error_code board_check_axis(struct rig_builder *b, const struct raw_
                : ERROR_NONE;
 }
 
-/* Builds a motor board: its axes, each with its checks. */
+/* Builds a motor board and its axes, and checks each axis. */
 static enum error_code board_build_motor(struct rig_builder *b, const struct raw_board *raw,
                                          const struct protocol *protocol,
                                          struct board_config *board)
@@ -336,7 +339,7 @@ static enum error_code board_build_motor(struct rig_builder *b, const struct raw
 
     board->period_ns = 0; /* motor boards have other rules for sending */
 
-    /* As many axes as the protocol allows */
+    /* Check that the protocol allows this number of axes */
     if (raw->naxis < 1 || raw->naxis > protocol->axes_max) {
         return yaml_error(b->error, yaml_place(&raw->mark, "axes"), "found %zu axes, expected %s%d",
                           raw->naxis, protocol->axes_max > 1 ? "1 to " : "", protocol->axes_max);
@@ -344,7 +347,7 @@ static enum error_code board_build_motor(struct rig_builder *b, const struct raw
     for (size_t i = 0; i < BOARD_AXES_MAX && !code; i++) {
         struct board_axis_config *axis = &board->axis[i];
 
-        /* Axes after the listed ones are unused */
+        /* Build all axes of the board; axes after the listed ones are unused */
         code = board_build_axis(b, raw, i < raw->naxis ? &raw->axis[i] : &spare, axis);
         if (!code && axis->joint >= 0) {
             const struct robot_joint *joint = &b->robot->joint[axis->joint];
@@ -384,7 +387,8 @@ static enum error_code board_check_address(struct rig_builder *b, const struct r
     return ERROR_NONE;
 }
 
-/* Checks that a described protocol allows a board: its address, its axes, frames for its kind. */
+/* Checks a board of a described protocol: its address, its number of axes, and whether the protocol
+ * has frames for this kind of board. */
 static enum error_code board_check_described(struct rig_builder *b, const struct raw_board *raw,
                                              const struct described_protocol *protocol)
 {
@@ -415,7 +419,7 @@ static enum error_code board_check_described(struct rig_builder *b, const struct
                               protocol->name);
 }
 
-/* Builds a board: common values, then values of its kind. */
+/* Builds a board: first the common values, then the values of its kind. */
 static enum error_code rig_build_board(struct rig_builder *b, int bus, const struct raw_board *raw,
                                        struct board_config *board)
 {
@@ -434,7 +438,7 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
         return code;
     }
 
-    /* An address belongs to one board */
+    /* Check that no other board has the address */
     for (const struct raw_board *other = raw_bus->board; other < raw; other++) {
         if (other->address == raw->address) {
             return yaml_error(b->error, yaml_place(&raw->mark, "address"),
@@ -444,7 +448,7 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
         }
     }
 
-    /* Values common to all kinds, then values of this kind */
+    /* Merge the values for all kinds with the board's own values */
     merged.board = b->raw->motors.board;
     yaml_override(&rig_board_schema, &raw->mark, raw, &merged);
     *board = merged.board;
@@ -452,7 +456,7 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
     board->name = raw->board.name ? raw->board.name : arena_strdup(b->arena, name);
     board->bus = bus;
     board->address = (uint8_t)raw->address;
-    /* Without boot_s a run begins with boards that are up */
+    /* Without boot_s the boards are ready when the run starts */
     board->restart_ns = board->boot_ns < 0 ? BOARD_RESTART_NS : board->boot_ns;
     board->boot_ns = board->boot_ns > 0 ? board->boot_ns : 0;
     board->under_voltage_v = BOARD_UNDER_VOLTAGE_RATIO * b->rig->supply_v;
@@ -478,14 +482,14 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
     }
 }
 
-/* Checks the names of a bus, CAN FD, and the settings of its interface. */
+/* Checks the names of a bus, its use of CAN FD, and the settings of its interface. */
 static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus *raw,
                                      const struct protocol *protocol)
 {
     const struct rig_bus *bus = &raw->bus;
     enum error_code code;
 
-    /* Name and interface must be unique */
+    /* Check that name and interface are unique */
     for (const struct raw_bus *other = b->raw->bus; other < raw; other++) {
         if (!strcmp(other->bus.name, bus->name)) {
             return yaml_error(b->error, yaml_place(&raw->mark, "name"),
@@ -500,7 +504,7 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
         }
     }
 
-    /* CAN FD needs boards that support it, and a second bit rate */
+    /* Check CAN FD: the boards must support it, and the bus needs a second bit rate */
     if (bus->fd && !protocol->canfd) {
         return rig_refuse_protocol(b, yaml_place(&raw->mark, "fd"), "fd", protocol,
                                    offsetof(struct protocol, canfd));
@@ -520,14 +524,14 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
                           bus->name);
     }
 
-    /* Padding applies only to iCub boards: their DBC gives all commands one length, while other
+    /* Refuse padding except for iCub boards. In their DBC all commands have one length; other
      * protocols give each command its own length */
     if (raw->padded && !protocol->padded) {
         return rig_refuse_protocol(b, yaml_place(&raw->mark, "padded_frames"), "padded_frames",
                                    protocol, offsetof(struct protocol, padded));
     }
 
-    /* Settings of the interface need configure: true */
+    /* Refuse settings of the interface without configure: true */
     for (int i = 0; i < 2 && !bus->configure; i++) {
         const char *key = i == 0 ? "sample_point" : "restart_ms";
 
@@ -544,8 +548,8 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
                                  bus->interface);
 }
 
-/* Checks that a protocol with CAN FD frames is on a CAN FD bus, and that no frame has a period
- * below a tick. */
+/* Checks that a protocol with CAN FD frames is on a CAN FD bus. Also checks that no frame has a
+ * period shorter than a tick. */
 static enum error_code rig_check_format(struct rig_builder *b, const struct raw_bus *raw,
                                         const struct described_protocol *protocol)
 {
@@ -572,8 +576,9 @@ static enum error_code rig_check_format(struct rig_builder *b, const struct raw_
     return ERROR_NONE;
 }
 
-/* Finds the protocol of a bus by the name or the file that the rig gives. path: the file, relative
- * to the rig's folder or of a name that the configuration has; NULL for a protocol in C. */
+/* Finds the protocol of a bus from a name or a file in the rig. *path: the protocol's file, or NULL
+ * for a protocol in C. A file is relative to the rig's folder, or a name in the configuration
+ * trees. */
 static enum error_code rig_find_protocol(struct rig_builder *b, const struct yaml_mark *mark,
                                          const char *name, const struct protocol **protocol,
                                          const char **path)
@@ -607,7 +612,8 @@ static enum error_code rig_find_protocol(struct rig_builder *b, const struct yam
                    : error_prefix(b->error, "%s:%d:%d", mark->file, mark->line, mark->column);
 }
 
-/* Sets the protocol of a bus, and its description if a file or a built-in text gives one. */
+/* Sets the protocol of a bus. Also loads its description if the protocol comes from a file or from
+ * a built-in text. */
 static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw_bus *raw,
                                          struct rig_bus *bus)
 {
@@ -621,7 +627,7 @@ static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw
         return code;
     }
 
-    /* Buses of the rig's protocol share one table */
+    /* Share the description with an earlier bus of the same protocol */
     for (const struct rig_bus *other = b->bus; other < bus; other++) {
         const struct raw_bus *raw_other = &b->raw->bus[other - b->bus];
 
@@ -674,7 +680,7 @@ enum error_code rig_build_boards(struct rig_builder *b)
         return rig_no_memory(b);
     }
 
-    /* Each bus with its boards, in the terms of ports, boards and host */
+    /* Build each bus and its boards */
     for (size_t i = 0; i < b->rig->nbus; i++) {
         const struct raw_bus *from = &raw->bus[i];
 
@@ -715,7 +721,7 @@ enum error_code rig_check_drives(struct rig_builder *b)
 {
     const struct raw_rig *raw = b->raw;
 
-    /* A joint with switches must have a board */
+    /* Check that each joint with switches has a board */
     for (size_t i = 0; i < raw->motors.nswitches; i++) {
         const struct raw_switches *switches = &raw->motors.switches[i];
         int joint;
@@ -733,7 +739,7 @@ enum error_code rig_check_drives(struct rig_builder *b)
         }
     }
 
-    /* A joint listed as undriven must have no board */
+    /* Check that a joint in "undriven" has no board */
     for (size_t i = 0; i < raw->nundriven; i++) {
         int joint;
         enum error_code code = rig_find(b, &raw->undriven[i].mark, "joint", raw->undriven[i].name,
@@ -750,7 +756,7 @@ enum error_code rig_check_drives(struct rig_builder *b)
         }
     }
 
-    /* A driven joint without a board must be listed */
+    /* Check that each driven joint without a board is in "undriven" */
     for (size_t j = 0; j < b->robot->njoint; j++) {
         const struct robot_joint *joint = &b->robot->joint[j];
         bool listed = !robot_joint_is_driven(joint) || b->driver[j];

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Builds the bodies of a rig's scene, free and static, and the list of places for surfaces. */
+/* Builds the free and static bodies of a rig's scene, and the list of places for surfaces. */
 #include "base/array.h"
 #include "model/spatial.h"
 #include "rig/builder_private.h"
@@ -8,7 +8,7 @@
 
 enum { FREE, STATIC };
 
-/* Checks the name of a body, which must be unique among all bodies that carry surfaces. */
+/* Checks the name of a body. It must be unique among all bodies that can have surfaces. */
 static enum error_code scene_check_body_name(struct rig_builder *b, const struct raw_body *raw)
 {
     enum error_code code =
@@ -26,7 +26,7 @@ static enum error_code scene_check_body_name(struct rig_builder *b, const struct
     return code;
 }
 
-/* Checks that a body has the keys of its kind; a free body needs exactly one kind of inertia. */
+/* Checks that a body has the keys of its kind. A free body needs exactly one form of inertia. */
 static enum error_code scene_check_body_keys(struct rig_builder *b, const struct raw_body *raw)
 {
     const struct rig_key keys[] = {
@@ -48,8 +48,8 @@ static enum error_code scene_check_body_keys(struct rig_builder *b, const struct
     return code;
 }
 
-/* Builds a free body: its pose and its inertia, either given or computed for a box of uniform
- * density. */
+/* Builds a free body with its pose and its inertia. The inertia is given, or computed for a box of
+ * uniform density. */
 static enum error_code scene_build_free_body(struct rig_builder *b, const struct raw_body *raw,
                                              struct plant_free_body *body)
 {

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Builds the robot's body model for tasks, and the parameters of its walk. */
+/* Builds the robot's body model for tasks, and the configuration of the walk. */
 #include "rig/builder_private.h"
 
 #include <math.h>
 #include <string.h>
 
-/* Returns a frame of the robot; if there is none, its link is -1. */
+/* Returns a frame of the robot. If index < 0, the link of the result is -1. */
 static struct body_frame task_body_frame(const struct robot *robot, int index)
 {
     struct body_frame frame = {.link = -1};
@@ -18,7 +18,7 @@ static struct body_frame task_body_frame(const struct robot *robot, int index)
     return frame;
 }
 
-/* Returns the axis of a joint; -1 = none. */
+/* Returns the index of a joint's axis, or -1 if the joint has no axis. */
 static int task_body_axis(const struct rig *rig, const char *joint)
 {
     for (size_t i = 0; i < rig->naxis; i++) {
@@ -29,7 +29,7 @@ static int task_body_axis(const struct rig *rig, const char *joint)
     return -1;
 }
 
-/* Builds a link of the body model from a body of the robot and the joint that moves it. */
+/* Builds a link of the body model from a body of the robot and its parent joint. */
 static void task_body_link(const struct rig_builder *b, size_t i, struct body_link *link)
 {
     const struct robot_body *body = &b->robot->body[i];
@@ -49,7 +49,8 @@ static void task_body_link(const struct rig_builder *b, size_t i, struct body_li
     }
 }
 
-/* Builds the configuration of the walk: the gains of all axes, then the exceptions. */
+/* Builds the configuration of the walk: the common gains of all axes, then the exceptions for
+ * single joints. */
 static enum error_code task_body_walk(struct rig_builder *b)
 {
     const struct raw_walk *raw = &b->raw->walk;
@@ -79,7 +80,7 @@ enum error_code rig_build_task_body(struct rig_builder *b)
     if (!link) {
         return rig_no_memory(b);
     }
-    /* Links, and frames of sensors and soles */
+    /* Build the links, then the frames of the sensors and the soles */
     for (size_t i = 0; i < robot->nbody; i++) {
         task_body_link(b, i, &link[i]);
     }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Worst-case bus load of a rig's boards and controller, with the maximum number of stuff bits in
- * each frame; and remedies for a bus whose periodic traffic exceeds its bit rate. */
+/* Computes the worst-case load of a bus from the frames of its boards and its controller, each with
+ * the maximum number of stuff bits. Suggests remedies if the periodic traffic exceeds the bit
+ * rate. */
 #include "base/array.h"
 #include "boards/messages.h"
 #include "canbus/wire/bits.h"
@@ -14,8 +15,8 @@ struct load_sum {
     double telemetry_bit_s, command_bit_s;
 };
 
-/* Adds the worst-case time of a frame on its bus in bit times of the nominal rate, intermission
- * included. */
+/* Adds the worst-case duration of a frame to its bus, in bit times of the nominal rate. Includes
+ * the intermission. */
 static void load_add_frame(void *context, const struct load_frame *frame)
 {
     struct load_sum *sum = context;
@@ -46,7 +47,7 @@ void rig_bus_load(const struct rig *rig, size_t bus, int64_t command_period_ns,
     *command_bit_s = sum.command_bit_s;
 }
 
-/* Returns the worst-case load of a bus in percent for a command period. */
+/* Returns the worst-case load of a bus in percent, for a given command period. */
 static double bus_demand(const struct rig *rig, size_t bus, int64_t command_ns)
 {
     double telemetry, commands;
@@ -55,8 +56,8 @@ static double bus_demand(const struct rig *rig, size_t bus, int64_t command_ns)
     return 100.0 * (telemetry + commands) / (double)rig->bus[bus].bitrate;
 }
 
-/* Returns the worst-case load at another bit rate; with CAN FD the ratio of the two rates is
- * kept. */
+/* Returns the worst-case load in percent at another bit rate. For CAN FD, keeps the ratio of the
+ * two rates. */
 static double bus_demand_at(const struct rig *rig, size_t bus, int64_t bitrate)
 {
     const struct rig_bus *of = &rig->bus[bus];
@@ -70,7 +71,7 @@ static double bus_demand_at(const struct rig *rig, size_t bus, int64_t bitrate)
     return bus_demand(&changed, bus, rig->servo.command_period_ns);
 }
 
-/* Lists remedies: more buses, a longer command period, a higher bit rate. */
+/* Writes remedies: more buses, a longer command period, a higher bit rate. */
 static void bus_advise(const struct rig *rig, size_t bus, double percent, char *text, size_t size)
 {
     static const int64_t rates[] = {125000, 250000, 500000, 800000, 1000000};
@@ -79,7 +80,7 @@ static void bus_advise(const struct rig *rig, size_t bus, double percent, char *
     int times = 2;
 
     snprintf(text, size, "split it over %d buses", (int)(percent / 100.0) + 1);
-    /* The smallest multiple of the period that fits */
+    /* Find the smallest multiple of the command period that fits */
     while (times <= 10 && bus_demand(rig, bus, period * times) > 100.0) {
         times++;
     }
@@ -88,7 +89,7 @@ static void bus_advise(const struct rig *rig, size_t bus, double percent, char *
         snprintf(text + used, size - used, ", or command every %g ms (%.1f %%)",
                  (double)(period * times) * 1e-6, bus_demand(rig, bus, period * times));
     }
-    /* The lowest bit rate that fits */
+    /* Find the lowest standard bit rate that fits */
     for (size_t i = 0; i < ARRAY_COUNT(rates); i++) {
         double at = rates[i] > rig->bus[bus].bitrate ? bus_demand_at(rig, bus, rates[i]) : 1e9;
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Writes a described protocol and the boards of its bus as JSON. */
+/* Writes a described protocol, and the boards on its bus, as JSON. */
 #include "rig/client_table.h"
 
 #include "base/json_text.h"
@@ -7,7 +7,7 @@
 
 #include <inttypes.h>
 
-/* Writes an array of frames, by their indices. */
+/* Writes a list of frames as an array of their indices. */
 static void table_put_list(const char *key, const struct described_list *list, FILE *out)
 {
     fprintf(out, "\"%s\": [", key);
@@ -17,7 +17,7 @@ static void table_put_list(const char *key, const struct described_list *list, F
     fprintf(out, "], ");
 }
 
-/* Writes states or laws with their values, laws and scales of set points. */
+/* Writes states or laws: for each its name, value, law and scale of the set point. */
 static void table_put_states(const char *key, const struct described_state *state, size_t count,
                              FILE *out)
 {
@@ -31,7 +31,7 @@ static void table_put_states(const char *key, const struct described_state *stat
     fprintf(out, "],\n ");
 }
 
-/* Writes a field: its meaning, its bits, the values of its counts. */
+/* Writes a field: its meaning, its bits, and its scale and range. */
 static void table_put_field(const struct described_frame *frame, size_t i, FILE *out)
 {
     const struct described_field *f = &frame->field[i];
@@ -69,7 +69,7 @@ static void table_put_frame(const struct described_frame *frame, FILE *out)
     fputs("]}", out);
 }
 
-/* Writes the boards of the bus with the joints of their axes. */
+/* Writes the boards of the bus, each with the joints of its axes. */
 static void table_put_boards(const struct rig *rig, size_t bus, FILE *out)
 {
     const char *separator = "";

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Builds the configuration of a host from the rig. */
+/* Builds the configuration of a host from a rig. */
 #include "rig/rig.h"
 
 #include <math.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Writes a rig's messages as a DBC database: unique, legal, short names; signals with their units;
- * messages; and nodes. */
+/* Writes a rig's messages as a DBC database: nodes, messages, and signals with their units. All
+ * names are unique, legal and short. */
 #include "rig/dbc.h"
 
 #include "base/array.h"
@@ -9,7 +9,7 @@
 
 #include <string.h>
 
-enum { HOST = 0, SIMULATOR = 1, FIRST_BOARD = 2 }; /* indices of nodes */
+enum { HOST = 0, SIMULATOR = 1, FIRST_BOARD = 2 }; /* indices of the nodes */
 enum { IDS = 0x800, NAME_SIZE = DBC_NAME_MAX + 1 };
 
 struct dbc_exporter {
@@ -19,32 +19,32 @@ struct dbc_exporter {
     struct dbc *dbc;
     struct error *error;
     enum error_code code;
-    uint8_t longest[IDS]; /* longest frame of each identifier */
-    bool constants;       /* the present pass: messages without values */
+    uint8_t longest[IDS]; /* by identifier: length of its longest frame */
+    bool constants;       /* this pass adds the messages without values */
 };
 
-/* Field that becomes a signal. */
+/* A field that becomes a signal. */
 struct dbc_field {
     struct message_field of;
     struct field_subject subject;
-    unsigned bit;          /* start bit in the frame */
-    const char *joint;     /* its joint; NULL = none */
-    const char *quantity;  /* of the joint; the field's name, except for torque sensors */
-    const char *component; /* of a force-torque sensor: "fx" to "mz"; NULL = none */
+    unsigned bit;          /* first bit in the frame */
+    const char *joint;     /* joint of the field; NULL = none */
+    const char *quantity;  /* the joint's quantity: field name, or "torque" for torque boards */
+    const char *component; /* component of a force-torque sensor: "fx" to "mz"; NULL = none */
 };
 
 /* ---- names ---- */
 
 enum {
     LONG_SIZE = 128,
-    /* letters of a board that leave room for the names of its messages */
+    /* longest board name that leaves enough letters for the names of its messages */
     NODE_LETTERS = 15,
 };
 
-static const char everyone[] = "ALL"; /* replaces the board in messages for all boards */
+static const char everyone[] = "ALL"; /* stands for the board in messages for all boards */
 
-/* Joins before, a number of letters of each word, and after; returns false if the name is too
- * long. */
+/* Makes a name from `before`, the first letters of each word, and `after`. Returns false if the
+ * name is too long. */
 static bool dbc_try_name(char name[NAME_SIZE], const char *before, const char *words,
                          const char *after, int letters)
 {
@@ -62,7 +62,7 @@ static bool dbc_try_name(char name[NAME_SIZE], const char *before, const char *w
     return snprintf(name, NAME_SIZE, "%s%s%s", before, cut, after) < NAME_SIZE;
 }
 
-/* Makes a name with as many letters of each word as fit. */
+/* Makes a name that fits. Keeps as many letters of each word as possible. */
 static void dbc_fit_name(char name[NAME_SIZE], const char *before, const char *words,
                          const char *after)
 {
@@ -73,7 +73,8 @@ static void dbc_fit_name(char name[NAME_SIZE], const char *before, const char *w
     }
 }
 
-/* Copies a name with only letters, digits and _, which are legal. A digit gets a _ before it. */
+/* Copies a name and keeps only the legal characters: letters, digits and '_'. Inserts '_' before a
+ * leading digit. */
 static size_t dbc_clean_name(const char *name, char clean[LONG_SIZE])
 {
     size_t size = 0;
@@ -91,7 +92,7 @@ static size_t dbc_clean_name(const char *name, char clean[LONG_SIZE])
     return size;
 }
 
-/* Returns the board that sends or receives a message; NULL = all. */
+/* Returns the board that sends or receives a message. NULL = all boards. */
 static const struct board_config *dbc_message_board(const struct dbc_exporter *e,
                                                     const struct message *message)
 {
@@ -100,7 +101,7 @@ static const struct board_config *dbc_message_board(const struct dbc_exporter *e
     return board == MESSAGE_NO_BOARD ? NULL : &e->rig->boards.board[board];
 }
 
-/* Returns the node of a board, by its index in the rig. */
+/* Returns the index of a board's node. `board` is the index in the rig. */
 static int dbc_board_node(const struct dbc_exporter *e, int board)
 {
     int node = FIRST_BOARD;
@@ -111,15 +112,15 @@ static int dbc_board_node(const struct dbc_exporter *e, int board)
     return node;
 }
 
-/* Returns the node of a board; for NULL, the word for all. */
+/* Returns the name of a board's node. For NULL, returns the word for all boards. */
 static const char *dbc_board_name(const struct dbc_exporter *e, const struct board_config *board)
 {
     return board ? e->dbc->node[dbc_board_node(e, (int)(board - e->rig->boards.board))].name
                  : everyone;
 }
 
-/* Makes the name of a message: its board, its words, its number. whole: its long name; "" = it
- * needs none. */
+/* Makes the name of a message: board, words, number. `whole`: the long name if the board's name is
+ * cut, else "". */
 static void dbc_make_message_name(const struct dbc_exporter *e, const struct message *message,
                                   char name[NAME_SIZE], char whole[LONG_SIZE])
 {
@@ -139,7 +140,7 @@ static void dbc_make_message_name(const struct dbc_exporter *e, const struct mes
         snprintf(after, sizeof after, "_%u", (unsigned)message->slot - first);
     }
 
-    /* A message of a board with a long name has a shorter name and a long one */
+    /* If the board's name is too long, keep the whole name and make a shorter one */
     snprintf(whole, LONG_SIZE, "%.80s%.30s%s", before, words, after);
     if (board && strlen(before) > NODE_LETTERS + 1 && strlen(whole) > DBC_NAME_MAX) {
         snprintf(before, sizeof before, "%.11s_%u_", whole, (unsigned)board->address % 10000);
@@ -150,8 +151,8 @@ static void dbc_make_message_name(const struct dbc_exporter *e, const struct mes
     dbc_fit_name(name, before, words, after);
 }
 
-/* Makes the name JOINT_QUANTITY. Leaves out the digit at the end of a field's name (position0,
- * target1), which is the axis of the board or the bus, because the joint identifies it. */
+/* Makes the name JOINT_QUANTITY. A field such as position0 ends with the axis number on its board
+ * or bus. Leaves this digit out, because the joint already identifies the axis. */
 static void dbc_make_joint_name(const struct dbc_field *p, char name[NAME_SIZE],
                                 char whole[LONG_SIZE])
 {
@@ -165,7 +166,7 @@ static void dbc_make_joint_name(const struct dbc_field *p, char name[NAME_SIZE],
     dbc_fit_name(name, "", whole, "");
 }
 
-/* Makes a name from the boards' message tables. */
+/* Makes a signal name from the names in the boards' message tables. */
 static void dbc_make_table_name(const struct dbc_exporter *e, const struct dbc_field *p,
                                 char name[NAME_SIZE])
 {
@@ -189,9 +190,10 @@ static void dbc_make_table_name(const struct dbc_exporter *e, const struct dbc_f
     dbc_fit_name(name, "", p->of.field->name, after);
 }
 
-/* Makes a signal name that is unique in the message `to`. JOINT_QUANTITY for a joint's value from
- * a board and for targets of all boards in one frame; the component for a force-torque sensor;
- * otherwise the name in the boards' tables. whole: the joint's name before it was shortened. */
+/* Makes a signal name that is unique in the message `to`. For a joint's value from a board, or for
+ * targets of all boards in one frame, the name is JOINT_QUANTITY. For a force-torque sensor it is
+ * the component. All other names come from the boards' message tables. `whole`: the name of a
+ * joint's signal before it was shortened. */
 static void dbc_make_signal_name(const struct dbc_exporter *e, const struct dbc_message *to,
                                  const struct dbc_field *p, char name[NAME_SIZE],
                                  char whole[LONG_SIZE])
@@ -209,7 +211,7 @@ static void dbc_make_signal_name(const struct dbc_exporter *e, const struct dbc_
         dbc_make_joint_name(p, name, whole);
     }
 
-    /* Equal shortened names get a number */
+    /* Number names that are equal after shortening */
     snprintf(made, sizeof made, "%s", name);
     for (unsigned n = 2; dbc_find_signal(to, name); n++) {
         snprintf(name, NAME_SIZE, "%.*s_%u", DBC_NAME_MAX - 5, made, n % 1000);
@@ -218,7 +220,7 @@ static void dbc_make_signal_name(const struct dbc_exporter *e, const struct dbc_
 
 /* ---- signals ---- */
 
-/* Finds the joint or the force-torque component of a field. */
+/* Finds the joint or the force-torque component that a field reports or sets. */
 static void dbc_find_subject(const struct dbc_exporter *e, struct dbc_field *p)
 {
     static const char *const components[] = {"fx", "fy", "fz", "mx", "my", "mz"};
@@ -238,7 +240,7 @@ static void dbc_find_subject(const struct dbc_exporter *e, struct dbc_field *p)
         subject->channel >= 0 && board->kind == BOARD_FT ? components[subject->channel] : NULL;
 }
 
-/* Comments a signal with its joint or force-torque sensor. */
+/* Writes a signal's comment: its joint or force-torque sensor. */
 static void dbc_comment_signal(struct dbc_exporter *e, const struct dbc_field *p,
                                struct dbc_signal *signal)
 {
@@ -252,7 +254,7 @@ static void dbc_comment_signal(struct dbc_exporter *e, const struct dbc_field *p
     }
 }
 
-/* Returns the nodes that receive a message, as a bit set. */
+/* Returns the nodes that receive a message, as a bit mask. */
 static uint64_t dbc_message_receivers(const struct dbc_exporter *e, const struct message *message)
 {
     uint64_t nodes = 0;
@@ -269,7 +271,7 @@ static uint64_t dbc_message_receivers(const struct dbc_exporter *e, const struct
     return nodes;
 }
 
-/* Adds a field as a signal, with its range, named values and comment. */
+/* Adds a field as a signal with its range, its named values and its comment. */
 static void dbc_export_signal(struct dbc_exporter *e, struct dbc_message *to,
                               const struct dbc_field *p)
 {
@@ -295,7 +297,7 @@ static void dbc_export_signal(struct dbc_exporter *e, struct dbc_message *to,
             .frame_length = p->of.message->length == to->length ? 0 : p->of.message->length,
         };
 
-    /* The range in the signal's unit; a float has none */
+    /* Set the range in the signal's unit; a float has no range */
     if (signal.type != DBC_FLOAT) {
         double low = (double)(limited ? field->min : field_lowest(field));
         double high = (double)(limited ? field->max : field_highest(field));
@@ -317,8 +319,8 @@ static void dbc_export_signal(struct dbc_exporter *e, struct dbc_message *to,
     }
 }
 
-/* Writes the fields of a message as signals. command: value of byte 0 that selects them, or
- * MESSAGE_NO_CODE. */
+/* Adds the fields of a message as signals. `command`: the value of byte 0 that selects these
+ * signals, or MESSAGE_NO_CODE. */
 static void dbc_export_fields(struct dbc_exporter *e, struct dbc_message *to,
                               const struct message *message, int command)
 {
@@ -342,7 +344,7 @@ static void dbc_export_fields(struct dbc_exporter *e, struct dbc_message *to,
 
 /* ---- messages ---- */
 
-/* Returns the identifier in the format's encoding. */
+/* Returns the identifier of a message as the DBC format encodes it. */
 static uint32_t dbc_id(const struct message *message)
 {
     return message->id | (message->extended ? DBC_EXTENDED : 0);
@@ -371,7 +373,7 @@ static struct dbc_message *dbc_export_message(struct dbc_exporter *e, const stru
     return added;
 }
 
-/* Adds the signal of byte 0, which selects the others. */
+/* Adds the signal of byte 0. Its value selects the other signals. */
 static void dbc_export_multiplexor(struct dbc_exporter *e, struct dbc_message *to,
                                    const struct message *message)
 {
@@ -389,7 +391,7 @@ static void dbc_export_multiplexor(struct dbc_exporter *e, struct dbc_message *t
     e->code = dbc_add_signal(e->dbc, to, &signal, &added, e->error);
 }
 
-/* Adds a command to the message of its class, once per axis. */
+/* Adds a command to the message of its class; once for each axis. */
 static void dbc_export_command(struct dbc_exporter *e, const struct message *message)
 {
     int axes = message->axis_bit ? 2 : 1;
@@ -413,7 +415,7 @@ static void dbc_export_command(struct dbc_exporter *e, const struct message *mes
     }
 }
 
-/* Comments a message with information that signals cannot hold. */
+/* Writes a message's comment, with information that signals cannot express. */
 static void dbc_comment_message(struct dbc_exporter *e, struct dbc_message *to,
                                 const struct message *message)
 {
@@ -427,15 +429,16 @@ static void dbc_comment_message(struct dbc_exporter *e, struct dbc_message *to,
     }
 }
 
-/* Returns whether a message is left out. A DBC cannot distinguish messages with one identifier and
- * no code: it has the first one, and prefers messages with values. */
+/* Returns whether this pass leaves out a message. The first pass adds messages with values, the
+ * second pass adds the others. If two messages have one identifier and no command code, a DBC
+ * cannot distinguish them, so only the first is added. */
 static bool dbc_leaves_out(const struct dbc_exporter *e, const struct message *message)
 {
     return message->constant != e->constants ||
            (message->code == MESSAGE_NO_CODE && dbc_find_message(e->dbc, dbc_id(message)));
 }
 
-/* Adds a message of the boards, or a command to its class. */
+/* Adds a message of the boards. Adds a command to the message of its class. */
 static bool dbc_visit_message(void *context, const struct message *message)
 {
     struct dbc_exporter *e = context;
@@ -458,7 +461,7 @@ static bool dbc_visit_message(void *context, const struct message *message)
     return !e->code;
 }
 
-/* Records the longest frame of an identifier. */
+/* Records the length of the longest frame for each identifier. */
 static bool dbc_visit_length(void *context, const struct message *message)
 {
     struct dbc_exporter *e = context;
@@ -493,7 +496,7 @@ static void dbc_export_lockstep_frame(struct dbc_exporter *e, const char *name, 
     }
 }
 
-/* Adds STEP on its bus, and DONE on each bus. */
+/* Adds the frame STEP on its bus, and the frame DONE of each bus. */
 static void dbc_export_lockstep(struct dbc_exporter *e)
 {
     const struct loop_lockstep *lockstep = &e->rig->lockstep;
@@ -508,7 +511,7 @@ static void dbc_export_lockstep(struct dbc_exporter *e)
 
 /* ---- nodes ---- */
 
-/* Writes the comment of a board: its address, kind, and joints or sensor. */
+/* Writes the comment of a board: its address, its kind, and its joints or its sensor. */
 static void dbc_describe_board(const struct dbc_exporter *e, const struct board_config *board,
                                char *text, size_t size)
 {
@@ -536,7 +539,7 @@ static void dbc_describe_board(const struct dbc_exporter *e, const struct board_
     }
 }
 
-/* Adds a node with a comment; whole: its long name, if it has a shorter one. */
+/* Adds a node with a comment. `whole`: its long name if the node has a shorter one. */
 static void dbc_export_node(struct dbc_exporter *e, const char *name, const char *whole,
                             const char *comment)
 {
@@ -565,7 +568,7 @@ static void dbc_export_nodes(struct dbc_exporter *e)
         unsigned number = (unsigned)boards->board[i].address;
 
         if (boards->board[i].bus == (int)e->bus) {
-            /* A name that is too long or not unique is cut, and gets the board's address */
+            /* Cut a name that is too long or not unique, and append the board's address */
             dbc_clean_name(boards->board[i].name, whole);
             snprintf(name, sizeof name, "%.32s", strlen(whole) > DBC_NAME_MAX ? "" : whole);
             while (!dbc_is_name(name) || !strcmp(name, everyone) ||
@@ -615,7 +618,8 @@ enum error_code rig_dbc(const struct rig *rig, size_t bus, struct arena *arena, 
         dbc_export_nodes(&e);
     }
     if (!e.code) {
-        /* Lengths, then messages with values, then messages without */
+        /* Find the frame lengths, then add the messages with values, then the messages without
+         * values */
         boards_messages(&rig->boards, (int)bus, dbc_visit_length, &e);
         boards_messages(&rig->boards, (int)bus, dbc_visit_message, &e);
     }

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Checks that the boards of a rig on a bus with a described protocol have unique identifiers.
- * Conflicts independent of the rig are refused when the protocol's file is loaded
- * (boards/described/load.c). This file checks the numbers given by the rig: addresses, and the
- * slots of axes.
+ * Checks that the boards on a bus with a described protocol have unique identifiers. The loader of
+ * the protocol file refuses conflicts inside the file (boards/described/load.c). This file checks
+ * conflicts from numbers in the rig: addresses, and slots of axes.
  */
 #include "boards/described/protocol.h"
 #include "boards/messages.h"
@@ -12,12 +11,12 @@
 struct id_check {
     struct rig_builder *b;
     size_t bus;
-    size_t outer, inner; /* message counts of the outer and the inner walk */
+    size_t outer, inner; /* numbers of messages visited by the outer and the inner loop */
     struct message message;
     enum error_code code;
 };
 
-/* Returns the board that sends a message or is its only receiver; NULL: none. */
+/* Returns the board that sends a message, or its only receiver. NULL = none. */
 static const struct board_config *message_board(const struct id_check *check,
                                                 const struct message *message)
 {
@@ -26,8 +25,8 @@ static const struct board_config *message_board(const struct id_check *check,
     return board == MESSAGE_NO_BOARD ? NULL : &check->b->rig->boards.board[board];
 }
 
-/* Returns whether two messages with one identifier cannot be distinguished, or collide on the
- * wire. */
+/* Returns whether two messages can have the same identifier and cannot be distinguished, or collide
+ * on the bus. */
 static bool messages_collide(const struct message *x, const struct message *y)
 {
     const struct described_frame *a = x->row, *b = y->row;
@@ -36,7 +35,7 @@ static bool messages_collide(const struct message *x, const struct message *y)
         return false;
     }
 
-    /* Drives that answer with one identifier are distinguished by the data */
+    /* Answers of several drives with one identifier need the address in the data */
     if (!x->from_host && !y->from_host && x->sender != y->sender) {
         return described_find_field(a, DESCRIBED_ADDRESS) < 0 ||
                described_find_field(b, DESCRIBED_ADDRESS) < 0;
@@ -44,7 +43,8 @@ static bool messages_collide(const struct message *x, const struct message *y)
     return a <= b ? !described_told_apart(a, b) : !described_told_apart(b, a);
 }
 
-/* Returns the place of a board in the rig's file; without a board, the place of the bus. */
+/* Returns the place of a board's address in the rig file. Without a board, returns the place of the
+ * bus. */
 static const struct yaml_mark *board_mark(const struct id_check *check,
                                           const struct board_config *board)
 {
@@ -57,7 +57,7 @@ static const struct yaml_mark *board_mark(const struct id_check *check,
                  : &raw->mark;
 }
 
-/* Compares a message with the later message of the outer walk. */
+/* Compares a message of the inner loop with the message of the outer loop, which comes later. */
 static bool check_inner(void *context, const struct message *message)
 {
     struct id_check *check = context;
@@ -80,7 +80,7 @@ static bool check_inner(void *context, const struct message *message)
     return !check->code;
 }
 
-/* Compares a message with all earlier ones. */
+/* Compares a message with all earlier messages. */
 static bool check_outer(void *context, const struct message *message)
 {
     struct id_check *check = context;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads the faults of a rig file and of the command line; they use the rig's names. */
+/* Reads the faults in a rig file and on the command line. Faults use the names of the rig. */
 #include "rig/rig.h"
 
 #include "rig/builder_private.h"
@@ -7,10 +7,10 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Reserved address space for the names of a rig. */
+/* Bytes of reserved address space for the names of a rig. */
 #define NAMES_ARENA ((size_t)4 << 20)
 
-/* Collects the names of a rig for fault_parse; returns false without memory. */
+/* Collects the names of a rig for fault_parse. Returns false if no memory is left. */
 static bool rig_collect_fault_names(const struct rig *rig, const bool *wire, struct arena *arena,
                                     struct fault_names *names)
 {
@@ -28,7 +28,7 @@ static bool rig_collect_fault_names(const struct rig *rig, const bool *wire, str
         return false;
     }
 
-    /* Names of the robot, then of its buses and boards */
+    /* Collect the names of the robot, then of the buses and boards */
     for (size_t j = 0; j < robot->njoint; j++) {
         joint[j] = robot->joint[j].name;
         driven[j] = robot_joint_is_driven(&robot->joint[j]);
@@ -65,7 +65,7 @@ static bool rig_collect_fault_names(const struct rig *rig, const bool *wire, str
     return true;
 }
 
-/* Parses a line; refuses faults of external boards, which are real. */
+/* Parses a fault line. Refuses faults of external boards, because these boards are real. */
 static enum error_code rig_parse_fault(const struct rig *rig, const char *text,
                                        const struct fault_names *names, struct fault *fault,
                                        struct error *error)
@@ -93,7 +93,7 @@ enum error_code rig_faults_create(const struct rig *rig, const char *const *extr
         return error_set(error, ERROR_MEMORY, "no memory left for %zu faults", count);
     }
 
-    /* The lines of the rig, then those of the command line */
+    /* Parse the lines of the rig, then the lines of the command line */
     for (size_t i = 0; i < count; i++) {
         const struct yaml_name *line = i < rig->nfault ? &rig->fault[i] : NULL;
 
@@ -107,11 +107,11 @@ enum error_code rig_faults_create(const struct rig *rig, const char *const *extr
     return faults_create(fault, count, seed, arena, faults, error);
 }
 
-/* Each bus may be a wire. */
+/* Argument for rig_collect_fault_names that treats each bus as a wire in virtual time. */
 static const bool wires[RIG_BUSES_MAX] = {[0 ... RIG_BUSES_MAX - 1] = true};
 
-/* Collects the names in an arena, where each bus may be a wire; after success the caller must call
- * arena_fini. */
+/* Collects the names of a rig in a new arena, and treats each bus as a wire. After success, the
+ * caller must call arena_fini. */
 static enum error_code rig_open_fault_names(const struct rig *rig, struct arena *arena,
                                             struct fault_names *names, struct error *error)
 {
@@ -156,8 +156,8 @@ enum error_code rig_check_fault(const struct rig *rig, const struct yaml_name *l
     return code;
 }
 
-/* Checks the lines of the rig file. Whether a bus is a wire is known only when it is opened, so
- * each bus may be one here. */
+/* Checks the fault lines of the rig file. Each bus counts as a wire, because the kind of a bus is
+ * known only when a run opens it. */
 enum error_code rig_build_faults(struct rig_builder *b)
 {
     struct faults *unused;

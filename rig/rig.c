@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Builds a struct rig from the raw rig file: looks up names, and refuses contradictions with file,
- * line and column. This file builds time, the host's side and the run; other files build the other
- * sections.
+ * Builds a struct rig from a raw rig: looks up names, and refuses contradictions with file, line
+ * and column. This file builds the time settings, the host's configuration and the settings of the
+ * run. Other files build the other sections.
  */
 #include "rig/rig.h"
 
@@ -78,7 +78,7 @@ enum error_code rig_check_keys(struct rig_builder *b, const struct yaml_mark *ma
 
 /* ---- supply ---- */
 
-/* Checks the bus behind the source. */
+/* Checks the supply bus behind the source. */
 static enum error_code rig_check_supply(struct rig_builder *b)
 {
     const struct yaml_mark *mark = &b->raw->mark, *chopper = yaml_place(mark, "brake_chopper");
@@ -110,7 +110,7 @@ static enum error_code rig_check_supply(struct rig_builder *b)
 
 /* ---- time ---- */
 
-/* Builds tick and substep, and checks the supply. */
+/* Builds the tick and the substep, and checks the supply. */
 static enum error_code rig_build_time(struct rig_builder *b)
 {
     const struct raw_rig *raw = b->raw;
@@ -121,7 +121,7 @@ static enum error_code rig_build_time(struct rig_builder *b)
                           "found a tick of %.15g s, expected a whole number of nanoseconds",
                           raw->tick_s);
     }
-    rig->substep_ns = rig->tick_ns; /* default; the file may set another */
+    rig->substep_ns = rig->tick_ns; /* default; the file may set another substep */
     if (raw->substep_s > 0.0 &&
         (!rig_whole_ns(raw->substep_s, &rig->substep_ns) || rig->tick_ns % rig->substep_ns != 0)) {
         return yaml_error(b->error, yaml_place(&raw->mark, "substep_s"),
@@ -135,8 +135,8 @@ static enum error_code rig_build_time(struct rig_builder *b)
 
 /* ---- the controller's side ---- */
 
-/* Builds a driven joint for the host. The host decodes torque only from boards of the axis's own
- * bus, so a torque board on another bus is refused. */
+/* Builds a driven joint for the host. The host decodes torque only from boards on the axis's own
+ * bus. A torque board on another bus is therefore refused. */
 static enum error_code rig_build_host_axis(struct rig_builder *b, const struct board_config *board,
                                            uint8_t index, struct host_axis *axis)
 {
@@ -171,7 +171,7 @@ static enum error_code rig_build_host_axis(struct rig_builder *b, const struct b
         .upper_rad = from->upper_rad,
     };
 
-    /* A torque board on another bus would never be received */
+    /* Refuse a torque board on another bus, because the host would not receive its torque */
     if (source->board && source->bus != board->bus) {
         return yaml_error(b->error, yaml_place(&source->board->mark, "joints"),
                           "found joint \"%s\", which is driven from bus \"%s\", expected joints of "
@@ -181,7 +181,7 @@ static enum error_code rig_build_host_axis(struct rig_builder *b, const struct b
     return ERROR_NONE;
 }
 
-/* Builds the host's list of axes and sensors. */
+/* Builds the host's lists of axes and sensors. */
 static enum error_code rig_build_host(struct rig_builder *b)
 {
     const struct boards_config *boards = &b->rig->boards;
@@ -194,7 +194,8 @@ static enum error_code rig_build_host(struct rig_builder *b)
         return rig_no_memory(b);
     }
 
-    /* In the order of the boards: driven axes with their initial angles, and the sensors */
+    /* Collect the driven axes with their initial angles, and the sensors, in the order of the
+     * boards */
     for (size_t i = 0; i < boards->nboard; i++) {
         const struct board_config *board = &boards->board[i];
 
@@ -225,7 +226,8 @@ static enum error_code rig_build_host(struct rig_builder *b)
     return ERROR_NONE;
 }
 
-/* Overrides the gains of some joints. changed: by axis, the place of an earlier override. */
+/* Overrides the gains of some joints. `changed`: for each axis, the place of an earlier override;
+ * it detects a joint that is listed twice. */
 static enum error_code gains_override_joints(struct rig_builder *b, const struct raw_gains *raw,
                                              struct servo_gains *gains,
                                              const struct yaml_name **changed)
@@ -270,7 +272,7 @@ enum error_code rig_override_gains(struct rig_builder *b, const struct raw_gains
     return code;
 }
 
-/* Builds the command period and the gains of each axis: common ones, with exceptions from
+/* Builds the command period and the gains of each axis: the common gains, then the exceptions in
  * "others". */
 static enum error_code rig_build_servo(struct rig_builder *b)
 {
@@ -299,8 +301,8 @@ static enum error_code rig_build_servo(struct rig_builder *b)
 
 /* ---- the run ---- */
 
-/* Returns whether boards send or receive an identifier: because a protocol reserves it in every
- * rig, or on a bus of this rig. */
+/* Returns whether boards send or receive an identifier. Either a protocol reserves it in every rig,
+ * or a board on a bus of this rig uses it. */
 static bool rig_find_id_owner(const struct rig *rig, uint32_t id, char *text, size_t size)
 {
     const struct protocol *protocol;
@@ -330,7 +332,7 @@ static enum error_code rig_check_lockstep_id(struct rig_builder *b, const char *
                : ERROR_NONE;
 }
 
-/* Builds the lockstep clock: its bus, identifiers and timeout. */
+/* Builds the lockstep clock: its bus, its identifiers and its timeout. */
 static enum error_code rig_build_lockstep(struct rig_builder *b)
 {
     const struct raw_lockstep *raw = &b->raw->lockstep;
@@ -350,7 +352,7 @@ static enum error_code rig_build_lockstep(struct rig_builder *b)
     return code;
 }
 
-/* Builds all parts, in order of their dependencies. */
+/* Builds all parts of a rig in the order of their dependencies. */
 static enum error_code rig_build(struct rig_builder *b)
 {
     static enum error_code (*const step[])(struct rig_builder *) = {
@@ -369,7 +371,7 @@ static enum error_code rig_build(struct rig_builder *b)
     return code;
 }
 
-/* Returns the hash of the rig's sources: its own files, the robot's, and the meshes. */
+/* Returns the hash of a rig's sources: the rig's files, the robot's files and the meshes. */
 static uint64_t rig_hash_sources(const struct rig_builder *b)
 {
     uint64_t hash = hash_bytes(b->rig->hash, &b->robot->source_hash, sizeof b->robot->source_hash);
@@ -407,8 +409,8 @@ static enum error_code rig_make(const struct raw_rig *raw, struct arena *arena,
     return ERROR_NONE;
 }
 
-/* Adds the name of the rig's file to an error in another file that the rig extends or refers to,
- * because the user may not know that file. */
+/* Appends the name of the rig's file to an error in another file that the rig uses. The user may
+ * not know the other file. */
 static enum error_code rig_name_file(const char *path, enum error_code code, struct error *error)
 {
     size_t used = error ? strlen(error->text) : 0;

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Builds the rig's robot: its file, the rig's changes, and its initial pose. */
+/* Builds the robot of a rig: reads its file, applies the rig's changes, and sets the initial
+ * pose. */
 #include "base/portable_math.h"
 #include "model/coupling.h"
 #include "model/spatial.h"
@@ -9,13 +10,13 @@
 #include <math.h>
 #include <string.h>
 
-/* Replaces series springs of the robot by those of the rig. */
+/* Replaces series springs of the robot by springs of the rig. */
 static enum error_code rig_replace_springs(struct rig_builder *b, struct robot *robot)
 {
     const struct raw_robot *raw = &b->raw->robot;
     int index;
 
-    /* Only a joint with a drive has a spring */
+    /* Check that the joint has a drive, because only such a joint has a spring */
     for (size_t i = 0; i < raw->nspring; i++) {
         const struct raw_spring *spring = &raw->spring[i];
         enum error_code code = rig_find(b, &spring->mark, "joint", spring->joint,
@@ -35,7 +36,8 @@ static enum error_code rig_replace_springs(struct rig_builder *b, struct robot *
     return ERROR_NONE;
 }
 
-/* Adds a point mass at p, in the frame of the inertia; the inertia is about its center of mass. */
+/* Adds a point mass at `p`, in the frame of the inertia. The moments of inertia are about the
+ * center of mass. */
 static void rig_add_point(struct robot_inertia *inertia, double mass, const double p[3])
 {
     double total = inertia->mass + mass, reduced = inertia->mass * mass / total, d[3];
@@ -51,7 +53,7 @@ static void rig_add_point(struct robot_inertia *inertia, double mass, const doub
     inertia->mass = total;
 }
 
-/* Replaces the distal part of a force-torque sensor by a tool of the rig. */
+/* Replaces the part beyond a force-torque sensor by a tool of the rig. */
 static enum error_code rig_hang_tool(struct rig_builder *b, struct robot_ft_sensor *ft,
                                      const struct raw_ft_sensors *raw)
 {
@@ -63,7 +65,8 @@ static enum error_code rig_hang_tool(struct rig_builder *b, struct robot_ft_sens
                : ERROR_NONE;
 }
 
-/* Sets the rig's tools on the force-torque sensors: first on all, then on single ones. */
+/* Sets the rig's tools on the force-torque sensors: the common tool first, then tools of single
+ * sensors. */
 static enum error_code rig_hang_tools(struct rig_builder *b, struct robot *robot)
 {
     const struct raw_sensors *raw = &b->raw->sensors;
@@ -83,7 +86,8 @@ static enum error_code rig_hang_tools(struct rig_builder *b, struct robot *robot
     return code;
 }
 
-/* Adds a mass to the distal part of the body's force-torque sensors, which carry it too. */
+/* Adds a mass on a body to the part beyond the body's force-torque sensors, which carry the mass
+ * too. */
 static enum error_code rig_hang_mass(struct rig_builder *b, struct robot *robot, int body,
                                      const struct yaml_real_entry *added)
 {
@@ -108,14 +112,14 @@ static enum error_code rig_hang_mass(struct rig_builder *b, struct robot *robot,
     return ERROR_NONE;
 }
 
-/* Adds point masses at the centers of mass of bodies. */
+/* Adds point masses to bodies, at their centers of mass. */
 static enum error_code rig_add_masses(struct rig_builder *b, struct robot *robot)
 {
     const struct raw_robot *raw = &b->raw->robot;
     enum error_code code = ERROR_NONE;
     int index;
 
-    /* A negative mass must leave the body a positive one */
+    /* Check that the total mass stays positive, because an added mass may be negative */
     for (size_t i = 0; i < raw->nmass && !code; i++) {
         const struct yaml_real_entry *added = &raw->mass[i];
         struct robot_inertia *inertia;
@@ -138,7 +142,7 @@ static enum error_code rig_add_masses(struct rig_builder *b, struct robot *robot
     return code;
 }
 
-/* Applies the rig's changes to a copy of the robot; the original does not change. */
+/* Applies the rig's changes to a copy of the robot. The original stays unchanged. */
 static enum error_code rig_change_robot(struct rig_builder *b)
 {
     const struct raw_robot *raw = &b->raw->robot;
@@ -158,7 +162,7 @@ static enum error_code rig_change_robot(struct rig_builder *b)
         return code;
     }
 
-    /* Updates derived data and the hash */
+    /* Update the derived data and the hash */
     b->robot = robot;
     code = robot_finish(robot, b->error);
     return code && raw->nmass ? error_prefix(b->error, "%s:%d:%d: with the masses that are added",
@@ -167,7 +171,7 @@ static enum error_code rig_change_robot(struct rig_builder *b)
                               : code;
 }
 
-/* Finds the robot's file: a path from the rig's folder, or a name. */
+/* Finds the robot's file from a path relative to the rig's folder, or from a name. */
 static enum error_code rig_find_robot(struct rig_builder *b, const char **path)
 {
     const struct raw_robot *raw = &b->raw->robot;
@@ -205,7 +209,7 @@ enum error_code rig_build_robot(struct rig_builder *b)
     return b->torque && b->driver && b->ft ? ERROR_NONE : rig_no_memory(b);
 }
 
-/* Sets followers to the angles that their leaders give. */
+/* Sets each follower joint to the angle that its leader's angle requires. */
 static enum error_code rig_align_followers(struct rig_builder *b, double *joint)
 {
     const struct robot *robot = b->robot;
@@ -227,7 +231,7 @@ static enum error_code rig_align_followers(struct rig_builder *b, double *joint)
     return ERROR_NONE;
 }
 
-/* Builds the joint positions: the pose's, replaced by angles in the rig. */
+/* Builds the joint positions: the pose of the robot, then the angles that the rig gives. */
 static enum error_code rig_build_joints(struct rig_builder *b, const struct robot_pose *pose)
 {
     const struct raw_initial *raw = &b->raw->initial;
@@ -237,7 +241,7 @@ static enum error_code rig_build_joints(struct rig_builder *b, const struct robo
         return rig_no_memory(b);
     }
 
-    /* The pose, then the rig's angles of single joints, within their limits */
+    /* Copy the pose, then set the rig's angles of single joints within their limits */
     memcpy(joint, pose->joint, b->robot->njoint * sizeof *joint);
     for (size_t i = 0; i < raw->njoint; i++) {
         const struct yaml_real_entry *entry = &raw->joint[i];
@@ -270,7 +274,7 @@ static enum error_code rig_build_joints(struct rig_builder *b, const struct robo
     return rig_align_followers(b, joint);
 }
 
-/* Fixes the base to the world at its place, if the rig says so. */
+/* Fixes the base to the world at the place that the rig gives. Does nothing for a free base. */
 static enum error_code rig_fix_base(struct rig_builder *b)
 {
     struct rig *rig = b->rig;
@@ -299,7 +303,7 @@ enum error_code rig_build_pose(struct rig_builder *b)
     enum error_code code;
     int index;
 
-    /* The pose must exist; the base is placed in at most one way */
+    /* Check that the pose exists, and that at most one key places the base */
     code = rig_find(b, yaml_place(&raw->mark, "pose"), "pose", raw->pose,
                     RIG_NAMES(b->robot->pose, b->robot->npose), &index);
     if (code) {
@@ -316,7 +320,7 @@ enum error_code rig_build_pose(struct rig_builder *b)
                           "found a place of the base, expected none for a robot with a fixed base");
     }
 
-    /* The pose of the robot file with the rig's overrides */
+    /* Combine the pose of the robot file with the values of the rig */
     pose = &b->robot->pose[index];
     rig->pose = pose->name;
     rig->hold = (enum rig_hold)raw->hold;

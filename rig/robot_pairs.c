@@ -1,11 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The pairs of a scene that involve the robot's surfaces: with all other surfaces, and with each
- * other. A pair of the robot's own surfaces has contact unless one of these holds: both are on one
- * body; the file excludes it; one joint connects the bodies, so that its end stops keep them apart;
- * or the surfaces overlap in each pose (of the robot's file, and the rig's), because they belong
- * together. If two surfaces overlap in some of these poses, the capsules are wider than the robot's
- * parts, which do not touch there. Such a pair gets the overlap as its slack.
+ * Finds the contact pairs of the robot's surfaces: with all other surfaces, and with each other.
+ *
+ * Two surfaces of the robot have contact unless one of these conditions holds. Both are on one
+ * body. The file excludes the pair. One joint connects the bodies; its end stops keep them apart.
+ * The surfaces overlap in every pose of the robot's file and in the rig's pose, because they belong
+ * together.
+ *
+ * If two surfaces overlap only in some of these poses, their capsules are wider than the real
+ * parts, which do not touch there. Such a pair gets the largest overlap as its slack.
  */
 #include "contact/segments.h"
 #include "rig/builder_private.h"
@@ -13,36 +16,36 @@
 #include <math.h>
 #include <string.h>
 
-#define SLACK_ROOM 2e-3 /* margin for motion in the poses that define a slack, m */
+#define SLACK_ROOM 2e-3 /* additional slack, for motion around the poses that define it, m */
 
-enum { TRIAL_ARENA = 1 << 30 }; /* reserved address space */
+enum { TRIAL_ARENA = 1 << 30 }; /* bytes of reserved address space */
 
 /* ---- poses ---- */
 
-/* One of the robot's own pairs, with the overlaps found in all poses. */
+/* A pair of the robot's own surfaces, and its overlaps in all poses. */
 struct own_pair {
     struct contact_pair pair;
     bool round;     /* both are capsules or spheres */
-    size_t touched; /* number of poses in which it overlaps */
-    double deepest; /* largest overlap in any pose, m; for round pairs */
-    const char *in; /* name of the last such pose */
+    size_t touched; /* number of poses in which the surfaces overlap */
+    double deepest; /* largest overlap in any pose, m; only for round pairs */
+    const char *in; /* name of the last pose with an overlap */
 };
 
-/* The robot's own pairs, and the means to detect overlaps. Pairs that are not round use a contact
- * engine, in the same order. */
+/* The robot's own pairs, and the data to detect their overlaps. A contact engine evaluates the
+ * pairs that are not round, in the same order. */
 struct pair_trial {
     struct own_pair *own;
     size_t nown, npose;
-    struct contact_pair *pair; /* pairs of the engine */
-    int *of;                   /* index of each one's own pair */
+    struct contact_pair *pair; /* pairs in the engine */
+    int *of;                   /* for each pair in the engine: its index in `own` */
     struct contact_patch *patch;
     struct contact_world *world;
-    struct body_motion *body;   /* by body of the robot */
-    struct body_motion *motion; /* by contact body */
+    struct body_motion *body;   /* one entry per body of the robot */
+    struct body_motion *motion; /* one entry per contact body */
     struct contact_wrench *wrench;
 };
 
-/* Makes a trial of count pairs `own`, with an engine for pairs that are not round. */
+/* Makes a trial of `count` pairs `own`. Pairs that are not round go to an engine. */
 static enum error_code trial_make(const struct rig_builder *b, struct own_pair *own, size_t count,
                                   struct arena *arena, struct pair_trial *trial)
 {
@@ -64,7 +67,7 @@ static enum error_code trial_make(const struct rig_builder *b, struct own_pair *
                          b->rig->file);
     }
 
-    /* The engine's pairs */
+    /* Create the engine with its pairs */
     config.pair = trial->pair;
     config.npair = 0;
     for (size_t i = 0; i < count; i++) {
@@ -76,7 +79,7 @@ static enum error_code trial_make(const struct rig_builder *b, struct own_pair *
     return contact_native_create(&config, arena, &trial->world, b->error);
 }
 
-/* Returns the axis of a capsule or sphere for a pose of its body. */
+/* Returns the axis of a capsule, or the center of a sphere, for a pose of its body. */
 static struct segment surface_axis(const struct contact_surface *s, const struct body_motion *body)
 {
     const double length = s->shape == CONTACT_CAPSULE ? s->length_m : 0;
@@ -101,7 +104,7 @@ static void own_note(struct own_pair *own, double depth, const char *pose)
     own->in = pose;
 }
 
-/* Records the pairs that overlap in a pose of the robot. */
+/* Finds and records the pairs that overlap in a pose of the robot. */
 static enum error_code trial_note_pose(struct pair_trial *trial, const struct rig_builder *b,
                                        const double *joint, const char *name)
 {
@@ -116,11 +119,11 @@ static enum error_code trial_note_pose(struct pair_trial *trial, const struct ri
     for (size_t c = 0; c < contact->nbody; c++) {
         int k = b->rig->contact_body[c];
 
-        /* No pair of the trial uses bodies that are not the robot's: their pose is arbitrary */
+        /* For bodies that are not the robot's, use any pose: no pair of the trial has them */
         trial->motion[c] = trial->body[k < (int)b->robot->nbody ? k : 0];
     }
 
-    /* Round pairs in closed form */
+    /* Compute the overlap of round pairs in closed form */
     for (size_t i = 0; i < trial->nown; i++) {
         const struct contact_surface *s = &contact->surface[trial->own[i].pair.a];
         const struct contact_surface *t = &contact->surface[trial->own[i].pair.b];
@@ -136,7 +139,7 @@ static enum error_code trial_note_pose(struct pair_trial *trial, const struct ri
         }
     }
 
-    /* Other pairs by the engine */
+    /* Let the engine evaluate the other pairs */
     code = world->ops->evaluate(world, trial->motion, NULL, trial->wrench);
     if (code) {
         return error_set(b->error, code, "%s: %s", b->rig->file, world->ops->failure(world));
@@ -148,7 +151,7 @@ static enum error_code trial_note_pose(struct pair_trial *trial, const struct ri
     return ERROR_NONE;
 }
 
-/* Counts for each pair the robot's poses, and the rig's pose, in which it overlaps. */
+/* Counts the poses in which each pair overlaps: all poses of the robot, and the rig's pose. */
 static enum error_code trial_note_poses(struct pair_trial *trial, const struct rig_builder *b)
 {
     enum error_code code = ERROR_NONE;
@@ -161,7 +164,7 @@ static enum error_code trial_note_poses(struct pair_trial *trial, const struct r
 
 /* ---- selection of pairs ---- */
 
-/* Returns the robot's body that has a surface; -1 for other bodies and the world. */
+/* Returns the robot's body that carries a surface. -1 = another body or the world. */
 static int surface_robot_body(const struct rig_builder *b, int surface)
 {
     int contact_body = b->rig->contact.surface[surface].body;
@@ -170,13 +173,13 @@ static int surface_robot_body(const struct rig_builder *b, int surface)
     return body < (int)b->robot->nbody ? body : -1;
 }
 
-/* Returns whether a pair consists of these two surfaces, in any order. */
+/* Returns whether a pair consists of the surfaces `a` and `b`, in any order. */
 static bool pairs_are_same(const struct contact_pair *p, int a, int b)
 {
     return (p->a == a && p->b == b) || (p->a == b && p->b == a);
 }
 
-/* Returns the index of the pair of two surfaces among n pairs, -1 if there is none. */
+/* Returns the index of the pair of two surfaces among n pairs, or -1 if there is none. */
 static int pairs_find(const struct contact_pair *pair, size_t n, int first, int second)
 {
     for (size_t i = 0; i < n; i++) {
@@ -187,14 +190,14 @@ static int pairs_find(const struct contact_pair *pair, size_t n, int first, int 
     return -1;
 }
 
-/* Adds two surfaces to the pairs without contact. */
+/* Adds two surfaces to the list of pairs without contact. */
 static void rig_leave_pair(struct rig_builder *b, int first, int second, enum rig_left_why why,
                            const char *what)
 {
     b->left[b->rig->nleft++] = (struct rig_left_pair){first, second, why, what};
 }
 
-/* Returns the joint that directly connects two bodies; NULL if there is none. */
+/* Returns the joint that directly connects two bodies, or NULL if there is none. */
 static const struct robot_joint *bodies_find_joint(const struct robot *robot, int first, int second)
 {
     /* Joint j moves body j + 1 */
@@ -204,7 +207,8 @@ static const struct robot_joint *bodies_find_joint(const struct robot *robot, in
     return robot->body[second].parent == first ? &robot->joint[second - 1] : NULL;
 }
 
-/* Adds the pairs of the robot with other surfaces; given: number of pairs that the file lists. */
+/* Adds pairs between the robot's surfaces and all other surfaces. Returns their number. Skips the
+ * pairs that the file lists. */
 static size_t scene_pair_with_others(const struct rig_builder *b, const struct contact_pair *given,
                                      size_t ngiven, const struct contact_pair *excluded,
                                      struct contact_pair *pair)
@@ -225,8 +229,8 @@ static size_t scene_pair_with_others(const struct rig_builder *b, const struct c
     return count;
 }
 
-/* Adds a pair of the robot's own surfaces to the candidates, which are then tested in all poses,
- * or leaves it out. */
+/* Decides about a pair of the robot's own surfaces. The pair becomes a candidate for the test in
+ * all poses, or it goes to the pairs without contact. */
 static void scene_sort_own_pair(struct rig_builder *b, int first, int second,
                                 const struct contact_pair *excluded, struct own_pair *own,
                                 size_t *count)
@@ -251,7 +255,7 @@ static void scene_sort_own_pair(struct rig_builder *b, int first, int second,
     }
 }
 
-/* Finds the robot's own pairs that depend on the poses; given: number of pairs that the file
+/* Finds the robot's own pairs that need the test in all poses. Skips the pairs that the file
  * lists. */
 static size_t scene_find_own_pairs(struct rig_builder *b, const struct contact_pair *given,
                                    size_t ngiven, const struct contact_pair *excluded,
@@ -274,8 +278,8 @@ static size_t scene_find_own_pairs(struct rig_builder *b, const struct contact_p
     return count;
 }
 
-/* Adds the own pairs that the poses keep, with their slack; leaves the others out. Returns the
- * number added. */
+/* Adds the tested pairs to `pair` or to the pairs without contact. Sets the slack of pairs that
+ * overlap in some poses. Returns the number of added pairs. */
 static size_t scene_add_own_pairs(struct rig_builder *b, const struct pair_trial *trial,
                                   struct contact_pair *pair)
 {
@@ -302,7 +306,7 @@ static size_t scene_add_own_pairs(struct rig_builder *b, const struct pair_trial
     return count;
 }
 
-/* Adds the robot's own pairs at pair; lowers count to their number. */
+/* Adds the robot's own pairs to `pair`, and writes their number to *count. */
 static enum error_code scene_add_own(struct rig_builder *b, const struct contact_pair *given,
                                      size_t ngiven, const struct contact_pair *excluded,
                                      struct contact_pair *pair, size_t *count)
@@ -346,7 +350,7 @@ enum error_code rig_add_robot_pairs(struct rig_builder *b, struct contact_pair *
         return code;
     }
 
-    /* With other surfaces; then with itself */
+    /* Add pairs with other surfaces, then pairs of two own surfaces */
     *npair += scene_pair_with_others(b, pair, given, excluded, pair + given);
     if (raw->self_collision) {
         code = scene_add_own(b, pair, given, excluded, pair + *npair, &own);

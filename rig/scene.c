@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Builds the scene of a rig: surfaces, their materials and meshes, and the pairs that may touch. */
+/* Builds the scene of a rig: surfaces with their materials and meshes, and pairs that may touch. */
 #include "base/array.h"
 #include "contact/mesh/solid_store.h"
 #include "model/spatial.h"
@@ -7,7 +7,7 @@
 
 #include <string.h>
 
-/* Returns the index of a body of the plant among the contact bodies; adds a new one. */
+/* Returns the index of a plant's body among the contact bodies. Adds the body if it is new. */
 static int scene_add_contact_body(struct rig_builder *b, int *bodies, int body)
 {
     size_t i = 0;
@@ -21,8 +21,8 @@ static int scene_add_contact_body(struct rig_builder *b, int *bodies, int body)
     return (int)i;
 }
 
-/* Checks that the robot file has a frame or capsule on a body; otherwise the plant does not
- * compute its pose. */
+/* Checks that the robot file has a frame or a capsule on a body. Without one, the plant does not
+ * compute the body's pose. */
 static enum error_code scene_check_observed(struct rig_builder *b, const struct yaml_mark *mark,
                                             int body)
 {
@@ -35,7 +35,7 @@ static enum error_code scene_check_observed(struct rig_builder *b, const struct 
     return ERROR_NONE;
 }
 
-/* Finds the place to which a surface is fixed: a body, a named frame on a body, or the world. */
+/* Finds the place of a surface: a body, a named frame on a body, or the world. */
 static enum error_code surface_find_place(struct rig_builder *b, const struct raw_surface *raw,
                                           struct rig_place *place)
 {
@@ -140,7 +140,7 @@ static enum error_code scene_find_material(struct rig_builder *b, const struct y
     return ERROR_NONE;
 }
 
-/* Appends the robot's capsules to the surfaces of the file; the array must have room for all. */
+/* Appends the robot's capsules to the surfaces of the file. The array must have room for all. */
 static enum error_code scene_add_capsules(struct rig_builder *b, struct contact_surface *surface,
                                           int *bodies)
 {
@@ -155,7 +155,7 @@ static enum error_code scene_add_capsules(struct rig_builder *b, struct contact_
         const struct robot_capsule *capsule = &b->robot->capsule[c];
         struct contact_surface *s = &surface[contact->nsurface];
 
-        /* No surface of the file has the name of a capsule */
+        /* Check that no surface of the file has the same name as the capsule */
         for (size_t i = 0; i < contact->nsurface; i++) {
             if (!strcmp(surface[i].name, capsule->name)) {
                 return yaml_error(b->error, yaml_place(&scene->surface[i].mark, "name"),
@@ -164,7 +164,7 @@ static enum error_code scene_add_capsules(struct rig_builder *b, struct contact_
                                   capsule->name);
             }
         }
-        /* The surface moves with the capsule's body */
+        /* Fix the surface to the body of the capsule */
         *s = (struct contact_surface){
             .name = capsule->name,
             .body = scene_add_contact_body(b, bodies, capsule->body),
@@ -180,7 +180,7 @@ static enum error_code scene_add_capsules(struct rig_builder *b, struct contact_
     return code;
 }
 
-/* Builds the surfaces of the file, then those of the robot. */
+/* Builds the surfaces of the file, then the surfaces of the robot. */
 static enum error_code scene_build_surfaces(struct rig_builder *b)
 {
     const struct raw_scene *scene = &b->raw->scene;
@@ -198,7 +198,7 @@ static enum error_code scene_build_surfaces(struct rig_builder *b)
         const struct raw_surface *raw = &scene->surface[i];
         enum error_code code;
 
-        /* A unique name, then place, shape and material */
+        /* Check that the name is unique, then set place, shape and material */
         for (size_t k = 0; k < i; k++) {
             if (!strcmp(scene->surface[k].surface.name, raw->surface.name)) {
                 return yaml_error(b->error, yaml_place(&raw->mark, "name"),
@@ -250,8 +250,8 @@ enum error_code rig_build_pair(struct rig_builder *b, const struct raw_pair *raw
     return ERROR_NONE;
 }
 
-/* Sets the default friction: sticking, except for engine simbody, which has only the regularized
- * law. */
+/* Sets the friction law. The default is sticking. For the engine simbody it is regularized, the
+ * only law that this engine supports. */
 static enum error_code scene_set_friction(struct rig_builder *b)
 {
     const struct raw_scene *scene = &b->raw->scene;
@@ -269,7 +269,7 @@ static enum error_code scene_set_friction(struct rig_builder *b)
     return ERROR_NONE;
 }
 
-/* Builds the pairs that the file lists; each may be listed once, in any order. */
+/* Builds the pairs that the file lists. A pair may be listed once, in any order of its surfaces. */
 static enum error_code scene_build_pairs(struct rig_builder *b, struct contact_pair *pair)
 {
     const struct raw_scene *scene = &b->raw->scene;
@@ -293,7 +293,7 @@ static enum error_code scene_build_pairs(struct rig_builder *b, struct contact_p
     return ERROR_NONE;
 }
 
-/* Refuses a scene that is invalid for all engines, with the place in the file. */
+/* Refuses a scene that no engine accepts. The error has the place in the file. */
 static enum error_code scene_check(struct rig_builder *b)
 {
     const struct raw_scene *scene = &b->raw->scene;
@@ -322,7 +322,7 @@ enum error_code rig_build_scene(struct rig_builder *b)
                           "expected engine native");
     }
 
-    /* Surfaces, pairs of the file, then pairs of the robot */
+    /* Build the surfaces, then the pairs of the file, then the pairs of the robot */
     pair = arena_alloc(b->arena, scene->npair + n * n / 2, sizeof *pair);
     code = pair ? scene_build_surfaces(b) : rig_no_memory(b);
     code = code ? code : scene_build_pairs(b, pair);
@@ -334,7 +334,7 @@ enum error_code rig_build_scene(struct rig_builder *b)
         code = code ? code : scene_check(b);
     }
 
-    /* Without an engine, the scene is checked, then emptied */
+    /* Without an engine, still check the scene, then empty it */
     if (!code && b->rig->contact_engine == RIG_CONTACT_NONE) {
         *contact = (struct contact_config){0};
         b->rig->nlisted_pair = b->rig->nleft = 0;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The keys of a rig file: names, types, ranges and defaults, in tables for base/yaml.h. sensors.c
- * has the keys of the section `sensors`. */
+/* The keys of a rig file: names, types, ranges and defaults, as tables for base/yaml.h.
+ * rig/sensors.c has the keys of the section `sensors`. */
 #include "rig/schema.h"
 
 #include "base/array.h"
@@ -375,8 +375,8 @@ static const struct hold_config hold_defaults = {.duration_s = 10.0, .tolerance_
 static const struct yaml_schema hold_schema = YAML_SCHEMA(
     "the hold task", struct hold_config, hold_fields, .unmarked = true, .defaults = &hold_defaults);
 
-/* A number of the walk: the key and the member of a struct in struct raw_walk have the same
- * name. */
+/* Row for a number of the walk. `of`: path to a struct in struct raw_walk. `key`: also the name of
+ * the number's member in this struct. */
 #define WALK(must, of, key, low, high)                                                             \
     {                                                                                              \
 #key, YAML_REAL, must, AT(raw_walk, of.key), .min = low, .max = high                       \

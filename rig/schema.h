@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A rig file during reading. The rows of schema.c fill the structs of the rig. Where the file uses
- * other terms (names, angles instead of rotations), they fill the raw structs here. rig/rig.c
- * builds a struct rig from both. Not RT-safe.
+ * Structs for reading a rig file. The tables of rig/schema.c fill members of struct rig directly
+ * where the file has the same form. Elsewhere they fill the raw structs below, for example with
+ * names instead of indices and angles instead of rotations. rig/rig.c builds a struct rig from
+ * both. Not RT-safe.
  */
 #ifndef RIG_SCHEMA_H
 #define RIG_SCHEMA_H
 
 #include "rig/rig.h"
 
-/* A joint's series spring that replaces the robot's. */
+/* A series spring of a joint that replaces the spring of the robot's file. */
 struct raw_spring {
     struct yaml_mark mark;
     const char *joint;
@@ -22,7 +23,7 @@ struct raw_robot {
     bool fixed_base;
     struct raw_spring *spring;
     size_t nspring;
-    struct yaml_real_entry *mass; /* masses added to bodies */
+    struct yaml_real_entry *mass; /* masses to add to bodies, kg */
     size_t nmass;
 };
 
@@ -30,7 +31,7 @@ struct raw_initial {
     struct yaml_mark mark;
     const char *pose;
     double base_xyz_m[3], base_height_m, base_rpy_rad[3];
-    struct yaml_real_entry *joint; /* joint positions that replace the pose's */
+    struct yaml_real_entry *joint; /* joint positions that replace positions of the pose */
     size_t njoint;
     int hold;
     bool settle;
@@ -61,10 +62,10 @@ struct raw_pair {
     struct yaml_mark mark;
     struct yaml_name *between;
     size_t nbetween;
-    const char *reason; /* reason for an excluded pair, or NULL */
+    const char *reason; /* reason why the file excludes the pair, or NULL */
 };
 
-/* Surfaces made from the robot's capsules. */
+/* Contact surfaces made from the robot's capsules. */
 struct raw_robot_surfaces {
     struct yaml_mark mark;
     const char *material;
@@ -76,7 +77,7 @@ struct raw_robot_surfaces {
 struct raw_scene {
     struct yaml_mark mark;
     enum rig_contact_engine engine;
-    struct contact_config contact; /* laws of contact */
+    struct contact_config contact; /* contact laws */
     struct raw_material *material;
     size_t nmaterial;
     struct raw_body *body;
@@ -92,24 +93,24 @@ struct raw_board {
     struct yaml_mark mark;
     struct board_config board;
     int64_t address;
-    struct yaml_name *axis; /* for BOARD_MOTOR */
+    struct yaml_name *axis; /* only for BOARD_MOTOR */
     size_t naxis;
     double current_limit_a;
-    struct yaml_name *joint; /* for BOARD_TORQUE */
+    struct yaml_name *joint; /* only for BOARD_TORQUE */
     size_t njoint;
-    const char *sensor;  /* for BOARD_FT */
-    int external_torque; /* its joints follow the reported torque, not the angle */
+    const char *sensor;  /* only for BOARD_FT */
+    int external_torque; /* 1 = its joints follow the reported torque, 0 = the reported angle */
 };
 
 struct raw_bus {
     struct yaml_mark mark;
     struct rig_bus bus;
-    const char *protocol; /* name or file; NULL = the rig's */
+    const char *protocol; /* protocol by name or file; NULL = the rig's protocol */
     bool padded;
     struct raw_board *board;
 };
 
-/* Switches of a joint. */
+/* Switches of one joint. */
 struct raw_switches {
     struct yaml_mark mark;
     const char *joint;
@@ -130,14 +131,14 @@ struct raw_motors {
 
 struct raw_lockstep {
     struct yaml_mark mark;
-    const char *bus; /* NULL = the first */
+    const char *bus; /* name of the bus; NULL = the first bus */
     struct loop_lockstep lockstep;
 };
 
-/* Gains of the servo's loops: the common ones, or an exception for some joints. */
+/* Servo gains: the common gains, or an exception for some joints. */
 struct raw_gains {
     struct yaml_mark mark;
-    struct yaml_name *joint; /* joints of the exception */
+    struct yaml_name *joint; /* joints of an exception */
     size_t njoint;
     struct servo_gains gains;
 };
@@ -160,8 +161,8 @@ struct raw_walk {
 
 /* ---- sensors ---- */
 
-/* Sensors of all joints, or of one that differs. A channel given for one joint replaces the whole
- * common channel. */
+/* Sensors of all joints, or of one joint that differs. If a channel is given for one joint, it
+ * replaces the whole common channel. */
 struct raw_joint_sensors {
     struct yaml_mark mark;
     struct sensor_joint sensor;
@@ -170,7 +171,7 @@ struct raw_joint_sensors {
 struct raw_ft_sensors {
     struct yaml_mark mark;
     struct sensor_ft sensor;
-    /* mass properties of the tool beyond the sensor, in the sensor's frame */
+    /* Mass properties of the tool beyond the sensor, in the sensor's frame. */
     struct robot_inertia tool;
 };
 
@@ -191,11 +192,11 @@ struct raw_sensors {
 
 struct raw_rig {
     struct yaml_mark mark;
-    struct rig rig; /* members that the file gives in the rig's own terms */
+    struct rig rig; /* members that the schema fills directly */
     const char *description;
     struct raw_robot robot;
     double tick_s, substep_s, voltage_delay_s;
-    const char *protocol, *personality; /* personality: see rig_bus_protocol */
+    const char *protocol, *personality; /* see rig_bus_protocol for `personality` */
     struct raw_initial initial;
     struct raw_scene scene;
     struct raw_motors motors;
@@ -208,7 +209,7 @@ struct raw_rig {
     struct raw_sensors sensors;
 };
 
-/* Schema of a rig file: fills a struct raw_rig. */
+/* The schema of a rig file. It fills a struct raw_rig. */
 extern const struct yaml_schema rig_file_schema;
 extern const struct yaml_schema rig_board_schema, gains_schema, rig_sensors_schema;
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads the section `sensors` of a rig: its schema, and the error models of the boards'
- * sensors. */
+/* Reads the section `sensors` of a rig: its schema, and the error models of the sensors on the
+ * boards. */
 #include "boards/protocol.h"
 #include "rig/builder_private.h"
 
@@ -141,9 +141,10 @@ static enum error_code sensors_check_crosstalk(struct rig_builder *b, const stru
     return ERROR_NONE;
 }
 
-/* Sets the sensors' clocks. A joint or sensor has the clock of its board. Clocks are numbered and
- * named in the boards' order. A torque board reports what the joint's motor board has sampled.
- * Joints and sensors without a board have the first clock. */
+/* Assigns clocks to sensors. A joint's or sensor's clock is the clock of its board. Clocks have
+ * numbers and names in the order of the boards. A torque board reports a value that the joint's
+ * motor board has sampled, so that board's clock counts. A joint or sensor without a board has the
+ * first clock. */
 static enum error_code sensors_assign_clocks(struct rig_builder *b, struct sensor_joint *joint,
                                              struct sensor_ft *ft)
 {
@@ -153,7 +154,7 @@ static enum error_code sensors_assign_clocks(struct rig_builder *b, struct senso
     if (!name) {
         return rig_no_memory(b);
     }
-    name[0] = "none"; /* a rig without boards still has a clock */
+    name[0] = "none"; /* a rig without boards still needs one clock */
     b->rig->sensing.clocks.name = name;
     for (size_t i = 0; i < boards->nboard; i++) {
         const struct board_config *board = &boards->board[i];
@@ -175,8 +176,8 @@ static enum error_code sensors_assign_clocks(struct rig_builder *b, struct senso
     return ERROR_NONE;
 }
 
-/* Checks the requirements of a channel's errors: a low pass below half the tick rate, a full scale
- * for hysteresis, both numbers of instability. */
+/* Checks the errors of a channel. A low pass must be below half the tick rate, hysteresis needs a
+ * full scale, and instability needs both of its numbers. */
 static enum error_code sensors_check_channel(struct rig_builder *b, const struct yaml_mark *section,
                                              const char *key, const struct sensor_error *channel)
 {
@@ -199,7 +200,7 @@ static enum error_code sensors_check_channel(struct rig_builder *b, const struct
     return ERROR_NONE;
 }
 
-/* Checks all channels of a section, which begins with its mark. */
+/* Checks all channels of a section. The section begins with its mark. */
 static enum error_code sensors_check_section(struct rig_builder *b,
                                              const struct yaml_schema *schema, const void *section)
 {
@@ -232,7 +233,8 @@ static enum error_code sensors_check_channels(struct rig_builder *b)
     return code ? code : sensors_check_section(b, &imu_schema, &raw->imu);
 }
 
-/* Builds the error models of joint sensors: common ones, overridden by a joint's own. */
+/* Builds the error models of the joint sensors: the common values, overridden by the values of
+ * single joints. */
 static enum error_code sensors_build_joints(struct rig_builder *b, struct sensor_joint *joint)
 {
     const struct raw_sensors *raw = &b->raw->sensors;
@@ -255,7 +257,8 @@ static enum error_code sensors_build_joints(struct rig_builder *b, struct sensor
         joint[index] = merged.sensor;
     }
 
-    /* If the plant models the winding's temperature, the sensor measures it */
+    /* If the plant models the winding's temperature, the sensor measures it and needs no thermal
+     * model */
     for (size_t j = 0; j < robot->njoint; j++) {
         const struct robot_sea *sea = &robot->joint[j].sea;
         const bool warms = sea->effects && sea->effects->thermal.winding_k_w > 0.0;
@@ -270,7 +273,8 @@ static enum error_code sensors_build_joints(struct rig_builder *b, struct sensor
     return ERROR_NONE;
 }
 
-/* Builds the error models of the force-torque sensors in the same way. */
+/* Builds the error models of the force-torque sensors: the common values, overridden by the values
+ * of single sensors. */
 static enum error_code sensors_build_fts(struct rig_builder *b, struct sensor_ft *ft)
 {
     const struct raw_sensors *raw = &b->raw->sensors;
