@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* An axis of a motor board; see the header. */
+/* Implements one axis of a motor board and the arithmetic of its loop; see boards/axis.h. */
 #include "boards/axis.h"
 
 #include "base/portable_math.h"
@@ -8,7 +8,7 @@
 #include <math.h>
 #include <string.h>
 
-#define LOOP_GAIN 0.5 /* g of the current loop */
+#define LOOP_GAIN 0.5 /* g in the tuning of the current loop (boards/axis.h) */
 #define OVERLOAD_MS 10.0
 
 /* ---- the axis ---- */
@@ -44,7 +44,7 @@ static void axis_read_sensors(struct axis *axis, const struct boards *boards,
         axis->motor_ticks = motor;
         axis->current_a = sense->current_a;
     }
-    /* A reading that is no number leaves the last one */
+    /* A link angle or torque that is not finite keeps its old value */
     axis->bad_link = !control_quantize(sense->q * config->joint_ticks_per_rad, &axis->link_ticks);
     axis->bad_torque = !isfinite(sense->torque_nm);
     axis->torque_nm = axis->bad_torque ? axis->torque_nm : sense->torque_nm;
@@ -93,14 +93,14 @@ void axes_drive_bridges(const struct board *board, struct plant_command *command
     }
 }
 
-/* Updates the overload of an axis by a tick, in ms at the limit; returns whether it has tripped. An
- * open bridge has none. */
+/* Updates the overload of an axis by one tick. The unit is ms of (I / limit)^2 - 1. Returns whether
+ * the axis has tripped. An open bridge resets the overload. */
 static inline bool axis_is_overloaded(struct axis *axis, double limit_a, double tick_ms)
 {
     double part = axis->current_a * axis->current_a / (limit_a * limit_a);
     double overload_ms = axis->overload_ms + (part - 1.0) * tick_ms;
 
-    /* Comparisons, because fmax is a call of the library */
+    /* Comparisons instead of fmax, which is a call into the library */
     axis->overload_ms = axis->on && overload_ms > 0.0 ? overload_ms : 0.0;
     return axis->overload_ms > OVERLOAD_MS;
 }
@@ -128,7 +128,7 @@ uint32_t axis_find_faults(const struct board *board, struct axis *axis, double l
     return faults;
 }
 
-/* ---- laws ---- */
+/* ---- control loops ---- */
 
 void current_loop_tune(double ohm, double henry, double *kp_v_a, double *ki_v_as)
 {
@@ -159,13 +159,14 @@ void estimator_reset(struct speed_estimator *estimator, int32_t position)
     estimator->head = 0;
 }
 
-/* Returns the position so many milliseconds ago, ticks. */
+/* Returns the position `ms` milliseconds ago, ticks. */
 static int64_t estimator_position_ago(const struct speed_estimator *estimator, unsigned ms)
 {
     return estimator->position[(estimator->head + ESTIMATOR_HISTORY - ms) % ESTIMATOR_HISTORY];
 }
 
-/* Returns value * 2^shift / divisor; the shift ends where any result would leave 16 bits anyway. */
+/* Returns value * 2^shift / divisor. The shift is clamped to 0-26: with a larger shift, any result
+ * other than 0 exceeds 16 bits. */
 static int64_t estimator_scale(int64_t value, int64_t shift, int64_t divisor)
 {
     return value * (INT64_C(1) << control_clamp(shift, 0, 26)) / divisor;
@@ -194,7 +195,8 @@ void trajectory_stop(struct trajectory *trajectory, int32_t position)
     trajectory->position = trajectory->target = trajectory->start = position;
 }
 
-/* Returns distance and, by *speed, derivative along the motion, ticks and ticks/ms, at s = t/T. */
+/* Returns the distance from the start at s = t/T, ticks. If speed is not NULL, sets *speed to its
+ * derivative, ticks/ms. */
 static double trajectory_evaluate(const struct trajectory *trajectory, double s, double *speed)
 {
     double d = (double)trajectory->target - (double)trajectory->start;

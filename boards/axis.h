@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * One axis of a motor board, whatever the board speaks: its sensors, the faults of its supply, its
- * readings and its overload, its bridge; and the arithmetic of a board's 1 ms loop: PID on
- * integers, trajectory generator, speed estimator, quantization. Nothing here knows frames or
- * modes. Integers as the firmware's, so that gains of real configurations mean the same. RT-safe.
+ * One axis of a motor board, for every protocol: it reads the sensors, finds the faults of supply,
+ * sensors and current, and drives the bridge. Also the arithmetic of a board's 1 ms loop: integer
+ * PID, trajectory generator, speed estimator, quantization. This header does not depend on frames
+ * or modes. The integer arithmetic follows the firmware, so that gains of real configurations have
+ * the same effect. RT-safe.
  */
 #ifndef BOARDS_AXIS_H
 #define BOARDS_AXIS_H
@@ -17,26 +18,30 @@
 struct board;
 struct board_axis_config;
 
-/* Begins the structure of an axis in each protocol (struct board_ops). */
+/* The common part of an axis. It is the first member of each protocol's axis structure (struct
+ * board_ops). */
 struct axis {
     const struct board_axis_config *config;
-    double supply_v;  /* of the board */
-    uint8_t mode;     /* in the terms of the protocol (struct protocol) */
-    bool on, faulty;  /* the bridge is closed; the axis is in hardware fault */
-    double voltage_v; /* of the closed bridge */
+    double supply_v;  /* supply of the board */
+    uint8_t mode;     /* mode number of the protocol (protocol.mode_name) */
+    bool on, faulty;  /* on: the bridge is closed; faulty: hardware fault */
+    double voltage_v; /* bridge voltage while the bridge is closed */
 
-    /* Readings at the last sample; what has no number stays as it was and is bad */
+    /* Readings of the last sample. A reading that is not finite keeps its old value, and its bad
+     * flag is set. */
     int32_t motor_ticks, link_ticks;
-    double motor_rad, link_rad; /* of the ticks; axis_find_angles */
+    double motor_rad, link_rad; /* angles from the ticks, by axis_find_angles */
     double current_a, torque_nm, winding_c, pressure_pa[2], valve_opening;
-    bool bad_motor, bad_link, bad_torque; /* bad_motor: its encoder or its current */
-    bool first;                           /* the last sample was the first since power-up */
-    int64_t sampled_ms, passed_ms;     /* time of the last sample, -1: none; since the one before */
-    double before_rad, velocity_rad_s; /* of the motor, a running mean; axis_find_angles */
-    double overload_ms;                /* axis_find_faults */
+    bool bad_motor, bad_link, bad_torque; /* bad_motor: no reading of the encoder or the current */
+    bool first;                           /* the last sample is the first since power-up */
+    /* sampled_ms: time of the last sample, -1 = none; passed_ms: time since the sample before it */
+    int64_t sampled_ms, passed_ms;
+    /* last motor angle, running mean of its rate; by axis_find_angles */
+    double before_rad, velocity_rad_s;
+    double overload_ms; /* I2t state in ms (axis_find_faults) */
 };
 
-/* Faults that every board can have. */
+/* Faults that a motor board of any protocol can have. */
 enum axis_fault {
     AXIS_UNDER_VOLTAGE = 1 << 0,
     AXIS_OVER_VOLTAGE = 1 << 1,
@@ -48,34 +53,36 @@ enum axis_fault {
     AXIS_OVER_PRESSURE = 1 << 14,
 };
 
-/* Begins an axis with an open bridge, after the power-up of its board. */
+/* Resets an axis after the power-up of its board. The bridge is open. */
 void axis_power_up(const struct board *board, unsigned index);
 
-/* Reads the sensors of a board's axes that have a joint. */
+/* Reads the sensors of all axes of a board that have a joint. */
 void axes_read_sensors(const struct board *board, const struct plant_sensors *sensors);
 
-/* Computes the angles of an axis and the rate of its rotor from the encoders' ticks; once after
- * each sample, by the protocols that work with angles. */
+/* Computes angles and rotor rate of an axis from the encoder ticks. Protocols that work with angles
+ * call it once after each sample. */
 void axis_find_angles(struct axis *axis);
 
-/* Writes the bridges of a board's axes into the command of the plant. */
+/* Writes the bridge states and voltages of a board's axes into the command of the plant. */
 void axes_drive_bridges(const struct board *board, struct plant_command *command);
 
-/* Updates a rate, the running mean of the change of a value within ms milliseconds. */
+/* Updates *rate, in 1/s, to the mean of its old value and the rate of the last ms milliseconds.
+ * *before is the value at the previous call; it becomes `now`. */
 void axis_update_rate(double *rate, double *before, double now, int64_t ms);
 
-/* Returns the faults that an axis has now, by enum axis_fault; once a tick. Over-current is I2t:
- * integral (I^2 - limit^2) dt = limit^2 * 10 ms, while the bridge is closed. */
+/* Returns the present faults of an axis as bits of enum axis_fault. Call it once a tick.
+ * Over-current is an I2t limit: it trips when integral (I^2 - limit^2) dt exceeds limit^2 * 10 ms.
+ * The integral stays at or above 0, and an open bridge resets it. */
 uint32_t axis_find_faults(const struct board *board, struct axis *axis, double limit_a);
 
-/* Rounds to the nearest count, held within int32; returns false (*count untouched) when value is
- * not finite. */
+/* Rounds to the nearest count and saturates to int32. Returns false, and leaves *count unchanged,
+ * when value is not finite. */
 static inline bool control_quantize(double value, int32_t *count)
 {
     const double shifted = value + 0.5;
 
-    /* Values within the range, which has no NaN; floor() by hand: a call of the library costs more
-     * than all the rest */
+    /* Common case: the value is within the range, and so is not NaN. Compute floor() inline,
+     * because a library call costs more than the rest of the function. */
     if (shifted > (double)INT32_MIN && shifted < (double)INT32_MAX) {
         *count = (int32_t)shifted;
         *count -= *count > shifted;
@@ -94,23 +101,25 @@ static inline int64_t control_clamp(int64_t value, int64_t min, int64_t max)
 }
 
 /*
- * Loops in SI units, for boards that have them. The current loop, a step a millisecond: v = kp e +
- * sum of ki e dt, and the caller adds the back-EMF. At standstill the winding is i' = a i + (1 - a)
- * / R v with a = exp(-1 ms R / L), so that kp = g R a / (1 - a), ki = g R / 1 ms cancel its pole
- * and leave i' = i + g e: the error falls by 1 - g a step. The g that is tuned for is 1/2, which
- * stays stable down to a quarter of the resistance.
+ * Current loop in SI units, one step per millisecond: v = kp e + sum of ki e dt. The caller adds
+ * the back-EMF.
+ *
+ * At standstill the winding follows i' = a i + (1 - a) / R v with a = exp(-1 ms R / L). The gains
+ * kp = g R a / (1 - a) and ki = g R / 1 ms cancel this pole. The result is i' = i + g e: each step
+ * multiplies the error by 1 - g. The tuning uses g = 1/2, which stays stable down to a quarter of
+ * the resistance.
  */
 void current_loop_tune(double ohm, double henry, double *kp_v_a, double *ki_v_as);
 double current_loop_step(double *integral_v, double kp_v_a, double ki_v_as, double error_a,
                          double supply_v);
 
-/* Returns value / 2^shift toward zero; a shift outside 0-30 counts as its nearer end. */
+/* Returns value / 2^shift, rounded toward zero. The shift is clamped to 0-30. */
 int64_t control_shift_right(int64_t value, int64_t shift);
 
 /*
- * Speed and acceleration from quantized positions, one a millisecond: differences over a window of
- * 32 ms, scaled by a power of two. The window makes one tick of quantization 1/32 tick/ms; the
- * speed is that of 16 ms ago.
+ * Estimates speed and acceleration from quantized positions, one position per millisecond. It takes
+ * differences over a window of 32 ms and scales them by a power of two. The window reduces one tick
+ * of quantization to 1/32 tick/ms. The speed has a delay of 16 ms.
  */
 enum { ESTIMATOR_WINDOW_MS = 32, ESTIMATOR_HISTORY = 128 };
 
@@ -119,7 +128,7 @@ struct speed_estimator {
     uint32_t head; /* newest */
 };
 
-/* Resets the estimator as if the position had always been this. */
+/* Fills the history with one position: speed and acceleration are then 0. */
 void estimator_reset(struct speed_estimator *estimator, int32_t position);
 static inline void estimator_push(struct speed_estimator *estimator, int32_t position)
 {
@@ -127,22 +136,23 @@ static inline void estimator_push(struct speed_estimator *estimator, int32_t pos
     estimator->position[estimator->head] = position;
 }
 
-/* ticks/ms * 2^shift */
+/* Returns the speed, ticks/ms * 2^shift. */
 int64_t estimator_speed(const struct speed_estimator *estimator, int64_t shift);
 
-/* ticks/ms^2 * 2^shift */
+/* Returns the acceleration, ticks/ms^2 * 2^shift. */
 int64_t estimator_acceleration(const struct speed_estimator *estimator, int64_t shift);
 
 /*
  * Minimum-jerk motion from the present reference to a target: x(s) = x0 + v0 T s + (10 d - 6 v0 T)
- * s^3 - (15 d - 8 v0 T) s^4 + (6 d - 3 v0 T) s^5 with s = t/T, d the distance, v0 the speed that
- * the motion before had. T = 100 ms * |d| / speed: the speed of a POSITION_MOVE is ticks in 100 ms.
+ * s^3 - (15 d - 8 v0 T) s^4 + (6 d - 3 v0 T) s^5. Here s = t/T, d is the distance and v0 the
+ * initial speed. T = 100 ms * |d| / speed, because a POSITION_MOVE gives its speed in ticks per 100
+ * ms.
  */
 struct trajectory {
     bool running;
     int32_t start, target;
     double v0, duration_ms, time_ms; /* v0 in ticks/ms */
-    int32_t position;                /* where the last step put it */
+    int32_t position;                /* position after the last step */
 };
 
 void trajectory_stop(struct trajectory *trajectory, int32_t position);
@@ -152,8 +162,9 @@ void trajectory_start(struct trajectory *trajectory, int32_t target, int64_t spe
 int32_t trajectory_step(struct trajectory *trajectory);
 
 /*
- * PID with a right shift as scale. The error saturates at 16 bits; the derivative is the change of
- * the error a millisecond, averaged over the last ten; the integral part stays within +-limit.
+ * PID whose output is shifted right as scaling. The error saturates at 16 bits. The derivative is
+ * the change of the error per millisecond, averaged over the last ten changes. The integral part is
+ * clamped to +-integral_limit.
  */
 enum { PID_AVERAGE = 10 };
 
@@ -171,8 +182,8 @@ struct pid {
 /* Resets integral and derivative. */
 void pid_reset(struct pid *pid);
 
-/* Steps the PID by one millisecond; error is taken before saturation. Returns the output before
- * any limit. */
+/* Advances the PID by one millisecond. `error` need not be saturated. Returns the output before any
+ * limit. */
 int64_t pid_step(struct pid *pid, const struct pid_gains *gains, int64_t error);
 
 #endif

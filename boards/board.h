@@ -53,7 +53,7 @@ struct boards_bus_config {
     /* protocol of the bus; NULL = the first of the list (boards/protocol_list.h) */
     const struct protocol *protocol;
     bool fd;     /* use CAN FD frames, if the protocol has them */
-    bool padded; /* commands may be padded to 8 bytes, whatever their length */
+    bool padded; /* commands of any length may be padded to 8 bytes */
     /* for a protocol that a file describes; must outlive the boards */
     const struct described_protocol *described;
 };
@@ -88,8 +88,8 @@ struct board_axis_config {
     /* index in the plant's arrays; -1 = spare axis. On compact, cia402 and described boards, the
      * first -1 ends the axes */
     int joint;
-    double joint_ticks_per_rad; /* scale of POSITION frames, link encoder */
-    /* scale of MOTOR_POSITION frames, rotor encoder, per link-side rad */
+    double joint_ticks_per_rad; /* link encoder, for POSITION frames */
+    /* rotor encoder, for MOTOR_POSITION frames; ticks per link-side rad */
     double motor_ticks_per_rad;
     double lower_rad, upper_rad; /* position limits until the host sets others */
     /* Limit of the I2t over-current fault (boards/icub/motor_board.c), until the host sets
@@ -101,10 +101,11 @@ struct board_axis_config {
      * until the host selects a STRAIN board; 0 = no own sensor */
     double torque_full_scale_nm;
     double gear; /* rotor revolutions per link revolution; foc boards report rotor angles */
-    /* The bridge drives a servo valve (docs/hydraulics.md), a source of speed. The axis has no
-     * current and no mode that controls one. bemf_v_s_rad is the voltage per rad/s */
+    /* The bridge drives a servo valve (docs/hydraulics.md), which sets the speed of the joint. The
+     * axis has no current and no mode that controls a current. bemf_v_s_rad is then the valve's
+     * voltage per rad/s */
     bool valve;
-    /* compact, cia402, described: the motor for which the factory tuned the loops; back-EMF per
+    /* compact, cia402, described: motor data for the factory tuning of the loops; back-EMF per
      * link-side rad/s. winding_ohm 0 = not tuned: the gains are 0 until the host sets them */
     double winding_ohm, winding_h, bemf_v_s_rad;
     double torque_nm_a; /* described: link-side torque per ampere */
@@ -136,10 +137,10 @@ struct board_config {
     double full_scale[BOARD_CHANNELS];
     /* period of STRAIN, inertial and compact telemetry until the host sets another; 0 = 1 ms */
     int64_t period_ns;
-    /* foc motors: shortest period of STATUS; 0 = STATUS with every FOC */
+    /* foc motors: minimum period of STATUS; 0 = one STATUS with every FOC */
     int64_t status_period_ns;
-    /* time from power-up to the start of the application, at the start of a run and after a
-     * restart; a restart takes restart_ns at least; 0 = starts at once */
+    /* boot_ns: time from power-up to the start of the application, at the start of a run and after
+     * a restart; 0 = none. restart_ns: minimum duration of a restart */
     int64_t boot_ns, restart_ns;
     /* sends telemetry without a host's command: STRAIN calibrated frames, inertial acceleration,
      * rate and quaternion, icub motors with the policy 0x7f, compact telemetry */
@@ -147,11 +148,11 @@ struct board_config {
     /* icub motors: keep an image of a firmware download (boards_firmware) */
     bool keep_firmware;
     bool discovery_stops_motors; /* as BLL firmware: discovery (class 7) switches PWM off */
-    /* a real board on the same bus: the simulator neither sends nor obeys for it and does not
-     * drive its motors; boards_external_heard */
+    /* a real board on the same bus (boards_external_heard): the simulator neither emulates it nor
+     * drives its motors */
     bool external;
     bool external_torque;        /* its joints follow the torque that it reports, not the angle */
-    int64_t external_timeout_ns; /* time without a frame after which it counts as silent */
+    int64_t external_timeout_ns; /* the board counts as silent after this time without a frame */
 };
 
 struct boards_config {
@@ -160,7 +161,8 @@ struct boards_config {
     size_t nbus;
     const struct boards_bus_config *bus; /* nbus entries; NULL = all buses use the first protocol */
     size_t njoint, nft;
-    /* the boards apply their faults of this list; NULL = none (faults/faults.h) */
+    /* all faults of the run (faults/faults.h); the boards apply the faults that target boards; NULL
+     * = none */
     const struct faults *faults;
     int64_t tick_ns;            /* period of boards_control; up to 100 ms */
     size_t voltage_delay_ticks; /* delay from a board's voltage to its bridge; up to 1000 */
@@ -177,24 +179,24 @@ enum board_event_kind {
     BOARD_EVENT_SOURCE_LOST, /* the torque source of an axis timed out: a = its address */
     BOARD_EVENT_LIMIT,       /* refused a voltage beyond a joint limit: a = position in ticks */
     BOARD_EVENT_UNKNOWN,     /* unknown command: a = id, b = first byte */
-    /* wrong length or value: a = id, b = first byte, or the reason below */
+    /* wrong length or value: a = id, b = first byte, or the reason in struct board_event */
     BOARD_EVENT_MALFORMED,
     BOARD_EVENT_ADDRESS,     /* a board moved to another address: a = old, b = new */
     BOARD_EVENT_RESTART,     /* a board entered its bootloader: a = 1, or left it: a = 0 */
     BOARD_EVENT_FIRMWARE,    /* a download into the bootloader ended: a = bytes, b = CRC-32 */
-    BOARD_EVENT_OVERFLOW,    /* a board loses replies or frames: a = total so far */
+    BOARD_EVENT_OVERFLOW,    /* a board dropped replies or frames: a = total so far */
     BOARD_EVENT_OVER_HEATED, /* icub: the winding of an axis is too hot: a = 0.1 degree C */
-    /* icub: a strict axis is not switched on before the host has sent what is missing: a = enum
-     * board_owed */
+    /* icub: the host tried to switch on a strict axis but has not sent what the axis requires: a =
+     * enum board_owed */
     BOARD_EVENT_OWED,
     BOARD_EVENT_SILENT, /* an external board is silent: a = ms since the start or its last frame */
     BOARD_EVENT_HEARD,  /* an external board sends frames, for the first time or again */
 };
 
-/* An event for the log. Another thread formats it. */
 /* What a strict icub axis still requires of the host before it switches on. */
 enum board_owed { BOARD_OWED_PROTOCOL, BOARD_OWED_PID, BOARD_OWED_CALIBRATION };
 
+/* An event for the log. Another thread formats it. */
 struct board_event {
     int64_t time_ns;
     enum board_event_kind kind;
@@ -202,16 +204,16 @@ struct board_event {
     uint8_t address; /* address at the time of the event */
     uint8_t axis;    /* axis, for kinds of events that have one */
     uint16_t board;  /* index of the board in the configuration */
-    /* MALFORMED: row of the frame and enum described_wrong; then b = found, c = expected. why 0 =
-     * b is the first byte */
+    /* MALFORMED: row of the frame, and the reason (enum described_wrong) with b = found, c =
+     * expected. why 0 = no reason: b is the first byte */
     uint8_t row, why;
     uint32_t a, b, c;
 };
 
 /* Counts since the start. */
 struct boards_counters {
-    uint64_t frames;      /* received by some board */
-    uint64_t foreign;     /* identifier of no board here */
+    uint64_t frames;      /* frames that a board received */
+    uint64_t foreign;     /* no board here uses the identifier */
     uint64_t unknown;     /* for a board that has no such command */
     uint64_t malformed;   /* known command, wrong length or value */
     uint64_t timeouts;    /* time-outs of commands and torque sources */
@@ -223,27 +225,30 @@ struct boards_counters {
 struct boards;
 struct ring;
 
-/* Creates the boards of a configuration that the caller has checked, as rig/boards.c does:
- * addresses are unique on a bus and within the protocol's limits, indices exist, each joint has one
- * axis. Refuses only too many axes on a bus and servo valves that the protocol does not move.
- * Copies the configuration, except where a field says otherwise. Memory from arena. Not
+/* Creates the boards of a configuration. The caller has checked it, as rig/boards.c does: addresses
+ * are unique on a bus and within the protocol's limits, indices exist, each joint has one axis.
+ * Returns an error for too many axes on a bus, and for servo valves on boards that cannot move
+ * them. Copies the configuration, except where a field says otherwise. Memory from arena. Not
  * RT-safe. */
 enum error_code boards_create(const struct boards_config *config, struct arena *arena,
                               struct boards **boards, struct error *error);
 
 /*
- * The phases of a tick, all RT-safe. now_ns is virtual time, and the time stamp of events: the
- * beginning of the tick for boards_receive and boards_control, its end for boards_sample and
+ * The phases of a tick, all RT-safe. now_ns is virtual time; events get it as time stamp. Pass the
+ * start of the tick to boards_receive and boards_control, its end to boards_sample and
  * boards_transmit. It goes back only when a checkpoint restores the whole arena.
  *
  * boards_receive accepts any frame. boards_control sets bridge and voltage of the joints that have
  * a board, from the last samples. It leaves all other commands unchanged. The caller also calls
- * boards_sample once before the first tick, with the plant's initial state. boards_transmit writes
- * at most max frames and returns their number: replies in the order of the requests, then periodic
- * frames by board address. If max is below boards_transmit_max, replies wait and periodic frames
- * may be lost. The node of a frame is the index of its board among the boards of the bus, in the
- * order of the configuration. Each board is a CAN node. boards_answer, between ticks of real time,
- * collects only the answers to what boards_receive has delivered.
+ * boards_sample once before the first tick, with the plant's initial state.
+ *
+ * boards_transmit writes at most max frames and returns their number: replies in the order of the
+ * requests, then periodic frames by board address. If max is below boards_transmit_max, replies
+ * wait and periodic frames may be lost. The node of a frame is the index of its board among the
+ * boards of the bus, in the order of the configuration. Each board is a CAN node.
+ *
+ * boards_answer writes only the waiting replies. In real time, call it between ticks, after
+ * boards_receive.
  */
 void boards_receive(struct boards *boards, int64_t now_ns, size_t bus,
                     const struct bus_frame *frame);
@@ -254,8 +259,8 @@ size_t boards_transmit(struct boards *boards, int64_t now_ns, size_t bus, struct
 size_t boards_answer(struct boards *boards, int64_t now_ns, size_t bus, struct bus_frame *frames,
                      size_t max);
 
-/* Sets the state of a board's CAN controller, on a wire that simulates one; board: index in the
- * configuration. iCub boards report it in STATUS. RT-safe; call it once a tick before
+/* Sets the state of a board's CAN controller, if the wire simulates controllers. board: index in
+ * the configuration. iCub boards report this state in STATUS. RT-safe; call it once a tick before
  * boards_transmit. */
 struct board_can_state {
     unsigned tec, rec; /* error counters */
@@ -263,7 +268,7 @@ struct board_can_state {
 };
 void boards_set_can_state(struct boards *boards, size_t board, const struct board_can_state *state);
 
-/* Checks whether some board of a bus has CAN errors in its last state. RT-safe. */
+/* Returns whether the last CAN state of any board of a bus has errors. RT-safe. */
 bool boards_have_can_errors(const struct boards *boards, size_t bus);
 
 /* State of a board, for display. */
@@ -273,14 +278,15 @@ struct board_state {
     bool away;                  /* a fault disconnects it from the bus */
     bool external, silent;      /* external: a real board; silent: it has timed out */
     uint8_t mode[BOARD_AXES_MAX];
-    /* time of the last frame: received and meant for this board, or sent if the board is
-     * external; -1 = never */
+    /* time of the last frame that was meant for this board, or that an external board sent; -1 =
+     * never */
     int64_t heard_ns;
 };
 
-/* Report that an external board has sent a frame, and that a tick has passed. The listener on the
- * bus calls them, because boards cannot read other boards' telemetry. Events report the silence and
- * the return of a board. RT-safe, in the thread of the boards. */
+/* boards_external_heard records that an external board has sent a frame. Call boards_external_step
+ * once a tick. The listener on the bus calls both, because boards cannot read other boards'
+ * telemetry. Events report when a board falls silent and when it returns. RT-safe, in the thread of
+ * the boards. */
 void boards_external_heard(struct boards *boards, int64_t now_ns, size_t board);
 void boards_external_step(struct boards *boards, int64_t now_ns);
 
@@ -296,13 +302,13 @@ size_t boards_transmit_max(const struct boards *boards, size_t bus);
 /* Switches all bridges off at once (stop, emergency). RT-safe. */
 void boards_shut_down(struct boards *boards, int64_t now_ns, struct plant_command *command);
 
-/* Returns whether some axis is in hardware fault. RT-safe. */
+/* Returns whether any axis is in hardware fault. RT-safe. */
 bool boards_fault(const struct boards *boards);
 
-/* The settings of a motor axis: gains and limits that a host sets over the bus. The user of the
- * simulator may also change them here, as with a debugger, while the axis runs. The protocol sets
- * the ranges. boards_set refuses a fraction for a whole-number setting. In the thread of the
- * boards; RT-safe. */
+/* A setting of a motor axis: a gain or a limit that a host sets over the bus. The user of the
+ * simulator may also change settings with boards_set while the axis runs, as with a debugger. The
+ * protocol sets the ranges. boards_set refuses a fraction for a whole-number setting. In the thread
+ * of the boards; RT-safe. */
 struct board_setting {
     const char *name; /* "current_kp", ...; static */
     const char *unit; /* "" = a count */
@@ -335,8 +341,8 @@ uint64_t boards_settings_changes(const struct boards *boards);
  * it too. */
 const struct ring *boards_event_ring(const struct boards *boards);
 
-/* Take an event (false = none waits) and format it as a log line (not RT-safe). From one other
- * thread. */
+/* boards_next_event takes the oldest event; false = none. board_event_format writes an event as a
+ * log line; not RT-safe. One thread other than the boards' thread may call them. */
 bool boards_next_event(struct boards *boards, struct board_event *event);
 void board_event_format(const struct boards *boards, const struct board_event *event, char *text,
                         size_t size);

@@ -1,24 +1,24 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Applies the faults of boards (faults/faults.h): to the power of a board, its firmware, its
- * contact to the bus, and all frames that it sends, replies included.
+ * Applies the faults of boards (faults/faults.h). They act on a board's power, firmware, contact to
+ * the bus, and on all frames that it sends, replies included.
  *
- *   off           neither receives nor sends, its bridges are open; boots from cold afterwards;
- *   hung          the firmware stops: it neither receives nor sends. After `watchdog` seconds it
- *                 is reset and boots from cold, even if the fault lasts longer. It hangs once per
- *                 beginning of the fault; the next hang needs a running application;
- *   intermittent  runs, but neither receives nor sends during the gaps;
- *   stuck         every identifier repeats the data of its last frame before the fault;
- *   garbage       random data; identifier and length stay;
- *   slow          sends one of `factor` frames of every identifier;
- *   delayed       sends frames later; at most DELAYED_MAX wait.
+ *   off           neither receives nor sends; its bridges are open; cold boot afterwards
+ *   hung          the firmware stops: the board neither receives nor sends. After `watchdog`
+ *                 seconds it is reset and boots from cold, even if the fault lasts longer. A board
+ *                 hangs once each time the fault begins, while its application runs
+ *   intermittent  runs, but neither receives nor sends during the gaps
+ *   stuck         every identifier repeats the data of its last frame before the fault
+ *   garbage       random data; identifier and length stay
+ *   slow          sends one of `factor` frames of every identifier
+ *   delayed       sends frames later; at most DELAYED_MAX frames wait
  *
  * Other boards on the bus receive the disturbed frames of a STRAIN board.
  *
  * The PWM timers of a hung board continue with their last compare values. Its bridges therefore
- * keep their share of the supply until the reset opens them. A 2FOC board turns the field of its
- * motor by firmware. When it hangs, the field stands still and holds the rotor; the plant's motor
- * model represents this as 0 V, so the motor brakes. An emergency stop (boards_shut_down) cuts the
+ * keep their duty cycles until the reset opens them. The firmware of a 2FOC board turns the field
+ * of its motor. When it hangs, the field stops and holds the rotor. The plant's motor model
+ * represents this as 0 V, so the motor brakes. An emergency stop (boards_shut_down) cuts the
  * motors' supply, so it also opens the bridges of hung boards.
  */
 #include "boards/board_private.h"
@@ -31,7 +31,7 @@
 
 enum { IDS_MAX = 32, DELAYED_MAX = 2048 };
 
-/* The last frame sent with an identifier. */
+/* The last frame that was sent with an identifier. */
 struct sent_id {
     struct bus_frame frame;
     uint64_t count;
@@ -40,11 +40,11 @@ struct sent_id {
 struct board_fault {
     const struct fault *fault;
     struct random_stream random;
-    bool gap;                   /* INTERMITTENT: in a gap now */
-    bool spent;                 /* HUNG: has hung since the fault began */
-    struct sent_id id[IDS_MAX]; /* STUCK, SLOW */
+    bool gap;                   /* INTERMITTENT: a gap is active */
+    bool spent;                 /* HUNG: the board has hung since the fault began */
+    struct sent_id id[IDS_MAX]; /* STUCK, SLOW: last frame and count of each identifier */
     size_t nid;
-    struct bus_frame *waiting; /* DELAYED: circular; time_ns is when a frame is due */
+    struct bus_frame *waiting; /* DELAYED: circular queue; time_ns of a frame: when it is due */
     size_t first, count;
 };
 
@@ -52,8 +52,8 @@ struct board_faults {
     struct board_fault *fault;
     size_t count;
     bool without_power, hung;
-    int64_t watchdog_ns;         /* end of the hang */
-    double duty[BOARD_AXES_MAX]; /* duty cycle of each bridge of a hung board */
+    int64_t watchdog_ns;         /* time at which the watchdog ends the hang */
+    double duty[BOARD_AXES_MAX]; /* duty cycles of the bridges during a hang */
 };
 
 bool board_faults_create(struct boards *boards, const struct faults *faults, struct arena *arena)
@@ -70,7 +70,7 @@ bool board_faults_create(struct boards *boards, const struct faults *faults, str
             continue;
         }
 
-        /* A board may have all faults: its first one allocates the list */
+        /* A board may have every fault of the list, so allocate that many at its first fault */
         board = boards->board[fault->index];
         if (!board->faults) {
             board->faults = arena_alloc(arena, 1, sizeof *board->faults);
@@ -80,7 +80,7 @@ bool board_faults_create(struct boards *boards, const struct faults *faults, str
             }
         }
 
-        /* Each fault has its own random stream, independent of other faults */
+        /* Give each fault its own random stream, independent of other faults */
         to = &board->faults->fault[board->faults->count++];
         to->fault = fault;
         snprintf(stream, sizeof stream, "fault %s", fault->name);
@@ -95,7 +95,7 @@ bool board_faults_create(struct boards *boards, const struct faults *faults, str
 
 /* ---- power and contact ---- */
 
-/* Discards waiting answers: they are lost with the board's memory. */
+/* Discards the waiting answers of a board, because its memory is lost. */
 static void board_discard_replies(const struct board *board)
 {
     struct board_bus *bus = board->bus;
@@ -109,7 +109,7 @@ static void board_discard_replies(const struct board *board)
     }
 }
 
-/* ---- a firmware that hangs ---- */
+/* ---- hang of the firmware ---- */
 
 /* Starts a hang: the timers keep the present duty cycle of each bridge. */
 static void board_begin_hang(struct board *board, int64_t watchdog_ns, double supply_v,
@@ -123,7 +123,7 @@ static void board_begin_hang(struct board *board, int64_t watchdog_ns, double su
         faults->duty[i] = joint >= 0 && !board->ops->turns_field && supply_v > 0.0
                               ? command->motor[joint].voltage_v / supply_v
                               : 0.0;
-        /* The supply may have dropped since the board set the bridge */
+        /* Clamp: the supply may have dropped since the board set the bridge */
         faults->duty[i] = fmax(fmin(faults->duty[i], 1.0), -1.0);
     }
     faults->hung = true;
@@ -146,7 +146,7 @@ static struct board_fault *board_find_hang(const struct board *board)
     return NULL;
 }
 
-/* Drives the bridges of a hung board with their last duty cycles. */
+/* Sets the bridges of a hung board to their last duty cycles. */
 static void board_hold_bridges(const struct board *board, double supply_v,
                                struct plant_command *command)
 {
@@ -186,7 +186,7 @@ enum board_health board_faults_control(struct board *board, struct plant_command
     double supply_v = board->boards->supply_v;
     bool off = false, gap = false, hung;
 
-    /* Find power and contact in this tick */
+    /* Find whether the board has power and contact in this tick */
     for (size_t i = 0; i < board->faults->count; i++) {
         struct board_fault *f = &board->faults->fault[i];
 
@@ -201,7 +201,7 @@ enum board_health board_faults_control(struct board *board, struct plant_command
         }
     }
 
-    /* Switch the power; with power, the firmware may hang */
+    /* Switch the power. A board with power may start to hang */
     if (off && !board->faults->without_power) {
         board_discard_replies(board);
         board->faults->without_power = true;
@@ -232,7 +232,7 @@ static struct sent_id *board_fault_find_id(struct board_fault *f, uint32_t id)
     return &f->id[f->nid++];
 }
 
-/* Replaces the data of a frame by the last data before the fault. */
+/* Replaces the data of a frame by the data of its identifier's last frame before the fault. */
 static void board_fault_freeze_frame(struct board_fault *f, struct bus_frame *frame)
 {
     struct sent_id *last = board_fault_find_id(f, frame->id);
@@ -246,13 +246,13 @@ static void board_fault_freeze_frame(struct board_fault *f, struct bus_frame *fr
     }
 }
 
-/* Applies a fault to a frame. Returns false when the frame is not sent now or ever. */
+/* Applies a fault to a frame. Returns false when the frame is delayed or dropped. */
 static bool board_fault_disturb_frame(struct board_fault *f, struct bus_frame *frame)
 {
     struct sent_id *last;
 
     if (f->fault->kind == FAULT_STUCK) {
-        board_fault_freeze_frame(f, frame); /* stores the data even while the fault is inactive */
+        board_fault_freeze_frame(f, frame); /* stores the data while the fault is inactive */
         return true;
     }
     if (!f->fault->active) {

@@ -48,13 +48,14 @@ struct board_identity {
 struct board_ops {
     struct board_identity identity;
     size_t periodic_max; /* most frames per transmission */
-    /* the firmware commutates the motor: when it hangs, the magnetic field stops turning */
+    /* the firmware commutates the motor: when the firmware hangs, the magnetic field stops
+     * turning */
     bool turns_field;
 
     void (*power_up)(struct board *board);
     /* Reads and quantizes the sensors, at the time boards->now_ns. */
     void (*sample)(struct board *board, const struct plant_sensors *sensors);
-    /* Runs one tick; span holds the milliseconds that end in it. NULL = no motors; shut_down is
+    /* Runs one tick. `span`: the milliseconds that end in this tick. NULL = no motors; shut_down is
      * then NULL too. */
     void (*control)(struct board *board, struct ms_span span);
     void (*transmit)(struct board *board, struct ms_span span, struct frame_sink *sink);
@@ -94,22 +95,22 @@ struct queued_reply {
     uint8_t data[64];
 };
 
-enum { BOARD_ADDRESSES = 32 }; /* addresses of all protocols; [0] is the host */
+enum { BOARD_ADDRESSES = 32 }; /* number of addresses, for any protocol; [0] is the host */
 
-/* Base of each protocol's bus. */
+/* Common part of a bus: first member of each protocol's bus structure. */
 struct board_bus {
     const struct board_bus_ops *ops;
     struct boards_bus_config config;
     struct board *by_address[BOARD_ADDRESSES];
-    uint16_t nodes;               /* number of boards; each is a CAN node */
+    uint16_t nodes;               /* number of boards; each board is a CAN node */
     struct queued_reply *replies; /* circular queue */
     size_t capacity, head, waiting;
     size_t transmit_max;
     size_t can_errors; /* number of boards with CAN errors */
-    int64_t sent_ms;   /* milliseconds whose periodic frames are sent */
+    int64_t sent_ms;   /* boards_transmit has sent the periodic frames before this millisecond */
 };
 
-/* Base of each protocol's boards. */
+/* Common part of a board: first member of each protocol's board structure. */
 struct board {
     const struct board_ops *ops;
     struct boards *boards;
@@ -121,16 +122,18 @@ struct board {
     uint8_t axes; /* number of axes, including spare ones; 0 for sensors */
     bool in_bootloader;
     bool away; /* disconnected from the bus by a fault, or external */
-    /* external: present within its time-out; its silence has been reported */
+    /* external boards: present: has sent a frame within the time-out; silence_told: an event has
+     * reported the silence */
     bool present, silence_told;
     uint32_t boots;         /* how often the board has entered the bootloader */
-    int64_t application_ns; /* end of the stay in the bootloader */
+    int64_t application_ns; /* time at which the board leaves the bootloader */
     /* time of the last frame for this board; -1 = none yet */
     int64_t heard_ns;
-    unsigned replies;                      /* number of waiting answers of this board */
-    uint64_t lost;                         /* frames that the board could not send */
-    bool lost_in_status, lost_in_overflow; /* losses not yet reported in STATUS, as an event */
-    struct board_faults *faults;           /* NULL = no faults for this board (board_faults.c) */
+    unsigned replies; /* number of waiting answers of this board */
+    uint64_t lost;    /* frames that the board could not send */
+    /* a loss is not yet reported: in STATUS; as an OVERFLOW event */
+    bool lost_in_status, lost_in_overflow;
+    struct board_faults *faults; /* NULL = no faults for this board (board_faults.c) */
     struct board_can_state can;
 };
 
@@ -142,15 +145,15 @@ struct board_reason {
 
 struct boards {
     struct boards_counters counters;
-    struct board_reason reason;   /* of the frame that is counted next */
-    struct board_event malformed; /* of the last malformed frame */
+    struct board_reason reason;   /* reason for the next frame that boards_count_frame counts */
+    struct board_event malformed; /* event of the last malformed frame */
     struct ring events;
     int64_t tick_ns;
-    /* Each phase sets both from its now_ns: the time stamp of events, and the time of the board's
-     * timers. In boards_control they differ: the boards compute their state at the end of the
-     * tick. */
+    /* Each phase sets both from its argument now_ns. event_ns is the time stamp of events; now_ns
+     * is the time for the boards' timers. In boards_control they differ, because the boards compute
+     * their state at the end of the tick. */
     int64_t event_ns, now_ns;
-    double supply_v, oil_pa; /* as sampled; finite, 0 or more */
+    double supply_v, oil_pa; /* supply voltage and pressure of the last sample; finite, 0 or more */
     uint64_t settings_changes;
     size_t nbus, nboard;
     struct board_bus **bus;
@@ -174,7 +177,7 @@ static inline struct axis *board_axis(const struct board *board, unsigned index)
     return (struct axis *)((uintptr_t)board + board->ops->axes + index * board->ops->axis_size);
 }
 
-/* Returns the number of axes of a board on which the first spare axis ends the list. */
+/* Returns the number of axes before the first spare axis of a motor board. */
 static inline unsigned board_config_axes(const struct board_config *config)
 {
     unsigned count = 0;
@@ -189,14 +192,14 @@ static inline unsigned board_config_axes(const struct board_config *config)
 /* Limits of the error counters, ISO 11898-1 */
 enum { BOARD_CAN_WARNING = 96, BOARD_CAN_PASSIVE = 128 };
 
-/* Returns whether a board ignores commands to its application. */
+/* Returns whether a board ignores commands: it is in its bootloader or off the bus. */
 static inline bool board_is_deaf(const struct board *board)
 {
     return board->in_bootloader || board->away;
 }
 
-/* Allocate a board or a bus of a protocol, whose structure begins with the common one; NULL = out
- * of memory. Not RT-safe. */
+/* Allocate a protocol's board or bus of `size` bytes. Its first member is struct board or struct
+ * board_bus. NULL = out of memory. Not RT-safe. */
 struct board *board_create(struct arena *arena, size_t size, const struct board_ops *ops);
 struct board_bus *board_bus_create(struct arena *arena, size_t size,
                                    const struct board_bus_ops *ops);
@@ -207,8 +210,8 @@ const struct protocol *boards_protocol(const struct boards_config *config, int b
 
 enum board_verdict { BOARD_OBEYED, BOARD_UNKNOWN, BOARD_MALFORMED };
 
-/* Counts a frame for listener (NULL = no board here). Emits an event when the frame was not
- * obeyed. */
+/* Counts a frame that `listener` received; NULL = no board here. Emits an event if the verdict is
+ * not BOARD_OBEYED. */
 void boards_count_frame(struct boards *boards, struct board *listener, enum board_verdict verdict,
                         const struct bus_frame *frame);
 
@@ -218,7 +221,7 @@ static inline void board_hear(struct board *board)
     board->heard_ns = board->boards->now_ns;
 }
 
-/* Returns whether periodic frames are due, and sets the time of the next ones. */
+/* Returns whether periodic frames are due. If so, advances *next_ns to the next due time. */
 static inline bool board_is_due(const struct board *board, int64_t *next_ns, int64_t period_ns)
 {
     int64_t late = board->boards->now_ns - *next_ns;
@@ -227,7 +230,7 @@ static inline bool board_is_due(const struct board *board, int64_t *next_ns, int
     return late >= 0;
 }
 
-/* Enter the bootloader for duration_ns; leave it. */
+/* Enter the bootloader for duration_ns, and leave it. */
 void board_enter_bootloader(struct board *board, int64_t duration_ns);
 void board_leave_bootloader(struct board *board);
 
@@ -246,22 +249,24 @@ void board_queue_as(struct board *board, uint32_t id, uint8_t flags, uint8_t len
 /* Moves the board to another address; false = the address is taken. */
 bool board_set_address(struct board *board, uint8_t address);
 
-/* Send a periodic frame: with the given data in the format of the bus, or an empty frame that the
- * caller fills. When sink is full the frame is lost and counted; board_add_frame returns NULL. */
+/* Send a periodic frame. board_send uses the given data and the format of the bus. board_add_frame
+ * returns an empty frame for the caller to fill. When sink is full, the frame is lost and counted,
+ * and board_add_frame returns NULL. */
 void board_send(struct board *board, struct frame_sink *sink, uint32_t id, uint8_t len,
                 const uint8_t *data);
 struct bus_frame *board_add_frame(struct board *board, struct frame_sink *sink);
 
-/* Whether the electronics of a board work in this tick. */
+/* State of a board's electronics in this tick. */
 enum board_health {
     BOARD_WORKS,
     BOARD_WITHOUT_POWER,
-    BOARD_HUNG, /* hung; its bridges have been handled */
+    BOARD_HUNG, /* the firmware hangs; the bridges of this tick are already set */
 };
 
-/* Faults of boards (board_faults.c). The first function finds the faults of each board; false = out
- * of memory; not RT-safe. The others are for boards with faults. One steps power and contact by a
- * tick; one applies the faults to the frames from index `from` on. */
+/* Faults of boards (board_faults.c). board_faults_create gives the boards their faults; false = out
+ * of memory; not RT-safe. The other two are for boards with faults only. board_faults_control
+ * updates power, contact and hang of a board once a tick. board_faults_filter applies the faults to
+ * the frames from index `from` on. */
 bool board_faults_create(struct boards *boards, const struct faults *faults, struct arena *arena);
 enum board_health board_faults_control(struct board *board, struct plant_command *command);
 void board_faults_filter(struct board *board, struct frame_sink *sink, size_t from);

@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The settings of all axes, whatever the boards speak. */
+/*
+ * All boards of a rig, for every protocol: settings, delay of the voltages, real boards on the same
+ * bus, lines of the log, the list of protocols, creation, and the phases of a tick.
+ */
 #include "boards/board_private.h"
 #include "boards/protocol_list.h"
 
@@ -56,25 +59,22 @@ uint64_t boards_settings_changes(const struct boards *boards)
     return boards->settings_changes;
 }
 
-/* Time between a board's set point and its bridge: voltages reach the drives some ticks after the
- * boards have computed them. */
+/* ---- delay of the voltages: a voltage reaches its bridge some ticks after its computation ---- */
 
-/* Rows of voltages by joint, V: the newest is what the boards set last, the row behind it the
- * oldest, which the bridges have. */
+/* Circular list of rows of voltages, V, one per joint. The newest row has the last set points of
+ * the boards. The next row is the oldest: it has the voltages of the bridges. */
 struct voltage_delay {
     size_t rows, newest, njoint;
     double *row;
 };
 
-/* Returns the row that many ticks before the newest. */
+/* Returns the row that was stored `ticks` ticks before the newest. */
 static double *delay_row(const struct voltage_delay *delay, size_t ticks)
 {
     return &delay->row[(delay->newest + delay->rows - ticks) % delay->rows * delay->njoint];
 }
 
-/* Voltages on their way to the bridges (voltage_delay.c). Creates what they need, false without
- * memory, not RT-safe; before the boards' control puts back what they set last; after it takes what
- * they set now, and puts in its place what reaches the bridges. */
+/* Creates the delay if the configuration has one. Returns false when out of memory. Not RT-safe. */
 static bool voltage_delay_create(struct boards *boards, const struct boards_config *config,
                                  struct arena *arena)
 {
@@ -93,7 +93,8 @@ static bool voltage_delay_create(struct boards *boards, const struct boards_conf
     return delay->row;
 }
 
-/* Copies the voltages of all joints that our boards drive: from a row, or (back) into it. */
+/* Copies the voltages of all emulated boards' joints from a row to the command; back: from the
+ * command to the row. */
 static void delay_copy(const struct boards *boards, double *row, bool back,
                        struct plant_command *command)
 {
@@ -112,9 +113,8 @@ static void delay_copy(const struct boards *boards, double *row, bool back,
     }
 }
 
-/* Voltages on their way to the bridges (voltage_delay.c). Creates what they need, false without
- * memory, not RT-safe; before the boards' control puts back what they set last; after it takes what
- * they set now, and puts in its place what reaches the bridges. */
+/* Ends the boards' control of a tick: stores the voltages that the boards have set, and writes the
+ * oldest stored voltages to the bridges. */
 static void voltage_delay_end(struct boards *boards, struct plant_command *command)
 {
     struct voltage_delay *delay = boards->delay;
@@ -126,7 +126,7 @@ static void voltage_delay_end(struct boards *boards, struct plant_command *comma
     }
 }
 
-/* Watches real boards on the same bus: when they were heard, and what the log says of it. */
+/* ---- real boards on the same bus ---- */
 
 void boards_external_heard(struct boards *boards, int64_t now_ns, size_t index)
 {
@@ -163,7 +163,7 @@ bool boards_external_present(const struct boards *boards, size_t board)
     return boards->board[board]->present;
 }
 
-/* Writes events of boards as lines of a log. Not called in the loop. */
+/* ---- lines of the log; not called in the loop ---- */
 
 void protocol_list_faults(const struct protocol *protocol, uint32_t bits, char *text, size_t size)
 {
@@ -178,7 +178,7 @@ void protocol_list_faults(const struct protocol *protocol, uint32_t bits, char *
     }
 }
 
-/* Writes what an event says, without time and board. */
+/* Writes the text of an event, without time and board. */
 static void event_describe(const struct boards_bus_config *bus, const struct board_event *event,
                            char *text, size_t size)
 {
@@ -191,7 +191,7 @@ static void event_describe(const struct boards_bus_config *bus, const struct boa
         return;
     }
     switch (event->kind) {
-    /* Of an axis */
+    /* Events of an axis */
     case BOARD_EVENT_MODE:
         snprintf(text, size, "axis %u from %s to %s%s", axis, protocol->mode_name(a),
                  protocol->mode_name(b), protocol->modes_are_states ? "" : " mode");
@@ -214,7 +214,7 @@ static void event_describe(const struct boards_bus_config *bus, const struct boa
                  (int32_t)a, protocol->limit_text);
         return;
 
-    /* Of a frame */
+    /* Events of a frame */
     case BOARD_EVENT_UNKNOWN:
         snprintf(text, size, "unknown command 0x%02" PRIx32 " (id 0x%03" PRIx32 ")", b, a);
         return;
@@ -223,7 +223,7 @@ static void event_describe(const struct boards_bus_config *bus, const struct boa
                  "wrong length or value in command 0x%02" PRIx32 " (id 0x%03" PRIx32 ")", b, a);
         return;
 
-    /* Of a board */
+    /* Events of a board */
     case BOARD_EVENT_ADDRESS:
         snprintf(text, size, "address changed from %" PRIu32 " to %" PRIu32, a, b);
         return;
@@ -266,12 +266,12 @@ void board_event_format(const struct boards *boards, const struct board_event *e
              board->config.name, event->bus, event->address, what);
 }
 
-/* Lists the protocols: boards/CMakeLists.txt makes the list of the folders that are modules. */
+/* ---- list of protocols; boards/CMakeLists.txt generates it from the folders of boards/ ---- */
 
 #define PROTOCOL_ADDRESS(NAME) &protocol_##NAME,
 static const struct protocol *const protocols[] = {PROTOCOLS(PROTOCOL_ADDRESS)};
 
-/* A member for each, so that its offset is its index. */
+/* One char per protocol: the offset of a member is the index of the protocol. */
 #define PROTOCOL_MEMBER(NAME) char NAME;
 struct protocol_index {
     PROTOCOLS(PROTOCOL_MEMBER)
@@ -315,11 +315,6 @@ const char *protocols_list(size_t capability, char *text, size_t size)
     }
     return text;
 }
-
-/*
- * All boards of a rig: creation, what every board has whatever it speaks (replies, events, its
- * address, its bootloader), and the phases of a tick.
- */
 
 enum { EVENT_SLOTS = 1024 };
 
@@ -369,7 +364,8 @@ static void board_power_up(struct board *board)
     }
 }
 
-/* Creates a board by its protocol and places it on its bus. Returns false without memory. */
+/* Creates a board with the function of its protocol and puts it on its bus. Returns false when out
+ * of memory. */
 static bool boards_make_board(struct boards *boards, size_t index,
                               const struct board_config *config, struct arena *arena)
 {
@@ -391,7 +387,7 @@ static bool boards_make_board(struct boards *boards, size_t index,
         return false;
     }
 
-    /* Its place on the bus, with room for what it may have to say in a tick */
+    /* Put the board on its bus, and reserve room for its frames of a tick */
     board->axes = board->ops->axis_size ? bus->config.protocol->axes_max : 0;
     if (axes > 0 && axes < board->axes && !bus->config.protocol->spare_axes) {
         board->axes = (uint8_t)axes;
@@ -422,7 +418,7 @@ bool boards_firmware(const struct boards *boards, size_t board, struct board_fir
     return protocol->firmware && protocol->firmware(of, firmware);
 }
 
-/* Creates the buses by their protocols. Returns false without memory. */
+/* Creates the buses with the functions of their protocols. Returns false when out of memory. */
 static bool boards_make_buses(struct boards *boards, const struct boards_config *config,
                               struct arena *arena)
 {
@@ -441,7 +437,7 @@ static bool boards_make_buses(struct boards *boards, const struct boards_config 
     return boards->bus;
 }
 
-/* Creates buses, boards, their queues and their faults. Returns false without memory. */
+/* Creates buses, boards, queues and faults. Returns false when out of memory. */
 static bool boards_make(struct boards *boards, const struct boards_config *config,
                         struct arena *arena)
 {
@@ -462,7 +458,7 @@ static bool boards_make(struct boards *boards, const struct boards_config *confi
         }
     }
 
-    /* The queues of the buses, whose length the boards have settled */
+    /* Allocate the queues of the buses; the boards have determined their lengths */
     for (size_t i = 0; i < config->nbus; i++) {
         struct board_bus *bus = boards->bus[i];
 
@@ -475,8 +471,8 @@ static bool boards_make(struct boards *boards, const struct boards_config *confi
            board_faults_create(boards, config->faults, arena);
 }
 
-/* Refuses what a rig's schema cannot: a servo valve on boards that move none, and too many axes on
- * a bus that numbers them. */
+/* Checks what a rig's schema cannot: refuses a servo valve on boards that cannot move one, and too
+ * many axes on a bus that numbers its axes. */
 static enum error_code boards_check(const struct boards_config *config, struct error *error)
 {
     for (size_t bus = 0; bus < config->nbus; bus++) {
@@ -581,7 +577,7 @@ void board_queue_as(struct board *board, uint32_t id, uint8_t flags, uint8_t len
     struct queued_reply *reply = &bus->replies[(bus->head + bus->waiting) % bus->capacity];
 
     if (board->config.external) {
-        return; /* the real one answers */
+        return; /* the real board answers */
     }
     if (board->replies == BOARD_REPLIES_MAX) {
         board_lose(board);
@@ -682,7 +678,7 @@ void boards_receive(struct boards *boards, int64_t now_ns, size_t bus,
 
 /* ---- control ---- */
 
-/* Opens the bridges of a board of ours. */
+/* Opens the bridges of an emulated board. */
 static void board_shut_down(struct board *board, struct plant_command *command)
 {
     if (board->ops->shut_down && !board->config.external) {
@@ -737,7 +733,7 @@ void boards_shut_down(struct boards *boards, int64_t now_ns, struct plant_comman
     }
 }
 
-/* Checks whether an axis of a board of ours is in hardware fault. */
+/* Returns whether an axis of an emulated board is in hardware fault. */
 static bool board_is_faulty(const struct board *board)
 {
     bool faulty = false;
@@ -796,7 +792,7 @@ void boards_sample(struct boards *boards, int64_t now_ns, const struct plant_sen
 
 /* ---- transmission ---- */
 
-/* Checks whether a controller has anything to report. */
+/* Returns whether a CAN controller has errors to report. */
 static bool can_state_has_errors(const struct board_can_state *state)
 {
     return state->tec != 0 || state->rec != 0 || state->bus_off;
@@ -831,7 +827,7 @@ struct bus_frame *board_add_frame(struct board *board, struct frame_sink *sink)
     return frame;
 }
 
-/* Sends a frame with these flags. */
+/* Sends a frame with the given flags. */
 static void board_send_as(struct board *board, struct frame_sink *sink, uint32_t id, uint8_t flags,
                           uint8_t len, const uint8_t *data)
 {
@@ -851,7 +847,7 @@ void board_send(struct board *board, struct frame_sink *sink, uint32_t id, uint8
     board_send_as(board, sink, id, bus_flags(board->bus), len, data);
 }
 
-/* Sends waiting answers, oldest first, as far as the sink has room. */
+/* Sends waiting answers, oldest first, until the sink is full. */
 static void bus_send_replies(struct board_bus *bus, struct frame_sink *sink)
 {
     while (bus->waiting && sink->count < sink->max) {
@@ -871,7 +867,8 @@ static void bus_send_replies(struct board_bus *bus, struct frame_sink *sink)
     }
 }
 
-/* Sends the periodic frames of a board; others on the bus hear what its faults leave of them. */
+/* Sends the periodic frames of a board. Other boards on the bus hear the frames that its faults
+ * leave. */
 static void board_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
 {
     size_t from = sink->count;
@@ -898,7 +895,7 @@ size_t boards_transmit(struct boards *boards, int64_t now_ns, size_t bus_index,
     bus = boards->bus[bus_index];
     boards->event_ns = boards->now_ns = now_ns;
 
-    /* Answers first, then what is due of the periodic frames, by address */
+    /* Send waiting answers, then the periodic frames that are due, by address */
     bus_send_replies(bus, &sink);
     span = (struct ms_span){.from = bus->sent_ms, .to = now_ns / MS};
     bus->sent_ms = span.to;
@@ -926,7 +923,7 @@ size_t boards_transmit_max(const struct boards *boards, size_t bus)
     return bus < boards->nbus ? boards->bus[bus]->transmit_max : 0;
 }
 
-/* ---- the log's side ---- */
+/* ---- called by the thread of the log ---- */
 
 bool boards_next_event(struct boards *boards, struct board_event *event)
 {

@@ -45,9 +45,9 @@ int64_t field_highest(const struct field *field)
     return (INT64_C(1) << bits) - 1;
 }
 
-/* The bytes that hold a field which starts at bit `start`, as a number in the field's byte order:
- * the first byte, their count, the bits below the field; the shift of the first byte, and how much
- * larger that of the next one is. */
+/* Location of a field in the data. The bytes form a number in the field's byte order. byte: the
+ * first byte; bytes: their count; below: number of bits below the field; shift: left shift of the
+ * first byte; step: change of the shift per byte. */
 struct place {
     size_t byte;
     unsigned bytes, below;
@@ -67,7 +67,7 @@ static struct place field_place(const struct field *field, size_t start)
     return place;
 }
 
-/* Reads the value of a field that starts at a bit of the data. */
+/* Reads the value of a field that begins at bit `start` of the data. */
 static int64_t field_get_value(const struct field *field, size_t start, const uint8_t *data)
 {
     struct place place = field_place(field, start);
@@ -81,7 +81,7 @@ static int64_t field_get_value(const struct field *field, size_t start, const ui
     return (int64_t)(field->type & FIELD_SIGNED ? (value ^ sign) - sign : value);
 }
 
-/* Writes the value of a field that starts at a bit of the data. */
+/* Writes the value of a field that begins at bit `start` of the data. */
 static void field_put_value(const struct field *field, int64_t value, size_t start, uint8_t *data)
 {
     struct place place = field_place(field, start);

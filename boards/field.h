@@ -5,8 +5,8 @@
  * Immutable; RT-safe.
  *
  * Bits count from the least significant bit of byte 0; for big-endian fields from the most
- * significant bit of byte 0. Where the two orders meet in a list, the boundary is between bytes. A
- * field of type FIELD_END ends a list.
+ * significant bit of byte 0. A list may change the byte order only at a byte boundary. A field of
+ * type FIELD_END ends a list.
  */
 #ifndef BOARDS_FIELD_H
 #define BOARDS_FIELD_H
@@ -20,8 +20,8 @@ enum field_type {
     FIELD_END = 0,
     FIELD_SIGNED = 1 << 8,
     FIELD_BIG_ENDIAN = 1 << 9,
-    FIELD_FLOAT = 1 << 10,   /* 32 bits, IEEE 754; the value is its bits */
-    FIELD_PADDING = 1 << 11, /* zero when sent, ignored when received; has no value */
+    FIELD_FLOAT = 1 << 10,   /* IEEE 754, 32 bits; the value is the bit pattern */
+    FIELD_PADDING = 1 << 11, /* sent as zero, ignored when received; has no value */
 
     FIELD_U8 = 8,
     FIELD_I8 = 8 | FIELD_SIGNED,
@@ -62,15 +62,15 @@ size_t fields_count(const struct field *fields);
 size_t fields_bits(const struct field *fields);
 size_t fields_bytes(const struct field *fields);
 
-/* Return the smallest and largest value that a field's bits can hold. */
+/* Return the smallest and the largest value that the bits of a field can hold. */
 int64_t field_lowest(const struct field *field);
 int64_t field_highest(const struct field *field);
 
-/* Reads the values of fields from data; a field beyond size reads as 0. Returns false when a value
- * is outside its range. values must have room for FIELDS_MAX. */
+/* Reads the values of the fields from data. A field beyond `size` reads as 0. Returns false when a
+ * value is outside its range. values must have room for FIELDS_MAX. */
 bool fields_decode(const struct field *fields, const uint8_t *data, size_t size, int64_t *values);
 
-/* Writes the values, each clamped to its type, and zero padding. */
+/* Writes the values, each clamped to the range of its type. Writes padding as zero. */
 void fields_encode(const struct field *fields, const int64_t *values, uint8_t *data);
 
 #endif

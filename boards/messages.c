@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Visits the messages and the load of a bus by the functions of its protocol. */
+/* Visits the messages and the periodic frames of a bus with the functions of its protocol. */
 #include "boards/messages.h"
 
 #include "boards/board_private.h"
@@ -42,7 +42,7 @@ void boards_messages(const struct boards_config *config, int bus,
     for (size_t i = 0; i < config->nboard; i++) {
         walk.slots += config->board[i].bus == bus ? board_config_axes(&config->board[i]) : 0;
     }
-    /* Visit the host's messages to all boards, then the messages of each board with its slots */
+    /* Visit the host's messages to all boards, then each board with its first slot */
     protocol->visit_broadcasts(&walk);
     for (size_t i = 0; i < config->nboard && walk.going; i++) {
         if (config->board[i].bus == bus) {
@@ -134,7 +134,7 @@ unsigned load_bus_axes(const struct load_walk *walk)
     return count;
 }
 
-/* Visits a message as a frame of the load, if it has a cycle. */
+/* Visits a message as a periodic frame if it has a cycle. */
 static bool load_visit_message(void *context, const struct message *message)
 {
     const struct load_walk *walk = context;
@@ -166,7 +166,7 @@ void boards_load(const struct boards_config *config, int bus, double command_per
         .command_period_s = command_period_s,
     };
 
-    /* A protocol without its own function: visit its messages with a cycle */
+    /* Without functions of the protocol: visit the messages that have a cycle */
     if (!protocol->visit_board_load) {
         boards_messages(config, bus, load_visit_message, &walk);
         return;

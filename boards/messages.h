@@ -15,7 +15,7 @@ enum { MESSAGE_NO_BOARD = -1, MESSAGE_NO_CODE = -1 };
 /* Bit of the code that selects the second axis, in messages with axis_bit. */
 enum { MESSAGE_AXIS_BIT = 0x80 };
 
-/* What the number in an identifier means. */
+/* Meaning of the number in an identifier. */
 enum message_number {
     MESSAGE_OF_ADDRESS,
     MESSAGE_OF_NODE, /* address of a board, where boards are called nodes */
@@ -47,7 +47,7 @@ struct message {
     int code;           /* value of byte 0; MESSAGE_NO_CODE = none */
     bool axis_bit;      /* the command has an axis: MESSAGE_AXIS_BIT of the code */
     const char *family; /* common name of the commands with this identifier */
-    /* name of the answering message; NULL = none, or the answer has the same code */
+    /* name of the answer; NULL = no answer, or an answer with the same code */
     const char *answer;
     uint8_t section;   /* section of the page (struct protocol) */
     uint32_t cycle_ns; /* shortest period under the usual policy; 0 = on demand */
@@ -59,27 +59,28 @@ struct message {
     uint8_t first_byte;            /* byte where the fields begin */
     uint8_t repeats;               /* how often the list of fields repeats, 1 or more */
     int slot;  /* slot of the message's axis, or of the first axis in a list; -1 = none */
-    bool list; /* each repetition is for the next axis */
+    bool list; /* each repetition of the fields is for the next axis */
 };
 
-/* Calls visit for each message of a bus in the order of board, class and code. Messages from the
- * host to all boards come first. Stops when visit returns false. */
+/* Calls visit for each message of a bus: first the messages from the host to all boards, then by
+ * board, class and code. Stops when visit returns false. */
 void boards_messages(const struct boards_config *config, int bus,
                      bool (*visit)(void *context, const struct message *message), void *context);
 
-/* State of a walk, for a protocol's functions. They pass each message to message_visit. */
+/* State of a walk over the messages of a bus. A protocol's functions pass each message to
+ * message_visit. */
 struct message_walk {
     const struct boards_config *config;
     const struct boards_bus_config *bus;
     bool (*visit)(void *context, const struct message *message);
     void *context;
-    unsigned slots; /* number of axes of the bus so far */
-    bool going;     /* visit has returned true so far */
+    unsigned slots; /* number of axes on the boards visited so far */
+    bool going;     /* visit has not returned false yet */
 };
 
 void message_visit(struct message_walk *walk, const struct message *message);
 
-/* ---- what fields are about ---- */
+/* ---- meaning of fields ---- */
 
 /* A field of a message. */
 struct message_field {
@@ -114,12 +115,13 @@ struct load_frame {
     bool from_host;
 };
 
-/* Calls visit for each periodic frame in the worst case: frames of the boards, then of a host that
- * commands every command_period_s if the protocol lets it choose. */
+/* Calls visit for each periodic frame in the worst case: first the frames of the boards, then those
+ * of the host. command_period_s: command period of the host, used if the protocol leaves it to the
+ * host. */
 void boards_load(const struct boards_config *config, int bus, double command_period_s,
                  void (*visit)(void *context, const struct load_frame *frame), void *context);
 
-/* State of a walk, for a protocol's functions. */
+/* State of a walk over the periodic frames of a bus, for a protocol's functions. */
 struct load_walk {
     const struct boards_config *config;
     const struct boards_bus_config *bus;
@@ -131,13 +133,15 @@ struct load_walk {
     bool from_host;          /* the frames come from the host */
 };
 
-/* Visits a frame in the format of the bus. CAN FD rounds its length up to one that exists. */
+/* Visits a frame in the format of the bus. On CAN FD, rounds the length up to the next valid
+ * one. */
 void load_visit(const struct load_walk *walk, unsigned length, double period_s);
 
-/* Returns the telemetry period that a host requests: the rig's, else the tick. */
+/* Returns the telemetry period that a host requests, s: period_ns from the rig, or the tick if
+ * period_ns is 0. At least 1 ms. */
 double load_period_s(const struct load_walk *walk, int64_t period_ns);
 
-/* Return the number of axes with a joint, of a board and of the whole bus. */
+/* Return the number of axes with a joint: of a board, and of the whole bus. */
 unsigned load_axes(const struct board_config *board);
 unsigned load_bus_axes(const struct load_walk *walk);
 

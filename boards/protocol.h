@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A protocol as a module: the interface between the rest of the program and a protocol of the
- * boards. Each folder of boards/ fills one struct protocol, and boards/protocol_list.h lists them.
- * No other code asks for a particular protocol. Capabilities are data, behavior is functions. A
- * function may be NULL where its comment says so.
+ * A protocol as a module. struct protocol is the interface between the program and a protocol of
+ * the boards. Each folder of boards/ that is a module fills one struct protocol, and
+ * boards/protocol_list.h lists them. No other code depends on a particular protocol. Capabilities
+ * are data, behavior is functions. A function may be NULL where its comment says so.
  *
  * The tables are immutable. No function here is RT-safe: the loop uses the functions of the buses
  * and boards that make_bus and make_board create (boards/board_private.h).
@@ -21,7 +21,7 @@ struct board_bus;
 
 /* How `coman-hil import` lays out a rig for an imported robot. */
 struct protocol_bench {
-    /* axes that load a bus to at most 80 %, with an F/T board beside them; 0 = not offered */
+    /* axes per bus, beside an F/T board, for a bus load of at most 80 %; 0 = not offered */
     uint8_t bus_axes;
     uint8_t board_axes; /* axes per motor board */
     /* torque address: used with protocol.torque_boards */
@@ -36,8 +36,8 @@ struct protocol {
     const char *name;    /* name in the rig's keys and the program's options */
     const char *summary; /* one line that describes the boards */
 
-    /* Limits of addresses and axes. slots_max: axes of a bus whose axes have consecutive numbers; 0
-     * = limited only by the number of boards */
+    /* Limits of addresses and axes. slots_max: most axes on a bus that numbers its axes
+     * consecutively; 0 = limited only by the number of boards */
     uint8_t motor_address_max, address_max;
     uint8_t axes_max; /* axes of a motor board, at most BOARD_AXES_MAX */
     uint8_t slots_max;
@@ -47,9 +47,9 @@ struct protocol {
     bool canfd;         /* frames may be CAN FD */
     bool canfd_only;    /* frames must be CAN FD */
     bool motors_only;   /* has no pure sensor boards */
-    bool no_valves;     /* its boards move no servo valves */
+    bool no_valves;     /* its boards cannot move servo valves */
     bool padded;        /* commands may be padded to 8 bytes */
-    /* a host can read the frames without configuring the boards, so that real boards may be on
+    /* a host can read the frames without configuring the boards; real boards may therefore be on
      * the bus */
     bool external;
     bool external_torque; /* as external, and motor boards report joint torques */
@@ -63,7 +63,7 @@ struct protocol {
     struct board_bus *(*make_bus)(struct arena *arena);
     struct board *(*make_board)(const struct board_config *config, struct arena *arena);
 
-    /* Gets the last firmware download (boards_firmware); NULL = the bootloader accepts none. */
+    /* Gets the last firmware download (boards_firmware). NULL = the bootloader accepts none. */
     bool (*firmware)(const struct board *board, struct board_firmware *firmware);
 
     /* Visit the messages from the host to all boards, and the messages of one board, whose axes
@@ -71,40 +71,42 @@ struct protocol {
     void (*visit_broadcasts)(struct message_walk *walk);
     void (*visit_board)(struct message_walk *walk, int board, unsigned first_slot);
 
-    /* Corrects the description that the table of fields gives (boards_describe_field); NULL = no
+    /* Corrects the quantity of a field that boards_describe_field derives from the table. NULL = no
      * corrections. */
     void (*describe_field)(const struct boards_config *config, int bus,
                            const struct message_field *field, struct field_subject *subject);
 
-    /* Write a note on a message or a field, for facts that fields cannot express; "" = no note. The
-     * field is given by its index in data and identifier, without padding. NULL = no notes. */
+    /* Write a note to text on a message, or on a field, for facts that the table cannot express; ""
+     * = no note. `field` counts the fields of the data, then those of the identifier, without
+     * padding. NULL = no notes. */
     void (*comment_message)(const struct message *message, char *text, size_t size);
     void (*note_field)(const struct message *message, size_t field, char *text, size_t size);
 
-    /* Checks whether an 11-bit identifier is in use on this bus, or with NULL on all buses of every
-     * rig. If so, text says by which message, and which identifiers are free. NULL = never in
-     * use. */
+    /* Returns whether the protocol uses an 11-bit identifier on this bus. bus NULL = on the buses
+     * of any rig. If so, writes to text which message uses it and which identifiers are free. NULL
+     * = never in use. */
     bool (*claims_id)(const struct boards_bus_config *bus, uint32_t id, char *text, size_t size);
 
-    /* Visit the periodic frames of a board and of the host in the worst case. NULL = the messages
-     * with a cycle. */
+    /* Visit the periodic frames of a board, and of the host, in the worst case. NULL = the load
+     * consists of the messages that have a cycle. */
     void (*visit_board_load)(struct load_walk *walk, const struct board_config *board);
     void (*visit_command_load)(struct load_walk *walk);
 
-    /* Names for the log and the pages. mode_name: "unknown" for an unknown mode; fault_names: by
-     * bit, terminated by NULL. */
+    /* Names for the log and the pages. mode_name returns "unknown" for an unknown mode. fault_names
+     * are in the order of the bits and end with NULL. */
     const char *(*mode_name)(uint32_t mode);
     const char *const *fault_names;
-    /* Writes an event in the words of the bus's protocol file; returns false for other events.
-     * NULL = writes none. */
+    /* Writes an event with the names from the bus's protocol file. Returns false for an event that
+     * the file does not name. NULL = the common texts are used for all events. */
     bool (*describe_event)(const struct boards_bus_config *bus, const struct board_event *event,
                            char *text, size_t size);
     bool modes_are_states;    /* modes are states of the drive; no command selects one */
-    const char *timeout_text; /* what happens after a command time-out */
-    const char *limit_text;   /* text after a position beyond its limit: unit and consequence */
+    const char *timeout_text; /* log text: what happens after a command time-out */
+    /* log text after the position of BOARD_EVENT_LIMIT: unit and consequence */
+    const char *limit_text;
 
-    /* The protocol's page. sections: titles by message.section, terminated by NULL; NULL = the
-     * titles of enum message_section. print_appendix: NULL = none. */
+    /* The protocol's page. sections: titles by message.section, terminated by NULL. sections NULL =
+     * the default titles of enum message_section. print_appendix NULL = no appendix. */
     const char *help;
     const char *const *sections;
     void (*print_appendix)(FILE *out);

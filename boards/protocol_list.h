@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The list of protocols, and how to find one. Immutable; RT-safe except protocols_list. */
+/* Lists the protocols and finds them by name or index. Immutable; RT-safe except protocols_list. */
 #ifndef BOARDS_PROTOCOL_LIST_H
 #define BOARDS_PROTOCOL_LIST_H
 
@@ -7,8 +7,8 @@
 #include "boards/protocol.h"
 #include "list/protocols.h"
 
-/* PROTOCOLS(LINE) is the list; the build makes it. Each folder NAME of boards/ that is a module
- * fills protocol_NAME, whose name is NAME. The first entry is the default. */
+/* PROTOCOLS(LINE) is the list, which the build generates. Each folder NAME of boards/ that is a
+ * module defines the struct protocol_NAME, and NAME is its name. The first entry is the default. */
 #define PROTOCOL_DECLARE(NAME) extern const struct protocol protocol_##NAME;
 PROTOCOLS(PROTOCOL_DECLARE)
 #undef PROTOCOL_DECLARE
@@ -19,10 +19,10 @@ const struct protocol *protocol_at(size_t index);
 /* Returns the protocol with this name; NULL = none. */
 const struct protocol *protocol_find(const char *name);
 
-/* Writes the names of fault bits, separated by commas. */
+/* Writes the names of the set fault bits, separated by commas. */
 void protocol_list_faults(const struct protocol *protocol, uint32_t bits, char *text, size_t size);
 
-/* The names of the protocols with their index, for a schema. */
+/* Names of the protocols with their index, for the schema of a rig's key. */
 extern const struct word protocol_words[];
 
 /* Writes the names of the protocols that have a capability: "icub, compact or foc". capability is
