@@ -13,7 +13,7 @@
 enum command {
     COMMAND_NONE,
     COMMAND_SHUTDOWN,
-    COMMAND_SWITCH_ON, /* also "disable operation" */
+    COMMAND_SWITCH_ON, /* same bits as "disable operation" */
     COMMAND_DISABLE_VOLTAGE,
     COMMAND_QUICK_STOP,
     COMMAND_ENABLE_OPERATION,
@@ -125,7 +125,7 @@ static void cia402_axis_make_transition(struct cia402_node *node, struct cia402_
     case 4:
         cia402_axis_enter(node, axis, CIA402_OPERATION_ENABLED);
         break;
-    case 5: /* with a ramp if the option code requires one, which a repeated controlword keeps */
+    case 5: /* option code 1 = with a ramp; a repeated controlword does not restart the ramp */
     case 8:
         if (option != 1) {
             cia402_axis_enter(node, axis, state);
@@ -183,7 +183,7 @@ enum cia402_abort cia402_axis_write_controlword(struct cia402_node *node,
         return CIA402_DONE;
     }
 
-    /* "Enable operation" during a ramp out of operation cancels the ramp */
+    /* "Enable operation" cancels a ramp that would leave OPERATION ENABLED */
     if (axis->state == CIA402_OPERATION_ENABLED && axis->stopping &&
         command == COMMAND_ENABLE_OPERATION) {
         cia402_axis_stand(axis);
@@ -195,9 +195,9 @@ enum cia402_abort cia402_axis_write_controlword(struct cia402_node *node,
     return CIA402_DONE;
 }
 
-/* ---- what does not come from the controlword ---- */
+/* ---- faults and loss of the connection ---- */
 
-/* Reacts to a fault. drivable: the bridge may stay closed for the reaction. */
+/* Starts the reaction to a fault. drivable: the bridge may stay closed to brake. */
 static void cia402_axis_react(struct cia402_node *node, struct cia402_axis *axis, bool drivable)
 {
     int64_t option = axis->settings.fault_option;
@@ -219,7 +219,7 @@ void cia402_axis_lose_connection(struct cia402_node *node, struct cia402_axis *a
     if (!cia402_axis_is_on(axis)) {
         return;
     }
-    /* Option code 0x6007: fault, no voltage, or quick stop */
+    /* Option code 0x6007: 1 = fault, 2 = no voltage, 3 = quick stop */
     switch (axis->settings.abort_option) {
     case 1:
         axis->latched |= CIA402_FAULT_CONNECTION;
@@ -239,7 +239,7 @@ void cia402_axis_lose_connection(struct cia402_node *node, struct cia402_axis *a
     }
 }
 
-/* Settings of an axis that are objects of the dictionary and that the simulator may also change. */
+/* Objects that are also settings of the simulator (struct board_settings). */
 
 static const struct {
     const char *name, *unit;
@@ -257,7 +257,7 @@ static const struct {
     {"temperature_limit", "degree C", 0x4013, 0},
 };
 
-/* Returns the object of a setting. */
+/* Returns the dictionary object of a setting. */
 static struct cia402_entry cia402_setting_entry(unsigned axis, size_t index)
 {
     const struct cia402_object *object = cia402_object_at(rows[index].index, rows[index].sub);
@@ -294,10 +294,10 @@ static const struct board_settings cia402_settings = {
     .set = cia402_setting_set,
 };
 
-/* A drive node: sensors, faults and bridges of its axes. */
+/* Constants of a drive node. */
 
 enum {
-    /* With these faults the drive cannot brake */
+    /* Faults that open the bridge at once, because the drive cannot brake */
     OPENS_BRIDGE = CIA402_FAULT_UNDER_VOLTAGE | CIA402_FAULT_OVER_VOLTAGE |
                    CIA402_FAULT_OVER_CURRENT | CIA402_FAULT_MOTOR_ENCODER |
                    CIA402_FAULT_LINK_ENCODER | CIA402_FAULT_TORQUE_SENSOR |
@@ -305,27 +305,29 @@ enum {
     FATAL =
         OPENS_BRIDGE | CIA402_FAULT_TEMPERATURE | CIA402_FAULT_FOLLOWING | CIA402_FAULT_CONNECTION,
     FRAMES_MAX = 2 + CIA402_EMERGENCIES + CIA402_PDOS,
-    POSITION_GAIN = 400, /* 40/s */
-    /* 12/s: behind a valve, the load oscillates on the oil at about 10 Hz with little damping */
+    POSITION_GAIN = 400, /* position gain 40/s; unit 0.1/s */
+    /* position gain 12/s: behind a valve, the load oscillates on the oil at about 10 Hz with little
+     * damping */
     VALVE_POSITION_GAIN = 120,
     TORQUE_MODES = 1 << (CIA402_TORQUE - 1) | 1 << (CIA402_CYCLIC_TORQUE - 1),
 };
 
-/* Velocity loop, in multiples of the back-EMF. An error decays in half the motor's own time
- * constant, which tolerates the 1 ms delay of the steps. The integral carries a load after about 50
- * ms */
+/* Gains of the velocity loop, in multiples of the back-EMF constant. An error decays in half the
+ * motor's own time constant, which tolerates the 1 ms delay of the steps. The integral compensates
+ * a load after about 50 ms */
 #define VELOCITY_KP 1.0
 #define VELOCITY_KI 40.0
 
-/* Velocity loop in the position modes. The loop does not excite robots that sway on springs at 4.5
- * rad/s or faster (modes.c). The integral carries a load after about 2 s. Until then the load moves
- * the rotor by load R / (Kt 2 kw g): 2 mrad for 4 N m on COMAN */
+/* Integral gain of the velocity loop in the position modes. The loop does not excite robots that
+ * sway on springs at 4.5 rad/s or faster (modes.c). The integral compensates a load after about 2
+ * s. Until then the load moves the rotor by load R / (Kt 2 kw g): 2 mrad for 4 N m on COMAN */
 #define POSITION_KI 1.0
 
-/* A valve reaches its speed at once; the integral finds the valve's overlap within 0.5 s */
+/* Integral gain for a valve. A valve reaches its speed at once; the integral compensates the
+ * valve's overlap within 0.5 s */
 #define VALVE_VELOCITY_KI 2.0
 
-/* Codes of EMCY and 0x603f, and bits of the error register. */
+/* For each fault: its code in EMCY and 0x603f, and its bits of the error register. */
 static const struct {
     uint32_t fault;
     uint16_t code;
@@ -356,7 +358,7 @@ void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_c
     cia402_homing_list(axis, &config->switches);
     axis->rpm_rad = (config->gear > 0.0 ? config->gear : 1.0) * 60.0 / (2.0 * M_PI);
     axis->rated_current_ma = p->current_limit_ma;
-    /* A valve has no current loop: it uses its speed constant and the integral */
+    /* A valve has no current loop. Its gains are its speed constant and the integral gain */
     if (config->valve) {
         p->current_gain[2] = cia402_counts(config->bemf_v_s_rad, 1e-3);
         p->velocity_gain[1] = cia402_counts(VALVE_VELOCITY_KI * config->bemf_v_s_rad, 1e-3);
@@ -365,7 +367,7 @@ void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_c
         axis->supported_modes &= ~TORQUE_MODES;
         return;
     }
-    /* Loops of a motor, tuned by its winding and its back-EMF */
+    /* Tune the loops of a motor from its winding and back-EMF */
     axis->rated_torque_mnm = cia402_counts(config->current_limit_a * config->bemf_v_s_rad, 1e-3);
     if (config->winding_ohm > 0.0) {
         current_loop_tune(config->winding_ohm, config->winding_h, &kp, &ki);
@@ -405,7 +407,7 @@ static void cia402_motor_power_up(struct board *board)
 
 /* ---- sensors ---- */
 
-/* Writes the samples into the objects. A missing reading leaves the old value. */
+/* Writes the samples of an axis into its objects. A missing reading keeps the old value. */
 static void cia402_axis_publish(struct cia402_axis *axis)
 {
     const struct axis *base = &axis->base;
@@ -421,7 +423,8 @@ static void cia402_axis_publish(struct cia402_axis *axis)
     axis->current_ma = cia402_counts(base->current_a, 1e-3);
     axis->current = cia402_counts(base->current_a / rated_a, 1e-3);
     axis->torque = base->config->valve ? cia402_counts(base->torque_nm / rated_nm, 1e-3)
-                                       : axis->current; /* both in thousandths of the rated value */
+                                       /* torque and current in thousandths of the rated values */
+                                       : axis->current;
     axis->spring_torque = cia402_counts(base->torque_nm, CIA402_SPRING_NM);
     control_quantize(base->winding_c, &temperature);
     axis->temperature_c = temperature;
@@ -480,7 +483,8 @@ static uint32_t cia402_axis_present_faults(const struct board *board, struct cia
            (low < high && (link < low || link > high) ? CIA402_FAULT_LIMIT : 0u);
 }
 
-/* Finds the faults of an axis and reacts to new ones: events, emergencies, the fault reaction. */
+/* Finds the faults of an axis. New faults cause an event, an emergency message and the fault
+ * reaction. */
 static void cia402_axis_watch_faults(struct cia402_node *node, struct cia402_axis *axis)
 {
     struct board *board = &node->board;
@@ -518,7 +522,7 @@ static void cia402_axis_watch_faults(struct cia402_node *node, struct cia402_axi
 
 /* ---- control ---- */
 
-/* Runs a tick of a drive: services, faults, states and loops (struct board_ops). */
+/* Runs one tick of a drive: services, faults, states and loops (struct board_ops). */
 static void cia402_motor_control(struct board *board, struct ms_span span)
 {
     struct cia402_node *node = cia402_node_of(board);

@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/*
- * Trapezoidal profiles in steps of dt. The position moves with the velocity at the end of the step,
- * so stopping from v takes v^2 / (2 d) + v dt / 2. The remaining distance limits the velocity.
- */
+/* Modes of operation of a cia402 axis: trapezoidal profiles, homing, modes and loops. */
 #include "boards/cia402/private.h"
 
 #include "base/array.h"
@@ -10,6 +7,13 @@
 #include <math.h>
 #include <stdlib.h>
 
+/*
+ * Trapezoidal profiles in steps of dt. The position moves with the velocity at the end of the step.
+ * Stopping from velocity v with deceleration d therefore takes a distance v^2 / (2 d) + v dt / 2.
+ * The remaining distance limits the velocity.
+ */
+
+/* Runs one step of dt s of a profile towards a velocity. */
 static void cia402_profile_accelerate(struct cia402_profile *profile, double velocity,
                                       double acceleration, double deceleration, double dt)
 {
@@ -30,7 +34,7 @@ static void cia402_profile_move(struct cia402_profile *profile, double goal, dou
     double v = way < 0.0 ? -profile->velocity : profile->velocity;
     double most = fmin(speed, sqrt(half * half + 2.0 * deceleration * distance) - half);
 
-    if (v < 0.0) { /* away from the goal */
+    if (v < 0.0) { /* moving away from the goal */
         v = fmin(v + deceleration * dt, most);
     } else {
         v = v < most ? fmin(v + acceleration * dt, most) : fmax(v - deceleration * dt, most);
@@ -46,16 +50,17 @@ static void cia402_profile_move(struct cia402_profile *profile, double goal, dou
 
 /*
  * Homing (CiA 402-2). An enabled axis looks for an edge of a switch, then for the next index pulse
- * if the method requires one. This place is the home position; the position there is minus the home
- * offset.
+ * if the method requires one. The place of the edge or pulse is the home position: there the
+ * position is minus the home offset.
  *
- * Each method with a switch has three parts. First, the search moves fast in the method's first
- * direction until the switch is on. A limit switch on the way reverses the search once, if the
- * method allows it, else ends it. Second, if the edge must be crossed from the on side, the axis
- * leaves the switch fast. Third, the axis crosses the edge slowly in the method's direction.
+ * Each method with a switch has three parts. First, the axis searches fast, in the method's first
+ * direction, until the switch is on. A limit switch on the way reverses the search once if the
+ * method allows it; otherwise homing fails. Second, if the edge must be crossed from the off side,
+ * the axis leaves the switch fast. Third, the axis crosses the edge slowly in the method's
+ * direction.
  */
 
-#define STEP_S 1e-3 /* of the loops */
+#define STEP_S 1e-3 /* step of the loops */
 
 /* Bits of the digital inputs 0x60fd */
 enum {
@@ -65,9 +70,10 @@ enum {
     INPUT_NONE = 0,
 };
 
-/* A homing method: its switch; the first direction; the direction across the edge, 1 or -1; whether
- * the switch is on before the edge; whether a limit switch reverses the search; whether home is an
- * index pulse. Without switch and pulse, home is the present position. */
+/* The homing methods. number: CiA 402 number; input: switch; first, last: direction of the search
+ * and direction across the edge, 1 or -1; from_on: the switch is on before the edge; turns: a limit
+ * switch reverses the search; index: home is an index pulse. Without switch and pulse, home is the
+ * present position. */
 static const struct cia402_homing_method {
     int8_t number, input, first, last;
     bool from_on, turns, index;
@@ -108,7 +114,7 @@ static const struct cia402_homing_method {
 
 _Static_assert(ARRAY_COUNT(methods) == CIA402_HOMING_METHODS, "a sub-index of 0x60e3 for each");
 
-/* Finds a method by its number; NULL = unknown. */
+/* Returns the method with a number; NULL = unknown. */
 static const struct cia402_homing_method *cia402_homing_find(int64_t number)
 {
     for (size_t i = 0; i < ARRAY_COUNT(methods); i++) {
@@ -155,9 +161,9 @@ void cia402_homing_sample(struct cia402_axis *axis, const struct board_switches 
     axis->index_rad = switches->index_rad;
 }
 
-/* ---- where it is ---- */
+/* ---- home position ---- */
 
-/* Makes an encoder reading the home position, from which all positions count. */
+/* Makes an encoder reading the home position. Shifts all positions to the new origin. */
 static void cia402_homing_take(struct cia402_axis *axis, int64_t encoder)
 {
     int64_t shift = encoder + axis->settings.home_offset - axis->home;
@@ -169,13 +175,13 @@ static void cia402_homing_take(struct cia402_axis *axis, int64_t encoder)
     axis->goal = axis->profile.position;
 }
 
-/* Returns the number of the last index pulse that the rotor has passed. */
+/* Returns the number of the index pulse at or below the rotor angle. */
 static double cia402_homing_pulses(const struct cia402_axis *axis)
 {
     return floor(axis->base.motor_rad / axis->index_rad);
 }
 
-/* ---- the parts ---- */
+/* ---- parts of the procedure ---- */
 
 /* Starts a part of the procedure in a direction. */
 static void cia402_homing_enter(struct cia402_axis *axis, enum cia402_homing_part part,
@@ -186,7 +192,7 @@ static void cia402_homing_enter(struct cia402_axis *axis, enum cia402_homing_par
     axis->homing_pulses = part == CIA402_HOMING_INDEX ? cia402_homing_pulses(axis) : 0.0;
 }
 
-/* Ends the procedure, with or without a home position. */
+/* Ends the procedure; found: the home position is known. */
 static void cia402_homing_end(struct cia402_axis *axis, bool found)
 {
     axis->homing_found = found;
@@ -194,7 +200,7 @@ static void cia402_homing_end(struct cia402_axis *axis, bool found)
     cia402_homing_enter(axis, CIA402_HOMING_STOPS, 0);
 }
 
-/* Returns whether a limit switch that the method does not use blocks the way. */
+/* Returns whether the limit switch ahead is on, unless the method searches for this switch. */
 static bool cia402_homing_is_blocked(const struct cia402_axis *axis,
                                      const struct cia402_homing_method *method)
 {
@@ -203,13 +209,13 @@ static bool cia402_homing_is_blocked(const struct cia402_axis *axis,
     return axis->homing_direction != 0 && ahead != method->input && axis->digital_inputs & ahead;
 }
 
-/* Ends a part of the procedure when its condition holds, and starts the next. */
+/* Starts the next part of the procedure when the present part is complete. */
 static void cia402_homing_watch(struct cia402_axis *axis, const struct cia402_homing_method *method)
 {
     bool on = axis->digital_inputs & method->input;
     double pulses;
 
-    /* Conditions that end a part and start the next */
+    /* Check whether the present part is complete */
     switch (axis->homing) {
     case CIA402_HOMING_SEARCH:
         if (on && method->from_on) {
@@ -247,7 +253,7 @@ static void cia402_homing_watch(struct cia402_axis *axis, const struct cia402_ho
         break;
     }
 
-    /* Not blocked if the part has just reversed */
+    /* Fail at a limit switch; after a reversal, the switch is no longer ahead */
     if (cia402_homing_is_blocked(axis, method)) {
         cia402_homing_end(axis, false);
     }
@@ -327,7 +333,7 @@ enum cia402_abort cia402_axis_write_homing(struct cia402_node *node,
 
 enum { STOP_MAX_MS = 2000, TORQUE_NEAR = 50 };
 
-/* ---- references ---- */
+/* ---- references and braking ---- */
 
 void cia402_axis_stand(struct cia402_axis *axis)
 {
@@ -335,7 +341,8 @@ void cia402_axis_stand(struct cia402_axis *axis)
     axis->goal = (double)axis->position;
     axis->moving = axis->has_next = axis->stopping = false;
     axis->homing = CIA402_HOMING_RESTS;
-    /* Targets of an axis that is on are over; those before it is switched on count */
+    /* Discard the target of an axis that is on. A target written before the axis is switched on
+     * stays */
     axis->has_target = axis->has_target && !cia402_axis_is_on(axis);
     axis->interpolation_left_ms = 0;
     axis->torque_reference = 0.0;
@@ -343,7 +350,7 @@ void cia402_axis_stand(struct cia402_axis *axis)
     axis->following_ms = axis->reached_ms = axis->standstill_ms = axis->stop_ms = 0;
 }
 
-/* Starts to stop the axis by its velocity, in any mode. */
+/* Starts to brake the axis from its present velocity, in any mode. */
 void cia402_axis_stop(struct cia402_axis *axis, enum cia402_ramp ramp, enum cia402_state then)
 {
     const struct cia402_axis_settings *p = &axis->settings;
@@ -381,7 +388,7 @@ static bool cia402_axis_has_limits(const struct cia402_axis *axis)
     return axis->settings.position_limit[0] < axis->settings.position_limit[1];
 }
 
-/* Limits a position to the software limits. */
+/* Clamps a position to the software limits. */
 static double cia402_axis_bound(struct cia402_axis *axis, double position)
 {
     double low = (double)axis->settings.position_limit[0];
@@ -394,7 +401,7 @@ static double cia402_axis_bound(struct cia402_axis *axis, double position)
     return position < low ? low : high;
 }
 
-/* Limits a velocity to the profile's and the motor's limit. */
+/* Clamps a velocity to the limits of the profile and of the motor. */
 static double cia402_axis_bound_velocity(struct cia402_axis *axis, double velocity)
 {
     double of_motor = (double)axis->settings.max_motor_rpm / axis->rpm_rad / CIA402_POSITION_RAD;
@@ -404,9 +411,10 @@ static double cia402_axis_bound_velocity(struct cia402_axis *axis, double veloci
     return fmax(fmin(velocity, most), -most);
 }
 
-/* ---- set-points of the profile modes, by the controlword ---- */
+/* ---- set points by the controlword ---- */
 
-/* Accepts a set point. It waits while another one is active, unless it must be used at once. */
+/* Accepts a set point. If another one is active, the new one waits, unless the controlword demands
+ * it at once. */
 static void cia402_axis_accept_goal(struct cia402_axis *axis)
 {
     bool relative = axis->controlword & CIA402_CW_RELATIVE;
@@ -445,8 +453,8 @@ void cia402_axis_take_set_point(struct cia402_axis *axis, int64_t before)
 
 /* ---- loops ---- */
 
-/* Returns the voltage of the velocity loop: back-EMF, PI with the integral gain ki (mV/rad) and
- * torque offset, limited by current and supply. */
+/* Returns the voltage of the velocity loop: back-EMF, PI control and torque offset, limited by
+ * current and supply. ki: integral gain, mV/rad. */
 static double cia402_axis_velocity_law(struct cia402_axis *axis, double velocity, int64_t ki)
 {
     double ohm = axis->base.config->winding_ohm, supply_v = axis->base.supply_v;
@@ -460,7 +468,7 @@ static double cia402_axis_velocity_law(struct cia402_axis *axis, double velocity
                axis->velocity_integral_v + step + offset_v;
     double bound = v;
 
-    /* The range of the current limit around the voltage without current */
+    /* Limit the current: the voltage may differ from the back-EMF by R times the current limit */
     if (ohm > 0.0) {
         double most = (double)(p->max_torque < p->max_current ? p->max_torque : p->max_current);
 
@@ -476,7 +484,7 @@ static double cia402_axis_velocity_law(struct cia402_axis *axis, double velocity
     return bound;
 }
 
-/* Returns the voltage of the position loop on top of the velocity loop. */
+/* Returns the voltage of the position loop, which sets the velocity of the velocity loop. */
 static double cia402_axis_position_law(struct cia402_axis *axis)
 {
     double gain = (double)axis->settings.position_gain * 0.1;
@@ -489,7 +497,7 @@ static double cia402_axis_position_law(struct cia402_axis *axis)
 
 /* ---- modes ---- */
 
-/* Moves the profile towards the goal, or halts it. At the end, takes the next set point. */
+/* Advances the profile towards the goal, or halts it. At the goal, activates the next set point. */
 static void cia402_axis_step_profile_position(struct cia402_axis *axis)
 {
     const struct cia402_axis_settings *p = &axis->settings;
@@ -513,7 +521,7 @@ static void cia402_axis_step_profile_position(struct cia402_axis *axis)
     }
 }
 
-/* Returns `wanted`; beyond a limit only if it leads back, else 0. */
+/* Returns `wanted`, or 0 if the joint is beyond a software limit and `wanted` leads further. */
 static double cia402_axis_lead_back(struct cia402_axis *axis, double wanted)
 {
     int64_t link = axis->link_encoder - axis->home;
@@ -525,7 +533,7 @@ static double cia402_axis_lead_back(struct cia402_axis *axis, double wanted)
     return further ? 0.0 : wanted;
 }
 
-/* Moves the torque reference to its target, in profile mode with the slope. Returns the voltage of
+/* Moves the torque reference to its target; profile mode limits the slope. Returns the voltage of
  * the current loop. */
 static double cia402_axis_step_torque(struct cia402_axis *axis)
 {
@@ -552,7 +560,7 @@ static double cia402_axis_step_torque(struct cia402_axis *axis)
            (double)p->current_gain[2] * 1e-3 * axis->base.velocity_rad_s;
 }
 
-/* Runs a step of the mode of operation. Returns the voltage. */
+/* Runs one step of the active mode. Returns the bridge voltage. */
 static double cia402_axis_step_mode(struct cia402_axis *axis)
 {
     const struct cia402_axis_settings *p = &axis->settings;
@@ -565,7 +573,7 @@ static double cia402_axis_step_mode(struct cia402_axis *axis)
     case CIA402_PROFILE_POSITION:
         cia402_axis_step_profile_position(axis);
         return cia402_axis_position_law(axis);
-    case CIA402_CYCLIC_POSITION: /* linear within the interpolation period */
+    case CIA402_CYCLIC_POSITION: /* linear interpolation to the target */
         left = axis->interpolation_left_ms > 1 ? axis->interpolation_left_ms : 1;
         velocity = axis->has_target ? cia402_axis_bound(axis, (double)axis->target_position) -
                                           axis->profile.position
@@ -593,7 +601,7 @@ static double cia402_axis_step_mode(struct cia402_axis *axis)
         velocity = cia402_axis_lead_back(axis, cia402_axis_bound_velocity(axis, velocity));
         return cia402_axis_velocity_law(axis, velocity, ki);
 
-    /* Torque or voltage modes */
+    /* Torque modes and voltage mode */
     case CIA402_TORQUE:
     case CIA402_CYCLIC_TORQUE:
         return cia402_axis_step_torque(axis);
@@ -624,8 +632,8 @@ void cia402_axis_step(struct cia402_axis *axis)
     axis->torque_demand = axis->velocity_demand = 0;
     axis->position_demand = axis->position;
     if (axis->stopping) {
-        /* Without a ramp, the voltage is as high as the current limit allows until the rotor
-         * stands; then it holds the position */
+        /* With no ramp: keep the reference at the position, so that the voltage brakes as hard as
+         * the current limit allows. At standstill the reference stays and holds the rotor */
         axis->stop_ms++;
         if (axis->stop_by_current && llabs(axis->velocity) > axis->settings.velocity_threshold) {
             axis->profile.position = (double)axis->position;
@@ -639,9 +647,9 @@ void cia402_axis_step(struct cia402_axis *axis)
     axis->base.voltage_v = fmax(fmin(v, axis->base.supply_v), -axis->base.supply_v);
 }
 
-/* ---- what the statusword says of a mode ---- */
+/* ---- bits of the statusword that depend on the mode ---- */
 
-/* Counts how long targets have been reached, once a millisecond. */
+/* Updates the following error and the times for the statusword, once a millisecond. */
 void cia402_axis_count_times(struct cia402_axis *axis)
 {
     const struct cia402_axis_settings *p = &axis->settings;
@@ -731,7 +739,7 @@ enum cia402_abort cia402_axis_write_mode(struct cia402_node *node, const struct 
 {
     struct cia402_axis *axis = &node->axis[entry->unit];
 
-    /* Modes above 0 have a bit each in 0x6502; a valve has no torque modes there */
+    /* Each mode above 0 needs its bit in 0x6502; a valve has no bits for torque modes */
     if (value != CIA402_VOLTAGE_MODE && value != CIA402_NO_MODE &&
         (value < 0 || value > CIA402_CYCLIC_TORQUE ||
          !(axis->supported_modes >> (value - 1) & 1))) {
@@ -756,7 +764,7 @@ enum cia402_abort cia402_axis_write_target(struct cia402_node *node,
 enum cia402_abort cia402_axis_write_option(struct cia402_node *node,
                                            const struct cia402_entry *entry, int64_t value)
 {
-    /* Value 4 stops at the voltage limit, which this drive does not support */
+    /* Option 4, stop at the voltage limit, is not supported */
     if (value == 4) {
         return CIA402_ABORT_VALUE;
     }

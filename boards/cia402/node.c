@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Emergency messages and the history of errors (CiA 301, 7.2.7 and 7.5.2.2 to 7.5.2.4). */
+/*
+ * The services of a CANopen node except SDO: emergencies, PDOs, network management, LSS, stored
+ * parameters. Also the bus, which passes frames to the nodes.
+ */
 #include "boards/cia402/private.h"
 
 #include "canbus/frame.h"
@@ -9,6 +12,8 @@
 #define INHIBIT_UNIT_NS INT64_C(100000)
 
 enum { NODE_ID_MASK = 0x7f };
+
+/* ---- emergency messages and error history (CiA 301, 7.2.7 and 7.5.2.2 to 7.5.2.4) ---- */
 
 /* Queues an emergency message. */
 static void cia402_emcy_queue(struct cia402_node *node, unsigned code, unsigned axis,
@@ -35,7 +40,8 @@ void cia402_emcy_raise(struct cia402_node *node, unsigned code, unsigned error_r
     cia402_emcy_queue(node, code, axis, faults);
 }
 
-/* Returns whether a monitored node is silent, or the last frame of an RPDO had a wrong length. */
+/* Returns whether a communication error persists: a monitored node is silent, or the length of an
+ * RPDO's last frame was wrong. */
 static bool cia402_emcy_is_disturbed(const struct cia402_node *node)
 {
     bool disturbed = node->guard_lost || node->consumer_lost;
@@ -54,7 +60,7 @@ void cia402_emcy_clear(struct cia402_node *node)
     cia402_emcy_queue(node, 0, 0, 0);
 }
 
-/* Reports that communication works again, when no cause of an error is left. */
+/* Clears the communication error, and queues a message about it, if no cause is left. */
 static void cia402_emcy_resolve_communication(struct cia402_node *node)
 {
     bool latched = false;
@@ -72,13 +78,13 @@ static void cia402_emcy_resolve_communication(struct cia402_node *node)
     cia402_emcy_queue(node, 0, 0, 0);
 }
 
-/* Sends waiting emergency messages, no faster than the inhibit time allows. */
+/* Sends waiting emergency messages; the inhibit time limits their rate. */
 static void cia402_emcy_transmit(struct cia402_node *node, struct frame_sink *sink)
 {
     const struct cia402_communication *settings = &node->settings;
     int64_t now_ns = node->board.boards->now_ns;
 
-    /* While sending is disabled, emergencies are lost except for the history */
+    /* While sending is disabled, discard the messages; the history still has the errors */
     if (node->state == CIA402_STOPPED || settings->cob_emcy & CIA402_COB_INVALID) {
         node->emergencies = 0;
         return;
@@ -100,7 +106,7 @@ static void cia402_emcy_transmit(struct cia402_node *node, struct frame_sink *si
     }
 }
 
-/* Clears the error history; the only valid value is 0. */
+/* Clears the error history. The host must write 0. */
 enum cia402_abort cia402_emcy_write_history(struct cia402_node *node,
                                             const struct cia402_entry *entry, int64_t value)
 {
@@ -116,27 +122,27 @@ enum cia402_abort cia402_emcy_write_history(struct cia402_node *node,
 /*
  * Process data objects (CiA 301, 7.2.2): mapping, transmission types, transmission and reception.
  *
- * A node answers the SYNC of a tick at the end of the tick, with the sensor readings of that time.
- * A TPDO is sent by its transmission type:
+ * A node answers a SYNC at the end of the tick, with the sensor readings of that time. The
+ * transmission type of a TPDO says when it is sent:
  *
- *   0         with a SYNC, when its data have changed
+ *   0         with a SYNC, if the data have changed
  *   1 to 240  with every n-th SYNC
- *   254, 255  when its data have changed or the event timer has run out, after the inhibit time
+ *   254, 255  when the data have changed or the event timer has expired, after the inhibit time
  *
- * It is also sent at the end of a tick with a remote frame for it, unless bit 30 of its COB-ID is
- * set. RPDOs of types 0 to 240 are applied at the next SYNC, others at once.
+ * A remote frame also requests a TPDO, unless bit 30 of its COB-ID is set. The TPDO is then sent at
+ * the end of the tick. The node applies RPDOs of types 0 to 240 at the next SYNC, others at once.
  *
- * The mapping of a PDO can be changed while bit 31 of its COB-ID is set; its objects, while their
- * count is 0.
+ * The mapping of a PDO can change only while bit 31 of its COB-ID is set. The mapped objects can
+ * change only while their count is 0.
  */
 
 enum {
     SYNCHRONOUS_MAX = 240,
     MANUFACTURER_EVENT = 254,
     PDO_BYTES = 8,
-    CODE_TOO_SHORT = 0x8210, /* code of EMCY */
+    CODE_TOO_SHORT = 0x8210, /* codes of emergency messages */
     CODE_TOO_LONG = 0x8220,
-    DUMMY_FIRST = CIA402_I8, /* data types that an RPDO maps to skip bytes */
+    DUMMY_FIRST = CIA402_I8, /* dummies: an RPDO maps these data types to skip bytes */
     DUMMY_LAST = CIA402_U32,
 };
 
@@ -146,13 +152,13 @@ static bool cia402_pdo_is_valid(const struct cia402_pdo *pdo)
     return !(pdo->cob_id & CIA402_COB_INVALID);
 }
 
-/* Returns whether an object belongs to an RPDO. */
+/* Returns whether an object is a parameter of an RPDO. */
 static bool cia402_entry_is_rpdo(const struct cia402_entry *entry)
 {
     return entry->object->scope == CIA402_OF_RPDO;
 }
 
-/* Returns the PDO of an object. */
+/* Returns the PDO whose parameter an object is. */
 static struct cia402_pdo *cia402_entry_pdo(struct cia402_node *node,
                                            const struct cia402_entry *entry)
 {
@@ -162,7 +168,7 @@ static struct cia402_pdo *cia402_entry_pdo(struct cia402_node *node,
 
 /* ---- mapping ---- */
 
-/* Finds the object of a mapping entry. */
+/* Finds the object that a mapping entry names, and checks that it may be mapped. */
 static enum cia402_abort cia402_pdo_resolve(const struct cia402_node *node, int64_t mapping,
                                             bool receive, struct cia402_entry *entry)
 {
@@ -185,7 +191,7 @@ static enum cia402_abort cia402_pdo_resolve(const struct cia402_node *node, int6
     return bits == cia402_type_bits(entry->type) ? CIA402_DONE : CIA402_ABORT_LENGTH;
 }
 
-/* Prepares a PDO from its parameters, which have been checked. */
+/* Prepares the state of a PDO from its parameters, which the caller has checked. */
 static void cia402_pdo_prepare(struct cia402_node *node, const struct cia402_pdo *pdo,
                                struct cia402_channel *channel, bool receive)
 {
@@ -198,7 +204,7 @@ static void cia402_pdo_prepare(struct cia402_node *node, const struct cia402_pdo
     }
 }
 
-/* Prepares the PDO of an object again. */
+/* Prepares the PDO of a changed parameter again. */
 static void cia402_pdo_link_entry(struct cia402_node *node, const struct cia402_entry *entry)
 {
     bool receive = cia402_entry_is_rpdo(entry);
@@ -225,7 +231,7 @@ enum cia402_abort cia402_pdo_write_cob(struct cia402_node *node, const struct ci
     struct cia402_pdo *pdo = cia402_entry_pdo(node, entry);
     bool valid = !(value & CIA402_COB_INVALID);
 
-    /* The identifier of a valid PDO cannot change, and a restricted one is refused */
+    /* Refuse to change the identifier of a valid PDO, and refuse a restricted identifier */
     if (value & ~known || (valid && cia402_cob_is_restricted((unsigned)value & CIA402_COB_MASK)) ||
         (valid && cia402_pdo_is_valid(pdo) && (value ^ pdo->cob_id) & CIA402_COB_MASK)) {
         return CIA402_ABORT_VALUE;
@@ -263,14 +269,14 @@ enum cia402_abort cia402_pdo_write_count(struct cia402_node *node, const struct 
     struct cia402_pdo *pdo = cia402_entry_pdo(node, entry);
     unsigned bits = 0;
 
-    /* The mapping can change only while the PDO is invalid */
+    /* Refuse to change the mapping of a valid PDO */
     if (cia402_pdo_is_valid(pdo)) {
         return CIA402_ABORT_STATE;
     }
     if (value > CIA402_MAPPED_MAX) {
         return CIA402_ABORT_MAPPED_LENGTH;
     }
-    /* The mapped objects must exist and fit into a frame */
+    /* Check that the mapped objects exist and fit into a frame */
     for (int i = 0; i < value; i++) {
         struct cia402_entry mapped;
         enum cia402_abort reason =
@@ -307,10 +313,11 @@ enum cia402_abort cia402_pdo_write_object(struct cia402_node *node,
     return reason;
 }
 
-/* ---- the factory's ---- */
+/* ---- factory settings ---- */
 
-/* Sets a PDO of an axis to the default of CiA 402: the first maps the controlword or statusword,
- * the others add another object. Only those of the first axis have identifiers. */
+/* Sets RPDO and TPDO `number` of an axis to the defaults of CiA 402. Each maps the controlword or
+ * the statusword; numbers from 1 on map a second object. Only the PDOs of axis 0 have
+ * identifiers. */
 static void cia402_pdo_set_drive(struct cia402_node *node, unsigned axis, unsigned number)
 {
     static const uint32_t second[2][CIA402_AXIS_PDOS] = {{0, 0x60600008, 0x607a0020, 0x60ff0020},
@@ -332,7 +339,7 @@ static void cia402_pdo_set_drive(struct cia402_node *node, unsigned axis, unsign
     }
 }
 
-/* Sets the PDOs of a sensor node from its plan. */
+/* Sets the TPDOs of a sensor node from its plan (struct cia402_plan). */
 static void cia402_pdo_set_plan(struct cia402_node *node)
 {
     struct cia402_plan plan;
@@ -371,7 +378,7 @@ static void cia402_pdo_apply(struct cia402_node *node, const struct cia402_chann
     for (int i = 0; i < CIA402_MAPPED_MAX && channel->bytes[i]; i++) {
         const struct cia402_entry *entry = &channel->entry[i];
 
-        /* Skip a value out of range */
+        /* Skip a value that is out of range */
         if (entry->object) {
             cia402_write(node, entry, cia402_get(entry->type, data));
         }
@@ -449,7 +456,8 @@ static void cia402_pdo_sync(struct cia402_node *node)
 
 /* ---- transmission ---- */
 
-/* Returns whether a TPDO is due by its transmission type. */
+/* Returns whether the transmission type of a TPDO requires a frame in this tick. changed: the data
+ * differ from the last frame. */
 static bool cia402_pdo_is_due(const struct cia402_node *node, const struct cia402_pdo *pdo,
                               struct cia402_channel *channel, bool changed)
 {
@@ -476,14 +484,14 @@ static void cia402_pdo_transmit(struct cia402_node *node, struct frame_sink *sin
         if (!cia402_pdo_is_valid(pdo) || pdo->count == 0) {
             continue;
         }
-        /* Collects the mapped values */
+        /* Collect the values of the mapped objects */
         for (int k = 0; k < pdo->count; k++) {
             const struct cia402_entry *entry = &channel->entry[k];
 
             cia402_put(entry->type, *cia402_field(node, entry), to);
             to += channel->bytes[k];
         }
-        /* Sends them when they are due */
+        /* Send them if the TPDO is due or requested */
         if (cia402_pdo_is_due(node, pdo, channel, memcmp(data, channel->data, PDO_BYTES) != 0) ||
             channel->requested) {
             memcpy(channel->data, data, PDO_BYTES);
@@ -500,18 +508,18 @@ static void cia402_pdo_transmit(struct cia402_node *node, struct frame_sink *sin
 /*
  * Network management (CiA 301, 7.2.8): states, boot-up, heartbeat, node guarding.
  *
- * A node monitors the heartbeat of the producer in 0x1016, or guarding for guard time times life
- * time factor, after it has received the first one. When it times out, the node reports 0x8130 and
- * reacts by 0x1029; its axes react by 0x6007.
+ * A node monitors the heartbeat of the producer in 0x1016 after the first heartbeat. It monitors
+ * node guarding after the first guarding frame; the time-out is guard time times life time factor.
+ * At a time-out the node sends emergency 0x8130 and reacts by 0x1029; its axes react by 0x6007.
  */
 
 enum {
     CODE_LIFE_GUARD = 0x8130,
-    TO_PRE_OPERATIONAL = 0, /* 0x1029 */
+    TO_PRE_OPERATIONAL = 0, /* value of object 0x1029: enter PRE-OPERATIONAL */
     TO_STOPPED = 2,
 };
 
-/* Enters an NMT state. PDOs start, and axes that can no longer be commanded stop. */
+/* Enters an NMT state. OPERATIONAL starts the PDOs. In STOPPED the axes lose their connection. */
 static void cia402_nmt_enter(struct cia402_node *node, enum cia402_nmt_state state)
 {
     if (state == node->state) {
@@ -521,13 +529,13 @@ static void cia402_nmt_enter(struct cia402_node *node, enum cia402_nmt_state sta
     if (state == CIA402_OPERATIONAL) {
         cia402_pdo_start(node);
     }
-    /* An axis that can no longer be commanded has lost its connection */
+    /* In STOPPED no host can command the axes */
     for (unsigned k = 0; k < node->axes && state == CIA402_STOPPED; k++) {
         cia402_axis_lose_connection(node, &node->axis[k]);
     }
 }
 
-/* Returns whether a node may take a Node-ID. */
+/* Returns whether a Node-ID is free on the bus, or belongs to this node. */
 static bool cia402_lss_id_is_free(const struct cia402_node *node, unsigned id)
 {
     const struct board *other = node->board.bus->by_address[id];
@@ -535,7 +543,7 @@ static bool cia402_lss_id_is_free(const struct cia402_node *node, unsigned id)
     return !other || other == &node->board;
 }
 
-/* Removes a node without a Node-ID from its bus. */
+/* Takes the Node-ID from a node and removes the node from its bus. */
 static void cia402_lss_leave_bus(struct cia402_node *node)
 {
     struct board **place = &node->board.bus->by_address[node->board.address];
@@ -549,7 +557,7 @@ static void cia402_lss_leave_bus(struct cia402_node *node)
     node->nameless = true;
 }
 
-/* Replaces the Node-ID in a COB-ID that contains the old one. */
+/* Replaces the Node-ID in a COB-ID, if the COB-ID contains the old one. */
 static void cia402_lss_move_cob(int64_t *cob_id, unsigned from, unsigned to)
 {
     if ((*cob_id & NODE_ID_MASK) == (int64_t)from) {
@@ -570,12 +578,12 @@ static void cia402_lss_move_settings(struct cia402_communication *settings, unsi
 
 static void cia402_lss_take_id(struct cia402_node *node)
 {
-    /* LSS configuration ends here */
+    /* End LSS configuration */
     unsigned from = node->board.address, to = node->lss.next;
 
     node->lss.configuring = false;
     node->lss.selected = node->lss.scanned = 0;
-    /* Without a free Node-ID only LSS works */
+    /* Leave the bus if there is no Node-ID or it is not free; then only LSS works */
     if (to == CIA402_NO_NODE_ID || !cia402_lss_id_is_free(node, to)) {
         cia402_lss_leave_bus(node);
         return;
@@ -583,7 +591,7 @@ static void cia402_lss_take_id(struct cia402_node *node)
     if (to == from && !node->nameless) {
         return;
     }
-    /* Move the node on the bus, and its COB-IDs */
+    /* Give the node its new address on the bus, and change its COB-IDs */
     board_event(&node->board, BOARD_EVENT_ADDRESS, 0, node->nameless ? CIA402_NO_NODE_ID : from,
                 to);
     if (node->board.bus->by_address[from] == &node->board) {
@@ -598,7 +606,8 @@ static void cia402_lss_take_id(struct cia402_node *node)
     cia402_lss_move_cob(&node->sdo_reply, from, to);
 }
 
-/* Goes from initialization to PRE-OPERATIONAL, or further if the rig says so. Needs a Node-ID. */
+/* Starts communication: goes to PRE-OPERATIONAL, or to OPERATIONAL if the rig demands it
+ * (transmit_at_start). Needs a Node-ID. */
 static void cia402_node_start_communication(struct cia402_node *node)
 {
     cia402_lss_take_id(node);
@@ -643,9 +652,10 @@ void cia402_nmt_command(struct cia402_node *node, unsigned command)
     }
 }
 
-/* ---- what others expect of the node ---- */
+/* ---- heartbeat producer and answers to guarding ---- */
 
-/* Answers node guarding with a toggle bit. A heartbeat producer does not answer. */
+/* Answers a guarding frame with the state and a toggle bit. A heartbeat producer does not
+ * answer. */
 static void cia402_nmt_guard(struct cia402_node *node)
 {
     uint8_t data;
@@ -690,7 +700,7 @@ enum cia402_abort cia402_nmt_write_producer(struct cia402_node *node,
     return CIA402_DONE;
 }
 
-/* ---- what the node expects of others ---- */
+/* ---- heartbeat consumer and guarding time-out ---- */
 
 enum cia402_abort cia402_nmt_write_consumer(struct cia402_node *node,
                                             const struct cia402_entry *entry, int64_t value)
@@ -715,7 +725,8 @@ static void cia402_nmt_hear(struct cia402_node *node)
     }
 }
 
-/* Reacts to lost heartbeat or guarding: emergency message, axes, state. */
+/* Reacts to a lost heartbeat or lost guarding: sends an emergency, tells the axes, changes the
+ * state. */
 static void cia402_nmt_lose(struct cia402_node *node)
 {
     int64_t behavior = node->settings.error_behavior;
@@ -750,14 +761,14 @@ static void cia402_nmt_watch(struct cia402_node *node)
 }
 
 /*
- * Layer setting services of a node as slave (CiA 305): state switches (all nodes, or one by its
- * address 0x1018), inquiries, Node-ID, storing, and fastscan. The bit rate is that of the bus; no
- * other is accepted.
+ * Layer setting services (LSS, CiA 305) of a node as LSS slave: state switch of all nodes or of the
+ * node with an LSS address (object 0x1018), inquiries, setting and storing the Node-ID, fastscan.
+ * The node refuses to change the bit rate.
  *
- * A new Node-ID takes effect at the next reset of communication. On a node without one it takes
- * effect when the master ends the configuration. Unless stored, it is lost at the next power-up.
- * COB-IDs that contain the old Node-ID change too. A node without a Node-ID (255) runs only LSS. It
- * stays without one if another node of the bus has the new Node-ID.
+ * A new Node-ID takes effect at the next reset of communication. On a node without a Node-ID it
+ * takes effect when the master ends the configuration. Unless stored, it is lost at the next
+ * power-up. COB-IDs that contain the old Node-ID change too. A node without a Node-ID (255) runs
+ * only LSS. It stays without a Node-ID if another node of the bus already has the new one.
  */
 
 enum {
@@ -765,14 +776,15 @@ enum {
     STATE_CONFIGURATION = 1,
     ADDRESS_PARTS = 4,
     SCAN_BITS = 32,
-    SCAN_RESET = 0x80, /* instead of a bit number: every node without a Node-ID answers */
+    SCAN_RESET = 0x80, /* value of the bit number: every node without a Node-ID answers */
     ERROR_NOT_SUPPORTED = 1,
-    ERROR_NODE_ID = 1, /* out of range */
+    ERROR_NODE_ID = 1, /* Node-ID out of range */
     ERROR_SPECIFIC = 255,
-    ERROR_NODE_ID_TAKEN = 1, /* specific error of ERROR_SPECIFIC; ours */
+    /* manufacturer's code with ERROR_SPECIFIC: another node has the Node-ID */
+    ERROR_NODE_ID_TAKEN = 1,
 };
 
-/* Queues an answer with a number. */
+/* Queues an LSS answer with a 32-bit value. */
 static void cia402_lss_answer(struct cia402_node *node, unsigned command, uint32_t value)
 {
     uint8_t data[CIA402_LSS_LENGTH] = {(uint8_t)command};
@@ -783,7 +795,7 @@ static void cia402_lss_answer(struct cia402_node *node, unsigned command, uint32
 
 /* ---- the Node-ID ---- */
 
-/* Sets the next Node-ID. Returns the error, 0 for none. */
+/* Sets the Node-ID for the next reset. Returns the LSS error; 0 = none. */
 static unsigned cia402_lss_set_id(struct cia402_node *node, unsigned id)
 {
     if ((id == 0 || id > CIA402_NODE_MAX) && id != CIA402_NO_NODE_ID) {
@@ -798,7 +810,8 @@ static unsigned cia402_lss_set_id(struct cia402_node *node, unsigned id)
 
 /* ---- states ---- */
 
-/* Switches the state of all nodes. A new Node-ID takes effect on a node without one. */
+/* Switches the LSS state, by a request to all nodes. At the end of the configuration, a node
+ * without a Node-ID adopts its new one. */
 static void cia402_lss_switch(struct cia402_node *node, const uint8_t *data)
 {
     bool was_configuring = node->lss.configuring;
@@ -814,7 +827,8 @@ static void cia402_lss_switch(struct cia402_node *node, const uint8_t *data)
     }
 }
 
-/* Compares a part of the LSS address; the four parts come in order. */
+/* Compares one part of the LSS address; the master sends the four parts in order. Selects the node
+ * when all have matched. */
 static void cia402_lss_select(struct cia402_node *node, const uint8_t *data)
 {
     unsigned part = data[0] - CIA402_LSS_SELECT_VENDOR;
@@ -829,8 +843,8 @@ static void cia402_lss_select(struct cia402_node *node, const uint8_t *data)
     }
 }
 
-/* Compares bits of a part of the address. The master finds the address bit by bit, highest first,
- * from the answers. */
+/* Runs a step of fastscan: answers if the bits of an address part match. The master finds the
+ * address bit by bit, highest bit first, from these answers. */
 static void cia402_lss_scan(struct cia402_node *node, const uint8_t *data)
 {
     struct cia402_lss_slave *lss = &node->lss;
@@ -854,8 +868,9 @@ static void cia402_lss_scan(struct cia402_node *node, const uint8_t *data)
 
 /* ---- requests ---- */
 
-/* Obeys an LSS request of 8 bytes; false = unknown request. Requests to the selected node have an
- * effect only in the state LSS configuration, selection and fastscan only in LSS waiting. */
+/* Handles an LSS request of 8 bytes. Returns false for an unknown request. Requests to the selected
+ * node have an effect only in the state LSS configuration. Selection and fastscan have an effect
+ * only in the state LSS waiting. */
 static bool cia402_lss_receive(struct cia402_node *node, const uint8_t *data)
 {
     bool configuring = node->lss.configuring;
@@ -884,7 +899,7 @@ static bool cia402_lss_receive(struct cia402_node *node, const uint8_t *data)
         node->lss.stored = configuring ? node->lss.next : node->lss.stored;
         break;
     case CIA402_LSS_ACTIVATE_BIT_TIMING:
-        return true; /* no answer; the bit rate cannot change */
+        return true; /* no answer, because the bit rate cannot change */
     case CIA402_LSS_INQUIRE_NODE_ID:
         answer = node->nameless ? CIA402_NO_NODE_ID : node->board.address;
         break;
@@ -907,12 +922,12 @@ static bool cia402_lss_receive(struct cia402_node *node, const uint8_t *data)
     return true;
 }
 
-/* Services of every node: power-up, stored parameters, transmission in a tick. */
+/* ---- power-up, stored parameters, transmission in a tick ---- */
 
 /* "save" and "load", little-endian (CiA 301) */
 enum { SIGNATURE_SAVE = 0x65766173, SIGNATURE_LOAD = 0x64616f6c };
 
-/* Stores settings, user data and tare on "save". */
+/* Stores settings, user data and tare, when the host writes "save". */
 static void cia402_node_store(struct cia402_node *node)
 {
     node->saved = node->settings;
@@ -976,7 +991,7 @@ enum cia402_abort cia402_node_write_store(struct cia402_node *node,
     return CIA402_DONE;
 }
 
-/* Requests factory settings, effective at the next reset or power-up. */
+/* Requests factory settings. They take effect at the next reset or power-up. */
 enum cia402_abort cia402_node_write_restore(struct cia402_node *node,
                                             const struct cia402_entry *entry, int64_t value)
 {
@@ -1009,13 +1024,13 @@ void cia402_node_transmit(struct board *board, struct ms_span span, struct frame
     board->lost_in_status = board->lost_in_overflow = false;
 }
 
-/* CANopen buses: finds the nodes that receive a frame. */
+/* ---- the bus: passes frames to the nodes that use them ---- */
 
 enum { NODES = CIA402_NODE_MAX + 1 };
 
 _Static_assert((int)NODES == (int)BOARD_ADDRESSES, "a node is an address of its bus");
 
-/* Returns the node with a Node-ID if it can receive; NULL = none. */
+/* Returns the node with a Node-ID, if it can receive; NULL = none. */
 static struct cia402_node *cia402_bus_node(const struct board_bus *bus, unsigned id)
 {
     struct board *board = id > 0 && id < NODES ? bus->by_address[id] : NULL;
@@ -1023,7 +1038,7 @@ static struct cia402_node *cia402_bus_node(const struct board_bus *bus, unsigned
     return board && !board_is_deaf(board) ? cia402_node_of(board) : NULL;
 }
 
-/* Obeys a command of NMT, for one node or for all. */
+/* Executes an NMT command for one node or for all nodes. */
 static void cia402_bus_receive_nmt(struct boards *boards, struct board_bus *bus,
                                    const struct bus_frame *frame)
 {
@@ -1050,7 +1065,7 @@ static void cia402_bus_receive_nmt(struct boards *boards, struct board_bus *bus,
     boards_count_frame(boards, listener, verdict, frame);
 }
 
-/* Passes a request to a node's SDO server and counts the frame by the result. */
+/* Passes a request to the SDO server of a node, and counts the frame by the result. */
 static void cia402_bus_receive_sdo(struct boards *boards, struct cia402_node *node,
                                    const struct bus_frame *frame)
 {
@@ -1091,9 +1106,9 @@ static void cia402_bus_receive_lss(struct boards *boards, struct board_bus *bus,
     boards_count_frame(boards, listener, verdict, frame);
 }
 
-/* Passes a heartbeat or boot-up, a SYNC, process data, or a remote frame for a TPDO to all nodes.
- * Returns false when no node uses the frame. It counts for the last node that accepts it, or for
- * the first that refuses it. */
+/* Passes a frame to all nodes that use it: a heartbeat, boot-up, SYNC or PDO, or a remote frame for
+ * a TPDO. Returns false when no node uses the frame. Counts the frame once: for the first node that
+ * refuses it, otherwise for the last node that accepts it. */
 static bool cia402_bus_offer(struct boards *boards, struct board_bus *bus,
                              const struct bus_frame *frame)
 {
@@ -1137,14 +1152,14 @@ static bool cia402_bus_offer(struct boards *boards, struct board_bus *bus,
     return listener;
 }
 
-/* Passes on a frame by its identifier. Returns false when no node uses it. */
+/* Passes a frame to its service by the identifier. Returns false when no node uses the frame. */
 static bool cia402_bus_dispatch(struct boards *boards, struct board_bus *bus,
                                 const struct bus_frame *frame)
 {
     unsigned id = frame->id & NODE_ID_MASK, service = frame->id & ~(unsigned)NODE_ID_MASK;
     struct cia402_node *node = cia402_bus_node(bus, id);
 
-    /* A remote frame is node guarding, or a request of a TPDO */
+    /* A remote frame requests either node guarding or a TPDO */
     if (frame->flags & FRAME_REMOTE && service == CIA402_HEARTBEAT) {
         if (node) {
             cia402_nmt_guard(node);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The frames of a cia402 bus; boards/cia402/protocol.h describes them. */
+/* Describes the frames of a cia402 bus (boards/cia402/protocol.h), and the protocol as a module. */
 #include "boards/cia402/private.h"
 
 #include "base/array.h"
@@ -8,7 +8,7 @@
 
 #include <string.h>
 
-enum { AXIS_STEP = 0x100 }; /* distance of the PDO identifiers of one axis */
+enum { AXIS_STEP = 0x100 }; /* distance between the PDO identifiers of two axes */
 
 /* clang-format off */
 #define FIELDS(...) (const struct field[]){__VA_ARGS__, {.type = FIELD_END}}
@@ -27,7 +27,7 @@ static const struct field sdo[] = {
     NUMBER(FIELD_U8, "specifier"), NUMBER(FIELD_U16, "index"), NUMBER(FIELD_U8, "sub_index"),
     NUMBER(FIELD_U32, "data"), {.type = FIELD_END}};
 
-/* Fields of the PDOs, by the name of the plan's row; each is a mapped object */
+/* Fields of the PDOs by the name of their plan; each field is a mapped object */
 static const struct {
     const char *name;
     const struct field *fields;
@@ -59,8 +59,8 @@ static const struct {
                         VALUE(FIELD_I16, "bz", "uT", CIA402_MAGNETIC_UT))},
 };
 
-/* Services of a node, and of the host to all nodes. The cycle is the one that our host sets; 0 = on
- * demand */
+/* Messages of the services: of a node, and from the host to all nodes. The cycle is the one that
+ * this program's host configures; 0 = on demand */
 #define SERVICE(label, cob_id, host, size, cycle_ms, reply, list)                                  \
     {.name = label, .base = cob_id, .from_host = host, .length = size, .cycle_ns = cycle_ms * MS,  \
      .answer = reply, .fields = list, .repeats = 1, .slot = -1}
@@ -98,8 +98,8 @@ const struct field *cia402_plan_fields(const struct cia402_plan *plan)
     return NULL;
 }
 
-/* Visits a message of a board, or of the host to all nodes (MESSAGE_NO_BOARD). Adds the address to
- * its identifier, and sender and receiver. */
+/* Visits a message of a board, or of the host to all nodes (board = MESSAGE_NO_BOARD). Sets its
+ * identifier, sender and receiver from the board's address. */
 static void cia402_visit(struct message_walk *walk, int board, struct message message)
 {
     if (board != MESSAGE_NO_BOARD) {
@@ -122,8 +122,8 @@ static void cia402_visit_broadcasts(struct message_walk *walk)
     }
 }
 
-/* Visits the messages of a board: the PDOs of our host's setup (struct cia402_plan), then the
- * services. */
+/* Visits the messages of a board: first the PDOs that this program's host sets up (struct
+ * cia402_plan), then the services. */
 static void cia402_visit_board(struct message_walk *walk, int index, unsigned first_slot)
 {
     const struct board_config *board = &walk->config->board[index];
@@ -137,7 +137,7 @@ static void cia402_visit_board(struct message_walk *walk, int index, unsigned fi
         bool list = board->kind == BOARD_MOTOR && !of_axis && fields_count(fields) == 1;
         unsigned axis = of_axis ? plan.axis : 0;
 
-        /* Telemetry comes with every SYNC, once a tick or at the rig's rate; so do the voltages */
+        /* Telemetry and voltages have the cycle of SYNC: the rig's period, or 1 ms */
         cia402_visit(walk, index,
                      (struct message){
                          .name = plan.name,
@@ -161,10 +161,10 @@ static void cia402_visit_board(struct message_walk *walk, int index, unsigned fi
     }
 }
 
-/* The CANopen drives, cia402, as a module. */
+/* ---- the module ---- */
 
-/* Returns whether nodes use an identifier that other protocols' boards do not: the last TPDO and
- * RPDO, and SDO. */
+/* Returns whether an identifier is reserved on a cia402 bus: up to the SDO answer of the last node
+ * (0x59f), or an SDO request (0x600 to 0x61f). */
 static bool cia402_claims_id(const struct boards_bus_config *bus, uint32_t id, char *text,
                              size_t size)
 {
@@ -174,8 +174,8 @@ static bool cia402_claims_id(const struct boards_bus_config *bus, uint32_t id, c
                    (id >= CIA402_SDO_REQUEST && id <= CIA402_SDO_REQUEST + CIA402_NODE_MAX));
 }
 
-/* Visits the periodic frames of a board: TPDOs at their SYNCs, TPDOs on change at their event timer
- * as if nothing changed, and the heartbeat. */
+/* Visits the periodic frames of a board: TPDOs at their SYNCs, TPDOs on change at the period of
+ * their event timer, and the heartbeat. */
 static void cia402_visit_board_load(struct load_walk *walk, const struct board_config *board)
 {
     double period_s = load_period_s(walk, board->period_ns);
@@ -203,7 +203,7 @@ static void cia402_visit_command_load(struct load_walk *walk)
     }
 }
 
-/* Returns the name of a CiA 402 state, which the board reports as its mode. */
+/* Returns the name of a CiA 402 state; the board reports the state as its mode. */
 static const char *cia402_state_name(uint32_t state)
 {
     static const char *const names[CIA402_STATES] = {

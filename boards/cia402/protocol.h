@@ -59,7 +59,7 @@ enum cia402_cob {
     CIA402_LSS_REQUEST = 0x7e5,
 };
 
-#define CIA402_COB_INVALID UINT32_C(0x80000000) /* bit 31 of a COB-ID object */
+#define CIA402_COB_INVALID UINT32_C(0x80000000) /* bit 31 of a COB-ID object: disabled */
 
 #define CIA402_COB_NO_REMOTE UINT32_C(0x40000000) /* bit 30: a TPDO ignores remote frames */
 
@@ -67,8 +67,8 @@ enum { CIA402_COB_MASK = 0x7ff };
 
 enum { CIA402_SDO_LENGTH = 8, CIA402_EMCY_LENGTH = 8, CIA402_NMT_LENGTH = 2 };
 
-/* Worth of a count. */
-#define CIA402_POSITION_RAD 1e-5 /* velocities and accelerations too, rad/s and rad/s2 */
+/* Value of one count. */
+#define CIA402_POSITION_RAD 1e-5 /* also for velocity, rad/s, and acceleration, rad/s2 */
 #define CIA402_VOLTAGE_V 2e-3
 #define CIA402_SPRING_NM 10e-3
 #define CIA402_PRESSURE_BAR 0.01
@@ -100,7 +100,7 @@ enum cia402_nmt_state {
 
 /* Byte 0: command specifier in bits 5-7 */
 enum cia402_sdo {
-    CIA402_DOWNLOAD_SEGMENT = 0x00, /* requests */
+    CIA402_DOWNLOAD_SEGMENT = 0x00, /* from here on: requests */
     CIA402_DOWNLOAD = 0x20,
     CIA402_UPLOAD = 0x40,
     CIA402_UPLOAD_SEGMENT = 0x60,
@@ -117,7 +117,7 @@ enum cia402_sdo {
     CIA402_TOGGLE = 0x10,
     CIA402_EXPEDITED = 0x02,
     CIA402_SIZED = 0x01,
-    CIA402_LAST = 0x01, /* of segments */
+    CIA402_LAST = 0x01, /* in requests and answers for segments: last segment */
 };
 
 /* CiA 301, table "SDO abort codes"; 0 = done */
@@ -204,15 +204,15 @@ enum cia402_statusword {
     CIA402_SW_REMOTE = 1 << 9,
     CIA402_SW_TARGET_REACHED = 1 << 10,
     CIA402_SW_INTERNAL_LIMIT = 1 << 11,
-    /* by mode: set point acknowledged, speed 0, homed, follows the command */
+    /* bit 12, by mode: set point acknowledged, speed 0, homed, follows the command */
     CIA402_SW_MODE_12 = 1 << 12,
-    CIA402_SW_MODE_13 = 1 << 13, /* following or homing error */
+    CIA402_SW_MODE_13 = 1 << 13, /* bit 13: following error or homing error */
     CIA402_SW_STATE_MASK = 0x6f,
-    CIA402_SW_FAULT = 0x08, /* state FAULT, under the mask */
+    CIA402_SW_FAULT = 0x08, /* value of state FAULT after CIA402_SW_STATE_MASK */
 };
 
 enum cia402_mode {
-    CIA402_VOLTAGE_MODE = -1, /* ours: 0x4000 is the bridge voltage */
+    CIA402_VOLTAGE_MODE = -1, /* manufacturer's mode: 0x4000 sets the bridge voltage */
     CIA402_NO_MODE = 0,
     CIA402_PROFILE_POSITION = 1,
     CIA402_PROFILE_VELOCITY = 3,
@@ -223,7 +223,7 @@ enum cia402_mode {
     CIA402_CYCLIC_TORQUE = 10,
 };
 
-/* Bits of 0x4010 and of EMCY */
+/* Faults and warnings: bits of object 0x4010 and of EMCY. */
 enum cia402_fault {
     CIA402_FAULT_UNDER_VOLTAGE = 1 << 0,
     CIA402_FAULT_OVER_VOLTAGE = 1 << 1,
@@ -233,16 +233,17 @@ enum cia402_fault {
     CIA402_FAULT_TORQUE_SENSOR = 1 << 5,
     CIA402_FAULT_TEMPERATURE = 1 << 6,
     CIA402_FAULT_FOLLOWING = 1 << 7,
-    CIA402_FAULT_CONNECTION = 1 << 8, /* heartbeat or guarding lost, if 0x6007 makes it a fault */
+    /* heartbeat or guarding lost, if 0x6007 declares it a fault */
+    CIA402_FAULT_CONNECTION = 1 << 8,
     CIA402_FAULT_STALE = 1 << 9,      /* warning: no command for the time 0x4011; the target is 0 */
     CIA402_FAULT_LIMIT = 1 << 10,     /* warning: beyond a software position limit */
     CIA402_FAULT_SATURATED = 1 << 11, /* sensors, warning: a channel is beyond its full scale */
     CIA402_FAULT_SENSOR = 1 << 12,    /* sensors, warning: a channel has no reading */
-    CIA402_FAULT_UNDER_PRESSURE = 1 << 13, /* of the supply pressure of the axis's valve */
+    CIA402_FAULT_UNDER_PRESSURE = 1 << 13, /* supply pressure of the axis's valve is too low */
     CIA402_FAULT_OVER_PRESSURE = 1 << 14,
 };
 
-/* Objects that hosts and messages use; indices of axis 0. */
+/* Objects that hosts and messages use. Axis objects: index for axis 0. */
 enum cia402_index {
     CIA402_O_DEVICE_TYPE = 0x1000,
     CIA402_O_HEARTBEAT = 0x1017,
@@ -258,43 +259,43 @@ enum cia402_index {
     CIA402_O_STATUSWORD = 0x6041,
     CIA402_O_MODE = 0x6060,
     CIA402_O_TARGET_POSITION = 0x607a,
-    CIA402_O_CHANNEL = 0x7130, /* of sensor nodes: process values as in CiA 404 */
+    CIA402_O_CHANNEL = 0x7130, /* sensor nodes: process values as in CiA 404 */
 };
 
-/* 0x1000: the profile in the low word; bit 17 = servo drive. A node of several axes has 0xffff
- * above the profile, and the device type of each axis in 0x67ff + 0x800 k. */
+/* Device type 0x1000: the profile is in the low word; bit 17 = servo drive. A node with several
+ * axes has 0xffff in the high word, and the device type of axis k in 0x67ff + 0x800 k. */
 #define CIA402_DEVICE_DRIVE UINT32_C(0x00020192)
 #define CIA402_DEVICE_DRIVES UINT32_C(0xffff0192)
 #define CIA402_DEVICE_SENSOR UINT32_C(0x00020194) /* CiA 404, analog inputs */
 
-/* ---- the PDOs as our host sets them up ---- */
+/* ---- PDO setup by the host of this program ---- */
 
 enum cia402_kind { CIA402_KIND_DRIVE, CIA402_KIND_FT, CIA402_KIND_INERTIAL };
 
-/* The setup of a PDO: where its parameters are and what the host writes there. */
+/* Setup of a PDO: the place of its parameters, and the values that the host writes there. */
 struct cia402_plan {
     const char *name;
     bool receive;    /* the node receives it */
-    uint8_t number;  /* from 0: parameters at 0x1400 or 0x1800 + number */
+    uint8_t number;  /* from 0; parameters at 0x1400 + number, or 0x1800 + number */
     uint8_t type;    /* 1 = at every SYNC, 50 = at every 50th, 255 = on change */
-    uint8_t axis;    /* axis of its data; CIA402_BOARD_AXES = all axes */
+    uint8_t axis;    /* axis of the data; CIA402_BOARD_AXES = all axes */
     uint8_t count;   /* number of objects */
     uint8_t length;  /* length in bytes */
-    uint16_t cob_id; /* without the Node-ID */
+    uint16_t cob_id; /* COB-ID without the Node-ID */
     uint16_t event_ms;
-    /* index, sub-index, bits, in the format of a mapping object */
+    /* mapped objects: index, sub-index and bits as in a mapping object */
     uint32_t object[CIA402_MAPPED_MAX];
 };
 
 enum { CIA402_STATUS_EVENT_MS = 100, CIA402_HEARTBEAT_MS = 100, CIA402_MAGNETIC_SYNCS = 50 };
 
-/* Returns a mapping object. */
+/* Returns the value of a mapping object. */
 static inline uint32_t cia402_mapping(unsigned index, unsigned sub, unsigned bits)
 {
     return (uint32_t)index << 16 | (uint32_t)sub << 8 | bits;
 }
 
-/* Adds a two-byte object of each axis to a plan. */
+/* Adds a two-byte object to a plan for each axis; `index` is the object of axis 0. */
 static inline struct cia402_plan cia402_plan_axes(struct cia402_plan plan, unsigned axes,
                                                   unsigned index)
 {
@@ -326,7 +327,7 @@ static inline struct cia402_plan cia402_plan_telemetry(unsigned axis)
     };
 }
 
-/* Returns the plan of a sensor node's channels, from sub-index `first` on. */
+/* Returns a plan for `count` channels of a sensor node, from sub-index `first` on. */
 static inline struct cia402_plan cia402_plan_channels(const char *name, unsigned number,
                                                       unsigned first, unsigned count, unsigned type)
 {
@@ -345,12 +346,12 @@ static inline struct cia402_plan cia402_plan_channels(const char *name, unsigned
 }
 
 /*
- * Fills PDO number `row` of a kind of node, from 0; false = no more.
+ * Writes the plan of a node's PDO `row`, from 0. Returns false when there is no such PDO.
  *
  * At every SYNC a drive sends one frame per axis with its position. It sends the statuswords of all
- * axes in one frame when one changes. It receives the voltages of all axes in one frame and their
- * controlwords in another. The statuswords have 0x1c0 + n, because the axes use the four TPDO
- * identifiers of the node.
+ * axes in one frame when one of them changes. It receives the voltages of all axes in one frame and
+ * their controlwords in another. The frame of the statuswords has the identifier 0x1c0 + n, because
+ * the telemetry of the axes takes the four TPDO identifiers of the node.
  */
 static inline bool cia402_plan_row(enum cia402_kind kind, unsigned axes, unsigned row,
                                    struct cia402_plan *plan)
@@ -385,7 +386,7 @@ static inline bool cia402_plan_row(enum cia402_kind kind, unsigned axes, unsigne
         return row < 4;
     }
 
-    /* Drives: telemetry of each axis; statuswords, voltages and controlwords of all axes */
+    /* Drives: telemetry of each axis; then statuswords, voltages and controlwords of all axes */
     if (row < axes) {
         *plan = cia402_plan_telemetry(row);
         return true;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The SDO server (CiA 301, 7.2.4): expedited and segmented transfers in both directions. There is
- * one transfer at a time; a new one ends the one before.
+ * The SDO server (CiA 301, 7.2.4): expedited, segmented and block transfers in both directions. A
+ * node has one transfer at a time; a new transfer ends the previous one.
  */
 #include "boards/cia402/private.h"
 
@@ -12,23 +12,24 @@
 enum { EXPEDITED_MAX = 4, SEGMENT_MAX = 7 };
 
 /*
- * Block transfers of the SDO server (CiA 301, 7.2.4.3.8 to 7.2.4.3.17). A block has up to 127
- * segments of 7 bytes and one acknowledgment. After a loss, all segments from the first gap are
- * sent again. If both sides support it, a checksum over all data ends the transfer.
+ * Block transfers of the SDO server (CiA 301, 7.2.4.3.8 to 7.2.4.3.17).
  *
- * An upload sends one segment per millisecond, to leave the bus to process data. A transfer whose
- * client is silent for a second is aborted, because until then every frame of the client in a block
- * download counts as a segment.
+ * A block has up to 127 segments of 7 bytes and one acknowledgment. After a loss, the sender
+ * repeats all segments from the first gap on. If both sides support it, a checksum over all data
+ * ends the transfer. An upload sends one segment per millisecond, to leave the bus to process data.
+ *
+ * The server aborts a block transfer when the client is silent for a second. Without this time-out,
+ * an unfinished block download would take every later frame of the client as a segment.
  */
 
 enum {
-    BLOCK_MAX = 127,       /* segments per block */
+    BLOCK_MAX = 127,       /* most segments per block */
     SEQUENCE_MASK = 0x7f,  /* in byte 0 of a segment */
     LAST_SEGMENT = 0x80,   /* in byte 0 of a segment */
     CRC_SUPPORTED = 0x04,  /* byte 0 of initiations */
     SIZE_INDICATED = 0x02, /* byte 0 of initiations */
     SUB_COMMAND_MASK = 0x03,
-    CRC_POLYNOMIAL = 0x1021, /* x^16 + x^12 + x^5 + 1, initially 0, highest bit first */
+    CRC_POLYNOMIAL = 0x1021, /* x^16 + x^12 + x^5 + 1; initial value 0; highest bit first */
     CRC_TOP = 0x8000,
 };
 
@@ -42,7 +43,7 @@ static void cia402_sdo_answer(struct cia402_node *node, const uint8_t *data)
     board_queue(&node->board, (uint32_t)node->sdo_reply, CIA402_SDO_LENGTH, data);
 }
 
-/* Aborts a transfer and returns the reason. */
+/* Sends an abort message and returns its reason. */
 static enum cia402_abort cia402_sdo_abort(struct cia402_node *node, unsigned index, unsigned sub,
                                           enum cia402_abort reason)
 {
@@ -62,7 +63,7 @@ static enum cia402_abort cia402_sdo_abort_transfer(struct cia402_node *node,
     return cia402_sdo_abort(node, node->transfer.index, node->transfer.sub, reason);
 }
 
-/* Answers an initiation with the request's index and sub-index. */
+/* Answers a request that starts a transfer, with its index and sub-index. */
 static void cia402_sdo_confirm(struct cia402_node *node, const uint8_t *request, unsigned command,
                                const uint8_t *value, size_t size)
 {
@@ -106,7 +107,7 @@ static enum cia402_abort cia402_sdo_upload_loaded(struct cia402_node *node, cons
     struct cia402_transfer *transfer = &node->transfer;
     uint8_t size[4];
 
-    /* Send it at once if it fits */
+    /* Send the data in the answer if they fit into 4 bytes */
     if (transfer->size > 0 && transfer->size <= EXPEDITED_MAX) {
         unsigned unused = EXPEDITED_MAX - transfer->size;
 
@@ -186,14 +187,14 @@ static enum cia402_abort cia402_sdo_store(struct cia402_node *node,
     return cia402_write(node, entry, cia402_get(entry->type, data));
 }
 
-/* Begins a download, or stores the data if the request contains them. */
+/* Begins a download. If the request contains the data, stores them. */
 static enum cia402_abort cia402_sdo_download(struct cia402_node *node, const uint8_t *request)
 {
     struct cia402_transfer *transfer = &node->transfer;
     enum cia402_abort reason = CIA402_DONE;
     bool sized = request[0] & CIA402_SIZED;
 
-    /* Expedited; without a size, the length is that of the object */
+    /* Expedited transfer; if the size is not given, assume the object's length */
     if (request[0] & CIA402_EXPEDITED) {
         uint32_t right = cia402_type_bits(transfer->entry.type) / 8;
         uint32_t size = sized   ? EXPEDITED_MAX - (request[0] >> 2 & 3u)
@@ -245,7 +246,8 @@ static enum cia402_abort cia402_sdo_download_segment(struct cia402_node *node,
 
 /* ---- requests ---- */
 
-/* Checks the toggle bit of a segment, which alternates from 0, and passes the segment on. */
+/* Checks the toggle bit of a segment request, and passes the request to the transfer. The toggle
+ * bit starts at 0 and alternates. */
 static enum cia402_abort cia402_sdo_segment(struct cia402_node *node, const uint8_t *request,
                                             bool upload)
 {
@@ -262,13 +264,13 @@ static enum cia402_abort cia402_sdo_segment(struct cia402_node *node, const uint
                   : cia402_sdo_download_segment(node, request);
 }
 
-/* Restarts the time-out of a transfer. */
+/* Restarts the time-out of a block transfer. */
 static void cia402_block_refresh(struct cia402_node *node)
 {
     node->transfer.heard_ns = node->board.boards->now_ns;
 }
 
-/* Receives a segment of a download; acknowledges a block at its end. */
+/* Receives a segment of a block download. Acknowledges the block after its last segment. */
 static enum cia402_abort cia402_block_take_segment(struct cia402_node *node, const uint8_t *request)
 {
     struct cia402_transfer *transfer = &node->transfer;
@@ -302,7 +304,7 @@ static enum cia402_abort cia402_block_take_segment(struct cia402_node *node, con
     return CIA402_DONE;
 }
 
-/* Returns the CRC of CiA 301, 7.2.4.3.16: "123456789" has 0x31c3. */
+/* Returns the CRC of CiA 301, 7.2.4.3.16. The CRC of "123456789" is 0x31c3. */
 static uint16_t cia402_block_crc(const uint8_t *data, uint32_t size)
 {
     unsigned crc = 0;
@@ -316,7 +318,7 @@ static uint16_t cia402_block_crc(const uint8_t *data, uint32_t size)
     return (uint16_t)crc;
 }
 
-/* Ends a download: checks size and checksum and stores the data. */
+/* Ends a block download: checks size and checksum, and stores the data. */
 static enum cia402_abort cia402_block_end_download(struct cia402_node *node, const uint8_t *request)
 {
     struct cia402_transfer *transfer = &node->transfer;
@@ -326,7 +328,7 @@ static enum cia402_abort cia402_block_end_download(struct cia402_node *node, con
     if ((request[0] & (CIA402_COMMAND_MASK | SUB_COMMAND_MASK)) != (CIA402_BLOCK_DOWNLOAD | END)) {
         return cia402_sdo_abort_transfer(node, CIA402_ABORT_COMMAND);
     }
-    transfer->done -= request[0] >> 2 & 7u; /* the last segment was counted with seven bytes */
+    transfer->done -= request[0] >> 2 & 7u; /* subtract the unused bytes of the last segment */
     if (transfer->size != CIA402_SIZE_UNKNOWN && transfer->size != transfer->done) {
         reason = CIA402_ABORT_LENGTH;
     } else if (transfer->checked &&
@@ -371,7 +373,8 @@ static bool cia402_block_size_is_right(unsigned segments)
     return segments >= 1 && segments <= BLOCK_MAX;
 }
 
-/* Begins a block upload; data within the client's threshold are sent without blocks. */
+/* Begins a block upload. If the data are not longer than the client's threshold, sends them without
+ * blocks. */
 static enum cia402_abort cia402_block_upload(struct cia402_node *node, const uint8_t *request)
 {
     struct cia402_transfer *transfer = &node->transfer;
@@ -394,7 +397,7 @@ static enum cia402_abort cia402_block_upload(struct cia402_node *node, const uin
     return CIA402_DONE;
 }
 
-/* Finds the object of a request and starts a transfer; block: in blocks. */
+/* Finds the object of a request and starts a transfer. block: as a block transfer. */
 static enum cia402_abort cia402_sdo_initiate(struct cia402_node *node, const uint8_t *request,
                                              bool upload, bool block)
 {
@@ -420,7 +423,7 @@ static enum cia402_abort cia402_sdo_initiate(struct cia402_node *node, const uin
     return upload ? cia402_sdo_upload_loaded(node, request) : cia402_sdo_download(node, request);
 }
 
-/* Obeys an acknowledgment of the client: sends the next block, or ends the upload. */
+/* Handles an acknowledgment of the client: sends the next block, or ends the upload. */
 static enum cia402_abort cia402_block_acknowledge(struct cia402_node *node, const uint8_t *request)
 {
     struct cia402_transfer *transfer = &node->transfer;
@@ -438,7 +441,8 @@ static enum cia402_abort cia402_block_acknowledge(struct cia402_node *node, cons
     }
     cia402_block_refresh(node);
 
-    /* Send the unacknowledged data again; an upload without data still has an empty segment */
+    /* Continue after the last acknowledged segment. An upload without data still has one empty
+     * segment to acknowledge */
     if (taken < left || request[1] == 0) {
         transfer->done += taken;
         transfer->sequence = 0;
@@ -446,7 +450,7 @@ static enum cia402_abort cia402_block_acknowledge(struct cia402_node *node, cons
         transfer->kind = CIA402_BLOCK_UPLOADS;
         return CIA402_DONE;
     }
-    /* Unused bytes of the last segment */
+    /* Report the number of unused bytes in the last segment */
     data[0] |=
         (uint8_t)((transfer->size == 0 ? SEGMENT_MAX
                                        : (SEGMENT_MAX - transfer->size % SEGMENT_MAX) % SEGMENT_MAX)
@@ -488,8 +492,8 @@ static enum cia402_abort cia402_block_receive_upload(struct cia402_node *node,
 
 enum cia402_abort cia402_sdo_receive(struct cia402_node *node, const uint8_t *data)
 {
-    /* Every request but an abort is a segment of a block download. Byte 0 of a segment can have any
-     * value but that of the abort, which would be number 0 */
+    /* During a block download, treat every request except an abort as a segment. The byte 0 of an
+     * abort cannot begin a segment: it would mean segment number 0 */
     if (data[0] != CIA402_ABORT && node->transfer.kind == CIA402_BLOCK_DOWNLOADS) {
         return cia402_block_take_segment(node, data);
     }
@@ -518,7 +522,7 @@ enum cia402_abort cia402_sdo_receive(struct cia402_node *node, const uint8_t *da
     }
 }
 
-/* Sends the next segment of an upload. */
+/* Sends the next segment of a block upload. */
 static void cia402_block_send_segment(struct cia402_node *node)
 {
     struct cia402_transfer *transfer = &node->transfer;

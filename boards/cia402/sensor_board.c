@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Sensor nodes in the style of CiA 404: process values of six force and torque channels, or of the
- * inertial sensor's acceleration, rate, orientation and magnetic field.
+ * Sensor nodes in the style of CiA 404. Their process values are six force and torque channels, or
+ * acceleration, rate, orientation and magnetic field of an inertial sensor.
  */
 #include "boards/cia402/private.h"
 
@@ -12,14 +12,15 @@
 
 enum { FRAMES_MAX = 2 + CIA402_EMERGENCIES + CIA402_AXIS_PDOS, HALF = BOARD_CHANNELS / 2 };
 
-enum { ACCELERATION = 0, RATE = 3, ORIENTATION = 6, MAGNETIC = 10 }; /* channels */
+/* First channel of each quantity of the inertial sensor. */
+enum { ACCELERATION = 0, RATE = 3, ORIENTATION = 6, MAGNETIC = 10 };
 
 struct cia402_sensor_board {
     struct cia402_node node;
     struct cia402_sensor sensor;
 };
 
-/* Returns the sensor board of a board. */
+/* Returns the struct cia402_sensor_board that contains a board. */
 static struct cia402_sensor_board *cia402_sensor_of(const struct board *board)
 {
     return container_of(board, struct cia402_sensor_board, node.board);
@@ -34,7 +35,7 @@ static void cia402_sensor_power_up(struct board *board)
     own->sensor.faults = own->sensor.saturated = 0;
 }
 
-/* Computes the values from the counts and the tare. */
+/* Computes the process values: measured counts plus tare, clamped to 16 bits. */
 static void cia402_sensor_add_tare(struct cia402_sensor *sensor)
 {
     for (int i = 0; i < sensor->channels; i++) {
@@ -42,7 +43,7 @@ static void cia402_sensor_add_tare(struct cia402_sensor *sensor)
     }
 }
 
-/* Writes the tare of a channel, effective at once. */
+/* Writes the tare of a channel. It takes effect at once. */
 enum cia402_abort cia402_sensor_write_tare(struct cia402_node *node,
                                            const struct cia402_entry *entry, int64_t value)
 {
@@ -53,7 +54,8 @@ enum cia402_abort cia402_sensor_write_tare(struct cia402_node *node,
 
 /* ---- force and torque ---- */
 
-/* Converts a force or a moment to counts, saturated to its full scale; bad: no reading. */
+/* Converts a force or a moment to counts, clamped to full scale. Sets *bad when there is no
+ * reading. */
 static void cia402_ft_convert(struct cia402_sensor *sensor, int channel, double value, double limit,
                               bool *bad)
 {
@@ -67,11 +69,11 @@ static void cia402_ft_convert(struct cia402_sensor *sensor, int channel, double 
     if (control_quantize(value / worth, &counts)) {
         sensor->counts[channel] = control_clamp(counts, INT16_MIN, INT16_MAX);
     } else {
-        *bad = true; /* repeats the last value */
+        *bad = true; /* the channel keeps its last value */
     }
 }
 
-/* Notes that a channel's peak within the tick was saturated. */
+/* Marks a channel as saturated if its peak within the tick exceeds full scale. */
 static void cia402_ft_note_peak(struct cia402_sensor *sensor, int channel, double peak,
                                 double limit)
 {
@@ -102,7 +104,8 @@ static void cia402_ft_sample(struct board *board, const struct plant_sensors *se
 
 /* ---- the inertial sensor ---- */
 
-/* Converts `count` values to counts of worth, into the channels from `first` on. */
+/* Converts `count` values to counts of `worth`, into the channels from `first` on. Sets *bad when a
+ * value has no reading. */
 static void cia402_inertial_convert(struct cia402_sensor *sensor, int first, int count,
                                     const double *value, double worth, bool *bad)
 {
@@ -135,13 +138,13 @@ static void cia402_inertial_sample(struct board *board, const struct plant_senso
 
 /* ---- both ---- */
 
-/* Runs the services of a sensor node in a tick (struct board_ops). */
+/* Runs one tick of a sensor node's services (struct board_ops). */
 static void cia402_sensor_control(struct board *board, struct ms_span span)
 {
     cia402_node_step(cia402_node_of(board), span);
 }
 
-/* Functions common to both kinds */
+/* Functions common to both kinds of sensor node */
 #define SENSOR_BOARD(kind, function)                                                               \
     {                                                                                              \
         .identity = {.type = kind, .major = 1, .minor = 0, .build = 1},                            \
@@ -149,7 +152,7 @@ static void cia402_sensor_control(struct board *board, struct ms_span span)
         .control = cia402_sensor_control, .transmit = cia402_node_transmit                         \
     }
 
-/* Creates a board of a kind that the configuration names. */
+/* Creates a board of the kind that its configuration names. */
 struct board *cia402_make_board(const struct board_config *config, struct arena *arena)
 {
     static const struct board_ops ft = SENSOR_BOARD(CIA402_KIND_FT, cia402_ft_sample);

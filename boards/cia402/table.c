@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The rows of the object dictionary, by index. */
+/* The object dictionary: its rows by index, access to objects, factory values, the list for the
+ * protocol's page, and the electronic data sheet (EDS). */
 #include "boards/cia402/private.h"
 #include "boards/cia402/table.h"
 
@@ -20,12 +21,12 @@
 #define OPTION(field, ...) AXIS(settings.field, __VA_ARGS__)
 #define SENSOR(field, ...) {CIA402_OF_SENSOR, offsetof(struct cia402_sensor, field), __VA_ARGS__}
 
-/* Sub-index 0 only; another sub-index; several from 1 up */
+/* Sub-indices of a row: 0 only; one other; 1 to count */
 #define ONE 0, 1
 #define SUB(sub) sub, 1
 #define SUBS(count) 1, count
 
-/* Access, and the function that writes the object unless it is simply stored */
+/* Access of a row, and the function that writes its object; NULL = store the value */
 #define CONST CIA402_CONST, NULL
 #define RO CIA402_RO, NULL
 #define RO_NODE CIA402_RO | CIA402_PLUS_NODE, NULL
@@ -108,7 +109,7 @@ const struct cia402_object cia402_objects[] = {
     TPDO(object, 0x1a00, SUBS(CIA402_MAPPED_MAX), U32, RW_BY(pdo_write_object), "TPDO mapping",
         NO_UNIT, 0, ANY),
 
-    /* Ours */
+    /* Manufacturer's objects */
     NODE(note, 0x2000, ONE, TEXT, RW, "User text", NO_UNIT, 0, ANY),
     NODE(data, 0x2001, ONE, DOMAIN, RW, "User data", NO_UNIT, 0, ANY),
     SENSOR(saturated, 0x2100, ONE, U16, RO_MAP, "Saturated channels", NO_UNIT, 0, ANY),
@@ -132,7 +133,7 @@ const struct cia402_object cia402_objects[] = {
     OPTION(timeout_ms, 0x4011, ONE, U16, RW, "Command time-out", MILLIS, 0, ANY),
     OPTION(current_limit_ma, 0x4012, ONE, U32, RW_BY(axis_write_when_off), "Current limit",
         UNIT("A", 1e-3), 1, IN(1, INT32_MAX)),
-    /* A limit that is not above the ambient temperature would be a fault at once */
+    /* Minimum above the ambient temperature: a lower limit would be a fault at once */
     OPTION(temperature_limit_c, 0x4013, ONE, I16, RW_BY(axis_write_when_off), "Temperature limit",
         UNIT("degC", 1.0), 125, IN(26, 125)),
     OPTION(current_gain, 0x4014, SUBS(3), I32, RW_BY(axis_write_when_off), "Current loop gain",
@@ -183,7 +184,7 @@ const struct cia402_object cia402_objects[] = {
     AXIS(supply_mv, 0x6079, ONE, U32, RO_MAP, "DC link circuit voltage", UNIT("V", 1e-3), 0, ANY),
     AXIS(target_position, 0x607a, ONE, I32, RW_MAP_BY(axis_write_target), "Target position", RAD,
         0, ANY),
-    /* Joints do not turn endlessly, and positions do not wrap: there is one range */
+    /* Positions do not wrap, because joints do not turn endlessly: only one range is valid */
     OPTION(position_range[0], 0x607b, SUB(1), I32, RW, "Min position range limit", RAD, INT32_MIN,
         IN(INT32_MIN, INT32_MIN)),
     OPTION(position_range[1], 0x607b, SUB(2), I32, RW, "Max position range limit", RAD, INT32_MAX,
@@ -199,7 +200,7 @@ const struct cia402_object cia402_objects[] = {
         IN(1, UINT32_MAX)),
     OPTION(quick_stop_deceleration, 0x6085, ONE, U32, RW_MAP, "Quick stop deceleration", RAD_S2,
         5000000, IN(1, UINT32_MAX)),
-    /* Only the linear ramp exists, for position, velocity and torque */
+    /* Only the linear ramp is supported, for position, velocity and torque */
     OPTION(motion_profile_type, 0x6086, ONE, I16, RW_MAP, "Motion profile type", NO_UNIT, 0,
         IN(0, 0)),
     OPTION(torque_slope, 0x6087, ONE, U32, RW_MAP, "Torque slope", PER_MILLE, 1000000, IN(1,
@@ -290,7 +291,7 @@ int64_t cia402_most(const struct cia402_node *node, const struct cia402_entry *e
         return config->temperature_limit_c > 0.0
                    ? control_clamp(cia402_counts(config->temperature_limit_c, 1.0), 1, most)
                    : most;
-    case 0x6060: /* a valve has no torque modes */
+    case 0x6060: /* an axis with a valve has no torque modes */
         return config->valve ? CIA402_CYCLIC_VELOCITY : most;
     default:
         return most;
@@ -301,7 +302,7 @@ const struct cia402_object *cia402_object_at(unsigned index, unsigned sub)
 {
     size_t low = 0, high = cia402_object_count;
 
-    /* Rows are in the order of index and sub-index */
+    /* Binary search: the rows are in the order of index and sub-index */
     while (low < high) {
         size_t middle = (low + high) / 2;
         const struct cia402_object *object = &cia402_objects[middle];
@@ -320,14 +321,14 @@ const struct cia402_object *cia402_object_at(unsigned index, unsigned sub)
     return &cia402_objects[low];
 }
 
-/* Finds, reads and writes objects of a node's dictionary. */
+/* ---- objects of a node ---- */
 
 enum { PDO_MASK = 0x1ff, FIRST_PDO = 0x1400, LAST_PDO = 0x1bff, FIRST_OF_AXES = 0x4000 };
 
-/* ---- which object ---- */
+/* ---- finding an object ---- */
 
-/* Splits an index into the index of axis 0 or of the first PDO, and the number of the axis or PDO
- * (as an array index). Returns false when the node has none. */
+/* Splits an index. Writes to *index the index for axis 0 or PDO 0, to *unit the number of the axis
+ * or PDO, from 0. Returns false when the node has no such axis or PDO. */
 static bool cia402_split_index(const struct cia402_node *node, unsigned *index, unsigned *unit)
 {
     *unit = 0;
@@ -348,7 +349,7 @@ static bool cia402_split_index(const struct cia402_node *node, unsigned *index, 
     return true;
 }
 
-/* Returns the end of the sub-indices of a row on a node. */
+/* Returns the highest sub-index of a row on a node, plus 1. */
 static unsigned cia402_row_end(const struct cia402_node *node, const struct cia402_object *object)
 {
     unsigned count = object->count;
@@ -359,7 +360,7 @@ static unsigned cia402_row_end(const struct cia402_node *node, const struct cia4
     return object->sub + count;
 }
 
-/* Returns whether a node has the objects of a row's scope. */
+/* Returns whether a node has the structure that contains a row's objects. */
 static bool cia402_node_has(const struct cia402_node *node, const struct cia402_object *object)
 {
     return object->scope == CIA402_OF_AXIS     ? node->axes > 0
@@ -367,7 +368,7 @@ static bool cia402_node_has(const struct cia402_node *node, const struct cia402_
                                                : true;
 }
 
-/* Returns the highest sub-index of an index; 0 = no such index. */
+/* Returns the highest sub-index of an index; 0 = the node has no such index. */
 static unsigned cia402_highest_sub(const struct cia402_node *node, unsigned index)
 {
     unsigned highest = 0;
@@ -401,7 +402,7 @@ enum cia402_abort cia402_find(const struct cia402_node *node, unsigned index, un
         return CIA402_ABORT_NO_OBJECT;
     }
 
-    /* Sub-index 0 of an array or record is the number of the others */
+    /* Sub-index 0 of an array or record is the number of its other sub-indices */
     if (sub == 0) {
         *entry = (struct cia402_entry){.value = cia402_highest_sub(node, index), .type = CIA402_U8};
         return CIA402_DONE;
@@ -409,9 +410,9 @@ enum cia402_abort cia402_find(const struct cia402_node *node, unsigned index, un
     return CIA402_ABORT_NO_SUB_INDEX;
 }
 
-/* ---- its value ---- */
+/* ---- value of an object ---- */
 
-/* Returns the address of the value of an object's row at its first sub-index. */
+/* Returns the address of an object's value. For arrays it is the address of the first sub-index. */
 void *cia402_place(const struct cia402_node *node, const struct cia402_entry *entry)
 {
     const struct cia402_object *object = entry->object;
@@ -477,7 +478,7 @@ bool cia402_cob_is_restricted(unsigned id)
 enum cia402_abort cia402_write_cob(struct cia402_node *node, const struct cia402_entry *entry,
                                    int64_t value)
 {
-    /* The node produces no SYNC and has no extended identifiers */
+    /* Refuse to produce SYNC and to use 29-bit identifiers */
     if (value & ~(int64_t)(CIA402_COB_INVALID | CIA402_COB_MASK) ||
         cia402_cob_is_restricted((unsigned)value & CIA402_COB_MASK)) {
         return CIA402_ABORT_VALUE;
@@ -486,7 +487,7 @@ enum cia402_abort cia402_write_cob(struct cia402_node *node, const struct cia402
     return CIA402_DONE;
 }
 
-/* Writes the COB-ID of EMCY. It cannot change while it is valid (CiA 301, 7.5.2.17). */
+/* Writes the COB-ID of EMCY. A valid identifier cannot change (CiA 301, 7.5.2.17). */
 enum cia402_abort cia402_write_emcy_cob(struct cia402_node *node, const struct cia402_entry *entry,
                                         int64_t value)
 {
@@ -498,7 +499,7 @@ enum cia402_abort cia402_write_emcy_cob(struct cia402_node *node, const struct c
     return cia402_write_cob(node, entry, value);
 }
 
-/* ---- bytes ---- */
+/* ---- values as bytes ---- */
 
 int64_t cia402_get(enum cia402_type type, const uint8_t *data)
 {
@@ -518,11 +519,11 @@ int64_t cia402_get(enum cia402_type type, const uint8_t *data)
     }
 }
 
-/* Writes a value as little-endian bytes, saturated to the type because a measured value may exceed
- * it. */
+/* Writes a value as little-endian bytes. Saturates it to the type, because a measured value may
+ * exceed it. */
 void cia402_put(enum cia402_type type, int64_t value, uint8_t *data)
 {
-    const struct cia402_object bounds = {.type = type, .min = 1}; /* any value of the type */
+    const struct cia402_object bounds = {.type = type, .min = 1}; /* full range of the type */
 
     value = control_clamp(value, cia402_lowest(&bounds), cia402_highest(&bounds));
     for (unsigned i = 0; i < cia402_type_bits(type) / 8; i++) {
@@ -530,9 +531,9 @@ void cia402_put(enum cia402_type type, int64_t value, uint8_t *data)
     }
 }
 
-/* ---- the factory's values ---- */
+/* ---- factory values ---- */
 
-/* Sets the initial values of a row, for an axis or a PDO. */
+/* Sets the objects of a row to their initial values, for one axis or PDO. */
 static void cia402_set_initial(struct cia402_node *node, const struct cia402_object *object,
                                unsigned unit)
 {
@@ -560,7 +561,8 @@ static void cia402_set_identity(struct cia402_node *node)
     node->device_type = node->axes > 1    ? CIA402_DEVICE_DRIVES
                         : node->axes == 1 ? CIA402_DEVICE_DRIVE
                                           : CIA402_DEVICE_SENSOR;
-    node->identity[1] = 0x48494c00 + node->kind; /* vendor 0 = unregistered */
+    /* product code; the vendor stays 0 = unregistered */
+    node->identity[1] = 0x48494c00 + node->kind;
     node->identity[2] = identity->major << 16 | identity->minor;
     node->identity[3] = (int64_t)(node->board.config.bus & 0xff) << 8 | node->board.config.address;
     snprintf(node->device, sizeof node->device, "coman-hil %s", kinds[node->kind]);
@@ -571,7 +573,7 @@ static void cia402_set_identity(struct cia402_node *node)
 
 void cia402_set_factory(struct cia402_node *node)
 {
-    /* Initial values of the table */
+    /* Set the initial values of the table */
     for (size_t i = 0; i < cia402_object_count; i++) {
         const struct cia402_object *object = &cia402_objects[i];
         unsigned units = object->scope == CIA402_OF_AXIS ? node->axes
@@ -583,7 +585,7 @@ void cia402_set_factory(struct cia402_node *node)
             cia402_set_initial(node, object, unit);
         }
     }
-    /* Values of the board's configuration */
+    /* Set the values of the board's configuration */
     for (unsigned k = 0; k < node->axes; k++) {
         cia402_axis_set_factory(&node->axis[k], &node->board.config.axis[k], &node->board.config);
     }
@@ -594,7 +596,7 @@ void cia402_set_factory(struct cia402_node *node)
     cia402_pdo_set_factory(node);
 }
 
-/* Prints the rows of the dictionary for the protocol's page. */
+/* ---- list of the dictionary for the protocol's page ---- */
 
 static const char *const access_names[] = {
     [CIA402_CONST] = "const", [CIA402_RO] = "ro", [CIA402_RW] = "rw", [CIA402_WO] = "wo"};
@@ -643,29 +645,29 @@ void cia402_print_objects(FILE *out)
     }
 }
 
-/* Writes an electronic data sheet; boards/cia402/table.h describes it. */
+/* ---- electronic data sheet (EDS); see boards/cia402/table.h ---- */
 
 enum {
     FIRST_INDEX = 0x1000,
     LAST_INDEX = 0x9fff,
-    SUBS_MAX = 40, /* more than the sub-indices of any object */
+    SUBS_MAX = 40, /* greater than the highest sub-index of any object */
     OBJECT_VARIABLE = 7,
     OBJECT_ARRAY = 8,
     OBJECT_RECORD = 9,
 };
 
-/* Sections of the list of objects. */
+/* Lists of objects in an EDS. */
 enum section { MANDATORY, OPTIONAL, MANUFACTURER };
 
-/* Finds an object; returns whether the node has it. */
+/* Finds an object. Returns whether the node has it. */
 static bool eds_has(const struct cia402_node *node, unsigned index, unsigned sub,
                     struct cia402_entry *entry)
 {
     return cia402_find(node, index, sub, entry) == CIA402_DONE;
 }
 
-/* Returns whether a node has an object in a section: three objects are mandatory, 0x2000 to 0x5fff
- * are ours. */
+/* Returns whether a node has an index that belongs to a section. Three indices are mandatory;
+ * 0x2000 to 0x5fff are the manufacturer's. */
 static bool eds_lists(const struct cia402_node *node, enum section section, unsigned index)
 {
     enum section own = index == 0x1000 || index == 0x1001 || index == 0x1018 ? MANDATORY
@@ -676,9 +678,9 @@ static bool eds_lists(const struct cia402_node *node, enum section section, unsi
     return own == section && eds_has(node, index, 0, &entry);
 }
 
-/* ---- values ---- */
+/* ---- values in the EDS ---- */
 
-/* Writes a number under a key: decimal for signed types, else hexadecimal. */
+/* Writes a number with its key: decimal for signed types, otherwise hexadecimal. */
 static void eds_put_number(const char *key, enum cia402_type type, int64_t value, FILE *out)
 {
     if (type == CIA402_I8 || type == CIA402_I16 || type == CIA402_I32) {
@@ -688,7 +690,7 @@ static void eds_put_number(const char *key, enum cia402_type type, int64_t value
     }
 }
 
-/* ---- objects ---- */
+/* ---- objects in the EDS ---- */
 
 /* Writes the keys of a variable, or of a sub-index. */
 static void eds_put_variable(const struct cia402_node *node, const struct cia402_entry *entry,
@@ -708,7 +710,7 @@ static void eds_put_variable(const struct cia402_node *node, const struct cia402
         eds_put_number("HighLimit", entry->type, cia402_most(node, entry), out);
     }
 
-    /* The default is the present value; a domain has none. A COB-ID may include the Node-ID */
+    /* The default is the present value; a domain has none. A COB-ID may contain $NODEID */
     if (entry->type == CIA402_TEXT) {
         fprintf(out, "DefaultValue=%s\n", (const char *)cia402_place(node, entry));
     } else if (access & CIA402_PLUS_NODE || (cob && value & CIA402_COB_MASK)) {
@@ -720,10 +722,10 @@ static void eds_put_variable(const struct cia402_node *node, const struct cia402
     fprintf(out, "PDOMapping=%d\n\n", access & (CIA402_MAP_TPDO | CIA402_MAP_RPDO) ? 1 : 0);
 }
 
-/* Writes the sections of an index, if the node has it. */
+/* Writes the sections of an index and its sub-indices, if the node has the index. */
 static void eds_put_object(const struct cia402_node *node, unsigned index, FILE *out)
 {
-    const char *name = ""; /* of the object, or of its first sub-index */
+    const char *name = ""; /* name of the object, or of its first sub-index */
     struct cia402_entry entry;
     unsigned subs = 0;
 
@@ -742,7 +744,7 @@ static void eds_put_object(const struct cia402_node *node, unsigned index, FILE 
         return;
     }
 
-    /* Communication parameters and the identity are records, even if all types are equal */
+    /* Communication parameters and the identity are records, even if all their types are equal */
     fprintf(out, "ObjectType=0x%X\nSubNumber=%u\n\n",
             index == 0x1018 || index == 0x1200 || (index >= 0x1400 && index < 0x1c00) ||
                     index % CIA402_AXIS_STEP == 0x60c2 % CIA402_AXIS_STEP
@@ -759,9 +761,9 @@ static void eds_put_object(const struct cia402_node *node, unsigned index, FILE 
     }
 }
 
-/* ---- the file ---- */
+/* ---- the EDS file ---- */
 
-/* Writes a list of objects of a section: their number and indices. */
+/* Writes the list of a section: the number of objects, and their indices. */
 static void eds_put_list(const struct cia402_node *node, const char *name, enum section section,
                          FILE *out)
 {
@@ -780,7 +782,7 @@ static void eds_put_list(const struct cia402_node *node, const char *name, enum 
     putc('\n', out);
 }
 
-/* Writes the sections before the objects: file, device, dummies and comments. */
+/* Writes the sections before the objects: file, device, dummies, comments. */
 static void eds_put_head(const struct cia402_node *node, const char *name, FILE *out)
 {
     static const int rates[] = {10, 20, 50, 125, 250, 500, 800, 1000};
@@ -822,7 +824,7 @@ enum error_code cia402_eds_write(const struct board_config *board, const char *n
         return error_set(error, ERROR_MEMORY, "no memory left for the EDS file");
     }
 
-    /* Create a node with factory values, on no bus */
+    /* Create a node with factory values that is on no bus */
     node = cia402_node_of(made);
     made->config = *board;
     made->address = board->address;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The object dictionary of cia402 nodes as one table for the SDO server, the PDO mapping, the EDS
- * file and the DBC. A row is one object, or `count` equal sub-indices of one. Immutable; RT-safe
- * except cia402_eds_write.
+ * The object dictionary of cia402 nodes. The SDO server, the PDO mapping, the EDS file and the DBC
+ * use this one table. A row is one object, or `count` sub-indices of equal meaning. Immutable;
+ * RT-safe except cia402_eds_write.
  */
 #ifndef BOARDS_CIA402_TABLE_H
 #define BOARDS_CIA402_TABLE_H
@@ -14,7 +14,7 @@
 #include <stddef.h>
 #include <stdio.h>
 
-/* CiA 301: object codes of data types */
+/* Data types, by their index in CiA 301. */
 enum cia402_type {
     CIA402_I8 = 2,
     CIA402_I16 = 3,
@@ -23,10 +23,10 @@ enum cia402_type {
     CIA402_U16 = 6,
     CIA402_U32 = 7,
     CIA402_TEXT = 9,    /* VISIBLE_STRING */
-    CIA402_DOMAIN = 15, /* as many bytes as were written */
+    CIA402_DOMAIN = 15, /* any number of bytes */
 };
 
-/* The structure that holds an object's field. */
+/* The structure that contains an object's field. */
 enum cia402_scope {
     CIA402_OF_NODE, /* struct cia402_node */
 
@@ -42,22 +42,22 @@ enum cia402_access {
     CIA402_RW,
     CIA402_WO,
     CIA402_ACCESS_MASK = 3,
-    CIA402_MAP_TPDO = 4, /* may be mapped to a TPDO */
+    CIA402_MAP_TPDO = 4, /* the object may be mapped to a TPDO */
     CIA402_MAP_RPDO = 8,
-    CIA402_PLUS_NODE = 16, /* the initial value includes the Node-ID */
+    CIA402_PLUS_NODE = 16, /* the Node-ID is added to the initial value */
 };
 
 struct cia402_node;
 struct cia402_entry;
 
-/* Writes a value that is within the range of its object. */
+/* Writes an object. The caller has checked that value is within the object's range. */
 typedef enum cia402_abort cia402_write_fn(struct cia402_node *node,
                                           const struct cia402_entry *entry, int64_t value);
 
 struct cia402_object {
     enum cia402_scope scope;
-    /* offset of the int64_t, the text or the struct cia402_domain in the structure of `scope`;
-     * sub-indices are consecutive int64_t */
+    /* offset of the value in the structure of `scope`: an int64_t, a text or a struct
+     * cia402_domain; sub-indices are consecutive int64_t */
     size_t offset;
     uint16_t index;
     uint8_t sub, count; /* first sub-index, number of sub-indices */
@@ -67,41 +67,43 @@ struct cia402_object {
     const char *name;
     const char *unit; /* unit of value * scale; NULL = dimensionless */
     double scale;     /* 0 means 1 */
-    int64_t initial;  /* at the first power-up, unless the configuration sets it */
+    int64_t initial;  /* value at the first power-up, unless the configuration sets one */
     int64_t min, max; /* min > max = any value of the type */
 };
 
-/* An object of a node: its row, sub-index, and axis or PDO. */
+/* An object of a node. */
 struct cia402_entry {
-    const struct cia402_object *object; /* NULL = a number of sub-indices, or a dummy; see value */
-    uint8_t sub, unit;
-    int64_t value; /* the number of sub-indices */
+    const struct cia402_object *object; /* row; NULL = a number of sub-indices or a dummy */
+    uint8_t sub, unit;                  /* unit: number of the axis or PDO, from 0 */
+    int64_t value;                      /* if object is NULL: the number of sub-indices */
     enum cia402_type type;
 };
 
-/* Most bytes of a text and of a domain. */
+/* Longest text and longest domain, bytes. */
 enum { CIA402_TEXT_MAX = 32, CIA402_DOMAIN_MAX = 1024 };
 
 extern const struct cia402_object cia402_objects[];
 extern const size_t cia402_object_count;
 
-/* Return the bits of a type (0 for a text or a domain), and the smallest and largest value of a
- * row. */
+/* Return the number of bits of a type (0 for a text or a domain), and the smallest and the largest
+ * value of a row. */
 unsigned cia402_type_bits(enum cia402_type type);
 int64_t cia402_lowest(const struct cia402_object *object);
 int64_t cia402_highest(const struct cia402_object *object);
 
-/* Returns the row of an index of axis 0 and a sub-index; NULL = none. */
+/* Returns the row of an object; index: for axis 0. NULL = none. */
 const struct cia402_object *cia402_object_at(unsigned index, unsigned sub);
 
-/* Return the kind of a board, and the fields of a PDO in its plan. If a plan has an object for each
- * axis, its field appears once. */
+/* Returns the kind of a board's node. */
 enum cia402_kind cia402_kind_of(const struct board_config *board);
+
+/* Returns the fields of a plan's frame. A plan with one object per axis has one field, which the
+ * frame repeats. */
 const struct field *cia402_plan_fields(const struct cia402_plan *plan);
 
-/* Writes the object dictionary of a node as an electronic data sheet (CiA 306) with factory values
- * for its configuration and an open Node-ID ($NODEID). board: a valid board of a cia402 bus; name:
- * file name. Temporary memory from arena. Write errors stay in `out`. */
+/* Writes the object dictionary of a node as an electronic data sheet (CiA 306): factory values for
+ * its configuration, Node-ID left open ($NODEID). board: a valid board of a cia402 bus; name: file
+ * name. Temporary memory from arena. Write errors stay in `out`. */
 enum error_code cia402_eds_write(const struct board_config *board, const char *name,
                                  struct arena *arena, FILE *out, struct error *error);
 
